@@ -1,0 +1,1 @@
+//! The compute kernels: GLSL source and, beside each, its CPU twin in Rust.

@@ -1,0 +1,23 @@
+//! **eyebox**: phase holograms that look right from anywhere in the eyebox.
+//!
+//! Rooms, along the way the light goes; each imports only rooms above it:
+//!
+//! | room | what belongs in it |
+//! |---|---|
+//! | [`optics`] | geometry, pupil, propagation, window: pure functions in float64 |
+//! | [`scene`] | light fields: loading, built-in scenes, depth and disparity, the photograph |
+//! | [`plan`] | what a scene requires, decided once, as plain data |
+//! | [`engine`] | runs lists of kernels over buffers, on the CPU or on Vulkan |
+//! | [`evaluate`] | PSNR, SSIM, the exposure that compares a hologram with its scene |
+//! | [`solve`] | pupil sampling, the optimisers, the solver: one for every engine |
+//! | [`hologram`] | phase frames and their file |
+//!
+//! Lengths are metres, angles radians, images linear light, axis order (row = y, column = x), +y down.
+
+pub mod engine;
+pub mod evaluate;
+pub mod hologram;
+pub mod optics;
+pub mod plan;
+pub mod scene;
+pub mod solve;

@@ -1,0 +1,213 @@
+//! Displays: presets and TOML files.
+
+use super::{Optics, OpticsError};
+use serde::{Deserialize, Serialize};
+use std::{collections::BTreeMap, fmt, path::Path};
+
+/// A primary of the display, ordered red, green, blue.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Color {
+    /// The longest wavelength.
+    Red,
+    /// The middle one.
+    Green,
+    /// The shortest.
+    Blue,
+}
+
+impl Color {
+    /// Channel of an RGB image.
+    pub fn channel(self) -> usize {
+        self as usize
+    }
+}
+
+impl fmt::Display for Color {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(["red", "green", "blue"][self.channel()])
+    }
+}
+
+/// One laser of a display.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Wavelength {
+    /// Its colour.
+    pub color: Color,
+    /// Metres.
+    pub wavelength: f64,
+}
+
+/// A display: an SLM behind a 4f relay, with one to three wavelengths.
+///
+/// ```toml
+/// name = "bench"
+/// resolution = [1080, 1920]      # rows, columns
+/// pitch_um = 8.0
+/// focal_length_mm = 400.0
+/// wavelengths_nm = { red = 660, green = 520, blue = 440 }
+/// levels = 256                   # grey levels of the SLM
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct Display {
+    /// Its name.
+    pub name: String,
+    /// Rows of the SLM.
+    pub height: usize,
+    /// Columns.
+    pub width: usize,
+    /// Pixel pitch, metres.
+    pub pitch: f64,
+    /// Focal length of the relay, metres.
+    pub focal_length: f64,
+    /// Red, green, blue; one to three of them.
+    pub wavelengths: Vec<Wavelength>,
+    /// Phase levels of the SLM.
+    pub levels: u32,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    #[serde(default)]
+    name: Option<String>,
+    resolution: [usize; 2],
+    pitch_um: f64,
+    focal_length_mm: f64,
+    wavelengths_nm: BTreeMap<Color, f64>,
+    #[serde(default = "levels_default")]
+    levels: u32,
+}
+
+fn levels_default() -> u32 {
+    256
+}
+
+/// The built-in displays, by name; the first is the default.
+pub const PRESETS: [&str; 3] = ["paper", "plm", "small"];
+
+impl Display {
+    /// A preset or a TOML file.
+    ///
+    /// # Errors
+    /// [`OpticsError::UnknownDisplay`], [`OpticsError::DisplayFile`] and those of [`Optics::new`].
+    pub fn load(name: &str) -> Result<Self, OpticsError> {
+        if let Some(display) = Self::preset(name) {
+            return Ok(display);
+        }
+        let text = std::fs::read_to_string(Path::new(name)).map_err(|e| OpticsError::UnknownDisplay {
+            name: name.into(),
+            presets: PRESETS.join(", "),
+            reason: e.to_string(),
+        })?;
+        Self::from_toml(&text, name)
+    }
+
+    /// A preset by name.
+    pub fn preset(name: &str) -> Option<Self> {
+        let (height, width, pitch, levels) = match name {
+            // Schiffers et al. 2023: 8 um, 660/520/440 nm, 400 mm.
+            "paper" => (1080, 1920, 8e-6, 256),
+            // TI PLM, 0.67 in: 1358 x 800 mirrors of 10.8 um, 16 levels.
+            "plm" => (800, 1358, 10.8e-6, 16),
+            "small" => (256, 256, 8e-6, 256),
+            _ => return None,
+        };
+        let wavelengths = [(Color::Red, 660e-9), (Color::Green, 520e-9), (Color::Blue, 440e-9)];
+        let wavelengths = wavelengths.map(|(color, wavelength)| Wavelength { color, wavelength }).to_vec();
+        Some(Self { name: name.into(), height, width, pitch, focal_length: 0.4, wavelengths, levels })
+    }
+
+    /// Reads the text of a display file; `file` names it in errors.
+    ///
+    /// # Errors
+    /// [`OpticsError::DisplayFile`] and those of [`Optics::new`].
+    pub fn from_toml(text: &str, file: &str) -> Result<Self, OpticsError> {
+        let wrong = |reason: String| OpticsError::DisplayFile { file: file.into(), reason };
+        let read: File = toml::from_str(text).map_err(|e| {
+            let line = e.span().map_or(0, |s| text[..s.start.min(text.len())].matches('\n').count() + 1);
+            wrong(format!("line {line}: {}", e.message().replace('\n', " ")))
+        })?;
+        if read.wavelengths_nm.is_empty() {
+            return Err(wrong("wavelengths_nm names no colour: give one to three of red, green, blue".into()));
+        }
+        if !(2..=65536).contains(&read.levels) {
+            return Err(wrong(format!("levels is {}: it must be 2 to 65536", read.levels)));
+        }
+        let stem = Path::new(file).file_stem().map_or(file.into(), |s| s.to_string_lossy().into_owned());
+        let display = Self {
+            name: read.name.unwrap_or(stem),
+            height: read.resolution[0],
+            width: read.resolution[1],
+            pitch: read.pitch_um * 1e-6,
+            focal_length: read.focal_length_mm * 1e-3,
+            wavelengths: read
+                .wavelengths_nm
+                .into_iter()
+                .map(|(color, nm)| Wavelength { color, wavelength: nm * 1e-9 })
+                .collect(),
+            levels: read.levels,
+        };
+        for w in &display.wavelengths {
+            display.optics(w.color).map_err(|e| wrong(e.to_string()))?;
+        }
+        Ok(display)
+    }
+
+    /// The TOML text of this display.
+    pub fn to_toml(&self) -> String {
+        let file = File {
+            name: Some(self.name.clone()),
+            resolution: [self.height, self.width],
+            pitch_um: self.pitch * 1e6,
+            focal_length_mm: self.focal_length * 1e3,
+            wavelengths_nm: self.wavelengths.iter().map(|w| (w.color, w.wavelength * 1e9)).collect(),
+            levels: self.levels,
+        };
+        toml::to_string(&file).expect("a display has nothing that TOML cannot say")
+    }
+
+    /// The optics at one of its colours, over the SLM's own grid.
+    ///
+    /// # Errors
+    /// [`OpticsError::NoColor`] and those of [`Optics::new`].
+    pub fn optics(&self, color: Color) -> Result<Optics, OpticsError> {
+        let found = self.wavelengths.iter().find(|w| w.color == color).ok_or_else(|| OpticsError::NoColor {
+            display: self.name.clone(),
+            color,
+            has: self.wavelengths.iter().map(|w| w.color.to_string()).collect::<Vec<_>>().join(", "),
+        })?;
+        Optics::new(self.height, self.width, self.pitch, found.wavelength, self.focal_length)
+    }
+
+    /// Side of the eyebox that all its colours serve, metres: the shortest wavelength's (OPTICS 1).
+    pub fn eyebox_min(&self) -> f64 {
+        let shortest = self.wavelengths.iter().map(|w| w.wavelength).fold(f64::INFINITY, f64::min);
+        shortest * self.focal_length / self.pitch
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn presets_exist_and_survive_their_own_file() {
+        for name in PRESETS {
+            let display = Display::preset(name).unwrap();
+            let again = Display::from_toml(&display.to_toml(), "x.toml").unwrap();
+            assert_eq!((again.height, again.width, again.levels), (display.height, display.width, display.levels));
+            assert!((again.eyebox_min() - display.eyebox_min()).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn errors_say_which_line_and_key() {
+        let text = "resolution = [8, 8]\npitch_um = 8.0\npich = 1\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
+        let error = Display::from_toml(text, "bench.toml").unwrap_err().to_string();
+        assert!(error.contains("bench.toml") && error.contains("line 3") && error.contains("pich"), "{error}");
+        let zero = text.replace("pich = 1\n", "").replace("520", "0");
+        assert!(Display::from_toml(&zero, "b").unwrap_err().to_string().contains("wavelength"));
+        assert!(Display::load("no-such-display").unwrap_err().to_string().contains("paper"));
+    }
+}

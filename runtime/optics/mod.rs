@@ -1,0 +1,97 @@
+//! The optics, as pure functions in float64: no buffers, no threads, no files but the display's own.
+//!
+//! A phase-only SLM of `height` x `width` pixels lit by a plane wave shows `u = exp(i phi)`. A 4f relay puts its
+//! Fourier plane where the eye's pupil is: frequency `q` lands at pupil position `wavelength * focal_length * q`.
+//! This room imports nothing from the rest of the runtime.
+
+mod display;
+mod geometry;
+mod padding;
+mod propagation;
+mod pupil;
+mod window;
+
+pub use display::{Color, Display, PRESETS, Wavelength};
+pub use geometry::{Optics, frequency_bin};
+pub use padding::{Padding, walk_off};
+pub use propagation::{aperture, propagation_turns, transfer};
+pub use pupil::Pupil;
+pub use window::{Window, WindowFactor, fast_size};
+
+/// What can be wrong with a display, a pupil or a grid.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum OpticsError {
+    /// A number that has to be positive and finite is not.
+    #[error("{what} is {value}: it must be a positive, finite number{hint}")]
+    NotPositive {
+        /// Which quantity, with its unit.
+        what: &'static str,
+        /// Its value, in that unit.
+        value: f64,
+        /// What would be right, or nothing.
+        hint: &'static str,
+    },
+    /// A number that has to be finite is not.
+    #[error("{what} is {value}: it must be a finite number")]
+    NotFinite {
+        /// Which quantity, with its unit.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// A resolution with an axis of zero or beyond what is addressed.
+    #[error("the size {height}x{width} has no pixels or too many: each axis must be 1 to 65536")]
+    Size {
+        /// Rows.
+        height: usize,
+        /// Columns.
+        width: usize,
+    },
+    /// The pupil reaches no light at all.
+    #[error(
+        "the pupil at ({x_mm}, {y_mm}) mm, {diameter_mm} mm wide, lies outside the {color} eyebox of {eyebox_mm:.2} mm: \
+         its centre must be within {reach_mm:.2} mm on each axis"
+    )]
+    OutsideEyebox {
+        /// Centre, x.
+        x_mm: f64,
+        /// Centre, y.
+        y_mm: f64,
+        /// Diameter.
+        diameter_mm: f64,
+        /// Side of the eyebox.
+        eyebox_mm: f64,
+        /// Largest coordinate of the centre.
+        reach_mm: f64,
+        /// The wavelength, in words.
+        color: String,
+    },
+    /// Not a preset and not a readable file.
+    #[error("the display '{name}' is neither a preset ({presets}) nor a readable file: {reason}")]
+    UnknownDisplay {
+        /// What was asked for.
+        name: String,
+        /// The presets.
+        presets: String,
+        /// Why it could not be read.
+        reason: String,
+    },
+    /// A display file that does not say what it must.
+    #[error("display file {file}: {reason}")]
+    DisplayFile {
+        /// The file.
+        file: String,
+        /// What is wrong in it, where.
+        reason: String,
+    },
+    /// A colour that the display does not have.
+    #[error("the display '{display}' has no {color} wavelength: it has {has}")]
+    NoColor {
+        /// The display.
+        display: String,
+        /// The colour asked for.
+        color: Color,
+        /// The colours it has.
+        has: String,
+    },
+}

@@ -1,0 +1,48 @@
+//! How far light walks sideways, and the padding that keeps it from coming in again on the other side.
+
+use super::{Optics, fast_size};
+
+/// Zero pixels to add around the SLM, in all, per axis.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Padding {
+    /// Rows added, half above and half below.
+    pub rows: usize,
+    /// Columns added.
+    pub columns: usize,
+}
+
+/// How far light moves sideways inside a pupil at distance `offset` from the axis, metres:
+/// `|z| (|s| + d/2) / f` (OPTICS 2). The caller gives `reach = |s| + d/2`.
+pub fn walk_off(optics: &Optics, depth: f64, reach: f64) -> f64 {
+    depth.abs() * reach.abs() / optics.focal_length
+}
+
+impl Padding {
+    /// The padding that circular propagation needs so that nothing wraps into the picture, and no more than the next
+    /// grid size that transforms well. `depth` is the largest |z|, `reach` the largest |s| + d/2, both metres.
+    pub fn required(optics: &Optics, depth: f64, reach: f64) -> Self {
+        let pixels = (walk_off(optics, depth, reach) / optics.pitch).ceil() as usize;
+        let grow = |n: usize| if pixels == 0 { 0 } else { fast_size(n + pixels) - n };
+        Self { rows: grow(optics.height), columns: grow(optics.width) }
+    }
+
+    /// The grid with this padding.
+    pub fn grid(&self, optics: Optics) -> Optics {
+        optics.with_size(optics.height + self.rows, optics.width + self.columns)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_depth_needs_no_padding_and_depth_needs_the_walk_off() {
+        let optics = Optics::new(512, 300, 8e-6, 520e-9, 0.4).unwrap();
+        assert_eq!(Padding::required(&optics, 0.0, 20e-3), Padding::default());
+        // 3.5 mm * 21 mm / 400 mm = 0.18375 mm = 22.97 pixels
+        let padding = Padding::required(&optics, -3.5e-3, 21e-3);
+        assert_eq!(padding.rows, fast_size(512 + 23) - 512);
+        assert_eq!(padding.columns, fast_size(300 + 23) - 300);
+    }
+}

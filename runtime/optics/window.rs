@@ -1,0 +1,139 @@
+//! The window of the spectrum that a pupil passes (OPTICS 5).
+
+use super::{Optics, Pupil, aperture};
+use serde::{Deserialize, Serialize};
+
+/// How much of the spectrum around a pupil is transformed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum WindowFactor {
+    /// The disc itself: samples are exact, but the intensity is aliased as a signal.
+    One,
+    /// Twice the disc: the intensity's samples hold all of it.
+    Two,
+    /// The whole spectrum, for every pupil.
+    Full,
+}
+
+/// A rectangle of DFT bins: rows `y0 .. y0 + rows`, columns `x0 .. x0 + columns`, where bins are signed and may hang
+/// over the edge of the eyebox (there, nothing passes).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Window {
+    /// First bin, rows.
+    pub y0: i64,
+    /// First bin, columns.
+    pub x0: i64,
+    /// Rows.
+    pub rows: usize,
+    /// Columns.
+    pub columns: usize,
+}
+
+impl Window {
+    /// The window of `pupil` on the grid of `optics`: at least `factor` times the disc on each axis, grown to a size
+    /// that transforms well, and never larger than the grid.
+    pub fn new(optics: &Optics, pupil: &Pupil, factor: WindowFactor) -> Self {
+        let (bin_y, bin_x) = optics.bin_size();
+        let axis = |n: usize, bin: f64, s: f64| {
+            let wanted = match factor {
+                WindowFactor::Full => n,
+                // One bin more than the disc can hold on a grid that it is not centred on.
+                WindowFactor::One => (pupil.diameter / bin).ceil().min(n as f64) as usize + 2,
+                WindowFactor::Two => (2.0 * pupil.diameter / bin).ceil().min(n as f64) as usize + 2,
+            };
+            let count = fast_size(wanted).min(n);
+            // The grid's own bins when it holds all of them, else centred on the pupil.
+            let first = if count == n { -(n as i64 / 2) } else { (s / bin).round() as i64 - count as i64 / 2 };
+            (first, count)
+        };
+        let (y0, rows) = axis(optics.height, bin_y, pupil.y);
+        let (x0, columns) = axis(optics.width, bin_x, pupil.x);
+        Self { y0, x0, rows, columns }
+    }
+
+    /// Per row of the window, the half-open interval of its columns that pass the pupil (0, 0 where none does).
+    /// A disc cut by an eyebox is convex, so one interval is all of it.
+    pub fn spans(&self, optics: &Optics, pupil: &Pupil) -> Vec<[u32; 2]> {
+        let passes = |j: usize, k: i64| aperture(optics, pupil, self.y0 + j as i64, self.x0 + k);
+        let (bin_y, bin_x) = optics.bin_size();
+        (0..self.rows)
+            .map(|j| {
+                // The circle gives the ends to within a bin; the aperture itself decides them.
+                let dy = (self.y0 + j as i64) as f64 * bin_y - pupil.y;
+                let half = ((pupil.diameter / 2.0).powi(2) - dy * dy).max(0.0).sqrt();
+                let last = self.columns as i64 - 1;
+                let lowest = -(optics.width as i64 / 2) - self.x0;
+                let highest = (optics.width as i64 - 1) / 2 - self.x0;
+                let limit = |v: i64| v.clamp(0.max(lowest), last.min(highest).max(0.max(lowest)));
+                let mut first = limit(((pupil.x - half) / bin_x).floor() as i64 - self.x0 - 1);
+                let mut end = limit(((pupil.x + half) / bin_x).ceil() as i64 - self.x0 + 1);
+                while first <= end && !passes(j, first) {
+                    first += 1;
+                }
+                while end >= first && !passes(j, end) {
+                    end -= 1;
+                }
+                if first > end { [0, 0] } else { [first as u32, end as u32 + 1] }
+            })
+            .collect()
+    }
+}
+
+/// The smallest number >= `n` of the form 2^a 3^b 5^c with a at least 2 (for `n` > 10): sizes that both engines
+/// transform fast, a few per cent apart.
+pub fn fast_size(n: usize) -> usize {
+    (n..).find(|&m| is_fast(m)).expect("there is a power of two above every number")
+}
+
+fn is_fast(n: usize) -> bool {
+    let mut rest = n;
+    let mut divide = |p: usize, most: u32| {
+        let mut count = 0;
+        while rest % p == 0 && count < most {
+            rest /= p;
+            count += 1;
+        }
+        count
+    };
+    let twos = divide(2, 32);
+    divide(3, 3);
+    divide(5, 2);
+    rest == 1 && (n <= 10 || twos >= 2)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn fast_sizes_are_close_together() {
+        assert_eq!([1, 7, 11, 13, 100, 129, 1081].map(fast_size), [1, 8, 12, 16, 100, 144, 1152]);
+        for n in 16..5000 {
+            assert!(fast_size(n) as f64 <= 1.2 * n as f64 + 1.0, "{n} -> {}", fast_size(n));
+        }
+    }
+
+    proptest! {
+        /// Every bin that passes lies in the window and in its row's span, and nothing else does.
+        #[test]
+        fn spans_are_the_aperture(h in 1usize..40, w in 1usize..40, x in -13.0..13.0f64, y in -13.0..13.0f64, d in 0.1..30.0f64, f in 0..3usize) {
+            let optics = Optics::new(h, w, 8e-6, 520e-9, 0.4).unwrap();
+            let pupil = Pupil::from_mm([x, y, d, 1.0]);
+            let factor = [WindowFactor::One, WindowFactor::Two, WindowFactor::Full][f];
+            let window = Window::new(&optics, &pupil, factor);
+            let spans = window.spans(&optics, &pupil);
+            let mut inside = 0;
+            for (j, &[first, end]) in spans.iter().enumerate() {
+                for k in 0..window.columns {
+                    let passes = aperture(&optics, &pupil, window.y0 + j as i64, window.x0 + k as i64);
+                    prop_assert_eq!(passes, (first..end).contains(&(k as u32)), "row {} column {}", j, k);
+                    inside += usize::from(passes);
+                }
+            }
+            let mut all = 0;
+            for ky in -40..40 { for kx in -40..40 { all += usize::from(aperture(&optics, &pupil, ky, kx)); } }
+            prop_assert_eq!(inside, all);
+        }
+    }
+}

@@ -1,0 +1,1 @@
+//! The compiled modules, embedded, with the manifest of their sources.

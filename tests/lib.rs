@@ -1,0 +1,1 @@
+//! Tests that cross rooms; the helpers that they share live here.

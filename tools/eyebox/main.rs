@@ -1,0 +1,2 @@
+//! The `eyebox` command.
+fn main() {}
