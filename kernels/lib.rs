@@ -1,1 +1,55 @@
-//! The compute kernels: GLSL source and, beside each, its CPU twin in Rust.
+//! The compute kernels: GLSL source and, beside each, its CPU twin in Rust under the same name.
+//!
+//! A twin takes its arguments (plain data, `#[repr(C)]`), then its input buffers, then its outputs, in the order of
+//! the bindings of its shader. Twins work on one frame or one lane (a lane is what one pupil needs); the engines
+//! decide how many run at once. Field buffers are complex float32; the frames axis comes first; spectra are in the
+//! order of the DFT. Twins are what the shaders are compared with, and are themselves compared with float64.
+//!
+//! This room imports nothing from the runtime.
+//!
+//! | kernel | reads | writes |
+//! |---|---|---|
+//! | [`modulate`] | phases | field |
+//! | [`fft`] | field, window or change | the same |
+//! | [`transfer`] | spans | transfer |
+//! | [`pass_pupil`] | field, transfer, spans | window |
+//! | [`intensity`] | window | image |
+//! | [`photograph`] | views, taps | accumulator |
+//! | [`resample`] | accumulator, tables | target |
+//! | [`compare`] | image, target | factor (over the image), loss |
+//! | [`weigh`] | factor | window |
+//! | [`overlap`] | spans | hits |
+//! | [`return_pupil`] | window, transfer, spans | change |
+//! | [`balance`] | hits | change |
+//! | [`project`] | change | phases, velocity |
+//! | [`adam`] | change | phases, first and second moments |
+
+pub mod adam;
+pub mod balance;
+pub mod compare;
+pub mod fft;
+pub mod intensity;
+pub mod modulate;
+pub mod overlap;
+pub mod pass_pupil;
+pub mod photograph;
+pub mod project;
+pub mod resample;
+pub mod return_pupil;
+pub mod transfer;
+pub mod trig;
+pub mod weigh;
+
+/// A complex number in float32, as all field buffers hold it: (re, im).
+pub type Complex32 = rustfft::num_complex::Complex32;
+
+/// Complex zero.
+pub const ZERO: Complex32 = Complex32::new(0.0, 0.0);
+
+/// Runs `work` compiled for the widest SIMD that this processor has. Inner functions must be `#[inline(always)]`.
+///
+/// Nothing is fused or reordered by this: results are the same bits on every processor.
+#[inline]
+pub fn simd<R>(work: impl FnOnce() -> R) -> R {
+    pulp::Arch::new().dispatch(work)
+}

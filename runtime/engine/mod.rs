@@ -1,1 +1,114 @@
-//! To come.
+//! Runs lists of kernels over buffers: on the [`cpu`], on Vulkan, or on both in turn.
+//!
+//! A [`Step`] is plain data: a short list of named kernels ([`Dispatch`]) and, per pupil, the arguments and tables that
+//! they take ([`Lane`]). Every engine runs the same list and keeps the same buffers ([`Buffer`]), so that a wrong
+//! kernel is found by running the list on one engine up to it and on the other after it.
+//! This room may import `optics`, the pyramid of views from `scene`, and the kernels.
+
+mod list;
+
+pub mod cpu;
+
+pub use list::{Buffer, Dispatch, Kernel, Lane, Purpose, Scope, Shape, Shot, Step, Timing};
+
+use crate::scene::Pyramid;
+
+/// What an engine can answer instead of a result.
+#[derive(Debug, thiserror::Error)]
+pub enum EngineError {
+    /// No device, no driver or no loader.
+    #[error("there is no Vulkan device: {reason}; on Debian or Ubuntu, `tools/setup.sh` installs a software one")]
+    NoDevice {
+        /// What the loader or the driver said.
+        reason: String,
+    },
+    /// A device that cannot run the kernels.
+    #[error("{device} cannot run this: {reason}")]
+    Unsuitable {
+        /// Its name.
+        device: String,
+        /// The limit that is too small, and what is needed.
+        reason: String,
+    },
+    /// Memory ran out.
+    #[error(
+        "out of {device} memory: {wanted_mib} MiB for {what} could not be had; use fewer sub-frames, a smaller size or fewer pupils a step"
+    )]
+    OutOfMemory {
+        /// Host or a device's name.
+        device: String,
+        /// The buffer.
+        what: String,
+        /// Its size.
+        wanted_mib: usize,
+    },
+    /// The device stopped answering.
+    #[error("{device} was lost while it ran {during}; what was computed before is kept")]
+    DeviceLost {
+        /// Its name.
+        device: String,
+        /// The kernel or the transfer.
+        during: String,
+    },
+    /// Another answer of Vulkan's.
+    #[error("{device}: {call} answered {result}")]
+    Vulkan {
+        /// Its name.
+        device: String,
+        /// The call.
+        call: &'static str,
+        /// The code.
+        result: String,
+    },
+    /// A step that does not fit what was loaded.
+    #[error("the step does not fit the engine: {reason}")]
+    Mismatch {
+        /// What differs.
+        reason: String,
+    },
+}
+
+/// Runs steps. Times are kept per kernel.
+pub trait Engine: Send {
+    /// What it is and what it runs on, in one line.
+    fn describe(&self) -> String;
+
+    /// Makes the buffers for this shape, all zero, and takes the views (float32 targets need none).
+    ///
+    /// # Errors
+    /// Out of memory, or a device that is too small.
+    fn load(&mut self, shape: &Shape, views: Option<&Pyramid>) -> Result<(), EngineError>;
+
+    /// Fills a buffer (complex ones as pairs of float32).
+    ///
+    /// # Errors
+    /// A length that is not the buffer's; a lost device.
+    fn write(&mut self, buffer: Buffer, data: &[f32]) -> Result<(), EngineError>;
+
+    /// Reads a buffer, whole. Lane buffers have the size that the last step gave them.
+    ///
+    /// # Errors
+    /// A buffer that the shape does not have; a lost device.
+    fn read(&mut self, buffer: Buffer) -> Result<Vec<f32>, EngineError>;
+
+    /// Runs the dispatches `part` of the step's list. Returns the loss (a sum over pixels) of each lane that
+    /// `compare` saw in this part, zero for others.
+    ///
+    /// # Errors
+    /// A step that does not fit the loaded shape; a lost device.
+    fn run_part(&mut self, step: &Step, part: std::ops::Range<usize>) -> Result<Vec<f64>, EngineError>;
+
+    /// Runs the whole list.
+    ///
+    /// # Errors
+    /// As [`run_part`](Self::run_part).
+    fn run(&mut self, step: &Step) -> Result<Vec<f64>, EngineError> {
+        self.run_part(step, 0..step.list.len())
+    }
+
+    /// Time and calls per kernel since the last reset, in the order of [`Kernel::ALL`].
+    fn timings(&self) -> Vec<Timing>;
+
+    /// Forgets the times.
+    fn reset_timings(&mut self);
+}

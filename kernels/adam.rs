@@ -1,0 +1,48 @@
+//! Adam with wrapping (Kingma and Ba 2015), on the closed-form gradient `2 Im(G conj(u))` (OPTICS 4). One frame.
+
+use crate::{Complex32, modulate, simd, trig};
+use bytemuck::{Pod, Zeroable};
+
+/// One step of Adam.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct Args {
+    /// Where the SLM lies in the grid.
+    pub place: modulate::Args,
+    /// Learning rate, radians.
+    pub rate: f32,
+    /// Decay of the first moment.
+    pub beta1: f32,
+    /// Decay of the second moment.
+    pub beta2: f32,
+    /// `1 / (1 - beta1^t)`.
+    pub correct1: f32,
+    /// `1 / (1 - beta2^t)`.
+    pub correct2: f32,
+    /// Added to the root, in units of the gradient.
+    pub epsilon: f32,
+}
+
+/// `change` (grid): G, transformed back; `phases`, `first` and `second` (height, width).
+pub fn adam(args: &Args, change: &[Complex32], phases: &mut [f32], first: &mut [f32], second: &mut [f32]) {
+    let Args { place, rate, beta1, beta2, correct1, correct2, epsilon } = *args;
+    let (w, gw) = (place.width as usize, place.grid_width as usize);
+    simd(
+        #[inline(always)]
+        || {
+            let rows = phases.chunks_exact_mut(w).zip(first.chunks_exact_mut(w)).zip(second.chunks_exact_mut(w));
+            for (((phases, first), second), change) in rows.zip(change.chunks_exact(gw).skip(place.top as usize)) {
+                let change = &change[place.left as usize..place.left as usize + w];
+                for (((phase, first), second), g) in phases.iter_mut().zip(first).zip(second).zip(change) {
+                    let (c, s) = trig::cos_sin(*phase);
+                    let gradient = 2.0 * (g.im * c - g.re * s);
+                    let m = beta1 * *first + (1.0 - beta1) * gradient;
+                    let v = beta2 * *second + (1.0 - beta2) * (gradient * gradient);
+                    *first = m;
+                    *second = v;
+                    *phase = trig::wrap(*phase - rate * (m * correct1) / ((v * correct2).sqrt() + epsilon));
+                }
+            }
+        },
+    );
+}

@@ -1,0 +1,271 @@
+//! 2-D complex transforms of frames, unnormalised, pruned to the columns in use.
+//!
+//! Forward: all rows, then the columns in use. Inverse: the columns in use (all others must be zero), then all rows.
+//! The twin is RustFFT; the shaders have plans of their own.
+
+use crate::{Complex32, ZERO};
+use rayon::prelude::*;
+use rustfft::{Fft, FftDirection, FftPlanner};
+use std::cell::RefCell;
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex};
+
+/// Sign of the exponent: forward is `exp(-i 2 pi ...)`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Direction {
+    /// `exp(-i 2 pi k n / N)`.
+    Forward,
+    /// `exp(+i 2 pi k n / N)`, without `1 / N`.
+    Inverse,
+}
+
+/// The columns in use: `count` of them from `first`, wrapping.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Columns {
+    /// First column.
+    pub first: usize,
+    /// How many.
+    pub count: usize,
+}
+
+impl Columns {
+    /// All columns of a frame.
+    pub fn all(width: usize) -> Self {
+        Self { first: 0, count: width }
+    }
+
+    /// The shortest interval, wrapping, that holds all the given ones.
+    pub fn union(width: usize, intervals: impl IntoIterator<Item = Columns>) -> Self {
+        let mut used = vec![false; width];
+        for interval in intervals {
+            for k in 0..interval.count.min(width) {
+                used[(interval.first + k) % width] = true;
+            }
+        }
+        // The longest run of unused columns stays outside.
+        let Some(start) = used.iter().position(|u| *u) else { return Self { first: 0, count: 0 } };
+        let (mut best, mut after, mut run) = (0, start, 0);
+        for k in 1..=width {
+            let at = (start + k) % width;
+            if used[at] {
+                if run > best {
+                    (best, after) = (run, at);
+                }
+                run = 0;
+            } else {
+                run += 1;
+            }
+        }
+        Self { first: after, count: width - best }
+    }
+
+    /// Contiguous pieces as (first, count), at most two.
+    fn pieces(self, width: usize) -> impl Iterator<Item = (usize, usize)> {
+        let ahead = self.count.min(width - self.first.min(width));
+        [(self.first, ahead), (0, self.count - ahead)].into_iter().filter(|p| p.1 > 0)
+    }
+}
+
+type Plan = Arc<dyn Fft<f32>>;
+
+/// Plans of RustFFT by length and direction, made when first asked for.
+#[derive(Default)]
+pub struct Plans {
+    made: Mutex<HashMap<(usize, Direction), Plan>>,
+}
+
+/// Columns gathered at once: a cache line holds eight complex values.
+const BLOCK: usize = 16;
+
+thread_local! {
+    static SCRATCH: RefCell<(Vec<Complex32>, Vec<Complex32>)> = const { RefCell::new((Vec::new(), Vec::new())) };
+}
+
+impl Plans {
+    fn get(&self, length: usize, direction: Direction) -> Plan {
+        let mut made = self.made.lock().unwrap_or_else(|e| e.into_inner());
+        let plan = made.entry((length, direction)).or_insert_with(|| {
+            let sign = if direction == Direction::Forward { FftDirection::Forward } else { FftDirection::Inverse };
+            FftPlanner::new().plan_fft(length, sign)
+        });
+        Arc::clone(plan)
+    }
+
+    /// Transforms `frame` (height, width) in place, on this thread.
+    pub fn fft(&self, frame: &mut [Complex32], height: usize, width: usize, direction: Direction, columns: Columns) {
+        let (rows, down) = (self.get(width, direction), self.get(height, direction));
+        SCRATCH.with_borrow_mut(|(block, scratch)| {
+            let need = rows.get_inplace_scratch_len().max(down.get_inplace_scratch_len());
+            if scratch.len() < need {
+                scratch.resize(need, ZERO);
+            }
+            if block.len() < BLOCK * height {
+                block.resize(BLOCK * height, ZERO);
+            }
+            if direction == Direction::Forward && width > 1 {
+                rows.process_with_scratch(frame, scratch);
+            }
+            if height > 1 {
+                for (first, count) in columns.pieces(width) {
+                    for x in (first..first + count).step_by(BLOCK) {
+                        let n = BLOCK.min(first + count - x);
+                        let block = &mut block[..n * height];
+                        gather(frame, block, width, x, n);
+                        down.process_with_scratch(block, scratch);
+                        scatter(block, frame, width, x, n);
+                    }
+                }
+            }
+            if direction == Direction::Inverse && width > 1 {
+                rows.process_with_scratch(frame, scratch);
+            }
+        });
+    }
+
+    /// As [`fft`](Self::fft), on all cores: the same bits, through a transposed copy in `turned` (resized as needed).
+    pub fn fft_wide(
+        &self,
+        frame: &mut [Complex32],
+        height: usize,
+        width: usize,
+        direction: Direction,
+        columns: Columns,
+        turned: &mut Vec<Complex32>,
+    ) {
+        let (rows, down) = (self.get(width, direction), self.get(height, direction));
+        let along = |frame: &mut [Complex32]| {
+            let some = width * height.div_ceil(4 * rayon::current_num_threads());
+            frame.par_chunks_mut(some.max(width)).for_each(|part| in_place(&rows, part));
+        };
+        if direction == Direction::Forward && width > 1 {
+            along(frame);
+        }
+        if height > 1 && columns.count > 0 {
+            if turned.len() < columns.count * height {
+                turned.resize(columns.count * height, ZERO);
+            }
+            let turned = &mut turned[..columns.count * height];
+            let from = &*frame;
+            turned.par_chunks_mut(BLOCK * height).enumerate().for_each(|(b, block)| {
+                for (i, line) in block.chunks_exact_mut(height).enumerate() {
+                    let x = (columns.first + b * BLOCK + i) % width;
+                    for (y, v) in line.iter_mut().enumerate() {
+                        *v = from[y * width + x];
+                    }
+                }
+                in_place(&down, block);
+            });
+            let turned = &*turned;
+            frame.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+                for i in 0..columns.count {
+                    row[(columns.first + i) % width] = turned[i * height + y];
+                }
+            });
+        }
+        if direction == Direction::Inverse && width > 1 {
+            along(frame);
+        }
+    }
+}
+
+fn in_place(plan: &Plan, data: &mut [Complex32]) {
+    SCRATCH.with_borrow_mut(|(_, scratch)| {
+        let need = plan.get_inplace_scratch_len();
+        if scratch.len() < need {
+            scratch.resize(need, ZERO);
+        }
+        plan.process_with_scratch(data, scratch);
+    });
+}
+
+fn gather(frame: &[Complex32], block: &mut [Complex32], width: usize, x: usize, n: usize) {
+    let height = block.len() / n;
+    // Tiles of rows keep the lines that are written in the first cache.
+    for y0 in (0..height).step_by(BLOCK) {
+        for i in 0..n {
+            let line = &mut block[i * height..][..height];
+            for y in y0..(y0 + BLOCK).min(height) {
+                line[y] = frame[y * width + x + i];
+            }
+        }
+    }
+}
+
+fn scatter(block: &[Complex32], frame: &mut [Complex32], width: usize, x: usize, n: usize) {
+    let height = block.len() / n;
+    for y0 in (0..height).step_by(BLOCK) {
+        for y in y0..(y0 + BLOCK).min(height) {
+            let row = &mut frame[y * width + x..][..n];
+            for (i, v) in row.iter_mut().enumerate() {
+                *v = block[i * height + y];
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::f64::consts::TAU;
+
+    fn noise(n: usize, mut seed: u64) -> Vec<Complex32> {
+        let mut next = || {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (seed >> 40) as f32 / (1u64 << 23) as f32 - 1.0
+        };
+        (0..n).map(|_| Complex32::new(next(), next())).collect()
+    }
+
+    /// The definition, in float64.
+    fn naive(x: &[Complex32], h: usize, w: usize, sign: f64) -> Vec<(f64, f64)> {
+        let mut out = vec![(0.0, 0.0); h * w];
+        for (at, out) in out.iter_mut().enumerate() {
+            for (from, z) in x.iter().enumerate() {
+                let turn =
+                    ((at / w * (from / w)) % h) as f64 / h as f64 + ((at % w * (from % w)) % w) as f64 / w as f64;
+                let (s, c) = (sign * TAU * turn).sin_cos();
+                out.0 += f64::from(z.re) * c - f64::from(z.im) * s;
+                out.1 += f64::from(z.re) * s + f64::from(z.im) * c;
+            }
+        }
+        out
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(40))]
+        #[test]
+        fn is_the_transform(h in 1usize..24, w in 1usize..30, first in 0usize..30, count in 0usize..31, forward: bool) {
+            let columns = Columns { first: first % w, count: count.min(w) };
+            let in_use = |x: usize| (x + w - columns.first) % w < columns.count;
+            let direction = if forward { Direction::Forward } else { Direction::Inverse };
+            let mut x = noise(h * w, 7);
+            if !forward {
+                for (i, z) in x.iter_mut().enumerate() { if !in_use(i % w) { *z = ZERO; } }
+            }
+            let want = naive(&x, h, w, if forward { -1.0 } else { 1.0 });
+            let plans = Plans::default();
+            let (mut one, mut wide) = (x.clone(), x);
+            plans.fft(&mut one, h, w, direction, columns);
+            plans.fft_wide(&mut wide, h, w, direction, columns, &mut Vec::new());
+            let (mut error, mut power) = (0.0, 1e-30);
+            for (i, (got, want)) in one.iter().zip(&want).enumerate() {
+                if forward && !in_use(i % w) { continue; }
+                prop_assert_eq!(got, &wide[i]);
+                error += (f64::from(got.re) - want.0).powi(2) + (f64::from(got.im) - want.1).powi(2);
+                power += want.0.powi(2) + want.1.powi(2);
+            }
+            prop_assert!(error < 1e-12 * power, "error power {} of signal", error / power);
+        }
+
+        #[test]
+        fn a_union_holds_its_parts(w in 1usize..50, parts in prop::collection::vec((0usize..50, 1usize..20), 0..4)) {
+            let parts: Vec<Columns> = parts.iter().map(|&(f, c)| Columns { first: f % w, count: c.min(w) }).collect();
+            let union = Columns::union(w, parts.clone());
+            let holds = |x: usize| (x + w - union.first) % w < union.count;
+            for p in &parts { for k in 0..p.count { prop_assert!(holds((p.first + k) % w)); } }
+            prop_assert!(union.count <= parts.iter().map(|p| p.count).sum::<usize>().max(w));
+            prop_assert!(!parts.is_empty() || union.count == 0);
+        }
+    }
+}

@@ -1,0 +1,40 @@
+//! `field = exp(i phases)` on the SLM, zero in the padding around it. One frame.
+
+use crate::{Complex32, ZERO, simd, trig};
+use bytemuck::{Pod, Zeroable};
+
+/// Where the SLM lies in the grid.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct Args {
+    /// Rows of the SLM.
+    pub height: u32,
+    /// Columns of the SLM.
+    pub width: u32,
+    /// Rows of the grid.
+    pub grid_height: u32,
+    /// Columns of the grid.
+    pub grid_width: u32,
+    /// First grid row of the SLM.
+    pub top: u32,
+    /// First grid column of the SLM.
+    pub left: u32,
+}
+
+/// `phases` (height, width) radians, |phase| < 10^4; `field` (grid_height, grid_width).
+pub fn modulate(args: &Args, phases: &[f32], field: &mut [Complex32]) {
+    let (w, gw) = (args.width as usize, args.grid_width as usize);
+    let (top, left) = (args.top as usize, args.left as usize);
+    simd(
+        #[inline(always)]
+        || {
+            if args.height == args.grid_height && args.width == args.grid_width {
+                return trig::expi(phases, field);
+            }
+            field.fill(ZERO);
+            for (row, out) in phases.chunks_exact(w).zip(field.chunks_exact_mut(gw).skip(top)) {
+                trig::expi(row, &mut out[left..left + w]);
+            }
+        },
+    );
+}

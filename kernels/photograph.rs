@@ -1,0 +1,134 @@
+//! Light-field photograph by shift-and-add (OPTICS 3): `accumulator = sum_v weight_v shift(view_v)`, bilinear and
+//! periodic, on one level of the views' pyramid. One pupil.
+//!
+//! A shift is the same for a whole view, so its four bilinear weights are two along x, applied while a row of views is
+//! added up, and two along y, applied once to the sum.
+
+use crate::simd;
+use bytemuck::{Pod, Zeroable};
+
+/// The level, and the views' scale.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct Args {
+    /// Rows of the level.
+    pub height: u32,
+    /// Columns of the level.
+    pub width: u32,
+    /// How many taps.
+    pub taps: u32,
+    /// Value of 65535 in the views, times the weights' norm.
+    pub scale: f32,
+    /// 0: overwrite the accumulator; 1: add to it (views that come in groups).
+    pub accumulate: u32,
+}
+
+/// One view that the pupil covers. Taps with the same (`dy`, `fy`) stand together.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct Tap {
+    /// Which view.
+    pub view: u32,
+    /// Its share of the pupil.
+    pub weight: f32,
+    /// Whole rows by which its content moves down, `0 .. height`.
+    pub dy: u32,
+    /// Whole columns by which its content moves right, `0 .. width`.
+    pub dx: u32,
+    /// Rest of the move down, `0 ..= 1`.
+    pub fy: f32,
+    /// Rest of the move right.
+    pub fx: f32,
+}
+
+/// `views` (views, height, width) as u16, linear light; `rows` says which rows of the level `accumulator` holds.
+pub fn photograph(args: &Args, views: &[u16], taps: &[Tap], first_row: usize, accumulator: &mut [f32]) {
+    let (h, w) = (args.height as usize, args.width as usize);
+    if args.accumulate == 0 {
+        accumulator.fill(0.0);
+    }
+    let rows = accumulator.len() / w;
+    if rows == 0 {
+        return;
+    }
+    let (mut above, mut here) = (vec![0.0f32; w], vec![0.0f32; w]);
+    for group in taps.chunk_by(|a, b| a.dy == b.dy && a.fy == b.fy) {
+        let (dy, fy) = (group[0].dy as usize, group[0].fy);
+        let source = |y: usize| (first_row + y + h - dy % h) % h;
+        simd(
+            #[inline(always)]
+            || {
+                blend(args, views, group, (source(0) + h - 1) % h, &mut above);
+                for (y, out) in accumulator.chunks_exact_mut(w).enumerate() {
+                    blend(args, views, group, source(y), &mut here);
+                    for ((out, a), b) in out.iter_mut().zip(&here).zip(&above) {
+                        *out += (1.0 - fy) * a + fy * b;
+                    }
+                    std::mem::swap(&mut above, &mut here);
+                }
+            },
+        );
+    }
+}
+
+/// `out = sum over the group of weight * (row moved right by dx + fx)`, for one row of the level.
+#[inline(always)]
+fn blend(args: &Args, views: &[u16], group: &[Tap], row: usize, out: &mut [f32]) {
+    let (h, w) = (args.height as usize, args.width as usize);
+    out.fill(0.0);
+    for tap in group {
+        let line = &views[(tap.view as usize * h + row) * w..][..w];
+        let weight = tap.weight * args.scale;
+        let (near, far) = (weight * (1.0 - tap.fx), weight * tap.fx);
+        let dx = tap.dx as usize % w;
+        // Column x reads x - dx and x - dx - 1: two runs, each without a wrap, and the column where the pair wraps.
+        out[dx] += near * f32::from(line[0]) + far * f32::from(line[w - 1]);
+        let (left, right) = out.split_at_mut(dx);
+        add_run(&mut right[1..], &line[1..w - dx], &line[..w - dx - 1], near, far);
+        if dx > 0 {
+            add_run(left, &line[w - dx..], &line[w - dx - 1..w - 1], near, far);
+        }
+    }
+}
+
+#[inline(always)]
+fn add_run(out: &mut [f32], here: &[u16], before: &[u16], near: f32, far: f32) {
+    for ((out, a), b) in out.iter_mut().zip(here).zip(before) {
+        *out += near * f32::from(*a) + far * f32::from(*b);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Against the formula, in float64.
+        #[test]
+        fn is_shift_and_add(h in 1usize..9, w in 1usize..40, moves in prop::collection::vec((0u32..9, 0u32..40, 0.0f32..1.0, 0.0f32..1.0, 0.1f32..1.0), 1..5), seed in 0u32..1000) {
+            let taps: Vec<Tap> = moves.iter().enumerate().map(|(i, &(dy, dx, fy, fx, weight))| Tap { view: i as u32, weight, dy: dy % h as u32, dx: dx % w as u32, fy, fx }).collect();
+            let views: Vec<u16> = (0..taps.len() * h * w).map(|i| ((i as u32 + seed).wrapping_mul(2_654_435_761) >> 16) as u16).collect();
+            let args = Args { height: h as u32, width: w as u32, taps: taps.len() as u32, scale: 1.0 / 65535.0, accumulate: 0 };
+            let mut got = vec![f32::NAN; h * w];
+            let cut = h / 2;
+            let (top, bottom) = got.split_at_mut(cut * w);
+            photograph(&args, &views, &taps, 0, top);
+            photograph(&args, &views, &taps, cut, bottom);
+            for y in 0..h {
+                for x in 0..w {
+                    let mut want = 0.0;
+                    for t in &taps {
+                        let at = |dy: usize, dx: usize| {
+                            let (r, c) = ((y + 2 * h - t.dy as usize - dy) % h, (x + 2 * w - t.dx as usize - dx) % w);
+                            f64::from(views[(t.view as usize * h + r) * w + c]) / 65535.0
+                        };
+                        let (fy, fx) = (f64::from(t.fy), f64::from(t.fx));
+                        want += f64::from(t.weight) * ((1.0 - fy) * ((1.0 - fx) * at(0, 0) + fx * at(0, 1)) + fy * ((1.0 - fx) * at(1, 0) + fx * at(1, 1)));
+                    }
+                    prop_assert!((f64::from(got[y * w + x]) - want).abs() < 1e-5, "({}, {}): {} {}", y, x, got[y * w + x], want);
+                }
+            }
+        }
+    }
+}

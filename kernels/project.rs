@@ -1,0 +1,40 @@
+//! The projection's step: turns each phase by the part of the change that a phase can follow (OPTICS 6b). One frame.
+
+use crate::{Complex32, modulate, simd, trig};
+use bytemuck::{Pod, Zeroable};
+
+/// Gain and momentum.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct Args {
+    /// Where the SLM lies in the grid.
+    pub place: modulate::Args,
+    /// Factor on the turn.
+    pub gain: f32,
+    /// Share of the last step's velocity that is kept.
+    pub momentum: f32,
+}
+
+/// `change` (grid): the wanted change du of the field; `phases` and `velocity` (height, width).
+///
+/// `turn = gain Im(conj(u) du)`, `velocity = momentum velocity + turn`, `phases += momentum velocity + turn`, wrapped.
+pub fn project(args: &Args, change: &[Complex32], phases: &mut [f32], velocity: &mut [f32]) {
+    let Args { place, gain, momentum } = *args;
+    let (w, gw) = (place.width as usize, place.grid_width as usize);
+    simd(
+        #[inline(always)]
+        || {
+            let rows = phases.chunks_exact_mut(w).zip(velocity.chunks_exact_mut(w));
+            for ((phases, velocity), change) in rows.zip(change.chunks_exact(gw).skip(place.top as usize)) {
+                let change = &change[place.left as usize..place.left as usize + w];
+                for ((phase, velocity), du) in phases.iter_mut().zip(velocity).zip(change) {
+                    let (c, s) = trig::cos_sin(*phase);
+                    let turn = gain * (c * du.im - s * du.re);
+                    let v = momentum * *velocity + turn;
+                    *velocity = v;
+                    *phase = trig::wrap(*phase + (momentum * v + turn));
+                }
+            }
+        },
+    );
+}

@@ -1,0 +1,131 @@
+//! Brings an image from a level of the pyramid to a pupil's window, by separable weights from a table. One pupil.
+
+use crate::simd;
+use bytemuck::{Pod, Zeroable};
+
+/// Both sizes, and the number of weights per output sample on each axis.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+pub struct Args {
+    /// Rows of the input.
+    pub in_height: u32,
+    /// Columns of the input.
+    pub in_width: u32,
+    /// Rows of the output.
+    pub height: u32,
+    /// Columns of the output.
+    pub width: u32,
+    /// Weights per output row.
+    pub row_taps: u32,
+    /// Weights per output column.
+    pub column_taps: u32,
+}
+
+/// Weights of one axis: output sample `j` is the sum over `t` of `weights[j * taps + t] * input[(first[j] + t) mod n]`.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Table {
+    /// First input sample per output sample, `0 .. n`.
+    pub first: Vec<u32>,
+    /// Weights, `taps` per output sample, summing to 1.
+    pub weights: Vec<f32>,
+    /// Weights per output sample.
+    pub taps: usize,
+}
+
+impl Table {
+    /// Mean over the interval of one output sample, periodic: sample `j` of `n_out` lies at `j n_in / n_out`, where the
+    /// inverse transform of a window puts it, and an input sample stands for the interval of width 1 around it.
+    pub fn area(n_in: usize, n_out: usize) -> Self {
+        let step = n_in as f64 / n_out as f64;
+        let taps = if n_in == n_out { 1 } else { step.ceil() as usize + 1 };
+        let (mut first, mut weights) = (Vec::with_capacity(n_out), Vec::with_capacity(n_out * taps));
+        for j in 0..n_out {
+            let (low, high) = ((j as f64 - 0.5) * step + 0.5, (j as f64 + 0.5) * step + 0.5);
+            let start = low.floor();
+            first.push((start as i64).rem_euclid(n_in as i64) as u32);
+            let row: Vec<f64> =
+                (0..taps).map(|t| (high.min(start + t as f64 + 1.0) - low.max(start + t as f64)).max(0.0)).collect();
+            let sum: f64 = row.iter().sum();
+            weights.extend(row.iter().map(|w| (w / sum) as f32));
+        }
+        Self { first, weights, taps }
+    }
+}
+
+/// `input` (in_height, in_width), `output` (height, width), `scratch` (in_width or more) is overwritten.
+pub fn resample(args: &Args, input: &[f32], rows: &Table, columns: &Table, output: &mut [f32], scratch: &mut Vec<f32>) {
+    let (ih, iw, w) = (args.in_height as usize, args.in_width as usize, args.width as usize);
+    if args.in_height == args.height && args.in_width == args.width {
+        output.copy_from_slice(input);
+        return;
+    }
+    scratch.resize(iw + columns.taps, 0.0);
+    simd(
+        #[inline(always)]
+        || {
+            for (j, out) in output.chunks_exact_mut(w).enumerate() {
+                let line = &mut scratch[..iw];
+                line.fill(0.0);
+                for t in 0..rows.taps {
+                    let weight = rows.weights[j * rows.taps + t];
+                    let from = &input[(rows.first[j] as usize + t) % ih * iw..][..iw];
+                    for (sum, v) in line.iter_mut().zip(from) {
+                        *sum += weight * v;
+                    }
+                }
+                // Unrolls the period, so that no column below has to wrap.
+                for t in 0..columns.taps {
+                    scratch[iw + t] = scratch[t % iw];
+                }
+                for ((out, &first), weights) in
+                    out.iter_mut().zip(&columns.first).zip(columns.weights.chunks_exact(columns.taps))
+                {
+                    let mut sum = 0.0;
+                    for (v, weight) in scratch[first as usize..].iter().zip(weights) {
+                        sum += weight * v;
+                    }
+                    *out = sum;
+                }
+            }
+        },
+    );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn keeps_a_constant_and_the_mean(n_in in 1usize..60, n_out in 1usize..60) {
+            let n_out = n_out.min(n_in);
+            let table = Table::area(n_in, n_out);
+            let mut used = vec![0.0f64; n_in];
+            for j in 0..n_out {
+                let weights = &table.weights[j * table.taps..][..table.taps];
+                prop_assert!((weights.iter().sum::<f32>() - 1.0).abs() < 1e-5);
+                for (t, w) in weights.iter().enumerate() { used[(table.first[j] as usize + t) % n_in] += f64::from(*w); }
+            }
+            // Each input sample counts the same in all.
+            for u in used { prop_assert!((u - n_out as f64 / n_in as f64).abs() < 1e-4, "{}", u); }
+        }
+    }
+
+    #[test]
+    fn a_wave_keeps_its_phase() {
+        // A slow cosine stays where it was: samples lie at j n_in / n_out.
+        let (n_in, n_out) = (96, 40);
+        let wave = |n: usize| {
+            (0..n).map(|i| (std::f64::consts::TAU * 2.0 * i as f64 / n as f64).cos() as f32).collect::<Vec<_>>()
+        };
+        let args = Args { in_height: 1, in_width: 96, height: 1, width: 40, row_taps: 1, column_taps: 4 };
+        let mut out = vec![0.0; n_out];
+        resample(&args, &wave(n_in), &Table::area(1, 1), &Table::area(n_in, n_out), &mut out, &mut Vec::new());
+        let scale = out[0];
+        assert!(scale > 0.97);
+        for (got, want) in out.iter().zip(wave(n_out)) {
+            assert!((got / scale - want).abs() < 0.02, "{got} {want}");
+        }
+    }
+}

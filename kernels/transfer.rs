@@ -1,0 +1,60 @@
+//! The propagation kernel K(q; p) on a pupil's window: `exp(i 2 pi turns)` inside the spans, zero outside (OPTICS 2).
+
+use crate::{Complex32, ZERO, simd, trig};
+use bytemuck::{Pod, Zeroable};
+
+/// One pupil's window. The shader takes each float64 as a pair of float32 (high, low).
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct Args {
+    /// `(wavelength / (grid_height * pitch))^2`: `a = slope_y ky^2 + slope_x kx^2`.
+    pub slope_y: f64,
+    /// `(wavelength / (grid_width * pitch))^2`.
+    pub slope_x: f64,
+    /// `depth / wavelength`, turns.
+    pub turns: f64,
+    /// First bin, rows (signed).
+    pub y0: i32,
+    /// First bin, columns (signed).
+    pub x0: i32,
+    /// Rows of the window.
+    pub rows: u32,
+    /// Columns of the window.
+    pub columns: u32,
+}
+
+const BLOCK: usize = 16;
+
+/// `spans`: per row, the half-open interval of columns that pass. `out` (rows, columns).
+///
+/// The phase runs to thousands of turns, so it is reduced to a fraction of one in float64 before the float32 sine.
+pub fn transfer(args: &Args, spans: &[[u32; 2]], out: &mut [Complex32]) {
+    simd(
+        #[inline(always)]
+        || {
+            for (j, (row, &[first, end])) in out.chunks_exact_mut(args.columns as usize).zip(spans).enumerate() {
+                let (first, end) = (first as usize, end as usize);
+                row[..first].fill(ZERO);
+                row[end..].fill(ZERO);
+                let ky = f64::from(args.y0) + j as f64;
+                let across = args.slope_y * (ky * ky);
+                let mut k = first;
+                for block in row[first..end].chunks_mut(BLOCK) {
+                    let mut phases = [0.0f32; BLOCK];
+                    for (i, phase) in phases.iter_mut().enumerate() {
+                        let kx = f64::from(args.x0) + (k + i) as f64;
+                        // Lanes beyond the block's end may be evanescent: keep their root real, they are not stored.
+                        let a = (across + args.slope_x * (kx * kx)).min(1.0);
+                        let turns = -args.turns * (a / (1.0 + (1.0 - a).sqrt()));
+                        *phase = ((turns - turns.round_ties_even()) * std::f64::consts::TAU) as f32;
+                    }
+                    for (z, &phase) in block.iter_mut().zip(&phases) {
+                        let (c, s) = trig::cos_sin(phase);
+                        *z = Complex32::new(c, s);
+                    }
+                    k += BLOCK;
+                }
+            }
+        },
+    );
+}

@@ -1,0 +1,278 @@
+//! The list of kernels as data.
+
+use crate::optics::Window;
+use eyebox_kernels::{
+    adam, balance, compare, fft::Columns, intensity, modulate, pass_pupil, photograph, project, resample, transfer,
+};
+use std::ops::Range;
+
+/// A kernel of the list. Each has a module of its name in `kernels`; the transforms are one kernel over three buffers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Kernel {
+    /// Zeroes `Change` and `Hits`.
+    Clear,
+    /// `Phases` -> `Field`.
+    Modulate,
+    /// `Field`, forward, in the step's columns.
+    FieldForward,
+    /// `Hits` of all lanes in the dispatch.
+    Overlap,
+    /// -> `Transfer`.
+    Transfer,
+    /// Views -> `Accumulator`.
+    Photograph,
+    /// `Accumulator` -> `Target`.
+    Resample,
+    /// `Field`, `Transfer` -> `Window`.
+    PassPupil,
+    /// `Window`, inverse, in the lane's columns.
+    WindowInverse,
+    /// `Window` -> `Image`.
+    Intensity,
+    /// `Image`, `Target` -> `Image` (factor), loss.
+    Compare,
+    /// `Image` (factor), `Window` -> `Window`.
+    Weigh,
+    /// `Window`, forward, in the lane's columns.
+    WindowForward,
+    /// `Window`, `Transfer` of all lanes in the dispatch, in their order -> `Change`.
+    ReturnPupil,
+    /// `Hits`, `Change` -> `Change`.
+    Balance,
+    /// `Change`, inverse, in the step's columns.
+    ChangeInverse,
+    /// `Change` -> `Phases`, `Momentum`.
+    Project,
+    /// `Change` -> `Phases`, `Momentum`, `Second`.
+    Adam,
+}
+
+/// What a kernel runs over; neighbours of one scope may run frame by frame, or lane by lane.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Scope {
+    /// Each sub-frame by itself.
+    Frames,
+    /// Each pupil by itself, all sub-frames.
+    Lanes,
+    /// Once.
+    Whole,
+}
+
+impl Kernel {
+    /// All of them.
+    pub const ALL: [Self; 18] = [
+        Self::Clear,
+        Self::Modulate,
+        Self::FieldForward,
+        Self::Overlap,
+        Self::Transfer,
+        Self::Photograph,
+        Self::Resample,
+        Self::PassPupil,
+        Self::WindowInverse,
+        Self::Intensity,
+        Self::Compare,
+        Self::Weigh,
+        Self::WindowForward,
+        Self::ReturnPupil,
+        Self::Balance,
+        Self::ChangeInverse,
+        Self::Project,
+        Self::Adam,
+    ];
+
+    /// The name by which it is timed and chosen.
+    pub fn name(self) -> &'static str {
+        [
+            "clear",
+            "modulate",
+            "field_forward",
+            "overlap",
+            "transfer",
+            "photograph",
+            "resample",
+            "pass_pupil",
+            "window_inverse",
+            "intensity",
+            "compare",
+            "weigh",
+            "window_forward",
+            "return_pupil",
+            "balance",
+            "change_inverse",
+            "project",
+            "adam",
+        ][self as usize]
+    }
+
+    /// The kernel of this name.
+    pub fn by_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|k| k.name() == name)
+    }
+
+    /// What it runs over.
+    pub fn scope(self) -> Scope {
+        match self {
+            Self::Clear | Self::Overlap => Scope::Whole,
+            Self::Modulate
+            | Self::FieldForward
+            | Self::ReturnPupil
+            | Self::Balance
+            | Self::ChangeInverse
+            | Self::Project
+            | Self::Adam => Scope::Frames,
+            _ => Scope::Lanes,
+        }
+    }
+}
+
+/// A buffer. Lane buffers are named by their slot: the lane's place in its dispatch's range.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Buffer {
+    /// Phases, radians: (frames, height, width).
+    Phases,
+    /// The projection's velocity, Adam's first moment: (frames, height, width).
+    Momentum,
+    /// Adam's second moment: (frames, height, width).
+    Second,
+    /// The field, then its spectrum: complex (frames, grid height, grid width).
+    Field,
+    /// The change of the spectrum, then of the field: complex (frames, grid height, grid width).
+    Change,
+    /// How many pupils pass each bin: (grid height, grid width).
+    Hits,
+    /// K on the window: complex (rows, columns).
+    Transfer(usize),
+    /// The retinal fields: complex (frames, rows, columns).
+    Window(usize),
+    /// The intensity, then the factor: (rows, columns).
+    Image(usize),
+    /// The photograph: (rows, columns).
+    Target(usize),
+    /// The photograph on its level of the pyramid.
+    Accumulator(usize),
+}
+
+/// What the buffers are for: those that a purpose does not need are not made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Purpose {
+    /// Views and photographs only.
+    View,
+    /// The projection: `Change`, `Hits`, `Momentum`.
+    Project,
+    /// Adam: `Change`, `Momentum`, `Second`.
+    Adam,
+}
+
+/// Sizes of all buffers that are not a lane's.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Shape {
+    /// Sub-frames.
+    pub frames: usize,
+    /// SLM and grid; equal but for padding.
+    pub place: modulate::Args,
+    /// Which buffers are needed.
+    pub purpose: Purpose,
+}
+
+impl Shape {
+    /// Pixels of one sub-frame on the SLM.
+    pub fn pixels(&self) -> usize {
+        self.place.height as usize * self.place.width as usize
+    }
+
+    /// Points of the grid.
+    pub fn points(&self) -> usize {
+        self.place.grid_height as usize * self.place.grid_width as usize
+    }
+}
+
+/// The photograph of one lane.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Shot {
+    /// Level of the pyramid.
+    pub level: usize,
+    /// Arguments of `photograph`.
+    pub args: photograph::Args,
+    /// The views that the pupil covers.
+    pub taps: Vec<photograph::Tap>,
+    /// Arguments of `resample`.
+    pub resample: resample::Args,
+    /// Weights along rows.
+    pub rows: resample::Table,
+    /// Weights along columns.
+    pub columns: resample::Table,
+}
+
+/// What one pupil needs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Lane {
+    /// Its window, signed bins.
+    pub window: Window,
+    /// Per row of the window, the columns that pass.
+    pub spans: Vec<[u32; 2]>,
+    /// Arguments of `transfer`.
+    pub transfer: transfer::Args,
+    /// Arguments of `pass_pupil` and `overlap`.
+    pub pass: pass_pupil::Args,
+    /// Arguments of `return_pupil`: the same place, another scale.
+    pub back: pass_pupil::Args,
+    /// Columns of the window that any span touches.
+    pub columns: Columns,
+    /// Arguments of `intensity`.
+    pub intensity: intensity::Args,
+    /// Arguments of `compare`.
+    pub compare: compare::Args,
+    /// The photograph; none where only the wave is looked at.
+    pub shot: Option<Shot>,
+}
+
+impl Lane {
+    /// Pixels of its window.
+    pub fn count(&self) -> usize {
+        self.window.rows * self.window.columns
+    }
+
+    /// Its columns as columns of the grid.
+    pub fn grid_columns(&self) -> Columns {
+        let width = self.pass.grid_width as usize;
+        Columns { first: (self.pass.x0 as usize + self.columns.first) % width, count: self.columns.count.min(width) }
+    }
+}
+
+/// One entry of the list.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Dispatch {
+    /// Which kernel.
+    pub kernel: Kernel,
+    /// Over which lanes, where the kernel looks at lanes. Lane `i` uses slot `i - lanes.start`.
+    pub lanes: Range<usize>,
+}
+
+/// A list and its arguments: one step of a solve, or a look at a hologram.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Step {
+    /// The kernels, in order.
+    pub list: Vec<Dispatch>,
+    /// The pupils.
+    pub lanes: Vec<Lane>,
+    /// Columns of the spectrum that any pupil passes.
+    pub columns: Columns,
+    /// Arguments of `balance`.
+    pub balance: balance::Args,
+    /// Arguments of `project`.
+    pub project: project::Args,
+    /// Arguments of `adam`.
+    pub adam: adam::Args,
+}
+
+/// Time spent in one kernel. On the CPU, the sum over threads.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Timing {
+    /// Which.
+    pub kernel: Kernel,
+    /// How often it ran (per frame or lane on the CPU).
+    pub calls: u64,
+    /// Seconds in all.
+    pub seconds: f64,
+}

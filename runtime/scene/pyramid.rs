@@ -1,0 +1,76 @@
+//! The views of one colour as the photograph reads them: compact, and at several resolutions.
+
+use eyebox_kernels::resample::{self, Table};
+use rayon::prelude::*;
+
+/// One resolution of all views.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Level {
+    /// Rows.
+    pub height: usize,
+    /// Columns.
+    pub width: usize,
+    /// (views, height, width), linear light, 65535 = [`Pyramid::scale`].
+    pub views: Vec<u16>,
+}
+
+/// All views on the display's grid, and smaller copies for pupils whose window is smaller.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Pyramid {
+    /// Linear light of the value 65535.
+    pub scale: f32,
+    /// Number of views.
+    pub count: usize,
+    /// From the whole grid down, each half the one before.
+    pub levels: Vec<Level>,
+}
+
+/// Levels smaller than this on their shorter side save nothing.
+const SMALLEST: usize = 24;
+
+impl Pyramid {
+    /// From views (each height * width, linear light, finite, not negative). Quantised to 1/65535 of the brightest.
+    pub fn new(views: &[impl AsRef<[f32]> + Sync], height: usize, width: usize) -> Self {
+        let brightest =
+            views.par_iter().map(|v| v.as_ref().iter().copied().fold(0.0, f32::max)).reduce(|| 0.0, f32::max);
+        let scale = if brightest > 0.0 { brightest } else { 1.0 };
+        let mut levels = vec![Level { height, width, views: vec![0; views.len() * height * width] }];
+        let quantise = |v: &f32| (v / scale * 65535.0 + 0.5) as u16;
+        let store = |image: &[f32], out: &mut [u16]| out.iter_mut().zip(image).for_each(|(o, v)| *o = quantise(v));
+        levels[0].views.par_chunks_mut(height * width).zip(views).for_each(|(out, view)| store(view.as_ref(), out));
+        let (mut h, mut w) = (height, width);
+        while h.min(w) >= 2 * SMALLEST {
+            let (finer_h, finer_w) = (h, w);
+            (h, w) = (h.div_ceil(2), w.div_ceil(2));
+            let (rows, columns) = (Table::area(finer_h, h), Table::area(finer_w, w));
+            let args = resample::Args {
+                in_height: finer_h as u32,
+                in_width: finer_w as u32,
+                height: h as u32,
+                width: w as u32,
+                row_taps: rows.taps as u32,
+                column_taps: columns.taps as u32,
+            };
+            let finer = &levels.last().expect("the grid's own level").views;
+            let mut smaller = vec![0; views.len() * h * w];
+            smaller.par_chunks_mut(h * w).zip(finer.par_chunks(finer_h * finer_w)).for_each(|(out, view)| {
+                let view: Vec<f32> = view.iter().map(|v| f32::from(*v) / 65535.0 * scale).collect();
+                let mut image = vec![0.0; h * w];
+                resample::resample(&args, &view, &rows, &columns, &mut image, &mut Vec::new());
+                store(&image, out);
+            });
+            levels.push(Level { height: h, width: w, views: smaller });
+        }
+        Self { scale, count: views.len(), levels }
+    }
+
+    /// The smallest level that has at least this many rows and columns.
+    pub fn level_for(&self, rows: usize, columns: usize) -> usize {
+        self.levels.iter().rposition(|l| l.height >= rows && l.width >= columns).unwrap_or(0)
+    }
+
+    /// Bytes in memory.
+    pub fn bytes(&self) -> usize {
+        self.levels.iter().map(|l| 2 * l.views.len()).sum()
+    }
+}
