@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 
 /// Where the SLM lies in the grid.
 #[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 pub struct Args {
     /// Rows of the SLM.
     pub height: u32,
