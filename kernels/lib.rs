@@ -41,7 +41,7 @@ pub mod trig;
 pub mod weigh;
 
 /// A complex number in float32, as all field buffers hold it: (re, im).
-pub type Complex32 = rustfft::num_complex::Complex32;
+pub type Complex32 = num_complex::Complex32;
 
 /// Complex zero.
 pub const ZERO: Complex32 = Complex32::new(0.0, 0.0);
@@ -52,4 +52,13 @@ pub const ZERO: Complex32 = Complex32::new(0.0, 0.0);
 #[inline]
 pub fn simd<R>(work: impl FnOnce() -> R) -> R {
     pulp::Arch::new().dispatch(work)
+}
+
+/// Name of the instruction set that [`simd`] chose.
+pub fn simd_name() -> &'static str {
+    #[cfg(target_arch = "x86_64")]
+    if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
+        return "AVX2";
+    }
+    "baseline SIMD"
 }

@@ -1,1 +1,425 @@
-//! The CPU engine.
+//! The CPU engine: RustFFT, all cores, SIMD. The embedded default where there is no GPU, and what the Vulkan engine
+//! is compared with.
+//!
+//! Neighbouring kernels of one scope run depth first: a sub-frame (or a pupil) goes through all of them while it is in
+//! the cache. Pupils, and the sub-frames of a large pupil, run in parallel; sums are in a fixed order, so the result is
+//! the same bits for any number of threads.
+
+use super::{Buffer, Dispatch, Engine, EngineError, Kernel, Lane, Purpose, Scope, Shape, Step, Timing};
+use crate::scene::Pyramid;
+use eyebox_kernels::{
+    Complex32, ZERO, adam, balance,
+    compare::compare,
+    fft::{Direction, Plans},
+    intensity::intensity,
+    modulate::modulate,
+    overlap::overlap,
+    pass_pupil::pass_pupil,
+    photograph::photograph,
+    project::project,
+    resample::resample,
+    return_pupil::return_pupil,
+    transfer::transfer,
+    weigh::weigh,
+};
+use rayon::prelude::*;
+use std::sync::{
+    Arc,
+    atomic::{AtomicU64, Ordering::Relaxed},
+};
+use std::time::Instant;
+
+/// Buffers of one pupil, grown to the largest that it has held.
+#[derive(Default)]
+struct Slot {
+    transfer: Vec<Complex32>,
+    window: Vec<Complex32>,
+    image: Vec<f32>,
+    target: Vec<f32>,
+    accumulator: Vec<f32>,
+    scratch: Vec<f32>,
+    loss: f64,
+}
+
+/// Calls and nanoseconds per kernel.
+#[derive(Default)]
+struct Clock([(AtomicU64, AtomicU64); Kernel::ALL.len()]);
+
+impl Clock {
+    fn time<R>(&self, kernel: Kernel, work: impl FnOnce() -> R) -> R {
+        let start = Instant::now();
+        let result = work();
+        let (calls, nanoseconds) = &self.0[kernel as usize];
+        calls.fetch_add(1, Relaxed);
+        nanoseconds.fetch_add(start.elapsed().as_nanos() as u64, Relaxed);
+        result
+    }
+}
+
+/// Runs lists of kernels on the CPU.
+pub struct CpuEngine {
+    shape: Shape,
+    views: Option<Arc<Pyramid>>,
+    phases: Vec<f32>,
+    momentum: Vec<f32>,
+    second: Vec<f32>,
+    field: Vec<Complex32>,
+    change: Vec<Complex32>,
+    hits: Vec<f32>,
+    slots: Vec<Slot>,
+    plans: Plans,
+    clock: Clock,
+}
+
+/// Windows with fewer values in all than this are not worth splitting over threads.
+const SPLIT: usize = 1 << 15;
+
+impl CpuEngine {
+    /// An engine without buffers: [`load`](Engine::load) makes them.
+    pub fn new() -> Self {
+        let place = bytemuck::Zeroable::zeroed();
+        Self {
+            shape: Shape { frames: 0, place, purpose: Purpose::View },
+            views: None,
+            phases: Vec::new(),
+            momentum: Vec::new(),
+            second: Vec::new(),
+            field: Vec::new(),
+            change: Vec::new(),
+            hits: Vec::new(),
+            slots: Vec::new(),
+            plans: Plans::default(),
+            clock: Clock::default(),
+        }
+    }
+
+    /// Frame by frame through all of `group`.
+    fn run_frames(&mut self, step: &Step, group: &[Dispatch]) {
+        let Self { shape, phases, momentum, second, field, change, hits, slots, plans, clock, .. } = self;
+        let (pixels, points) = (shape.pixels(), shape.points());
+        let wide = shape.frames < rayon::current_num_threads() && points >= SPLIT;
+        // Buffers that this purpose lacks, and those that none of these kernels writes, become empty frames.
+        let frames = shape.frames;
+        let phases = frames_of(phases, pixels, frames);
+        let momentum = frames_of(momentum, pixels, frames);
+        let second = frames_of(second, pixels, frames);
+        let field = frames_of(field, points, frames);
+        let change = frames_of(change, points, frames);
+        let mut all: Vec<_> = phases.into_iter().zip(momentum).zip(second).zip(field).zip(change).collect();
+        let (hits, slots) = (&*hits, &*slots);
+        let run =
+            |f: usize, ((((phases, momentum), second), field), change): FrameBuffers, turned: &mut Vec<Complex32>| {
+                let (gh, gw) = (shape.place.grid_height as usize, shape.place.grid_width as usize);
+                let mut fft = |frame: &mut [Complex32], direction| {
+                    if wide {
+                        plans.fft_wide(frame, gh, gw, direction, step.columns, turned);
+                    } else {
+                        plans.fft(frame, gh, gw, direction, step.columns);
+                    }
+                };
+                for dispatch in group {
+                    clock.time(dispatch.kernel, || match dispatch.kernel {
+                        Kernel::Modulate => modulate(&shape.place, phases, field),
+                        Kernel::FieldForward => fft(field, Direction::Forward),
+                        Kernel::ReturnPupil => {
+                            for (lane, slot) in step.lanes[dispatch.lanes.clone()].iter().zip(slots) {
+                                let window = &slot.window[f * lane.count()..][..lane.count()];
+                                return_pupil(&lane.back, window, &slot.transfer, &lane.spans, change);
+                            }
+                        }
+                        Kernel::Balance => balance::balance(&step.balance, hits, change),
+                        Kernel::ChangeInverse => fft(change, Direction::Inverse),
+                        Kernel::Project => project(&step.project, change, phases, momentum),
+                        Kernel::Adam => adam::adam(&step.adam, change, phases, momentum, second),
+                        other => unreachable!("{} does not run over frames", other.name()),
+                    });
+                }
+            };
+        if wide {
+            let mut turned = Vec::new();
+            for (f, buffers) in all.into_iter().enumerate() {
+                run(f, buffers, &mut turned);
+            }
+        } else {
+            all.par_drain(..).enumerate().for_each(|(f, buffers)| run(f, buffers, &mut Vec::new()));
+        }
+    }
+
+    /// Lane by lane through all of `group`, which has one range of lanes.
+    fn run_lanes(&mut self, step: &Step, group: &[Dispatch]) -> Result<(), EngineError> {
+        let lanes = &step.lanes[group[0].lanes.clone()];
+        if self.slots.len() < lanes.len() {
+            self.slots.resize_with(lanes.len(), Slot::default);
+        }
+        let views = match &self.views {
+            None if group.iter().any(|d| d.kernel == Kernel::Photograph) => {
+                return Err(EngineError::Mismatch {
+                    reason: "a photograph is asked for and no views were loaded".into(),
+                });
+            }
+            views => views.as_deref(),
+        };
+        let Self { shape, field, slots, plans, clock, .. } = self;
+        let (frames, points, field) = (shape.frames, shape.points(), &*field);
+        slots.par_iter_mut().zip(lanes).for_each(|(slot, lane)| {
+            let mut rest = group;
+            while let [first, ..] = rest {
+                // Kernels that take one sub-frame at a time run depth first as well.
+                let framewise = rest.iter().take_while(|d| is_framewise(d.kernel)).count();
+                if framewise == 0 {
+                    clock.time(first.kernel, || run_lane(first.kernel, lane, slot, frames, views));
+                    rest = &rest[1..];
+                    continue;
+                }
+                let (now, later) = rest.split_at(framewise);
+                rest = later;
+                let count = lane.count();
+                slot.window.resize(frames * count, ZERO);
+                let Slot { transfer, window, image, .. } = slot;
+                let work = |f: usize, window: &mut [Complex32]| {
+                    for dispatch in now {
+                        clock.time(dispatch.kernel, || match dispatch.kernel {
+                            Kernel::PassPupil => {
+                                let spectrum = &field[f * points..][..points];
+                                pass_pupil(&lane.pass, spectrum, transfer, &lane.spans, window);
+                            }
+                            Kernel::WindowInverse => window_fft(plans, lane, window, Direction::Inverse),
+                            Kernel::WindowForward => window_fft(plans, lane, window, Direction::Forward),
+                            _ => weigh(image, window),
+                        });
+                    }
+                };
+                if frames * count >= SPLIT {
+                    window.par_chunks_exact_mut(count).enumerate().for_each(|(f, w)| work(f, w));
+                } else {
+                    window.chunks_exact_mut(count).enumerate().for_each(|(f, w)| work(f, w));
+                }
+            }
+        });
+        Ok(())
+    }
+
+    fn run_whole(&mut self, step: &Step, dispatch: &Dispatch) {
+        let Self { change, hits, clock, .. } = self;
+        clock.time(dispatch.kernel, || match dispatch.kernel {
+            Kernel::Clear => {
+                hits.fill(0.0);
+                change.par_chunks_mut(1 << 16).for_each(|part| part.fill(ZERO));
+            }
+            _ => {
+                for lane in &step.lanes[dispatch.lanes.clone()] {
+                    overlap(&lane.pass, &lane.spans, hits);
+                }
+            }
+        });
+    }
+
+    fn state(&self, buffer: Buffer) -> Option<&[f32]> {
+        Some(match buffer {
+            Buffer::Phases => &self.phases,
+            Buffer::Momentum => &self.momentum,
+            Buffer::Second => &self.second,
+            Buffer::Field => bytemuck::cast_slice(&self.field),
+            Buffer::Change => bytemuck::cast_slice(&self.change),
+            Buffer::Hits => &self.hits,
+            Buffer::Transfer(i) => bytemuck::cast_slice(&self.slots.get(i)?.transfer),
+            Buffer::Window(i) => bytemuck::cast_slice(&self.slots.get(i)?.window),
+            Buffer::Image(i) => &self.slots.get(i)?.image,
+            Buffer::Target(i) => &self.slots.get(i)?.target,
+            Buffer::Accumulator(i) => &self.slots.get(i)?.accumulator,
+        })
+    }
+}
+
+impl Default for CpuEngine {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+type FrameBuffers<'a> = ((((&'a mut [f32], &'a mut [f32]), &'a mut [f32]), &'a mut [Complex32]), &'a mut [Complex32]);
+
+fn frames_of<T>(buffer: &mut [T], size: usize, frames: usize) -> Vec<&mut [T]> {
+    if buffer.is_empty() {
+        (0..frames).map(|_| Default::default()).collect()
+    } else {
+        buffer.chunks_exact_mut(size).collect()
+    }
+}
+
+fn is_framewise(kernel: Kernel) -> bool {
+    matches!(kernel, Kernel::PassPupil | Kernel::WindowInverse | Kernel::Weigh | Kernel::WindowForward)
+}
+
+fn window_fft(plans: &Plans, lane: &Lane, window: &mut [Complex32], direction: Direction) {
+    plans.fft(window, lane.window.rows, lane.window.columns, direction, lane.columns);
+}
+
+fn run_lane(kernel: Kernel, lane: &Lane, slot: &mut Slot, frames: usize, views: Option<&Pyramid>) {
+    let count = lane.count();
+    match kernel {
+        Kernel::Transfer => {
+            slot.transfer.resize(count, ZERO);
+            transfer(&lane.transfer, &lane.spans, &mut slot.transfer);
+        }
+        Kernel::Photograph => {
+            let (Some(shot), Some(views)) = (&lane.shot, views) else { return };
+            let (height, width) = (shot.args.height as usize, shot.args.width as usize);
+            slot.accumulator.resize(height * width, 0.0);
+            let views = &views.levels[shot.level].views;
+            let band = if height * width < SPLIT { height } else { height.div_ceil(8).max(16) };
+            slot.accumulator.par_chunks_mut(band * width).enumerate().for_each(|(i, rows)| {
+                photograph(&shot.args, views, &shot.taps, i * band, rows);
+            });
+        }
+        Kernel::Resample => {
+            let Some(shot) = &lane.shot else { return };
+            slot.target.resize(count, 0.0);
+            let Slot { target, accumulator, scratch, .. } = slot;
+            resample(&shot.resample, accumulator, &shot.rows, &shot.columns, target, scratch);
+        }
+        Kernel::Intensity => {
+            slot.image.resize(count, 0.0);
+            let Slot { window, image, .. } = slot;
+            if frames * count < SPLIT {
+                return intensity(&lane.intensity, window, image);
+            }
+            // Bands of pixels, each over all sub-frames: the sum's order does not depend on the threads.
+            let band = count.div_ceil(16);
+            let window = &*window;
+            image.par_chunks_mut(band).enumerate().for_each(|(i, image)| {
+                let mut args = lane.intensity;
+                args.count = image.len() as u32;
+                args.frames = 1;
+                for f in 0..frames {
+                    args.accumulate = u32::from(f > 0 || lane.intensity.accumulate != 0);
+                    intensity(&args, &window[f * count + i * band..][..image.len()], image);
+                }
+            });
+        }
+        Kernel::Compare => slot.loss = compare(&lane.compare, &mut slot.image, &slot.target),
+        other => unreachable!("{} does not run over lanes", other.name()),
+    }
+}
+
+impl Engine for CpuEngine {
+    fn describe(&self) -> String {
+        format!("CPU, {} threads, {}", rayon::current_num_threads(), eyebox_kernels::simd_name())
+    }
+
+    fn load(&mut self, shape: &Shape, views: Option<Arc<Pyramid>>) -> Result<(), EngineError> {
+        let (pixels, points) = (shape.frames * shape.pixels(), shape.frames * shape.points());
+        let descends = shape.purpose != Purpose::View;
+        self.slots.clear();
+        self.views = views;
+        self.shape = *shape;
+        renew(&mut self.phases, pixels, "phases")?;
+        renew(&mut self.momentum, if descends { pixels } else { 0 }, "momentum")?;
+        renew(&mut self.second, if shape.purpose == Purpose::Adam { pixels } else { 0 }, "second moment")?;
+        renew(&mut self.field, points, "field")?;
+        renew(&mut self.change, if descends { points } else { 0 }, "change")?;
+        renew(&mut self.hits, if descends { shape.points() } else { 0 }, "hits")
+    }
+
+    fn write(&mut self, buffer: Buffer, data: &[f32]) -> Result<(), EngineError> {
+        let Self { phases, momentum, second, field, change, hits, slots, .. } = self;
+        let slot = |i: usize, slots: &mut Vec<Slot>| {
+            if slots.len() <= i {
+                slots.resize_with(i + 1, Slot::default);
+            }
+        };
+        let complex = |to: &mut Vec<Complex32>, fixed: bool| {
+            if fixed && 2 * to.len() != data.len() {
+                return Err((2 * to.len(), data.len()));
+            }
+            *to = bytemuck::cast_slice(data).to_vec();
+            Ok(())
+        };
+        let real = |to: &mut Vec<f32>, fixed: bool| {
+            if fixed && to.len() != data.len() {
+                return Err((to.len(), data.len()));
+            }
+            *to = data.to_vec();
+            Ok(())
+        };
+        let done = match buffer {
+            Buffer::Phases => real(phases, true),
+            Buffer::Momentum => real(momentum, true),
+            Buffer::Second => real(second, true),
+            Buffer::Hits => real(hits, true),
+            Buffer::Field => complex(field, true),
+            Buffer::Change => complex(change, true),
+            Buffer::Transfer(i) | Buffer::Window(i) | Buffer::Image(i) | Buffer::Target(i) | Buffer::Accumulator(i) => {
+                slot(i, slots);
+                let slot = &mut slots[i];
+                match buffer {
+                    Buffer::Transfer(_) => complex(&mut slot.transfer, false),
+                    Buffer::Window(_) => complex(&mut slot.window, false),
+                    Buffer::Image(_) => real(&mut slot.image, false),
+                    Buffer::Target(_) => real(&mut slot.target, false),
+                    _ => real(&mut slot.accumulator, false),
+                }
+            }
+        };
+        done.map_err(|(has, given)| EngineError::Mismatch {
+            reason: format!("{buffer:?} holds {has} values, {given} were given"),
+        })
+    }
+
+    fn read(&mut self, buffer: Buffer) -> Result<Vec<f32>, EngineError> {
+        match self.state(buffer) {
+            Some(data) => Ok(data.to_vec()),
+            None => Err(EngineError::Mismatch { reason: format!("{buffer:?} was never written") }),
+        }
+    }
+
+    fn run_part(&mut self, step: &Step, part: std::ops::Range<usize>) -> Result<Vec<f64>, EngineError> {
+        let mut losses = vec![0.0; step.lanes.len()];
+        let mut rest = &step.list[part];
+        while let [first, ..] = rest {
+            let scope = first.kernel.scope();
+            let same = |d: &&Dispatch| d.kernel.scope() == scope && (scope != Scope::Lanes || d.lanes == first.lanes);
+            let count = if scope == Scope::Whole { 1 } else { rest.iter().take_while(same).count() };
+            let (group, later) = rest.split_at(count);
+            rest = later;
+            match scope {
+                Scope::Whole => self.run_whole(step, first),
+                Scope::Frames => self.run_frames(step, group),
+                Scope::Lanes => {
+                    self.run_lanes(step, group)?;
+                    if group.iter().any(|d| d.kernel == Kernel::Compare) {
+                        for (loss, slot) in losses[first.lanes.clone()].iter_mut().zip(&self.slots) {
+                            *loss = slot.loss;
+                        }
+                    }
+                }
+            }
+        }
+        Ok(losses)
+    }
+
+    fn timings(&self) -> Vec<Timing> {
+        let one = |kernel: Kernel| {
+            let (calls, nanoseconds) = &self.clock.0[kernel as usize];
+            Timing { kernel, calls: calls.load(Relaxed), seconds: nanoseconds.load(Relaxed) as f64 * 1e-9 }
+        };
+        Kernel::ALL.into_iter().map(one).filter(|t| t.calls > 0).collect()
+    }
+
+    fn reset_timings(&mut self) {
+        self.clock = Clock::default();
+    }
+}
+
+fn renew<T: Clone + bytemuck::Zeroable>(buffer: &mut Vec<T>, length: usize, what: &str) -> Result<(), EngineError> {
+    buffer.clear();
+    buffer.shrink_to(length);
+    let wanted_mib = length * size_of::<T>() >> 20;
+    buffer.try_reserve_exact(length).map_err(|_| EngineError::OutOfMemory {
+        device: "host".into(),
+        what: what.into(),
+        wanted_mib,
+    })?;
+    buffer.resize(length, T::zeroed());
+    Ok(())
+}

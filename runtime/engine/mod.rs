@@ -3,15 +3,14 @@
 //! A [`Step`] is plain data: a short list of named kernels ([`Dispatch`]) and, per pupil, the arguments and tables that
 //! they take ([`Lane`]). Every engine runs the same list and keeps the same buffers ([`Buffer`]), so that a wrong
 //! kernel is found by running the list on one engine up to it and on the other after it.
-//! This room may import `optics`, the pyramid of views from `scene`, and the kernels.
-
-mod list;
+//! This room may import `plan` (the lists), the pyramid of views from `scene`, and the kernels.
 
 pub mod cpu;
 
-pub use list::{Buffer, Dispatch, Kernel, Lane, Purpose, Scope, Shape, Shot, Step, Timing};
+pub use crate::plan::{Buffer, Dispatch, Kernel, Lane, Purpose, Scope, Shape, Shot, Step, Timing};
 
 use crate::scene::Pyramid;
+use std::sync::Arc;
 
 /// What an engine can answer instead of a result.
 #[derive(Debug, thiserror::Error)]
@@ -77,7 +76,7 @@ pub trait Engine: Send {
     ///
     /// # Errors
     /// Out of memory, or a device that is too small.
-    fn load(&mut self, shape: &Shape, views: Option<&Pyramid>) -> Result<(), EngineError>;
+    fn load(&mut self, shape: &Shape, views: Option<Arc<Pyramid>>) -> Result<(), EngineError>;
 
     /// Fills a buffer (complex ones as pairs of float32).
     ///

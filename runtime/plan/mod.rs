@@ -1,1 +1,11 @@
-//! To come.
+//! What is to be computed, decided once, as plain data: nothing here touches a buffer or a device.
+//!
+//! [`List`](Step) and its parts say what an engine runs; [`Planner`] makes them from optics, pupils and a scene.
+//! May import `optics` and `scene`.
+
+mod lane;
+mod list;
+mod lists;
+
+pub use lane::{Comparison, Planner};
+pub use list::{Buffer, Dispatch, Kernel, Lane, Purpose, Scope, Shape, Shot, Step, Timing};

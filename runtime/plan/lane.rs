@@ -1,0 +1,167 @@
+//! From a pupil to what it needs: window, spans, taps, tables and the scales that make units right.
+
+use super::{Lane, Purpose, Shape, Shot};
+use crate::optics::{Optics, Padding, Pupil, Window, WindowFactor};
+use crate::scene::ViewGrid;
+use eyebox_kernels::{
+    compare, fft::Columns, intensity, modulate, pass_pupil, photograph, resample, resample::Table, transfer,
+};
+
+/// How an image is compared with its target.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Comparison {
+    /// One of the modes of the kernel `compare`.
+    pub mode: u32,
+    /// Exposure s (OPTICS 2).
+    pub exposure: f64,
+    /// Added to both sides of a ratio, in units of the target.
+    pub floor: f64,
+    /// Largest ratio of amplitudes.
+    pub limit: f64,
+    /// Pupils in the mini-batch, B.
+    pub batch: usize,
+}
+
+impl Default for Comparison {
+    fn default() -> Self {
+        // Floor and limit are the oracle's.
+        Self { mode: compare::PROJECTION, exposure: 1.0, floor: 1e-6, limit: 3.0, batch: 1 }
+    }
+}
+
+/// Everything about a solve that does not change from pupil to pupil, at one wavelength.
+#[derive(Debug, Clone)]
+pub struct Planner {
+    /// Optics over the SLM.
+    pub slm: Optics,
+    /// Optics over the grid: the SLM and its padding.
+    pub grid: Optics,
+    /// Sub-frames.
+    pub frames: usize,
+    /// How much of the spectrum a pupil is given.
+    pub factor: WindowFactor,
+    /// The views, and the sizes of their pyramid's levels (height, width); none where only the wave is looked at.
+    pub views: Option<(ViewGrid, Vec<(usize, usize)>)>,
+}
+
+impl Planner {
+    /// Without padding and without views.
+    pub fn new(slm: Optics, frames: usize, factor: WindowFactor) -> Self {
+        Self { slm, grid: slm, frames, factor, views: None }
+    }
+
+    /// With zeros around the SLM.
+    pub fn with_padding(self, padding: Padding) -> Self {
+        Self { grid: padding.grid(self.slm), ..self }
+    }
+
+    /// Where the SLM lies in the grid.
+    pub fn place(&self) -> modulate::Args {
+        modulate::Args {
+            height: self.slm.height as u32,
+            width: self.slm.width as u32,
+            grid_height: self.grid.height as u32,
+            grid_width: self.grid.width as u32,
+            top: ((self.grid.height - self.slm.height) / 2) as u32,
+            left: ((self.grid.width - self.slm.width) / 2) as u32,
+        }
+    }
+
+    /// The buffers that an engine needs.
+    pub fn shape(&self, purpose: Purpose) -> Shape {
+        Shape { frames: self.frames, place: self.place(), purpose }
+    }
+
+    /// What `pupil` needs. The scale of the way back makes `change` the wanted change of the field after an
+    /// unnormalised inverse for the projection, and the gradient G for the others (OPTICS 4, 6b).
+    pub fn lane(&self, pupil: &Pupil, comparison: &Comparison) -> Lane {
+        let grid = &self.grid;
+        let window = Window::new(grid, pupil, self.factor);
+        let spans = window.spans(grid, pupil);
+        let (points, count) = ((grid.height * grid.width) as f64, (window.rows * window.columns) as f64);
+        let share = grid.share(pupil.diameter);
+        let gain = 1.0 / (self.frames as f64 * share);
+        let pass = pass_pupil::Args {
+            grid_height: grid.height as u32,
+            grid_width: grid.width as u32,
+            y0: window.y0.rem_euclid(grid.height as i64) as u32,
+            x0: window.x0.rem_euclid(grid.width as i64) as u32,
+            rows: window.rows as u32,
+            columns: window.columns as u32,
+            scale: (1.0 / points) as f32,
+        };
+        let projects = comparison.mode == compare::PROJECTION;
+        let back = pass_pupil::Args { scale: (1.0 / if projects { count } else { points }) as f32, ..pass };
+        let weight = 2.0 * comparison.exposure * gain / (count * comparison.batch as f64);
+        let slope = |n: usize| (grid.wavelength / (n as f64 * grid.pitch)).powi(2);
+        Lane {
+            transfer: transfer::Args {
+                slope_y: slope(grid.height),
+                slope_x: slope(grid.width),
+                turns: pupil.depth / grid.wavelength,
+                y0: window.y0 as i32,
+                x0: window.x0 as i32,
+                rows: window.rows as u32,
+                columns: window.columns as u32,
+            },
+            columns: span_columns(&spans),
+            intensity: intensity::Args {
+                count: count as u32,
+                frames: self.frames as u32,
+                gain: gain as f32,
+                accumulate: 0,
+            },
+            compare: compare::Args {
+                count: count as u32,
+                mode: comparison.mode,
+                exposure: comparison.exposure as f32,
+                weight: weight as f32,
+                floor: comparison.floor as f32,
+                limit: comparison.limit as f32,
+            },
+            shot: self.shot(pupil, window),
+            window,
+            spans,
+            pass,
+            back,
+        }
+    }
+
+    fn shot(&self, pupil: &Pupil, window: Window) -> Option<Shot> {
+        let (views, levels) = self.views.as_ref()?;
+        let fits = |l: &(usize, usize)| l.0 >= window.rows && l.1 >= window.columns;
+        let level = levels.iter().rposition(fits).unwrap_or(0);
+        let (height, width) = levels[level];
+        let taps = views.taps(&self.grid, pupil, height, width);
+        let (rows, columns) = (Table::area(height, window.rows), Table::area(width, window.columns));
+        Some(Shot {
+            level,
+            args: photograph::Args {
+                height: height as u32,
+                width: width as u32,
+                taps: taps.len() as u32,
+                scale: 1.0,
+                accumulate: 0,
+            },
+            taps,
+            resample: resample::Args {
+                in_height: height as u32,
+                in_width: width as u32,
+                height: window.rows as u32,
+                width: window.columns as u32,
+                row_taps: rows.taps as u32,
+                column_taps: columns.taps as u32,
+            },
+            rows,
+            columns,
+        })
+    }
+}
+
+/// Columns of a window that its spans touch.
+fn span_columns(spans: &[[u32; 2]]) -> Columns {
+    let used = spans.iter().filter(|s| s[1] > s[0]);
+    let first = used.clone().map(|s| s[0]).min().unwrap_or(0);
+    let end = used.map(|s| s[1]).max().unwrap_or(0);
+    Columns { first: first as usize, count: (end - first) as usize }
+}

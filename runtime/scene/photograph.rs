@@ -1,0 +1,146 @@
+//! Which views a pupil takes its light from, and how far each is shifted (OPTICS 3).
+
+use crate::optics::{Optics, Pupil};
+use eyebox_kernels::photograph::Tap;
+
+/// Where the views stand in the pupil plane: square cells around a common centre.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ViewGrid {
+    /// Rows of views.
+    pub rows: usize,
+    /// Columns of views.
+    pub columns: usize,
+    /// Side of a cell (the view pitch), metres.
+    pub cell: f64,
+}
+
+impl ViewGrid {
+    /// Position (x, y) of view `index` (row-major), metres.
+    pub fn position(&self, index: usize) -> (f64, f64) {
+        let (r, c) = (index / self.columns, index % self.columns);
+        (
+            (c as f64 - (self.columns - 1) as f64 / 2.0) * self.cell,
+            (r as f64 - (self.rows - 1) as f64 / 2.0) * self.cell,
+        )
+    }
+
+    /// Share of the pupil's light per view, row-major, summing to one: the area of the disc in the view's cell.
+    /// A pupil that covers no cell at all sees the nearest view.
+    pub fn coverage(&self, pupil: &Pupil) -> Vec<(usize, f64)> {
+        let (r, half) = (pupil.diameter / 2.0, self.cell / 2.0);
+        let mut covered = Vec::new();
+        let mut nearest = (0, f64::INFINITY);
+        for index in 0..self.rows * self.columns {
+            let (x, y) = self.position(index);
+            let (x, y) = (x - pupil.x, y - pupil.y);
+            let area = disc_in_rectangle(r, [x - half, x + half], [y - half, y + half]);
+            if area > 0.0 {
+                covered.push((index, area));
+            }
+            if x * x + y * y < nearest.1 {
+                nearest = (index, x * x + y * y);
+            }
+        }
+        let sum: f64 = covered.iter().map(|c| c.1).sum();
+        if !sum.is_normal() {
+            return vec![(nearest.0, 1.0)];
+        }
+        covered.iter_mut().for_each(|c| c.1 /= sum);
+        covered
+    }
+
+    /// The taps of the photograph through `pupil` on a level of (height, width) samples of the grid of `optics`:
+    /// view v moves by `(z / f) q_v`, periodic on the grid.
+    pub fn taps(&self, optics: &Optics, pupil: &Pupil, height: usize, width: usize) -> Vec<Tap> {
+        let metres = pupil.depth / optics.focal_length;
+        let (per_row, per_column) = (
+            height as f64 / (optics.height as f64 * optics.pitch),
+            width as f64 / (optics.width as f64 * optics.pitch),
+        );
+        let split = |shift: f64, n: usize| {
+            let whole = shift.floor();
+            ((whole.rem_euclid(n as f64) as usize % n) as u32, (shift - whole) as f32)
+        };
+        let tap = |(index, weight): (usize, f64)| {
+            let (x, y) = self.position(index);
+            let (dy, fy) = split(metres * y * per_row, height);
+            let (dx, fx) = split(metres * x * per_column, width);
+            Tap { view: index as u32, weight: weight as f32, dy, dx, fy, fx }
+        };
+        self.coverage(pupil).into_iter().map(tap).collect()
+    }
+}
+
+/// Area of the disc of radius `r` around the origin inside a rectangle, exactly: the integral of the height between
+/// the points where the circle crosses the rectangle's sides.
+fn disc_in_rectangle(r: f64, x: [f64; 2], y: [f64; 2]) -> f64 {
+    let (low, high) = (x[0].max(-r), x[1].min(r));
+    if low >= high || y[0] >= r || y[1] <= -r {
+        return 0.0;
+    }
+    let mut ends = vec![low, high];
+    for side in y {
+        if side.abs() < r {
+            let crossing = ((r - side) * (r + side)).sqrt();
+            ends.extend([-crossing, crossing].into_iter().filter(|c| (low..high).contains(c)));
+        }
+    }
+    ends.sort_by(f64::total_cmp);
+    let circle = |x: f64| ((r - x) * (r + x)).max(0.0).sqrt();
+    let primitive = |x: f64| 0.5 * (x * circle(x) + r * r * (x / r).clamp(-1.0, 1.0).asin());
+    let piece = |a: f64, b: f64| {
+        let s = circle(0.5 * (a + b));
+        let arc = primitive(b) - primitive(a);
+        let top = if s < y[1] { arc } else { y[1] * (b - a) };
+        let bottom = if -s > y[0] { -arc } else { y[0] * (b - a) };
+        (top - bottom).max(0.0)
+    };
+    ends.windows(2).map(|e| piece(e[0], e[1])).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::f64::consts::PI;
+
+    proptest! {
+        #[test]
+        fn area_against_counting(r in 0.1..3.0f64, x in -3.0..3.0f64, y in -3.0..3.0f64, side in 0.1..4.0f64) {
+            let (xs, ys) = ([x, x + side], [y, y + side]);
+            let n = 300;
+            let at = |i: usize, from: f64| from + (i as f64 + 0.5) / n as f64 * side;
+            let inside = (0..n * n).filter(|i| at(i % n, x).powi(2) + at(i / n, y).powi(2) < r * r).count();
+            let counted = inside as f64 * (side / n as f64).powi(2);
+            let area = disc_in_rectangle(r, xs, ys);
+            prop_assert!((area - counted).abs() < 0.01 * side * (side + r), "{} {}", area, counted);
+        }
+
+        #[test]
+        fn cells_share_the_disc(x in -8.0..8.0f64, y in -8.0..8.0f64, d in 0.01..6.0f64) {
+            let grid = ViewGrid { rows: 9, columns: 9, cell: 22e-3 / 9.0 };
+            let pupil = Pupil::from_mm([x, y, d, 0.0]);
+            let half = grid.cell / 2.0;
+            let area: f64 = (0..81).map(|i| { let (qx, qy) = grid.position(i); disc_in_rectangle(d * 0.5e-3, [qx - half - pupil.x, qx + half - pupil.x], [qy - half - pupil.y, qy + half - pupil.y]) }).sum();
+            prop_assert!((area / (PI * (d * 0.5e-3).powi(2)) - 1.0).abs() < 1e-9);
+            prop_assert!((grid.coverage(&pupil).iter().map(|c| c.1).sum::<f64>() - 1.0).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn beyond_the_views_the_nearest_one_is_seen() {
+        let grid = ViewGrid { rows: 3, columns: 5, cell: 1e-3 };
+        assert_eq!(grid.coverage(&Pupil::from_mm([9.0, -9.0, 1.0, 0.0])), [(4, 1.0)]);
+    }
+
+    #[test]
+    fn shifts_follow_the_sign_of_the_optics() {
+        // (z / f) q: a view to the right, focused behind, moves right by z x / (f p) pixels.
+        let optics = Optics::new(20, 30, 8e-6, 520e-9, 0.4).unwrap();
+        let grid = ViewGrid { rows: 1, columns: 3, cell: 2e-3 };
+        let taps = grid.taps(&optics, &Pupil::from_mm([0.0, 0.0, 30.0, 4.0]), 20, 30);
+        let moves: Vec<f64> = taps.iter().map(|t| f64::from(t.dx) + f64::from(t.fx)).collect();
+        assert!((moves[2] - 2.5).abs() < 1e-6 && (moves[0] - 27.5).abs() < 1e-6, "{moves:?}");
+        assert!(taps.iter().all(|t| t.dy == 0 && t.fy == 0.0));
+    }
+}
