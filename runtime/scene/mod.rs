@@ -29,6 +29,7 @@
 //!
 //! Signs (OPTICS 3): columns of views follow +x of the pupil, rows +y; content of positive disparity is near.
 
+mod builtin;
 mod error;
 mod folder;
 mod light_field;
@@ -38,6 +39,7 @@ mod picture;
 mod resize;
 mod settings;
 
+pub use builtin::{BUILTINS, Builtin};
 pub use error::SceneError;
 pub use light_field::{Fit, LightField};
 pub use picture::srgb_to_linear;
@@ -103,6 +105,9 @@ impl<'a> Request<'a> {
 pub fn load(source: &str, request: &Request) -> Result<LightField, SceneError> {
     request.check()?;
     let display = request.display;
+    if let Some(name) = source.strip_prefix("builtin:") {
+        return builtin::load(name, request);
+    }
     let path = Path::new(source);
     if !path.exists() {
         return Err(SceneError::NotFound { path: source.into(), what: "folder, picture or built-in scene" });
