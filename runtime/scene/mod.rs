@@ -27,17 +27,24 @@
 //! Field Benchmark gives the number of views and the disparities, or a `gt_disp*.pfm` the disparities. PNG and JPEG
 //! are decoded by the sRGB curve, EXR is linear light already.
 //!
+//! **Pictures with a map.** An 8- or 16-bit picture as a map is bright where it is near; its smallest and largest value
+//! mean the ends of [`Request::depth`]. A `.pfm` or `.npy` map holds disparities, in pixels between neighbouring views
+//! at the picture's own resolution, if its name contains `disp`; else it counts like a picture, larger being nearer.
+//!
 //! Signs (OPTICS 3): columns of views follow +x of the pupil, rows +y; content of positive disparity is near.
 
 mod builtin;
 mod error;
 mod folder;
 mod light_field;
+mod map;
 mod names;
 mod pfm;
 mod picture;
+mod reproject;
 mod resize;
 mod settings;
+mod single;
 
 pub use builtin::{BUILTINS, Builtin};
 pub use error::SceneError;
@@ -60,7 +67,8 @@ pub struct Request<'a> {
     pub views: usize,
     /// The depth or disparity map of a single picture.
     pub depth_map: Option<&'a Path>,
-    /// Farthest and nearest depth that a depth map's range means, metres.
+    /// Metres: the depths that the smallest and the largest value of a depth map mean. A map that is dark where it is
+    /// near takes the nearer depth first. Left out: as deep as the built-in scenes, white near.
     pub depth: Option<[f64; 2]>,
 }
 
@@ -82,13 +90,9 @@ impl<'a> Request<'a> {
             let pitch = self.view_pitch.unwrap_or_default() * 1e3;
             return wrong("the view pitch (mm)", pitch.to_string(), "a positive, finite number");
         }
-        if self.depth.is_some_and(|[a, b]| !(a.is_finite() && b.is_finite() && a <= b)) {
+        if self.depth.is_some_and(|[a, b]| !(a.is_finite() && b.is_finite())) {
             let depth = self.depth.unwrap_or_default().map(|v| v * 1e3);
-            return wrong(
-                "the depth range (mm)",
-                format!("{depth:?}"),
-                "two finite numbers, the farther (smaller) first",
-            );
+            return wrong("the depth range (mm)", format!("{depth:?}"), "two finite numbers");
         }
         let [height, width] = [self.display.height, self.display.width];
         if !(1..=65536).contains(&height) || !(1..=65536).contains(&width) {
@@ -105,12 +109,23 @@ impl<'a> Request<'a> {
 pub fn load(source: &str, request: &Request) -> Result<LightField, SceneError> {
     request.check()?;
     let display = request.display;
-    if let Some(name) = source.strip_prefix("builtin:") {
+    let built_in = source.strip_prefix("builtin:");
+    let path = Path::new(source);
+    if let (Some(map), true) = (request.depth_map, built_in.is_some() || path.is_dir()) {
+        return Err(SceneError::Request {
+            what: "the depth map",
+            value: map.display().to_string(),
+            must: "left out: this scene has views of its own; a map belongs to a single picture",
+        });
+    }
+    if let Some(name) = built_in {
         return builtin::load(name, request);
     }
-    let path = Path::new(source);
     if !path.exists() {
         return Err(SceneError::NotFound { path: source.into(), what: "folder, picture or built-in scene" });
+    }
+    if !path.is_dir() {
+        return single::load(path, request);
     }
     let mut field = folder::load(path, request.colors)?;
     if request.view_pitch.is_some() {

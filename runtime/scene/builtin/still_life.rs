@@ -53,7 +53,7 @@ impl Mood {
                 let (dx, dy) = ((x + 0.05) / 0.85, (y - 0.2) / 0.62);
                 0.006 + (0.02 + 0.85 * soft * soft) * (-1.7 * (dx * dx + dy * dy)).exp()
             }
-            Self::Studio => 0.46 + 0.2 * around + 0.62 * soft,
+            Self::Studio => 0.30 + 0.15 * around + 0.46 * soft,
         }
     }
 }
