@@ -22,12 +22,10 @@ pub(super) struct Map {
 pub(super) fn read(path: &Path) -> Result<Map, SceneError> {
     let name = path.file_name().map_or(String::new(), |n| n.to_string_lossy().to_lowercase());
     let corrupt = |reason: String| SceneError::Corrupt { file: path.display().to_string(), reason };
-    let bytes = || {
-        if path.is_dir() {
-            return Err(corrupt("a folder, not a depth map".into()));
-        }
-        fs::read(path).map_err(|e| settings::unreadable(path, &e))
-    };
+    if path.is_dir() {
+        return Err(corrupt("a folder, not a depth map".into()));
+    }
+    let bytes = || fs::read(path).map_err(|e| settings::unreadable(path, &e));
     let map = if name.ends_with(".pfm") {
         let map = pfm::parse(&bytes()?).map_err(corrupt)?;
         Map { height: map.height, width: map.width, values: map.values, is_disparity: name.contains("disp") }
@@ -53,6 +51,17 @@ pub(super) fn read(path: &Path) -> Result<Map, SceneError> {
 /// The two axes and the values of an .npy file of floats or unsigned integers.
 fn npy(bytes: &[u8]) -> Result<([usize; 2], Vec<f32>), String> {
     use npyz::{DType, NpyFile, Order};
+    // Nor is the header's own length believed.
+    let length = match bytes {
+        [0x93, b'N', b'U', b'M', b'P', b'Y', 1, _, a, b, ..] => u64::from(u16::from_le_bytes([*a, *b])),
+        [0x93, b'N', b'U', b'M', b'P', b'Y', 2 | 3, _, a, b, c, d, ..] => {
+            u64::from(u32::from_le_bytes([*a, *b, *c, *d]))
+        }
+        _ => return Err("not an .npy file: it does not begin with \\x93NUMPY and a version".into()),
+    };
+    if length > bytes.len() as u64 {
+        return Err(format!("its header should have {length} bytes, the file has {}", bytes.len()));
+    }
     let file = NpyFile::new(Cursor::new(bytes)).map_err(|e| format!("not an .npy file: {e}"))?;
     let &[rows, columns] = file.shape() else {
         return Err(format!("an array of {} axes: a depth map has two (rows, columns)", file.shape().len()));

@@ -46,6 +46,9 @@ mod resize;
 mod settings;
 mod single;
 
+#[cfg(test)]
+mod tests;
+
 pub use builtin::{BUILTINS, Builtin};
 pub use error::SceneError;
 pub use light_field::{Fit, LightField};

@@ -2,7 +2,7 @@
 
 use super::SceneError;
 use crate::optics::Color;
-use image::{DynamicImage, ImageReader, Limits};
+use image::{DynamicImage, ImageFormat, ImageReader, Limits};
 use serde::Deserialize;
 use std::{fs::File, io::BufReader, path::Path, sync::OnceLock};
 
@@ -16,7 +16,7 @@ pub(super) enum Transfer {
     Linear,
 }
 
-/// Planes of one picture, in the order of the colours asked for.
+/// One picture: its rows, its columns, and its planes in the order of the colours asked for.
 pub(super) struct Picture {
     pub height: usize,
     pub width: usize,
@@ -29,16 +29,12 @@ pub fn srgb_to_linear(v: f64) -> f64 {
 }
 
 fn open(path: &Path) -> Result<ImageReader<BufReader<File>>, SceneError> {
-    let file = path.display().to_string();
-    let unreadable = |e: std::io::Error| match e.kind() {
-        std::io::ErrorKind::NotFound => SceneError::NotFound { path: file.clone(), what: "file" },
-        _ => SceneError::Unreadable { path: file.clone(), reason: e.to_string() },
-    };
+    let unreadable = |e: std::io::Error| super::settings::unreadable(path, &e);
     let mut reader = ImageReader::open(path).and_then(|r| r.with_guessed_format()).map_err(unreadable)?;
     let mut limits = Limits::default();
     limits.max_image_width = Some(65536);
     limits.max_image_height = Some(65536);
-    limits.max_alloc = Some(2 << 30);
+    limits.max_alloc = Some(1 << 30);
     reader.limits(limits);
     Ok(reader)
 }
@@ -55,7 +51,19 @@ pub(super) fn size(path: &Path) -> Result<[usize; 2], SceneError> {
 
 /// Decodes a file; nothing is converted yet.
 pub(super) fn decode(path: &Path) -> Result<DynamicImage, SceneError> {
-    open(path)?.decode().map_err(|e| corrupt(path, e))
+    let reader = open(path)?;
+    if reader.format() == Some(ImageFormat::Jpeg) && !jpeg_ends(path)? {
+        return Err(corrupt(path, "the file is cut short: a JPEG must reach its end marker"));
+    }
+    reader.decode().map_err(|e| corrupt(path, e))
+}
+
+/// Whether a JPEG's last scan is closed: decoders fill what is missing with grey and say nothing.
+fn jpeg_ends(path: &Path) -> Result<bool, SceneError> {
+    let bytes = std::fs::read(path).map_err(|e| super::settings::unreadable(path, &e))?;
+    // Inside a scan, 0xff is never followed by these.
+    let last_scan = bytes.windows(2).rposition(|b| b == [0xff, 0xda]).unwrap_or(0);
+    Ok(bytes[last_scan..].windows(2).any(|b| b == [0xff, 0xd9]))
 }
 
 /// Reads the planes of `colors` from a PNG, JPEG or EXR file. A grey picture gives the same plane for each colour;

@@ -11,26 +11,34 @@ use rayon::prelude::*;
 /// A difference of disparity that opens more than this many pixels in the outermost view is a tear.
 const TEAR: f32 = 1.5;
 
+/// Colours of a picture: all three, for they tell together what is mixed of what.
+const C: usize = 3;
+
+/// A pixel's neighbours, the closest first.
+const AROUND: [(i64, i64); 8] = [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)];
+
 /// A picture with disparities, ready to be seen from any view.
-pub(super) struct Relief<const C: usize> {
+pub(super) struct Relief {
     height: usize,
     width: usize,
     /// From near to far.
-    pieces: Vec<Piece<C>>,
+    pieces: Vec<Piece>,
 }
 
 /// A pixel's piece of surface.
-struct Piece<const C: usize> {
+struct Piece {
     x: f32,
     y: f32,
     disparity: f32,
     /// Disparities of its left, right, upper and lower edge.
     edges: [f32; 4],
+    /// Share of its area that it covers.
+    opacity: f32,
     color: [f32; C],
 }
 
 /// The picture and its disparities, continued beyond the frame by mirroring.
-struct Padded<const C: usize> {
+struct Padded {
     height: usize,
     width: usize,
     pad: usize,
@@ -40,12 +48,7 @@ struct Padded<const C: usize> {
 
 /// `disparity` is in pixels between neighbouring views (positive towards the camera); the outermost view is `reach`
 /// views from the centre. Each plane is `height * width`.
-pub(super) fn relief<const C: usize>(
-    planes: &[Vec<f32>],
-    disparity: &[f32],
-    [height, width]: [usize; 2],
-    reach: f32,
-) -> Relief<C> {
+pub(super) fn relief(planes: &[Vec<f32>], disparity: &[f32], [height, width]: [usize; 2], reach: f32) -> Relief {
     let tear = TEAR / reach.max(0.5);
     let mut sharp = disparity.to_vec();
     for _ in 0..2 {
@@ -53,9 +56,11 @@ pub(super) fn relief<const C: usize>(
     }
     let (low, high) = sharp.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), &v| (a.min(v), b.max(v)));
     let pad = (low.abs().max(high.abs()) * reach).ceil() as usize + 2;
-    let front = Padded::new(planes, &sharp, height, width, pad);
+    let mut front = Padded::new(planes, &sharp, height, width, pad);
+    let fringe = front.unmix(tear);
     let hidden = front.behind(((high - low) * reach).ceil() as usize + 2, tear);
-    let mut pieces = Vec::with_capacity(front.disparity.len());
+    let mut pieces = Vec::with_capacity(front.disparity.len() + fringe.len());
+    pieces.extend(fringe);
     front.cut(&front.disparity, |_| true, &front.color, tear, &mut pieces);
     // The far layer: what is seen where nothing stands in front, what was continued behind what does.
     let far: Vec<f32> = hidden.iter().zip(&front.disparity).map(|(h, &d)| h.map_or(d, |(d, _)| d)).collect();
@@ -87,7 +92,7 @@ fn snap(values: &[f32], height: usize, width: usize, tear: f32) -> Vec<f32> {
     out
 }
 
-impl<const C: usize> Padded<C> {
+impl Padded {
     fn new(planes: &[Vec<f32>], disparity: &[f32], height: usize, width: usize, pad: usize) -> Self {
         let mirror = |i: usize, n: usize| {
             let period = 2 * n as i64;
@@ -113,11 +118,54 @@ impl<const C: usize> Padded<C> {
         padded
     }
 
+    /// A pixel on the far rim of a tear often holds some of the near side's colour, for pictures are smooth and maps
+    /// are not. Takes it out, and returns it as pieces of the near surface that cover as much of the pixel as they
+    /// did: the picture from the centre stays what it was.
+    fn unmix(&mut self, tear: f32) -> Vec<Piece> {
+        let (h, w) = (self.height as i64, self.width as i64);
+        let at = |x: i64, y: i64| ((0..w).contains(&x) && (0..h).contains(&y)).then(|| (y * w + x) as usize);
+        let found: Vec<(usize, [f32; C], Piece)> = (0..self.disparity.len())
+            .into_par_iter()
+            .filter_map(|p| {
+                let here = self.disparity[p];
+                let (x, y) = (p as i64 % w, p as i64 / w);
+                let rises = |&(dx, dy): &(i64, i64)| at(x + dx, y + dy).filter(|&q| self.disparity[q] > here + tear);
+                let (&(dx, dy), near) = AROUND.iter().find_map(|d| Some((d, rises(d)?)))?;
+                let level = self.disparity[near];
+                let alike = |q: &usize, depth: f32| (self.disparity[*q] - depth).abs() <= tear;
+                // Pure colours: one pixel further in, two further out.
+                let front = self.color[at(x + 2 * dx, y + 2 * dy).filter(|q| alike(q, level)).unwrap_or(near)];
+                let clean = |k: i64| at(x - k * dx, y - k * dy).filter(|q| alike(q, here));
+                let back = self.color[clean(2).or_else(|| clean(1))?];
+                // This colour = back + share (front - back), as nearly as it can be.
+                let (mut dot, mut norm) = (0.0, 0.0);
+                for k in 0..C {
+                    dot += (self.color[p][k] - back[k]) * (front[k] - back[k]);
+                    norm += (front[k] - back[k]).powi(2);
+                }
+                // Less than half of it is near, or the map would say so. And it must be such a mixture: texture is not.
+                let share = (dot / norm.max(1e-6)).min(0.6);
+                let rest = |k: usize| self.color[p][k] - back[k] - share * (front[k] - back[k]);
+                let strange: f32 = (0..C).map(|k| rest(k).powi(2)).sum();
+                if share < 0.03 || strange > 0.05 * share * share * norm {
+                    return None;
+                }
+                let [x, y] = [x, y].map(|v| v as f32 - self.pad as f32);
+                Some((p, back, Piece { x, y, disparity: level, edges: [level; 4], opacity: share, color: front }))
+            })
+            .collect();
+        let mut pieces = Vec::with_capacity(found.len());
+        for (p, back, piece) in found {
+            self.color[p] = back;
+            pieces.push(piece);
+        }
+        pieces
+    }
+
     /// For pixels within `reach` of a tear on its near side: disparity and colour of the far surface behind them.
     fn behind(&self, reach: usize, tear: f32) -> Vec<Option<(f32, [f32; C])>> {
         let (h, w) = (self.height as i64, self.width as i64);
         let at = |x: i64, y: i64| ((0..w).contains(&x) && (0..h).contains(&y)).then(|| (y * w + x) as usize);
-        const AROUND: [(i64, i64); 8] = [(-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1)];
         // The far rim of a tear.
         let rim: Vec<bool> = (0..self.disparity.len())
             .into_par_iter()
@@ -156,17 +204,32 @@ impl<const C: usize> Padded<C> {
             let (rx, ry) = (rim as i64 % w, rim as i64 / w);
             let depth = self.disparity[rim];
             let same = |q: &usize| (self.disparity[*q] - depth).abs() <= tear;
-            // Its mirror image behind the rim, a pixel further out: colours right at an outline are mixed.
+            // Its mirror image behind the rim, a little further out: colours right at an outline are mixed.
             let length = (((rx - px).pow(2) + (ry - py).pow(2)) as f64).sqrt();
             let out = |steps: f64| {
                 let along = |from: i64, to: i64| from + ((to - from) as f64 / length * steps).round() as i64;
                 at(along(px, rx), along(py, ry)).filter(same)
             };
-            let from =
-                out(2.0 * length + 1.0).or_else(|| out(length + 2.0)).or_else(|| out(length + 1.0)).unwrap_or(rim);
+            let tries = [2.0 * length + 2.0, 1.5 * length + 2.0, length + 3.0, length + 2.0, length + 1.0];
+            let from = tries.into_iter().find_map(out).unwrap_or(rim);
             Some((depth, self.color[from]))
         };
-        nearest.par_iter().enumerate().map(fill).collect()
+        let filled: Vec<Option<(f32, [f32; C])>> = nearest.par_iter().enumerate().map(fill).collect();
+        // Neighbours mirrored at different rims can be strangers: averaged over 3 x 3, they make no lines.
+        let soften = |p: usize| {
+            let (depth, color) = filled[p]?;
+            let (x, y) = (p as i64 % w, p as i64 / w);
+            let (mut sum, mut count) = (color, 1.0);
+            for (dx, dy) in AROUND {
+                let Some((d, c)) = at(x + dx, y + dy).and_then(|q| filled[q]) else { continue };
+                if (d - depth).abs() <= tear {
+                    sum.iter_mut().zip(c).for_each(|(s, c)| *s += c);
+                    count += 1.0;
+                }
+            }
+            Some((depth, sum.map(|s| s / count)))
+        };
+        (0..filled.len()).into_par_iter().map(soften).collect()
     }
 
     /// Cuts a layer into pieces: pixels for which `wanted` says so, joined to their neighbours in the layer.
@@ -176,7 +239,7 @@ impl<const C: usize> Padded<C> {
         wanted: impl Fn(usize) -> bool,
         color: &[[f32; C]],
         tear: f32,
-        pieces: &mut Vec<Piece<C>>,
+        pieces: &mut Vec<Piece>,
     ) {
         let (h, w) = (self.height, self.width);
         for y in 0..h {
@@ -196,13 +259,13 @@ impl<const C: usize> Padded<C> {
                     edge(y + 1 < h, p + w),
                 ];
                 let [x, y] = [x, y].map(|v| v as f32 - self.pad as f32);
-                pieces.push(Piece { x, y, disparity: here, edges, color: color[p] });
+                pieces.push(Piece { x, y, disparity: here, edges, opacity: 1.0, color: color[p] });
             }
         }
     }
 }
 
-impl<const C: usize> Relief<C> {
+impl Relief {
     /// The picture as seen `u` columns and `v` rows of views from the centre: one plane per colour.
     pub fn view(&self, u: f32, v: f32) -> Vec<Vec<f32>> {
         let (h, w) = (self.height, self.width);
@@ -226,7 +289,8 @@ impl<const C: usize> Relief<C> {
                         continue;
                     }
                     // A hundredth more than its area: where a surface bends both ways, pieces tile only nearly.
-                    let share = (tall * (right.min(i as f32 + 1.0) - left.max(i as f32)) * 1.01).min(free);
+                    let area = tall * (right.min(i as f32 + 1.0) - left.max(i as f32)) * piece.opacity;
+                    let share = (area * 1.01).min(free);
                     covered[p] += share;
                     depth[p] += share * piece.disparity;
                     color[p].iter_mut().zip(piece.color).for_each(|(c, k)| *c += share * k);

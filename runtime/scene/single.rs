@@ -7,6 +7,7 @@ use super::{
     reproject::relief,
     resize::Resize,
 };
+use crate::optics::{Color, Display};
 use rayon::prelude::*;
 use std::path::Path;
 
@@ -18,7 +19,7 @@ use std::path::Path;
 pub(super) fn load(path: &Path, request: &Request) -> Result<LightField, SceneError> {
     let map_path = request.depth_map.ok_or_else(|| SceneError::NoDepthMap { file: path.display().to_string() })?;
     let map = map::read(map_path)?;
-    let picture = picture::read(path, request.colors, None)?;
+    let picture = picture::read(path, &[Color::Red, Color::Green, Color::Blue], None)?;
     if (map.height, map.width) != (picture.height, picture.width) {
         return Err(SceneError::Size {
             file: map_path.display().to_string(),
@@ -55,11 +56,19 @@ pub(super) fn load(path: &Path, request: &Request) -> Result<LightField, SceneEr
 
     let size = [height, width];
     let place = Resize::new(size, [display.height, display.width], Fit::Contain);
-    let planes = match planes.len() {
-        1 => views::<1>(&planes, &disparity, size, n, &place),
-        2 => views::<2>(&planes, &disparity, size, n, &place),
-        _ => views::<3>(&planes, &disparity, size, n, &place),
-    };
+    let middle = (n as f32 - 1.0) / 2.0;
+    let relief = relief(&planes, &disparity, size, middle);
+    let views: Vec<Vec<Vec<f32>>> = (0..n * n)
+        .into_par_iter()
+        .map(|k| {
+            let view = relief.view((k % n) as f32 - middle, (k / n) as f32 - middle);
+            request.colors.iter().map(|color| place.apply(&view[color.channel()])).collect()
+        })
+        .collect();
+    let mut planes: Vec<Vec<Vec<f32>>> = request.colors.iter().map(|_| Vec::with_capacity(n * n)).collect();
+    for view in views {
+        planes.iter_mut().zip(view).for_each(|(plane, view)| plane.push(view));
+    }
     let per_pixel = display.focal_length * display.pitch / cell;
     Ok(LightField {
         name: path.file_stem().map_or("picture".into(), |n| n.to_string_lossy().into_owned()),
@@ -82,7 +91,7 @@ fn disparities(
     reach: f64,
     range: [f64; 2],
     cell: f64,
-    display: &crate::optics::Display,
+    display: &Display,
 ) -> (Vec<f32>, [f64; 2]) {
     let ends = |v: &[f32]| v.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |e, &v| [e[0].min(v), e[1].max(v)]);
     let [low, high] = ends(&map.values).map(f64::from);
@@ -100,27 +109,4 @@ fn disparities(
     let disparity: Vec<f32> = resized.into_iter().map(|v| (first + (f64::from(v) - low) * gain) as f32).collect();
     let found = ends(&disparity).map(f64::from);
     (disparity, found)
-}
-
-fn views<const C: usize>(
-    planes: &[Vec<f32>],
-    disparity: &[f32],
-    size: [usize; 2],
-    n: usize,
-    place: &Resize,
-) -> Vec<Vec<Vec<f32>>> {
-    let middle = (n as f32 - 1.0) / 2.0;
-    let relief = relief::<C>(planes, disparity, size, middle);
-    let views: Vec<Vec<Vec<f32>>> = (0..n * n)
-        .into_par_iter()
-        .map(|k| {
-            let view = relief.view((k % n) as f32 - middle, (k / n) as f32 - middle);
-            view.iter().map(|plane| place.apply(plane)).collect()
-        })
-        .collect();
-    let mut planes: Vec<Vec<Vec<f32>>> = (0..C).map(|_| Vec::with_capacity(n * n)).collect();
-    for view in views {
-        planes.iter_mut().zip(view).for_each(|(plane, view)| plane.push(view));
-    }
-    planes
 }

@@ -109,14 +109,12 @@ pub(super) fn load(source: &str, request: &Request) -> Result<LightField, SceneE
     // Pixels per view that content at the near end of the span moves (OPTICS 3), then scene units.
     let disparity = unit * cell / (display.focal_length * display.pitch);
     let step = disparity * f64::from(canvas.pixel());
-    if step * (n as f64 - 1.0) / 2.0 > 0.25 {
+    // Textures are made as far as views see them; and beyond this, the cloth would be seen from below.
+    let limit = if name == "plane" { f64::max(1.0, 16.0 * f64::from(canvas.pixel())) } else { 0.4 };
+    if step * (n as f64 - 1.0) / 2.0 > limit {
         let value = format!("{:.3}", cell * 1e3);
-        return Err(SceneError::Request {
-            what: "the view pitch (mm)",
-            value,
-            must: "smaller at these depths: the outer views would see content displaced by more than an eighth of the \
-                   picture",
-        });
+        let must = "smaller at these depths: the outer views would see content displaced out of the picture";
+        return Err(SceneError::Request { what: "the view pitch (mm)", value, must });
     }
     let middle = (n as f64 - 1.0) / 2.0;
     let tilt = |i: usize| ((i as f64 - middle) * step) as f32;

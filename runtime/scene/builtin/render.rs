@@ -263,3 +263,65 @@ fn draw_blade<const N: usize>(
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::builtin::texture::rgb;
+
+    /// A white strip at z = 1 from x = -0.25 to 0.25 in front of a grey wall at z = -1, half of it bright.
+    fn strip() -> Vec<Item> {
+        let wall = |x: f32, _| if x < 0.0 { rgb(0.1, 0.1, 0.1) } else { rgb(0.3, 0.3, 0.3) };
+        let everywhere = [-9.0, -9.0, 9.0, 9.0];
+        vec![
+            Item::Surface { shape: Shape::Card { z: -1.0 }, area: everywhere, texture: Box::new(wall) },
+            Item::Surface {
+                shape: Shape::Card { z: 1.0 },
+                area: [-0.25, -9.0, 0.25, 9.0],
+                texture: Box::new(|_, _| rgb(1.0, 1.0, 1.0)),
+            },
+        ]
+    }
+
+    #[test]
+    fn nearer_covers_farther_and_each_moves_by_its_depth() {
+        let canvas = Canvas { height: 40, width: 60 };
+        // Scene units to pixels: 20. A tilt of 0.2 moves the strip by -4 and the wall by +4 pixels.
+        for (tilt, moved) in [(0.0, 0i32), (0.2, -4), (-0.2, 4)] {
+            let view = &render(canvas, &strip(), &[[tilt, 0.0]], &[Color::Green])[0][0];
+            let row = &view[20 * 60..21 * 60];
+            for (i, &value) in row.iter().enumerate() {
+                let x = i as i32;
+                let inside = (25 + moved..35 + moved).contains(&x);
+                // The texture's edges take a pixel; the strip's and the wall's own are passed over.
+                if [25 + moved, 35 + moved, 30 - moved].iter().any(|e| (x - e).abs() <= 1) {
+                    continue;
+                }
+                let wanted = if inside {
+                    1.0
+                } else if x < 30 - moved {
+                    0.1
+                } else {
+                    0.3
+                };
+                assert!((value - wanted).abs() < 1e-4, "tilt {tilt}, column {i}: {value}, not {wanted}");
+            }
+            // No light is lost or made at the edges.
+            let strip: f32 = row.iter().zip(0i32..).map(|(v, x)| if x < 30 - moved { v - 0.1 } else { v - 0.3 }).sum();
+            let over = (25 + moved..35 + moved).map(|x| if x < 30 - moved { 0.9 } else { 0.7 }).sum::<f32>();
+            assert!((strip - over).abs() < 0.05, "{strip} {over}");
+        }
+        let rows = &render(canvas, &strip(), &[[0.0, 0.2]], &[Color::Green])[0][0];
+        let same = rows[..60].iter().zip(&rows[60 * 20..]).all(|(a, b)| (a - b).abs() < 1e-5);
+        assert!(same, "a tilt along y moves nothing along x");
+    }
+
+    #[test]
+    fn fine_texture_is_averaged_not_aliased() {
+        let fine = |x: f32, _| if (x * 27.2).rem_euclid(1.0) < 0.5 { rgb(1.0, 1.0, 1.0) } else { rgb(0.0, 0.0, 0.0) };
+        let item =
+            Item::Surface { shape: Shape::Card { z: 0.0 }, area: [-9.0, -9.0, 9.0, 9.0], texture: Box::new(fine) };
+        let view = &render(Canvas { height: 32, width: 32 }, &[item], &[[0.0; 2]], &[Color::Red])[0][0];
+        assert!(view.iter().all(|v| (0.1..0.9).contains(v)), "{:?}", &view[..32]);
+    }
+}

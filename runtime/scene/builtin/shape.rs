@@ -166,3 +166,61 @@ impl Blade {
         Some(BladeRow { x, half: self.width * (1.0 - t * t), along: t })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The ray of the view tilted by `m` through `(x, y)`: back to (x + z m). A hit must be on it and on the surface.
+    fn depth_of(hit: Hit, x: f32, y: f32, m: [f32; 2]) -> f32 {
+        let z = (hit.x - x) / m[0];
+        assert!((z - (hit.y - y) / m[1]).abs() < 1e-3, "{hit:?} is not on the ray");
+        z
+    }
+
+    const M: [f32; 2] = [0.03, -0.05];
+
+    #[test]
+    fn rays_meet_surfaces_where_they_are() {
+        let card = Shape::Card { z: 0.7 }.meet(0.1, 0.2, M, 1e-3).unwrap();
+        assert!((depth_of(card, 0.1, 0.2, M) - 0.7).abs() < 1e-4);
+
+        let slope = Shape::Slope { at_zero: -0.3, slope: 2.0 }.meet(0.1, 0.2, M, 1e-3).unwrap();
+        assert!((depth_of(slope, 0.1, 0.2, M) - (-0.3 + 2.0 * slope.y)).abs() < 1e-4);
+
+        let (center, radii) = ([0.2f32, -0.1, 0.4], [0.5f32, 0.3]);
+        let ball = Shape::Ball { center, radii };
+        for (x, y) in [(0.2, -0.1), (0.5, 0.0), (-0.1, -0.25)] {
+            let hit = ball.meet(x, y, M, 1e-3).unwrap();
+            let z = depth_of(hit, x, y, M);
+            let sum =
+                ((hit.x - 0.2) / 0.5).powi(2) + ((hit.y + 0.1) / 0.3).powi(2) + ((z - 0.4) / (0.5 * ROUND)).powi(2);
+            assert!((sum - 1.0).abs() < 2e-3 && z > 0.4, "{sum} {z}");
+            assert_eq!(hit.coverage, 1.0);
+        }
+        // Its outline stands where its centre's depth puts it, half covered, and beyond there is nothing.
+        let edge = |dx: f32| ball.meet(0.2 - 0.4 * M[0] + dx, -0.1 - 0.4 * M[1], M, 1e-2);
+        assert!((edge(0.5).unwrap().coverage - 0.5).abs() < 0.05);
+        assert!(edge(0.52).is_none() && edge(-0.52).is_none() && edge(0.48).unwrap().coverage == 1.0);
+
+        let turned = Shape::Turned { axis: [0.2, -0.5], radius: |y| 0.3 + 0.1 * y };
+        let hit = turned.meet(0.3, 0.1, M, 1e-3).unwrap();
+        let z = depth_of(hit, 0.3, 0.1, M);
+        let r = 0.3 + 0.1 * hit.y;
+        let sum = ((hit.x - 0.2) / r).powi(2) + ((z + 0.5) / (r * ROUND)).powi(2);
+        assert!((sum - 1.0).abs() < 2e-3 && z > -0.5, "{sum} {z}");
+    }
+
+    #[test]
+    fn a_blade_is_displaced_by_the_depth_of_each_end() {
+        let blade =
+            Blade { root: [0.1, 0.9, 0.8], tip: [0.3, -0.2, -0.4], bend: 0.0, width: 0.02, colors: [[1.0; 3]; 2] };
+        let [top, bottom] = blade.rows(M);
+        let at_root = blade.row(bottom - 1e-4, M).unwrap();
+        let at_tip = blade.row(top + 1e-4, M).unwrap();
+        assert!((bottom - (0.9 - 0.8 * M[1])).abs() < 1e-5 && (at_root.x - (0.1 - 0.8 * M[0])).abs() < 1e-3);
+        assert!((top - (-0.2 + 0.4 * M[1])).abs() < 1e-5 && (at_tip.x - (0.3 + 0.4 * M[0])).abs() < 1e-3);
+        assert!((at_root.half - 0.02).abs() < 1e-4 && at_tip.half < 1e-3);
+        assert!(blade.row(bottom + 0.01, M).is_none());
+    }
+}
