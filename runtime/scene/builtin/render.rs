@@ -1,4 +1,4 @@
-//! Renders a scene's views: surfaces from far to near, each by its own projection, nearer covering farther.
+//! Renders a scene's views: each surface by its own projection, nearer covering farther.
 //!
 //! A surface's texture is made once, averaged over the area of a pixel and kept at half a pixel's spacing, so that
 //! every view may look it up between its texels. Its outline, the ray's meeting point and the width of a blade are
@@ -105,21 +105,22 @@ impl<const N: usize> Skin<N> {
         let top = area[1].max(-half[1] - margin) - pixel;
         let right = (area[2].min(half[0] + margin) + pixel).max(left + pixel);
         let bottom = (area[3].min(half[1] + margin) + pixel).max(top + pixel);
-        // Cells of half a pixel, four samples each.
+        // Cells of half a pixel, two samples each on alternating diagonals.
         let cell = pixel / 2.0;
         let columns = ((right - left) / cell).ceil() as usize + 1;
         let rows = ((bottom - top) / cell).ceil() as usize + 1;
         let mut cells = vec![[0.0f32; N]; rows * columns];
         cells.par_chunks_mut(columns).enumerate().for_each(|(j, row)| {
             for (i, out) in row.iter_mut().enumerate() {
-                for (dx, dy) in [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)] {
+                let turn = if (i + j) % 2 == 0 { 0.0 } else { 0.5 };
+                for (dx, dy) in [(0.25, 0.25 + turn), (0.75, 0.75 - turn)] {
                     let (x, y) = (left + (i as f32 + dx) * cell, top + (j as f32 + dy) * cell);
                     let outside = x < area[0] || x > area[2] || y < area[1] || y > area[3];
                     let paint = if outside { [0.0; 4] } else { texture(x, y) };
                     for (k, &channel) in channels.iter().enumerate() {
-                        out[k] += 0.25 * paint[channel].max(0.0) * paint[3];
+                        out[k] += 0.5 * paint[channel].max(0.0) * paint[3];
                     }
-                    out[N - 1] += 0.25 * paint[3];
+                    out[N - 1] += 0.5 * paint[3];
                 }
             }
         });
@@ -150,6 +151,9 @@ impl<const N: usize> Skin<N> {
         std::array::from_fn(|n| a[n] * wa + b[n] * wb + c[n] * wc + d[n] * wd)
     }
 }
+
+/// Less than this of what lies behind is nothing: a tenth of the last bit of an 8-bit picture.
+const OPAQUE: f32 = 4e-4;
 
 enum Ready<'a, const N: usize> {
     Surface(&'a Shape, [f32; 4], Skin<N>),
@@ -186,8 +190,11 @@ fn render_channels<const N: usize>(
     let views: Vec<Vec<Vec<f32>>> = tilts
         .par_iter()
         .map(|&m| {
-            let mut picture = vec![[0.0f32; N]; canvas.height * canvas.width];
-            for item in &ready {
+            // Colours so far, and how much of what lies behind still comes through: from near to far, what is covered
+            // costs nothing.
+            let clear: [f32; N] = std::array::from_fn(|k| f32::from(u8::from(k == N - 1)));
+            let mut picture = vec![clear; canvas.height * canvas.width];
+            for item in ready.iter().rev() {
                 match item {
                     Ready::Surface(shape, area, skin) => draw_surface(&canvas, &mut picture, shape, area, skin, m),
                     Ready::Blade(blade) => draw_blade(&canvas, &mut picture, blade, channels, m),
@@ -225,12 +232,16 @@ fn draw_surface<const N: usize>(
         let y = canvas.y(j);
         let row = &mut picture[j * canvas.width..][..canvas.width];
         for i in columns.clone() {
+            let through = row[i][N - 1];
+            if through < OPAQUE {
+                continue;
+            }
             let Some(hit) = shape.meet(canvas.x(i), y, m, canvas.pixel()) else { continue };
             let paint = skin.at(hit.x, hit.y);
-            let through = 1.0 - paint[N - 1] * hit.coverage;
-            for (under, over) in row[i].iter_mut().zip(paint) {
-                *under = *under * through + over * hit.coverage;
+            for (seen, paint) in row[i].iter_mut().zip(paint).take(N - 1) {
+                *seen += paint * hit.coverage * through;
             }
+            row[i][N - 1] = through * (1.0 - paint[N - 1] * hit.coverage);
         }
     }
 }
@@ -254,12 +265,14 @@ fn draw_blade<const N: usize>(
             // Folded along its middle: the side towards the light is brighter.
             let side = ((x - row.x) / row.half.max(pixel)).clamp(-1.0, 1.0);
             let light = 0.8 - 0.35 * (side * 4.0).clamp(-1.0, 1.0) + 0.15 * side;
-            let under = &mut picture[j * canvas.width + i];
+            let seen = &mut picture[j * canvas.width + i];
+            let share = coverage * seen[N - 1];
             for (k, &channel) in channels.iter().enumerate() {
                 let color =
                     blade.colors[0][channel] + (blade.colors[1][channel] - blade.colors[0][channel]) * row.along;
-                under[k] += (color * light - under[k]) * coverage;
+                seen[k] += color * light * share;
             }
+            seen[N - 1] -= share;
         }
     }
 }

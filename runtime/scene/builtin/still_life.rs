@@ -137,6 +137,9 @@ fn cloth(half: [f32; 2], mood: Mood, fruits: &[Fruit], vase_x: f32, spread: f32)
         }
         let mut shade = 1.0f32;
         for &[sx, sy, rx, ry] in &stands {
+            if (x - sx).abs() > 3.5 * (rx + 0.4 * ry) {
+                continue;
+            }
             // Contact: dark and narrow. Cast: wide, to the right and behind.
             let contact = ((x - sx) / (1.05 * rx)).powi(2) + ((y - sy) / (0.3 * rx)).powi(2);
             shade *= 1.0 - 0.72 * (-1.6 * contact).exp();
