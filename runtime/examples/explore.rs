@@ -46,7 +46,7 @@ fn main() {
     let t = std::time::Instant::now();
     let pyramid = Arc::new(Pyramid::new(&views, size, size));
     println!("pyramid {:.2} s, {} MB, mean {mean:.3}", t.elapsed().as_secs_f64(), pyramid.bytes() >> 20);
-    let problem = Problem { optics, eyebox: 22e-3, views: grid, pyramid, mean };
+    let problem = Problem { optics, padding: Padding::default(), eyebox: 22e-3, views: grid, pyramid, mean };
     let scale = size as f64 / 512.0;
     let adam = a.iter().any(|x| x == "--adam");
     let mut s = Settings { depth: [-3e-3 * scale, 3.5e-3 * scale], ..Settings::default() };

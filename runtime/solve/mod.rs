@@ -4,11 +4,13 @@
 //! May import everything above it: `optics`, `scene`, `plan`, `engine`, `evaluate`.
 
 mod judge;
+mod problem;
 mod sampling;
 mod settings;
 mod solver;
 
 pub use judge::{Judge, Verdict};
+pub use problem::Problem;
 pub use sampling::{Diameters, PupilRange, Sampler, Sequence, SplitMix, random_phases};
 pub use settings::{Optimizer, Settings, cosine};
-pub use solver::{Flow, Problem, Progress, Solution, SolveError, Stop, solve};
+pub use solver::{Flow, Progress, Solution, SolveError, Stop, solve};

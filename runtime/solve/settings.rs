@@ -67,8 +67,6 @@ pub struct Settings {
     pub sequence: Sequence,
     /// Decides the first phases and the pupils.
     pub seed: u64,
-    /// Zeros around the SLM against circular propagation.
-    pub padding: bool,
     /// Bytes that the windows of pupils in flight may take.
     pub window_bytes: usize,
 }
@@ -89,7 +87,6 @@ impl Default for Settings {
             diameters: Diameters::LogUniform,
             sequence: Sequence::Sobol,
             seed: 0,
-            padding: false,
             window_bytes: 256 << 20,
         }
     }

@@ -1,28 +1,12 @@
 //! The loop.
 
-use super::{Judge, Optimizer, PupilRange, Sampler, Settings, Verdict, cosine, random_phases};
+use super::{Judge, Optimizer, Problem, PupilRange, Sampler, Settings, Verdict, cosine, random_phases};
 use crate::engine::{Buffer, Engine, EngineError};
-use crate::optics::{Optics, Padding, WindowFactor};
-use crate::plan::{Comparison, Planner, Purpose, Step, Views};
-use crate::scene::{Pyramid, ViewGrid};
+use crate::optics::WindowFactor;
+use crate::plan::{Comparison, Planner, Purpose, Step};
 use eyebox_kernels::compare;
 use std::sync::Arc;
 use std::time::Instant;
-
-/// One colour of a display, and the scene in that colour.
-#[derive(Debug, Clone)]
-pub struct Problem {
-    /// Optics over the SLM.
-    pub optics: Optics,
-    /// Side of the eyebox that pupils are drawn in, metres: what all colours of the display serve.
-    pub eyebox: f64,
-    /// Where the views stand.
-    pub views: ViewGrid,
-    /// The views on the display's grid.
-    pub pyramid: Arc<Pyramid>,
-    /// Mean of the scene's linear light.
-    pub mean: f64,
-}
 
 /// Why a solve ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -157,7 +141,7 @@ pub fn solve(
         depth: settings.depth,
         diameters: settings.diameters,
     };
-    let planner = planner(problem, settings);
+    let planner = problem.planner(settings.frames, settings.window);
     let purpose = if matches!(settings.optimizer, Optimizer::Adam { .. }) { Purpose::Adam } else { Purpose::Project };
     engine.load(&planner.shape(purpose), Some(Arc::clone(&problem.pyramid)))?;
     let pixels = planner.slm.height * planner.slm.width;
@@ -215,19 +199,6 @@ pub fn solve(
     let (verdict, phases, _) = best.expect("a verdict was just given");
     let efficiency = problem.mean / exposure;
     Ok(Solution { phases, exposure, efficiency, verdict, steps: step, seconds: start.elapsed().as_secs_f64(), stop })
-}
-
-fn planner(problem: &Problem, settings: &Settings) -> Planner {
-    let depth = settings.depth[0].abs().max(settings.depth[1].abs());
-    let padding = if settings.padding {
-        Padding::required(&problem.optics, depth, problem.eyebox / 2.0)
-    } else {
-        Padding::default()
-    };
-    Planner {
-        views: Some(Views::new(problem.views, &problem.pyramid)),
-        ..Planner::new(problem.optics, settings.frames, settings.window).with_padding(padding)
-    }
 }
 
 /// One step over `pupils`, the `t`-th, counted from 1.
