@@ -1,4 +1,4 @@
-//! NumPy's `.npy`, as far as images and phases need it: float32 and float64 of any shape.
+//! NumPy's `.npy`, as far as images, maps and phases need it: float32, float64 and small unsigned integers.
 //!
 //! Format: <https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html>. It is read here rather than by a
 //! crate because the crates that read it build a C toolchain's objects on the way (through their literal parser), and
@@ -20,6 +20,8 @@ pub struct Npy {
     pub values: Vec<f32>,
 }
 
+/// NumPy's names of the element types that hold phases and images.
+const FLOATS: [&str; 2] = ["f4", "f8"];
 /// Axes that an array may have; more than any picture needs, and a bound on the work that a header can ask for.
 const MOST_AXES: usize = 8;
 /// Length that a header may have. NumPy writes 118 bytes.
@@ -38,9 +40,18 @@ pub fn read_npy(file: &Path) -> Result<Npy, FileError> {
         Ok((BufReader::new(opened), length))
     };
     let (mut from, length) = open().map_err(|e| FileError::read(file, e))?;
-    parse(&mut from, length).map_err(|e| match e {
+    parse(&mut from, length, &FLOATS).map_err(|e| match e {
         Wrong::Io(e) => FileError::read(file, e),
         Wrong::Content(reason) => FileError::content(file, reason),
+    })
+}
+
+/// Reads an `.npy` from memory: as [`read_npy`], and integers of 8 and 16 bits without a sign as well. Says what is
+/// wrong.
+pub(crate) fn parse_npy(bytes: &[u8]) -> Result<Npy, String> {
+    parse(&mut &bytes[..], bytes.len() as u64, &[&FLOATS[..], &["u1", "u2"]].concat()).map_err(|e| match e {
+        Wrong::Io(e) => e.to_string(),
+        Wrong::Content(reason) => reason,
     })
 }
 
@@ -67,7 +78,7 @@ pub fn write_npy(file: &Path, shape: &[usize], values: &[f32]) -> Result<(), Fil
 }
 
 /// Float32, little-endian, whatever the machine.
-pub(crate) fn write_le(out: &mut dyn Write, values: &[f32]) -> io::Result<()> {
+fn write_le(out: &mut dyn Write, values: &[f32]) -> io::Result<()> {
     let mut bytes = [0; 16384];
     for part in values.chunks(bytes.len() / 4) {
         for (to, v) in bytes.chunks_exact_mut(4).zip(part) {
@@ -90,7 +101,7 @@ impl From<String> for Wrong {
 }
 
 /// `length`: of the whole file; what it cannot hold is refused before any memory is taken for it.
-fn parse(from: &mut dyn Read, length: u64) -> Result<Npy, Wrong> {
+fn parse(from: &mut dyn Read, length: u64, kinds: &[&str]) -> Result<Npy, Wrong> {
     let mut start = [0; 8];
     fill(from, &mut start)?;
     if &start[..6] != MAGIC {
@@ -112,18 +123,13 @@ fn parse(from: &mut dyn Read, length: u64) -> Result<Npy, Wrong> {
         let text = String::from_utf8_lossy(&header[..header.len().min(100)]).escape_debug().to_string();
         format!("has a header that cannot be understood: {text}")
     })?;
-    let double = match header.descr.get(1..) {
-        Some("f4") => false,
-        Some("f8") => true,
-        _ => return Err(format!("holds '{}': float32 ('<f4') or float64 ('<f8') is wanted", header.descr).into()),
+    let kind = header.descr.get(1..).filter(|kind| kinds.contains(kind));
+    let (Some(kind), Some(order)) = (kind, header.descr.chars().next().filter(|c| "<>=|".contains(*c))) else {
+        let wanted = kinds.join(", ");
+        return Err(format!("holds elements '{}', and one of {wanted} is wanted", header.descr).into());
     };
-    let big = match header.descr.as_bytes()[0] {
-        b'<' => false,
-        b'>' => true,
-        b'=' | b'|' => cfg!(target_endian = "big"),
-        _ => return Err(format!("holds '{}': '<f4' or '<f8' is wanted", header.descr).into()),
-    };
-    let width = if double { 8 } else { 4 };
+    let big = order == '>' || order == '=' && cfg!(target_endian = "big");
+    let width = usize::from(kind.as_bytes()[1] - b'0');
     let count = header.shape.iter().try_fold(1u64, |n, &axis| n.checked_mul(axis as u64));
     let bytes = count.and_then(|n| n.checked_mul(width as u64)).and_then(|n| n.checked_add(before));
     if bytes != Some(length) {
@@ -140,9 +146,10 @@ fn parse(from: &mut dyn Read, length: u64) -> Result<Npy, Wrong> {
             if big {
                 b.reverse();
             }
-            match double {
-                true => f64::from_le_bytes([b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]]) as f32,
-                false => f32::from_le_bytes([b[0], b[1], b[2], b[3]]),
+            match kind {
+                "f8" => f64::from_le_bytes([b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]]) as f32,
+                "f4" => f32::from_le_bytes([b[0], b[1], b[2], b[3]]),
+                _ => b.iter().rev().fold(0.0, |value, &byte| value * 256.0 + f32::from(byte)),
             }
         }));
     }
@@ -290,7 +297,7 @@ mod tests {
     }
 
     fn read(bytes: &[u8]) -> Result<Npy, String> {
-        parse(&mut &bytes[..], bytes.len() as u64).map_err(|e| match e {
+        parse(&mut &bytes[..], bytes.len() as u64, &FLOATS).map_err(|e| match e {
             Wrong::Io(e) => panic!("{e}"),
             Wrong::Content(reason) => reason,
         })
@@ -320,6 +327,12 @@ mod tests {
         let wide: Vec<u8> = values.iter().flat_map(|v| f64::from(*v).to_be_bytes()).collect();
         assert_eq!(read(&npy(&format!("{{'descr': '>f8', {c}"), &wide)).unwrap(), expected);
         let columns: Vec<u8> = [0, 3, 1, 4, 2, 5].iter().flat_map(|&i: &usize| values[i].to_le_bytes()).collect();
+        let u2 = format!("{{'descr': '>u2', {c}");
+        assert_eq!(
+            parse_npy(&npy(&u2, &[0, 1, 1, 0, 0, 3, 0, 4, 0, 5, 255, 255])).unwrap().values[1..],
+            [256., 3., 4., 5., 65535.]
+        );
+        assert!(read(&npy(&u2, &[0; 12])).unwrap_err().contains("'>u2'"), "levels are not phases");
         let f = "{\"shape\": (2L, 3L), 'fortran_order': True, 'descr': '<f4'}";
         assert_eq!(read(&npy(f, &columns)).unwrap(), expected);
     }

@@ -101,10 +101,9 @@ fn load_pngs(folder: &Path) -> Result<Phases, HologramError> {
     let mut found: BTreeMap<Key, BTreeMap<usize, String>> = BTreeMap::new();
     for entry in fs::read_dir(folder).map_err(|e| FileError::read(folder, e))? {
         let name = entry.map_err(|e| FileError::read(folder, e))?.file_name().to_string_lossy().into_owned();
-        if let Some((key, frame)) = parse_name(&name) {
-            if let Some(other) = found.entry(key).or_default().insert(frame, name.clone()) {
-                return Err(none(folder, format!("{other} and {name} are the same sub-frame")));
-            }
+        let Some((key, frame)) = parse_name(&name) else { continue };
+        if let Some(other) = found.entry(key).or_default().insert(frame, name.clone()) {
+            return Err(none(folder, format!("{other} and {name} are the same sub-frame")));
         }
     }
     let Some(frames) = found.values().map(BTreeMap::len).max() else {
