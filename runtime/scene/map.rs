@@ -1,7 +1,8 @@
 //! Depth and disparity maps of a single picture.
 
 use super::{SceneError, pfm, picture, settings};
-use std::{fs, io::Cursor, path::Path};
+use crate::files::{self, FileError};
+use std::{fs, path::Path};
 
 /// A map, rows from the top; every value is finite.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,8 +31,17 @@ pub(super) fn read(path: &Path) -> Result<Map, SceneError> {
         let map = pfm::parse(&bytes()?).map_err(corrupt)?;
         Map { height: map.height, width: map.width, values: map.values, is_disparity: name.contains("disp") }
     } else if name.ends_with(".npy") {
-        let (shape, values) = npy(&bytes()?).map_err(corrupt)?;
-        Map { height: shape[0], width: shape[1], values, is_disparity: name.contains("disp") }
+        let array = files::read_npy(path).map_err(|e| match e {
+            FileError::Content { reason, .. } => corrupt(reason),
+            other => SceneError::Unreadable { path: path.display().to_string(), reason: other.to_string() },
+        })?;
+        let [height @ 1..=65536, width @ 1..=65536] = array.shape[..] else {
+            return Err(corrupt(format!(
+                "has the shape {:?}: a depth map has rows and columns, 1 to 65536",
+                array.shape
+            )));
+        };
+        Map { height, width, values: array.values, is_disparity: name.contains("disp") }
     } else {
         let image = picture::decode(path)?;
         let channels = usize::from(image.color().channel_count());
@@ -46,52 +56,6 @@ pub(super) fn read(path: &Path) -> Result<Map, SceneError> {
     };
     picture::check(path, &map.values, map.width, f32::is_finite, "a finite number")?;
     Ok(map)
-}
-
-/// The two axes and the values of an .npy file of floats or unsigned integers.
-fn npy(bytes: &[u8]) -> Result<([usize; 2], Vec<f32>), String> {
-    use npyz::{DType, NpyFile, Order};
-    // Nor is the header's own length believed.
-    let length = match bytes {
-        [0x93, b'N', b'U', b'M', b'P', b'Y', 1, _, a, b, ..] => u64::from(u16::from_le_bytes([*a, *b])),
-        [0x93, b'N', b'U', b'M', b'P', b'Y', 2 | 3, _, a, b, c, d, ..] => {
-            u64::from(u32::from_le_bytes([*a, *b, *c, *d]))
-        }
-        _ => return Err("not an .npy file: it does not begin with \\x93NUMPY and a version".into()),
-    };
-    if length > bytes.len() as u64 {
-        return Err(format!("its header should have {length} bytes, the file has {}", bytes.len()));
-    }
-    let file = NpyFile::new(Cursor::new(bytes)).map_err(|e| format!("not an .npy file: {e}"))?;
-    let &[rows, columns] = file.shape() else {
-        return Err(format!("an array of {} axes: a depth map has two (rows, columns)", file.shape().len()));
-    };
-    let size = |n: u64| usize::try_from(n).ok().filter(|n| (1..=65536).contains(n));
-    let shape = [rows, columns].map(size);
-    let [Some(rows), Some(columns)] = shape else {
-        return Err(format!("its shape is {rows} x {columns}: each axis must be 1 to 65536"));
-    };
-    let order = file.order();
-    let DType::Plain(kind) = file.dtype() else { return Err("its values are not plain numbers".into()) };
-    // What the header promises must be there before room is made for it.
-    let needed = (rows * columns) as u64 * kind.num_bytes().unwrap_or(1) as u64;
-    if needed > bytes.len() as u64 {
-        return Err(format!("{rows} x {columns} values need {needed} bytes, the file has {}", bytes.len()));
-    }
-    let text = kind.to_string();
-    let wrong = |e: std::io::Error| e.to_string();
-    let values: Vec<f32> = match text.trim_start_matches(['<', '>', '|', '=']) {
-        "f4" => file.into_vec::<f32>().map_err(wrong)?,
-        "f8" => file.into_vec::<f64>().map_err(wrong)?.into_iter().map(|v| v as f32).collect(),
-        "u1" => file.into_vec::<u8>().map_err(wrong)?.into_iter().map(f32::from).collect(),
-        "u2" => file.into_vec::<u16>().map_err(wrong)?.into_iter().map(f32::from).collect(),
-        other => return Err(format!("values of type {other}: expected f4, f8, u1 or u2")),
-    };
-    let values = match order {
-        Order::C => values,
-        Order::Fortran => (0..rows * columns).map(|i| values[i % columns * rows + i / columns]).collect(),
-    };
-    Ok(([rows, columns], values))
 }
 
 impl Map {
