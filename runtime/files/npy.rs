@@ -28,7 +28,7 @@ const MOST_AXES: usize = 8;
 const LONGEST_HEADER: usize = 65536;
 const MAGIC: &[u8] = b"\x93NUMPY";
 
-/// Reads an `.npy` of float32 or float64 (rounded to float32), little- or big-endian, C or Fortran order.
+/// Reads an `.npy` of float32, float64 (rounded to float32), u8 or u16, little- or big-endian, C or Fortran order.
 ///
 /// # Errors
 /// [`FileError::Read`]; [`FileError::Content`] for another format or element type, a file cut short or too long, and
@@ -123,6 +123,7 @@ fn parse(from: &mut dyn Read, length: u64, kinds: &[&str]) -> Result<Npy, Wrong>
         let text = String::from_utf8_lossy(&header[..header.len().min(100)]).escape_debug().to_string();
         format!("has a header that cannot be understood: {text}")
     })?;
+<<<<<<< HEAD
     let kind = header.descr.get(1..).filter(|kind| kinds.contains(kind));
     let (Some(kind), Some(order)) = (kind, header.descr.chars().next().filter(|c| "<>=|".contains(*c))) else {
         let wanted = kinds.join(", ");
@@ -130,6 +131,25 @@ fn parse(from: &mut dyn Read, length: u64, kinds: &[&str]) -> Result<Npy, Wrong>
     };
     let big = order == '>' || order == '=' && cfg!(target_endian = "big");
     let width = usize::from(kind.as_bytes()[1] - b'0');
+=======
+    let element: (usize, fn(&[u8]) -> f32) = match header.descr.get(1..) {
+        Some("f4") => (4, |b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])),
+        Some("f8") => (8, |b| f64::from_le_bytes([b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]]) as f32),
+        Some("u1") => (1, |b| f32::from(b[0])),
+        Some("u2") => (2, |b| f32::from(u16::from_le_bytes([b[0], b[1]]))),
+        _ => {
+            let known = "float32 ('<f4'), float64 ('<f8') or unsigned 8 or 16 bits ('|u1', '<u2')";
+            return Err(format!("holds '{}': {known} is wanted", header.descr).into());
+        }
+    };
+    let big = match header.descr.as_bytes()[0] {
+        b'<' => false,
+        b'>' => true,
+        b'=' | b'|' => cfg!(target_endian = "big"),
+        _ => return Err(format!("holds '{}': '<f4' or '<f8' is wanted", header.descr).into()),
+    };
+    let (width, value) = element;
+>>>>>>> main
     let count = header.shape.iter().try_fold(1u64, |n, &axis| n.checked_mul(axis as u64));
     let bytes = count.and_then(|n| n.checked_mul(width as u64)).and_then(|n| n.checked_add(before));
     if bytes != Some(length) {
@@ -146,11 +166,15 @@ fn parse(from: &mut dyn Read, length: u64, kinds: &[&str]) -> Result<Npy, Wrong>
             if big {
                 b.reverse();
             }
+<<<<<<< HEAD
             match kind {
                 "f8" => f64::from_le_bytes([b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]]) as f32,
                 "f4" => f32::from_le_bytes([b[0], b[1], b[2], b[3]]),
                 _ => b.iter().rev().fold(0.0, |value, &byte| value * 256.0 + f32::from(byte)),
             }
+=======
+            value(b)
+>>>>>>> main
         }));
     }
     if header.fortran_order {

@@ -20,17 +20,13 @@ pub enum Command {
     #[command(after_help = "Example:\n  eyebox demo --out demo --size 256")]
     Demo(Demo),
     /// Turn a light field into a hologram
-    #[command(
-        after_help = "Examples:\n  eyebox solve lightfield/ --size 512x512 --color green -o lightfield.zarr\n  \
+    #[command(after_help = "Examples:\n  eyebox solve lightfield/ --size 512x512 --color green -o lightfield.zarr\n  \
                       eyebox solve builtin:still-life --size 512x512 --seconds 10 -o still-life.zarr\n  \
-                      eyebox solve photo.png --depth-map depth.png --depth=-3..3 -o photo.npy\n\nBuilt-in scenes: still-life, still-life-dark, still-life-bright, dense-grass, points, plane, chart"
-    )]
+                      eyebox solve photo.png --depth-map depth.png --depth=-3..3 -o photo.npy\n\nBuilt-in scenes: still-life, still-life-dark, still-life-bright, dense-grass, points, plane, chart")]
     Solve(Solve),
     /// Show what an eye sees of a hologram through one pupil
-    #[command(
-        after_help = "Examples:\n  eyebox view still-life.zarr --pupil=4,0,4,1.5 -o view.png\n  \
-                      eyebox view phases.npy --pupil=0,0,6,0 --pitch 8 --wavelength 520 --focal-length 400 -o view.npy"
-    )]
+    #[command(after_help = "Examples:\n  eyebox view still-life.zarr --pupil=4,0,4,1.5 -o view.png\n  \
+                      eyebox view phases.npy --pupil=0,0,6,0 --pitch 8 --wavelength 520 --focal-length 400 -o view.npy")]
     View(View),
     /// Show what an eye should see of a scene through one pupil
     #[command(
@@ -339,14 +335,22 @@ fn size(text: &str) -> Result<[usize; 2], String> {
     let (h, w) = text.split_once(['x', 'X']).ok_or(form)?;
     let [h, w] = [h, w].map(|n| n.trim().parse::<usize>());
     let (h, w) = (h.map_err(|_| form)?, w.map_err(|_| form)?);
-    if (1..=65536).contains(&h) && (1..=65536).contains(&w) { Ok([h, w]) } else { Err("each axis must be 1 to 65536 pixels".into()) }
+    if (1..=65536).contains(&h) && (1..=65536).contains(&w) {
+        Ok([h, w])
+    } else {
+        Err("each axis must be 1 to 65536 pixels".into())
+    }
 }
 
 /// Millimetres in, metres out.
 fn range(text: &str) -> Result<[f64; 2], String> {
     let form = "MIN..MAX in mm, such as -3..3.5";
     let [low, high] = numbers::<2>(text.split("..").collect(), form)?;
-    if low <= high && low.is_finite() && high.is_finite() { Ok([low * 1e-3, high * 1e-3]) } else { Err(format!("expected {form}, smallest first")) }
+    if low <= high && low.is_finite() && high.is_finite() {
+        Ok([low * 1e-3, high * 1e-3])
+    } else {
+        Err(format!("expected {form}, smallest first"))
+    }
 }
 
 fn positive(text: &str) -> Result<f64, String> {

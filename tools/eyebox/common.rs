@@ -63,7 +63,8 @@ pub fn engine(args: &EngineArgs) -> Result<Box<dyn Engine>, Failure> {
     };
     let Some(name) = &args.vulkan_from else { return Ok(engine::open(choice)?) };
     let names = || engine::Kernel::ALL.map(engine::Kernel::name).join(", ");
-    let from = engine::Kernel::by_name(name).ok_or_else(|| Failure::Asked(format!("no kernel is called '{name}': there are {}", names())))?;
+    let from = engine::Kernel::by_name(name)
+        .ok_or_else(|| Failure::Asked(format!("no kernel is called '{name}': there are {}", names())))?;
     Ok(engine::open_handover(from)?)
 }
 
@@ -97,13 +98,22 @@ pub fn form(out: &Path, allowed: &[Form]) -> Result<Form, Failure> {
         Failure::Asked(format!("{}: the name must end in {ends}", out.display()))
     })?;
     match out.parent().filter(|p| !p.as_os_str().is_empty()) {
-        Some(folder) if !folder.is_dir() => Err(Failure::Asked(format!("{}: there is no such folder to write into", folder.display()))),
+        Some(folder) if !folder.is_dir() => {
+            Err(Failure::Asked(format!("{}: there is no such folder to write into", folder.display())))
+        }
         _ => Ok(form),
     }
 }
 
 /// Writes one plane per colour: `.npy` as it is, `.png` with each plane times its exposure, encoded as sRGB.
-pub fn write_image(out: &Path, form: Form, size: [usize; 2], planes: &[Vec<f32>], colors: &[Option<Color>], exposures: &[f64]) -> Result<(), Failure> {
+pub fn write_image(
+    out: &Path,
+    form: Form,
+    size: [usize; 2],
+    planes: &[Vec<f32>],
+    colors: &[Option<Color>],
+    exposures: &[f64],
+) -> Result<(), Failure> {
     let [height, width] = size;
     if form == Form::Npy {
         let all: Vec<f32> = planes.concat();
@@ -111,7 +121,8 @@ pub fn write_image(out: &Path, form: Form, size: [usize; 2], planes: &[Vec<f32>]
         files::write_npy(out, if planes.len() == 1 { &shape[1..] } else { &shape[..] }, &all)?;
         return Ok(());
     }
-    let light: Vec<Vec<f32>> = planes.iter().zip(exposures).map(|(p, e)| p.iter().map(|v| v * *e as f32).collect()).collect();
+    let light: Vec<Vec<f32>> =
+        planes.iter().zip(exposures).map(|(p, e)| p.iter().map(|v| v * *e as f32).collect()).collect();
     if let [one] = &light[..] {
         files::write_png(out, height, width, &[one])?;
         return Ok(());
@@ -124,4 +135,9 @@ pub fn write_image(out: &Path, form: Form, size: [usize; 2], planes: &[Vec<f32>]
     }
     files::write_png(out, height, width, &rgb)?;
     Ok(())
+}
+
+/// Whether a path is meant as a hologram, with its optics, and not as bare phases.
+pub fn is_hologram(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("zarr"))
 }

@@ -37,7 +37,8 @@ impl Bar {
             return Self(None);
         }
         let bar = ProgressBar::new(steps as u64);
-        let style = ProgressStyle::with_template("{prefix:6} {bar:30} {pos}/{len} steps  {msg}  {eta} left").expect("a sound template");
+        let style = ProgressStyle::with_template("{prefix:6} {bar:30} {pos}/{len} steps  {msg}  {eta} left")
+            .expect("a sound template");
         bar.set_style(style);
         bar.set_prefix(label);
         Self(Some(bar))

@@ -26,7 +26,16 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     settings.seconds = args.seconds.map(|s| s / colors.len() as f64);
     let padding = padding(args.padding, &display, &colors, depth)?;
     if !args.json {
-        eprintln!("{}: {} x {} views, {}x{}, depth {:.2}..{:.2} mm", field.name, field.grid[0], field.grid[1], display.height, display.width, depth[0] * 1e3, depth[1] * 1e3);
+        eprintln!(
+            "{}: {} x {} views, {}x{}, depth {:.2}..{:.2} mm",
+            field.name,
+            field.grid[0],
+            field.grid[1],
+            display.height,
+            display.width,
+            depth[0] * 1e3,
+            depth[1] * 1e3
+        );
         if padding != Padding::default() {
             eprintln!("padded by {} rows and {} columns against circular propagation", padding.rows, padding.columns);
         }
@@ -34,7 +43,7 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     }
     progress::catch_interrupt();
     let solved = solve_colors(&field, &display, &colors, &settings, padding, engine.as_mut(), args.json)?;
-    let hologram = hologram(&field, &display, &settings, &solved);
+    let hologram = hologram(&field, &display, &settings, padding, &solved);
     match form {
         Form::Zarr => hologram.save(&args.out)?,
         _ => hologram::save_phases(&hologram, &args.out)?,
@@ -45,7 +54,11 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
             "exposure": s.exposure, "efficiency": s.efficiency, "steps": s.steps, "seconds": s.seconds, "stopped_by": stop_name(s.stop),
         })
     };
-    let timings: Vec<_> = engine.timings().iter().map(|t| json!({ "kernel": t.kernel.name(), "calls": t.calls, "ms": t.seconds * 1e3 })).collect();
+    let timings: Vec<_> = engine
+        .timings()
+        .iter()
+        .map(|t| json!({ "kernel": t.kernel.name(), "calls": t.calls, "ms": t.seconds * 1e3 }))
+        .collect();
     if args.json {
         let colors: Vec<_> = solved.iter().map(report).collect();
         let out = json!({
@@ -58,7 +71,13 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     for (color, s) in &solved {
         println!(
             "{color:6} {:.2} dB mean, {:.2} dB worst of {} held-out pupils; exposure {:.3} (efficiency {:.0} %); {} steps in {:.1} s{}",
-            s.verdict.mean(), s.verdict.worst(), s.verdict.psnr.len(), s.exposure, 100.0 * s.efficiency, s.steps, s.seconds,
+            s.verdict.mean(),
+            s.verdict.worst(),
+            s.verdict.psnr.len(),
+            s.exposure,
+            100.0 * s.efficiency,
+            s.steps,
+            s.seconds,
             if s.stop == Stop::Asked { ", interrupted" } else { "" }
         );
     }
@@ -93,7 +112,13 @@ pub fn solve_colors(
 }
 
 /// The hologram of solved colours.
-pub fn hologram(field: &LightField, display: &Display, settings: &Settings, solved: &[(Color, Solution)]) -> Hologram {
+pub fn hologram(
+    field: &LightField,
+    display: &Display,
+    settings: &Settings,
+    padding: Padding,
+    solved: &[(Color, Solution)],
+) -> Hologram {
     let color = |(color, s): &(Color, Solution)| ColorHologram {
         color: Some(*color),
         wavelength: display.wavelengths.iter().find(|w| w.color == *color).map_or(0.0, |w| w.wavelength),
@@ -112,7 +137,7 @@ pub fn hologram(field: &LightField, display: &Display, settings: &Settings, solv
         version: env!("CARGO_PKG_VERSION").into(),
         display: display.name.clone(),
         scene: field.name.clone(),
-        settings: json!({ "solve": settings, "view_pitch_mm": field.cell(display) * 1e3, "eyebox_mm": display.eyebox_min() * 1e3 }),
+        settings: json!({ "solve": settings, "padding": [padding.rows, padding.columns], "view_pitch_mm": field.cell(display) * 1e3, "eyebox_mm": display.eyebox_min() * 1e3 }),
     }
 }
 

@@ -36,21 +36,29 @@ fn load(file: &Path, optics: &PhaseOptics) -> Result<(Hologram, bool), Failure> 
     if common::is_hologram(file) {
         if optics.pitch.is_some() || !optics.wavelength.is_empty() || optics.focal_length.is_some() {
             let what = file.display();
-            return Err(Failure::Asked(format!("{what} holds its own optics: leave out --pitch, --wavelength and --focal-length")));
+            return Err(Failure::Asked(format!(
+                "{what} holds its own optics: leave out --pitch, --wavelength and --focal-length"
+            )));
         }
         return Ok((Hologram::load(file)?, true));
     }
-    let missing = || Failure::Asked(format!("{}: bare phases need --pitch, --wavelength and --focal-length", file.display()));
-    let (pitch, focal_length) = (optics.pitch.ok_or_else(missing)? * 1e-6, optics.focal_length.ok_or_else(missing)? * 1e-3);
+    let missing =
+        || Failure::Asked(format!("{}: bare phases need --pitch, --wavelength and --focal-length", file.display()));
+    let (pitch, focal_length) =
+        (optics.pitch.ok_or_else(missing)? * 1e-6, optics.focal_length.ok_or_else(missing)? * 1e-3);
     let wavelengths: Vec<f64> = optics.wavelength.iter().map(|nm| nm * 1e-9).collect();
     let first = *wavelengths.first().ok_or_else(missing)?;
     Optics::new(1, 1, pitch, first, focal_length)?;
     let phases = hologram::load_phases(file)?;
     if phases.colors.len() != wavelengths.len() {
         let (has, given) = (phases.colors.len(), wavelengths.len());
-        return Err(Failure::Asked(format!("{}: it has {has} colours, {given} wavelengths were given", file.display())));
+        return Err(Failure::Asked(format!(
+            "{}: it has {has} colours, {given} wavelengths were given",
+            file.display()
+        )));
     }
-    let color = |((color, phases), wavelength)| ColorHologram { color, wavelength, exposure: 1.0, efficiency: 1.0, phases };
+    let color =
+        |((color, phases), wavelength)| ColorHologram { color, wavelength, exposure: 1.0, efficiency: 1.0, phases };
     let hologram = Hologram {
         frames: phases.frames,
         height: phases.height,
@@ -72,7 +80,8 @@ fn load(file: &Path, optics: &PhaseOptics) -> Result<(Hologram, bool), Failure> 
 pub fn through(hologram: &Hologram, pupil: &Pupil, engine: &mut dyn Engine) -> Result<Vec<Vec<f32>>, Failure> {
     let mut planes = Vec::new();
     for (i, color) in hologram.colors.iter().enumerate() {
-        let planner = Planner::new(hologram.optics(i)?, hologram.frames, WindowFactor::Full).with_padding(padding_of(hologram));
+        let planner =
+            Planner::new(hologram.optics(i)?, hologram.frames, WindowFactor::Full).with_padding(padding_of(hologram));
         engine.load(&planner.shape(Purpose::View), None)?;
         engine.write(Buffer::Phases, &color.phases)?;
         planes.append(&mut evaluate::views(engine, &planner, &[*pupil])?);
