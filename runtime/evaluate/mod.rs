@@ -116,34 +116,3 @@ mod tests {
         assert_eq!(fit_exposure([(&[0.0f32][..], &[1.0f32][..])]), 1.0);
     }
 }
-
-/// stand-in
-#[derive(Debug)]
-pub struct Summary {
-    /// .
-    pub mean: f64,
-    /// .
-    pub median: f64,
-    /// .
-    pub worst: f64,
-    /// .
-    pub best: f64,
-    /// .
-    pub sd: f64,
-}
-
-impl Summary {
-    /// stand-in
-    pub fn of(v: &[f64]) -> Self {
-        let mut s = v.to_vec();
-        s.sort_by(f64::total_cmp);
-        let mean = v.iter().sum::<f64>() / v.len() as f64;
-        let sd = (v.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / v.len() as f64).sqrt();
-        Self { mean, median: s[s.len() / 2], worst: s[0], best: s[s.len() - 1], sd }
-    }
-}
-
-/// stand-in
-pub fn ssim(_a: &[f32], _b: &[f32], _h: usize, _w: usize) -> Result<f64, ()> {
-    Err(())
-}

@@ -8,7 +8,6 @@ mod npy;
 mod picture;
 mod whole;
 
-pub(crate) use npy::parse_npy;
 pub use npy::{Npy, read_npy, write_npy};
 pub use picture::{encode_grey8, linear_to_srgb, read_grey8, write_png};
 pub use whole::{FolderDraft, write_file};

@@ -43,6 +43,9 @@ pub fn load_phases(path: &Path) -> Result<Phases, HologramError> {
         return load_pngs(path);
     }
     let array = read_npy(path)?;
+    if array.integers {
+        return Err(none(path, "it holds integers, and phases are floats, in radians".into()));
+    }
     let (colors, frames, height, width) = match array.shape[..] {
         [h, w] => (1, 1, h, w),
         [f, h, w] => (1, f, h, w),

@@ -1,7 +1,7 @@
 //! Depth and disparity maps of a single picture.
 
 use super::{SceneError, pfm, picture, settings};
-use crate::files::{Npy, parse_npy};
+use crate::files::{self, FileError};
 use std::{fs, path::Path};
 
 /// A map, rows from the top; every value is finite.
@@ -31,8 +31,17 @@ pub(super) fn read(path: &Path) -> Result<Map, SceneError> {
         let map = pfm::parse(&bytes()?).map_err(corrupt)?;
         Map { height: map.height, width: map.width, values: map.values, is_disparity: name.contains("disp") }
     } else if name.ends_with(".npy") {
-        let (shape, values) = npy(&bytes()?).map_err(corrupt)?;
-        Map { height: shape[0], width: shape[1], values, is_disparity: name.contains("disp") }
+        let array = files::read_npy(path).map_err(|e| match e {
+            FileError::Content { reason, .. } => corrupt(reason),
+            other => SceneError::Unreadable { path: path.display().to_string(), reason: other.to_string() },
+        })?;
+        let [height @ 1..=65536, width @ 1..=65536] = array.shape[..] else {
+            return Err(corrupt(format!(
+                "has the shape {:?}: a depth map has rows and columns, 1 to 65536",
+                array.shape
+            )));
+        };
+        Map { height, width, values: array.values, is_disparity: name.contains("disp") }
     } else {
         let image = picture::decode(path)?;
         let channels = usize::from(image.color().channel_count());
@@ -47,18 +56,6 @@ pub(super) fn read(path: &Path) -> Result<Map, SceneError> {
     };
     picture::check(path, &map.values, map.width, f32::is_finite, "a finite number")?;
     Ok(map)
-}
-
-/// The two axes and the values of an .npy file of floats or unsigned integers.
-fn npy(bytes: &[u8]) -> Result<([usize; 2], Vec<f32>), String> {
-    let Npy { shape, values } = parse_npy(bytes)?;
-    let &[rows, columns] = &shape[..] else {
-        return Err(format!("an array of {} axes: a depth map has two (rows, columns)", shape.len()));
-    };
-    if ![rows, columns].iter().all(|n| (1..=65536).contains(n)) {
-        return Err(format!("its shape is {rows} x {columns}: each axis must be 1 to 65536"));
-    }
-    Ok(([rows, columns], values))
 }
 
 impl Map {
