@@ -1,16 +1,19 @@
 //! How good an image is, in numbers: PSNR, SSIM, the exposure that compares a hologram with its scene, and what a list
 //! of such numbers comes to.
 //!
-//! Images are linear light, (row, column), with 1 as full scale; sums are kept in float64. Pure functions of slices:
-//! this room imports nothing from the rest of the runtime.
+//! Images are linear light, (row, column), with 1 as full scale; sums are kept in float64. The measures are pure
+//! functions of slices; [`views`] and [`photographs`] get the images from any engine. May import `optics`, `scene`,
+//! `plan` and `engine`.
 //!
 //! The order in which a hologram is judged (OPTICS 2 and 7): the intensity of every pupil and its photograph, averaged
 //! over 2 x 2 pixels ([`pool2`]), one exposure for all pupils together ([`fit_exposure`]), then [`psnr`] and [`ssim`]
 //! pupil by pupil, and their [`Summary`]: worst, median and spread say more than the mean.
 
+mod look;
 mod ssim;
 mod summary;
 
+pub use look::{photographs, views};
 pub use ssim::ssim;
 pub use summary::Summary;
 
@@ -126,35 +129,4 @@ mod tests {
         assert_eq!(fit_exposure([(&[0.0f32][..], &[1.0f32][..])]), Err(EvaluateError::Dark));
         assert!(fit_exposure([(&[0.0f32][..], &[][..])]).is_err());
     }
-}
-
-/// stand-in
-#[derive(Debug)]
-pub struct Summary {
-    /// .
-    pub mean: f64,
-    /// .
-    pub median: f64,
-    /// .
-    pub worst: f64,
-    /// .
-    pub best: f64,
-    /// .
-    pub sd: f64,
-}
-
-impl Summary {
-    /// stand-in
-    pub fn of(v: &[f64]) -> Self {
-        let mut s = v.to_vec();
-        s.sort_by(f64::total_cmp);
-        let mean = v.iter().sum::<f64>() / v.len() as f64;
-        let sd = (v.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / v.len() as f64).sqrt();
-        Self { mean, median: s[s.len() / 2], worst: s[0], best: s[s.len() - 1], sd }
-    }
-}
-
-/// stand-in
-pub fn ssim(_a: &[f32], _b: &[f32], _h: usize, _w: usize) -> Result<f64, ()> {
-    Err(())
 }
