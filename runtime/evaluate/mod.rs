@@ -1,8 +1,9 @@
-//! What an eye sees, what it should see, and how far apart the two are in numbers: PSNR, SSIM, the exposure that compares
-//! a hologram with its scene, and what a list of such numbers comes to.
+//! How good an image is, in numbers: PSNR, SSIM, the exposure that compares a hologram with its scene, and what a list
+//! of such numbers comes to.
 //!
-//! Images are linear light, (row, column), with 1 as full scale; sums are kept in float64. [`psnr`], [`ssim`] and their
-//! like are pure functions of slices. May import `optics`, `scene`, `plan` and `engine`.
+//! Images are linear light, (row, column), with 1 as full scale; sums are kept in float64. The measures are pure
+//! functions of slices; [`views`] and [`photographs`] get the images from any engine. May import `optics`, `scene`,
+//! `plan` and `engine`.
 //!
 //! The order in which a hologram is judged (OPTICS 2 and 7): the intensity of every pupil and its photograph, averaged
 //! over 2 x 2 pixels ([`pool2`]), one exposure for all pupils together ([`fit_exposure`]), then [`psnr`] and [`ssim`]
@@ -19,8 +20,16 @@ pub use summary::Summary;
 /// Why there is no number.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum EvaluateError {
+    /// Two images that cannot be compared.
+    #[error("an image of {one} pixels cannot be compared with one of {other}")]
+    Sizes {
+        /// Pixels of the first.
+        one: usize,
+        /// Pixels of the second, or what its rows and columns come to.
+        other: usize,
+    },
     /// An image smaller than the measure's window.
-    #[error("an image of {height}x{width} pixels is too small for SSIM: {least}x{least} is the least")]
+    #[error("an image of {height}x{width} pixels is too small: {least}x{least} is the least")]
     TooSmall {
         /// Rows.
         height: usize,
@@ -29,22 +38,29 @@ pub enum EvaluateError {
         /// Least number of either.
         least: usize,
     },
+    /// No exposure makes anything of images without light.
+    #[error("the images are black: no exposure brings them to their targets")]
+    Dark,
 }
 
-/// Peak signal-to-noise ratio in dB of an image at an exposure, peak 1: `-10 log10(mean((exposure I - T)^2))`; infinite
-/// where the two are equal.
+/// Peak signal-to-noise ratio in dB, peak 1: `-10 log10(mean((a - b)^2))`; infinite for equal images.
 ///
-/// # Panics
-/// If the images differ in size or have no pixels: the caller's mistake.
-pub fn psnr(image: &[f32], target: &[f32], exposure: f64) -> f64 {
-    assert!(image.len() == target.len() && !image.is_empty(), "{} and {} pixels", image.len(), target.len());
-    let squares = image.iter().zip(target).map(|(&i, &t)| (exposure * f64::from(i) - f64::from(t)).powi(2));
-    -10.0 * (squares.sum::<f64>() / image.len() as f64).log10()
+/// # Errors
+/// [`EvaluateError::Sizes`]; [`EvaluateError::TooSmall`] for images without pixels.
+pub fn psnr(a: &[f32], b: &[f32]) -> Result<f64, EvaluateError> {
+    if a.len() != b.len() {
+        return Err(EvaluateError::Sizes { one: a.len(), other: b.len() });
+    }
+    if a.is_empty() {
+        return Err(EvaluateError::TooSmall { height: 0, width: 0, least: 1 });
+    }
+    let error: f64 = a.iter().zip(b).map(|(&a, &b)| (f64::from(a) - f64::from(b)).powi(2)).sum();
+    Ok(-10.0 * (error / a.len() as f64).log10())
 }
 
 /// Mean of every block of 2 x 2 pixels, (`height / 2`, `width / 2`): a last odd row or column is dropped. The same for
-/// every method compared, it stands for the eye's own resolution (OPTICS 7). An image of a single row or column has no
-/// such block and stays as it is.
+/// every method compared, it stands for the eye's own resolution (OPTICS 7). An image of
+/// a single row or column has no such block and stays as it is.
 ///
 /// # Panics
 /// If `image` is not `height` x `width`: the caller's mistake.
@@ -54,8 +70,8 @@ pub fn pool2(image: &[f32], height: usize, width: usize) -> Vec<f32> {
         return image.to_vec();
     }
     let mut pooled = Vec::with_capacity((height / 2) * (width / 2));
-    for rows in image.chunks_exact(2 * width) {
-        let (upper, lower) = rows.split_at(width);
+    for row in 0..height / 2 {
+        let (upper, lower) = image[2 * row * width..(2 * row + 2) * width].split_at(width);
         let blocks = upper.chunks_exact(2).zip(lower.chunks_exact(2));
         pooled.extend(blocks.map(|(u, l)| 0.25 * (u[0] + u[1] + l[0] + l[1])));
     }
@@ -63,21 +79,22 @@ pub fn pool2(image: &[f32], height: usize, width: usize) -> Vec<f32> {
 }
 
 /// The one exposure that brings images `I` nearest to their targets `T` in the least-squares sense, over all of them:
-/// `sum <I, T> / sum <I, I>`. For comparing what is finished; it settles too low to steer by (OPTICS 6c). 1 for black
-/// images, which no exposure changes.
+/// `sum <I, T> / sum <I, I>`. For comparing what is finished; it settles too low to steer by (OPTICS 6c).
 ///
-/// # Panics
-/// If an image and its target differ in size: the caller's mistake.
-pub fn fit_exposure<'a>(pairs: impl IntoIterator<Item = (&'a [f32], &'a [f32])>) -> f64 {
+/// # Errors
+/// [`EvaluateError::Sizes`], [`EvaluateError::Dark`].
+pub fn fit_exposure<'a>(pairs: impl IntoIterator<Item = (&'a [f32], &'a [f32])>) -> Result<f64, EvaluateError> {
     let (mut with_target, mut with_itself) = (0.0, 0.0);
     for (image, target) in pairs {
-        assert_eq!(image.len(), target.len(), "an image is as large as its target");
+        if image.len() != target.len() {
+            return Err(EvaluateError::Sizes { one: image.len(), other: target.len() });
+        }
         for (&i, &t) in image.iter().zip(target) {
             with_target += f64::from(i) * f64::from(t);
             with_itself += f64::from(i) * f64::from(i);
         }
     }
-    if with_itself > 0.0 { with_target / with_itself } else { 1.0 }
+    if with_itself > 0.0 { Ok(with_target / with_itself) } else { Err(EvaluateError::Dark) }
 }
 
 #[cfg(test)]
@@ -86,17 +103,18 @@ mod tests {
 
     #[test]
     fn psnr_of_a_known_error() {
-        assert!((psnr(&[0.0; 9], &[0.1; 9], 1.0) - 20.0).abs() < 1e-5);
-        assert!((psnr(&[0.25; 9], &[0.6; 9], 2.0) - 20.0).abs() < 1e-5);
-        assert!((psnr(&[0.0, 0.0], &[0.02, 0.0], 7.0) - (-10.0 * 0.0002f64.log10())).abs() < 1e-5);
-        assert_eq!(psnr(&[0.3], &[0.3], 1.0), f64::INFINITY);
+        assert!((psnr(&[0.0; 9], &[0.1; 9]).unwrap() - 20.0).abs() < 1e-5);
+        assert!((psnr(&[0.0, 0.0], &[0.02, 0.0]).unwrap() - (-10.0 * 0.0002f64.log10())).abs() < 1e-5);
+        assert_eq!(psnr(&[0.3], &[0.3]).unwrap(), f64::INFINITY);
+        assert_eq!(psnr(&[0.0; 2], &[0.0; 3]), Err(EvaluateError::Sizes { one: 2, other: 3 }));
+        assert!(matches!(psnr(&[], &[]), Err(EvaluateError::TooSmall { .. })));
     }
 
     #[test]
     fn a_small_difference_survives_a_large_image() {
         // In float32 the sum of 16 million squares of 1e-4 would stop growing.
         let (a, b) = (vec![1.0f32; 1 << 24], vec![1.0f32 - 1e-2; 1 << 24]);
-        assert!((psnr(&a, &b, 1.0) - 40.0).abs() < 1e-4);
+        assert!((psnr(&a, &b).unwrap() - 40.0).abs() < 1e-4);
     }
 
     #[test]
@@ -105,14 +123,14 @@ mod tests {
         assert_eq!(pool2(&image, 3, 5), [3.0, 5.0]);
         assert_eq!(pool2(&image, 5, 3), [2.0, 8.0]);
         assert_eq!(pool2(&image, 1, 15), image);
-        assert!(pool2(&[], 0, 3).is_empty());
     }
 
     #[test]
     fn one_exposure_is_fitted_over_all_images() {
         let images: [(&[f32], &[f32]); 2] = [(&[1.0, 2.0], &[2.0, 4.0]), (&[1.0], &[8.0])];
         // (2 + 8 + 8) / (1 + 4 + 1), neither image's own factor (2 and 8).
-        assert_eq!(fit_exposure(images), 3.0);
-        assert_eq!(fit_exposure([(&[0.0f32][..], &[1.0f32][..])]), 1.0);
+        assert_eq!(fit_exposure(images).unwrap(), 3.0);
+        assert_eq!(fit_exposure([(&[0.0f32][..], &[1.0f32][..])]), Err(EvaluateError::Dark));
+        assert!(fit_exposure([(&[0.0f32][..], &[][..])]).is_err());
     }
 }

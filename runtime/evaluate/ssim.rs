@@ -11,20 +11,21 @@ const SIGMA: f64 = 1.5;
 const C1: f64 = 1e-4;
 const C2: f64 = 9e-4;
 
-/// Mean structural similarity of two images of `height` x `width`, full scale 1, exposure applied: Gaussian weights of
-/// 1.5 pixels cut off at 5, population covariances, averaged over the windows that lie wholly inside. It is what
-/// scikit-image 0.26 calls `structural_similarity(a, b, gaussian_weights=True, sigma=1.5, use_sample_covariance=False,
-/// data_range=1.0)`, whose cropped mean leaves out every pixel that its border rule touches.
+/// Mean structural similarity of two images of `height` x `width`, full scale 1: Gaussian weights of 1.5 pixels cut off
+/// at 5, population covariances, averaged over the windows that lie wholly inside. It is what scikit-image 0.26 calls
+/// `structural_similarity(a, b, gaussian_weights=True, sigma=1.5, use_sample_covariance=False, data_range=1.0)`, whose
+/// cropped mean leaves out every pixel that its border rule touches.
 ///
 /// # Errors
-/// [`EvaluateError::TooSmall`] below 11 x 11.
-///
-/// # Panics
-/// If either is not `height` x `width`: the caller's mistake.
+/// [`EvaluateError::TooSmall`] below 11 x 11, [`EvaluateError::Sizes`].
 pub fn ssim(a: &[f32], b: &[f32], height: usize, width: usize) -> Result<f64, EvaluateError> {
-    assert!(a.len() == height * width && b.len() == height * width, "both are {height} x {width}");
     if height < WINDOW || width < WINDOW {
         return Err(EvaluateError::TooSmall { height, width, least: WINDOW });
+    }
+    for image in [a, b] {
+        if Some(image.len()) != height.checked_mul(width) {
+            return Err(EvaluateError::Sizes { one: image.len(), other: height.saturating_mul(width) });
+        }
     }
     let weights = gaussian();
     let inside = width - 2 * RADIUS;
@@ -97,7 +98,10 @@ mod tests {
 
     #[test]
     fn what_has_no_window_has_no_answer() {
-        let error = ssim(&[0.0; 120], &[0.0; 120], 10, 12);
-        assert_eq!(error, Err(EvaluateError::TooSmall { height: 10, width: 12, least: 11 }));
+        assert_eq!(
+            ssim(&[0.0; 120], &[0.0; 120], 10, 12),
+            Err(EvaluateError::TooSmall { height: 10, width: 12, least: 11 })
+        );
+        assert!(matches!(ssim(&[0.0; 121], &[0.0; 120], 11, 11), Err(EvaluateError::Sizes { .. })));
     }
 }

@@ -51,8 +51,14 @@ impl Judge {
     pub fn judge(&self, engine: &mut dyn Engine, planner: &Planner) -> Result<Verdict, EngineError> {
         let pool = |image: Vec<f32>| evaluate::pool2(&image, planner.slm.height, planner.slm.width);
         let images: Vec<Vec<f32>> = evaluate::views(engine, planner, &self.pupils)?.into_iter().map(pool).collect();
-        let exposure = evaluate::fit_exposure(images.iter().zip(&self.targets).map(|(i, t)| (&i[..], &t[..])));
-        let psnr = images.iter().zip(&self.targets).map(|(i, t)| evaluate::psnr(i, t, exposure)).collect();
+        // Images that are black (or not finite) have no exposure: any will do, their PSNR says it.
+        let exposure =
+            evaluate::fit_exposure(images.iter().zip(&self.targets).map(|(i, t)| (&i[..], &t[..]))).unwrap_or(1.0);
+        let psnr = |(image, target): (Vec<f32>, &Vec<f32>)| {
+            let seen: Vec<f32> = image.iter().map(|i| i * exposure as f32).collect();
+            evaluate::psnr(&seen, target).unwrap_or(f64::NAN)
+        };
+        let psnr = images.into_iter().zip(&self.targets).map(psnr).collect();
         Ok(Verdict { psnr, exposure })
     }
 }

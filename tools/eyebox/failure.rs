@@ -1,6 +1,7 @@
 //! What can go wrong in a command: one line each.
 
 use eyebox::engine::EngineError;
+use eyebox::evaluate::EvaluateError;
 use eyebox::files::FileError;
 use eyebox::hologram::HologramError;
 use eyebox::optics::OpticsError;
@@ -25,6 +26,9 @@ pub enum Failure {
     /// The hologram.
     #[error(transparent)]
     Hologram(#[from] HologramError),
+    /// The comparison.
+    #[error(transparent)]
+    Evaluate(#[from] EvaluateError),
     /// A file.
     #[error(transparent)]
     File(#[from] FileError),

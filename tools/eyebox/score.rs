@@ -47,7 +47,8 @@ pub fn run(args: &Score) -> Result<(), Failure> {
     let diameter = common::diameters(args.pupil_diameter, &display);
     let pupils = pupils(&args.pupils, args.seed, &display, diameter, depth)?;
     let scores = score(&hologram, &field, &display, &pupils, engine.as_mut())?;
-    let psnr = Summary::of(&scores.rows.iter().map(|r| r.psnr_db).collect::<Vec<_>>());
+    let psnr = Summary::of(&scores.rows.iter().map(|r| r.psnr_db).collect::<Vec<_>>())
+        .ok_or_else(|| Failure::Asked("there is no pupil to score".into()))?;
     if args.json {
         let summary =
             json!({ "mean": psnr.mean, "median": psnr.median, "worst": psnr.worst, "best": psnr.best, "sd": psnr.sd });
@@ -103,7 +104,7 @@ pub fn score(
         let mut seen = evaluate::views(engine, &padded, pupils)?;
         let pool = |image: &[f32]| evaluate::pool2(image, height, width);
         let pooled: Vec<_> = seen.iter().zip(&targets).map(|(v, t)| (pool(v), pool(t))).collect();
-        let exposure = evaluate::fit_exposure(pooled.iter().map(|(v, t)| (&v[..], &t[..])));
+        let exposure = evaluate::fit_exposure(pooled.iter().map(|(v, t)| (&v[..], &t[..])))?;
         exposures.push(exposure);
         for ((view, target), images) in seen.drain(..).zip(targets).zip(&mut images) {
             images.push((view.iter().map(|v| v * exposure as f32).collect(), target));
@@ -123,7 +124,7 @@ fn row(pupil: &Pupil, images: &[(Vec<f32>, Vec<f32>)], height: usize, width: usi
     let ssim: Option<Vec<f64>> = pooled.iter().map(|(v, t)| evaluate::ssim(v, t, h, w).ok()).collect();
     Row {
         pupil_mm: pupil.to_mm(),
-        psnr_db: evaluate::psnr(&all(|p| &p.0), &all(|p| &p.1), 1.0),
+        psnr_db: evaluate::psnr(&all(|p| &p.0), &all(|p| &p.1)).unwrap_or(f64::NAN),
         ssim: ssim.map(|s| s.iter().sum::<f64>() / s.len() as f64),
     }
 }
