@@ -23,3 +23,8 @@ pub mod optics;
 pub mod plan;
 pub mod scene;
 pub mod solve;
+
+/// The README's program is compiled and run with the tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

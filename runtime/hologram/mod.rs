@@ -92,7 +92,7 @@ pub struct ColorHologram {
     /// One exposure for the whole eyebox (OPTICS 2): multiplies the intensity that an eye receives, relative to a
     /// perfect hologram of full scale.
     pub exposure: f64,
-    /// Share of the light that was aimed at where a pupil may look, 0 to 1 (OPTICS 6c).
+    /// Mean of the scene over the exposure: the share of the light that is aimed at where pupils look (OPTICS 6c).
     pub efficiency: f64,
     /// (sub-frame, row, column), radians in [-pi, pi).
     pub phases: Vec<f32>,

@@ -28,7 +28,7 @@ impl Hologram {
     /// [`FileError::Full`], [`FileError::Taken`], [`FileError::Write`]; then nothing has changed at `path`.
     pub fn save(&self, path: &Path) -> Result<(), HologramError> {
         self.check()?;
-        match path.extension().and_then(|e| e.to_str()) {
+        match path.extension().and_then(|e| e.to_str()).map(str::to_lowercase).as_deref() {
             Some("zarr") => self.save_zarr(path),
             Some("npy") => save_phases(self, path),
             _ => Err(HologramError::UnknownEnding { path: path.display().to_string() }),
