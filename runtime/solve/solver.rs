@@ -151,8 +151,9 @@ pub fn solve(
     let judge = Judge::new(engine, &planner, (0..8).map(|_| held_out.draw()).collect())?;
     let mut run = Run { planner: &planner, settings, engine, judge: &judge, range, start, exposure: 0.0, pilot: false };
     run.exposure = match settings.efficiency {
-        Some(efficiency) => problem.mean / efficiency,
-        None => run.choose_exposure(judge.bright_end(), observe)?,
+        // A black scene has no efficiency: any exposure shows it.
+        Some(efficiency) if problem.mean > 0.0 => problem.mean / efficiency,
+        _ => run.choose_exposure(judge.bright_end(), observe)?,
     };
     let exposure = run.exposure;
     let (best, steps, stop) = run.descend(settings.steps, observe)?;
@@ -233,7 +234,8 @@ impl Run<'_> {
         let limit = settings.seconds.filter(|_| !self.pilot);
         let wanted = settings.psnr.filter(|_| !self.pilot);
         let begun = self.start.elapsed().as_secs_f64();
-        let every = steps.div_ceil(10).max(1);
+        // Ten verdicts where quality is to stop the solve, else three: a verdict costs about two steps.
+        let every = if wanted.is_some() { steps.div_ceil(10) } else { steps.div_ceil(3) }.max(3);
         let mut best: Option<Judged> = None;
         let mut step = 0;
         let stop = loop {
@@ -258,11 +260,11 @@ impl Run<'_> {
                 }
                 break Stop::Asked;
             }
-            if wanted.is_some() && (step % every == 0 || step == steps) {
+            if step.is_multiple_of(every) || step == steps {
                 consider(judge, self.engine, planner, step, &mut best)?;
             }
             let verdict = best.as_ref().map(|b| &b.0);
-            if observe(&Progress { step, steps: steps, seconds: self.start.elapsed().as_secs_f64(), loss, verdict })
+            if observe(&Progress { step, steps, seconds: self.start.elapsed().as_secs_f64(), loss, verdict })
                 == Flow::Stop
             {
                 break Stop::Asked;
