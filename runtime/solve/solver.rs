@@ -262,7 +262,7 @@ impl Run<'_> {
                 consider(judge, self.engine, planner, step, &mut best)?;
             }
             let verdict = best.as_ref().map(|b| &b.0);
-            if observe(&Progress { step, steps: steps, seconds: self.start.elapsed().as_secs_f64(), loss, verdict })
+            if observe(&Progress { step, steps, seconds: self.start.elapsed().as_secs_f64(), loss, verdict })
                 == Flow::Stop
             {
                 break Stop::Asked;
