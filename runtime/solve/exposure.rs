@@ -31,7 +31,7 @@ impl BrightEnd {
             count += image.len() as u64;
             values.extend_from_slice(image);
         }
-        if !(m2 > 0.0) {
+        if m2.is_nan() || m2 <= 0.0 {
             // A black scene: any exposure shows it.
             return Self { contrast: 0.35, percentile: 0.35, mean: 0.0 };
         }
@@ -50,7 +50,7 @@ impl BrightEnd {
         let low = self.percentile.max(self.mean).max(self.contrast / 64.0);
         let high = self.guess();
         let ratio = high / low;
-        if !(ratio > 2.0) {
+        if ratio.is_nan() || ratio <= 2.0 {
             return None;
         }
         // A factor of two apart or a little more; one below the range, for the percentile may overshoot too.

@@ -136,6 +136,7 @@ pub fn hologram(
         seed: settings.seed,
         version: env!("CARGO_PKG_VERSION").into(),
         display: display.name.clone(),
+        display_wavelengths: display.wavelengths.clone(),
         scene: field.name.clone(),
         settings: json!({ "solve": settings, "padding": [padding.rows, padding.columns], "view_pitch_mm": field.cell(display) * 1e3, "eyebox_mm": display.eyebox_min() * 1e3 }),
     }
