@@ -6,6 +6,7 @@
 //! This room may import `plan` (the lists), the pyramid of views from `scene`, and the kernels.
 
 pub mod cpu;
+pub mod vulkan;
 
 pub use crate::plan::{Buffer, Dispatch, Kernel, Lane, Purpose, Scope, Shape, Shot, Step, Timing};
 
