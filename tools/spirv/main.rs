@@ -90,7 +90,11 @@ fn check(root: &Path, compiler: &str, built: &[(Entry, Vec<u8>)]) -> Result<Stri
             }
         }
     }
-    if wrong.is_empty() { Ok(format!("{} modules are what their sources give", built.len())) } else { Err(wrong.join("\n")) }
+    if wrong.is_empty() {
+        Ok(format!("{} modules are what their sources give", built.len()))
+    } else {
+        Err(wrong.join("\n"))
+    }
 }
 
 /// Writes beside the file, then puts it in its place; leaves a file that is the same already.
@@ -121,9 +125,9 @@ fn version() -> Result<String, String> {
 
 fn call(command: &mut Command) -> Result<String, String> {
     let name = command.get_program().to_string_lossy().into_owned();
-    let output = command
-        .output()
-        .map_err(|e| format!("{name} could not be run ({e}); on Debian or Ubuntu: apt install glslang-tools spirv-tools"))?;
+    let output = command.output().map_err(|e| {
+        format!("{name} could not be run ({e}); on Debian or Ubuntu: apt install glslang-tools spirv-tools")
+    })?;
     let text = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
     if output.status.success() { Ok(text) } else { Err(format!("{name}: {}", text.trim())) }
 }

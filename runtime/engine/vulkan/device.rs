@@ -4,9 +4,7 @@ use super::super::EngineError;
 use super::devices::{Candidate, DeviceReport, candidates, choose};
 use super::instance::{Instance, Messages};
 use ash::{khr, vk};
-use gpu_allocator::vulkan::{
-    Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc,
-};
+use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
 use gpu_allocator::{AllocationError, AllocationSizes, MemoryLocation};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -28,14 +26,10 @@ impl Device {
         let instance = Instance::new(validation)?;
         let chosen = choose(candidates(&instance)?, wanted, allow_cpu)?;
         let Candidate { raw: physical, report, family, synchronization2, portability_subset } = chosen;
-        let refused = |call, e: vk::Result| EngineError::Vulkan {
-            device: report.name.clone(),
-            call,
-            result: format!("{e:?}"),
-        };
+        let refused =
+            |call, e: vk::Result| EngineError::Vulkan { device: report.name.clone(), call, result: format!("{e:?}") };
         let priorities = [1.0];
-        let queues =
-            [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&priorities)];
+        let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&priorities)];
         let mut extensions = Vec::new();
         if synchronization2 {
             extensions.push(khr::synchronization2::NAME.as_ptr());

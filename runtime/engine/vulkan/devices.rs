@@ -230,10 +230,8 @@ pub(super) fn choose(mut all: Vec<Candidate>, wanted: Option<&str>, allow_cpu: b
 
 /// Which of these is taken: discrete before integrated before virtual, software only when asked for.
 fn pick(all: &[&DeviceReport], wanted: Option<&str>, allow_cpu: bool) -> Result<usize, EngineError> {
-    let refuse = |r: &DeviceReport, reason: &str| EngineError::Unsuitable {
-        device: r.name.clone(),
-        reason: reason.to_owned(),
-    };
+    let refuse =
+        |r: &DeviceReport, reason: &str| EngineError::Unsuitable { device: r.name.clone(), reason: reason.to_owned() };
     if let Some(wanted) = wanted {
         let lower = wanted.to_lowercase();
         let found = match wanted.parse::<usize>() {

@@ -76,7 +76,8 @@ impl Gpu {
             let mut copies = Vec::with_capacity(batch.len());
             let mut at = 0;
             for &(from, to, size) in batch {
-                stage.bytes_mut()[at as usize..][..size as usize].copy_from_slice(&data[from as usize..][..size as usize]);
+                stage.bytes_mut()[at as usize..][..size as usize]
+                    .copy_from_slice(&data[from as usize..][..size as usize]);
                 copies.push((at, to, size));
                 at += size;
             }

@@ -44,20 +44,20 @@ fn a_kernel_runs_is_timed_and_leaves_no_message() {
     assert_eq!(close(gpu), Vec::<String>::new());
 }
 
-/// Two kernels write one block with nothing between them: the layer must say so, else its silence means nothing.
+/// A kernel reads what the one before it writes, with nothing between them: the layer must say so, else its silence
+/// means nothing.
 #[test]
 fn a_hazard_is_heard() {
     let mut gpu = open();
-    let from = gpu.filled(&[0; 256], "phases").unwrap();
+    let from = gpu.filled(&[0; 512], "phases").unwrap();
     let to = gpu.block(512, "field").unwrap();
     let pipeline = gpu.pipeline(&spirv::MODULATE, 2, &[]).unwrap();
     let push = [8u32, 8, 8, 8, 0, 0, 64, 64];
     gpu.recorder.begin(0).unwrap();
-    for _ in 0..2 {
-        gpu.recorder.dispatch(pipeline, &[from.all(), to.all()], bytemuck::cast_slice(&push), [1, 8, 1]).unwrap();
-    }
+    gpu.recorder.dispatch(pipeline, &[from.all(), to.all()], bytemuck::cast_slice(&push), [1, 8, 1]).unwrap();
+    gpu.recorder.dispatch(pipeline, &[to.all(), from.all()], bytemuck::cast_slice(&push), [1, 8, 1]).unwrap();
     gpu.recorder.submit("a hazard").unwrap();
     drop((from, to));
     let heard = close(gpu);
-    assert!(heard.iter().any(|m| m.contains("SYNC-HAZARD-WRITE-AFTER-WRITE")), "{heard:?}");
+    assert!(heard.iter().any(|m| m.contains("SYNC-HAZARD-READ-AFTER-WRITE")), "{heard:?}");
 }
