@@ -41,7 +41,19 @@ macro_rules! modules {
 
 #[cfg(feature = "modules")]
 modules! {
+    ADAM = "adam",
+    BALANCE = "balance",
+    COMPARE = "compare",
+    INTENSITY = "intensity",
     MODULATE = "modulate",
+    OVERLAP = "overlap",
+    PASS_PUPIL = "pass_pupil",
+    PHOTOGRAPH = "photograph",
+    PROJECT = "project",
+    RESAMPLE = "resample",
+    RETURN_PUPIL = "return_pupil",
+    TRANSFER = "transfer",
+    WEIGH = "weigh",
 }
 
 #[cfg(all(test, feature = "modules"))]
