@@ -4,7 +4,7 @@ use crate::Complex32;
 use std::f32::consts::FRAC_2_PI;
 
 // pi / 2 in three parts, the first two short enough that n * part is exact for |n| < 2^13 (Cody and Waite).
-const HALF_PI: [f32; 3] = [1.570_312_5, 4.837_512_97e-4, 7.549_789_9e-8];
+const HALF_PI: [f32; 3] = [1.570_312_5, 4.837_513e-4, 7.549_79e-8];
 // Adding and taking away 1.5 * 2^23 rounds to an integer, whose lowest bits stand in the mantissa.
 const ROUND: f32 = 12_582_912.0;
 

@@ -5,6 +5,7 @@
 //! | room | what belongs in it |
 //! |---|---|
 //! | [`optics`] | geometry, pupil, propagation, window: pure functions in float64 |
+//! | [`files`] | files that appear whole or not at all; `.npy` and PNG |
 //! | [`scene`] | light fields: loading, built-in scenes, depth and disparity, the photograph |
 //! | [`plan`] | what a scene requires, decided once, as plain data |
 //! | [`engine`] | runs lists of kernels over buffers, on the CPU or on Vulkan |
@@ -16,8 +17,14 @@
 
 pub mod engine;
 pub mod evaluate;
+pub mod files;
 pub mod hologram;
 pub mod optics;
 pub mod plan;
 pub mod scene;
 pub mod solve;
+
+/// The README's program is compiled and run with the tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

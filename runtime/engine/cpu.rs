@@ -414,7 +414,7 @@ impl Engine for CpuEngine {
 fn renew<T: Clone + bytemuck::Zeroable>(buffer: &mut Vec<T>, length: usize, what: &str) -> Result<(), EngineError> {
     buffer.clear();
     buffer.shrink_to(length);
-    let wanted_mib = length * size_of::<T>() >> 20;
+    let wanted_mib = (length * size_of::<T>()) >> 20;
     buffer.try_reserve_exact(length).map_err(|_| EngineError::OutOfMemory {
         device: "host".into(),
         what: what.into(),

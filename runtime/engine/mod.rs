@@ -5,10 +5,12 @@
 //! kernel is found by running the list on one engine up to it and on the other after it.
 //! This room may import `plan` (the lists), the pyramid of views from `scene`, and the kernels.
 
+mod choose;
 pub mod cpu;
 pub mod vulkan;
 
 pub use crate::plan::{Buffer, Dispatch, Kernel, Lane, Purpose, Scope, Shape, Shot, Step, Timing};
+pub use choose::{Choice, open, open_handover};
 
 use crate::scene::Pyramid;
 use std::sync::Arc;

@@ -1,1 +1,136 @@
-//! To come.
+//! How good an image is, in numbers: PSNR, SSIM, the exposure that compares a hologram with its scene, and what a list
+//! of such numbers comes to.
+//!
+//! Images are linear light, (row, column), with 1 as full scale; sums are kept in float64. The measures are pure
+//! functions of slices; [`views`] and [`photographs`] get the images from any engine. May import `optics`, `scene`,
+//! `plan` and `engine`.
+//!
+//! The order in which a hologram is judged (OPTICS 2 and 7): the intensity of every pupil and its photograph, averaged
+//! over 2 x 2 pixels ([`pool2`]), one exposure for all pupils together ([`fit_exposure`]), then [`psnr`] and [`ssim`]
+//! pupil by pupil, and their [`Summary`]: worst, median and spread say more than the mean.
+
+mod look;
+mod ssim;
+mod summary;
+
+pub use look::{photographs, views};
+pub use ssim::ssim;
+pub use summary::Summary;
+
+/// Why there is no number.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum EvaluateError {
+    /// Two images that cannot be compared.
+    #[error("an image of {one} pixels cannot be compared with one of {other}")]
+    Sizes {
+        /// Pixels of the first.
+        one: usize,
+        /// Pixels of the second, or what its rows and columns come to.
+        other: usize,
+    },
+    /// An image smaller than the measure's window.
+    #[error("an image of {height}x{width} pixels is too small: {least}x{least} is the least")]
+    TooSmall {
+        /// Rows.
+        height: usize,
+        /// Columns.
+        width: usize,
+        /// Least number of either.
+        least: usize,
+    },
+    /// No exposure makes anything of images without light.
+    #[error("the images are black: no exposure brings them to their targets")]
+    Dark,
+}
+
+/// Peak signal-to-noise ratio in dB, peak 1: `-10 log10(mean((a - b)^2))`; infinite for equal images.
+///
+/// # Errors
+/// [`EvaluateError::Sizes`]; [`EvaluateError::TooSmall`] for images without pixels.
+pub fn psnr(a: &[f32], b: &[f32]) -> Result<f64, EvaluateError> {
+    if a.len() != b.len() {
+        return Err(EvaluateError::Sizes { one: a.len(), other: b.len() });
+    }
+    if a.is_empty() {
+        return Err(EvaluateError::TooSmall { height: 0, width: 0, least: 1 });
+    }
+    let error: f64 = a.iter().zip(b).map(|(&a, &b)| (f64::from(a) - f64::from(b)).powi(2)).sum();
+    Ok(-10.0 * (error / a.len() as f64).log10())
+}
+
+/// Mean of every block of 2 x 2 pixels, (`height / 2`, `width / 2`): a last odd row or column is dropped. The same for
+/// every method compared, it stands for the eye's own resolution (OPTICS 7). An image of
+/// a single row or column has no such block and stays as it is.
+///
+/// # Panics
+/// If `image` is not `height` x `width`: the caller's mistake.
+pub fn pool2(image: &[f32], height: usize, width: usize) -> Vec<f32> {
+    assert_eq!(image.len(), height * width, "the image is {height} x {width}");
+    if height < 2 || width < 2 {
+        return image.to_vec();
+    }
+    let mut pooled = Vec::with_capacity((height / 2) * (width / 2));
+    for row in 0..height / 2 {
+        let (upper, lower) = image[2 * row * width..(2 * row + 2) * width].split_at(width);
+        let blocks = upper.chunks_exact(2).zip(lower.chunks_exact(2));
+        pooled.extend(blocks.map(|(u, l)| 0.25 * (u[0] + u[1] + l[0] + l[1])));
+    }
+    pooled
+}
+
+/// The one exposure that brings images `I` nearest to their targets `T` in the least-squares sense, over all of them:
+/// `sum <I, T> / sum <I, I>`. For comparing what is finished; it settles too low to steer by (OPTICS 6c).
+///
+/// # Errors
+/// [`EvaluateError::Sizes`], [`EvaluateError::Dark`].
+pub fn fit_exposure<'a>(pairs: impl IntoIterator<Item = (&'a [f32], &'a [f32])>) -> Result<f64, EvaluateError> {
+    let (mut with_target, mut with_itself) = (0.0, 0.0);
+    for (image, target) in pairs {
+        if image.len() != target.len() {
+            return Err(EvaluateError::Sizes { one: image.len(), other: target.len() });
+        }
+        for (&i, &t) in image.iter().zip(target) {
+            with_target += f64::from(i) * f64::from(t);
+            with_itself += f64::from(i) * f64::from(i);
+        }
+    }
+    if with_itself > 0.0 { Ok(with_target / with_itself) } else { Err(EvaluateError::Dark) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn psnr_of_a_known_error() {
+        assert!((psnr(&[0.0; 9], &[0.1; 9]).unwrap() - 20.0).abs() < 1e-5);
+        assert!((psnr(&[0.0, 0.0], &[0.02, 0.0]).unwrap() - (-10.0 * 0.0002f64.log10())).abs() < 1e-5);
+        assert_eq!(psnr(&[0.3], &[0.3]).unwrap(), f64::INFINITY);
+        assert_eq!(psnr(&[0.0; 2], &[0.0; 3]), Err(EvaluateError::Sizes { one: 2, other: 3 }));
+        assert!(matches!(psnr(&[], &[]), Err(EvaluateError::TooSmall { .. })));
+    }
+
+    #[test]
+    fn a_small_difference_survives_a_large_image() {
+        // In float32 the sum of 16 million squares of 1e-4 would stop growing.
+        let (a, b) = (vec![1.0f32; 1 << 24], vec![1.0f32 - 1e-2; 1 << 24]);
+        assert!((psnr(&a, &b).unwrap() - 40.0).abs() < 1e-4);
+    }
+
+    #[test]
+    fn pooling_drops_odd_edges() {
+        let image: Vec<f32> = (0..15).map(|i| i as f32).collect();
+        assert_eq!(pool2(&image, 3, 5), [3.0, 5.0]);
+        assert_eq!(pool2(&image, 5, 3), [2.0, 8.0]);
+        assert_eq!(pool2(&image, 1, 15), image);
+    }
+
+    #[test]
+    fn one_exposure_is_fitted_over_all_images() {
+        let images: [(&[f32], &[f32]); 2] = [(&[1.0, 2.0], &[2.0, 4.0]), (&[1.0], &[8.0])];
+        // (2 + 8 + 8) / (1 + 4 + 1), neither image's own factor (2 and 8).
+        assert_eq!(fit_exposure(images).unwrap(), 3.0);
+        assert_eq!(fit_exposure([(&[0.0f32][..], &[1.0f32][..])]), Err(EvaluateError::Dark));
+        assert!(fit_exposure([(&[0.0f32][..], &[][..])]).is_err());
+    }
+}

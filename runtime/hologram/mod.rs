@@ -1,1 +1,180 @@
-//! To come.
+//! Phase frames and their file.
+//!
+//! A [`Hologram`] is what a solve ends in and what everything after it starts from: phases per colour and sub-frame,
+//! the optics they are meant for, the exposure they were made with, and what made them. It is kept as a Zarr v3 folder
+//! (`store`), which any Zarr library opens; bare phases travel as `.npy` and as grey PNGs (`exchange`).
+//! This room imports [`optics`](crate::optics) and [`files`](crate::files).
+//!
+//! # The folder
+//!
+//! ```text
+//! x.zarr/
+//!   zarr.json                 group; attributes.eyebox: optics, exposure, seed, version, what made it
+//!   phases/zarr.json          array (colour, sub-frame, row, column), float32, radians in [-pi, pi)
+//!   phases/c/0/3/0/0          one chunk: sub-frame 3 of colour 0, little-endian, then its CRC-32C
+//! ```
+//!
+//! Every byte is guarded: chunks by Zarr's own `crc32c` codec, the two documents by `attributes.document_crc32c`, and
+//! the chunks that have to be there, and their lengths, follow from the guarded shape. One chunk a sub-frame means that
+//! a sequence can grow by adding files (a fifth, leading axis), and that a reader of one sub-frame reads one file; a
+//! smaller chunk shape makes tiles. `docs/hologram-format.md` is the full description.
+//!
+//! The documents and chunks are written here, not by the `zarrs` crate, because its build needs a C library (zlib, for
+//! its build script, whatever the features), and building this project needs cargo alone.
+
+mod document;
+mod exchange;
+mod phase;
+mod store;
+
+#[cfg(test)]
+mod damage_tests;
+
+pub use exchange::{Phases, load_phases, save_phases};
+pub use phase::{level_of_phase, phase_of_level, wrap_phase};
+
+use crate::{
+    files::FileError,
+    optics::{Color, Optics, OpticsError},
+};
+use serde_json::Value;
+
+/// What can be wrong with a hologram or its file.
+#[derive(Debug, thiserror::Error)]
+pub enum HologramError {
+    /// Reading or writing failed.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// A file of the hologram is missing, cut short or changed.
+    #[error("{file}: the hologram is damaged: {reason}")]
+    Damaged {
+        /// The file.
+        file: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// There is something, but no hologram.
+    #[error("{path}: is no hologram: {reason}")]
+    NotAHologram {
+        /// The place.
+        path: String,
+        /// What is there, and what would be right.
+        reason: String,
+    },
+    /// An ending that names no format.
+    #[error(
+        "{path}: the ending says no format that a hologram can be written in: use .zarr (everything), or .npy (phases alone)"
+    )]
+    UnknownEnding {
+        /// The place.
+        path: String,
+    },
+    /// A hologram that contradicts itself.
+    #[error("the hologram cannot be: {0}")]
+    Inconsistent(String),
+    /// Its optics cannot be.
+    #[error("{file}: {source}")]
+    Optics {
+        /// The file.
+        file: String,
+        /// Why.
+        source: OpticsError,
+    },
+}
+
+/// The phases of one colour.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ColorHologram {
+    /// Its colour; none where only a wavelength is known.
+    pub color: Option<Color>,
+    /// Metres.
+    pub wavelength: f64,
+    /// One exposure for the whole eyebox (OPTICS 2): multiplies the intensity that an eye receives, relative to a
+    /// perfect hologram of full scale.
+    pub exposure: f64,
+    /// Mean of the scene over the exposure: the share of the light that is aimed at where pupils look (OPTICS 6c).
+    pub efficiency: f64,
+    /// (sub-frame, row, column), radians in [-pi, pi).
+    pub phases: Vec<f32>,
+}
+
+/// Phase frames for a display, and what they were made for and by.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Hologram {
+    /// Sub-frames of a temporal multiplex.
+    pub frames: usize,
+    /// Rows.
+    pub height: usize,
+    /// Columns.
+    pub width: usize,
+    /// Pixel pitch, metres.
+    pub pitch: f64,
+    /// Focal length of the relay, metres.
+    pub focal_length: f64,
+    /// The colours, one to three as a rule, each with `frames * height * width` phases.
+    pub colors: Vec<ColorHologram>,
+    /// Seed of the random initial phase and of the pupils drawn.
+    pub seed: u64,
+    /// Version of eyebox that made it.
+    pub version: String,
+    /// Name of the display.
+    pub display: String,
+    /// What it shows: a path or `builtin:NAME`.
+    pub scene: String,
+    /// How it was made, for people and for doing it again.
+    pub settings: Value,
+}
+
+impl Hologram {
+    /// The optics at colour `index`.
+    ///
+    /// # Errors
+    /// Those of [`Optics::new`].
+    pub fn optics(&self, index: usize) -> Result<Optics, OpticsError> {
+        Optics::new(self.height, self.width, self.pitch, self.colors[index].wavelength, self.focal_length)
+    }
+
+    /// One sub-frame of one colour, (row, column).
+    pub fn frame(&self, color: usize, frame: usize) -> &[f32] {
+        let pixels = self.height * self.width;
+        &self.colors[color].phases[frame * pixels..(frame + 1) * pixels]
+    }
+
+    /// Refuses what no file should hold.
+    ///
+    /// # Errors
+    /// [`HologramError::Inconsistent`].
+    pub fn check(&self) -> Result<(), HologramError> {
+        let wrong = |reason: String| Err(HologramError::Inconsistent(reason));
+        let (frames, height, width) = (self.frames, self.height, self.width);
+        if self.colors.is_empty() || frames == 0 {
+            return wrong(format!("it has {} colours and {frames} sub-frames: at least one each", self.colors.len()));
+        }
+        let expected = height.checked_mul(width).and_then(|n| n.checked_mul(frames));
+        for (i, c) in self.colors.iter().enumerate() {
+            let name = color_name(c.color, i);
+            if let Err(e) = self.optics(i) {
+                return wrong(format!("{name}: {e}"));
+            }
+            if Some(c.phases.len()) != expected {
+                return wrong(format!("{name} has {} phases, not {frames} x {height} x {width}", c.phases.len()));
+            }
+            if !(c.exposure.is_finite() && c.exposure > 0.0 && c.efficiency.is_finite()) {
+                return wrong(format!("{name} has the exposure {} and the efficiency {}", c.exposure, c.efficiency));
+            }
+            if let Some(at) = c.phases.iter().position(|p| !p.is_finite()) {
+                let (f, row, column) = (at / (height * width), at / width % height, at % width);
+                return wrong(format!(
+                    "{name} has the phase {} at sub-frame {f}, row {row}, column {column}",
+                    c.phases[at]
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// "green", or "colour 1" where no name is known.
+fn color_name(color: Option<Color>, index: usize) -> String {
+    color.map_or_else(|| format!("colour {index}"), |c| c.to_string())
+}

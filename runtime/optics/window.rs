@@ -89,7 +89,7 @@ fn is_fast(n: usize) -> bool {
     let mut rest = n;
     let mut divide = |p: usize, most: u32| {
         let mut count = 0;
-        while rest % p == 0 && count < most {
+        while rest.is_multiple_of(p) && count < most {
             rest /= p;
             count += 1;
         }

@@ -2,7 +2,7 @@
 
 use super::{Lane, Purpose, Shape, Shot};
 use crate::optics::{Optics, Padding, Pupil, Window, WindowFactor};
-use crate::scene::ViewGrid;
+use crate::scene::{Pyramid, ViewGrid};
 use eyebox_kernels::{
     compare, fft::Columns, intensity, modulate, pass_pupil, photograph, resample, resample::Table, transfer,
 };
@@ -29,6 +29,25 @@ impl Default for Comparison {
     }
 }
 
+/// What the photographs of a scene need to know of its pyramid.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Views {
+    /// Where the views stand.
+    pub grid: ViewGrid,
+    /// Sizes of the levels, (height, width).
+    pub levels: Vec<(usize, usize)>,
+    /// Linear light of the value 1 of a stored sample.
+    pub unit: f64,
+}
+
+impl Views {
+    /// Of this pyramid.
+    pub fn new(grid: ViewGrid, pyramid: &Pyramid) -> Self {
+        let levels = pyramid.levels.iter().map(|l| (l.height, l.width)).collect();
+        Self { grid, levels, unit: f64::from(pyramid.scale) / 65535.0 }
+    }
+}
+
 /// Everything about a solve that does not change from pupil to pupil, at one wavelength.
 #[derive(Debug, Clone)]
 pub struct Planner {
@@ -40,8 +59,8 @@ pub struct Planner {
     pub frames: usize,
     /// How much of the spectrum a pupil is given.
     pub factor: WindowFactor,
-    /// The views, and the sizes of their pyramid's levels (height, width); none where only the wave is looked at.
-    pub views: Option<(ViewGrid, Vec<(usize, usize)>)>,
+    /// The views; none where only the wave is looked at.
+    pub views: Option<Views>,
 }
 
 impl Planner {
@@ -128,7 +147,7 @@ impl Planner {
     }
 
     fn shot(&self, pupil: &Pupil, window: Window) -> Option<Shot> {
-        let (views, levels) = self.views.as_ref()?;
+        let Views { grid: views, levels, unit } = self.views.as_ref()?;
         let fits = |l: &(usize, usize)| l.0 >= window.rows && l.1 >= window.columns;
         let level = levels.iter().rposition(fits).unwrap_or(0);
         let (height, width) = levels[level];
@@ -140,7 +159,7 @@ impl Planner {
                 height: height as u32,
                 width: width as u32,
                 taps: taps.len() as u32,
-                scale: 1.0,
+                scale: *unit as f32,
                 accumulate: 0,
             },
             taps,

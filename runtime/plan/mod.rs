@@ -7,5 +7,5 @@ mod lane;
 mod list;
 mod lists;
 
-pub use lane::{Comparison, Planner};
+pub use lane::{Comparison, Planner, Views};
 pub use list::{Buffer, Dispatch, Kernel, Lane, Purpose, Scope, Shape, Shot, Step, Timing};

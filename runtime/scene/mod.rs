@@ -1,7 +1,145 @@
-//! Light fields: what the eye should see. May import `optics` and the kernels' tables.
+//! Light fields: loading, the built-in scenes, depth and disparity, the photograph.
+//!
+//! What belongs here: everything between a path (or a built-in name) and views of linear light at the display's size,
+//! and what a camera would see of them. It imports only [`optics`](crate::optics).
+//!
+//! [`load`] takes a **source**:
+//!
+//! | source | what it is |
+//! |---|---|
+//! | a folder | views in PNG, JPEG or EXR files, named by a running number or by row and column |
+//! | a picture | with a depth or disparity map ([`Request::depth_map`]): views by reprojection |
+//! | `builtin:NAME` | a scene rendered at any resolution and number of views: see [`BUILTINS`] |
+//!
+//! **Folders.** Names with a running number (`input_Cam000.png`) fill a square grid in row-major order; names with row
+//! and column (`2067_03_07.png`, `LF_3_7.png`, `view-3-7.jpg`) fill any grid. Files that are not of the largest such
+//! family are passed over. Beside the views, `lightfield.toml` may state (all keys are optional, others are refused)
+//!
+//! ```toml
+//! grid = [9, 9]             # rows, columns of views
+//! view_pitch_mm = 2.4       # between neighbouring views, in the pupil plane
+//! disparity = [-1.8, 2.1]   # pixels between neighbouring views, positive towards the camera
+//! depth_mm = [-3.0, 3.5]    # farthest, nearest
+//! transfer = "srgb"         # or "linear": how stored values become light
+//! ```
+//!
+//! Disparities and depths are those at the views' own resolution. Without that file, `parameters.cfg` of the 4D Light
+//! Field Benchmark gives the number of views and the disparities, or a `gt_disp*.pfm` the disparities. PNG and JPEG
+//! are decoded by the sRGB curve, EXR is linear light already.
+//!
+//! **Pictures with a map.** An 8- or 16-bit picture as a map is bright where it is near; its smallest and largest value
+//! mean the ends of [`Request::depth`]. A `.pfm` or `.npy` map holds disparities, in pixels between neighbouring views
+//! at the picture's own resolution, if its name contains `disp`; else it counts like a picture, larger being nearer.
+//!
+//! Signs (OPTICS 3): columns of views follow +x of the pupil, rows +y; content of positive disparity is near.
 
+mod builtin;
+mod error;
+mod folder;
+mod light_field;
+mod map;
+mod names;
+mod pfm;
 mod photograph;
+mod picture;
 mod pyramid;
+mod reproject;
+mod resize;
+mod settings;
+mod single;
 
+#[cfg(test)]
+mod tests;
+
+pub use builtin::{BUILTINS, Builtin};
+pub use error::SceneError;
+pub use light_field::{Fit, LightField};
 pub use photograph::ViewGrid;
+pub use picture::srgb_to_linear;
 pub use pyramid::{Level, Pyramid};
+
+use crate::optics::{Color, Display};
+use std::path::Path;
+
+/// What is wanted of a scene.
+#[derive(Debug, Clone, Copy)]
+pub struct Request<'a> {
+    /// The display that shows it: it decides the resolution, and what a disparity means.
+    pub display: &'a Display,
+    /// Which colours to load.
+    pub colors: &'a [Color],
+    /// Metres between neighbouring views in the pupil plane, instead of what the scene says.
+    pub view_pitch: Option<f64>,
+    /// Views per axis, for scenes that are rendered or reprojected.
+    pub views: usize,
+    /// The depth or disparity map of a single picture.
+    pub depth_map: Option<&'a Path>,
+    /// Metres: the depths that the smallest and the largest value of a depth map mean. A map that is dark where it is
+    /// near takes the nearer depth first. Left out: as deep as the built-in scenes, white near.
+    pub depth: Option<[f64; 2]>,
+}
+
+impl<'a> Request<'a> {
+    /// 9 x 9 views of these colours, nothing else stated.
+    pub fn new(display: &'a Display, colors: &'a [Color]) -> Self {
+        Self { display, colors, view_pitch: None, views: 9, depth_map: None, depth: None }
+    }
+
+    fn check(&self) -> Result<(), SceneError> {
+        let wrong = |what, value: String, must| Err(SceneError::Request { what, value, must });
+        if self.colors.is_empty() || (1..self.colors.len()).any(|i| self.colors[..i].contains(&self.colors[i])) {
+            return wrong("the list of colours", format!("{:?}", self.colors), "one to three different colours");
+        }
+        if !(1..=64).contains(&self.views) {
+            return wrong("the number of views per axis", self.views.to_string(), "1 to 64");
+        }
+        if self.view_pitch.is_some_and(|p| !(p.is_finite() && p > 0.0)) {
+            let pitch = self.view_pitch.unwrap_or_default() * 1e3;
+            return wrong("the view pitch (mm)", pitch.to_string(), "a positive, finite number");
+        }
+        if self.depth.is_some_and(|[a, b]| !(a.is_finite() && b.is_finite())) {
+            let depth = self.depth.unwrap_or_default().map(|v| v * 1e3);
+            return wrong("the depth range (mm)", format!("{depth:?}"), "two finite numbers");
+        }
+        let [height, width] = [self.display.height, self.display.width];
+        if !(1..=65536).contains(&height) || !(1..=65536).contains(&width) {
+            return wrong("the display's size", format!("{height}x{width}"), "1 to 65536 pixels on each axis");
+        }
+        Ok(())
+    }
+}
+
+/// Loads a scene and fits it to the display ([`Fit::Contain`]).
+///
+/// # Errors
+/// Any [`SceneError`]; it names the file.
+pub fn load(source: &str, request: &Request) -> Result<LightField, SceneError> {
+    request.check()?;
+    let display = request.display;
+    let built_in = source.strip_prefix("builtin:");
+    let path = Path::new(source);
+    if let (Some(map), true) = (request.depth_map, built_in.is_some() || path.is_dir()) {
+        return Err(SceneError::Request {
+            what: "the depth map",
+            value: map.display().to_string(),
+            must: "left out: this scene has views of its own; a map belongs to a single picture",
+        });
+    }
+    if let Some(name) = built_in {
+        return builtin::load(name, request);
+    }
+    if !path.exists() {
+        return Err(SceneError::NotFound { path: source.into(), what: "folder, picture or built-in scene" });
+    }
+    if !path.is_dir() {
+        return single::load(path, request);
+    }
+    let mut field = folder::load(path, request.colors)?;
+    if request.view_pitch.is_some() {
+        field.view_pitch = request.view_pitch;
+    }
+    if (field.height, field.width) == (display.height, display.width) {
+        return Ok(field);
+    }
+    Ok(field.fit(display.height, display.width, Fit::default()))
+}

@@ -1,1 +1,16 @@
-//! To come.
+//! Stochastic Light Field Holography (Schiffers et al. 2023): draws pupils, compares what the wave gives with what the
+//! light field gives, moves the phases. Written once, for every engine and both optimisers.
+//!
+//! May import everything above it: `optics`, `scene`, `plan`, `engine`, `evaluate`.
+
+mod judge;
+mod problem;
+mod sampling;
+mod settings;
+mod solver;
+
+pub use judge::{Judge, Verdict};
+pub use problem::Problem;
+pub use sampling::{Diameters, PupilRange, Sampler, Sequence, SplitMix, random_phases};
+pub use settings::{Optimizer, Settings, cosine};
+pub use solver::{Flow, Progress, Solution, SolveError, Stop, solve};

@@ -1,2 +1,64 @@
-//! The `eyebox` command.
-fn main() {}
+//! The `eyebox` command: `demo`, `solve`, `view`, `photograph`, `score`, `devices`.
+//!
+//! This room reads arguments, calls the runtime, and shows what came of it. Anything that a program would want to call
+//! belongs in the runtime. Errors are one line on standard error and exit code 2; nothing half-written stays behind.
+
+mod args;
+mod common;
+mod demo;
+mod devices;
+mod failure;
+mod photograph;
+mod progress;
+mod score;
+mod solve;
+mod view;
+
+use args::{Cli, Command};
+use clap::Parser;
+use clap::error::ErrorKind;
+use failure::Failure;
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => return usage(&error),
+    };
+    let done = match &cli.command {
+        Command::Demo(args) => demo::run(args),
+        Command::Solve(args) => solve::run(args),
+        Command::View(args) => view::run(args),
+        Command::Photograph(args) => photograph::run(args),
+        Command::Score(args) => score::run(args),
+        Command::Devices(args) => devices::run(args),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("eyebox: {failure}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// Help and version go out as they are; a mistake becomes one line.
+fn usage(error: &clap::Error) -> ExitCode {
+    match error.kind() {
+        ErrorKind::DisplayHelp | ErrorKind::DisplayVersion | ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
+            let _ = error.print();
+            if error.exit_code() == 0 { ExitCode::SUCCESS } else { ExitCode::from(2) }
+        }
+        _ => {
+            let text = error.to_string();
+            let lines: Vec<&str> = text
+                .lines()
+                .map(str::trim)
+                .take_while(|l| !l.starts_with("Usage:") && !l.starts_with("For more information"))
+                .filter(|l| !l.is_empty())
+                .collect();
+            eprintln!("eyebox: {} (see --help)", lines.join(" ").trim_start_matches("error: "));
+            ExitCode::from(2)
+        }
+    }
+}

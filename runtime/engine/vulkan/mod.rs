@@ -13,14 +13,21 @@
 #![allow(unsafe_code)]
 
 mod cache;
+mod check;
 mod device;
 mod devices;
+mod engine;
 mod fft;
 mod gpu;
 mod instance;
+mod layout;
 mod pipelines;
+mod record;
 mod recorder;
+mod tables;
 #[cfg(test)]
 mod tests;
+mod views;
 
+pub use engine::{Options, VulkanEngine};
 pub use devices::{DeviceKind, DeviceReport, Limits, devices};

@@ -36,3 +36,18 @@ pub(super) trait Transform {
         columns: Columns,
     ) -> Result<(), EngineError>;
 }
+
+// TEMPORARY until the plan lands.
+struct Missing;
+impl Transform for Missing {
+    fn prepare(&mut self, _: &mut Gpu, _: usize, _: usize, _: Direction) -> Result<(), EngineError> {
+        Err(EngineError::Mismatch { reason: "no transforms".into() })
+    }
+    fn record(&mut self, _: &mut Gpu, _: Frames<'_>, _: Direction, _: Columns) -> Result<(), EngineError> {
+        Err(EngineError::Mismatch { reason: "no transforms".into() })
+    }
+}
+/// The transforms of this engine.
+pub(super) fn transforms() -> Box<dyn Transform + Send> {
+    Box::new(Missing)
+}

@@ -1,0 +1,61 @@
+//! What an eye sees and what it should see, through any engine.
+
+use crate::engine::{Buffer, Engine, EngineError};
+use crate::optics::{Pupil, WindowFactor};
+use crate::plan::{Comparison, Dispatch, Kernel, Planner};
+
+/// The time-averaged intensity through each pupil of the phases that `engine` holds, divided by the pupil's share of
+/// the eyebox (OPTICS 2), on the SLM's pixels: (height, width) each, row-major. No exposure is applied.
+///
+/// The engine must have been loaded with the planner's shape.
+///
+/// # Errors
+/// Those of the engine.
+pub fn views(engine: &mut dyn Engine, planner: &Planner, pupils: &[Pupil]) -> Result<Vec<Vec<f32>>, EngineError> {
+    let planner = Planner { factor: WindowFactor::Full, views: None, ..planner.clone() };
+    let lanes: Vec<_> = pupils.iter().map(|p| planner.lane(p, &Comparison::default())).collect();
+    let count = lanes.len();
+    let mut step = planner.view_step(lanes);
+    // One pupil after the other: at full size, one holds as much memory as the field.
+    let (shared, per_pupil) = step.list.split_at(2);
+    let (shared, per_pupil) = (shared.to_vec(), per_pupil.iter().map(|d| d.kernel).collect::<Vec<_>>());
+    step.list = shared;
+    for i in 0..count {
+        step.list.extend(per_pupil.iter().map(|&kernel| Dispatch { kernel, lanes: i..i + 1 }));
+    }
+    engine.run_part(&step, 0..2)?;
+    (0..count)
+        .map(|i| {
+            let from = 2 + i * per_pupil.len();
+            engine.run_part(&step, from..from + per_pupil.len())?;
+            Ok(crop(&planner, engine.read(Buffer::Image(0))?))
+        })
+        .collect()
+}
+
+/// The photograph of the engine's views through each pupil, on the SLM's pixels (OPTICS 3).
+///
+/// # Errors
+/// Those of the engine.
+pub fn photographs(engine: &mut dyn Engine, planner: &Planner, pupils: &[Pupil]) -> Result<Vec<Vec<f32>>, EngineError> {
+    let planner = Planner { factor: WindowFactor::Full, ..planner.clone() };
+    pupils
+        .iter()
+        .map(|p| {
+            let step = planner.photograph_step(vec![planner.lane(p, &Comparison::default())]);
+            debug_assert!(step.list.iter().all(|d| matches!(d.kernel, Kernel::Photograph | Kernel::Resample)));
+            engine.run(&step)?;
+            Ok(crop(&planner, engine.read(Buffer::Target(0))?))
+        })
+        .collect()
+}
+
+/// The SLM's part of an image on the grid.
+fn crop(planner: &Planner, image: Vec<f32>) -> Vec<f32> {
+    let place = planner.place();
+    if planner.grid == planner.slm {
+        return image;
+    }
+    let rows = image.chunks_exact(place.grid_width as usize).skip(place.top as usize).take(place.height as usize);
+    rows.flat_map(|row| &row[place.left as usize..(place.left + place.width) as usize]).copied().collect()
+}

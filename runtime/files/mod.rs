@@ -1,0 +1,83 @@
+//! Files that appear whole or not at all, and the two plain formats that the runtime speaks: `.npy` and PNG.
+//!
+//! Everything is written beside its destination and renamed when it is complete and on the disk, so that a full disk,
+//! a crash or Ctrl-C leaves what was there before. This room knows bytes and shapes, nothing of optics; it imports
+//! nothing from the rest of the runtime.
+
+mod npy;
+mod picture;
+mod whole;
+
+pub use npy::{Npy, read_npy, write_npy};
+pub use picture::{encode_grey8, linear_to_srgb, read_grey8, write_png};
+pub use whole::{FolderDraft, write_file};
+
+use std::{io, path::Path};
+
+/// What can be wrong with a file.
+#[derive(Debug, thiserror::Error)]
+pub enum FileError {
+    /// It could not be read.
+    #[error("{file}: cannot be read: {source}")]
+    Read {
+        /// The file.
+        file: String,
+        /// Why.
+        source: io::Error,
+    },
+    /// It could not be written; nothing was left behind.
+    #[error("{file}: cannot be written: {source}")]
+    Write {
+        /// The file.
+        file: String,
+        /// Why.
+        source: io::Error,
+    },
+    /// The disk, the quota or the file size limit is exhausted; nothing was left behind.
+    #[error("{file}: cannot be written, the disk is full ({source}): free some space or write elsewhere")]
+    Full {
+        /// The file.
+        file: String,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// Its content is not what it should be.
+    #[error("{file}: {reason}")]
+    Content {
+        /// The file.
+        file: String,
+        /// What is wrong, where, and what would be right.
+        reason: String,
+    },
+    /// The place is taken by something that must not be replaced.
+    #[error("{path}: {reason}")]
+    Taken {
+        /// The place.
+        path: String,
+        /// What is there.
+        reason: String,
+    },
+}
+
+impl FileError {
+    /// A failure to read `file`.
+    pub fn read(file: &Path, source: io::Error) -> Self {
+        Self::Read { file: file.display().to_string(), source }
+    }
+
+    /// A failure to write `file`: [`FileError::Full`] where there was no room.
+    pub fn write(file: &Path, source: io::Error) -> Self {
+        let file = file.display().to_string();
+        match source.kind() {
+            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded | io::ErrorKind::FileTooLarge => {
+                Self::Full { file, source }
+            }
+            _ => Self::Write { file, source },
+        }
+    }
+
+    /// `file` does not hold what it should.
+    pub fn content(file: &Path, reason: impl Into<String>) -> Self {
+        Self::Content { file: file.display().to_string(), reason: reason.into() }
+    }
+}

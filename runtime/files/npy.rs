@@ -1,0 +1,377 @@
+//! NumPy's `.npy`, as far as images, maps and phases need it: floats and small unsigned integers of any shape.
+//!
+//! Format: <https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html>. It is read here rather than by a
+//! crate because the crates that read it build a C toolchain's objects on the way (through their literal parser), and
+//! a build of this project needs cargo alone.
+
+use super::{FileError, write_file};
+use std::{
+    fs::File,
+    io::{self, BufReader, Read, Write},
+    path::Path,
+};
+
+/// An array of finite float32.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Npy {
+    /// Length of each axis, slowest first.
+    pub shape: Vec<usize>,
+    /// Values in C order.
+    pub values: Vec<f32>,
+    /// Whether the file holds integers: levels of something, never radians or light.
+    pub integers: bool,
+}
+
+/// Axes that an array may have; more than any picture needs, and a bound on the work that a header can ask for.
+const MOST_AXES: usize = 8;
+/// Length that a header may have. NumPy writes 118 bytes.
+const LONGEST_HEADER: usize = 65536;
+const MAGIC: &[u8] = b"\x93NUMPY";
+
+/// Reads an `.npy` of float32, float64 (rounded to float32), u8 or u16, little- or big-endian, C or Fortran order.
+///
+/// # Errors
+/// [`FileError::Read`]; [`FileError::Content`] for another format or element type, a file cut short or too long, and
+/// a value that is not finite (with its index).
+pub fn read_npy(file: &Path) -> Result<Npy, FileError> {
+    let open = || {
+        let opened = File::open(file)?;
+        let length = opened.metadata()?.len();
+        Ok((BufReader::new(opened), length))
+    };
+    let (mut from, length) = open().map_err(|e| FileError::read(file, e))?;
+    parse(&mut from, length).map_err(|e| match e {
+        Wrong::Io(e) => FileError::read(file, e),
+        Wrong::Content(reason) => FileError::content(file, reason),
+    })
+}
+
+/// Writes float32 in C order. `values` has as many elements as `shape` says.
+///
+/// # Errors
+/// Those of [`write_file`].
+pub fn write_npy(file: &Path, shape: &[usize], values: &[f32]) -> Result<(), FileError> {
+    assert_eq!(shape.iter().product::<usize>(), values.len(), "the shape is that of the values");
+    write_file(file, |out| {
+        let axes: String = shape.iter().map(|n| format!("{n}, ")).collect();
+        let axes = if shape.len() == 1 { axes.trim_end() } else { axes.trim_end_matches(", ") };
+        let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({axes}), }}");
+        // The data starts at a multiple of 64 bytes; the header ends in a newline.
+        let before = MAGIC.len() + 4;
+        header.extend(std::iter::repeat_n(' ', 63 - (before + header.len()) % 64));
+        header.push('\n');
+        out.write_all(MAGIC)?;
+        out.write_all(&[1, 0])?;
+        out.write_all(&(header.len() as u16).to_le_bytes())?;
+        out.write_all(header.as_bytes())?;
+        write_le(out, values)
+    })
+}
+
+/// Float32, little-endian, whatever the machine.
+pub(crate) fn write_le(out: &mut dyn Write, values: &[f32]) -> io::Result<()> {
+    let mut bytes = [0; 16384];
+    for part in values.chunks(bytes.len() / 4) {
+        for (to, v) in bytes.chunks_exact_mut(4).zip(part) {
+            to.copy_from_slice(&v.to_le_bytes());
+        }
+        out.write_all(&bytes[..4 * part.len()])?;
+    }
+    Ok(())
+}
+
+enum Wrong {
+    Io(io::Error),
+    Content(String),
+}
+
+impl From<String> for Wrong {
+    fn from(reason: String) -> Self {
+        Self::Content(reason)
+    }
+}
+
+/// `length`: of the whole file; what it cannot hold is refused before any memory is taken for it.
+fn parse(from: &mut dyn Read, length: u64) -> Result<Npy, Wrong> {
+    let mut start = [0; 8];
+    fill(from, &mut start)?;
+    if &start[..6] != MAGIC {
+        return Err(Wrong::Content("is no .npy file: it does not start with \\x93NUMPY".into()));
+    }
+    let mut size = [0; 4];
+    let size = match start[6] {
+        1 => fill(from, &mut size[..2]).map(|()| u32::from_le_bytes(size) as usize)?,
+        2 | 3 => fill(from, &mut size).map(|()| u32::from_le_bytes(size) as usize)?,
+        other => return Err(format!("has .npy version {other}: 1, 2 and 3 are known").into()),
+    };
+    let before = if start[6] == 1 { 10 } else { 12 } + size as u64;
+    if size > LONGEST_HEADER {
+        return Err(format!("has a header of {size} bytes: at most {LONGEST_HEADER} are read").into());
+    }
+    let mut header = vec![0; size];
+    fill(from, &mut header)?;
+    let header = Header::parse(&header).ok_or_else(|| {
+        let text = String::from_utf8_lossy(&header[..header.len().min(100)]).escape_debug().to_string();
+        format!("has a header that cannot be understood: {text}")
+    })?;
+    let element: (usize, fn(&[u8]) -> f32) = match header.descr.get(1..) {
+        Some("f4") => (4, |b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])),
+        Some("f8") => (8, |b| f64::from_le_bytes([b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]]) as f32),
+        Some("u1") => (1, |b| f32::from(b[0])),
+        Some("u2") => (2, |b| f32::from(u16::from_le_bytes([b[0], b[1]]))),
+        _ => {
+            let known = "float32 ('<f4'), float64 ('<f8') or unsigned 8 or 16 bits ('|u1', '<u2')";
+            return Err(format!("holds '{}': {known} is wanted", header.descr).into());
+        }
+    };
+    let big = match header.descr.as_bytes()[0] {
+        b'<' => false,
+        b'>' => true,
+        b'=' | b'|' => cfg!(target_endian = "big"),
+        _ => return Err(format!("holds '{}': '<f4' or '<f8' is wanted", header.descr).into()),
+    };
+    let (width, value) = element;
+    let count = header.shape.iter().try_fold(1u64, |n, &axis| n.checked_mul(axis as u64));
+    let bytes = count.and_then(|n| n.checked_mul(width as u64)).and_then(|n| n.checked_add(before));
+    if bytes != Some(length) {
+        let wanted = bytes.map_or("more than any file holds".into(), |n| format!("{n} bytes"));
+        return Err(format!("is {length} bytes long, but its shape {:?} needs {wanted}", header.shape).into());
+    }
+    let count = (length - before) as usize / width;
+    let mut values = Vec::with_capacity(count);
+    let mut block = vec![0; 65536];
+    while values.len() < count {
+        let part = &mut block[..(65536 / width).min(count - values.len()) * width];
+        fill(from, part)?;
+        values.extend(part.chunks_exact_mut(width).map(|b| {
+            if big {
+                b.reverse();
+            }
+            value(b)
+        }));
+    }
+    if header.fortran_order {
+        values = from_fortran(&header.shape, &values);
+    }
+    if let Some(at) = values.iter().position(|v| !v.is_finite()) {
+        let index = index_of(&header.shape, at);
+        return Err(format!("has {} at index {index:?}: every value must be a finite float32", values[at]).into());
+    }
+    let integers = header.descr.contains('u');
+    Ok(Npy { shape: header.shape, values, integers })
+}
+
+fn fill(from: &mut dyn Read, to: &mut [u8]) -> Result<(), Wrong> {
+    from.read_exact(to).map_err(|e| match e.kind() {
+        io::ErrorKind::UnexpectedEof => Wrong::Content("is cut short".into()),
+        _ => Wrong::Io(e),
+    })
+}
+
+fn index_of(shape: &[usize], mut at: usize) -> Vec<usize> {
+    let mut index = vec![0; shape.len()];
+    for (i, n) in index.iter_mut().zip(shape).rev() {
+        (*i, at) = (at % n, at / n);
+    }
+    index
+}
+
+fn from_fortran(shape: &[usize], values: &[f32]) -> Vec<f32> {
+    let mut strides = vec![1; shape.len()];
+    for axis in 1..shape.len() {
+        strides[axis] = strides[axis - 1] * shape[axis - 1];
+    }
+    let mut index = vec![0; shape.len()];
+    let mut from = 0;
+    values
+        .iter()
+        .map(|_| {
+            let value = values[from];
+            for axis in (0..shape.len()).rev() {
+                index[axis] += 1;
+                from += strides[axis];
+                if index[axis] < shape[axis] {
+                    break;
+                }
+                from -= strides[axis] * shape[axis];
+                index[axis] = 0;
+            }
+            value
+        })
+        .collect()
+}
+
+struct Header {
+    descr: String,
+    fortran_order: bool,
+    shape: Vec<usize>,
+}
+
+impl Header {
+    /// The header is a Python dictionary of three literals.
+    fn parse(text: &[u8]) -> Option<Self> {
+        let mut text = Text(str::from_utf8(text).ok()?);
+        let (mut descr, mut fortran_order, mut shape) = (None, None, None);
+        text.sign('{')?;
+        while text.sign('}').is_none() {
+            let key = text.quoted()?;
+            text.sign(':')?;
+            match key {
+                "descr" => descr = Some(text.quoted()?.to_string()),
+                "fortran_order" => fortran_order = Some(text.boolean()?),
+                "shape" => shape = Some(text.tuple()?),
+                _ => return None,
+            }
+            if text.sign(',').is_none() {
+                text.sign('}')?;
+                break;
+            }
+        }
+        text.0.trim().is_empty().then_some(())?;
+        let descr = descr.filter(|d| d.is_ascii() && !d.is_empty())?;
+        Some(Self { descr, fortran_order: fortran_order?, shape: shape? })
+    }
+}
+
+struct Text<'a>(&'a str);
+
+impl<'a> Text<'a> {
+    fn sign(&mut self, sign: char) -> Option<()> {
+        self.0 = self.0.trim_start().strip_prefix(sign)?;
+        Some(())
+    }
+
+    fn quoted(&mut self) -> Option<&'a str> {
+        let text = self.0.trim_start();
+        let quote = text.chars().next().filter(|c| matches!(c, '\'' | '"'))?;
+        let (inside, rest) = text[1..].split_once(quote)?;
+        self.0 = rest;
+        Some(inside)
+    }
+
+    fn boolean(&mut self) -> Option<bool> {
+        let text = self.0.trim_start();
+        let (value, rest) = match text.strip_prefix("True") {
+            Some(rest) => (true, rest),
+            None => (false, text.strip_prefix("False")?),
+        };
+        self.0 = rest;
+        Some(value)
+    }
+
+    fn tuple(&mut self) -> Option<Vec<usize>> {
+        self.sign('(')?;
+        let mut axes = Vec::new();
+        while self.sign(')').is_none() {
+            let text = self.0.trim_start();
+            let digits = text.len() - text.trim_start_matches(|c: char| c.is_ascii_digit()).len();
+            axes.push(text[..digits].parse().ok()?);
+            // Python 2 wrote long integers so.
+            self.0 = text[digits..].strip_prefix('L').unwrap_or(&text[digits..]);
+            if axes.len() > MOST_AXES {
+                return None;
+            }
+            if self.sign(',').is_none() {
+                self.sign(')')?;
+                break;
+            }
+        }
+        Some(axes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn npy(header: &str, data: &[u8]) -> Vec<u8> {
+        let mut bytes = MAGIC.to_vec();
+        bytes.extend([1, 0]);
+        bytes.extend((header.len() as u16).to_le_bytes());
+        bytes.extend(header.as_bytes());
+        bytes.extend(data);
+        bytes
+    }
+
+    fn read(bytes: &[u8]) -> Result<Npy, String> {
+        parse(&mut &bytes[..], bytes.len() as u64).map_err(|e| match e {
+            Wrong::Io(e) => panic!("{e}"),
+            Wrong::Content(reason) => reason,
+        })
+    }
+
+    #[test]
+    fn what_is_written_is_read_and_aligned() {
+        let here = tempfile::tempdir().unwrap();
+        let file = here.path().join("a.npy");
+        for shape in [&[2, 3, 4][..], &[5], &[1, 1], &[0, 3]] {
+            let values: Vec<f32> = (0..shape.iter().product()).map(|i| i as f32 - 3.5).collect();
+            write_npy(&file, shape, &values).unwrap();
+            assert_eq!(
+                read_npy(&file).unwrap(),
+                Npy { shape: shape.to_vec(), values: values.clone(), integers: false }
+            );
+            assert_eq!((std::fs::metadata(&file).unwrap().len() as usize - 4 * values.len()) % 64, 0);
+        }
+    }
+
+    #[test]
+    fn every_order_and_width_is_understood() {
+        let values = [1.5f32, -2.0, 3.0, 4.0, 5.0, 6.0];
+        let expected = Npy { shape: vec![2, 3], values: values.to_vec(), integers: false };
+        let c = "'fortran_order': False, 'shape': (2, 3), }\n";
+        let le: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        assert_eq!(read(&npy(&format!("{{'descr': '<f4', {c}"), &le)).unwrap(), expected);
+        let be: Vec<u8> = values.iter().flat_map(|v| v.to_be_bytes()).collect();
+        assert_eq!(read(&npy(&format!("{{'descr': '>f4', {c}"), &be)).unwrap(), expected);
+        let wide: Vec<u8> = values.iter().flat_map(|v| f64::from(*v).to_be_bytes()).collect();
+        assert_eq!(read(&npy(&format!("{{'descr': '>f8', {c}"), &wide)).unwrap(), expected);
+        let columns: Vec<u8> = [0, 3, 1, 4, 2, 5].iter().flat_map(|&i: &usize| values[i].to_le_bytes()).collect();
+        let u2 = read(&npy(&format!("{{'descr': '>u2', {c}"), &[0, 1, 1, 0, 0, 3, 0, 4, 0, 5, 255, 255])).unwrap();
+        assert_eq!((&u2.values[..], u2.integers), (&[1.0, 256.0, 3.0, 4.0, 5.0, 65535.0][..], true));
+        let f = "{\"shape\": (2L, 3L), 'fortran_order': True, 'descr': '<f4'}";
+        assert_eq!(read(&npy(f, &columns)).unwrap(), expected);
+    }
+
+    #[test]
+    fn wrong_files_say_what_is_wrong() {
+        let header = |shape: &str| format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({shape}), }}\n");
+        let says = |bytes: &[u8], what: &str| {
+            let error = read(bytes).unwrap_err();
+            assert!(error.contains(what), "{error}");
+        };
+        says(b"PK\x03\x04....", "no .npy");
+        says(b"\x93NUM", "cut short");
+        says(&npy(&header("2, 3"), &[0; 23]), "needs");
+        says(&npy(&header("2, 3"), &[0; 25]), "needs");
+        says(&npy(&header("4294967296, 4294967296, 4294967296"), &[]), "more than any file");
+        says(&npy(&header("99999999999999999999"), &[]), "cannot be understood");
+        says(&npy(&header("1,1,1,1,1,1,1,1,1"), &[0; 4]), "cannot be understood");
+        says(&npy(&header("1").replace("<f4", "<c8"), &[0; 8]), "'<c8'");
+        says(&npy(&header("1").replace("<f4", "|O"), &[0; 8]), "'|O'");
+        let mut data = [0; 24];
+        data[16..20].copy_from_slice(&f32::NAN.to_le_bytes());
+        says(&npy(&header("2, 3"), &data), "NaN at index [1, 1]");
+        let huge = 1e300f64.to_le_bytes();
+        says(&npy(&header("1,").replace("f4", "f8"), &huge), "inf at index [0]");
+    }
+
+    proptest! {
+        #[test]
+        fn no_header_makes_it_panic(header in ".{0,80}", version in 0u8..5, data in prop::collection::vec(any::<u8>(), 0..40)) {
+            let mut bytes = npy(&header, &data);
+            bytes[6] = version;
+            let _ = read(&bytes);
+        }
+
+        #[test]
+        fn no_change_to_a_file_makes_it_panic(at in 0usize..150, to in any::<u8>(), cut in 0usize..160) {
+            let mut bytes = npy("{'descr': '<f4', 'fortran_order': True, 'shape': (2, 3), }\n", &[7; 24]);
+            let length = bytes.len();
+            bytes[at % length] = to;
+            let _ = read(&bytes);
+            prop_assert!(read(&bytes[..cut.min(length - 1)]).is_err());
+        }
+    }
+}

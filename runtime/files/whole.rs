@@ -1,0 +1,255 @@
+//! Files and folders that appear whole or not at all.
+
+use super::FileError;
+use std::{
+    fs::{self, File},
+    io::{self, BufWriter, Write},
+    path::{Path, PathBuf},
+};
+
+/// Writes `file` through `fill`: beside it first, then to the disk, then renamed into place.
+///
+/// A destination that exists and is no ordinary file (a pipe, a device) is written to directly, for renaming over it
+/// would replace the device.
+///
+/// # Errors
+/// [`FileError::Full`] and [`FileError::Write`]; then `file` is as it was.
+pub fn write_file(file: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), FileError> {
+    let failed = |e| FileError::write(file, e);
+    if let Ok(there) = fs::metadata(file) {
+        if there.is_dir() {
+            return Err(FileError::Taken {
+                path: file.display().to_string(),
+                reason: "is a folder: a file cannot replace it".into(),
+            });
+        }
+        if !there.is_file() {
+            let mut out = BufWriter::new(File::options().write(true).open(file).map_err(failed)?);
+            return fill(&mut out).and_then(|()| out.flush()).map_err(failed);
+        }
+    }
+    let folder = parent(file);
+    let draft = builder(0o666).tempfile_in(folder).map_err(failed)?;
+    let mut out = BufWriter::new(draft.as_file());
+    fill(&mut out).and_then(|()| out.flush()).map_err(failed)?;
+    drop(out);
+    draft.as_file().sync_all().map_err(failed)?;
+    draft.persist(file).map_err(|e| failed(e.error))?;
+    sync_folder(folder).map_err(failed)
+}
+
+/// A folder in the making, beside the place that it is meant for; gone with the value unless [put](Self::put) there.
+pub struct FolderDraft {
+    draft: tempfile::TempDir,
+    place: PathBuf,
+}
+
+impl FolderDraft {
+    /// Starts a folder that will stand at `place`.
+    ///
+    /// `ours` says whether a folder that stands there already may be replaced.
+    ///
+    /// # Errors
+    /// [`FileError::Taken`] where something else stands, [`FileError::Write`], [`FileError::Full`].
+    pub fn new(place: &Path, ours: impl FnOnce(&Path) -> bool) -> Result<Self, FileError> {
+        // A link is followed, so that the folder it points to is replaced and not the link.
+        let place = fs::canonicalize(place).unwrap_or_else(|_| place.to_path_buf());
+        match fs::metadata(&place) {
+            Ok(there) if !there.is_dir() => return Err(taken(&place, "is a file: a folder cannot replace it")),
+            Ok(_) if !is_empty(&place) && !ours(&place) => {
+                return Err(taken(&place, "holds something else: it is left alone; give another place or remove it"));
+            }
+            _ => {}
+        }
+        let draft = builder(0o777).tempdir_in(parent(&place)).map_err(|e| FileError::write(&place, e))?;
+        Ok(Self { draft, place })
+    }
+
+    /// Writes a file of the folder, `name` relative to it, making the folders on its way.
+    ///
+    /// # Errors
+    /// [`FileError::Full`], [`FileError::Write`], naming the file's final place.
+    pub fn write(&self, name: &str, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), FileError> {
+        let file = self.draft.path().join(name);
+        let write = || {
+            fs::create_dir_all(parent(&file))?;
+            let mut out = BufWriter::new(File::create_new(&file)?);
+            fill(&mut out)?;
+            out.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()
+        };
+        write().map_err(|e| FileError::write(&self.place.join(name), e))
+    }
+
+    /// Puts the folder in its place, replacing what it was allowed to replace, with no moment at which the place is
+    /// empty where the file system can exchange two names at once (ext4, xfs, btrfs, tmpfs, overlayfs).
+    ///
+    /// # Errors
+    /// [`FileError::Write`]; then what stood there stands there still.
+    pub fn put(self) -> Result<(), FileError> {
+        let Self { draft, place } = self;
+        let failed = |e| FileError::write(&place, e);
+        let new = draft.path();
+        for folder in folders_of(new).map_err(failed)? {
+            sync_folder(&folder).map_err(failed)?;
+        }
+        if !place.exists() || is_empty(&place) {
+            // Renaming onto an empty folder replaces it.
+            fs::rename(new, &place).map_err(failed)?;
+            let _ = draft.keep(); // It is no longer where the draft was.
+        } else if exchange(new, &place).is_err() {
+            let aside = builder(0o777).tempdir_in(parent(&place)).map_err(failed)?;
+            fs::rename(&place, aside.path()).map_err(failed)?;
+            if let Err(e) = fs::rename(new, &place) {
+                if fs::rename(aside.path(), &place).is_err() {
+                    // Whatever happens, the old one is not deleted.
+                    let kept = aside.keep();
+                    return Err(taken(&place, &format!("could not be replaced ({e}); it now is {}", kept.display())));
+                }
+                return Err(failed(e));
+            }
+            let _ = draft.keep();
+        }
+        // After an exchange the draft's name holds the old folder, and dropping the draft removes it.
+        sync_folder(parent(&place)).map_err(failed)
+    }
+}
+
+#[cfg(target_os = "linux")]
+fn exchange(a: &Path, b: &Path) -> io::Result<()> {
+    use rustix::fs::{CWD, RenameFlags, renameat_with};
+    Ok(renameat_with(CWD, a, CWD, b, RenameFlags::EXCHANGE)?)
+}
+
+#[cfg(not(target_os = "linux"))]
+fn exchange(_: &Path, _: &Path) -> io::Result<()> {
+    Err(io::ErrorKind::Unsupported.into())
+}
+
+fn taken(place: &Path, reason: &str) -> FileError {
+    FileError::Taken { path: place.display().to_string(), reason: reason.into() }
+}
+
+fn is_empty(folder: &Path) -> bool {
+    fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_none())
+}
+
+fn folders_of(root: &Path) -> io::Result<Vec<PathBuf>> {
+    let mut found = vec![root.to_path_buf()];
+    let mut next = 0;
+    while next < found.len() {
+        for entry in fs::read_dir(&found[next])? {
+            let entry = entry?;
+            if entry.file_type()?.is_dir() {
+                found.push(entry.path());
+            }
+        }
+        next += 1;
+    }
+    Ok(found)
+}
+
+/// Makes names in a folder last through a power cut; only Unix has it.
+fn sync_folder(folder: &Path) -> io::Result<()> {
+    if cfg!(unix) {
+        match File::open(folder)?.sync_all() {
+            // Some network file systems cannot, and say so.
+            Err(e) if e.kind() == io::ErrorKind::InvalidInput || e.kind() == io::ErrorKind::Unsupported => Ok(()),
+            other => other,
+        }
+    } else {
+        Ok(())
+    }
+}
+
+fn parent(file: &Path) -> &Path {
+    file.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// Temporary names, with the permissions that any new file gets (the umask applies) instead of the owner's alone.
+fn builder(mode: u32) -> tempfile::Builder<'static, 'static> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".eyebox-").suffix(".part");
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(mode));
+    #[cfg(not(unix))]
+    let _ = mode;
+    builder
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(folder: &Path) -> Vec<String> {
+        let mut names: Vec<_> =
+            fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn a_file_is_replaced_whole_or_stays() {
+        let here = tempfile::tempdir().unwrap();
+        let file = here.path().join("a");
+        write_file(&file, |w| w.write_all(b"old")).unwrap();
+        let error = write_file(&file, |w| {
+            w.write_all(b"new and lon")?;
+            Err(io::ErrorKind::StorageFull.into())
+        });
+        assert!(matches!(error, Err(FileError::Full { .. })), "{error:?}");
+        assert_eq!(fs::read(&file).unwrap(), b"old");
+        write_file(&file, |w| w.write_all(b"new")).unwrap();
+        assert_eq!(fs::read(&file).unwrap(), b"new");
+        assert_eq!(names(here.path()), ["a"]);
+        assert!(matches!(write_file(here.path(), |_| Ok(())), Err(FileError::Taken { .. })));
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_full_device_is_called_full() {
+        let error = write_file(Path::new("/dev/full"), |w| w.write_all(&[0; 100_000])).unwrap_err();
+        assert!(matches!(error, FileError::Full { .. }), "{error}");
+        assert!(error.to_string().contains("/dev/full") && error.to_string().contains("full"));
+    }
+
+    #[test]
+    fn a_folder_is_replaced_whole_or_stays() {
+        let here = tempfile::tempdir().unwrap();
+        let place = here.path().join("f");
+        let fill = |text: &'static str| {
+            let draft = FolderDraft::new(&place, |f| f.join("mark").exists())?;
+            draft.write("mark", |_| Ok(()))?;
+            draft.write("deep/er", |w| w.write_all(text.as_bytes()))?;
+            draft.put()
+        };
+        fill("1").unwrap();
+        fill("2").unwrap();
+        assert_eq!(fs::read(place.join("deep/er")).unwrap(), b"2");
+        assert_eq!(names(here.path()), ["f"], "the old one and the draft are gone");
+
+        let draft = FolderDraft::new(&place, |_| true).unwrap();
+        let full = draft.write("x", |_| Err(io::ErrorKind::StorageFull.into())).unwrap_err();
+        assert!(full.to_string().contains("f/x"), "{full}");
+        drop(draft);
+        assert_eq!((names(here.path()), names(&place)), (vec!["f".into()], vec!["deep".into(), "mark".into()]));
+
+        fs::remove_file(place.join("mark")).unwrap();
+        assert!(matches!(fill("3"), Err(FileError::Taken { .. })));
+        assert_eq!(fs::read(place.join("deep/er")).unwrap(), b"2");
+        fs::write(here.path().join("file"), b"").unwrap();
+        assert!(matches!(FolderDraft::new(&here.path().join("file"), |_| true), Err(FileError::Taken { .. })));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_keeps_pointing_at_the_new_folder() {
+        let here = tempfile::tempdir().unwrap();
+        let (place, link) = (here.path().join("f"), here.path().join("l"));
+        fs::create_dir(&place).unwrap();
+        std::os::unix::fs::symlink(&place, &link).unwrap();
+        let draft = FolderDraft::new(&link, |_| true).unwrap();
+        draft.write("a", |_| Ok(())).unwrap();
+        draft.put().unwrap();
+        assert!(link.is_symlink() && place.join("a").exists());
+    }
+}

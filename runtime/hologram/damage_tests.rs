@@ -1,0 +1,199 @@
+//! Holograms through their files, whole and damaged.
+
+use super::*;
+use crate::files::{FileError, write_npy};
+use serde_json::json;
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+fn small() -> Hologram {
+    let phases = |from: f32| (0..2 * 3 * 5).map(|i| wrap_phase(from + 0.37 * i as f32)).collect();
+    let color = |color, wavelength, from| ColorHologram {
+        color: Some(color),
+        wavelength,
+        exposure: 0.35 + f64::from(from) / 7.0,
+        efficiency: 0.4,
+        phases: phases(from),
+    };
+    Hologram {
+        frames: 2,
+        height: 3,
+        width: 5,
+        pitch: 10.8e-6,
+        focal_length: 0.4,
+        colors: vec![color(Color::Red, 660e-9, 0.1), color(Color::Blue, 440e-9, 2.0)],
+        seed: u64::MAX,
+        version: "0.1.0".into(),
+        display: "plm".into(),
+        scene: "builtin:still-life \"quoted\" \u{fc}".into(),
+        settings: json!({"steps": 60, "depth_mm": [-3.0, 3.5], "document_crc32c": "deadbeef"}),
+    }
+}
+
+fn saved() -> (tempfile::TempDir, PathBuf) {
+    let here = tempfile::tempdir().unwrap();
+    let path = here.path().join("x.zarr");
+    small().save(&path).unwrap();
+    (here, path)
+}
+
+fn files_under(folder: &Path) -> Vec<PathBuf> {
+    let (mut files, mut folders) = (vec![], vec![folder.to_path_buf()]);
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() { folders.push(path) } else { files.push(path) }
+        }
+    }
+    files
+}
+
+#[test]
+fn a_hologram_comes_back_as_it_was() {
+    let (_here, path) = saved();
+    assert_eq!(Hologram::load(&path).unwrap(), small());
+    assert_eq!(files_under(&path).len(), 2 + 4);
+    let mut next = small();
+    next.seed = 5;
+    next.colors[0].phases[7] += 20.0;
+    next.save(&path).unwrap();
+    let loaded = Hologram::load(&path).unwrap();
+    assert_eq!(loaded.seed, 5);
+    assert_eq!(loaded.colors[0].phases[7], wrap_phase(next.colors[0].phases[7]));
+    assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 1, "no draft is left");
+}
+
+#[test]
+fn every_flipped_byte_is_noticed_in_its_file() {
+    let (_here, path) = saved();
+    for file in files_under(&path) {
+        let whole = fs::read(&file).unwrap();
+        for at in 0..whole.len() {
+            let mut bytes = whole.clone();
+            bytes[at] ^= 1 << (at % 8);
+            fs::write(&file, &bytes).unwrap();
+            let error = Hologram::load(&path).expect_err("a flipped byte").to_string();
+            assert!(error.contains(file.to_str().unwrap()), "byte {at}: {error}");
+        }
+        fs::write(&file, whole).unwrap();
+    }
+    assert_eq!(Hologram::load(&path).unwrap(), small());
+}
+
+#[test]
+fn every_cut_and_every_missing_file_is_noticed() {
+    let (_here, path) = saved();
+    for file in files_under(&path) {
+        let whole = fs::read(&file).unwrap();
+        for length in 0..whole.len() {
+            fs::write(&file, &whole[..length]).unwrap();
+            let error = Hologram::load(&path).expect_err("a cut").to_string();
+            assert!(error.contains(file.to_str().unwrap()), "cut to {length}: {error}");
+        }
+        fs::remove_file(&file).unwrap();
+        let error = Hologram::load(&path).expect_err("a missing file").to_string();
+        assert!(error.contains(file.to_str().unwrap()) && error.contains("missing"), "{error}");
+        fs::write(&file, whole).unwrap();
+    }
+}
+
+#[test]
+fn a_consistent_lie_about_the_size_takes_no_memory() {
+    let (_here, path) = saved();
+    for shape in [[2, 1 << 40, 3, 5], [2, 2, 65536, 65536], [2, 2, usize::MAX, 5], [3, 2, 3, 5], [0, 2, 3, 5]] {
+        fs::write(path.join("phases/zarr.json"), document::array(shape)).unwrap();
+        assert!(Hologram::load(&path).is_err(), "{shape:?}");
+    }
+}
+
+#[test]
+fn only_holograms_are_replaced_and_only_holograms_are_loaded() {
+    let (here, path) = saved();
+    fs::write(path.join("notes.txt"), "mine").unwrap();
+    let error = small().save(&path).unwrap_err();
+    assert!(matches!(error, HologramError::File(FileError::Taken { .. })), "{error}");
+    assert_eq!(fs::read_to_string(path.join("notes.txt")).unwrap(), "mine");
+    let other = here.path().join("other.zarr");
+    fs::create_dir(&other).unwrap();
+    assert!(matches!(Hologram::load(&other), Err(HologramError::NotAHologram { .. })));
+    fs::write(other.join("zarr.json"), r#"{"zarr_format": 3, "node_type": "group", "attributes": {}}"#).unwrap();
+    assert!(small().save(&other).is_err(), "another program's Zarr group");
+    assert!(matches!(small().save(&here.path().join("x.tiff")), Err(HologramError::UnknownEnding { .. })));
+    assert!(small().save(&here.path().join("none/x.zarr")).is_err());
+    assert!(matches!(Hologram::load(&here.path().join("none")), Err(HologramError::File(FileError::Read { .. }))));
+}
+
+#[test]
+fn a_hologram_that_cannot_be_is_not_written() {
+    let here = tempfile::tempdir().unwrap();
+    let path = here.path().join("x.zarr");
+    let refuses = |change: &dyn Fn(&mut Hologram), what: &str| {
+        let mut hologram = small();
+        change(&mut hologram);
+        let error = hologram.save(&path).unwrap_err().to_string();
+        assert!(error.contains(what), "{error}");
+        assert!(!path.exists());
+    };
+    refuses(&|h| h.colors[1].phases[21] = f32::NAN, "blue has the phase NaN at sub-frame 1, row 1, column 1");
+    refuses(&|h| _ = h.colors[0].phases.pop(), "29 phases");
+    refuses(&|h| h.colors[0].wavelength = 0.0, "wavelength");
+    refuses(&|h| h.colors.clear(), "0 colours");
+    refuses(&|h| h.frames = usize::MAX, "phases, not");
+    refuses(&|h| h.colors[0].exposure = f64::INFINITY, "exposure inf");
+}
+
+#[test]
+fn phases_travel_as_npy_and_as_pictures() {
+    let here = tempfile::tempdir().unwrap();
+    let (npy, pngs) = (here.path().join("x.npy"), here.path().join("pngs"));
+    small().save(&npy).unwrap();
+    let phases = load_phases(&npy).unwrap();
+    assert_eq!((phases.frames, phases.height, phases.width), (2, 3, 5));
+    assert_eq!(phases.colors, small().colors.iter().map(|c| (None, c.phases.clone())).collect::<Vec<_>>());
+
+    small().save_pngs(&pngs).unwrap();
+    small().save_pngs(&pngs).unwrap();
+    let seen = load_phases(&pngs).unwrap();
+    assert_eq!(seen.colors.iter().map(|c| c.0).collect::<Vec<_>>(), [Some(Color::Red), Some(Color::Blue)]);
+    for ((_, seen), c) in seen.colors.iter().zip(&small().colors) {
+        for (a, b) in seen.iter().zip(&c.phases) {
+            assert!(wrap_phase(a - b).abs() <= std::f32::consts::PI / 256.0 + 1e-6, "half a level: {a} {b}");
+        }
+    }
+    fs::remove_file(pngs.join("blue-00.png")).unwrap();
+    assert!(load_phases(&pngs).unwrap_err().to_string().contains("blue-00.png is missing"));
+    fs::write(pngs.join("mine.txt"), "").unwrap();
+    assert!(small().save_pngs(&pngs).is_err());
+
+    write_npy(&npy, &[2, 2], &[0.0, 7.0, -7.0, 100.0]).unwrap();
+    let one = load_phases(&npy).unwrap();
+    assert_eq!((one.frames, one.height, one.width), (1, 2, 2));
+    assert_eq!(one.colors[0].1[1], wrap_phase(7.0));
+    write_npy(&npy, &[4], &[0.0; 4]).unwrap();
+    assert!(load_phases(&npy).unwrap_err().to_string().contains("[4]"));
+    write_npy(&npy, &[0, 4, 4], &[]).unwrap();
+    assert!(load_phases(&npy).is_err());
+}
+
+/// Loading what a random change made of a file is an answer or an error, never a panic.
+#[test]
+fn random_documents_do_not_panic() {
+    use proptest::{prelude::*, test_runner::TestRunner};
+    let (_here, path) = saved();
+    let mut runner = TestRunner::default();
+    let texts = (prop::bool::ANY, ".{0,200}", prop::collection::vec((0usize..2000, any::<u8>()), 0..6));
+    runner
+        .run(&texts, |(group, text, changes)| {
+            let mut bytes = if text.is_empty() { document::group(&small()) } else { text.into_bytes() };
+            let length = bytes.len();
+            changes.iter().for_each(|&(at, to)| bytes[at % length] = to);
+            let read =
+                if group { document::read_group(&bytes).map(drop) } else { document::read_array(&bytes).map(drop) };
+            prop_assert!(read.is_err() || bytes == document::group(&small()));
+            Ok(())
+        })
+        .unwrap();
+    drop(path);
+}

@@ -1,0 +1,196 @@
+//! The two JSON documents of a hologram, and the checksum that each carries about itself.
+
+use super::{ColorHologram, Hologram};
+use crate::optics::Color;
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+
+/// Version of the layout that this code writes, and the newest that it reads.
+const FORMAT: u64 = 1;
+/// The last attribute of either document, with eight hexadecimal digits as its value.
+const SEAL: &str = "\"document_crc32c\": \"";
+const BLANK: &[u8; 8] = b"00000000";
+
+/// `attributes.eyebox`, in the units of people.
+#[derive(Serialize, Deserialize)]
+struct Attributes {
+    format: u64,
+    version: String,
+    pitch_um: f64,
+    focal_length_mm: f64,
+    colors: Vec<ColorAttributes>,
+    seed: u64,
+    display: String,
+    scene: String,
+    settings: Value,
+}
+
+#[derive(Serialize, Deserialize)]
+struct ColorAttributes {
+    color: Option<Color>,
+    wavelength_nm: f64,
+    exposure: f64,
+    efficiency: f64,
+}
+
+/// The group's document.
+pub(super) fn group(hologram: &Hologram) -> Vec<u8> {
+    let attributes = Attributes {
+        format: FORMAT,
+        version: hologram.version.clone(),
+        pitch_um: in_unit(hologram.pitch, 1e6),
+        focal_length_mm: in_unit(hologram.focal_length, 1e3),
+        colors: (hologram.colors.iter())
+            .map(|c| ColorAttributes {
+                color: c.color,
+                wavelength_nm: in_unit(c.wavelength, 1e9),
+                exposure: c.exposure,
+                efficiency: c.efficiency,
+            })
+            .collect(),
+        seed: hologram.seed,
+        display: hologram.display.clone(),
+        scene: hologram.scene.clone(),
+        settings: hologram.settings.clone(),
+    };
+    seal(json!({
+        "zarr_format": 3,
+        "node_type": "group",
+        "attributes": { "eyebox": attributes, "document_crc32c": "00000000" },
+    }))
+}
+
+/// The array's document: one chunk a sub-frame.
+pub(super) fn array(shape: [usize; 4]) -> Vec<u8> {
+    let [_, _, height, width] = shape;
+    seal(json!({
+        "zarr_format": 3,
+        "node_type": "array",
+        "shape": shape,
+        "data_type": "float32",
+        "chunk_grid": { "name": "regular", "configuration": { "chunk_shape": [1, 1, height, width] } },
+        "chunk_key_encoding": { "name": "default", "configuration": { "separator": "/" } },
+        "fill_value": 0.0,
+        "codecs": [{ "name": "bytes", "configuration": { "endian": "little" } }, { "name": "crc32c" }],
+        "dimension_names": ["color", "frame", "row", "column"],
+        "attributes": { "unit": "radian", "document_crc32c": "00000000" },
+    }))
+}
+
+/// Reads the group's document into a hologram that has no phases yet. Says what is wrong.
+pub(super) fn read_group(bytes: &[u8]) -> Result<Hologram, String> {
+    let document = unseal(bytes)?;
+    let attributes = &document["attributes"]["eyebox"];
+    // A newer layout is told by its number before anything else in it is judged.
+    match attributes["format"].as_u64() {
+        Some(FORMAT) => {}
+        Some(newer) if newer > FORMAT => {
+            return Err(format!("it has format {newer}, made by a newer eyebox: this one reads format {FORMAT}"));
+        }
+        _ => return Err("it states no format".into()),
+    }
+    let read = Attributes::deserialize(attributes).map_err(|e| format!("attributes.eyebox: {e}"))?;
+    Ok(Hologram {
+        frames: 0,
+        height: 0,
+        width: 0,
+        pitch: read.pitch_um / 1e6,
+        focal_length: read.focal_length_mm / 1e3,
+        colors: (read.colors.into_iter())
+            .map(|c| ColorHologram {
+                color: c.color,
+                wavelength: c.wavelength_nm / 1e9,
+                exposure: c.exposure,
+                efficiency: c.efficiency,
+                phases: Vec::new(),
+            })
+            .collect(),
+        seed: read.seed,
+        version: read.version,
+        display: read.display,
+        scene: read.scene,
+        settings: read.settings,
+    })
+}
+
+/// Reads the array's document: its shape. Says what is wrong.
+pub(super) fn read_array(bytes: &[u8]) -> Result<[usize; 4], String> {
+    let found = unseal(bytes)?;
+    let shape: [usize; 4] =
+        Deserialize::deserialize(&found["shape"]).map_err(|e| format!("its shape is not four lengths: {e}"))?;
+    // Format 1 has one way to say everything else, so it is compared as a whole.
+    let expected = unseal(&array(shape)).expect("what is written here can be read");
+    match expected
+        .as_object()
+        .expect("an object")
+        .iter()
+        .find(|(key, value)| *key != "attributes" && found.get(key.as_str()) != Some(value))
+    {
+        Some((key, value)) => Err(format!("its {key} is {}, not {value}", found[key.as_str()])),
+        None => Ok(shape),
+    }
+}
+
+/// The number in the unit of people that, divided by `per`, gives back exactly `value`; the shortest such.
+fn in_unit(value: f64, per: f64) -> f64 {
+    let plain = value * per;
+    (0..17)
+        .filter_map(|digits| format!("{plain:.digits$e}").parse().ok())
+        .find(|v: &f64| v / per == value)
+        .unwrap_or(plain)
+}
+
+/// Serialises a document and puts into its last attribute the CRC-32C of all its bytes, taken with that attribute's
+/// digits as zeros. No canonical form is needed: the bytes that lie on the disk are what is summed.
+fn seal(document: Value) -> Vec<u8> {
+    let mut bytes = serde_json::to_vec_pretty(&document).expect("a document of strings, numbers and lists");
+    bytes.push(b'\n');
+    let sum = crc32c::crc32c(&bytes);
+    let at = seal_place(&bytes).expect("the document ends in its seal");
+    bytes[at..at + 8].copy_from_slice(format!("{sum:08x}").as_bytes());
+    bytes
+}
+
+fn unseal(bytes: &[u8]) -> Result<Value, String> {
+    let at = seal_place(bytes).ok_or("it carries no document_crc32c")?;
+    let mut blank = bytes.to_vec();
+    blank[at..at + 8].copy_from_slice(BLANK);
+    let sum = format!("{:08x}", crc32c::crc32c(&blank));
+    if bytes[at..at + 8] != *sum.as_bytes() {
+        let stated = String::from_utf8_lossy(&bytes[at..at + 8]).escape_debug().to_string();
+        return Err(format!("its checksum is {sum}, and it states {stated}"));
+    }
+    serde_json::from_slice(bytes).map_err(|e| format!("it is no JSON: {e}"))
+}
+
+/// Where the digits stand: after the last mention, for what comes before it may hold anything.
+fn seal_place(bytes: &[u8]) -> Option<usize> {
+    let at = bytes.windows(SEAL.len()).rposition(|w| w == SEAL.as_bytes())? + SEAL.len();
+    (at + 8 <= bytes.len()).then_some(at)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_are_short_for_people_and_exact_for_the_program() {
+        assert_eq!((in_unit(520e-9, 1e9), in_unit(8e-6, 1e6), in_unit(0.4, 1e3)), (520.0, 8.0, 400.0));
+        for value in [660.0 * 1e-9, 10.8 * 1e-6, 0.1 + 0.2, std::f64::consts::PI * 1e-7] {
+            assert_eq!(in_unit(value, 1e9) / 1e9, value);
+        }
+    }
+
+    #[test]
+    fn a_seal_is_found_behind_settings_that_imitate_it() {
+        let sealed = seal(json!({"attributes": {"a": {"document_crc32c": "12345678"}, "document_crc32c": "00000000"}}));
+        assert_eq!(unseal(&sealed).unwrap()["attributes"]["a"]["document_crc32c"], "12345678");
+    }
+
+    #[test]
+    fn a_newer_format_is_called_newer() {
+        let text =
+            String::from_utf8(seal(json!({"attributes": {"eyebox": {"format": 9}, "document_crc32c": "00000000"}})));
+        assert!(read_group(text.unwrap().as_bytes()).unwrap_err().contains("newer"));
+    }
+}

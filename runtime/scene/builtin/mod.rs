@@ -1,0 +1,137 @@
+//! Built-in scenes: rendered at any resolution, number of views and colours from a few lines of description.
+//!
+//! The description is in scene units (see `shape`): half the display's shorter side across, half the depth span deep.
+//! The span is chosen so that the whole eyebox sees the same parallax, as a share of the picture, on every display:
+//! -3 to +3 mm for 512 pixels of 8 um at 440 nm, growing with the size. Parameters follow the name as in
+//! `builtin:plane?depth=2&brightness=0.5`:
+//!
+//! - `brightness`: multiplies the light, 0.01 to 10 (1);
+//! - `span`: half the depth span in millimetres, instead of the above;
+//! - `depth`: of `plane` only: its depth in millimetres (0).
+
+mod grass;
+mod render;
+mod shape;
+mod still_life;
+mod targets;
+mod texture;
+
+use super::{LightField, Request, SceneError};
+use crate::optics::Display;
+use render::{Canvas, Item};
+
+/// A built-in scene: its name and what it shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Builtin {
+    /// What follows `builtin:`.
+    pub name: &'static str,
+    /// One line for a list.
+    pub about: &'static str,
+}
+
+/// The built-in scenes; the first is the demonstration's.
+pub const BUILTINS: [Builtin; 7] = [
+    Builtin { name: "still-life", about: "fruit, a vase and lettering on a checked cloth, from the wall to the front" },
+    Builtin { name: "still-life-dark", about: "the same by lamplight: most of it is dark" },
+    Builtin { name: "still-life-bright", about: "the same on white: most of it is bright" },
+    Builtin { name: "dense-grass", about: "hundreds of blades at all depths in front of a painted ball and a wall" },
+    Builtin { name: "points", about: "single points at several depths, on black" },
+    Builtin { name: "plane", about: "one flat, finely textured plane; ?depth=MM moves it" },
+    Builtin { name: "chart", about: "a resolution chart: bars of 2 to 32 pixels and a star, at three depths" },
+];
+
+/// Parallax of half the depth span over the whole eyebox, as a share of the shorter side: 3 mm on 512 pixels of 8 um
+/// at 440 nm.
+const PARALLAX: f64 = 3e-3 * 440e-9 / (8e-6 * 8e-6) / 512.0;
+
+/// Half the depth span that a display shows with the usual parallax, metres: `z = parallax f p / eyebox`.
+pub(super) fn half_span(display: &Display) -> f64 {
+    let pixels = PARALLAX * display.height.min(display.width) as f64;
+    pixels * display.focal_length * display.pitch / display.eyebox_min()
+}
+
+struct Parameters {
+    brightness: f32,
+    span: Option<f64>,
+    depth: f64,
+}
+
+fn unknown(name: &str, reason: impl Into<String>) -> SceneError {
+    let known = BUILTINS.map(|b| b.name).join(", ");
+    SceneError::Builtin { name: format!("builtin:{name}"), reason: reason.into(), known }
+}
+
+fn parse(source: &str) -> Result<(&'static str, Parameters), SceneError> {
+    let (name, query) = source.split_once('?').unwrap_or((source, ""));
+    let found = BUILTINS.iter().find(|b| b.name == name).ok_or_else(|| unknown(source, "there is no such scene"))?;
+    let mut read = Parameters { brightness: 1.0, span: None, depth: 0.0 };
+    for pair in query.split('&').filter(|p| !p.is_empty()) {
+        let wrong = |must: &str| unknown(source, format!("'{pair}': {must}"));
+        let (key, value) = pair.split_once('=').ok_or_else(|| wrong("parameters are written key=value"))?;
+        let number = value.parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(|| wrong("not a number"))?;
+        match key {
+            "brightness" if (0.01..=10.0).contains(&number) => read.brightness = number as f32,
+            "brightness" => return Err(wrong("it must be 0.01 to 10")),
+            "span" if (0.0..=1e3).contains(&number) => read.span = Some(number * 1e-3),
+            "span" => return Err(wrong("it must be 0 to 1000 mm")),
+            "depth" if name == "plane" => read.depth = number * 1e-3,
+            _ => return Err(wrong("the parameters are brightness, span and, for plane, depth")),
+        }
+    }
+    Ok((found.name, read))
+}
+
+/// Renders `builtin:source` at the display's resolution.
+///
+/// # Errors
+/// [`SceneError::Builtin`]; [`SceneError::Request`] when the views lie too far apart for the depths.
+pub(super) fn load(source: &str, request: &Request) -> Result<LightField, SceneError> {
+    let (name, parameters) = parse(source)?;
+    let display = request.display;
+    let canvas = Canvas { height: display.height, width: display.width };
+    let span = parameters.span.unwrap_or_else(|| half_span(display));
+    // The plane's own depth is in millimetres: it needs a span that is not zero to be said in scene units.
+    let unit = if name == "plane" { parameters.depth.abs().max(1e-6) } else { span };
+    let aspect = canvas.half();
+    let mut items: Vec<Item> = match name {
+        "still-life" => still_life::items(aspect, still_life::Mood::Day),
+        "still-life-dark" => still_life::items(aspect, still_life::Mood::Lamp),
+        "still-life-bright" => still_life::items(aspect, still_life::Mood::Studio),
+        "dense-grass" => grass::items(aspect),
+        "points" => targets::points(aspect, canvas.pixel()),
+        "plane" => targets::plane((parameters.depth / unit) as f32),
+        _ => targets::chart(aspect, canvas.pixel()),
+    };
+    items.iter_mut().for_each(|item| item.brighten(parameters.brightness));
+
+    let n = request.views;
+    let cell = request.view_pitch.unwrap_or_else(|| display.eyebox_min() / n as f64);
+    // Pixels per view that content at the near end of the span moves (OPTICS 3), then scene units.
+    let disparity = unit * cell / (display.focal_length * display.pitch);
+    let step = disparity * f64::from(canvas.pixel());
+    // Textures are made as far as views see them; and beyond this, the cloth would be seen from below.
+    let limit = if name == "plane" { f64::max(1.0, 16.0 * f64::from(canvas.pixel())) } else { 0.4 };
+    if step * (n as f64 - 1.0) / 2.0 > limit {
+        let value = format!("{:.3}", cell * 1e3);
+        let must = "smaller at these depths: the outer views would see content displaced out of the picture";
+        return Err(SceneError::Request { what: "the view pitch (mm)", value, must });
+    }
+    let middle = (n as f64 - 1.0) / 2.0;
+    let tilt = |i: usize| ((i as f64 - middle) * step) as f32;
+    let tilts: Vec<[f32; 2]> = (0..n * n).map(|v| [tilt(v % n), tilt(v / n)]).collect();
+    let planes = render::render(canvas, &items, &tilts, request.colors);
+    let ends = items.iter().map(|item| item.depths(aspect[1]));
+    let [far, near] = ends.fold([f32::INFINITY, f32::NEG_INFINITY], |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
+    let range = |per_unit: f64| Some([f64::from(far) * per_unit, f64::from(near) * per_unit]);
+    Ok(LightField {
+        name: format!("builtin:{source}"),
+        grid: [n, n],
+        height: canvas.height,
+        width: canvas.width,
+        colors: request.colors.to_vec(),
+        planes,
+        view_pitch: Some(cell),
+        disparity: range(disparity),
+        depth: range(unit),
+    })
+}

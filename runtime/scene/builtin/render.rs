@@ -1,0 +1,340 @@
+//! Renders a scene's views: each surface by its own projection, nearer covering farther.
+//!
+//! A surface's texture is made once, averaged over the area of a pixel and kept at half a pixel's spacing, so that
+//! every view may look it up between its texels. Its outline, the ray's meeting point and the width of a blade are
+//! computed per view and pixel.
+
+use super::{
+    shape::{Blade, Shape},
+    texture::{Paint, lit},
+};
+use crate::optics::Color;
+use rayon::prelude::*;
+
+/// A texture: paint at a place of the surface.
+pub(super) type Texture = Box<dyn Fn(f32, f32) -> Paint + Send + Sync>;
+
+/// One thing of a scene.
+pub(super) enum Item {
+    /// A textured surface inside the box left, top, right, bottom (as seen from the axis).
+    Surface {
+        /// Where it is.
+        shape: Shape,
+        /// What of it exists.
+        area: [f32; 4],
+        /// How it looks.
+        texture: Texture,
+    },
+    /// A strip of one colour.
+    Blade(Blade),
+}
+
+impl Item {
+    /// Multiplies its light.
+    pub fn brighten(&mut self, factor: f32) {
+        match self {
+            Self::Surface { texture, .. } if factor != 1.0 => {
+                let inner = std::mem::replace(texture, Box::new(|_, _| [0.0; 4]));
+                *texture = Box::new(move |x, y| lit(inner(x, y), factor));
+            }
+            Self::Blade(blade) => blade.colors = blade.colors.map(|c| c.map(|v| v * factor)),
+            Self::Surface { .. } => {}
+        }
+    }
+
+    /// Farthest and nearest depth of what lies between the heights -`half` and `half`.
+    pub fn depths(&self, half: f32) -> [f32; 2] {
+        match self {
+            Self::Surface { shape, area, .. } => shape.depths(area[1].max(-half), area[3].min(half)),
+            Self::Blade(b) => [b.root[2].min(b.tip[2]), b.root[2].max(b.tip[2])],
+        }
+    }
+}
+
+/// The picture that all views share: pixels, and where the scene's units lie on them.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Canvas {
+    pub height: usize,
+    pub width: usize,
+}
+
+impl Canvas {
+    /// Width of a pixel in scene units.
+    pub fn pixel(&self) -> f32 {
+        2.0 / self.height.min(self.width) as f32
+    }
+
+    /// Half the width and half the height, scene units; the smaller is 1.
+    pub fn half(&self) -> [f32; 2] {
+        [self.width, self.height].map(|n| n as f32 * self.pixel() / 2.0)
+    }
+
+    /// Middle of pixel column `i`.
+    fn x(&self, i: usize) -> f32 {
+        (i as f32 + 0.5) * self.pixel() - self.half()[0]
+    }
+
+    /// Middle of pixel row `j`.
+    fn y(&self, j: usize) -> f32 {
+        (j as f32 + 0.5) * self.pixel() - self.half()[1]
+    }
+
+    /// Pixels whose area touches `from..to` along an axis of `n`.
+    fn span(&self, from: f32, to: f32, n: usize) -> std::ops::Range<usize> {
+        let place = |v: f32| (v / self.pixel() + n as f32 / 2.0).clamp(0.0, n as f32);
+        place(from).floor() as usize..place(to).ceil() as usize
+    }
+}
+
+/// A baked texture: N - 1 colours, already multiplied by the coverage that comes last.
+struct Skin<const N: usize> {
+    left: f32,
+    top: f32,
+    per_unit: f32,
+    rows: usize,
+    columns: usize,
+    texels: Vec<[f32; N]>,
+}
+
+impl<const N: usize> Skin<N> {
+    /// Bakes the part of `area` that some view can see.
+    fn bake(canvas: &Canvas, area: [f32; 4], texture: &Texture, channels: &[usize], margin: f32) -> Self {
+        let half = canvas.half();
+        let pixel = canvas.pixel();
+        let left = area[0].max(-half[0] - margin) - pixel;
+        let top = area[1].max(-half[1] - margin) - pixel;
+        let right = (area[2].min(half[0] + margin) + pixel).max(left + pixel);
+        let bottom = (area[3].min(half[1] + margin) + pixel).max(top + pixel);
+        // Cells of half a pixel, two samples each on alternating diagonals.
+        let cell = pixel / 2.0;
+        let columns = ((right - left) / cell).ceil() as usize + 1;
+        let rows = ((bottom - top) / cell).ceil() as usize + 1;
+        let mut cells = vec![[0.0f32; N]; rows * columns];
+        cells.par_chunks_mut(columns).enumerate().for_each(|(j, row)| {
+            for (i, out) in row.iter_mut().enumerate() {
+                let turn = if (i + j) % 2 == 0 { 0.0 } else { 0.5 };
+                for (dx, dy) in [(0.25, 0.25 + turn), (0.75, 0.75 - turn)] {
+                    let (x, y) = (left + (i as f32 + dx) * cell, top + (j as f32 + dy) * cell);
+                    let outside = x < area[0] || x > area[2] || y < area[1] || y > area[3];
+                    let paint = if outside { [0.0; 4] } else { texture(x, y) };
+                    for (k, &channel) in channels.iter().enumerate() {
+                        out[k] += 0.5 * paint[channel].max(0.0) * paint[3];
+                    }
+                    out[N - 1] += 0.5 * paint[3];
+                }
+            }
+        });
+        // A texel is the average of the four cells around a corner: a pixel's area.
+        let texels = (0..(rows - 1) * (columns - 1))
+            .into_par_iter()
+            .map(|k| {
+                let at = k / (columns - 1) * columns + k % (columns - 1);
+                let [a, b] = [&cells[at..at + 2], &cells[at + columns..at + columns + 2]];
+                std::array::from_fn(|n| 0.25 * (a[0][n] + a[1][n] + b[0][n] + b[1][n]))
+            })
+            .collect();
+        Self { left: left + cell, top: top + cell, per_unit: 1.0 / cell, rows: rows - 1, columns: columns - 1, texels }
+    }
+
+    /// Between the texels; beyond the last, the last.
+    #[inline]
+    fn at(&self, x: f32, y: f32) -> [f32; N] {
+        let u = ((x - self.left) * self.per_unit).clamp(0.0, (self.columns - 1) as f32);
+        let v = ((y - self.top) * self.per_unit).clamp(0.0, (self.rows - 1) as f32);
+        let (i, j) = (u as usize, v as usize);
+        let (tx, ty) = (u - i as f32, v - j as f32);
+        let right = usize::from(i + 1 < self.columns);
+        let below = if j + 1 < self.rows { self.columns } else { 0 };
+        let at = j * self.columns + i;
+        let [a, b, c, d] = [at, at + right, at + below, at + below + right].map(|k| &self.texels[k]);
+        let [wa, wb, wc, wd] = [(1.0 - tx) * (1.0 - ty), tx * (1.0 - ty), (1.0 - tx) * ty, tx * ty];
+        std::array::from_fn(|n| a[n] * wa + b[n] * wb + c[n] * wc + d[n] * wd)
+    }
+}
+
+/// Less than this of what lies behind is nothing: a tenth of the last bit of an 8-bit picture.
+const OPAQUE: f32 = 4e-4;
+
+enum Ready<'a, const N: usize> {
+    Surface(&'a Shape, [f32; 4], Skin<N>),
+    Blade(&'a Blade),
+}
+
+/// Renders `items`, given from far to near, once for each tilt: `[color][view][pixel]`, linear light.
+pub(super) fn render(canvas: Canvas, items: &[Item], tilts: &[[f32; 2]], colors: &[Color]) -> Vec<Vec<Vec<f32>>> {
+    let channels: Vec<usize> = colors.iter().map(|c| c.channel()).collect();
+    match channels.len() {
+        1 => render_channels::<2>(canvas, items, tilts, &channels),
+        2 => render_channels::<3>(canvas, items, tilts, &channels),
+        _ => render_channels::<4>(canvas, items, tilts, &channels),
+    }
+}
+
+fn render_channels<const N: usize>(
+    canvas: Canvas,
+    items: &[Item],
+    tilts: &[[f32; 2]],
+    channels: &[usize],
+) -> Vec<Vec<Vec<f32>>> {
+    // How far the largest tilt moves content at the ends of the depth span.
+    let margin = tilts.iter().flatten().fold(0.0f32, |a, b| a.max(b.abs())) * 1.1;
+    let ready: Vec<Ready<N>> = items
+        .iter()
+        .map(|item| match item {
+            Item::Surface { shape, area, texture } => {
+                Ready::Surface(shape, *area, Skin::bake(&canvas, *area, texture, channels, margin))
+            }
+            Item::Blade(blade) => Ready::Blade(blade),
+        })
+        .collect();
+    let views: Vec<Vec<Vec<f32>>> = tilts
+        .par_iter()
+        .map(|&m| {
+            // Colours so far, and how much of what lies behind still comes through: from near to far, what is covered
+            // costs nothing.
+            let clear: [f32; N] = std::array::from_fn(|k| f32::from(u8::from(k == N - 1)));
+            let mut picture = vec![clear; canvas.height * canvas.width];
+            for item in ready.iter().rev() {
+                match item {
+                    Ready::Surface(shape, area, skin) => draw_surface(&canvas, &mut picture, shape, area, skin, m),
+                    Ready::Blade(blade) => draw_blade(&canvas, &mut picture, blade, channels, m),
+                }
+            }
+            (0..channels.len()).map(|k| picture.iter().map(|p| p[k]).collect()).collect()
+        })
+        .collect();
+    let mut planes: Vec<Vec<Vec<f32>>> = channels.iter().map(|_| Vec::with_capacity(tilts.len())).collect();
+    for view in views {
+        planes.iter_mut().zip(view).for_each(|(plane, view)| plane.push(view));
+    }
+    planes
+}
+
+fn draw_surface<const N: usize>(
+    canvas: &Canvas,
+    picture: &mut [[f32; N]],
+    shape: &Shape,
+    area: &[f32; 4],
+    skin: &Skin<N>,
+    m: [f32; 2],
+) {
+    // Where the area can appear: displaced by its depths, and a pixel more.
+    let [far, near] = shape.depths(area[1], area[3]);
+    let reach = |k: usize| {
+        let (a, b) = (-far * m[k], -near * m[k]);
+        let slack = canvas.pixel() + 0.2 * m[k].abs();
+        (area[k] + a.min(b) - slack, area[k + 2] + a.max(b) + slack)
+    };
+    let (left, right) = reach(0);
+    let (top, bottom) = reach(1);
+    let columns = canvas.span(left, right, canvas.width);
+    for j in canvas.span(top, bottom, canvas.height) {
+        let y = canvas.y(j);
+        let row = &mut picture[j * canvas.width..][..canvas.width];
+        for i in columns.clone() {
+            let through = row[i][N - 1];
+            if through < OPAQUE {
+                continue;
+            }
+            let Some(hit) = shape.meet(canvas.x(i), y, m, canvas.pixel()) else { continue };
+            let paint = skin.at(hit.x, hit.y);
+            for (seen, paint) in row[i].iter_mut().zip(paint).take(N - 1) {
+                *seen += paint * hit.coverage * through;
+            }
+            row[i][N - 1] = through * (1.0 - paint[N - 1] * hit.coverage);
+        }
+    }
+}
+
+fn draw_blade<const N: usize>(
+    canvas: &Canvas,
+    picture: &mut [[f32; N]],
+    blade: &Blade,
+    channels: &[usize],
+    m: [f32; 2],
+) {
+    let pixel = canvas.pixel();
+    let [top, bottom] = blade.rows(m);
+    for j in canvas.span(top, bottom, canvas.height) {
+        let Some(row) = blade.row(canvas.y(j), m) else { continue };
+        let (left, right) = (row.x - row.half, row.x + row.half);
+        for i in canvas.span(left, right, canvas.width) {
+            let x = canvas.x(i);
+            // Exactly the share of the pixel's width between the blade's edges.
+            let coverage = ((right.min(x + pixel / 2.0) - left.max(x - pixel / 2.0)) / pixel).clamp(0.0, 1.0);
+            // Folded along its middle: the side towards the light is brighter.
+            let side = ((x - row.x) / row.half.max(pixel)).clamp(-1.0, 1.0);
+            let light = 0.8 - 0.35 * (side * 4.0).clamp(-1.0, 1.0) + 0.15 * side;
+            let seen = &mut picture[j * canvas.width + i];
+            let share = coverage * seen[N - 1];
+            for (k, &channel) in channels.iter().enumerate() {
+                let color =
+                    blade.colors[0][channel] + (blade.colors[1][channel] - blade.colors[0][channel]) * row.along;
+                seen[k] += color * light * share;
+            }
+            seen[N - 1] -= share;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::builtin::texture::rgb;
+
+    /// A white strip at z = 1 from x = -0.25 to 0.25 in front of a grey wall at z = -1, half of it bright.
+    fn strip() -> Vec<Item> {
+        let wall = |x: f32, _| if x < 0.0 { rgb(0.1, 0.1, 0.1) } else { rgb(0.3, 0.3, 0.3) };
+        let everywhere = [-9.0, -9.0, 9.0, 9.0];
+        vec![
+            Item::Surface { shape: Shape::Card { z: -1.0 }, area: everywhere, texture: Box::new(wall) },
+            Item::Surface {
+                shape: Shape::Card { z: 1.0 },
+                area: [-0.25, -9.0, 0.25, 9.0],
+                texture: Box::new(|_, _| rgb(1.0, 1.0, 1.0)),
+            },
+        ]
+    }
+
+    #[test]
+    fn nearer_covers_farther_and_each_moves_by_its_depth() {
+        let canvas = Canvas { height: 40, width: 60 };
+        // Scene units to pixels: 20. A tilt of 0.2 moves the strip by -4 and the wall by +4 pixels.
+        for (tilt, moved) in [(0.0, 0i32), (0.2, -4), (-0.2, 4)] {
+            let view = &render(canvas, &strip(), &[[tilt, 0.0]], &[Color::Green])[0][0];
+            let row = &view[20 * 60..21 * 60];
+            for (i, &value) in row.iter().enumerate() {
+                let x = i as i32;
+                let inside = (25 + moved..35 + moved).contains(&x);
+                // The texture's edges take a pixel; the strip's and the wall's own are passed over.
+                if [25 + moved, 35 + moved, 30 - moved].iter().any(|e| (x - e).abs() <= 1) {
+                    continue;
+                }
+                let wanted = if inside {
+                    1.0
+                } else if x < 30 - moved {
+                    0.1
+                } else {
+                    0.3
+                };
+                assert!((value - wanted).abs() < 1e-4, "tilt {tilt}, column {i}: {value}, not {wanted}");
+            }
+            // No light is lost or made at the edges.
+            let strip: f32 = row.iter().zip(0i32..).map(|(v, x)| if x < 30 - moved { v - 0.1 } else { v - 0.3 }).sum();
+            let over = (25 + moved..35 + moved).map(|x| if x < 30 - moved { 0.9 } else { 0.7 }).sum::<f32>();
+            assert!((strip - over).abs() < 0.05, "{strip} {over}");
+        }
+        let rows = &render(canvas, &strip(), &[[0.0, 0.2]], &[Color::Green])[0][0];
+        let same = rows[..60].iter().zip(&rows[60 * 20..]).all(|(a, b)| (a - b).abs() < 1e-5);
+        assert!(same, "a tilt along y moves nothing along x");
+    }
+
+    #[test]
+    fn fine_texture_is_averaged_not_aliased() {
+        let fine = |x: f32, _| if (x * 27.2).rem_euclid(1.0) < 0.5 { rgb(1.0, 1.0, 1.0) } else { rgb(0.0, 0.0, 0.0) };
+        let item =
+            Item::Surface { shape: Shape::Card { z: 0.0 }, area: [-9.0, -9.0, 9.0, 9.0], texture: Box::new(fine) };
+        let view = &render(Canvas { height: 32, width: 32 }, &[item], &[[0.0; 2]], &[Color::Red])[0][0];
+        assert!(view.iter().all(|v| (0.1..0.9).contains(v)), "{:?}", &view[..32]);
+    }
+}

@@ -1,0 +1,120 @@
+//! What can be wrong with a scene.
+
+/// A scene that cannot be loaded: every variant names the file or folder.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SceneError {
+    /// Neither a file nor a folder.
+    #[error("{path}: no such {what}")]
+    NotFound {
+        /// The path.
+        path: String,
+        /// What was expected there.
+        what: &'static str,
+    },
+    /// A file or folder that cannot be read.
+    #[error("{path}: {reason}")]
+    Unreadable {
+        /// The path.
+        path: String,
+        /// What the system says.
+        reason: String,
+    },
+    /// A folder without a numbered picture.
+    #[error(
+        "{folder}: no views here: expected numbered PNG, JPEG or EXR files such as input_Cam000.png or view_3_7.png"
+    )]
+    Empty {
+        /// The folder.
+        folder: String,
+    },
+    /// Numbered pictures that do not fill a grid.
+    #[error("{folder}: the views are not a grid: {reason}")]
+    NotAGrid {
+        /// The folder.
+        folder: String,
+        /// How many there are, and what would be a grid.
+        reason: String,
+    },
+    /// One view of the grid is not there.
+    #[error("{file}: this view is missing: the others make a grid of {rows} x {columns}")]
+    MissingView {
+        /// The file that should exist.
+        file: String,
+        /// Rows of the grid.
+        rows: usize,
+        /// Columns of the grid.
+        columns: usize,
+    },
+    /// Two pictures of one size were expected.
+    #[error("{file}: {height} x {width} pixels, but {other} has {other_height} x {other_width}")]
+    Size {
+        /// The file.
+        file: String,
+        /// Its rows.
+        height: usize,
+        /// Its columns.
+        width: usize,
+        /// The file that it is compared with.
+        other: String,
+        /// Rows of that one.
+        other_height: usize,
+        /// Columns of that one.
+        other_width: usize,
+    },
+    /// A file that is cut short, damaged, or of another kind than its name says.
+    #[error("{file}: {reason}")]
+    Corrupt {
+        /// The file.
+        file: String,
+        /// What the decoder says.
+        reason: String,
+    },
+    /// A pixel that is no light: not a number, infinite or negative.
+    #[error("{file}: the value at row {row}, column {column} is {value}: it must be {must}")]
+    Value {
+        /// The file.
+        file: String,
+        /// Row of the first such pixel.
+        row: usize,
+        /// Its column.
+        column: usize,
+        /// What is there.
+        value: f32,
+        /// What would be right.
+        must: &'static str,
+    },
+    /// `lightfield.toml` or `parameters.cfg` says something that cannot be.
+    #[error("{file}: {reason}")]
+    Settings {
+        /// The file.
+        file: String,
+        /// Which key, and what it must be.
+        reason: String,
+    },
+    /// A picture alone has no depth.
+    #[error("{file}: a single picture needs a depth map: give one (PNG, PFM or NPY), or a folder of views")]
+    NoDepthMap {
+        /// The picture.
+        file: String,
+    },
+    /// No built-in scene of that name, or a parameter that it does not take.
+    #[error("{name}: {reason}; the built-in scenes are {known}")]
+    Builtin {
+        /// What was asked for.
+        name: String,
+        /// What is wrong with it.
+        reason: String,
+        /// Their names.
+        known: String,
+    },
+    /// A request that no scene can meet.
+    #[error("{what} is {value}: it must be {must}")]
+    Request {
+        /// Which part of the request.
+        what: &'static str,
+        /// Its value, in the unit of the command.
+        value: String,
+        /// What would be right.
+        must: &'static str,
+    },
+}

@@ -1,0 +1,66 @@
+//! A folder of views.
+
+use super::{LightField, SceneError, names, picture, settings};
+use crate::optics::Color;
+use rayon::prelude::*;
+use std::{fs, path::Path};
+
+/// Loads the views of `colors` at their own resolution, decoding in parallel.
+///
+/// # Errors
+/// Every [`SceneError`] that a file can cause; it names the file.
+pub(super) fn load(folder: &Path, colors: &[Color]) -> Result<LightField, SceneError> {
+    let unreadable = |e: std::io::Error| settings::unreadable(folder, &e);
+    let mut files: Vec<names::Named> = Vec::new();
+    for entry in fs::read_dir(folder).map_err(unreadable)? {
+        let entry = entry.map_err(unreadable)?;
+        // Names that are not text cannot be views; links count as what they lead to.
+        let Ok(name) = entry.file_name().into_string() else { continue };
+        if let Some(found) = fs::metadata(entry.path()).ok().filter(fs::Metadata::is_file) {
+            files.push((name, found.len()));
+        }
+    }
+    files.sort();
+    let all: Vec<String> = files.iter().map(|(name, _)| name.clone()).collect();
+    let stated = settings::read(folder, &all)?;
+    let views = names::arrange(folder, &files, stated.grid)?;
+
+    // Headers first: a view of another size is found before anything is decoded.
+    let paths: Vec<_> = views.files.iter().map(|name| folder.join(name)).collect();
+    let sizes: Vec<_> = paths.par_iter().map(|path| picture::size(path)).collect::<Result<_, _>>()?;
+    let [height, width] = sizes[0];
+    if let Some(i) = sizes.iter().position(|&s| s != sizes[0]) {
+        return Err(SceneError::Size {
+            file: paths[i].display().to_string(),
+            height: sizes[i][0],
+            width: sizes[i][1],
+            other: views.files[0].clone(),
+            other_height: height,
+            other_width: width,
+        });
+    }
+    // One picture per task: their order in time does not matter, the first error in order is reported.
+    let read: Vec<_> = paths.par_iter().map(|path| picture::read(path, colors, stated.transfer)).collect();
+    let mut planes: Vec<Vec<Vec<f32>>> = colors.iter().map(|_| Vec::with_capacity(paths.len())).collect();
+    for picture in read {
+        for (plane, views) in picture?.planes.into_iter().zip(&mut planes) {
+            views.push(plane);
+        }
+    }
+    let disparity = match stated.disparity {
+        Some(range) => Some(range),
+        None => settings::ground_truth(folder, &all, [height, width])?,
+    };
+    let name = folder.canonicalize().unwrap_or(folder.into());
+    Ok(LightField {
+        name: name.file_name().map_or("light field".into(), |n| n.to_string_lossy().into_owned()),
+        grid: views.grid,
+        height,
+        width,
+        colors: colors.to_vec(),
+        planes,
+        view_pitch: stated.view_pitch,
+        disparity,
+        depth: stated.depth,
+    })
+}

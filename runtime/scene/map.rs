@@ -1,0 +1,92 @@
+//! Depth and disparity maps of a single picture.
+
+use super::{SceneError, pfm, picture, settings};
+use crate::files::{self, FileError};
+use std::{fs, path::Path};
+
+/// A map, rows from the top; every value is finite.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Map {
+    pub height: usize,
+    pub width: usize,
+    pub values: Vec<f32>,
+    /// Whether the values are disparities, pixels between neighbouring views; else only their order and their
+    /// proportions count.
+    pub is_disparity: bool,
+}
+
+/// Reads a map: `.pfm`, `.npy` (two axes), or any picture (its first channel). Float maps whose name contains `disp`
+/// hold disparities.
+///
+/// # Errors
+/// [`SceneError::NotFound`], [`SceneError::Corrupt`], [`SceneError::Value`].
+pub(super) fn read(path: &Path) -> Result<Map, SceneError> {
+    let name = path.file_name().map_or(String::new(), |n| n.to_string_lossy().to_lowercase());
+    let corrupt = |reason: String| SceneError::Corrupt { file: path.display().to_string(), reason };
+    if path.is_dir() {
+        return Err(corrupt("a folder, not a depth map".into()));
+    }
+    let bytes = || fs::read(path).map_err(|e| settings::unreadable(path, &e));
+    let map = if name.ends_with(".pfm") {
+        let map = pfm::parse(&bytes()?).map_err(corrupt)?;
+        Map { height: map.height, width: map.width, values: map.values, is_disparity: name.contains("disp") }
+    } else if name.ends_with(".npy") {
+        let array = files::read_npy(path).map_err(|e| match e {
+            FileError::Content { reason, .. } => corrupt(reason),
+            other => SceneError::Unreadable { path: path.display().to_string(), reason: other.to_string() },
+        })?;
+        let [height @ 1..=65536, width @ 1..=65536] = array.shape[..] else {
+            return Err(corrupt(format!(
+                "has the shape {:?}: a depth map has rows and columns, 1 to 65536",
+                array.shape
+            )));
+        };
+        Map { height, width, values: array.values, is_disparity: name.contains("disp") }
+    } else {
+        let image = picture::decode(path)?;
+        let channels = usize::from(image.color().channel_count());
+        let values = if let Some(v) = picture::samples8(&image) {
+            v.iter().step_by(channels).map(|&v| f32::from(v)).collect()
+        } else if let Some(v) = picture::samples16(&image) {
+            v.iter().step_by(channels).map(|&v| f32::from(v)).collect()
+        } else {
+            return Err(corrupt("a depth map must be an 8- or 16-bit picture, a .pfm or a .npy file".into()));
+        };
+        Map { height: image.height() as usize, width: image.width() as usize, values, is_disparity: false }
+    };
+    picture::check(path, &map.values, map.width, f32::is_finite, "a finite number")?;
+    Ok(map)
+}
+
+impl Map {
+    /// The map at another size. Between its values where they lie together, the nearest where they do not: a value
+    /// halfway over an edge would hang in the air. `apart` is the difference that makes an edge.
+    pub fn resize(&self, height: usize, width: usize, apart: f32) -> Vec<f32> {
+        if (height, width) == (self.height, self.width) {
+            return self.values.clone();
+        }
+        let place = |i: usize, n: usize, source: usize| {
+            let at = ((i as f64 + 0.5) * source as f64 / n as f64 - 0.5).clamp(0.0, source as f64 - 1.0);
+            let first = (at as usize).min(source.saturating_sub(2));
+            (first, (first + 1).min(source - 1), (at - first as f64) as f32)
+        };
+        let columns: Vec<_> = (0..width).map(|i| place(i, width, self.width)).collect();
+        let mut out = Vec::with_capacity(height * width);
+        for j in 0..height {
+            let (above, below, ty) = place(j, height, self.height);
+            for &(left, right, tx) in &columns {
+                let at = |row: usize, column: usize| self.values[row * self.width + column];
+                let [a, b, c, d] = [at(above, left), at(above, right), at(below, left), at(below, right)];
+                let low = a.min(b).min(c).min(d);
+                let high = a.max(b).max(c).max(d);
+                out.push(if high - low <= apart {
+                    let top = a + (b - a) * tx;
+                    top + (c + (d - c) * tx - top) * ty
+                } else {
+                    at(if ty < 0.5 { above } else { below }, if tx < 0.5 { left } else { right })
+                });
+            }
+        }
+        out
+    }
+}

@@ -1,0 +1,171 @@
+//! Pictures from files, as planes of linear light.
+
+use super::SceneError;
+use crate::optics::Color;
+use image::{DynamicImage, ImageFormat, ImageReader, Limits};
+use serde::Deserialize;
+use std::{fs::File, io::BufReader, path::Path, sync::OnceLock};
+
+/// How stored values become light.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Transfer {
+    /// The sRGB curve: what 8- and 16-bit files hold unless told otherwise.
+    Srgb,
+    /// Values are light: what EXR holds.
+    Linear,
+}
+
+/// One picture: its rows, its columns, and its planes in the order of the colours asked for.
+pub(super) struct Picture {
+    pub height: usize,
+    pub width: usize,
+    pub planes: Vec<Vec<f32>>,
+}
+
+/// The exact sRGB curve: stored value in 0..=1 to linear light.
+pub fn srgb_to_linear(v: f64) -> f64 {
+    if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+}
+
+fn open(path: &Path) -> Result<ImageReader<BufReader<File>>, SceneError> {
+    let unreadable = |e: std::io::Error| super::settings::unreadable(path, &e);
+    let mut reader = ImageReader::open(path).and_then(|r| r.with_guessed_format()).map_err(unreadable)?;
+    let mut limits = Limits::default();
+    limits.max_image_width = Some(65536);
+    limits.max_image_height = Some(65536);
+    limits.max_alloc = Some(1 << 30);
+    reader.limits(limits);
+    Ok(reader)
+}
+
+fn corrupt(path: &Path, e: impl ToString) -> SceneError {
+    SceneError::Corrupt { file: path.display().to_string(), reason: e.to_string().replace('\n', " ") }
+}
+
+/// Rows and columns, from the header alone.
+pub(super) fn size(path: &Path) -> Result<[usize; 2], SceneError> {
+    let (width, height) = open(path)?.into_dimensions().map_err(|e| corrupt(path, e))?;
+    Ok([height as usize, width as usize])
+}
+
+/// Decodes a file; nothing is converted yet.
+pub(super) fn decode(path: &Path) -> Result<DynamicImage, SceneError> {
+    let reader = open(path)?;
+    if reader.format() == Some(ImageFormat::Jpeg) && !jpeg_ends(path)? {
+        return Err(corrupt(path, "the file is cut short: a JPEG must reach its end marker"));
+    }
+    reader.decode().map_err(|e| corrupt(path, e))
+}
+
+/// Whether a JPEG's last scan is closed: decoders fill what is missing with grey and say nothing.
+fn jpeg_ends(path: &Path) -> Result<bool, SceneError> {
+    let bytes = std::fs::read(path).map_err(|e| super::settings::unreadable(path, &e))?;
+    // Inside a scan, 0xff is never followed by these.
+    let last_scan = bytes.windows(2).rposition(|b| b == [0xff, 0xda]).unwrap_or(0);
+    Ok(bytes[last_scan..].windows(2).any(|b| b == [0xff, 0xd9]))
+}
+
+/// Reads the planes of `colors` from a PNG, JPEG or EXR file. A grey picture gives the same plane for each colour;
+/// transparency is laid over black. `transfer` overrides what the format implies.
+pub(super) fn read(path: &Path, colors: &[Color], transfer: Option<Transfer>) -> Result<Picture, SceneError> {
+    let image = decode(path)?;
+    let (height, width) = (image.height() as usize, image.width() as usize);
+    let channels = usize::from(image.color().channel_count());
+    let (has_color, has_alpha) = (image.color().has_color(), image.color().has_alpha());
+    let integer = transfer.unwrap_or(Transfer::Srgb);
+    let planes = |light: &dyn Fn(usize) -> f32, alpha: &dyn Fn(usize) -> f32| -> Vec<Vec<f32>> {
+        let plane = |color: &Color| {
+            let channel = if has_color { color.channel() } else { 0 };
+            let value = |i: usize| {
+                let v = light(i * channels + channel);
+                if has_alpha { v * alpha(i * channels + channels - 1) } else { v }
+            };
+            (0..height * width).map(value).collect()
+        };
+        colors.iter().map(plane).collect()
+    };
+    let planes = if let Some(v) = samples8(&image) {
+        let table = table8(integer);
+        planes(&|i| table[usize::from(v[i])], &|i| f32::from(v[i]) / 255.0)
+    } else if let Some(v) = samples16(&image) {
+        let table = table16(integer);
+        planes(&|i| table[usize::from(v[i])], &|i| f32::from(v[i]) / 65535.0)
+    } else {
+        let float = match &image {
+            DynamicImage::ImageRgb32F(p) => p.as_raw(),
+            DynamicImage::ImageRgba32F(p) => p.as_raw(),
+            other => return Err(corrupt(path, format!("pixels of type {:?} are not supported", other.color()))),
+        };
+        // EXR keeps colour already multiplied by its transparency.
+        let read = planes(&|i| float[i], &|_| 1.0);
+        for plane in &read {
+            check(path, plane, width, |v| v.is_finite() && v >= 0.0, "finite and not negative")?;
+        }
+        match transfer {
+            Some(Transfer::Srgb) => {
+                let decode = |v: f32| srgb_to_linear(f64::from(v)) as f32;
+                read.into_iter().map(|p| p.into_iter().map(decode).collect()).collect()
+            }
+            _ => read,
+        }
+    };
+    Ok(Picture { height, width, planes })
+}
+
+/// The first pixel that is not as it must be is an error.
+pub(super) fn check(
+    path: &Path,
+    plane: &[f32],
+    width: usize,
+    good: impl Fn(f32) -> bool,
+    must: &'static str,
+) -> Result<(), SceneError> {
+    match plane.iter().position(|&v| !good(v)) {
+        None => Ok(()),
+        Some(i) => Err(SceneError::Value {
+            file: path.display().to_string(),
+            row: i / width,
+            column: i % width,
+            value: plane[i],
+            must,
+        }),
+    }
+}
+
+/// The samples of an 8-bit image, interleaved.
+pub(super) fn samples8(image: &DynamicImage) -> Option<&[u8]> {
+    Some(match image {
+        DynamicImage::ImageLuma8(p) => p.as_raw(),
+        DynamicImage::ImageLumaA8(p) => p.as_raw(),
+        DynamicImage::ImageRgb8(p) => p.as_raw(),
+        DynamicImage::ImageRgba8(p) => p.as_raw(),
+        _ => return None,
+    })
+}
+
+/// The samples of a 16-bit image, interleaved.
+pub(super) fn samples16(image: &DynamicImage) -> Option<&[u16]> {
+    Some(match image {
+        DynamicImage::ImageLuma16(p) => p.as_raw(),
+        DynamicImage::ImageLumaA16(p) => p.as_raw(),
+        DynamicImage::ImageRgb16(p) => p.as_raw(),
+        DynamicImage::ImageRgba16(p) => p.as_raw(),
+        _ => return None,
+    })
+}
+
+fn build(steps: usize, transfer: Transfer) -> Vec<f32> {
+    let light = |v: f64| if transfer == Transfer::Srgb { srgb_to_linear(v) } else { v };
+    (0..=steps).map(|i| light(i as f64 / steps as f64) as f32).collect()
+}
+
+fn table8(transfer: Transfer) -> &'static [f32] {
+    static TABLES: [OnceLock<Vec<f32>>; 2] = [const { OnceLock::new() }; 2];
+    TABLES[transfer as usize].get_or_init(|| build(255, transfer))
+}
+
+fn table16(transfer: Transfer) -> &'static [f32] {
+    static TABLES: [OnceLock<Vec<f32>>; 2] = [const { OnceLock::new() }; 2];
+    TABLES[transfer as usize].get_or_init(|| build(65535, transfer))
+}

@@ -1,0 +1,168 @@
+//! What a folder says about its views: `lightfield.toml`, or the `parameters.cfg` of the 4D Light Field Benchmark, or
+//! a ground-truth disparity map.
+
+use super::{SceneError, pfm, picture::Transfer};
+use serde::Deserialize;
+use std::{
+    fs,
+    io::ErrorKind,
+    path::{Path, PathBuf},
+};
+
+/// What is known of a folder's views; lengths in metres and in pixels at the views' own resolution.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct Settings {
+    pub grid: Option<[usize; 2]>,
+    pub view_pitch: Option<f64>,
+    pub disparity: Option<[f64; 2]>,
+    pub depth: Option<[f64; 2]>,
+    pub transfer: Option<Transfer>,
+}
+
+/// `lightfield.toml`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Toml {
+    grid: Option<[usize; 2]>,
+    view_pitch_mm: Option<f64>,
+    disparity: Option<[f64; 2]>,
+    depth_mm: Option<[f64; 2]>,
+    transfer: Option<Transfer>,
+}
+
+/// Reads `lightfield.toml` if there is one, else `parameters.cfg`, else nothing. `names` are the folder's files.
+pub(super) fn read(folder: &Path, names: &[String]) -> Result<Settings, SceneError> {
+    for (name, parse) in [
+        ("lightfield.toml", from_toml as fn(&str) -> Result<Settings, String>),
+        ("parameters.cfg", from_cfg as fn(&str) -> Result<Settings, String>),
+    ] {
+        if names.iter().any(|n| n == name) {
+            let path = folder.join(name);
+            let text = fs::read_to_string(&path).map_err(|e| unreadable(&path, &e))?;
+            return parse(&text).map_err(|reason| SceneError::Settings { file: path.display().to_string(), reason });
+        }
+    }
+    Ok(Settings::default())
+}
+
+/// The disparity range of a `gt_disp*.pfm` beside views of `size`, the `lowres` one first. A map of another size tells
+/// nothing about the views' pixels and is passed over.
+pub(super) fn ground_truth(folder: &Path, names: &[String], size: [usize; 2]) -> Result<Option<[f64; 2]>, SceneError> {
+    let is_map = |n: &&String| n.starts_with("gt_disp") && n.ends_with(".pfm");
+    let mut maps: Vec<&String> = names.iter().filter(is_map).collect();
+    maps.sort_by_key(|n| (!n.contains("lowres"), n.as_str()));
+    for name in maps {
+        let path = folder.join(name);
+        let bytes = fs::read(&path).map_err(|e| unreadable(&path, &e))?;
+        let map =
+            pfm::parse(&bytes).map_err(|reason| SceneError::Corrupt { file: path.display().to_string(), reason })?;
+        if [map.height, map.width] == size {
+            // Benchmarks mark pixels without a value by infinity.
+            let known = || map.values.iter().filter(|v| v.is_finite()).map(|&v| f64::from(v));
+            let (low, high) = known().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
+            return Ok((low <= high).then_some([low, high]));
+        }
+    }
+    Ok(None)
+}
+
+pub(super) fn unreadable(path: &Path, e: &std::io::Error) -> SceneError {
+    let path: PathBuf = path.into();
+    match e.kind() {
+        ErrorKind::NotFound => SceneError::NotFound { path: path.display().to_string(), what: "file" },
+        _ => SceneError::Unreadable { path: path.display().to_string(), reason: e.to_string() },
+    }
+}
+
+fn range(key: &str, value: Option<[f64; 2]>, unit: f64) -> Result<Option<[f64; 2]>, String> {
+    match value {
+        Some([a, b]) if !(a.is_finite() && b.is_finite() && a <= b) => {
+            Err(format!("{key} is [{a}, {b}]: it must be two finite numbers, the smaller first"))
+        }
+        _ => Ok(value.map(|r| r.map(|v| v * unit))),
+    }
+}
+
+fn from_toml(text: &str) -> Result<Settings, String> {
+    let read: Toml = toml::from_str(text).map_err(|e| {
+        let line = e.span().map_or(0, |s| text[..s.start.min(text.len())].matches('\n').count() + 1);
+        format!("line {line}: {}", e.message().replace('\n', " "))
+    })?;
+    if let Some(pitch) = read.view_pitch_mm
+        && !(pitch.is_finite() && pitch > 0.0)
+    {
+        return Err(format!("view_pitch_mm is {pitch}: it must be positive"));
+    }
+    if let Some([rows, columns]) = read.grid
+        && (rows == 0 || columns == 0)
+    {
+        return Err(format!("grid is [{rows}, {columns}]: it must be rows and columns of at least 1"));
+    }
+    Ok(Settings {
+        grid: read.grid,
+        view_pitch: read.view_pitch_mm.map(|p| p * 1e-3),
+        disparity: range("disparity", read.disparity, 1.0)?,
+        depth: range("depth_mm", read.depth_mm, 1e-3)?,
+        transfer: read.transfer,
+    })
+}
+
+/// The benchmark's file says much about its cameras; what matters here is the number of views and the disparities.
+fn from_cfg(text: &str) -> Result<Settings, String> {
+    let number = |key: &str| -> Result<Option<f64>, String> {
+        for (i, line) in text.lines().enumerate() {
+            let Some((name, value)) = line.split_once('=') else { continue };
+            if name.trim() == key {
+                let value = value.trim();
+                let read = value.parse::<f64>().ok().filter(|v| v.is_finite());
+                return read.map(Some).ok_or(format!("line {}: {key} is {value:?}: it must be a number", i + 1));
+            }
+        }
+        Ok(None)
+    };
+    let pair = |a: &str, b: &str| Ok::<_, String>(number(a)?.zip(number(b)?).map(|(a, b)| [a, b]));
+    let grid = match pair("num_cams_y", "num_cams_x")? {
+        Some(counts) if counts.iter().any(|&n| n.fract() != 0.0 || !(1.0..=65536.0).contains(&n)) => {
+            return Err(format!("num_cams_y, num_cams_x are {counts:?}: they must be whole numbers of at least 1"));
+        }
+        counts => counts.map(|c| c.map(|n| n as usize)),
+    };
+    Ok(Settings {
+        grid,
+        disparity: range("disp_min, disp_max", pair("disp_min", "disp_max")?, 1.0)?,
+        ..Settings::default()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn toml_is_read_and_unknown_keys_are_named() {
+        let text = "view_pitch_mm = 2.5\ndisparity = [-1, 1.5]\ndepth_mm = [-2.0, 3.0]\ntransfer = \"linear\"\ngrid = [3, 4]\n";
+        let read = from_toml(text).unwrap();
+        assert_eq!(read.view_pitch, Some(2.5e-3));
+        assert_eq!((read.disparity, read.grid), (Some([-1.0, 1.5]), Some([3, 4])));
+        assert_eq!(read.depth, Some([-2.0e-3, 3.0e-3]));
+        assert_eq!(read.transfer, Some(Transfer::Linear));
+        let error = from_toml("view_pitch_mm = 2\nviewpitch = 3\n").unwrap_err();
+        assert!(error.contains("line 2") && error.contains("viewpitch"), "{error}");
+        for bad in
+            ["view_pitch_mm = 0", "view_pitch_mm = nan", "disparity = [2, 1]", "depth_mm = [0, inf]", "grid = [0, 1]"]
+        {
+            let key = bad.split(' ').next().unwrap();
+            assert!(from_toml(bad).unwrap_err().contains(key), "{bad}");
+        }
+    }
+
+    #[test]
+    fn the_benchmarks_file_is_read() {
+        let text = "[intrinsics]\nfocal_length_mm = 100\n[extrinsics]\nnum_cams_x = 9\nnum_cams_y = 7\n\
+                    [meta]\nscene = x\ndisp_min = -2.1\ndisp_max =  3.2 \n";
+        let read = from_cfg(text).unwrap();
+        assert_eq!((read.disparity, read.grid), (Some([-2.1, 3.2]), Some([7, 9])));
+        assert!(from_cfg("disp_min = x\ndisp_max = 1").unwrap_err().contains("line 1"));
+        assert_eq!(from_cfg("").unwrap(), Settings::default());
+    }
+}

@@ -1,0 +1,112 @@
+//! A single picture with a depth or disparity map.
+
+use super::{
+    Fit, LightField, Request, SceneError, builtin,
+    map::{self, Map},
+    picture,
+    reproject::relief,
+    resize::Resize,
+};
+use crate::optics::{Color, Display};
+use rayon::prelude::*;
+use std::path::Path;
+
+/// Reads the picture and its map and reprojects it to `views` x `views` at the display's size.
+///
+/// # Errors
+/// [`SceneError::NoDepthMap`], [`SceneError::Size`] when the map is not the picture's, [`SceneError::Request`] when the
+/// depths displace content too far, and those of reading the files.
+pub(super) fn load(path: &Path, request: &Request) -> Result<LightField, SceneError> {
+    let map_path = request.depth_map.ok_or_else(|| SceneError::NoDepthMap { file: path.display().to_string() })?;
+    let map = map::read(map_path)?;
+    let picture = picture::read(path, &[Color::Red, Color::Green, Color::Blue], None)?;
+    if (map.height, map.width) != (picture.height, picture.width) {
+        return Err(SceneError::Size {
+            file: map_path.display().to_string(),
+            height: map.height,
+            width: map.width,
+            other: path.display().to_string(),
+            other_height: picture.height,
+            other_width: picture.width,
+        });
+    }
+    let display = request.display;
+    let n = request.views;
+    let cell = request.view_pitch.unwrap_or_else(|| display.eyebox_min() / n as f64);
+    let reach = (n as f64 - 1.0) / 2.0;
+
+    // The picture at its size on the display, without the letterbox: that is laid around the finished views.
+    let scale = (display.height as f64 / map.height as f64).min(display.width as f64 / map.width as f64);
+    let [height, width] = [map.height, map.width].map(|n| ((n as f64 * scale).round() as usize).max(1));
+    let resize = Resize::new([map.height, map.width], [height, width], Fit::Stretch);
+    let planes: Vec<Vec<f32>> = picture.planes.par_iter().map(|plane| resize.apply(plane)).collect();
+    let range = request.depth.unwrap_or_else(|| {
+        let half = builtin::half_span(display);
+        [-half, half]
+    });
+    let (disparity, ends) = disparities(&map, [height, width], scale, reach, range, cell, display);
+    let parallax = ends[0].abs().max(ends[1].abs()) * reach;
+    if parallax > (height.min(width) as f64 / 4.0).max(2.0) {
+        return Err(SceneError::Request {
+            what: "the displacement in the outermost views (pixels)",
+            value: format!("{parallax:.1}"),
+            must: "at most a quarter of the picture: take a smaller depth range, or fewer or closer views",
+        });
+    }
+
+    let size = [height, width];
+    let place = Resize::new(size, [display.height, display.width], Fit::Contain);
+    let middle = (n as f32 - 1.0) / 2.0;
+    let relief = relief(&planes, &disparity, size, middle);
+    let views: Vec<Vec<Vec<f32>>> = (0..n * n)
+        .into_par_iter()
+        .map(|k| {
+            let view = relief.view((k % n) as f32 - middle, (k / n) as f32 - middle);
+            request.colors.iter().map(|color| place.apply(&view[color.channel()])).collect()
+        })
+        .collect();
+    let mut planes: Vec<Vec<Vec<f32>>> = request.colors.iter().map(|_| Vec::with_capacity(n * n)).collect();
+    for view in views {
+        planes.iter_mut().zip(view).for_each(|(plane, view)| plane.push(view));
+    }
+    let per_pixel = display.focal_length * display.pitch / cell;
+    Ok(LightField {
+        name: path.file_stem().map_or("picture".into(), |n| n.to_string_lossy().into_owned()),
+        grid: [n, n],
+        height: display.height,
+        width: display.width,
+        colors: request.colors.to_vec(),
+        planes,
+        view_pitch: Some(cell),
+        disparity: Some(ends),
+        depth: Some(ends.map(|d| d * per_pixel)),
+    })
+}
+
+/// Disparities at the picture's size on the display, and their smallest and largest.
+fn disparities(
+    map: &Map,
+    [height, width]: [usize; 2],
+    scale: f64,
+    reach: f64,
+    range: [f64; 2],
+    cell: f64,
+    display: &Display,
+) -> (Vec<f32>, [f64; 2]) {
+    let ends = |v: &[f32]| v.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |e, &v| [e[0].min(v), e[1].max(v)]);
+    let [low, high] = ends(&map.values).map(f64::from);
+    // value -> disparity: first + (value - low) * gain
+    let (first, gain) = if map.is_disparity {
+        (low * scale, scale)
+    } else {
+        let [from, to] = range.map(|z| z * cell / (display.focal_length * display.pitch));
+        if high > low { (from, (to - from) / (high - low)) } else { ((from + to) / 2.0, 0.0) }
+    };
+    // What opens more than a pixel and a half in the outermost view is an edge, and is not smoothed over.
+    let apart =
+        if gain == 0.0 { f64::INFINITY } else { (1.5 / (reach.max(0.5) * gain.abs())).min(f64::from(f32::MAX)) };
+    let resized = map.resize(height, width, apart as f32);
+    let disparity: Vec<f32> = resized.into_iter().map(|v| (first + (f64::from(v) - low) * gain) as f32).collect();
+    let found = ends(&disparity).map(f64::from);
+    (disparity, found)
+}

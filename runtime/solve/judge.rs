@@ -1,0 +1,64 @@
+//! Quality on pupils that the optimiser is not shown.
+
+use crate::engine::{Engine, EngineError};
+use crate::evaluate;
+use crate::optics::Pupil;
+use crate::plan::Planner;
+
+/// Fixed pupils, and what the eye should see through them.
+pub struct Judge {
+    pupils: Vec<Pupil>,
+    /// Photographs, after 2 x 2 averaging.
+    targets: Vec<Vec<f32>>,
+}
+
+/// What a judge found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Verdict {
+    /// PSNR per pupil, dB, after 2 x 2 averaging, with one exposure for all.
+    pub psnr: Vec<f64>,
+    /// That exposure: the least-squares fit over all pupils.
+    pub exposure: f64,
+}
+
+impl Verdict {
+    /// Mean over pupils, dB.
+    pub fn mean(&self) -> f64 {
+        self.psnr.iter().sum::<f64>() / self.psnr.len().max(1) as f64
+    }
+
+    /// The worst pupil, dB.
+    pub fn worst(&self) -> f64 {
+        self.psnr.iter().copied().fold(f64::INFINITY, f64::min)
+    }
+}
+
+impl Judge {
+    /// Takes the photographs, once; `engine` holds the views.
+    ///
+    /// # Errors
+    /// Those of the engine.
+    pub fn new(engine: &mut dyn Engine, planner: &Planner, pupils: Vec<Pupil>) -> Result<Self, EngineError> {
+        let pool = |image: Vec<f32>| evaluate::pool2(&image, planner.slm.height, planner.slm.width);
+        let targets = evaluate::photographs(engine, planner, &pupils)?.into_iter().map(pool).collect();
+        Ok(Self { pupils, targets })
+    }
+
+    /// Judges the phases that `engine` holds.
+    ///
+    /// # Errors
+    /// Those of the engine.
+    pub fn judge(&self, engine: &mut dyn Engine, planner: &Planner) -> Result<Verdict, EngineError> {
+        let pool = |image: Vec<f32>| evaluate::pool2(&image, planner.slm.height, planner.slm.width);
+        let images: Vec<Vec<f32>> = evaluate::views(engine, planner, &self.pupils)?.into_iter().map(pool).collect();
+        // Images that are black (or not finite) have no exposure: any will do, their PSNR says it.
+        let exposure =
+            evaluate::fit_exposure(images.iter().zip(&self.targets).map(|(i, t)| (&i[..], &t[..]))).unwrap_or(1.0);
+        let psnr = |(image, target): (Vec<f32>, &Vec<f32>)| {
+            let seen: Vec<f32> = image.iter().map(|i| i * exposure as f32).collect();
+            evaluate::psnr(&seen, target).unwrap_or(f64::NAN)
+        };
+        let psnr = images.into_iter().zip(&self.targets).map(psnr).collect();
+        Ok(Verdict { psnr, exposure })
+    }
+}

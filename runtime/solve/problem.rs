@@ -1,0 +1,64 @@
+//! What is to be solved: a scene on a display, in one colour.
+
+use crate::optics::{Color, Display, Optics, OpticsError, Padding, WindowFactor};
+use crate::plan::{Planner, Views};
+use crate::scene::{LightField, Pyramid, ViewGrid};
+use std::sync::Arc;
+
+/// One colour of a display, and the scene in that colour.
+#[derive(Debug, Clone)]
+pub struct Problem {
+    /// Optics over the SLM.
+    pub optics: Optics,
+    /// Zeros around the SLM; the views cover the padded grid.
+    pub padding: Padding,
+    /// Side of the eyebox that pupils are drawn in, metres: what all colours of the display serve.
+    pub eyebox: f64,
+    /// Where the views stand.
+    pub views: ViewGrid,
+    /// The views on the padded grid.
+    pub pyramid: Arc<Pyramid>,
+    /// Mean of the scene's linear light over the SLM.
+    pub mean: f64,
+}
+
+impl Problem {
+    /// The scene `field`, which has the display's size, in one of its colours.
+    ///
+    /// # Errors
+    /// A colour that the display or the scene does not have.
+    pub fn new(field: &LightField, color: Color, display: &Display, padding: Padding) -> Result<Self, OpticsError> {
+        let optics = display.optics(color)?;
+        let missing = || OpticsError::NoColor {
+            display: field.name.clone(),
+            color,
+            has: field.colors.iter().map(Color::to_string).collect::<Vec<_>>().join(", "),
+        };
+        let views = &field.planes[field.colors.iter().position(|c| *c == color).ok_or_else(missing)?];
+        let (height, width) = (field.height, field.width);
+        let pixels = (views.len() * height * width) as f64;
+        let mean = views.iter().map(|v| v.iter().map(|x| f64::from(*x)).sum::<f64>()).sum::<f64>() / pixels;
+        let grid = padding.grid(optics);
+        let pyramid = if padding == Padding::default() {
+            Pyramid::new(views, height, width)
+        } else {
+            let (top, left) = (padding.rows / 2, padding.columns / 2);
+            let framed = |view: &Vec<f32>| {
+                let mut out = vec![0.0; grid.height * grid.width];
+                for (row, out) in view.chunks_exact(width).zip(out.chunks_exact_mut(grid.width).skip(top)) {
+                    out[left..left + width].copy_from_slice(row);
+                }
+                out
+            };
+            Pyramid::new(&views.iter().map(framed).collect::<Vec<_>>(), grid.height, grid.width)
+        };
+        let views = ViewGrid { rows: field.grid[0], columns: field.grid[1], cell: field.cell(display) };
+        Ok(Self { optics, padding, eyebox: display.eyebox_min(), views, pyramid: Arc::new(pyramid), mean })
+    }
+
+    /// Plans for this problem.
+    pub fn planner(&self, frames: usize, window: WindowFactor) -> Planner {
+        let plain = Planner::new(self.optics, frames, window).with_padding(self.padding);
+        Planner { views: Some(Views::new(self.views, &self.pyramid)), ..plain }
+    }
+}

@@ -1,0 +1,206 @@
+//! Which pupils are drawn (OPTICS 6e): a distribution of diameters, and a sequence over (diameter, x, y, depth).
+
+use crate::optics::Pupil;
+use serde::{Deserialize, Serialize};
+
+/// How diameters are distributed between their limits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Diameters {
+    /// Uniform in d: the paper's.
+    Uniform,
+    /// Uniform in log d: small pupils are the hardest to serve and the cheapest to compute.
+    LogUniform,
+    /// Uniform in 1/d.
+    Reciprocal,
+}
+
+/// What fills the four dimensions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Sequence {
+    /// Independent pseudo-random numbers: the paper's.
+    Random,
+    /// Sobol's sequence (Joe and Kuo 2008), scrambled after Owen by hashing (Burley 2020).
+    Sobol,
+}
+
+/// Where pupils are drawn: metres.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct PupilRange {
+    /// Side of the square that the whole pupil stays in, where it fits: the eyebox that all colours serve.
+    pub eyebox: f64,
+    /// Smallest and largest diameter.
+    pub diameter: [f64; 2],
+    /// Nearest and farthest focus.
+    pub depth: [f64; 2],
+    /// Distribution of diameters.
+    pub diameters: Diameters,
+}
+
+impl PupilRange {
+    /// The pupil at a point of the unit cube (diameter, x, y, depth).
+    pub fn at(&self, [d, x, y, z]: [f64; 4]) -> Pupil {
+        let [low, high] = self.diameter;
+        let diameter = match self.diameters {
+            Diameters::Uniform => low + (high - low) * d,
+            Diameters::LogUniform => low * (high / low).powf(d),
+            Diameters::Reciprocal => 1.0 / (1.0 / high + (1.0 / low - 1.0 / high) * d),
+        };
+        let reach = (self.eyebox / 2.0 - diameter / 2.0).max(0.0);
+        let place = |u: f64| reach * (2.0 * u - 1.0);
+        Pupil { x: place(x), y: place(y), diameter, depth: self.depth[0] + (self.depth[1] - self.depth[0]) * z }
+    }
+}
+
+/// An endless stream of pupils, the same for the same seed.
+#[derive(Debug, Clone)]
+pub struct Sampler {
+    range: PupilRange,
+    sequence: Sequence,
+    random: SplitMix,
+    scramble: [u32; 4],
+    index: u32,
+}
+
+impl Sampler {
+    /// From the start.
+    pub fn new(range: PupilRange, sequence: Sequence, seed: u64) -> Self {
+        let mut random = SplitMix(seed ^ 0x7075_7069_6c73);
+        let scramble = [0; 4].map(|_: u32| random.next() as u32);
+        Self { range, sequence, random, scramble, index: 0 }
+    }
+
+    /// The next pupil.
+    pub fn draw(&mut self) -> Pupil {
+        let point = match self.sequence {
+            Sequence::Random => [0; 4].map(|_: i32| self.random.unit()),
+            Sequence::Sobol => {
+                let index = self.index;
+                self.index = self.index.wrapping_add(1);
+                std::array::from_fn(|d| (f64::from(owen(sobol(index, d), self.scramble[d])) + 0.5) / 4_294_967_296.0)
+            }
+        };
+        self.range.at(point)
+    }
+}
+
+/// The generator of Steele, Lea and Flood (2014): small, fast, the same everywhere.
+#[derive(Debug, Clone)]
+pub struct SplitMix(pub u64);
+
+impl SplitMix {
+    /// 64 random bits.
+    #[allow(clippy::should_implement_trait)]
+    pub fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// Uniform in 0 .. 1, 53 bits.
+    pub fn unit(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / 9_007_199_254_740_992.0
+    }
+}
+
+/// Phases uniform in -pi .. pi, in float32; the same for the same seed.
+pub fn random_phases(count: usize, seed: u64) -> Vec<f32> {
+    let mut random = SplitMix(seed ^ 0x7068_6173_6573);
+    (0..count).map(|_| ((random.unit() - 0.5) * std::f64::consts::TAU) as f32).map(eyebox_kernels::trig::wrap).collect()
+}
+
+/// Direction numbers of the first four dimensions, from (degree, coefficients, initial values).
+fn sobol(index: u32, dimension: usize) -> u32 {
+    const POLYNOMIALS: [(u32, u32, [u32; 3]); 3] = [(1, 0, [1, 0, 0]), (2, 1, [1, 3, 0]), (3, 1, [1, 3, 1])];
+    if dimension == 0 {
+        return index.reverse_bits();
+    }
+    let (s, a, m) = POLYNOMIALS[dimension - 1];
+    let mut v = [0u32; 32];
+    for i in 0..32 {
+        let k = i as u32;
+        v[i] = if k < s {
+            m[i] << (31 - k)
+        } else {
+            let back = v[i - s as usize];
+            let mut value = back ^ (back >> s);
+            for j in 1..s {
+                value ^= ((a >> (s - 1 - j)) & 1) * v[i - j as usize];
+            }
+            value
+        };
+    }
+    (0..32).filter(|bit| index >> bit & 1 == 1).fold(0, |x, bit| x ^ v[bit])
+}
+
+/// Owen's nested scrambling by a hash that only lets higher bits decide (Laine and Karras 2011).
+fn owen(x: u32, seed: u32) -> u32 {
+    let mut x = x.reverse_bits();
+    x = x.wrapping_add(seed);
+    x ^= x.wrapping_mul(0x6c50_b47c);
+    x ^= x.wrapping_mul(0xb82f_1e52);
+    x ^= x.wrapping_mul(0xc7af_e638);
+    x ^= x.wrapping_mul(0x8d22_f6e6);
+    x.reverse_bits()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RANGE: PupilRange =
+        PupilRange { eyebox: 22e-3, diameter: [2e-3, 20e-3], depth: [-3e-3, 3.5e-3], diameters: Diameters::LogUniform };
+
+    #[test]
+    fn sobol_fills_every_elementary_interval() {
+        // A (0, m, 1) net in each dimension: 64 points, one per interval of 1/64, scrambled or not.
+        for d in 0..4 {
+            for seed in [None, Some(77)] {
+                let mut hit = [false; 64];
+                for i in 0..64 {
+                    let x = seed.map_or(sobol(i, d), |s| owen(sobol(i, d), s));
+                    hit[(x >> 26) as usize] = true;
+                }
+                assert!(hit.iter().all(|h| *h), "dimension {d}, {seed:?}");
+            }
+        }
+        // And the second with the third: one point in each of 8 x 8 squares.
+        let mut hit = [false; 64];
+        (0..64).for_each(|i| hit[((sobol(i, 0) >> 29) * 8 + (sobol(i, 1) >> 29)) as usize] = true);
+        assert!(hit.iter().all(|h| *h));
+    }
+
+    #[test]
+    fn pupils_stay_in_range_and_repeat_with_the_seed() {
+        for sequence in [Sequence::Random, Sequence::Sobol] {
+            for diameters in [Diameters::Uniform, Diameters::LogUniform, Diameters::Reciprocal] {
+                let range = PupilRange { diameters, ..RANGE };
+                let (mut a, mut b) = (Sampler::new(range, sequence, 5), Sampler::new(range, sequence, 5));
+                for _ in 0..500 {
+                    let p = a.draw();
+                    assert_eq!(p, b.draw());
+                    assert!(
+                        p.x.abs() + p.diameter / 2.0 <= 11e-3 + 1e-12 && p.y.abs() + p.diameter / 2.0 <= 11e-3 + 1e-12
+                    );
+                    assert!(
+                        (2e-3 - 1e-12..=20e-3 + 1e-12).contains(&p.diameter) && (-3e-3..=3.5e-3).contains(&p.depth)
+                    );
+                }
+            }
+        }
+        assert_ne!(Sampler::new(RANGE, Sequence::Sobol, 1).draw(), Sampler::new(RANGE, Sequence::Sobol, 2).draw());
+    }
+
+    #[test]
+    fn diameters_have_their_means() {
+        let mean = |diameters| {
+            let mut s = Sampler::new(PupilRange { diameters, ..RANGE }, Sequence::Sobol, 3);
+            (0..4096).map(|_| s.draw().diameter * 1e3).sum::<f64>() / 4096.0
+        };
+        assert!((mean(Diameters::Uniform) - 11.0).abs() < 0.02);
+        assert!((mean(Diameters::LogUniform) - 18.0 / 10f64.ln()).abs() < 0.02);
+        assert!((mean(Diameters::Reciprocal) - 10f64.ln() / 0.45).abs() < 0.02);
+    }
+}

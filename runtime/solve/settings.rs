@@ -1,0 +1,98 @@
+//! What can be chosen about a solve.
+
+use super::sampling::{Diameters, Sequence};
+use crate::optics::WindowFactor;
+use serde::{Deserialize, Serialize};
+
+/// How phases are moved.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase", tag = "kind")]
+pub enum Optimizer {
+    /// Pupil-wise projection (OPTICS 6b).
+    Projection {
+        /// Gain of the first and of the last step; a half cosine between.
+        gain: [f64; 2],
+        /// Share of the velocity that is kept.
+        momentum: f64,
+        /// The change is divided by the overlap to this power.
+        overlap_power: f64,
+    },
+    /// Adam on the closed-form gradient, the paper's (OPTICS 4).
+    Adam {
+        /// Learning rate of the first and of the last step, radians; a half cosine between.
+        rate: [f64; 2],
+        /// Compare amplitudes, not intensities.
+        amplitude: bool,
+    },
+}
+
+impl Optimizer {
+    /// The projection as tuned on several scenes (docs/measurements.md).
+    pub fn projection() -> Self {
+        Self::Projection { gain: [3.0, 0.2], momentum: 0.5, overlap_power: 0.5 }
+    }
+
+    /// Adam at the paper's rate, decaying to a twentieth.
+    pub fn adam() -> Self {
+        Self::Adam { rate: [0.1, 0.005], amplitude: false }
+    }
+}
+
+/// Everything that decides a solve, besides the scene and the display.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Settings {
+    /// Sub-frames, optimised jointly on their mean intensity.
+    pub frames: usize,
+    /// How phases are moved.
+    pub optimizer: Optimizer,
+    /// Steps, at most.
+    pub steps: usize,
+    /// Pupils per step.
+    pub pupils: usize,
+    /// Seconds, at most; the schedule follows whichever of steps and seconds runs out first.
+    pub seconds: Option<f64>,
+    /// Stop once the held-out pupils' mean PSNR reaches this, dB.
+    pub psnr: Option<f64>,
+    /// Part of the light that the pupils are to see: mean of the target over the exposure. None: chosen from the scene.
+    pub efficiency: Option<f64>,
+    /// Window per pupil.
+    pub window: WindowFactor,
+    /// Diameters drawn, metres.
+    pub diameter: [f64; 2],
+    /// Focus depths drawn, metres.
+    pub depth: [f64; 2],
+    /// Distribution of diameters.
+    pub diameters: Diameters,
+    /// Sequence of pupils.
+    pub sequence: Sequence,
+    /// Decides the first phases and the pupils.
+    pub seed: u64,
+    /// Bytes that the windows of pupils in flight may take.
+    pub window_bytes: usize,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            frames: 8,
+            optimizer: Optimizer::projection(),
+            steps: 60,
+            pupils: 16,
+            seconds: None,
+            psnr: None,
+            efficiency: None,
+            window: WindowFactor::One,
+            diameter: [2e-3, 20e-3],
+            depth: [-3e-3, 3e-3],
+            diameters: Diameters::LogUniform,
+            sequence: Sequence::Sobol,
+            seed: 0,
+            window_bytes: 256 << 20,
+        }
+    }
+}
+
+/// A half cosine from `from` to `to` as `progress` goes from 0 to 1.
+pub fn cosine([from, to]: [f64; 2], progress: f64) -> f64 {
+    to + (from - to) * 0.5 * (1.0 + (std::f64::consts::PI * progress.clamp(0.0, 1.0)).cos())
+}

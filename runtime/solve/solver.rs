@@ -1,0 +1,244 @@
+//! The loop.
+
+use super::{Judge, Optimizer, Problem, PupilRange, Sampler, Settings, Verdict, cosine, random_phases};
+use crate::engine::{Buffer, Engine, EngineError};
+use crate::optics::WindowFactor;
+use crate::plan::{Comparison, Planner, Purpose, Step};
+use eyebox_kernels::compare;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Why a solve ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stop {
+    /// All steps were taken.
+    Steps,
+    /// Time was up.
+    Seconds,
+    /// The quality asked for was reached.
+    Quality,
+    /// The observer said so.
+    Asked,
+}
+
+/// What the observer is shown after each step.
+#[derive(Debug, Clone, Copy)]
+pub struct Progress<'a> {
+    /// Steps taken.
+    pub step: usize,
+    /// Steps asked for.
+    pub steps: usize,
+    /// Since the start.
+    pub seconds: f64,
+    /// Mean squared difference over this step's pupils and pixels.
+    pub loss: f64,
+    /// The last verdict over held-out pupils, if there was one.
+    pub verdict: Option<&'a Verdict>,
+}
+
+/// The observer's answer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Flow {
+    /// Go on.
+    Continue,
+    /// Stop, and keep the best so far.
+    Stop,
+}
+
+/// A solved colour.
+#[derive(Debug, Clone)]
+pub struct Solution {
+    /// (frames, height, width), radians in -pi .. pi.
+    pub phases: Vec<f32>,
+    /// The exposure that it was solved for.
+    pub exposure: f64,
+    /// Mean of the scene over the exposure.
+    pub efficiency: f64,
+    /// Of the phases, over held-out pupils.
+    pub verdict: Verdict,
+    /// Steps taken.
+    pub steps: usize,
+    /// Seconds taken.
+    pub seconds: f64,
+    /// Why it ended.
+    pub stop: Stop,
+}
+
+/// Why a solve failed.
+#[derive(Debug, thiserror::Error)]
+pub enum SolveError {
+    /// A setting that cannot be.
+    #[error("{what} is {value}: it must be {right}")]
+    Setting {
+        /// Which, with its unit.
+        what: &'static str,
+        /// Its value.
+        value: String,
+        /// What would be right.
+        right: &'static str,
+    },
+    /// Numbers left the range of float32.
+    #[error("the loss was not finite in step {step}; the settings drive it out of range (try a smaller gain or rate)")]
+    NotFinite {
+        /// Which step, from 1.
+        step: usize,
+    },
+    /// From the engine.
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+}
+
+impl Settings {
+    fn check(&self) -> Result<(), SolveError> {
+        let wrong = |what, value: String, right| Err(SolveError::Setting { what, value, right });
+        if !(1..=4096).contains(&self.frames) {
+            return wrong("the number of sub-frames", self.frames.to_string(), "1 to 4096");
+        }
+        if !(1..=65536).contains(&self.pupils) {
+            return wrong("the number of pupils a step", self.pupils.to_string(), "1 to 65536");
+        }
+        let [low, high] = self.diameter;
+        if !(low > 0.0 && low <= high && high.is_finite()) {
+            return wrong(
+                "the range of pupil diameters (mm)",
+                format!("{}..{}", low * 1e3, high * 1e3),
+                "positive, smallest first",
+            );
+        }
+        let [near, far] = self.depth;
+        if !(near <= far && near.is_finite() && far.is_finite()) {
+            return wrong(
+                "the range of depths (mm)",
+                format!("{}..{}", near * 1e3, far * 1e3),
+                "finite, smallest first",
+            );
+        }
+        match self.efficiency {
+            Some(e) if !(e > 0.0 && e <= 1.0) => wrong("the efficiency", e.to_string(), "above 0, at most 1"),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Solves one colour. `observe` is called after every step.
+///
+/// The same seed gives the same phases, bit for bit, on one engine.
+///
+/// # Errors
+/// [`SolveError`]; a failing engine loses nothing that was judged before only if the caller kept it: the best state
+/// lives in this call.
+pub fn solve(
+    problem: &Problem,
+    settings: &Settings,
+    engine: &mut dyn Engine,
+    observe: &mut dyn FnMut(&Progress) -> Flow,
+) -> Result<Solution, SolveError> {
+    settings.check()?;
+    let start = Instant::now();
+    let range = PupilRange {
+        eyebox: problem.eyebox,
+        diameter: settings.diameter,
+        depth: settings.depth,
+        diameters: settings.diameters,
+    };
+    let planner = problem.planner(settings.frames, settings.window);
+    let purpose = if matches!(settings.optimizer, Optimizer::Adam { .. }) { Purpose::Adam } else { Purpose::Project };
+    engine.load(&planner.shape(purpose), Some(Arc::clone(&problem.pyramid)))?;
+    let pixels = planner.slm.height * planner.slm.width;
+    engine.write(Buffer::Phases, &random_phases(settings.frames * pixels, settings.seed))?;
+
+    let exposure = match settings.efficiency {
+        Some(efficiency) => problem.mean / efficiency,
+        None => problem.mean.max(0.35 * f64::from(problem.pyramid.scale)),
+    };
+    // Held out: the paper's distribution, from another seed.
+    let mut held_out =
+        Sampler::new(PupilRange { diameters: super::Diameters::Uniform, ..range }, settings.sequence, !settings.seed);
+    let judge = Judge::new(engine, &planner, (0..8).map(|_| held_out.draw()).collect())?;
+    let mut sampler = Sampler::new(range, settings.sequence, settings.seed);
+    let every = settings.steps.div_ceil(10).max(1);
+    let mut best: Option<(Verdict, Vec<f32>, usize)> = None;
+    let mut step = 0;
+    let stop = loop {
+        let seconds = start.elapsed().as_secs_f64();
+        if step >= settings.steps {
+            break Stop::Steps;
+        }
+        if settings.seconds.is_some_and(|most| seconds >= most) {
+            break Stop::Seconds;
+        }
+        let progress = (step as f64 / settings.steps as f64).max(settings.seconds.map_or(0.0, |most| seconds / most));
+        let pupils: Vec<_> = (0..settings.pupils).map(|_| sampler.draw()).collect();
+        let next = descend(&planner, settings, &pupils, exposure, progress, step + 1);
+        let losses = engine.run(&next)?;
+        step += 1;
+        let loss = losses.iter().zip(&next.lanes).map(|(loss, lane)| loss / lane.count() as f64).sum::<f64>()
+            / losses.len() as f64;
+        if !loss.is_finite() {
+            if best.is_none() {
+                return Err(SolveError::NotFinite { step });
+            }
+            break Stop::Asked;
+        }
+        if settings.psnr.is_some() && (step % every == 0 || step == settings.steps) {
+            consider(&judge, engine, &planner, step, &mut best)?;
+        }
+        let verdict = best.as_ref().map(|b| &b.0);
+        if observe(&Progress { step, steps: settings.steps, seconds: start.elapsed().as_secs_f64(), loss, verdict })
+            == Flow::Stop
+        {
+            break Stop::Asked;
+        }
+        if verdict.zip(settings.psnr).is_some_and(|(v, wanted)| v.mean() >= wanted) {
+            break Stop::Quality;
+        }
+    };
+    if best.as_ref().is_none_or(|b| b.2 != step) {
+        consider(&judge, engine, &planner, step, &mut best)?;
+    }
+    let (verdict, phases, _) = best.expect("a verdict was just given");
+    let efficiency = problem.mean / exposure;
+    Ok(Solution { phases, exposure, efficiency, verdict, steps: step, seconds: start.elapsed().as_secs_f64(), stop })
+}
+
+/// One step over `pupils`, the `t`-th, counted from 1.
+fn descend(
+    planner: &Planner,
+    settings: &Settings,
+    pupils: &[crate::optics::Pupil],
+    exposure: f64,
+    progress: f64,
+    t: usize,
+) -> Step {
+    let mode = match settings.optimizer {
+        Optimizer::Projection { .. } => compare::PROJECTION,
+        Optimizer::Adam { amplitude: true, .. } => compare::AMPLITUDE,
+        Optimizer::Adam { .. } => compare::INTENSITY,
+    };
+    let comparison = Comparison { mode, exposure, batch: pupils.len(), ..Comparison::default() };
+    let lanes = pupils.iter().map(|p| planner.lane(p, &comparison)).collect();
+    let in_flight = settings.window_bytes / size_of::<eyebox_kernels::Complex32>();
+    match settings.optimizer {
+        Optimizer::Projection { gain, momentum, overlap_power } => {
+            // Overlap to a power below one grows with the batch: what ten pupils ask for is the unit (OPTICS 6e).
+            let batch = (pupils.len() as f64 / 10.0).powf(1.0 - overlap_power);
+            planner.project_step(lanes, in_flight, overlap_power, cosine(gain, progress) / batch, momentum)
+        }
+        Optimizer::Adam { rate, .. } => planner.adam_step(lanes, in_flight, t, cosine(rate, progress)),
+    }
+}
+
+fn consider(
+    judge: &Judge,
+    engine: &mut dyn Engine,
+    planner: &Planner,
+    step: usize,
+    best: &mut Option<(Verdict, Vec<f32>, usize)>,
+) -> Result<(), EngineError> {
+    let planner = Planner { factor: WindowFactor::Full, ..planner.clone() };
+    let verdict = judge.judge(engine, &planner)?;
+    if best.as_ref().is_none_or(|b| verdict.mean() >= b.0.mean()) {
+        *best = Some((verdict, engine.read(Buffer::Phases)?, step));
+    }
+    Ok(())
+}

@@ -1,0 +1,400 @@
+//! The command line: millimetres, micrometres and nanometres in, metres out.
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use eyebox::optics::{Color, Pupil, WindowFactor};
+use std::path::PathBuf;
+
+/// Phase holograms that look right from anywhere in the eyebox.
+#[derive(Parser)]
+#[command(name = "eyebox", version, max_term_width = 100)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The commands.
+#[derive(Subcommand)]
+pub enum Command {
+    /// Solve the built-in still life, show it through several pupils, and measure it
+    #[command(after_help = "Example:\n  eyebox demo --out demo --size 256")]
+    Demo(Demo),
+    /// Turn a light field into a hologram
+    #[command(after_help = "Examples:\n  eyebox solve lightfield/ --size 512x512 --color green -o lightfield.zarr\n  \
+                      eyebox solve builtin:still-life --size 512x512 --seconds 10 -o still-life.zarr\n  \
+                      eyebox solve photo.png --depth-map depth.png --depth=-3..3 -o photo.npy\n\nBuilt-in scenes: still-life, still-life-dark, still-life-bright, dense-grass, points, plane, chart")]
+    Solve(Solve),
+    /// Show what an eye sees of a hologram through one pupil
+    #[command(after_help = "Examples:\n  eyebox view still-life.zarr --pupil=4,0,4,1.5 -o view.png\n  \
+                      eyebox view phases.npy --pupil=0,0,6,0 --pitch 8 --wavelength 520 --focal-length 400 -o view.npy")]
+    View(View),
+    /// Show what an eye should see of a scene through one pupil
+    #[command(
+        after_help = "Example:\n  eyebox photograph lightfield/ --size 512x512 --color green --pupil=0,0,18,1 -o photograph.png"
+    )]
+    Photograph(Photograph),
+    /// Measure a hologram against its scene over many pupils
+    #[command(after_help = "Example:\n  eyebox score still-life.zarr builtin:still-life --pupils random:16")]
+    Score(Score),
+    /// List engines and devices, and which one is taken
+    #[command(after_help = "Example:\n  eyebox devices --json")]
+    Devices(Devices),
+}
+
+/// Which engine computes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum EngineName {
+    /// A real GPU where there is one, else the CPU
+    Auto,
+    /// All cores of the CPU
+    Cpu,
+    /// Vulkan, a software device included
+    Vulkan,
+}
+
+/// Which colours.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Colors {
+    /// The longest wavelength
+    Red,
+    /// The middle one
+    Green,
+    /// The shortest
+    Blue,
+    /// All that the display has
+    All,
+}
+
+/// The engine, in every command that computes.
+#[derive(Args)]
+pub struct EngineArgs {
+    /// Which engine computes
+    #[arg(long, value_enum, default_value = "auto")]
+    pub engine: EngineName,
+    /// With --engine vulkan: run the list of kernels on the CPU up to this kernel, and on Vulkan from it on
+    #[arg(long, value_name = "KERNEL")]
+    pub vulkan_from: Option<String>,
+}
+
+/// The display, in every command that needs one.
+#[derive(Args)]
+pub struct DisplayArgs {
+    /// Display: paper, plm, small, or a TOML file
+    #[arg(long, default_value = "paper", value_name = "PRESET|FILE")]
+    pub display: String,
+    /// Resolution instead of the display's own, rows x columns
+    #[arg(long, value_name = "HxW", value_parser = size)]
+    pub size: Option<[usize; 2]>,
+    /// Colours
+    #[arg(long, value_enum, default_value = "all")]
+    pub color: Colors,
+}
+
+/// The scene, in every command that takes one.
+#[derive(Args)]
+pub struct SceneArgs {
+    /// A folder of views, a picture (with --depth-map), or builtin:NAME
+    pub scene: String,
+    /// Depth or disparity map of a picture (PNG, PFM or .npy)
+    #[arg(long, value_name = "FILE")]
+    pub depth_map: Option<PathBuf>,
+    /// Distance of neighbouring views in the pupil plane, mm [default: what the scene says, else eyebox / views]
+    #[arg(long, value_name = "MM", value_parser = positive)]
+    pub view_pitch: Option<f64>,
+    /// Views per axis of scenes that are rendered or reprojected
+    #[arg(long, default_value_t = 9, value_name = "N")]
+    pub views: usize,
+    /// Depths that matter, mm [default: what the scene says]
+    #[arg(long, value_name = "MIN..MAX", value_parser = range, allow_hyphen_values = true)]
+    pub depth: Option<[f64; 2]>,
+}
+
+/// `eyebox demo`
+#[derive(Args)]
+pub struct Demo {
+    /// Where the hologram and the pictures go
+    #[arg(long, default_value = "demo", value_name = "DIR")]
+    pub out: PathBuf,
+    /// Rows and columns of the hologram
+    #[arg(long, default_value_t = 512, value_name = "N")]
+    pub size: usize,
+    /// Engine
+    #[command(flatten)]
+    pub engine: EngineArgs,
+}
+
+/// How phases are moved.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum OptimizerName {
+    /// Pupil-wise projection: a tenth of the steps
+    Projection,
+    /// The paper's
+    Adam,
+}
+
+/// Distribution of pupil diameters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum DiametersName {
+    /// Uniform in d (the paper's)
+    Uniform,
+    /// Uniform in log d
+    Log,
+    /// Uniform in 1/d
+    Reciprocal,
+}
+
+/// Sequence of pupils.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum SequenceName {
+    /// Independent random pupils (the paper's)
+    Random,
+    /// A low-discrepancy sequence
+    Sobol,
+}
+
+/// `eyebox solve`
+#[derive(Args)]
+pub struct Solve {
+    /// Scene
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// The hologram: NAME.zarr, or NAME.npy for the phases alone
+    #[arg(short, long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Display
+    #[command(flatten)]
+    pub display: DisplayArgs,
+    /// Sub-frames, optimised jointly on their mean intensity
+    #[arg(long, default_value_t = 8, value_name = "F")]
+    pub frames: usize,
+    /// How phases are moved
+    #[arg(long, value_enum, default_value = "projection")]
+    pub optimizer: OptimizerName,
+    /// Share of the light that pupils are to see: less is dimmer and better, to a point [default: chosen for the scene]
+    #[arg(long, value_name = "0..1")]
+    pub efficiency: Option<f64>,
+    /// Pupils a step [default: 16; adam 8]
+    #[arg(long, value_name = "B")]
+    pub pupils: Option<usize>,
+    /// Steps at most [default: 60; adam 200]
+    #[arg(long, value_name = "N")]
+    pub steps: Option<usize>,
+    /// Seconds at most, shared by the colours
+    #[arg(long, value_name = "S", value_parser = positive)]
+    pub seconds: Option<f64>,
+    /// Stop at this mean PSNR over held-out pupils, dB
+    #[arg(long, value_name = "DB")]
+    pub psnr: Option<f64>,
+    /// Spectrum per pupil: 1 or 2 times the pupil, or all of it
+    #[arg(long, value_parser = window, default_value = "1", value_name = "1|2|full")]
+    pub window: WindowFactor,
+    /// Pupil diameters drawn, mm [default: 2..20, or what fits the eyebox]
+    #[arg(long, value_name = "MIN..MAX", value_parser = range)]
+    pub pupil_diameter: Option<[f64; 2]>,
+    /// Distribution of diameters [default: log; adam uniform]
+    #[arg(long, value_enum)]
+    pub diameters: Option<DiametersName>,
+    /// Sequence of pupils
+    #[arg(long, value_enum, default_value = "sobol")]
+    pub sequence: SequenceName,
+    /// Zeros around the SLM, as wide as light walks off, against circular propagation
+    #[arg(long)]
+    pub padding: bool,
+    /// Seed of the first phases and of the pupils
+    #[arg(long, default_value_t = 0, value_name = "S")]
+    pub seed: u64,
+    /// Engine
+    #[command(flatten)]
+    pub engine: EngineArgs,
+    /// One JSON object on standard output, no progress bar
+    #[arg(long)]
+    pub json: bool,
+    /// Time per kernel, after the solve
+    #[arg(long)]
+    pub timings: bool,
+}
+
+/// `eyebox view`
+#[derive(Args)]
+pub struct View {
+    /// NAME.zarr, or phases: NAME.npy or a folder of PNGs
+    pub hologram: PathBuf,
+    /// Pupil: x,y,diameter,focus in mm
+    #[arg(long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true)]
+    pub pupil: Pupil,
+    /// The picture (PNG), or the intensity (.npy, float32, no exposure)
+    #[arg(short, long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Optics of bare phases
+    #[command(flatten)]
+    pub optics: PhaseOptics,
+    /// Engine
+    #[command(flatten)]
+    pub engine: EngineArgs,
+}
+
+/// Optics of phases that come without.
+#[derive(Args)]
+pub struct PhaseOptics {
+    /// Pixel pitch, um (phases without optics)
+    #[arg(long, value_name = "UM")]
+    pub pitch: Option<f64>,
+    /// Wavelength, nm; one per colour (phases without optics)
+    #[arg(long, value_name = "NM", value_delimiter = ',')]
+    pub wavelength: Vec<f64>,
+    /// Focal length, mm (phases without optics)
+    #[arg(long, value_name = "MM")]
+    pub focal_length: Option<f64>,
+    /// Exposure of the PNG [default: the hologram's; for bare phases, the 99th percentile becomes white]
+    #[arg(long, value_parser = positive)]
+    pub exposure: Option<f64>,
+}
+
+/// `eyebox photograph`
+#[derive(Args)]
+pub struct Photograph {
+    /// Scene
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// Pupil: x,y,diameter,focus in mm
+    #[arg(long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true)]
+    pub pupil: Pupil,
+    /// The picture (PNG), or linear light (.npy, float32)
+    #[arg(short, long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Display
+    #[command(flatten)]
+    pub display: DisplayArgs,
+    /// Engine
+    #[command(flatten)]
+    pub engine: EngineArgs,
+}
+
+/// `eyebox score`
+#[derive(Args)]
+pub struct Score {
+    /// NAME.zarr, or phases: NAME.npy or a folder of PNGs (with --display)
+    pub hologram: PathBuf,
+    /// Scene
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// random:N, or a JSON file with a list of [x, y, diameter, focus] in mm
+    #[arg(long, default_value = "random:16", value_name = "random:N|FILE.json")]
+    pub pupils: String,
+    /// Diameters of random pupils, mm [default: 2..20, or what fits the eyebox]
+    #[arg(long, value_name = "MIN..MAX", value_parser = range)]
+    pub pupil_diameter: Option<[f64; 2]>,
+    /// Seed of random pupils
+    #[arg(long, default_value_t = 1000, value_name = "S")]
+    pub seed: u64,
+    /// Display of bare phases
+    #[command(flatten)]
+    pub display: DisplayArgs,
+    /// Engine
+    #[command(flatten)]
+    pub engine: EngineArgs,
+    /// One JSON object on standard output
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `eyebox devices`
+#[derive(Args)]
+pub struct Devices {
+    /// One JSON object on standard output
+    #[arg(long)]
+    pub json: bool,
+}
+
+impl Colors {
+    /// The single colour, or none for all.
+    pub fn one(self) -> Option<Color> {
+        match self {
+            Self::Red => Some(Color::Red),
+            Self::Green => Some(Color::Green),
+            Self::Blue => Some(Color::Blue),
+            Self::All => None,
+        }
+    }
+}
+
+fn numbers<const N: usize>(parts: Vec<&str>, form: &str) -> Result<[f64; N], String> {
+    let count = parts.len();
+    let values: Result<Vec<f64>, _> = parts.iter().map(|p| p.trim().parse::<f64>()).collect();
+    let values = values.map_err(|_| format!("not numbers: expected {form}"))?;
+    values.try_into().map_err(|_| format!("{count} numbers: expected {form}"))
+}
+
+fn pupil(text: &str) -> Result<Pupil, String> {
+    let values = numbers::<4>(text.split(',').collect(), "x,y,diameter,focus in mm, such as 2,-1,4,1.5")?;
+    Pupil::from_mm(values).check().map_err(|e| e.to_string())
+}
+
+fn size(text: &str) -> Result<[usize; 2], String> {
+    let form = "expected rows x columns, such as 1080x1920";
+    let (h, w) = text.split_once(['x', 'X']).ok_or(form)?;
+    let [h, w] = [h, w].map(|n| n.trim().parse::<usize>());
+    let (h, w) = (h.map_err(|_| form)?, w.map_err(|_| form)?);
+    if (1..=65536).contains(&h) && (1..=65536).contains(&w) {
+        Ok([h, w])
+    } else {
+        Err("each axis must be 1 to 65536 pixels".into())
+    }
+}
+
+/// Millimetres in, metres out.
+fn range(text: &str) -> Result<[f64; 2], String> {
+    let form = "MIN..MAX in mm, such as -3..3.5";
+    let [low, high] = numbers::<2>(text.split("..").collect(), form)?;
+    if low <= high && low.is_finite() && high.is_finite() {
+        Ok([low * 1e-3, high * 1e-3])
+    } else {
+        Err(format!("expected {form}, smallest first"))
+    }
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(v) if v.is_finite() && v > 0.0 => Ok(v),
+        _ => Err("expected a positive number".into()),
+    }
+}
+
+fn window(text: &str) -> Result<WindowFactor, String> {
+    match text {
+        "1" => Ok(WindowFactor::One),
+        "2" => Ok(WindowFactor::Two),
+        "full" => Ok(WindowFactor::Full),
+        _ => Err("expected 1, 2 or full".into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_sound_and_every_command_has_an_example() {
+        let command = Cli::command();
+        command.clone().debug_assert();
+        for sub in command.get_subcommands() {
+            let help = sub.get_after_help().expect("an example").to_string();
+            assert!(help.contains(&format!("eyebox {}", sub.get_name())), "{help}");
+        }
+    }
+
+    #[test]
+    fn values_are_read_in_human_units() {
+        assert_eq!(range("-3..3.5"), Ok([-3e-3, 3.5e-3]));
+        assert_eq!(size("45x64"), Ok([45, 64]));
+        assert_eq!(pupil("2,-1,6,3").unwrap().to_mm().map(|v| v.round()), [2.0, -1.0, 6.0, 3.0]);
+        for bad in ["", "1,2,3", "1,2,3,4,5", "a,b,c,d", "0,0,0,0", "0,0,-1,0", "nan,0,1,0", "0,0,inf,0"] {
+            assert!(pupil(bad).is_err(), "{bad}");
+        }
+        for bad in ["0x8", "8", "x", "8x", "-1x4", "99999999x4"] {
+            assert!(size(bad).is_err(), "{bad}");
+        }
+        assert!(range("3..1").is_err() && range("1").is_err() && range("nan..1").is_err());
+    }
+}

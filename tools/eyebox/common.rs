@@ -1,0 +1,143 @@
+//! What commands share: display, scene, engine, names of files.
+
+use crate::Failure;
+use crate::args::{DisplayArgs, EngineArgs, SceneArgs};
+use eyebox::engine::{self, Engine};
+use eyebox::files;
+use eyebox::optics::{Color, Display};
+use eyebox::scene::{self, LightField};
+use std::path::Path;
+
+/// The display, resized if asked.
+pub fn display(args: &DisplayArgs) -> Result<Display, Failure> {
+    let mut display = Display::load(&args.display)?;
+    if let Some([height, width]) = args.size {
+        (display.height, display.width) = (height, width);
+    }
+    Ok(display)
+}
+
+/// The colours asked for, that the display has.
+pub fn colors(args: &DisplayArgs, display: &Display) -> Result<Vec<Color>, Failure> {
+    match args.color.one() {
+        None => Ok(display.wavelengths.iter().map(|w| w.color).collect()),
+        Some(color) => {
+            display.optics(color)?;
+            Ok(vec![color])
+        }
+    }
+}
+
+/// The scene, fitted to the display.
+pub fn scene(args: &SceneArgs, display: &Display, colors: &[Color]) -> Result<LightField, Failure> {
+    let request = scene::Request {
+        view_pitch: args.view_pitch.map(|mm| mm * 1e-3),
+        views: args.views,
+        depth_map: args.depth_map.as_deref(),
+        depth: args.depth,
+        ..scene::Request::new(display, colors)
+    };
+    Ok(scene::load(&args.scene, &request)?)
+}
+
+/// The depths that matter: as asked, as the scene says, or what a disparity of two pixels means.
+pub fn depths(args: &SceneArgs, field: &LightField, display: &Display) -> [f64; 2] {
+    let assumed = || 2.0 * display.focal_length * display.pitch / field.cell(display);
+    args.depth.or_else(|| field.depth_range(display)).unwrap_or_else(|| [-assumed(), assumed()])
+}
+
+/// Pupil diameters from 2 mm to most of the eyebox.
+pub fn diameters(asked: Option<[f64; 2]>, display: &Display) -> [f64; 2] {
+    asked.unwrap_or_else(|| {
+        let largest = (display.eyebox_min() * 10.0 / 11.0).min(20e-3);
+        [2e-3_f64.min(largest / 2.0), largest]
+    })
+}
+
+/// The engine asked for.
+pub fn engine(args: &EngineArgs) -> Result<Box<dyn Engine>, Failure> {
+    let choice = match args.engine {
+        crate::args::EngineName::Auto => engine::Choice::Auto,
+        crate::args::EngineName::Cpu => engine::Choice::Cpu,
+        crate::args::EngineName::Vulkan => engine::Choice::Vulkan,
+    };
+    let Some(name) = &args.vulkan_from else { return Ok(engine::open(choice)?) };
+    let names = || engine::Kernel::ALL.map(engine::Kernel::name).join(", ");
+    let from = engine::Kernel::by_name(name)
+        .ok_or_else(|| Failure::Asked(format!("no kernel is called '{name}': there are {}", names())))?;
+    Ok(engine::open_handover(from)?)
+}
+
+/// Where a result goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Form {
+    /// NumPy array.
+    Npy,
+    /// Picture.
+    Png,
+    /// Hologram.
+    Zarr,
+}
+
+/// The form that a file's name asks for, among those allowed; says no before anything is computed.
+pub fn form(out: &Path, allowed: &[Form]) -> Result<Form, Failure> {
+    let extension = out.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let found = match extension.as_str() {
+        "npy" => Some(Form::Npy),
+        "png" => Some(Form::Png),
+        "zarr" => Some(Form::Zarr),
+        _ => None,
+    };
+    let name = |f: &Form| match f {
+        Form::Npy => ".npy",
+        Form::Png => ".png",
+        Form::Zarr => ".zarr",
+    };
+    let form = found.filter(|f| allowed.contains(f)).ok_or_else(|| {
+        let ends = allowed.iter().map(name).collect::<Vec<_>>().join(" or ");
+        Failure::Asked(format!("{}: the name must end in {ends}", out.display()))
+    })?;
+    match out.parent().filter(|p| !p.as_os_str().is_empty()) {
+        Some(folder) if !folder.is_dir() => {
+            Err(Failure::Asked(format!("{}: there is no such folder to write into", folder.display())))
+        }
+        _ => Ok(form),
+    }
+}
+
+/// Writes one plane per colour: `.npy` as it is, `.png` with each plane times its exposure, encoded as sRGB.
+pub fn write_image(
+    out: &Path,
+    form: Form,
+    size: [usize; 2],
+    planes: &[Vec<f32>],
+    colors: &[Option<Color>],
+    exposures: &[f64],
+) -> Result<(), Failure> {
+    let [height, width] = size;
+    if form == Form::Npy {
+        let all: Vec<f32> = planes.concat();
+        let shape = [planes.len(), height, width];
+        files::write_npy(out, if planes.len() == 1 { &shape[1..] } else { &shape[..] }, &all)?;
+        return Ok(());
+    }
+    let light: Vec<Vec<f32>> =
+        planes.iter().zip(exposures).map(|(p, e)| p.iter().map(|v| v * *e as f32).collect()).collect();
+    if let [one] = &light[..] {
+        files::write_png(out, height, width, &[one])?;
+        return Ok(());
+    }
+    // Colours without a name are red, green, blue in their order; a missing one is black.
+    let black = vec![0.0; height * width];
+    let mut rgb: [&[f32]; 3] = [&black; 3];
+    for (i, (plane, color)) in light.iter().zip(colors).enumerate() {
+        rgb[color.map_or(i.min(2), Color::channel)] = plane;
+    }
+    files::write_png(out, height, width, &rgb)?;
+    Ok(())
+}
+
+/// Whether a path is meant as a hologram, with its optics, and not as bare phases.
+pub fn is_hologram(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("zarr"))
+}

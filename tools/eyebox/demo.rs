@@ -1,0 +1,94 @@
+//! `eyebox demo`: the whole way, from a scene to what an eye sees.
+
+use crate::Failure;
+use crate::args::Demo;
+use crate::common;
+use crate::progress;
+use crate::score;
+use crate::solve;
+use eyebox::files;
+use eyebox::optics::{Color, Display, Padding, Pupil};
+use eyebox::scene;
+use eyebox::solve::Settings;
+use std::time::Instant;
+
+const SCENE: &str = "builtin:still-life";
+
+/// Builds the still life, solves it, shows and measures it.
+pub fn run(args: &Demo) -> Result<(), Failure> {
+    let start = Instant::now();
+    if !(16..=4096).contains(&args.size) {
+        return Err(Failure::Asked(format!("--size {}: a demo has 16 to 4096 pixels a side", args.size)));
+    }
+    std::fs::create_dir_all(&args.out).map_err(|e| Failure::Asked(format!("{}: {e}", args.out.display())))?;
+    let mut display = Display::load("paper")?;
+    (display.height, display.width) = (args.size, args.size);
+    let colors: Vec<Color> = display.wavelengths.iter().map(|w| w.color).collect();
+    let mut engine = common::engine(&args.engine)?;
+    eprintln!("engine: {}", engine.describe());
+    eprintln!("rendering {SCENE}: 9 x 9 views of {0}x{0} pixels", args.size);
+    let field = scene::load(SCENE, &scene::Request::new(&display, &colors))?;
+    let [far, near] = field.depth_range(&display).unwrap_or([-3e-3, 3e-3]);
+    let settings =
+        Settings { steps: 40, depth: [far, near], diameter: common::diameters(None, &display), ..Settings::default() };
+    progress::catch_interrupt();
+    let solved = solve::solve_colors(&field, &display, &colors, &settings, Padding::default(), engine.as_mut(), false)?;
+    let hologram = solve::hologram(&field, &display, &settings, Padding::default(), &solved);
+    let saved = args.out.join("still-life.zarr");
+    hologram.save(&saved)?;
+
+    let at = |x: f64, y: f64, diameter: f64, depth: f64| Pupil {
+        x: x * 1e-3,
+        y: y * 1e-3,
+        diameter: diameter * 1e-3,
+        depth,
+    };
+    let pupils = [
+        ("left", at(-7.0, 0.0, 6.0, 0.0)),
+        ("right", at(7.0, 0.0, 6.0, 0.0)),
+        ("near", at(0.0, 0.0, 14.0, near)),
+        ("far", at(0.0, 0.0, 14.0, far)),
+        ("small", at(2.0, 3.0, 3.0, 0.0)),
+    ];
+    let scores = score::score(&hologram, &field, &display, &pupils.map(|p| p.1), engine.as_mut())?;
+    // Each picture: what the eye sees of the hologram, and beside it the photograph of the light field.
+    let (n, gap) = (args.size, args.size.div_ceil(64));
+    let wide = 2 * n + gap;
+    let mut sheet = vec![Vec::new(); 3];
+    for ((name, _), images) in pupils.iter().zip(&scores.images) {
+        let mut planes = vec![vec![1.0f32; n * wide]; 3];
+        for (color, (view, target)) in colors.iter().zip(images) {
+            for (y, row) in planes[color.channel()].chunks_exact_mut(wide).enumerate() {
+                row[..n].copy_from_slice(&view[y * n..][..n]);
+                row[n + gap..].copy_from_slice(&target[y * n..][..n]);
+            }
+        }
+        files::write_png(&args.out.join(format!("{name}.png")), n, wide, &[&planes[0], &planes[1], &planes[2]])?;
+        for (sheet, plane) in sheet.iter_mut().zip(planes) {
+            if !sheet.is_empty() {
+                sheet.extend(std::iter::repeat_n(1.0, gap * wide));
+            }
+            sheet.extend(plane);
+        }
+    }
+    files::write_png(&args.out.join("all.png"), sheet[0].len() / wide, wide, &[&sheet[0], &sheet[1], &sheet[2]])?;
+
+    println!("\n  what the eye sees of the hologram, against the photograph of the scene:");
+    println!("  pupil        x      y      d  focus mm   PSNR dB    SSIM   picture");
+    for ((name, pupil), row) in pupils.iter().zip(&scores.rows) {
+        let [x, y, d, z] = pupil.to_mm();
+        let ssim = row.ssim.map_or("      -".into(), |s| format!("{s:7.4}"));
+        println!(
+            "  {name:6} {x:7.1} {y:6.1} {d:6.1} {z:7.2}  {:9.2}  {ssim}   {}",
+            row.psnr_db,
+            args.out.join(format!("{name}.png")).display()
+        );
+    }
+    println!(
+        "\n  hologram: {}   all pictures: {}   {:.1} s in all",
+        saved.display(),
+        args.out.join("all.png").display(),
+        start.elapsed().as_secs_f64()
+    );
+    Ok(())
+}

@@ -1,0 +1,38 @@
+//! What can go wrong in a command: one line each.
+
+use eyebox::engine::EngineError;
+use eyebox::evaluate::EvaluateError;
+use eyebox::files::FileError;
+use eyebox::hologram::HologramError;
+use eyebox::optics::OpticsError;
+use eyebox::scene::SceneError;
+use eyebox::solve::SolveError;
+
+/// Why a command failed.
+#[derive(Debug, thiserror::Error)]
+pub enum Failure {
+    /// The display, the pupil or the grid.
+    #[error(transparent)]
+    Optics(#[from] OpticsError),
+    /// The scene.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The engine.
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+    /// The solve.
+    #[error(transparent)]
+    Solve(#[from] SolveError),
+    /// The hologram.
+    #[error(transparent)]
+    Hologram(#[from] HologramError),
+    /// The comparison.
+    #[error(transparent)]
+    Evaluate(#[from] EvaluateError),
+    /// A file.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// What was asked for does not fit together.
+    #[error("{0}")]
+    Asked(String),
+}

@@ -1,0 +1,63 @@
+//! The progress bar, and ctrl-C.
+
+use eyebox::solve::{Flow, Progress};
+use indicatif::{ProgressBar, ProgressStyle};
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+static ASKED_TO_STOP: AtomicBool = AtomicBool::new(false);
+
+/// From now on ctrl-C (and SIGTERM) asks the solve to stop with what it has; the second one ends the process.
+pub fn catch_interrupt() {
+    static ONCE: OnceLock<()> = OnceLock::new();
+    ONCE.get_or_init(|| {
+        let handler = || {
+            if ASKED_TO_STOP.swap(true, Ordering::SeqCst) {
+                std::process::exit(130);
+            }
+        };
+        if let Err(error) = ctrlc::set_handler(handler) {
+            eprintln!("eyebox: ctrl-C will not be caught: {error}");
+        }
+    });
+}
+
+/// Whether ctrl-C was pressed.
+pub fn interrupted() -> bool {
+    ASKED_TO_STOP.load(Ordering::SeqCst)
+}
+
+/// A bar for one colour's solve; nothing where nobody looks.
+pub struct Bar(Option<ProgressBar>);
+
+impl Bar {
+    /// `label` says what is solved.
+    pub fn new(label: String, steps: usize, quiet: bool) -> Self {
+        if quiet {
+            return Self(None);
+        }
+        let bar = ProgressBar::new(steps as u64);
+        let style = ProgressStyle::with_template("{prefix:6} {bar:30} {pos}/{len} steps  {msg}  {eta} left")
+            .expect("a sound template");
+        bar.set_style(style);
+        bar.set_prefix(label);
+        Self(Some(bar))
+    }
+
+    /// After a step. Until a verdict over held-out pupils is there, this step's own pupils stand for it.
+    pub fn show(&self, progress: &Progress) -> Flow {
+        if let Some(bar) = &self.0 {
+            let psnr = progress.verdict.map_or(-10.0 * progress.loss.log10(), |v| v.mean());
+            bar.set_message(format!("{psnr:.1} dB"));
+            bar.set_position(progress.step as u64);
+        }
+        if interrupted() { Flow::Stop } else { Flow::Continue }
+    }
+
+    /// The last line stays.
+    pub fn finish(self, message: String) {
+        if let Some(bar) = self.0 {
+            bar.abandon_with_message(message);
+        }
+    }
+}

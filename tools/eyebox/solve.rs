@@ -1,0 +1,184 @@
+//! `eyebox solve`.
+
+use crate::Failure;
+use crate::args::{DiametersName, OptimizerName, SequenceName, Solve};
+use crate::common::{self, Form};
+use crate::progress::{self, Bar};
+use eyebox::engine::Engine;
+use eyebox::hologram::{self, ColorHologram, Hologram};
+use eyebox::optics::{Color, Display, Padding};
+use eyebox::scene::LightField;
+use eyebox::solve::{self, Diameters, Optimizer, Problem, Sequence, Settings, Solution, Stop};
+use serde_json::json;
+use std::time::Instant;
+
+/// Solves, saves, and says what came of it.
+pub fn run(args: &Solve) -> Result<(), Failure> {
+    let start = Instant::now();
+    let form = common::form(&args.out, &[Form::Zarr, Form::Npy])?;
+    let display = common::display(&args.display)?;
+    let colors = common::colors(&args.display, &display)?;
+    // The engine first: where there is none, nothing needs to be loaded.
+    let mut engine = common::engine(&args.engine)?;
+    let field = common::scene(&args.scene, &display, &colors)?;
+    let depth = common::depths(&args.scene, &field, &display);
+    let mut settings = settings(args, &display, depth);
+    settings.seconds = args.seconds.map(|s| s / colors.len() as f64);
+    let padding = padding(args.padding, &display, &colors, depth)?;
+    if !args.json {
+        eprintln!(
+            "{}: {} x {} views, {}x{}, depth {:.2}..{:.2} mm",
+            field.name,
+            field.grid[0],
+            field.grid[1],
+            display.height,
+            display.width,
+            depth[0] * 1e3,
+            depth[1] * 1e3
+        );
+        if padding != Padding::default() {
+            eprintln!("padded by {} rows and {} columns against circular propagation", padding.rows, padding.columns);
+        }
+        eprintln!("engine: {}", engine.describe());
+    }
+    progress::catch_interrupt();
+    let solved = solve_colors(&field, &display, &colors, &settings, padding, engine.as_mut(), args.json)?;
+    let hologram = hologram(&field, &display, &settings, padding, &solved);
+    match form {
+        Form::Zarr => hologram.save(&args.out)?,
+        _ => hologram::save_phases(&hologram, &args.out)?,
+    }
+    let report = |(color, s): &(Color, Solution)| {
+        json!({
+            "color": color, "psnr_mean_db": s.verdict.mean(), "psnr_worst_db": s.verdict.worst(),
+            "exposure": s.exposure, "efficiency": s.efficiency, "steps": s.steps, "seconds": s.seconds, "stopped_by": stop_name(s.stop),
+        })
+    };
+    let timings: Vec<_> = engine
+        .timings()
+        .iter()
+        .map(|t| json!({ "kernel": t.kernel.name(), "calls": t.calls, "ms": t.seconds * 1e3 }))
+        .collect();
+    if args.json {
+        let colors: Vec<_> = solved.iter().map(report).collect();
+        let out = json!({
+            "out": args.out, "engine": engine.describe(), "seconds": start.elapsed().as_secs_f64(), "colors": colors,
+            "settings": settings, "padding": [padding.rows, padding.columns], "timings": timings,
+        });
+        println!("{out}");
+        return Ok(());
+    }
+    for (color, s) in &solved {
+        println!(
+            "{color:6} {:.2} dB mean, {:.2} dB worst of {} held-out pupils; exposure {:.3} (efficiency {:.0} %); {} steps in {:.1} s{}",
+            s.verdict.mean(),
+            s.verdict.worst(),
+            s.verdict.psnr.len(),
+            s.exposure,
+            100.0 * s.efficiency,
+            s.steps,
+            s.seconds,
+            if s.stop == Stop::Asked { ", interrupted" } else { "" }
+        );
+    }
+    if args.timings {
+        for t in engine.timings() {
+            println!("  {:15} {:8} calls {:10.2} ms", t.kernel.name(), t.calls, t.seconds * 1e3);
+        }
+    }
+    println!("wrote {} after {:.1} s", args.out.display(), start.elapsed().as_secs_f64());
+    Ok(())
+}
+
+/// Every colour in turn. Once interrupted, the colours that are left get one step each, so that the file is whole.
+pub fn solve_colors(
+    field: &LightField,
+    display: &Display,
+    colors: &[Color],
+    settings: &Settings,
+    padding: Padding,
+    engine: &mut dyn Engine,
+    quiet: bool,
+) -> Result<Vec<(Color, Solution)>, Failure> {
+    let mut solved = Vec::new();
+    for &color in colors {
+        let problem = Problem::new(field, color, display, padding)?;
+        let bar = Bar::new(color.to_string(), settings.steps, quiet);
+        let solution = solve::solve(&problem, settings, engine, &mut |p| bar.show(p))?;
+        bar.finish(format!("{:.1} dB", solution.verdict.mean()));
+        solved.push((color, solution));
+    }
+    Ok(solved)
+}
+
+/// The hologram of solved colours.
+pub fn hologram(
+    field: &LightField,
+    display: &Display,
+    settings: &Settings,
+    padding: Padding,
+    solved: &[(Color, Solution)],
+) -> Hologram {
+    let color = |(color, s): &(Color, Solution)| ColorHologram {
+        color: Some(*color),
+        wavelength: display.wavelengths.iter().find(|w| w.color == *color).map_or(0.0, |w| w.wavelength),
+        exposure: s.exposure,
+        efficiency: s.efficiency,
+        phases: s.phases.clone(),
+    };
+    Hologram {
+        frames: settings.frames,
+        height: display.height,
+        width: display.width,
+        pitch: display.pitch,
+        focal_length: display.focal_length,
+        colors: solved.iter().map(color).collect(),
+        seed: settings.seed,
+        version: env!("CARGO_PKG_VERSION").into(),
+        display: display.name.clone(),
+        scene: field.name.clone(),
+        settings: json!({ "solve": settings, "padding": [padding.rows, padding.columns], "view_pitch_mm": field.cell(display) * 1e3, "eyebox_mm": display.eyebox_min() * 1e3 }),
+    }
+}
+
+fn padding(asked: bool, display: &Display, colors: &[Color], depth: [f64; 2]) -> Result<Padding, Failure> {
+    if !asked {
+        return Ok(Padding::default());
+    }
+    // Light walks off by metres: the same for every colour.
+    let optics = display.optics(colors[0])?;
+    Ok(Padding::required(&optics, depth[0].abs().max(depth[1].abs()), display.eyebox_min() / 2.0))
+}
+
+fn settings(args: &Solve, display: &Display, depth: [f64; 2]) -> Settings {
+    let adam = args.optimizer == OptimizerName::Adam;
+    let diameters = args.diameters.unwrap_or(if adam { DiametersName::Uniform } else { DiametersName::Log });
+    Settings {
+        frames: args.frames,
+        optimizer: if adam { Optimizer::adam() } else { Optimizer::projection() },
+        steps: args.steps.unwrap_or(if adam { 200 } else { 60 }),
+        pupils: args.pupils.unwrap_or(if adam { 8 } else { 16 }),
+        psnr: args.psnr,
+        efficiency: args.efficiency,
+        window: args.window,
+        diameter: common::diameters(args.pupil_diameter, display),
+        depth,
+        diameters: match diameters {
+            DiametersName::Uniform => Diameters::Uniform,
+            DiametersName::Log => Diameters::LogUniform,
+            DiametersName::Reciprocal => Diameters::Reciprocal,
+        },
+        sequence: if args.sequence == SequenceName::Sobol { Sequence::Sobol } else { Sequence::Random },
+        seed: args.seed,
+        ..Settings::default()
+    }
+}
+
+fn stop_name(stop: Stop) -> &'static str {
+    match stop {
+        Stop::Steps => "steps",
+        Stop::Seconds => "seconds",
+        Stop::Quality => "psnr",
+        Stop::Asked => "interrupt",
+    }
+}

@@ -1,0 +1,69 @@
+#!/usr/bin/env bash
+# Makes this machine able to run everything: the Vulkan loader, a software Vulkan (lavapipe), the validation layer, a
+# virtual X display and a linker. Installs only what is missing, and says nothing when that is nothing.
+# Debian, Ubuntu and their kin: by apt-get. Elsewhere: says what is missing and exits 1, or 0 if nothing is.
+# Rust itself (cargo) is assumed.
+set -euo pipefail
+
+say() { printf 'setup: %s\n' "$*" >&2; }
+
+if ! command -v cargo >/dev/null; then
+    say "cargo was not found: install Rust 1.91 or later from https://rustup.rs"
+    exit 1
+fi
+
+if command -v apt-get >/dev/null && command -v dpkg-query >/dev/null; then
+    missing=()
+    for package in libvulkan1 mesa-vulkan-drivers vulkan-validationlayers xvfb; do
+        status=$(dpkg-query -W -f='${Status}' "$package" 2>/dev/null || true)
+        [[ $status == "install ok installed" ]] || missing+=("$package")
+    done
+    # Rust links through the C compiler's driver.
+    command -v cc >/dev/null || missing+=(gcc libc6-dev)
+    ((${#missing[@]})) || exit 0
+
+    as_root=()
+    if ((EUID != 0)); then
+        if ! command -v sudo >/dev/null; then
+            say "missing: ${missing[*]}; as root, run: apt-get install ${missing[*]}"
+            exit 1
+        fi
+        as_root=(sudo)
+        # Without a terminal a password cannot be asked for.
+        [[ -t 0 ]] || as_root=(sudo -n)
+    fi
+    say "installing ${missing[*]}"
+    log=$(mktemp)
+    trap 'rm -f "$log"' EXIT
+    apt() { "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -q -o DPkg::Lock::Timeout=300 "$@" </dev/null >>"$log" 2>&1; }
+    [[ ! -t 0 ]] || ((EUID == 0)) || sudo -v
+    # Old package lists may be good enough; a machine without any, or with stale ones, needs new ones.
+    if ! apt install -y --no-install-recommends "${missing[@]}"; then
+        if ! { apt update && apt install -y --no-install-recommends "${missing[@]}"; }; then
+            cat "$log" >&2
+            say "apt-get failed (above); run by hand: apt-get install ${missing[*]}"
+            exit 1
+        fi
+    fi
+    say "done"
+    exit 0
+fi
+
+missing=()
+libraries=$({ ldconfig -p || /sbin/ldconfig -p; } 2>/dev/null || true)
+[[ $libraries == *libvulkan.so.1* ]] || missing+=("the Vulkan loader (libvulkan.so.1)")
+manifest() {
+    local folder
+    for folder in /usr/share /usr/local/share /etc "${XDG_DATA_HOME:-$HOME/.local/share}"; do
+        compgen -G "$folder/vulkan/$1" >/dev/null && return
+    done
+    return 1
+}
+manifest 'icd.d/*.json' || missing+=("a Vulkan driver; Mesa's lavapipe runs on any CPU")
+manifest 'explicit_layer.d/*validation*.json' || missing+=("the Khronos validation layer")
+command -v Xvfb >/dev/null || missing+=("Xvfb")
+command -v cc >/dev/null || missing+=("a C linker (cc), which Rust links with")
+((${#missing[@]})) || exit 0
+say "this system has no apt-get; please install:"
+printf '  - %s\n' "${missing[@]}" >&2
+exit 1
