@@ -7,6 +7,7 @@
 
 mod choose;
 pub mod cpu;
+pub mod vulkan;
 
 pub use crate::plan::{Buffer, Dispatch, Kernel, Lane, Purpose, Scope, Shape, Shot, Step, Timing};
 pub use choose::{Choice, open, open_handover};

@@ -1,0 +1,24 @@
+#version 450
+
+// change /= max(hits, 1)^power. x: point of the grid (strided), z: frame.
+
+layout(local_size_x = 64) in;
+layout(std430, binding = 0) readonly buffer Hits { float hits[]; };
+layout(std430, binding = 1) buffer Change { vec2 change[]; };
+layout(push_constant) uniform Args {
+    uint grid_height, grid_width;
+    float power;
+    // Values from one frame to the next.
+    uint change_stride;
+};
+
+void main() {
+    uint count = grid_height * grid_width;
+    uint base = gl_GlobalInvocationID.z * change_stride;
+    for (uint i = gl_GlobalInvocationID.x; i < count; i += gl_NumWorkGroups.x * gl_WorkGroupSize.x) {
+        float n = hits[i];
+        if (n <= 1.0) continue;
+        float factor = power == 1.0 ? 1.0 / n : power == 0.5 ? 1.0 / sqrt(n) : pow(n, -power);
+        change[base + i] *= factor;
+    }
+}

@@ -1,0 +1,32 @@
+#version 450
+#extension GL_GOOGLE_include_directive : require
+#include "trig.glsl"
+
+// Turns each phase by the part of the change that it can follow. x: column, y: row (strided), z: frame.
+
+layout(local_size_x = 64) in;
+layout(std430, binding = 0) readonly buffer Change { vec2 change[]; };
+layout(std430, binding = 1) buffer Phases { float phases[]; };
+layout(std430, binding = 2) buffer Velocity { float velocity[]; };
+layout(push_constant) uniform Args {
+    uint height, width, grid_height, grid_width, top, left;
+    float gain, momentum;
+    // Values from one frame to the next.
+    uint change_stride, phases_stride;
+};
+
+void main() {
+    uint x = gl_GlobalInvocationID.x;
+    uint frame = gl_GlobalInvocationID.z;
+    if (x >= width) return;
+    for (uint y = gl_WorkGroupID.y; y < height; y += gl_NumWorkGroups.y) {
+        uint at = frame * phases_stride + y * width + x;
+        vec2 du = change[frame * change_stride + (top + y) * grid_width + left + x];
+        float phase = phases[at];
+        vec2 u = cos_sin(phase);
+        float turn = gain * (u.x * du.y - u.y * du.x);
+        float v = momentum * velocity[at] + turn;
+        velocity[at] = v;
+        phases[at] = wrap(phase + (momentum * v + turn));
+    }
+}

@@ -1,0 +1,19 @@
+#version 450
+
+// window *= factor. x: pixel (strided), z: frame.
+
+layout(local_size_x = 64) in;
+layout(std430, binding = 0) readonly buffer Factor { float factor[]; };
+layout(std430, binding = 1) buffer Window { vec2 window[]; };
+layout(push_constant) uniform Args {
+    uint count;
+    // Values from one frame to the next.
+    uint window_stride;
+};
+
+void main() {
+    uint base = gl_GlobalInvocationID.z * window_stride;
+    for (uint i = gl_GlobalInvocationID.x; i < count; i += gl_NumWorkGroups.x * gl_WorkGroupSize.x) {
+        window[base + i] *= factor[i];
+    }
+}

@@ -1,0 +1,297 @@
+//! The engine: buffers, one recording per part of a list, losses and times back.
+
+use super::super::{Buffer, Engine, EngineError, Kernel, Purpose, Shape, Step, Timing};
+use super::check::check;
+use super::device::Block;
+use super::devices::DeviceReport;
+use super::fft::Transform;
+use super::gpu::Gpu;
+use super::layout::{Arenas, Kind, Layout, Slot, slots};
+use super::record::{Stack, Stacks, Work, loss_parts};
+use super::tables::Tables;
+use super::views::Views;
+use crate::scene::Pyramid;
+use gpu_allocator::MemoryLocation;
+use std::collections::HashMap;
+use std::ops::Range;
+use std::sync::{Arc, Mutex};
+
+/// How a device is chosen and watched.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Options {
+    /// Its number or a part of its name; the best one if none is given.
+    pub device: Option<String>,
+    /// Whether a software device may be taken where no better one is.
+    pub allow_cpu: bool,
+    /// Whether the validation layer watches (slow; it must be installed). See [`VulkanEngine::messages`].
+    pub validation: bool,
+}
+
+/// Sums of the loss, on the device and where the host sees them.
+struct Losses {
+    device: Block,
+    host: Block,
+}
+
+/// Runs lists of kernels on a Vulkan device.
+pub struct VulkanEngine {
+    // Dropped in this order: the device last.
+    stacks: Stacks,
+    arenas: Arenas,
+    tables: Tables,
+    views: Option<Views>,
+    losses: Option<Losses>,
+    transforms: Box<dyn Transform + Send>,
+    shape: Shape,
+    /// Where the lane buffers of the last step lie.
+    slots: Vec<Slot>,
+    /// Lane buffers that were written since: they find their place when a step says where.
+    written: HashMap<Buffer, Vec<f32>>,
+    clock: [(u64, f64); Kernel::ALL.len()],
+    gpu: Gpu,
+}
+
+impl VulkanEngine {
+    /// Opens a device. [`load`](Engine::load) makes the buffers.
+    ///
+    /// # Errors
+    /// No loader, no driver, no device of that name, or one that cannot run the kernels.
+    pub fn open(options: &Options) -> Result<Self, EngineError> {
+        let gpu = Gpu::open(options.device.as_deref(), options.allow_cpu, options.validation)?;
+        let place = bytemuck::Zeroable::zeroed();
+        Ok(Self {
+            stacks: Stacks::default(),
+            arenas: Arenas::default(),
+            tables: Tables::default(),
+            views: None,
+            losses: None,
+            transforms: super::fft::transforms(),
+            shape: Shape { frames: 0, place, purpose: Purpose::View },
+            slots: Vec::new(),
+            written: HashMap::new(),
+            clock: [(0, 0.0); Kernel::ALL.len()],
+            gpu,
+        })
+    }
+
+    /// The device.
+    pub fn device(&self) -> &DeviceReport {
+        self.gpu.report()
+    }
+
+    /// What the validation layer says, from the opening of the device to its closing: keep it to hear the last words.
+    pub fn messages(&self) -> Arc<Mutex<Vec<String>>> {
+        self.gpu.messages()
+    }
+
+    fn stack(&self, layout: Layout, what: &str) -> Result<Option<Stack>, EngineError> {
+        if layout.values == 0 || layout.frames == 0 {
+            return Ok(None);
+        }
+        let limit = self.gpu.limits().storage_range;
+        if layout.at_once(limit) == 0 {
+            let bytes = layout.values * layout.size;
+            return Err(EngineError::Unsuitable {
+                device: self.gpu.report().name.clone(),
+                reason: format!("one frame of the {what} takes {bytes} bytes, a kernel may see {limit}"),
+            });
+        }
+        Ok(Some(Stack { layout, block: self.gpu.block(layout.bytes(), what)? }))
+    }
+
+    /// Puts the lane buffers that were written by hand into the slots of `group`.
+    fn place_written(&mut self, group: &[Slot]) -> Result<(), EngineError> {
+        for (buffer, data) in std::mem::take(&mut self.written) {
+            let Some((kind, index)) = lane_buffer(buffer) else { continue };
+            let Some(layout) = group.get(index).map(|slot| slot[kind as usize]) else {
+                return Err(EngineError::Mismatch { reason: format!("{buffer:?} was written, and no lane uses it") });
+            };
+            if layout.floats() != data.len() {
+                let reason = format!("{buffer:?} holds {} values, {} were given", layout.floats(), data.len());
+                return Err(EngineError::Mismatch { reason });
+            }
+            if let Some(block) = self.arenas.block(kind).filter(|_| !data.is_empty()) {
+                layout.write(&mut self.gpu, block, &data)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Places for the sums of each lane's loss; they are as far apart as the device wants.
+    fn place_losses(&mut self, step: &Step) -> Result<Vec<u64>, EngineError> {
+        let mut end = 0;
+        let place = |lane| {
+            let at = end;
+            end += (4 * loss_parts(lane) as u64).next_multiple_of(256);
+            at
+        };
+        let offsets: Vec<u64> = step.lanes.iter().map(place).collect();
+        if end > self.losses.as_ref().map_or(0, |l| l.device.size) {
+            self.losses = None;
+            let size = end.next_power_of_two();
+            let device = self.gpu.block(size, "losses")?;
+            let host = Block::new(&self.gpu.device, size, MemoryLocation::GpuToCpu, "losses")?;
+            self.losses = Some(Losses { device, host });
+        }
+        Ok(offsets)
+    }
+
+    fn record(&mut self, step: &Step, part: Range<usize>, offsets: &[u64]) -> Result<Vec<f64>, EngineError> {
+        let list = &step.list[part];
+        let Self { stacks, arenas, tables, views, losses, transforms, shape, gpu, .. } = self;
+        let views = views.as_ref();
+        let sums = losses.as_ref().map(|l| (&l.device, offsets));
+        let transforms = &mut **transforms;
+        let mut work = Work { gpu, transforms, shape, step, stacks, arenas, tables, views, losses: sums };
+        work.prepare(list)?;
+        work.gpu.recorder.begin(list.len())?;
+        tables.record(work.gpu);
+        let mut group: (Range<usize>, Vec<Slot>) = (0..0, Vec::new());
+        for dispatch in list {
+            if !dispatch.lanes.is_empty() && dispatch.lanes != group.0 {
+                group = (dispatch.lanes.clone(), slots(&step.lanes[dispatch.lanes.clone()], shape.frames));
+            }
+            work.gpu.recorder.barrier();
+            work.record(dispatch, &group.1)?;
+            work.gpu.recorder.mark(dispatch.kernel as usize);
+        }
+        let compared: Vec<Range<usize>> =
+            list.iter().filter(|d| d.kernel == Kernel::Compare).map(|d| d.lanes.clone()).collect();
+        let compared = || compared.iter().cloned().flatten();
+        if let Some(losses) = losses.as_ref() {
+            work.gpu.recorder.barrier();
+            let pieces: Vec<_> =
+                compared().map(|i| (offsets[i], offsets[i], 4 * loss_parts(&step.lanes[i]) as u64)).collect();
+            work.gpu.recorder.copy(&losses.device, &losses.host, &pieces);
+        }
+        let during = list.iter().map(|d| d.kernel.name()).collect::<Vec<_>>();
+        let during = match during[..] {
+            [] => return Ok(vec![0.0; step.lanes.len()]),
+            [one] => one.to_owned(),
+            [first, .., last] => format!("{first} to {last}"),
+        };
+        for (kernel, seconds) in work.gpu.recorder.submit(&during)? {
+            self.clock[kernel].0 += 1;
+            self.clock[kernel].1 += seconds;
+        }
+        let mut result = vec![0.0; step.lanes.len()];
+        if let Some(losses) = &self.losses {
+            let bytes = losses.host.bytes();
+            for i in compared() {
+                let sums = &bytes[offsets[i] as usize..][..4 * loss_parts(&step.lanes[i])];
+                result[i] = bytemuck::pod_collect_to_vec::<u8, f32>(sums).into_iter().map(f64::from).sum();
+            }
+        }
+        if !group.1.is_empty() {
+            self.slots = group.1;
+        }
+        Ok(result)
+    }
+}
+
+impl Engine for VulkanEngine {
+    fn describe(&self) -> String {
+        let r = self.gpu.report();
+        format!("Vulkan {}, {} ({}), {}", r.api, r.name, r.kind, r.driver)
+    }
+
+    fn load(&mut self, shape: &Shape, views: Option<Arc<Pyramid>>) -> Result<(), EngineError> {
+        // What was there goes first: both may not fit.
+        (self.stacks, self.arenas, self.views) = (Stacks::default(), Arenas::default(), None);
+        self.slots.clear();
+        self.written.clear();
+        self.shape = *shape;
+        if let Some(views) = views {
+            self.views = Some(Views::new(&mut self.gpu, &views)?);
+        }
+        let descends = shape.purpose != Purpose::View;
+        let real = |values: usize, frames: usize| Layout { offset: 0, frames, values, size: 4 };
+        let complex = |frames: usize| Layout { size: 8, ..real(shape.points(), frames) };
+        let frames = shape.frames;
+        let when = |needed: bool, frames: usize| if needed { frames } else { 0 };
+        let stacks = [
+            (real(shape.pixels(), frames), "phases"),
+            (real(shape.pixels(), when(descends, frames)), "momentum"),
+            (real(shape.pixels(), when(shape.purpose == Purpose::Adam, frames)), "second moment"),
+            (complex(frames), "field"),
+            (complex(when(descends, frames)), "change"),
+            (real(shape.points(), when(descends, 1)), "hits"),
+        ];
+        for (at, (layout, what)) in stacks.into_iter().enumerate() {
+            self.stacks.0[at] = self.stack(layout, what)?;
+        }
+        self.gpu.recorder.begin(0)?;
+        for stack in self.stacks.0.iter().flatten() {
+            self.gpu.recorder.clear(stack.block.all());
+        }
+        self.gpu.recorder.submit("clearing").map(drop)
+    }
+
+    fn write(&mut self, buffer: Buffer, data: &[f32]) -> Result<(), EngineError> {
+        if lane_buffer(buffer).is_some() {
+            self.written.insert(buffer, data.to_vec());
+            return Ok(());
+        }
+        let Stack { layout, block } = self.stacks.get(buffer)?;
+        if layout.floats() != data.len() {
+            let reason = format!("{buffer:?} holds {} values, {} were given", layout.floats(), data.len());
+            return Err(EngineError::Mismatch { reason });
+        }
+        layout.write(&mut self.gpu, block, data)
+    }
+
+    fn read(&mut self, buffer: Buffer) -> Result<Vec<f32>, EngineError> {
+        let Some((kind, index)) = lane_buffer(buffer) else {
+            let Stack { layout, block } = self.stacks.get(buffer)?;
+            return layout.read(&mut self.gpu, block);
+        };
+        if let Some(data) = self.written.get(&buffer) {
+            return Ok(data.clone());
+        }
+        let never = || EngineError::Mismatch { reason: format!("{buffer:?} was never written") };
+        let layout = self.slots.get(index).ok_or_else(never)?[kind as usize];
+        if layout.floats() == 0 {
+            return Ok(Vec::new());
+        }
+        layout.read(&mut self.gpu, self.arenas.block(kind).ok_or_else(never)?)
+    }
+
+    fn run_part(&mut self, step: &Step, part: Range<usize>) -> Result<Vec<f64>, EngineError> {
+        check(step, &part, &self.shape, self.views.as_ref())?;
+        if self.shape.frames == 0 {
+            return Ok(vec![0.0; step.lanes.len()]);
+        }
+        self.arenas.fit(&self.gpu, step, self.shape.frames)?;
+        if let Some(first) = step.list[part.clone()].iter().find(|d| !d.lanes.is_empty()) {
+            let group = slots(&step.lanes[first.lanes.clone()], self.shape.frames);
+            self.place_written(&group)?;
+        }
+        self.tables.pack(&self.gpu, &step.lanes, self.views.as_ref())?;
+        let offsets = self.place_losses(step)?;
+        self.record(step, part, &offsets)
+    }
+
+    fn timings(&self) -> Vec<Timing> {
+        let one = |kernel: Kernel| {
+            let (calls, seconds) = self.clock[kernel as usize];
+            Timing { kernel, calls, seconds }
+        };
+        Kernel::ALL.into_iter().map(one).filter(|t| t.calls > 0).collect()
+    }
+
+    fn reset_timings(&mut self) {
+        self.clock = Default::default();
+    }
+}
+
+/// Kind and slot of a lane buffer.
+fn lane_buffer(buffer: Buffer) -> Option<(Kind, usize)> {
+    Some(match buffer {
+        Buffer::Transfer(i) => (Kind::Transfer, i),
+        Buffer::Window(i) => (Kind::Window, i),
+        Buffer::Image(i) => (Kind::Image, i),
+        Buffer::Target(i) => (Kind::Target, i),
+        Buffer::Accumulator(i) => (Kind::Accumulator, i),
+        _ => return None,
+    })
+}

@@ -1,0 +1,53 @@
+//! The seam behind which transforms are recorded.
+
+use super::super::EngineError;
+use super::device::Block;
+use super::gpu::Gpu;
+use eyebox_kernels::fft::{Columns, Direction};
+
+/// Complex frames (count, height, width) in a block: frame `i` starts at byte `offset + 8 * stride * i`.
+///
+/// `offset` and `8 * stride` are multiples of the device's alignment; all frames together may exceed the largest range
+/// that a kernel may see, one frame never does.
+#[derive(Clone, Copy)]
+pub(super) struct Frames<'a> {
+    pub(super) block: &'a Block,
+    /// Bytes.
+    pub(super) offset: u64,
+    pub(super) count: usize,
+    pub(super) height: usize,
+    pub(super) width: usize,
+    /// Complex values from one frame to the next, at least `height * width`.
+    pub(super) stride: usize,
+}
+
+/// Records transforms: plans, tables and pipelines are made when a size is first seen, and kept.
+pub(super) trait Transform {
+    /// Makes what `record` needs for these sizes, if it is not there yet (this may upload, so nothing is being recorded).
+    fn prepare(&mut self, gpu: &mut Gpu, height: usize, width: usize, direction: Direction) -> Result<(), EngineError>;
+
+    /// Records the pruned transform of `kernels::fft`, in place. No barrier is needed before or after: the engine sets
+    /// them; those between passes are set here.
+    fn record(
+        &mut self,
+        gpu: &mut Gpu,
+        frames: Frames<'_>,
+        direction: Direction,
+        columns: Columns,
+    ) -> Result<(), EngineError>;
+}
+
+// TEMPORARY until the plan lands.
+struct Missing;
+impl Transform for Missing {
+    fn prepare(&mut self, _: &mut Gpu, _: usize, _: usize, _: Direction) -> Result<(), EngineError> {
+        Err(EngineError::Mismatch { reason: "no transforms".into() })
+    }
+    fn record(&mut self, _: &mut Gpu, _: Frames<'_>, _: Direction, _: Columns) -> Result<(), EngineError> {
+        Err(EngineError::Mismatch { reason: "no transforms".into() })
+    }
+}
+/// The transforms of this engine.
+pub(super) fn transforms() -> Box<dyn Transform + Send> {
+    Box::new(Missing)
+}

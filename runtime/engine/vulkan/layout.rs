@@ -1,0 +1,161 @@
+//! Where values lie: frames at a stride inside a block, and the buffers of lanes inside arenas.
+
+use super::super::{EngineError, Lane, Step};
+use super::device::Block;
+use super::gpu::Gpu;
+use super::recorder::Range;
+use std::ops::Range as Lanes;
+
+/// Frames start at multiples of this many values: 256 bytes, the largest alignment that a device may ask for.
+const STRIDE: usize = 64;
+
+/// Equal frames in a block.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Layout {
+    /// Bytes, a multiple of 256.
+    pub(super) offset: u64,
+    pub(super) frames: usize,
+    /// Values in a frame.
+    pub(super) values: usize,
+    /// Bytes of a value: 4 real, 8 complex.
+    pub(super) size: usize,
+}
+
+impl Layout {
+    /// Values from one frame to the next.
+    pub(super) fn stride(&self) -> usize {
+        self.values.next_multiple_of(STRIDE)
+    }
+
+    /// Bytes from one frame to the next.
+    fn step(&self) -> u64 {
+        (self.stride() * self.size) as u64
+    }
+
+    /// Bytes of all frames, the rest of the last stride included.
+    pub(super) fn bytes(&self) -> u64 {
+        self.step() * self.frames as u64
+    }
+
+    /// Values of float32 that the host sees.
+    pub(super) fn floats(&self) -> usize {
+        self.frames * self.values * self.size / 4
+    }
+
+    /// Frames `first .. first + count`.
+    pub(super) fn range<'a>(&self, block: &'a Block, first: usize, count: usize) -> Range<'a> {
+        block.range(self.offset + first as u64 * self.step(), count as u64 * self.step())
+    }
+
+    /// How many frames a kernel may see at once.
+    pub(super) fn at_once(&self, largest: u64) -> usize {
+        (largest / self.step().max(1)) as usize
+    }
+
+    /// Pieces as (place in the packed data, place in the block, bytes).
+    pub(super) fn pieces(&self) -> Vec<(u64, u64, u64)> {
+        let bytes = (self.values * self.size) as u64;
+        (0..self.frames as u64).map(|f| (f * bytes, self.offset + f * self.step(), bytes)).collect()
+    }
+
+    /// Fills the frames with packed data.
+    pub(super) fn write(&self, gpu: &mut Gpu, block: &Block, data: &[f32]) -> Result<(), EngineError> {
+        gpu.upload(block, bytemuck::cast_slice(data), &self.pieces())
+    }
+
+    /// The frames, packed.
+    pub(super) fn read(&self, gpu: &mut Gpu, block: &Block) -> Result<Vec<f32>, EngineError> {
+        let mut data = vec![0.0f32; self.floats()];
+        let pieces: Vec<_> = self.pieces().into_iter().map(|(host, device, bytes)| (device, host, bytes)).collect();
+        gpu.download(block, bytemuck::cast_slice_mut(&mut data), &pieces)?;
+        Ok(data)
+    }
+}
+
+/// A kind of lane buffer, and its arena's place in [`Arenas`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    Transfer,
+    Window,
+    Image,
+    Target,
+    Accumulator,
+}
+
+impl Kind {
+    pub(super) const ALL: [Self; 5] = [Self::Transfer, Self::Window, Self::Image, Self::Target, Self::Accumulator];
+
+    fn name(self) -> &'static str {
+        ["transfer", "window", "image", "target", "accumulator"][self as usize]
+    }
+}
+
+/// Where one lane's buffers lie, by kind.
+pub(super) type Slot = [Layout; 5];
+
+/// The slots of neighbouring lanes, one behind the other in each arena. The same lanes always lie at the same places.
+pub(super) fn slots(lanes: &[Lane], frames: usize) -> Vec<Slot> {
+    let mut ends = [0u64; 5];
+    let place = |lane: &Lane| {
+        let count = lane.count();
+        let level = lane.shot.as_ref().map_or(0, |s| s.args.height as usize * s.args.width as usize);
+        let sizes = [(1, count, 8), (frames, count, 8), (1, count, 4), (1, count, 4), (1, level, 4)];
+        let mut slot = [Layout { offset: 0, frames: 0, values: 0, size: 4 }; 5];
+        for ((layout, end), (frames, values, size)) in slot.iter_mut().zip(&mut ends).zip(sizes) {
+            *layout = Layout { offset: *end, frames, values, size };
+            *end += layout.bytes();
+        }
+        slot
+    };
+    lanes.iter().map(place).collect()
+}
+
+/// The blocks in which the buffers of lanes lie: they only grow.
+#[derive(Default)]
+pub(super) struct Arenas {
+    blocks: [Option<Block>; 5],
+}
+
+impl Arenas {
+    /// Makes room for the largest group of lanes of the whole step. What a block held is lost when it grows.
+    pub(super) fn fit(&mut self, gpu: &Gpu, step: &Step, frames: usize) -> Result<(), EngineError> {
+        let mut needs = [0u64; 5];
+        let mut groups: Vec<Lanes<usize>> = step.list.iter().map(|d| d.lanes.clone()).filter(|l| !l.is_empty()).collect();
+        groups.dedup();
+        for group in groups {
+            if let Some(last) = slots(&step.lanes[group], frames).last() {
+                for (need, layout) in needs.iter_mut().zip(last) {
+                    *need = (*need).max(layout.offset + layout.bytes());
+                }
+            }
+        }
+        for kind in Kind::ALL {
+            let need = needs[kind as usize];
+            let block = &mut self.blocks[kind as usize];
+            if need > block.as_ref().map_or(0, |b| b.size) {
+                // The old one goes first: both may not fit.
+                *block = None;
+                *block = Some(gpu.block(need, kind.name())?);
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn block(&self, kind: Kind) -> Option<&Block> {
+        self.blocks[kind as usize].as_ref()
+    }
+
+    /// One buffer of a slot, whole.
+    pub(super) fn range(&self, kind: Kind, slot: &Slot) -> Result<Range<'_>, EngineError> {
+        let layout = &slot[kind as usize];
+        self.frames(kind, slot, 0, layout.frames)
+    }
+
+    /// Frames `first .. first + count` of one buffer of a slot.
+    pub(super) fn frames(&self, kind: Kind, slot: &Slot, first: usize, count: usize) -> Result<Range<'_>, EngineError> {
+        let block = self.block(kind).ok_or_else(|| EngineError::Mismatch {
+            reason: format!("no lane has a {}", kind.name()),
+        })?;
+        Ok(slot[kind as usize].range(block, first, count))
+    }
+}

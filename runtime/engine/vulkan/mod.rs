@@ -1,0 +1,33 @@
+//! The Vulkan engine.
+//!
+//! Design: one device, one queue, one recording per [`run_part`](super::Engine::run_part). A kernel runs over all its
+//! lanes and frames, then one barrier; lanes of one kernel may run side by side. Buffers of the shape are blocks of
+//! their own, frames at a stride that suits the device's alignment; buffers of lanes are pieces of arenas that only
+//! grow; a kernel sees ranges no larger than the device's largest, so frames and views come in chunks. Pipelines,
+//! descriptor pools, staging and queries are kept: nothing is made once all sizes have been seen.
+//! Nothing is assumed of the size of subgroups; shaders synchronise through shared memory only.
+//!
+//! `instance` loads Vulkan; `devices` lists and chooses; `device` is what all else holds; `pipelines` and `cache`
+//! compile; `recorder` records; `gpu` joins these; `fft` plans and records transforms.
+
+#![allow(unsafe_code)]
+
+mod cache;
+mod check;
+mod device;
+mod devices;
+mod engine;
+mod fft;
+mod gpu;
+mod instance;
+mod layout;
+mod pipelines;
+mod record;
+mod recorder;
+mod tables;
+#[cfg(test)]
+mod tests;
+mod views;
+
+pub use engine::{Options, VulkanEngine};
+pub use devices::{DeviceKind, DeviceReport, Limits, devices};

@@ -1,0 +1,393 @@
+//! From an entry of the list to dispatches: bindings in the order of the twins' slices, arguments as push constants.
+
+use super::super::{Buffer, Dispatch, EngineError, Kernel, Lane, Shape, Step};
+use super::device::Block;
+use super::fft::{Frames, Transform};
+use super::gpu::Gpu;
+use super::layout::{Arenas, Kind, Layout, Slot};
+use super::recorder::Range;
+use super::tables::Tables;
+use super::views::Views;
+use bytemuck::Pod;
+use eyebox_kernels::fft::{Columns, Direction};
+use eyebox_spirv as spirv;
+
+/// Pixels whose loss a workgroup of `compare` sums.
+const SHARE: usize = 2048;
+/// Columns or pixels of a workgroup, as all shaders but `compare` have it.
+const WIDTH: usize = 64;
+
+/// A buffer of the shape.
+pub(super) struct Stack {
+    pub(super) layout: Layout,
+    pub(super) block: Block,
+}
+
+/// The buffers of the shape, those that its purpose needs.
+#[derive(Default)]
+pub(super) struct Stacks(pub(super) [Option<Stack>; 6]);
+
+impl Stacks {
+    /// Where a buffer stands, if it is not a lane's.
+    pub(super) fn index(buffer: Buffer) -> Option<usize> {
+        Some(match buffer {
+            Buffer::Phases => 0,
+            Buffer::Momentum => 1,
+            Buffer::Second => 2,
+            Buffer::Field => 3,
+            Buffer::Change => 4,
+            Buffer::Hits => 5,
+            _ => return None,
+        })
+    }
+
+    pub(super) fn get(&self, buffer: Buffer) -> Result<&Stack, EngineError> {
+        let stack = Self::index(buffer).and_then(|i| self.0[i].as_ref());
+        stack.ok_or_else(|| EngineError::Mismatch { reason: format!("{buffer:?} is not made for this purpose") })
+    }
+}
+
+/// Sums of the loss that a lane's `compare` leaves.
+pub(super) fn loss_parts(lane: &Lane) -> usize {
+    lane.count().div_ceil(SHARE)
+}
+
+/// Everything that a recording looks at.
+pub(super) struct Work<'a> {
+    pub(super) gpu: &'a mut Gpu,
+    pub(super) transforms: &'a mut dyn Transform,
+    pub(super) shape: &'a Shape,
+    pub(super) step: &'a Step,
+    pub(super) stacks: &'a Stacks,
+    pub(super) arenas: &'a Arenas,
+    pub(super) tables: &'a Tables,
+    pub(super) views: Option<&'a Views>,
+    /// Where each lane's sums of the loss start, bytes.
+    pub(super) losses: Option<(&'a Block, &'a [u64])>,
+}
+
+impl Work<'_> {
+    /// Makes the plans and tables of all transforms in these entries.
+    pub(super) fn prepare(&mut self, list: &[Dispatch]) -> Result<(), EngineError> {
+        let (gh, gw) = (self.shape.place.grid_height as usize, self.shape.place.grid_width as usize);
+        for dispatch in list {
+            match dispatch.kernel {
+                Kernel::FieldForward => self.transforms.prepare(self.gpu, gh, gw, Direction::Forward)?,
+                Kernel::ChangeInverse => self.transforms.prepare(self.gpu, gh, gw, Direction::Inverse)?,
+                Kernel::WindowForward | Kernel::WindowInverse => {
+                    let direction = window_direction(dispatch.kernel);
+                    for lane in &self.step.lanes[dispatch.lanes.clone()] {
+                        self.transforms.prepare(self.gpu, lane.window.rows, lane.window.columns, direction)?;
+                    }
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// Records one entry of the list; the caller sets the barriers around it.
+    pub(super) fn record(&mut self, dispatch: &Dispatch, slots: &[Slot]) -> Result<(), EngineError> {
+        let first = dispatch.lanes.start;
+        let step = self.step;
+        let lanes = || step.lanes[dispatch.lanes.clone()].iter().zip(slots).enumerate();
+        match dispatch.kernel {
+            Kernel::Clear => self.clear(),
+            Kernel::Modulate => self.modulate(),
+            Kernel::FieldForward => self.transform(Buffer::Field, Direction::Forward),
+            Kernel::ChangeInverse => self.transform(Buffer::Change, Direction::Inverse),
+            Kernel::Balance => self.balance(),
+            Kernel::Project => self.project(),
+            Kernel::Adam => self.adam(),
+            Kernel::Photograph => self.photograph(dispatch, slots),
+            Kernel::Overlap => lanes().try_for_each(|(i, (lane, _))| self.overlap(first + i, lane)),
+            Kernel::ReturnPupil => lanes().try_for_each(|(i, (lane, slot))| self.return_pupil(first + i, lane, slot)),
+            Kernel::Transfer => lanes().try_for_each(|(i, (lane, slot))| self.transfer(first + i, lane, slot)),
+            Kernel::Resample => lanes().try_for_each(|(i, (lane, slot))| self.resample(first + i, lane, slot)),
+            Kernel::PassPupil => lanes().try_for_each(|(i, (lane, slot))| self.pass_pupil(first + i, lane, slot)),
+            Kernel::Compare => lanes().try_for_each(|(i, (lane, slot))| self.compare(first + i, lane, slot)),
+            Kernel::Intensity => lanes().try_for_each(|(_, (lane, slot))| self.intensity(lane, slot)),
+            Kernel::Weigh => lanes().try_for_each(|(_, (lane, slot))| self.weigh(lane, slot)),
+            Kernel::WindowInverse | Kernel::WindowForward => {
+                let direction = window_direction(dispatch.kernel);
+                lanes().try_for_each(|(_, (lane, slot))| self.window_transform(lane, slot, direction))
+            }
+        }
+    }
+
+    fn clear(&mut self) -> Result<(), EngineError> {
+        let stacks = self.stacks;
+        for stack in [Buffer::Change, Buffer::Hits].into_iter().filter_map(|b| stacks.get(b).ok()) {
+            self.gpu.recorder.clear(stack.block.all());
+        }
+        Ok(())
+    }
+
+    fn modulate(&mut self) -> Result<(), EngineError> {
+        let (phases, field) = (self.stacks.get(Buffer::Phases)?, self.stacks.get(Buffer::Field)?);
+        let place = &self.shape.place;
+        let more = [phases.layout.stride() as u32, field.layout.stride() as u32];
+        self.over_frames(&spirv::MODULATE, &[phases, field], place, &more, place.grid_height, place.grid_width)
+    }
+
+    fn balance(&mut self) -> Result<(), EngineError> {
+        let (hits, change) = (self.stacks.get(Buffer::Hits)?, self.stacks.get(Buffer::Change)?);
+        let layout = &change.layout;
+        let more = [layout.stride() as u32];
+        for (first, count) in self.chunks(layout.frames, &[layout]) {
+            let buffers = [hits.layout.range(&hits.block, 0, 1), layout.range(&change.block, first, count)];
+            let groups = self.along(layout.values, count);
+            self.run(&spirv::BALANCE, &buffers, &self.step.balance, &more, groups)?;
+        }
+        Ok(())
+    }
+
+    fn project(&mut self) -> Result<(), EngineError> {
+        let change = self.stacks.get(Buffer::Change)?;
+        let (phases, velocity) = (self.stacks.get(Buffer::Phases)?, self.stacks.get(Buffer::Momentum)?);
+        let place = &self.shape.place;
+        let more = [change.layout.stride() as u32, phases.layout.stride() as u32];
+        let stacks = [change, phases, velocity];
+        self.over_frames(&spirv::PROJECT, &stacks, &self.step.project, &more, place.height, place.width)
+    }
+
+    fn adam(&mut self) -> Result<(), EngineError> {
+        let change = self.stacks.get(Buffer::Change)?;
+        let (phases, first) = (self.stacks.get(Buffer::Phases)?, self.stacks.get(Buffer::Momentum)?);
+        let second = self.stacks.get(Buffer::Second)?;
+        let place = &self.shape.place;
+        let more = [change.layout.stride() as u32, phases.layout.stride() as u32];
+        let stacks = [change, phases, first, second];
+        self.over_frames(&spirv::ADAM, &stacks, &self.step.adam, &more, place.height, place.width)
+    }
+
+    fn transform(&mut self, buffer: Buffer, direction: Direction) -> Result<(), EngineError> {
+        let stack = self.stacks.get(buffer)?;
+        let (height, width) = (self.shape.place.grid_height as usize, self.shape.place.grid_width as usize);
+        let frames = frames_of(&stack.block, &stack.layout, height, width);
+        self.transforms.record(self.gpu, frames, direction, self.step.columns)
+    }
+
+    fn window_transform(&mut self, lane: &Lane, slot: &Slot, direction: Direction) -> Result<(), EngineError> {
+        let block = self.arenas.range(Kind::Window, slot)?.block;
+        let frames = frames_of(block, &slot[Kind::Window as usize], lane.window.rows, lane.window.columns);
+        self.transforms.record(self.gpu, frames, direction, lane.columns)
+    }
+
+    fn transfer(&mut self, index: usize, lane: &Lane, slot: &Slot) -> Result<(), EngineError> {
+        let args = &lane.transfer;
+        let pair = |x: f64| [x as f32, (x - f64::from(x as f32)) as f32];
+        let [slope_y, slope_x, turns] = [args.slope_y, args.slope_x, args.turns].map(pair);
+        let floats: [f32; 6] = [slope_y[0], slope_y[1], slope_x[0], slope_x[1], turns[0], turns[1]];
+        let more = [args.y0 as u32, args.x0 as u32, args.rows, args.columns];
+        let spans = self.tables.range(self.tables.lane(index).spans)?;
+        let groups = self.rows(args.rows, args.columns, 1);
+        self.run(&spirv::TRANSFER, &[spans, self.arenas.range(Kind::Transfer, slot)?], &floats, &more, groups)
+    }
+
+    fn pass_pupil(&mut self, index: usize, lane: &Lane, slot: &Slot) -> Result<(), EngineError> {
+        let field = self.stacks.get(Buffer::Field)?;
+        let (tables, arenas) = (self.tables, self.arenas);
+        let spans = tables.range(tables.lane(index).spans)?;
+        let window = &slot[Kind::Window as usize];
+        let more = [field.layout.stride() as u32, window.stride() as u32];
+        for (first, count) in self.chunks(window.frames, &[&field.layout, window]) {
+            let buffers = [
+                field.layout.range(&field.block, first, count),
+                arenas.range(Kind::Transfer, slot)?,
+                spans,
+                arenas.frames(Kind::Window, slot, first, count)?,
+            ];
+            let groups = self.rows(lane.pass.rows, lane.pass.columns, count);
+            self.run(&spirv::PASS_PUPIL, &buffers, &lane.pass, &more, groups)?;
+        }
+        Ok(())
+    }
+
+    fn return_pupil(&mut self, index: usize, lane: &Lane, slot: &Slot) -> Result<(), EngineError> {
+        let change = self.stacks.get(Buffer::Change)?;
+        let (tables, arenas) = (self.tables, self.arenas);
+        let spans = tables.range(tables.lane(index).spans)?;
+        let window = &slot[Kind::Window as usize];
+        let more = [change.layout.stride() as u32, window.stride() as u32];
+        // Lanes add to the same values: one after the other, in their order.
+        self.gpu.recorder.barrier();
+        for (first, count) in self.chunks(window.frames, &[&change.layout, window]) {
+            let buffers = [
+                arenas.frames(Kind::Window, slot, first, count)?,
+                arenas.range(Kind::Transfer, slot)?,
+                spans,
+                change.layout.range(&change.block, first, count),
+            ];
+            let groups = self.rows(lane.back.rows, lane.back.columns, count);
+            self.run(&spirv::RETURN_PUPIL, &buffers, &lane.back, &more, groups)?;
+        }
+        Ok(())
+    }
+
+    fn overlap(&mut self, index: usize, lane: &Lane) -> Result<(), EngineError> {
+        let hits = self.stacks.get(Buffer::Hits)?;
+        let spans = self.tables.range(self.tables.lane(index).spans)?;
+        let groups = self.rows(lane.pass.rows, lane.pass.columns, 1);
+        self.gpu.recorder.barrier();
+        self.run(&spirv::OVERLAP, &[spans, hits.layout.range(&hits.block, 0, 1)], &lane.pass, &[], groups)
+    }
+
+    /// All lanes block by block of views: a lane adds up in its accumulator what each block holds.
+    fn photograph(&mut self, dispatch: &Dispatch, slots: &[Slot]) -> Result<(), EngineError> {
+        let (step, tables, arenas, views) = (self.step, self.tables, self.arenas, self.views);
+        let shots = || dispatch.lanes.clone().zip(slots).filter_map(|(i, slot)| Some((i, slot, step.lanes[i].shot.as_ref()?)));
+        let rounds = shots().map(|(i, ..)| tables.lane(i).taps.len()).max().unwrap_or(0);
+        for round in 0..rounds.max(1) {
+            self.gpu.recorder.barrier();
+            for (index, slot, shot) in shots() {
+                let Some(level) = views.and_then(|v| v.levels.get(shot.level)) else { continue };
+                let accumulator = arenas.range(Kind::Accumulator, slot)?;
+                let Some(part) = tables.lane(index).taps.get(round) else {
+                    // A pupil that no view covers sees nothing.
+                    if round == 0 && shot.args.accumulate == 0 {
+                        self.gpu.recorder.clear(accumulator);
+                    }
+                    continue;
+                };
+                let mut args = shot.args;
+                args.taps = part.count as u32;
+                args.accumulate |= u32::from(round > 0);
+                let buffers = [level.blocks[part.chunk].all(), tables.range(part.place)?, accumulator];
+                let groups = self.rows(args.height, args.width, 1);
+                self.run(&spirv::PHOTOGRAPH, &buffers, &args, &[level.stride as u32], groups)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn resample(&mut self, index: usize, lane: &Lane, slot: &Slot) -> Result<(), EngineError> {
+        let Some(shot) = &lane.shot else { return Ok(()) };
+        let (tables, arenas) = (self.tables, self.arenas);
+        let lane_tables = tables.lane(index);
+        let buffers = [
+            arenas.range(Kind::Accumulator, slot)?,
+            tables.range(lane_tables.rows)?,
+            tables.range(lane_tables.columns)?,
+            arenas.range(Kind::Target, slot)?,
+        ];
+        let groups = self.rows(shot.resample.height, shot.resample.width, 1);
+        self.run(&spirv::RESAMPLE, &buffers, &shot.resample, &[], groups)
+    }
+
+    fn intensity(&mut self, lane: &Lane, slot: &Slot) -> Result<(), EngineError> {
+        let arenas = self.arenas;
+        let window = &slot[Kind::Window as usize];
+        let groups = self.along(lane.count(), 1);
+        for (first, count) in self.chunks(window.frames, &[window]) {
+            let mut args = lane.intensity;
+            args.frames = count as u32;
+            args.accumulate |= u32::from(first > 0);
+            if first > 0 {
+                self.gpu.recorder.barrier();
+            }
+            let buffers = [arenas.frames(Kind::Window, slot, first, count)?, arenas.range(Kind::Image, slot)?];
+            self.run(&spirv::INTENSITY, &buffers, &args, &[window.stride() as u32], groups)?;
+        }
+        Ok(())
+    }
+
+    fn compare(&mut self, index: usize, lane: &Lane, slot: &Slot) -> Result<(), EngineError> {
+        let Some((block, offsets)) = self.losses else { return Ok(()) };
+        let arenas = self.arenas;
+        let parts = loss_parts(lane);
+        if parts > self.gpu.limits().groups[0] as usize {
+            return Err(self.too_large("an image", lane.count()));
+        }
+        let buffers = [
+            arenas.range(Kind::Image, slot)?,
+            arenas.range(Kind::Target, slot)?,
+            block.range(offsets[index], 4 * parts as u64),
+        ];
+        self.run(&spirv::COMPARE, &buffers, &lane.compare, &[], [parts as u32, 1, 1])
+    }
+
+    fn weigh(&mut self, lane: &Lane, slot: &Slot) -> Result<(), EngineError> {
+        let arenas = self.arenas;
+        let window = &slot[Kind::Window as usize];
+        let args = [lane.count() as u32, window.stride() as u32];
+        for (first, count) in self.chunks(window.frames, &[window]) {
+            let buffers = [arenas.range(Kind::Image, slot)?, arenas.frames(Kind::Window, slot, first, count)?];
+            let groups = self.along(lane.count(), count);
+            self.run(&spirv::WEIGH, &buffers, &args, &[], groups)?;
+        }
+        Ok(())
+    }
+
+    /// A kernel over rows and columns of all frames of some buffers of the shape.
+    fn over_frames(
+        &mut self,
+        module: &'static spirv::Module,
+        stacks: &[&Stack],
+        args: &impl Pod,
+        more: &[u32],
+        rows: u32,
+        columns: u32,
+    ) -> Result<(), EngineError> {
+        let layouts: Vec<&Layout> = stacks.iter().map(|s| &s.layout).collect();
+        for (first, count) in self.chunks(self.shape.frames, &layouts) {
+            let buffers: Vec<Range<'_>> = stacks.iter().map(|s| s.layout.range(&s.block, first, count)).collect();
+            let groups = self.rows(rows, columns, count);
+            self.run(module, &buffers, args, more, groups)?;
+        }
+        Ok(())
+    }
+
+    fn run(
+        &mut self,
+        module: &'static spirv::Module,
+        buffers: &[Range<'_>],
+        args: &impl Pod,
+        more: &[u32],
+        groups: [u32; 3],
+    ) -> Result<(), EngineError> {
+        let (args, more) = (bytemuck::bytes_of(args), bytemuck::cast_slice::<_, u8>(more));
+        let mut push = [0u8; super::pipelines::PUSH_BYTES as usize];
+        let length = args.len() + more.len();
+        push[..args.len()].copy_from_slice(args);
+        push[args.len()..length].copy_from_slice(more);
+        let limit = self.gpu.limits().storage_range;
+        if let Some(large) = buffers.iter().find(|b| b.size > limit) {
+            return Err(self.too_large("a buffer of `".to_owned() + module.name + "`", large.size as usize));
+        }
+        let pipeline = self.gpu.pipeline(module, buffers.len() as u32, &[])?;
+        self.gpu.recorder.dispatch(pipeline, buffers, &push[..length], groups)
+    }
+
+    fn too_large(&self, what: impl Into<String>, size: usize) -> EngineError {
+        EngineError::Unsuitable {
+            device: self.gpu.report().name.clone(),
+            reason: format!("{} is too large for it ({size}); use a smaller size", what.into()),
+        }
+    }
+
+    /// Frames (first, count) that a kernel may see at once in all of these buffers.
+    fn chunks(&self, frames: usize, layouts: &[&Layout]) -> impl Iterator<Item = (usize, usize)> + use<> {
+        let limits = self.gpu.limits();
+        let most = layouts.iter().map(|l| l.at_once(limits.storage_range)).min().unwrap_or(1);
+        // A single frame that is too large is found, and named, when it is dispatched.
+        let most = most.clamp(1, limits.groups[2] as usize);
+        (0..frames).step_by(most).map(move |first| (first, most.min(frames - first)))
+    }
+
+    fn rows(&self, rows: u32, columns: u32, frames: usize) -> [u32; 3] {
+        [columns.div_ceil(WIDTH as u32), rows.min(self.gpu.limits().groups[1]), frames as u32]
+    }
+
+    fn along(&self, count: usize, frames: usize) -> [u32; 3] {
+        [count.div_ceil(WIDTH).min(self.gpu.limits().groups[0] as usize) as u32, 1, frames as u32]
+    }
+}
+
+fn window_direction(kernel: Kernel) -> Direction {
+    if kernel == Kernel::WindowForward { Direction::Forward } else { Direction::Inverse }
+}
+
+fn frames_of<'a>(block: &'a Block, layout: &Layout, height: usize, width: usize) -> Frames<'a> {
+    Frames { block, offset: layout.offset, count: layout.frames, height, width, stride: layout.stride() }
+}

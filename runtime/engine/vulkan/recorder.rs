@@ -1,0 +1,319 @@
+//! Records one submission: dispatches, copies, barriers and timestamps, then runs it and waits.
+//!
+//! Everything in here is used again: one command buffer, descriptor pools that are reset, a query pool that grows.
+
+use super::super::EngineError;
+use super::device::{Block, Device};
+use super::pipelines::{PUSH_BYTES, Pipeline};
+use ash::vk;
+use std::sync::Arc;
+
+/// A range of a block, in bytes, as a kernel sees it. `offset` is a multiple of the device's alignment.
+#[derive(Clone, Copy)]
+pub(super) struct Range<'a> {
+    pub(super) block: &'a Block,
+    pub(super) offset: u64,
+    pub(super) size: u64,
+}
+
+impl Block {
+    /// The whole block.
+    pub(super) fn all(&self) -> Range<'_> {
+        self.range(0, self.size)
+    }
+
+    /// A part of it, in bytes.
+    pub(super) fn range(&self, offset: u64, size: u64) -> Range<'_> {
+        debug_assert!(offset + size <= self.size);
+        Range { block: self, offset, size }
+    }
+}
+
+/// Descriptor sets per pool.
+const SETS: u32 = 512;
+
+pub(super) struct Recorder {
+    commands: vk::CommandPool,
+    command: vk::CommandBuffer,
+    done: vk::Semaphore,
+    submitted: u64,
+    sets: Vec<vk::DescriptorPool>,
+    /// The pool in use, and how many sets it gave.
+    used: (usize, u32),
+    queries: vk::QueryPool,
+    capacity: u32,
+    marks: Vec<usize>,
+    recording: bool,
+    device: Arc<Device>,
+}
+
+impl Recorder {
+    pub(super) fn new(device: &Arc<Device>) -> Result<Self, EngineError> {
+        let mut recorder = Self {
+            commands: vk::CommandPool::null(),
+            command: vk::CommandBuffer::null(),
+            done: vk::Semaphore::null(),
+            submitted: 0,
+            sets: Vec::new(),
+            used: (0, 0),
+            queries: vk::QueryPool::null(),
+            capacity: 0,
+            marks: Vec::new(),
+            recording: false,
+            device: Arc::clone(device),
+        };
+        let error = |call| move |e| device.error(call, "setting up", e);
+        let info = vk::CommandPoolCreateInfo::default().queue_family_index(device.family);
+        let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
+        let semaphore = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
+        // SAFETY: the device is valid and has timeline semaphores; what is made is destroyed in `drop`.
+        unsafe {
+            recorder.commands = device.raw.create_command_pool(&info, None).map_err(error("vkCreateCommandPool"))?;
+            let info = vk::CommandBufferAllocateInfo::default()
+                .command_pool(recorder.commands)
+                .level(vk::CommandBufferLevel::PRIMARY)
+                .command_buffer_count(1);
+            let made = device.raw.allocate_command_buffers(&info).map_err(error("vkAllocateCommandBuffers"))?;
+            recorder.command = made[0];
+            recorder.done = device.raw.create_semaphore(&semaphore, None).map_err(error("vkCreateSemaphore"))?;
+        }
+        Ok(recorder)
+    }
+
+    /// Starts a recording with room for `marks` timestamps. A recording that was not submitted is thrown away.
+    pub(super) fn begin(&mut self, marks: usize) -> Result<(), EngineError> {
+        let device = &self.device;
+        let error = |call| move |e| device.error(call, "recording", e);
+        let raw = &self.device.raw;
+        let wanted = marks as u32 + 1;
+        // SAFETY: what was submitted before has been waited for, so pools may be reset and queries replaced.
+        unsafe {
+            raw.reset_command_pool(self.commands, vk::CommandPoolResetFlags::empty())
+                .map_err(error("vkResetCommandPool"))?;
+            for pool in &self.sets {
+                raw.reset_descriptor_pool(*pool, vk::DescriptorPoolResetFlags::empty())
+                    .map_err(error("vkResetDescriptorPool"))?;
+            }
+            self.used = (0, 0);
+            if self.has_timestamps() && wanted > self.capacity {
+                raw.destroy_query_pool(self.queries, None);
+                (self.queries, self.capacity) = (vk::QueryPool::null(), 0);
+                let count = wanted.next_power_of_two().max(64);
+                let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(count);
+                self.queries = raw.create_query_pool(&info, None).map_err(error("vkCreateQueryPool"))?;
+                self.capacity = count;
+            }
+            let once = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+            raw.begin_command_buffer(self.command, &once).map_err(error("vkBeginCommandBuffer"))?;
+            self.marks.clear();
+            if self.has_timestamps() && marks > 0 {
+                raw.cmd_reset_query_pool(self.command, self.queries, 0, self.capacity);
+                raw.cmd_write_timestamp(self.command, vk::PipelineStageFlags::BOTTOM_OF_PIPE, self.queries, 0);
+            }
+        }
+        self.recording = true;
+        Ok(())
+    }
+
+    /// Runs `groups` workgroups of a pipeline over these buffers. Without a barrier, it may run beside its neighbours.
+    pub(super) fn dispatch(
+        &mut self,
+        pipeline: Pipeline,
+        buffers: &[Range<'_>],
+        push: &[u8],
+        groups: [u32; 3],
+    ) -> Result<(), EngineError> {
+        debug_assert!(self.recording && push.len() <= PUSH_BYTES as usize && push.len().is_multiple_of(4));
+        debug_assert_eq!(buffers.len(), pipeline.bindings as usize);
+        if groups.contains(&0) {
+            return Ok(());
+        }
+        let set = self.set(pipeline.set_layout)?;
+        let infos: Vec<[vk::DescriptorBufferInfo; 1]> = buffers
+            .iter()
+            .map(|b| {
+                debug_assert!(b.offset.is_multiple_of(self.device.report.limits.offset_alignment));
+                debug_assert!(b.size <= self.device.report.limits.storage_range);
+                [vk::DescriptorBufferInfo { buffer: b.block.raw, offset: b.offset, range: b.size }]
+            })
+            .collect();
+        let writes: Vec<_> = infos
+            .iter()
+            .enumerate()
+            .map(|(i, info)| {
+                vk::WriteDescriptorSet::default()
+                    .dst_set(set)
+                    .dst_binding(i as u32)
+                    .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
+                    .buffer_info(info)
+            })
+            .collect();
+        let raw = &self.device.raw;
+        // SAFETY: the set is fresh from its pool; blocks outlive the submission, which is waited for.
+        unsafe {
+            raw.update_descriptor_sets(&writes, &[]);
+            raw.cmd_bind_pipeline(self.command, vk::PipelineBindPoint::COMPUTE, pipeline.raw);
+            let point = vk::PipelineBindPoint::COMPUTE;
+            raw.cmd_bind_descriptor_sets(self.command, point, pipeline.layout, 0, &[set], &[]);
+            if !push.is_empty() {
+                raw.cmd_push_constants(self.command, pipeline.layout, vk::ShaderStageFlags::COMPUTE, 0, push);
+            }
+            raw.cmd_dispatch(self.command, groups[0], groups[1], groups[2]);
+        }
+        Ok(())
+    }
+
+    /// What was recorded before is finished, and seen, before what follows starts.
+    pub(super) fn barrier(&mut self) {
+        self.wait(false);
+    }
+
+    fn wait(&mut self, host: bool) {
+        let raw = &self.device.raw;
+        if let Some(modern) = &self.device.synchronization2 {
+            use vk::{AccessFlags2 as Access, PipelineStageFlags2 as Stage};
+            let work = Stage::COMPUTE_SHADER | Stage::ALL_TRANSFER;
+            let written = Access::SHADER_STORAGE_WRITE | Access::TRANSFER_WRITE;
+            let (after, read) = if host {
+                (Stage::HOST, Access::HOST_READ)
+            } else {
+                (work, written | Access::SHADER_STORAGE_READ | Access::TRANSFER_READ)
+            };
+            let barrier = [vk::MemoryBarrier2::default()
+                .src_stage_mask(work)
+                .src_access_mask(written)
+                .dst_stage_mask(after)
+                .dst_access_mask(read)];
+            let info = vk::DependencyInfo::default().memory_barriers(&barrier);
+            // SAFETY: the command buffer is being recorded; the feature is on.
+            unsafe { modern.cmd_pipeline_barrier2(self.command, &info) };
+        } else {
+            use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
+            let work = Stage::COMPUTE_SHADER | Stage::TRANSFER;
+            let written = Access::SHADER_WRITE | Access::TRANSFER_WRITE;
+            let (after, read) = if host {
+                (Stage::HOST, Access::HOST_READ)
+            } else {
+                (work, written | Access::SHADER_READ | Access::TRANSFER_READ)
+            };
+            let barrier = [vk::MemoryBarrier::default().src_access_mask(written).dst_access_mask(read)];
+            let none = vk::DependencyFlags::empty();
+            // SAFETY: the command buffer is being recorded.
+            unsafe { raw.cmd_pipeline_barrier(self.command, work, after, none, &barrier, &[], &[]) };
+        }
+    }
+
+    /// Fills a range with zeros.
+    pub(super) fn clear(&mut self, range: Range<'_>) {
+        // SAFETY: the command buffer is being recorded; offset and size are multiples of 4.
+        unsafe { self.device.raw.cmd_fill_buffer(self.command, range.block.raw, range.offset, range.size, 0) };
+    }
+
+    /// Copies pieces, given as (from, to, bytes).
+    pub(super) fn copy(&mut self, from: &Block, to: &Block, pieces: &[(u64, u64, u64)]) {
+        let regions: Vec<_> = pieces
+            .iter()
+            .filter(|p| p.2 > 0)
+            .map(|&(src_offset, dst_offset, size)| vk::BufferCopy { src_offset, dst_offset, size })
+            .collect();
+        if !regions.is_empty() {
+            // SAFETY: the command buffer is being recorded; the pieces lie inside the blocks.
+            unsafe { self.device.raw.cmd_copy_buffer(self.command, from.raw, to.raw, &regions) };
+        }
+    }
+
+    /// The time since the mark before belongs to `label`.
+    pub(super) fn mark(&mut self, label: usize) {
+        self.marks.push(label);
+        if self.has_timestamps() {
+            debug_assert!((self.marks.len() as u32) < self.capacity);
+            let (stage, at) = (vk::PipelineStageFlags::BOTTOM_OF_PIPE, self.marks.len() as u32);
+            // SAFETY: the query was reset at the start of the recording, and is written once.
+            unsafe { self.device.raw.cmd_write_timestamp(self.command, stage, self.queries, at) };
+        }
+    }
+
+    /// Runs what was recorded and waits. Returns (label, seconds) per mark; `during` is what an error names.
+    pub(super) fn submit(&mut self, during: &str) -> Result<Vec<(usize, f64)>, EngineError> {
+        self.wait(true);
+        self.recording = false;
+        let raw = &self.device.raw;
+        let device = &self.device;
+        let error = |call| move |e| device.error(call, during, e);
+        let commands = [self.command];
+        let (semaphores, values) = ([self.done], [self.submitted + 1]);
+        let mut timeline = vk::TimelineSemaphoreSubmitInfo::default().signal_semaphore_values(&values);
+        let info = [vk::SubmitInfo::default()
+            .command_buffers(&commands)
+            .signal_semaphores(&semaphores)
+            .push_next(&mut timeline)];
+        let wait = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
+        // SAFETY: the queue is used by this recorder alone; all that was recorded lives until the wait is over.
+        unsafe {
+            raw.end_command_buffer(self.command).map_err(error("vkEndCommandBuffer"))?;
+            raw.queue_submit(self.device.queue, &info, vk::Fence::null()).map_err(error("vkQueueSubmit"))?;
+            raw.wait_semaphores(&wait, u64::MAX).map_err(error("vkWaitSemaphores"))?;
+        }
+        self.submitted += 1;
+        self.times().map_err(error("vkGetQueryPoolResults"))
+    }
+
+    fn times(&self) -> Result<Vec<(usize, f64)>, vk::Result> {
+        if self.marks.is_empty() {
+            return Ok(Vec::new());
+        }
+        let mut ticks = vec![0u64; self.marks.len() + 1];
+        if self.has_timestamps() {
+            let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
+            // SAFETY: these queries were written by the submission that was just waited for.
+            unsafe { self.device.raw.get_query_pool_results(self.queries, 0, &mut ticks, flags)? };
+        }
+        let period = f64::from(self.device.report.limits.timestamp_period) * 1e-9;
+        let seconds = ticks.windows(2).map(|t| t[1].saturating_sub(t[0]) as f64 * period);
+        Ok(self.marks.iter().copied().zip(seconds).collect())
+    }
+
+    fn has_timestamps(&self) -> bool {
+        self.device.report.limits.timestamp_period > 0.0
+    }
+
+    fn set(&mut self, layout: vk::DescriptorSetLayout) -> Result<vk::DescriptorSet, EngineError> {
+        let raw = &self.device.raw;
+        let device = &self.device;
+        let error = |call| move |e| device.error(call, "descriptor sets", e);
+        if self.used.1 == SETS {
+            self.used = (self.used.0 + 1, 0);
+        }
+        if self.used.0 == self.sets.len() {
+            // Kernels see 4 buffers on average or fewer; some of the transform's see more.
+            let sizes = [vk::DescriptorPoolSize { ty: vk::DescriptorType::STORAGE_BUFFER, descriptor_count: 8 * SETS }];
+            let info = vk::DescriptorPoolCreateInfo::default().max_sets(SETS).pool_sizes(&sizes);
+            // SAFETY: `info` is valid for the call.
+            let pool = unsafe { raw.create_descriptor_pool(&info, None) }.map_err(error("vkCreateDescriptorPool"))?;
+            self.sets.push(pool);
+        }
+        let layouts = [layout];
+        let info =
+            vk::DescriptorSetAllocateInfo::default().descriptor_pool(self.sets[self.used.0]).set_layouts(&layouts);
+        // SAFETY: the pool has room for this set.
+        let set = unsafe { raw.allocate_descriptor_sets(&info) }.map_err(error("vkAllocateDescriptorSets"))?[0];
+        self.used.1 += 1;
+        Ok(set)
+    }
+}
+
+impl Drop for Recorder {
+    fn drop(&mut self) {
+        let raw = &self.device.raw;
+        // SAFETY: the device is idle after the wait (or lost, when nothing runs either); each is destroyed once.
+        unsafe {
+            let _ = raw.device_wait_idle();
+            raw.destroy_query_pool(self.queries, None);
+            for pool in &self.sets {
+                raw.destroy_descriptor_pool(*pool, None);
+            }
+            raw.destroy_semaphore(self.done, None);
+            raw.destroy_command_pool(self.commands, None);
+        }
+    }
+}

@@ -1,0 +1,115 @@
+//! The small tables of a step's lanes (spans, taps, weights), packed into one block that is copied at the start of
+//! each recording.
+
+use super::super::{EngineError, Lane};
+use super::device::Block;
+use super::gpu::Gpu;
+use super::recorder::Range;
+use super::views::Views;
+use eyebox_kernels::photograph::Tap;
+use eyebox_kernels::resample::Table;
+use gpu_allocator::MemoryLocation;
+
+/// A table's place, in bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Place {
+    offset: u64,
+    size: u64,
+}
+
+/// Taps into one block of views.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct TapPart {
+    /// Which block of the level.
+    pub(super) chunk: usize,
+    pub(super) count: usize,
+    pub(super) place: Place,
+}
+
+/// Where one lane's tables lie.
+#[derive(Debug, Clone, Default)]
+pub(super) struct LaneTables {
+    pub(super) spans: Place,
+    pub(super) taps: Vec<TapPart>,
+    pub(super) rows: Place,
+    pub(super) columns: Place,
+}
+
+/// The block and its stage; both only grow.
+#[derive(Default)]
+pub(super) struct Tables {
+    packed: Vec<u8>,
+    lanes: Vec<LaneTables>,
+    stage: Option<Block>,
+    block: Option<Block>,
+}
+
+impl Tables {
+    /// Packs the tables of these lanes and makes room for them.
+    pub(super) fn pack(&mut self, gpu: &Gpu, lanes: &[Lane], views: Option<&Views>) -> Result<(), EngineError> {
+        self.packed.clear();
+        self.lanes.clear();
+        for lane in lanes {
+            let mut tables = LaneTables { spans: self.add(bytemuck::cast_slice(&lane.spans)), ..Default::default() };
+            if let Some(shot) = &lane.shot {
+                tables.rows = self.add_table(&shot.rows);
+                tables.columns = self.add_table(&shot.columns);
+                if let Some(level) = views.and_then(|v| v.levels.get(shot.level)) {
+                    for (chunk, first) in level.firsts() {
+                        let inside = |t: &&Tap| level.chunk_of(t.view as usize) == chunk;
+                        let part: Vec<Tap> = shot.taps.iter().filter(inside).copied().collect();
+                        let part: Vec<Tap> = part.iter().map(|t| Tap { view: t.view - first as u32, ..*t }).collect();
+                        if !part.is_empty() {
+                            let place = self.add(bytemuck::cast_slice(&part));
+                            tables.taps.push(TapPart { chunk, count: part.len(), place });
+                        }
+                    }
+                }
+            }
+            self.lanes.push(tables);
+        }
+        let need = self.packed.len() as u64;
+        for (block, location) in
+            [(&mut self.stage, MemoryLocation::CpuToGpu), (&mut self.block, MemoryLocation::GpuOnly)]
+        {
+            if need > block.as_ref().map_or(0, |b| b.size) {
+                *block = None;
+                *block = Some(Block::new(&gpu.device, need.next_power_of_two(), location, "tables")?);
+            }
+        }
+        if let Some(stage) = &mut self.stage {
+            stage.bytes_mut()[..self.packed.len()].copy_from_slice(&self.packed);
+        }
+        Ok(())
+    }
+
+    fn add(&mut self, bytes: &[u8]) -> Place {
+        // A table that is empty still has a place that can be bound.
+        let offset = self.packed.len();
+        self.packed.extend_from_slice(bytes);
+        self.packed.resize((offset + bytes.len().max(1)).next_multiple_of(256), 0);
+        Place { offset: offset as u64, size: bytes.len().max(4) as u64 }
+    }
+
+    fn add_table(&mut self, table: &Table) -> Place {
+        let mut words = table.first.clone();
+        words.extend(table.weights.iter().map(|w| w.to_bits()));
+        self.add(bytemuck::cast_slice(&words))
+    }
+
+    /// Records the copy to the device; a barrier must follow.
+    pub(super) fn record(&self, gpu: &mut Gpu) {
+        if let (Some(stage), Some(block)) = (&self.stage, &self.block) {
+            gpu.recorder.copy(stage, block, &[(0, 0, self.packed.len() as u64)]);
+        }
+    }
+
+    pub(super) fn lane(&self, index: usize) -> &LaneTables {
+        &self.lanes[index]
+    }
+
+    pub(super) fn range(&self, place: Place) -> Result<Range<'_>, EngineError> {
+        let block = self.block.as_ref().ok_or_else(|| EngineError::Mismatch { reason: "the step has no lanes".into() })?;
+        Ok(block.range(place.offset, place.size))
+    }
+}

@@ -1,0 +1,63 @@
+//! The device without the engine: a kernel runs, is timed, and the validation layer hears what is wrong.
+
+use super::gpu::Gpu;
+use eyebox_kernels::{Complex32, ZERO, modulate};
+use eyebox_spirv as spirv;
+use std::sync::PoisonError;
+
+/// A software device will do, and must: tests are not skipped where there is none.
+pub(super) fn open() -> Gpu {
+    Gpu::open(None, true, true).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// Closes the device and returns what the validation layer said from first to last.
+pub(super) fn close(gpu: Gpu) -> Vec<String> {
+    let messages = gpu.messages();
+    drop(gpu);
+    let heard = messages.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    heard
+}
+
+#[test]
+fn a_kernel_runs_is_timed_and_leaves_no_message() {
+    let mut gpu = open();
+    let place = modulate::Args { height: 5, width: 7, grid_height: 8, grid_width: 70, top: 2, left: 60 };
+    let phases: Vec<f32> = (0..35).map(|i| 0.7 * i as f32 - 9.0).collect();
+    let mut want = vec![ZERO; 8 * 70];
+    modulate::modulate(&place, &phases, &mut want);
+    let from = gpu.filled(bytemuck::cast_slice(&phases), "phases").unwrap();
+    let to = gpu.block(8 * want.len() as u64, "field").unwrap();
+    let pipeline = gpu.pipeline(&spirv::MODULATE, 2, &[]).unwrap();
+    let push = [5u32, 7, 8, 70, 2, 60, 35, 560];
+    gpu.recorder.begin(1).unwrap();
+    gpu.recorder.dispatch(pipeline, &[from.all(), to.all()], bytemuck::cast_slice(&push), [2, 3, 1]).unwrap();
+    gpu.recorder.mark(7);
+    let times = gpu.recorder.submit("modulate").unwrap();
+    assert_eq!(times.len(), 1);
+    assert!(times[0].0 == 7 && times[0].1 > 0.0 && times[0].1 < 60.0, "{times:?}");
+    let mut got = vec![ZERO; want.len()];
+    let bytes = 8 * got.len() as u64;
+    gpu.download(&to, bytemuck::cast_slice_mut(&mut got), &[(0, 0, bytes)]).unwrap();
+    let error: f32 = got.iter().zip(&want).map(|(a, b): (&Complex32, &Complex32)| (a - b).norm_sqr()).sum();
+    assert!(error < 1e-10 * 35.0, "error power {error}");
+    drop((from, to));
+    assert_eq!(close(gpu), Vec::<String>::new());
+}
+
+/// A kernel reads what the one before it writes, with nothing between them: the layer must say so, else its silence
+/// means nothing.
+#[test]
+fn a_hazard_is_heard() {
+    let mut gpu = open();
+    let from = gpu.filled(&[0; 512], "phases").unwrap();
+    let to = gpu.block(512, "field").unwrap();
+    let pipeline = gpu.pipeline(&spirv::MODULATE, 2, &[]).unwrap();
+    let push = [8u32, 8, 8, 8, 0, 0, 64, 64];
+    gpu.recorder.begin(0).unwrap();
+    gpu.recorder.dispatch(pipeline, &[from.all(), to.all()], bytemuck::cast_slice(&push), [1, 8, 1]).unwrap();
+    gpu.recorder.dispatch(pipeline, &[to.all(), from.all()], bytemuck::cast_slice(&push), [1, 8, 1]).unwrap();
+    gpu.recorder.submit("a hazard").unwrap();
+    drop((from, to));
+    let heard = close(gpu);
+    assert!(heard.iter().any(|m| m.contains("SYNC-HAZARD-READ-AFTER-WRITE")), "{heard:?}");
+}

@@ -1,0 +1,207 @@
+//! What the modules were built from, and whether that is still so.
+
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+/// Flags of `glslangValidator`; the folder of the includes (`-Ikernels`) and the files come after them.
+pub const FLAGS: [&str; 4] = ["--quiet", "--target-env", "vulkan1.2", "-V"];
+
+/// Contents of `spirv/manifest.toml`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Manifest {
+    /// First line of `glslangValidator --version`.
+    pub compiler: String,
+    /// Its flags.
+    pub flags: Vec<String>,
+    /// The modules, by name.
+    #[serde(default)]
+    pub module: Vec<Entry>,
+}
+
+/// One module.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Entry {
+    /// `NAME` of `kernels/NAME.comp` and `spirv/NAME.spv`.
+    pub name: String,
+    /// SHA-256 of the source, its includes put in.
+    pub source_sha256: String,
+    /// SHA-256 of the module.
+    pub module_sha256: String,
+}
+
+/// A file that cannot be read, or a manifest that cannot be understood.
+#[derive(Debug, thiserror::Error)]
+pub enum ManifestError {
+    /// A file or a folder.
+    #[error("{}: {source}", path.display())]
+    File {
+        /// Which.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The manifest's text.
+    #[error("{}: {reason}", path.display())]
+    Text {
+        /// Which.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
+}
+
+fn at(path: &Path) -> impl FnOnce(std::io::Error) -> ManifestError + '_ {
+    |source| ManifestError::File { path: path.to_owned(), source }
+}
+
+impl Manifest {
+    /// Where it lies, `root` being the workspace.
+    pub fn path(root: &Path) -> PathBuf {
+        root.join("spirv").join("manifest.toml")
+    }
+
+    /// Reads it.
+    ///
+    /// # Errors
+    /// A file that is missing or not a manifest.
+    pub fn read(root: &Path) -> Result<Self, ManifestError> {
+        let path = Self::path(root);
+        let text = std::fs::read_to_string(&path).map_err(at(&path))?;
+        toml::from_str(&text).map_err(|e| ManifestError::Text { path, reason: e.to_string() })
+    }
+}
+
+/// Names of the kernels that have a shader: `kernels/NAME.comp`.
+///
+/// # Errors
+/// A folder that cannot be read.
+pub fn sources(root: &Path) -> Result<BTreeSet<String>, ManifestError> {
+    stems(&root.join("kernels"), "comp")
+}
+
+fn stems(folder: &Path, extension: &str) -> Result<BTreeSet<String>, ManifestError> {
+    let mut names = BTreeSet::new();
+    for entry in std::fs::read_dir(folder).map_err(at(folder))? {
+        let path = entry.map_err(at(folder))?.path();
+        if path.extension().is_some_and(|e| e == extension) {
+            names.extend(path.file_stem().map(|s| s.to_string_lossy().into_owned()));
+        }
+    }
+    Ok(names)
+}
+
+/// SHA-256 of a shader's text, each `#include "FILE"` followed by that file's text, once.
+///
+/// # Errors
+/// A file that cannot be read.
+pub fn source_hash(root: &Path, name: &str) -> Result<String, ManifestError> {
+    let folder = root.join("kernels");
+    let (mut hash, mut seen) = (Sha256::new(), BTreeSet::new());
+    let mut open = vec![format!("{name}.comp")];
+    while let Some(file) = open.pop() {
+        if !seen.insert(file.clone()) {
+            continue;
+        }
+        let path = folder.join(&file);
+        let text = std::fs::read_to_string(&path).map_err(at(&path))?;
+        hash.update(&text);
+        let includes = text.lines().filter_map(|l| l.trim().strip_prefix("#include")?.trim().strip_prefix('"'));
+        open.extend(includes.map(|rest| rest.trim_end_matches('"').to_owned()));
+    }
+    Ok(hex(&hash.finalize()))
+}
+
+/// SHA-256 of a module's bytes.
+pub fn module_hash(bytes: &[u8]) -> String {
+    hex(&Sha256::digest(bytes))
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|b| format!("{b:02x}")).collect()
+}
+
+/// Everything in which sources, manifest and modules disagree; no compiler is needed.
+///
+/// # Errors
+/// Files that cannot be read.
+pub fn faults(root: &Path) -> Result<Vec<String>, ManifestError> {
+    let manifest = Manifest::read(root)?;
+    let (sources, modules) = (sources(root)?, stems(&root.join("spirv"), "spv")?);
+    let known: BTreeSet<String> = manifest.module.iter().map(|m| m.name.clone()).collect();
+    let mut faults = Vec::new();
+    if manifest.flags != FLAGS {
+        faults.push("the manifest was written with other flags".to_owned());
+    }
+    faults.extend(sources.difference(&known).map(|n| format!("kernels/{n}.comp was never built")));
+    faults.extend(known.difference(&sources).map(|n| format!("spirv/{n}.spv has no source any more")));
+    faults.extend(modules.difference(&known).map(|n| format!("spirv/{n}.spv is not in the manifest")));
+    for entry in manifest.module.iter().filter(|m| sources.contains(&m.name)) {
+        let name = &entry.name;
+        if source_hash(root, name)? != entry.source_sha256 {
+            faults.push(format!("kernels/{name}.comp changed since spirv/{name}.spv was built"));
+        }
+        let path = root.join("spirv").join(format!("{name}.spv"));
+        match std::fs::read(&path) {
+            Err(_) => faults.push(format!("spirv/{name}.spv is missing")),
+            Ok(bytes) if module_hash(&bytes) != entry.module_sha256 => {
+                faults.push(format!("spirv/{name}.spv is not the module that was built"));
+            }
+            Ok(_) => {}
+        }
+    }
+    Ok(faults)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A workspace with two kernels, one of which includes a file.
+    fn workspace() -> tempfile::TempDir {
+        let root = tempfile::tempdir().unwrap();
+        for folder in ["kernels", "spirv"] {
+            std::fs::create_dir(root.path().join(folder)).unwrap();
+        }
+        let write = |name: &str, text: &str| std::fs::write(root.path().join(name), text).unwrap();
+        write("kernels/a.comp", "#include \"c.glsl\"\nvoid main() {}");
+        write("kernels/b.comp", "void main() {}");
+        write("kernels/c.glsl", "// shared");
+        let mut manifest =
+            Manifest { compiler: "x".into(), flags: FLAGS.map(String::from).to_vec(), module: Vec::new() };
+        for name in ["a", "b"] {
+            write(&format!("spirv/{name}.spv"), name);
+            manifest.module.push(Entry {
+                name: name.into(),
+                source_sha256: source_hash(root.path(), name).unwrap(),
+                module_sha256: module_hash(name.as_bytes()),
+            });
+        }
+        write("spirv/manifest.toml", &toml::to_string(&manifest).unwrap());
+        root
+    }
+
+    #[test]
+    fn every_kind_of_disagreement_is_found() {
+        let change = |file: &str, text: Option<&str>| {
+            let root = workspace();
+            assert!(faults(root.path()).unwrap().is_empty());
+            let path = root.path().join(file);
+            match text {
+                Some(text) => std::fs::write(path, text).unwrap(),
+                None => std::fs::remove_file(path).unwrap(),
+            }
+            faults(root.path()).unwrap().join("\n")
+        };
+        assert!(change("kernels/new.comp", Some("")).contains("new.comp was never built"));
+        assert!(change("kernels/b.comp", None).contains("b.spv has no source"));
+        assert!(change("kernels/b.comp", Some("void main() { }")).contains("b.comp changed"));
+        assert!(change("kernels/c.glsl", Some("// other")).contains("a.comp changed"));
+        assert!(change("spirv/orphan.spv", Some("")).contains("orphan.spv is not in the manifest"));
+        assert!(change("spirv/a.spv", Some("A")).contains("a.spv is not the module"));
+        assert!(change("spirv/a.spv", None).contains("a.spv is missing"));
+    }
+}

@@ -1,0 +1,133 @@
+//! Builds the SPIR-V modules, and checks that they are what the sources give.
+
+use clap::{Parser, Subcommand};
+use eyebox_spirv::manifest::{Entry, FLAGS, Manifest, faults, module_hash, source_hash, sources};
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode};
+
+/// Builds and checks the SPIR-V modules. Needs glslangValidator and spirv-val.
+#[derive(Parser)]
+#[command(after_help = "Example: cargo run -p eyebox-spirv-tool -- build")]
+struct Arguments {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Subcommand, Clone, Copy, PartialEq)]
+enum What {
+    /// Compile every kernels/*.comp, validate, write spirv/*.spv and the manifest, remove orphans.
+    Build,
+    /// Compile again and compare bytes; list what is missing, stale or orphaned. Writes nothing.
+    Check,
+}
+
+fn main() -> ExitCode {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    match run(&root, Arguments::parse().what) {
+        Ok(report) => {
+            println!("{report}");
+            ExitCode::SUCCESS
+        }
+        Err(faults) => {
+            eprintln!("{faults}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// Compiles everything into a folder of its own first: an error leaves the modules as they were.
+fn run(root: &Path, what: What) -> Result<String, String> {
+    let folder = tempfile::tempdir().map_err(|e| format!("no temporary folder: {e}"))?;
+    let compiler = version()?;
+    let mut built = Vec::new();
+    for name in sources(root).map_err(|e| e.to_string())? {
+        let module = compile(root, folder.path(), &name)?;
+        let bytes = std::fs::read(&module).map_err(|e| format!("{}: {e}", module.display()))?;
+        let entry = Entry {
+            source_sha256: source_hash(root, &name).map_err(|e| e.to_string())?,
+            module_sha256: module_hash(&bytes),
+            name,
+        };
+        built.push((entry, bytes));
+    }
+    match what {
+        What::Build => build(root, compiler, built),
+        What::Check => check(root, &compiler, &built),
+    }
+}
+
+fn build(root: &Path, compiler: String, built: Vec<(Entry, Vec<u8>)>) -> Result<String, String> {
+    let spirv = root.join("spirv");
+    let entries: Vec<_> = std::fs::read_dir(&spirv).map_err(|e| format!("{}: {e}", spirv.display()))?.collect();
+    for path in entries.into_iter().flatten().map(|e| e.path()).filter(|p| p.extension().is_some_and(|e| e == "spv")) {
+        if !built.iter().any(|(b, _)| path.file_stem().is_some_and(|s| *s == *b.name)) {
+            println!("removing {}", path.display());
+            std::fs::remove_file(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+        }
+    }
+    for (entry, bytes) in &built {
+        place(&spirv.join(format!("{}.spv", entry.name)), bytes)?;
+    }
+    let count = built.len();
+    let module = built.into_iter().map(|b| b.0).collect();
+    let manifest = Manifest { compiler, flags: FLAGS.map(String::from).to_vec(), module };
+    let text = toml::to_string(&manifest).map_err(|e| e.to_string())?;
+    place(&Manifest::path(root), text.as_bytes())?;
+    Ok(format!("{count} modules built"))
+}
+
+fn check(root: &Path, compiler: &str, built: &[(Entry, Vec<u8>)]) -> Result<String, String> {
+    let mut wrong = faults(root).map_err(|e| e.to_string())?;
+    let manifest = Manifest::read(root).map_err(|e| e.to_string())?;
+    if manifest.compiler != compiler {
+        // Another compiler may well give other bytes: the hashes have been checked, the bytes cannot be.
+        wrong.push(format!("the modules were built by {:?}, this is {compiler:?}", manifest.compiler));
+    } else {
+        for (entry, bytes) in built {
+            let path = root.join("spirv").join(format!("{}.spv", entry.name));
+            if std::fs::read(&path).is_ok_and(|b| b != *bytes) {
+                wrong.push(format!("spirv/{}.spv differs from what its source gives", entry.name));
+            }
+        }
+    }
+    if wrong.is_empty() {
+        Ok(format!("{} modules are what their sources give", built.len()))
+    } else {
+        Err(wrong.join("\n"))
+    }
+}
+
+/// Writes beside the file, then puts it in its place; leaves a file that is the same already.
+fn place(path: &Path, bytes: &[u8]) -> Result<(), String> {
+    if std::fs::read(path).is_ok_and(|b| b == bytes) {
+        return Ok(());
+    }
+    let beside = path.with_extension("new");
+    let done = std::fs::write(&beside, bytes).and_then(|()| std::fs::rename(&beside, path));
+    done.map_err(|e| format!("{}: {e}", path.display()))
+}
+
+fn compile(root: &Path, folder: &Path, name: &str) -> Result<PathBuf, String> {
+    let module = folder.join(format!("{name}.spv"));
+    let kernels = root.join("kernels");
+    let source = kernels.join(format!("{name}.comp"));
+    let mut include = std::ffi::OsString::from("-I");
+    include.push(&kernels);
+    call(Command::new("glslangValidator").args(FLAGS).arg(include).arg("-o").arg(&module).arg(source))?;
+    call(Command::new("spirv-val").args(["--target-env", "vulkan1.2"]).arg(&module))?;
+    Ok(module)
+}
+
+fn version() -> Result<String, String> {
+    let text = call(Command::new("glslangValidator").arg("--version"))?;
+    Ok(text.lines().next().unwrap_or_default().trim().to_owned())
+}
+
+fn call(command: &mut Command) -> Result<String, String> {
+    let name = command.get_program().to_string_lossy().into_owned();
+    let output = command.output().map_err(|e| {
+        format!("{name} could not be run ({e}); on Debian or Ubuntu: apt install glslang-tools spirv-tools")
+    })?;
+    let text = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    if output.status.success() { Ok(text) } else { Err(format!("{name}: {}", text.trim())) }
+}
