@@ -30,4 +30,5 @@ mod tests;
 mod views;
 
 pub use engine::{Options, VulkanEngine};
+pub use fft::{Timed, Transforms};
 pub use devices::{DeviceKind, DeviceReport, Limits, devices};
