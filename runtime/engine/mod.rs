@@ -7,10 +7,12 @@
 
 mod choose;
 pub mod cpu;
+mod handover;
 pub mod vulkan;
 
 pub use crate::plan::{Buffer, Dispatch, Kernel, Lane, Purpose, Scope, Shape, Shot, Step, Timing};
-pub use choose::{Choice, open, open_handover};
+pub use choose::{Choice, open, open_handover, reason};
+pub use handover::Handover;
 
 use crate::scene::Pyramid;
 use std::sync::Arc;
