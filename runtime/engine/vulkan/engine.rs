@@ -84,6 +84,12 @@ impl VulkanEngine {
         self.gpu.messages()
     }
 
+    /// Makes the largest range that a kernel may see smaller than it is.
+    #[cfg(test)]
+    pub(super) fn pretend_range(&mut self, bytes: u64) {
+        self.gpu.limits.storage_range = bytes;
+    }
+
     fn stack(&self, layout: Layout, what: &str) -> Result<Option<Stack>, EngineError> {
         if layout.values == 0 || layout.frames == 0 {
             return Ok(None);

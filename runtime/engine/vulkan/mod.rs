@@ -29,5 +29,5 @@ mod tables;
 mod tests;
 mod views;
 
-pub use engine::{Options, VulkanEngine};
 pub use devices::{DeviceKind, DeviceReport, Limits, devices};
+pub use engine::{Options, VulkanEngine};
