@@ -28,6 +28,7 @@ pub mod adam;
 pub mod balance;
 pub mod compare;
 pub mod fft;
+pub mod fft_plan;
 pub mod intensity;
 pub mod modulate;
 pub mod overlap;

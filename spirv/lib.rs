@@ -44,6 +44,8 @@ modules! {
     ADAM = "adam",
     BALANCE = "balance",
     COMPARE = "compare",
+    FFT_DIRECT = "fft_direct",
+    FFT_PASS = "fft_pass",
     INTENSITY = "intensity",
     MODULATE = "modulate",
     OVERLAP = "overlap",

@@ -31,3 +31,4 @@ mod views;
 
 pub use devices::{DeviceKind, DeviceReport, Limits, devices};
 pub use engine::{Options, VulkanEngine};
+pub use fft::{Timed, Transforms};

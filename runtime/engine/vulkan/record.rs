@@ -9,7 +9,7 @@ use super::recorder::Range;
 use super::tables::Tables;
 use super::views::Views;
 use bytemuck::Pod;
-use eyebox_kernels::fft::{Columns, Direction};
+use eyebox_kernels::fft::Direction;
 use eyebox_spirv as spirv;
 
 /// Pixels whose loss a workgroup of `compare` sums.

@@ -1,5 +1,11 @@
 //! The seam behind which transforms are recorded.
 
+mod record;
+mod transforms;
+
+use record::Fft;
+pub use transforms::{Timed, Transforms};
+
 use super::super::EngineError;
 use super::device::Block;
 use super::gpu::Gpu;
@@ -37,17 +43,7 @@ pub(super) trait Transform {
     ) -> Result<(), EngineError>;
 }
 
-// TEMPORARY until the plan lands.
-struct Missing;
-impl Transform for Missing {
-    fn prepare(&mut self, _: &mut Gpu, _: usize, _: usize, _: Direction) -> Result<(), EngineError> {
-        Err(EngineError::Mismatch { reason: "no transforms".into() })
-    }
-    fn record(&mut self, _: &mut Gpu, _: Frames<'_>, _: Direction, _: Columns) -> Result<(), EngineError> {
-        Err(EngineError::Mismatch { reason: "no transforms".into() })
-    }
-}
 /// The transforms of this engine.
 pub(super) fn transforms() -> Box<dyn Transform + Send> {
-    Box::new(Missing)
+    Box::new(Fft::new())
 }

@@ -1,0 +1,101 @@
+//! Transforms of the host's frames, by themselves: for comparison with float64 and for measurement.
+
+use super::super::device::Block;
+use super::super::gpu::Gpu;
+use super::{EngineError, Fft, Frames, Transform};
+use eyebox_kernels::Complex32;
+use eyebox_kernels::fft::{Columns, Direction};
+use std::time::Instant;
+
+/// An open device that transforms what it is given.
+pub struct Transforms {
+    // Dropped before the device.
+    block: Option<Block>,
+    fft: Fft,
+    gpu: Gpu,
+}
+
+/// How long a transform took, without uploading and downloading, in seconds.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Timed {
+    /// From submission until it was done.
+    pub whole: f64,
+    /// Each pass by name, by the device's clock; empty if passes were not timed.
+    pub passes: Vec<(String, f64)>,
+}
+
+impl Transforms {
+    /// Opens the device that `wanted` names (number, or part of its name), or the best one, software devices included.
+    ///
+    /// # Errors
+    /// No such device, or no validation layer where `validation` asks for it.
+    pub fn open(wanted: Option<&str>, validation: bool) -> Result<Self, EngineError> {
+        Ok(Self { block: None, fft: Fft::new(), gpu: Gpu::open(wanted, true, validation)? })
+    }
+
+    /// Name of the device.
+    pub fn device(&self) -> &str {
+        &self.gpu.report().name
+    }
+
+    /// What the validation layer said so far.
+    pub fn messages(&self) -> Vec<String> {
+        self.gpu.messages().lock().unwrap_or_else(std::sync::PoisonError::into_inner).clone()
+    }
+
+    /// Plans of rows and columns in words.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn plans(&mut self, height: usize, width: usize) -> Result<[String; 2], EngineError> {
+        self.fft.prepare(&mut self.gpu, height, width, Direction::Forward)?;
+        Ok(self.fft.plans(height, width))
+    }
+
+    /// Transforms frames (count, height, width) as [`kernels::fft`](eyebox_kernels::fft) does, `before` bytes into a
+    /// buffer (rounded up to what the device allows), one after the other at the device's alignment.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn run(
+        &mut self,
+        frames: &mut [Complex32],
+        (height, width): (usize, usize),
+        direction: Direction,
+        columns: Columns,
+        before: u64,
+    ) -> Result<Timed, EngineError> {
+        let one = height * width;
+        let count = frames.len() / one.max(1);
+        if count == 0 {
+            return Ok(Timed { whole: 0.0, passes: Vec::new() });
+        }
+        let alignment = self.gpu.limits().offset_alignment;
+        let offset = before.next_multiple_of(alignment);
+        let stride = (8 * one as u64).next_multiple_of(alignment.max(8)) / 8;
+        let size = offset + 8 * stride * count as u64;
+        let mut pieces: Vec<_> =
+            (0..count as u64).map(|i| (8 * one as u64 * i, offset + 8 * stride * i, 8 * one as u64)).collect();
+        let block = match self.block.take() {
+            Some(block) if block.size >= size => block,
+            _ => self.gpu.block(size, "frames to be transformed")?,
+        };
+        self.gpu.upload(&block, bytemuck::cast_slice(frames), &pieces)?;
+        self.fft.prepare(&mut self.gpu, height, width, direction)?;
+        self.gpu.recorder.begin(64 * count)?;
+        let work = Frames { block: &block, offset, count, height, width, stride: stride as usize };
+        self.fft.marks = Some(Vec::new());
+        self.fft.record(&mut self.gpu, work, direction, columns)?;
+        let names = self.fft.marks.take().unwrap_or_default();
+        let start = Instant::now();
+        let times = self.gpu.recorder.submit("transforms")?;
+        let whole = start.elapsed().as_secs_f64();
+        for piece in &mut pieces {
+            *piece = (piece.1, piece.0, piece.2);
+        }
+        self.gpu.download(&block, bytemuck::cast_slice_mut(frames), &pieces)?;
+        self.block = Some(block);
+        let passes = times.into_iter().map(|(i, seconds)| (names[i].clone(), seconds)).collect();
+        Ok(Timed { whole, passes })
+    }
+}
