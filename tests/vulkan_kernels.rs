@@ -116,6 +116,25 @@ fn a_step_that_does_not_fit_is_refused() {
     assert_silent(engine);
 }
 
+/// Every kernel at the size of the paper's display, and at primes.
+#[test]
+fn large_sizes() {
+    let (mut engine, mut twin) = (vulkan(), CpuEngine::new());
+    for (height, width) in [(1080, 1920), (211, 307)] {
+        let case = Case::new(height, width, 0, 1.0, 1);
+        let (projects, adam) = (Purpose::Project, Purpose::Adam);
+        let list: Vec<Kernel> =
+            case.step(projects, PROJECTION, 0.5, usize::MAX).list.iter().map(|d| d.kernel).collect();
+        let all = list.into_iter().map(|k| (k, projects, PROJECTION)).chain([(Kernel::Adam, adam, INTENSITY)]);
+        for (kernel, purpose, mode) in all {
+            let step = case.single(purpose, mode, 0.5, kernel);
+            let worst = compare(&mut engine, &mut twin, &case, purpose, &step);
+            assert!(worst < 1e-10, "{} at {height} x {width}: {worst:e}", kernel.name());
+        }
+    }
+    assert_silent(engine);
+}
+
 /// lavapipe is as wide as it is told to be: nothing above may depend on it.
 #[test]
 fn every_subgroup_size() {
@@ -131,7 +150,11 @@ fn every_subgroup_size() {
     }
     for width in ["128", "256", "512"] {
         let tests = std::env::current_exe().expect("this test's file");
-        let output = std::process::Command::new(tests).env(WIDTH, width).output().expect("the tests run");
+        let output = std::process::Command::new(tests)
+            .env(WIDTH, width)
+            .args(["--skip", "large_sizes"])
+            .output()
+            .expect("the tests run");
         let text = String::from_utf8_lossy(&output.stdout);
         assert!(output.status.success(), "with vectors of {width} bits:\n{text}");
     }
