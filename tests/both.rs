@@ -31,14 +31,14 @@ impl Noise {
     }
 
     /// The next one.
-    pub fn next(&mut self) -> f32 {
+    pub fn draw(&mut self) -> f32 {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 40) as f32 / (1u64 << 24) as f32
     }
 
     /// Values between two limits.
     pub fn between(&mut self, count: usize, low: f32, high: f32) -> Vec<f32> {
-        (0..count).map(|_| low + (high - low) * self.next()).collect()
+        (0..count).map(|_| low + (high - low) * self.draw()).collect()
     }
 }
 
