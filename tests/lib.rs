@@ -3,6 +3,8 @@
 //! [`Oracle`] is the optics again in float64, as short as it can be said and without anything that the runtime does to
 //! be fast: no window, no span, no table. Runtime code is compared with it, never the other way round.
 
+pub mod both;
+
 use eyebox::optics::{Optics, Pupil, transfer};
 use rustfft::{FftPlanner, num_complex::Complex64};
 
