@@ -46,7 +46,8 @@ impl Radix {
             for b in (1..=a).filter(|b| held(*b) && (size / a).is_multiple_of(*b)) {
                 let c = size / a / b;
                 let split = Self { a, b, c };
-                let weight = |r: Self| [r.a, r.b, r.c].map(|n| n * n.ilog2().max(1) * u32::from(n > 1)).iter().sum::<u32>();
+                let weight =
+                    |r: Self| [r.a, r.b, r.c].map(|n| n * n.ilog2().max(1) * u32::from(n > 1)).iter().sum::<u32>();
                 if c <= b && held(c) && best.is_none_or(|best| weight(split) < weight(best)) {
                     best = Some(split);
                 }

@@ -11,7 +11,7 @@ mod handover;
 pub mod vulkan;
 
 pub use crate::plan::{Buffer, Dispatch, Kernel, Lane, Purpose, Scope, Shape, Shot, Step, Timing};
-pub use choose::{Choice, open, open_handover};
+pub use choose::{Choice, open, open_handover, reason};
 pub use handover::{At, Handover};
 
 use crate::scene::Pyramid;
