@@ -266,8 +266,25 @@ impl Fft {
 fn pipeline(gpu: &mut Gpu, pass: Pass, axis: Axis) -> Result<Pipeline, EngineError> {
     let rows = u32::from(axis == Axis::Rows);
     match pass {
-        Pass::Butterfly(Radix { a, b, c }) => gpu.pipeline(&eyebox_spirv::FFT_PASS, 3, &[a, b, c, rows, CROWD]),
+        Pass::Butterfly(radix) => {
+            let mut constants = [0; 5 + CONSTANTS];
+            constants[..5].copy_from_slice(&[radix.a, radix.b, radix.c, rows, CROWD]);
+            roots_within(radix, &mut constants[5..]);
+            gpu.pipeline(&eyebox_spirv::FFT_PASS, 3, &constants)
+        }
         Pass::Direct(_) => gpu.pipeline(&eyebox_spirv::FFT_DIRECT, 3, &[rows, CROWD]),
+    }
+}
+
+/// Specialisation constants of `fft_roots.glsl`.
+const CONSTANTS: usize = 64;
+
+/// Bits of cos and sin 2 pi k / radix, k = 1 .. 32.
+fn roots_within(radix: Radix, constants: &mut [u32]) {
+    for k in 1..=32 {
+        let [re, im] = root(k, radix.size());
+        constants[k as usize - 1] = re.to_bits();
+        constants[k as usize + 31] = (-im).to_bits();
     }
 }
 
@@ -275,7 +292,11 @@ fn pipeline(gpu: &mut Gpu, pass: Pass, axis: Axis) -> Result<Pipeline, EngineErr
 fn plan_limits(gpu: &Gpu) -> PlanLimits {
     let limits = gpu.limits();
     // A software device keeps what spills from registers in its cache, and pays for each value that it gathers.
-    let radix = if gpu.report().kind == super::super::DeviceKind::Cpu { 66 } else { 16 };
+    let radix = if gpu.report().kind == super::super::DeviceKind::Cpu {
+        std::env::var("FFTR").ok().and_then(|v| v.parse().ok()).unwrap_or(64)
+    } else {
+        16
+    };
     PlanLimits { shared_bytes: limits.shared_memory, invocations: limits.invocations, radix }
 }
 
