@@ -103,7 +103,9 @@ impl Fft {
             self.roots.insert(n, block);
         }
         match &plan.method {
-            Method::Shared { .. } => {}
+            Method::Shared { stages, threads, lines, .. } => {
+                shared_pipeline(gpu, stages, *threads, *lines)?;
+            }
             Method::Passes(passes) => {
                 for pass in passes {
                     pipeline(gpu, *pass, axis)?;
@@ -194,7 +196,13 @@ impl Transform for Fft {
                     spare: Layout { first: 0, wrap: u32::MAX, row: spare_row, frame: spare_frame },
                 };
                 let done = match &plan.method {
-                    Method::Shared { .. } => Ok(()),
+                    Method::Shared { stages, threads, lines, .. } => {
+                        if begun {
+                            gpu.recorder.barrier();
+                        }
+                        begun = true;
+                        self.whole_rows(gpu, &work, n, stages, [*threads, *lines])
+                    }
                     Method::Passes(passes) => self.passes(gpu, &work, axis, n, passes, &mut begun),
                 };
                 self.scratch = scratch;
@@ -260,6 +268,39 @@ impl Fft {
         }
         Ok(())
     }
+}
+
+impl Fft {
+    /// All rows through shared memory, in place.
+    fn whole_rows(
+        &mut self,
+        gpu: &mut Gpu,
+        work: &Work<'_>,
+        n: u32,
+        stages: &[Radix],
+        [threads, lines]: [u32; 2],
+    ) -> Result<(), EngineError> {
+        let inverse = u32::from(work.direction == Direction::Inverse);
+        let arguments = [work.height, inverse, work.layout.row, work.layout.frame];
+        let groups = [work.height.div_ceil(lines), 1, work.frames];
+        let Some(roots) = self.roots.get(&n) else { return Ok(()) };
+        let pipeline = shared_pipeline(gpu, stages, threads, lines)?;
+        gpu.recorder.dispatch(pipeline, &[work.data, roots.all()], bytemuck::cast_slice(&arguments), groups)?;
+        self.mark(gpu, || format!("Rows {n}: in shared memory"));
+        Ok(())
+    }
+}
+
+/// The pipeline of whole rows.
+fn shared_pipeline(gpu: &mut Gpu, stages: &[Radix], threads: u32, lines: u32) -> Result<Pipeline, EngineError> {
+    let mut constants = [0; 11 + 3 * CONSTANTS];
+    constants[..2].copy_from_slice(&[threads, lines]);
+    for i in 0..3 {
+        let radix = stages.get(i).copied().unwrap_or(Radix::ONE);
+        constants[2 + 3 * i..][..3].copy_from_slice(&[radix.a, radix.b, radix.c]);
+        roots_within(radix, &mut constants[11 + CONSTANTS * i..][..CONSTANTS]);
+    }
+    gpu.pipeline(&eyebox_spirv::FFT_ROWS, 2, &constants)
 }
 
 /// The pipeline of a pass, from the first time on the same one.
