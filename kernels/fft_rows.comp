@@ -4,7 +4,7 @@
 
 // Whole rows through shared memory: each is read once and written once, in place. An invocation transforms as many
 // values as the radix of the stage; between stages the workgroup exchanges them. x: place in the row and, with y, which
-// row of the workgroup; groups: rows by x, frames by z. Up to three stages; a radix of 1 is no stage.
+// row of the workgroup; groups: rows by x and y, frames by z. Up to three stages; a radix of 1 is no stage.
 
 layout(local_size_x_id = 0, local_size_y_id = 1) in;
 layout(constant_id = 0) const uint THREADS = 1;
@@ -127,7 +127,7 @@ void main() {
     load_waves2();
     load_waves3();
     uint t = gl_LocalInvocationID.x, own = gl_LocalInvocationID.y * N;
-    uint y = gl_WorkGroupID.x * LINES + gl_LocalInvocationID.y;
+    uint y = (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * LINES + gl_LocalInvocationID.y;
     uint at = gl_WorkGroupID.z * frame + y * row;
     bool live = y < rows, swap = inverse != 0;
 

@@ -84,5 +84,5 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
 
 fn median(mut seconds: Vec<f64>) -> f64 {
     seconds.sort_by(f64::total_cmp);
-    seconds.first().copied().unwrap_or(0.0)
+    seconds.get(seconds.len() / 2).copied().unwrap_or(0.0)
 }
