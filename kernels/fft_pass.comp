@@ -26,8 +26,23 @@ layout(push_constant) uniform Args {
     uint to_first, to_wrap, to_row, to_frame;
 };
 
-vec2 root(uint k) { return roots[k * (n / (A * B * C))]; }
+const uint RADIX = A * B * C;
+vec2 v[RADIX];
 
+#define FIRST 5
+#define COSINE(k) cosine_##k
+#define SINE(k) sine_##k
+#define WAVES waves
+#define LOAD_WAVES load_waves
+#include "fft_roots.glsl"
+#include "fft_lines.glsl"
+#define ROOT root
+#define TURN turn
+#define PRIME_A prime_a
+#define PRIME_B prime_b
+#define PRIME_C prime_c
+#define PLACE place
+#define BUTTERFLY butterfly
 #include "fft_butterfly.glsl"
 
 void transform(uint line, uint t) {
@@ -40,22 +55,7 @@ void transform(uint line, uint t) {
         v[i] = inverse != 0 ? x.yx : x;
     }
     uint k = t % done;
-    if (ROWS) {
-        // Two roots from memory, the others as short products.
-        vec2 one = roots[k * step], low = vec2(1.0, 0.0), high = vec2(1.0, 0.0);
-        vec2 eighth = RADIX > 8 ? roots[8 * k * step] : one;
-        [[unroll]] for (uint i = 1; i < RADIX; ++i) {
-            if (i % 8 == 0) {
-                high = i == 8 ? eighth : times(high, eighth);
-                low = high;
-            } else {
-                low = i == 1 ? one : times(low, one);
-            }
-            v[i] = times(v[i], low);
-        }
-    } else {
-        [[unroll]] for (uint i = 1; i < RADIX; ++i) v[i] = times(v[i], roots[i * k * step]);
-    }
+    twist(RADIX, k * step);
     butterfly();
     column = line + to_first;
     if (column >= to_wrap) column -= to_wrap;
@@ -70,6 +70,7 @@ void transform(uint line, uint t) {
 
 void main() {
     uint x = gl_GlobalInvocationID.x;
+    load_waves();
     if (ROWS) {
         if (x >= n / RADIX) return;
         for (uint y = gl_WorkGroupID.y; y < lines; y += gl_NumWorkGroups.y) transform(y, x);

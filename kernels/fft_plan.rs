@@ -15,7 +15,7 @@ pub struct PlanLimits {
     pub shared_bytes: u32,
     /// Invocations in a workgroup.
     pub invocations: u32,
-    /// Complex values that an invocation may hold in registers.
+    /// Complex values that an invocation should hold in registers; primes up to 31 are held all the same.
     pub radix: u32,
 }
 
@@ -46,8 +46,8 @@ impl Radix {
             for b in (1..=a).filter(|b| held(*b) && (size / a).is_multiple_of(*b)) {
                 let c = size / a / b;
                 let split = Self { a, b, c };
-                let weight =
-                    |r: Self| [r.a, r.b, r.c].map(|n| n * n.ilog2().max(1) * u32::from(n > 1)).iter().sum::<u32>();
+                // Few factors, then small ones.
+                let weight = |r: Self| (u32::from(r.b > 1) + u32::from(r.c > 1), r.a + r.b + r.c);
                 if c <= b && held(c) && best.is_none_or(|best| weight(split) < weight(best)) {
                     best = Some(split);
                 }
@@ -116,7 +116,7 @@ pub fn columns(n: u32, limits: &PlanLimits) -> Plan {
 
 /// Plans rows, which lie along memory.
 pub fn rows(n: u32, limits: &PlanLimits) -> Plan {
-    let method = shared(n, limits).filter(|_| false).unwrap_or_else(|| Method::Passes(passes(n, limits)));
+    let method = shared(n, limits).unwrap_or_else(|| Method::Passes(passes(n, limits)));
     Plan { n, method }
 }
 
@@ -127,7 +127,7 @@ fn shared(n: u32, limits: &PlanLimits) -> Option<Method> {
     let line = n.checked_mul(8).filter(|bytes| n > 1 && *bytes <= limits.shared_bytes)?;
     let stages: Vec<Radix> = split(n, limits.radix)?.into_iter().map(Radix::new).collect::<Option<_>>()?;
     let threads = n / stages.iter().map(|s| s.size()).min()?;
-    if stages.len() > 4 || threads > limits.invocations {
+    if stages.len() > 3 || threads > limits.invocations {
         return None;
     }
     let most = (limits.shared_bytes / line).min(limits.invocations / threads);
@@ -145,7 +145,7 @@ fn passes(n: u32, limits: &PlanLimits) -> Vec<Pass> {
         }
         if rest.is_multiple_of(factor) {
             rest /= factor;
-            if Radix::new(factor).is_none() || factor > limits.radix {
+            if Radix::new(factor).is_none() {
                 passes.push(Pass::Direct(factor));
             }
         } else {
@@ -167,12 +167,17 @@ fn split(n: u32, largest: u32) -> Option<Vec<u32>> {
         return Some(Vec::new());
     }
     let radices: Vec<u32> =
-        (2..=largest.min(n)).rev().filter(|r| n.is_multiple_of(*r) && Radix::new(*r).is_some()).collect();
+        (2..=largest.max(31).min(n)).rev().filter(|r| n.is_multiple_of(*r) && held(*r, largest)).collect();
     (1..=32).find_map(|count| {
         let mut best = None;
         search(n, count, &radices, &mut Vec::new(), &mut best);
         best
     })
+}
+
+/// Whether a radix may be used: up to `largest`, or a prime, which can be had no other way.
+fn held(size: u32, largest: u32) -> bool {
+    Radix::new(size).is_some_and(|r| size <= largest || r.b == 1 && size > 8)
 }
 
 /// All products of `count` falling radices; keeps the one with the least sum.
@@ -234,14 +239,14 @@ impl fmt::Display for Plan {
 mod tests {
     use super::*;
 
-    const SOFTWARE: PlanLimits = PlanLimits { shared_bytes: 32768, invocations: 1024, radix: 66 };
+    const SOFTWARE: PlanLimits = PlanLimits { shared_bytes: 32768, invocations: 1024, radix: 36 };
     const SMALL: PlanLimits = PlanLimits { shared_bytes: 16384, invocations: 128, radix: 16 };
 
     fn check(plan: &Plan, limits: &PlanLimits) {
         match &plan.method {
             Method::Shared { stages, threads, lines, shared_bytes } => {
                 assert_eq!(stages.iter().map(|s| s.size()).product::<u32>(), plan.n, "{plan}");
-                assert!(stages.iter().all(|s| s.size() <= limits.radix && plan.n / s.size() <= *threads), "{plan}");
+                assert!(stages.iter().all(|s| held(s.size(), limits.radix) && plan.n / s.size() <= *threads), "{plan}");
                 assert!(*lines > 0 && threads * lines <= limits.invocations, "{plan}");
                 assert!(*shared_bytes <= limits.shared_bytes && *shared_bytes >= 8 * plan.n * lines, "{plan}");
             }
@@ -249,7 +254,10 @@ mod tests {
                 assert_eq!(passes.iter().map(|p| p.radix()).product::<u32>(), plan.n, "{plan}");
                 for pass in passes {
                     if let Pass::Butterfly(r) = pass {
-                        assert!(r.size() <= limits.radix && Radix::new(r.size()) == Some(*r), "{plan}");
+                        assert!(
+                            (*r == Radix::ONE || held(r.size(), limits.radix)) && Radix::new(r.size()) == Some(*r),
+                            "{plan}"
+                        );
                     }
                 }
                 let in_place = passes.len() % 2 == 1;
@@ -269,13 +277,26 @@ mod tests {
     }
 
     #[test]
-    fn common_sizes_take_two_stages() {
-        for n in [512, 1080, 1920, 2048, 2160, 2464, 3840] {
-            let Method::Passes(passes) = columns(n, &SOFTWARE).method else { panic!() };
-            assert_eq!(passes.len(), 2, "{n}: {passes:?}");
-            let Method::Shared { stages, .. } = rows(n, &SOFTWARE).method else { panic!("{n}") };
-            assert_eq!(stages.len(), 2);
+    fn plans_have_the_fewest_stages() {
+        for (n, radix, stages) in
+            [(512, 36, 2), (1080, 36, 2), (1024, 32, 2), (2048, 36, 3), (256, 16, 2), (4096, 16, 3)]
+        {
+            let limits = PlanLimits { radix, ..SOFTWARE };
+            let Method::Passes(passes) = columns(n, &limits).method else { panic!("{n}") };
+            assert_eq!(passes.len(), stages, "{n}: {passes:?}");
+            let Method::Shared { stages: shared, .. } = rows(n, &limits).method else { panic!("{n}") };
+            assert_eq!(shared.len(), stages, "{n}: {shared:?}");
         }
+    }
+
+    #[test]
+    fn what_does_not_fit_shared_memory_takes_passes() {
+        assert!(matches!(rows(4096, &SOFTWARE).method, Method::Shared { .. }));
+        for n in [1, 4097, 8192, 97 * 8] {
+            assert!(matches!(rows(n, &SOFTWARE).method, Method::Passes(_)), "{n}");
+        }
+        // 2048 / 2 invocations a line are too many here.
+        assert!(matches!(rows(2048, &PlanLimits { radix: 2, ..SMALL }).method, Method::Passes(_)));
     }
 
     #[test]

@@ -46,6 +46,7 @@ modules! {
     COMPARE = "compare",
     FFT_DIRECT = "fft_direct",
     FFT_PASS = "fft_pass",
+    FFT_ROWS = "fft_rows",
     INTENSITY = "intensity",
     MODULATE = "modulate",
     OVERLAP = "overlap",

@@ -1,5 +1,6 @@
 //! Records the passes of planned transforms.
 
+use super::super::DeviceKind;
 use super::super::device::Block;
 use super::super::gpu::Gpu;
 use super::super::pipelines::Pipeline;
@@ -9,6 +10,7 @@ use eyebox_kernels::fft::{Columns, Direction};
 use eyebox_kernels::fft_plan::{self, Method, Pass, Plan, PlanLimits, Radix};
 use std::collections::HashMap;
 use std::f64::consts::TAU;
+use std::sync::Arc;
 
 /// Invocations of a workgroup of a pass through global memory.
 const CROWD: u32 = 64;
@@ -46,7 +48,7 @@ struct Layout {
 
 /// Plans, tables and scratch of all sizes seen.
 pub(in super::super) struct Fft {
-    axes: HashMap<(u32, Axis), Plan>,
+    axes: HashMap<(u32, Axis), Arc<Prepared>>,
     roots: HashMap<u32, Block>,
     scratch: Option<Block>,
     /// Scratch that became too small while it was in a recording.
@@ -59,6 +61,12 @@ pub(in super::super) struct Fft {
 enum Axis {
     Rows,
     Columns,
+}
+
+/// A length's plan and the pipelines of its passes.
+struct Prepared {
+    plan: Plan,
+    pipelines: Vec<Pipeline>,
 }
 
 /// One axis of some frames, as its passes see them.
@@ -81,7 +89,7 @@ impl Fft {
     /// The plan of an axis in words, once it is prepared.
     pub(in super::super) fn plans(&self, height: usize, width: usize) -> [String; 2] {
         [(width, Axis::Rows), (height, Axis::Columns)].map(|(n, axis)| match self.axes.get(&(n as u32, axis)) {
-            Some(plan) => plan.to_string(),
+            Some(axis) => axis.plan.to_string(),
             None => String::new(),
         })
     }
@@ -92,7 +100,7 @@ impl Fft {
         if self.axes.contains_key(&(n, axis)) {
             return Ok(());
         }
-        let limits = plan_limits(gpu);
+        let limits = plan_limits(gpu, axis);
         let plan = match axis {
             Axis::Rows => fft_plan::rows(n, &limits),
             Axis::Columns => fft_plan::columns(n, &limits),
@@ -102,15 +110,11 @@ impl Fft {
             let block = gpu.filled(bytemuck::cast_slice(&table), "roots of unity")?;
             self.roots.insert(n, block);
         }
-        match &plan.method {
-            Method::Shared { .. } => {}
-            Method::Passes(passes) => {
-                for pass in passes {
-                    pipeline(gpu, *pass, axis)?;
-                }
-            }
-        }
-        self.axes.insert((n, axis), plan);
+        let pipelines = match &plan.method {
+            Method::Shared { stages, threads, lines, .. } => vec![shared_pipeline(gpu, stages, *threads, *lines)?],
+            Method::Passes(passes) => passes.iter().map(|p| pipeline(gpu, *p, axis)).collect::<Result<_, _>>()?,
+        };
+        self.axes.insert((n, axis), Arc::new(Prepared { plan, pipelines }));
         Ok(())
     }
 
@@ -160,7 +164,7 @@ impl Transform for Fft {
         };
         let uses_scratch = [(width, Axis::Rows), (height, Axis::Columns)]
             .iter()
-            .any(|key| matches!(self.axes.get(key).map(|p| &p.method), Some(Method::Passes(p)) if p.len() > 1));
+            .any(|key| matches!(self.axes.get(key).map(|a| &a.plan.method), Some(Method::Passes(p)) if p.len() > 1));
         if uses_scratch {
             self.scratch(gpu, 8 * u64::from(spare_frame) * at_once as u64)?;
         }
@@ -172,7 +176,7 @@ impl Transform for Fft {
             let mut begun = false;
             for axis in order {
                 let n = if axis == Axis::Rows { width } else { height };
-                let Some(plan) = self.axes.get(&(n, axis)).cloned() else {
+                let Some(prepared) = self.axes.get(&(n, axis)).cloned() else {
                     debug_assert!(false, "transforms are prepared before they are recorded");
                     continue;
                 };
@@ -193,9 +197,18 @@ impl Transform for Fft {
                     layout: Layout { first: 0, wrap: width, row: width, frame: frames.stride as u32 },
                     spare: Layout { first: 0, wrap: u32::MAX, row: spare_row, frame: spare_frame },
                 };
-                let done = match &plan.method {
-                    Method::Shared { .. } => Ok(()),
-                    Method::Passes(passes) => self.passes(gpu, &work, axis, n, passes, &mut begun),
+                let done = match &prepared.plan.method {
+                    Method::Shared { lines, .. } => {
+                        if begun {
+                            gpu.recorder.barrier();
+                        }
+                        begun = true;
+                        self.whole_rows(gpu, &work, n, *lines, prepared.pipelines[0])
+                    }
+                    Method::Passes(passes) => {
+                        let passes = passes.iter().copied().zip(prepared.pipelines.iter().copied());
+                        self.passes(gpu, &work, axis, n, passes, &mut begun)
+                    }
                 };
                 self.scratch = scratch;
                 done?;
@@ -213,7 +226,7 @@ impl Fft {
         work: &Work<'_>,
         axis: Axis,
         n: u32,
-        passes: &[Pass],
+        passes: impl ExactSizeIterator<Item = (Pass, Pipeline)>,
         begun: &mut bool,
     ) -> Result<(), EngineError> {
         let count = match axis {
@@ -225,8 +238,9 @@ impl Fft {
             Axis::Columns => Layout { first: work.columns.first as u32, ..work.layout },
         };
         let (mut done, mut in_scratch) = (1, false);
-        for (i, pass) in passes.iter().enumerate() {
-            let to_scratch = !in_scratch && i + 1 < passes.len();
+        let last = passes.len().saturating_sub(1);
+        for (i, (pass, pipeline)) in passes.enumerate() {
+            let to_scratch = !in_scratch && i < last;
             // What came before, in this transform or in another one, may still use the scratch.
             if *begun || to_scratch {
                 gpu.recorder.barrier();
@@ -252,7 +266,6 @@ impl Fft {
             let (along, across) = if axis == Axis::Rows { (items, count) } else { (count, items) };
             let groups = [along.div_ceil(CROWD), across.min(gpu.limits().groups[1]), work.frames];
             let Some(roots) = self.roots.get(&n) else { return Ok(()) };
-            let pipeline = pipeline(gpu, *pass, axis)?;
             gpu.recorder.dispatch(pipeline, &[from, to, roots.all()], bytemuck::bytes_of(&arguments), groups)?;
             self.mark(gpu, || format!("{axis:?} {n}: radix {radix}"));
             done *= radix;
@@ -262,20 +275,75 @@ impl Fft {
     }
 }
 
+impl Fft {
+    /// All rows through shared memory, in place.
+    fn whole_rows(
+        &mut self,
+        gpu: &mut Gpu,
+        work: &Work<'_>,
+        n: u32,
+        lines: u32,
+        pipeline: Pipeline,
+    ) -> Result<(), EngineError> {
+        let inverse = u32::from(work.direction == Direction::Inverse);
+        let arguments = [work.height, inverse, work.layout.row, work.layout.frame];
+        let wanted = work.height.div_ceil(lines);
+        let along = wanted.min(gpu.limits().groups[0]);
+        let groups = [along, wanted.div_ceil(along), work.frames];
+        let Some(roots) = self.roots.get(&n) else { return Ok(()) };
+        gpu.recorder.dispatch(pipeline, &[work.data, roots.all()], bytemuck::cast_slice(&arguments), groups)?;
+        self.mark(gpu, || format!("Rows {n}: in shared memory"));
+        Ok(())
+    }
+}
+
+/// The pipeline of whole rows.
+fn shared_pipeline(gpu: &mut Gpu, stages: &[Radix], threads: u32, lines: u32) -> Result<Pipeline, EngineError> {
+    let mut constants = [0; 11 + 3 * CONSTANTS];
+    constants[..2].copy_from_slice(&[threads, lines]);
+    for i in 0..3 {
+        let radix = stages.get(i).copied().unwrap_or(Radix::ONE);
+        constants[2 + 3 * i..][..3].copy_from_slice(&[radix.a, radix.b, radix.c]);
+        roots_within(radix, &mut constants[11 + CONSTANTS * i..][..CONSTANTS]);
+    }
+    gpu.pipeline(&eyebox_spirv::FFT_ROWS, 2, &constants)
+}
+
 /// The pipeline of a pass, from the first time on the same one.
 fn pipeline(gpu: &mut Gpu, pass: Pass, axis: Axis) -> Result<Pipeline, EngineError> {
     let rows = u32::from(axis == Axis::Rows);
     match pass {
-        Pass::Butterfly(Radix { a, b, c }) => gpu.pipeline(&eyebox_spirv::FFT_PASS, 3, &[a, b, c, rows, CROWD]),
+        Pass::Butterfly(radix) => {
+            let mut constants = [0; 5 + CONSTANTS];
+            constants[..5].copy_from_slice(&[radix.a, radix.b, radix.c, rows, CROWD]);
+            roots_within(radix, &mut constants[5..]);
+            gpu.pipeline(&eyebox_spirv::FFT_PASS, 3, &constants)
+        }
         Pass::Direct(_) => gpu.pipeline(&eyebox_spirv::FFT_DIRECT, 3, &[rows, CROWD]),
     }
 }
 
+/// Specialisation constants of `fft_roots.glsl`.
+const CONSTANTS: usize = 64;
+
+/// Bits of cos and sin 2 pi k / radix, k = 1 .. 32.
+fn roots_within(radix: Radix, constants: &mut [u32]) {
+    for k in 1..=32 {
+        let [re, im] = root(k, radix.size());
+        constants[k as usize - 1] = re.to_bits();
+        constants[k as usize + 31] = (-im).to_bits();
+    }
+}
+
 /// What plans must fit on this device.
-fn plan_limits(gpu: &Gpu) -> PlanLimits {
+fn plan_limits(gpu: &Gpu, axis: Axis) -> PlanLimits {
     let limits = gpu.limits();
-    // A software device keeps what spills from registers in its cache, and pays for each value that it gathers.
-    let radix = if gpu.report().kind == super::super::DeviceKind::Cpu { 66 } else { 16 };
+    let radix = match (gpu.report().kind, axis) {
+        // A processor pays for every value that it gathers or scatters, and little for what spills from registers.
+        (DeviceKind::Cpu, Axis::Rows) => 32,
+        (DeviceKind::Cpu, Axis::Columns) => 36,
+        _ => 16,
+    };
     PlanLimits { shared_bytes: limits.shared_memory, invocations: limits.invocations, radix }
 }
 
