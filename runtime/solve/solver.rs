@@ -179,7 +179,9 @@ struct Run<'a> {
 }
 
 /// Steps of a pilot solve.
-const PILOT_STEPS: usize = 12;
+const PILOT_STEPS: usize = 24;
+/// A longer solve wants more light than its pilot (docs/measurements.md).
+const PILOT_RISE: f64 = 1.25;
 /// Adam does best with less light to spare than the projection (docs/measurements.md).
 const ADAM_EXPOSURE: f64 = 0.85;
 
@@ -209,10 +211,11 @@ impl Run<'_> {
         }
         self.pilot = false;
         let best = (0..tried.len()).max_by(|&i, &j| tried[i].1.total_cmp(&tried[j].1)).unwrap_or(0);
-        Ok(match tried.get(best.wrapping_sub(1)..=best + 1) {
+        let found = match tried.get(best.wrapping_sub(1)..=best + 1) {
             Some(&[a, b, c]) => peak([a, b, c]),
             _ => tried[best].0,
-        })
+        };
+        Ok(PILOT_RISE * found)
     }
 
     /// From the first phases, `steps` steps at most.

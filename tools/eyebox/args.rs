@@ -36,6 +36,11 @@ pub enum Command {
     /// Measure a hologram against its scene over many pupils
     #[command(after_help = "Example:\n  eyebox score still-life.zarr builtin:still-life --pupils random:16")]
     Score(Score),
+    /// Write a hologram's phases as an array, or as grey pictures
+    #[command(
+        after_help = "Examples:\n  eyebox export still-life.zarr -o phases.npy\n  eyebox export still-life.zarr -o frames"
+    )]
+    Export(Export),
     /// Time the steps of a solve, and each kernel, beside another program in the same run
     #[command(
         after_help = "Example:\n  eyebox bench builtin:still-life --size 512x512 --color green --steps 20 --beside 'python3 mine.py'"
@@ -217,6 +222,16 @@ pub struct Solve {
     /// Time per kernel, after the solve
     #[arg(long)]
     pub timings: bool,
+}
+
+/// `eyebox export`
+#[derive(Args)]
+pub struct Export {
+    /// NAME.zarr
+    pub hologram: PathBuf,
+    /// NAME.npy (float32 radians), or a folder for one 8-bit grey PNG per colour and sub-frame
+    #[arg(short, long, value_name = "FILE.npy|FOLDER")]
+    pub out: PathBuf,
 }
 
 /// `eyebox bench`

@@ -30,7 +30,7 @@ pub fn run(args: &Demo) -> Result<(), Failure> {
     let field = scene::load(SCENE, &scene::Request::new(&display, &colors))?;
     let [far, near] = field.depth_range(&display).unwrap_or([-3e-3, 3e-3]);
     let settings =
-        Settings { steps: 40, depth: [far, near], diameter: common::diameters(None, &display), ..Settings::default() };
+        Settings { steps: 120, depth: [far, near], diameter: common::diameters(None, &display), ..Settings::default() };
     progress::catch_interrupt();
     let solved = solve::solve_colors(&field, &display, &colors, &settings, Padding::default(), engine.as_mut(), false)?;
     let hologram = solve::hologram(&field, &display, &settings, Padding::default(), &solved);
