@@ -43,7 +43,7 @@ impl Noise {
 }
 
 /// A display, its views and three pupils: a small one at the eyebox's edge (whose window hangs over and wraps), a
-/// large one, and one in between.
+/// large one (whose views move by less than a pixel), and one in between.
 pub struct Case {
     /// Makes lanes and steps.
     pub planner: Planner,
@@ -70,7 +70,7 @@ impl Case {
         let half = slm.eyebox() / 2.0;
         let pupil =
             |x: f64, y: f64, diameter: f64, depth| Pupil { x: x * half, y: y * half, diameter: diameter * half, depth };
-        let pupils = vec![pupil(-0.7, 0.8, 0.4, depth), pupil(0.1, -0.05, 1.6, -2e-3), pupil(0.3, 0.2, 0.7, 5e-3)];
+        let pupils = vec![pupil(-0.7, 0.8, 0.4, depth), pupil(0.1, -0.05, 1.6, -2e-4), pupil(0.3, 0.2, 0.7, 5e-3)];
         Self { planner, pyramid, pupils }
     }
 

@@ -3,7 +3,7 @@
 
 use eyebox::engine::cpu::CpuEngine;
 use eyebox::engine::vulkan::{Options, VulkanEngine};
-use eyebox::engine::{Buffer, Engine, Kernel, Purpose};
+use eyebox::engine::{Buffer, Engine, Kernel, Purpose, Shape};
 use eyebox_kernels::compare::{AMPLITUDE, INTENSITY, PROJECTION};
 use eyebox_tests::both::{Case, assert_silent, compare, vulkan};
 
@@ -81,6 +81,39 @@ fn a_device_that_is_not_there_is_named_and_help_is_offered() {
     let Err(error) = VulkanEngine::open(&options) else { panic!("it opened") };
     let text = error.to_string();
     assert!(text.contains("no such device") && text.contains("tools/setup.sh"), "{text}");
+}
+
+/// No driver at all: the loader is told to look where there is none.
+#[test]
+fn a_missing_driver_is_a_sentence_with_help() {
+    const FILES: [&str; 2] = ["VK_ICD_FILENAMES", "VK_DRIVER_FILES"];
+    const NOWHERE: &str = "/nonexistent/driver.json";
+    if std::env::var(FILES[0]).is_ok_and(|v| v == NOWHERE) {
+        let Err(error) = VulkanEngine::open(&Options { allow_cpu: true, ..Options::default() }) else {
+            panic!("a device without a driver")
+        };
+        let text = error.to_string();
+        assert!(text.contains("no driver") && text.contains("tools/setup.sh") && !text.contains('\n'), "{text}");
+        return;
+    }
+    let tests = std::env::current_exe().expect("this test's file");
+    let mut child = std::process::Command::new(tests);
+    child.args(["--exact", "a_missing_driver_is_a_sentence_with_help"]).envs(FILES.map(|f| (f, NOWHERE)));
+    let output = child.output().expect("the test runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stdout));
+}
+
+/// What cannot be had is refused in one sentence, and the engine is good for something smaller.
+#[test]
+fn too_much_is_refused_and_less_still_works() {
+    let mut engine = vulkan();
+    let case = Case::new(16, 24, 0, 0.0, 2);
+    let good = case.planner.shape(Purpose::Project);
+    let text = engine.load(&Shape { frames: 1 << 40, ..good }, None).expect_err("it loaded").to_string();
+    assert!(text.contains("memory") && text.contains("phases"), "{text}");
+    case.load(&mut engine, Purpose::Project);
+    engine.run(&case.step(Purpose::Project, PROJECTION, 1.0, usize::MAX)).expect("a step");
+    assert_silent(engine);
 }
 
 #[test]

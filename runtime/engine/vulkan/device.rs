@@ -75,6 +75,13 @@ impl Device {
         Ok(Arc::new(Self { raw, queue, family, synchronization2, report, properties, allocator, instance }))
     }
 
+    /// Number of allocations alive.
+    #[cfg(test)]
+    pub(super) fn allocations(&self) -> usize {
+        let allocator = self.allocator.lock().unwrap_or_else(PoisonError::into_inner);
+        allocator.as_ref().map_or(0, |a| a.generate_report().allocations.len())
+    }
+
     /// What the validation layer said so far.
     pub(super) fn messages(&self) -> Messages {
         Arc::clone(&self.instance.messages)

@@ -90,6 +90,12 @@ impl VulkanEngine {
         self.gpu.limits.storage_range = bytes;
     }
 
+    /// Number of allocations alive, and of descriptor pools.
+    #[cfg(test)]
+    pub(super) fn held(&self) -> (usize, usize) {
+        (self.gpu.device.allocations(), self.gpu.recorder.pools())
+    }
+
     /// Sets barriers as a device without synchronization2 does.
     #[cfg(test)]
     pub(super) fn pretend_old(&mut self) {

@@ -76,8 +76,10 @@ impl Instance {
             info = info.push_next(&mut features).push_next(&mut listen);
         }
         // SAFETY: all pointers in `info` live until the call returns; the messages outlive the instance.
-        let raw = unsafe { entry.create_instance(&info, None) }
-            .map_err(|e| none(format!("no Vulkan instance could be made ({e:?})")))?;
+        let raw = unsafe { entry.create_instance(&info, None) }.map_err(|e| match e {
+            vk::Result::ERROR_INCOMPATIBLE_DRIVER => none("the loader works, and no driver is installed".into()),
+            e => none(format!("no Vulkan instance could be made ({e:?})")),
+        })?;
         let mut instance = Self { raw, messenger: None, messages, _entry: entry };
         if validation {
             let utils = ext::debug_utils::Instance::new(&instance._entry, &instance.raw);

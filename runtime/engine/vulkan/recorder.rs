@@ -83,6 +83,12 @@ impl Recorder {
         Ok(recorder)
     }
 
+    /// Number of descriptor pools.
+    #[cfg(test)]
+    pub(super) fn pools(&self) -> usize {
+        self.sets.len()
+    }
+
     /// Starts a recording with room for `marks` timestamps. A recording that was not submitted is thrown away.
     pub(super) fn begin(&mut self, marks: usize) -> Result<(), EngineError> {
         let device = &self.device;

@@ -97,6 +97,10 @@ fn a_smaller_device_gives_the_same() {
     engine.pretend_range(2 * 8 * 40 * 64 + 512);
     engine.pretend_old();
     let got = run(&mut engine);
+    // Nothing is made when the sizes have been seen.
+    let held = engine.held();
+    engine.run(&step).unwrap();
+    assert_eq!(engine.held(), held);
     let want = run(&mut CpuEngine::new());
     for (got, want) in [(&got.1, &want.1), (&got.2, &want.2)] {
         let error: f32 = got.iter().zip(want).map(|(a, b)| 2.0 - 2.0 * (a - b).cos()).sum();
@@ -110,4 +114,24 @@ fn a_smaller_device_gives_the_same() {
     let messages = engine.messages();
     drop(engine);
     assert_eq!(*messages.lock().unwrap(), Vec::<String>::new());
+}
+
+#[test]
+fn what_went_wrong_is_told_apart() {
+    use super::super::EngineError;
+    use ash::vk::Result as Code;
+    let gpu = open();
+    let error = |code| gpu.device.error("vkQueueSubmit", "transfer to adam", code);
+    let lost = error(Code::ERROR_DEVICE_LOST);
+    assert!(
+        matches!(lost, EngineError::DeviceLost { .. }) && lost.to_string().contains("while it ran transfer to adam")
+    );
+    assert!(matches!(error(Code::ERROR_OUT_OF_DEVICE_MEMORY), EngineError::OutOfMemory { .. }));
+    assert!(
+        matches!(error(Code::ERROR_OUT_OF_HOST_MEMORY), EngineError::OutOfMemory { device, .. } if device == "host")
+    );
+    assert!(error(Code::ERROR_UNKNOWN).to_string().contains("vkQueueSubmit answered ERROR_UNKNOWN"));
+    let too_much = gpu.block(1 << 46, "field").err().unwrap();
+    assert!(too_much.to_string().contains("67108864 MiB for field"), "{too_much}");
+    assert_eq!(close(gpu), Vec::<String>::new());
 }
