@@ -90,7 +90,11 @@ pub enum SolveError {
 }
 
 impl Settings {
-    fn check(&self) -> Result<(), SolveError> {
+    /// Refuses settings that cannot be.
+    ///
+    /// # Errors
+    /// [`SolveError::Setting`].
+    pub fn check(&self) -> Result<(), SolveError> {
         let wrong = |what, value: String, right| Err(SolveError::Setting { what, value, right });
         if !(1..=4096).contains(&self.frames) {
             return wrong("the number of sub-frames", self.frames.to_string(), "1 to 4096");

@@ -24,6 +24,7 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     let depth = common::depths(&args.scene, &field, &display);
     let mut settings = settings_of(args, &display, depth);
     settings.seconds = args.seconds.map(|s| s / colors.len() as f64);
+    settings.check()?;
     let padding = padding(args.padding, &display, &colors, depth)?;
     if !args.json {
         eprintln!(

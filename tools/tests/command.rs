@@ -1,0 +1,354 @@
+//! The command as a user runs it: what it answers to mistakes, and that it does what its help says.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+fn eyebox(folder: &Path, args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_eyebox")).args(args).current_dir(folder).output().expect("the command starts")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// Exit code 2, one line that says `what`, nothing at `out`.
+fn refused(folder: &Path, args: &[&str], out: &str, what: &str) {
+    let answer = eyebox(folder, args);
+    let said = text(&answer.stderr);
+    assert_eq!(answer.status.code(), Some(2), "{args:?}: {said}");
+    assert_eq!(said.trim().lines().count(), 1, "{args:?}: {said}");
+    assert!(said.contains(what) && !said.contains("panicked"), "{args:?}: {said}");
+    assert!(!folder.join(out).exists(), "{args:?} left {out}");
+}
+
+fn done(folder: &Path, args: &[&str]) -> String {
+    let answer = eyebox(folder, args);
+    assert!(answer.status.success(), "{args:?}: {}", text(&answer.stderr));
+    text(&answer.stdout)
+}
+
+fn folder() -> tempfile::TempDir {
+    tempfile::tempdir().expect("a temporary folder")
+}
+
+const SMALL: [&str; 8] = ["--size", "40x48", "--steps", "3", "--color", "green", "--engine", "cpu"];
+
+fn solve<'a>(scene: &'a str, out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+    [&["solve", scene, "-o", out][..], &SMALL, more].concat()
+}
+
+/// Nine photographs of the built-in scene as a folder of views.
+fn views(folder: &Path) -> PathBuf {
+    let views = folder.join("views");
+    std::fs::create_dir(&views).unwrap();
+    for i in 0..9 {
+        let (x, y) = ((i % 3 - 1) * 7, (i / 3 - 1) * 7);
+        let (pupil, out) = (format!("--pupil={x},{y},2,0"), format!("views/view_{i:02}.png"));
+        done(folder, &["photograph", "builtin:still-life", "--size", "40x48", "--views", "3", &pupil, "-o", &out]);
+    }
+    views
+}
+
+#[test]
+fn mistakes_in_arguments_are_one_line() {
+    let temp = folder();
+    let at = temp.path();
+    refused(at, &solve("none", "x.zarr", &[]), "x.zarr", "none: no such folder");
+    refused(at, &solve("builtin:none", "x.zarr", &[]), "x.zarr", "still-life");
+    refused(at, &solve("builtin:plane", "x.tiff", &[]), "x.tiff", ".zarr or .npy");
+    refused(at, &solve("builtin:plane", "none/x.zarr", &[]), "none", "no such folder");
+    refused(at, &solve("builtin:plane", "x.zarr", &["--efficiency", "0"]), "x.zarr", "efficiency");
+    refused(at, &solve("builtin:plane", "x.zarr", &["--efficiency", "2"]), "x.zarr", "efficiency");
+    refused(at, &solve("builtin:plane", "x.zarr", &["--frames", "0"]), "x.zarr", "sub-frames");
+    refused(at, &solve("builtin:plane", "x.zarr", &["--pupils", "0"]), "x.zarr", "pupils");
+    refused(at, &solve("builtin:plane", "x.zarr", &["--pupil-diameter", "0..2"]), "x.zarr", "diameters");
+    refused(at, &solve("builtin:plane", "x.zarr", &["--vulkan-from", "none"]), "x.zarr", "modulate");
+    refused(at, &["solve", "builtin:plane", "-o", "x.zarr", "--size", "0x8"], "x.zarr", "1 to 65536");
+    refused(at, &["solve", "builtin:plane", "-o", "x.zarr", "--display", "none"], "x.zarr", "paper, plm, small");
+    let photograph = |pupil| ["photograph", "builtin:plane", "--size", "40x48", pupil, "-o", "x.png"];
+    refused(at, &photograph("--pupil=0,0,0,0"), "x.png", "diameter");
+    refused(at, &photograph("--pupil=0,0,-3,0"), "x.png", "diameter");
+    refused(at, &photograph("--pupil=0,0,3"), "x.png", "x,y,diameter,focus");
+    refused(at, &photograph("--pupil=12,0,3,0"), "x.png", "eyebox");
+}
+
+#[test]
+fn mistakes_in_display_files_are_one_line() {
+    let temp = folder();
+    let at = temp.path();
+    let right = "resolution = [40, 48]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
+    for (wrong, what) in [
+        (format!("{right}levles = 16\n"), "levles"),
+        (right.replace("520", "0"), "wavelength"),
+        (right.replace("40, 48", "0, 48"), "0x48"),
+        (right.replace("pitch_um = 8.0\n", ""), "pitch_um"),
+        ("[".into(), "line 1"),
+    ] {
+        std::fs::write(at.join("bench.toml"), wrong).unwrap();
+        refused(
+            at,
+            &["solve", "builtin:plane", "-o", "x.zarr", "--display", "bench.toml", "--color", "green"],
+            "x.zarr",
+            what,
+        );
+    }
+    std::fs::write(at.join("bench.toml"), right).unwrap();
+    refused(
+        at,
+        &["solve", "builtin:plane", "-o", "x.zarr", "--display", "bench.toml", "--color", "red"],
+        "x.zarr",
+        "red",
+    );
+    done(at, &["solve", "builtin:plane", "-o", "x.zarr", "--display", "bench.toml", "--steps", "2", "--engine", "cpu"]);
+}
+
+#[test]
+fn faults_in_folders_of_views_are_one_line() {
+    let temp = folder();
+    let at = temp.path();
+    let views = views(at);
+    done(at, &solve("views", "whole.zarr", &[]));
+    let (last, kept) = (views.join("view_08.png"), std::fs::read(views.join("view_08.png")).unwrap());
+    std::fs::write(&last, &kept[..kept.len() / 2]).unwrap();
+    refused(at, &solve("views", "x.zarr", &[]), "x.zarr", "view_08.png");
+    std::fs::remove_file(&last).unwrap();
+    refused(at, &solve("views", "x.zarr", &[]), "x.zarr", "views");
+    std::fs::write(&last, &kept).unwrap();
+    std::fs::remove_file(views.join("view_04.png")).unwrap();
+    refused(at, &solve("views", "x.zarr", &[]), "x.zarr", "view_04.png");
+}
+
+#[test]
+fn damaged_holograms_are_one_line() {
+    let temp = folder();
+    let at = temp.path();
+    done(at, &solve("builtin:plane", "h.zarr", &[]));
+    let view = ["view", "h.zarr", "--pupil=0,0,5,0", "-o", "x.png"];
+    let mut files = vec![at.join("h.zarr")];
+    while let Some(folder) = files.iter().position(|f| f.is_dir()) {
+        let folder = files.swap_remove(folder);
+        files.extend(std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()));
+    }
+    assert!(files.len() > 8, "documents and chunks");
+    for file in files {
+        let whole = std::fs::read(&file).unwrap();
+        let name = file.file_name().unwrap().to_string_lossy().into_owned();
+        let mut flipped = whole.clone();
+        flipped[whole.len() / 2] ^= 1;
+        for damaged in [&flipped[..], &whole[..whole.len() - 5]] {
+            std::fs::write(&file, damaged).unwrap();
+            refused(at, &view, "x.png", &name);
+        }
+        std::fs::write(&file, whole).unwrap();
+    }
+    done(at, &view);
+    refused(at, &["view", "none.zarr", "--pupil=0,0,5,0", "-o", "y.png"], "y.png", "none.zarr");
+    refused(at, &["view", "h.zarr", "--pupil=0,0,5,0", "--pitch", "8", "-o", "y.png"], "y.png", "its own optics");
+}
+
+#[test]
+fn bare_phases_need_sound_optics() {
+    let temp = folder();
+    let at = temp.path();
+    done(at, &solve("builtin:plane", "p.npy", &[]));
+    let view = |wavelength, out| {
+        [
+            "view",
+            "p.npy",
+            "--pupil=0,0,5,0",
+            "--pitch",
+            "8",
+            "--wavelength",
+            wavelength,
+            "--focal-length",
+            "400",
+            "-o",
+            out,
+        ]
+    };
+    done(at, &view("520", "v.npy"));
+    refused(at, &view("0", "x.npy"), "x.npy", "wavelength");
+    refused(at, &view("520,440", "x.npy"), "x.npy", "1 colours, 2 wavelengths");
+    refused(at, &["view", "p.npy", "--pupil=0,0,5,0", "-o", "x.npy"], "x.npy", "--pitch");
+    // A NaN among the phases.
+    let mut bytes = std::fs::read(at.join("p.npy")).unwrap();
+    let end = bytes.len();
+    bytes[end - 4..].copy_from_slice(&f32::NAN.to_le_bytes());
+    std::fs::write(at.join("p.npy"), bytes).unwrap();
+    refused(at, &view("520", "x.npy"), "x.npy", "p.npy");
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_full_disk_is_one_line_and_leaves_nothing() {
+    let temp = folder();
+    let at = temp.path();
+    // A limit on the size of files stands for a disk that is full: writing fails in the middle.
+    let script = format!(
+        "trap '' XFSZ; ulimit -f 2; exec {} {}",
+        env!("CARGO_BIN_EXE_eyebox"),
+        solve("builtin:plane", "x.zarr", &[]).join(" ")
+    );
+    let answer = Command::new("bash").args(["-c", &script]).current_dir(at).output().unwrap();
+    let said = text(&answer.stderr);
+    assert_eq!(answer.status.code(), Some(2), "{said}");
+    assert!(said.trim().lines().last().is_some_and(|l| l.contains("written")) && !said.contains("panicked"), "{said}");
+    assert_eq!(std::fs::read_dir(at).unwrap().count(), 0, "something was left behind");
+}
+
+#[test]
+fn the_same_seed_gives_the_same_file_and_another_another() {
+    let temp = folder();
+    let at = temp.path();
+    for (out, seed) in [("a.npy", "5"), ("b.npy", "5"), ("c.npy", "6")] {
+        done(at, &solve("builtin:still-life", out, &["--seed", seed]));
+    }
+    let read = |name: &str| std::fs::read(at.join(name)).unwrap();
+    assert!(read("a.npy") == read("b.npy") && read("a.npy") != read("c.npy"));
+}
+
+#[test]
+fn from_a_scene_to_a_score_in_three_colours() {
+    let temp = folder();
+    let at = temp.path();
+    let said = done(
+        at,
+        &[
+            "solve",
+            "builtin:still-life",
+            "-o",
+            "h.zarr",
+            "--size",
+            "40x48",
+            "--steps",
+            "3",
+            "--frames",
+            "2",
+            "--efficiency",
+            "0.5",
+            "--engine",
+            "cpu",
+            "--json",
+        ],
+    );
+    let report: serde_json::Value = serde_json::from_str(&said).expect("one JSON object");
+    assert_eq!(report["colors"].as_array().map(Vec::len), Some(3));
+    assert!(
+        report["colors"].as_array().unwrap().iter().all(|c| (c["efficiency"].as_f64().unwrap() - 0.5).abs() < 1e-9)
+    );
+    done(at, &["view", "h.zarr", "--pupil=2,1,5,0.3", "-o", "v.png"]);
+    done(at, &["view", "h.zarr", "--pupil=2,1,5,0.3", "-o", "v.npy"]);
+    let array = std::fs::read(at.join("v.npy")).unwrap();
+    assert!(text(&array[..128]).contains("(3, 40, 48)") && array.len() == 128 + 3 * 40 * 48 * 4);
+    done(at, &["photograph", "builtin:still-life", "--size", "40x48", "--pupil=2,1,5,0.3", "-o", "t.npy"]);
+    let score: serde_json::Value =
+        serde_json::from_str(&done(at, &["score", "h.zarr", "builtin:still-life", "--pupils", "random:3", "--json"]))
+            .unwrap();
+    assert!(score["psnr_db"]["mean"].as_f64().unwrap() > 10.0 && score["pupils"].as_array().unwrap().len() == 3);
+    std::fs::write(at.join("pupils.json"), "[[0, 0, 4, 0], [2, -1, 6, 0.2]]").unwrap();
+    assert!(done(at, &["score", "h.zarr", "builtin:still-life", "--pupils", "pupils.json"]).contains("over 2 pupils"));
+    std::fs::write(at.join("pupils.json"), "[[0, 0, 4]]").unwrap();
+    refused(at, &["score", "h.zarr", "builtin:still-life", "--pupils", "pupils.json"], "x", "pupils.json");
+    done(at, &["export", "h.zarr", "-o", "p.npy"]);
+    done(at, &["export", "h.zarr", "-o", "frames"]);
+    assert_eq!(std::fs::read_dir(at.join("frames")).unwrap().count(), 6);
+    done(
+        at,
+        &[
+            "view",
+            "frames",
+            "--pupil=0,0,5,0",
+            "--pitch",
+            "8",
+            "--wavelength",
+            "660,520,440",
+            "--focal-length",
+            "400",
+            "-o",
+            "f.png",
+        ],
+    );
+}
+
+#[test]
+fn the_smallest_displays_work() {
+    let temp = folder();
+    let at = temp.path();
+    for size in ["1x1", "1x9", "7x13"] {
+        let args = [
+            "solve",
+            "builtin:plane",
+            "-o",
+            "s.npy",
+            "--size",
+            size,
+            "--steps",
+            "2",
+            "--color",
+            "green",
+            "--engine",
+            "cpu",
+        ];
+        let answer = eyebox(at, &args);
+        let said = text(&answer.stderr);
+        assert!(matches!(answer.status.code(), Some(0 | 2)) && !said.contains("panicked"), "{size}: {said}");
+    }
+}
+
+#[test]
+fn padding_is_said() {
+    let temp = folder();
+    let answer = eyebox(temp.path(), &solve("builtin:plane", "p.zarr", &["--padding", "--depth=-9..9"]));
+    assert!(answer.status.success() && text(&answer.stderr).contains("padded by"), "{}", text(&answer.stderr));
+    done(temp.path(), &["view", "p.zarr", "--pupil=0,0,5,0", "-o", "v.png"]);
+}
+
+#[test]
+#[cfg(unix)]
+fn an_interrupted_solve_leaves_a_whole_hologram() {
+    let temp = folder();
+    let at = temp.path();
+    // All colours: those that are left when ctrl-C comes must not take long.
+    let args =
+        ["solve", "builtin:still-life", "-o", "h.zarr", "--size", "40x48", "--steps", "1000000", "--engine", "cpu"];
+    let mut child = Command::new(env!("CARGO_BIN_EXE_eyebox")).args(args).current_dir(at).spawn().unwrap();
+    std::thread::sleep(std::time::Duration::from_secs(3));
+    let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(killed.success());
+    assert!(child.wait().unwrap().success());
+    done(at, &["view", "h.zarr", "--pupil=0,0,5,0", "-o", "v.png"]);
+}
+
+#[test]
+fn time_is_a_limit_too() {
+    let temp = folder();
+    let args = [
+        "solve",
+        "builtin:plane",
+        "-o",
+        "h.npy",
+        "--size",
+        "40x48",
+        "--steps",
+        "1000000",
+        "--seconds",
+        "1",
+        "--color",
+        "green",
+        "--engine",
+        "cpu",
+        "--json",
+    ];
+    let report: serde_json::Value = serde_json::from_str(&done(temp.path(), &args)).unwrap();
+    assert_eq!(report["colors"][0]["stopped_by"], "seconds");
+}
+
+#[test]
+fn help_and_devices_answer() {
+    let temp = folder();
+    for command in ["demo", "solve", "view", "photograph", "score", "export", "bench", "devices"] {
+        assert!(done(temp.path(), &[command, "--help"]).contains("Example"), "{command}");
+    }
+    assert!(done(temp.path(), &["devices"]).contains("auto"));
+    assert!(serde_json::from_str::<serde_json::Value>(&done(temp.path(), &["devices", "--json"])).is_ok());
+}
