@@ -1,145 +1,148 @@
-// Transforms of A * B * C values in registers, forward, natural order in, order of `place` out.
+// Transforms of a b values in registers, forward, natural order in, order of `place` out.
 //
-// The shader that includes this declares A, B and C as specialisation constants, so that all loops unroll and all
-// indices of v are known when the pipeline is made, and `root(k)` = exp(-i 2 pi k / (A B C)), the same for all
-// invocations. Each of A, B, C is 1, 2, 4, 8 or an odd prime.
+// A register holds two complex numbers, (re, im, re, im), of two columns or of two neighbouring butterflies: memory is
+// read and written 16 bytes at a time, which software devices, for which each access has a fixed price, thank most.
+// All sizes come from specialisation constants, so that all loops unroll and all indices of v are known when the
+// pipeline is made.
 
-const uint RADIX = A * B * C;
-vec2 v[RADIX];
-
-vec2 times(vec2 a, vec2 b) { return vec2(a.x * b.x - a.y * b.y, a.x * b.y + a.y * b.x); }
+vec4 v[32];
 
 // Times -i.
-vec2 turned(vec2 a) { return vec2(a.y, -a.x); }
+vec4 quarter(vec4 a) { return vec4(a.y, -a.x, a.w, -a.z); }
 
-const float HALF_ROOT = 0.70710678118654752;
-
-void pair(uint i, uint j) {
-    vec2 sum = v[i] + v[j];
-    v[j] = v[i] - v[j];
-    v[i] = sum;
+// Products of complex numbers, pair by pair.
+vec4 times(vec4 a, vec4 w) {
+    return vec4(a.x * w.x - a.y * w.y, a.x * w.y + a.y * w.x, a.z * w.z - a.w * w.w, a.z * w.w + a.w * w.z);
 }
+vec4 times(vec4 a, vec2 w) { return times(a, w.xyxy); }
 
-void four(uint i, uint j, uint k, uint l) {
-    pair(i, k);
-    pair(j, l);
-    vec2 odd = turned(v[l]), even = v[k], most = v[j];
-    v[j] = even + odd;
-    v[l] = even - odd;
-    v[k] = v[i] - most;
-    v[i] += most;
-}
-
-void eight(uint at, uint by) {
-    four(at, at + 2 * by, at + 4 * by, at + 6 * by);
-    four(at + by, at + 3 * by, at + 5 * by, at + 7 * by);
-    // Even half in 0 2 4 6, odd half in 1 3 5 7, each in order.
-    vec2 a = v[at + by], b = v[at + 3 * by], c = v[at + 5 * by], d = v[at + 7 * by];
-    b = HALF_ROOT * (b + turned(b));
-    c = turned(c);
-    d = HALF_ROOT * (turned(d) - d);
-    vec2 p = v[at], q = v[at + 2 * by], r = v[at + 4 * by], s = v[at + 6 * by];
-    v[at] = p + a;
-    v[at + by] = q + b;
-    v[at + 2 * by] = r + c;
-    v[at + 3 * by] = s + d;
-    v[at + 4 * by] = p - a;
-    v[at + 5 * by] = q - b;
-    v[at + 6 * by] = r - c;
-    v[at + 7 * by] = s - d;
-}
-
-void three(uint at, uint by) {
-    vec2 sum = v[at + by] + v[at + 2 * by];
-    vec2 odd = 0.86602540378443865 * turned(v[at + by] - v[at + 2 * by]);
-    vec2 even = v[at] - 0.5 * sum;
-    v[at] += sum;
-    v[at + by] = even + odd;
-    v[at + 2 * by] = even - odd;
-}
-
-void five(uint at, uint by) {
-    const float c1 = 0.30901699437494742, c2 = -0.80901699437494742;
-    const float s1 = 0.95105651629515357, s2 = 0.58778525229247313;
-    vec2 p = v[at + by] + v[at + 4 * by], q = v[at + 2 * by] + v[at + 3 * by];
-    vec2 m = turned(v[at + by] - v[at + 4 * by]), n = turned(v[at + 2 * by] - v[at + 3 * by]);
-    vec2 even1 = v[at] + c1 * p + c2 * q, even2 = v[at] + c2 * p + c1 * q;
-    vec2 odd1 = s1 * m + s2 * n, odd2 = s2 * m - s1 * n;
-    v[at] += p + q;
-    v[at + by] = even1 + odd1;
-    v[at + 2 * by] = even2 + odd2;
-    v[at + 3 * by] = even2 - odd2;
-    v[at + 4 * by] = even1 - odd1;
-}
-
-// Any odd prime P: sums and differences of mirrored pairs.
-#define ODD_PRIME(name, P)                                                                   \
-    void name(uint at, uint by) {                                                            \
-        vec2 sums[P / 2 + 1], differences[P / 2 + 1], waves[P / 2 + 1];                      \
-        vec2 all = v[at];                                                                    \
-        [[unroll]] for (uint j = 1; j <= P / 2; ++j) {                                       \
-            sums[j] = v[at + j * by] + v[at + (P - j) * by];                                 \
-            differences[j] = turned(v[at + j * by] - v[at + (P - j) * by]);                  \
-            waves[j] = root(j * (RADIX / P));                                                \
-            all += sums[j];                                                                  \
-        }                                                                                    \
-        [[unroll]] for (uint k = 1; k <= P / 2; ++k) {                                       \
-            vec2 even = v[at], odd = vec2(0.0);                                              \
-            [[unroll]] for (uint j = 1; j <= P / 2; ++j) {                                   \
-                uint turn = j * k % P;                                                       \
-                vec2 wave = waves[min(turn, P - turn)];                                      \
-                even += wave.x * sums[j];                                                    \
-                odd += (turn <= P / 2 ? -wave.y : wave.y) * differences[j];                  \
-            }                                                                                \
-            v[at + k * by] = even + odd;                                                     \
-            v[at + (P - k) * by] = even - odd;                                               \
-        }                                                                                    \
-        v[at] = all;                                                                         \
+// exp(-i 2 pi m / n) of constants: the compiler does the sums. The angle is within pi / 4, as exact as float32 has it.
+vec2 turn(uint m, uint n) {
+    uint eighths = 8u * (m % n);
+    uint octant = eighths / n, rest = eighths % n;
+    bool mirror = (octant & 1u) != 0u;
+    float x = 0.785398163397448 * (float(mirror ? n - rest : rest) / float(n));
+    float q = x * x;
+    float s = x * (1.0 + q * (-1.0 / 6.0 + q * (1.0 / 120.0 + q * (-1.0 / 5040.0 + q * (1.0 / 362880.0)))));
+    float c = 1.0 + q * (-0.5 + q * (1.0 / 24.0 + q * (-1.0 / 720.0 + q * (1.0 / 40320.0))));
+    if (mirror) {
+        s = -s;
+        octant++;
     }
-
-ODD_PRIME(prime_a, A)
-ODD_PRIME(prime_b, B)
-ODD_PRIME(prime_c, C)
-
-// A transform of `size` values that stand `by` apart.
-#define LINE(size, prime, at, by)                                                                       \
-    if (size == 2) pair(at, (at) + (by));                                                               \
-    else if (size == 3) three(at, by);                                                                  \
-    else if (size == 4) four(at, (at) + (by), (at) + 2 * (by), (at) + 3 * (by));                        \
-    else if (size == 5) five(at, by);                                                                   \
-    else if (size == 8) eight(at, by);                                                                  \
-    else if (size > 5) prime(at, by);
-
-// Turns v[i] by k / RADIX of a circle.
-void turn(uint i, uint k) {
-    vec2 x = v[i];
-    if (k == 0) return;
-    if (4 * k == RADIX) v[i] = turned(x);
-    else if (2 * k == RADIX) v[i] = -x;
-    else if (4 * k == 3 * RADIX) v[i] = -turned(x);
-    else if (8 * k == RADIX) v[i] = HALF_ROOT * (x + turned(x));
-    else if (8 * k == 3 * RADIX) v[i] = HALF_ROOT * (turned(x) - x);
-    else v[i] = times(x, root(k));
+    uint h = (octant / 2u) & 3u;
+    vec2 z = h == 0u ? vec2(c, s) : h == 1u ? vec2(-s, c) : h == 2u ? vec2(-c, -s) : vec2(s, -c);
+    return vec2(z.x, -z.y);
 }
 
-// Where butterfly() leaves output k.
-uint place(uint k) {
-    uint inner = k / A;
-    return k % A * (B * C) + inner % B * C + inner / B;
+// In what follows: values at v[a], v[a + d], v[a + 2 d], ..., in place, outputs in order.
+
+void dft2(uint a, uint d) {
+    vec4 x = v[a], y = v[a + d];
+    v[a] = x + y;
+    v[a + d] = x - y;
 }
 
-void butterfly() {
-    [[unroll]] for (uint j = 0; j < B * C; ++j) {
-        LINE(A, prime_a, j, B * C)
-        [[unroll]] for (uint k = 1; k < A; ++k) turn(k * (B * C) + j, j * k);
+void dft3(uint a, uint d) {
+    vec4 t = v[a + d] + v[a + 2u * d];
+    vec4 u = 0.866025403784439 * quarter(v[a + d] - v[a + 2u * d]);
+    vec4 m = v[a] - 0.5 * t;
+    v[a] += t;
+    v[a + d] = m + u;
+    v[a + 2u * d] = m - u;
+}
+
+void dft4(uint a, uint d) {
+    vec4 p = v[a] + v[a + 2u * d], q = v[a] - v[a + 2u * d];
+    vec4 r = v[a + d] + v[a + 3u * d], s = quarter(v[a + d] - v[a + 3u * d]);
+    v[a] = p + r;
+    v[a + d] = q + s;
+    v[a + 2u * d] = p - r;
+    v[a + 3u * d] = q - s;
+}
+
+void dft8(uint a, uint d) {
+    const float h = 0.707106781186548;
+    vec4 t[8];
+    [[unroll]] for (uint i = 0u; i < 4u; i++) {
+        t[i] = v[a + i * d] + v[a + (i + 4u) * d];
+        t[i + 4u] = v[a + i * d] - v[a + (i + 4u) * d];
     }
-    [[unroll]] for (uint a = 0; a < A; ++a) {
-        [[unroll]] for (uint j = 0; j < C; ++j) {
-            LINE(B, prime_b, a * (B * C) + j, C)
-            [[unroll]] for (uint k = 1; k < B; ++k) turn(a * (B * C) + k * C + j, A * j * k);
+    t[5] = h * (t[5] + quarter(t[5]));
+    t[6] = quarter(t[6]);
+    t[7] = h * (quarter(t[7]) - t[7]);
+    [[unroll]] for (uint i = 0u; i < 2u; i++) {
+        vec4 p = t[4u * i] + t[4u * i + 2u], q = t[4u * i] - t[4u * i + 2u];
+        vec4 r = t[4u * i + 1u] + t[4u * i + 3u], s = quarter(t[4u * i + 1u] - t[4u * i + 3u]);
+        v[a + i * d] = p + r;
+        v[a + (i + 2u) * d] = q + s;
+        v[a + (i + 4u) * d] = p - r;
+        v[a + (i + 6u) * d] = q - s;
+    }
+}
+
+// Odd primes: X[k], X[p - k] = x[0] + sum cos (x[j] + x[p - j]) -+ i sum sin (x[j] - x[p - j]).
+void dft_odd(uint p, uint a, uint d) {
+    vec4 t[6], u[6], first = v[a], sum = v[a];
+    [[unroll]] for (uint j = 1u; j <= p / 2u; j++) {
+        t[j - 1u] = v[a + j * d] + v[a + (p - j) * d];
+        u[j - 1u] = quarter(v[a + j * d] - v[a + (p - j) * d]);
+        sum += t[j - 1u];
+    }
+    v[a] = sum;
+    [[unroll]] for (uint k = 1u; k <= p / 2u; k++) {
+        vec4 m = first, n = vec4(0.0);
+        [[unroll]] for (uint j = 1u; j <= p / 2u; j++) {
+            vec2 w = turn((j * k) % p, p);
+            m += w.x * t[j - 1u];
+            n -= w.y * u[j - 1u];
         }
-        [[unroll]] for (uint b = 0; b < B; ++b) {
-            LINE(C, prime_c, a * (B * C) + b * C, 1)
+        v[a + k * d] = m + n;
+        v[a + (p - k) * d] = m - n;
+    }
+}
+
+void dft(uint size, uint a, uint d) {
+    if (size == 2u) dft2(a, d);
+    else if (size == 3u) dft3(a, d);
+    else if (size == 4u) dft4(a, d);
+    else if (size == 8u) dft8(a, d);
+    else if (size > 1u) dft_odd(size, a, d);
+}
+
+// Output k of butterfly(a, b, at) is at v[at + place(k, a, b)].
+uint place(uint k, uint a, uint b) { return (k % a) * b + k / a; }
+
+void butterfly(uint a, uint b, uint at) {
+    [[unroll]] for (uint n = 0u; n < b; n++) dft(a, at + n, b);
+    if (b > 1u) {
+        [[unroll]] for (uint k = 0u; k < a; k++) {
+            [[unroll]] for (uint n = 1u; n < b; n++) {
+                if (k > 0u) v[at + k * b + n] = times(v[at + k * b + n], turn(k * n, a * b));
+            }
+            dft(b, at + k * b, 1u);
         }
+    }
+}
+
+// The second power of w that tables hold beside w, for a radix.
+uint table_power(uint radix) { return radix <= 4u ? 2u : 4u; }
+
+// v[at + k] times w^k, from w and its power: one access to the table instead of one a value, at the price of products
+// of at most four factors.
+void twist(uint at, uint radix, vec4 w, vec4 w_power) {
+    uint power = table_power(radix);
+    vec4 low[4];
+    low[1] = w;
+    [[unroll]] for (uint k = 2u; k < power; k++) low[k] = times(low[k / 2u], low[k - k / 2u]);
+    [[unroll]] for (uint k = 1u; k < power; k++) {
+        if (k < radix) v[at + k] = times(v[at + k], low[k]);
+    }
+    vec4 high = w_power;
+    [[unroll]] for (uint k = power; k < radix; k += power) {
+        v[at + k] = times(v[at + k], high);
+        [[unroll]] for (uint l = 1u; l < power; l++) {
+            if (k + l < radix) v[at + k + l] = times(v[at + k + l], times(high, low[l]));
+        }
+        high = times(high, w_power);
     }
 }
