@@ -106,9 +106,14 @@ fn displays() {
 #[test]
 fn columns_in_use_may_wrap_and_frames_may_lie_anywhere() {
     let mut transforms = open();
-    for (size, first, count) in
-        [((64, 96), 80, 30), ((45, 64), 10, 17), ((48, 50), 49, 2), ((30, 36), 5, 0), ((40, 40), 39, 40), ((97, 12), 7, 9)]
-    {
+    for (size, first, count) in [
+        ((64, 96), 80, 30),
+        ((45, 64), 10, 17),
+        ((48, 50), 49, 2),
+        ((30, 36), 5, 0),
+        ((40, 40), 39, 40),
+        ((97, 12), 7, 9),
+    ] {
         let columns = Columns { first, count };
         compare(&mut transforms, &Case { size, frames: 3, columns, before: 4 * 1000 });
     }

@@ -19,8 +19,7 @@ pub(super) fn check(step: &Step, part: &Range<usize>, shape: &Shape, views: Opti
             Kernel::Project => step.project.place == shape.place,
             Kernel::Adam => step.adam.place == shape.place,
             Kernel::Balance => {
-                (step.balance.grid_height, step.balance.grid_width)
-                    == (shape.place.grid_height, shape.place.grid_width)
+                (step.balance.grid_height, step.balance.grid_width) == (shape.place.grid_height, shape.place.grid_width)
             }
             _ => true,
         };
@@ -67,7 +66,9 @@ fn check_lane(lane: &Lane, shape: &Shape) -> Result<(), String> {
         }
     }
     let far = |first: i32, n: usize| i64::from(first).abs() + n as i64 >= 1 << 16;
-    if !sized(lane.transfer.rows, lane.transfer.columns) || far(lane.transfer.y0, rows) || far(lane.transfer.x0, columns)
+    if !sized(lane.transfer.rows, lane.transfer.columns)
+        || far(lane.transfer.y0, rows)
+        || far(lane.transfer.x0, columns)
     {
         return Err("its transfer is for another window, or for bins beyond 2^16".into());
     }
@@ -79,7 +80,10 @@ fn check_lane(lane: &Lane, shape: &Shape) -> Result<(), String> {
     }
     let count = lane.count();
     if lane.intensity.count as usize != count || lane.compare.count as usize != count {
-        return Err(format!("it has {count} pixels, its arguments say {} and {}", lane.intensity.count, lane.compare.count));
+        return Err(format!(
+            "it has {count} pixels, its arguments say {} and {}",
+            lane.intensity.count, lane.compare.count
+        ));
     }
     if lane.intensity.frames as usize != shape.frames {
         return Err(format!("{} sub-frames are loaded, its arguments say {}", shape.frames, lane.intensity.frames));

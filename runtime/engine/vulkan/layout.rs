@@ -120,7 +120,8 @@ impl Arenas {
     /// Makes room for the largest group of lanes of the whole step. What a block held is lost when it grows.
     pub(super) fn fit(&mut self, gpu: &Gpu, step: &Step, frames: usize) -> Result<(), EngineError> {
         let mut needs = [0u64; 5];
-        let mut groups: Vec<Lanes<usize>> = step.list.iter().map(|d| d.lanes.clone()).filter(|l| !l.is_empty()).collect();
+        let mut groups: Vec<Lanes<usize>> =
+            step.list.iter().map(|d| d.lanes.clone()).filter(|l| !l.is_empty()).collect();
         groups.dedup();
         for group in groups {
             if let Some(last) = slots(&step.lanes[group], frames).last() {
@@ -153,9 +154,9 @@ impl Arenas {
 
     /// Frames `first .. first + count` of one buffer of a slot.
     pub(super) fn frames(&self, kind: Kind, slot: &Slot, first: usize, count: usize) -> Result<Range<'_>, EngineError> {
-        let block = self.block(kind).ok_or_else(|| EngineError::Mismatch {
-            reason: format!("no lane has a {}", kind.name()),
-        })?;
+        let block = self
+            .block(kind)
+            .ok_or_else(|| EngineError::Mismatch { reason: format!("no lane has a {}", kind.name()) })?;
         Ok(slot[kind as usize].range(block, first, count))
     }
 }

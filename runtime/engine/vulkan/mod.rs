@@ -29,6 +29,6 @@ mod tables;
 mod tests;
 mod views;
 
+pub use devices::{DeviceKind, DeviceReport, Limits, devices};
 pub use engine::{Options, VulkanEngine};
 pub use fft::{Timed, Transforms};
-pub use devices::{DeviceKind, DeviceReport, Limits, devices};

@@ -236,7 +236,8 @@ impl Work<'_> {
     /// All lanes block by block of views: a lane adds up in its accumulator what each block holds.
     fn photograph(&mut self, dispatch: &Dispatch, slots: &[Slot]) -> Result<(), EngineError> {
         let (step, tables, arenas, views) = (self.step, self.tables, self.arenas, self.views);
-        let shots = || dispatch.lanes.clone().zip(slots).filter_map(|(i, slot)| Some((i, slot, step.lanes[i].shot.as_ref()?)));
+        let shots =
+            || dispatch.lanes.clone().zip(slots).filter_map(|(i, slot)| Some((i, slot, step.lanes[i].shot.as_ref()?)));
         let rounds = shots().map(|(i, ..)| tables.lane(i).taps.len()).max().unwrap_or(0);
         for round in 0..rounds.max(1) {
             self.gpu.recorder.barrier();

@@ -109,7 +109,8 @@ impl Tables {
     }
 
     pub(super) fn range(&self, place: Place) -> Result<Range<'_>, EngineError> {
-        let block = self.block.as_ref().ok_or_else(|| EngineError::Mismatch { reason: "the step has no lanes".into() })?;
+        let block =
+            self.block.as_ref().ok_or_else(|| EngineError::Mismatch { reason: "the step has no lanes".into() })?;
         Ok(block.range(place.offset, place.size))
     }
 }

@@ -1,0 +1,88 @@
+//! Vulkan transforms beside RustFFT on one thread, measured in turn, so that a busy machine slows both.
+
+use clap::Parser;
+use eyebox::engine::vulkan::Transforms;
+use eyebox_kernels::Complex32;
+use eyebox_kernels::fft::{Columns, Direction, Plans};
+use std::collections::BTreeMap;
+use std::process::ExitCode;
+use std::time::Instant;
+
+/// Times forward transforms on a Vulkan device and with RustFFT on one thread, in turn; prints the medians.
+#[derive(Parser)]
+#[command(after_help = "Example: cargo run --release -p eyebox-tools --bin fft-bench -- 2048x2048 1080x1920")]
+struct Arguments {
+    /// Sizes as HEIGHTxWIDTH.
+    #[arg(default_values = ["512x512", "1080x1920", "2048x2048"], value_parser = size)]
+    sizes: Vec<(usize, usize)>,
+    /// Device, by number or part of its name.
+    #[arg(long)]
+    device: Option<String>,
+    /// Measurements of each.
+    #[arg(long, default_value_t = 11)]
+    rounds: usize,
+    /// Show plans and the time of every pass.
+    #[arg(long)]
+    passes: bool,
+}
+
+fn size(text: &str) -> Result<(usize, usize), String> {
+    let parts: Option<Vec<usize>> =
+        text.split('x').map(|p| p.parse().ok().filter(|n| (1..=65_536).contains(n))).collect();
+    match parts.as_deref() {
+        Some(&[h, w]) if h * w <= 1 << 24 => Ok((h, w)),
+        _ => Err("a size is HEIGHTxWIDTH, as 1080x1920, of at most 2^24 values".into()),
+    }
+}
+
+fn main() -> ExitCode {
+    match run(&Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(e) => {
+            eprintln!("{e}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
+    let mut transforms = Transforms::open(arguments.device.as_deref(), false)?;
+    println!("{}", transforms.device());
+    println!("{:>11} {:>10} {:>11} {:>6}", "size", "Vulkan ms", "RustFFT ms", "ratio");
+    let twin = Plans::default();
+    for &(h, w) in &arguments.sizes {
+        let frame: Vec<Complex32> = (0..h * w).map(|i| Complex32::new((i % 17) as f32, (i % 23) as f32)).collect();
+        let (mut device, mut host, mut passes) = (Vec::new(), Vec::new(), BTreeMap::<(usize, String), Vec<f64>>::new());
+        let plans = transforms.plans(h, w)?;
+        for round in 0..=arguments.rounds {
+            let mut data = frame.clone();
+            let timed = transforms.run(&mut data, (h, w), Direction::Forward, Columns::all(w), 0)?;
+            data.copy_from_slice(&frame);
+            let start = Instant::now();
+            twin.fft(&mut data, h, w, Direction::Forward, Columns::all(w));
+            let seconds = start.elapsed().as_secs_f64();
+            // The first round makes plans and compiles.
+            if round > 0 {
+                device.push(timed.whole);
+                host.push(seconds);
+                for (i, (name, seconds)) in timed.passes.into_iter().enumerate() {
+                    passes.entry((i, name)).or_default().push(seconds);
+                }
+            }
+        }
+        let (device, host) = (1e3 * median(device), 1e3 * median(host));
+        println!("{:>11} {device:>10.2} {host:>11.2} {:>6.2}", format!("{h}x{w}"), device / host);
+        if arguments.passes {
+            println!("  rows    {}\n  columns {}", plans[0], plans[1]);
+            for ((_, name), seconds) in passes {
+                println!("  {:>8.2} ms {name}", 1e3 * median(seconds));
+            }
+        }
+    }
+    Ok(())
+}
+
+fn median(mut seconds: Vec<f64>) -> f64 {
+    seconds.sort_by(f64::total_cmp);
+    seconds.first().copied().unwrap_or(0.0)
+}
