@@ -15,20 +15,6 @@ layout(constant_id = 5) const uint ROWS = 0;
 layout(constant_id = 6) const uint FIRST = 0;
 const uint R = A * B;
 
-#define FIRST 5
-#define COSINE(k) cosine_##k
-#define SINE(k) sine_##k
-#define WAVES waves
-#define LOAD_WAVES load_waves
-#include "fft_roots.glsl"
-#include "fft_lines.glsl"
-#define ROOT root
-#define TURN turn
-#define PRIME_A prime_a
-#define PRIME_B prime_b
-#define PRIME_C prime_c
-#define PLACE place
-#define BUTTERFLY butterfly
 #include "fft_butterfly.glsl"
 
 layout(std430, binding = 0) readonly buffer From2 { vec2 from2[]; };

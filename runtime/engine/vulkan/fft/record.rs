@@ -489,18 +489,6 @@ fn chirp_pipeline(gpu: &mut Gpu) -> Result<Pipeline, EngineError> {
     gpu.pipeline(&eyebox_spirv::FFT_CHIRP, 3, &[])
 }
 
-/// Specialisation constants of `fft_roots.glsl`.
-const CONSTANTS: usize = 64;
-
-/// Bits of cos and sin 2 pi k / radix, k = 1 .. 32.
-fn roots_within(radix: Radix, constants: &mut [u32]) {
-    for k in 1..=32 {
-        let [re, im] = root(k, radix.size());
-        constants[k as usize - 1] = re.to_bits();
-        constants[k as usize + 31] = (-im).to_bits();
-    }
-}
-
 /// What plans must fit on this device.
 fn plan_limits(gpu: &Gpu) -> PlanLimits {
     let limits = gpu.limits();
