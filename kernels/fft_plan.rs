@@ -195,9 +195,8 @@ impl Plan {
         let Method::Bluestein { inner } = &self.method else { return None };
         let (n, m) = (self.n as usize, inner.n as usize);
         // k^2 modulo 2 n, as exact as integers are.
-        let chirp: Vec<Complex64> = (0..n as u64)
-            .map(|k| Complex64::cis(-PI * (k * k % (2 * n as u64)) as f64 / n as f64))
-            .collect();
+        let chirp: Vec<Complex64> =
+            (0..n as u64).map(|k| Complex64::cis(-PI * (k * k % (2 * n as u64)) as f64 / n as f64)).collect();
         let mut filter = vec![Complex64::default(); m];
         for (k, z) in chirp.iter().enumerate() {
             filter[k] = z.conj() / m as f64;
@@ -218,12 +217,14 @@ fn root(k: u32, n: u32) -> [f32; 2] {
 /// The length from `2 n - 1` to a quarter more, or the next power of two, that has fewest radices, then least work.
 fn convolution(n: u32) -> u32 {
     let least = 2 * n - 1;
-    let smooth = |m: &u32| [2, 3, 5, 7].iter().fold(*m, |mut m, p| {
-        while m.is_multiple_of(*p) {
-            m /= p;
-        }
-        m
-    }) == 1;
+    let smooth = |m: &u32| {
+        [2, 3, 5, 7].iter().fold(*m, |mut m, p| {
+            while m.is_multiple_of(*p) {
+                m /= p;
+            }
+            m
+        }) == 1
+    };
     (least..=least + least / 4)
         .filter(smooth)
         .chain([least.next_power_of_two()])
@@ -252,7 +253,14 @@ fn split(n: u32) -> Option<Vec<u32>> {
 }
 
 /// All products of `count` falling radices that are `rest`.
-fn search(n: u32, rest: u32, count: u32, radices: &[u32], taken: &mut Vec<u32>, best: &mut Option<((bool, u32), Vec<u32>)>) {
+fn search(
+    n: u32,
+    rest: u32,
+    count: u32,
+    radices: &[u32],
+    taken: &mut Vec<u32>,
+    best: &mut Option<((bool, u32), Vec<u32>)>,
+) {
     if count == 0 {
         if rest == 1 {
             let mut found = taken.clone();

@@ -56,7 +56,9 @@ fn prime(mut n: u32) -> u32 {
 #[test]
 fn plans_make_up_their_length_within_the_limits() {
     for limits in [SOFTWARE, LARGE, SMALL] {
-        for n in (1..700).chain([1080, 1920, 2048, 2160, 2464, 3125, 3840, 4095, 4096, 4160, 8192, 10_007, 32_749, LONGEST]) {
+        for n in
+            (1..700).chain([1080, 1920, 2048, 2160, 2464, 3125, 3840, 4095, 4096, 4160, 8192, 10_007, 32_749, LONGEST])
+        {
             for axis in [Axis::Rows, Axis::Columns] {
                 let plan = Plan::new(n, axis, &limits).unwrap();
                 check(&plan, &limits);
@@ -86,7 +88,10 @@ fn no_plan_has_more_passes_than_it_must() {
     }
     for n in [1080, 1920, 2048, 2160, 2464] {
         assert_eq!(Plan::new(n, Axis::Rows, &SOFTWARE).unwrap().radices().len(), 3);
-        assert!(matches!(Plan::new(n, Axis::Rows, &SOFTWARE).unwrap().method, Method::Shared(Shared { pair: true, .. })));
+        assert!(matches!(
+            Plan::new(n, Axis::Rows, &SOFTWARE).unwrap().method,
+            Method::Shared(Shared { pair: true, .. })
+        ));
     }
     assert!(matches!(Plan::new(4160, Axis::Rows, &SOFTWARE).unwrap().method, Method::Passes { .. }));
     assert!(matches!(Plan::new(4160, Axis::Rows, &LARGE).unwrap().method, Method::Shared(_)));
@@ -174,7 +179,8 @@ fn the_passes_are_the_transform() {
 #[test]
 fn last_passes_stay_in_place() {
     for n in [12, 96, 1080, 4160] {
-        let radices: Vec<u32> = Plan::new(n, Axis::Columns, &SMALL).unwrap().radices().iter().map(|r| r.size()).collect();
+        let radices: Vec<u32> =
+            Plan::new(n, Axis::Columns, &SMALL).unwrap().radices().iter().map(|r| r.size()).collect();
         let r = *radices.last().unwrap();
         let s = n / r;
         for j in 0..n / r {
