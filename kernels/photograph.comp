@@ -1,7 +1,10 @@
 #version 450
 
 // accumulator (+)= sum over taps of weight * (view moved down by dy + fy and right by dx + fx), bilinear and periodic.
-// x: column, y: row (strided).
+// x: column, y: STRIP rows (strided). Taps with the same (dy, fy) stand together: their rows are added up first, and each
+// sum serves two rows of the result.
+
+const uint STRIP = 8;
 
 struct Tap {
     uint view;
@@ -30,20 +33,37 @@ float value(uint at) {
 void main() {
     uint x = gl_GlobalInvocationID.x;
     if (x >= width) return;
-    for (uint y = gl_WorkGroupID.y; y < height; y += gl_NumWorkGroups.y) {
-        float sum = accumulate == 0 ? 0.0 : accumulator[y * width + x];
-        for (uint i = 0; i < count; ++i) {
-            Tap tap = taps[i];
-            uint near_x = (x + width - tap.dx % width) % width;
-            uint far_x = near_x == 0 ? width - 1 : near_x - 1;
-            uint near_y = (y + height - tap.dy % height) % height;
-            uint far_y = near_y == 0 ? height - 1 : near_y - 1;
-            uint near_row = tap.view * view_stride + near_y * width;
-            uint far_row = tap.view * view_stride + far_y * width;
-            float near = mix(value(near_row + near_x), value(near_row + far_x), tap.fx);
-            float far = mix(value(far_row + near_x), value(far_row + far_x), tap.fx);
-            sum += tap.weight * scale * mix(near, far, tap.fy);
+    for (uint y = gl_WorkGroupID.y * STRIP; y < height; y += gl_NumWorkGroups.y * STRIP) {
+        float sums[STRIP];
+        for (uint r = 0; r < STRIP; ++r) sums[r] = 0.0;
+        for (uint i = 0; i < count;) {
+            uint dy = taps[i].dy % height;
+            float fy = taps[i].fy;
+            // The row above the strip comes first; a view smaller than the strip comes round again.
+            float lines[STRIP + 1];
+            for (uint r = 0; r <= STRIP; ++r) lines[r] = 0.0;
+            uint top = (y + height - dy + height - 1) % height;
+            do {
+                Tap tap = taps[i];
+                uint dx = tap.dx % width;
+                uint near_x = x >= dx ? x - dx : x + width - dx;
+                uint far_x = near_x == 0 ? width - 1 : near_x - 1;
+                float far = tap.weight * scale * tap.fx;
+                float near = tap.weight * scale * (1.0 - tap.fx);
+                uint row = top;
+                for (uint r = 0; r <= STRIP; ++r) {
+                    uint base = tap.view * view_stride + row * width;
+                    lines[r] += near * value(base + near_x) + far * value(base + far_x);
+                    row = row + 1 == height ? 0 : row + 1;
+                }
+                ++i;
+            } while (i < count && taps[i].dy % height == dy && taps[i].fy == fy);
+            for (uint r = 0; r < STRIP; ++r) sums[r] += (1.0 - fy) * lines[r + 1] + fy * lines[r];
         }
-        accumulator[y * width + x] = sum;
+        for (uint r = 0; r < STRIP; ++r) {
+            if (y + r >= height) break;
+            uint at = (y + r) * width + x;
+            accumulator[at] = accumulate == 0 ? sums[r] : accumulator[at] + sums[r];
+        }
     }
 }

@@ -1,1 +1,106 @@
 //! Tests that cross rooms; the helpers that they share live here.
+//!
+//! [`Oracle`] is the optics again in float64, as short as it can be said and without anything that the runtime does to
+//! be fast: no window, no span, no table. Runtime code is compared with it, never the other way round.
+
+pub mod both;
+
+use eyebox::optics::{Optics, Pupil, transfer};
+use rustfft::{FftPlanner, num_complex::Complex64};
+
+/// Noise in -1 .. 1, the same on every machine.
+pub fn noise(count: usize, seed: u64) -> Vec<f64> {
+    let mut random = eyebox::solve::SplitMix(seed);
+    (0..count).map(|_| 2.0 * random.unit() - 1.0).collect()
+}
+
+/// Power of the difference over power of the reference.
+pub fn error_power(got: &[f32], want: &[f64]) -> f64 {
+    assert_eq!(got.len(), want.len());
+    let error: f64 = got.iter().zip(want).map(|(g, w)| (f64::from(*g) - w).powi(2)).sum();
+    let power: f64 = want.iter().map(|w| w * w).sum();
+    if power == 0.0 { error } else { error / power }
+}
+
+/// 2-D transform in float64, as NumPy defines it (the inverse is divided by the count).
+pub fn fft2(data: &mut [Complex64], height: usize, width: usize, inverse: bool) {
+    let mut planner = FftPlanner::new();
+    let mut plan = |n| if inverse { planner.plan_fft_inverse(n) } else { planner.plan_fft_forward(n) };
+    plan(width).process(data);
+    let down = plan(height);
+    let mut column = vec![Complex64::default(); height];
+    for x in 0..width {
+        (0..height).for_each(|y| column[y] = data[y * width + x]);
+        down.process(&mut column);
+        (0..height).for_each(|y| data[y * width + x] = column[y]);
+    }
+    if inverse {
+        let scale = 1.0 / (height * width) as f64;
+        data.iter_mut().for_each(|z| *z *= scale);
+    }
+}
+
+/// The optics in float64 (OPTICS 2 and 4).
+pub struct Oracle {
+    /// The display.
+    pub optics: Optics,
+    /// Sub-frames.
+    pub frames: usize,
+}
+
+impl Oracle {
+    /// Spectrum of each sub-frame.
+    pub fn spectra(&self, phases: &[f64]) -> Vec<Vec<Complex64>> {
+        let (h, w) = (self.optics.height, self.optics.width);
+        let one = |frame: &[f64]| {
+            let mut u: Vec<_> = frame.iter().map(|p| Complex64::from_polar(1.0, *p)).collect();
+            fft2(&mut u, h, w, false);
+            u
+        };
+        phases.chunks_exact(h * w).map(one).collect()
+    }
+
+    /// K on all bins, in the order of the DFT.
+    pub fn kernel(&self, pupil: &Pupil) -> Vec<Complex64> {
+        let (h, w) = (self.optics.height as i64, self.optics.width as i64);
+        let bin = |k: i64, n: i64| if k < n - n / 2 { k } else { k - n };
+        let at = |y, x| {
+            let (re, im) = transfer(&self.optics, pupil, bin(y, h), bin(x, w));
+            Complex64::new(re, im)
+        };
+        (0..h).flat_map(|y| (0..w).map(move |x| (y, x))).map(|(y, x)| at(y, x)).collect()
+    }
+
+    /// Retinal field of each sub-frame.
+    pub fn fields(&self, phases: &[f64], pupil: &Pupil) -> Vec<Vec<Complex64>> {
+        let kernel = self.kernel(pupil);
+        let one = |mut spectrum: Vec<Complex64>| {
+            spectrum.iter_mut().zip(&kernel).for_each(|(u, k)| *u *= k);
+            fft2(&mut spectrum, self.optics.height, self.optics.width, true);
+            spectrum
+        };
+        self.spectra(phases).into_iter().map(one).collect()
+    }
+
+    /// Time-averaged intensity over the pupil's share of the eyebox.
+    pub fn view(&self, phases: &[f64], pupil: &Pupil) -> Vec<f64> {
+        let share = std::f64::consts::FRAC_PI_4 * (pupil.diameter / self.optics.eyebox()).powi(2);
+        let fields = self.fields(phases, pupil);
+        let mean = |i: usize| fields.iter().map(|v| v[i].norm_sqr()).sum::<f64>() / (self.frames as f64 * share);
+        (0..self.optics.height * self.optics.width).map(mean).collect()
+    }
+
+    /// Mean over pupils and pixels of `(s view - target)^2`.
+    pub fn loss(&self, phases: &[f64], pupils: &[Pupil], targets: &[Vec<f64>], exposure: f64) -> f64 {
+        let one = |(p, t): (&Pupil, &Vec<f64>)| {
+            let view = self.view(phases, p);
+            view.iter().zip(t).map(|(i, t)| (exposure * i - t).powi(2)).sum::<f64>() / t.len() as f64
+        };
+        pupils.iter().zip(targets).map(one).sum::<f64>() / pupils.len() as f64
+    }
+}
+
+/// A pool of this many threads.
+pub fn pool(threads: usize) -> rayon::ThreadPool {
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads")
+}

@@ -47,8 +47,7 @@ fn compare(transforms: &mut Transforms, case: &Case) {
     for direction in [Direction::Forward, Direction::Inverse] {
         let mut data = noise(frames * h * w, (h * 7919 + w) as u64);
         if direction == Direction::Inverse {
-            for (i, z) in data.iter_mut().enumerate().filter(|(i, _)| !in_use(i % w)) {
-                let _ = i;
+            for (_, z) in data.iter_mut().enumerate().filter(|(i, _)| !in_use(i % w)) {
                 *z = Complex32::new(0.0, 0.0);
             }
         }
@@ -66,7 +65,6 @@ fn compare(transforms: &mut Transforms, case: &Case) {
                 power += want.norm_sqr();
             }
             let ratio = error / power;
-            println!("{h} x {w} {direction:?} frame {frame}: {ratio:.1e}");
             assert!(ratio < ALLOWED, "{h} x {w} {direction:?} frame {frame}: error power {ratio:.1e} of signal power");
         }
     }
@@ -88,10 +86,10 @@ fn sizes_of_all_kinds() {
 }
 
 #[test]
-fn every_length_up_to_a_hundred() {
+fn every_radix() {
     let mut transforms = open();
-    for n in 2..=100 {
-        compare(&mut transforms, &whole(n, 101 - n));
+    for n in 2..=37 {
+        compare(&mut transforms, &whole(n, 39 - n));
     }
 }
 

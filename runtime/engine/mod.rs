@@ -1,4 +1,4 @@
-//! Runs lists of kernels over buffers: on the [`cpu`], on Vulkan, or on both in turn.
+//! Runs lists of kernels over buffers: on the [`cpu`], on [`vulkan`], or on both in turn ([`Handover`]).
 //!
 //! A [`Step`] is plain data: a short list of named kernels ([`Dispatch`]) and, per pupil, the arguments and tables that
 //! they take ([`Lane`]). Every engine runs the same list and keeps the same buffers ([`Buffer`]), so that a wrong
@@ -7,10 +7,12 @@
 
 mod choose;
 pub mod cpu;
+mod handover;
 pub mod vulkan;
 
 pub use crate::plan::{Buffer, Dispatch, Kernel, Lane, Purpose, Scope, Shape, Shot, Step, Timing};
-pub use choose::{Choice, open, open_handover};
+pub use choose::{Choice, open, open_handover, reason};
+pub use handover::{At, Handover};
 
 use crate::scene::Pyramid;
 use std::sync::Arc;

@@ -27,6 +27,7 @@ fn small() -> Hologram {
         seed: u64::MAX,
         version: "0.1.0".into(),
         display: "plm".into(),
+        display_wavelengths: crate::optics::Display::preset("plm").unwrap().wavelengths,
         scene: "builtin:still-life \"quoted\" \u{fc}".into(),
         settings: json!({"steps": 60, "depth_mm": [-3.0, 3.5], "document_crc32c": "deadbeef"}),
     }
@@ -139,6 +140,7 @@ fn a_hologram_that_cannot_be_is_not_written() {
     refuses(&|h| h.colors[1].phases[21] = f32::NAN, "blue has the phase NaN at sub-frame 1, row 1, column 1");
     refuses(&|h| _ = h.colors[0].phases.pop(), "29 phases");
     refuses(&|h| h.colors[0].wavelength = 0.0, "wavelength");
+    refuses(&|h| h.display_wavelengths[1].wavelength = f64::INFINITY, "display's green");
     refuses(&|h| h.colors.clear(), "0 colours");
     refuses(&|h| h.frames = usize::MAX, "phases, not");
     refuses(&|h| h.colors[0].exposure = f64::INFINITY, "exposure inf");

@@ -1,9 +1,10 @@
 //! The two JSON documents of a hologram, and the checksum that each carries about itself.
 
 use super::{ColorHologram, Hologram};
-use crate::optics::Color;
+use crate::optics::{Color, Wavelength};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 
 /// Version of the layout that this code writes, and the newest that it reads.
 const FORMAT: u64 = 1;
@@ -21,6 +22,7 @@ struct Attributes {
     colors: Vec<ColorAttributes>,
     seed: u64,
     display: String,
+    display_wavelengths_nm: BTreeMap<Color, f64>,
     scene: String,
     settings: Value,
 }
@@ -50,6 +52,9 @@ pub(super) fn group(hologram: &Hologram) -> Vec<u8> {
             .collect(),
         seed: hologram.seed,
         display: hologram.display.clone(),
+        display_wavelengths_nm: (hologram.display_wavelengths.iter())
+            .map(|w| (w.color, in_unit(w.wavelength, 1e9)))
+            .collect(),
         scene: hologram.scene.clone(),
         settings: hologram.settings.clone(),
     };
@@ -108,6 +113,9 @@ pub(super) fn read_group(bytes: &[u8]) -> Result<Hologram, String> {
         seed: read.seed,
         version: read.version,
         display: read.display,
+        display_wavelengths: (read.display_wavelengths_nm.into_iter())
+            .map(|(color, nm)| Wavelength { color, wavelength: nm / 1e9 })
+            .collect(),
         scene: read.scene,
         settings: read.settings,
     })

@@ -35,7 +35,7 @@ pub use phase::{level_of_phase, phase_of_level, wrap_phase};
 
 use crate::{
     files::FileError,
-    optics::{Color, Optics, OpticsError},
+    optics::{Color, Optics, OpticsError, Wavelength},
 };
 use serde_json::Value;
 
@@ -119,6 +119,9 @@ pub struct Hologram {
     pub version: String,
     /// Name of the display.
     pub display: String,
+    /// All wavelengths of the display, solved or not: what the shortest reaches is the eyebox that was served. Empty where
+    /// no display is known.
+    pub display_wavelengths: Vec<Wavelength>,
     /// What it shows: a path or `builtin:NAME`.
     pub scene: String,
     /// How it was made, for people and for doing it again.
@@ -149,6 +152,11 @@ impl Hologram {
         let (frames, height, width) = (self.frames, self.height, self.width);
         if self.colors.is_empty() || frames == 0 {
             return wrong(format!("it has {} colours and {frames} sub-frames: at least one each", self.colors.len()));
+        }
+        for w in &self.display_wavelengths {
+            if let Err(e) = Optics::new(height, width, self.pitch, w.wavelength, self.focal_length) {
+                return wrong(format!("its display's {}: {e}", w.color));
+            }
         }
         let expected = height.checked_mul(width).and_then(|n| n.checked_mul(frames));
         for (i, c) in self.colors.iter().enumerate() {

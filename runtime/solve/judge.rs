@@ -1,5 +1,6 @@
 //! Quality on pupils that the optimiser is not shown.
 
+use super::exposure::BrightEnd;
 use crate::engine::{Engine, EngineError};
 use crate::evaluate;
 use crate::optics::Pupil;
@@ -10,6 +11,8 @@ pub struct Judge {
     pupils: Vec<Pupil>,
     /// Photographs, after 2 x 2 averaging.
     targets: Vec<Vec<f32>>,
+    /// The bright end of the photographs.
+    bright_end: BrightEnd,
 }
 
 /// What a judge found.
@@ -40,8 +43,14 @@ impl Judge {
     /// Those of the engine.
     pub fn new(engine: &mut dyn Engine, planner: &Planner, pupils: Vec<Pupil>) -> Result<Self, EngineError> {
         let pool = |image: Vec<f32>| evaluate::pool2(&image, planner.slm.height, planner.slm.width);
-        let targets = evaluate::photographs(engine, planner, &pupils)?.into_iter().map(pool).collect();
-        Ok(Self { pupils, targets })
+        let photographs = evaluate::photographs(engine, planner, &pupils)?;
+        let bright_end = BrightEnd::of(photographs.iter().map(|p| &p[..]));
+        Ok(Self { pupils, targets: photographs.into_iter().map(pool).collect(), bright_end })
+    }
+
+    /// The bright end of the photographs.
+    pub fn bright_end(&self) -> BrightEnd {
+        self.bright_end
     }
 
     /// Judges the phases that `engine` holds.

@@ -3,6 +3,7 @@
 //!
 //! May import everything above it: `optics`, `scene`, `plan`, `engine`, `evaluate`.
 
+mod exposure;
 mod judge;
 mod problem;
 mod sampling;

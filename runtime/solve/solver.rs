@@ -1,5 +1,6 @@
 //! The loop.
 
+use super::exposure::{BrightEnd, peak};
 use super::{Judge, Optimizer, Problem, PupilRange, Sampler, Settings, Verdict, cosine, random_phases};
 use crate::engine::{Buffer, Engine, EngineError};
 use crate::optics::WindowFactor;
@@ -144,61 +145,139 @@ pub fn solve(
     let planner = problem.planner(settings.frames, settings.window);
     let purpose = if matches!(settings.optimizer, Optimizer::Adam { .. }) { Purpose::Adam } else { Purpose::Project };
     engine.load(&planner.shape(purpose), Some(Arc::clone(&problem.pyramid)))?;
-    let pixels = planner.slm.height * planner.slm.width;
-    engine.write(Buffer::Phases, &random_phases(settings.frames * pixels, settings.seed))?;
-
-    let exposure = match settings.efficiency {
-        Some(efficiency) => problem.mean / efficiency,
-        None => problem.mean.max(0.35 * f64::from(problem.pyramid.scale)),
-    };
     // Held out: the paper's distribution, from another seed.
     let mut held_out =
         Sampler::new(PupilRange { diameters: super::Diameters::Uniform, ..range }, settings.sequence, !settings.seed);
     let judge = Judge::new(engine, &planner, (0..8).map(|_| held_out.draw()).collect())?;
-    let mut sampler = Sampler::new(range, settings.sequence, settings.seed);
-    let every = settings.steps.div_ceil(10).max(1);
-    let mut best: Option<(Verdict, Vec<f32>, usize)> = None;
-    let mut step = 0;
-    let stop = loop {
-        let seconds = start.elapsed().as_secs_f64();
-        if step >= settings.steps {
-            break Stop::Steps;
-        }
-        if settings.seconds.is_some_and(|most| seconds >= most) {
-            break Stop::Seconds;
-        }
-        let progress = (step as f64 / settings.steps as f64).max(settings.seconds.map_or(0.0, |most| seconds / most));
-        let pupils: Vec<_> = (0..settings.pupils).map(|_| sampler.draw()).collect();
-        let next = descend(&planner, settings, &pupils, exposure, progress, step + 1);
-        let losses = engine.run(&next)?;
-        step += 1;
-        let loss = losses.iter().zip(&next.lanes).map(|(loss, lane)| loss / lane.count() as f64).sum::<f64>()
-            / losses.len() as f64;
-        if !loss.is_finite() {
-            if best.is_none() {
-                return Err(SolveError::NotFinite { step });
-            }
-            break Stop::Asked;
-        }
-        if settings.psnr.is_some() && (step % every == 0 || step == settings.steps) {
-            consider(&judge, engine, &planner, step, &mut best)?;
-        }
-        let verdict = best.as_ref().map(|b| &b.0);
-        if observe(&Progress { step, steps: settings.steps, seconds: start.elapsed().as_secs_f64(), loss, verdict })
-            == Flow::Stop
-        {
-            break Stop::Asked;
-        }
-        if verdict.zip(settings.psnr).is_some_and(|(v, wanted)| v.mean() >= wanted) {
-            break Stop::Quality;
-        }
+    let mut run = Run { planner: &planner, settings, engine, judge: &judge, range, start, exposure: 0.0, pilot: false };
+    run.exposure = match settings.efficiency {
+        // A black scene has no efficiency: any exposure shows it.
+        Some(efficiency) if problem.mean > 0.0 => problem.mean / efficiency,
+        _ => run.choose_exposure(judge.bright_end(), observe)?,
     };
-    if best.as_ref().is_none_or(|b| b.2 != step) {
-        consider(&judge, engine, &planner, step, &mut best)?;
-    }
-    let (verdict, phases, _) = best.expect("a verdict was just given");
+    let exposure = run.exposure;
+    let (best, steps, stop) = run.descend(settings.steps, observe)?;
+    let (verdict, phases, _) = best;
     let efficiency = problem.mean / exposure;
-    Ok(Solution { phases, exposure, efficiency, verdict, steps: step, seconds: start.elapsed().as_secs_f64(), stop })
+    Ok(Solution { phases, exposure, efficiency, verdict, steps, seconds: start.elapsed().as_secs_f64(), stop })
+}
+
+/// A verdict, the phases that it is about, and the step after which it was given.
+type Judged = (Verdict, Vec<f32>, usize);
+
+/// A solve under way.
+struct Run<'a> {
+    planner: &'a Planner,
+    settings: &'a Settings,
+    engine: &'a mut dyn Engine,
+    judge: &'a Judge,
+    range: PupilRange,
+    start: Instant,
+    exposure: f64,
+    /// Whether this is a pilot: it stops only when asked.
+    pilot: bool,
+}
+
+/// Steps of a pilot solve.
+const PILOT_STEPS: usize = 12;
+/// Adam does best with less light to spare than the projection (docs/measurements.md).
+const ADAM_EXPOSURE: f64 = 0.85;
+
+impl Run<'_> {
+    /// From the scene's bright end, by pilot solves where its two measures part.
+    fn choose_exposure(
+        &mut self,
+        end: BrightEnd,
+        observe: &mut dyn FnMut(&Progress) -> Flow,
+    ) -> Result<f64, SolveError> {
+        let adam = matches!(self.settings.optimizer, Optimizer::Adam { .. });
+        let Some(candidates) = end.candidates() else {
+            return Ok(if adam { (ADAM_EXPOSURE * end.guess()).max(end.mean) } else { end.guess() });
+        };
+        self.pilot = true;
+        let mut tried = Vec::new();
+        for exposure in candidates {
+            let seconds = self.start.elapsed().as_secs_f64();
+            let progress = Progress { step: 0, steps: self.settings.steps, seconds, loss: f64::NAN, verdict: None };
+            let late = self.settings.seconds.is_some_and(|most| seconds > 0.5 * most);
+            if !tried.is_empty() && (late || observe(&progress) == Flow::Stop) {
+                break;
+            }
+            self.exposure = exposure;
+            let (best, ..) = self.descend(PILOT_STEPS, &mut |_| Flow::Continue)?;
+            tried.push((exposure, best.0.mean()));
+        }
+        self.pilot = false;
+        let best = (0..tried.len()).max_by(|&i, &j| tried[i].1.total_cmp(&tried[j].1)).unwrap_or(0);
+        Ok(match tried.get(best.wrapping_sub(1)..=best + 1) {
+            Some(&[a, b, c]) => peak([a, b, c]),
+            _ => tried[best].0,
+        })
+    }
+
+    /// From the first phases, `steps` steps at most.
+    fn descend(
+        &mut self,
+        steps: usize,
+        observe: &mut dyn FnMut(&Progress) -> Flow,
+    ) -> Result<(Judged, usize, Stop), SolveError> {
+        let Self { settings, planner, judge, .. } = *self;
+        let pixels = settings.frames * planner.slm.height * planner.slm.width;
+        let zeros = vec![0.0; pixels];
+        self.engine.write(Buffer::Phases, &random_phases(pixels, settings.seed))?;
+        self.engine.write(Buffer::Momentum, &zeros)?;
+        if matches!(settings.optimizer, Optimizer::Adam { .. }) {
+            self.engine.write(Buffer::Second, &zeros)?;
+        }
+        drop(zeros);
+        let mut sampler = Sampler::new(self.range, settings.sequence, settings.seed);
+        let limit = settings.seconds.filter(|_| !self.pilot);
+        let wanted = settings.psnr.filter(|_| !self.pilot);
+        let begun = self.start.elapsed().as_secs_f64();
+        // Ten verdicts where quality is to stop the solve, else three: a verdict costs about two steps.
+        let every = if wanted.is_some() { steps.div_ceil(10) } else { steps.div_ceil(3) }.max(3);
+        let mut best: Option<Judged> = None;
+        let mut step = 0;
+        let stop = loop {
+            let seconds = self.start.elapsed().as_secs_f64();
+            if step >= steps {
+                break Stop::Steps;
+            }
+            if limit.is_some_and(|most| seconds >= most) {
+                break Stop::Seconds;
+            }
+            let progress = (step as f64 / steps as f64)
+                .max(limit.map_or(0.0, |most| (seconds - begun) / (most - begun).max(1e-9)));
+            let pupils: Vec<_> = (0..settings.pupils).map(|_| sampler.draw()).collect();
+            let next = descend(planner, settings, &pupils, self.exposure, progress, step + 1);
+            let losses = self.engine.run(&next)?;
+            step += 1;
+            let loss = losses.iter().zip(&next.lanes).map(|(loss, lane)| loss / lane.count() as f64).sum::<f64>()
+                / losses.len() as f64;
+            if !loss.is_finite() {
+                if best.is_none() {
+                    return Err(SolveError::NotFinite { step });
+                }
+                break Stop::Asked;
+            }
+            if step.is_multiple_of(every) || step == steps {
+                consider(judge, self.engine, planner, step, &mut best)?;
+            }
+            let verdict = best.as_ref().map(|b| &b.0);
+            if observe(&Progress { step, steps, seconds: self.start.elapsed().as_secs_f64(), loss, verdict })
+                == Flow::Stop
+            {
+                break Stop::Asked;
+            }
+            if verdict.zip(wanted).is_some_and(|(v, wanted)| v.mean() >= wanted) {
+                break Stop::Quality;
+            }
+        };
+        if best.as_ref().is_none_or(|b| b.2 != step) {
+            consider(judge, self.engine, planner, step, &mut best)?;
+        }
+        Ok((best.expect("a verdict was just given"), step, stop))
+    }
 }
 
 /// One step over `pupils`, the `t`-th, counted from 1.

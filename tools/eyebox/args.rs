@@ -36,6 +36,11 @@ pub enum Command {
     /// Measure a hologram against its scene over many pupils
     #[command(after_help = "Example:\n  eyebox score still-life.zarr builtin:still-life --pupils random:16")]
     Score(Score),
+    /// Time the steps of a solve, and each kernel, beside another program in the same run
+    #[command(
+        after_help = "Example:\n  eyebox bench builtin:still-life --size 512x512 --color green --steps 20 --beside 'python3 mine.py'"
+    )]
+    Bench(Bench),
     /// List engines and devices, and which one is taken
     #[command(after_help = "Example:\n  eyebox devices --json")]
     Devices(Devices),
@@ -159,7 +164,7 @@ pub struct Solve {
     #[command(flatten)]
     pub scene: SceneArgs,
     /// The hologram: NAME.zarr, or NAME.npy for the phases alone
-    #[arg(short, long, value_name = "FILE")]
+    #[arg(short, long, value_name = "FILE", default_value = "hologram.zarr")]
     pub out: PathBuf,
     /// Display
     #[command(flatten)]
@@ -212,6 +217,20 @@ pub struct Solve {
     /// Time per kernel, after the solve
     #[arg(long)]
     pub timings: bool,
+}
+
+/// `eyebox bench`
+#[derive(Args)]
+pub struct Bench {
+    /// What is solved: the arguments of `solve`
+    #[command(flatten)]
+    pub solve: Solve,
+    /// Rounds
+    #[arg(long, default_value_t = 3, value_name = "N")]
+    pub rounds: usize,
+    /// A command to run in turn with each round
+    #[arg(long, value_name = "COMMAND")]
+    pub beside: Option<String>,
 }
 
 /// `eyebox view`

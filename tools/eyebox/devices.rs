@@ -2,16 +2,54 @@
 
 use crate::Failure;
 use crate::args::Devices;
-use eyebox::engine::{Engine, cpu::CpuEngine};
+use eyebox::engine::vulkan::{self, DeviceReport};
+use eyebox::engine::{self, Engine, cpu::CpuEngine};
 use serde_json::json;
 
-/// Lists engines and devices.
+/// Lists engines and devices, and what `auto` takes and why.
 pub fn run(args: &Devices) -> Result<(), Failure> {
     let cpu = CpuEngine::new().describe();
+    let found = vulkan::devices();
+    let (_, auto) = engine::reason(&found);
+    let devices = found.as_deref().unwrap_or_default();
     if args.json {
-        println!("{}", json!({ "cpu": cpu, "auto": "cpu" }));
+        let device = |d: &DeviceReport| {
+            let l = &d.limits;
+            json!({
+                "index": d.index, "name": d.name, "kind": d.kind.to_string(), "driver": d.driver, "api": d.api,
+                "usable": d.usable.is_ok(), "reason": d.usable.as_ref().err(), "memory_mib": l.memory >> 20,
+                "storage_range_mib": l.storage_range >> 20, "shared_memory": l.shared_memory, "subgroup": l.subgroup,
+            })
+        };
+        let vulkan: Vec<_> = devices.iter().map(device).collect();
+        println!(
+            "{}",
+            json!({ "cpu": cpu, "vulkan": vulkan, "no_vulkan": found.as_ref().err().map(ToString::to_string), "auto": auto })
+        );
         return Ok(());
     }
-    println!("cpu     {cpu}");
+    println!("cpu      {cpu}");
+    for d in devices {
+        let l = &d.limits;
+        println!(
+            "vulkan   {}: {} ({}, Vulkan {}), {} MiB, {} MiB a buffer, {} KiB shared, subgroups of {}",
+            d.index,
+            d.name,
+            d.kind,
+            d.api,
+            l.memory >> 20,
+            l.storage_range >> 20,
+            l.shared_memory >> 10,
+            l.subgroup
+        );
+        match &d.usable {
+            Ok(()) => println!("         {}; runs every kernel", d.driver),
+            Err(reason) => println!("         {}; cannot be used: {reason}", d.driver),
+        }
+    }
+    if let Err(error) = &found {
+        println!("vulkan   {error}");
+    }
+    println!("auto     takes {auto}");
     Ok(())
 }

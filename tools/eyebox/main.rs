@@ -1,9 +1,10 @@
-//! The `eyebox` command: `demo`, `solve`, `view`, `photograph`, `score`, `devices`.
+//! The `eyebox` command: `demo`, `solve`, `view`, `photograph`, `score`, `bench`, `devices`.
 //!
 //! This room reads arguments, calls the runtime, and shows what came of it. Anything that a program would want to call
 //! belongs in the runtime. Errors are one line on standard error and exit code 2; nothing half-written stays behind.
 
 mod args;
+mod bench;
 mod common;
 mod demo;
 mod devices;
@@ -31,6 +32,7 @@ fn main() -> ExitCode {
         Command::View(args) => view::run(args),
         Command::Photograph(args) => photograph::run(args),
         Command::Score(args) => score::run(args),
+        Command::Bench(args) => bench::run(args),
         Command::Devices(args) => devices::run(args),
     };
     match done {

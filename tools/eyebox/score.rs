@@ -40,7 +40,7 @@ pub struct Scores {
 /// Measures a hologram over many pupils.
 pub fn run(args: &Score) -> Result<(), Failure> {
     let (hologram, display) = load(args)?;
-    let colors: Vec<Color> = display.wavelengths.iter().map(|w| w.color).collect();
+    let colors: Vec<Color> = hologram.colors.iter().filter_map(|c| c.color).collect();
     let mut engine = common::engine(&args.engine)?;
     let field = common::scene(&args.scene, &display, &colors)?;
     let depth = common::depths(&args.scene, &field, &display);
@@ -92,15 +92,17 @@ pub fn score(
     let (height, width) = (display.height, display.width);
     let mut exposures = Vec::new();
     let mut images: Vec<Vec<(Vec<f32>, Vec<f32>)>> = vec![Vec::new(); pupils.len()];
-    for (i, wavelength) in display.wavelengths.iter().enumerate() {
-        let problem = Problem::new(field, wavelength.color, display, Padding::default())?;
+    // The display may have more colours than the hologram.
+    for solved in &hologram.colors {
+        let Some(color) = solved.color else { continue };
+        let problem = Problem::new(field, color, display, Padding::default())?;
         let planner = problem.planner(hologram.frames, WindowFactor::Full);
         engine.load(&planner.shape(Purpose::View), Some(Arc::clone(&problem.pyramid)))?;
         let targets = evaluate::photographs(engine, &planner, pupils)?;
         // Looked at as it was solved: with its padding, without the views.
         let padded = planner.with_padding(view::padding_of(hologram));
         engine.load(&padded.shape(Purpose::View), None)?;
-        engine.write(eyebox::engine::Buffer::Phases, &hologram.colors[i].phases)?;
+        engine.write(eyebox::engine::Buffer::Phases, &solved.phases)?;
         let mut seen = evaluate::views(engine, &padded, pupils)?;
         let pool = |image: &[f32]| evaluate::pool2(image, height, width);
         let pooled: Vec<_> = seen.iter().zip(&targets).map(|(v, t)| (pool(v), pool(t))).collect();
@@ -132,15 +134,11 @@ fn row(pupil: &Pupil, images: &[(Vec<f32>, Vec<f32>)], height: usize, width: usi
 fn load(args: &Score) -> Result<(Hologram, Display), Failure> {
     if common::is_hologram(&args.hologram) {
         let hologram = Hologram::load(&args.hologram)?;
-        let base = common::display(&args.display)?;
-        let wavelengths: Option<Vec<_>> = hologram
-            .colors
-            .iter()
-            .map(|c| c.color.map(|color| Wavelength { color, wavelength: c.wavelength }))
-            .collect();
-        let wavelengths = wavelengths.ok_or_else(|| {
-            Failure::Asked(format!("{}: its colours have no names to find in the scene", args.hologram.display()))
-        })?;
+        let known = |color: Color| hologram.display_wavelengths.iter().any(|w| w.color == color);
+        if !hologram.colors.iter().all(|c| c.color.is_some_and(known)) {
+            let what = args.hologram.display();
+            return Err(Failure::Asked(format!("{what}: its colours are not named, or not those of its display")));
+        }
         // The eyebox that pupils are drawn in is that of the display it was made for.
         let (height, width, pitch, focal_length) =
             (hologram.height, hologram.width, hologram.pitch, hologram.focal_length);
@@ -150,15 +148,14 @@ fn load(args: &Score) -> Result<(Hologram, Display), Failure> {
             width,
             pitch,
             focal_length,
-            wavelengths,
-            levels: base.levels,
+            wavelengths: hologram.display_wavelengths.clone(),
+            levels: 256,
         };
         return Ok((hologram, display));
     }
     let phases = hologram::load_phases(&args.hologram)?;
     let mut display = common::display(&args.display)?;
     let colors = common::colors(&args.display, &display)?;
-    display.wavelengths.retain(|w| colors.contains(&w.color));
     (display.height, display.width) = (phases.height, phases.width);
     if phases.colors.len() != colors.len() {
         let (has, given) = (phases.colors.len(), colors.len());
@@ -174,7 +171,12 @@ fn load(args: &Score) -> Result<(Hologram, Display), Failure> {
         efficiency: 1.0,
         phases,
     };
-    let colors = phases.colors.into_iter().zip(&display.wavelengths).map(color).collect();
+    let colors = phases
+        .colors
+        .into_iter()
+        .zip(display.wavelengths.iter().filter(|w| colors.contains(&w.color)))
+        .map(color)
+        .collect();
     let (pitch, focal_length) = (display.pitch, display.focal_length);
     let hologram = Hologram {
         frames: phases.frames,
@@ -186,6 +188,7 @@ fn load(args: &Score) -> Result<(Hologram, Display), Failure> {
         seed: 0,
         version: String::new(),
         display: display.name.clone(),
+        display_wavelengths: display.wavelengths.clone(),
         scene: String::new(),
         settings: serde_json::Value::Null,
     };
@@ -228,4 +231,47 @@ fn pupils(
         pupils.push(pupil);
     }
     Ok(pupils)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::args::{Cli, Command};
+    use clap::Parser;
+
+    /// Judged over one colour's own, wider eyebox, a hologram of that colour loses light that it never aimed there.
+    #[test]
+    fn one_colour_is_scored_in_the_eyebox_that_its_display_serves() {
+        let here = tempfile::tempdir().unwrap();
+        let display = Display::preset("paper").unwrap();
+        let hologram = Hologram {
+            frames: 1,
+            height: 2,
+            width: 3,
+            pitch: display.pitch,
+            focal_length: display.focal_length,
+            colors: vec![ColorHologram {
+                color: Some(Color::Green),
+                wavelength: 520e-9,
+                exposure: 0.35,
+                efficiency: 0.4,
+                phases: vec![0.5; 6],
+            }],
+            seed: 0,
+            version: String::new(),
+            display: display.name.clone(),
+            display_wavelengths: display.wavelengths.clone(),
+            scene: String::new(),
+            settings: serde_json::Value::Null,
+        };
+        for name in ["x.zarr", "x.npy"] {
+            let path = here.path().join(name);
+            hologram.save(&path).unwrap();
+            let words = ["eyebox", "score", path.to_str().unwrap(), "builtin:plane", "--color", "green"];
+            let Command::Score(args) = Cli::parse_from(words).command else { panic!("not score") };
+            let (loaded, found) = load(&args).unwrap();
+            assert_eq!(loaded.colors.len(), 1);
+            assert!((found.eyebox_min() - 22e-3).abs() < 1e-9, "{name}: {}", found.eyebox_min());
+        }
+    }
 }

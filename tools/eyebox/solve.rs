@@ -22,7 +22,7 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     let mut engine = common::engine(&args.engine)?;
     let field = common::scene(&args.scene, &display, &colors)?;
     let depth = common::depths(&args.scene, &field, &display);
-    let mut settings = settings(args, &display, depth);
+    let mut settings = settings_of(args, &display, depth);
     settings.seconds = args.seconds.map(|s| s / colors.len() as f64);
     let padding = padding(args.padding, &display, &colors, depth)?;
     if !args.json {
@@ -136,6 +136,7 @@ pub fn hologram(
         seed: settings.seed,
         version: env!("CARGO_PKG_VERSION").into(),
         display: display.name.clone(),
+        display_wavelengths: display.wavelengths.clone(),
         scene: field.name.clone(),
         settings: json!({ "solve": settings, "padding": [padding.rows, padding.columns], "view_pitch_mm": field.cell(display) * 1e3, "eyebox_mm": display.eyebox_min() * 1e3 }),
     }
@@ -150,7 +151,8 @@ fn padding(asked: bool, display: &Display, colors: &[Color], depth: [f64; 2]) ->
     Ok(Padding::required(&optics, depth[0].abs().max(depth[1].abs()), display.eyebox_min() / 2.0))
 }
 
-fn settings(args: &Solve, display: &Display, depth: [f64; 2]) -> Settings {
+/// The settings that the arguments mean, for depths in metres.
+pub fn settings_of(args: &Solve, display: &Display, depth: [f64; 2]) -> Settings {
     let adam = args.optimizer == OptimizerName::Adam;
     let diameters = args.diameters.unwrap_or(if adam { DiametersName::Uniform } else { DiametersName::Log });
     Settings {

@@ -69,6 +69,7 @@ fn load(file: &Path, optics: &PhaseOptics) -> Result<(Hologram, bool), Failure> 
         seed: 0,
         version: String::new(),
         display: String::new(),
+        display_wavelengths: Vec::new(),
         scene: String::new(),
         settings: serde_json::Value::Null,
     };

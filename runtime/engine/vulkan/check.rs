@@ -40,10 +40,10 @@ pub(super) fn check(step: &Step, part: &Range<usize>, shape: &Shape, views: Opti
             if let Err(reason) = check_lane(lane, shape) {
                 return mismatch(format!("a lane of {name}: {reason}"));
             }
-            if dispatch.kernel == Kernel::Photograph {
-                if let Err(reason) = check_views(lane, views) {
-                    return mismatch(reason);
-                }
+            if dispatch.kernel == Kernel::Photograph
+                && let Err(reason) = check_views(lane, views)
+            {
+                return mismatch(reason);
             }
         }
     }

@@ -172,7 +172,7 @@ impl Block {
     /// The bytes, of a block that the host sees.
     pub(super) fn bytes(&self) -> &[u8] {
         let mapped = self.allocation.as_ref().and_then(Allocation::mapped_slice);
-        &mapped.unwrap_or_default()[..]
+        mapped.unwrap_or_default()
     }
 
     /// The bytes, of a block that the host sees.

@@ -84,6 +84,18 @@ impl VulkanEngine {
         self.gpu.messages()
     }
 
+    /// Makes the largest range that a kernel may see smaller than it is.
+    #[cfg(test)]
+    pub(super) fn pretend_range(&mut self, bytes: u64) {
+        self.gpu.limits.storage_range = bytes;
+    }
+
+    /// Sets barriers as a device without synchronization2 does.
+    #[cfg(test)]
+    pub(super) fn pretend_old(&mut self) {
+        self.gpu.recorder.modern = None;
+    }
+
     fn stack(&self, layout: Layout, what: &str) -> Result<Option<Stack>, EngineError> {
         if layout.values == 0 || layout.frames == 0 {
             return Ok(None);

@@ -20,6 +20,8 @@ pub(super) struct Gpu {
     pipelines: Pipelines,
     up: Option<Block>,
     down: Option<Block>,
+    /// The device's limits; a test may make them smaller.
+    pub(super) limits: Limits,
     pub(super) device: Arc<Device>,
 }
 
@@ -28,11 +30,12 @@ impl Gpu {
     pub(super) fn open(wanted: Option<&str>, allow_cpu: bool, validation: bool) -> Result<Self, EngineError> {
         let device = Device::open(wanted, allow_cpu, validation)?;
         let (recorder, pipelines) = (Recorder::new(&device)?, Pipelines::new(&device)?);
-        Ok(Self { recorder, pipelines, up: None, down: None, device })
+        let limits = device.report.limits;
+        Ok(Self { recorder, pipelines, up: None, down: None, limits, device })
     }
 
     pub(super) fn limits(&self) -> &Limits {
-        &self.device.report.limits
+        &self.limits
     }
 
     pub(super) fn report(&self) -> &DeviceReport {

@@ -120,10 +120,12 @@ impl Drop for Pipelines {
         let raw = &self.device.raw;
         // SAFETY: recordings are waited for before the pipelines are dropped; each is destroyed once.
         unsafe {
-            if let (Some(file), Ok(data)) = (&self.file, raw.get_pipeline_cache_data(self.cache)) {
-                if !self.made.is_empty() && cache::read(file, &self.device.properties).as_ref() != Some(&data) {
-                    cache::write(file, &data);
-                }
+            // What was read already, and has not grown, need not be written.
+            if let (Some(file), Ok(data)) = (&self.file, raw.get_pipeline_cache_data(self.cache))
+                && !self.made.is_empty()
+                && cache::read(file, &self.device.properties).as_ref() != Some(&data)
+            {
+                cache::write(file, &data);
             }
             for pipeline in self.made.values() {
                 raw.destroy_pipeline(pipeline.raw, None);

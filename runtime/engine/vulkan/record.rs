@@ -9,13 +9,18 @@ use super::recorder::Range;
 use super::tables::Tables;
 use super::views::Views;
 use bytemuck::Pod;
-use eyebox_kernels::fft::{Columns, Direction};
+use eyebox_kernels::fft::Direction;
 use eyebox_spirv as spirv;
 
 /// Pixels whose loss a workgroup of `compare` sums.
 const SHARE: usize = 2048;
 /// Columns or pixels of a workgroup, as all shaders but `compare` have it.
 const WIDTH: usize = 64;
+
+/// Workgroups that fill any device a few times over.
+const ENOUGH: u32 = 4096;
+/// Rows that an invocation of `photograph` takes at once.
+const STRIP: u32 = 8;
 
 /// A buffer of the shape.
 pub(super) struct Stack {
@@ -255,7 +260,7 @@ impl Work<'_> {
                 args.taps = part.count as u32;
                 args.accumulate |= u32::from(round > 0);
                 let buffers = [level.blocks[part.chunk].all(), tables.range(part.place)?, accumulator];
-                let groups = self.rows(args.height, args.width, 1);
+                let groups = self.rows(args.height.div_ceil(STRIP), args.width, 1);
                 self.run(&spirv::PHOTOGRAPH, &buffers, &args, &[level.stride as u32], groups)?;
             }
         }
@@ -376,12 +381,25 @@ impl Work<'_> {
         (0..frames).step_by(most).map(move |first| (first, most.min(frames - first)))
     }
 
+    /// Workgroups of a kernel over rows and columns.
     fn rows(&self, rows: u32, columns: u32, frames: usize) -> [u32; 3] {
-        [columns.div_ceil(WIDTH as u32), rows.min(self.gpu.limits().groups[1]), frames as u32]
+        let across = columns.div_ceil(WIDTH as u32);
+        [across, self.shared_out(rows, across * frames as u32, self.gpu.limits().groups[1]), frames as u32]
     }
 
+    /// Workgroups of a kernel over values.
     fn along(&self, count: usize, frames: usize) -> [u32; 3] {
-        [count.div_ceil(WIDTH).min(self.gpu.limits().groups[0] as usize) as u32, 1, frames as u32]
+        let pieces = count.div_ceil(WIDTH).min(u32::MAX as usize) as u32;
+        [self.shared_out(pieces, frames as u32, self.gpu.limits().groups[0]), 1, frames as u32]
+    }
+
+    /// How many workgroups share `pieces` of work, of which there are `times` beside each other: enough to fill the
+    /// device, and no more, for each costs something to start.
+    fn shared_out(&self, pieces: u32, times: u32, limit: u32) -> u32 {
+        let enough = ENOUGH.div_ceil(times.max(1));
+        // Equal shares: whole rounds of the kernel's loop.
+        let rounds = (pieces / enough).clamp(1, 16);
+        pieces.div_ceil(rounds).min(limit)
     }
 }
 

@@ -5,7 +5,7 @@
 use super::super::EngineError;
 use super::device::{Block, Device};
 use super::pipelines::{PUSH_BYTES, Pipeline};
-use ash::vk;
+use ash::{khr, vk};
 use std::sync::Arc;
 
 /// A range of a block, in bytes, as a kernel sees it. `offset` is a multiple of the device's alignment.
@@ -44,6 +44,8 @@ pub(super) struct Recorder {
     capacity: u32,
     marks: Vec<usize>,
     recording: bool,
+    /// The newer barriers, where the device has them.
+    pub(super) modern: Option<khr::synchronization2::Device>,
     device: Arc<Device>,
 }
 
@@ -60,6 +62,7 @@ impl Recorder {
             capacity: 0,
             marks: Vec::new(),
             recording: false,
+            modern: device.synchronization2.clone(),
             device: Arc::clone(device),
         };
         let error = |call| move |e| device.error(call, "setting up", e);
@@ -170,7 +173,7 @@ impl Recorder {
 
     fn wait(&mut self, host: bool) {
         let raw = &self.device.raw;
-        if let Some(modern) = &self.device.synchronization2 {
+        if let Some(modern) = &self.modern {
             use vk::{AccessFlags2 as Access, PipelineStageFlags2 as Stage};
             let work = Stage::COMPUTE_SHADER | Stage::ALL_TRANSFER;
             let written = Access::SHADER_STORAGE_WRITE | Access::TRANSFER_WRITE;

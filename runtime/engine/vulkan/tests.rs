@@ -14,8 +14,7 @@ pub(super) fn open() -> Gpu {
 pub(super) fn close(gpu: Gpu) -> Vec<String> {
     let messages = gpu.messages();
     drop(gpu);
-    let heard = messages.lock().unwrap_or_else(PoisonError::into_inner).clone();
-    heard
+    messages.lock().unwrap_or_else(PoisonError::into_inner).clone()
 }
 
 #[test]
@@ -60,4 +59,55 @@ fn a_hazard_is_heard() {
     drop((from, to));
     let heard = close(gpu);
     assert!(heard.iter().any(|m| m.contains("SYNC-HAZARD-READ-AFTER-WRITE")), "{heard:?}");
+}
+
+/// A device whose kernels see only small ranges, and that has the old barriers only, gives the same result: frames and
+/// views come in pieces.
+#[test]
+fn a_smaller_device_gives_the_same() {
+    use super::super::cpu::CpuEngine;
+    use super::super::{Buffer, Dispatch, Engine, Kernel, Purpose};
+    use super::engine::{Options, VulkanEngine};
+    use crate::optics::{Optics, Pupil, WindowFactor};
+    use crate::plan::{Comparison, Planner, Views};
+    use crate::scene::{Pyramid, ViewGrid};
+
+    let slm = Optics::new(40, 64, 8e-6, 520e-9, 0.4).unwrap();
+    let mut planner = Planner::new(slm, 5, WindowFactor::Two);
+    let grid = ViewGrid { rows: 3, columns: 3, cell: slm.eyebox() / 3.0 };
+    let views: Vec<Vec<f32>> =
+        (0..9).map(|v| (0..40 * 64).map(|i| ((i * 37 + v * 101) % 211) as f32 / 211.0).collect()).collect();
+    let pyramid = std::sync::Arc::new(Pyramid::new(&views, 40, 64));
+    planner.views = Some(Views::new(grid, &pyramid));
+    let pupil = Pupil { x: 1e-3, y: -2e-3, diameter: 20e-3, depth: 3e-3 };
+    let mut step =
+        planner.project_step(vec![planner.lane(&pupil, &Comparison::default()); 2], usize::MAX, 0.5, 2.0, 0.5);
+    let transforms = [Kernel::FieldForward, Kernel::WindowForward, Kernel::WindowInverse, Kernel::ChangeInverse];
+    step.list.retain(|d: &Dispatch| !transforms.contains(&d.kernel));
+
+    let shape = planner.shape(Purpose::Project);
+    let run = |engine: &mut dyn Engine| {
+        engine.load(&shape, Some(std::sync::Arc::clone(&pyramid))).unwrap();
+        engine.write(Buffer::Phases, &(0..5 * 40 * 64).map(|i| (i % 71) as f32 * 0.08).collect::<Vec<_>>()).unwrap();
+        let losses = engine.run(&step).unwrap();
+        (losses, engine.read(Buffer::Phases).unwrap(), engine.read(Buffer::Target(1)).unwrap())
+    };
+    let mut engine = VulkanEngine::open(&Options { device: None, allow_cpu: true, validation: true }).unwrap();
+    // Two frames of the field, three of phases, and less than all views of any level.
+    engine.pretend_range(2 * 8 * 40 * 64 + 512);
+    engine.pretend_old();
+    let got = run(&mut engine);
+    let want = run(&mut CpuEngine::new());
+    for (got, want) in [(&got.1, &want.1), (&got.2, &want.2)] {
+        let error: f32 = got.iter().zip(want).map(|(a, b)| 2.0 - 2.0 * (a - b).cos()).sum();
+        assert!(error < 1e-9 * got.len() as f32, "{error}");
+    }
+    assert!((got.0[1] / want.0[1] - 1.0).abs() < 1e-5);
+    // One frame that is too large is refused by name.
+    engine.pretend_range(4096);
+    let text = engine.load(&shape, None).unwrap_err().to_string();
+    assert!(text.contains("one frame of the"), "{text}");
+    let messages = engine.messages();
+    drop(engine);
+    assert_eq!(*messages.lock().unwrap(), Vec::<String>::new());
 }

@@ -1,0 +1,166 @@
+//! Two engines, one list: the first runs it up to a kernel, the second from there on.
+//!
+//! If a step goes wrong on Vulkan and right on the CPU, handing over later and later finds the kernel that is to blame.
+
+use super::{Buffer, Engine, EngineError, Kernel, Purpose, Shape, Step, Timing};
+use crate::scene::Pyramid;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Where in a list the second engine takes over.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum At {
+    /// Before this entry of the list; at its end if the list is shorter.
+    Index(usize),
+    /// Before the first entry with this kernel; at the list's end if there is none.
+    Kernel(Kernel),
+}
+
+/// Runs the front of each list on one engine and its rest on another. Whenever the other one takes over, it is given
+/// all buffers.
+pub struct Handover {
+    first: Box<dyn Engine>,
+    second: Box<dyn Engine>,
+    at: At,
+    shape: Option<Shape>,
+    /// Which engine ran last: only it knows what the kernels wrote.
+    last_is_second: Option<bool>,
+}
+
+impl Handover {
+    /// `first` up to `at`, `second` from there on.
+    pub fn new(first: Box<dyn Engine>, second: Box<dyn Engine>, at: At) -> Self {
+        Self { first, second, at, shape: None, last_is_second: None }
+    }
+
+    fn place(&self, step: &Step) -> usize {
+        match self.at {
+            At::Index(index) => index.min(step.list.len()),
+            At::Kernel(kernel) => step.list.iter().position(|d| d.kernel == kernel).unwrap_or(step.list.len()),
+        }
+    }
+
+    fn last(&mut self) -> &mut dyn Engine {
+        if self.last_is_second == Some(true) { &mut *self.second } else { &mut *self.first }
+    }
+}
+
+/// Buffers of a shape. `Second` only where Adam needs it.
+fn shape_buffers(shape: &Shape) -> Vec<Buffer> {
+    let mut all = vec![Buffer::Phases, Buffer::Field];
+    if shape.purpose != Purpose::View {
+        all.extend([Buffer::Momentum, Buffer::Change, Buffer::Hits]);
+    }
+    if shape.purpose == Purpose::Adam {
+        all.push(Buffer::Second);
+    }
+    all
+}
+
+/// Copies what the kernels from entry `at` on may read: all buffers of the shape, and those of the lanes whose kernels
+/// the list is in the middle of.
+fn copy(from: &mut dyn Engine, to: &mut dyn Engine, shape: &Shape, step: &Step, at: usize) -> Result<(), EngineError> {
+    for buffer in shape_buffers(shape) {
+        to.write(buffer, &from.read(buffer)?)?;
+    }
+    // A group of lanes that starts here brings nothing along.
+    let Some(next) = step.list[at..].iter().find(|d| !d.lanes.is_empty()) else { return Ok(()) };
+    let before = step.list[..at].iter().rev().find(|d| !d.lanes.is_empty());
+    if before.is_none_or(|b| b.lanes != next.lanes) {
+        return Ok(());
+    }
+    for (slot, lane) in step.lanes[next.lanes.clone()].iter().enumerate() {
+        let count = lane.count();
+        let level = lane.shot.as_ref().map_or(0, |s| s.args.height as usize * s.args.width as usize);
+        let wanted = [
+            (Buffer::Transfer(slot), 2 * count),
+            (Buffer::Window(slot), 2 * shape.frames * count),
+            (Buffer::Image(slot), count),
+            (Buffer::Target(slot), count),
+            (Buffer::Accumulator(slot), level),
+        ];
+        for (buffer, length) in wanted {
+            // A buffer that is not this long was not computed for this lane yet.
+            match from.read(buffer) {
+                Ok(data) if length > 0 && data.len() == length => to.write(buffer, &data)?,
+                Ok(_) | Err(EngineError::Mismatch { .. }) => {}
+                Err(e) => return Err(e),
+            }
+        }
+    }
+    Ok(())
+}
+
+impl Engine for Handover {
+    fn describe(&self) -> String {
+        let at = match self.at {
+            At::Index(index) => format!("entry {index}"),
+            At::Kernel(kernel) => kernel.name().to_owned(),
+        };
+        format!("{}; from {at} on: {}", self.first.describe(), self.second.describe())
+    }
+
+    fn load(&mut self, shape: &Shape, views: Option<Arc<Pyramid>>) -> Result<(), EngineError> {
+        self.first.load(shape, views.clone())?;
+        self.second.load(shape, views)?;
+        (self.shape, self.last_is_second) = (Some(*shape), None);
+        Ok(())
+    }
+
+    fn write(&mut self, buffer: Buffer, data: &[f32]) -> Result<(), EngineError> {
+        self.first.write(buffer, data)?;
+        self.second.write(buffer, data)
+    }
+
+    fn read(&mut self, buffer: Buffer) -> Result<Vec<f32>, EngineError> {
+        self.last().read(buffer)
+    }
+
+    fn run_part(&mut self, step: &Step, part: Range<usize>) -> Result<Vec<f64>, EngineError> {
+        let Some(shape) = self.shape else {
+            return Err(EngineError::Mismatch { reason: "nothing was loaded".into() });
+        };
+        if part.start > part.end || part.end > step.list.len() {
+            return Err(EngineError::Mismatch { reason: format!("dispatches {part:?} of {}", step.list.len()) });
+        }
+        let at = self.place(step).clamp(part.start, part.end);
+        let mut losses = vec![0.0; step.lanes.len()];
+        for (second, part) in [(false, part.start..at), (true, at..part.end)] {
+            if part.is_empty() {
+                continue;
+            }
+            let (mut ran, mut runs) = (&mut self.first, &mut self.second);
+            if !second {
+                std::mem::swap(&mut ran, &mut runs);
+            }
+            if self.last_is_second.is_some_and(|last| last != second) {
+                copy(&mut **ran, &mut **runs, &shape, step, part.start)?;
+            }
+            // Also when it fails: what it left is what there is to read.
+            self.last_is_second = Some(second);
+            let more = runs.run_part(step, part)?;
+            losses.iter_mut().zip(more).for_each(|(loss, more)| *loss += more);
+        }
+        Ok(losses)
+    }
+
+    fn timings(&self) -> Vec<Timing> {
+        let mut all = self.first.timings();
+        for timing in self.second.timings() {
+            match all.iter_mut().find(|t| t.kernel == timing.kernel) {
+                Some(t) => {
+                    t.calls += timing.calls;
+                    t.seconds += timing.seconds;
+                }
+                None => all.push(timing),
+            }
+        }
+        all.sort_by_key(|t| t.kernel as usize);
+        all
+    }
+
+    fn reset_timings(&mut self) {
+        self.first.reset_timings();
+        self.second.reset_timings();
+    }
+}

@@ -1,0 +1,174 @@
+//! The same list on both engines: steps with known contents, and how far results lie apart.
+
+use eyebox::engine::vulkan::{Options, VulkanEngine};
+use eyebox::engine::{Buffer, Dispatch, Engine, Kernel, Purpose, Shape, Step};
+use eyebox::optics::{Optics, Padding, Pupil, WindowFactor};
+use eyebox::plan::{Comparison, Planner, Views};
+use eyebox::scene::{Pyramid, ViewGrid};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Opens a Vulkan device with validation; a software one will do, and where there is none, the test fails.
+pub fn vulkan() -> VulkanEngine {
+    let options = Options { device: None, allow_cpu: true, validation: true };
+    VulkanEngine::open(&options).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// Fails if the validation layer said anything, the closing of the device included.
+pub fn assert_silent(engine: VulkanEngine) {
+    let messages: Arc<Mutex<Vec<String>>> = engine.messages();
+    drop(engine);
+    let heard = messages.lock().unwrap_or_else(PoisonError::into_inner);
+    assert!(heard.is_empty(), "the validation layer said:\n{}", heard.join("\n"));
+}
+
+/// Random numbers in 0 .. 1, the same for the same seed.
+pub struct Noise(u64);
+
+impl Noise {
+    /// From a seed.
+    pub fn new(seed: u64) -> Self {
+        Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1)
+    }
+
+    /// The next one.
+    pub fn draw(&mut self) -> f32 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 40) as f32 / (1u64 << 24) as f32
+    }
+
+    /// Values between two limits.
+    pub fn between(&mut self, count: usize, low: f32, high: f32) -> Vec<f32> {
+        (0..count).map(|_| low + (high - low) * self.draw()).collect()
+    }
+}
+
+/// A display, its views and three pupils: a small one at the eyebox's edge (whose window hangs over and wraps), a
+/// large one, and one in between.
+pub struct Case {
+    /// Makes lanes and steps.
+    pub planner: Planner,
+    /// The views.
+    pub pyramid: Arc<Pyramid>,
+    /// The pupils.
+    pub pupils: Vec<Pupil>,
+}
+
+impl Case {
+    /// `padding` rows and columns of zeros are added on each side; `depth` is the first pupil's.
+    pub fn new(height: usize, width: usize, padding: usize, depth: f64, frames: usize) -> Self {
+        let slm = Optics::new(height, width, 8e-6, 520e-9, 0.4).expect("valid optics");
+        let mut planner = Planner::new(slm, frames, WindowFactor::Two);
+        if padding > 0 {
+            planner = planner.with_padding(Padding { rows: padding, columns: padding });
+        }
+        let (gh, gw) = (planner.grid.height, planner.grid.width);
+        let grid = ViewGrid { rows: 3, columns: 3, cell: slm.eyebox() / 3.0 };
+        let mut noise = Noise::new((height * 7919 + width) as u64);
+        let views: Vec<Vec<f32>> = (0..9).map(|_| noise.between(gh * gw, 0.0, 1.0)).collect();
+        let pyramid = Arc::new(Pyramid::new(&views, gh, gw));
+        planner.views = Some(Views::new(grid, &pyramid));
+        let half = slm.eyebox() / 2.0;
+        let pupil =
+            |x: f64, y: f64, diameter: f64, depth| Pupil { x: x * half, y: y * half, diameter: diameter * half, depth };
+        let pupils = vec![pupil(-0.7, 0.8, 0.4, depth), pupil(0.1, -0.05, 1.6, -2e-3), pupil(0.3, 0.2, 0.7, 5e-3)];
+        Self { planner, pyramid, pupils }
+    }
+
+    /// One step over all pupils: of the projection or of Adam, comparing in this mode.
+    pub fn step(&self, purpose: Purpose, mode: u32, power: f64, in_flight: usize) -> Step {
+        let comparison = Comparison { mode, exposure: 0.8, batch: self.pupils.len(), ..Comparison::default() };
+        let lanes = self.pupils.iter().map(|p| self.planner.lane(p, &comparison)).collect();
+        match purpose {
+            Purpose::Adam => self.planner.adam_step(lanes, in_flight, 3, 0.1),
+            _ => self.planner.project_step(lanes, in_flight, power, 2.0, 0.5),
+        }
+    }
+
+    /// A step with this one kernel, over all lanes if it looks at lanes.
+    pub fn single(&self, purpose: Purpose, mode: u32, power: f64, kernel: Kernel) -> Step {
+        let mut step = self.step(purpose, mode, power, usize::MAX);
+        let lanes = step.list.iter().find(|d| d.kernel == kernel).map_or(0..step.lanes.len(), |d| d.lanes.clone());
+        step.list = vec![Dispatch { kernel, lanes }];
+        step
+    }
+
+    /// Loads an engine.
+    pub fn load(&self, engine: &mut dyn Engine, purpose: Purpose) {
+        engine.load(&self.planner.shape(purpose), Some(Arc::clone(&self.pyramid))).unwrap_or_else(|e| panic!("{e}"));
+    }
+}
+
+/// All buffers of a shape and of the lanes in slots 0, 1, ..., with their numbers of float32 values.
+pub fn buffers(shape: &Shape, step: &Step) -> Vec<(Buffer, usize)> {
+    let (pixels, points) = (shape.frames * shape.pixels(), 2 * shape.frames * shape.points());
+    let mut all = vec![(Buffer::Phases, pixels), (Buffer::Field, points)];
+    if shape.purpose != Purpose::View {
+        all.extend([(Buffer::Momentum, pixels), (Buffer::Change, points), (Buffer::Hits, shape.points())]);
+    }
+    if shape.purpose == Purpose::Adam {
+        all.push((Buffer::Second, pixels));
+    }
+    let lanes = step.list.iter().map(|d| d.lanes.clone()).find(|l| !l.is_empty()).unwrap_or(0..0);
+    for (slot, lane) in step.lanes[lanes].iter().enumerate() {
+        let count = lane.count();
+        all.extend([(Buffer::Transfer(slot), 2 * count), (Buffer::Window(slot), 2 * shape.frames * count)]);
+        all.extend([(Buffer::Image(slot), count), (Buffer::Target(slot), count)]);
+        if let Some(shot) = &lane.shot {
+            all.push((Buffer::Accumulator(slot), shot.args.height as usize * shot.args.width as usize));
+        }
+    }
+    all
+}
+
+/// Contents that make sense in a buffer: phases of a turn, counts of pupils, intensities that are not negative.
+pub fn contents(buffer: Buffer, count: usize, noise: &mut Noise) -> Vec<f32> {
+    match buffer {
+        Buffer::Phases => noise.between(count, -3.1, 3.1),
+        Buffer::Hits => noise.between(count, 0.0, 5.0).into_iter().map(f32::floor).collect(),
+        Buffer::Second | Buffer::Image(_) | Buffer::Target(_) | Buffer::Accumulator(_) => {
+            noise.between(count, 0.0, 1.5)
+        }
+        _ => noise.between(count, -1.0, 1.0),
+    }
+}
+
+/// Error power over signal power; phases are compared round the circle.
+pub fn distance(buffer: Buffer, got: &[f32], want: &[f32]) -> f64 {
+    assert_eq!(got.len(), want.len(), "{buffer:?}");
+    let (mut error, mut power) = (0.0, 1e-30);
+    for (g, w) in got.iter().zip(want) {
+        let (g, w) = (f64::from(*g), f64::from(*w));
+        error += if buffer == Buffer::Phases { 2.0 - 2.0 * (g - w).cos() } else { (g - w).powi(2) };
+        power += if buffer == Buffer::Phases { 1.0 } else { w * w };
+    }
+    assert!(error.is_finite(), "{buffer:?} holds what is no number");
+    error / power
+}
+
+/// Runs the step on `engine` and on `twin` from the same random buffers and compares every buffer and every loss.
+/// Returns the largest error power over signal power.
+pub fn compare(engine: &mut dyn Engine, twin: &mut dyn Engine, case: &Case, purpose: Purpose, step: &Step) -> f64 {
+    let shape = case.planner.shape(purpose);
+    let mut noise = Noise::new(step.list.len() as u64 + step.list[0].kernel as u64);
+    case.load(engine, purpose);
+    case.load(twin, purpose);
+    let all = buffers(&shape, step);
+    for &(buffer, count) in &all {
+        let data = contents(buffer, count, &mut noise);
+        engine.write(buffer, &data).unwrap_or_else(|e| panic!("{buffer:?}: {e}"));
+        twin.write(buffer, &data).unwrap_or_else(|e| panic!("{buffer:?}: {e}"));
+    }
+    let got = engine.run(step).unwrap_or_else(|e| panic!("{e}"));
+    let want = twin.run(step).unwrap_or_else(|e| panic!("{e}"));
+    let mut worst: f64 = 0.0;
+    for (got, want) in got.iter().zip(&want) {
+        let off = ((got - want) / want.abs().max(1e-30)).powi(2);
+        worst = worst.max(if want == got { 0.0 } else { off });
+    }
+    for (buffer, _) in all {
+        let got = engine.read(buffer).unwrap_or_else(|e| panic!("{buffer:?}: {e}"));
+        let want = twin.read(buffer).unwrap_or_else(|e| panic!("{buffer:?}: {e}"));
+        worst = worst.max(distance(buffer, &got, &want));
+    }
+    worst
+}

@@ -1,0 +1,161 @@
+//! Each kernel on the device against its twin: error power below 1e-10 of signal power, and not a word from the
+//! validation layer.
+
+use eyebox::engine::cpu::CpuEngine;
+use eyebox::engine::vulkan::{Options, VulkanEngine};
+use eyebox::engine::{Buffer, Engine, Kernel, Purpose};
+use eyebox_kernels::compare::{AMPLITUDE, INTENSITY, PROJECTION};
+use eyebox_tests::both::{Case, assert_silent, compare, vulkan};
+
+const SIZES: [(usize, usize, usize); 6] = [(1, 1, 0), (7, 13, 0), (45, 64, 0), (64, 64, 0), (31, 50, 3), (5, 130, 11)];
+const DEPTHS: [f64; 6] = [0.0, 1e-6, -15e-3, 0.3, 1.0, -1.0];
+
+fn check(kernel: Kernel, purpose: Purpose, mode: u32, power: f64) {
+    let (mut engine, mut twin) = (vulkan(), CpuEngine::new());
+    for (height, width, padding) in SIZES {
+        for frames in [1, 3] {
+            let case = Case::new(height, width, padding, 15e-3, frames);
+            let step = case.single(purpose, mode, power, kernel);
+            let worst = compare(&mut engine, &mut twin, &case, purpose, &step);
+            assert!(worst < 1e-10, "{} at {height} x {width} (+{padding}): {worst:e}", kernel.name());
+        }
+    }
+    assert!(engine.timings().iter().all(|t| t.kernel == kernel && t.calls == 2 * SIZES.len() as u64));
+    assert_silent(engine);
+}
+
+macro_rules! kernels {
+    ($($name:ident: $kernel:ident, $purpose:ident, $mode:expr, $power:expr;)*) => {
+        $(#[test] fn $name() { check(Kernel::$kernel, Purpose::$purpose, $mode, $power); })*
+    };
+}
+
+kernels! {
+    clear: Clear, Project, PROJECTION, 1.0;
+    modulate: Modulate, Project, PROJECTION, 1.0;
+    field_forward: FieldForward, View, PROJECTION, 1.0;
+    overlap: Overlap, Project, PROJECTION, 1.0;
+    transfer: Transfer, View, PROJECTION, 1.0;
+    photograph: Photograph, View, PROJECTION, 1.0;
+    resample: Resample, View, PROJECTION, 1.0;
+    pass_pupil: PassPupil, View, PROJECTION, 1.0;
+    window_inverse: WindowInverse, View, PROJECTION, 1.0;
+    intensity: Intensity, View, PROJECTION, 1.0;
+    compare_projection: Compare, Project, PROJECTION, 1.0;
+    compare_intensity: Compare, Adam, INTENSITY, 1.0;
+    compare_amplitude: Compare, Adam, AMPLITUDE, 1.0;
+    weigh: Weigh, Project, PROJECTION, 1.0;
+    window_forward: WindowForward, View, PROJECTION, 1.0;
+    return_pupil: ReturnPupil, Project, PROJECTION, 1.0;
+    balance_mean: Balance, Project, PROJECTION, 1.0;
+    balance_root: Balance, Project, PROJECTION, 0.5;
+    balance_between: Balance, Project, PROJECTION, 0.7;
+    change_inverse: ChangeInverse, Project, PROJECTION, 1.0;
+    project: Project, Project, PROJECTION, 1.0;
+    adam: Adam, Adam, INTENSITY, 1.0;
+}
+
+/// The phase runs to thousands of turns, and no turn is lost; the twin computes it in float64.
+#[test]
+fn transfer_at_every_depth() {
+    let (mut engine, mut twin) = (vulkan(), CpuEngine::new());
+    for depth in DEPTHS {
+        let case = Case::new(64, 90, 0, depth, 1);
+        let step = case.single(Purpose::View, PROJECTION, 1.0, Kernel::Transfer);
+        let worst = compare(&mut engine, &mut twin, &case, Purpose::View, &step);
+        assert!(worst < 1e-10, "depth {depth}: {worst:e}");
+    }
+    // As many bins as a large display has: the squares of their numbers need more than float32.
+    for depth in [1.0, 10.0] {
+        let case = Case::new(2, 16384, 0, depth, 1);
+        let step = case.single(Purpose::View, PROJECTION, 1.0, Kernel::Transfer);
+        let worst = compare(&mut engine, &mut twin, &case, Purpose::View, &step);
+        assert!(worst < 1e-10, "16384 bins at {depth} m: {worst:e}");
+    }
+    assert_silent(engine);
+}
+
+#[test]
+fn a_device_that_is_not_there_is_named_and_help_is_offered() {
+    let options = Options { device: Some("no such device".into()), ..Options::default() };
+    let Err(error) = VulkanEngine::open(&options) else { panic!("it opened") };
+    let text = error.to_string();
+    assert!(text.contains("no such device") && text.contains("tools/setup.sh"), "{text}");
+}
+
+#[test]
+fn a_step_that_does_not_fit_is_refused() {
+    let mut engine = vulkan();
+    let case = Case::new(16, 24, 0, 0.0, 2);
+    case.load(&mut engine, Purpose::Project);
+    let good = case.step(Purpose::Project, PROJECTION, 1.0, usize::MAX);
+    let refused = |engine: &mut VulkanEngine, step| {
+        let text = engine.run(&step).expect_err("it ran").to_string();
+        assert!(text.contains("does not fit"), "{text}");
+    };
+    let mut step = good.clone();
+    step.lanes[1].spans.pop();
+    refused(&mut engine, step);
+    let mut step = good.clone();
+    step.lanes[0].spans[0] = [0, 10_000];
+    refused(&mut engine, step);
+    let mut step = good.clone();
+    step.lanes[0].intensity.frames = 9;
+    refused(&mut engine, step);
+    let mut step = good.clone();
+    step.lanes[2].shot.as_mut().unwrap().taps[0].view = 9;
+    refused(&mut engine, step);
+    let mut step = good.clone();
+    step.list[3].lanes = 0..7;
+    refused(&mut engine, step);
+    refused(&mut engine, Case::new(16, 26, 0, 0.0, 2).step(Purpose::Project, PROJECTION, 1.0, usize::MAX));
+    refused(&mut engine, case.step(Purpose::Adam, INTENSITY, 1.0, usize::MAX));
+    assert!(engine.write(Buffer::Phases, &[0.0; 3]).is_err());
+    assert!(engine.read(Buffer::Second).is_err());
+    assert!(engine.read(Buffer::Window(0)).is_err());
+    assert_silent(engine);
+}
+
+/// Every kernel at the size of the paper's display, and at primes.
+#[test]
+fn large_sizes() {
+    let (mut engine, mut twin) = (vulkan(), CpuEngine::new());
+    for (height, width) in [(1080, 1920), (211, 307)] {
+        let case = Case::new(height, width, 0, 1.0, 1);
+        let (projects, adam) = (Purpose::Project, Purpose::Adam);
+        let list: Vec<Kernel> =
+            case.step(projects, PROJECTION, 0.5, usize::MAX).list.iter().map(|d| d.kernel).collect();
+        let all = list.into_iter().map(|k| (k, projects, PROJECTION)).chain([(Kernel::Adam, adam, INTENSITY)]);
+        for (kernel, purpose, mode) in all {
+            let step = case.single(purpose, mode, 0.5, kernel);
+            let worst = compare(&mut engine, &mut twin, &case, purpose, &step);
+            assert!(worst < 1e-10, "{} at {height} x {width}: {worst:e}", kernel.name());
+        }
+    }
+    assert_silent(engine);
+}
+
+/// lavapipe is as wide as it is told to be: nothing above may depend on it.
+#[test]
+fn every_subgroup_size() {
+    const WIDTH: &str = "LP_NATIVE_VECTOR_WIDTH";
+    if let Some(width) = std::env::var_os(WIDTH) {
+        // Run by the loop below: the other tests do the work, this one sees that the width was heard.
+        let engine = vulkan();
+        let device = engine.device();
+        if device.name.contains("llvmpipe") {
+            assert_eq!(Ok(device.limits.subgroup * 32), width.to_string_lossy().parse());
+        }
+        return;
+    }
+    for width in ["128", "256", "512"] {
+        let tests = std::env::current_exe().expect("this test's file");
+        let output = std::process::Command::new(tests)
+            .env(WIDTH, width)
+            .args(["--skip", "large_sizes"])
+            .output()
+            .expect("the tests run");
+        let text = String::from_utf8_lossy(&output.stdout);
+        assert!(output.status.success(), "with vectors of {width} bits:\n{text}");
+    }
+}

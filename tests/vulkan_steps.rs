@@ -1,0 +1,108 @@
+//! Whole steps: both engines run the same lists, and may hand over anywhere.
+
+use eyebox::engine::cpu::CpuEngine;
+use eyebox::engine::{At, Buffer, Engine, Handover, Kernel, Purpose, Step};
+use eyebox::plan::Comparison;
+use eyebox_kernels::compare::{AMPLITUDE, INTENSITY, PROJECTION};
+use eyebox_tests::both::{Case, Noise, assert_silent, distance, vulkan};
+
+/// Runs `steps` from the same random phases; returns the losses and the phases.
+fn solve(engine: &mut dyn Engine, case: &Case, purpose: Purpose, steps: &[Step]) -> (Vec<Vec<f64>>, Vec<f32>) {
+    case.load(engine, purpose);
+    let shape = case.planner.shape(purpose);
+    let phases = Noise::new(5).between(shape.frames * shape.pixels(), -3.1, 3.1);
+    engine.write(Buffer::Phases, &phases).unwrap();
+    let losses = steps.iter().map(|s| engine.run(s).unwrap_or_else(|e| panic!("{e}"))).collect();
+    (losses, engine.read(Buffer::Phases).unwrap())
+}
+
+/// A few steps, the lanes in one group and in several.
+fn steps(case: &Case, purpose: Purpose, mode: u32) -> Vec<Step> {
+    [usize::MAX, 1, 3000].map(|in_flight| case.step(purpose, mode, 0.5, in_flight)).to_vec()
+}
+
+fn assert_close(got: &(Vec<Vec<f64>>, Vec<f32>), want: &(Vec<Vec<f64>>, Vec<f32>), what: &str) {
+    for (got, want) in got.0.iter().flatten().zip(want.0.iter().flatten()) {
+        assert!(*want > 0.0 && (got / want - 1.0).abs() < 1e-4, "{what}: loss {got}, not {want}");
+    }
+    // Every step amplifies the last one's rounding a little, where a field is nearly zero.
+    let far = distance(Buffer::Phases, &got.1, &want.1);
+    assert!(far < 1e-8, "{what}: phases differ by {far:e}");
+}
+
+#[test]
+fn both_engines_take_the_same_steps() {
+    let mut engine = vulkan();
+    for (height, width, padding, frames) in [(45, 64, 0, 3), (40, 36, 5, 2), (64, 64, 0, 8), (97, 61, 0, 1)] {
+        let case = Case::new(height, width, padding, 4e-3, frames);
+        for (purpose, mode) in [(Purpose::Project, PROJECTION), (Purpose::Adam, INTENSITY), (Purpose::Adam, AMPLITUDE)]
+        {
+            let steps = steps(&case, purpose, mode);
+            let got = solve(&mut engine, &case, purpose, &steps);
+            let want = solve(&mut CpuEngine::new(), &case, purpose, &steps);
+            assert_close(&got, &want, &format!("{height} x {width}, {purpose:?}, mode {mode}"));
+            // The same list on the same engine gives the same bits.
+            assert_eq!(got, solve(&mut engine, &case, purpose, &steps));
+        }
+    }
+    assert_silent(engine);
+}
+
+#[test]
+fn both_engines_show_the_same_views_and_photographs() {
+    let mut engine = vulkan();
+    let case = Case::new(54, 70, 0, 4e-3, 4);
+    let lanes: Vec<_> = case.pupils.iter().map(|p| case.planner.lane(p, &Comparison::default())).collect();
+    let (view, photograph) = (case.planner.view_step(lanes.clone()), case.planner.photograph_step(lanes));
+    let mut twin = CpuEngine::new();
+    let phases = Noise::new(3).between(4 * 54 * 70, -3.1, 3.1);
+    for engine in [&mut engine as &mut dyn Engine, &mut twin] {
+        case.load(engine, Purpose::View);
+        engine.write(Buffer::Phases, &phases).unwrap();
+    }
+    for (step, buffer) in [(&view, Buffer::Image as fn(usize) -> Buffer), (&photograph, Buffer::Target)] {
+        engine.run(step).unwrap();
+        twin.run(step).unwrap();
+        for slot in 0..case.pupils.len() {
+            let (got, want) = (engine.read(buffer(slot)).unwrap(), twin.read(buffer(slot)).unwrap());
+            let far = distance(buffer(slot), &got, &want);
+            assert!(far < 1e-10 && want.iter().sum::<f32>() > 0.0, "{:?}: {far:e}", buffer(slot));
+        }
+    }
+    let names: Vec<&str> = engine.timings().iter().map(|t| t.kernel.name()).collect();
+    assert_eq!(
+        names,
+        [
+            "modulate",
+            "field_forward",
+            "transfer",
+            "photograph",
+            "resample",
+            "pass_pupil",
+            "window_inverse",
+            "intensity"
+        ]
+    );
+    assert!(engine.timings().iter().all(|t| t.calls == 1 && t.seconds > 0.0), "{:?}", engine.timings());
+    assert_silent(engine);
+}
+
+/// Wherever one engine hands over to the other, the result is the same.
+#[test]
+fn handing_over_changes_nothing() {
+    let case = Case::new(30, 44, 0, 4e-3, 2);
+    let purpose = Purpose::Project;
+    let steps: Vec<Step> = [usize::MAX, 1].map(|in_flight| case.step(purpose, PROJECTION, 0.5, in_flight)).to_vec();
+    let want = solve(&mut CpuEngine::new(), &case, purpose, &steps);
+    let longest = steps.iter().map(|s| s.list.len()).max().unwrap();
+    for index in 0..=longest {
+        let mut handover = Handover::new(Box::new(CpuEngine::new()), Box::new(vulkan()), At::Index(index));
+        assert_close(&solve(&mut handover, &case, purpose, &steps), &want, &format!("at {index}"));
+    }
+    let mut back = Handover::new(Box::new(vulkan()), Box::new(CpuEngine::new()), At::Kernel(Kernel::Weigh));
+    assert_close(&solve(&mut back, &case, purpose, &steps), &want, "back at weigh");
+    assert!(back.describe().contains("from weigh on: CPU"), "{}", back.describe());
+    // Both engines ran their share.
+    let names = |e: &dyn Engine| e.timings().iter().map(|t| t.kernel).collect::<Vec<_>>();
+    assert!(names(&back).contains(&Kernel::Modulate) && names(&back).contains(&Kernel::Project));
+}

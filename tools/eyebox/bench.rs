@@ -1,0 +1,95 @@
+//! `eyebox bench`: milliseconds per step, and per kernel, beside another program in the same run.
+
+use crate::Failure;
+use crate::args::Bench;
+use crate::common;
+use crate::solve::settings_of;
+use eyebox::optics::Padding;
+use eyebox::solve::{self, Flow, Problem};
+use serde_json::json;
+use std::process::Command;
+use std::time::Instant;
+
+/// Times steps; three rounds, in turn with the other program.
+pub fn run(args: &Bench) -> Result<(), Failure> {
+    let display = common::display(&args.solve.display)?;
+    let colors = common::colors(&args.solve.display, &display)?;
+    let color = colors[0];
+    let mut engine = common::engine(&args.solve.engine)?;
+    let begun = Instant::now();
+    let field = common::scene(&args.solve.scene, &display, &[color])?;
+    let depth = common::depths(&args.solve.scene, &field, &display);
+    let settings = settings_of(&args.solve, &display, depth);
+    let problem = Problem::new(&field, color, &display, Padding::default())?;
+    let loading = begun.elapsed().as_secs_f64();
+    drop(field);
+    println!(
+        "{}; {} {}x{}, {} sub-frames, {} pupils a step",
+        engine.describe(),
+        color,
+        display.height,
+        display.width,
+        settings.frames,
+        settings.pupils
+    );
+    println!("scene loaded in {loading:.2} s");
+    let mut steps = Vec::new();
+    let mut totals = Vec::new();
+    for round in 1..=args.rounds.max(1) {
+        if let Some(other) = &args.beside {
+            println!("round {round}, beside: {other}");
+            let status =
+                Command::new("sh").args(["-c", other]).status().map_err(|e| Failure::Asked(format!("{other}: {e}")))?;
+            if !status.success() {
+                return Err(Failure::Asked(format!("{other}: it ended with {status}")));
+            }
+        }
+        let (mut last, mut times) = (None, Vec::new());
+        engine.reset_timings();
+        let begun = Instant::now();
+        let solution = solve::solve(&problem, &settings, engine.as_mut(), &mut |p| {
+            // A step after which a verdict was given carries its time; the median does not mind.
+            let now = Instant::now();
+            times.extend(last.replace(now).map(|before: Instant| now.duration_since(before).as_secs_f64() * 1e3));
+            if p.step == 0 {
+                last = None;
+            }
+            Flow::Continue
+        })?;
+        times.sort_by(f64::total_cmp);
+        let median = times.get(times.len() / 2).copied().unwrap_or(f64::NAN);
+        let total = begun.elapsed().as_secs_f64();
+        println!(
+            "round {round}: step median {median:.2} ms; solve {total:.2} s in all for {} steps, {:.2} dB mean, {:.2} dB worst held out",
+            solution.steps,
+            solution.verdict.mean(),
+            solution.verdict.worst()
+        );
+        steps.push(median);
+        totals.push(total);
+    }
+    println!("{:16} {:>10} {:>12} {:>10}", "kernel", "calls", "ms in all", "share");
+    let timings = engine.timings();
+    let sum: f64 = timings.iter().map(|t| t.seconds).sum();
+    for t in &timings {
+        println!("{:16} {:10} {:12.2} {:9.1} %", t.kernel.name(), t.calls, t.seconds * 1e3, 100.0 * t.seconds / sum);
+    }
+    if args.solve.json {
+        println!(
+            "{}",
+            json!({ "step_ms": steps, "solve_s": totals, "load_s": loading, "peak_memory_mib": peak_memory_mib() })
+        );
+    }
+    match peak_memory_mib() {
+        Some(mib) => println!("peak memory {mib} MiB"),
+        None => println!("peak memory is not told by this system"),
+    }
+    Ok(())
+}
+
+/// Largest resident set so far, as Linux tells it.
+fn peak_memory_mib() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|l| l.starts_with("VmHWM:"))?;
+    line.split_whitespace().nth(1)?.parse::<u64>().ok().map(|kib| kib / 1024)
+}
