@@ -1,6 +1,5 @@
 //! Records the passes of planned transforms.
 
-use super::super::DeviceKind;
 use super::super::device::Block;
 use super::super::gpu::Gpu;
 use super::super::pipelines::Pipeline;
@@ -493,7 +492,7 @@ fn chirp_pipeline(gpu: &mut Gpu) -> Result<Pipeline, EngineError> {
 }
 
 /// What plans must fit on this device.
-fn plan_limits(gpu: &Gpu, axis: Axis) -> PlanLimits {
+fn plan_limits(gpu: &Gpu) -> PlanLimits {
     let limits = gpu.limits();
     PlanLimits { shared_bytes: limits.shared_memory, invocations: limits.invocations }
 }
