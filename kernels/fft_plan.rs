@@ -191,7 +191,7 @@ impl Plan {
 
     /// Of a convolution: the chirp `exp(-i pi k^2 / n)`, `k < n`, and the transform of its inverse over the inner
     /// length, divided by that length.
-    pub fn chirp(&self) -> Option<(Vec<[f32; 2]>, Vec<[f32; 2]>)> {
+    pub fn chirp(&self) -> Option<[Vec<[f32; 2]>; 2]> {
         let Method::Bluestein { inner } = &self.method else { return None };
         let (n, m) = (self.n as usize, inner.n as usize);
         // k^2 modulo 2 n, as exact as integers are.
@@ -204,7 +204,7 @@ impl Plan {
         }
         rustfft::FftPlanner::new().plan_fft_forward(m).process(&mut filter);
         let narrow = |z: &Complex64| [z.re as f32, z.im as f32];
-        Some((chirp.iter().map(narrow).collect(), filter.iter().map(narrow).collect()))
+        Some([chirp.iter().map(narrow).collect(), filter.iter().map(narrow).collect()])
     }
 }
 

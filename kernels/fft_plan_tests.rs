@@ -116,7 +116,7 @@ fn dft(x: &[Complex64], sign: f64) -> Vec<Complex64> {
 
 /// The passes of the shaders, one butterfly after the other.
 fn emulate(plan: &Plan, x: &mut Vec<Complex32>) {
-    if let (Method::Bluestein { inner }, Some((chirp, filter))) = (&plan.method, plan.chirp()) {
+    if let (Method::Bluestein { inner }, Some([chirp, filter])) = (&plan.method, plan.chirp()) {
         let value = |z: &[f32; 2]| Complex32::new(z[0], z[1]);
         let mut work: Vec<Complex32> = x.iter().zip(&chirp).map(|(x, c)| x * value(c)).collect();
         work.resize(inner.n as usize, Complex32::default());

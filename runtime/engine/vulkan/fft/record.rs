@@ -439,7 +439,7 @@ fn planned(gpu: &mut Gpu, plan: Plan) -> Result<Planned, EngineError> {
     }
     let twiddles = gpu.filled(bytemuck::cast_slice(&table), "twiddles")?;
     let convolution = match (&plan.method, plan.chirp()) {
-        (Method::Bluestein { inner }, Some((chirp, filter))) => {
+        (Method::Bluestein { inner }, Some([chirp, filter])) => {
             let chirp = gpu.filled(bytemuck::cast_slice(&chirp), "chirp")?;
             let filter = gpu.filled(bytemuck::cast_slice(&filter), "filter")?;
             Some((chirp, filter, Arc::new(planned(gpu, (**inner).clone())?)))
