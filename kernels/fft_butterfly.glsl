@@ -1,50 +1,148 @@
-// Transforms of A * B * C values in registers: natural order in, order of `place` out.
+// Transforms of a b values in registers, forward, natural order in, order of `place` out.
 //
-// Included once per radix, after fft_lines.glsl, with names given by macros: A, B, C (specialisation constants, each 1,
-// 2, 4, 8 or an odd prime, so that all loops unroll), WAVES (exp(-i 2 pi k / (A B C)), up to
-// half a turn: fft_roots.glsl), and the names of the functions. All is folded when the pipeline is made.
+// A register holds two complex numbers, (re, im, re, im), of two columns or of two neighbouring butterflies: memory is
+// read and written 16 bytes at a time, which software devices, for which each access has a fixed price, thank most.
+// All sizes come from specialisation constants, so that all loops unroll and all indices of v are known when the
+// pipeline is made.
 
-vec2 ROOT(uint k) {
-    const uint radix = A * B * C;
-    uint turn = 2 * k > radix ? radix - k : k;
-    return 2 * k > radix ? vec2(WAVES[turn].x, -WAVES[turn].y) : WAVES[turn];
+vec4 v[32];
+
+// Times -i.
+vec4 quarter(vec4 a) { return vec4(a.y, -a.x, a.w, -a.z); }
+
+// Products of complex numbers, pair by pair.
+vec4 times(vec4 a, vec4 w) {
+    return vec4(a.x * w.x - a.y * w.y, a.x * w.y + a.y * w.x, a.z * w.z - a.w * w.w, a.z * w.w + a.w * w.z);
 }
+vec4 times(vec4 a, vec2 w) { return times(a, w.xyxy); }
 
-ODD_PRIME(PRIME_A, A, (A * B * C), ROOT)
-ODD_PRIME(PRIME_B, B, (A * B * C), ROOT)
-ODD_PRIME(PRIME_C, C, (A * B * C), ROOT)
-
-// Turns v[i] by k / (A B C) of a circle.
-void TURN(uint i, uint k) {
-    const uint radix = A * B * C;
-    vec2 x = v[i];
-    if (k == 0) return;
-    if (4 * k == radix) v[i] = turned(x);
-    else if (2 * k == radix) v[i] = -x;
-    else if (4 * k == 3 * radix) v[i] = -turned(x);
-    else if (8 * k == radix) v[i] = HALF_ROOT * (x + turned(x));
-    else if (8 * k == 3 * radix) v[i] = HALF_ROOT * (turned(x) - x);
-    else v[i] = times(x, ROOT(k));
-}
-
-// Where BUTTERFLY() leaves output k.
-uint PLACE(uint k) {
-    uint inner = k / A;
-    return k % A * (B * C) + inner % B * C + inner / B;
-}
-
-void BUTTERFLY() {
-    [[unroll]] for (uint j = 0; j < B * C; ++j) {
-        LINE(A, PRIME_A, j, B * C)
-        [[unroll]] for (uint k = 1; k < A; ++k) TURN(k * (B * C) + j, j * k);
+// exp(-i 2 pi m / n) of constants: the compiler does the sums. The angle is within pi / 4, as exact as float32 has it.
+vec2 turn(uint m, uint n) {
+    uint eighths = 8u * (m % n);
+    uint octant = eighths / n, rest = eighths % n;
+    bool mirror = (octant & 1u) != 0u;
+    float x = 0.785398163397448 * (float(mirror ? n - rest : rest) / float(n));
+    float q = x * x;
+    float s = x * (1.0 + q * (-1.0 / 6.0 + q * (1.0 / 120.0 + q * (-1.0 / 5040.0 + q * (1.0 / 362880.0)))));
+    float c = 1.0 + q * (-0.5 + q * (1.0 / 24.0 + q * (-1.0 / 720.0 + q * (1.0 / 40320.0))));
+    if (mirror) {
+        s = -s;
+        octant++;
     }
-    [[unroll]] for (uint a = 0; a < A; ++a) {
-        [[unroll]] for (uint j = 0; j < C; ++j) {
-            LINE(B, PRIME_B, a * (B * C) + j, C)
-            [[unroll]] for (uint k = 1; k < B; ++k) TURN(a * (B * C) + k * C + j, A * j * k);
+    uint h = (octant / 2u) & 3u;
+    vec2 z = h == 0u ? vec2(c, s) : h == 1u ? vec2(-s, c) : h == 2u ? vec2(-c, -s) : vec2(s, -c);
+    return vec2(z.x, -z.y);
+}
+
+// In what follows: values at v[a], v[a + d], v[a + 2 d], ..., in place, outputs in order.
+
+void dft2(uint a, uint d) {
+    vec4 x = v[a], y = v[a + d];
+    v[a] = x + y;
+    v[a + d] = x - y;
+}
+
+void dft3(uint a, uint d) {
+    vec4 t = v[a + d] + v[a + 2u * d];
+    vec4 u = 0.866025403784439 * quarter(v[a + d] - v[a + 2u * d]);
+    vec4 m = v[a] - 0.5 * t;
+    v[a] += t;
+    v[a + d] = m + u;
+    v[a + 2u * d] = m - u;
+}
+
+void dft4(uint a, uint d) {
+    vec4 p = v[a] + v[a + 2u * d], q = v[a] - v[a + 2u * d];
+    vec4 r = v[a + d] + v[a + 3u * d], s = quarter(v[a + d] - v[a + 3u * d]);
+    v[a] = p + r;
+    v[a + d] = q + s;
+    v[a + 2u * d] = p - r;
+    v[a + 3u * d] = q - s;
+}
+
+void dft8(uint a, uint d) {
+    const float h = 0.707106781186548;
+    vec4 t[8];
+    [[unroll]] for (uint i = 0u; i < 4u; i++) {
+        t[i] = v[a + i * d] + v[a + (i + 4u) * d];
+        t[i + 4u] = v[a + i * d] - v[a + (i + 4u) * d];
+    }
+    t[5] = h * (t[5] + quarter(t[5]));
+    t[6] = quarter(t[6]);
+    t[7] = h * (quarter(t[7]) - t[7]);
+    [[unroll]] for (uint i = 0u; i < 2u; i++) {
+        vec4 p = t[4u * i] + t[4u * i + 2u], q = t[4u * i] - t[4u * i + 2u];
+        vec4 r = t[4u * i + 1u] + t[4u * i + 3u], s = quarter(t[4u * i + 1u] - t[4u * i + 3u]);
+        v[a + i * d] = p + r;
+        v[a + (i + 2u) * d] = q + s;
+        v[a + (i + 4u) * d] = p - r;
+        v[a + (i + 6u) * d] = q - s;
+    }
+}
+
+// Odd primes: X[k], X[p - k] = x[0] + sum cos (x[j] + x[p - j]) -+ i sum sin (x[j] - x[p - j]).
+void dft_odd(uint p, uint a, uint d) {
+    vec4 t[6], u[6], first = v[a], sum = v[a];
+    [[unroll]] for (uint j = 1u; j <= p / 2u; j++) {
+        t[j - 1u] = v[a + j * d] + v[a + (p - j) * d];
+        u[j - 1u] = quarter(v[a + j * d] - v[a + (p - j) * d]);
+        sum += t[j - 1u];
+    }
+    v[a] = sum;
+    [[unroll]] for (uint k = 1u; k <= p / 2u; k++) {
+        vec4 m = first, n = vec4(0.0);
+        [[unroll]] for (uint j = 1u; j <= p / 2u; j++) {
+            vec2 w = turn((j * k) % p, p);
+            m += w.x * t[j - 1u];
+            n -= w.y * u[j - 1u];
         }
-        [[unroll]] for (uint b = 0; b < B; ++b) {
-            LINE(C, PRIME_C, a * (B * C) + b * C, 1)
+        v[a + k * d] = m + n;
+        v[a + (p - k) * d] = m - n;
+    }
+}
+
+void dft(uint size, uint a, uint d) {
+    if (size == 2u) dft2(a, d);
+    else if (size == 3u) dft3(a, d);
+    else if (size == 4u) dft4(a, d);
+    else if (size == 8u) dft8(a, d);
+    else if (size > 1u) dft_odd(size, a, d);
+}
+
+// Output k of butterfly(a, b, at) is at v[at + place(k, a, b)].
+uint place(uint k, uint a, uint b) { return (k % a) * b + k / a; }
+
+void butterfly(uint a, uint b, uint at) {
+    [[unroll]] for (uint n = 0u; n < b; n++) dft(a, at + n, b);
+    if (b > 1u) {
+        [[unroll]] for (uint k = 0u; k < a; k++) {
+            [[unroll]] for (uint n = 1u; n < b; n++) {
+                if (k > 0u) v[at + k * b + n] = times(v[at + k * b + n], turn(k * n, a * b));
+            }
+            dft(b, at + k * b, 1u);
         }
+    }
+}
+
+// The second power of w that tables hold beside w, for a radix.
+uint table_power(uint radix) { return radix <= 4u ? 2u : 4u; }
+
+// v[at + k] times w^k, from w and its power: one access to the table instead of one a value, at the price of products
+// of at most four factors.
+void twist(uint at, uint radix, vec4 w, vec4 w_power) {
+    uint power = table_power(radix);
+    vec4 low[4];
+    low[1] = w;
+    [[unroll]] for (uint k = 2u; k < power; k++) low[k] = times(low[k / 2u], low[k - k / 2u]);
+    [[unroll]] for (uint k = 1u; k < power; k++) {
+        if (k < radix) v[at + k] = times(v[at + k], low[k]);
+    }
+    vec4 high = w_power;
+    [[unroll]] for (uint k = power; k < radix; k += power) {
+        v[at + k] = times(v[at + k], high);
+        [[unroll]] for (uint l = 1u; l < power; l++) {
+            if (k + l < radix) v[at + k + l] = times(v[at + k + l], times(high, low[l]));
+        }
+        high = times(high, w_power);
     }
 }

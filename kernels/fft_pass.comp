@@ -2,80 +2,92 @@
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 
-// One pass of a Stockham transform along columns or rows of frames in global memory: each invocation transforms A * B * C
-// values that stand n / (A B C) apart. Columns: x is the column, y the butterfly. Rows: x is the butterfly, y the row.
-// z: frame.
+// One pass of a Stockham transform through global memory: each invocation transforms A B values that stand n / (A B)
+// apart, of two neighbouring columns (or, in rows, of two neighbouring butterflies) where PAIR is 1.
+// Columns: x is the column, y the butterfly. Rows: x is the butterfly, y the row. z: frame.
 
-layout(local_size_x_id = 4, local_size_y = 1) in;
-layout(constant_id = 0) const uint A = 4;
-layout(constant_id = 1) const uint B = 4;
-layout(constant_id = 2) const uint C = 1;
-layout(constant_id = 3) const bool ROWS = false;
+layout(local_size_x_id = 0, local_size_y_id = 1) in;
+layout(constant_id = 2) const uint A = 4;
+layout(constant_id = 3) const uint B = 4;
+layout(constant_id = 4) const uint PAIR = 1;
+layout(constant_id = 5) const uint ROWS = 0;
+// 1: no pass came before, so nothing is to be twisted.
+layout(constant_id = 6) const uint FIRST = 0;
+const uint R = A * B;
 
-layout(std430, binding = 0) readonly buffer From { vec2 from[]; };
-layout(std430, binding = 1) writeonly buffer To { vec2 to[]; };
-// exp(-i 2 pi k / n).
-layout(std430, binding = 2) readonly buffer Roots { vec2 roots[]; };
-layout(push_constant) uniform Args {
-    // Length, how much of it earlier passes did, and n / (done A B C).
-    uint n, done, step;
-    // Columns or rows, and whether re and im swap places: that makes it the inverse.
-    uint lines, inverse;
-    // First column, columns before wrapping, values from row to row and from frame to frame.
-    uint from_first, from_wrap, from_row, from_frame;
-    uint to_first, to_wrap, to_row, to_frame;
-};
-
-const uint RADIX = A * B * C;
-vec2 v[RADIX];
-
-#define FIRST 5
-#define COSINE(k) cosine_##k
-#define SINE(k) sine_##k
-#define WAVES waves
-#define LOAD_WAVES load_waves
-#include "fft_roots.glsl"
-#include "fft_lines.glsl"
-#define ROOT root
-#define TURN turn
-#define PRIME_A prime_a
-#define PRIME_B prime_b
-#define PRIME_C prime_c
-#define PLACE place
-#define BUTTERFLY butterfly
 #include "fft_butterfly.glsl"
 
-void transform(uint line, uint t) {
-    uint column = line + from_first;
-    if (column >= from_wrap) column -= from_wrap;
-    uint at = gl_WorkGroupID.z * from_frame + (ROWS ? line * from_row + t : t * from_row + column);
-    uint by = n / RADIX * (ROWS ? 1 : from_row);
-    [[unroll]] for (uint i = 0; i < RADIX; ++i) {
-        vec2 x = from[at + i * by];
-        v[i] = inverse != 0 ? x.yx : x;
-    }
-    uint k = t % done;
-    twist(RADIX, k * step);
-    butterfly();
-    column = line + to_first;
-    if (column >= to_wrap) column -= to_wrap;
-    uint out_t = (t - k) * RADIX + k;
-    at = gl_WorkGroupID.z * to_frame + (ROWS ? line * to_row + out_t : out_t * to_row + column);
-    by = done * (ROWS ? 1 : to_row);
-    [[unroll]] for (uint i = 0; i < RADIX; ++i) {
-        vec2 x = v[place(i)];
-        to[at + i * by] = inverse != 0 ? x.yx : x;
-    }
-}
+layout(std430, binding = 0) readonly buffer From2 { vec2 from2[]; };
+layout(std430, binding = 0) readonly buffer From4 { vec4 from4[]; };
+layout(std430, binding = 1) writeonly buffer To2 { vec2 to2[]; };
+layout(std430, binding = 1) writeonly buffer To4 { vec4 to4[]; };
+// (w, w^power) of exp(-i 2 pi j / (s R)), j < s, from `table` on.
+layout(std430, binding = 2) readonly buffer Twiddles { vec4 twiddles[]; };
+layout(push_constant) uniform Args {
+    // Length, product of the radices before, its inverse, where the table starts.
+    uint n, s;
+    float inverse_s;
+    uint table;
+    // Whether re and im swap places, which makes it the inverse; columns or rows.
+    uint inverse, count;
+    // First column, and how many there are before they wrap.
+    uint first, wrap;
+    // Values from row to row, from frame to frame.
+    uint row, from_frame, to_frame;
+};
 
 void main() {
-    uint x = gl_GlobalInvocationID.x;
-    load_waves();
-    if (ROWS) {
-        if (x >= n / RADIX) return;
-        for (uint y = gl_WorkGroupID.y; y < lines; y += gl_NumWorkGroups.y) transform(y, x);
+    uint x = gl_GlobalInvocationID.x * (1u + PAIR), y = gl_GlobalInvocationID.y, frame = gl_GlobalInvocationID.z;
+    uint m = n / R;
+    if (x >= (ROWS == 1u ? m : count) || y >= (ROWS == 1u ? count : m)) return;
+    uint j = ROWS == 1u ? x : y;
+    // j / s: exact, as the half keeps it away from integers by more than float32 rounds.
+    uint block = FIRST == 1u ? j : uint((float(j) + 0.5) * inverse_s);
+    uint rest = FIRST == 1u ? 0u : j - block * s;
+    uint j_to = block * s * R + rest;
+    uint from, to, k_from, k_to;
+    if (ROWS == 1u) {
+        from = y * row + j;
+        to = y * row + j_to;
+        k_from = m;
+        k_to = s;
     } else {
-        if (x >= lines) return;
-        for (uint y = gl_WorkGroupID.y; y < n / RADIX; y += gl_NumWorkGroups.y) transform(x, y);
+        uint column = first + x;
+        if (column >= wrap) column -= wrap;
+        from = column + j * row;
+        to = column + j_to * row;
+        k_from = m * row;
+        k_to = s * row;
+    }
+    from += frame * from_frame;
+    to += frame * to_frame;
+    if (PAIR == 1u) {
+        [[unroll]] for (uint k = 0u; k < R; k++) v[k] = from4[(from + k * k_from) / 2u];
+    } else {
+        [[unroll]] for (uint k = 0u; k < R; k++) v[k] = from2[from + k * k_from].xyxy;
+    }
+    if (inverse == 1u) {
+        [[unroll]] for (uint k = 0u; k < R; k++) v[k] = v[k].yxwz;
+    }
+    if (FIRST == 0u) {
+        vec4 w = twiddles[table + rest], next = w;
+        if (ROWS == 1u && PAIR == 1u) next = twiddles[table + rest + 1u];
+        twist(0u, R, vec4(w.xy, next.xy), vec4(w.zw, next.zw));
+    }
+    butterfly(A, B, 0u);
+    if (inverse == 1u) {
+        [[unroll]] for (uint k = 0u; k < R; k++) v[k] = v[k].yxwz;
+    }
+    if (PAIR == 0u) {
+        [[unroll]] for (uint k = 0u; k < R; k++) to2[to + k * k_to] = v[place(k, A, B)].xy;
+    } else if (ROWS == 1u && FIRST == 1u) {
+        // Outputs of one butterfly are neighbours, those of neighbouring ones are not.
+        [[unroll]] for (uint k = 0u; k < R; k += 2u) {
+            vec4 a = v[place(k, A, B)], b = v[place(k + 1u, A, B)];
+            to4[(to + k) / 2u] = vec4(a.xy, b.xy);
+            to4[(to + R + k) / 2u] = vec4(a.zw, b.zw);
+        }
+    } else {
+        [[unroll]] for (uint k = 0u; k < R; k++) to4[(to + k * k_to) / 2u] = v[place(k, A, B)];
     }
 }

@@ -1,11 +1,14 @@
-//! How the shaders transform a length: which passes, which radices. Pure data, chosen without a device.
+//! How the shaders transform a length: which method, which radices, in what memory. Pure data, chosen without a device.
 //!
-//! A line that fits a workgroup's shared memory is read once and written once, its stages exchanging values in
-//! between; any other takes one Stockham pass through global memory per stage. A stage transforms `a b c` values in
-//! the registers of one invocation. Primes that are too large for that are summed by the definition.
-//! Fewer stages mean less memory traffic, so a plan has as few as the largest radix allows, of radices that are as
-//! equal as can be.
+//! Rows that fit a workgroup's shared memory are read once and written once (`fft_rows.comp`). Columns, and rows that
+//! do not fit, take one Stockham pass through global memory per radix (`fft_pass.comp`; Govindaraju et al. 2008).
+//! Lengths with a prime factor above 13 are convolutions with a chirp (`fft_chirp.comp`; Bluestein 1970).
+//! Each pass costs a trip through memory, so a plan has as few as the largest radix allows, of radices as equal as can
+//! be. Larger radices than 16 were measured and are slower: more strides than a cache has ways, more values than
+//! registers. Tables are made here, in float64.
 
+use rustfft::num_complex::Complex64;
+use std::f64::consts::{PI, TAU};
 use std::fmt;
 
 /// What a plan must fit.
@@ -15,89 +18,100 @@ pub struct PlanLimits {
     pub shared_bytes: u32,
     /// Invocations in a workgroup.
     pub invocations: u32,
-    /// Complex values that an invocation should hold in registers; primes up to 31 are held all the same.
-    pub radix: u32,
 }
 
-/// The transforms that the shaders have in straight lines of code, besides other odd primes.
-const LINES: [u32; 13] = [2, 3, 4, 5, 7, 8, 11, 13, 17, 19, 23, 29, 31];
+/// Longest line that is planned: the longest chirp's indices, squared, stay far within u64, and its grid within limits.
+pub const LONGEST: u32 = 1 << 15;
 
-/// Values that an invocation transforms at once: `a b c` of them, as three transforms within each other.
-/// Each is 1, 2, 4, 8 or an odd prime up to 31; ones come last.
+/// Largest radix: what an invocation transforms in registers.
+pub const LARGEST_RADIX: u32 = 16;
+
+/// Stages that `fft_rows.comp` has.
+const STAGES: usize = 5;
+
+/// Values that an invocation transforms at once: `a b` of them, as transforms of `b` after transforms of `a`.
+/// Each is 1, 2, 4, 8 or an odd prime up to 13.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Radix {
-    /// Outermost.
+    /// First.
     pub a: u32,
-    /// Within it.
+    /// Second; 1 if the radix has a butterfly of its own.
     pub b: u32,
-    /// Innermost.
-    pub c: u32,
 }
 
 impl Radix {
-    /// Copies: what a pass of radix 1 does.
-    pub const ONE: Self = Self { a: 1, b: 1, c: 1 };
-
-    /// Splits `size`, with few factors and small ones.
+    /// The butterflies that make up `size`.
     pub fn new(size: u32) -> Option<Self> {
-        let held = |n: u32| n == 1 || LINES.contains(&n);
-        let mut best = (size == 1).then_some(Self::ONE);
-        for a in LINES.into_iter().filter(|a| size.is_multiple_of(*a)) {
-            for b in (1..=a).filter(|b| held(*b) && (size / a).is_multiple_of(*b)) {
-                let c = size / a / b;
-                let split = Self { a, b, c };
-                // Few factors, then small ones.
-                let weight = |r: Self| (u32::from(r.b > 1) + u32::from(r.c > 1), r.a + r.b + r.c);
-                if c <= b && held(c) && best.is_none_or(|best| weight(split) < weight(best)) {
-                    best = Some(split);
-                }
-            }
-        }
-        best
+        let (a, b) = match size {
+            2 | 3 | 4 | 5 | 7 | 8 | 11 | 13 => (size, 1),
+            6 => (2, 3),
+            9 => (3, 3),
+            10 => (2, 5),
+            12 => (3, 4),
+            14 => (2, 7),
+            15 => (3, 5),
+            16 => (4, 4),
+            _ => return None,
+        };
+        Some(Self { a, b })
     }
 
-    /// `a b c`.
+    /// `a b`.
     pub fn size(self) -> u32 {
-        self.a * self.b * self.c
+        self.a * self.b
+    }
+
+    /// Tables hold `w` and this power of it; the other powers are products.
+    pub fn table_power(self) -> u32 {
+        if self.size() <= 4 { 2 } else { 4 }
     }
 }
 
-/// One pass through global memory.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Pass {
-    /// A register butterfly per invocation.
-    Butterfly(Radix),
-    /// One output per invocation, summed by the definition: a prime without a butterfly.
-    Direct(u32),
+/// Rows through shared memory.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Shared {
+    /// Radices, first to last.
+    pub radices: Vec<Radix>,
+    /// Butterflies (or pairs of them) that an invocation takes, per stage.
+    pub counts: Vec<u32>,
+    /// Whether invocations work on neighbouring butterflies two by two, 16 bytes at a time.
+    pub pair: bool,
+    /// Invocations per row.
+    pub threads: u32,
+    /// Rows per workgroup.
+    pub lines: u32,
+    /// Slots of a row, of 16 bytes (pairs) or 8; every seventeenth stays free.
+    pub slots: u32,
 }
 
-impl Pass {
-    /// What the pass divides the length by.
-    pub fn radix(self) -> u32 {
-        match self {
-            Self::Butterfly(radix) => radix.size(),
-            Self::Direct(radix) => radix,
-        }
+impl Shared {
+    /// Bytes per workgroup.
+    pub fn bytes(&self) -> u32 {
+        // The array that is not used has one slot.
+        self.lines * self.slots * if self.pair { 16 } else { 8 } + if self.pair { 8 } else { 16 }
     }
 }
 
 /// How a length is transformed.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Method {
-    /// Whole lines through shared memory.
-    Shared {
-        /// Their radices, first to last.
-        stages: Vec<Radix>,
-        /// Invocations per line.
-        threads: u32,
-        /// Lines per workgroup.
-        lines: u32,
-        /// Bytes of shared memory per workgroup.
-        shared_bytes: u32,
+    /// A length of 1.
+    Nothing,
+    /// Whole rows through shared memory.
+    Shared(Shared),
+    /// One pass through global memory per radix.
+    Passes {
+        /// First to last.
+        radices: Vec<Radix>,
+        /// Whether neighbouring butterflies of a row can be worked on two by two. (Of columns, whose neighbours are
+        /// other columns, they can where the width is even.)
+        pair: bool,
     },
-    /// Passes through global memory, first to last; none for a length of 1. The last one reads and writes the same
-    /// places if their number is odd, so it is no direct one then.
-    Passes(Vec<Pass>),
+    /// A convolution with a chirp.
+    Bluestein {
+        /// How its length is transformed.
+        inner: Box<Plan>,
+    },
 }
 
 /// A length and its method.
@@ -109,205 +123,217 @@ pub struct Plan {
     pub method: Method,
 }
 
-/// Plans columns, which lie across memory: neighbouring invocations take neighbouring columns.
-pub fn columns(n: u32, limits: &PlanLimits) -> Plan {
-    Plan { n, method: Method::Passes(passes(n, limits)) }
+/// Along memory, or across it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Axis {
+    /// Elements are neighbours in memory.
+    Rows,
+    /// Elements are a row apart; neighbouring invocations take neighbouring columns.
+    Columns,
 }
 
-/// Plans rows, which lie along memory.
-pub fn rows(n: u32, limits: &PlanLimits) -> Plan {
-    let method = shared(n, limits).unwrap_or_else(|| Method::Passes(passes(n, limits)));
-    Plan { n, method }
-}
-
-/// Invocations of a workgroup that is neither too small to fill a device nor too large to have neighbours.
-const CROWD: u32 = 128;
-
-fn shared(n: u32, limits: &PlanLimits) -> Option<Method> {
-    let line = n.checked_mul(8).filter(|bytes| n > 1 && *bytes <= limits.shared_bytes)?;
-    let stages: Vec<Radix> = split(n, limits.radix)?.into_iter().map(Radix::new).collect::<Option<_>>()?;
-    let threads = n / stages.iter().map(|s| s.size()).min()?;
-    if stages.len() > 3 || threads > limits.invocations {
-        return None;
-    }
-    let most = (limits.shared_bytes / line).min(limits.invocations / threads);
-    let lines = (CROWD / threads).clamp(1, most);
-    Some(Method::Shared { stages, threads, lines, shared_bytes: lines * line })
-}
-
-fn passes(n: u32, limits: &PlanLimits) -> Vec<Pass> {
-    // Large primes first, so that a butterfly comes last.
-    let (mut passes, mut rest) = (Vec::new(), n);
-    let mut factor = 2;
-    while factor <= rest / factor.max(1) || (factor <= rest && rest > 1) {
-        if factor > rest / factor {
-            factor = rest;
+impl Plan {
+    /// Plans lines of `n` points; none of 0 points, or of more than [`LONGEST`].
+    pub fn new(n: u32, axis: Axis, limits: &PlanLimits) -> Option<Self> {
+        if n == 0 || n > LONGEST {
+            return None;
         }
-        if rest.is_multiple_of(factor) {
-            rest /= factor;
-            if Radix::new(factor).is_none() {
-                passes.push(Pass::Direct(factor));
+        Some(Self::with_convolution(n, axis, limits))
+    }
+
+    /// Also of the lengths of convolutions, twice as long.
+    fn with_convolution(n: u32, axis: Axis, limits: &PlanLimits) -> Self {
+        let method = if n == 1 {
+            Method::Nothing
+        } else if let Some(radices) = split(n) {
+            match axis {
+                Axis::Rows => shared(n, &radices, limits).map(Method::Shared),
+                Axis::Columns => None,
             }
+            .unwrap_or_else(|| {
+                let pair = pairs(n, &radices);
+                let radices = radices.into_iter().filter_map(Radix::new).collect();
+                Method::Passes { radices, pair }
+            })
         } else {
-            factor += 1;
+            Method::Bluestein { inner: Box::new(Self::with_convolution(convolution(n), axis, limits)) }
+        };
+        Self { n, method }
+    }
+
+    /// Radices of the method, first to last; of a convolution, those of its length.
+    pub fn radices(&self) -> &[Radix] {
+        match &self.method {
+            Method::Nothing => &[],
+            Method::Shared(shared) => &shared.radices,
+            Method::Passes { radices, .. } => radices,
+            Method::Bluestein { inner } => inner.radices(),
         }
     }
-    let smooth = passes.iter().fold(n, |n, p| n / p.radix());
-    let split = split(smooth, limits.radix).unwrap_or_default();
-    passes.extend(split.into_iter().filter_map(Radix::new).map(Pass::Butterfly));
-    if passes.len() % 2 == 1 && matches!(passes.last(), Some(Pass::Direct(_))) {
-        passes.push(Pass::Butterfly(Radix::ONE));
+
+    /// For each radix `R` but the first, with `s` the product of those before: for all `j < s` the powers 1 and
+    /// [`Radix::table_power`] of `exp(-i 2 pi j / (s R))`. Where each radix's part starts comes second.
+    pub fn twiddles(&self) -> (Vec<[f32; 4]>, Vec<u32>) {
+        let (mut table, mut starts, mut s) = (Vec::new(), Vec::new(), 1);
+        for radix in self.radices() {
+            starts.push(table.len() as u32);
+            let whole = s * radix.size();
+            if s > 1 {
+                for j in 0..s {
+                    let ([a, b], [c, d]) = (root(j, whole), root(radix.table_power() * j % whole, whole));
+                    table.push([a, b, c, d]);
+                }
+            }
+            s = whole;
+        }
+        (table, starts)
     }
-    passes
+
+    /// Of a convolution: the chirp `exp(-i pi k^2 / n)`, `k < n`, and the transform of its inverse over the inner
+    /// length, divided by that length.
+    pub fn chirp(&self) -> Option<[Vec<[f32; 2]>; 2]> {
+        let Method::Bluestein { inner } = &self.method else { return None };
+        let (n, m) = (self.n as usize, inner.n as usize);
+        // k^2 modulo 2 n, as exact as integers are.
+        let chirp: Vec<Complex64> =
+            (0..n as u64).map(|k| Complex64::cis(-PI * (k * k % (2 * n as u64)) as f64 / n as f64)).collect();
+        let mut filter = vec![Complex64::default(); m];
+        for (k, z) in chirp.iter().enumerate() {
+            filter[k] = z.conj() / m as f64;
+            filter[(m - k) % m] = filter[k];
+        }
+        rustfft::FftPlanner::new().plan_fft_forward(m).process(&mut filter);
+        let narrow = |z: &Complex64| [z.re as f32, z.im as f32];
+        Some([chirp.iter().map(narrow).collect(), filter.iter().map(narrow).collect()])
+    }
 }
 
-/// Fewest radices up to `largest` whose product is `n`, the greatest of them as small as can be, greatest first.
-fn split(n: u32, largest: u32) -> Option<Vec<u32>> {
-    if n == 1 {
-        return Some(Vec::new());
-    }
-    let radices: Vec<u32> =
-        (2..=largest.max(31).min(n)).rev().filter(|r| n.is_multiple_of(*r) && held(*r, largest)).collect();
-    (1..=32).find_map(|count| {
+/// `exp(-i 2 pi k / n)`.
+fn root(k: u32, n: u32) -> [f32; 2] {
+    let (sin, cos) = (TAU * f64::from(k) / f64::from(n)).sin_cos();
+    [cos as f32, -sin as f32]
+}
+
+/// The length from `2 n - 1` to a quarter more, or the next power of two, that has fewest radices, then least work.
+fn convolution(n: u32) -> u32 {
+    let least = 2 * n - 1;
+    let smooth = |m: &u32| {
+        [2, 3, 5, 7].iter().fold(*m, |mut m, p| {
+            while m.is_multiple_of(*p) {
+                m /= p;
+            }
+            m
+        }) == 1
+    };
+    (least..=least + least / 4)
+        .filter(smooth)
+        .chain([least.next_power_of_two()])
+        .filter_map(|m| {
+            let radices = split(m)?;
+            Some((radices.len(), !pairs(m, &radices), m * radices.iter().sum::<u32>(), m))
+        })
+        .min()
+        .map_or(least.next_power_of_two(), |best| best.3)
+}
+
+/// Whether all stages have an even number of butterflies, and the first radix is even.
+fn pairs(n: u32, radices: &[u32]) -> bool {
+    radices[0].is_multiple_of(2) && radices.iter().all(|r| (n / r).is_multiple_of(2))
+}
+
+/// Fewest radices whose product is `n`, then such as go in pairs, then those of least sum; even ones first.
+fn split(n: u32) -> Option<Vec<u32>> {
+    let radices: Vec<u32> = (2..=LARGEST_RADIX.min(n)).rev().filter(|r| n.is_multiple_of(*r)).collect();
+    // 2^32 is 16^8, and primes up to 13 come two by two below 16^2.
+    (1..=16).find_map(|count| {
         let mut best = None;
-        search(n, count, &radices, &mut Vec::new(), &mut best);
-        best
+        search(n, n, count, &radices, &mut Vec::new(), &mut best);
+        best.map(|b: (_, Vec<u32>)| b.1)
     })
 }
 
-/// Whether a radix may be used: up to `largest`, or a prime, which can be had no other way.
-fn held(size: u32, largest: u32) -> bool {
-    Radix::new(size).is_some_and(|r| size <= largest || r.b == 1 && size > 8)
-}
-
-/// All products of `count` falling radices; keeps the one with the least sum.
-fn search(n: u32, count: usize, radices: &[u32], taken: &mut Vec<u32>, best: &mut Option<Vec<u32>>) {
+/// All products of `count` falling radices that are `rest`.
+fn search(
+    n: u32,
+    rest: u32,
+    count: u32,
+    radices: &[u32],
+    taken: &mut Vec<u32>,
+    best: &mut Option<((bool, u32), Vec<u32>)>,
+) {
     if count == 0 {
-        let sum = |list: &[u32]| list.iter().sum::<u32>();
-        if n == 1 && best.as_ref().is_none_or(|b| sum(taken) < sum(b)) {
-            *best = Some(taken.clone());
+        if rest == 1 {
+            let mut found = taken.clone();
+            found.sort_by_key(|r| (r % 2, std::cmp::Reverse(*r)));
+            let cost = (!pairs(n, &found), found.iter().sum());
+            if best.as_ref().is_none_or(|b| cost < b.0) {
+                *best = Some((cost, found));
+            }
         }
         return;
     }
-    for (i, r) in radices.iter().enumerate().filter(|(_, r)| n.is_multiple_of(**r)) {
-        // The rest must be reachable with radices no greater than this one.
-        if u64::from(*r).checked_pow(count as u32).is_some_and(|most| most < u64::from(n)) {
+    for (i, r) in radices.iter().enumerate().filter(|(_, r)| rest.is_multiple_of(**r)) {
+        // What is left must be reachable with radices no greater than this one.
+        if u64::from(*r).checked_pow(count).is_some_and(|most| most < u64::from(rest)) {
             break;
         }
         taken.push(*r);
-        search(n / r, count - 1, &radices[i..], taken, best);
+        search(n, rest / r, count - 1, &radices[i..], taken, best);
         taken.pop();
     }
 }
 
-impl fmt::Display for Radix {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", self.size())?;
-        match (self.b, self.c) {
-            (1, _) => Ok(()),
-            (b, 1) => write!(f, " ({} x {b})", self.a),
-            (b, c) => write!(f, " ({} x {b} x {c})", self.a),
-        }
+/// Invocations of a workgroup that is neither too small to fill a device nor too large to have neighbours.
+const CROWD: u32 = 64;
+
+fn shared(n: u32, radices: &[u32], limits: &PlanLimits) -> Option<Shared> {
+    let pair = pairs(n, radices);
+    let (units, unit_bytes) = if pair { (n / 2, 16) } else { (n, 8) };
+    let slots = units + units / 16 + 1;
+    let line = slots.checked_mul(unit_bytes)?;
+    let room = limits.shared_bytes.checked_sub(16)?;
+    if radices.len() > STAGES || line > room {
+        return None;
     }
+    // As many invocations as some stage has butterflies; of these, what leaves fewest idle. Eight run in step or more.
+    let counts = |threads: u32| -> Vec<u32> { radices.iter().map(|r| (units / r).div_ceil(threads)).collect() };
+    let work = |threads: u32| -> u32 {
+        counts(threads).iter().zip(radices).map(|(c, r)| c * r).sum::<u32>() * threads.next_multiple_of(8)
+    };
+    let threads =
+        radices.iter().map(|r| units / r).filter(|t| *t > 0 && *t <= limits.invocations).min_by_key(|t| work(*t))?;
+    if counts(threads).iter().zip(radices).any(|(c, r)| c * r > 2 * LARGEST_RADIX) {
+        return None;
+    }
+    let lines = (CROWD / threads).clamp(1, (room / line).min(limits.invocations / threads));
+    let counts = counts(threads);
+    let radices = radices.iter().copied().map(Radix::new).collect::<Option<_>>()?;
+    Some(Shared { radices, counts, pair, threads, lines, slots })
 }
 
 impl fmt::Display for Plan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}:", self.n)?;
+        for radix in self.radices().iter().filter(|_| !matches!(self.method, Method::Bluestein { .. })) {
+            write!(f, " {}", radix.size())?;
+        }
+        let two_by_two = |pair: bool| if pair { ", two by two" } else { "" };
         match &self.method {
-            Method::Shared { stages, threads, lines, shared_bytes } => {
-                for stage in stages {
-                    write!(f, " {stage}")?;
-                }
-                write!(f, " in shared memory, {threads} threads a line, {lines} lines, {shared_bytes} bytes")
-            }
-            Method::Passes(passes) if passes.is_empty() => f.write_str(" nothing to do"),
-            Method::Passes(passes) => {
-                for pass in passes {
-                    match pass {
-                        Pass::Butterfly(radix) => write!(f, " {radix}")?,
-                        Pass::Direct(radix) => write!(f, " {radix} by definition")?,
-                    }
-                }
-                f.write_str(" in global memory")
-            }
+            Method::Nothing => f.write_str(" nothing to do"),
+            Method::Shared(shared) => write!(
+                f,
+                " in shared memory{}, {} invocations a row, {} rows and {} bytes a workgroup",
+                two_by_two(shared.pair),
+                shared.threads,
+                shared.lines,
+                shared.bytes()
+            ),
+            Method::Passes { .. } => f.write_str(" through global memory"),
+            Method::Bluestein { inner } => write!(f, " a convolution of length {inner}"),
         }
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const SOFTWARE: PlanLimits = PlanLimits { shared_bytes: 32768, invocations: 1024, radix: 36 };
-    const SMALL: PlanLimits = PlanLimits { shared_bytes: 16384, invocations: 128, radix: 16 };
-
-    fn check(plan: &Plan, limits: &PlanLimits) {
-        match &plan.method {
-            Method::Shared { stages, threads, lines, shared_bytes } => {
-                assert_eq!(stages.iter().map(|s| s.size()).product::<u32>(), plan.n, "{plan}");
-                assert!(stages.iter().all(|s| held(s.size(), limits.radix) && plan.n / s.size() <= *threads), "{plan}");
-                assert!(*lines > 0 && threads * lines <= limits.invocations, "{plan}");
-                assert!(*shared_bytes <= limits.shared_bytes && *shared_bytes >= 8 * plan.n * lines, "{plan}");
-            }
-            Method::Passes(passes) => {
-                assert_eq!(passes.iter().map(|p| p.radix()).product::<u32>(), plan.n, "{plan}");
-                for pass in passes {
-                    if let Pass::Butterfly(r) = pass {
-                        assert!(
-                            (*r == Radix::ONE || held(r.size(), limits.radix)) && Radix::new(r.size()) == Some(*r),
-                            "{plan}"
-                        );
-                    }
-                }
-                let in_place = passes.len() % 2 == 1;
-                assert!(!in_place || matches!(passes.last(), Some(Pass::Butterfly(_))), "{plan}");
-            }
-        }
-    }
-
-    #[test]
-    fn plans_make_up_their_length_within_the_limits() {
-        for limits in [SOFTWARE, SMALL] {
-            for n in (1..5000).chain([8192, 10_007, 16_384, 65_521, 1 << 20]) {
-                check(&rows(n, &limits), &limits);
-                check(&columns(n, &limits), &limits);
-            }
-        }
-    }
-
-    #[test]
-    fn plans_have_the_fewest_stages() {
-        for (n, radix, stages) in
-            [(512, 36, 2), (1080, 36, 2), (1024, 32, 2), (2048, 36, 3), (256, 16, 2), (4096, 16, 3)]
-        {
-            let limits = PlanLimits { radix, ..SOFTWARE };
-            let Method::Passes(passes) = columns(n, &limits).method else { panic!("{n}") };
-            assert_eq!(passes.len(), stages, "{n}: {passes:?}");
-            let Method::Shared { stages: shared, .. } = rows(n, &limits).method else { panic!("{n}") };
-            assert_eq!(shared.len(), stages, "{n}: {shared:?}");
-        }
-    }
-
-    #[test]
-    fn what_does_not_fit_shared_memory_takes_passes() {
-        assert!(matches!(rows(4096, &SOFTWARE).method, Method::Shared { .. }));
-        for n in [1, 4097, 8192, 97 * 8] {
-            assert!(matches!(rows(n, &SOFTWARE).method, Method::Passes(_)), "{n}");
-        }
-        // 2048 / 2 invocations a line are too many here.
-        assert!(matches!(rows(2048, &PlanLimits { radix: 2, ..SMALL }).method, Method::Passes(_)));
-    }
-
-    #[test]
-    fn plans_can_be_read() {
-        let text = |plan: Plan| plan.to_string();
-        assert_eq!(text(columns(1, &SMALL)), "1: nothing to do");
-        assert_eq!(text(columns(97 * 6, &SMALL)), "582: 97 by definition 6 (3 x 2) in global memory");
-        assert_eq!(text(columns(97, &SMALL)), "97: 97 by definition 1 in global memory");
-        assert_eq!(
-            text(rows(256, &SMALL)),
-            "256: 16 (4 x 4) 16 (4 x 4) in shared memory, 16 threads a line, 8 lines, 16384 bytes"
-        );
-    }
-}
+#[path = "fft_plan_tests.rs"]
+mod tests;

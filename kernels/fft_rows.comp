@@ -2,183 +2,130 @@
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 
-// Whole rows through shared memory: each is read once and written once, in place. An invocation transforms as many
-// values as the radix of the stage; between stages the workgroup exchanges them. x: place in the row and, with y, which
-// row of the workgroup; groups: rows by x and y, frames by z. Up to three stages; a radix of 1 is no stage.
+// Transforms whole rows, in place: each is read once and written once, and its stages exchange values through shared
+// memory. THREADS invocations (x) a row, LINES rows (y) a workgroup. With PAIR, an invocation works on neighbouring
+// butterflies two by two: n / radix is even for all stages, and so is the first radix.
 
 layout(local_size_x_id = 0, local_size_y_id = 1) in;
-layout(constant_id = 0) const uint THREADS = 1;
+layout(constant_id = 0) const uint THREADS = 64;
 layout(constant_id = 1) const uint LINES = 1;
-layout(constant_id = 2) const uint A1 = 1;
-layout(constant_id = 3) const uint B1 = 1;
-layout(constant_id = 4) const uint C1 = 1;
-layout(constant_id = 5) const uint A2 = 1;
-layout(constant_id = 6) const uint B2 = 1;
-layout(constant_id = 7) const uint C2 = 1;
-layout(constant_id = 8) const uint A3 = 1;
-layout(constant_id = 9) const uint B3 = 1;
-layout(constant_id = 10) const uint C3 = 1;
+layout(constant_id = 2) const uint PAIR = 1;
+layout(constant_id = 3) const uint STAGES = 3;
+// Slots of a row in shared memory, those left free included.
+layout(constant_id = 4) const uint SLOTS = 1089;
+// Stage i: radix A B; each invocation takes up to C of its butterflies (or pairs).
+layout(constant_id = 5) const uint A0 = 4;
+layout(constant_id = 6) const uint B0 = 4;
+layout(constant_id = 7) const uint C0 = 1;
+layout(constant_id = 8) const uint A1 = 4;
+layout(constant_id = 9) const uint B1 = 4;
+layout(constant_id = 10) const uint C1 = 1;
+layout(constant_id = 11) const uint A2 = 8;
+layout(constant_id = 12) const uint B2 = 1;
+layout(constant_id = 13) const uint C2 = 2;
+layout(constant_id = 14) const uint A3 = 1;
+layout(constant_id = 15) const uint B3 = 1;
+layout(constant_id = 16) const uint C3 = 0;
+layout(constant_id = 17) const uint A4 = 1;
+layout(constant_id = 18) const uint B4 = 1;
+layout(constant_id = 19) const uint C4 = 0;
 
-layout(std430, binding = 0) buffer Data { vec2 data[]; };
-// exp(-i 2 pi k / n).
-layout(std430, binding = 1) readonly buffer Roots { vec2 roots[]; };
+#include "fft_butterfly.glsl"
+
+layout(std430, binding = 0) buffer Data2 { vec2 data2[]; };
+layout(std430, binding = 0) buffer Data4 { vec4 data4[]; };
+// As in fft_pass.comp, one stage after the other.
+layout(std430, binding = 1) readonly buffer Twiddles { vec4 twiddles[]; };
 layout(push_constant) uniform Args {
-    // Rows, whether re and im swap places (that makes it the inverse), values from row to row and from frame to frame.
-    uint rows, inverse, row, frame;
+    // Length, rows of a frame, rows in all.
+    uint n, height, rows;
+    // Whether re and im swap places, which makes it the inverse.
+    uint inverse;
+    // Values from row to row, from frame to frame.
+    uint row, frame;
 };
 
-const uint R1 = A1 * B1 * C1;
-const uint R2 = A2 * B2 * C2;
-const uint R3 = A3 * B3 * C3;
-const uint N = R1 * R2 * R3;
-const uint R12 = R1 > R2 ? R1 : R2;
-const uint MOST = R12 > R3 ? R12 : R3;
-vec2 v[MOST];
-shared vec2 line[R2 > 1 ? LINES * N : 1];
+shared vec4 shared4[PAIR == 1u ? LINES * SLOTS : 1u];
+shared vec2 shared2[PAIR == 1u ? 1u : LINES * SLOTS];
 
-#include "fft_lines.glsl"
+uint origin;
+bool present;
 
-#define FIRST 11
-#define A A1
-#define B B1
-#define C C1
-#define COSINE(k) cosine1_##k
-#define SINE(k) sine1_##k
-#define WAVES waves1
-#define LOAD_WAVES load_waves1
-#define ROOT root1
-#define TURN turn1
-#define PRIME_A prime1_a
-#define PRIME_B prime1_b
-#define PRIME_C prime1_c
-#define PLACE place1
-#define BUTTERFLY butterfly1
-#include "fft_roots.glsl"
-#include "fft_butterfly.glsl"
-#undef FIRST
-#undef A
-#undef B
-#undef C
-#undef COSINE
-#undef SINE
-#undef WAVES
-#undef LOAD_WAVES
-#undef ROOT
-#undef TURN
-#undef PRIME_A
-#undef PRIME_B
-#undef PRIME_C
-#undef PLACE
-#undef BUTTERFLY
+// Every seventeenth slot is free: invocations that write a radix apart meet different banks.
+uint slot(uint i) { return gl_LocalInvocationID.y * SLOTS + i + i / 16u; }
 
-#define FIRST 75
-#define A A2
-#define B B2
-#define C C2
-#define COSINE(k) cosine2_##k
-#define SINE(k) sine2_##k
-#define WAVES waves2
-#define LOAD_WAVES load_waves2
-#define ROOT root2
-#define TURN turn2
-#define PRIME_A prime2_a
-#define PRIME_B prime2_b
-#define PRIME_C prime2_c
-#define PLACE place2
-#define BUTTERFLY butterfly2
-#include "fft_roots.glsl"
-#include "fft_butterfly.glsl"
-#undef FIRST
-#undef A
-#undef B
-#undef C
-#undef COSINE
-#undef SINE
-#undef WAVES
-#undef LOAD_WAVES
-#undef ROOT
-#undef TURN
-#undef PRIME_A
-#undef PRIME_B
-#undef PRIME_C
-#undef PLACE
-#undef BUTTERFLY
+void swap_parts(uint at, uint count) {
+    [[unroll]] for (uint k = 0u; k < count; k++) v[at + k] = v[at + k].yxwz;
+}
 
-#define FIRST 139
-#define A A3
-#define B B3
-#define C C3
-#define COSINE(k) cosine3_##k
-#define SINE(k) sine3_##k
-#define WAVES waves3
-#define LOAD_WAVES load_waves3
-#define ROOT root3
-#define TURN turn3
-#define PRIME_A prime3_a
-#define PRIME_B prime3_b
-#define PRIME_C prime3_c
-#define PLACE place3
-#define BUTTERFLY butterfly3
-#include "fft_roots.glsl"
-#include "fft_butterfly.glsl"
+// s: product of the radices before; table: where this stage's starts.
+void stage(uint a, uint b, uint c, uint s, uint table, bool begin, bool end) {
+    uint r = a * b, m = n / r;
+    [[unroll]] for (uint i = 0u; i < c; i++) {
+        uint j = (gl_LocalInvocationID.x + i * THREADS) * (1u + PAIR), at = i * r;
+        if (j < m) {
+            if (begin) {
+                if (present) {
+                    if (PAIR == 1u) {
+                        [[unroll]] for (uint k = 0u; k < r; k++) v[at + k] = data4[(origin + j + k * m) / 2u];
+                    } else {
+                        [[unroll]] for (uint k = 0u; k < r; k++) v[at + k] = data2[origin + j + k * m].xyxy;
+                    }
+                }
+                if (inverse == 1u) swap_parts(at, r);
+            } else {
+                if (PAIR == 1u) {
+                    [[unroll]] for (uint k = 0u; k < r; k++) v[at + k] = shared4[slot((j + k * m) / 2u)];
+                } else {
+                    [[unroll]] for (uint k = 0u; k < r; k++) v[at + k] = shared2[slot(j + k * m)].xyxy;
+                }
+                uint rest = j % s;
+                vec4 w = twiddles[table + rest], next = w;
+                if (PAIR == 1u) next = twiddles[table + rest + 1u];
+                twist(at, r, vec4(w.xy, next.xy), vec4(w.zw, next.zw));
+            }
+        }
+        butterfly(a, b, at);
+    }
+    // All have read before any writes.
+    if (!begin && !end) barrier();
+    [[unroll]] for (uint i = 0u; i < c; i++) {
+        uint j = (gl_LocalInvocationID.x + i * THREADS) * (1u + PAIR), at = i * r;
+        uint to = j / s * s * r + j % s;
+        if (j < m) {
+            if (end) {
+                if (inverse == 1u) swap_parts(at, r);
+                if (present) {
+                    [[unroll]] for (uint k = 0u; k < r; k++) {
+                        if (PAIR == 1u) data4[(origin + to + k * s) / 2u] = v[at + place(k, a, b)];
+                        else data2[origin + to + k * s] = v[at + place(k, a, b)].xy;
+                    }
+                }
+            } else if (PAIR == 0u) {
+                [[unroll]] for (uint k = 0u; k < r; k++) shared2[slot(to + k * s)] = v[at + place(k, a, b)].xy;
+            } else if (begin) {
+                [[unroll]] for (uint k = 0u; k < r; k += 2u) {
+                    vec4 p = v[at + place(k, a, b)], q = v[at + place(k + 1u, a, b)];
+                    shared4[slot((to + k) / 2u)] = vec4(p.xy, q.xy);
+                    shared4[slot((to + r + k) / 2u)] = vec4(p.zw, q.zw);
+                }
+            } else {
+                [[unroll]] for (uint k = 0u; k < r; k++) shared4[slot((to + k * s) / 2u)] = v[at + place(k, a, b)];
+            }
+        }
+    }
+    if (!end) barrier();
+}
 
 void main() {
-    load_waves1();
-    load_waves2();
-    load_waves3();
-    uint t = gl_LocalInvocationID.x, own = gl_LocalInvocationID.y * N;
-    uint y = (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * LINES + gl_LocalInvocationID.y;
-    uint at = gl_WorkGroupID.z * frame + y * row;
-    bool live = y < rows, swap = inverse != 0;
-
-    bool works = t < N / R1;
-    if (live && works) {
-        [[unroll]] for (uint i = 0; i < R1; ++i) {
-            vec2 x = data[at + t + i * (N / R1)];
-            v[i] = swap ? x.yx : x;
-        }
-        butterfly1();
-        if (R2 == 1) {
-            [[unroll]] for (uint i = 0; i < R1; ++i) {
-                vec2 x = v[place1(i)];
-                data[at + i] = swap ? x.yx : x;
-            }
-        } else {
-            [[unroll]] for (uint i = 0; i < R1; ++i) line[own + t * R1 + i] = v[place1(i)];
-        }
-    }
-    if (R2 == 1) return;
-    barrier();
-
-    works = t < N / R2;
-    uint k = t % R1, out_t = (t - k) * R2 + k;
-    if (works) {
-        [[unroll]] for (uint i = 0; i < R2; ++i) v[i] = line[own + t + i * (N / R2)];
-        twist(R2, k * (N / (R1 * R2)));
-        butterfly2();
-        if (R3 == 1) {
-            if (live) {
-                [[unroll]] for (uint i = 0; i < R2; ++i) {
-                    vec2 x = v[place2(i)];
-                    data[at + k + i * R1] = swap ? x.yx : x;
-                }
-            }
-        }
-    }
-    if (R3 == 1) return;
-    barrier();
-    if (works) {
-        [[unroll]] for (uint i = 0; i < R2; ++i) line[own + out_t + i * R1] = v[place2(i)];
-    }
-    barrier();
-
-    if (live && t < N / R3) {
-        [[unroll]] for (uint i = 0; i < R3; ++i) v[i] = line[own + t + i * (N / R3)];
-        twist(R3, t);
-        butterfly3();
-        [[unroll]] for (uint i = 0; i < R3; ++i) {
-            vec2 x = v[place3(i)];
-            data[at + t + i * (N / R3)] = swap ? x.yx : x;
-        }
-    }
+    uint line = (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * LINES + gl_LocalInvocationID.y;
+    present = line < rows;
+    uint z = line / height;
+    origin = z * frame + (line - z * height) * row;
+    const uint S1 = A0 * B0, S2 = S1 * A1 * B1, S3 = S2 * A2 * B2, S4 = S3 * A3 * B3;
+    stage(A0, B0, C0, 1u, 0u, true, STAGES == 1u);
+    if (STAGES > 1u) stage(A1, B1, C1, S1, 0u, false, STAGES == 2u);
+    if (STAGES > 2u) stage(A2, B2, C2, S2, S1, false, STAGES == 3u);
+    if (STAGES > 3u) stage(A3, B3, C3, S3, S1 + S2, false, STAGES == 4u);
+    if (STAGES > 4u) stage(A4, B4, C4, S4, S1 + S2 + S3, false, true);
 }

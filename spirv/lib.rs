@@ -44,7 +44,7 @@ modules! {
     ADAM = "adam",
     BALANCE = "balance",
     COMPARE = "compare",
-    FFT_DIRECT = "fft_direct",
+    FFT_CHIRP = "fft_chirp",
     FFT_PASS = "fft_pass",
     FFT_ROWS = "fft_rows",
     INTENSITY = "intensity",

@@ -125,3 +125,12 @@ fn transforms_recorded_on_a_grown_scratch_stay_right() {
         compare(&mut transforms, &Case { size: (h, w), frames, columns, before: 256 });
     }
 }
+
+/// Convolutions take lines and frames in chunks that fit their scratch.
+#[test]
+fn large_primes_go_in_chunks() {
+    let mut transforms = open();
+    compare(&mut transforms, &whole(1030, 1021));
+    let columns = Columns { first: 390, count: 120 };
+    compare(&mut transforms, &Case { size: (4159, 400), frames: 2, columns, before: 0 });
+}

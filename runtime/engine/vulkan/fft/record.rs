@@ -1,55 +1,88 @@
 //! Records the passes of planned transforms.
 
-use super::super::DeviceKind;
 use super::super::device::Block;
 use super::super::gpu::Gpu;
 use super::super::pipelines::Pipeline;
 use super::super::recorder::Range;
 use super::{EngineError, Frames, Transform};
+use bytemuck::{Pod, Zeroable};
 use eyebox_kernels::fft::{Columns, Direction};
-use eyebox_kernels::fft_plan::{self, Method, Pass, Plan, PlanLimits, Radix};
+use eyebox_kernels::fft_plan::{Axis, Method, Plan, PlanLimits, Radix, Shared};
 use std::collections::HashMap;
-use std::f64::consts::TAU;
 use std::sync::Arc;
 
-/// Invocations of a workgroup of a pass through global memory.
-const CROWD: u32 = 64;
+/// Invocations of a workgroup of `fft_pass`, along memory: whole cache lines, one after the other. (16 by 4 was
+/// measured, and takes twice as long.)
+const CROWD: u32 = 32;
 
-/// Scratch that is spent on frames at once, at least one frame, in bytes.
+/// Invocations of a workgroup of `fft_chirp`, along memory and across it.
+const CHIRP_CROWD: [u32; 2] = [16, 4];
+
+/// Scratch that is spent on frames at once (at least one frame), in bytes.
 const SCRATCH: u64 = 64 << 20;
 
-/// Push constants of `fft_pass` and `fft_direct`.
+/// Scratch that is spent on a convolution's lines at once, in bytes, once to read and once to write.
+const WORK: u64 = 16 << 20;
+
+/// Push constants of `fft_pass`.
 #[repr(C)]
-#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[derive(Clone, Copy, Pod, Zeroable)]
 struct PassArguments {
     n: u32,
-    done: u32,
-    step: u32,
-    lines: u32,
+    s: u32,
+    inverse_s: f32,
+    table: u32,
     inverse: u32,
-    from: Layout,
-    to: Layout,
-    radix: u32,
+    count: u32,
+    first: u32,
+    wrap: u32,
+    row: u32,
+    from_frame: u32,
+    to_frame: u32,
 }
 
-/// How frames lie in memory, in complex values.
+/// Push constants of `fft_rows`.
 #[repr(C)]
-#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-struct Layout {
-    /// First column.
-    first: u32,
-    /// Columns before they wrap.
-    wrap: u32,
-    /// From row to row.
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct RowsArguments {
+    n: u32,
+    height: u32,
+    rows: u32,
+    inverse: u32,
     row: u32,
-    /// From frame to frame.
     frame: u32,
+}
+
+/// Push constants of `fft_chirp`.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct ChirpArguments {
+    mode: u32,
+    n: u32,
+    m: u32,
+    inverse: u32,
+    rows: u32,
+    first: u32,
+    count: u32,
+    wrap: u32,
+    data_row: u32,
+    data_frame: u32,
+    work_row: u32,
+    work_frame: u32,
+}
+
+/// A plan with its tables on the device.
+struct Planned {
+    plan: Plan,
+    twiddles: Block,
+    starts: Vec<u32>,
+    /// Of a convolution: chirp and filter, and what transforms its length.
+    convolution: Option<(Block, Block, Arc<Planned>)>,
 }
 
 /// Plans, tables and scratch of all sizes seen.
 pub(in super::super) struct Fft {
-    axes: HashMap<(u32, Axis), Arc<Prepared>>,
-    roots: HashMap<u32, Block>,
+    axes: HashMap<(u32, Axis), Arc<Planned>>,
     scratch: Option<Block>,
     /// Scratch that became too small while it was in a recording.
     outgrown: Vec<Block>,
@@ -57,73 +90,62 @@ pub(in super::super) struct Fft {
     pub(in super::super) marks: Option<Vec<String>>,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-enum Axis {
-    Rows,
-    Columns,
-}
-
-/// A length's plan and the pipelines of its passes.
-struct Prepared {
-    plan: Plan,
-    pipelines: Vec<Pipeline>,
-}
-
-/// One axis of some frames, as its passes see them.
+/// Frames whose lines along one axis are transformed, in place.
+#[derive(Clone, Copy)]
 struct Work<'a> {
     data: Range<'a>,
-    scratch: Range<'a>,
+    /// As large as the data, frames packed.
+    spare: Range<'a>,
     frames: u32,
-    height: u32,
-    columns: Columns,
-    direction: Direction,
-    layout: Layout,
-    spare: Layout,
+    axis: Axis,
+    /// Lines that are transformed: the first, how many, and how many there are before they wrap.
+    first: u32,
+    count: u32,
+    wrap: u32,
+    /// Values from row to row, and from frame to frame in the data and in the spare.
+    row: u32,
+    frame: u32,
+    spare_frame: u32,
+    inverse: bool,
 }
 
 impl Fft {
     pub(in super::super) fn new() -> Self {
-        Self { axes: HashMap::new(), roots: HashMap::new(), scratch: None, outgrown: Vec::new(), marks: None }
+        Self { axes: HashMap::new(), scratch: None, outgrown: Vec::new(), marks: None }
     }
 
-    /// The plan of an axis in words, once it is prepared.
+    /// The plans of rows and columns in words, once they are prepared.
     pub(in super::super) fn plans(&self, height: usize, width: usize) -> [String; 2] {
         [(width, Axis::Rows), (height, Axis::Columns)].map(|(n, axis)| match self.axes.get(&(n as u32, axis)) {
-            Some(axis) => axis.plan.to_string(),
+            Some(planned) => planned.plan.to_string(),
             None => String::new(),
         })
     }
 
-    /// Plan, table and pipelines of a length.
-    fn axis(&mut self, gpu: &mut Gpu, n: usize, axis: Axis) -> Result<(), EngineError> {
-        let n = u32::try_from(n).unwrap_or(u32::MAX);
-        if self.axes.contains_key(&(n, axis)) {
-            return Ok(());
+    /// Plan, tables and pipelines of a length.
+    fn axis(&mut self, gpu: &mut Gpu, n: usize, axis: Axis, even_width: bool) -> Result<(), EngineError> {
+        let short = u32::try_from(n).unwrap_or(u32::MAX);
+        if !self.axes.contains_key(&(short, axis)) {
+            let limits = plan_limits(gpu);
+            let plan = Plan::new(short, axis, &limits).ok_or_else(|| EngineError::Mismatch {
+                reason: format!("{n} points cannot be transformed, 1 to {} can", eyebox_kernels::fft_plan::LONGEST),
+            })?;
+            let planned = planned(gpu, plan)?;
+            self.axes.insert((short, axis), Arc::new(planned));
         }
-        let limits = plan_limits(gpu, axis);
-        let plan = match axis {
-            Axis::Rows => fft_plan::rows(n, &limits),
-            Axis::Columns => fft_plan::columns(n, &limits),
-        };
-        if !self.roots.contains_key(&n) && n > 1 {
-            let table: Vec<[f32; 2]> = (0..n).map(|k| root(k, n)).collect();
-            let block = gpu.filled(bytemuck::cast_slice(&table), "roots of unity")?;
-            self.roots.insert(n, block);
-        }
-        let pipelines = match &plan.method {
-            Method::Shared { stages, threads, lines, .. } => vec![shared_pipeline(gpu, stages, *threads, *lines)?],
-            Method::Passes(passes) => passes.iter().map(|p| pipeline(gpu, *p, axis)).collect::<Result<_, _>>()?,
-        };
-        self.axes.insert((n, axis), Arc::new(Prepared { plan, pipelines }));
-        Ok(())
+        let planned = Arc::clone(&self.axes[&(short, axis)]);
+        // All are compiled now rather than while something is recorded.
+        compile(gpu, &planned.plan, axis, even_width)
     }
 
-    fn scratch(&mut self, gpu: &Gpu, size: u64) -> Result<(), EngineError> {
-        if self.scratch.as_ref().is_none_or(|s| s.size < size) {
-            let made = gpu.block(size, "scratch of the transform")?;
-            self.outgrown.extend(self.scratch.replace(made));
+    fn scratch(&mut self, gpu: &Gpu, size: u64) -> Result<Block, EngineError> {
+        match self.scratch.take() {
+            Some(scratch) if scratch.size >= size => Ok(scratch),
+            small => {
+                self.outgrown.extend(small);
+                gpu.block(size, "scratch of the transform")
+            }
         }
-        Ok(())
     }
 
     fn mark(&mut self, gpu: &mut Gpu, name: impl FnOnce() -> String) {
@@ -136,9 +158,10 @@ impl Fft {
 
 impl Transform for Fft {
     fn prepare(&mut self, gpu: &mut Gpu, height: usize, width: usize, _: Direction) -> Result<(), EngineError> {
+        // Nothing is being recorded, and what was submitted is done.
         self.outgrown.clear();
-        self.axis(gpu, width, Axis::Rows)?;
-        self.axis(gpu, height, Axis::Columns)
+        self.axis(gpu, width, Axis::Rows, true)?;
+        self.axis(gpu, height, Axis::Columns, width.is_multiple_of(2))
     }
 
     fn record(
@@ -149,206 +172,327 @@ impl Transform for Fft {
         columns: Columns,
     ) -> Result<(), EngineError> {
         let (height, width) = (frames.height as u32, frames.width as u32);
-        // One row more than whole cache lines, so that rows do not all fall on the same ones.
-        let spare_row = width.next_multiple_of(8) + 8;
-        let spare_frame = spare_row * height;
-        let fit = |bytes: u64, frame: u64| (bytes / frame.max(1)).max(1) as usize;
-        let limits = *gpu.limits();
-        let at_once = fit(limits.storage_range, 8 * frames.stride as u64)
-            .min(fit(SCRATCH.min(limits.storage_range), 8 * u64::from(spare_frame)))
-            .min(limits.groups[2] as usize)
-            .min(frames.count);
-        let order = match direction {
-            Direction::Forward => [Axis::Rows, Axis::Columns],
-            Direction::Inverse => [Axis::Columns, Axis::Rows],
+        let axes = [(width, Axis::Rows), (height, Axis::Columns)]
+            .map(|key| self.axes.get(&key).cloned().map(|planned| (key.1, planned)));
+        let [Some(rows), Some(down)] = axes else {
+            return Err(EngineError::Mismatch { reason: format!("no transform of {height} x {width} was prepared") });
         };
-        let uses_scratch = [(width, Axis::Rows), (height, Axis::Columns)]
-            .iter()
-            .any(|key| matches!(self.axes.get(key).map(|a| &a.plan.method), Some(Method::Passes(p)) if p.len() > 1));
-        if uses_scratch {
-            self.scratch(gpu, 8 * u64::from(spare_frame) * at_once as u64)?;
+        let limits = *gpu.limits();
+        let one = u64::from(height) * u64::from(width);
+        // A frame that starts at an odd value cannot be read in pairs, but each is aligned by itself.
+        let packed = one.next_multiple_of(2);
+        let most = if frames.stride.is_multiple_of(2) { frames.count } else { 1 };
+        let fit = |bytes: u64, frame: u64| (bytes / frame.max(1)).max(1) as usize;
+        let at_once = fit(limits.storage_range, 8 * frames.stride as u64)
+            .min(fit(SCRATCH.min(limits.storage_range), 8 * packed))
+            .min(limits.groups[2] as usize)
+            .min(most);
+        let axes = match direction {
+            Direction::Forward => [rows, down],
+            Direction::Inverse => [down, rows],
+        };
+        let need = axes.iter().map(|(axis, planned)| match &planned.plan.method {
+            Method::Nothing | Method::Shared(_) => 0,
+            Method::Passes { radices, .. } if radices.len() < 2 => 0,
+            Method::Passes { .. } => 8 * packed * at_once as u64,
+            Method::Bluestein { inner } => {
+                let lines = if *axis == Axis::Rows { height } else { columns.count as u32 };
+                2 * Chunks::new(inner.n, lines, at_once as u32, *axis).bytes()
+            }
+        });
+        let need = need.max().unwrap_or(0);
+        let scratch = if need > 0 { Some(self.scratch(gpu, need)?) } else { None };
+        if scratch.is_some() {
+            // What was recorded before may still use the scratch.
+            gpu.recorder.barrier();
         }
+        let mut done = Ok(());
+        let mut begun = false;
         for first in (0..frames.count).step_by(at_once.max(1)) {
             let count = at_once.min(frames.count - first);
             let offset = frames.offset + 8 * (frames.stride * first) as u64;
-            let size = 8 * (frames.stride * (count - 1) + frames.height * frames.width) as u64;
-            let data = frames.block.range(offset, size);
-            let mut begun = false;
-            for axis in order {
-                let n = if axis == Axis::Rows { width } else { height };
-                let Some(prepared) = self.axes.get(&(n, axis)).cloned() else {
-                    debug_assert!(false, "transforms are prepared before they are recorded");
-                    continue;
-                };
-                if axis == Axis::Columns && columns.count == 0 {
+            let data = frames.block.range(offset, 8 * (frames.stride as u64 * (count as u64 - 1) + one));
+            for (axis, planned) in &axes {
+                if matches!(planned.plan.method, Method::Nothing) || (*axis == Axis::Columns && columns.count == 0) {
                     continue;
                 }
-                let scratch = self.scratch.take();
+                if std::mem::replace(&mut begun, true) {
+                    gpu.recorder.barrier();
+                }
+                let spare = match (&scratch, &planned.plan.method) {
+                    (Some(scratch), Method::Bluestein { .. }) => scratch.range(0, need),
+                    (Some(scratch), _) => scratch.range(0, need.min(8 * packed * count as u64)),
+                    (None, _) => data,
+                };
+                let (first, count_of_lines, wrap) = match axis {
+                    Axis::Rows => (0, height, u32::MAX),
+                    Axis::Columns => (columns.first as u32 % width, columns.count as u32, width),
+                };
                 let work = Work {
                     data,
-                    scratch: match &scratch {
-                        Some(scratch) if uses_scratch => scratch.range(0, 8 * u64::from(spare_frame) * count as u64),
-                        _ => data,
-                    },
+                    spare,
                     frames: count as u32,
-                    height,
-                    columns,
-                    direction,
-                    layout: Layout { first: 0, wrap: width, row: width, frame: frames.stride as u32 },
-                    spare: Layout { first: 0, wrap: u32::MAX, row: spare_row, frame: spare_frame },
+                    axis: *axis,
+                    first,
+                    count: count_of_lines,
+                    wrap,
+                    row: width,
+                    frame: frames.stride as u32,
+                    spare_frame: packed as u32,
+                    inverse: direction == Direction::Inverse,
                 };
-                let done = match &prepared.plan.method {
-                    Method::Shared { lines, .. } => {
-                        if begun {
-                            gpu.recorder.barrier();
-                        }
-                        begun = true;
-                        self.whole_rows(gpu, &work, n, *lines, prepared.pipelines[0])
-                    }
-                    Method::Passes(passes) => {
-                        let passes = passes.iter().copied().zip(prepared.pipelines.iter().copied());
-                        self.passes(gpu, &work, axis, n, passes, &mut begun)
-                    }
-                };
-                self.scratch = scratch;
-                done?;
+                done = done.and_then(|()| self.lines(gpu, planned, &work));
             }
         }
-        Ok(())
+        self.scratch = scratch.or(self.scratch.take());
+        done
     }
 }
 
 impl Fft {
-    /// From the data to the scratch and back, until all passes are done; an odd last one stays on the data.
+    fn lines(&mut self, gpu: &mut Gpu, planned: &Planned, work: &Work<'_>) -> Result<(), EngineError> {
+        match &planned.plan.method {
+            Method::Nothing => Ok(()),
+            Method::Shared(shared) => self.rows(gpu, planned, shared, work),
+            Method::Passes { radices, pair } => self.passes(gpu, planned, radices, *pair, work),
+            Method::Bluestein { .. } => self.convolution(gpu, planned, work),
+        }
+    }
+
+    fn rows(&mut self, gpu: &mut Gpu, planned: &Planned, shared: &Shared, work: &Work<'_>) -> Result<(), EngineError> {
+        let (n, rows) = (planned.plan.n, work.count * work.frames);
+        let inverse = u32::from(work.inverse);
+        let arguments = RowsArguments { n, height: work.count, rows, inverse, row: work.row, frame: work.frame };
+        let groups = rows.div_ceil(shared.lines);
+        let wide = groups.min(gpu.limits().groups[0]);
+        let pipeline = rows_pipeline(gpu, shared)?;
+        let buffers = [work.data, planned.twiddles.all()];
+        gpu.recorder.dispatch(pipeline, &buffers, bytemuck::bytes_of(&arguments), [wide, groups.div_ceil(wide), 1])?;
+        self.mark(gpu, || format!("rows of {n} through shared memory"));
+        Ok(())
+    }
+
+    /// From the data to the spare and back, until all passes are done. An odd last one stays on the data: its
+    /// invocations write what they read.
     fn passes(
         &mut self,
         gpu: &mut Gpu,
+        planned: &Planned,
+        radices: &[Radix],
+        pair: bool,
         work: &Work<'_>,
-        axis: Axis,
-        n: u32,
-        passes: impl ExactSizeIterator<Item = (Pass, Pipeline)>,
-        begun: &mut bool,
     ) -> Result<(), EngineError> {
-        let count = match axis {
-            Axis::Rows => work.height,
-            Axis::Columns => work.columns.count as u32,
+        let n = planned.plan.n;
+        let (mut first, mut count) = (work.first, work.count);
+        let pair = match work.axis {
+            Axis::Rows => pair,
+            Axis::Columns => work.wrap.is_multiple_of(2),
         };
-        let data = match axis {
-            Axis::Rows => work.layout,
-            Axis::Columns => Layout { first: work.columns.first as u32, ..work.layout },
-        };
-        let (mut done, mut in_scratch) = (1, false);
-        let last = passes.len().saturating_sub(1);
-        for (i, (pass, pipeline)) in passes.enumerate() {
-            let to_scratch = !in_scratch && i < last;
-            // What came before, in this transform or in another one, may still use the scratch.
-            if *begun || to_scratch {
+        if pair && work.axis == Axis::Columns {
+            // Whole pairs: a neighbour that is not in use may be transformed with the others.
+            count = (count + first % 2).next_multiple_of(2).min(work.wrap);
+            first -= first % 2;
+        }
+        let (mut s, mut in_spare) = (1, false);
+        for (i, radix) in radices.iter().enumerate() {
+            if i > 0 {
                 gpu.recorder.barrier();
             }
-            *begun = true;
-            let side = |scratch: bool| if scratch { (work.scratch, work.spare) } else { (work.data, data) };
-            let ((from, from_layout), (to, to_layout)) = (side(in_scratch), side(to_scratch));
-            let radix = pass.radix();
+            let to_spare = !in_spare && i + 1 < radices.len();
+            let side = |spare: bool| if spare { (work.spare, work.spare_frame) } else { (work.data, work.frame) };
+            let ((from, from_frame), (to, to_frame)) = (side(in_spare), side(to_spare));
             let arguments = PassArguments {
                 n,
-                done,
-                step: n / done / radix,
-                lines: count,
-                inverse: u32::from(work.direction == Direction::Inverse),
-                from: from_layout,
-                to: to_layout,
-                radix,
+                s,
+                inverse_s: 1.0 / s as f32,
+                table: planned.starts[i],
+                inverse: u32::from(work.inverse),
+                count,
+                first,
+                wrap: work.wrap,
+                row: work.row,
+                from_frame,
+                to_frame,
             };
-            let items = match pass {
-                Pass::Butterfly(_) => n / radix,
-                Pass::Direct(_) => n,
-            };
-            let (along, across) = if axis == Axis::Rows { (items, count) } else { (count, items) };
-            let groups = [along.div_ceil(CROWD), across.min(gpu.limits().groups[1]), work.frames];
-            let Some(roots) = self.roots.get(&n) else { return Ok(()) };
-            gpu.recorder.dispatch(pipeline, &[from, to, roots.all()], bytemuck::bytes_of(&arguments), groups)?;
-            self.mark(gpu, || format!("{axis:?} {n}: radix {radix}"));
-            done *= radix;
-            in_scratch = to_scratch;
+            let butterflies = n / radix.size();
+            let (along, across) = if work.axis == Axis::Rows { (butterflies, count) } else { (count, butterflies) };
+            let along = if pair { along.div_ceil(2) } else { along };
+            let groups = [along.div_ceil(CROWD), across, work.frames];
+            let pipeline = pass_pipeline(gpu, *radix, work.axis, pair, i == 0)?;
+            let buffers = [from, to, planned.twiddles.all()];
+            gpu.recorder.dispatch(pipeline, &buffers, bytemuck::bytes_of(&arguments), groups)?;
+            self.mark(gpu, || format!("{:?} of {n}, radix {}", work.axis, radix.size()).to_lowercase());
+            s *= radix.size();
+            in_spare = to_spare;
+        }
+        Ok(())
+    }
+
+    /// Lines go to the scratch as many at once as fit, each longer than before, and come back.
+    fn convolution(&mut self, gpu: &mut Gpu, planned: &Planned, work: &Work<'_>) -> Result<(), EngineError> {
+        let Some((chirp, filter, inner)) = &planned.convolution else { return Ok(()) };
+        let (n, m) = (planned.plan.n, inner.plan.n);
+        let chunks = Chunks::new(m, work.count, work.frames, work.axis);
+        let half = chunks.bytes();
+        let range = |at: u64| Range { block: work.spare.block, offset: work.spare.offset + at, size: half };
+        let (long, spare) = (range(0), range(half));
+        let rows = work.axis == Axis::Rows;
+        let mut begun = false;
+        for line in (0..work.count).step_by(chunks.lines as usize) {
+            for frame in (0..work.frames).step_by(chunks.frames as usize) {
+                let count = chunks.lines.min(work.count - line);
+                let frames = chunks.frames.min(work.frames - frame);
+                let first = (work.first + line) % work.wrap;
+                let offset = 8 * u64::from(work.frame) * u64::from(frame);
+                let data = Range { offset: work.data.offset + offset, size: work.data.size - offset, ..work.data };
+                let arguments = |mode| ChirpArguments {
+                    mode,
+                    n,
+                    m,
+                    inverse: u32::from(work.inverse),
+                    rows: u32::from(rows),
+                    first,
+                    count,
+                    wrap: work.wrap,
+                    data_row: work.row,
+                    data_frame: work.frame,
+                    work_row: chunks.row,
+                    work_frame: chunks.frame,
+                };
+                let step = |fft: &mut Self, gpu: &mut Gpu, mode: u32, table: &Block| {
+                    let length = if mode == 2 { n } else { m };
+                    let (along, across) = if rows { (length, count) } else { (count, length) };
+                    let groups = [along.div_ceil(CHIRP_CROWD[0]), across.div_ceil(CHIRP_CROWD[1]), frames];
+                    let pipeline = chirp_pipeline(gpu)?;
+                    let buffers = [if mode == 1 { long } else { data }, long, table.all()];
+                    gpu.recorder.dispatch(pipeline, &buffers, bytemuck::bytes_of(&arguments(mode)), groups)?;
+                    fft.mark(gpu, || format!("{:?} of {n}, chirp", work.axis).to_lowercase());
+                    Ok::<(), EngineError>(())
+                };
+                let convolved = |inverse| Work {
+                    data: long,
+                    spare,
+                    frames,
+                    axis: work.axis,
+                    first: 0,
+                    count,
+                    wrap: if rows { u32::MAX } else { chunks.row },
+                    row: chunks.row,
+                    frame: chunks.frame,
+                    spare_frame: chunks.frame,
+                    inverse,
+                };
+                if std::mem::replace(&mut begun, true) {
+                    gpu.recorder.barrier();
+                }
+                step(self, gpu, 0, chirp)?;
+                gpu.recorder.barrier();
+                self.lines(gpu, inner, &convolved(false))?;
+                gpu.recorder.barrier();
+                step(self, gpu, 1, filter)?;
+                gpu.recorder.barrier();
+                self.lines(gpu, inner, &convolved(true))?;
+                gpu.recorder.barrier();
+                step(self, gpu, 2, chirp)?;
+            }
         }
         Ok(())
     }
 }
 
-impl Fft {
-    /// All rows through shared memory, in place.
-    fn whole_rows(
-        &mut self,
-        gpu: &mut Gpu,
-        work: &Work<'_>,
-        n: u32,
-        lines: u32,
-        pipeline: Pipeline,
-    ) -> Result<(), EngineError> {
-        let inverse = u32::from(work.direction == Direction::Inverse);
-        let arguments = [work.height, inverse, work.layout.row, work.layout.frame];
-        let wanted = work.height.div_ceil(lines);
-        let along = wanted.min(gpu.limits().groups[0]);
-        let groups = [along, wanted.div_ceil(along), work.frames];
-        let Some(roots) = self.roots.get(&n) else { return Ok(()) };
-        gpu.recorder.dispatch(pipeline, &[work.data, roots.all()], bytemuck::cast_slice(&arguments), groups)?;
-        self.mark(gpu, || format!("Rows {n}: in shared memory"));
-        Ok(())
+/// How a convolution's lines are laid out, and how many are done at once.
+struct Chunks {
+    lines: u32,
+    frames: u32,
+    /// Values from row to row and from frame to frame.
+    row: u32,
+    frame: u32,
+}
+
+impl Chunks {
+    /// Of `lines` of `m` values in each of `frames`.
+    fn new(m: u32, lines: u32, frames: u32, axis: Axis) -> Self {
+        let fit = (WORK / (8 * u64::from(m))).max(2) as u32;
+        let lines = lines.clamp(1, fit & !1);
+        // Columns stand in pairs; rows of even length too.
+        let (row, height) = match axis {
+            Axis::Rows => (m, lines),
+            Axis::Columns => (lines.next_multiple_of(2), m),
+        };
+        let frame = (row * height).next_multiple_of(2);
+        let frames = ((WORK / (8 * u64::from(frame))) as u32).clamp(1, frames.max(1));
+        Self { lines, frames, row, frame }
+    }
+
+    /// Bytes, a multiple of every device's alignment.
+    fn bytes(&self) -> u64 {
+        (8 * u64::from(self.frame) * u64::from(self.frames)).next_multiple_of(256)
     }
 }
 
-/// The pipeline of whole rows.
-fn shared_pipeline(gpu: &mut Gpu, stages: &[Radix], threads: u32, lines: u32) -> Result<Pipeline, EngineError> {
-    let mut constants = [0; 11 + 3 * CONSTANTS];
-    constants[..2].copy_from_slice(&[threads, lines]);
-    for i in 0..3 {
-        let radix = stages.get(i).copied().unwrap_or(Radix::ONE);
-        constants[2 + 3 * i..][..3].copy_from_slice(&[radix.a, radix.b, radix.c]);
-        roots_within(radix, &mut constants[11 + CONSTANTS * i..][..CONSTANTS]);
+/// A plan with its tables.
+fn planned(gpu: &mut Gpu, plan: Plan) -> Result<Planned, EngineError> {
+    let (mut table, starts) = plan.twiddles();
+    if table.is_empty() {
+        // Something to bind.
+        table.push([1.0, 0.0, 1.0, 0.0]);
+    }
+    let twiddles = gpu.filled(bytemuck::cast_slice(&table), "twiddles")?;
+    let convolution = match (&plan.method, plan.chirp()) {
+        (Method::Bluestein { inner }, Some([chirp, filter])) => {
+            let chirp = gpu.filled(bytemuck::cast_slice(&chirp), "chirp")?;
+            let filter = gpu.filled(bytemuck::cast_slice(&filter), "filter")?;
+            Some((chirp, filter, Arc::new(planned(gpu, (**inner).clone())?)))
+        }
+        _ => None,
+    };
+    Ok(Planned { plan, twiddles, starts, convolution })
+}
+
+fn compile(gpu: &mut Gpu, plan: &Plan, axis: Axis, even_width: bool) -> Result<(), EngineError> {
+    match &plan.method {
+        Method::Nothing => {}
+        Method::Shared(shared) => {
+            rows_pipeline(gpu, shared)?;
+        }
+        Method::Passes { radices, pair } => {
+            let pair = if axis == Axis::Rows { *pair } else { even_width };
+            for (i, radix) in radices.iter().enumerate() {
+                pass_pipeline(gpu, *radix, axis, pair, i == 0)?;
+            }
+        }
+        Method::Bluestein { inner } => {
+            chirp_pipeline(gpu)?;
+            compile(gpu, inner, axis, true)?;
+        }
+    }
+    Ok(())
+}
+
+fn pass_pipeline(gpu: &mut Gpu, radix: Radix, axis: Axis, pair: bool, first: bool) -> Result<Pipeline, EngineError> {
+    let rows = u32::from(axis == Axis::Rows);
+    let constants = [CROWD, 1, radix.a, radix.b, u32::from(pair), rows, u32::from(first)];
+    gpu.pipeline(&eyebox_spirv::FFT_PASS, 3, &constants)
+}
+
+fn rows_pipeline(gpu: &mut Gpu, shared: &Shared) -> Result<Pipeline, EngineError> {
+    let Shared { radices, counts, pair, threads, lines, slots } = shared;
+    let mut constants = [1; 20];
+    constants[..5].copy_from_slice(&[*threads, *lines, u32::from(*pair), radices.len() as u32, *slots]);
+    for (i, stage) in constants[5..].chunks_exact_mut(3).enumerate() {
+        let count = counts.get(i).copied().unwrap_or(0);
+        let Radix { a, b } = radices.get(i).copied().unwrap_or(Radix { a: 1, b: 1 });
+        stage.copy_from_slice(&[a, b, count]);
     }
     gpu.pipeline(&eyebox_spirv::FFT_ROWS, 2, &constants)
 }
 
-/// The pipeline of a pass, from the first time on the same one.
-fn pipeline(gpu: &mut Gpu, pass: Pass, axis: Axis) -> Result<Pipeline, EngineError> {
-    let rows = u32::from(axis == Axis::Rows);
-    match pass {
-        Pass::Butterfly(radix) => {
-            let mut constants = [0; 5 + CONSTANTS];
-            constants[..5].copy_from_slice(&[radix.a, radix.b, radix.c, rows, CROWD]);
-            roots_within(radix, &mut constants[5..]);
-            gpu.pipeline(&eyebox_spirv::FFT_PASS, 3, &constants)
-        }
-        Pass::Direct(_) => gpu.pipeline(&eyebox_spirv::FFT_DIRECT, 3, &[rows, CROWD]),
-    }
-}
-
-/// Specialisation constants of `fft_roots.glsl`.
-const CONSTANTS: usize = 64;
-
-/// Bits of cos and sin 2 pi k / radix, k = 1 .. 32.
-fn roots_within(radix: Radix, constants: &mut [u32]) {
-    for k in 1..=32 {
-        let [re, im] = root(k, radix.size());
-        constants[k as usize - 1] = re.to_bits();
-        constants[k as usize + 31] = (-im).to_bits();
-    }
+fn chirp_pipeline(gpu: &mut Gpu) -> Result<Pipeline, EngineError> {
+    gpu.pipeline(&eyebox_spirv::FFT_CHIRP, 3, &[])
 }
 
 /// What plans must fit on this device.
-fn plan_limits(gpu: &Gpu, axis: Axis) -> PlanLimits {
+fn plan_limits(gpu: &Gpu) -> PlanLimits {
     let limits = gpu.limits();
-    let radix = match (gpu.report().kind, axis) {
-        // A processor pays for every value that it gathers or scatters, and little for what spills from registers.
-        (DeviceKind::Cpu, Axis::Rows) => 32,
-        (DeviceKind::Cpu, Axis::Columns) => 36,
-        _ => 16,
-    };
-    PlanLimits { shared_bytes: limits.shared_memory, invocations: limits.invocations, radix }
-}
-
-/// `exp(-i 2 pi k / n)`.
-fn root(k: u32, n: u32) -> [f32; 2] {
-    let (sin, cos) = (TAU * f64::from(k) / f64::from(n)).sin_cos();
-    [cos as f32, -sin as f32]
+    PlanLimits { shared_bytes: limits.shared_memory, invocations: limits.invocations }
 }

@@ -1,0 +1,45 @@
+#version 450
+
+// Around the inner transforms of Bluestein's algorithm (1970): a transform of any length n is a convolution with a
+// chirp, done by transforms of a length m >= 2 n - 1. Columns: x is the column, y the element. Rows: x is the element,
+// y the row. z: frame. The work lies compact: lines of m elements, without those lines that are not wanted.
+
+layout(local_size_x = 16, local_size_y = 4) in;
+layout(std430, binding = 0) buffer Data { vec2 data[]; };
+layout(std430, binding = 1) buffer Work { vec2 work[]; };
+// Chirp exp(-i pi k^2 / n), or the transform of its inverse.
+layout(std430, binding = 2) readonly buffer Table { vec2 table[]; };
+layout(push_constant) uniform Args {
+    // 0: work = data chirp, and zeros. 1: work = work filter. 2: data = work chirp.
+    uint mode;
+    uint n, m;
+    uint inverse, rows;
+    // Lines: the first one, how many, and columns before they wrap.
+    uint first, count, wrap;
+    uint data_row, data_frame, work_row, work_frame;
+};
+
+vec2 times(vec2 a, vec2 b) { return vec2(a.x * b.x - a.y * b.y, a.x * b.y + a.y * b.x); }
+
+void main() {
+    uint x = gl_GlobalInvocationID.x, y = gl_GlobalInvocationID.y, z = gl_GlobalInvocationID.z;
+    uint element = rows == 1u ? x : y, line = rows == 1u ? y : x;
+    if (line >= count || element >= (mode == 2u ? n : m)) return;
+    uint from = first + line;
+    if (from >= wrap) from -= wrap;
+    uint d = z * data_frame + (rows == 1u ? from * data_row + element : element * data_row + from);
+    uint w = z * work_frame + (rows == 1u ? line * work_row + element : element * work_row + line);
+    if (mode == 0u) {
+        vec2 value = vec2(0.0);
+        if (element < n) {
+            value = data[d];
+            value = times(inverse == 1u ? value.yx : value, table[element]);
+        }
+        work[w] = value;
+    } else if (mode == 1u) {
+        work[w] = times(work[w], table[element]);
+    } else {
+        vec2 value = times(work[w], table[element]);
+        data[d] = inverse == 1u ? value.yx : value;
+    }
+}
