@@ -15,7 +15,7 @@ pub struct PlanLimits {
     pub shared_bytes: u32,
     /// Invocations in a workgroup.
     pub invocations: u32,
-    /// Complex values that an invocation should hold in registers; primes up to 31 are held all the same.
+    /// Complex values that an invocation should hold in registers, at most 64; primes up to 31 are held all the same.
     pub radix: u32,
 }
 
