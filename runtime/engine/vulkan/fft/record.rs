@@ -7,7 +7,7 @@ use super::super::recorder::Range;
 use super::{EngineError, Frames, Transform};
 use bytemuck::{Pod, Zeroable};
 use eyebox_kernels::fft::{Columns, Direction};
-use eyebox_kernels::fft_plan::{Axis, Method, Plan, PlanLimits, Radix, Shared};
+use eyebox_kernels::fft_plan::{Axis, LONGEST, Method, Plan, PlanLimits, Radix, Shared};
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -125,15 +125,17 @@ impl Fft {
     /// Plan, tables and pipelines of a length.
     fn axis(&mut self, gpu: &mut Gpu, n: usize, axis: Axis, even_width: bool) -> Result<(), EngineError> {
         let short = u32::try_from(n).unwrap_or(u32::MAX);
-        if !self.axes.contains_key(&(short, axis)) {
-            let limits = plan_limits(gpu);
-            let plan = Plan::new(short, axis, &limits).ok_or_else(|| EngineError::Mismatch {
-                reason: format!("{n} points cannot be transformed, 1 to {} can", eyebox_kernels::fft_plan::LONGEST),
-            })?;
-            let planned = planned(gpu, plan)?;
-            self.axes.insert((short, axis), Arc::new(planned));
-        }
-        let planned = Arc::clone(&self.axes[&(short, axis)]);
+        let planned = match self.axes.get(&(short, axis)) {
+            Some(planned) => Arc::clone(planned),
+            None => {
+                let plan = Plan::new(short, axis, &plan_limits(gpu)).ok_or_else(|| EngineError::Mismatch {
+                    reason: format!("{n} points cannot be transformed, 1 to {LONGEST} can"),
+                })?;
+                let planned = Arc::new(planned(gpu, plan)?);
+                self.axes.insert((short, axis), Arc::clone(&planned));
+                planned
+            }
+        };
         // All are compiled now rather than while something is recorded.
         compile(gpu, &planned.plan, axis, even_width)
     }
