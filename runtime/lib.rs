@@ -13,6 +13,8 @@
 //! | [`solve`] | pupil sampling, the optimisers, the solver: one for every engine |
 //! | [`hologram`] | phase frames and their file |
 //!
+//! Comments that say "OPTICS n" mean section n of `docs/optics.md`.
+//!
 //! Lengths are metres, angles radians, images linear light, axis order (row = y, column = x), +y down.
 
 pub mod engine;

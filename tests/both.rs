@@ -154,7 +154,9 @@ pub fn compare(engine: &mut dyn Engine, twin: &mut dyn Engine, case: &Case, purp
     case.load(twin, purpose);
     let all = buffers(&shape, step);
     for &(buffer, count) in &all {
-        let data = contents(buffer, count, &mut noise);
+        let mut data = contents(buffer, count, &mut noise);
+        // What an inverse transform takes is zero outside the columns in use.
+        blank(&shape, step, buffer, &[Kernel::ChangeInverse, Kernel::WindowInverse], &mut data);
         engine.write(buffer, &data).unwrap_or_else(|e| panic!("{buffer:?}: {e}"));
         twin.write(buffer, &data).unwrap_or_else(|e| panic!("{buffer:?}: {e}"));
     }
@@ -166,9 +168,35 @@ pub fn compare(engine: &mut dyn Engine, twin: &mut dyn Engine, case: &Case, purp
         worst = worst.max(if want == got { 0.0 } else { off });
     }
     for (buffer, _) in all {
-        let got = engine.read(buffer).unwrap_or_else(|e| panic!("{buffer:?}: {e}"));
-        let want = twin.read(buffer).unwrap_or_else(|e| panic!("{buffer:?}: {e}"));
+        let mut got = engine.read(buffer).unwrap_or_else(|e| panic!("{buffer:?}: {e}"));
+        let mut want = twin.read(buffer).unwrap_or_else(|e| panic!("{buffer:?}: {e}"));
+        // What a forward transform leaves outside them is nobody's.
+        for data in [&mut got, &mut want] {
+            blank(&shape, step, buffer, &[Kernel::FieldForward, Kernel::WindowForward], data);
+        }
         worst = worst.max(distance(buffer, &got, &want));
     }
     worst
+}
+
+/// Zeroes a complex buffer outside the columns in use, if the step has one of these transforms of it.
+fn blank(shape: &Shape, step: &Step, buffer: Buffer, transforms: &[Kernel], data: &mut [f32]) {
+    let (width, columns, kernels) = match buffer {
+        Buffer::Field => (shape.place.grid_width as usize, step.columns, [Kernel::FieldForward; 2]),
+        Buffer::Change => (shape.place.grid_width as usize, step.columns, [Kernel::ChangeInverse; 2]),
+        Buffer::Window(slot) => {
+            let lanes = step.list.iter().map(|d| d.lanes.clone()).find(|l| !l.is_empty()).unwrap_or(0..0);
+            let Some(lane) = step.lanes[lanes].get(slot) else { return };
+            (lane.window.columns, lane.columns, [Kernel::WindowForward, Kernel::WindowInverse])
+        }
+        _ => return,
+    };
+    if !step.list.iter().any(|d| transforms.contains(&d.kernel) && kernels.contains(&d.kernel)) {
+        return;
+    }
+    for (i, value) in data.chunks_exact_mut(2).enumerate() {
+        if (i % width + width - columns.first % width) % width >= columns.count {
+            value.fill(0.0);
+        }
+    }
 }
