@@ -285,44 +285,42 @@ impl Fft {
         work: &Work<'_>,
     ) -> Result<(), EngineError> {
         let n = planned.plan.n;
-        let (mut first, mut count) = (work.first, work.count);
-        let pair = match work.axis {
-            Axis::Rows => pair,
-            Axis::Columns => work.wrap.is_multiple_of(2),
+        let segments = match work.axis {
+            Axis::Rows => [(work.first, work.count, pair), (0, 0, false), (0, 0, false)],
+            Axis::Columns => segments(work.first, work.count, work.wrap),
         };
-        if pair && work.axis == Axis::Columns {
-            // Whole pairs: a neighbour that is not in use may be transformed with the others.
-            count = (count + first % 2).next_multiple_of(2).min(work.wrap);
-            first -= first % 2;
-        }
         let (mut s, mut in_spare) = (1, false);
+        let mut begun = false;
         for (i, radix) in radices.iter().enumerate() {
-            if i > 0 {
-                gpu.recorder.barrier();
-            }
             let to_spare = !in_spare && i + 1 < radices.len();
             let side = |spare: bool| if spare { (work.spare, work.spare_frame) } else { (work.data, work.frame) };
             let ((from, from_frame), (to, to_frame)) = (side(in_spare), side(to_spare));
-            let arguments = PassArguments {
-                n,
-                s,
-                inverse_s: 1.0 / s as f32,
-                table: planned.starts[i],
-                inverse: u32::from(work.inverse),
-                count,
-                first,
-                wrap: work.wrap,
-                row: work.row,
-                from_frame,
-                to_frame,
-            };
             let butterflies = n / radix.size();
-            let (along, across) = if work.axis == Axis::Rows { (butterflies, count) } else { (count, butterflies) };
-            let along = if pair { along.div_ceil(2) } else { along };
-            let groups = [along.div_ceil(CROWD), across, work.frames];
-            let pipeline = pass_pipeline(gpu, *radix, work.axis, pair, i == 0)?;
-            let buffers = [from, to, planned.twiddles.all()];
-            gpu.recorder.dispatch(pipeline, &buffers, bytemuck::bytes_of(&arguments), groups)?;
+            for (first, count, pair) in segments.into_iter().filter(|s| s.1 > 0) {
+                // Between segments too: they share no column, but Vulkan's rules (and its validation) see buffers.
+                if std::mem::replace(&mut begun, true) {
+                    gpu.recorder.barrier();
+                }
+                let arguments = PassArguments {
+                    n,
+                    s,
+                    inverse_s: 1.0 / s as f32,
+                    table: planned.starts[i],
+                    inverse: u32::from(work.inverse),
+                    count,
+                    first,
+                    wrap: work.wrap,
+                    row: work.row,
+                    from_frame,
+                    to_frame,
+                };
+                let (along, across) = if work.axis == Axis::Rows { (butterflies, count) } else { (count, butterflies) };
+                let along = if pair { along.div_ceil(2) } else { along };
+                let groups = [along.div_ceil(CROWD), across, work.frames];
+                let pipeline = pass_pipeline(gpu, *radix, work.axis, pair, i == 0)?;
+                let buffers = [from, to, planned.twiddles.all()];
+                gpu.recorder.dispatch(pipeline, &buffers, bytemuck::bytes_of(&arguments), groups)?;
+            }
             self.mark(gpu, || format!("{:?} of {n}, radix {}", work.axis, radix.size()).to_lowercase());
             s *= radix.size();
             in_spare = to_spare;
@@ -377,7 +375,8 @@ impl Fft {
                     frames,
                     axis: work.axis,
                     first: 0,
-                    count,
+                    // A column beside the last one may be transformed with it: nobody reads it.
+                    count: if rows { count } else { count.next_multiple_of(2) },
                     wrap: if rows { u32::MAX } else { chunks.row },
                     row: chunks.row,
                     frame: chunks.frame,
@@ -400,6 +399,18 @@ impl Fft {
         }
         Ok(())
     }
+}
+
+/// Cuts wrapping columns into (first, count, in pairs): pairs start at even columns, so one may be left on either side.
+/// Columns that are not in use are never touched. Of an odd width, whose rows are not aligned, none go in pairs.
+fn segments(first: u32, count: u32, wrap: u32) -> [(u32, u32, bool); 3] {
+    if !wrap.is_multiple_of(2) {
+        return [(first, count, false), (0, 0, false), (0, 0, false)];
+    }
+    let before = (first % 2).min(count);
+    let pairs = (count - before) & !1;
+    let after = count - before - pairs;
+    [(first, before, false), ((first + before) % wrap, pairs, true), ((first + before + pairs) % wrap, after, false)]
 }
 
 /// How a convolution's lines are laid out, and how many are done at once.
@@ -497,4 +508,35 @@ fn chirp_pipeline(gpu: &mut Gpu) -> Result<Pipeline, EngineError> {
 fn plan_limits(gpu: &Gpu) -> PlanLimits {
     let limits = gpu.limits();
     PlanLimits { shared_bytes: limits.shared_memory, invocations: limits.invocations }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn segments_hold_the_columns_once_and_pairs_start_even() {
+        for wrap in 1..12 {
+            for (first, count) in (0..wrap).flat_map(|first| (0..=wrap).map(move |count| (first, count))) {
+                let mut held = Vec::new();
+                for (first, count, pair) in segments(first, count, wrap) {
+                    assert!(count == 0 || !pair || (first % 2 == 0 && count % 2 == 0 && wrap % 2 == 0));
+                    held.extend((0..count).map(|i| (first + i) % wrap));
+                }
+                assert_eq!(held, (0..count).map(|i| (first + i) % wrap).collect::<Vec<_>>(), "{first} {count} {wrap}");
+            }
+        }
+    }
+
+    #[test]
+    fn chunks_hold_lines_of_any_length() {
+        for axis in [Axis::Rows, Axis::Columns] {
+            for (m, lines, frames) in [(1, 1, 1), (2048, 1030, 3), (65_536, 3, 5), (65_536, 4159, 1), (196, 0, 2)] {
+                let chunks = Chunks::new(m, lines, frames, axis);
+                assert!(chunks.lines >= 1 && chunks.frames >= 1 && chunks.lines <= lines.max(1));
+                assert!(chunks.bytes() <= WORK.max(16 * u64::from(m)) + 256);
+                assert!(u64::from(chunks.frame) >= u64::from(m) * u64::from(chunks.lines));
+            }
+        }
+    }
 }
