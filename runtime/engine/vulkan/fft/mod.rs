@@ -1,14 +1,16 @@
 //! Transforms of frames: the seam behind which they are recorded, and what is behind it.
 //!
 //! Plans are those of [`eyebox_kernels::fft_plan`]. Rows that fit shared memory are read and written once (`fft_rows`);
-//! columns, and rows that are too long, take Stockham passes from the data to a scratch and back (`fft_pass`, and
-//! `fft_direct` for primes above 31). The inverse is the forward transform with re and im swapped. Roots of unity are
-//! computed in float64 on the host: those between stages lie in a table per length, those within a radix are
-//! specialisation constants. On a software device the cost is the number of values that are read and written, so few
-//! passes count for more than little arithmetic.
+//! columns, and rows that are too long, take Stockham passes from the data to a scratch and back, the last of an odd
+//! number in place (`fft_pass`); lengths with a prime factor above 13 are convolutions (`fft_chirp`). The inverse is the
+//! forward transform with re and im swapped. Only columns in use are touched after the rows. Tables come from float64.
+//! Where alignment allows, an invocation works on two neighbouring columns or butterflies and moves 16 bytes at a time:
+//! on a software device an access has a price of its own, whatever its size.
 //!
-//! `record` plans and records; `transforms` runs transforms by themselves, to compare and to measure them.
+//! `record` plans and records, with `convolution` for large primes; `transforms` runs transforms by themselves, to
+//! compare and to measure them.
 
+mod convolution;
 mod record;
 mod transforms;
 

@@ -4,6 +4,7 @@ use super::super::device::Block;
 use super::super::gpu::Gpu;
 use super::super::pipelines::Pipeline;
 use super::super::recorder::Range;
+use super::convolution::{Chunks, chirp_pipeline};
 use super::{EngineError, Frames, Transform};
 use bytemuck::{Pod, Zeroable};
 use eyebox_kernels::fft::{Columns, Direction};
@@ -15,14 +16,8 @@ use std::sync::Arc;
 /// measured, and takes twice as long.)
 const CROWD: u32 = 32;
 
-/// Invocations of a workgroup of `fft_chirp`, along memory and across it.
-const CHIRP_CROWD: [u32; 2] = [16, 4];
-
 /// Scratch that is spent on frames at once (at least one frame), in bytes.
 const SCRATCH: u64 = 64 << 20;
-
-/// Scratch that is spent on a convolution's lines at once, in bytes, once to read and once to write.
-const WORK: u64 = 16 << 20;
 
 /// Push constants of `fft_pass`.
 #[repr(C)]
@@ -53,31 +48,13 @@ struct RowsArguments {
     frame: u32,
 }
 
-/// Push constants of `fft_chirp`.
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct ChirpArguments {
-    mode: u32,
-    n: u32,
-    m: u32,
-    inverse: u32,
-    rows: u32,
-    first: u32,
-    count: u32,
-    wrap: u32,
-    data_row: u32,
-    data_frame: u32,
-    work_row: u32,
-    work_frame: u32,
-}
-
 /// A plan with its tables on the device.
-struct Planned {
-    plan: Plan,
+pub(super) struct Planned {
+    pub(super) plan: Plan,
     twiddles: Block,
     starts: Vec<u32>,
     /// Of a convolution: chirp and filter, and what transforms its length.
-    convolution: Option<(Block, Block, Arc<Planned>)>,
+    pub(super) convolution: Option<(Block, Block, Arc<Planned>)>,
 }
 
 /// Plans, tables and scratch of all sizes seen.
@@ -92,21 +69,21 @@ pub(in super::super) struct Fft {
 
 /// Frames whose lines along one axis are transformed, in place.
 #[derive(Clone, Copy)]
-struct Work<'a> {
-    data: Range<'a>,
+pub(super) struct Work<'a> {
+    pub(super) data: Range<'a>,
     /// As large as the data, frames packed.
-    spare: Range<'a>,
-    frames: u32,
-    axis: Axis,
+    pub(super) spare: Range<'a>,
+    pub(super) frames: u32,
+    pub(super) axis: Axis,
     /// Lines that are transformed: the first, how many, and how many there are before they wrap.
-    first: u32,
-    count: u32,
-    wrap: u32,
+    pub(super) first: u32,
+    pub(super) count: u32,
+    pub(super) wrap: u32,
     /// Values from row to row, and from frame to frame in the data and in the spare.
-    row: u32,
-    frame: u32,
-    spare_frame: u32,
-    inverse: bool,
+    pub(super) row: u32,
+    pub(super) frame: u32,
+    pub(super) spare_frame: u32,
+    pub(super) inverse: bool,
 }
 
 impl Fft {
@@ -150,7 +127,7 @@ impl Fft {
         }
     }
 
-    fn mark(&mut self, gpu: &mut Gpu, name: impl FnOnce() -> String) {
+    pub(super) fn mark(&mut self, gpu: &mut Gpu, name: impl FnOnce() -> String) {
         if let Some(marks) = &mut self.marks {
             gpu.recorder.mark(marks.len());
             marks.push(name());
@@ -252,7 +229,7 @@ impl Transform for Fft {
 }
 
 impl Fft {
-    fn lines(&mut self, gpu: &mut Gpu, planned: &Planned, work: &Work<'_>) -> Result<(), EngineError> {
+    pub(super) fn lines(&mut self, gpu: &mut Gpu, planned: &Planned, work: &Work<'_>) -> Result<(), EngineError> {
         match &planned.plan.method {
             Method::Nothing => Ok(()),
             Method::Shared(shared) => self.rows(gpu, planned, shared, work),
@@ -285,151 +262,60 @@ impl Fft {
         work: &Work<'_>,
     ) -> Result<(), EngineError> {
         let n = planned.plan.n;
-        let (mut first, mut count) = (work.first, work.count);
-        let pair = match work.axis {
-            Axis::Rows => pair,
-            Axis::Columns => work.wrap.is_multiple_of(2),
+        let segments = match work.axis {
+            Axis::Rows => [(work.first, work.count, pair), (0, 0, false), (0, 0, false)],
+            Axis::Columns => segments(work.first, work.count, work.wrap),
         };
-        if pair && work.axis == Axis::Columns {
-            // Whole pairs: a neighbour that is not in use may be transformed with the others.
-            count = (count + first % 2).next_multiple_of(2).min(work.wrap);
-            first -= first % 2;
-        }
         let (mut s, mut in_spare) = (1, false);
+        let mut begun = false;
         for (i, radix) in radices.iter().enumerate() {
-            if i > 0 {
-                gpu.recorder.barrier();
-            }
             let to_spare = !in_spare && i + 1 < radices.len();
             let side = |spare: bool| if spare { (work.spare, work.spare_frame) } else { (work.data, work.frame) };
             let ((from, from_frame), (to, to_frame)) = (side(in_spare), side(to_spare));
-            let arguments = PassArguments {
-                n,
-                s,
-                inverse_s: 1.0 / s as f32,
-                table: planned.starts[i],
-                inverse: u32::from(work.inverse),
-                count,
-                first,
-                wrap: work.wrap,
-                row: work.row,
-                from_frame,
-                to_frame,
-            };
             let butterflies = n / radix.size();
-            let (along, across) = if work.axis == Axis::Rows { (butterflies, count) } else { (count, butterflies) };
-            let along = if pair { along.div_ceil(2) } else { along };
-            let groups = [along.div_ceil(CROWD), across, work.frames];
-            let pipeline = pass_pipeline(gpu, *radix, work.axis, pair, i == 0)?;
-            let buffers = [from, to, planned.twiddles.all()];
-            gpu.recorder.dispatch(pipeline, &buffers, bytemuck::bytes_of(&arguments), groups)?;
+            for (first, count, pair) in segments.into_iter().filter(|s| s.1 > 0) {
+                // Between segments too: they share no column, but Vulkan's rules (and its validation) see buffers.
+                if std::mem::replace(&mut begun, true) {
+                    gpu.recorder.barrier();
+                }
+                let arguments = PassArguments {
+                    n,
+                    s,
+                    inverse_s: 1.0 / s as f32,
+                    table: planned.starts[i],
+                    inverse: u32::from(work.inverse),
+                    count,
+                    first,
+                    wrap: work.wrap,
+                    row: work.row,
+                    from_frame,
+                    to_frame,
+                };
+                let (along, across) = if work.axis == Axis::Rows { (butterflies, count) } else { (count, butterflies) };
+                let along = if pair { along.div_ceil(2) } else { along };
+                let groups = [along.div_ceil(CROWD), across, work.frames];
+                let pipeline = pass_pipeline(gpu, *radix, work.axis, pair, i == 0)?;
+                let buffers = [from, to, planned.twiddles.all()];
+                gpu.recorder.dispatch(pipeline, &buffers, bytemuck::bytes_of(&arguments), groups)?;
+            }
             self.mark(gpu, || format!("{:?} of {n}, radix {}", work.axis, radix.size()).to_lowercase());
             s *= radix.size();
             in_spare = to_spare;
         }
         Ok(())
     }
-
-    /// Lines go to the scratch as many at once as fit, each longer than before, and come back.
-    fn convolution(&mut self, gpu: &mut Gpu, planned: &Planned, work: &Work<'_>) -> Result<(), EngineError> {
-        let Some((chirp, filter, inner)) = &planned.convolution else { return Ok(()) };
-        let (n, m) = (planned.plan.n, inner.plan.n);
-        let chunks = Chunks::new(m, work.count, work.frames, work.axis);
-        let half = chunks.bytes();
-        let range = |at: u64| Range { block: work.spare.block, offset: work.spare.offset + at, size: half };
-        let (long, spare) = (range(0), range(half));
-        let rows = work.axis == Axis::Rows;
-        let mut begun = false;
-        for line in (0..work.count).step_by(chunks.lines as usize) {
-            for frame in (0..work.frames).step_by(chunks.frames as usize) {
-                let count = chunks.lines.min(work.count - line);
-                let frames = chunks.frames.min(work.frames - frame);
-                let first = (work.first + line) % work.wrap;
-                let offset = 8 * u64::from(work.frame) * u64::from(frame);
-                let data = Range { offset: work.data.offset + offset, size: work.data.size - offset, ..work.data };
-                let arguments = |mode| ChirpArguments {
-                    mode,
-                    n,
-                    m,
-                    inverse: u32::from(work.inverse),
-                    rows: u32::from(rows),
-                    first,
-                    count,
-                    wrap: work.wrap,
-                    data_row: work.row,
-                    data_frame: work.frame,
-                    work_row: chunks.row,
-                    work_frame: chunks.frame,
-                };
-                let step = |fft: &mut Self, gpu: &mut Gpu, mode: u32, table: &Block| {
-                    let length = if mode == 2 { n } else { m };
-                    let (along, across) = if rows { (length, count) } else { (count, length) };
-                    let groups = [along.div_ceil(CHIRP_CROWD[0]), across.div_ceil(CHIRP_CROWD[1]), frames];
-                    let pipeline = chirp_pipeline(gpu)?;
-                    let buffers = [if mode == 1 { long } else { data }, long, table.all()];
-                    gpu.recorder.dispatch(pipeline, &buffers, bytemuck::bytes_of(&arguments(mode)), groups)?;
-                    fft.mark(gpu, || format!("{:?} of {n}, chirp", work.axis).to_lowercase());
-                    Ok::<(), EngineError>(())
-                };
-                let convolved = |inverse| Work {
-                    data: long,
-                    spare,
-                    frames,
-                    axis: work.axis,
-                    first: 0,
-                    count,
-                    wrap: if rows { u32::MAX } else { chunks.row },
-                    row: chunks.row,
-                    frame: chunks.frame,
-                    spare_frame: chunks.frame,
-                    inverse,
-                };
-                if std::mem::replace(&mut begun, true) {
-                    gpu.recorder.barrier();
-                }
-                step(self, gpu, 0, chirp)?;
-                gpu.recorder.barrier();
-                self.lines(gpu, inner, &convolved(false))?;
-                gpu.recorder.barrier();
-                step(self, gpu, 1, filter)?;
-                gpu.recorder.barrier();
-                self.lines(gpu, inner, &convolved(true))?;
-                gpu.recorder.barrier();
-                step(self, gpu, 2, chirp)?;
-            }
-        }
-        Ok(())
-    }
 }
 
-/// How a convolution's lines are laid out, and how many are done at once.
-struct Chunks {
-    lines: u32,
-    frames: u32,
-    /// Values from row to row and from frame to frame.
-    row: u32,
-    frame: u32,
-}
-
-impl Chunks {
-    /// Of `lines` of `m` values in each of `frames`.
-    fn new(m: u32, lines: u32, frames: u32, axis: Axis) -> Self {
-        let fit = (WORK / (8 * u64::from(m))).max(2) as u32;
-        let lines = lines.clamp(1, fit & !1);
-        // Columns stand in pairs; rows of even length too.
-        let (row, height) = match axis {
-            Axis::Rows => (m, lines),
-            Axis::Columns => (lines.next_multiple_of(2), m),
-        };
-        let frame = (row * height).next_multiple_of(2);
-        let frames = ((WORK / (8 * u64::from(frame))) as u32).clamp(1, frames.max(1));
-        Self { lines, frames, row, frame }
+/// Cuts wrapping columns into (first, count, in pairs): pairs start at even columns, so one may be left on either side.
+/// Columns that are not in use are never touched. Of an odd width, whose rows are not aligned, none go in pairs.
+fn segments(first: u32, count: u32, wrap: u32) -> [(u32, u32, bool); 3] {
+    if !wrap.is_multiple_of(2) {
+        return [(first, count, false), (0, 0, false), (0, 0, false)];
     }
-
-    /// Bytes, a multiple of every device's alignment.
-    fn bytes(&self) -> u64 {
-        (8 * u64::from(self.frame) * u64::from(self.frames)).next_multiple_of(256)
-    }
+    let before = (first % 2).min(count);
+    let pairs = (count - before) & !1;
+    let after = count - before - pairs;
+    [(first, before, false), ((first + before) % wrap, pairs, true), ((first + before + pairs) % wrap, after, false)]
 }
 
 /// A plan with its tables.
@@ -489,12 +375,27 @@ fn rows_pipeline(gpu: &mut Gpu, shared: &Shared) -> Result<Pipeline, EngineError
     gpu.pipeline(&eyebox_spirv::FFT_ROWS, 2, &constants)
 }
 
-fn chirp_pipeline(gpu: &mut Gpu) -> Result<Pipeline, EngineError> {
-    gpu.pipeline(&eyebox_spirv::FFT_CHIRP, 3, &[])
-}
-
 /// What plans must fit on this device.
 fn plan_limits(gpu: &Gpu) -> PlanLimits {
     let limits = gpu.limits();
     PlanLimits { shared_bytes: limits.shared_memory, invocations: limits.invocations }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn segments_hold_the_columns_once_and_pairs_start_even() {
+        for wrap in 1..12 {
+            for (first, count) in (0..wrap).flat_map(|first| (0..=wrap).map(move |count| (first, count))) {
+                let mut held = Vec::new();
+                for (first, count, pair) in segments(first, count, wrap) {
+                    assert!(count == 0 || !pair || (first % 2 == 0 && count % 2 == 0 && wrap % 2 == 0));
+                    held.extend((0..count).map(|i| (first + i) % wrap));
+                }
+                assert_eq!(held, (0..count).map(|i| (first + i) % wrap).collect::<Vec<_>>(), "{first} {count} {wrap}");
+            }
+        }
+    }
 }

@@ -1,0 +1,159 @@
+//! Transforms of lengths with a large prime factor, as convolutions with a chirp (`fft_chirp.comp`).
+
+use super::super::device::Block;
+use super::super::gpu::Gpu;
+use super::super::pipelines::Pipeline;
+use super::super::recorder::Range;
+use super::EngineError;
+use super::record::{Fft, Planned, Work};
+use bytemuck::{Pod, Zeroable};
+use eyebox_kernels::fft_plan::Axis;
+
+/// Invocations of a workgroup of `fft_chirp`, along memory and across it.
+const CHIRP_CROWD: [u32; 2] = [16, 4];
+
+/// Scratch that is spent on a convolution's lines at once, in bytes, once to read and once to write.
+const WORK: u64 = 16 << 20;
+
+/// Push constants of `fft_chirp`.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct ChirpArguments {
+    mode: u32,
+    n: u32,
+    m: u32,
+    inverse: u32,
+    rows: u32,
+    first: u32,
+    count: u32,
+    wrap: u32,
+    data_row: u32,
+    data_frame: u32,
+    work_row: u32,
+    work_frame: u32,
+}
+
+impl Fft {
+    /// Lines go to the scratch as many at once as fit, each longer than before, and come back.
+    pub(super) fn convolution(&mut self, gpu: &mut Gpu, planned: &Planned, work: &Work<'_>) -> Result<(), EngineError> {
+        let Some((chirp, filter, inner)) = &planned.convolution else { return Ok(()) };
+        let (n, m) = (planned.plan.n, inner.plan.n);
+        let chunks = Chunks::new(m, work.count, work.frames, work.axis);
+        let half = chunks.bytes();
+        let range = |at: u64| Range { block: work.spare.block, offset: work.spare.offset + at, size: half };
+        let (long, spare) = (range(0), range(half));
+        let rows = work.axis == Axis::Rows;
+        let mut begun = false;
+        for line in (0..work.count).step_by(chunks.lines as usize) {
+            for frame in (0..work.frames).step_by(chunks.frames as usize) {
+                let count = chunks.lines.min(work.count - line);
+                let frames = chunks.frames.min(work.frames - frame);
+                let first = (work.first + line) % work.wrap;
+                let offset = 8 * u64::from(work.frame) * u64::from(frame);
+                let data = Range { offset: work.data.offset + offset, size: work.data.size - offset, ..work.data };
+                let arguments = |mode| ChirpArguments {
+                    mode,
+                    n,
+                    m,
+                    inverse: u32::from(work.inverse),
+                    rows: u32::from(rows),
+                    first,
+                    count,
+                    wrap: work.wrap,
+                    data_row: work.row,
+                    data_frame: work.frame,
+                    work_row: chunks.row,
+                    work_frame: chunks.frame,
+                };
+                let step = |fft: &mut Self, gpu: &mut Gpu, mode: u32, table: &Block| {
+                    let length = if mode == 2 { n } else { m };
+                    let (along, across) = if rows { (length, count) } else { (count, length) };
+                    let groups = [along.div_ceil(CHIRP_CROWD[0]), across.div_ceil(CHIRP_CROWD[1]), frames];
+                    let pipeline = chirp_pipeline(gpu)?;
+                    let buffers = [if mode == 1 { long } else { data }, long, table.all()];
+                    gpu.recorder.dispatch(pipeline, &buffers, bytemuck::bytes_of(&arguments(mode)), groups)?;
+                    fft.mark(gpu, || format!("{:?} of {n}, chirp", work.axis).to_lowercase());
+                    Ok::<(), EngineError>(())
+                };
+                let convolved = |inverse| Work {
+                    data: long,
+                    spare,
+                    frames,
+                    axis: work.axis,
+                    first: 0,
+                    // A column beside the last one may be transformed with it: nobody reads it.
+                    count: if rows { count } else { count.next_multiple_of(2) },
+                    wrap: if rows { u32::MAX } else { chunks.row },
+                    row: chunks.row,
+                    frame: chunks.frame,
+                    spare_frame: chunks.frame,
+                    inverse,
+                };
+                if std::mem::replace(&mut begun, true) {
+                    gpu.recorder.barrier();
+                }
+                step(self, gpu, 0, chirp)?;
+                gpu.recorder.barrier();
+                self.lines(gpu, inner, &convolved(false))?;
+                gpu.recorder.barrier();
+                step(self, gpu, 1, filter)?;
+                gpu.recorder.barrier();
+                self.lines(gpu, inner, &convolved(true))?;
+                gpu.recorder.barrier();
+                step(self, gpu, 2, chirp)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// How a convolution's lines are laid out, and how many are done at once.
+pub(super) struct Chunks {
+    lines: u32,
+    frames: u32,
+    /// Values from row to row and from frame to frame.
+    row: u32,
+    frame: u32,
+}
+
+impl Chunks {
+    /// Of `lines` of `m` values in each of `frames`.
+    pub(super) fn new(m: u32, lines: u32, frames: u32, axis: Axis) -> Self {
+        let fit = (WORK / (8 * u64::from(m))).max(2) as u32;
+        let lines = lines.clamp(1, fit & !1);
+        // Columns stand in pairs; rows of even length too.
+        let (row, height) = match axis {
+            Axis::Rows => (m, lines),
+            Axis::Columns => (lines.next_multiple_of(2), m),
+        };
+        let frame = (row * height).next_multiple_of(2);
+        let frames = ((WORK / (8 * u64::from(frame))) as u32).clamp(1, frames.max(1));
+        Self { lines, frames, row, frame }
+    }
+
+    /// Bytes, a multiple of every device's alignment.
+    pub(super) fn bytes(&self) -> u64 {
+        (8 * u64::from(self.frame) * u64::from(self.frames)).next_multiple_of(256)
+    }
+}
+
+pub(super) fn chirp_pipeline(gpu: &mut Gpu) -> Result<Pipeline, EngineError> {
+    gpu.pipeline(&eyebox_spirv::FFT_CHIRP, 3, &[])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn chunks_hold_lines_of_any_length() {
+        for axis in [Axis::Rows, Axis::Columns] {
+            for (m, lines, frames) in [(1, 1, 1), (2048, 1030, 3), (65_536, 3, 5), (65_536, 4159, 1), (196, 0, 2)] {
+                let chunks = Chunks::new(m, lines, frames, axis);
+                assert!(chunks.lines >= 1 && chunks.frames >= 1 && chunks.lines <= lines.max(1));
+                assert!(chunks.bytes() <= WORK.max(16 * u64::from(m)) + 256);
+                assert!(u64::from(chunks.frame) >= u64::from(m) * u64::from(chunks.lines));
+            }
+        }
+    }
+}
