@@ -101,7 +101,7 @@ pub struct DisplayArgs {
 }
 
 /// The scene, in every command that takes one.
-#[derive(Args)]
+#[derive(Args, Clone)]
 pub struct SceneArgs {
     /// A folder of views, a picture (with --depth-map), or builtin:NAME
     pub scene: String,
@@ -114,8 +114,9 @@ pub struct SceneArgs {
     /// Views per axis of scenes that are rendered or reprojected
     #[arg(long, default_value_t = 9, value_name = "N")]
     pub views: usize,
-    /// Depths that matter, mm [default: what the scene says]
-    #[arg(long, value_name = "MIN..MAX", value_parser = range, allow_hyphen_values = true)]
+    /// Depths that matter, mm [default: what the scene says]; of a depth map, what its smallest and its largest value
+    /// mean (MAX..MIN where dark is near)
+    #[arg(long, value_name = "MIN..MAX", value_parser = depths, allow_hyphen_values = true)]
     pub depth: Option<[f64; 2]>,
 }
 
@@ -387,6 +388,18 @@ fn range(text: &str) -> Result<[f64; 2], String> {
     }
 }
 
+/// Millimetres in, metres out; either order.
+fn depths(text: &str) -> Result<[f64; 2], String> {
+    match range(text) {
+        Ok(range) => Ok(range),
+        Err(reason) => {
+            let reversed: Vec<&str> = text.split("..").collect();
+            let [low, high] = reversed[..] else { return Err(reason) };
+            range(&format!("{high}..{low}")).map(|[low, high]| [high, low]).map_err(|_| reason)
+        }
+    }
+}
+
 fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(v) if v.is_finite() && v > 0.0 => Ok(v),
@@ -421,6 +434,8 @@ mod tests {
     #[test]
     fn values_are_read_in_human_units() {
         assert_eq!(range("-3..3.5"), Ok([-3e-3, 3.5e-3]));
+        assert_eq!(depths("3..-3"), Ok([3e-3, -3e-3]));
+        assert!(depths("3..x").is_err() && depths("3").is_err());
         assert_eq!(size("45x64"), Ok([45, 64]));
         assert_eq!(pupil("2,-1,6,3").unwrap().to_mm().map(|v| v.round()), [2.0, -1.0, 6.0, 3.0]);
         for bad in ["", "1,2,3", "1,2,3,4,5", "a,b,c,d", "0,0,0,0", "0,0,-1,0", "nan,0,1,0", "0,0,inf,0"] {

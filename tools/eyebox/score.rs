@@ -1,7 +1,7 @@
 //! `eyebox score`.
 
 use crate::Failure;
-use crate::args::Score;
+use crate::args::{SceneArgs, Score};
 use crate::common;
 use crate::view;
 use eyebox::engine::Engine;
@@ -42,8 +42,9 @@ pub fn run(args: &Score) -> Result<(), Failure> {
     let (hologram, display) = load(args)?;
     let colors: Vec<Color> = hologram.colors.iter().filter_map(|c| c.color).collect();
     let mut engine = common::engine(&args.engine)?;
-    let field = common::scene(&args.scene, &display, &colors)?;
-    let depth = common::depths(&args.scene, &field, &display);
+    let scene = as_solved(&args.scene, &hologram);
+    let field = common::scene(&scene, &display, &colors)?;
+    let depth = common::depths(&scene, &field, &display);
     let diameter = common::diameters(args.pupil_diameter, &display);
     let pupils = pupils(&args.pupils, args.seed, &display, diameter, depth)?;
     let scores = score(&hologram, &field, &display, &pupils, engine.as_mut())?;
@@ -128,6 +129,19 @@ fn row(pupil: &Pupil, images: &[(Vec<f32>, Vec<f32>)], height: usize, width: usi
         psnr_db: evaluate::psnr(&seen.concat(), &wanted.concat()).unwrap_or(f64::NAN),
         ssim: ssim.map(|s| s.iter().sum::<f64>() / s.len() as f64),
     }
+}
+
+/// What was said of the scene when it was solved holds, where nothing else is said now.
+fn as_solved(args: &SceneArgs, hologram: &Hologram) -> SceneArgs {
+    let mut args = args.clone();
+    let settings = &hologram.settings;
+    args.view_pitch = args.view_pitch.or_else(|| settings["view_pitch_mm"].as_f64());
+    // The order of a depth map's range is the user's to say; other scenes have none.
+    if args.depth_map.is_none() {
+        let depth = &settings["solve"]["depth"];
+        args.depth = args.depth.or_else(|| Some([depth[0].as_f64()?, depth[1].as_f64()?]));
+    }
+    args
 }
 
 /// The hologram, and the display that its own optics make (or, for bare phases, that the flags say).

@@ -271,6 +271,18 @@ fn from_a_scene_to_a_score_in_three_colours() {
 }
 
 #[test]
+fn a_score_takes_depths_as_they_were_solved() {
+    let temp = folder();
+    let at = temp.path();
+    done(at, &solve("builtin:still-life", "h.zarr", &["--depth=-0.05..0.1"]));
+    let said = done(at, &["score", "h.zarr", "builtin:still-life", "--json"]);
+    let score: serde_json::Value = serde_json::from_str(&said).unwrap();
+    let focus = |p: &serde_json::Value| p["pupil_mm"][3].as_f64().unwrap();
+    let pupils = score["pupils"].as_array().unwrap();
+    assert!(pupils.len() == 16 && pupils.iter().all(|p| (-0.0501..=0.1001).contains(&focus(p))), "{said}");
+}
+
+#[test]
 fn the_smallest_displays_work() {
     let temp = folder();
     let at = temp.path();
