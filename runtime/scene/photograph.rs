@@ -49,6 +49,11 @@ impl ViewGrid {
         covered
     }
 
+    /// The tap of one view as it is.
+    pub fn only(&self, view: usize) -> Tap {
+        Tap { view: view as u32, weight: 1.0, dy: 0, dx: 0, fy: 0.0, fx: 0.0 }
+    }
+
     /// The taps of the photograph through `pupil` on a level of (height, width) samples of the grid of `optics`:
     /// view v moves by `(z / f) q_v`, periodic on the grid.
     pub fn taps(&self, optics: &Optics, pupil: &Pupil, height: usize, width: usize) -> Vec<Tap> {
