@@ -63,6 +63,8 @@ impl ViewGrid {
             width as f64 / (optics.width as f64 * optics.pitch),
         );
         let split = |shift: f64, n: usize| {
+            // Beyond that a float64 has no fraction left, and beyond its range no shift.
+            let shift = shift.clamp(-1e15, 1e15);
             let whole = shift.floor();
             ((whole.rem_euclid(n as f64) as usize % n) as u32, (shift - whole) as f32)
         };
