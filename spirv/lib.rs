@@ -44,6 +44,8 @@ modules! {
     ADAM = "adam",
     BALANCE = "balance",
     COMPARE = "compare",
+    ENERGY = "energy",
+    EVEN = "even",
     FFT_CHIRP = "fft_chirp",
     FFT_PASS = "fft_pass",
     FFT_ROWS = "fft_rows",
@@ -55,6 +57,7 @@ modules! {
     PROJECT = "project",
     RESAMPLE = "resample",
     RETURN_PUPIL = "return_pupil",
+    TAPER = "taper",
     TRANSFER = "transfer",
     WEIGH = "weigh",
 }

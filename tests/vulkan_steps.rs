@@ -87,6 +87,25 @@ fn both_engines_show_the_same_views_and_photographs() {
     assert_silent(engine);
 }
 
+/// The steps of the methods that look through other things than pupils, or ask for more than an image.
+#[test]
+fn both_engines_take_the_steps_of_every_method() {
+    let mut engine = vulkan();
+    for (height, width, padding, frames) in [(45, 64, 0, 3), (40, 36, 5, 2)] {
+        let case = Case::new(height, width, padding, 4e-3, frames);
+        for (purpose, mode) in [(Purpose::Project, PROJECTION), (Purpose::Adam, INTENSITY)] {
+            let even = case.planner.with_even(case.step(purpose, mode, 0.5, 3000), 0.02, 9, 0.5);
+            for (what, step) in [("stft", case.stft_step(purpose, mode)), ("even", even)] {
+                let steps = vec![step; 3];
+                let got = solve(&mut engine, &case, purpose, &steps);
+                let want = solve(&mut CpuEngine::new(), &case, purpose, &steps);
+                assert_close(&got, &want, &format!("{what}, {height} x {width}, {purpose:?}"));
+            }
+        }
+    }
+    assert_silent(engine);
+}
+
 /// Wherever one engine hands over to the other, the result is the same.
 #[test]
 fn handing_over_changes_nothing() {

@@ -2,7 +2,8 @@
 
 use crate::optics::Window;
 use eyebox_kernels::{
-    adam, balance, compare, fft::Columns, intensity, modulate, pass_pupil, photograph, project, resample, transfer,
+    adam, balance, compare, even, fft::Columns, intensity, modulate, pass_pupil, photograph, project, resample,
+    transfer,
 };
 use std::ops::Range;
 
@@ -15,10 +16,14 @@ pub enum Kernel {
     Modulate,
     /// `Field`, forward, in the step's columns.
     FieldForward,
+    /// `Field` -> `Energy`.
+    Energy,
     /// `Hits` of all lanes in the dispatch.
     Overlap,
     /// -> `Transfer`.
     Transfer,
+    /// `Transfer` -> `Transfer`, in lanes that are tapered.
+    Taper,
     /// Views -> `Accumulator`.
     Photograph,
     /// `Accumulator` -> `Target`.
@@ -39,6 +44,8 @@ pub enum Kernel {
     ReturnPupil,
     /// `Hits`, `Change` -> `Change`.
     Balance,
+    /// `Energy`, `Field` -> `Change`.
+    Even,
     /// `Change`, inverse, in the step's columns.
     ChangeInverse,
     /// `Change` -> `Phases`, `Momentum`.
@@ -60,12 +67,14 @@ pub enum Scope {
 
 impl Kernel {
     /// All of them.
-    pub const ALL: [Self; 18] = [
+    pub const ALL: [Self; 21] = [
         Self::Clear,
         Self::Modulate,
         Self::FieldForward,
+        Self::Energy,
         Self::Overlap,
         Self::Transfer,
+        Self::Taper,
         Self::Photograph,
         Self::Resample,
         Self::PassPupil,
@@ -76,6 +85,7 @@ impl Kernel {
         Self::WindowForward,
         Self::ReturnPupil,
         Self::Balance,
+        Self::Even,
         Self::ChangeInverse,
         Self::Project,
         Self::Adam,
@@ -87,8 +97,10 @@ impl Kernel {
             "clear",
             "modulate",
             "field_forward",
+            "energy",
             "overlap",
             "transfer",
+            "taper",
             "photograph",
             "resample",
             "pass_pupil",
@@ -99,6 +111,7 @@ impl Kernel {
             "window_forward",
             "return_pupil",
             "balance",
+            "even",
             "change_inverse",
             "project",
             "adam",
@@ -113,11 +126,12 @@ impl Kernel {
     /// What it runs over.
     pub fn scope(self) -> Scope {
         match self {
-            Self::Clear | Self::Overlap => Scope::Whole,
+            Self::Clear | Self::Energy | Self::Overlap => Scope::Whole,
             Self::Modulate
             | Self::FieldForward
             | Self::ReturnPupil
             | Self::Balance
+            | Self::Even
             | Self::ChangeInverse
             | Self::Project
             | Self::Adam => Scope::Frames,
@@ -141,6 +155,8 @@ pub enum Buffer {
     Change,
     /// How many pupils pass each bin: (grid height, grid width).
     Hits,
+    /// Light per patch of the eyebox: `energy::MOST` squared, of which the first `patches` squared are used.
+    Energy,
     /// K on the window: complex (rows, columns).
     Transfer(usize),
     /// The retinal fields: complex (frames, rows, columns).
@@ -213,6 +229,8 @@ pub struct Lane {
     pub spans: Vec<[u32; 2]>,
     /// Arguments of `transfer`.
     pub transfer: transfer::Args,
+    /// Weights of `taper`: those of all rows, then those of all columns. None for an aperture with a sharp edge.
+    pub taper: Option<Vec<f32>>,
     /// Arguments of `pass_pupil` and `overlap`.
     pub pass: pass_pupil::Args,
     /// Arguments of `return_pupil`: the same place, another scale.
@@ -260,6 +278,8 @@ pub struct Step {
     pub columns: Columns,
     /// Arguments of `balance`.
     pub balance: balance::Args,
+    /// Arguments of `even`, and, inside, of `energy`.
+    pub even: even::Args,
     /// Arguments of `project`.
     pub project: project::Args,
     /// Arguments of `adam`.

@@ -3,12 +3,11 @@
 use super::exposure::BrightEnd;
 use crate::engine::{Engine, EngineError};
 use crate::evaluate;
-use crate::optics::Pupil;
-use crate::plan::Planner;
+use crate::plan::{Planner, Sight};
 
-/// Fixed pupils, and what the eye should see through them.
+/// Fixed sights, and what should be seen through them.
 pub struct Judge {
-    pupils: Vec<Pupil>,
+    sights: Vec<Sight>,
     /// Photographs, after 2 x 2 averaging.
     targets: Vec<Vec<f32>>,
     /// The bright end of the photographs.
@@ -41,11 +40,11 @@ impl Judge {
     ///
     /// # Errors
     /// Those of the engine.
-    pub fn new(engine: &mut dyn Engine, planner: &Planner, pupils: Vec<Pupil>) -> Result<Self, EngineError> {
+    pub fn new(engine: &mut dyn Engine, planner: &Planner, sights: Vec<Sight>) -> Result<Self, EngineError> {
         let pool = |image: Vec<f32>| evaluate::pool2(&image, planner.slm.height, planner.slm.width);
-        let photographs = evaluate::photographs(engine, planner, &pupils)?;
+        let photographs = evaluate::targets(engine, planner, &sights)?;
         let bright_end = BrightEnd::of(photographs.iter().map(|p| &p[..]));
-        Ok(Self { pupils, targets: photographs.into_iter().map(pool).collect(), bright_end })
+        Ok(Self { sights, targets: photographs.into_iter().map(pool).collect(), bright_end })
     }
 
     /// The bright end of the photographs.
@@ -59,7 +58,7 @@ impl Judge {
     /// Those of the engine.
     pub fn judge(&self, engine: &mut dyn Engine, planner: &Planner) -> Result<Verdict, EngineError> {
         let pool = |image: Vec<f32>| evaluate::pool2(&image, planner.slm.height, planner.slm.width);
-        let images: Vec<Vec<f32>> = evaluate::views(engine, planner, &self.pupils)?.into_iter().map(pool).collect();
+        let images: Vec<Vec<f32>> = evaluate::images(engine, planner, &self.sights)?.into_iter().map(pool).collect();
         // Images that are black (or not finite) have no exposure: any will do, their PSNR says it.
         let exposure =
             evaluate::fit_exposure(images.iter().zip(&self.targets).map(|(i, t)| (&i[..], &t[..]))).unwrap_or(1.0);

@@ -1,5 +1,6 @@
 //! What can be chosen about a solve.
 
+use super::Method;
 use super::sampling::{Diameters, Sequence};
 use crate::optics::WindowFactor;
 use serde::{Deserialize, Serialize};
@@ -40,9 +41,12 @@ impl Optimizer {
 
 /// Everything that decides a solve, besides the scene and the display.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Settings {
     /// Sub-frames, optimised jointly on their mean intensity.
     pub frames: usize,
+    /// What is looked through, and from which first phases.
+    pub method: Method,
     /// How phases are moved.
     pub optimizer: Optimizer,
     /// Steps, at most.
@@ -67,6 +71,15 @@ pub struct Settings {
     pub sequence: Sequence,
     /// Decides the first phases and the pupils.
     pub seed: u64,
+    /// Diameter of the STFT's circular Fourier filter, over the eyebox's side ([`Method::Stft`]; Choi et al. 2022).
+    pub stft_filter: f64,
+    /// Pixels of the STFT's window along each axis; None: the number of views.
+    pub stft_samples: Option<usize>,
+    /// Weight of the light's evenness over the eyebox ([`Method::PupilAware`]); the share of the way to an even eyebox
+    /// that a step of the projection asks for, or the factor of the term in Adam's loss.
+    pub evenness: f64,
+    /// Patches of the eyebox along each axis, 1 to 16, whose light is evened out.
+    pub patches: usize,
     /// Bytes that the windows of pupils in flight may take.
     pub window_bytes: usize,
 }
@@ -75,6 +88,7 @@ impl Default for Settings {
     fn default() -> Self {
         Self {
             frames: 8,
+            method: Method::Slfh,
             optimizer: Optimizer::projection(),
             steps: 60,
             pupils: 16,
@@ -87,6 +101,10 @@ impl Default for Settings {
             diameters: Diameters::LogUniform,
             sequence: Sequence::Sobol,
             seed: 0,
+            stft_filter: 0.95,
+            stft_samples: None,
+            evenness: 0.5,
+            patches: 9,
             window_bytes: 256 << 20,
         }
     }

@@ -1,7 +1,8 @@
 //! The loop.
 
 use super::exposure::{BrightEnd, peak};
-use super::{Judge, Optimizer, Problem, PupilRange, Sampler, Settings, Verdict, cosine, random_phases};
+use super::method::Sights;
+use super::{Judge, Method, Optimizer, Problem, Settings, Verdict, cosine, dpac, random_phases};
 use crate::engine::{Buffer, Engine, EngineError};
 use crate::optics::WindowFactor;
 use crate::plan::{Comparison, Planner, Purpose, Step};
@@ -118,6 +119,19 @@ impl Settings {
                 "finite, smallest first",
             );
         }
+        if !(self.stft_filter > 0.0 && self.stft_filter <= 2.0) {
+            let right = "above 0, at most 2: times the eyebox";
+            return wrong("the diameter of the STFT's filter", self.stft_filter.to_string(), right);
+        }
+        if let Some(samples) = self.stft_samples.filter(|n| !(1..=256).contains(n)) {
+            return wrong("the window of the STFT (samples)", samples.to_string(), "1 to 256");
+        }
+        if !(self.evenness >= 0.0 && self.evenness <= 1e6) {
+            return wrong("the weight of the eyebox's evenness", self.evenness.to_string(), "0 to 1e6");
+        }
+        if !(1..=eyebox_kernels::energy::MOST as usize).contains(&self.patches) {
+            return wrong("the number of patches along the eyebox", self.patches.to_string(), "1 to 16");
+        }
         match self.efficiency {
             Some(e) if !(e > 0.0 && e <= 1.0) => wrong("the efficiency", e.to_string(), "above 0, at most 1"),
             _ => Ok(()),
@@ -140,20 +154,31 @@ pub fn solve(
 ) -> Result<Solution, SolveError> {
     settings.check()?;
     let start = Instant::now();
-    let range = PupilRange {
-        eyebox: problem.eyebox,
-        diameter: settings.diameter,
-        depth: settings.depth,
-        diameters: settings.diameters,
-    };
-    let planner = problem.planner(settings.frames, settings.window);
-    let purpose = if matches!(settings.optimizer, Optimizer::Adam { .. }) { Purpose::Adam } else { Purpose::Project };
+    let frames = settings.frames;
+    let mut computed =
+        Settings { frames: if settings.method.repeats_frames() { 1 } else { settings.frames }, ..settings.clone() };
+    if settings.method == Method::Smooth && matches!(settings.optimizer, Optimizer::Projection { .. }) {
+        computed.optimizer = Optimizer::adam();
+    }
+    let given = if settings.method.is_iterative() { None } else { Some(dpac::phases(problem, settings, engine)?) };
+    let planner = problem.planner(computed.frames, settings.window);
+    let purpose = if matches!(computed.optimizer, Optimizer::Adam { .. }) { Purpose::Adam } else { Purpose::Project };
+    let purpose = if given.is_some() { Purpose::View } else { purpose };
     engine.load(&planner.shape(purpose), Some(Arc::clone(&problem.pyramid)))?;
-    // Held out: the paper's distribution, from another seed.
-    let mut held_out =
-        Sampler::new(PupilRange { diameters: super::Diameters::Uniform, ..range }, settings.sequence, !settings.seed);
+    // Held out: what the method looks through (pupils by the paper's distribution), from another seed.
+    let uniform = Settings { diameters: super::Diameters::Uniform, ..computed.clone() };
+    let mut held_out = Sights::new(problem, &uniform, !settings.seed);
     let judge = Judge::new(engine, &planner, (0..8).map(|_| held_out.draw()).collect())?;
-    let mut run = Run { planner: &planner, settings, engine, judge: &judge, range, start, exposure: 0.0, pilot: false };
+    if let Some(phases) = given {
+        engine.write(Buffer::Phases, &phases)?;
+        let verdict = judge.judge(engine, &planner)?;
+        let (exposure, seconds) = (verdict.exposure, start.elapsed().as_secs_f64());
+        let efficiency = problem.mean / exposure;
+        return Ok(Solution { phases, exposure, efficiency, verdict, steps: 0, seconds, stop: Stop::Steps });
+    }
+    let settings = &computed;
+    let mut run =
+        Run { problem, planner: &planner, settings, engine, judge: &judge, start, exposure: 0.0, pilot: false };
     run.exposure = match settings.efficiency {
         // A black scene has no efficiency: any exposure shows it.
         Some(efficiency) if problem.mean > 0.0 => problem.mean / efficiency,
@@ -162,6 +187,7 @@ pub fn solve(
     let exposure = run.exposure;
     let (best, steps, stop) = run.descend(settings.steps, observe)?;
     let (verdict, phases, _) = best;
+    let phases = phases.repeat(frames / settings.frames);
     let efficiency = problem.mean / exposure;
     Ok(Solution { phases, exposure, efficiency, verdict, steps, seconds: start.elapsed().as_secs_f64(), stop })
 }
@@ -171,11 +197,11 @@ type Judged = (Verdict, Vec<f32>, usize);
 
 /// A solve under way.
 struct Run<'a> {
+    problem: &'a Problem,
     planner: &'a Planner,
     settings: &'a Settings,
     engine: &'a mut dyn Engine,
     judge: &'a Judge,
-    range: PupilRange,
     start: Instant,
     exposure: f64,
     /// Whether this is a pilot: it stops only when asked.
@@ -222,6 +248,34 @@ impl Run<'_> {
         Ok(PILOT_RISE * found)
     }
 
+    /// The `t`-th step, counted from 1, over the next sights.
+    fn step(&self, sights: &mut Sights, progress: f64, t: usize) -> Step {
+        let Self { settings, planner, .. } = *self;
+        let batch = settings.pupils;
+        let mode = match settings.optimizer {
+            Optimizer::Projection { .. } => compare::PROJECTION,
+            Optimizer::Adam { amplitude: true, .. } => compare::AMPLITUDE,
+            Optimizer::Adam { .. } => compare::INTENSITY,
+        };
+        let comparison = Comparison { mode, exposure: self.exposure, batch, ..Comparison::default() };
+        let lanes = (0..batch).map(|_| planner.sight(&sights.draw(), &comparison)).collect();
+        let in_flight = settings.window_bytes / size_of::<eyebox_kernels::Complex32>();
+        let step = match settings.optimizer {
+            Optimizer::Projection { gain, momentum, overlap_power } => {
+                // Overlap to a power below one grows with the batch: what ten pupils ask for is the unit (OPTICS 6e).
+                let share = (batch as f64 / 10.0).powf(1.0 - overlap_power);
+                let overlap = sights.overlap(batch).map_or(1.0, |n| n.powf(overlap_power));
+                let gain = cosine(gain, progress) / (share * overlap);
+                planner.project_step(lanes, in_flight, overlap_power, gain, momentum)
+            }
+            Optimizer::Adam { rate, .. } => planner.adam_step(lanes, in_flight, t, cosine(rate, progress)),
+        };
+        if settings.method == Method::PupilAware {
+            return planner.with_even(step, self.problem.eyebox, settings.patches, settings.evenness);
+        }
+        step
+    }
+
     /// From the first phases, `steps` steps at most.
     fn descend(
         &mut self,
@@ -231,13 +285,17 @@ impl Run<'_> {
         let Self { settings, planner, judge, .. } = *self;
         let pixels = settings.frames * planner.slm.height * planner.slm.width;
         let zeros = vec![0.0; pixels];
-        self.engine.write(Buffer::Phases, &random_phases(pixels, settings.seed))?;
+        let first = match settings.method {
+            Method::Smooth => zeros.clone(),
+            _ => random_phases(pixels, settings.seed),
+        };
+        self.engine.write(Buffer::Phases, &first)?;
         self.engine.write(Buffer::Momentum, &zeros)?;
         if matches!(settings.optimizer, Optimizer::Adam { .. }) {
             self.engine.write(Buffer::Second, &zeros)?;
         }
-        drop(zeros);
-        let mut sampler = Sampler::new(self.range, settings.sequence, settings.seed);
+        drop((zeros, first));
+        let mut sights = Sights::new(self.problem, settings, settings.seed);
         let limit = settings.seconds.filter(|_| !self.pilot);
         let wanted = settings.psnr.filter(|_| !self.pilot);
         let begun = self.start.elapsed().as_secs_f64();
@@ -255,8 +313,7 @@ impl Run<'_> {
             }
             let progress = (step as f64 / steps as f64)
                 .max(limit.map_or(0.0, |most| (seconds - begun) / (most - begun).max(1e-9)));
-            let pupils: Vec<_> = (0..settings.pupils).map(|_| sampler.draw()).collect();
-            let next = descend(planner, settings, &pupils, self.exposure, progress, step + 1);
+            let next = self.step(&mut sights, progress, step + 1);
             let losses = self.engine.run(&next)?;
             step += 1;
             let loss = losses.iter().zip(&next.lanes).map(|(loss, lane)| loss / lane.count() as f64).sum::<f64>()
@@ -284,33 +341,6 @@ impl Run<'_> {
             consider(judge, self.engine, planner, step, &mut best)?;
         }
         Ok((best.expect("a verdict was just given"), step, stop))
-    }
-}
-
-/// One step over `pupils`, the `t`-th, counted from 1.
-fn descend(
-    planner: &Planner,
-    settings: &Settings,
-    pupils: &[crate::optics::Pupil],
-    exposure: f64,
-    progress: f64,
-    t: usize,
-) -> Step {
-    let mode = match settings.optimizer {
-        Optimizer::Projection { .. } => compare::PROJECTION,
-        Optimizer::Adam { amplitude: true, .. } => compare::AMPLITUDE,
-        Optimizer::Adam { .. } => compare::INTENSITY,
-    };
-    let comparison = Comparison { mode, exposure, batch: pupils.len(), ..Comparison::default() };
-    let lanes = pupils.iter().map(|p| planner.lane(p, &comparison)).collect();
-    let in_flight = settings.window_bytes / size_of::<eyebox_kernels::Complex32>();
-    match settings.optimizer {
-        Optimizer::Projection { gain, momentum, overlap_power } => {
-            // Overlap to a power below one grows with the batch: what ten pupils ask for is the unit (OPTICS 6e).
-            let batch = (pupils.len() as f64 / 10.0).powf(1.0 - overlap_power);
-            planner.project_step(lanes, in_flight, overlap_power, cosine(gain, progress) / batch, momentum)
-        }
-        Optimizer::Adam { rate, .. } => planner.adam_step(lanes, in_flight, t, cosine(rate, progress)),
     }
 }
 

@@ -158,6 +158,10 @@ pub fn settings_of(args: &Solve, display: &Display, depth: [f64; 2]) -> Settings
     let diameters = args.diameters.unwrap_or(if adam { DiametersName::Uniform } else { DiametersName::Log });
     Settings {
         frames: args.frames,
+        method: args.method,
+        stft_filter: args.stft_filter,
+        stft_samples: args.stft_samples,
+        evenness: args.evenness,
         optimizer: if adam { Optimizer::adam() } else { Optimizer::projection() },
         steps: args.steps.unwrap_or(if adam { 200 } else { 60 }),
         pupils: args.pupils.unwrap_or(if adam { 8 } else { 16 }),
