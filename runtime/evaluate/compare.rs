@@ -27,12 +27,7 @@ pub struct Compared {
 ///
 /// # Errors
 /// [`EvaluateError::Sizes`]; [`EvaluateError::Dark`] where nothing is seen through any pupil.
-pub fn compare(
-    seen: &[Vec<f32>],
-    wanted: &[Vec<f32>],
-    height: usize,
-    width: usize,
-) -> Result<Compared, EvaluateError> {
+pub fn compare(seen: &[Vec<f32>], wanted: &[Vec<f32>], height: usize, width: usize) -> Result<Compared, EvaluateError> {
     if seen.len() != wanted.len() {
         return Err(EvaluateError::Sizes { one: seen.len(), other: wanted.len() });
     }

@@ -26,8 +26,7 @@ const PLACES: usize = 5;
 
 impl Group {
     /// All of them, in the paper's order.
-    pub const ALL: [Self; 5] =
-        [Self::VaryingAperture, Self::FocalStack, Self::NearFocus, Self::FarFocus, Self::Random];
+    pub const ALL: [Self; 5] = [Self::VaryingAperture, Self::FocalStack, Self::NearFocus, Self::FarFocus, Self::Random];
 
     /// The paper's name.
     pub fn name(self) -> &'static str {
@@ -99,9 +98,9 @@ pub struct Member {
 
 /// All groups, one after the other; `random` are the pupils of the last.
 pub fn members(eyebox: f64, depth: [f64; 2], random: &[Pupil]) -> Vec<Member> {
-    let fixed = Group::ALL.into_iter().flat_map(|group| {
-        group.pupils(eyebox, depth).into_iter().map(move |pupil| Member { group, pupil })
-    });
+    let fixed = Group::ALL
+        .into_iter()
+        .flat_map(|group| group.pupils(eyebox, depth).into_iter().map(move |pupil| Member { group, pupil }));
     fixed.chain(random.iter().map(|&pupil| Member { group: Group::Random, pupil })).collect()
 }
 
@@ -127,7 +126,9 @@ mod tests {
             assert!(field.len() == 25 && field.iter().all(|p| p.depth == depth && close(p.diameter, 5.5e-3)));
             let reach = field.iter().map(|p| p.x.abs().max(p.y.abs()) + p.diameter / 2.0).fold(0.0, f64::max);
             assert!(close(reach, EYEBOX / 2.0));
-            assert!(field[12].x.abs() < 1e-15 && field[12].y.abs() < 1e-15 && field[0].x < 0.0 && field[1].x > field[0].x);
+            assert!(
+                field[12].x.abs() < 1e-15 && field[12].y.abs() < 1e-15 && field[0].x < 0.0 && field[1].x > field[0].x
+            );
         }
     }
 

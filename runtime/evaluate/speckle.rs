@@ -1,4 +1,4 @@
-//! Speckle: how grainy an even surface looks, and how sub-frames smooth it (OPTICS 7).
+//! Speckle: how grainy an even surface looks, and how sub-frames smooth it (OPTICS 8).
 
 use super::energy::variation;
 

@@ -59,13 +59,7 @@ pub fn encode_rgb8(out: &mut dyn Write, height: usize, width: usize, levels: &[u
 ///
 /// # Errors
 /// Those of `out`.
-pub fn encode_jpeg8(
-    out: &mut dyn Write,
-    height: usize,
-    width: usize,
-    levels: &[u8],
-    quality: u8,
-) -> io::Result<()> {
+pub fn encode_jpeg8(out: &mut dyn Write, height: usize, width: usize, levels: &[u8], quality: u8) -> io::Result<()> {
     let encoder = JpegEncoder::new_with_quality(out, quality);
     encoder.write_image(levels, width as u32, height as u32, ExtendedColorType::Rgb8).map_err(plain)
 }

@@ -6,7 +6,6 @@
 use crate::Failure;
 use eyebox::files;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
-use serde_json::Value;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
@@ -16,7 +15,7 @@ pub const FORMAT: u32 = 1;
 
 #[derive(Serialize, Deserialize)]
 struct Kept<T> {
-    made_by: Value,
+    made_by: String,
     result: T,
 }
 
@@ -33,17 +32,17 @@ impl Keep {
     }
 
     /// The result of this name, if it was made by exactly this.
-    pub fn load<T: DeserializeOwned>(&self, name: &str, made_by: &Value) -> Option<T> {
+    pub fn load<T: DeserializeOwned>(&self, name: &str, made_by: &str) -> Option<T> {
         let file = File::open(self.file(name)).ok()?;
         let kept: Kept<T> = serde_json::from_reader(BufReader::new(file)).ok()?;
-        (kept.made_by == *made_by).then_some(kept.result)
+        (kept.made_by == made_by).then_some(kept.result)
     }
 
     /// Keeps a result, whole or not at all.
-    pub fn save<T: Serialize>(&self, name: &str, made_by: &Value, result: &T) -> Result<(), Failure> {
+    pub fn save<T: Serialize>(&self, name: &str, made_by: &str, result: &T) -> Result<(), Failure> {
         #[derive(Serialize)]
         struct Keeping<'a, T> {
-            made_by: &'a Value,
+            made_by: &'a str,
             result: &'a T,
         }
         files::write_file(&self.file(name), |out| Ok(serde_json::to_writer(out, &Keeping { made_by, result })?))?;
@@ -66,7 +65,8 @@ pub fn writable(folder: &Path) -> Result<(), Failure> {
 
 /// A name of letters, digits and dashes.
 pub fn slug(text: &str) -> String {
-    let plain: String = text.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' }).collect();
+    let plain: String =
+        text.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' }).collect();
     let words: Vec<&str> = plain.split('-').filter(|w| !w.is_empty()).collect();
     if words.is_empty() { "unnamed".into() } else { words.join("-") }
 }
@@ -74,22 +74,21 @@ pub fn slug(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use serde_json::json;
 
     #[test]
     fn only_what_was_made_the_same_way_is_used_again() {
         let here = tempfile::tempdir().unwrap();
         let keep = Keep::new(here.path().join("results")).unwrap();
-        let made_by = json!({ "version": "1", "steps": 60, "depth": [-0.003, 0.1 + 0.2] });
-        keep.save("a", &made_by, &vec![1.5, 2.5]).unwrap();
-        assert_eq!(keep.load::<Vec<f64>>("a", &made_by), Some(vec![1.5, 2.5]));
-        assert_eq!(keep.load::<Vec<f64>>("a", &json!({ "version": "1", "steps": 61 })), None);
-        assert_eq!(keep.load::<Vec<f64>>("b", &made_by), None);
-        assert_eq!(keep.load::<Vec<String>>("a", &made_by), None);
+        let made_by = r#"{"version":"1","steps":60}"#;
+        keep.save("a", made_by, &vec![1.5, 2.5]).unwrap();
+        assert_eq!(keep.load::<Vec<f64>>("a", made_by), Some(vec![1.5, 2.5]));
+        assert_eq!(keep.load::<Vec<f64>>("a", r#"{"version":"1","steps":61}"#), None);
+        assert_eq!(keep.load::<Vec<f64>>("b", made_by), None);
+        assert_eq!(keep.load::<Vec<String>>("a", made_by), None);
         let file = here.path().join("results/a.json");
         let whole = std::fs::read(&file).unwrap();
         std::fs::write(&file, &whole[..whole.len() - 3]).unwrap();
-        assert_eq!(keep.load::<Vec<f64>>("a", &made_by), None);
+        assert_eq!(keep.load::<Vec<f64>>("a", made_by), None);
     }
 
     #[test]

@@ -70,9 +70,7 @@ fn composed(planes: &[(Color, &[f32])], height: usize, width: usize, longest: us
             _ => channels[color.channel()] = Some(small),
         }
     }
-    let level = |c: &Option<Vec<f64>>, i: usize| {
-        c.as_ref().map_or(0, |c| (linear_to_srgb(c[i]) * 255.0).round() as u8)
-    };
+    let level = |c: &Option<Vec<f64>>, i: usize| c.as_ref().map_or(0, |c| (linear_to_srgb(c[i]) * 255.0).round() as u8);
     let rgb = (0..h * w).flat_map(|i| [0, 1, 2].map(|c| level(&channels[c], i))).collect();
     (rgb, h, w)
 }
@@ -95,7 +93,9 @@ mod tests {
 
     #[test]
     fn the_ramp_only_gets_lighter() {
-        let lightness = |i: usize| ramp(i as f64 / 100.0).iter().zip([0.2126, 0.7152, 0.0722]).map(|(c, w)| f64::from(*c) * w).sum::<f64>();
+        let lightness = |i: usize| {
+            ramp(i as f64 / 100.0).iter().zip([0.2126, 0.7152, 0.0722]).map(|(c, w)| f64::from(*c) * w).sum::<f64>()
+        };
         assert!((0..100).all(|i| lightness(i + 1) > lightness(i)));
         assert_eq!((ramp(-1.0), ramp(f64::NAN)), (ramp(0.0), ramp(0.0)));
         assert_eq!(ramp(7.0), [252, 255, 190]);
