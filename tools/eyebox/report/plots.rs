@@ -117,7 +117,7 @@ fn one_box(
 pub fn scatter(report: &Report) -> String {
     let all = report.leading();
     let of = |s: &Series| report.rows(s, None, Some(Group::Random)).collect::<Vec<_>>();
-    let (marks, range) = ticks(all.iter().flat_map(|s| of(s)).map(|r| drawn(r.psnr)).collect::<Vec<_>>(), 7);
+    let (marks, range) = ticks(all.iter().flat_map(&of).map(|r| drawn(r.psnr)).collect::<Vec<_>>(), 7);
     let row = 46.0;
     let bottom = 4.0 + row * all.len() as f64;
     let mut svg = Svg::new(WIDTH, bottom + AXIS, "PSNR of every random pupil, by method");
