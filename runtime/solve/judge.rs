@@ -29,6 +29,13 @@ impl Verdict {
         self.psnr.iter().sum::<f64>() / self.psnr.len().max(1) as f64
     }
 
+    /// For targets that were divided by `unit`: the exposure and the errors that they stand for.
+    pub(super) fn in_units_of(mut self, unit: f64) -> Self {
+        self.exposure *= unit;
+        self.psnr.iter_mut().for_each(|db| *db -= 20.0 * unit.log10());
+        self
+    }
+
     /// The worst pupil, dB.
     pub fn worst(&self) -> f64 {
         self.psnr.iter().copied().fold(f64::INFINITY, f64::min)

@@ -5,9 +5,11 @@
 
 mod dpac;
 mod exposure;
+mod fault;
 mod judge;
 mod method;
 mod problem;
+mod run;
 mod sampling;
 mod settings;
 mod solver;
