@@ -121,8 +121,14 @@ fn grids_from_one_pixel_to_a_plm() {
     assert_silent(device);
 }
 
+/// Wrapped phases: half a turn, and a rounding.
+const CIRCLE: f32 = std::f32::consts::PI + 1e-5;
+
+/// Linear light by row and column.
+type Picture<'a> = &'a dyn Fn(usize, usize) -> f32;
+
 /// A light field of 3 x 3 views, all of them this picture.
-fn problem(size: usize, picture: &dyn Fn(usize, usize) -> f32) -> Problem {
+fn problem(size: usize, picture: Picture) -> Problem {
     let display = Display { height: size, width: size, ..Display::preset("small").unwrap() };
     let view: Vec<f32> = (0..size * size).map(|i| picture(i / size, i % size)).collect();
     let field = LightField {
@@ -144,7 +150,7 @@ fn run(problem: &Problem, settings: &Settings, engine: &mut dyn Engine) -> Solut
 }
 
 fn sound(solution: &Solution, what: &str) {
-    assert!(solution.phases.iter().all(|p| p.abs() <= 3.1416), "{what}: phases are finite and wrapped");
+    assert!(solution.phases.iter().all(|p| p.abs() <= CIRCLE), "{what}: phases are finite and wrapped");
     assert!(solution.exposure.is_finite() && solution.exposure > 0.0, "{what}: exposure {}", solution.exposure);
     assert!(!solution.verdict.mean().is_nan(), "{what}: {:?}", solution.verdict);
     assert!(!matches!(solution.stop, Stop::NotFinite { .. }), "{what}: {:?}", solution.stop);
@@ -154,7 +160,7 @@ fn sound(solution: &Solution, what: &str) {
 fn targets_from_black_to_1e30() {
     let mut device = vulkan();
     let texture = |y: usize, x: usize| 0.2 + 0.6 * (((y / 3 + x / 3) % 2) as f32);
-    let cases: [(&str, &dyn Fn(usize, usize) -> f32); 6] = [
+    let cases: [(&str, Picture); 6] = [
         ("black", &|_, _| 0.0),
         ("one pixel", &|y, x| if (y, x) == (10, 12) { 1.0 } else { 0.0 }),
         ("saturated", &|_, _| 1.0),
@@ -284,7 +290,7 @@ fn a_hundred_thousand_steps_of_drift() {
             // all to one side.
             let worst = steps as f64 * 2.4e-7;
             for (got, want) in got.iter().zip(&want) {
-                assert!(got.abs() <= 3.1416, "{got} is on the circle");
+                assert!(got.abs() <= CIRCLE, "{got} is on the circle");
                 let off = (f64::from(*got) - want + PI).rem_euclid(TAU) - PI;
                 assert!(adam || off.abs() < worst, "{}: {off:e} radians off after {steps} steps", engine.describe());
             }
