@@ -188,6 +188,10 @@ pub struct Solve {
     /// Pixels of the STFT's window along each axis [default: the number of views]
     #[arg(long, value_name = "N")]
     pub stft_samples: Option<usize>,
+    /// Phase levels of the SLM to optimise for: how many, evenly spaced, or a file with one phase (rad) a line
+    /// [default: any phase]
+    #[arg(long, value_name = "N|FILE")]
+    pub levels: Option<String>,
     /// Weight of the light's evenness over the eyebox, for pupil-aware
     #[arg(long, default_value_t = 0.5, value_name = "W")]
     pub evenness: f64,
