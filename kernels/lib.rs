@@ -17,6 +17,7 @@
 //! | [`photograph`] | views, taps | accumulator |
 //! | [`resample`] | accumulator, tables | target |
 //! | [`compare`] | image, target | factor (over the image), loss |
+//! | [`exposure`] | image, target | sums |
 //! | [`weigh`] | factor | window |
 //! | [`overlap`] | spans | hits |
 //! | [`return_pupil`] | window, transfer, spans | change |
@@ -27,6 +28,7 @@
 pub mod adam;
 pub mod balance;
 pub mod compare;
+pub mod exposure;
 pub mod fft;
 pub mod fft_plan;
 pub mod intensity;

@@ -54,6 +54,29 @@ impl Planner {
         step
     }
 
+    /// What each pupil sees, what it should see, and the sums of both, pupil after pupil: the first two entries are
+    /// shared, then come [`EXPOSURE_LIST`](Self::EXPOSURE_LIST) entries a pupil, which leave its `Sums` in slot 0.
+    pub fn exposure_step(&self, lanes: Vec<Lane>) -> Step {
+        let count = lanes.len();
+        let mut step = self.empty(lanes);
+        step.list.extend([Kernel::Modulate, Kernel::FieldForward].map(|kernel| Dispatch { kernel, lanes: 0..0 }));
+        for i in 0..count {
+            step.list.extend(Self::EXPOSURE_LIST.map(|kernel| Dispatch { kernel, lanes: i..i + 1 }));
+        }
+        step
+    }
+
+    /// One pupil's kernels in [`exposure_step`](Self::exposure_step).
+    pub const EXPOSURE_LIST: [Kernel; 7] = [
+        Kernel::Transfer,
+        Kernel::PassPupil,
+        Kernel::WindowInverse,
+        Kernel::Intensity,
+        Kernel::Photograph,
+        Kernel::Resample,
+        Kernel::Exposure,
+    ];
+
     fn empty(&self, lanes: Vec<Lane>) -> Step {
         let columns = Columns::union(self.grid.width, lanes.iter().map(Lane::grid_columns));
         let place = self.place();
