@@ -19,6 +19,7 @@
 //! | [`photograph`] | views, taps | accumulator |
 //! | [`resample`] | accumulator, tables | target |
 //! | [`compare`] | image, target | factor (over the image), loss |
+//! | [`exposure`] | image, target | sums |
 //! | [`weigh`] | factor | window |
 //! | [`overlap`] | spans | hits |
 //! | [`return_pupil`] | window, transfer, spans | change |
@@ -33,6 +34,7 @@ pub mod balance;
 pub mod compare;
 pub mod energy;
 pub mod even;
+pub mod exposure;
 pub mod fft;
 pub mod fft_plan;
 pub mod intensity;

@@ -46,6 +46,7 @@ modules! {
     COMPARE = "compare",
     ENERGY = "energy",
     EVEN = "even",
+    EXPOSURE = "exposure",
     FFT_CHIRP = "fft_chirp",
     FFT_PASS = "fft_pass",
     FFT_ROWS = "fft_rows",

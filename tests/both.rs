@@ -5,6 +5,7 @@ use eyebox::engine::{Buffer, Dispatch, Engine, Kernel, Purpose, Shape, Step};
 use eyebox::optics::{Optics, Padding, Pupil, WindowFactor};
 use eyebox::plan::{Comparison, Planner, Sight, Views};
 use eyebox::scene::{Pyramid, ViewGrid};
+use eyebox_kernels::exposure::PART;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Opens a Vulkan device with validation; a software one will do, and where there is none, the test fails.
@@ -134,6 +135,7 @@ pub fn buffers(shape: &Shape, step: &Step) -> Vec<(Buffer, usize)> {
         let count = lane.count();
         all.extend([(Buffer::Transfer(slot), 2 * count), (Buffer::Window(slot), 2 * shape.frames * count)]);
         all.extend([(Buffer::Image(slot), count), (Buffer::Target(slot), count)]);
+        all.push((Buffer::Sums(slot), PART * lane.exposure(&shape.place).parts()));
         if let Some(shot) = &lane.shot {
             all.push((Buffer::Accumulator(slot), shot.args.height as usize * shot.args.width as usize));
         }

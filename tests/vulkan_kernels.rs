@@ -57,6 +57,7 @@ kernels! {
     change_inverse: ChangeInverse, Project, PROJECTION, 1.0;
     project: Project, Project, PROJECTION, 1.0;
     adam: Adam, Adam, INTENSITY, 1.0;
+    exposure: Exposure, View, PROJECTION, 1.0;
 }
 
 /// An SLM with levels: what it shows makes the field, and the phases behind move.
@@ -183,7 +184,10 @@ fn large_sizes() {
         let (projects, adam) = (Purpose::Project, Purpose::Adam);
         let list: Vec<Kernel> =
             case.step(projects, PROJECTION, 0.5, usize::MAX).list.iter().map(|d| d.kernel).collect();
-        let all = list.into_iter().map(|k| (k, projects, PROJECTION)).chain([(Kernel::Adam, adam, INTENSITY)]);
+        let all = list
+            .into_iter()
+            .map(|k| (k, projects, PROJECTION))
+            .chain([(Kernel::Adam, adam, INTENSITY), (Kernel::Exposure, Purpose::View, PROJECTION)]);
         for (kernel, purpose, mode) in all {
             let step = case.single(purpose, mode, 0.5, kernel);
             let worst = compare(&mut engine, &mut twin, &case, purpose, &step);

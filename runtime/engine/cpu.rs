@@ -11,6 +11,7 @@ use eyebox_kernels::{
     Complex32, ZERO, adam, balance,
     compare::compare,
     energy, even,
+    exposure::{self, exposure},
     fft::{Direction, Plans},
     intensity::intensity,
     modulate::modulate,
@@ -40,6 +41,7 @@ struct Slot {
     image: Vec<f32>,
     target: Vec<f32>,
     accumulator: Vec<f32>,
+    sums: Vec<f32>,
     scratch: Vec<f32>,
     loss: f64,
 }
@@ -206,7 +208,7 @@ impl CpuEngine {
                 // Kernels that take one sub-frame at a time run depth first as well.
                 let framewise = rest.iter().take_while(|d| is_framewise(d.kernel)).count();
                 if framewise == 0 {
-                    clock.time(first.kernel, || run_lane(first.kernel, lane, slot, frames, views));
+                    clock.time(first.kernel, || run_lane(first.kernel, lane, slot, shape, views));
                     rest = &rest[1..];
                     continue;
                 }
@@ -273,6 +275,7 @@ impl CpuEngine {
             Buffer::Image(i) => &self.slots.get(i)?.image,
             Buffer::Target(i) => &self.slots.get(i)?.target,
             Buffer::Accumulator(i) => &self.slots.get(i)?.accumulator,
+            Buffer::Sums(i) => &self.slots.get(i)?.sums,
         })
     }
 }
@@ -302,8 +305,8 @@ fn window_fft(plans: &Plans, lane: &Lane, window: &mut [Complex32], direction: D
     plans.fft(window, lane.window.rows, lane.window.columns, direction, lane.columns);
 }
 
-fn run_lane(kernel: Kernel, lane: &Lane, slot: &mut Slot, frames: usize, views: Option<&Pyramid>) {
-    let count = lane.count();
+fn run_lane(kernel: Kernel, lane: &Lane, slot: &mut Slot, shape: &Shape, views: Option<&Pyramid>) {
+    let (count, frames) = (lane.count(), shape.frames);
     match kernel {
         Kernel::Transfer => {
             slot.transfer.resize(count, ZERO);
@@ -351,6 +354,13 @@ fn run_lane(kernel: Kernel, lane: &Lane, slot: &mut Slot, frames: usize, views: 
             });
         }
         Kernel::Compare => slot.loss = compare(&lane.compare, &mut slot.image, &slot.target),
+        Kernel::Exposure => {
+            let args = lane.exposure(&shape.place);
+            slot.image.resize(count, 0.0);
+            slot.target.resize(count, 0.0);
+            slot.sums.resize(exposure::PART * args.parts(), 0.0);
+            exposure(&args, &slot.image, &slot.target, &mut slot.sums);
+        }
         other => unreachable!("{} does not run over lanes", other.name()),
     }
 }
@@ -408,7 +418,12 @@ impl Engine for CpuEngine {
             Buffer::Energy => real(energy, true),
             Buffer::Field => complex(field, true),
             Buffer::Change => complex(change, true),
-            Buffer::Transfer(i) | Buffer::Window(i) | Buffer::Image(i) | Buffer::Target(i) | Buffer::Accumulator(i) => {
+            Buffer::Transfer(i)
+            | Buffer::Window(i)
+            | Buffer::Image(i)
+            | Buffer::Target(i)
+            | Buffer::Accumulator(i)
+            | Buffer::Sums(i) => {
                 slot(i, slots);
                 let slot = &mut slots[i];
                 match buffer {
@@ -416,7 +431,8 @@ impl Engine for CpuEngine {
                     Buffer::Window(_) => complex(&mut slot.window, false),
                     Buffer::Image(_) => real(&mut slot.image, false),
                     Buffer::Target(_) => real(&mut slot.target, false),
-                    _ => real(&mut slot.accumulator, false),
+                    Buffer::Accumulator(_) => real(&mut slot.accumulator, false),
+                    _ => real(&mut slot.sums, false),
                 }
             }
         };

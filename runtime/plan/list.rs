@@ -2,8 +2,8 @@
 
 use crate::optics::Window;
 use eyebox_kernels::{
-    adam, balance, compare, even, fft::Columns, intensity, modulate, pass_pupil, photograph, project, quantise,
-    resample, transfer,
+    adam, balance, compare, even, exposure, fft::Columns, intensity, modulate, pass_pupil, photograph, project,
+    quantise, resample, transfer,
 };
 use std::ops::Range;
 
@@ -54,6 +54,8 @@ pub enum Kernel {
     Project,
     /// `Change` -> `Phases`, `Momentum`, `Second`.
     Adam,
+    /// `Image`, `Target` -> `Sums`.
+    Exposure,
 }
 
 /// What a kernel runs over; neighbours of one scope may run frame by frame, or lane by lane.
@@ -69,7 +71,7 @@ pub enum Scope {
 
 impl Kernel {
     /// All of them.
-    pub const ALL: [Self; 22] = [
+    pub const ALL: [Self; 23] = [
         Self::Clear,
         Self::Quantise,
         Self::Modulate,
@@ -92,6 +94,7 @@ impl Kernel {
         Self::ChangeInverse,
         Self::Project,
         Self::Adam,
+        Self::Exposure,
     ];
 
     /// The name by which it is timed and chosen.
@@ -119,6 +122,7 @@ impl Kernel {
             "change_inverse",
             "project",
             "adam",
+            "exposure",
         ][self as usize]
     }
 
@@ -176,6 +180,8 @@ pub enum Buffer {
     Target(usize),
     /// The photograph on its level of the pyramid.
     Accumulator(usize),
+    /// What `exposure` sums: (parts, 6).
+    Sums(usize),
 }
 
 /// What the buffers are for: those that a purpose does not need are not made.
@@ -260,6 +266,19 @@ impl Lane {
     /// Pixels of its window.
     pub fn count(&self) -> usize {
         self.window.rows * self.window.columns
+    }
+
+    /// Arguments of `exposure`: the part of its image that is the SLM's, `place` being where that lies in the grid.
+    pub fn exposure(&self, place: &modulate::Args) -> exposure::Args {
+        // A window has fewer pixels than the grid: those are taken that lie wholly on the SLM.
+        let inside = |first: u32, count: u32, grid: u32, pixels: usize| {
+            let scaled = |edge: u32| u64::from(edge) * pixels as u64;
+            let (first, end) = (scaled(first).div_ceil(u64::from(grid)), scaled(first + count) / u64::from(grid));
+            (first as u32, end.saturating_sub(first) as u32)
+        };
+        let (top, height) = inside(place.top, place.height, place.grid_height.max(1), self.window.rows);
+        let (left, width) = inside(place.left, place.width, place.grid_width.max(1), self.window.columns);
+        exposure::Args { height, width, pitch: self.window.columns as u32, top, left }
     }
 
     /// Its columns as columns of the grid.

@@ -112,6 +112,29 @@ impl Planner {
         let all = first.into_iter().chain([Kernel::Modulate, Kernel::FieldForward]);
         all.map(|kernel| Dispatch { kernel, lanes: 0..0 })
     }
+    /// What each sight shows, what it should show, and the sums of both, one sight after the other: after the entries
+    /// that look at no lane, each lane has as many as the others, and leaves its `Sums` in slot 0.
+    pub fn exposure_step(&self, lanes: Vec<Lane>) -> Step {
+        let count = lanes.len();
+        let mut step = self.empty(lanes);
+        let tapered = step.lanes.iter().any(|lane| lane.taper.is_some());
+        step.list.extend(self.to_spectrum());
+        let kernels = [
+            Kernel::Transfer,
+            Kernel::Taper,
+            Kernel::PassPupil,
+            Kernel::WindowInverse,
+            Kernel::Intensity,
+            Kernel::Photograph,
+            Kernel::Resample,
+            Kernel::Exposure,
+        ];
+        for i in 0..count {
+            let kernels = kernels.into_iter().filter(|k| tapered || *k != Kernel::Taper);
+            step.list.extend(kernels.map(|kernel| Dispatch { kernel, lanes: i..i + 1 }));
+        }
+        step
+    }
 
     fn empty(&self, lanes: Vec<Lane>) -> Step {
         let columns = Columns::union(self.grid.width, lanes.iter().map(Lane::grid_columns));

@@ -168,7 +168,7 @@ impl VulkanEngine {
         let mut group: (Range<usize>, Vec<Slot>) = (0..0, Vec::new());
         for dispatch in list {
             if !dispatch.lanes.is_empty() && dispatch.lanes != group.0 {
-                group = (dispatch.lanes.clone(), slots(&step.lanes[dispatch.lanes.clone()], shape.frames));
+                group = (dispatch.lanes.clone(), slots(&step.lanes[dispatch.lanes.clone()], shape));
             }
             work.gpu.recorder.barrier();
             work.record(dispatch, &group.1)?;
@@ -283,9 +283,9 @@ impl Engine for VulkanEngine {
         if self.shape.frames == 0 {
             return Ok(vec![0.0; step.lanes.len()]);
         }
-        self.arenas.fit(&self.gpu, step, self.shape.frames)?;
+        self.arenas.fit(&self.gpu, step, &self.shape)?;
         if let Some(first) = step.list[part.clone()].iter().find(|d| !d.lanes.is_empty()) {
-            let group = slots(&step.lanes[first.lanes.clone()], self.shape.frames);
+            let group = slots(&step.lanes[first.lanes.clone()], &self.shape);
             self.place_written(&group)?;
         }
         self.tables.pack(&self.gpu, &step.lanes, self.views.as_ref())?;
@@ -314,6 +314,7 @@ fn lane_buffer(buffer: Buffer) -> Option<(Kind, usize)> {
         Buffer::Image(i) => (Kind::Image, i),
         Buffer::Target(i) => (Kind::Target, i),
         Buffer::Accumulator(i) => (Kind::Accumulator, i),
+        Buffer::Sums(i) => (Kind::Sums, i),
         _ => return None,
     })
 }

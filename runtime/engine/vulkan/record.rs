@@ -14,7 +14,7 @@ use eyebox_spirv as spirv;
 
 /// Pixels whose loss a workgroup of `compare` sums.
 const SHARE: usize = 2048;
-/// Columns or pixels of a workgroup, as all shaders but `compare` have it.
+/// Columns or pixels of a workgroup, as all shaders but `compare` and `exposure` have it.
 const WIDTH: usize = 64;
 
 /// Workgroups that fill any device a few times over.
@@ -124,6 +124,7 @@ impl Work<'_> {
             Kernel::PassPupil => lanes().try_for_each(|(i, (lane, slot))| self.pass_pupil(first + i, lane, slot)),
             Kernel::Compare => lanes().try_for_each(|(i, (lane, slot))| self.compare(first + i, lane, slot)),
             Kernel::Intensity => lanes().try_for_each(|(_, (lane, slot))| self.intensity(lane, slot)),
+            Kernel::Exposure => lanes().try_for_each(|(_, (lane, slot))| self.exposure(lane, slot)),
             Kernel::Weigh => lanes().try_for_each(|(_, (lane, slot))| self.weigh(lane, slot)),
             Kernel::WindowInverse | Kernel::WindowForward => {
                 let direction = window_direction(dispatch.kernel);
@@ -381,6 +382,17 @@ impl Work<'_> {
             block.range(offsets[index], 4 * parts as u64),
         ];
         self.run(&spirv::COMPARE, &buffers, &lane.compare, &[], [parts as u32, 1, 1])
+    }
+
+    fn exposure(&mut self, lane: &Lane, slot: &Slot) -> Result<(), EngineError> {
+        let (arenas, args) = (self.arenas, lane.exposure(&self.shape.place));
+        let parts = args.parts();
+        if parts > self.gpu.limits().groups[0] as usize {
+            return Err(self.too_large("an image", lane.count()));
+        }
+        let buffers = [Kind::Image, Kind::Target, Kind::Sums].map(|kind| arenas.range(kind, slot));
+        let [image, target, sums] = buffers;
+        self.run(&spirv::EXPOSURE, &[image?, target?, sums?], &args, &[], [parts as u32, 1, 1])
     }
 
     fn weigh(&mut self, lane: &Lane, slot: &Slot) -> Result<(), EngineError> {
