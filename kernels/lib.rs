@@ -12,6 +12,7 @@
 //! | [`modulate`] | phases | field |
 //! | [`fft`] | field, window or change | the same |
 //! | [`transfer`] | spans | transfer |
+//! | [`taper`] | weights | transfer |
 //! | [`pass_pupil`] | field, transfer, spans | window |
 //! | [`intensity`] | window | image |
 //! | [`photograph`] | views, taps | accumulator |
@@ -22,12 +23,16 @@
 //! | [`overlap`] | spans | hits |
 //! | [`return_pupil`] | window, transfer, spans | change |
 //! | [`balance`] | hits | change |
+//! | [`energy`] | field | energy |
+//! | [`even`] | energy, field | change |
 //! | [`project`] | change | phases, velocity |
 //! | [`adam`] | change | phases, first and second moments |
 
 pub mod adam;
 pub mod balance;
 pub mod compare;
+pub mod energy;
+pub mod even;
 pub mod exposure;
 pub mod fft;
 pub mod fft_plan;
@@ -39,6 +44,7 @@ pub mod photograph;
 pub mod project;
 pub mod resample;
 pub mod return_pupil;
+pub mod taper;
 pub mod transfer;
 pub mod trig;
 pub mod weigh;

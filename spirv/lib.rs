@@ -44,6 +44,8 @@ modules! {
     ADAM = "adam",
     BALANCE = "balance",
     COMPARE = "compare",
+    ENERGY = "energy",
+    EVEN = "even",
     EXPOSURE = "exposure",
     FFT_CHIRP = "fft_chirp",
     FFT_PASS = "fft_pass",
@@ -56,6 +58,7 @@ modules! {
     PROJECT = "project",
     RESAMPLE = "resample",
     RETURN_PUPIL = "return_pupil",
+    TAPER = "taper",
     TRANSFER = "transfer",
     WEIGH = "weigh",
 }

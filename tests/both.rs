@@ -3,7 +3,7 @@
 use eyebox::engine::vulkan::{Options, VulkanEngine};
 use eyebox::engine::{Buffer, Dispatch, Engine, Kernel, Purpose, Shape, Step};
 use eyebox::optics::{Optics, Padding, Pupil, WindowFactor};
-use eyebox::plan::{Comparison, Planner, Views};
+use eyebox::plan::{Comparison, Planner, Sight, Views};
 use eyebox::scene::{Pyramid, ViewGrid};
 use eyebox_kernels::exposure::PART;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -85,9 +85,26 @@ impl Case {
         }
     }
 
+    /// One step over three windows of the short-time Fourier transform, with a filter and without.
+    pub fn stft_step(&self, purpose: Purpose, mode: u32) -> Step {
+        let comparison = Comparison { mode, exposure: 0.8, batch: 3, ..Comparison::default() };
+        let filters = [0.9 * self.planner.slm.eyebox(), f64::INFINITY];
+        let sight = |view: usize| Sight::Stft { view, samples: 3, filter: filters[view % 2] };
+        let lanes = [1, 4, 6].map(|view| self.planner.sight(&sight(view), &comparison)).to_vec();
+        match purpose {
+            Purpose::Adam => self.planner.adam_step(lanes, usize::MAX, 3, 0.1),
+            _ => self.planner.project_step(lanes, usize::MAX, 0.5, 2.0, 0.5),
+        }
+    }
+
     /// A step with this one kernel, over all lanes if it looks at lanes.
     pub fn single(&self, purpose: Purpose, mode: u32, power: f64, kernel: Kernel) -> Step {
         let mut step = self.step(purpose, mode, power, usize::MAX);
+        if kernel == Kernel::Taper {
+            step = self.stft_step(purpose, mode);
+        } else if matches!(kernel, Kernel::Energy | Kernel::Even) {
+            step = self.planner.with_even(step, 0.8 * self.planner.slm.eyebox(), 5, 0.4);
+        }
         let lanes = step.list.iter().find(|d| d.kernel == kernel).map_or(0..step.lanes.len(), |d| d.lanes.clone());
         step.list = vec![Dispatch { kernel, lanes }];
         step
@@ -105,6 +122,7 @@ pub fn buffers(shape: &Shape, step: &Step) -> Vec<(Buffer, usize)> {
     let mut all = vec![(Buffer::Phases, pixels), (Buffer::Field, points)];
     if shape.purpose != Purpose::View {
         all.extend([(Buffer::Momentum, pixels), (Buffer::Change, points), (Buffer::Hits, shape.points())]);
+        all.push((Buffer::Energy, 256));
     }
     if shape.purpose == Purpose::Adam {
         all.push((Buffer::Second, pixels));
@@ -127,7 +145,7 @@ pub fn contents(buffer: Buffer, count: usize, noise: &mut Noise) -> Vec<f32> {
     match buffer {
         Buffer::Phases => noise.between(count, -3.1, 3.1),
         Buffer::Hits => noise.between(count, 0.0, 5.0).into_iter().map(f32::floor).collect(),
-        Buffer::Second | Buffer::Image(_) | Buffer::Target(_) | Buffer::Accumulator(_) => {
+        Buffer::Energy | Buffer::Second | Buffer::Image(_) | Buffer::Target(_) | Buffer::Accumulator(_) => {
             noise.between(count, 0.0, 1.5)
         }
         _ => noise.between(count, -1.0, 1.0),

@@ -36,6 +36,10 @@ kernels! {
     field_forward: FieldForward, View, PROJECTION, 1.0;
     overlap: Overlap, Project, PROJECTION, 1.0;
     transfer: Transfer, View, PROJECTION, 1.0;
+    taper: Taper, View, PROJECTION, 1.0;
+    energy: Energy, Project, PROJECTION, 1.0;
+    even_projection: Even, Project, PROJECTION, 1.0;
+    even_gradient: Even, Adam, INTENSITY, 1.0;
     photograph: Photograph, View, PROJECTION, 1.0;
     resample: Resample, View, PROJECTION, 1.0;
     pass_pupil: PassPupil, View, PROJECTION, 1.0;

@@ -3,7 +3,7 @@
 use eyebox::engine::cpu::CpuEngine;
 use eyebox::engine::{At, Buffer, Engine, Handover, Kernel, Purpose, Step};
 use eyebox::evaluate::{self, Sums};
-use eyebox::plan::Comparison;
+use eyebox::plan::{Comparison, Sight};
 use eyebox::solve::Judge;
 use eyebox_kernels::compare::{AMPLITUDE, INTENSITY, PROJECTION};
 use eyebox_tests::both::{Case, Noise, assert_silent, distance, vulkan};
@@ -89,6 +89,25 @@ fn both_engines_show_the_same_views_and_photographs() {
     assert_silent(engine);
 }
 
+/// The steps of the methods that look through other things than pupils, or ask for more than an image.
+#[test]
+fn both_engines_take_the_steps_of_every_method() {
+    let mut engine = vulkan();
+    for (height, width, padding, frames) in [(45, 64, 0, 3), (40, 36, 5, 2)] {
+        let case = Case::new(height, width, padding, 4e-3, frames);
+        for (purpose, mode) in [(Purpose::Project, PROJECTION), (Purpose::Adam, INTENSITY)] {
+            let even = case.planner.with_even(case.step(purpose, mode, 0.5, 3000), 0.02, 9, 0.5);
+            for (what, step) in [("stft", case.stft_step(purpose, mode)), ("even", even)] {
+                let steps = vec![step; 3];
+                let got = solve(&mut engine, &case, purpose, &steps);
+                let want = solve(&mut CpuEngine::new(), &case, purpose, &steps);
+                assert_close(&got, &want, &format!("{what}, {height} x {width}, {purpose:?}"));
+            }
+        }
+    }
+    assert_silent(engine);
+}
+
 /// Wherever one engine hands over to the other, the result is the same.
 #[test]
 fn handing_over_changes_nothing() {
@@ -126,7 +145,8 @@ fn sums_say_what_images_say() {
             let targets = pool(evaluate::photographs(engine, &case.planner, &case.pupils).unwrap());
             let pairs = || images.iter().zip(&targets);
             let exposure = evaluate::fit_exposure(pairs().map(|(i, t)| (&i[..], &t[..]))).unwrap();
-            let sums = evaluate::sums(engine, &case.planner, &case.pupils).unwrap();
+            let sights: Vec<Sight> = case.pupils.iter().map(|p| Sight::Pupil(*p)).collect();
+            let sums = evaluate::sums(engine, &case.planner, &sights).unwrap();
             for ((image, target), sums) in pairs().zip(&sums) {
                 let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum();
                 let exact: [f64; 3] = [dot(image, target), dot(image, image), dot(target, target)];
@@ -143,7 +163,7 @@ fn sums_say_what_images_say() {
             let fitted = Sums::fit_exposure(&sums).unwrap();
             assert!((fitted / exposure - 1.0).abs() < 1e-12, "{fitted}, not {exposure}");
             // The judge's verdict is that of the sums.
-            let judge = Judge::new(engine, &case.planner, case.pupils.clone()).unwrap();
+            let judge = Judge::new(engine, &case.planner, sights).unwrap();
             let verdict = judge.judge(engine, &case.planner).unwrap();
             assert_eq!((verdict.exposure, verdict.psnr), (fitted, sums.iter().map(|s| s.psnr(fitted)).collect()));
         }

@@ -10,6 +10,7 @@ use crate::scene::Pyramid;
 use eyebox_kernels::{
     Complex32, ZERO, adam, balance,
     compare::compare,
+    energy, even,
     exposure::{self, exposure},
     fft::{Direction, Plans},
     intensity::intensity,
@@ -20,6 +21,7 @@ use eyebox_kernels::{
     project::project,
     resample::resample,
     return_pupil::return_pupil,
+    taper::{self, taper},
     transfer::transfer,
     weigh::weigh,
 };
@@ -68,6 +70,7 @@ pub struct CpuEngine {
     field: Vec<Complex32>,
     change: Vec<Complex32>,
     hits: Vec<f32>,
+    energy: Vec<f32>,
     slots: Vec<Slot>,
     plans: Plans,
     clock: Clock,
@@ -75,6 +78,8 @@ pub struct CpuEngine {
 
 /// Windows with fewer values in all than this are not worth splitting over threads.
 const SPLIT: usize = 1 << 15;
+/// Values of the buffer `Energy`.
+const ENERGIES: usize = (energy::MOST * energy::MOST) as usize;
 
 impl CpuEngine {
     /// An engine without buffers: [`load`](Engine::load) makes them.
@@ -89,6 +94,7 @@ impl CpuEngine {
             field: Vec::new(),
             change: Vec::new(),
             hits: Vec::new(),
+            energy: Vec::new(),
             slots: Vec::new(),
             plans: Plans::default(),
             clock: Clock::default(),
@@ -97,7 +103,7 @@ impl CpuEngine {
 
     /// Frame by frame through all of `group`.
     fn run_frames(&mut self, step: &Step, group: &[Dispatch]) {
-        let Self { shape, phases, momentum, second, field, change, hits, slots, plans, clock, .. } = self;
+        let Self { shape, phases, momentum, second, field, change, hits, energy, slots, plans, clock, .. } = self;
         let (pixels, points) = (shape.pixels(), shape.points());
         let wide = shape.frames < rayon::current_num_threads() && points >= SPLIT;
         // Buffers that this purpose lacks, and those that none of these kernels writes, become empty frames.
@@ -108,7 +114,7 @@ impl CpuEngine {
         let field = frames_of(field, points, frames);
         let change = frames_of(change, points, frames);
         let mut all: Vec<_> = phases.into_iter().zip(momentum).zip(second).zip(field).zip(change).collect();
-        let (hits, slots) = (&*hits, &*slots);
+        let (hits, energy, slots) = (&*hits, &*energy, &*slots);
         let run =
             |f: usize, ((((phases, momentum), second), field), change): FrameBuffers, turned: &mut Vec<Complex32>| {
                 let (gh, gw) = (shape.place.grid_height as usize, shape.place.grid_width as usize);
@@ -130,6 +136,10 @@ impl CpuEngine {
                             }
                         }
                         Kernel::Balance => balance::balance(&step.balance, hits, change),
+                        Kernel::Even => {
+                            let patches = step.even.place.patches as usize;
+                            even::even(&step.even, &energy[..patches * patches], field, change);
+                        }
                         Kernel::ChangeInverse => fft(change, Direction::Inverse),
                         Kernel::Project => project(&step.project, change, phases, momentum),
                         Kernel::Adam => adam::adam(&step.adam, change, phases, momentum, second),
@@ -202,11 +212,15 @@ impl CpuEngine {
     }
 
     fn run_whole(&mut self, step: &Step, dispatch: &Dispatch) {
-        let Self { change, hits, clock, .. } = self;
+        let Self { field, change, hits, energy, clock, .. } = self;
         clock.time(dispatch.kernel, || match dispatch.kernel {
             Kernel::Clear => {
                 hits.fill(0.0);
                 change.par_chunks_mut(1 << 16).for_each(|part| part.fill(ZERO));
+            }
+            Kernel::Energy => {
+                let patches = step.even.place.patches as usize;
+                energy::energy(&step.even.place, field, &mut energy[..patches * patches]);
             }
             _ => {
                 for lane in &step.lanes[dispatch.lanes.clone()] {
@@ -224,6 +238,7 @@ impl CpuEngine {
             Buffer::Field => bytemuck::cast_slice(&self.field),
             Buffer::Change => bytemuck::cast_slice(&self.change),
             Buffer::Hits => &self.hits,
+            Buffer::Energy => &self.energy,
             Buffer::Transfer(i) => bytemuck::cast_slice(&self.slots.get(i)?.transfer),
             Buffer::Window(i) => bytemuck::cast_slice(&self.slots.get(i)?.window),
             Buffer::Image(i) => &self.slots.get(i)?.image,
@@ -264,6 +279,12 @@ fn run_lane(kernel: Kernel, lane: &Lane, slot: &mut Slot, shape: &Shape, views: 
         Kernel::Transfer => {
             slot.transfer.resize(count, ZERO);
             transfer(&lane.transfer, &lane.spans, &mut slot.transfer);
+        }
+        Kernel::Taper => {
+            if let Some(weights) = &lane.taper {
+                let args = taper::Args { rows: lane.transfer.rows, columns: lane.transfer.columns };
+                taper(&args, weights, &mut slot.transfer);
+            }
         }
         Kernel::Photograph => {
             let (Some(shot), Some(views)) = (&lane.shot, views) else { return };
@@ -328,11 +349,12 @@ impl Engine for CpuEngine {
         renew(&mut self.second, if shape.purpose == Purpose::Adam { pixels } else { 0 }, "second moment")?;
         renew(&mut self.field, points, "field")?;
         renew(&mut self.change, if descends { points } else { 0 }, "change")?;
-        renew(&mut self.hits, if descends { shape.points() } else { 0 }, "hits")
+        renew(&mut self.hits, if descends { shape.points() } else { 0 }, "hits")?;
+        renew(&mut self.energy, if descends { ENERGIES } else { 0 }, "energy")
     }
 
     fn write(&mut self, buffer: Buffer, data: &[f32]) -> Result<(), EngineError> {
-        let Self { phases, momentum, second, field, change, hits, slots, .. } = self;
+        let Self { phases, momentum, second, field, change, hits, energy, slots, .. } = self;
         let slot = |i: usize, slots: &mut Vec<Slot>| {
             if slots.len() <= i {
                 slots.resize_with(i + 1, Slot::default);
@@ -357,6 +379,7 @@ impl Engine for CpuEngine {
             Buffer::Momentum => real(momentum, true),
             Buffer::Second => real(second, true),
             Buffer::Hits => real(hits, true),
+            Buffer::Energy => real(energy, true),
             Buffer::Field => complex(field, true),
             Buffer::Change => complex(change, true),
             Buffer::Transfer(i)

@@ -50,7 +50,7 @@ impl Handover {
 fn shape_buffers(shape: &Shape) -> Vec<Buffer> {
     let mut all = vec![Buffer::Phases, Buffer::Field];
     if shape.purpose != Purpose::View {
-        all.extend([Buffer::Momentum, Buffer::Change, Buffer::Hits]);
+        all.extend([Buffer::Momentum, Buffer::Change, Buffer::Hits, Buffer::Energy]);
     }
     if shape.purpose == Purpose::Adam {
         all.push(Buffer::Second);

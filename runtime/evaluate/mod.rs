@@ -6,7 +6,7 @@
 //! of them. May import `optics`, `scene`,
 //! `plan` and `engine`.
 //!
-//! The order in which a hologram is judged (OPTICS 2 and 7): the intensity of every pupil and its photograph, averaged
+//! The order in which a hologram is judged (OPTICS 2 and 8): the intensity of every pupil and its photograph, averaged
 //! over 2 x 2 pixels ([`pool2`]), one exposure for all pupils together ([`fit_exposure`]), then [`psnr`] and [`ssim`]
 //! pupil by pupil, and their [`Summary`]: worst, median and spread say more than the mean.
 
@@ -15,7 +15,7 @@ mod ssim;
 mod summary;
 mod sums;
 
-pub use look::{photographs, views};
+pub use look::{images, photographs, targets, views};
 pub use ssim::ssim;
 pub use summary::Summary;
 pub use sums::{Sums, sums};
@@ -62,7 +62,7 @@ pub fn psnr(a: &[f32], b: &[f32]) -> Result<f64, EvaluateError> {
 }
 
 /// Mean of every block of 2 x 2 pixels, (`height / 2`, `width / 2`): a last odd row or column is dropped. The same for
-/// every method compared, it stands for the eye's own resolution (OPTICS 7). An image of
+/// every method compared, it stands for the eye's own resolution (OPTICS 8). An image of
 /// a single row or column has no such block and stays as it is.
 ///
 /// # Panics

@@ -1,9 +1,9 @@
 //! The three sums from which exposure and PSNR follow, summed where the images are: no image is read back.
 
 use super::EvaluateError;
-use crate::engine::{Buffer, Engine, EngineError};
-use crate::optics::{Pupil, WindowFactor};
-use crate::plan::{Comparison, Planner};
+use crate::engine::{Buffer, Engine, EngineError, Lane};
+use crate::optics::WindowFactor;
+use crate::plan::{Comparison, Planner, Sight};
 use eyebox_kernels::exposure::PART;
 
 /// What one pupil's image `I` and target `T`, averaged over 2 x 2 pixels, come to.
@@ -49,17 +49,17 @@ impl Sums {
     }
 }
 
-/// The sums of each pupil: of the phases that `engine` holds and the photographs of its views, on the SLM's pixels.
+/// The sums of each sight: of the phases that `engine` holds and the photographs of its views, on the SLM's pixels.
 ///
 /// # Errors
 /// Those of the engine.
-pub fn sums(engine: &mut dyn Engine, planner: &Planner, pupils: &[Pupil]) -> Result<Vec<Sums>, EngineError> {
+pub fn sums(engine: &mut dyn Engine, planner: &Planner, sights: &[Sight]) -> Result<Vec<Sums>, EngineError> {
     let planner = Planner { factor: WindowFactor::Full, ..planner.clone() };
-    let lanes = pupils.iter().map(|p| planner.lane(p, &Comparison::default())).collect();
+    let lanes = sights.iter().map(|s| planner.sight(s, &Comparison::default())).collect();
     let step = planner.exposure_step(lanes);
     engine.run_part(&step, 0..2)?;
-    let (each, place) = (Planner::EXPOSURE_LIST.len(), planner.place());
-    let one = |(i, lane): (usize, &crate::plan::Lane)| {
+    let (each, place) = ((step.list.len() - 2) / step.lanes.len().max(1), planner.place());
+    let one = |(i, lane): (usize, &Lane)| {
         engine.run_part(&step, 2 + i * each..2 + (i + 1) * each)?;
         Ok(Sums::of_parts(&engine.read(Buffer::Sums(0))?, lane.exposure(&place).pixels()))
     };

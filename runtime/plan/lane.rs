@@ -94,11 +94,15 @@ impl Planner {
     /// What `pupil` needs. The scale of the way back makes `change` the wanted change of the field after an
     /// unnormalised inverse for the projection, and the gradient G for the others (OPTICS 4, 6b).
     pub fn lane(&self, pupil: &Pupil, comparison: &Comparison) -> Lane {
+        self.lane_of(pupil, self.grid.share(pupil.diameter), comparison)
+    }
+
+    /// The same, where `share` of an even field's light passes.
+    pub(super) fn lane_of(&self, pupil: &Pupil, share: f64, comparison: &Comparison) -> Lane {
         let grid = &self.grid;
         let window = Window::new(grid, pupil, self.factor);
         let spans = window.spans(grid, pupil);
         let (points, count) = ((grid.height * grid.width) as f64, (window.rows * window.columns) as f64);
-        let share = grid.share(pupil.diameter);
         let gain = 1.0 / (self.frames as f64 * share);
         let pass = pass_pupil::Args {
             grid_height: grid.height as u32,
@@ -123,6 +127,7 @@ impl Planner {
                 rows: window.rows as u32,
                 columns: window.columns as u32,
             },
+            taper: None,
             columns: span_columns(&spans),
             intensity: intensity::Args {
                 count: count as u32,

@@ -2,8 +2,8 @@
 
 use crate::optics::Window;
 use eyebox_kernels::{
-    adam, balance, compare, exposure, fft::Columns, intensity, modulate, pass_pupil, photograph, project, resample,
-    transfer,
+    adam, balance, compare, even, exposure, fft::Columns, intensity, modulate, pass_pupil, photograph, project,
+    resample, transfer,
 };
 use std::ops::Range;
 
@@ -16,10 +16,14 @@ pub enum Kernel {
     Modulate,
     /// `Field`, forward, in the step's columns.
     FieldForward,
+    /// `Field` -> `Energy`.
+    Energy,
     /// `Hits` of all lanes in the dispatch.
     Overlap,
     /// -> `Transfer`.
     Transfer,
+    /// `Transfer` -> `Transfer`, in lanes that are tapered.
+    Taper,
     /// Views -> `Accumulator`.
     Photograph,
     /// `Accumulator` -> `Target`.
@@ -40,6 +44,8 @@ pub enum Kernel {
     ReturnPupil,
     /// `Hits`, `Change` -> `Change`.
     Balance,
+    /// `Energy`, `Field` -> `Change`.
+    Even,
     /// `Change`, inverse, in the step's columns.
     ChangeInverse,
     /// `Change` -> `Phases`, `Momentum`.
@@ -63,12 +69,14 @@ pub enum Scope {
 
 impl Kernel {
     /// All of them.
-    pub const ALL: [Self; 19] = [
+    pub const ALL: [Self; 22] = [
         Self::Clear,
         Self::Modulate,
         Self::FieldForward,
+        Self::Energy,
         Self::Overlap,
         Self::Transfer,
+        Self::Taper,
         Self::Photograph,
         Self::Resample,
         Self::PassPupil,
@@ -79,6 +87,7 @@ impl Kernel {
         Self::WindowForward,
         Self::ReturnPupil,
         Self::Balance,
+        Self::Even,
         Self::ChangeInverse,
         Self::Project,
         Self::Adam,
@@ -91,8 +100,10 @@ impl Kernel {
             "clear",
             "modulate",
             "field_forward",
+            "energy",
             "overlap",
             "transfer",
+            "taper",
             "photograph",
             "resample",
             "pass_pupil",
@@ -103,6 +114,7 @@ impl Kernel {
             "window_forward",
             "return_pupil",
             "balance",
+            "even",
             "change_inverse",
             "project",
             "adam",
@@ -118,11 +130,12 @@ impl Kernel {
     /// What it runs over.
     pub fn scope(self) -> Scope {
         match self {
-            Self::Clear | Self::Overlap => Scope::Whole,
+            Self::Clear | Self::Energy | Self::Overlap => Scope::Whole,
             Self::Modulate
             | Self::FieldForward
             | Self::ReturnPupil
             | Self::Balance
+            | Self::Even
             | Self::ChangeInverse
             | Self::Project
             | Self::Adam => Scope::Frames,
@@ -146,6 +159,8 @@ pub enum Buffer {
     Change,
     /// How many pupils pass each bin: (grid height, grid width).
     Hits,
+    /// Light per patch of the eyebox: `energy::MOST` squared, of which the first `patches` squared are used.
+    Energy,
     /// K on the window: complex (rows, columns).
     Transfer(usize),
     /// The retinal fields: complex (frames, rows, columns).
@@ -220,6 +235,8 @@ pub struct Lane {
     pub spans: Vec<[u32; 2]>,
     /// Arguments of `transfer`.
     pub transfer: transfer::Args,
+    /// Weights of `taper`: those of all rows, then those of all columns. None for an aperture with a sharp edge.
+    pub taper: Option<Vec<f32>>,
     /// Arguments of `pass_pupil` and `overlap`.
     pub pass: pass_pupil::Args,
     /// Arguments of `return_pupil`: the same place, another scale.
@@ -280,6 +297,8 @@ pub struct Step {
     pub columns: Columns,
     /// Arguments of `balance`.
     pub balance: balance::Args,
+    /// Arguments of `even`, and, inside, of `energy`.
+    pub even: even::Args,
     /// Arguments of `project`.
     pub project: project::Args,
     /// Arguments of `adam`.

@@ -34,6 +34,7 @@
 //! Signs (OPTICS 3): columns of views follow +x of the pupil, rows +y; content of positive disparity is near.
 
 mod builtin;
+mod depth;
 mod error;
 mod folder;
 mod light_field;
@@ -52,6 +53,8 @@ mod single;
 mod tests;
 
 pub use builtin::{BUILTINS, Builtin};
+pub use depth::central_depth;
+pub(crate) use depth::central_view;
 pub use error::SceneError;
 pub use light_field::{Fit, LightField};
 pub use photograph::ViewGrid;

@@ -3,12 +3,11 @@
 use super::exposure::BrightEnd;
 use crate::engine::{Engine, EngineError};
 use crate::evaluate::{self, Sums};
-use crate::optics::Pupil;
-use crate::plan::Planner;
+use crate::plan::{Planner, Sight};
 
-/// Fixed pupils, and what the eye should see through them.
+/// Fixed sights, and what should be seen through them.
 pub struct Judge {
-    pupils: Vec<Pupil>,
+    sights: Vec<Sight>,
     /// The bright end of the photographs.
     bright_end: BrightEnd,
 }
@@ -28,6 +27,13 @@ impl Verdict {
         self.psnr.iter().sum::<f64>() / self.psnr.len().max(1) as f64
     }
 
+    /// For targets that were divided by `unit`: the exposure and the errors that they stand for.
+    pub(super) fn in_units_of(mut self, unit: f64) -> Self {
+        self.exposure *= unit;
+        self.psnr.iter_mut().for_each(|db| *db -= 20.0 * unit.log10());
+        self
+    }
+
     /// The worst pupil, dB.
     pub fn worst(&self) -> f64 {
         self.psnr.iter().copied().fold(f64::INFINITY, f64::min)
@@ -39,10 +45,10 @@ impl Judge {
     ///
     /// # Errors
     /// Those of the engine.
-    pub fn new(engine: &mut dyn Engine, planner: &Planner, pupils: Vec<Pupil>) -> Result<Self, EngineError> {
-        let photographs = evaluate::photographs(engine, planner, &pupils)?;
+    pub fn new(engine: &mut dyn Engine, planner: &Planner, sights: Vec<Sight>) -> Result<Self, EngineError> {
+        let photographs = evaluate::targets(engine, planner, &sights)?;
         let bright_end = BrightEnd::of(photographs.iter().map(|p| &p[..]));
-        Ok(Self { pupils, bright_end })
+        Ok(Self { sights, bright_end })
     }
 
     /// The bright end of the photographs.
@@ -55,7 +61,7 @@ impl Judge {
     /// # Errors
     /// Those of the engine.
     pub fn judge(&self, engine: &mut dyn Engine, planner: &Planner) -> Result<Verdict, EngineError> {
-        let sums = evaluate::sums(engine, planner, &self.pupils)?;
+        let sums = evaluate::sums(engine, planner, &self.sights)?;
         // Images that are black (or not finite) have no exposure: any will do, their PSNR says it.
         let exposure = Sums::fit_exposure(&sums).unwrap_or(1.0);
         Ok(Verdict { psnr: sums.iter().map(|s| s.psnr(exposure)).collect(), exposure })

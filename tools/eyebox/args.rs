@@ -2,6 +2,7 @@
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use eyebox::optics::{Color, Pupil, WindowFactor};
+use eyebox::solve::Method;
 use std::path::PathBuf;
 
 /// Phase holograms that look right from anywhere in the eyebox.
@@ -178,6 +179,18 @@ pub struct Solve {
     /// Sub-frames, optimised jointly on their mean intensity
     #[arg(long, default_value_t = 8, value_name = "F")]
     pub frames: usize,
+    /// What is supervised: slfh, lf2fs, stft, stft-unfiltered, stft-exact, smooth, dpac, pupil-aware
+    #[arg(long, value_parser = method, default_value = "slfh", value_name = "NAME")]
+    pub method: Method,
+    /// Diameter of the STFT's circular Fourier filter, times the eyebox
+    #[arg(long, value_parser = positive, default_value_t = 0.95, value_name = "SHARE")]
+    pub stft_filter: f64,
+    /// Pixels of the STFT's window along each axis [default: the number of views]
+    #[arg(long, value_name = "N")]
+    pub stft_samples: Option<usize>,
+    /// Weight of the light's evenness over the eyebox, for pupil-aware
+    #[arg(long, default_value_t = 0.5, value_name = "W")]
+    pub evenness: f64,
     /// How phases are moved
     #[arg(long, value_enum, default_value = "projection")]
     pub optimizer: OptimizerName,
@@ -414,6 +427,12 @@ fn window(text: &str) -> Result<WindowFactor, String> {
         "full" => Ok(WindowFactor::Full),
         _ => Err("expected 1, 2 or full".into()),
     }
+}
+
+/// A method by its name.
+pub fn method(text: &str) -> Result<Method, String> {
+    let names = || Method::ALL.map(Method::name).join(", ");
+    Method::by_name(text).ok_or_else(|| format!("no method is called so: there are {}", names()))
 }
 
 #[cfg(test)]

@@ -52,7 +52,7 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     let report = |(color, s): &(Color, Solution)| {
         json!({
             "color": color, "psnr_mean_db": s.verdict.mean(), "psnr_worst_db": s.verdict.worst(),
-            "exposure": s.exposure, "efficiency": s.efficiency, "steps": s.steps, "seconds": s.seconds, "stopped_by": stop_name(s.stop),
+            "exposure": s.exposure, "efficiency": s.efficiency, "steps": s.steps, "seconds": s.seconds, "stopped_by": stop_name(s.stop), "fault": fault(s.stop),
         })
     };
     let timings: Vec<_> = engine
@@ -79,7 +79,11 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
             100.0 * s.efficiency,
             s.steps,
             s.seconds,
-            if s.stop == Stop::Asked { ", interrupted" } else { "" }
+            match s.stop {
+                Stop::Asked => ", interrupted".to_owned(),
+                Stop::NotFinite { .. } => format!("; stopped: {}", fault(s.stop)),
+                _ => String::new(),
+            }
         );
     }
     if args.timings {
@@ -158,6 +162,10 @@ pub fn settings_of(args: &Solve, display: &Display, depth: [f64; 2]) -> Settings
     let diameters = args.diameters.unwrap_or(if adam { DiametersName::Uniform } else { DiametersName::Log });
     Settings {
         frames: args.frames,
+        method: args.method,
+        stft_filter: args.stft_filter,
+        stft_samples: args.stft_samples,
+        evenness: args.evenness,
         optimizer: if adam { Optimizer::adam() } else { Optimizer::projection() },
         steps: args.steps.unwrap_or(if adam { 200 } else { 60 }),
         pupils: args.pupils.unwrap_or(if adam { 8 } else { 16 }),
@@ -183,5 +191,13 @@ fn stop_name(stop: Stop) -> &'static str {
         Stop::Seconds => "seconds",
         Stop::Quality => "psnr",
         Stop::Asked => "interrupt",
+        Stop::NotFinite { .. } => "not-finite",
     }
+}
+
+/// What went wrong in a step that was not taken.
+fn fault(stop: Stop) -> String {
+    let Stop::NotFinite { step, kernel } = stop else { return String::new() };
+    let first = kernel.map_or("the phases".to_owned(), |k| format!("`{}`", k.name()));
+    format!("in step {step}, {first} gave numbers that are not finite; the state before it is kept")
 }

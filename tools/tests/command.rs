@@ -364,3 +364,20 @@ fn help_and_devices_answer() {
     assert!(done(temp.path(), &["devices"]).contains("auto"));
     assert!(serde_json::from_str::<serde_json::Value>(&done(temp.path(), &["devices", "--json"])).is_ok());
 }
+
+#[test]
+fn every_method_solves_from_the_command_line() {
+    let temp = folder();
+    let at = temp.path();
+    for method in ["lf2fs", "stft", "stft-unfiltered", "stft-exact", "smooth", "dpac", "pupil-aware"] {
+        let report = done(at, &solve("builtin:still-life", "m.npy", &["--method", method, "--json"]));
+        let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+        assert_eq!(report["settings"]["method"], method);
+        assert!(report["colors"][0]["psnr_mean_db"].as_f64().is_some(), "{report}");
+    }
+    let refused = |more: &[&str], what: &str| refused(at, &solve("builtin:still-life", "n.npy", more), "n.npy", what);
+    refused(&["--method", "hogel"], "stft-exact");
+    refused(&["--method", "stft", "--stft-filter", "0"], "stft-filter");
+    refused(&["--method", "stft", "--stft-samples", "0"], "window of the STFT");
+    refused(&["--method", "pupil-aware", "--evenness=-1"], "evenness");
+}

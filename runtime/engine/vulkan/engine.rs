@@ -11,6 +11,7 @@ use super::record::{Stack, Stacks, Work, loss_parts};
 use super::tables::Tables;
 use super::views::Views;
 use crate::scene::Pyramid;
+use eyebox_kernels::energy;
 use gpu_allocator::MemoryLocation;
 use std::collections::HashMap;
 use std::ops::Range;
@@ -234,6 +235,7 @@ impl Engine for VulkanEngine {
             (complex(frames), "field"),
             (complex(when(descends, frames)), "change"),
             (real(shape.points(), when(descends, 1)), "hits"),
+            (real((energy::MOST * energy::MOST) as usize, when(descends, 1)), "energy"),
         ];
         for (at, (layout, what)) in stacks.into_iter().enumerate() {
             self.stacks.0[at] = self.stack(layout, what)?;

@@ -30,7 +30,7 @@ pub(super) struct Stack {
 
 /// The buffers of the shape, those that its purpose needs.
 #[derive(Default)]
-pub(super) struct Stacks(pub(super) [Option<Stack>; 6]);
+pub(super) struct Stacks(pub(super) [Option<Stack>; 7]);
 
 impl Stacks {
     /// Where a buffer stands, if it is not a lane's.
@@ -42,6 +42,7 @@ impl Stacks {
             Buffer::Field => 3,
             Buffer::Change => 4,
             Buffer::Hits => 5,
+            Buffer::Energy => 6,
             _ => return None,
         })
     }
@@ -102,12 +103,15 @@ impl Work<'_> {
             Kernel::FieldForward => self.transform(Buffer::Field, Direction::Forward),
             Kernel::ChangeInverse => self.transform(Buffer::Change, Direction::Inverse),
             Kernel::Balance => self.balance(),
+            Kernel::Energy => self.energy(),
+            Kernel::Even => self.even(),
             Kernel::Project => self.project(),
             Kernel::Adam => self.adam(),
             Kernel::Photograph => self.photograph(dispatch, slots),
             Kernel::Overlap => lanes().try_for_each(|(i, (lane, _))| self.overlap(first + i, lane)),
             Kernel::ReturnPupil => lanes().try_for_each(|(i, (lane, slot))| self.return_pupil(first + i, lane, slot)),
             Kernel::Transfer => lanes().try_for_each(|(i, (lane, slot))| self.transfer(first + i, lane, slot)),
+            Kernel::Taper => lanes().try_for_each(|(i, (lane, slot))| self.taper(first + i, lane, slot)),
             Kernel::Resample => lanes().try_for_each(|(i, (lane, slot))| self.resample(first + i, lane, slot)),
             Kernel::PassPupil => lanes().try_for_each(|(i, (lane, slot))| self.pass_pupil(first + i, lane, slot)),
             Kernel::Compare => lanes().try_for_each(|(i, (lane, slot))| self.compare(first + i, lane, slot)),
@@ -144,6 +148,39 @@ impl Work<'_> {
             let buffers = [hits.layout.range(&hits.block, 0, 1), layout.range(&change.block, first, count)];
             let groups = self.along(layout.values, count);
             self.run(&spirv::BALANCE, &buffers, &self.step.balance, &more, groups)?;
+        }
+        Ok(())
+    }
+
+    fn energy(&mut self) -> Result<(), EngineError> {
+        let (field, energy) = (self.stacks.get(Buffer::Field)?, self.stacks.get(Buffer::Energy)?);
+        let layout = &field.layout;
+        for (first, count) in self.chunks(layout.frames, &[layout]) {
+            let mut args = self.step.even.place;
+            args.accumulate |= u32::from(first > 0);
+            if first > 0 {
+                self.gpu.recorder.barrier();
+            }
+            let buffers = [layout.range(&field.block, first, count), energy.layout.range(&energy.block, 0, 1)];
+            let more = [count as u32, layout.stride() as u32];
+            self.run(&spirv::ENERGY, &buffers, &args, &more, [args.patches * args.patches, 1, 1])?;
+        }
+        Ok(())
+    }
+
+    fn even(&mut self) -> Result<(), EngineError> {
+        let (field, change) = (self.stacks.get(Buffer::Field)?, self.stacks.get(Buffer::Change)?);
+        let energy = self.stacks.get(Buffer::Energy)?;
+        let place = self.step.even.place;
+        let more = [field.layout.stride() as u32, change.layout.stride() as u32];
+        for (first, count) in self.chunks(self.shape.frames, &[&field.layout, &change.layout]) {
+            let buffers = [
+                energy.layout.range(&energy.block, 0, 1),
+                field.layout.range(&field.block, first, count),
+                change.layout.range(&change.block, first, count),
+            ];
+            let groups = self.rows(place.rows, place.columns, count);
+            self.run(&spirv::EVEN, &buffers, &self.step.even, &more, groups)?;
         }
         Ok(())
     }
@@ -189,6 +226,14 @@ impl Work<'_> {
         let spans = self.tables.range(self.tables.lane(index).spans)?;
         let groups = self.rows(args.rows, args.columns, 1);
         self.run(&spirv::TRANSFER, &[spans, self.arenas.range(Kind::Transfer, slot)?], &floats, &more, groups)
+    }
+
+    fn taper(&mut self, index: usize, lane: &Lane, slot: &Slot) -> Result<(), EngineError> {
+        let Some(place) = self.tables.lane(index).taper else { return Ok(()) };
+        let (rows, columns) = (lane.transfer.rows, lane.transfer.columns);
+        let buffers = [self.tables.range(place)?, self.arenas.range(Kind::Transfer, slot)?];
+        let groups = self.rows(rows, columns, 1);
+        self.run(&spirv::TAPER, &buffers, &[rows, columns], &[], groups)
     }
 
     fn pass_pupil(&mut self, index: usize, lane: &Lane, slot: &Slot) -> Result<(), EngineError> {
