@@ -45,7 +45,11 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     }
     progress::catch_interrupt();
     let solved = solve_colors(&field, &display, &colors, &settings, padding, engine.as_mut(), args.json)?;
-    let hologram = hologram(&field, &display, &settings, padding, &solved);
+    let mut hologram = hologram(&field, &display, &settings, padding, &solved);
+    if let Some(depth) = args.scene.depth.filter(|_| args.scene.depth_map.is_some()) {
+        // In the order of the map's values, which the range of depths does not keep.
+        hologram.settings["depth_map_mm"] = json!(depth.map(|d| d * 1e3));
+    }
     match form {
         Form::Zarr => hologram.save(&args.out)?,
         _ => hologram::save_phases(&hologram, &args.out)?,
@@ -144,7 +148,7 @@ pub fn hologram(
         display: display.name.clone(),
         display_wavelengths: display.wavelengths.clone(),
         scene: field.name.clone(),
-        settings: json!({ "solve": settings, "padding": [padding.rows, padding.columns], "view_pitch_mm": field.cell(display) * 1e3, "eyebox_mm": display.eyebox_min() * 1e3 }),
+        settings: json!({ "solve": settings, "padding": [padding.rows, padding.columns], "views": field.grid, "view_pitch_mm": field.cell(display) * 1e3, "eyebox_mm": display.eyebox_min() * 1e3 }),
     }
 }
 
