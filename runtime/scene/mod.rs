@@ -112,14 +112,15 @@ impl<'a> Request<'a> {
     }
 }
 
-/// Rows and columns of a source's own pictures, from their headers; none for built-in scenes, which have any size.
+/// Rows and columns of a source's own pictures, from their names and headers alone; none for built-in scenes, which
+/// have any size.
 ///
 /// # Errors
 /// Any [`SceneError`] that names and headers can cause.
 pub fn native_size(source: &str) -> Result<Option<[usize; 2]>, SceneError> {
     let path = Path::new(source);
-    if source.starts_with("builtin:") {
-        return Ok(None);
+    if let Some(name) = source.strip_prefix("builtin:") {
+        return builtin::check(name).map(|()| None);
     }
     if !path.exists() {
         return Err(SceneError::NotFound { path: source.into(), what: "folder, picture or built-in scene" });

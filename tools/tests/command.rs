@@ -382,7 +382,7 @@ fn time_is_a_limit_too() {
 #[test]
 fn help_and_devices_answer() {
     let temp = folder();
-    for command in ["demo", "solve", "view", "photograph", "score", "export", "bench", "devices"] {
+    for command in ["demo", "solve", "view", "photograph", "score", "evaluate", "export", "bench", "devices"] {
         assert!(done(temp.path(), &[command, "--help"]).contains("Example"), "{command}");
     }
     assert!(done(temp.path(), &["devices"]).contains("auto"));

@@ -49,8 +49,8 @@ pub fn run(args: &Evaluate) -> Result<(), Failure> {
     if report.missing > 0 {
         println!(
             "stopped: {} of {} results are kept, and shown in {}; the same command goes on from there",
-            report.runs.len(),
-            report.runs.len() + report.missing,
+            report.runs.len() + report.speckle.len(),
+            report.runs.len() + report.speckle.len() + report.missing,
             page.display()
         );
     } else {

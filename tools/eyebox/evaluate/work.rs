@@ -5,7 +5,7 @@ use super::keep::{self, Keep};
 use super::measure::{self, Wanted};
 use super::pupils::Pupils;
 use super::speckle;
-use super::subject::{Source, Subject};
+use super::subject::{self, Source, Subject};
 use crate::Failure;
 use crate::args::SceneArgs;
 use crate::common;
@@ -49,6 +49,21 @@ struct Task<'a> {
 }
 
 impl Job {
+    /// One scene, some methods, everything else as it is by default, without speckle.
+    pub fn of_methods(scene: &str, methods: &[Method], display: Display, colors: Vec<Color>) -> Self {
+        let diameter = common::diameters(None, &display);
+        Self {
+            scenes: vec![SceneArgs { scene: scene.into(), depth_map: None, view_pitch: None, views: 9, depth: None }],
+            labels: vec![scene.trim_start_matches("builtin:").into()],
+            subjects: subject::subjects(methods, Vec::new()),
+            frames: vec![8],
+            display,
+            colors,
+            settings: Settings { diameter, ..Settings::default() },
+            speckle: false,
+        }
+    }
+
     /// Refuses scenes that are not there, by their names and headers.
     pub fn check_scenes(&self) -> Result<(), Failure> {
         for scene in &self.scenes {
@@ -112,6 +127,7 @@ pub fn evaluate(job: &Job, out: &Path, engine: &mut dyn Engine, quiet: bool) -> 
         })
         .collect();
     let speckled = grainy.len() as f64 * speckle::SOLVES as f64 * effort.speckle;
+    let speckled_methods = grainy.len();
     let bar = JobBar::new((0..job.scenes.len()).map(per_scene).sum::<f64>() + speckled, quiet);
 
     let mut report = Report::new(About::new(job, engine), methods_about(&job.subjects));
@@ -135,6 +151,7 @@ pub fn evaluate(job: &Job, out: &Path, engine: &mut dyn Engine, quiet: bool) -> 
             None => break,
         }
     }
+    report.missing += speckled_methods - report.speckle.len();
     bar.finish();
     Ok(report)
 }

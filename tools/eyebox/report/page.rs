@@ -47,7 +47,7 @@ fn head(report: &Report, title: &str) -> String {
         ("Sub-frames", list(a.frames.iter().map(usize::to_string).collect())),
         ("Colours", list(a.colors.iter().map(|c| c.to_string()).collect())),
         ("Eyebox", format!("{:.1} mm", a.eyebox_mm)),
-        ("Steps", format!("{} of {} pupils", a.steps, a.pupils)),
+        ("Steps", format!("{}, of {} pupils each", a.steps, a.pupils)),
         ("Engine", escape(&a.engine)),
     ];
     let mut out = format!(
@@ -168,8 +168,8 @@ fn figure(svg: &str, name: &str, about: &str) -> String {
 fn scores(report: &Report) -> String {
     let mut out = String::from(
         "<section aria-labelledby=\"scores\"><h2 id=\"scores\">Scores</h2>\n<p>PSNR of every view against the photograph \
-         of the scene, after averaging over 2 × 2 pixels, with one exposure per hologram and colour fitted over all pupils of \
-         all groups. Boxes hold the middle half, whiskers reach from the worst to the best, the thick line is the median, the \
+         of the scene, after averaging over 2 × 2 pixels. Each hologram and colour has one exposure, the one at which its mean \
+         PSNR over all pupils of all groups is highest. Boxes hold the middle half, whiskers reach from the worst to the best, the thick line is the median, the \
          ring the mean; pupils of all colours and scenes count alike.",
     );
     if !report.published.is_empty() {
@@ -413,8 +413,8 @@ fn methods(report: &Report) -> String {
     let a = &report.about;
     let _ = write!(
         out,
-        "</dl></section>\n<footer>eyebox {}; display {} ({} × {} pixels of {:.1} µm), seed {}. One exposure per hologram and colour, \
-         fitted over all pupils; never one per pupil.</footer>\n",
+        "</dl></section>\n<footer>eyebox {}; display {} ({} × {} pixels of {:.1} µm), seed {}. One exposure per hologram and \
+         colour, never one per pupil.</footer>\n",
         escape(&a.version),
         escape(&a.display),
         a.size[0],

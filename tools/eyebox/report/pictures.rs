@@ -36,6 +36,7 @@ fn runs<'a>(report: &'a Report, scene: &'a SceneFigures) -> Vec<(Series, &'a Run
 pub fn views(report: &Report, scene: &SceneFigures) -> String {
     let mut out = String::new();
     let runs = runs(report, scene);
+    let columns = (runs.len() + 1).min(6);
     for (i, chosen) in CHOSEN.iter().enumerate() {
         let pupil = runs
             .iter()
@@ -142,8 +143,9 @@ pub fn epipolar(report: &Report, scene: &SceneFigures) -> String {
 
 /// Where the light is.
 pub fn energy(report: &Report, scene: &SceneFigures) -> String {
-    let mut out = String::from(r#"<div class="shots">"#);
-    for (series, run) in runs(report, scene) {
+    let runs = runs(report, scene);
+    let mut out = format!(r#"<div class="shots" style="--n:{}">"#, runs.len().clamp(1, 6));
+    for (series, run) in runs {
         let Some(map) = &run.pictures.energy else { continue };
         let name = report.title(&series.method);
         let inset = 50.0 * (1.0 - map.share);
