@@ -9,7 +9,8 @@
 //!
 //! | kernel | reads | writes |
 //! |---|---|---|
-//! | [`modulate`] | phases | field |
+//! | [`quantise`] | phases, levels | shown |
+//! | [`modulate`] | phases, or shown | field |
 //! | [`fft`] | field, window or change | the same |
 //! | [`transfer`] | spans | transfer |
 //! | [`taper`] | weights | transfer |
@@ -18,20 +19,22 @@
 //! | [`photograph`] | views, taps | accumulator |
 //! | [`resample`] | accumulator, tables | target |
 //! | [`compare`] | image, target | factor (over the image), loss |
+//! | [`exposure`] | image, target | sums |
 //! | [`weigh`] | factor | window |
 //! | [`overlap`] | spans | hits |
 //! | [`return_pupil`] | window, transfer, spans | change |
 //! | [`balance`] | hits | change |
 //! | [`energy`] | field | energy |
 //! | [`even`] | energy, field | change |
-//! | [`project`] | change | phases, velocity |
-//! | [`adam`] | change | phases, first and second moments |
+//! | [`project`] | change, shown | phases, velocity |
+//! | [`adam`] | change, shown | phases, first and second moments |
 
 pub mod adam;
 pub mod balance;
 pub mod compare;
 pub mod energy;
 pub mod even;
+pub mod exposure;
 pub mod fft;
 pub mod fft_plan;
 pub mod intensity;
@@ -40,6 +43,7 @@ pub mod overlap;
 pub mod pass_pupil;
 pub mod photograph;
 pub mod project;
+pub mod quantise;
 pub mod resample;
 pub mod return_pupil;
 pub mod taper;

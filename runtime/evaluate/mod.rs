@@ -2,7 +2,8 @@
 //! of such numbers comes to.
 //!
 //! Images are linear light, (row, column), with 1 as full scale; sums are kept in float64. The measures are pure
-//! functions of slices; [`views`] and [`photographs`] get the images from any engine. May import `optics`, `scene`,
+//! functions of slices; [`views`] and [`photographs`] get the images from any engine, [`sums`] what exposure and PSNR need
+//! of them. May import `optics`, `scene`,
 //! `plan` and `engine`.
 //!
 //! The order in which a hologram is judged (OPTICS 2 and 8): the intensity of every pupil and its photograph, averaged
@@ -22,6 +23,7 @@ mod look;
 mod speckle;
 mod ssim;
 mod summary;
+mod sums;
 
 pub use color::{color_difference, edges, pool_mask};
 pub use compare::{Score, compare};
@@ -32,6 +34,7 @@ pub use look::{images, photographs, targets, views};
 pub use speckle::{averaged_contrast, contrast};
 pub use ssim::ssim;
 pub use summary::Summary;
+pub use sums::{Sums, sums};
 
 /// Why there is no number.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

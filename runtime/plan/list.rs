@@ -2,8 +2,8 @@
 
 use crate::optics::Window;
 use eyebox_kernels::{
-    adam, balance, compare, even, fft::Columns, intensity, modulate, pass_pupil, photograph, project, resample,
-    transfer,
+    adam, balance, compare, even, exposure, fft::Columns, intensity, modulate, pass_pupil, photograph, project,
+    quantise, resample, transfer,
 };
 use std::ops::Range;
 
@@ -12,7 +12,9 @@ use std::ops::Range;
 pub enum Kernel {
     /// Zeroes `Change` and `Hits`.
     Clear,
-    /// `Phases` -> `Field`.
+    /// `Phases`, `Levels` -> `Shown`.
+    Quantise,
+    /// `Phases`, or `Shown` where the SLM has levels -> `Field`.
     Modulate,
     /// `Field`, forward, in the step's columns.
     FieldForward,
@@ -52,6 +54,8 @@ pub enum Kernel {
     Project,
     /// `Change` -> `Phases`, `Momentum`, `Second`.
     Adam,
+    /// `Image`, `Target` -> `Sums`.
+    Exposure,
 }
 
 /// What a kernel runs over; neighbours of one scope may run frame by frame, or lane by lane.
@@ -67,8 +71,9 @@ pub enum Scope {
 
 impl Kernel {
     /// All of them.
-    pub const ALL: [Self; 21] = [
+    pub const ALL: [Self; 23] = [
         Self::Clear,
+        Self::Quantise,
         Self::Modulate,
         Self::FieldForward,
         Self::Energy,
@@ -89,12 +94,14 @@ impl Kernel {
         Self::ChangeInverse,
         Self::Project,
         Self::Adam,
+        Self::Exposure,
     ];
 
     /// The name by which it is timed and chosen.
     pub fn name(self) -> &'static str {
         [
             "clear",
+            "quantise",
             "modulate",
             "field_forward",
             "energy",
@@ -115,6 +122,7 @@ impl Kernel {
             "change_inverse",
             "project",
             "adam",
+            "exposure",
         ][self as usize]
     }
 
@@ -127,7 +135,8 @@ impl Kernel {
     pub fn scope(self) -> Scope {
         match self {
             Self::Clear | Self::Energy | Self::Overlap => Scope::Whole,
-            Self::Modulate
+            Self::Quantise
+            | Self::Modulate
             | Self::FieldForward
             | Self::ReturnPupil
             | Self::Balance
@@ -145,6 +154,10 @@ impl Kernel {
 pub enum Buffer {
     /// Phases, radians: (frames, height, width).
     Phases,
+    /// The levels nearest to them, which the SLM shows: (frames, height, width).
+    Shown,
+    /// Phases of the levels, ascending: `quantise::MOST`, of which the first are used.
+    Levels,
     /// The projection's velocity, Adam's first moment: (frames, height, width).
     Momentum,
     /// Adam's second moment: (frames, height, width).
@@ -167,6 +180,8 @@ pub enum Buffer {
     Target(usize),
     /// The photograph on its level of the pyramid.
     Accumulator(usize),
+    /// What `exposure` sums: (parts, 6).
+    Sums(usize),
 }
 
 /// What the buffers are for: those that a purpose does not need are not made.
@@ -189,6 +204,8 @@ pub struct Shape {
     pub place: modulate::Args,
     /// Which buffers are needed.
     pub purpose: Purpose,
+    /// Whether the SLM has levels: `Shown` and `Levels`.
+    pub quantised: bool,
 }
 
 impl Shape {
@@ -251,6 +268,19 @@ impl Lane {
         self.window.rows * self.window.columns
     }
 
+    /// Arguments of `exposure`: the part of its image that is the SLM's, `place` being where that lies in the grid.
+    pub fn exposure(&self, place: &modulate::Args) -> exposure::Args {
+        // A window has fewer pixels than the grid: those are taken that lie wholly on the SLM.
+        let inside = |first: u32, count: u32, grid: u32, pixels: usize| {
+            let scaled = |edge: u32| u64::from(edge) * pixels as u64;
+            let (first, end) = (scaled(first).div_ceil(u64::from(grid)), scaled(first + count) / u64::from(grid));
+            (first as u32, end.saturating_sub(first) as u32)
+        };
+        let (top, height) = inside(place.top, place.height, place.grid_height.max(1), self.window.rows);
+        let (left, width) = inside(place.left, place.width, place.grid_width.max(1), self.window.columns);
+        exposure::Args { height, width, pitch: self.window.columns as u32, top, left }
+    }
+
     /// Its columns as columns of the grid.
     pub fn grid_columns(&self) -> Columns {
         let width = self.pass.grid_width as usize;
@@ -276,6 +306,8 @@ pub struct Step {
     pub lanes: Vec<Lane>,
     /// Columns of the spectrum that any pupil passes.
     pub columns: Columns,
+    /// Arguments of `quantise`; no levels where any phase can be shown.
+    pub quantise: quantise::Args,
     /// Arguments of `balance`.
     pub balance: balance::Args,
     /// Arguments of `even`, and, inside, of `energy`.

@@ -117,9 +117,9 @@ pub struct SceneArgs {
     /// Distance of neighbouring views in the pupil plane, mm [default: what the scene says, else eyebox / views]
     #[arg(long, value_name = "MM", value_parser = positive)]
     pub view_pitch: Option<f64>,
-    /// Views per axis of scenes that are rendered or reprojected
-    #[arg(long, default_value_t = 9, value_name = "N")]
-    pub views: usize,
+    /// Views per axis of scenes that are rendered or reprojected [default: 9; in score, what the hologram was solved for]
+    #[arg(long, value_name = "N")]
+    pub views: Option<usize>,
     /// Depths that matter, mm [default: what the scene says]; of a depth map, what its smallest and its largest value
     /// mean (MAX..MIN where dark is near)
     #[arg(long, value_name = "MIN..MAX", value_parser = depths, allow_hyphen_values = true)]
@@ -193,6 +193,10 @@ pub struct Solve {
     /// Pixels of the STFT's window along each axis [default: the number of views]
     #[arg(long, value_name = "N")]
     pub stft_samples: Option<usize>,
+    /// Phase levels of the SLM to optimise for: how many, evenly spaced, or a file with one phase (rad) a line
+    /// [default: any phase]
+    #[arg(long, value_name = "N|FILE")]
+    pub levels: Option<String>,
     /// Weight of the light's evenness over the eyebox, for pupil-aware
     #[arg(long, default_value_t = 0.5, value_name = "W")]
     pub evenness: f64,

@@ -282,6 +282,30 @@ fn a_score_takes_depths_as_they_were_solved() {
     assert!(pupils.len() == 16 && pupils.iter().all(|p| (-0.0501..=0.1001).contains(&focus(p))), "{said}");
 }
 
+/// The scene is made again from its name and what the hologram remembers: the same as when all is said again.
+#[test]
+fn a_score_makes_the_scene_as_it_was_solved() {
+    let temp = folder();
+    let at = temp.path();
+    let score = |hologram: &str, scene: &[&str], more: &[&str]| {
+        done(at, &[&["score", hologram][..], scene, &["--pupils", "random:4", "--json"], more].concat())
+    };
+    let still_life = ["builtin:still-life"];
+    done(at, &solve("builtin:still-life", "h.zarr", &["--views", "4"]));
+    let remembered = score("h.zarr", &still_life, &[]);
+    assert_eq!(remembered, score("h.zarr", &still_life, &["--views", "4"]));
+    assert_ne!(remembered, score("h.zarr", &still_life, &["--views", "9"]));
+    // A picture with a map: also what the map's values mean, and in which order.
+    let photograph = ["photograph", "builtin:still-life", "--size", "40x48", "--pupil=0,0,2,0"];
+    done(at, &[&photograph[..], &["-o", "photo.png"]].concat());
+    done(at, &[&photograph[..], &["--color", "green", "-o", "depth.png"]].concat());
+    let picture = ["photo.png", "--depth-map", "depth.png"];
+    done(at, &solve("photo.png", "p.zarr", &["--depth-map", "depth.png", "--views", "3", "--depth=0.1..-0.05"]));
+    let remembered = score("p.zarr", &picture, &[]);
+    assert_eq!(remembered, score("p.zarr", &picture, &["--views", "3", "--depth=0.1..-0.05"]));
+    assert_ne!(remembered, score("p.zarr", &picture, &["--depth=-0.05..0.1"]));
+}
+
 #[test]
 fn the_smallest_displays_work() {
     let temp = folder();
@@ -380,4 +404,12 @@ fn every_method_solves_from_the_command_line() {
     refused(&["--method", "stft", "--stft-filter", "0"], "stft-filter");
     refused(&["--method", "stft", "--stft-samples", "0"], "window of the STFT");
     refused(&["--method", "pupil-aware", "--evenness=-1"], "evenness");
+    refused(&["--levels", "0"], "phase levels");
+    refused(&["--levels", "levels.txt"], "levels.txt");
+    std::fs::write(at.join("levels.txt"), "# measured\n0\n1.5\n3.2\nfour\n").unwrap();
+    refused(&["--levels", "levels.txt"], "line 5");
+    std::fs::write(at.join("levels.txt"), "# measured\n0\n1.5 # second\n\n3.2\n4.7\n").unwrap();
+    for levels in ["levels.txt", "16"] {
+        done(at, &solve("builtin:still-life", "l.npy", &["--levels", levels]));
+    }
 }

@@ -11,7 +11,7 @@ use super::record::{Stack, Stacks, Work, loss_parts};
 use super::tables::Tables;
 use super::views::Views;
 use crate::scene::Pyramid;
-use eyebox_kernels::energy;
+use eyebox_kernels::{energy, quantise};
 use gpu_allocator::MemoryLocation;
 use std::collections::HashMap;
 use std::ops::Range;
@@ -67,7 +67,7 @@ impl VulkanEngine {
             views: None,
             losses: None,
             transforms: super::fft::transforms(),
-            shape: Shape { frames: 0, place, purpose: Purpose::View },
+            shape: Shape { frames: 0, place, purpose: Purpose::View, quantised: false },
             slots: Vec::new(),
             written: HashMap::new(),
             clock: [(0, 0.0); Kernel::ALL.len()],
@@ -168,7 +168,7 @@ impl VulkanEngine {
         let mut group: (Range<usize>, Vec<Slot>) = (0..0, Vec::new());
         for dispatch in list {
             if !dispatch.lanes.is_empty() && dispatch.lanes != group.0 {
-                group = (dispatch.lanes.clone(), slots(&step.lanes[dispatch.lanes.clone()], shape.frames));
+                group = (dispatch.lanes.clone(), slots(&step.lanes[dispatch.lanes.clone()], shape));
             }
             work.gpu.recorder.barrier();
             work.record(dispatch, &group.1)?;
@@ -236,6 +236,8 @@ impl Engine for VulkanEngine {
             (complex(when(descends, frames)), "change"),
             (real(shape.points(), when(descends, 1)), "hits"),
             (real((energy::MOST * energy::MOST) as usize, when(descends, 1)), "energy"),
+            (real(shape.pixels(), when(shape.quantised, frames)), "shown"),
+            (real(quantise::MOST, when(shape.quantised, 1)), "levels"),
         ];
         for (at, (layout, what)) in stacks.into_iter().enumerate() {
             self.stacks.0[at] = self.stack(layout, what)?;
@@ -281,9 +283,9 @@ impl Engine for VulkanEngine {
         if self.shape.frames == 0 {
             return Ok(vec![0.0; step.lanes.len()]);
         }
-        self.arenas.fit(&self.gpu, step, self.shape.frames)?;
+        self.arenas.fit(&self.gpu, step, &self.shape)?;
         if let Some(first) = step.list[part.clone()].iter().find(|d| !d.lanes.is_empty()) {
-            let group = slots(&step.lanes[first.lanes.clone()], self.shape.frames);
+            let group = slots(&step.lanes[first.lanes.clone()], &self.shape);
             self.place_written(&group)?;
         }
         self.tables.pack(&self.gpu, &step.lanes, self.views.as_ref())?;
@@ -312,6 +314,7 @@ fn lane_buffer(buffer: Buffer) -> Option<(Kind, usize)> {
         Buffer::Image(i) => (Kind::Image, i),
         Buffer::Target(i) => (Kind::Target, i),
         Buffer::Accumulator(i) => (Kind::Accumulator, i),
+        Buffer::Sums(i) => (Kind::Sums, i),
         _ => return None,
     })
 }

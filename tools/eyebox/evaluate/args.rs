@@ -70,7 +70,7 @@ impl Evaluate {
             scene: self.scenes[index].clone(),
             depth_map: self.depth_map.clone(),
             view_pitch: self.view_pitch,
-            views: self.views,
+            views: Some(self.views),
             depth: self.depth,
         }
     }
