@@ -32,12 +32,7 @@ const SEARCH: f64 = 64.0;
 ///
 /// # Errors
 /// [`EvaluateError::Sizes`]; [`EvaluateError::Dark`] where nothing is seen through any pupil.
-pub fn compare(
-    seen: &[Vec<f32>],
-    wanted: &[Vec<f32>],
-    height: usize,
-    width: usize,
-) -> Result<Compared, EvaluateError> {
+pub fn compare(seen: &[Vec<f32>], wanted: &[Vec<f32>], height: usize, width: usize) -> Result<Compared, EvaluateError> {
     let exposure = best_exposure(seen, wanted)?;
     let score = |(seen, wanted): (&Vec<f32>, &Vec<f32>)| {
         let exposed: Vec<f32> = seen.iter().map(|v| v * exposure as f32).collect();

@@ -36,7 +36,6 @@ fn runs<'a>(report: &'a Report, scene: &'a SceneFigures) -> Vec<(Series, &'a Run
 pub fn views(report: &Report, scene: &SceneFigures) -> String {
     let mut out = String::new();
     let runs = runs(report, scene);
-    let columns = (runs.len() + 1).min(6);
     for (i, chosen) in CHOSEN.iter().enumerate() {
         let pupil = runs
             .iter()
