@@ -1,7 +1,7 @@
 //! Vulkan transforms beside RustFFT on one thread, measured in turn, so that a busy machine slows both.
 
 use clap::Parser;
-use eyebox::engine::vulkan::Transforms;
+use eyebox::engine::vulkan::{Options, Transforms};
 use eyebox_kernels::Complex32;
 use eyebox_kernels::fft::{Columns, Direction, Plans};
 use std::collections::BTreeMap;
@@ -48,7 +48,8 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
-    let mut transforms = Transforms::open(arguments.device.as_deref(), false)?;
+    let mut transforms =
+        Transforms::open(&Options { device: arguments.device.clone(), allow_cpu: true, ..Options::default() })?;
     println!("{}", transforms.device());
     println!("{:>11} {:>10} {:>11} {:>6} {:>6}  difference", "size", "Vulkan ms", "RustFFT ms", "ratio", "best");
     let twin = Plans::default();

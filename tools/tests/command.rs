@@ -3,8 +3,15 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+/// The command, with a cache of the tests' own.
+fn command(folder: &Path, args: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_eyebox"));
+    command.args(args).current_dir(folder).env("XDG_CACHE_HOME", std::env::temp_dir().join("eyebox-tests"));
+    command
+}
+
 fn eyebox(folder: &Path, args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_eyebox")).args(args).current_dir(folder).output().expect("the command starts")
+    command(folder, args).output().expect("the command starts")
 }
 
 fn text(bytes: &[u8]) -> String {

@@ -1,13 +1,20 @@
 //! The device without the engine: a kernel runs, is timed, and the validation layer hears what is wrong.
 
+use super::engine::Options;
 use super::gpu::Gpu;
 use eyebox_kernels::{Complex32, ZERO, modulate};
 use eyebox_spirv as spirv;
 use std::sync::PoisonError;
 
+/// Watched, and with a cache of the tests' own.
+fn options() -> Options {
+    let cache = Some(std::env::temp_dir().join("eyebox-tests"));
+    Options { device: None, allow_cpu: true, validation: true, cache }
+}
+
 /// A software device will do, and must: tests are not skipped where there is none.
 pub(super) fn open() -> Gpu {
-    Gpu::open(None, true, true).unwrap_or_else(|e| panic!("{e}"))
+    Gpu::open(&options()).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// Closes the device and returns what the validation layer said from first to last.
@@ -67,7 +74,7 @@ fn a_hazard_is_heard() {
 fn a_smaller_device_gives_the_same() {
     use super::super::cpu::CpuEngine;
     use super::super::{Buffer, Dispatch, Engine, Kernel, Purpose};
-    use super::engine::{Options, VulkanEngine};
+    use super::engine::VulkanEngine;
     use crate::optics::{Optics, Pupil, WindowFactor};
     use crate::plan::{Comparison, Planner, Views};
     use crate::scene::{Pyramid, ViewGrid};
@@ -92,7 +99,7 @@ fn a_smaller_device_gives_the_same() {
         let losses = engine.run(&step).unwrap();
         (losses, engine.read(Buffer::Phases).unwrap(), engine.read(Buffer::Target(1)).unwrap())
     };
-    let mut engine = VulkanEngine::open(&Options { device: None, allow_cpu: true, validation: true }).unwrap();
+    let mut engine = VulkanEngine::open(&options()).unwrap();
     // Two frames of the field, three of phases, and less than all views of any level.
     engine.pretend_range(2 * 8 * 40 * 64 + 512);
     engine.pretend_old();
