@@ -48,7 +48,7 @@ pub enum EngineError {
         wanted: Option<u64>,
     },
     /// The device stopped answering.
-    #[error("{device} was lost while it ran {during}; what was computed before is kept")]
+    #[error("{device} was lost while it ran {during}; try again, or run on the CPU")]
     DeviceLost {
         /// Its name.
         device: String,

@@ -101,6 +101,20 @@ impl VulkanEngine {
         (self.gpu.device.allocations(), self.gpu.recorder.pools())
     }
 
+    /// From now on the driver answers to every submission that the device was lost.
+    #[cfg(test)]
+    pub(super) fn pretend_lost(&mut self) {
+        unsafe extern "system" fn lost(
+            _: ash::vk::Queue,
+            _: u32,
+            _: *const ash::vk::SubmitInfo<'_>,
+            _: ash::vk::Fence,
+        ) -> ash::vk::Result {
+            ash::vk::Result::ERROR_DEVICE_LOST
+        }
+        self.gpu.recorder.queue_submit = lost;
+    }
+
     /// Sets barriers as a device without synchronization2 does.
     #[cfg(test)]
     pub(super) fn pretend_old(&mut self) {
