@@ -9,7 +9,8 @@
 //!
 //! | kernel | reads | writes |
 //! |---|---|---|
-//! | [`modulate`] | phases | field |
+//! | [`quantise`] | phases, levels | shown |
+//! | [`modulate`] | phases, or shown | field |
 //! | [`fft`] | field, window or change | the same |
 //! | [`transfer`] | spans | transfer |
 //! | [`taper`] | weights | transfer |
@@ -25,8 +26,8 @@
 //! | [`balance`] | hits | change |
 //! | [`energy`] | field | energy |
 //! | [`even`] | energy, field | change |
-//! | [`project`] | change | phases, velocity |
-//! | [`adam`] | change | phases, first and second moments |
+//! | [`project`] | change, shown | phases, velocity |
+//! | [`adam`] | change, shown | phases, first and second moments |
 
 pub mod adam;
 pub mod balance;
@@ -42,6 +43,7 @@ pub mod overlap;
 pub mod pass_pupil;
 pub mod photograph;
 pub mod project;
+pub mod quantise;
 pub mod resample;
 pub mod return_pupil;
 pub mod taper;

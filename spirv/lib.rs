@@ -56,6 +56,7 @@ modules! {
     PASS_PUPIL = "pass_pupil",
     PHOTOGRAPH = "photograph",
     PROJECT = "project",
+    QUANTISE = "quantise",
     RESAMPLE = "resample",
     RETURN_PUPIL = "return_pupil",
     TAPER = "taper",

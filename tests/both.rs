@@ -125,6 +125,9 @@ impl Case {
 pub fn buffers(shape: &Shape, step: &Step) -> Vec<(Buffer, usize)> {
     let (pixels, points) = (shape.frames * shape.pixels(), 2 * shape.frames * shape.points());
     let mut all = vec![(Buffer::Phases, pixels), (Buffer::Field, points)];
+    if shape.quantised {
+        all.extend([(Buffer::Shown, pixels), (Buffer::Levels, 256)]);
+    }
     if shape.purpose != Purpose::View {
         all.extend([(Buffer::Momentum, pixels), (Buffer::Change, points), (Buffer::Hits, shape.points())]);
         all.push((Buffer::Energy, 256));
@@ -148,7 +151,12 @@ pub fn buffers(shape: &Shape, step: &Step) -> Vec<(Buffer, usize)> {
 /// Contents that make sense in a buffer: phases of a turn, counts of pupils, intensities that are not negative.
 pub fn contents(buffer: Buffer, count: usize, noise: &mut Noise) -> Vec<f32> {
     match buffer {
-        Buffer::Phases => noise.between(count, -3.1, 3.1),
+        Buffer::Phases | Buffer::Shown => noise.between(count, -3.1, 3.1),
+        Buffer::Levels => {
+            let mut levels = noise.between(count, -3.1, 3.1);
+            levels[..11].sort_by(f32::total_cmp);
+            levels
+        }
         Buffer::Hits => noise.between(count, 0.0, 5.0).into_iter().map(f32::floor).collect(),
         Buffer::Energy | Buffer::Second | Buffer::Image(_) | Buffer::Target(_) | Buffer::Accumulator(_) => {
             noise.between(count, 0.0, 1.5)

@@ -239,6 +239,55 @@ fn double_phase_shows_the_central_view() {
     assert!(solution.verdict.mean() > 28.0, "{:?}", solution.verdict.psnr);
 }
 
+/// What is optimised for an SLM's levels is better than the same hologram rounded to them, the more so the fewer.
+#[test]
+fn levels_are_optimised_for() {
+    let problem = problem(96);
+    let mut device = vulkan();
+    for optimizer in [Optimizer::projection(), Optimizer::adam()] {
+        let steps = if matches!(optimizer, Optimizer::Adam { .. }) { 80 } else { 40 };
+        let base = Settings { optimizer, steps, frames: 4, pupils: 8, depth: [-4e-4, 4e-4], ..Settings::default() };
+        let mut engine = CpuEngine::new();
+        let free = solve::solve(&problem, &base, &mut engine, &mut |_| Flow::Continue).unwrap();
+        // Adam's straight-through steps win nothing; they must lose nothing either.
+        let gains = if matches!(optimizer, Optimizer::Adam { .. }) { [-0.15; 3] } else { [0.1, 0.1, -0.05] };
+        for (n, gain) in [2, 4, 256].into_iter().zip(gains) {
+            let levels = solve::even_levels(n);
+            let settings = Settings { levels: Some(levels.clone()), ..base.clone() };
+            let solved = solve::solve(&problem, &settings, &mut engine, &mut |_| Flow::Continue).unwrap();
+            let nearest = |p: f32| {
+                let off = |l: &f64| (f64::from(p) - l + PI).rem_euclid(TAU) - PI;
+                levels.iter().copied().min_by(|a, b| off(a).abs().total_cmp(&off(b).abs())).unwrap() as f32
+            };
+            let turn = |p: f32, l: f32| (p - l + 3.0 * PI as f32).rem_euclid(TAU as f32) - PI as f32;
+            let far = solved.phases.iter().map(|p| turn(*p, nearest(*p)).abs()).fold(0.0, f32::max);
+            assert!(far < 1e-5, "{n} levels: a phase {far} off any");
+            // The same hologram, rounded after the fact and judged on the same pupils.
+            let rounded: Vec<f32> = free.phases.iter().map(|p| nearest(*p)).collect();
+            let shown = score(&problem, &base, &rounded, &mut engine);
+            let mean = score(&problem, &base, &solved.phases, &mut engine);
+            assert!(mean > shown + gain, "{n} levels, {optimizer:?}: {mean} dB optimised for, {shown} dB rounded");
+            if n == 4 {
+                let other = solve::solve(&problem, &settings, &mut device, &mut |_| Flow::Continue).unwrap();
+                let other = score(&problem, &base, &other.phases, &mut engine);
+                assert!((other - mean).abs() < 0.3, "{other} dB on Vulkan, {mean} on the CPU");
+            }
+        }
+    }
+    assert_silent(device);
+}
+
+/// Mean PSNR through a fixed set of pupils.
+fn score(problem: &Problem, settings: &Settings, phases: &[f32], engine: &mut dyn Engine) -> f64 {
+    let planner = problem.planner(settings.frames, WindowFactor::Full);
+    engine.load(&planner.shape(Purpose::View), Some(Arc::clone(&problem.pyramid))).unwrap();
+    engine.write(Buffer::Phases, phases).unwrap();
+    let e = problem.eyebox;
+    let places = [(0.0, 0.0, 0.5), (0.3, 0.1, 0.2), (-0.2, 0.3, 0.3), (0.1, -0.3, 0.2)];
+    let sights = places.map(|(x, y, d)| Sight::Pupil(Pupil { x: x * e, y: y * e, diameter: d * e, depth: 1e-4 }));
+    solve::Judge::new(engine, &planner, sights.to_vec()).unwrap().judge(engine, &planner).unwrap().mean()
+}
+
 /// The list of a method names its kernels where they belong.
 #[test]
 fn the_lists_of_methods() {

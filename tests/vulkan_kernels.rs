@@ -60,6 +60,27 @@ kernels! {
     exposure: Exposure, View, PROJECTION, 1.0;
 }
 
+/// An SLM with levels: what it shows makes the field, and the phases behind move.
+#[test]
+fn levels() {
+    let (mut engine, mut twin) = (vulkan(), CpuEngine::new());
+    for (height, width, padding) in SIZES {
+        let mut case = Case::new(height, width, padding, 15e-3, 3);
+        case.planner.levels = 11;
+        for (kernel, purpose, mode) in [
+            (Kernel::Quantise, Purpose::View, PROJECTION),
+            (Kernel::Modulate, Purpose::View, PROJECTION),
+            (Kernel::Project, Purpose::Project, PROJECTION),
+            (Kernel::Adam, Purpose::Adam, INTENSITY),
+        ] {
+            let step = case.single(purpose, mode, 0.5, kernel);
+            let worst = compare(&mut engine, &mut twin, &case, purpose, &step);
+            assert!(worst < 1e-10, "{} at {height} x {width} (+{padding}): {worst:e}", kernel.name());
+        }
+    }
+    assert_silent(engine);
+}
+
 /// The phase runs to thousands of turns, and no turn is lost; the twin computes it in float64.
 #[test]
 fn transfer_at_every_depth() {

@@ -145,7 +145,7 @@ fn sums_say_what_images_say() {
             let targets = pool(evaluate::photographs(engine, &case.planner, &case.pupils).unwrap());
             let pairs = || images.iter().zip(&targets);
             let exposure = evaluate::fit_exposure(pairs().map(|(i, t)| (&i[..], &t[..]))).unwrap();
-            let sights: Vec<Sight> = case.pupils.iter().map(|p| Sight::Pupil(*p)).collect();
+            let sights: Vec<_> = case.pupils.iter().map(|p| Sight::Pupil(*p)).collect();
             let sums = evaluate::sums(engine, &case.planner, &sights).unwrap();
             for ((image, target), sums) in pairs().zip(&sums) {
                 let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum();

@@ -19,6 +19,7 @@ use eyebox_kernels::{
     pass_pupil::pass_pupil,
     photograph::photograph,
     project::project,
+    quantise::{self, quantise},
     resample::resample,
     return_pupil::return_pupil,
     taper::{self, taper},
@@ -65,6 +66,8 @@ pub struct CpuEngine {
     shape: Shape,
     views: Option<Arc<Pyramid>>,
     phases: Vec<f32>,
+    shown: Vec<f32>,
+    levels: Vec<f32>,
     momentum: Vec<f32>,
     second: Vec<f32>,
     field: Vec<Complex32>,
@@ -86,9 +89,11 @@ impl CpuEngine {
     pub fn new() -> Self {
         let place = bytemuck::Zeroable::zeroed();
         Self {
-            shape: Shape { frames: 0, place, purpose: Purpose::View },
+            shape: Shape { frames: 0, place, purpose: Purpose::View, quantised: false },
             views: None,
             phases: Vec::new(),
+            shown: Vec::new(),
+            levels: Vec::new(),
             momentum: Vec::new(),
             second: Vec::new(),
             field: Vec::new(),
@@ -103,50 +108,74 @@ impl CpuEngine {
 
     /// Frame by frame through all of `group`.
     fn run_frames(&mut self, step: &Step, group: &[Dispatch]) {
-        let Self { shape, phases, momentum, second, field, change, hits, energy, slots, plans, clock, .. } = self;
+        let Self {
+            shape,
+            phases,
+            shown,
+            levels,
+            momentum,
+            second,
+            field,
+            change,
+            hits,
+            energy,
+            slots,
+            plans,
+            clock,
+            ..
+        } = self;
         let (pixels, points) = (shape.pixels(), shape.points());
         let wide = shape.frames < rayon::current_num_threads() && points >= SPLIT;
         // Buffers that this purpose lacks, and those that none of these kernels writes, become empty frames.
         let frames = shape.frames;
         let phases = frames_of(phases, pixels, frames);
+        let shown = frames_of(shown, pixels, frames);
         let momentum = frames_of(momentum, pixels, frames);
         let second = frames_of(second, pixels, frames);
         let field = frames_of(field, points, frames);
         let change = frames_of(change, points, frames);
-        let mut all: Vec<_> = phases.into_iter().zip(momentum).zip(second).zip(field).zip(change).collect();
-        let (hits, energy, slots) = (&*hits, &*energy, &*slots);
-        let run =
-            |f: usize, ((((phases, momentum), second), field), change): FrameBuffers, turned: &mut Vec<Complex32>| {
-                let (gh, gw) = (shape.place.grid_height as usize, shape.place.grid_width as usize);
-                let mut fft = |frame: &mut [Complex32], direction| {
-                    if wide {
-                        plans.fft_wide(frame, gh, gw, direction, step.columns, turned);
-                    } else {
-                        plans.fft(frame, gh, gw, direction, step.columns);
-                    }
-                };
-                for dispatch in group {
-                    clock.time(dispatch.kernel, || match dispatch.kernel {
-                        Kernel::Modulate => modulate(&shape.place, phases, field),
-                        Kernel::FieldForward => fft(field, Direction::Forward),
-                        Kernel::ReturnPupil => {
-                            for (lane, slot) in step.lanes[dispatch.lanes.clone()].iter().zip(slots) {
-                                let window = &slot.window[f * lane.count()..][..lane.count()];
-                                return_pupil(&lane.back, window, &slot.transfer, &lane.spans, change);
-                            }
-                        }
-                        Kernel::Balance => balance::balance(&step.balance, hits, change),
-                        Kernel::Even => {
-                            let patches = step.even.place.patches as usize;
-                            even::even(&step.even, &energy[..patches * patches], field, change);
-                        }
-                        Kernel::ChangeInverse => fft(change, Direction::Inverse),
-                        Kernel::Project => project(&step.project, change, phases, momentum),
-                        Kernel::Adam => adam::adam(&step.adam, change, phases, momentum, second),
-                        other => unreachable!("{} does not run over frames", other.name()),
-                    });
+        let mut all: Vec<_> = phases.into_iter().zip(shown).zip(momentum).zip(second).zip(field).zip(change).collect();
+        let (levels, hits, energy, slots) = (&*levels, &*hits, &*energy, &*slots);
+        let run = |f: usize,
+                   (((((phases, shown), momentum), second), field), change): FrameBuffers,
+                   turned: &mut Vec<Complex32>| {
+            let (gh, gw) = (shape.place.grid_height as usize, shape.place.grid_width as usize);
+            let mut fft = |frame: &mut [Complex32], direction| {
+                if wide {
+                    plans.fft_wide(frame, gh, gw, direction, step.columns, turned);
+                } else {
+                    plans.fft(frame, gh, gw, direction, step.columns);
                 }
             };
+            for dispatch in group {
+                clock.time(dispatch.kernel, || match dispatch.kernel {
+                    Kernel::Quantise => quantise(&step.quantise, phases, levels, shown),
+                    Kernel::Modulate if shape.quantised => modulate(&shape.place, shown, field),
+                    Kernel::Modulate => modulate(&shape.place, phases, field),
+                    Kernel::FieldForward => fft(field, Direction::Forward),
+                    Kernel::ReturnPupil => {
+                        for (lane, slot) in step.lanes[dispatch.lanes.clone()].iter().zip(slots) {
+                            let window = &slot.window[f * lane.count()..][..lane.count()];
+                            return_pupil(&lane.back, window, &slot.transfer, &lane.spans, change);
+                        }
+                    }
+                    Kernel::Balance => balance::balance(&step.balance, hits, change),
+                    Kernel::Even => {
+                        let patches = step.even.place.patches as usize;
+                        even::even(&step.even, &energy[..patches * patches], field, change);
+                    }
+                    Kernel::ChangeInverse => fft(change, Direction::Inverse),
+                    Kernel::Project => {
+                        project(&step.project, change, shape.quantised.then_some(&*shown), phases, momentum)
+                    }
+                    Kernel::Adam => {
+                        let shown = shape.quantised.then_some(&*shown);
+                        adam::adam(&step.adam, change, shown, phases, momentum, second);
+                    }
+                    other => unreachable!("{} does not run over frames", other.name()),
+                });
+            }
+        };
         if wide {
             let mut turned = Vec::new();
             for (f, buffers) in all.into_iter().enumerate() {
@@ -233,6 +262,8 @@ impl CpuEngine {
     fn state(&self, buffer: Buffer) -> Option<&[f32]> {
         Some(match buffer {
             Buffer::Phases => &self.phases,
+            Buffer::Shown => &self.shown,
+            Buffer::Levels => &self.levels,
             Buffer::Momentum => &self.momentum,
             Buffer::Second => &self.second,
             Buffer::Field => bytemuck::cast_slice(&self.field),
@@ -255,7 +286,8 @@ impl Default for CpuEngine {
     }
 }
 
-type FrameBuffers<'a> = ((((&'a mut [f32], &'a mut [f32]), &'a mut [f32]), &'a mut [Complex32]), &'a mut [Complex32]);
+type FrameBuffers<'a> =
+    (((((&'a mut [f32], &'a mut [f32]), &'a mut [f32]), &'a mut [f32]), &'a mut [Complex32]), &'a mut [Complex32]);
 
 fn frames_of<T>(buffer: &mut [T], size: usize, frames: usize) -> Vec<&mut [T]> {
     if buffer.is_empty() {
@@ -345,6 +377,8 @@ impl Engine for CpuEngine {
         self.views = views;
         self.shape = *shape;
         renew(&mut self.phases, pixels, "phases")?;
+        renew(&mut self.shown, if shape.quantised { pixels } else { 0 }, "shown")?;
+        renew(&mut self.levels, if shape.quantised { quantise::MOST } else { 0 }, "levels")?;
         renew(&mut self.momentum, if descends { pixels } else { 0 }, "momentum")?;
         renew(&mut self.second, if shape.purpose == Purpose::Adam { pixels } else { 0 }, "second moment")?;
         renew(&mut self.field, points, "field")?;
@@ -354,7 +388,7 @@ impl Engine for CpuEngine {
     }
 
     fn write(&mut self, buffer: Buffer, data: &[f32]) -> Result<(), EngineError> {
-        let Self { phases, momentum, second, field, change, hits, energy, slots, .. } = self;
+        let Self { phases, shown, levels, momentum, second, field, change, hits, energy, slots, .. } = self;
         let slot = |i: usize, slots: &mut Vec<Slot>| {
             if slots.len() <= i {
                 slots.resize_with(i + 1, Slot::default);
@@ -376,6 +410,8 @@ impl Engine for CpuEngine {
         };
         let done = match buffer {
             Buffer::Phases => real(phases, true),
+            Buffer::Shown => real(shown, true),
+            Buffer::Levels => real(levels, true),
             Buffer::Momentum => real(momentum, true),
             Buffer::Second => real(second, true),
             Buffer::Hits => real(hits, true),

@@ -49,6 +49,9 @@ impl Handover {
 /// Buffers of a shape. `Second` only where Adam needs it.
 fn shape_buffers(shape: &Shape) -> Vec<Buffer> {
     let mut all = vec![Buffer::Phases, Buffer::Field];
+    if shape.quantised {
+        all.extend([Buffer::Shown, Buffer::Levels]);
+    }
     if shape.purpose != Purpose::View {
         all.extend([Buffer::Momentum, Buffer::Change, Buffer::Hits, Buffer::Energy]);
     }

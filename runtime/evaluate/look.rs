@@ -26,16 +26,18 @@ pub fn images(engine: &mut dyn Engine, planner: &Planner, sights: &[Sight]) -> R
     let count = lanes.len();
     let mut step = planner.view_step(lanes);
     // One pupil after the other: at full size, one holds as much memory as the field.
-    let (shared, per_pupil) = step.list.split_at(2);
+    let shared = step.list.iter().take_while(|d| d.lanes.is_empty()).count();
+    let (shared, per_pupil) = step.list.split_at(shared);
     let (shared, per_pupil) = (shared.to_vec(), per_pupil.iter().map(|d| d.kernel).collect::<Vec<_>>());
     step.list = shared;
     for i in 0..count {
         step.list.extend(per_pupil.iter().map(|&kernel| Dispatch { kernel, lanes: i..i + 1 }));
     }
-    engine.run_part(&step, 0..2)?;
+    let first = step.list.len() - count * per_pupil.len();
+    engine.run_part(&step, 0..first)?;
     (0..count)
         .map(|i| {
-            let from = 2 + i * per_pupil.len();
+            let from = first + i * per_pupil.len();
             engine.run_part(&step, from..from + per_pupil.len())?;
             Ok(crop(&planner, engine.read(Buffer::Image(0))?))
         })

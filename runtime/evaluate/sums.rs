@@ -1,12 +1,12 @@
 //! The three sums from which exposure and PSNR follow, summed where the images are: no image is read back.
 
 use super::EvaluateError;
-use crate::engine::{Buffer, Engine, EngineError, Lane};
+use crate::engine::{Buffer, Engine, EngineError};
 use crate::optics::WindowFactor;
 use crate::plan::{Comparison, Planner, Sight};
 use eyebox_kernels::exposure::PART;
 
-/// What one pupil's image `I` and target `T`, averaged over 2 x 2 pixels, come to.
+/// What one sight's image `I` and target `T`, averaged over 2 x 2 pixels, come to.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Sums {
     /// `<I, T>`.
@@ -57,10 +57,11 @@ pub fn sums(engine: &mut dyn Engine, planner: &Planner, sights: &[Sight]) -> Res
     let planner = Planner { factor: WindowFactor::Full, ..planner.clone() };
     let lanes = sights.iter().map(|s| planner.sight(s, &Comparison::default())).collect();
     let step = planner.exposure_step(lanes);
-    engine.run_part(&step, 0..2)?;
-    let (each, place) = ((step.list.len() - 2) / step.lanes.len().max(1), planner.place());
-    let one = |(i, lane): (usize, &Lane)| {
-        engine.run_part(&step, 2 + i * each..2 + (i + 1) * each)?;
+    let shared = step.list.iter().take_while(|d| d.lanes.is_empty()).count();
+    engine.run_part(&step, 0..shared)?;
+    let (each, place) = ((step.list.len() - shared) / step.lanes.len().max(1), planner.place());
+    let one = |(i, lane): (usize, &crate::plan::Lane)| {
+        engine.run_part(&step, shared + i * each..shared + (i + 1) * each)?;
         Ok(Sums::of_parts(&engine.read(Buffer::Sums(0))?, lane.exposure(&place).pixels()))
     };
     step.lanes.iter().enumerate().map(one).collect()

@@ -61,12 +61,14 @@ pub struct Planner {
     pub factor: WindowFactor,
     /// The views; none where only the wave is looked at.
     pub views: Option<Views>,
+    /// Levels that the SLM can show; 0 for any phase.
+    pub levels: usize,
 }
 
 impl Planner {
     /// Without padding and without views.
     pub fn new(slm: Optics, frames: usize, factor: WindowFactor) -> Self {
-        Self { slm, grid: slm, frames, factor, views: None }
+        Self { slm, grid: slm, frames, factor, views: None, levels: 0 }
     }
 
     /// With zeros around the SLM.
@@ -88,7 +90,7 @@ impl Planner {
 
     /// The buffers that an engine needs.
     pub fn shape(&self, purpose: Purpose) -> Shape {
-        Shape { frames: self.frames, place: self.place(), purpose }
+        Shape { frames: self.frames, place: self.place(), purpose, quantised: self.levels > 0 }
     }
 
     /// What `pupil` needs. The scale of the way back makes `change` the wanted change of the field after an

@@ -3,7 +3,7 @@
 use crate::optics::Window;
 use eyebox_kernels::{
     adam, balance, compare, even, exposure, fft::Columns, intensity, modulate, pass_pupil, photograph, project,
-    resample, transfer,
+    quantise, resample, transfer,
 };
 use std::ops::Range;
 
@@ -12,7 +12,9 @@ use std::ops::Range;
 pub enum Kernel {
     /// Zeroes `Change` and `Hits`.
     Clear,
-    /// `Phases` -> `Field`.
+    /// `Phases`, `Levels` -> `Shown`.
+    Quantise,
+    /// `Phases`, or `Shown` where the SLM has levels -> `Field`.
     Modulate,
     /// `Field`, forward, in the step's columns.
     FieldForward,
@@ -69,8 +71,9 @@ pub enum Scope {
 
 impl Kernel {
     /// All of them.
-    pub const ALL: [Self; 22] = [
+    pub const ALL: [Self; 23] = [
         Self::Clear,
+        Self::Quantise,
         Self::Modulate,
         Self::FieldForward,
         Self::Energy,
@@ -98,6 +101,7 @@ impl Kernel {
     pub fn name(self) -> &'static str {
         [
             "clear",
+            "quantise",
             "modulate",
             "field_forward",
             "energy",
@@ -131,7 +135,8 @@ impl Kernel {
     pub fn scope(self) -> Scope {
         match self {
             Self::Clear | Self::Energy | Self::Overlap => Scope::Whole,
-            Self::Modulate
+            Self::Quantise
+            | Self::Modulate
             | Self::FieldForward
             | Self::ReturnPupil
             | Self::Balance
@@ -149,6 +154,10 @@ impl Kernel {
 pub enum Buffer {
     /// Phases, radians: (frames, height, width).
     Phases,
+    /// The levels nearest to them, which the SLM shows: (frames, height, width).
+    Shown,
+    /// Phases of the levels, ascending: `quantise::MOST`, of which the first are used.
+    Levels,
     /// The projection's velocity, Adam's first moment: (frames, height, width).
     Momentum,
     /// Adam's second moment: (frames, height, width).
@@ -195,6 +204,8 @@ pub struct Shape {
     pub place: modulate::Args,
     /// Which buffers are needed.
     pub purpose: Purpose,
+    /// Whether the SLM has levels: `Shown` and `Levels`.
+    pub quantised: bool,
 }
 
 impl Shape {
@@ -295,6 +306,8 @@ pub struct Step {
     pub lanes: Vec<Lane>,
     /// Columns of the spectrum that any pupil passes.
     pub columns: Columns,
+    /// Arguments of `quantise`; no levels where any phase can be shown.
+    pub quantise: quantise::Args,
     /// Arguments of `balance`.
     pub balance: balance::Args,
     /// Arguments of `even`, and, inside, of `energy`.

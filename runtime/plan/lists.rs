@@ -1,7 +1,7 @@
 //! The lists that engines run.
 
 use super::{Dispatch, Kernel, Lane, Planner, Step};
-use eyebox_kernels::{adam, balance, energy, even, fft::Columns, project};
+use eyebox_kernels::{adam, balance, energy, even, fft::Columns, project, quantise};
 use std::ops::Range;
 
 impl Planner {
@@ -39,7 +39,7 @@ impl Planner {
         let all = 0..lanes.len();
         let mut step = self.empty(lanes);
         let tapered = step.lanes.iter().any(|lane| lane.taper.is_some());
-        step.list.extend([Kernel::Modulate, Kernel::FieldForward].map(|kernel| Dispatch { kernel, lanes: 0..0 }));
+        step.list.extend(self.to_spectrum());
         let kernels = [Kernel::Transfer, Kernel::Taper, Kernel::PassPupil, Kernel::WindowInverse, Kernel::Intensity];
         let kernels = kernels.into_iter().filter(|k| tapered || *k != Kernel::Taper);
         step.list.extend(kernels.map(|kernel| Dispatch { kernel, lanes: all.clone() }));
@@ -51,18 +51,6 @@ impl Planner {
         let all = 0..lanes.len();
         let mut step = self.empty(lanes);
         step.list.extend([Kernel::Photograph, Kernel::Resample].map(|kernel| Dispatch { kernel, lanes: all.clone() }));
-        step
-    }
-
-    /// What is seen, what should be seen, and the sums of both, lane after lane: the first two entries are shared, then
-    /// come as many entries for each lane, which leave its `Sums` in slot 0.
-    pub fn exposure_step(&self, lanes: Vec<Lane>) -> Step {
-        let mut step = self.view_step(lanes);
-        let each: Vec<Kernel> = step.list.drain(2..).map(|d| d.kernel).collect();
-        let more = [Kernel::Photograph, Kernel::Resample, Kernel::Exposure];
-        for i in 0..step.lanes.len() {
-            step.list.extend(each.iter().chain(&more).map(|&kernel| Dispatch { kernel, lanes: i..i + 1 }));
-        }
         step
     }
 
@@ -118,6 +106,36 @@ impl Planner {
         step
     }
 
+    /// From phases to the spectrum.
+    fn to_spectrum(&self) -> impl Iterator<Item = Dispatch> + use<> {
+        let first = (self.levels > 0).then_some(Kernel::Quantise);
+        let all = first.into_iter().chain([Kernel::Modulate, Kernel::FieldForward]);
+        all.map(|kernel| Dispatch { kernel, lanes: 0..0 })
+    }
+    /// What each sight shows, what it should show, and the sums of both, one sight after the other: after the entries
+    /// that look at no lane, each lane has as many as the others, and leaves its `Sums` in slot 0.
+    pub fn exposure_step(&self, lanes: Vec<Lane>) -> Step {
+        let count = lanes.len();
+        let mut step = self.empty(lanes);
+        let tapered = step.lanes.iter().any(|lane| lane.taper.is_some());
+        step.list.extend(self.to_spectrum());
+        let kernels = [
+            Kernel::Transfer,
+            Kernel::Taper,
+            Kernel::PassPupil,
+            Kernel::WindowInverse,
+            Kernel::Intensity,
+            Kernel::Photograph,
+            Kernel::Resample,
+            Kernel::Exposure,
+        ];
+        for i in 0..count {
+            let kernels = kernels.into_iter().filter(|k| tapered || *k != Kernel::Taper);
+            step.list.extend(kernels.map(|kernel| Dispatch { kernel, lanes: i..i + 1 }));
+        }
+        step
+    }
+
     fn empty(&self, lanes: Vec<Lane>) -> Step {
         let columns = Columns::union(self.grid.width, lanes.iter().map(Lane::grid_columns));
         let place = self.place();
@@ -125,6 +143,11 @@ impl Planner {
             list: Vec::new(),
             columns,
             balance: balance::Args { grid_height: place.grid_height, grid_width: place.grid_width, power: 1.0 },
+            quantise: quantise::Args {
+                count: (self.slm.height * self.slm.width) as u32,
+                levels: self.levels as u32,
+                hardness: 1.0,
+            },
             even: self.even(0.0, 1, false, 0.0),
             project: project::Args { place, gain: 0.0, momentum: 0.0 },
             adam: adam::Args {
@@ -148,7 +171,8 @@ impl Planner {
         let tapered = step.lanes.iter().any(|lane| lane.taper.is_some());
         let balanced = balanced && !tapered;
         let whole = |kernel| Dispatch { kernel, lanes: 0..0 };
-        step.list.extend([Kernel::Modulate, Kernel::FieldForward, Kernel::Clear].map(whole));
+        step.list.extend(self.to_spectrum());
+        step.list.push(whole(Kernel::Clear));
         for lanes in groups {
             let over = |kernel| Dispatch { kernel, lanes: lanes.clone() };
             if balanced {

@@ -112,6 +112,22 @@ impl<'a> Request<'a> {
     }
 }
 
+/// Rows and columns of a source's own pictures, from their names and headers alone; none for built-in scenes, which
+/// have any size.
+///
+/// # Errors
+/// Any [`SceneError`] that names and headers can cause.
+pub fn native_size(source: &str) -> Result<Option<[usize; 2]>, SceneError> {
+    let path = Path::new(source);
+    if let Some(name) = source.strip_prefix("builtin:") {
+        return builtin::check(name).map(|()| None);
+    }
+    if !path.exists() {
+        return Err(SceneError::NotFound { path: source.into(), what: "folder, picture or built-in scene" });
+    }
+    if path.is_dir() { folder::list(path).map(|l| Some(l.size)) } else { picture::size(path).map(Some) }
+}
+
 /// Loads a scene and fits it to the display ([`Fit::Contain`]).
 ///
 /// # Errors

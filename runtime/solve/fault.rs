@@ -25,6 +25,7 @@ pub(super) fn first_fault(engine: &mut dyn Engine, step: &Step) -> Result<Option
         }
         let slots = 0..dispatch.lanes.len();
         let written: Vec<Buffer> = match dispatch.kernel {
+            Kernel::Quantise => vec![Buffer::Shown],
             Kernel::Modulate | Kernel::FieldForward => vec![Buffer::Field],
             Kernel::Energy => vec![Buffer::Energy],
             Kernel::ReturnPupil => vec![Buffer::Change],

@@ -18,5 +18,5 @@ pub use judge::{Judge, Verdict};
 pub use method::Method;
 pub use problem::Problem;
 pub use sampling::{Diameters, PupilRange, Sampler, Sequence, SplitMix, random_phases};
-pub use settings::{Optimizer, Settings, cosine};
+pub use settings::{Optimizer, Settings, cosine, even_levels};
 pub use solver::{Flow, Progress, Solution, SolveError, Stop, solve};

@@ -82,7 +82,7 @@ impl Run<'_> {
         let comparison = Comparison { mode, exposure: self.exposure, batch, ..Comparison::default() };
         let lanes = (0..batch).map(|_| planner.sight(&sights.draw(), &comparison)).collect();
         let in_flight = settings.window_bytes / size_of::<eyebox_kernels::Complex32>();
-        let step = match settings.optimizer {
+        let mut step = match settings.optimizer {
             Optimizer::Projection { gain, momentum, overlap_power } => {
                 // Overlap to a power below one grows with the batch: what ten pupils ask for is the unit (OPTICS 6e).
                 let share = (batch as f64 / 10.0).powf(1.0 - overlap_power);
@@ -92,6 +92,8 @@ impl Run<'_> {
             }
             Optimizer::Adam { rate, .. } => planner.adam_step(lanes, in_flight, t, cosine(rate, progress)),
         };
+        // Levels come on softly: a phase that is thrown from level to level from the start finds no good one.
+        step.quantise.hardness = progress.powi(2) as f32;
         if settings.method == Method::PupilAware {
             return planner.with_even(step, self.problem.eyebox, settings.patches, settings.evenness);
         }
@@ -178,7 +180,9 @@ impl Run<'_> {
         let verdict = self.judge.judge(self.engine, &planner)?.in_units_of(self.unit);
         let better = |b: &Judged| verdict.mean() >= b.0.mean() || b.0.mean().is_nan();
         if best.as_ref().is_none_or(better) {
-            let phases = self.engine.read(Buffer::Phases)?;
+            // What was judged is what the SLM shows.
+            let shown = if self.planner.levels > 0 { Buffer::Shown } else { Buffer::Phases };
+            let phases = self.engine.read(shown)?;
             if best.is_none() || phases.iter().all(|p| p.is_finite()) {
                 *best = Some((verdict, phases, step));
             }

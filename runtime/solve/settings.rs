@@ -80,6 +80,8 @@ pub struct Settings {
     pub evenness: f64,
     /// Patches of the eyebox along each axis, 1 to 16, whose light is evened out.
     pub patches: usize,
+    /// Phases that the SLM can show, radians, 1 to 256 of them: what is optimised for, straight-through. None: any phase.
+    pub levels: Option<Vec<f64>>,
     /// Bytes that the windows of pupils in flight may take.
     pub window_bytes: usize,
 }
@@ -105,6 +107,7 @@ impl Default for Settings {
             stft_samples: None,
             evenness: 0.5,
             patches: 9,
+            levels: None,
             window_bytes: 256 << 20,
         }
     }
@@ -152,11 +155,32 @@ impl Settings {
         if !(1..=eyebox_kernels::energy::MOST as usize).contains(&self.patches) {
             return wrong("the number of patches along the eyebox", self.patches.to_string(), "1 to 16");
         }
+        if let Some(levels) = &self.levels {
+            if !(1..=eyebox_kernels::quantise::MOST).contains(&levels.len()) {
+                return wrong("the number of phase levels", levels.len().to_string(), "1 to 256");
+            }
+            if let Some(level) = levels.iter().find(|l| !(l.is_finite() && l.abs() < 1e6)) {
+                return wrong("a phase level (rad)", level.to_string(), "a finite number of ordinary size");
+            }
+        }
         match self.efficiency {
             Some(e) if !(e > 0.0 && e <= 1.0) => wrong("the efficiency", e.to_string(), "above 0, at most 1"),
             _ => Ok(()),
         }
     }
+}
+
+/// `n` levels evenly spaced over a turn, the first at 0: what a linear SLM of `n` grey levels shows.
+pub fn even_levels(n: usize) -> Vec<f64> {
+    (0..n).map(|i| i as f64 * std::f64::consts::TAU / n as f64).collect()
+}
+
+/// Levels as the kernel `quantise` takes them: wrapped, ascending, filled up.
+pub(super) fn level_table(levels: &[f64]) -> Vec<f32> {
+    let mut table: Vec<f32> = levels.iter().map(|l| eyebox_kernels::trig::wrap(*l as f32)).collect();
+    table.sort_by(f32::total_cmp);
+    table.resize(eyebox_kernels::quantise::MOST, f32::MAX);
+    table
 }
 
 /// A half cosine from `from` to `to` as `progress` goes from 0 to 1.

@@ -2,6 +2,7 @@
 
 use super::method::Sights;
 use super::run::Run;
+use super::settings::level_table;
 use super::{Judge, Method, Optimizer, Problem, Settings, Verdict, dpac};
 use crate::engine::{Buffer, Engine, EngineError};
 use crate::plan::{Kernel, Purpose};
@@ -112,6 +113,7 @@ pub fn solve(
     }
     let given = if settings.method.is_iterative() { None } else { Some(dpac::phases(problem, settings, engine)?) };
     let mut planner = problem.planner(computed.frames, settings.window);
+    planner.levels = settings.levels.as_ref().map_or(0, Vec::len);
     // A scene of 1e30, or of 1e-30, is solved as if its brightest value were about 1.
     let unit = problem.unit();
     if let Some(views) = &mut planner.views {
@@ -120,6 +122,9 @@ pub fn solve(
     let purpose = if matches!(computed.optimizer, Optimizer::Adam { .. }) { Purpose::Adam } else { Purpose::Project };
     let purpose = if given.is_some() { Purpose::View } else { purpose };
     engine.load(&planner.shape(purpose), Some(Arc::clone(&problem.pyramid)))?;
+    if let Some(levels) = &settings.levels {
+        engine.write(Buffer::Levels, &level_table(levels))?;
+    }
     // Held out: what the method looks through (pupils by the paper's distribution), from another seed.
     let uniform = Settings { diameters: super::Diameters::Uniform, ..computed.clone() };
     let mut held_out = Sights::new(problem, &uniform, !settings.seed);
@@ -127,6 +132,7 @@ pub fn solve(
     if let Some(phases) = given {
         engine.write(Buffer::Phases, &phases)?;
         let verdict = judge.judge(engine, &planner)?.in_units_of(unit);
+        let phases = if planner.levels > 0 { engine.read(Buffer::Shown)? } else { phases };
         let (exposure, seconds) = (verdict.exposure, start.elapsed().as_secs_f64());
         let efficiency = problem.mean / exposure;
         return Ok(Solution { phases, exposure, efficiency, verdict, steps: 0, seconds, stop: Stop::Steps });

@@ -37,6 +37,11 @@ pub enum Command {
     /// Measure a hologram against its scene over many pupils
     #[command(after_help = "Example:\n  eyebox score still-life.zarr builtin:still-life --pupils random:16")]
     Score(Score),
+    /// Compare methods over every group of pupils, and write a report of it
+    #[command(
+        after_help = "Examples:\n  eyebox evaluate builtin:still-life --size 256x256 -o comparison\n  eyebox evaluate lightfield/ builtin:dense-grass --size 256x256 --methods slfh,lf2fs --frames 1,8 -o comparison\n  eyebox evaluate builtin:still-life --hologram mine=still-life.zarr -o comparison\n\nMethods: slfh, lf2fs, stft, stft-unfiltered, stft-exact, smooth, dpac, pupil-aware"
+    )]
+    Evaluate(Box<crate::evaluate::Evaluate>),
     /// Write a hologram's phases as an array, or as grey pictures
     #[command(
         after_help = "Examples:\n  eyebox export still-life.zarr -o phases.npy\n  eyebox export still-life.zarr -o frames"
@@ -190,6 +195,10 @@ pub struct Solve {
     /// Pixels of the STFT's window along each axis [default: the number of views]
     #[arg(long, value_name = "N")]
     pub stft_samples: Option<usize>,
+    /// Phase levels of the SLM to optimise for: how many, evenly spaced, or a file with one phase (rad) a line
+    /// [default: any phase]
+    #[arg(long, value_name = "N|FILE")]
+    pub levels: Option<String>,
     /// Weight of the light's evenness over the eyebox, for pupil-aware
     #[arg(long, default_value_t = 0.5, value_name = "W")]
     pub evenness: f64,
@@ -393,7 +402,7 @@ fn size(text: &str) -> Result<[usize; 2], String> {
 }
 
 /// Millimetres in, metres out.
-fn range(text: &str) -> Result<[f64; 2], String> {
+pub fn range(text: &str) -> Result<[f64; 2], String> {
     let form = "MIN..MAX in mm, such as -3..3.5";
     let [low, high] = numbers::<2>(text.split("..").collect(), form)?;
     if low <= high && low.is_finite() && high.is_finite() {
@@ -404,7 +413,7 @@ fn range(text: &str) -> Result<[f64; 2], String> {
 }
 
 /// Millimetres in, metres out; either order.
-fn depths(text: &str) -> Result<[f64; 2], String> {
+pub fn depths(text: &str) -> Result<[f64; 2], String> {
     match range(text) {
         Ok(range) => Ok(range),
         Err(reason) => {
@@ -415,7 +424,7 @@ fn depths(text: &str) -> Result<[f64; 2], String> {
     }
 }
 
-fn positive(text: &str) -> Result<f64, String> {
+pub fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(v) if v.is_finite() && v > 0.0 => Ok(v),
         _ => Err("expected a positive number".into()),

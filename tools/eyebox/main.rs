@@ -1,4 +1,4 @@
-//! The `eyebox` command: `demo`, `solve`, `view`, `photograph`, `score`, `export`, `bench`, `devices`.
+//! The `eyebox` command: `demo`, `solve`, `view`, `photograph`, `score`, `evaluate`, `export`, `bench`, `devices`.
 //!
 //! This room reads arguments, calls the runtime, and shows what came of it. Anything that a program would want to call
 //! belongs in the runtime. Errors are one line on standard error and exit code 2; nothing half-written stays behind.
@@ -8,10 +8,12 @@ mod bench;
 mod common;
 mod demo;
 mod devices;
+mod evaluate;
 mod export;
 mod failure;
 mod photograph;
 mod progress;
+mod report;
 mod score;
 mod solve;
 mod view;
@@ -33,6 +35,7 @@ fn main() -> ExitCode {
         Command::View(args) => view::run(args),
         Command::Photograph(args) => photograph::run(args),
         Command::Score(args) => score::run(args),
+        Command::Evaluate(args) => evaluate::run(args),
         Command::Export(args) => export::run(args),
         Command::Bench(args) => bench::run(args),
         Command::Devices(args) => devices::run(args),

@@ -24,6 +24,7 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     let depth = common::depths(&args.scene, &field, &display);
     let mut settings = settings_of(args, &display, depth);
     settings.seconds = args.seconds.map(|s| s / colors.len() as f64);
+    settings.levels = args.levels.as_deref().map(levels).transpose()?;
     settings.check()?;
     let padding = padding(args.padding, &display, &colors, depth)?;
     if !args.json {
@@ -187,6 +188,25 @@ pub fn settings_of(args: &Solve, display: &Display, depth: [f64; 2]) -> Settings
         seed: args.seed,
         ..Settings::default()
     }
+}
+
+/// Levels by their number, or from a file.
+fn levels(text: &str) -> Result<Vec<f64>, Failure> {
+    if let Ok(n) = text.parse::<usize>() {
+        return Ok(solve::even_levels(n.min(1 << 16)));
+    }
+    let wrong = |what: String| Failure::Asked(format!("{text}: {what}"));
+    let size =
+        std::fs::metadata(text).map_err(|e| wrong(format!("neither a number of levels nor a file ({e})")))?.len();
+    if size > 1 << 20 {
+        return Err(wrong("a file of levels has one phase a line, 256 at most".into()));
+    }
+    let file = std::fs::read_to_string(text).map_err(|e| wrong(e.to_string()))?;
+    let lines = file.lines().map(|l| l.split('#').next().unwrap_or("").trim()).enumerate();
+    let phase = |(i, line): (usize, &str)| {
+        line.parse::<f64>().map_err(|_| wrong(format!("line {}: '{line}' is not a phase in radians", i + 1)))
+    };
+    lines.filter(|(_, line)| !line.is_empty()).map(phase).collect()
 }
 
 fn stop_name(stop: Stop) -> &'static str {

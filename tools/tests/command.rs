@@ -428,7 +428,7 @@ fn time_is_a_limit_too() {
 #[test]
 fn help_and_devices_answer() {
     let temp = folder();
-    for command in ["demo", "solve", "view", "photograph", "score", "export", "bench", "devices"] {
+    for command in ["demo", "solve", "view", "photograph", "score", "evaluate", "export", "bench", "devices"] {
         assert!(done(temp.path(), &[command, "--help"]).contains("Example"), "{command}");
     }
     assert!(done(temp.path(), &["devices"]).contains("auto"));
@@ -450,4 +450,12 @@ fn every_method_solves_from_the_command_line() {
     refused(&["--method", "stft", "--stft-filter", "0"], "stft-filter");
     refused(&["--method", "stft", "--stft-samples", "0"], "window of the STFT");
     refused(&["--method", "pupil-aware", "--evenness=-1"], "evenness");
+    refused(&["--levels", "0"], "phase levels");
+    refused(&["--levels", "levels.txt"], "levels.txt");
+    std::fs::write(at.join("levels.txt"), "# measured\n0\n1.5\n3.2\nfour\n").unwrap();
+    refused(&["--levels", "levels.txt"], "line 5");
+    std::fs::write(at.join("levels.txt"), "# measured\n0\n1.5 # second\n\n3.2\n4.7\n").unwrap();
+    for levels in ["levels.txt", "16"] {
+        done(at, &solve("builtin:still-life", "l.npy", &["--levels", levels]));
+    }
 }

@@ -2,7 +2,7 @@
 
 use super::super::{EngineError, Kernel, Lane, Purpose, Shape, Step};
 use super::views::Views;
-use eyebox_kernels::energy;
+use eyebox_kernels::{energy, quantise};
 use std::ops::Range;
 
 /// The dispatches `part` of `step` on buffers of this shape.
@@ -21,6 +21,10 @@ pub(super) fn check(step: &Step, part: &Range<usize>, shape: &Shape, views: Opti
             Kernel::Adam => step.adam.place == shape.place,
             Kernel::Balance => {
                 (step.balance.grid_height, step.balance.grid_width) == (shape.place.grid_height, shape.place.grid_width)
+            }
+            Kernel::Quantise => {
+                step.quantise.count as usize == shape.pixels()
+                    && (1..=quantise::MOST).contains(&(step.quantise.levels as usize))
             }
             Kernel::Energy | Kernel::Even => {
                 let p = &step.even.place;
@@ -45,6 +49,7 @@ pub(super) fn check(step: &Step, part: &Range<usize>, shape: &Shape, views: Opti
             | Kernel::ChangeInverse
             | Kernel::Project => shape.purpose != Purpose::View,
             Kernel::Adam => shape.purpose == Purpose::Adam,
+            Kernel::Quantise => shape.quantised,
             _ => true,
         };
         if !has {

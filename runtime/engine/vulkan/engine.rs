@@ -11,7 +11,7 @@ use super::record::{Stack, Stacks, Work, loss_parts};
 use super::tables::Tables;
 use super::views::Views;
 use crate::scene::Pyramid;
-use eyebox_kernels::energy;
+use eyebox_kernels::{energy, quantise};
 use gpu_allocator::MemoryLocation;
 use std::collections::HashMap;
 use std::ops::Range;
@@ -71,7 +71,7 @@ impl VulkanEngine {
             views: None,
             losses: None,
             transforms: super::fft::transforms(),
-            shape: Shape { frames: 0, place, purpose: Purpose::View },
+            shape: Shape { frames: 0, place, purpose: Purpose::View, quantised: false },
             slots: Vec::new(),
             written: HashMap::new(),
             clock: [(0, 0.0); Kernel::ALL.len()],
@@ -254,6 +254,8 @@ impl Engine for VulkanEngine {
             (complex(when(descends, frames)), "change"),
             (real(shape.points(), when(descends, 1)), "hits"),
             (real((energy::MOST * energy::MOST) as usize, when(descends, 1)), "energy"),
+            (real(shape.pixels(), when(shape.quantised, frames)), "shown"),
+            (real(quantise::MOST, when(shape.quantised, 1)), "levels"),
         ];
         for (at, (layout, what)) in stacks.into_iter().enumerate() {
             self.stacks.0[at] = self.stack(layout, what)?;

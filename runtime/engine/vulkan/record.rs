@@ -30,7 +30,7 @@ pub(super) struct Stack {
 
 /// The buffers of the shape, those that its purpose needs.
 #[derive(Default)]
-pub(super) struct Stacks(pub(super) [Option<Stack>; 7]);
+pub(super) struct Stacks(pub(super) [Option<Stack>; 9]);
 
 impl Stacks {
     /// Where a buffer stands, if it is not a lane's.
@@ -43,8 +43,15 @@ impl Stacks {
             Buffer::Change => 4,
             Buffer::Hits => 5,
             Buffer::Energy => 6,
+            Buffer::Shown => 7,
+            Buffer::Levels => 8,
             _ => return None,
         })
+    }
+
+    /// The phases that make the field.
+    fn shown(&self, shape: &Shape) -> Result<&Stack, EngineError> {
+        self.get(if shape.quantised { Buffer::Shown } else { Buffer::Phases })
     }
 
     pub(super) fn get(&self, buffer: Buffer) -> Result<&Stack, EngineError> {
@@ -99,6 +106,7 @@ impl Work<'_> {
         let lanes = || step.lanes[dispatch.lanes.clone()].iter().zip(slots).enumerate();
         match dispatch.kernel {
             Kernel::Clear => self.clear(),
+            Kernel::Quantise => self.quantise(),
             Kernel::Modulate => self.modulate(),
             Kernel::FieldForward => self.transform(Buffer::Field, Direction::Forward),
             Kernel::ChangeInverse => self.transform(Buffer::Change, Direction::Inverse),
@@ -133,8 +141,25 @@ impl Work<'_> {
         Ok(())
     }
 
+    fn quantise(&mut self) -> Result<(), EngineError> {
+        let (phases, shown) = (self.stacks.get(Buffer::Phases)?, self.stacks.get(Buffer::Shown)?);
+        let levels = self.stacks.get(Buffer::Levels)?;
+        for (first, count) in self.chunks(self.shape.frames, &[&phases.layout]) {
+            let buffers = [
+                phases.layout.range(&phases.block, first, count),
+                levels.layout.range(&levels.block, 0, 1),
+                shown.layout.range(&shown.block, first, count),
+            ];
+            let groups = self.along(phases.layout.values, count);
+            let more = [phases.layout.stride() as u32];
+            self.run(&spirv::QUANTISE, &buffers, &self.step.quantise, &more, groups)?;
+        }
+        Ok(())
+    }
+
     fn modulate(&mut self) -> Result<(), EngineError> {
-        let (phases, field) = (self.stacks.get(Buffer::Phases)?, self.stacks.get(Buffer::Field)?);
+        let stacks = self.stacks;
+        let (phases, field) = (stacks.shown(self.shape)?, stacks.get(Buffer::Field)?);
         let place = &self.shape.place;
         let more = [phases.layout.stride() as u32, field.layout.stride() as u32];
         self.over_frames(&spirv::MODULATE, &[phases, field], place, &more, place.grid_height, place.grid_width)
@@ -190,7 +215,7 @@ impl Work<'_> {
         let (phases, velocity) = (self.stacks.get(Buffer::Phases)?, self.stacks.get(Buffer::Momentum)?);
         let place = &self.shape.place;
         let more = [change.layout.stride() as u32, phases.layout.stride() as u32];
-        let stacks = [change, phases, velocity];
+        let stacks = [change, self.stacks.shown(self.shape)?, phases, velocity];
         self.over_frames(&spirv::PROJECT, &stacks, &self.step.project, &more, place.height, place.width)
     }
 
@@ -200,7 +225,7 @@ impl Work<'_> {
         let second = self.stacks.get(Buffer::Second)?;
         let place = &self.shape.place;
         let more = [change.layout.stride() as u32, phases.layout.stride() as u32];
-        let stacks = [change, phases, first, second];
+        let stacks = [change, self.stacks.shown(self.shape)?, phases, first, second];
         self.over_frames(&spirv::ADAM, &stacks, &self.step.adam, &more, place.height, place.width)
     }
 
