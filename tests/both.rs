@@ -8,10 +8,15 @@ use eyebox::scene::{Pyramid, ViewGrid};
 use eyebox_kernels::exposure::PART;
 use std::sync::{Arc, Mutex, PoisonError};
 
+/// Any device, watched, with a cache of the tests' own.
+pub fn watched() -> Options {
+    let cache = Some(std::env::temp_dir().join("eyebox-tests"));
+    Options { device: None, allow_cpu: true, validation: true, cache }
+}
+
 /// Opens a Vulkan device with validation; a software one will do, and where there is none, the test fails.
 pub fn vulkan() -> VulkanEngine {
-    let options = Options { device: None, allow_cpu: true, validation: true };
-    VulkanEngine::open(&options).unwrap_or_else(|e| panic!("{e}"))
+    VulkanEngine::open(&watched()).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// Fails if the validation layer said anything, the closing of the device included.

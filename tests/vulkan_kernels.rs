@@ -5,7 +5,7 @@ use eyebox::engine::cpu::CpuEngine;
 use eyebox::engine::vulkan::{Options, VulkanEngine};
 use eyebox::engine::{Buffer, Engine, Kernel, Purpose, Shape};
 use eyebox_kernels::compare::{AMPLITUDE, INTENSITY, PROJECTION};
-use eyebox_tests::both::{Case, assert_silent, compare, vulkan};
+use eyebox_tests::both::{Case, assert_silent, compare, vulkan, watched};
 
 const SIZES: [(usize, usize, usize); 6] = [(1, 1, 0), (7, 13, 0), (45, 64, 0), (64, 64, 0), (31, 50, 3), (5, 130, 11)];
 const DEPTHS: [f64; 6] = [0.0, 1e-6, -15e-3, 0.3, 1.0, -1.0];
@@ -107,6 +107,25 @@ fn a_device_that_is_not_there_is_named_and_help_is_offered() {
     let Err(error) = VulkanEngine::open(&options) else { panic!("it opened") };
     let text = error.to_string();
     assert!(text.contains("no such device") && text.contains("tools/setup.sh"), "{text}");
+}
+
+/// What a driver compiled is kept where the options say; a second start finds it.
+#[test]
+fn compiled_pipelines_are_kept_where_they_are_wanted() {
+    let temp = tempfile::tempdir().expect("a temporary folder");
+    let folder = temp.path().join("cache");
+    let run = || {
+        let mut engine = VulkanEngine::open(&Options { cache: Some(folder.clone()), ..watched() }).expect("a device");
+        let case = Case::new(7, 13, 0, 0.0, 1);
+        case.load(&mut engine, Purpose::Project);
+        engine.run(&case.step(Purpose::Project, PROJECTION, 1.0, usize::MAX)).expect("a step");
+        assert_silent(engine);
+        let files: Vec<_> = std::fs::read_dir(&folder).expect("a folder").map(|f| f.expect("a file").path()).collect();
+        assert!(files.len() == 1 && files[0].extension().is_some_and(|e| e == "bin"), "{files:?}");
+        std::fs::metadata(&files[0]).and_then(|m| m.modified()).expect("a time")
+    };
+    // The second start has nothing to add, so it leaves the file as it is.
+    assert_eq!(run(), run());
 }
 
 /// No driver at all: the loader is told to look where there is none.

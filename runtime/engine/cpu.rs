@@ -489,11 +489,11 @@ impl Engine for CpuEngine {
 fn renew<T: Clone + bytemuck::Zeroable>(buffer: &mut Vec<T>, length: usize, what: &str) -> Result<(), EngineError> {
     buffer.clear();
     buffer.shrink_to(length);
-    let wanted_mib = (length * size_of::<T>()) >> 20;
+    let wanted = Some((length as u64).saturating_mul(size_of::<T>() as u64));
     buffer.try_reserve_exact(length).map_err(|_| EngineError::OutOfMemory {
         device: "host".into(),
         what: what.into(),
-        wanted_mib,
+        wanted,
     })?;
     buffer.resize(length, T::zeroed());
     Ok(())

@@ -53,7 +53,9 @@ pub enum Command {
     )]
     Bench(Bench),
     /// List engines and devices, and which one is taken
-    #[command(after_help = "Example:\n  eyebox devices --json")]
+    #[command(
+        after_help = "Example:\n  eyebox devices --json\n\nWhat a Vulkan driver compiled is kept in $XDG_CACHE_HOME/eyebox, else ~/.cache/eyebox."
+    )]
     Devices(Devices),
 }
 

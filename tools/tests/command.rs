@@ -3,8 +3,15 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+/// The command, with a cache of the tests' own.
+fn command(folder: &Path, args: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_eyebox"));
+    command.args(args).current_dir(folder).env("XDG_CACHE_HOME", std::env::temp_dir().join("eyebox-tests"));
+    command
+}
+
 fn eyebox(folder: &Path, args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_eyebox")).args(args).current_dir(folder).output().expect("the command starts")
+    command(folder, args).output().expect("the command starts")
 }
 
 fn text(bytes: &[u8]) -> String {
@@ -70,6 +77,45 @@ fn mistakes_in_arguments_are_one_line() {
     refused(at, &photograph("--pupil=0,0,-3,0"), "x.png", "diameter");
     refused(at, &photograph("--pupil=0,0,3"), "x.png", "x,y,diameter,focus");
     refused(at, &photograph("--pupil=12,0,3,0"), "x.png", "eyebox");
+}
+
+/// Without a driver, and without a loader: Vulkan by name is refused in one line that offers help, and nothing is
+/// written; everything else goes on on the CPU.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_machine_without_vulkan_is_said_in_one_line() {
+    let temp = folder();
+    let at = temp.path();
+    // The loader is told to look for drivers where there are none.
+    let nowhere = at.join("none.json");
+    let no_driver = [("VK_DRIVER_FILES", &nowhere), ("VK_ICD_FILENAMES", &nowhere)];
+    // A file that is no library stands before the loader.
+    let libraries = at.join("libraries");
+    std::fs::create_dir(&libraries).unwrap();
+    for name in ["libvulkan.so.1", "libvulkan.so"] {
+        std::fs::write(libraries.join(name), "no library").unwrap();
+    }
+    let no_loader = [("LD_LIBRARY_PATH", &libraries)];
+    for (environment, reason) in [(&no_driver[..], "no driver"), (&no_loader[..], "loader could not be loaded")] {
+        let run = |args: &[&str]| {
+            let answer = command(at, args).envs(environment.iter().copied()).output().expect("the command starts");
+            (answer.status.code(), text(&answer.stdout), text(&answer.stderr))
+        };
+        let vulkan = ["--engine", "vulkan", "--size", "40x48", "--steps", "1", "--color", "green"];
+        let (code, _, said) = run(&[&["solve", "builtin:plane", "-o", "x.zarr"][..], &vulkan].concat());
+        assert_eq!(code, Some(2), "{said}");
+        assert_eq!(said.trim().lines().count(), 1, "{said}");
+        assert!(said.contains(reason) && said.contains("tools/setup.sh"), "{said}");
+        assert!(!at.join("x.zarr").exists());
+        let (code, said, _) = run(&["devices"]);
+        assert_eq!(code, Some(0), "{said}");
+        let line = said.lines().find(|l| l.starts_with("vulkan")).expect("a line on vulkan");
+        assert!(line.contains(reason) && line.contains("tools/setup.sh"), "{said}");
+        assert!(said.lines().any(|l| l.starts_with("auto     takes the CPU")), "{said}");
+        let auto = ["solve", "builtin:plane", "-o", "a.npy", "--size", "40x48", "--steps", "1", "--color", "green"];
+        assert_eq!(run(&auto).0, Some(0));
+        std::fs::remove_file(at.join("a.npy")).unwrap();
+    }
 }
 
 #[test]

@@ -15,6 +15,7 @@ use eyebox_kernels::{energy, quantise};
 use gpu_allocator::MemoryLocation;
 use std::collections::HashMap;
 use std::ops::Range;
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
 /// How a device is chosen and watched.
@@ -26,6 +27,9 @@ pub struct Options {
     pub allow_cpu: bool,
     /// Whether the validation layer watches (slow; it must be installed). See [`VulkanEngine::messages`].
     pub validation: bool,
+    /// Folder in which compiled pipelines are kept for the next start; the user's (`$XDG_CACHE_HOME/eyebox` or
+    /// `~/.cache/eyebox`) if none is given.
+    pub cache: Option<PathBuf>,
 }
 
 /// Sums of the loss, on the device and where the host sees them.
@@ -58,7 +62,7 @@ impl VulkanEngine {
     /// # Errors
     /// No loader, no driver, no device of that name, or one that cannot run the kernels.
     pub fn open(options: &Options) -> Result<Self, EngineError> {
-        let gpu = Gpu::open(options.device.as_deref(), options.allow_cpu, options.validation)?;
+        let gpu = Gpu::open(options)?;
         let place = bytemuck::Zeroable::zeroed();
         Ok(Self {
             stacks: Stacks::default(),
@@ -95,6 +99,20 @@ impl VulkanEngine {
     #[cfg(test)]
     pub(super) fn held(&self) -> (usize, usize) {
         (self.gpu.device.allocations(), self.gpu.recorder.pools())
+    }
+
+    /// From now on the driver answers to every submission that the device was lost.
+    #[cfg(test)]
+    pub(super) fn pretend_lost(&mut self) {
+        unsafe extern "system" fn lost(
+            _: ash::vk::Queue,
+            _: u32,
+            _: *const ash::vk::SubmitInfo<'_>,
+            _: ash::vk::Fence,
+        ) -> ash::vk::Result {
+            ash::vk::Result::ERROR_DEVICE_LOST
+        }
+        self.gpu.recorder.queue_submit = lost;
     }
 
     /// Sets barriers as a device without synchronization2 does.
