@@ -67,19 +67,6 @@ pub fn variation(values: &[f64]) -> f64 {
     if mean > 0.0 { variance.sqrt() / mean } else { 0.0 }
 }
 
-/// Mean over blocks, so that neither axis is longer than `most`: (height, width, values).
-pub fn reduce(values: &[f64], height: usize, width: usize, most: usize) -> (usize, usize, Vec<f64>) {
-    let scale = (most as f64 / height.max(width) as f64).min(1.0);
-    let (h, w) = ((height as f64 * scale).round().max(1.0) as usize, (width as f64 * scale).round().max(1.0) as usize);
-    let (mut sums, mut counts) = (vec![0.0; h * w], vec![0usize; h * w]);
-    for (i, v) in values.iter().enumerate() {
-        let at = (i / width * h / height) * w + i % width * w / width;
-        sums[at] += v;
-        counts[at] += 1;
-    }
-    (h, w, sums.iter().zip(counts).map(|(s, n)| s / n.max(1) as f64).collect())
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::places;
@@ -130,17 +117,5 @@ mod tests {
         let even = passed(&spectrum_of(&random, optics, 8), &optics, &pupils);
         assert!(variation(&even) < 0.1, "{}", variation(&even));
         assert_eq!((variation(&[]), variation(&[0.0; 4])), (0.0, 0.0));
-    }
-
-    #[test]
-    fn reducing_keeps_the_mean() {
-        let values: Vec<f64> = (0..60).map(f64::from).collect();
-        let (h, w, small) = reduce(&values, 6, 10, 5);
-        assert_eq!((h, w), (3, 5));
-        assert_eq!(small[0], (0.0 + 1.0 + 10.0 + 11.0) / 4.0);
-        assert_eq!(reduce(&values, 6, 10, 256).2, values);
-        let tall: Vec<f64> = vec![1.0; 7 * 400];
-        let (h, w, small) = reduce(&tall, 400, 7, 256);
-        assert!(h == 256 && w == 4 && small.iter().all(|v| *v == 1.0));
     }
 }

@@ -27,7 +27,7 @@ mod sums;
 
 pub use color::{color_difference, edges, pool_mask};
 pub use compare::{Score, compare};
-pub use energy::{energy, passed, reduce, variation};
+pub use energy::{energy, passed, variation};
 pub use epipolar::{POSITIONS, RowFinder, sweep};
 pub use groups::{Group, Member, members, places};
 pub use look::{images, photographs, targets, views};

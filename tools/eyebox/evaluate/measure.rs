@@ -50,6 +50,8 @@ pub struct Wanted {
     edges: Option<Vec<bool>>,
     /// Row of the averaged picture whose slices are taken.
     row: usize,
+    /// Longest side of the pictures that are kept.
+    longest: usize,
 }
 
 type Take<'a> = dyn FnMut(&[Pupil]) -> Result<Vec<Vec<f32>>, Failure> + 'a;
@@ -95,6 +97,7 @@ pub fn wanted(
     display: &Display,
     pupils: &Pupils,
     depth: [f64; 2],
+    longest: usize,
     engine: &mut dyn Engine,
 ) -> Result<Wanted, Failure> {
     let size = [display.height, display.width];
@@ -121,7 +124,7 @@ pub fn wanted(
         let near = evaluate::edges(&depths, size[0], size[1], step as f32, EDGE_REACH);
         evaluate::pool_mask(&near, size[0], size[1])
     });
-    Ok(Wanted { looks, size, pooled, edges, row })
+    Ok(Wanted { looks, size, pooled, edges, row, longest })
 }
 
 fn load_views(
@@ -147,7 +150,7 @@ pub fn scene_figures(name: &str, field: &LightField, depth: [f64; 2], wanted: &W
     let [height, width] = wanted.size;
     let views = (0..CHOSEN.len()).map(|i| {
         let planes = planes(&wanted.looks, &exposures, |l| &l.chosen[i]);
-        picture::light(&borrow(&planes), height, width, None)
+        picture::light(&borrow(&planes), height, width, wanted.longest, None)
     });
     SceneFigures {
         name: name.into(),
@@ -156,7 +159,7 @@ pub fn scene_figures(name: &str, field: &LightField, depth: [f64; 2], wanted: &W
         row: 2 * wanted.row,
         pictures: Pictures {
             views: views.collect(),
-            strip: strip(&wanted.looks, &exposures, wanted.size),
+            strip: strip(&wanted.looks, &exposures, wanted.size, wanted.longest),
             epipolar: epipolar(&wanted.looks, &exposures, wanted.pooled[1]),
             ..Pictures::default()
         },
@@ -174,9 +177,15 @@ fn borrow(planes: &Planes) -> Vec<(Color, &[f32])> {
     planes.iter().map(|(c, p)| (*c, &p[..])).collect()
 }
 
-fn strip(looks: &[Looks], exposures: &[f64], [height, width]: [usize; 2]) -> Vec<super::figures::Picture> {
+fn strip(
+    looks: &[Looks],
+    exposures: &[f64],
+    [height, width]: [usize; 2],
+    longest: usize,
+) -> Vec<super::figures::Picture> {
     let count = looks.first().map_or(0, |l| l.strip.len());
-    let shown = |i: usize| picture::light(&borrow(&planes(looks, exposures, |l| &l.strip[i])), height, width, None);
+    let shown =
+        |i: usize| picture::light(&borrow(&planes(looks, exposures, |l| &l.strip[i])), height, width, longest, None);
     (0..count).map(shown).collect()
 }
 
@@ -245,7 +254,7 @@ pub fn measure(
     let exposures: Vec<f64> = colors.iter().map(|c| c.exposure).collect();
 
     let mut pictures = Pictures {
-        strip: strip(&looks, &exposures, wanted.size),
+        strip: strip(&looks, &exposures, wanted.size, wanted.longest),
         epipolar: epipolar(&looks, &exposures, w),
         ..Pictures::default()
     };
@@ -253,17 +262,17 @@ pub fn measure(
         let of_pupil = rows.iter().filter(|r| r.group == chosen.group && r.index == chosen.index);
         let psnr = of_pupil.clone().map(|r| r.psnr).sum::<f64>() / of_pupil.count() as f64;
         let seen = planes(&looks, &exposures, |l| &l.chosen[i]);
-        pictures.views.push(picture::light(&borrow(&seen), height, width, Some(psnr)));
+        pictures.views.push(picture::light(&borrow(&seen), height, width, wanted.longest, Some(psnr)));
         let at = pupils.place(chosen);
         let seen = planes(&looks, &exposures, |l| &l.pooled[at]);
         let pairs: Vec<(&[f32], &[f32])> =
             seen.iter().zip(&wanted.looks).map(|((_, s), w)| (&s[..], &w.pooled[at][..])).collect();
-        pictures.errors.push(picture::error(&pairs, h, w, ERROR_GAIN));
+        pictures.errors.push(picture::error(&pairs, h, w, wanted.longest, ERROR_GAIN));
     }
     let shown = leading(&looks.iter().map(|l| l.color).collect::<Vec<_>>());
     if let Some(i) = looks.iter().position(|l| l.color == shown) {
         let (grid, energy, _) = &energies[i];
-        let (map_height, map_width, map) = evaluate::reduce(energy, grid.height, grid.width, picture::LONGEST);
+        let (map_height, map_width, map) = picture::shrink(energy, grid.height, grid.width, wanted.longest);
         let [low, high] = DECADES;
         let levels: Vec<f64> = map.iter().map(|e| (e.max(1e-30).log10() - low) / (high - low)).collect();
         pictures.energy = Some(EnergyMap {

@@ -3,6 +3,7 @@
 use super::figures::{Run, SceneFigures, SpeckleFigures};
 use super::keep::{self, Keep};
 use super::measure::{self, Wanted};
+use super::picture;
 use super::pupils::Pupils;
 use super::speckle;
 use super::subject::{self, Source, Subject};
@@ -76,6 +77,11 @@ impl Job {
             scene::native_size(&scene.scene)?;
         }
         Ok(())
+    }
+
+    /// Longest side of the pictures of its report, pixels.
+    fn longest(&self) -> usize {
+        picture::longest(self.scenes.len() * self.subjects.len())
     }
 
     /// Relative effort, about a hundredth of a second on two cores for a picture of 256 x 256.
@@ -248,18 +254,25 @@ impl<'a> OfScene<'a> {
         Settings { method, frames, depth: self.depth, ..self.job.settings.clone() }
     }
 
+    /// What decides a result: what decides the hologram, and the size of the pictures.
+    fn shown(&self, made_by: &str) -> String {
+        format!("{made_by}, pictures of {}", self.job.longest())
+    }
+
     /// Everything that is not there yet.
     fn run(&mut self, engine: &mut dyn Engine, report: &mut Report) -> Result<(), Failure> {
         let effort = self.job.effort();
-        let mut done: Vec<Option<Run>> = self.tasks.iter().map(|t| self.results.load(&t.name, &t.made_by)).collect();
+        let mut done: Vec<Option<Run>> =
+            self.tasks.iter().map(|t| self.results.load(&t.name, &self.shown(&t.made_by))).collect();
         let scene_name = format!("{}-scene", self.slug());
-        let mut figures: Option<SceneFigures> = self.results.load(&scene_name, &self.made_by);
+        let mut figures: Option<SceneFigures> = self.results.load(&scene_name, &self.shown(&self.made_by));
         let mut wanted: Option<Wanted> = None;
         if done.iter().any(Option::is_none) || figures.is_none() {
             self.bar.say(&format!("{}: photographs", self.label));
-            let taken = measure::wanted(self.field, &self.job.display, &self.pupils, self.depth, engine)?;
+            let taken =
+                measure::wanted(self.field, &self.job.display, &self.pupils, self.depth, self.job.longest(), engine)?;
             let made = measure::scene_figures(self.label, self.field, self.depth, &taken);
-            self.results.save(&scene_name, &self.made_by, &made)?;
+            self.results.save(&scene_name, &self.shown(&self.made_by), &made)?;
             figures = Some(made);
             wanted = Some(taken);
         }
@@ -276,7 +289,7 @@ impl<'a> OfScene<'a> {
             let mut run = measure::measure(&hologram, &self.job.display, &self.pupils, wanted, engine)?;
             self.bar.pass(effort.measure * (0.3 + 0.7 * task.frames as f64 / 8.0));
             (run.scene, run.method, run.seconds) = (self.label.into(), task.subject.name.clone(), seconds);
-            self.results.save(&task.name, &task.made_by, &run)?;
+            self.results.save(&task.name, &self.shown(&task.made_by), &run)?;
             *done = Some(run);
         }
         report.scenes.extend(figures);

@@ -141,8 +141,8 @@ fn spread(report: &Report) -> Claim {
         false,
         "Standard deviation of the PSNR over random pupils and colours.",
         "A method that is about equally poor through every pupil has a small spread too: what is gained through wide pupils, \
-         where speckle averages, widens it. Read it beside the mean and the worst case. The paper's figure has one score per \
-         scene where here is one per pupil and colour.",
+         where speckle averages, widens it. Read it beside the mean and the worst case. The paper's figure has as many scores as \
+         scenes; here there is one per pupil and colour.",
         |s, scene| Some(report.psnr(s, Some(scene), Some(Group::Random))?.sd),
     )
 }
