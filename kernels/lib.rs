@@ -23,10 +23,12 @@
 //! | [`balance`] | hits | change |
 //! | [`project`] | change | phases, velocity |
 //! | [`adam`] | change | phases, first and second moments |
+//! | [`encode`] | phases, offsets, table | video frame |
 
 pub mod adam;
 pub mod balance;
 pub mod compare;
+pub mod encode;
 pub mod fft;
 pub mod fft_plan;
 pub mod intensity;

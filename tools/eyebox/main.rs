@@ -1,4 +1,4 @@
-//! The `eyebox` command: `demo`, `solve`, `view`, `photograph`, `score`, `export`, `bench`, `devices`.
+//! The `eyebox` command: `demo`, `solve`, `view`, `photograph`, `score`, `export`, `encode`, `bench`, `devices`.
 //!
 //! This room reads arguments, calls the runtime, and shows what came of it. Anything that a program would want to call
 //! belongs in the runtime. Errors are one line on standard error and exit code 2; nothing half-written stays behind.
@@ -8,6 +8,7 @@ mod bench;
 mod common;
 mod demo;
 mod devices;
+mod encode;
 mod export;
 mod failure;
 mod photograph;
@@ -34,6 +35,7 @@ fn main() -> ExitCode {
         Command::Photograph(args) => photograph::run(args),
         Command::Score(args) => score::run(args),
         Command::Export(args) => export::run(args),
+        Command::Encode(args) => encode::run(args),
         Command::Bench(args) => bench::run(args),
         Command::Devices(args) => devices::run(args),
     };
