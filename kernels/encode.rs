@@ -22,8 +22,11 @@ const ROUND: f32 = 12_582_912.0;
 const RADIAN: [i32; 2] = [683_565_275, 148];
 /// Units in 2^-12 radian, and 256 times the units in 2^-22 radian.
 const PART: [i32; 2] = [166_886, 41_722];
-/// Pixels that are encoded at once, in the nearest cache.
-const BLOCK: usize = 512;
+/// Pixels that are encoded at once, in the nearest cache. A set is many sub-frames, each a stream of its own: blocks are
+/// long, for a processor fetches ahead along a stream.
+pub const BLOCK: usize = 8192;
+/// Pixels of a block whose phases do not lie side by side, or that have several cells.
+const SMALL: usize = BLOCK / MOST_CELLS;
 
 /// The size of the SLM and of its video frame, and which pixel of the hologram each pixel shows.
 #[repr(C)]
@@ -116,6 +119,19 @@ pub struct Part {
     pub to: u32,
 }
 
+/// What is to be encoded, decided before any phase is seen: the video frames of a set.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plan {
+    /// Sizes and the hologram's place.
+    pub args: Args,
+    /// Offsets and levels per colour.
+    pub colors: Vec<Color>,
+    /// The slots of each video frame.
+    pub video_frames: Vec<Vec<Slot>>,
+    /// Sub-frames of a colour.
+    pub sub_frames: usize,
+}
+
 /// A phase in 2^-32 turns, wrapped: within 2^-25 turns for phases of a few turns, 2^-20 at [`LARGEST_PHASE`].
 ///
 /// Total: what is no phase gives some number.
@@ -141,7 +157,7 @@ fn nearest(turns: u32, count: u32) -> u32 {
 
 /// The levels of some phases. `offsets` are those of the same pixels, or none.
 #[inline(always)]
-fn levels(color: &Levels, phases: &[f32], offsets: &[u32], out: &mut [u8]) {
+fn quantise(color: &Levels, phases: &[f32], offsets: &[u32], out: &mut [u8]) {
     #[inline(always)]
     fn each(phases: &[f32], offsets: &[u32], out: &mut [u8], level: impl Fn(u32) -> u8) {
         if offsets.is_empty() {
@@ -169,87 +185,149 @@ fn levels(color: &Levels, phases: &[f32], offsets: &[u32], out: &mut [u8]) {
     }
 }
 
-/// Bytes of a block of pixels: cell, channel, pixel.
-type Planes = [[[u8; BLOCK]; 3]; MOST_CELLS];
+/// Memory of a block.
+struct Scratch {
+    /// Bytes of the video frame: cell and channel, then pixel.
+    planes: [u8; 3 * BLOCK],
+    levels: [u8; BLOCK],
+    /// Phases, where they do not lie side by side.
+    phases: [f32; SMALL],
+}
 
 /// Rows of the SLM in one video frame, from the `first`-th of the video frame on: `out` is the rows of the frame that
 /// they fill, whole and all of it written.
 ///
 /// `slots` are those of the frame; `phases` (sub-frame, row, column) per colour, in the hologram's own orientation.
 pub fn encode(args: &Args, colors: &[Color], slots: &[Slot], phases: &[&[f32]], first: usize, out: &mut [u8]) {
+    let frame = Frame { args, colors, slots, phases };
     simd(
         #[inline(always)]
         || {
-            let mut planes: Planes = [[[0; BLOCK]; 3]; MOST_CELLS];
-            let (mut copy, mut level) = ([0.0f32; BLOCK], [0u8; BLOCK]);
+            let mut scratch = Scratch { planes: [0; 3 * BLOCK], levels: [0; BLOCK], phases: [0.0; SMALL] };
+            let (height, width) = (args.height as usize, args.width as usize);
+            let rows = out.len() / args.row_bytes();
+            let yy = (first + args.shift_y as usize) % height;
+            // Rows that follow each other in memory, on both sides, are one run.
+            let plain = args.flips == 0 && args.shift_x == 0 && args.cell_rows * args.cell_columns == 1;
+            if plain && args.step_x == 1 && args.step_y == args.width && yy + rows <= height {
+                let source = args.first as usize + yy * width;
+                for (i, out) in out.chunks_mut(BLOCK * args.channels as usize).enumerate() {
+                    let count = out.len() / args.channels as usize;
+                    frame.block(first * width + i * BLOCK, Source::Along(source + i * BLOCK), count, &mut scratch);
+                    interleave(args, &scratch.planes, count, out);
+                }
+                return;
+            }
             for (row, out) in (first..).zip(out.chunks_exact_mut(args.row_bytes())) {
-                let y = if args.flips & 2 != 0 { args.height as usize - 1 - row } else { row };
-                encode_row(args, colors, slots, phases, y, (&mut planes, &mut copy, &mut level), out);
+                let y = if args.flips & 2 != 0 { height - 1 - row } else { row };
+                for x in (0..width).step_by(SMALL) {
+                    let count = SMALL.min(width - x);
+                    frame.block(y * width + x, source(args, y, x, count), count, &mut scratch);
+                    scatter(args, &scratch.planes, x, count, out);
+                }
             }
         },
     );
 }
 
+/// Where a block's phases lie in a sub-frame.
+#[derive(Clone, Copy)]
+enum Source {
+    /// Side by side, from here on.
+    Along(usize),
+    /// At `row + xx step_x`, `xx` from this column on, round the edge.
+    Scattered { row: u32, column: usize },
+}
+
+/// The phases that pixels x .. of a row show.
 #[inline(always)]
-fn encode_row(
-    args: &Args,
-    colors: &[Color],
-    slots: &[Slot],
-    phases: &[&[f32]],
-    y: usize,
-    (planes, copy, level): (&mut Planes, &mut [f32; BLOCK], &mut [u8; BLOCK]),
-    out: &mut [u8],
-) {
-    let (width, cells) = (args.width as usize, (args.cell_rows * args.cell_columns) as usize);
-    let pixels = width * args.height as usize;
+fn source(args: &Args, y: usize, x: usize, count: usize) -> Source {
     let yy = (y + args.shift_y as usize) % args.height as usize;
     let row = args.first.wrapping_add((yy as u32).wrapping_mul(args.step_y));
-    for x in (0..width).step_by(BLOCK) {
-        let count = BLOCK.min(width - x);
-        for plane in planes[..cells].iter_mut().flat_map(|c| &mut c[..args.channels as usize]) {
-            plane[..count].fill(0);
-        }
-        for slot in slots {
-            let color = &colors[slot.color];
-            let frame = &phases[slot.color][slot.sub_frame * pixels..][..pixels];
-            let phases = source(args, frame, row, x, &mut copy[..count]);
-            let at = y * width + x;
-            let offsets = if color.offsets.is_empty() { &[] } else { &color.offsets[at..at + count] };
-            let level = &mut level[..count];
-            levels(&color.levels, phases, offsets, level);
-            for part in &slot.parts {
-                let plane = &mut planes[part.cell as usize][part.channel as usize][..count];
-                let (from, mask, to) = (part.from & 7, part.mask as u8, part.to & 7);
-                for (byte, level) in plane.iter_mut().zip(&*level) {
-                    *byte |= ((level >> from) & mask) << to;
+    let column = (x + args.shift_x as usize) % args.width as usize;
+    if args.step_x == 1 && column + count <= args.width as usize {
+        return Source::Along(row.wrapping_add(column as u32) as usize);
+    }
+    Source::Scattered { row, column }
+}
+
+/// One video frame.
+struct Frame<'a> {
+    args: &'a Args,
+    colors: &'a [Color],
+    slots: &'a [Slot],
+    phases: &'a [&'a [f32]],
+}
+
+impl Frame<'_> {
+    /// The bytes of `count` pixels from the `at`-th of the SLM on, into the scratch's planes.
+    #[inline(always)]
+    fn block(&self, at: usize, source: Source, count: usize, scratch: &mut Scratch) {
+        let args = self.args;
+        let pixels = args.width as usize * args.height as usize;
+        let planes = (args.cell_rows * args.cell_columns * args.channels) as usize;
+        scratch.planes[..planes * count].fill(0);
+        for slot in self.slots {
+            let color = &self.colors[slot.color];
+            let frame = &self.phases[slot.color][slot.sub_frame * pixels..][..pixels];
+            let phases = match source {
+                Source::Along(from) => &frame[from..][..count],
+                Source::Scattered { row, column } => {
+                    let index = |i: usize| (column + i) % args.width as usize;
+                    for (i, value) in scratch.phases[..count].iter_mut().enumerate() {
+                        *value = frame[row.wrapping_add((index(i) as u32).wrapping_mul(args.step_x)) as usize];
+                    }
+                    &scratch.phases[..count]
                 }
+            };
+            let offsets = if color.offsets.is_empty() { &[] } else { &color.offsets[at..at + count] };
+            let levels = &mut scratch.levels[..count];
+            quantise(&color.levels, phases, offsets, levels);
+            for part in &slot.parts {
+                let plane = (part.cell * args.channels + part.channel) as usize;
+                place(part, levels, &mut scratch.planes[plane * count..][..count]);
             }
         }
-        write(args, planes, x, count, out);
     }
 }
 
-/// The phases that pixels x .. of a row show: where they lie side by side, as they lie; else copied.
+/// Some bits of levels into the bytes of pixels.
 #[inline(always)]
-fn source<'a>(args: &Args, frame: &'a [f32], row: u32, x: usize, copy: &'a mut [f32]) -> &'a [f32] {
-    let width = args.width as usize;
-    let first = (x + args.shift_x as usize) % width;
-    let at = |xx: usize| row.wrapping_add((xx as u32).wrapping_mul(args.step_x)) as usize;
-    if args.step_x == 1 && first + copy.len() <= width {
-        return &frame[at(first)..][..copy.len()];
-    }
-    let (before, after) = copy.split_at_mut((width - first).min(copy.len()));
-    for (from, part) in [(first, before), (0, after)] {
-        for (i, value) in part.iter_mut().enumerate() {
-            *value = frame[at(from + i)];
+fn place(part: &Part, levels: &[u8], plane: &mut [u8]) {
+    let (from, mask, to) = (part.from & 7, part.mask as u8, part.to & 7);
+    if mask == 1 {
+        // No processor shifts bytes in SIMD: one bit is chosen instead.
+        let (bit, value) = (1 << from, 1 << to);
+        for (byte, level) in plane.iter_mut().zip(levels) {
+            *byte |= if level & bit == 0 { 0 } else { value };
+        }
+    } else if from == 0 && to == 0 {
+        for (byte, level) in plane.iter_mut().zip(levels) {
+            *byte |= level & mask;
+        }
+    } else {
+        for (byte, level) in plane.iter_mut().zip(levels) {
+            *byte |= ((level >> from) & mask) << to;
         }
     }
-    copy
 }
 
-/// Puts a block's bytes into the video frame's rows.
+/// Puts a block's bytes into pixels that follow each other.
 #[inline(always)]
-fn write(args: &Args, planes: &Planes, x: usize, count: usize, out: &mut [u8]) {
+fn interleave(args: &Args, planes: &[u8], count: usize, out: &mut [u8]) {
+    if args.channels == 1 {
+        return out.copy_from_slice(&planes[..count]);
+    }
+    let (a, rest) = planes.split_at(count);
+    let (b, c) = rest.split_at(count);
+    for (((pixel, a), b), c) in out.chunks_exact_mut(3).zip(a).zip(b).zip(c) {
+        [pixel[0], pixel[1], pixel[2]] = [*a, *b, *c];
+    }
+}
+
+/// Puts a block's bytes into the rows of the video frame, at their cells.
+#[inline(always)]
+fn scatter(args: &Args, planes: &[u8], x: usize, count: usize, out: &mut [u8]) {
     let (rows, columns, channels) = (args.cell_rows as usize, args.cell_columns as usize, args.channels as usize);
     let width = args.video_width();
     let (mirrored, upside_down) = (args.flips & 1 != 0, args.flips & 2 != 0);
@@ -257,25 +335,16 @@ fn write(args: &Args, planes: &Planes, x: usize, count: usize, out: &mut [u8]) {
         let (dy, dx) = (cell / columns, cell % columns);
         let dy = if upside_down { rows - 1 - dy } else { dy };
         let line = &mut out[dy * width * channels..][..width * channels];
-        let [a, b, c] = &planes[cell];
+        let planes = &planes[cell * channels * count..][..channels * count];
         if columns == 1 && !mirrored {
-            let line = &mut line[x * channels..][..count * channels];
-            if channels == 1 {
-                line.copy_from_slice(&a[..count]);
-            } else {
-                for (((pixel, a), b), c) in line.chunks_exact_mut(3).zip(a).zip(b).zip(c) {
-                    [pixel[0], pixel[1], pixel[2]] = [*a, *b, *c];
-                }
-            }
+            interleave(args, planes, count, &mut line[x * channels..][..count * channels]);
             continue;
         }
         for i in 0..count {
             let at = (x + i) * columns + dx;
             let at = if mirrored { width - 1 - at } else { at };
-            let pixel = &mut line[at * channels..][..channels];
-            pixel[0] = a[i];
-            if channels == 3 {
-                [pixel[1], pixel[2]] = [b[i], c[i]];
+            for channel in 0..channels {
+                line[at * channels + channel] = planes[channel * count + i];
             }
         }
     }
@@ -319,7 +388,7 @@ mod tests {
         fn the_nearest_level_is_taken(turns: u32, count in 2u32..=256) {
             let mut out = [0];
             // An offset is added to the phase 0.
-            levels(&Levels::Even(count), &[0.0], &[turns], &mut out);
+            quantise(&Levels::Even(count), &[0.0], &[turns], &mut out);
             let exact = f64::from(turns) / 4_294_967_296.0 * f64::from(count);
             let off = exact - f64::from(out[0]);
             let off = (off - f64::from(count) * (off / f64::from(count)).round()).abs();

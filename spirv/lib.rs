@@ -44,6 +44,7 @@ modules! {
     ADAM = "adam",
     BALANCE = "balance",
     COMPARE = "compare",
+    ENCODE = "encode",
     FFT_CHIRP = "fft_chirp",
     FFT_PASS = "fft_pass",
     FFT_ROWS = "fft_rows",

@@ -4,21 +4,8 @@ use super::levels::{Scale, levels};
 use super::turning::Turning;
 use super::{EncodeError, Packed, PackedSlot, PhaseSet, VideoFrames, calibration, correction};
 use crate::optics::{Color, Display, TwoPi};
-use eyebox_kernels::encode::{self, Args, Part, Slot};
+use eyebox_kernels::encode::{self, Args, Part, Plan, Slot};
 use rayon::prelude::*;
-
-/// What the kernel `encode` takes, for every video frame of a set.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Plan {
-    /// Sizes and the hologram's place.
-    pub args: Args,
-    /// Offsets and levels per colour.
-    pub colors: Vec<encode::Color>,
-    /// The slots of each video frame.
-    pub video_frames: Vec<Vec<Slot>>,
-    /// Sub-frames of a colour.
-    pub sub_frames: usize,
-}
 
 /// Turns multiplex sets of one shape into video frames of one display.
 #[derive(Debug, Clone)]
@@ -30,9 +17,6 @@ pub struct Encoder {
     plan: Plan,
     notes: Vec<String>,
 }
-
-/// Bytes of phases that a thread takes at once.
-const SHARE: usize = 1 << 19;
 
 impl Encoder {
     /// An encoder for sets of these colours, `sub_frames` of each. Reads the display's calibration.
@@ -152,9 +136,8 @@ impl Encoder {
         let phases = phases.colors();
         let row = args.row_bytes();
         let height = args.height as usize;
-        // Rows of all video frames, in shares of about the same work.
-        let slots = video_frames.iter().map(Vec::len).max().unwrap_or(1).max(1);
-        let rows = (SHARE / (4 * args.width as usize * slots)).clamp(1, height);
+        // Some blocks of the kernel at once.
+        let rows = (4 * encode::BLOCK).div_ceil(args.width as usize).min(height);
         let frame = row * height;
         frames.bytes.par_chunks_exact_mut(frame).zip(video_frames).for_each(|(frame, slots)| {
             frame.par_chunks_mut(row * rows).enumerate().for_each(|(share, out)| {

@@ -22,7 +22,8 @@ mod turning;
 #[cfg(test)]
 mod tests;
 
-pub use encoder::{Encoder, Plan};
+pub use encoder::Encoder;
+pub use eyebox_kernels::encode::Plan;
 pub use frames::{PhaseSet, VideoFrames};
 pub use packing::{Packed, PackedSlot};
 

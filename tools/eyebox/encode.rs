@@ -4,6 +4,7 @@ use crate::Failure;
 use crate::args::{Encode, EngineName};
 use crate::common;
 use eyebox::encode::{Encoder, PhaseSet, VideoFrames};
+use eyebox::engine::vulkan::{Options, VulkanEncoder};
 use eyebox::hologram::{self, Hologram};
 use eyebox::optics::{Color, Display, Packing};
 use serde_json::{Value, json};
@@ -36,8 +37,14 @@ pub fn run(args: &Encode) -> Result<(), Failure> {
     let slices: Vec<&[f32]> = input.colors.iter().map(|c| &c.1[..]).collect();
     let phases = PhaseSet::new(&slices, input.size)?;
     let frames = match args.engine {
+        // Reading and writing files takes longer than the CPU needs.
         EngineName::Auto | EngineName::Cpu => encoder.encode(&phases)?,
-        EngineName::Vulkan => return Err(Failure::Asked("encoding has no Vulkan engine yet: use cpu".into())),
+        EngineName::Vulkan => {
+            let options = Options { device: None, allow_cpu: true, validation: false };
+            let mut frames = encoder.frames();
+            VulkanEncoder::open(&options, encoder.plan())?.encode(phases.colors(), frames.bytes_mut())?;
+            frames
+        }
     };
     frames.save(&args.out)?;
     let notes: Vec<&String> = input.notes.iter().chain(encoder.notes()).collect();
@@ -134,12 +141,21 @@ fn differences(hologram: &Hologram, display: &Display) -> Vec<String> {
 /// What each frame holds.
 fn report(args: &Encode, display: &Display, encoder: &Encoder, frames: &VideoFrames, notes: &[&String]) -> Value {
     let packed = encoder.packed();
-    let channel = |bit: u8| if packed.channels == 1 { "grey" } else { ["red", "green", "blue"][usize::from(bit / 8)] };
+    let name = |channel: u8| if packed.channels == 1 { "grey" } else { ["red", "green", "blue"][usize::from(channel)] };
     let holds = |index: usize| -> Vec<Value> {
         (packed.slots.iter().filter(|s| s.video_frame == index))
             .map(|s| {
-                let bits: Vec<Value> = s.bits.iter().map(|b| json!({ "channel": channel(*b), "bit": b % 8 })).collect();
-                json!({ "color": encoder.colors()[s.color], "sub_frame": s.sub_frame, "bits": bits })
+                // As the display file's map says it, with bits of one channel or of the whole word.
+                let channel = s.bits[0] / 8;
+                let one = s.bits.iter().all(|b| b / 8 == channel);
+                let bits: Vec<u8> = s.bits.iter().map(|b| if one { b % 8 } else { *b }).collect();
+                let channel = if one { name(channel) } else { "rgb" };
+                json!({
+                    "color": encoder.colors()[s.color],
+                    "sub_frame": s.sub_frame,
+                    "channel": channel,
+                    "bits": bits,
+                })
             })
             .collect()
     };
