@@ -25,6 +25,8 @@ const PART: [i32; 2] = [166_886, 41_722];
 /// Pixels that are encoded at once, in the nearest cache. A set is many sub-frames, each a stream of its own: blocks are
 /// long, for a processor fetches ahead along a stream.
 pub const BLOCK: usize = 8192;
+/// Phases in a line of a processor's cache.
+const LINE: usize = 16;
 /// Pixels of a block whose phases do not lie side by side, or that have several cells.
 const SMALL: usize = BLOCK / MOST_CELLS;
 
@@ -280,6 +282,8 @@ impl Frame<'_> {
                     &scratch.phases[..count]
                 }
             };
+            // Waiting for memory once, for all lines of the block, takes less than waiting for each where it is used.
+            std::hint::black_box(phases.iter().step_by(LINE).fold(0, |sum: u32, p| sum ^ p.to_bits()));
             let offsets = if color.offsets.is_empty() { &[] } else { &color.offsets[at..at + count] };
             let levels = &mut scratch.levels[..count];
             quantise(&color.levels, phases, offsets, levels);

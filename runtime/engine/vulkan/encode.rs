@@ -72,7 +72,11 @@ impl VulkanEncoder {
     /// # Errors
     /// No device; one whose kernels cannot see a whole sub-frame or video frame; out of memory.
     pub fn open(options: &Options, plan: &Plan) -> Result<Self, EngineError> {
-        let mut gpu = Gpu::open(options.device.as_deref(), options.allow_cpu, options.validation)?;
+        Self::on(Gpu::open(options.device.as_deref(), options.allow_cpu, options.validation)?, plan)
+    }
+
+    /// On an open device.
+    pub(super) fn on(mut gpu: Gpu, plan: &Plan) -> Result<Self, EngineError> {
         let args = plan.args;
         let pixels = args.height as usize * args.width as usize;
         let row_words = (args.channels * args.cell_columns * args.width.div_ceil(4)) as usize;
