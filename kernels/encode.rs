@@ -282,8 +282,11 @@ impl Frame<'_> {
                     &scratch.phases[..count]
                 }
             };
-            // Waiting for memory once, for all lines of the block, takes less than waiting for each where it is used.
-            std::hint::black_box(phases.iter().step_by(LINE).fold(0, |sum: u32, p| sum ^ p.to_bits()));
+            if self.slots.len() > 1 {
+                // Many streams: waiting for memory once, for all lines of the block, takes less than waiting for each
+                // where it is used.
+                std::hint::black_box(phases.iter().step_by(LINE).fold(0, |sum: u32, p| sum ^ p.to_bits()));
+            }
             let offsets = if color.offsets.is_empty() { &[] } else { &color.offsets[at..at + count] };
             let levels = &mut scratch.levels[..count];
             quantise(&color.levels, phases, offsets, levels);
