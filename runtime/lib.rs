@@ -12,11 +12,13 @@
 //! | [`evaluate`] | PSNR, SSIM, the exposure that compares a hologram with its scene |
 //! | [`solve`] | pupil sampling, the optimisers, the solver: one for every engine |
 //! | [`hologram`] | phase frames and their file |
+//! | [`encode`] | calibration, levels, packing: phases to what the SLM receives |
 //!
 //! Comments that say "OPTICS n" mean section n of `docs/optics.md`.
 //!
 //! Lengths are metres, angles radians, images linear light, axis order (row = y, column = x), +y down.
 
+pub mod encode;
 pub mod engine;
 pub mod evaluate;
 pub mod files;

@@ -26,7 +26,7 @@ mod summary;
 mod sums;
 
 pub use color::{color_difference, edges, pool_mask};
-pub use compare::{Compared, Score, best_exposure, compare};
+pub use compare::{Score, compare};
 pub use energy::{energy, passed, reduce, variation};
 pub use epipolar::{POSITIONS, RowFinder, sweep};
 pub use groups::{Group, Member, members, places};

@@ -5,6 +5,7 @@
 //! This room imports nothing from the rest of the runtime.
 
 mod display;
+mod encoding;
 mod geometry;
 mod padding;
 mod propagation;
@@ -12,6 +13,7 @@ mod pupil;
 mod window;
 
 pub use display::{Color, Display, PRESETS, Wavelength};
+pub use encoding::{Channel, ChannelOrder, Correction, Encoding, Flip, Grating, Orientation, Packing, Place, TwoPi};
 pub use geometry::{Optics, frequency_bin};
 pub use padding::{Padding, walk_off};
 pub use propagation::{aperture, propagation_turns, transfer};
@@ -30,6 +32,18 @@ pub enum OpticsError {
         value: f64,
         /// What would be right, or nothing.
         hint: &'static str,
+    },
+    /// A length that no display has, and with which float64 would not get far.
+    #[error("{what} is {value:e}: it must be {low:e} to {high:e}")]
+    OutOfRange {
+        /// Which quantity, with its unit.
+        what: &'static str,
+        /// Its value, in that unit.
+        value: f64,
+        /// The least.
+        low: f64,
+        /// The most.
+        high: f64,
     },
     /// A number that has to be finite is not.
     #[error("{what} is {value}: it must be a finite number")]

@@ -47,6 +47,12 @@ pub enum Command {
         after_help = "Examples:\n  eyebox export still-life.zarr -o phases.npy\n  eyebox export still-life.zarr -o frames"
     )]
     Export(Export),
+    /// Write what a display receives: video frames with levels or bit-planes, as PNG
+    #[command(
+        after_help = "Examples:\n  eyebox encode still-life.zarr --display planes24 --size 256x256 -o frames\n  \
+                      eyebox encode phases.npy --display bench.toml -o frames --json\n\nFrames come in the order in which they are shown. A .npy is (sub-frame, row, column) or (colour, sub-frame, row, column), float, radians.\nDisplay files: docs/displays.md"
+    )]
+    Encode(Encode),
     /// Time the steps of a solve, and each kernel, beside another program in the same run
     #[command(
         after_help = "Example:\n  eyebox bench builtin:still-life --size 512x512 --color green --steps 20 --beside 'python3 mine.py'"
@@ -97,7 +103,7 @@ pub struct EngineArgs {
 /// The display, in every command that needs one.
 #[derive(Args)]
 pub struct DisplayArgs {
-    /// Display: paper, plm, small, or a TOML file
+    /// Display: paper, plm, small, grey8, fields, planes8, planes24, or a TOML file
     #[arg(long, default_value = "paper", value_name = "PRESET|FILE")]
     pub display: String,
     /// Resolution instead of the display's own, rows x columns
@@ -257,6 +263,25 @@ pub struct Export {
     /// NAME.npy (float32 radians), or a folder for one 8-bit grey PNG per colour and sub-frame
     #[arg(short, long, value_name = "FILE.npy|FOLDER")]
     pub out: PathBuf,
+}
+
+/// `eyebox encode`
+#[derive(Args)]
+pub struct Encode {
+    /// NAME.zarr, or phases: NAME.npy or a folder of PNGs
+    pub hologram: PathBuf,
+    /// Where the video frames go; the folder appears whole
+    #[arg(short, long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Display
+    #[command(flatten)]
+    pub display: DisplayArgs,
+    /// Which engine computes
+    #[arg(long, value_enum, default_value = "auto")]
+    pub engine: EngineName,
+    /// One JSON object on standard output: what each frame holds
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// `eyebox bench`

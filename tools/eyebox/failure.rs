@@ -1,5 +1,6 @@
 //! What can go wrong in a command: one line each.
 
+use eyebox::encode::EncodeError;
 use eyebox::engine::EngineError;
 use eyebox::evaluate::EvaluateError;
 use eyebox::files::FileError;
@@ -26,6 +27,9 @@ pub enum Failure {
     /// The hologram.
     #[error(transparent)]
     Hologram(#[from] HologramError),
+    /// The encoding.
+    #[error(transparent)]
+    Encode(#[from] EncodeError),
     /// The comparison.
     #[error(transparent)]
     Evaluate(#[from] EvaluateError),

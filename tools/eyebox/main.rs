@@ -1,4 +1,5 @@
-//! The `eyebox` command: `demo`, `solve`, `view`, `photograph`, `score`, `evaluate`, `export`, `bench`, `devices`.
+//! The `eyebox` command: `demo`, `solve`, `view`, `photograph`, `score`, `evaluate`, `export`, `encode`, `bench`,
+//! `devices`.
 //!
 //! This room reads arguments, calls the runtime, and shows what came of it. Anything that a program would want to call
 //! belongs in the runtime. Errors are one line on standard error and exit code 2; nothing half-written stays behind.
@@ -8,6 +9,7 @@ mod bench;
 mod common;
 mod demo;
 mod devices;
+mod encode;
 mod evaluate;
 mod export;
 mod failure;
@@ -37,6 +39,7 @@ fn main() -> ExitCode {
         Command::Score(args) => score::run(args),
         Command::Evaluate(args) => evaluate::run(args),
         Command::Export(args) => export::run(args),
+        Command::Encode(args) => encode::run(args),
         Command::Bench(args) => bench::run(args),
         Command::Devices(args) => devices::run(args),
     };

@@ -46,7 +46,8 @@ fn written(folder: &Path, name: &str) -> SystemTime {
 fn views(folder: &Path, name: &str, size: &str) -> PathBuf {
     std::fs::create_dir(folder.join(name)).unwrap();
     for i in 0..4 {
-        let (pupil, out) = (format!("--pupil={},{},2,0", i % 2 * 8 - 4, i / 2 * 8 - 4), format!("{name}/view_{i:02}.png"));
+        let (pupil, out) =
+            (format!("--pupil={},{},2,0", i % 2 * 8 - 4, i / 2 * 8 - 4), format!("{name}/view_{i:02}.png"));
         done(folder, &["photograph", "builtin:plane", "--size", size, "--views", "3", &pupil, "-o", &out]);
     }
     folder.join(name)
@@ -56,7 +57,8 @@ fn views(folder: &Path, name: &str, size: &str) -> PathBuf {
 fn a_report_is_one_page_and_the_same_numbers_as_csv_and_json() {
     let temp = tempfile::tempdir().unwrap();
     let at = temp.path();
-    let published = "method,category,n,mean,median,q25,q75,min,max,std\nslfh,Random pupils,70,28.6,29.4,24.8,30.9,22.9,37.7,3.8\n";
+    let published =
+        "method,category,n,mean,median,q25,q75,min,max,std\nslfh,Random pupils,70,28.6,29.4,24.8,30.9,22.9,37.7,3.8\n";
     std::fs::write(at.join("paper.csv"), published).unwrap();
     let more = ["--methods", "slfh,dpac", "--frames", "1,2", "--reference", "paper.csv", "--no-speckle", "--json"];
     let said = done(at, &evaluate(&["builtin:still-life", "builtin:plane?depth=0.05"], &more));
@@ -100,7 +102,13 @@ fn what_is_done_is_not_done_again() {
     let temp = tempfile::tempdir().unwrap();
     let at = temp.path();
     let run = |more: &[&str]| {
-        done(at, &evaluate(&["builtin:plane"], &[&["--color", "green", "--methods", "slfh,lf2fs", "--no-speckle"], more].concat()))
+        done(
+            at,
+            &evaluate(
+                &["builtin:plane"],
+                &[&["--color", "green", "--methods", "slfh,lf2fs", "--no-speckle"], more].concat(),
+            ),
+        )
     };
     run(&[]);
     let names = ["results/plane-slfh-8.json", "results/plane-lf2fs-8.json", "holograms/plane-slfh-8.zarr/zarr.json"];
@@ -125,8 +133,22 @@ fn what_is_done_is_not_done_again() {
 fn an_interrupted_evaluation_goes_on_where_it_was() {
     let temp = tempfile::tempdir().unwrap();
     let at = temp.path();
-    let args = ["evaluate", "builtin:still-life", "--size", "64x64", "--steps", "60", "--methods", "dpac,slfh,lf2fs,stft,pupil-aware",
-        "--frames", "4,8", "--engine", "cpu", "-o", "out"];
+    let args = [
+        "evaluate",
+        "builtin:still-life",
+        "--size",
+        "64x64",
+        "--steps",
+        "60",
+        "--methods",
+        "dpac,slfh,lf2fs,stft,pupil-aware",
+        "--frames",
+        "4,8",
+        "--engine",
+        "cpu",
+        "-o",
+        "out",
+    ];
     let mut child = Command::new(env!("CARGO_BIN_EXE_eyebox"))
         .args(args)
         .current_dir(at)
@@ -157,14 +179,35 @@ fn holograms_that_exist_are_measured_as_they_are() {
     let temp = tempfile::tempdir().unwrap();
     let at = temp.path();
     let solve = |size, out| {
-        done(at, &["solve", "builtin:plane", "--size", size, "--steps", "3", "--color", "green", "--engine", "cpu", "-o", out]);
+        done(
+            at,
+            &[
+                "solve",
+                "builtin:plane",
+                "--size",
+                size,
+                "--steps",
+                "3",
+                "--color",
+                "green",
+                "--engine",
+                "cpu",
+                "-o",
+                out,
+            ],
+        );
     };
     solve("40x48", "mine.zarr");
     solve("32x32", "other.zarr");
-    let wrong = ["evaluate", "builtin:plane", "--hologram", "mine=mine.zarr", "--hologram", "other=other.zarr", "-o", "out"];
+    let wrong =
+        ["evaluate", "builtin:plane", "--hologram", "mine=mine.zarr", "--hologram", "other=other.zarr", "-o", "out"];
     refused(at, &wrong, "other.zarr: 32 x 32 pixels");
     refused(at, &evaluate(&["builtin:plane"], &["--hologram", "mine=mine.zarr"]), "--color");
-    refused(at, &evaluate(&["builtin:plane"], &["--color", "green", "--hologram", "slfh=mine.zarr"]), "name of a method");
+    refused(
+        at,
+        &evaluate(&["builtin:plane"], &["--color", "green", "--hologram", "slfh=mine.zarr"]),
+        "name of a method",
+    );
     refused(at, &evaluate(&["builtin:plane"], &["--color", "green", "--hologram", "x=none.zarr"]), "none.zarr");
     refused(at, &evaluate(&["builtin:plane"], &["--hologram", "mine.zarr"]), "NAME=FILE");
     let two = evaluate(&["builtin:chart", "builtin:points"], &["--color", "green", "--hologram", "mine=mine.zarr"]);
@@ -203,7 +246,11 @@ fn mistakes_are_one_line_and_leave_nothing() {
     // Folders of pictures of different sizes, with nothing said of what they are fitted to.
     views(at, "wide", "20x40");
     views(at, "tall", "40x20");
-    refused(at, &["evaluate", "wide", "tall", "--engine", "cpu", "-o", "out"], "tall: 40 x 20 pixels, but wide has 20 x 40");
+    refused(
+        at,
+        &["evaluate", "wide", "tall", "--engine", "cpu", "-o", "out"],
+        "tall: 40 x 20 pixels, but wide has 20 x 40",
+    );
     // A view that is missing is found before anything is written.
     std::fs::remove_file(at.join("wide/view_02.png")).unwrap();
     refused(at, &evaluate(&["builtin:plane", "wide"], &[]), "wide");

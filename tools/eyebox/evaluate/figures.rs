@@ -65,7 +65,7 @@ pub struct Row {
 pub struct ColorFigures {
     /// Which.
     pub color: Color,
-    /// The one exposure, fitted over all pupils of all groups.
+    /// The one exposure of all pupils, fitted over the focal stack.
     pub exposure: f64,
     /// Coefficient of variation of the light through a small pupil over the eyebox.
     pub variation: f64,

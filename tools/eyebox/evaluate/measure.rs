@@ -216,9 +216,13 @@ pub fn measure(
     let mut rows = Vec::new();
     let mut colors = Vec::new();
     for ((look, wanted), (_, _, variation)) in looks.iter().zip(&wanted.looks).zip(&energies) {
-        let compared = evaluate::compare(&look.pooled, &wanted.pooled, h, w)?;
+        // One exposure, set as a photographer sets it: through the widest pupil, over the focal stack.
+        let widest = pupils.members.iter().zip(look.pooled.iter().zip(&wanted.pooled));
+        let widest = widest.filter(|(m, _)| m.group == Group::FocalStack);
+        let exposure = evaluate::fit_exposure(widest.map(|(_, (s, w))| (&s[..], &w[..])))?;
+        let scores = evaluate::compare(&look.pooled, &wanted.pooled, exposure, h, w)?;
         let mut index = 0;
-        for (i, (member, score)) in pupils.members.iter().zip(&compared.scores).enumerate() {
+        for (i, (member, score)) in pupils.members.iter().zip(&scores).enumerate() {
             index = if i > 0 && pupils.members[i - 1].group == member.group { index + 1 } else { 0 };
             rows.push(Row {
                 color: look.color,
@@ -229,11 +233,11 @@ pub fn measure(
                 ssim: score.ssim,
             });
         }
-        let exposed = |s: &Vec<f32>| s.iter().map(|v| v * compared.exposure as f32).collect::<Vec<_>>();
+        let exposed = |s: &Vec<f32>| s.iter().map(|v| v * exposure as f32).collect::<Vec<_>>();
         let slice = |i: usize| evaluate::psnr(&exposed(&look.slices[i]), &wanted.slices[i]);
         colors.push(ColorFigures {
             color: look.color,
-            exposure: compared.exposure,
+            exposure,
             variation: *variation,
             epipolar: [finite(slice(0)?)?, finite(slice(1)?)?],
         });

@@ -53,7 +53,13 @@ impl Job {
     pub fn of_methods(scene: &str, methods: &[Method], display: Display, colors: Vec<Color>) -> Self {
         let diameter = common::diameters(None, &display);
         Self {
-            scenes: vec![SceneArgs { scene: scene.into(), depth_map: None, view_pitch: None, views: None, depth: None }],
+            scenes: vec![SceneArgs {
+                scene: scene.into(),
+                depth_map: None,
+                view_pitch: None,
+                views: Some(9),
+                depth: None,
+            }],
             labels: vec![scene.trim_start_matches("builtin:").into()],
             subjects: subject::subjects(methods, Vec::new()),
             frames: vec![8],

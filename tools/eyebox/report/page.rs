@@ -168,13 +168,14 @@ fn figure(svg: &str, name: &str, about: &str) -> String {
 fn scores(report: &Report) -> String {
     let mut out = String::from(
         "<section aria-labelledby=\"scores\"><h2 id=\"scores\">Scores</h2>\n<p>PSNR of every view against the photograph \
-         of the scene, after averaging over 2 × 2 pixels. Each hologram and colour has one exposure, the one at which its mean \
-         PSNR over all pupils of all groups is highest. Boxes hold the middle half, whiskers reach from the worst to the best, the thick line is the median, the \
-         ring the mean; pupils of all colours and scenes count alike.",
+         of the scene, after averaging over 2 × 2 pixels. Each hologram and colour has one exposure for all pupils, set as a \
+         photographer would: through the widest one, over the focal stack. Boxes hold the middle half, whiskers reach from the worst to the best, the thick line is the median, the \
+         ring the mean; pupils of all colours and scenes count alike. What lies below 0 dB is drawn at 0.",
     );
     if !report.published.is_empty() {
         out.push_str(
-            " Dashed boxes are the published numbers given beside: other scenes, another display, read off a figure.",
+            " Dashed boxes are the published numbers that were given: from other scenes, with their own count of scores (under the \
+             mouse), so read them as company and not as a target.",
         );
     }
     out.push_str("</p>\n<div class=\"plots\">");

@@ -36,7 +36,6 @@ fn runs<'a>(report: &'a Report, scene: &'a SceneFigures) -> Vec<(Series, &'a Run
 pub fn views(report: &Report, scene: &SceneFigures) -> String {
     let mut out = String::new();
     let runs = runs(report, scene);
-    let columns = (runs.len() + 1).min(6);
     for (i, chosen) in CHOSEN.iter().enumerate() {
         let pupil = runs
             .iter()
@@ -47,7 +46,7 @@ pub fn views(report: &Report, scene: &SceneFigures) -> String {
         });
         let _ = write!(
             out,
-            r#"<p class="case"><b>{}</b> <span class="note">{place}</span></p><div class="shots">"#,
+            r#"<p class="case"><b>{}</b> <span class="note">{place}</span></p><div class="shots" style="--n:{columns}">"#,
             chosen.title
         );
         let shot = |out: &mut String, name: &str, under: &str, images: String| {
@@ -144,7 +143,7 @@ pub fn epipolar(report: &Report, scene: &SceneFigures) -> String {
 /// Where the light is.
 pub fn energy(report: &Report, scene: &SceneFigures) -> String {
     let runs = runs(report, scene);
-    let mut out = format!(r#"<div class="shots" style="--n:{}">"#, runs.len().clamp(1, 6));
+    let mut out = format!(r#"<div class="shots" style="--n:{}">"#, runs.len().clamp(1, 7));
     for (series, run) in runs {
         let Some(map) = &run.pictures.energy else { continue };
         let name = report.title(&series.method);

@@ -5,9 +5,9 @@ use super::{Report, Series};
 use eyebox::evaluate::{Group, Summary};
 
 /// Width of every drawing: it is shown at this size, or a phone's width.
-const WIDTH: f64 = 440.0;
+const WIDTH: f64 = 370.0;
 /// Room for names at the left of horizontal plots.
-const NAMES: f64 = 128.0;
+const NAMES: f64 = 112.0;
 const RIGHT: f64 = 14.0;
 /// Room for the axis.
 const AXIS: f64 = 36.0;
@@ -17,15 +17,20 @@ fn tint(report: &Report, method: &str, more: &str) -> String {
     format!("m{} {more}", report.place(method) % 10)
 }
 
-/// A number of five, from the box plots' whole range: the same for all groups.
+/// PSNR as it is drawn: below 0 dB nothing is left to tell apart.
+fn drawn(psnr: f64) -> f64 {
+    psnr.max(0.0)
+}
+
+/// The box plots' axis: the same for all groups.
 fn decibels(report: &Report) -> (Vec<f64>, [f64; 2]) {
     let mut values = Vec::new();
     for series in report.leading() {
         for group in Group::ALL {
             if let Some(s) = report.psnr(&series, None, Some(group)) {
-                values.extend([s.worst, s.best]);
+                values.extend([s.worst, s.best].map(drawn));
             }
-            values.extend(published(report, &series, group).into_iter().flat_map(|p| [p.min, p.max]));
+            values.extend(published(report, &series, group).into_iter().flat_map(|p| [p.min, p.max]).map(drawn));
         }
     }
     ticks(values, 7)
@@ -95,6 +100,7 @@ fn one_box(
     mean: Option<f64>,
     hover: &str,
 ) {
+    let [low, q25, median, q75, high] = [low, q25, median, q75, high].map(drawn);
     let (top, bottom) = (middle - tall / 2.0, middle + tall / 2.0);
     svg.line(class, [x.at(low), middle], [x.at(high), middle]);
     for end in [low, high] {
@@ -103,7 +109,7 @@ fn one_box(
     svg.rect(class, [x.at(q25), top], [x.at(q75) - x.at(q25), tall], hover);
     svg.line(&format!("{class} median"), [x.at(median), top], [x.at(median), bottom]);
     if let Some(mean) = mean {
-        svg.dot(&format!("{class} mean"), [x.at(mean), middle], 2.2, hover);
+        svg.dot(&format!("{class} mean"), [x.at(drawn(mean)), middle], 2.2, hover);
     }
 }
 
@@ -111,7 +117,7 @@ fn one_box(
 pub fn scatter(report: &Report) -> String {
     let all = report.leading();
     let of = |s: &Series| report.rows(s, None, Some(Group::Random)).collect::<Vec<_>>();
-    let (marks, range) = ticks(all.iter().flat_map(|s| of(s)).map(|r| r.psnr).collect::<Vec<_>>(), 7);
+    let (marks, range) = ticks(all.iter().flat_map(&of).map(|r| drawn(r.psnr)).collect::<Vec<_>>(), 7);
     let row = 46.0;
     let bottom = 4.0 + row * all.len() as f64;
     let mut svg = Svg::new(WIDTH, bottom + AXIS, "PSNR of every random pupil, by method");
@@ -134,9 +140,9 @@ pub fn scatter(report: &Report) -> String {
         for (k, r) in rows.iter().enumerate() {
             // Golden ratio: even, and the same on every run.
             let jitter = ((k as f64 * 0.618_034).fract() - 0.5) * row * 0.62;
-            svg.dot(&tint(report, &series.method, "speck"), [x.at(r.psnr), middle + jitter], 2.1, &hover(r));
+            svg.dot(&tint(report, &series.method, "speck"), [x.at(drawn(r.psnr)), middle + jitter], 2.1, &hover(r));
             if r.psnr == summary.worst {
-                svg.dot(&tint(report, &series.method, "ring"), [x.at(r.psnr), middle + jitter], 5.0, &hover(r));
+                svg.dot(&tint(report, &series.method, "ring"), [x.at(drawn(r.psnr)), middle + jitter], 5.0, &hover(r));
             }
         }
         svg.line(
@@ -167,7 +173,9 @@ struct Frame<'a> {
 
 fn lines(frame: &Frame, all: &[Line]) -> String {
     let (left, top, bottom) = (44.0, 22.0, 232.0);
-    let values = |k: usize| all.iter().flat_map(move |l| l.points.iter().map(move |p| p[k]));
+    // Every plot that is not logarithmic is of PSNR.
+    let shown = |k: usize, v: f64| if k == 1 && !frame.log_y { drawn(v) } else { v };
+    let values = |k: usize| all.iter().flat_map(move |l| l.points.iter().map(move |p| shown(k, p[k])));
     let fold = |k: usize| values(k).fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| [a.min(v), b.max(v)]);
     let mut svg = Svg::new(WIDTH, bottom + AXIS, frame.title);
     if all.iter().all(|l| l.points.is_empty()) {
@@ -202,7 +210,7 @@ fn lines(frame: &Frame, all: &[Line]) -> String {
     }
     svg.text("axis", "end", [WIDTH - RIGHT, bottom + 32.0], frame.x_name);
     for line in all {
-        let at: Vec<[f64; 2]> = line.points.iter().map(|[a, b]| [x.at(*a), y.at(*b)]).collect();
+        let at: Vec<[f64; 2]> = line.points.iter().map(|[a, b]| [x.at(*a), y.at(shown(1, *b))]).collect();
         svg.path(&format!("{} line", line.class), &at);
         if line.dots {
             for ([a, b], place) in line.points.iter().zip(at) {
