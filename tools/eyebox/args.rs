@@ -49,6 +49,13 @@ pub enum Command {
     /// List engines and devices, and which one is taken
     #[command(after_help = "Example:\n  eyebox devices --json")]
     Devices(Devices),
+    /// List eye trackers, explain a report descriptor, or show and record what a tracker says
+    #[command(after_help = "Examples:\n  eyebox trackers\n  eyebox trackers --describe descriptor.bin --json\n  \
+                      eyebox trackers --watch hid --duration 10 --record session.hid\n  \
+                      eyebox trackers --watch session.hid --json\n  \
+                      eyebox trackers --watch simulated:7 --rate 500 --duration 2\n\n\
+                      Sources: hid, FILE.hid, FILE.jsonl, pupil://HOST[:PORT], udp://[HOST]:PORT, simulated[:SEED]")]
+    Trackers(Trackers),
 }
 
 /// Which engine computes.
@@ -341,6 +348,38 @@ pub struct Devices {
     pub json: bool,
 }
 
+/// `eyebox trackers`
+#[derive(Args)]
+pub struct Trackers {
+    /// Explain a HID report descriptor: binary, text in hexadecimal, or the first of a recording of hid-recorder
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["watch", "record"])]
+    pub describe: Option<PathBuf>,
+    /// Show decoded samples, one a line [default source: hid]
+    #[arg(long, value_name = "SOURCE", num_args = 0..=1, default_missing_value = "hid")]
+    pub watch: Option<String>,
+    /// Record what is watched: FILE.hid (reports, of HID sources), or FILE.jsonl (samples)
+    #[arg(long, value_name = "FILE")]
+    pub record: Option<PathBuf>,
+    /// Seconds to watch [default: until the recording ends, or Ctrl-C]
+    #[arg(long, value_name = "S", value_parser = positive)]
+    pub duration: Option<f64>,
+    /// A HID device with a layout of its own, described in a TOML file
+    #[arg(long, value_name = "FILE.toml")]
+    pub device_file: Option<PathBuf>,
+    /// Time between the eye and the arrival of its sample, ms
+    #[arg(long, value_name = "MS", default_value_t = 0.0, value_parser = not_negative)]
+    pub latency: f64,
+    /// Samples a second of the simulated tracker
+    #[arg(long, value_name = "HZ", default_value_t = 120.0, value_parser = positive)]
+    pub rate: f64,
+    /// Replay recordings in real time, not as fast as they are read
+    #[arg(long)]
+    pub real_time: bool,
+    /// JSON on standard output: one object, or one a line
+    #[arg(long)]
+    pub json: bool,
+}
+
 impl Colors {
     /// The single colour, or none for all.
     pub fn one(self) -> Option<Color> {
@@ -404,6 +443,13 @@ fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(v) if v.is_finite() && v > 0.0 => Ok(v),
         _ => Err("expected a positive number".into()),
+    }
+}
+
+fn not_negative(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(v) if v.is_finite() && v >= 0.0 => Ok(v),
+        _ => Err("expected a number, 0 or more".into()),
     }
 }
 

@@ -7,6 +7,7 @@ use eyebox::hologram::HologramError;
 use eyebox::optics::OpticsError;
 use eyebox::scene::SceneError;
 use eyebox::solve::SolveError;
+use eyebox::trackers::TrackerError;
 
 /// Why a command failed.
 #[derive(Debug, thiserror::Error)]
@@ -32,6 +33,9 @@ pub enum Failure {
     /// A file.
     #[error(transparent)]
     File(#[from] FileError),
+    /// An eye tracker.
+    #[error(transparent)]
+    Tracker(#[from] TrackerError),
     /// What was asked for does not fit together.
     #[error("{0}")]
     Asked(String),

@@ -1,4 +1,4 @@
-//! The `eyebox` command: `demo`, `solve`, `view`, `photograph`, `score`, `export`, `bench`, `devices`.
+//! The `eyebox` command: `demo`, `solve`, `view`, `photograph`, `score`, `export`, `bench`, `devices`, `trackers`.
 //!
 //! This room reads arguments, calls the runtime, and shows what came of it. Anything that a program would want to call
 //! belongs in the runtime. Errors are one line on standard error and exit code 2; nothing half-written stays behind.
@@ -14,6 +14,7 @@ mod photograph;
 mod progress;
 mod score;
 mod solve;
+mod trackers;
 mod view;
 
 use args::{Cli, Command};
@@ -36,6 +37,7 @@ fn main() -> ExitCode {
         Command::Export(args) => export::run(args),
         Command::Bench(args) => bench::run(args),
         Command::Devices(args) => devices::run(args),
+        Command::Trackers(args) => trackers::run(args),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
