@@ -22,6 +22,7 @@
 pub mod engine;
 pub mod evaluate;
 pub mod files;
+pub mod gaze;
 
 pub mod hologram;
 pub mod optics;

@@ -62,7 +62,7 @@ struct SampleText {
     #[serde(skip_serializing_if = "Option::is_none")]
     received: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    tracker: Option<f64>,
+    tracker_ns: Option<u64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     left: Option<ReadingText>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -111,13 +111,16 @@ impl ReadingText {
             Unit::Normalized => (UnitText::Normalized, 1.0),
             Unit::Counts => (UnitText::Counts, 1.0),
         };
+        // To a billionth, so that 1.5 mm are not written as 1.5000000000000002.
+        let scaled = |v: f64| (v * scale * 1e9).round() / 1e9;
+        let [x, y] = reading.position.map(|v| reading.valid.then(|| scaled(v)));
         Self {
-            x: Some(reading.position[0] * scale),
-            y: Some(reading.position[1] * scale),
-            z: reading.distance.map(|z| z * scale),
+            x,
+            y,
+            z: reading.distance.filter(|_| reading.valid).map(scaled),
             unit,
             what: if reading.quantity == Quantity::Gaze { WhatText::Gaze } else { WhatText::Pupil },
-            diameter: reading.diameter.map(|d| d * 1e3),
+            diameter: reading.diameter.map(|d| (d * 1e12).round() / 1e9),
             confidence: reading.confidence,
             valid: reading.valid,
         }
@@ -163,7 +166,7 @@ pub fn write(sample: &Sample) -> String {
     let text = SampleText {
         t: Some(seconds(sample.time_ns)),
         received: Some(seconds(sample.received_ns)),
-        tracker: sample.tracker_ns.map(seconds),
+        tracker_ns: sample.tracker_ns,
         left: sample.left.as_ref().map(ReadingText::of),
         right: sample.right.as_ref().map(ReadingText::of),
         combined: sample.combined.as_ref().map(ReadingText::of),

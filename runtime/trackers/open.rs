@@ -2,7 +2,9 @@
 
 use super::hid::{DeviceFile, HidSource, system_bus};
 use super::line::LineSource;
+
 use super::recording::{Recording, RecordingSource};
+use super::simulated::{Settings, SimulatedSource};
 use super::udp::UdpSource;
 use super::{Source, TrackerError};
 use std::path::PathBuf;
@@ -121,9 +123,12 @@ pub fn open(spec: &Spec, options: &Options) -> Result<Box<dyn Source>, TrackerEr
             Box::new(source.map_err(|e| TrackerError::file(path, e.to_string()))?)
         }
         Spec::Lines(path) => Box::new(LineSource::open(path, options.real_time, latency_ns)?),
-        Spec::Pupil { host, port } => { let _=(host,port); return Err(TrackerError::Spec("later".into()))},
+        Spec::Pupil { host, port } => { let _ = (host, port); return Err(TrackerError::Spec("later".into())) },
         Spec::Udp { host, port } => Box::new(UdpSource::bind(host, *port, latency_ns)?),
         Spec::Mouse => return Err(TrackerError::Setting("the mouse is a tracker in a window only".into())),
-        Spec::Simulated(_) => return Err(TrackerError::Spec("later".into())),
+        Spec::Simulated(seed) => {
+            let settings = Settings { rate_hz: options.rate_hz, seed: *seed, ..Settings::default() };
+            Box::new(SimulatedSource::new(settings, options.real_time)?)
+        }
     })
 }
