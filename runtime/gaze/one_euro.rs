@@ -28,6 +28,9 @@ pub struct OneEuro {
     speed_cutoff: f64,
 }
 
+/// The square of a speed counts from so many times what noise makes of it.
+const STRICT: f64 = 3.0;
+
 /// Share that a new value gets, for a step of `dt` seconds.
 fn share(cutoff: f64, dt: f64) -> f64 {
     let r = TAU * cutoff * dt;
@@ -82,10 +85,11 @@ impl OneEuro {
         self.time_ns = time_ns;
     }
 
-    /// The velocity, less what measurements of variance `noise` would show at rest (James and Stein 1961).
+    /// The velocity, less what measurements of variance `noise` would show at rest (after James and Stein 1961, but
+    /// stricter: a prediction that trembles is worse than one that is slow to believe in a slow pursuit).
     pub fn calm_velocity(&self, noise: f64) -> [f64; 2] {
         let square = self.velocity[0].powi(2) + self.velocity[1].powi(2);
-        let expected = 2.0 * noise * self.velocity_gain;
+        let expected = STRICT * 2.0 * noise * self.velocity_gain;
         let keep = if square > 0.0 { (1.0 - expected / square).max(0.0) } else { 0.0 };
         self.velocity.map(|v| v * keep)
     }

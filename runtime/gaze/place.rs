@@ -66,7 +66,12 @@ pub struct Placer {
     last: Option<Placed>,
     last_time_ns: Option<u64>,
     suspect: Option<(Placed, u32)>,
+    /// Confidence of left, right, combined as it usually is.
+    usual: [f64; 3],
 }
+
+/// Less than this share of the usual confidence: a lid is on its way, and the visible part's centre is not the pupil's.
+const UNUSUAL: f64 = 0.85;
 
 impl Placer {
     /// Without a calibration the rotation of the eye is all that is known.
@@ -80,6 +85,7 @@ impl Placer {
             last: None,
             last_time_ns: None,
             suspect: None,
+            usual: [0.0; 3],
         }
     }
 
@@ -94,6 +100,12 @@ impl Placer {
         }
         self.last_time_ns = Some(sample.time_ns);
         self.between_eyes(sample)?;
+        for (usual, reading) in self.usual.iter_mut().zip([&sample.left, &sample.right, &sample.combined]) {
+            if let Some(r) = reading.filter(|r| r.valid && r.confidence >= self.settings.confidence) {
+                // Up at once, down over seconds.
+                *usual = (*usual + 0.002 * (r.confidence - *usual)).max(r.confidence.min(*usual + 0.05));
+            }
+        }
         let placed = self.one(sample)?;
         if placed.position.iter().any(|p| !p.is_finite() || p.abs() > self.settings.reach) {
             return Err(Refusal::OutOfReach);
@@ -114,8 +126,8 @@ impl Placer {
 
     /// Both eyes, one, or what stands for both.
     fn one(&mut self, sample: &Sample) -> Result<Placed, Refusal> {
-        let left = self.map(&sample.left, |c| c.left.as_ref(), sample);
-        let right = self.map(&sample.right, |c| c.right.as_ref(), sample);
+        let left = self.map(0, &sample.left, |c| c.left.as_ref(), sample);
+        let right = self.map(1, &sample.right, |c| c.right.as_ref(), sample);
         if let (Ok(l), Ok(r)) = (&left, &right) {
             self.compare(l.0, r.0);
         }
@@ -152,7 +164,7 @@ impl Placer {
             (Eye::Mean, Ok(l), Err(_)) => with(shifted(l, 0.5)),
             (Eye::Mean, Err(_), Ok(r)) => with(shifted(r, -0.5)),
             (_, Err(why_left), Err(why_right)) => {
-                let combined = self.map(&sample.combined, |c| c.combined.as_ref(), sample);
+                let combined = self.map(2, &sample.combined, |c| c.combined.as_ref(), sample);
                 // The most telling reason: something was there, but not good enough.
                 let (position, bias) = combined.map_err(|why| {
                     let told = [why, why_left, why_right].into_iter().find(|w| *w != Refusal::NotSeen);
@@ -166,12 +178,14 @@ impl Placer {
     /// One reading in the pupil plane, with the standard deviation of its map.
     fn map(
         &self,
+        index: usize,
         reading: &Option<Reading>,
         fit: impl Fn(&Calibration) -> Option<&super::Fit>,
         sample: &Sample,
     ) -> Result<([f64; 2], f64), Refusal> {
         let Some(reading) = reading.as_ref().filter(|r| r.valid) else { return Err(Refusal::NotSeen) };
-        if !(reading.confidence >= self.settings.confidence) {
+        let least = self.settings.confidence.max(UNUSUAL * self.usual[index]);
+        if !(reading.confidence >= least) {
             return Err(Refusal::Confidence);
         }
         match &self.calibration {

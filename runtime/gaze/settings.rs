@@ -71,7 +71,7 @@ impl Default for Settings {
             fastest: 1000f64.to_radians(),
             saccade_speed: 30f64.to_radians(),
             cutoff: 3.0,
-            beta: 2000.0,
+            beta: 1000.0,
             speed_cutoff: 2.0,
             hold: 0.15,
             widen: 10e-3,

@@ -278,7 +278,7 @@ mod tests {
         sample.left = Some(Reading { diameter: Some(3e-3), confidence: 0.5, distance: Some(1.0), ..reading });
         let line = parse(write(&sample).as_bytes()).unwrap();
         let again = line.readings[0].unwrap();
-        assert!((again.position[0] - 0.25).abs() < 1e-12 && (again.diameter.unwrap() - 3e-3).abs() < 1e-12);
+        assert!((again.position[0] - 0.25).abs() < 1e-10 && (again.diameter.unwrap() - 3e-3).abs() < 1e-12);
         assert_eq!((again.confidence, again.quantity, line.received), (0.5, Quantity::Gaze, Some(5.0)));
         assert!((line.seconds.unwrap() - 4.99).abs() < 1e-12);
     }

@@ -19,7 +19,7 @@
 pub mod hid;
 pub mod line;
 pub mod mouse;
-//pub mod pupil_labs;
+pub mod pupil_labs;
 pub mod recording;
 pub mod simulated;
 pub mod udp;

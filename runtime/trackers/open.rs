@@ -2,7 +2,7 @@
 
 use super::hid::{DeviceFile, HidSource, system_bus};
 use super::line::LineSource;
-
+use super::pupil_labs::{self, PupilSource};
 use super::recording::{Recording, RecordingSource};
 use super::simulated::{Settings, SimulatedSource};
 use super::udp::UdpSource;
@@ -61,7 +61,7 @@ impl std::str::FromStr for Spec {
             Some((host.to_owned(), port))
         };
         if let Some(rest) = text.strip_prefix("pupil://") {
-            let (host, port) = address(rest, Some(50020)).filter(|(h, _)| !h.is_empty()).ok_or_else(wrong)?;
+            let (host, port) = address(rest, Some(pupil_labs::PORT)).filter(|(h, _)| !h.is_empty()).ok_or_else(wrong)?;
             return Ok(Self::Pupil { host, port });
         }
         if let Some(rest) = text.strip_prefix("udp://") {
@@ -123,7 +123,7 @@ pub fn open(spec: &Spec, options: &Options) -> Result<Box<dyn Source>, TrackerEr
             Box::new(source.map_err(|e| TrackerError::file(path, e.to_string()))?)
         }
         Spec::Lines(path) => Box::new(LineSource::open(path, options.real_time, latency_ns)?),
-        Spec::Pupil { host, port } => { let _ = (host, port); return Err(TrackerError::Spec("later".into())) },
+        Spec::Pupil { host, port } => Box::new(PupilSource::new(host, *port, latency_ns)),
         Spec::Udp { host, port } => Box::new(UdpSource::bind(host, *port, latency_ns)?),
         Spec::Mouse => return Err(TrackerError::Setting("the mouse is a tracker in a window only".into())),
         Spec::Simulated(seed) => {

@@ -104,11 +104,11 @@ struct Segment {
     kind: Move,
 }
 
-/// What the past is remembered of: seconds, at the least.
+/// Movements and blinks that are remembered.
 const REMEMBERED: usize = 64;
 const LID_MOVES: f64 = 0.06;
 
-/// A simulated eye. Time may run back a little, for the truth at a time that has passed.
+/// A simulated eye. Time may run back a little (some ten seconds), for the truth at a time that has passed.
 #[derive(Debug, Clone)]
 pub struct Eye {
     settings: Settings,

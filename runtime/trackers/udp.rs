@@ -142,3 +142,73 @@ impl Source for UdpSource {
         Ok(self.waiting.pop_front().map_or(Event::Nothing, |s| Event::Sample(s, None)))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Instant;
+
+    fn pair() -> (UdpSource, UdpSocket) {
+        // Port 0: any that is free.
+        let source = UdpSource::bind("127.0.0.1", 0, 0).unwrap();
+        let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
+        sender.connect(source.local().unwrap()).unwrap();
+        (source, sender)
+    }
+
+    fn samples(source: &mut UdpSource) -> (Vec<Sample>, Vec<String>) {
+        let (mut samples, mut notes, mut nothing) = (Vec::new(), Vec::new(), 0);
+        while nothing < 2 {
+            match source.next(Duration::from_millis(30)).unwrap() {
+                Event::Sample(sample, _) => samples.push(sample),
+                Event::Note(note) => notes.push(note),
+                _ => nothing += 1,
+            }
+        }
+        (samples, notes)
+    }
+
+    #[test]
+    fn lines_become_samples_and_one_sender_is_heard() {
+        let (mut source, sender) = pair();
+        assert!(source.local().unwrap().ip().is_loopback());
+        sender.send(b"{\"t\": 1.0, \"x\": 1.5, \"y\": -2}\n{\"t\": 1.01, \"x\": 1.6, \"y\": -2}").unwrap();
+        let second = UdpSocket::bind("127.0.0.1:0").unwrap();
+        second.send_to(b"{\"x\": 9, \"y\": 9}", source.local().unwrap()).unwrap();
+        let (samples, notes) = samples(&mut source);
+        assert_eq!(samples.len(), 2);
+        assert_eq!(samples[0].combined.unwrap().position, [1.5e-3, -2e-3]);
+        assert_eq!(samples[0].tracker_ns, Some(1_000_000_000));
+        assert!(samples.iter().all(|s| s.time_ns <= s.received_ns));
+        assert!(notes[0].contains("hears") && notes[1].contains("a second sender"), "{notes:?}");
+        assert!(UdpSource::bind("127.0.0.1", source.local().unwrap().port(), 0).is_err(), "the port is taken");
+        assert!(UdpSource::bind("203.0.113.1", 9123, 0).is_err(), "an address of somebody else");
+    }
+
+    #[test]
+    fn ten_thousand_datagrams_of_nonsense_are_survived() {
+        let (mut source, sender) = pair();
+        let mut rng = fastrand::Rng::with_seed(5);
+        let mut notes = 0;
+        let start = Instant::now();
+        for i in 0..10_000u32 {
+            let datagram: Vec<u8> = match i % 5 {
+                0 => (0..rng.usize(0..200)).map(|_| rng.u8(..)).collect(),
+                1 => vec![b'['; rng.usize(1..2048)],
+                2 => vec![b'x'; rng.usize(2049..9000)],
+                3 => b"{\"x\": 1, \"y\": nul}".to_vec(),
+                _ => format!("{{\"left\": {{\"x\": {}}}", "9".repeat(rng.usize(1..500))).into_bytes(),
+            };
+            sender.send(&datagram).unwrap();
+            match source.next(Duration::from_millis(100)).unwrap() {
+                Event::Note(_) => notes += 1,
+                Event::Nothing => {}
+                other => panic!("{other:?}"),
+            }
+        }
+        assert!(source.wrong >= 9_990, "{}", source.wrong);
+        assert!(notes <= 2 + start.elapsed().as_secs(), "one line a second: {notes}");
+        sender.send(b"{\"x\": 1, \"y\": 2}").unwrap();
+        assert_eq!(samples(&mut source).0.len(), 1);
+    }
+}
