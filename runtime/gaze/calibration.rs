@@ -200,10 +200,8 @@ impl Calibration {
     /// [`GazeError::File`].
     pub fn save(&self, file: &Path) -> Result<(), GazeError> {
         let text = self.to_toml();
-        files::write_file(file, |out| out.write_all(text.as_bytes())).map_err(|e| GazeError::File {
-            file: file.display().to_string(),
-            reason: e.to_string(),
-        })
+        files::write_file(file, |out| out.write_all(text.as_bytes()))
+            .map_err(|e| GazeError::File { file: file.display().to_string(), reason: e.to_string() })
     }
 
     /// Reads the text of such a file.

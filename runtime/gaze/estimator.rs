@@ -161,7 +161,11 @@ impl Estimator {
             State::Steady(filter) => self.steady(filter, time, position),
             State::Jumping(mut jump) => {
                 jump.update((time, position), self.noise, &self.settings);
-                if jump.over(self.noise, &self.settings) { State::Steady(self.landed(&jump, time)) } else { State::Jumping(jump) }
+                if jump.over(self.noise, &self.settings) {
+                    State::Steady(self.landed(&jump, time))
+                } else {
+                    State::Jumping(jump)
+                }
             }
             State::Lost { held, spread, since_ns } => {
                 if time.saturating_sub(since_ns) < DROPOUT_NS {
@@ -250,10 +254,8 @@ impl Estimator {
     /// The filter after a saccade: what was measured since it came to rest.
     fn landed(&self, jump: &Jump, time: u64) -> OneEuro {
         let since = (jump.lands_ns + 2_000_000).max(time.saturating_sub(24_000_000)).min(time);
-        mean(jump.since(since)).map_or_else(
-            || self.one_euro(time, jump.landing, 1),
-            |(position, n)| self.one_euro(time, position, n),
-        )
+        mean(jump.since(since))
+            .map_or_else(|| self.one_euro(time, jump.landing, 1), |(position, n)| self.one_euro(time, position, n))
     }
 
     /// The filter after a loss. An eye that has not moved goes on from where it was held, so that nothing steps.

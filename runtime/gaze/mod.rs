@@ -35,7 +35,9 @@ pub enum GazeError {
     #[error("a calibration needs at least 3 fixations that are not on a line{0}")]
     TooFew(String),
     /// The fixations do not agree with each other.
-    #[error("the fixations do not fit together: they are {rms_mm:.2} mm off on average, {limit_mm:.1} mm at most; repeat them")]
+    #[error(
+        "the fixations do not fit together: they are {rms_mm:.2} mm off on average, {limit_mm:.1} mm at most; repeat them"
+    )]
     Disagree {
         /// Root mean square of what is left, mm.
         rms_mm: f64,

@@ -66,19 +66,17 @@ impl OneEuro {
         let dt = step as f64 * 1e-9;
         self.count = self.count.saturating_add(1);
         let b = share(self.speed_cutoff, dt);
-        for i in 0..2 {
+        self.velocity = [0, 1].map(|i| {
             let speed = (measured[i] - self.last[i]) / dt;
-            self.velocity[i] += b * (speed - self.velocity[i]);
-        }
+            self.velocity[i] + b * (speed - self.velocity[i])
+        });
         // The difference of white noise, filtered: nearly (b / dt)^2 in the long run, less at first.
         let settled = (b / dt).powi(2) * (1.0 + b / (2.0 - b));
         self.velocity_gain += (2.0 * b - b * b).min(1.0) * (settled - self.velocity_gain);
         let speed = self.velocity[0].hypot(self.velocity[1]);
         // What the noise of the speed alone would give is no motion.
         let a = share(self.cutoff + self.beta * speed, dt).max(1.0 / f64::from(self.count));
-        for i in 0..2 {
-            self.position[i] += a * (measured[i] - self.position[i]);
-        }
+        self.position = [0, 1].map(|i| self.position[i] + a * (measured[i] - self.position[i]));
         self.gain = a * a + (1.0 - a).powi(2) * self.gain;
         self.lag = (1.0 - a) * (self.lag + dt);
         self.last = measured;
@@ -138,7 +136,12 @@ mod tests {
                 }
             }
             assert!((sum / said - 1.0).abs() < 0.4, "{rate}: {} {}", (sum / n).sqrt(), (said / n).sqrt());
-            assert!((speed / said_speed - 1.0).abs() < 0.3, "{rate}: {} {}", (speed / n).sqrt(), (said_speed / n).sqrt());
+            assert!(
+                (speed / said_speed - 1.0).abs() < 0.3,
+                "{rate}: {} {}",
+                (speed / n).sqrt(),
+                (said_speed / n).sqrt()
+            );
             assert!((sum / n).sqrt() < 0.05e-3);
         }
     }

@@ -185,7 +185,7 @@ impl Placer {
     ) -> Result<([f64; 2], f64), Refusal> {
         let Some(reading) = reading.as_ref().filter(|r| r.valid) else { return Err(Refusal::NotSeen) };
         let least = self.settings.confidence.max(UNUSUAL * self.usual[index]);
-        if !(reading.confidence >= least) {
+        if reading.confidence.is_nan() || reading.confidence < least {
             return Err(Refusal::Confidence);
         }
         match &self.calibration {
@@ -255,9 +255,7 @@ pub fn rotation(reading: &Reading, gaze: Option<&Reading>, settings: &Settings) 
         (Quantity::Pupil, Unit::Metres) => {
             let gaze = gaze.filter(|g| g.valid && g.quantity == Quantity::Gaze && g.unit == Unit::Metres);
             match (reading.distance, gaze) {
-                (Some(z), Some(gaze)) if z > 0.05 => {
-                    towards([0, 1].map(|i| gaze.position[i] - reading.position[i]), z)
-                }
+                (Some(z), Some(gaze)) if z > 0.05 => towards([0, 1].map(|i| gaze.position[i] - reading.position[i]), z),
                 _ => reading.position,
             }
         }

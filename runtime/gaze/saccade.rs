@@ -77,15 +77,8 @@ impl Jump {
     pub fn new(from: [f64; 2], noticed_ns: u64, points: impl Iterator<Item = Point>, noise: f64, s: &Settings) -> Self {
         let points: VecDeque<Point> = points.collect();
         let landing = points.back().map_or(from, |p| p.1);
-        let mut jump = Self {
-            from,
-            noticed_ns,
-            landing,
-            spread: s.unknown,
-            lands_ns: noticed_ns,
-            lands_spread_ns: 20e6,
-            points,
-        };
+        let mut jump =
+            Self { from, noticed_ns, landing, spread: s.unknown, lands_ns: noticed_ns, lands_spread_ns: 20e6, points };
         jump.fit(noise, s);
         jump
     }

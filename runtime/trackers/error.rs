@@ -7,7 +7,9 @@ use std::path::Path;
 #[derive(Debug, thiserror::Error)]
 pub enum TrackerError {
     /// No source has such a name.
-    #[error("'{0}' is no tracker: use hid, FILE.hid, FILE.jsonl, pupil://HOST[:PORT], udp://[HOST]:PORT, mouse or simulated[:SEED]")]
+    #[error(
+        "'{0}' is no tracker: use hid, FILE.hid, FILE.jsonl, pupil://HOST[:PORT], udp://[HOST]:PORT, mouse or simulated[:SEED]"
+    )]
     Spec(String),
     /// A file cannot be used.
     #[error("{file}: {reason}")]

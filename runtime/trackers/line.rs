@@ -287,7 +287,11 @@ mod tests {
     fn recorded_lines_are_replayed_with_their_times() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("a.jsonl");
-        std::fs::write(&file, "{\"t\": 1.0, \"received\": 1.01, \"x\": 1, \"y\": 2}\n\n{\"t\": 1.5, \"x\": 1, \"y\": 2}\n").unwrap();
+        std::fs::write(
+            &file,
+            "{\"t\": 1.0, \"received\": 1.01, \"x\": 1, \"y\": 2}\n\n{\"t\": 1.5, \"x\": 1, \"y\": 2}\n",
+        )
+        .unwrap();
         let mut source = LineSource::open(&file, false, 0).unwrap();
         let mut next = || match source.next(Duration::ZERO).unwrap() {
             Event::Sample(sample, None) => Some(sample),

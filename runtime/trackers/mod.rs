@@ -53,6 +53,8 @@ pub struct About {
 }
 
 /// What a source answers when it is asked for the next sample.
+// Nearly all of them are samples: in a box each would cost an allocation.
+#[allow(clippy::large_enum_variant)]
 #[derive(Debug, Clone, PartialEq)]
 pub enum Event {
     /// A sample; with it the report that it came in, where the source has such a thing.

@@ -61,7 +61,8 @@ impl std::str::FromStr for Spec {
             Some((host.to_owned(), port))
         };
         if let Some(rest) = text.strip_prefix("pupil://") {
-            let (host, port) = address(rest, Some(pupil_labs::PORT)).filter(|(h, _)| !h.is_empty()).ok_or_else(wrong)?;
+            let (host, port) =
+                address(rest, Some(pupil_labs::PORT)).filter(|(h, _)| !h.is_empty()).ok_or_else(wrong)?;
             return Ok(Self::Pupil { host, port });
         }
         if let Some(rest) = text.strip_prefix("udp://") {

@@ -205,14 +205,18 @@ impl RecordingSource {
     ///
     /// # Errors
     /// [`HidError::NotAnEyeTracker`], [`HidError::Descriptor`].
-    pub fn new(recording: Recording, layout: Option<&Layout>, real_time: bool, latency_ns: u64) -> Result<Self, HidError> {
+    pub fn new(
+        recording: Recording,
+        layout: Option<&Layout>,
+        real_time: bool,
+        latency_ns: u64,
+    ) -> Result<Self, HidError> {
         let mut refused = None;
         for (device, head) in recording.devices.iter().enumerate().filter(|(_, h)| !h.descriptor.is_empty()) {
             let found = match layout {
                 Some(layout) => Ok(layout.clone()),
                 None => Descriptor::parse(&head.descriptor).and_then(|d| {
-                    Layout::find(&d)
-                        .map_err(|reason| HidError::NotAnEyeTracker { name: head.name.clone(), reason })
+                    Layout::find(&d).map_err(|reason| HidError::NotAnEyeTracker { name: head.name.clone(), reason })
                 }),
             };
             let layout = match found {
@@ -280,7 +284,8 @@ mod tests {
 
     #[test]
     fn what_is_written_is_read_again() {
-        let head = Head { name: "A: tracker".into(), path: "usb-1".into(), id: [3, 0x15e4, 0x132], descriptor: vec![5, 0x12] };
+        let head =
+            Head { name: "A: tracker".into(), path: "usb-1".into(), id: [3, 0x15e4, 0x132], descriptor: vec![5, 0x12] };
         let mut text = Vec::new();
         write_head(&mut text, &head).unwrap();
         write_report(&mut text, 5_000_007, &[1, 0xfe]).unwrap();

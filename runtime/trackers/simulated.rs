@@ -151,8 +151,15 @@ impl Eye {
             to: [0.0; 2],
             kind: Move::Rest,
         };
-        let mut eye =
-            Self { settings, rng, segments: VecDeque::from([rest]), blinks: VecDeque::new(), blink_rng, wander, breath };
+        let mut eye = Self {
+            settings,
+            rng,
+            segments: VecDeque::from([rest]),
+            blinks: VecDeque::new(),
+            blink_rng,
+            wander,
+            breath,
+        };
         eye.next_blink(start_ns);
         eye
     }
@@ -351,10 +358,8 @@ impl SimulatedSource {
 impl Source for SimulatedSource {
     fn about(&self) -> About {
         let s = &self.settings;
-        let notes = vec![
-            format!("noise {:.2} mm, delay {:.1} ms", s.noise * 1e3, s.delay * 1e3),
-            format!("seed {}", s.seed),
-        ];
+        let notes =
+            vec![format!("noise {:.2} mm, delay {:.1} ms", s.noise * 1e3, s.delay * 1e3), format!("seed {}", s.seed)];
         About { name: "simulated eye".into(), kind: "simulated", rate_hz: Some(s.rate_hz), notes }
     }
 

@@ -5,7 +5,7 @@
 
 use super::recording::Head;
 use super::{About, Event, Sample, Source, TrackerError};
-use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, TrySendError, bounded};
+use crossbeam_channel::{Receiver, Sender, TrySendError, bounded};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
@@ -76,10 +76,7 @@ impl Stream {
 
     /// As [`next`](Self::next), with the report that the sample came in.
     pub fn next_with_report(&self, timeout: Duration) -> Option<(Sample, Option<Box<[u8]>>)> {
-        match self.samples.recv_timeout(timeout) {
-            Ok(arrival) => Some(arrival),
-            Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => None,
-        }
+        self.samples.recv_timeout(timeout).ok()
     }
 
     /// All samples that have arrived, the oldest first, without waiting.

@@ -53,7 +53,7 @@ pub enum Command {
     #[command(after_help = "Examples:\n  eyebox trackers\n  eyebox trackers --describe descriptor.bin --json\n  \
                       eyebox trackers --watch hid --duration 10 --record session.hid\n  \
                       eyebox trackers --watch session.hid --json\n  \
-                      eyebox trackers --watch simulated:7 --rate 500 --duration 2\n\n\
+                      eyebox trackers --watch simulated:7 --rate 500 --duration 2 --pupil 20\n\n\
                       Sources: hid, FILE.hid, FILE.jsonl, pupil://HOST[:PORT], udp://[HOST]:PORT, simulated[:SEED]")]
     Trackers(Trackers),
 }
@@ -348,6 +348,17 @@ pub struct Devices {
     pub json: bool,
 }
 
+/// Whose pupil.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum EyeName {
+    /// The left eye's
+    Left,
+    /// The right eye's
+    Right,
+    /// The mean of both, or what the tracker has
+    Mean,
+}
+
 /// `eyebox trackers`
 #[derive(Args)]
 pub struct Trackers {
@@ -375,6 +386,16 @@ pub struct Trackers {
     /// Replay recordings in real time, not as fast as they are read
     #[arg(long)]
     pub real_time: bool,
+    /// Show, for each sample, what becomes of it: its place in the pupil plane, the filter, and the pupil expected after
+    /// so many ms
+    #[arg(long, value_name = "MS", num_args = 0..=1, default_missing_value = "20", value_parser = not_negative)]
+    pub pupil: Option<f64>,
+    /// With --pupil: a user's calibration
+    #[arg(long, value_name = "FILE.toml", requires = "pupil")]
+    pub calibration: Option<PathBuf>,
+    /// With --pupil: whose pupil
+    #[arg(long, value_enum, default_value = "mean")]
+    pub eye: EyeName,
     /// JSON on standard output: one object, or one a line
     #[arg(long)]
     pub json: bool,

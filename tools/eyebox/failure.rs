@@ -3,6 +3,7 @@
 use eyebox::engine::EngineError;
 use eyebox::evaluate::EvaluateError;
 use eyebox::files::FileError;
+use eyebox::gaze::GazeError;
 use eyebox::hologram::HologramError;
 use eyebox::optics::OpticsError;
 use eyebox::scene::SceneError;
@@ -36,6 +37,9 @@ pub enum Failure {
     /// An eye tracker.
     #[error(transparent)]
     Tracker(#[from] TrackerError),
+    /// A calibration, or a setting of the way from sample to pupil.
+    #[error(transparent)]
+    Gaze(#[from] GazeError),
     /// What was asked for does not fit together.
     #[error("{0}")]
     Asked(String),

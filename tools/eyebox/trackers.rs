@@ -1,9 +1,10 @@
 //! `eyebox trackers`.
 
 use crate::Failure;
-use crate::args::Trackers;
+use crate::args::{EyeName, Trackers};
 use crate::progress;
 use eyebox::files;
+use eyebox::gaze::{Calibration, Estimator, Eye, Settings};
 use eyebox::trackers::hid::{self, Description, DeviceFile};
 use eyebox::trackers::recording::{self, Head, Recording};
 use eyebox::trackers::{Event, Options, Sample, Source, Spec, Stream, TrackerError, line, open};
@@ -67,7 +68,7 @@ fn descriptor_of(file: &Path) -> Result<Vec<u8>, Failure> {
     }
     let words = || text.split(|c: char| c.is_whitespace() || c == ',').filter(|w| !w.is_empty());
     let digits = |w: &str| w.trim_start_matches("0x").trim_start_matches("0X").to_owned();
-    let is_hex = |w: &str| !w.is_empty() && w.len() % 2 == 0 && w.bytes().all(|b| b.is_ascii_hexdigit());
+    let is_hex = |w: &str| !w.is_empty() && w.len().is_multiple_of(2) && w.bytes().all(|b| b.is_ascii_hexdigit());
     if words().next().is_some() && words().all(|w| is_hex(&digits(w))) {
         let hex: String = words().map(digits).collect();
         return (0..hex.len() / 2)
@@ -187,7 +188,12 @@ struct Recorder<'a> {
 }
 
 impl Recorder<'_> {
-    fn sample(&mut self, sample: &Sample, report: Option<&[u8]>, head: impl FnOnce() -> Option<Head>) -> io::Result<()> {
+    fn sample(
+        &mut self,
+        sample: &Sample,
+        report: Option<&[u8]>,
+        head: impl FnOnce() -> Option<Head>,
+    ) -> io::Result<()> {
         if self.form == Form::Lines {
             return writeln!(self.out, "{}", line::write(sample));
         }
@@ -216,6 +222,8 @@ fn watch(args: &Trackers, source: &str) -> Result<(), Failure> {
     let form = args.record.as_deref().map(|file| form(file, &spec)).transpose()?;
     let source = open(&spec, &options)?;
     let stored = matches!(spec, Spec::Recording(_) | Spec::Lines(_) | Spec::Simulated(_)) && !options.real_time;
+    // Says no before a recording begins.
+    let _ = args.pupil.map(|_| estimator(args)).transpose()?;
     let mut feed = if stored { Feed::Direct(source) } else { Feed::Thread(Stream::start(source)?) };
     progress::catch_interrupt();
     let (Some(file), Some(form)) = (&args.record, form) else { return show(args, &mut feed, stored, None) };
@@ -233,6 +241,29 @@ fn watch(args: &Trackers, source: &str) -> Result<(), Failure> {
     .map_err(|e| failed.take().unwrap_or(e.into()))
 }
 
+/// The way from sample to pupil.
+fn estimator(args: &Trackers) -> Result<Estimator, Failure> {
+    let eye = match args.eye {
+        EyeName::Left => Eye::Left,
+        EyeName::Right => Eye::Right,
+        EyeName::Mean => Eye::Mean,
+    };
+    let calibration = args.calibration.as_deref().map(Calibration::load).transpose()?;
+    Ok(Estimator::new(Settings { eye, ..Settings::default() }, calibration)?)
+}
+
+/// What became of a sample, and the pupil so many milliseconds after its arrival.
+fn stages(estimator: &mut Estimator, sample: &Sample, ms: f64, as_json: bool) -> String {
+    let stages = estimator.update(sample);
+    let pupil = estimator.predict(sample.received_ns.saturating_add((ms * 1e6) as u64));
+    if as_json {
+        json!({ "time_ns": sample.time_ns, "received_ns": sample.received_ns, "stages": stages, "pupil": pupil })
+            .to_string()
+    } else {
+        format!("{:.6} s  {stages}; in {ms} ms {pupil}", sample.time_ns as f64 * 1e-9)
+    }
+}
+
 /// The form that a recording's name asks for; says no before anything is opened.
 fn form(file: &Path, spec: &Spec) -> Result<Form, Failure> {
     match file.extension().and_then(|e| e.to_str()) {
@@ -248,6 +279,7 @@ fn form(file: &Path, spec: &Spec) -> Result<Form, Failure> {
 
 /// Shows samples until the source or the time ends, someone presses ctrl-C, or nobody reads any more.
 fn show(args: &Trackers, feed: &mut Feed, stored: bool, mut recorder: Option<&mut Recorder>) -> Result<(), Failure> {
+    let mut estimator = args.pupil.map(|ms| Ok::<_, Failure>((estimator(args)?, ms))).transpose()?;
     let start = Instant::now();
     let duration = args.duration.map(|s| Duration::from_secs_f64(s.min(1e9)));
     let mut first_ns = None;
@@ -262,7 +294,11 @@ fn show(args: &Trackers, feed: &mut Feed, stored: bool, mut recorder: Option<&mu
                 if stored && duration.is_some_and(|d| u128::from(passed) >= d.as_nanos()) {
                     break;
                 }
-                let text = if args.json { line::write(&sample) } else { sample.to_string() };
+                let text = match &mut estimator {
+                    Some((estimator, ms)) => stages(estimator, &sample, *ms, args.json),
+                    None if args.json => line::write(&sample),
+                    None => sample.to_string(),
+                };
                 if let Some(recorder) = &mut recorder {
                     let written = recorder.sample(&sample, report.as_deref(), || feed.head());
                     written.map_err(|e| Failure::Asked(format!("the recording cannot be written: {e}")))?;

@@ -333,7 +333,10 @@ impl Parser {
             if first.page == last.page && first.id <= last.id {
                 out.push([first, last]);
             } else {
-                self.note(format!("usages {:04x}:{:04x} to {:04x}:{:04x} are no range: ignored", first.page, first.id, last.page, last.id));
+                self.note(format!(
+                    "usages {:04x}:{:04x} to {:04x}:{:04x} are no range: ignored",
+                    first.page, first.id, last.page, last.id
+                ));
             }
         }
         out
@@ -349,11 +352,8 @@ impl Parser {
             0x4 => g.physical[1] = item,
             // Four bits in two's complement; some write a whole signed byte.
             0x5 => {
-                g.exponent = if item.value <= 0xf {
-                    (item.value as i32 ^ 8) - 8
-                } else {
-                    item.signed().clamp(-32, 32) as i32
-                }
+                g.exponent =
+                    if item.value <= 0xf { (item.value as i32 ^ 8) - 8 } else { item.signed().clamp(-32, 32) as i32 }
             }
             0x6 => g.unit = item.value,
             0x7 => g.bits = item.value,

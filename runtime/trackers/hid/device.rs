@@ -135,12 +135,8 @@ impl Open {
     fn ask(&mut self) {
         let layout = self.decoder.layout();
         let (frequency, status) = (layout.frequency, layout.status);
-        let places: Vec<String> = layout
-            .inputs
-            .iter()
-            .flat_map(|i| &i.places)
-            .map(|p| format!("{:?}", p.role).to_lowercase())
-            .collect();
+        let places: Vec<String> =
+            layout.inputs.iter().flat_map(|i| &i.places).map(|p| format!("{:?}", p.role).to_lowercase()).collect();
         self.about.notes.push(format!("gives {}", places.join(", ")));
         self.about.rate_hz = self.feature(frequency).filter(|hz| *hz > 0.0);
         if let Some(status) = self.feature(status) {
@@ -268,7 +264,8 @@ impl HidSource {
 
 impl Source for HidSource {
     fn about(&self) -> About {
-        let none = || About { name: "no HID eye tracker".into(), kind: "hid", rate_hz: None, notes: vec![self.said.clone()] };
+        let none =
+            || About { name: "no HID eye tracker".into(), kind: "hid", rate_hz: None, notes: vec![self.said.clone()] };
         self.open.as_ref().map_or_else(none, |o| o.about.clone())
     }
 

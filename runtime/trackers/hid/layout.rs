@@ -163,8 +163,7 @@ impl Layout {
         let mut layout = Self { numbered: descriptor.numbered, ..Self::default() };
         let mut groups: Vec<Group> = Vec::new();
         for field in &descriptor.fields {
-            let of_head =
-                descriptor.around(field.collection).any(|c| c.usage == Some(HEAD_TRACKER) && c.kind == 1);
+            let of_head = descriptor.around(field.collection).any(|c| c.usage == Some(HEAD_TRACKER) && c.kind == 1);
             if of_head {
                 continue;
             }
@@ -177,7 +176,9 @@ impl Layout {
         }
         layout.assign(groups, |id| bytes(ReportKind::Input, id));
         if !layout.inputs.iter().any(|i| !i.places.is_empty()) {
-            return Err("usage page 0x12 (Eye and Head Trackers), but no report with a gaze point or an eye position".into());
+            return Err(
+                "usage page 0x12 (Eye and Head Trackers), but no report with a gaze point or an eye position".into()
+            );
         }
         if !descriptor.collections.iter().any(|c| c.usage == Some(EYE_TRACKER)) {
             layout.notes.push("no application collection is called Eye Tracker: taken as one by its fields".into());
@@ -258,7 +259,8 @@ impl Layout {
             // Only a gaze point has two axes.
             let role = Role::ALL.into_iter().filter(|r| (*r == Role::Gaze) == flat).find(free);
             if let Some(role) = role {
-                self.notes.push(format!("report 0x{report:02x}: a position without a name is taken by its place: {role:?}"));
+                self.notes
+                    .push(format!("report 0x{report:02x}: a position without a name is taken by its place: {role:?}"));
             }
             groups[i].role = role;
         }

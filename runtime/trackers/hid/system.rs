@@ -58,7 +58,8 @@ mod linux {
         }
 
         fn open(&mut self, info: &Info) -> Result<Box<dyn Port>, HidError> {
-            let path = CString::new(info.path.as_str()).map_err(|_| HidError::Port("its path has a zero byte".into()))?;
+            let path =
+                CString::new(info.path.as_str()).map_err(|_| HidError::Port("its path has a zero byte".into()))?;
             let device = self.0.open_path(&path).map_err(|e| {
                 HidError::Port(format!("{}: {e} (a udev rule with TAG+=\"uaccess\" lets users read it)", info.path))
             })?;

@@ -170,9 +170,7 @@ impl PupilSource {
     fn steady(&mut self, tracker_ns: u64, received_ns: u64) -> u64 {
         let quickest = self.link.as_ref().and_then(|l| l.offsets.iter().min_by_key(|(trip, _)| *trip));
         match quickest {
-            Some((_, offset)) => {
-                u64::try_from(i128::from(tracker_ns) + offset).unwrap_or(received_ns).min(received_ns)
-            }
+            Some((_, offset)) => u64::try_from(i128::from(tracker_ns) + offset).unwrap_or(received_ns).min(received_ns),
             None => self.arrivals.arrival(tracker_ns, received_ns),
         }
     }
@@ -248,7 +246,11 @@ impl Source for PupilSource {
                     self.wrong += 1;
                     if self.said_wrong_ns.is_none_or(|at| received.saturating_sub(at) > 1_000_000_000) {
                         self.said_wrong_ns = Some(received);
-                        let text = format!("{}: a message that makes no sense: {reason} ({} dropped so far)", self.name(), self.wrong);
+                        let text = format!(
+                            "{}: a message that makes no sense: {reason} ({} dropped so far)",
+                            self.name(),
+                            self.wrong
+                        );
                         return Ok(Event::Note(text));
                     }
                 }

@@ -48,7 +48,9 @@ impl Frames {
                 return Err(wrong(format!("a frame with flags 0x{flags:02x}: not ZMTP 3.0")));
             }
             let (head, length) = if flags & LONG != 0 {
-                let Some(size) = self.bytes.get(1..9).and_then(|b| <[u8; 8]>::try_from(b).ok()) else { return Ok(None) };
+                let Some(size) = self.bytes.get(1..9).and_then(|b| <[u8; 8]>::try_from(b).ok()) else {
+                    return Ok(None);
+                };
                 (9, usize::try_from(u64::from_be_bytes(size)).unwrap_or(usize::MAX))
             } else {
                 let Some(&size) = self.bytes.get(1) else { return Ok(None) };
@@ -168,7 +170,9 @@ impl Socket {
         match self.stream.read(bytes) {
             Ok(0) => Err(ErrorKind::ConnectionAborted.into()),
             Ok(n) => Ok(Some(n)),
-            Err(e) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted) => Ok(None),
+            Err(e) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted) => {
+                Ok(None)
+            }
             Err(e) => Err(e),
         }
     }

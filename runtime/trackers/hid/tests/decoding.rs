@@ -63,9 +63,8 @@ fn short_and_foreign_reports_are_passed_over_and_long_ones_taken() {
 #[test]
 fn other_sizes_orders_and_padding_decode_too() {
     // Unnumbered; right before left; 24 bits; 3 bits of padding in front; a time of 4 bytes in milliseconds.
-    let axes = |b: Build, usage| {
-        b.usage(usage).open(0).size(24, 3).usage(0x21).usage(0x22).usage(0x23).input(3).close()
-    };
+    let axes =
+        |b: Build, usage| b.usage(usage).open(0).size(24, 3).usage(0x21).usage(0x22).usage(0x23).input(3).close();
     let build = Build::default().page(0x12).usage(1).open(1).usage(0x10).open(2).size(3, 1).input(3);
     let build = build.usage(0x20).unit(0x1001, -3).logical(0, 0x7fff_ffff).size(32, 1).input(2);
     let build = build.unit(0x11, -3).logical(-100_000, 100_000);
@@ -80,7 +79,10 @@ fn other_sizes_orders_and_padding_decode_too() {
     assert_eq!(sample.tracker_ns, Some(12_345_000_000));
     let close = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).abs() < 1e-12 && (a[1] - b[1]).abs() < 1e-12;
     assert!(close(sample.right.unwrap().position, [-50e-6, 60e-6]), "ten micrometres a count: {sample}");
-    assert!(close(sample.left.unwrap().position, [10e-6, -20e-6]) && (sample.left.unwrap().distance.unwrap() - 0.6).abs() < 1e-12);
+    assert!(
+        close(sample.left.unwrap().position, [10e-6, -20e-6])
+            && (sample.left.unwrap().distance.unwrap() - 0.6).abs() < 1e-12
+    );
 }
 
 #[test]
@@ -91,9 +93,8 @@ fn missing_usages_are_made_up_for() {
         let b = b.open(2).id(0x10).logical(0, 255).usage(0x20).unit(0x1001, -6).size(8, 8).input(2);
         b.unit(MICROMETRES.0, MICROMETRES.1).logical(-2_000_000, 2_000_000)
     };
-    let unnamed = |b: Build, axes: i64| {
-        (0..axes).fold(b.open(0).size(32, axes), |b, i| b.usage(0x21 + i)).input(3).close()
-    };
+    let unnamed =
+        |b: Build, axes: i64| (0..axes).fold(b.open(0).size(32, axes), |b, i| b.usage(0x21 + i)).input(3).close();
     let tail = |b: Build| b.size(32, 6).input(3).close().close().0;
     let variants = [
         // The logical collection without a name.
@@ -103,11 +104,36 @@ fn missing_usages_are_made_up_for() {
         // One of them.
         tail(unnamed(start(true).position(0x24, 2), 3).position(0x26, 3)),
         // Axes without usages; the first usage alone.
-        tail(start(true).usage(0x24).open(0).size(32, 2).input(3).close().usage(0x25).open(0).size(32, 3).usage(0x21).input(3).close().position(0x26, 3)),
+        tail(
+            start(true)
+                .usage(0x24)
+                .open(0)
+                .size(32, 2)
+                .input(3)
+                .close()
+                .usage(0x25)
+                .open(0)
+                .size(32, 3)
+                .usage(0x21)
+                .input(3)
+                .close()
+                .position(0x26, 3),
+        ),
         // No unit: micrometres; no range: signed.
         tail(start(true).unit(0, 0).logical(0, 0).position(0x24, 2).position(0x25, 3).position(0x26, 3)),
         // A range of usages.
-        tail(start(true).position(0x24, 2).usage(0x25).open(0).size(32, 3).item(0x18, 0x21).item(0x28, 0x23).input(3).close().position(0x26, 3)),
+        tail(
+            start(true)
+                .position(0x24, 2)
+                .usage(0x25)
+                .open(0)
+                .size(32, 3)
+                .item(0x18, 0x21)
+                .item(0x28, 0x23)
+                .input(3)
+                .close()
+                .position(0x26, 3),
+        ),
     ];
     for (i, bytes) in variants.iter().enumerate() {
         let mut decoder = decoder(bytes);
@@ -124,7 +150,10 @@ fn settings_are_read_and_written_in_their_reports() {
     assert_eq!(layout.mode.unwrap().report(3), [0x14, 3]);
     assert_eq!(layout.mode.unwrap().report(999), [0x14, 7], "no more than it takes");
     let answer = [0x13, 4, 0xf4, 0x01];
-    assert_eq!((layout.status.unwrap().value(&answer), layout.frequency.unwrap().value(&answer)), (Some(4.0), Some(500.0)));
+    assert_eq!(
+        (layout.status.unwrap().value(&answer), layout.frequency.unwrap().value(&answer)),
+        (Some(4.0), Some(500.0))
+    );
     assert_eq!(layout.frequency.unwrap().value(&answer[..3]), None);
     assert_eq!(layout.status.unwrap().value(&[0x13, 9, 0, 0]), None, "out of range");
     assert_eq!(layout.status_sent.unwrap().value(&[0x13, 1]), Some(1.0));

@@ -41,7 +41,9 @@ fn what_is_no_eye_tracker_is_told_so() {
     let touch = touch.size(1, 1).input(2).size(7, 1).input(3).close().close().0;
     let description = Description::of(&touch).unwrap();
     assert!(!description.eye_tracker);
-    assert!(description.to_string().starts_with("not an eye tracker: ") && description.to_string().contains("Touch Screen"));
+    assert!(
+        description.to_string().starts_with("not an eye tracker: ") && description.to_string().contains("Touch Screen")
+    );
     // A head tracker alone, and an eye tracker that gives no positions.
     let head = Build::default().page(0x12).usage(0x02).open(1).position(0x27, 3).close().0;
     assert!(!Description::of(&head).unwrap().eye_tracker);
@@ -52,7 +54,18 @@ fn what_is_no_eye_tracker_is_told_so() {
 #[test]
 fn globals_stay_locals_go_and_pushes_are_popped() {
     let build = Build::default().page(1).size(8, 2).logical(-5, 5).usage(0x30).usage(0x31).input(2).push();
-    let build = build.page(9).size(1, 3).logical(0, 1).item(0x18, 1).item(0x28, 3).input(2).size(5, 1).input(3).pop().usage(0x32).input(2);
+    let build = build
+        .page(9)
+        .size(1, 3)
+        .logical(0, 1)
+        .item(0x18, 1)
+        .item(0x28, 3)
+        .input(2)
+        .size(5, 1)
+        .input(3)
+        .pop()
+        .usage(0x32)
+        .input(2);
     let descriptor = parse(build);
     let f = &descriptor.fields;
     assert_eq!((f[0].usage(0), f[0].usage(1), f[0].usage(7)), (usage(1, 0x30), usage(1, 0x31), usage(1, 0x31)));
@@ -75,7 +88,8 @@ fn the_page_that_holds_at_the_main_item_counts_and_four_bytes_bring_their_own() 
     let descriptor = parse(build.page(0x12).size(8, 2).input(2));
     assert_eq!((descriptor.fields[0].usage(0), descriptor.fields[0].usage(1)), (usage(0x12, 0x21), usage(0x0c, 0x22)));
     // Of alternatives the first is taken.
-    let build = Build::default().page(1).item(0xa8, 1).usage(0x30).usage(0x31).item(0xa8, 0).usage(0x32).size(8, 2).input(2);
+    let build =
+        Build::default().page(1).item(0xa8, 1).usage(0x30).usage(0x31).item(0xa8, 0).usage(0x32).size(8, 2).input(2);
     let descriptor = parse(build);
     assert_eq!((descriptor.fields[0].usage(0), descriptor.fields[0].usage(1)), (usage(1, 0x30), usage(1, 0x32)));
 }

@@ -53,11 +53,13 @@ fn sound(sample: &Sample) {
 fn item() -> impl Strategy<Value = Vec<u8>> {
     // Items that mean something, with values that matter more often than not.
     let prefixes = prop::sample::select(vec![
-        0x04u8, 0x08, 0x14, 0x24, 0x34, 0x44, 0x54, 0x64, 0x74, 0x84, 0x94, 0xa4, 0xb4, 0x18, 0x28, 0xa8, 0x80, 0x90, 0xb0,
-        0xa0, 0xc0, 0xfc,
+        0x04u8, 0x08, 0x14, 0x24, 0x34, 0x44, 0x54, 0x64, 0x74, 0x84, 0x94, 0xa4, 0xb4, 0x18, 0x28, 0xa8, 0x80, 0x90,
+        0xb0, 0xa0, 0xc0, 0xfc,
     ]);
     let values = prop_oneof![
-        prop::sample::select(vec![0u32, 1, 2, 3, 8, 0x10, 0x12, 0x20, 0x21, 0x22, 0x23, 0x24, 0x25, 0x26, 32, 64, 65, 0xff]),
+        prop::sample::select(vec![
+            0u32, 1, 2, 3, 8, 0x10, 0x12, 0x20, 0x21, 0x22, 0x23, 0x24, 0x25, 0x26, 32, 64, 65, 0xff
+        ]),
         any::<u32>(),
     ];
     (prefixes, 0u8..4, values).prop_map(|(prefix, size, value)| {
@@ -165,5 +167,7 @@ fn fuzz_for_long() {
             }
         }
     }
-    println!("{cases} descriptors with three reports each, {understood} of them eye trackers, in {seconds} s from seed {seed}");
+    println!(
+        "{cases} descriptors with three reports each, {understood} of them eye trackers, in {seconds} s from seed {seed}"
+    );
 }

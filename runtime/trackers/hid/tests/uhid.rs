@@ -67,7 +67,9 @@ fn a_virtual_device_is_found_started_and_read() {
                     asked |= bytes[8] == 0x14;
                     kernel.write_all(&event(SET_REPORT_REPLY, &[&id[..], &[0, 0]].concat())).unwrap();
                     for i in 0..20 {
-                        kernel.write_all(&input(&report(i * 1000, [7, 0, -32_000, 0, 600_000, 32_000, 0, 600_000]))).unwrap();
+                        kernel
+                            .write_all(&input(&report(i * 1000, [7, 0, -32_000, 0, 600_000, 32_000, 0, 600_000])))
+                            .unwrap();
                     }
                 }
                 _ => {}
