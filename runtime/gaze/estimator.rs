@@ -60,6 +60,8 @@ pub struct Estimator {
     filters: VecDeque<OneEuro>,
     /// Variance of each measured coordinate.
     noise: f64,
+    /// Measurements that it comes from; the first assumption counts as ten.
+    noise_count: u32,
     bias: f64,
     diameter: Option<(f64, f64)>,
     /// Of the last believed measurement.
@@ -99,6 +101,7 @@ impl Estimator {
             recent: VecDeque::new(),
             filters: VecDeque::new(),
             noise: FIRST_NOISE * FIRST_NOISE,
+            noise_count: 10,
             bias: 0.0,
             diameter: None,
             last_ns: 0,
@@ -110,9 +113,9 @@ impl Estimator {
         let placed = self.placer.place(sample, self.noise.sqrt());
         match &placed {
             Ok(placed) => self.seen(placed),
-            Err(Refusal::NotSeen | Refusal::Confidence | Refusal::NoMap) => self.unseen(sample.time_ns),
+            Err(Refusal::NotSeen | Refusal::Confidence | Refusal::NoMap) => self.unseen(),
             // A lie or two are passed over; a tracker that only lies has lost the eye.
-            Err(_) if sample.time_ns.saturating_sub(self.last_ns) > 60_000_000 => self.unseen(sample.time_ns),
+            Err(_) if sample.time_ns.saturating_sub(self.last_ns) > 60_000_000 => self.unseen(),
             Err(_) => {}
         }
         Stages {
@@ -143,7 +146,7 @@ impl Estimator {
         let (time, position) = (placed.time_ns, placed.position);
         // After a silence it is as after a loss.
         if !matches!(self.state, State::Unseen) && time.saturating_sub(self.last_ns) > 2 * DROPOUT_NS {
-            self.unseen(time);
+            self.unseen();
         }
         self.last_ns = time;
         self.bias = placed.bias;
@@ -214,7 +217,9 @@ impl Estimator {
         let (Some(c), Some(b), Some(a)) = (last.next(), last.next(), last.next()) else { return };
         let square = [0, 1].map(|i| (c[i] - 2.0 * b[i] + a[i]).powi(2)).iter().sum::<f64>() / 12.0;
         // What stands out is a saccade or an artefact, not noise.
-        self.noise += 0.01 * (square.min(8.0 * self.noise) - self.noise);
+        self.noise_count = self.noise_count.saturating_add(1);
+        let share = (1.0 / f64::from(self.noise_count)).max(0.01);
+        self.noise += share * (square.min(8.0 * self.noise) - self.noise);
         self.noise = self.noise.max(1e-12);
     }
 
@@ -272,7 +277,7 @@ impl Estimator {
         filter
     }
 
-    fn unseen(&mut self, time: u64) {
+    fn unseen(&mut self) {
         let noise = self.noise;
         self.state = match std::mem::replace(&mut self.state, State::Unseen) {
             State::Steady(filter) => {
@@ -297,7 +302,6 @@ impl Estimator {
             self.filters.clear();
             self.recent.clear();
         }
-        let _ = time;
     }
 
     fn steady_spread(&self, filter: &OneEuro, horizon: f64) -> f64 {

@@ -66,7 +66,9 @@ fn descriptor_of(file: &Path) -> Result<Vec<u8>, Failure> {
         let first = recording.devices.into_iter().map(|d| d.descriptor).find(|d| !d.is_empty());
         return first.ok_or_else(|| wrong("the recording has no descriptor".into()));
     }
-    let words = || text.split(|c: char| c.is_whitespace() || c == ',').filter(|w| !w.is_empty());
+    // Listings have remarks behind the bytes.
+    let code = |line| -> &str { str::split(line, '#').next().and_then(|l| l.split("//").next()).unwrap_or_default() };
+    let words = || text.lines().map(code).flat_map(|l| l.split([' ', '\t', ','])).filter(|w| !w.is_empty());
     let digits = |w: &str| w.trim_start_matches("0x").trim_start_matches("0X").to_owned();
     let is_hex = |w: &str| !w.is_empty() && w.len().is_multiple_of(2) && w.bytes().all(|b| b.is_ascii_hexdigit());
     if words().next().is_some() && words().all(|w| is_hex(&digits(w))) {

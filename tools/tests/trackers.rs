@@ -53,7 +53,9 @@ fn a_descriptor_is_explained_in_all_its_forms() {
     let temp = tempfile::tempdir().unwrap();
     let at = temp.path();
     std::fs::write(at.join("a.bin"), bytes(TRACKER)).unwrap();
-    std::fs::write(at.join("a.txt"), TRACKER.replace(' ', ", 0x").replacen("05", "0x05", 1)).unwrap();
+    let listing =
+        TRACKER.replace(' ', ", 0x").replacen("05", "0x05", 1).replacen("0xa1, 0x01,", "0xa1, 0x01, // opens\n", 1);
+    std::fs::write(at.join("a.txt"), listing).unwrap();
     std::fs::write(at.join("a.hid"), recording(TRACKER)).unwrap();
     let expected = done(at, &["--describe", "a.bin", "--json"]);
     for name in ["a.txt", "a.hid"] {
@@ -178,7 +180,7 @@ fn mistakes_are_one_line() {
     refused(at, &["--watch", "a.hid", "--device-file", "bad.toml"], "bad.toml: ");
     refused(at, &["--watch", "a.hid", "--pupil", "--calibration", "bad.toml"], "bad.toml: line 1");
     refused(at, &["--watch", "simulated", "--rate", "1e9", "--duration", "1"], "1 to 20000 Hz");
-    refused(at, &["--watch", "a.hid", "--duration", "-1"], "positive");
+    refused(at, &["--watch", "a.hid", "--duration=-1"], "positive");
     refused(at, &["--watch", "hid", "--record", "c.hid", "--duration", "0.2"], "no report has come");
     assert!(!at.join("b.txt").exists() && !at.join("b.hid").exists() && !at.join("c.hid").exists());
 }
