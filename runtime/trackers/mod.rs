@@ -10,7 +10,7 @@
 //! |---|---|
 //! | `hid` | the first HID device of usage page 0x12, or the one that a device file describes ([`hid`]) |
 //! | `FILE.hid` | a recording in the text format of hid-recorder ([`recording`]) |
-//! | `FILE.jsonl` | recorded samples, one JSON object a line ([`line`]) |
+//! | `FILE.jsonl` | recorded samples, one JSON object a line ([`mod@line`]) |
 //! | `pupil://HOST[:PORT]` | Pupil Core's network interface ([`pupil_labs`]) |
 //! | `udp://[HOST]:PORT` | lines of JSON in datagrams ([`udp`]) |
 //! | `mouse` | positions that a window pushes ([`mouse`]) |

@@ -53,7 +53,8 @@ pub enum Command {
     #[command(after_help = "Examples:\n  eyebox trackers\n  eyebox trackers --describe descriptor.bin --json\n  \
                       eyebox trackers --watch hid --duration 10 --record session.hid\n  \
                       eyebox trackers --watch session.hid --json\n  \
-                      eyebox trackers --watch simulated:7 --rate 500 --duration 2 --pupil 20\n\n\
+                      eyebox trackers --watch simulated:7 --rate 500 --duration 2 --pupil 20\n  \
+                      eyebox trackers --watch pupil://localhost --calibrate ada.toml\n\n\
                       Sources: hid, FILE.hid, FILE.jsonl, pupil://HOST[:PORT], udp://[HOST]:PORT, simulated[:SEED]")]
     Trackers(Trackers),
 }
@@ -390,6 +391,12 @@ pub struct Trackers {
     /// so many ms
     #[arg(long, value_name = "MS", num_args = 0..=1, default_missing_value = "20", value_parser = not_negative)]
     pub pupil: Option<f64>,
+    /// Calibrate the source that is watched for a user: asks to look at each target, and writes the user's file
+    #[arg(long, value_name = "FILE.toml", conflicts_with_all = ["pupil", "record", "duration", "describe"])]
+    pub calibrate: Option<PathBuf>,
+    /// With --calibrate: directions of the targets, degrees to the right and down
+    #[arg(long, value_name = "X,Y;X,Y;...", default_value = "0,0;-8,0;8,0;0,-6;0,6", value_parser = targets, allow_hyphen_values = true)]
+    pub targets: Targets,
     /// With --pupil: a user's calibration
     #[arg(long, value_name = "FILE.toml", requires = "pupil")]
     pub calibration: Option<PathBuf>,
@@ -465,6 +472,21 @@ fn positive(text: &str) -> Result<f64, String> {
         Ok(v) if v.is_finite() && v > 0.0 => Ok(v),
         _ => Err("expected a positive number".into()),
     }
+}
+
+/// Directions, degrees to the right and down.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Targets(pub Vec<[f64; 2]>);
+
+fn targets(text: &str) -> Result<Targets, String> {
+    let form = "x,y;x,y;... in degrees, such as 0,0;-8,0;8,0;0,6";
+    let all: Result<Vec<[f64; 2]>, String> =
+        text.split(';').map(|t| numbers::<2>(t.split(',').collect(), form)).collect();
+    let all = all?;
+    if all.iter().flatten().any(|v| !(-60.0..=60.0).contains(v)) {
+        return Err("an eye turns 60 degrees at most".into());
+    }
+    if (3..=64).contains(&all.len()) { Ok(Targets(all)) } else { Err(format!("expected 3 to 64 targets: {form}")) }
 }
 
 fn not_negative(text: &str) -> Result<f64, String> {

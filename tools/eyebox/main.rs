@@ -5,6 +5,7 @@
 
 mod args;
 mod bench;
+mod calibrate;
 mod common;
 mod demo;
 mod devices;

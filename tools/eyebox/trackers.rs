@@ -2,6 +2,7 @@
 
 use crate::Failure;
 use crate::args::{EyeName, Trackers};
+use crate::calibrate;
 use crate::progress;
 use eyebox::files;
 use eyebox::gaze::{Calibration, Estimator, Eye, Settings};
@@ -19,6 +20,9 @@ use std::time::{Duration, Instant};
 pub fn run(args: &Trackers) -> Result<(), Failure> {
     if let Some(file) = &args.describe {
         return describe(file, args.json);
+    }
+    if let Some(file) = &args.calibrate {
+        return calibrate::run(args, file);
     }
     match &args.watch {
         Some(source) => watch(args, source),
@@ -212,14 +216,22 @@ impl Recorder<'_> {
     }
 }
 
+/// What a source is opened with, in real time.
+pub fn options(args: &Trackers) -> Options {
+    Options {
+        latency: Duration::from_secs_f64((args.latency * 1e-3).min(1e6)),
+        device_file: args.device_file.clone(),
+        real_time: true,
+        rate_hz: args.rate,
+    }
+}
+
 fn watch(args: &Trackers, source: &str) -> Result<(), Failure> {
     let spec: Spec = source.parse()?;
     let options = Options {
-        latency: Duration::from_secs_f64((args.latency * 1e-3).min(1e6)),
-        device_file: args.device_file.clone(),
         // For a while that is asked for, a simulated eye need not be waited for.
         real_time: args.real_time || (matches!(spec, Spec::Simulated(_)) && args.duration.is_none()),
-        rate_hz: args.rate,
+        ..options(args)
     };
     let form = args.record.as_deref().map(|file| form(file, &spec)).transpose()?;
     let source = open(&spec, &options)?;

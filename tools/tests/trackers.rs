@@ -1,8 +1,11 @@
 //! `eyebox trackers` as a user runs it.
 
+use std::io::{BufRead, BufReader, Write};
 use std::net::UdpSocket;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 fn eyebox(folder: &Path, args: &[&str]) -> Output {
@@ -148,6 +151,53 @@ fn lines_over_udp_are_shown() {
 }
 
 #[test]
+fn a_user_is_calibrated() {
+    let temp = tempfile::tempdir().unwrap();
+    let port = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    let source = format!("udp://:{port}");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_eyebox"))
+        .args(["trackers", "--watch", &source, "--calibrate", "ada.toml", "--targets", "0,0;-8,0;8,0;0,6"])
+        .current_dir(temp.path())
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // Where the tracker sees the eye, sent all the time: 100 counts a degree, x mirrored.
+    let place = Arc::new(Mutex::new([0.0; 2]));
+    let (theirs, over) = (Arc::clone(&place), Arc::new(AtomicBool::new(false)));
+    let until = Arc::clone(&over);
+    let sending = std::thread::spawn(move || {
+        let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
+        while !until.load(Ordering::Relaxed) {
+            let [x, y] = *theirs.lock().unwrap();
+            let line =
+                format!("{{\"left\": {{\"x\": {}, \"y\": {}, \"unit\": \"counts\"}}}}", 500.0 - 100.0 * x, 100.0 * y);
+            let _ = sender.send_to(line.as_bytes(), ("127.0.0.1", port));
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    });
+    let mut said = BufReader::new(child.stderr.take().unwrap()).lines();
+    let mut enter = child.stdin.take().unwrap();
+    for target in [[0.0, 0.0], [-8.0, 0.0], [8.0, 0.0], [0.0, 6.0]] {
+        let asked = said.by_ref().map(Result::unwrap).find(|l| l.contains("look at")).expect("a target");
+        assert!(asked.contains(&format!("({}, {}) degrees", target[0], target[1])), "{asked}");
+        *place.lock().unwrap() = target;
+        enter.write_all(b"\n").unwrap();
+    }
+    let answer = child.wait_with_output().unwrap();
+    over.store(true, Ordering::Relaxed);
+    sending.join().unwrap();
+    assert!(answer.status.success());
+    let text = std::fs::read_to_string(temp.path().join("ada.toml")).unwrap();
+    assert!(text.contains("user = \"ada\"") && text.contains("[left]") && !text.contains("[right]"), "{text}");
+    // 11 mm x sin(8 degrees) for 800 counts, mirrored.
+    let row = text.lines().find(|l| l.starts_with("x_mm")).expect("the row of x");
+    let first: f64 = row.split(['[', ',']).nth(1).unwrap().trim().parse().unwrap();
+    assert!((first + 11.0 * 8f64.to_radians().sin() / 800.0).abs() < 1e-6, "{row}");
+}
+
+#[test]
 fn what_is_connected_is_listed() {
     let temp = tempfile::tempdir().unwrap();
     let said = done(temp.path(), &[]);
@@ -181,6 +231,13 @@ fn mistakes_are_one_line() {
     refused(at, &["--watch", "a.hid", "--pupil", "--calibration", "bad.toml"], "bad.toml: line 1");
     refused(at, &["--watch", "simulated", "--rate", "1e9", "--duration", "1"], "1 to 20000 Hz");
     refused(at, &["--watch", "a.hid", "--duration=-1"], "positive");
+    refused(at, &["--watch", "simulated", "--calibrate", "x.toml", "--targets", "0,0;1,1"], "3 to 64 targets");
+    refused(at, &["--watch", "simulated", "--calibrate", "x.toml", "--targets", "0,0;1,1;90,0"], "60 degrees");
     refused(at, &["--watch", "hid", "--record", "c.hid", "--duration", "0.2"], "no report has come");
-    assert!(!at.join("b.txt").exists() && !at.join("b.hid").exists() && !at.join("c.hid").exists());
+    assert!(
+        !at.join("x.toml").exists()
+            && !at.join("b.txt").exists()
+            && !at.join("b.hid").exists()
+            && !at.join("c.hid").exists()
+    );
 }

@@ -4,7 +4,7 @@
 //! matter by their usages, or [`device_file`] tells where they are; [`report`] takes the bits out of the bytes;
 //! [`device`] finds the device, starts it, and finds it again after it was pulled out. What touches the machine is
 //! behind [`Bus`](device::Bus) and [`Port`](device::Port), so that all of it is tested without hardware; the
-//! machine's own are in [`system`].
+//! machine's own are [`system_bus`]'s.
 
 pub mod descriptor;
 pub mod device;
