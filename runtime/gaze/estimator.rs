@@ -76,6 +76,8 @@ const WINDOW_NS: u64 = 8_000_000;
 const NOTICED: f64 = 0.02;
 /// Lids spoil what is measured about so long before and after they cover the eye.
 const LID_NS: u64 = 45_000_000;
+/// A sample or two that are missing are no loss.
+const MISSED_NS: u64 = 20_000_000;
 /// Losses shorter than this are no blink.
 const DROPOUT_NS: u64 = 40_000_000;
 /// Nothing is extrapolated farther, seconds.
@@ -113,7 +115,11 @@ impl Estimator {
         let placed = self.placer.place(sample, self.noise.sqrt());
         match &placed {
             Ok(placed) => self.seen(placed),
-            Err(Refusal::NotSeen | Refusal::Confidence | Refusal::NoMap) => self.unseen(),
+            Err(Refusal::NotSeen | Refusal::Confidence | Refusal::NoMap)
+                if sample.time_ns.saturating_sub(self.last_ns) > MISSED_NS =>
+            {
+                self.unseen();
+            }
             // A lie or two are passed over; a tracker that only lies has lost the eye.
             Err(_) if sample.time_ns.saturating_sub(self.last_ns) > 60_000_000 => self.unseen(),
             Err(_) => {}

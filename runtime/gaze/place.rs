@@ -102,8 +102,8 @@ impl Placer {
         self.between_eyes(sample)?;
         for (usual, reading) in self.usual.iter_mut().zip([&sample.left, &sample.right, &sample.combined]) {
             if let Some(r) = reading.filter(|r| r.valid && r.confidence >= self.settings.confidence) {
-                // Up at once, down over seconds.
-                *usual = (*usual + 0.002 * (r.confidence - *usual)).max(r.confidence.min(*usual + 0.05));
+                let first = *usual == 0.0;
+                *usual += if first { 1.0 } else { 0.01 } * (r.confidence - *usual);
             }
         }
         let placed = self.one(sample)?;

@@ -263,6 +263,24 @@ fn lies_are_passed_over() {
 }
 
 #[test]
+fn samples_that_are_missing_now_and_then_cost_nothing() {
+    let mut estimator = Estimator::new(Settings::default(), None).unwrap();
+    for i in 0..600u64 {
+        let time = START_NS + i * 8_000_000;
+        // It follows at 2 mm a second.
+        let mut s = sample(time, [i as f64 * 16e-6 - 5e-3, 0.0]);
+        if i % 7 == 3 {
+            s.left = s.left.map(|r| Reading { confidence: 0.3, ..r });
+            s.right = s.right.map(|r| Reading { valid: false, ..r });
+        }
+        let stages = estimator.update(&s);
+        assert_eq!((stages.phase, stages.placed.is_ok()), (Phase::Steady, i % 7 != 3));
+        let p = estimator.predict(time + 40_000_000);
+        assert!(i < 300 || off(p.centre, [(i + 5) as f64 * 16e-6 - 5e-3, 0.0]) < 0.05e-3, "{i}: {p}");
+    }
+}
+
+#[test]
 fn one_eye_stands_for_the_other() {
     let settings = Settings { eye: Eye::Left, ..Settings::default() };
     let mut estimator = Estimator::new(settings, None).unwrap();

@@ -21,7 +21,7 @@ pub fn now_ns() -> u64 {
 const SLICES: usize = 8;
 const SLICE_NS: u64 = 500_000_000;
 /// Beyond this the tracker's clock has been set, or lies.
-const STEP_NS: i128 = 1_000_000_000;
+const STEP_NS: i128 = 250_000_000;
 
 /// Maps a tracker's clock to the steady one by its quickest arrivals.
 ///
@@ -38,6 +38,9 @@ pub struct ClockOffset {
 impl ClockOffset {
     /// When, on the steady clock, a sample with the tracker's time arrived at the earliest; at most `received_ns`.
     pub fn arrival(&mut self, tracker_ns: u64, received_ns: u64) -> u64 {
+        if self.last_tracker_ns == Some(tracker_ns) {
+            return received_ns; // A clock that stands is none.
+        }
         let difference = i128::from(received_ns) - i128::from(tracker_ns);
         let stepped = self.least().is_some_and(|least| (difference - least).abs() > STEP_NS);
         let backwards = self.last_tracker_ns.is_some_and(|last| tracker_ns < last);
@@ -122,6 +125,13 @@ mod tests {
         assert_eq!(clock.arrival(5, received), received, "set back: starts again");
         assert_eq!(clock.arrival(u64::MAX, received + 1), received + 1);
         assert_eq!(clock.arrival(0, 1), 1, "never panics");
+        // One that stands, and one that runs a thousand times too slowly, are off by a quarter of a second at most.
+        let (mut stands, mut slow) = (ClockOffset::default(), ClockOffset::default());
+        for i in 1..5000u64 {
+            let received = i * 1_000_000;
+            assert_eq!(stands.arrival(7, received), received);
+            assert!(received - slow.arrival(i * 1000, received) <= 250_000_000);
+        }
     }
 
     #[test]
