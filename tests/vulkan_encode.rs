@@ -1,7 +1,7 @@
 //! The kernel `encode` on the device against its twin: byte for byte, and not a word from the validation layer.
 
 use eyebox::encode::{Encoder, PhaseSet};
-use eyebox::engine::vulkan::{Options, VulkanEncoder};
+use eyebox::engine::vulkan::VulkanEncoder;
 use eyebox::optics::{Color, Display};
 use eyebox_tests::both::Noise;
 use std::sync::PoisonError;

@@ -36,6 +36,7 @@ fn runs<'a>(report: &'a Report, scene: &'a SceneFigures) -> Vec<(Series, &'a Run
 pub fn views(report: &Report, scene: &SceneFigures) -> String {
     let mut out = String::new();
     let runs = runs(report, scene);
+    let columns = (runs.len() + 1).min(7);
     for (i, chosen) in CHOSEN.iter().enumerate() {
         let pupil = runs
             .iter()
