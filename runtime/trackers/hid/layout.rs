@@ -152,11 +152,12 @@ impl Layout {
     /// Why it is not an eye tracker, in words.
     pub fn find(descriptor: &Descriptor) -> Result<Self, String> {
         let page = |u: Option<Usage>| u.is_some_and(|u| u.page == EYE_PAGE);
-        if !descriptor.collections.iter().any(|c| page(c.usage)) {
+        let fields = || descriptor.fields.iter().flat_map(|f| &f.usages).any(|[first, _]| first.page == EYE_PAGE);
+        if !descriptor.collections.iter().any(|c| page(c.usage)) && !fields() {
             let mut names: Vec<_> = applications(descriptor);
             names.dedup();
             let names = if names.is_empty() { "nothing".into() } else { names.join(", ") };
-            return Err(format!("no collection of usage page 0x12 (Eye and Head Trackers): it is {names}"));
+            return Err(format!("nothing of usage page 0x12 (Eye and Head Trackers): it is {names}"));
         }
         let sizes = descriptor.reports();
         let bytes = |kind, id| sizes.iter().find(|(k, i, _)| (*k, *i) == (kind, id)).map_or(0, |(.., b)| *b);
