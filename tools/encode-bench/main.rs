@@ -52,8 +52,9 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
         let colors = [Color::Red, Color::Green, Color::Blue];
         let encoder = Encoder::new(&display, &colors, 8)?;
         let count = 8 * display.height * display.width;
-        let phases: Vec<Vec<f32>> =
-            (0..3).map(|c| (0..count).map(|i| ((i * 7919 + c) % 62_832) as f32 * 1e-4 - 3.141_59).collect()).collect();
+        let phases: Vec<Vec<f32>> = (0..3)
+            .map(|c| (0..count).map(|i| ((i * 7919 + c) % 62_832) as f32 * 1e-4 - std::f32::consts::PI).collect())
+            .collect();
         let slices: Vec<&[f32]> = phases.iter().map(|p| &p[..]).collect();
         let mut frames = encoder.frames();
         let mut copy: Vec<Vec<f32>> = phases.clone();
