@@ -1,7 +1,7 @@
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 
-// frame |= the levels of one colour's sub-frames, at their bits. An invocation takes four pixels of a row, all their
+// The levels of one colour's sub-frames at their bits: frame = the first's, frame |= the others'. An invocation takes four pixels of a row, all their
 // cells: whole words of the video frame, whose rows are padded to them. x: those fours (64 invocations), y: row of
 // pixels (strided).
 // The float operations are exact, all others are of integers: the twin has the same bytes.
@@ -16,6 +16,8 @@ layout(constant_id = 4) const uint cell_columns = 1;
 layout(constant_id = 5) const uint levels = 256;
 // Entries of this run: known when compiled, so that they are read once for all invocations.
 layout(constant_id = 6) const uint count = 1;
+// Whether a run came before it in this frame; the first writes all of it.
+layout(constant_id = 7) const bool follows = false;
 
 // Sub-frame (8 bits), mask (8), from, to, channel (4 each).
 layout(std430, binding = 0) readonly buffer Slots { uint slots[]; };
@@ -24,6 +26,10 @@ layout(std430, binding = 2) readonly buffer Offsets { uint offsets[]; };
 // Four entries a word.
 layout(std430, binding = 3) readonly buffer Table { uint table[]; };
 layout(std430, binding = 4) buffer Frame { uint frame[]; };
+void put(uint word, uint bits) {
+    frame[word] = follows ? frame[word] | bits : bits;
+}
+
 layout(push_constant) uniform Args {
     uint height, width, first, step_y, step_x, shift_y, shift_x, rows, columns, bytes, flips;
     // The first entry; values from one sub-frame to the next; the code's bit of each cell, 4 bits each.
@@ -99,11 +105,11 @@ void main() {
             [[unroll]] for (uint g = 0; g < cell_columns; g++) {
                 uint p = j * across + 4 * g;
                 if (channels == 1) {
-                    frame[word + g] |= pixel[p] | pixel[p + 1] << 8 | pixel[p + 2] << 16 | pixel[p + 3] << 24;
+                    put(word + g, pixel[p] | pixel[p + 1] << 8 | pixel[p + 2] << 16 | pixel[p + 3] << 24);
                 } else {
-                    frame[word + 3 * g] |= pixel[p] | pixel[p + 1] << 24;
-                    frame[word + 3 * g + 1] |= pixel[p + 1] >> 8 | pixel[p + 2] << 16;
-                    frame[word + 3 * g + 2] |= pixel[p + 2] >> 16 | pixel[p + 3] << 8;
+                    put(word + 3 * g, pixel[p] | pixel[p + 1] << 24);
+                    put(word + 3 * g + 1, pixel[p + 1] >> 8 | pixel[p + 2] << 16);
+                    put(word + 3 * g + 2, pixel[p + 2] >> 16 | pixel[p + 3] << 8);
                 }
             }
         }

@@ -4,11 +4,12 @@ use eyebox::encode::{Encoder, PhaseSet};
 use eyebox::engine::vulkan::VulkanEncoder;
 use eyebox::optics::{Color, Display};
 use eyebox_tests::both::Noise;
+use std::f32::consts::TAU;
 use std::sync::PoisonError;
 
 const ALL: [Color; 3] = [Color::Red, Color::Green, Color::Blue];
 const EDGES: [f32; 10] =
-    [0.0, -0.0, 6.283_185, 6.283_185_5, -6.283_185, -1e-8, 1e6, -1e6, 4_194_303.8, f32::MIN_POSITIVE / 4.0];
+    [0.0, -0.0, TAU, TAU.next_down(), -TAU.next_up(), -1e-8, 1e6, -1e6, 4_194_303.8, f32::MIN_POSITIVE / 4.0];
 
 fn phases(count: usize, seed: u64) -> Vec<f32> {
     let mut noise = Noise::new(seed);

@@ -4,20 +4,20 @@
 use super::*;
 use crate::optics::{Color, Display};
 use proptest::prelude::*;
-use std::f64::consts::TAU;
+use std::{f32, f64::consts::TAU};
 
 const ALL: [Color; 3] = [Color::Red, Color::Green, Color::Blue];
 /// Phases whose level is easily wrong.
 const EDGES: [f32; 14] = [
     0.0,
     -0.0,
-    6.283_185,
-    6.283_185_5,
-    -6.283_185,
+    f32::consts::TAU.next_down(),
+    f32::consts::TAU.next_up(),
+    -f32::consts::TAU,
     -1e-8,
     -0.7,
-    -3.141_592_7,
-    3.141_592_7,
+    -f32::consts::PI,
+    f32::consts::PI,
     1e6,
     -1e6,
     12_345.678,
@@ -75,7 +75,7 @@ fn even(count: u32) -> impl Fn(u8) -> f64 {
 fn edges_become_the_levels_that_arithmetic_says() {
     // 0, just under 2 pi, 2 pi, one level's half below and above 2 pi, negative, a million radians.
     let step = TAU / 256.0;
-    let phases: Vec<f32> = [0.0, 6.283_185, TAU, TAU - 0.4 * step, TAU - 0.6 * step, -step, 0.6 * step, 1e6]
+    let phases: Vec<f32> = [0.0, TAU - 3e-7, TAU, TAU - 0.4 * step, TAU - 0.6 * step, -step, 0.6 * step, 1e6]
         .map(|p: f64| p as f32)
         .to_vec();
     let wanted = [0, 0, 0, 0, 255, 255, 1, ((1e6 / TAU).fract() * 256.0).round() as u8];

@@ -110,9 +110,11 @@ impl VulkanEncoder {
             });
         }
         let (table, mut runs) = runs(plan, input.at_once(limit).min(MOST));
+        let mut before = None;
         for run in &mut runs {
             let [a, b, c, d, e, f] = inks[run.color].constants;
-            run.pipeline = Some(gpu.pipeline(&spirv::ENCODE, 5, &[a, b, c, d, e, f, run.entries])?);
+            let follows = u32::from(before.replace(run.video_frame) == Some(run.video_frame));
+            run.pipeline = Some(gpu.pipeline(&spirv::ENCODE, 5, &[a, b, c, d, e, f, run.entries, follows])?);
         }
         let cells = (plan.video_frames.iter().flatten().next())
             .map_or(0, |slot| slot.parts.iter().fold(0, |all, p| all | p.from << (4 * p.cell)));
@@ -161,7 +163,10 @@ impl VulkanEncoder {
     pub fn encode_uploaded(&mut self) -> Result<(), EngineError> {
         let Self { inks, slots, frames, runs, input, output, args, cells, gpu, .. } = self;
         gpu.recorder.begin(1)?;
-        gpu.recorder.clear(frames.all());
+        // A frame that nothing is put into.
+        for frame in (0..output.frames).filter(|f| !runs.iter().any(|run| run.video_frame == *f)) {
+            gpu.recorder.clear(output.range(frames, frame, 1));
+        }
         let fours = (args.width as usize).div_ceil(4).div_ceil(WIDTH) as u32;
         let groups = [fours, (args.height as usize).min(ROWS) as u32, 1];
         for round in rounds(runs) {
