@@ -57,7 +57,7 @@ impl Job {
                 scene: scene.into(),
                 depth_map: None,
                 view_pitch: None,
-                views: Some(9),
+                views: None,
                 depth: None,
             }],
             labels: vec![scene.trim_start_matches("builtin:").into()],

@@ -32,11 +32,16 @@ fn runs<'a>(report: &'a Report, scene: &'a SceneFigures) -> Vec<(Series, &'a Run
         .collect()
 }
 
+/// So many columns that rows of at most six are about equally full.
+fn even_columns(count: usize) -> usize {
+    count.max(1).div_ceil(count.max(1).div_ceil(6))
+}
+
 /// Through the chosen pupils: the photograph, then every method with its error.
 pub fn views(report: &Report, scene: &SceneFigures) -> String {
     let mut out = String::new();
     let runs = runs(report, scene);
-    let columns = (runs.len() + 1).min(7);
+    let columns = even_columns(runs.len() + 1);
     for (i, chosen) in CHOSEN.iter().enumerate() {
         let pupil = runs
             .iter()
@@ -61,7 +66,7 @@ pub fn views(report: &Report, scene: &SceneFigures) -> String {
         for (series, run) in &runs {
             let (Some(view), Some(error)) = (run.pictures.views.get(i), run.pictures.errors.get(i)) else { continue };
             let name = report.title(&series.method);
-            let psnr = view.psnr.map_or(String::new(), |p| format!(" {p:.1} dB"));
+            let psnr = view.psnr.map_or(String::new(), |p| format!(" {p:.1}\u{a0}dB"));
             let images = [
                 img(view, &format!("{name}, {about}:{psnr}"), ""),
                 img(error, &format!("error of {name}, {about}"), "error"),
@@ -133,7 +138,7 @@ pub fn epipolar(report: &Report, scene: &SceneFigures) -> String {
         for (series, run) in runs(report, scene) {
             let Some(picture) = run.pictures.epipolar.get(i) else { continue };
             let psnr = super::stats::mean(run.colors.iter().map(|c| c.epipolar[i]));
-            let under = psnr.map_or(String::new(), |p| format!(" {p:.1} dB"));
+            let under = psnr.map_or(String::new(), |p| format!(" {p:.1}\u{a0}dB"));
             slice(&mut out, &report.title(&series.method), &under, picture);
         }
         out.push_str("</div>");
@@ -144,7 +149,7 @@ pub fn epipolar(report: &Report, scene: &SceneFigures) -> String {
 /// Where the light is.
 pub fn energy(report: &Report, scene: &SceneFigures) -> String {
     let runs = runs(report, scene);
-    let mut out = format!(r#"<div class="shots" style="--n:{}">"#, runs.len().clamp(1, 7));
+    let mut out = format!(r#"<div class="shots" style="--n:{}">"#, even_columns(runs.len()));
     for (series, run) in runs {
         let Some(map) = &run.pictures.energy else { continue };
         let name = report.title(&series.method);
