@@ -28,10 +28,12 @@
 //! | [`even`] | energy, field | change |
 //! | [`project`] | change, shown | phases, velocity |
 //! | [`adam`] | change, shown | phases, first and second moments |
+//! | [`encode`] | phases, offsets, table | video frame |
 
 pub mod adam;
 pub mod balance;
 pub mod compare;
+pub mod encode;
 pub mod energy;
 pub mod even;
 pub mod exposure;

@@ -12,19 +12,26 @@
 //! | [`evaluate`] | PSNR, SSIM, the exposure that compares a hologram with its scene |
 //! | [`solve`] | pupil sampling, the optimisers, the solver: one for every engine |
 //! | [`hologram`] | phase frames and their file |
+//! | [`encode`] | calibration, levels, packing: phases to what the SLM receives |
+//! | [`trackers`] | eye trackers: devices, recordings, network, simulated; samples with a steady time |
+//! | [`gaze`] | from a tracker's samples to where the pupil will be, with its uncertainty |
 //!
 //! Comments that say "OPTICS n" mean section n of `docs/optics.md`.
 //!
 //! Lengths are metres, angles radians, images linear light, axis order (row = y, column = x), +y down.
 
+pub mod encode;
 pub mod engine;
 pub mod evaluate;
 pub mod files;
+pub mod gaze;
+
 pub mod hologram;
 pub mod optics;
 pub mod plan;
 pub mod scene;
 pub mod solve;
+pub mod trackers;
 
 /// The README's program is compiled and run with the tests.
 #[cfg(doctest)]

@@ -47,6 +47,7 @@ modules! {
     ENERGY = "energy",
     EVEN = "even",
     EXPOSURE = "exposure",
+    ENCODE = "encode",
     FFT_CHIRP = "fft_chirp",
     FFT_PASS = "fft_pass",
     FFT_ROWS = "fft_rows",

@@ -1,6 +1,6 @@
 //! Displays: presets and TOML files.
 
-use super::{Optics, OpticsError};
+use super::{Encoding, Optics, OpticsError};
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, fmt, path::Path};
 
@@ -47,6 +47,10 @@ pub struct Wavelength {
 /// focal_length_mm = 400.0
 /// wavelengths_nm = { red = 660, green = 520, blue = 440 }
 /// levels = 256                   # grey levels of the SLM
+///
+/// [encoding]                     # what the SLM receives: docs/displays.md
+/// packing = "grey8"
+/// two_pi_level = { red = 218, green = 190.5, blue = 160 }
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Display {
@@ -64,6 +68,8 @@ pub struct Display {
     pub wavelengths: Vec<Wavelength>,
     /// Phase levels of the SLM.
     pub levels: u32,
+    /// How it takes its phases.
+    pub encoding: Encoding,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -77,6 +83,8 @@ struct File {
     wavelengths_nm: BTreeMap<Color, f64>,
     #[serde(default = "levels_default")]
     levels: u32,
+    #[serde(default)]
+    encoding: Encoding,
 }
 
 fn levels_default() -> u32 {
@@ -84,7 +92,7 @@ fn levels_default() -> u32 {
 }
 
 /// The built-in displays, by name; the first is the default.
-pub const PRESETS: [&str; 3] = ["paper", "plm", "small"];
+pub const PRESETS: [&str; 7] = ["paper", "plm", "small", "grey8", "fields", "planes8", "planes24"];
 
 impl Display {
     /// A preset or a TOML file.
@@ -111,11 +119,15 @@ impl Display {
             // TI PLM, 0.67 in: 1358 x 800 mirrors of 10.8 um, 16 levels.
             "plm" => (800, 1358, 10.8e-6, 16),
             "small" => (256, 256, 8e-6, 256),
+            // An LCoS of 8 bits, one image or three fields a video frame; a ferroelectric one of one bit.
+            "grey8" | "fields" => (1080, 1920, 8e-6, 256),
+            "planes8" | "planes24" => (1080, 1920, 8e-6, 2),
             _ => return None,
         };
         let wavelengths = [(Color::Red, 660e-9), (Color::Green, 520e-9), (Color::Blue, 440e-9)];
         let wavelengths = wavelengths.map(|(color, wavelength)| Wavelength { color, wavelength }).to_vec();
-        Some(Self { name: name.into(), height, width, pitch, focal_length: 0.4, wavelengths, levels })
+        let encoding = Encoding::preset(name);
+        Some(Self { name: name.into(), height, width, pitch, focal_length: 0.4, wavelengths, levels, encoding })
     }
 
     /// Reads the text of a display file; `file` names it in errors.
@@ -134,6 +146,13 @@ impl Display {
         if !(2..=65536).contains(&read.levels) {
             return Err(wrong(format!("levels is {}: it must be 2 to 65536", read.levels)));
         }
+        read.encoding.check(read.levels).map_err(&wrong)?;
+        // Files that it names lie beside it.
+        let mut encoding = read.encoding;
+        let beside = Path::new(file).parent().unwrap_or(Path::new(""));
+        for file in encoding.look_up.values_mut().chain(encoding.correction.iter_mut().map(|c| &mut c.file)) {
+            *file = beside.join(&file);
+        }
         let stem = Path::new(file).file_stem().map_or(file.into(), |s| s.to_string_lossy().into_owned());
         let display = Self {
             name: read.name.unwrap_or(stem),
@@ -147,6 +166,7 @@ impl Display {
                 .map(|(color, nm)| Wavelength { color, wavelength: nm * 1e-9 })
                 .collect(),
             levels: read.levels,
+            encoding,
         };
         for w in &display.wavelengths {
             display.optics(w.color).map_err(|e| wrong(e.to_string()))?;
@@ -163,6 +183,7 @@ impl Display {
             focal_length_mm: self.focal_length * 1e3,
             wavelengths_nm: self.wavelengths.iter().map(|w| (w.color, w.wavelength * 1e9)).collect(),
             levels: self.levels,
+            encoding: self.encoding.clone(),
         };
         toml::to_string(&file).expect("a display has nothing that TOML cannot say")
     }
@@ -197,6 +218,7 @@ mod tests {
             let display = Display::preset(name).unwrap();
             let again = Display::from_toml(&display.to_toml(), "x.toml").unwrap();
             assert_eq!((again.height, again.width, again.levels), (display.height, display.width, display.levels));
+            assert_eq!(again.encoding, display.encoding);
             assert!((again.eyebox_min() - display.eyebox_min()).abs() < 1e-12);
         }
     }

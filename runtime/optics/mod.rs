@@ -5,6 +5,7 @@
 //! This room imports nothing from the rest of the runtime.
 
 mod display;
+mod encoding;
 mod geometry;
 mod padding;
 mod propagation;
@@ -12,6 +13,7 @@ mod pupil;
 mod window;
 
 pub use display::{Color, Display, PRESETS, Wavelength};
+pub use encoding::{Channel, ChannelOrder, Correction, Encoding, Flip, Grating, Orientation, Packing, Place, TwoPi};
 pub use geometry::{Optics, frequency_bin};
 pub use padding::{Padding, walk_off};
 pub use propagation::{aperture, propagation_turns, transfer};

@@ -47,6 +47,12 @@ pub enum Command {
         after_help = "Examples:\n  eyebox export still-life.zarr -o phases.npy\n  eyebox export still-life.zarr -o frames"
     )]
     Export(Export),
+    /// Write what a display receives: video frames with levels or bit-planes, as PNG
+    #[command(
+        after_help = "Examples:\n  eyebox encode still-life.zarr --display planes24 --size 256x256 -o frames\n  \
+                      eyebox encode phases.npy --display bench.toml -o frames --json\n\nFrames come in the order in which they are shown. A .npy is (sub-frame, row, column) or (colour, sub-frame, row, column), float, radians.\nDisplay files: docs/displays.md"
+    )]
+    Encode(Encode),
     /// Time the steps of a solve, and each kernel, beside another program in the same run
     #[command(
         after_help = "Example:\n  eyebox bench builtin:still-life --size 512x512 --color green --steps 20 --beside 'python3 mine.py'"
@@ -57,6 +63,14 @@ pub enum Command {
         after_help = "Example:\n  eyebox devices --json\n\nWhat a Vulkan driver compiled is kept in $XDG_CACHE_HOME/eyebox, else ~/.cache/eyebox."
     )]
     Devices(Devices),
+    /// List eye trackers, explain a report descriptor, or show and record what a tracker says
+    #[command(after_help = "Examples:\n  eyebox trackers\n  eyebox trackers --describe descriptor.bin --json\n  \
+                      eyebox trackers --watch hid --duration 10 --record session.hid\n  \
+                      eyebox trackers --watch session.hid --json\n  \
+                      eyebox trackers --watch simulated:7 --rate 500 --duration 2 --pupil 20\n  \
+                      eyebox trackers --watch pupil://localhost --calibrate ada.toml\n\n\
+                      Sources: hid, FILE.hid, FILE.jsonl, pupil://HOST[:PORT], udp://[HOST]:PORT, simulated[:SEED]")]
+    Trackers(Trackers),
 }
 
 /// Which engine computes.
@@ -97,7 +111,7 @@ pub struct EngineArgs {
 /// The display, in every command that needs one.
 #[derive(Args)]
 pub struct DisplayArgs {
-    /// Display: paper, plm, small, or a TOML file
+    /// Display: paper, plm, small, grey8, fields, planes8, planes24, or a TOML file
     #[arg(long, default_value = "paper", value_name = "PRESET|FILE")]
     pub display: String,
     /// Resolution instead of the display's own, rows x columns
@@ -259,6 +273,25 @@ pub struct Export {
     pub out: PathBuf,
 }
 
+/// `eyebox encode`
+#[derive(Args)]
+pub struct Encode {
+    /// NAME.zarr, or phases: NAME.npy or a folder of PNGs
+    pub hologram: PathBuf,
+    /// Where the video frames go; the folder appears whole
+    #[arg(short, long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Display
+    #[command(flatten)]
+    pub display: DisplayArgs,
+    /// Which engine computes
+    #[arg(long, value_enum, default_value = "auto")]
+    pub engine: EngineName,
+    /// One JSON object on standard output: what each frame holds
+    #[arg(long)]
+    pub json: bool,
+}
+
 /// `eyebox bench`
 #[derive(Args)]
 pub struct Bench {
@@ -365,6 +398,65 @@ pub struct Devices {
     pub json: bool,
 }
 
+/// Whose pupil.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum EyeName {
+    /// The left eye's
+    Left,
+    /// The right eye's
+    Right,
+    /// The mean of both, or what the tracker has
+    Mean,
+}
+
+/// `eyebox trackers`
+#[derive(Args)]
+pub struct Trackers {
+    /// Explain a HID report descriptor: binary, text in hexadecimal, or the first of a recording of hid-recorder
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["watch", "record"])]
+    pub describe: Option<PathBuf>,
+    /// Show decoded samples, one a line [default source: hid]
+    #[arg(long, value_name = "SOURCE", num_args = 0..=1, default_missing_value = "hid")]
+    pub watch: Option<String>,
+    /// Record what is watched: FILE.hid (reports, of HID sources), or FILE.jsonl (samples)
+    #[arg(long, value_name = "FILE")]
+    pub record: Option<PathBuf>,
+    /// Seconds to watch [default: until the recording ends, or Ctrl-C]
+    #[arg(long, value_name = "S", value_parser = positive)]
+    pub duration: Option<f64>,
+    /// A HID device with a layout of its own, described in a TOML file
+    #[arg(long, value_name = "FILE.toml")]
+    pub device_file: Option<PathBuf>,
+    /// Time between the eye and the arrival of its sample, ms
+    #[arg(long, value_name = "MS", default_value_t = 0.0, value_parser = not_negative)]
+    pub latency: f64,
+    /// Samples a second of the simulated tracker
+    #[arg(long, value_name = "HZ", default_value_t = 120.0, value_parser = positive)]
+    pub rate: f64,
+    /// Replay recordings in real time, not as fast as they are read
+    #[arg(long)]
+    pub real_time: bool,
+    /// Show, for each sample, what becomes of it: its place in the pupil plane, the filter, and the pupil expected after
+    /// so many ms
+    #[arg(long, value_name = "MS", num_args = 0..=1, default_missing_value = "20", value_parser = not_negative)]
+    pub pupil: Option<f64>,
+    /// Calibrate the source that is watched for a user: asks to look at each target, and writes the user's file
+    #[arg(long, value_name = "FILE.toml", conflicts_with_all = ["pupil", "record", "duration", "describe"])]
+    pub calibrate: Option<PathBuf>,
+    /// With --calibrate: directions of the targets, degrees to the right and down
+    #[arg(long, value_name = "X,Y;X,Y;...", default_value = "0,0;-8,0;8,0;0,-6;0,6", value_parser = targets, allow_hyphen_values = true)]
+    pub targets: Targets,
+    /// With --pupil: a user's calibration
+    #[arg(long, value_name = "FILE.toml", requires = "pupil")]
+    pub calibration: Option<PathBuf>,
+    /// With --pupil: whose pupil
+    #[arg(long, value_enum, default_value = "mean")]
+    pub eye: EyeName,
+    /// JSON on standard output: one object, or one a line
+    #[arg(long)]
+    pub json: bool,
+}
+
 impl Colors {
     /// The single colour, or none for all.
     pub fn one(self) -> Option<Color> {
@@ -428,6 +520,28 @@ pub fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(v) if v.is_finite() && v > 0.0 => Ok(v),
         _ => Err("expected a positive number".into()),
+    }
+}
+
+/// Directions, degrees to the right and down.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Targets(pub Vec<[f64; 2]>);
+
+fn targets(text: &str) -> Result<Targets, String> {
+    let form = "x,y;x,y;... in degrees, such as 0,0;-8,0;8,0;0,6";
+    let all: Result<Vec<[f64; 2]>, String> =
+        text.split(';').map(|t| numbers::<2>(t.split(',').collect(), form)).collect();
+    let all = all?;
+    if all.iter().flatten().any(|v| !(-60.0..=60.0).contains(v)) {
+        return Err("an eye turns 60 degrees at most".into());
+    }
+    if (3..=64).contains(&all.len()) { Ok(Targets(all)) } else { Err(format!("expected 3 to 64 targets: {form}")) }
+}
+
+fn not_negative(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(v) if v.is_finite() && v >= 0.0 => Ok(v),
+        _ => Err("expected a number, 0 or more".into()),
     }
 }
 

@@ -1,12 +1,15 @@
 //! What can go wrong in a command: one line each.
 
+use eyebox::encode::EncodeError;
 use eyebox::engine::EngineError;
 use eyebox::evaluate::EvaluateError;
 use eyebox::files::FileError;
+use eyebox::gaze::GazeError;
 use eyebox::hologram::HologramError;
 use eyebox::optics::OpticsError;
 use eyebox::scene::SceneError;
 use eyebox::solve::SolveError;
+use eyebox::trackers::TrackerError;
 
 /// Why a command failed.
 #[derive(Debug, thiserror::Error)]
@@ -26,12 +29,21 @@ pub enum Failure {
     /// The hologram.
     #[error(transparent)]
     Hologram(#[from] HologramError),
+    /// The encoding.
+    #[error(transparent)]
+    Encode(#[from] EncodeError),
     /// The comparison.
     #[error(transparent)]
     Evaluate(#[from] EvaluateError),
     /// A file.
     #[error(transparent)]
     File(#[from] FileError),
+    /// An eye tracker.
+    #[error(transparent)]
+    Tracker(#[from] TrackerError),
+    /// A calibration, or a setting of the way from sample to pupil.
+    #[error(transparent)]
+    Gaze(#[from] GazeError),
     /// What was asked for does not fit together.
     #[error("{0}")]
     Asked(String),

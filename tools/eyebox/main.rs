@@ -1,13 +1,16 @@
-//! The `eyebox` command: `demo`, `solve`, `view`, `photograph`, `score`, `evaluate`, `export`, `bench`, `devices`.
+//! The `eyebox` command: `demo`, `solve`, `view`, `photograph`, `score`, `evaluate`, `export`, `encode`, `bench`,
+//! `devices`, `trackers`.
 //!
 //! This room reads arguments, calls the runtime, and shows what came of it. Anything that a program would want to call
 //! belongs in the runtime. Errors are one line on standard error and exit code 2; nothing half-written stays behind.
 
 mod args;
 mod bench;
+mod calibrate;
 mod common;
 mod demo;
 mod devices;
+mod encode;
 mod evaluate;
 mod export;
 mod failure;
@@ -16,6 +19,7 @@ mod progress;
 mod report;
 mod score;
 mod solve;
+mod trackers;
 mod view;
 
 use args::{Cli, Command};
@@ -37,8 +41,10 @@ fn main() -> ExitCode {
         Command::Score(args) => score::run(args),
         Command::Evaluate(args) => evaluate::run(args),
         Command::Export(args) => export::run(args),
+        Command::Encode(args) => encode::run(args),
         Command::Bench(args) => bench::run(args),
         Command::Devices(args) => devices::run(args),
+        Command::Trackers(args) => trackers::run(args),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

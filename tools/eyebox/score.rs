@@ -166,6 +166,7 @@ fn load(args: &Score) -> Result<(Hologram, Display), Failure> {
             focal_length,
             wavelengths: hologram.display_wavelengths.clone(),
             levels: 256,
+            encoding: Default::default(),
         };
         return Ok((hologram, display));
     }

@@ -16,6 +16,7 @@ mod cache;
 mod check;
 mod device;
 mod devices;
+mod encode;
 mod engine;
 mod fft;
 mod gpu;
@@ -30,5 +31,6 @@ mod tests;
 mod views;
 
 pub use devices::{DeviceKind, DeviceReport, Limits, devices};
+pub use encode::VulkanEncoder;
 pub use engine::{Options, VulkanEngine};
 pub use fft::{Timed, Transforms};

@@ -220,3 +220,35 @@ fn a_lost_device_is_an_error_everywhere() {
     drop(engine);
     assert_eq!(*messages.lock().unwrap(), Vec::<String>::new());
 }
+
+/// A device whose kernels see only a few sub-frames at once, and that has the old barriers only, encodes the same bytes.
+#[test]
+fn a_smaller_device_encodes_the_same() {
+    use super::encode::VulkanEncoder;
+    use crate::encode::{Encoder, PhaseSet};
+    use crate::optics::{Color, Display};
+    let display = Display { height: 9, width: 30, ..Display::preset("planes24").unwrap() };
+    let encoder = Encoder::new(&display, &[Color::Red], 48).unwrap();
+    let phases: Vec<f32> = (0..48 * 270).map(|i| (i * 37 % 1001) as f32 * 0.02 - 10.0).collect();
+    let mut want = encoder.encode(&PhaseSet::trusted(&[&phases])).unwrap();
+    let mut gpu = open();
+    gpu.limits.storage_range = 5 * 1280 + 100;
+    gpu.recorder.modern = None;
+    let mut device = VulkanEncoder::on(gpu, encoder.plan()).unwrap();
+    let mut got = encoder.frames();
+    for _ in 0..2 {
+        device.encode(&[&phases], got.bytes_mut()).unwrap();
+        assert!(got == want);
+    }
+    // What does not fit is refused, and nothing is written.
+    assert!(device.encode(&[&phases[1..]], want.bytes_mut()).is_err() && got == want);
+    assert!(device.encode(&[&phases, &phases], want.bytes_mut()).is_err());
+    assert!(device.download(&mut want.bytes_mut()[1..]).is_err());
+    let messages = device.messages();
+    drop(device);
+    assert_eq!(*messages.lock().unwrap_or_else(PoisonError::into_inner), Vec::<String>::new());
+    let mut gpu = open();
+    gpu.limits.storage_range = 1000;
+    let text = VulkanEncoder::on(gpu, encoder.plan()).err().expect("too small").to_string();
+    assert!(text.contains("one sub-frame takes 1080 bytes"), "{text}");
+}

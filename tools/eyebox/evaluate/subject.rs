@@ -50,6 +50,7 @@ impl Given {
             focal_length: h.focal_length,
             wavelengths: h.display_wavelengths.clone(),
             levels: 256,
+            encoding: Default::default(),
         }
     }
 

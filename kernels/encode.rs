@@ -1,0 +1,405 @@
+//! Phases to what the SLM receives: offsets, wrapping, levels, and the levels' bits into the pixels of a video frame.
+//!
+//! Everything after the phase itself is integer arithmetic, and the four float operations before it are exact, so the
+//! shader gives the same bytes whatever a device does with rounding: a phase is split into whole radians and the rest
+//! (both exact), each is turned into units of 2^-32 turns by integer products, and a turn wraps as `u32` does.
+//!
+//! The shader takes one colour of one video frame at a time, and ORs it into the frame.
+
+use crate::simd;
+use bytemuck::{Pod, Zeroable};
+
+/// Phases must be smaller than this many radians, either sign; beyond, float32 tells no phases apart.
+pub const LARGEST_PHASE: f32 = 4_194_304.0;
+/// Entries of a colour's table of levels, one for each 1/65536 turn.
+pub const TABLE: usize = 65536;
+/// Cells that a pixel may have.
+pub const MOST_CELLS: usize = 4;
+
+// Adding and taking away 1.5 * 2^23 rounds to an integer, whose lowest bits stand in the mantissa.
+const ROUND: f32 = 12_582_912.0;
+/// Units of 2^-32 turns in a radian: 683565275 + 148 / 256.
+const RADIAN: [i32; 2] = [683_565_275, 148];
+/// Units in 2^-12 radian, and 256 times the units in 2^-22 radian.
+const PART: [i32; 2] = [166_886, 41_722];
+/// Pixels that are encoded at once, in the nearest cache. A set is many sub-frames, each a stream of its own: blocks are
+/// long, for a processor fetches ahead along a stream.
+pub const BLOCK: usize = 8192;
+/// Phases in a line of a processor's cache.
+const LINE: usize = 16;
+/// Pixels of a block whose phases do not lie side by side, or that have several cells.
+const SMALL: usize = BLOCK / MOST_CELLS;
+
+/// The size of the SLM and of its video frame, and which pixel of the hologram each pixel shows.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+pub struct Args {
+    /// Rows of the SLM.
+    pub height: u32,
+    /// Columns of the SLM.
+    pub width: u32,
+    /// Pixel (y, x) shows phase `first + yy step_y + xx step_x` (wrapping), `yy = (y + shift_y) mod height`,
+    /// `xx = (x + shift_x) mod width`.
+    pub first: u32,
+    /// From one row to the next.
+    pub step_y: u32,
+    /// From one column to the next.
+    pub step_x: u32,
+    /// Rows, less than `height`.
+    pub shift_y: u32,
+    /// Columns, less than `width`.
+    pub shift_x: u32,
+    /// Rows of memory cells in a pixel.
+    pub cell_rows: u32,
+    /// Columns of memory cells in a pixel.
+    pub cell_columns: u32,
+    /// Bytes of a pixel of the video frame: 1 or 3.
+    pub channels: u32,
+    /// Of the video frame, after everything else: 1 left-right, 2 up-down.
+    pub flips: u32,
+}
+
+impl Args {
+    /// Rows of the video frame.
+    pub fn video_height(&self) -> usize {
+        self.height as usize * self.cell_rows as usize
+    }
+
+    /// Columns of the video frame.
+    pub fn video_width(&self) -> usize {
+        self.width as usize * self.cell_columns as usize
+    }
+
+    /// Bytes of the video frame's rows that one row of the SLM fills.
+    pub fn row_bytes(&self) -> usize {
+        self.cell_rows as usize * self.video_width() * self.channels as usize
+    }
+}
+
+/// How the phases of one colour become levels.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Color {
+    /// Added to every phase, per pixel of the SLM, in 2^-32 turns; empty adds nothing.
+    pub offsets: Vec<u32>,
+    /// The levels.
+    pub levels: Levels,
+}
+
+/// The levels of one colour.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Levels {
+    /// So many levels, 2 to 256, evenly over a turn: round to nearest, and the level after the last is level 0.
+    Even(u32),
+    /// The level, or its memory code, for each of [`TABLE`] equal parts of a turn.
+    Table(Box<[u8]>),
+}
+
+/// Where the levels of one sub-frame of one colour go.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Slot {
+    /// Index of the colour.
+    pub color: usize,
+    /// Sub-frame of the colour.
+    pub sub_frame: usize,
+    /// The pieces that the level's bits go to the pixel in.
+    pub parts: Vec<Part>,
+}
+
+/// Some bits of a level, and their place: `pixel[cell][channel] |= ((level >> from) & mask) << to`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+pub struct Part {
+    /// Cell, row by row.
+    pub cell: u32,
+    /// Byte of the pixel.
+    pub channel: u32,
+    /// First bit of the level.
+    pub from: u32,
+    /// The bits, shifted down.
+    pub mask: u32,
+    /// First bit of the byte.
+    pub to: u32,
+}
+
+/// What is to be encoded, decided before any phase is seen: the video frames of a set.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plan {
+    /// Sizes and the hologram's place.
+    pub args: Args,
+    /// Offsets and levels per colour.
+    pub colors: Vec<Color>,
+    /// The slots of each video frame.
+    pub video_frames: Vec<Vec<Slot>>,
+    /// Sub-frames of a colour.
+    pub sub_frames: usize,
+}
+
+/// A phase in 2^-32 turns, wrapped: within 2^-25 turns for phases of a few turns, 2^-20 at [`LARGEST_PHASE`].
+///
+/// Total: what is no phase gives some number.
+#[inline(always)]
+pub fn turns(phase: f32) -> u32 {
+    let shifted = phase + ROUND;
+    let whole = shifted.to_bits().wrapping_sub(ROUND.to_bits()) as i32;
+    // Exact: both are multiples of the phase's last bit, and the rest is at most a half.
+    let rest = phase - (shifted - ROUND);
+    let rest = (rest * 4_194_304.0 + ROUND).to_bits().wrapping_sub(ROUND.to_bits()) as i32;
+    let whole = whole.wrapping_mul(RADIAN[0]).wrapping_add(whole.wrapping_mul(RADIAN[1]) >> 8);
+    let high = (rest >> 10).wrapping_mul(PART[0]);
+    let low = ((rest & 1023) * PART[1]) >> 8;
+    whole.wrapping_add(high).wrapping_add(low) as u32
+}
+
+/// The nearest of `count` levels, `count` not a power of two, 3 to 255.
+#[inline(always)]
+fn nearest(turns: u32, count: u32) -> u32 {
+    let level = ((turns >> 8) * count + (1 << 23)) >> 24;
+    if level == count { 0 } else { level }
+}
+
+/// The levels of some phases. `offsets` are those of the same pixels, or none.
+#[inline(always)]
+fn quantise(color: &Levels, phases: &[f32], offsets: &[u32], out: &mut [u8]) {
+    #[inline(always)]
+    fn each(phases: &[f32], offsets: &[u32], out: &mut [u8], level: impl Fn(u32) -> u8) {
+        if offsets.is_empty() {
+            for (out, &phase) in out.iter_mut().zip(phases) {
+                *out = level(turns(phase));
+            }
+        } else {
+            for ((out, &phase), offset) in out.iter_mut().zip(phases).zip(offsets) {
+                *out = level(turns(phase).wrapping_add(*offset));
+            }
+        }
+    }
+    match color {
+        Levels::Even(count) if count.is_power_of_two() => {
+            let shift = 32 - count.trailing_zeros();
+            let half = 1 << (shift - 1);
+            each(phases, offsets, out, |t| (t.wrapping_add(half) >> shift) as u8);
+        }
+        Levels::Even(count) => each(phases, offsets, out, |t| nearest(t, *count) as u8),
+        Levels::Table(table) => {
+            // A length that the compiler knows: no index is checked.
+            let table: &[u8; TABLE] = (&**table).try_into().expect("a table has an entry for each part of a turn");
+            each(phases, offsets, out, |t| table[(t >> 16) as usize]);
+        }
+    }
+}
+
+/// Memory of a block.
+struct Scratch {
+    /// Bytes of the video frame: cell and channel, then pixel.
+    planes: [u8; 3 * BLOCK],
+    levels: [u8; BLOCK],
+    /// Phases, where they do not lie side by side.
+    phases: [f32; SMALL],
+}
+
+/// Rows of the SLM in one video frame, from the `first`-th of the video frame on: `out` is the rows of the frame that
+/// they fill, whole and all of it written.
+///
+/// `slots` are those of the frame; `phases` (sub-frame, row, column) per colour, in the hologram's own orientation.
+pub fn encode(args: &Args, colors: &[Color], slots: &[Slot], phases: &[&[f32]], first: usize, out: &mut [u8]) {
+    let frame = Frame { args, colors, slots, phases };
+    simd(
+        #[inline(always)]
+        || {
+            let mut scratch = Scratch { planes: [0; 3 * BLOCK], levels: [0; BLOCK], phases: [0.0; SMALL] };
+            let (height, width) = (args.height as usize, args.width as usize);
+            let rows = out.len() / args.row_bytes();
+            let yy = (first + args.shift_y as usize) % height;
+            // Rows that follow each other in memory, on both sides, are one run.
+            let plain = args.flips == 0 && args.shift_x == 0 && args.cell_rows * args.cell_columns == 1;
+            if plain && args.step_x == 1 && args.step_y == args.width && yy + rows <= height {
+                let source = args.first as usize + yy * width;
+                for (i, out) in out.chunks_mut(BLOCK * args.channels as usize).enumerate() {
+                    let count = out.len() / args.channels as usize;
+                    frame.block(first * width + i * BLOCK, Source::Along(source + i * BLOCK), count, &mut scratch);
+                    interleave(args, &scratch.planes, count, out);
+                }
+                return;
+            }
+            for (row, out) in (first..).zip(out.chunks_exact_mut(args.row_bytes())) {
+                let y = if args.flips & 2 != 0 { height - 1 - row } else { row };
+                for x in (0..width).step_by(SMALL) {
+                    let count = SMALL.min(width - x);
+                    frame.block(y * width + x, source(args, y, x, count), count, &mut scratch);
+                    scatter(args, &scratch.planes, x, count, out);
+                }
+            }
+        },
+    );
+}
+
+/// Where a block's phases lie in a sub-frame.
+#[derive(Clone, Copy)]
+enum Source {
+    /// Side by side, from here on.
+    Along(usize),
+    /// At `row + xx step_x`, `xx` from this column on, round the edge.
+    Scattered { row: u32, column: usize },
+}
+
+/// The phases that pixels x .. of a row show.
+#[inline(always)]
+fn source(args: &Args, y: usize, x: usize, count: usize) -> Source {
+    let yy = (y + args.shift_y as usize) % args.height as usize;
+    let row = args.first.wrapping_add((yy as u32).wrapping_mul(args.step_y));
+    let column = (x + args.shift_x as usize) % args.width as usize;
+    if args.step_x == 1 && column + count <= args.width as usize {
+        return Source::Along(row.wrapping_add(column as u32) as usize);
+    }
+    Source::Scattered { row, column }
+}
+
+/// One video frame.
+struct Frame<'a> {
+    args: &'a Args,
+    colors: &'a [Color],
+    slots: &'a [Slot],
+    phases: &'a [&'a [f32]],
+}
+
+impl Frame<'_> {
+    /// The bytes of `count` pixels from the `at`-th of the SLM on, into the scratch's planes.
+    #[inline(always)]
+    fn block(&self, at: usize, source: Source, count: usize, scratch: &mut Scratch) {
+        let args = self.args;
+        let pixels = args.width as usize * args.height as usize;
+        let planes = (args.cell_rows * args.cell_columns * args.channels) as usize;
+        scratch.planes[..planes * count].fill(0);
+        for slot in self.slots {
+            let color = &self.colors[slot.color];
+            let frame = &self.phases[slot.color][slot.sub_frame * pixels..][..pixels];
+            let phases = match source {
+                Source::Along(from) => &frame[from..][..count],
+                Source::Scattered { row, column } => {
+                    let index = |i: usize| (column + i) % args.width as usize;
+                    for (i, value) in scratch.phases[..count].iter_mut().enumerate() {
+                        *value = frame[row.wrapping_add((index(i) as u32).wrapping_mul(args.step_x)) as usize];
+                    }
+                    &scratch.phases[..count]
+                }
+            };
+            if self.slots.len() > 1 {
+                // Many streams: waiting for memory once, for all lines of the block, takes less than waiting for each
+                // where it is used.
+                std::hint::black_box(phases.iter().step_by(LINE).fold(0, |sum: u32, p| sum ^ p.to_bits()));
+            }
+            let offsets = if color.offsets.is_empty() { &[] } else { &color.offsets[at..at + count] };
+            let levels = &mut scratch.levels[..count];
+            quantise(&color.levels, phases, offsets, levels);
+            for part in &slot.parts {
+                let plane = (part.cell * args.channels + part.channel) as usize;
+                place(part, levels, &mut scratch.planes[plane * count..][..count]);
+            }
+        }
+    }
+}
+
+/// Some bits of levels into the bytes of pixels.
+#[inline(always)]
+fn place(part: &Part, levels: &[u8], plane: &mut [u8]) {
+    let (from, mask, to) = (part.from & 7, part.mask as u8, part.to & 7);
+    if mask == 1 {
+        // No processor shifts bytes in SIMD: one bit is chosen instead.
+        let (bit, value) = (1 << from, 1 << to);
+        for (byte, level) in plane.iter_mut().zip(levels) {
+            *byte |= if level & bit == 0 { 0 } else { value };
+        }
+    } else if from == 0 && to == 0 {
+        for (byte, level) in plane.iter_mut().zip(levels) {
+            *byte |= level & mask;
+        }
+    } else {
+        for (byte, level) in plane.iter_mut().zip(levels) {
+            *byte |= ((level >> from) & mask) << to;
+        }
+    }
+}
+
+/// Puts a block's bytes into pixels that follow each other.
+#[inline(always)]
+fn interleave(args: &Args, planes: &[u8], count: usize, out: &mut [u8]) {
+    if args.channels == 1 {
+        return out.copy_from_slice(&planes[..count]);
+    }
+    let (a, rest) = planes.split_at(count);
+    let (b, c) = rest.split_at(count);
+    for (((pixel, a), b), c) in out.chunks_exact_mut(3).zip(a).zip(b).zip(c) {
+        [pixel[0], pixel[1], pixel[2]] = [*a, *b, *c];
+    }
+}
+
+/// Puts a block's bytes into the rows of the video frame, at their cells.
+#[inline(always)]
+fn scatter(args: &Args, planes: &[u8], x: usize, count: usize, out: &mut [u8]) {
+    let (rows, columns, channels) = (args.cell_rows as usize, args.cell_columns as usize, args.channels as usize);
+    let width = args.video_width();
+    let (mirrored, upside_down) = (args.flips & 1 != 0, args.flips & 2 != 0);
+    for cell in 0..rows * columns {
+        let (dy, dx) = (cell / columns, cell % columns);
+        let dy = if upside_down { rows - 1 - dy } else { dy };
+        let line = &mut out[dy * width * channels..][..width * channels];
+        let planes = &planes[cell * channels * count..][..channels * count];
+        if columns == 1 && !mirrored {
+            interleave(args, planes, count, &mut line[x * channels..][..count * channels]);
+            continue;
+        }
+        for i in 0..count {
+            let at = (x + i) * columns + dx;
+            let at = if mirrored { width - 1 - at } else { at };
+            for channel in 0..channels {
+                line[at * channels + channel] = planes[channel * count + i];
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::f64::consts::TAU;
+
+    /// The distance of two places on a turn, in turns.
+    fn apart(got: u32, phase: f32) -> f64 {
+        let off = f64::from(got) / 4_294_967_296.0 - f64::from(phase) / TAU;
+        (off - off.round()).abs()
+    }
+
+    #[test]
+    fn edges_of_a_turn() {
+        let two_pi = TAU as f32;
+        for phase in [0.0, -0.0, f32::MIN_POSITIVE / 8.0, two_pi, two_pi.next_down(), -two_pi, 1.0, -1.0, 0.5, -0.5] {
+            assert!(apart(turns(phase), phase) < 3e-8, "{phase}");
+        }
+        for phase in [1e6, -1e6, 999_999.94, LARGEST_PHASE.next_down(), -LARGEST_PHASE.next_down()] {
+            assert!(apart(turns(phase), phase) < 1e-6 * f64::from(phase.abs()) / 1e6 + 3e-8, "{phase}");
+        }
+        assert_eq!((turns(0.0), turns(-0.0)), (0, 0));
+        for phase in [f32::NAN, f32::INFINITY, -1e30] {
+            turns(phase);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_turn_is_wrapped_to_what_float32_holds(phase in -100.0f32..100.0, far in -1e6f32..1e6) {
+            prop_assert!(apart(turns(phase), phase) < 8e-8);
+            prop_assert!(apart(turns(far), far) < 5e-7);
+        }
+
+        #[test]
+        fn the_nearest_level_is_taken(turns: u32, count in 2u32..=256) {
+            let mut out = [0];
+            // An offset is added to the phase 0.
+            quantise(&Levels::Even(count), &[0.0], &[turns], &mut out);
+            let exact = f64::from(turns) / 4_294_967_296.0 * f64::from(count);
+            let off = exact - f64::from(out[0]);
+            let off = (off - f64::from(count) * (off / f64::from(count)).round()).abs();
+            prop_assert!(off <= 0.5 + 2e-5 && u32::from(out[0]) < count, "{exact} became {}", out[0]);
+        }
+    }
+}

@@ -1,0 +1,62 @@
+//! Which level a phase becomes: the one whose phase is nearest, round the turn.
+
+use eyebox_kernels::encode::{Levels, TABLE};
+
+/// The phases of an SLM's levels at one wavelength.
+pub(super) enum Scale {
+    /// Level `i` is `i / two_pi` turns.
+    Even {
+        /// Grey level of 2 pi.
+        two_pi: f64,
+        /// Levels of the SLM.
+        levels: u32,
+    },
+    /// (level, turns).
+    Listed(Vec<(u8, f64)>),
+}
+
+/// The levels of one colour, and what has to be said about them, if anything.
+///
+/// `codes` is what the memory holds for each level; empty, where that is the level.
+pub(super) fn levels(scale: &Scale, codes: &[u8]) -> (Levels, Option<String>) {
+    let mut listed = match scale {
+        Scale::Even { two_pi, levels }
+            if codes.is_empty() && two_pi.fract() == 0.0 && *two_pi <= f64::from(*levels) =>
+        {
+            // A turn of one level is level 0 always; a table says so as well as anything.
+            if *two_pi >= 2.0 {
+                return (Levels::Even(*two_pi as u32), None);
+            }
+            vec![(0, 0.0)]
+        }
+        Scale::Even { two_pi, levels } => (0..*levels).map(|level| (level as u8, f64::from(level) / two_pi)).collect(),
+        Scale::Listed(listed) => listed.clone(),
+    };
+    // Of an SLM that reaches further than a turn, what is needed is used: the first turn.
+    let smallest = listed.iter().map(|l| l.1).fold(f64::INFINITY, f64::min);
+    listed.retain(|l| l.1 - smallest < 1.0 - 1e-9);
+    let largest = listed.iter().map(|l| l.1).fold(smallest, f64::max);
+    for level in &mut listed {
+        level.1 -= level.1.floor();
+    }
+    listed.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
+    let code = |level: u8| codes.get(usize::from(level)).copied().unwrap_or(level);
+    let nearest = |i: usize| {
+        let turns = (i as f64 + 0.5) / TABLE as f64;
+        let next = listed.partition_point(|l| l.1 < turns);
+        let (after, before) = (listed[next % listed.len()], listed[(next + listed.len() - 1) % listed.len()]);
+        let far = |from: f64, to: f64| (to - from).rem_euclid(1.0);
+        if far(turns, after.1) <= far(before.1, turns) { code(after.0) } else { code(before.0) }
+    };
+    let table = (0..TABLE).map(nearest).collect();
+    // The step over the end of the turn against the largest of the others.
+    let widest = listed.windows(2).map(|w| w[1].1 - w[0].1).fold(0.0, f64::max);
+    let missing = 1.0 - (largest - smallest);
+    let note = (missing > 2.0 * widest && missing > 0.02).then(|| {
+        format!(
+            "the SLM reaches {:.3} of a turn: phases beyond become its last or its first level, whichever is nearer",
+            largest - smallest
+        )
+    });
+    (Levels::Table(table), note)
+}

@@ -1,0 +1,155 @@
+//! Packings: a map (colour, sub-frame) -> (video frame, channel, bits), as data.
+
+use crate::optics::{Channel, Color, Encoding, Packing};
+
+/// Where the levels of one sub-frame go.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PackedSlot {
+    /// Index of the colour among those encoded.
+    pub color: usize,
+    /// Sub-frame.
+    pub sub_frame: usize,
+    /// Video frame.
+    pub video_frame: usize,
+    /// Bits of the pixel's word, for the level's bits from the lowest on; a channel has 8, red lowest.
+    pub bits: Vec<u8>,
+}
+
+/// A packing for some colours and sub-frames.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Packed {
+    /// Sub-frames of a colour.
+    pub sub_frames: usize,
+    /// Video frames.
+    pub video_frames: usize,
+    /// Bytes of a pixel: 1 or 3.
+    pub channels: usize,
+    /// In the order of the video frames.
+    pub slots: Vec<PackedSlot>,
+}
+
+/// First bit of a channel's, how many it has, and how many channels its frames have.
+fn place(channel: Channel) -> (u8, u8, usize) {
+    match channel {
+        Channel::Grey => (0, 8, 1),
+        Channel::Red => (0, 8, 3),
+        Channel::Green => (8, 8, 3),
+        Channel::Blue => (16, 8, 3),
+        Channel::Rgb => (0, 24, 3),
+    }
+}
+
+impl Packed {
+    /// The packing for these colours and so many sub-frames of each. Says what would be right if they do not fit.
+    pub fn new(encoding: &Encoding, colors: &[Color], sub_frames: usize) -> Result<Self, String> {
+        let one = Self::set(encoding, colors)?;
+        if sub_frames == 0 || !sub_frames.is_multiple_of(one.sub_frames) {
+            let (n, per) = (colors.len(), one.sub_frames);
+            let (video, plural) = (one.video_frames, if one.video_frames == 1 { "" } else { "s" });
+            return Err(format!(
+                "it has {sub_frames} sub-frames, and {video} video frame{plural} of this packing hold{} {per} of each \
+                 of {n} colour{}: {per} sub-frames would be right, or a multiple of it",
+                if video == 1 { "s" } else { "" },
+                if n == 1 { "" } else { "s" },
+            ));
+        }
+        let sets = sub_frames / one.sub_frames;
+        let slots = (0..sets).flat_map(|set| {
+            one.slots.iter().map(move |s| PackedSlot {
+                sub_frame: s.sub_frame + set * one.sub_frames,
+                video_frame: s.video_frame + set * one.video_frames,
+                ..s.clone()
+            })
+        });
+        Ok(Self { sub_frames, video_frames: sets * one.video_frames, channels: one.channels, slots: slots.collect() })
+    }
+
+    /// The shortest run of sub-frames that fills whole video frames.
+    fn set(encoding: &Encoding, colors: &[Color]) -> Result<Self, String> {
+        let count = colors.len();
+        if count == 0 {
+            return Err("it has no colours".into());
+        }
+        let order = encoding.channel_order.channels();
+        let whole = |first: u8| (first..first + 8).collect::<Vec<u8>>();
+        let slot = |color, sub_frame, video_frame, bits| PackedSlot { color, sub_frame, video_frame, bits };
+        match encoding.packing {
+            Packing::Grey8 | Packing::Planes8 => {
+                let (first, bits, channels) = place(encoding.channel);
+                if bits != 8 {
+                    return Err("channel = \"rgb\" is no single channel: use grey, red, green or blue".into());
+                }
+                if encoding.packing == Packing::Grey8 {
+                    let slots = (0..count).map(|c| slot(c, 0, c, whole(first))).collect();
+                    return Ok(Self { sub_frames: 1, video_frames: count, channels, slots });
+                }
+                let of = |c| (0..8u8).map(move |f| slot(c, usize::from(f), c, vec![first + f]));
+                Ok(Self { sub_frames: 8, video_frames: count, channels, slots: (0..count).flat_map(of).collect() })
+            }
+            Packing::Fields => {
+                let field = |(c, color): (usize, &Color)| slot(c, 0, 0, whole(8 * order[color.channel()]));
+                let slots = colors.iter().enumerate().map(field).collect();
+                Ok(Self { sub_frames: 1, video_frames: 1, channels: 3, slots })
+            }
+            Packing::Planes24 => {
+                if !24usize.is_multiple_of(count) {
+                    return Err(format!("it has {count} colours, and 24 planes hold 1, 2 or 3 evenly"));
+                }
+                let each = 24 / count;
+                let plane = |n: usize| slot(n / each, n % each, 0, vec![8 * order[n / 8] + (n % 8) as u8]);
+                Ok(Self { sub_frames: each, video_frames: 1, channels: 3, slots: (0..24).map(plane).collect() })
+            }
+            Packing::Map => Self::of_map(encoding, colors),
+        }
+    }
+
+    fn of_map(encoding: &Encoding, colors: &[Color]) -> Result<Self, String> {
+        // A set has at most so many sub-frames and video frames: what a map means has to stay small.
+        const MOST: u32 = 4096;
+        let wanted: Vec<_> = encoding.map.iter().filter(|p| colors.contains(&p.color)).collect();
+        let channels = place(encoding.map[0].channel).2;
+        let (mut slots, mut taken) = (Vec::new(), std::collections::HashSet::new());
+        for p in wanted {
+            let what = format!("the map's entry for {} sub-frame {}", p.color, p.sub_frame);
+            let (first, width, of) = place(p.channel);
+            if p.sub_frame >= MOST || p.video_frame >= MOST {
+                return Err(format!("{what} is beyond {MOST} sub-frames or video frames"));
+            }
+            if of != channels {
+                return Err(format!("{what} is in a grey frame, others in a coloured one: all must be of one kind"));
+            }
+            if p.bits.is_empty() || p.bits.len() > 8 || p.bits.iter().any(|bit| *bit >= width) {
+                return Err(format!("{what} must have 1 to 8 bits, each below {width}"));
+            }
+            let bits: Vec<u8> = p.bits.iter().map(|bit| first + bit).collect();
+            if let Some(bit) = bits.iter().find(|bit| !taken.insert((p.video_frame, **bit))) {
+                return Err(format!("{what} takes bit {bit} of video frame {}, which is taken already", p.video_frame));
+            }
+            let color = colors.iter().position(|c| *c == p.color).expect("only these colours were kept");
+            slots.push(PackedSlot {
+                color,
+                sub_frame: p.sub_frame as usize,
+                video_frame: p.video_frame as usize,
+                bits,
+            });
+        }
+        slots.sort_by_key(|s| (s.video_frame, s.bits[0]));
+        let sub_frames = slots.iter().map(|s| s.sub_frame + 1).max().unwrap_or(0);
+        for (index, color) in colors.iter().enumerate() {
+            for f in 0..sub_frames {
+                let count = slots.iter().filter(|s| (s.color, s.sub_frame) == (index, f)).count();
+                if count != 1 {
+                    return Err(format!(
+                        "the map has {count} entries for {color} sub-frame {f}: it must have one for each of \
+                         {sub_frames} sub-frames of each colour of the hologram"
+                    ));
+                }
+            }
+        }
+        let video_frames = 1 + encoding.map.iter().map(|p| p.video_frame as usize).max().unwrap_or(0);
+        if sub_frames == 0 {
+            return Err("the map has no entry for the hologram's colours".into());
+        }
+        Ok(Self { sub_frames, video_frames, channels, slots })
+    }
+}

@@ -1,0 +1,279 @@
+//! Phases to video frames on a device, by the kernel `encode`: beside the lists of kernels, for a display that is
+//! driven from the device.
+//!
+//! Buffers are made once, for a [`Plan`]. A run covers one colour of one video frame, and as many of its sub-frames as
+//! a kernel may see at once; runs of a frame follow each other, for they OR into it. Rows of frames on the device are
+//! padded to whole words, four pixels of the SLM each.
+
+use super::super::EngineError;
+use super::device::Block;
+use super::devices::DeviceReport;
+use super::engine::Options;
+use super::gpu::Gpu;
+use super::layout::Layout;
+use super::pipelines::Pipeline;
+use eyebox_kernels::encode::{Levels, Part, Plan};
+use eyebox_spirv as spirv;
+use std::sync::{Arc, Mutex};
+
+/// Sub-frames that an entry of the shader's table can tell apart, and entries of a run.
+const MOST: usize = 256;
+const MOST_ENTRIES: u32 = 24;
+/// Invocations of a workgroup.
+const WIDTH: usize = 64;
+/// Most workgroups down the rows.
+const ROWS: usize = 4096;
+
+/// One colour's buffers.
+struct Ink {
+    phases: Block,
+    /// A block of nothing where there are none.
+    offsets: Block,
+    table: Block,
+    /// Specialisation constants, but the last.
+    constants: [u32; 6],
+}
+
+/// Slots of one colour in one video frame that a kernel sees at once.
+struct Run {
+    video_frame: usize,
+    color: usize,
+    /// Sub-frames that are seen.
+    first: usize,
+    count: usize,
+    /// Entries in the table.
+    first_entry: u32,
+    entries: u32,
+    pipeline: Option<Pipeline>,
+}
+
+/// Encodes on a Vulkan device.
+pub struct VulkanEncoder {
+    // Dropped in this order: the device last.
+    inks: Vec<Ink>,
+    slots: Block,
+    frames: Block,
+    runs: Vec<Run>,
+    /// Sub-frames of a colour on the device, and video frames.
+    input: Layout,
+    output: Layout,
+    args: eyebox_kernels::encode::Args,
+    /// The bit of a code that each cell holds, 4 bits each.
+    cells: u32,
+    /// Video frames with padded rows, as they come from the device.
+    padded: Vec<u8>,
+    seconds: f64,
+    gpu: Gpu,
+}
+
+impl VulkanEncoder {
+    /// Opens a device and makes the buffers and pipelines for sets of this plan.
+    ///
+    /// # Errors
+    /// No device; one whose kernels cannot see a whole sub-frame or video frame; out of memory.
+    pub fn open(options: &Options, plan: &Plan) -> Result<Self, EngineError> {
+        Self::on(Gpu::open(options)?, plan)
+    }
+
+    /// On an open device.
+    pub(super) fn on(mut gpu: Gpu, plan: &Plan) -> Result<Self, EngineError> {
+        let args = plan.args;
+        let pixels = args.height as usize * args.width as usize;
+        let row_words = (args.channels * args.cell_columns * args.width.div_ceil(4)) as usize;
+        let input = Layout { offset: 0, frames: plan.sub_frames, values: pixels, size: 4 };
+        let values = row_words * args.video_height();
+        let output = Layout { offset: 0, frames: plan.video_frames.len(), values, size: 4 };
+        let limit = gpu.limits().storage_range;
+        for (layout, what) in [(&input, "sub-frame"), (&output, "video frame")] {
+            if layout.at_once(limit) == 0 {
+                let bytes = 4 * layout.values;
+                return Err(EngineError::Unsuitable {
+                    device: gpu.report().name.clone(),
+                    reason: format!("one {what} takes {bytes} bytes, a kernel may see {limit}"),
+                });
+            }
+        }
+        let mut inks = Vec::with_capacity(plan.colors.len());
+        for color in &plan.colors {
+            let (kind, levels, table) = match &color.levels {
+                Levels::Even(count) if count.is_power_of_two() => (0, *count, &[][..]),
+                Levels::Even(count) => (1, *count, &[][..]),
+                Levels::Table(table) => (2, 0, &table[..]),
+            };
+            let has_offsets = u32::from(!color.offsets.is_empty());
+            let constants = [args.channels, kind, has_offsets, args.cell_rows, args.cell_columns, levels];
+            inks.push(Ink {
+                phases: gpu.block(input.bytes(), "phases")?,
+                offsets: gpu.filled(bytemuck::cast_slice(&color.offsets), "offsets")?,
+                table: gpu.filled(table, "a table of levels")?,
+                constants,
+            });
+        }
+        let (table, mut runs) = runs(plan, input.at_once(limit).min(MOST));
+        let mut before = None;
+        for run in &mut runs {
+            let [a, b, c, d, e, f] = inks[run.color].constants;
+            let follows = u32::from(before.replace(run.video_frame) == Some(run.video_frame));
+            run.pipeline = Some(gpu.pipeline(&spirv::ENCODE, 5, &[a, b, c, d, e, f, run.entries, follows])?);
+        }
+        let cells = (plan.video_frames.iter().flatten().next())
+            .map_or(0, |slot| slot.parts.iter().fold(0, |all, p| all | p.from << (4 * p.cell)));
+        let slots = gpu.filled(bytemuck::cast_slice(&table), "slots")?;
+        let frames = gpu.block(output.bytes(), "video frames")?;
+        let even = args.width.is_multiple_of(4);
+        let padded = if even { Vec::new() } else { vec![0; 4 * output.values * output.frames] };
+        Ok(Self { inks, slots, frames, runs, input, output, args, cells, padded, seconds: 0.0, gpu })
+    }
+
+    /// The device.
+    pub fn device(&self) -> &DeviceReport {
+        self.gpu.report()
+    }
+
+    /// What the validation layer says, from the opening of the device to its closing: keep it to hear the last words.
+    pub fn messages(&self) -> Arc<Mutex<Vec<String>>> {
+        self.gpu.messages()
+    }
+
+    /// Seconds that the kernel took over the last set, without transfers; 0 where the device tells no time.
+    pub fn seconds(&self) -> f64 {
+        self.seconds
+    }
+
+    /// Uploads a set, (sub-frame, row, column) per colour, as [`encode_uploaded`](Self::encode_uploaded) takes it.
+    ///
+    /// # Errors
+    /// [`EngineError::Mismatch`]; a lost device.
+    pub fn upload(&mut self, phases: &[&[f32]]) -> Result<(), EngineError> {
+        let wanted = self.input.floats();
+        if phases.len() != self.inks.len() || phases.iter().any(|p| p.len() != wanted) {
+            let reason = format!("a set has {} colours of {wanted} phases each", self.inks.len());
+            return Err(EngineError::Mismatch { reason });
+        }
+        for (ink, phases) in self.inks.iter().zip(phases) {
+            self.input.write(&mut self.gpu, &ink.phases, phases)?;
+        }
+        Ok(())
+    }
+
+    /// Encodes the set that was uploaded last; the video frames stay on the device.
+    ///
+    /// # Errors
+    /// A lost device.
+    pub fn encode_uploaded(&mut self) -> Result<(), EngineError> {
+        let Self { inks, slots, frames, runs, input, output, args, cells, gpu, .. } = self;
+        gpu.recorder.begin(1)?;
+        // A frame that nothing is put into.
+        for frame in (0..output.frames).filter(|f| !runs.iter().any(|run| run.video_frame == *f)) {
+            gpu.recorder.clear(output.range(frames, frame, 1));
+        }
+        let fours = (args.width as usize).div_ceil(4).div_ceil(WIDTH) as u32;
+        let groups = [fours, (args.height as usize).min(ROWS) as u32, 1];
+        for round in rounds(runs) {
+            gpu.recorder.barrier();
+            for run in round {
+                let (ink, Some(pipeline)) = (&inks[run.color], run.pipeline) else { continue };
+                let more = [run.first_entry, input.stride() as u32, *cells];
+                let mut push = [0u32; 14];
+                push[..11].copy_from_slice(bytemuck::cast_slice(std::slice::from_ref(args)));
+                push[11..].copy_from_slice(&more);
+                let buffers = [
+                    slots.all(),
+                    input.range(&ink.phases, run.first, run.count),
+                    ink.offsets.all(),
+                    ink.table.all(),
+                    output.range(frames, run.video_frame, 1),
+                ];
+                gpu.recorder.dispatch(pipeline, &buffers, bytemuck::cast_slice(&push), groups)?;
+            }
+        }
+        gpu.recorder.mark(0);
+        let times = gpu.recorder.submit("encode")?;
+        self.seconds = times.first().map_or(0.0, |t| t.1);
+        Ok(())
+    }
+
+    /// Fetches the video frames that were encoded last: (frame, row, column, channel), as long as all of them are.
+    ///
+    /// # Errors
+    /// [`EngineError::Mismatch`]; a lost device.
+    pub fn download(&mut self, bytes: &mut [u8]) -> Result<(), EngineError> {
+        let row = self.args.video_width() * self.args.channels as usize;
+        let rows = self.args.video_height() * self.output.frames;
+        if bytes.len() != row * rows {
+            let reason = format!("the video frames have {} bytes, {} were given", row * rows, bytes.len());
+            return Err(EngineError::Mismatch { reason });
+        }
+        let pieces: Vec<_> =
+            self.output.pieces().into_iter().map(|(host, device, size)| (device, host, size)).collect();
+        if self.padded.is_empty() {
+            return self.gpu.download(&self.frames, bytes, &pieces);
+        }
+        self.gpu.download(&self.frames, &mut self.padded, &pieces)?;
+        let padded = self.padded.len() / rows;
+        for (to, from) in bytes.chunks_exact_mut(row).zip(self.padded.chunks_exact(padded)) {
+            to.copy_from_slice(&from[..row]);
+        }
+        Ok(())
+    }
+
+    /// Uploads a set, encodes it, and fetches its video frames.
+    ///
+    /// # Errors
+    /// [`EngineError::Mismatch`]; a lost device.
+    pub fn encode(&mut self, phases: &[&[f32]], bytes: &mut [u8]) -> Result<(), EngineError> {
+        self.upload(phases)?;
+        self.encode_uploaded()?;
+        self.download(bytes)
+    }
+}
+
+/// The shader's table, and the runs that use it. `at_once`: sub-frames that a kernel may see.
+fn runs(plan: &Plan, at_once: usize) -> (Vec<u32>, Vec<Run>) {
+    let (mut table, mut runs) = (Vec::new(), Vec::<Run>::new());
+    for (video_frame, slots) in plan.video_frames.iter().enumerate() {
+        let mut sorted: Vec<_> = slots.iter().collect();
+        sorted.sort_by_key(|s| (s.color, s.sub_frame));
+        let start = runs.len();
+        for slot in sorted {
+            // Of cells, the first: their bits go with the push constants.
+            let cells = slot.parts.iter().any(|p| p.cell > 0);
+            for part in &slot.parts[..if cells { 1 } else { slot.parts.len() }] {
+                match runs[start..].last_mut() {
+                    Some(run)
+                        if run.color == slot.color
+                            && slot.sub_frame - run.first < at_once
+                            && run.entries < MOST_ENTRIES =>
+                    {
+                        run.count = slot.sub_frame - run.first + 1;
+                        run.entries += 1;
+                    }
+                    _ => runs.push(Run {
+                        video_frame,
+                        color: slot.color,
+                        first: slot.sub_frame,
+                        count: 1,
+                        first_entry: table.len() as u32,
+                        entries: 1,
+                        pipeline: None,
+                    }),
+                }
+                let first = runs.last().map_or(0, |run| run.first);
+                table.push(entry(slot.sub_frame - first, part));
+            }
+        }
+    }
+    (table, runs)
+}
+
+/// An entry of the table; `sub_frame` from the run's first.
+fn entry(sub_frame: usize, part: &Part) -> u32 {
+    (sub_frame as u32) << 24 | part.mask << 16 | part.from << 8 | part.to << 4 | part.channel
+}
+
+/// Runs of different video frames may run side by side, those of one frame follow each other: the n-th of every frame.
+fn rounds(runs: &[Run]) -> impl Iterator<Item = impl Iterator<Item = &Run>> {
+    let rank = |i: usize| runs[..i].iter().rev().take_while(|r| r.video_frame == runs[i].video_frame).count();
+    let most = (0..runs.len()).map(rank).max().map_or(0, |n| n + 1);
+    (0..most).map(move |n| (0..runs.len()).filter(move |i| rank(*i) == n).map(|i| &runs[i]))
+}

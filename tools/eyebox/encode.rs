@@ -1,0 +1,173 @@
+//! `eyebox encode`: what a display receives, as pictures.
+
+use crate::Failure;
+use crate::args::{Encode, EngineName};
+use crate::common;
+use eyebox::encode::{Encoder, PhaseSet, VideoFrames};
+use eyebox::engine::vulkan::{Options, VulkanEncoder};
+use eyebox::hologram::{self, Hologram};
+use eyebox::optics::{Color, Display, Packing};
+use serde_json::{Value, json};
+
+/// The phases that are encoded.
+struct Input {
+    frames: usize,
+    size: [usize; 2],
+    colors: Vec<(Color, Vec<f32>)>,
+    notes: Vec<String>,
+}
+
+/// Encodes one hologram and writes its video frames.
+pub fn run(args: &Encode) -> Result<(), Failure> {
+    let display = common::display(&args.display)?;
+    let input = load(args, &display)?;
+    let colors: Vec<Color> = input.colors.iter().map(|c| c.0).collect();
+    let encoder = Encoder::new(&display, &colors, input.frames)?;
+    if encoder.hologram_size() != input.size {
+        let ([h, w], [eh, ew]) = (input.size, encoder.hologram_size());
+        let (name, turned) = (&display.name, if display.encoding.rotation_deg % 180 == 0 { "" } else { ", turned," });
+        // What --size would have to say, of an SLM that shows the hologram turned.
+        let [sh, sw] = if turned.is_empty() { [h, w] } else { [w, h] };
+        return Err(Failure::Asked(format!(
+            "{}: it is {h}x{w} pixels, and the display '{name}'{turned} takes {eh}x{ew}: give --size {sh}x{sw}, or the \
+             display that it was made for",
+            args.hologram.display()
+        )));
+    }
+    let slices: Vec<&[f32]> = input.colors.iter().map(|c| &c.1[..]).collect();
+    let phases = PhaseSet::new(&slices, input.size)?;
+    let frames = match args.engine {
+        // Reading and writing files takes longer than the CPU needs.
+        EngineName::Auto | EngineName::Cpu => encoder.encode(&phases)?,
+        EngineName::Vulkan => {
+            let options = Options { allow_cpu: true, ..Options::default() };
+            let mut frames = encoder.frames();
+            VulkanEncoder::open(&options, encoder.plan())?.encode(phases.colors(), frames.bytes_mut())?;
+            frames
+        }
+    };
+    frames.save(&args.out)?;
+    let notes: Vec<&String> = input.notes.iter().chain(encoder.notes()).collect();
+    for note in &notes {
+        eprintln!("note: {note}");
+    }
+    if args.json {
+        println!("{}", report(args, &display, &encoder, &frames, &notes));
+    }
+    let (count, height, width) = (frames.count(), frames.height, frames.width);
+    let kind = if frames.channels == 1 { "grey" } else { "RGB" };
+    eprintln!("wrote {}: {count} video frames of {height}x{width}, 8-bit {kind}", args.out.display());
+    Ok(())
+}
+
+/// The hologram's colours that were asked for, each with its name.
+fn load(args: &Encode, display: &Display) -> Result<Input, Failure> {
+    let asked = args.display.color.one();
+    let what = args.hologram.display();
+    if common::is_hologram(&args.hologram) {
+        let hologram = Hologram::load(&args.hologram)?;
+        let notes = differences(&hologram, display);
+        let size = [hologram.height, hologram.width];
+        let mut colors = Vec::new();
+        for c in hologram.colors {
+            let name = c.color.ok_or_else(|| Failure::Asked(format!("{what}: its colours are not named")))?;
+            if asked.is_none_or(|a| a == name) {
+                colors.push((name, c.phases));
+            }
+        }
+        if let (Some(color), true) = (asked, colors.is_empty()) {
+            return Err(Failure::Asked(format!("{what}: it has no {color} part")));
+        }
+        return Ok(Input { frames: hologram.frames, size, colors, notes });
+    }
+    let phases = hologram::load_phases(&args.hologram)?;
+    let has = phases.colors.len();
+    let known: Vec<Color> = display.wavelengths.iter().map(|w| w.color).collect();
+    let named: Option<Vec<Color>> = phases.colors.iter().map(|c| c.0).collect();
+    let names = match (named, asked) {
+        (Some(names), _) => names,
+        (None, Some(color)) if has == 1 => vec![color],
+        (None, None) if has == known.len() => known.clone(),
+        // Which one it is changes nothing.
+        (None, None) if has == 1 && !tells_colors(display) => vec![known[0]],
+        (None, _) if has == known.len() => known.clone(),
+        (None, _) => {
+            let all = known.iter().map(Color::to_string).collect::<Vec<_>>().join(", ");
+            return Err(Failure::Asked(format!(
+                "{what}: it has {has} colours without names, and the display '{}' has {} ({all}): give as many, or one \
+                 and say which with --color",
+                display.name,
+                known.len()
+            )));
+        }
+    };
+    let colors: Vec<_> = (names.into_iter().zip(phases.colors))
+        .map(|(name, c)| (name, c.1))
+        .filter(|c| asked.is_none_or(|a| a == c.0))
+        .collect();
+    if let (Some(color), true) = (asked, colors.is_empty()) {
+        return Err(Failure::Asked(format!("{what}: it has no {color} part")));
+    }
+    Ok(Input { frames: phases.frames, size: [phases.height, phases.width], colors, notes: Vec::new() })
+}
+
+/// Whether it matters to the display which colour a phase is for.
+fn tells_colors(display: &Display) -> bool {
+    let e = &display.encoding;
+    matches!(e.packing, Packing::Fields | Packing::Map)
+        || !e.look_up.is_empty()
+        || matches!(e.two_pi_level, Some(eyebox::optics::TwoPi::Each(_)))
+        || e.correction.iter().any(|c| c.color.is_some())
+        || e.grating.iter().any(|g| g.color.is_some())
+}
+
+/// Where the display is not the one that the hologram was made for.
+fn differences(hologram: &Hologram, display: &Display) -> Vec<String> {
+    let mut notes = Vec::new();
+    if (hologram.pitch / display.pitch - 1.0).abs() > 1e-3 {
+        let (made, is) = (hologram.pitch * 1e6, display.pitch * 1e6);
+        notes.push(format!("the hologram was made for a pitch of {made:.3} um, the display's is {is:.3} um"));
+    }
+    for c in &hologram.colors {
+        let of = display.wavelengths.iter().find(|w| Some(w.color) == c.color);
+        if let Some(w) = of.filter(|w| (w.wavelength / c.wavelength - 1.0).abs() > 2e-3) {
+            let (made, is) = (c.wavelength * 1e9, w.wavelength * 1e9);
+            notes.push(format!("{} was made for {made:.1} nm, the display's is {is:.1} nm", w.color));
+        }
+    }
+    notes
+}
+
+/// What each frame holds.
+fn report(args: &Encode, display: &Display, encoder: &Encoder, frames: &VideoFrames, notes: &[&String]) -> Value {
+    let packed = encoder.packed();
+    let name = |channel: u8| if packed.channels == 1 { "grey" } else { ["red", "green", "blue"][usize::from(channel)] };
+    let holds = |index: usize| -> Vec<Value> {
+        (packed.slots.iter().filter(|s| s.video_frame == index))
+            .map(|s| {
+                // As the display file's map says it, with bits of one channel or of the whole word.
+                let channel = s.bits[0] / 8;
+                let one = s.bits.iter().all(|b| b / 8 == channel);
+                let bits: Vec<u8> = s.bits.iter().map(|b| if one { b % 8 } else { *b }).collect();
+                let channel = if one { name(channel) } else { "rgb" };
+                json!({
+                    "color": encoder.colors()[s.color],
+                    "sub_frame": s.sub_frame,
+                    "channel": channel,
+                    "bits": bits,
+                })
+            })
+            .collect()
+    };
+    let all: Vec<Value> =
+        (0..frames.count()).map(|i| json!({ "file": VideoFrames::file_name(i), "holds": holds(i) })).collect();
+    json!({
+        "folder": args.out,
+        "display": display.name,
+        "height": frames.height,
+        "width": frames.width,
+        "channels": frames.channels,
+        "frames": all,
+        "notes": notes,
+    })
+}
