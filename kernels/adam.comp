@@ -6,9 +6,11 @@
 
 layout(local_size_x = 64) in;
 layout(std430, binding = 0) readonly buffer Change { vec2 change[]; };
-layout(std430, binding = 1) buffer Phases { float phases[]; };
-layout(std430, binding = 2) buffer First { float first[]; };
-layout(std430, binding = 3) buffer Second { float second[]; };
+// The phases that made the field: the same buffer as `phases` where nothing is quantised.
+layout(std430, binding = 1) readonly buffer Shown { float shown[]; };
+layout(std430, binding = 2) buffer Phases { float phases[]; };
+layout(std430, binding = 3) buffer First { float first[]; };
+layout(std430, binding = 4) buffer Second { float second[]; };
 layout(push_constant) uniform Args {
     uint height, width, grid_height, grid_width, top, left;
     float rate, beta1, beta2, correct1, correct2, epsilon;
@@ -24,7 +26,7 @@ void main() {
         uint at = frame * phases_stride + y * width + x;
         vec2 g = change[frame * change_stride + (top + y) * grid_width + left + x];
         float phase = phases[at];
-        vec2 u = cos_sin(phase);
+        vec2 u = cos_sin(shown[at]);
         float gradient = 2.0 * (g.y * u.x - g.x * u.y);
         float m = beta1 * first[at] + (1.0 - beta1) * gradient;
         float v = beta2 * second[at] + (1.0 - beta2) * (gradient * gradient);

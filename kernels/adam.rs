@@ -23,24 +23,41 @@ pub struct Args {
     pub epsilon: f32,
 }
 
-/// `change` (grid): G, transformed back; `phases`, `first` and `second` (height, width).
-pub fn adam(args: &Args, change: &[Complex32], phases: &mut [f32], first: &mut [f32], second: &mut [f32]) {
+/// `change` (grid): G, transformed back; `shown`: the phases that made the field, where they are not `phases`
+/// themselves; `phases`, `first` and `second` (height, width).
+pub fn adam(
+    args: &Args,
+    change: &[Complex32],
+    shown: Option<&[f32]>,
+    phases: &mut [f32],
+    first: &mut [f32],
+    second: &mut [f32],
+) {
     let Args { place, rate, beta1, beta2, correct1, correct2, epsilon } = *args;
     let (w, gw) = (place.width as usize, place.grid_width as usize);
     simd(
         #[inline(always)]
         || {
             let rows = phases.chunks_exact_mut(w).zip(first.chunks_exact_mut(w)).zip(second.chunks_exact_mut(w));
-            for (((phases, first), second), change) in rows.zip(change.chunks_exact(gw).skip(place.top as usize)) {
+            let one = |shown: f32, phase: &mut f32, first: &mut f32, second: &mut f32, g: &Complex32| {
+                let (c, s) = trig::cos_sin(shown);
+                let gradient = 2.0 * (g.im * c - g.re * s);
+                let m = beta1 * *first + (1.0 - beta1) * gradient;
+                let v = beta2 * *second + (1.0 - beta2) * (gradient * gradient);
+                *first = m;
+                *second = v;
+                *phase = trig::wrap(*phase - rate * (m * correct1) / ((v * correct2).sqrt() + epsilon));
+            };
+            for (y, (((phases, first), second), change)) in
+                rows.zip(change.chunks_exact(gw).skip(place.top as usize)).enumerate()
+            {
                 let change = &change[place.left as usize..place.left as usize + w];
-                for (((phase, first), second), g) in phases.iter_mut().zip(first).zip(second).zip(change) {
-                    let (c, s) = trig::cos_sin(*phase);
-                    let gradient = 2.0 * (g.im * c - g.re * s);
-                    let m = beta1 * *first + (1.0 - beta1) * gradient;
-                    let v = beta2 * *second + (1.0 - beta2) * (gradient * gradient);
-                    *first = m;
-                    *second = v;
-                    *phase = trig::wrap(*phase - rate * (m * correct1) / ((v * correct2).sqrt() + epsilon));
+                let values = phases.iter_mut().zip(first).zip(second).zip(change);
+                match shown {
+                    None => values.for_each(|(((phase, first), second), g)| one(*phase, phase, first, second, g)),
+                    Some(shown) => values
+                        .zip(&shown[y * w..][..w])
+                        .for_each(|((((phase, first), second), g), shown)| one(*shown, phase, first, second, g)),
                 }
             }
         },

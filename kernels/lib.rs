@@ -9,26 +9,34 @@
 //!
 //! | kernel | reads | writes |
 //! |---|---|---|
-//! | [`modulate`] | phases | field |
+//! | [`quantise`] | phases, levels | shown |
+//! | [`modulate`] | phases, or shown | field |
 //! | [`fft`] | field, window or change | the same |
 //! | [`transfer`] | spans | transfer |
+//! | [`taper`] | weights | transfer |
 //! | [`pass_pupil`] | field, transfer, spans | window |
 //! | [`intensity`] | window | image |
 //! | [`photograph`] | views, taps | accumulator |
 //! | [`resample`] | accumulator, tables | target |
 //! | [`compare`] | image, target | factor (over the image), loss |
+//! | [`exposure`] | image, target | sums |
 //! | [`weigh`] | factor | window |
 //! | [`overlap`] | spans | hits |
 //! | [`return_pupil`] | window, transfer, spans | change |
 //! | [`balance`] | hits | change |
-//! | [`project`] | change | phases, velocity |
-//! | [`adam`] | change | phases, first and second moments |
+//! | [`energy`] | field | energy |
+//! | [`even`] | energy, field | change |
+//! | [`project`] | change, shown | phases, velocity |
+//! | [`adam`] | change, shown | phases, first and second moments |
 //! | [`encode`] | phases, offsets, table | video frame |
 
 pub mod adam;
 pub mod balance;
 pub mod compare;
 pub mod encode;
+pub mod energy;
+pub mod even;
+pub mod exposure;
 pub mod fft;
 pub mod fft_plan;
 pub mod intensity;
@@ -37,8 +45,10 @@ pub mod overlap;
 pub mod pass_pupil;
 pub mod photograph;
 pub mod project;
+pub mod quantise;
 pub mod resample;
 pub mod return_pupil;
+pub mod taper;
 pub mod transfer;
 pub mod trig;
 pub mod weigh;

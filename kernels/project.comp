@@ -6,8 +6,10 @@
 
 layout(local_size_x = 64) in;
 layout(std430, binding = 0) readonly buffer Change { vec2 change[]; };
-layout(std430, binding = 1) buffer Phases { float phases[]; };
-layout(std430, binding = 2) buffer Velocity { float velocity[]; };
+// The phases that made the field: the same buffer as `phases` where nothing is quantised.
+layout(std430, binding = 1) readonly buffer Shown { float shown[]; };
+layout(std430, binding = 2) buffer Phases { float phases[]; };
+layout(std430, binding = 3) buffer Velocity { float velocity[]; };
 layout(push_constant) uniform Args {
     uint height, width, grid_height, grid_width, top, left;
     float gain, momentum;
@@ -23,7 +25,7 @@ void main() {
         uint at = frame * phases_stride + y * width + x;
         vec2 du = change[frame * change_stride + (top + y) * grid_width + left + x];
         float phase = phases[at];
-        vec2 u = cos_sin(phase);
+        vec2 u = cos_sin(shown[at]);
         float turn = gain * (u.x * du.y - u.y * du.x);
         float v = momentum * velocity[at] + turn;
         velocity[at] = v;

@@ -15,24 +15,34 @@ pub struct Args {
     pub momentum: f32,
 }
 
-/// `change` (grid): the wanted change du of the field; `phases` and `velocity` (height, width).
+/// `change` (grid): the wanted change du of the field; `shown`: the phases that made the field, where they are not
+/// `phases` themselves; `phases` and `velocity` (height, width).
 ///
 /// `turn = gain Im(conj(u) du)`, `velocity = momentum velocity + turn`, `phases += momentum velocity + turn`, wrapped.
-pub fn project(args: &Args, change: &[Complex32], phases: &mut [f32], velocity: &mut [f32]) {
+pub fn project(args: &Args, change: &[Complex32], shown: Option<&[f32]>, phases: &mut [f32], velocity: &mut [f32]) {
     let Args { place, gain, momentum } = *args;
     let (w, gw) = (place.width as usize, place.grid_width as usize);
     simd(
         #[inline(always)]
         || {
             let rows = phases.chunks_exact_mut(w).zip(velocity.chunks_exact_mut(w));
-            for ((phases, velocity), change) in rows.zip(change.chunks_exact(gw).skip(place.top as usize)) {
+            let one = |shown: f32, phase: &mut f32, velocity: &mut f32, du: &Complex32| {
+                let (c, s) = trig::cos_sin(shown);
+                let turn = gain * (c * du.im - s * du.re);
+                let v = momentum * *velocity + turn;
+                *velocity = v;
+                *phase = trig::wrap(*phase + (momentum * v + turn));
+            };
+            for (y, ((phases, velocity), change)) in
+                rows.zip(change.chunks_exact(gw).skip(place.top as usize)).enumerate()
+            {
                 let change = &change[place.left as usize..place.left as usize + w];
-                for ((phase, velocity), du) in phases.iter_mut().zip(velocity).zip(change) {
-                    let (c, s) = trig::cos_sin(*phase);
-                    let turn = gain * (c * du.im - s * du.re);
-                    let v = momentum * *velocity + turn;
-                    *velocity = v;
-                    *phase = trig::wrap(*phase + (momentum * v + turn));
+                let values = phases.iter_mut().zip(velocity).zip(change);
+                match shown {
+                    None => values.for_each(|((phase, velocity), du)| one(*phase, phase, velocity, du)),
+                    Some(shown) => values
+                        .zip(&shown[y * w..][..w])
+                        .for_each(|(((phase, velocity), du), shown)| one(*shown, phase, velocity, du)),
                 }
             }
         },

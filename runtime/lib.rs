@@ -13,6 +13,8 @@
 //! | [`solve`] | pupil sampling, the optimisers, the solver: one for every engine |
 //! | [`hologram`] | phase frames and their file |
 //! | [`encode`] | calibration, levels, packing: phases to what the SLM receives |
+//! | [`trackers`] | eye trackers: devices, recordings, network, simulated; samples with a steady time |
+//! | [`gaze`] | from a tracker's samples to where the pupil will be, with its uncertainty |
 //!
 //! Comments that say "OPTICS n" mean section n of `docs/optics.md`.
 //!
@@ -22,11 +24,14 @@ pub mod encode;
 pub mod engine;
 pub mod evaluate;
 pub mod files;
+pub mod gaze;
+
 pub mod hologram;
 pub mod optics;
 pub mod plan;
 pub mod scene;
 pub mod solve;
+pub mod trackers;
 
 /// The README's program is compiled and run with the tests.
 #[cfg(doctest)]

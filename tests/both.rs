@@ -3,14 +3,20 @@
 use eyebox::engine::vulkan::{Options, VulkanEngine};
 use eyebox::engine::{Buffer, Dispatch, Engine, Kernel, Purpose, Shape, Step};
 use eyebox::optics::{Optics, Padding, Pupil, WindowFactor};
-use eyebox::plan::{Comparison, Planner, Views};
+use eyebox::plan::{Comparison, Planner, Sight, Views};
 use eyebox::scene::{Pyramid, ViewGrid};
+use eyebox_kernels::exposure::PART;
 use std::sync::{Arc, Mutex, PoisonError};
+
+/// Any device, watched, with a cache of the tests' own.
+pub fn watched() -> Options {
+    let cache = Some(std::env::temp_dir().join("eyebox-tests"));
+    Options { device: None, allow_cpu: true, validation: true, cache }
+}
 
 /// Opens a Vulkan device with validation; a software one will do, and where there is none, the test fails.
 pub fn vulkan() -> VulkanEngine {
-    let options = Options { device: None, allow_cpu: true, validation: true };
-    VulkanEngine::open(&options).unwrap_or_else(|e| panic!("{e}"))
+    VulkanEngine::open(&watched()).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// Fails if the validation layer said anything, the closing of the device included.
@@ -84,9 +90,26 @@ impl Case {
         }
     }
 
+    /// One step over three windows of the short-time Fourier transform, with a filter and without.
+    pub fn stft_step(&self, purpose: Purpose, mode: u32) -> Step {
+        let comparison = Comparison { mode, exposure: 0.8, batch: 3, ..Comparison::default() };
+        let filters = [0.9 * self.planner.slm.eyebox(), f64::INFINITY];
+        let sight = |view: usize| Sight::Stft { view, samples: 3, filter: filters[view % 2] };
+        let lanes = [1, 4, 6].map(|view| self.planner.sight(&sight(view), &comparison)).to_vec();
+        match purpose {
+            Purpose::Adam => self.planner.adam_step(lanes, usize::MAX, 3, 0.1),
+            _ => self.planner.project_step(lanes, usize::MAX, 0.5, 2.0, 0.5),
+        }
+    }
+
     /// A step with this one kernel, over all lanes if it looks at lanes.
     pub fn single(&self, purpose: Purpose, mode: u32, power: f64, kernel: Kernel) -> Step {
         let mut step = self.step(purpose, mode, power, usize::MAX);
+        if kernel == Kernel::Taper {
+            step = self.stft_step(purpose, mode);
+        } else if matches!(kernel, Kernel::Energy | Kernel::Even) {
+            step = self.planner.with_even(step, 0.8 * self.planner.slm.eyebox(), 5, 0.4);
+        }
         let lanes = step.list.iter().find(|d| d.kernel == kernel).map_or(0..step.lanes.len(), |d| d.lanes.clone());
         step.list = vec![Dispatch { kernel, lanes }];
         step
@@ -102,8 +125,12 @@ impl Case {
 pub fn buffers(shape: &Shape, step: &Step) -> Vec<(Buffer, usize)> {
     let (pixels, points) = (shape.frames * shape.pixels(), 2 * shape.frames * shape.points());
     let mut all = vec![(Buffer::Phases, pixels), (Buffer::Field, points)];
+    if shape.quantised {
+        all.extend([(Buffer::Shown, pixels), (Buffer::Levels, 256)]);
+    }
     if shape.purpose != Purpose::View {
         all.extend([(Buffer::Momentum, pixels), (Buffer::Change, points), (Buffer::Hits, shape.points())]);
+        all.push((Buffer::Energy, 256));
     }
     if shape.purpose == Purpose::Adam {
         all.push((Buffer::Second, pixels));
@@ -113,6 +140,7 @@ pub fn buffers(shape: &Shape, step: &Step) -> Vec<(Buffer, usize)> {
         let count = lane.count();
         all.extend([(Buffer::Transfer(slot), 2 * count), (Buffer::Window(slot), 2 * shape.frames * count)]);
         all.extend([(Buffer::Image(slot), count), (Buffer::Target(slot), count)]);
+        all.push((Buffer::Sums(slot), PART * lane.exposure(&shape.place).parts()));
         if let Some(shot) = &lane.shot {
             all.push((Buffer::Accumulator(slot), shot.args.height as usize * shot.args.width as usize));
         }
@@ -123,9 +151,14 @@ pub fn buffers(shape: &Shape, step: &Step) -> Vec<(Buffer, usize)> {
 /// Contents that make sense in a buffer: phases of a turn, counts of pupils, intensities that are not negative.
 pub fn contents(buffer: Buffer, count: usize, noise: &mut Noise) -> Vec<f32> {
     match buffer {
-        Buffer::Phases => noise.between(count, -3.1, 3.1),
+        Buffer::Phases | Buffer::Shown => noise.between(count, -3.1, 3.1),
+        Buffer::Levels => {
+            let mut levels = noise.between(count, -3.1, 3.1);
+            levels[..11].sort_by(f32::total_cmp);
+            levels
+        }
         Buffer::Hits => noise.between(count, 0.0, 5.0).into_iter().map(f32::floor).collect(),
-        Buffer::Second | Buffer::Image(_) | Buffer::Target(_) | Buffer::Accumulator(_) => {
+        Buffer::Energy | Buffer::Second | Buffer::Image(_) | Buffer::Target(_) | Buffer::Accumulator(_) => {
             noise.between(count, 0.0, 1.5)
         }
         _ => noise.between(count, -1.0, 1.0),

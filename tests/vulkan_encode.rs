@@ -1,7 +1,7 @@
 //! The kernel `encode` on the device against its twin: byte for byte, and not a word from the validation layer.
 
 use eyebox::encode::{Encoder, PhaseSet};
-use eyebox::engine::vulkan::{Options, VulkanEncoder};
+use eyebox::engine::vulkan::VulkanEncoder;
 use eyebox::optics::{Color, Display};
 use eyebox_tests::both::Noise;
 use std::f32::consts::TAU;
@@ -30,7 +30,7 @@ fn check(display: &Display, colors: &[Color], sub_frames: usize) {
     let slices: Vec<&[f32]> = sets.iter().map(|p| &p[..]).collect();
     let set = PhaseSet::new(&slices, [h, w]).expect("phases");
     let want = encoder.encode(&set).expect("the twin encodes");
-    let options = Options { device: None, allow_cpu: true, validation: true };
+    let options = eyebox_tests::both::watched();
     let mut device = VulkanEncoder::open(&options, encoder.plan()).unwrap_or_else(|e| panic!("{e}"));
     let mut got = encoder.frames();
     device.encode(set.colors(), got.bytes_mut()).unwrap_or_else(|e| panic!("{e}"));

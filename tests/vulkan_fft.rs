@@ -4,6 +4,7 @@
 use eyebox::engine::vulkan::Transforms;
 use eyebox_kernels::Complex32;
 use eyebox_kernels::fft::{Columns, Direction};
+use eyebox_tests::both::watched;
 use rustfft::num_complex::Complex64;
 use rustfft::{FftDirection, FftPlanner};
 
@@ -11,7 +12,7 @@ use rustfft::{FftDirection, FftPlanner};
 const ALLOWED: f64 = 2e-13;
 
 fn open() -> Transforms {
-    Transforms::open(None, true).unwrap_or_else(|e| panic!("this test needs a Vulkan device: {e}"))
+    Transforms::open(&watched()).unwrap_or_else(|e| panic!("this test needs a Vulkan device: {e}"))
 }
 
 fn noise(n: usize, mut seed: u64) -> Vec<Complex32> {

@@ -5,7 +5,7 @@ use eyebox::engine::cpu::CpuEngine;
 use eyebox::engine::vulkan::{Options, VulkanEngine};
 use eyebox::engine::{Buffer, Engine, Kernel, Purpose, Shape};
 use eyebox_kernels::compare::{AMPLITUDE, INTENSITY, PROJECTION};
-use eyebox_tests::both::{Case, assert_silent, compare, vulkan};
+use eyebox_tests::both::{Case, assert_silent, compare, vulkan, watched};
 
 const SIZES: [(usize, usize, usize); 6] = [(1, 1, 0), (7, 13, 0), (45, 64, 0), (64, 64, 0), (31, 50, 3), (5, 130, 11)];
 const DEPTHS: [f64; 6] = [0.0, 1e-6, -15e-3, 0.3, 1.0, -1.0];
@@ -36,6 +36,10 @@ kernels! {
     field_forward: FieldForward, View, PROJECTION, 1.0;
     overlap: Overlap, Project, PROJECTION, 1.0;
     transfer: Transfer, View, PROJECTION, 1.0;
+    taper: Taper, View, PROJECTION, 1.0;
+    energy: Energy, Project, PROJECTION, 1.0;
+    even_projection: Even, Project, PROJECTION, 1.0;
+    even_gradient: Even, Adam, INTENSITY, 1.0;
     photograph: Photograph, View, PROJECTION, 1.0;
     resample: Resample, View, PROJECTION, 1.0;
     pass_pupil: PassPupil, View, PROJECTION, 1.0;
@@ -53,6 +57,28 @@ kernels! {
     change_inverse: ChangeInverse, Project, PROJECTION, 1.0;
     project: Project, Project, PROJECTION, 1.0;
     adam: Adam, Adam, INTENSITY, 1.0;
+    exposure: Exposure, View, PROJECTION, 1.0;
+}
+
+/// An SLM with levels: what it shows makes the field, and the phases behind move.
+#[test]
+fn levels() {
+    let (mut engine, mut twin) = (vulkan(), CpuEngine::new());
+    for (height, width, padding) in SIZES {
+        let mut case = Case::new(height, width, padding, 15e-3, 3);
+        case.planner.levels = 11;
+        for (kernel, purpose, mode) in [
+            (Kernel::Quantise, Purpose::View, PROJECTION),
+            (Kernel::Modulate, Purpose::View, PROJECTION),
+            (Kernel::Project, Purpose::Project, PROJECTION),
+            (Kernel::Adam, Purpose::Adam, INTENSITY),
+        ] {
+            let step = case.single(purpose, mode, 0.5, kernel);
+            let worst = compare(&mut engine, &mut twin, &case, purpose, &step);
+            assert!(worst < 1e-10, "{} at {height} x {width} (+{padding}): {worst:e}", kernel.name());
+        }
+    }
+    assert_silent(engine);
 }
 
 /// The phase runs to thousands of turns, and no turn is lost; the twin computes it in float64.
@@ -81,6 +107,25 @@ fn a_device_that_is_not_there_is_named_and_help_is_offered() {
     let Err(error) = VulkanEngine::open(&options) else { panic!("it opened") };
     let text = error.to_string();
     assert!(text.contains("no such device") && text.contains("tools/setup.sh"), "{text}");
+}
+
+/// What a driver compiled is kept where the options say; a second start finds it.
+#[test]
+fn compiled_pipelines_are_kept_where_they_are_wanted() {
+    let temp = tempfile::tempdir().expect("a temporary folder");
+    let folder = temp.path().join("cache");
+    let run = || {
+        let mut engine = VulkanEngine::open(&Options { cache: Some(folder.clone()), ..watched() }).expect("a device");
+        let case = Case::new(7, 13, 0, 0.0, 1);
+        case.load(&mut engine, Purpose::Project);
+        engine.run(&case.step(Purpose::Project, PROJECTION, 1.0, usize::MAX)).expect("a step");
+        assert_silent(engine);
+        let files: Vec<_> = std::fs::read_dir(&folder).expect("a folder").map(|f| f.expect("a file").path()).collect();
+        assert!(files.len() == 1 && files[0].extension().is_some_and(|e| e == "bin"), "{files:?}");
+        std::fs::metadata(&files[0]).and_then(|m| m.modified()).expect("a time")
+    };
+    // The second start has nothing to add, so it leaves the file as it is.
+    assert_eq!(run(), run());
 }
 
 /// No driver at all: the loader is told to look where there is none.
@@ -158,7 +203,10 @@ fn large_sizes() {
         let (projects, adam) = (Purpose::Project, Purpose::Adam);
         let list: Vec<Kernel> =
             case.step(projects, PROJECTION, 0.5, usize::MAX).list.iter().map(|d| d.kernel).collect();
-        let all = list.into_iter().map(|k| (k, projects, PROJECTION)).chain([(Kernel::Adam, adam, INTENSITY)]);
+        let all = list
+            .into_iter()
+            .map(|k| (k, projects, PROJECTION))
+            .chain([(Kernel::Adam, adam, INTENSITY), (Kernel::Exposure, Purpose::View, PROJECTION)]);
         for (kernel, purpose, mode) in all {
             let step = case.single(purpose, mode, 0.5, kernel);
             let worst = compare(&mut engine, &mut twin, &case, purpose, &step);

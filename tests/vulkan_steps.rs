@@ -2,7 +2,9 @@
 
 use eyebox::engine::cpu::CpuEngine;
 use eyebox::engine::{At, Buffer, Engine, Handover, Kernel, Purpose, Step};
-use eyebox::plan::Comparison;
+use eyebox::evaluate::{self, Sums};
+use eyebox::plan::{Comparison, Sight};
+use eyebox::solve::Judge;
 use eyebox_kernels::compare::{AMPLITUDE, INTENSITY, PROJECTION};
 use eyebox_tests::both::{Case, Noise, assert_silent, distance, vulkan};
 
@@ -87,6 +89,25 @@ fn both_engines_show_the_same_views_and_photographs() {
     assert_silent(engine);
 }
 
+/// The steps of the methods that look through other things than pupils, or ask for more than an image.
+#[test]
+fn both_engines_take_the_steps_of_every_method() {
+    let mut engine = vulkan();
+    for (height, width, padding, frames) in [(45, 64, 0, 3), (40, 36, 5, 2)] {
+        let case = Case::new(height, width, padding, 4e-3, frames);
+        for (purpose, mode) in [(Purpose::Project, PROJECTION), (Purpose::Adam, INTENSITY)] {
+            let even = case.planner.with_even(case.step(purpose, mode, 0.5, 3000), 0.02, 9, 0.5);
+            for (what, step) in [("stft", case.stft_step(purpose, mode)), ("even", even)] {
+                let steps = vec![step; 3];
+                let got = solve(&mut engine, &case, purpose, &steps);
+                let want = solve(&mut CpuEngine::new(), &case, purpose, &steps);
+                assert_close(&got, &want, &format!("{what}, {height} x {width}, {purpose:?}"));
+            }
+        }
+    }
+    assert_silent(engine);
+}
+
 /// Wherever one engine hands over to the other, the result is the same.
 #[test]
 fn handing_over_changes_nothing() {
@@ -105,4 +126,47 @@ fn handing_over_changes_nothing() {
     // Both engines ran their share.
     let names = |e: &dyn Engine| e.timings().iter().map(|t| t.kernel).collect::<Vec<_>>();
     assert!(names(&back).contains(&Kernel::Modulate) && names(&back).contains(&Kernel::Project));
+}
+
+/// A verdict is what the images say, padding or not, and only the judge's sums leave the engine.
+#[test]
+fn sums_say_what_images_say() {
+    let mut engine = vulkan();
+    for (height, width, padding) in [(45, 64, 0), (40, 37, 5), (1, 30, 0), (130, 131, 2)] {
+        let case = Case::new(height, width, padding, 4e-3, 3);
+        let phases = Noise::new(9).between(3 * height * width, -3.1, 3.1);
+        for engine in [&mut engine as &mut dyn Engine, &mut CpuEngine::new()] {
+            case.load(engine, Purpose::View);
+            engine.write(Buffer::Phases, &phases).unwrap();
+            let pool = |images: Vec<Vec<f32>>| -> Vec<Vec<f32>> {
+                images.iter().map(|i| evaluate::pool2(i, height, width)).collect()
+            };
+            let images = pool(evaluate::views(engine, &case.planner, &case.pupils).unwrap());
+            let targets = pool(evaluate::photographs(engine, &case.planner, &case.pupils).unwrap());
+            let pairs = || images.iter().zip(&targets);
+            let exposure = evaluate::fit_exposure(pairs().map(|(i, t)| (&i[..], &t[..]))).unwrap();
+            let sights: Vec<_> = case.pupils.iter().map(|p| Sight::Pupil(*p)).collect();
+            let sums = evaluate::sums(engine, &case.planner, &sights).unwrap();
+            for ((image, target), sums) in pairs().zip(&sums) {
+                let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum();
+                let exact: [f64; 3] = [dot(image, target), dot(image, image), dot(target, target)];
+                for (got, exact) in [sums.with_target, sums.with_itself, sums.of_target].into_iter().zip(exact) {
+                    // Of 48 bits, a few go on the way.
+                    // (A small pupil before a single row passes nothing: zero.)
+                    let near = (got - exact).abs() <= 1e-12 * exact;
+                    assert!(near, "{height} x {width} (+{padding}): {got}, not {exact}");
+                }
+                let seen: Vec<f32> = image.iter().map(|i| i * exposure as f32).collect();
+                let want = evaluate::psnr(&seen, target).unwrap();
+                assert!((sums.psnr(exposure) - want).abs() < 1e-3, "{} dB, not {want}", sums.psnr(exposure));
+            }
+            let fitted = Sums::fit_exposure(&sums).unwrap();
+            assert!((fitted / exposure - 1.0).abs() < 1e-12, "{fitted}, not {exposure}");
+            // The judge's verdict is that of the sums.
+            let judge = Judge::new(engine, &case.planner, sights).unwrap();
+            let verdict = judge.judge(engine, &case.planner).unwrap();
+            assert_eq!((verdict.exposure, verdict.psnr), (fitted, sums.iter().map(|s| s.psnr(fitted)).collect()));
+        }
+    }
+    assert_silent(engine);
 }

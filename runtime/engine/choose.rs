@@ -36,7 +36,7 @@ pub fn reason(found: &Result<Vec<DeviceReport>, EngineError>) -> (Choice, String
 /// # Errors
 /// [`EngineError::NoDevice`] and other answers of Vulkan's, where Vulkan was asked for by name.
 pub fn open(choice: Choice) -> Result<Box<dyn Engine>, EngineError> {
-    let vulkan = |allow_cpu| VulkanEngine::open(&Options { device: None, allow_cpu, validation: false });
+    let vulkan = |allow_cpu| VulkanEngine::open(&Options { allow_cpu, ..Options::default() });
     match choice {
         Choice::Cpu => Ok(Box::new(CpuEngine::new())),
         Choice::Vulkan => Ok(Box::new(vulkan(true)?)),

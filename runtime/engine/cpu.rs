@@ -10,6 +10,8 @@ use crate::scene::Pyramid;
 use eyebox_kernels::{
     Complex32, ZERO, adam, balance,
     compare::compare,
+    energy, even,
+    exposure::{self, exposure},
     fft::{Direction, Plans},
     intensity::intensity,
     modulate::modulate,
@@ -17,8 +19,10 @@ use eyebox_kernels::{
     pass_pupil::pass_pupil,
     photograph::photograph,
     project::project,
+    quantise::{self, quantise},
     resample::resample,
     return_pupil::return_pupil,
+    taper::{self, taper},
     transfer::transfer,
     weigh::weigh,
 };
@@ -37,6 +41,7 @@ struct Slot {
     image: Vec<f32>,
     target: Vec<f32>,
     accumulator: Vec<f32>,
+    sums: Vec<f32>,
     scratch: Vec<f32>,
     loss: f64,
 }
@@ -61,11 +66,14 @@ pub struct CpuEngine {
     shape: Shape,
     views: Option<Arc<Pyramid>>,
     phases: Vec<f32>,
+    shown: Vec<f32>,
+    levels: Vec<f32>,
     momentum: Vec<f32>,
     second: Vec<f32>,
     field: Vec<Complex32>,
     change: Vec<Complex32>,
     hits: Vec<f32>,
+    energy: Vec<f32>,
     slots: Vec<Slot>,
     plans: Plans,
     clock: Clock,
@@ -73,20 +81,25 @@ pub struct CpuEngine {
 
 /// Windows with fewer values in all than this are not worth splitting over threads.
 const SPLIT: usize = 1 << 15;
+/// Values of the buffer `Energy`.
+const ENERGIES: usize = (energy::MOST * energy::MOST) as usize;
 
 impl CpuEngine {
     /// An engine without buffers: [`load`](Engine::load) makes them.
     pub fn new() -> Self {
         let place = bytemuck::Zeroable::zeroed();
         Self {
-            shape: Shape { frames: 0, place, purpose: Purpose::View },
+            shape: Shape { frames: 0, place, purpose: Purpose::View, quantised: false },
             views: None,
             phases: Vec::new(),
+            shown: Vec::new(),
+            levels: Vec::new(),
             momentum: Vec::new(),
             second: Vec::new(),
             field: Vec::new(),
             change: Vec::new(),
             hits: Vec::new(),
+            energy: Vec::new(),
             slots: Vec::new(),
             plans: Plans::default(),
             clock: Clock::default(),
@@ -95,46 +108,74 @@ impl CpuEngine {
 
     /// Frame by frame through all of `group`.
     fn run_frames(&mut self, step: &Step, group: &[Dispatch]) {
-        let Self { shape, phases, momentum, second, field, change, hits, slots, plans, clock, .. } = self;
+        let Self {
+            shape,
+            phases,
+            shown,
+            levels,
+            momentum,
+            second,
+            field,
+            change,
+            hits,
+            energy,
+            slots,
+            plans,
+            clock,
+            ..
+        } = self;
         let (pixels, points) = (shape.pixels(), shape.points());
         let wide = shape.frames < rayon::current_num_threads() && points >= SPLIT;
         // Buffers that this purpose lacks, and those that none of these kernels writes, become empty frames.
         let frames = shape.frames;
         let phases = frames_of(phases, pixels, frames);
+        let shown = frames_of(shown, pixels, frames);
         let momentum = frames_of(momentum, pixels, frames);
         let second = frames_of(second, pixels, frames);
         let field = frames_of(field, points, frames);
         let change = frames_of(change, points, frames);
-        let mut all: Vec<_> = phases.into_iter().zip(momentum).zip(second).zip(field).zip(change).collect();
-        let (hits, slots) = (&*hits, &*slots);
-        let run =
-            |f: usize, ((((phases, momentum), second), field), change): FrameBuffers, turned: &mut Vec<Complex32>| {
-                let (gh, gw) = (shape.place.grid_height as usize, shape.place.grid_width as usize);
-                let mut fft = |frame: &mut [Complex32], direction| {
-                    if wide {
-                        plans.fft_wide(frame, gh, gw, direction, step.columns, turned);
-                    } else {
-                        plans.fft(frame, gh, gw, direction, step.columns);
-                    }
-                };
-                for dispatch in group {
-                    clock.time(dispatch.kernel, || match dispatch.kernel {
-                        Kernel::Modulate => modulate(&shape.place, phases, field),
-                        Kernel::FieldForward => fft(field, Direction::Forward),
-                        Kernel::ReturnPupil => {
-                            for (lane, slot) in step.lanes[dispatch.lanes.clone()].iter().zip(slots) {
-                                let window = &slot.window[f * lane.count()..][..lane.count()];
-                                return_pupil(&lane.back, window, &slot.transfer, &lane.spans, change);
-                            }
-                        }
-                        Kernel::Balance => balance::balance(&step.balance, hits, change),
-                        Kernel::ChangeInverse => fft(change, Direction::Inverse),
-                        Kernel::Project => project(&step.project, change, phases, momentum),
-                        Kernel::Adam => adam::adam(&step.adam, change, phases, momentum, second),
-                        other => unreachable!("{} does not run over frames", other.name()),
-                    });
+        let mut all: Vec<_> = phases.into_iter().zip(shown).zip(momentum).zip(second).zip(field).zip(change).collect();
+        let (levels, hits, energy, slots) = (&*levels, &*hits, &*energy, &*slots);
+        let run = |f: usize,
+                   (((((phases, shown), momentum), second), field), change): FrameBuffers,
+                   turned: &mut Vec<Complex32>| {
+            let (gh, gw) = (shape.place.grid_height as usize, shape.place.grid_width as usize);
+            let mut fft = |frame: &mut [Complex32], direction| {
+                if wide {
+                    plans.fft_wide(frame, gh, gw, direction, step.columns, turned);
+                } else {
+                    plans.fft(frame, gh, gw, direction, step.columns);
                 }
             };
+            for dispatch in group {
+                clock.time(dispatch.kernel, || match dispatch.kernel {
+                    Kernel::Quantise => quantise(&step.quantise, phases, levels, shown),
+                    Kernel::Modulate if shape.quantised => modulate(&shape.place, shown, field),
+                    Kernel::Modulate => modulate(&shape.place, phases, field),
+                    Kernel::FieldForward => fft(field, Direction::Forward),
+                    Kernel::ReturnPupil => {
+                        for (lane, slot) in step.lanes[dispatch.lanes.clone()].iter().zip(slots) {
+                            let window = &slot.window[f * lane.count()..][..lane.count()];
+                            return_pupil(&lane.back, window, &slot.transfer, &lane.spans, change);
+                        }
+                    }
+                    Kernel::Balance => balance::balance(&step.balance, hits, change),
+                    Kernel::Even => {
+                        let patches = step.even.place.patches as usize;
+                        even::even(&step.even, &energy[..patches * patches], field, change);
+                    }
+                    Kernel::ChangeInverse => fft(change, Direction::Inverse),
+                    Kernel::Project => {
+                        project(&step.project, change, shape.quantised.then_some(&*shown), phases, momentum)
+                    }
+                    Kernel::Adam => {
+                        let shown = shape.quantised.then_some(&*shown);
+                        adam::adam(&step.adam, change, shown, phases, momentum, second);
+                    }
+                    other => unreachable!("{} does not run over frames", other.name()),
+                });
+            }
+        };
         if wide {
             let mut turned = Vec::new();
             for (f, buffers) in all.into_iter().enumerate() {
@@ -167,7 +208,7 @@ impl CpuEngine {
                 // Kernels that take one sub-frame at a time run depth first as well.
                 let framewise = rest.iter().take_while(|d| is_framewise(d.kernel)).count();
                 if framewise == 0 {
-                    clock.time(first.kernel, || run_lane(first.kernel, lane, slot, frames, views));
+                    clock.time(first.kernel, || run_lane(first.kernel, lane, slot, shape, views));
                     rest = &rest[1..];
                     continue;
                 }
@@ -200,11 +241,15 @@ impl CpuEngine {
     }
 
     fn run_whole(&mut self, step: &Step, dispatch: &Dispatch) {
-        let Self { change, hits, clock, .. } = self;
+        let Self { field, change, hits, energy, clock, .. } = self;
         clock.time(dispatch.kernel, || match dispatch.kernel {
             Kernel::Clear => {
                 hits.fill(0.0);
                 change.par_chunks_mut(1 << 16).for_each(|part| part.fill(ZERO));
+            }
+            Kernel::Energy => {
+                let patches = step.even.place.patches as usize;
+                energy::energy(&step.even.place, field, &mut energy[..patches * patches]);
             }
             _ => {
                 for lane in &step.lanes[dispatch.lanes.clone()] {
@@ -217,16 +262,20 @@ impl CpuEngine {
     fn state(&self, buffer: Buffer) -> Option<&[f32]> {
         Some(match buffer {
             Buffer::Phases => &self.phases,
+            Buffer::Shown => &self.shown,
+            Buffer::Levels => &self.levels,
             Buffer::Momentum => &self.momentum,
             Buffer::Second => &self.second,
             Buffer::Field => bytemuck::cast_slice(&self.field),
             Buffer::Change => bytemuck::cast_slice(&self.change),
             Buffer::Hits => &self.hits,
+            Buffer::Energy => &self.energy,
             Buffer::Transfer(i) => bytemuck::cast_slice(&self.slots.get(i)?.transfer),
             Buffer::Window(i) => bytemuck::cast_slice(&self.slots.get(i)?.window),
             Buffer::Image(i) => &self.slots.get(i)?.image,
             Buffer::Target(i) => &self.slots.get(i)?.target,
             Buffer::Accumulator(i) => &self.slots.get(i)?.accumulator,
+            Buffer::Sums(i) => &self.slots.get(i)?.sums,
         })
     }
 }
@@ -237,7 +286,8 @@ impl Default for CpuEngine {
     }
 }
 
-type FrameBuffers<'a> = ((((&'a mut [f32], &'a mut [f32]), &'a mut [f32]), &'a mut [Complex32]), &'a mut [Complex32]);
+type FrameBuffers<'a> =
+    (((((&'a mut [f32], &'a mut [f32]), &'a mut [f32]), &'a mut [f32]), &'a mut [Complex32]), &'a mut [Complex32]);
 
 fn frames_of<T>(buffer: &mut [T], size: usize, frames: usize) -> Vec<&mut [T]> {
     if buffer.is_empty() {
@@ -255,12 +305,18 @@ fn window_fft(plans: &Plans, lane: &Lane, window: &mut [Complex32], direction: D
     plans.fft(window, lane.window.rows, lane.window.columns, direction, lane.columns);
 }
 
-fn run_lane(kernel: Kernel, lane: &Lane, slot: &mut Slot, frames: usize, views: Option<&Pyramid>) {
-    let count = lane.count();
+fn run_lane(kernel: Kernel, lane: &Lane, slot: &mut Slot, shape: &Shape, views: Option<&Pyramid>) {
+    let (count, frames) = (lane.count(), shape.frames);
     match kernel {
         Kernel::Transfer => {
             slot.transfer.resize(count, ZERO);
             transfer(&lane.transfer, &lane.spans, &mut slot.transfer);
+        }
+        Kernel::Taper => {
+            if let Some(weights) = &lane.taper {
+                let args = taper::Args { rows: lane.transfer.rows, columns: lane.transfer.columns };
+                taper(&args, weights, &mut slot.transfer);
+            }
         }
         Kernel::Photograph => {
             let (Some(shot), Some(views)) = (&lane.shot, views) else { return };
@@ -298,6 +354,13 @@ fn run_lane(kernel: Kernel, lane: &Lane, slot: &mut Slot, frames: usize, views: 
             });
         }
         Kernel::Compare => slot.loss = compare(&lane.compare, &mut slot.image, &slot.target),
+        Kernel::Exposure => {
+            let args = lane.exposure(&shape.place);
+            slot.image.resize(count, 0.0);
+            slot.target.resize(count, 0.0);
+            slot.sums.resize(exposure::PART * args.parts(), 0.0);
+            exposure(&args, &slot.image, &slot.target, &mut slot.sums);
+        }
         other => unreachable!("{} does not run over lanes", other.name()),
     }
 }
@@ -314,15 +377,18 @@ impl Engine for CpuEngine {
         self.views = views;
         self.shape = *shape;
         renew(&mut self.phases, pixels, "phases")?;
+        renew(&mut self.shown, if shape.quantised { pixels } else { 0 }, "shown")?;
+        renew(&mut self.levels, if shape.quantised { quantise::MOST } else { 0 }, "levels")?;
         renew(&mut self.momentum, if descends { pixels } else { 0 }, "momentum")?;
         renew(&mut self.second, if shape.purpose == Purpose::Adam { pixels } else { 0 }, "second moment")?;
         renew(&mut self.field, points, "field")?;
         renew(&mut self.change, if descends { points } else { 0 }, "change")?;
-        renew(&mut self.hits, if descends { shape.points() } else { 0 }, "hits")
+        renew(&mut self.hits, if descends { shape.points() } else { 0 }, "hits")?;
+        renew(&mut self.energy, if descends { ENERGIES } else { 0 }, "energy")
     }
 
     fn write(&mut self, buffer: Buffer, data: &[f32]) -> Result<(), EngineError> {
-        let Self { phases, momentum, second, field, change, hits, slots, .. } = self;
+        let Self { phases, shown, levels, momentum, second, field, change, hits, energy, slots, .. } = self;
         let slot = |i: usize, slots: &mut Vec<Slot>| {
             if slots.len() <= i {
                 slots.resize_with(i + 1, Slot::default);
@@ -344,12 +410,20 @@ impl Engine for CpuEngine {
         };
         let done = match buffer {
             Buffer::Phases => real(phases, true),
+            Buffer::Shown => real(shown, true),
+            Buffer::Levels => real(levels, true),
             Buffer::Momentum => real(momentum, true),
             Buffer::Second => real(second, true),
             Buffer::Hits => real(hits, true),
+            Buffer::Energy => real(energy, true),
             Buffer::Field => complex(field, true),
             Buffer::Change => complex(change, true),
-            Buffer::Transfer(i) | Buffer::Window(i) | Buffer::Image(i) | Buffer::Target(i) | Buffer::Accumulator(i) => {
+            Buffer::Transfer(i)
+            | Buffer::Window(i)
+            | Buffer::Image(i)
+            | Buffer::Target(i)
+            | Buffer::Accumulator(i)
+            | Buffer::Sums(i) => {
                 slot(i, slots);
                 let slot = &mut slots[i];
                 match buffer {
@@ -357,7 +431,8 @@ impl Engine for CpuEngine {
                     Buffer::Window(_) => complex(&mut slot.window, false),
                     Buffer::Image(_) => real(&mut slot.image, false),
                     Buffer::Target(_) => real(&mut slot.target, false),
-                    _ => real(&mut slot.accumulator, false),
+                    Buffer::Accumulator(_) => real(&mut slot.accumulator, false),
+                    _ => real(&mut slot.sums, false),
                 }
             }
         };
@@ -414,11 +489,11 @@ impl Engine for CpuEngine {
 fn renew<T: Clone + bytemuck::Zeroable>(buffer: &mut Vec<T>, length: usize, what: &str) -> Result<(), EngineError> {
     buffer.clear();
     buffer.shrink_to(length);
-    let wanted_mib = (length * size_of::<T>()) >> 20;
+    let wanted = Some((length as u64).saturating_mul(size_of::<T>() as u64));
     buffer.try_reserve_exact(length).map_err(|_| EngineError::OutOfMemory {
         device: "host".into(),
         what: what.into(),
-        wanted_mib,
+        wanted,
     })?;
     buffer.resize(length, T::zeroed());
     Ok(())

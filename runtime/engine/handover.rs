@@ -4,6 +4,7 @@
 
 use super::{Buffer, Engine, EngineError, Kernel, Purpose, Shape, Step, Timing};
 use crate::scene::Pyramid;
+use eyebox_kernels::exposure;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -48,8 +49,11 @@ impl Handover {
 /// Buffers of a shape. `Second` only where Adam needs it.
 fn shape_buffers(shape: &Shape) -> Vec<Buffer> {
     let mut all = vec![Buffer::Phases, Buffer::Field];
+    if shape.quantised {
+        all.extend([Buffer::Shown, Buffer::Levels]);
+    }
     if shape.purpose != Purpose::View {
-        all.extend([Buffer::Momentum, Buffer::Change, Buffer::Hits]);
+        all.extend([Buffer::Momentum, Buffer::Change, Buffer::Hits, Buffer::Energy]);
     }
     if shape.purpose == Purpose::Adam {
         all.push(Buffer::Second);
@@ -78,6 +82,7 @@ fn copy(from: &mut dyn Engine, to: &mut dyn Engine, shape: &Shape, step: &Step, 
             (Buffer::Image(slot), count),
             (Buffer::Target(slot), count),
             (Buffer::Accumulator(slot), level),
+            (Buffer::Sums(slot), exposure::PART * lane.exposure(&shape.place).parts()),
         ];
         for (buffer, length) in wanted {
             // A buffer that is not this long was not computed for this lane yet.

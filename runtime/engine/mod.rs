@@ -36,18 +36,19 @@ pub enum EngineError {
     },
     /// Memory ran out.
     #[error(
-        "out of {device} memory: {wanted_mib} MiB for {what} could not be had; use fewer sub-frames, a smaller size or fewer pupils a step"
+        "out of {device} memory: {} for {what} could not be had; use fewer sub-frames, a smaller size or fewer pupils a step",
+        amount(*.wanted)
     )]
     OutOfMemory {
         /// Host or a device's name.
         device: String,
-        /// The buffer.
+        /// The buffer, or the call that needs memory.
         what: String,
-        /// Its size.
-        wanted_mib: usize,
+        /// Bytes, where they are known: a driver does not say how much it wants for itself.
+        wanted: Option<u64>,
     },
     /// The device stopped answering.
-    #[error("{device} was lost while it ran {during}; what was computed before is kept")]
+    #[error("{device} was lost while it ran {during}; try again, or run on the CPU")]
     DeviceLost {
         /// Its name.
         device: String,
@@ -70,6 +71,15 @@ pub enum EngineError {
         /// What differs.
         reason: String,
     },
+}
+
+/// Bytes as a person reads them, rounded up.
+fn amount(bytes: Option<u64>) -> String {
+    match bytes {
+        None => "room".into(),
+        Some(bytes) if bytes < 1 << 20 => format!("{} KiB", bytes.div_ceil(1 << 10)),
+        Some(bytes) => format!("{} MiB", bytes.div_ceil(1 << 20)),
+    }
 }
 
 /// Runs steps. Times are kept per kernel.
@@ -115,4 +125,19 @@ pub trait Engine: Send {
 
     /// Forgets the times.
     fn reset_timings(&mut self);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn memory_that_is_missing_is_said_in_true_size() {
+        let text =
+            |wanted| EngineError::OutOfMemory { device: "host".into(), what: "phases".into(), wanted }.to_string();
+        assert!(text(Some(1)).contains("host memory: 1 KiB for phases"), "{}", text(Some(1)));
+        assert!(text(Some((1 << 20) - 1)).contains("1024 KiB for"));
+        assert!(text(Some(1 << 20)).contains(" 1 MiB for") && text(Some((3 << 20) + 1)).contains(" 4 MiB for"));
+        assert!(text(None).contains("room for phases could not be had") && !text(None).contains('0'));
+    }
 }

@@ -2,7 +2,7 @@
 
 use crate::engine::{Buffer, Engine, EngineError};
 use crate::optics::{Pupil, WindowFactor};
-use crate::plan::{Comparison, Dispatch, Kernel, Planner};
+use crate::plan::{Comparison, Dispatch, Kernel, Planner, Sight};
 
 /// The time-averaged intensity through each pupil of the phases that `engine` holds, divided by the pupil's share of
 /// the eyebox (OPTICS 2), on the SLM's pixels: (height, width) each, row-major. No exposure is applied.
@@ -12,21 +12,32 @@ use crate::plan::{Comparison, Dispatch, Kernel, Planner};
 /// # Errors
 /// Those of the engine.
 pub fn views(engine: &mut dyn Engine, planner: &Planner, pupils: &[Pupil]) -> Result<Vec<Vec<f32>>, EngineError> {
-    let planner = Planner { factor: WindowFactor::Full, views: None, ..planner.clone() };
-    let lanes: Vec<_> = pupils.iter().map(|p| planner.lane(p, &Comparison::default())).collect();
+    let planner = Planner { views: None, ..planner.clone() };
+    images(engine, &planner, &pupils.iter().map(|p| Sight::Pupil(*p)).collect::<Vec<_>>())
+}
+
+/// The same for anything that can be looked through.
+///
+/// # Errors
+/// Those of the engine.
+pub fn images(engine: &mut dyn Engine, planner: &Planner, sights: &[Sight]) -> Result<Vec<Vec<f32>>, EngineError> {
+    let planner = Planner { factor: WindowFactor::Full, ..planner.clone() };
+    let lanes: Vec<_> = sights.iter().map(|s| planner.sight(s, &Comparison::default())).collect();
     let count = lanes.len();
     let mut step = planner.view_step(lanes);
     // One pupil after the other: at full size, one holds as much memory as the field.
-    let (shared, per_pupil) = step.list.split_at(2);
+    let shared = step.list.iter().take_while(|d| d.lanes.is_empty()).count();
+    let (shared, per_pupil) = step.list.split_at(shared);
     let (shared, per_pupil) = (shared.to_vec(), per_pupil.iter().map(|d| d.kernel).collect::<Vec<_>>());
     step.list = shared;
     for i in 0..count {
         step.list.extend(per_pupil.iter().map(|&kernel| Dispatch { kernel, lanes: i..i + 1 }));
     }
-    engine.run_part(&step, 0..2)?;
+    let first = step.list.len() - count * per_pupil.len();
+    engine.run_part(&step, 0..first)?;
     (0..count)
         .map(|i| {
-            let from = 2 + i * per_pupil.len();
+            let from = first + i * per_pupil.len();
             engine.run_part(&step, from..from + per_pupil.len())?;
             Ok(crop(&planner, engine.read(Buffer::Image(0))?))
         })
@@ -38,11 +49,19 @@ pub fn views(engine: &mut dyn Engine, planner: &Planner, pupils: &[Pupil]) -> Re
 /// # Errors
 /// Those of the engine.
 pub fn photographs(engine: &mut dyn Engine, planner: &Planner, pupils: &[Pupil]) -> Result<Vec<Vec<f32>>, EngineError> {
+    targets(engine, planner, &pupils.iter().map(|p| Sight::Pupil(*p)).collect::<Vec<_>>())
+}
+
+/// The same for anything that can be looked through.
+///
+/// # Errors
+/// Those of the engine.
+pub fn targets(engine: &mut dyn Engine, planner: &Planner, sights: &[Sight]) -> Result<Vec<Vec<f32>>, EngineError> {
     let planner = Planner { factor: WindowFactor::Full, ..planner.clone() };
-    pupils
+    sights
         .iter()
-        .map(|p| {
-            let step = planner.photograph_step(vec![planner.lane(p, &Comparison::default())]);
+        .map(|s| {
+            let step = planner.photograph_step(vec![planner.sight(s, &Comparison::default())]);
             debug_assert!(step.list.iter().all(|d| matches!(d.kernel, Kernel::Photograph | Kernel::Resample)));
             engine.run(&step)?;
             Ok(crop(&planner, engine.read(Buffer::Target(0))?))

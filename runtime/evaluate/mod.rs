@@ -2,20 +2,39 @@
 //! of such numbers comes to.
 //!
 //! Images are linear light, (row, column), with 1 as full scale; sums are kept in float64. The measures are pure
-//! functions of slices; [`views`] and [`photographs`] get the images from any engine. May import `optics`, `scene`,
+//! functions of slices; [`views`] and [`photographs`] get the images from any engine, [`sums`] what exposure and PSNR need
+//! of them. May import `optics`, `scene`,
 //! `plan` and `engine`.
 //!
-//! The order in which a hologram is judged (OPTICS 2 and 7): the intensity of every pupil and its photograph, averaged
+//! The order in which a hologram is judged (OPTICS 2 and 8): the intensity of every pupil and its photograph, averaged
 //! over 2 x 2 pixels ([`pool2`]), one exposure for all pupils together ([`fit_exposure`]), then [`psnr`] and [`ssim`]
-//! pupil by pupil, and their [`Summary`]: worst, median and spread say more than the mean.
+//! pupil by pupil, and their [`Summary`]: worst, median and spread say more than the mean. [`compare`] does that over
+//! the groups of pupils that the paper compares methods with ([`members`]).
+//!
+//! What else an eye would notice: parallax that breaks ([`sweep`]), light that is not everywhere in the eyebox
+//! ([`energy`], [`passed`]), grain ([`contrast`]) and colours that come apart at edges ([`color_difference`]).
 
+mod color;
+mod compare;
+mod energy;
+mod epipolar;
+mod groups;
 mod look;
+mod speckle;
 mod ssim;
 mod summary;
+mod sums;
 
-pub use look::{photographs, views};
+pub use color::{color_difference, edges, pool_mask};
+pub use compare::{Score, compare};
+pub use energy::{energy, passed, reduce, variation};
+pub use epipolar::{POSITIONS, RowFinder, sweep};
+pub use groups::{Group, Member, members, places};
+pub use look::{images, photographs, targets, views};
+pub use speckle::{averaged_contrast, contrast};
 pub use ssim::ssim;
 pub use summary::Summary;
+pub use sums::{Sums, sums};
 
 /// Why there is no number.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -59,7 +78,7 @@ pub fn psnr(a: &[f32], b: &[f32]) -> Result<f64, EvaluateError> {
 }
 
 /// Mean of every block of 2 x 2 pixels, (`height / 2`, `width / 2`): a last odd row or column is dropped. The same for
-/// every method compared, it stands for the eye's own resolution (OPTICS 7). An image of
+/// every method compared, it stands for the eye's own resolution (OPTICS 8). An image of
 /// a single row or column has no such block and stays as it is.
 ///
 /// # Panics
@@ -108,6 +127,26 @@ mod tests {
         assert_eq!(psnr(&[0.3], &[0.3]).unwrap(), f64::INFINITY);
         assert_eq!(psnr(&[0.0; 2], &[0.0; 3]), Err(EvaluateError::Sizes { one: 2, other: 3 }));
         assert!(matches!(psnr(&[], &[]), Err(EvaluateError::TooSmall { .. })));
+    }
+
+    /// Whole numbers over whole numbers, so that Python makes the same images.
+    #[test]
+    fn psnr_is_scikit_images() {
+        let image = |n: usize, salt: usize| -> Vec<f32> {
+            (0..n).map(|i| ((i * i * 7 + i * salt) % 101) as f32 / 100.0).collect()
+        };
+        // scikit-image 0.26: peak_signal_noise_ratio(a, b, data_range=1.0), and structural_similarity as in `ssim`.
+        assert!((psnr(&image(24 * 37, 3), &image(24 * 37, 5)).unwrap() - 7.457_955_216_659_766).abs() < 1e-4);
+        for (h, w, part, db, similarity) in [
+            (24, 37, 0.25, 22.232_105_941_015_36, 0.164_629_235_548_317_13),
+            (33, 20, 0.05, 36.235_239_689_837_42, 0.822_411_126_934_963_8),
+            (64, 64, 0.01, 50.184_380_185_472_506, 0.991_786_256_023_722_3),
+        ] {
+            let a: Vec<f32> = (0..h * w).map(|i| (i / w * 3 + i % w * 2) as f32 / 256.0 / 2.0).collect();
+            let b: Vec<f32> = a.iter().zip(image(h * w, 5)).map(|(a, n)| a + part * (n - 0.5)).collect();
+            assert!((psnr(&a, &b).unwrap() - db).abs() < 1e-4, "{}", psnr(&a, &b).unwrap());
+            assert!((ssim(&a, &b, h, w).unwrap() - similarity).abs() < 1e-4);
+        }
     }
 
     #[test]

@@ -9,7 +9,7 @@ mod picture;
 mod whole;
 
 pub use npy::{Npy, read_npy, write_npy};
-pub use picture::{Grey, encode_grey8, encode_rgb8, linear_to_srgb, read_grey, read_grey8, write_png};
+pub use picture::{Grey, encode_grey8, encode_jpeg8, encode_rgb8, linear_to_srgb, read_grey, read_grey8, write_png};
 pub use whole::{FolderDraft, write_file};
 
 use std::{io, path::Path};

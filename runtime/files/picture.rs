@@ -1,7 +1,7 @@
 //! PNG: pictures for people (linear light in, sRGB out) and grey levels for SLMs.
 
 use super::{FileError, write_file};
-use image::{ExtendedColorType, ImageEncoder, ImageReader, codecs::png::PngEncoder};
+use image::{ExtendedColorType, ImageEncoder, ImageReader, codecs::jpeg::JpegEncoder, codecs::png::PngEncoder};
 use std::{
     fs::File,
     io::{self, BufReader, Write},
@@ -46,19 +46,33 @@ pub fn encode_grey8(out: &mut dyn Write, height: usize, width: usize, levels: &[
     encode(out, height, width, ExtendedColorType::L8, levels)
 }
 
-/// Encodes bytes (row, column, red green blue) as they are, as an 8-bit PNG.
+/// Encodes 8-bit red, green, blue as they are, `height` x `width` of them, as a PNG.
 ///
 /// # Errors
 /// Those of `out`.
-pub fn encode_rgb8(out: &mut dyn Write, height: usize, width: usize, bytes: &[u8]) -> io::Result<()> {
-    encode(out, height, width, ExtendedColorType::Rgb8, bytes)
+pub fn encode_rgb8(out: &mut dyn Write, height: usize, width: usize, levels: &[u8]) -> io::Result<()> {
+    encode(out, height, width, ExtendedColorType::Rgb8, levels)
+}
+
+/// Encodes 8-bit red, green, blue as a JPEG of `quality` 1 to 100, every channel at full resolution: a fifth of the
+/// PNG for pictures with speckle, where many have to fit a page.
+///
+/// # Errors
+/// Those of `out`.
+pub fn encode_jpeg8(out: &mut dyn Write, height: usize, width: usize, levels: &[u8], quality: u8) -> io::Result<()> {
+    let encoder = JpegEncoder::new_with_quality(out, quality);
+    encoder.write_image(levels, width as u32, height as u32, ExtendedColorType::Rgb8).map_err(plain)
 }
 
 fn encode(out: &mut dyn Write, height: usize, width: usize, kind: ExtendedColorType, bytes: &[u8]) -> io::Result<()> {
-    PngEncoder::new(out).write_image(bytes, width as u32, height as u32, kind).map_err(|e| match e {
+    PngEncoder::new(out).write_image(bytes, width as u32, height as u32, kind).map_err(plain)
+}
+
+fn plain(error: image::ImageError) -> io::Error {
+    match error {
         image::ImageError::IoError(e) => e,
         other => io::Error::other(other),
-    })
+    }
 }
 
 /// Reads an 8-bit grey PNG: (height, width, levels).
@@ -165,6 +179,15 @@ mod tests {
 
         write_file(&file, |out| encode_grey8(out, 2, 3, &[0, 1, 2, 3, 4, 255])).unwrap();
         assert_eq!(read_grey8(&file).unwrap(), (2, 3, vec![0, 1, 2, 3, 4, 255]));
+
+        let (mut png, mut jpeg) = (Vec::new(), Vec::new());
+        let levels: Vec<u8> = [200, 40, 90].repeat(64);
+        encode_rgb8(&mut png, 8, 8, &levels).unwrap();
+        encode_jpeg8(&mut jpeg, 8, 8, &levels, 90).unwrap();
+        assert_eq!(image::load_from_memory(&png).unwrap().into_rgb8().into_raw(), levels);
+        let near = image::load_from_memory(&jpeg).unwrap().into_rgb8().into_raw();
+        assert!(near.iter().zip(&levels).all(|(a, b)| a.abs_diff(*b) < 6), "{near:?}");
+
         let whole = std::fs::read(&file).unwrap();
         std::fs::write(&file, &whole[..whole.len() - 20]).unwrap();
         assert!(matches!(read_grey8(&file), Err(FileError::Content { .. })));

@@ -21,7 +21,8 @@ impl Optics {
     /// Checks every number.
     ///
     /// # Errors
-    /// [`OpticsError::Size`], [`OpticsError::NotPositive`].
+    /// [`OpticsError::Size`], [`OpticsError::NotPositive`], [`OpticsError::OutOfRange`]: from a nanometre to a metre, the
+    /// focal length from a micrometre to a kilometre.
     pub fn new(
         height: usize,
         width: usize,
@@ -42,6 +43,16 @@ impl Optics {
         positive("the pitch (um)", pitch, 1e6, "; SLMs have 3 to 20")?;
         positive("the wavelength (nm)", wavelength, 1e9, "; visible light is 380 to 750")?;
         positive("the focal length (mm)", focal_length, 1e3, "")?;
+        let range = |what, value: f64, unit: f64, [low, high]: [f64; 2]| {
+            if (low..=high).contains(&value) {
+                Ok(())
+            } else {
+                Err(OpticsError::OutOfRange { what, value: value * unit, low: low * unit, high: high * unit })
+            }
+        };
+        range("the pitch (um)", pitch, 1e6, [1e-9, 1.0])?;
+        range("the wavelength (nm)", wavelength, 1e9, [1e-9, 1.0])?;
+        range("the focal length (mm)", focal_length, 1e3, [1e-6, 1e3])?;
         Ok(Self { height, width, pitch, wavelength, focal_length })
     }
 
@@ -110,6 +121,8 @@ mod tests {
             assert!(matches!(Optics::new(8, 8, bad, 5e-7, 0.4), Err(OpticsError::NotPositive { .. })));
             assert!(matches!(Optics::new(8, 8, 8e-6, bad, 0.4), Err(OpticsError::NotPositive { .. })));
             assert!(matches!(Optics::new(8, 8, 8e-6, 5e-7, bad), Err(OpticsError::NotPositive { .. })));
+            assert!(matches!(Optics::new(8, 8, 1e-300, 5e-7, 0.4), Err(OpticsError::OutOfRange { .. })));
+            assert!(matches!(Optics::new(8, 8, 8e-6, 5e-7, 1e16), Err(OpticsError::OutOfRange { .. })));
         }
     }
 }

@@ -33,6 +33,18 @@ pub enum OpticsError {
         /// What would be right, or nothing.
         hint: &'static str,
     },
+    /// A length that no display has, and with which float64 would not get far.
+    #[error("{what} is {value:e}: it must be {low:e} to {high:e}")]
+    OutOfRange {
+        /// Which quantity, with its unit.
+        what: &'static str,
+        /// Its value, in that unit.
+        value: f64,
+        /// The least.
+        low: f64,
+        /// The most.
+        high: f64,
+    },
     /// A number that has to be finite is not.
     #[error("{what} is {value}: it must be a finite number")]
     NotFinite {

@@ -43,7 +43,10 @@ impl Window {
             };
             let count = fast_size(wanted).min(n);
             // The grid's own bins when it holds all of them, else centred on the pupil.
-            let first = if count == n { -(n as i64 / 2) } else { (s / bin).round() as i64 - count as i64 / 2 };
+            // Far outside, nothing passes wherever it stands: near enough for its numbers to stay small.
+            let reach = 2.0 * n as f64;
+            let middle = (s / bin).round().clamp(-reach, reach) as i64;
+            let first = if count == n { -(n as i64 / 2) } else { middle - count as i64 / 2 };
             (first, count)
         };
         let (y0, rows) = axis(optics.height, bin_y, pupil.y);
@@ -65,8 +68,9 @@ impl Window {
                 let lowest = -(optics.width as i64 / 2) - self.x0;
                 let highest = (optics.width as i64 - 1) / 2 - self.x0;
                 let limit = |v: i64| v.clamp(0.max(lowest), last.min(highest).max(0.max(lowest)));
-                let mut first = limit(((pupil.x - half) / bin_x).floor() as i64 - self.x0 - 1);
-                let mut end = limit(((pupil.x + half) / bin_x).ceil() as i64 - self.x0 + 1);
+                let bin = |x: f64| (x / bin_x).clamp(-1e9, 1e9);
+                let mut first = limit(bin(pupil.x - half).floor() as i64 - self.x0 - 1);
+                let mut end = limit(bin(pupil.x + half).ceil() as i64 - self.x0 + 1);
                 while first <= end && !passes(j, first) {
                     first += 1;
                 }

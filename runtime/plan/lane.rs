@@ -61,12 +61,14 @@ pub struct Planner {
     pub factor: WindowFactor,
     /// The views; none where only the wave is looked at.
     pub views: Option<Views>,
+    /// Levels that the SLM can show; 0 for any phase.
+    pub levels: usize,
 }
 
 impl Planner {
     /// Without padding and without views.
     pub fn new(slm: Optics, frames: usize, factor: WindowFactor) -> Self {
-        Self { slm, grid: slm, frames, factor, views: None }
+        Self { slm, grid: slm, frames, factor, views: None, levels: 0 }
     }
 
     /// With zeros around the SLM.
@@ -88,17 +90,21 @@ impl Planner {
 
     /// The buffers that an engine needs.
     pub fn shape(&self, purpose: Purpose) -> Shape {
-        Shape { frames: self.frames, place: self.place(), purpose }
+        Shape { frames: self.frames, place: self.place(), purpose, quantised: self.levels > 0 }
     }
 
     /// What `pupil` needs. The scale of the way back makes `change` the wanted change of the field after an
     /// unnormalised inverse for the projection, and the gradient G for the others (OPTICS 4, 6b).
     pub fn lane(&self, pupil: &Pupil, comparison: &Comparison) -> Lane {
+        self.lane_of(pupil, self.grid.share(pupil.diameter), comparison)
+    }
+
+    /// The same, where `share` of an even field's light passes.
+    pub(super) fn lane_of(&self, pupil: &Pupil, share: f64, comparison: &Comparison) -> Lane {
         let grid = &self.grid;
         let window = Window::new(grid, pupil, self.factor);
         let spans = window.spans(grid, pupil);
         let (points, count) = ((grid.height * grid.width) as f64, (window.rows * window.columns) as f64);
-        let share = grid.share(pupil.diameter);
         let gain = 1.0 / (self.frames as f64 * share);
         let pass = pass_pupil::Args {
             grid_height: grid.height as u32,
@@ -123,6 +129,7 @@ impl Planner {
                 rows: window.rows as u32,
                 columns: window.columns as u32,
             },
+            taper: None,
             columns: span_columns(&spans),
             intensity: intensity::Args {
                 count: count as u32,

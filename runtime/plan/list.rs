@@ -2,7 +2,8 @@
 
 use crate::optics::Window;
 use eyebox_kernels::{
-    adam, balance, compare, fft::Columns, intensity, modulate, pass_pupil, photograph, project, resample, transfer,
+    adam, balance, compare, even, exposure, fft::Columns, intensity, modulate, pass_pupil, photograph, project,
+    quantise, resample, transfer,
 };
 use std::ops::Range;
 
@@ -11,14 +12,20 @@ use std::ops::Range;
 pub enum Kernel {
     /// Zeroes `Change` and `Hits`.
     Clear,
-    /// `Phases` -> `Field`.
+    /// `Phases`, `Levels` -> `Shown`.
+    Quantise,
+    /// `Phases`, or `Shown` where the SLM has levels -> `Field`.
     Modulate,
     /// `Field`, forward, in the step's columns.
     FieldForward,
+    /// `Field` -> `Energy`.
+    Energy,
     /// `Hits` of all lanes in the dispatch.
     Overlap,
     /// -> `Transfer`.
     Transfer,
+    /// `Transfer` -> `Transfer`, in lanes that are tapered.
+    Taper,
     /// Views -> `Accumulator`.
     Photograph,
     /// `Accumulator` -> `Target`.
@@ -39,12 +46,16 @@ pub enum Kernel {
     ReturnPupil,
     /// `Hits`, `Change` -> `Change`.
     Balance,
+    /// `Energy`, `Field` -> `Change`.
+    Even,
     /// `Change`, inverse, in the step's columns.
     ChangeInverse,
     /// `Change` -> `Phases`, `Momentum`.
     Project,
     /// `Change` -> `Phases`, `Momentum`, `Second`.
     Adam,
+    /// `Image`, `Target` -> `Sums`.
+    Exposure,
 }
 
 /// What a kernel runs over; neighbours of one scope may run frame by frame, or lane by lane.
@@ -60,12 +71,15 @@ pub enum Scope {
 
 impl Kernel {
     /// All of them.
-    pub const ALL: [Self; 18] = [
+    pub const ALL: [Self; 23] = [
         Self::Clear,
+        Self::Quantise,
         Self::Modulate,
         Self::FieldForward,
+        Self::Energy,
         Self::Overlap,
         Self::Transfer,
+        Self::Taper,
         Self::Photograph,
         Self::Resample,
         Self::PassPupil,
@@ -76,19 +90,24 @@ impl Kernel {
         Self::WindowForward,
         Self::ReturnPupil,
         Self::Balance,
+        Self::Even,
         Self::ChangeInverse,
         Self::Project,
         Self::Adam,
+        Self::Exposure,
     ];
 
     /// The name by which it is timed and chosen.
     pub fn name(self) -> &'static str {
         [
             "clear",
+            "quantise",
             "modulate",
             "field_forward",
+            "energy",
             "overlap",
             "transfer",
+            "taper",
             "photograph",
             "resample",
             "pass_pupil",
@@ -99,9 +118,11 @@ impl Kernel {
             "window_forward",
             "return_pupil",
             "balance",
+            "even",
             "change_inverse",
             "project",
             "adam",
+            "exposure",
         ][self as usize]
     }
 
@@ -113,11 +134,13 @@ impl Kernel {
     /// What it runs over.
     pub fn scope(self) -> Scope {
         match self {
-            Self::Clear | Self::Overlap => Scope::Whole,
-            Self::Modulate
+            Self::Clear | Self::Energy | Self::Overlap => Scope::Whole,
+            Self::Quantise
+            | Self::Modulate
             | Self::FieldForward
             | Self::ReturnPupil
             | Self::Balance
+            | Self::Even
             | Self::ChangeInverse
             | Self::Project
             | Self::Adam => Scope::Frames,
@@ -131,6 +154,10 @@ impl Kernel {
 pub enum Buffer {
     /// Phases, radians: (frames, height, width).
     Phases,
+    /// The levels nearest to them, which the SLM shows: (frames, height, width).
+    Shown,
+    /// Phases of the levels, ascending: `quantise::MOST`, of which the first are used.
+    Levels,
     /// The projection's velocity, Adam's first moment: (frames, height, width).
     Momentum,
     /// Adam's second moment: (frames, height, width).
@@ -141,6 +168,8 @@ pub enum Buffer {
     Change,
     /// How many pupils pass each bin: (grid height, grid width).
     Hits,
+    /// Light per patch of the eyebox: `energy::MOST` squared, of which the first `patches` squared are used.
+    Energy,
     /// K on the window: complex (rows, columns).
     Transfer(usize),
     /// The retinal fields: complex (frames, rows, columns).
@@ -151,6 +180,8 @@ pub enum Buffer {
     Target(usize),
     /// The photograph on its level of the pyramid.
     Accumulator(usize),
+    /// What `exposure` sums: (parts, 6).
+    Sums(usize),
 }
 
 /// What the buffers are for: those that a purpose does not need are not made.
@@ -173,6 +204,8 @@ pub struct Shape {
     pub place: modulate::Args,
     /// Which buffers are needed.
     pub purpose: Purpose,
+    /// Whether the SLM has levels: `Shown` and `Levels`.
+    pub quantised: bool,
 }
 
 impl Shape {
@@ -213,6 +246,8 @@ pub struct Lane {
     pub spans: Vec<[u32; 2]>,
     /// Arguments of `transfer`.
     pub transfer: transfer::Args,
+    /// Weights of `taper`: those of all rows, then those of all columns. None for an aperture with a sharp edge.
+    pub taper: Option<Vec<f32>>,
     /// Arguments of `pass_pupil` and `overlap`.
     pub pass: pass_pupil::Args,
     /// Arguments of `return_pupil`: the same place, another scale.
@@ -231,6 +266,19 @@ impl Lane {
     /// Pixels of its window.
     pub fn count(&self) -> usize {
         self.window.rows * self.window.columns
+    }
+
+    /// Arguments of `exposure`: the part of its image that is the SLM's, `place` being where that lies in the grid.
+    pub fn exposure(&self, place: &modulate::Args) -> exposure::Args {
+        // A window has fewer pixels than the grid: those are taken that lie wholly on the SLM.
+        let inside = |first: u32, count: u32, grid: u32, pixels: usize| {
+            let scaled = |edge: u32| u64::from(edge) * pixels as u64;
+            let (first, end) = (scaled(first).div_ceil(u64::from(grid)), scaled(first + count) / u64::from(grid));
+            (first as u32, end.saturating_sub(first) as u32)
+        };
+        let (top, height) = inside(place.top, place.height, place.grid_height.max(1), self.window.rows);
+        let (left, width) = inside(place.left, place.width, place.grid_width.max(1), self.window.columns);
+        exposure::Args { height, width, pitch: self.window.columns as u32, top, left }
     }
 
     /// Its columns as columns of the grid.
@@ -258,8 +306,12 @@ pub struct Step {
     pub lanes: Vec<Lane>,
     /// Columns of the spectrum that any pupil passes.
     pub columns: Columns,
+    /// Arguments of `quantise`; no levels where any phase can be shown.
+    pub quantise: quantise::Args,
     /// Arguments of `balance`.
     pub balance: balance::Args,
+    /// Arguments of `even`, and, inside, of `energy`.
+    pub even: even::Args,
     /// Arguments of `project`.
     pub project: project::Args,
     /// Arguments of `adam`.

@@ -1,7 +1,7 @@
 //! The lists that engines run.
 
 use super::{Dispatch, Kernel, Lane, Planner, Step};
-use eyebox_kernels::{adam, balance, fft::Columns, project};
+use eyebox_kernels::{adam, balance, energy, even, fft::Columns, project, quantise};
 use std::ops::Range;
 
 impl Planner {
@@ -38,11 +38,11 @@ impl Planner {
     pub fn view_step(&self, lanes: Vec<Lane>) -> Step {
         let all = 0..lanes.len();
         let mut step = self.empty(lanes);
-        step.list.extend([Kernel::Modulate, Kernel::FieldForward].map(|kernel| Dispatch { kernel, lanes: 0..0 }));
-        step.list.extend(
-            [Kernel::Transfer, Kernel::PassPupil, Kernel::WindowInverse, Kernel::Intensity]
-                .map(|kernel| Dispatch { kernel, lanes: all.clone() }),
-        );
+        let tapered = step.lanes.iter().any(|lane| lane.taper.is_some());
+        step.list.extend(self.to_spectrum());
+        let kernels = [Kernel::Transfer, Kernel::Taper, Kernel::PassPupil, Kernel::WindowInverse, Kernel::Intensity];
+        let kernels = kernels.into_iter().filter(|k| tapered || *k != Kernel::Taper);
+        step.list.extend(kernels.map(|kernel| Dispatch { kernel, lanes: all.clone() }));
         step
     }
 
@@ -54,6 +54,88 @@ impl Planner {
         step
     }
 
+    /// Adds the term that evens out the light over the eyebox (OPTICS 7, pupil-aware): patches of the square of side
+    /// `eyebox` metres around the axis, those inside its disc, each pulled to their mean with this weight.
+    pub fn with_even(&self, mut step: Step, eyebox: f64, patches: usize, weight: f64) -> Step {
+        let projects = step.list.last().is_some_and(|d| d.kernel == Kernel::Project);
+        step.even = self.even(eyebox, patches, projects, weight);
+        let whole = |kernel| Dispatch { kernel, lanes: 0..0 };
+        let after = |step: &Step, kernel| step.list.iter().position(|d| d.kernel == kernel).map_or(0, |i| i + 1);
+        step.list.insert(after(&step, Kernel::FieldForward), whole(Kernel::Energy));
+        step.list.insert(after(&step, Kernel::ChangeInverse) - 1, whole(Kernel::Even));
+        step.columns = Columns { first: 0, count: self.grid.width };
+        step
+    }
+
+    fn even(&self, eyebox: f64, patches: usize, projects: bool, weight: f64) -> even::Args {
+        let (bin_y, bin_x) = self.grid.bin_size();
+        let axis = |n: usize, bin: f64| {
+            let count = ((eyebox / bin).round() as usize).clamp(1, n);
+            ((n - count / 2) % n, count)
+        };
+        let ((y0, rows), (x0, columns)) = (axis(self.grid.height, bin_y), axis(self.grid.width, bin_x));
+        let place = self.place();
+        let points = (self.grid.height * self.grid.width) as f64;
+        even::Args {
+            place: energy::Args {
+                grid_height: place.grid_height,
+                grid_width: place.grid_width,
+                y0: y0 as u32,
+                x0: x0 as u32,
+                rows: rows as u32,
+                columns: columns as u32,
+                patches: patches.clamp(1, energy::MOST as usize) as u32,
+                accumulate: 0,
+            },
+            mode: if projects { even::PROJECTION } else { even::GRADIENT },
+            // The change is in units of the spectrum over the grid's points (see `lane`).
+            weight: if projects { weight / points } else { weight } as f32,
+            limit: 3.0,
+        }
+    }
+
+    /// The field on the SLM of content at several depths: `ReturnPupil` adds the spectrum of each lane's `Window`,
+    /// which the caller writes before entries `3 i .. 3 i + 3` run, and the last entry leaves the field in `Change`.
+    pub fn layers_step(&self, lanes: Vec<Lane>) -> Step {
+        let mut step = self.empty(lanes);
+        for i in 0..step.lanes.len() {
+            let kernels = [Kernel::Transfer, Kernel::WindowForward, Kernel::ReturnPupil];
+            step.list.extend(kernels.map(|kernel| Dispatch { kernel, lanes: i..i + 1 }));
+        }
+        step.list.push(Dispatch { kernel: Kernel::ChangeInverse, lanes: 0..0 });
+        step
+    }
+
+    /// From phases to the spectrum.
+    fn to_spectrum(&self) -> impl Iterator<Item = Dispatch> + use<> {
+        let first = (self.levels > 0).then_some(Kernel::Quantise);
+        let all = first.into_iter().chain([Kernel::Modulate, Kernel::FieldForward]);
+        all.map(|kernel| Dispatch { kernel, lanes: 0..0 })
+    }
+    /// What each sight shows, what it should show, and the sums of both, one sight after the other: after the entries
+    /// that look at no lane, each lane has as many as the others, and leaves its `Sums` in slot 0.
+    pub fn exposure_step(&self, lanes: Vec<Lane>) -> Step {
+        let count = lanes.len();
+        let mut step = self.empty(lanes);
+        let tapered = step.lanes.iter().any(|lane| lane.taper.is_some());
+        step.list.extend(self.to_spectrum());
+        let kernels = [
+            Kernel::Transfer,
+            Kernel::Taper,
+            Kernel::PassPupil,
+            Kernel::WindowInverse,
+            Kernel::Intensity,
+            Kernel::Photograph,
+            Kernel::Resample,
+            Kernel::Exposure,
+        ];
+        for i in 0..count {
+            let kernels = kernels.into_iter().filter(|k| tapered || *k != Kernel::Taper);
+            step.list.extend(kernels.map(|kernel| Dispatch { kernel, lanes: i..i + 1 }));
+        }
+        step
+    }
+
     fn empty(&self, lanes: Vec<Lane>) -> Step {
         let columns = Columns::union(self.grid.width, lanes.iter().map(Lane::grid_columns));
         let place = self.place();
@@ -61,6 +143,12 @@ impl Planner {
             list: Vec::new(),
             columns,
             balance: balance::Args { grid_height: place.grid_height, grid_width: place.grid_width, power: 1.0 },
+            quantise: quantise::Args {
+                count: (self.slm.height * self.slm.width) as u32,
+                levels: self.levels as u32,
+                hardness: 1.0,
+            },
+            even: self.even(0.0, 1, false, 0.0),
             project: project::Args { place, gain: 0.0, momentum: 0.0 },
             adam: adam::Args {
                 place,
@@ -79,16 +167,23 @@ impl Planner {
     fn descend(&self, lanes: Vec<Lane>, in_flight: usize, balanced: bool) -> Step {
         let groups = groups(&lanes, in_flight / self.frames.max(1));
         let mut step = self.empty(lanes);
+        // Tapered lanes have no edge at which pupils overlap: the caller's gain says how often they do.
+        let tapered = step.lanes.iter().any(|lane| lane.taper.is_some());
+        let balanced = balanced && !tapered;
         let whole = |kernel| Dispatch { kernel, lanes: 0..0 };
-        step.list.extend([Kernel::Modulate, Kernel::FieldForward, Kernel::Clear].map(whole));
+        step.list.extend(self.to_spectrum());
+        step.list.push(whole(Kernel::Clear));
         for lanes in groups {
             let over = |kernel| Dispatch { kernel, lanes: lanes.clone() };
             if balanced {
                 step.list.push(over(Kernel::Overlap));
             }
+            step.list.push(over(Kernel::Transfer));
+            if tapered {
+                step.list.push(over(Kernel::Taper));
+            }
             step.list.extend(
                 [
-                    Kernel::Transfer,
                     Kernel::Photograph,
                     Kernel::Resample,
                     Kernel::PassPupil,

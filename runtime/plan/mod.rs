@@ -6,6 +6,8 @@
 mod lane;
 mod list;
 mod lists;
+mod sight;
 
 pub use lane::{Comparison, Planner, Views};
 pub use list::{Buffer, Dispatch, Kernel, Lane, Purpose, Scope, Shape, Shot, Step, Timing};
+pub use sight::Sight;

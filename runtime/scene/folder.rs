@@ -3,13 +3,58 @@
 use super::{LightField, SceneError, names, picture, settings};
 use crate::optics::Color;
 use rayon::prelude::*;
-use std::{fs, path::Path};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
 
 /// Loads the views of `colors` at their own resolution, decoding in parallel.
 ///
 /// # Errors
 /// Every [`SceneError`] that a file can cause; it names the file.
 pub(super) fn load(folder: &Path, colors: &[Color]) -> Result<LightField, SceneError> {
+    let Listed { all, stated, views, paths, size: [height, width] } = list(folder)?;
+    // One picture per task: their order in time does not matter, the first error in order is reported.
+    let read: Vec<_> = paths.par_iter().map(|path| picture::read(path, colors, stated.transfer)).collect();
+    let mut planes: Vec<Vec<Vec<f32>>> = colors.iter().map(|_| Vec::with_capacity(paths.len())).collect();
+    for picture in read {
+        for (plane, views) in picture?.planes.into_iter().zip(&mut planes) {
+            views.push(plane);
+        }
+    }
+    let disparity = match stated.disparity {
+        Some(range) => Some(range),
+        None => settings::ground_truth(folder, &all, [height, width])?,
+    };
+    let name = folder.canonicalize().unwrap_or(folder.into());
+    Ok(LightField {
+        name: name.file_name().map_or("light field".into(), |n| n.to_string_lossy().into_owned()),
+        grid: views.grid,
+        height,
+        width,
+        colors: colors.to_vec(),
+        planes,
+        view_pitch: stated.view_pitch,
+        disparity,
+        depth: stated.depth,
+    })
+}
+
+/// What a folder holds, by names and headers alone.
+pub(super) struct Listed {
+    all: Vec<String>,
+    stated: settings::Settings,
+    views: names::Arrangement,
+    paths: Vec<PathBuf>,
+    /// Rows and columns of every view.
+    pub size: [usize; 2],
+}
+
+/// Finds the views without decoding any.
+///
+/// # Errors
+/// As [`load`].
+pub(super) fn list(folder: &Path) -> Result<Listed, SceneError> {
     let unreadable = |e: std::io::Error| settings::unreadable(folder, &e);
     let mut files: Vec<names::Named> = Vec::new();
     for entry in fs::read_dir(folder).map_err(unreadable)? {
@@ -39,28 +84,5 @@ pub(super) fn load(folder: &Path, colors: &[Color]) -> Result<LightField, SceneE
             other_width: width,
         });
     }
-    // One picture per task: their order in time does not matter, the first error in order is reported.
-    let read: Vec<_> = paths.par_iter().map(|path| picture::read(path, colors, stated.transfer)).collect();
-    let mut planes: Vec<Vec<Vec<f32>>> = colors.iter().map(|_| Vec::with_capacity(paths.len())).collect();
-    for picture in read {
-        for (plane, views) in picture?.planes.into_iter().zip(&mut planes) {
-            views.push(plane);
-        }
-    }
-    let disparity = match stated.disparity {
-        Some(range) => Some(range),
-        None => settings::ground_truth(folder, &all, [height, width])?,
-    };
-    let name = folder.canonicalize().unwrap_or(folder.into());
-    Ok(LightField {
-        name: name.file_name().map_or("light field".into(), |n| n.to_string_lossy().into_owned()),
-        grid: views.grid,
-        height,
-        width,
-        colors: colors.to_vec(),
-        planes,
-        view_pitch: stated.view_pitch,
-        disparity,
-        depth: stated.depth,
-    })
+    Ok(Listed { all, stated, views, paths, size: [height, width] })
 }

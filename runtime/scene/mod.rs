@@ -34,6 +34,7 @@
 //! Signs (OPTICS 3): columns of views follow +x of the pupil, rows +y; content of positive disparity is near.
 
 mod builtin;
+mod depth;
 mod error;
 mod folder;
 mod light_field;
@@ -52,6 +53,8 @@ mod single;
 mod tests;
 
 pub use builtin::{BUILTINS, Builtin};
+pub use depth::central_depth;
+pub(crate) use depth::central_view;
 pub use error::SceneError;
 pub use light_field::{Fit, LightField};
 pub use photograph::ViewGrid;
@@ -107,6 +110,22 @@ impl<'a> Request<'a> {
         }
         Ok(())
     }
+}
+
+/// Rows and columns of a source's own pictures, from their names and headers alone; none for built-in scenes, which
+/// have any size.
+///
+/// # Errors
+/// Any [`SceneError`] that names and headers can cause.
+pub fn native_size(source: &str) -> Result<Option<[usize; 2]>, SceneError> {
+    let path = Path::new(source);
+    if let Some(name) = source.strip_prefix("builtin:") {
+        return builtin::check(name).map(|()| None);
+    }
+    if !path.exists() {
+        return Err(SceneError::NotFound { path: source.into(), what: "folder, picture or built-in scene" });
+    }
+    if path.is_dir() { folder::list(path).map(|l| Some(l.size)) } else { picture::size(path).map(Some) }
 }
 
 /// Loads a scene and fits it to the display ([`Fit::Contain`]).

@@ -49,6 +49,11 @@ impl ViewGrid {
         covered
     }
 
+    /// The tap of one view as it is.
+    pub fn only(&self, view: usize) -> Tap {
+        Tap { view: view as u32, weight: 1.0, dy: 0, dx: 0, fy: 0.0, fx: 0.0 }
+    }
+
     /// The taps of the photograph through `pupil` on a level of (height, width) samples of the grid of `optics`:
     /// view v moves by `(z / f) q_v`, periodic on the grid.
     pub fn taps(&self, optics: &Optics, pupil: &Pupil, height: usize, width: usize) -> Vec<Tap> {
@@ -58,6 +63,8 @@ impl ViewGrid {
             width as f64 / (optics.width as f64 * optics.pitch),
         );
         let split = |shift: f64, n: usize| {
+            // Beyond that a float64 has no fraction left, and beyond its range no shift.
+            let shift = shift.clamp(-1e15, 1e15);
             let whole = shift.floor();
             ((whole.rem_euclid(n as f64) as usize % n) as u32, (shift - whole) as f32)
         };

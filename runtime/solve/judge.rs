@@ -2,15 +2,12 @@
 
 use super::exposure::BrightEnd;
 use crate::engine::{Engine, EngineError};
-use crate::evaluate;
-use crate::optics::Pupil;
-use crate::plan::Planner;
+use crate::evaluate::{self, Sums};
+use crate::plan::{Planner, Sight};
 
-/// Fixed pupils, and what the eye should see through them.
+/// Fixed sights, and what should be seen through them.
 pub struct Judge {
-    pupils: Vec<Pupil>,
-    /// Photographs, after 2 x 2 averaging.
-    targets: Vec<Vec<f32>>,
+    sights: Vec<Sight>,
     /// The bright end of the photographs.
     bright_end: BrightEnd,
 }
@@ -30,6 +27,13 @@ impl Verdict {
         self.psnr.iter().sum::<f64>() / self.psnr.len().max(1) as f64
     }
 
+    /// For targets that were divided by `unit`: the exposure and the errors that they stand for.
+    pub(super) fn in_units_of(mut self, unit: f64) -> Self {
+        self.exposure *= unit;
+        self.psnr.iter_mut().for_each(|db| *db -= 20.0 * unit.log10());
+        self
+    }
+
     /// The worst pupil, dB.
     pub fn worst(&self) -> f64 {
         self.psnr.iter().copied().fold(f64::INFINITY, f64::min)
@@ -37,15 +41,14 @@ impl Verdict {
 }
 
 impl Judge {
-    /// Takes the photographs, once; `engine` holds the views.
+    /// Looks at the photographs; `engine` holds the views.
     ///
     /// # Errors
     /// Those of the engine.
-    pub fn new(engine: &mut dyn Engine, planner: &Planner, pupils: Vec<Pupil>) -> Result<Self, EngineError> {
-        let pool = |image: Vec<f32>| evaluate::pool2(&image, planner.slm.height, planner.slm.width);
-        let photographs = evaluate::photographs(engine, planner, &pupils)?;
+    pub fn new(engine: &mut dyn Engine, planner: &Planner, sights: Vec<Sight>) -> Result<Self, EngineError> {
+        let photographs = evaluate::targets(engine, planner, &sights)?;
         let bright_end = BrightEnd::of(photographs.iter().map(|p| &p[..]));
-        Ok(Self { pupils, targets: photographs.into_iter().map(pool).collect(), bright_end })
+        Ok(Self { sights, bright_end })
     }
 
     /// The bright end of the photographs.
@@ -53,21 +56,14 @@ impl Judge {
         self.bright_end
     }
 
-    /// Judges the phases that `engine` holds.
+    /// Judges the phases that `engine` holds; only sums leave it.
     ///
     /// # Errors
     /// Those of the engine.
     pub fn judge(&self, engine: &mut dyn Engine, planner: &Planner) -> Result<Verdict, EngineError> {
-        let pool = |image: Vec<f32>| evaluate::pool2(&image, planner.slm.height, planner.slm.width);
-        let images: Vec<Vec<f32>> = evaluate::views(engine, planner, &self.pupils)?.into_iter().map(pool).collect();
+        let sums = evaluate::sums(engine, planner, &self.sights)?;
         // Images that are black (or not finite) have no exposure: any will do, their PSNR says it.
-        let exposure =
-            evaluate::fit_exposure(images.iter().zip(&self.targets).map(|(i, t)| (&i[..], &t[..]))).unwrap_or(1.0);
-        let psnr = |(image, target): (Vec<f32>, &Vec<f32>)| {
-            let seen: Vec<f32> = image.iter().map(|i| i * exposure as f32).collect();
-            evaluate::psnr(&seen, target).unwrap_or(f64::NAN)
-        };
-        let psnr = images.into_iter().zip(&self.targets).map(psnr).collect();
-        Ok(Verdict { psnr, exposure })
+        let exposure = Sums::fit_exposure(&sums).unwrap_or(1.0);
+        Ok(Verdict { psnr: sums.iter().map(|s| s.psnr(exposure)).collect(), exposure })
     }
 }

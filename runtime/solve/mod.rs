@@ -3,15 +3,20 @@
 //!
 //! May import everything above it: `optics`, `scene`, `plan`, `engine`, `evaluate`.
 
+mod dpac;
 mod exposure;
+mod fault;
 mod judge;
+mod method;
 mod problem;
+mod run;
 mod sampling;
 mod settings;
 mod solver;
 
 pub use judge::{Judge, Verdict};
+pub use method::Method;
 pub use problem::Problem;
 pub use sampling::{Diameters, PupilRange, Sampler, Sequence, SplitMix, random_phases};
-pub use settings::{Optimizer, Settings, cosine};
+pub use settings::{Optimizer, Settings, cosine, even_levels};
 pub use solver::{Flow, Progress, Solution, SolveError, Stop, solve};

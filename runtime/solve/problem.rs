@@ -56,6 +56,13 @@ impl Problem {
         Ok(Self { optics, padding, eyebox: display.eyebox_min(), views, pyramid: Arc::new(pyramid), mean })
     }
 
+    /// A power of two near the scene's brightest value, or 1 where that is of ordinary size: dividing by it keeps
+    /// float32 in range, and changes no digit.
+    pub fn unit(&self) -> f64 {
+        let exponent = f64::from(self.pyramid.scale).log2().round();
+        if exponent.abs() > 10.0 { exponent.exp2() } else { 1.0 }
+    }
+
     /// Plans for this problem.
     pub fn planner(&self, frames: usize, window: WindowFactor) -> Planner {
         let plain = Planner::new(self.optics, frames, window).with_padding(self.padding);

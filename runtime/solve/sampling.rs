@@ -73,15 +73,20 @@ impl Sampler {
 
     /// The next pupil.
     pub fn draw(&mut self) -> Pupil {
-        let point = match self.sequence {
+        let point = self.point();
+        self.range.at(point)
+    }
+
+    /// The next point of the unit cube (diameter, x, y, depth).
+    pub(super) fn point(&mut self) -> [f64; 4] {
+        match self.sequence {
             Sequence::Random => [0; 4].map(|_: i32| self.random.unit()),
             Sequence::Sobol => {
                 let index = self.index;
                 self.index = self.index.wrapping_add(1);
                 std::array::from_fn(|d| (f64::from(owen(sobol(index, d), self.scramble[d])) + 0.5) / 4_294_967_296.0)
             }
-        };
-        self.range.at(point)
+        }
     }
 }
 

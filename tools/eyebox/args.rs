@@ -2,6 +2,7 @@
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use eyebox::optics::{Color, Pupil, WindowFactor};
+use eyebox::solve::Method;
 use std::path::PathBuf;
 
 /// Phase holograms that look right from anywhere in the eyebox.
@@ -36,6 +37,11 @@ pub enum Command {
     /// Measure a hologram against its scene over many pupils
     #[command(after_help = "Example:\n  eyebox score still-life.zarr builtin:still-life --pupils random:16")]
     Score(Score),
+    /// Compare methods over every group of pupils, and write a report of it
+    #[command(
+        after_help = "Examples:\n  eyebox evaluate builtin:still-life --size 256x256 -o comparison\n  eyebox evaluate lightfield/ builtin:dense-grass --size 256x256 --methods slfh,lf2fs --frames 1,8 -o comparison\n  eyebox evaluate builtin:still-life --hologram mine=still-life.zarr -o comparison\n\nMethods: slfh, lf2fs, stft, stft-unfiltered, stft-exact, smooth, dpac, pupil-aware"
+    )]
+    Evaluate(Box<crate::evaluate::Evaluate>),
     /// Write a hologram's phases as an array, or as grey pictures
     #[command(
         after_help = "Examples:\n  eyebox export still-life.zarr -o phases.npy\n  eyebox export still-life.zarr -o frames"
@@ -53,8 +59,18 @@ pub enum Command {
     )]
     Bench(Bench),
     /// List engines and devices, and which one is taken
-    #[command(after_help = "Example:\n  eyebox devices --json")]
+    #[command(
+        after_help = "Example:\n  eyebox devices --json\n\nWhat a Vulkan driver compiled is kept in $XDG_CACHE_HOME/eyebox, else ~/.cache/eyebox."
+    )]
     Devices(Devices),
+    /// List eye trackers, explain a report descriptor, or show and record what a tracker says
+    #[command(after_help = "Examples:\n  eyebox trackers\n  eyebox trackers --describe descriptor.bin --json\n  \
+                      eyebox trackers --watch hid --duration 10 --record session.hid\n  \
+                      eyebox trackers --watch session.hid --json\n  \
+                      eyebox trackers --watch simulated:7 --rate 500 --duration 2 --pupil 20\n  \
+                      eyebox trackers --watch pupil://localhost --calibrate ada.toml\n\n\
+                      Sources: hid, FILE.hid, FILE.jsonl, pupil://HOST[:PORT], udp://[HOST]:PORT, simulated[:SEED]")]
+    Trackers(Trackers),
 }
 
 /// Which engine computes.
@@ -117,9 +133,9 @@ pub struct SceneArgs {
     /// Distance of neighbouring views in the pupil plane, mm [default: what the scene says, else eyebox / views]
     #[arg(long, value_name = "MM", value_parser = positive)]
     pub view_pitch: Option<f64>,
-    /// Views per axis of scenes that are rendered or reprojected
-    #[arg(long, default_value_t = 9, value_name = "N")]
-    pub views: usize,
+    /// Views per axis of scenes that are rendered or reprojected [default: 9; in score, what the hologram was solved for]
+    #[arg(long, value_name = "N")]
+    pub views: Option<usize>,
     /// Depths that matter, mm [default: what the scene says]; of a depth map, what its smallest and its largest value
     /// mean (MAX..MIN where dark is near)
     #[arg(long, value_name = "MIN..MAX", value_parser = depths, allow_hyphen_values = true)]
@@ -184,6 +200,22 @@ pub struct Solve {
     /// Sub-frames, optimised jointly on their mean intensity
     #[arg(long, default_value_t = 8, value_name = "F")]
     pub frames: usize,
+    /// What is supervised: slfh, lf2fs, stft, stft-unfiltered, stft-exact, smooth, dpac, pupil-aware
+    #[arg(long, value_parser = method, default_value = "slfh", value_name = "NAME")]
+    pub method: Method,
+    /// Diameter of the STFT's circular Fourier filter, times the eyebox
+    #[arg(long, value_parser = positive, default_value_t = 0.95, value_name = "SHARE")]
+    pub stft_filter: f64,
+    /// Pixels of the STFT's window along each axis [default: the number of views]
+    #[arg(long, value_name = "N")]
+    pub stft_samples: Option<usize>,
+    /// Phase levels of the SLM to optimise for: how many, evenly spaced, or a file with one phase (rad) a line
+    /// [default: any phase]
+    #[arg(long, value_name = "N|FILE")]
+    pub levels: Option<String>,
+    /// Weight of the light's evenness over the eyebox, for pupil-aware
+    #[arg(long, default_value_t = 0.5, value_name = "W")]
+    pub evenness: f64,
     /// How phases are moved
     #[arg(long, value_enum, default_value = "projection")]
     pub optimizer: OptimizerName,
@@ -366,6 +398,65 @@ pub struct Devices {
     pub json: bool,
 }
 
+/// Whose pupil.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum EyeName {
+    /// The left eye's
+    Left,
+    /// The right eye's
+    Right,
+    /// The mean of both, or what the tracker has
+    Mean,
+}
+
+/// `eyebox trackers`
+#[derive(Args)]
+pub struct Trackers {
+    /// Explain a HID report descriptor: binary, text in hexadecimal, or the first of a recording of hid-recorder
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["watch", "record"])]
+    pub describe: Option<PathBuf>,
+    /// Show decoded samples, one a line [default source: hid]
+    #[arg(long, value_name = "SOURCE", num_args = 0..=1, default_missing_value = "hid")]
+    pub watch: Option<String>,
+    /// Record what is watched: FILE.hid (reports, of HID sources), or FILE.jsonl (samples)
+    #[arg(long, value_name = "FILE")]
+    pub record: Option<PathBuf>,
+    /// Seconds to watch [default: until the recording ends, or Ctrl-C]
+    #[arg(long, value_name = "S", value_parser = positive)]
+    pub duration: Option<f64>,
+    /// A HID device with a layout of its own, described in a TOML file
+    #[arg(long, value_name = "FILE.toml")]
+    pub device_file: Option<PathBuf>,
+    /// Time between the eye and the arrival of its sample, ms
+    #[arg(long, value_name = "MS", default_value_t = 0.0, value_parser = not_negative)]
+    pub latency: f64,
+    /// Samples a second of the simulated tracker
+    #[arg(long, value_name = "HZ", default_value_t = 120.0, value_parser = positive)]
+    pub rate: f64,
+    /// Replay recordings in real time, not as fast as they are read
+    #[arg(long)]
+    pub real_time: bool,
+    /// Show, for each sample, what becomes of it: its place in the pupil plane, the filter, and the pupil expected after
+    /// so many ms
+    #[arg(long, value_name = "MS", num_args = 0..=1, default_missing_value = "20", value_parser = not_negative)]
+    pub pupil: Option<f64>,
+    /// Calibrate the source that is watched for a user: asks to look at each target, and writes the user's file
+    #[arg(long, value_name = "FILE.toml", conflicts_with_all = ["pupil", "record", "duration", "describe"])]
+    pub calibrate: Option<PathBuf>,
+    /// With --calibrate: directions of the targets, degrees to the right and down
+    #[arg(long, value_name = "X,Y;X,Y;...", default_value = "0,0;-8,0;8,0;0,-6;0,6", value_parser = targets, allow_hyphen_values = true)]
+    pub targets: Targets,
+    /// With --pupil: a user's calibration
+    #[arg(long, value_name = "FILE.toml", requires = "pupil")]
+    pub calibration: Option<PathBuf>,
+    /// With --pupil: whose pupil
+    #[arg(long, value_enum, default_value = "mean")]
+    pub eye: EyeName,
+    /// JSON on standard output: one object, or one a line
+    #[arg(long)]
+    pub json: bool,
+}
+
 impl Colors {
     /// The single colour, or none for all.
     pub fn one(self) -> Option<Color> {
@@ -403,7 +494,7 @@ fn size(text: &str) -> Result<[usize; 2], String> {
 }
 
 /// Millimetres in, metres out.
-fn range(text: &str) -> Result<[f64; 2], String> {
+pub fn range(text: &str) -> Result<[f64; 2], String> {
     let form = "MIN..MAX in mm, such as -3..3.5";
     let [low, high] = numbers::<2>(text.split("..").collect(), form)?;
     if low <= high && low.is_finite() && high.is_finite() {
@@ -414,7 +505,7 @@ fn range(text: &str) -> Result<[f64; 2], String> {
 }
 
 /// Millimetres in, metres out; either order.
-fn depths(text: &str) -> Result<[f64; 2], String> {
+pub fn depths(text: &str) -> Result<[f64; 2], String> {
     match range(text) {
         Ok(range) => Ok(range),
         Err(reason) => {
@@ -425,10 +516,32 @@ fn depths(text: &str) -> Result<[f64; 2], String> {
     }
 }
 
-fn positive(text: &str) -> Result<f64, String> {
+pub fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(v) if v.is_finite() && v > 0.0 => Ok(v),
         _ => Err("expected a positive number".into()),
+    }
+}
+
+/// Directions, degrees to the right and down.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Targets(pub Vec<[f64; 2]>);
+
+fn targets(text: &str) -> Result<Targets, String> {
+    let form = "x,y;x,y;... in degrees, such as 0,0;-8,0;8,0;0,6";
+    let all: Result<Vec<[f64; 2]>, String> =
+        text.split(';').map(|t| numbers::<2>(t.split(',').collect(), form)).collect();
+    let all = all?;
+    if all.iter().flatten().any(|v| !(-60.0..=60.0).contains(v)) {
+        return Err("an eye turns 60 degrees at most".into());
+    }
+    if (3..=64).contains(&all.len()) { Ok(Targets(all)) } else { Err(format!("expected 3 to 64 targets: {form}")) }
+}
+
+fn not_negative(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(v) if v.is_finite() && v >= 0.0 => Ok(v),
+        _ => Err("expected a number, 0 or more".into()),
     }
 }
 
@@ -439,6 +552,12 @@ fn window(text: &str) -> Result<WindowFactor, String> {
         "full" => Ok(WindowFactor::Full),
         _ => Err("expected 1, 2 or full".into()),
     }
+}
+
+/// A method by its name.
+pub fn method(text: &str) -> Result<Method, String> {
+    let names = || Method::ALL.map(Method::name).join(", ");
+    Method::by_name(text).ok_or_else(|| format!("no method is called so: there are {}", names()))
 }
 
 #[cfg(test)]

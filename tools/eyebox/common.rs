@@ -30,12 +30,13 @@ pub fn colors(args: &DisplayArgs, display: &Display) -> Result<Vec<Color>, Failu
 
 /// The scene, fitted to the display.
 pub fn scene(args: &SceneArgs, display: &Display, colors: &[Color]) -> Result<LightField, Failure> {
+    let default = scene::Request::new(display, colors);
     let request = scene::Request {
         view_pitch: args.view_pitch.map(|mm| mm * 1e-3),
-        views: args.views,
+        views: args.views.unwrap_or(default.views),
         depth_map: args.depth_map.as_deref(),
         depth: args.depth,
-        ..scene::Request::new(display, colors)
+        ..default
     };
     Ok(scene::load(&args.scene, &request)?)
 }

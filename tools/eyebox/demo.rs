@@ -3,13 +3,17 @@
 use crate::Failure;
 use crate::args::Demo;
 use crate::common;
+use crate::evaluate;
 use crate::progress;
+use crate::report;
 use crate::score;
 use crate::solve;
+use eyebox::engine::Engine;
 use eyebox::files;
 use eyebox::optics::{Color, Display, Padding, Pupil};
 use eyebox::scene;
-use eyebox::solve::Settings;
+use eyebox::solve::{Method, Settings};
+use std::path::PathBuf;
 use std::time::Instant;
 
 const SCENE: &str = "builtin:still-life";
@@ -84,11 +88,37 @@ pub fn run(args: &Demo) -> Result<(), Failure> {
             args.out.join(format!("{name}.png")).display()
         );
     }
+    let report = comparison(args, &display, &colors, engine.as_mut())?;
     println!(
         "\n  hologram: {}   all pictures: {}   {:.1} s in all",
         saved.display(),
         args.out.join("all.png").display(),
         start.elapsed().as_secs_f64()
     );
+    if let Some(page) = report {
+        println!("  two methods compared, in pictures and numbers: {}", page.display());
+    }
     Ok(())
+}
+
+/// Pixels a side of the comparison, at most: small enough for a few seconds.
+const COMPARED: usize = 128;
+
+/// A small evaluation of the same scene; where its page is, if there was time for it.
+fn comparison(
+    args: &Demo,
+    display: &Display,
+    colors: &[Color],
+    engine: &mut dyn Engine,
+) -> Result<Option<PathBuf>, Failure> {
+    let side = args.size.min(COMPARED);
+    let display = Display { height: side, width: side, ..display.clone() };
+    let folder = args.out.join("report");
+    let job = evaluate::Job::of_methods(SCENE, &[Method::Slfh, Method::Lf2fs], display, colors.to_vec());
+    let report = evaluate::evaluate(&job, &folder, engine, false)?;
+    if report.runs.is_empty() {
+        return Ok(None);
+    }
+    report::write(&report, &folder)?;
+    Ok(Some(folder.join("report.html")))
 }

@@ -40,7 +40,7 @@ pub fn run(args: &Encode) -> Result<(), Failure> {
         // Reading and writing files takes longer than the CPU needs.
         EngineName::Auto | EngineName::Cpu => encoder.encode(&phases)?,
         EngineName::Vulkan => {
-            let options = Options { device: None, allow_cpu: true, validation: false };
+            let options = Options { allow_cpu: true, ..Options::default() };
             let mut frames = encoder.frames();
             VulkanEncoder::open(&options, encoder.plan())?.encode(phases.colors(), frames.bytes_mut())?;
             frames

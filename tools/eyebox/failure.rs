@@ -4,10 +4,12 @@ use eyebox::encode::EncodeError;
 use eyebox::engine::EngineError;
 use eyebox::evaluate::EvaluateError;
 use eyebox::files::FileError;
+use eyebox::gaze::GazeError;
 use eyebox::hologram::HologramError;
 use eyebox::optics::OpticsError;
 use eyebox::scene::SceneError;
 use eyebox::solve::SolveError;
+use eyebox::trackers::TrackerError;
 
 /// Why a command failed.
 #[derive(Debug, thiserror::Error)]
@@ -36,6 +38,12 @@ pub enum Failure {
     /// A file.
     #[error(transparent)]
     File(#[from] FileError),
+    /// An eye tracker.
+    #[error(transparent)]
+    Tracker(#[from] TrackerError),
+    /// A calibration, or a setting of the way from sample to pupil.
+    #[error(transparent)]
+    Gaze(#[from] GazeError),
     /// What was asked for does not fit together.
     #[error("{0}")]
     Asked(String),

@@ -1,20 +1,25 @@
-//! The `eyebox` command: `demo`, `solve`, `view`, `photograph`, `score`, `export`, `encode`, `bench`, `devices`.
+//! The `eyebox` command: `demo`, `solve`, `view`, `photograph`, `score`, `evaluate`, `export`, `encode`, `bench`,
+//! `devices`, `trackers`.
 //!
 //! This room reads arguments, calls the runtime, and shows what came of it. Anything that a program would want to call
 //! belongs in the runtime. Errors are one line on standard error and exit code 2; nothing half-written stays behind.
 
 mod args;
 mod bench;
+mod calibrate;
 mod common;
 mod demo;
 mod devices;
 mod encode;
+mod evaluate;
 mod export;
 mod failure;
 mod photograph;
 mod progress;
+mod report;
 mod score;
 mod solve;
+mod trackers;
 mod view;
 
 use args::{Cli, Command};
@@ -34,10 +39,12 @@ fn main() -> ExitCode {
         Command::View(args) => view::run(args),
         Command::Photograph(args) => photograph::run(args),
         Command::Score(args) => score::run(args),
+        Command::Evaluate(args) => evaluate::run(args),
         Command::Export(args) => export::run(args),
         Command::Encode(args) => encode::run(args),
         Command::Bench(args) => bench::run(args),
         Command::Devices(args) => devices::run(args),
+        Command::Trackers(args) => trackers::run(args),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

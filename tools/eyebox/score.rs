@@ -136,11 +136,13 @@ fn as_solved(args: &SceneArgs, hologram: &Hologram) -> SceneArgs {
     let mut args = args.clone();
     let settings = &hologram.settings;
     args.view_pitch = args.view_pitch.or_else(|| settings["view_pitch_mm"].as_f64());
-    // The order of a depth map's range is the user's to say; other scenes have none.
-    if args.depth_map.is_none() {
-        let depth = &settings["solve"]["depth"];
-        args.depth = args.depth.or_else(|| Some([depth[0].as_f64()?, depth[1].as_f64()?]));
-    }
+    args.views = args.views.or_else(|| usize::try_from(settings["views"][0].as_u64()?).ok());
+    // What a depth map's values mean has an order; other scenes have a range, in metres.
+    let (depth, unit) = match args.depth_map {
+        Some(_) => (&settings["depth_map_mm"], 1e-3),
+        None => (&settings["solve"]["depth"], 1.0),
+    };
+    args.depth = args.depth.or_else(|| Some([depth[0].as_f64()? * unit, depth[1].as_f64()? * unit]));
     args
 }
 

@@ -24,6 +24,7 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     let depth = common::depths(&args.scene, &field, &display);
     let mut settings = settings_of(args, &display, depth);
     settings.seconds = args.seconds.map(|s| s / colors.len() as f64);
+    settings.levels = args.levels.as_deref().map(levels).transpose()?;
     settings.check()?;
     let padding = padding(args.padding, &display, &colors, depth)?;
     if !args.json {
@@ -44,7 +45,11 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     }
     progress::catch_interrupt();
     let solved = solve_colors(&field, &display, &colors, &settings, padding, engine.as_mut(), args.json)?;
-    let hologram = hologram(&field, &display, &settings, padding, &solved);
+    let mut hologram = hologram(&field, &display, &settings, padding, &solved);
+    if let Some(depth) = args.scene.depth.filter(|_| args.scene.depth_map.is_some()) {
+        // In the order of the map's values, which the range of depths does not keep.
+        hologram.settings["depth_map_mm"] = json!(depth.map(|d| d * 1e3));
+    }
     match form {
         Form::Zarr => hologram.save(&args.out)?,
         _ => hologram::save_phases(&hologram, &args.out)?,
@@ -52,7 +57,7 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     let report = |(color, s): &(Color, Solution)| {
         json!({
             "color": color, "psnr_mean_db": s.verdict.mean(), "psnr_worst_db": s.verdict.worst(),
-            "exposure": s.exposure, "efficiency": s.efficiency, "steps": s.steps, "seconds": s.seconds, "stopped_by": stop_name(s.stop),
+            "exposure": s.exposure, "efficiency": s.efficiency, "steps": s.steps, "seconds": s.seconds, "stopped_by": stop_name(s.stop), "fault": fault(s.stop),
         })
     };
     let timings: Vec<_> = engine
@@ -79,7 +84,11 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
             100.0 * s.efficiency,
             s.steps,
             s.seconds,
-            if s.stop == Stop::Asked { ", interrupted" } else { "" }
+            match s.stop {
+                Stop::Asked => ", interrupted".to_owned(),
+                Stop::NotFinite { .. } => format!("; stopped: {}", fault(s.stop)),
+                _ => String::new(),
+            }
         );
     }
     if args.timings {
@@ -139,7 +148,7 @@ pub fn hologram(
         display: display.name.clone(),
         display_wavelengths: display.wavelengths.clone(),
         scene: field.name.clone(),
-        settings: json!({ "solve": settings, "padding": [padding.rows, padding.columns], "view_pitch_mm": field.cell(display) * 1e3, "eyebox_mm": display.eyebox_min() * 1e3 }),
+        settings: json!({ "solve": settings, "padding": [padding.rows, padding.columns], "views": field.grid, "view_pitch_mm": field.cell(display) * 1e3, "eyebox_mm": display.eyebox_min() * 1e3 }),
     }
 }
 
@@ -158,6 +167,10 @@ pub fn settings_of(args: &Solve, display: &Display, depth: [f64; 2]) -> Settings
     let diameters = args.diameters.unwrap_or(if adam { DiametersName::Uniform } else { DiametersName::Log });
     Settings {
         frames: args.frames,
+        method: args.method,
+        stft_filter: args.stft_filter,
+        stft_samples: args.stft_samples,
+        evenness: args.evenness,
         optimizer: if adam { Optimizer::adam() } else { Optimizer::projection() },
         steps: args.steps.unwrap_or(if adam { 200 } else { 60 }),
         pupils: args.pupils.unwrap_or(if adam { 8 } else { 16 }),
@@ -177,11 +190,38 @@ pub fn settings_of(args: &Solve, display: &Display, depth: [f64; 2]) -> Settings
     }
 }
 
+/// Levels by their number, or from a file.
+fn levels(text: &str) -> Result<Vec<f64>, Failure> {
+    if let Ok(n) = text.parse::<usize>() {
+        return Ok(solve::even_levels(n.min(1 << 16)));
+    }
+    let wrong = |what: String| Failure::Asked(format!("{text}: {what}"));
+    let size =
+        std::fs::metadata(text).map_err(|e| wrong(format!("neither a number of levels nor a file ({e})")))?.len();
+    if size > 1 << 20 {
+        return Err(wrong("a file of levels has one phase a line, 256 at most".into()));
+    }
+    let file = std::fs::read_to_string(text).map_err(|e| wrong(e.to_string()))?;
+    let lines = file.lines().map(|l| l.split('#').next().unwrap_or("").trim()).enumerate();
+    let phase = |(i, line): (usize, &str)| {
+        line.parse::<f64>().map_err(|_| wrong(format!("line {}: '{line}' is not a phase in radians", i + 1)))
+    };
+    lines.filter(|(_, line)| !line.is_empty()).map(phase).collect()
+}
+
 fn stop_name(stop: Stop) -> &'static str {
     match stop {
         Stop::Steps => "steps",
         Stop::Seconds => "seconds",
         Stop::Quality => "psnr",
         Stop::Asked => "interrupt",
+        Stop::NotFinite { .. } => "not-finite",
     }
+}
+
+/// What went wrong in a step that was not taken.
+fn fault(stop: Stop) -> String {
+    let Stop::NotFinite { step, kernel } = stop else { return String::new() };
+    let first = kernel.map_or("the phases".to_owned(), |k| format!("`{}`", k.name()));
+    format!("in step {step}, {first} gave numbers that are not finite; the state before it is kept")
 }

@@ -1,16 +1,20 @@
 //! Vulkan transforms beside RustFFT on one thread, measured in turn, so that a busy machine slows both.
+//!
+//! RustFFT is used in two ways: `blocked` is the CPU engine's own, whose columns are transformed where they lie, a few
+//! at a time; `textbook` is the plain one that a user of the crate writes: rows, transpose, rows, transpose.
 
 use clap::Parser;
-use eyebox::engine::vulkan::Transforms;
+use eyebox::engine::vulkan::{Options, Transforms};
 use eyebox_kernels::Complex32;
 use eyebox_kernels::fft::{Columns, Direction, Plans};
+use rustfft::FftPlanner;
 use std::collections::BTreeMap;
 use std::process::ExitCode;
 use std::time::Instant;
 
-/// Times forward transforms on a Vulkan device and with RustFFT on one thread, in turn; prints the medians,
-/// their ratio, the ratio of the shortest times (which a busy machine disturbs least),
-/// and the power of the difference over that of the result.
+/// Times forward transforms on a Vulkan device and with RustFFT on one thread (blocked as the CPU engine does it, and
+/// textbook: rows, transpose, rows, transpose), in turn; prints the medians, the shortest times (which a busy machine
+/// disturbs least), the ratio of Vulkan's to either, and the power of the difference over that of the result.
 #[derive(Parser)]
 #[command(after_help = "Example: cargo run --release -p eyebox-tools --bin fft-bench -- 2048x2048 1080x1920")]
 struct Arguments {
@@ -48,13 +52,15 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
-    let mut transforms = Transforms::open(arguments.device.as_deref(), false)?;
+    let mut transforms =
+        Transforms::open(&Options { device: arguments.device.clone(), allow_cpu: true, ..Options::default() })?;
     println!("{}", transforms.device());
-    println!("{:>11} {:>10} {:>11} {:>6} {:>6}  difference", "size", "Vulkan ms", "RustFFT ms", "ratio", "best");
     let twin = Plans::default();
     for &(h, w) in &arguments.sizes {
         let frame: Vec<Complex32> = (0..h * w).map(|i| Complex32::new((i % 17) as f32, (i % 23) as f32)).collect();
-        let (mut device, mut host, mut passes) = (Vec::new(), Vec::new(), BTreeMap::<(usize, String), Vec<f64>>::new());
+        let (mut device, mut blocked, mut plain) = (Vec::new(), Vec::new(), Vec::new());
+        let mut passes = BTreeMap::<(usize, String), Vec<f64>>::new();
+        let mut textbook = Textbook::new(h, w);
         let mut difference = 0.0;
         let plans = transforms.plans(h, w)?;
         for round in 0..=arguments.rounds {
@@ -64,35 +70,74 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
             let start = Instant::now();
             twin.fft(&mut data, h, w, Direction::Forward, Columns::all(w));
             let seconds = start.elapsed().as_secs_f64();
+            let mut again = frame.clone();
+            let start = Instant::now();
+            textbook.forward(&mut again);
+            let plain_seconds = start.elapsed().as_secs_f64();
             difference = result.iter().zip(&data).map(|(a, b)| f64::from((a - b).norm_sqr())).sum::<f64>()
                 / data.iter().map(|z| f64::from(z.norm_sqr())).sum::<f64>();
             // The first round makes plans and compiles.
             if round > 0 {
                 device.push(timed.whole);
-                host.push(seconds);
+                blocked.push(seconds);
+                plain.push(plain_seconds);
                 for (i, (name, seconds)) in timed.passes.into_iter().enumerate() {
                     passes.entry((i, name)).or_default().push(seconds);
                 }
             }
         }
-        let best = least(&device) / least(&host);
-        let (device, host) = (1e3 * median(device), 1e3 * median(host));
-        println!(
-            "{:>11} {device:>10.2} {host:>11.2} {:>6.2} {best:>6.2}  {difference:.1e}",
-            format!("{h}x{w}"),
-            device / host
-        );
+        println!("{h}x{w}: difference {difference:.1e}; of {} rounds, in turn:", arguments.rounds);
+        println!("  {:34} {:>9} {:>9}  Vulkan takes", "", "median ms", "best ms");
+        let line = |name: &str, seconds: &[f64]| {
+            let ratio =
+                format!("{:.2} (best {:.2}) of it", median(&device) / median(seconds), least(&device) / least(seconds));
+            let (middle, least) = (1e3 * median(seconds), 1e3 * least(seconds));
+            println!("  {name:34} {middle:>9.2} {least:>9.2}  {}", if name == "Vulkan" { "" } else { &ratio });
+        };
+        line("Vulkan", &device);
+        line("RustFFT, one thread, blocked", &blocked);
+        line("RustFFT, one thread, textbook", &plain);
         if arguments.passes {
             println!("  rows    {}\n  columns {}", plans[0], plans[1]);
             for ((_, name), seconds) in passes {
-                println!("  {:>8.2} ms {name}", 1e3 * median(seconds));
+                println!("  {:>8.2} ms {name}", 1e3 * median(&seconds));
             }
         }
     }
     Ok(())
 }
 
-fn median(mut seconds: Vec<f64>) -> f64 {
+/// Rows, transpose, rows, transpose.
+struct Textbook {
+    rows: usize,
+    columns: usize,
+    planner: FftPlanner<f32>,
+    turned: Vec<Complex32>,
+}
+
+impl Textbook {
+    fn new(rows: usize, columns: usize) -> Self {
+        Self { rows, columns, planner: FftPlanner::new(), turned: vec![Complex32::default(); rows * columns] }
+    }
+
+    fn forward(&mut self, data: &mut [Complex32]) {
+        self.planner.plan_fft_forward(self.columns).process(data);
+        transpose(data, &mut self.turned, self.rows, self.columns);
+        self.planner.plan_fft_forward(self.rows).process(&mut self.turned);
+        transpose(&self.turned, data, self.columns, self.rows);
+    }
+}
+
+fn transpose(from: &[Complex32], to: &mut [Complex32], rows: usize, columns: usize) {
+    for y in 0..rows {
+        for x in 0..columns {
+            to[x * rows + y] = from[y * columns + x];
+        }
+    }
+}
+
+fn median(seconds: &[f64]) -> f64 {
+    let mut seconds = seconds.to_vec();
     seconds.sort_by(f64::total_cmp);
     seconds.get(seconds.len() / 2).copied().unwrap_or(0.0)
 }

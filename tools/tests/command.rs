@@ -3,8 +3,15 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+/// The command, with a cache of the tests' own.
+fn command(folder: &Path, args: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_eyebox"));
+    command.args(args).current_dir(folder).env("XDG_CACHE_HOME", std::env::temp_dir().join("eyebox-tests"));
+    command
+}
+
 fn eyebox(folder: &Path, args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_eyebox")).args(args).current_dir(folder).output().expect("the command starts")
+    command(folder, args).output().expect("the command starts")
 }
 
 fn text(bytes: &[u8]) -> String {
@@ -70,6 +77,45 @@ fn mistakes_in_arguments_are_one_line() {
     refused(at, &photograph("--pupil=0,0,-3,0"), "x.png", "diameter");
     refused(at, &photograph("--pupil=0,0,3"), "x.png", "x,y,diameter,focus");
     refused(at, &photograph("--pupil=12,0,3,0"), "x.png", "eyebox");
+}
+
+/// Without a driver, and without a loader: Vulkan by name is refused in one line that offers help, and nothing is
+/// written; everything else goes on on the CPU.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_machine_without_vulkan_is_said_in_one_line() {
+    let temp = folder();
+    let at = temp.path();
+    // The loader is told to look for drivers where there are none.
+    let nowhere = at.join("none.json");
+    let no_driver = [("VK_DRIVER_FILES", &nowhere), ("VK_ICD_FILENAMES", &nowhere)];
+    // A file that is no library stands before the loader.
+    let libraries = at.join("libraries");
+    std::fs::create_dir(&libraries).unwrap();
+    for name in ["libvulkan.so.1", "libvulkan.so"] {
+        std::fs::write(libraries.join(name), "no library").unwrap();
+    }
+    let no_loader = [("LD_LIBRARY_PATH", &libraries)];
+    for (environment, reason) in [(&no_driver[..], "no driver"), (&no_loader[..], "loader could not be loaded")] {
+        let run = |args: &[&str]| {
+            let answer = command(at, args).envs(environment.iter().copied()).output().expect("the command starts");
+            (answer.status.code(), text(&answer.stdout), text(&answer.stderr))
+        };
+        let vulkan = ["--engine", "vulkan", "--size", "40x48", "--steps", "1", "--color", "green"];
+        let (code, _, said) = run(&[&["solve", "builtin:plane", "-o", "x.zarr"][..], &vulkan].concat());
+        assert_eq!(code, Some(2), "{said}");
+        assert_eq!(said.trim().lines().count(), 1, "{said}");
+        assert!(said.contains(reason) && said.contains("tools/setup.sh"), "{said}");
+        assert!(!at.join("x.zarr").exists());
+        let (code, said, _) = run(&["devices"]);
+        assert_eq!(code, Some(0), "{said}");
+        let line = said.lines().find(|l| l.starts_with("vulkan")).expect("a line on vulkan");
+        assert!(line.contains(reason) && line.contains("tools/setup.sh"), "{said}");
+        assert!(said.lines().any(|l| l.starts_with("auto     takes the CPU")), "{said}");
+        let auto = ["solve", "builtin:plane", "-o", "a.npy", "--size", "40x48", "--steps", "1", "--color", "green"];
+        assert_eq!(run(&auto).0, Some(0));
+        std::fs::remove_file(at.join("a.npy")).unwrap();
+    }
 }
 
 #[test]
@@ -282,6 +328,30 @@ fn a_score_takes_depths_as_they_were_solved() {
     assert!(pupils.len() == 16 && pupils.iter().all(|p| (-0.0501..=0.1001).contains(&focus(p))), "{said}");
 }
 
+/// The scene is made again from its name and what the hologram remembers: the same as when all is said again.
+#[test]
+fn a_score_makes_the_scene_as_it_was_solved() {
+    let temp = folder();
+    let at = temp.path();
+    let score = |hologram: &str, scene: &[&str], more: &[&str]| {
+        done(at, &[&["score", hologram][..], scene, &["--pupils", "random:4", "--json"], more].concat())
+    };
+    let still_life = ["builtin:still-life"];
+    done(at, &solve("builtin:still-life", "h.zarr", &["--views", "4"]));
+    let remembered = score("h.zarr", &still_life, &[]);
+    assert_eq!(remembered, score("h.zarr", &still_life, &["--views", "4"]));
+    assert_ne!(remembered, score("h.zarr", &still_life, &["--views", "9"]));
+    // A picture with a map: also what the map's values mean, and in which order.
+    let photograph = ["photograph", "builtin:still-life", "--size", "40x48", "--pupil=0,0,2,0"];
+    done(at, &[&photograph[..], &["-o", "photo.png"]].concat());
+    done(at, &[&photograph[..], &["--color", "green", "-o", "depth.png"]].concat());
+    let picture = ["photo.png", "--depth-map", "depth.png"];
+    done(at, &solve("photo.png", "p.zarr", &["--depth-map", "depth.png", "--views", "3", "--depth=0.1..-0.05"]));
+    let remembered = score("p.zarr", &picture, &[]);
+    assert_eq!(remembered, score("p.zarr", &picture, &["--views", "3", "--depth=0.1..-0.05"]));
+    assert_ne!(remembered, score("p.zarr", &picture, &["--depth=-0.05..0.1"]));
+}
+
 #[test]
 fn the_smallest_displays_work() {
     let temp = folder();
@@ -358,9 +428,34 @@ fn time_is_a_limit_too() {
 #[test]
 fn help_and_devices_answer() {
     let temp = folder();
-    for command in ["demo", "solve", "view", "photograph", "score", "export", "bench", "devices"] {
+    for command in ["demo", "solve", "view", "photograph", "score", "evaluate", "export", "bench", "devices"] {
         assert!(done(temp.path(), &[command, "--help"]).contains("Example"), "{command}");
     }
     assert!(done(temp.path(), &["devices"]).contains("auto"));
     assert!(serde_json::from_str::<serde_json::Value>(&done(temp.path(), &["devices", "--json"])).is_ok());
+}
+
+#[test]
+fn every_method_solves_from_the_command_line() {
+    let temp = folder();
+    let at = temp.path();
+    for method in ["lf2fs", "stft", "stft-unfiltered", "stft-exact", "smooth", "dpac", "pupil-aware"] {
+        let report = done(at, &solve("builtin:still-life", "m.npy", &["--method", method, "--json"]));
+        let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+        assert_eq!(report["settings"]["method"], method);
+        assert!(report["colors"][0]["psnr_mean_db"].as_f64().is_some(), "{report}");
+    }
+    let refused = |more: &[&str], what: &str| refused(at, &solve("builtin:still-life", "n.npy", more), "n.npy", what);
+    refused(&["--method", "hogel"], "stft-exact");
+    refused(&["--method", "stft", "--stft-filter", "0"], "stft-filter");
+    refused(&["--method", "stft", "--stft-samples", "0"], "window of the STFT");
+    refused(&["--method", "pupil-aware", "--evenness=-1"], "evenness");
+    refused(&["--levels", "0"], "phase levels");
+    refused(&["--levels", "levels.txt"], "levels.txt");
+    std::fs::write(at.join("levels.txt"), "# measured\n0\n1.5\n3.2\nfour\n").unwrap();
+    refused(&["--levels", "levels.txt"], "line 5");
+    std::fs::write(at.join("levels.txt"), "# measured\n0\n1.5 # second\n\n3.2\n4.7\n").unwrap();
+    for levels in ["levels.txt", "16"] {
+        done(at, &solve("builtin:still-life", "l.npy", &["--levels", levels]));
+    }
 }

@@ -11,13 +11,18 @@ const MAGIC: &[u8; 8] = b"eyebox\x01\0";
 /// Larger files are not ours.
 const LARGEST: u64 = 256 << 20;
 
-/// Where the cache of this device lies: `$XDG_CACHE_HOME/eyebox` or `~/.cache/eyebox`; nowhere without either.
-pub(super) fn path(properties: &vk::PhysicalDeviceProperties) -> Option<PathBuf> {
+/// Where the user keeps caches: `$XDG_CACHE_HOME/eyebox` or `~/.cache/eyebox`; nowhere without either.
+pub(super) fn users_folder() -> Option<PathBuf> {
     let set = |name| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
     // The specification of these folders has relative paths ignored.
     let base = set("XDG_CACHE_HOME").filter(|p| p.is_absolute()).or_else(|| Some(set("HOME")?.join(".cache")))?;
+    Some(base.join("eyebox"))
+}
+
+/// Name of this device's file in that folder.
+pub(super) fn name(properties: &vk::PhysicalDeviceProperties) -> String {
     let id: String = properties.pipeline_cache_uuid.iter().map(|b| format!("{b:02x}")).collect();
-    Some(base.join("eyebox").join(format!("pipelines-{:x}-{id}.bin", properties.driver_version)))
+    format!("pipelines-{:x}-{id}.bin", properties.driver_version)
 }
 
 /// The driver's data, if the file is whole and was written for this device.

@@ -2,6 +2,7 @@
 
 use super::super::{EngineError, Kernel, Lane, Purpose, Shape, Step};
 use super::views::Views;
+use eyebox_kernels::{energy, quantise};
 use std::ops::Range;
 
 /// The dispatches `part` of `step` on buffers of this shape.
@@ -21,16 +22,34 @@ pub(super) fn check(step: &Step, part: &Range<usize>, shape: &Shape, views: Opti
             Kernel::Balance => {
                 (step.balance.grid_height, step.balance.grid_width) == (shape.place.grid_height, shape.place.grid_width)
             }
+            Kernel::Quantise => {
+                step.quantise.count as usize == shape.pixels()
+                    && (1..=quantise::MOST).contains(&(step.quantise.levels as usize))
+            }
+            Kernel::Energy | Kernel::Even => {
+                let p = &step.even.place;
+                (p.grid_height, p.grid_width) == (shape.place.grid_height, shape.place.grid_width)
+                    && (1..=energy::MOST).contains(&p.patches)
+                    && p.rows <= p.grid_height
+                    && p.columns <= p.grid_width
+                    && p.y0 < p.grid_height
+                    && p.x0 < p.grid_width
+            }
             _ => true,
         };
         if !fits {
             return mismatch(format!("{name} is for another size"));
         }
         let has = match dispatch.kernel {
-            Kernel::Overlap | Kernel::ReturnPupil | Kernel::Balance | Kernel::ChangeInverse | Kernel::Project => {
-                shape.purpose != Purpose::View
-            }
+            Kernel::Energy
+            | Kernel::Overlap
+            | Kernel::ReturnPupil
+            | Kernel::Balance
+            | Kernel::Even
+            | Kernel::ChangeInverse
+            | Kernel::Project => shape.purpose != Purpose::View,
             Kernel::Adam => shape.purpose == Purpose::Adam,
+            Kernel::Quantise => shape.quantised,
             _ => true,
         };
         if !has {
@@ -77,6 +96,9 @@ fn check_lane(lane: &Lane, shape: &Shape) -> Result<(), String> {
     }
     if lane.columns.count > columns || (lane.columns.count > 0 && lane.columns.first >= columns) {
         return Err("its columns do not fit its window".into());
+    }
+    if lane.taper.as_ref().is_some_and(|w| w.len() != rows + columns) {
+        return Err("its taper does not fit its window".into());
     }
     let count = lane.count();
     if lane.intensity.count as usize != count || lane.compare.count as usize != count {

@@ -93,10 +93,10 @@ impl Device {
         match result {
             vk::Result::ERROR_DEVICE_LOST => EngineError::DeviceLost { device, during: during.into() },
             vk::Result::ERROR_OUT_OF_DEVICE_MEMORY => {
-                EngineError::OutOfMemory { device, what: during.into(), wanted_mib: 0 }
+                EngineError::OutOfMemory { device, what: during.into(), wanted: None }
             }
             vk::Result::ERROR_OUT_OF_HOST_MEMORY => {
-                EngineError::OutOfMemory { device: "host".into(), what: during.into(), wanted_mib: 0 }
+                EngineError::OutOfMemory { device: "host".into(), what: during.into(), wanted: None }
             }
             other => EngineError::Vulkan { device, call, result: format!("{other:?}") },
         }
@@ -135,11 +135,8 @@ impl Block {
         what: &str,
     ) -> Result<Self, EngineError> {
         let size = size.max(256);
-        let out = || EngineError::OutOfMemory {
-            device: device.report.name.clone(),
-            what: what.into(),
-            wanted_mib: size.div_ceil(1 << 20) as usize,
-        };
+        let out =
+            || EngineError::OutOfMemory { device: device.report.name.clone(), what: what.into(), wanted: Some(size) };
         let limits = &device.report.limits;
         if size > limits.allocation {
             return Err(out());
@@ -149,10 +146,13 @@ impl Block {
         let info = vk::BufferCreateInfo::default().size(size).usage(usage);
         // SAFETY: the device is valid.
         let raw = unsafe { device.raw.create_buffer(&info, None) };
-        let raw = raw.map_err(|e| match e {
-            vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | vk::Result::ERROR_OUT_OF_HOST_MEMORY => out(),
-            e => device.error("vkCreateBuffer", what, e),
-        })?;
+        let refused = |call| {
+            move |e| match e {
+                vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | vk::Result::ERROR_OUT_OF_HOST_MEMORY => out(),
+                e => device.error(call, what, e),
+            }
+        };
+        let raw = raw.map_err(refused("vkCreateBuffer"))?;
         let mut block = Self { raw, size, allocation: None, device: Arc::clone(device) };
         // SAFETY: the buffer was made just now.
         let requirements = unsafe { device.raw.get_buffer_memory_requirements(raw) };
@@ -172,7 +172,7 @@ impl Block {
         // SAFETY: the memory fits the buffer's requirements, and neither was bound before.
         let bound = unsafe { device.raw.bind_buffer_memory(raw, allocation.memory(), allocation.offset()) };
         block.allocation = Some(allocation);
-        bound.map_err(|e| device.error("vkBindBufferMemory", what, e))?;
+        bound.map_err(refused("vkBindBufferMemory"))?;
         Ok(block)
     }
 

@@ -72,7 +72,7 @@ impl VulkanEncoder {
     /// # Errors
     /// No device; one whose kernels cannot see a whole sub-frame or video frame; out of memory.
     pub fn open(options: &Options, plan: &Plan) -> Result<Self, EngineError> {
-        Self::on(Gpu::open(options.device.as_deref(), options.allow_cpu, options.validation)?, plan)
+        Self::on(Gpu::open(options)?, plan)
     }
 
     /// On an open device.

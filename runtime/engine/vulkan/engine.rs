@@ -11,9 +11,11 @@ use super::record::{Stack, Stacks, Work, loss_parts};
 use super::tables::Tables;
 use super::views::Views;
 use crate::scene::Pyramid;
+use eyebox_kernels::{energy, quantise};
 use gpu_allocator::MemoryLocation;
 use std::collections::HashMap;
 use std::ops::Range;
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
 /// How a device is chosen and watched.
@@ -25,6 +27,9 @@ pub struct Options {
     pub allow_cpu: bool,
     /// Whether the validation layer watches (slow; it must be installed). See [`VulkanEngine::messages`].
     pub validation: bool,
+    /// Folder in which compiled pipelines are kept for the next start; the user's (`$XDG_CACHE_HOME/eyebox` or
+    /// `~/.cache/eyebox`) if none is given.
+    pub cache: Option<PathBuf>,
 }
 
 /// Sums of the loss, on the device and where the host sees them.
@@ -57,7 +62,7 @@ impl VulkanEngine {
     /// # Errors
     /// No loader, no driver, no device of that name, or one that cannot run the kernels.
     pub fn open(options: &Options) -> Result<Self, EngineError> {
-        let gpu = Gpu::open(options.device.as_deref(), options.allow_cpu, options.validation)?;
+        let gpu = Gpu::open(options)?;
         let place = bytemuck::Zeroable::zeroed();
         Ok(Self {
             stacks: Stacks::default(),
@@ -66,7 +71,7 @@ impl VulkanEngine {
             views: None,
             losses: None,
             transforms: super::fft::transforms(),
-            shape: Shape { frames: 0, place, purpose: Purpose::View },
+            shape: Shape { frames: 0, place, purpose: Purpose::View, quantised: false },
             slots: Vec::new(),
             written: HashMap::new(),
             clock: [(0, 0.0); Kernel::ALL.len()],
@@ -94,6 +99,20 @@ impl VulkanEngine {
     #[cfg(test)]
     pub(super) fn held(&self) -> (usize, usize) {
         (self.gpu.device.allocations(), self.gpu.recorder.pools())
+    }
+
+    /// From now on the driver answers to every submission that the device was lost.
+    #[cfg(test)]
+    pub(super) fn pretend_lost(&mut self) {
+        unsafe extern "system" fn lost(
+            _: ash::vk::Queue,
+            _: u32,
+            _: *const ash::vk::SubmitInfo<'_>,
+            _: ash::vk::Fence,
+        ) -> ash::vk::Result {
+            ash::vk::Result::ERROR_DEVICE_LOST
+        }
+        self.gpu.recorder.queue_submit = lost;
     }
 
     /// Sets barriers as a device without synchronization2 does.
@@ -167,7 +186,7 @@ impl VulkanEngine {
         let mut group: (Range<usize>, Vec<Slot>) = (0..0, Vec::new());
         for dispatch in list {
             if !dispatch.lanes.is_empty() && dispatch.lanes != group.0 {
-                group = (dispatch.lanes.clone(), slots(&step.lanes[dispatch.lanes.clone()], shape.frames));
+                group = (dispatch.lanes.clone(), slots(&step.lanes[dispatch.lanes.clone()], shape));
             }
             work.gpu.recorder.barrier();
             work.record(dispatch, &group.1)?;
@@ -234,6 +253,9 @@ impl Engine for VulkanEngine {
             (complex(frames), "field"),
             (complex(when(descends, frames)), "change"),
             (real(shape.points(), when(descends, 1)), "hits"),
+            (real((energy::MOST * energy::MOST) as usize, when(descends, 1)), "energy"),
+            (real(shape.pixels(), when(shape.quantised, frames)), "shown"),
+            (real(quantise::MOST, when(shape.quantised, 1)), "levels"),
         ];
         for (at, (layout, what)) in stacks.into_iter().enumerate() {
             self.stacks.0[at] = self.stack(layout, what)?;
@@ -279,9 +301,9 @@ impl Engine for VulkanEngine {
         if self.shape.frames == 0 {
             return Ok(vec![0.0; step.lanes.len()]);
         }
-        self.arenas.fit(&self.gpu, step, self.shape.frames)?;
+        self.arenas.fit(&self.gpu, step, &self.shape)?;
         if let Some(first) = step.list[part.clone()].iter().find(|d| !d.lanes.is_empty()) {
-            let group = slots(&step.lanes[first.lanes.clone()], self.shape.frames);
+            let group = slots(&step.lanes[first.lanes.clone()], &self.shape);
             self.place_written(&group)?;
         }
         self.tables.pack(&self.gpu, &step.lanes, self.views.as_ref())?;
@@ -310,6 +332,7 @@ fn lane_buffer(buffer: Buffer) -> Option<(Kind, usize)> {
         Buffer::Image(i) => (Kind::Image, i),
         Buffer::Target(i) => (Kind::Target, i),
         Buffer::Accumulator(i) => (Kind::Accumulator, i),
+        Buffer::Sums(i) => (Kind::Sums, i),
         _ => return None,
     })
 }

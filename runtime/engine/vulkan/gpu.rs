@@ -3,6 +3,7 @@
 use super::super::EngineError;
 use super::device::{Block, Device};
 use super::devices::{DeviceReport, Limits};
+use super::engine::Options;
 use super::instance::Messages;
 use super::pipelines::{Pipeline, Pipelines};
 use super::recorder::Recorder;
@@ -26,10 +27,11 @@ pub(super) struct Gpu {
 }
 
 impl Gpu {
-    /// Opens the device that `wanted` names (number, or part of its name), or the best one.
-    pub(super) fn open(wanted: Option<&str>, allow_cpu: bool, validation: bool) -> Result<Self, EngineError> {
-        let device = Device::open(wanted, allow_cpu, validation)?;
-        let (recorder, pipelines) = (Recorder::new(&device)?, Pipelines::new(&device)?);
+    /// Opens the device that the options name, or the best one.
+    pub(super) fn open(options: &Options) -> Result<Self, EngineError> {
+        let device = Device::open(options.device.as_deref(), options.allow_cpu, options.validation)?;
+        let recorder = Recorder::new(&device)?;
+        let pipelines = Pipelines::new(&device, options.cache.as_deref())?;
         let limits = device.report.limits;
         Ok(Self { recorder, pipelines, up: None, down: None, limits, device })
     }

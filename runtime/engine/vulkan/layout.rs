@@ -1,9 +1,10 @@
 //! Where values lie: frames at a stride inside a block, and the buffers of lanes inside arenas.
 
-use super::super::{EngineError, Lane, Step};
+use super::super::{EngineError, Lane, Shape, Step};
 use super::device::Block;
 use super::gpu::Gpu;
 use super::recorder::Range;
+use eyebox_kernels::exposure;
 use std::ops::Range as Lanes;
 
 /// Frames start at multiples of this many values: 256 bytes, the largest alignment that a device may ask for.
@@ -72,6 +73,9 @@ impl Layout {
     }
 }
 
+/// Kinds of lane buffers.
+const KINDS: usize = 6;
+
 /// A kind of lane buffer, and its arena's place in [`Arenas`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
@@ -80,27 +84,31 @@ pub(super) enum Kind {
     Image,
     Target,
     Accumulator,
+    Sums,
 }
 
 impl Kind {
-    pub(super) const ALL: [Self; 5] = [Self::Transfer, Self::Window, Self::Image, Self::Target, Self::Accumulator];
+    pub(super) const ALL: [Self; KINDS] =
+        [Self::Transfer, Self::Window, Self::Image, Self::Target, Self::Accumulator, Self::Sums];
 
     fn name(self) -> &'static str {
-        ["transfer", "window", "image", "target", "accumulator"][self as usize]
+        ["transfer", "window", "image", "target", "accumulator", "sums"][self as usize]
     }
 }
 
 /// Where one lane's buffers lie, by kind.
-pub(super) type Slot = [Layout; 5];
+pub(super) type Slot = [Layout; KINDS];
 
 /// The slots of neighbouring lanes, one behind the other in each arena. The same lanes always lie at the same places.
-pub(super) fn slots(lanes: &[Lane], frames: usize) -> Vec<Slot> {
-    let mut ends = [0u64; 5];
+pub(super) fn slots(lanes: &[Lane], shape: &Shape) -> Vec<Slot> {
+    let mut ends = [0u64; KINDS];
     let place = |lane: &Lane| {
         let count = lane.count();
         let level = lane.shot.as_ref().map_or(0, |s| s.args.height as usize * s.args.width as usize);
-        let sizes = [(1, count, 8), (frames, count, 8), (1, count, 4), (1, count, 4), (1, level, 4)];
-        let mut slot = [Layout { offset: 0, frames: 0, values: 0, size: 4 }; 5];
+        let sums = exposure::PART * lane.exposure(&shape.place).parts();
+        let sizes =
+            [(1, count, 8), (shape.frames, count, 8), (1, count, 4), (1, count, 4), (1, level, 4), (1, sums, 4)];
+        let mut slot = [Layout { offset: 0, frames: 0, values: 0, size: 4 }; KINDS];
         for ((layout, end), (frames, values, size)) in slot.iter_mut().zip(&mut ends).zip(sizes) {
             *layout = Layout { offset: *end, frames, values, size };
             *end += layout.bytes();
@@ -113,18 +121,18 @@ pub(super) fn slots(lanes: &[Lane], frames: usize) -> Vec<Slot> {
 /// The blocks in which the buffers of lanes lie: they only grow.
 #[derive(Default)]
 pub(super) struct Arenas {
-    blocks: [Option<Block>; 5],
+    blocks: [Option<Block>; KINDS],
 }
 
 impl Arenas {
     /// Makes room for the largest group of lanes of the whole step. What a block held is lost when it grows.
-    pub(super) fn fit(&mut self, gpu: &Gpu, step: &Step, frames: usize) -> Result<(), EngineError> {
-        let mut needs = [0u64; 5];
+    pub(super) fn fit(&mut self, gpu: &Gpu, step: &Step, shape: &Shape) -> Result<(), EngineError> {
+        let mut needs = [0u64; KINDS];
         let mut groups: Vec<Lanes<usize>> =
             step.list.iter().map(|d| d.lanes.clone()).filter(|l| !l.is_empty()).collect();
         groups.dedup();
         for group in groups {
-            if let Some(last) = slots(&step.lanes[group], frames).last() {
+            if let Some(last) = slots(&step.lanes[group], shape).last() {
                 for (need, layout) in needs.iter_mut().zip(last) {
                     *need = (*need).max(layout.offset + layout.bytes());
                 }

@@ -5,7 +5,7 @@ use super::{cache, device::Device};
 use ash::vk;
 use eyebox_spirv::Module;
 use std::collections::HashMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Bytes of push constants that every device has; all layouts take them whole.
@@ -33,9 +33,10 @@ pub(super) struct Pipelines {
 }
 
 impl Pipelines {
-    /// Reads the cache on disk.
-    pub(super) fn new(device: &Arc<Device>) -> Result<Self, EngineError> {
-        let file = cache::path(&device.properties);
+    /// Reads the cache on disk, in `folder` or where the user has it.
+    pub(super) fn new(device: &Arc<Device>, folder: Option<&Path>) -> Result<Self, EngineError> {
+        let folder = folder.map(Path::to_owned).or_else(cache::users_folder);
+        let file = folder.map(|f| f.join(cache::name(&device.properties)));
         let data = file.as_deref().and_then(|f| cache::read(f, &device.properties)).unwrap_or_default();
         let info = vk::PipelineCacheCreateInfo::default().initial_data(&data);
         // SAFETY: the data is either empty or what this driver wrote (header and checksum agree).

@@ -14,7 +14,7 @@ use eyebox_spirv as spirv;
 
 /// Pixels whose loss a workgroup of `compare` sums.
 const SHARE: usize = 2048;
-/// Columns or pixels of a workgroup, as all shaders but `compare` have it.
+/// Columns or pixels of a workgroup, as all shaders but `compare` and `exposure` have it.
 const WIDTH: usize = 64;
 
 /// Workgroups that fill any device a few times over.
@@ -30,7 +30,7 @@ pub(super) struct Stack {
 
 /// The buffers of the shape, those that its purpose needs.
 #[derive(Default)]
-pub(super) struct Stacks(pub(super) [Option<Stack>; 6]);
+pub(super) struct Stacks(pub(super) [Option<Stack>; 9]);
 
 impl Stacks {
     /// Where a buffer stands, if it is not a lane's.
@@ -42,8 +42,16 @@ impl Stacks {
             Buffer::Field => 3,
             Buffer::Change => 4,
             Buffer::Hits => 5,
+            Buffer::Energy => 6,
+            Buffer::Shown => 7,
+            Buffer::Levels => 8,
             _ => return None,
         })
+    }
+
+    /// The phases that make the field.
+    fn shown(&self, shape: &Shape) -> Result<&Stack, EngineError> {
+        self.get(if shape.quantised { Buffer::Shown } else { Buffer::Phases })
     }
 
     pub(super) fn get(&self, buffer: Buffer) -> Result<&Stack, EngineError> {
@@ -98,20 +106,25 @@ impl Work<'_> {
         let lanes = || step.lanes[dispatch.lanes.clone()].iter().zip(slots).enumerate();
         match dispatch.kernel {
             Kernel::Clear => self.clear(),
+            Kernel::Quantise => self.quantise(),
             Kernel::Modulate => self.modulate(),
             Kernel::FieldForward => self.transform(Buffer::Field, Direction::Forward),
             Kernel::ChangeInverse => self.transform(Buffer::Change, Direction::Inverse),
             Kernel::Balance => self.balance(),
+            Kernel::Energy => self.energy(),
+            Kernel::Even => self.even(),
             Kernel::Project => self.project(),
             Kernel::Adam => self.adam(),
             Kernel::Photograph => self.photograph(dispatch, slots),
             Kernel::Overlap => lanes().try_for_each(|(i, (lane, _))| self.overlap(first + i, lane)),
             Kernel::ReturnPupil => lanes().try_for_each(|(i, (lane, slot))| self.return_pupil(first + i, lane, slot)),
             Kernel::Transfer => lanes().try_for_each(|(i, (lane, slot))| self.transfer(first + i, lane, slot)),
+            Kernel::Taper => lanes().try_for_each(|(i, (lane, slot))| self.taper(first + i, lane, slot)),
             Kernel::Resample => lanes().try_for_each(|(i, (lane, slot))| self.resample(first + i, lane, slot)),
             Kernel::PassPupil => lanes().try_for_each(|(i, (lane, slot))| self.pass_pupil(first + i, lane, slot)),
             Kernel::Compare => lanes().try_for_each(|(i, (lane, slot))| self.compare(first + i, lane, slot)),
             Kernel::Intensity => lanes().try_for_each(|(_, (lane, slot))| self.intensity(lane, slot)),
+            Kernel::Exposure => lanes().try_for_each(|(_, (lane, slot))| self.exposure(lane, slot)),
             Kernel::Weigh => lanes().try_for_each(|(_, (lane, slot))| self.weigh(lane, slot)),
             Kernel::WindowInverse | Kernel::WindowForward => {
                 let direction = window_direction(dispatch.kernel);
@@ -128,8 +141,25 @@ impl Work<'_> {
         Ok(())
     }
 
+    fn quantise(&mut self) -> Result<(), EngineError> {
+        let (phases, shown) = (self.stacks.get(Buffer::Phases)?, self.stacks.get(Buffer::Shown)?);
+        let levels = self.stacks.get(Buffer::Levels)?;
+        for (first, count) in self.chunks(self.shape.frames, &[&phases.layout]) {
+            let buffers = [
+                phases.layout.range(&phases.block, first, count),
+                levels.layout.range(&levels.block, 0, 1),
+                shown.layout.range(&shown.block, first, count),
+            ];
+            let groups = self.along(phases.layout.values, count);
+            let more = [phases.layout.stride() as u32];
+            self.run(&spirv::QUANTISE, &buffers, &self.step.quantise, &more, groups)?;
+        }
+        Ok(())
+    }
+
     fn modulate(&mut self) -> Result<(), EngineError> {
-        let (phases, field) = (self.stacks.get(Buffer::Phases)?, self.stacks.get(Buffer::Field)?);
+        let stacks = self.stacks;
+        let (phases, field) = (stacks.shown(self.shape)?, stacks.get(Buffer::Field)?);
         let place = &self.shape.place;
         let more = [phases.layout.stride() as u32, field.layout.stride() as u32];
         self.over_frames(&spirv::MODULATE, &[phases, field], place, &more, place.grid_height, place.grid_width)
@@ -147,12 +177,45 @@ impl Work<'_> {
         Ok(())
     }
 
+    fn energy(&mut self) -> Result<(), EngineError> {
+        let (field, energy) = (self.stacks.get(Buffer::Field)?, self.stacks.get(Buffer::Energy)?);
+        let layout = &field.layout;
+        for (first, count) in self.chunks(layout.frames, &[layout]) {
+            let mut args = self.step.even.place;
+            args.accumulate |= u32::from(first > 0);
+            if first > 0 {
+                self.gpu.recorder.barrier();
+            }
+            let buffers = [layout.range(&field.block, first, count), energy.layout.range(&energy.block, 0, 1)];
+            let more = [count as u32, layout.stride() as u32];
+            self.run(&spirv::ENERGY, &buffers, &args, &more, [args.patches * args.patches, 1, 1])?;
+        }
+        Ok(())
+    }
+
+    fn even(&mut self) -> Result<(), EngineError> {
+        let (field, change) = (self.stacks.get(Buffer::Field)?, self.stacks.get(Buffer::Change)?);
+        let energy = self.stacks.get(Buffer::Energy)?;
+        let place = self.step.even.place;
+        let more = [field.layout.stride() as u32, change.layout.stride() as u32];
+        for (first, count) in self.chunks(self.shape.frames, &[&field.layout, &change.layout]) {
+            let buffers = [
+                energy.layout.range(&energy.block, 0, 1),
+                field.layout.range(&field.block, first, count),
+                change.layout.range(&change.block, first, count),
+            ];
+            let groups = self.rows(place.rows, place.columns, count);
+            self.run(&spirv::EVEN, &buffers, &self.step.even, &more, groups)?;
+        }
+        Ok(())
+    }
+
     fn project(&mut self) -> Result<(), EngineError> {
         let change = self.stacks.get(Buffer::Change)?;
         let (phases, velocity) = (self.stacks.get(Buffer::Phases)?, self.stacks.get(Buffer::Momentum)?);
         let place = &self.shape.place;
         let more = [change.layout.stride() as u32, phases.layout.stride() as u32];
-        let stacks = [change, phases, velocity];
+        let stacks = [change, self.stacks.shown(self.shape)?, phases, velocity];
         self.over_frames(&spirv::PROJECT, &stacks, &self.step.project, &more, place.height, place.width)
     }
 
@@ -162,7 +225,7 @@ impl Work<'_> {
         let second = self.stacks.get(Buffer::Second)?;
         let place = &self.shape.place;
         let more = [change.layout.stride() as u32, phases.layout.stride() as u32];
-        let stacks = [change, phases, first, second];
+        let stacks = [change, self.stacks.shown(self.shape)?, phases, first, second];
         self.over_frames(&spirv::ADAM, &stacks, &self.step.adam, &more, place.height, place.width)
     }
 
@@ -188,6 +251,14 @@ impl Work<'_> {
         let spans = self.tables.range(self.tables.lane(index).spans)?;
         let groups = self.rows(args.rows, args.columns, 1);
         self.run(&spirv::TRANSFER, &[spans, self.arenas.range(Kind::Transfer, slot)?], &floats, &more, groups)
+    }
+
+    fn taper(&mut self, index: usize, lane: &Lane, slot: &Slot) -> Result<(), EngineError> {
+        let Some(place) = self.tables.lane(index).taper else { return Ok(()) };
+        let (rows, columns) = (lane.transfer.rows, lane.transfer.columns);
+        let buffers = [self.tables.range(place)?, self.arenas.range(Kind::Transfer, slot)?];
+        let groups = self.rows(rows, columns, 1);
+        self.run(&spirv::TAPER, &buffers, &[rows, columns], &[], groups)
     }
 
     fn pass_pupil(&mut self, index: usize, lane: &Lane, slot: &Slot) -> Result<(), EngineError> {
@@ -311,6 +382,17 @@ impl Work<'_> {
             block.range(offsets[index], 4 * parts as u64),
         ];
         self.run(&spirv::COMPARE, &buffers, &lane.compare, &[], [parts as u32, 1, 1])
+    }
+
+    fn exposure(&mut self, lane: &Lane, slot: &Slot) -> Result<(), EngineError> {
+        let (arenas, args) = (self.arenas, lane.exposure(&self.shape.place));
+        let parts = args.parts();
+        if parts > self.gpu.limits().groups[0] as usize {
+            return Err(self.too_large("an image", lane.count()));
+        }
+        let buffers = [Kind::Image, Kind::Target, Kind::Sums].map(|kind| arenas.range(kind, slot));
+        let [image, target, sums] = buffers;
+        self.run(&spirv::EXPOSURE, &[image?, target?, sums?], &args, &[], [parts as u32, 1, 1])
     }
 
     fn weigh(&mut self, lane: &Lane, slot: &Slot) -> Result<(), EngineError> {

@@ -44,6 +44,8 @@ pub(super) struct Recorder {
     capacity: u32,
     marks: Vec<usize>,
     recording: bool,
+    /// The driver's `vkQueueSubmit`: where it first says that the device was lost.
+    pub(super) queue_submit: vk::PFN_vkQueueSubmit,
     /// The newer barriers, where the device has them.
     pub(super) modern: Option<khr::synchronization2::Device>,
     device: Arc<Device>,
@@ -62,6 +64,7 @@ impl Recorder {
             capacity: 0,
             marks: Vec::new(),
             recording: false,
+            queue_submit: device.raw.fp_v1_0().queue_submit,
             modern: device.synchronization2.clone(),
             device: Arc::clone(device),
         };
@@ -260,7 +263,8 @@ impl Recorder {
         // SAFETY: the queue is used by this recorder alone; all that was recorded lives until the wait is over.
         unsafe {
             raw.end_command_buffer(self.command).map_err(error("vkEndCommandBuffer"))?;
-            raw.queue_submit(self.device.queue, &info, vk::Fence::null()).map_err(error("vkQueueSubmit"))?;
+            let submitted = (self.queue_submit)(device.queue, 1, info.as_ptr(), vk::Fence::null());
+            submitted.result().map_err(error("vkQueueSubmit"))?;
             raw.wait_semaphores(&wait, u64::MAX).map_err(error("vkWaitSemaphores"))?;
         }
         self.submitted += 1;

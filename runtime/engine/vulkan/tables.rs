@@ -30,6 +30,7 @@ pub(super) struct TapPart {
 #[derive(Debug, Clone, Default)]
 pub(super) struct LaneTables {
     pub(super) spans: Place,
+    pub(super) taper: Option<Place>,
     pub(super) taps: Vec<TapPart>,
     pub(super) rows: Place,
     pub(super) columns: Place,
@@ -51,6 +52,7 @@ impl Tables {
         self.lanes.clear();
         for lane in lanes {
             let mut tables = LaneTables { spans: self.add(bytemuck::cast_slice(&lane.spans)), ..Default::default() };
+            tables.taper = lane.taper.as_ref().map(|weights| self.add(bytemuck::cast_slice(weights)));
             if let Some(shot) = &lane.shot {
                 tables.rows = self.add_table(&shot.rows);
                 tables.columns = self.add_table(&shot.columns);

@@ -1,13 +1,20 @@
 //! The device without the engine: a kernel runs, is timed, and the validation layer hears what is wrong.
 
+use super::engine::Options;
 use super::gpu::Gpu;
 use eyebox_kernels::{Complex32, ZERO, modulate};
 use eyebox_spirv as spirv;
 use std::sync::PoisonError;
 
+/// Watched, and with a cache of the tests' own.
+fn options() -> Options {
+    let cache = Some(std::env::temp_dir().join("eyebox-tests"));
+    Options { device: None, allow_cpu: true, validation: true, cache }
+}
+
 /// A software device will do, and must: tests are not skipped where there is none.
 pub(super) fn open() -> Gpu {
-    Gpu::open(None, true, true).unwrap_or_else(|e| panic!("{e}"))
+    Gpu::open(&options()).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// Closes the device and returns what the validation layer said from first to last.
@@ -67,7 +74,7 @@ fn a_hazard_is_heard() {
 fn a_smaller_device_gives_the_same() {
     use super::super::cpu::CpuEngine;
     use super::super::{Buffer, Dispatch, Engine, Kernel, Purpose};
-    use super::engine::{Options, VulkanEngine};
+    use super::engine::VulkanEngine;
     use crate::optics::{Optics, Pupil, WindowFactor};
     use crate::plan::{Comparison, Planner, Views};
     use crate::scene::{Pyramid, ViewGrid};
@@ -92,7 +99,7 @@ fn a_smaller_device_gives_the_same() {
         let losses = engine.run(&step).unwrap();
         (losses, engine.read(Buffer::Phases).unwrap(), engine.read(Buffer::Target(1)).unwrap())
     };
-    let mut engine = VulkanEngine::open(&Options { device: None, allow_cpu: true, validation: true }).unwrap();
+    let mut engine = VulkanEngine::open(&options()).unwrap();
     // Two frames of the field, three of phases, and less than all views of any level.
     engine.pretend_range(2 * 8 * 40 * 64 + 512);
     engine.pretend_old();
@@ -134,6 +141,84 @@ fn what_went_wrong_is_told_apart() {
     let too_much = gpu.block(1 << 46, "field").err().unwrap();
     assert!(too_much.to_string().contains("67108864 MiB for field"), "{too_much}");
     assert_eq!(close(gpu), Vec::<String>::new());
+}
+
+/// The driver loses the device in the middle of a solve: an error that names what ran, from every way in, and the
+/// engine can be closed.
+#[test]
+fn a_lost_device_is_an_error_everywhere() {
+    use super::super::{Buffer, Engine, EngineError, Kernel, Step};
+    use super::engine::VulkanEngine;
+    use crate::optics::{Color, Display, Padding, Pupil};
+    use crate::plan::{Comparison, Purpose, Shape, Timing};
+    use crate::scene::{self, Pyramid, Request};
+    use crate::solve::{Flow, Problem, Settings, SolveError, solve};
+    use std::sync::Arc;
+
+    /// Loses its device before a step.
+    struct Losing {
+        engine: VulkanEngine,
+        steps_left: usize,
+    }
+    impl Engine for Losing {
+        fn describe(&self) -> String {
+            self.engine.describe()
+        }
+        fn load(&mut self, shape: &Shape, views: Option<Arc<Pyramid>>) -> Result<(), EngineError> {
+            self.engine.load(shape, views)
+        }
+        fn write(&mut self, buffer: Buffer, data: &[f32]) -> Result<(), EngineError> {
+            self.engine.write(buffer, data)
+        }
+        fn read(&mut self, buffer: Buffer) -> Result<Vec<f32>, EngineError> {
+            self.engine.read(buffer)
+        }
+        fn run_part(&mut self, step: &Step, part: std::ops::Range<usize>) -> Result<Vec<f64>, EngineError> {
+            if part.start == 0 && step.list.iter().any(|d| d.kernel == Kernel::Project) {
+                match self.steps_left.checked_sub(1) {
+                    Some(left) => self.steps_left = left,
+                    None => self.engine.pretend_lost(),
+                }
+            }
+            self.engine.run_part(step, part)
+        }
+        fn timings(&self) -> Vec<Timing> {
+            self.engine.timings()
+        }
+        fn reset_timings(&mut self) {
+            self.engine.reset_timings();
+        }
+    }
+
+    let display = Display { height: 24, width: 30, ..Display::load("paper").unwrap() };
+    let field = scene::load("builtin:plane", &Request { views: 3, ..Request::new(&display, &[Color::Green]) }).unwrap();
+    let problem = Problem::new(&field, Color::Green, &display, Padding::default()).unwrap();
+    let settings = Settings { steps: 5, frames: 2, pupils: 2, efficiency: Some(0.5), ..Settings::default() };
+    let mut engine = Losing { engine: VulkanEngine::open(&options()).unwrap(), steps_left: 2 };
+    let messages = engine.engine.messages();
+    let mut steps = 0;
+    let error = solve(&problem, &settings, &mut engine, &mut |p| {
+        steps = p.step;
+        Flow::Continue
+    })
+    .unwrap_err();
+    let text = error.to_string();
+    assert!(matches!(error, SolveError::Engine(EngineError::DeviceLost { .. })), "{text}");
+    assert!(text.contains("was lost while it ran") && steps == 2, "{text}, after {steps} steps");
+    // Whatever is tried next says so too, and what it was.
+    let lost = |result: Result<(), EngineError>| match result {
+        Err(EngineError::DeviceLost { during, .. }) => during,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(lost(engine.read(Buffer::Phases).map(drop)), "a download");
+    assert_eq!(lost(engine.write(Buffer::Phases, &[0.0; 2 * 24 * 30])), "an upload");
+    let planner = problem.planner(2, settings.window);
+    let lane = planner.lane(&Pupil::from_mm([0.0, 0.0, 5.0, 0.0]), &Comparison::default());
+    let step = planner.view_step(vec![lane]);
+    assert_eq!(lost(engine.run_part(&step, 0..2).map(drop)), "modulate to field_forward");
+    assert_eq!(lost(engine.load(&planner.shape(Purpose::View), None)), "clearing");
+    drop(engine);
+    assert_eq!(*messages.lock().unwrap(), Vec::<String>::new());
 }
 
 /// A device whose kernels see only a few sub-frames at once, and that has the old barriers only, encodes the same bytes.

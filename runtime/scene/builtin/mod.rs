@@ -81,6 +81,14 @@ fn parse(source: &str) -> Result<(&'static str, Parameters), SceneError> {
     Ok((found.name, read))
 }
 
+/// Whether there is such a scene, with such parameters.
+///
+/// # Errors
+/// [`SceneError::Builtin`].
+pub(super) fn check(source: &str) -> Result<(), SceneError> {
+    parse(source).map(|_| ())
+}
+
 /// Renders `builtin:source` at the display's resolution.
 ///
 /// # Errors

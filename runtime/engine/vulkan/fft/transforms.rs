@@ -1,6 +1,7 @@
 //! Transforms of the host's frames, by themselves: for comparison with float64 and for measurement.
 
 use super::super::device::Block;
+use super::super::engine::Options;
 use super::super::gpu::Gpu;
 use super::{EngineError, Fft, Frames, Transform};
 use eyebox_kernels::Complex32;
@@ -25,12 +26,12 @@ pub struct Timed {
 }
 
 impl Transforms {
-    /// Opens the device that `wanted` names (number, or part of its name), or the best one, software devices included.
+    /// Opens a device.
     ///
     /// # Errors
-    /// No such device, or no validation layer where `validation` asks for it.
-    pub fn open(wanted: Option<&str>, validation: bool) -> Result<Self, EngineError> {
-        Ok(Self { block: None, fft: Fft::new(), gpu: Gpu::open(wanted, true, validation)? })
+    /// No such device, or no validation layer where the options ask for it.
+    pub fn open(options: &Options) -> Result<Self, EngineError> {
+        Ok(Self { block: None, fft: Fft::new(), gpu: Gpu::open(options)? })
     }
 
     /// Name of the device.

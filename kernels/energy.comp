@@ -1,0 +1,41 @@
+#version 450
+
+// energy[patch] += sum |field|^2 over the patch and all sub-frames. x: patch, one workgroup each.
+
+const uint SIZE = 128;
+
+layout(local_size_x = 128) in;
+layout(std430, binding = 0) readonly buffer Field { vec2 field[]; };
+layout(std430, binding = 1) buffer Energy { float energy[]; };
+layout(push_constant) uniform Args {
+    uint grid_height, grid_width, y0, x0, rows, columns, patches, accumulate;
+    // Sub-frames, and values from one to the next.
+    uint frames, field_stride;
+};
+
+shared float parts[SIZE];
+
+void main() {
+    uint a = gl_WorkGroupID.x / patches, b = gl_WorkGroupID.x % patches;
+    uint top = a * rows / patches, left = b * columns / patches;
+    uint height = (a + 1) * rows / patches - top, width = (b + 1) * columns / patches - left;
+    float sum = 0.0;
+    for (uint f = 0; f < frames; f++) {
+        for (uint i = gl_LocalInvocationID.x; i < height * width; i += SIZE) {
+            uint y = (y0 + top + i / width) % grid_height;
+            uint x = (x0 + left + i % width) % grid_width;
+            vec2 z = field[f * field_stride + y * grid_width + x];
+            sum += dot(z, z);
+        }
+    }
+    parts[gl_LocalInvocationID.x] = sum;
+    for (uint half_size = SIZE / 2; half_size > 0; half_size /= 2) {
+        barrier();
+        if (gl_LocalInvocationID.x < half_size) {
+            parts[gl_LocalInvocationID.x] += parts[gl_LocalInvocationID.x + half_size];
+        }
+    }
+    if (gl_LocalInvocationID.x == 0) {
+        energy[gl_WorkGroupID.x] = parts[0] + (accumulate != 0 ? energy[gl_WorkGroupID.x] : 0.0);
+    }
+}

@@ -1,0 +1,70 @@
+//! The light in each patch of the eyebox: `energy[patch] += sum |field|^2`, over a square of the spectrum that is
+//! divided into `patches` x `patches` (OPTICS 7, pupil-aware). All sub-frames.
+
+use crate::{Complex32, simd};
+use bytemuck::{Pod, Zeroable};
+
+/// Where the eyebox lies in the spectrum.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+pub struct Args {
+    /// Rows of the grid.
+    pub grid_height: u32,
+    /// Columns of the grid.
+    pub grid_width: u32,
+    /// First row of the eyebox, as an index of the DFT.
+    pub y0: u32,
+    /// First column.
+    pub x0: u32,
+    /// Rows of the eyebox, at most the grid's.
+    pub rows: u32,
+    /// Columns of the eyebox.
+    pub columns: u32,
+    /// Patches along each axis, 1 to [`MOST`].
+    pub patches: u32,
+    /// Add to what `energy` holds.
+    pub accumulate: u32,
+}
+
+/// Most patches along an axis.
+pub const MOST: u32 = 16;
+
+impl Args {
+    /// Rows (or columns) of patch `p` out of `n` in all.
+    pub fn part(&self, p: u32, n: u32) -> std::ops::Range<u32> {
+        p * n / self.patches..(p + 1) * n / self.patches
+    }
+
+    /// Whether the centre of patch (`a`, `b`) lies in the disc that the eyebox holds: its corners are where light
+    /// may go that no centred pupil sees.
+    pub fn counts(&self, a: u32, b: u32) -> bool {
+        let off = |p: u32| (2 * p + 1) as i64 - i64::from(self.patches);
+        off(a) * off(a) + off(b) * off(b) <= i64::from(self.patches) * i64::from(self.patches)
+    }
+}
+
+/// `field`: spectra, (frames, grid_height, grid_width); `energy` (patches, patches).
+pub fn energy(args: &Args, field: &[Complex32], energy: &mut [f32]) {
+    let (height, width) = (args.grid_height as usize, args.grid_width as usize);
+    simd(
+        #[inline(always)]
+        || {
+            for (patch, out) in energy.iter_mut().enumerate() {
+                let (a, b) = (patch as u32 / args.patches, patch as u32 % args.patches);
+                let columns = args.part(b, args.columns);
+                let mut sum = 0.0f64;
+                for frame in field.chunks_exact(height * width) {
+                    for j in args.part(a, args.rows) {
+                        let row = &frame[(args.y0 + j) as usize % height * width..][..width];
+                        let mut part = 0.0f32;
+                        for k in columns.clone() {
+                            part += row[(args.x0 + k) as usize % width].norm_sqr();
+                        }
+                        sum += f64::from(part);
+                    }
+                }
+                *out = sum as f32 + if args.accumulate != 0 { *out } else { 0.0 };
+            }
+        },
+    );
+}

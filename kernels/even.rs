@@ -1,0 +1,80 @@
+//! Evens out the light over the eyebox: adds to the change of the spectrum what brings each patch nearer to the mean of
+//! all (after Chakravarthula et al. 2022; OPTICS 7). One sub-frame; the patches' light is that of all.
+
+use crate::{Complex32, energy, simd};
+use bytemuck::{Pod, Zeroable};
+
+/// `mode`: scale each patch's amplitudes to the mean energy, the projection's way.
+pub const PROJECTION: u32 = 0;
+/// `mode`: derivative of `weight` times the mean of `(energy / mean - 1)^2`.
+pub const GRADIENT: u32 = 1;
+
+/// The patches, and how strongly they pull.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct Args {
+    /// Where the patches lie.
+    pub place: energy::Args,
+    /// [`PROJECTION`] or [`GRADIENT`].
+    pub mode: u32,
+    /// Of the term; in [`PROJECTION`] over the grid's points, in whose units `change` is.
+    pub weight: f32,
+    /// Largest ratio of amplitudes in [`PROJECTION`].
+    pub limit: f32,
+}
+
+impl Args {
+    /// The factor of each patch's spectrum, from the patches' energies (patches, patches). Patches outside the disc
+    /// have none.
+    pub fn factors(&self, energy: &[f32]) -> Vec<f32> {
+        let patches = self.place.patches;
+        let counts = |i: usize| self.place.counts(i as u32 / patches, i as u32 % patches);
+        let (mut n, mut sum, mut squares) = (0.0f32, 0.0f32, 0.0f32);
+        for (_, e) in energy.iter().enumerate().filter(|(i, _)| counts(*i)) {
+            n += 1.0;
+            sum += e;
+        }
+        let mean = sum / n.max(1.0);
+        if mean.is_nan() || mean <= 0.0 {
+            return vec![0.0; energy.len()];
+        }
+        for (_, e) in energy.iter().enumerate().filter(|(i, _)| counts(*i)) {
+            squares += (e / mean - 1.0) * (e / mean - 1.0);
+        }
+        let variance = squares / n;
+        let factor = |(i, e): (usize, &f32)| {
+            if !counts(i) {
+                0.0
+            } else if self.mode == PROJECTION {
+                let ratio = (mean / e.max(f32::MIN_POSITIVE)).sqrt();
+                self.weight * (ratio.min(self.limit) - 1.0)
+            } else {
+                // The mean moves with the energies: that is the variance's part.
+                2.0 * self.weight / (n * mean) * (e / mean - 1.0 - variance)
+            }
+        };
+        energy.iter().enumerate().map(factor).collect()
+    }
+}
+
+/// `energy` (patches, patches); `field`: the spectrum, `change`: its change, both (grid_height, grid_width).
+pub fn even(args: &Args, energy: &[f32], field: &[Complex32], change: &mut [Complex32]) {
+    let place = &args.place;
+    let (height, width) = (place.grid_height as usize, place.grid_width as usize);
+    let factors = args.factors(energy);
+    simd(
+        #[inline(always)]
+        || {
+            for (patch, factor) in factors.iter().enumerate().filter(|(_, f)| **f != 0.0) {
+                let (a, b) = (patch as u32 / place.patches, patch as u32 % place.patches);
+                for j in place.part(a, place.rows) {
+                    let row = (place.y0 + j) as usize % height * width;
+                    for k in place.part(b, place.columns) {
+                        let at = row + (place.x0 + k) as usize % width;
+                        change[at] += field[at] * factor;
+                    }
+                }
+            }
+        },
+    );
+}

@@ -1,0 +1,130 @@
+//! Colour error where one thing covers another: there the colours of a hologram come apart first.
+
+use palette::color_difference::Ciede2000;
+use palette::white_point::D65;
+use palette::{IntoColor, Lab, LinSrgb};
+
+/// CIEDE2000 (Sharma, Wu and Dalal 2005) per pixel between two pictures of red, green and blue planes. The display's
+/// linear channels are taken as linear sRGB with its white, D65.
+///
+/// # Panics
+/// If the planes do not have one size: the caller's mistake.
+pub fn color_difference(seen: [&[f32]; 3], wanted: [&[f32]; 3]) -> Vec<f64> {
+    let pixels = seen[0].len();
+    assert!(seen.iter().chain(&wanted).all(|p| p.len() == pixels), "all planes have one size");
+    let lab = |planes: &[&[f32]; 3], i: usize| -> Lab<D65, f64> {
+        let [r, g, b] = planes.map(|p| f64::from(p[i]));
+        LinSrgb::new(r, g, b).into_color()
+    };
+    (0..pixels).map(|i| lab(&seen, i).difference(lab(&wanted, i))).collect()
+}
+
+/// Pixels within `reach` pixels (by the larger of the two axes) of a step in depth of more than `step` between
+/// neighbours; `depth` is (height, width).
+///
+/// # Panics
+/// If `depth` is not `height` x `width`: the caller's mistake.
+pub fn edges(depth: &[f32], height: usize, width: usize, step: f32, reach: usize) -> Vec<bool> {
+    assert_eq!(depth.len(), height * width, "the depth map is {height} x {width}");
+    let mut near = vec![false; height * width];
+    for y in 0..height {
+        for x in 0..width {
+            let here = depth[y * width + x];
+            let parts = |there: f32| (there - here).abs() > step;
+            let edge = (x + 1 < width && parts(depth[y * width + x + 1]))
+                || (y + 1 < height && parts(depth[(y + 1) * width + x]));
+            if !edge {
+                continue;
+            }
+            // The step lies between this pixel and the next: both sides get the same reach.
+            let (right, below) = ((x + 1 + reach).min(width), (y + 1 + reach).min(height));
+            for row in y.saturating_sub(reach.saturating_sub(1))..below {
+                near[row * width + x.saturating_sub(reach.saturating_sub(1))..row * width + right].fill(true);
+            }
+        }
+    }
+    near
+}
+
+/// A mask at half the resolution, as [`pool2`](super::pool2) makes pictures: set where any of its four pixels is.
+pub fn pool_mask(mask: &[bool], height: usize, width: usize) -> Vec<bool> {
+    let values: Vec<f32> = mask.iter().map(|&m| f32::from(u8::from(m))).collect();
+    super::pool2(&values, height, width).iter().map(|v| *v > 0.0).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The test data that Sharma, Wu and Dalal published with the formula (Color Research and Application 30, 2005).
+    const SHARMA: [([f64; 3], [f64; 3], f64); 34] = [
+        ([50.0, 2.6772, -79.7751], [50.0, 0.0, -82.7485], 2.0425),
+        ([50.0, 3.1571, -77.2803], [50.0, 0.0, -82.7485], 2.8615),
+        ([50.0, 2.8361, -74.0200], [50.0, 0.0, -82.7485], 3.4412),
+        ([50.0, -1.3802, -84.2814], [50.0, 0.0, -82.7485], 1.0000),
+        ([50.0, -1.1848, -84.8006], [50.0, 0.0, -82.7485], 1.0000),
+        ([50.0, -0.9009, -85.5211], [50.0, 0.0, -82.7485], 1.0000),
+        ([50.0, 0.0, 0.0], [50.0, -1.0, 2.0], 2.3669),
+        ([50.0, -1.0, 2.0], [50.0, 0.0, 0.0], 2.3669),
+        ([50.0, 2.4900, -0.0010], [50.0, -2.4900, 0.0009], 7.1792),
+        ([50.0, 2.4900, -0.0010], [50.0, -2.4900, 0.0010], 7.1792),
+        ([50.0, 2.4900, -0.0010], [50.0, -2.4900, 0.0011], 7.2195),
+        ([50.0, 2.4900, -0.0010], [50.0, -2.4900, 0.0012], 7.2195),
+        ([50.0, -0.0010, 2.4900], [50.0, 0.0009, -2.4900], 4.8045),
+        ([50.0, -0.0010, 2.4900], [50.0, 0.0010, -2.4900], 4.8045),
+        ([50.0, -0.0010, 2.4900], [50.0, 0.0011, -2.4900], 4.7461),
+        ([50.0, 2.5, 0.0], [50.0, 0.0, -2.5], 4.3065),
+        ([50.0, 2.5, 0.0], [73.0, 25.0, -18.0], 27.1492),
+        ([50.0, 2.5, 0.0], [61.0, -5.0, 29.0], 22.8977),
+        ([50.0, 2.5, 0.0], [56.0, -27.0, -3.0], 31.9030),
+        ([50.0, 2.5, 0.0], [58.0, 24.0, 15.0], 19.4535),
+        ([50.0, 2.5, 0.0], [50.0, 3.1736, 0.5854], 1.0000),
+        ([50.0, 2.5, 0.0], [50.0, 3.2972, 0.0], 1.0000),
+        ([50.0, 2.5, 0.0], [50.0, 1.8634, 0.5757], 1.0000),
+        ([50.0, 2.5, 0.0], [50.0, 3.2592, 0.3350], 1.0000),
+        ([60.2574, -34.0099, 36.2677], [60.4626, -34.1751, 39.4387], 1.2644),
+        ([63.0109, -31.0961, -5.8663], [62.8187, -29.7946, -4.0864], 1.2630),
+        ([61.2901, 3.7196, -5.3901], [61.4292, 2.2480, -4.9620], 1.8731),
+        ([35.0831, -44.1164, 3.7933], [35.0232, -40.0716, 1.5901], 1.8645),
+        ([22.7233, 20.0904, -46.6940], [23.0331, 14.9730, -42.5619], 2.0373),
+        ([36.4612, 47.8580, 18.3852], [36.2715, 50.5065, 21.2231], 1.4146),
+        ([90.8027, -2.0831, 1.4410], [91.1528, -1.6435, 0.0447], 1.4441),
+        ([90.9257, -0.5406, -0.9208], [88.6381, -0.8985, -0.7239], 1.5381),
+        ([6.7747, -0.2908, -2.4247], [5.8714, -0.0985, -2.2286], 0.6377),
+        ([2.0776, 0.0795, -1.1350], [0.9033, -0.0636, -0.5514], 0.9082),
+    ];
+
+    #[test]
+    fn the_library_computes_the_published_differences() {
+        for (a, b, expected) in SHARMA {
+            let of = |[l, a, b]: [f64; 3]| Lab::<D65, f64>::new(l, a, b);
+            let found = of(a).difference(of(b));
+            assert!((found - expected).abs() < 1e-4, "{a:?} {b:?}: {found}, not {expected}");
+        }
+    }
+
+    #[test]
+    fn linear_light_goes_the_whole_way() {
+        // scikit-image 0.26: deltaE_ciede2000(rgb2lab(a), rgb2lab(b)) of the sRGB-encoded values.
+        let seen: [&[f32]; 3] = [&[0.2, 0.9, 0.01], &[0.4, 0.05, 0.02], &[0.1, 0.3, 0.015]];
+        let wanted: [&[f32]; 3] = [&[0.25, 0.7, 0.03], &[0.35, 0.2, 0.02], &[0.12, 0.3, 0.01]];
+        let found = color_difference(seen, wanted);
+        for (found, expected) in found.iter().zip([5.34543506, 11.44801092, 13.95968023]) {
+            // Their white differs in the fifth digit.
+            assert!((found - expected).abs() < 5e-3, "{found}, not {expected}");
+        }
+        assert!(color_difference(seen, seen).iter().all(|d| *d == 0.0));
+    }
+
+    #[test]
+    fn edges_are_where_depth_steps() {
+        // A step between columns 3 and 4, and a gentle slope down the rows.
+        let depth: Vec<f32> = (0..60).map(|i| if i % 10 > 3 { 1.0 } else { 0.0 } + 0.01 * (i / 10) as f32).collect();
+        let mask = edges(&depth, 6, 10, 0.1, 2);
+        for (i, m) in mask.iter().enumerate() {
+            assert_eq!(*m, (2..6).contains(&(i % 10)), "{i}");
+        }
+        assert!(edges(&depth, 6, 10, 2.0, 2).iter().all(|m| !m));
+        assert_eq!(pool_mask(&mask, 6, 10).iter().filter(|m| **m).count(), 6);
+    }
+}

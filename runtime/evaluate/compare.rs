@@ -1,0 +1,71 @@
+//! A hologram against its scene: a score for each pupil, all at one exposure.
+
+use super::{EvaluateError, psnr, ssim};
+use serde::{Deserialize, Serialize};
+
+/// What one pupil scored in one colour.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Score {
+    /// dB, peak 1.
+    pub psnr: f64,
+    /// None where the picture is smaller than SSIM's window.
+    pub ssim: Option<f64>,
+}
+
+/// Scores the intensities `seen` against the photographs `wanted`, pupil by pupil, all (height, width) and averaged
+/// over 2 x 2 pixels already, at one exposure for all of them: never one per pupil, which would hide an uneven eyebox
+/// (OPTICS 2).
+///
+/// Which exposure? Over pupils that all see about the same light, [`fit_exposure`](super::fit_exposure) over all of
+/// them does. Over pupils of which some see many times the light of others (the corners of the eyebox, where methods
+/// leave what they have no use for; a narrow pupil on the peak of smooth phase), such a fit follows the few brightest
+/// and leaves the rest in the dark: there it is fitted through the widest pupil, as a photographer would.
+///
+/// # Errors
+/// [`EvaluateError::Sizes`].
+pub fn compare(
+    seen: &[Vec<f32>],
+    wanted: &[Vec<f32>],
+    exposure: f64,
+    height: usize,
+    width: usize,
+) -> Result<Vec<Score>, EvaluateError> {
+    if seen.len() != wanted.len() {
+        return Err(EvaluateError::Sizes { one: seen.len(), other: wanted.len() });
+    }
+    let score = |(seen, wanted): (&Vec<f32>, &Vec<f32>)| {
+        let exposed: Vec<f32> = seen.iter().map(|v| v * exposure as f32).collect();
+        let psnr = psnr(&exposed, wanted)?;
+        let ssim = match ssim(&exposed, wanted, height, width) {
+            Ok(value) => Some(value),
+            Err(EvaluateError::TooSmall { .. }) => None,
+            Err(other) => return Err(other),
+        };
+        Ok(Score { psnr, ssim })
+    };
+    seen.iter().zip(wanted).map(score).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_dim_pupil_stays_dim() {
+        // The second pupil sees half the light: one exposure cannot serve both, and the scores say so.
+        let target: Vec<f32> = (0..256).map(|i| 0.2 + (i % 7) as f32 * 0.05).collect();
+        let bright: Vec<f32> = target.iter().map(|t| 2.0 * t).collect();
+        let scores = compare(&[bright, target.clone()], &[target.clone(), target], 0.5, 16, 16).unwrap();
+        assert!(scores[0].psnr > 100.0 && (scores[0].ssim.unwrap() - 1.0).abs() < 1e-6);
+        // Half of 0.35, give or take.
+        assert!((14.0..16.0).contains(&scores[1].psnr) && scores[1].ssim.unwrap() < 0.9, "{scores:?}");
+    }
+
+    #[test]
+    fn small_pictures_have_no_ssim() {
+        let small = compare(&[vec![0.5; 4]], &[vec![0.25; 4]], 0.5, 2, 2).unwrap();
+        assert!(small[0].ssim.is_none() && small[0].psnr.is_infinite());
+        assert!(compare(&[vec![0.0; 4]], &[], 1.0, 2, 2).is_err());
+        assert!(compare(&[vec![0.0; 4]], &[vec![0.0; 6]], 1.0, 2, 2).is_err());
+    }
+}

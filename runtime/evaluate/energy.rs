@@ -1,0 +1,146 @@
+//! Where in the eyebox the light is: the energy of the spectrum over the pupil plane, and how even it is.
+
+use crate::engine::{Buffer, Engine, EngineError};
+use crate::optics::{Optics, Pupil, Window, WindowFactor};
+use crate::plan::{Comparison, Planner};
+
+/// Energy per bin of the spectrum of the phases that `engine` holds, summed over sub-frames: (grid height, grid width)
+/// with the middle of the eyebox in the middle, +y down, and a mean of 1.
+///
+/// The engine must have been loaded with the planner's shape.
+///
+/// # Errors
+/// Those of the engine.
+pub fn energy(engine: &mut dyn Engine, planner: &Planner) -> Result<Vec<f64>, EngineError> {
+    let planner = Planner { factor: WindowFactor::Full, views: None, ..planner.clone() };
+    let (height, width) = (planner.grid.height, planner.grid.width);
+    // A pupil that passes everything: engines leave columns alone that no pupil passes.
+    let everything = Pupil { x: 0.0, y: 0.0, diameter: 2.0 * planner.grid.eyebox(), depth: 0.0 };
+    let step = planner.view_step(vec![planner.lane(&everything, &Comparison::default())]);
+    // Modulate, transform forward.
+    engine.run_part(&step, 0..2)?;
+    let field = engine.read(Buffer::Field)?;
+    let mut energy = vec![0.0; height * width];
+    for frame in field.chunks_exact(2 * height * width) {
+        for (i, value) in frame.chunks_exact(2).enumerate() {
+            let (row, column) = ((i / width + height / 2) % height, (i % width + width / 2) % width);
+            energy[row * width + column] += f64::from(value[0]).powi(2) + f64::from(value[1]).powi(2);
+        }
+    }
+    let mean = energy.iter().sum::<f64>() / energy.len() as f64;
+    if mean > 0.0 {
+        energy.iter_mut().for_each(|e| *e /= mean);
+    }
+    Ok(energy)
+}
+
+/// Mean energy of the bins inside each pupil's disc, 1 for an even eyebox; `energy` is that of [`energy`] over `grid`.
+/// A pupil that reaches no bin has none: 0.
+///
+/// # Panics
+/// If `energy` does not have the grid's size: the caller's mistake.
+pub fn passed(energy: &[f64], grid: &Optics, pupils: &[Pupil]) -> Vec<f64> {
+    let (height, width) = (grid.height, grid.width);
+    assert_eq!(energy.len(), height * width, "one value per bin");
+    let through = |pupil: &Pupil| {
+        let window = Window::new(grid, pupil, WindowFactor::One);
+        let (mut sum, mut count) = (0.0, 0usize);
+        for (j, &[first, end]) in window.spans(grid, pupil).iter().enumerate() {
+            // Spans hold existing bins only.
+            let row = window.y0 + j as i64 + height as i64 / 2;
+            for k in first..end {
+                let column = window.x0 + i64::from(k) + width as i64 / 2;
+                sum += energy[row as usize * width + column as usize];
+                count += 1;
+            }
+        }
+        if count > 0 { sum / count as f64 } else { 0.0 }
+    };
+    pupils.iter().map(through).collect()
+}
+
+/// Coefficient of variation: standard deviation over mean; 0 for nothing at all.
+pub fn variation(values: &[f64]) -> f64 {
+    let n = values.len().max(1) as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n;
+    if mean > 0.0 { variance.sqrt() / mean } else { 0.0 }
+}
+
+/// Mean over blocks, so that neither axis is longer than `most`: (height, width, values).
+pub fn reduce(values: &[f64], height: usize, width: usize, most: usize) -> (usize, usize, Vec<f64>) {
+    let scale = (most as f64 / height.max(width) as f64).min(1.0);
+    let (h, w) = ((height as f64 * scale).round().max(1.0) as usize, (width as f64 * scale).round().max(1.0) as usize);
+    let (mut sums, mut counts) = (vec![0.0; h * w], vec![0usize; h * w]);
+    for (i, v) in values.iter().enumerate() {
+        let at = (i / width * h / height) * w + i % width * w / width;
+        sums[at] += v;
+        counts[at] += 1;
+    }
+    (h, w, sums.iter().zip(counts).map(|(s, n)| s / n.max(1) as f64).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::places;
+    use super::*;
+    use crate::engine::cpu::CpuEngine as Cpu;
+    use crate::plan::Purpose;
+
+    fn spectrum_of(phases: &[f32], optics: Optics, frames: usize) -> Vec<f64> {
+        let planner = Planner::new(optics, frames, WindowFactor::Full);
+        let mut engine = Cpu::new();
+        engine.load(&planner.shape(Purpose::View), None).unwrap();
+        engine.write(Buffer::Phases, phases).unwrap();
+        energy(&mut engine, &planner).unwrap()
+    }
+
+    #[test]
+    fn a_grating_sends_its_light_where_it_should() {
+        // Three turns down over 12 rows, and minus two across 10 columns: bin (3, -2), so below and left of the middle.
+        let optics = Optics::new(12, 10, 8e-6, 520e-9, 0.4).unwrap();
+        let turn = std::f32::consts::TAU;
+        let phase = |i: usize| turn * (3.0 * (i / 10) as f32 / 12.0 - 2.0 * (i % 10) as f32 / 10.0);
+        let map = spectrum_of(&(0..120).map(phase).collect::<Vec<_>>(), optics, 1);
+        assert!((map[(6 + 3) * 10 + (5 - 2)] - 120.0).abs() < 1e-3, "{map:?}");
+        assert!(map.iter().sum::<f64>() - 120.0 < 1e-6);
+        // The pupil over that bin gets all of it, the one opposite nothing.
+        let (bin_y, bin_x) = optics.bin_size();
+        let there = Pupil { x: -2.0 * bin_x, y: 3.0 * bin_y, diameter: 0.5 * bin_x, depth: 0.0 };
+        let opposite = Pupil { x: -there.x, y: -there.y, ..there };
+        let seen = passed(&map, &optics, &[there, opposite]);
+        assert!((seen[0] - 120.0).abs() < 1e-3 && seen[1] < 1e-6, "{seen:?}");
+    }
+
+    #[test]
+    fn constant_phase_is_uneven_and_random_phase_is_even() {
+        let optics = Optics::new(64, 64, 8e-6, 520e-9, 0.4).unwrap();
+        let eyebox = 22e-3;
+        let pupils = places(eyebox, eyebox / 8.0, 9, 0.0);
+        let flat = passed(&spectrum_of(&[0.5; 4096], optics, 1), &optics, &pupils);
+        // All light in one of 81 pupils: sqrt(80).
+        assert!((variation(&flat) - 80f64.sqrt()).abs() < 1e-3);
+        let mut state = 1u64;
+        let random: Vec<f32> = (0..8 * 4096)
+            .map(|_| {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                (state >> 40) as f32 / 16_777_216.0 * std::f32::consts::TAU
+            })
+            .collect();
+        let even = passed(&spectrum_of(&random, optics, 8), &optics, &pupils);
+        assert!(variation(&even) < 0.1, "{}", variation(&even));
+        assert_eq!((variation(&[]), variation(&[0.0; 4])), (0.0, 0.0));
+    }
+
+    #[test]
+    fn reducing_keeps_the_mean() {
+        let values: Vec<f64> = (0..60).map(f64::from).collect();
+        let (h, w, small) = reduce(&values, 6, 10, 5);
+        assert_eq!((h, w), (3, 5));
+        assert_eq!(small[0], (0.0 + 1.0 + 10.0 + 11.0) / 4.0);
+        assert_eq!(reduce(&values, 6, 10, 256).2, values);
+        let tall: Vec<f64> = vec![1.0; 7 * 400];
+        let (h, w, small) = reduce(&tall, 400, 7, 256);
+        assert!(h == 256 && w == 4 && small.iter().all(|v| *v == 1.0));
+    }
+}

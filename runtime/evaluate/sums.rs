@@ -1,0 +1,129 @@
+//! The three sums from which exposure and PSNR follow, summed where the images are: no image is read back.
+
+use super::EvaluateError;
+use crate::engine::{Buffer, Engine, EngineError};
+use crate::optics::WindowFactor;
+use crate::plan::{Comparison, Planner, Sight};
+use eyebox_kernels::exposure::PART;
+
+/// What one sight's image `I` and target `T`, averaged over 2 x 2 pixels, come to.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Sums {
+    /// `<I, T>`.
+    pub with_target: f64,
+    /// `<I, I>`.
+    pub with_itself: f64,
+    /// `<T, T>`.
+    pub of_target: f64,
+    /// Averaged pixels.
+    pub pixels: usize,
+}
+
+impl Sums {
+    /// From the parts that the kernel `exposure` leaves.
+    pub fn of_parts(parts: &[f32], pixels: usize) -> Self {
+        let sum = |k: usize| parts.chunks_exact(PART).map(|p| f64::from(p[2 * k]) + f64::from(p[2 * k + 1])).sum();
+        Self { with_target: sum(0), with_itself: sum(1), of_target: sum(2), pixels }
+    }
+
+    /// The one exposure over all of them, as [`fit_exposure`](super::fit_exposure) finds it from the images.
+    ///
+    /// # Errors
+    /// [`EvaluateError::Dark`].
+    pub fn fit_exposure(all: &[Self]) -> Result<f64, EvaluateError> {
+        let with_itself: f64 = all.iter().map(|s| s.with_itself).sum();
+        if with_itself > 0.0 {
+            Ok(all.iter().map(|s| s.with_target).sum::<f64>() / with_itself)
+        } else {
+            Err(EvaluateError::Dark)
+        }
+    }
+
+    /// PSNR at this exposure, dB, as [`psnr`](super::psnr) finds it from the images; infinite where no error is left.
+    /// Within 0.01 dB up to 100 dB: beyond, the sums' 48 bits end.
+    pub fn psnr(&self, exposure: f64) -> f64 {
+        let error = exposure * (exposure * self.with_itself - 2.0 * self.with_target) + self.of_target;
+        // NaN stays NaN.
+        let error = if error < 0.0 { 0.0 } else { error };
+        -10.0 * (error / self.pixels as f64).log10()
+    }
+}
+
+/// The sums of each sight: of the phases that `engine` holds and the photographs of its views, on the SLM's pixels.
+///
+/// # Errors
+/// Those of the engine.
+pub fn sums(engine: &mut dyn Engine, planner: &Planner, sights: &[Sight]) -> Result<Vec<Sums>, EngineError> {
+    let planner = Planner { factor: WindowFactor::Full, ..planner.clone() };
+    let lanes = sights.iter().map(|s| planner.sight(s, &Comparison::default())).collect();
+    let step = planner.exposure_step(lanes);
+    let shared = step.list.iter().take_while(|d| d.lanes.is_empty()).count();
+    engine.run_part(&step, 0..shared)?;
+    let (each, place) = ((step.list.len() - shared) / step.lanes.len().max(1), planner.place());
+    let one = |(i, lane): (usize, &crate::plan::Lane)| {
+        engine.run_part(&step, shared + i * each..shared + (i + 1) * each)?;
+        Ok(Sums::of_parts(&engine.read(Buffer::Sums(0))?, lane.exposure(&place).pixels()))
+    };
+    step.lanes.iter().enumerate().map(one).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evaluate::{fit_exposure, pool2, psnr};
+    use eyebox_kernels::exposure::{Args, exposure};
+
+    fn noise(count: usize, seed: u64) -> Vec<f32> {
+        let mix = |i: u64| (i + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(29).wrapping_mul(seed | 0x2545_f491);
+        (0..count as u64).map(|i| (mix(i + (seed << 32)) >> 40) as f32 / (1 << 24) as f32).collect()
+    }
+
+    fn sums_of(image: &[f32], target: &[f32], height: usize, width: usize) -> Sums {
+        let args = Args { height: height as u32, width: width as u32, pitch: width as u32, top: 0, left: 0 };
+        let mut parts = vec![0.0; PART * args.parts()];
+        exposure(&args, image, target, &mut parts);
+        Sums::of_parts(&parts, args.pixels())
+    }
+
+    /// Odd sizes, single rows and columns, more than one part; from poor images to nearly perfect ones.
+    #[test]
+    fn exposure_and_psnr_are_those_of_the_images() {
+        for (height, width) in [(1, 1), (1, 9), (9, 1), (7, 13), (45, 64), (151, 203)] {
+            let target = noise(height * width, 1);
+            for decibels in [10.0, 30.0, 60.0, 100.0] {
+                // The image lies 1 / 0.7 above the target, and beside it by so much.
+                let beside = noise(height * width, 2);
+                let far = (10f64.powf(-decibels / 20.0) * 12f64.sqrt()) as f32;
+                let image: Vec<f32> =
+                    target.iter().zip(&beside).map(|(t, n)| (t + far * (n - 0.5)).max(0.0) / 0.7).collect();
+                let sums = sums_of(&image, &target, height, width);
+                let (image, target) = (pool2(&image, height, width), pool2(&target, height, width));
+                assert_eq!(sums.pixels, target.len());
+                let wanted = fit_exposure([(&image[..], &target[..])]).unwrap();
+                let found = Sums::fit_exposure(&[sums]).unwrap();
+                assert!((found / wanted - 1.0).abs() < 1e-12, "{height} x {width}: {found}, not {wanted}");
+                // At the fitted exposure (of one pixel nothing is left there), and at another.
+                for exposure in [wanted, 0.9 * wanted].into_iter().skip(usize::from(target.len() < 2)) {
+                    let error =
+                        image.iter().zip(&target).map(|(i, t)| (exposure * f64::from(*i) - f64::from(*t)).powi(2));
+                    let exact = -10.0 * (error.sum::<f64>() / target.len() as f64).log10();
+                    let got = sums.psnr(exposure);
+                    assert!((got - exact).abs() < 0.01, "{height} x {width}: {got} dB, not {exact}");
+                    let seen: Vec<f32> = image.iter().map(|i| i * exposure as f32).collect();
+                    if exact < 90.0 {
+                        assert!((got - psnr(&seen, &target).unwrap()).abs() < 0.01);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_has_no_light_has_no_exposure() {
+        let sums = sums_of(&[0.0; 35], &[0.5; 35], 5, 7);
+        assert_eq!(Sums::fit_exposure(&[sums, sums]), Err(EvaluateError::Dark));
+        assert!((sums.psnr(1.0) - 10.0 * 4f64.log10()).abs() < 1e-9);
+        assert_eq!(sums_of(&[0.5; 35], &[0.5; 35], 5, 7).psnr(1.0), f64::INFINITY);
+        assert!(sums_of(&[f32::NAN; 4], &[0.5; 4], 2, 2).psnr(1.0).is_nan());
+    }
+}

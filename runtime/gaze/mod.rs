@@ -1,0 +1,58 @@
+//! From what a tracker says to where the pupil will be when the light arrives.
+//!
+//! The way of a sample, each stage a file, pure, with times from outside, and each printable:
+//!
+//! 1. [`place`]: tracker coordinates to metres in the pupil plane, by a user's [`Calibration`] or the rotation of the
+//!    eye, for both eyes, and what is implausible refused;
+//! 2. [`one_euro`]: jitter is filtered, its lag known;
+//! 3. [`saccade`]: a jump is noticed, and where it will land is said while it flies;
+//! 4. [`Estimator`]: keeps these together, through blinks and losses (hold, then widen), and predicts.
+//!
+//! The result is a [`PupilDistribution`], not a point: that is what a solver draws pupils from, and its spread is a
+//! promise that is tested. This room imports [`trackers`](crate::trackers) (the samples), [`optics`](crate::optics) and
+//! [`files`](crate::files); it has no threads and no clock.
+
+pub mod one_euro;
+pub mod place;
+pub mod saccade;
+
+mod calibration;
+mod distribution;
+mod estimator;
+mod settings;
+#[cfg(test)]
+mod tests;
+
+pub use calibration::{Affine, Calibration, Fit, Pair};
+pub use distribution::PupilDistribution;
+pub use estimator::{Estimator, Phase, Stages};
+pub use settings::{Eye, Settings};
+
+/// What can be wrong with a calibration or a setting.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum GazeError {
+    /// Too few fixations, or all on a line.
+    #[error("a calibration needs at least 3 fixations that are not on a line{0}")]
+    TooFew(String),
+    /// The fixations do not agree with each other.
+    #[error(
+        "the fixations do not fit together: they are {rms_mm:.2} mm off on average, {limit_mm:.1} mm at most; repeat them"
+    )]
+    Disagree {
+        /// Root mean square of what is left, mm.
+        rms_mm: f64,
+        /// What is accepted, mm.
+        limit_mm: f64,
+    },
+    /// A file cannot be used.
+    #[error("{file}: {reason}")]
+    File {
+        /// The file.
+        file: String,
+        /// What is wrong, where, and what would be right.
+        reason: String,
+    },
+    /// A setting is out of its range.
+    #[error("{0}")]
+    Setting(String),
+}

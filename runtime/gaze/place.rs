@@ -1,0 +1,263 @@
+//! Tracker coordinates to metres in the pupil plane, and what is not believed.
+
+use super::{Calibration, Eye, Settings};
+use crate::trackers::{Quantity, Reading, Sample, Unit};
+use serde::Serialize;
+
+/// A believed measurement of the pupil.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Placed {
+    /// When, nanoseconds of the samples' clock.
+    pub time_ns: u64,
+    /// Where, metres in the pupil plane.
+    pub position: [f64; 2],
+    /// How wide, metres.
+    pub diameter: Option<f64>,
+    /// Standard deviation of what no filter takes away, metres: the calibration's, the other eye's.
+    pub bias: f64,
+}
+
+/// Why a sample is not believed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Refusal {
+    /// The eye was not seen.
+    NotSeen,
+    /// It was hardly seen.
+    Confidence,
+    /// There is no map for what was measured: it needs a calibration.
+    NoMap,
+    /// Farther out than the eyebox.
+    OutOfReach,
+    /// The sample's time stands still, runs back, or lies ahead of its arrival.
+    Time,
+    /// The eyes are too near to each other, or too far apart.
+    BetweenEyes,
+    /// No eye turns so fast.
+    TooFast,
+}
+
+impl std::fmt::Display for Refusal {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::NotSeen => "the eye is not seen",
+            Self::Confidence => "the eye is hardly seen",
+            Self::NoMap => "what is measured needs a calibration",
+            Self::OutOfReach => "outside the eyebox",
+            Self::Time => "its time is wrong",
+            Self::BetweenEyes => "the distance between the eyes is impossible",
+            Self::TooFast => "no eye turns so fast",
+        })
+    }
+}
+
+/// Samples that agree among themselves after a jump that no eye makes: then the earlier ones were wrong.
+const AGREE: u32 = 3;
+
+/// Places samples; remembers how the eyes differ, and the last believed one.
+#[derive(Debug, Clone)]
+pub struct Placer {
+    settings: Settings,
+    calibration: Option<Calibration>,
+    /// Right less left, and how often it was seen.
+    offset: [f64; 2],
+    offset_square: f64,
+    offset_count: u32,
+    last: Option<Placed>,
+    last_time_ns: Option<u64>,
+    suspect: Option<(Placed, u32)>,
+    /// Confidence of left, right, combined as it usually is.
+    usual: [f64; 3],
+}
+
+/// Less than this share of the usual confidence: a lid is on its way, and the visible part's centre is not the pupil's.
+const UNUSUAL: f64 = 0.85;
+
+impl Placer {
+    /// Without a calibration the rotation of the eye is all that is known.
+    pub fn new(settings: Settings, calibration: Option<Calibration>) -> Self {
+        Self {
+            settings,
+            calibration,
+            offset: [0.0; 2],
+            offset_square: 0.0,
+            offset_count: 0,
+            last: None,
+            last_time_ns: None,
+            suspect: None,
+            usual: [0.0; 3],
+        }
+    }
+
+    /// Where a sample says that the pupil is; `noise` is the standard deviation of its coordinates.
+    ///
+    /// # Errors
+    /// Why it is not believed.
+    pub fn place(&mut self, sample: &Sample, noise: f64) -> Result<Placed, Refusal> {
+        let stale = self.last_time_ns.is_some_and(|last| sample.time_ns <= last);
+        if stale || sample.time_ns > sample.received_ns {
+            return Err(Refusal::Time);
+        }
+        self.last_time_ns = Some(sample.time_ns);
+        self.between_eyes(sample)?;
+        for (usual, reading) in self.usual.iter_mut().zip([&sample.left, &sample.right, &sample.combined]) {
+            if let Some(r) = reading.filter(|r| r.valid && r.confidence >= self.settings.confidence) {
+                let first = *usual == 0.0;
+                *usual += if first { 1.0 } else { 0.01 } * (r.confidence - *usual);
+            }
+        }
+        let placed = self.one(sample)?;
+        if placed.position.iter().any(|p| !p.is_finite() || p.abs() > self.settings.reach) {
+            return Err(Refusal::OutOfReach);
+        }
+        self.believe(placed, noise)
+    }
+
+    fn between_eyes(&self, sample: &Sample) -> Result<(), Refusal> {
+        let (Some(l), Some(r)) = (&sample.left, &sample.right) else { return Ok(()) };
+        if !(in_space(l) && in_space(r) && l.valid && r.valid) {
+            return Ok(());
+        }
+        let (Some(a), Some(b)) = (l.distance, r.distance) else { return Ok(()) };
+        let apart = (l.position[0] - r.position[0]).hypot(l.position[1] - r.position[1]).hypot(a - b);
+        let [low, high] = self.settings.between_eyes;
+        if (low..=high).contains(&apart) { Ok(()) } else { Err(Refusal::BetweenEyes) }
+    }
+
+    /// Both eyes, one, or what stands for both.
+    fn one(&mut self, sample: &Sample) -> Result<Placed, Refusal> {
+        let left = self.map(0, &sample.left, |c| c.left.as_ref(), sample);
+        let right = self.map(1, &sample.right, |c| c.right.as_ref(), sample);
+        if let (Ok(l), Ok(r)) = (&left, &right) {
+            self.compare(l.0, r.0);
+        }
+        let wanted = self.settings.eye;
+        let shifted = |found: (([f64; 2], f64), Option<f64>), by: f64| {
+            let ((position, bias), diameter) = found;
+            let known = self.offset_count > 0;
+            let position = [0, 1].map(|i| position[i] + by * self.offset[i]);
+            // Vergence changes: the other eye is a witness, not the eye itself.
+            let bias = bias.hypot(if known { self.offset_square.sqrt().min(1e-3) } else { 0.5e-3 });
+            (position, bias, diameter)
+        };
+        let plain = |((position, bias), diameter): (([f64; 2], f64), Option<f64>)| (position, bias, diameter);
+        let with = |found: ([f64; 2], f64, Option<f64>)| {
+            let (position, bias, diameter) = found;
+            Ok(Placed { time_ns: sample.time_ns, position, bias, diameter })
+        };
+        let (l, r) = (
+            left.map(|(p, b)| ((p, b), diameter(&sample.left))),
+            right.map(|(p, b)| ((p, b), diameter(&sample.right))),
+        );
+        match (wanted, l, r) {
+            (Eye::Left, Ok(l), _) => with(plain(l)),
+            (Eye::Right, _, Ok(r)) => with(plain(r)),
+            (Eye::Left, Err(_), Ok(r)) => with(shifted(r, -1.0)),
+            (Eye::Right, Ok(l), Err(_)) => with(shifted(l, 1.0)),
+            (Eye::Mean, Ok(((a, x), da)), Ok(((b, y), db))) => {
+                let diameter = match (da, db) {
+                    (Some(a), Some(b)) => Some((a + b) / 2.0),
+                    (a, b) => a.or(b),
+                };
+                with(([0, 1].map(|i| (a[i] + b[i]) / 2.0), x.max(y), diameter))
+            }
+            (Eye::Mean, Ok(l), Err(_)) => with(shifted(l, 0.5)),
+            (Eye::Mean, Err(_), Ok(r)) => with(shifted(r, -0.5)),
+            (_, Err(why_left), Err(why_right)) => {
+                let combined = self.map(2, &sample.combined, |c| c.combined.as_ref(), sample);
+                // The most telling reason: something was there, but not good enough.
+                let (position, bias) = combined.map_err(|why| {
+                    let told = [why, why_left, why_right].into_iter().find(|w| *w != Refusal::NotSeen);
+                    told.unwrap_or(Refusal::NotSeen)
+                })?;
+                with((position, bias, diameter(&sample.combined)))
+            }
+        }
+    }
+
+    /// One reading in the pupil plane, with the standard deviation of its map.
+    fn map(
+        &self,
+        index: usize,
+        reading: &Option<Reading>,
+        fit: impl Fn(&Calibration) -> Option<&super::Fit>,
+        sample: &Sample,
+    ) -> Result<([f64; 2], f64), Refusal> {
+        let Some(reading) = reading.as_ref().filter(|r| r.valid) else { return Err(Refusal::NotSeen) };
+        let least = self.settings.confidence.max(UNUSUAL * self.usual[index]);
+        if reading.confidence.is_nan() || reading.confidence < least {
+            return Err(Refusal::Confidence);
+        }
+        match &self.calibration {
+            Some(calibration) => {
+                let fit = fit(calibration).filter(|f| f.unit == reading.unit).ok_or(Refusal::NoMap)?;
+                Ok((fit.map.apply(reading.position), fit.residual))
+            }
+            None => Ok((rotation(reading, sample.combined.as_ref(), &self.settings).ok_or(Refusal::NoMap)?, 0.0)),
+        }
+    }
+
+    fn compare(&mut self, left: [f64; 2], right: [f64; 2]) {
+        self.offset_count = self.offset_count.saturating_add(1);
+        let share = (1.0 / f64::from(self.offset_count)).max(0.01);
+        let difference = [0, 1].map(|i| right[i] - left[i] - self.offset[i]);
+        self.offset = [0, 1].map(|i| self.offset[i] + share * difference[i]);
+        let square = (difference[0].powi(2) + difference[1].powi(2)) / 2.0;
+        self.offset_square += share * (square.min(1e-4) - self.offset_square);
+    }
+
+    /// Refuses jumps that no eye makes, until several samples agree that it is there.
+    fn believe(&mut self, placed: Placed, noise: f64) -> Result<Placed, Refusal> {
+        let near = |a: &Placed| {
+            let seconds = placed.time_ns.saturating_sub(a.time_ns) as f64 * 1e-9;
+            let far = (placed.position[0] - a.position[0]).hypot(placed.position[1] - a.position[1]);
+            far <= self.settings.fastest * self.settings.radius * seconds + 5.0 * noise + 0.25e-3
+        };
+        if self.last.as_ref().is_none_or(near) {
+            self.suspect = None;
+            self.last = Some(placed);
+            return Ok(placed);
+        }
+        let count = match &self.suspect {
+            Some((before, count)) if near(before) => count + 1,
+            _ => 1,
+        };
+        if count >= AGREE {
+            self.suspect = None;
+            self.last = Some(placed);
+            return Ok(placed);
+        }
+        self.suspect = Some((placed, count));
+        Err(Refusal::TooFast)
+    }
+}
+
+fn in_space(reading: &Reading) -> bool {
+    reading.quantity == Quantity::Pupil && reading.unit == Unit::Metres && reading.distance.is_some()
+}
+
+fn diameter(reading: &Option<Reading>) -> Option<f64> {
+    reading.as_ref().filter(|r| r.valid)?.diameter
+}
+
+/// The pupil's place without a calibration: an eye that turns about its centre, `radius` behind the pupil.
+///
+/// Positions in the plane are taken as they are; directions and gaze points turn the eye; of an eye in space, the
+/// direction to the gaze point turns it, where there is one.
+pub fn rotation(reading: &Reading, gaze: Option<&Reading>, settings: &Settings) -> Option<[f64; 2]> {
+    let turned = |angles: [f64; 2]| angles.map(|a| settings.radius * a.sin());
+    let towards = |point: [f64; 2], distance: f64| turned(point.map(|p| p.atan2(distance)));
+    Some(match (reading.quantity, reading.unit) {
+        (_, Unit::Counts) => return None,
+        (_, Unit::Normalized) => reading.position.map(|p| (p - 0.5) * settings.picture),
+        (_, Unit::Radians) => turned(reading.position),
+        (Quantity::Gaze, Unit::Metres) => towards(reading.position, settings.screen_distance),
+        (Quantity::Pupil, Unit::Metres) => {
+            let gaze = gaze.filter(|g| g.valid && g.quantity == Quantity::Gaze && g.unit == Unit::Metres);
+            match (reading.distance, gaze) {
+                (Some(z), Some(gaze)) if z > 0.05 => towards([0, 1].map(|i| gaze.position[i] - reading.position[i]), z),
+                _ => reading.position,
+            }
+        }
+    })
+}

@@ -1,0 +1,87 @@
+//! What one comparison looks through: an eye's pupil, or a window of the short-time Fourier transform.
+
+use super::{Comparison, Lane, Planner, Shot};
+use crate::optics::{Pupil, WindowFactor};
+use std::f64::consts::PI;
+
+/// What one comparison looks through.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Sight {
+    /// An eye's pupil: the exact disc on the wave, and the photograph that the light field gives through the same disc.
+    Pupil(Pupil),
+    /// One coefficient of the short-time Fourier transform of the SLM's field, at every pixel (Choi et al. 2022): a
+    /// window of `samples` x `samples` pixels (Hann), at the frequency of one view, against that view as it is.
+    Stft {
+        /// Which view, row-major.
+        view: usize,
+        /// Pixels of the window along each axis.
+        samples: usize,
+        /// Diameter in the pupil plane of the circular filter behind the SLM, metres; infinite for none.
+        filter: f64,
+    },
+}
+
+impl Planner {
+    /// What `sight` needs.
+    pub fn sight(&self, sight: &Sight, comparison: &Comparison) -> Lane {
+        match *sight {
+            Sight::Pupil(pupil) => self.lane(&pupil, comparison),
+            Sight::Stft { view, samples, filter } => self.stft(view, samples, filter, comparison),
+        }
+    }
+
+    fn stft(&self, view: usize, samples: usize, filter: f64, comparison: &Comparison) -> Lane {
+        // A filter that is wider than the square's diagonal passes all of it.
+        let diameter = filter.min(4.0 * self.grid.eyebox());
+        let pupil = Pupil { x: 0.0, y: 0.0, diameter, depth: 0.0 };
+        let full = Self { factor: WindowFactor::Full, ..self.clone() };
+        let window = hann(samples);
+        // The window's spectrum is 1 at its middle; its power, by Parseval, is what an even field sends through.
+        let axis = window.iter().map(|w| w * w).sum::<f64>() / window.iter().sum::<f64>().powi(2);
+        let mut lane = full.lane_of(&pupil, axis * axis, comparison);
+        let (x, y) = self.views.as_ref().map_or((0.0, 0.0), |v| v.grid.position(view));
+        let (bin_y, bin_x) = self.grid.bin_size();
+        let weights = |first: i64, count: usize, n: usize, s: f64, bin: f64| {
+            (0..count).map(move |j| ((first + j as i64) as f64 - s / bin) / n as f64).collect::<Vec<f64>>()
+        };
+        let rows = weights(lane.window.y0, lane.window.rows, self.grid.height, y, bin_y);
+        let columns = weights(lane.window.x0, lane.window.columns, self.grid.width, x, bin_x);
+        lane.taper = Some(rows.into_iter().chain(columns).map(|nu| spectrum(&window, nu) as f32).collect());
+        if let Some(shot) = &mut lane.shot {
+            *shot = Shot { taps: self.views.as_ref().map(|v| v.grid.only(view)).into_iter().collect(), ..shot.clone() };
+            shot.args.taps = 1;
+        }
+        lane
+    }
+}
+
+/// Hann's window over `n` samples, none of them zero, symmetric about its middle.
+fn hann(n: usize) -> Vec<f64> {
+    (0..n).map(|j| (PI * (j + 1) as f64 / (n + 1) as f64).sin().powi(2)).collect()
+}
+
+/// The spectrum of a symmetric window about its middle, at `nu` turns per sample; 1 at zero.
+fn spectrum(window: &[f64], nu: f64) -> f64 {
+    let middle = (window.len() as f64 - 1.0) / 2.0;
+    let at = |(j, w): (usize, &f64)| w * (2.0 * PI * nu * (j as f64 - middle)).cos();
+    window.iter().enumerate().map(at).sum::<f64>() / window.iter().sum::<f64>()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_windows_of_all_views_share_the_light_evenly() {
+        // Shifted by 1/n they tile the spectrum: the sum of their powers is the same at every frequency.
+        for n in [1, 3, 9, 10] {
+            let window = hann(n);
+            let total = |nu: f64| (0..n).map(|k| spectrum(&window, nu - k as f64 / n as f64).powi(2)).sum::<f64>();
+            let want = n as f64 * window.iter().map(|w| w * w).sum::<f64>() / window.iter().sum::<f64>().powi(2);
+            for nu in [0.0, 0.03, 0.2, 0.41] {
+                assert!((total(nu) - want).abs() < 1e-12, "{n} at {nu}: {}, not {want}", total(nu));
+            }
+        }
+        assert!((spectrum(&hann(9), 0.0) - 1.0).abs() < 1e-15);
+    }
+}

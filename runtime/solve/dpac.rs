@@ -1,0 +1,84 @@
+//! The double-phase method: every value of a complex field as two phases on a checkerboard (Maimone, Georgiou and
+//! Kollin, SIGGRAPH 2017). The field is that of the central view, each pixel at its depth, with smooth phase.
+
+use super::{Problem, Settings, SolveError};
+use crate::engine::{Buffer, Engine};
+use crate::optics::{Pupil, WindowFactor};
+use crate::plan::{Comparison, Purpose};
+use crate::scene;
+use eyebox_kernels::trig::wrap;
+use std::sync::Arc;
+
+/// Depths that a scene is cut into.
+const LAYERS: usize = 48;
+
+/// Phases (frames, height, width): sub-frames differ in which half of the checkerboard a pixel belongs to.
+///
+/// The engine is loaded for one sub-frame, and must be loaded again for what comes after.
+///
+/// # Errors
+/// Those of the engine.
+pub(super) fn phases(problem: &Problem, settings: &Settings, engine: &mut dyn Engine) -> Result<Vec<f32>, SolveError> {
+    let planner = problem.planner(1, WindowFactor::Full);
+    engine.load(&planner.shape(Purpose::Project), Some(Arc::clone(&problem.pyramid)))?;
+    let per_pixel = problem.optics.depth_of_disparity(1.0, problem.views.cell);
+    let range = settings.depth.map(|z| z / per_pixel);
+    let (light, disparity) = scene::central_view(&problem.pyramid, &problem.views, range);
+
+    // Each layer holds the pixels nearest to its depth; its light passes the disc that a centred eye can see.
+    let layers = if range[1] > range[0] { LAYERS } else { 1 };
+    let step = (range[1] - range[0]) / layers as f64;
+    let layer_of = |d: f32| (((f64::from(d) - range[0]) / step) as usize).min(layers - 1);
+    let layer: Vec<usize> = disparity.iter().map(|d| if layers == 1 { 0 } else { layer_of(*d) }).collect();
+    let lane = |i: usize| {
+        let depth = (range[0] + (i as f64 + 0.5) * step) * per_pixel;
+        let pupil = Pupil { x: 0.0, y: 0.0, diameter: problem.eyebox, depth };
+        planner.lane(&pupil, &Comparison::default())
+    };
+    let full = planner.layers_step((0..layers).map(lane).collect());
+    // A window's index 0 is bin (y0, x0): its image turns by that frequency (the signs of a checkerboard, mostly).
+    let (height, width, window) = (planner.grid.height, planner.grid.width, full.lanes[0].window);
+    let turn = |i: usize| {
+        let across = (window.y0 * (i / width) as i64).rem_euclid(height as i64) as f64 / height as f64;
+        let along = (window.x0 * (i % width) as i64).rem_euclid(width as i64) as f64 / width as f64;
+        let (sin, cos) = (-std::f64::consts::TAU * (across + along)).sin_cos();
+        [cos as f32, sin as f32]
+    };
+    engine.write(Buffer::Change, &vec![0.0; 2 * planner.grid.height * planner.grid.width])?;
+    for i in 0..layers {
+        if !layer.contains(&i) {
+            continue;
+        }
+        let value = |(at, light): (usize, &f32)| {
+            let amplitude = if layer[at] == i { light.sqrt() } else { 0.0 };
+            turn(at).map(|t| t * amplitude)
+        };
+        let window: Vec<f32> = light.iter().enumerate().flat_map(value).collect();
+        engine.write(Buffer::Window(0), &window)?;
+        engine.run_part(&full, 3 * i..3 * i + 3)?;
+    }
+    engine.run_part(&full, 3 * layers..3 * layers + 1)?;
+    let field = engine.read(Buffer::Change)?;
+    Ok(encode(&planner.place(), &field, settings.frames))
+}
+
+/// `field`: pairs (re, im) on the grid.
+fn encode(place: &eyebox_kernels::modulate::Args, field: &[f32], frames: usize) -> Vec<f32> {
+    let (height, width) = (place.height as usize, place.width as usize);
+    let at = |y: usize, x: usize| {
+        let i = 2 * ((y + place.top as usize) * place.grid_width as usize + x + place.left as usize);
+        [field[i], field[i + 1]]
+    };
+    let pixels = || (0..height).flat_map(move |y| (0..width).map(move |x| (y, x)));
+    let largest = pixels().map(|(y, x)| at(y, x)).map(|[re, im]| re.hypot(im)).fold(0.0, f32::max);
+    let mut phases = Vec::with_capacity(frames * height * width);
+    for f in 0..frames {
+        phases.extend(pixels().map(|(y, x)| {
+            let [re, im] = at(y, x);
+            let share = if largest > 0.0 { (re.hypot(im) / largest).min(1.0) } else { 0.0 };
+            let apart = share.acos();
+            wrap(im.atan2(re) + if (x + y + f).is_multiple_of(2) { apart } else { -apart })
+        }));
+    }
+    phases
+}

@@ -1,0 +1,201 @@
+//! The methods that can be compared: each is a choice of what is looked through, of the first phases and of terms beside
+//! the image; operators, optimisers and engines are the same for all (OPTICS 7).
+
+use super::{Problem, PupilRange, Sampler, Settings};
+use crate::optics::Pupil;
+use crate::plan::Sight;
+use serde::{Deserialize, Serialize};
+
+/// How a hologram is made.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// Random pupils (Schiffers et al. 2023).
+    #[default]
+    Slfh,
+    /// A focal stack of the light field through the whole eyebox.
+    Lf2fs,
+    /// The short-time Fourier transform against the views, inside a circular Fourier filter (Choi et al. 2022).
+    Stft,
+    /// The same without the filter.
+    StftUnfiltered,
+    /// The same with an exact window: each view's disc in the pupil plane, on the wave as on the light field.
+    StftExact,
+    /// A focal stack, from constant phase, by gradient descent: Adam, whatever optimiser is set, for the projection
+    /// keeps most of a constant phase's symmetry.
+    Smooth,
+    /// The double-phase method, in closed form (Maimone et al. 2017).
+    Dpac,
+    /// A focal stack, and light evened out over the eyebox (Chakravarthula et al. 2022).
+    PupilAware,
+}
+
+impl Method {
+    /// All of them, the runtime's own first.
+    pub const ALL: [Self; 8] = [
+        Self::Slfh,
+        Self::Lf2fs,
+        Self::Stft,
+        Self::StftUnfiltered,
+        Self::StftExact,
+        Self::Smooth,
+        Self::Dpac,
+        Self::PupilAware,
+    ];
+
+    /// The name by which it is chosen.
+    pub fn name(self) -> &'static str {
+        ["slfh", "lf2fs", "stft", "stft-unfiltered", "stft-exact", "smooth", "dpac", "pupil-aware"][self as usize]
+    }
+
+    /// The method of this name.
+    pub fn by_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|m| m.name() == name)
+    }
+
+    /// For people.
+    pub fn title(self) -> &'static str {
+        [
+            "SLFH",
+            "LF2FS",
+            "STFT",
+            "STFT, no filter",
+            "STFT, exact window",
+            "Smooth phase",
+            "Double phase",
+            "Pupil-aware",
+        ][self as usize]
+    }
+
+    /// What it does, in one sentence.
+    pub fn about(self) -> &'static str {
+        match self {
+            Self::Slfh => "Random pupils anywhere in the eyebox: each photograph of the light field against its image.",
+            Self::Lf2fs => "Photographs of the light field through the whole eyebox, at random focus.",
+            Self::Stft => {
+                "The wave's short-time Fourier transform (Hann window) against the views, inside a circular filter."
+            }
+            Self::StftUnfiltered => "The short-time Fourier transform against the views, with no circular filter.",
+            Self::StftExact => "Each view's own disc of the pupil plane, on the wave as on the light field.",
+            Self::Smooth => "Photographs through the whole eyebox at random focus, from constant phase.",
+            Self::Dpac => "The central view with its depth, each complex value written as two phases; closed form.",
+            Self::PupilAware => "Photographs through the whole eyebox, and light evened out over the eyebox.",
+        }
+    }
+
+    /// The paper.
+    pub fn citation(self) -> &'static str {
+        match self {
+            Self::Slfh => {
+                "Schiffers, Chakravarthula, Matsuda, Kuo, Tseng, Lanman, Heide, Cossairt: Stochastic Light Field Holography, ICCP 2023"
+            }
+            Self::Lf2fs => {
+                "Focal stacks of a light field, as compared in Schiffers et al., Stochastic Light Field Holography, ICCP 2023"
+            }
+            Self::Stft | Self::StftUnfiltered => {
+                "Choi, Gopakumar, Peng, Kim, O'Toole, Wetzstein: Time-multiplexed Neural Holography, SIGGRAPH 2022"
+            }
+            Self::StftExact => {
+                "The exact window that Schiffers et al., Stochastic Light Field Holography, ICCP 2023, argue for"
+            }
+            Self::Smooth => {
+                "Gradient descent from constant phase; compare Maimone, Georgiou, Kollin: Holographic Near-eye Displays, SIGGRAPH 2017"
+            }
+            Self::Dpac => {
+                "Maimone, Georgiou, Kollin: Holographic Near-eye Displays for Virtual and Augmented Reality, SIGGRAPH 2017"
+            }
+            Self::PupilAware => {
+                "Chakravarthula, Baek, Schiffers, Tseng, Kuo, Maimone, Matsuda, Cossairt, Lanman, Heide: Pupil-aware Holography, SIGGRAPH Asia 2022"
+            }
+        }
+    }
+
+    /// Whether it takes steps; the others are closed forms.
+    pub fn is_iterative(self) -> bool {
+        self != Self::Dpac
+    }
+
+    /// Whether all sub-frames come out alike, so that one is enough to compute.
+    pub(super) fn repeats_frames(self) -> bool {
+        self == Self::Smooth
+    }
+
+    /// Whether it looks through windows of the short-time Fourier transform.
+    fn is_stft(self) -> bool {
+        matches!(self, Self::Stft | Self::StftUnfiltered)
+    }
+}
+
+/// What a method looks through, one after the other: the same for the same seed.
+pub(super) struct Sights {
+    sampler: Sampler,
+    kind: Kind,
+}
+
+enum Kind {
+    Pupils,
+    /// Views that are supervised, and the STFT's window and filter; without them, each view's disc.
+    Views {
+        views: Vec<(usize, Pupil)>,
+        stft: Option<(usize, f64)>,
+    },
+}
+
+impl Sights {
+    /// Of `settings.method`, with another seed if the settings' own is not to be used.
+    pub(super) fn new(problem: &Problem, settings: &Settings, seed: u64) -> Self {
+        let stack = [problem.eyebox; 2];
+        let range = PupilRange {
+            eyebox: problem.eyebox,
+            diameter: if settings.method == Method::Slfh { settings.diameter } else { stack },
+            depth: settings.depth,
+            diameters: settings.diameters,
+        };
+        let sampler = Sampler::new(range, settings.sequence, seed);
+        let filter = match settings.method {
+            Method::StftUnfiltered => f64::INFINITY,
+            _ => settings.stft_filter * problem.eyebox,
+        };
+        let kind = match settings.method {
+            Method::Stft | Method::StftUnfiltered | Method::StftExact => {
+                let grid = &problem.views;
+                let samples = settings.stft_samples.unwrap_or(grid.rows.max(grid.columns));
+                let disc = |view| {
+                    let (x, y) = grid.position(view);
+                    // Around the cell: the discs of neighbours leave no gap where light could hide.
+                    (view, Pupil { x, y, diameter: std::f64::consts::SQRT_2 * grid.cell, depth: 0.0 })
+                };
+                // A view whose frequency the filter stops is not asked for.
+                let inside = |(_, p): &(usize, Pupil)| p.x.hypot(p.y) <= filter / 2.0;
+                let mut views: Vec<_> = (0..grid.rows * grid.columns).map(disc).filter(inside).collect();
+                if views.is_empty() {
+                    views.push(disc(grid.rows / 2 * grid.columns + grid.columns / 2));
+                }
+                Kind::Views { views, stft: settings.method.is_stft().then_some((samples, filter)) }
+            }
+            _ => Kind::Pupils,
+        };
+        Self { sampler, kind }
+    }
+
+    /// The next one.
+    pub(super) fn draw(&mut self) -> Sight {
+        let Kind::Views { views, stft } = &self.kind else { return Sight::Pupil(self.sampler.draw()) };
+        let at = self.sampler.point()[0];
+        let (view, pupil) = views[((at * views.len() as f64) as usize).min(views.len() - 1)];
+        match *stft {
+            Some((samples, filter)) => Sight::Stft { view, samples, filter },
+            None => Sight::Pupil(pupil),
+        }
+    }
+
+    /// How many of a step's sights overlap at a bin, on average, where the kernel `overlap` does not count them: the
+    /// power of the STFT's windows, which tile the spectrum `count` views to a full set.
+    pub(super) fn overlap(&self, batch: usize) -> Option<f64> {
+        let Kind::Views { views, stft: Some((samples, _)) } = &self.kind else { return None };
+        // Hann: sum of squares 3/8 (n + 1), square of the sum (n + 1)^2 / 4; n windows to an axis.
+        let n = *samples as f64;
+        let axis = n * 1.5 / (n + 1.0);
+        Some(axis * axis * batch as f64 / views.len() as f64)
+    }
+}

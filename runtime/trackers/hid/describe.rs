@@ -1,0 +1,200 @@
+//! A report descriptor, explained: what `eyebox trackers --describe` prints.
+
+use super::descriptor::{Descriptor, Field, ReportKind};
+use super::layout::{Layout, applications};
+use super::names::{collection_kind, unit_name, usage_name};
+use serde::Serialize;
+
+/// Usages spelled out for a field at most; the rest is counted.
+const MOST_USAGES: u32 = 64;
+/// Of these, in text.
+const SHOWN_USAGES: usize = 8;
+
+/// A descriptor, explained.
+#[derive(Debug, Clone, Serialize)]
+pub struct Description {
+    /// Whether it is an eye tracker that eyebox can use.
+    pub eye_tracker: bool,
+    /// Why not.
+    pub reason: Option<String>,
+    /// Bytes of the descriptor.
+    pub descriptor_bytes: usize,
+    /// Application collections, by name.
+    pub applications: Vec<String>,
+    /// Whether reports start with an ID.
+    pub numbered: bool,
+    /// Reports, their sizes and fields.
+    pub reports: Vec<ReportText>,
+    /// What was odd, and how it was taken.
+    pub notes: Vec<String>,
+}
+
+/// A report, explained.
+#[derive(Debug, Clone, Serialize)]
+pub struct ReportText {
+    /// Which way it goes.
+    pub kind: ReportKind,
+    /// Its ID; 0 where reports are not numbered.
+    pub id: u8,
+    /// Its size with the ID byte, if it has one.
+    pub bytes: usize,
+    /// Its fields.
+    pub fields: Vec<FieldText>,
+}
+
+/// A field, explained.
+#[derive(Debug, Clone, Serialize)]
+pub struct FieldText {
+    /// Names of the collections around it, the outermost first.
+    pub path: Vec<String>,
+    /// Usage of each element, by name; of the last for those that are left. Empty: padding.
+    pub usages: Vec<String>,
+    /// The same, `page << 16 | id`, in hexadecimal.
+    pub codes: Vec<String>,
+    /// First bit, the ID byte counted.
+    pub bit: usize,
+    /// First byte, the ID byte counted.
+    pub byte: usize,
+    /// Bits of one element.
+    pub bits: u32,
+    /// Elements.
+    pub count: u32,
+    /// Whether negative values are possible.
+    pub signed: bool,
+    /// Smallest and largest raw value.
+    pub logical: [i64; 2],
+    /// What these stand for; both 0: the same.
+    pub physical: [i64; 2],
+    /// The unit with its power of ten: `um`, `us`, `Hz`; empty: none.
+    pub unit: String,
+    /// The power of ten alone.
+    pub exponent: i32,
+    /// The unit's code.
+    pub unit_code: u32,
+    /// Flagged constant: the host cannot set it, or padding.
+    pub constant: bool,
+    /// Each element has a usage of its own.
+    pub variable: bool,
+}
+
+impl Description {
+    /// Explains the bytes of a descriptor.
+    ///
+    /// # Errors
+    /// [`HidError::Descriptor`](super::HidError::Descriptor) where they are no descriptor.
+    pub fn of(bytes: &[u8]) -> Result<Self, super::HidError> {
+        let descriptor = Descriptor::parse(bytes)?;
+        let layout = Layout::find(&descriptor);
+        let mut notes = descriptor.notes.clone();
+        if let Ok(layout) = &layout {
+            notes.extend(layout.notes.iter().cloned());
+        }
+        let shift = usize::from(descriptor.numbered) * 8;
+        let reports = descriptor
+            .reports()
+            .into_iter()
+            .map(|(kind, id, bytes)| {
+                let of = descriptor.fields.iter().filter(|f| (f.kind, f.report_id) == (kind, id));
+                ReportText { kind, id, bytes, fields: of.map(|f| text(&descriptor, f, shift)).collect() }
+            })
+            .collect();
+        Ok(Self {
+            eye_tracker: layout.is_ok(),
+            reason: layout.err(),
+            descriptor_bytes: bytes.len(),
+            applications: applications(&descriptor),
+            numbered: descriptor.numbered,
+            reports,
+            notes,
+        })
+    }
+}
+
+fn text(descriptor: &Descriptor, field: &Field, shift: usize) -> FieldText {
+    let mut path: Vec<String> = descriptor
+        .around(field.collection)
+        .map(|c| c.usage.map_or_else(|| format!("({})", collection_kind(c.kind)), usage_name))
+        .collect();
+    path.reverse();
+    let explicit = field.usages.iter().map(|[a, b]| u32::from(b.id - a.id) + 1).fold(0, u32::saturating_add);
+    // An array's usages are what its values select; a variable's are its elements'.
+    let most = if field.variable() { explicit.min(field.count) } else { explicit };
+    let usages: Vec<_> = (0..most.min(MOST_USAGES)).filter_map(|i| field.usage(i)).collect();
+    let mut names: Vec<String> = usages.iter().map(|u| usage_name(*u)).collect();
+    if most > MOST_USAGES {
+        names.push(format!("and {} more", most - MOST_USAGES));
+    }
+    FieldText {
+        path,
+        usages: names,
+        codes: usages.iter().map(|u| format!("{:04x}{:04x}", u.page, u.id)).collect(),
+        bit: field.offset + shift,
+        byte: (field.offset + shift) / 8,
+        bits: field.bits,
+        count: field.count,
+        signed: field.signed(),
+        logical: field.logical,
+        physical: field.physical,
+        unit: unit_name(field.unit, field.exponent),
+        exponent: field.exponent,
+        unit_code: field.unit,
+        constant: field.constant(),
+        variable: field.variable(),
+    }
+}
+
+impl std::fmt::Display for Description {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match &self.reason {
+            None => writeln!(f, "an eye tracker")?,
+            Some(reason) => writeln!(f, "not an eye tracker: {reason}")?,
+        }
+        writeln!(
+            f,
+            "descriptor of {} bytes; {}; reports {}",
+            self.descriptor_bytes,
+            if self.applications.is_empty() { "no application".into() } else { self.applications.join(", ") },
+            if self.numbered { "start with their ID" } else { "are not numbered" }
+        )?;
+        for report in &self.reports {
+            let kind = match report.kind {
+                ReportKind::Input => "input",
+                ReportKind::Output => "output",
+                ReportKind::Feature => "feature",
+            };
+            writeln!(f, "\n{kind} report 0x{:02x}, {} bytes", report.id, report.bytes)?;
+            for field in &report.fields {
+                let place = if field.bit % 8 == 0 {
+                    format!("byte {}", field.byte)
+                } else {
+                    format!("byte {} bit {}", field.byte, field.bit % 8)
+                };
+                let count = if field.count == 1 { String::new() } else { format!("{} x ", field.count) };
+                let sign = if field.signed { "signed" } else { "unsigned" };
+                let flags = if field.constant { ", constant" } else { "" };
+                write!(f, "  {place:>14}  {count}{} bits {sign}", field.bits)?;
+                if field.usages.is_empty() {
+                    write!(f, ", no usage{flags}")?;
+                } else {
+                    write!(f, ", {}..{}", field.logical[0], field.logical[1])?;
+                    if field.physical[0] != field.physical[1] {
+                        write!(f, " for {}..{}", field.physical[0], field.physical[1])?;
+                    }
+                    if !field.unit.is_empty() {
+                        write!(f, " {}", field.unit)?;
+                    }
+                    let (shown, rest) = field.usages.split_at(field.usages.len().min(SHOWN_USAGES));
+                    write!(f, "{flags}: {}", shown.join(", "))?;
+                    if let Some(last) = rest.last() {
+                        write!(f, " ... {last}")?;
+                    }
+                }
+                writeln!(f, "  [{}]", field.path.join(" > "))?;
+            }
+        }
+        for note in &self.notes {
+            writeln!(f, "note: {note}")?;
+        }
+        Ok(())
+    }
+}

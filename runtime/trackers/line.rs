@@ -1,0 +1,306 @@
+//! Samples as JSON, one object a line: what datagrams carry, and what is recorded of sources without reports.
+//!
+//! ```json
+//! {"t": 12.345, "x": 1.5, "y": -0.2, "diameter": 4.1}
+//! {"t": 12.345, "left": {"x": 1.5, "y": -0.2, "confidence": 0.9}, "right": {"x": 1.4, "y": -0.2, "valid": false}}
+//! ```
+//!
+//! `t` is the sender's time in seconds, of any clock that is steady; without it the arrival counts. A position has `x`
+//! and `y`, and may have `z`, `unit` (`mm`, `deg`, `normalized`, `counts`; default `mm`), `what` (`pupil` or `gaze`;
+//! default `pupil`), `diameter` (mm), `confidence` (0 to 1) and `valid`. It stands at the top, or under `left`, `right`
+//! and `combined`. What else an object has is ignored.
+
+use super::{About, Event, Quantity, Reading, Sample, Source, TrackerError, Unit, now_ns};
+use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+use std::time::Duration;
+
+/// Longest line, bytes.
+pub const LONGEST_LINE: usize = 2048;
+
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum UnitText {
+    #[default]
+    Mm,
+    Deg,
+    Normalized,
+    Counts,
+}
+
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum WhatText {
+    #[default]
+    Pupil,
+    Gaze,
+}
+
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
+struct ReadingText {
+    x: Option<f64>,
+    y: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    z: Option<f64>,
+    #[serde(default)]
+    unit: UnitText,
+    #[serde(default)]
+    what: WhatText,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    diameter: Option<f64>,
+    #[serde(default = "one")]
+    confidence: f64,
+    #[serde(default = "yes")]
+    valid: bool,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+struct SampleText {
+    t: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    received: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    tracker_ns: Option<u64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    left: Option<ReadingText>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    right: Option<ReadingText>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    combined: Option<ReadingText>,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+fn yes() -> bool {
+    true
+}
+
+impl ReadingText {
+    fn reading(self) -> Reading {
+        let (unit, scale) = match self.unit {
+            UnitText::Mm => (Unit::Metres, 1e-3),
+            UnitText::Deg => (Unit::Radians, 1f64.to_radians()),
+            UnitText::Normalized => (Unit::Normalized, 1.0),
+            UnitText::Counts => (Unit::Counts, 1.0),
+        };
+        let quantity = match self.what {
+            WhatText::Pupil => Quantity::Pupil,
+            WhatText::Gaze => Quantity::Gaze,
+        };
+        let position = [self.x, self.y].map(|v| v.map_or(f64::NAN, |v| v * scale));
+        Reading {
+            quantity,
+            unit,
+            position,
+            distance: self.z.map(|z| z * scale),
+            diameter: self.diameter.map(|d| d * 1e-3),
+            valid: self.valid,
+            confidence: self.confidence,
+        }
+        .checked()
+    }
+
+    fn of(reading: &Reading) -> Self {
+        let (unit, scale) = match reading.unit {
+            Unit::Metres => (UnitText::Mm, 1e3),
+            Unit::Radians => (UnitText::Deg, 1f64.to_degrees()),
+            Unit::Normalized => (UnitText::Normalized, 1.0),
+            Unit::Counts => (UnitText::Counts, 1.0),
+        };
+        // To a billionth, so that 1.5 mm are not written as 1.5000000000000002.
+        let scaled = |v: f64| (v * scale * 1e9).round() / 1e9;
+        let [x, y] = reading.position.map(|v| reading.valid.then(|| scaled(v)));
+        Self {
+            x,
+            y,
+            z: reading.distance.filter(|_| reading.valid).map(scaled),
+            unit,
+            what: if reading.quantity == Quantity::Gaze { WhatText::Gaze } else { WhatText::Pupil },
+            diameter: reading.diameter.map(|d| (d * 1e12).round() / 1e9),
+            confidence: reading.confidence,
+            valid: reading.valid,
+        }
+    }
+}
+
+/// A line, understood: the sender's time in seconds, when it says that it received it, and the readings.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Line {
+    /// Seconds of the sender's clock.
+    pub seconds: Option<f64>,
+    /// Of the same clock, in recorded lines.
+    pub received: Option<f64>,
+    /// Left, right, combined.
+    pub readings: [Option<Reading>; 3],
+}
+
+/// Reads one line.
+///
+/// # Errors
+/// What is wrong with it.
+pub fn parse(line: &[u8]) -> Result<Line, String> {
+    if line.len() > LONGEST_LINE {
+        return Err(format!("{} bytes: a line has {LONGEST_LINE} at most", line.len()));
+    }
+    let text: SampleText = serde_json::from_slice(line).map_err(|e| e.to_string())?;
+    let mut combined = text.combined;
+    if combined.is_none() && text.left.is_none() && text.right.is_none() {
+        let top: ReadingText = serde_json::from_slice(line).map_err(|e| e.to_string())?;
+        combined = Some(top).filter(|t| t.x.is_some() || t.y.is_some() || !t.valid);
+    }
+    let readings = [text.left, text.right, combined].map(|r| r.map(ReadingText::reading));
+    if readings.iter().all(Option::is_none) {
+        return Err("no position: expected x and y, at the top or under left, right or combined".into());
+    }
+    let time = |t: Option<f64>| t.filter(|t| (0.0..1e10).contains(t));
+    Ok(Line { seconds: time(text.t), received: time(text.received), readings })
+}
+
+/// Writes a sample as one line, without its end.
+pub fn write(sample: &Sample) -> String {
+    let seconds = |ns: u64| ns as f64 * 1e-9;
+    let text = SampleText {
+        t: Some(seconds(sample.time_ns)),
+        received: Some(seconds(sample.received_ns)),
+        tracker_ns: sample.tracker_ns,
+        left: sample.left.as_ref().map(ReadingText::of),
+        right: sample.right.as_ref().map(ReadingText::of),
+        combined: sample.combined.as_ref().map(ReadingText::of),
+    };
+    // Numbers and names only: nothing that JSON cannot say.
+    serde_json::to_string(&text).unwrap_or_default()
+}
+
+/// Replays recorded lines.
+#[derive(Debug)]
+pub struct LineSource {
+    name: String,
+    lines: VecDeque<Line>,
+    first: Option<f64>,
+    start_ns: u64,
+    real_time: bool,
+    latency_ns: u64,
+}
+
+impl LineSource {
+    /// Reads a file of lines.
+    ///
+    /// # Errors
+    /// [`TrackerError::File`], naming file and line.
+    pub fn open(file: &Path, real_time: bool, latency_ns: u64) -> Result<Self, TrackerError> {
+        let wrong = |reason: String| TrackerError::file(file, reason);
+        let mut text = BufReader::new(std::fs::File::open(file).map_err(|e| wrong(e.to_string()))?);
+        let mut lines = VecDeque::new();
+        let mut line = Vec::new();
+        for number in 1.. {
+            line.clear();
+            let most = LONGEST_LINE as u64 + 2;
+            if (&mut text).take(most).read_until(b'\n', &mut line).map_err(|e| wrong(e.to_string()))? == 0 {
+                break;
+            }
+            let line = line.trim_ascii();
+            if !line.is_empty() {
+                lines.push_back(parse(line).map_err(|e| wrong(format!("line {number}: {e}")))?);
+            }
+            if lines.len() > 10_000_000 {
+                return Err(wrong("more than ten million lines".into()));
+            }
+        }
+        if lines.is_empty() {
+            return Err(wrong("no samples".into()));
+        }
+        Ok(Self { name: file.display().to_string(), lines, first: None, start_ns: now_ns(), real_time, latency_ns })
+    }
+}
+
+impl Source for LineSource {
+    fn about(&self) -> About {
+        About { name: self.name.clone(), kind: "recording", rate_hz: None, notes: Vec::new() }
+    }
+
+    fn next(&mut self, timeout: Duration) -> Result<Event, TrackerError> {
+        let Some(line) = self.lines.front() else { return Ok(Event::End) };
+        let seen = line.seconds.unwrap_or(0.0);
+        let first = *self.first.get_or_insert(seen);
+        let at = |seconds: f64| self.start_ns.saturating_add(((seconds - first).max(0.0) * 1e9) as u64);
+        let (time, received) = (at(seen), at(line.received.unwrap_or(seen).max(seen)));
+        if self.real_time {
+            let until = now_ns().saturating_add(u64::try_from(timeout.as_nanos()).unwrap_or(u64::MAX));
+            let now = now_ns();
+            std::thread::sleep(Duration::from_nanos(received.min(until).saturating_sub(now)));
+            if received > until {
+                return Ok(Event::Nothing);
+            }
+        }
+        let [left, right, combined] = line.readings;
+        self.lines.pop_front();
+        let time_ns = time.saturating_sub(self.latency_ns);
+        Ok(Event::Sample(Sample { time_ns, received_ns: received, tracker_ns: None, left, right, combined }, None))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_say_what_they_mean() {
+        let line = parse(br#"{"t": 2.5, "x": 1.5, "y": -2, "diameter": 4, "mood": "fine"}"#).unwrap();
+        assert_eq!(line.seconds, Some(2.5));
+        let reading = line.readings[2].unwrap();
+        assert_eq!((reading.position, reading.unit, reading.valid), ([1.5e-3, -2e-3], Unit::Metres, true));
+        assert!((reading.diameter.unwrap() - 4e-3).abs() < 1e-12);
+
+        let both = br#"{"left": {"x": 90, "y": 0, "unit": "deg", "what": "gaze"}, "right": {"valid": false}}"#;
+        let [left, right, combined] = parse(both).unwrap().readings;
+        assert!((left.unwrap().position[0] - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
+        assert_eq!(left.unwrap().quantity, Quantity::Gaze);
+        assert!(!right.unwrap().valid && combined.is_none());
+
+        for bad in ["", "{}", "[]", "null", "{\"x\": \"1\"}", "{\"x\": 1", "{\"t\": 1}", "{\"left\": 3}", "\u{1}"] {
+            assert!(parse(bad.as_bytes()).is_err(), "{bad}");
+        }
+        assert!(!parse(br#"{"x": 1}"#).unwrap().readings[2].unwrap().valid, "half a position");
+        assert!(!parse(br#"{"x": 1e999, "y": 0}"#).is_ok_and(|l| l.readings[2].unwrap().valid));
+        assert!(!parse(br#"{"x": 1, "y": 0, "confidence": 7}"#).unwrap().readings[2].unwrap().valid);
+        assert_eq!(parse(br#"{"x": 1, "y": 0, "t": -5}"#).unwrap().seconds, None);
+    }
+
+    #[test]
+    fn what_is_written_is_read_again() {
+        let mut sample = Sample::empty(5_000_000_000);
+        sample.time_ns = 4_990_000_000;
+        let reading = Reading::new(Quantity::Gaze, Unit::Radians, [0.25, -0.5]);
+        sample.left = Some(Reading { diameter: Some(3e-3), confidence: 0.5, distance: Some(1.0), ..reading });
+        let line = parse(write(&sample).as_bytes()).unwrap();
+        let again = line.readings[0].unwrap();
+        assert!((again.position[0] - 0.25).abs() < 1e-10 && (again.diameter.unwrap() - 3e-3).abs() < 1e-12);
+        assert_eq!((again.confidence, again.quantity, line.received), (0.5, Quantity::Gaze, Some(5.0)));
+        assert!((line.seconds.unwrap() - 4.99).abs() < 1e-12);
+    }
+
+    #[test]
+    fn recorded_lines_are_replayed_with_their_times() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("a.jsonl");
+        std::fs::write(
+            &file,
+            "{\"t\": 1.0, \"received\": 1.01, \"x\": 1, \"y\": 2}\n\n{\"t\": 1.5, \"x\": 1, \"y\": 2}\n",
+        )
+        .unwrap();
+        let mut source = LineSource::open(&file, false, 0).unwrap();
+        let mut next = || match source.next(Duration::ZERO).unwrap() {
+            Event::Sample(sample, None) => Some(sample),
+            _ => None,
+        };
+        let (a, b) = (next().unwrap(), next().unwrap());
+        assert_eq!((b.time_ns - a.time_ns, a.received_ns - a.time_ns), (500_000_000, 10_000_000));
+        assert_eq!(next(), None);
+        std::fs::write(&file, "{\"t\": 1.0, \"x\": 1, \"y\": 2}\nx\n").unwrap();
+        assert!(LineSource::open(&file, false, 0).unwrap_err().to_string().contains("a.jsonl: line 2"));
+    }
+}

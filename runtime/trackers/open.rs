@@ -1,0 +1,135 @@
+//! Which source: from its name to a running one.
+
+use super::hid::{DeviceFile, HidSource, system_bus};
+use super::line::LineSource;
+use super::pupil_labs::{self, PupilSource};
+use super::recording::{Recording, RecordingSource};
+use super::simulated::{Settings, SimulatedSource};
+use super::udp::UdpSource;
+use super::{Source, TrackerError};
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// A source by name, as the command line writes it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Spec {
+    /// `hid`
+    Hid,
+    /// `FILE.hid`
+    Recording(PathBuf),
+    /// `FILE.jsonl`
+    Lines(PathBuf),
+    /// `pupil://HOST[:PORT]`
+    Pupil {
+        /// Name or address.
+        host: String,
+        /// Port of Pupil Remote.
+        port: u16,
+    },
+    /// `udp://[HOST]:PORT`: the address to listen at; loopback where none is given.
+    Udp {
+        /// Address of this machine.
+        host: String,
+        /// Port.
+        port: u16,
+    },
+    /// `mouse`: positions come from a window.
+    Mouse,
+    /// `simulated[:SEED]`
+    Simulated(u64),
+}
+
+impl std::str::FromStr for Spec {
+    type Err = TrackerError;
+
+    fn from_str(text: &str) -> Result<Self, TrackerError> {
+        let wrong = || TrackerError::Spec(text.into());
+        let address = |rest: &str, default: Option<u16>| -> Option<(String, u16)> {
+            let rest = rest.strip_suffix('/').unwrap_or(rest);
+            // [::1]:50020 is an address of IPv6, whose colons are its own.
+            let (host, port) = match rest.strip_prefix('[') {
+                Some(rest) => {
+                    let (host, rest) = rest.split_once(']')?;
+                    (host, if rest.is_empty() { None } else { Some(rest.strip_prefix(':')?) })
+                }
+                None => rest.split_once(':').map_or((rest, None), |(h, p)| (h, Some(p))),
+            };
+            let port = match port {
+                Some(port) => port.parse().ok().filter(|p| *p != 0)?,
+                None => default?,
+            };
+            Some((host.to_owned(), port))
+        };
+        if let Some(rest) = text.strip_prefix("pupil://") {
+            let (host, port) =
+                address(rest, Some(pupil_labs::PORT)).filter(|(h, _)| !h.is_empty()).ok_or_else(wrong)?;
+            return Ok(Self::Pupil { host, port });
+        }
+        if let Some(rest) = text.strip_prefix("udp://") {
+            let (host, port) = address(rest, None).ok_or_else(wrong)?;
+            return Ok(Self::Udp { host: if host.is_empty() { "127.0.0.1".into() } else { host }, port });
+        }
+        match text {
+            "hid" => return Ok(Self::Hid),
+            "mouse" => return Ok(Self::Mouse),
+            "simulated" => return Ok(Self::Simulated(0)),
+            _ => {}
+        }
+        if let Some(seed) = text.strip_prefix("simulated:") {
+            return seed.parse().map(Self::Simulated).map_err(|_| wrong());
+        }
+        let path = PathBuf::from(text);
+        match path.extension().and_then(|e| e.to_str()) {
+            Some("hid") => Ok(Self::Recording(path)),
+            Some("jsonl") => Ok(Self::Lines(path)),
+            _ => Err(wrong()),
+        }
+    }
+}
+
+/// What a source is opened with.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// Between the eye and the arrival of its sample, as far as the source cannot know it.
+    pub latency: Duration,
+    /// A HID device with a layout of its own.
+    pub device_file: Option<PathBuf>,
+    /// Recordings and the simulated eye in real time; else as fast as they are read, with the times that they would
+    /// have.
+    pub real_time: bool,
+    /// Samples a second of the simulated tracker.
+    pub rate_hz: f64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { latency: Duration::ZERO, device_file: None, real_time: true, rate_hz: 120.0 }
+    }
+}
+
+/// Opens a source. One that has to wait for a device or a peer is opened all the same, and waits.
+///
+/// # Errors
+/// A file that cannot be used, an address that cannot be had; [`TrackerError::Setting`] for the mouse, which a window
+/// has to open ([`mouse::channel`](super::mouse::channel)).
+pub fn open(spec: &Spec, options: &Options) -> Result<Box<dyn Source>, TrackerError> {
+    let latency_ns = u64::try_from(options.latency.as_nanos()).unwrap_or(u64::MAX);
+    let file = options.device_file.as_deref().map(DeviceFile::load).transpose()?;
+    Ok(match spec {
+        Spec::Hid => Box::new(HidSource::new(system_bus()?, file, latency_ns)),
+        Spec::Recording(path) => {
+            let recording = Recording::load(path)?;
+            let layout = file.as_ref().map(|f| &f.layout);
+            let source = RecordingSource::new(recording, layout, options.real_time, latency_ns);
+            Box::new(source.map_err(|e| TrackerError::file(path, e.to_string()))?)
+        }
+        Spec::Lines(path) => Box::new(LineSource::open(path, options.real_time, latency_ns)?),
+        Spec::Pupil { host, port } => Box::new(PupilSource::new(host, *port, latency_ns)),
+        Spec::Udp { host, port } => Box::new(UdpSource::bind(host, *port, latency_ns)?),
+        Spec::Mouse => return Err(TrackerError::Setting("the mouse is a tracker in a window only".into())),
+        Spec::Simulated(seed) => {
+            let settings = Settings { rate_hz: options.rate_hz, seed: *seed, ..Settings::default() };
+            Box::new(SimulatedSource::new(settings, options.real_time)?)
+        }
+    })
+}

@@ -1,0 +1,270 @@
+//! Pupil Core's network interface (docs.pupil-labs.com/core/developer/network-api): Pupil Remote answers questions at
+//! port 50020, and names the port at which pupil data is published as MessagePack.
+//!
+//! Sample times are those of Pupil's own clock, put on the steady clock by asking for the time and taking the quickest
+//! of several answers, every few seconds. Positions are shares of the eye camera's picture, so they need a calibration.
+
+mod zmtp;
+
+use super::{About, ClockOffset, Event, Quantity, Reading, Sample, Source, TrackerError, Unit, now_ns};
+use serde::Deserialize;
+use std::collections::VecDeque;
+use std::io;
+use std::time::Duration;
+use zmtp::Socket;
+
+/// Port of Pupil Remote.
+pub const PORT: u16 = 50020;
+const CONNECT: Duration = Duration::from_millis(500);
+const ANSWER: Duration = Duration::from_millis(200);
+/// Between attempts to connect.
+const RETRY_NS: u64 = 1_000_000_000;
+/// Between questions for the time.
+const TIME_NS: u64 = 5_000_000_000;
+/// Shortest and longest time between two pictures of one camera.
+const PERIOD_NS: [u64; 2] = [2_000_000, 40_000_000];
+/// An eye that has said nothing for so long is not waited for.
+const ALONE_NS: u64 = 500_000_000;
+
+/// What is used of a pupil datum; the rest is ignored.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+struct Datum {
+    id: u8,
+    confidence: f64,
+    norm_pos: [f64; 2],
+    timestamp: f64,
+    #[serde(default)]
+    diameter_3d: Option<f64>,
+}
+
+/// A connection.
+struct Link {
+    remote: Socket,
+    data: Socket,
+    /// Round trip, and what to add to Pupil's time, nanoseconds; the newest.
+    offsets: VecDeque<(u64, i128)>,
+    asked_ns: u64,
+}
+
+/// Pupil Core over the network; connects again when the connection is lost.
+pub struct PupilSource {
+    host: String,
+    port: u16,
+    latency_ns: u64,
+    link: Option<Link>,
+    tried_ns: Option<u64>,
+    said: String,
+    wrong: u64,
+    said_wrong_ns: Option<u64>,
+    /// Without an answer for the time.
+    arrivals: ClockOffset,
+    /// The last reading of each eye: tracker time, arrival, reading; waiting for the other's.
+    waiting: Option<(usize, u64, Sample)>,
+    /// When each eye was last heard, and last heard in 3D.
+    heard_ns: [Option<u64>; 2],
+    /// Pupil's time of each eye's last picture, and the time between two; readings nearer than half of it are of a pair.
+    pictures: [(Option<u64>, u64); 2],
+    heard_3d_ns: [Option<u64>; 2],
+    ready: VecDeque<Sample>,
+}
+
+impl PupilSource {
+    /// A source that connects when it is first asked.
+    pub fn new(host: &str, port: u16, latency_ns: u64) -> Self {
+        Self {
+            host: host.into(),
+            port,
+            latency_ns,
+            link: None,
+            tried_ns: None,
+            said: String::new(),
+            wrong: 0,
+            said_wrong_ns: None,
+            arrivals: ClockOffset::default(),
+            waiting: None,
+            heard_ns: [None; 2],
+            pictures: [(None, 8_000_000); 2],
+            heard_3d_ns: [None; 2],
+            ready: VecDeque::new(),
+        }
+    }
+
+    fn name(&self) -> String {
+        format!("pupil://{}:{}", self.host, self.port)
+    }
+
+    fn connect(&self) -> io::Result<Link> {
+        let wrong = |what: &str| io::Error::new(io::ErrorKind::InvalidData, what.to_owned());
+        let mut remote = Socket::connect(&self.host, self.port, "REQ", CONNECT)?;
+        let answer = remote.ask("SUB_PORT", ANSWER)?.ok_or_else(|| wrong("no answer to SUB_PORT"))?;
+        let port = std::str::from_utf8(&answer).ok().and_then(|t| t.trim().parse::<u16>().ok()).filter(|p| *p != 0);
+        let port = port.ok_or_else(|| wrong("the answer to SUB_PORT is no port"))?;
+        let mut data = Socket::connect(&self.host, port, "SUB", CONNECT)?;
+        data.subscribe("pupil.")?;
+        let mut link = Link { remote, data, offsets: VecDeque::new(), asked_ns: now_ns() };
+        for _ in 0..5 {
+            link.ask_time()?;
+        }
+        Ok(link)
+    }
+
+    /// A message to samples that are ready; what is wrong with it.
+    fn take(&mut self, parts: &[Vec<u8>], received_ns: u64) -> Result<(), String> {
+        let [topic, payload, ..] = parts else { return Err("a message without a payload".into()) };
+        let datum: Datum = rmp_serde::from_slice(payload).map_err(|e| e.to_string())?;
+        let eye = usize::from(datum.id);
+        if eye > 1 || !(0.0..1e10).contains(&datum.timestamp) {
+            return Err(format!("eye {} at {} s", datum.id, datum.timestamp));
+        }
+        let in_3d = datum.diameter_3d.is_some() || topic.ends_with(b"3d");
+        let lately = |at: Option<u64>, ns: u64| at.is_some_and(|at| received_ns.saturating_sub(at) < ns);
+        if in_3d {
+            self.heard_3d_ns[eye] = Some(received_ns);
+        } else if lately(self.heard_3d_ns[eye], ALONE_NS) {
+            return Ok(()); // The same picture again, by the other method.
+        }
+        self.heard_ns[eye] = Some(received_ns);
+        let tracker_ns = (datum.timestamp * 1e9) as u64;
+        let (last, period) = &mut self.pictures[eye];
+        if let Some(step) = last.replace(tracker_ns).and_then(|last| tracker_ns.checked_sub(last)) {
+            *period = (*period * 3 + step.clamp(PERIOD_NS[0], PERIOD_NS[1])) / 4;
+        }
+        let near = self.pictures[eye].1 / 2;
+        let [x, y] = datum.norm_pos;
+        let reading = Reading {
+            // Theirs counts upwards.
+            position: [x, 1.0 - y],
+            diameter: datum.diameter_3d.map(|d| d * 1e-3),
+            confidence: datum.confidence,
+            valid: datum.confidence > 0.0,
+            ..Reading::new(Quantity::Pupil, Unit::Normalized, [0.5, 0.5])
+        }
+        .checked();
+        let mut sample = Sample::empty(received_ns);
+        sample.tracker_ns = Some(tracker_ns);
+        sample.time_ns = self.steady(tracker_ns, received_ns).saturating_sub(self.latency_ns);
+        // Eye 0 is the right one.
+        *if eye == 0 { &mut sample.right } else { &mut sample.left } = Some(reading);
+        if let Some((other, at, mut first)) = self.waiting.take() {
+            if other != eye && at.abs_diff(tracker_ns) <= near {
+                first.left = first.left.or(sample.left);
+                first.right = first.right.or(sample.right);
+                let middle = |a: u64, b: u64| a / 2 + b / 2;
+                first.time_ns = middle(first.time_ns, sample.time_ns);
+                first.tracker_ns = Some(middle(at, tracker_ns));
+                first.received_ns = received_ns;
+                self.ready.push_back(first);
+                return Ok(());
+            }
+            self.ready.push_back(first);
+        }
+        if lately(self.heard_ns[1 - eye], ALONE_NS) {
+            self.waiting = Some((eye, tracker_ns, sample));
+        } else {
+            self.ready.push_back(sample);
+        }
+        Ok(())
+    }
+
+    /// Pupil's time on the steady clock; never later than the arrival.
+    fn steady(&mut self, tracker_ns: u64, received_ns: u64) -> u64 {
+        let quickest = self.link.as_ref().and_then(|l| l.offsets.iter().min_by_key(|(trip, _)| *trip));
+        match quickest {
+            Some((_, offset)) => u64::try_from(i128::from(tracker_ns) + offset).unwrap_or(received_ns).min(received_ns),
+            None => self.arrivals.arrival(tracker_ns, received_ns),
+        }
+    }
+
+    fn lost(&mut self, reason: &io::Error) -> Event {
+        self.link = None;
+        self.waiting = None;
+        let text = format!("{}: {reason}", self.name());
+        if self.said == text {
+            return Event::Nothing;
+        }
+        self.said.clone_from(&text);
+        Event::Note(text)
+    }
+}
+
+impl Link {
+    fn ask_time(&mut self) -> io::Result<()> {
+        let before = now_ns();
+        self.asked_ns = before;
+        let answer = self.remote.ask("t", ANSWER)?;
+        let after = now_ns();
+        let seconds = answer.and_then(|a| std::str::from_utf8(&a).ok()?.trim().parse::<f64>().ok());
+        let Some(seconds) = seconds.filter(|s| (0.0..1e10).contains(s)) else {
+            // A late answer would be taken for the next one's.
+            return Err(io::Error::new(io::ErrorKind::InvalidData, "no time in answer to t"));
+        };
+        let middle = i128::from(before) + i128::from(after - before) / 2;
+        self.offsets.push_back((after - before, middle - (seconds * 1e9) as i128));
+        if self.offsets.len() > 8 {
+            self.offsets.pop_front();
+        }
+        Ok(())
+    }
+}
+
+impl Source for PupilSource {
+    fn about(&self) -> About {
+        let state = if self.link.is_some() { "connected" } else { "not connected" };
+        About { name: self.name(), kind: "network", rate_hz: None, notes: vec![state.into()] }
+    }
+
+    fn next(&mut self, timeout: Duration) -> Result<Event, TrackerError> {
+        if let Some(sample) = self.ready.pop_front() {
+            return Ok(Event::Sample(sample, None));
+        }
+        let now = now_ns();
+        let Some(link) = &mut self.link else {
+            if self.tried_ns.is_some_and(|at| now.saturating_sub(at) < RETRY_NS) {
+                std::thread::sleep(timeout.min(Duration::from_nanos(RETRY_NS)));
+                return Ok(Event::Nothing);
+            }
+            self.tried_ns = Some(now);
+            return Ok(match self.connect() {
+                Ok(link) => {
+                    self.link = Some(link);
+                    self.said.clear();
+                    Event::Note(format!("{}: connected", self.name()))
+                }
+                Err(e) => self.lost(&e),
+            });
+        };
+        if now.saturating_sub(link.asked_ns) > TIME_NS
+            && let Err(e) = link.ask_time()
+        {
+            return Ok(self.lost(&e));
+        }
+        let Some(link) = &mut self.link else { return Ok(Event::Nothing) };
+        match link.data.message(timeout) {
+            Ok(Some(parts)) => {
+                let received = now_ns();
+                if let Err(reason) = self.take(&parts, received) {
+                    self.wrong += 1;
+                    if self.said_wrong_ns.is_none_or(|at| received.saturating_sub(at) > 1_000_000_000) {
+                        self.said_wrong_ns = Some(received);
+                        let text = format!(
+                            "{}: a message that makes no sense: {reason} ({} dropped so far)",
+                            self.name(),
+                            self.wrong
+                        );
+                        return Ok(Event::Note(text));
+                    }
+                }
+                Ok(self.ready.pop_front().map_or(Event::Nothing, |s| Event::Sample(s, None)))
+            }
+            Ok(None) => {
+                // The other eye is not coming any more.
+                let late = self.waiting.take_if(|(_, _, s)| now_ns().saturating_sub(s.received_ns) > PERIOD_NS[1]);
+                Ok(late.map_or(Event::Nothing, |(_, _, s)| Event::Sample(s, None)))
+            }
+            Err(e) => Ok(self.lost(&e)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,214 @@
+//! [Lines](super::line) of JSON in UDP datagrams: a tracker that anyone can write.
+//!
+//! The socket listens at the address that it was told, loopback by default, so that nobody else reaches it. One sender
+//! is heard at a time: the first, until it has been silent for two seconds. A datagram carries one line or a few, 2048
+//! bytes at most; what makes no sense is counted, said once a second at most, and dropped.
+
+use super::line::{self, LONGEST_LINE};
+use super::{About, ClockOffset, Event, Sample, Source, TrackerError, now_ns};
+use std::collections::VecDeque;
+use std::net::{SocketAddr, ToSocketAddrs, UdpSocket};
+use std::time::Duration;
+
+const MOST_LINES: usize = 16;
+const SILENT_NS: u64 = 2_000_000_000;
+const SAY_NS: u64 = 1_000_000_000;
+
+/// Listens for lines of JSON.
+#[derive(Debug)]
+pub struct UdpSource {
+    socket: UdpSocket,
+    address: String,
+    latency_ns: u64,
+    /// Who is heard, and when last.
+    sender: Option<(SocketAddr, u64)>,
+    offset: ClockOffset,
+    waiting: VecDeque<Sample>,
+    wrong: u64,
+    said_ns: Option<u64>,
+    buffer: Box<[u8; LONGEST_LINE + 1]>,
+}
+
+impl UdpSource {
+    /// Listens at an address of this machine.
+    ///
+    /// # Errors
+    /// [`TrackerError::Network`]: no such address, or the port is taken.
+    pub fn bind(host: &str, port: u16, latency_ns: u64) -> Result<Self, TrackerError> {
+        let address = format!("udp://{host}:{port}");
+        let wrong = |reason: String| TrackerError::Network { address: address.clone(), reason };
+        let found = (host, port).to_socket_addrs().map_err(|e| wrong(e.to_string()))?.next();
+        let found = found.ok_or_else(|| wrong("no such address".into()))?;
+        let socket = UdpSocket::bind(found).map_err(|e| wrong(format!("cannot listen: {e}")))?;
+        Ok(Self {
+            socket,
+            address,
+            latency_ns,
+            sender: None,
+            offset: ClockOffset::default(),
+            waiting: VecDeque::new(),
+            wrong: 0,
+            said_ns: None,
+            buffer: Box::new([0; LONGEST_LINE + 1]),
+        })
+    }
+
+    /// Where it listens.
+    ///
+    /// # Errors
+    /// [`TrackerError::Network`].
+    pub fn local(&self) -> Result<SocketAddr, TrackerError> {
+        let wrong = |e: std::io::Error| TrackerError::Network { address: self.address.clone(), reason: e.to_string() };
+        self.socket.local_addr().map_err(wrong)
+    }
+
+    fn complain(&mut self, now: u64, what: String) -> Event {
+        self.wrong += 1;
+        if self.said_ns.is_some_and(|at| now.saturating_sub(at) < SAY_NS) {
+            return Event::Nothing;
+        }
+        self.said_ns = Some(now);
+        Event::Note(format!("{}: {what} ({} dropped so far)", self.address, self.wrong))
+    }
+
+    fn datagram(&mut self, length: usize, now: u64) -> Option<String> {
+        if length > LONGEST_LINE {
+            return Some(format!("a datagram of more than {LONGEST_LINE} bytes"));
+        }
+        let mut wrong = None;
+        let lines = self.buffer[..length].split(|b| *b == b'\n').map(<[u8]>::trim_ascii).filter(|l| !l.is_empty());
+        let mut empty = true;
+        for (i, text) in lines.enumerate() {
+            empty = false;
+            if i == MOST_LINES {
+                wrong = Some(format!("more than {MOST_LINES} lines in a datagram"));
+                break;
+            }
+            match line::parse(text) {
+                Ok(line) => {
+                    let tracker_ns = line.seconds.map(|s| (s * 1e9) as u64);
+                    let arrival = tracker_ns.map_or(now, |t| self.offset.arrival(t, now));
+                    let [left, right, combined] = line.readings;
+                    let time_ns = arrival.saturating_sub(self.latency_ns);
+                    self.waiting.push_back(Sample { time_ns, received_ns: now, tracker_ns, left, right, combined });
+                }
+                Err(reason) => wrong = Some(format!("a line that makes no sense: {reason}")),
+            }
+        }
+        if empty { Some("an empty datagram".into()) } else { wrong }
+    }
+}
+
+impl Source for UdpSource {
+    fn about(&self) -> About {
+        let from = self.sender.map_or("nobody has sent yet".into(), |(s, _)| format!("hears {s}"));
+        About { name: self.address.clone(), kind: "network", rate_hz: None, notes: vec![from] }
+    }
+
+    fn next(&mut self, timeout: Duration) -> Result<Event, TrackerError> {
+        if let Some(sample) = self.waiting.pop_front() {
+            return Ok(Event::Sample(sample, None));
+        }
+        // A timeout of zero would mean for ever.
+        let _ = self.socket.set_read_timeout(Some(timeout.max(Duration::from_micros(100))));
+        let Ok((length, from)) = self.socket.recv_from(&mut self.buffer[..]) else {
+            // Nothing within the time; an interrupted call or an ICMP answer is nothing too.
+            return Ok(Event::Nothing);
+        };
+        let now = now_ns();
+        let fresh = match self.sender {
+            Some((sender, at)) if sender != from => {
+                if now.saturating_sub(at) < SILENT_NS {
+                    return Ok(self.complain(now, format!("a second sender, {from}, beside {sender}")));
+                }
+                true
+            }
+            Some(_) => false,
+            None => true,
+        };
+        if fresh {
+            self.offset = ClockOffset::default();
+        }
+        let wrong = self.datagram(length, now);
+        if !self.waiting.is_empty() {
+            self.sender = Some((from, now));
+        }
+        if let Some(what) = wrong {
+            return Ok(self.complain(now, what));
+        }
+        if fresh && !self.waiting.is_empty() {
+            return Ok(Event::Note(format!("{}: hears {from}", self.address)));
+        }
+        Ok(self.waiting.pop_front().map_or(Event::Nothing, |s| Event::Sample(s, None)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Instant;
+
+    fn pair() -> (UdpSource, UdpSocket) {
+        // Port 0: any that is free.
+        let source = UdpSource::bind("127.0.0.1", 0, 0).unwrap();
+        let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
+        sender.connect(source.local().unwrap()).unwrap();
+        (source, sender)
+    }
+
+    fn samples(source: &mut UdpSource) -> (Vec<Sample>, Vec<String>) {
+        let (mut samples, mut notes, mut nothing) = (Vec::new(), Vec::new(), 0);
+        while nothing < 2 {
+            match source.next(Duration::from_millis(30)).unwrap() {
+                Event::Sample(sample, _) => samples.push(sample),
+                Event::Note(note) => notes.push(note),
+                _ => nothing += 1,
+            }
+        }
+        (samples, notes)
+    }
+
+    #[test]
+    fn lines_become_samples_and_one_sender_is_heard() {
+        let (mut source, sender) = pair();
+        assert!(source.local().unwrap().ip().is_loopback());
+        sender.send(b"{\"t\": 1.0, \"x\": 1.5, \"y\": -2}\n{\"t\": 1.01, \"x\": 1.6, \"y\": -2}").unwrap();
+        let second = UdpSocket::bind("127.0.0.1:0").unwrap();
+        second.send_to(b"{\"x\": 9, \"y\": 9}", source.local().unwrap()).unwrap();
+        let (samples, notes) = samples(&mut source);
+        assert_eq!(samples.len(), 2);
+        assert_eq!(samples[0].combined.unwrap().position, [1.5e-3, -2e-3]);
+        assert_eq!(samples[0].tracker_ns, Some(1_000_000_000));
+        assert!(samples.iter().all(|s| s.time_ns <= s.received_ns));
+        assert!(notes[0].contains("hears") && notes[1].contains("a second sender"), "{notes:?}");
+        assert!(UdpSource::bind("127.0.0.1", source.local().unwrap().port(), 0).is_err(), "the port is taken");
+        assert!(UdpSource::bind("203.0.113.1", 9123, 0).is_err(), "an address of somebody else");
+    }
+
+    #[test]
+    fn ten_thousand_datagrams_of_nonsense_are_survived() {
+        let (mut source, sender) = pair();
+        let mut rng = fastrand::Rng::with_seed(5);
+        let mut notes = 0;
+        let start = Instant::now();
+        for i in 0..10_000u32 {
+            let datagram: Vec<u8> = match i % 5 {
+                0 => (0..rng.usize(0..200)).map(|_| rng.u8(..)).collect(),
+                1 => vec![b'['; rng.usize(1..2048)],
+                2 => vec![b'x'; rng.usize(2049..9000)],
+                3 => b"{\"x\": 1, \"y\": nul}".to_vec(),
+                _ => format!("{{\"left\": {{\"x\": {}}}", "9".repeat(rng.usize(1..500))).into_bytes(),
+            };
+            sender.send(&datagram).unwrap();
+            match source.next(Duration::from_millis(100)).unwrap() {
+                Event::Note(_) => notes += 1,
+                Event::Nothing => {}
+                other => panic!("{other:?}"),
+            }
+        }
+        assert!(source.wrong >= 9_990, "{}", source.wrong);
+        assert!(notes <= 2 + start.elapsed().as_secs(), "one line a second: {notes}");
+        sender.send(b"{\"x\": 1, \"y\": 2}").unwrap();
+        assert_eq!(samples(&mut source).0.len(), 1);
+    }
+}

@@ -1,0 +1,84 @@
+//! The arguments of `eyebox evaluate`.
+
+use crate::args::{DisplayArgs, EngineArgs, SceneArgs, depths, positive, range};
+use clap::Args;
+use std::path::PathBuf;
+
+/// `eyebox evaluate`
+#[derive(Args)]
+pub struct Evaluate {
+    /// Scenes: folders of views, a picture (with --depth-map), or builtin:NAME
+    #[arg(required = true, value_name = "SCENE")]
+    pub scenes: Vec<String>,
+    /// The report and everything that it is made from; what is there already is not computed again
+    #[arg(short, long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Methods to solve with [default: slfh,lf2fs,stft,smooth,dpac; with --hologram, none]
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub methods: Option<Vec<String>>,
+    /// Sub-frames; several numbers compare them
+    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "8")]
+    pub frames: Vec<usize>,
+    /// A hologram that exists, under the name that the report gives it; may be repeated
+    #[arg(long, value_name = "NAME=FILE.zarr", value_parser = named)]
+    pub hologram: Vec<(String, PathBuf)>,
+    /// Published numbers to draw beside the measured ones: columns method,category,n,mean,median,q25,q75,min,max,std
+    #[arg(long, value_name = "CSV")]
+    pub reference: Option<PathBuf>,
+    /// Display
+    #[command(flatten)]
+    pub display: DisplayArgs,
+    /// Depth or disparity map of a picture (PNG, PFM or .npy)
+    #[arg(long, value_name = "FILE")]
+    pub depth_map: Option<PathBuf>,
+    /// Distance of neighbouring views in the pupil plane, mm [default: what the scene says, else eyebox / views]
+    #[arg(long, value_name = "MM", value_parser = positive)]
+    pub view_pitch: Option<f64>,
+    /// Views per axis of scenes that are rendered or reprojected
+    #[arg(long, default_value_t = 9, value_name = "N")]
+    pub views: usize,
+    /// Depths that matter, mm [default: what the scene says]
+    #[arg(long, value_name = "MIN..MAX", value_parser = depths, allow_hyphen_values = true)]
+    pub depth: Option<[f64; 2]>,
+    /// Steps of every iterative method
+    #[arg(long, default_value_t = 60, value_name = "N")]
+    pub steps: usize,
+    /// Pupils a step of every iterative method
+    #[arg(long, default_value_t = 16, value_name = "B")]
+    pub pupils: usize,
+    /// Pupil diameters of random pupils, mm [default: 2..20, or what fits the eyebox]
+    #[arg(long, value_name = "MIN..MAX", value_parser = range)]
+    pub pupil_diameter: Option<[f64; 2]>,
+    /// Seed of first phases and of the pupils drawn
+    #[arg(long, default_value_t = 0, value_name = "S")]
+    pub seed: u64,
+    /// Leave out the speckle of an even plane
+    #[arg(long)]
+    pub no_speckle: bool,
+    /// Engine
+    #[command(flatten)]
+    pub engine: EngineArgs,
+    /// The report's numbers as one JSON object on standard output, no progress bar
+    #[arg(long)]
+    pub json: bool,
+}
+
+impl Evaluate {
+    /// One of the scenes, as other commands take it.
+    pub fn scene(&self, index: usize) -> SceneArgs {
+        SceneArgs {
+            scene: self.scenes[index].clone(),
+            depth_map: self.depth_map.clone(),
+            view_pitch: self.view_pitch,
+            views: Some(self.views),
+            depth: self.depth,
+        }
+    }
+}
+
+fn named(text: &str) -> Result<(String, PathBuf), String> {
+    match text.split_once('=') {
+        Some((name, file)) if !name.trim().is_empty() && !file.is_empty() => Ok((name.trim().into(), file.into())),
+        _ => Err("expected NAME=FILE.zarr".into()),
+    }
+}

@@ -1,0 +1,173 @@
+//! `eyebox evaluate`: every method, every group of pupils, and a report of what came of it.
+//!
+//! What is compared is decided first ([`subject`]), then done scene by scene; every result is kept as soon as it is
+//! there ([`keep`]), so that a run that was stopped goes on where it was. What was measured is plain data ([`figures`])
+//! that `report` turns into a page.
+
+pub mod args;
+pub mod figures;
+pub mod keep;
+pub mod measure;
+mod picture;
+pub mod pupils;
+mod speckle;
+mod subject;
+mod work;
+
+pub use args::Evaluate;
+pub use work::{Job, evaluate};
+
+use crate::Failure;
+use crate::common;
+use crate::progress;
+use crate::report::{self, Published};
+use eyebox::evaluate::Group;
+use eyebox::optics::{Color, Display};
+use eyebox::scene;
+use std::path::Path;
+
+/// Solves, measures, reports.
+pub fn run(args: &Evaluate) -> Result<(), Failure> {
+    let job = job(args)?;
+    let published = args.reference.as_deref().map(Published::read).transpose()?.unwrap_or_default();
+    let mut engine = common::engine(&args.engine)?;
+    job.check_scenes()?;
+    keep::writable(&args.out)?;
+    if !args.json {
+        eprintln!("engine: {}", engine.describe());
+    }
+    progress::catch_interrupt();
+    let mut report = evaluate(&job, &args.out, engine.as_mut(), args.json)?;
+    report.published = published;
+    report::write(&report, &args.out)?;
+    if args.json {
+        println!("{}", report::json(&report));
+        return Ok(());
+    }
+    print_table(&report);
+    let page = args.out.join("report.html");
+    if report.missing > 0 {
+        println!(
+            "stopped: {} of {} results are kept, and shown in {}; the same command goes on from there",
+            report.runs.len() + report.speckle.len(),
+            report.runs.len() + report.speckle.len() + report.missing,
+            page.display()
+        );
+    } else {
+        println!("the report: {}", page.display());
+    }
+    Ok(())
+}
+
+fn print_table(report: &report::Report) {
+    println!("PSNR over random pupils, dB:      mean  median   worst  spread");
+    for series in report.series() {
+        if let Some(s) = report.psnr(&series, None, Some(Group::Random)) {
+            let name = report.label(&series);
+            println!("  {name:28} {:8.2}{:8.2}{:8.2}{:8.2}", s.mean, s.median, s.worst, s.sd);
+        }
+    }
+}
+
+/// What the arguments ask for; nothing is computed or written yet.
+fn job(args: &Evaluate) -> Result<Job, Failure> {
+    if args.depth_map.is_some() && args.scenes.len() > 1 {
+        return Err(Failure::Asked("--depth-map belongs to one picture: give one scene".into()));
+    }
+    if args.frames.is_empty() || args.frames.iter().any(|f| !(1..=4096).contains(f)) {
+        return Err(Failure::Asked("--frames: the numbers of sub-frames must be 1 to 4096".into()));
+    }
+    if !(1..=1_000_000).contains(&args.steps) {
+        return Err(Failure::Asked(format!("--steps {}: it must be 1 to 1000000", args.steps)));
+    }
+    let methods = match &args.methods {
+        Some(names) => subject::methods(names)?,
+        None if args.hologram.is_empty() => subject::methods(&subject::DEFAULT.map(String::from))?,
+        None => Vec::new(),
+    };
+    let given = subject::given(&args.hologram, args)?;
+    let (display, colors) = optics(args, methods.is_empty().then_some(()).and(given.first()))?;
+    for hologram in &given {
+        hologram.check(&display, &colors)?;
+    }
+    let mut frames = args.frames.clone();
+    frames.sort_unstable();
+    frames.dedup();
+    let scenes: Vec<_> = (0..args.scenes.len()).map(|i| args.scene(i)).collect();
+    for (i, scene) in scenes.iter().enumerate() {
+        if scenes[..i].iter().any(|s| s.scene == scene.scene) {
+            return Err(Failure::Asked(format!("{}: this scene is given twice", scene.scene)));
+        }
+    }
+    if args.display.size.is_none() {
+        same_size(&args.scenes)?;
+    }
+    let subjects = subject::subjects(&methods, given);
+    let settings = eyebox::solve::Settings {
+        steps: args.steps,
+        pupils: args.pupils,
+        diameter: common::diameters(args.pupil_diameter, &display),
+        seed: args.seed,
+        ..eyebox::solve::Settings::default()
+    };
+    settings.check()?;
+    let speckle = !args.no_speckle;
+    Ok(Job { scenes, labels: labels(&args.scenes), subjects, frames, display, colors, settings, speckle })
+}
+
+/// The display asked for, or, where nothing is solved, that of the first hologram.
+fn optics(args: &Evaluate, given: Option<&subject::Given>) -> Result<(Display, Vec<Color>), Failure> {
+    match given {
+        Some(given) if args.display.size.is_none() => Ok((given.display(), given.colors())),
+        _ => {
+            let display = common::display(&args.display)?;
+            let colors = common::colors(&args.display, &display)?;
+            Ok((display, colors))
+        }
+    }
+}
+
+/// Pictures of one size, or a size that they are all fitted to.
+fn same_size(sources: &[String]) -> Result<(), Failure> {
+    let mut first: Option<(&str, [usize; 2])> = None;
+    for source in sources {
+        let Some(size) = scene::native_size(source)? else { continue };
+        match first {
+            Some((other, before)) if before != size => {
+                return Err(Failure::Asked(format!(
+                    "{source}: {} x {} pixels, but {other} has {} x {}: say with --size what all are fitted to",
+                    size[0], size[1], before[0], before[1]
+                )));
+            }
+            _ => first = first.or(Some((source, size))),
+        }
+    }
+    Ok(())
+}
+
+/// Short names of scenes; whole ones where the short ones are not different.
+fn labels(sources: &[String]) -> Vec<String> {
+    let short = |source: &String| {
+        let plain = source.strip_prefix("builtin:").unwrap_or(source);
+        let whole = Path::new(plain).canonicalize().unwrap_or_else(|_| plain.into());
+        match source.starts_with("builtin:") {
+            true => plain.to_string(),
+            false => whole.file_name().map_or(plain.to_string(), |n| n.to_string_lossy().into_owned()),
+        }
+    };
+    let all: Vec<String> = sources.iter().map(short).collect();
+    let unique = |i: usize| all.iter().filter(|l| **l == all[i]).count() == 1;
+    (0..all.len()).map(|i| if unique(i) { all[i].clone() } else { sources[i].clone() }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scenes_of_one_name_are_told_apart() {
+        let of = |s: &[&str]| labels(&s.iter().map(|s| s.to_string()).collect::<Vec<_>>());
+        assert_eq!(of(&["builtin:plane?depth=2", "a/views"]), ["plane?depth=2", "views"]);
+        assert_eq!(of(&["a/views", "b/views"]), ["a/views", "b/views"]);
+    }
+}

@@ -1,0 +1,331 @@
+//! `eyebox trackers`.
+
+use crate::Failure;
+use crate::args::{EyeName, Trackers};
+use crate::calibrate;
+use crate::progress;
+use eyebox::files;
+use eyebox::gaze::{Calibration, Estimator, Eye, Settings};
+use eyebox::trackers::hid::{self, Description, DeviceFile};
+use eyebox::trackers::recording::{self, Head, Recording};
+use eyebox::trackers::{Event, Options, Sample, Source, Spec, Stream, TrackerError, line, open};
+use serde_json::json;
+use std::fmt::Write as _;
+use std::fs::File;
+use std::io::{self, Read, Write};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// Lists, describes or watches.
+pub fn run(args: &Trackers) -> Result<(), Failure> {
+    if let Some(file) = &args.describe {
+        return describe(file, args.json);
+    }
+    if let Some(file) = &args.calibrate {
+        return calibrate::run(args, file);
+    }
+    match &args.watch {
+        Some(source) => watch(args, source),
+        None if args.record.is_some() => watch(args, "hid"),
+        None => list(args),
+    }
+}
+
+/// Standard output, of which nobody may be left: `| head` is no mistake.
+fn say(line: &str) -> io::Result<()> {
+    let mut out = io::stdout().lock();
+    out.write_all(line.as_bytes())?;
+    out.write_all(b"\n")
+}
+
+fn said(result: io::Result<()>) -> Result<(), Failure> {
+    match result {
+        Err(e) if e.kind() != io::ErrorKind::BrokenPipe => Err(Failure::Asked(format!("standard output: {e}"))),
+        _ => Ok(()),
+    }
+}
+
+fn describe(file: &Path, json: bool) -> Result<(), Failure> {
+    let wrong = |reason: String| Failure::from(TrackerError::file(file, reason));
+    let bytes = descriptor_of(file)?;
+    let description = Description::of(&bytes).map_err(|e| wrong(e.to_string()))?;
+    let text = if json {
+        serde_json::to_string_pretty(&description).map_err(|e| wrong(e.to_string()))?
+    } else {
+        description.to_string().trim_end().to_owned()
+    };
+    said(say(&text))
+}
+
+/// The bytes of a descriptor: of a recording, of text in hexadecimal, or the file's own.
+fn descriptor_of(file: &Path) -> Result<Vec<u8>, Failure> {
+    let wrong = |reason: String| Failure::from(TrackerError::file(file, reason));
+    // Enough to tell what it is: a recording may be long.
+    let mut start = Vec::new();
+    let open = File::open(file).map_err(|e| wrong(e.to_string()))?;
+    open.take(256 << 10).read_to_end(&mut start).map_err(|e| wrong(e.to_string()))?;
+    let Some(text) = std::str::from_utf8(&start).ok().filter(|t| !t.contains('\0')) else { return Ok(start) };
+    if text.lines().any(|l| l.starts_with("R:")) {
+        let recording = Recording::load(file)?;
+        let first = recording.devices.into_iter().map(|d| d.descriptor).find(|d| !d.is_empty());
+        return first.ok_or_else(|| wrong("the recording has no descriptor".into()));
+    }
+    // Listings have remarks behind the bytes.
+    let code = |line| -> &str { str::split(line, '#').next().and_then(|l| l.split("//").next()).unwrap_or_default() };
+    let words = || text.lines().map(code).flat_map(|l| l.split([' ', '\t', ','])).filter(|w| !w.is_empty());
+    let digits = |w: &str| w.trim_start_matches("0x").trim_start_matches("0X").to_owned();
+    let is_hex = |w: &str| !w.is_empty() && w.len().is_multiple_of(2) && w.bytes().all(|b| b.is_ascii_hexdigit());
+    if words().next().is_some() && words().all(|w| is_hex(&digits(w))) {
+        let hex: String = words().map(digits).collect();
+        return (0..hex.len() / 2)
+            .map(|i| u8::from_str_radix(&hex[2 * i..2 * i + 2], 16).map_err(|e| wrong(e.to_string())))
+            .collect();
+    }
+    Ok(start)
+}
+
+fn list(args: &Trackers) -> Result<(), Failure> {
+    let file = args.device_file.as_deref().map(DeviceFile::load).transpose()?;
+    let listed = hid::system_bus().and_then(|mut bus| hid::list(bus.as_mut(), file.as_ref()));
+    // No HID is no mistake: the other sources are there all the same.
+    let (found, problem) = match listed {
+        Ok(found) => (found, None),
+        Err(e) => (Vec::new(), Some(e.to_string())),
+    };
+    if args.json {
+        let devices: Vec<_> = found
+            .iter()
+            .map(|d| {
+                json!({
+                    "path": d.info.path, "vendor": d.info.vendor, "product": d.info.product, "name": d.info.name,
+                    "eye_tracker": d.tracker.is_ok(), "reason": d.tracker.as_ref().err().map(ToString::to_string),
+                    "rate_hz": d.tracker.as_ref().ok().and_then(|t| t.rate_hz),
+                    "notes": d.tracker.as_ref().map(|t| t.notes.clone()).unwrap_or_default(),
+                })
+            })
+            .collect();
+        return said(say(&json!({ "hid": devices, "problem": problem, "sources": SOURCES.map(|s| s.0) }).to_string()));
+    }
+    let mut text = String::new();
+    let trackers = found.iter().filter(|d| d.tracker.is_ok()).count();
+    match &problem {
+        Some(problem) => text += &format!("hid         {problem}\n"),
+        None => {
+            let _ = writeln!(text, "hid         {trackers} eye trackers among {} HID devices", found.len());
+        }
+    }
+    for d in &found {
+        let _ = write!(text, "            {} ({:04x}:{:04x}): ", d.info.name, d.info.vendor, d.info.product);
+        match &d.tracker {
+            Ok(about) => {
+                let rate = about.rate_hz.map_or_else(String::new, |hz| format!("{hz} Hz; "));
+                let _ = writeln!(text, "{rate}{}", about.notes.join("; "));
+            }
+            Err(e) => {
+                let _ = writeln!(text, "{e}");
+            }
+        }
+    }
+    for (name, what) in SOURCES.iter().skip(1) {
+        let _ = writeln!(text, "{name:11} {what}");
+    }
+    said(say(text.trim_end()))
+}
+
+const SOURCES: [(&str, &str); 6] = [
+    ("hid", "HID devices of usage page 0x12"),
+    ("FILE.hid", "a recording of hid-recorder"),
+    ("FILE.jsonl", "recorded samples"),
+    ("pupil://", "Pupil Core's network interface: pupil://HOST[:50020]"),
+    ("udp://", "lines of JSON in datagrams: udp://:PORT, loopback; udp://HOST:PORT elsewhere"),
+    ("simulated", "a simulated eye before a simulated tracker: simulated[:SEED]"),
+];
+
+/// A source, on a thread of its own where it goes on by itself.
+enum Feed {
+    /// As fast as it is read; nothing may be dropped.
+    Direct(Box<dyn Source>),
+    /// Live.
+    Thread(Stream),
+}
+
+impl Feed {
+    fn next(&mut self, timeout: Duration) -> Result<Event, TrackerError> {
+        let stream = match self {
+            Self::Direct(source) => return source.next(timeout),
+            Self::Thread(stream) => stream,
+        };
+        if let Some(note) = stream.note() {
+            return Ok(Event::Note(note));
+        }
+        // Asked before the channel is looked at: what came before the end is still shown.
+        let status = stream.status();
+        match stream.next_with_report(if status.ended { Duration::ZERO } else { timeout }) {
+            Some((sample, report)) => Ok(Event::Sample(sample, report)),
+            None if !status.ended => Ok(Event::Nothing),
+            None => match status.failure {
+                Some(reason) => Err(TrackerError::Setting(reason)),
+                None => Ok(Event::End),
+            },
+        }
+    }
+
+    fn head(&self) -> Option<Head> {
+        match self {
+            Self::Direct(source) => source.recording_head(),
+            Self::Thread(stream) => stream.recording_head(),
+        }
+    }
+}
+
+/// What a recording becomes.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Form {
+    Hid,
+    Lines,
+}
+
+/// Writes samples as they come.
+struct Recorder<'a> {
+    out: &'a mut dyn Write,
+    form: Form,
+    /// When the first report came.
+    first_ns: Option<u64>,
+}
+
+impl Recorder<'_> {
+    fn sample(
+        &mut self,
+        sample: &Sample,
+        report: Option<&[u8]>,
+        head: impl FnOnce() -> Option<Head>,
+    ) -> io::Result<()> {
+        if self.form == Form::Lines {
+            return writeln!(self.out, "{}", line::write(sample));
+        }
+        let Some(report) = report else { return Ok(()) };
+        let first = match self.first_ns {
+            Some(first) => first,
+            None => {
+                let Some(head) = head() else { return Ok(()) };
+                recording::write_head(self.out, &head)?;
+                *self.first_ns.insert(sample.received_ns)
+            }
+        };
+        recording::write_report(self.out, sample.received_ns.saturating_sub(first) / 1000, report)
+    }
+}
+
+/// What a source is opened with, in real time.
+pub fn options(args: &Trackers) -> Options {
+    Options {
+        latency: Duration::from_secs_f64((args.latency * 1e-3).min(1e6)),
+        device_file: args.device_file.clone(),
+        real_time: true,
+        rate_hz: args.rate,
+    }
+}
+
+fn watch(args: &Trackers, source: &str) -> Result<(), Failure> {
+    let spec: Spec = source.parse()?;
+    let options = Options {
+        // For a while that is asked for, a simulated eye need not be waited for.
+        real_time: args.real_time || (matches!(spec, Spec::Simulated(_)) && args.duration.is_none()),
+        ..options(args)
+    };
+    let form = args.record.as_deref().map(|file| form(file, &spec)).transpose()?;
+    let source = open(&spec, &options)?;
+    let stored = matches!(spec, Spec::Recording(_) | Spec::Lines(_) | Spec::Simulated(_)) && !options.real_time;
+    // Says no before a recording begins.
+    let _ = args.pupil.map(|_| estimator(args)).transpose()?;
+    let mut feed = if stored { Feed::Direct(source) } else { Feed::Thread(Stream::start(source)?) };
+    progress::catch_interrupt();
+    let (Some(file), Some(form)) = (&args.record, form) else { return show(args, &mut feed, stored, None) };
+    // A failure of the tracker is no failure to write: it is carried past the writer.
+    let mut failed = None;
+    files::write_file(file, |out| {
+        let mut recorder = Recorder { out, form, first_ns: None };
+        failed = show(args, &mut feed, stored, Some(&mut recorder)).err();
+        match (&failed, recorder.first_ns, form) {
+            (Some(_), ..) => Err(io::ErrorKind::Other.into()),
+            (None, None, Form::Hid) => Err(io::Error::other("no report has come")),
+            _ => Ok(()),
+        }
+    })
+    .map_err(|e| failed.take().unwrap_or(e.into()))
+}
+
+/// The way from sample to pupil.
+fn estimator(args: &Trackers) -> Result<Estimator, Failure> {
+    let eye = match args.eye {
+        EyeName::Left => Eye::Left,
+        EyeName::Right => Eye::Right,
+        EyeName::Mean => Eye::Mean,
+    };
+    let calibration = args.calibration.as_deref().map(Calibration::load).transpose()?;
+    Ok(Estimator::new(Settings { eye, ..Settings::default() }, calibration)?)
+}
+
+/// What became of a sample, and the pupil so many milliseconds after its arrival.
+fn stages(estimator: &mut Estimator, sample: &Sample, ms: f64, as_json: bool) -> String {
+    let stages = estimator.update(sample);
+    let pupil = estimator.predict(sample.received_ns.saturating_add((ms * 1e6) as u64));
+    if as_json {
+        json!({ "time_ns": sample.time_ns, "received_ns": sample.received_ns, "stages": stages, "pupil": pupil })
+            .to_string()
+    } else {
+        format!("{:.6} s  {stages}; in {ms} ms {pupil}", sample.time_ns as f64 * 1e-9)
+    }
+}
+
+/// The form that a recording's name asks for; says no before anything is opened.
+fn form(file: &Path, spec: &Spec) -> Result<Form, Failure> {
+    match file.extension().and_then(|e| e.to_str()) {
+        Some("hid") if matches!(spec, Spec::Hid | Spec::Recording(_)) => Ok(Form::Hid),
+        Some("hid") => Err(Failure::Asked(format!(
+            "{}: only HID sources have reports to record: record this one as .jsonl",
+            file.display()
+        ))),
+        Some("jsonl") => Ok(Form::Lines),
+        _ => Err(Failure::Asked(format!("{}: the name must end in .hid or .jsonl", file.display()))),
+    }
+}
+
+/// Shows samples until the source or the time ends, someone presses ctrl-C, or nobody reads any more.
+fn show(args: &Trackers, feed: &mut Feed, stored: bool, mut recorder: Option<&mut Recorder>) -> Result<(), Failure> {
+    let mut estimator = args.pupil.map(|ms| Ok::<_, Failure>((estimator(args)?, ms))).transpose()?;
+    let start = Instant::now();
+    let duration = args.duration.map(|s| Duration::from_secs_f64(s.min(1e9)));
+    let mut first_ns = None;
+    while !progress::interrupted() {
+        if !stored && duration.is_some_and(|d| start.elapsed() >= d) {
+            break;
+        }
+        match feed.next(Duration::from_millis(50))? {
+            Event::Sample(sample, report) => {
+                // What is not waited for lasts as long as its own times say.
+                let passed = sample.received_ns.saturating_sub(*first_ns.get_or_insert(sample.received_ns));
+                if stored && duration.is_some_and(|d| u128::from(passed) >= d.as_nanos()) {
+                    break;
+                }
+                let text = match &mut estimator {
+                    Some((estimator, ms)) => stages(estimator, &sample, *ms, args.json),
+                    None if args.json => line::write(&sample),
+                    None => sample.to_string(),
+                };
+                if let Some(recorder) = &mut recorder {
+                    let written = recorder.sample(&sample, report.as_deref(), || feed.head());
+                    written.map_err(|e| Failure::Asked(format!("the recording cannot be written: {e}")))?;
+                }
+                match say(&text) {
+                    Err(e) if e.kind() == io::ErrorKind::BrokenPipe => break,
+                    other => said(other)?,
+                }
+            }
+            Event::Note(note) => eprintln!("{note}"),
+            Event::Nothing => {}
+            Event::End => break,
+        }
+    }
+    Ok(())
+}
