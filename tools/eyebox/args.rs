@@ -216,6 +216,9 @@ pub struct Solve {
     /// Weight of the light's evenness over the eyebox, for pupil-aware
     #[arg(long, default_value_t = 0.5, value_name = "W")]
     pub evenness: f64,
+    /// Patches along the eyebox whose light pupil-aware evens out, 1 to 16
+    #[arg(long, default_value_t = 9, value_name = "N")]
+    pub patches: usize,
     /// How phases are moved
     #[arg(long, value_enum, default_value = "projection")]
     pub optimizer: OptimizerName,

@@ -171,6 +171,7 @@ pub fn settings_of(args: &Solve, display: &Display, depth: [f64; 2]) -> Settings
         stft_filter: args.stft_filter,
         stft_samples: args.stft_samples,
         evenness: args.evenness,
+        patches: args.patches,
         optimizer: if adam { Optimizer::adam() } else { Optimizer::projection() },
         steps: args.steps.unwrap_or(if adam { 200 } else { 60 }),
         pupils: args.pupils.unwrap_or(if adam { 8 } else { 16 }),

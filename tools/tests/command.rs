@@ -450,6 +450,7 @@ fn every_method_solves_from_the_command_line() {
     refused(&["--method", "stft", "--stft-filter", "0"], "stft-filter");
     refused(&["--method", "stft", "--stft-samples", "0"], "window of the STFT");
     refused(&["--method", "pupil-aware", "--evenness=-1"], "evenness");
+    refused(&["--method", "pupil-aware", "--patches", "17"], "patches");
     refused(&["--levels", "0"], "phase levels");
     refused(&["--levels", "levels.txt"], "levels.txt");
     std::fs::write(at.join("levels.txt"), "# measured\n0\n1.5\n3.2\nfour\n").unwrap();

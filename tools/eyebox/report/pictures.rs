@@ -17,7 +17,7 @@ fn img(picture: &Picture, alt: &str, class: &str) -> String {
     let Picture { width, height, data, .. } = picture;
     let alt = escape(alt);
     let class = if class.is_empty() { String::new() } else { format!(r#" class="{class}""#) };
-    format!(r#"<img{class} loading="lazy" width="{width}" height="{height}" alt="{alt}" title="{alt}" src="{data}">"#)
+    format!(r#"<img{class} width="{width}" height="{height}" alt="{alt}" title="{alt}" src="{data}">"#)
 }
 
 /// The results of a scene, by method, at the largest number of sub-frames.
