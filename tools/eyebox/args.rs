@@ -1,5 +1,6 @@
 //! The command line: millimetres, micrometres and nanometres in, metres out.
 
+use crate::values::{Targets, depths, method, not_negative, positive, pupil, range, size, targets, window};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use eyebox::optics::{Color, Pupil, WindowFactor};
 use eyebox::solve::Method;
@@ -472,97 +473,6 @@ impl Colors {
     }
 }
 
-fn numbers<const N: usize>(parts: Vec<&str>, form: &str) -> Result<[f64; N], String> {
-    let count = parts.len();
-    let values: Result<Vec<f64>, _> = parts.iter().map(|p| p.trim().parse::<f64>()).collect();
-    let values = values.map_err(|_| format!("not numbers: expected {form}"))?;
-    values.try_into().map_err(|_| format!("{count} numbers: expected {form}"))
-}
-
-fn pupil(text: &str) -> Result<Pupil, String> {
-    let values = numbers::<4>(text.split(',').collect(), "x,y,diameter,focus in mm, such as 2,-1,4,1.5")?;
-    Pupil::from_mm(values).check().map_err(|e| e.to_string())
-}
-
-fn size(text: &str) -> Result<[usize; 2], String> {
-    let form = "expected rows x columns, such as 1080x1920";
-    let (h, w) = text.split_once(['x', 'X']).ok_or(form)?;
-    let [h, w] = [h, w].map(|n| n.trim().parse::<usize>());
-    let (h, w) = (h.map_err(|_| form)?, w.map_err(|_| form)?);
-    if (1..=65536).contains(&h) && (1..=65536).contains(&w) {
-        Ok([h, w])
-    } else {
-        Err("each axis must be 1 to 65536 pixels".into())
-    }
-}
-
-/// Millimetres in, metres out.
-pub fn range(text: &str) -> Result<[f64; 2], String> {
-    let form = "MIN..MAX in mm, such as -3..3.5";
-    let [low, high] = numbers::<2>(text.split("..").collect(), form)?;
-    if low <= high && low.is_finite() && high.is_finite() {
-        Ok([low * 1e-3, high * 1e-3])
-    } else {
-        Err(format!("expected {form}, smallest first"))
-    }
-}
-
-/// Millimetres in, metres out; either order.
-pub fn depths(text: &str) -> Result<[f64; 2], String> {
-    match range(text) {
-        Ok(range) => Ok(range),
-        Err(reason) => {
-            let reversed: Vec<&str> = text.split("..").collect();
-            let [low, high] = reversed[..] else { return Err(reason) };
-            range(&format!("{high}..{low}")).map(|[low, high]| [high, low]).map_err(|_| reason)
-        }
-    }
-}
-
-pub fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(v) if v.is_finite() && v > 0.0 => Ok(v),
-        _ => Err("expected a positive number".into()),
-    }
-}
-
-/// Directions, degrees to the right and down.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Targets(pub Vec<[f64; 2]>);
-
-fn targets(text: &str) -> Result<Targets, String> {
-    let form = "x,y;x,y;... in degrees, such as 0,0;-8,0;8,0;0,6";
-    let all: Result<Vec<[f64; 2]>, String> =
-        text.split(';').map(|t| numbers::<2>(t.split(',').collect(), form)).collect();
-    let all = all?;
-    if all.iter().flatten().any(|v| !(-60.0..=60.0).contains(v)) {
-        return Err("an eye turns 60 degrees at most".into());
-    }
-    if (3..=64).contains(&all.len()) { Ok(Targets(all)) } else { Err(format!("expected 3 to 64 targets: {form}")) }
-}
-
-fn not_negative(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(v) if v.is_finite() && v >= 0.0 => Ok(v),
-        _ => Err("expected a number, 0 or more".into()),
-    }
-}
-
-fn window(text: &str) -> Result<WindowFactor, String> {
-    match text {
-        "1" => Ok(WindowFactor::One),
-        "2" => Ok(WindowFactor::Two),
-        "full" => Ok(WindowFactor::Full),
-        _ => Err("expected 1, 2 or full".into()),
-    }
-}
-
-/// A method by its name.
-pub fn method(text: &str) -> Result<Method, String> {
-    let names = || Method::ALL.map(Method::name).join(", ");
-    Method::by_name(text).ok_or_else(|| format!("no method is called so: there are {}", names()))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -576,21 +486,5 @@ mod tests {
             let help = sub.get_after_help().expect("an example").to_string();
             assert!(help.contains(&format!("eyebox {}", sub.get_name())), "{help}");
         }
-    }
-
-    #[test]
-    fn values_are_read_in_human_units() {
-        assert_eq!(range("-3..3.5"), Ok([-3e-3, 3.5e-3]));
-        assert_eq!(depths("3..-3"), Ok([3e-3, -3e-3]));
-        assert!(depths("3..x").is_err() && depths("3").is_err());
-        assert_eq!(size("45x64"), Ok([45, 64]));
-        assert_eq!(pupil("2,-1,6,3").unwrap().to_mm().map(|v| v.round()), [2.0, -1.0, 6.0, 3.0]);
-        for bad in ["", "1,2,3", "1,2,3,4,5", "a,b,c,d", "0,0,0,0", "0,0,-1,0", "nan,0,1,0", "0,0,inf,0"] {
-            assert!(pupil(bad).is_err(), "{bad}");
-        }
-        for bad in ["0x8", "8", "x", "8x", "-1x4", "99999999x4"] {
-            assert!(size(bad).is_err(), "{bad}");
-        }
-        assert!(range("3..1").is_err() && range("1").is_err() && range("nan..1").is_err());
     }
 }

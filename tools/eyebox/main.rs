@@ -20,6 +20,7 @@ mod report;
 mod score;
 mod solve;
 mod trackers;
+mod values;
 mod view;
 
 use args::{Cli, Command};

@@ -1,6 +1,7 @@
 //! The arguments of `eyebox evaluate`.
 
-use crate::args::{DisplayArgs, EngineArgs, SceneArgs, depths, positive, range};
+use crate::args::{DisplayArgs, EngineArgs, SceneArgs};
+use crate::values::{depths, positive, range};
 use clap::Args;
 use std::path::PathBuf;
 
