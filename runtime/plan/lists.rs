@@ -38,11 +38,11 @@ impl Planner {
     pub fn view_step(&self, lanes: Vec<Lane>) -> Step {
         let all = 0..lanes.len();
         let mut step = self.empty(lanes);
-        let tapered = step.lanes.iter().any(|lane| lane.taper.is_some());
         step.list.extend(self.to_spectrum());
-        let kernels = [Kernel::Transfer, Kernel::Taper, Kernel::PassPupil, Kernel::WindowInverse, Kernel::Intensity];
-        let kernels = kernels.into_iter().filter(|k| tapered || *k != Kernel::Taper);
-        step.list.extend(kernels.map(|kernel| Dispatch { kernel, lanes: all.clone() }));
+        step.over_lanes(
+            all,
+            &[Kernel::Transfer, Kernel::Taper, Kernel::PassPupil, Kernel::WindowInverse, Kernel::Intensity],
+        );
         step
     }
 
@@ -112,27 +112,12 @@ impl Planner {
         let all = first.into_iter().chain([Kernel::Modulate, Kernel::FieldForward]);
         all.map(|kernel| Dispatch { kernel, lanes: 0..0 })
     }
-    /// What each sight shows, what it should show, and the sums of both, one sight after the other: after the entries
-    /// that look at no lane, each lane has as many as the others, and leaves its `Sums` in slot 0.
+
+    /// What each sight shows, what it should show, and the sums of both, left in `Sums` of slots 0, 1, ...
     pub fn exposure_step(&self, lanes: Vec<Lane>) -> Step {
-        let count = lanes.len();
-        let mut step = self.empty(lanes);
-        let tapered = step.lanes.iter().any(|lane| lane.taper.is_some());
-        step.list.extend(self.to_spectrum());
-        let kernels = [
-            Kernel::Transfer,
-            Kernel::Taper,
-            Kernel::PassPupil,
-            Kernel::WindowInverse,
-            Kernel::Intensity,
-            Kernel::Photograph,
-            Kernel::Resample,
-            Kernel::Exposure,
-        ];
-        for i in 0..count {
-            let kernels = kernels.into_iter().filter(|k| tapered || *k != Kernel::Taper);
-            step.list.extend(kernels.map(|kernel| Dispatch { kernel, lanes: i..i + 1 }));
-        }
+        let all = 0..lanes.len();
+        let mut step = self.view_step(lanes);
+        step.over_lanes(all, &[Kernel::Photograph, Kernel::Resample, Kernel::Exposure]);
         step
     }
 
@@ -168,22 +153,19 @@ impl Planner {
         let groups = groups(&lanes, in_flight / self.frames.max(1));
         let mut step = self.empty(lanes);
         // Tapered lanes have no edge at which pupils overlap: the caller's gain says how often they do.
-        let tapered = step.lanes.iter().any(|lane| lane.taper.is_some());
-        let balanced = balanced && !tapered;
+        let balanced = balanced && !step.is_tapered();
         let whole = |kernel| Dispatch { kernel, lanes: 0..0 };
         step.list.extend(self.to_spectrum());
         step.list.push(whole(Kernel::Clear));
         for lanes in groups {
-            let over = |kernel| Dispatch { kernel, lanes: lanes.clone() };
             if balanced {
-                step.list.push(over(Kernel::Overlap));
+                step.list.push(Dispatch { kernel: Kernel::Overlap, lanes: lanes.clone() });
             }
-            step.list.push(over(Kernel::Transfer));
-            if tapered {
-                step.list.push(over(Kernel::Taper));
-            }
-            step.list.extend(
-                [
+            step.over_lanes(
+                lanes,
+                &[
+                    Kernel::Transfer,
+                    Kernel::Taper,
                     Kernel::Photograph,
                     Kernel::Resample,
                     Kernel::PassPupil,
@@ -193,8 +175,7 @@ impl Planner {
                     Kernel::Weigh,
                     Kernel::WindowForward,
                     Kernel::ReturnPupil,
-                ]
-                .map(over),
+                ],
             );
         }
         if balanced {
@@ -202,6 +183,34 @@ impl Planner {
         }
         step.list.push(whole(Kernel::ChangeInverse));
         step
+    }
+}
+
+impl Step {
+    /// Adds these kernels over these lanes; `Taper` only where a lane is tapered.
+    fn over_lanes(&mut self, lanes: Range<usize>, kernels: &[Kernel]) {
+        let tapered = self.is_tapered();
+        let kernels = kernels.iter().filter(|k| tapered || **k != Kernel::Taper);
+        self.list.extend(kernels.map(|&kernel| Dispatch { kernel, lanes: lanes.clone() }));
+    }
+
+    fn is_tapered(&self) -> bool {
+        self.lanes.iter().any(|lane| lane.taper.is_some())
+    }
+
+    /// How many entries, at the start, look at no lane.
+    pub fn shared(&self) -> usize {
+        self.list.iter().take_while(|d| d.lanes.is_empty()).count()
+    }
+
+    /// The same, one lane after the other, each in slot 0: at full size one lane holds as much memory as the field.
+    /// After the shared entries each lane has as many as the others.
+    pub fn lane_by_lane(mut self) -> Self {
+        let kernels: Vec<_> = self.list.drain(self.shared()..).map(|d| d.kernel).collect();
+        for i in 0..self.lanes.len() {
+            self.list.extend(kernels.iter().map(|&kernel| Dispatch { kernel, lanes: i..i + 1 }));
+        }
+        self
     }
 }
 
