@@ -7,7 +7,9 @@ mod lane;
 mod list;
 mod lists;
 mod sight;
+mod storage;
 
 pub use lane::{Comparison, Planner, Views};
 pub use list::{Buffer, Dispatch, Kernel, Lane, Purpose, Scope, Shape, Shot, Step, Timing};
 pub use sight::Sight;
+pub use storage::Storage;
