@@ -280,6 +280,22 @@ fn large_sizes() {
     assert_silent(engine);
 }
 
+/// One patch that holds a whole large spectrum of several sub-frames: its sum is as long as sums get, and comes in shares.
+#[test]
+fn the_light_of_a_large_patch() {
+    let (mut engine, mut twin) = (vulkan(), CpuEngine::new());
+    for storage in Storage::ALL {
+        let mut case = Case::new(1200, 1300, 0, 0.0, 6);
+        case.planner.storage = storage;
+        let (planner, step) = (&case.planner, case.step(Purpose::Project, PROJECTION, 1.0, usize::MAX));
+        let mut step = planner.with_even(step, planner.slm.eyebox(), 1, 0.5);
+        step.list.retain(|d| d.kernel == Kernel::Energy);
+        let worst = compare(&mut engine, &mut twin, &case, Purpose::Project, &step);
+        assert!(worst < 1e-10, "{storage:?}: {worst:e}");
+    }
+    assert_silent(engine);
+}
+
 /// lavapipe is as wide as it is told to be: nothing above may depend on it.
 #[test]
 fn every_subgroup_size() {
