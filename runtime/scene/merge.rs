@@ -10,9 +10,10 @@ impl LightField {
         ViewGrid { rows: self.grid[0], columns: self.grid[1], cell: self.cell(display) }
     }
 
-    /// How many views along an axis can become one: the divisors, above 1, of both sides of the grid, largest first.
-    pub fn mergeable(&self) -> Vec<usize> {
-        let [rows, columns] = self.grid;
+    /// How many views along an axis can become one: the divisors, above 1, of both sides of the grid without so many outer
+    /// rows and columns on each side, largest first.
+    pub fn mergeable_without(&self, outer: [usize; 2]) -> Vec<usize> {
+        let [rows, columns] = [0, 1].map(|i| self.grid[i] - 2 * outer[i]);
         (2..=rows.min(columns)).rev().filter(|k| rows.is_multiple_of(*k) && columns.is_multiple_of(*k)).collect()
     }
 
@@ -20,7 +21,7 @@ impl LightField {
     /// mean, after content at `depth` (metres) has been laid upon itself. Exact for content at that depth seen by an eye
     /// that focuses there; off it, what a view shows moves by `(z - depth) q / f` within a block (OPTICS 3).
     ///
-    /// `count` must divide both sides of the grid ([`mergeable`](Self::mergeable)).
+    /// `count` must divide both sides of the grid ([`mergeable_without`](Self::mergeable_without)).
     pub fn merged(&self, display: &Display, count: usize, depth: f64) -> Self {
         let grid = self.view_grid(display);
         let [rows, columns] = self.grid.map(|n| n / count.max(1));
@@ -91,6 +92,13 @@ impl LightField {
         }
     }
 
+    /// A copy in this colour alone.
+    pub fn only(&self, color: crate::optics::Color) -> Self {
+        let planes =
+            self.colors.iter().zip(&self.planes).filter(|(c, _)| **c == color).map(|(_, p)| p.clone()).collect();
+        Self { name: self.name.clone(), colors: vec![color], planes, ..*self }
+    }
+
     /// With these of its colours, in its order.
     pub fn with_colors(self, colors: &[crate::optics::Color]) -> Self {
         let pairs = self.colors.into_iter().zip(self.planes).filter(|(color, _)| colors.contains(color));
@@ -141,7 +149,7 @@ mod tests {
     #[test]
     fn a_plane_in_the_display_is_one_view() {
         let (field, display) = plane(0.0);
-        assert_eq!(field.mergeable(), [9, 3]);
+        assert_eq!(field.mergeable_without([0, 0]), [9, 3]);
         let one = field.merged(&display, 9, 0.0);
         assert_eq!((one.grid, one.planes.len(), one.planes[0].len()), ([1, 1], 2, 1));
         assert!((one.cell(&display) - display.eyebox_min()).abs() < 1e-12, "the cell is the whole eyebox");

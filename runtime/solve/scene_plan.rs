@@ -115,8 +115,10 @@ pub const TOLERANCE: f64 = 0.05;
 /// Photographs of merged views must be this like those of all, dB of the brightest: twenty and more below the speckle of
 /// any hologram, so less than [`TOLERANCE`].
 const LIKENESS: f64 = 60.0;
-/// Error power of a good hologram, of the brightest: what an additional error is measured against (35 dB).
-const SPECKLE: f64 = 3.2e-4;
+/// What light in the margins costs that comes in again on the other side, dB per mean square of the picture, the
+/// brightest being 1: measured on still-life, dense-grass and antinous with 2 to 8 % of the picture within reach
+/// (docs/measurements.md). Little, for an edge that is wrong replaces one that was noisy.
+const WRAP_COST: f64 = 16.0;
 /// Pixels by which views of a block may part before merging them is not even tried.
 const APART: f64 = 1.0;
 
@@ -241,11 +243,8 @@ impl ScenePlan {
         let cell = field.cell(display);
         let apart =
             |k: usize| 0.5 * (near - far) * 0.5 * (k - 1) as f64 * cell / (display.focal_length * display.pitch);
-        let inner = || field.clone().with_colors(&self.brightest(field)).without_outer(display, self.outer);
-        let candidates: Vec<usize> = match self.outer {
-            [0, 0] => field.mergeable(),
-            _ => inner().mergeable(),
-        };
+        let inner = || field.only(self.brightest(field)).without_outer(display, self.outer);
+        let candidates = field.mergeable_without(self.outer);
         let mut found = None;
         let mut worse = None;
         if candidates.iter().any(|k| apart(*k) <= APART) {
@@ -282,9 +281,9 @@ impl ScenePlan {
     }
 
     /// The colour that holds most light.
-    fn brightest(&self, field: &LightField) -> Vec<Color> {
+    fn brightest(&self, field: &LightField) -> Color {
         let light = field.light();
-        light.iter().max_by(|a, b| a.brightest.total_cmp(&b.brightest)).map(|l| l.color).into_iter().collect()
+        light.iter().max_by(|a, b| a.brightest.total_cmp(&b.brightest)).map_or(field.colors[0], |l| l.color)
     }
 
     /// How like the photographs of blocks of `k` x `k` views are to those of all: dB of the brightest, the worst of
@@ -319,7 +318,7 @@ impl ScenePlan {
         let required = Padding::required(&optics, depth, reach);
         // Half of it on average over depths and places; only what lies within walks off.
         let power = field.edge_power((0.5 * pixels).ceil().min(1e9) as usize);
-        let loss = 10.0 * (1.0 + power / SPECKLE).log10();
+        let loss = WRAP_COST * power;
         let walks =
             format!("light walks off by up to {pixels:.1} pixels; what comes in again would cost about {loss:.2} dB");
         let always = wish.full.padding || wish.padding == PaddingRule::Always;
