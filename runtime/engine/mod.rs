@@ -10,7 +10,7 @@ pub mod cpu;
 mod handover;
 pub mod vulkan;
 
-pub use crate::plan::{Buffer, Dispatch, Kernel, Lane, Purpose, Scope, Shape, Shot, Step, Timing};
+pub use crate::plan::{Buffer, Dispatch, Kernel, Lane, Purpose, Scope, Shape, Shot, Step, Storage, Timing};
 pub use choose::{Choice, open, open_handover, reason};
 pub use handover::{At, Handover};
 

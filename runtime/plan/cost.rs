@@ -30,7 +30,9 @@ impl Group {
             Kernel::Quantise => Self::Levels,
             Kernel::Clear | Kernel::Modulate | Kernel::FieldForward | Kernel::Energy => Self::Field,
             Kernel::Photograph | Kernel::Resample => Self::Photograph,
-            Kernel::Balance | Kernel::Even | Kernel::ChangeInverse | Kernel::Project | Kernel::Adam => Self::Update,
+            Kernel::Balance | Kernel::Even | Kernel::Guard | Kernel::ChangeInverse | Kernel::Project | Kernel::Adam => {
+                Self::Update
+            }
             _ => Self::Window,
         }
     }
@@ -72,6 +74,7 @@ fn over_frame(kernel: Kernel, step: &Step, shape: &Shape) -> f64 {
         Kernel::Modulate => 2.0 * pixels,
         Kernel::FieldForward | Kernel::ChangeInverse => transform(rows, columns, step.columns.count),
         Kernel::Energy | Kernel::Even | Kernel::Balance => points,
+        Kernel::Guard => 0.5 * points,
         _ => 4.0 * pixels,
     }
 }
@@ -93,12 +96,12 @@ fn taps(lane: &Lane) -> f64 {
     lane.shot.as_ref().map_or(0.0, |s| 0.5 * s.taps.len() as f64 * f64::from(s.args.height) * f64::from(s.args.width))
 }
 
-/// Bytes of the buffers that are not a lane's.
-pub fn shared_bytes(shape: &Shape) -> u64 {
+/// Bytes of the buffers that are not a lane's, where a complex value takes `complex` of them.
+pub fn shared_bytes(shape: &Shape, complex: u64) -> u64 {
     let (pixels, points, frames) = (shape.pixels() as u64, shape.points() as u64, shape.frames as u64);
-    let mut bytes = 4 * frames * pixels + 8 * frames * points;
+    let mut bytes = 4 * frames * pixels + complex * frames * points;
     if shape.purpose != Purpose::View {
-        bytes += 4 * frames * pixels + 8 * frames * points + 4 * points;
+        bytes += 4 * frames * pixels + complex * frames * points + 4 * points;
     }
     if shape.purpose == Purpose::Adam {
         bytes += 4 * frames * pixels;
@@ -109,11 +112,12 @@ pub fn shared_bytes(shape: &Shape) -> u64 {
     bytes
 }
 
-/// Bytes of one lane's buffers.
-pub fn lane_bytes(lane: &Lane, frames: usize) -> u64 {
+/// Bytes of one lane's buffers, where a complex value of its window takes `complex` of them.
+pub fn lane_bytes(lane: &Lane, frames: usize, complex: u64) -> u64 {
     let count = lane.count() as u64;
     let shot = lane.shot.as_ref().map_or(0, |s| 4 * u64::from(s.args.height) * u64::from(s.args.width));
-    8 * count * (frames as u64 + 1) + 8 * count + shot
+    // The window, the transfer function, image and target, the photograph before it is resampled.
+    complex * count * frames as u64 + 8 * count + 8 * count + shot
 }
 
 /// Bytes that the lanes of each slot come to over these steps: a slot keeps what its largest lane took.
@@ -122,7 +126,7 @@ pub struct Slots(Vec<u64>);
 
 impl Slots {
     /// Sees a step.
-    pub fn see(&mut self, step: &Step, frames: usize) {
+    pub fn see(&mut self, step: &Step, frames: usize, complex: u64) {
         let mut seen: Option<Range<usize>> = None;
         for range in step.list.iter().map(|d| &d.lanes).filter(|l| !l.is_empty()) {
             if seen.as_ref() == Some(range) {
@@ -131,7 +135,7 @@ impl Slots {
             seen = Some(range.clone());
             self.0.resize(self.0.len().max(range.len()), 0);
             for (slot, lane) in self.0.iter_mut().zip(&step.lanes[range.clone()]) {
-                *slot = (*slot).max(lane_bytes(lane, frames));
+                *slot = (*slot).max(lane_bytes(lane, frames, complex));
             }
         }
     }

@@ -8,8 +8,10 @@ mod lane;
 mod list;
 mod lists;
 mod sight;
+mod storage;
 
 pub use cost::{Group, Slots, lane_bytes, shared_bytes, work};
 pub use lane::{Comparison, Planner, Views};
 pub use list::{Buffer, Dispatch, Kernel, Lane, Purpose, Scope, Shape, Shot, Step, Timing};
 pub use sight::Sight;
+pub use storage::Storage;

@@ -5,7 +5,7 @@ use super::method::Sights;
 use super::{Optimizer, Problem, Settings, random_phases};
 use crate::engine::{Buffer, Engine, EngineError, Memory};
 use crate::optics::{Display, Optics, WindowFactor};
-use crate::plan::{self, Comparison, Group, Planner, Purpose, Slots, Step};
+use crate::plan::{self, Comparison, Group, Planner, Purpose, Slots, Step, Storage};
 use crate::scene::{Pyramid, ViewGrid};
 use eyebox_kernels::compare;
 use serde::{Deserialize, Serialize};
@@ -43,12 +43,12 @@ const PROGRAM: u64 = 10 << 20;
 const STAGING: u64 = 64 << 20;
 
 impl Rates {
-    /// Times steps of an ordinary solve (8 sub-frames, 16 pupils of 2 to 20 mm, 9 x 9 views) on `engine`: one to three
-    /// seconds on a CPU.
+    /// Times steps of an ordinary solve (8 sub-frames, 16 pupils of 2 to 20 mm, 9 x 9 views) on `engine`, with fields
+    /// stored so: one to three seconds on a CPU.
     ///
     /// # Errors
     /// Those of the engine.
-    pub fn measure(engine: &mut dyn Engine) -> Result<Self, EngineError> {
+    pub fn measure(engine: &mut dyn Engine, storage: Storage) -> Result<Self, EngineError> {
         let mut rates = Self { project: Vec::new(), adam: Vec::new() };
         for side in SIDES {
             let views = noise(side);
@@ -56,7 +56,8 @@ impl Rates {
             for (optimizer, rates) in
                 [(Optimizer::projection(), &mut rates.project), (Optimizer::adam(), &mut rates.adam)]
             {
-                let (rate, seconds) = measure(engine, side, &views, optimizer)?;
+                let (rate, seconds) =
+                    measure(engine, side, &views, Settings { optimizer, storage, ..Settings::default() })?;
                 rates.push(rate);
                 longest = longest.max(seconds);
             }
@@ -104,18 +105,18 @@ fn measure(
     engine: &mut dyn Engine,
     side: usize,
     views: &Arc<Pyramid>,
-    optimizer: Optimizer,
+    settings: Settings,
 ) -> Result<(Rate, f64), EngineError> {
     let display = Display::preset("paper").expect("a preset");
     let optics =
         Optics { height: side, width: side, ..display.optics(display.wavelengths[1].color).expect("a colour") };
     let eyebox = display.eyebox_min();
     let grid = ViewGrid { rows: 9, columns: 9, cell: eyebox / 9.0 };
-    let settings = Settings { optimizer, ..Settings::default() };
     let problem =
         Problem { optics, padding: Default::default(), eyebox, views: grid, pyramid: Arc::clone(views), mean: 0.5 };
-    let planner = Planner { levels: 16, ..problem.planner(settings.frames, settings.window) };
-    let shape = planner.shape(purpose(&optimizer));
+    let planner =
+        Planner { levels: 16, storage: settings.storage, ..problem.planner(settings.frames, settings.window) };
+    let shape = planner.shape(purpose(&settings.optimizer));
     engine.load(&shape, Some(Arc::clone(views)))?;
     engine.write(Buffer::Phases, &random_phases(settings.frames * side * side, 2))?;
     engine.write(Buffer::Levels, &super::settings::level_table(&super::even_levels(16)))?;
@@ -199,6 +200,9 @@ pub struct Loaded {
     pub values: usize,
     /// Where the engine's buffers lie.
     pub memory: Memory,
+    /// Colours solved before this one: their phases are kept, and the engine keeps the last one's views until it is given
+    /// this one's.
+    pub done: usize,
 }
 
 /// Predicts a solve of one colour. Nothing runs, and no views are needed: `problem.pyramid` is looked at for nothing.
@@ -209,11 +213,14 @@ pub fn forecast(problem: &Problem, settings: &Settings, rates: &Rates, loaded: L
     let planner = Planner {
         views: Some(views),
         levels: settings.levels.as_ref().map_or(0, Vec::len),
+        storage: settings.storage,
         ..Planner::new(problem.optics, settings.frames, settings.window).with_padding(problem.padding)
     };
     let shape = planner.shape(purpose(&settings.optimizer));
     let mut sights = Sights::new(problem, settings, settings.seed);
     let rates = rates.at(&settings.optimizer, shape.points() as f64);
+    // On the host, halves are rounded to and not stored.
+    let complex = if loaded.memory == Memory::Host { 8 } else { settings.storage.bytes() as u64 };
     let mut slots = Slots::default();
     let mut group_seconds = [0.0; Group::ALL.len()];
     let mut windows = [usize::MAX, 0];
@@ -221,7 +228,7 @@ pub fn forecast(problem: &Problem, settings: &Settings, rates: &Rates, loaded: L
     let steps = settings.steps.clamp(1, 1 + 512 / settings.pupils.max(1));
     for _ in 0..steps {
         let step = step(&planner, settings, &mut sights);
-        slots.see(&step, settings.frames);
+        slots.see(&step, settings.frames, complex);
         let work = plan::work(&step, &shape);
         for ((sum, work), rate) in group_seconds.iter_mut().zip(work).zip(rates) {
             *sum += work * rate / steps as f64;
@@ -233,9 +240,12 @@ pub fn forecast(problem: &Problem, settings: &Settings, rates: &Rates, loaded: L
     // A verdict looks through one whole spectrum at a time.
     let whole = Planner { factor: WindowFactor::Full, ..planner.clone() };
     let one = whole.sight(&sights.draw(), &Comparison::default());
-    let verdict = plan::lane_bytes(&one, settings.frames);
+    let verdict = plan::lane_bytes(&one, settings.frames, complex);
     let phases = 4 * (shape.pixels() * settings.frames) as u64;
     let mut memory = vec![("program", PROGRAM), ("scene", 4 * loaded.values as u64), ("views", pyramid)];
+    if loaded.done > 0 {
+        memory.push(("views before", pyramid));
+    }
     if loaded.memory != Memory::Host {
         memory.push(("staging", STAGING));
     }
@@ -243,10 +253,10 @@ pub fn forecast(problem: &Problem, settings: &Settings, rates: &Rates, loaded: L
         memory.push(("views on the device", pyramid));
     }
     if loaded.memory != Memory::Device {
-        memory.push(("buffers", plan::shared_bytes(&shape)));
+        memory.push(("buffers", plan::shared_bytes(&shape, complex)));
         memory.push(("windows", slots.bytes_with(verdict)));
     }
-    // The best so far, and the next while it is read.
-    memory.push(("results", 2 * phases));
+    // The best so far, the next while it is read, and colours that are done.
+    memory.push(("results", (2 + loaded.done as u64) * phases));
     Forecast { step_seconds: group_seconds.iter().sum(), group_seconds, memory, windows }
 }

@@ -10,7 +10,7 @@ use crate::engine::Engine;
 use crate::engine::cpu::CpuEngine;
 use crate::evaluate;
 use crate::optics::{Color, Display, Padding, Pupil, Window, WindowFactor, walk_off};
-use crate::plan::{Planner, Purpose, Sight};
+use crate::plan::{Planner, Purpose, Sight, Storage};
 use crate::scene::{DARK, DepthSource, LightField, ViewGrid};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -382,11 +382,11 @@ impl ScenePlan {
         let levels = self.settings.levels.as_ref().map_or(display.levels as usize, Vec::len);
         let power = (std::f64::consts::TAU / levels as f64).powi(2) / 12.0;
         let shown = -10.0 * power.log10();
+        let would_do = if shown < 50.0 && self.settings.storage == Storage::F32 { ", which would do" } else { "" };
         let why = format!(
-            "{levels} levels of phase show {shown:.0} dB; fields in fp32 keep 130, in fp16 60 or more{}",
-            if shown < 50.0 { ", which would do" } else { "" }
+            "{levels} levels of phase show {shown:.0} dB; fields in fp32 keep 130, in fp16 60 or more{would_do}"
         );
-        self.say("precision", "fp32", why);
+        self.say("precision", self.settings.storage.name(), why);
     }
 }
 

@@ -120,6 +120,7 @@ pub fn solve(
     let given = if settings.method.is_iterative() { None } else { Some(dpac::phases(problem, settings, engine)?) };
     let mut planner = problem.planner(computed.frames, settings.window);
     planner.levels = settings.levels.as_ref().map_or(0, Vec::len);
+    planner.storage = settings.storage;
     // A scene of 1e30, or of 1e-30, is solved as if its brightest value were about 1.
     let unit = problem.unit();
     if let Some(views) = &mut planner.views {

@@ -1,10 +1,11 @@
 //! The command line: millimetres, micrometres and nanometres in, metres out.
 
 use crate::values::{
-    Targets, contrast, depths, full, method, not_negative, positive, pupil, range, size, targets, window,
+    Targets, contrast, depths, full, method, not_negative, positive, pupil, range, size, storage, targets, window,
 };
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use eyebox::optics::{Color, Pupil, WindowFactor};
+use eyebox::plan::Storage;
 use eyebox::solve::{Full, Method};
 use std::path::PathBuf;
 
@@ -259,6 +260,9 @@ pub struct Solve {
     /// Spectrum per pupil: 1 or 2 times the pupil, or all of it
     #[arg(long, value_parser = window, default_value = "1", value_name = "1|2|full")]
     pub window: WindowFactor,
+    /// How complex fields are stored: fp16 takes half the memory on Vulkan; for comparison only on the CPU
+    #[arg(long, value_parser = storage, default_value = "fp32", value_name = "fp32|fp16")]
+    pub storage: Storage,
     /// Pupil diameters drawn, mm [default: 2..20, or what fits the eyebox]
     #[arg(long, value_name = "MIN..MAX", value_parser = range)]
     pub pupil_diameter: Option<[f64; 2]>,

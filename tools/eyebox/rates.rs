@@ -3,6 +3,7 @@
 use crate::Failure;
 use eyebox::engine::Engine;
 use eyebox::files;
+use eyebox::plan::Storage;
 use eyebox::solve::Rates;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -22,8 +23,8 @@ const LARGEST: u64 = 1 << 20;
 ///
 /// A convenience: a file that cannot be read, is damaged or is another engine's is replaced, and where none can be
 /// written, the next plan measures again.
-pub fn of(engine: &mut dyn Engine, again: bool, quiet: bool) -> Result<Rates, Failure> {
-    let name = engine.describe();
+pub fn of(engine: &mut dyn Engine, storage: Storage, again: bool, quiet: bool) -> Result<Rates, Failure> {
+    let name = format!("{}, {}", engine.describe(), storage.name());
     let file = file(&name);
     if let Some(rates) = file.as_ref().filter(|_| !again).and_then(|f| kept(f, &name)) {
         return Ok(rates);
@@ -31,7 +32,7 @@ pub fn of(engine: &mut dyn Engine, again: bool, quiet: bool) -> Result<Rates, Fa
     if !quiet {
         eprintln!("timing {name}: a few seconds, once");
     }
-    let rates = Rates::measure(engine)?;
+    let rates = Rates::measure(engine, storage)?;
     let kept = Kept { engine: name, version: env!("CARGO_PKG_VERSION").into(), rates };
     if let Some(file) = file {
         let _ = file.parent().map(std::fs::create_dir_all);

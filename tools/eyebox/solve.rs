@@ -194,6 +194,7 @@ pub fn settings_of(args: &Solve, display: &Display, depth: [f64; 2]) -> Settings
         psnr: args.psnr,
         efficiency: args.efficiency,
         window: args.window,
+        storage: args.storage,
         diameter: common::diameters(args.pupil_diameter, display),
         depth,
         diameters: match diameters {

@@ -1,6 +1,7 @@
 //! Values on the command line: what people write, and what it means inside.
 
 use eyebox::optics::{Pupil, WindowFactor};
+use eyebox::plan::Storage;
 use eyebox::solve::{Full, Method};
 
 fn numbers<const N: usize>(parts: Vec<&str>, form: &str) -> Result<[f64; N], String> {
@@ -55,6 +56,10 @@ pub fn positive(text: &str) -> Result<f64, String> {
         Ok(v) if v.is_finite() && v > 0.0 => Ok(v),
         _ => Err("expected a positive number".into()),
     }
+}
+
+pub fn storage(text: &str) -> Result<Storage, String> {
+    Storage::by_name(text).ok_or_else(|| "expected fp32 or fp16".into())
 }
 
 /// Directions, degrees to the right and down.

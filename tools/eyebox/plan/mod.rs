@@ -42,7 +42,7 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
     let mut engine = common::engine(&solve.engine)?;
     let field = common::scene(&solve.scene, &display, &colors)?;
     let plan = plan_of(solve, &field, &display)?;
-    let rates = rates::of(engine.as_mut(), args.time_again, solve.json)?;
+    let rates = rates::of(engine.as_mut(), plan.settings.storage, args.time_again, solve.json)?;
     let forecasts = forecasts(&plan, &field, &display, engine.as_ref(), &rates)?;
     if !solve.json {
         println!("{} on {}, {}x{}", field.name, display.name, display.height, display.width);
@@ -93,13 +93,14 @@ fn forecasts(
             * (field.colors.len() * all
                 + if plan.merge > 1 { plan.colors.len() * left.rows * left.columns } else { 0 }),
         memory: engine.memory(),
+        done: 0,
     };
-    let one = |color: &Color| {
+    let one = |(done, color): (usize, &Color)| {
         let outline = Problem::outline(field, *color, display, plan.padding)?;
         let problem = Problem { views: left, ..outline };
-        Ok((*color, forecast(&problem, &plan.settings, rates, loaded)))
+        Ok((*color, forecast(&problem, &plan.settings, rates, Loaded { done, ..loaded })))
     };
-    plan.colors.iter().map(one).collect()
+    plan.colors.iter().enumerate().map(one).collect()
 }
 
 fn say(plan: &ScenePlan, forecasts: &[(Color, Forecast)]) {
