@@ -229,7 +229,7 @@ impl CpuEngine {
                 let (now, later) = rest.split_at(framewise);
                 rest = later;
                 let count = lane.count();
-                slot.window.resize(frames * count, ZERO);
+                grow(&mut slot.window, frames * count);
                 let Slot { transfer, window, image, .. } = slot;
                 let work = |f: usize, window: &mut [Complex32]| {
                     for dispatch in now {
@@ -339,7 +339,7 @@ fn run_lane(kernel: Kernel, lane: &Lane, slot: &mut Slot, shape: &Shape, views: 
     let (count, frames) = (lane.count(), shape.frames);
     match kernel {
         Kernel::Transfer => {
-            slot.transfer.resize(count, ZERO);
+            grow(&mut slot.transfer, count);
             transfer(&lane.transfer, &lane.spans, &mut slot.transfer);
         }
         Kernel::Taper => {
@@ -351,7 +351,7 @@ fn run_lane(kernel: Kernel, lane: &Lane, slot: &mut Slot, shape: &Shape, views: 
         Kernel::Photograph => {
             let (Some(shot), Some(views)) = (&lane.shot, views) else { return };
             let (height, width) = (shot.args.height as usize, shot.args.width as usize);
-            slot.accumulator.resize(height * width, 0.0);
+            grow(&mut slot.accumulator, height * width);
             let views = &views.levels[shot.level].views;
             let band = if height * width < SPLIT { height } else { height.div_ceil(8).max(16) };
             slot.accumulator.par_chunks_mut(band * width).enumerate().for_each(|(i, rows)| {
@@ -360,12 +360,12 @@ fn run_lane(kernel: Kernel, lane: &Lane, slot: &mut Slot, shape: &Shape, views: 
         }
         Kernel::Resample => {
             let Some(shot) = &lane.shot else { return };
-            slot.target.resize(count, 0.0);
+            grow(&mut slot.target, count);
             let Slot { target, accumulator, scratch, .. } = slot;
             resample(&shot.resample, accumulator, &shot.rows, &shot.columns, target, scratch);
         }
         Kernel::Intensity => {
-            slot.image.resize(count, 0.0);
+            grow(&mut slot.image, count);
             let Slot { window, image, .. } = slot;
             if frames * count < SPLIT {
                 return intensity(&lane.intensity, window, image);
@@ -386,8 +386,8 @@ fn run_lane(kernel: Kernel, lane: &Lane, slot: &mut Slot, shape: &Shape, views: 
         Kernel::Compare => slot.loss = compare(&lane.compare, &mut slot.image, &slot.target),
         Kernel::Exposure => {
             let args = lane.exposure(&shape.place);
-            slot.image.resize(count, 0.0);
-            slot.target.resize(count, 0.0);
+            grow(&mut slot.image, count);
+            grow(&mut slot.target, count);
             slot.sums.resize(exposure::PART * args.parts(), 0.0);
             exposure(&args, &slot.image, &slot.target, &mut slot.sums);
         }
@@ -522,6 +522,16 @@ impl Engine for CpuEngine {
     fn reset_timings(&mut self) {
         self.clock = Clock::default();
     }
+}
+
+/// Makes room for `length` values. What was there is gone where it has to grow: the old room is given back first, so that
+/// pupils of growing size leave no trail of blocks behind.
+fn grow<T: Clone + bytemuck::Zeroable>(buffer: &mut Vec<T>, length: usize) {
+    if length > buffer.capacity() {
+        *buffer = Vec::new();
+        buffer.reserve_exact(length);
+    }
+    buffer.resize(length, T::zeroed());
 }
 
 fn renew<T: Clone + bytemuck::Zeroable>(buffer: &mut Vec<T>, length: usize, what: &str) -> Result<(), EngineError> {

@@ -82,10 +82,26 @@ fn amount(bytes: Option<u64>) -> String {
     }
 }
 
+/// Where an engine's buffers lie.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Memory {
+    /// In the host's memory, as part of the program.
+    Host,
+    /// In the host's memory, behind a driver: what the host gives it is there twice.
+    Shared,
+    /// In the device's own.
+    Device,
+}
+
 /// Runs steps. Times are kept per kernel.
 pub trait Engine: Send {
     /// What it is and what it runs on, in one line.
     fn describe(&self) -> String;
+
+    /// Where its buffers lie.
+    fn memory(&self) -> Memory {
+        Memory::Host
+    }
 
     /// Makes the buffers for this shape, all zero, and takes the views (float32 targets need none).
     ///

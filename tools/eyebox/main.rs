@@ -1,4 +1,4 @@
-//! The `eyebox` command: `demo`, `solve`, `view`, `photograph`, `score`, `evaluate`, `export`, `encode`, `bench`,
+//! The `eyebox` command: `demo`, `solve`, `plan`, `view`, `photograph`, `score`, `evaluate`, `export`, `encode`, `bench`,
 //! `devices`, `trackers`.
 //!
 //! This room reads arguments, calls the runtime, and shows what came of it. Anything that a program would want to call
@@ -15,7 +15,9 @@ mod evaluate;
 mod export;
 mod failure;
 mod photograph;
+mod plan;
 mod progress;
+mod rates;
 mod report;
 mod score;
 mod solve;
@@ -37,6 +39,7 @@ fn main() -> ExitCode {
     let done = match &cli.command {
         Command::Demo(args) => demo::run(args),
         Command::Solve(args) => solve::run(args),
+        Command::Plan(args) => plan::run(args),
         Command::View(args) => view::run(args),
         Command::Photograph(args) => photograph::run(args),
         Command::Score(args) => score::run(args),

@@ -1,14 +1,16 @@
 //! `eyebox solve`.
 
 use crate::Failure;
-use crate::args::{DiametersName, OptimizerName, SequenceName, Solve};
+use crate::args::{DiametersName, OptimizerName, PaddingName, SequenceName, Solve};
 use crate::common::{self, Form};
 use crate::progress::{self, Bar};
 use eyebox::engine::Engine;
 use eyebox::hologram::{self, ColorHologram, Hologram};
 use eyebox::optics::{Color, Display, Padding};
 use eyebox::scene::LightField;
-use eyebox::solve::{self, Diameters, Optimizer, Problem, Sequence, Settings, Solution, Stop};
+use eyebox::solve::{
+    self, Diameters, Optimizer, PaddingRule, Problem, ScenePlan, Sequence, Settings, Solution, Stop, Wish,
+};
 use serde_json::json;
 use std::time::Instant;
 
@@ -21,31 +23,33 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     // The engine first: where there is none, nothing needs to be loaded.
     let mut engine = common::engine(&args.engine)?;
     let field = common::scene(&args.scene, &display, &colors)?;
-    let depth = common::depths(&args.scene, &field, &display);
-    let mut settings = settings_of(args, &display, depth);
-    settings.seconds = args.seconds.map(|s| s / colors.len() as f64);
-    settings.levels = args.levels.as_deref().map(levels).transpose()?;
-    settings.check()?;
-    let padding = padding(args.padding, &display, &colors, depth)?;
+    let plan = plan_of(args, &field, &display)?;
+    // What the hologram's file remembers of its scene is the scene as it is, not what the plan leaves of it.
+    let (grid, cell) = (field.grid, field.cell(&display));
+    let field = plan.reduce(field, &display);
+    let (colors, padding, settings) = (&plan.colors, plan.padding, &plan.settings);
     if !args.json {
         eprintln!(
             "{}: {} x {} views, {}x{}, depth {:.2}..{:.2} mm",
             field.name,
-            field.grid[0],
-            field.grid[1],
+            grid[0],
+            grid[1],
             display.height,
             display.width,
-            depth[0] * 1e3,
-            depth[1] * 1e3
+            settings.depth[0] * 1e3,
+            settings.depth[1] * 1e3
         );
-        if padding != Padding::default() {
-            eprintln!("padded by {} rows and {} columns against circular propagation", padding.rows, padding.columns);
+        for choice in plan.choices.iter().filter(|c| c.saves || (c.what == "padding" && padding != Padding::default()))
+        {
+            eprintln!("{}: {} ({})", choice.what, choice.value, choice.why);
         }
         eprintln!("engine: {}", engine.describe());
     }
     progress::catch_interrupt();
-    let solved = solve_colors(&field, &display, &colors, &settings, padding, engine.as_mut(), args.json)?;
-    let mut hologram = hologram(&field, &display, &settings, padding, &solved);
+    let solved = solve_colors(&field, &display, colors, settings, padding, engine.as_mut(), args.json)?;
+    let mut hologram = hologram(&field, &display, settings, padding, &solved);
+    hologram.settings["views"] = json!(grid);
+    hologram.settings["view_pitch_mm"] = json!(cell * 1e3);
     if let Some(depth) = args.scene.depth.filter(|_| args.scene.depth_map.is_some()) {
         // In the order of the map's values, which the range of depths does not keep.
         hologram.settings["depth_map_mm"] = json!(depth.map(|d| d * 1e3));
@@ -57,7 +61,7 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     let report = |(color, s): &(Color, Solution)| {
         json!({
             "color": color, "psnr_mean_db": s.verdict.mean(), "psnr_worst_db": s.verdict.worst(),
-            "exposure": s.exposure, "efficiency": s.efficiency, "steps": s.steps, "seconds": s.seconds, "stopped_by": stop_name(s.stop), "fault": fault(s.stop),
+            "exposure": s.exposure, "efficiency": s.efficiency, "steps": s.steps, "step_ms": s.step_seconds * 1e3, "seconds": s.seconds, "stopped_by": stop_name(s.stop), "fault": fault(s.stop),
         })
     };
     let timings: Vec<_> = engine
@@ -69,7 +73,8 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
         let colors: Vec<_> = solved.iter().map(report).collect();
         let out = json!({
             "out": args.out, "engine": engine.describe(), "seconds": start.elapsed().as_secs_f64(), "colors": colors,
-            "settings": settings, "padding": [padding.rows, padding.columns], "timings": timings,
+            "settings": settings, "padding": [padding.rows, padding.columns], "plan": plan.choices, "timings": timings,
+            "peak_memory_mib": common::peak_memory_mib(),
         });
         println!("{out}");
         return Ok(());
@@ -152,13 +157,24 @@ pub fn hologram(
     }
 }
 
-fn padding(asked: bool, display: &Display, colors: &[Color], depth: [f64; 2]) -> Result<Padding, Failure> {
-    if !asked {
-        return Ok(Padding::default());
-    }
-    // Light walks off by metres: the same for every colour.
-    let optics = display.optics(colors[0])?;
-    Ok(Padding::required(&optics, depth[0].abs().max(depth[1].abs()), display.eyebox_min() / 2.0))
+/// What of the scene is solved, by these arguments.
+pub fn plan_of(args: &Solve, field: &LightField, display: &Display) -> Result<ScenePlan, Failure> {
+    let mut settings = settings_of(args, display, common::depths(&args.scene, field, display));
+    settings.levels = args.levels.as_deref().map(levels).transpose()?;
+    let wish = Wish {
+        settings: &settings,
+        depth: args.scene.depth,
+        full: args.full.unwrap_or_default(),
+        padding: match args.padding {
+            None | Some(PaddingName::Never) => PaddingRule::Never,
+            Some(PaddingName::Need) => PaddingRule::Need,
+            Some(PaddingName::Always) => PaddingRule::Always,
+        },
+        contrast: args.speckle,
+    };
+    let mut plan = ScenePlan::new(field, display, &wish)?;
+    plan.settings.seconds = args.seconds.map(|s| s / plan.colors.len() as f64);
+    Ok(plan)
 }
 
 /// The settings that the arguments mean, for depths in metres.

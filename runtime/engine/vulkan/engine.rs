@@ -1,9 +1,9 @@
 //! The engine: buffers, one recording per part of a list, losses and times back.
 
-use super::super::{Buffer, Engine, EngineError, Kernel, Purpose, Shape, Step, Storage, Timing};
+use super::super::{Buffer, Engine, EngineError, Kernel, Memory, Purpose, Shape, Step, Storage, Timing};
 use super::check::check;
 use super::device::Block;
-use super::devices::DeviceReport;
+use super::devices::{DeviceKind, DeviceReport};
 use super::fft::Transform;
 use super::gpu::Gpu;
 use super::layout::{Arenas, Kind, Layout, Slot, Value, slots};
@@ -238,6 +238,13 @@ impl Engine for VulkanEngine {
     fn describe(&self) -> String {
         let r = self.gpu.report();
         format!("Vulkan {}, {} ({}), {}", r.api, r.name, r.kind, r.driver)
+    }
+
+    fn memory(&self) -> Memory {
+        match self.gpu.report().kind {
+            DeviceKind::Cpu | DeviceKind::Integrated => Memory::Shared,
+            _ => Memory::Device,
+        }
     }
 
     fn load(&mut self, shape: &Shape, views: Option<Arc<Pyramid>>) -> Result<(), EngineError> {
