@@ -404,6 +404,30 @@ fn help_and_devices_answer() {
 }
 
 #[test]
+fn storage_is_chosen_kept_and_refused() {
+    let temp = folder();
+    let at = temp.path();
+    let run = |storage: &str| {
+        let out = format!("{storage}.zarr");
+        let report = done(at, &solve("builtin:still-life", &out, &["--storage", storage, "--json"]));
+        let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+        assert_eq!(report["settings"]["storage"], storage);
+        // The hologram says how it was made.
+        let kept = std::fs::read_to_string(at.join(&out).join("zarr.json")).unwrap();
+        assert!(
+            kept.contains(&format!("\"storage\": \"{storage}\""))
+                || kept.contains(&format!("\"storage\":\"{storage}\""))
+        );
+        let timed = |kernel| report["timings"].as_array().unwrap().iter().any(|t| t["kernel"] == kernel);
+        assert_eq!(timed("guard"), storage == "fp16", "{report}");
+        report["colors"][0]["psnr_mean_db"].as_f64().unwrap()
+    };
+    let (full, half) = (run("fp32"), run("fp16"));
+    assert!((full - half).abs() < 0.05 && full != half, "{full} and {half} dB");
+    refused(at, &solve("builtin:still-life", "x.zarr", &["--storage", "fp8"]), "x.zarr", "fp32 or fp16");
+}
+
+#[test]
 fn every_method_solves_from_the_command_line() {
     let temp = folder();
     let at = temp.path();

@@ -19,6 +19,8 @@ const WIDTH: usize = 64;
 
 /// Workgroups that fill any device a few times over.
 const ENOUGH: u32 = 4096;
+/// Values, over all sub-frames, that a workgroup of `energy` adds up at once: 4096 to an invocation.
+const ENERGY_SHARE: u32 = 4096 * 128;
 /// Rows that an invocation of `photograph` takes at once.
 const STRIP: u32 = 8;
 
@@ -188,15 +190,21 @@ impl Work<'_> {
     fn energy(&mut self) -> Result<(), EngineError> {
         let (field, energy) = (self.stacks.get(Buffer::Field)?, self.stacks.get(Buffer::Energy)?);
         let layout = &field.layout;
+        let place = self.step.even.place;
+        let values = place.rows.div_ceil(place.patches) * place.columns.div_ceil(place.patches);
         for (first, count) in self.chunks(layout.frames, &[layout]) {
-            let mut args = self.step.even.place;
-            args.accumulate |= u32::from(first > 0);
-            if first > 0 {
-                self.gpu.recorder.barrier();
+            let share = (ENERGY_SHARE / count as u32).max(1);
+            for begin in (0..values).step_by(share as usize) {
+                let mut args = place;
+                let later = first > 0 || begin > 0;
+                args.accumulate |= u32::from(later);
+                if later {
+                    self.gpu.recorder.barrier();
+                }
+                let buffers = [layout.range(&field.block, first, count), energy.layout.range(&energy.block, 0, 1)];
+                let more = [count as u32, layout.stride() as u32, begin, begin.saturating_add(share)];
+                self.run(self.stored(&spirv::ENERGY), &buffers, &args, &more, [args.patches * args.patches, 1, 1])?;
             }
-            let buffers = [layout.range(&field.block, first, count), energy.layout.range(&energy.block, 0, 1)];
-            let more = [count as u32, layout.stride() as u32];
-            self.run(self.stored(&spirv::ENERGY), &buffers, &args, &more, [args.patches * args.patches, 1, 1])?;
         }
         Ok(())
     }
