@@ -18,5 +18,6 @@ pub use judge::{Judge, Verdict};
 pub use method::Method;
 pub use problem::Problem;
 pub use sampling::{Diameters, PupilRange, Sampler, Sequence, SplitMix, random_phases};
+pub(crate) use settings::level_table;
 pub use settings::{Optimizer, Settings, cosine, even_levels};
 pub use solver::{Flow, Progress, Solution, SolveError, Stop, solve};

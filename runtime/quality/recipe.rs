@@ -1,0 +1,226 @@
+//! The settings that trade quality for time.
+
+use super::Quality;
+use crate::optics::{Display, WindowFactor};
+use crate::scene::LightField;
+use crate::solve::{Diameters, Optimizer, Settings};
+use serde::{Deserialize, Serialize};
+
+/// Everything about a solve that trades quality for time, as plain data. What it does not say (depths, diameters, seed,
+/// levels, sub-frames shown) belongs to the scene and the display.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Recipe {
+    /// Steps.
+    pub steps: usize,
+    /// Pupils a step.
+    pub pupils: usize,
+    /// How phases are moved.
+    pub optimizer: Optimizer,
+    /// Distribution of the diameters drawn.
+    pub diameters: Diameters,
+    /// Window per pupil.
+    pub window: WindowFactor,
+    /// How often each solved sub-frame is shown: 2 solves half of them. What does not divide the number shown counts as
+    /// the largest number that divides both.
+    pub repeats: usize,
+    /// Every how many-th view of the light field is used, along both axes; see [`thinned`](Self::thinned).
+    pub views: usize,
+    /// Whether the SLM's levels are optimised for; without, phases are put on them after the fact.
+    pub levels: bool,
+    /// Whether the SLM is padded as depth and eyebox require.
+    pub padding: bool,
+    /// Side of a solved pixel in pixels of the SLM, 1 or 2: at 2 a display of half the resolution and twice the pitch is
+    /// solved, and each of its pixels shown on 2 x 2.
+    pub pixel: usize,
+}
+
+impl Default for Recipe {
+    /// What a solve does when nothing is asked.
+    fn default() -> Self {
+        let Settings { steps, pupils, optimizer, diameters, window, .. } = Settings::default();
+        Self {
+            steps,
+            pupils,
+            optimizer,
+            diameters,
+            window,
+            repeats: 1,
+            views: 1,
+            levels: false,
+            padding: false,
+            pixel: 1,
+        }
+    }
+}
+
+impl Recipe {
+    /// Steps of so many pupils by Adam, as its paper draws them.
+    pub fn adam(steps: usize, pupils: usize) -> Self {
+        let (optimizer, diameters) = (Optimizer::adam(), Diameters::Uniform);
+        Self { steps, pupils, optimizer, diameters, ..Self::default() }
+    }
+
+    /// The projection with more momentum: better by 0.1 dB where window and steps are many (docs/measurements.md).
+    pub fn momentum() -> Optimizer {
+        match Optimizer::projection() {
+            Optimizer::Projection { gain, overlap_power, .. } => {
+                Optimizer::Projection { gain, momentum: 0.7, overlap_power }
+            }
+            other => other,
+        }
+    }
+
+    /// The built-in recipe of a quality (docs/measurements.md).
+    pub fn of(quality: Quality) -> Self {
+        let two = Self { window: WindowFactor::Two, ..Self::default() };
+        match quality {
+            Quality::Fast => Self { steps: 24, ..Self::default() },
+            Quality::Balanced => Self { steps: 192, pupils: 12, optimizer: Self::momentum(), ..two },
+            Quality::Accurate => Self { steps: 1024, pupils: 16, ..two },
+        }
+    }
+
+    /// Whether every number is one that a solve takes.
+    pub fn is_sound(&self) -> bool {
+        let mut settings = Settings::default();
+        self.apply(&mut settings);
+        let numbers = match self.optimizer {
+            Optimizer::Projection { gain: [a, b], momentum, overlap_power } => [a, b, momentum, overlap_power],
+            Optimizer::Adam { rate: [a, b], .. } => [a, b, 0.0, 0.0],
+        };
+        settings.check().is_ok()
+            && numbers.iter().all(|n| (0.0..=1e3).contains(n))
+            && (1..=1_000_000).contains(&self.steps)
+            && (1..=64).contains(&self.repeats)
+            && (1..=64).contains(&self.views)
+            && (1..=2).contains(&self.pixel)
+    }
+
+    /// Sets what the recipe says. Levels, views, padding and resolution are not a solve's settings:
+    /// [`Subject`](super::Subject) applies those.
+    pub fn apply(&self, settings: &mut Settings) {
+        settings.steps = self.steps;
+        settings.pupils = self.pupils;
+        settings.optimizer = self.optimizer;
+        settings.diameters = self.diameters;
+        settings.window = self.window;
+        settings.frames = self.frames(settings.frames);
+    }
+
+    /// Sub-frames that are solved where `shown` are shown.
+    pub fn frames(&self, shown: usize) -> usize {
+        shown / common_divisor(shown.max(1), self.repeats.max(1))
+    }
+
+    /// Whether what is solved is less than the problem: fewer views, or coarser pixels.
+    pub fn reduces(&self) -> bool {
+        self.views > 1 || self.pixel > 1
+    }
+
+    /// The views used of so many along an axis: the first, and how many. They are every n-th, about the same centre; where
+    /// that cannot be (of 8 views every second has another centre), n is the next smaller number for which it can.
+    pub fn thinned(&self, [rows, columns]: [usize; 2]) -> (usize, [[usize; 2]; 2]) {
+        let axis = |count: usize, n: usize| {
+            // As many as fit, if what is left over is shared by both ends.
+            (1..=count).rev().find(|k| (k - 1) * n < count && (count - 1 - (k - 1) * n).is_multiple_of(2)).map(|k| {
+                let first = (count - 1 - (k - 1) * n) / 2;
+                [first, k]
+            })
+        };
+        let of = |n: usize| Some((n, [axis(rows, n)?, axis(columns, n)?])).filter(|(n, [[r, _], [c, _]])| r < n && c < n);
+        (1..=self.views.max(1)).rev().find_map(of).unwrap_or((1, [[0, rows], [0, columns]]))
+    }
+
+    /// Whether a display can be solved at the recipe's pixels: both axes are whole in them.
+    pub fn fits(&self, display: &Display) -> bool {
+        self.pixel <= 1 || display.height.is_multiple_of(self.pixel) && display.width.is_multiple_of(self.pixel)
+    }
+
+    /// The display and the light field that are solved. `None` where the recipe changes neither.
+    pub(super) fn scene(&self, field: &LightField, display: &Display) -> Option<(LightField, Display)> {
+        let (every, [[top, rows], [left, columns]]) = self.thinned(field.grid);
+        let pixel = if self.fits(display) { self.pixel.max(1) } else { 1 };
+        if every == 1 && pixel == 1 {
+            return None;
+        }
+        let cell = field.cell(display);
+        let places: Vec<usize> = (0..rows)
+            .flat_map(|r| (0..columns).map(move |c| (top + every * r) * field.grid[1] + left + every * c))
+            .collect();
+        let thin = LightField {
+            name: field.name.clone(),
+            grid: [rows, columns],
+            height: field.height,
+            width: field.width,
+            colors: field.colors.clone(),
+            planes: field.planes.iter().map(|views| places.iter().map(|v| views[*v].clone()).collect()).collect(),
+            view_pitch: Some(every as f64 * cell),
+            disparity: field.disparity.map(|d| d.map(|delta| every as f64 * delta)),
+            depth: field.depth,
+        };
+        if pixel == 1 {
+            return Some((thin, display.clone()));
+        }
+        let coarse = Display {
+            height: display.height / pixel,
+            width: display.width / pixel,
+            pitch: display.pitch * pixel as f64,
+            ..display.clone()
+        };
+        // Pixels are larger by what there are fewer of: depths stay.
+        let field = LightField { depth: thin.depth, ..thin.fit(coarse.height, coarse.width, Default::default()) };
+        Some((field, coarse))
+    }
+}
+
+/// Euclid's.
+fn common_divisor(a: usize, b: usize) -> usize {
+    if b == 0 { a } else { common_divisor(b, a % b) }
+}
+
+/// For people, the parts that differ from the default last.
+impl std::fmt::Display for Recipe {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let window = match self.window {
+            WindowFactor::One => "window 1",
+            WindowFactor::Two => "window 2",
+            WindowFactor::Full => "full window",
+        };
+        write!(f, "{} steps of {} pupils, {window}", self.steps, self.pupils)?;
+        match self.optimizer {
+            Optimizer::Adam { .. } => f.write_str(", Adam")?,
+            other if other == Optimizer::projection() => {}
+            Optimizer::Projection { gain: [a, b], momentum, .. } => write!(f, ", gain {a} to {b}, momentum {momentum}")?,
+        }
+        match self.diameters {
+            Diameters::LogUniform => {}
+            Diameters::Uniform => f.write_str(", diameters uniform")?,
+            Diameters::Reciprocal => f.write_str(", diameters uniform in 1/d")?,
+        }
+        if self.repeats > 1 {
+            write!(f, ", each sub-frame shown {} times", self.repeats)?;
+        }
+        if self.views > 1 {
+            write!(f, ", every {} view", ordinal(self.views))?;
+        }
+        if self.levels {
+            f.write_str(", for the SLM's levels")?;
+        }
+        if self.padding {
+            f.write_str(", padded")?;
+        }
+        if self.pixel > 1 {
+            write!(f, ", pixels of {0} x {0}", self.pixel)?;
+        }
+        Ok(())
+    }
+}
+
+fn ordinal(n: usize) -> String {
+    match n {
+        2 => "second".into(),
+        3 => "third".into(),
+        n => format!("{n}th"),
+    }
+}
