@@ -22,7 +22,7 @@ pub use front::{Trial, front, short_of};
 pub use measured::{Measured, MeasuredError};
 pub use recipe::Recipe;
 pub use reference::{PUPILS as REFERENCE_PUPILS, Reference};
-pub use subject::{Solved, Subject};
+pub use subject::{Prepared, Solved, Subject};
 pub use sweep::{Space, Sweep};
 
 use crate::engine::EngineError;

@@ -128,7 +128,8 @@ impl Recipe {
                 [first, k]
             })
         };
-        let of = |n: usize| Some((n, [axis(rows, n)?, axis(columns, n)?])).filter(|(n, [[r, _], [c, _]])| r < n && c < n);
+        let of =
+            |n: usize| Some((n, [axis(rows, n)?, axis(columns, n)?])).filter(|(n, [[r, _], [c, _]])| r < n && c < n);
         (1..=self.views.max(1)).rev().find_map(of).unwrap_or((1, [[0, rows], [0, columns]]))
     }
 
@@ -191,7 +192,9 @@ impl std::fmt::Display for Recipe {
         match self.optimizer {
             Optimizer::Adam { .. } => f.write_str(", Adam")?,
             other if other == Optimizer::projection() => {}
-            Optimizer::Projection { gain: [a, b], momentum, .. } => write!(f, ", gain {a} to {b}, momentum {momentum}")?,
+            Optimizer::Projection { gain: [a, b], momentum, .. } => {
+                write!(f, ", gain {a} to {b}, momentum {momentum}")?
+            }
         }
         match self.diameters {
             Diameters::LogUniform => {}
@@ -222,5 +225,144 @@ fn ordinal(n: usize) -> String {
         2 => "second".into(),
         3 => "third".into(),
         n => format!("{n}th"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::optics::Color;
+    use crate::scene::ViewGrid;
+    use proptest::prelude::*;
+
+    fn field(rows: usize, columns: usize) -> LightField {
+        LightField {
+            name: "x".into(),
+            grid: [rows, columns],
+            height: 4,
+            width: 8,
+            colors: vec![Color::Green],
+            // Every view says which one it is.
+            planes: vec![(0..rows * columns).map(|v| vec![v as f32; 32]).collect()],
+            view_pitch: None,
+            disparity: Some([-1.0, 2.0]),
+            depth: Some([-1e-3, 2e-3]),
+        }
+    }
+
+    fn display() -> Display {
+        Display { height: 4, width: 8, ..Display::preset("small").unwrap() }
+    }
+
+    #[test]
+    fn the_default_is_what_a_solve_does_and_what_is_said_is_set() {
+        let mut settings = Settings::default();
+        Recipe::default().apply(&mut settings);
+        assert_eq!(settings, Settings::default());
+        let recipe = Recipe {
+            steps: 7,
+            pupils: 3,
+            optimizer: Optimizer::adam(),
+            diameters: Diameters::Reciprocal,
+            window: WindowFactor::Two,
+            repeats: 4,
+            ..Recipe::default()
+        };
+        recipe.apply(&mut settings);
+        assert_eq!((settings.steps, settings.pupils, settings.frames), (7, 3, 2));
+        assert_eq!(settings.optimizer, Optimizer::adam());
+        assert_eq!((settings.diameters, settings.window), (Diameters::Reciprocal, WindowFactor::Two));
+    }
+
+    #[test]
+    fn sub_frames_are_shared_out_evenly() {
+        let frames = |repeats, shown| Recipe { repeats, ..Recipe::default() }.frames(shown);
+        assert_eq!((frames(1, 8), frames(2, 8), frames(8, 8), frames(16, 8)), (8, 4, 1, 1));
+        assert_eq!((frames(2, 7), frames(4, 6), frames(3, 24), frames(2, 0)), (7, 3, 8, 0));
+    }
+
+    #[test]
+    fn built_in_recipes_are_sound_and_rise() {
+        let all = Quality::ALL.map(Recipe::of);
+        assert!(all.iter().all(Recipe::is_sound));
+        let work = |r: &Recipe| r.steps * r.pupils;
+        assert!(work(&all[0]) < work(&all[1]) && work(&all[1]) < work(&all[2]));
+        for wrong in [
+            Recipe { steps: 0, ..Recipe::default() },
+            Recipe { steps: usize::MAX, ..Recipe::default() },
+            Recipe { pupils: 0, ..Recipe::default() },
+            Recipe { pixel: 3, ..Recipe::default() },
+            Recipe { repeats: 0, ..Recipe::default() },
+            Recipe { views: 0, ..Recipe::default() },
+            Recipe {
+                optimizer: Optimizer::Projection { gain: [f64::NAN, 1.0], momentum: 0.5, overlap_power: 0.5 },
+                ..Recipe::default()
+            },
+        ] {
+            assert!(!wrong.is_sound(), "{wrong:?}");
+        }
+    }
+
+    #[test]
+    fn what_a_file_does_not_say_is_as_by_default() {
+        let read: Recipe = serde_json::from_str(r#"{"steps": 5, "window": "two", "a knob of tomorrow": 1}"#).unwrap();
+        assert_eq!(read, Recipe { steps: 5, window: WindowFactor::Two, ..Recipe::default() });
+        let all = Recipe { optimizer: Optimizer::adam(), pixel: 2, padding: true, ..Recipe::of(Quality::Balanced) };
+        assert_eq!(serde_json::from_str::<Recipe>(&serde_json::to_string(&all).unwrap()).unwrap(), all);
+    }
+
+    proptest! {
+        /// Views that are left stand where they stood, about the same centre, and see the same pictures.
+        #[test]
+        fn thinned_views_stay_where_they_are(rows in 1usize..14, columns in 1usize..14, views in 1usize..9) {
+            let recipe = Recipe { views, ..Recipe::default() };
+            let (whole, display) = (field(rows, columns), display());
+            let (every, _) = recipe.thinned(whole.grid);
+            prop_assert!(every <= views);
+            prop_assert!(views > 2 || every == views || rows % 2 == 0 || columns % 2 == 0);
+            let Some((thin, same)) = recipe.scene(&whole, &display) else {
+                prop_assert_eq!(every, 1);
+                return Ok(());
+            };
+            prop_assert_eq!(same, display.clone());
+            let grid = |f: &LightField| ViewGrid { rows: f.grid[0], columns: f.grid[1], cell: f.cell(&display) };
+            prop_assert_eq!(thin.planes[0].len(), thin.grid[0] * thin.grid[1]);
+            for (i, view) in thin.planes[0].iter().enumerate() {
+                let (x, y) = grid(&thin).position(i);
+                let (was_x, was_y) = grid(&whole).position(view[0] as usize);
+                prop_assert!((x - was_x).abs() < 1e-12 && (y - was_y).abs() < 1e-12);
+            }
+            // No other view fits at the ends.
+            prop_assert!((thin.grid[0] + 1) * every >= rows && (thin.grid[1] + 1) * every >= columns);
+        }
+    }
+
+    #[test]
+    fn of_nine_views_two_three_and_four_leave_five_and_three() {
+        let left = |views| Recipe { views, ..Recipe::default() }.thinned([9, 9]);
+        assert_eq!(left(2), (2, [[0, 5]; 2]));
+        assert_eq!(left(3), (3, [[1, 3]; 2]));
+        assert_eq!(left(4), (4, [[0, 3]; 2]));
+        // Every second of eight has another centre.
+        assert_eq!(Recipe { views: 2, ..Recipe::default() }.thinned([8, 9]).0, 1);
+        assert_eq!(Recipe { views: 3, ..Recipe::default() }.thinned([8, 8]), (3, [[2, 2]; 2]));
+    }
+
+    #[test]
+    fn coarse_pixels_keep_depths_and_views_and_lose_half_the_eyebox() {
+        let (whole, display) = (field(3, 3), display());
+        let (coarse, small) = Recipe { pixel: 2, ..Recipe::default() }.scene(&whole, &display).unwrap();
+        assert_eq!((small.height, small.width, coarse.height, coarse.width), (2, 4, 2, 4));
+        assert!((2.0 * small.eyebox_min() - display.eyebox_min()).abs() < 1e-12);
+        assert!((coarse.cell(&small) - whole.cell(&display)).abs() < 1e-12);
+        assert_eq!(coarse.depth_range(&small), whole.depth_range(&display));
+        // The same depths by disparity, where none are stated.
+        let free = LightField { depth: None, ..whole.clone() };
+        let (thin, small) = Recipe { pixel: 2, ..Recipe::default() }.scene(&free, &display).unwrap();
+        let (a, b) = (thin.depth_range(&small).unwrap(), free.depth_range(&display).unwrap());
+        assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9), "{a:?} {b:?}");
+        // Odd sizes cannot be.
+        let odd = Display { width: 7, ..display };
+        assert!(Recipe { pixel: 2, ..Recipe::default() }.scene(&whole, &odd).is_none());
     }
 }

@@ -3,7 +3,7 @@
 
 use super::{QualityError, Subject};
 use crate::engine::{Buffer, Engine};
-use crate::optics::WindowFactor;
+use crate::optics::{Pupil, WindowFactor};
 use crate::plan::{Planner, Purpose, Sight};
 use crate::solve::{Diameters, Judge, Problem, PupilRange, Sampler, Sequence, Settings, Verdict, level_table};
 use std::sync::Arc;
@@ -19,6 +19,7 @@ pub struct Reference {
     unit: f64,
     levels: Option<Vec<f64>>,
     pixels: usize,
+    pupils: Vec<Pupil>,
 }
 
 impl Reference {
@@ -37,11 +38,12 @@ impl Reference {
         let range = PupilRange { eyebox: problem.eyebox, diameter, depth, diameters: Diameters::Uniform };
         // Apart from the pupils that solves draw and judge by, which are of their own seed and its complement.
         let mut sampler = Sampler::new(range, Sequence::Random, seed ^ 0x7265_6665_7265_6e63);
-        let sights = (0..PUPILS).map(|_| Sight::Pupil(sampler.draw())).collect();
+        let pupils: Vec<Pupil> = (0..PUPILS).map(|_| sampler.draw()).collect();
+        let sights = pupils.iter().map(|p| Sight::Pupil(*p)).collect();
         engine.load(&planner.shape(Purpose::View), Some(Arc::clone(&problem.pyramid)))?;
         let judge = Judge::new(engine, &planner, sights)?;
         let pixels = problem.optics.height * problem.optics.width;
-        Ok(Self { problem, planner, judge, unit, levels: subject.levels.clone(), pixels })
+        Ok(Self { problem, planner, judge, unit, levels: subject.levels.clone(), pixels, pupils })
     }
 
     /// The same, for an SLM of other levels.
@@ -64,8 +66,8 @@ impl Reference {
         Ok(self.judge.judge(engine, &planner)?.in_units_of(self.unit))
     }
 
-    /// Mean of the scene's linear light over the SLM.
-    pub fn mean(&self) -> f64 {
-        self.problem.mean
+    /// The pupils that it looks through.
+    pub fn pupils(&self) -> Vec<Pupil> {
+        self.pupils.clone()
     }
 }

@@ -25,9 +25,8 @@ pub struct Space {
     pub pixel: bool,
 }
 
-const STEPS: [usize; 25] = [
-    1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 768, 1024, 1536, 2048, 3072, 4096, 8192,
-];
+const STEPS: [usize; 25] =
+    [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 768, 1024, 1536, 2048, 3072, 4096, 8192];
 const PUPILS: [usize; 12] = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64];
 const WINDOWS: [WindowFactor; 3] = [WindowFactor::One, WindowFactor::Two, WindowFactor::Full];
 const DIAMETERS: [Diameters; 3] = [Diameters::Uniform, Diameters::LogUniform, Diameters::Reciprocal];
@@ -49,11 +48,16 @@ impl Sweep {
         let mut sweep = Self { space, queue: VecDeque::new(), random: SplitMix(seed ^ 0x7377_6565_70) };
         let start = Recipe::default();
         sweep.queue.push_back(start.clone());
-        let spine = |window| move |steps| Recipe { steps, window, optimizer: Recipe::momentum(), ..Recipe::default() };
+        let spine = |window| {
+            move |steps| {
+                let optimizer = if steps < 500 { Recipe::momentum() } else { Optimizer::projection() };
+                Recipe { steps, window, optimizer, ..Recipe::default() }
+            }
+        };
         sweep.queue.extend([8, 24, 64, 128].map(spine(WindowFactor::One)));
         sweep.queue.extend([16, 32, 64, 128, 256, 512, 1024, 2048].map(spine(WindowFactor::Two)));
         sweep.queue.push_back(Recipe::adam(200, 8));
-        let alone = sweep.neighbours(&start);
+        let alone = sweep.alone();
         sweep.queue.extend(alone);
         let shift: [f64; 5] = [0; 5].map(|_| sweep.random.unit());
         for i in 1..=POINTS {
@@ -131,6 +135,37 @@ impl Sweep {
         }
         let i = (self.random.unit() * all.len() as f64) as usize;
         Some(all.swap_remove(i.min(all.len() - 1)))
+    }
+
+    /// Each setting alone, well away from the default; steps are what the spine is about.
+    fn alone(&self) -> Vec<Recipe> {
+        let start = Recipe::default();
+        let with = |change: &dyn Fn(&mut Recipe)| {
+            let mut to = start.clone();
+            change(&mut to);
+            to
+        };
+        let mut all = vec![
+            with(&|r| r.window = WindowFactor::Two),
+            with(&|r| r.pupils /= 2),
+            with(&|r| r.pupils *= 2),
+            with(&|r| r.optimizer = Recipe::momentum()),
+            with(&|r| r.diameters = Diameters::Uniform),
+            with(&|r| r.diameters = Diameters::Reciprocal),
+        ];
+        // What takes something away from the problem, and what adds to it, as far as there is something.
+        let thins = |views: &usize| Recipe { views: *views, ..start.clone() }.thinned(self.space.views).0 == *views;
+        let views = (2..=self.space.thinnest().min(3)).filter(thins);
+        all.extend(views.map(|views| with(&|r| r.views = views)));
+        let may = [
+            (self.space.frames.is_multiple_of(2), with(&|r| r.repeats = 2)),
+            (self.space.padding, with(&|r| r.padding = true)),
+            (self.space.levels, with(&|r| r.levels = true)),
+            (self.space.pixel, with(&|r| r.pixel = 2)),
+            (true, with(&|r| r.window = WindowFactor::Full)),
+        ];
+        all.extend(may.into_iter().filter(|m| m.0).map(|m| m.1));
+        all
     }
 
     /// Everything one setting away.
@@ -239,8 +274,10 @@ mod tests {
         };
         let ms = 40.0 + recipe.steps as f64 * (2.0 + 0.4 * recipe.pupils as f64 * window) / recipe.repeats as f64;
         let seen = (recipe.steps * recipe.pupils) as f64;
-        let mut db = 31.0 - 60.0 / seen.powf(0.4) + if recipe.window == WindowFactor::One { -1.0 } else { 0.0 };
-        db -= 3.0 * (recipe.repeats as f64).log2() + 0.5 * (recipe.views as f64 - 1.0) + 8.0 * (recipe.pixel as f64 - 1.0);
+        let mut db = 31.0 - 60.0 / seen.powf(0.7) + if recipe.window == WindowFactor::One { -1.0 } else { 0.0 };
+        db -= 3.0 * (recipe.repeats as f64).log2()
+            + 0.5 * (recipe.views as f64 - 1.0)
+            + 8.0 * (recipe.pixel as f64 - 1.0);
         Trial::new(recipe.clone(), ms, vec![db], &Expected { work: ms, bytes: 1 })
     }
 

@@ -1,4 +1,4 @@
-//! The `eyebox` command: `demo`, `solve`, `view`, `photograph`, `score`, `evaluate`, `export`, `encode`, `bench`,
+//! The `eyebox` command: `demo`, `solve`, `view`, `photograph`, `score`, `tradeoff`, `evaluate`, `export`, `encode`, `bench`,
 //! `devices`, `trackers`.
 //!
 //! This room reads arguments, calls the runtime, and shows what came of it. Anything that a program would want to call
@@ -16,10 +16,12 @@ mod export;
 mod failure;
 mod photograph;
 mod progress;
+mod quality;
 mod report;
 mod score;
 mod solve;
 mod trackers;
+mod tradeoff;
 mod values;
 mod view;
 
@@ -40,6 +42,7 @@ fn main() -> ExitCode {
         Command::View(args) => view::run(args),
         Command::Photograph(args) => photograph::run(args),
         Command::Score(args) => score::run(args),
+        Command::Tradeoff(args) => tradeoff::run(args),
         Command::Evaluate(args) => evaluate::run(args),
         Command::Export(args) => export::run(args),
         Command::Encode(args) => encode::run(args),
