@@ -45,7 +45,7 @@ pub struct Sweep {
 impl Sweep {
     /// From the start.
     pub fn new(space: Space, seed: u64) -> Self {
-        let mut sweep = Self { space, queue: VecDeque::new(), random: SplitMix(seed ^ 0x7377_6565_70) };
+        let mut sweep = Self { space, queue: VecDeque::new(), random: SplitMix(seed ^ 0x0073_7765_6570) };
         let start = Recipe::default();
         sweep.queue.push_back(start.clone());
         let spine = |window| {
