@@ -48,12 +48,7 @@ impl Sweep {
         let mut sweep = Self { space, queue: VecDeque::new(), random: SplitMix(seed ^ 0x0073_7765_6570) };
         let start = Recipe::default();
         sweep.queue.push_back(start.clone());
-        let spine = |window| {
-            move |steps| {
-                let optimizer = if steps < 500 { Recipe::momentum() } else { Optimizer::projection() };
-                Recipe { steps, window, optimizer, ..Recipe::default() }
-            }
-        };
+        let spine = |window| move |steps| Recipe { steps, window, optimizer: Recipe::momentum(), ..Recipe::default() };
         sweep.queue.extend([8, 24, 64, 128].map(spine(WindowFactor::One)));
         sweep.queue.extend([16, 32, 64, 128, 256, 512, 1024, 2048].map(spine(WindowFactor::Two)));
         sweep.queue.push_back(Recipe::adam(200, 8));
@@ -72,8 +67,8 @@ impl Sweep {
     fn at(&self, [steps, pupils, window, views, optimizer]: [f64; 5]) -> Recipe {
         let log = |u: f64, from: f64, to: f64| (from * (to / from).powf(u)).round() as usize;
         Recipe {
-            steps: log(steps, 6.0, 400.0),
-            pupils: log(pupils, 4.0, 32.0),
+            steps: log(steps, 6.0, 200.0),
+            pupils: log(pupils, 4.0, 24.0),
             window: if window < 0.5 { WindowFactor::One } else { WindowFactor::Two },
             views: if views < 0.7 { 1 } else { self.space.thinnest().min(2) },
             optimizer: if optimizer < 0.4 { Optimizer::projection() } else { Recipe::momentum() },
@@ -90,7 +85,9 @@ impl Sweep {
                 return Some(recipe);
             }
         }
-        (0..TRIES).find_map(|_| {
+        (0..TRIES).find_map(|i| {
+            // Dear ones rarely, for many cheap ones have the same price; at last, whatever there is.
+            let most = if 2 * i < TRIES { longest * self.random.unit().powi(3) } else { longest };
             let around = self.around(trials)?;
             let mut all = self.neighbours(&around);
             let mut next = self.pick(&mut all)?;
@@ -98,7 +95,7 @@ impl Sweep {
                 let mut more = self.neighbours(&next);
                 next = self.pick(&mut more)?;
             }
-            fresh(&next).then_some(next)
+            (fresh(&next) && expect(&next) <= most).then_some(next)
         })
     }
 

@@ -278,7 +278,7 @@ fn holograms_of_reduced_problems_are_whole() {
         done(at, &solve(&["--quality", name, "--display", "plm"]));
         done(at, &["export", "x.zarr", "-o", "x.npy"]);
         let npy = eyebox::files::read_npy(&at.join("x.npy")).unwrap();
-        assert_eq!(npy.shape, [1, 8, 32, 40], "{name}");
+        assert_eq!(npy.shape, [8, 32, 40], "{name}");
         let (said, _) = done(at, &["score", "x.zarr", "builtin:still-life", "--engine", "cpu", "--json"]);
         let score: Value = serde_json::from_str(&said).unwrap();
         assert!(score["psnr_db"]["mean"].as_f64().unwrap() > 5.0, "{name}: {score}");

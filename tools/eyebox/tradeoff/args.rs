@@ -15,7 +15,7 @@ pub struct Tradeoff {
     #[arg(short, long, value_name = "DIR")]
     pub out: PathBuf,
     /// Seconds for all of it
-    #[arg(long, value_name = "SECONDS", value_parser = positive, default_value_t = 240.0)]
+    #[arg(long, value_name = "SECONDS", value_parser = positive, default_value_t = 250.0)]
     pub budget: f64,
     /// Display; of all its colours, green is tried, or the middle one
     #[command(flatten)]

@@ -35,8 +35,8 @@ pub fn run(args: &Tradeoff) -> Result<(), Failure> {
     let color = leading(&common::colors(&args.display, &display)?);
     let mut base = Settings { frames: args.frames, seed: args.seed, ..Settings::default() };
     base.diameter = common::diameters(args.pupil_diameter, &display);
-    base.check()?;
     let levels = quality::levels_of(args.levels.as_deref(), &display)?;
+    Settings { levels: levels.clone(), ..base.clone() }.check()?;
     let mut engine = common::engine(&args.engine)?;
     let field = common::scene(&args.scene, &display, &[color])?;
     base.depth = common::depths(&args.scene, &field, &display);

@@ -313,7 +313,7 @@ fn how(found: &Found) -> String {
          themselves.</p><p>Time: from the light field in memory to the phases of one colour, the choice of the exposure included, \
          alone in the process; the median where it was taken more than once. Memory: all buffers that the solve plans.</p><p>What was \
          tried: the default, a spine of more and more steps, each setting alone, points of a low-discrepancy sequence, then \
-         neighbours of the front. A trial may take an eighth of the time given.</p></section>\n<footer>eyebox {}, seed {}.</footer>\n",
+         neighbours of the front. A trial may take a sixth of the time given.</p></section>\n<footer>eyebox {}, seed {}.</footer>\n",
         escape(&found.version),
         found.seed
     )
