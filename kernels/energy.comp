@@ -1,11 +1,13 @@
 #version 450
+#extension GL_GOOGLE_include_directive : require
+#include "half.glsl"
 
 // energy[patch] += sum |field|^2 over the patch and all sub-frames. x: patch, one workgroup each.
 
 const uint SIZE = 128;
 
 layout(local_size_x = 128) in;
-layout(std430, binding = 0) readonly buffer Field { vec2 field[]; };
+layout(std430, binding = 0) readonly buffer Field { COMPLEX field[]; };
 layout(std430, binding = 1) buffer Energy { float energy[]; };
 layout(push_constant) uniform Args {
     uint grid_height, grid_width, y0, x0, rows, columns, patches, accumulate;
@@ -24,7 +26,7 @@ void main() {
         for (uint i = gl_LocalInvocationID.x; i < height * width; i += SIZE) {
             uint y = (y0 + top + i / width) % grid_height;
             uint x = (x0 + left + i % width) % grid_width;
-            vec2 z = field[f * field_stride + y * grid_width + x];
+            vec2 z = LOAD(field[f * field_stride + y * grid_width + x]);
             sum += dot(z, z);
         }
     }

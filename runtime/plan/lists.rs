@@ -1,6 +1,6 @@
 //! The lists that engines run.
 
-use super::{Dispatch, Kernel, Lane, Planner, Step};
+use super::{Dispatch, Kernel, Lane, Planner, Purpose, Step, Storage};
 use eyebox_kernels::{adam, balance, energy, even, fft::Columns, project, quantise};
 use std::ops::Range;
 
@@ -10,7 +10,7 @@ impl Planner {
         let mut step = self.descend(lanes, in_flight, true);
         step.list.push(Dispatch { kernel: Kernel::Project, lanes: 0..0 });
         step.balance.power = power as f32;
-        step.project.gain = gain as f32;
+        step.project.gain = (gain / self.change_scale_of(&step.lanes, true)) as f32;
         step.project.momentum = momentum as f32;
         step
     }
@@ -28,8 +28,8 @@ impl Planner {
             beta2: beta2 as f32,
             correct1: correct(beta1),
             correct2: correct(beta2),
-            // 1e-8 for a loss times 1000, as the paper's code scales it.
-            epsilon: 1e-11,
+            // 1e-8 for a loss times 1000, as the paper's code scales it; moments are in the change's units.
+            epsilon: (1e-11 * self.change_scale_of(&step.lanes, false)) as f32,
         };
         step
     }
@@ -58,6 +58,10 @@ impl Planner {
     /// `eyebox` metres around the axis, those inside its disc, each pulled to their mean with this weight.
     pub fn with_even(&self, mut step: Step, eyebox: f64, patches: usize, weight: f64) -> Step {
         let projects = step.list.last().is_some_and(|d| d.kernel == Kernel::Project);
+        // The projection's factors are ratios of energies; the gradient's go as 1 / energy.
+        let (change, field) =
+            (self.change_scale_of(&step.lanes, projects), f64::from(self.shape(Purpose::View).field_scale()));
+        let weight = weight * change * if projects { 1.0 / field } else { field };
         step.even = self.even(eyebox, patches, projects, weight);
         let whole = |kernel| Dispatch { kernel, lanes: 0..0 };
         let after = |step: &Step, kernel| step.list.iter().position(|d| d.kernel == kernel).map_or(0, |i| i + 1);
@@ -182,6 +186,9 @@ impl Planner {
             step.list.push(whole(Kernel::Balance));
         }
         step.list.push(whole(Kernel::ChangeInverse));
+        if self.storage == Storage::F16 {
+            step.list.push(whole(Kernel::Guard));
+        }
         step
     }
 }

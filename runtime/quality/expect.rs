@@ -52,6 +52,8 @@ impl Expected {
         };
         let mut sampler = Sampler::new(range, settings.sequence, settings.seed);
         let frames = settings.frames as f64;
+        // On the CPU halves are for comparison, and no smaller.
+        let complex = settings.storage.bytes();
         let fft = |points: f64| frames * points * (2.0 * points.max(2.0).log2() + 8.0);
         // Each place in a step holds the largest window that it has had.
         let mut places = vec![0u64; settings.pupils];
@@ -72,7 +74,7 @@ impl Expected {
                     (held, slot) = (0, 0);
                 }
                 held += count;
-                places[slot] = places[slot].max((8 * settings.frames * count + 16 * count + 4 * level) as u64);
+                places[slot] = places[slot].max((complex * settings.frames * count + 16 * count + 4 * level) as u64);
                 slot += 1;
                 in_flight = in_flight.max(slot);
             }
@@ -87,9 +89,9 @@ impl Expected {
         // Phases, velocity, and the best state with the copy that it is read into; field and change are complex.
         let moments = if matches!(settings.optimizer, Optimizer::Adam { .. }) { 2 } else { 1 };
         let state = 4 * pixels * (3 + moments + u64::from(settings.levels.is_some()));
-        let state = state + 16 * settings.frames as u64 * grid + 4 * grid;
+        let state = state + 2 * (complex * settings.frames) as u64 * grid + 4 * grid;
         let pyramid = 2 * (rows * columns) as u64 * grid * 4 / 3;
-        let whole = 8 * settings.frames as u64 * grid + 20 * grid;
+        let whole = (complex * settings.frames) as u64 * grid + 20 * grid;
         places[0] = places[0].max(whole);
         let windows = places.iter().take(in_flight.max(1)).sum::<u64>();
         Ok(Self { work, bytes: state + pyramid + windows })

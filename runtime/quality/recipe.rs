@@ -1,7 +1,8 @@
 //! The settings that trade quality for time.
 
 use super::Quality;
-use crate::optics::{Display, WindowFactor};
+use crate::optics::{Display, Padding, WindowFactor};
+use crate::plan::Storage;
 use crate::scene::LightField;
 use crate::solve::{Diameters, Optimizer, Settings};
 use serde::{Deserialize, Serialize};
@@ -26,6 +27,8 @@ pub struct Recipe {
     pub repeats: usize,
     /// Every how many-th view of the light field is used, along both axes; see [`thinned`](Self::thinned).
     pub views: usize,
+    /// How complex fields are stored.
+    pub storage: Storage,
     /// Whether the SLM's levels are optimised for; without, phases are put on them after the fact.
     pub levels: bool,
     /// Whether the SLM is padded as depth and eyebox require.
@@ -47,6 +50,7 @@ impl Default for Recipe {
             window,
             repeats: 1,
             views: 1,
+            storage: Storage::default(),
             levels: false,
             padding: false,
             pixel: 1,
@@ -101,7 +105,14 @@ impl Recipe {
         settings.optimizer = self.optimizer;
         settings.diameters = self.diameters;
         settings.window = self.window;
+        settings.storage = self.storage;
         settings.frames = self.frames(settings.frames);
+    }
+
+    /// Follows what was decided about a scene: a window that was asked for in full, and its padding.
+    pub fn follow(&mut self, settings: &Settings, padding: Padding) {
+        self.window = settings.window;
+        self.padding = padding != Padding::default();
     }
 
     /// Sub-frames that are solved where `shown` are shown.
@@ -203,6 +214,9 @@ impl std::fmt::Display for Recipe {
         if self.views > 1 {
             write!(f, ", every {} view", ordinal(self.views))?;
         }
+        if self.storage != Storage::default() {
+            write!(f, ", {}", self.storage.name())?;
+        }
         if self.levels {
             f.write_str(", for the SLM's levels")?;
         }
@@ -262,11 +276,12 @@ mod tests {
             diameters: Diameters::Reciprocal,
             window: WindowFactor::Two,
             repeats: 4,
+            storage: Storage::F16,
             ..Recipe::default()
         };
         recipe.apply(&mut settings);
         assert_eq!((settings.steps, settings.pupils, settings.frames), (7, 3, 2));
-        assert_eq!(settings.optimizer, Optimizer::adam());
+        assert_eq!((settings.optimizer, settings.storage), (Optimizer::adam(), Storage::F16));
         assert_eq!((settings.diameters, settings.window), (Diameters::Reciprocal, WindowFactor::Two));
     }
 

@@ -7,6 +7,7 @@
 
 use super::{Quality, Recipe, Trial, front, recommend};
 use crate::optics::WindowFactor;
+use crate::plan::Storage;
 use crate::solve::{Diameters, Optimizer, SplitMix};
 use std::collections::VecDeque;
 
@@ -17,6 +18,8 @@ pub struct Space {
     pub frames: usize,
     /// Rows and columns of views.
     pub views: [usize; 2],
+    /// Whether the engine saves anything by storing fields as halves.
+    pub halves: bool,
     /// Whether the SLM's levels can be optimised for.
     pub levels: bool,
     /// Whether the scene asks for padding.
@@ -157,6 +160,7 @@ impl Sweep {
         let may = [
             (self.space.frames.is_multiple_of(2), with(&|r| r.repeats = 2)),
             (self.space.padding, with(&|r| r.padding = true)),
+            (self.space.halves, with(&|r| r.storage = Storage::F16)),
             (self.space.levels, with(&|r| r.levels = true)),
             (self.space.pixel, with(&|r| r.pixel = 2)),
             (true, with(&|r| r.window = WindowFactor::Full)),
@@ -212,6 +216,11 @@ impl Sweep {
                 with(&|r| r.views = views);
             }
         }
+        if self.space.halves {
+            for storage in Storage::ALL {
+                with(&|r| r.storage = storage);
+            }
+        }
         if self.space.levels {
             with(&|r| r.levels = !r.levels);
         }
@@ -260,7 +269,7 @@ mod tests {
     use super::super::Expected;
     use super::*;
 
-    const SPACE: Space = Space { frames: 8, views: [9, 9], levels: true, padding: true, pixel: true };
+    const SPACE: Space = Space { frames: 8, views: [9, 9], halves: true, levels: true, padding: true, pixel: true };
 
     /// A machine of which all is known: time is work, quality has diminishing returns.
     fn measure(recipe: &Recipe) -> Trial {
@@ -297,7 +306,12 @@ mod tests {
         assert_eq!(trials.len(), 120);
         let any = |f: &dyn Fn(&Recipe) -> bool| trials.iter().any(|t| f(&t.recipe));
         assert!(any(&|r| r.views > 1) && any(&|r| r.repeats > 1) && any(&|r| r.pixel > 1) && any(&|r| r.padding));
-        assert!(any(&|r| r.levels) && any(&|r| r.window == WindowFactor::Full) && any(&|r| r.steps >= 512));
+        assert!(
+            any(&|r| r.levels)
+                && any(&|r| r.storage == Storage::F16)
+                && any(&|r| r.window == WindowFactor::Full)
+                && any(&|r| r.steps >= 512)
+        );
         assert!(any(&|r| matches!(r.optimizer, Optimizer::Adam { .. })) && any(&|r| r.steps <= 8));
         assert_eq!(run(0, 120, 20_000.0), trials, "the same seed, the same trials");
         assert_ne!(run(1, 120, 20_000.0), trials);
@@ -319,7 +333,7 @@ mod tests {
 
     #[test]
     fn small_spaces_are_searched_to_their_end() {
-        let space = Space { frames: 1, views: [1, 1], levels: false, padding: false, pixel: false };
+        let space = Space { frames: 1, views: [1, 1], halves: false, levels: false, padding: false, pixel: false };
         let mut sweep = Sweep::new(space, 0);
         // Nothing takes so little.
         assert_eq!(sweep.next(&[], 0.0, &|_| 1.0), None);

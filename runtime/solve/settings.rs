@@ -3,6 +3,7 @@
 use super::sampling::{Diameters, Sequence};
 use super::{Method, SolveError};
 use crate::optics::WindowFactor;
+use crate::plan::Storage;
 use serde::{Deserialize, Serialize};
 
 /// How phases are moved.
@@ -82,8 +83,10 @@ pub struct Settings {
     pub patches: usize,
     /// Phases that the SLM can show, radians, 1 to 256 of them: what is optimised for, straight-through. None: any phase.
     pub levels: Option<Vec<f64>>,
-    /// Bytes that the windows of pupils in flight may take.
+    /// Bytes that the windows of pupils in flight may take, as float32; stored as halves the same ones take half of it.
     pub window_bytes: usize,
+    /// How complex fields are stored while solving: halves take half the memory, at a price (docs/measurements.md).
+    pub storage: Storage,
 }
 
 impl Default for Settings {
@@ -109,6 +112,7 @@ impl Default for Settings {
             patches: 9,
             levels: None,
             window_bytes: 256 << 20,
+            storage: Storage::F32,
         }
     }
 }

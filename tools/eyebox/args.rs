@@ -1,10 +1,13 @@
 //! The command line: millimetres, micrometres and nanometres in, metres out.
 
 use crate::quality::QualityArgs;
-use crate::values::{Targets, depths, method, not_negative, positive, pupil, range, size, targets, window};
+use crate::values::{
+    Targets, contrast, depths, full, method, not_negative, positive, pupil, range, size, storage, targets, window,
+};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use eyebox::optics::{Color, Pupil, WindowFactor};
-use eyebox::solve::Method;
+use eyebox::plan::Storage;
+use eyebox::solve::{Full, Method};
 use std::path::PathBuf;
 
 /// Phase holograms that look right from anywhere in the eyebox.
@@ -28,6 +31,11 @@ pub enum Command {
                       eyebox solve builtin:still-life --size 512x512 --quality accurate -o still-life.zarr\n  \
                       eyebox solve photo.png --depth-map depth.png --depth=-3..3 -o photo.npy\n\nBuilt-in scenes: still-life, still-life-dark, still-life-bright, dense-grass, points, plane, chart")]
     Solve(Solve),
+    /// Say what of a scene will be computed and why, and what time and memory it will take
+    #[command(
+        after_help = "Examples:\n  eyebox plan builtin:still-life --size 512x512\n  eyebox plan lightfield/ --size 512x512 --json\n  eyebox plan builtin:plane --size 256x256 --measure\n\nIt takes the arguments of solve. The first plan on a machine times its engine for a few seconds; the rates are kept in\n$XDG_CACHE_HOME/eyebox, else ~/.cache/eyebox."
+    )]
+    Plan(Box<crate::plan::Plan>),
     /// Show what an eye sees of a hologram through one pupil
     #[command(after_help = "Examples:\n  eyebox view still-life.zarr --pupil=4,0,4,1.5 -o view.png\n  \
                       eyebox view phases.npy --pupil=0,0,6,0 --pitch 8 --wavelength 520 --focal-length 400 -o view.npy")]
@@ -177,6 +185,17 @@ pub enum OptimizerName {
     Adam,
 }
 
+/// When the SLM is padded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum PaddingName {
+    /// Not at all
+    Never,
+    /// Where what comes in again on the other side would cost more than 0.05 dB
+    Need,
+    /// Always
+    Always,
+}
+
 /// Distribution of pupil diameters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum DiametersName {
@@ -255,6 +274,9 @@ pub struct Solve {
     /// Spectrum per pupil: 1 or 2 times the pupil, or all of it [default: 1]
     #[arg(long, value_parser = window, value_name = "1|2|full")]
     pub window: Option<WindowFactor>,
+    /// How complex fields are stored: fp16 takes half the memory on Vulkan; for comparison only on the CPU [default: fp32]
+    #[arg(long, value_parser = storage, value_name = "fp32|fp16")]
+    pub storage: Option<Storage>,
     /// Pupil diameters drawn, mm [default: 2..20, or what fits the eyebox]
     #[arg(long, value_name = "MIN..MAX", value_parser = range)]
     pub pupil_diameter: Option<[f64; 2]>,
@@ -264,9 +286,16 @@ pub struct Solve {
     /// Sequence of pupils
     #[arg(long, value_enum, default_value = "sobol")]
     pub sequence: SequenceName,
-    /// Zeros around the SLM, as wide as light walks off, against circular propagation
-    #[arg(long)]
-    pub padding: bool,
+    /// Zeros around the SLM, as wide as light walks off, against circular propagation: never, always, or where the
+    /// scene needs it [default: never; alone: always]
+    #[arg(long, value_enum, value_name = "RULE", num_args = 0..=1, require_equals = true, default_missing_value = "always")]
+    pub padding: Option<PaddingName>,
+    /// Model these parts in full whatever the scene requires: colors, views, padding, window, or all
+    #[arg(long, value_name = "PARTS", num_args = 0..=1, require_equals = true, default_missing_value = "all", value_parser = full)]
+    pub full: Option<Full>,
+    /// As many sub-frames as this speckle contrast needs, 0 to 1, instead of --frames
+    #[arg(long, value_name = "CONTRAST", value_parser = contrast, conflicts_with = "frames")]
+    pub speckle: Option<f64>,
     /// Seed of the first phases and of the pupils
     #[arg(long, default_value_t = 0, value_name = "S")]
     pub seed: u64,

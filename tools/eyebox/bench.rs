@@ -84,19 +84,12 @@ pub fn run(args: &Bench) -> Result<(), Failure> {
     if args.solve.json {
         println!(
             "{}",
-            json!({ "step_ms": steps, "solve_s": totals, "load_s": loading, "peak_memory_mib": peak_memory_mib() })
+            json!({ "step_ms": steps, "solve_s": totals, "load_s": loading, "peak_memory_mib": common::peak_memory_mib() })
         );
     }
-    match peak_memory_mib() {
+    match common::peak_memory_mib() {
         Some(mib) => println!("peak memory {mib} MiB"),
         None => println!("peak memory is not told by this system"),
     }
     Ok(())
-}
-
-/// Largest resident set so far, as Linux tells it.
-fn peak_memory_mib() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find(|l| l.starts_with("VmHWM:"))?;
-    line.split_whitespace().nth(1)?.parse::<u64>().ok().map(|kib| kib / 1024)
 }

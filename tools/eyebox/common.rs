@@ -143,3 +143,10 @@ pub fn write_image(
 pub fn is_hologram(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("zarr"))
 }
+
+/// Largest resident set so far, as Linux tells it.
+pub fn peak_memory_mib() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|l| l.starts_with("VmHWM:"))?;
+    line.split_whitespace().nth(1)?.parse::<u64>().ok().map(|kib| kib / 1024)
+}

@@ -1,5 +1,5 @@
-//! The `eyebox` command: `demo`, `solve`, `view`, `photograph`, `score`, `tradeoff`, `evaluate`, `export`, `encode`, `bench`,
-//! `devices`, `trackers`.
+//! The `eyebox` command: `demo`, `solve`, `plan`, `view`, `photograph`, `score`, `tradeoff`, `evaluate`, `export`, `encode`,
+//! `bench`, `devices`, `trackers`.
 //!
 //! This room reads arguments, calls the runtime, and shows what came of it. Anything that a program would want to call
 //! belongs in the runtime. Errors are one line on standard error and exit code 2; nothing half-written stays behind.
@@ -15,8 +15,10 @@ mod evaluate;
 mod export;
 mod failure;
 mod photograph;
+mod plan;
 mod progress;
 mod quality;
+mod rates;
 mod report;
 mod score;
 mod solve;
@@ -39,6 +41,7 @@ fn main() -> ExitCode {
     let done = match &cli.command {
         Command::Demo(args) => demo::run(args),
         Command::Solve(args) => solve::run(args),
+        Command::Plan(args) => plan::run(args),
         Command::View(args) => view::run(args),
         Command::Photograph(args) => photograph::run(args),
         Command::Score(args) => score::run(args),

@@ -1,7 +1,7 @@
 //! `eyebox solve`.
 
 use crate::Failure;
-use crate::args::{DiametersName, OptimizerName, SequenceName, Solve};
+use crate::args::{DiametersName, OptimizerName, PaddingName, SequenceName, Solve};
 use crate::common::{self, Form};
 use crate::progress::{self, Bar};
 use crate::quality::{self, Chosen};
@@ -10,7 +10,7 @@ use eyebox::hologram::{self, ColorHologram, Hologram};
 use eyebox::optics::{Color, Display, Padding};
 use eyebox::quality::{Recipe, Reference, Subject};
 use eyebox::scene::LightField;
-use eyebox::solve::{self, Diameters, Optimizer, Sequence, Settings, Solution, Stop};
+use eyebox::solve::{self, Diameters, Optimizer, PaddingRule, ScenePlan, Sequence, Settings, Solution, Stop, Wish};
 use serde_json::json;
 use std::time::Instant;
 
@@ -23,41 +23,46 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     // The engine first: where there is none, nothing needs to be loaded.
     let mut engine = common::engine(&args.engine)?;
     let field = common::scene(&args.scene, &display, &colors)?;
-    let depth = common::depths(&args.scene, &field, &display);
-    let (recipe, chosen) = recipe_of(args, engine.as_ref(), &display, colors.len())?;
-    let mut base = base_of(args, &display, depth);
-    base.seconds = args.seconds.map(|s| s / colors.len() as f64);
-    base.levels = args.levels.as_deref().map(levels).transpose()?;
+    let (mut recipe, chosen) = recipe_of(args, engine.as_ref(), &display, colors.len())?;
+    let plan = plan_of(args, &recipe, &field, &display)?;
+    // What the hologram's file remembers of its scene is the scene as it is, not what the plan leaves of it.
+    let (grid, cell) = (field.grid, field.cell(&display));
+    let field = plan.reduce(field, &display);
+    let (colors, padding) = (&plan.colors, plan.padding);
+    recipe.follow(&plan.settings, padding);
     // What the recipe is optimised for, if it is: the display's own levels.
     let own = quality::levels_of(None, &display)?;
-    let subject = Subject { field: &field, color: colors[0], display: &display, base, levels: own };
+    let subject =
+        Subject { field: &field, color: colors[0], display: &display, base: plan.settings.clone(), levels: own };
     let settings = subject.settings(&recipe);
     settings.check()?;
-    let padding = if recipe.padding { subject.required_padding()? } else { Padding::default() };
     if !args.json {
         eprintln!(
             "{}: {} x {} views, {}x{}, depth {:.2}..{:.2} mm",
             field.name,
-            field.grid[0],
-            field.grid[1],
+            grid[0],
+            grid[1],
             display.height,
             display.width,
-            depth[0] * 1e3,
-            depth[1] * 1e3
+            settings.depth[0] * 1e3,
+            settings.depth[1] * 1e3
         );
-        if padding != Padding::default() {
-            eprintln!("padded by {} rows and {} columns against circular propagation", padding.rows, padding.columns);
+        for choice in plan.choices.iter().filter(|c| c.saves || (c.what == "padding" && padding != Padding::default()))
+        {
+            eprintln!("{}: {} ({})", choice.what, choice.value, choice.why);
         }
         eprintln!("engine: {}", engine.describe());
         chosen.iter().for_each(|about| eprintln!("{about}"));
     }
     progress::catch_interrupt();
-    let solved = solve_colors(&subject, &colors, &recipe, engine.as_mut(), args.json)?;
+    let solved = solve_colors(&subject, colors, &recipe, engine.as_mut(), args.json)?;
     let mut hologram = hologram(&field, &display, &settings, padding, &solved);
     hologram.frames = subject.base.frames;
     if chosen.is_some() {
         hologram.settings["recipe"] = json!(recipe);
     }
+    hologram.settings["views"] = json!(grid);
+    hologram.settings["view_pitch_mm"] = json!(cell * 1e3);
     if let Some(depth) = args.scene.depth.filter(|_| args.scene.depth_map.is_some()) {
         // In the order of the map's values, which the range of depths does not keep.
         hologram.settings["depth_map_mm"] = json!(depth.map(|d| d * 1e3));
@@ -69,7 +74,7 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     let report = |(color, s): &(Color, Solution)| {
         json!({
             "color": color, "psnr_mean_db": s.verdict.mean(), "psnr_worst_db": s.verdict.worst(),
-            "exposure": s.exposure, "efficiency": s.efficiency, "steps": s.steps, "seconds": s.seconds, "stopped_by": stop_name(s.stop), "fault": fault(s.stop),
+            "exposure": s.exposure, "efficiency": s.efficiency, "steps": s.steps, "step_ms": s.step_seconds * 1e3, "seconds": s.seconds, "stopped_by": stop_name(s.stop), "fault": fault(s.stop),
         })
     };
     let timings: Vec<_> = engine
@@ -81,7 +86,8 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
         let colors: Vec<_> = solved.iter().map(report).collect();
         let out = json!({
             "out": args.out, "engine": engine.describe(), "seconds": start.elapsed().as_secs_f64(), "colors": colors,
-            "settings": settings, "padding": [padding.rows, padding.columns], "timings": timings,
+            "settings": settings, "padding": [padding.rows, padding.columns], "plan": plan.choices, "timings": timings,
+            "peak_memory_mib": common::peak_memory_mib(),
         });
         println!("{out}");
         return Ok(());
@@ -201,8 +207,11 @@ pub fn recipe_of(
     recipe.pupils = args.pupils.unwrap_or(recipe.pupils);
     recipe.window = args.window.unwrap_or(recipe.window);
     recipe.diameters = args.diameters.map_or(recipe.diameters, Diameters::from);
-    recipe.padding |= args.padding;
-    if args.frames.is_some() {
+    recipe.storage = args.storage.unwrap_or(recipe.storage);
+    if let Some(padding) = args.padding {
+        recipe.padding = padding != PaddingName::Never;
+    }
+    if args.frames.is_some() || args.speckle.is_some() {
         recipe.repeats = 1;
     }
     if args.scene.views.is_some() {
@@ -210,6 +219,28 @@ pub fn recipe_of(
     }
     recipe.levels &= args.levels.is_none();
     Ok((recipe, about))
+}
+
+/// What of the scene is solved, by these arguments.
+pub fn plan_of(args: &Solve, recipe: &Recipe, field: &LightField, display: &Display) -> Result<ScenePlan, Failure> {
+    let mut settings = base_of(args, display, common::depths(&args.scene, field, display));
+    // All sub-frames that are shown: of which some may repeat is the recipe's.
+    Recipe { repeats: 1, ..recipe.clone() }.apply(&mut settings);
+    settings.levels = args.levels.as_deref().map(levels).transpose()?;
+    let wish = Wish {
+        settings: &settings,
+        depth: args.scene.depth,
+        full: args.full.unwrap_or_default(),
+        padding: match args.padding {
+            Some(PaddingName::Need) => PaddingRule::Need,
+            _ if recipe.padding => PaddingRule::Always,
+            _ => PaddingRule::Never,
+        },
+        contrast: args.speckle,
+    };
+    let mut plan = ScenePlan::new(field, display, &wish)?;
+    plan.settings.seconds = args.seconds.map(|s| s / plan.colors.len() as f64);
+    Ok(plan)
 }
 
 /// Everything that no recipe decides, for depths in metres.

@@ -1,7 +1,8 @@
 //! Values on the command line: what people write, and what it means inside.
 
 use eyebox::optics::{Pupil, WindowFactor};
-use eyebox::solve::Method;
+use eyebox::plan::Storage;
+use eyebox::solve::{Full, Method};
 
 fn numbers<const N: usize>(parts: Vec<&str>, form: &str) -> Result<[f64; N], String> {
     let count = parts.len();
@@ -57,6 +58,10 @@ pub fn positive(text: &str) -> Result<f64, String> {
     }
 }
 
+pub fn storage(text: &str) -> Result<Storage, String> {
+    Storage::by_name(text).ok_or_else(|| "expected fp32 or fp16".into())
+}
+
 /// Directions, degrees to the right and down.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Targets(pub Vec<[f64; 2]>);
@@ -85,6 +90,23 @@ pub fn window(text: &str) -> Result<WindowFactor, String> {
         "2" => Ok(WindowFactor::Two),
         "full" => Ok(WindowFactor::Full),
         _ => Err("expected 1, 2 or full".into()),
+    }
+}
+
+/// Parts of the model, separated by commas.
+pub fn full(text: &str) -> Result<Full, String> {
+    let mut full = Full::default();
+    match text.split(',').find(|name| !full.keep(name.trim())) {
+        None => Ok(full),
+        Some(wrong) => Err(format!("'{wrong}' is no part of the model: there are {} and all", Full::PARTS.join(", "))),
+    }
+}
+
+/// A speckle contrast.
+pub fn contrast(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(v) if (1.0 / 64.0..=1.0).contains(&v) => Ok(v),
+        _ => Err("expected a contrast of 0.016 (4096 sub-frames) to 1 (one)".into()),
     }
 }
 

@@ -4,7 +4,7 @@ use super::found::LevelRow;
 use crate::Failure;
 use crate::evaluate::keep::Keep;
 use crate::progress::{self, JobBar};
-use eyebox::engine::Engine;
+use eyebox::engine::{Engine, Memory};
 use eyebox::optics::{Padding, WindowFactor};
 use eyebox::quality::{Expected, Quality, Recipe, Reference, Solved, Space, Subject, Sweep, Trial, recommend};
 use eyebox::solve::{Flow, Verdict, even_levels};
@@ -111,6 +111,7 @@ impl Work<'_> {
         Ok(Space {
             frames: self.subject.base.frames,
             views: self.subject.field.grid,
+            halves: self.engine.memory() != Memory::Host,
             levels: self.subject.levels.is_some(),
             padding: self.subject.required_padding()? != Padding::default(),
             pixel: coarse.fits(self.subject.display)
