@@ -1,5 +1,6 @@
 //! The command line: millimetres, micrometres and nanometres in, metres out.
 
+use crate::quality::QualityArgs;
 use crate::values::{
     Targets, contrast, depths, full, method, not_negative, positive, pupil, range, size, storage, targets, window,
 };
@@ -27,6 +28,7 @@ pub enum Command {
     /// Turn a light field into a hologram
     #[command(after_help = "Examples:\n  eyebox solve lightfield/ --size 512x512 --color green -o lightfield.zarr\n  \
                       eyebox solve builtin:still-life --size 512x512 --seconds 10 -o still-life.zarr\n  \
+                      eyebox solve builtin:still-life --size 512x512 --quality accurate -o still-life.zarr\n  \
                       eyebox solve photo.png --depth-map depth.png --depth=-3..3 -o photo.npy\n\nBuilt-in scenes: still-life, still-life-dark, still-life-bright, dense-grass, points, plane, chart")]
     Solve(Solve),
     /// Say what of a scene will be computed and why, and what time and memory it will take
@@ -46,6 +48,12 @@ pub enum Command {
     /// Measure a hologram against its scene over many pupils
     #[command(after_help = "Example:\n  eyebox score still-life.zarr builtin:still-life --pupils random:16")]
     Score(Score),
+    /// Measure what quality costs on this machine, and which settings are worth it: for --quality and --deadline
+    #[command(after_help = "Examples:\n  eyebox tradeoff builtin:still-life --size 256x256 -o tradeoff\n  \
+                      eyebox tradeoff lightfield/ --size 512x512 --budget 600 --engine vulkan -o tradeoff\n  \
+                      eyebox tradeoff builtin:still-life --size 256x256 --seed 1 --check tradeoff/tradeoff.json --no-store -o again\n\n\
+                      What is recommended is kept in $XDG_CACHE_HOME/eyebox, else ~/.cache/eyebox, for each device.")]
+    Tradeoff(crate::tradeoff::Tradeoff),
     /// Compare methods over every group of pupils, and write a report of it
     #[command(
         after_help = "Examples:\n  eyebox evaluate builtin:still-life --size 256x256 -o comparison\n  eyebox evaluate lightfield/ builtin:dense-grass --size 256x256 --methods slfh,lf2fs --frames 1,8 -o comparison\n  eyebox evaluate builtin:still-life --hologram mine=still-life.zarr -o comparison\n\nMethods: slfh, lf2fs, stft, stft-unfiltered, stft-exact, smooth, dpac, pupil-aware"
@@ -160,6 +168,9 @@ pub struct Demo {
     /// Rows and columns of the hologram
     #[arg(long, default_value_t = 512, value_name = "N")]
     pub size: usize,
+    /// Quality
+    #[command(flatten)]
+    pub quality: QualityArgs,
     /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,
@@ -217,9 +228,12 @@ pub struct Solve {
     /// Display
     #[command(flatten)]
     pub display: DisplayArgs,
-    /// Sub-frames, optimised jointly on their mean intensity
-    #[arg(long, default_value_t = 8, value_name = "F")]
-    pub frames: usize,
+    /// Quality
+    #[command(flatten)]
+    pub quality: QualityArgs,
+    /// Sub-frames, optimised jointly on their mean intensity [default: 8]
+    #[arg(long, value_name = "F")]
+    pub frames: Option<usize>,
     /// What is supervised: slfh, lf2fs, stft, stft-unfiltered, stft-exact, smooth, dpac, pupil-aware
     #[arg(long, value_parser = method, default_value = "slfh", value_name = "NAME")]
     pub method: Method,
@@ -239,9 +253,9 @@ pub struct Solve {
     /// Patches along the eyebox whose light pupil-aware evens out, 1 to 16
     #[arg(long, default_value_t = 9, value_name = "N")]
     pub patches: usize,
-    /// How phases are moved
-    #[arg(long, value_enum, default_value = "projection")]
-    pub optimizer: OptimizerName,
+    /// How phases are moved [default: projection]
+    #[arg(long, value_enum)]
+    pub optimizer: Option<OptimizerName>,
     /// Share of the light that pupils are to see: less is dimmer and better, to a point [default: chosen for the scene]
     #[arg(long, value_name = "0..1")]
     pub efficiency: Option<f64>,
@@ -257,12 +271,12 @@ pub struct Solve {
     /// Stop at this mean PSNR over held-out pupils, dB
     #[arg(long, value_name = "DB")]
     pub psnr: Option<f64>,
-    /// Spectrum per pupil: 1 or 2 times the pupil, or all of it
-    #[arg(long, value_parser = window, default_value = "1", value_name = "1|2|full")]
-    pub window: WindowFactor,
-    /// How complex fields are stored: fp16 takes half the memory on Vulkan; for comparison only on the CPU
-    #[arg(long, value_parser = storage, default_value = "fp32", value_name = "fp32|fp16")]
-    pub storage: Storage,
+    /// Spectrum per pupil: 1 or 2 times the pupil, or all of it [default: 1]
+    #[arg(long, value_parser = window, value_name = "1|2|full")]
+    pub window: Option<WindowFactor>,
+    /// How complex fields are stored: fp16 takes half the memory on Vulkan; for comparison only on the CPU [default: fp32]
+    #[arg(long, value_parser = storage, value_name = "fp32|fp16")]
+    pub storage: Option<Storage>,
     /// Pupil diameters drawn, mm [default: 2..20, or what fits the eyebox]
     #[arg(long, value_name = "MIN..MAX", value_parser = range)]
     pub pupil_diameter: Option<[f64; 2]>,

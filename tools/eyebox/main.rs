@@ -1,5 +1,5 @@
-//! The `eyebox` command: `demo`, `solve`, `plan`, `view`, `photograph`, `score`, `evaluate`, `export`, `encode`, `bench`,
-//! `devices`, `trackers`.
+//! The `eyebox` command: `demo`, `solve`, `plan`, `view`, `photograph`, `score`, `tradeoff`, `evaluate`, `export`, `encode`,
+//! `bench`, `devices`, `trackers`.
 //!
 //! This room reads arguments, calls the runtime, and shows what came of it. Anything that a program would want to call
 //! belongs in the runtime. Errors are one line on standard error and exit code 2; nothing half-written stays behind.
@@ -17,11 +17,13 @@ mod failure;
 mod photograph;
 mod plan;
 mod progress;
+mod quality;
 mod rates;
 mod report;
 mod score;
 mod solve;
 mod trackers;
+mod tradeoff;
 mod values;
 mod view;
 
@@ -43,6 +45,7 @@ fn main() -> ExitCode {
         Command::View(args) => view::run(args),
         Command::Photograph(args) => photograph::run(args),
         Command::Score(args) => score::run(args),
+        Command::Tradeoff(args) => tradeoff::run(args),
         Command::Evaluate(args) => evaluate::run(args),
         Command::Export(args) => export::run(args),
         Command::Encode(args) => encode::run(args),
