@@ -29,6 +29,7 @@ pub mod gaze;
 pub mod hologram;
 pub mod optics;
 pub mod plan;
+pub mod playback;
 pub mod scene;
 pub mod solve;
 pub mod trackers;
