@@ -135,9 +135,11 @@ pub(super) fn read_sequence_array(bytes: &[u8], shape: [usize; 4]) -> Result<(u6
 pub(super) fn read_group(bytes: &[u8]) -> Result<Hologram, String> {
     match read_any_group(bytes)? {
         (hologram, None) => Ok(hologram),
-        (_, Some(_)) => Err("it is a sequence of holograms, and one hologram is wanted: `eyebox export --at N` takes one \
+        (_, Some(_)) => {
+            Err("it is a sequence of holograms, and one hologram is wanted: `eyebox export --at N` takes one \
                              out of a sequence"
-            .into()),
+                .into())
+        }
     }
 }
 
@@ -246,6 +248,17 @@ fn unseal(bytes: &[u8]) -> Result<Value, String> {
 fn seal_place(bytes: &[u8]) -> Option<usize> {
     let at = bytes.windows(SEAL.len()).rposition(|w| w == SEAL.as_bytes())? + SEAL.len();
     (at + 8 <= bytes.len()).then_some(at)
+}
+
+/// A document with the sum that it has now, where it has a place for one.
+#[cfg(test)]
+pub(super) fn resealed(mut bytes: Vec<u8>) -> Vec<u8> {
+    if let Some(at) = seal_place(&bytes) {
+        bytes[at..at + 8].copy_from_slice(BLANK);
+        let sum = crc32c::crc32c(&bytes);
+        bytes[at..at + 8].copy_from_slice(format!("{sum:08x}").as_bytes());
+    }
+    bytes
 }
 
 #[cfg(test)]

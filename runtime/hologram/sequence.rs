@@ -46,8 +46,7 @@ impl Sequence {
             Ok(_) => {}
         }
         let file = path.join(GROUP);
-        let (mut about, sequence) =
-            document::read_any_group(&read_document(&file)?).map_err(|e| damaged(&file, e))?;
+        let (mut about, sequence) = document::read_any_group(&read_document(&file)?).map_err(|e| damaged(&file, e))?;
         let array = path.join(ARRAY);
         let single = sequence.is_none();
         let attributes = match sequence {
@@ -97,8 +96,9 @@ impl Sequence {
 
     /// How many are whole, as far as their files' lengths tell.
     fn count_frames(&mut self, array: &Path) {
-        let stated = read_document(array)
-            .and_then(|bytes| document::read_sequence_array(&bytes, self.attributes.shape).map_err(|e| damaged(array, e)));
+        let stated = read_document(array).and_then(|bytes| {
+            document::read_sequence_array(&bytes, self.attributes.shape).map_err(|e| damaged(array, e))
+        });
         (self.count, self.complete) = match stated {
             Ok((count, complete)) => (count, complete),
             Err(error) => {
@@ -203,7 +203,10 @@ impl Sequence {
     pub fn read_into(&mut self, index: u64, phases: &mut [f32]) -> Result<(), HologramError> {
         let values = self.values();
         if phases.len() != values {
-            return Err(HologramError::Inconsistent(format!("{values} phases were read into room for {}", phases.len())));
+            return Err(HologramError::Inconsistent(format!(
+                "{values} phases were read into room for {}",
+                phases.len()
+            )));
         }
         if !self.single {
             return self.with_file(index, |file| read_checked(file, phases));

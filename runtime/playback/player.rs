@@ -167,8 +167,7 @@ impl Player {
                 source.settle(wanted)?;
             }
         }
-        let Slot { what, video_frame, late } =
-            self.scheduler.next(next.vblank, next.predicted_display_time_ns, source);
+        let Slot { what, video_frame, late } = self.scheduler.next(next.vblank, next.predicted_display_time_ns, source);
         match what {
             What::End => return Ok(Flow::Ended),
             What::Set(position) => source.show(position),

@@ -94,8 +94,16 @@ fn content_and_display_of_any_rates_go_by_arithmetic() {
     }
     // Sets of several video frames, faster content than sets, and the 120 and 144 Hz of faster panels.
     for (display, content, set_frames) in [
-        ("60", "60", 8), ("60", "7.5", 8), ("60", "20", 3), ("59.94", "24", 3), ("59.94", "60", 24), ("144", "60", 2),
-        ("120", "24", 3), ("60", "1", 1), ("60", "1000", 1), ("30", "60", 1),
+        ("60", "60", 8),
+        ("60", "7.5", 8),
+        ("60", "20", 3),
+        ("59.94", "24", 3),
+        ("59.94", "60", 24),
+        ("144", "60", 2),
+        ("120", "24", 3),
+        ("60", "1", 1),
+        ("60", "1000", 1),
+        ("30", "60", 1),
     ] {
         plays_by_arithmetic(display, content, set_frames, MINUTES, 0);
     }
@@ -189,7 +197,8 @@ fn a_late_producer_is_named_and_costs_what_it_must() {
         assert_eq!((account.late_sets[cause as usize], account.late_sets[other as usize]), (1001, 0));
         // Late ones come in order; the last of them are overtaken by those in time.
         let numbers: Vec<u64> = new.iter().map(|n| n.0).collect();
-        let expected: Vec<u64> = (0..=numbers[numbers.len() - 1]).filter(|n| !((1995 + offset) as u64..=2000).contains(n)).collect();
+        let expected: Vec<u64> =
+            (0..=numbers[numbers.len() - 1]).filter(|n| !((1995 + offset) as u64..=2000).contains(n)).collect();
         assert_eq!(numbers, expected);
     }
 }

@@ -3,7 +3,7 @@
 
 use super::player::Source;
 use super::{
-    Clock, Content, Feedback, Flow, Player, PlaybackError, Presenter, Rate, Readiness, Schedule, Scheduler,
+    Clock, Content, Feedback, Flow, PlaybackError, Player, Presenter, Rate, Readiness, Schedule, Scheduler,
     SimulatedClock, Trace,
 };
 use crate::encode::{Encoder, VideoFrames};
@@ -175,8 +175,12 @@ impl Simulation {
             on: None,
         };
         let idle = frames(schedule.set_frames);
-        let player =
-            Player::new(Rc::<SimulatedClock>::clone(&clock) as Rc<dyn Clock>, Scheduler::new(schedule), idle, Trace::new(0).lane(""));
+        let player = Player::new(
+            Rc::<SimulatedClock>::clone(&clock) as Rc<dyn Clock>,
+            Scheduler::new(schedule),
+            idle,
+            Trace::new(0).lane(""),
+        );
         Self { clock, panel, producer, player }
     }
 

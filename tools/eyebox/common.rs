@@ -4,6 +4,7 @@ use crate::Failure;
 use crate::args::{DisplayArgs, EngineArgs, SceneArgs};
 use eyebox::engine::{self, Engine};
 use eyebox::files;
+use eyebox::hologram::{Hologram, Sequence};
 use eyebox::optics::{Color, Display};
 use eyebox::scene::{self, LightField};
 use std::path::Path;
@@ -142,4 +143,12 @@ pub fn write_image(
 /// Whether a path is meant as a hologram, with its optics, and not as bare phases.
 pub fn is_hologram(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("zarr"))
+}
+
+/// A hologram, or one of a sequence's.
+pub fn hologram(path: &Path, at: Option<u64>) -> Result<Hologram, Failure> {
+    match at {
+        Some(at) => Ok(Sequence::open(path)?.load(at)?),
+        None => Ok(Hologram::load(path)?),
+    }
 }

@@ -1,8 +1,8 @@
 //! The `eyebox` command: `demo`, `solve`, `view`, `photograph`, `score`, `evaluate`, `export`, `encode`, `bench`,
-//! `devices`, `trackers`.
+//! `devices`, `trackers`, `play`.
 //!
 //! This room reads arguments, calls the runtime, and shows what came of it. Anything that a program would want to call
-//! belongs in the runtime. Errors are one line on standard error and exit code 2; nothing half-written stays behind.
+//! belongs in the runtime. Errors are one line on standard error and exit code 2 (3 where a display was lost); nothing half-written stays behind.
 
 mod args;
 mod bench;
@@ -15,10 +15,12 @@ mod evaluate;
 mod export;
 mod failure;
 mod photograph;
+mod play;
 mod progress;
 mod report;
 mod score;
 mod solve;
+mod solve_sequence;
 mod trackers;
 mod values;
 mod view;
@@ -43,6 +45,7 @@ fn main() -> ExitCode {
         Command::Evaluate(args) => evaluate::run(args),
         Command::Export(args) => export::run(args),
         Command::Encode(args) => encode::run(args),
+        Command::Play(args) => play::run(args),
         Command::Bench(args) => bench::run(args),
         Command::Devices(args) => devices::run(args),
         Command::Trackers(args) => trackers::run(args),
@@ -51,7 +54,7 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             eprintln!("eyebox: {failure}");
-            ExitCode::from(2)
+            ExitCode::from(failure.code())
         }
     }
 }

@@ -4,6 +4,7 @@ use crate::Failure;
 use crate::args::{DiametersName, OptimizerName, SequenceName, Solve};
 use crate::common::{self, Form};
 use crate::progress::{self, Bar};
+use crate::solve_sequence;
 use eyebox::engine::Engine;
 use eyebox::hologram::{self, ColorHologram, Hologram};
 use eyebox::optics::{Color, Display, Padding};
@@ -14,6 +15,9 @@ use std::time::Instant;
 
 /// Solves, saves, and says what came of it.
 pub fn run(args: &Solve) -> Result<(), Failure> {
+    if let Some(scenes) = solve_sequence::scenes(args) {
+        return solve_sequence::run(args, &scenes);
+    }
     let start = Instant::now();
     let form = common::form(&args.out, &[Form::Zarr, Form::Npy])?;
     let display = common::display(&args.display)?;
@@ -152,7 +156,8 @@ pub fn hologram(
     }
 }
 
-fn padding(asked: bool, display: &Display, colors: &[Color], depth: [f64; 2]) -> Result<Padding, Failure> {
+/// Zeros around the SLM, if asked for.
+pub fn padding(asked: bool, display: &Display, colors: &[Color], depth: [f64; 2]) -> Result<Padding, Failure> {
     if !asked {
         return Ok(Padding::default());
     }
@@ -192,7 +197,7 @@ pub fn settings_of(args: &Solve, display: &Display, depth: [f64; 2]) -> Settings
 }
 
 /// Levels by their number, or from a file.
-fn levels(text: &str) -> Result<Vec<f64>, Failure> {
+pub fn levels(text: &str) -> Result<Vec<f64>, Failure> {
     if let Ok(n) = text.parse::<usize>() {
         return Ok(solve::even_levels(n.min(1 << 16)));
     }
