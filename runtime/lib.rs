@@ -13,6 +13,7 @@
 //! | [`solve`] | pupil sampling, the optimisers, the solver: one for every engine |
 //! | [`hologram`] | phase frames and their file |
 //! | [`encode`] | calibration, levels, packing: phases to what the SLM receives |
+//! | [`playback`] | when what is shown, pacing, streaming from disk, presenters, an account of what was shown |
 //! | [`trackers`] | eye trackers: devices, recordings, network, simulated; samples with a steady time |
 //! | [`gaze`] | from a tracker's samples to where the pupil will be, with its uncertainty |
 //!

@@ -6,7 +6,7 @@
 //! Pure, with times as numbers: `rate`, `timeline` (which content frame is due when), `scheduler` (what the next video
 //! frame shows, and the `account` of why), `pacing` (when to wake for it). Around them: `clock`, real or simulated;
 //! `stream` (reading, checking and encoding ahead, on threads of their own, in buffers that are made once);
-//! `presenter`, the display's side: `offscreen` and others behind one trait; `player`, which joins all of it;
+//! `presenter`, the display's side: `offscreen` (with its `sink`s) and others behind one trait; `player`, which joins all of it;
 //! `marks` (the sync picture and the corner mark), `record`, `trace`.
 //!
 //! Every time carries its unit and its meaning in its name. This room imports [`optics`](crate::optics),
@@ -24,6 +24,7 @@ mod rate;
 mod record;
 mod report;
 mod scheduler;
+mod sink;
 mod stream;
 mod timeline;
 mod trace;
@@ -46,6 +47,7 @@ pub use rate::{Rate, SECOND_NS};
 pub use record::Recorder;
 pub use report::{Report, Timing};
 pub use scheduler::{Content, Readiness, Schedule, Scheduler, Slot, Start, What};
+pub use sink::Sink;
 pub use stream::{Options, Stream, StreamEncoder};
 pub use timeline::{Speed, Timeline};
 pub use trace::{Lane, Trace};

@@ -1,6 +1,6 @@
 //! A display that is memory: video frames light up on the beat of a clock, and nowhere else.
 
-use super::{Clock, Feedback, PlaybackError, Presenter, Rate};
+use super::{Clock, Feedback, PlaybackError, Presenter, Rate, Sink};
 use std::collections::VecDeque;
 use std::rc::Rc;
 
@@ -12,6 +12,7 @@ pub struct Offscreen {
     next: i64,
     picture: Vec<u8>,
     feedback: VecDeque<Feedback>,
+    sink: Option<Sink>,
 }
 
 /// Video frames that may wait to light up, as in a swapchain.
@@ -21,7 +22,12 @@ impl Offscreen {
     /// Of pictures of so many bytes.
     pub fn new(clock: Rc<dyn Clock>, rate: Rate, picture_bytes: usize) -> Self {
         let feedback = VecDeque::with_capacity(16);
-        Self { clock, rate, first_time_ns: None, next: 0, picture: vec![0; picture_bytes], feedback }
+        Self { clock, rate, first_time_ns: None, next: 0, picture: vec![0; picture_bytes], feedback, sink: None }
+    }
+
+    /// Every video frame goes to a sink too.
+    pub fn with_sink(self, sink: Option<Sink>) -> Self {
+        Self { sink, ..self }
     }
 
     /// The video frame that is on, or will be next.
@@ -40,12 +46,19 @@ impl Presenter for Offscreen {
         Some(self.rate)
     }
 
-    fn present(&mut self, id: u64, picture: &[u8], desired_present_time_ns: i64) -> Result<(), PlaybackError> {
+    fn upload(&mut self, picture: &[u8]) -> Result<(), PlaybackError> {
         if picture.len() != self.picture.len() {
             let reason = format!("a picture has {} bytes, and {} were expected", picture.len(), self.picture.len());
             return Err(PlaybackError::Presenter { presenter: self.describe(), reason });
         }
         self.picture.copy_from_slice(picture);
+        Ok(())
+    }
+
+    fn present(&mut self, id: u64, desired_present_time_ns: i64) -> Result<(), PlaybackError> {
+        if let Some(sink) = &mut self.sink {
+            sink.put(&self.picture, desired_present_time_ns)?;
+        }
         let now = self.clock.now_ns();
         let first = *self.first_time_ns.get_or_insert(now.max(desired_present_time_ns));
         // The next beat that is not over yet.
@@ -69,5 +82,9 @@ impl Presenter for Offscreen {
     fn feedback(&mut self) -> Option<Feedback> {
         let due = self.feedback.front().is_some_and(|f| f.actual_display_time_ns <= self.clock.now_ns());
         if due { self.feedback.pop_front() } else { None }
+    }
+
+    fn finish(&mut self) -> Result<(), PlaybackError> {
+        self.sink.as_mut().map_or(Ok(()), Sink::finish)
     }
 }

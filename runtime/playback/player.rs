@@ -179,10 +179,13 @@ impl Player {
         };
         let picture = frames.frame((video_frame as usize).min(frames.count() - 1));
         let number = index.unwrap_or(u64::MAX);
+        let uploading = Instant::now();
+        presenter.upload(picture)?;
+        self.lane.span("upload", number, uploading);
         self.lane.span("submit", number, woken);
         let presenting = Instant::now();
         let compute_ns = self.clock.now_ns() - woken_ns;
-        presenter.present(self.id, picture, next.desired_present_time_ns)?;
+        presenter.present(self.id, next.desired_present_time_ns)?;
         self.lane.span("present", number, presenting);
         self.pacer.submitted(self.id, next.vblank, compute_ns);
         self.id += 1;
@@ -212,7 +215,9 @@ impl Player {
         let next = self.pacer.predict(self.clock.now_ns());
         self.clock.wait_until_ns(next.wake_time_ns);
         self.id += 1;
-        presenter.present(self.id, self.idle.frame(0), next.desired_present_time_ns)
+        presenter.upload(self.idle.frame(0))?;
+        presenter.present(self.id, next.desired_present_time_ns)?;
+        presenter.finish()
     }
 
     fn rate(&self) -> Rate {

@@ -36,15 +36,29 @@ pub trait Presenter {
     /// Video frames a second, where it knows.
     fn rate(&self) -> Option<Rate>;
 
-    /// Hands over a video frame, (row, column, channel) of 8 bits, 1 or 3 channels: exactly what the display receives.
-    /// `id` rises from call to call; `desired_present_time_ns` is the player's plan, on its clock.
+    /// Takes in a video frame, (row, column, channel) of 8 bits, 1 or 3 channels: exactly what the display receives.
     ///
     /// # Errors
-    /// [`PlaybackError::Presenter`]: it is lost, in a sentence; [`PlaybackError::File`].
-    fn present(&mut self, id: u64, picture: &[u8], desired_present_time_ns: i64) -> Result<(), PlaybackError>;
+    /// [`PlaybackError::Presenter`]: it is lost, in a sentence.
+    fn upload(&mut self, picture: &[u8]) -> Result<(), PlaybackError>;
+
+    /// Puts the video frame that was taken in last in line. `id` rises from call to call; `desired_present_time_ns` is
+    /// the player's plan, on its clock.
+    ///
+    /// # Errors
+    /// [`PlaybackError::Presenter`]: it is lost, in a sentence.
+    fn present(&mut self, id: u64, desired_present_time_ns: i64) -> Result<(), PlaybackError>;
 
     /// The next video frame that is known to have lit up, in order.
     fn feedback(&mut self) -> Option<Feedback>;
+
+    /// Brings to its end what is still on its way; the last video frame stays.
+    ///
+    /// # Errors
+    /// [`PlaybackError::Presenter`], [`PlaybackError::File`].
+    fn finish(&mut self) -> Result<(), PlaybackError> {
+        Ok(())
+    }
 
     /// The next thing that a user did.
     fn event(&mut self) -> Option<Event> {

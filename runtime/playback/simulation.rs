@@ -31,6 +31,7 @@ pub struct Panel {
     /// Reported times are wrong by up to so much, either way.
     pub jitter_ns: i64,
     noise: SplitMix,
+    picture: [u8; 9],
     next: i64,
     pub log: Vec<Lit>,
     feedback: VecDeque<Feedback>,
@@ -39,7 +40,7 @@ pub struct Panel {
 impl Panel {
     pub fn new(clock: Rc<SimulatedClock>, rate: Rate, phase_ns: i64) -> Self {
         let (stuck, log, feedback) = (BTreeSet::new(), Vec::new(), VecDeque::new());
-        Self { clock, rate, phase_ns, stuck, jitter_ns: 0, noise: SplitMix(5), next: 0, log, feedback }
+        Self { clock, rate, phase_ns, stuck, jitter_ns: 0, noise: SplitMix(5), picture: [0; 9], next: 0, log, feedback }
     }
 
     pub fn time_of_ns(&self, beat: i64) -> i64 {
@@ -56,13 +57,18 @@ impl Presenter for Panel {
         Some(self.rate)
     }
 
-    fn present(&mut self, id: u64, picture: &[u8], _desired_present_time_ns: i64) -> Result<(), PlaybackError> {
+    fn upload(&mut self, picture: &[u8]) -> Result<(), PlaybackError> {
+        self.picture.copy_from_slice(&picture[..9]);
+        Ok(())
+    }
+
+    fn present(&mut self, id: u64, _desired_present_time_ns: i64) -> Result<(), PlaybackError> {
         while self.time_of_ns(self.next) <= self.clock.now_ns() || self.stuck.contains(&self.next) {
             self.next += 1;
         }
-        let word = u64::from_le_bytes(picture[..8].try_into().expect("eight bytes"));
+        let word = u64::from_le_bytes(self.picture[..8].try_into().expect("eight bytes"));
         let set = (word > 0).then(|| word - 1);
-        self.log.push(Lit { beat: self.next, set, video_frame: u64::from(picture[8]) });
+        self.log.push(Lit { beat: self.next, set, video_frame: u64::from(self.picture[8]) });
         let off = (2.0 * self.noise.unit() - 1.0) * self.jitter_ns as f64;
         let actual_display_time_ns = self.time_of_ns(self.next) + off as i64;
         self.feedback.push_back(Feedback { id, actual_display_time_ns });

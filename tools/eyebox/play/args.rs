@@ -84,6 +84,12 @@ pub struct Play {
     /// Keep every picture as PNG, and when it was shown, in a new folder
     #[arg(long, value_name = "DIR")]
     pub record: Option<PathBuf>,
+    /// Append every video frame to a file or a pipe: 8 bits, (row, column, channel)
+    #[arg(long, value_name = "FILE", conflicts_with = "shared")]
+    pub raw: Option<PathBuf>,
+    /// Keep the newest video frame where another program maps it, as /dev/shm/NAME (docs/playback.md)
+    #[arg(long, value_name = "FILE")]
+    pub shared: Option<PathBuf>,
     /// What each thread did when, for chrome://tracing
     #[arg(long, value_name = "FILE.json")]
     pub trace: Option<PathBuf>,

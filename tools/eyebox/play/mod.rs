@@ -15,7 +15,8 @@ use eyebox::hologram::Sequence;
 use eyebox::optics::{Color, Display};
 use eyebox::playback::{
     Clock, Flow, Lane, Marks, Offscreen, Options, PlaybackError, Player, Presenter, Rate, RealClock, Recorder, Report,
-    SECOND_NS, Schedule, Scheduler, SimulatedClock, Source, Speed, Start, Stream, StreamEncoder, Trace, sync_phases,
+    SECOND_NS, Schedule, Scheduler, SimulatedClock, Sink, Source, Speed, Start, Stream, StreamEncoder, Trace,
+    sync_phases,
 };
 use serde_json::json;
 use std::io::{IsTerminal, Write};
@@ -54,8 +55,14 @@ pub fn run(args: &Play) -> Result<(), Failure> {
     let clock: Rc<dyn Clock> = if simulated { Rc::new(SimulatedClock::default()) } else { Rc::new(RealClock::start()) };
     let mut presenter: Box<dyn Presenter> = match args.output {
         OutputName::Offscreen => {
-            let bytes = opened.encoder.frames().frame_bytes();
-            Box::new(Offscreen::new(Rc::clone(&clock), opened.display_rate, bytes))
+            let frames = opened.encoder.frames();
+            let size = [frames.height, frames.width, frames.channels];
+            let sink = match (&args.raw, &args.shared) {
+                (Some(file), _) => Some(Sink::raw(file)?),
+                (None, Some(file)) => Some(Sink::shared(file, size)?),
+                (None, None) => None,
+            };
+            Box::new(Offscreen::new(Rc::clone(&clock), opened.display_rate, frames.frame_bytes()).with_sink(sink))
         }
     };
     play(args, opened, clock, presenter.as_mut())
