@@ -24,4 +24,4 @@ pub use sampling::{Diameters, PupilRange, Sampler, Sequence, SplitMix, random_ph
 pub use scene_plan::{Choice, Full, PaddingRule, ScenePlan, TOLERANCE, Wish};
 pub(crate) use settings::level_table;
 pub use settings::{Optimizer, Settings, cosine, even_levels};
-pub use solver::{Flow, Progress, Solution, SolveError, Stop, solve};
+pub use solver::{Flow, Progress, Solution, SolveError, Stop, Warm, solve, solve_from};

@@ -2,11 +2,13 @@
 
 use crate::quality::QualityArgs;
 use crate::values::{
-    Targets, contrast, depths, full, method, not_negative, positive, pupil, range, size, storage, targets, window,
+    Targets, contrast, depths, full, method, not_negative, positive, pupil, range, rate, share, size, storage, targets,
+    window,
 };
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use eyebox::optics::{Color, Pupil, WindowFactor};
 use eyebox::plan::Storage;
+use eyebox::playback::Rate;
 use eyebox::solve::{Full, Method};
 use std::path::PathBuf;
 
@@ -29,7 +31,8 @@ pub enum Command {
     #[command(after_help = "Examples:\n  eyebox solve lightfield/ --size 512x512 --color green -o lightfield.zarr\n  \
                       eyebox solve builtin:still-life --size 512x512 --seconds 10 -o still-life.zarr\n  \
                       eyebox solve builtin:still-life --size 512x512 --quality accurate -o still-life.zarr\n  \
-                      eyebox solve photo.png --depth-map depth.png --depth=-3..3 -o photo.npy\n\nBuilt-in scenes: still-life, still-life-dark, still-life-bright, dense-grass, points, plane, chart")]
+                      eyebox solve photo.png --depth-map depth.png --depth=-3..3 -o photo.npy\n  \
+                      eyebox solve frame-00/ frame-01/ frame-02/ --size 512x512 --rate 30 -o moving.zarr\n\nSeveral scenes, or a folder of light-field folders, make a sequence; one that was interrupted is gone on with by the same command.\nBuilt-in scenes: still-life, still-life-dark, still-life-bright, dense-grass, points, plane, chart")]
     Solve(Solve),
     /// Say what of a scene will be computed and why, and what time and memory it will take
     #[command(
@@ -70,6 +73,12 @@ pub enum Command {
                       eyebox encode phases.npy --display bench.toml -o frames --json\n\nFrames come in the order in which they are shown. A .npy is (sub-frame, row, column) or (colour, sub-frame, row, column), float, radians.\nDisplay files: docs/displays.md"
     )]
     Encode(Encode),
+    /// Show a hologram or a sequence on a display, on time, and say what was shown
+    #[command(
+        after_help = "Examples:\n  eyebox play moving.zarr --display planes24 --size 512x512 --loop --duration 10 --stats played.json\n  \
+                      eyebox play moving.zarr --display plm --record shown --trace trace.json\n\nEnds with 0 at the end, after --duration, and on ctrl-C; with 2 when it cannot be played, with 3 when the display is lost. The display is left on the idle picture: the phase 0, or with --sync the sync picture."
+    )]
+    Play(Box<crate::play::Play>),
     /// Time the steps of a solve, and each kernel, beside another program in the same run
     #[command(
         after_help = "Example:\n  eyebox bench builtin:still-life --size 512x512 --color green --steps 20 --beside 'python3 mine.py'"
@@ -216,15 +225,38 @@ pub enum SequenceName {
     Sobol,
 }
 
+/// Where a frame of a sequence begins.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Start {
+    /// At random phases.
+    Cold,
+    /// At the frame before, so far along the schedule.
+    Warm(f64),
+}
+
+fn warm(text: &str) -> Result<Start, String> {
+    if text == "cold" { Ok(Start::Cold) } else { share(text).map(Start::Warm).map_err(|e| format!("{e}, or cold")) }
+}
+
 /// `eyebox solve`
 #[derive(Args)]
 pub struct Solve {
     /// Scene
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// The hologram: NAME.zarr, or NAME.npy for the phases alone
+    /// More scenes: with the first, the frames of a sequence
+    #[arg(value_name = "SCENE")]
+    pub more: Vec<String>,
+    /// The hologram or sequence: NAME.zarr, or NAME.npy for the phases of one hologram alone
     #[arg(short, long, value_name = "FILE", default_value = "hologram.zarr")]
     pub out: PathBuf,
+    /// Holograms a second of a sequence
+    #[arg(long, value_name = "HZ", value_parser = rate, default_value = "30")]
+    pub rate: Rate,
+    /// Where in its schedule a frame of a sequence begins that starts from the one before, 0 to 1; or cold: from random
+    /// phases
+    #[arg(long, value_name = "SHARE|cold", value_parser = warm, default_value = "0.5")]
+    pub warm_start: Start,
     /// Display
     #[command(flatten)]
     pub display: DisplayArgs,
@@ -315,6 +347,9 @@ pub struct Solve {
 pub struct Export {
     /// NAME.zarr
     pub hologram: PathBuf,
+    /// Which hologram of a sequence, from 0
+    #[arg(long, value_name = "N")]
+    pub at: Option<u64>,
     /// NAME.npy (float32 radians), or a folder for one 8-bit grey PNG per colour and sub-frame
     #[arg(short, long, value_name = "FILE.npy|FOLDER")]
     pub out: PathBuf,
@@ -358,6 +393,9 @@ pub struct Bench {
 pub struct View {
     /// NAME.zarr, or phases: NAME.npy or a folder of PNGs
     pub hologram: PathBuf,
+    /// Which hologram of a sequence, from 0
+    #[arg(long, value_name = "N")]
+    pub at: Option<u64>,
     /// Pupil: x,y,diameter,focus in mm
     #[arg(long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true)]
     pub pupil: Pupil,

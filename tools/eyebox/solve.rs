@@ -5,6 +5,7 @@ use crate::args::{DiametersName, OptimizerName, PaddingName, SequenceName, Solve
 use crate::common::{self, Form};
 use crate::progress::{self, Bar};
 use crate::quality::{self, Chosen};
+use crate::solve_sequence;
 use eyebox::engine::Engine;
 use eyebox::hologram::{self, ColorHologram, Hologram};
 use eyebox::optics::{Color, Display, Padding};
@@ -16,6 +17,9 @@ use std::time::Instant;
 
 /// Solves, saves, and says what came of it.
 pub fn run(args: &Solve) -> Result<(), Failure> {
+    if let Some(scenes) = solve_sequence::scenes(args) {
+        return solve_sequence::run(args, &scenes);
+    }
     let start = Instant::now();
     let form = common::form(&args.out, &[Form::Zarr, Form::Npy])?;
     let display = common::display(&args.display)?;
