@@ -6,8 +6,10 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
-/// Version of the layout that this code writes, and the newest that it reads.
+/// Version of the layout of one hologram.
 const FORMAT: u64 = 1;
+/// Version of the layout of a sequence, and the newest that this code knows.
+const SEQUENCE_FORMAT: u64 = 2;
 /// The last attribute of either document, with eight hexadecimal digits as its value.
 const SEAL: &str = "\"document_crc32c\": \"";
 const BLANK: &[u8; 8] = b"00000000";
@@ -25,6 +27,20 @@ struct Attributes {
     display_wavelengths_nm: BTreeMap<Color, f64>,
     scene: String,
     settings: Value,
+    /// Of format 2.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    sequence: Option<SequenceAttributes>,
+}
+
+/// What a sequence says beside what each of its holograms does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct SequenceAttributes {
+    /// Holograms a second, a fraction.
+    pub(super) rate: [u32; 2],
+    /// Of one hologram: colours, sub-frames, rows, columns.
+    pub(super) shape: [usize; 4],
+    /// How many there are to be.
+    pub(super) planned: Option<u64>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -35,10 +51,15 @@ struct ColorAttributes {
     efficiency: f64,
 }
 
-/// The group's document.
+/// The group's document of one hologram.
 pub(super) fn group(hologram: &Hologram) -> Vec<u8> {
+    group_of(hologram, None)
+}
+
+/// The group's document, of a sequence of holograms like this one if there are `sequence` attributes.
+pub(super) fn group_of(hologram: &Hologram, sequence: Option<SequenceAttributes>) -> Vec<u8> {
     let attributes = Attributes {
-        format: FORMAT,
+        format: if sequence.is_some() { SEQUENCE_FORMAT } else { FORMAT },
         version: hologram.version.clone(),
         pitch_um: in_unit(hologram.pitch, 1e6),
         focal_length_mm: in_unit(hologram.focal_length, 1e3),
@@ -57,6 +78,7 @@ pub(super) fn group(hologram: &Hologram) -> Vec<u8> {
             .collect(),
         scene: hologram.scene.clone(),
         settings: hologram.settings.clone(),
+        sequence,
     };
     seal(json!({
         "zarr_format": 3,
@@ -82,20 +104,65 @@ pub(super) fn array(shape: [usize; 4]) -> Vec<u8> {
     }))
 }
 
-/// Reads the group's document into a hologram that has no phases yet. Says what is wrong.
+/// The array's document of a sequence: one chunk a hologram, so that it is read and checked in one piece.
+pub(super) fn sequence_array(count: u64, shape: [usize; 4], complete: bool) -> Vec<u8> {
+    let [colors, frames, height, width] = shape;
+    seal(json!({
+        "zarr_format": 3,
+        "node_type": "array",
+        "shape": [count, colors, frames, height, width],
+        "data_type": "float32",
+        "chunk_grid": { "name": "regular", "configuration": { "chunk_shape": [1, colors, frames, height, width] } },
+        "chunk_key_encoding": { "name": "default", "configuration": { "separator": "/" } },
+        "fill_value": 0.0,
+        "codecs": [{ "name": "bytes", "configuration": { "endian": "little" } }, { "name": "crc32c" }],
+        "dimension_names": ["time", "color", "frame", "row", "column"],
+        "attributes": { "unit": "radian", "complete": complete, "document_crc32c": "00000000" },
+    }))
+}
+
+/// Reads the array's document of a sequence whose holograms have this shape: how many there are, and whether there will
+/// be no more. Says what is wrong.
+pub(super) fn read_sequence_array(bytes: &[u8], shape: [usize; 4]) -> Result<(u64, bool), String> {
+    let found = unseal(bytes)?;
+    let count = found["shape"][0].as_u64().ok_or("its shape does not begin with a number")?;
+    let complete = found["attributes"]["complete"].as_bool().ok_or("it does not say whether it is complete")?;
+    expect_like(&found, &sequence_array(count, shape, complete))?;
+    Ok((count, complete))
+}
+
+/// Reads the group's document of one hologram into a hologram that has no phases yet. Says what is wrong.
 pub(super) fn read_group(bytes: &[u8]) -> Result<Hologram, String> {
+    match read_any_group(bytes)? {
+        (hologram, None) => Ok(hologram),
+        (_, Some(_)) => {
+            Err("it is a sequence of holograms, and one hologram is wanted: `eyebox export --at N` takes one \
+                             out of a sequence"
+                .into())
+        }
+    }
+}
+
+/// Reads the group's document of a hologram or of a sequence. Says what is wrong.
+pub(super) fn read_any_group(bytes: &[u8]) -> Result<(Hologram, Option<SequenceAttributes>), String> {
     let document = unseal(bytes)?;
     let attributes = &document["attributes"]["eyebox"];
     // A newer layout is told by its number before anything else in it is judged.
-    match attributes["format"].as_u64() {
-        Some(FORMAT) => {}
-        Some(newer) if newer > FORMAT => {
-            return Err(format!("it has format {newer}, made by a newer eyebox: this one reads format {FORMAT}"));
+    let format = match attributes["format"].as_u64() {
+        Some(format @ (FORMAT | SEQUENCE_FORMAT)) => format,
+        Some(newer) if newer > SEQUENCE_FORMAT => {
+            return Err(format!(
+                "it has format {newer}, made by a newer eyebox: this one reads formats {FORMAT} and {SEQUENCE_FORMAT}"
+            ));
         }
         _ => return Err("it states no format".into()),
-    }
+    };
     let read = Attributes::deserialize(attributes).map_err(|e| format!("attributes.eyebox: {e}"))?;
-    Ok(Hologram {
+    if read.sequence.is_some() != (format == SEQUENCE_FORMAT) {
+        return Err(format!("it has format {format}, and {SEQUENCE_FORMAT} has `sequence`, {FORMAT} has not"));
+    }
+    let sequence = read.sequence;
+    let hologram = Hologram {
         frames: 0,
         height: 0,
         width: 0,
@@ -118,7 +185,8 @@ pub(super) fn read_group(bytes: &[u8]) -> Result<Hologram, String> {
             .collect(),
         scene: read.scene,
         settings: read.settings,
-    })
+    };
+    Ok((hologram, sequence))
 }
 
 /// Reads the array's document: its shape. Says what is wrong.
@@ -126,8 +194,13 @@ pub(super) fn read_array(bytes: &[u8]) -> Result<[usize; 4], String> {
     let found = unseal(bytes)?;
     let shape: [usize; 4] =
         Deserialize::deserialize(&found["shape"]).map_err(|e| format!("its shape is not four lengths: {e}"))?;
-    // Format 1 has one way to say everything else, so it is compared as a whole.
-    let expected = unseal(&array(shape)).expect("what is written here can be read");
+    expect_like(&found, &array(shape))?;
+    Ok(shape)
+}
+
+/// There is one way to say everything but the attributes, so documents are compared as a whole.
+fn expect_like(found: &Value, expected: &[u8]) -> Result<(), String> {
+    let expected = unseal(expected).expect("what is written here can be read");
     match expected
         .as_object()
         .expect("an object")
@@ -135,7 +208,7 @@ pub(super) fn read_array(bytes: &[u8]) -> Result<[usize; 4], String> {
         .find(|(key, value)| *key != "attributes" && found.get(key.as_str()) != Some(value))
     {
         Some((key, value)) => Err(format!("its {key} is {}, not {value}", found[key.as_str()])),
-        None => Ok(shape),
+        None => Ok(()),
     }
 }
 
@@ -175,6 +248,17 @@ fn unseal(bytes: &[u8]) -> Result<Value, String> {
 fn seal_place(bytes: &[u8]) -> Option<usize> {
     let at = bytes.windows(SEAL.len()).rposition(|w| w == SEAL.as_bytes())? + SEAL.len();
     (at + 8 <= bytes.len()).then_some(at)
+}
+
+/// A document with the sum that it has now, where it has a place for one.
+#[cfg(test)]
+pub(super) fn resealed(mut bytes: Vec<u8>) -> Vec<u8> {
+    if let Some(at) = seal_place(&bytes) {
+        bytes[at..at + 8].copy_from_slice(BLANK);
+        let sum = crc32c::crc32c(&bytes);
+        bytes[at..at + 8].copy_from_slice(format!("{sum:08x}").as_bytes());
+    }
+    bytes
 }
 
 #[cfg(test)]

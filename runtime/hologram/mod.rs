@@ -16,8 +16,10 @@
 //!
 //! Every byte is guarded: chunks by Zarr's own `crc32c` codec, the two documents by `attributes.document_crc32c`, and
 //! the chunks that have to be there, and their lengths, follow from the guarded shape. One chunk a sub-frame means that
-//! a sequence can grow by adding files (a fifth, leading axis), and that a reader of one sub-frame reads one file; a
-//! smaller chunk shape makes tiles. `docs/hologram-format.md` is the full description.
+//! a reader of one sub-frame reads one file. `docs/hologram-format.md` is the full description.
+//!
+//! A moving scene is a [`Sequence`] of holograms (`sequence`): the same folder with a leading axis, one chunk a hologram,
+//! that grows ([`SequenceWriter`]) and is played while it does.
 //!
 //! The documents and chunks are written here, not by the `zarrs` crate, because its build needs a C library (zlib, for
 //! its build script, whatever the features), and building this project needs cargo alone.
@@ -25,13 +27,19 @@
 mod document;
 mod exchange;
 mod phase;
+mod sequence;
+mod sequence_writer;
 mod store;
 
 #[cfg(test)]
 mod damage_tests;
+#[cfg(test)]
+mod sequence_tests;
 
 pub use exchange::{Phases, load_phases, save_phases};
 pub use phase::{level_of_phase, phase_of_level, wrap_phase};
+pub use sequence::Sequence;
+pub use sequence_writer::SequenceWriter;
 
 use crate::{
     files::FileError,
@@ -72,6 +80,14 @@ pub enum HologramError {
     /// A hologram that contradicts itself.
     #[error("the hologram cannot be: {0}")]
     Inconsistent(String),
+    /// A sequence that stands there and is another one than is to be written.
+    #[error("{path}: {reason}")]
+    OtherSequence {
+        /// The place.
+        path: String,
+        /// How it differs, and what to do.
+        reason: String,
+    },
     /// Its optics cannot be.
     #[error("{file}: {source}")]
     Optics {

@@ -8,12 +8,12 @@ use std::{
     path::{Path, PathBuf},
 };
 
-const GROUP: &str = "zarr.json";
-const ARRAY: &str = "phases/zarr.json";
+pub(super) const GROUP: &str = "zarr.json";
+pub(super) const ARRAY: &str = "phases/zarr.json";
 /// No document of this format comes near it; it bounds what a wrong file can make us read.
 const LONGEST_DOCUMENT: u64 = 16 << 20;
 
-fn chunk_name(color: usize, frame: usize) -> String {
+pub(super) fn chunk_name(color: usize, frame: usize) -> String {
     format!("phases/c/{color}/{frame}/0/0")
 }
 
@@ -111,18 +111,18 @@ fn is_hologram(folder: &Path) -> bool {
             .is_some_and(|document| document["attributes"]["eyebox"].is_object())
 }
 
-fn damaged(file: &Path, reason: impl Into<String>) -> HologramError {
+pub(super) fn damaged(file: &Path, reason: impl Into<String>) -> HologramError {
     HologramError::Damaged { file: file.display().to_string(), reason: reason.into() }
 }
 
-fn unreadable(file: &Path, e: io::Error) -> HologramError {
+pub(super) fn unreadable(file: &Path, e: io::Error) -> HologramError {
     match e.kind() {
         io::ErrorKind::NotFound => damaged(file, "it is missing"),
         _ => FileError::read(file, e).into(),
     }
 }
 
-fn read_document(file: &Path) -> Result<Vec<u8>, HologramError> {
+pub(super) fn read_document(file: &Path) -> Result<Vec<u8>, HologramError> {
     let mut bytes = Vec::new();
     let opened = File::open(file).map_err(|e| unreadable(file, e))?;
     opened.take(LONGEST_DOCUMENT).read_to_end(&mut bytes).map_err(|e| unreadable(file, e))?;

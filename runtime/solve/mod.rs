@@ -22,5 +22,6 @@ pub use method::Method;
 pub use problem::Problem;
 pub use sampling::{Diameters, PupilRange, Sampler, Sequence, SplitMix, random_phases};
 pub use scene_plan::{Choice, Full, PaddingRule, ScenePlan, TOLERANCE, Wish};
+pub(crate) use settings::level_table;
 pub use settings::{Optimizer, Settings, cosine, even_levels};
-pub use solver::{Flow, Progress, Solution, SolveError, Stop, solve};
+pub use solver::{Flow, Progress, Solution, SolveError, Stop, Warm, solve, solve_from};

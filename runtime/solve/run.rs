@@ -4,7 +4,7 @@ use super::exposure::{BrightEnd, peak};
 use super::fault;
 use super::method::Sights;
 use super::{
-    Flow, Judge, Method, Optimizer, Problem, Progress, Settings, SolveError, Stop, Verdict, cosine, random_phases,
+    Flow, Judge, Method, Optimizer, Problem, Progress, Settings, SolveError, Stop, Verdict, Warm, cosine, random_phases,
 };
 use crate::engine::{Buffer, Engine, EngineError};
 use crate::optics::WindowFactor;
@@ -22,6 +22,8 @@ pub(super) struct Run<'a> {
     pub(super) settings: &'a Settings,
     pub(super) engine: &'a mut dyn Engine,
     pub(super) judge: &'a Judge,
+    /// Where it begins, if not at random phases.
+    pub(super) from: Option<Warm<'a>>,
     pub(super) start: Instant,
     pub(super) exposure: f64,
     /// Linear light of the targets' value 1.
@@ -137,7 +139,8 @@ impl Run<'_> {
             let progress = (step as f64 / steps as f64)
                 .max(limit.map_or(0.0, |most| (seconds - begun) / (most - begun).max(1e-9)));
             let taken = Instant::now();
-            let next = self.step(&mut sights, progress, step + 1);
+            let begun_at = self.from.map_or(0.0, |from| from.progress);
+            let next = self.step(&mut sights, begun_at + (1.0 - begun_at) * progress, step + 1);
             // The losses are known before the phases are touched: a bad step is not taken.
             let split = fault::before_state(&next);
             let losses = self.engine.run_part(&next, 0..split)?;
@@ -173,8 +176,10 @@ impl Run<'_> {
     }
 
     fn first_phases(&self, pixels: usize) -> Vec<f32> {
-        match self.settings.method {
-            Method::Smooth => vec![0.0; pixels],
+        match (self.from, self.settings.method) {
+            // Fewer where all sub-frames come out alike.
+            (Some(from), _) => from.phases[..pixels].to_vec(),
+            (None, Method::Smooth) => vec![0.0; pixels],
             _ => random_phases(pixels, self.settings.seed),
         }
     }

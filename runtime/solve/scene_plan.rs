@@ -418,7 +418,7 @@ mod tests {
 
     #[test]
     fn a_deep_scene_needs_everything() {
-        let all = plan("builtin:still-life", |_, _| (), |_| ());
+        let all = plan("builtin:still-life?span=2", |_, _| (), |_| ());
         assert_eq!((all.colors.len(), all.merge, all.outer), (3, 1, [0, 0]));
         assert_ne!(all.padding, Padding::default());
         assert!(all.settings.depth[0] < 0.0 && all.settings.depth[1] > 0.0);
@@ -463,15 +463,13 @@ mod tests {
                 view.iter_mut().enumerate().filter(|(i, _)| edge(*i)).for_each(|(_, v)| *v = 0.0);
             }
         };
-        assert_eq!(plan("builtin:still-life", margins, |_| ()).padding, Padding::default());
-        assert_ne!(
-            plan("builtin:still-life", margins, |w| w.padding = PaddingRule::Always).padding,
-            Padding::default()
-        );
-        assert_eq!(
-            plan("builtin:still-life", |_, _| (), |w| w.padding = PaddingRule::Never).padding,
-            Padding::default()
-        );
+        let padding = |change: &dyn Fn(&mut LightField, &Display), rule| {
+            plan("builtin:still-life?span=2", change, |w| w.padding = rule).padding
+        };
+        assert_ne!(padding(&|_, _| (), PaddingRule::Need), Padding::default());
+        assert_eq!(padding(&margins, PaddingRule::Need), Padding::default());
+        assert_ne!(padding(&margins, PaddingRule::Always), Padding::default());
+        assert_eq!(padding(&|_, _| (), PaddingRule::Never), Padding::default());
     }
 
     #[test]

@@ -180,7 +180,7 @@ pub fn even_levels(n: usize) -> Vec<f64> {
 }
 
 /// Levels as the kernel `quantise` takes them: wrapped, ascending, filled up.
-pub(super) fn level_table(levels: &[f64]) -> Vec<f32> {
+pub(crate) fn level_table(levels: &[f64]) -> Vec<f32> {
     let mut table: Vec<f32> = levels.iter().map(|l| eyebox_kernels::trig::wrap(*l as f32)).collect();
     table.sort_by(f32::total_cmp);
     table.resize(eyebox_kernels::quantise::MOST, f32::MAX);

@@ -109,7 +109,41 @@ pub fn solve(
     engine: &mut dyn Engine,
     observe: &mut dyn FnMut(&Progress) -> Flow,
 ) -> Result<Solution, SolveError> {
+    solve_from(problem, settings, None, engine, observe)
+}
+
+/// Phases to begin with, instead of random ones: those of a scene that is nearly the same.
+#[derive(Debug, Clone, Copy)]
+pub struct Warm<'a> {
+    /// (frames, height, width), radians.
+    pub phases: &'a [f32],
+    /// How far along its schedule the solve begins, 0 to 1: what is nearly right wants smaller steps.
+    pub progress: f64,
+}
+
+/// [`solve`] from phases that are given. Methods in closed form have no use for them.
+///
+/// # Errors
+/// Those of [`solve`]; [`SolveError::Setting`] for another number of phases.
+pub fn solve_from(
+    problem: &Problem,
+    settings: &Settings,
+    from: Option<Warm<'_>>,
+    engine: &mut dyn Engine,
+    observe: &mut dyn FnMut(&Progress) -> Flow,
+) -> Result<Solution, SolveError> {
     settings.check()?;
+    if let Some(from) = from {
+        let wanted = settings.frames * problem.optics.height * problem.optics.width;
+        if from.phases.len() != wanted || !from.phases.iter().all(|p| p.is_finite()) {
+            let (what, right) = ("the number of phases to begin with", "that of the hologram, all of them finite");
+            return Err(SolveError::Setting { what, value: from.phases.len().to_string(), right });
+        }
+        if !(0.0..=1.0).contains(&from.progress) {
+            let (what, right) = ("the place in the schedule to begin at", "0 to 1");
+            return Err(SolveError::Setting { what, value: from.progress.to_string(), right });
+        }
+    }
     let start = Instant::now();
     let frames = settings.frames;
     let mut computed =
@@ -160,6 +194,7 @@ pub fn solve(
         settings,
         engine,
         judge: &judge,
+        from,
         start,
         exposure: 0.0,
         unit,

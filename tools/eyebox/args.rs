@@ -1,11 +1,14 @@
 //! The command line: millimetres, micrometres and nanometres in, metres out.
 
+use crate::quality::QualityArgs;
 use crate::values::{
-    Targets, contrast, depths, full, method, not_negative, positive, pupil, range, size, storage, targets, window,
+    Targets, contrast, depths, full, method, not_negative, positive, pupil, range, rate, share, size, storage, targets,
+    window,
 };
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use eyebox::optics::{Color, Pupil, WindowFactor};
 use eyebox::plan::Storage;
+use eyebox::playback::Rate;
 use eyebox::solve::{Full, Method};
 use std::path::PathBuf;
 
@@ -27,7 +30,9 @@ pub enum Command {
     /// Turn a light field into a hologram
     #[command(after_help = "Examples:\n  eyebox solve lightfield/ --size 512x512 --color green -o lightfield.zarr\n  \
                       eyebox solve builtin:still-life --size 512x512 --seconds 10 -o still-life.zarr\n  \
-                      eyebox solve photo.png --depth-map depth.png --depth=-3..3 -o photo.npy\n\nBuilt-in scenes: still-life, still-life-dark, still-life-bright, dense-grass, points, plane, chart")]
+                      eyebox solve builtin:still-life --size 512x512 --quality accurate -o still-life.zarr\n  \
+                      eyebox solve photo.png --depth-map depth.png --depth=-3..3 -o photo.npy\n  \
+                      eyebox solve frame-00/ frame-01/ frame-02/ --size 512x512 --rate 30 -o moving.zarr\n\nSeveral scenes, or a folder of light-field folders, make a sequence; one that was interrupted is gone on with by the same command.\nBuilt-in scenes: still-life, still-life-dark, still-life-bright, dense-grass, points, plane, chart")]
     Solve(Solve),
     /// Say what of a scene will be computed and why, and what time and memory it will take
     #[command(
@@ -46,6 +51,12 @@ pub enum Command {
     /// Measure a hologram against its scene over many pupils
     #[command(after_help = "Example:\n  eyebox score still-life.zarr builtin:still-life --pupils random:16")]
     Score(Score),
+    /// Measure what quality costs on this machine, and which settings are worth it: for --quality and --deadline
+    #[command(after_help = "Examples:\n  eyebox tradeoff builtin:still-life --size 256x256 -o tradeoff\n  \
+                      eyebox tradeoff lightfield/ --size 512x512 --budget 600 --engine vulkan -o tradeoff\n  \
+                      eyebox tradeoff builtin:still-life --size 256x256 --seed 1 --check tradeoff/tradeoff.json --no-store -o again\n\n\
+                      What is recommended is kept in $XDG_CACHE_HOME/eyebox, else ~/.cache/eyebox, for each device.")]
+    Tradeoff(crate::tradeoff::Tradeoff),
     /// Compare methods over every group of pupils, and write a report of it
     #[command(
         after_help = "Examples:\n  eyebox evaluate builtin:still-life --size 256x256 -o comparison\n  eyebox evaluate lightfield/ builtin:dense-grass --size 256x256 --methods slfh,lf2fs --frames 1,8 -o comparison\n  eyebox evaluate builtin:still-life --hologram mine=still-life.zarr -o comparison\n\nMethods: slfh, lf2fs, stft, stft-unfiltered, stft-exact, smooth, dpac, pupil-aware"
@@ -62,6 +73,12 @@ pub enum Command {
                       eyebox encode phases.npy --display bench.toml -o frames --json\n\nFrames come in the order in which they are shown. A .npy is (sub-frame, row, column) or (colour, sub-frame, row, column), float, radians.\nDisplay files: docs/displays.md"
     )]
     Encode(Encode),
+    /// Show a hologram or a sequence on a display, on time, and say what was shown
+    #[command(
+        after_help = "Examples:\n  eyebox play moving.zarr --display planes24 --size 512x512 --loop --duration 10 --stats played.json\n  \
+                      eyebox play moving.zarr --display plm --record shown --trace trace.json\n\nEnds with 0 at the end, after --duration, and on ctrl-C; with 2 when it cannot be played, with 3 when the display is lost. The display is left on the idle picture: the phase 0, or with --sync the sync picture."
+    )]
+    Play(Box<crate::play::Play>),
     /// Time the steps of a solve, and each kernel, beside another program in the same run
     #[command(
         after_help = "Example:\n  eyebox bench builtin:still-life --size 512x512 --color green --steps 20 --beside 'python3 mine.py'"
@@ -160,6 +177,9 @@ pub struct Demo {
     /// Rows and columns of the hologram
     #[arg(long, default_value_t = 512, value_name = "N")]
     pub size: usize,
+    /// Quality
+    #[command(flatten)]
+    pub quality: QualityArgs,
     /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,
@@ -205,21 +225,47 @@ pub enum SequenceName {
     Sobol,
 }
 
+/// Where a frame of a sequence begins.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Start {
+    /// At random phases.
+    Cold,
+    /// At the frame before, so far along the schedule.
+    Warm(f64),
+}
+
+fn warm(text: &str) -> Result<Start, String> {
+    if text == "cold" { Ok(Start::Cold) } else { share(text).map(Start::Warm).map_err(|e| format!("{e}, or cold")) }
+}
+
 /// `eyebox solve`
 #[derive(Args)]
 pub struct Solve {
     /// Scene
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// The hologram: NAME.zarr, or NAME.npy for the phases alone
+    /// More scenes: with the first, the frames of a sequence
+    #[arg(value_name = "SCENE")]
+    pub more: Vec<String>,
+    /// The hologram or sequence: NAME.zarr, or NAME.npy for the phases of one hologram alone
     #[arg(short, long, value_name = "FILE", default_value = "hologram.zarr")]
     pub out: PathBuf,
+    /// Holograms a second of a sequence
+    #[arg(long, value_name = "HZ", value_parser = rate, default_value = "30")]
+    pub rate: Rate,
+    /// Where in its schedule a frame of a sequence begins that starts from the one before, 0 to 1; or cold: from random
+    /// phases
+    #[arg(long, value_name = "SHARE|cold", value_parser = warm, default_value = "0.5")]
+    pub warm_start: Start,
     /// Display
     #[command(flatten)]
     pub display: DisplayArgs,
-    /// Sub-frames, optimised jointly on their mean intensity
-    #[arg(long, default_value_t = 8, value_name = "F")]
-    pub frames: usize,
+    /// Quality
+    #[command(flatten)]
+    pub quality: QualityArgs,
+    /// Sub-frames, optimised jointly on their mean intensity [default: 8]
+    #[arg(long, value_name = "F")]
+    pub frames: Option<usize>,
     /// What is supervised: slfh, lf2fs, stft, stft-unfiltered, stft-exact, smooth, dpac, pupil-aware
     #[arg(long, value_parser = method, default_value = "slfh", value_name = "NAME")]
     pub method: Method,
@@ -239,9 +285,9 @@ pub struct Solve {
     /// Patches along the eyebox whose light pupil-aware evens out, 1 to 16
     #[arg(long, default_value_t = 9, value_name = "N")]
     pub patches: usize,
-    /// How phases are moved
-    #[arg(long, value_enum, default_value = "projection")]
-    pub optimizer: OptimizerName,
+    /// How phases are moved [default: projection]
+    #[arg(long, value_enum)]
+    pub optimizer: Option<OptimizerName>,
     /// Share of the light that pupils are to see: less is dimmer and better, to a point [default: chosen for the scene]
     #[arg(long, value_name = "0..1")]
     pub efficiency: Option<f64>,
@@ -257,12 +303,12 @@ pub struct Solve {
     /// Stop at this mean PSNR over held-out pupils, dB
     #[arg(long, value_name = "DB")]
     pub psnr: Option<f64>,
-    /// Spectrum per pupil: 1 or 2 times the pupil, or all of it
-    #[arg(long, value_parser = window, default_value = "1", value_name = "1|2|full")]
-    pub window: WindowFactor,
-    /// How complex fields are stored: fp16 takes half the memory on Vulkan; for comparison only on the CPU
-    #[arg(long, value_parser = storage, default_value = "fp32", value_name = "fp32|fp16")]
-    pub storage: Storage,
+    /// Spectrum per pupil: 1 or 2 times the pupil, or all of it [default: 1]
+    #[arg(long, value_parser = window, value_name = "1|2|full")]
+    pub window: Option<WindowFactor>,
+    /// How complex fields are stored: fp16 takes half the memory on Vulkan; for comparison only on the CPU [default: fp32]
+    #[arg(long, value_parser = storage, value_name = "fp32|fp16")]
+    pub storage: Option<Storage>,
     /// Pupil diameters drawn, mm [default: 2..20, or what fits the eyebox]
     #[arg(long, value_name = "MIN..MAX", value_parser = range)]
     pub pupil_diameter: Option<[f64; 2]>,
@@ -301,6 +347,9 @@ pub struct Solve {
 pub struct Export {
     /// NAME.zarr
     pub hologram: PathBuf,
+    /// Which hologram of a sequence, from 0
+    #[arg(long, value_name = "N")]
+    pub at: Option<u64>,
     /// NAME.npy (float32 radians), or a folder for one 8-bit grey PNG per colour and sub-frame
     #[arg(short, long, value_name = "FILE.npy|FOLDER")]
     pub out: PathBuf,
@@ -344,6 +393,9 @@ pub struct Bench {
 pub struct View {
     /// NAME.zarr, or phases: NAME.npy or a folder of PNGs
     pub hologram: PathBuf,
+    /// Which hologram of a sequence, from 0
+    #[arg(long, value_name = "N")]
+    pub at: Option<u64>,
     /// Pupil: x,y,diameter,focus in mm
     #[arg(long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true)]
     pub pupil: Pupil,

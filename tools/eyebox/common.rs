@@ -4,6 +4,7 @@ use crate::Failure;
 use crate::args::{DisplayArgs, EngineArgs, SceneArgs};
 use eyebox::engine::{self, Engine};
 use eyebox::files;
+use eyebox::hologram::{Hologram, Sequence};
 use eyebox::optics::{Color, Display};
 use eyebox::scene::{self, LightField};
 use std::path::Path;
@@ -149,4 +150,12 @@ pub fn peak_memory_mib() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|l| l.starts_with("VmHWM:"))?;
     line.split_whitespace().nth(1)?.parse::<u64>().ok().map(|kib| kib / 1024)
+}
+
+/// A hologram, or one of a sequence's.
+pub fn hologram(path: &Path, at: Option<u64>) -> Result<Hologram, Failure> {
+    match at {
+        Some(at) => Ok(Sequence::open(path)?.load(at)?),
+        None => Ok(Hologram::load(path)?),
+    }
 }

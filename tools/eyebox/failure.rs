@@ -7,6 +7,8 @@ use eyebox::files::FileError;
 use eyebox::gaze::GazeError;
 use eyebox::hologram::HologramError;
 use eyebox::optics::OpticsError;
+use eyebox::playback::PlaybackError;
+use eyebox::quality::QualityError;
 use eyebox::scene::SceneError;
 use eyebox::solve::SolveError;
 use eyebox::trackers::TrackerError;
@@ -35,6 +37,9 @@ pub enum Failure {
     /// The comparison.
     #[error(transparent)]
     Evaluate(#[from] EvaluateError),
+    /// A trial of settings.
+    #[error(transparent)]
+    Quality(#[from] QualityError),
     /// A file.
     #[error(transparent)]
     File(#[from] FileError),
@@ -44,7 +49,20 @@ pub enum Failure {
     /// A calibration, or a setting of the way from sample to pupil.
     #[error(transparent)]
     Gaze(#[from] GazeError),
+    /// Playback.
+    #[error(transparent)]
+    Playback(#[from] PlaybackError),
+    /// The display was lost while it was played to.
+    #[error("{0}")]
+    Lost(String),
     /// What was asked for does not fit together.
     #[error("{0}")]
     Asked(String),
+}
+
+impl Failure {
+    /// The exit code.
+    pub fn code(&self) -> u8 {
+        if matches!(self, Self::Lost(_)) { 3 } else { 2 }
+    }
 }

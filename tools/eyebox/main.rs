@@ -1,8 +1,8 @@
-//! The `eyebox` command: `demo`, `solve`, `plan`, `view`, `photograph`, `score`, `evaluate`, `export`, `encode`, `bench`,
-//! `devices`, `trackers`.
+//! The `eyebox` command: `demo`, `solve`, `plan`, `view`, `photograph`, `score`, `tradeoff`, `evaluate`, `export`, `encode`,
+//! `play`, `bench`, `devices`, `trackers`.
 //!
 //! This room reads arguments, calls the runtime, and shows what came of it. Anything that a program would want to call
-//! belongs in the runtime. Errors are one line on standard error and exit code 2; nothing half-written stays behind.
+//! belongs in the runtime. Errors are one line on standard error and exit code 2 (3 where a display was lost); nothing half-written stays behind.
 
 mod args;
 mod bench;
@@ -16,12 +16,16 @@ mod export;
 mod failure;
 mod photograph;
 mod plan;
+mod play;
 mod progress;
+mod quality;
 mod rates;
 mod report;
 mod score;
 mod solve;
+mod solve_sequence;
 mod trackers;
+mod tradeoff;
 mod values;
 mod view;
 
@@ -43,9 +47,11 @@ fn main() -> ExitCode {
         Command::View(args) => view::run(args),
         Command::Photograph(args) => photograph::run(args),
         Command::Score(args) => score::run(args),
+        Command::Tradeoff(args) => tradeoff::run(args),
         Command::Evaluate(args) => evaluate::run(args),
         Command::Export(args) => export::run(args),
         Command::Encode(args) => encode::run(args),
+        Command::Play(args) => play::run(args),
         Command::Bench(args) => bench::run(args),
         Command::Devices(args) => devices::run(args),
         Command::Trackers(args) => trackers::run(args),
@@ -54,7 +60,7 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             eprintln!("eyebox: {failure}");
-            ExitCode::from(2)
+            ExitCode::from(failure.code())
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use eyebox::optics::{Pupil, WindowFactor};
 use eyebox::plan::Storage;
+use eyebox::playback::Rate;
 use eyebox::solve::{Full, Method};
 
 fn numbers<const N: usize>(parts: Vec<&str>, form: &str) -> Result<[f64; N], String> {
@@ -75,6 +76,24 @@ pub fn targets(text: &str) -> Result<Targets, String> {
         return Err("an eye turns 60 degrees at most".into());
     }
     if (3..=64).contains(&all.len()) { Ok(Targets(all)) } else { Err(format!("expected 3 to 64 targets: {form}")) }
+}
+
+/// Hertz, or a fraction.
+pub fn rate(text: &str) -> Result<Rate, String> {
+    Rate::parse(text).map_err(|e| e.to_string())
+}
+
+/// The side of a mark.
+pub fn mark(text: &str) -> Result<usize, String> {
+    text.parse().ok().filter(|n| *n <= 65536).ok_or_else(|| "expected pixels, 0 to 65536".into())
+}
+
+/// A share, both ends included.
+pub fn share(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(v) if (0.0..=1.0).contains(&v) => Ok(v),
+        _ => Err("expected a number from 0 to 1".into()),
+    }
 }
 
 pub fn not_negative(text: &str) -> Result<f64, String> {

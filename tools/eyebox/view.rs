@@ -13,7 +13,7 @@ use std::path::Path;
 /// Shows one pupil.
 pub fn run(args: &View) -> Result<(), Failure> {
     let form = common::form(&args.out, &[Form::Png, Form::Npy])?;
-    let (hologram, known) = load(&args.hologram, &args.optics)?;
+    let (hologram, known) = load(&args.hologram, args.at, &args.optics)?;
     for i in 0..hologram.colors.len() {
         args.pupil.check_within(&hologram.optics(i)?)?;
     }
@@ -32,7 +32,7 @@ pub fn run(args: &View) -> Result<(), Failure> {
 }
 
 /// A hologram, or bare phases with the optics given; and whether its exposure is known.
-fn load(file: &Path, optics: &PhaseOptics) -> Result<(Hologram, bool), Failure> {
+fn load(file: &Path, at: Option<u64>, optics: &PhaseOptics) -> Result<(Hologram, bool), Failure> {
     if common::is_hologram(file) {
         if optics.pitch.is_some() || !optics.wavelength.is_empty() || optics.focal_length.is_some() {
             let what = file.display();
@@ -40,7 +40,7 @@ fn load(file: &Path, optics: &PhaseOptics) -> Result<(Hologram, bool), Failure> 
                 "{what} holds its own optics: leave out --pitch, --wavelength and --focal-length"
             )));
         }
-        return Ok((Hologram::load(file)?, true));
+        return Ok((common::hologram(file, at)?, true));
     }
     let missing =
         || Failure::Asked(format!("{}: bare phases need --pitch, --wavelength and --focal-length", file.display()));

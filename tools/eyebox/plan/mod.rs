@@ -4,7 +4,7 @@ mod check;
 mod measure;
 
 use crate::args::Solve;
-use crate::solve::plan_of;
+use crate::solve::{plan_of, recipe_of};
 use crate::{Failure, common, rates};
 use clap::Args;
 use eyebox::engine::Engine;
@@ -41,12 +41,16 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
     let colors = common::colors(&solve.display, &display)?;
     let mut engine = common::engine(&solve.engine)?;
     let field = common::scene(&solve.scene, &display, &colors)?;
-    let plan = plan_of(solve, &field, &display)?;
+    let (recipe, chosen) = recipe_of(solve, engine.as_ref(), &display, colors.len())?;
+    let mut plan = plan_of(solve, &recipe, &field, &display)?;
+    // Of the sub-frames that are shown, those are solved.
+    plan.settings.frames = recipe.frames(plan.settings.frames);
     let rates = rates::of(engine.as_mut(), plan.settings.storage, args.time_again, solve.json)?;
     let forecasts = forecasts(&plan, &field, &display, engine.as_ref(), &rates)?;
     if !solve.json {
         println!("{} on {}, {}x{}", field.name, display.name, display.height, display.width);
         println!("{}\n", engine.describe());
+        chosen.iter().for_each(|about| println!("{about}\n"));
         say(&plan, &forecasts);
     }
     drop(engine);

@@ -1,0 +1,68 @@
+//! Time, real and simulated.
+
+use std::cell::Cell;
+use std::time::{Duration, Instant};
+
+/// Where time comes from, in nanoseconds since a beginning of its own.
+pub trait Clock {
+    /// Now.
+    fn now_ns(&self) -> i64;
+    /// Returns once it is `time_ns` or later.
+    fn wait_until_ns(&self, time_ns: i64);
+    /// Whether it stands still unless waited for, so that others can be waited for without loss.
+    fn is_simulated(&self) -> bool;
+}
+
+/// The system's steady clock.
+#[derive(Debug)]
+pub struct RealClock(Instant);
+
+impl RealClock {
+    /// It is 0 now.
+    pub fn start() -> Self {
+        Self(Instant::now())
+    }
+
+    /// What it said at an instant.
+    pub fn at_ns(&self, instant: Instant) -> i64 {
+        match instant.checked_duration_since(self.0) {
+            Some(after) => i64::try_from(after.as_nanos()).unwrap_or(i64::MAX),
+            None => -i64::try_from(self.0.duration_since(instant).as_nanos()).unwrap_or(i64::MAX),
+        }
+    }
+}
+
+impl Clock for RealClock {
+    fn now_ns(&self) -> i64 {
+        self.at_ns(Instant::now())
+    }
+
+    fn wait_until_ns(&self, time_ns: i64) {
+        let left = time_ns.saturating_sub(self.now_ns());
+        if left > 0 {
+            std::thread::sleep(Duration::from_nanos(left as u64));
+        }
+    }
+
+    fn is_simulated(&self) -> bool {
+        false
+    }
+}
+
+/// A clock that passes only when it is waited for.
+#[derive(Debug, Default)]
+pub struct SimulatedClock(Cell<i64>);
+
+impl Clock for SimulatedClock {
+    fn now_ns(&self) -> i64 {
+        self.0.get()
+    }
+
+    fn wait_until_ns(&self, time_ns: i64) {
+        self.0.set(self.0.get().max(time_ns));
+    }
+
+    fn is_simulated(&self) -> bool {
+        true
+    }
+}

@@ -1,0 +1,96 @@
+//! The arguments of `eyebox play`.
+
+use crate::args::EngineName;
+use crate::values::{mark, not_negative, positive, rate, size};
+use clap::{Args, ValueEnum};
+use eyebox::playback::Rate;
+use std::path::PathBuf;
+
+/// Where video frames go.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum OutputName {
+    /// Memory, on the beat of a clock
+    Offscreen,
+}
+
+/// Whose time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ClockName {
+    /// The system's
+    Real,
+    /// One that passes as fast as the machine is, and waits for content
+    Simulated,
+}
+
+/// `eyebox play`
+#[derive(Args)]
+pub struct Play {
+    /// NAME.zarr: a sequence, or a single hologram
+    pub file: PathBuf,
+    /// Display: paper, plm, small, grey8, fields, planes8, planes24, or a TOML file
+    #[arg(long, default_value = "paper", value_name = "PRESET|FILE")]
+    pub display: String,
+    /// Resolution instead of the display's own, rows x columns
+    #[arg(long, value_name = "HxW", value_parser = size)]
+    pub size: Option<[usize; 2]>,
+    /// Where video frames go
+    #[arg(long, value_enum, default_value = "offscreen")]
+    pub output: OutputName,
+    /// Holograms a second [default: what the sequence says]
+    #[arg(long, value_name = "HZ", value_parser = rate)]
+    pub rate: Option<Rate>,
+    /// Video frames a second, where the output does not say
+    #[arg(long, value_name = "HZ", value_parser = rate, default_value = "60")]
+    pub display_rate: Rate,
+    /// So many times as fast
+    #[arg(long, value_name = "FACTOR", value_parser = positive, default_value_t = 1.0)]
+    pub speed: f64,
+    /// Begin again at the end
+    #[arg(long = "loop")]
+    pub looped: bool,
+    /// Wait for a sequence that is still being written
+    #[arg(long)]
+    pub follow: bool,
+    /// Number of the hologram to begin with, from 0
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub first: u64,
+    /// Seconds of content to play
+    #[arg(long, value_name = "S", value_parser = positive)]
+    pub duration: Option<f64>,
+    /// Begin at this time, ready or not: seconds since 1970, for displays that begin together
+    #[arg(long, value_name = "UNIX", value_parser = positive)]
+    pub start_at: Option<f64>,
+    /// Seconds of the sync picture before content: its first sub-frame's light goes aside along x, the others' along y
+    #[arg(long, value_name = "S", value_parser = not_negative, default_value_t = 0.0)]
+    pub sync: f64,
+    /// Side of such a mark in the upper left corner of every hologram, pixels
+    #[arg(long, value_name = "PX", value_parser = mark, default_value = "0")]
+    pub mark: usize,
+    /// After a missed present, wait until sets are in phase with the first: for lasers that count video frames
+    #[arg(long)]
+    pub keep_phase: bool,
+    /// Sets that are encoded ahead
+    #[arg(long, value_name = "N", default_value_t = 4)]
+    pub ahead: usize,
+    /// Which engine encodes
+    #[arg(long, value_enum, default_value = "auto")]
+    pub engine: EngineName,
+    /// Whose time [default: real; simulated with --record]
+    #[arg(long, value_enum)]
+    pub clock: Option<ClockName>,
+    /// What was shown, as JSON
+    #[arg(long, value_name = "FILE.json")]
+    pub stats: Option<PathBuf>,
+    /// Keep every picture as PNG, and when it was shown, in a new folder
+    #[arg(long, value_name = "DIR")]
+    pub record: Option<PathBuf>,
+    /// Append every video frame to a file or a pipe: 8 bits, (row, column, channel)
+    #[arg(long, value_name = "FILE", conflicts_with = "shared")]
+    pub raw: Option<PathBuf>,
+    /// Keep the newest video frame where another program maps it, as /dev/shm/NAME (docs/playback.md)
+    #[arg(long, value_name = "FILE")]
+    pub shared: Option<PathBuf>,
+    /// What each thread did when, for chrome://tracing
+    #[arg(long, value_name = "FILE.json")]
+    pub trace: Option<PathBuf>,
+}

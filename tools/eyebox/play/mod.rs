@@ -1,0 +1,312 @@
+//! `eyebox play`.
+
+mod args;
+
+pub use args::Play;
+
+use crate::Failure;
+use crate::args::EngineName;
+use crate::progress;
+use args::{ClockName, OutputName};
+use eyebox::encode::{Encoder, PhaseSet};
+use eyebox::engine::vulkan::Options as VulkanOptions;
+use eyebox::files;
+use eyebox::hologram::Sequence;
+use eyebox::optics::{Color, Display};
+use eyebox::playback::{
+    Clock, Flow, Lane, Marks, Offscreen, Options, PlaybackError, Player, Presenter, Rate, RealClock, Recorder, Report,
+    SECOND_NS, Schedule, Scheduler, SimulatedClock, Sink, Source, Speed, Start, Stream, StreamEncoder, Trace,
+    sync_phases,
+};
+use serde_json::json;
+use std::io::{IsTerminal, Write};
+use std::rc::Rc;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// Spans that a trace keeps for each thread: half an hour at 120 Hz.
+const SPANS: usize = 1 << 19;
+
+/// What was opened before anything is shown.
+struct Opened {
+    display: Display,
+    encoder: Encoder,
+    sequence: Sequence,
+    content_rate: Rate,
+    display_rate: Rate,
+}
+
+/// Plays a hologram or a sequence, and says what was shown.
+pub fn run(args: &Play) -> Result<(), Failure> {
+    let opened = open(args)?;
+    let simulated = match args.clock {
+        Some(clock) => clock == ClockName::Simulated,
+        None => args.record.is_some(),
+    };
+    if args.record.is_some() && !simulated {
+        return Err(Failure::Asked("--record takes longer than a video frame: leave out --clock real".into()));
+    }
+    if args.start_at.is_some() && simulated {
+        return Err(Failure::Asked("--start-at is a time of day, and a simulated clock has none".into()));
+    }
+    let endless = (args.looped || opened.sequence.is_single()) && args.duration.is_none();
+    if endless && simulated {
+        return Err(Failure::Asked("a simulated clock would go on for ever: give --duration".into()));
+    }
+    let clock: Rc<dyn Clock> = if simulated { Rc::new(SimulatedClock::default()) } else { Rc::new(RealClock::start()) };
+    let mut presenter: Box<dyn Presenter> = match args.output {
+        OutputName::Offscreen => {
+            let frames = opened.encoder.frames();
+            let size = [frames.height, frames.width, frames.channels];
+            let sink = match (&args.raw, &args.shared) {
+                (Some(file), _) => Some(Sink::raw(file)?),
+                (None, Some(file)) => Some(Sink::shared(file, size)?),
+                (None, None) => None,
+            };
+            Box::new(Offscreen::new(Rc::clone(&clock), opened.display_rate, frames.frame_bytes()).with_sink(sink))
+        }
+    };
+    play(args, opened, clock, presenter.as_mut())
+}
+
+fn open(args: &Play) -> Result<Opened, Failure> {
+    let mut display = Display::load(&args.display)?;
+    if let Some([height, width]) = args.size {
+        (display.height, display.width) = (height, width);
+    }
+    let sequence = Sequence::open(&args.file)?;
+    sequence.notes().iter().for_each(|note| eprintln!("note: {note}"));
+    let what = args.file.display();
+    let about = sequence.about();
+    let named = |c: &eyebox::hologram::ColorHologram| {
+        c.color.ok_or_else(|| Failure::Asked(format!("{what}: its colours are not named")))
+    };
+    let colors: Vec<Color> = about.colors.iter().map(named).collect::<Result<_, _>>()?;
+    let encoder = Encoder::new(&display, &colors, about.frames)?;
+    let ([eh, ew], [h, w]) = (encoder.hologram_size(), [about.height, about.width]);
+    if [eh, ew] != [h, w] {
+        let name = &display.name;
+        return Err(Failure::Asked(format!(
+            "{what}: it is {h}x{w} pixels, and the display '{name}' takes {eh}x{ew}: give --size, or the display that it \
+             was made for"
+        )));
+    }
+    let [numerator, denominator] = sequence.rate();
+    let content_rate = match args.rate {
+        Some(rate) => rate,
+        None => Rate::new(numerator, denominator)?,
+    };
+    if args.first >= sequence.count().max(1) && !args.follow {
+        let count = sequence.count();
+        return Err(Failure::Asked(format!(
+            "{what}: it has {count} holograms, the first is 0: --first {}",
+            args.first
+        )));
+    }
+    encoder.notes().iter().for_each(|note| eprintln!("note: {note}"));
+    Ok(Opened { display, encoder, sequence, content_rate, display_rate: args.display_rate })
+}
+
+fn play(args: &Play, opened: Opened, clock: Rc<dyn Clock>, presenter: &mut dyn Presenter) -> Result<(), Failure> {
+    let Opened { display, encoder, sequence, content_rate, display_rate } = opened;
+    let shape = sequence.shape();
+    let set_frames = encoder.packed().video_frames as u64;
+    let planes = (shape[0] * shape[1]) as u64;
+    let set_rate = display_rate.hz() / set_frames as f64;
+    // Enough video frames that the display's beat is known.
+    let idle_sets = ((args.sync * set_rate).ceil() as u64).max(4_u64.div_ceil(set_frames));
+    let start = match args.start_at {
+        None => Start::WhenReady { idle_sets },
+        Some(unix) => {
+            let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |d| d.as_secs_f64());
+            Start::At { display_time_ns: clock.now_ns() + ((unix - now) * SECOND_NS as f64) as i64 }
+        }
+    };
+    let speed = Speed::new(args.speed)
+        .ok_or_else(|| Failure::Asked(format!("--speed {}: it must be 0.001 to 1000", args.speed)))?;
+    let schedule = Schedule { display_rate, content_rate, speed, set_frames, start, keep_phase: args.keep_phase };
+    let idle = {
+        let phases = if args.sync > 0.0 { sync_phases(shape) } else { vec![0.0; shape.iter().product()] };
+        let each = phases.len() / shape[0];
+        let colors: Vec<&[f32]> = phases.chunks_exact(each).collect();
+        encoder.encode(&PhaseSet::trusted(&colors))?
+    };
+    let size = [idle.height, idle.width, idle.channels];
+    let mut recorder = args.record.as_deref().map(|folder| Recorder::new(folder, size)).transpose()?;
+    let trace = Trace::new(if args.trace.is_some() { SPANS } else { 0 });
+    let engine = match args.engine {
+        EngineName::Auto | EngineName::Cpu => StreamEncoder::Cpu(encoder),
+        EngineName::Vulkan => {
+            StreamEncoder::Vulkan(encoder, VulkanOptions { allow_cpu: true, ..VulkanOptions::default() })
+        }
+    };
+    eprintln!(
+        "{}: {} holograms of {}x{} at {content_rate} a second, {} sub-frames a set",
+        args.file.display(),
+        sequence.count(),
+        shape[2],
+        shape[3],
+        planes
+    );
+    eprintln!(
+        "{} on {}: a set takes {set_frames} video frame{}, {:.2} sets and {:.0} sub-frames a second",
+        display.name,
+        presenter.describe(),
+        if set_frames == 1 { "" } else { "s" },
+        set_rate,
+        set_rate * planes as f64
+    );
+    let options = Options {
+        ahead: args.ahead,
+        looped: args.looped || sequence.is_single(),
+        follow: args.follow,
+        first: args.first,
+        threads: 0,
+        marks: Marks { side: args.mark },
+        trace,
+    };
+    progress::catch_interrupt();
+    let mut stream = Stream::start(sequence, engine, options)?;
+    let mut player = Player::new(Rc::clone(&clock), Scheduler::new(schedule), idle, trace.lane("present"));
+    let begun_ns = clock.now_ns();
+    let mut status = Status::new(planes);
+    let until_ns = args.duration.map(|s| (s * SECOND_NS as f64) as i64);
+    let mut content_since_ns = None;
+    let ended = loop {
+        let mut observe = |moment: &eyebox::playback::Moment<'_>| match &mut recorder {
+            Some(recorder) => recorder.add(moment),
+            None => Ok(()),
+        };
+        match player.tick(presenter, &mut stream, &mut observe) {
+            Ok(Flow::Continue) => {}
+            Ok(Flow::Ended) => break Ok("the end"),
+            Ok(Flow::Closed) => break Ok("closed"),
+            Err(error) => break Err(error),
+        }
+        while let Some(message) = stream.message() {
+            status.clear();
+            eprintln!("note: {message}");
+        }
+        if player.scheduler().account().due > 0 {
+            let since = *content_since_ns.get_or_insert(player.display_time_ns());
+            let passed = player.display_time_ns() - since + display_rate.period_ns();
+            if until_ns.is_some_and(|until| passed >= until) {
+                break Ok("the duration");
+            }
+        }
+        if progress::interrupted() {
+            break Ok("ctrl-C");
+        }
+        status.show(&player, clock.now_ns() - begun_ns);
+    };
+    status.clear();
+    // Whatever ended it, the display is left on the idle picture, if it still takes one.
+    let left = if ended.is_ok() { player.finish(presenter) } else { Ok(()) };
+    let seconds = (clock.now_ns() - begun_ns) as f64 / 1e9;
+    let report = Report::new(player.scheduler(), player.timing(), seconds, planes);
+    let margin_ms = player.pacer().margin_ns() as f64 / 1e6;
+    let how = *ended.as_ref().unwrap_or(&"an error");
+    summary(&report, how);
+    let mut lanes: Vec<Lane> = vec![player.into_lane()];
+    lanes.extend(stream.stop());
+    if let Some(file) = &args.trace {
+        Trace::write(file, &lanes)?;
+    }
+    if let Some(file) = &args.stats {
+        let mut all = report.to_json();
+        all["ended_by"] = json!(how);
+        all["presenter"] = json!(presenter.describe());
+        all["display_rate_hz"] = json!(display_rate.hz());
+        all["content_rate_hz"] = json!(content_rate.hz());
+        all["video_frames_per_set"] = json!(set_frames);
+        all["margin_ms"] = json!(margin_ms);
+        all["peak_memory_mib"] = json!(peak_memory_mib());
+        files::write_file(file, |out| writeln!(out, "{all:#}"))?;
+    }
+    if let Some(recorder) = recorder {
+        recorder.finish()?;
+    }
+    ended.map_err(lost)?;
+    Ok(left.map_err(lost)?)
+}
+
+/// A display that goes away while it is played to has an exit code of its own.
+fn lost(error: PlaybackError) -> Failure {
+    match error {
+        PlaybackError::Presenter { .. } => Failure::Lost(error.to_string()),
+        other => other.into(),
+    }
+}
+
+fn summary(report: &Report, how: &str) {
+    let a = &report.account;
+    let plural = |n: u64, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
+    let causes = if a.drops() == 0 { String::new() } else { format!(" ({})", a.causes()) };
+    eprintln!(
+        "ended by {how} after {:.2} s: {} shown, {} dropped{causes}; {} and {} of the idle picture; {}",
+        report.seconds,
+        plural(a.shown, "hologram"),
+        a.drops(),
+        plural(a.sets - a.idle_sets, "set"),
+        a.idle_sets,
+        plural(a.missed_presents, "missed present"),
+    );
+    eprintln!(
+        "{:.2} holograms and {:.2} sets a second, {:.0} sub-frames a second; jitter {:.3} ms, at most {:.3} ms",
+        report.content_fps(),
+        report.sets_per_second(),
+        report.sets_per_second() * report.planes as f64,
+        report.timing.jitter_ms(),
+        report.timing.largest_jitter_ms(),
+    );
+}
+
+/// The line that is written over while playing.
+struct Status {
+    planes: u64,
+    last_ns: i64,
+    before: (u64, u64),
+    shown: bool,
+    terminal: bool,
+}
+
+impl Status {
+    fn new(planes: u64) -> Self {
+        Self { planes, last_ns: 0, before: (0, 0), shown: false, terminal: std::io::stderr().is_terminal() }
+    }
+
+    fn show(&mut self, player: &Player, now_ns: i64) {
+        let passed = now_ns - self.last_ns;
+        if !self.terminal || passed < SECOND_NS / 2 {
+            return;
+        }
+        let a = player.scheduler().account();
+        let seconds = passed as f64 / 1e9;
+        let (fps, sets) = ((a.shown - self.before.0) as f64 / seconds, (a.sets - self.before.1) as f64 / seconds);
+        let mut out = std::io::stderr().lock();
+        let _ = write!(
+            out,
+            "\r\x1b[K{:.1} holograms/s, {:.0} sub-frames/s, {} dropped, {} missed presents, jitter {:.2} ms",
+            fps,
+            sets * self.planes as f64,
+            a.drops(),
+            a.missed_presents,
+            player.timing().jitter_ms()
+        );
+        let _ = out.flush();
+        (self.last_ns, self.before, self.shown) = (now_ns, (a.shown, a.sets), true);
+    }
+
+    fn clear(&mut self) {
+        if self.shown {
+            eprint!("\r\x1b[K");
+            self.shown = false;
+        }
+    }
+}
+
+/// The most memory that the process had, MiB, where the system tells.
+fn peak_memory_mib() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|l| l.starts_with("VmHWM:"))?;
+    line.split_whitespace().nth(1)?.parse::<f64>().ok().map(|kib| kib / 1024.0)
+}
