@@ -8,29 +8,24 @@
 //! Fields stored as halves are for comparison: values stay float32 in memory and are rounded to halves wherever a kernel
 //! stores them, between the axes of a transform too. That takes longer than float32 and saves nothing.
 
+mod lane;
+
 use super::{Buffer, Dispatch, Engine, EngineError, Kernel, Lane, Purpose, Scope, Shape, Step, Storage, Timing};
 use crate::scene::Pyramid;
 use eyebox_kernels::{
-    Complex32, ZERO, adam, balance,
-    compare::compare,
-    energy, even,
-    exposure::{self, exposure},
+    Complex32, ZERO, adam, balance, energy, even,
     fft::{Direction, Plans, Store},
     guard::guard,
     half,
-    intensity::intensity,
     modulate::modulate,
     overlap::overlap,
     pass_pupil::pass_pupil,
-    photograph::photograph,
     project::project,
     quantise::{self, quantise},
-    resample::resample,
     return_pupil::return_pupil,
-    taper::{self, taper},
-    transfer::transfer,
     weigh::weigh,
 };
+use lane::run_lane;
 use rayon::prelude::*;
 use std::sync::{
     Arc,
@@ -332,66 +327,6 @@ fn storing(storage: Storage) -> Store {
     match storage {
         Storage::F32 => |_| {},
         Storage::F16 => half::round,
-    }
-}
-
-fn run_lane(kernel: Kernel, lane: &Lane, slot: &mut Slot, shape: &Shape, views: Option<&Pyramid>) {
-    let (count, frames) = (lane.count(), shape.frames);
-    match kernel {
-        Kernel::Transfer => {
-            grow(&mut slot.transfer, count);
-            transfer(&lane.transfer, &lane.spans, &mut slot.transfer);
-        }
-        Kernel::Taper => {
-            if let Some(weights) = &lane.taper {
-                let args = taper::Args { rows: lane.transfer.rows, columns: lane.transfer.columns };
-                taper(&args, weights, &mut slot.transfer);
-            }
-        }
-        Kernel::Photograph => {
-            let (Some(shot), Some(views)) = (&lane.shot, views) else { return };
-            let (height, width) = (shot.args.height as usize, shot.args.width as usize);
-            grow(&mut slot.accumulator, height * width);
-            let views = &views.levels[shot.level].views;
-            let band = if height * width < SPLIT { height } else { height.div_ceil(8).max(16) };
-            slot.accumulator.par_chunks_mut(band * width).enumerate().for_each(|(i, rows)| {
-                photograph(&shot.args, views, &shot.taps, i * band, rows);
-            });
-        }
-        Kernel::Resample => {
-            let Some(shot) = &lane.shot else { return };
-            grow(&mut slot.target, count);
-            let Slot { target, accumulator, scratch, .. } = slot;
-            resample(&shot.resample, accumulator, &shot.rows, &shot.columns, target, scratch);
-        }
-        Kernel::Intensity => {
-            grow(&mut slot.image, count);
-            let Slot { window, image, .. } = slot;
-            if frames * count < SPLIT {
-                return intensity(&lane.intensity, window, image);
-            }
-            // Bands of pixels, each over all sub-frames: the sum's order does not depend on the threads.
-            let band = count.div_ceil(16);
-            let window = &*window;
-            image.par_chunks_mut(band).enumerate().for_each(|(i, image)| {
-                let mut args = lane.intensity;
-                args.count = image.len() as u32;
-                args.frames = 1;
-                for f in 0..frames {
-                    args.accumulate = u32::from(f > 0 || lane.intensity.accumulate != 0);
-                    intensity(&args, &window[f * count + i * band..][..image.len()], image);
-                }
-            });
-        }
-        Kernel::Compare => slot.loss = compare(&lane.compare, &mut slot.image, &slot.target),
-        Kernel::Exposure => {
-            let args = lane.exposure(&shape.place);
-            grow(&mut slot.image, count);
-            grow(&mut slot.target, count);
-            slot.sums.resize(exposure::PART * args.parts(), 0.0);
-            exposure(&args, &slot.image, &slot.target, &mut slot.sums);
-        }
-        other => unreachable!("{} does not run over lanes", other.name()),
     }
 }
 

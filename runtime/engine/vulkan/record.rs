@@ -1,5 +1,7 @@
 //! From an entry of the list to dispatches: bindings in the order of the twins' slices, arguments as push constants.
 
+mod photograph;
+
 use super::super::{Buffer, Dispatch, EngineError, Kernel, Lane, Shape, Step, Storage};
 use super::device::Block;
 use super::fft::{Frames, Transform};
@@ -21,8 +23,6 @@ const WIDTH: usize = 64;
 const ENOUGH: u32 = 4096;
 /// Values, over all sub-frames, that a workgroup of `energy` adds up at once: 4096 to an invocation.
 const ENERGY_SHARE: u32 = 4096 * 128;
-/// Rows that an invocation of `photograph` takes at once.
-const STRIP: u32 = 8;
 
 /// A buffer of the shape.
 pub(super) struct Stack {
@@ -341,49 +341,6 @@ impl Work<'_> {
         let groups = self.rows(lane.pass.rows, lane.pass.columns, 1);
         self.gpu.recorder.barrier();
         self.run(&spirv::OVERLAP, &[spans, hits.layout.range(&hits.block, 0, 1)], &lane.pass, &[], groups)
-    }
-
-    /// All lanes block by block of views: a lane adds up in its accumulator what each block holds.
-    fn photograph(&mut self, dispatch: &Dispatch, slots: &[Slot]) -> Result<(), EngineError> {
-        let (step, tables, arenas, views) = (self.step, self.tables, self.arenas, self.views);
-        let shots =
-            || dispatch.lanes.clone().zip(slots).filter_map(|(i, slot)| Some((i, slot, step.lanes[i].shot.as_ref()?)));
-        let rounds = shots().map(|(i, ..)| tables.lane(i).taps.len()).max().unwrap_or(0);
-        for round in 0..rounds.max(1) {
-            self.gpu.recorder.barrier();
-            for (index, slot, shot) in shots() {
-                let Some(level) = views.and_then(|v| v.levels.get(shot.level)) else { continue };
-                let accumulator = arenas.range(Kind::Accumulator, slot)?;
-                let Some(part) = tables.lane(index).taps.get(round) else {
-                    // A pupil that no view covers sees nothing.
-                    if round == 0 && shot.args.accumulate == 0 {
-                        self.gpu.recorder.clear(accumulator);
-                    }
-                    continue;
-                };
-                let mut args = shot.args;
-                args.taps = part.count as u32;
-                args.accumulate |= u32::from(round > 0);
-                let buffers = [level.blocks[part.chunk].all(), tables.range(part.place)?, accumulator];
-                let groups = self.rows(args.height.div_ceil(STRIP), args.width, 1);
-                self.run(&spirv::PHOTOGRAPH, &buffers, &args, &[level.stride as u32], groups)?;
-            }
-        }
-        Ok(())
-    }
-
-    fn resample(&mut self, index: usize, lane: &Lane, slot: &Slot) -> Result<(), EngineError> {
-        let Some(shot) = &lane.shot else { return Ok(()) };
-        let (tables, arenas) = (self.tables, self.arenas);
-        let lane_tables = tables.lane(index);
-        let buffers = [
-            arenas.range(Kind::Accumulator, slot)?,
-            tables.range(lane_tables.rows)?,
-            tables.range(lane_tables.columns)?,
-            arenas.range(Kind::Target, slot)?,
-        ];
-        let groups = self.rows(shot.resample.height, shot.resample.width, 1);
-        self.run(&spirv::RESAMPLE, &buffers, &shot.resample, &[], groups)
     }
 
     fn intensity(&mut self, lane: &Lane, slot: &Slot) -> Result<(), EngineError> {
