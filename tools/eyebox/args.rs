@@ -260,7 +260,7 @@ pub struct Solve {
     pub rate: Rate,
     /// Where in its schedule a frame of a sequence begins that starts from the one before, 0 to 1; or cold: from random
     /// phases
-    #[arg(long, value_name = "SHARE|cold", value_parser = warm, default_value = "0.5")]
+    #[arg(long, value_name = "SHARE|cold", value_parser = warm, default_value = "0")]
     pub warm_start: Start,
     /// Display
     #[command(flatten)]
