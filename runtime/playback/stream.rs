@@ -55,6 +55,23 @@ impl StreamEncoder {
 /// How often a thread that waits looks whether it is to stop.
 const PATIENCE: Duration = Duration::from_millis(20);
 
+/// Makes a channel, and waits at both ends of it once: what waiting needs is then there before the first picture.
+fn channel<T>(capacity: usize, mut item: impl FnMut() -> T) -> (Sender<T>, Receiver<T>) {
+    let (send, receive) = bounded(capacity);
+    let _ = receive.recv_timeout(FIRST_WAIT);
+    while send.send_timeout(item(), FIRST_WAIT).is_ok() {}
+    while receive.try_recv().is_ok() {}
+    (send, receive)
+}
+
+/// The same for the thread that calls it.
+fn wait_once() {
+    let (_send, receive) = bounded::<()>(1);
+    let _ = receive.recv_timeout(FIRST_WAIT);
+}
+
+const FIRST_WAIT: Duration = Duration::from_millis(1);
+
 /// A position of an epoch: positions begin anew with every seek, and what belongs to an older epoch means nothing.
 const EPOCH_SHIFT: u32 = 48;
 
@@ -140,18 +157,19 @@ impl Stream {
             end: AtomicU64::new(u64::MAX),
             failure: Mutex::new(None),
         });
-        let (free_phases_in, free_phases) = bounded(3);
+        let (free_phases_in, free_phases) = channel(3, Vec::new);
         for _ in 0..3 {
             let _ = free_phases_in.send(vec![0.0; sequence.values()]);
         }
         // One more waits to be exchanged for the one on the screen.
-        let (free, free_frames) = bounded(ahead + 2);
+        let (free, free_frames) = channel(ahead + 2, || probe.clone());
         for _ in 0..ahead + 1 {
             let _ = free.send(std::mem::replace(&mut probe, encoder.encoder().frames()));
         }
         let _ = free.send(probe);
-        let (to_encode, encode) = bounded(2);
-        let (out, arriving) = bounded(ahead + 2);
+        let (to_encode, encode) =
+            channel(2, || Phases { epoch: 0, position: 0, index: 0, damaged: true, values: Vec::new() });
+        let (out, arriving) = channel(ahead + 2, || Encoded { epoch: 0, position: 0, index: 0, frames: None });
         let (tell, messages) = unbounded();
         let (lane, state) = (options.trace.lane("read"), Arc::clone(&shared));
         let reader = Reader { sequence, options, shared: state, free: free_phases, out: to_encode, tell, lane };
@@ -312,6 +330,7 @@ struct Reader {
 
 impl Reader {
     fn run(mut self) -> Lane {
+        wait_once();
         let (mut epoch, mut position) = (0, 0u64);
         let mut index = self.options.first;
         let mut told = BTreeSet::new();
@@ -420,6 +439,7 @@ impl Encoding {
         mut encode: impl FnMut(&[&[f32]], &mut VideoFrames) -> Result<(), PlaybackError>,
     ) -> Result<(), PlaybackError> {
         let each = self.shape[1] * self.shape[2] * self.shape[3];
+        wait_once();
         while !self.shared.stopped() {
             let Ok(mut item) = self.encode.recv_timeout(PATIENCE) else { continue };
             let epoch = self.shared.epoch.load(Ordering::Acquire);

@@ -199,6 +199,7 @@ impl std::fmt::Display for Recipe {
         match self.optimizer {
             Optimizer::Adam { .. } => f.write_str(", Adam")?,
             other if other == Optimizer::projection() => {}
+            other if other == Self::momentum() => f.write_str(", momentum 0.7")?,
             Optimizer::Projection { gain: [a, b], momentum, .. } => {
                 write!(f, ", gain {a} to {b}, momentum {momentum}")?
             }

@@ -1,8 +1,8 @@
 //! What to try next: not a grid, for nobody has time for one.
 //!
-//! First the default, then a spine from few steps to as many as there is time for (it draws the front's outline and
-//! reaches its accurate end), each setting changed alone around the default, and points of a low-discrepancy sequence
-//! (Halton's, shifted by the seed) over all of them. Then the front itself is refined: neighbours, one or two settings
+//! First the default, then a spine of more and more steps that draws the front's outline: at its end as many steps as a
+//! trial has time for, and about a fifth and a twentieth of them, where `balanced` and `fast` will be looked for. Then each
+//! setting changed alone around the default, and points of a low-discrepancy sequence (Halton's, shifted by the seed). At last the front itself is refined: neighbours, one or two settings
 //! away, of the trials that would be recommended, and of those beside the front's widest gaps.
 
 use super::{Quality, Recipe, Trial, front, recommend};
@@ -38,10 +38,22 @@ const POINTS: usize = 12;
 /// Tries to find a neighbour that was not tried.
 const TRIES: usize = 200;
 
+/// Parts of the longest trial's steps that are tried too: a little less than what balanced and fast may take.
+const PARTS: [f64; 4] = [0.185, 0.045, 0.15, 0.035];
+
+/// What is decided beforehand.
+enum Item {
+    This(Recipe),
+    /// The spine with as many steps as there is time for.
+    Longest,
+    /// The spine with so many of the longest trial's steps.
+    Part(f64),
+}
+
 /// Decides what to try next. The same trials and the same seed give the same next.
 pub struct Sweep {
     space: Space,
-    queue: VecDeque<Recipe>,
+    queue: VecDeque<Item>,
     random: SplitMix,
 }
 
@@ -49,19 +61,19 @@ impl Sweep {
     /// From the start.
     pub fn new(space: Space, seed: u64) -> Self {
         let mut sweep = Self { space, queue: VecDeque::new(), random: SplitMix(seed ^ 0x0073_7765_6570) };
-        let start = Recipe::default();
-        sweep.queue.push_back(start.clone());
-        let spine = |window| move |steps| Recipe { steps, window, optimizer: Recipe::momentum(), ..Recipe::default() };
-        sweep.queue.extend([8, 24, 64, 128].map(spine(WindowFactor::One)));
-        sweep.queue.extend([16, 32, 64, 128, 256, 512, 1024, 2048].map(spine(WindowFactor::Two)));
-        sweep.queue.push_back(Recipe::adam(200, 8));
+        sweep.queue.push_back(Item::This(Recipe::default()));
+        sweep.queue.extend([8, 24, 64, 128].map(|steps| Item::This(spine(steps, WindowFactor::One))));
+        sweep.queue.extend([16, 32, 64, 128, 256].map(|steps| Item::This(spine(steps, WindowFactor::Two))));
+        sweep.queue.push_back(Item::Longest);
+        sweep.queue.extend(PARTS.map(Item::Part));
+        sweep.queue.push_back(Item::This(Recipe::adam(200, 8)));
         let alone = sweep.alone();
-        sweep.queue.extend(alone);
+        sweep.queue.extend(alone.into_iter().map(Item::This));
         let shift: [f64; 5] = [0; 5].map(|_| sweep.random.unit());
         for i in 1..=POINTS {
             let point: [f64; 5] = std::array::from_fn(|d| (halton(i, [2, 3, 5, 7, 11][d]) + shift[d]).fract());
             let recipe = sweep.at(point);
-            sweep.queue.push_back(recipe);
+            sweep.queue.push_back(Item::This(recipe));
         }
         sweep
     }
@@ -83,8 +95,19 @@ impl Sweep {
     /// nothing is left that fits.
     pub fn next(&mut self, trials: &[Trial], longest: f64, expect: &dyn Fn(&Recipe) -> f64) -> Option<Recipe> {
         let fresh = |recipe: &Recipe| !trials.iter().any(|t| t.recipe == *recipe) && expect(recipe) <= longest;
-        while let Some(recipe) = self.queue.pop_front() {
-            if fresh(&recipe) {
+        let dearest = trials.iter().max_by(|a, b| a.milliseconds.total_cmp(&b.milliseconds));
+        while let Some(item) = self.queue.pop_front() {
+            let recipe = match item {
+                Item::This(recipe) => Some(recipe),
+                // One that went on where it was has been there.
+                Item::Longest if dearest.is_some_and(|t| t.milliseconds > 0.5 * longest) => None,
+                Item::Longest => STEPS.iter().rev().map(|n| spine(*n, WindowFactor::Two)).find(&fresh),
+                Item::Part(part) => dearest.map(|t| {
+                    let steps = (t.recipe.steps as f64 * part).round() as usize;
+                    Recipe { steps: steps.max(1), ..t.recipe.clone() }
+                }),
+            };
+            if let Some(recipe) = recipe.filter(&fresh) {
                 return Some(recipe);
             }
         }
@@ -244,6 +267,11 @@ impl Space {
         };
         (1..=most.min(8)).rev().find(leaves).unwrap_or(1)
     }
+}
+
+/// So many steps of 16 pupils.
+fn spine(steps: usize, window: WindowFactor) -> Recipe {
+    Recipe { steps, window, optimizer: Recipe::momentum(), ..Recipe::default() }
 }
 
 /// The marks next to a value, on both sides.

@@ -37,8 +37,6 @@ const SIDES: [usize; 4] = [128, 256, 512, 1024];
 const ROUNDS: usize = 3;
 /// A step that takes longer than this is the last to be timed, seconds.
 const LONGEST: f64 = 0.6;
-/// The program itself, its threads' stacks and what it keeps for speed, bytes (measured).
-const PROGRAM: u64 = 10 << 20;
 /// Staging between host and device, and what a Vulkan driver keeps, bytes (measured on a software device).
 const STAGING: u64 = 64 << 20;
 
@@ -198,6 +196,9 @@ impl Forecast {
 pub struct Loaded {
     /// Values of all its views in all loaded colours, as float32.
     pub values: usize,
+    /// Bytes of the program with its engine open, before it loads anything: with a Vulkan driver, many times what it is
+    /// without.
+    pub program: u64,
     /// Where the engine's buffers lie.
     pub memory: Memory,
     /// Colours solved before this one: their phases are kept, and the engine keeps the last one's views until it is given
@@ -242,7 +243,7 @@ pub fn forecast(problem: &Problem, settings: &Settings, rates: &Rates, loaded: L
     let one = whole.sight(&sights.draw(), &Comparison::default());
     let verdict = plan::lane_bytes(&one, settings.frames, complex);
     let phases = 4 * (shape.pixels() * settings.frames) as u64;
-    let mut memory = vec![("program", PROGRAM), ("scene", 4 * loaded.values as u64), ("views", pyramid)];
+    let mut memory = vec![("program", loaded.program), ("scene", 4 * loaded.values as u64), ("views", pyramid)];
     if loaded.done > 0 {
         memory.push(("views before", pyramid));
     }

@@ -15,6 +15,7 @@ mod sampling;
 mod scene_plan;
 mod settings;
 mod solver;
+mod steer;
 
 pub use forecast::{Forecast, Loaded, Rate, Rates, forecast};
 pub use judge::{Judge, Verdict};
@@ -25,3 +26,4 @@ pub use scene_plan::{Choice, Full, PaddingRule, ScenePlan, TOLERANCE, Wish};
 pub(crate) use settings::level_table;
 pub use settings::{Optimizer, Settings, cosine, even_levels};
 pub use solver::{Flow, Progress, Solution, SolveError, Stop, Warm, solve, solve_from};
+pub use steer::{Aim, Refiner, Steering, Strategy};

@@ -48,6 +48,11 @@ pub enum Command {
         after_help = "Example:\n  eyebox photograph lightfield/ --size 512x512 --color green --pupil=0,0,18,1 -o photograph.png"
     )]
     Photograph(Photograph),
+    /// Refine a hologram for where the eye is, and say what each step gains
+    #[command(
+        after_help = "Examples:\n  eyebox refine still-life.zarr builtin:still-life --pupil=4,0,4,1 --steps 16\n  eyebox refine still-life.zarr builtin:still-life --pupil=4,0,4,1 --spread 1 -o seen-there.zarr --json"
+    )]
+    Refine(crate::refine::Refine),
     /// Measure a hologram against its scene over many pupils
     #[command(after_help = "Example:\n  eyebox score still-life.zarr builtin:still-life --pupils random:16")]
     Score(Score),
@@ -255,7 +260,7 @@ pub struct Solve {
     pub rate: Rate,
     /// Where in its schedule a frame of a sequence begins that starts from the one before, 0 to 1; or cold: from random
     /// phases
-    #[arg(long, value_name = "SHARE|cold", value_parser = warm, default_value = "0.5")]
+    #[arg(long, value_name = "SHARE|cold", value_parser = warm, default_value = "0")]
     pub warm_start: Start,
     /// Display
     #[command(flatten)]

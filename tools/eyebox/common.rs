@@ -147,9 +147,14 @@ pub fn is_hologram(path: &Path) -> bool {
 
 /// Largest resident set so far, as Linux tells it.
 pub fn peak_memory_mib() -> Option<u64> {
+    memory_kib("VmHWM").map(|kib| kib / 1024)
+}
+
+/// A line of this process's status that is an amount of memory: `VmRSS`, `VmHWM`.
+pub fn memory_kib(name: &str) -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find(|l| l.starts_with("VmHWM:"))?;
-    line.split_whitespace().nth(1)?.parse::<u64>().ok().map(|kib| kib / 1024)
+    let line = status.lines().find_map(|l| l.strip_prefix(name)?.strip_prefix(':'))?;
+    line.split_whitespace().next()?.parse().ok()
 }
 
 /// A hologram, or one of a sequence's.

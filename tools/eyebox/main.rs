@@ -1,4 +1,4 @@
-//! The `eyebox` command: `demo`, `solve`, `plan`, `view`, `photograph`, `score`, `tradeoff`, `evaluate`, `export`, `encode`,
+//! The `eyebox` command: `demo`, `solve`, `plan`, `view`, `photograph`, `refine`, `score`, `tradeoff`, `evaluate`, `export`, `encode`,
 //! `play`, `bench`, `devices`, `trackers`.
 //!
 //! This room reads arguments, calls the runtime, and shows what came of it. Anything that a program would want to call
@@ -20,6 +20,7 @@ mod play;
 mod progress;
 mod quality;
 mod rates;
+mod refine;
 mod report;
 mod score;
 mod solve;
@@ -46,6 +47,7 @@ fn main() -> ExitCode {
         Command::Plan(args) => plan::run(args),
         Command::View(args) => view::run(args),
         Command::Photograph(args) => photograph::run(args),
+        Command::Refine(args) => refine::run(args),
         Command::Score(args) => score::run(args),
         Command::Tradeoff(args) => tradeoff::run(args),
         Command::Evaluate(args) => evaluate::run(args),

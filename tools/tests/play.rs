@@ -68,7 +68,7 @@ fn an_interrupted_sequence_is_gone_on_with_and_comes_out_the_same() {
         assert!(chunk("s.zarr") == chunk("cut.zarr"), "hologram {i} is another one");
     }
     assert!(text(&solve(at, &SCENES, "s.zarr", &["--rate", "20"]).stdout).contains("complete"));
-    for (more, what) in [(&["--rate", "30"][..], "30"), (&["--rate", "20", "--seed", "1"], "seed")] {
+    for (more, what) in [(&["--rate", "30"][..], "30"), (&["--rate", "20", "--seed", "1"], "solve")] {
         let answer = solve(at, &SCENES, "s.zarr", more);
         assert_eq!(answer.status.code(), Some(2));
         assert!(text(&answer.stderr).contains(what), "{}", text(&answer.stderr));

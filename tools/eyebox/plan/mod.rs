@@ -34,19 +34,23 @@ pub struct Plan {
     pub time_again: bool,
 }
 
+/// Bytes of the program where the system does not say.
+const PROGRAM: u64 = 10 << 20;
+
 /// Plans, says it, and where asked, measures.
 pub fn run(args: &Plan) -> Result<(), Failure> {
     let solve = &args.solve;
     let display = common::display(&solve.display)?;
     let colors = common::colors(&solve.display, &display)?;
     let mut engine = common::engine(&solve.engine)?;
+    let program = common::memory_kib("VmRSS").map_or(PROGRAM, |kib| kib << 10);
     let field = common::scene(&solve.scene, &display, &colors)?;
     let (recipe, chosen) = recipe_of(solve, engine.as_ref(), &display, colors.len())?;
     let mut plan = plan_of(solve, &recipe, &field, &display)?;
     // Of the sub-frames that are shown, those are solved.
     plan.settings.frames = recipe.frames(plan.settings.frames);
     let rates = rates::of(engine.as_mut(), plan.settings.storage, args.time_again, solve.json)?;
-    let forecasts = forecasts(&plan, &field, &display, engine.as_ref(), &rates)?;
+    let forecasts = forecasts(&plan, &field, &display, program, engine.as_ref(), &rates)?;
     if !solve.json {
         println!("{} on {}, {}x{}", field.name, display.name, display.height, display.width);
         println!("{}\n", engine.describe());
@@ -84,6 +88,7 @@ fn forecasts(
     plan: &ScenePlan,
     field: &LightField,
     display: &Display,
+    program: u64,
     engine: &dyn Engine,
     rates: &Rates,
 ) -> Result<Vec<(Color, Forecast)>, Failure> {
@@ -96,6 +101,7 @@ fn forecasts(
         values: pixels
             * (field.colors.len() * all
                 + if plan.merge > 1 { plan.colors.len() * left.rows * left.columns } else { 0 }),
+        program,
         memory: engine.memory(),
         done: 0,
     };

@@ -313,8 +313,8 @@ fn how(found: &Found) -> String {
          for all. It is the same for every trial: fewer views, coarser pixels or no padding gain nothing by being judged by \
          themselves.</p><p>Time: from the light field in memory to the phases of one colour, the choice of the exposure included, \
          alone in the process; the median where it was taken more than once. Memory: all buffers that the solve plans.</p><p>What was \
-         tried: the default, a spine of more and more steps, each setting alone, points of a low-discrepancy sequence, then \
-         neighbours of the front. A trial may take a sixth of the time given.</p></section>\n<footer>eyebox {}, seed {}.</footer>\n",
+         tried: the default, a spine from few steps to as many as a trial has time for, each setting alone, points of a low-discrepancy sequence, then \
+         neighbours of the front. A trial may take a fifth of the time given.</p></section>\n<footer>eyebox {}, seed {}.</footer>\n",
         escape(&found.version),
         found.seed
     )

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
 /// Shares of the budget: a single trial, the sweep, and all that is measured.
-const TRIAL: f64 = 1.0 / 6.0;
+const TRIAL: f64 = 1.0 / 5.0;
 const SWEEP: f64 = 0.78;
 const LEVELS: f64 = 0.86;
 const ALL: f64 = 0.97;
