@@ -101,12 +101,18 @@ pub fn draw(found: &Found, plot: &Plot, front: &[&Trial]) -> String {
     for trial in front {
         svg.dot(&format!("{class} dot"), at(trial), 3.4, &hover(trial));
     }
+    let mut named: Vec<[f64; 2]> = Vec::new();
     for r in &found.recommended {
         let [px, py] = at(&r.trial);
         svg.dot(&format!("{class} ring"), [px, py], 6.5, &format!("{}: {}", r.quality.name(), hover(&r.trial)));
-        // Beside the ring, where there is room and no front: below it, to the right, unless that is the edge.
+        // Below the ring, to its right unless that is the edge, and below names that are there.
         let (anchor, dx) = if px > WIDTH - 80.0 { ("end", 4.0) } else { ("start", 9.0) };
-        svg.text("name halo", anchor, [px + dx, py + if anchor == "end" { 20.0 } else { 13.0 }], r.quality.name());
+        let mut place = [px + dx, py + if anchor == "end" { 20.0 } else { 13.0 }];
+        while named.iter().any(|[x, y]| (x - place[0]).abs() < 62.0 && (y - place[1]).abs() < 12.0) {
+            place[1] += 4.0;
+        }
+        named.push(place);
+        svg.text("name halo", anchor, place, r.quality.name());
     }
     svg.finish()
 }

@@ -14,7 +14,7 @@ use std::time::Instant;
 /// Shares of the budget: a single trial, the sweep, and all that is measured.
 const TRIAL: f64 = 1.0 / 5.0;
 const SWEEP: f64 = 0.78;
-const LEVELS: f64 = 0.86;
+const LEVELS: f64 = 0.88;
 const ALL: f64 = 0.97;
 /// A trial that takes so many times what it may is given up.
 const PATIENCE: f64 = 2.0;
@@ -97,7 +97,7 @@ impl Work<'_> {
             let Some(recipe) = sweep.next(&state.trials, longest, &expect) else { break };
             self.trial(&recipe, longest, &reference, &clock, &mut state)?;
         }
-        self.levels(reference, rate, &clock, &mut state)?;
+        self.levels(reference, &clock, &mut state)?;
         self.time_again(&clock, &mut state)?;
         state.spent_s = clock.spent();
         self.keep.save("trials", &self.made_by, &state)?;
@@ -188,23 +188,23 @@ impl Work<'_> {
     }
 
     /// Levels after the fact, and optimised for.
-    fn levels(&mut self, mut reference: Reference, rate: f64, clock: &Clock, state: &mut State) -> Result<(), Failure> {
+    fn levels(&mut self, mut reference: Reference, clock: &Clock, state: &mut State) -> Result<(), Failure> {
         let mut wanted: Vec<Vec<f64>> = COMPARED.map(even_levels).to_vec();
         if let Some(own) = self.subject.levels.as_ref().filter(|l| l.len() < 256) {
             wanted.retain(|l| l.len() != own.len());
             wanted.push(own.clone());
         }
         wanted.sort_by_key(Vec::len);
-        // Balanced where there is time for it.
-        let balanced = recommend(&state.trials).map(|r| r[Quality::Balanced as usize].trial.clone());
-        let time = |ms: f64| ms * (wanted.len() + 1) as f64 * 1e-3;
+        // Balanced where there is time for it, else the default, as long as they took.
+        let time = |t: &Trial| t.milliseconds * (wanted.len() + 1) as f64 * 1e-3;
         let left = LEVELS * self.budget - clock.spent();
-        let affordable = balanced.filter(|t| time(t.milliseconds) < left).map(|t| t.recipe);
-        let recipe = Recipe { levels: false, ..affordable.unwrap_or_default() };
-        let expected = Expected::new(&self.subject, &recipe)?.work * rate;
-        if !state.levels.is_empty() || time(expected) > left || progress::interrupted() {
+        let balanced = recommend(&state.trials).map(|r| r[Quality::Balanced as usize].trial.clone());
+        let default = state.trials.iter().find(|t| t.recipe == Recipe::default()).cloned();
+        let chosen = balanced.into_iter().chain(default).find(|t| time(t) < left);
+        let Some(recipe) = chosen.filter(|_| state.levels.is_empty() && !progress::interrupted()) else {
             return Ok(());
-        }
+        };
+        let recipe = Recipe { levels: false, ..recipe.recipe };
         clock.bar.say("levels of the SLM");
         let Some(free) = self.solve(&recipe, f64::INFINITY, clock)? else { return Ok(()) };
         reference = reference.with_levels(None);
