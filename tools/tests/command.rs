@@ -349,7 +349,7 @@ fn the_smallest_displays_work() {
 fn padding_is_said() {
     let temp = folder();
     let answer = eyebox(temp.path(), &solve("builtin:plane", "p.zarr", &["--padding", "--depth=-9..9"]));
-    assert!(answer.status.success() && text(&answer.stderr).contains("padded by"), "{}", text(&answer.stderr));
+    assert!(answer.status.success() && text(&answer.stderr).contains("padding: "), "{}", text(&answer.stderr));
     done(temp.path(), &["view", "p.zarr", "--pupil=0,0,5,0", "-o", "v.png"]);
 }
 
