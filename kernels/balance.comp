@@ -1,10 +1,12 @@
 #version 450
+#extension GL_GOOGLE_include_directive : require
+#include "half.glsl"
 
 // change /= max(hits, 1)^power. x: point of the grid (strided), z: frame.
 
 layout(local_size_x = 64) in;
 layout(std430, binding = 0) readonly buffer Hits { float hits[]; };
-layout(std430, binding = 1) buffer Change { vec2 change[]; };
+layout(std430, binding = 1) buffer Change { COMPLEX change[]; };
 layout(push_constant) uniform Args {
     uint grid_height, grid_width;
     float power;
@@ -19,6 +21,6 @@ void main() {
         float n = hits[i];
         if (n <= 1.0) continue;
         float factor = power == 1.0 ? 1.0 / n : power == 0.5 ? 1.0 / sqrt(n) : pow(n, -power);
-        change[base + i] *= factor;
+        change[base + i] = STORE(LOAD(change[base + i]) * factor);
     }
 }

@@ -1,16 +1,21 @@
 #version 450
+#extension GL_GOOGLE_include_directive : require
+#include "half.glsl"
 
-// energy[patch] += sum |field|^2 over the patch and all sub-frames. x: patch, one workgroup each.
+// energy[patch] += sum |field|^2 over values begin .. end of the patch and all sub-frames. x: patch, one workgroup each.
+// A patch comes in shares: an invocation adds up a few thousand values plainly and no more, for float32 loses the small
+// end of a longer sum, and some software devices leave a loop after 65535 rounds.
 
 const uint SIZE = 128;
 
 layout(local_size_x = 128) in;
-layout(std430, binding = 0) readonly buffer Field { vec2 field[]; };
+layout(std430, binding = 0) readonly buffer Field { COMPLEX field[]; };
 layout(std430, binding = 1) buffer Energy { float energy[]; };
 layout(push_constant) uniform Args {
     uint grid_height, grid_width, y0, x0, rows, columns, patches, accumulate;
     // Sub-frames, and values from one to the next.
     uint frames, field_stride;
+    uint begin, end;
 };
 
 shared float parts[SIZE];
@@ -19,12 +24,13 @@ void main() {
     uint a = gl_WorkGroupID.x / patches, b = gl_WorkGroupID.x % patches;
     uint top = a * rows / patches, left = b * columns / patches;
     uint height = (a + 1) * rows / patches - top, width = (b + 1) * columns / patches - left;
+    uint last = min(end, height * width);
     float sum = 0.0;
     for (uint f = 0; f < frames; f++) {
-        for (uint i = gl_LocalInvocationID.x; i < height * width; i += SIZE) {
+        for (uint i = begin + gl_LocalInvocationID.x; i < last; i += SIZE) {
             uint y = (y0 + top + i / width) % grid_height;
             uint x = (x0 + left + i % width) % grid_width;
-            vec2 z = field[f * field_stride + y * grid_width + x];
+            vec2 z = LOAD(field[f * field_stride + y * grid_width + x]);
             sum += dot(z, z);
         }
     }

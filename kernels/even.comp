@@ -1,4 +1,6 @@
 #version 450
+#extension GL_GOOGLE_include_directive : require
+#include "half.glsl"
 
 // change += factor of the patch * field, inside the eyebox's disc of patches. x: column, y: row (strided), z: frame.
 
@@ -7,8 +9,8 @@ const uint MOST = 256;
 
 layout(local_size_x = 64) in;
 layout(std430, binding = 0) readonly buffer Energy { float energy[]; };
-layout(std430, binding = 1) readonly buffer Field { vec2 field[]; };
-layout(std430, binding = 2) buffer Change { vec2 change[]; };
+layout(std430, binding = 1) readonly buffer Field { COMPLEX field[]; };
+layout(std430, binding = 2) buffer Change { COMPLEX change[]; };
 layout(push_constant) uniform Args {
     uint grid_height, grid_width, y0, x0, rows, columns, patches, accumulate;
     uint mode;
@@ -67,6 +69,6 @@ void main() {
     for (uint j = gl_WorkGroupID.y; j < rows; j += gl_NumWorkGroups.y) {
         uint a = ((j + 1) * patches - 1) / rows;
         uint at = (y0 + j) % grid_height * grid_width + x;
-        change[to + at] += factors[a * patches + b] * field[from + at];
+        change[to + at] = STORE(LOAD(change[to + at]) + factors[a * patches + b] * LOAD(field[from + at]));
     }
 }

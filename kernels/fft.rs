@@ -68,6 +68,9 @@ impl Columns {
 
 type Plan = Arc<dyn Fft<f32>>;
 
+/// What is done to values when they are stored: between the axes and at the end. Nothing for float32.
+pub type Store = fn(&mut [Complex32]);
+
 /// Plans of RustFFT by length and direction, made when first asked for.
 #[derive(Default)]
 pub struct Plans {
@@ -92,7 +95,15 @@ impl Plans {
     }
 
     /// Transforms `frame` (height, width) in place, on this thread.
-    pub fn fft(&self, frame: &mut [Complex32], height: usize, width: usize, direction: Direction, columns: Columns) {
+    pub fn fft(
+        &self,
+        frame: &mut [Complex32],
+        height: usize,
+        width: usize,
+        direction: Direction,
+        columns: Columns,
+        store: Store,
+    ) {
         let (rows, down) = (self.get(width, direction), self.get(height, direction));
         SCRATCH.with_borrow_mut(|(block, scratch)| {
             let need = rows.get_inplace_scratch_len().max(down.get_inplace_scratch_len());
@@ -104,6 +115,7 @@ impl Plans {
             }
             if direction == Direction::Forward && width > 1 {
                 rows.process_with_scratch(frame, scratch);
+                store(frame);
             }
             if height > 1 {
                 for (first, count) in columns.pieces(width) {
@@ -112,17 +124,20 @@ impl Plans {
                         let block = &mut block[..n * height];
                         gather(frame, block, width, x, n);
                         down.process_with_scratch(block, scratch);
+                        store(block);
                         scatter(block, frame, width, x, n);
                     }
                 }
             }
             if direction == Direction::Inverse && width > 1 {
                 rows.process_with_scratch(frame, scratch);
+                store(frame);
             }
         });
     }
 
     /// As [`fft`](Self::fft), on all cores: the same bits, through a transposed copy in `turned` (resized as needed).
+    #[allow(clippy::too_many_arguments)]
     pub fn fft_wide(
         &self,
         frame: &mut [Complex32],
@@ -131,11 +146,15 @@ impl Plans {
         direction: Direction,
         columns: Columns,
         turned: &mut Vec<Complex32>,
+        store: Store,
     ) {
         let (rows, down) = (self.get(width, direction), self.get(height, direction));
         let along = |frame: &mut [Complex32]| {
             let some = width * height.div_ceil(4 * rayon::current_num_threads());
-            frame.par_chunks_mut(some.max(width)).for_each(|part| in_place(&rows, part));
+            frame.par_chunks_mut(some.max(width)).for_each(|part| {
+                in_place(&rows, part);
+                store(part);
+            });
         };
         if direction == Direction::Forward && width > 1 {
             along(frame);
@@ -154,6 +173,7 @@ impl Plans {
                     }
                 }
                 in_place(&down, block);
+                store(block);
             });
             let turned = &*turned;
             frame.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
@@ -246,8 +266,8 @@ mod tests {
             let want = naive(&x, h, w, if forward { -1.0 } else { 1.0 });
             let plans = Plans::default();
             let (mut one, mut wide) = (x.clone(), x);
-            plans.fft(&mut one, h, w, direction, columns);
-            plans.fft_wide(&mut wide, h, w, direction, columns, &mut Vec::new());
+            plans.fft(&mut one, h, w, direction, columns, |_| ());
+            plans.fft_wide(&mut wide, h, w, direction, columns, &mut Vec::new(), |_| ());
             let (mut error, mut power) = (0.0, 1e-30);
             for (i, (got, want)) in one.iter().zip(&want).enumerate() {
                 if forward && !in_use(i % w) { continue; }

@@ -1,11 +1,14 @@
 #version 450
+#extension GL_GOOGLE_include_directive : require
+#include "half.glsl"
 
 // Around the inner transforms of Bluestein's algorithm (1970): a transform of any length n is a convolution with a
 // chirp, done by transforms of a length m >= 2 n - 1. Columns: x is the column, y the element. Rows: x is the element,
-// y the row. z: frame. The work lies compact: lines of m elements, without those lines that are not wanted.
+// y the row. z: frame. The work lies compact: lines of m elements, without those lines that are not wanted. It is in
+// float32 whatever the data are in: a convolution reaches far beyond what it begins and ends with.
 
 layout(local_size_x = 16, local_size_y = 4) in;
-layout(std430, binding = 0) buffer Data { vec2 data[]; };
+layout(std430, binding = 0) buffer Data { COMPLEX data[]; };
 layout(std430, binding = 1) buffer Work { vec2 work[]; };
 // Chirp exp(-i pi k^2 / n), or the transform of its inverse.
 layout(std430, binding = 2) readonly buffer Table { vec2 table[]; };
@@ -32,7 +35,7 @@ void main() {
     if (mode == 0u) {
         vec2 value = vec2(0.0);
         if (element < n) {
-            value = data[d];
+            value = LOAD(data[d]);
             value = times(inverse == 1u ? value.yx : value, table[element]);
         }
         work[w] = value;
@@ -40,6 +43,6 @@ void main() {
         work[w] = times(work[w], table[element]);
     } else {
         vec2 value = times(work[w], table[element]);
-        data[d] = inverse == 1u ? value.yx : value;
+        data[d] = STORE(inverse == 1u ? value.yx : value);
     }
 }

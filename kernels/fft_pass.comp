@@ -15,12 +15,13 @@ layout(constant_id = 5) const uint ROWS = 0;
 layout(constant_id = 6) const uint FIRST = 0;
 const uint R = A * B;
 
+#include "half.glsl"
 #include "fft_butterfly.glsl"
 
-layout(std430, binding = 0) readonly buffer From2 { vec2 from2[]; };
-layout(std430, binding = 0) readonly buffer From4 { vec4 from4[]; };
-layout(std430, binding = 1) writeonly buffer To2 { vec2 to2[]; };
-layout(std430, binding = 1) writeonly buffer To4 { vec4 to4[]; };
+layout(std430, binding = 0) readonly buffer From2 { COMPLEX from2[]; };
+layout(std430, binding = 0) readonly buffer From4 { COMPLEX2 from4[]; };
+layout(std430, binding = 1) writeonly buffer To2 { COMPLEX to2[]; };
+layout(std430, binding = 1) writeonly buffer To4 { COMPLEX2 to4[]; };
 // (w, w^power) of exp(-i 2 pi j / (s R)), j < s, from `table` on.
 layout(std430, binding = 2) readonly buffer Twiddles { vec4 twiddles[]; };
 layout(push_constant) uniform Args {
@@ -62,9 +63,9 @@ void main() {
     from += frame * from_frame;
     to += frame * to_frame;
     if (PAIR == 1u) {
-        [[unroll]] for (uint k = 0u; k < R; k++) v[k] = from4[(from + k * k_from) / 2u];
+        [[unroll]] for (uint k = 0u; k < R; k++) v[k] = LOAD2(from4[(from + k * k_from) / 2u]);
     } else {
-        [[unroll]] for (uint k = 0u; k < R; k++) v[k] = from2[from + k * k_from].xyxy;
+        [[unroll]] for (uint k = 0u; k < R; k++) v[k] = LOAD(from2[from + k * k_from]).xyxy;
     }
     if (inverse == 1u) {
         [[unroll]] for (uint k = 0u; k < R; k++) v[k] = v[k].yxwz;
@@ -79,15 +80,15 @@ void main() {
         [[unroll]] for (uint k = 0u; k < R; k++) v[k] = v[k].yxwz;
     }
     if (PAIR == 0u) {
-        [[unroll]] for (uint k = 0u; k < R; k++) to2[to + k * k_to] = v[place(k, A, B)].xy;
+        [[unroll]] for (uint k = 0u; k < R; k++) to2[to + k * k_to] = STORE(v[place(k, A, B)].xy);
     } else if (ROWS == 1u && FIRST == 1u) {
         // Outputs of one butterfly are neighbours, those of neighbouring ones are not.
         [[unroll]] for (uint k = 0u; k < R; k += 2u) {
             vec4 a = v[place(k, A, B)], b = v[place(k + 1u, A, B)];
-            to4[(to + k) / 2u] = vec4(a.xy, b.xy);
-            to4[(to + R + k) / 2u] = vec4(a.zw, b.zw);
+            to4[(to + k) / 2u] = STORE2(vec4(a.xy, b.xy));
+            to4[(to + R + k) / 2u] = STORE2(vec4(a.zw, b.zw));
         }
     } else {
-        [[unroll]] for (uint k = 0u; k < R; k++) to4[(to + k * k_to) / 2u] = v[place(k, A, B)];
+        [[unroll]] for (uint k = 0u; k < R; k++) to4[(to + k * k_to) / 2u] = STORE2(v[place(k, A, B)]);
     }
 }

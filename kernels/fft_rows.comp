@@ -30,10 +30,11 @@ layout(constant_id = 17) const uint A4 = 1;
 layout(constant_id = 18) const uint B4 = 1;
 layout(constant_id = 19) const uint C4 = 0;
 
+#include "half.glsl"
 #include "fft_butterfly.glsl"
 
-layout(std430, binding = 0) buffer Data2 { vec2 data2[]; };
-layout(std430, binding = 0) buffer Data4 { vec4 data4[]; };
+layout(std430, binding = 0) buffer Data2 { COMPLEX data2[]; };
+layout(std430, binding = 0) buffer Data4 { COMPLEX2 data4[]; };
 // As in fft_pass.comp, one stage after the other.
 layout(std430, binding = 1) readonly buffer Twiddles { vec4 twiddles[]; };
 layout(push_constant) uniform Args {
@@ -67,9 +68,9 @@ void stage(uint a, uint b, uint c, uint s, uint table, bool begin, bool end) {
             if (begin) {
                 if (present) {
                     if (PAIR == 1u) {
-                        [[unroll]] for (uint k = 0u; k < r; k++) v[at + k] = data4[(origin + j + k * m) / 2u];
+                        [[unroll]] for (uint k = 0u; k < r; k++) v[at + k] = LOAD2(data4[(origin + j + k * m) / 2u]);
                     } else {
-                        [[unroll]] for (uint k = 0u; k < r; k++) v[at + k] = data2[origin + j + k * m].xyxy;
+                        [[unroll]] for (uint k = 0u; k < r; k++) v[at + k] = LOAD(data2[origin + j + k * m]).xyxy;
                     }
                 }
                 if (inverse == 1u) swap_parts(at, r);
@@ -97,8 +98,8 @@ void stage(uint a, uint b, uint c, uint s, uint table, bool begin, bool end) {
                 if (inverse == 1u) swap_parts(at, r);
                 if (present) {
                     [[unroll]] for (uint k = 0u; k < r; k++) {
-                        if (PAIR == 1u) data4[(origin + to + k * s) / 2u] = v[at + place(k, a, b)];
-                        else data2[origin + to + k * s] = v[at + place(k, a, b)].xy;
+                        if (PAIR == 1u) data4[(origin + to + k * s) / 2u] = STORE2(v[at + place(k, a, b)]);
+                        else data2[origin + to + k * s] = STORE(v[at + place(k, a, b)].xy);
                     }
                 }
             } else if (PAIR == 0u) {

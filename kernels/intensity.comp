@@ -1,9 +1,11 @@
 #version 450
+#extension GL_GOOGLE_include_directive : require
+#include "half.glsl"
 
 // image (+)= gain * sum over frames |window|^2. x: pixel (strided).
 
 layout(local_size_x = 64) in;
-layout(std430, binding = 0) readonly buffer Window { vec2 window[]; };
+layout(std430, binding = 0) readonly buffer Window { COMPLEX window[]; };
 layout(std430, binding = 1) buffer Image { float image[]; };
 layout(push_constant) uniform Args {
     uint count, frames;
@@ -17,7 +19,7 @@ void main() {
     for (uint i = gl_GlobalInvocationID.x; i < count; i += gl_NumWorkGroups.x * gl_WorkGroupSize.x) {
         float sum = accumulate == 0 ? 0.0 : image[i];
         for (uint frame = 0; frame < frames; ++frame) {
-            vec2 v = window[frame * window_stride + i];
+            vec2 v = LOAD(window[frame * window_stride + i]);
             sum += gain * dot(v, v);
         }
         image[i] = sum;

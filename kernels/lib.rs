@@ -2,7 +2,7 @@
 //!
 //! A twin takes its arguments (plain data, `#[repr(C)]`), then its input buffers, then its outputs, in the order of
 //! the bindings of its shader. Twins work on one frame or one lane (a lane is what one pupil needs); the engines
-//! decide how many run at once. Field buffers are complex float32; the frames axis comes first; spectra are in the
+//! decide how many run at once. Field buffers are complex, in float32 or in halves ([`half`]); the frames axis comes first; spectra are in the
 //! order of the DFT. Twins are what the shaders are compared with, and are themselves compared with float64.
 //!
 //! This room imports nothing from the runtime.
@@ -26,6 +26,7 @@
 //! | [`balance`] | hits | change |
 //! | [`energy`] | field | energy |
 //! | [`even`] | energy, field | change |
+//! | [`guard`] | change | found |
 //! | [`project`] | change, shown | phases, velocity |
 //! | [`adam`] | change, shown | phases, first and second moments |
 //! | [`encode`] | phases, offsets, table | video frame |
@@ -39,6 +40,8 @@ pub mod even;
 pub mod exposure;
 pub mod fft;
 pub mod fft_plan;
+pub mod guard;
+pub mod half;
 pub mod intensity;
 pub mod modulate;
 pub mod overlap;

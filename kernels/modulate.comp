@@ -1,16 +1,18 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
+#include "half.glsl"
 #include "trig.glsl"
 
-// field = exp(i phases) on the SLM, zero in the padding around it. x: column, y: row (strided), z: frame.
+// field = scale exp(i phases) on the SLM, zero in the padding around it. x: column, y: row (strided), z: frame.
 
 layout(local_size_x = 64) in;
 layout(std430, binding = 0) readonly buffer Phases { float phases[]; };
-layout(std430, binding = 1) writeonly buffer Field { vec2 field[]; };
+layout(std430, binding = 1) writeonly buffer Field { COMPLEX field[]; };
 layout(push_constant) uniform Args {
     uint height, width, grid_height, grid_width, top, left;
     // Values from one frame to the next.
     uint phases_stride, field_stride;
+    float scale;
 };
 
 void main() {
@@ -21,8 +23,8 @@ void main() {
         vec2 value = vec2(0.0);
         // Unsigned: what lies above or left of the SLM wraps to something large.
         if (y - top < height && x - left < width) {
-            value = cos_sin(phases[frame * phases_stride + (y - top) * width + (x - left)]);
+            value = scale * cos_sin(phases[frame * phases_stride + (y - top) * width + (x - left)]);
         }
-        field[frame * field_stride + y * grid_width + x] = value;
+        field[frame * field_stride + y * grid_width + x] = STORE(value);
     }
 }

@@ -1,4 +1,4 @@
-//! `field = exp(i phases)` on the SLM, zero in the padding around it. One frame.
+//! `field = scale exp(i phases)` on the SLM, zero in the padding around it. One frame.
 
 use crate::{Complex32, ZERO, simd, trig};
 use bytemuck::{Pod, Zeroable};
@@ -21,19 +21,26 @@ pub struct Args {
     pub left: u32,
 }
 
-/// `phases` (height, width) radians, |phase| < 10^4; `field` (grid_height, grid_width).
-pub fn modulate(args: &Args, phases: &[f32], field: &mut [Complex32]) {
+/// `scale`: 1, or a power of two that suits how the field is stored; `phases` (height, width) radians, |phase| < 10^4;
+/// `field` (grid_height, grid_width).
+pub fn modulate(args: &Args, scale: f32, phases: &[f32], field: &mut [Complex32]) {
     let (w, gw) = (args.width as usize, args.grid_width as usize);
     let (top, left) = (args.top as usize, args.left as usize);
     simd(
         #[inline(always)]
         || {
             if args.height == args.grid_height && args.width == args.grid_width {
-                return trig::expi(phases, field);
+                trig::expi(phases, field);
+            } else {
+                field.fill(ZERO);
+                for (row, out) in phases.chunks_exact(w).zip(field.chunks_exact_mut(gw).skip(top)) {
+                    trig::expi(row, &mut out[left..left + w]);
+                }
             }
-            field.fill(ZERO);
-            for (row, out) in phases.chunks_exact(w).zip(field.chunks_exact_mut(gw).skip(top)) {
-                trig::expi(row, &mut out[left..left + w]);
+            if scale != 1.0 {
+                for z in field.iter_mut() {
+                    *z = Complex32::new(z.re * scale, z.im * scale);
+                }
             }
         },
     );

@@ -1,12 +1,14 @@
 #version 450
+#extension GL_GOOGLE_include_directive : require
+#include "half.glsl"
 
 // window = scale * spectrum * transfer inside the spans, zero outside. x: column, y: row (strided), z: frame.
 
 layout(local_size_x = 64) in;
-layout(std430, binding = 0) readonly buffer Spectrum { vec2 spectrum[]; };
+layout(std430, binding = 0) readonly buffer Spectrum { COMPLEX spectrum[]; };
 layout(std430, binding = 1) readonly buffer Transfer { vec2 transfer[]; };
 layout(std430, binding = 2) readonly buffer Spans { uvec2 spans[]; };
-layout(std430, binding = 3) writeonly buffer Window { vec2 window[]; };
+layout(std430, binding = 3) writeonly buffer Window { COMPLEX window[]; };
 layout(push_constant) uniform Args {
     uint grid_height, grid_width, y0, x0, rows, columns;
     float scale;
@@ -25,10 +27,10 @@ void main() {
         uint at = j * columns + k;
         if (k >= span.x && k < span.y) {
             uint y = (y0 + j) % grid_height;
-            vec2 u = spectrum[frame * spectrum_stride + y * grid_width + x] * scale;
+            vec2 u = LOAD(spectrum[frame * spectrum_stride + y * grid_width + x]) * scale;
             vec2 t = transfer[at];
             value = vec2(u.x * t.x - u.y * t.y, u.x * t.y + u.y * t.x);
         }
-        window[frame * window_stride + at] = value;
+        window[frame * window_stride + at] = STORE(value);
     }
 }

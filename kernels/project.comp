@@ -1,11 +1,12 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
+#include "half.glsl"
 #include "trig.glsl"
 
 // Turns each phase by the part of the change that it can follow. x: column, y: row (strided), z: frame.
 
 layout(local_size_x = 64) in;
-layout(std430, binding = 0) readonly buffer Change { vec2 change[]; };
+layout(std430, binding = 0) readonly buffer Change { COMPLEX change[]; };
 // The phases that made the field: the same buffer as `phases` where nothing is quantised.
 layout(std430, binding = 1) readonly buffer Shown { float shown[]; };
 layout(std430, binding = 2) buffer Phases { float phases[]; };
@@ -23,7 +24,7 @@ void main() {
     if (x >= width) return;
     for (uint y = gl_WorkGroupID.y; y < height; y += gl_NumWorkGroups.y) {
         uint at = frame * phases_stride + y * width + x;
-        vec2 du = change[frame * change_stride + (top + y) * grid_width + left + x];
+        vec2 du = LOAD(change[frame * change_stride + (top + y) * grid_width + left + x]);
         float phase = phases[at];
         vec2 u = cos_sin(shown[at]);
         float turn = gain * (u.x * du.y - u.y * du.x);

@@ -1,13 +1,15 @@
 #version 450
+#extension GL_GOOGLE_include_directive : require
+#include "half.glsl"
 
 // change += scale * window * conj(transfer), inside the spans. x: column, y: row (strided), z: frame.
 // A window is at most as large as the grid, so no value of `change` is met twice.
 
 layout(local_size_x = 64) in;
-layout(std430, binding = 0) readonly buffer Window { vec2 window[]; };
+layout(std430, binding = 0) readonly buffer Window { COMPLEX window[]; };
 layout(std430, binding = 1) readonly buffer Transfer { vec2 transfer[]; };
 layout(std430, binding = 2) readonly buffer Spans { uvec2 spans[]; };
-layout(std430, binding = 3) buffer Change { vec2 change[]; };
+layout(std430, binding = 3) buffer Change { COMPLEX change[]; };
 layout(push_constant) uniform Args {
     uint grid_height, grid_width, y0, x0, rows, columns;
     float scale;
@@ -25,8 +27,9 @@ void main() {
         if (k < span.x || k >= span.y) continue;
         uint y = (y0 + j) % grid_height;
         uint at = j * columns + k;
-        vec2 v = window[frame * window_stride + at] * scale;
+        vec2 v = LOAD(window[frame * window_stride + at]) * scale;
         vec2 t = transfer[at];
-        change[frame * change_stride + y * grid_width + x] += vec2(v.x * t.x + v.y * t.y, v.y * t.x - v.x * t.y);
+        uint to = frame * change_stride + y * grid_width + x;
+        change[to] = STORE(LOAD(change[to]) + vec2(v.x * t.x + v.y * t.y, v.y * t.x - v.x * t.y));
     }
 }

@@ -1,10 +1,12 @@
 #version 450
+#extension GL_GOOGLE_include_directive : require
+#include "half.glsl"
 
 // window *= factor. x: pixel (strided), z: frame.
 
 layout(local_size_x = 64) in;
 layout(std430, binding = 0) readonly buffer Factor { float factor[]; };
-layout(std430, binding = 1) buffer Window { vec2 window[]; };
+layout(std430, binding = 1) buffer Window { COMPLEX window[]; };
 layout(push_constant) uniform Args {
     uint count;
     // Values from one frame to the next.
@@ -14,6 +16,6 @@ layout(push_constant) uniform Args {
 void main() {
     uint base = gl_GlobalInvocationID.z * window_stride;
     for (uint i = gl_GlobalInvocationID.x; i < count; i += gl_NumWorkGroups.x * gl_WorkGroupSize.x) {
-        window[base + i] *= factor[i];
+        window[base + i] = STORE(LOAD(window[base + i]) * factor[i]);
     }
 }

@@ -11,6 +11,7 @@
 //! | [`engine`] | runs lists of kernels over buffers, on the CPU or on Vulkan |
 //! | [`evaluate`] | PSNR, SSIM, the exposure that compares a hologram with its scene |
 //! | [`solve`] | pupil sampling, the optimisers, the solver: one for every engine |
+//! | [`quality`] | what a solve costs and how good it is: recipes, their judge, which to recommend, what was measured |
 //! | [`hologram`] | phase frames and their file |
 //! | [`encode`] | calibration, levels, packing: phases to what the SLM receives |
 //! | [`playback`] | when what is shown, pacing, streaming from disk, presenters, an account of what was shown |
@@ -31,6 +32,7 @@ pub mod hologram;
 pub mod optics;
 pub mod plan;
 pub mod playback;
+pub mod quality;
 pub mod scene;
 pub mod solve;
 pub mod trackers;

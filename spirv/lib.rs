@@ -1,7 +1,8 @@
 //! The compiled modules, embedded, with the manifest of their sources.
 //!
 //! `kernels/NAME.comp` becomes `spirv/NAME.spv`; `spirv/manifest.toml` holds the compiler's version, its flags and the
-//! hashes of sources and modules. After a shader was changed: `cargo run -p eyebox-spirv-tool -- build`
+//! hashes of sources and modules. A shader that includes `half.glsl` gives two modules: `NAME`, whose complex fields are in
+//! float32 in memory, and `NAME_half`, whose fields are in halves. After a shader was changed: `cargo run -p eyebox-spirv-tool -- build`
 //! (needs `glslangValidator` and `spirv-val`); building and running eyebox needs neither. A new module is registered
 //! in one line below.
 
@@ -14,8 +15,10 @@ struct Aligned<T: ?Sized>([u32; 0], T);
 
 /// One compiled module.
 pub struct Module {
-    /// Name of its source, without `.comp`.
+    /// Name of its file, without `.spv`.
     pub name: &'static str,
+    /// The module of the same shader for fields stored in halves, if its fields can be.
+    pub half: Option<&'static Module>,
     data: &'static Aligned<[u8]>,
 }
 
@@ -28,41 +31,50 @@ impl Module {
 
 #[cfg(feature = "modules")]
 macro_rules! modules {
-    ($($constant:ident = $name:literal,)*) => {
+    ($($constant:ident = $name:literal $(, $half:ident = $half_name:literal)?;)*) => {
         $(
             #[doc = concat!("`kernels/", $name, ".comp`.")]
-            pub static $constant: Module =
-                Module { name: $name, data: &Aligned([], *include_bytes!(concat!($name, ".spv"))) };
+            pub static $constant: Module = Module {
+                name: $name,
+                half: { let _half: Option<&'static Module> = None; $(let _half = Some(&$half);)? _half },
+                data: &Aligned([], *include_bytes!(concat!($name, ".spv"))),
+            };
+            $(
+                #[doc = concat!("`kernels/", $name, ".comp` with `HALF`.")]
+                pub static $half: Module =
+                    Module { name: $half_name, half: None, data: &Aligned([], *include_bytes!(concat!($half_name, ".spv"))) };
+            )?
         )*
         /// All of them.
-        pub static ALL: &[&Module] = &[$(&$constant),*];
+        pub static ALL: &[&Module] = &[$(&$constant, $(&$half,)?)*];
     };
 }
 
 #[cfg(feature = "modules")]
 modules! {
-    ADAM = "adam",
-    BALANCE = "balance",
-    COMPARE = "compare",
-    ENERGY = "energy",
-    EVEN = "even",
-    EXPOSURE = "exposure",
-    ENCODE = "encode",
-    FFT_CHIRP = "fft_chirp",
-    FFT_PASS = "fft_pass",
-    FFT_ROWS = "fft_rows",
-    INTENSITY = "intensity",
-    MODULATE = "modulate",
-    OVERLAP = "overlap",
-    PASS_PUPIL = "pass_pupil",
-    PHOTOGRAPH = "photograph",
-    PROJECT = "project",
-    QUANTISE = "quantise",
-    RESAMPLE = "resample",
-    RETURN_PUPIL = "return_pupil",
-    TAPER = "taper",
-    TRANSFER = "transfer",
-    WEIGH = "weigh",
+    ADAM = "adam", ADAM_HALF = "adam_half";
+    BALANCE = "balance", BALANCE_HALF = "balance_half";
+    COMPARE = "compare";
+    ENERGY = "energy", ENERGY_HALF = "energy_half";
+    EVEN = "even", EVEN_HALF = "even_half";
+    EXPOSURE = "exposure";
+    ENCODE = "encode";
+    FFT_CHIRP = "fft_chirp", FFT_CHIRP_HALF = "fft_chirp_half";
+    FFT_PASS = "fft_pass", FFT_PASS_HALF = "fft_pass_half";
+    FFT_ROWS = "fft_rows", FFT_ROWS_HALF = "fft_rows_half";
+    GUARD = "guard";
+    INTENSITY = "intensity", INTENSITY_HALF = "intensity_half";
+    MODULATE = "modulate", MODULATE_HALF = "modulate_half";
+    OVERLAP = "overlap";
+    PASS_PUPIL = "pass_pupil", PASS_PUPIL_HALF = "pass_pupil_half";
+    PHOTOGRAPH = "photograph";
+    PROJECT = "project", PROJECT_HALF = "project_half";
+    QUANTISE = "quantise";
+    RESAMPLE = "resample";
+    RETURN_PUPIL = "return_pupil", RETURN_PUPIL_HALF = "return_pupil_half";
+    TAPER = "taper";
+    TRANSFER = "transfer";
+    WEIGH = "weigh", WEIGH_HALF = "weigh_half";
 }
 
 #[cfg(all(test, feature = "modules"))]

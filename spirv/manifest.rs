@@ -25,7 +25,7 @@ pub struct Manifest {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Entry {
-    /// `NAME` of `kernels/NAME.comp` and `spirv/NAME.spv`.
+    /// `NAME` of `spirv/NAME.spv` and, without a `_half`, of `kernels/NAME.comp`.
     pub name: String,
     /// SHA-256 of the source, its includes put in.
     pub source_sha256: String,
@@ -75,12 +75,32 @@ impl Manifest {
     }
 }
 
-/// Names of the kernels that have a shader: `kernels/NAME.comp`.
+/// A shader that includes this is built twice: as `NAME`, and as `NAME_half` with `HALF` defined.
+const HALVES: &str = "#include \"half.glsl\"";
+
+/// Names of the modules that the shaders `kernels/NAME.comp` give.
 ///
 /// # Errors
-/// A folder that cannot be read.
-pub fn sources(root: &Path) -> Result<BTreeSet<String>, ManifestError> {
-    stems(&root.join("kernels"), "comp")
+/// A folder or a file that cannot be read.
+pub fn modules(root: &Path) -> Result<BTreeSet<String>, ManifestError> {
+    let mut names = BTreeSet::new();
+    for name in stems(&root.join("kernels"), "comp")? {
+        let path = root.join("kernels").join(format!("{name}.comp"));
+        let text = std::fs::read_to_string(&path).map_err(at(&path))?;
+        if text.lines().any(|l| l.trim() == HALVES) {
+            names.insert(format!("{name}_half"));
+        }
+        names.insert(name);
+    }
+    Ok(names)
+}
+
+/// What a module is made of: the shader's name, and what is defined for it.
+pub fn source_of(module: &str) -> (&str, Option<&'static str>) {
+    match module.strip_suffix("_half") {
+        Some(source) => (source, Some("HALF")),
+        None => (module, None),
+    }
 }
 
 fn stems(folder: &Path, extension: &str) -> Result<BTreeSet<String>, ManifestError> {
@@ -94,14 +114,14 @@ fn stems(folder: &Path, extension: &str) -> Result<BTreeSet<String>, ManifestErr
     Ok(names)
 }
 
-/// SHA-256 of a shader's text, each `#include "FILE"` followed by that file's text, once.
+/// SHA-256 of the text of a module's shader, each `#include "FILE"` followed by that file's text, once.
 ///
 /// # Errors
 /// A file that cannot be read.
 pub fn source_hash(root: &Path, name: &str) -> Result<String, ManifestError> {
     let folder = root.join("kernels");
     let (mut hash, mut seen) = (Sha256::new(), BTreeSet::new());
-    let mut open = vec![format!("{name}.comp")];
+    let mut open = vec![format!("{}.comp", source_of(name).0)];
     while let Some(file) = open.pop() {
         if !seen.insert(file.clone()) {
             continue;
@@ -130,19 +150,20 @@ fn hex(bytes: &[u8]) -> String {
 /// Files that cannot be read.
 pub fn faults(root: &Path) -> Result<Vec<String>, ManifestError> {
     let manifest = Manifest::read(root)?;
-    let (sources, modules) = (sources(root)?, stems(&root.join("spirv"), "spv")?);
+    let (sources, built) = (modules(root)?, stems(&root.join("spirv"), "spv")?);
     let known: BTreeSet<String> = manifest.module.iter().map(|m| m.name.clone()).collect();
     let mut faults = Vec::new();
     if manifest.flags != FLAGS {
         faults.push("the manifest was written with other flags".to_owned());
     }
-    faults.extend(sources.difference(&known).map(|n| format!("kernels/{n}.comp was never built")));
+    let file = |module: &str| format!("kernels/{}.comp", source_of(module).0);
+    faults.extend(sources.difference(&known).map(|n| format!("{} was never built to spirv/{n}.spv", file(n))));
     faults.extend(known.difference(&sources).map(|n| format!("spirv/{n}.spv has no source any more")));
-    faults.extend(modules.difference(&known).map(|n| format!("spirv/{n}.spv is not in the manifest")));
+    faults.extend(built.difference(&known).map(|n| format!("spirv/{n}.spv is not in the manifest")));
     for entry in manifest.module.iter().filter(|m| sources.contains(&m.name)) {
         let name = &entry.name;
         if source_hash(root, name)? != entry.source_sha256 {
-            faults.push(format!("kernels/{name}.comp changed since spirv/{name}.spv was built"));
+            faults.push(format!("{} changed since spirv/{name}.spv was built", file(name)));
         }
         let path = root.join("spirv").join(format!("{name}.spv"));
         match std::fs::read(&path) {
@@ -160,7 +181,7 @@ pub fn faults(root: &Path) -> Result<Vec<String>, ManifestError> {
 mod tests {
     use super::*;
 
-    /// A workspace with two kernels, one of which includes a file.
+    /// A workspace with three kernels: one includes a file, and one is built in two variants.
     fn workspace() -> tempfile::TempDir {
         let root = tempfile::tempdir().unwrap();
         for folder in ["kernels", "spirv"] {
@@ -170,9 +191,11 @@ mod tests {
         write("kernels/a.comp", "#include \"c.glsl\"\nvoid main() {}");
         write("kernels/b.comp", "void main() {}");
         write("kernels/c.glsl", "// shared");
+        write("kernels/d.comp", "#include \"half.glsl\"\nvoid main() {}");
+        write("kernels/half.glsl", "// halves");
         let mut manifest =
             Manifest { compiler: "x".into(), flags: FLAGS.map(String::from).to_vec(), module: Vec::new() };
-        for name in ["a", "b"] {
+        for name in ["a", "b", "d", "d_half"] {
             write(&format!("spirv/{name}.spv"), name);
             manifest.module.push(Entry {
                 name: name.into(),
@@ -200,6 +223,9 @@ mod tests {
         assert!(change("kernels/b.comp", None).contains("b.spv has no source"));
         assert!(change("kernels/b.comp", Some("void main() { }")).contains("b.comp changed"));
         assert!(change("kernels/c.glsl", Some("// other")).contains("a.comp changed"));
+        assert!(change("kernels/half.glsl", Some("// other")).contains("d.comp changed since spirv/d_half.spv"));
+        assert!(change("kernels/d.comp", Some("void main() {}")).contains("d_half.spv has no source"));
+        assert!(change("kernels/b.comp", Some("#include \"half.glsl\"")).contains("never built to spirv/b_half.spv"));
         assert!(change("spirv/orphan.spv", Some("")).contains("orphan.spv is not in the manifest"));
         assert!(change("spirv/a.spv", Some("A")).contains("a.spv is not the module"));
         assert!(change("spirv/a.spv", None).contains("a.spv is missing"));

@@ -22,6 +22,13 @@ pub fn error_power(got: &[f32], want: &[f64]) -> f64 {
     if power == 0.0 { error } else { error / power }
 }
 
+/// The most error power over signal power that so many roundings to halves leave: half of 2^-10 to either side, evenly, of
+/// a value at the low end of its binade, is 2^-22 / 3 (mean square of an even spread); values higher up have less, by half
+/// on average. Roundings are independent, so that their powers add.
+pub fn half_roundings(count: usize) -> f64 {
+    count as f64 * 2f64.powi(-22) / 3.0
+}
+
 /// 2-D transform in float64, as NumPy defines it (the inverse is divided by the count).
 pub fn fft2(data: &mut [Complex64], height: usize, width: usize, inverse: bool) {
     let mut planner = FftPlanner::new();

@@ -1,12 +1,13 @@
 //! Whole steps: both engines run the same lists, and may hand over anywhere.
 
 use eyebox::engine::cpu::CpuEngine;
-use eyebox::engine::{At, Buffer, Engine, Handover, Kernel, Purpose, Step};
+use eyebox::engine::{At, Buffer, Engine, Handover, Kernel, Purpose, Step, Storage};
 use eyebox::evaluate::{self, Sums};
 use eyebox::plan::{Comparison, Sight};
 use eyebox::solve::Judge;
 use eyebox_kernels::compare::{AMPLITUDE, INTENSITY, PROJECTION};
 use eyebox_tests::both::{Case, Noise, assert_silent, distance, vulkan};
+use eyebox_tests::half_roundings;
 
 /// Runs `steps` from the same random phases; returns the losses and the phases.
 fn solve(engine: &mut dyn Engine, case: &Case, purpose: Purpose, steps: &[Step]) -> (Vec<Vec<f64>>, Vec<f32>) {
@@ -104,6 +105,68 @@ fn both_engines_take_the_steps_of_every_method() {
                 assert_close(&got, &want, &format!("{what}, {height} x {width}, {purpose:?}"));
             }
         }
+    }
+    assert_silent(engine);
+}
+
+/// Fields stored as halves. A field is rounded some twenty times on its way to the retina and back, on the device now
+/// and then between passes where the twin does not: what asks for a change differs by that much. A change moves phases by
+/// the gain, 2 here, and in units of the phases is itself at most about 1: four times the power, for each of three steps.
+const STEPS_APART: f64 = 20.0 * 4.0 * 3.0;
+
+fn assert_near(got: &(Vec<Vec<f64>>, Vec<f32>), want: &(Vec<Vec<f64>>, Vec<f32>), amplified: f64, what: &str) {
+    for (got, want) in got.0.iter().flatten().zip(want.0.iter().flatten()) {
+        // A loss is a mean over pixels, whose roundings average: it is far nearer than a pixel.
+        assert!(*want > 0.0 && (got / want - 1.0).abs() < 2e-3, "{what}: loss {got}, not {want}");
+    }
+    let far = distance(Buffer::Phases, &got.1, &want.1);
+    assert!(far < amplified * half_roundings(1), "{what}: phases differ by {far:e}");
+}
+
+/// Stored as halves both engines still take the same steps, and those are the steps of float32.
+#[test]
+fn both_engines_take_the_same_steps_with_halves() {
+    let mut engine = vulkan();
+    for (height, width, padding, frames) in [(45, 64, 0, 3), (40, 36, 5, 2), (64, 64, 0, 8), (97, 61, 0, 1)] {
+        let plain = Case::new(height, width, padding, 4e-3, frames);
+        let mut case = Case::new(height, width, padding, 4e-3, frames);
+        case.planner.storage = Storage::F16;
+        for (purpose, mode) in [(Purpose::Project, PROJECTION), (Purpose::Adam, INTENSITY), (Purpose::Adam, AMPLITUDE)]
+        {
+            let what = format!("{height} x {width}, {purpose:?}, mode {mode}");
+            let steps = steps(&case, purpose, mode);
+            let got = solve(&mut engine, &case, purpose, &steps);
+            let want = solve(&mut CpuEngine::new(), &case, purpose, &steps);
+            // Adam divides by the gradient's own size: where that is small, its direction is what roundings say.
+            let amplified = if purpose == Purpose::Adam { 10.0 } else { 1.0 } * STEPS_APART;
+            assert_near(&got, &want, amplified, &what);
+            assert_eq!(got, solve(&mut engine, &case, purpose, &steps));
+            let full = solve(&mut CpuEngine::new(), &plain, purpose, &self::steps(&plain, purpose, mode));
+            assert_near(&want, &full, amplified, &format!("{what}, beside float32"));
+            assert_ne!(want, full, "{what}: nothing was rounded");
+        }
+        for (purpose, mode) in [(Purpose::Project, PROJECTION), (Purpose::Adam, INTENSITY)] {
+            let step = |case: &Case| {
+                let even = case.planner.with_even(case.step(purpose, mode, 0.5, 3000), 0.02, 9, 0.5);
+                vec![even, case.stft_step(purpose, mode)]
+            };
+            let got = solve(&mut engine, &case, purpose, &step(&case));
+            let want = solve(&mut CpuEngine::new(), &case, purpose, &step(&case));
+            let full = solve(&mut CpuEngine::new(), &plain, purpose, &step(&plain));
+            let amplified = if purpose == Purpose::Adam { 10.0 } else { 1.0 } * STEPS_APART;
+            assert_near(&got, &want, amplified, &format!("methods, {height} x {width}, {purpose:?}"));
+            assert_near(&want, &full, amplified, &format!("methods, {height} x {width}, {purpose:?}, beside float32"));
+        }
+    }
+    // Wherever they hand over, halves mean the same to both.
+    let mut case = Case::new(30, 44, 0, 4e-3, 2);
+    case.planner.storage = Storage::F16;
+    let steps = [case.step(Purpose::Project, PROJECTION, 0.5, usize::MAX)];
+    let want = solve(&mut CpuEngine::new(), &case, Purpose::Project, &steps);
+    for kernel in [Kernel::PassPupil, Kernel::Weigh, Kernel::ReturnPupil, Kernel::Guard, Kernel::Project] {
+        let mut handover = Handover::new(Box::new(CpuEngine::new()), Box::new(vulkan()), At::Kernel(kernel));
+        let got = solve(&mut handover, &case, Purpose::Project, &steps);
+        assert_near(&got, &want, STEPS_APART, &format!("from {} on", kernel.name()));
     }
     assert_silent(engine);
 }

@@ -4,15 +4,20 @@
 //! Neighbouring kernels of one scope run depth first: a sub-frame (or a pupil) goes through all of them while it is in
 //! the cache. Pupils, and the sub-frames of a large pupil, run in parallel; sums are in a fixed order, so the result is
 //! the same bits for any number of threads.
+//!
+//! Fields stored as halves are for comparison: values stay float32 in memory and are rounded to halves wherever a kernel
+//! stores them, between the axes of a transform too. That takes longer than float32 and saves nothing.
 
-use super::{Buffer, Dispatch, Engine, EngineError, Kernel, Lane, Purpose, Scope, Shape, Step, Timing};
+use super::{Buffer, Dispatch, Engine, EngineError, Kernel, Lane, Purpose, Scope, Shape, Step, Storage, Timing};
 use crate::scene::Pyramid;
 use eyebox_kernels::{
     Complex32, ZERO, adam, balance,
     compare::compare,
     energy, even,
     exposure::{self, exposure},
-    fft::{Direction, Plans},
+    fft::{Direction, Plans, Store},
+    guard::guard,
+    half,
     intensity::intensity,
     modulate::modulate,
     overlap::overlap,
@@ -89,7 +94,7 @@ impl CpuEngine {
     pub fn new() -> Self {
         let place = bytemuck::Zeroable::zeroed();
         Self {
-            shape: Shape { frames: 0, place, purpose: Purpose::View, quantised: false },
+            shape: Shape { frames: 0, place, purpose: Purpose::View, quantised: false, storage: Storage::F32 },
             views: None,
             phases: Vec::new(),
             shown: Vec::new(),
@@ -136,27 +141,30 @@ impl CpuEngine {
         let change = frames_of(change, points, frames);
         let mut all: Vec<_> = phases.into_iter().zip(shown).zip(momentum).zip(second).zip(field).zip(change).collect();
         let (levels, hits, energy, slots) = (&*levels, &*hits, &*energy, &*slots);
+        let (store, scale) = (storing(shape.storage), shape.field_scale());
         let run = |f: usize,
                    (((((phases, shown), momentum), second), field), change): FrameBuffers,
                    turned: &mut Vec<Complex32>| {
             let (gh, gw) = (shape.place.grid_height as usize, shape.place.grid_width as usize);
             let mut fft = |frame: &mut [Complex32], direction| {
                 if wide {
-                    plans.fft_wide(frame, gh, gw, direction, step.columns, turned);
+                    plans.fft_wide(frame, gh, gw, direction, step.columns, turned, store);
                 } else {
-                    plans.fft(frame, gh, gw, direction, step.columns);
+                    plans.fft(frame, gh, gw, direction, step.columns, store);
                 }
             };
             for dispatch in group {
                 clock.time(dispatch.kernel, || match dispatch.kernel {
                     Kernel::Quantise => quantise(&step.quantise, phases, levels, shown),
-                    Kernel::Modulate if shape.quantised => modulate(&shape.place, shown, field),
-                    Kernel::Modulate => modulate(&shape.place, phases, field),
+                    Kernel::Modulate if shape.quantised => modulate(&shape.place, scale, shown, field),
+                    Kernel::Modulate => modulate(&shape.place, scale, phases, field),
                     Kernel::FieldForward => fft(field, Direction::Forward),
                     Kernel::ReturnPupil => {
                         for (lane, slot) in step.lanes[dispatch.lanes.clone()].iter().zip(slots) {
                             let window = &slot.window[f * lane.count()..][..lane.count()];
                             return_pupil(&lane.back, window, &slot.transfer, &lane.spans, change);
+                            // Each pupil adds to what is stored.
+                            lane.back.pieces(&lane.spans, |at, _, length| store(&mut change[at..at + length]));
                         }
                     }
                     Kernel::Balance => balance::balance(&step.balance, hits, change),
@@ -174,6 +182,11 @@ impl CpuEngine {
                     }
                     other => unreachable!("{} does not run over frames", other.name()),
                 });
+                match dispatch.kernel {
+                    Kernel::Modulate => store(field),
+                    Kernel::Balance | Kernel::Even => store(change),
+                    _ => {}
+                }
             }
         };
         if wide {
@@ -202,6 +215,7 @@ impl CpuEngine {
         };
         let Self { shape, field, slots, plans, clock, .. } = self;
         let (frames, points, field) = (shape.frames, shape.points(), &*field);
+        let store = storing(shape.storage);
         slots.par_iter_mut().zip(lanes).for_each(|(slot, lane)| {
             let mut rest = group;
             while let [first, ..] = rest {
@@ -215,7 +229,7 @@ impl CpuEngine {
                 let (now, later) = rest.split_at(framewise);
                 rest = later;
                 let count = lane.count();
-                slot.window.resize(frames * count, ZERO);
+                grow(&mut slot.window, frames * count);
                 let Slot { transfer, window, image, .. } = slot;
                 let work = |f: usize, window: &mut [Complex32]| {
                     for dispatch in now {
@@ -223,10 +237,14 @@ impl CpuEngine {
                             Kernel::PassPupil => {
                                 let spectrum = &field[f * points..][..points];
                                 pass_pupil(&lane.pass, spectrum, transfer, &lane.spans, window);
+                                store(window);
                             }
-                            Kernel::WindowInverse => window_fft(plans, lane, window, Direction::Inverse),
-                            Kernel::WindowForward => window_fft(plans, lane, window, Direction::Forward),
-                            _ => weigh(image, window),
+                            Kernel::WindowInverse => window_fft(plans, lane, window, Direction::Inverse, store),
+                            Kernel::WindowForward => window_fft(plans, lane, window, Direction::Forward, store),
+                            _ => {
+                                weigh(image, window);
+                                store(window);
+                            }
                         });
                     }
                 };
@@ -240,13 +258,16 @@ impl CpuEngine {
         Ok(())
     }
 
-    fn run_whole(&mut self, step: &Step, dispatch: &Dispatch) {
+    /// Whether what `guard` looks at is in order; true for the other kernels.
+    fn run_whole(&mut self, step: &Step, dispatch: &Dispatch) -> bool {
+        let mut sound = true;
         let Self { field, change, hits, energy, clock, .. } = self;
         clock.time(dispatch.kernel, || match dispatch.kernel {
             Kernel::Clear => {
                 hits.fill(0.0);
                 change.par_chunks_mut(1 << 16).for_each(|part| part.fill(ZERO));
             }
+            Kernel::Guard => sound = !change.par_chunks(1 << 16).any(guard),
             Kernel::Energy => {
                 let patches = step.even.place.patches as usize;
                 energy::energy(&step.even.place, field, &mut energy[..patches * patches]);
@@ -257,6 +278,7 @@ impl CpuEngine {
                 }
             }
         });
+        sound
     }
 
     fn state(&self, buffer: Buffer) -> Option<&[f32]> {
@@ -301,15 +323,23 @@ fn is_framewise(kernel: Kernel) -> bool {
     matches!(kernel, Kernel::PassPupil | Kernel::WindowInverse | Kernel::Weigh | Kernel::WindowForward)
 }
 
-fn window_fft(plans: &Plans, lane: &Lane, window: &mut [Complex32], direction: Direction) {
-    plans.fft(window, lane.window.rows, lane.window.columns, direction, lane.columns);
+fn window_fft(plans: &Plans, lane: &Lane, window: &mut [Complex32], direction: Direction, store: Store) {
+    plans.fft(window, lane.window.rows, lane.window.columns, direction, lane.columns, store);
+}
+
+/// What happens to complex values when they are stored.
+fn storing(storage: Storage) -> Store {
+    match storage {
+        Storage::F32 => |_| {},
+        Storage::F16 => half::round,
+    }
 }
 
 fn run_lane(kernel: Kernel, lane: &Lane, slot: &mut Slot, shape: &Shape, views: Option<&Pyramid>) {
     let (count, frames) = (lane.count(), shape.frames);
     match kernel {
         Kernel::Transfer => {
-            slot.transfer.resize(count, ZERO);
+            grow(&mut slot.transfer, count);
             transfer(&lane.transfer, &lane.spans, &mut slot.transfer);
         }
         Kernel::Taper => {
@@ -321,7 +351,7 @@ fn run_lane(kernel: Kernel, lane: &Lane, slot: &mut Slot, shape: &Shape, views: 
         Kernel::Photograph => {
             let (Some(shot), Some(views)) = (&lane.shot, views) else { return };
             let (height, width) = (shot.args.height as usize, shot.args.width as usize);
-            slot.accumulator.resize(height * width, 0.0);
+            grow(&mut slot.accumulator, height * width);
             let views = &views.levels[shot.level].views;
             let band = if height * width < SPLIT { height } else { height.div_ceil(8).max(16) };
             slot.accumulator.par_chunks_mut(band * width).enumerate().for_each(|(i, rows)| {
@@ -330,12 +360,12 @@ fn run_lane(kernel: Kernel, lane: &Lane, slot: &mut Slot, shape: &Shape, views: 
         }
         Kernel::Resample => {
             let Some(shot) = &lane.shot else { return };
-            slot.target.resize(count, 0.0);
+            grow(&mut slot.target, count);
             let Slot { target, accumulator, scratch, .. } = slot;
             resample(&shot.resample, accumulator, &shot.rows, &shot.columns, target, scratch);
         }
         Kernel::Intensity => {
-            slot.image.resize(count, 0.0);
+            grow(&mut slot.image, count);
             let Slot { window, image, .. } = slot;
             if frames * count < SPLIT {
                 return intensity(&lane.intensity, window, image);
@@ -356,8 +386,8 @@ fn run_lane(kernel: Kernel, lane: &Lane, slot: &mut Slot, shape: &Shape, views: 
         Kernel::Compare => slot.loss = compare(&lane.compare, &mut slot.image, &slot.target),
         Kernel::Exposure => {
             let args = lane.exposure(&shape.place);
-            slot.image.resize(count, 0.0);
-            slot.target.resize(count, 0.0);
+            grow(&mut slot.image, count);
+            grow(&mut slot.target, count);
             slot.sums.resize(exposure::PART * args.parts(), 0.0);
             exposure(&args, &slot.image, &slot.target, &mut slot.sums);
         }
@@ -394,11 +424,15 @@ impl Engine for CpuEngine {
                 slots.resize_with(i + 1, Slot::default);
             }
         };
+        let store = storing(self.shape.storage);
         let complex = |to: &mut Vec<Complex32>, fixed: bool| {
             if fixed && 2 * to.len() != data.len() {
                 return Err((2 * to.len(), data.len()));
             }
-            *to = bytemuck::cast_slice(data).to_vec();
+            *to = bytemuck::pod_collect_to_vec(data);
+            if !matches!(buffer, Buffer::Transfer(_)) {
+                store(to);
+            }
             Ok(())
         };
         let real = |to: &mut Vec<f32>, fixed: bool| {
@@ -458,7 +492,11 @@ impl Engine for CpuEngine {
             let (group, later) = rest.split_at(count);
             rest = later;
             match scope {
-                Scope::Whole => self.run_whole(step, first),
+                Scope::Whole => {
+                    if !self.run_whole(step, first) {
+                        losses.fill(f64::NAN);
+                    }
+                }
                 Scope::Frames => self.run_frames(step, group),
                 Scope::Lanes => {
                     self.run_lanes(step, group)?;
@@ -484,6 +522,16 @@ impl Engine for CpuEngine {
     fn reset_timings(&mut self) {
         self.clock = Clock::default();
     }
+}
+
+/// Makes room for `length` values. What was there is gone where it has to grow: the old room is given back first, so that
+/// pupils of growing size leave no trail of blocks behind.
+fn grow<T: Clone + bytemuck::Zeroable>(buffer: &mut Vec<T>, length: usize) {
+    if length > buffer.capacity() {
+        *buffer = Vec::new();
+        buffer.reserve_exact(length);
+    }
+    buffer.resize(length, T::zeroed());
 }
 
 fn renew<T: Clone + bytemuck::Zeroable>(buffer: &mut Vec<T>, length: usize, what: &str) -> Result<(), EngineError> {

@@ -2,7 +2,7 @@
 //!
 //! If a step goes wrong on Vulkan and right on the CPU, handing over later and later finds the kernel that is to blame.
 
-use super::{Buffer, Engine, EngineError, Kernel, Purpose, Shape, Step, Timing};
+use super::{Buffer, Engine, EngineError, Kernel, Memory, Purpose, Shape, Step, Timing};
 use crate::scene::Pyramid;
 use eyebox_kernels::exposure;
 use std::ops::Range;
@@ -103,6 +103,10 @@ impl Engine for Handover {
             At::Kernel(kernel) => kernel.name().to_owned(),
         };
         format!("{}; from {at} on: {}", self.first.describe(), self.second.describe())
+    }
+
+    fn memory(&self) -> Memory {
+        self.second.memory()
     }
 
     fn load(&mut self, shape: &Shape, views: Option<Arc<Pyramid>>) -> Result<(), EngineError> {

@@ -3,14 +3,15 @@
 //! A [`Step`] is plain data: a short list of named kernels ([`Dispatch`]) and, per pupil, the arguments and tables that
 //! they take ([`Lane`]). Every engine runs the same list and keeps the same buffers ([`Buffer`]), so that a wrong
 //! kernel is found by running the list on one engine up to it and on the other after it.
-//! This room may import `plan` (the lists), the pyramid of views from `scene`, and the kernels.
+//! This room may import `plan` (the lists), the pyramid of views from `scene`, the folder of caches from `files`, and the
+//! kernels.
 
 mod choose;
 pub mod cpu;
 mod handover;
 pub mod vulkan;
 
-pub use crate::plan::{Buffer, Dispatch, Kernel, Lane, Purpose, Scope, Shape, Shot, Step, Timing};
+pub use crate::plan::{Buffer, Dispatch, Kernel, Lane, Purpose, Scope, Shape, Shot, Step, Storage, Timing};
 pub use choose::{Choice, open, open_handover, reason};
 pub use handover::{At, Handover};
 
@@ -82,10 +83,26 @@ fn amount(bytes: Option<u64>) -> String {
     }
 }
 
+/// Where an engine's buffers lie.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Memory {
+    /// In the host's memory, as part of the program.
+    Host,
+    /// In the host's memory, behind a driver: what the host gives it is there twice.
+    Shared,
+    /// In the device's own.
+    Device,
+}
+
 /// Runs steps. Times are kept per kernel.
 pub trait Engine: Send {
     /// What it is and what it runs on, in one line.
     fn describe(&self) -> String;
+
+    /// Where its buffers lie.
+    fn memory(&self) -> Memory {
+        Memory::Host
+    }
 
     /// Makes the buffers for this shape, all zero, and takes the views (float32 targets need none).
     ///

@@ -2,7 +2,7 @@
 
 use crate::engine::{Buffer, Engine, EngineError};
 use crate::optics::{Pupil, WindowFactor};
-use crate::plan::{Comparison, Dispatch, Kernel, Planner, Sight};
+use crate::plan::{Comparison, Kernel, Lane, Planner, Sight, Step};
 
 /// The time-averaged intensity through each pupil of the phases that `engine` holds, divided by the pupil's share of
 /// the eyebox (OPTICS 2), on the SLM's pixels: (height, width) each, row-major. No exposure is applied.
@@ -22,26 +22,25 @@ pub fn views(engine: &mut dyn Engine, planner: &Planner, pupils: &[Pupil]) -> Re
 /// Those of the engine.
 pub fn images(engine: &mut dyn Engine, planner: &Planner, sights: &[Sight]) -> Result<Vec<Vec<f32>>, EngineError> {
     let planner = Planner { factor: WindowFactor::Full, ..planner.clone() };
-    let lanes: Vec<_> = sights.iter().map(|s| planner.sight(s, &Comparison::default())).collect();
-    let count = lanes.len();
-    let mut step = planner.view_step(lanes);
-    // One pupil after the other: at full size, one holds as much memory as the field.
-    let shared = step.list.iter().take_while(|d| d.lanes.is_empty()).count();
-    let (shared, per_pupil) = step.list.split_at(shared);
-    let (shared, per_pupil) = (shared.to_vec(), per_pupil.iter().map(|d| d.kernel).collect::<Vec<_>>());
-    step.list = shared;
-    for i in 0..count {
-        step.list.extend(per_pupil.iter().map(|&kernel| Dispatch { kernel, lanes: i..i + 1 }));
-    }
-    let first = step.list.len() - count * per_pupil.len();
-    engine.run_part(&step, 0..first)?;
-    (0..count)
-        .map(|i| {
-            let from = first + i * per_pupil.len();
-            engine.run_part(&step, from..from + per_pupil.len())?;
-            Ok(crop(&planner, engine.read(Buffer::Image(0))?))
-        })
-        .collect()
+    let lanes = sights.iter().map(|s| planner.sight(s, &Comparison::default())).collect();
+    lane_by_lane(engine, planner.view_step(lanes), |engine, _| Ok(crop(&planner, engine.read(Buffer::Image(0))?)))
+}
+
+/// Runs what all lanes share, then each lane by itself, and takes from each what `take` reads.
+pub(super) fn lane_by_lane<T>(
+    engine: &mut dyn Engine,
+    step: Step,
+    take: impl Fn(&mut dyn Engine, &Lane) -> Result<T, EngineError>,
+) -> Result<Vec<T>, EngineError> {
+    let step = step.lane_by_lane();
+    let shared = step.shared();
+    engine.run_part(&step, 0..shared)?;
+    let each = (step.list.len() - shared) / step.lanes.len().max(1);
+    let one = |(i, lane): (usize, &Lane)| {
+        engine.run_part(&step, shared + i * each..shared + (i + 1) * each)?;
+        take(engine, lane)
+    };
+    step.lanes.iter().enumerate().map(one).collect()
 }
 
 /// The photograph of the engine's views through each pupil, on the SLM's pixels (OPTICS 3).

@@ -1,6 +1,7 @@
 //! The three sums from which exposure and PSNR follow, summed where the images are: no image is read back.
 
 use super::EvaluateError;
+use super::look::lane_by_lane;
 use crate::engine::{Buffer, Engine, EngineError};
 use crate::optics::WindowFactor;
 use crate::plan::{Comparison, Planner, Sight};
@@ -56,15 +57,10 @@ impl Sums {
 pub fn sums(engine: &mut dyn Engine, planner: &Planner, sights: &[Sight]) -> Result<Vec<Sums>, EngineError> {
     let planner = Planner { factor: WindowFactor::Full, ..planner.clone() };
     let lanes = sights.iter().map(|s| planner.sight(s, &Comparison::default())).collect();
-    let step = planner.exposure_step(lanes);
-    let shared = step.list.iter().take_while(|d| d.lanes.is_empty()).count();
-    engine.run_part(&step, 0..shared)?;
-    let (each, place) = ((step.list.len() - shared) / step.lanes.len().max(1), planner.place());
-    let one = |(i, lane): (usize, &crate::plan::Lane)| {
-        engine.run_part(&step, shared + i * each..shared + (i + 1) * each)?;
+    let place = planner.place();
+    lane_by_lane(engine, planner.exposure_step(lanes), |engine, lane| {
         Ok(Sums::of_parts(&engine.read(Buffer::Sums(0))?, lane.exposure(&place).pixels()))
-    };
-    step.lanes.iter().enumerate().map(one).collect()
+    })
 }
 
 #[cfg(test)]

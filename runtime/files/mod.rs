@@ -4,10 +4,12 @@
 //! a crash or Ctrl-C leaves what was there before. This room knows bytes and shapes, nothing of optics; it imports
 //! nothing from the rest of the runtime.
 
+mod cache;
 mod npy;
 mod picture;
 mod whole;
 
+pub use cache::cache_folder;
 pub use npy::{Npy, read_npy, write_npy};
 pub use picture::{Grey, encode_grey8, encode_jpeg8, encode_rgb8, linear_to_srgb, read_grey, read_grey8, write_png};
 pub use whole::{FolderDraft, write_file};

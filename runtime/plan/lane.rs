@@ -1,6 +1,6 @@
 //! From a pupil to what it needs: window, spans, taps, tables and the scales that make units right.
 
-use super::{Lane, Purpose, Shape, Shot};
+use super::{Lane, Purpose, Shape, Shot, Storage};
 use crate::optics::{Optics, Padding, Pupil, Window, WindowFactor};
 use crate::scene::{Pyramid, ViewGrid};
 use eyebox_kernels::{
@@ -63,12 +63,27 @@ pub struct Planner {
     pub views: Option<Views>,
     /// Levels that the SLM can show; 0 for any phase.
     pub levels: usize,
+    /// How complex fields are stored.
+    pub storage: Storage,
+}
+
+impl Views {
+    /// Of a pyramid that is not made yet: the sizes alone.
+    pub fn of_size(grid: ViewGrid, height: usize, width: usize) -> Self {
+        Self { grid, levels: Pyramid::sizes(height, width), unit: 1.0 / 65535.0 }
+    }
+
+    /// Bytes of the pyramid.
+    pub fn bytes(&self) -> u64 {
+        let samples: usize = self.levels.iter().map(|(height, width)| height * width).sum();
+        2 * (self.grid.rows * self.grid.columns * samples) as u64
+    }
 }
 
 impl Planner {
     /// Without padding and without views.
     pub fn new(slm: Optics, frames: usize, factor: WindowFactor) -> Self {
-        Self { slm, grid: slm, frames, factor, views: None, levels: 0 }
+        Self { slm, grid: slm, frames, factor, views: None, levels: 0, storage: Storage::F32 }
     }
 
     /// With zeros around the SLM.
@@ -90,11 +105,13 @@ impl Planner {
 
     /// The buffers that an engine needs.
     pub fn shape(&self, purpose: Purpose) -> Shape {
-        Shape { frames: self.frames, place: self.place(), purpose, quantised: self.levels > 0 }
+        let (frames, place, storage) = (self.frames, self.place(), self.storage);
+        Shape { frames, place, purpose, quantised: self.levels > 0, storage }
     }
 
     /// What `pupil` needs. The scale of the way back makes `change` the wanted change of the field after an
-    /// unnormalised inverse for the projection, and the gradient G for the others (OPTICS 4, 6b).
+    /// unnormalised inverse for the projection, and the gradient G for the others (OPTICS 4, 6b), each times what suits
+    /// the storage.
     pub fn lane(&self, pupil: &Pupil, comparison: &Comparison) -> Lane {
         self.lane_of(pupil, self.grid.share(pupil.diameter), comparison)
     }
@@ -106,6 +123,9 @@ impl Planner {
         let spans = window.spans(grid, pupil);
         let (points, count) = ((grid.height * grid.width) as f64, (window.rows * window.columns) as f64);
         let gain = 1.0 / (self.frames as f64 * share);
+        // What the buffers hold is their value times these.
+        let in_field = self.storage.field_scale(grid.height * grid.width);
+        let in_window = self.storage.between(window.rows * window.columns);
         let pass = pass_pupil::Args {
             grid_height: grid.height as u32,
             grid_width: grid.width as u32,
@@ -113,11 +133,15 @@ impl Planner {
             x0: window.x0.rem_euclid(grid.width as i64) as u32,
             rows: window.rows as u32,
             columns: window.columns as u32,
-            scale: (1.0 / points) as f32,
+            scale: (in_window / in_field / points) as f32,
         };
         let projects = comparison.mode == compare::PROJECTION;
-        let back = pass_pupil::Args { scale: (1.0 / if projects { count } else { points }) as f32, ..pass };
         let weight = 2.0 * comparison.exposure * gain / (count * comparison.batch as f64);
+        let exposure = comparison.exposure as f32;
+        let in_factor = self.factor_scale(comparison.mode, f64::from(exposure), weight);
+        let in_change = self.change_scale(comparison.mode, f64::from(exposure));
+        let back = in_change / (in_factor * in_window) / if projects { count } else { points };
+        let back = pass_pupil::Args { scale: back as f32, ..pass };
         let slope = |n: usize| (grid.wavelength / (n as f64 * grid.pitch)).powi(2);
         Lane {
             transfer: transfer::Args {
@@ -134,14 +158,14 @@ impl Planner {
             intensity: intensity::Args {
                 count: count as u32,
                 frames: self.frames as u32,
-                gain: gain as f32,
+                gain: (gain / (in_window * in_window)) as f32,
                 accumulate: 0,
             },
             compare: compare::Args {
                 count: count as u32,
                 mode: comparison.mode,
-                exposure: comparison.exposure as f32,
-                weight: weight as f32,
+                exposure,
+                weight: (weight * in_factor) as f32,
                 floor: comparison.floor as f32,
                 limit: comparison.limit as f32,
             },

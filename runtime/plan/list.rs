@@ -1,5 +1,6 @@
 //! The list of kernels as data.
 
+use super::Storage;
 use crate::optics::Window;
 use eyebox_kernels::{
     adam, balance, compare, even, exposure, fft::Columns, intensity, modulate, pass_pupil, photograph, project,
@@ -50,6 +51,9 @@ pub enum Kernel {
     Even,
     /// `Change`, inverse, in the step's columns.
     ChangeInverse,
+    /// `Change`: makes all losses NaN if a value of it is infinite or none, so that the step is not taken. Where fields
+    /// are stored as halves.
+    Guard,
     /// `Change` -> `Phases`, `Momentum`.
     Project,
     /// `Change` -> `Phases`, `Momentum`, `Second`.
@@ -71,7 +75,7 @@ pub enum Scope {
 
 impl Kernel {
     /// All of them.
-    pub const ALL: [Self; 23] = [
+    pub const ALL: [Self; 24] = [
         Self::Clear,
         Self::Quantise,
         Self::Modulate,
@@ -92,6 +96,7 @@ impl Kernel {
         Self::Balance,
         Self::Even,
         Self::ChangeInverse,
+        Self::Guard,
         Self::Project,
         Self::Adam,
         Self::Exposure,
@@ -120,6 +125,7 @@ impl Kernel {
             "balance",
             "even",
             "change_inverse",
+            "guard",
             "project",
             "adam",
             "exposure",
@@ -134,7 +140,7 @@ impl Kernel {
     /// What it runs over.
     pub fn scope(self) -> Scope {
         match self {
-            Self::Clear | Self::Energy | Self::Overlap => Scope::Whole,
+            Self::Clear | Self::Energy | Self::Overlap | Self::Guard => Scope::Whole,
             Self::Quantise
             | Self::Modulate
             | Self::FieldForward
@@ -206,12 +212,20 @@ pub struct Shape {
     pub purpose: Purpose,
     /// Whether the SLM has levels: `Shown` and `Levels`.
     pub quantised: bool,
+    /// How `Field`, `Change` and `Window` are stored, each times a power of two that suits it: what an engine reads and
+    /// writes is what these buffers hold.
+    pub storage: Storage,
 }
 
 impl Shape {
     /// Pixels of one sub-frame on the SLM.
     pub fn pixels(&self) -> usize {
         self.place.height as usize * self.place.width as usize
+    }
+
+    /// What `modulate` multiplies the field by.
+    pub fn field_scale(&self) -> f32 {
+        self.storage.field_scale(self.points()) as f32
     }
 
     /// Points of the grid.

@@ -1,6 +1,6 @@
 //! The lists that engines run.
 
-use super::{Dispatch, Kernel, Lane, Planner, Step};
+use super::{Dispatch, Kernel, Lane, Planner, Purpose, Step, Storage};
 use eyebox_kernels::{adam, balance, energy, even, fft::Columns, project, quantise};
 use std::ops::Range;
 
@@ -10,7 +10,7 @@ impl Planner {
         let mut step = self.descend(lanes, in_flight, true);
         step.list.push(Dispatch { kernel: Kernel::Project, lanes: 0..0 });
         step.balance.power = power as f32;
-        step.project.gain = gain as f32;
+        step.project.gain = (gain / self.change_scale_of(&step.lanes, true)) as f32;
         step.project.momentum = momentum as f32;
         step
     }
@@ -19,7 +19,9 @@ impl Planner {
     pub fn adam_step(&self, lanes: Vec<Lane>, in_flight: usize, t: usize, rate: f64) -> Step {
         let mut step = self.descend(lanes, in_flight, false);
         step.list.push(Dispatch { kernel: Kernel::Adam, lanes: 0..0 });
-        let (beta1, beta2) = (0.9f64, 0.999f64);
+        // As float32 has them, so that the corrections are those of the moments that the kernel keeps: 1 - 0.999 is off by
+        // a part in 80,000, and without it every step would be (docs/precision.md).
+        let (beta1, beta2) = (f64::from(0.9f32), f64::from(0.999f32));
         let correct = |beta: f64| (1.0 / (1.0 - beta.powi(t.min(1 << 20) as i32))) as f32;
         step.adam = adam::Args {
             place: self.place(),
@@ -28,8 +30,8 @@ impl Planner {
             beta2: beta2 as f32,
             correct1: correct(beta1),
             correct2: correct(beta2),
-            // 1e-8 for a loss times 1000, as the paper's code scales it.
-            epsilon: 1e-11,
+            // 1e-8 for a loss times 1000, as the paper's code scales it; moments are in the change's units.
+            epsilon: (1e-11 * self.change_scale_of(&step.lanes, false)) as f32,
         };
         step
     }
@@ -38,11 +40,11 @@ impl Planner {
     pub fn view_step(&self, lanes: Vec<Lane>) -> Step {
         let all = 0..lanes.len();
         let mut step = self.empty(lanes);
-        let tapered = step.lanes.iter().any(|lane| lane.taper.is_some());
         step.list.extend(self.to_spectrum());
-        let kernels = [Kernel::Transfer, Kernel::Taper, Kernel::PassPupil, Kernel::WindowInverse, Kernel::Intensity];
-        let kernels = kernels.into_iter().filter(|k| tapered || *k != Kernel::Taper);
-        step.list.extend(kernels.map(|kernel| Dispatch { kernel, lanes: all.clone() }));
+        step.over_lanes(
+            all,
+            &[Kernel::Transfer, Kernel::Taper, Kernel::PassPupil, Kernel::WindowInverse, Kernel::Intensity],
+        );
         step
     }
 
@@ -58,6 +60,10 @@ impl Planner {
     /// `eyebox` metres around the axis, those inside its disc, each pulled to their mean with this weight.
     pub fn with_even(&self, mut step: Step, eyebox: f64, patches: usize, weight: f64) -> Step {
         let projects = step.list.last().is_some_and(|d| d.kernel == Kernel::Project);
+        // The projection's factors are ratios of energies; the gradient's go as 1 / energy.
+        let (change, field) =
+            (self.change_scale_of(&step.lanes, projects), f64::from(self.shape(Purpose::View).field_scale()));
+        let weight = weight * change * if projects { 1.0 / field } else { field };
         step.even = self.even(eyebox, patches, projects, weight);
         let whole = |kernel| Dispatch { kernel, lanes: 0..0 };
         let after = |step: &Step, kernel| step.list.iter().position(|d| d.kernel == kernel).map_or(0, |i| i + 1);
@@ -112,27 +118,12 @@ impl Planner {
         let all = first.into_iter().chain([Kernel::Modulate, Kernel::FieldForward]);
         all.map(|kernel| Dispatch { kernel, lanes: 0..0 })
     }
-    /// What each sight shows, what it should show, and the sums of both, one sight after the other: after the entries
-    /// that look at no lane, each lane has as many as the others, and leaves its `Sums` in slot 0.
+
+    /// What each sight shows, what it should show, and the sums of both, left in `Sums` of slots 0, 1, ...
     pub fn exposure_step(&self, lanes: Vec<Lane>) -> Step {
-        let count = lanes.len();
-        let mut step = self.empty(lanes);
-        let tapered = step.lanes.iter().any(|lane| lane.taper.is_some());
-        step.list.extend(self.to_spectrum());
-        let kernels = [
-            Kernel::Transfer,
-            Kernel::Taper,
-            Kernel::PassPupil,
-            Kernel::WindowInverse,
-            Kernel::Intensity,
-            Kernel::Photograph,
-            Kernel::Resample,
-            Kernel::Exposure,
-        ];
-        for i in 0..count {
-            let kernels = kernels.into_iter().filter(|k| tapered || *k != Kernel::Taper);
-            step.list.extend(kernels.map(|kernel| Dispatch { kernel, lanes: i..i + 1 }));
-        }
+        let all = 0..lanes.len();
+        let mut step = self.view_step(lanes);
+        step.over_lanes(all, &[Kernel::Photograph, Kernel::Resample, Kernel::Exposure]);
         step
     }
 
@@ -168,22 +159,19 @@ impl Planner {
         let groups = groups(&lanes, in_flight / self.frames.max(1));
         let mut step = self.empty(lanes);
         // Tapered lanes have no edge at which pupils overlap: the caller's gain says how often they do.
-        let tapered = step.lanes.iter().any(|lane| lane.taper.is_some());
-        let balanced = balanced && !tapered;
+        let balanced = balanced && !step.is_tapered();
         let whole = |kernel| Dispatch { kernel, lanes: 0..0 };
         step.list.extend(self.to_spectrum());
         step.list.push(whole(Kernel::Clear));
         for lanes in groups {
-            let over = |kernel| Dispatch { kernel, lanes: lanes.clone() };
             if balanced {
-                step.list.push(over(Kernel::Overlap));
+                step.list.push(Dispatch { kernel: Kernel::Overlap, lanes: lanes.clone() });
             }
-            step.list.push(over(Kernel::Transfer));
-            if tapered {
-                step.list.push(over(Kernel::Taper));
-            }
-            step.list.extend(
-                [
+            step.over_lanes(
+                lanes,
+                &[
+                    Kernel::Transfer,
+                    Kernel::Taper,
                     Kernel::Photograph,
                     Kernel::Resample,
                     Kernel::PassPupil,
@@ -193,15 +181,45 @@ impl Planner {
                     Kernel::Weigh,
                     Kernel::WindowForward,
                     Kernel::ReturnPupil,
-                ]
-                .map(over),
+                ],
             );
         }
         if balanced {
             step.list.push(whole(Kernel::Balance));
         }
         step.list.push(whole(Kernel::ChangeInverse));
+        if self.storage == Storage::F16 {
+            step.list.push(whole(Kernel::Guard));
+        }
         step
+    }
+}
+
+impl Step {
+    /// Adds these kernels over these lanes; `Taper` only where a lane is tapered.
+    fn over_lanes(&mut self, lanes: Range<usize>, kernels: &[Kernel]) {
+        let tapered = self.is_tapered();
+        let kernels = kernels.iter().filter(|k| tapered || **k != Kernel::Taper);
+        self.list.extend(kernels.map(|&kernel| Dispatch { kernel, lanes: lanes.clone() }));
+    }
+
+    fn is_tapered(&self) -> bool {
+        self.lanes.iter().any(|lane| lane.taper.is_some())
+    }
+
+    /// How many entries, at the start, look at no lane.
+    pub fn shared(&self) -> usize {
+        self.list.iter().take_while(|d| d.lanes.is_empty()).count()
+    }
+
+    /// The same, one lane after the other, each in slot 0: at full size one lane holds as much memory as the field.
+    /// After the shared entries each lane has as many as the others.
+    pub fn lane_by_lane(mut self) -> Self {
+        let kernels: Vec<_> = self.list.drain(self.shared()..).map(|d| d.kernel).collect();
+        for i in 0..self.lanes.len() {
+            self.list.extend(kernels.iter().map(|&kernel| Dispatch { kernel, lanes: i..i + 1 }));
+        }
+        self
     }
 }
 

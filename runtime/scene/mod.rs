@@ -39,6 +39,7 @@ mod error;
 mod folder;
 mod light_field;
 mod map;
+mod merge;
 mod names;
 mod pfm;
 mod photograph;
@@ -48,6 +49,7 @@ mod reproject;
 mod resize;
 mod settings;
 mod single;
+mod survey;
 
 #[cfg(test)]
 mod tests;
@@ -60,6 +62,8 @@ pub use light_field::{Fit, LightField};
 pub use photograph::ViewGrid;
 pub use picture::srgb_to_linear;
 pub use pyramid::{Level, Pyramid};
+pub(crate) use survey::DARK;
+pub use survey::{Black, DepthSource, Light};
 
 use crate::optics::{Color, Display};
 use std::path::Path;

@@ -15,7 +15,7 @@ pub struct Level {
 }
 
 /// All views on the display's grid, and smaller copies for pupils whose window is smaller.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Pyramid {
     /// Linear light of the value 65535.
     pub scale: f32,
@@ -29,6 +29,12 @@ pub struct Pyramid {
 const SMALLEST: usize = 24;
 
 impl Pyramid {
+    /// (height, width) of the levels over a grid of this size, from the grid's own down.
+    pub fn sizes(height: usize, width: usize) -> Vec<(usize, usize)> {
+        let halved = |&(h, w): &(usize, usize)| (h.min(w) >= 2 * SMALLEST).then(|| (h.div_ceil(2), w.div_ceil(2)));
+        std::iter::successors(Some((height, width)), halved).collect()
+    }
+
     /// From views (each height * width, linear light, finite, not negative). Quantised to 1/65535 of the brightest.
     pub fn new(views: &[impl AsRef<[f32]> + Sync], height: usize, width: usize) -> Self {
         let brightest =
@@ -38,10 +44,8 @@ impl Pyramid {
         let quantise = |v: &f32| (v / scale * 65535.0 + 0.5) as u16;
         let store = |image: &[f32], out: &mut [u16]| out.iter_mut().zip(image).for_each(|(o, v)| *o = quantise(v));
         levels[0].views.par_chunks_mut(height * width).zip(views).for_each(|(out, view)| store(view.as_ref(), out));
-        let (mut h, mut w) = (height, width);
-        while h.min(w) >= 2 * SMALLEST {
-            let (finer_h, finer_w) = (h, w);
-            (h, w) = (h.div_ceil(2), w.div_ceil(2));
+        for pair in Self::sizes(height, width).windows(2) {
+            let ((finer_h, finer_w), (h, w)) = (pair[0], pair[1]);
             let (rows, columns) = (Table::area(finer_h, h), Table::area(finer_w, w));
             let args = resample::Args {
                 in_height: finer_h as u32,

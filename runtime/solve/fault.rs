@@ -1,11 +1,12 @@
 //! Where a number first became none.
 
-use crate::engine::{Buffer, Engine, EngineError, Kernel, Scope, Step};
+use crate::engine::{Buffer, Dispatch, Engine, EngineError, Kernel, Scope, Step};
 
 /// The entry of a step's list after which phases may change, and before which all losses are known: what comes behind
-/// the last kernel that runs over lanes.
+/// the last kernel that runs over lanes, and behind `guard` where the list has it.
 pub(super) fn before_state(step: &Step) -> usize {
-    step.list.iter().rposition(|d| d.kernel.scope() == Scope::Lanes).map_or(step.list.len(), |i| i + 1)
+    let known = |d: &Dispatch| d.kernel.scope() == Scope::Lanes || d.kernel == Kernel::Guard;
+    step.list.iter().rposition(known).map_or(step.list.len(), |i| i + 1)
 }
 
 /// Runs the step again, kernel by kernel, up to where phases would change, and names the first whose output is not
@@ -28,7 +29,7 @@ pub(super) fn first_fault(engine: &mut dyn Engine, step: &Step) -> Result<Option
             Kernel::Quantise => vec![Buffer::Shown],
             Kernel::Modulate | Kernel::FieldForward => vec![Buffer::Field],
             Kernel::Energy => vec![Buffer::Energy],
-            Kernel::ReturnPupil => vec![Buffer::Change],
+            Kernel::ReturnPupil | Kernel::Balance | Kernel::Even | Kernel::ChangeInverse => vec![Buffer::Change],
             Kernel::Transfer | Kernel::Taper => slots.map(Buffer::Transfer).collect(),
             Kernel::Photograph => slots.map(Buffer::Accumulator).collect(),
             Kernel::Resample => slots.map(Buffer::Target).collect(),

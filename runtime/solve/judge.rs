@@ -28,7 +28,7 @@ impl Verdict {
     }
 
     /// For targets that were divided by `unit`: the exposure and the errors that they stand for.
-    pub(super) fn in_units_of(mut self, unit: f64) -> Self {
+    pub(crate) fn in_units_of(mut self, unit: f64) -> Self {
         self.exposure *= unit;
         self.psnr.iter_mut().for_each(|db| *db -= 20.0 * unit.log10());
         self

@@ -6,17 +6,24 @@
 mod dpac;
 mod exposure;
 mod fault;
+mod forecast;
 mod judge;
 mod method;
 mod problem;
 mod run;
 mod sampling;
+mod scene_plan;
 mod settings;
 mod solver;
+mod steer;
 
+pub use forecast::{Forecast, Loaded, Rate, Rates, forecast};
 pub use judge::{Judge, Verdict};
 pub use method::Method;
 pub use problem::Problem;
 pub use sampling::{Diameters, PupilRange, Sampler, Sequence, SplitMix, random_phases};
+pub use scene_plan::{Choice, Full, PaddingRule, ScenePlan, TOLERANCE, Wish};
+pub(crate) use settings::level_table;
 pub use settings::{Optimizer, Settings, cosine, even_levels};
 pub use solver::{Flow, Progress, Solution, SolveError, Stop, Warm, solve, solve_from};
+pub use steer::{Aim, Refiner, Steering, Strategy};

@@ -28,17 +28,10 @@ impl Problem {
     /// # Errors
     /// A colour that the display or the scene does not have.
     pub fn new(field: &LightField, color: Color, display: &Display, padding: Padding) -> Result<Self, OpticsError> {
-        let optics = display.optics(color)?;
-        let missing = || OpticsError::NoColor {
-            display: field.name.clone(),
-            color,
-            has: field.colors.iter().map(Color::to_string).collect::<Vec<_>>().join(", "),
-        };
-        let views = &field.planes[field.colors.iter().position(|c| *c == color).ok_or_else(missing)?];
+        let outline = Self::outline(field, color, display, padding)?;
+        let views = &field.planes[field.colors.iter().position(|c| *c == color).unwrap_or(0)];
         let (height, width) = (field.height, field.width);
-        let pixels = (views.len() * height * width) as f64;
-        let mean = views.iter().map(|v| v.iter().map(|x| f64::from(*x)).sum::<f64>()).sum::<f64>() / pixels;
-        let grid = padding.grid(optics);
+        let grid = padding.grid(outline.optics);
         let pyramid = if padding == Padding::default() {
             Pyramid::new(views, height, width)
         } else {
@@ -52,8 +45,26 @@ impl Problem {
             };
             Pyramid::new(&views.iter().map(framed).collect::<Vec<_>>(), grid.height, grid.width)
         };
+        Ok(Self { pyramid: Arc::new(pyramid), ..outline })
+    }
+
+    /// The same without its views (an empty pyramid): what plans and forecasts need.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn outline(field: &LightField, color: Color, display: &Display, padding: Padding) -> Result<Self, OpticsError> {
+        let optics = display.optics(color)?;
+        let missing = || OpticsError::NoColor {
+            display: field.name.clone(),
+            color,
+            has: field.colors.iter().map(Color::to_string).collect::<Vec<_>>().join(", "),
+        };
+        let views = &field.planes[field.colors.iter().position(|c| *c == color).ok_or_else(missing)?];
+        let (height, width) = (field.height, field.width);
+        let pixels = (views.len() * height * width) as f64;
+        let mean = views.iter().map(|v| v.iter().map(|x| f64::from(*x)).sum::<f64>()).sum::<f64>() / pixels;
         let views = ViewGrid { rows: field.grid[0], columns: field.grid[1], cell: field.cell(display) };
-        Ok(Self { optics, padding, eyebox: display.eyebox_min(), views, pyramid: Arc::new(pyramid), mean })
+        Ok(Self { optics, padding, eyebox: display.eyebox_min(), views, pyramid: Arc::new(Pyramid::default()), mean })
     }
 
     /// A power of two near the scene's brightest value, or 1 where that is of ordinary size: dividing by it keeps

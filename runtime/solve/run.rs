@@ -30,6 +30,8 @@ pub(super) struct Run<'a> {
     pub(super) unit: f64,
     /// Whether this is a pilot: it stops only when asked.
     pub(super) pilot: bool,
+    /// Seconds of each step since the last start, without verdicts.
+    pub(super) durations: Vec<f64>,
 }
 
 /// Steps of a pilot solve.
@@ -123,6 +125,7 @@ impl Run<'_> {
         let begun = self.start.elapsed().as_secs_f64();
         // Ten verdicts where quality is to stop the solve, else three: a verdict costs about two steps.
         let every = if wanted.is_some() { steps.div_ceil(10) } else { steps.div_ceil(3) }.max(3);
+        self.durations.clear();
         let mut best: Option<Judged> = None;
         let mut step = 0;
         let stop = loop {
@@ -135,6 +138,7 @@ impl Run<'_> {
             }
             let progress = (step as f64 / steps as f64)
                 .max(limit.map_or(0.0, |most| (seconds - begun) / (most - begun).max(1e-9)));
+            let taken = Instant::now();
             let begun_at = self.from.map_or(0.0, |from| from.progress);
             let next = self.step(&mut sights, begun_at + (1.0 - begun_at) * progress, step + 1);
             // The losses are known before the phases are touched: a bad step is not taken.
@@ -151,6 +155,7 @@ impl Run<'_> {
                 break Stop::NotFinite { step, kernel };
             }
             self.engine.run_part(&next, split..next.list.len())?;
+            self.durations.push(taken.elapsed().as_secs_f64());
             if step.is_multiple_of(every) || step == steps {
                 self.consider(step, &mut best)?;
             }

@@ -3,6 +3,7 @@
 use super::sampling::{Diameters, Sequence};
 use super::{Method, SolveError};
 use crate::optics::WindowFactor;
+use crate::plan::Storage;
 use serde::{Deserialize, Serialize};
 
 /// How phases are moved.
@@ -82,8 +83,10 @@ pub struct Settings {
     pub patches: usize,
     /// Phases that the SLM can show, radians, 1 to 256 of them: what is optimised for, straight-through. None: any phase.
     pub levels: Option<Vec<f64>>,
-    /// Bytes that the windows of pupils in flight may take.
+    /// Bytes that the windows of pupils in flight may take, as float32; stored as halves the same ones take half of it.
     pub window_bytes: usize,
+    /// How complex fields are stored while solving: halves take half the memory, at a price (docs/measurements.md).
+    pub storage: Storage,
 }
 
 impl Default for Settings {
@@ -109,6 +112,7 @@ impl Default for Settings {
             patches: 9,
             levels: None,
             window_bytes: 256 << 20,
+            storage: Storage::F32,
         }
     }
 }
@@ -176,7 +180,7 @@ pub fn even_levels(n: usize) -> Vec<f64> {
 }
 
 /// Levels as the kernel `quantise` takes them: wrapped, ascending, filled up.
-pub(super) fn level_table(levels: &[f64]) -> Vec<f32> {
+pub(crate) fn level_table(levels: &[f64]) -> Vec<f32> {
     let mut table: Vec<f32> = levels.iter().map(|l| eyebox_kernels::trig::wrap(*l as f32)).collect();
     table.sort_by(f32::total_cmp);
     table.resize(eyebox_kernels::quantise::MOST, f32::MAX);

@@ -5,6 +5,7 @@ use super::run::Run;
 use super::settings::level_table;
 use super::{Judge, Method, Optimizer, Problem, Settings, Verdict, dpac};
 use crate::engine::{Buffer, Engine, EngineError};
+use crate::optics::OpticsError;
 use crate::plan::{Kernel, Purpose};
 use std::sync::Arc;
 use std::time::Instant;
@@ -68,6 +69,8 @@ pub struct Solution {
     pub steps: usize,
     /// Seconds taken.
     pub seconds: f64,
+    /// Seconds of a step, the median; 0 without steps.
+    pub step_seconds: f64,
     /// Why it ended.
     pub stop: Stop,
 }
@@ -85,6 +88,9 @@ pub enum SolveError {
         /// What would be right.
         right: &'static str,
     },
+    /// A colour or a size that the display does not have.
+    #[error(transparent)]
+    Optics(#[from] OpticsError),
     /// From the engine.
     #[error(transparent)]
     Engine(#[from] EngineError),
@@ -148,6 +154,7 @@ pub fn solve_from(
     let given = if settings.method.is_iterative() { None } else { Some(dpac::phases(problem, settings, engine)?) };
     let mut planner = problem.planner(computed.frames, settings.window);
     planner.levels = settings.levels.as_ref().map_or(0, Vec::len);
+    planner.storage = settings.storage;
     // A scene of 1e30, or of 1e-30, is solved as if its brightest value were about 1.
     let unit = problem.unit();
     if let Some(views) = &mut planner.views {
@@ -169,7 +176,16 @@ pub fn solve_from(
         let phases = if planner.levels > 0 { engine.read(Buffer::Shown)? } else { phases };
         let (exposure, seconds) = (verdict.exposure, start.elapsed().as_secs_f64());
         let efficiency = problem.mean / exposure;
-        return Ok(Solution { phases, exposure, efficiency, verdict, steps: 0, seconds, stop: Stop::Steps });
+        return Ok(Solution {
+            phases,
+            exposure,
+            efficiency,
+            verdict,
+            steps: 0,
+            seconds,
+            step_seconds: 0.0,
+            stop: Stop::Steps,
+        });
     }
     let settings = &computed;
     let mut run = Run {
@@ -183,6 +199,7 @@ pub fn solve_from(
         exposure: 0.0,
         unit,
         pilot: false,
+        durations: Vec::new(),
     };
     run.exposure = match settings.efficiency {
         // A black scene has no efficiency: any exposure shows it.
@@ -192,7 +209,10 @@ pub fn solve_from(
     let exposure = run.exposure * unit;
     let (best, steps, stop) = run.descend(settings.steps, observe)?;
     let (verdict, phases, _) = best;
+    let mut durations = run.durations;
+    durations.sort_by(f64::total_cmp);
+    let step_seconds = durations.get(durations.len() / 2).copied().unwrap_or(0.0);
     let phases = phases.repeat(frames / settings.frames);
-    let efficiency = problem.mean / exposure;
-    Ok(Solution { phases, exposure, efficiency, verdict, steps, seconds: start.elapsed().as_secs_f64(), stop })
+    let (efficiency, seconds) = (problem.mean / exposure, start.elapsed().as_secs_f64());
+    Ok(Solution { phases, exposure, efficiency, verdict, steps, seconds, step_seconds, stop })
 }

@@ -1,12 +1,15 @@
 //! The command line: millimetres, micrometres and nanometres in, metres out.
 
+use crate::quality::QualityArgs;
 use crate::values::{
-    Targets, depths, method, not_negative, positive, pupil, range, rate, share, size, targets, window,
+    Targets, contrast, depths, full, method, not_negative, positive, pupil, range, rate, share, size, storage, targets,
+    window,
 };
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use eyebox::optics::{Color, Pupil, WindowFactor};
+use eyebox::plan::Storage;
 use eyebox::playback::Rate;
-use eyebox::solve::Method;
+use eyebox::solve::{Full, Method};
 use std::path::PathBuf;
 
 /// Phase holograms that look right from anywhere in the eyebox.
@@ -27,9 +30,15 @@ pub enum Command {
     /// Turn a light field into a hologram
     #[command(after_help = "Examples:\n  eyebox solve lightfield/ --size 512x512 --color green -o lightfield.zarr\n  \
                       eyebox solve builtin:still-life --size 512x512 --seconds 10 -o still-life.zarr\n  \
+                      eyebox solve builtin:still-life --size 512x512 --quality accurate -o still-life.zarr\n  \
                       eyebox solve photo.png --depth-map depth.png --depth=-3..3 -o photo.npy\n  \
                       eyebox solve frame-00/ frame-01/ frame-02/ --size 512x512 --rate 30 -o moving.zarr\n\nSeveral scenes, or a folder of light-field folders, make a sequence; one that was interrupted is gone on with by the same command.\nBuilt-in scenes: still-life, still-life-dark, still-life-bright, dense-grass, points, plane, chart")]
     Solve(Solve),
+    /// Say what of a scene will be computed and why, and what time and memory it will take
+    #[command(
+        after_help = "Examples:\n  eyebox plan builtin:still-life --size 512x512\n  eyebox plan lightfield/ --size 512x512 --json\n  eyebox plan builtin:plane --size 256x256 --measure\n\nIt takes the arguments of solve. The first plan on a machine times its engine for a few seconds; the rates are kept in\n$XDG_CACHE_HOME/eyebox, else ~/.cache/eyebox."
+    )]
+    Plan(Box<crate::plan::Plan>),
     /// Show what an eye sees of a hologram through one pupil
     #[command(after_help = "Examples:\n  eyebox view still-life.zarr --pupil=4,0,4,1.5 -o view.png\n  \
                       eyebox view phases.npy --pupil=0,0,6,0 --pitch 8 --wavelength 520 --focal-length 400 -o view.npy")]
@@ -39,9 +48,20 @@ pub enum Command {
         after_help = "Example:\n  eyebox photograph lightfield/ --size 512x512 --color green --pupil=0,0,18,1 -o photograph.png"
     )]
     Photograph(Photograph),
+    /// Refine a hologram for where the eye is, and say what each step gains
+    #[command(
+        after_help = "Examples:\n  eyebox refine still-life.zarr builtin:still-life --pupil=4,0,4,1 --steps 16\n  eyebox refine still-life.zarr builtin:still-life --pupil=4,0,4,1 --spread 1 -o seen-there.zarr --json"
+    )]
+    Refine(crate::refine::Refine),
     /// Measure a hologram against its scene over many pupils
     #[command(after_help = "Example:\n  eyebox score still-life.zarr builtin:still-life --pupils random:16")]
     Score(Score),
+    /// Measure what quality costs on this machine, and which settings are worth it: for --quality and --deadline
+    #[command(after_help = "Examples:\n  eyebox tradeoff builtin:still-life --size 256x256 -o tradeoff\n  \
+                      eyebox tradeoff lightfield/ --size 512x512 --budget 600 --engine vulkan -o tradeoff\n  \
+                      eyebox tradeoff builtin:still-life --size 256x256 --seed 1 --check tradeoff/tradeoff.json --no-store -o again\n\n\
+                      What is recommended is kept in $XDG_CACHE_HOME/eyebox, else ~/.cache/eyebox, for each device.")]
+    Tradeoff(crate::tradeoff::Tradeoff),
     /// Compare methods over every group of pupils, and write a report of it
     #[command(
         after_help = "Examples:\n  eyebox evaluate builtin:still-life --size 256x256 -o comparison\n  eyebox evaluate lightfield/ builtin:dense-grass --size 256x256 --methods slfh,lf2fs --frames 1,8 -o comparison\n  eyebox evaluate builtin:still-life --hologram mine=still-life.zarr -o comparison\n\nMethods: slfh, lf2fs, stft, stft-unfiltered, stft-exact, smooth, dpac, pupil-aware"
@@ -165,6 +185,9 @@ pub struct Demo {
     /// Rows and columns of the hologram
     #[arg(long, default_value_t = 512, value_name = "N")]
     pub size: usize,
+    /// Quality
+    #[command(flatten)]
+    pub quality: QualityArgs,
     /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,
@@ -177,6 +200,17 @@ pub enum OptimizerName {
     Projection,
     /// The paper's
     Adam,
+}
+
+/// When the SLM is padded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum PaddingName {
+    /// Not at all
+    Never,
+    /// Where what comes in again on the other side would cost more than 0.05 dB
+    Need,
+    /// Always
+    Always,
 }
 
 /// Distribution of pupil diameters.
@@ -234,9 +268,12 @@ pub struct Solve {
     /// Display
     #[command(flatten)]
     pub display: DisplayArgs,
-    /// Sub-frames, optimised jointly on their mean intensity
-    #[arg(long, default_value_t = 8, value_name = "F")]
-    pub frames: usize,
+    /// Quality
+    #[command(flatten)]
+    pub quality: QualityArgs,
+    /// Sub-frames, optimised jointly on their mean intensity [default: 8]
+    #[arg(long, value_name = "F")]
+    pub frames: Option<usize>,
     /// What is supervised: slfh, lf2fs, stft, stft-unfiltered, stft-exact, smooth, dpac, pupil-aware
     #[arg(long, value_parser = method, default_value = "slfh", value_name = "NAME")]
     pub method: Method,
@@ -256,9 +293,9 @@ pub struct Solve {
     /// Patches along the eyebox whose light pupil-aware evens out, 1 to 16
     #[arg(long, default_value_t = 9, value_name = "N")]
     pub patches: usize,
-    /// How phases are moved
-    #[arg(long, value_enum, default_value = "projection")]
-    pub optimizer: OptimizerName,
+    /// How phases are moved [default: projection]
+    #[arg(long, value_enum)]
+    pub optimizer: Option<OptimizerName>,
     /// Share of the light that pupils are to see: less is dimmer and better, to a point [default: chosen for the scene]
     #[arg(long, value_name = "0..1")]
     pub efficiency: Option<f64>,
@@ -274,9 +311,12 @@ pub struct Solve {
     /// Stop at this mean PSNR over held-out pupils, dB
     #[arg(long, value_name = "DB")]
     pub psnr: Option<f64>,
-    /// Spectrum per pupil: 1 or 2 times the pupil, or all of it
-    #[arg(long, value_parser = window, default_value = "1", value_name = "1|2|full")]
-    pub window: WindowFactor,
+    /// Spectrum per pupil: 1 or 2 times the pupil, or all of it [default: 1]
+    #[arg(long, value_parser = window, value_name = "1|2|full")]
+    pub window: Option<WindowFactor>,
+    /// How complex fields are stored: fp16 takes half the memory on Vulkan; for comparison only on the CPU [default: fp32]
+    #[arg(long, value_parser = storage, value_name = "fp32|fp16")]
+    pub storage: Option<Storage>,
     /// Pupil diameters drawn, mm [default: 2..20, or what fits the eyebox]
     #[arg(long, value_name = "MIN..MAX", value_parser = range)]
     pub pupil_diameter: Option<[f64; 2]>,
@@ -286,9 +326,16 @@ pub struct Solve {
     /// Sequence of pupils
     #[arg(long, value_enum, default_value = "sobol")]
     pub sequence: SequenceName,
-    /// Zeros around the SLM, as wide as light walks off, against circular propagation
-    #[arg(long)]
-    pub padding: bool,
+    /// Zeros around the SLM, as wide as light walks off, against circular propagation: never, always, or where the
+    /// scene needs it [default: never; alone: always]
+    #[arg(long, value_enum, value_name = "RULE", num_args = 0..=1, require_equals = true, default_missing_value = "always")]
+    pub padding: Option<PaddingName>,
+    /// Model these parts in full whatever the scene requires: colors, views, padding, window, or all
+    #[arg(long, value_name = "PARTS", num_args = 0..=1, require_equals = true, default_missing_value = "all", value_parser = full)]
+    pub full: Option<Full>,
+    /// As many sub-frames as this speckle contrast needs, 0 to 1, instead of --frames
+    #[arg(long, value_name = "CONTRAST", value_parser = contrast, conflicts_with = "frames")]
+    pub speckle: Option<f64>,
     /// Seed of the first phases and of the pupils
     #[arg(long, default_value_t = 0, value_name = "S")]
     pub seed: u64,

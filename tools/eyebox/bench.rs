@@ -3,9 +3,10 @@
 use crate::Failure;
 use crate::args::Bench;
 use crate::common;
-use crate::solve::settings_of;
-use eyebox::optics::Padding;
-use eyebox::solve::{self, Flow, Problem};
+use crate::quality;
+use crate::solve::{base_of, recipe_of};
+use eyebox::quality::{Prepared, Subject};
+use eyebox::solve::{self, Flow};
 use serde_json::json;
 use std::process::Command;
 use std::time::Instant;
@@ -19,8 +20,13 @@ pub fn run(args: &Bench) -> Result<(), Failure> {
     let begun = Instant::now();
     let field = common::scene(&args.solve.scene, &display, &[color])?;
     let depth = common::depths(&args.solve.scene, &field, &display);
-    let settings = settings_of(&args.solve, &display, depth);
-    let problem = Problem::new(&field, color, &display, Padding::default())?;
+    let (recipe, chosen) = recipe_of(&args.solve, engine.as_ref(), &display, 1)?;
+    let mut base = base_of(&args.solve, &display, depth);
+    base.levels = args.solve.levels.as_deref().map(crate::solve::levels).transpose()?;
+    let levels = quality::levels_of(None, &display)?;
+    let Prepared { problem, settings, .. } =
+        Subject { field: &field, color, display: &display, base, levels }.prepare(&recipe)?;
+    settings.check()?;
     let loading = begun.elapsed().as_secs_f64();
     drop(field);
     println!(
@@ -32,6 +38,7 @@ pub fn run(args: &Bench) -> Result<(), Failure> {
         settings.frames,
         settings.pupils
     );
+    chosen.iter().for_each(|about| println!("{about}"));
     println!("scene loaded in {loading:.2} s");
     let mut steps = Vec::new();
     let mut totals = Vec::new();
@@ -77,19 +84,12 @@ pub fn run(args: &Bench) -> Result<(), Failure> {
     if args.solve.json {
         println!(
             "{}",
-            json!({ "step_ms": steps, "solve_s": totals, "load_s": loading, "peak_memory_mib": peak_memory_mib() })
+            json!({ "step_ms": steps, "solve_s": totals, "load_s": loading, "peak_memory_mib": common::peak_memory_mib() })
         );
     }
-    match peak_memory_mib() {
+    match common::peak_memory_mib() {
         Some(mib) => println!("peak memory {mib} MiB"),
         None => println!("peak memory is not told by this system"),
     }
     Ok(())
-}
-
-/// Largest resident set so far, as Linux tells it.
-fn peak_memory_mib() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find(|l| l.starts_with("VmHWM:"))?;
-    line.split_whitespace().nth(1)?.parse::<u64>().ok().map(|kib| kib / 1024)
 }

@@ -145,6 +145,18 @@ pub fn is_hologram(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("zarr"))
 }
 
+/// Largest resident set so far, as Linux tells it.
+pub fn peak_memory_mib() -> Option<u64> {
+    memory_kib("VmHWM").map(|kib| kib / 1024)
+}
+
+/// A line of this process's status that is an amount of memory: `VmRSS`, `VmHWM`.
+pub fn memory_kib(name: &str) -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|l| l.strip_prefix(name)?.strip_prefix(':'))?;
+    line.split_whitespace().next()?.parse().ok()
+}
+
 /// A hologram, or one of a sequence's.
 pub fn hologram(path: &Path, at: Option<u64>) -> Result<Hologram, Failure> {
     match at {

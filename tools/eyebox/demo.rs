@@ -5,12 +5,14 @@ use crate::args::Demo;
 use crate::common;
 use crate::evaluate;
 use crate::progress;
+use crate::quality;
 use crate::report;
 use crate::score;
 use crate::solve;
 use eyebox::engine::Engine;
 use eyebox::files;
 use eyebox::optics::{Color, Display, Padding, Pupil};
+use eyebox::quality::{Recipe, Subject};
 use eyebox::scene;
 use eyebox::solve::{Method, Settings};
 use std::path::PathBuf;
@@ -33,11 +35,21 @@ pub fn run(args: &Demo) -> Result<(), Failure> {
     eprintln!("rendering {SCENE}: 9 x 9 views of {0}x{0} pixels", args.size);
     let field = scene::load(SCENE, &scene::Request::new(&display, &colors))?;
     let [far, near] = field.depth_range(&display).unwrap_or([-3e-3, 3e-3]);
-    let settings =
-        Settings { steps: 120, depth: [far, near], diameter: common::diameters(None, &display), ..Settings::default() };
+    let base = Settings { depth: [far, near], diameter: common::diameters(None, &display), ..Settings::default() };
+    let recipe = match args.quality.choose(engine.as_ref(), [args.size; 2], base.frames, colors.len())? {
+        Some(chosen) => {
+            eprintln!("{}", chosen.about);
+            chosen.recipe
+        }
+        None => Recipe { steps: 120, ..Recipe::default() },
+    };
+    let levels = quality::levels_of(None, &display)?;
+    let subject = Subject { field: &field, color: colors[0], display: &display, base, levels };
+    let padding = if recipe.padding { subject.required_padding()? } else { Padding::default() };
     progress::catch_interrupt();
-    let solved = solve::solve_colors(&field, &display, &colors, &settings, Padding::default(), engine.as_mut(), false)?;
-    let hologram = solve::hologram(&field, &display, &settings, Padding::default(), &solved);
+    let solved = solve::solve_colors(&subject, &colors, &recipe, engine.as_mut(), false)?;
+    let mut hologram = solve::hologram(&field, &display, &subject.settings(&recipe), padding, &solved);
+    hologram.frames = subject.base.frames;
     let saved = args.out.join("still-life.zarr");
     hologram.save(&saved)?;
 

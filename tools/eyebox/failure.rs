@@ -8,6 +8,7 @@ use eyebox::gaze::GazeError;
 use eyebox::hologram::HologramError;
 use eyebox::optics::OpticsError;
 use eyebox::playback::PlaybackError;
+use eyebox::quality::QualityError;
 use eyebox::scene::SceneError;
 use eyebox::solve::SolveError;
 use eyebox::trackers::TrackerError;
@@ -36,6 +37,9 @@ pub enum Failure {
     /// The comparison.
     #[error(transparent)]
     Evaluate(#[from] EvaluateError),
+    /// A trial of settings.
+    #[error(transparent)]
+    Quality(#[from] QualityError),
     /// A file.
     #[error(transparent)]
     File(#[from] FileError),

@@ -1,5 +1,5 @@
-//! The `eyebox` command: `demo`, `solve`, `view`, `photograph`, `score`, `evaluate`, `export`, `encode`, `bench`,
-//! `devices`, `trackers`, `play`, `monitors`.
+//! The `eyebox` command: `demo`, `solve`, `plan`, `view`, `photograph`, `refine`, `score`, `tradeoff`, `evaluate`, `export`, `encode`,
+//! `play`, `monitors`, `bench`, `devices`, `trackers`.
 //!
 //! This room reads arguments, calls the runtime, and shows what came of it. Anything that a program would want to call
 //! belongs in the runtime. Errors are one line on standard error and exit code 2 (3 where a display was lost); nothing half-written stays behind.
@@ -15,13 +15,18 @@ mod evaluate;
 mod export;
 mod failure;
 mod photograph;
+mod plan;
 mod play;
 mod progress;
+mod quality;
+mod rates;
+mod refine;
 mod report;
 mod score;
 mod solve;
 mod solve_sequence;
 mod trackers;
+mod tradeoff;
 mod values;
 mod view;
 
@@ -39,9 +44,12 @@ fn main() -> ExitCode {
     let done = match &cli.command {
         Command::Demo(args) => demo::run(args),
         Command::Solve(args) => solve::run(args),
+        Command::Plan(args) => plan::run(args),
         Command::View(args) => view::run(args),
         Command::Photograph(args) => photograph::run(args),
+        Command::Refine(args) => refine::run(args),
         Command::Score(args) => score::run(args),
+        Command::Tradeoff(args) => tradeoff::run(args),
         Command::Evaluate(args) => evaluate::run(args),
         Command::Export(args) => export::run(args),
         Command::Encode(args) => encode::run(args),

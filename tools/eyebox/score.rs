@@ -132,7 +132,7 @@ fn row(pupil: &Pupil, images: &[(Vec<f32>, Vec<f32>)], height: usize, width: usi
 }
 
 /// What was said of the scene when it was solved holds, where nothing else is said now.
-fn as_solved(args: &SceneArgs, hologram: &Hologram) -> SceneArgs {
+pub fn as_solved(args: &SceneArgs, hologram: &Hologram) -> SceneArgs {
     let mut args = args.clone();
     let settings = &hologram.settings;
     args.view_pitch = args.view_pitch.or_else(|| settings["view_pitch_mm"].as_f64());
@@ -146,29 +146,33 @@ fn as_solved(args: &SceneArgs, hologram: &Hologram) -> SceneArgs {
     args
 }
 
+/// A hologram, and the display that it was made for.
+pub fn with_display(file: &Path) -> Result<(Hologram, Display), Failure> {
+    let hologram = Hologram::load(file)?;
+    let known = |color: Color| hologram.display_wavelengths.iter().any(|w| w.color == color);
+    if !hologram.colors.iter().all(|c| c.color.is_some_and(known)) {
+        let what = file.display();
+        return Err(Failure::Asked(format!("{what}: its colours are not named, or not those of its display")));
+    }
+    // The eyebox that pupils are drawn in is that of the display it was made for.
+    let (height, width, pitch, focal_length) = (hologram.height, hologram.width, hologram.pitch, hologram.focal_length);
+    let display = Display {
+        name: hologram.display.clone(),
+        height,
+        width,
+        pitch,
+        focal_length,
+        wavelengths: hologram.display_wavelengths.clone(),
+        levels: 256,
+        encoding: Default::default(),
+    };
+    Ok((hologram, display))
+}
+
 /// The hologram, and the display that its own optics make (or, for bare phases, that the flags say).
 fn load(args: &Score) -> Result<(Hologram, Display), Failure> {
     if common::is_hologram(&args.hologram) {
-        let hologram = Hologram::load(&args.hologram)?;
-        let known = |color: Color| hologram.display_wavelengths.iter().any(|w| w.color == color);
-        if !hologram.colors.iter().all(|c| c.color.is_some_and(known)) {
-            let what = args.hologram.display();
-            return Err(Failure::Asked(format!("{what}: its colours are not named, or not those of its display")));
-        }
-        // The eyebox that pupils are drawn in is that of the display it was made for.
-        let (height, width, pitch, focal_length) =
-            (hologram.height, hologram.width, hologram.pitch, hologram.focal_length);
-        let display = Display {
-            name: hologram.display.clone(),
-            height,
-            width,
-            pitch,
-            focal_length,
-            wavelengths: hologram.display_wavelengths.clone(),
-            levels: 256,
-            encoding: Default::default(),
-        };
-        return Ok((hologram, display));
+        return with_display(&args.hologram);
     }
     let phases = hologram::load_phases(&args.hologram)?;
     let mut display = common::display(&args.display)?;

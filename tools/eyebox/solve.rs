@@ -1,15 +1,17 @@
 //! `eyebox solve`.
 
 use crate::Failure;
-use crate::args::{DiametersName, OptimizerName, SequenceName, Solve};
+use crate::args::{DiametersName, OptimizerName, PaddingName, SequenceName, Solve};
 use crate::common::{self, Form};
 use crate::progress::{self, Bar};
+use crate::quality::{self, Chosen};
 use crate::solve_sequence;
 use eyebox::engine::Engine;
 use eyebox::hologram::{self, ColorHologram, Hologram};
 use eyebox::optics::{Color, Display, Padding};
+use eyebox::quality::{Recipe, Reference, Subject};
 use eyebox::scene::LightField;
-use eyebox::solve::{self, Diameters, Optimizer, Problem, Sequence, Settings, Solution, Stop};
+use eyebox::solve::{self, Diameters, Optimizer, PaddingRule, ScenePlan, Sequence, Settings, Solution, Stop, Wish};
 use serde_json::json;
 use std::time::Instant;
 
@@ -25,31 +27,46 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     // The engine first: where there is none, nothing needs to be loaded.
     let mut engine = common::engine(&args.engine)?;
     let field = common::scene(&args.scene, &display, &colors)?;
-    let depth = common::depths(&args.scene, &field, &display);
-    let mut settings = settings_of(args, &display, depth);
-    settings.seconds = args.seconds.map(|s| s / colors.len() as f64);
-    settings.levels = args.levels.as_deref().map(levels).transpose()?;
+    let (mut recipe, chosen) = recipe_of(args, engine.as_ref(), &display, colors.len())?;
+    let plan = plan_of(args, &recipe, &field, &display)?;
+    // What the hologram's file remembers of its scene is the scene as it is, not what the plan leaves of it.
+    let (grid, cell) = (field.grid, field.cell(&display));
+    let field = plan.reduce(field, &display);
+    let (colors, padding) = (&plan.colors, plan.padding);
+    recipe.follow(&plan.settings, padding);
+    // What the recipe is optimised for, if it is: the display's own levels.
+    let own = quality::levels_of(None, &display)?;
+    let subject =
+        Subject { field: &field, color: colors[0], display: &display, base: plan.settings.clone(), levels: own };
+    let settings = subject.settings(&recipe);
     settings.check()?;
-    let padding = padding(args.padding, &display, &colors, depth)?;
     if !args.json {
         eprintln!(
             "{}: {} x {} views, {}x{}, depth {:.2}..{:.2} mm",
             field.name,
-            field.grid[0],
-            field.grid[1],
+            grid[0],
+            grid[1],
             display.height,
             display.width,
-            depth[0] * 1e3,
-            depth[1] * 1e3
+            settings.depth[0] * 1e3,
+            settings.depth[1] * 1e3
         );
-        if padding != Padding::default() {
-            eprintln!("padded by {} rows and {} columns against circular propagation", padding.rows, padding.columns);
+        for choice in plan.choices.iter().filter(|c| c.saves || (c.what == "padding" && padding != Padding::default()))
+        {
+            eprintln!("{}: {} ({})", choice.what, choice.value, choice.why);
         }
         eprintln!("engine: {}", engine.describe());
+        chosen.iter().for_each(|about| eprintln!("{about}"));
     }
     progress::catch_interrupt();
-    let solved = solve_colors(&field, &display, &colors, &settings, padding, engine.as_mut(), args.json)?;
+    let solved = solve_colors(&subject, colors, &recipe, engine.as_mut(), args.json)?;
     let mut hologram = hologram(&field, &display, &settings, padding, &solved);
+    hologram.frames = subject.base.frames;
+    if chosen.is_some() {
+        hologram.settings["recipe"] = json!(recipe);
+    }
+    hologram.settings["views"] = json!(grid);
+    hologram.settings["view_pitch_mm"] = json!(cell * 1e3);
     if let Some(depth) = args.scene.depth.filter(|_| args.scene.depth_map.is_some()) {
         // In the order of the map's values, which the range of depths does not keep.
         hologram.settings["depth_map_mm"] = json!(depth.map(|d| d * 1e3));
@@ -61,7 +78,7 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     let report = |(color, s): &(Color, Solution)| {
         json!({
             "color": color, "psnr_mean_db": s.verdict.mean(), "psnr_worst_db": s.verdict.worst(),
-            "exposure": s.exposure, "efficiency": s.efficiency, "steps": s.steps, "seconds": s.seconds, "stopped_by": stop_name(s.stop), "fault": fault(s.stop),
+            "exposure": s.exposure, "efficiency": s.efficiency, "steps": s.steps, "step_ms": s.step_seconds * 1e3, "seconds": s.seconds, "stopped_by": stop_name(s.stop), "fault": fault(s.stop),
         })
     };
     let timings: Vec<_> = engine
@@ -73,7 +90,8 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
         let colors: Vec<_> = solved.iter().map(report).collect();
         let out = json!({
             "out": args.out, "engine": engine.describe(), "seconds": start.elapsed().as_secs_f64(), "colors": colors,
-            "settings": settings, "padding": [padding.rows, padding.columns], "timings": timings,
+            "settings": settings, "padding": [padding.rows, padding.columns], "plan": plan.choices, "timings": timings,
+            "peak_memory_mib": common::peak_memory_mib(),
         });
         println!("{out}");
         return Ok(());
@@ -106,19 +124,25 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
 
 /// Every colour in turn. Once interrupted, the colours that are left get one step each, so that the file is whole.
 pub fn solve_colors(
-    field: &LightField,
-    display: &Display,
+    subject: &Subject,
     colors: &[Color],
-    settings: &Settings,
-    padding: Padding,
+    recipe: &Recipe,
     engine: &mut dyn Engine,
     quiet: bool,
 ) -> Result<Vec<(Color, Solution)>, Failure> {
     let mut solved = Vec::new();
     for &color in colors {
-        let problem = Problem::new(field, color, display, padding)?;
-        let bar = Bar::new(color.to_string(), settings.steps, quiet);
-        let solution = solve::solve(&problem, settings, engine, &mut |p| bar.show(p))?;
+        let subject = Subject { color, ..subject.clone() };
+        let bar = Bar::new(color.to_string(), recipe.steps, quiet);
+        let mut solution = subject.solve(recipe, engine, &mut |p| bar.show(p))?.solution;
+        if recipe.reduces() {
+            // Its own verdict is about less than the problem.
+            let reference = Reference::new(&subject, subject.base.seed, engine)?;
+            solution.verdict = reference.judge(&solution.phases, engine)?;
+            if recipe.pixel > 1 {
+                solution.exposure = solution.verdict.exposure;
+            }
+        }
         bar.finish(format!("{:.1} dB", solution.verdict.mean()));
         solved.push((color, solution));
     }
@@ -156,43 +180,99 @@ pub fn hologram(
     }
 }
 
-/// Zeros around the SLM, if asked for.
-pub fn padding(asked: bool, display: &Display, colors: &[Color], depth: [f64; 2]) -> Result<Padding, Failure> {
-    if !asked {
-        return Ok(Padding::default());
+/// The recipe that the arguments mean, and what there is to say of it: the default, or what quality and deadline ask for;
+/// what is given itself wins.
+pub fn recipe_of(
+    args: &Solve,
+    engine: &dyn Engine,
+    display: &Display,
+    colors: usize,
+) -> Result<(Recipe, Option<String>), Failure> {
+    let frames = args.frames.unwrap_or(Settings::default().frames);
+    let chosen = args.quality.choose(engine, [display.height, display.width], frames, colors)?;
+    let (mut recipe, about) = match chosen {
+        Some(Chosen { recipe, about }) => (recipe, Some(about)),
+        None if args.optimizer == Some(OptimizerName::Adam) => (Recipe::adam(200, 8), None),
+        None => (Recipe::default(), None),
+    };
+    let is_adam = matches!(recipe.optimizer, Optimizer::Adam { .. });
+    match args.optimizer {
+        Some(OptimizerName::Adam) if !is_adam => {
+            let Recipe { optimizer, diameters, .. } = Recipe::adam(1, 1);
+            recipe = Recipe { optimizer, diameters, ..recipe };
+        }
+        Some(OptimizerName::Projection) if is_adam => {
+            let Recipe { optimizer, diameters, .. } = Recipe::default();
+            recipe = Recipe { optimizer, diameters, ..recipe };
+        }
+        _ => {}
     }
-    // Light walks off by metres: the same for every colour.
-    let optics = display.optics(colors[0])?;
-    Ok(Padding::required(&optics, depth[0].abs().max(depth[1].abs()), display.eyebox_min() / 2.0))
+    recipe.steps = args.steps.unwrap_or(recipe.steps);
+    recipe.pupils = args.pupils.unwrap_or(recipe.pupils);
+    recipe.window = args.window.unwrap_or(recipe.window);
+    recipe.diameters = args.diameters.map_or(recipe.diameters, Diameters::from);
+    recipe.storage = args.storage.unwrap_or(recipe.storage);
+    if let Some(padding) = args.padding {
+        recipe.padding = padding != PaddingName::Never;
+    }
+    if args.frames.is_some() || args.speckle.is_some() {
+        recipe.repeats = 1;
+    }
+    if args.scene.views.is_some() {
+        recipe.views = 1;
+    }
+    recipe.levels &= args.levels.is_none();
+    Ok((recipe, about))
 }
 
-/// The settings that the arguments mean, for depths in metres.
-pub fn settings_of(args: &Solve, display: &Display, depth: [f64; 2]) -> Settings {
-    let adam = args.optimizer == OptimizerName::Adam;
-    let diameters = args.diameters.unwrap_or(if adam { DiametersName::Uniform } else { DiametersName::Log });
+/// What of the scene is solved, by these arguments.
+pub fn plan_of(args: &Solve, recipe: &Recipe, field: &LightField, display: &Display) -> Result<ScenePlan, Failure> {
+    let mut settings = base_of(args, display, common::depths(&args.scene, field, display));
+    // All sub-frames that are shown: of which some may repeat is the recipe's.
+    Recipe { repeats: 1, ..recipe.clone() }.apply(&mut settings);
+    settings.levels = args.levels.as_deref().map(levels).transpose()?;
+    let wish = Wish {
+        settings: &settings,
+        depth: args.scene.depth,
+        full: args.full.unwrap_or_default(),
+        padding: match args.padding {
+            Some(PaddingName::Need) => PaddingRule::Need,
+            _ if recipe.padding => PaddingRule::Always,
+            _ => PaddingRule::Never,
+        },
+        contrast: args.speckle,
+    };
+    let mut plan = ScenePlan::new(field, display, &wish)?;
+    plan.settings.seconds = args.seconds.map(|s| s / plan.colors.len() as f64);
+    Ok(plan)
+}
+
+/// Everything that no recipe decides, for depths in metres.
+pub fn base_of(args: &Solve, display: &Display, depth: [f64; 2]) -> Settings {
     Settings {
-        frames: args.frames,
+        frames: args.frames.unwrap_or(Settings::default().frames),
         method: args.method,
         stft_filter: args.stft_filter,
         stft_samples: args.stft_samples,
         evenness: args.evenness,
         patches: args.patches,
-        optimizer: if adam { Optimizer::adam() } else { Optimizer::projection() },
-        steps: args.steps.unwrap_or(if adam { 200 } else { 60 }),
-        pupils: args.pupils.unwrap_or(if adam { 8 } else { 16 }),
         psnr: args.psnr,
         efficiency: args.efficiency,
-        window: args.window,
         diameter: common::diameters(args.pupil_diameter, display),
         depth,
-        diameters: match diameters {
-            DiametersName::Uniform => Diameters::Uniform,
-            DiametersName::Log => Diameters::LogUniform,
-            DiametersName::Reciprocal => Diameters::Reciprocal,
-        },
         sequence: if args.sequence == SequenceName::Sobol { Sequence::Sobol } else { Sequence::Random },
         seed: args.seed,
         ..Settings::default()
+    }
+}
+
+impl From<DiametersName> for Diameters {
+    fn from(name: DiametersName) -> Self {
+        match name {
+            DiametersName::Uniform => Self::Uniform,
+            DiametersName::Log => Self::LogUniform,
+            DiametersName::Reciprocal => Self::Reciprocal,
+        }
     }
 }
 

@@ -4,9 +4,11 @@ use crate::Failure;
 use crate::args::{Solve, Start};
 use crate::common::{self, Form};
 use crate::progress::{self, Bar};
+use crate::quality;
 use crate::solve;
 use eyebox::hologram::{ColorHologram, Hologram, Sequence, SequenceWriter};
 use eyebox::optics::{Color, Display};
+use eyebox::quality::Recipe;
 use eyebox::scene;
 use eyebox::solve::{Problem, Settings, Solution, Stop, Warm, solve_from};
 use serde_json::json;
@@ -74,12 +76,15 @@ pub fn run(args: &Solve, scenes: &[String]) -> Result<(), Failure> {
     let rate = args.rate.fraction();
     let mut field = load(args, &scenes[0], &display, &colors)?;
     // What all frames have in common is decided by the first: it says what the file says.
-    let depth = common::depths(&args.scene, &field, &display);
-    let mut settings = solve::settings_of(args, &display, depth);
+    let (recipe, chosen) = solve::recipe_of(args, engine.as_ref(), &display, colors.len())?;
+    // Of a quality a sequence takes what a solve itself is told: each frame is all views and all pixels.
+    let recipe = Recipe { repeats: 1, views: 1, pixel: 1, ..recipe };
+    let plan = solve::plan_of(args, &recipe, &field, &display)?;
+    let (mut settings, padding) = (plan.settings, plan.padding);
     settings.seconds = args.seconds.map(|s| s / colors.len() as f64);
-    settings.levels = args.levels.as_deref().map(solve::levels).transpose()?;
-    settings.check()?;
-    let padding = solve::padding(args.padding, &display, &colors, depth)?;
+    if recipe.levels {
+        settings.levels = quality::levels_of(None, &display)?.or(settings.levels);
+    }
     let mut like = solve::hologram(&field, &display, &settings, padding, &[]);
     like.colors = colors.iter().map(|c| empty(*c, &display)).collect();
     like.scene = scenes.join(", ");
@@ -102,6 +107,7 @@ pub fn run(args: &Solve, scenes: &[String]) -> Result<(), Failure> {
         let going_on = if done > 0 { format!(", going on after {done}") } else { String::new() };
         eprintln!("a sequence of {} holograms, {}x{}{going_on}", scenes.len(), display.height, display.width);
         eprintln!("engine: {}", engine.describe());
+        chosen.iter().for_each(|about| eprintln!("{about}"));
     }
     let mut before: Option<Hologram> = match done {
         0 => None,

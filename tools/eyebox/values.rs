@@ -1,8 +1,9 @@
 //! Values on the command line: what people write, and what it means inside.
 
 use eyebox::optics::{Pupil, WindowFactor};
+use eyebox::plan::Storage;
 use eyebox::playback::Rate;
-use eyebox::solve::Method;
+use eyebox::solve::{Full, Method};
 
 fn numbers<const N: usize>(parts: Vec<&str>, form: &str) -> Result<[f64; N], String> {
     let count = parts.len();
@@ -58,6 +59,10 @@ pub fn positive(text: &str) -> Result<f64, String> {
     }
 }
 
+pub fn storage(text: &str) -> Result<Storage, String> {
+    Storage::by_name(text).ok_or_else(|| "expected fp32 or fp16".into())
+}
+
 /// Directions, degrees to the right and down.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Targets(pub Vec<[f64; 2]>);
@@ -104,6 +109,23 @@ pub fn window(text: &str) -> Result<WindowFactor, String> {
         "2" => Ok(WindowFactor::Two),
         "full" => Ok(WindowFactor::Full),
         _ => Err("expected 1, 2 or full".into()),
+    }
+}
+
+/// Parts of the model, separated by commas.
+pub fn full(text: &str) -> Result<Full, String> {
+    let mut full = Full::default();
+    match text.split(',').find(|name| !full.keep(name.trim())) {
+        None => Ok(full),
+        Some(wrong) => Err(format!("'{wrong}' is no part of the model: there are {} and all", Full::PARTS.join(", "))),
+    }
+}
+
+/// A speckle contrast.
+pub fn contrast(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(v) if (1.0 / 64.0..=1.0).contains(&v) => Ok(v),
+        _ => Err("expected a contrast of 0.016 (4096 sub-frames) to 1 (one)".into()),
     }
 }
 

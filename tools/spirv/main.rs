@@ -1,7 +1,7 @@
 //! Builds the SPIR-V modules, and checks that they are what the sources give.
 
 use clap::{Parser, Subcommand};
-use eyebox_spirv::manifest::{Entry, FLAGS, Manifest, faults, module_hash, source_hash, sources};
+use eyebox_spirv::manifest::{Entry, FLAGS, Manifest, faults, module_hash, modules, source_hash, source_of};
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
@@ -15,7 +15,7 @@ struct Arguments {
 
 #[derive(Subcommand, Clone, Copy, PartialEq)]
 enum What {
-    /// Compile every kernels/*.comp, validate, write spirv/*.spv and the manifest, remove orphans.
+    /// Compile every kernels/*.comp, in both variants where it has them, validate, write spirv/*.spv and the manifest, remove orphans.
     Build,
     /// Compile again and compare bytes; list what is missing, stale or orphaned. Writes nothing.
     Check,
@@ -40,7 +40,7 @@ fn run(root: &Path, what: What) -> Result<String, String> {
     let folder = tempfile::tempdir().map_err(|e| format!("no temporary folder: {e}"))?;
     let compiler = version()?;
     let mut built = Vec::new();
-    for name in sources(root).map_err(|e| e.to_string())? {
+    for name in modules(root).map_err(|e| e.to_string())? {
         let module = compile(root, folder.path(), &name)?;
         let bytes = std::fs::read(&module).map_err(|e| format!("{}: {e}", module.display()))?;
         let entry = Entry {
@@ -110,10 +110,12 @@ fn place(path: &Path, bytes: &[u8]) -> Result<(), String> {
 fn compile(root: &Path, folder: &Path, name: &str) -> Result<PathBuf, String> {
     let module = folder.join(format!("{name}.spv"));
     let kernels = root.join("kernels");
-    let source = kernels.join(format!("{name}.comp"));
+    let (source, define) = source_of(name);
+    let source = kernels.join(format!("{source}.comp"));
+    let define = define.map(|d| format!("-D{d}"));
     let mut include = std::ffi::OsString::from("-I");
     include.push(&kernels);
-    call(Command::new("glslangValidator").args(FLAGS).arg(include).arg("-o").arg(&module).arg(source))?;
+    call(Command::new("glslangValidator").args(FLAGS).args(define).arg(include).arg("-o").arg(&module).arg(source))?;
     call(Command::new("spirv-val").args(["--target-env", "vulkan1.2"]).arg(&module))?;
     Ok(module)
 }

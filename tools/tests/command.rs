@@ -1,42 +1,10 @@
 //! The command as a user runs it: what it answers to mistakes, and that it does what its help says.
 
+mod common;
+
+use common::{command, done, eyebox, folder, refused, text};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
-
-/// The command, with a cache of the tests' own.
-fn command(folder: &Path, args: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_eyebox"));
-    command.args(args).current_dir(folder).env("XDG_CACHE_HOME", std::env::temp_dir().join("eyebox-tests"));
-    command
-}
-
-fn eyebox(folder: &Path, args: &[&str]) -> Output {
-    command(folder, args).output().expect("the command starts")
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
-
-/// Exit code 2, one line that says `what`, nothing at `out`.
-fn refused(folder: &Path, args: &[&str], out: &str, what: &str) {
-    let answer = eyebox(folder, args);
-    let said = text(&answer.stderr);
-    assert_eq!(answer.status.code(), Some(2), "{args:?}: {said}");
-    assert_eq!(said.trim().lines().count(), 1, "{args:?}: {said}");
-    assert!(said.contains(what) && !said.contains("panicked"), "{args:?}: {said}");
-    assert!(!folder.join(out).exists(), "{args:?} left {out}");
-}
-
-fn done(folder: &Path, args: &[&str]) -> String {
-    let answer = eyebox(folder, args);
-    assert!(answer.status.success(), "{args:?}: {}", text(&answer.stderr));
-    text(&answer.stdout)
-}
-
-fn folder() -> tempfile::TempDir {
-    tempfile::tempdir().expect("a temporary folder")
-}
+use std::process::Command;
 
 const SMALL: [&str; 8] = ["--size", "40x48", "--steps", "3", "--color", "green", "--engine", "cpu"];
 
@@ -393,7 +361,7 @@ fn an_interrupted_solve_leaves_a_whole_hologram() {
     // All colours: those that are left when ctrl-C comes must not take long.
     let args =
         ["solve", "builtin:still-life", "-o", "h.zarr", "--size", "40x48", "--steps", "1000000", "--engine", "cpu"];
-    let mut child = Command::new(env!("CARGO_BIN_EXE_eyebox")).args(args).current_dir(at).spawn().unwrap();
+    let mut child = command(at, &args).spawn().unwrap();
     std::thread::sleep(std::time::Duration::from_secs(3));
     let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
     assert!(killed.success());
@@ -433,6 +401,30 @@ fn help_and_devices_answer() {
     }
     assert!(done(temp.path(), &["devices"]).contains("auto"));
     assert!(serde_json::from_str::<serde_json::Value>(&done(temp.path(), &["devices", "--json"])).is_ok());
+}
+
+#[test]
+fn storage_is_chosen_kept_and_refused() {
+    let temp = folder();
+    let at = temp.path();
+    let run = |storage: &str| {
+        let out = format!("{storage}.zarr");
+        let report = done(at, &solve("builtin:still-life", &out, &["--storage", storage, "--json"]));
+        let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+        assert_eq!(report["settings"]["storage"], storage);
+        // The hologram says how it was made.
+        let kept = std::fs::read_to_string(at.join(&out).join("zarr.json")).unwrap();
+        assert!(
+            kept.contains(&format!("\"storage\": \"{storage}\""))
+                || kept.contains(&format!("\"storage\":\"{storage}\""))
+        );
+        let timed = |kernel| report["timings"].as_array().unwrap().iter().any(|t| t["kernel"] == kernel);
+        assert_eq!(timed("guard"), storage == "fp16", "{report}");
+        report["colors"][0]["psnr_mean_db"].as_f64().unwrap()
+    };
+    let (full, half) = (run("fp32"), run("fp16"));
+    assert!((full - half).abs() < 0.05 && full != half, "{full} and {half} dB");
+    refused(at, &solve("builtin:still-life", "x.zarr", &["--storage", "fp8"]), "x.zarr", "fp32 or fp16");
 }
 
 #[test]

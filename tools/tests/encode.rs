@@ -1,43 +1,17 @@
 //! `eyebox encode` as a user runs it.
 
+mod common;
+
+use common::{done, eyebox, folder, text};
 use std::path::Path;
-use std::process::{Command, Output};
 
-fn eyebox(folder: &Path, args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_eyebox")).args(args).current_dir(folder).output().expect("the command starts")
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
-
-fn done(folder: &Path, args: &[&str]) -> String {
-    let answer = eyebox(folder, args);
-    assert!(answer.status.success(), "{args:?}: {}", text(&answer.stderr));
-    text(&answer.stdout)
-}
-
-/// Exit code 2, one line that says `what`, nothing at `x` and nothing half-written beside it.
 fn refused(folder: &Path, args: &[&str], what: &str) {
-    let answer = eyebox(folder, args);
-    let said = text(&answer.stderr);
-    assert_eq!(answer.status.code(), Some(2), "{args:?}: {said}");
-    assert_eq!(said.trim().lines().count(), 1, "{args:?}: {said}");
-    assert!(said.contains(what) && !said.contains("panicked"), "{args:?}: {said}");
-    assert!(!folder.join("x").exists(), "{args:?} left something");
-    let parts = std::fs::read_dir(folder)
-        .unwrap()
-        .filter(|e| e.as_ref().is_ok_and(|e| e.file_name().to_string_lossy().ends_with(".part")));
-    assert_eq!(parts.count(), 0, "{args:?}");
-}
-
-fn folder() -> tempfile::TempDir {
-    tempfile::tempdir().expect("a temporary folder")
+    common::refused(folder, args, "x", what);
 }
 
 fn phases(folder: &Path, name: &str, shape: &[usize]) -> Vec<f32> {
     let values: Vec<f32> = (0..shape.iter().product()).map(|i: usize| (i * 131 % 1009) as f32 * 0.02 - 10.0).collect();
-    eyebox::files::write_npy(&folder.join(name), shape, &values).unwrap();
+    ::eyebox::files::write_npy(&folder.join(name), shape, &values).unwrap();
     values
 }
 
@@ -166,7 +140,7 @@ fn mistakes_are_one_line() {
     refused(at, &encode("p.npy", "none", "4x6"), "planes24");
     let mut values = vec![0.0f32; 24];
     values[7] = f32::NAN;
-    eyebox::files::write_npy(&at.join("nan.npy"), &[1, 4, 6], &values).unwrap();
+    ::eyebox::files::write_npy(&at.join("nan.npy"), &[1, 4, 6], &values).unwrap();
     refused(at, &encode("nan.npy", "grey8", "4x6"), "[0, 1, 1]");
 
     let head = "resolution = [4, 6]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { red = 660, green = 520, blue = 440 }\n";

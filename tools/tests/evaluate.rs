@@ -1,31 +1,14 @@
 //! `eyebox evaluate` as a user runs it: the report, going on after an interruption, and what it answers to mistakes.
 
+mod common;
+
+use common::{command, done};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Command;
 use std::time::{Duration, Instant, SystemTime};
 
-fn eyebox(folder: &Path, args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_eyebox")).args(args).current_dir(folder).output().expect("the command starts")
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
-
-fn done(folder: &Path, args: &[&str]) -> String {
-    let answer = eyebox(folder, args);
-    assert!(answer.status.success(), "{args:?}: {}", text(&answer.stderr));
-    text(&answer.stdout)
-}
-
-/// Exit code 2, one line that says `what`, and no output folder.
 fn refused(folder: &Path, args: &[&str], what: &str) {
-    let answer = eyebox(folder, args);
-    let said = text(&answer.stderr);
-    assert_eq!(answer.status.code(), Some(2), "{args:?}: {said}");
-    assert_eq!(said.trim().lines().count(), 1, "{args:?}: {said}");
-    assert!(said.contains(what) && !said.contains("panicked"), "{args:?}: {said}");
-    assert!(!folder.join("out").exists(), "{args:?} left an output folder");
+    common::refused(folder, args, "out", what);
 }
 
 const SMALL: [&str; 8] = ["--size", "40x48", "--steps", "3", "--engine", "cpu", "-o", "out"];
@@ -152,13 +135,8 @@ fn an_interrupted_evaluation_goes_on_where_it_was() {
         "-o",
         "out",
     ];
-    let mut child = Command::new(env!("CARGO_BIN_EXE_eyebox"))
-        .args(args)
-        .current_dir(at)
-        .stderr(std::process::Stdio::null())
-        .stdout(std::process::Stdio::piped())
-        .spawn()
-        .unwrap();
+    let mut child =
+        command(at, &args).stderr(std::process::Stdio::null()).stdout(std::process::Stdio::piped()).spawn().unwrap();
     let first = at.join("out/results/still-life-dpac-4.json");
     let start = Instant::now();
     while !first.exists() {

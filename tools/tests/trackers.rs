@@ -1,5 +1,7 @@
 //! `eyebox trackers` as a user runs it.
 
+mod common;
+
 use std::io::{BufRead, BufReader, Write};
 use std::net::UdpSocket;
 use std::path::Path;
@@ -8,21 +10,19 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
+fn trackers(folder: &Path, args: &[&str]) -> Command {
+    common::command(folder, &[&["trackers"], args].concat())
+}
+
 fn eyebox(folder: &Path, args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_eyebox"))
-        .arg("trackers")
-        .args(args)
-        .current_dir(folder)
-        .output()
-        .expect("the command starts")
+    trackers(folder, args).output().expect("the command starts")
 }
 
 fn done(folder: &Path, args: &[&str]) -> String {
-    let answer = eyebox(folder, args);
-    assert!(answer.status.success(), "{args:?}: {}", String::from_utf8_lossy(&answer.stderr));
-    String::from_utf8_lossy(&answer.stdout).into_owned()
+    common::done(folder, &[&["trackers"], args].concat())
 }
 
+/// The last line alone: what was shown before it is the sample lines' business.
 fn refused(folder: &Path, args: &[&str], what: &str) {
     let answer = eyebox(folder, args);
     let said = String::from_utf8_lossy(&answer.stderr);
@@ -130,9 +130,7 @@ fn lines_over_udp_are_shown() {
     let temp = tempfile::tempdir().unwrap();
     // A port that was free a moment ago.
     let port = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-    let child = Command::new(env!("CARGO_BIN_EXE_eyebox"))
-        .args(["trackers", "--watch", &format!("udp://:{port}"), "--duration", "3", "--json"])
-        .current_dir(temp.path())
+    let child = trackers(temp.path(), &["--watch", &format!("udp://:{port}"), "--duration", "3", "--json"])
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
@@ -155,14 +153,13 @@ fn a_user_is_calibrated() {
     let temp = tempfile::tempdir().unwrap();
     let port = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
     let source = format!("udp://:{port}");
-    let mut child = Command::new(env!("CARGO_BIN_EXE_eyebox"))
-        .args(["trackers", "--watch", &source, "--calibrate", "ada.toml", "--targets", "0,0;-8,0;8,0;0,6"])
-        .current_dir(temp.path())
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
+    let mut child =
+        trackers(temp.path(), &["--watch", &source, "--calibrate", "ada.toml", "--targets", "0,0;-8,0;8,0;0,6"])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
     // Where the tracker sees the eye, sent all the time: 100 counts a degree, x mirrored.
     let place = Arc::new(Mutex::new([0.0; 2]));
     let (theirs, over) = (Arc::clone(&place), Arc::new(AtomicBool::new(false)));

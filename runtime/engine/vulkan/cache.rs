@@ -5,19 +5,11 @@
 //! length and a checksum stand before its data.
 
 use ash::vk;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 const MAGIC: &[u8; 8] = b"eyebox\x01\0";
 /// Larger files are not ours.
 const LARGEST: u64 = 256 << 20;
-
-/// Where the user keeps caches: `$XDG_CACHE_HOME/eyebox` or `~/.cache/eyebox`; nowhere without either.
-pub(super) fn users_folder() -> Option<PathBuf> {
-    let set = |name| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
-    // The specification of these folders has relative paths ignored.
-    let base = set("XDG_CACHE_HOME").filter(|p| p.is_absolute()).or_else(|| Some(set("HOME")?.join(".cache")))?;
-    Some(base.join("eyebox"))
-}
 
 /// Name of this device's file in that folder.
 pub(super) fn name(properties: &vk::PhysicalDeviceProperties) -> String {

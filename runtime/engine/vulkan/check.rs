@@ -1,6 +1,6 @@
 //! Whether a step fits what was loaded: a shader that is given wrong sizes would read and write anywhere.
 
-use super::super::{EngineError, Kernel, Lane, Purpose, Shape, Step};
+use super::super::{EngineError, Kernel, Lane, Purpose, Shape, Step, Storage};
 use super::views::Views;
 use eyebox_kernels::{energy, quantise};
 use std::ops::Range;
@@ -47,13 +47,18 @@ pub(super) fn check(step: &Step, part: &Range<usize>, shape: &Shape, views: Opti
             | Kernel::Balance
             | Kernel::Even
             | Kernel::ChangeInverse
+            | Kernel::Guard
             | Kernel::Project => shape.purpose != Purpose::View,
             Kernel::Adam => shape.purpose == Purpose::Adam,
             Kernel::Quantise => shape.quantised,
             _ => true,
-        };
+        } && (dispatch.kernel != Kernel::Guard || shape.storage == Storage::F16);
         if !has {
-            return mismatch(format!("{name} has no buffers when the purpose is {:?}", shape.purpose));
+            return mismatch(format!(
+                "{name} has no buffers when the purpose is {:?}, in {}",
+                shape.purpose,
+                shape.storage.name()
+            ));
         }
         for lane in lanes {
             if let Err(reason) = check_lane(lane, shape) {

@@ -10,7 +10,7 @@ use super::device::Block;
 use super::devices::DeviceReport;
 use super::engine::Options;
 use super::gpu::Gpu;
-use super::layout::Layout;
+use super::layout::{Layout, Value};
 use super::pipelines::Pipeline;
 use eyebox_kernels::encode::{Levels, Part, Plan};
 use eyebox_spirv as spirv;
@@ -80,9 +80,9 @@ impl VulkanEncoder {
         let args = plan.args;
         let pixels = args.height as usize * args.width as usize;
         let row_words = (args.channels * args.cell_columns * args.width.div_ceil(4)) as usize;
-        let input = Layout { offset: 0, frames: plan.sub_frames, values: pixels, size: 4 };
+        let input = Layout { offset: 0, frames: plan.sub_frames, values: pixels, value: Value::Real };
         let values = row_words * args.video_height();
-        let output = Layout { offset: 0, frames: plan.video_frames.len(), values, size: 4 };
+        let output = Layout { offset: 0, frames: plan.video_frames.len(), values, value: Value::Real };
         let limit = gpu.limits().storage_range;
         for (layout, what) in [(&input, "sub-frame"), (&output, "video frame")] {
             if layout.at_once(limit) == 0 {

@@ -1,12 +1,12 @@
 //! The engine: buffers, one recording per part of a list, losses and times back.
 
-use super::super::{Buffer, Engine, EngineError, Kernel, Purpose, Shape, Step, Timing};
+use super::super::{Buffer, Engine, EngineError, Kernel, Memory, Purpose, Shape, Step, Storage, Timing};
 use super::check::check;
 use super::device::Block;
-use super::devices::DeviceReport;
+use super::devices::{DeviceKind, DeviceReport};
 use super::fft::Transform;
 use super::gpu::Gpu;
-use super::layout::{Arenas, Kind, Layout, Slot, slots};
+use super::layout::{Arenas, Kind, Layout, Slot, Value, slots};
 use super::record::{Stack, Stacks, Work, loss_parts};
 use super::tables::Tables;
 use super::views::Views;
@@ -31,6 +31,9 @@ pub struct Options {
     /// `~/.cache/eyebox`) if none is given.
     pub cache: Option<PathBuf>,
 }
+
+/// Bytes from one place in `Losses` to the next: any device's alignment.
+const PLACE: u64 = 256;
 
 /// Sums of the loss, on the device and where the host sees them.
 struct Losses {
@@ -71,7 +74,7 @@ impl VulkanEngine {
             views: None,
             losses: None,
             transforms: super::fft::transforms(),
-            shape: Shape { frames: 0, place, purpose: Purpose::View, quantised: false },
+            shape: Shape { frames: 0, place, purpose: Purpose::View, quantised: false, storage: Storage::F32 },
             slots: Vec::new(),
             written: HashMap::new(),
             clock: [(0, 0.0); Kernel::ALL.len()],
@@ -127,7 +130,7 @@ impl VulkanEngine {
         }
         let limit = self.gpu.limits().storage_range;
         if layout.at_once(limit) == 0 {
-            let bytes = layout.values * layout.size;
+            let bytes = layout.frame_bytes();
             return Err(EngineError::Unsuitable {
                 device: self.gpu.report().name.clone(),
                 reason: format!("one frame of the {what} takes {bytes} bytes, a kernel may see {limit}"),
@@ -154,12 +157,13 @@ impl VulkanEngine {
         Ok(())
     }
 
-    /// Places for the sums of each lane's loss; they are as far apart as the device wants.
+    /// Places for the sums of each lane's loss, behind one for what `guard` finds; they are as far apart as the device
+    /// wants.
     fn place_losses(&mut self, step: &Step) -> Result<Vec<u64>, EngineError> {
-        let mut end = 0;
+        let mut end = PLACE;
         let place = |lane| {
             let at = end;
-            end += (4 * loss_parts(lane) as u64).next_multiple_of(256);
+            end += (4 * loss_parts(lane) as u64).next_multiple_of(PLACE);
             at
         };
         let offsets: Vec<u64> = step.lanes.iter().map(place).collect();
@@ -195,10 +199,11 @@ impl VulkanEngine {
         let compared: Vec<Range<usize>> =
             list.iter().filter(|d| d.kernel == Kernel::Compare).map(|d| d.lanes.clone()).collect();
         let compared = || compared.iter().cloned().flatten();
+        let guarded = list.iter().any(|d| d.kernel == Kernel::Guard);
         if let Some(losses) = losses.as_ref() {
             work.gpu.recorder.barrier();
-            let pieces: Vec<_> =
-                compared().map(|i| (offsets[i], offsets[i], 4 * loss_parts(&step.lanes[i]) as u64)).collect();
+            let of_lane = |i: usize| (offsets[i], offsets[i], 4 * loss_parts(&step.lanes[i]) as u64);
+            let pieces: Vec<_> = guarded.then_some((0, 0, 4)).into_iter().chain(compared().map(of_lane)).collect();
             work.gpu.recorder.copy(&losses.device, &losses.host, &pieces);
         }
         let during = list.iter().map(|d| d.kernel.name()).collect::<Vec<_>>();
@@ -218,6 +223,9 @@ impl VulkanEngine {
                 let sums = &bytes[offsets[i] as usize..][..4 * loss_parts(&step.lanes[i])];
                 result[i] = bytemuck::pod_collect_to_vec::<u8, f32>(sums).into_iter().map(f64::from).sum();
             }
+            if guarded && bytes[..4] != [0; 4] {
+                result.fill(f64::NAN);
+            }
         }
         if !group.1.is_empty() {
             self.slots = group.1;
@@ -232,6 +240,13 @@ impl Engine for VulkanEngine {
         format!("Vulkan {}, {} ({}), {}", r.api, r.name, r.kind, r.driver)
     }
 
+    fn memory(&self) -> Memory {
+        match self.gpu.report().kind {
+            DeviceKind::Cpu | DeviceKind::Integrated => Memory::Shared,
+            _ => Memory::Device,
+        }
+    }
+
     fn load(&mut self, shape: &Shape, views: Option<Arc<Pyramid>>) -> Result<(), EngineError> {
         // What was there goes first: both may not fit.
         (self.stacks, self.arenas, self.views) = (Stacks::default(), Arenas::default(), None);
@@ -242,8 +257,8 @@ impl Engine for VulkanEngine {
             self.views = Some(Views::new(&mut self.gpu, &views)?);
         }
         let descends = shape.purpose != Purpose::View;
-        let real = |values: usize, frames: usize| Layout { offset: 0, frames, values, size: 4 };
-        let complex = |frames: usize| Layout { size: 8, ..real(shape.points(), frames) };
+        let real = |values: usize, frames: usize| Layout { offset: 0, frames, values, value: Value::Real };
+        let complex = |frames: usize| Layout { value: Value::Complex(shape.storage), ..real(shape.points(), frames) };
         let frames = shape.frames;
         let when = |needed: bool, frames: usize| if needed { frames } else { 0 };
         let stacks = [

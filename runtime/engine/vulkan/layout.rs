@@ -1,10 +1,10 @@
 //! Where values lie: frames at a stride inside a block, and the buffers of lanes inside arenas.
 
-use super::super::{EngineError, Lane, Shape, Step};
+use super::super::{EngineError, Lane, Shape, Step, Storage};
 use super::device::Block;
 use super::gpu::Gpu;
 use super::recorder::Range;
-use eyebox_kernels::exposure;
+use eyebox_kernels::{exposure, half};
 use std::ops::Range as Lanes;
 
 /// Frames start at multiples of this many values: 256 bytes, the largest alignment that a device may ask for.
@@ -18,8 +18,26 @@ pub(super) struct Layout {
     pub(super) frames: usize,
     /// Values in a frame.
     pub(super) values: usize,
-    /// Bytes of a value: 4 real, 8 complex.
-    pub(super) size: usize,
+    pub(super) value: Value,
+}
+
+/// What a value is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Value {
+    /// A float32.
+    Real,
+    /// Two numbers.
+    Complex(Storage),
+}
+
+impl Value {
+    /// Bytes.
+    fn size(self) -> usize {
+        match self {
+            Self::Real => 4,
+            Self::Complex(storage) => storage.bytes(),
+        }
+    }
 }
 
 impl Layout {
@@ -30,7 +48,7 @@ impl Layout {
 
     /// Bytes from one frame to the next.
     fn step(&self) -> u64 {
-        (self.stride() * self.size) as u64
+        (self.stride() * self.value.size()) as u64
     }
 
     /// Bytes of all frames, the rest of the last stride included.
@@ -40,7 +58,12 @@ impl Layout {
 
     /// Values of float32 that the host sees.
     pub(super) fn floats(&self) -> usize {
-        self.frames * self.values * self.size / 4
+        self.frames * self.values * if self.value == Value::Real { 1 } else { 2 }
+    }
+
+    /// Bytes of a frame that hold something.
+    pub(super) fn frame_bytes(&self) -> usize {
+        self.values * self.value.size()
     }
 
     /// Frames `first .. first + count`.
@@ -55,19 +78,27 @@ impl Layout {
 
     /// Pieces as (place in the packed data, place in the block, bytes).
     pub(super) fn pieces(&self) -> Vec<(u64, u64, u64)> {
-        let bytes = (self.values * self.size) as u64;
+        let bytes = self.frame_bytes() as u64;
         (0..self.frames as u64).map(|f| (f * bytes, self.offset + f * self.step(), bytes)).collect()
     }
 
     /// Fills the frames with packed data.
     pub(super) fn write(&self, gpu: &mut Gpu, block: &Block, data: &[f32]) -> Result<(), EngineError> {
-        gpu.upload(block, bytemuck::cast_slice(data), &self.pieces())
+        match self.value {
+            Value::Complex(Storage::F16) => gpu.upload(block, bytemuck::cast_slice(&half::pack(data)), &self.pieces()),
+            _ => gpu.upload(block, bytemuck::cast_slice(data), &self.pieces()),
+        }
     }
 
     /// The frames, packed.
     pub(super) fn read(&self, gpu: &mut Gpu, block: &Block) -> Result<Vec<f32>, EngineError> {
-        let mut data = vec![0.0f32; self.floats()];
         let pieces: Vec<_> = self.pieces().into_iter().map(|(host, device, bytes)| (device, host, bytes)).collect();
+        if self.value == Value::Complex(Storage::F16) {
+            let mut bits = vec![0u16; self.floats()];
+            gpu.download(block, bytemuck::cast_slice_mut(&mut bits), &pieces)?;
+            return Ok(half::unpack(&bits));
+        }
+        let mut data = vec![0.0f32; self.floats()];
         gpu.download(block, bytemuck::cast_slice_mut(&mut data), &pieces)?;
         Ok(data)
     }
@@ -106,11 +137,18 @@ pub(super) fn slots(lanes: &[Lane], shape: &Shape) -> Vec<Slot> {
         let count = lane.count();
         let level = lane.shot.as_ref().map_or(0, |s| s.args.height as usize * s.args.width as usize);
         let sums = exposure::PART * lane.exposure(&shape.place).parts();
-        let sizes =
-            [(1, count, 8), (shape.frames, count, 8), (1, count, 4), (1, count, 4), (1, level, 4), (1, sums, 4)];
-        let mut slot = [Layout { offset: 0, frames: 0, values: 0, size: 4 }; KINDS];
-        for ((layout, end), (frames, values, size)) in slot.iter_mut().zip(&mut ends).zip(sizes) {
-            *layout = Layout { offset: *end, frames, values, size };
+        let (full, stored) = (Value::Complex(Storage::F32), Value::Complex(shape.storage));
+        let sizes = [
+            (1, count, full),
+            (shape.frames, count, stored),
+            (1, count, Value::Real),
+            (1, count, Value::Real),
+            (1, level, Value::Real),
+            (1, sums, Value::Real),
+        ];
+        let mut slot = [Layout { offset: 0, frames: 0, values: 0, value: Value::Real }; KINDS];
+        for ((layout, end), (frames, values, value)) in slot.iter_mut().zip(&mut ends).zip(sizes) {
+            *layout = Layout { offset: *end, frames, values, value };
             *end += layout.bytes();
         }
         slot

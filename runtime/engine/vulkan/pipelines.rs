@@ -35,7 +35,7 @@ pub(super) struct Pipelines {
 impl Pipelines {
     /// Reads the cache on disk, in `folder` or where the user has it.
     pub(super) fn new(device: &Arc<Device>, folder: Option<&Path>) -> Result<Self, EngineError> {
-        let folder = folder.map(Path::to_owned).or_else(cache::users_folder);
+        let folder = folder.map(Path::to_owned).or_else(crate::files::cache_folder);
         let file = folder.map(|f| f.join(cache::name(&device.properties)));
         let data = file.as_deref().and_then(|f| cache::read(f, &device.properties)).unwrap_or_default();
         let info = vk::PipelineCacheCreateInfo::default().initial_data(&data);

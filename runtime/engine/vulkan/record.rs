@@ -1,10 +1,10 @@
 //! From an entry of the list to dispatches: bindings in the order of the twins' slices, arguments as push constants.
 
-use super::super::{Buffer, Dispatch, EngineError, Kernel, Lane, Shape, Step};
+use super::super::{Buffer, Dispatch, EngineError, Kernel, Lane, Shape, Step, Storage};
 use super::device::Block;
 use super::fft::{Frames, Transform};
 use super::gpu::Gpu;
-use super::layout::{Arenas, Kind, Layout, Slot};
+use super::layout::{Arenas, Kind, Layout, Slot, Value};
 use super::recorder::Range;
 use super::tables::Tables;
 use super::views::Views;
@@ -19,6 +19,8 @@ const WIDTH: usize = 64;
 
 /// Workgroups that fill any device a few times over.
 const ENOUGH: u32 = 4096;
+/// Values, over all sub-frames, that a workgroup of `energy` adds up at once: 4096 to an invocation.
+const ENERGY_SHARE: u32 = 4096 * 128;
 /// Rows that an invocation of `photograph` takes at once.
 const STRIP: u32 = 8;
 
@@ -83,14 +85,13 @@ impl Work<'_> {
     /// Makes the plans and tables of all transforms in these entries.
     pub(super) fn prepare(&mut self, list: &[Dispatch]) -> Result<(), EngineError> {
         let (gh, gw) = (self.shape.place.grid_height as usize, self.shape.place.grid_width as usize);
+        let storage = self.shape.storage;
         for dispatch in list {
             match dispatch.kernel {
-                Kernel::FieldForward => self.transforms.prepare(self.gpu, gh, gw, Direction::Forward)?,
-                Kernel::ChangeInverse => self.transforms.prepare(self.gpu, gh, gw, Direction::Inverse)?,
+                Kernel::FieldForward | Kernel::ChangeInverse => self.transforms.prepare(self.gpu, [gh, gw], storage)?,
                 Kernel::WindowForward | Kernel::WindowInverse => {
-                    let direction = window_direction(dispatch.kernel);
                     for lane in &self.step.lanes[dispatch.lanes.clone()] {
-                        self.transforms.prepare(self.gpu, lane.window.rows, lane.window.columns, direction)?;
+                        self.transforms.prepare(self.gpu, [lane.window.rows, lane.window.columns], storage)?;
                     }
                 }
                 _ => {}
@@ -113,6 +114,7 @@ impl Work<'_> {
             Kernel::Balance => self.balance(),
             Kernel::Energy => self.energy(),
             Kernel::Even => self.even(),
+            Kernel::Guard => self.guard(),
             Kernel::Project => self.project(),
             Kernel::Adam => self.adam(),
             Kernel::Photograph => self.photograph(dispatch, slots),
@@ -161,8 +163,16 @@ impl Work<'_> {
         let stacks = self.stacks;
         let (phases, field) = (stacks.shown(self.shape)?, stacks.get(Buffer::Field)?);
         let place = &self.shape.place;
-        let more = [phases.layout.stride() as u32, field.layout.stride() as u32];
-        self.over_frames(&spirv::MODULATE, &[phases, field], place, &more, place.grid_height, place.grid_width)
+        let strides = [phases, field].map(|s| s.layout.stride() as u32);
+        let more = [strides[0], strides[1], self.shape.field_scale().to_bits()];
+        self.over_frames(
+            self.stored(&spirv::MODULATE),
+            &[phases, field],
+            place,
+            &more,
+            place.grid_height,
+            place.grid_width,
+        )
     }
 
     fn balance(&mut self) -> Result<(), EngineError> {
@@ -172,7 +182,7 @@ impl Work<'_> {
         for (first, count) in self.chunks(layout.frames, &[layout]) {
             let buffers = [hits.layout.range(&hits.block, 0, 1), layout.range(&change.block, first, count)];
             let groups = self.along(layout.values, count);
-            self.run(&spirv::BALANCE, &buffers, &self.step.balance, &more, groups)?;
+            self.run(self.stored(&spirv::BALANCE), &buffers, &self.step.balance, &more, groups)?;
         }
         Ok(())
     }
@@ -180,15 +190,21 @@ impl Work<'_> {
     fn energy(&mut self) -> Result<(), EngineError> {
         let (field, energy) = (self.stacks.get(Buffer::Field)?, self.stacks.get(Buffer::Energy)?);
         let layout = &field.layout;
+        let place = self.step.even.place;
+        let values = place.rows.div_ceil(place.patches) * place.columns.div_ceil(place.patches);
         for (first, count) in self.chunks(layout.frames, &[layout]) {
-            let mut args = self.step.even.place;
-            args.accumulate |= u32::from(first > 0);
-            if first > 0 {
-                self.gpu.recorder.barrier();
+            let share = (ENERGY_SHARE / count as u32).max(1);
+            for begin in (0..values).step_by(share as usize) {
+                let mut args = place;
+                let later = first > 0 || begin > 0;
+                args.accumulate |= u32::from(later);
+                if later {
+                    self.gpu.recorder.barrier();
+                }
+                let buffers = [layout.range(&field.block, first, count), energy.layout.range(&energy.block, 0, 1)];
+                let more = [count as u32, layout.stride() as u32, begin, begin.saturating_add(share)];
+                self.run(self.stored(&spirv::ENERGY), &buffers, &args, &more, [args.patches * args.patches, 1, 1])?;
             }
-            let buffers = [layout.range(&field.block, first, count), energy.layout.range(&energy.block, 0, 1)];
-            let more = [count as u32, layout.stride() as u32];
-            self.run(&spirv::ENERGY, &buffers, &args, &more, [args.patches * args.patches, 1, 1])?;
         }
         Ok(())
     }
@@ -205,7 +221,25 @@ impl Work<'_> {
                 change.layout.range(&change.block, first, count),
             ];
             let groups = self.rows(place.rows, place.columns, count);
-            self.run(&spirv::EVEN, &buffers, &self.step.even, &more, groups)?;
+            self.run(self.stored(&spirv::EVEN), &buffers, &self.step.even, &more, groups)?;
+        }
+        Ok(())
+    }
+
+    fn guard(&mut self) -> Result<(), EngineError> {
+        let change = self.stacks.get(Buffer::Change)?;
+        let Some((block, _)) = self.losses else { return Ok(()) };
+        let found = block.range(0, 4);
+        self.gpu.recorder.clear(found);
+        self.gpu.recorder.barrier();
+        let layout = &change.layout;
+        for (first, count) in self.chunks(layout.frames, &[layout]) {
+            if first > 0 {
+                self.gpu.recorder.barrier();
+            }
+            let args = [layout.values as u32, layout.stride() as u32];
+            let groups = self.along(layout.values, count);
+            self.run(&spirv::GUARD, &[layout.range(&change.block, first, count), found], &args, &[], groups)?;
         }
         Ok(())
     }
@@ -216,7 +250,7 @@ impl Work<'_> {
         let place = &self.shape.place;
         let more = [change.layout.stride() as u32, phases.layout.stride() as u32];
         let stacks = [change, self.stacks.shown(self.shape)?, phases, velocity];
-        self.over_frames(&spirv::PROJECT, &stacks, &self.step.project, &more, place.height, place.width)
+        self.over_frames(self.stored(&spirv::PROJECT), &stacks, &self.step.project, &more, place.height, place.width)
     }
 
     fn adam(&mut self) -> Result<(), EngineError> {
@@ -226,7 +260,7 @@ impl Work<'_> {
         let place = &self.shape.place;
         let more = [change.layout.stride() as u32, phases.layout.stride() as u32];
         let stacks = [change, self.stacks.shown(self.shape)?, phases, first, second];
-        self.over_frames(&spirv::ADAM, &stacks, &self.step.adam, &more, place.height, place.width)
+        self.over_frames(self.stored(&spirv::ADAM), &stacks, &self.step.adam, &more, place.height, place.width)
     }
 
     fn transform(&mut self, buffer: Buffer, direction: Direction) -> Result<(), EngineError> {
@@ -275,7 +309,7 @@ impl Work<'_> {
                 arenas.frames(Kind::Window, slot, first, count)?,
             ];
             let groups = self.rows(lane.pass.rows, lane.pass.columns, count);
-            self.run(&spirv::PASS_PUPIL, &buffers, &lane.pass, &more, groups)?;
+            self.run(self.stored(&spirv::PASS_PUPIL), &buffers, &lane.pass, &more, groups)?;
         }
         Ok(())
     }
@@ -296,7 +330,7 @@ impl Work<'_> {
                 change.layout.range(&change.block, first, count),
             ];
             let groups = self.rows(lane.back.rows, lane.back.columns, count);
-            self.run(&spirv::RETURN_PUPIL, &buffers, &lane.back, &more, groups)?;
+            self.run(self.stored(&spirv::RETURN_PUPIL), &buffers, &lane.back, &more, groups)?;
         }
         Ok(())
     }
@@ -364,7 +398,7 @@ impl Work<'_> {
                 self.gpu.recorder.barrier();
             }
             let buffers = [arenas.frames(Kind::Window, slot, first, count)?, arenas.range(Kind::Image, slot)?];
-            self.run(&spirv::INTENSITY, &buffers, &args, &[window.stride() as u32], groups)?;
+            self.run(self.stored(&spirv::INTENSITY), &buffers, &args, &[window.stride() as u32], groups)?;
         }
         Ok(())
     }
@@ -402,9 +436,14 @@ impl Work<'_> {
         for (first, count) in self.chunks(window.frames, &[window]) {
             let buffers = [arenas.range(Kind::Image, slot)?, arenas.frames(Kind::Window, slot, first, count)?];
             let groups = self.along(lane.count(), count);
-            self.run(&spirv::WEIGH, &buffers, &args, &[], groups)?;
+            self.run(self.stored(&spirv::WEIGH), &buffers, &args, &[], groups)?;
         }
         Ok(())
+    }
+
+    /// The variant of a module for how fields are stored.
+    fn stored(&self, module: &'static spirv::Module) -> &'static spirv::Module {
+        stored(module, self.shape.storage)
     }
 
     /// A kernel over rows and columns of all frames of some buffers of the shape.
@@ -485,10 +524,19 @@ impl Work<'_> {
     }
 }
 
+/// The variant of a module for fields stored so.
+pub(super) fn stored(module: &'static spirv::Module, storage: Storage) -> &'static spirv::Module {
+    match storage {
+        Storage::F32 => module,
+        Storage::F16 => module.half.unwrap_or(module),
+    }
+}
+
 fn window_direction(kernel: Kernel) -> Direction {
     if kernel == Kernel::WindowForward { Direction::Forward } else { Direction::Inverse }
 }
 
 fn frames_of<'a>(block: &'a Block, layout: &Layout, height: usize, width: usize) -> Frames<'a> {
-    Frames { block, offset: layout.offset, count: layout.frames, height, width, stride: layout.stride() }
+    let storage = if let Value::Complex(storage) = layout.value { storage } else { Storage::F32 };
+    Frames { block, offset: layout.offset, count: layout.frames, height, width, stride: layout.stride(), storage }
 }

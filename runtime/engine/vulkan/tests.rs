@@ -30,11 +30,11 @@ fn a_kernel_runs_is_timed_and_leaves_no_message() {
     let place = modulate::Args { height: 5, width: 7, grid_height: 8, grid_width: 70, top: 2, left: 60 };
     let phases: Vec<f32> = (0..35).map(|i| 0.7 * i as f32 - 9.0).collect();
     let mut want = vec![ZERO; 8 * 70];
-    modulate::modulate(&place, &phases, &mut want);
+    modulate::modulate(&place, 0.5, &phases, &mut want);
     let from = gpu.filled(bytemuck::cast_slice(&phases), "phases").unwrap();
     let to = gpu.block(8 * want.len() as u64, "field").unwrap();
     let pipeline = gpu.pipeline(&spirv::MODULATE, 2, &[]).unwrap();
-    let push = [5u32, 7, 8, 70, 2, 60, 35, 560];
+    let push = [5u32, 7, 8, 70, 2, 60, 35, 560, 0.5f32.to_bits()];
     gpu.recorder.begin(1).unwrap();
     gpu.recorder.dispatch(pipeline, &[from.all(), to.all()], bytemuck::cast_slice(&push), [2, 3, 1]).unwrap();
     gpu.recorder.mark(7);
@@ -58,7 +58,7 @@ fn a_hazard_is_heard() {
     let from = gpu.filled(&[0; 512], "phases").unwrap();
     let to = gpu.block(512, "field").unwrap();
     let pipeline = gpu.pipeline(&spirv::MODULATE, 2, &[]).unwrap();
-    let push = [8u32, 8, 8, 8, 0, 0, 64, 64];
+    let push = [8u32, 8, 8, 8, 0, 0, 64, 64, 1f32.to_bits()];
     gpu.recorder.begin(0).unwrap();
     gpu.recorder.dispatch(pipeline, &[from.all(), to.all()], bytemuck::cast_slice(&push), [1, 8, 1]).unwrap();
     gpu.recorder.dispatch(pipeline, &[to.all(), from.all()], bytemuck::cast_slice(&push), [1, 8, 1]).unwrap();

@@ -1,6 +1,7 @@
 //! The arguments of `eyebox evaluate`.
 
 use crate::args::{DisplayArgs, EngineArgs, SceneArgs};
+use crate::quality::QualityArgs;
 use crate::values::{depths, positive, range};
 use clap::Args;
 use std::path::PathBuf;
@@ -41,12 +42,16 @@ pub struct Evaluate {
     /// Depths that matter, mm [default: what the scene says]
     #[arg(long, value_name = "MIN..MAX", value_parser = depths, allow_hyphen_values = true)]
     pub depth: Option<[f64; 2]>,
-    /// Steps of every iterative method
-    #[arg(long, default_value_t = 60, value_name = "N")]
-    pub steps: usize,
-    /// Pupils a step of every iterative method
-    #[arg(long, default_value_t = 16, value_name = "B")]
-    pub pupils: usize,
+    /// Quality: decides steps, pupils, their diameters, window and optimiser of every iterative method; all views and
+    /// sub-frames stay
+    #[command(flatten)]
+    pub quality: QualityArgs,
+    /// Steps of every iterative method [default: 60]
+    #[arg(long, value_name = "N")]
+    pub steps: Option<usize>,
+    /// Pupils a step of every iterative method [default: 16]
+    #[arg(long, value_name = "B")]
+    pub pupils: Option<usize>,
     /// Pupil diameters of random pupils, mm [default: 2..20, or what fits the eyebox]
     #[arg(long, value_name = "MIN..MAX", value_parser = range)]
     pub pupil_diameter: Option<[f64; 2]>,

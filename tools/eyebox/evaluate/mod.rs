@@ -15,26 +15,31 @@ mod subject;
 mod work;
 
 pub use args::Evaluate;
-pub use work::{Job, evaluate};
+pub use work::{Job, checksum, evaluate};
 
 use crate::Failure;
 use crate::common;
 use crate::progress;
+use crate::quality::Chosen;
 use crate::report::{self, Published};
+use eyebox::engine::Engine;
 use eyebox::evaluate::Group;
 use eyebox::optics::{Color, Display};
+use eyebox::quality::Recipe;
 use eyebox::scene;
 use std::path::Path;
 
 /// Solves, measures, reports.
 pub fn run(args: &Evaluate) -> Result<(), Failure> {
-    let job = job(args)?;
+    let mut job = job(args)?;
     let published = args.reference.as_deref().map(Published::read).transpose()?.unwrap_or_default();
     let mut engine = common::engine(&args.engine)?;
+    let chosen = with_quality(&mut job, args, engine.as_ref())?;
     job.check_scenes()?;
     keep::writable(&args.out)?;
     if !args.json {
         eprintln!("engine: {}", engine.describe());
+        chosen.iter().for_each(|about| eprintln!("{about}"));
     }
     progress::catch_interrupt();
     let mut report = evaluate(&job, &args.out, engine.as_mut(), args.json)?;
@@ -59,6 +64,23 @@ pub fn run(args: &Evaluate) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Steps, pupils, their diameters, window and optimiser as quality or deadline ask for; says which.
+fn with_quality(job: &mut Job, args: &Evaluate, engine: &dyn Engine) -> Result<Option<String>, Failure> {
+    let frames = job.frames.last().copied().unwrap_or(job.settings.frames);
+    let size = [job.display.height, job.display.width];
+    let Some(Chosen { recipe, about }) = args.quality.choose(engine, size, frames, job.colors.len())? else {
+        return Ok(None);
+    };
+    let recipe = Recipe {
+        steps: args.steps.unwrap_or(recipe.steps),
+        pupils: args.pupils.unwrap_or(recipe.pupils),
+        repeats: 1,
+        ..recipe
+    };
+    recipe.apply(&mut job.settings);
+    Ok(Some(about))
+}
+
 fn print_table(report: &report::Report) {
     println!("PSNR over random pupils, dB:      mean  median   worst  spread");
     for series in report.series() {
@@ -77,8 +99,10 @@ fn job(args: &Evaluate) -> Result<Job, Failure> {
     if args.frames.is_empty() || args.frames.iter().any(|f| !(1..=4096).contains(f)) {
         return Err(Failure::Asked("--frames: the numbers of sub-frames must be 1 to 4096".into()));
     }
-    if !(1..=1_000_000).contains(&args.steps) {
-        return Err(Failure::Asked(format!("--steps {}: it must be 1 to 1000000", args.steps)));
+    let defaults = eyebox::solve::Settings::default();
+    let (steps, pupils) = (args.steps.unwrap_or(defaults.steps), args.pupils.unwrap_or(defaults.pupils));
+    if !(1..=1_000_000).contains(&steps) {
+        return Err(Failure::Asked(format!("--steps {steps}: it must be 1 to 1000000")));
     }
     let methods = match &args.methods {
         Some(names) => subject::methods(names)?,
@@ -104,11 +128,11 @@ fn job(args: &Evaluate) -> Result<Job, Failure> {
     }
     let subjects = subject::subjects(&methods, given);
     let settings = eyebox::solve::Settings {
-        steps: args.steps,
-        pupils: args.pupils,
+        steps,
+        pupils,
         diameter: common::diameters(args.pupil_diameter, &display),
         seed: args.seed,
-        ..eyebox::solve::Settings::default()
+        ..defaults
     };
     settings.check()?;
     let speckle = !args.no_speckle;

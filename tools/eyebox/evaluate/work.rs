@@ -402,7 +402,7 @@ fn methods_about(subjects: &[Subject]) -> Vec<MethodAbout> {
 }
 
 /// Changes with any pixel of any view.
-fn checksum(field: &LightField) -> u32 {
+pub fn checksum(field: &LightField) -> u32 {
     field.planes.iter().flatten().fold(0, |sum, view| append(sum, view))
 }
 

@@ -11,10 +11,11 @@ mod pictures;
 mod plots;
 mod published;
 mod stats;
-mod svg;
+pub mod svg;
 mod tables;
 
 pub use about::{About, MethodAbout};
+pub use page::STYLE;
 pub use published::Published;
 pub use stats::Series;
 pub use tables::json;

@@ -6,7 +6,7 @@ use super::{Report, Series, pictures, plots, stats};
 use eyebox::evaluate::Group;
 use std::fmt::Write;
 
-const STYLE: &str = include_str!("style.css");
+pub const STYLE: &str = include_str!("style.css");
 
 /// All of it.
 pub fn html(report: &Report) -> String {

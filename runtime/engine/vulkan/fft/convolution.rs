@@ -3,9 +3,10 @@
 use super::super::device::Block;
 use super::super::gpu::Gpu;
 use super::super::pipelines::Pipeline;
+use super::super::record::stored;
 use super::super::recorder::Range;
-use super::EngineError;
 use super::record::{Fft, Planned, Work};
+use super::{EngineError, Storage};
 use bytemuck::{Pod, Zeroable};
 use eyebox_kernels::fft_plan::Axis;
 
@@ -49,7 +50,7 @@ impl Fft {
                 let count = chunks.lines.min(work.count - line);
                 let frames = chunks.frames.min(work.frames - frame);
                 let first = (work.first + line) % work.wrap;
-                let offset = 8 * u64::from(work.frame) * u64::from(frame);
+                let offset = work.storage.bytes() as u64 * u64::from(work.frame) * u64::from(frame);
                 let data = Range { offset: work.data.offset + offset, size: work.data.size - offset, ..work.data };
                 let arguments = |mode| ChirpArguments {
                     mode,
@@ -69,8 +70,9 @@ impl Fft {
                     let length = if mode == 2 { n } else { m };
                     let (along, across) = if rows { (length, count) } else { (count, length) };
                     let groups = [along.div_ceil(CHIRP_CROWD[0]), across.div_ceil(CHIRP_CROWD[1]), frames];
-                    let pipeline = chirp_pipeline(gpu)?;
-                    let buffers = [if mode == 1 { long } else { data }, long, table.all()];
+                    let (data, storage) = if mode == 1 { (long, Storage::F32) } else { (data, work.storage) };
+                    let pipeline = chirp_pipeline(gpu, storage)?;
+                    let buffers = [data, long, table.all()];
                     gpu.recorder.dispatch(pipeline, &buffers, bytemuck::bytes_of(&arguments(mode)), groups)?;
                     fft.mark(gpu, || format!("{:?} of {n}, chirp", work.axis).to_lowercase());
                     Ok::<(), EngineError>(())
@@ -88,6 +90,7 @@ impl Fft {
                     frame: chunks.frame,
                     spare_frame: chunks.frame,
                     inverse,
+                    storage: Storage::F32,
                 };
                 if std::mem::replace(&mut begun, true) {
                     gpu.recorder.barrier();
@@ -137,8 +140,9 @@ impl Chunks {
     }
 }
 
-pub(super) fn chirp_pipeline(gpu: &mut Gpu) -> Result<Pipeline, EngineError> {
-    gpu.pipeline(&eyebox_spirv::FFT_CHIRP, 3, &[])
+/// For data stored so; the scratch is in float32 always.
+pub(super) fn chirp_pipeline(gpu: &mut Gpu, storage: Storage) -> Result<Pipeline, EngineError> {
+    gpu.pipeline(stored(&eyebox_spirv::FFT_CHIRP, storage), 3, &[])
 }
 
 #[cfg(test)]

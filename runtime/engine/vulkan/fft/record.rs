@@ -3,9 +3,10 @@
 use super::super::device::Block;
 use super::super::gpu::Gpu;
 use super::super::pipelines::Pipeline;
+use super::super::record::stored;
 use super::super::recorder::Range;
 use super::convolution::{Chunks, chirp_pipeline};
-use super::{EngineError, Frames, Transform};
+use super::{EngineError, Frames, Storage, Transform};
 use bytemuck::{Pod, Zeroable};
 use eyebox_kernels::fft::{Columns, Direction};
 use eyebox_kernels::fft_plan::{Axis, LONGEST, Method, Plan, PlanLimits, Radix, Shared};
@@ -84,6 +85,7 @@ pub(super) struct Work<'a> {
     pub(super) frame: u32,
     pub(super) spare_frame: u32,
     pub(super) inverse: bool,
+    pub(super) storage: Storage,
 }
 
 impl Fft {
@@ -100,7 +102,14 @@ impl Fft {
     }
 
     /// Plan, tables and pipelines of a length.
-    fn axis(&mut self, gpu: &mut Gpu, n: usize, axis: Axis, even_width: bool) -> Result<(), EngineError> {
+    fn axis(
+        &mut self,
+        gpu: &mut Gpu,
+        n: usize,
+        axis: Axis,
+        even_width: bool,
+        storage: Storage,
+    ) -> Result<(), EngineError> {
         let short = u32::try_from(n).unwrap_or(u32::MAX);
         let planned = match self.axes.get(&(short, axis)) {
             Some(planned) => Arc::clone(planned),
@@ -114,7 +123,7 @@ impl Fft {
             }
         };
         // All are compiled now rather than while something is recorded.
-        compile(gpu, &planned.plan, axis, even_width)
+        compile(gpu, &planned.plan, axis, even_width, storage)
     }
 
     fn scratch(&mut self, gpu: &Gpu, size: u64) -> Result<Block, EngineError> {
@@ -136,11 +145,11 @@ impl Fft {
 }
 
 impl Transform for Fft {
-    fn prepare(&mut self, gpu: &mut Gpu, height: usize, width: usize, _: Direction) -> Result<(), EngineError> {
+    fn prepare(&mut self, gpu: &mut Gpu, [height, width]: [usize; 2], storage: Storage) -> Result<(), EngineError> {
         // Nothing is being recorded, and what was submitted is done.
         self.outgrown.clear();
-        self.axis(gpu, width, Axis::Rows, true)?;
-        self.axis(gpu, height, Axis::Columns, width.is_multiple_of(2))
+        self.axis(gpu, width, Axis::Rows, true, storage)?;
+        self.axis(gpu, height, Axis::Columns, width.is_multiple_of(2), storage)
     }
 
     fn record(
@@ -157,13 +166,14 @@ impl Transform for Fft {
             return Err(EngineError::Mismatch { reason: format!("no transform of {height} x {width} was prepared") });
         };
         let limits = *gpu.limits();
+        let size = frames.storage.bytes() as u64;
         let one = u64::from(height) * u64::from(width);
         // A frame that starts at an odd value cannot be read in pairs, but each is aligned by itself.
         let packed = one.next_multiple_of(2);
         let most = if frames.stride.is_multiple_of(2) { frames.count } else { 1 };
         let fit = |bytes: u64, frame: u64| (bytes / frame.max(1)).max(1) as usize;
-        let at_once = fit(limits.storage_range, 8 * frames.stride as u64)
-            .min(fit(SCRATCH.min(limits.storage_range), 8 * packed))
+        let at_once = fit(limits.storage_range, size * frames.stride as u64)
+            .min(fit(SCRATCH.min(limits.storage_range), size * packed))
             .min(limits.groups[2] as usize)
             .min(most);
         let axes = match direction {
@@ -173,7 +183,7 @@ impl Transform for Fft {
         let need = axes.iter().map(|(axis, planned)| match &planned.plan.method {
             Method::Nothing | Method::Shared(_) => 0,
             Method::Passes { radices, .. } if radices.len() < 2 => 0,
-            Method::Passes { .. } => 8 * packed * at_once as u64,
+            Method::Passes { .. } => size * packed * at_once as u64,
             Method::Bluestein { inner } => {
                 let lines = if *axis == Axis::Rows { height } else { columns.count as u32 };
                 2 * Chunks::new(inner.n, lines, at_once as u32, *axis).bytes()
@@ -189,8 +199,8 @@ impl Transform for Fft {
         let mut begun = false;
         for first in (0..frames.count).step_by(at_once.max(1)) {
             let count = at_once.min(frames.count - first);
-            let offset = frames.offset + 8 * (frames.stride * first) as u64;
-            let data = frames.block.range(offset, 8 * (frames.stride as u64 * (count as u64 - 1) + one));
+            let offset = frames.offset + size * (frames.stride * first) as u64;
+            let data = frames.block.range(offset, size * (frames.stride as u64 * (count as u64 - 1) + one));
             for (axis, planned) in &axes {
                 if matches!(planned.plan.method, Method::Nothing) || (*axis == Axis::Columns && columns.count == 0) {
                     continue;
@@ -200,7 +210,7 @@ impl Transform for Fft {
                 }
                 let spare = match (&scratch, &planned.plan.method) {
                     (Some(scratch), Method::Bluestein { .. }) => scratch.range(0, need),
-                    (Some(scratch), _) => scratch.range(0, need.min(8 * packed * count as u64)),
+                    (Some(scratch), _) => scratch.range(0, need.min(size * packed * count as u64)),
                     (None, _) => data,
                 };
                 let (first, count_of_lines, wrap) = match axis {
@@ -219,6 +229,7 @@ impl Transform for Fft {
                     frame: frames.stride as u32,
                     spare_frame: packed as u32,
                     inverse: direction == Direction::Inverse,
+                    storage: frames.storage,
                 };
                 done = done.and_then(|()| self.lines(gpu, planned, &work));
             }
@@ -244,7 +255,7 @@ impl Fft {
         let arguments = RowsArguments { n, height: work.count, rows, inverse, row: work.row, frame: work.frame };
         let groups = rows.div_ceil(shared.lines);
         let wide = groups.min(gpu.limits().groups[0]);
-        let pipeline = rows_pipeline(gpu, shared)?;
+        let pipeline = rows_pipeline(gpu, shared, work.storage)?;
         let buffers = [work.data, planned.twiddles.all()];
         gpu.recorder.dispatch(pipeline, &buffers, bytemuck::bytes_of(&arguments), [wide, groups.div_ceil(wide), 1])?;
         self.mark(gpu, || format!("rows of {n} through shared memory"));
@@ -294,7 +305,8 @@ impl Fft {
                 let (along, across) = if work.axis == Axis::Rows { (butterflies, count) } else { (count, butterflies) };
                 let along = if pair { along.div_ceil(2) } else { along };
                 let groups = [along.div_ceil(CROWD), across, work.frames];
-                let pipeline = pass_pipeline(gpu, *radix, work.axis, pair, i == 0)?;
+                let constants = pass_constants(*radix, work.axis, pair, i == 0);
+                let pipeline = gpu.pipeline(stored(&eyebox_spirv::FFT_PASS, work.storage), 3, &constants)?;
                 let buffers = [from, to, planned.twiddles.all()];
                 gpu.recorder.dispatch(pipeline, &buffers, bytemuck::bytes_of(&arguments), groups)?;
             }
@@ -337,33 +349,36 @@ fn planned(gpu: &mut Gpu, plan: Plan) -> Result<Planned, EngineError> {
     Ok(Planned { plan, twiddles, starts, convolution })
 }
 
-fn compile(gpu: &mut Gpu, plan: &Plan, axis: Axis, even_width: bool) -> Result<(), EngineError> {
+fn compile(gpu: &mut Gpu, plan: &Plan, axis: Axis, even_width: bool, storage: Storage) -> Result<(), EngineError> {
     match &plan.method {
         Method::Nothing => {}
         Method::Shared(shared) => {
-            rows_pipeline(gpu, shared)?;
+            rows_pipeline(gpu, shared, storage)?;
         }
         Method::Passes { radices, pair } => {
             let pair = if axis == Axis::Rows { *pair } else { even_width };
             for (i, radix) in radices.iter().enumerate() {
-                pass_pipeline(gpu, *radix, axis, pair, i == 0)?;
+                let constants = pass_constants(*radix, axis, pair, i == 0);
+                gpu.pipeline(stored(&eyebox_spirv::FFT_PASS, storage), 3, &constants)?;
             }
         }
         Method::Bluestein { inner } => {
-            chirp_pipeline(gpu)?;
-            compile(gpu, inner, axis, true)?;
+            // Its first and last kernels meet the data, the one between only the scratch.
+            for storage in [storage, Storage::F32] {
+                chirp_pipeline(gpu, storage)?;
+            }
+            compile(gpu, inner, axis, true, Storage::F32)?;
         }
     }
     Ok(())
 }
 
-fn pass_pipeline(gpu: &mut Gpu, radix: Radix, axis: Axis, pair: bool, first: bool) -> Result<Pipeline, EngineError> {
+fn pass_constants(radix: Radix, axis: Axis, pair: bool, first: bool) -> [u32; 7] {
     let rows = u32::from(axis == Axis::Rows);
-    let constants = [CROWD, 1, radix.a, radix.b, u32::from(pair), rows, u32::from(first)];
-    gpu.pipeline(&eyebox_spirv::FFT_PASS, 3, &constants)
+    [CROWD, 1, radix.a, radix.b, u32::from(pair), rows, u32::from(first)]
 }
 
-fn rows_pipeline(gpu: &mut Gpu, shared: &Shared) -> Result<Pipeline, EngineError> {
+fn rows_pipeline(gpu: &mut Gpu, shared: &Shared, storage: Storage) -> Result<Pipeline, EngineError> {
     let Shared { radices, counts, pair, threads, lines, slots } = shared;
     let mut constants = [1; 20];
     constants[..5].copy_from_slice(&[*threads, *lines, u32::from(*pair), radices.len() as u32, *slots]);
@@ -372,7 +387,7 @@ fn rows_pipeline(gpu: &mut Gpu, shared: &Shared) -> Result<Pipeline, EngineError
         let Radix { a, b } = radices.get(i).copied().unwrap_or(Radix { a: 1, b: 1 });
         stage.copy_from_slice(&[a, b, count]);
     }
-    gpu.pipeline(&eyebox_spirv::FFT_ROWS, 2, &constants)
+    gpu.pipeline(stored(&eyebox_spirv::FFT_ROWS, storage), 2, &constants)
 }
 
 /// What plans must fit on this device.

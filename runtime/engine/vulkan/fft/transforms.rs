@@ -3,9 +3,9 @@
 use super::super::device::Block;
 use super::super::engine::Options;
 use super::super::gpu::Gpu;
-use super::{EngineError, Fft, Frames, Transform};
-use eyebox_kernels::Complex32;
+use super::{EngineError, Fft, Frames, Storage, Transform};
 use eyebox_kernels::fft::{Columns, Direction};
+use eyebox_kernels::{Complex32, half};
 use std::time::Instant;
 
 /// An open device that transforms what it is given.
@@ -13,6 +13,7 @@ pub struct Transforms {
     // Dropped before the device.
     block: Option<Block>,
     fft: Fft,
+    storage: Storage,
     gpu: Gpu,
 }
 
@@ -31,7 +32,12 @@ impl Transforms {
     /// # Errors
     /// No such device, or no validation layer where the options ask for it.
     pub fn open(options: &Options) -> Result<Self, EngineError> {
-        Ok(Self { block: None, fft: Fft::new(), gpu: Gpu::open(options)? })
+        Ok(Self { block: None, fft: Fft::new(), storage: Storage::F32, gpu: Gpu::open(options)? })
+    }
+
+    /// How frames are stored on the device from now on.
+    pub fn store(&mut self, storage: Storage) {
+        self.storage = storage;
     }
 
     /// Name of the device.
@@ -49,7 +55,7 @@ impl Transforms {
     /// # Errors
     /// The device's.
     pub fn plans(&mut self, height: usize, width: usize) -> Result<[String; 2], EngineError> {
-        self.fft.prepare(&mut self.gpu, height, width, Direction::Forward)?;
+        self.fft.prepare(&mut self.gpu, [height, width], self.storage)?;
         Ok(self.fft.plans(height, width))
     }
 
@@ -73,18 +79,25 @@ impl Transforms {
         }
         let alignment = self.gpu.limits().offset_alignment;
         let offset = before.next_multiple_of(alignment);
-        let stride = (8 * one as u64).next_multiple_of(alignment.max(8)) / 8;
-        let size = offset + 8 * stride * count as u64;
-        let mut pieces: Vec<_> =
-            (0..count as u64).map(|i| (8 * one as u64 * i, offset + 8 * stride * i, 8 * one as u64)).collect();
+        let value = self.storage.bytes() as u64;
+        // An even number of values, for pairs.
+        let stride = (value * one as u64).next_multiple_of(alignment.max(2 * value)) / value;
+        let size = offset + value * stride * count as u64;
+        let bytes = value * one as u64;
+        let mut pieces: Vec<_> = (0..count as u64).map(|i| (bytes * i, offset + value * stride * i, bytes)).collect();
         let block = match self.block.take() {
             Some(block) if block.size >= size => block,
             _ => self.gpu.block(size, "frames to be transformed")?,
         };
-        self.gpu.upload(&block, bytemuck::cast_slice(frames), &pieces)?;
-        self.fft.prepare(&mut self.gpu, height, width, direction)?;
+        let numbers: &mut [f32] = bytemuck::cast_slice_mut(frames);
+        match self.storage {
+            Storage::F32 => self.gpu.upload(&block, bytemuck::cast_slice(numbers), &pieces)?,
+            Storage::F16 => self.gpu.upload(&block, bytemuck::cast_slice(&half::pack(numbers)), &pieces)?,
+        }
+        self.fft.prepare(&mut self.gpu, [height, width], self.storage)?;
         self.gpu.recorder.begin(64 * count)?;
-        let work = Frames { block: &block, offset, count, height, width, stride: stride as usize };
+        let work =
+            Frames { block: &block, offset, count, height, width, stride: stride as usize, storage: self.storage };
         self.fft.marks = Some(Vec::new());
         self.fft.record(&mut self.gpu, work, direction, columns)?;
         let names = self.fft.marks.take().unwrap_or_default();
@@ -94,7 +107,14 @@ impl Transforms {
         for piece in &mut pieces {
             *piece = (piece.1, piece.0, piece.2);
         }
-        self.gpu.download(&block, bytemuck::cast_slice_mut(frames), &pieces)?;
+        match self.storage {
+            Storage::F32 => self.gpu.download(&block, bytemuck::cast_slice_mut(numbers), &pieces)?,
+            Storage::F16 => {
+                let mut bits = vec![0u16; numbers.len()];
+                self.gpu.download(&block, bytemuck::cast_slice_mut(&mut bits), &pieces)?;
+                numbers.copy_from_slice(&half::unpack(&bits));
+            }
+        }
         self.block = Some(block);
         let passes = times.into_iter().map(|(i, seconds)| (names[i].clone(), seconds)).collect();
         Ok(Timed { whole, passes })

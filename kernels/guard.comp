@@ -1,0 +1,22 @@
+#version 450
+
+// found = 1 if any value is no number or infinite. x: value (strided), z: frame. Halves only: see guard.rs.
+
+layout(local_size_x = 64) in;
+layout(std430, binding = 0) readonly buffer Change { uint change[]; };
+layout(std430, binding = 1) buffer Found { uint found; };
+layout(push_constant) uniform Args {
+    uint count;
+    // Values from one frame to the next.
+    uint change_stride;
+};
+
+void main() {
+    uint base = gl_GlobalInvocationID.z * change_stride;
+    bool none = false;
+    for (uint i = gl_GlobalInvocationID.x; i < count; i += gl_NumWorkGroups.x * gl_WorkGroupSize.x) {
+        uint bits = change[base + i];
+        none = none || (bits & 0x7c00u) == 0x7c00u || (bits & 0x7c000000u) == 0x7c000000u;
+    }
+    if (none) atomicOr(found, 1u);
+}

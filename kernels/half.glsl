@@ -1,0 +1,44 @@
+// Complex values in memory: two float32, or in modules built with HALF two halves in one uint, with the arithmetic in
+// float32 all the same. `packHalf2x16` may round as the device likes, so that results would differ from device to
+// device and drift towards zero on some; the bits are made here, to the nearest, ties to even (see half.rs). Reading is
+// exact everywhere. Nothing of this asks for a feature of the device.
+//
+// A kernel that includes this file is built twice: NAME and, with HALF, NAME_half.
+//
+// COMPLEX and COMPLEX2 are one and two values in memory; LOAD.. and STORE.. go between them and vec2 and vec4.
+
+#ifdef HALF
+
+uint half_bits(float x) {
+    uint bits = floatBitsToUint(x), size = bits & 0x7fffffffu;
+    // Eleven bits; a carry goes on into the exponent, which is counted from -15 in a half and from -127 in a float.
+    uint normal = (size + 0xfffu + ((size >> 13) & 1u) - 0x38000000u) >> 13;
+    // Below 2^-14 halves are 2^-24 apart, as float32 is next to 1/2.
+    precise float beside = uintBitsToFloat(size) + 0.5;
+    uint value = size < 0x38800000u ? floatBitsToUint(beside) - 0x3f000000u : normal;
+    if (size >= 0x477ff000u) value = size > 0x7f800000u ? 0x7e00u : 0x7c00u;
+    return value | ((bits >> 16) & 0x8000u);
+}
+
+uint half_pack(vec2 z) { return half_bits(z.x) | (half_bits(z.y) << 16); }
+
+#define COMPLEX uint
+#define COMPLEX2 uvec2
+#define LOAD(stored) unpackHalf2x16(stored)
+#define LOAD2(stored) half_unpack2(stored)
+#define STORE(z) half_pack(z)
+#define STORE2(z) half_pack2(z)
+
+vec4 half_unpack2(uvec2 stored) { return vec4(unpackHalf2x16(stored.x), unpackHalf2x16(stored.y)); }
+uvec2 half_pack2(vec4 z) { return uvec2(half_pack(z.xy), half_pack(z.zw)); }
+
+#else
+
+#define COMPLEX vec2
+#define COMPLEX2 vec4
+#define LOAD(stored) (stored)
+#define LOAD2(stored) (stored)
+#define STORE(z) (z)
+#define STORE2(z) (z)
+
+#endif

@@ -1,0 +1,93 @@
+//! Complex fields stored as two halves (IEEE 754 binary16), the arithmetic staying in float32: the twin of `half.glsl`.
+//!
+//! A half has 11 bits and reaches from 6e-8 to 65504. Rounding is to the nearest, ties to even, on every device: Vulkan
+//! leaves the rounding of `packHalf2x16` to the device, so shaders round in integers. What is too large becomes
+//! infinite, and what is no number stays none: `guard` finds both. The twin keeps float32 values and rounds them to what
+//! a half would hold, where a shader would store one.
+
+use crate::{Complex32, simd};
+use half::f16;
+
+/// Largest error of a rounding over the value: half a unit in the last of 11 bits.
+pub const UNIT: f64 = 1.0 / 2048.0;
+
+/// The largest half.
+pub const LARGEST: f32 = 65504.0;
+
+/// The half nearest to `x`.
+#[inline(always)]
+pub fn rounded(x: f32) -> f32 {
+    let bits = x.to_bits();
+    let (sign, size) = (bits & 0x8000_0000, bits & 0x7fff_ffff);
+    // Eleven bits, ties to even; a carry goes on into the exponent.
+    let normal = f32::from_bits((size + 0xfff + ((size >> 13) & 1)) & !0x1fff);
+    // Below 2^-14 halves are 2^-24 apart, as float32 is next to 1/2.
+    let small = (f32::from_bits(size) + 0.5) - 0.5;
+    let large = if size > 0x7f80_0000 { f32::NAN } else { f32::INFINITY };
+    let value = if size < 0x3880_0000 { small } else { normal };
+    // 65520 is half-way to what a half cannot hold.
+    let value = if size >= 0x477f_f000 { large } else { value };
+    f32::from_bits(value.to_bits() | sign)
+}
+
+/// Rounds all values to halves.
+pub fn round(values: &mut [Complex32]) {
+    simd(
+        #[inline(always)]
+        || {
+            for value in bytemuck::cast_slice_mut::<_, f32>(values) {
+                *value = rounded(*value);
+            }
+        },
+    );
+}
+
+/// The bits of the nearest halves.
+pub fn pack(values: &[f32]) -> Vec<u16> {
+    values.iter().map(|v| f16::from_f32(*v).to_bits()).collect()
+}
+
+/// Halves as float32, exactly.
+pub fn unpack(bits: &[u16]) -> Vec<f32> {
+    bits.iter().map(|b| f16::from_bits(*b).to_f32()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every half, what lies just beside it and half-way to the next: the same as a conversion that others wrote.
+    #[test]
+    fn rounds_as_conversions_do() {
+        let same = |x: f32| {
+            for x in [x, -x] {
+                let want = f16::from_f32(x).to_f32();
+                let got = rounded(x);
+                assert!(
+                    got == want && got.is_sign_negative() == want.is_sign_negative(),
+                    "{x:e}: {got:e}, not {want:e}"
+                );
+            }
+        };
+        for bits in 0..0x7c00u16 {
+            let here = f16::from_bits(bits).to_f32();
+            let next = if bits == 0x7bff { 65536.0 } else { f16::from_bits(bits + 1).to_f32() };
+            let middle = 0.5 * (here + next);
+            for x in [here, middle] {
+                same(x);
+                same(f32::from_bits(x.to_bits() + 1));
+                same(f32::from_bits(x.to_bits().saturating_sub(1)));
+            }
+        }
+        for x in [0.0, f32::MIN_POSITIVE, 1e-30, 1e-40, 1e30, f32::MAX, f32::INFINITY] {
+            same(x);
+        }
+        assert!(rounded(f32::NAN).is_nan() && rounded(f32::from_bits(0x7fff_ffff)).is_nan());
+    }
+
+    #[test]
+    fn what_is_packed_comes_back() {
+        let all: Vec<u16> = (0..=u16::MAX).filter(|b| !f16::from_bits(*b).is_nan()).collect();
+        assert_eq!(pack(&unpack(&all)), all);
+    }
+}

@@ -1,0 +1,73 @@
+//! The truth that every recipe is judged by: the same pupils for all, the full window, every view, the padding that the
+//! scene requires, the SLM's levels, and one exposure.
+
+use super::{QualityError, Subject};
+use crate::engine::{Buffer, Engine};
+use crate::optics::{Pupil, WindowFactor};
+use crate::plan::{Planner, Purpose, Sight};
+use crate::solve::{Diameters, Judge, Problem, PupilRange, Sampler, Sequence, Settings, Verdict, level_table};
+use std::sync::Arc;
+
+/// Pupils of a judgement: random, by the paper's distribution, none of them shown to any solve.
+pub const PUPILS: usize = 16;
+
+/// Judges holograms of one colour of a scene.
+pub struct Reference {
+    problem: Problem,
+    planner: Planner,
+    judge: Judge,
+    unit: f64,
+    levels: Option<Vec<f64>>,
+    pixels: usize,
+    pupils: Vec<Pupil>,
+}
+
+impl Reference {
+    /// For this subject; the seed decides the pupils, and is to be another than that of the solves.
+    ///
+    /// # Errors
+    /// [`QualityError`].
+    pub fn new(subject: &Subject, seed: u64, engine: &mut dyn Engine) -> Result<Self, QualityError> {
+        let problem = Problem::new(subject.field, subject.color, subject.display, subject.required_padding()?)?;
+        let mut planner = problem.planner(1, WindowFactor::Full);
+        let unit = problem.unit();
+        if let Some(views) = &mut planner.views {
+            views.unit /= unit;
+        }
+        let Settings { diameter, depth, .. } = subject.base;
+        let range = PupilRange { eyebox: problem.eyebox, diameter, depth, diameters: Diameters::Uniform };
+        // Apart from the pupils that solves draw and judge by, which are of their own seed and its complement.
+        let mut sampler = Sampler::new(range, Sequence::Random, seed ^ 0x7265_6665_7265_6e63);
+        let pupils: Vec<Pupil> = (0..PUPILS).map(|_| sampler.draw()).collect();
+        let sights = pupils.iter().map(|p| Sight::Pupil(*p)).collect();
+        engine.load(&planner.shape(Purpose::View), Some(Arc::clone(&problem.pyramid)))?;
+        let judge = Judge::new(engine, &planner, sights)?;
+        let pixels = problem.optics.height * problem.optics.width;
+        Ok(Self { problem, planner, judge, unit, levels: subject.levels.clone(), pixels, pupils })
+    }
+
+    /// The same, for an SLM of other levels.
+    pub fn with_levels(self, levels: Option<Vec<f64>>) -> Self {
+        Self { levels, ..self }
+    }
+
+    /// Phases (frames, height, width), as the SLM shows them.
+    ///
+    /// # Errors
+    /// Those of the engine.
+    pub fn judge(&self, phases: &[f32], engine: &mut dyn Engine) -> Result<Verdict, QualityError> {
+        let mut planner = Planner { frames: phases.len() / self.pixels.max(1), ..self.planner.clone() };
+        planner.levels = self.levels.as_ref().map_or(0, Vec::len);
+        engine.load(&planner.shape(Purpose::View), Some(Arc::clone(&self.problem.pyramid)))?;
+        if let Some(levels) = &self.levels {
+            engine.write(Buffer::Levels, &level_table(levels))?;
+        }
+        engine.write(Buffer::Phases, phases)?;
+        Ok(self.judge.judge(engine, &planner)?.in_units_of(self.unit))
+    }
+
+    /// The pupils that it looks through.
+    pub fn pupils(&self) -> Vec<Pupil> {
+        self.pupils.clone()
+    }
+}

@@ -1,0 +1,288 @@
+//! What recipes are tried on, and how a recipe is solved.
+
+use super::{QualityError, Recipe};
+use crate::engine::Engine;
+use crate::optics::{Color, Display, Padding};
+use crate::scene::LightField;
+use crate::solve::{self, Flow, Problem, Progress, Settings, Solution};
+use std::borrow::Cow;
+use std::time::Instant;
+
+/// One colour of a scene on a display, and everything about its solve that no recipe decides.
+#[derive(Debug, Clone)]
+pub struct Subject<'a> {
+    /// The scene, which has the display's size.
+    pub field: &'a LightField,
+    /// Which of its colours.
+    pub color: Color,
+    /// The display.
+    pub display: &'a Display,
+    /// Depths, diameters, seed; `frames` are the sub-frames shown.
+    pub base: Settings,
+    /// Phases that the SLM can show, radians, 256 at most; none where they are so many that they do not matter.
+    pub levels: Option<Vec<f64>>,
+}
+
+/// What came of a recipe.
+#[derive(Debug, Clone)]
+pub struct Solved {
+    /// Phases of all pixels and all sub-frames shown. Its verdict is about the problem that was solved: where the recipe
+    /// [reduces](Recipe::reduces) that, only a [`Reference`](super::Reference) knows the truth.
+    pub solution: Solution,
+    /// Of those sub-frames, the first so many are solved; they repeat.
+    pub frames: usize,
+    /// Milliseconds from the light field to the phases: thinning, pyramid, choice of exposure, steps.
+    pub milliseconds: f64,
+}
+
+/// A recipe's problem and settings, ready to be solved.
+#[derive(Debug, Clone)]
+pub struct Prepared {
+    /// The problem, thinned or coarse if the recipe says so.
+    pub problem: Problem,
+    /// The settings.
+    pub settings: Settings,
+    /// Side of its pixels, in pixels of the SLM.
+    pub pixel: usize,
+}
+
+impl Subject<'_> {
+    /// Zeros around the SLM that depth and eyebox require (OPTICS 2).
+    ///
+    /// # Errors
+    /// A colour that the display does not have.
+    pub fn required_padding(&self) -> Result<Padding, QualityError> {
+        let optics = self.display.optics(self.color)?;
+        let deepest = self.base.depth[0].abs().max(self.base.depth[1].abs());
+        Ok(Padding::required(&optics, deepest, self.display.eyebox_min() / 2.0))
+    }
+
+    /// The settings that a recipe means here.
+    pub fn settings(&self, recipe: &Recipe) -> Settings {
+        let mut settings = self.base.clone();
+        recipe.apply(&mut settings);
+        if recipe.levels {
+            settings.levels = self.levels.clone().or(settings.levels);
+        }
+        settings
+    }
+
+    /// Makes what a recipe solves.
+    ///
+    /// # Errors
+    /// A colour that display or scene do not have.
+    pub fn prepare(&self, recipe: &Recipe) -> Result<Prepared, QualityError> {
+        let settings = self.settings(recipe);
+        let reduced = recipe.scene(self.field, self.display);
+        let (field, display) = match &reduced {
+            Some((field, display)) => (Cow::Borrowed(field), Cow::Borrowed(display)),
+            None => (Cow::Borrowed(self.field), Cow::Borrowed(self.display)),
+        };
+        let pixel = self.display.width / display.width.max(1);
+        let padding = match recipe.padding {
+            true => Subject { field: &field, display: &display, ..self.clone() }.required_padding()?,
+            false => Padding::default(),
+        };
+        let mut problem = Problem::new(&field, self.color, &display, padding)?;
+        // Coarser pixels have a smaller eyebox: pupils outside of it are not worth a draw.
+        problem.eyebox = problem.eyebox.min(self.display.eyebox_min());
+        Ok(Prepared { problem, settings, pixel: pixel.max(1) })
+    }
+
+    /// Solves a recipe. The settings' `seconds` and `psnr` hold as in any solve.
+    ///
+    /// # Errors
+    /// [`QualityError`].
+    pub fn solve(
+        &self,
+        recipe: &Recipe,
+        engine: &mut dyn Engine,
+        observe: &mut dyn FnMut(&Progress) -> Flow,
+    ) -> Result<Solved, QualityError> {
+        let start = Instant::now();
+        let Prepared { problem, settings, pixel } = self.prepare(recipe)?;
+        let mut solution = solve::solve(&problem, &settings, engine, observe)?;
+        if pixel > 1 {
+            solution.phases = enlarged(&solution.phases, problem.optics.height, problem.optics.width, pixel);
+            // A pupil's share of the SLM's own eyebox is so many times smaller, and what it sees is divided by that share.
+            solution.exposure /= (pixel * pixel) as f64;
+        }
+        let shown = self.base.frames.max(1);
+        solution.phases = solution.phases.repeat((shown / settings.frames.max(1)).max(1));
+        solution.seconds = start.elapsed().as_secs_f64();
+        Ok(Solved { milliseconds: solution.seconds * 1e3, frames: settings.frames, solution })
+    }
+}
+
+/// Every pixel of every frame (height, width) on `pixel` x `pixel` of its own.
+fn enlarged(phases: &[f32], height: usize, width: usize, pixel: usize) -> Vec<f32> {
+    let mut out = Vec::with_capacity(phases.len() * pixel * pixel);
+    for row in phases.chunks_exact(width.max(1)) {
+        let wide: Vec<f32> = row.iter().flat_map(|p| std::iter::repeat_n(*p, pixel)).collect();
+        (0..pixel).for_each(|_| out.extend_from_slice(&wide));
+    }
+    debug_assert_eq!(out.len() % (height * width * pixel * pixel).max(1), 0);
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Expected, Reference};
+    use super::*;
+    use crate::engine::{Buffer, cpu::CpuEngine};
+    use crate::evaluate;
+    use crate::optics::{Pupil, WindowFactor};
+    use crate::plan::{Planner, Purpose};
+    use crate::scene;
+    use std::sync::Arc;
+
+    struct Scene {
+        display: Display,
+        field: LightField,
+    }
+
+    impl Scene {
+        fn new(height: usize, width: usize) -> Self {
+            let display = Display { height, width, ..Display::preset("small").unwrap() };
+            let field = scene::load("builtin:still-life", &scene::Request::new(&display, &[Color::Green])).unwrap();
+            Self { display, field }
+        }
+
+        fn subject(&self) -> Subject<'_> {
+            let [a, b] = self.field.depth_range(&self.display).unwrap();
+            let base =
+                Settings { depth: [a.min(b), a.max(b)], diameter: [3e-3, 18e-3], frames: 4, ..Settings::default() };
+            Subject { field: &self.field, color: Color::Green, display: &self.display, base, levels: None }
+        }
+    }
+
+    fn go(subject: &Subject, recipe: &Recipe) -> Solved {
+        subject.solve(recipe, &mut CpuEngine::new(), &mut |_| Flow::Continue).unwrap()
+    }
+
+    #[test]
+    fn the_default_recipe_is_a_plain_solve() {
+        let scene = Scene::new(32, 48);
+        let (subject, recipe) = (scene.subject(), Recipe { steps: 4, ..Recipe::default() });
+        let solved = go(&subject, &recipe);
+        let problem = Problem::new(&scene.field, Color::Green, &scene.display, Padding::default()).unwrap();
+        let settings = Settings { steps: 4, ..subject.base.clone() };
+        let plain = solve::solve(&problem, &settings, &mut CpuEngine::new(), &mut |_| Flow::Continue).unwrap();
+        assert_eq!(solved.solution.phases, plain.phases);
+        assert_eq!((solved.solution.exposure, solved.frames), (plain.exposure, 4));
+        assert!(solved.milliseconds >= plain.seconds * 500.0 && solved.milliseconds > 0.0);
+    }
+
+    #[test]
+    fn sub_frames_repeat_and_pixels_are_enlarged() {
+        let scene = Scene::new(32, 48);
+        let subject = scene.subject();
+        let solved = go(&subject, &Recipe { steps: 2, repeats: 2, ..Recipe::default() });
+        let (phases, half) = (&solved.solution.phases, 2 * 32 * 48);
+        assert_eq!((phases.len(), solved.frames), (2 * half, 2));
+        assert_eq!(phases[..half], phases[half..]);
+        let mut engine = CpuEngine::new();
+        let reference = Reference::new(&subject, 0, &mut engine).unwrap();
+        let once = reference.judge(&phases[..half], &mut engine).unwrap();
+        let twice = reference.judge(phases, &mut engine).unwrap();
+        assert!(once.psnr.iter().zip(&twice.psnr).all(|(a, b)| (a - b).abs() < 1e-3), "{once:?} {twice:?}");
+
+        let solved = go(&subject, &Recipe { steps: 30, pixel: 2, padding: true, ..Recipe::default() });
+        let phases = &solved.solution.phases;
+        assert_eq!(phases.len(), 4 * 32 * 48);
+        for (i, p) in phases.iter().enumerate() {
+            let (y, x) = (i / 48, i % 48);
+            assert_eq!(*p, phases[(y - y % 2) * 48 + x - x % 2]);
+        }
+        // The exposure is that of the SLM's own eyebox: within what the pixels' own diffraction takes.
+        let fitted = reference.judge(phases, &mut engine).unwrap().exposure;
+        let ratio = fitted / solved.solution.exposure;
+        assert!((0.4..2.5).contains(&ratio), "{ratio}");
+    }
+
+    /// The truth is what the images say, and it is the same whatever was solved.
+    #[test]
+    fn the_reference_judges_the_images() {
+        let scene = Scene::new(40, 32);
+        let subject = scene.subject();
+        let solved = go(&subject, &Recipe { steps: 6, views: 2, ..Recipe::default() });
+        let mut engine = CpuEngine::new();
+        let reference = Reference::new(&subject, 7, &mut engine).unwrap();
+        let verdict = reference.judge(&solved.solution.phases, &mut engine).unwrap();
+        assert_eq!(verdict.psnr.len(), super::super::REFERENCE_PUPILS);
+
+        let pupils: Vec<Pupil> = reference.pupils();
+        let padding = subject.required_padding().unwrap();
+        assert!(padding != Padding::default(), "a scene with depth needs some");
+        let problem = Problem::new(&scene.field, Color::Green, &scene.display, padding).unwrap();
+        let planner: Planner = problem.planner(4, WindowFactor::Full);
+        engine.load(&planner.shape(Purpose::View), Some(Arc::clone(&problem.pyramid))).unwrap();
+        engine.write(Buffer::Phases, &solved.solution.phases).unwrap();
+        let pool = |images: Vec<Vec<f32>>| images.iter().map(|i| evaluate::pool2(i, 40, 32)).collect::<Vec<_>>();
+        let wanted = pool(evaluate::photographs(&mut engine, &planner, &pupils).unwrap());
+        let seen = pool(evaluate::views(&mut engine, &planner, &pupils).unwrap());
+        let pairs = || seen.iter().zip(&wanted).map(|(s, w)| (&s[..], &w[..]));
+        let exposure = evaluate::fit_exposure(pairs()).unwrap();
+        assert!((verdict.exposure / exposure - 1.0).abs() < 1e-5);
+        for ((seen, wanted), judged) in pairs().zip(&verdict.psnr) {
+            let exposed: Vec<f32> = seen.iter().map(|v| v * exposure as f32).collect();
+            let psnr = evaluate::psnr(&exposed, wanted).unwrap();
+            assert!((psnr - judged).abs() < 0.01, "{psnr} {judged}");
+        }
+        let other = Reference::new(&subject, 8, &mut engine).unwrap();
+        assert_ne!(other.pupils(), pupils, "another seed, other pupils");
+    }
+
+    #[test]
+    fn few_levels_are_better_optimised_for() {
+        let scene = Scene::new(48, 48);
+        let levels = Some(solve::even_levels(3));
+        let subject = Subject { levels: levels.clone(), ..scene.subject() };
+        let recipe = Recipe { steps: 40, ..Recipe::default() };
+        let mut engine = CpuEngine::new();
+        let mut judged = |recipe: &Recipe| {
+            let solved = go(&subject, recipe);
+            let reference = Reference::new(&subject, 0, &mut engine).unwrap();
+            let as_shown = reference.judge(&solved.solution.phases, &mut engine).unwrap().mean();
+            let free = reference.with_levels(None).judge(&solved.solution.phases, &mut engine).unwrap().mean();
+            (as_shown, free)
+        };
+        let (after, free) = judged(&recipe);
+        let (optimised, shown) = judged(&Recipe { levels: true, ..recipe });
+        assert!(free > after + 0.5, "levels lose something: {free} {after}");
+        assert!(optimised > after + 0.3, "{optimised} {after}");
+        assert!((optimised - shown).abs() < 1e-3, "phases that are on levels stay there");
+    }
+
+    #[test]
+    fn what_costs_more_is_expected_to() {
+        let scene = Scene::new(96, 64);
+        let subject = scene.subject();
+        let of = |recipe: Recipe| Expected::new(&subject, &recipe).unwrap();
+        let start = of(Recipe::default());
+        let more = [
+            Recipe { steps: 120, ..Recipe::default() },
+            Recipe { pupils: 32, ..Recipe::default() },
+            Recipe { window: WindowFactor::Two, ..Recipe::default() },
+            Recipe { padding: true, ..Recipe::default() },
+        ];
+        for recipe in more {
+            assert!(of(recipe.clone()).work > 1.05 * start.work, "{recipe}");
+        }
+        let less = [
+            Recipe { repeats: 2, ..Recipe::default() },
+            Recipe { views: 2, ..Recipe::default() },
+            Recipe { pixel: 2, ..Recipe::default() },
+        ];
+        for recipe in less {
+            let found = of(recipe.clone());
+            assert!(found.work < start.work && found.bytes < start.bytes, "{recipe}");
+        }
+        // The views' pyramid is counted as it is; the rest is what one step needs.
+        let problem = subject.prepare(&Recipe::default()).unwrap().problem;
+        let pyramid = problem.pyramid.bytes() as f64;
+        let none = of(Recipe { views: 8, ..Recipe::default() });
+        let counted = (start.bytes - none.bytes) as f64 * 81.0 / 80.0;
+        assert!((counted / pyramid - 1.0).abs() < 0.03, "{counted} {pyramid}");
+    }
+}

@@ -1,0 +1,148 @@
+//! `eyebox plan`: what of a scene will be computed, why, and what it will take.
+
+mod check;
+mod measure;
+
+use crate::args::Solve;
+use crate::solve::{plan_of, recipe_of};
+use crate::{Failure, common, rates};
+use clap::Args;
+use eyebox::engine::Engine;
+use eyebox::optics::{Color, Display};
+use eyebox::plan::Group;
+use eyebox::scene::LightField;
+use eyebox::solve::{Forecast, Loaded, Problem, Rates, ScenePlan, forecast};
+use serde_json::json;
+
+/// `eyebox plan`
+#[derive(Args)]
+pub struct Plan {
+    /// What would be solved: the arguments of `solve`
+    #[command(flatten)]
+    pub solve: Solve,
+    /// Then solve it, and say how far the forecast was off
+    #[arg(long)]
+    pub check: bool,
+    /// Then measure each saving: the same scene with and without it, judged by the full model
+    #[arg(long)]
+    pub measure: bool,
+    /// With --measure: so many seeds
+    #[arg(long, default_value_t = 3, value_name = "N", requires = "measure")]
+    pub seeds: u64,
+    /// Time this machine's engine again
+    #[arg(long)]
+    pub time_again: bool,
+}
+
+/// Bytes of the program where the system does not say.
+const PROGRAM: u64 = 10 << 20;
+
+/// Plans, says it, and where asked, measures.
+pub fn run(args: &Plan) -> Result<(), Failure> {
+    let solve = &args.solve;
+    let display = common::display(&solve.display)?;
+    let colors = common::colors(&solve.display, &display)?;
+    let mut engine = common::engine(&solve.engine)?;
+    let program = common::memory_kib("VmRSS").map_or(PROGRAM, |kib| kib << 10);
+    let field = common::scene(&solve.scene, &display, &colors)?;
+    let (recipe, chosen) = recipe_of(solve, engine.as_ref(), &display, colors.len())?;
+    let mut plan = plan_of(solve, &recipe, &field, &display)?;
+    // Of the sub-frames that are shown, those are solved.
+    plan.settings.frames = recipe.frames(plan.settings.frames);
+    let rates = rates::of(engine.as_mut(), plan.settings.storage, args.time_again, solve.json)?;
+    let forecasts = forecasts(&plan, &field, &display, program, engine.as_ref(), &rates)?;
+    if !solve.json {
+        println!("{} on {}, {}x{}", field.name, display.name, display.height, display.width);
+        println!("{}\n", engine.describe());
+        chosen.iter().for_each(|about| println!("{about}\n"));
+        say(&plan, &forecasts);
+    }
+    drop(engine);
+    let check = args.check.then(|| check::run(args, &forecasts)).transpose()?;
+    let measured = args.measure.then(|| measure::run(args, &plan, &field, &display)).transpose()?;
+    if solve.json {
+        let forecast = |(color, f): &(Color, Forecast)| {
+            let groups: serde_json::Map<_, _> = Group::ALL
+                .iter()
+                .zip(f.group_seconds)
+                .map(|(g, s)| (format!("{g:?}").to_lowercase(), json!(s * 1e3)))
+                .collect();
+            let memory: serde_json::Map<_, _> =
+                f.memory.iter().map(|(name, bytes)| ((*name).into(), json!(bytes))).collect();
+            json!({ "color": color, "step_ms": f.step_seconds * 1e3, "groups_ms": groups, "peak_memory_bytes": f.peak_bytes(), "memory_bytes": memory, "windows": f.windows })
+        };
+        let out = json!({
+            "scene": field.name, "display": display.name, "size": [display.height, display.width],
+            "colors": plan.colors, "dark": plan.dark, "choices": plan.choices,
+            "views_left_out": plan.outer, "views_merged": plan.merge, "padding": [plan.padding.rows, plan.padding.columns],
+            "settings": plan.settings, "forecast": forecasts.iter().map(forecast).collect::<Vec<_>>(),
+            "check": check, "measured": measured,
+        });
+        println!("{out}");
+    }
+    Ok(())
+}
+
+/// One forecast a colour.
+fn forecasts(
+    plan: &ScenePlan,
+    field: &LightField,
+    display: &Display,
+    program: u64,
+    engine: &dyn Engine,
+    rates: &Rates,
+) -> Result<Vec<(Color, Forecast)>, Failure> {
+    // The outline of what is left of the scene: one value a view is enough to count them.
+    let all = field.grid[0] * field.grid[1];
+    let left = plan.left(field, display);
+    let pixels = field.height * field.width;
+    let loaded = Loaded {
+        // All colours are loaded; merging makes new views beside them.
+        values: pixels
+            * (field.colors.len() * all
+                + if plan.merge > 1 { plan.colors.len() * left.rows * left.columns } else { 0 }),
+        program,
+        memory: engine.memory(),
+        done: 0,
+    };
+    let one = |(done, color): (usize, &Color)| {
+        let outline = Problem::outline(field, *color, display, plan.padding)?;
+        let problem = Problem { views: left, ..outline };
+        Ok((*color, forecast(&problem, &plan.settings, rates, Loaded { done, ..loaded })))
+    };
+    plan.colors.iter().enumerate().map(one).collect()
+}
+
+fn say(plan: &ScenePlan, forecasts: &[(Color, Forecast)]) {
+    let widest = plan.choices.iter().map(|c| c.value.len()).max().unwrap_or(0).min(28);
+    for c in &plan.choices {
+        println!("  {:13}  {:widest$}  {}", c.what, c.value, c.why);
+    }
+    let s = &plan.settings;
+    println!();
+    let mut total = 0.0;
+    for (color, f) in forecasts {
+        total += f.step_seconds * s.steps as f64;
+        let parts: Vec<String> = Group::ALL
+            .iter()
+            .zip(f.group_seconds)
+            .filter(|(_, s)| *s > 0.0)
+            .map(|(g, s)| format!("{} {:.1}", format!("{g:?}").to_lowercase(), s * 1e3))
+            .collect();
+        println!(
+            "  {:13}  {:.1} ms a step of {} pupils ({}); windows {} to {}",
+            color.to_string(),
+            f.step_seconds * 1e3,
+            s.pupils,
+            parts.join(", "),
+            f.windows[0],
+            f.windows[1]
+        );
+    }
+    println!("  {:13}  {total:.1} s for {} steps a colour, verdicts and loading beside", "time", s.steps);
+    if let Some((_, f)) = forecasts.iter().max_by_key(|(_, f)| f.peak_bytes()) {
+        let mib = |bytes: u64| bytes.div_ceil(1 << 20);
+        let parts: Vec<String> = f.memory.iter().map(|(name, b)| format!("{name} {}", mib(*b))).collect();
+        println!("  {:13}  {} MiB at its peak ({})", "memory", mib(f.peak_bytes()), parts.join(", "));
+    }
+}

@@ -1,0 +1,113 @@
+//! `--quality` and `--deadline`: from what a user asks to a recipe, by what was measured on this device or as built in.
+
+use crate::Failure;
+use clap::{Args, ValueEnum};
+use eyebox::engine::Engine;
+use eyebox::files::cache_folder;
+use eyebox::optics::Display;
+use eyebox::quality::{Measured, Quality, Recipe, within};
+use eyebox::solve::even_levels;
+
+/// How much time quality may take, in every command that solves.
+#[derive(Args, Clone, Copy)]
+pub struct QualityArgs {
+    /// Settings of this quality: as `eyebox tradeoff` measured them on this device, else built in; settings that are given
+    /// themselves win
+    #[arg(long, value_enum, value_name = "NAME")]
+    pub quality: Option<QualityName>,
+    /// The best settings that `eyebox tradeoff` measured on this device whose solve takes at most so many ms, shared by the
+    /// colours; time is taken to follow pixels x log2(pixels) and sub-frames
+    #[arg(long, value_name = "MS", value_parser = crate::values::positive, conflicts_with = "quality")]
+    pub deadline: Option<f64>,
+}
+
+/// See [`Quality`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum QualityName {
+    /// At least twenty times faster than accurate
+    Fast,
+    /// Within half a decibel of accurate, in a fifth of its time
+    Balanced,
+    /// The best
+    Accurate,
+}
+
+impl From<QualityName> for Quality {
+    fn from(name: QualityName) -> Self {
+        match name {
+            QualityName::Fast => Self::Fast,
+            QualityName::Balanced => Self::Balanced,
+            QualityName::Accurate => Self::Accurate,
+        }
+    }
+}
+
+/// A recipe that was asked for by quality or deadline, and what is to be said of it.
+pub struct Chosen {
+    /// The recipe.
+    pub recipe: Recipe,
+    /// Where it is from.
+    pub about: String,
+}
+
+impl QualityArgs {
+    /// What was asked for; nothing where nothing was. `size` and `frames` are those of the solve, `colors` how many share
+    /// the deadline.
+    pub fn choose(
+        &self,
+        engine: &dyn Engine,
+        size: [usize; 2],
+        frames: usize,
+        colors: usize,
+    ) -> Result<Option<Chosen>, Failure> {
+        if self.quality.is_none() && self.deadline.is_none() {
+            return Ok(None);
+        }
+        let device = engine.describe();
+        // Without a cache of theirs, users have measured nothing.
+        let measured = cache_folder().map_or(Ok(None), |folder| Measured::load(&folder, &device));
+        let measured = measured.unwrap_or_else(|error| {
+            eprintln!("eyebox: measured settings are ignored: {error}");
+            None
+        });
+        let expected = |m: &Measured, ms: f64| {
+            format!("measured with {} on this device, about {:.0} ms a colour", m.scene, ms * m.scale(size, frames))
+        };
+        if let Some(name) = self.quality {
+            let quality = Quality::from(name);
+            let (recipe, from) = match &measured {
+                Some(m) => (m.of(quality).recipe.clone(), expected(m, m.of(quality).milliseconds)),
+                None => (Recipe::of(quality), "built in; `eyebox tradeoff SCENE -o DIR` measures this device".into()),
+            };
+            let about = format!("{}: {recipe} ({from})", quality.name());
+            return Ok(Some(Chosen { recipe, about }));
+        }
+        let Some(deadline) = self.deadline else { return Ok(None) };
+        let Some(measured) = measured else {
+            return Err(Failure::Asked(format!(
+                "--deadline {deadline}: nothing was measured on {device}: run `eyebox tradeoff SCENE -o DIR` first, or stop by the clock with --seconds"
+            )));
+        };
+        let scale = measured.scale(size, frames);
+        let share = deadline / colors.max(1) as f64;
+        let Some(trial) = within(&measured.front, share, scale) else {
+            let least = measured.front.iter().map(|t| t.milliseconds).fold(f64::INFINITY, f64::min);
+            let least = (least * scale * colors.max(1) as f64).ceil();
+            return Err(Failure::Asked(format!(
+                "--deadline {deadline}: the fastest that was measured takes {least} ms for {colors} of {} x {} pixels with {frames} sub-frames on {device}",
+                size[0], size[1]
+            )));
+        };
+        let from = expected(&measured, trial.milliseconds);
+        let about = format!("deadline {deadline} ms: {} ({from})", trial.recipe);
+        Ok(Some(Chosen { recipe: trial.recipe.clone(), about }))
+    }
+}
+
+/// The levels that are asked for, or else those of the display; none where they are more than can be told apart.
+pub fn levels_of(asked: Option<&str>, display: &Display) -> Result<Option<Vec<f64>>, Failure> {
+    match asked {
+        Some(text) => crate::solve::levels(text).map(Some),
+        None => Ok(Some(display.levels as usize).filter(|n| *n <= 256).map(even_levels)),
+    }
+}

@@ -1,0 +1,47 @@
+//! The command as tests run it.
+
+#![allow(dead_code, reason = "each test file uses what it needs")]
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+/// The command, in `folder`, with a cache of the tests' own.
+pub fn command(folder: &Path, args: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_eyebox"));
+    command.args(args).current_dir(folder).env("XDG_CACHE_HOME", std::env::temp_dir().join("eyebox-tests"));
+    command
+}
+
+/// What came of it.
+pub fn eyebox(folder: &Path, args: &[&str]) -> Output {
+    command(folder, args).output().expect("the command starts")
+}
+
+/// What was printed.
+pub fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// Success; what was printed on standard output.
+pub fn done(folder: &Path, args: &[&str]) -> String {
+    let answer = eyebox(folder, args);
+    assert!(answer.status.success(), "{args:?}: {}", text(&answer.stderr));
+    text(&answer.stdout)
+}
+
+/// Exit code 2, one line that says `what`, nothing at `out` and nothing half-written beside it.
+pub fn refused(folder: &Path, args: &[&str], out: &str, what: &str) {
+    let answer = eyebox(folder, args);
+    let said = text(&answer.stderr);
+    assert_eq!(answer.status.code(), Some(2), "{args:?}: {said}");
+    assert_eq!(said.trim().lines().count(), 1, "{args:?}: {said}");
+    assert!(said.contains(what) && !said.contains("panicked"), "{args:?}: {said}");
+    assert!(!folder.join(out).exists(), "{args:?} left {out}");
+    let part = |e: std::io::Result<std::fs::DirEntry>| e.unwrap().file_name().to_string_lossy().ends_with(".part");
+    assert!(!std::fs::read_dir(folder).unwrap().any(part), "{args:?} left something half-written");
+}
+
+/// A folder of the test's own.
+pub fn folder() -> tempfile::TempDir {
+    tempfile::tempdir().expect("a temporary folder")
+}
