@@ -14,7 +14,9 @@ fi
 
 if command -v apt-get >/dev/null && command -v dpkg-query >/dev/null; then
     missing=()
-    for package in libvulkan1 mesa-vulkan-drivers vulkan-validationlayers xvfb; do
+    # What windows load at run time comes last.
+    for package in libvulkan1 mesa-vulkan-drivers vulkan-validationlayers xvfb \
+        libx11-6 libx11-xcb1 libxcursor1 libxi6 libxkbcommon0 libxkbcommon-x11-0; do
         status=$(dpkg-query -W -f='${Status}' "$package" 2>/dev/null || true)
         [[ $status == "install ok installed" ]] || missing+=("$package")
     done
@@ -62,6 +64,9 @@ manifest() {
 manifest 'icd.d/*.json' || missing+=("a Vulkan driver; Mesa's lavapipe runs on any CPU")
 manifest 'explicit_layer.d/*validation*.json' || missing+=("the Khronos validation layer")
 command -v Xvfb >/dev/null || missing+=("Xvfb")
+for library in libX11.so.6 libX11-xcb.so.1 libXcursor.so.1 libXi.so.6 libxkbcommon.so.0 libxkbcommon-x11.so.0; do
+    [[ $libraries == *"$library"* ]] || missing+=("$library, for windows")
+done
 command -v cc >/dev/null || missing+=("a C linker (cc), which Rust links with")
 ((${#missing[@]})) || exit 0
 say "this system has no apt-get; please install:"

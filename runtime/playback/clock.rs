@@ -15,21 +15,41 @@ pub trait Clock {
 
 /// The system's steady clock.
 #[derive(Debug)]
-pub struct RealClock(Instant);
+pub struct RealClock {
+    origin: Instant,
+    /// The system's monotonic clock at that instant.
+    origin_monotonic_ns: u64,
+}
 
 impl RealClock {
     /// It is 0 now.
     pub fn start() -> Self {
-        Self(Instant::now())
+        Self { origin: Instant::now(), origin_monotonic_ns: monotonic_ns() }
+    }
+
+    /// What it said when the system's monotonic clock said `time_ns`.
+    pub fn at_monotonic_ns(&self, time_ns: u64) -> i64 {
+        super::rate::saturate(i128::from(time_ns) - i128::from(self.origin_monotonic_ns))
     }
 
     /// What it said at an instant.
     pub fn at_ns(&self, instant: Instant) -> i64 {
-        match instant.checked_duration_since(self.0) {
+        match instant.checked_duration_since(self.origin) {
             Some(after) => i64::try_from(after.as_nanos()).unwrap_or(i64::MAX),
-            None => -i64::try_from(self.0.duration_since(instant).as_nanos()).unwrap_or(i64::MAX),
+            None => -i64::try_from(self.origin.duration_since(instant).as_nanos()).unwrap_or(i64::MAX),
         }
     }
+}
+
+#[cfg(unix)]
+fn monotonic_ns() -> u64 {
+    let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
+    u64::try_from(now.tv_sec).unwrap_or(0) * 1_000_000_000 + u64::try_from(now.tv_nsec).unwrap_or(0)
+}
+
+#[cfg(not(unix))]
+fn monotonic_ns() -> u64 {
+    0
 }
 
 impl Clock for RealClock {

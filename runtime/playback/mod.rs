@@ -6,12 +6,12 @@
 //! Pure, with times as numbers: `rate`, `timeline` (which content frame is due when), `scheduler` (what the next video
 //! frame shows, and the `account` of why), `pacing` (when to wake for it). Around them: `clock`, real or simulated;
 //! `stream` (reading, checking and encoding ahead, on threads of their own, in buffers that are made once);
-//! `presenter`, the display's side: `offscreen` (with its `sink`s) and others behind one trait; `player`, which joins all of it;
+//! `presenter`, the display's side: `offscreen` (with its `sink`s) and `window` behind one trait; `player`, which joins all of it;
 //! `marks` (the sync picture and the corner mark), `record`, `trace`.
 //!
 //! Every time carries its unit and its meaning in its name. This room imports [`optics`](crate::optics),
 //! [`files`](crate::files), [`hologram`](crate::hologram), [`encode`](crate::encode), and of
-//! [`engine`](crate::engine) the Vulkan encoder.
+//! [`engine`](crate::engine) the Vulkan encoder and its screen.
 
 mod account;
 mod clock;
@@ -28,6 +28,7 @@ mod sink;
 mod stream;
 mod timeline;
 mod trace;
+mod window;
 
 #[cfg(test)]
 mod scheduler_tests;
@@ -51,6 +52,7 @@ pub use sink::Sink;
 pub use stream::{Options, Stream, StreamEncoder};
 pub use timeline::{Speed, Timeline};
 pub use trace::{Lane, Trace};
+pub use window::{Desktop, Monitor, Window};
 
 use crate::encode::EncodeError;
 use crate::engine::EngineError;

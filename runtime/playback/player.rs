@@ -162,10 +162,9 @@ impl Player {
         let (woken_ns, woken) = (self.clock.now_ns(), Instant::now());
         let useful = self.scheduler.useful_from(next.predicted_display_time_ns);
         source.poll(useful)?;
-        if let Some(wanted) = self.scheduler.wanted(next.predicted_display_time_ns) {
-            if self.clock.is_simulated() {
-                source.settle(wanted)?;
-            }
+        let wanted = self.scheduler.wanted(next.predicted_display_time_ns);
+        if let Some(wanted) = wanted.filter(|_| self.clock.is_simulated()) {
+            source.settle(wanted)?;
         }
         let Slot { what, video_frame, late } = self.scheduler.next(next.vblank, next.predicted_display_time_ns, source);
         match what {

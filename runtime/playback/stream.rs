@@ -374,10 +374,8 @@ impl Reader {
             let read = self.sequence.read_into(index, &mut values);
             self.lane.span("decode", index, start);
             let damaged = read.is_err();
-            if let Err(error) = read {
-                if told.insert(index) {
-                    let _ = self.tell.send(format!("hologram {index} is left out: {error}"));
-                }
+            if let Some(error) = read.err().filter(|_| told.insert(index)) {
+                let _ = self.tell.send(format!("hologram {index} is left out: {error}"));
             }
             self.shared.read.store(tagged(epoch, position + 1), Ordering::Release);
             let mut item = Phases { epoch, position, index, damaged, values };

@@ -84,6 +84,9 @@ pub enum Command {
                       eyebox play moving.zarr --display plm --record shown --trace trace.json\n\nEnds with 0 at the end, after --duration, and on ctrl-C; with 2 when it cannot be played, with 3 when the display is lost. The display is left on the idle picture: the phase 0, or with --sync the sync picture."
     )]
     Play(Box<crate::play::Play>),
+    /// List the monitors that a window can cover
+    #[command(after_help = "Example:\n  eyebox monitors --json")]
+    Monitors(crate::play::Monitors),
     /// Time the steps of a solve, and each kernel, beside another program in the same run
     #[command(
         after_help = "Example:\n  eyebox bench builtin:still-life --size 512x512 --color green --steps 20 --beside 'python3 mine.py'"

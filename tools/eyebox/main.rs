@@ -1,5 +1,5 @@
 //! The `eyebox` command: `demo`, `solve`, `plan`, `view`, `photograph`, `refine`, `score`, `tradeoff`, `evaluate`, `export`, `encode`,
-//! `play`, `bench`, `devices`, `trackers`.
+//! `play`, `monitors`, `bench`, `devices`, `trackers`.
 //!
 //! This room reads arguments, calls the runtime, and shows what came of it. Anything that a program would want to call
 //! belongs in the runtime. Errors are one line on standard error and exit code 2 (3 where a display was lost); nothing half-written stays behind.
@@ -54,6 +54,7 @@ fn main() -> ExitCode {
         Command::Export(args) => export::run(args),
         Command::Encode(args) => encode::run(args),
         Command::Play(args) => play::run(args),
+        Command::Monitors(args) => play::monitors(args),
         Command::Bench(args) => bench::run(args),
         Command::Devices(args) => devices::run(args),
         Command::Trackers(args) => trackers::run(args),

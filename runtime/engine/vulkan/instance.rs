@@ -18,12 +18,17 @@ pub(super) struct Instance {
     messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     pub(super) messages: Messages,
     // The library must outlive all that was loaded from it.
-    _entry: ash::Entry,
+    pub(super) entry: ash::Entry,
 }
 
 impl Instance {
     /// Loads Vulkan; with `validation`, core and synchronisation validation as well.
     pub(super) fn new(validation: bool) -> Result<Self, EngineError> {
+        Self::with(validation, &[])
+    }
+
+    /// The same with some extensions.
+    pub(super) fn with(validation: bool, needed: &[&'static CStr]) -> Result<Self, EngineError> {
         let none = |reason: String| EngineError::NoDevice { reason };
         // SAFETY: the loader is trusted to be a Vulkan loader; it stays loaded as long as `_entry` lives.
         let entry =
@@ -36,6 +41,12 @@ impl Instance {
         let extensions = extension_names(&entry, None);
         let mut layers = Vec::new();
         let mut wanted = Vec::new();
+        for name in needed {
+            if !has(&extensions, name) {
+                return Err(none(format!("no driver has {}", name.to_string_lossy())));
+            }
+            wanted.push(name.as_ptr());
+        }
         let mut flags = vk::InstanceCreateFlags::empty();
         if has(&extensions, ash::khr::portability_enumeration::NAME) {
             wanted.push(ash::khr::portability_enumeration::NAME.as_ptr());
@@ -80,9 +91,9 @@ impl Instance {
             vk::Result::ERROR_INCOMPATIBLE_DRIVER => none("the loader works, and no driver is installed".into()),
             e => none(format!("no Vulkan instance could be made ({e:?})")),
         })?;
-        let mut instance = Self { raw, messenger: None, messages, _entry: entry };
+        let mut instance = Self { raw, messenger: None, messages, entry };
         if validation {
-            let utils = ext::debug_utils::Instance::new(&instance._entry, &instance.raw);
+            let utils = ext::debug_utils::Instance::new(&instance.entry, &instance.raw);
             let info = messenger_info(&instance.messages);
             // SAFETY: the instance is valid and has the extension; the messages live in the same struct.
             let messenger = unsafe { utils.create_debug_utils_messenger(&info, None) }

@@ -8,7 +8,7 @@
 //! Nothing is assumed of the size of subgroups; shaders synchronise through shared memory only.
 //!
 //! `instance` loads Vulkan; `devices` lists and chooses; `device` is what all else holds; `pipelines` and `cache`
-//! compile; `recorder` records; `gpu` joins these; `fft` plans and records transforms.
+//! compile; `recorder` records; `gpu` joins these; `fft` plans and records transforms; `screen` shows bytes in a window.
 
 #![allow(unsafe_code)]
 
@@ -25,6 +25,7 @@ mod layout;
 mod pipelines;
 mod record;
 mod recorder;
+mod screen;
 mod tables;
 #[cfg(test)]
 mod tests;
@@ -34,3 +35,4 @@ pub use devices::{DeviceKind, DeviceReport, Limits, devices};
 pub use encode::VulkanEncoder;
 pub use engine::{Options, VulkanEngine};
 pub use fft::{Timed, Transforms};
+pub use screen::{Lit, Screen, WindowHandle};

@@ -9,6 +9,8 @@ use std::path::PathBuf;
 /// Where video frames go.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum OutputName {
+    /// A window over a whole monitor
+    Window,
     /// Memory, on the beat of a clock
     Offscreen,
 }
@@ -36,12 +38,18 @@ pub struct Play {
     /// Where video frames go
     #[arg(long, value_enum, default_value = "offscreen")]
     pub output: OutputName,
+    /// With --output window: the monitor, by index, name or rows x columns [default: the first of the video frame's size]
+    #[arg(long, value_name = "MONITOR")]
+    pub monitor: Option<String>,
+    /// With --output window: have Vulkan's use checked, and say what was wrong
+    #[arg(long)]
+    pub validation: bool,
     /// Holograms a second [default: what the sequence says]
     #[arg(long, value_name = "HZ", value_parser = rate)]
     pub rate: Option<Rate>,
-    /// Video frames a second, where the output does not say
-    #[arg(long, value_name = "HZ", value_parser = rate, default_value = "60")]
-    pub display_rate: Rate,
+    /// Video frames a second [default: what the monitor says, else 60]
+    #[arg(long, value_name = "HZ", value_parser = rate)]
+    pub display_rate: Option<Rate>,
     /// So many times as fast
     #[arg(long, value_name = "FACTOR", value_parser = positive, default_value_t = 1.0)]
     pub speed: f64,
@@ -93,4 +101,12 @@ pub struct Play {
     /// What each thread did when, for chrome://tracing
     #[arg(long, value_name = "FILE.json")]
     pub trace: Option<PathBuf>,
+}
+
+/// `eyebox monitors`
+#[derive(Args)]
+pub struct Monitors {
+    /// One JSON object on standard output
+    #[arg(long)]
+    pub json: bool,
 }

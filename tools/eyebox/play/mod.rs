@@ -2,7 +2,7 @@
 
 mod args;
 
-pub use args::Play;
+pub use args::{Monitors, Play};
 
 use crate::Failure;
 use crate::args::EngineName;
@@ -14,8 +14,8 @@ use eyebox::files;
 use eyebox::hologram::Sequence;
 use eyebox::optics::{Color, Display};
 use eyebox::playback::{
-    Clock, Flow, Lane, Marks, Offscreen, Options, PlaybackError, Player, Presenter, Rate, RealClock, Recorder, Report,
-    SECOND_NS, Schedule, Scheduler, SimulatedClock, Sink, Source, Speed, Start, Stream, StreamEncoder, Trace,
+    Clock, Desktop, Flow, Lane, Marks, Offscreen, Options, PlaybackError, Player, Presenter, Rate, RealClock, Recorder,
+    Report, SECOND_NS, Schedule, Scheduler, SimulatedClock, Sink, Source, Speed, Start, Stream, StreamEncoder, Trace,
     sync_phases,
 };
 use serde_json::json;
@@ -52,20 +52,39 @@ pub fn run(args: &Play) -> Result<(), Failure> {
     if endless && simulated {
         return Err(Failure::Asked("a simulated clock would go on for ever: give --duration".into()));
     }
-    let clock: Rc<dyn Clock> = if simulated { Rc::new(SimulatedClock::default()) } else { Rc::new(RealClock::start()) };
-    let mut presenter: Box<dyn Presenter> = match args.output {
-        OutputName::Offscreen => {
-            let frames = opened.encoder.frames();
-            let size = [frames.height, frames.width, frames.channels];
-            let sink = match (&args.raw, &args.shared) {
-                (Some(file), _) => Some(Sink::raw(file)?),
-                (None, Some(file)) => Some(Sink::shared(file, size)?),
-                (None, None) => None,
-            };
-            Box::new(Offscreen::new(Rc::clone(&clock), opened.display_rate, frames.frame_bytes()).with_sink(sink))
+    if args.output == OutputName::Window {
+        if simulated || args.raw.is_some() || args.shared.is_some() {
+            return Err(Failure::Asked(
+                "--record, --raw, --shared and a simulated clock go with --output offscreen".into(),
+            ));
         }
+        let clock = Rc::new(RealClock::start());
+        let frames = opened.encoder.frames();
+        let desktop = Desktop::open()?;
+        let monitor = desktop.choose(args.monitor.as_deref(), [frames.height, frames.width])?;
+        let mut window = desktop.window(&monitor, Rc::clone(&clock), args.validation)?;
+        let messages = window.messages();
+        let mut opened = opened;
+        opened.display_rate = args.display_rate.or(window.rate()).unwrap_or(opened.display_rate);
+        let played = play(args, opened, clock, &mut window);
+        drop(window);
+        let messages = messages.lock().map(|m| m.clone()).unwrap_or_default();
+        messages.iter().for_each(|m| eprintln!("validation: {m}"));
+        if played.is_ok() && !messages.is_empty() {
+            return Err(Failure::Asked(format!("the validation layer found {} faults, above", messages.len())));
+        }
+        return played;
+    }
+    let clock: Rc<dyn Clock> = if simulated { Rc::new(SimulatedClock::default()) } else { Rc::new(RealClock::start()) };
+    let frames = opened.encoder.frames();
+    let size = [frames.height, frames.width, frames.channels];
+    let sink = match (&args.raw, &args.shared) {
+        (Some(file), _) => Some(Sink::raw(file)?),
+        (None, Some(file)) => Some(Sink::shared(file, size)?),
+        (None, None) => None,
     };
-    play(args, opened, clock, presenter.as_mut())
+    let mut offscreen = Offscreen::new(Rc::clone(&clock), opened.display_rate, frames.frame_bytes()).with_sink(sink);
+    play(args, opened, clock, &mut offscreen)
 }
 
 fn open(args: &Play) -> Result<Opened, Failure> {
@@ -103,7 +122,8 @@ fn open(args: &Play) -> Result<Opened, Failure> {
         )));
     }
     encoder.notes().iter().for_each(|note| eprintln!("note: {note}"));
-    Ok(Opened { display, encoder, sequence, content_rate, display_rate: args.display_rate })
+    let display_rate = args.display_rate.map_or_else(|| Rate::new(60, 1), Ok)?;
+    Ok(Opened { display, encoder, sequence, content_rate, display_rate })
 }
 
 fn play(args: &Play, opened: Opened, clock: Rc<dyn Clock>, presenter: &mut dyn Presenter) -> Result<(), Failure> {
@@ -226,7 +246,7 @@ fn play(args: &Play, opened: Opened, clock: Rc<dyn Clock>, presenter: &mut dyn P
         recorder.finish()?;
     }
     ended.map_err(lost)?;
-    Ok(left.map_err(lost)?)
+    left.map_err(lost)
 }
 
 /// A display that goes away while it is played to has an exit code of its own.
@@ -309,4 +329,32 @@ fn peak_memory_mib() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|l| l.starts_with("VmHWM:"))?;
     line.split_whitespace().nth(1)?.parse::<f64>().ok().map(|kib| kib / 1024.0)
+}
+
+/// Lists the monitors of the desktop.
+pub fn monitors(args: &Monitors) -> Result<(), Failure> {
+    let monitors = Desktop::open()?.monitors();
+    if args.json {
+        let mode = |(size, rate, bits): &([usize; 2], Option<Rate>, u16)| json!({ "rows": size[0], "columns": size[1], "hz": rate.map(Rate::hz), "bits": bits });
+        let one = |m: &eyebox::playback::Monitor| {
+            json!({
+                "index": m.index, "name": m.name, "rows": m.size[0], "columns": m.size[1], "position": m.position,
+                "hz": m.rate.map(Rate::hz), "modes": m.modes.iter().map(mode).collect::<Vec<_>>(),
+            })
+        };
+        println!("{}", json!({ "monitors": monitors.iter().map(one).collect::<Vec<_>>() }));
+        return Ok(());
+    }
+    for m in &monitors {
+        let rate = m.rate.map_or_else(|| "unknown rate".into(), |r| format!("{r} Hz"));
+        println!("{m} at {rate}");
+        for (size, rate, bits) in &m.modes {
+            let rate = rate.map_or_else(|| "unknown rate".into(), |r| format!("{r} Hz"));
+            println!("    {}x{} at {rate}, {bits} bits", size[0], size[1]);
+        }
+    }
+    if monitors.is_empty() {
+        println!("the desktop has no monitors");
+    }
+    Ok(())
 }

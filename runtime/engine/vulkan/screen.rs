@@ -1,0 +1,594 @@
+//! A swapchain that shows bytes as they are: UNORM, first in first out, no scaling, exactly the picture's size.
+
+use super::super::EngineError;
+use super::instance::{Instance, Messages, has};
+use ash::{google, khr, vk};
+use std::collections::VecDeque;
+use std::ffi::{CStr, c_void};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// A window of the system's, as its own library names it.
+#[derive(Debug, Clone, Copy)]
+pub enum WindowHandle {
+    /// Of an X server, by XCB.
+    Xcb {
+        /// `xcb_connection_t *`.
+        connection: *mut c_void,
+        /// The window.
+        window: u32,
+    },
+    /// Of an X server, by Xlib.
+    Xlib {
+        /// `Display *`.
+        display: *mut c_void,
+        /// The window.
+        window: u64,
+    },
+    /// Of a Wayland compositor.
+    Wayland {
+        /// `wl_display *`.
+        display: *mut c_void,
+        /// `wl_surface *`.
+        surface: *mut c_void,
+    },
+}
+
+/// Pictures under way to the screen, each with its staging buffer.
+const SLOTS: usize = 2;
+/// How long the screen may take for a picture before it counts as lost.
+const PATIENCE_NS: u64 = 2_000_000_000;
+/// Acquiring that took this long waited for the screen.
+const WAITED: Duration = Duration::from_micros(500);
+
+struct Slot {
+    buffer: vk::Buffer,
+    memory: vk::DeviceMemory,
+    mapped: *mut u8,
+    commands: vk::CommandBuffer,
+    acquired: vk::Semaphore,
+    done: vk::Fence,
+}
+
+/// When a picture lit up, as far as it is known.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Lit {
+    /// By the display's own clock: nanoseconds of the system's monotonic clock.
+    Monotonic {
+        /// The picture's number.
+        id: u64,
+        /// When.
+        time_ns: u64,
+    },
+    /// The screen took another picture at this time: the one of this number lit up.
+    At {
+        /// The picture's number.
+        id: u64,
+        /// When.
+        time: Instant,
+    },
+}
+
+/// A window's swapchain and what feeds it.
+pub struct Screen {
+    device: ash::Device,
+    queue: vk::Queue,
+    pool: vk::CommandPool,
+    slots: Vec<Slot>,
+    next: usize,
+    swapchain_calls: khr::swapchain::Device,
+    swapchain: vk::SwapchainKHR,
+    images: Vec<vk::Image>,
+    rendered: Vec<vk::Semaphore>,
+    surface_calls: khr::surface::Instance,
+    surface: vk::SurfaceKHR,
+    physical: vk::PhysicalDevice,
+    timing: Option<google::display_timing::Device>,
+    format: vk::Format,
+    size: [usize; 2],
+    lit: VecDeque<Lit>,
+    before: Option<u64>,
+    name: String,
+    // Goes last.
+    instance: Instance,
+}
+
+fn failed(name: &str, call: &'static str, result: vk::Result) -> EngineError {
+    EngineError::Vulkan { device: name.into(), call, result: format!("{result:?}") }
+}
+
+impl Screen {
+    /// A swapchain on a window whose inside has `size` (rows, columns) pixels.
+    ///
+    /// # Errors
+    /// [`EngineError::NoDevice`]; [`EngineError::Unsuitable`] where no device can show bytes as they are, and where the
+    /// window's size is another one; [`EngineError::Vulkan`].
+    ///
+    /// # Safety
+    /// The handles are those of a window that outlives the screen.
+    pub unsafe fn open(window: WindowHandle, size: [usize; 2], validation: bool) -> Result<Self, EngineError> {
+        let extension: &CStr = match window {
+            WindowHandle::Xcb { .. } => khr::xcb_surface::NAME,
+            WindowHandle::Xlib { .. } => khr::xlib_surface::NAME,
+            WindowHandle::Wayland { .. } => khr::wayland_surface::NAME,
+        };
+        let instance = Instance::with(validation, &[khr::surface::NAME, extension])?;
+        let surface_calls = khr::surface::Instance::new(&instance.entry, &instance.raw);
+        // SAFETY: the instance has the extension, and the caller vouches for the handles.
+        let surface = unsafe { make_surface(&instance, window) }.map_err(|e| failed("the window", "surface", e))?;
+        let chosen = choose(&instance, &surface_calls, surface);
+        let (physical, family, name) = match chosen {
+            Ok(chosen) => chosen,
+            Err(error) => {
+                // SAFETY: nothing was made of it.
+                unsafe { surface_calls.destroy_surface(surface, None) };
+                return Err(error);
+            }
+        };
+        // SAFETY: the device is of this instance.
+        let extensions = unsafe { instance.raw.enumerate_device_extension_properties(physical) }.unwrap_or_default();
+        let timed = has(&extensions, google::display_timing::NAME);
+        let mut wanted = vec![khr::swapchain::NAME.as_ptr()];
+        if timed {
+            wanted.push(google::display_timing::NAME.as_ptr());
+        }
+        let priorities = [1.0];
+        let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&priorities)];
+        let info = vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_extension_names(&wanted);
+        // SAFETY: the device has the family and the extensions.
+        let device = unsafe { instance.raw.create_device(physical, &info, None) };
+        let device = match device {
+            Ok(device) => device,
+            Err(e) => {
+                // SAFETY: nothing was made of it.
+                unsafe { surface_calls.destroy_surface(surface, None) };
+                return Err(failed(&name, "vkCreateDevice", e));
+            }
+        };
+        // SAFETY: the family was asked for with one queue.
+        let queue = unsafe { device.get_device_queue(family, 0) };
+        let mut screen = Self {
+            queue,
+            pool: vk::CommandPool::null(),
+            slots: Vec::new(),
+            next: 0,
+            swapchain_calls: khr::swapchain::Device::new(&instance.raw, &device),
+            swapchain: vk::SwapchainKHR::null(),
+            images: Vec::new(),
+            rendered: Vec::new(),
+            surface_calls,
+            surface,
+            physical,
+            timing: timed.then(|| google::display_timing::Device::new(&instance.raw, &device)),
+            format: vk::Format::UNDEFINED,
+            size,
+            lit: VecDeque::with_capacity(64),
+            before: None,
+            name,
+            device,
+            instance,
+        };
+        screen.make_slots(family)?;
+        screen.make_swapchain()?;
+        Ok(screen)
+    }
+
+    /// The device, and how it is known when pictures light up.
+    pub fn describe(&self) -> String {
+        let how = if self.timing.is_some() { "VK_GOOGLE_display_timing" } else { "the time of acquiring" };
+        format!("{} ({:?}, first in first out, timed by {how})", self.name, self.format)
+    }
+
+    /// What the validation layer says, to the last.
+    pub fn messages(&self) -> Messages {
+        Arc::clone(&self.instance.messages)
+    }
+
+    fn error(&self, call: &'static str, result: vk::Result) -> EngineError {
+        match result {
+            vk::Result::ERROR_DEVICE_LOST => EngineError::DeviceLost { device: self.name.clone(), during: call.into() },
+            vk::Result::ERROR_SURFACE_LOST_KHR => EngineError::Unsuitable {
+                device: self.name.clone(),
+                reason: "the window's surface is gone: it was closed, or the display was unplugged".into(),
+            },
+            vk::Result::TIMEOUT | vk::Result::NOT_READY => EngineError::Unsuitable {
+                device: self.name.clone(),
+                reason: "the window takes no pictures any more: the display is off, or the window is hidden".into(),
+            },
+            other => failed(&self.name, call, other),
+        }
+    }
+
+    fn make_slots(&mut self, family: u32) -> Result<(), EngineError> {
+        let bytes = 4 * (self.size[0] * self.size[1]) as u64;
+        let pool = vk::CommandPoolCreateInfo::default()
+            .queue_family_index(family)
+            .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
+        // SAFETY: the device is valid; what is made is kept in `self` at once and destroyed with it.
+        unsafe {
+            self.pool =
+                self.device.create_command_pool(&pool, None).map_err(|e| self.error("vkCreateCommandPool", e))?;
+            let memory_types = self.instance.raw.get_physical_device_memory_properties(self.physical);
+            for _ in 0..SLOTS {
+                let info = vk::BufferCreateInfo::default().size(bytes).usage(vk::BufferUsageFlags::TRANSFER_SRC);
+                let buffer = self.device.create_buffer(&info, None).map_err(|e| self.error("vkCreateBuffer", e))?;
+                self.slots.push(Slot {
+                    buffer,
+                    memory: vk::DeviceMemory::null(),
+                    mapped: std::ptr::null_mut(),
+                    commands: vk::CommandBuffer::null(),
+                    acquired: vk::Semaphore::null(),
+                    done: vk::Fence::null(),
+                });
+                let at = self.slots.len() - 1;
+                let needs = self.device.get_buffer_memory_requirements(buffer);
+                let visible = vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT;
+                let kind = (0..memory_types.memory_type_count).find(|i| {
+                    let flags = memory_types.memory_types[*i as usize].property_flags;
+                    needs.memory_type_bits & (1 << i) != 0 && flags.contains(visible)
+                });
+                let Some(kind) = kind else { return Err(self.error("memory", vk::Result::ERROR_OUT_OF_DEVICE_MEMORY)) };
+                let info = vk::MemoryAllocateInfo::default().allocation_size(needs.size).memory_type_index(kind);
+                let memory = self.device.allocate_memory(&info, None).map_err(|e| self.error("vkAllocateMemory", e))?;
+                self.slots[at].memory = memory;
+                self.device.bind_buffer_memory(buffer, memory, 0).map_err(|e| self.error("vkBindBufferMemory", e))?;
+                let mapped = self
+                    .device
+                    .map_memory(memory, 0, vk::WHOLE_SIZE, vk::MemoryMapFlags::empty())
+                    .map_err(|e| self.error("vkMapMemory", e))?;
+                self.slots[at].mapped = mapped.cast();
+                let info = vk::CommandBufferAllocateInfo::default().command_pool(self.pool).command_buffer_count(1);
+                let commands = self
+                    .device
+                    .allocate_command_buffers(&info)
+                    .map_err(|e| self.error("vkAllocateCommandBuffers", e))?;
+                self.slots[at].commands = commands[0];
+                let info = vk::SemaphoreCreateInfo::default();
+                self.slots[at].acquired =
+                    self.device.create_semaphore(&info, None).map_err(|e| self.error("vkCreateSemaphore", e))?;
+                let info = vk::FenceCreateInfo::default().flags(vk::FenceCreateFlags::SIGNALED);
+                self.slots[at].done =
+                    self.device.create_fence(&info, None).map_err(|e| self.error("vkCreateFence", e))?;
+            }
+        }
+        Ok(())
+    }
+
+    fn make_swapchain(&mut self) -> Result<(), EngineError> {
+        let unsuitable = |reason: String| EngineError::Unsuitable { device: self.name.clone(), reason };
+        // SAFETY: the surface and the device are of this instance.
+        let (can, formats) = unsafe {
+            (
+                self.surface_calls
+                    .get_physical_device_surface_capabilities(self.physical, self.surface)
+                    .map_err(|e| self.error("surface capabilities", e))?,
+                self.surface_calls
+                    .get_physical_device_surface_formats(self.physical, self.surface)
+                    .map_err(|e| self.error("surface formats", e))?,
+            )
+        };
+        // Drivers list sRGB formats first, which would change the levels.
+        let plain = [vk::Format::B8G8R8A8_UNORM, vk::Format::R8G8B8A8_UNORM];
+        let format = formats
+            .iter()
+            .find(|f| plain.contains(&f.format) && f.color_space == vk::ColorSpaceKHR::SRGB_NONLINEAR)
+            .copied()
+            .ok_or_else(|| {
+                unsuitable("the window offers no UNORM format of 8 bits, and others change the levels".into())
+            })?;
+        let [height, width] = self.size.map(|n| n as u32);
+        let is = can.current_extent;
+        if is.width != u32::MAX && (is.width, is.height) != (width, height) {
+            return Err(unsuitable(format!(
+                "the window is {}x{} pixels, and a video frame has {height}x{width}: nothing is scaled, so they must be \
+                 equal",
+                is.height, is.width
+            )));
+        }
+        if !can.supported_usage_flags.contains(vk::ImageUsageFlags::TRANSFER_DST) {
+            return Err(unsuitable("pictures cannot be copied into its window".into()));
+        }
+        let most = if can.max_image_count == 0 { u32::MAX } else { can.max_image_count };
+        let alpha = [vk::CompositeAlphaFlagsKHR::OPAQUE, vk::CompositeAlphaFlagsKHR::INHERIT]
+            .into_iter()
+            .find(|a| can.supported_composite_alpha.contains(*a))
+            .ok_or_else(|| unsuitable("its window cannot be opaque".into()))?;
+        let old = self.swapchain;
+        let info = vk::SwapchainCreateInfoKHR::default()
+            .surface(self.surface)
+            .min_image_count((can.min_image_count + 1).min(most))
+            .image_format(format.format)
+            .image_color_space(format.color_space)
+            .image_extent(vk::Extent2D { width, height })
+            .image_array_layers(1)
+            .image_usage(vk::ImageUsageFlags::TRANSFER_DST)
+            .image_sharing_mode(vk::SharingMode::EXCLUSIVE)
+            .pre_transform(can.current_transform)
+            .composite_alpha(alpha)
+            // MAILBOX may leave a sub-frame out.
+            .present_mode(vk::PresentModeKHR::FIFO)
+            .clipped(true)
+            .old_swapchain(old);
+        self.format = format.format;
+        // SAFETY: the device is idle before anything of the old swapchain is destroyed; all handles are valid.
+        unsafe {
+            let _ = self.device.device_wait_idle();
+            let made = self.swapchain_calls.create_swapchain(&info, None);
+            self.drop_swapchain();
+            self.swapchain = made.map_err(|e| self.error("vkCreateSwapchainKHR", e))?;
+            self.images = self
+                .swapchain_calls
+                .get_swapchain_images(self.swapchain)
+                .map_err(|e| self.error("vkGetSwapchainImagesKHR", e))?;
+            for _ in 0..self.images.len() {
+                let semaphore = self
+                    .device
+                    .create_semaphore(&vk::SemaphoreCreateInfo::default(), None)
+                    .map_err(|e| self.error("vkCreateSemaphore", e))?;
+                self.rendered.push(semaphore);
+            }
+        }
+        Ok(())
+    }
+
+    /// # Safety
+    /// The device is idle.
+    unsafe fn drop_swapchain(&mut self) {
+        // SAFETY: the caller says so; each is destroyed once.
+        unsafe {
+            self.rendered.drain(..).for_each(|s| self.device.destroy_semaphore(s, None));
+            self.swapchain_calls.destroy_swapchain(self.swapchain, None);
+        }
+        self.swapchain = vk::SwapchainKHR::null();
+        self.images.clear();
+    }
+
+    /// Takes in a picture, (row, column, channel), 1 or 3 channels of 8 bits.
+    ///
+    /// # Errors
+    /// [`EngineError::Mismatch`]; a lost device.
+    pub fn upload(&mut self, picture: &[u8]) -> Result<(), EngineError> {
+        let pixels = self.size[0] * self.size[1];
+        if picture.len() != pixels && picture.len() != 3 * pixels {
+            let reason =
+                format!("a picture has {} bytes, and {pixels} or three times as many were expected", picture.len());
+            return Err(EngineError::Mismatch { reason });
+        }
+        let slot = &self.slots[self.next];
+        // SAFETY: the fence is the device's; once it is signalled the device no longer reads the buffer, which is mapped
+        // for as long as the slot lives and has four bytes for each pixel.
+        let staging = unsafe {
+            self.device
+                .wait_for_fences(&[slot.done], true, PATIENCE_NS)
+                .map_err(|e| self.error("vkWaitForFences", e))?;
+            std::slice::from_raw_parts_mut(slot.mapped, 4 * pixels)
+        };
+        let blue_first = self.format == vk::Format::B8G8R8A8_UNORM;
+        let grey = picture.len() == pixels;
+        for (to, from) in staging.chunks_exact_mut(4).zip(picture.chunks_exact(if grey { 1 } else { 3 })) {
+            let [r, g, b] = if grey { [from[0]; 3] } else { [from[0], from[1], from[2]] };
+            to.copy_from_slice(&if blue_first { [b, g, r, 255] } else { [r, g, b, 255] });
+        }
+        Ok(())
+    }
+
+    /// Puts the picture taken in last in line. `id` rises.
+    ///
+    /// # Errors
+    /// The window is gone, or has another size; a lost device.
+    pub fn present(&mut self, id: u64) -> Result<(), EngineError> {
+        let mut acquired = self.acquire()?;
+        if acquired.is_none() {
+            // Out of date: of the same size it is made again, of another it is refused.
+            self.make_swapchain()?;
+            acquired = self.acquire()?;
+        }
+        let Some(image) = acquired else { return Err(self.error("acquire", vk::Result::ERROR_OUT_OF_DATE_KHR)) };
+        let slot = &self.slots[self.next];
+        let rendered = [self.rendered[image as usize]];
+        let [height, width] = self.size.map(|n| n as u32);
+        let layers = vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
+        let range =
+            vk::ImageSubresourceRange::default().aspect_mask(vk::ImageAspectFlags::COLOR).level_count(1).layer_count(1);
+        let barrier = vk::ImageMemoryBarrier::default()
+            .image(self.images[image as usize])
+            .subresource_range(range)
+            .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+            .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED);
+        let into = barrier
+            .old_layout(vk::ImageLayout::UNDEFINED)
+            .new_layout(vk::ImageLayout::TRANSFER_DST_OPTIMAL)
+            .dst_access_mask(vk::AccessFlags::TRANSFER_WRITE);
+        let out = barrier
+            .old_layout(vk::ImageLayout::TRANSFER_DST_OPTIMAL)
+            .new_layout(vk::ImageLayout::PRESENT_SRC_KHR)
+            .src_access_mask(vk::AccessFlags::TRANSFER_WRITE);
+        let copy = vk::BufferImageCopy::default().image_subresource(layers).image_extent(vk::Extent3D {
+            width,
+            height,
+            depth: 1,
+        });
+        let transfer = vk::PipelineStageFlags::TRANSFER;
+        let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        let (wait, stages, commands) = ([slot.acquired], [transfer], [slot.commands]);
+        let submit = vk::SubmitInfo::default()
+            .wait_semaphores(&wait)
+            .wait_dst_stage_mask(&stages)
+            .command_buffers(&commands)
+            .signal_semaphores(&rendered);
+        let (chains, indices) = ([self.swapchain], [image]);
+        // Numbers of 32 bits, which go round; the answer is matched modulo that.
+        let times = [vk::PresentTimeGOOGLE::default().present_id(id as u32)];
+        let mut times = vk::PresentTimesInfoGOOGLE::default().times(&times);
+        let mut info =
+            vk::PresentInfoKHR::default().wait_semaphores(&rendered).swapchains(&chains).image_indices(&indices);
+        if self.timing.is_some() {
+            info = info.push_next(&mut times);
+        }
+        // SAFETY: the slot's fence was waited for in `upload`, so its commands and its semaphore are free; every handle is
+        // of this device, and everything pointed to lives until the calls return.
+        let presented = unsafe {
+            self.device.reset_fences(&[slot.done]).map_err(|e| self.error("vkResetFences", e))?;
+            self.device
+                .begin_command_buffer(slot.commands, &begin)
+                .map_err(|e| self.error("vkBeginCommandBuffer", e))?;
+            let none = vk::DependencyFlags::empty();
+            // The wait on the acquired image is at this stage too, so the change of layout comes after it.
+            self.device.cmd_pipeline_barrier(slot.commands, transfer, transfer, none, &[], &[], &[into]);
+            self.device.cmd_copy_buffer_to_image(
+                slot.commands,
+                slot.buffer,
+                self.images[image as usize],
+                vk::ImageLayout::TRANSFER_DST_OPTIMAL,
+                &[copy],
+            );
+            let bottom = vk::PipelineStageFlags::BOTTOM_OF_PIPE;
+            self.device.cmd_pipeline_barrier(slot.commands, transfer, bottom, none, &[], &[], &[out]);
+            self.device.end_command_buffer(slot.commands).map_err(|e| self.error("vkEndCommandBuffer", e))?;
+            self.device.queue_submit(self.queue, &[submit], slot.done).map_err(|e| self.error("vkQueueSubmit", e))?;
+            self.swapchain_calls.queue_present(self.queue, &info)
+        };
+        self.next = (self.next + 1) % SLOTS;
+        self.before = Some(id);
+        match presented {
+            // Told again when the next image is acquired.
+            Ok(_) | Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => Ok(()),
+            Err(e) => Err(self.error("vkQueuePresentKHR", e)),
+        }
+    }
+
+    /// An image of the swapchain; none where it is out of date.
+    fn acquire(&mut self) -> Result<Option<u32>, EngineError> {
+        let start = Instant::now();
+        let slot = &self.slots[self.next];
+        // SAFETY: the semaphore is free, since the slot's fence was waited for.
+        let image = unsafe {
+            self.swapchain_calls.acquire_next_image(self.swapchain, PATIENCE_NS, slot.acquired, vk::Fence::null())
+        };
+        // Acquiring that had to wait ended when the screen went on to the picture before.
+        let waited = self.timing.is_none() && start.elapsed() >= WAITED && self.lit.len() < self.lit.capacity();
+        if let Some(before) = self.before.filter(|_| waited) {
+            self.lit.push_back(Lit::At { id: before, time: Instant::now() });
+        }
+        match image {
+            Ok((image, _)) => Ok(Some(image)),
+            Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => Ok(None),
+            Err(e) => Err(self.error("vkAcquireNextImageKHR", e)),
+        }
+    }
+
+    /// The next picture that is known to have lit up.
+    pub fn lit(&mut self) -> Option<Lit> {
+        if let (Some(timing), true) = (&self.timing, self.lit.is_empty()) {
+            let mut past = [vk::PastPresentationTimingGOOGLE::default(); 16];
+            let mut count = past.len() as u32;
+            // SAFETY: there is room for as many as it says.
+            let _ = unsafe {
+                (timing.fp().get_past_presentation_timing_google)(
+                    self.device.handle(),
+                    self.swapchain,
+                    &mut count,
+                    past.as_mut_ptr(),
+                )
+            };
+            let newest = self.before.unwrap_or(0);
+            for p in past.iter().take(count as usize) {
+                // The number whose lower half this is, not after the newest.
+                let back = (newest as u32).wrapping_sub(p.present_id);
+                self.lit.push_back(Lit::Monotonic {
+                    id: newest.saturating_sub(u64::from(back)),
+                    time_ns: p.actual_present_time,
+                });
+            }
+        }
+        self.lit.pop_front()
+    }
+
+    /// Waits until all that was handed over is with the screen.
+    pub fn wait(&self) {
+        // SAFETY: the device is valid. A lost one ends the wait as well.
+        let _ = unsafe { self.device.device_wait_idle() };
+    }
+}
+
+impl Drop for Screen {
+    fn drop(&mut self) {
+        // SAFETY: the device is idle, and everything is destroyed once, before what it was made from.
+        unsafe {
+            let _ = self.device.device_wait_idle();
+            self.drop_swapchain();
+            for slot in self.slots.drain(..) {
+                self.device.destroy_buffer(slot.buffer, None);
+                self.device.free_memory(slot.memory, None);
+                self.device.destroy_semaphore(slot.acquired, None);
+                self.device.destroy_fence(slot.done, None);
+            }
+            self.device.destroy_command_pool(self.pool, None);
+            self.device.destroy_device(None);
+            self.surface_calls.destroy_surface(self.surface, None);
+        }
+    }
+}
+
+/// # Safety
+/// The instance has the extension of this kind of window, and its handles are valid.
+unsafe fn make_surface(instance: &Instance, window: WindowHandle) -> Result<vk::SurfaceKHR, vk::Result> {
+    let (entry, raw) = (&instance.entry, &instance.raw);
+    // SAFETY: the caller says so.
+    unsafe {
+        match window {
+            WindowHandle::Xcb { connection, window } => khr::xcb_surface::Instance::new(entry, raw).create_xcb_surface(
+                &vk::XcbSurfaceCreateInfoKHR::default().connection(connection.cast()).window(window),
+                None,
+            ),
+            WindowHandle::Xlib { display, window } => khr::xlib_surface::Instance::new(entry, raw).create_xlib_surface(
+                &vk::XlibSurfaceCreateInfoKHR::default().dpy(display.cast()).window(window as _),
+                None,
+            ),
+            WindowHandle::Wayland { display, surface } => khr::wayland_surface::Instance::new(entry, raw)
+                .create_wayland_surface(
+                    &vk::WaylandSurfaceCreateInfoKHR::default().display(display.cast()).surface(surface.cast()),
+                    None,
+                ),
+        }
+    }
+}
+
+/// The first device that can show on the surface, real ones first, and its queue family.
+fn choose(
+    instance: &Instance,
+    calls: &khr::surface::Instance,
+    surface: vk::SurfaceKHR,
+) -> Result<(vk::PhysicalDevice, u32, String), EngineError> {
+    // SAFETY: the instance is valid.
+    let devices = unsafe { instance.raw.enumerate_physical_devices() }.unwrap_or_default();
+    let mut found: Vec<(bool, vk::PhysicalDevice, u32, String)> = Vec::new();
+    for device in devices {
+        // SAFETY: the device and the surface are of this instance.
+        let (properties, families, extensions) = unsafe {
+            (
+                instance.raw.get_physical_device_properties(device),
+                instance.raw.get_physical_device_queue_family_properties(device),
+                instance.raw.enumerate_device_extension_properties(device).unwrap_or_default(),
+            )
+        };
+        if !has(&extensions, khr::swapchain::NAME) {
+            continue;
+        }
+        let shows = |family: &u32| {
+            // SAFETY: as above; the family is one of the device's.
+            let supported = unsafe { calls.get_physical_device_surface_support(device, *family, surface) };
+            let graphics = families[*family as usize].queue_flags.contains(vk::QueueFlags::GRAPHICS);
+            graphics && supported.unwrap_or(false)
+        };
+        if let Some(family) = (0..families.len() as u32).find(shows) {
+            let name = properties.device_name_as_c_str().map_or_else(|_| String::new(), |n| n.to_string_lossy().into());
+            found.push((properties.device_type == vk::PhysicalDeviceType::CPU, device, family, name));
+        }
+    }
+    found.sort_by_key(|f| f.0);
+    let first = found.into_iter().next();
+    first.map(|f| (f.1, f.2, f.3)).ok_or_else(|| EngineError::NoDevice {
+        reason: "no Vulkan device can show pictures in a window of this system".into(),
+    })
+}

@@ -1,0 +1,173 @@
+//! `eyebox play --output window` on a virtual X server: what is on the screen, byte for byte.
+
+#![cfg(target_os = "linux")]
+
+use eyebox::encode::{Encoder, PhaseSet};
+use eyebox::hologram::{ColorHologram, Hologram};
+use eyebox::optics::{Color, Display};
+use std::collections::BTreeSet;
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+/// A virtual screen whose pixels lie in a file; gone with the value.
+struct Screen {
+    server: Child,
+    name: String,
+    pixels: PathBuf,
+}
+
+impl Screen {
+    fn new(folder: &Path, [height, width]: [usize; 2]) -> Self {
+        let mut server = Command::new("Xvfb")
+            .args(["-displayfd", "1", "-screen", "0", &format!("{width}x{height}x24"), "-nolisten", "tcp", "-fbdir"])
+            .arg(folder)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("Xvfb, which tools/setup.sh installs");
+        let mut number = String::new();
+        BufReader::new(server.stdout.take().expect("its output")).read_line(&mut number).expect("its number");
+        Self { server, name: format!(":{}", number.trim()), pixels: folder.join("Xvfb_screen0") }
+    }
+
+    /// (row, column, channel), red first.
+    fn picture(&self) -> Vec<u8> {
+        let bytes = std::fs::read(&self.pixels).expect("the frame buffer");
+        let word = |i: usize| u32::from_be_bytes(bytes[4 * i..4 * i + 4].try_into().expect("a word")) as usize;
+        let (header, width, height, line, colors) = (word(0), word(4), word(5), word(12), word(19));
+        assert_eq!((word(7), word(11)), (0, 32), "little-endian, 32 bits");
+        let rows = bytes[header + 12 * colors..].chunks_exact(line).take(height);
+        rows.flat_map(|row| row.chunks_exact(4).take(width).flat_map(|p| [p[2], p[1], p[0]])).collect()
+    }
+}
+
+impl Drop for Screen {
+    fn drop(&mut self) {
+        let _ = self.server.kill();
+        let _ = self.server.wait();
+    }
+}
+
+fn hologram(folder: &Path, display: &Display) -> Hologram {
+    let color = |(i, w): (usize, &eyebox::optics::Wavelength)| ColorHologram {
+        color: Some(w.color),
+        wavelength: w.wavelength,
+        exposure: 0.4,
+        efficiency: 0.4,
+        phases: (0..8 * 36 * 64).map(|k| ((k * 7919 + i * 31) % 6283) as f32 * 1e-3 - 3.0).collect(),
+    };
+    let hologram = Hologram {
+        frames: 8,
+        height: 36,
+        width: 64,
+        pitch: display.pitch,
+        focal_length: display.focal_length,
+        colors: display.wavelengths.iter().enumerate().map(color).collect(),
+        seed: 0,
+        version: String::new(),
+        display: display.name.clone(),
+        display_wavelengths: display.wavelengths.clone(),
+        scene: String::new(),
+        settings: serde_json::Value::Null,
+    };
+    hologram.save(&folder.join("x.zarr")).expect("saved");
+    hologram
+}
+
+fn play(folder: &Path, screen: &Screen, preset: &str, more: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_eyebox"));
+    command
+        .args(["play", "x.zarr", "--display", preset, "--size", "36x64", "--output", "window"])
+        .args(more)
+        .current_dir(folder)
+        .env("DISPLAY", &screen.name)
+        .env_remove("WAYLAND_DISPLAY")
+        .env("XDG_CACHE_HOME", folder.join("cache"))
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped());
+    command
+}
+
+fn said(answer: &Output) -> String {
+    String::from_utf8_lossy(&answer.stderr).into_owned()
+}
+
+#[test]
+fn the_screen_shows_every_packing_byte_for_byte() {
+    for preset in ["grey8", "fields", "planes8", "planes24", "plm"] {
+        let here = tempfile::tempdir().expect("a folder");
+        let display = Display { height: 36, width: 64, ..Display::preset(preset).expect("a preset") };
+        let hologram = hologram(here.path(), &display);
+        let colors = [Color::Red, Color::Green, Color::Blue];
+        let slices: Vec<&[f32]> = hologram.colors.iter().map(|c| &c.phases[..]).collect();
+        let frames = Encoder::new(&display, &colors, 8)
+            .expect("an encoder")
+            .encode(&PhaseSet::trusted(&slices))
+            .expect("encoded");
+        let expected: Vec<Vec<u8>> = (0..frames.count())
+            .map(|i| match frames.channels {
+                1 => frames.frame(i).iter().flat_map(|g| [*g; 3]).collect(),
+                _ => frames.frame(i).to_vec(),
+            })
+            .collect();
+        let screen = Screen::new(here.path(), [frames.height, frames.width]);
+        // Slow enough that a busy machine sees every video frame.
+        let mut playing =
+            play(here.path(), &screen, preset, &["--validation", "--display-rate", "20"]).spawn().expect("it starts");
+        let (since, mut seen) = (Instant::now(), BTreeSet::new());
+        while seen.len() < expected.len() && since.elapsed() < Duration::from_secs(60) {
+            let picture = screen.picture();
+            seen.extend(expected.iter().position(|e| *e == picture));
+            assert!(playing.try_wait().expect("its state").is_none(), "{preset}: it ended");
+            std::thread::sleep(Duration::from_millis(3));
+        }
+        // As ctrl-C does.
+        let killed = Command::new("kill").args(["-INT", &playing.id().to_string()]).status().expect("kill");
+        assert!(killed.success());
+        let answer = playing.wait_with_output().expect("it ends");
+        assert_eq!(answer.status.code(), Some(0), "{preset}: {}", said(&answer));
+        assert!(
+            said(&answer).contains("ended by ctrl-C") && !said(&answer).contains("validation:"),
+            "{}",
+            said(&answer)
+        );
+        assert_eq!(seen.len(), expected.len(), "{preset}: of {} video frames", expected.len());
+    }
+}
+
+#[test]
+fn a_monitor_of_another_size_and_no_desktop_are_refused_in_a_sentence() {
+    let here = tempfile::tempdir().expect("a folder");
+    let display = Display { height: 36, width: 64, ..Display::preset("planes24").expect("a preset") };
+    hologram(here.path(), &display);
+    let screen = Screen::new(here.path(), [60, 80]);
+    for (more, what) in [
+        (&[][..], "no monitor has 36x64 pixels"),
+        (&["--monitor", "0"], "is not 36x64 pixels"),
+        (&["--monitor", "60x80"], "is not 36x64 pixels"),
+        (&["--monitor", "SLM"], "no monitor is called 'SLM'"),
+        (&["--record", "r", "--duration", "1"], "offscreen"),
+    ] {
+        let answer = play(here.path(), &screen, "planes24", more).output().expect("it runs");
+        let text = said(&answer);
+        assert_eq!((answer.status.code(), text.trim().lines().count()), (Some(2), 1), "{text}");
+        assert!(text.contains(what), "{text}");
+    }
+    let monitors = Command::new(env!("CARGO_BIN_EXE_eyebox"))
+        .args(["monitors", "--json"])
+        .env("DISPLAY", &screen.name)
+        .env_remove("WAYLAND_DISPLAY")
+        .output()
+        .expect("it runs");
+    let list: serde_json::Value = serde_json::from_slice(&monitors.stdout).expect("JSON");
+    assert_eq!((&list["monitors"][0]["rows"], &list["monitors"][0]["columns"]), (&60.into(), &80.into()));
+    let nowhere = Command::new(env!("CARGO_BIN_EXE_eyebox"))
+        .arg("monitors")
+        .env_remove("DISPLAY")
+        .env_remove("WAYLAND_DISPLAY")
+        .output()
+        .expect("it runs");
+    assert!(nowhere.status.code() == Some(2) && said(&nowhere).contains("DISPLAY"), "{}", said(&nowhere));
+}
