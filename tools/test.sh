@@ -42,8 +42,8 @@ trap 'rm -rf "$work"' EXIT
 count=0
 while IFS= read -r command; do
     echo "\$ $command"
-    # In a folder of their own, as they are written but for what builds them.
-    (cd "$work" && eval "\"\$eyebox\" ${command#cargo run --release -- }") </dev/null
+    # In a folder and with a cache of their own, as they are written but for what builds them.
+    (cd "$work" && XDG_CACHE_HOME="$work/cache" eval "\"\$eyebox\" ${command#cargo run --release -- }") </dev/null
     count=$((count + 1))
 done < <(grep '^cargo run --release -- ' README.md)
 if ((count == 0)); then
