@@ -157,7 +157,11 @@ impl Desktop {
     /// [`PlaybackError::Presenter`] where there is none.
     pub fn open() -> Result<Self, PlaybackError> {
         let event_loop = EventLoop::new().map_err(|e| {
-            no_desktop(format!("there is none to open a window on ({e}): set DISPLAY or WAYLAND_DISPLAY"))
+            // The library says where in its own source it failed: nobody's business here.
+            let text = e.to_string();
+            let why = text.rsplit(".rs:").next().and_then(|t| t.split_once(": ")).map_or(text.as_str(), |(_, why)| why);
+            let why = why.trim_end_matches([')', '.']);
+            no_desktop(format!("there is none to open a window on ({why}): set DISPLAY or WAYLAND_DISPLAY"))
         })?;
         let mut desktop = Self { event_loop, handler: Handler::default() };
         desktop.pump()?;
