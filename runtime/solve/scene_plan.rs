@@ -179,17 +179,18 @@ impl ScenePlan {
         let (dark, lit): (Vec<_>, Vec<_>) = field.colors.iter().partition(|c| is_dark(c));
         let names = |colors: &[Color]| colors.iter().map(Color::to_string).collect::<Vec<_>>().join(", ");
         let all = names(&field.colors);
+        let no_light = format!("{} {} no light", names(&dark), if dark.len() == 1 { "holds" } else { "hold" });
         if dark.is_empty() {
             self.say("colours", all, "each holds light");
         } else if wish.full.colors {
-            self.say("colours", all, format!("kept as asked, though {} holds no light", names(&dark)));
+            self.say("colours", all, format!("kept as asked, though {no_light}"));
         } else if lit.is_empty() {
             self.colors.truncate(1);
             self.dark = dark[1..].to_vec();
             self.say("colours", names(&self.colors), "the scene is black: one colour shows it");
             self.saves();
         } else {
-            self.say("colours", names(&lit), format!("{} holds no light", names(&dark)));
+            self.say("colours", names(&lit), no_light);
             self.saves();
             (self.colors, self.dark) = (lit, dark);
         }
