@@ -4,7 +4,7 @@
 use super::{QualityError, Recipe, Subject};
 use crate::optics::Padding;
 use crate::plan::Planner;
-use crate::scene::ViewGrid;
+use crate::scene::{Pyramid, ViewGrid};
 use crate::solve::{Optimizer, PupilRange, Sampler};
 
 /// Steps whose pupils are drawn to see how large windows get.
@@ -99,9 +99,7 @@ impl Expected {
 }
 
 /// The level of the views' pyramid that a window's photograph is taken from.
-fn level([mut height, mut width]: [usize; 2], [rows, columns]: [usize; 2]) -> (usize, usize) {
-    while height.div_ceil(2) >= rows.max(24) && width.div_ceil(2) >= columns.max(24) {
-        (height, width) = (height.div_ceil(2), width.div_ceil(2));
-    }
-    (height, width)
+fn level([height, width]: [usize; 2], [rows, columns]: [usize; 2]) -> (usize, usize) {
+    let levels = Pyramid::sizes(height, width);
+    levels.into_iter().rfind(|(h, w)| *h >= rows && *w >= columns).unwrap_or((height, width))
 }

@@ -5,7 +5,7 @@ use super::method::Sights;
 use super::{Optimizer, Problem, Settings, random_phases};
 use crate::engine::{Buffer, Engine, EngineError, Memory};
 use crate::optics::{Display, Optics, WindowFactor};
-use crate::plan::{self, Comparison, Group, Planner, Purpose, Slots, Step, Storage};
+use crate::plan::{self, Comparison, Group, Planner, Slots, Step, Storage};
 use crate::scene::{Pyramid, ViewGrid};
 use eyebox_kernels::compare;
 use serde::{Deserialize, Serialize};
@@ -115,7 +115,7 @@ fn measure(
         Problem { optics, padding: Default::default(), eyebox, views: grid, pyramid: Arc::clone(views), mean: 0.5 };
     let planner =
         Planner { levels: 16, storage: settings.storage, ..problem.planner(settings.frames, settings.window) };
-    let shape = planner.shape(purpose(&settings.optimizer));
+    let shape = planner.shape(settings.optimizer.purpose());
     engine.load(&shape, Some(Arc::clone(views)))?;
     engine.write(Buffer::Phases, &random_phases(settings.frames * side * side, 2))?;
     engine.write(Buffer::Levels, &super::settings::level_table(&super::even_levels(16)))?;
@@ -164,10 +164,6 @@ fn parts(step: &Step) -> Vec<(Group, Range<usize>)> {
         }
     }
     parts
-}
-
-fn purpose(optimizer: &Optimizer) -> Purpose {
-    if matches!(optimizer, Optimizer::Adam { .. }) { Purpose::Adam } else { Purpose::Project }
 }
 
 /// A step as the solver would take it; what its numbers are does not change what it costs.
@@ -229,7 +225,7 @@ pub fn forecast(problem: &Problem, settings: &Settings, rates: &Rates, loaded: L
         storage: settings.storage,
         ..Planner::new(problem.optics, settings.frames, settings.window).with_padding(problem.padding)
     };
-    let shape = planner.shape(purpose(&settings.optimizer));
+    let shape = planner.shape(settings.optimizer.purpose());
     let mut sights = Sights::new(problem, settings, settings.seed);
     let rates = rates.at(&settings.optimizer, shape.points() as f64);
     // On the host, halves are rounded to and not stored.

@@ -3,7 +3,7 @@
 use super::sampling::{Diameters, Sequence};
 use super::{Method, SolveError};
 use crate::optics::WindowFactor;
-use crate::plan::Storage;
+use crate::plan::{Purpose, Storage};
 use serde::{Deserialize, Serialize};
 
 /// How phases are moved.
@@ -32,6 +32,11 @@ impl Optimizer {
     /// The projection as tuned on several scenes (docs/measurements.md).
     pub fn projection() -> Self {
         Self::Projection { gain: [2.5, 0.3], momentum: 0.5, overlap_power: 0.5 }
+    }
+
+    /// What an engine's buffers are for.
+    pub(super) fn purpose(&self) -> Purpose {
+        if matches!(self, Self::Adam { .. }) { Purpose::Adam } else { Purpose::Project }
     }
 
     /// Adam at twice the paper's rate (better here by 0.3 dB), decaying to a twentieth.

@@ -160,8 +160,7 @@ pub fn solve_from(
     if let Some(views) = &mut planner.views {
         views.unit /= unit;
     }
-    let purpose = if matches!(computed.optimizer, Optimizer::Adam { .. }) { Purpose::Adam } else { Purpose::Project };
-    let purpose = if given.is_some() { Purpose::View } else { purpose };
+    let purpose = if given.is_some() { Purpose::View } else { computed.optimizer.purpose() };
     engine.load(&planner.shape(purpose), Some(Arc::clone(&problem.pyramid)))?;
     if let Some(levels) = &settings.levels {
         engine.write(Buffer::Levels, &level_table(levels))?;

@@ -1,7 +1,7 @@
 //! Refining a hologram for where the eye is (OPTICS 6d): steps over pupils around it, and a few over the whole eyebox, so
 //! that a sudden look elsewhere never meets the dark.
 
-use super::{Problem, SolveError, SplitMix};
+use super::{Problem, SolveError, SplitMix, fault};
 use crate::engine::{Buffer, Engine, EngineError};
 use crate::evaluate::{self, Sums};
 use crate::optics::{Pupil, WindowFactor};
@@ -246,8 +246,7 @@ impl Refiner {
     pub fn step(&mut self) -> Result<f64, EngineError> {
         let start = Instant::now();
         let (step, parts) = self.next();
-        let state = step.list.iter().position(|d| matches!(d.kernel, Kernel::Project | Kernel::Adam));
-        let state = state.unwrap_or(step.list.len());
+        let state = fault::before_state(&step);
         let mut losses = vec![0.0; step.lanes.len()];
         for part in parts {
             // The losses are known before phases move.

@@ -15,7 +15,7 @@ pub mod svg;
 mod tables;
 
 pub use about::{About, MethodAbout};
-pub use page::STYLE;
+pub use page::document;
 pub use published::Published;
 pub use stats::Series;
 pub use tables::json;

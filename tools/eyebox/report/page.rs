@@ -6,7 +6,7 @@ use super::{Report, Series, pictures, plots, stats};
 use eyebox::evaluate::Group;
 use std::fmt::Write;
 
-pub const STYLE: &str = include_str!("style.css");
+const STYLE: &str = include_str!("style.css");
 
 /// All of it.
 pub fn html(report: &Report) -> String {
@@ -28,7 +28,12 @@ pub fn html(report: &Report) -> String {
         methods(report),
     ]
     .concat();
-    let title = escape(&title);
+    document(&title, &body)
+}
+
+/// A self-contained page around `body`.
+pub fn document(title: &str, body: &str) -> String {
+    let title = escape(title);
     format!(
         "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\n<title>{title}</title>\n\

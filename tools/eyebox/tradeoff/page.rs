@@ -2,7 +2,7 @@
 
 use super::found::{Found, NEAR_DB};
 use super::plots::{self, Plot, mebibytes, time};
-use crate::report::STYLE;
+use crate::report::document;
 use crate::report::svg::escape;
 use eyebox::quality::{Quality, REFERENCE_PUPILS, Recipe, Recommended, Trial};
 use std::fmt::Write;
@@ -20,12 +20,7 @@ pub fn html(found: &Found) -> String {
         how(found),
     ]
     .concat();
-    let title = escape(&title);
-    format!(
-        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\n<title>{title}</title>\n\
-         <style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n{body}</main>\n</body>\n</html>\n"
-    )
+    document(&title, &body)
 }
 
 fn head(found: &Found, title: &str) -> String {
