@@ -35,8 +35,8 @@ pub struct Refine {
     /// Where the eye is: x,y,diameter,focus in mm
     #[arg(long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true)]
     pub pupil: Pupil,
-    /// It is within so many mm of there
-    #[arg(long, value_name = "MM", default_value_t = 0.5, value_parser = not_negative)]
+    /// Standard deviation of where it is, mm
+    #[arg(long, value_name = "MM", default_value_t = 0.25, value_parser = not_negative)]
     pub spread: f64,
     /// Its diameter, mm [default: half a millimetre about the pupil's]
     #[arg(long, value_name = "MIN..MAX", value_parser = range)]
@@ -59,11 +59,17 @@ pub struct Refine {
     /// How the phases follow
     #[arg(long, value_enum, default_value = "projection")]
     pub strategy: StrategyName,
-    /// Gain of the projection
+    /// Gain of the projection's first step
     #[arg(long, default_value_t = 3.0, value_name = "G", value_parser = positive)]
     pub gain: f64,
+    /// Its gain many steps later
+    #[arg(long, default_value_t = 1.0, value_name = "G", value_parser = positive)]
+    pub settled_gain: f64,
+    /// Steps in which the difference of the two falls to 1/e
+    #[arg(long, default_value_t = 8.0, value_name = "N", value_parser = positive)]
+    pub settling: f64,
     /// Share of the projection's velocity that is kept
-    #[arg(long, default_value_t = 0.0, value_name = "SHARE", value_parser = not_negative)]
+    #[arg(long, default_value_t = 0.5, value_name = "SHARE", value_parser = not_negative)]
     pub momentum: f64,
     /// The projection's change is divided by the overlap to this power
     #[arg(long, default_value_t = 1.0, value_name = "P", value_parser = not_negative)]
@@ -113,11 +119,13 @@ pub fn run(args: &Refine) -> Result<(), Failure> {
         spread: args.spread * 1e-3,
         diameter: args.diameter.unwrap_or([diameter - half, diameter + half]),
         depth: [depth; 2],
+        elsewhere: 0.0,
     };
     let steering = Steering {
         strategy: match args.strategy {
             StrategyName::Projection => {
-                Strategy::Projection { gain: args.gain, momentum: args.momentum, overlap_power: args.overlap_power }
+                let Refine { gain, settled_gain: settled, settling, momentum, overlap_power, .. } = *args;
+                Strategy::Projection { gain, settled, settling, momentum, overlap_power }
             }
             StrategyName::Adam => Strategy::Adam { rate: args.rate },
         },
@@ -191,23 +199,10 @@ pub fn run(args: &Refine) -> Result<(), Failure> {
 
 /// Pupils of other seeds than the refinement's: around the eye, and over the whole eyebox.
 fn judged(problem: &Problem, aim: &Aim, seed: u64) -> (Vec<Pupil>, Vec<Pupil>) {
-    let draw = |range: PupilRange, seed: u64| {
-        let mut sampler = Sampler::new(range, Sequence::Sobol, seed);
-        (0..JUDGED).map(|_| sampler.draw()).collect::<Vec<_>>()
-    };
     let largest = (problem.eyebox * 10.0 / 11.0).min(20e-3);
-    let anywhere = PupilRange {
-        eyebox: problem.eyebox,
-        diameter: [2e-3f64.min(largest / 2.0), largest],
-        depth: aim.depth,
-        diameters: Diameters::Uniform,
-    };
-    // A square of the spread's size, whatever the diameter, then moved to the eye.
-    let at_eye = PupilRange { eyebox: 2.0 * aim.spread, diameter: aim.diameter, ..anywhere };
-    let mut at_eye = draw(PupilRange { diameter: [1e-9, 1e-9], ..at_eye }, !seed);
-    let diameters = draw(PupilRange { diameter: aim.diameter, ..anywhere }, !seed ^ 0x65_7965);
-    for (pupil, d) in at_eye.iter_mut().zip(diameters) {
-        *pupil = Pupil { x: aim.x + pupil.x, y: aim.y + pupil.y, diameter: d.diameter, depth: pupil.depth };
-    }
-    (at_eye, draw(anywhere, !seed ^ 0x616e_7977))
+    let diameter = [2e-3f64.min(largest / 2.0), largest];
+    let anywhere = PupilRange { eyebox: problem.eyebox, diameter, depth: aim.depth, diameters: Diameters::Uniform };
+    let mut sampler = Sampler::new(anywhere, Sequence::Sobol, !seed ^ 0x616e_7977);
+    let anywhere = (0..JUDGED).map(|_| sampler.draw()).collect();
+    (aim.pupils(JUDGED, !seed), anywhere)
 }
