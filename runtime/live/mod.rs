@@ -27,7 +27,7 @@ pub use handover::{Giver, LiveSource, Made, handover};
 pub use latency::{Histogram, Latency, Stage, Stamps};
 pub use refine::{Live, LiveOptions, start};
 pub use steerer::{Part, Policy, Steerer};
-pub use study::{Moment, Study, StudySettings, study};
+pub use study::{Moment, Observer, Study, StudySettings, study};
 pub use watch::{Expected, Watch};
 
 use crate::encode::EncodeError;

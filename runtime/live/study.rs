@@ -144,7 +144,7 @@ impl Judge {
             diameters: Diameters::Uniform,
         };
         let mut seen = Refiner::new(problem, &part.phases, part.exposure, policy.steering, engine)?;
-        let mut sampler = Sampler::new(range, Sequence::Sobol, 0x6a75_6467_65);
+        let mut sampler = Sampler::new(range, Sequence::Sobol, 0x006a_7564_6765);
         let pupils: Vec<Pupil> = (0..EXPOSED).map(|_| sampler.draw()).collect();
         // Lasers stay as they are: one exposure, that of the hologram for the whole eyebox.
         let exposure = Sums::fit_exposure(&seen.look(&pupils)?).map_err(|e| LiveError::Setting(e.to_string()))?;
@@ -235,8 +235,11 @@ impl Stage {
     }
 }
 
-/// Steers `parts` for a simulated eye. `engine` makes engines, three for each colour. `observe` sees every moment, with
-/// the phases that were lit, colour by colour, and how much is done; it ends the study by answering `false`.
+/// Sees every moment, with the phases that were lit, colour by colour, and which share of the study is done; ends it by
+/// answering `false`.
+pub type Observer<'a> = dyn FnMut(&Moment, &[Vec<f32>], f64) -> bool + 'a;
+
+/// Steers `parts` for a simulated eye. `engine` makes engines, three for each colour.
 ///
 /// # Errors
 /// [`LiveError::Setting`] for what cannot be; those of the engines and of the encoder.
@@ -246,7 +249,7 @@ pub fn study(
     encoder: &Encoder,
     settings: &StudySettings,
     engine: &mut dyn FnMut() -> Result<Box<dyn Engine>, EngineError>,
-    observe: &mut dyn FnMut(&Moment, &[Vec<f32>], f64) -> bool,
+    observe: &mut Observer<'_>,
 ) -> Result<Study, LiveError> {
     if settings.period_ns <= 0 || settings.lead_ns < 0 || !(settings.seconds > 0.0 && settings.seconds <= 3600.0) {
         return Err(LiveError::Setting("a study lasts up to an hour, with sets of a positive period".into()));
