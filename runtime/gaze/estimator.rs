@@ -162,7 +162,9 @@ impl Estimator {
             self.diameter = Some((mean + 0.1 * off, square + 0.1 * (off * off - square)));
         }
         self.recent.push_back((time, position));
-        while self.recent.len() > REMEMBERED || self.recent.front().is_some_and(|p| p.0 + REMEMBERED_NS < time) {
+        while self.recent.len() > REMEMBERED
+            || self.recent.front().is_some_and(|p| p.0.saturating_add(REMEMBERED_NS) < time)
+        {
             self.recent.pop_front();
         }
         self.state = match std::mem::replace(&mut self.state, State::Unseen) {
@@ -199,7 +201,7 @@ impl Estimator {
             State::Steady(filter) => {
                 self.filters.push_back(*filter);
                 while self.filters.len() > REMEMBERED
-                    || self.filters.front().is_some_and(|f| f.time_ns() + REMEMBERED_NS < time)
+                    || self.filters.front().is_some_and(|f| f.time_ns().saturating_add(REMEMBERED_NS) < time)
                 {
                     self.filters.pop_front();
                 }
@@ -232,9 +234,11 @@ impl Estimator {
     /// Whether the newest measurements have left the steady prediction, and fast.
     fn noticed(&self, time: u64) -> Option<Jump> {
         // A filter that has not seen the window's measurements.
-        let before = self.filters.iter().rev().find(|f| f.time_ns() + WINDOW_NS < time)?;
+        let before = self.filters.iter().rev().find(|f| f.time_ns().saturating_add(WINDOW_NS) < time)?;
         let (mut mean, mut n) = ([0.0; 2], 0.0);
-        for (t, p) in self.recent.iter().rev().take_while(|p| p.0 + WINDOW_NS >= time && p.0 > before.time_ns()) {
+        for (t, p) in
+            self.recent.iter().rev().take_while(|p| p.0.saturating_add(WINDOW_NS) >= time && p.0 > before.time_ns())
+        {
             let expected = before.at(*t, self.noise);
             mean = [0, 1].map(|i| mean[i] + p[i] - expected[i]);
             n += 1.0;
@@ -248,7 +252,7 @@ impl Estimator {
         }
         let longest = 16_700_000;
         let newest = self.recent.iter().rev();
-        let window = newest.clone().take_while(|p| p.0 + longest >= time).count().max(3);
+        let window = newest.clone().take_while(|p| p.0.saturating_add(longest) >= time).count().max(3);
         let (speed, variance) = slope(self.recent.range(self.recent.len().saturating_sub(window)..))?;
         let limit = (self.settings.saccade_speed * self.settings.radius).max(2.0 * (self.noise * variance).sqrt());
         if speed[0].hypot(speed[1]) <= limit {
@@ -258,13 +262,13 @@ impl Estimator {
         let start = time.saturating_sub(25_000_000);
         let calm = self.filters.iter().rev().find(|f| f.time_ns() <= start).or(self.filters.front())?;
         let from = calm.at(start.max(calm.time_ns()), self.noise);
-        let points = self.recent.iter().copied().filter(|p| p.0 + 48_000_000 >= time);
+        let points = self.recent.iter().copied().filter(|p| p.0.saturating_add(48_000_000) >= time);
         Some(Jump::new(from, time, points, self.noise, &self.settings))
     }
 
     /// The filter after a saccade: what was measured since it came to rest.
     fn landed(&self, jump: &Jump, time: u64) -> OneEuro {
-        let since = (jump.lands_ns + 2_000_000).max(time.saturating_sub(24_000_000)).min(time);
+        let since = jump.lands_ns.saturating_add(2_000_000).max(time.saturating_sub(24_000_000)).min(time);
         mean(jump.since(since))
             .map_or_else(|| self.one_euro(time, jump.landing, 1), |(position, n)| self.one_euro(time, position, n))
     }

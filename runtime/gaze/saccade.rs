@@ -108,7 +108,7 @@ impl Jump {
         if last.saturating_sub(self.noticed_ns) > 150_000_000 {
             return true;
         }
-        if last < self.lands_ns + 8_000_000 {
+        if last < self.lands_ns.saturating_add(8_000_000) {
             return false;
         }
         let Some((speed, variance)) = slope(self.since(last.saturating_sub(16_000_000))) else { return false };

@@ -22,6 +22,9 @@ mod steerer;
 mod study;
 mod watch;
 
+#[cfg(test)]
+mod tests;
+
 pub use beat::{Beat, BeatCell, Target};
 pub use handover::{Giver, LiveSource, Made, handover};
 pub use latency::{Histogram, Latency, Stage, Stamps};

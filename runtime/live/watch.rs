@@ -42,6 +42,17 @@ pub struct Watch {
     thread: Option<JoinHandle<Lane>>,
 }
 
+/// Said when the thread panics.
+struct LastWords(Arc<Mutex<State>>);
+
+impl Drop for LastWords {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            locked(&self.0).note("following the eye has ended by a fault of its own; the picture stays".into());
+        }
+    }
+}
+
 fn locked(state: &Mutex<State>) -> MutexGuard<'_, State> {
     // An estimate is whole between two samples, whatever became of who held it.
     state.lock().unwrap_or_else(PoisonError::into_inner)
@@ -61,17 +72,20 @@ impl Watch {
             .name("eyebox gaze".into())
             .spawn(move || {
                 let (mut ended, mut count) = (false, 0);
+                let _words = LastWords(Arc::clone(&theirs));
                 while !stopped.load(Ordering::Acquire) {
+                    while let Some(note) = samples.note() {
+                        locked(&theirs).note(note);
+                    }
+                    // Asked before: what came before the end is still taken.
+                    let status = samples.status();
                     if let Some(sample) = samples.next(PATIENCE) {
                         let begun = Instant::now();
                         locked(&theirs).take(&sample);
                         lane.span("filter", count, begun);
                         count += 1;
+                        continue;
                     }
-                    while let Some(note) = samples.note() {
-                        locked(&theirs).note(note);
-                    }
-                    let status = samples.status();
                     if status.ended && !ended {
                         ended = true;
                         let why = status.failure.unwrap_or_else(|| "it has come to its end".into());
