@@ -73,7 +73,6 @@ impl Panels {
             .with_inner_size(PhysicalSize::new(width as u32, height as u32));
         self.made = Some(event_loop.create_window(attributes).map_err(|e| e.to_string()).map(|window| {
             let (window, events) = (Arc::new(window), Queue::default());
-            self.queues.retain(|(_, queue)| Rc::strong_count(queue) > 1);
             self.queues.push((window.id(), Rc::clone(&events)));
             Panel { window, events }
         }));
@@ -81,7 +80,12 @@ impl Panels {
 
     /// Whether the event was a panel's.
     pub(super) fn take(&mut self, id: WindowId, event: &WindowEvent) -> bool {
-        let Some((_, queue)) = self.queues.iter().find(|(window, _)| *window == id) else { return false };
+        let Some(at) = self.queues.iter().position(|(window, _)| *window == id) else { return false };
+        let queue = Rc::clone(&self.queues[at].1);
+        // The last that comes from it.
+        if matches!(event, WindowEvent::Destroyed) {
+            self.queues.swap_remove(at);
+        }
         if let Some(event) = translated(event) {
             let mut queue = queue.borrow_mut();
             // Of a mouse that moves only where it is now matters.

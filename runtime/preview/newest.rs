@@ -1,6 +1,7 @@
 //! A cell in which the newest value wins.
 
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 /// What one thread leaves and another takes; what was not taken is replaced, or changed.
 pub(super) struct Newest<T> {
@@ -39,9 +40,11 @@ impl<T> Newest<T> {
         self.lock().take()
     }
 
-    /// Whether there is one.
-    pub(super) fn waits(&self) -> bool {
-        self.lock().is_some()
+    /// Whether there is one, or comes within this time. It stays.
+    pub(super) fn comes(&self, within: Duration) -> bool {
+        let waited = self.changed.wait_timeout_while(self.lock(), within, |value| value.is_none());
+        let (value, _) = waited.unwrap_or_else(PoisonError::into_inner);
+        value.is_some()
     }
 
     /// Takes the next value, and waits for it.

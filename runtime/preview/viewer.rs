@@ -74,6 +74,8 @@ type Answer = Result<Seen, PreviewError>;
 
 /// A whole picture that takes longer than this is preceded by a coarse one.
 const SLOW: Duration = Duration::from_millis(40);
+/// The mouse rests when nothing new comes for so long.
+const REST: Duration = Duration::from_millis(60);
 
 /// Looks through the newest pupil at the newest hologram, on a thread of its own that owns the engines. No call waits.
 pub struct Viewer {
@@ -114,7 +116,7 @@ impl Viewer {
                     let failed = coarse.is_err();
                     publish(coarse);
                     // The mouse moves on: the next coarse picture counts more than this one's whole.
-                    if failed || take.waits() {
+                    if failed || take.comes(REST) {
                         continue;
                     }
                 }

@@ -91,8 +91,8 @@ fn an_eye_that_keeps_the_spectrum_sees_what_evaluate_sees() {
     for padding in [Padding::default(), Padding { rows: 8, columns: 6 }] {
         let showing = Showing::new(both.clone(), padding).unwrap();
         let mut eye = Eye::new(cpu());
-        for pupil in pupils() {
-            for (frame, frames) in [(None, vec![0, 1, 2]), (Some(2), vec![2]), (Some(1), vec![1])] {
+        for (frame, frames) in [(None, vec![0, 1, 2]), (Some(2), vec![2]), (Some(1), vec![1])] {
+            for pupil in pupils() {
                 let seen = eye.look(&showing, frame, &pupil, Detail::Whole).unwrap();
                 assert_eq!(values(&seen), expected(&both, &frames, &pupil, padding), "{pupil:?} {frame:?}");
             }
