@@ -58,6 +58,15 @@ pub fn diameters(asked: Option<[f64; 2]>, display: &Display) -> [f64; 2] {
     })
 }
 
+/// Which engine is asked for.
+pub fn engine_choice(args: &EngineArgs) -> engine::Choice {
+    match args.engine {
+        crate::args::EngineName::Auto => engine::Choice::Auto,
+        crate::args::EngineName::Cpu => engine::Choice::Cpu,
+        crate::args::EngineName::Vulkan => engine::Choice::Vulkan,
+    }
+}
+
 /// The engine asked for.
 pub fn engine(args: &EngineArgs) -> Result<Box<dyn Engine>, Failure> {
     Ok(opener(args)?()?)
@@ -65,11 +74,7 @@ pub fn engine(args: &EngineArgs) -> Result<Box<dyn Engine>, Failure> {
 
 /// What opens the engine asked for, as often as it is called.
 pub fn opener(args: &EngineArgs) -> Result<Opener, Failure> {
-    let choice = match args.engine {
-        crate::args::EngineName::Auto => engine::Choice::Auto,
-        crate::args::EngineName::Cpu => engine::Choice::Cpu,
-        crate::args::EngineName::Vulkan => engine::Choice::Vulkan,
-    };
+    let choice = engine_choice(args);
     let Some(name) = &args.vulkan_from else { return Ok(Box::new(move || engine::open(choice))) };
     let names = || engine::Kernel::ALL.map(engine::Kernel::name).join(", ");
     let from = engine::Kernel::by_name(name)
