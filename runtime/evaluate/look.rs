@@ -69,7 +69,7 @@ pub fn targets(engine: &mut dyn Engine, planner: &Planner, sights: &[Sight]) -> 
 }
 
 /// The SLM's part of an image on the grid.
-fn crop(planner: &Planner, image: Vec<f32>) -> Vec<f32> {
+pub(crate) fn crop(planner: &Planner, image: Vec<f32>) -> Vec<f32> {
     let place = planner.place();
     if planner.grid == planner.slm {
         return image;

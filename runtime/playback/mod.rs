@@ -6,7 +6,7 @@
 //! Pure, with times as numbers: `rate`, `timeline` (which content frame is due when), `scheduler` (what the next video
 //! frame shows, and the `account` of why), `pacing` (when to wake for it). Around them: `clock`, real or simulated;
 //! `stream` (reading, checking and encoding ahead, on threads of their own, in buffers that are made once);
-//! `presenter`, the display's side: `offscreen` (with its `sink`s) and `window` behind one trait; `player`, which joins all of it;
+//! `presenter`, the display's side: `offscreen` (with its `sink`s) and `window` behind one trait; `panel`, ordinary windows beside it; `player`, which joins all of it;
 //! `marks` (the sync picture and the corner mark), `record`, `trace`.
 //!
 //! Every time carries its unit and its meaning in its name. This room imports [`optics`](crate::optics),
@@ -18,6 +18,7 @@ mod clock;
 mod marks;
 mod offscreen;
 mod pacing;
+mod panel;
 mod player;
 mod presenter;
 mod rate;
@@ -42,6 +43,7 @@ pub use clock::{Clock, RealClock, SimulatedClock};
 pub use marks::{Marks, mark_corner, sync_phases};
 pub use offscreen::Offscreen;
 pub use pacing::{Outcome, Pacer, Prediction};
+pub use panel::{Panel, PanelEvent, PanelKey};
 pub use player::{Command, Flow, Moment, Player, Source};
 pub use presenter::{Event, Feedback, Presenter};
 pub use rate::{Rate, SECOND_NS};

@@ -3,6 +3,7 @@
 //! Its inside has exactly the video frame's size, or it is refused; it has no cursor and no frame. What a compositor does
 //! to it cannot be asked everywhere: on an SLM's output run none, or let full-screen windows bypass it.
 
+use super::panel::Panels;
 use super::{Event, Feedback, PlaybackError, Presenter, Rate, RealClock};
 use crate::engine::EngineError;
 use crate::engine::vulkan::{Lit, Screen, WindowHandle};
@@ -76,6 +77,7 @@ struct Handler {
     window: Option<Arc<SystemWindow>>,
     failure: Option<String>,
     events: VecDeque<Event>,
+    panels: Panels,
 }
 
 impl Handler {
@@ -127,9 +129,13 @@ impl ApplicationHandler for Handler {
 
     fn about_to_wait(&mut self, event_loop: &ActiveEventLoop) {
         self.make(event_loop);
+        self.panels.make(event_loop);
     }
 
-    fn window_event(&mut self, _: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
+    fn window_event(&mut self, _: &ActiveEventLoop, id: WindowId, event: WindowEvent) {
+        if self.panels.take(id, &event) {
+            return;
+        }
         match event {
             WindowEvent::CloseRequested | WindowEvent::Destroyed => self.events.push_back(Event::Close),
             WindowEvent::KeyboardInput { event, .. } if event.state == ElementState::Pressed => {
@@ -146,7 +152,7 @@ pub struct Desktop {
     handler: Handler,
 }
 
-fn no_desktop(reason: String) -> PlaybackError {
+pub(super) fn no_desktop(reason: String) -> PlaybackError {
     PlaybackError::Presenter { presenter: "the desktop".into(), reason }
 }
 
@@ -244,7 +250,19 @@ impl Desktop {
     }
 
     fn pump(&mut self) -> Result<(), PlaybackError> {
-        match self.event_loop.pump_app_events(Some(Duration::ZERO), &mut self.handler) {
+        self.pump_for(Duration::ZERO)
+    }
+
+    pub(super) fn panels(&mut self) -> &mut Panels {
+        &mut self.handler.panels
+    }
+
+    /// Takes in what happened on the desktop, and waits so long at most where nothing did.
+    ///
+    /// # Errors
+    /// [`PlaybackError::Presenter`] when the desktop is gone.
+    pub fn pump_for(&mut self, most: Duration) -> Result<(), PlaybackError> {
+        match self.event_loop.pump_app_events(Some(most), &mut self.handler) {
             PumpStatus::Continue => Ok(()),
             PumpStatus::Exit(_) => Err(no_desktop("the connection to it is gone".into())),
         }
@@ -256,7 +274,7 @@ fn of_window(error: EngineError) -> PlaybackError {
 }
 
 /// What Vulkan makes a surface of.
-fn handle_of(window: &SystemWindow) -> Result<WindowHandle, PlaybackError> {
+pub(super) fn handle_of(window: &SystemWindow) -> Result<WindowHandle, PlaybackError> {
     let gone = |e: winit::raw_window_handle::HandleError| no_desktop(format!("the window has no handle ({e})"));
     let (window, display) = (window.window_handle().map_err(gone)?, window.display_handle().map_err(gone)?);
     match (window.as_raw(), display.as_raw()) {
@@ -291,6 +309,11 @@ impl Window {
     /// What the validation layer says, to the last.
     pub fn messages(&self) -> Arc<Mutex<Vec<String>>> {
         self.screen.messages()
+    }
+
+    /// The desktop that it stands on, for other windows beside it: their events come while this one's are taken.
+    pub fn desktop(&mut self) -> &mut Desktop {
+        &mut self.desktop
     }
 }
 

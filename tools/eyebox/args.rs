@@ -94,6 +94,11 @@ pub enum Command {
                       eyebox play moving.zarr --display plm --record shown --trace trace.json\n\nEnds with 0 at the end, after --duration, and on ctrl-C; with 2 when it cannot be played, with 3 when the display is lost. The display is left on the idle picture: the phase 0, or with --sync the sync picture."
     )]
     Play(Box<crate::play::Play>),
+    /// Show what an eye sees in a window, live: the mouse moves the pupil, the wheel changes focus
+    #[command(after_help = "Examples:\n  eyebox preview still-life.zarr --scene builtin:still-life\n  \
+                      eyebox preview moving.zarr --pupil=2,0,6,1 --zoom 2\n  \
+                      eyebox preview phases.npy --pitch 8 --wavelength 520 --focal-length 400\n\nIn the window: the mouse moves the pupil over the eyebox, the wheel changes focus, + and - the diameter, a switches\nspeckle averaging, p shows the photograph of --scene, s saves a PNG, i shows a line and a map, h all keys, escape closes.\nEnds with 0 when it is closed and on ctrl-C; with 2 when it cannot be shown, with 3 when the desktop is lost.")]
+    Preview(Box<crate::preview::Preview>),
     /// List the monitors that a window can cover
     #[command(after_help = "Example:\n  eyebox monitors --json")]
     Monitors(crate::play::Monitors),

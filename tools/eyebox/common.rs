@@ -6,6 +6,7 @@ use eyebox::engine::{self, Engine};
 use eyebox::files;
 use eyebox::hologram::{Hologram, Sequence};
 use eyebox::optics::{Color, Display};
+use eyebox::preview::Opener;
 use eyebox::scene::{self, LightField};
 use std::path::Path;
 
@@ -68,12 +69,17 @@ pub fn engine_choice(args: &EngineArgs) -> engine::Choice {
 
 /// The engine asked for.
 pub fn engine(args: &EngineArgs) -> Result<Box<dyn Engine>, Failure> {
+    Ok(opener(args)?()?)
+}
+
+/// What opens the engine asked for, as often as it is called.
+pub fn opener(args: &EngineArgs) -> Result<Opener, Failure> {
     let choice = engine_choice(args);
-    let Some(name) = &args.vulkan_from else { return Ok(engine::open(choice)?) };
+    let Some(name) = &args.vulkan_from else { return Ok(Box::new(move || engine::open(choice))) };
     let names = || engine::Kernel::ALL.map(engine::Kernel::name).join(", ");
     let from = engine::Kernel::by_name(name)
         .ok_or_else(|| Failure::Asked(format!("no kernel is called '{name}': there are {}", names())))?;
-    Ok(engine::open_handover(from)?)
+    Ok(Box::new(move || engine::open_handover(from)))
 }
 
 /// Where a result goes.

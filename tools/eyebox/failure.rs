@@ -9,6 +9,7 @@ use eyebox::hologram::HologramError;
 use eyebox::live::LiveError;
 use eyebox::optics::OpticsError;
 use eyebox::playback::PlaybackError;
+use eyebox::preview::PreviewError;
 use eyebox::quality::QualityError;
 use eyebox::scene::SceneError;
 use eyebox::solve::SolveError;
@@ -56,6 +57,9 @@ pub enum Failure {
     /// Playback.
     #[error(transparent)]
     Playback(#[from] PlaybackError),
+    /// The preview.
+    #[error(transparent)]
+    Preview(#[from] PreviewError),
     /// The display was lost while it was played to.
     #[error("{0}")]
     Lost(String),

@@ -1,5 +1,5 @@
-//! The `eyebox` command: `demo`, `solve`, `plan`, `view`, `photograph`, `refine`, `study`, `live`, `score`, `tradeoff`, `evaluate`, `export`, `encode`,
-//! `play`, `monitors`, `bench`, `devices`, `trackers`.
+//! The `eyebox` command: `demo`, `solve`, `plan`, `view`, `photograph`, `refine`, `study`, `live`, `score`, `tradeoff`,
+//! `evaluate`, `export`, `encode`, `play`, `preview`, `monitors`, `bench`, `devices`, `trackers`.
 //!
 //! This room reads arguments, calls the runtime, and shows what came of it. Anything that a program would want to call
 //! belongs in the runtime. Errors are one line on standard error and exit code 2 (3 where a display was lost); nothing half-written stays behind.
@@ -18,6 +18,7 @@ mod live;
 mod photograph;
 mod plan;
 mod play;
+mod preview;
 mod progress;
 mod quality;
 mod rates;
@@ -56,6 +57,7 @@ fn main() -> ExitCode {
         Command::Export(args) => export::run(args),
         Command::Encode(args) => encode::run(args),
         Command::Play(args) => play::run(args),
+        Command::Preview(args) => preview::run(args),
         Command::Monitors(args) => play::monitors(args),
         Command::Bench(args) => bench::run(args),
         Command::Devices(args) => devices::run(args),

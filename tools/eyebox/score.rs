@@ -149,6 +149,12 @@ pub fn as_solved(args: &SceneArgs, hologram: &Hologram) -> SceneArgs {
 /// A hologram, and the display that it was made for.
 pub fn with_display(file: &Path) -> Result<(Hologram, Display), Failure> {
     let hologram = Hologram::load(file)?;
+    let display = display_of(file, &hologram)?;
+    Ok((hologram, display))
+}
+
+/// The display that a hologram, read from `file`, was made for.
+pub fn display_of(file: &Path, hologram: &Hologram) -> Result<Display, Failure> {
     let known = |color: Color| hologram.display_wavelengths.iter().any(|w| w.color == color);
     if !hologram.colors.iter().all(|c| c.color.is_some_and(known)) {
         let what = file.display();
@@ -156,7 +162,7 @@ pub fn with_display(file: &Path) -> Result<(Hologram, Display), Failure> {
     }
     // The eyebox that pupils are drawn in is that of the display it was made for.
     let (height, width, pitch, focal_length) = (hologram.height, hologram.width, hologram.pitch, hologram.focal_length);
-    let display = Display {
+    Ok(Display {
         name: hologram.display.clone(),
         height,
         width,
@@ -165,8 +171,7 @@ pub fn with_display(file: &Path) -> Result<(Hologram, Display), Failure> {
         wavelengths: hologram.display_wavelengths.clone(),
         levels: 256,
         encoding: Default::default(),
-    };
-    Ok((hologram, display))
+    })
 }
 
 /// The hologram, and the display that its own optics make (or, for bare phases, that the flags say).

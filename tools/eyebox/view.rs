@@ -19,11 +19,7 @@ pub fn run(args: &View) -> Result<(), Failure> {
     }
     let mut engine = common::engine(&args.engine)?;
     let planes = through(&hologram, &args.pupil, engine.as_mut())?;
-    let exposures: Vec<f64> = match (args.optics.exposure, known) {
-        (Some(exposure), _) => vec![exposure; planes.len()],
-        (None, true) => hologram.colors.iter().map(|c| c.exposure).collect(),
-        (None, false) => vec![1.0 / percentile(&planes, 0.99); planes.len()],
-    };
+    let exposures = exposures(&hologram, known, &args.optics, &planes);
     let colors: Vec<_> = hologram.colors.iter().map(|c| c.color).collect();
     common::write_image(&args.out, form, [hologram.height, hologram.width], &planes, &colors, &exposures)?;
     let [x, y, d, z] = args.pupil.to_mm();
@@ -31,15 +27,29 @@ pub fn run(args: &View) -> Result<(), Failure> {
     Ok(())
 }
 
+/// What a picture of these planes is multiplied by: as asked, the hologram's own where it is known, else what makes them
+/// bright.
+pub fn exposures(hologram: &Hologram, known: bool, optics: &PhaseOptics, planes: &[Vec<f32>]) -> Vec<f64> {
+    match (optics.exposure, known) {
+        (Some(exposure), _) => vec![exposure; planes.len()],
+        (None, true) => hologram.colors.iter().map(|c| c.exposure).collect(),
+        (None, false) => vec![1.0 / percentile(planes, 0.99); planes.len()],
+    }
+}
+
+/// A hologram holds its own optics: none may be given.
+pub fn no_optics(file: &Path, optics: &PhaseOptics) -> Result<(), Failure> {
+    if optics.pitch.is_none() && optics.wavelength.is_empty() && optics.focal_length.is_none() {
+        return Ok(());
+    }
+    let what = file.display();
+    Err(Failure::Asked(format!("{what} holds its own optics: leave out --pitch, --wavelength and --focal-length")))
+}
+
 /// A hologram, or bare phases with the optics given; and whether its exposure is known.
-fn load(file: &Path, at: Option<u64>, optics: &PhaseOptics) -> Result<(Hologram, bool), Failure> {
+pub fn load(file: &Path, at: Option<u64>, optics: &PhaseOptics) -> Result<(Hologram, bool), Failure> {
     if common::is_hologram(file) {
-        if optics.pitch.is_some() || !optics.wavelength.is_empty() || optics.focal_length.is_some() {
-            let what = file.display();
-            return Err(Failure::Asked(format!(
-                "{what} holds its own optics: leave out --pitch, --wavelength and --focal-length"
-            )));
-        }
+        no_optics(file, optics)?;
         return Ok((common::hologram(file, at)?, true));
     }
     let missing =

@@ -8,11 +8,13 @@
 //! Nothing is assumed of the size of subgroups; shaders synchronise through shared memory only.
 //!
 //! `instance` loads Vulkan; `devices` lists and chooses; `device` is what all else holds; `pipelines` and `cache`
-//! compile; `recorder` records; `gpu` joins these; `fft` plans and records transforms; `screen` shows bytes in a window.
+//! compile; `recorder` records; `gpu` joins these; `fft` plans and records transforms; `screen` shows bytes in a window,
+//! `canvas` pictures in one that may be resized.
 
 #![allow(unsafe_code)]
 
 mod cache;
+mod canvas;
 mod check;
 mod device;
 mod devices;
@@ -31,6 +33,7 @@ mod tables;
 mod tests;
 mod views;
 
+pub use canvas::Canvas;
 pub use devices::{DeviceKind, DeviceReport, Limits, devices};
 pub use encode::VulkanEncoder;
 pub use engine::{Options, VulkanEngine};

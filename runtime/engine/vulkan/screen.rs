@@ -93,7 +93,7 @@ pub struct Screen {
     instance: Instance,
 }
 
-fn failed(name: &str, call: &'static str, result: vk::Result) -> EngineError {
+pub(super) fn failed(name: &str, call: &'static str, result: vk::Result) -> EngineError {
     EngineError::Vulkan { device: name.into(), call, result: format!("{result:?}") }
 }
 
@@ -532,7 +532,7 @@ impl Drop for Screen {
 
 /// # Safety
 /// The instance has the extension of this kind of window, and its handles are valid.
-unsafe fn make_surface(instance: &Instance, window: WindowHandle) -> Result<vk::SurfaceKHR, vk::Result> {
+pub(super) unsafe fn make_surface(instance: &Instance, window: WindowHandle) -> Result<vk::SurfaceKHR, vk::Result> {
     let (entry, raw) = (&instance.entry, &instance.raw);
     // SAFETY: the caller says so.
     unsafe {
@@ -555,7 +555,7 @@ unsafe fn make_surface(instance: &Instance, window: WindowHandle) -> Result<vk::
 }
 
 /// The first device that can show on the surface, real ones first, and its queue family.
-fn choose(
+pub(super) fn choose(
     instance: &Instance,
     calls: &khr::surface::Instance,
     surface: vk::SurfaceKHR,

@@ -1,0 +1,290 @@
+//! What a mouse and keys mean.
+
+use super::place::{Rect, dioptres, focus_step, pupil_at};
+use super::{Overlay, Seen, Showing, Side};
+use crate::optics::{Optics, Pupil};
+use crate::playback::{PanelEvent, PanelKey};
+
+/// What the window's owner has to do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Action {
+    /// End.
+    Close,
+    /// Keep the picture.
+    Save,
+    /// Stop or go on with the sequence.
+    Pause,
+    /// So many holograms on.
+    Step(i64),
+}
+
+/// Narrowest pupil, metres.
+const NARROWEST: f64 = 0.5e-3;
+/// A press of a key that changes the diameter, metres.
+const WIDER: f64 = 0.5e-3;
+/// A press of an arrow, metres.
+const ASIDE: f64 = 0.25e-3;
+
+/// Where the eye is and what is shown of it, as mouse and keys change it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Controls {
+    /// The pupil.
+    pub pupil: Pupil,
+    /// All sub-frames, or the one of number `frame` alone.
+    pub averaged: bool,
+    /// Which sub-frame, where it is one.
+    pub frame: usize,
+    /// What is shown.
+    pub side: Side,
+    /// Whether the help covers the picture.
+    pub help: bool,
+    /// Whether the line and the map of the eyebox are in the picture.
+    pub line: bool,
+    frames: usize,
+    eyebox: f64,
+    optics: Optics,
+    scene: bool,
+    sequence: bool,
+}
+
+impl Controls {
+    /// Begins at this pupil; `scene` and `sequence`: whether there is one.
+    pub fn new(showing: &Showing, pupil: Pupil, scene: bool, sequence: bool) -> Self {
+        let optics = showing.colors.iter().map(|c| c.optics).max_by(|a, b| a.wavelength.total_cmp(&b.wavelength));
+        let optics =
+            optics.unwrap_or(Optics { height: 1, width: 1, pitch: 8e-6, wavelength: 520e-9, focal_length: 0.4 });
+        Self {
+            pupil,
+            averaged: true,
+            frame: 0,
+            side: Side::Seen,
+            help: false,
+            line: false,
+            frames: showing.frames,
+            eyebox: showing.eyebox,
+            optics,
+            scene,
+            sequence,
+        }
+    }
+
+    /// Which sub-frame is looked at; none for all of them.
+    pub fn alone(&self) -> Option<usize> {
+        (!self.averaged).then_some(self.frame)
+    }
+
+    /// How many pictures stand side by side.
+    pub fn count(&self) -> usize {
+        if self.side == Side::Both { 2 } else { 1 }
+    }
+
+    /// Takes in what happened, while pictures stood at these places.
+    pub fn take(&mut self, event: PanelEvent, pictures: &[Rect]) -> Option<Action> {
+        match event {
+            PanelEvent::Close => return Some(Action::Close),
+            PanelEvent::Pointer(position) => [self.pupil.x, self.pupil.y] = pupil_at(position, pictures, self.eyebox),
+            PanelEvent::Wheel(notches) if notches.is_finite() => {
+                // What a coarse wheel or a wild touch pad sends at once.
+                self.pupil.depth += notches.clamp(-20.0, 20.0) * focus_step(&self.optics, &self.pupil);
+            }
+            PanelEvent::Key(key) => return self.key(key),
+            _ => {}
+        }
+        None
+    }
+
+    fn key(&mut self, key: PanelKey) -> Option<Action> {
+        let reach = self.eyebox / 2.0;
+        match key {
+            PanelKey::Escape | PanelKey::Character('q') => return Some(Action::Close),
+            PanelKey::Home => (self.pupil.x, self.pupil.y) = (0.0, 0.0),
+            PanelKey::Arrow([x, y]) => {
+                self.pupil.x = (self.pupil.x + ASIDE * f64::from(x)).clamp(-reach, reach);
+                self.pupil.y = (self.pupil.y + ASIDE * f64::from(y)).clamp(-reach, reach);
+            }
+            PanelKey::Character(c) => match c {
+                '+' | '=' => self.widen(WIDER),
+                '-' | '_' => self.widen(-WIDER),
+                '0' => self.pupil.depth = 0.0,
+                'a' => self.averaged = !self.averaged,
+                'n' => self.frame = (self.frame + 1) % self.frames.max(1),
+                'p' if self.scene => {
+                    self.side = match self.side {
+                        Side::Seen => Side::Both,
+                        Side::Both => Side::Photograph,
+                        Side::Photograph => Side::Seen,
+                    };
+                }
+                'h' | '?' => self.help = !self.help,
+                'i' => self.line = !self.line,
+                's' => return Some(Action::Save),
+                ' ' if self.sequence => return Some(Action::Pause),
+                '.' if self.sequence => return Some(Action::Step(1)),
+                ',' if self.sequence => return Some(Action::Step(-1)),
+                _ => {}
+            },
+        }
+        None
+    }
+
+    fn widen(&mut self, by: f64) {
+        let widest = self.eyebox.max(NARROWEST);
+        self.pupil.diameter = (self.pupil.diameter + by).clamp(NARROWEST, widest);
+    }
+
+    /// What a picture shows, in one line.
+    pub fn describe(&self, seen: &Seen) -> String {
+        let [x, y, d, z] = seen.look.pupil.to_mm();
+        let light = match seen.look.frame {
+            Some(f) => format!("sub-frame {} of {}", f + 1, self.frames),
+            None => format!("{} sub-frame{}", self.frames, if self.frames == 1 { "" } else { "s" }),
+        };
+        let psnr = seen.psnr_db.map_or(String::new(), |db| format!(", {db:.1} dB"));
+        let focus = dioptres(seen.look.pupil.depth, self.optics.focal_length);
+        let what = match seen.look.side {
+            Side::Seen => "",
+            Side::Both => ", beside the photograph",
+            Side::Photograph => ", the photograph",
+        };
+        format!(
+            "pupil {x:+.2}, {y:+.2} mm, {d:.1} mm wide, focus {z:+.2} mm ({focus:+.3} D), {light}{psnr}, {:.0} ms{what}",
+            seen.milliseconds
+        )
+    }
+
+    /// What lies over the picture.
+    pub fn overlay(&self, seen: Option<&Seen>) -> Overlay {
+        let line = seen.filter(|_| self.line);
+        Overlay {
+            help: if self.help { self.help_lines() } else { Vec::new() },
+            line: line.map(|seen| self.describe(seen)),
+            map: line.map(|seen| {
+                let p = seen.look.pupil;
+                [p.x / self.eyebox, p.y / self.eyebox, p.diameter / self.eyebox]
+            }),
+        }
+    }
+
+    fn help_lines(&self) -> Vec<String> {
+        let mut lines = vec![
+            "mouse    the pupil in the eyebox",
+            "arrows   the pupil by 0.25 mm",
+            "home     the pupil in the middle",
+            "wheel    focus",
+            "0        focus on the SLM",
+            "+ -      pupil diameter",
+            "a        average sub-frames, or one",
+            "n        the next sub-frame alone",
+        ];
+        if self.scene {
+            lines.push("p        photograph beside, alone");
+        }
+        if self.sequence {
+            lines.extend(["space    pause", ", .      one hologram back, on"]);
+        }
+        lines.extend(["i        line and map", "s        save as PNG", "h        this help", "escape   close"]);
+        lines.into_iter().map(String::from).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Look, Picture, Shown};
+    use super::*;
+    use crate::optics::Padding;
+    use std::sync::Arc;
+
+    fn controls(scene: bool, sequence: bool) -> Controls {
+        let optics = Optics::new(36, 64, 8e-6, 440e-9, 0.4).unwrap();
+        let color = Shown { color: None, optics, exposure: 1.0, phases: Arc::new(vec![0.0; 8 * 36 * 64]) };
+        let showing = Showing { frames: 8, padding: Padding::default(), colors: vec![color], eyebox: optics.eyebox() };
+        Controls::new(&showing, Pupil::from_mm([0.0, 0.0, 4.0, 0.0]), scene, sequence)
+    }
+
+    fn press(c: &mut Controls, keys: &str) -> Vec<Action> {
+        keys.chars().filter_map(|k| c.take(PanelEvent::Key(PanelKey::Character(k)), &[])).collect()
+    }
+
+    #[test]
+    fn keys_do_what_the_help_says() {
+        let mut c = controls(true, true);
+        assert_eq!(
+            press(&mut c, "s .,q"),
+            [Action::Save, Action::Pause, Action::Step(1), Action::Step(-1), Action::Close]
+        );
+        assert_eq!(c.take(PanelEvent::Key(PanelKey::Escape), &[]), Some(Action::Close));
+        assert_eq!(c.take(PanelEvent::Close, &[]), Some(Action::Close));
+        press(&mut c, "++-a");
+        assert_eq!((c.pupil.to_mm()[2].round(), c.alone()), (5.0, Some(0)));
+        press(&mut c, "nn");
+        assert_eq!(c.alone(), Some(2));
+        press(&mut c, "nnnnnn");
+        assert_eq!(c.alone(), Some(0));
+        press(&mut c, "a");
+        assert_eq!(c.alone(), None);
+        let sides: Vec<Side> = (0..3)
+            .map(|_| {
+                press(&mut c, "p");
+                c.side
+            })
+            .collect();
+        assert_eq!(sides, [Side::Both, Side::Photograph, Side::Seen]);
+        press(&mut c, &"-".repeat(50));
+        assert!((c.pupil.diameter - NARROWEST).abs() < 1e-12);
+        press(&mut c, &"+".repeat(500));
+        assert!((c.pupil.diameter - 22e-3).abs() < 1e-9);
+        press(&mut c, "h");
+        let help = c.overlay(None).help;
+        assert!(help.iter().any(|l| l.starts_with("p ")) && help.iter().any(|l| l.starts_with("space")));
+        // Without scene and sequence their keys do nothing and are not offered.
+        let mut c = controls(false, false);
+        assert!(press(&mut c, "p .,").is_empty() && c.side == Side::Seen);
+        press(&mut c, "h");
+        assert!(!c.overlay(None).help.iter().any(|l| l.starts_with("p ") || l.starts_with("space")));
+    }
+
+    #[test]
+    fn mouse_wheel_and_arrows_move_the_pupil_within_the_eyebox() {
+        let mut c = controls(false, false);
+        let places = super::super::places([36, 64], [36, 64], 1);
+        c.take(PanelEvent::Pointer([18.0, 48.0]), &places);
+        assert!((c.pupil.x - 5.5e-3).abs() < 1e-9 && c.pupil.y.abs() < 1e-9);
+        c.take(PanelEvent::Wheel(2.0), &places);
+        assert!((c.pupil.depth - 0.4e-3).abs() < 1e-9, "{:?}", c.pupil);
+        c.take(PanelEvent::Wheel(f64::NAN), &places);
+        assert!(c.pupil.depth.is_finite());
+        press(&mut c, "0");
+        for _ in 0..100 {
+            c.take(PanelEvent::Key(PanelKey::Arrow([1, -1])), &places);
+        }
+        assert_eq!(c.pupil.depth, 0.0);
+        assert!((c.pupil.x - 11e-3).abs() < 1e-9 && (c.pupil.y + 11e-3).abs() < 1e-9);
+        c.take(PanelEvent::Key(PanelKey::Home), &places);
+        assert_eq!((c.pupil.x, c.pupil.y), (0.0, 0.0));
+    }
+
+    #[test]
+    fn the_line_says_what_is_seen_and_not_what_is_asked() {
+        let mut c = controls(true, false);
+        let look = Look { pupil: Pupil::from_mm([1.0, -2.0, 4.0, 1.5]), frame: None, side: Side::Both, within: [1, 1] };
+        let picture = Picture::black([1, 1]);
+        let seen = Seen {
+            look,
+            content: 0,
+            planes: Vec::new(),
+            exposures: Vec::new(),
+            wanted: Vec::new(),
+            seen: picture,
+            photograph: None,
+            psnr_db: Some(31.25),
+            milliseconds: 12.4,
+            whole: true,
+        };
+        press(&mut c, "ia");
+        let line = c.overlay(Some(&seen)).line.expect("a line");
+        for part in ["+1.00, -2.00 mm", "4.0 mm wide", "+1.50 mm (+0.009 D)", "8 sub-frames", "31.2 dB", "12 ms"] {
+            assert!(line.contains(part), "{line}: {part}");
+        }
+        assert!(c.overlay(Some(&seen)).map.is_some_and(|m| (m[2] - 4.0 / 22.0).abs() < 1e-9));
+    }
+}

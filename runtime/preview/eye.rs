@@ -1,0 +1,122 @@
+//! An eye that keeps the spectrum: only what depends on the pupil is computed when the pupil moves.
+
+use super::picture::Plane;
+use super::{PreviewError, Showing, Shown};
+use crate::engine::{Buffer, Engine, EngineError, Purpose};
+use crate::evaluate;
+use crate::optics::{Padding, Pupil, WindowFactor};
+use crate::plan::{Comparison, Planner};
+use eyebox_kernels::fft::Columns;
+use std::sync::Arc;
+
+/// Opens one engine.
+pub type Opener = Box<dyn FnMut() -> Result<Box<dyn Engine>, EngineError> + Send>;
+
+/// How fine a picture is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Detail {
+    /// On fewer pixels: those that hold all of the intensity that a small pupil passes (OPTICS 5). Exact where it is
+    /// sampled.
+    Coarse,
+    /// On the SLM's pixels.
+    Whole,
+}
+
+/// Looks at what a display shows, with an engine for each colour.
+pub struct Eye {
+    open: Opener,
+    holds: Vec<Hold>,
+}
+
+/// A colour whose spectrum is in its engine.
+struct Hold {
+    engine: Box<dyn Engine>,
+    spectrum: Option<Spectrum>,
+}
+
+struct Spectrum {
+    planner: Planner,
+    of: Arc<Vec<f32>>,
+    frame: Option<usize>,
+}
+
+impl Eye {
+    /// With engines that `open` opens when they are needed, one for each colour.
+    pub fn new(open: Opener) -> Self {
+        Self { open, holds: Vec::new() }
+    }
+
+    /// What opens engines, for a caller that needs one of the same kind.
+    pub(super) fn opener(&mut self) -> &mut Opener {
+        &mut self.open
+    }
+
+    /// The intensity in each colour through one pupil, divided by the pupil's share, without exposure, as
+    /// [`evaluate::views`] has it: of all sub-frames, or of `frame` alone.
+    ///
+    /// # Errors
+    /// [`PreviewError::Showing`] for what does not fit together; those of the engines.
+    pub fn look(
+        &mut self,
+        showing: &Showing,
+        frame: Option<usize>,
+        pupil: &Pupil,
+        detail: Detail,
+    ) -> Result<Vec<Plane>, PreviewError> {
+        showing.check()?;
+        while self.holds.len() < showing.colors.len() {
+            self.holds.push(Hold { engine: (self.open)()?, spectrum: None });
+        }
+        let frame = frame.map(|f| f.min(showing.frames - 1));
+        let look = |(hold, shown): (&mut Hold, &Shown)| hold.look(showing, shown, frame, pupil, detail);
+        Ok(self.holds.iter_mut().zip(&showing.colors).map(look).collect::<Result<_, _>>()?)
+    }
+}
+
+impl Hold {
+    fn look(
+        &mut self,
+        showing: &Showing,
+        shown: &Shown,
+        frame: Option<usize>,
+        pupil: &Pupil,
+        detail: Detail,
+    ) -> Result<Plane, EngineError> {
+        let frames = if frame.is_some() { 1 } else { showing.frames };
+        let planner = Planner::new(shown.optics, frames, WindowFactor::Full).with_padding(showing.padding);
+        // Cropping a padded image is for whole pixels.
+        let fine = detail == Detail::Whole || showing.padding != Padding::default();
+        let looking = if fine { planner.clone() } else { Planner { factor: WindowFactor::Two, ..planner.clone() } };
+        let lane = looking.lane(pupil, &Comparison::default());
+        let (rows, columns) = (lane.window.rows, lane.window.columns);
+        let mut step = looking.view_step(vec![lane]);
+        // Any other pupil may come next.
+        step.columns = Columns { first: 0, count: planner.grid.width };
+        let shared = step.shared();
+        let known = self.spectrum.as_ref().is_some_and(|s| {
+            s.frame == frame
+                && Arc::ptr_eq(&s.of, &shown.phases)
+                && (s.planner.slm, s.planner.grid) == (planner.slm, planner.grid)
+        });
+        if !known {
+            let shape = planner.shape(Purpose::View);
+            if self.spectrum.take().is_none_or(|s| s.planner.shape(Purpose::View) != shape) {
+                self.engine.load(&shape, None)?;
+            }
+            let phases = match frame {
+                Some(f) => &shown.phases[f * shape.pixels()..(f + 1) * shape.pixels()],
+                None => &shown.phases[..],
+            };
+            self.engine.write(Buffer::Phases, phases)?;
+            self.engine.run_part(&step, 0..shared)?;
+            self.spectrum = Some(Spectrum { planner: planner.clone(), of: Arc::clone(&shown.phases), frame });
+        }
+        self.engine.run_part(&step, shared..step.list.len())?;
+        let image = self.engine.read(Buffer::Image(0))?;
+        Ok(if fine {
+            Plane { rows: planner.slm.height, columns: planner.slm.width, values: evaluate::crop(&planner, image) }
+        } else {
+            Plane { rows, columns, values: image }
+        })
+    }
+}

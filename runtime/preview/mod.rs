@@ -1,0 +1,74 @@
+//! What an eye sees, live, in an ordinary window: for people without an SLM, and beside one.
+//!
+//! A [`Viewer`] is a thread that owns the engines: it is given what the display shows ([`Showing`]) and where to look from
+//! ([`Look`]) as often as either changes, and has the newest picture ([`Seen`]); what came in between is never computed. A
+//! [`PreviewWindow`] shows such pictures in a window of the same [`Desktop`](crate::playback::Desktop) as playback's, and
+//! never makes the thread that serves it wait. [`Controls`] say what a mouse and keys mean; [`Reader`] reads the holograms
+//! of a sequence on a thread of its own.
+//!
+//! Pure, and tested without a window: `place` (where pictures lie, which pupil the mouse means), `picture` (from light to
+//! sRGB at any size), `controls`, `overlay` and its `font`.
+//!
+//! This room imports [`optics`](crate::optics), [`hologram`](crate::hologram), [`plan`](crate::plan),
+//! [`engine`](crate::engine), [`evaluate`](crate::evaluate), [`files`](crate::files) for the sRGB curve, of
+//! [`solve`](crate::solve) the `Problem` (a scene before a display), and of [`playback`](crate::playback) the desktop.
+
+mod controls;
+mod eye;
+mod font;
+mod newest;
+mod overlay;
+mod picture;
+mod place;
+mod reader;
+mod showing;
+mod viewer;
+#[cfg(test)]
+mod viewer_tests;
+mod window;
+
+pub use controls::{Action, Controls};
+pub use eye::{Detail, Eye, Opener};
+pub use overlay::{Overlay, draw_overlay};
+pub use picture::{Picture, Plane, develop};
+pub use place::{Rect, dioptres, focus_step, places, pupil_at};
+pub use reader::{ReadHologram, Reader};
+pub use showing::{Showing, Shown};
+pub use viewer::{Look, Seen, Side, Viewer};
+pub use window::PreviewWindow;
+
+use crate::engine::EngineError;
+use crate::hologram::HologramError;
+use crate::optics::OpticsError;
+use crate::playback::PlaybackError;
+
+/// Why there is nothing to see.
+#[derive(Debug, thiserror::Error)]
+pub enum PreviewError {
+    /// The desktop.
+    #[error(transparent)]
+    Desktop(#[from] PlaybackError),
+    /// The engine, or the window's device.
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+    /// The optics of what is shown.
+    #[error(transparent)]
+    Optics(#[from] OpticsError),
+    /// A hologram that could not be read.
+    #[error(transparent)]
+    Hologram(#[from] HologramError),
+    /// What is shown contradicts itself, or the scene.
+    #[error("this cannot be looked at: {reason}")]
+    Showing {
+        /// What does not fit.
+        reason: String,
+    },
+    /// A thread that could not be started, or ended without a word.
+    #[error("the thread that {what} {reason}")]
+    Thread {
+        /// What it does.
+        what: &'static str,
+        /// What happened to it.
+        reason: String,
+    },
+}

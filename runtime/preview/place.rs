@@ -1,0 +1,109 @@
+//! Where pictures lie in a window, and which pupil the mouse means there.
+
+use crate::optics::{Optics, Pupil};
+
+/// A rectangle of pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Rect {
+    /// First row.
+    pub top: usize,
+    /// First column.
+    pub left: usize,
+    /// Rows.
+    pub height: usize,
+    /// Columns.
+    pub width: usize,
+}
+
+/// Pixels between pictures that stand side by side.
+const GAP: usize = 4;
+
+/// Where `count` pictures of `picture` rows and columns lie side by side in a `window`: as large as they fit, in their
+/// proportions, in the middle. Each is one pixel at least, also where nothing fits.
+pub fn places(window: [usize; 2], picture: [usize; 2], count: usize) -> Vec<Rect> {
+    let [rows, columns] = picture.map(|n| n.max(1));
+    let count = count.max(1);
+    let room = (window[1].saturating_sub(GAP * (count - 1)) / count).max(1);
+    // In whole numbers, so that a window of the picture's size shows it pixel by pixel.
+    let (height, width) = if room * rows <= window[0].max(1) * columns {
+        ((room * rows / columns).max(1), room)
+    } else {
+        (window[0].max(1), (window[0].max(1) * columns / rows).max(1))
+    };
+    let all = count * width + (count - 1) * GAP;
+    let (top, left) = (window[0].saturating_sub(height) / 2, window[1].saturating_sub(all) / 2);
+    (0..count).map(|i| Rect { top, left: left + i * (width + GAP), height, width }).collect()
+}
+
+/// The pupil's centre (x, y) that the mouse means at this row and column: the picture that it is over stands for the
+/// eyebox, its middle for the axis, and beyond it the pupil stays at the edge.
+pub fn pupil_at(position: [f64; 2], pictures: &[Rect], eyebox: f64) -> [f64; 2] {
+    let [row, column] = position;
+    let after = |r: &&Rect| column >= r.left as f64;
+    let Some(rect) = pictures.iter().rev().find(after).or(pictures.first()) else { return [0.0, 0.0] };
+    let along = |at: f64, first: usize, count: usize| {
+        let share = (at - first as f64) / count.max(1) as f64 - 0.5;
+        if share.is_finite() { share.clamp(-0.5, 0.5) * eyebox } else { 0.0 }
+    };
+    [along(column, rect.left, rect.width), along(row, rect.top, rect.height)]
+}
+
+/// What focusing at `depth` (metres, in front of the SLM's image) asks of the eye, dioptres: the relay's last lens shows
+/// content so far inside its focus at the distance `focal_length^2 / depth` (Newton's form of the lens equation).
+pub fn dioptres(depth: f64, focal_length: f64) -> f64 {
+    depth / (focal_length * focal_length)
+}
+
+/// A step of focus that can just be seen, metres: it moves what the pupil's edge sees by an eighth of a pixel (OPTICS 2).
+pub fn focus_step(optics: &Optics, pupil: &Pupil) -> f64 {
+    optics.pitch / 8.0 * optics.focal_length / (pupil.diameter / 2.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_fit_and_stand_in_the_middle() {
+        let rect = |top, left, height, width| Rect { top, left, height, width };
+        assert_eq!(places([36, 64], [36, 64], 1), [rect(0, 0, 36, 64)]);
+        assert_eq!(places([100, 64], [36, 64], 1), [rect(32, 0, 36, 64)]);
+        assert_eq!(places([36, 100], [36, 64], 1), [rect(0, 18, 36, 64)]);
+        assert_eq!(places([72, 256], [36, 64], 1), [rect(0, 64, 72, 128)]);
+        assert_eq!(places([36, 132], [36, 64], 2), [rect(0, 0, 36, 64), rect(0, 68, 36, 64)]);
+        assert_eq!(places([0, 0], [36, 64], 2).len(), 2);
+        // Nothing leaves the window.
+        for window in [[1, 1], [7, 500], [500, 7], [33, 47]] {
+            for r in places(window, [1080, 1920], 1) {
+                assert!(r.top + r.height <= window[0] && r.left + r.width <= window[1], "{window:?} {r:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_mouse_means_a_pupil() {
+        let one = places([100, 200], [100, 100], 1);
+        let at = |row, column| pupil_at([row, column], &one, 22e-3).map(|m| (m * 1e6).round() / 1e3);
+        assert_eq!(at(50.0, 100.0), [0.0, 0.0]);
+        // Right is +x, down is +y.
+        assert_eq!(at(50.0, 125.0), [5.5, 0.0]);
+        assert_eq!(at(75.0, 100.0), [0.0, 5.5]);
+        assert_eq!(at(0.0, 0.0), [-11.0, -11.0]);
+        assert_eq!(at(1e9, 199.0), [11.0, 11.0]);
+        assert_eq!(at(f64::NAN, 100.0)[1], 0.0);
+        // Over the picture beside it the same place means the same pupil.
+        let two = places([100, 204], [100, 100], 2);
+        assert_eq!(pupil_at([30.0, 40.0], &two, 22e-3), pupil_at([30.0, 144.0], &two, 22e-3));
+        assert_eq!(pupil_at([30.0, 40.0], &[], 22e-3), [0.0, 0.0]);
+    }
+
+    #[test]
+    fn focus_is_a_vergence() {
+        // 160 mm of depth behind a lens of 400 mm are one dioptre; a step is what the rim sees.
+        assert!((dioptres(0.16, 0.4) - 1.0).abs() < 1e-12 && dioptres(-0.16, 0.4) < 0.0);
+        let optics = Optics::new(8, 8, 8e-6, 520e-9, 0.4).unwrap();
+        let pupil = Pupil { x: 0.0, y: 0.0, diameter: 4e-3, depth: 0.0 };
+        let step = focus_step(&optics, &pupil);
+        assert!((step * (pupil.diameter / 2.0) / optics.focal_length - 1e-6).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,86 @@
+//! What the display shows.
+
+use super::PreviewError;
+use crate::hologram::Hologram;
+use crate::optics::{Color, Optics, Padding};
+use std::sync::Arc;
+
+/// One colour of what is shown.
+#[derive(Debug, Clone)]
+pub struct Shown {
+    /// Its colour; none where only a wavelength is known.
+    pub color: Option<Color>,
+    /// Over the SLM.
+    pub optics: Optics,
+    /// One exposure for the whole eyebox (OPTICS 2).
+    pub exposure: f64,
+    /// (sub-frame, row, column), radians. A colour whose phases are the same as before costs nothing again.
+    pub phases: Arc<Vec<f32>>,
+}
+
+/// Phases on a display, and the light that they are seen by.
+#[derive(Debug, Clone)]
+pub struct Showing {
+    /// Sub-frames.
+    pub frames: usize,
+    /// Zeros around the SLM in the computation.
+    pub padding: Padding,
+    /// The colours.
+    pub colors: Vec<Shown>,
+    /// Side of the eyebox that all colours of the display serve, metres.
+    pub eyebox: f64,
+}
+
+impl Showing {
+    /// A hologram, seen as it was solved: with this padding.
+    ///
+    /// # Errors
+    /// Its optics, or a hologram that contradicts itself.
+    pub fn new(hologram: Hologram, padding: Padding) -> Result<Self, PreviewError> {
+        if hologram.colors.is_empty() {
+            return Err(PreviewError::Showing { reason: "it has no colours".into() });
+        }
+        let optics = (0..hologram.colors.len()).map(|i| hologram.optics(i)).collect::<Result<Vec<_>, _>>()?;
+        let solved = optics.iter().map(|o| o.wavelength);
+        let shortest = hologram.display_wavelengths.iter().map(|w| w.wavelength).chain(solved).fold(f64::MAX, f64::min);
+        let eyebox = Optics { wavelength: shortest, ..optics[0] }.eyebox();
+        let shown = |(color, optics): (crate::hologram::ColorHologram, Optics)| Shown {
+            color: color.color,
+            optics,
+            exposure: color.exposure,
+            phases: Arc::new(color.phases),
+        };
+        let colors = hologram.colors.into_iter().zip(optics).map(shown).collect();
+        Ok(Self { frames: hologram.frames, padding, colors, eyebox })
+    }
+
+    /// Rows and columns of the SLM.
+    pub fn size(&self) -> [usize; 2] {
+        self.colors.first().map_or([0, 0], |c| [c.optics.height, c.optics.width])
+    }
+
+    /// Refuses what does not hang together.
+    ///
+    /// # Errors
+    /// [`PreviewError::Showing`].
+    pub fn check(&self) -> Result<(), PreviewError> {
+        let wrong = |reason: String| Err(PreviewError::Showing { reason });
+        let [height, width] = self.size();
+        if self.colors.is_empty() || self.frames == 0 {
+            return wrong(format!("{} colours and {} sub-frames", self.colors.len(), self.frames));
+        }
+        for (i, c) in self.colors.iter().enumerate() {
+            let expected = height.checked_mul(width).and_then(|n| n.checked_mul(self.frames));
+            if [c.optics.height, c.optics.width] != [height, width] || Some(c.phases.len()) != expected {
+                return wrong(format!(
+                    "colour {i} has {} phases of {}x{}, not {} sub-frames of {height}x{width}",
+                    c.phases.len(),
+                    c.optics.height,
+                    c.optics.width,
+                    self.frames
+                ));
+            }
+        }
+        Ok(())
+    }
+}

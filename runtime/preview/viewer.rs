@@ -1,0 +1,252 @@
+//! The thread that looks.
+
+use super::eye::{Detail, Eye, Opener};
+use super::newest::Newest;
+use super::picture::{Picture, Plane, develop};
+use super::{PreviewError, Showing};
+use crate::engine::{Engine, Purpose};
+use crate::evaluate;
+use crate::optics::{Color, Pupil, WindowFactor};
+use crate::solve::Problem;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// Which picture is wanted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// What the eye sees.
+    Seen,
+    /// That, and the scene's photograph: what it should see.
+    Both,
+    /// The photograph alone.
+    Photograph,
+}
+
+/// What is looked at, and how.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Look {
+    /// Through this pupil.
+    pub pupil: Pupil,
+    /// One sub-frame alone, or all of them averaged.
+    pub frame: Option<usize>,
+    /// Which picture.
+    pub side: Side,
+    /// Rows and columns of the picture.
+    pub within: [usize; 2],
+}
+
+/// What was seen.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Seen {
+    /// As it was asked for.
+    pub look: Look,
+    /// What was shown: how many times [`Viewer::show`] had been called.
+    pub content: u64,
+    /// The intensity per colour, without exposure; empty for the photograph alone.
+    pub planes: Vec<Plane>,
+    /// What they are multiplied by in the picture.
+    pub exposures: Vec<f64>,
+    /// The picture; black for the photograph alone.
+    pub seen: Picture,
+    /// The scene's photograph per colour, where there is a scene and the picture is whole.
+    pub wanted: Vec<Plane>,
+    /// Its picture, where that is to be shown.
+    pub photograph: Option<Picture>,
+    /// Over all colours, after 2 x 2 averaging, at the exposure that is shown; where there is a scene.
+    pub psnr_db: Option<f64>,
+    /// Time that it took.
+    pub milliseconds: f64,
+    /// Whether it is on all of the SLM's pixels; if not, a better one is under way.
+    pub whole: bool,
+}
+
+/// What the thread is given: all of it is the newest.
+#[derive(Default)]
+struct Given {
+    showing: Option<(u64, Arc<Showing>)>,
+    look: Option<Look>,
+    stop: bool,
+}
+
+type Answer = Result<Seen, PreviewError>;
+
+/// A whole picture that takes longer than this is preceded by a coarse one.
+const SLOW: Duration = Duration::from_millis(40);
+/// The mouse rests when nothing new comes for so long.
+const REST: Duration = Duration::from_millis(60);
+
+/// Looks through the newest pupil at the newest hologram, on a thread of its own that owns the engines. No call waits.
+pub struct Viewer {
+    given: Arc<Newest<Given>>,
+    answers: Arc<Newest<Answer>>,
+    looked: Arc<AtomicU64>,
+    shown: u64,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Viewer {
+    /// Starts the thread. `open` opens an engine; there is one for each colour, and one for the photographs of each.
+    /// `scene`: in the colours of what will be shown, and in their order; none where it is not known.
+    ///
+    /// # Errors
+    /// [`PreviewError::Thread`].
+    pub fn start(open: Opener, scene: Vec<Problem>) -> Result<Self, PreviewError> {
+        let (given, answers) = (Arc::new(Newest::<Given>::default()), Arc::new(Newest::default()));
+        let looked = Arc::new(AtomicU64::new(0));
+        let (take, give, count) = (Arc::clone(&given), Arc::clone(&answers), Arc::clone(&looked));
+        let run = move || {
+            let mut looker = Looker { eye: Eye::new(open), scene, cameras: Vec::new(), expected: Duration::ZERO };
+            let (mut showing, mut look) = (None, None);
+            loop {
+                let given = take.wait();
+                if given.stop {
+                    return;
+                }
+                showing = given.showing.or(showing);
+                look = given.look.or(look);
+                let (Some((content, showing)), Some(look)) = (&showing, &look) else { continue };
+                let publish = |answer: Answer| {
+                    count.fetch_add(1, Relaxed);
+                    give.put(answer);
+                };
+                if look.side == Side::Seen && looker.expected > SLOW {
+                    let coarse = looker.look(*content, showing, look, Detail::Coarse);
+                    let failed = coarse.is_err();
+                    publish(coarse);
+                    // The mouse moves on: the next coarse picture counts more than this one's whole.
+                    if failed || take.comes(REST) {
+                        continue;
+                    }
+                }
+                publish(looker.look(*content, showing, look, Detail::Whole));
+            }
+        };
+        let thread = std::thread::Builder::new().name("viewer".into()).spawn(run);
+        let thread =
+            thread.map_err(|e| PreviewError::Thread { what: "looks", reason: format!("did not start: {e}") })?;
+        Ok(Self { given, answers, looked, shown: 0, thread: Some(thread) })
+    }
+
+    /// From now on the display shows this.
+    pub fn show(&mut self, showing: Arc<Showing>) {
+        self.shown += 1;
+        let shown = Some((self.shown, showing));
+        self.given.change(|given| Given { showing: shown, ..given.unwrap_or_default() });
+    }
+
+    /// From now on it is looked at like this.
+    pub fn look(&self, look: Look) {
+        self.given.change(|given| Given { look: Some(look), ..given.unwrap_or_default() });
+    }
+
+    /// The newest picture that was not taken yet.
+    ///
+    /// # Errors
+    /// What went wrong with it; [`PreviewError::Thread`] if nothing will come any more.
+    pub fn newest(&self) -> Result<Option<Seen>, PreviewError> {
+        let ended = self.thread.as_ref().is_none_or(JoinHandle::is_finished);
+        match self.answers.take() {
+            None if ended => Err(PreviewError::Thread { what: "looks", reason: "ended without a word".into() }),
+            answer => answer.transpose(),
+        }
+    }
+
+    /// How many pictures were made so far.
+    pub fn looked(&self) -> u64 {
+        self.looked.load(Relaxed)
+    }
+}
+
+impl Drop for Viewer {
+    fn drop(&mut self) {
+        self.given.put(Given { stop: true, ..Given::default() });
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// What the thread owns.
+struct Looker {
+    eye: Eye,
+    scene: Vec<Problem>,
+    cameras: Vec<Box<dyn Engine>>,
+    expected: Duration,
+}
+
+impl Looker {
+    fn look(&mut self, content: u64, showing: &Showing, look: &Look, detail: Detail) -> Answer {
+        let start = Instant::now();
+        let (size, whole) = (showing.size(), detail == Detail::Whole);
+        let colors: Vec<Option<Color>> = showing.colors.iter().map(|c| c.color).collect();
+        let exposures: Vec<f64> = showing.colors.iter().map(|c| c.exposure).collect();
+        let wanted = !self.scene.is_empty() && whole;
+        let photograph = if wanted { self.photograph(showing, &look.pupil)? } else { Vec::new() };
+        let planes = match look.side {
+            Side::Photograph => Vec::new(),
+            _ => self.eye.look(showing, look.frame, &look.pupil, detail)?,
+        };
+        let seen = match look.side {
+            Side::Photograph => Picture::black([0, 0]),
+            _ => develop(&planes, &colors, &exposures, size, look.within),
+        };
+        let psnr_db =
+            (!photograph.is_empty() && !planes.is_empty()).then(|| psnr(&planes, &exposures, &photograph, size));
+        let shown = wanted && look.side != Side::Seen;
+        let picture = shown.then(|| develop(&photograph, &colors, &vec![1.0; colors.len()], size, look.within));
+        let spent = start.elapsed();
+        if whole {
+            self.expected = spent;
+        }
+        let milliseconds = spent.as_secs_f64() * 1e3;
+        Ok(Seen {
+            look: *look,
+            content,
+            planes,
+            exposures,
+            seen,
+            wanted: photograph,
+            photograph: picture,
+            psnr_db,
+            milliseconds,
+            whole,
+        })
+    }
+
+    /// The scene's photograph in each colour.
+    fn photograph(&mut self, showing: &Showing, pupil: &Pupil) -> Result<Vec<Plane>, PreviewError> {
+        let fits = |(problem, shown): (&Problem, &super::Shown)| problem.optics == shown.optics;
+        if self.scene.len() != showing.colors.len() || !self.scene.iter().zip(&showing.colors).all(fits) {
+            return Err(PreviewError::Showing { reason: "its colours or its optics are not the scene's".into() });
+        }
+        let mut planes = Vec::with_capacity(self.scene.len());
+        for (i, problem) in self.scene.iter().enumerate() {
+            let planner = problem.planner(1, WindowFactor::Full);
+            if self.cameras.len() == i {
+                let mut camera = (self.eye.opener())()?;
+                camera.load(&planner.shape(Purpose::View), Some(Arc::clone(&problem.pyramid)))?;
+                self.cameras.push(camera);
+            }
+            let mut taken = evaluate::photographs(self.cameras[i].as_mut(), &planner, &[*pupil])?;
+            let [rows, columns] = showing.size();
+            planes.push(Plane { rows, columns, values: taken.pop().unwrap_or_default() });
+        }
+        Ok(planes)
+    }
+}
+
+/// As `eyebox score` has it, but at the exposure that is shown.
+fn psnr(seen: &[Plane], exposures: &[f64], wanted: &[Plane], [height, width]: [usize; 2]) -> f64 {
+    let pooled = |planes: &[Plane], exposure: &dyn Fn(usize) -> f32| -> Vec<f32> {
+        let one = |(i, plane): (usize, &Plane)| {
+            let mut pooled = evaluate::pool2(&plane.values, height, width);
+            pooled.iter_mut().for_each(|v| *v *= exposure(i));
+            pooled
+        };
+        planes.iter().enumerate().flat_map(one).collect()
+    };
+    let (seen, wanted) = (pooled(seen, &|i| exposures[i] as f32), pooled(wanted, &|_| 1.0));
+    evaluate::psnr(&seen, &wanted).unwrap_or(f64::NAN)
+}

@@ -1,0 +1,257 @@
+//! The viewer against `evaluate`.
+
+use super::*;
+use crate::engine::cpu::CpuEngine;
+use crate::engine::{Buffer, Engine, Purpose};
+use crate::evaluate;
+use crate::hologram::{ColorHologram, Hologram};
+use crate::optics::{Color, Display, Padding, Pupil, WindowFactor};
+use crate::plan::Planner;
+use crate::scene;
+use crate::solve::Problem;
+use std::sync::{Arc, mpsc};
+use std::time::{Duration, Instant};
+
+const COLORS: [Color; 2] = [Color::Green, Color::Blue];
+
+fn display() -> Display {
+    Display { height: 24, width: 40, ..Display::preset("paper").unwrap() }
+}
+
+fn hologram(salt: usize) -> Hologram {
+    let display = display();
+    let color = |(i, color): (usize, Color)| ColorHologram {
+        color: Some(color),
+        wavelength: display.optics(color).unwrap().wavelength,
+        exposure: 0.4 + 0.1 * i as f64,
+        efficiency: 0.4,
+        phases: (0..3 * 24 * 40).map(|k| ((k * 7919 + salt * 101 + i * 31) % 6283) as f32 * 1e-3 - 3.1).collect(),
+    };
+    Hologram {
+        frames: 3,
+        height: 24,
+        width: 40,
+        pitch: display.pitch,
+        focal_length: display.focal_length,
+        colors: COLORS.into_iter().enumerate().map(color).collect(),
+        seed: 0,
+        version: String::new(),
+        display: display.name.clone(),
+        display_wavelengths: display.wavelengths.clone(),
+        scene: String::new(),
+        settings: serde_json::Value::Null,
+    }
+}
+
+/// What `evaluate` says that an eye sees.
+fn expected(hologram: &Hologram, frames: &[usize], pupil: &Pupil, padding: Padding) -> Vec<Vec<f32>> {
+    let one = |i: usize| {
+        let optics = hologram.optics(i).unwrap();
+        let planner = Planner::new(optics, frames.len(), WindowFactor::Full).with_padding(padding);
+        let mut engine = CpuEngine::new();
+        engine.load(&planner.shape(Purpose::View), None).unwrap();
+        let phases: Vec<f32> = frames.iter().flat_map(|f| hologram.frame(i, *f)).copied().collect();
+        engine.write(Buffer::Phases, &phases).unwrap();
+        evaluate::views(&mut engine, &planner, &[*pupil]).unwrap().remove(0)
+    };
+    (0..hologram.colors.len()).map(one).collect()
+}
+
+fn cpu() -> Opener {
+    Box::new(|| Ok(Box::new(CpuEngine::new())))
+}
+
+fn values(planes: &[Plane]) -> Vec<Vec<f32>> {
+    planes.iter().map(|p| p.values.clone()).collect()
+}
+
+fn pupils() -> [Pupil; 4] {
+    [[0.0, 0.0, 4.0, 0.0], [5.0, -3.0, 2.0, 2.5], [-11.0, 11.0, 3.0, -4.0], [1.0, 2.0, 22.0, 0.5]].map(Pupil::from_mm)
+}
+
+fn look(pupil: Pupil) -> Look {
+    Look { pupil, frame: None, side: Side::Seen, within: [24, 40] }
+}
+
+/// The whole picture of this look and content.
+fn wait(viewer: &Viewer, look: &Look, content: u64) -> Result<Seen, PreviewError> {
+    let since = Instant::now();
+    while since.elapsed() < Duration::from_secs(60) {
+        match viewer.newest()? {
+            Some(seen) if seen.whole && seen.look == *look && seen.content == content => return Ok(seen),
+            _ => std::thread::sleep(Duration::from_millis(1)),
+        }
+    }
+    panic!("no picture came");
+}
+
+#[test]
+fn an_eye_that_keeps_the_spectrum_sees_what_evaluate_sees() {
+    let both = hologram(1);
+    for padding in [Padding::default(), Padding { rows: 8, columns: 6 }] {
+        let showing = Showing::new(both.clone(), padding).unwrap();
+        let mut eye = Eye::new(cpu());
+        for (frame, frames) in [(None, vec![0, 1, 2]), (Some(2), vec![2]), (Some(1), vec![1])] {
+            for pupil in pupils() {
+                let seen = eye.look(&showing, frame, &pupil, Detail::Whole).unwrap();
+                assert_eq!(values(&seen), expected(&both, &frames, &pupil, padding), "{pupil:?} {frame:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_coarse_picture_is_the_whole_one_on_fewer_pixels() {
+    let showing = Showing::new(hologram(1), Padding::default()).unwrap();
+    let mut eye = Eye::new(cpu());
+    let pupil = Pupil::from_mm([3.0, -2.0, 3.0, 1.0]);
+    let coarse = eye.look(&showing, None, &pupil, Detail::Coarse).unwrap();
+    let whole = eye.look(&showing, None, &pupil, Detail::Whole).unwrap();
+    for (c, w) in coarse.iter().zip(&whole) {
+        assert!(c.rows < 24 && c.columns < 40, "{} x {}", c.rows, c.columns);
+        // Samples of the same intensity: trigonometric interpolation takes one to the other. Here one sample in so many
+        // falls on a pixel of both.
+        let (down, across) = (gcd(c.rows, 24), gcd(c.columns, 40));
+        for i in 0..down {
+            for j in 0..across {
+                let (a, b) = (
+                    c.values[i * c.rows / down * c.columns + j * c.columns / across],
+                    w.values[i * 24 / down * 40 + j * 40 / across],
+                );
+                assert!((a - b).abs() < 1e-4 * (1.0 + b.abs()), "{i} {j}: {a} {b}");
+            }
+        }
+    }
+    assert!(coarse.iter().any(|c| gcd(c.rows, 24) * gcd(c.columns, 40) > 1));
+}
+
+fn gcd(a: usize, b: usize) -> usize {
+    if b == 0 { a } else { gcd(b, a % b) }
+}
+
+#[test]
+fn the_viewer_shows_the_newest_pupil_and_the_newest_hologram() {
+    let (first, second) = (hologram(1), hologram(2));
+    let mut viewer = Viewer::start(cpu(), Vec::new()).unwrap();
+    let [a, b, ..] = pupils();
+    viewer.look(look(a));
+    viewer.show(Arc::new(Showing::new(first.clone(), Padding::default()).unwrap()));
+    let seen = wait(&viewer, &look(a), 1).unwrap();
+    assert_eq!(values(&seen.planes), expected(&first, &[0, 1, 2], &a, Padding::default()));
+    // The picture is what these planes develop to, and no photograph is there without a scene.
+    let colors = COLORS.map(Some);
+    assert_eq!(seen.seen, develop(&seen.planes, &colors, &[0.4, 0.5], [24, 40], [24, 40]));
+    assert!(seen.photograph.is_none() && seen.psnr_db.is_none());
+    viewer.look(look(b));
+    let seen = wait(&viewer, &look(b), 1).unwrap();
+    assert_eq!(values(&seen.planes), expected(&first, &[0, 1, 2], &b, Padding::default()));
+    viewer.show(Arc::new(Showing::new(second.clone(), Padding::default()).unwrap()));
+    let seen = wait(&viewer, &look(b), 2).unwrap();
+    assert_eq!(values(&seen.planes), expected(&second, &[0, 1, 2], &b, Padding::default()));
+}
+
+#[test]
+fn what_came_in_between_is_never_computed() {
+    // The engine opens when the test lets it: the first look is under way until then.
+    let (go, gate) = mpsc::channel::<()>();
+    let (asked, began) = mpsc::channel::<()>();
+    let opener: Opener = Box::new(move || {
+        let _ = asked.send(());
+        let _ = gate.recv();
+        Ok(Box::new(CpuEngine::new()))
+    });
+    let mut viewer = Viewer::start(opener, Vec::new()).unwrap();
+    viewer.show(Arc::new(Showing::new(hologram(1), Padding::default()).unwrap()));
+    let at = |i: usize| look(Pupil::from_mm([0.01 * i as f64, 0.0, 4.0, 0.0]));
+    viewer.look(at(0));
+    began.recv().unwrap();
+    for i in 1..=500 {
+        viewer.look(at(i));
+    }
+    drop(go);
+    let seen = wait(&viewer, &at(500), 1).unwrap();
+    assert_eq!(seen.look, at(500));
+    // The first and the last; each may have come twice, coarse and whole, on a slow machine.
+    assert!(viewer.looked() <= 4, "{} pictures", viewer.looked());
+}
+
+#[test]
+fn what_cannot_be_looked_at_is_said_and_the_next_is_looked_at() {
+    let whole = Showing::new(hologram(1), Padding::default()).unwrap();
+    let mut cut = whole.clone();
+    cut.colors[1].phases = Arc::new(vec![0.0; 7]);
+    let mut viewer = Viewer::start(cpu(), Vec::new()).unwrap();
+    viewer.look(look(pupils()[0]));
+    viewer.show(Arc::new(cut));
+    let error = wait(&viewer, &look(pupils()[0]), 1).unwrap_err().to_string();
+    assert!(error.contains("colour 1 has 7 phases"), "{error}");
+    viewer.show(Arc::new(whole));
+    assert!(wait(&viewer, &look(pupils()[0]), 2).is_ok());
+}
+
+#[test]
+fn a_scene_is_photographed_through_the_same_pupil() {
+    let display = display();
+    let field =
+        scene::load("builtin:still-life", &scene::Request { views: 3, ..scene::Request::new(&display, &COLORS) });
+    let field = field.unwrap();
+    let problems: Vec<Problem> =
+        COLORS.iter().map(|c| Problem::new(&field, *c, &display, Padding::default()).unwrap()).collect();
+    let mut viewer = Viewer::start(cpu(), problems.clone()).unwrap();
+    viewer.show(Arc::new(Showing::new(hologram(1), Padding::default()).unwrap()));
+    let pupil = Pupil::from_mm([2.0, 1.0, 5.0, 0.5]);
+    let both = Look { side: Side::Both, ..look(pupil) };
+    viewer.look(both);
+    let seen = wait(&viewer, &both, 1).unwrap();
+    let photographs: Vec<Plane> = problems
+        .iter()
+        .map(|problem| {
+            let planner = problem.planner(1, WindowFactor::Full);
+            let mut engine = CpuEngine::new();
+            engine.load(&planner.shape(Purpose::View), Some(Arc::clone(&problem.pyramid))).unwrap();
+            let values = evaluate::photographs(&mut engine, &planner, &[pupil]).unwrap().remove(0);
+            Plane { rows: 24, columns: 40, values }
+        })
+        .collect();
+    let picture = develop(&photographs, &COLORS.map(Some), &[1.0, 1.0], [24, 40], [24, 40]);
+    assert_eq!(seen.photograph, Some(picture));
+    // The same number by hand.
+    let mut error = 0.0;
+    for (i, (s, t)) in seen.planes.iter().zip(&photographs).enumerate() {
+        let (s, t) = (evaluate::pool2(&s.values, 24, 40), evaluate::pool2(&t.values, 24, 40));
+        error += s
+            .iter()
+            .zip(&t)
+            .map(|(s, t)| (f64::from(*s) * (0.4 + 0.1 * i as f64) - f64::from(*t)).powi(2))
+            .sum::<f64>();
+    }
+    let db = -10.0 * (error / (2.0 * 12.0 * 20.0)).log10();
+    assert!((seen.psnr_db.unwrap() - db).abs() < 1e-3, "{:?} {db}", seen.psnr_db);
+    let alone = Look { side: Side::Photograph, ..look(pupil) };
+    viewer.look(alone);
+    let seen = wait(&viewer, &alone, 1).unwrap();
+    assert!(seen.planes.is_empty() && seen.photograph.is_some());
+    // A hologram in other colours has no photograph.
+    let mut one = Showing::new(hologram(1), Padding::default()).unwrap();
+    one.colors.pop();
+    viewer.show(Arc::new(one));
+    assert!(wait(&viewer, &alone, 2).unwrap_err().to_string().contains("the scene's"));
+}
+
+#[test]
+fn a_reader_reads_what_is_wanted_last() {
+    use crate::hologram::Sequence;
+    let here = tempfile::tempdir().unwrap();
+    let file = here.path().join("one.zarr");
+    hologram(3).save(&file).unwrap();
+    let reader = Reader::start(Sequence::open(&file).unwrap()).unwrap();
+    reader.want(0);
+    let since = Instant::now();
+    let (index, read) = loop {
+        match reader.newest().unwrap() {
+            Some(read) => break read,
+            None => assert!(since.elapsed() < Duration::from_secs(60)),
+        }
+    };
+    assert!(index == 0 && read.unwrap() == Hologram::load(&file).unwrap());
+}

@@ -1,0 +1,48 @@
+//! The arguments of `eyebox preview`.
+
+use crate::args::{EngineArgs, PhaseOptics};
+use crate::values::{positive, pupil, rate, size};
+use clap::Args;
+use eyebox::optics::Pupil;
+use eyebox::playback::Rate;
+use std::path::PathBuf;
+
+/// `eyebox preview`
+#[derive(Args)]
+pub struct Preview {
+    /// NAME.zarr, a hologram or a sequence; or phases: NAME.npy or a folder of PNGs
+    pub file: PathBuf,
+    /// This hologram of a sequence alone, from 0
+    #[arg(long, visible_alias = "frame", value_name = "N")]
+    pub at: Option<u64>,
+    /// Pupil to begin with: x,y,diameter,focus in mm
+    #[arg(long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true, default_value = "0,0,4,0")]
+    pub pupil: Pupil,
+    /// The scene of the hologram, for its photograph and the PSNR: a folder of views, a picture, or builtin:NAME
+    #[arg(long, value_name = "SCENE")]
+    pub scene: Option<String>,
+    /// Depth or disparity map of a scene that is a picture (PNG, PFM or .npy)
+    #[arg(long, value_name = "FILE", requires = "scene")]
+    pub depth_map: Option<PathBuf>,
+    /// Inside of the window, rows x columns [default: what suits the hologram and the monitor]
+    #[arg(long, value_name = "HxW", value_parser = size, conflicts_with = "zoom")]
+    pub window: Option<[usize; 2]>,
+    /// Pixels of the window for each of the hologram's, along each axis
+    #[arg(long, value_name = "FACTOR", value_parser = positive)]
+    pub zoom: Option<f64>,
+    /// Holograms a second [default: what the sequence says]
+    #[arg(long, value_name = "HZ", value_parser = rate)]
+    pub rate: Option<Rate>,
+    /// Where the key s puts its PNGs
+    #[arg(long, value_name = "DIR", default_value = ".")]
+    pub save_to: PathBuf,
+    /// Optics of bare phases
+    #[command(flatten)]
+    pub optics: PhaseOptics,
+    /// Engine
+    #[command(flatten)]
+    pub engine: EngineArgs,
+    /// Have Vulkan's use checked, and say what was wrong
+    #[arg(long)]
+    pub validation: bool,
+}

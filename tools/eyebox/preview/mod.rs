@@ -1,0 +1,312 @@
+//! `eyebox preview`.
+
+mod args;
+mod sequence;
+
+pub use args::Preview;
+
+use crate::args::SceneArgs;
+use crate::common::{self, Form};
+use crate::{Failure, progress, score, view};
+use eyebox::hologram::{Hologram, Sequence};
+use eyebox::optics::{Color, Padding};
+use eyebox::playback::{Desktop, PlaybackError};
+use eyebox::preview::{
+    Action, Controls, Look, Picture, Plane, PreviewError, PreviewWindow, Seen, Showing, Side, Viewer, places,
+};
+use eyebox::solve::Problem;
+use sequence::Playing;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// How long the window may go without looking for a new picture.
+const BEAT: Duration = Duration::from_millis(8);
+/// What windows are that nobody chose the size of: pixels along the longer side.
+const USUAL: [f64; 2] = [640.0, 1280.0];
+/// The share of a monitor that such a window may take.
+const ROOM: f64 = 0.85;
+
+/// Shows what an eye sees, live.
+pub fn run(args: &Preview) -> Result<(), Failure> {
+    let (hologram, known, playing) = open(args)?;
+    for i in 0..hologram.colors.len() {
+        args.pupil.check_within(&hologram.optics(i)?)?;
+    }
+    // Nobody waits for a scene to be told that there is no window.
+    let mut desktop = Desktop::open()?;
+    let opener = common::opener(&args.engine)?;
+    let hologram = expose(args, hologram, known)?;
+    let problems = problems(args, &hologram, playing.is_some())?;
+    let colors: Vec<Option<Color>> = hologram.colors.iter().map(|c| c.color).collect();
+    let size = [hologram.height, hologram.width];
+    let window = window_size(args, size, &desktop);
+    let mut shown = Shown {
+        name: args.file.file_name().map_or_else(|| "phases".into(), |n| n.to_string_lossy().into_owned()),
+        rate: playing.as_ref().map_or(1.0, |p| p.1),
+        playing: playing.map(|p| p.0),
+        padding: view::padding_of(&hologram),
+        exposure: args.optics.exposure,
+        index: 0,
+        contents: 0,
+        colors,
+        size,
+        folder: args.save_to.clone(),
+    };
+    let showing = Arc::new(Showing::new(hologram, shown.padding)?);
+    let controls = Controls::new(&showing, args.pupil, !problems.is_empty(), shown.playing.is_some());
+    let mut viewer = Viewer::start(opener, problems)?;
+    let mut window = PreviewWindow::open(&mut desktop, &shown.name, window, args.validation)?;
+    let messages = window.messages();
+    progress::catch_interrupt();
+    shown.show(&mut viewer, showing);
+    let ended = watch(&mut desktop, &mut window, &mut viewer, controls, &mut shown);
+    drop(viewer);
+    drop(window);
+    let messages = messages.lock().map(|m| m.clone()).unwrap_or_default();
+    messages.iter().for_each(|m| eprintln!("validation: {m}"));
+    if ended.is_ok() && !messages.is_empty() {
+        return Err(Failure::Asked(format!("the validation layer found {} faults, above", messages.len())));
+    }
+    ended
+}
+
+/// What is shown first, whether its exposure is known, and the sequence that goes on from there at its rate.
+type Opened = (Hologram, bool, Option<(Playing, f64)>);
+
+fn open(args: &Preview) -> Result<Opened, Failure> {
+    if !common::is_hologram(&args.file) || args.at.is_some() {
+        let (hologram, known) = view::load(&args.file, args.at, &args.optics)?;
+        return Ok((hologram, known, None));
+    }
+    view::no_optics(&args.file, &args.optics)?;
+    let mut sequence = Sequence::open(&args.file)?;
+    if sequence.is_single() {
+        return Ok((common::hologram(&args.file, None)?, true, None));
+    }
+    sequence.notes().iter().for_each(|note| eprintln!("note: {note}"));
+    let [numerator, denominator] = sequence.rate();
+    let hz = args.rate.map_or(f64::from(numerator) / f64::from(denominator), |rate| rate.hz());
+    let first = sequence.load(0)?;
+    Ok((first, true, Some((Playing::new(sequence, hz)?, hz))))
+}
+
+/// One exposure for the whole session: as asked, the hologram's own, or what makes the first picture bright.
+fn expose(args: &Preview, mut hologram: Hologram, known: bool) -> Result<Hologram, Failure> {
+    let exposures = match (args.optics.exposure, known) {
+        (Some(exposure), _) => vec![exposure; hologram.colors.len()],
+        (None, true) => return Ok(hologram),
+        (None, false) => {
+            let planes = view::through(&hologram, &args.pupil, common::engine(&args.engine)?.as_mut())?;
+            view::exposures(&hologram, known, &args.optics, &planes)
+        }
+    };
+    hologram.colors.iter_mut().zip(exposures).for_each(|(color, exposure)| color.exposure = exposure);
+    Ok(hologram)
+}
+
+/// The scene before the hologram's display, in its colours.
+fn problems(args: &Preview, hologram: &Hologram, moves: bool) -> Result<Vec<Problem>, Failure> {
+    let Some(scene) = &args.scene else { return Ok(Vec::new()) };
+    if moves {
+        return Err(Failure::Asked(
+            "--scene is the scene of one hologram, and a sequence has many: choose with --at".into(),
+        ));
+    }
+    let display = score::display_of(&args.file, hologram)?;
+    let colors: Vec<Color> = hologram.colors.iter().filter_map(|c| c.color).collect();
+    let asked = SceneArgs {
+        scene: scene.clone(),
+        depth_map: args.depth_map.clone(),
+        view_pitch: None,
+        views: None,
+        depth: None,
+    };
+    let field = common::scene(&score::as_solved(&asked, hologram), &display, &colors)?;
+    let problem = |color: &Color| Problem::new(&field, *color, &display, Padding::default());
+    Ok(colors.iter().map(problem).collect::<Result<_, _>>()?)
+}
+
+/// Rows and columns of the window's inside.
+fn window_size(args: &Preview, size: [usize; 2], desktop: &Desktop) -> [usize; 2] {
+    let times = |zoom: f64| size.map(|n| ((n as f64 * zoom).round() as usize).clamp(1, 16384));
+    match (args.window, args.zoom) {
+        (Some(window), _) => window,
+        (None, Some(zoom)) => times(zoom),
+        (None, None) => {
+            let longer = size[0].max(size[1]) as f64;
+            // Small ones by a whole number.
+            let usual = if longer < USUAL[0] { (USUAL[0] / longer).floor() } else { (USUAL[1] / longer).min(1.0) };
+            let room = |m: &eyebox::playback::Monitor| {
+                (ROOM * m.size[0] as f64 / size[0] as f64).min(ROOM * m.size[1] as f64 / size[1] as f64)
+            };
+            let most = desktop.monitors().iter().map(room).fold(f64::NEG_INFINITY, f64::max);
+            times(if most > 0.0 { usual.min(most) } else { usual })
+        }
+    }
+}
+
+/// What is shown, and what is known of it.
+struct Shown {
+    name: String,
+    playing: Option<Playing>,
+    rate: f64,
+    padding: Padding,
+    exposure: Option<f64>,
+    index: u64,
+    contents: u64,
+    colors: Vec<Option<Color>>,
+    size: [usize; 2],
+    folder: PathBuf,
+}
+
+impl Shown {
+    fn show(&mut self, viewer: &mut Viewer, showing: Arc<Showing>) {
+        viewer.show(showing);
+        self.contents += 1;
+    }
+
+    /// Goes on with the sequence; `seen`: the number of the content that was seen last.
+    fn go_on(&mut self, viewer: &mut Viewer, seen: u64) -> Result<(), Failure> {
+        let Some(playing) = &mut self.playing else { return Ok(()) };
+        let (index, mut hologram) = match playing.next(self.index, seen == self.contents) {
+            Ok(None) => return Ok(()),
+            Ok(Some(next)) => next,
+            // One that is damaged is said and left out: the one before stays.
+            Err(Failure::Hologram(error)) => {
+                eprintln!("note: {error}");
+                return Ok(());
+            }
+            Err(error) => return Err(error),
+        };
+        if let Some(exposure) = self.exposure {
+            hologram.colors.iter_mut().for_each(|c| c.exposure = exposure);
+        }
+        self.index = index;
+        let showing = Showing::new(hologram, self.padding)?;
+        self.show(viewer, Arc::new(showing));
+        Ok(())
+    }
+
+    fn title(&self, controls: &Controls, seen: &Seen) -> String {
+        let Self { name, playing, index, .. } = self;
+        let which = playing.as_ref().map_or(String::new(), |p| format!(", hologram {} of {}", index + 1, p.count()));
+        format!("{name}{which}: {}. h: help", controls.describe(seen))
+    }
+
+    /// Writes what is seen on the SLM's pixels, as `eyebox view` and `eyebox photograph` do.
+    fn save(&self, seen: &Seen) -> Result<Vec<PathBuf>, Failure> {
+        let stem = Path::new(&self.name).file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
+        let free = |ending: &str| {
+            let name = |i: usize| self.folder.join(format!("{stem}-{ending}-{i}.png"));
+            (1..).map(name).find(|f| !f.exists()).unwrap_or_else(|| name(0))
+        };
+        let mut written = Vec::new();
+        let mut write = |ending: &str, planes: &[Plane], exposures: &[f64]| {
+            if planes.is_empty() {
+                return Ok(());
+            }
+            let file = free(ending);
+            let planes: Vec<Vec<f32>> = planes.iter().map(|p| p.values.clone()).collect();
+            common::write_image(&file, Form::Png, self.size, &planes, &self.colors, exposures)?;
+            written.push(file);
+            Ok::<(), Failure>(())
+        };
+        write("seen", &seen.planes, &seen.exposures)?;
+        if seen.look.side != Side::Seen {
+            write("wanted", &seen.wanted, &vec![1.0; self.colors.len()])?;
+        }
+        Ok(written)
+    }
+}
+
+/// Until it is closed.
+fn watch(
+    desktop: &mut Desktop,
+    window: &mut PreviewWindow,
+    viewer: &mut Viewer,
+    mut controls: Controls,
+    shown: &mut Shown,
+) -> Result<(), Failure> {
+    let (mut asked, mut seen): (Option<Look>, Option<Seen>) = (None, None);
+    let (mut save, mut drawn) = (false, None);
+    loop {
+        desktop.pump_for(BEAT).map_err(lost)?;
+        let mut draw = false;
+        while let Some(event) = window.event() {
+            let at = places(window.size(), shown.size, controls.count());
+            match controls.take(event, &at) {
+                Some(Action::Close) => return Ok(()),
+                Some(Action::Save) => save = true,
+                Some(Action::Pause) => {
+                    let (index, rate) = (shown.index, shown.rate);
+                    shown.playing.iter_mut().for_each(|p| p.pause(index, rate));
+                }
+                Some(Action::Step(by)) => {
+                    let index = shown.index;
+                    shown.playing.iter_mut().for_each(|p| p.step(index, by));
+                }
+                None => {}
+            }
+            draw |= matches!(event, eyebox::playback::PanelEvent::Resized(_));
+        }
+        if progress::interrupted() {
+            return Ok(());
+        }
+        shown.go_on(viewer, seen.as_ref().map_or(0, |s| s.content))?;
+        // A minimised window needs no picture.
+        if window.size() != [0, 0] {
+            let place = places(window.size(), shown.size, controls.count())[0];
+            let (frame, side) = (controls.alone(), controls.side);
+            let look = Look { pupil: controls.pupil, frame, side, within: [place.height, place.width] };
+            if asked != Some(look) {
+                viewer.look(look);
+                asked = Some(look);
+            }
+        }
+        if let Some(new) = viewer.newest()? {
+            window.title(&shown.title(&controls, &new));
+            if save && new.whole && Some(new.look) == asked {
+                keep(shown, &new);
+                save = false;
+            }
+            seen = Some(new);
+            draw = true;
+        } else if let Some(seen) = seen.as_ref().filter(|s| save && s.whole && Some(s.look) == asked) {
+            keep(shown, seen);
+            save = false;
+        }
+        let overlay = controls.overlay(seen.as_ref());
+        if draw || drawn.as_ref() != Some(&overlay) {
+            let pictures: Vec<&Picture> = match &seen {
+                None => Vec::new(),
+                Some(s) => match (s.look.side, &s.photograph) {
+                    (Side::Photograph, Some(photograph)) => vec![photograph],
+                    (Side::Both, Some(photograph)) => vec![&s.seen, photograph],
+                    _ => vec![&s.seen],
+                },
+            };
+            let at = places(window.size(), shown.size, pictures.len());
+            window.show(&at.into_iter().zip(pictures).collect::<Vec<_>>(), &overlay);
+            drawn = Some(overlay);
+        }
+        window.refresh().map_err(gone)?;
+    }
+}
+
+/// Says what was written, or why not: a full disk is no reason to close the window.
+fn keep(shown: &Shown, seen: &Seen) {
+    match shown.save(seen) {
+        Ok(files) => files.iter().for_each(|f| eprintln!("wrote {}", f.display())),
+        Err(error) => eprintln!("note: {error}"),
+    }
+}
+
+/// A desktop that goes away while it is shown on has an exit code of its own.
+fn lost(error: PlaybackError) -> Failure {
+    Failure::Lost(error.to_string())
+}
+
+fn gone(error: PreviewError) -> Failure {
+    Failure::Lost(format!("the preview's window: {error}"))
+}

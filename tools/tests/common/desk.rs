@@ -1,0 +1,142 @@
+//! A virtual desktop with a mouse and a keyboard, without a window manager.
+
+use std::io::{BufRead, BufReader, IoSlice};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+use x11rb::connection::{Connection, RequestConnection};
+use x11rb::protocol::xproto::{AtomEnum, ConfigureWindowAux, ConnectionExt, InputFocus, Window};
+use x11rb::rust_connection::RustConnection;
+
+/// XTEST's request to send an event, and the core protocol's numbers of events.
+const FAKE_INPUT: u8 = 2;
+const KEY: u8 = 2;
+const KEY_UP: u8 = 3;
+const BUTTON: u8 = 4;
+const BUTTON_UP: u8 = 5;
+const MOTION: u8 = 6;
+
+/// A virtual screen whose pixels lie in a file; gone with the value.
+pub struct Desk {
+    server: Child,
+    pub name: String,
+    pixels: PathBuf,
+    connection: RustConnection,
+    root: Window,
+    xtest: u8,
+}
+
+/// What is in a part of the screen: rows, columns, and (row, column, channel).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Part {
+    pub size: [usize; 2],
+    pub rgb: Vec<u8>,
+}
+
+impl Desk {
+    pub fn new(folder: &Path, [height, width]: [usize; 2]) -> Self {
+        let mut server = Command::new("Xvfb")
+            .args(["-displayfd", "1", "-screen", "0", &format!("{width}x{height}x24"), "-nolisten", "tcp"])
+            // A cursor would be in the pixels.
+            .args(["-nocursor", "-fbdir"])
+            .arg(folder)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("Xvfb, which tools/setup.sh installs");
+        let mut number = String::new();
+        BufReader::new(server.stdout.take().expect("its output")).read_line(&mut number).expect("its number");
+        let name = format!(":{}", number.trim());
+        let (connection, screen) = x11rb::connect(Some(&name)).expect("a connection");
+        let root = connection.setup().roots[screen].root;
+        let xtest = connection.extension_information("XTEST").expect("an answer").expect("XTEST").major_opcode;
+        Self { server, name, pixels: folder.join("Xvfb_screen0"), connection, root, xtest }
+    }
+
+    /// The window whose title has this in it, once there is one.
+    pub fn window(&self, title: &str) -> Window {
+        let since = Instant::now();
+        loop {
+            let tree = self.connection.query_tree(self.root).expect("sent").reply().expect("the windows");
+            if let Some(found) = tree.children.into_iter().find(|w| self.title(*w).contains(title)) {
+                return found;
+            }
+            assert!(since.elapsed() < Duration::from_secs(60), "no window with {title}");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    /// A window's title; empty where it has none.
+    pub fn title(&self, window: Window) -> String {
+        let name = AtomEnum::WM_NAME;
+        let answer = self.connection.get_property(false, window, name, AtomEnum::ANY, 0, 1024).expect("sent").reply();
+        answer.map_or_else(|_| String::new(), |p| String::from_utf8_lossy(&p.value).into_owned())
+    }
+
+    /// What the screen shows of the window.
+    pub fn part(&self, window: Window) -> Part {
+        let at = self.connection.get_geometry(window).expect("sent").reply().expect("its place");
+        let bytes = std::fs::read(&self.pixels).expect("the frame buffer");
+        let word = |i: usize| u32::from_be_bytes(bytes[4 * i..4 * i + 4].try_into().expect("a word")) as usize;
+        let (header, line, colors) = (word(0), word(12), word(19));
+        assert_eq!((word(7), word(11)), (0, 32), "little-endian, 32 bits");
+        let (top, left) = (at.y.max(0) as usize, at.x.max(0) as usize);
+        let rows = bytes[header + 12 * colors..].chunks_exact(line).skip(top).take(at.height.into());
+        let pixels = |row: &'_ [u8]| -> Vec<u8> {
+            row.chunks_exact(4).skip(left).take(at.width.into()).flat_map(|p| [p[2], p[1], p[0]]).collect()
+        };
+        Part { size: [at.height.into(), at.width.into()], rgb: rows.flat_map(pixels).collect() }
+    }
+
+    fn send(&self, kind: u8, detail: u8, [y, x]: [i16; 2]) {
+        let mut request = [0; 36];
+        request[..2].copy_from_slice(&[self.xtest, FAKE_INPUT]);
+        request[2..4].copy_from_slice(&9u16.to_ne_bytes());
+        request[4..6].copy_from_slice(&[kind, detail]);
+        request[12..16].copy_from_slice(&self.root.to_ne_bytes());
+        request[24..26].copy_from_slice(&x.to_ne_bytes());
+        request[26..28].copy_from_slice(&y.to_ne_bytes());
+        self.connection.send_request_without_reply(&[IoSlice::new(&request)], Vec::new()).expect("sent");
+        self.connection.flush().expect("sent");
+    }
+
+    /// Moves the mouse to a row and column of the window.
+    pub fn point(&self, window: Window, [row, column]: [i16; 2]) {
+        let at = self.connection.get_geometry(window).expect("sent").reply().expect("its place");
+        self.send(MOTION, 0, [at.y + row, at.x + column]);
+    }
+
+    /// Turns the wheel by a notch.
+    pub fn turn(&self, up: bool) {
+        let button = if up { 4 } else { 5 };
+        self.send(BUTTON, button, [0, 0]);
+        self.send(BUTTON_UP, button, [0, 0]);
+    }
+
+    /// Presses the key of this keysym (of letters, their ASCII) in a window.
+    pub fn press(&self, window: Window, keysym: u32) {
+        self.connection.set_input_focus(InputFocus::PARENT, window, x11rb::CURRENT_TIME).expect("sent");
+        let setup = self.connection.setup();
+        let (first, last) = (setup.min_keycode, setup.max_keycode);
+        let map =
+            self.connection.get_keyboard_mapping(first, last - first + 1).expect("sent").reply().expect("the keys");
+        let per = usize::from(map.keysyms_per_keycode);
+        let at = map.keysyms.chunks_exact(per).position(|k| k[0] == keysym).expect("such a key");
+        self.send(KEY, first + at as u8, [0, 0]);
+        self.send(KEY_UP, first + at as u8, [0, 0]);
+    }
+
+    /// Makes the window's inside so large.
+    pub fn resize(&self, window: Window, [height, width]: [u32; 2]) {
+        let size = ConfigureWindowAux::new().width(width).height(height);
+        self.connection.configure_window(window, &size).expect("sent");
+        self.connection.flush().expect("sent");
+    }
+}
+
+impl Drop for Desk {
+    fn drop(&mut self) {
+        let _ = self.server.kill();
+        let _ = self.server.wait();
+    }
+}
