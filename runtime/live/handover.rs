@@ -4,6 +4,7 @@ use super::Stamps;
 use crate::encode::VideoFrames;
 use crate::playback::{Content, PlaybackError, Readiness, Source};
 use crossbeam_channel::{Receiver, Sender, TrySendError, bounded};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// A finished set.
@@ -19,6 +20,8 @@ pub struct Made {
     pub pupil: [f64; 2],
     /// Steps that were taken for it, over all colours.
     pub steps: u32,
+    /// Its phases, colour by colour, where somebody looks at them too.
+    pub phases: Option<Vec<Arc<Vec<f32>>>>,
 }
 
 /// Buffers: one on the screen, one ready, one on its way, one being filled.

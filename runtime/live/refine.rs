@@ -19,6 +19,8 @@ pub struct LiveOptions {
     pub light_after: Duration,
     /// Steers from the beginning.
     pub steered: bool,
+    /// Sets carry their phases, for somebody who looks at them too.
+    pub with_phases: bool,
     /// Makes the engines again when one was lost, and all that is on them.
     pub again: Box<dyn FnMut() -> Result<Steerer, LiveError> + Send>,
     /// What the thread does, for a trace.
@@ -214,7 +216,8 @@ impl Refining {
         let phases = self.steerer.phases()?;
         self.encoder.encode_into(&PhaseSet::trusted(&phases), &mut frames)?;
         let stamps = Stamps { handed_over_ns: self.options.clock.now_ns(), ..stamps };
-        self.giver.give(Made { number: self.number, frames, stamps, pupil, steps });
+        let phases = self.options.with_phases.then(|| phases.iter().map(|p| Arc::new(p.to_vec())).collect());
+        self.giver.give(Made { number: self.number, frames, stamps, pupil, steps, phases });
         self.options.lane.span("encode", self.number, begun);
         self.number += 1;
         let took = begun.elapsed();

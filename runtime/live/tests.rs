@@ -119,7 +119,7 @@ fn made(giver: &Giver, number: u64) -> Made {
     let mut frames = giver.buffer().expect("there is always a buffer");
     // Every byte says which set it is of.
     frames.bytes_mut().fill((number % 251) as u8);
-    Made { number, frames, stamps: Stamps::default(), pupil: [0.0; 2], steps: 1 }
+    Made { number, frames, stamps: Stamps::default(), pupil: [0.0; 2], steps: 1, phases: None }
 }
 
 #[test]
@@ -382,6 +382,7 @@ fn the_thread_hands_over_refined_sets_and_ends_without_taking_the_picture() {
         beat: std::sync::Arc::clone(&beat),
         light_after: Duration::from_millis(8),
         steered: true,
+        with_phases: true,
         again: Box::new(move || Steerer::new(vec![whole.clone()], Policy::default(), cpu)),
         lane: Trace::new(0).lane("refine"),
     };
@@ -395,6 +396,7 @@ fn the_thread_hands_over_refined_sets_and_ends_without_taking_the_picture() {
         source.show(0);
         if let Some(made) = source.newly_shown() {
             steps += made.steps;
+            assert!(made.phases.as_ref().is_some_and(|p| p.len() == 1 && p[0].iter().all(|v| v.is_finite())));
             assert!(made.stamps.handed_over_ns >= made.stamps.refine_end_ns);
             assert!(made.stamps.refine_end_ns >= made.stamps.aimed_ns);
         }
@@ -460,6 +462,7 @@ fn an_engine_that_is_lost_is_made_anew_and_then_given_up() {
         beat: std::sync::Arc::clone(&beat),
         light_after: Duration::from_millis(8),
         steered: true,
+        with_phases: true,
         again: Box::new(short),
         lane: Trace::new(0).lane("refine"),
     };

@@ -3,6 +3,7 @@
 use super::args::PolicyArgs;
 use super::record::Record;
 use super::subject::{self, SubjectArgs};
+use super::viewing::Viewing;
 use super::watching::{self, TrackerArgs, Watching};
 use crate::play::{OutputName, lost};
 use crate::values::{not_negative, positive, rate};
@@ -10,9 +11,10 @@ use crate::{Failure, common, progress};
 use clap::Args;
 use eyebox::files;
 use eyebox::live::{self, BeatCell, Latency, LiveOptions, LiveSource, Stage, Steerer, Watch};
+use eyebox::optics::Pupil;
 use eyebox::playback::{
     Clock, Desktop, Flow, Lane, Offscreen, Player, Presenter, Rate, RealClock, Report, SECOND_NS, Schedule, Scheduler,
-    Source, Speed, Start, Trace,
+    Source, Speed, Start, Trace, Window,
 };
 use eyebox::trackers::simulated;
 use serde_json::{Value, json};
@@ -20,7 +22,7 @@ use std::collections::VecDeque;
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
 use std::rc::Rc;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 /// Spans that a trace keeps for each thread.
@@ -41,7 +43,7 @@ pub struct Live {
     /// With --output window: the monitor, by index, name or rows x columns [default: the first of the video frame's size]
     #[arg(long, value_name = "MONITOR")]
     pub monitor: Option<String>,
-    /// With --output window: have Vulkan's use checked, and say what was wrong
+    /// With a window: have Vulkan's use checked, and say what was wrong
     #[arg(long)]
     pub validation: bool,
     /// Video frames a second [default: what the monitor says, else 60]
@@ -56,6 +58,9 @@ pub struct Live {
     /// Show the hologram for the whole eyebox: what there is without steering
     #[arg(long)]
     pub unsteered: bool,
+    /// Show in a window what the tracked eye sees; there the key s switches steering off and on
+    #[arg(long)]
+    pub view: bool,
     /// How it follows
     #[command(flatten)]
     pub policy: PolicyArgs,
@@ -75,44 +80,77 @@ pub fn run(args: &Live) -> Result<(), Failure> {
     let steered = subject::load(&args.subject)?;
     let clock = RealClock::start();
     let frames = steered.encoder.frames();
-    if args.output == OutputName::Window {
+    let mut output = if args.output == OutputName::Window {
         let desktop = Desktop::open()?;
         let monitor = desktop.choose(args.monitor.as_deref(), [frames.height, frames.width])?;
-        let mut window = desktop.window(&monitor, Rc::new(clock), args.validation)?;
-        let messages = window.messages();
-        let display_rate = args.display_rate.or(window.rate());
-        let shown = show(args, steered, clock, display_rate, &mut window);
-        drop(window);
-        let messages = messages.lock().map(|m| m.clone()).unwrap_or_default();
-        messages.iter().for_each(|m| eprintln!("validation: {m}"));
-        if shown.is_ok() && !messages.is_empty() {
-            return Err(Failure::Asked(format!("the validation layer found {} faults, above", messages.len())));
-        }
-        return shown;
+        Output::Window(desktop.window(&monitor, Rc::new(clock), args.validation)?)
+    } else {
+        let rate = args.display_rate.map_or_else(|| Rate::new(60, 1), Ok)?;
+        let desktop = if args.view { Some(Desktop::open()?) } else { None };
+        Output::Offscreen(Offscreen::new(Rc::new(clock), rate, frames.frame_bytes()), desktop)
+    };
+    let mut heard = Vec::new();
+    if let Output::Window(window) = &output {
+        heard.push(window.messages());
     }
-    let display_rate = args.display_rate.map_or_else(|| Rate::new(60, 1), Ok)?;
-    let mut offscreen = Offscreen::new(Rc::new(clock), display_rate, frames.frame_bytes());
-    show(args, steered, clock, Some(display_rate), &mut offscreen)
+    let shown = show(args, steered, clock, &mut output, &mut heard);
+    drop(output);
+    let messages: Vec<String> = heard.iter().flat_map(|m| m.lock().map(|m| m.clone()).unwrap_or_default()).collect();
+    messages.iter().for_each(|m| eprintln!("validation: {m}"));
+    if shown.is_ok() && !messages.is_empty() {
+        return Err(Failure::Asked(format!("the validation layer found {} faults, above", messages.len())));
+    }
+    shown
+}
+
+/// Where video frames go, and the desktop that other windows stand on.
+enum Output {
+    Window(Window),
+    Offscreen(Offscreen, Option<Desktop>),
+}
+
+impl Output {
+    fn presenter(&mut self) -> &mut dyn Presenter {
+        match self {
+            Self::Window(window) => window,
+            Self::Offscreen(offscreen, _) => offscreen,
+        }
+    }
+
+    fn desktop(&mut self) -> Option<&mut Desktop> {
+        match self {
+            Self::Window(window) => Some(window.desktop()),
+            Self::Offscreen(_, desktop) => desktop.as_mut(),
+        }
+    }
+
+    /// Events of windows beside the display; a window of its own takes them while it is asked for its own.
+    fn pump(&mut self) -> Result<(), Failure> {
+        match self {
+            Self::Offscreen(_, Some(desktop)) => desktop.pump_for(Duration::ZERO).map_err(lost),
+            _ => Ok(()),
+        }
+    }
 }
 
 fn show(
     args: &Live,
     steered: subject::Steered,
     clock: RealClock,
-    display_rate: Option<Rate>,
-    presenter: &mut dyn Presenter,
+    output: &mut Output,
+    heard: &mut Vec<Arc<Mutex<Vec<String>>>>,
 ) -> Result<(), Failure> {
-    let display_rate = display_rate.map_or_else(|| Rate::new(60, 1), Ok)?;
+    let display_rate = args.display_rate.or(output.presenter().rate()).map_or_else(|| Rate::new(60, 1), Ok)?;
     let trace = Trace::new(if args.trace.is_some() { SPANS } else { 0 });
     let planes = (steered.colors.len() * steered.hologram.frames) as u64;
     let set_frames = steered.encoder.packed().video_frames as u64;
     let period_ns = display_rate.time_of_ns(i64::try_from(set_frames).unwrap_or(i64::MAX));
     let idle = steered.encoder.frames();
     let size = [idle.height, idle.width, idle.channels];
-    let Watching { watch, mut truth, about } = watching::start(&args.tracker, trace.lane("gaze"))?;
+    let Watching { watch, mut truth, mouse, about } = watching::start(&args.tracker, args.view, trace.lane("gaze"))?;
     let watch = Arc::new(watch);
     let policy = args.policy.policy();
-    let (parts, mut engines) = (steered.parts.clone(), subject::engines(&args.subject.engine));
+    let (parts, mut engines) = (steered.parts.clone(), common::opener(&args.subject.engine)?);
     let mut begin = move || Steerer::new(parts.clone(), policy, &mut engines);
     let steerer = begin()?;
     let set_rate = display_rate.hz() / set_frames as f64;
@@ -125,7 +163,7 @@ fn show(
         steered.hologram.width,
         steered.engine
     );
-    eprintln!("{about}; {}: {set_rate:.2} sets a second", presenter.describe());
+    eprintln!("{about}; {}: {set_rate:.2} sets a second", output.presenter().describe());
     let beat = Arc::new(BeatCell::new(period_ns, period_ns / 8 + 1_000_000));
     let light_after = Duration::from_nanos(period_ns.unsigned_abs() / 2)
         + Duration::from_secs_f64((args.display_latency * 1e-3).min(10.0));
@@ -134,9 +172,15 @@ fn show(
         beat: Arc::clone(&beat),
         light_after,
         steered: !args.unsteered,
+        with_phases: args.view,
         again: Box::new(begin),
         lane: trace.lane("refine"),
     };
+    let mut viewing = match output.desktop().filter(|_| args.view) {
+        Some(desktop) => Some(Viewing::open(desktop, &steered, &args.subject.engine, mouse, args.validation)?),
+        None => None,
+    };
+    heard.extend(viewing.as_ref().map(Viewing::messages));
     let (live, mut source) = live::start(steerer, steered.encoder, Arc::clone(&watch), options)?;
     let content_rate = Rate::new(1_000_000_000, u32::try_from(period_ns).unwrap_or(u32::MAX))?;
     let start = Start::WhenReady { idle_sets: 4_u64.div_ceil(set_frames) };
@@ -152,7 +196,7 @@ fn show(
     let mut status = Status::new();
     let ended = loop {
         let mut began = None;
-        let ticked = player.tick(presenter, &mut source, &mut |moment| {
+        let ticked = player.tick(output.presenter(), &mut source, &mut |moment| {
             if moment.video_frame == 0 {
                 began = Some(moment.predicted_display_time_ns);
             }
@@ -167,9 +211,23 @@ fn show(
             Ok(Flow::Closed) => break Ok("closed"),
             Err(error) => break Err(error),
         }
+        if let Some(view) = &mut viewing {
+            let pupil = account.now();
+            view.look(Pupil { depth: args.tracker.focus * 1e-3, ..pupil });
+            let note = format!("{:.0} sets a second", set_rate);
+            match output.pump().and_then(|()| view.tend(&live, &note)) {
+                Ok(true) => {}
+                Ok(false) => break Ok("closed"),
+                // A view is not worth the display.
+                Err(error) => {
+                    eprintln!("note: {error}; the display goes on");
+                    viewing = None;
+                }
+            }
+        }
         if let Some(start_ns) = began {
             beat.decided(start_ns, source.asked().map_or(start_ns, |at| clock.at_ns(at)));
-            account.set(&mut source, start_ns);
+            account.set(&mut source, start_ns, viewing.as_mut());
         }
         account.look_back(&mut truth);
         let notes = std::iter::from_fn(|| source.message()).chain(std::iter::from_fn(|| account.watch.note()));
@@ -186,7 +244,7 @@ fn show(
         status.show(&account, &source, live.counts(), clock.now_ns() - begun_ns);
     };
     status.clear();
-    let left = if ended.is_ok() { player.finish(presenter) } else { Ok(()) };
+    let left = if ended.is_ok() { player.finish(output.presenter()) } else { Ok(()) };
     let seconds = (clock.now_ns() - begun_ns) as f64 / 1e9;
     let report = Report::new(player.scheduler(), player.timing(), seconds, planes);
     let how = *ended.as_ref().unwrap_or(&"an error");
@@ -202,7 +260,7 @@ fn show(
     }
     if let Some(file) = &args.stats {
         let all = json!({
-            "playback": report.to_json(), "ended_by": how, "presenter": presenter.describe(), "tracker": about,
+            "playback": report.to_json(), "ended_by": how, "presenter": output.presenter().describe(), "tracker": about,
             "engine": steered.engine, "sets_new": new, "sets_repeated": repeated, "steps": counts[1],
             "restarts": counts[0], "latency": account.latency.to_json(), "policy": policy,
             "peak_memory_mib": common::peak_memory_mib(), "memory_mib": memory(),
@@ -245,11 +303,14 @@ impl Account {
     }
 
     /// A set begins to be lit at `start_ns`.
-    fn set(&mut self, source: &mut LiveSource, start_ns: i64) {
+    fn set(&mut self, source: &mut LiveSource, start_ns: i64, viewing: Option<&mut Viewing>) {
         let light_ns = start_ns.saturating_add(self.light_after_ns);
         if let Some(made) = source.newly_shown() {
             self.latency.shown(&made.stamps, self.clock.now_ns(), light_ns);
             self.pupil = made.stamps.sample_ns.map(|_| made.pupil);
+            if let Some(viewing) = viewing {
+                viewing.made(made);
+            }
         }
         if let Some(pupil) = self.pupil {
             if self.open.len() == OPEN {
@@ -257,6 +318,13 @@ impl Account {
             }
             self.open.push_back((self.clock.monotonic_ns(light_ns), pupil));
         }
+    }
+
+    /// The pupil as it is believed to be now.
+    fn now(&self) -> Pupil {
+        let seen = self.watch.expect(self.clock.monotonic_ns(self.clock.now_ns())).pupil;
+        let diameter = 0.5 * (seen.diameter[0] + seen.diameter[1]);
+        Pupil { x: seen.centre[0], y: seen.centre[1], diameter, depth: 0.0 }
     }
 
     /// Where the pupil was at lights that have passed: truly, for a simulated eye, else as it was measured.

@@ -8,6 +8,7 @@ mod record;
 mod refine;
 mod study;
 mod subject;
+mod viewing;
 mod watching;
 
 pub use live::Live;

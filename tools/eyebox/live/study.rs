@@ -4,7 +4,7 @@ use super::args::PolicyArgs;
 use super::plot;
 use super::subject::{self, Steered, SubjectArgs};
 use crate::values::{not_negative, positive};
-use crate::{Failure, progress};
+use crate::{Failure, common, progress};
 use clap::Args;
 use eyebox::files;
 use eyebox::live::{self, Study as Result_, StudySettings};
@@ -125,7 +125,7 @@ fn study(args: &Study, subject: &Steered, settings: &StudySettings, quiet: bool)
     progress::catch_interrupt();
     let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(1000) };
     bar.set_style(ProgressStyle::with_template("steering {bar:30} {msg}  {eta} left").expect("a sound template"));
-    let mut engines = subject::engines(&args.subject.engine);
+    let mut engines = common::opener(&args.subject.engine)?;
     let result = live::study(
         &subject.parts,
         &args.policy.policy(),

@@ -7,7 +7,6 @@ use crate::view::padding_of;
 use crate::{Failure, progress, score, solve};
 use clap::Args;
 use eyebox::encode::Encoder;
-use eyebox::engine::{Engine, EngineError};
 use eyebox::hologram::Hologram;
 use eyebox::live::Part;
 use eyebox::optics::{Color, Padding};
@@ -116,10 +115,4 @@ pub fn load(args: &SubjectArgs) -> Result<Steered, Failure> {
     let parts = hologram.colors.iter().map(part).collect::<Result<_, _>>()?;
     let engine = common::engine(&args.engine)?.describe();
     Ok(Steered { colors, parts, encoder, engine, hologram })
-}
-
-/// Engines of the kind asked for, one after the other.
-pub fn engines(args: &EngineArgs) -> impl FnMut() -> Result<Box<dyn Engine>, EngineError> + Send + use<> {
-    let choice = common::engine_choice(args);
-    move || eyebox::engine::open(choice)
 }

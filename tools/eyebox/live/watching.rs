@@ -7,6 +7,7 @@ use clap::Args;
 use eyebox::gaze::{Calibration, Estimator, Settings};
 use eyebox::live::Watch;
 use eyebox::playback::Lane;
+use eyebox::trackers::mouse::{self, MouseHandle};
 use eyebox::trackers::simulated::{self, SimulatedSource};
 use eyebox::trackers::{Options, Source, Spec, Stream, TrackerError, now_ns, open};
 use std::path::PathBuf;
@@ -15,7 +16,7 @@ use std::time::Duration;
 /// The tracker, in every command that follows one.
 #[derive(Args)]
 pub struct TrackerArgs {
-    /// hid, FILE.hid, FILE.jsonl, pupil://HOST[:PORT], udp://[HOST]:PORT, or simulated[:SEED]
+    /// hid, FILE.hid, FILE.jsonl, pupil://HOST[:PORT], udp://[HOST]:PORT, mouse (with --view), or simulated[:SEED]
     #[arg(long, value_name = "SOURCE", default_value = "simulated")]
     pub tracker: String,
     /// A HID device with a layout of its own, described in a TOML file
@@ -44,12 +45,14 @@ pub struct Watching {
     pub watch: Watch,
     /// A simulated eye's twin, which knows where the pupil really is.
     pub truth: Option<simulated::Eye>,
+    /// Where the mouse is told, if that is the tracker.
+    pub mouse: Option<MouseHandle>,
     /// For people.
     pub about: String,
 }
 
-/// Opens and watches it.
-pub fn start(args: &TrackerArgs, lane: Lane) -> Result<Watching, Failure> {
+/// Opens and watches it; `view` says whether there is a window for a mouse.
+pub fn start(args: &TrackerArgs, view: bool, lane: Lane) -> Result<Watching, Failure> {
     let spec: Spec = args.tracker.parse()?;
     let calibration = args.calibration.as_deref().map(Calibration::load).transpose()?;
     let settings = Settings { eye: args.eye.into(), focus: [args.focus * 1e-3; 2], ..Settings::default() };
@@ -60,6 +63,7 @@ pub fn start(args: &TrackerArgs, lane: Lane) -> Result<Watching, Failure> {
         real_time: true,
         rate_hz: args.tracker_rate,
     };
+    let mut handle = None;
     let (source, truth): (Box<dyn Source>, _) = match spec {
         Spec::Simulated(seed) => {
             let settings = simulated::Settings { seed, rate_hz: args.tracker_rate, ..simulated::Settings::default() };
@@ -67,12 +71,17 @@ pub fn start(args: &TrackerArgs, lane: Lane) -> Result<Watching, Failure> {
             let source = SimulatedSource::starting(settings.clone(), true, begins)?;
             (Box::new(source), Some(simulated::Eye::new(settings, begins)))
         }
+        Spec::Mouse if !view => {
+            return Err(TrackerError::Setting("the mouse is a tracker in a window only: add --view".into()).into());
+        }
         Spec::Mouse => {
-            return Err(TrackerError::Setting("the mouse is a tracker in a window only".into()).into());
+            let (pushed, source) = mouse::channel();
+            handle = Some(pushed);
+            (Box::new(source), None)
         }
         spec => (open(&spec, &options)?, None),
     };
     let about = source.about();
     let about = about.notes.iter().fold(about.name, |all, note| format!("{all}, {note}"));
-    Ok(Watching { watch: Watch::start(Stream::start(source)?, estimator, lane)?, truth, about })
+    Ok(Watching { watch: Watch::start(Stream::start(source)?, estimator, lane)?, truth, mouse: handle, about })
 }

@@ -1,5 +1,7 @@
 //! A virtual desktop with a mouse and a keyboard, without a window manager.
 
+#![allow(dead_code, reason = "each test file uses what it needs")]
+
 use std::io::{BufRead, BufReader, IoSlice};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};

@@ -1,0 +1,138 @@
+//! `--view`: what the tracked eye sees, in a window beside the display.
+
+use super::subject::Steered;
+use crate::view::padding_of;
+use crate::{Failure, common};
+use eyebox::hologram::Hologram;
+use eyebox::live::{Live, Made};
+use eyebox::optics::{Optics, Padding, Pupil};
+use eyebox::playback::{Desktop, PanelEvent, PanelKey};
+use eyebox::preview::{
+    Look, Overlay, Picture, PreviewError, PreviewWindow, Showing, Shown, Side, Viewer, places, pupil_at,
+};
+use eyebox::trackers::mouse::MouseHandle;
+use std::sync::{Arc, Mutex};
+
+/// The window and its viewer.
+pub struct Viewing {
+    window: PreviewWindow,
+    viewer: Viewer,
+    frames: usize,
+    padding: Padding,
+    eyebox: f64,
+    size: [usize; 2],
+    colors: Vec<(Option<eyebox::optics::Color>, Optics, f64)>,
+    mouse: Option<MouseHandle>,
+    seen: Option<(Picture, Option<f64>)>,
+    overlay: Overlay,
+    pupil: Option<Pupil>,
+}
+
+const HELP: &str = "s: steering on or off   q, Esc: close";
+
+impl Viewing {
+    /// Opens it. `mouse` is told where the mouse points, if that is the tracker.
+    pub fn open(
+        desktop: &mut Desktop,
+        steered: &Steered,
+        engine: &crate::args::EngineArgs,
+        mouse: Option<MouseHandle>,
+        validation: bool,
+    ) -> Result<Self, Failure> {
+        let hologram: &Hologram = &steered.hologram;
+        let colors = (0..hologram.colors.len())
+            .map(|i| Ok((hologram.colors[i].color, hologram.optics(i)?, hologram.colors[i].exposure)))
+            .collect::<Result<Vec<_>, Failure>>()?;
+        let problems = steered.parts.iter().map(|p| p.problem.clone()).collect();
+        let size = [hologram.height, hologram.width];
+        // Small ones by a whole number.
+        let zoom = (640 / size[0].max(size[1]).max(1)).max(1);
+        let viewer = Viewer::start(common::opener(engine)?, problems)?;
+        let window = PreviewWindow::open(desktop, &hologram.scene, size.map(|n| n * zoom), validation)?;
+        let mut viewing = Self {
+            window,
+            viewer,
+            frames: hologram.frames,
+            padding: padding_of(hologram),
+            eyebox: steered.parts.iter().map(|p| p.problem.eyebox).fold(f64::INFINITY, f64::min),
+            size,
+            colors,
+            mouse,
+            seen: None,
+            overlay: Overlay::default(),
+            pupil: None,
+        };
+        let phases: Vec<_> = hologram.colors.iter().map(|c| Arc::new(c.phases.clone())).collect();
+        viewing.show(&phases);
+        Ok(viewing)
+    }
+
+    /// What the validation layer says of it.
+    pub fn messages(&self) -> Arc<Mutex<Vec<String>>> {
+        self.window.messages()
+    }
+
+    fn show(&mut self, phases: &[Arc<Vec<f32>>]) {
+        let shown = |((color, optics, exposure), phases): (&(_, Optics, f64), &Arc<Vec<f32>>)| Shown {
+            color: *color,
+            optics: *optics,
+            exposure: *exposure,
+            phases: Arc::clone(phases),
+        };
+        let colors = self.colors.iter().zip(phases).map(shown).collect();
+        self.viewer.show(Arc::new(Showing { frames: self.frames, padding: self.padding, colors, eyebox: self.eyebox }));
+    }
+
+    /// Another set is on the display.
+    pub fn made(&mut self, made: &Made) {
+        if let Some(phases) = &made.phases {
+            self.show(phases);
+        }
+    }
+
+    /// Where the eye is now.
+    pub fn look(&mut self, pupil: Pupil) {
+        self.pupil = Some(pupil);
+    }
+
+    /// Takes what the user did, and shows what is new; false once it is closed. Nothing of it waits.
+    pub fn tend(&mut self, live: &Live, note: &str) -> Result<bool, Failure> {
+        let gone = |error: PreviewError| Failure::Lost(format!("the view's window: {error}"));
+        while let Some(event) = self.window.event() {
+            match event {
+                PanelEvent::Close | PanelEvent::Key(PanelKey::Escape | PanelKey::Character('q')) => return Ok(false),
+                PanelEvent::Key(PanelKey::Character('s')) => live.steer(!live.is_steered()),
+                PanelEvent::Pointer(position) => {
+                    if let Some(mouse) = &self.mouse {
+                        mouse.push(pupil_at(position, &places(self.window.size(), self.size, 1), self.eyebox));
+                    }
+                }
+                _ => {}
+            }
+        }
+        let place = places(self.window.size(), self.size, 1)[0];
+        if let Some(pupil) = self.pupil.take() {
+            let within = [place.height, place.width];
+            self.viewer.look(Look { pupil, frame: None, side: Side::Seen, within });
+        }
+        let new = self.viewer.newest().map_err(gone)?;
+        let steered = if live.is_steered() { "steered" } else { "not steered" };
+        let mut changed = false;
+        if let Some(new) = new {
+            let db = new.psnr_db.map_or(String::new(), |db| format!(", {db:.1} dB"));
+            let pupil = new.look.pupil;
+            let place =
+                format!("pupil {:.1}, {:.1} mm, {:.1} mm wide", pupil.x * 1e3, pupil.y * 1e3, pupil.diameter * 1e3);
+            self.window.title(&format!("{steered}{db}; {place}; {note}"));
+            let map = [pupil.x, pupil.y, pupil.diameter].map(|v| v / self.eyebox);
+            self.overlay = Overlay { help: Vec::new(), line: Some(format!("{steered}{db}   {HELP}")), map: Some(map) };
+            self.seen = Some((new.seen, new.psnr_db));
+            changed = true;
+        }
+        if let Some((picture, _)) = self.seen.as_ref().filter(|_| changed) {
+            self.window.show(&[(place, picture)], &self.overlay);
+        }
+        self.window.refresh().map_err(gone)?;
+        Ok(true)
+    }
+}
