@@ -125,6 +125,12 @@ impl VulkanEncoder {
         Ok(Self { inks, slots, frames, runs, input, output, args, cells, padded, seconds: 0.0, gpu })
     }
 
+    /// The driver says that the device was lost from its so many-th submission from now on.
+    #[cfg(test)]
+    pub(crate) fn pretend_lost_after(&mut self, submissions: u64) {
+        self.gpu.recorder.lost_from = Some(self.gpu.recorder.submitted + submissions);
+    }
+
     /// The device.
     pub fn device(&self) -> &DeviceReport {
         self.gpu.report()
