@@ -54,27 +54,11 @@ impl Target {
     /// # Safety
     /// The instance has the extension of this kind of target, and the window's handles are valid.
     pub(super) unsafe fn surface(&self, instance: &Instance) -> Result<vk::SurfaceKHR, vk::Result> {
-        let (entry, raw) = (&instance.entry, &instance.raw);
         // SAFETY: the caller says so.
         unsafe {
-            match *self {
-                Self::Direct(ref direct) => direct.surface(),
-                Self::Window(WindowHandle::Xcb { connection, window }) => khr::xcb_surface::Instance::new(entry, raw)
-                    .create_xcb_surface(
-                        &vk::XcbSurfaceCreateInfoKHR::default().connection(connection.cast()).window(window),
-                        None,
-                    ),
-                Self::Window(WindowHandle::Xlib { display, window }) => khr::xlib_surface::Instance::new(entry, raw)
-                    .create_xlib_surface(
-                        &vk::XlibSurfaceCreateInfoKHR::default().dpy(display.cast()).window(window as _),
-                        None,
-                    ),
-                Self::Window(WindowHandle::Wayland { display, surface }) => {
-                    khr::wayland_surface::Instance::new(entry, raw).create_wayland_surface(
-                        &vk::WaylandSurfaceCreateInfoKHR::default().display(display.cast()).surface(surface.cast()),
-                        None,
-                    )
-                }
+            match self {
+                Self::Window(window) => make_surface(instance, *window),
+                Self::Direct(direct) => direct.surface(),
             }
         }
     }
@@ -92,6 +76,32 @@ impl Target {
         match self {
             Self::Window(_) => "the window's surface is gone: it was closed, or the display was unplugged",
             Self::Direct(_) => "the display is gone: it was unplugged, or another program took it",
+        }
+    }
+}
+
+/// A surface on a window.
+///
+/// # Safety
+/// The instance has the extension of this kind of window, and its handles are valid.
+pub(super) unsafe fn make_surface(instance: &Instance, window: WindowHandle) -> Result<vk::SurfaceKHR, vk::Result> {
+    let (entry, raw) = (&instance.entry, &instance.raw);
+    // SAFETY: the caller says so.
+    unsafe {
+        match window {
+            WindowHandle::Xcb { connection, window } => khr::xcb_surface::Instance::new(entry, raw).create_xcb_surface(
+                &vk::XcbSurfaceCreateInfoKHR::default().connection(connection.cast()).window(window),
+                None,
+            ),
+            WindowHandle::Xlib { display, window } => khr::xlib_surface::Instance::new(entry, raw).create_xlib_surface(
+                &vk::XlibSurfaceCreateInfoKHR::default().dpy(display.cast()).window(window as _),
+                None,
+            ),
+            WindowHandle::Wayland { display, surface } => khr::wayland_surface::Instance::new(entry, raw)
+                .create_wayland_surface(
+                    &vk::WaylandSurfaceCreateInfoKHR::default().display(display.cast()).surface(surface.cast()),
+                    None,
+                ),
         }
     }
 }
