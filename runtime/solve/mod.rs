@@ -16,6 +16,8 @@ mod scene_plan;
 mod settings;
 mod solver;
 mod steer;
+#[cfg(test)]
+mod steer_tests;
 
 pub use forecast::{Forecast, Loaded, Rate, Rates, forecast};
 pub use judge::{Judge, Verdict};

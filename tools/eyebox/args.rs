@@ -52,7 +52,12 @@ pub enum Command {
     #[command(
         after_help = "Examples:\n  eyebox refine still-life.zarr builtin:still-life --pupil=4,0,4,1 --steps 16\n  eyebox refine still-life.zarr builtin:still-life --pupil=4,0,4,1 --spread 1 -o seen-there.zarr --json"
     )]
-    Refine(crate::refine::Refine),
+    Refine(Box<crate::live::Refine>),
+    /// Measure what steering by a simulated eye gains
+    #[command(
+        after_help = "Examples:\n  eyebox study still-life.zarr --display planes24 --duration 6 -o study\n  eyebox study builtin:still-life --display planes24 --size 256x256 --color green -o study\n\nTime is counted, not waited for: it passes by what refining and encoding take on this machine, and stands still while\nquality is judged."
+    )]
+    Study(Box<crate::live::Study>),
     /// Measure a hologram against its scene over many pupils
     #[command(after_help = "Example:\n  eyebox score still-life.zarr builtin:still-life --pupils random:16")]
     Score(Score),

@@ -14,13 +14,13 @@ mod encode;
 mod evaluate;
 mod export;
 mod failure;
+mod live;
 mod photograph;
 mod plan;
 mod play;
 mod progress;
 mod quality;
 mod rates;
-mod refine;
 mod report;
 mod score;
 mod solve;
@@ -47,7 +47,8 @@ fn main() -> ExitCode {
         Command::Plan(args) => plan::run(args),
         Command::View(args) => view::run(args),
         Command::Photograph(args) => photograph::run(args),
-        Command::Refine(args) => refine::run(args),
+        Command::Refine(args) => live::refine(args),
+        Command::Study(args) => live::study(args),
         Command::Score(args) => score::run(args),
         Command::Tradeoff(args) => tradeoff::run(args),
         Command::Evaluate(args) => evaluate::run(args),
