@@ -320,6 +320,13 @@ impl Source for Stream {
     }
 }
 
+/// Has every thread of the pool take work from another once: what that needs is made the first time, which on a busy
+/// machine may be long after the first picture.
+fn meet() {
+    let all = std::sync::Barrier::new(rayon::current_num_threads());
+    rayon::scope(|scope| (0..rayon::current_num_threads()).for_each(|_| scope.spawn(|_| drop(all.wait()))));
+}
+
 fn spawn(what: &'static str, run: impl FnOnce() -> Lane + Send + 'static) -> Result<JoinHandle<Lane>, PlaybackError> {
     std::thread::Builder::new()
         .name(format!("eyebox {what}"))
@@ -438,7 +445,10 @@ impl Encoding {
         };
         let failed = match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
             // On a thread of the pool: calls from outside would allocate.
-            Ok(pool) => pool.install(|| self.run(encode)),
+            Ok(pool) => pool.install(|| {
+                meet();
+                self.run(encode)
+            }),
             Err(e) => Err(PlaybackError::Thread { what: "encodes", reason: format!("could not be started ({e})") }),
         };
         if let Err(error) = failed {

@@ -32,7 +32,7 @@ mod record;
 mod recorder;
 mod renew;
 mod screen;
-#[cfg(test)]
+#[cfg(all(test, target_os = "linux"))]
 mod screen_tests;
 mod tables;
 mod target;

@@ -26,7 +26,7 @@ struct Desk {
 impl Desk {
     fn new() -> Self {
         let mut server = Command::new("Xvfb")
-            .args(["-displayfd", "1", "-screen", "0", "80x60x24", "-nolisten", "tcp"])
+            .args(["-displayfd", "1", "-screen", "0", "80x60x24", "-nolisten", "tcp", "-noreset"])
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
             .spawn()
