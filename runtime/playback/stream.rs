@@ -324,7 +324,10 @@ impl Source for Stream {
 /// machine may be long after the first picture.
 fn meet() {
     let all = std::sync::Barrier::new(rayon::current_num_threads());
-    rayon::scope(|scope| (0..rayon::current_num_threads()).for_each(|_| scope.spawn(|_| drop(all.wait()))));
+    let wait = || {
+        all.wait();
+    };
+    rayon::scope(|scope| (0..rayon::current_num_threads()).for_each(|_| scope.spawn(|_| wait())));
 }
 
 fn spawn(what: &'static str, run: impl FnOnce() -> Lane + Send + 'static) -> Result<JoinHandle<Lane>, PlaybackError> {
