@@ -4,6 +4,7 @@ use super::Stamps;
 use crate::encode::VideoFrames;
 use crate::playback::{Content, PlaybackError, Readiness, Source};
 use crossbeam_channel::{Receiver, Sender, TrySendError, bounded};
+use std::time::Instant;
 
 /// A finished set.
 #[derive(Debug)]
@@ -42,6 +43,7 @@ pub struct LiveSource {
     fresh: Option<Made>,
     on_screen: Option<Made>,
     changed: bool,
+    asked: Option<Instant>,
     repeats: u64,
     news: u64,
 }
@@ -53,7 +55,20 @@ pub fn handover(frames: &VideoFrames) -> (Giver, LiveSource) {
     (0..BUFFERS).for_each(|_| drop(back.send(frames.clone())));
     let (tell, messages) = bounded(MESSAGES);
     let giver = Giver { out, oldest: arriving.clone(), free, back: back.clone(), tell };
-    (giver, LiveSource { arriving, back, messages, fresh: None, on_screen: None, changed: false, repeats: 0, news: 0 })
+    (
+        giver,
+        LiveSource {
+            arriving,
+            back,
+            messages,
+            fresh: None,
+            on_screen: None,
+            changed: false,
+            asked: None,
+            repeats: 0,
+            news: 0,
+        },
+    )
 }
 
 impl Giver {
@@ -90,6 +105,11 @@ impl LiveSource {
         std::mem::take(&mut self.changed).then_some(self.on_screen.as_ref()).flatten()
     }
 
+    /// When a player last asked what there is: when it decided.
+    pub fn asked(&self) -> Option<Instant> {
+        self.asked
+    }
+
     /// Sets that were new when they were decided on, and sets that were shown again.
     pub fn counts(&self) -> [u64; 2] {
         [self.news, self.repeats]
@@ -108,6 +128,7 @@ impl Content for LiveSource {
 
 impl Source for LiveSource {
     fn poll(&mut self, _useful_from: u64) -> Result<(), PlaybackError> {
+        self.asked = Some(Instant::now());
         while let Ok(made) = self.arriving.try_recv() {
             if let Some(old) = self.fresh.replace(made) {
                 let _ = self.back.try_send(old.frames);

@@ -155,7 +155,8 @@ impl Refining {
                 if !whole {
                     self.steerer.restart()?;
                     let now = clock.now_ns();
-                    let stamps = Stamps { refine_start_ns: now, refine_end_ns: now, ..Stamps::default() };
+                    let stamps =
+                        Stamps { refine_start_ns: now, aimed_ns: now, refine_end_ns: now, ..Stamps::default() };
                     self.hand_over(Stamps { predicted_light_ns: target.start_ns + after, ..stamps }, [0.0; 2], 0)?;
                     whole = true;
                 }
@@ -165,13 +166,22 @@ impl Refining {
             }
             whole = false;
             let light_ns = target.start_ns.saturating_add(after);
-            let expected = self.watch.expect(clock.monotonic_ns(light_ns));
             let begun = Instant::now();
             let before = self.steerer.counts();
-            self.steerer.aim(aim_of(&expected.pupil))?;
-            let left = target.hand_over_ns.saturating_sub(ends).saturating_sub(clock.now_ns());
-            let deadline = Instant::now() + Duration::from_nanos(u64::try_from(left).unwrap_or(0));
-            let steps = self.steerer.refine_until(deadline)?;
+            let left = target.hand_over_ns.saturating_sub(ends).saturating_sub(now_ns);
+            let deadline = begun + Duration::from_nanos(u64::try_from(left).unwrap_or(0));
+            // Every round looks again where the pupil will be: samples come while it refines.
+            let (mut steps, mut aimed, mut expected) = (0, begun, self.watch.expect(clock.monotonic_ns(light_ns)));
+            loop {
+                self.steerer.aim(aim_of(&expected.pupil))?;
+                let taken = self.steerer.round_until(deadline)?;
+                steps += taken;
+                if taken == 0 || Instant::now() + self.steerer.round() > deadline {
+                    break;
+                }
+                aimed = Instant::now();
+                expected = self.watch.expect(clock.monotonic_ns(light_ns));
+            }
             self.options.lane.span("refine", self.number, begun);
             let after = self.steerer.counts();
             self.shared.restarts.fetch_add(after[0] - before[0], Ordering::Relaxed);
@@ -183,6 +193,7 @@ impl Refining {
                 decoded_ns: decoded,
                 filtered_ns: filtered,
                 refine_start_ns: clock.at_ns(begun),
+                aimed_ns: clock.at_ns(aimed),
                 refine_end_ns: clock.now_ns(),
                 handed_over_ns: 0,
                 predicted_light_ns: light_ns,

@@ -109,14 +109,13 @@ impl Steerer {
         self.colors.iter().map(|c| c.refiner.expected()).sum()
     }
 
-    /// Steps, colour by colour in turn, as many as are expected to end before `deadline`; how many were taken. A colour
-    /// whose loss is no finite number begins again.
+    /// Steps, colour by colour in turn, one of each at most, while they are expected to end before `deadline`; how many
+    /// were taken. A colour whose loss is no finite number begins again.
     ///
     /// # Errors
     /// Those of the engines.
-    pub fn refine_until(&mut self, deadline: Instant) -> Result<u32, EngineError> {
-        let mut taken = 0;
-        loop {
+    pub fn round_until(&mut self, deadline: Instant) -> Result<u32, EngineError> {
+        for taken in 0..self.colors.len() as u32 {
             let color = &mut self.colors[self.next];
             if Instant::now() + color.refiner.expected() > deadline {
                 return Ok(taken);
@@ -125,9 +124,9 @@ impl Steerer {
                 color.refiner.restart(&color.whole)?;
             }
             self.next = (self.next + 1) % self.colors.len();
-            taken += 1;
             self.steps += 1;
         }
+        Ok(self.colors.len() as u32)
     }
 
     /// The phases as they are now, colour by colour: (frames, height, width), radians.

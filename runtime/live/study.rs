@@ -268,21 +268,32 @@ pub fn study(
     let mut next_start = settings.period_ns;
     let end_ns = (settings.seconds * 1e9) as i64;
     // Before time begins: no first step is like the others.
-    steerer.refine_until(Instant::now() + Duration::from_millis(1))?;
+    for _ in 0..4 {
+        steerer.round_until(Instant::now() + Duration::from_secs(3600))?;
+    }
     steerer.restart()?;
     'time: while next_start < end_ns {
         stage.arrive()?;
         let ends = encoding_ns + SLACK_NS;
-        let round = i64::try_from(steerer.round().as_nanos()).unwrap_or(i64::MAX);
-        let target = stage.beat().reachable(stage.now_ns, round.saturating_add(ends));
+        let target = stage.beat().reachable(stage.now_ns, as_ns(steerer.round()).saturating_add(ends));
         let light = u64::try_from(target.start_ns + settings.light_after_ns).unwrap_or(0);
-        let pupil = stage.estimator.predict(light);
         // Time passes here,
-        let begun = Instant::now();
-        steerer.aim(aim_of(&pupil))?;
-        let left = u64::try_from(target.hand_over_ns - ends - stage.now_ns).unwrap_or(0);
-        let steps = steerer.refine_until(begun + Duration::from_nanos(left))?;
-        let refined = begun.elapsed().as_nanos() as i64;
+        let (begun, began_ns) = (Instant::now(), stage.now_ns);
+        let left = u64::try_from(target.hand_over_ns - ends - began_ns).unwrap_or(0);
+        let deadline = begun + Duration::from_nanos(left);
+        let mut steps = 0;
+        let pupil = loop {
+            let pupil = stage.estimator.predict(light);
+            steerer.aim(aim_of(&pupil))?;
+            let taken = steerer.round_until(deadline)?;
+            steps += taken;
+            if taken == 0 || Instant::now() + steerer.round() > deadline {
+                break pupil;
+            }
+            stage.now_ns = began_ns.saturating_add(as_ns(begun.elapsed()));
+            stage.arrive()?;
+        };
+        let refined = as_ns(begun.elapsed());
         let made = if steps > 0 {
             let now = steerer.phases()?;
             encoder.encode_into(&PhaseSet::trusted(&now), &mut frames)?;
@@ -290,8 +301,8 @@ pub fn study(
         } else {
             None
         };
-        let took = begun.elapsed().as_nanos() as i64;
-        stage.now_ns += if steps > 0 { took } else { took + SLACK_NS };
+        let took = as_ns(begun.elapsed());
+        stage.now_ns = began_ns.saturating_add(if steps > 0 { took } else { took + SLACK_NS });
         // and stands from here on.
         if steps > 0 {
             refined_ns += refined;
@@ -344,4 +355,8 @@ pub fn study(
     let per = |ns: i64, count: u64| ns as f64 * 1e-6 / count.max(1) as f64;
     let (step_ms, encode_ms) = (per(refined_ns, steps), per(encoded, u64::from(handed_over)));
     Ok(Study { moments, restarts, steps, step_ms, encode_ms })
+}
+
+fn as_ns(duration: Duration) -> i64 {
+    i64::try_from(duration.as_nanos()).unwrap_or(i64::MAX)
 }

@@ -1,12 +1,13 @@
 //! A tracker's samples on their way to the estimate of the pupil, on a thread of their own.
 
 use crate::gaze::{Estimator, Phase, PupilDistribution};
+use crate::playback::Lane;
 use crate::trackers::{Sample, Status, Stream, TrackerError, now_ns};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// What is expected of the eye at a time. Times on the trackers' clock ([`now_ns`]).
 #[derive(Debug, Clone, Copy)]
@@ -38,7 +39,7 @@ pub struct Watch {
     state: Arc<Mutex<State>>,
     stream: Arc<Stream>,
     stop: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
+    thread: Option<JoinHandle<Lane>>,
 }
 
 fn locked(state: &Mutex<State>) -> MutexGuard<'_, State> {
@@ -47,11 +48,11 @@ fn locked(state: &Mutex<State>) -> MutexGuard<'_, State> {
 }
 
 impl Watch {
-    /// Takes the samples of `stream` through `estimator`.
+    /// Takes the samples of `stream` through `estimator`; `lane` traces it.
     ///
     /// # Errors
     /// [`TrackerError::Setting`] where the system gives no thread.
-    pub fn start(stream: Stream, estimator: Estimator) -> Result<Self, TrackerError> {
+    pub fn start(stream: Stream, estimator: Estimator, mut lane: Lane) -> Result<Self, TrackerError> {
         let (places, notes) = (VecDeque::with_capacity(REMEMBERED), VecDeque::with_capacity(NOTES));
         let state = Arc::new(Mutex::new(State { estimator, newest: None, places, notes }));
         let (stream, stop) = (Arc::new(stream), Arc::new(AtomicBool::new(false)));
@@ -59,10 +60,13 @@ impl Watch {
         let thread = std::thread::Builder::new()
             .name("eyebox gaze".into())
             .spawn(move || {
-                let mut ended = false;
+                let (mut ended, mut count) = (false, 0);
                 while !stopped.load(Ordering::Acquire) {
                     if let Some(sample) = samples.next(PATIENCE) {
+                        let begun = Instant::now();
                         locked(&theirs).take(&sample);
+                        lane.span("filter", count, begun);
+                        count += 1;
                     }
                     while let Some(note) = samples.note() {
                         locked(&theirs).note(note);
@@ -77,6 +81,7 @@ impl Watch {
                         std::thread::sleep(PATIENCE);
                     }
                 }
+                lane
             })
             .map_err(|e| TrackerError::Setting(format!("no thread for the gaze: {e}")))?;
         Ok(Self { state, stream, stop, thread: Some(thread) })
@@ -112,6 +117,12 @@ impl Watch {
         locked(&self.state).notes.pop_front()
     }
 
+    /// Ends the thread: what it did.
+    pub fn stop(&mut self) -> Option<Lane> {
+        self.stop.store(true, Ordering::Release);
+        self.thread.take().and_then(|t| t.join().ok())
+    }
+
     /// How the tracker is doing.
     pub fn status(&self) -> Status {
         self.stream.status()
@@ -120,10 +131,7 @@ impl Watch {
 
 impl Drop for Watch {
     fn drop(&mut self) {
-        self.stop.store(true, Ordering::Release);
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
+        let _ = self.stop();
     }
 }
 

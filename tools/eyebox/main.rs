@@ -1,4 +1,4 @@
-//! The `eyebox` command: `demo`, `solve`, `plan`, `view`, `photograph`, `refine`, `score`, `tradeoff`, `evaluate`, `export`, `encode`,
+//! The `eyebox` command: `demo`, `solve`, `plan`, `view`, `photograph`, `refine`, `study`, `live`, `score`, `tradeoff`, `evaluate`, `export`, `encode`,
 //! `play`, `monitors`, `bench`, `devices`, `trackers`.
 //!
 //! This room reads arguments, calls the runtime, and shows what came of it. Anything that a program would want to call
@@ -49,6 +49,7 @@ fn main() -> ExitCode {
         Command::Photograph(args) => photograph::run(args),
         Command::Refine(args) => live::refine(args),
         Command::Study(args) => live::study(args),
+        Command::Live(args) => live::live(args),
         Command::Score(args) => score::run(args),
         Command::Tradeoff(args) => tradeoff::run(args),
         Command::Evaluate(args) => evaluate::run(args),

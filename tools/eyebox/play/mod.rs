@@ -3,13 +3,13 @@
 mod args;
 mod monitors;
 
-pub use args::{Monitors, Play};
+pub use args::{Monitors, OutputName, Play};
 pub use monitors::monitors;
 
 use crate::Failure;
 use crate::args::EngineName;
 use crate::progress;
-use args::{ClockName, OutputName};
+use args::ClockName;
 use eyebox::encode::{Encoder, PhaseSet};
 use eyebox::engine::vulkan::Options as VulkanOptions;
 use eyebox::files;
@@ -23,7 +23,7 @@ use eyebox::playback::{
 use serde_json::json;
 use std::io::{IsTerminal, Write};
 use std::rc::Rc;
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Spans that a trace keeps for each thread: half an hour at 120 Hz.
@@ -79,28 +79,57 @@ pub fn run(args: &Play) -> Result<(), Failure> {
 fn on_display(args: &Play, mut opened: Opened) -> Result<(), Failure> {
     let clock = Rc::new(RealClock::start());
     let frames = opened.encoder.frames();
-    let (size, wanted) = ([frames.height, frames.width], args.monitor.as_deref());
-    let (mut display, messages): (Box<dyn Presenter>, _) = if args.output == OutputName::Direct {
-        let display = Direct::open(args.validation)?.take(wanted, size, args.display_rate, Rc::clone(&clock))?;
-        let messages = display.messages();
-        // Its own rate is the mode's, which may be 59.94 where 60 was asked for.
-        opened.display_rate = display.rate().unwrap_or(opened.display_rate);
-        (Box::new(display), messages)
-    } else {
-        let desktop = Desktop::open()?;
-        let monitor = desktop.choose(wanted, size)?;
-        let window = desktop.window(&monitor, Rc::clone(&clock), args.validation)?;
-        let messages = window.messages();
-        opened.display_rate = args.display_rate.or(window.rate()).unwrap_or(opened.display_rate);
-        (Box::new(window), messages)
+    let wanted = Wanted {
+        direct: args.output == OutputName::Direct,
+        monitor: args.monitor.as_deref(),
+        size: [frames.height, frames.width],
+        rate: args.display_rate,
+        validation: args.validation,
     };
+    let (mut display, rate, messages) = wanted.open(Rc::clone(&clock))?;
+    opened.display_rate = rate.unwrap_or(opened.display_rate);
     let played = play(args, opened, clock, &mut *display);
     drop(display);
     checked(played, &messages)
 }
 
+/// A display that is not memory.
+pub struct Wanted<'a> {
+    /// One that no desktop drives; else a window.
+    pub direct: bool,
+    /// Which.
+    pub monitor: Option<&'a str>,
+    /// Rows, columns of a video frame.
+    pub size: [usize; 2],
+    /// Video frames a second.
+    pub rate: Option<Rate>,
+    /// Whether Vulkan's use is checked.
+    pub validation: bool,
+}
+
+/// It, its rate where that is known, and what the validation layer says.
+pub type Shown = (Box<dyn Presenter>, Option<Rate>, Arc<Mutex<Vec<String>>>);
+
+impl Wanted<'_> {
+    /// Opens it.
+    pub fn open(&self, clock: Rc<RealClock>) -> Result<Shown, Failure> {
+        if self.direct {
+            let display = Direct::open(self.validation)?.take(self.monitor, self.size, self.rate, clock)?;
+            let messages = display.messages();
+            // Its own rate is the mode's, which may be 59.94 where 60 was asked for.
+            let rate = display.rate();
+            return Ok((Box::new(display), rate, messages));
+        }
+        let desktop = Desktop::open()?;
+        let monitor = desktop.choose(self.monitor, self.size)?;
+        let window = desktop.window(&monitor, clock, self.validation)?;
+        let (rate, messages) = (self.rate.or(window.rate()), window.messages());
+        Ok((Box::new(window), rate, messages))
+    }
+}
+
 /// What the validation layer said, when all that it watched is gone.
-fn checked(played: Result<(), Failure>, messages: &Mutex<Vec<String>>) -> Result<(), Failure> {
+pub fn checked(played: Result<(), Failure>, messages: &Mutex<Vec<String>>) -> Result<(), Failure> {
     let messages = messages.lock().map(|m| m.clone()).unwrap_or_default();
     messages.iter().for_each(|m| eprintln!("validation: {m}"));
     if played.is_ok() && !messages.is_empty() {
@@ -282,7 +311,7 @@ fn tell(stream: &mut Stream, status: &mut Status) {
 }
 
 /// A display that goes away while it is played to has an exit code of its own.
-fn lost(error: PlaybackError) -> Failure {
+pub fn lost(error: PlaybackError) -> Failure {
     match error {
         PlaybackError::Presenter { .. } => Failure::Lost(error.to_string()),
         other => other.into(),
