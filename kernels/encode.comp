@@ -1,9 +1,9 @@
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 
-// The levels of one colour's sub-frames at their bits: frame = the first's, frame |= the others'. An invocation takes four pixels of a row, all their
-// cells: whole words of the video frame, whose rows are padded to them. x: those fours (64 invocations), y: row of
-// pixels (strided).
+// The levels of one colour's sub-frames at their bits: frame = the first's, frame |= the others'. An invocation takes
+// four pixels of a row, all their cells: whole words of the video frame, whose rows are padded to them. x: those fours
+// (64 invocations), y: row of pixels (strided).
 // The float operations are exact, all others are of integers: the twin has the same bytes.
 
 layout(local_size_x = 64) in;
@@ -18,10 +18,15 @@ layout(constant_id = 5) const uint levels = 256;
 layout(constant_id = 6) const uint count = 1;
 // Whether a run came before it in this frame; the first writes all of it.
 layout(constant_id = 7) const bool follows = false;
+// Four pixels' phases lie side by side, at a multiple of four.
+layout(constant_id = 8) const bool aligned = false;
+// Every entry takes all bits of the level.
+layout(constant_id = 9) const bool entire = false;
 
 // Sub-frame (8 bits), mask (8), from, to, channel (4 each).
 layout(std430, binding = 0) readonly buffer Slots { uint slots[]; };
 layout(std430, binding = 1) readonly buffer Phases { float phases[]; };
+layout(std430, binding = 1) readonly buffer Fours { vec4 fours[]; };
 layout(std430, binding = 2) readonly buffer Offsets { uint offsets[]; };
 // Four entries a word.
 layout(std430, binding = 3) readonly buffer Table { uint table[]; };
@@ -42,7 +47,7 @@ uint turns(float phase) {
     precise float scaled = rest * 4194304.0;
     int whole = int(nearest);
     int part = int(roundEven(scaled));
-    return uint(whole * 683565275 + ((whole * 148) >> 8) + (part >> 10) * 166886 + (((part & 1023) * 41722) >> 8));
+    return uint(whole * 683565275 + ((whole * 148) >> 8) + (part >> 10) * 166886 + (((part & 1023) * 20861) >> 7));
 }
 
 uint level_of(uint t) {
@@ -83,10 +88,16 @@ void main() {
             uint slot = slots[first_slot + k];
             uint base = (slot >> 24) * stride, mask = (slot >> 16) & 255u;
             uint from = (slot >> 8) & 15, to = 8 * (slot & 15) + ((slot >> 4) & 15);
+            vec4 phase;
+            if (aligned) {
+                phase = fours[(base + source[0]) / 4];
+            } else {
+                [[unroll]] for (uint i = 0; i < 4; i++) phase[i] = phases[base + source[i]];
+            }
             [[unroll]] for (uint i = 0; i < 4; i++) {
-                uint level = level_of(turns(phases[base + source[i]]) + offset[i]);
+                uint level = level_of(turns(phase[i]) + offset[i]);
                 if (cell_rows * cell_columns == 1) {
-                    pixel[i] |= ((level >> from) & mask) << to;
+                    pixel[i] |= (entire ? level : (level >> from) & mask) << to;
                 } else {
                     [[unroll]] for (uint j = 0; j < cell_rows; j++) {
                         [[unroll]] for (uint c = 0; c < cell_columns; c++) {

@@ -20,8 +20,8 @@ pub const MOST_CELLS: usize = 4;
 const ROUND: f32 = 12_582_912.0;
 /// Units of 2^-32 turns in a radian: 683565275 + 148 / 256.
 const RADIAN: [i32; 2] = [683_565_275, 148];
-/// Units in 2^-12 radian, and 256 times the units in 2^-22 radian.
-const PART: [i32; 2] = [166_886, 41_722];
+/// Units in 2^-12 radian, and 128 times the units in 2^-22 radian: less than 2^15, which processors multiply faster.
+const PART: [i32; 2] = [166_886, 20_861];
 /// Pixels that are encoded at once, in the nearest cache. A set is many sub-frames, each a stream of its own: blocks are
 /// long, for a processor fetches ahead along a stream.
 pub const BLOCK: usize = 8192;
@@ -146,7 +146,7 @@ pub fn turns(phase: f32) -> u32 {
     let rest = (rest * 4_194_304.0 + ROUND).to_bits().wrapping_sub(ROUND.to_bits()) as i32;
     let whole = whole.wrapping_mul(RADIAN[0]).wrapping_add(whole.wrapping_mul(RADIAN[1]) >> 8);
     let high = (rest >> 10).wrapping_mul(PART[0]);
-    let low = ((rest & 1023) * PART[1]) >> 8;
+    let low = ((rest & 1023) * PART[1]) >> 7;
     whole.wrapping_add(high).wrapping_add(low) as u32
 }
 

@@ -84,6 +84,8 @@ map = [
         (8, "packing = \"planes8\"\ncells = [[2, 0, 1]]\nflip_video = \"both\"".to_owned()),
         (16, "packing = \"planes24\"\ncells = [[2], [0], [1], [3]]\nflip_video = \"vertical\"".to_owned()),
     ];
+    // Four pixels side by side in the hologram too.
+    cases.push((256, format!("flip = \"vertical\"\noffset_px = [3, -8]\n{grating}")));
     cases.extend(turns.map(|turn| (256, format!("{turn}\noffset_px = [3, -5]\n{grating}"))));
     for (levels, encoding) in cases {
         for (height, width) in [(6, 11), (17, 24)] {

@@ -56,6 +56,14 @@ pub enum EngineError {
         /// The kernel or the transfer.
         during: String,
     },
+    /// The screen takes no pictures any more.
+    #[error("{device}: {reason}")]
+    ScreenLost {
+        /// The device's name.
+        device: String,
+        /// What became of it.
+        reason: String,
+    },
     /// Another answer of Vulkan's.
     #[error("{device}: {call} answered {result}")]
     Vulkan {

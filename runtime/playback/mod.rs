@@ -5,8 +5,10 @@
 //!
 //! Pure, with times as numbers: `rate`, `timeline` (which content frame is due when), `scheduler` (what the next video
 //! frame shows, and the `account` of why), `pacing` (when to wake for it). Around them: `clock`, real or simulated;
-//! `stream` (reading, checking and encoding ahead, on threads of their own, in buffers that are made once);
-//! `presenter`, the display's side: `offscreen` (with its `sink`s) and `window` behind one trait; `panel`, ordinary windows beside it; `player`, which joins all of it;
+//! `stream` (reading, checking and encoding ahead, on threads of their own, in buffers that are made once, passed on through
+//! `ring`s);
+//! `presenter`, the display's side: `offscreen` (with its `sink`s), `window` (with its `connection`) and `direct` behind one
+//! trait; `panel`, ordinary windows beside it; `player`, which joins all of it;
 //! `marks` (the sync picture and the corner mark), `record`, `trace`.
 //!
 //! Every time carries its unit and its meaning in its name. This room imports [`optics`](crate::optics),
@@ -15,6 +17,8 @@
 
 mod account;
 mod clock;
+mod connection;
+mod direct;
 mod marks;
 mod offscreen;
 mod pacing;
@@ -24,6 +28,7 @@ mod presenter;
 mod rate;
 mod record;
 mod report;
+mod ring;
 mod scheduler;
 mod sink;
 mod stream;
@@ -40,6 +45,7 @@ mod stream_tests;
 
 pub use account::{Account, Cause};
 pub use clock::{Clock, RealClock, SimulatedClock};
+pub use direct::{Connected, Direct, DirectWindow};
 pub use marks::{Marks, mark_corner, sync_phases};
 pub use offscreen::Offscreen;
 pub use pacing::{Outcome, Pacer, Prediction};

@@ -34,6 +34,9 @@ pub struct Outcome {
 /// Presents without a miss after which the margin narrows.
 const EVIDENCE: u32 = 120;
 
+/// Periods that the first answer may come later than guessed without a miss.
+const FIRST: i64 = 8;
+
 /// Predicts; learns from what happened.
 #[derive(Debug, Clone)]
 pub struct Pacer {
@@ -108,14 +111,13 @@ impl Pacer {
             self.in_flight.pop_front();
         }
         let (_, vblank) = self.in_flight.pop_front().filter(|f| f.0 == id)?;
-        if !self.known {
-            // Until now the display's phase was a guess.
-            self.known = true;
+        let period = self.rate.period_ns();
+        let off = actual_display_time_ns - self.time_of(vblank);
+        // Until the first answer the display's phase is a guess, and so is how many frames it keeps in line.
+        if !std::mem::replace(&mut self.known, true) && off < FIRST * period {
             self.anchor = Some((vblank, actual_display_time_ns));
             return Some(Outcome { vblank, missed: 0, jitter_ns: 0 });
         }
-        let period = self.rate.period_ns();
-        let off = actual_display_time_ns - self.time_of(vblank);
         let missed = u64::try_from((off + period / 2).div_euclid(period)).unwrap_or(0);
         let vblank = vblank + missed;
         let jitter_ns = actual_display_time_ns - self.time_of(vblank);

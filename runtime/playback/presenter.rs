@@ -36,6 +36,11 @@ pub trait Presenter {
     /// Video frames a second, where it knows.
     fn rate(&self) -> Option<Rate>;
 
+    /// For people and statistics: how it is known when video frames light up.
+    fn timed_by(&self) -> &'static str {
+        "its own clock"
+    }
+
     /// Takes in a video frame, (row, column, channel) of 8 bits, 1 or 3 channels: exactly what the display receives.
     ///
     /// # Errors

@@ -1,7 +1,7 @@
 //! The scheduler and the pacer in simulated time: what the panel showed against plain arithmetic.
 
 use super::simulation::Simulation;
-use super::{Account, Cause, Flow, Rate, SECOND_NS, Schedule, Speed, Start};
+use super::{Account, Cause, Clock, Flow, Pacer, Rate, SECOND_NS, Schedule, Speed, Start};
 use proptest::prelude::*;
 use std::collections::BTreeSet;
 
@@ -288,6 +288,73 @@ fn a_display_slower_than_stated_is_a_missed_present_each_time() {
     assert!((1700..=1800).contains(&account.missed_presents), "{account:?}");
     assert!(account.dropped_for(Cause::MissedPresent) >= account.missed_presents - 10, "{account:?}");
     assert_eq!(account.dropped_for(Cause::LateContent) + account.dropped_for(Cause::LateGpu), 0);
+}
+
+/// The machine sleeps for minutes, on a clock that goes on meanwhile: what was due is dropped, and the first set after it
+/// is whole and the one that is due.
+#[test]
+fn a_suspend_drops_what_was_due_and_goes_on_in_time() {
+    for (set_frames, content, inside) in [(1, "60", 0), (8, "7.5", 3), (3, "20", 1), (8, "60", 5)] {
+        let mut simulation = Simulation::new(schedule("60", content, set_frames), rate("60"));
+        simulation.run_until(10 * SECOND_NS + rate("60").time_of_ns(inside));
+        let before = simulation.player.scheduler().account().clone();
+        simulation.clock_to(simulation.clock.now_ns() + 7 * MINUTES + 123_456_789);
+        simulation.run_until(8 * MINUTES);
+        // Whole, and in order.
+        let (new, _) = shown(&simulation);
+        let account = adds_up(&simulation);
+        let missed = account.missed_presents - before.missed_presents;
+        assert!((25_205..=25_209).contains(&missed), "{missed} of 7 minutes' presents");
+        let last = new.last().unwrap();
+        let [first, after] = due(last.1 - new[0].1, rate("60"), rate(content));
+        if set_frames == 1 {
+            assert!((first..=after).contains(&last.0), "{last:?}");
+        }
+        // Of what was due in those minutes, all but the first.
+        let asleep = (25_207.4 * rate(content).hz() / 60.0) as u64;
+        let dropped = account.drops() - before.drops();
+        assert!(account.dropped_for(Cause::MissedPresent) + account.dropped_for(Cause::Rates) == account.drops());
+        assert!(dropped >= asleep - 2, "{dropped} of {asleep}");
+        assert_eq!((account.dropped_for(Cause::LateContent), account.dropped_for(Cause::LateGpu)), (0, 0));
+    }
+}
+
+/// A display that says nothing at first, and then of a video frame that it lit up three seconds late: those were missed.
+#[test]
+fn a_first_answer_that_comes_late_counts_what_was_missed() {
+    let mut pacer = Pacer::new(rate("60"));
+    for (late_ns, missed) in [(3 * SECOND_NS, 180), (30_000_000, 0)] {
+        let mut pacer = pacer.clone();
+        let first = pacer.predict(0);
+        pacer.submitted(0, first.vblank, 0);
+        let outcome = pacer.presented(0, first.predicted_display_time_ns + late_ns).unwrap();
+        assert_eq!((outcome.missed, outcome.vblank), (missed, first.vblank + missed));
+        let next = pacer.predict(first.predicted_display_time_ns + late_ns + 1_000_000);
+        assert_eq!(next.vblank, first.vblank + missed + 1);
+    }
+    assert_eq!(pacer.predict(0).vblank, 0);
+}
+
+/// The machine sleeps on a clock that stands still meanwhile: the display comes back with another phase, and a quarter of
+/// a second later it is known again.
+#[test]
+fn a_display_that_comes_back_with_another_phase_is_followed() {
+    for shift_ns in [-8_000_000, -3_000_000, 4_000_000, 8_300_000, 12_000_000] {
+        let mut simulation = Simulation::new(schedule("60", "60", 1), rate("60"));
+        simulation.run_until(10 * SECOND_NS);
+        simulation.panel.shift(shift_ns);
+        simulation.run_until(11 * SECOND_NS);
+        let missed = simulation.player.scheduler().account().missed_presents;
+        simulation.run_until(MINUTES);
+        let account = adds_up(&simulation);
+        simulation.sets();
+        // Half a period off, it cannot be told from a miss.
+        assert!(missed <= 4, "{shift_ns}: {missed}");
+        assert_eq!(account.missed_presents, missed, "{shift_ns}");
+        let now = simulation.player.display_time_ns();
+        let beat = (now - simulation.panel.time_of_ns(0)).rem_euclid(rate("60").period_ns());
+        assert!(beat < 500_000 || beat > rate("60").period_ns() - 500_000, "{shift_ns}: {beat} ns beside the beat");
+    }
 }
 
 proptest! {

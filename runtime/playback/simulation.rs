@@ -43,6 +43,11 @@ impl Panel {
         Self { clock, rate, phase_ns, stuck, jitter_ns: 0, noise: SplitMix(5), picture: [0; 9], next: 0, log, feedback }
     }
 
+    /// Its beat comes so much later from now on.
+    pub fn shift(&mut self, by_ns: i64) {
+        self.phase_ns += by_ns;
+    }
+
     pub fn time_of_ns(&self, beat: i64) -> i64 {
         self.phase_ns + self.rate.time_of_ns(beat)
     }

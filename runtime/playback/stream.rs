@@ -5,12 +5,14 @@
 //! is late leaves out what is no longer of use, so that it catches up.
 
 use super::player::Source;
+use super::ring::Ring;
 use super::scheduler::{Content, Readiness};
 use super::{Lane, Marks, PlaybackError, Trace, mark_corner};
 use crate::encode::{Encoder, PhaseSet, VideoFrames};
+use crate::engine::EngineError;
 use crate::engine::vulkan::{Options as VulkanOptions, VulkanEncoder};
 use crate::hologram::Sequence;
-use crossbeam_channel::{Receiver, RecvTimeoutError, SendTimeoutError, Sender, bounded, unbounded};
+use crossbeam_channel::{Receiver, Sender, unbounded};
 use std::collections::{BTreeSet, VecDeque};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -40,37 +42,14 @@ pub struct Options {
 pub enum StreamEncoder {
     /// All cores of the CPU.
     Cpu(Encoder),
-    /// A Vulkan device.
+    /// A Vulkan device; the CPU, which gives the same bytes, once that is lost.
     Vulkan(Encoder, VulkanOptions),
-}
-
-impl StreamEncoder {
-    fn encoder(&self) -> &Encoder {
-        match self {
-            Self::Cpu(encoder) | Self::Vulkan(encoder, _) => encoder,
-        }
-    }
 }
 
 /// How often a thread that waits looks whether it is to stop.
 const PATIENCE: Duration = Duration::from_millis(20);
-
-/// Makes a channel, and waits at both ends of it once: what waiting needs is then there before the first picture.
-fn channel<T>(capacity: usize, mut item: impl FnMut() -> T) -> (Sender<T>, Receiver<T>) {
-    let (send, receive) = bounded(capacity);
-    let _ = receive.recv_timeout(FIRST_WAIT);
-    while send.send_timeout(item(), FIRST_WAIT).is_ok() {}
-    while receive.try_recv().is_ok() {}
-    (send, receive)
-}
-
-/// The same for the thread that calls it.
-fn wait_once() {
-    let (_send, receive) = bounded::<()>(1);
-    let _ = receive.recv_timeout(FIRST_WAIT);
-}
-
-const FIRST_WAIT: Duration = Duration::from_millis(1);
+/// Holograms under way between file and encoder.
+const PHASES: usize = 3;
 
 /// A position of an epoch: positions begin anew with every seek, and what belongs to an older epoch means nothing.
 const EPOCH_SHIFT: u32 = 48;
@@ -124,9 +103,10 @@ struct Encoded {
 pub struct Stream {
     shared: Arc<Shared>,
     epoch: u64,
-    arriving: Receiver<Encoded>,
-    free: Sender<VideoFrames>,
+    arriving: Ring<Encoded>,
+    free: Ring<VideoFrames>,
     messages: Receiver<String>,
+    validation: Option<Arc<Mutex<Vec<String>>>>,
     ready: VecDeque<Encoded>,
     on_screen: Option<(VideoFrames, u64)>,
     threads: Vec<JoinHandle<Lane>>,
@@ -136,17 +116,35 @@ impl Stream {
     /// Starts reading and encoding.
     ///
     /// # Errors
-    /// [`PlaybackError::Encode`] where the holograms do not have the encoder's shape; [`PlaybackError::Thread`].
+    /// [`PlaybackError::Encode`] where the holograms do not have the encoder's shape; [`PlaybackError::Engine`] where the
+    /// Vulkan device cannot be had; [`PlaybackError::Thread`].
     pub fn start(sequence: Sequence, encoder: StreamEncoder, options: Options) -> Result<Self, PlaybackError> {
+        match encoder {
+            StreamEncoder::Cpu(encoder) => Self::with(sequence, encoder, None, options),
+            StreamEncoder::Vulkan(encoder, device) => {
+                let device = VulkanEncoder::open(&device, encoder.plan())?;
+                Self::with(sequence, encoder, Some(device), options)
+            }
+        }
+    }
+
+    /// With a device that encodes as long as it is there.
+    pub(super) fn with(
+        sequence: Sequence,
+        encoder: Encoder,
+        device: Option<VulkanEncoder>,
+        options: Options,
+    ) -> Result<Self, PlaybackError> {
         let ahead = options.ahead.clamp(2, 64);
         let shape = sequence.shape();
-        let mut probe = encoder.encoder().frames();
+        let validation = device.as_ref().map(VulkanEncoder::messages);
+        let mut probe = encoder.frames();
         {
             // A shape that does not fit is refused here, not on a thread.
             let each = shape[1] * shape[2] * shape[3];
             let zeros = vec![0.0; each];
             let colors: Vec<&[f32]> = vec![&zeros; shape[0]];
-            encoder.encoder().check(&PhaseSet::trusted(&colors), &probe)?;
+            encoder.check(&PhaseSet::trusted(&colors), &probe)?;
         }
         let shared = Arc::new(Shared {
             stop: AtomicBool::new(false),
@@ -157,39 +155,51 @@ impl Stream {
             end: AtomicU64::new(u64::MAX),
             failure: Mutex::new(None),
         });
-        let (free_phases_in, free_phases) = channel(3, Vec::new);
-        for _ in 0..3 {
-            let _ = free_phases_in.send(vec![0.0; sequence.values()]);
+        let free_phases = Ring::new(PHASES);
+        for _ in 0..PHASES {
+            let _ = free_phases.put(vec![0.0; sequence.values()]);
         }
         // One more waits to be exchanged for the one on the screen.
-        let (free, free_frames) = channel(ahead + 2, || probe.clone());
+        let free = Ring::new(ahead + 2);
         for _ in 0..ahead + 1 {
-            let _ = free.send(std::mem::replace(&mut probe, encoder.encoder().frames()));
+            let _ = free.put(std::mem::replace(&mut probe, encoder.frames()));
         }
-        let _ = free.send(probe);
-        let (to_encode, encode) =
-            channel(2, || Phases { epoch: 0, position: 0, index: 0, damaged: true, values: Vec::new() });
-        let (out, arriving) = channel(ahead + 2, || Encoded { epoch: 0, position: 0, index: 0, frames: None });
+        let _ = free.put(probe);
+        let (to_encode, arriving) = (Ring::new(PHASES - 1), Ring::new(ahead + 2));
         let (tell, messages) = unbounded();
         let (lane, state) = (options.trace.lane("read"), Arc::clone(&shared));
-        let reader = Reader { sequence, options, shared: state, free: free_phases, out: to_encode, tell, lane };
+        let reader = Reader {
+            sequence,
+            options,
+            shared: state,
+            free: free_phases.clone(),
+            out: to_encode.clone(),
+            tell: tell.clone(),
+            lane,
+        };
         let read = spawn("reads holograms", move || reader.run())?;
         let (lane, state) = (options.trace.lane("encode"), Arc::clone(&shared));
         let encoding = Encoding {
             shape,
             marks: options.marks,
             shared: state,
-            encode,
-            free_phases: free_phases_in,
-            free_frames,
-            out,
+            encode: to_encode,
+            free_phases,
+            free_frames: free.clone(),
+            out: arriving.clone(),
+            tell,
             lane,
         };
         let threads = options.threads;
-        let encode = spawn("encodes", move || encoding.start(encoder, threads))?;
+        let encode = spawn("encodes", move || encoding.start(&encoder, device, threads))?;
         let ready = VecDeque::with_capacity(2 * ahead + 8);
         let threads = vec![read, encode];
-        Ok(Self { shared, epoch: 0, arriving, free, messages, ready, on_screen: None, threads })
+        Ok(Self { shared, epoch: 0, arriving, free, messages, validation, ready, on_screen: None, threads })
+    }
+
+    /// What the validation layer says of the device that encodes, to the last; none where the CPU does.
+    pub fn validation(&self) -> Option<Arc<Mutex<Vec<String>>>> {
+        self.validation.clone()
     }
 
     /// Ends the threads: what they did.
@@ -209,12 +219,13 @@ impl Stream {
     fn give_back(&self, frames: Option<VideoFrames>) {
         if let Some(frames) = frames {
             // There is room for all of them.
-            let _ = self.free.try_send(frames);
+            let _ = self.free.put(frames);
         }
     }
 
     fn failure(&self) -> Result<(), PlaybackError> {
-        if !self.shared.stopped() {
+        // A thread that ended though nobody stopped it died.
+        if !self.shared.stopped() && !self.threads.iter().any(JoinHandle::is_finished) {
             return Ok(());
         }
         let failure = self.shared.failure.lock().unwrap_or_else(PoisonError::into_inner).take();
@@ -251,7 +262,7 @@ impl Source for Stream {
     fn poll(&mut self, useful_from: u64) -> Result<(), PlaybackError> {
         self.shared.useful.store(tagged(self.epoch, useful_from), Ordering::Release);
         while self.ready.len() < self.ready.capacity() {
-            let Ok(item) = self.arriving.try_recv() else { break };
+            let Some(item) = self.arriving.take() else { break };
             self.take(item);
         }
         // Of what is too old, the newest may still be shown when nothing newer comes.
@@ -271,10 +282,8 @@ impl Source for Stream {
             if known || newer || self.end().is_some_and(|end| position >= end) {
                 return Ok(());
             }
-            match self.arriving.recv_timeout(PATIENCE) {
-                Ok(item) => self.take(item),
-                Err(RecvTimeoutError::Timeout) => {}
-                Err(RecvTimeoutError::Disconnected) => return self.failure(),
+            if let Some(item) = self.arriving.take_within(PATIENCE) {
+                self.take(item);
             }
         }
     }
@@ -311,6 +320,16 @@ impl Source for Stream {
     }
 }
 
+/// Has every thread of the pool take work from another once: what that needs is made the first time, which on a busy
+/// machine may be long after the first picture.
+fn meet() {
+    let all = std::sync::Barrier::new(rayon::current_num_threads());
+    let wait = || {
+        all.wait();
+    };
+    rayon::scope(|scope| (0..rayon::current_num_threads()).for_each(|_| scope.spawn(|_| wait())));
+}
+
 fn spawn(what: &'static str, run: impl FnOnce() -> Lane + Send + 'static) -> Result<JoinHandle<Lane>, PlaybackError> {
     std::thread::Builder::new()
         .name(format!("eyebox {what}"))
@@ -322,15 +341,14 @@ struct Reader {
     sequence: Sequence,
     options: Options,
     shared: Arc<Shared>,
-    free: Receiver<Vec<f32>>,
-    out: Sender<Phases>,
+    free: Ring<Vec<f32>>,
+    out: Ring<Phases>,
     tell: Sender<String>,
     lane: Lane,
 }
 
 impl Reader {
     fn run(mut self) -> Lane {
-        wait_once();
         let (mut epoch, mut position) = (0, 0u64);
         let mut index = self.options.first;
         let mut told = BTreeSet::new();
@@ -358,14 +376,15 @@ impl Reader {
                     if !waits && self.shared.end.load(Ordering::Acquire) != tagged(epoch, position) {
                         // Those that were left out were not there: the end is the file's.
                         let end = position - (index - count).min(position);
-                        self.shared.end.store(tagged(epoch, end), Ordering::Release);
+                        // Said before it is known, and so before anybody stops listening.
                         said_end = said_end || self.say_where_it_ends();
+                        self.shared.end.store(tagged(epoch, end), Ordering::Release);
                     }
                     std::thread::sleep(PATIENCE / 4);
                     continue;
                 }
             }
-            let Some(mut values) = held.take().or_else(|| self.free.recv_timeout(PATIENCE).ok()) else { continue };
+            let Some(mut values) = held.take().or_else(|| self.free.take_within(PATIENCE)) else { continue };
             if self.shared.epoch.load(Ordering::Acquire) != epoch {
                 held = Some(values);
                 continue;
@@ -379,7 +398,7 @@ impl Reader {
             }
             self.shared.read.store(tagged(epoch, position + 1), Ordering::Release);
             let mut item = Phases { epoch, position, index, damaged, values };
-            while let Err(SendTimeoutError::Timeout(back)) = self.out.send_timeout(item, PATIENCE) {
+            while let Err(back) = self.out.put_within(item, PATIENCE) {
                 if self.shared.stopped() {
                     break;
                 }
@@ -404,27 +423,36 @@ struct Encoding {
     shape: [usize; 4],
     marks: Marks,
     shared: Arc<Shared>,
-    encode: Receiver<Phases>,
-    free_phases: Sender<Vec<f32>>,
-    free_frames: Receiver<VideoFrames>,
-    out: Sender<Encoded>,
+    encode: Ring<Phases>,
+    free_phases: Ring<Vec<f32>>,
+    free_frames: Ring<VideoFrames>,
+    out: Ring<Encoded>,
+    tell: Sender<String>,
     lane: Lane,
 }
 
 impl Encoding {
-    fn start(mut self, encoder: StreamEncoder, threads: usize) -> Lane {
-        let failed = match encoder {
-            StreamEncoder::Cpu(encoder) => match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
-                // On a thread of the pool: calls from outside would allocate.
-                Ok(pool) => pool.install(|| {
-                    self.run(|colors, frames| Ok(encoder.encode_into(&PhaseSet::trusted(colors), frames)?))
-                }),
-                Err(e) => Err(PlaybackError::Thread { what: "encodes", reason: format!("could not be started ({e})") }),
-            },
-            StreamEncoder::Vulkan(encoder, options) => match VulkanEncoder::open(&options, encoder.plan()) {
-                Ok(mut device) => self.run(|colors, frames| Ok(device.encode(colors, frames.bytes_mut())?)),
-                Err(e) => Err(e.into()),
-            },
+    fn start(mut self, encoder: &Encoder, mut device: Option<VulkanEncoder>, threads: usize) -> Lane {
+        let tell = self.tell.clone();
+        let encode = |colors: &[&[f32]], frames: &mut VideoFrames| {
+            match device.as_mut().map(|device| device.encode(colors, frames.bytes_mut())) {
+                Some(Ok(())) => return Ok(()),
+                Some(Err(EngineError::DeviceLost { device: name, during })) => {
+                    device = None;
+                    let _ = tell.send(format!("{name} was lost while it ran {during}: the CPU encodes from here on"));
+                }
+                Some(Err(error)) => return Err(error.into()),
+                None => {}
+            }
+            Ok(encoder.encode_into(&PhaseSet::trusted(colors), frames)?)
+        };
+        let failed = match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
+            // On a thread of the pool: calls from outside would allocate.
+            Ok(pool) => pool.install(|| {
+                meet();
+                self.run(encode)
+            }),
+            Err(e) => Err(PlaybackError::Thread { what: "encodes", reason: format!("could not be started ({e})") }),
         };
         if let Err(error) = failed {
             self.shared.fail(error);
@@ -437,9 +465,8 @@ impl Encoding {
         mut encode: impl FnMut(&[&[f32]], &mut VideoFrames) -> Result<(), PlaybackError>,
     ) -> Result<(), PlaybackError> {
         let each = self.shape[1] * self.shape[2] * self.shape[3];
-        wait_once();
         while !self.shared.stopped() {
-            let Ok(mut item) = self.encode.recv_timeout(PATIENCE) else { continue };
+            let Some(mut item) = self.encode.take_within(PATIENCE) else { continue };
             let epoch = self.shared.epoch.load(Ordering::Acquire);
             let useful = of_epoch(self.shared.useful.load(Ordering::Acquire), epoch).unwrap_or(0);
             // What comes too late is left out if something newer waits.
@@ -458,12 +485,12 @@ impl Encoding {
                 self.lane.span("encode", item.index, start);
             }
             let Phases { epoch, position, index, values, .. } = item;
-            let _ = self.free_phases.try_send(values);
+            let _ = self.free_phases.put(values);
             if useless {
                 continue;
             }
             let mut done = Encoded { epoch, position, index, frames };
-            while let Err(SendTimeoutError::Timeout(back)) = self.out.send_timeout(done, PATIENCE) {
+            while let Err(back) = self.out.put_within(done, PATIENCE) {
                 if self.shared.stopped() {
                     break;
                 }
@@ -475,10 +502,10 @@ impl Encoding {
 
     fn wait_for_frames(&self) -> Option<VideoFrames> {
         loop {
-            match self.free_frames.recv_timeout(PATIENCE) {
-                Ok(frames) => return Some(frames),
-                Err(_) if self.shared.stopped() => return None,
-                Err(_) => {}
+            match self.free_frames.take_within(PATIENCE) {
+                Some(frames) => return Some(frames),
+                None if self.shared.stopped() => return None,
+                None => {}
             }
         }
     }

@@ -97,6 +97,17 @@ fn play(
     options: Options,
     content: &str,
     most: usize,
+    act: impl FnMut(usize, &mut Player, &mut Stream),
+) -> Played {
+    play_stream(fixture, start(&fixture.path, &fixture.display, options), content, most, act)
+}
+
+/// The same with a stream of the test's own.
+fn play_stream(
+    fixture: &Fixture,
+    mut stream: Stream,
+    content: &str,
+    most: usize,
     mut act: impl FnMut(usize, &mut Player, &mut Stream),
 ) -> Played {
     let encoder = Encoder::new(&fixture.display, &COLORS, 8).unwrap();
@@ -113,7 +124,6 @@ fn play(
     let idle = encoder.frames();
     let mut offscreen = Offscreen::new(Rc::clone(&clock), display_rate, idle.frame_bytes());
     let mut player = Player::new(clock, Scheduler::new(schedule), idle, Trace::new(0).lane(""));
-    let mut stream = start(&fixture.path, &fixture.display, options);
     let (mut log, mut messages, mut flow) = (Log::new(), Vec::new(), Flow::Continue);
     while flow == Flow::Continue && log.len() < most {
         act(log.len(), &mut player, &mut stream);
@@ -153,6 +163,72 @@ fn every_packing_is_played_as_it_is_encoded() {
                 );
             }
         }
+    }
+}
+
+/// A software device will do; watched, and with a cache of the tests' own.
+fn device() -> crate::engine::vulkan::Options {
+    let cache = Some(std::env::temp_dir().join("eyebox-tests"));
+    crate::engine::vulkan::Options { device: None, allow_cpu: true, validation: true, cache }
+}
+
+fn is_as_encoded(played: &Played, fixture: &Fixture) {
+    for (index, video_frame, picture) in &played.log {
+        if let Some(index) = index {
+            let wanted = &encoded(*index, &fixture.display)[*video_frame as usize];
+            assert!(picture == wanted, "{} {index} {video_frame}", fixture.display.name);
+        }
+    }
+}
+
+#[test]
+fn a_vulkan_device_streams_the_bytes_of_the_cpu() {
+    for preset in ["grey8", "fields", "planes8", "planes24", "plm"] {
+        let fixture = fixture(preset, 5);
+        let encoder = Encoder::new(&fixture.display, &COLORS, 8).unwrap();
+        let sequence = Sequence::open(&fixture.path).unwrap();
+        let stream = Stream::start(sequence, StreamEncoder::Vulkan(encoder, device()), options()).unwrap();
+        let heard = stream.validation().expect("a device");
+        let rate = if preset == "grey8" { "2.5" } else { "7.5" };
+        let played = play_stream(&fixture, stream, rate, 100_000, |_, _, _| {});
+        assert_eq!((shown(&played.log), played.flow), (vec![0, 1, 2, 3, 4], Flow::Ended), "{preset}");
+        is_as_encoded(&played, &fixture);
+        assert!(played.messages.iter().all(|m| m.contains("unfinished")), "{:?}", played.messages);
+        assert_eq!(*heard.lock().unwrap(), Vec::<String>::new());
+    }
+}
+
+#[test]
+fn a_device_that_cannot_be_had_is_an_error_before_anything_is_shown() {
+    let fixture = fixture("planes24", 1);
+    let encoder = Encoder::new(&fixture.display, &COLORS, 8).unwrap();
+    let sequence = Sequence::open(&fixture.path).unwrap();
+    let none = crate::engine::vulkan::Options { device: Some("no such device".into()), ..device() };
+    let error = Stream::start(sequence, StreamEncoder::Vulkan(encoder, none), options()).err().expect("no device");
+    let text = error.to_string();
+    assert!(matches!(error, PlaybackError::Engine(_)) && text.contains("no such device"), "{text}");
+}
+
+/// The device is lost at the first submission, in an upload, in the kernel, in a download: the CPU goes on with the very
+/// hologram, nothing is dropped, and one line says so.
+#[test]
+fn a_device_lost_while_streaming_is_followed_by_the_cpu() {
+    for after in [0, 1, 3, 4, 12, 17] {
+        let fixture = fixture("planes24", 8);
+        let encoder = Encoder::new(&fixture.display, &COLORS, 8).unwrap();
+        let sequence = Sequence::open(&fixture.path).unwrap();
+        let mut lost = crate::engine::vulkan::VulkanEncoder::open(&device(), encoder.plan()).unwrap();
+        lost.pretend_lost_after(after);
+        let stream = Stream::with(sequence, encoder, Some(lost), options()).unwrap();
+        let heard = stream.validation().expect("a device");
+        let played = play_stream(&fixture, stream, "20", 100_000, |_, _, _| {});
+        assert_eq!((shown(&played.log), played.flow), ((0..8).collect(), Flow::Ended), "after {after}");
+        assert_eq!(played.account.drops(), 0);
+        is_as_encoded(&played, &fixture);
+        let said: Vec<&String> = played.messages.iter().filter(|m| m.contains("was lost")).collect();
+        assert_eq!(said.len(), 1, "{:?}", played.messages);
+        assert!(said[0].contains("while it ran") && said[0].contains("the CPU encodes from here on"), "{}", said[0]);
+        assert_eq!(*heard.lock().unwrap(), Vec::<String>::new());
     }
 }
 

@@ -4,9 +4,9 @@
 //! to it cannot be asked everywhere: on an SLM's output run none, or let full-screen windows bypass it.
 
 use super::panel::Panels;
-use super::{Event, Feedback, PlaybackError, Presenter, Rate, RealClock};
+use super::{Event, Feedback, PlaybackError, Presenter, Rate, RealClock, connection, direct};
 use crate::engine::EngineError;
-use crate::engine::vulkan::{Lit, Screen, WindowHandle};
+use crate::engine::vulkan::{Screen, WindowHandle};
 use std::collections::VecDeque;
 use std::fmt;
 use std::rc::Rc;
@@ -24,6 +24,8 @@ use winit::window::{Fullscreen, Window as SystemWindow, WindowId};
 
 /// How long a window may take to come up with its size.
 const PATIENCE: Duration = Duration::from_secs(3);
+/// How often it is looked whether the window's monitor is still there.
+const LOOK: Duration = Duration::from_secs(1);
 
 /// A monitor of the desktop.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -46,6 +48,11 @@ impl fmt::Display for Monitor {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} '{}' {}x{}", self.index, self.name, self.size[0], self.size[1])
     }
+}
+
+/// Whether a monitor is there with the size that it had.
+fn is_among(monitor: &Monitor, mut now: impl Iterator<Item = (Option<String>, [u32; 2])>) -> bool {
+    now.any(|(name, size)| size.map(|n| n as usize) == monitor.size && name.unwrap_or_default() == monitor.name)
 }
 
 fn rate(millihertz: Option<u32>) -> Option<Rate> {
@@ -78,9 +85,23 @@ struct Handler {
     failure: Option<String>,
     events: VecDeque<Event>,
     panels: Panels,
+    /// The monitor under the window, and when it was last seen.
+    under: Option<(Monitor, Instant)>,
+    /// Why nothing more can be shown.
+    lost: Option<String>,
 }
 
 impl Handler {
+    /// A window outlives its monitor on some desktops, and shows on nothing then.
+    fn look_for_monitor(&mut self, event_loop: &ActiveEventLoop) {
+        let Some((monitor, seen)) = self.under.as_mut().filter(|u| u.1.elapsed() >= LOOK) else { return };
+        *seen = Instant::now();
+        let now = event_loop.available_monitors().map(|m| (m.name(), [m.size().height, m.size().width]));
+        if !is_among(monitor, now) {
+            self.lost = Some(format!("monitor {monitor} is gone, or has another mode"));
+        }
+    }
+
     fn make(&mut self, event_loop: &ActiveEventLoop) {
         let Some((index, [height, width])) = self.wanted.take() else { return };
         let monitor = self.monitors[index].clone();
@@ -130,6 +151,11 @@ impl ApplicationHandler for Handler {
     fn about_to_wait(&mut self, event_loop: &ActiveEventLoop) {
         self.make(event_loop);
         self.panels.make(event_loop);
+        self.look_for_monitor(event_loop);
+    }
+
+    fn suspended(&mut self, _: &ActiveEventLoop) {
+        self.lost = Some("the system took its surface away".into());
     }
 
     fn window_event(&mut self, _: &ActiveEventLoop, id: WindowId, event: WindowEvent) {
@@ -137,7 +163,8 @@ impl ApplicationHandler for Handler {
             return;
         }
         match event {
-            WindowEvent::CloseRequested | WindowEvent::Destroyed => self.events.push_back(Event::Close),
+            WindowEvent::CloseRequested => self.events.push_back(Event::Close),
+            WindowEvent::Destroyed => self.lost = Some("another program destroyed it".into()),
             WindowEvent::KeyboardInput { event, .. } if event.state == ElementState::Pressed => {
                 self.key(&event.logical_key);
             }
@@ -169,6 +196,7 @@ impl Desktop {
             let why = why.trim_end_matches([')', '.']);
             no_desktop(format!("there is none to open a window on ({why}): set DISPLAY or WAYLAND_DISPLAY"))
         })?;
+        connection::survive(&event_loop);
         let mut desktop = Self { event_loop, handler: Handler::default() };
         desktop.pump()?;
         Ok(desktop)
@@ -246,6 +274,7 @@ impl Desktop {
         // SAFETY: the window lives in the presenter, and the screen is dropped before it.
         #[allow(unsafe_code)]
         let screen = unsafe { Screen::open(handle, monitor.size, validation) }.map_err(of_window)?;
+        self.handler.under = Some((monitor.clone(), Instant::now()));
         Ok(Window { screen, desktop: self, _window: window, monitor: monitor.clone(), clock })
     }
 
@@ -262,9 +291,13 @@ impl Desktop {
     /// # Errors
     /// [`PlaybackError::Presenter`] when the desktop is gone.
     pub fn pump_for(&mut self, most: Duration) -> Result<(), PlaybackError> {
+        let gone = || no_desktop("the connection to it is gone: its server ended".into());
+        if connection::is_gone() {
+            return Err(gone());
+        }
         match self.event_loop.pump_app_events(Some(most), &mut self.handler) {
-            PumpStatus::Continue => Ok(()),
-            PumpStatus::Exit(_) => Err(no_desktop("the connection to it is gone".into())),
+            PumpStatus::Continue if !connection::is_gone() => Ok(()),
+            _ => Err(gone()),
         }
     }
 }
@@ -315,6 +348,25 @@ impl Window {
     pub fn desktop(&mut self) -> &mut Desktop {
         &mut self.desktop
     }
+
+    /// Where the driver says that no more can be shown, the desktop may know why.
+    fn explained(&mut self, done: Result<(), EngineError>) -> Result<(), PlaybackError> {
+        let Err(error) = done else { return Ok(()) };
+        self.desktop.pump()?;
+        self.check()?;
+        Err(of_window(error))
+    }
+
+    /// Whether anything can be shown; else what happened.
+    fn check(&mut self) -> Result<(), PlaybackError> {
+        if connection::is_gone() {
+            self.desktop.pump()?;
+        }
+        match &self.desktop.handler.lost {
+            None => Ok(()),
+            Some(reason) => Err(PlaybackError::Presenter { presenter: "the window".into(), reason: reason.clone() }),
+        }
+    }
 }
 
 impl Presenter for Window {
@@ -327,24 +379,30 @@ impl Presenter for Window {
     }
 
     fn upload(&mut self, picture: &[u8]) -> Result<(), PlaybackError> {
-        self.screen.upload(picture).map_err(of_window)
+        self.check()?;
+        let done = self.screen.upload(picture);
+        self.explained(done)
     }
 
     fn present(&mut self, id: u64, _desired_present_time_ns: i64) -> Result<(), PlaybackError> {
-        self.screen.present(id).map_err(of_window)
+        let done = self.screen.present(id);
+        self.explained(done)
     }
 
     fn feedback(&mut self) -> Option<Feedback> {
-        let (id, actual_display_time_ns) = match self.screen.lit()? {
-            Lit::Monotonic { id, time_ns } => (id, self.clock.at_monotonic_ns(time_ns)),
-            Lit::At { id, time } => (id, self.clock.at_ns(time)),
-        };
-        Some(Feedback { id, actual_display_time_ns })
+        self.screen.lit().map(|lit| direct::feedback(lit, &self.clock))
+    }
+
+    fn timed_by(&self) -> &'static str {
+        self.screen.timed_by()
     }
 
     fn event(&mut self) -> Option<Event> {
-        if self.desktop.handler.events.is_empty() && self.desktop.pump().is_err() {
-            return Some(Event::Close);
+        if self.desktop.handler.events.is_empty()
+            && let Err(PlaybackError::Presenter { reason, .. }) = self.desktop.pump()
+        {
+            // What is shown next says so.
+            self.desktop.handler.lost.get_or_insert(reason);
         }
         self.desktop.handler.events.pop_front()
     }
@@ -352,5 +410,21 @@ impl Presenter for Window {
     fn finish(&mut self) -> Result<(), PlaybackError> {
         self.screen.wait();
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_monitor_that_is_gone_or_has_another_mode_is_not_among_those_there_are() {
+        let (name, size) = ("DP-2".to_owned(), [1080, 1920]);
+        let monitor = Monitor { index: 1, name, size, position: [0, 0], rate: None, modes: Vec::new() };
+        let among = |list: &[(&str, [u32; 2])]| is_among(&monitor, list.iter().map(|(n, s)| (Some((*n).into()), *s)));
+        assert!(among(&[("DP-1", [1080, 1920]), ("DP-2", [1080, 1920])]));
+        assert!(!among(&[("DP-1", [1080, 1920])]) && !among(&[("DP-2", [720, 1280])]) && !among(&[]));
+        let unnamed = Monitor { name: String::new(), ..monitor };
+        assert!(is_among(&unnamed, [(None, [1080, 1920])].into_iter()));
     }
 }

@@ -135,6 +135,86 @@ fn what_is_recorded_is_what_encode_writes() {
 }
 
 #[test]
+fn a_vulkan_device_plays_the_bytes_of_the_cpu() {
+    let here = tempfile::tempdir().unwrap();
+    let at = here.path();
+    sequence(at);
+    for display in ["planes24", "grey8"] {
+        let play = ["play", "s.zarr", "--display", display, "--size", "48x64", "--rate", "2.5"];
+        let (cpu, vulkan) = (format!("{display}-cpu"), format!("{display}-vulkan"));
+        done(at, &[&play[..], &["--record", &cpu, "--engine", "cpu"]].concat());
+        let said = done(at, &[&play[..], &["--record", &vulkan, "--engine", "vulkan", "--validation"]].concat());
+        assert!(said.contains("3 holograms shown, 0 dropped") && !said.contains("validation:"), "{said}");
+        let mut compared = 0;
+        for entry in std::fs::read_dir(at.join(&cpu)).unwrap() {
+            let name = entry.unwrap().file_name();
+            let read = |folder: &str| std::fs::read(at.join(folder).join(&name)).unwrap();
+            assert!(read(&cpu) == read(&vulkan), "{name:?}");
+            compared += 1;
+        }
+        assert!(compared > 3, "{compared} files");
+    }
+    let none = Command::new(env!("CARGO_BIN_EXE_eyebox"))
+        .args(["play", "s.zarr", "--display", "planes24", "--size", "48x64", "--engine", "vulkan", "--record", "none"])
+        .current_dir(at)
+        .env("XDG_CACHE_HOME", at.join("cache"))
+        .env("VK_ICD_FILENAMES", "/nowhere.json")
+        .env("VK_DRIVER_FILES", "/nowhere.json")
+        .output()
+        .expect("the command starts");
+    let said = text(&none.stderr);
+    assert_eq!(none.status.code(), Some(2), "{said}");
+    assert!(said.contains("driver") && !said.contains("ended by"), "{said}");
+}
+
+#[test]
+fn a_direct_display_that_is_not_there_is_refused_in_a_sentence() {
+    let here = tempfile::tempdir().unwrap();
+    let at = here.path();
+    sequence(at);
+    let play = ["play", "s.zarr", "--display", "planes24", "--size", "48x64", "--output", "direct"];
+    for more in [&[][..], &["--monitor", "HDMI-A-1"], &["--validation"]] {
+        let answer = eyebox(at, &[&play[..], more].concat());
+        let said = text(&answer.stderr);
+        assert_eq!((answer.status.code(), said.trim().lines().count()), (Some(2), 1), "{said}");
+        // Where there is a graphics card, it has no display of 48x64 pixels.
+        assert!(said.contains("direct display: no "), "{said}");
+    }
+    refused(at, &[&play[..], &["--raw", "r"]].concat(), "offscreen");
+}
+
+/// A second ctrl-C is not needed: the first leaves the idle picture, which is the phase 0, everywhere.
+#[test]
+#[cfg(unix)]
+fn interrupted_it_leaves_the_idle_picture() {
+    let here = tempfile::tempdir().unwrap();
+    let at = here.path();
+    sequence(at);
+    for signal in ["-INT", "-TERM"] {
+        let mut playing = Command::new(env!("CARGO_BIN_EXE_eyebox"))
+            .args(["play", "s.zarr", "--display", "planes24", "--size", "48x64", "--loop", "--shared", "shown"])
+            .current_dir(at)
+            .env("XDG_CACHE_HOME", at.join("cache"))
+            .stderr(std::process::Stdio::piped())
+            .spawn()
+            .expect("the command starts");
+        let since = std::time::Instant::now();
+        let picture = || std::fs::read(at.join("shown")).map(|b| b.get(64..).unwrap_or_default().to_vec());
+        while picture().map_or(true, |p| p.iter().all(|b| *b == 0)) {
+            assert!(since.elapsed().as_secs() < 60 && playing.try_wait().unwrap().is_none(), "nothing came");
+            std::thread::sleep(std::time::Duration::from_millis(3));
+        }
+        assert!(Command::new("kill").args([signal, &playing.id().to_string()]).status().unwrap().success());
+        let answer = playing.wait_with_output().unwrap();
+        let said = text(&answer.stderr);
+        assert!(answer.status.code() == Some(0) && said.contains("ended by ctrl-C"), "{said}");
+        let left = picture().unwrap();
+        assert!(left.len() == 3 * 48 * 64 && left.iter().all(|b| *b == 0), "{signal}");
+        std::fs::remove_file(at.join("shown")).unwrap();
+    }
+}
+
+#[test]
 fn an_unfinished_sequence_and_a_damaged_hologram_are_told() {
     let here = tempfile::tempdir().unwrap();
     let at = here.path();

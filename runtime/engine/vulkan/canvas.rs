@@ -6,7 +6,8 @@
 
 use super::super::EngineError;
 use super::instance::{Instance, Messages};
-use super::screen::{WindowHandle, choose, failed, make_surface};
+use super::screen::{choose, failed};
+use super::target::{WindowHandle, make_surface};
 use ash::{khr, vk};
 use std::ffi::CStr;
 use std::sync::Arc;
@@ -61,7 +62,7 @@ impl Canvas {
         let surface_calls = khr::surface::Instance::new(&instance.entry, &instance.raw);
         // SAFETY: the instance has the extension, and the caller vouches for the handles.
         let surface = unsafe { make_surface(&instance, window) }.map_err(|e| failed("the window", "surface", e))?;
-        let device = choose(&instance, &surface_calls, surface).and_then(|(physical, family, name)| {
+        let device = choose(&instance, &surface_calls, surface, None).and_then(|(physical, family, name)| {
             let (wanted, priorities) = ([khr::swapchain::NAME.as_ptr()], [1.0]);
             let queues =
                 [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&priorities)];

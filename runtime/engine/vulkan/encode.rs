@@ -22,7 +22,7 @@ const MOST_ENTRIES: u32 = 24;
 /// Invocations of a workgroup.
 const WIDTH: usize = 64;
 /// Most workgroups down the rows.
-const ROWS: usize = 4096;
+const ROWS: u32 = 4096;
 
 /// One colour's buffers.
 struct Ink {
@@ -30,8 +30,10 @@ struct Ink {
     /// A block of nothing where there are none.
     offsets: Block,
     table: Block,
-    /// Specialisation constants, but the last.
+    /// Specialisation constants, but those of a run.
     constants: [u32; 6],
+    /// The highest level, or memory code.
+    highest: u32,
 }
 
 /// Slots of one colour in one video frame that a kernel sees at once.
@@ -100,6 +102,10 @@ impl VulkanEncoder {
                 Levels::Even(count) => (1, *count, &[][..]),
                 Levels::Table(table) => (2, 0, &table[..]),
             };
+            let highest = match &color.levels {
+                Levels::Even(count) => count.saturating_sub(1),
+                Levels::Table(table) => table.iter().copied().max().unwrap_or(0).into(),
+            };
             let has_offsets = u32::from(!color.offsets.is_empty());
             let constants = [args.channels, kind, has_offsets, args.cell_rows, args.cell_columns, levels];
             inks.push(Ink {
@@ -107,14 +113,19 @@ impl VulkanEncoder {
                 offsets: gpu.filled(bytemuck::cast_slice(&color.offsets), "offsets")?,
                 table: gpu.filled(table, "a table of levels")?,
                 constants,
+                highest,
             });
         }
         let (table, mut runs) = runs(plan, input.at_once(limit).min(MOST));
         let mut before = None;
+        let aligned = u32::from(are_aligned(&args, input.stride()));
         for run in &mut runs {
-            let [a, b, c, d, e, f] = inks[run.color].constants;
+            let Ink { constants: [a, b, c, d, e, f], highest, .. } = inks[run.color];
             let follows = u32::from(before.replace(run.video_frame) == Some(run.video_frame));
-            run.pipeline = Some(gpu.pipeline(&spirv::ENCODE, 5, &[a, b, c, d, e, f, run.entries, follows])?);
+            let entries = &table[run.first_entry as usize..][..run.entries as usize];
+            let entire = u32::from(entries.iter().all(|entry| takes_all(*entry, highest)));
+            let constants = [a, b, c, d, e, f, run.entries, follows, aligned, entire];
+            run.pipeline = Some(gpu.pipeline(&spirv::ENCODE, 5, &constants)?);
         }
         let cells = (plan.video_frames.iter().flatten().next())
             .map_or(0, |slot| slot.parts.iter().fold(0, |all, p| all | p.from << (4 * p.cell)));
@@ -123,6 +134,12 @@ impl VulkanEncoder {
         let even = args.width.is_multiple_of(4);
         let padded = if even { Vec::new() } else { vec![0; 4 * output.values * output.frames] };
         Ok(Self { inks, slots, frames, runs, input, output, args, cells, padded, seconds: 0.0, gpu })
+    }
+
+    /// The driver says that the device was lost from its so many-th submission from now on.
+    #[cfg(test)]
+    pub(crate) fn pretend_lost_after(&mut self, submissions: u64) {
+        self.gpu.recorder.lost_from = Some(self.gpu.recorder.submitted + submissions);
     }
 
     /// The device.
@@ -168,11 +185,13 @@ impl VulkanEncoder {
             gpu.recorder.clear(output.range(frames, frame, 1));
         }
         let fours = (args.width as usize).div_ceil(4).div_ceil(WIDTH) as u32;
-        let groups = [fours, (args.height as usize).min(ROWS) as u32, 1];
         for round in rounds(runs) {
             gpu.recorder.barrier();
             for run in round {
                 let (ink, Some(pipeline)) = (&inks[run.color], run.pipeline) else { continue };
+                // Where there is little to do for a pixel, an invocation takes a few rows.
+                let rows = args.height.div_ceil(if run.entries == 1 { 4 } else { 1 }).min(ROWS);
+                let groups = [fours, rows, 1];
                 let more = [run.first_entry, input.stride() as u32, *cells];
                 let mut push = [0u32; 14];
                 push[..11].copy_from_slice(bytemuck::cast_slice(std::slice::from_ref(args)));
@@ -269,6 +288,19 @@ fn runs(plan: &Plan, at_once: usize) -> (Vec<u32>, Vec<Run>) {
 /// An entry of the table; `sub_frame` from the run's first.
 fn entry(sub_frame: usize, part: &Part) -> u32 {
     (sub_frame as u32) << 24 | part.mask << 16 | part.from << 8 | part.to << 4 | part.channel
+}
+
+/// Whether an entry takes all bits of levels up to the highest.
+fn takes_all(entry: u32, highest: u32) -> bool {
+    let (mask, from) = ((entry >> 16) & 255, (entry >> 8) & 15);
+    from == 0 && highest & !mask == 0
+}
+
+/// Whether four pixels of the SLM, from a multiple of four on, always take phases that lie side by side, from a multiple
+/// of four on. `stride`: values from one sub-frame to the next.
+fn are_aligned(args: &eyebox_kernels::encode::Args, stride: usize) -> bool {
+    let sides = [args.width, args.first, args.step_y, args.shift_x];
+    args.step_x == 1 && args.flips & 1 == 0 && sides.iter().all(|n| n.is_multiple_of(4)) && stride.is_multiple_of(4)
 }
 
 /// Runs of different video frames may run side by side, those of one frame follow each other: the n-th of every frame.

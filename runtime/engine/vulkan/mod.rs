@@ -8,34 +8,46 @@
 //! Nothing is assumed of the size of subgroups; shaders synchronise through shared memory only.
 //!
 //! `instance` loads Vulkan; `devices` lists and chooses; `device` is what all else holds; `pipelines` and `cache`
-//! compile; `recorder` records; `gpu` joins these; `fft` plans and records transforms; `screen` shows bytes in a window,
-//! `canvas` pictures in one that may be resized.
+//! compile; `recorder` records; `gpu` joins these; `fft` plans and records transforms; `screen` shows bytes
+//! in a window or on a display that no desktop drives (its `target`: `direct`, found by `connectors`), `renew` makes its
+//! swapchain again, `lit` says when pictures lit up; `canvas` shows pictures in a window that may be resized.
 
 #![allow(unsafe_code)]
 
 mod cache;
 mod canvas;
 mod check;
+mod connectors;
 mod device;
 mod devices;
+mod direct;
 mod encode;
 mod engine;
 mod fft;
 mod gpu;
 mod instance;
 mod layout;
+mod lit;
 mod pipelines;
 mod record;
 mod recorder;
+mod renew;
 mod screen;
+#[cfg(all(test, target_os = "linux"))]
+mod screen_tests;
 mod tables;
+mod target;
 #[cfg(test)]
 mod tests;
 mod views;
 
 pub use canvas::Canvas;
+pub use connectors::{Connector, connectors};
 pub use devices::{DeviceKind, DeviceReport, Limits, devices};
+pub use direct::{DirectDisplays, DirectMode, FoundDisplay};
 pub use encode::VulkanEncoder;
 pub use engine::{Options, VulkanEngine};
 pub use fft::{Timed, Transforms};
-pub use screen::{Lit, Screen, WindowHandle};
+pub use lit::Lit;
+pub use screen::Screen;
+pub use target::WindowHandle;

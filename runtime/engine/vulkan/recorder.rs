@@ -36,7 +36,10 @@ pub(super) struct Recorder {
     commands: vk::CommandPool,
     command: vk::CommandBuffer,
     done: vk::Semaphore,
-    submitted: u64,
+    pub(super) submitted: u64,
+    /// The number of submissions from which on a test's driver says that the device was lost.
+    #[cfg(test)]
+    pub(super) lost_from: Option<u64>,
     sets: Vec<vk::DescriptorPool>,
     /// The pool in use, and how many sets it gave.
     used: (usize, u32),
@@ -58,6 +61,8 @@ impl Recorder {
             command: vk::CommandBuffer::null(),
             done: vk::Semaphore::null(),
             submitted: 0,
+            #[cfg(test)]
+            lost_from: None,
             sets: Vec::new(),
             used: (0, 0),
             queries: vk::QueryPool::null(),
@@ -265,6 +270,12 @@ impl Recorder {
             raw.end_command_buffer(self.command).map_err(error("vkEndCommandBuffer"))?;
             let submitted = (self.queue_submit)(device.queue, 1, info.as_ptr(), vk::Fence::null());
             submitted.result().map_err(error("vkQueueSubmit"))?;
+            #[cfg(test)]
+            if self.lost_from.is_some_and(|from| self.submitted >= from) {
+                let _ = raw.wait_semaphores(&wait, u64::MAX);
+                self.submitted += 1;
+                return Err(device.error("vkQueueSubmit", during, vk::Result::ERROR_DEVICE_LOST));
+            }
             raw.wait_semaphores(&wait, u64::MAX).map_err(error("vkWaitSemaphores"))?;
         }
         self.submitted += 1;

@@ -2,44 +2,16 @@
 
 use super::super::EngineError;
 use super::instance::{Instance, Messages, has};
-use ash::{google, khr, vk};
-use std::collections::VecDeque;
-use std::ffi::{CStr, c_void};
+use super::lit::{How, Lit, Teller, has_present_wait, present_number};
+use super::target::{Target, WindowHandle};
+use ash::{khr, vk};
 use std::sync::Arc;
-use std::time::{Duration, Instant};
-
-/// A window of the system's, as its own library names it.
-#[derive(Debug, Clone, Copy)]
-pub enum WindowHandle {
-    /// Of an X server, by XCB.
-    Xcb {
-        /// `xcb_connection_t *`.
-        connection: *mut c_void,
-        /// The window.
-        window: u32,
-    },
-    /// Of an X server, by Xlib.
-    Xlib {
-        /// `Display *`.
-        display: *mut c_void,
-        /// The window.
-        window: u64,
-    },
-    /// Of a Wayland compositor.
-    Wayland {
-        /// `wl_display *`.
-        display: *mut c_void,
-        /// `wl_surface *`.
-        surface: *mut c_void,
-    },
-}
+use std::time::Instant;
 
 /// Pictures under way to the screen, each with its staging buffer.
 const SLOTS: usize = 2;
 /// How long the screen may take for a picture before it counts as lost.
 const PATIENCE_NS: u64 = 2_000_000_000;
-/// Acquiring that took this long waited for the screen.
-const WAITED: Duration = Duration::from_micros(500);
 
 struct Slot {
     buffer: vk::Buffer,
@@ -50,28 +22,9 @@ struct Slot {
     done: vk::Fence,
 }
 
-/// When a picture lit up, as far as it is known.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Lit {
-    /// By the display's own clock: nanoseconds of the system's monotonic clock.
-    Monotonic {
-        /// The picture's number.
-        id: u64,
-        /// When.
-        time_ns: u64,
-    },
-    /// The screen took another picture at this time: the one of this number lit up.
-    At {
-        /// The picture's number.
-        id: u64,
-        /// When.
-        time: Instant,
-    },
-}
-
-/// A window's swapchain and what feeds it.
+/// The swapchain of a window, or of a display that no desktop drives, and what feeds it.
 pub struct Screen {
-    device: ash::Device,
+    pub(super) device: ash::Device,
     queue: vk::Queue,
     pool: vk::CommandPool,
     slots: Vec<Slot>,
@@ -80,17 +33,23 @@ pub struct Screen {
     swapchain: vk::SwapchainKHR,
     images: Vec<vk::Image>,
     rendered: Vec<vk::Semaphore>,
-    surface_calls: khr::surface::Instance,
-    surface: vk::SurfaceKHR,
-    physical: vk::PhysicalDevice,
-    timing: Option<google::display_timing::Device>,
+    pub(super) surface_calls: khr::surface::Instance,
+    pub(super) surface: vk::SurfaceKHR,
+    pub(super) physical: vk::PhysicalDevice,
+    pub(super) family: u32,
+    pub(super) teller: Teller,
     format: vk::Format,
     size: [usize; 2],
-    lit: VecDeque<Lit>,
-    before: Option<u64>,
-    name: String,
+    /// The swapchain could be better; it was made again for that.
+    pub(super) suboptimal: bool,
+    pub(super) tolerated: bool,
+    pub(super) name: String,
+    /// What a test has the driver answer, call by call.
+    #[cfg(test)]
+    pub(super) pretended: std::collections::VecDeque<(&'static str, vk::Result)>,
+    pub(super) target: Target,
     // Goes last.
-    instance: Instance,
+    pub(super) instance: Instance,
 }
 
 pub(super) fn failed(name: &str, call: &'static str, result: vk::Result) -> EngineError {
@@ -107,16 +66,24 @@ impl Screen {
     /// # Safety
     /// The handles are those of a window that outlives the screen.
     pub unsafe fn open(window: WindowHandle, size: [usize; 2], validation: bool) -> Result<Self, EngineError> {
-        let extension: &CStr = match window {
-            WindowHandle::Xcb { .. } => khr::xcb_surface::NAME,
-            WindowHandle::Xlib { .. } => khr::xlib_surface::NAME,
-            WindowHandle::Wayland { .. } => khr::wayland_surface::NAME,
-        };
-        let instance = Instance::with(validation, &[khr::surface::NAME, extension])?;
-        let surface_calls = khr::surface::Instance::new(&instance.entry, &instance.raw);
+        let instance = Instance::with(validation, &[khr::surface::NAME, window.extension()])?;
         // SAFETY: the instance has the extension, and the caller vouches for the handles.
-        let surface = unsafe { make_surface(&instance, window) }.map_err(|e| failed("the window", "surface", e))?;
-        let chosen = choose(&instance, &surface_calls, surface);
+        unsafe { Self::on(instance, Target::Window(window), size) }
+    }
+
+    /// A swapchain on a target.
+    ///
+    /// # Errors
+    /// Those of [`open`](Self::open).
+    ///
+    /// # Safety
+    /// The instance has the extension of the target, and the handles of a window are those of one that outlives the screen.
+    pub(super) unsafe fn on(instance: Instance, target: Target, size: [usize; 2]) -> Result<Self, EngineError> {
+        let surface_calls = khr::surface::Instance::new(&instance.entry, &instance.raw);
+        // SAFETY: the caller vouches for it.
+        let surface = unsafe { target.surface(&instance) }.map_err(|e| failed("the screen", "surface", e))?;
+        let direct = target.direct();
+        let chosen = choose(&instance, &surface_calls, surface, direct.map(|d| d.0));
         let (physical, family, name) = match chosen {
             Ok(chosen) => chosen,
             Err(error) => {
@@ -127,15 +94,18 @@ impl Screen {
         };
         // SAFETY: the device is of this instance.
         let extensions = unsafe { instance.raw.enumerate_device_extension_properties(physical) }.unwrap_or_default();
-        let timed = has(&extensions, google::display_timing::NAME);
+        let how = How::best(&extensions, has_present_wait(&instance.raw, physical, &extensions), direct.is_some());
         let mut wanted = vec![khr::swapchain::NAME.as_ptr()];
-        if timed {
-            wanted.push(google::display_timing::NAME.as_ptr());
-        }
+        wanted.extend(how.extensions().iter().map(|name| name.as_ptr()));
+        let mut id = vk::PhysicalDevicePresentIdFeaturesKHR::default().present_id(true);
+        let mut wait = vk::PhysicalDevicePresentWaitFeaturesKHR::default().present_wait(true);
         let priorities = [1.0];
         let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&priorities)];
-        let info = vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_extension_names(&wanted);
-        // SAFETY: the device has the family and the extensions.
+        let mut info = vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_extension_names(&wanted);
+        if how == How::PresentWait {
+            info = info.push_next(&mut id).push_next(&mut wait);
+        }
+        // SAFETY: the device has the family, the extensions and the features.
         let device = unsafe { instance.raw.create_device(physical, &info, None) };
         let device = match device {
             Ok(device) => device,
@@ -159,12 +129,16 @@ impl Screen {
             surface_calls,
             surface,
             physical,
-            timing: timed.then(|| google::display_timing::Device::new(&instance.raw, &device)),
+            family,
+            teller: Teller::new(&instance.raw, &device, how, direct.map_or(vk::DisplayKHR::null(), |d| d.1)),
             format: vk::Format::UNDEFINED,
             size,
-            lit: VecDeque::with_capacity(64),
-            before: None,
+            suboptimal: false,
+            tolerated: false,
             name,
+            #[cfg(test)]
+            pretended: Default::default(),
+            target,
             device,
             instance,
         };
@@ -175,28 +149,17 @@ impl Screen {
 
     /// The device, and how it is known when pictures light up.
     pub fn describe(&self) -> String {
-        let how = if self.timing.is_some() { "VK_GOOGLE_display_timing" } else { "the time of acquiring" };
-        format!("{} ({:?}, first in first out, timed by {how})", self.name, self.format)
+        format!("{} ({:?}, first in first out, timed by {})", self.name, self.format, self.timed_by())
+    }
+
+    /// How it is known when pictures light up.
+    pub fn timed_by(&self) -> &'static str {
+        self.teller.how().name()
     }
 
     /// What the validation layer says, to the last.
     pub fn messages(&self) -> Messages {
         Arc::clone(&self.instance.messages)
-    }
-
-    fn error(&self, call: &'static str, result: vk::Result) -> EngineError {
-        match result {
-            vk::Result::ERROR_DEVICE_LOST => EngineError::DeviceLost { device: self.name.clone(), during: call.into() },
-            vk::Result::ERROR_SURFACE_LOST_KHR => EngineError::Unsuitable {
-                device: self.name.clone(),
-                reason: "the window's surface is gone: it was closed, or the display was unplugged".into(),
-            },
-            vk::Result::TIMEOUT | vk::Result::NOT_READY => EngineError::Unsuitable {
-                device: self.name.clone(),
-                reason: "the window takes no pictures any more: the display is off, or the window is hidden".into(),
-            },
-            other => failed(&self.name, call, other),
-        }
     }
 
     fn make_slots(&mut self, family: u32) -> Result<(), EngineError> {
@@ -254,19 +217,29 @@ impl Screen {
         Ok(())
     }
 
-    fn make_swapchain(&mut self) -> Result<(), EngineError> {
-        let unsuitable = |reason: String| EngineError::Unsuitable { device: self.name.clone(), reason };
+    /// What the surface can do, where it has the picture's size.
+    pub(super) fn capabilities(&self) -> Result<vk::SurfaceCapabilitiesKHR, EngineError> {
         // SAFETY: the surface and the device are of this instance.
-        let (can, formats) = unsafe {
-            (
-                self.surface_calls
-                    .get_physical_device_surface_capabilities(self.physical, self.surface)
-                    .map_err(|e| self.error("surface capabilities", e))?,
-                self.surface_calls
-                    .get_physical_device_surface_formats(self.physical, self.surface)
-                    .map_err(|e| self.error("surface formats", e))?,
-            )
-        };
+        let can = unsafe { self.surface_calls.get_physical_device_surface_capabilities(self.physical, self.surface) };
+        let can = can.map_err(|e| self.error("surface capabilities", e))?;
+        let ([height, width], is) = (self.size.map(|n| n as u32), can.current_extent);
+        if is.width != u32::MAX && (is.width, is.height) != (width, height) {
+            let reason = format!(
+                "the window is {}x{} pixels, and a video frame has {height}x{width}: nothing is scaled, so they must be \
+                 equal",
+                is.height, is.width
+            );
+            return Err(EngineError::Unsuitable { device: self.name.clone(), reason });
+        }
+        Ok(can)
+    }
+
+    pub(super) fn make_swapchain(&mut self) -> Result<(), EngineError> {
+        let unsuitable = |reason: String| EngineError::Unsuitable { device: self.name.clone(), reason };
+        let can = self.capabilities()?;
+        // SAFETY: the surface and the device are of this instance.
+        let formats = unsafe { self.surface_calls.get_physical_device_surface_formats(self.physical, self.surface) };
+        let formats = formats.map_err(|e| self.error("surface formats", e))?;
         // Drivers list sRGB formats first, which would change the levels.
         let plain = [vk::Format::B8G8R8A8_UNORM, vk::Format::R8G8B8A8_UNORM];
         let format = formats
@@ -277,14 +250,6 @@ impl Screen {
                 unsuitable("the window offers no UNORM format of 8 bits, and others change the levels".into())
             })?;
         let [height, width] = self.size.map(|n| n as u32);
-        let is = can.current_extent;
-        if is.width != u32::MAX && (is.width, is.height) != (width, height) {
-            return Err(unsuitable(format!(
-                "the window is {}x{} pixels, and a video frame has {height}x{width}: nothing is scaled, so they must be \
-                 equal",
-                is.height, is.width
-            )));
-        }
         if !can.supported_usage_flags.contains(vk::ImageUsageFlags::TRANSFER_DST) {
             return Err(unsuitable("pictures cannot be copied into its window".into()));
         }
@@ -313,6 +278,7 @@ impl Screen {
         // SAFETY: the device is idle before anything of the old swapchain is destroyed; all handles are valid.
         unsafe {
             let _ = self.device.device_wait_idle();
+            self.teller.renewed();
             let made = self.swapchain_calls.create_swapchain(&info, None);
             self.drop_swapchain();
             self.swapchain = made.map_err(|e| self.error("vkCreateSwapchainKHR", e))?;
@@ -333,7 +299,7 @@ impl Screen {
 
     /// # Safety
     /// The device is idle.
-    unsafe fn drop_swapchain(&mut self) {
+    pub(super) unsafe fn drop_swapchain(&mut self) {
         // SAFETY: the caller says so; each is destroyed once.
         unsafe {
             self.rendered.drain(..).for_each(|s| self.device.destroy_semaphore(s, None));
@@ -377,13 +343,7 @@ impl Screen {
     /// # Errors
     /// The window is gone, or has another size; a lost device.
     pub fn present(&mut self, id: u64) -> Result<(), EngineError> {
-        let mut acquired = self.acquire()?;
-        if acquired.is_none() {
-            // Out of date: of the same size it is made again, of another it is refused.
-            self.make_swapchain()?;
-            acquired = self.acquire()?;
-        }
-        let Some(image) = acquired else { return Err(self.error("acquire", vk::Result::ERROR_OUT_OF_DATE_KHR)) };
+        let image = self.next_image()?;
         let slot = &self.slots[self.next];
         let rendered = [self.rendered[image as usize]];
         let [height, width] = self.size.map(|n| n as u32);
@@ -420,11 +380,15 @@ impl Screen {
         // Numbers of 32 bits, which go round; the answer is matched modulo that.
         let times = [vk::PresentTimeGOOGLE::default().present_id(id as u32)];
         let mut times = vk::PresentTimesInfoGOOGLE::default().times(&times);
+        let numbers = [present_number(id)];
+        let mut numbers = vk::PresentIdKHR::default().present_ids(&numbers);
         let mut info =
             vk::PresentInfoKHR::default().wait_semaphores(&rendered).swapchains(&chains).image_indices(&indices);
-        if self.timing.is_some() {
-            info = info.push_next(&mut times);
-        }
+        info = match self.teller.how() {
+            How::DisplayTiming => info.push_next(&mut times),
+            How::PresentWait => info.push_next(&mut numbers),
+            How::FirstPixel | How::Acquire => info,
+        };
         // SAFETY: the slot's fence was waited for in `upload`, so its commands and its semaphore are free; every handle is
         // of this device, and everything pointed to lives until the calls return.
         let presented = unsafe {
@@ -449,59 +413,53 @@ impl Screen {
             self.swapchain_calls.queue_present(self.queue, &info)
         };
         self.next = (self.next + 1) % SLOTS;
-        self.before = Some(id);
-        match presented {
+        self.teller.presented(id);
+        match self.answered("present", presented) {
+            Ok(suboptimal) => {
+                self.note(suboptimal);
+                Ok(())
+            }
             // Told again when the next image is acquired.
-            Ok(_) | Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => Ok(()),
+            Err(vk::Result::ERROR_OUT_OF_DATE_KHR | vk::Result::ERROR_SURFACE_LOST_KHR) => Ok(()),
             Err(e) => Err(self.error("vkQueuePresentKHR", e)),
         }
     }
 
-    /// An image of the swapchain; none where it is out of date.
-    fn acquire(&mut self) -> Result<Option<u32>, EngineError> {
+    /// An image of the swapchain, and whether it could be better.
+    pub(super) fn acquire(&mut self) -> Result<(u32, bool), vk::Result> {
         let start = Instant::now();
+        // A test's answer comes without the call, which then did nothing.
+        self.answered("acquire", Ok(false))?;
         let slot = &self.slots[self.next];
         // SAFETY: the semaphore is free, since the slot's fence was waited for.
         let image = unsafe {
             self.swapchain_calls.acquire_next_image(self.swapchain, PATIENCE_NS, slot.acquired, vk::Fence::null())
         };
-        // Acquiring that had to wait ended when the screen went on to the picture before.
-        let waited = self.timing.is_none() && start.elapsed() >= WAITED && self.lit.len() < self.lit.capacity();
-        if let Some(before) = self.before.filter(|_| waited) {
-            self.lit.push_back(Lit::At { id: before, time: Instant::now() });
-        }
-        match image {
-            Ok((image, _)) => Ok(Some(image)),
-            Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => Ok(None),
-            Err(e) => Err(self.error("vkAcquireNextImageKHR", e)),
+        self.teller.acquired(start);
+        image
+    }
+
+    /// What the driver answered, or what a test has it answer.
+    #[cfg(not(test))]
+    fn answered(&mut self, _: &'static str, is: Result<bool, vk::Result>) -> Result<bool, vk::Result> {
+        is
+    }
+
+    #[cfg(test)]
+    fn answered(&mut self, call: &'static str, is: Result<bool, vk::Result>) -> Result<bool, vk::Result> {
+        match self.pretended.front().filter(|p| p.0 == call).copied() {
+            None => is,
+            Some((_, answer)) => {
+                self.pretended.pop_front();
+                if answer == vk::Result::SUBOPTIMAL_KHR { is.map(|_| true) } else { Err(answer) }
+            }
         }
     }
 
-    /// The next picture that is known to have lit up.
+    /// The next picture that is known to have lit up. Waits for it for some milliseconds at most, where that is the way
+    /// to know, and once for every picture that was presented.
     pub fn lit(&mut self) -> Option<Lit> {
-        if let (Some(timing), true) = (&self.timing, self.lit.is_empty()) {
-            let mut past = [vk::PastPresentationTimingGOOGLE::default(); 16];
-            let mut count = past.len() as u32;
-            // SAFETY: there is room for as many as it says.
-            let _ = unsafe {
-                (timing.fp().get_past_presentation_timing_google)(
-                    self.device.handle(),
-                    self.swapchain,
-                    &mut count,
-                    past.as_mut_ptr(),
-                )
-            };
-            let newest = self.before.unwrap_or(0);
-            for p in past.iter().take(count as usize) {
-                // The number whose lower half this is, not after the newest.
-                let back = (newest as u32).wrapping_sub(p.present_id);
-                self.lit.push_back(Lit::Monotonic {
-                    id: newest.saturating_sub(u64::from(back)),
-                    time_ns: p.actual_present_time,
-                });
-            }
-        }
-        self.lit.pop_front()
+        self.teller.next(self.swapchain)
     }
 
     /// Waits until all that was handed over is with the screen.
@@ -516,6 +474,7 @@ impl Drop for Screen {
         // SAFETY: the device is idle, and everything is destroyed once, before what it was made from.
         unsafe {
             let _ = self.device.device_wait_idle();
+            self.teller.destroy();
             self.drop_swapchain();
             for slot in self.slots.drain(..) {
                 self.device.destroy_buffer(slot.buffer, None);
@@ -530,40 +489,17 @@ impl Drop for Screen {
     }
 }
 
-/// # Safety
-/// The instance has the extension of this kind of window, and its handles are valid.
-pub(super) unsafe fn make_surface(instance: &Instance, window: WindowHandle) -> Result<vk::SurfaceKHR, vk::Result> {
-    let (entry, raw) = (&instance.entry, &instance.raw);
-    // SAFETY: the caller says so.
-    unsafe {
-        match window {
-            WindowHandle::Xcb { connection, window } => khr::xcb_surface::Instance::new(entry, raw).create_xcb_surface(
-                &vk::XcbSurfaceCreateInfoKHR::default().connection(connection.cast()).window(window),
-                None,
-            ),
-            WindowHandle::Xlib { display, window } => khr::xlib_surface::Instance::new(entry, raw).create_xlib_surface(
-                &vk::XlibSurfaceCreateInfoKHR::default().dpy(display.cast()).window(window as _),
-                None,
-            ),
-            WindowHandle::Wayland { display, surface } => khr::wayland_surface::Instance::new(entry, raw)
-                .create_wayland_surface(
-                    &vk::WaylandSurfaceCreateInfoKHR::default().display(display.cast()).surface(surface.cast()),
-                    None,
-                ),
-        }
-    }
-}
-
 /// The first device that can show on the surface, real ones first, and its queue family.
 pub(super) fn choose(
     instance: &Instance,
     calls: &khr::surface::Instance,
     surface: vk::SurfaceKHR,
+    only: Option<vk::PhysicalDevice>,
 ) -> Result<(vk::PhysicalDevice, u32, String), EngineError> {
     // SAFETY: the instance is valid.
     let devices = unsafe { instance.raw.enumerate_physical_devices() }.unwrap_or_default();
     let mut found: Vec<(bool, vk::PhysicalDevice, u32, String)> = Vec::new();
-    for device in devices {
+    for device in devices.into_iter().filter(|d| only.is_none_or(|o| o == *d)) {
         // SAFETY: the device and the surface are of this instance.
         let (properties, families, extensions) = unsafe {
             (

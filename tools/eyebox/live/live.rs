@@ -5,7 +5,7 @@ use super::record::Record;
 use super::subject::{self, SubjectArgs};
 use super::viewing::Viewing;
 use super::watching::{self, TrackerArgs, Watching};
-use crate::play::{OutputName, lost};
+use crate::play::{OutputName, Wanted, checked, lost};
 use crate::values::{not_negative, positive, rate};
 use crate::{Failure, common, progress};
 use clap::Args;
@@ -40,7 +40,8 @@ pub struct Live {
     /// Where video frames go
     #[arg(long, value_enum, default_value = "offscreen")]
     pub output: OutputName,
-    /// With --output window: the monitor, by index, name or rows x columns [default: the first of the video frame's size]
+    /// The monitor, by index, name or rows x columns; with --output direct, the display, by index, connector or monitor
+    /// [default: the first of the video frame's size]
     #[arg(long, value_name = "MONITOR")]
     pub monitor: Option<String>,
     /// With a window: have Vulkan's use checked, and say what was wrong
@@ -80,54 +81,59 @@ pub fn run(args: &Live) -> Result<(), Failure> {
     let steered = subject::load(&args.subject)?;
     let clock = RealClock::start();
     let frames = steered.encoder.frames();
-    let mut output = if args.output == OutputName::Window {
-        let desktop = Desktop::open()?;
-        let monitor = desktop.choose(args.monitor.as_deref(), [frames.height, frames.width])?;
-        Output::Window(desktop.window(&monitor, Rc::new(clock), args.validation)?)
-    } else {
-        let rate = args.display_rate.map_or_else(|| Rate::new(60, 1), Ok)?;
-        let desktop = if args.view { Some(Desktop::open()?) } else { None };
-        Output::Offscreen(Offscreen::new(Rc::new(clock), rate, frames.frame_bytes()), desktop)
-    };
+    let size = [frames.height, frames.width];
+    let beside = || if args.view { Desktop::open().map(Some) } else { Ok(None) };
     let mut heard = Vec::new();
-    if let Output::Window(window) = &output {
-        heard.push(window.messages());
-    }
+    let mut output = match args.output {
+        OutputName::Window => {
+            let desktop = Desktop::open()?;
+            let monitor = desktop.choose(args.monitor.as_deref(), size)?;
+            let window = desktop.window(&monitor, Rc::new(clock), args.validation)?;
+            heard.push(window.messages());
+            Output::Window(Box::new(window))
+        }
+        OutputName::Direct => {
+            let (monitor, rate, validation) = (args.monitor.as_deref(), args.display_rate, args.validation);
+            let wanted = Wanted { direct: true, monitor, size, rate, validation };
+            let (display, _, messages) = wanted.open(Rc::new(clock))?;
+            heard.push(messages);
+            Output::Other(display, beside()?)
+        }
+        OutputName::Offscreen => {
+            let rate = args.display_rate.map_or_else(|| Rate::new(60, 1), Ok)?;
+            Output::Other(Box::new(Offscreen::new(Rc::new(clock), rate, frames.frame_bytes())), beside()?)
+        }
+    };
     let shown = show(args, steered, clock, &mut output, &mut heard);
     drop(output);
-    let messages: Vec<String> = heard.iter().flat_map(|m| m.lock().map(|m| m.clone()).unwrap_or_default()).collect();
-    messages.iter().for_each(|m| eprintln!("validation: {m}"));
-    if shown.is_ok() && !messages.is_empty() {
-        return Err(Failure::Asked(format!("the validation layer found {} faults, above", messages.len())));
-    }
-    shown
+    heard.iter().fold(shown, |shown, messages| checked(shown, messages))
 }
 
 /// Where video frames go, and the desktop that other windows stand on.
 enum Output {
-    Window(Window),
-    Offscreen(Offscreen, Option<Desktop>),
+    Window(Box<Window>),
+    Other(Box<dyn Presenter>, Option<Desktop>),
 }
 
 impl Output {
     fn presenter(&mut self) -> &mut dyn Presenter {
         match self {
-            Self::Window(window) => window,
-            Self::Offscreen(offscreen, _) => offscreen,
+            Self::Window(window) => window.as_mut(),
+            Self::Other(presenter, _) => presenter.as_mut(),
         }
     }
 
     fn desktop(&mut self) -> Option<&mut Desktop> {
         match self {
             Self::Window(window) => Some(window.desktop()),
-            Self::Offscreen(_, desktop) => desktop.as_mut(),
+            Self::Other(_, desktop) => desktop.as_mut(),
         }
     }
 
     /// Events of windows beside the display; a window of its own takes them while it is asked for its own.
     fn pump(&mut self) -> Result<(), Failure> {
         match self {
-            Self::Offscreen(_, Some(desktop)) => desktop.pump_for(Duration::ZERO).map_err(lost),
+            Self::Other(_, Some(desktop)) => desktop.pump_for(Duration::ZERO).map_err(lost),
             _ => Ok(()),
         }
     }

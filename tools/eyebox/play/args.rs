@@ -11,6 +11,8 @@ use std::path::PathBuf;
 pub enum OutputName {
     /// A window over a whole monitor
     Window,
+    /// A display that no desktop drives
+    Direct,
     /// Memory, on the beat of a clock
     Offscreen,
 }
@@ -38,16 +40,17 @@ pub struct Play {
     /// Where video frames go
     #[arg(long, value_enum, default_value = "offscreen")]
     pub output: OutputName,
-    /// With --output window: the monitor, by index, name or rows x columns [default: the first of the video frame's size]
+    /// The monitor, by index, name or rows x columns; with --output direct, the display, by index, connector or monitor
+    /// [default: the first of the video frame's size]
     #[arg(long, value_name = "MONITOR")]
     pub monitor: Option<String>,
-    /// With --output window: have Vulkan's use checked, and say what was wrong
+    /// Have Vulkan's use checked, and say what was wrong
     #[arg(long)]
     pub validation: bool,
     /// Holograms a second [default: what the sequence says]
     #[arg(long, value_name = "HZ", value_parser = rate)]
     pub rate: Option<Rate>,
-    /// Video frames a second [default: what the monitor says, else 60]
+    /// Video frames a second; with --output direct, of the mode [default: what the monitor says, else 60]
     #[arg(long, value_name = "HZ", value_parser = rate)]
     pub display_rate: Option<Rate>,
     /// So many times as fast

@@ -1,8 +1,10 @@
 //! `eyebox play`.
 
 mod args;
+mod monitors;
 
 pub use args::{Monitors, OutputName, Play};
+pub use monitors::monitors;
 
 use crate::Failure;
 use crate::args::EngineName;
@@ -14,13 +16,14 @@ use eyebox::files;
 use eyebox::hologram::Sequence;
 use eyebox::optics::{Color, Display};
 use eyebox::playback::{
-    Clock, Desktop, Flow, Lane, Marks, Offscreen, Options, PlaybackError, Player, Presenter, Rate, RealClock, Recorder,
-    Report, SECOND_NS, Schedule, Scheduler, SimulatedClock, Sink, Source, Speed, Start, Stream, StreamEncoder, Trace,
-    sync_phases,
+    Clock, Desktop, Direct, Flow, Lane, Marks, Offscreen, Options, PlaybackError, Player, Presenter, Rate, RealClock,
+    Recorder, Report, SECOND_NS, Schedule, Scheduler, SimulatedClock, Sink, Source, Speed, Start, Stream,
+    StreamEncoder, Trace, sync_phases,
 };
 use serde_json::json;
 use std::io::{IsTerminal, Write};
 use std::rc::Rc;
+use std::sync::{Arc, Mutex};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Spans that a trace keeps for each thread: half an hour at 120 Hz.
@@ -52,28 +55,13 @@ pub fn run(args: &Play) -> Result<(), Failure> {
     if endless && simulated {
         return Err(Failure::Asked("a simulated clock would go on for ever: give --duration".into()));
     }
-    if args.output == OutputName::Window {
+    if args.output != OutputName::Offscreen {
         if simulated || args.raw.is_some() || args.shared.is_some() {
             return Err(Failure::Asked(
                 "--record, --raw, --shared and a simulated clock go with --output offscreen".into(),
             ));
         }
-        let clock = Rc::new(RealClock::start());
-        let frames = opened.encoder.frames();
-        let desktop = Desktop::open()?;
-        let monitor = desktop.choose(args.monitor.as_deref(), [frames.height, frames.width])?;
-        let mut window = desktop.window(&monitor, Rc::clone(&clock), args.validation)?;
-        let messages = window.messages();
-        let mut opened = opened;
-        opened.display_rate = args.display_rate.or(window.rate()).unwrap_or(opened.display_rate);
-        let played = play(args, opened, clock, &mut window);
-        drop(window);
-        let messages = messages.lock().map(|m| m.clone()).unwrap_or_default();
-        messages.iter().for_each(|m| eprintln!("validation: {m}"));
-        if played.is_ok() && !messages.is_empty() {
-            return Err(Failure::Asked(format!("the validation layer found {} faults, above", messages.len())));
-        }
-        return played;
+        return on_display(args, opened);
     }
     let clock: Rc<dyn Clock> = if simulated { Rc::new(SimulatedClock::default()) } else { Rc::new(RealClock::start()) };
     let frames = opened.encoder.frames();
@@ -85,6 +73,69 @@ pub fn run(args: &Play) -> Result<(), Failure> {
     };
     let mut offscreen = Offscreen::new(Rc::clone(&clock), opened.display_rate, frames.frame_bytes()).with_sink(sink);
     play(args, opened, clock, &mut offscreen)
+}
+
+/// Plays in a window or on a display of its own.
+fn on_display(args: &Play, mut opened: Opened) -> Result<(), Failure> {
+    let clock = Rc::new(RealClock::start());
+    let frames = opened.encoder.frames();
+    let wanted = Wanted {
+        direct: args.output == OutputName::Direct,
+        monitor: args.monitor.as_deref(),
+        size: [frames.height, frames.width],
+        rate: args.display_rate,
+        validation: args.validation,
+    };
+    let (mut display, rate, messages) = wanted.open(Rc::clone(&clock))?;
+    opened.display_rate = rate.unwrap_or(opened.display_rate);
+    let played = play(args, opened, clock, &mut *display);
+    drop(display);
+    checked(played, &messages)
+}
+
+/// A display that is not memory.
+pub struct Wanted<'a> {
+    /// One that no desktop drives; else a window.
+    pub direct: bool,
+    /// Which.
+    pub monitor: Option<&'a str>,
+    /// Rows, columns of a video frame.
+    pub size: [usize; 2],
+    /// Video frames a second.
+    pub rate: Option<Rate>,
+    /// Whether Vulkan's use is checked.
+    pub validation: bool,
+}
+
+/// It, its rate where that is known, and what the validation layer says.
+pub type Shown = (Box<dyn Presenter>, Option<Rate>, Arc<Mutex<Vec<String>>>);
+
+impl Wanted<'_> {
+    /// Opens it.
+    pub fn open(&self, clock: Rc<RealClock>) -> Result<Shown, Failure> {
+        if self.direct {
+            let display = Direct::open(self.validation)?.take(self.monitor, self.size, self.rate, clock)?;
+            let messages = display.messages();
+            // Its own rate is the mode's, which may be 59.94 where 60 was asked for.
+            let rate = display.rate();
+            return Ok((Box::new(display), rate, messages));
+        }
+        let desktop = Desktop::open()?;
+        let monitor = desktop.choose(self.monitor, self.size)?;
+        let window = desktop.window(&monitor, clock, self.validation)?;
+        let (rate, messages) = (self.rate.or(window.rate()), window.messages());
+        Ok((Box::new(window), rate, messages))
+    }
+}
+
+/// What the validation layer said, when all that it watched is gone.
+pub fn checked(played: Result<(), Failure>, messages: &Mutex<Vec<String>>) -> Result<(), Failure> {
+    let messages = messages.lock().map(|m| m.clone()).unwrap_or_default();
+    messages.iter().for_each(|m| eprintln!("validation: {m}"));
+    if played.is_ok() && !messages.is_empty() {
+        return Err(Failure::Asked(format!("the validation layer found {} faults, above", messages.len())));
+    }
+    played
 }
 
 fn open(args: &Play) -> Result<Opened, Failure> {
@@ -156,7 +207,8 @@ fn play(args: &Play, opened: Opened, clock: Rc<dyn Clock>, presenter: &mut dyn P
     let engine = match args.engine {
         EngineName::Auto | EngineName::Cpu => StreamEncoder::Cpu(encoder),
         EngineName::Vulkan => {
-            StreamEncoder::Vulkan(encoder, VulkanOptions { allow_cpu: true, ..VulkanOptions::default() })
+            let options = VulkanOptions { allow_cpu: true, validation: args.validation, ..VulkanOptions::default() };
+            StreamEncoder::Vulkan(encoder, options)
         }
     };
     eprintln!(
@@ -186,6 +238,7 @@ fn play(args: &Play, opened: Opened, clock: Rc<dyn Clock>, presenter: &mut dyn P
     };
     progress::catch_interrupt();
     let mut stream = Stream::start(sequence, engine, options)?;
+    let watched = stream.validation();
     let mut player = Player::new(Rc::clone(&clock), Scheduler::new(schedule), idle, trace.lane("present"));
     let begun_ns = clock.now_ns();
     let mut status = Status::new(planes);
@@ -202,10 +255,7 @@ fn play(args: &Play, opened: Opened, clock: Rc<dyn Clock>, presenter: &mut dyn P
             Ok(Flow::Closed) => break Ok("closed"),
             Err(error) => break Err(error),
         }
-        while let Some(message) = stream.message() {
-            status.clear();
-            eprintln!("note: {message}");
-        }
+        tell(&mut stream, &mut status);
         if player.scheduler().account().due > 0 {
             let since = *content_since_ns.get_or_insert(player.display_time_ns());
             let passed = player.display_time_ns() - since + display_rate.period_ns();
@@ -218,9 +268,11 @@ fn play(args: &Play, opened: Opened, clock: Rc<dyn Clock>, presenter: &mut dyn P
         }
         status.show(&player, clock.now_ns() - begun_ns);
     };
+    tell(&mut stream, &mut status);
     status.clear();
     // Whatever ended it, the display is left on the idle picture, if it still takes one.
-    let left = if ended.is_ok() { player.finish(presenter) } else { Ok(()) };
+    let lost_display = matches!(ended, Err(PlaybackError::Presenter { .. }));
+    let left = if lost_display { Ok(()) } else { player.finish(presenter) };
     let seconds = (clock.now_ns() - begun_ns) as f64 / 1e9;
     let report = Report::new(player.scheduler(), player.timing(), seconds, planes);
     let margin_ms = player.pacer().margin_ns() as f64 / 1e6;
@@ -235,6 +287,7 @@ fn play(args: &Play, opened: Opened, clock: Rc<dyn Clock>, presenter: &mut dyn P
         let mut all = report.to_json();
         all["ended_by"] = json!(how);
         all["presenter"] = json!(presenter.describe());
+        all["timed_by"] = json!(presenter.timed_by());
         all["display_rate_hz"] = json!(display_rate.hz());
         all["content_rate_hz"] = json!(content_rate.hz());
         all["video_frames_per_set"] = json!(set_frames);
@@ -245,8 +298,16 @@ fn play(args: &Play, opened: Opened, clock: Rc<dyn Clock>, presenter: &mut dyn P
     if let Some(recorder) = recorder {
         recorder.finish()?;
     }
-    ended.map_err(lost)?;
-    left.map_err(lost)
+    let played = ended.map(drop).and(left).map_err(lost);
+    watched.map_or(Ok(()), |messages| checked(Ok(()), &messages)).and(played)
+}
+
+/// What the stream has to say.
+fn tell(stream: &mut Stream, status: &mut Status) {
+    while let Some(message) = stream.message() {
+        status.clear();
+        eprintln!("note: {message}");
+    }
 }
 
 /// A display that goes away while it is played to has an exit code of its own.
@@ -329,32 +390,4 @@ fn peak_memory_mib() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|l| l.starts_with("VmHWM:"))?;
     line.split_whitespace().nth(1)?.parse::<f64>().ok().map(|kib| kib / 1024.0)
-}
-
-/// Lists the monitors of the desktop.
-pub fn monitors(args: &Monitors) -> Result<(), Failure> {
-    let monitors = Desktop::open()?.monitors();
-    if args.json {
-        let mode = |(size, rate, bits): &([usize; 2], Option<Rate>, u16)| json!({ "rows": size[0], "columns": size[1], "hz": rate.map(Rate::hz), "bits": bits });
-        let one = |m: &eyebox::playback::Monitor| {
-            json!({
-                "index": m.index, "name": m.name, "rows": m.size[0], "columns": m.size[1], "position": m.position,
-                "hz": m.rate.map(Rate::hz), "modes": m.modes.iter().map(mode).collect::<Vec<_>>(),
-            })
-        };
-        println!("{}", json!({ "monitors": monitors.iter().map(one).collect::<Vec<_>>() }));
-        return Ok(());
-    }
-    for m in &monitors {
-        let rate = m.rate.map_or_else(|| "unknown rate".into(), |r| format!("{r} Hz"));
-        println!("{m} at {rate}");
-        for (size, rate, bits) in &m.modes {
-            let rate = rate.map_or_else(|| "unknown rate".into(), |r| format!("{r} Hz"));
-            println!("    {}x{} at {rate}, {bits} bits", size[0], size[1]);
-        }
-    }
-    if monitors.is_empty() {
-        println!("the desktop has no monitors");
-    }
-    Ok(())
 }

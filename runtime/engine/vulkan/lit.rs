@@ -1,0 +1,303 @@
+//! When pictures light up: the best that a device tells.
+//!
+//! Best first: `VK_GOOGLE_display_timing` (the display's own times), `VK_KHR_present_wait` (returns when a picture is out),
+//! `VK_EXT_display_control` (a fence at the next first pixel; direct displays only), and else the times at which acquiring
+//! an image had to wait. Waiting is done by the thread that presents, right after it presented: it has nothing else to do
+//! until the next picture, and a swapchain must not be used by two threads at once.
+
+use super::instance::has;
+use ash::{ext, google, khr, vk};
+use std::collections::VecDeque;
+use std::time::{Duration, Instant};
+
+/// When a picture lit up, as far as it is known.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Lit {
+    /// By the display's own clock: nanoseconds of the system's monotonic clock.
+    Monotonic {
+        /// The picture's number.
+        id: u64,
+        /// When.
+        time_ns: u64,
+    },
+    /// The screen took another picture at this time: the one of this number lit up.
+    At {
+        /// The picture's number.
+        id: u64,
+        /// When.
+        time: Instant,
+    },
+}
+
+/// What took this long waited for the screen, and ended when the screen went on; what took less may be older.
+const WAITED: Duration = Duration::from_micros(500);
+/// How long the thread that presents waits for a picture to light up; a picture that takes longer is asked for again
+/// after the next one.
+const PATIENCE_NS: u64 = 25_000_000;
+/// Pictures of which it may be unknown whether they lit up.
+const MOST: usize = 16;
+
+/// By what it is known.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum How {
+    /// `VK_GOOGLE_display_timing`.
+    DisplayTiming,
+    /// `VK_KHR_present_id` and `VK_KHR_present_wait`, features and all.
+    PresentWait,
+    /// `VK_EXT_display_control`.
+    FirstPixel,
+    /// The time at which acquiring an image had to wait.
+    Acquire,
+}
+
+impl How {
+    /// The best that a device has. `direct`: the screen is a display that no desktop drives.
+    pub(super) fn best(extensions: &[vk::ExtensionProperties], present_wait: bool, direct: bool) -> Self {
+        if has(extensions, google::display_timing::NAME) {
+            Self::DisplayTiming
+        } else if present_wait && has(extensions, khr::present_id::NAME) && has(extensions, khr::present_wait::NAME) {
+            Self::PresentWait
+        } else if direct && has(extensions, ext::display_control::NAME) {
+            Self::FirstPixel
+        } else {
+            Self::Acquire
+        }
+    }
+
+    /// The device's extensions that it needs.
+    pub(super) fn extensions(self) -> &'static [&'static std::ffi::CStr] {
+        match self {
+            Self::DisplayTiming => &[google::display_timing::NAME],
+            Self::PresentWait => &[khr::present_id::NAME, khr::present_wait::NAME],
+            Self::FirstPixel => &[ext::display_control::NAME],
+            Self::Acquire => &[],
+        }
+    }
+
+    /// For people.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::DisplayTiming => "VK_GOOGLE_display_timing",
+            Self::PresentWait => "VK_KHR_present_wait",
+            Self::FirstPixel => "VK_EXT_display_control",
+            Self::Acquire => "the time of acquiring",
+        }
+    }
+}
+
+/// Whether a device has both features; an extension alone does not say so.
+pub(super) fn has_present_wait(
+    instance: &ash::Instance,
+    physical: vk::PhysicalDevice,
+    extensions: &[vk::ExtensionProperties],
+) -> bool {
+    if !has(extensions, khr::present_id::NAME) || !has(extensions, khr::present_wait::NAME) {
+        return false;
+    }
+    let mut id = vk::PhysicalDevicePresentIdFeaturesKHR::default();
+    let mut wait = vk::PhysicalDevicePresentWaitFeaturesKHR::default();
+    let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut id).push_next(&mut wait);
+    // SAFETY: the device is of this instance, of Vulkan 1.2, and has the extensions.
+    unsafe { instance.get_physical_device_features2(physical, &mut features) };
+    id.present_id == vk::TRUE && wait.present_wait == vk::TRUE
+}
+
+/// The calls of a device for one of these.
+enum Calls {
+    DisplayTiming(vk::PFN_vkGetPastPresentationTimingGOOGLE),
+    PresentWait(vk::PFN_vkWaitForPresentKHR),
+    FirstPixel(vk::PFN_vkRegisterDisplayEventEXT, vk::DisplayKHR, Option<vk::Fence>),
+    Acquire,
+}
+
+/// Says when pictures lit up.
+pub(super) struct Teller {
+    device: ash::Device,
+    how: How,
+    calls: Calls,
+    lit: VecDeque<Lit>,
+    /// Pictures in line, oldest first, of which it is not known that they lit up.
+    waiting: VecDeque<u64>,
+    newest: Option<u64>,
+    /// A picture was presented and nobody waited since.
+    armed: bool,
+}
+
+impl Teller {
+    /// For a device that was made with what `how` needs.
+    pub(super) fn new(instance: &ash::Instance, device: &ash::Device, how: How, display: vk::DisplayKHR) -> Self {
+        let calls = match how {
+            How::DisplayTiming => Calls::DisplayTiming(
+                google::display_timing::Device::new(instance, device).fp().get_past_presentation_timing_google,
+            ),
+            How::PresentWait => {
+                Calls::PresentWait(khr::present_wait::Device::new(instance, device).fp().wait_for_present_khr)
+            }
+            How::FirstPixel => Calls::FirstPixel(
+                ext::display_control::Device::new(instance, device).fp().register_display_event_ext,
+                display,
+                None,
+            ),
+            How::Acquire => Calls::Acquire,
+        };
+        let (lit, waiting) = (VecDeque::with_capacity(64), VecDeque::with_capacity(MOST));
+        Self { device: device.clone(), how, calls, lit, waiting, newest: None, armed: false }
+    }
+
+    /// By what it is known.
+    pub(super) fn how(&self) -> How {
+        self.how
+    }
+
+    /// An image was acquired; `start` is when that was asked for.
+    pub(super) fn acquired(&mut self, start: Instant) {
+        let waited = self.how == How::Acquire && start.elapsed() >= WAITED && self.lit.len() < self.lit.capacity();
+        // Acquiring that had to wait ended when the screen went on to the picture before.
+        if let Some(id) = self.newest.filter(|_| waited) {
+            self.lit.push_back(Lit::At { id, time: Instant::now() });
+        }
+    }
+
+    /// A picture was put in line.
+    pub(super) fn presented(&mut self, id: u64) {
+        (self.newest, self.armed) = (Some(id), true);
+        if matches!(self.how, How::PresentWait | How::FirstPixel) {
+            if self.waiting.len() == MOST {
+                self.waiting.pop_front();
+            }
+            self.waiting.push_back(id);
+        }
+        if let Calls::FirstPixel(register, display, fence) = &mut self.calls {
+            let info = vk::DisplayEventInfoEXT::default().display_event(vk::DisplayEventTypeEXT::FIRST_PIXEL_OUT);
+            let mut made = vk::Fence::null();
+            // SAFETY: the display is the one that the device shows on; a fence that was not waited for is destroyed.
+            unsafe {
+                if let Some(old) = fence.take() {
+                    self.device.destroy_fence(old, None);
+                }
+                let answer = register(self.device.handle(), *display, &info, std::ptr::null(), &mut made);
+                *fence = (answer == vk::Result::SUCCESS).then_some(made);
+            }
+        }
+    }
+
+    /// The swapchain is another one: nothing more will be known of what the old one had in line.
+    pub(super) fn renewed(&mut self) {
+        self.waiting.clear();
+        self.armed = false;
+    }
+
+    /// The next picture that is known to have lit up.
+    pub(super) fn next(&mut self, swapchain: vk::SwapchainKHR) -> Option<Lit> {
+        if self.lit.is_empty() && std::mem::take(&mut self.armed) {
+            self.ask(swapchain);
+        }
+        self.lit.pop_front()
+    }
+
+    fn ask(&mut self, swapchain: vk::SwapchainKHR) {
+        let start = Instant::now();
+        match &mut self.calls {
+            Calls::Acquire => {}
+            Calls::DisplayTiming(past) => {
+                let mut times = [vk::PastPresentationTimingGOOGLE::default(); MOST];
+                let mut count = MOST as u32;
+                // SAFETY: there is room for as many as it says.
+                let _ = unsafe { past(self.device.handle(), swapchain, &mut count, times.as_mut_ptr()) };
+                let newest = self.newest.unwrap_or(0);
+                for p in times.iter().take(count as usize) {
+                    // The number whose lower half this is, not after the newest.
+                    let back = (newest as u32).wrapping_sub(p.present_id);
+                    let id = newest.saturating_sub(u64::from(back));
+                    self.lit.push_back(Lit::Monotonic { id, time_ns: p.actual_present_time });
+                }
+            }
+            Calls::PresentWait(wait) => {
+                // The oldest lights up at the display's next beat, however many wait behind it: one wait a picture.
+                let mut patience = PATIENCE_NS;
+                while let Some(id) = self.waiting.front().copied() {
+                    // SAFETY: the swapchain is the device's, used by this thread alone; it was given this number.
+                    let answer = unsafe { wait(self.device.handle(), swapchain, present_number(id), patience) };
+                    if answer == vk::Result::TIMEOUT {
+                        break;
+                    }
+                    if answer != vk::Result::SUCCESS && answer != vk::Result::SUBOPTIMAL_KHR {
+                        // The next acquire says what is the matter.
+                        self.waiting.clear();
+                        break;
+                    }
+                    self.waiting.pop_front();
+                    if patience > 0 && start.elapsed() >= WAITED {
+                        self.lit.push_back(Lit::At { id, time: Instant::now() });
+                    }
+                    patience = 0;
+                }
+            }
+            Calls::FirstPixel(_, _, fence) => {
+                let Some(made) = fence.take() else { return };
+                // SAFETY: the fence is the device's and is destroyed once.
+                let answer = unsafe {
+                    let answer = self.device.wait_for_fences(&[made], true, PATIENCE_NS);
+                    self.device.destroy_fence(made, None);
+                    answer
+                };
+                // One picture a beat: the oldest.
+                if answer.is_ok()
+                    && let Some(id) = self.waiting.pop_front()
+                    && start.elapsed() >= WAITED
+                {
+                    self.lit.push_back(Lit::At { id, time: Instant::now() });
+                }
+            }
+        }
+    }
+
+    /// # Safety
+    /// The device is idle, and nothing is asked of this any more.
+    pub(super) unsafe fn destroy(&mut self) {
+        if let Calls::FirstPixel(_, _, fence) = &mut self.calls
+            && let Some(fence) = fence.take()
+        {
+            // SAFETY: the caller says so.
+            unsafe { self.device.destroy_fence(fence, None) };
+        }
+    }
+
+    /// Waits for pictures by another function than the driver's.
+    #[cfg(test)]
+    pub(super) fn pretend_present_wait(&mut self, wait: vk::PFN_vkWaitForPresentKHR) {
+        (self.how, self.calls) = (How::PresentWait, Calls::PresentWait(wait));
+    }
+}
+
+/// The number that `VK_KHR_present_id` has for a picture; 0 means none there.
+pub(super) fn present_number(id: u64) -> u64 {
+    id.saturating_add(1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::ffi::CStr;
+
+    fn extensions(names: &[&CStr]) -> Vec<vk::ExtensionProperties> {
+        let one = |name: &&CStr| vk::ExtensionProperties::default().extension_name(name).expect("short enough");
+        names.iter().map(one).collect()
+    }
+
+    #[test]
+    fn the_best_that_a_device_has_is_taken_and_a_feature_counts_and_not_its_name() {
+        let all = extensions(&[
+            google::display_timing::NAME,
+            khr::present_id::NAME,
+            khr::present_wait::NAME,
+            ext::display_control::NAME,
+        ]);
+        assert_eq!(How::best(&all, true, true), How::DisplayTiming);
+        assert_eq!(How::best(&all[1..], true, true), How::PresentWait);
+        assert_eq!(How::best(&all[1..], false, true), How::FirstPixel);
+        assert_eq!(How::best(&all[2..], true, false), How::Acquire);
+        assert_eq!(How::best(&[], true, true), How::Acquire);
+        assert!(How::PresentWait.extensions().len() == 2 && How::Acquire.extensions().is_empty());
+    }
+}
