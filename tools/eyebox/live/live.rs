@@ -82,7 +82,7 @@ pub fn run(args: &Live) -> Result<(), Failure> {
     let clock = RealClock::start();
     let frames = steered.encoder.frames();
     let size = [frames.height, frames.width];
-    let beside = || if args.view { Desktop::open().map(Some) } else { Ok(None) };
+    let beside = || if args.view { Desktop::open().map(|d| Some(Box::new(d))) } else { Ok(None) };
     let mut heard = Vec::new();
     let mut output = match args.output {
         OutputName::Window => {
@@ -112,7 +112,7 @@ pub fn run(args: &Live) -> Result<(), Failure> {
 /// Where video frames go, and the desktop that other windows stand on.
 enum Output {
     Window(Box<Window>),
-    Other(Box<dyn Presenter>, Option<Desktop>),
+    Other(Box<dyn Presenter>, Option<Box<Desktop>>),
 }
 
 impl Output {
@@ -126,7 +126,7 @@ impl Output {
     fn desktop(&mut self) -> Option<&mut Desktop> {
         match self {
             Self::Window(window) => Some(window.desktop()),
-            Self::Other(_, desktop) => desktop.as_mut(),
+            Self::Other(_, desktop) => desktop.as_deref_mut(),
         }
     }
 
