@@ -23,6 +23,7 @@ fn small() -> Hologram {
         width: 5,
         pitch: 10.8e-6,
         focal_length: 0.4,
+        geometry: crate::optics::Geometry::Relay,
         colors: vec![color(Color::Red, 660e-9, 0.1), color(Color::Blue, 440e-9, 2.0)],
         seed: u64::MAX,
         version: "0.1.0".into(),

@@ -418,6 +418,15 @@ pub struct View {
     pub engine: EngineArgs,
 }
 
+/// Where an SLM stands, by name.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum GeometryName {
+    /// Behind a 4f relay
+    Relay,
+    /// In the pupil plane
+    FarField,
+}
+
 /// Optics of phases that come without.
 #[derive(Args)]
 pub struct PhaseOptics {
@@ -430,6 +439,9 @@ pub struct PhaseOptics {
     /// Focal length, mm (phases without optics)
     #[arg(long, value_name = "MM")]
     pub focal_length: Option<f64>,
+    /// Where the SLM stands (phases without optics)
+    #[arg(long, value_enum, default_value_t = GeometryName::Relay)]
+    pub geometry: GeometryName,
     /// Exposure of the PNG [default: the hologram's; for bare phases, the 99th percentile becomes white]
     #[arg(long, value_parser = positive)]
     pub exposure: Option<f64>,

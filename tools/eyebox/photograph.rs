@@ -27,7 +27,7 @@ pub fn run(args: &Photograph) -> Result<(), Failure> {
         planes.append(&mut evaluate::photographs(engine.as_mut(), &planner, &[args.pupil])?);
     }
     let names: Vec<_> = colors.iter().map(|c| Some(*c)).collect();
-    common::write_image(&args.out, form, [display.height, display.width], &planes, &names, &vec![1.0; planes.len()])?;
+    common::write_image(&args.out, form, display.picture_size().into(), &planes, &names, &vec![1.0; planes.len()])?;
     let [x, y, d, z] = args.pupil.to_mm();
     eprintln!("wrote {}: the photograph from ({x}, {y}) mm through {d} mm, focused at {z} mm", args.out.display());
     Ok(())

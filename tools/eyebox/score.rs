@@ -90,7 +90,7 @@ pub fn score(
     pupils: &[Pupil],
     engine: &mut dyn Engine,
 ) -> Result<Scores, Failure> {
-    let (height, width) = (display.height, display.width);
+    let (height, width) = display.picture_size();
     let mut exposures = Vec::new();
     let mut images: Vec<Vec<(Vec<f32>, Vec<f32>)>> = vec![Vec::new(); pupils.len()];
     // The display may have more colours than the hologram.
@@ -162,6 +162,7 @@ pub fn with_display(file: &Path) -> Result<(Hologram, Display), Failure> {
         width,
         pitch,
         focal_length,
+        geometry: hologram.geometry,
         wavelengths: hologram.display_wavelengths.clone(),
         levels: 256,
         encoding: Default::default(),
@@ -205,6 +206,7 @@ fn load(args: &Score) -> Result<(Hologram, Display), Failure> {
         width: phases.width,
         pitch,
         focal_length,
+        geometry: display.geometry,
         colors,
         seed: 0,
         version: String::new(),
@@ -271,6 +273,7 @@ mod tests {
             width: 3,
             pitch: display.pitch,
             focal_length: display.focal_length,
+            geometry: display.geometry,
             colors: vec![ColorHologram {
                 color: Some(Color::Green),
                 wavelength: 520e-9,

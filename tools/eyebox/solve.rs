@@ -170,6 +170,7 @@ pub fn hologram(
         width: display.width,
         pitch: display.pitch,
         focal_length: display.focal_length,
+        geometry: display.geometry,
         colors: solved.iter().map(color).collect(),
         seed: settings.seed,
         version: env!("CARGO_PKG_VERSION").into(),

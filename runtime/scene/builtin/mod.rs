@@ -46,8 +46,9 @@ const PARALLAX: f64 = 3e-3 * 440e-9 / (8e-6 * 8e-6) / 512.0;
 
 /// Half the depth span that a display shows with the usual parallax, metres: `z = parallax f p / eyebox`.
 pub(super) fn half_span(display: &Display) -> f64 {
-    let pixels = PARALLAX * display.height.min(display.width) as f64;
-    pixels * display.focal_length * display.pitch / display.eyebox_min()
+    let (height, width) = display.picture_size();
+    let pixels = PARALLAX * height.min(width) as f64;
+    pixels * display.focal_length * display.picture_pixel() / display.eyebox_min()
 }
 
 struct Parameters {
@@ -96,7 +97,8 @@ pub(super) fn check(source: &str) -> Result<(), SceneError> {
 pub(super) fn load(source: &str, request: &Request) -> Result<LightField, SceneError> {
     let (name, parameters) = parse(source)?;
     let display = request.display;
-    let canvas = Canvas { height: display.height, width: display.width };
+    let (height, width) = display.picture_size();
+    let canvas = Canvas { height, width };
     let span = parameters.span.unwrap_or_else(|| half_span(display));
     // The plane's own depth is in millimetres: it needs a span that is not zero to be said in scene units.
     let unit = if name == "plane" { parameters.depth.abs().max(1e-6) } else { span };
@@ -115,7 +117,7 @@ pub(super) fn load(source: &str, request: &Request) -> Result<LightField, SceneE
     let n = request.views;
     let cell = request.view_pitch.unwrap_or_else(|| display.eyebox_min() / n as f64);
     // Pixels per view that content at the near end of the span moves (OPTICS 3), then scene units.
-    let disparity = unit * cell / (display.focal_length * display.pitch);
+    let disparity = unit * cell / (display.focal_length * display.picture_pixel());
     let step = disparity * f64::from(canvas.pixel());
     // Textures are made as far as views see them; and beyond this, the cloth would be seen from below.
     let limit = if name == "plane" { f64::max(1.0, 16.0 * f64::from(canvas.pixel())) } else { 0.4 };
