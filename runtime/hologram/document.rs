@@ -97,15 +97,16 @@ pub(super) fn group_of(hologram: &Hologram, sequence: Option<SequenceAttributes>
     }))
 }
 
-/// The array's document: one chunk a sub-frame.
-pub(super) fn array(shape: [usize; 4]) -> Vec<u8> {
-    let [_, _, height, width] = shape;
+/// The array's document: one chunk a sub-frame, or square tiles of this side with all sub-frames.
+pub(super) fn array(shape: [usize; 4], tile: Option<usize>) -> Vec<u8> {
+    let [_, frames, height, width] = shape;
+    let chunk = tile.map_or([1, 1, height, width], |side| [1, frames, side, side]);
     seal(json!({
         "zarr_format": 3,
         "node_type": "array",
         "shape": shape,
         "data_type": "float32",
-        "chunk_grid": { "name": "regular", "configuration": { "chunk_shape": [1, 1, height, width] } },
+        "chunk_grid": { "name": "regular", "configuration": { "chunk_shape": chunk } },
         "chunk_key_encoding": { "name": "default", "configuration": { "separator": "/" } },
         "fill_value": 0.0,
         "codecs": [{ "name": "bytes", "configuration": { "endian": "little" } }, { "name": "crc32c" }],
@@ -203,13 +204,17 @@ pub(super) fn read_any_group(bytes: &[u8]) -> Result<(Hologram, Option<SequenceA
     Ok((hologram, sequence))
 }
 
-/// Reads the array's document: its shape. Says what is wrong.
-pub(super) fn read_array(bytes: &[u8]) -> Result<[usize; 4], String> {
+/// Reads the array's document: its shape, and the side of its tiles where it has tiles. Says what is wrong.
+pub(super) fn read_array(bytes: &[u8]) -> Result<([usize; 4], Option<usize>), String> {
     let found = unseal(bytes)?;
     let shape: [usize; 4] =
         Deserialize::deserialize(&found["shape"]).map_err(|e| format!("its shape is not four lengths: {e}"))?;
-    expect_like(&found, &array(shape))?;
-    Ok(shape)
+    let chunk = &found["chunk_grid"]["configuration"]["chunk_shape"];
+    // The whole of a single sub-frame is both.
+    let whole = *chunk == json!([1, 1, shape[2], shape[3]]);
+    let side = chunk[2].as_u64().filter(|side| !whole && (1..=1 << 14).contains(side)).map(|side| side as usize);
+    expect_like(&found, &array(shape, side))?;
+    Ok((shape, side))
 }
 
 /// There is one way to say everything but the attributes, so documents are compared as a whole.

@@ -21,6 +21,8 @@
 //! A moving scene is a [`Sequence`] of holograms (`sequence`): the same folder with a leading axis, one chunk a hologram,
 //! that grows ([`SequenceWriter`]) and is played while it does.
 //!
+//! A hologram larger than memory is stored in square tiles ([`Tiles`]): one chunk a tile, with all sub-frames.
+//!
 //! The documents and chunks are written here, not by the `zarrs` crate, because its build needs a C library (zlib, for
 //! its build script, whatever the features), and building this project needs cargo alone.
 
@@ -30,6 +32,7 @@ mod phase;
 mod sequence;
 mod sequence_writer;
 mod store;
+mod tiles;
 
 #[cfg(test)]
 mod damage_tests;
@@ -40,6 +43,7 @@ pub use exchange::{Phases, load_phases, save_phases};
 pub use phase::{level_of_phase, phase_of_level, wrap_phase};
 pub use sequence::Sequence;
 pub use sequence_writer::SequenceWriter;
+pub use tiles::{Made, Tiles, first_phase};
 
 use crate::{
     files::FileError,

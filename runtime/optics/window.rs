@@ -31,24 +31,28 @@ pub struct Window {
 
 impl Window {
     /// The window of `pupil` on the grid of `optics`: at least `factor` times the disc on each axis, grown to a size
-    /// that transforms well, and never larger than the grid.
+    /// that transforms well, and, of a relay's spectrum, never larger than the grid.
     pub fn new(optics: &Optics, pupil: &Pupil, factor: WindowFactor) -> Self {
         let (bin_y, bin_x) = optics.bin_size();
         let (most_y, most_x) = optics.image_size();
         let (first_y, first_x) = optics.first_bin();
         let axis = |n: usize, bin: f64, s: f64, own: i64| {
+            // In the far field a window may hang over on all sides: zeros around what passes are finer samples.
+            let relay = optics.geometry == Geometry::Relay;
+            let most = if relay { 1.0 } else { 2.0 } * n as f64;
             let wanted = match factor {
                 WindowFactor::Full => n,
                 // One bin more than the disc can hold on a grid that it is not centred on.
                 WindowFactor::One => (pupil.diameter / bin).ceil().min(n as f64) as usize + 2,
-                WindowFactor::Two => (2.0 * pupil.diameter / bin).ceil().min(n as f64) as usize + 2,
+                WindowFactor::Two => (2.0 * pupil.diameter / bin).ceil().min(most) as usize + 2,
             };
-            let count = fast_size(wanted).min(n);
+            let count =
+                if relay || factor == WindowFactor::Full { fast_size(wanted).min(n) } else { fast_size(wanted) };
             // The grid's own bins when it holds all of them, else centred on the pupil.
             // Far outside, nothing passes wherever it stands: near enough for its numbers to stay small.
             let reach = 2.0 * n as f64 + own.unsigned_abs() as f64;
             let middle = (s / bin).round().clamp(-reach, reach) as i64;
-            let whole = optics.geometry == Geometry::Relay || factor == WindowFactor::Full;
+            let whole = relay || factor == WindowFactor::Full;
             let first = if count == n && whole { own } else { middle - count as i64 / 2 };
             (first, count)
         };

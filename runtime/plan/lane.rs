@@ -32,8 +32,10 @@ impl Default for Comparison {
 /// What the photographs of a scene need to know of its pyramid.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Views {
-    /// Where the views stand.
+    /// Where the views stand, around their centre.
     pub grid: ViewGrid,
+    /// Where in the pupil plane that centre is, (x, y), metres.
+    pub center: [f64; 2],
     /// Sizes of the levels, (height, width).
     pub levels: Vec<(usize, usize)>,
     /// Linear light of the value 1 of a stored sample.
@@ -44,7 +46,7 @@ impl Views {
     /// Of this pyramid.
     pub fn new(grid: ViewGrid, pyramid: &Pyramid) -> Self {
         let levels = pyramid.levels.iter().map(|l| (l.height, l.width)).collect();
-        Self { grid, levels, unit: f64::from(pyramid.scale) / 65535.0 }
+        Self { grid, center: [0.0, 0.0], levels, unit: f64::from(pyramid.scale) / 65535.0 }
     }
 }
 
@@ -72,7 +74,7 @@ pub struct Planner {
 impl Views {
     /// Of a pyramid that is not made yet: the sizes alone.
     pub fn of_size(grid: ViewGrid, height: usize, width: usize) -> Self {
-        Self { grid, levels: Pyramid::sizes(height, width), unit: 1.0 / 65535.0 }
+        Self { grid, center: [0.0, 0.0], levels: Pyramid::sizes(height, width), unit: 1.0 / 65535.0 }
     }
 
     /// Bytes of the pyramid.
@@ -192,11 +194,11 @@ impl Planner {
     }
 
     fn shot(&self, pupil: &Pupil, window: Window) -> Option<Shot> {
-        let Views { grid: views, levels, unit } = self.views.as_ref()?;
+        let Views { grid: views, center, levels, unit } = self.views.as_ref()?;
         let fits = |l: &(usize, usize)| l.0 >= window.rows && l.1 >= window.columns;
         let level = levels.iter().rposition(fits).unwrap_or(0);
         let (height, width) = levels[level];
-        let taps = views.taps(&self.grid, pupil, height, width);
+        let taps = views.taps_around(*center, &self.grid, pupil, height, width);
         let (rows, columns) = (Table::area(height, window.rows), Table::area(width, window.columns));
         Some(Shot {
             level,

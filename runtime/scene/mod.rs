@@ -54,7 +54,7 @@ mod survey;
 #[cfg(test)]
 mod tests;
 
-pub use builtin::{BUILTINS, Builtin};
+pub use builtin::{BUILTINS, Builtin, Stage};
 pub use depth::central_depth;
 pub(crate) use depth::central_view;
 pub use error::SceneError;

@@ -61,17 +61,31 @@ impl ViewGrid {
     /// view v moves by `(z / f) q_v`, periodic on the grid. In the far field the axis comes first, as in the transform of
     /// a window.
     pub fn taps(&self, optics: &Optics, pupil: &Pupil, height: usize, width: usize) -> Vec<Tap> {
+        self.taps_around([0.0, 0.0], optics, pupil, height, width)
+    }
+
+    /// The same for views whose common centre is at `center` (x, y) of the pupil plane, metres.
+    pub fn taps_around(
+        &self,
+        center: [f64; 2],
+        optics: &Optics,
+        pupil: &Pupil,
+        height: usize,
+        width: usize,
+    ) -> Vec<Tap> {
+        let near = Pupil { x: pupil.x - center[0], y: pupil.y - center[1], ..*pupil };
         let metres = pupil.depth / optics.focal_length;
         let (high, wide) = optics.field_of_view();
         let (per_row, per_column) = (height as f64 / high, width as f64 / wide);
         let (axis_y, axis_x) = axis(optics, height, width);
         let tap = |(index, weight): (usize, f64)| {
             let (x, y) = self.position(index);
+            let (x, y) = (x + center[0], y + center[1]);
             let (dy, fy) = split(metres * y * per_row - axis_y, height);
             let (dx, fx) = split(metres * x * per_column - axis_x, width);
             Tap { view: index as u32, weight: weight as f32, dy, dx, fy, fx }
         };
-        self.coverage(pupil).into_iter().map(tap).collect()
+        self.coverage(&near).into_iter().map(tap).collect()
     }
 }
 

@@ -17,6 +17,7 @@ mod settings;
 mod solver;
 mod steer;
 
+pub(crate) use exposure::BrightEnd;
 pub use forecast::{Forecast, Loaded, Rate, Rates, forecast};
 pub use judge::{Judge, Verdict};
 pub use method::Method;

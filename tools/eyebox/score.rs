@@ -3,6 +3,7 @@
 use crate::Failure;
 use crate::args::{SceneArgs, Score};
 use crate::common;
+use crate::vast;
 use crate::view;
 use eyebox::engine::Engine;
 use eyebox::evaluate::{self, Summary};
@@ -39,6 +40,9 @@ pub struct Scores {
 
 /// Measures a hologram over many pupils.
 pub fn run(args: &Score) -> Result<(), Failure> {
+    if vast::is_tiled(&args.hologram) {
+        return vast::score(args);
+    }
     let (hologram, display) = load(args)?;
     let colors: Vec<Color> = hologram.colors.iter().filter_map(|c| c.color).collect();
     let mut engine = common::engine(&args.engine)?;
@@ -155,19 +159,23 @@ pub fn with_display(file: &Path) -> Result<(Hologram, Display), Failure> {
         return Err(Failure::Asked(format!("{what}: its colours are not named, or not those of its display")));
     }
     // The eyebox that pupils are drawn in is that of the display it was made for.
-    let (height, width, pitch, focal_length) = (hologram.height, hologram.width, hologram.pitch, hologram.focal_length);
-    let display = Display {
+    let display = display_of(&hologram);
+    Ok((hologram, display))
+}
+
+/// The display that a hologram was made for.
+pub fn display_of(hologram: &Hologram) -> Display {
+    Display {
         name: hologram.display.clone(),
-        height,
-        width,
-        pitch,
-        focal_length,
+        height: hologram.height,
+        width: hologram.width,
+        pitch: hologram.pitch,
+        focal_length: hologram.focal_length,
         geometry: hologram.geometry,
         wavelengths: hologram.display_wavelengths.clone(),
         levels: 256,
         encoding: Default::default(),
-    };
-    Ok((hologram, display))
+    }
 }
 
 /// The hologram, and the display that its own optics make (or, for bare phases, that the flags say).
@@ -220,7 +228,7 @@ fn load(args: &Score) -> Result<(Hologram, Display), Failure> {
 }
 
 /// `random:N`, or a JSON list of [x, y, diameter, focus] in mm.
-fn pupils(
+pub fn pupils(
     text: &str,
     seed: u64,
     display: &Display,

@@ -3,6 +3,7 @@
 use crate::Failure;
 use crate::args::{GeometryName, PhaseOptics, View};
 use crate::common::{self, Form};
+use crate::vast;
 use eyebox::engine::{Buffer, Engine};
 use eyebox::evaluate;
 use eyebox::hologram::{self, ColorHologram, Hologram};
@@ -12,6 +13,9 @@ use std::path::Path;
 
 /// Shows one pupil.
 pub fn run(args: &View) -> Result<(), Failure> {
+    if args.at.is_none() && vast::is_tiled(&args.hologram) {
+        return vast::view(args);
+    }
     let form = common::form(&args.out, &[Form::Png, Form::Npy])?;
     let (hologram, known) = load(&args.hologram, args.at, &args.optics)?;
     for i in 0..hologram.colors.len() {

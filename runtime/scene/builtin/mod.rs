@@ -12,6 +12,7 @@
 mod grass;
 mod render;
 mod shape;
+mod stage;
 mod still_life;
 mod targets;
 mod texture;
@@ -19,6 +20,7 @@ mod texture;
 use super::{LightField, Request, SceneError};
 use crate::optics::Display;
 use render::{Canvas, Item};
+pub use stage::Stage;
 
 /// A built-in scene: its name and what it shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -90,6 +92,22 @@ pub(super) fn check(source: &str) -> Result<(), SceneError> {
     parse(source).map(|_| ())
 }
 
+/// What a scene is made of, in scene units; `unit` is the depth of one.
+fn items_of(name: &str, parameters: &Parameters, canvas: Canvas, unit: f64) -> Vec<Item> {
+    let aspect = canvas.half();
+    let mut items: Vec<Item> = match name {
+        "still-life" => still_life::items(aspect, still_life::Mood::Day),
+        "still-life-dark" => still_life::items(aspect, still_life::Mood::Lamp),
+        "still-life-bright" => still_life::items(aspect, still_life::Mood::Studio),
+        "dense-grass" => grass::items(aspect),
+        "points" => targets::points(aspect, canvas.pixel()),
+        "plane" => targets::plane((parameters.depth / unit) as f32),
+        _ => targets::chart(aspect, canvas.pixel()),
+    };
+    items.iter_mut().for_each(|item| item.brighten(parameters.brightness));
+    items
+}
+
 /// Renders `builtin:source` at the display's resolution.
 ///
 /// # Errors
@@ -103,16 +121,7 @@ pub(super) fn load(source: &str, request: &Request) -> Result<LightField, SceneE
     // The plane's own depth is in millimetres: it needs a span that is not zero to be said in scene units.
     let unit = if name == "plane" { parameters.depth.abs().max(1e-6) } else { span };
     let aspect = canvas.half();
-    let mut items: Vec<Item> = match name {
-        "still-life" => still_life::items(aspect, still_life::Mood::Day),
-        "still-life-dark" => still_life::items(aspect, still_life::Mood::Lamp),
-        "still-life-bright" => still_life::items(aspect, still_life::Mood::Studio),
-        "dense-grass" => grass::items(aspect),
-        "points" => targets::points(aspect, canvas.pixel()),
-        "plane" => targets::plane((parameters.depth / unit) as f32),
-        _ => targets::chart(aspect, canvas.pixel()),
-    };
-    items.iter_mut().for_each(|item| item.brighten(parameters.brightness));
+    let items = items_of(name, &parameters, canvas, unit);
 
     let n = request.views;
     let cell = request.view_pitch.unwrap_or_else(|| display.eyebox_min() / n as f64);
