@@ -166,9 +166,14 @@ impl<'a> Region<'a> {
     fn draw(&self, sampler: &mut Sampler) -> Vec<Pupil> {
         let wanted = COVERED * (self.optics.height * self.optics.width) as f64;
         let (mut pupils, mut covered) = (Vec::new(), 0.0);
+        let side = self.optics.eyebox();
         while pupils.is_empty() || covered < wanted {
-            let pupil = sampler.draw();
-            let pupil = Pupil { x: pupil.x + self.center[0], y: pupil.y + self.center[1], ..pupil };
+            let drawn = sampler.draw();
+            // Evenly over all of the region, and then moved inside: along its edges pupils are as many as in its middle, for
+            // nothing but a pupil that touches a corner sees what is there.
+            let reach = (side - drawn.diameter).max(0.0) / 2.0;
+            let even = |at: f64| if reach > 0.0 { (at * side / 2.0 / reach).clamp(-reach, reach) } else { 0.0 };
+            let pupil = Pupil { x: even(drawn.x) + self.center[0], y: even(drawn.y) + self.center[1], ..drawn };
             covered += (pupil.diameter / self.optics.pitch).powi(2);
             pupils.push(pupil);
         }
