@@ -30,6 +30,7 @@ pub mod files;
 pub mod gaze;
 
 pub mod hologram;
+pub mod live;
 pub mod optics;
 pub mod plan;
 pub mod playback;

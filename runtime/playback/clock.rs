@@ -14,7 +14,7 @@ pub trait Clock {
 }
 
 /// The system's steady clock.
-#[derive(Debug)]
+#[derive(Debug, Clone, Copy)]
 pub struct RealClock {
     origin: Instant,
     /// The system's monotonic clock at that instant.
@@ -30,6 +30,11 @@ impl RealClock {
     /// What it said when the system's monotonic clock said `time_ns`.
     pub fn at_monotonic_ns(&self, time_ns: u64) -> i64 {
         super::rate::saturate(i128::from(time_ns) - i128::from(self.origin_monotonic_ns))
+    }
+
+    /// What the system's monotonic clock says when this one says `time_ns`.
+    pub fn monotonic_ns(&self, time_ns: i64) -> u64 {
+        self.origin_monotonic_ns.saturating_add_signed(time_ns)
     }
 
     /// What it said at an instant.

@@ -16,6 +16,8 @@ mod scene_plan;
 mod settings;
 mod solver;
 mod steer;
+#[cfg(test)]
+mod steer_tests;
 
 pub(crate) use exposure::BrightEnd;
 pub use forecast::{Forecast, Loaded, Rate, Rates, forecast};

@@ -57,28 +57,45 @@ impl PupilRange {
 #[derive(Debug, Clone)]
 pub struct Sampler {
     range: PupilRange,
+    points: Points,
+}
+
+impl Sampler {
+    /// From the start.
+    pub fn new(range: PupilRange, sequence: Sequence, seed: u64) -> Self {
+        Self { range, points: Points::new(sequence, seed) }
+    }
+
+    /// The next pupil.
+    pub fn draw(&mut self) -> Pupil {
+        self.range.at(self.points.draw())
+    }
+
+    /// The next point of the unit cube (diameter, x, y, depth).
+    pub(super) fn point(&mut self) -> [f64; 4] {
+        self.points.draw()
+    }
+}
+
+/// An endless stream of points of the unit cube of four dimensions, the same for the same seed.
+#[derive(Debug, Clone)]
+pub(super) struct Points {
     sequence: Sequence,
     random: SplitMix,
     scramble: [u32; 4],
     index: u32,
 }
 
-impl Sampler {
+impl Points {
     /// From the start.
-    pub fn new(range: PupilRange, sequence: Sequence, seed: u64) -> Self {
+    pub(super) fn new(sequence: Sequence, seed: u64) -> Self {
         let mut random = SplitMix(seed ^ 0x7075_7069_6c73);
         let scramble = [0; 4].map(|_: u32| random.next() as u32);
-        Self { range, sequence, random, scramble, index: 0 }
+        Self { sequence, random, scramble, index: 0 }
     }
 
-    /// The next pupil.
-    pub fn draw(&mut self) -> Pupil {
-        let point = self.point();
-        self.range.at(point)
-    }
-
-    /// The next point of the unit cube (diameter, x, y, depth).
-    pub(super) fn point(&mut self) -> [f64; 4] {
+    /// The next point.
+    pub(super) fn draw(&mut self) -> [f64; 4] {
         match self.sequence {
             Sequence::Random => [0; 4].map(|_: i32| self.random.unit()),
             Sequence::Sobol => {

@@ -1,13 +1,15 @@
 //! Refining a hologram for where the eye is (OPTICS 6d): steps over pupils around it, and a few over the whole eyebox, so
 //! that a sudden look elsewhere never meets the dark.
 
-use super::{Problem, SolveError, SplitMix, fault};
+use super::sampling::Points;
+use super::{Problem, Sequence, SolveError, fault};
 use crate::engine::{Buffer, Engine, EngineError};
 use crate::evaluate::{self, Sums};
 use crate::optics::{Pupil, WindowFactor};
 use crate::plan::{Comparison, Kernel, Lane, Planner, Purpose, Sight, Step};
 use eyebox_kernels::compare;
 use serde::{Deserialize, Serialize};
+use std::f64::consts::TAU;
 use std::ops::Range;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -19,12 +21,54 @@ pub struct Aim {
     pub x: f64,
     /// Centre of the pupil, down.
     pub y: f64,
-    /// It is within this distance of the centre, along each axis.
+    /// Standard deviation of the centre, along each axis.
     pub spread: f64,
     /// Smallest and largest diameter.
     pub diameter: [f64; 2],
     /// Nearest and farthest focus.
     pub depth: [f64; 2],
+    /// Probability that the eye is anywhere in the eyebox instead.
+    pub elsewhere: f64,
+}
+
+/// Within this many standard deviations pupils are drawn.
+const FARTHEST: f64 = 3.0;
+
+impl Aim {
+    /// The pupil at a point of the unit cube: two numbers for the centre, one for the diameter, one for the focus.
+    fn pupil(&self, [u, v, d, z]: [f64; 4]) -> Pupil {
+        // Box and Muller.
+        let radius = self.spread * (-2.0 * (1.0 - u).max(1e-9).ln()).sqrt().min(FARTHEST);
+        let between = |[low, high]: [f64; 2], u: f64| low + (high - low) * u;
+        Pupil {
+            x: self.x + radius * (TAU * v).cos(),
+            y: self.y + radius * (TAU * v).sin(),
+            diameter: between(self.diameter, d),
+            depth: between(self.depth, z),
+        }
+    }
+
+    /// So many pupils of it, spread evenly; the same for the same seed.
+    pub fn pupils(&self, count: usize, seed: u64) -> Vec<Pupil> {
+        let mut points = Points::new(Sequence::Sobol, seed);
+        (0..count).map(|_| self.pupil(points.draw())).collect()
+    }
+
+    /// How far the centre is from another's, metres.
+    pub fn distance(&self, other: &Self) -> f64 {
+        (self.x - other.x).hypot(self.y - other.y)
+    }
+
+    /// Whether what was drawn for another aim serves this one as well: what the eye does while it fixates.
+    fn is_served_by(&self, other: &Self) -> bool {
+        let slack = 0.5 * self.spread.max(other.spread);
+        let close = |a: [f64; 2], b: [f64; 2], slack: f64| (0..2).all(|i| (a[i] - b[i]).abs() <= slack);
+        self.distance(other) <= slack
+            && close(self.diameter, other.diameter, 0.05 * self.diameter[1])
+            && close(self.depth, other.depth, 0.0)
+            && self.spread >= 0.5 * other.spread
+            && other.spread >= 0.5 * self.spread
+    }
 }
 
 /// How the phases follow.
@@ -33,8 +77,12 @@ pub struct Aim {
 pub enum Strategy {
     /// Pupil-wise projection (OPTICS 6b).
     Projection {
-        /// Gain of every step.
+        /// Gain of the first step after a jump,
         gain: f64,
+        /// and of steps long after it:
+        settled: f64,
+        /// the difference falls to 1/e in so many steps.
+        settling: f64,
         /// Share of the velocity that is kept.
         momentum: f64,
         /// The change is divided by the overlap to this power.
@@ -67,8 +115,14 @@ pub struct Steering {
 impl Default for Steering {
     fn default() -> Self {
         Self {
-            strategy: Strategy::Projection { gain: 3.0, momentum: 0.0, overlap_power: 1.0 },
-            pupils: 4,
+            strategy: Strategy::Projection {
+                gain: 3.0,
+                settled: 1.0,
+                settling: 8.0,
+                momentum: 0.5,
+                overlap_power: 1.0,
+            },
+            pupils: 2,
             elsewhere: 0.5,
             window: WindowFactor::Two,
             repeats: 1,
@@ -85,7 +139,9 @@ pub struct Refiner {
     engine: Box<dyn Engine>,
     exposure: f64,
     aim: Aim,
-    random: SplitMix,
+    /// What the pupils of the last step were drawn for.
+    drawn_for: Aim,
+    points: Points,
     /// Pupils over the whole eyebox that are due.
     due: f64,
     /// The lanes of the last step, and how often they have been used.
@@ -129,8 +185,9 @@ impl Refiner {
         let purpose = if adam { Purpose::Adam } else { Purpose::Project };
         engine.load(&planner.shape(purpose), Some(Arc::clone(&problem.pyramid)))?;
         let half = problem.eyebox / 2.0;
-        let aim = Aim { x: 0.0, y: 0.0, spread: half, diameter: [half / 4.0, half / 2.0], depth: [0.0, 0.0] };
-        let random = SplitMix(steering.seed ^ 0x0073_7465_6572);
+        let (diameter, depth) = ([half / 4.0, half / 2.0], [0.0, 0.0]);
+        let aim = Aim { x: 0.0, y: 0.0, spread: half, diameter, depth, elsewhere: 1.0 };
+        let points = Points::new(Sequence::Sobol, steering.seed ^ 0x0073_7465_6572);
         let (lanes, expected) = (Vec::new(), 0.0);
         let mut refiner = Self {
             problem,
@@ -139,7 +196,8 @@ impl Refiner {
             engine,
             exposure,
             aim,
-            random,
+            drawn_for: aim,
+            points,
             due: 0.0,
             lanes,
             used: 0,
@@ -164,13 +222,11 @@ impl Refiner {
     /// # Errors
     /// Those of the engine.
     pub fn aim(&mut self, aim: Aim) -> Result<(), EngineError> {
-        if aim == self.aim {
-            return Ok(());
+        let jumped = aim.distance(&self.aim) > 0.5 * (aim.diameter[0] + self.aim.diameter[0]).max(aim.spread);
+        if !aim.is_served_by(&self.drawn_for) {
+            self.used = self.steering.repeats.max(1);
         }
-        let moved = (aim.x - self.aim.x).hypot(aim.y - self.aim.y);
-        let jumped = moved > 0.5 * (aim.diameter[0] + self.aim.diameter[0]).max(aim.spread);
         self.aim = aim;
-        self.used = self.steering.repeats.max(1);
         if jumped { self.forget() } else { Ok(()) }
     }
 
@@ -184,22 +240,22 @@ impl Refiner {
         Ok(())
     }
 
-    /// Pupils for the next step: around the eye, and now and then anywhere.
+    /// Pupils for the next step: around the eye, and now and then anywhere; the surer that it is there, the rarer.
     fn draw(&mut self) -> Vec<Pupil> {
         let (aim, eyebox) = (self.aim, self.problem.eyebox);
-        let mut between = |[low, high]: [f64; 2]| low + (high - low) * self.random.unit();
-        let mut pupils = Vec::with_capacity(self.steering.pupils + 1);
-        for _ in 0..self.steering.pupils {
-            let (x, y) = (aim.x + between([-aim.spread, aim.spread]), aim.y + between([-aim.spread, aim.spread]));
-            pupils.push(Pupil { x, y, diameter: between(aim.diameter), depth: between(aim.depth) });
-        }
-        self.due += self.steering.elsewhere;
-        while self.due >= 1.0 {
+        self.drawn_for = aim;
+        let count = self.steering.pupils as f64;
+        let elsewhere = aim.elsewhere.clamp(0.0, 1.0);
+        // Where it may well be anywhere, some of the pupils around it go there instead.
+        let moved = (count * (elsewhere - 0.5).max(0.0) * 2.0).floor();
+        self.due += self.steering.elsewhere + moved;
+        let mut pupils: Vec<Pupil> = (0..(count - moved) as usize).map(|_| aim.pupil(self.points.draw())).collect();
+        while self.due >= 1.0 || pupils.is_empty() {
             self.due -= 1.0;
-            let diameter = between(aim.diameter);
-            let reach = (eyebox / 2.0 - diameter / 2.0).max(0.0);
-            let (x, y) = (between([-reach, reach]), between([-reach, reach]));
-            pupils.push(Pupil { x, y, diameter, depth: between(aim.depth) });
+            let [x, y, d, z] = self.points.draw();
+            let pupil = aim.pupil([0.0, 0.0, d, z]);
+            let reach = (eyebox / 2.0 - pupil.diameter / 2.0).max(0.0);
+            pupils.push(Pupil { x: reach * (2.0 * x - 1.0), y: reach * (2.0 * y - 1.0), ..pupil });
         }
         pupils
     }
@@ -222,7 +278,9 @@ impl Refiner {
         self.since += 1;
         let lanes = self.lanes.clone();
         let step = match self.steering.strategy {
-            Strategy::Projection { gain, momentum, overlap_power } => {
+            Strategy::Projection { gain, settled, settling, momentum, overlap_power } => {
+                let fresh = (-((self.since - 1) as f64) / settling.max(1e-3)).exp();
+                let gain = settled + (gain - settled) * fresh;
                 self.planner.project_step(lanes, usize::MAX, overlap_power, gain, momentum)
             }
             Strategy::Adam { rate } => self.planner.adam_step(lanes, usize::MAX, self.since, rate),
@@ -269,6 +327,16 @@ impl Refiner {
         Ok(mean_loss(&losses, &step.lanes))
     }
 
+    /// What the intensities are multiplied by.
+    pub fn exposure(&self) -> f64 {
+        self.exposure
+    }
+
+    /// What a step is expected to take: the longest lately.
+    pub fn expected(&self) -> Duration {
+        Duration::from_secs_f64(self.expected)
+    }
+
     /// As many steps as are expected to end before `deadline`, `most` at most; how many were taken.
     ///
     /// # Errors
@@ -304,110 +372,4 @@ impl Refiner {
 
 fn mean_loss(losses: &[f64], lanes: &[Lane]) -> f64 {
     losses.iter().zip(lanes).map(|(loss, lane)| loss / lane.count() as f64).sum::<f64>() / losses.len().max(1) as f64
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::engine::cpu::CpuEngine;
-    use crate::optics::{Color, Display, Padding};
-    use crate::scene::{self, Request};
-    use crate::solve::{Flow, Settings, solve};
-
-    /// A hologram of the still life for the whole eyebox, and its exposure.
-    fn solved() -> (Problem, Vec<f32>, f64) {
-        let display = Display { height: 96, width: 112, ..Display::preset("small").unwrap() };
-        let field = scene::load("builtin:still-life", &Request::new(&display, &[Color::Green])).unwrap();
-        let problem = Problem::new(&field, Color::Green, &display, Padding::default()).unwrap();
-        let settings = Settings { steps: 24, diameter: [2e-3, 18e-3], depth: [-5e-4, 5e-4], ..Settings::default() };
-        let solution = solve(&problem, &settings, &mut CpuEngine::new(), &mut |_| Flow::Continue).unwrap();
-        (problem, solution.phases, solution.exposure)
-    }
-
-    const AIM: Aim = Aim { x: 4e-3, y: -2e-3, spread: 5e-4, diameter: [3.5e-3, 4.5e-3], depth: [2e-4, 2e-4] };
-
-    fn refiner(of: &(Problem, Vec<f32>, f64), steering: Steering) -> Refiner {
-        let mut refiner =
-            Refiner::new(of.0.clone(), &of.1, of.2, steering, Box::new(CpuEngine::new())).expect("a sound refinement");
-        refiner.aim(AIM).unwrap();
-        refiner
-    }
-
-    fn pupils(centers: &[[f64; 2]]) -> Vec<Pupil> {
-        centers.iter().map(|&[x, y]| Pupil { x: x * 1e-3, y: y * 1e-3, diameter: 4e-3, depth: 2e-4 }).collect()
-    }
-
-    fn mean(refiner: &mut Refiner, pupils: &[Pupil]) -> f64 {
-        let exposure = refiner.exposure;
-        let sums = refiner.look(pupils).unwrap();
-        sums.iter().map(|s| s.psnr(exposure)).sum::<f64>() / sums.len() as f64
-    }
-
-    /// OPTICS 6d. On a display as small as this 2.6 dB after eight steps (3.5 at 256 x 256), by Adam 1.6, and next to nothing
-    /// lost elsewhere.
-    #[test]
-    fn the_eye_sees_better_and_the_eyebox_hardly_worse() {
-        let whole = solved();
-        let there = pupils(&[[4.0, -2.0], [4.3, -1.8], [3.7, -2.4]]);
-        let elsewhere = pupils(&[[-6.0, 5.0], [0.0, 0.0], [-4.0, -7.0], [6.0, 6.0]]);
-        for (strategy, least) in [(Steering::default().strategy, 2.0), (Strategy::Adam { rate: 0.1 }, 1.2)] {
-            let mut refiner = refiner(&whole, Steering { strategy, ..Steering::default() });
-            let before = (mean(&mut refiner, &there), mean(&mut refiner, &elsewhere));
-            for _ in 0..8 {
-                assert!(refiner.step().unwrap().is_finite());
-            }
-            let after = (mean(&mut refiner, &there), mean(&mut refiner, &elsewhere));
-            assert!(after.0 > before.0 + least, "{strategy:?}: {before:?} before, {after:?} after");
-            assert!(after.1 > before.1 - 1.0, "{strategy:?}: {before:?} before, {after:?} after");
-        }
-    }
-
-    /// Where every pupil drawn is the same, photographs that are made once are those that are made anew.
-    #[test]
-    fn photographs_that_are_kept_change_nothing() {
-        let whole = solved();
-        let run = |repeats| {
-            let steering = Steering { repeats, elsewhere: 0.0, ..Steering::default() };
-            let mut refiner = refiner(&whole, steering);
-            refiner.aim(Aim { spread: 0.0, diameter: [4e-3; 2], ..AIM }).unwrap();
-            (0..5).for_each(|_| assert!(refiner.step().unwrap().is_finite()));
-            refiner.phases().unwrap()
-        };
-        assert!(run(1) == run(3));
-        // A look in between takes the slots: they are filled again.
-        let steering = Steering { repeats: 3, elsewhere: 0.0, ..Steering::default() };
-        let mut refiner = refiner(&whole, steering);
-        refiner.aim(Aim { spread: 0.0, diameter: [4e-3; 2], ..AIM }).unwrap();
-        for _ in 0..5 {
-            refiner.step().unwrap();
-            refiner.look(&pupils(&[[-6.0, 5.0]])).unwrap();
-        }
-        assert!(refiner.phases().unwrap() == run(1));
-    }
-
-    #[test]
-    fn time_is_kept_and_phases_begin_again() {
-        let whole = solved();
-        let mut refiner = refiner(&whole, Steering::default());
-        refiner.step().unwrap();
-        assert_eq!(refiner.refine_until(Instant::now(), 100).unwrap(), 0, "a step takes longer than no time");
-        assert_eq!(refiner.refine_until(Instant::now() + Duration::from_secs(60), 2).unwrap(), 2);
-        refiner.restart(&whole.1).unwrap();
-        assert!(refiner.phases().unwrap() == whole.1);
-    }
-
-    #[test]
-    fn what_cannot_be_is_refused() {
-        let (problem, phases, exposure) = solved();
-        let new = |phases: &[f32], exposure, steering| {
-            Refiner::new(problem.clone(), phases, exposure, steering, Box::new(CpuEngine::new())).map(drop)
-        };
-        let fine = Steering::default();
-        assert!(new(&phases, exposure, fine).is_ok());
-        assert!(new(&phases[1..], exposure, fine).is_err() && new(&[], exposure, fine).is_err());
-        assert!(new(&vec![f32::NAN; phases.len()], exposure, fine).is_err());
-        assert!(new(&phases, 0.0, fine).is_err() && new(&phases, f64::NAN, fine).is_err());
-        assert!(new(&phases, exposure, Steering { pupils: 0, ..fine }).is_err());
-        assert!(new(&phases, exposure, Steering { elsewhere: f64::INFINITY, ..fine }).is_err());
-    }
 }

@@ -54,7 +54,17 @@ pub enum Command {
     #[command(
         after_help = "Examples:\n  eyebox refine still-life.zarr builtin:still-life --pupil=4,0,4,1 --steps 16\n  eyebox refine still-life.zarr builtin:still-life --pupil=4,0,4,1 --spread 1 -o seen-there.zarr --json"
     )]
-    Refine(crate::refine::Refine),
+    Refine(Box<crate::live::Refine>),
+    /// Show a hologram on a display, and refine it for where the eye is while it is shown
+    #[command(
+        after_help = "Examples:\n  eyebox live still-life.zarr --display planes24 --tracker simulated --duration 10 --stats stats.json\n  eyebox live builtin:still-life --display slm.toml --output window --tracker hid\n  eyebox live still-life.zarr --display slm.toml --tracker pupil://127.0.0.1 --calibration me.toml"
+    )]
+    Live(Box<crate::live::Live>),
+    /// Measure what steering by a simulated eye gains
+    #[command(
+        after_help = "Examples:\n  eyebox study still-life.zarr --display planes24 --duration 6 -o study\n  eyebox study builtin:still-life --display planes24 --size 256x256 --color green -o study\n\nTime is counted, not waited for: it passes by what refining and encoding take on this machine, and stands still while\nquality is judged."
+    )]
+    Study(Box<crate::live::Study>),
     /// Measure a hologram against its scene over many pupils
     #[command(after_help = "Example:\n  eyebox score still-life.zarr builtin:still-life --pupils random:16")]
     Score(Score),
@@ -524,6 +534,16 @@ pub enum EyeName {
     Right,
     /// The mean of both, or what the tracker has
     Mean,
+}
+
+impl From<EyeName> for eyebox::gaze::Eye {
+    fn from(name: EyeName) -> Self {
+        match name {
+            EyeName::Left => Self::Left,
+            EyeName::Right => Self::Right,
+            EyeName::Mean => Self::Mean,
+        }
+    }
 }
 
 /// `eyebox trackers`

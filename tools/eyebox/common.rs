@@ -57,13 +57,18 @@ pub fn diameters(asked: Option<[f64; 2]>, display: &Display) -> [f64; 2] {
     })
 }
 
-/// The engine asked for.
-pub fn engine(args: &EngineArgs) -> Result<Box<dyn Engine>, Failure> {
-    let choice = match args.engine {
+/// Which engine is asked for.
+pub fn engine_choice(args: &EngineArgs) -> engine::Choice {
+    match args.engine {
         crate::args::EngineName::Auto => engine::Choice::Auto,
         crate::args::EngineName::Cpu => engine::Choice::Cpu,
         crate::args::EngineName::Vulkan => engine::Choice::Vulkan,
-    };
+    }
+}
+
+/// The engine asked for.
+pub fn engine(args: &EngineArgs) -> Result<Box<dyn Engine>, Failure> {
+    let choice = engine_choice(args);
     let Some(name) = &args.vulkan_from else { return Ok(engine::open(choice)?) };
     let names = || engine::Kernel::ALL.map(engine::Kernel::name).join(", ");
     let from = engine::Kernel::by_name(name)

@@ -6,6 +6,7 @@ use eyebox::evaluate::EvaluateError;
 use eyebox::files::FileError;
 use eyebox::gaze::GazeError;
 use eyebox::hologram::HologramError;
+use eyebox::live::LiveError;
 use eyebox::optics::OpticsError;
 use eyebox::playback::PlaybackError;
 use eyebox::quality::QualityError;
@@ -53,6 +54,9 @@ pub enum Failure {
     /// A calibration, or a setting of the way from sample to pupil.
     #[error(transparent)]
     Gaze(#[from] GazeError),
+    /// Steering.
+    #[error(transparent)]
+    Live(#[from] LiveError),
     /// Playback.
     #[error(transparent)]
     Playback(#[from] PlaybackError),

@@ -1,4 +1,4 @@
-//! The `eyebox` command: `demo`, `solve`, `plan`, `view`, `photograph`, `refine`, `score`, `tradeoff`, `evaluate`, `export`, `encode`,
+//! The `eyebox` command: `demo`, `solve`, `plan`, `view`, `photograph`, `refine`, `study`, `live`, `score`, `tradeoff`, `evaluate`, `export`, `encode`,
 //! `play`, `monitors`, `bench`, `devices`, `trackers`.
 //!
 //! This room reads arguments, calls the runtime, and shows what came of it. Anything that a program would want to call
@@ -14,13 +14,13 @@ mod encode;
 mod evaluate;
 mod export;
 mod failure;
+mod live;
 mod photograph;
 mod plan;
 mod play;
 mod progress;
 mod quality;
 mod rates;
-mod refine;
 mod report;
 mod score;
 mod solve;
@@ -48,7 +48,9 @@ fn main() -> ExitCode {
         Command::Plan(args) => plan::run(args),
         Command::View(args) => view::run(args),
         Command::Photograph(args) => photograph::run(args),
-        Command::Refine(args) => refine::run(args),
+        Command::Refine(args) => live::refine(args),
+        Command::Study(args) => live::study(args),
+        Command::Live(args) => live::live(args),
         Command::Score(args) => score::run(args),
         Command::Tradeoff(args) => tradeoff::run(args),
         Command::Evaluate(args) => evaluate::run(args),

@@ -1,11 +1,11 @@
 //! `eyebox trackers`.
 
 use crate::Failure;
-use crate::args::{EyeName, Trackers};
+use crate::args::Trackers;
 use crate::calibrate;
 use crate::progress;
 use eyebox::files;
-use eyebox::gaze::{Calibration, Estimator, Eye, Settings};
+use eyebox::gaze::{Calibration, Estimator, Settings};
 use eyebox::trackers::hid::{self, Description, DeviceFile};
 use eyebox::trackers::recording::{self, Head, Recording};
 use eyebox::trackers::{Event, Options, Sample, Source, Spec, Stream, TrackerError, line, open};
@@ -257,13 +257,8 @@ fn watch(args: &Trackers, source: &str) -> Result<(), Failure> {
 
 /// The way from sample to pupil.
 fn estimator(args: &Trackers) -> Result<Estimator, Failure> {
-    let eye = match args.eye {
-        EyeName::Left => Eye::Left,
-        EyeName::Right => Eye::Right,
-        EyeName::Mean => Eye::Mean,
-    };
     let calibration = args.calibration.as_deref().map(Calibration::load).transpose()?;
-    Ok(Estimator::new(Settings { eye, ..Settings::default() }, calibration)?)
+    Ok(Estimator::new(Settings { eye: args.eye.into(), ..Settings::default() }, calibration)?)
 }
 
 /// What became of a sample, and the pupil so many milliseconds after its arrival.

@@ -2,12 +2,12 @@
 
 mod args;
 
-pub use args::{Monitors, Play};
+pub use args::{Monitors, OutputName, Play};
 
 use crate::Failure;
 use crate::args::EngineName;
 use crate::progress;
-use args::{ClockName, OutputName};
+use args::ClockName;
 use eyebox::encode::{Encoder, PhaseSet};
 use eyebox::engine::vulkan::Options as VulkanOptions;
 use eyebox::files;
@@ -250,7 +250,7 @@ fn play(args: &Play, opened: Opened, clock: Rc<dyn Clock>, presenter: &mut dyn P
 }
 
 /// A display that goes away while it is played to has an exit code of its own.
-fn lost(error: PlaybackError) -> Failure {
+pub fn lost(error: PlaybackError) -> Failure {
     match error {
         PlaybackError::Presenter { .. } => Failure::Lost(error.to_string()),
         other => other.into(),

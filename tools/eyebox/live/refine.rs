@@ -1,28 +1,20 @@
 //! `eyebox refine`: a hologram refined for where the eye is, and what each step gains.
 
+use super::args::SteeringArgs;
 use crate::args::{EngineArgs, SceneArgs};
 use crate::common::{self, Form};
 use crate::score;
-use crate::values::{not_negative, positive, pupil, range, window};
+use crate::values::{not_negative, pupil, range};
 use crate::view::padding_of;
 use crate::{Failure, progress};
-use clap::{Args, ValueEnum};
+use clap::Args;
 use eyebox::evaluate::Sums;
-use eyebox::optics::{Pupil, WindowFactor};
-use eyebox::solve::{Aim, Diameters, Problem, PupilRange, Refiner, Sampler, Sequence, Steering, Strategy};
+use eyebox::optics::Pupil;
+use eyebox::solve::{Aim, Diameters, Problem, PupilRange, Refiner, Sampler, Sequence};
 use serde::Serialize;
 use serde_json::json;
 use std::path::PathBuf;
 use std::time::Instant;
-
-/// How the phases follow.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum StrategyName {
-    /// Pupil-wise projection
-    Projection,
-    /// Gradient descent with Adam
-    Adam,
-}
 
 /// `eyebox refine`
 #[derive(Args)]
@@ -35,8 +27,8 @@ pub struct Refine {
     /// Where the eye is: x,y,diameter,focus in mm
     #[arg(long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true)]
     pub pupil: Pupil,
-    /// It is within so many mm of there
-    #[arg(long, value_name = "MM", default_value_t = 0.5, value_parser = not_negative)]
+    /// Standard deviation of where it is, mm
+    #[arg(long, value_name = "MM", default_value_t = 0.25, value_parser = not_negative)]
     pub spread: f64,
     /// Its diameter, mm [default: half a millimetre about the pupil's]
     #[arg(long, value_name = "MIN..MAX", value_parser = range)]
@@ -44,36 +36,9 @@ pub struct Refine {
     /// Steps
     #[arg(long, default_value_t = 16, value_name = "N")]
     pub steps: usize,
-    /// Pupils around the eye a step
-    #[arg(long, default_value_t = Steering::default().pupils, value_name = "B")]
-    pub pupils: usize,
-    /// Pupils anywhere in the eyebox a step, on average
-    #[arg(long, default_value_t = Steering::default().elsewhere, value_name = "N", value_parser = not_negative)]
-    pub elsewhere: f64,
-    /// Steps over the same pupils, whose photographs are made once
-    #[arg(long, default_value_t = Steering::default().repeats, value_name = "N")]
-    pub repeats: usize,
-    /// Spectrum per pupil: 1 or 2 times the pupil, or all of it
-    #[arg(long, value_parser = window, default_value = "2", value_name = "1|2|full")]
-    pub window: WindowFactor,
     /// How the phases follow
-    #[arg(long, value_enum, default_value = "projection")]
-    pub strategy: StrategyName,
-    /// Gain of the projection
-    #[arg(long, default_value_t = 3.0, value_name = "G", value_parser = positive)]
-    pub gain: f64,
-    /// Share of the projection's velocity that is kept
-    #[arg(long, default_value_t = 0.0, value_name = "SHARE", value_parser = not_negative)]
-    pub momentum: f64,
-    /// The projection's change is divided by the overlap to this power
-    #[arg(long, default_value_t = 1.0, value_name = "P", value_parser = not_negative)]
-    pub overlap_power: f64,
-    /// Adam's rate, radians
-    #[arg(long, default_value_t = 0.1, value_name = "R", value_parser = positive)]
-    pub rate: f64,
-    /// Decides the pupils
-    #[arg(long, default_value_t = 0, value_name = "S")]
-    pub seed: u64,
+    #[command(flatten)]
+    pub steering: SteeringArgs,
     /// Where the refined hologram goes: NAME.zarr
     #[arg(short, long, value_name = "FILE")]
     pub out: Option<PathBuf>,
@@ -113,20 +78,9 @@ pub fn run(args: &Refine) -> Result<(), Failure> {
         spread: args.spread * 1e-3,
         diameter: args.diameter.unwrap_or([diameter - half, diameter + half]),
         depth: [depth; 2],
+        elsewhere: 0.0,
     };
-    let steering = Steering {
-        strategy: match args.strategy {
-            StrategyName::Projection => {
-                Strategy::Projection { gain: args.gain, momentum: args.momentum, overlap_power: args.overlap_power }
-            }
-            StrategyName::Adam => Strategy::Adam { rate: args.rate },
-        },
-        pupils: args.pupils,
-        elsewhere: args.elsewhere,
-        window: args.window,
-        repeats: args.repeats,
-        seed: args.seed,
-    };
+    let steering = args.steering.steering();
     let padding = padding_of(&hologram);
     progress::catch_interrupt();
     let mut all: Vec<Vec<Row>> = Vec::new();
@@ -135,7 +89,7 @@ pub fn run(args: &Refine) -> Result<(), Failure> {
         let problem = Problem::new(&field, *color, &display, padding)?;
         let engine = common::engine(&args.engine)?;
         described = engine.describe();
-        let (at_eye, anywhere) = judged(&problem, &aim, args.seed);
+        let (at_eye, anywhere) = judged(&problem, &aim, steering.seed);
         let mut refiner = Refiner::new(problem, &solved.phases, solved.exposure, steering, engine)?;
         refiner.aim(aim)?;
         // What is seen is compared at the exposure of the hologram as it was: lasers stay as they are.
@@ -191,23 +145,10 @@ pub fn run(args: &Refine) -> Result<(), Failure> {
 
 /// Pupils of other seeds than the refinement's: around the eye, and over the whole eyebox.
 fn judged(problem: &Problem, aim: &Aim, seed: u64) -> (Vec<Pupil>, Vec<Pupil>) {
-    let draw = |range: PupilRange, seed: u64| {
-        let mut sampler = Sampler::new(range, Sequence::Sobol, seed);
-        (0..JUDGED).map(|_| sampler.draw()).collect::<Vec<_>>()
-    };
     let largest = (problem.eyebox * 10.0 / 11.0).min(20e-3);
-    let anywhere = PupilRange {
-        eyebox: problem.eyebox,
-        diameter: [2e-3f64.min(largest / 2.0), largest],
-        depth: aim.depth,
-        diameters: Diameters::Uniform,
-    };
-    // A square of the spread's size, whatever the diameter, then moved to the eye.
-    let at_eye = PupilRange { eyebox: 2.0 * aim.spread, diameter: aim.diameter, ..anywhere };
-    let mut at_eye = draw(PupilRange { diameter: [1e-9, 1e-9], ..at_eye }, !seed);
-    let diameters = draw(PupilRange { diameter: aim.diameter, ..anywhere }, !seed ^ 0x65_7965);
-    for (pupil, d) in at_eye.iter_mut().zip(diameters) {
-        *pupil = Pupil { x: aim.x + pupil.x, y: aim.y + pupil.y, diameter: d.diameter, depth: pupil.depth };
-    }
-    (at_eye, draw(anywhere, !seed ^ 0x616e_7977))
+    let diameter = [2e-3f64.min(largest / 2.0), largest];
+    let anywhere = PupilRange { eyebox: problem.eyebox, diameter, depth: aim.depth, diameters: Diameters::Uniform };
+    let mut sampler = Sampler::new(anywhere, Sequence::Sobol, !seed ^ 0x616e_7977);
+    let anywhere = (0..JUDGED).map(|_| sampler.draw()).collect();
+    (aim.pupils(JUDGED, !seed), anywhere)
 }

@@ -1,0 +1,19 @@
+//! The commands that steer: `eyebox refine` at one place, `eyebox study` for a simulated eye, `eyebox live`.
+
+mod args;
+#[allow(clippy::module_inception)]
+mod live;
+mod plot;
+mod record;
+mod refine;
+mod study;
+mod subject;
+mod watching;
+
+pub use live::Live;
+pub use refine::Refine;
+pub use study::Study;
+
+pub use live::run as live;
+pub use refine::run as refine;
+pub use study::run as study;

@@ -1,0 +1,177 @@
+//! `eyebox study`: what steering gains for a simulated eye.
+
+use super::args::PolicyArgs;
+use super::plot;
+use super::subject::{self, Steered, SubjectArgs};
+use crate::values::{not_negative, positive};
+use crate::{Failure, progress};
+use clap::Args;
+use eyebox::files;
+use eyebox::live::{self, Study as Result_, StudySettings};
+use eyebox::trackers::simulated;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::{Value, json};
+use std::path::PathBuf;
+
+/// `eyebox study`
+#[derive(Args)]
+pub struct Study {
+    /// What is steered
+    #[command(flatten)]
+    pub subject: SubjectArgs,
+    /// Where the plot and the numbers go
+    #[arg(short, long, default_value = "study", value_name = "DIR")]
+    pub out: PathBuf,
+    /// Seconds of the eye's life
+    #[arg(long, default_value_t = 6.0, value_name = "S", value_parser = positive)]
+    pub duration: f64,
+    /// Sets a second
+    #[arg(long, default_value_t = 60.0, value_name = "HZ", value_parser = positive)]
+    pub rate: f64,
+    /// How long the eye fixates, ms
+    #[arg(long, default_value_t = 300.0, value_name = "MS", value_parser = positive)]
+    pub fixation: f64,
+    /// Share of fixations that become a pursuit
+    #[arg(long, default_value_t = 0.0, value_name = "SHARE", value_parser = not_negative)]
+    pub pursuit: f64,
+    /// Blinks a minute
+    #[arg(long, default_value_t = 0.0, value_name = "N", value_parser = not_negative)]
+    pub blinks: f64,
+    /// Samples a second of the tracker
+    #[arg(long, default_value_t = 120.0, value_name = "HZ", value_parser = positive)]
+    pub tracker_rate: f64,
+    /// The tracker's delay, ms
+    #[arg(long, default_value_t = 8.0, value_name = "MS", value_parser = not_negative)]
+    pub tracker_delay: f64,
+    /// The tracker's noise, mm
+    #[arg(long, default_value_t = 0.1, value_name = "MM", value_parser = not_negative)]
+    pub tracker_noise: f64,
+    /// One seed, one eye
+    #[arg(long, default_value_t = 0, value_name = "S")]
+    pub eye_seed: u64,
+    /// Where the eye focuses, mm
+    #[arg(long, default_value_t = 0.0, value_name = "MM", allow_hyphen_values = true)]
+    pub focus: f64,
+    /// How it follows
+    #[command(flatten)]
+    pub policy: PolicyArgs,
+    /// One JSON object on standard output
+    #[arg(long)]
+    pub json: bool,
+}
+
+impl Study {
+    fn settings(&self) -> StudySettings {
+        let mut settings = StudySettings { seconds: self.duration, ..StudySettings::default() };
+        settings.period_ns = (1e9 / self.rate) as i64;
+        settings.lead_ns = settings.period_ns / 8 + 1_000_000;
+        settings.light_after_ns = settings.period_ns / 2;
+        settings.eye = simulated::Settings {
+            seed: self.eye_seed,
+            rate_hz: self.tracker_rate,
+            delay: self.tracker_delay * 1e-3,
+            noise: self.tracker_noise * 1e-3,
+            fixation: [self.fixation * 1e-3; 2],
+            pursuit: self.pursuit,
+            blinks: self.blinks,
+            ..simulated::Settings::default()
+        };
+        settings.gaze.focus = [self.focus * 1e-3; 2];
+        settings
+    }
+}
+
+/// Studies, and shows what came of it.
+pub fn run(args: &Study) -> Result<(), Failure> {
+    let subject = subject::load(&args.subject)?;
+    let settings = args.settings();
+    if !args.json {
+        eprintln!(
+            "{}: {} sub-frames, {} colours, {}x{}; {}",
+            subject.hologram.scene,
+            subject.hologram.frames,
+            subject.colors.len(),
+            subject.hologram.height,
+            subject.hologram.width,
+            subject.engine
+        );
+    }
+    let study = study(args, &subject, &settings, args.json)?;
+    let summary = summary(&study);
+    std::fs::create_dir_all(&args.out).map_err(|e| Failure::Asked(format!("{}: {e}", args.out.display())))?;
+    let policy = args.policy.policy();
+    let all = json!({
+        "what": args.subject.what, "scene": subject.hologram.scene, "engine": subject.engine,
+        "colors": subject.colors, "size": [subject.hologram.height, subject.hologram.width],
+        "frames": subject.hologram.frames, "policy": policy, "summary": summary, "study": study,
+        "eye": { "seed": args.eye_seed, "rate_hz": args.tracker_rate, "delay_ms": args.tracker_delay,
+                 "noise_mm": args.tracker_noise, "fixation_ms": args.fixation, "sets_per_second": args.rate },
+    });
+    let file = args.out.join("study.json");
+    files::write_file(&file, |out| writeln!(out, "{all:#}"))?;
+    let page = args.out.join("study.html");
+    let title = format!("Steering {}", subject.hologram.scene);
+    files::write_file(&page, |out| out.write_all(plot::page(&title, &subject.engine, &study, &summary).as_bytes()))?;
+    if args.json {
+        println!("{}", json!({ "summary": summary, "out": args.out }));
+        return Ok(());
+    }
+    print(&study);
+    println!("wrote {} and {}", page.display(), file.display());
+    Ok(())
+}
+
+fn study(args: &Study, subject: &Steered, settings: &StudySettings, quiet: bool) -> Result<Result_, Failure> {
+    progress::catch_interrupt();
+    let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(1000) };
+    bar.set_style(ProgressStyle::with_template("steering {bar:30} {msg}  {eta} left").expect("a sound template"));
+    let mut engines = subject::engines(&args.subject.engine);
+    let result = live::study(
+        &subject.parts,
+        &args.policy.policy(),
+        &subject.encoder,
+        settings,
+        &mut engines,
+        &mut |moment, _, share| {
+            bar.set_position((1000.0 * share) as u64);
+            bar.set_message(format!("{:+.1} dB", moment.gain_db()));
+            !progress::interrupted()
+        },
+    );
+    bar.finish_and_clear();
+    Ok(result?)
+}
+
+fn mean(values: &[f64]) -> Option<f64> {
+    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+}
+
+fn least(values: &[f64]) -> Option<f64> {
+    values.iter().copied().reduce(f64::min)
+}
+
+/// What is said of a study, for programs.
+pub fn summary(study: &Result_) -> Value {
+    let (end, soon) = (study.at_the_end_db(), study.within_db(50.0));
+    let errors: Vec<f64> =
+        study.moments.iter().filter(|m| m.since_landing_ms.is_some()).filter_map(|m| m.error).collect();
+    json!({
+        "fixations": end.len(), "end_of_fixation_db": { "mean": mean(&end), "least": least(&end) },
+        "within_50_ms_db": { "mean": mean(&soon), "least": least(&soon) },
+        "worst_db": study.worst_db(), "step_ms": study.step_ms, "encode_ms": study.encode_ms, "steps": study.steps,
+        "restarts": study.restarts, "pupil_error_mm": mean(&errors).map(|e| e * 1e3),
+    })
+}
+
+fn print(study: &Result_) {
+    let db = |value: Option<f64>| value.map_or("-".into(), |v| format!("{v:+.2}"));
+    let (end, soon) = (study.at_the_end_db(), study.within_db(50.0));
+    println!("what the eye sees, against the same hologram unsteered, over {} fixations:", end.len());
+    println!("  at the end of a fixation   {} dB, at least {} dB", db(mean(&end)), db(least(&end)));
+    println!("  within 50 ms of a landing  {} dB, at least {} dB", db(mean(&soon)), db(least(&soon)));
+    println!("  at any time                at least {} dB", db(Some(study.worst_db())));
+    println!(
+        "{} steps of {:.2} ms, {} beginnings, {:.2} ms to encode a set",
+        study.steps, study.step_ms, study.restarts, study.encode_ms
+    );
+}

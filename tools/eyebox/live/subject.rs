@@ -1,0 +1,125 @@
+//! What is steered: a hologram with its scene, or a scene that is solved first.
+
+use crate::args::{DisplayArgs, EngineArgs, SceneArgs};
+use crate::common;
+use crate::quality::{self, QualityArgs};
+use crate::view::padding_of;
+use crate::{Failure, progress, score, solve};
+use clap::Args;
+use eyebox::encode::Encoder;
+use eyebox::engine::{Engine, EngineError};
+use eyebox::hologram::Hologram;
+use eyebox::live::Part;
+use eyebox::optics::{Color, Padding};
+use eyebox::quality::{Recipe, Subject};
+use eyebox::solve::{Problem, Settings};
+use std::path::{Path, PathBuf};
+
+/// What is steered, in every command that does.
+#[derive(Args)]
+pub struct SubjectArgs {
+    /// NAME.zarr, solved for the whole eyebox; or a scene, which is solved first
+    pub what: String,
+    /// With a hologram: its scene [default: the one it was solved from]
+    #[arg(long, value_name = "SCENE")]
+    pub scene: Option<String>,
+    /// Depth or disparity map of a picture (PNG, PFM or .npy)
+    #[arg(long, value_name = "FILE")]
+    pub depth_map: Option<PathBuf>,
+    /// Display that is encoded for, and, with a scene, solved for
+    #[command(flatten)]
+    pub display: DisplayArgs,
+    /// With a scene: quality of the hologram for the whole eyebox
+    #[command(flatten)]
+    pub quality: QualityArgs,
+    /// Engine
+    #[command(flatten)]
+    pub engine: EngineArgs,
+}
+
+/// It, loaded.
+pub struct Steered {
+    /// The hologram for the whole eyebox.
+    pub hologram: Hologram,
+    /// Its colours.
+    pub colors: Vec<Color>,
+    /// What is refined.
+    pub parts: Vec<Part>,
+    /// To what the SLM receives.
+    pub encoder: Encoder,
+    /// What computes.
+    pub engine: String,
+}
+
+/// Loads or solves it.
+pub fn load(args: &SubjectArgs) -> Result<Steered, Failure> {
+    let path = Path::new(&args.what);
+    let scene = |scene: &str| SceneArgs {
+        scene: scene.into(),
+        depth_map: args.depth_map.clone(),
+        view_pitch: None,
+        views: None,
+        depth: None,
+    };
+    let (hologram, optics, field) = if common::is_hologram(path) && !path.join("views").exists() {
+        let (hologram, optics) = score::with_display(path)?;
+        let name = args.scene.as_deref().unwrap_or(&hologram.scene);
+        if name.is_empty() {
+            return Err(Failure::Asked(format!("{}: it does not say of which scene it is: give --scene", args.what)));
+        }
+        let colors: Vec<Color> = hologram.colors.iter().filter_map(|c| c.color).collect();
+        let field = common::scene(&score::as_solved(&scene(name), &hologram), &optics, &colors)?;
+        (hologram, optics, field)
+    } else {
+        if args.scene.is_some() {
+            return Err(Failure::Asked(format!("{} is a scene already: leave out --scene", args.what)));
+        }
+        let display = common::display(&args.display)?;
+        let colors = common::colors(&args.display, &display)?;
+        let mut engine = common::engine(&args.engine)?;
+        let field = common::scene(&scene(&args.what), &display, &colors)?;
+        let depth = common::depths(&scene(&args.what), &field, &display);
+        let base = Settings { depth, diameter: common::diameters(None, &display), ..Settings::default() };
+        let chosen =
+            args.quality.choose(engine.as_ref(), [display.height, display.width], base.frames, colors.len())?;
+        let recipe = chosen.map_or_else(Recipe::default, |c| c.recipe);
+        let levels = quality::levels_of(None, &display)?;
+        let subject = Subject { field: &field, color: colors[0], display: &display, base, levels };
+        eprintln!("solving {} for the whole eyebox: {recipe}", args.what);
+        progress::catch_interrupt();
+        let solved = solve::solve_colors(&subject, &colors, &recipe, engine.as_mut(), false)?;
+        let padding = if recipe.padding { subject.required_padding()? } else { Padding::default() };
+        let hologram = solve::hologram(&field, &display, &subject.settings(&recipe), padding, &solved);
+        (hologram, display, field)
+    };
+    let mut shown = common::display(&args.display)?;
+    if args.display.size.is_none() {
+        (shown.height, shown.width) = (hologram.height, hologram.width);
+    }
+    let colors: Vec<Color> = hologram.colors.iter().filter_map(|c| c.color).collect();
+    let encoder = Encoder::new(&shown, &colors, hologram.frames)?;
+    let ([eh, ew], [h, w]) = (encoder.hologram_size(), [hologram.height, hologram.width]);
+    if [eh, ew] != [h, w] {
+        let name = &shown.name;
+        return Err(Failure::Asked(format!(
+            "{}: it is {h}x{w} pixels, and the display '{name}' takes {eh}x{ew}: give --size, or another --display",
+            args.what
+        )));
+    }
+    encoder.notes().iter().for_each(|note| eprintln!("note: {note}"));
+    let padding = padding_of(&hologram);
+    let part = |c: &eyebox::hologram::ColorHologram| -> Result<Part, Failure> {
+        let color = c.color.unwrap_or(Color::Green);
+        let problem = Problem::new(&field, color, &optics, padding)?;
+        Ok(Part { problem, phases: c.phases.clone(), exposure: c.exposure })
+    };
+    let parts = hologram.colors.iter().map(part).collect::<Result<_, _>>()?;
+    let engine = common::engine(&args.engine)?.describe();
+    Ok(Steered { colors, parts, encoder, engine, hologram })
+}
+
+/// Engines of the kind asked for, one after the other.
+pub fn engines(args: &EngineArgs) -> impl FnMut() -> Result<Box<dyn Engine>, EngineError> + Send + use<> {
+    let choice = common::engine_choice(args);
+    move || eyebox::engine::open(choice)
+}
