@@ -96,9 +96,7 @@ pub(super) fn shot(
     let (pyramid, seen) = views.around([pupil.x, pupil.y], pupil.diameter);
     let planner = Planner { views: Some(seen), ..Planner::new(*grid, 1, factor) };
     let step = planner.photograph_step(vec![planner.lane(pupil, &Comparison::default())]);
-    // The engine holds no field: the photograph looks at views alone.
-    let small = Planner::new(Optics { height: 1, width: 1, ..*grid }, 1, factor);
-    engine.load(&small.shape(Purpose::View), Some(Arc::clone(&pyramid)))?;
+    engine.load(&planner.shape(Purpose::View), Some(Arc::clone(&pyramid)))?;
     engine.run(&step)?;
     Ok(engine.read(Buffer::Target(0))?)
 }

@@ -137,3 +137,22 @@ fn mistakes_are_one_line() {
     refused(at, &relay, "x.zarr", "far-field");
     refused(at, &["solve", "builtin:plane", "--memory", "much", "-o", "x.zarr"], "x.zarr", "4GiB");
 }
+
+/// The same job on Vulkan: what it comes to is as good, and no further off than rounding takes a few steps.
+#[test]
+fn vulkan_solves_the_same() {
+    let temp = folder();
+    let at = temp.path();
+    std::fs::write(at.join("far.toml"), DISPLAY).unwrap();
+    let quality = |engine: &'static str| {
+        let mut words = solve("h.zarr", "2");
+        let passes = words.iter().position(|w| *w == "--passes").unwrap();
+        words[passes + 1] = "1";
+        let chosen = words.iter().position(|w| *w == "--engine").unwrap();
+        words[chosen + 1] = engine;
+        let said: Value = serde_json::from_str(&done(at, &words)).unwrap();
+        said["psnr_mean_db"].as_f64().unwrap()
+    };
+    let (cpu, vulkan) = (quality("cpu"), quality("vulkan"));
+    assert!((cpu - vulkan).abs() < 0.1, "{cpu} dB on the CPU, {vulkan} on Vulkan");
+}
