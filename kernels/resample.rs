@@ -34,9 +34,16 @@ pub struct Table {
 
 impl Table {
     /// Mean over the interval of one output sample, periodic: sample `j` of `n_out` lies at `j n_in / n_out`, where the
-    /// inverse transform of a window puts it, and an input sample stands for the interval of width 1 around it.
+    /// inverse transform of a window puts it, and an input sample stands for the interval of width 1 around it. Where there
+    /// are more samples out than in, between the two that are next to it.
     pub fn area(n_in: usize, n_out: usize) -> Self {
         let step = n_in as f64 / n_out as f64;
+        if n_out > n_in {
+            let places = || (0..n_out).map(|j| j as f64 * step);
+            let first = places().map(|at| at as u32 % n_in as u32).collect();
+            let weights = places().flat_map(|at| [1.0 - at.fract() as f32, at.fract() as f32]).collect();
+            return Self { first, weights, taps: 2 };
+        }
         let taps = if n_in == n_out { 1 } else { step.ceil() as usize + 1 };
         let (mut first, mut weights) = (Vec::with_capacity(n_out), Vec::with_capacity(n_out * taps));
         for j in 0..n_out {
@@ -110,6 +117,15 @@ mod tests {
             // Each input sample counts the same in all.
             for u in used { prop_assert!((u - n_out as f64 / n_in as f64).abs() < 1e-4, "{}", u); }
         }
+    }
+
+    #[test]
+    fn more_samples_lie_between_those_that_there_are() {
+        let table = Table::area(4, 8);
+        let input = [0.0f32, 2.0, 4.0, 2.0];
+        let sample =
+            |j: usize| (0..2).map(|t| table.weights[2 * j + t] * input[(table.first[j] as usize + t) % 4]).sum();
+        assert_eq!((0..8).map(sample).collect::<Vec<f32>>(), [0.0, 1.0, 2.0, 3.0, 4.0, 3.0, 2.0, 1.0]);
     }
 
     #[test]

@@ -264,6 +264,7 @@ fn hologram_files() {
         width: 6,
         pitch: 8e-6,
         focal_length: 0.4,
+        geometry: eyebox::optics::Geometry::Relay,
         colors: vec![color(Color::Red), color(Color::Green)],
         seed: 7,
         version: "0.1.0".into(),

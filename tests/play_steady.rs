@@ -58,6 +58,7 @@ fn hologram(index: u64, display: &Display) -> Hologram {
         width: display.width,
         pitch: display.pitch,
         focal_length: display.focal_length,
+        geometry: display.geometry,
         colors: display.wavelengths.iter().map(color).collect(),
         seed: 0,
         version: String::new(),

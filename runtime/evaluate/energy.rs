@@ -1,7 +1,7 @@
 //! Where in the eyebox the light is: the energy of the spectrum over the pupil plane, and how even it is.
 
 use crate::engine::{Buffer, Engine, EngineError};
-use crate::optics::{Optics, Pupil, Window, WindowFactor};
+use crate::optics::{Geometry, Optics, Pupil, Window, WindowFactor};
 use crate::plan::{Comparison, Planner};
 
 /// Energy per bin of the spectrum of the phases that `engine` holds, summed over sub-frames: (grid height, grid width)
@@ -22,8 +22,12 @@ pub fn energy(engine: &mut dyn Engine, planner: &Planner) -> Result<Vec<f64>, En
     let mut energy = vec![0.0; height * width];
     for frame in field.chunks_exact(2 * height * width) {
         for (i, value) in frame.chunks_exact(2).enumerate() {
-            let (row, column) = ((i / width + height / 2) % height, (i % width + width / 2) % width);
-            energy[row * width + column] += f64::from(value[0]).powi(2) + f64::from(value[1]).powi(2);
+            // The far field's pixels lie in that order already.
+            let at = match planner.grid.geometry {
+                Geometry::Relay => (i / width + height / 2) % height * width + (i % width + width / 2) % width,
+                Geometry::FarField => i,
+            };
+            energy[at] += f64::from(value[0]).powi(2) + f64::from(value[1]).powi(2);
         }
     }
     let mean = energy.iter().sum::<f64>() / energy.len() as f64;
@@ -39,16 +43,16 @@ pub fn energy(engine: &mut dyn Engine, planner: &Planner) -> Result<Vec<f64>, En
 /// # Panics
 /// If `energy` does not have the grid's size: the caller's mistake.
 pub fn passed(energy: &[f64], grid: &Optics, pupils: &[Pupil]) -> Vec<f64> {
-    let (height, width) = (grid.height, grid.width);
-    assert_eq!(energy.len(), height * width, "one value per bin");
+    let width = grid.width;
+    assert_eq!(energy.len(), grid.height * width, "one value per bin");
     let through = |pupil: &Pupil| {
         let window = Window::new(grid, pupil, WindowFactor::One);
         let (mut sum, mut count) = (0.0, 0usize);
         for (j, &[first, end]) in window.spans(grid, pupil).iter().enumerate() {
             // Spans hold existing bins only.
-            let row = window.y0 + j as i64 + height as i64 / 2;
+            let row = window.y0 + j as i64 - grid.first_bin().0;
             for k in first..end {
-                let column = window.x0 + i64::from(k) + width as i64 / 2;
+                let column = window.x0 + i64::from(k) - grid.first_bin().1;
                 sum += energy[row as usize * width + column as usize];
                 count += 1;
             }

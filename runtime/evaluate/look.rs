@@ -1,11 +1,13 @@
 //! What an eye sees and what it should see, through any engine.
 
 use crate::engine::{Buffer, Engine, EngineError};
-use crate::optics::{Pupil, WindowFactor};
+use crate::optics::{Geometry, Pupil, WindowFactor};
 use crate::plan::{Comparison, Kernel, Lane, Planner, Sight, Step};
+use crate::scene::crop_share;
 
 /// The time-averaged intensity through each pupil of the phases that `engine` holds, divided by the pupil's share of
-/// the eyebox (OPTICS 2), on the SLM's pixels: (height, width) each, row-major. No exposure is applied.
+/// the eyebox (OPTICS 2), on the SLM's pixels: (height, width) each, row-major; in the far field on the square of
+/// [`Optics::image_size`](crate::optics::Optics::image_size). No exposure is applied.
 ///
 /// The engine must have been loaded with the planner's shape.
 ///
@@ -68,12 +70,24 @@ pub fn targets(engine: &mut dyn Engine, planner: &Planner, sights: &[Sight]) -> 
         .collect()
 }
 
-/// The SLM's part of an image on the grid.
+/// The SLM's part of an image on the grid; in the far field, the picture's part, with the axis in its middle.
 pub(crate) fn crop(planner: &Planner, image: Vec<f32>) -> Vec<f32> {
+    if planner.grid.geometry == Geometry::FarField {
+        let (height, width) = planner.grid.image_size();
+        let image = centered(&image, height, width);
+        return if planner.share < 1.0 { crop_share(&image, height, width, planner.share) } else { image };
+    }
     let place = planner.place();
     if planner.grid == planner.slm {
         return image;
     }
     let rows = image.chunks_exact(place.grid_width as usize).skip(place.top as usize).take(place.height as usize);
     rows.flat_map(|row| &row[place.left as usize..(place.left + place.width) as usize]).copied().collect()
+}
+
+/// An image (height, width) whose axis comes first, with its axis in the middle.
+pub fn centered(image: &[f32], height: usize, width: usize) -> Vec<f32> {
+    let (top, left) = (height - height / 2, width - width / 2);
+    let rows = (0..height).map(|y| &image[(y + top) % height * width..][..width]);
+    rows.flat_map(|row| row[left % width.max(1)..].iter().chain(&row[..left % width.max(1)])).copied().collect()
 }

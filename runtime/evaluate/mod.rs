@@ -31,7 +31,7 @@ pub use energy::{energy, passed, variation};
 pub use epipolar::{POSITIONS, RowFinder, sweep};
 pub use groups::{Group, Member, members, places};
 pub(crate) use look::crop;
-pub use look::{images, photographs, targets, views};
+pub use look::{centered, images, photographs, targets, views};
 pub use speckle::{averaged_contrast, contrast};
 pub use ssim::ssim;
 pub use summary::Summary;

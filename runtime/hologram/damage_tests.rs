@@ -23,6 +23,7 @@ fn small() -> Hologram {
         width: 5,
         pitch: 10.8e-6,
         focal_length: 0.4,
+        geometry: crate::optics::Geometry::Relay,
         colors: vec![color(Color::Red, 660e-9, 0.1), color(Color::Blue, 440e-9, 2.0)],
         seed: u64::MAX,
         version: "0.1.0".into(),
@@ -104,7 +105,7 @@ fn every_cut_and_every_missing_file_is_noticed() {
 fn a_consistent_lie_about_the_size_takes_no_memory() {
     let (_here, path) = saved();
     for shape in [[2, 1 << 40, 3, 5], [2, 2, 65536, 65536], [2, 2, usize::MAX, 5], [3, 2, 3, 5], [0, 2, 3, 5]] {
-        fs::write(path.join("phases/zarr.json"), document::array(shape)).unwrap();
+        fs::write(path.join("phases/zarr.json"), document::array(shape, None)).unwrap();
         assert!(Hologram::load(&path).is_err(), "{shape:?}");
     }
 }

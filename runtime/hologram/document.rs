@@ -1,15 +1,17 @@
 //! The two JSON documents of a hologram, and the checksum that each carries about itself.
 
 use super::{ColorHologram, Hologram};
-use crate::optics::{Color, Wavelength};
+use crate::optics::{Color, Geometry, Wavelength};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
 /// Version of the layout of one hologram.
 const FORMAT: u64 = 1;
-/// Version of the layout of a sequence, and the newest that this code knows.
+/// Version of the layout of a sequence.
 const SEQUENCE_FORMAT: u64 = 2;
+/// Version of what an older eyebox would take for something else: a hologram, or a sequence, that is not for a relay.
+const GEOMETRY_FORMAT: u64 = 3;
 /// The last attribute of either document, with eight hexadecimal digits as its value.
 const SEAL: &str = "\"document_crc32c\": \"";
 const BLANK: &[u8; 8] = b"00000000";
@@ -21,6 +23,9 @@ struct Attributes {
     version: String,
     pitch_um: f64,
     focal_length_mm: f64,
+    /// Of format 3.
+    #[serde(default, skip_serializing_if = "Geometry::is_relay")]
+    geometry: Geometry,
     colors: Vec<ColorAttributes>,
     seed: u64,
     display: String,
@@ -59,10 +64,15 @@ pub(super) fn group(hologram: &Hologram) -> Vec<u8> {
 /// The group's document, of a sequence of holograms like this one if there are `sequence` attributes.
 pub(super) fn group_of(hologram: &Hologram, sequence: Option<SequenceAttributes>) -> Vec<u8> {
     let attributes = Attributes {
-        format: if sequence.is_some() { SEQUENCE_FORMAT } else { FORMAT },
+        format: match (hologram.geometry, sequence) {
+            (Geometry::Relay, None) => FORMAT,
+            (Geometry::Relay, Some(_)) => SEQUENCE_FORMAT,
+            (Geometry::FarField, _) => GEOMETRY_FORMAT,
+        },
         version: hologram.version.clone(),
         pitch_um: in_unit(hologram.pitch, 1e6),
         focal_length_mm: in_unit(hologram.focal_length, 1e3),
+        geometry: hologram.geometry,
         colors: (hologram.colors.iter())
             .map(|c| ColorAttributes {
                 color: c.color,
@@ -87,15 +97,16 @@ pub(super) fn group_of(hologram: &Hologram, sequence: Option<SequenceAttributes>
     }))
 }
 
-/// The array's document: one chunk a sub-frame.
-pub(super) fn array(shape: [usize; 4]) -> Vec<u8> {
-    let [_, _, height, width] = shape;
+/// The array's document: one chunk a sub-frame, or square tiles of this side with all sub-frames.
+pub(super) fn array(shape: [usize; 4], tile: Option<usize>) -> Vec<u8> {
+    let [_, frames, height, width] = shape;
+    let chunk = tile.map_or([1, 1, height, width], |side| [1, frames, side, side]);
     seal(json!({
         "zarr_format": 3,
         "node_type": "array",
         "shape": shape,
         "data_type": "float32",
-        "chunk_grid": { "name": "regular", "configuration": { "chunk_shape": [1, 1, height, width] } },
+        "chunk_grid": { "name": "regular", "configuration": { "chunk_shape": chunk } },
         "chunk_key_encoding": { "name": "default", "configuration": { "separator": "/" } },
         "fill_value": 0.0,
         "codecs": [{ "name": "bytes", "configuration": { "endian": "little" } }, { "name": "crc32c" }],
@@ -149,16 +160,19 @@ pub(super) fn read_any_group(bytes: &[u8]) -> Result<(Hologram, Option<SequenceA
     let attributes = &document["attributes"]["eyebox"];
     // A newer layout is told by its number before anything else in it is judged.
     let format = match attributes["format"].as_u64() {
-        Some(format @ (FORMAT | SEQUENCE_FORMAT)) => format,
-        Some(newer) if newer > SEQUENCE_FORMAT => {
+        Some(format @ FORMAT..=GEOMETRY_FORMAT) => format,
+        Some(newer) if newer > GEOMETRY_FORMAT => {
             return Err(format!(
-                "it has format {newer}, made by a newer eyebox: this one reads formats {FORMAT} and {SEQUENCE_FORMAT}"
+                "it has format {newer}, made by a newer eyebox: this one reads formats {FORMAT} to {GEOMETRY_FORMAT}"
             ));
         }
         _ => return Err("it states no format".into()),
     };
     let read = Attributes::deserialize(attributes).map_err(|e| format!("attributes.eyebox: {e}"))?;
-    if read.sequence.is_some() != (format == SEQUENCE_FORMAT) {
+    if (read.geometry == Geometry::Relay) != (format < GEOMETRY_FORMAT) {
+        return Err(format!("it has format {format}, and {GEOMETRY_FORMAT} has a `geometry`, the others have not"));
+    }
+    if format < GEOMETRY_FORMAT && read.sequence.is_some() != (format == SEQUENCE_FORMAT) {
         return Err(format!("it has format {format}, and {SEQUENCE_FORMAT} has `sequence`, {FORMAT} has not"));
     }
     let sequence = read.sequence;
@@ -168,6 +182,7 @@ pub(super) fn read_any_group(bytes: &[u8]) -> Result<(Hologram, Option<SequenceA
         width: 0,
         pitch: read.pitch_um / 1e6,
         focal_length: read.focal_length_mm / 1e3,
+        geometry: read.geometry,
         colors: (read.colors.into_iter())
             .map(|c| ColorHologram {
                 color: c.color,
@@ -189,13 +204,17 @@ pub(super) fn read_any_group(bytes: &[u8]) -> Result<(Hologram, Option<SequenceA
     Ok((hologram, sequence))
 }
 
-/// Reads the array's document: its shape. Says what is wrong.
-pub(super) fn read_array(bytes: &[u8]) -> Result<[usize; 4], String> {
+/// Reads the array's document: its shape, and the side of its tiles where it has tiles. Says what is wrong.
+pub(super) fn read_array(bytes: &[u8]) -> Result<([usize; 4], Option<usize>), String> {
     let found = unseal(bytes)?;
     let shape: [usize; 4] =
         Deserialize::deserialize(&found["shape"]).map_err(|e| format!("its shape is not four lengths: {e}"))?;
-    expect_like(&found, &array(shape))?;
-    Ok(shape)
+    let chunk = &found["chunk_grid"]["configuration"]["chunk_shape"];
+    // The whole of a single sub-frame is both.
+    let whole = *chunk == json!([1, 1, shape[2], shape[3]]);
+    let side = chunk[2].as_u64().filter(|side| !whole && (1..=1 << 14).contains(side)).map(|side| side as usize);
+    expect_like(&found, &array(shape, side))?;
+    Ok((shape, side))
 }
 
 /// There is one way to say everything but the attributes, so documents are compared as a whole.

@@ -21,6 +21,8 @@
 //! A moving scene is a [`Sequence`] of holograms (`sequence`): the same folder with a leading axis, one chunk a hologram,
 //! that grows ([`SequenceWriter`]) and is played while it does.
 //!
+//! A hologram larger than memory is stored in square tiles ([`Tiles`]): one chunk a tile, with all sub-frames.
+//!
 //! The documents and chunks are written here, not by the `zarrs` crate, because its build needs a C library (zlib, for
 //! its build script, whatever the features), and building this project needs cargo alone.
 
@@ -30,6 +32,7 @@ mod phase;
 mod sequence;
 mod sequence_writer;
 mod store;
+mod tiles;
 
 #[cfg(test)]
 mod damage_tests;
@@ -40,10 +43,11 @@ pub use exchange::{Phases, load_phases, save_phases};
 pub use phase::{level_of_phase, phase_of_level, wrap_phase};
 pub use sequence::Sequence;
 pub use sequence_writer::SequenceWriter;
+pub use tiles::{Made, Tiles, first_phase};
 
 use crate::{
     files::FileError,
-    optics::{Color, Optics, OpticsError, Wavelength},
+    optics::{Color, Geometry, Optics, OpticsError, Wavelength},
 };
 use serde_json::Value;
 
@@ -127,6 +131,8 @@ pub struct Hologram {
     pub pitch: f64,
     /// Focal length of the relay, metres.
     pub focal_length: f64,
+    /// Where the SLM stands.
+    pub geometry: Geometry,
     /// The colours, one to three as a rule, each with `frames * height * width` phases.
     pub colors: Vec<ColorHologram>,
     /// Seed of the random initial phase and of the pupils drawn.
@@ -150,7 +156,29 @@ impl Hologram {
     /// # Errors
     /// Those of [`Optics::new`].
     pub fn optics(&self, index: usize) -> Result<Optics, OpticsError> {
-        Optics::new(self.height, self.width, self.pitch, self.colors[index].wavelength, self.focal_length)
+        let wavelength = self.colors[index].wavelength;
+        let optics = Optics::new(self.height, self.width, self.pitch, wavelength, self.focal_length)?;
+        Ok(optics.in_geometry(self.geometry))
+    }
+
+    /// Share of colour `index`'s field of view that the picture takes along each axis (OPTICS 9): that of the display's
+    /// shortest wavelength, or of the hologram's where no display is known.
+    pub fn picture_share(&self, index: usize) -> f64 {
+        if self.geometry == Geometry::Relay {
+            return 1.0;
+        }
+        let own = self.colors[index].wavelength;
+        let known = self.display_wavelengths.iter().map(|w| w.wavelength);
+        let shortest = known.chain(self.colors.iter().map(|c| c.wavelength)).fold(own, f64::min);
+        shortest / own
+    }
+
+    /// Rows and columns of what an eye sees of it.
+    pub fn picture_size(&self) -> (usize, usize) {
+        match self.geometry {
+            Geometry::Relay => (self.height, self.width),
+            Geometry::FarField => [self.height.max(self.width); 2].into(),
+        }
     }
 
     /// One sub-frame of one colour, (row, column).

@@ -52,7 +52,10 @@ impl Sequence {
         let attributes = match sequence {
             Some(attributes) => attributes,
             None => {
-                let shape = document::read_array(&read_document(&array)?).map_err(|e| damaged(&array, e))?;
+                let (shape, side) = document::read_array(&read_document(&array)?).map_err(|e| damaged(&array, e))?;
+                if side.is_some() {
+                    return Err(no("it is stored in tiles, and cannot be streamed: export it first"));
+                }
                 SequenceAttributes { rate: [1, 1], shape, planned: Some(1) }
             }
         };

@@ -25,6 +25,7 @@ fn small(index: u64) -> Hologram {
         width: 5,
         pitch: 8e-6,
         focal_length: 0.4,
+        geometry: crate::optics::Geometry::Relay,
         colors: vec![color(Color::Red, 660e-9, phases(30)), color(Color::Blue, 440e-9, phases(30))],
         seed: 7,
         version: "0.1.0".into(),

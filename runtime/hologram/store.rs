@@ -1,5 +1,6 @@
 //! The hologram's own file: a Zarr v3 folder.
 
+use super::tiles::{self, Tiles};
 use super::{Hologram, HologramError, document, save_phases, wrap_phase};
 use crate::files::{FileError, FolderDraft};
 use std::{
@@ -14,7 +15,11 @@ pub(super) const ARRAY: &str = "phases/zarr.json";
 const LONGEST_DOCUMENT: u64 = 16 << 20;
 
 pub(super) fn chunk_name(color: usize, frame: usize) -> String {
-    format!("phases/c/{color}/{frame}/0/0")
+    chunk_file(color, frame, 0, 0)
+}
+
+pub(super) fn chunk_file(color: usize, frame: usize, row: usize, column: usize) -> String {
+    format!("phases/c/{color}/{frame}/{row}/{column}")
 }
 
 impl Hologram {
@@ -39,7 +44,7 @@ impl Hologram {
         let draft = FolderDraft::new(path, is_hologram)?;
         draft.write(GROUP, |out| out.write_all(&document::group(self)))?;
         let shape = [self.colors.len(), self.frames, self.height, self.width];
-        draft.write(ARRAY, |out| out.write_all(&document::array(shape)))?;
+        draft.write(ARRAY, |out| out.write_all(&document::array(shape, None)))?;
         for color in 0..self.colors.len() {
             for frame in 0..self.frames {
                 draft.write(&chunk_name(color, frame), |out| write_chunk(out, self.frame(color, frame)))?;
@@ -70,7 +75,11 @@ impl Hologram {
         let file = path.join(GROUP);
         let mut hologram = document::read_group(&read_document(&file)?).map_err(|e| damaged(&file, e))?;
         let file = path.join(ARRAY);
-        let shape = document::read_array(&read_document(&file)?).map_err(|e| damaged(&file, e))?;
+        let (shape, side) = document::read_array(&read_document(&file)?).map_err(|e| damaged(&file, e))?;
+        if side.is_some() {
+            Tiles::open(path)?.check()?;
+            return tiles::read_all(path);
+        }
         let [colors, frames, height, width] = shape;
         if colors != hologram.colors.len() || colors == 0 || frames == 0 {
             let described = hologram.colors.len();
@@ -101,9 +110,10 @@ impl Hologram {
 }
 
 /// Whether a folder is a hologram, whole or damaged, and nothing else.
-fn is_hologram(folder: &Path) -> bool {
+pub(super) fn is_hologram(folder: &Path) -> bool {
+    let ours = ["zarr.json", "phases", "progress.json", "staged"];
     let only_ours = fs::read_dir(folder)
-        .is_ok_and(|entries| entries.flatten().all(|e| e.file_name() == "zarr.json" || e.file_name() == "phases"));
+        .is_ok_and(|entries| entries.flatten().all(|e| ours.iter().any(|name| e.file_name() == *name)));
     only_ours
         && read_document(&folder.join(GROUP))
             .ok()
@@ -130,7 +140,7 @@ pub(super) fn read_document(file: &Path) -> Result<Vec<u8>, HologramError> {
 }
 
 /// Zarr's codecs `bytes` (little-endian) and `crc32c`: the values, then the sum of their bytes.
-fn write_chunk(out: &mut dyn Write, phases: &[f32]) -> io::Result<()> {
+pub(super) fn write_chunk(out: &mut dyn Write, phases: &[f32]) -> io::Result<()> {
     let bytes: Vec<u8> = phases.iter().flat_map(|&p| wrap_phase(p).to_le_bytes()).collect();
     out.write_all(&bytes)?;
     out.write_all(&crc32c::crc32c(&bytes).to_le_bytes())
@@ -154,4 +164,15 @@ fn read_chunk(file: &Path, pixels: usize, phases: &mut Vec<f32>) -> Result<(), H
     }
     phases.extend(values.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])));
     Ok(())
+}
+
+/// One chunk by itself.
+pub(super) fn read_tile(file: &Path, values: usize) -> Result<Vec<f32>, HologramError> {
+    check_length(&file.to_path_buf(), values)?;
+    let mut phases = Vec::with_capacity(values);
+    read_chunk(file, values, &mut phases)?;
+    if let Some(at) = phases.iter().position(|p| !p.is_finite()) {
+        return Err(damaged(file, format!("phase {at} is {}", phases[at])));
+    }
+    Ok(phases)
 }

@@ -1,6 +1,6 @@
 //! Displays: presets and TOML files.
 
-use super::{Encoding, Optics, OpticsError};
+use super::{Encoding, Geometry, Optics, OpticsError};
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, fmt, path::Path};
 
@@ -38,7 +38,7 @@ pub struct Wavelength {
     pub wavelength: f64,
 }
 
-/// A display: an SLM behind a 4f relay, with one to three wavelengths.
+/// A display: an SLM behind a 4f relay, or in the pupil plane, with one to three wavelengths.
 ///
 /// ```toml
 /// name = "bench"
@@ -47,6 +47,7 @@ pub struct Wavelength {
 /// focal_length_mm = 400.0
 /// wavelengths_nm = { red = 660, green = 520, blue = 440 }
 /// levels = 256                   # grey levels of the SLM
+/// geometry = "relay"             # or "far-field": the SLM in the pupil plane
 ///
 /// [encoding]                     # what the SLM receives: docs/displays.md
 /// packing = "grey8"
@@ -62,8 +63,10 @@ pub struct Display {
     pub width: usize,
     /// Pixel pitch, metres.
     pub pitch: f64,
-    /// Focal length of the relay, metres.
+    /// Focal length of the relay, metres; in the far field, what angles and dioptres are measured with.
     pub focal_length: f64,
+    /// Where the SLM stands.
+    pub geometry: Geometry,
     /// Red, green, blue; one to three of them.
     pub wavelengths: Vec<Wavelength>,
     /// Phase levels of the SLM.
@@ -83,6 +86,8 @@ struct File {
     wavelengths_nm: BTreeMap<Color, f64>,
     #[serde(default = "levels_default")]
     levels: u32,
+    #[serde(default, skip_serializing_if = "Geometry::is_relay")]
+    geometry: Geometry,
     #[serde(default)]
     encoding: Encoding,
 }
@@ -92,7 +97,8 @@ fn levels_default() -> u32 {
 }
 
 /// The built-in displays, by name; the first is the default.
-pub const PRESETS: [&str; 7] = ["paper", "plm", "small", "grey8", "fields", "planes8", "planes24"];
+pub const PRESETS: [&str; 9] =
+    ["paper", "plm", "small", "grey8", "fields", "planes8", "planes24", "far-field", "far-field-16k"];
 
 impl Display {
     /// A preset or a TOML file.
@@ -122,12 +128,17 @@ impl Display {
             // An LCoS of 8 bits, one image or three fields a video frame; a ferroelectric one of one bit.
             "grey8" | "fields" => (1080, 1920, 8e-6, 256),
             "planes8" | "planes24" => (1080, 1920, 8e-6, 2),
+            // The SLM in the pupil plane: one for development, whose eyebox is 4 mm, and Schiffers et al.'s largest.
+            "far-field" => (512, 512, 8e-6, 256),
+            "far-field-16k" => (16384, 16384, 1e-6, 256),
             _ => return None,
         };
+        let geometry = if name.starts_with("far-field") { Geometry::FarField } else { Geometry::Relay };
         let wavelengths = [(Color::Red, 660e-9), (Color::Green, 520e-9), (Color::Blue, 440e-9)];
         let wavelengths = wavelengths.map(|(color, wavelength)| Wavelength { color, wavelength }).to_vec();
         let encoding = Encoding::preset(name);
-        Some(Self { name: name.into(), height, width, pitch, focal_length: 0.4, wavelengths, levels, encoding })
+        let name = name.to_owned();
+        Some(Self { name, height, width, pitch, focal_length: 0.4, geometry, wavelengths, levels, encoding })
     }
 
     /// Reads the text of a display file; `file` names it in errors.
@@ -160,6 +171,7 @@ impl Display {
             width: read.resolution[1],
             pitch: read.pitch_um * 1e-6,
             focal_length: read.focal_length_mm * 1e-3,
+            geometry: read.geometry,
             wavelengths: read
                 .wavelengths_nm
                 .into_iter()
@@ -181,6 +193,7 @@ impl Display {
             resolution: [self.height, self.width],
             pitch_um: self.pitch * 1e6,
             focal_length_mm: self.focal_length * 1e3,
+            geometry: self.geometry,
             wavelengths_nm: self.wavelengths.iter().map(|w| (w.color, w.wavelength * 1e9)).collect(),
             levels: self.levels,
             encoding: self.encoding.clone(),
@@ -198,13 +211,46 @@ impl Display {
             color,
             has: self.wavelengths.iter().map(|w| w.color.to_string()).collect::<Vec<_>>().join(", "),
         })?;
-        Optics::new(self.height, self.width, self.pitch, found.wavelength, self.focal_length)
+        let optics = Optics::new(self.height, self.width, self.pitch, found.wavelength, self.focal_length)?;
+        Ok(optics.in_geometry(self.geometry))
     }
 
-    /// Side of the eyebox that all its colours serve, metres: the shortest wavelength's (OPTICS 1).
+    /// Side of the eyebox that all its colours serve, metres: the shortest wavelength's (OPTICS 1), or the SLM's (OPTICS 9).
     pub fn eyebox_min(&self) -> f64 {
-        let shortest = self.wavelengths.iter().map(|w| w.wavelength).fold(f64::INFINITY, f64::min);
-        shortest * self.focal_length / self.pitch
+        match self.geometry {
+            Geometry::Relay => self.shortest() * self.focal_length / self.pitch,
+            Geometry::FarField => self.height.min(self.width) as f64 * self.pitch,
+        }
+    }
+
+    /// Rows and columns of the pictures that it shows: its pixels, or a square of as many where it stands in the far field.
+    pub fn picture_size(&self) -> (usize, usize) {
+        match self.geometry {
+            Geometry::Relay => (self.height, self.width),
+            Geometry::FarField => [self.height.max(self.width); 2].into(),
+        }
+    }
+
+    /// Size of a picture's pixel in the focal plane, metres: the pitch, or that of the field of view which all its
+    /// colours share, the shortest wavelength's (OPTICS 9).
+    pub fn picture_pixel(&self) -> f64 {
+        match self.geometry {
+            Geometry::Relay => self.pitch,
+            Geometry::FarField => self.shortest() * self.focal_length / (self.pitch * self.picture_size().0 as f64),
+        }
+    }
+
+    /// Share of one colour's field of view that the picture takes along each axis: in the far field all colours show what
+    /// the shortest wavelength can.
+    pub fn picture_share(&self, wavelength: f64) -> f64 {
+        match self.geometry {
+            Geometry::Relay => 1.0,
+            Geometry::FarField => (self.shortest() / wavelength).min(1.0),
+        }
+    }
+
+    fn shortest(&self) -> f64 {
+        self.wavelengths.iter().map(|w| w.wavelength).fold(f64::INFINITY, f64::min)
     }
 }
 

@@ -1,8 +1,35 @@
-//! The 4f display at one wavelength.
+//! The display at one wavelength: a 4f relay, or the SLM in the pupil plane itself.
 
 use super::OpticsError;
+use serde::{Deserialize, Serialize};
 
-/// A 4f relay in front of a phase-only SLM, at one wavelength. All lengths in metres.
+/// Where the SLM stands.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Geometry {
+    /// In an image plane; a 4f relay puts its Fourier plane where the pupil is (OPTICS 1).
+    #[default]
+    Relay,
+    /// In the pupil plane: a pixel at r is the pupil-plane position r (OPTICS 9).
+    FarField,
+}
+
+impl Geometry {
+    /// The name by which it is chosen.
+    pub fn name(self) -> &'static str {
+        ["relay", "far-field"][self as usize]
+    }
+
+    /// For `skip_serializing_if`: files say only what is not usual.
+    pub fn is_relay(&self) -> bool {
+        *self == Self::Relay
+    }
+}
+
+/// A phase-only SLM and what stands in front of it, at one wavelength. All lengths in metres.
+///
+/// A *bin* is a place of the pupil plane: a DFT bin of the relay's spectrum, a pixel of a far-field SLM. Bins are signed,
+/// and bin 0 is on the axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Optics {
     /// Rows of the grid (SLM pixels, padding included).
@@ -13,8 +40,13 @@ pub struct Optics {
     pub pitch: f64,
     /// Wavelength, metres.
     pub wavelength: f64,
-    /// Focal length of the relay, metres.
+    /// Focal length of the relay, metres; in the far field, what angles and dioptres are measured with (OPTICS 9).
     pub focal_length: f64,
+    /// Where the SLM stands.
+    pub geometry: Geometry,
+    /// Bins (rows, columns) by which the middle of the grid lies off the axis: not zero for a piece that is cut out of a
+    /// far-field SLM.
+    pub offset: [i64; 2],
 }
 
 impl Optics {
@@ -53,18 +85,94 @@ impl Optics {
         range("the pitch (um)", pitch, 1e6, [1e-9, 1.0])?;
         range("the wavelength (nm)", wavelength, 1e9, [1e-9, 1.0])?;
         range("the focal length (mm)", focal_length, 1e3, [1e-6, 1e3])?;
-        Ok(Self { height, width, pitch, wavelength, focal_length })
+        Ok(Self { height, width, pitch, wavelength, focal_length, geometry: Geometry::Relay, offset: [0, 0] })
     }
 
-    /// Side of the square eyebox at this wavelength, metres: `wavelength * focal_length / pitch` (OPTICS 1).
+    /// The same SLM in another place.
+    pub fn in_geometry(self, geometry: Geometry) -> Self {
+        Self { geometry, ..self }
+    }
+
+    /// Side of the square eyebox at this wavelength, metres: `wavelength * focal_length / pitch` (OPTICS 1), or the SLM's
+    /// own shorter side (OPTICS 9).
     pub fn eyebox(&self) -> f64 {
-        self.wavelength * self.focal_length / self.pitch
+        match self.geometry {
+            Geometry::Relay => self.wavelength * self.focal_length / self.pitch,
+            Geometry::FarField => self.height.min(self.width) as f64 * self.pitch,
+        }
     }
 
-    /// Metres of pupil plane per frequency bin, as (y, x).
+    /// Metres of pupil plane per bin, as (y, x).
     pub fn bin_size(&self) -> (f64, f64) {
         let to_pupil = self.wavelength * self.focal_length;
-        (to_pupil / (self.height as f64 * self.pitch), to_pupil / (self.width as f64 * self.pitch))
+        match self.geometry {
+            Geometry::Relay => {
+                (to_pupil / (self.height as f64 * self.pitch), to_pupil / (self.width as f64 * self.pitch))
+            }
+            Geometry::FarField => (self.pitch, self.pitch),
+        }
+    }
+
+    /// Extent of the retinal image in the focal plane, metres, as (y, x): the grid's own, or `wavelength f / pitch`.
+    pub fn field_of_view(&self) -> (f64, f64) {
+        match self.geometry {
+            Geometry::Relay => (self.height as f64 * self.pitch, self.width as f64 * self.pitch),
+            Geometry::FarField => [self.wavelength * self.focal_length / self.pitch; 2].into(),
+        }
+    }
+
+    /// Rows and columns of the retinal image when everything is transformed: the grid's, or a square that holds it, for
+    /// the far field sees as far up as to the side.
+    pub fn image_size(&self) -> (usize, usize) {
+        match self.geometry {
+            Geometry::Relay => (self.height, self.width),
+            Geometry::FarField => [self.height.max(self.width); 2].into(),
+        }
+    }
+
+    /// Direction cosine per bin, as (y, x): `wavelength q`, of light at pupil-plane position `wavelength f q`.
+    pub(super) fn cosine_per_bin(&self) -> (f64, f64) {
+        match self.geometry {
+            Geometry::Relay => (
+                self.wavelength / (self.height as f64 * self.pitch),
+                self.wavelength / (self.width as f64 * self.pitch),
+            ),
+            Geometry::FarField => [self.pitch / self.focal_length; 2].into(),
+        }
+    }
+
+    /// `(wavelength q)^2` per squared bin, as (y, x): what the kernel `transfer` takes.
+    pub fn slopes(&self) -> (f64, f64) {
+        let (y, x) = self.cosine_per_bin();
+        (y * y, x * x)
+    }
+
+    /// The first of the bins that exist, as (y, x): there are `height` x `width` of them.
+    pub fn first_bin(&self) -> (i64, i64) {
+        (self.offset[0] - self.height as i64 / 2, self.offset[1] - self.width as i64 / 2)
+    }
+
+    /// Whether there is such a bin.
+    pub fn has_bin(&self, ky: i64, kx: i64) -> bool {
+        let (y, x) = self.first_bin();
+        (y..y + self.height as i64).contains(&ky) && (x..x + self.width as i64).contains(&kx)
+    }
+
+    /// Where the grid holds a bin, as (row, column): in the order of the DFT, or in that of the SLM's pixels. Bins that do
+    /// not exist wrap.
+    pub fn index_of(&self, ky: i64, kx: i64) -> (usize, usize) {
+        let first = match self.geometry {
+            Geometry::Relay => (0, 0),
+            Geometry::FarField => self.first_bin(),
+        };
+        ((ky - first.0).rem_euclid(self.height as i64) as usize, (kx - first.1).rem_euclid(self.width as i64) as usize)
+    }
+
+    /// The piece of a far-field SLM that begins at this pixel: a far-field problem of its own, on the same axis.
+    pub fn piece(self, [top, left]: [usize; 2], [height, width]: [usize; 2]) -> Self {
+        let (y, x) = self.first_bin();
+        let offset = [y + (top + height / 2) as i64, x + (left + width / 2) as i64];
+        Self { height, width, offset, ..self }
     }
 
     /// The same optics over another grid.
@@ -74,17 +182,29 @@ impl Optics {
 
     /// Share of the eyebox's area that a pupil of this diameter covers: `(pi/4) (d/w)^2` (OPTICS 2).
     pub fn share(&self, diameter: f64) -> f64 {
-        std::f64::consts::FRAC_PI_4 * (diameter / self.eyebox()).powi(2)
+        let area = match self.geometry {
+            Geometry::Relay => self.eyebox().powi(2),
+            Geometry::FarField => (self.height * self.width) as f64 * self.pitch.powi(2),
+        };
+        std::f64::consts::FRAC_PI_4 * diameter.powi(2) / area
+    }
+
+    /// Size of a pixel of the whole image in the focal plane, metres: the SLM's pitch, or `wavelength f / (pitch N)`.
+    pub fn image_pixel(&self) -> f64 {
+        match self.geometry {
+            Geometry::Relay => self.pitch,
+            Geometry::FarField => self.field_of_view().0 / self.image_size().0 as f64,
+        }
     }
 
     /// Depth at which content moves by `disparity` pixels between views `view_pitch` metres apart (OPTICS 3).
     pub fn depth_of_disparity(&self, disparity: f64, view_pitch: f64) -> f64 {
-        disparity * self.focal_length * self.pitch / view_pitch
+        disparity * self.focal_length * self.image_pixel() / view_pitch
     }
 
     /// Disparity, in pixels between views `view_pitch` metres apart, of content at `depth`.
     pub fn disparity_of_depth(&self, depth: f64, view_pitch: f64) -> f64 {
-        depth * view_pitch / (self.focal_length * self.pitch)
+        depth * view_pitch / (self.focal_length * self.image_pixel())
     }
 }
 

@@ -1,7 +1,8 @@
 //! The optics, as pure functions in float64: no buffers, no threads, no files but the display's own.
 //!
 //! A phase-only SLM of `height` x `width` pixels lit by a plane wave shows `u = exp(i phi)`. A 4f relay puts its
-//! Fourier plane where the eye's pupil is: frequency `q` lands at pupil position `wavelength * focal_length * q`.
+//! Fourier plane where the eye's pupil is: frequency `q` lands at pupil position `wavelength * focal_length * q`. Or the
+//! SLM stands in the pupil plane itself ([`Geometry::FarField`]).
 //! This room imports nothing from the rest of the runtime.
 
 mod display;
@@ -14,7 +15,7 @@ mod window;
 
 pub use display::{Color, Display, PRESETS, Wavelength};
 pub use encoding::{Channel, ChannelOrder, Correction, Encoding, Flip, Grating, Orientation, Packing, Place, TwoPi};
-pub use geometry::{Optics, frequency_bin};
+pub use geometry::{Geometry, Optics, frequency_bin};
 pub use padding::{Padding, walk_off};
 pub use propagation::{aperture, propagation_turns, transfer};
 pub use pupil::Pupil;

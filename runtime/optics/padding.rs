@@ -1,6 +1,6 @@
 //! How far light walks sideways, and the padding that keeps it from coming in again on the other side.
 
-use super::{Optics, fast_size};
+use super::{Geometry, Optics, fast_size};
 
 /// Zero pixels to add around the SLM, in all, per axis.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -19,8 +19,12 @@ pub fn walk_off(optics: &Optics, depth: f64, reach: f64) -> f64 {
 
 impl Padding {
     /// The padding that circular propagation needs so that nothing wraps into the picture, and no more than the next
-    /// grid size that transforms well. `depth` is the largest |z|, `reach` the largest |s| + d/2, both metres.
+    /// grid size that transforms well. None in the far field, where the field of view is what wraps, as the SLM's pixels
+    /// make it do. `depth` is the largest |z|, `reach` the largest |s| + d/2, both metres.
     pub fn required(optics: &Optics, depth: f64, reach: f64) -> Self {
+        if optics.geometry == Geometry::FarField {
+            return Self::default();
+        }
         let pixels = (walk_off(optics, depth, reach) / optics.pitch).ceil() as usize;
         let grow = |n: usize| if pixels == 0 { 0 } else { fast_size(n + pixels) - n };
         Self { rows: grow(optics.height), columns: grow(optics.width) }

@@ -1,20 +1,19 @@
 //! The kernel K(q; p) = A(q) H(q; z), per frequency bin (OPTICS 2).
 
-use super::{Optics, Pupil, frequency_bin};
+use super::{Optics, Pupil};
 use std::f64::consts::TAU;
 
 /// Whether the light of bin (`ky`, `kx`) passes the pupil: inside the disc, a true DFT bin, and propagating.
 ///
-/// Bins outside `-N/2 ..= (N - 1)/2` do not exist: they are where a window hangs over the edge of the eyebox.
+/// Bins beyond the grid do not exist: they are where a window hangs over the edge of the eyebox.
 pub fn aperture(optics: &Optics, pupil: &Pupil, ky: i64, kx: i64) -> bool {
-    if frequency_bin(ky, optics.height) != ky || frequency_bin(kx, optics.width) != kx {
+    if !optics.has_bin(ky, kx) {
         return false;
     }
-    let to_pupil = optics.wavelength * optics.focal_length;
-    let (fy, fx) =
-        (ky as f64 / (optics.height as f64 * optics.pitch), kx as f64 / (optics.width as f64 * optics.pitch));
-    let (dx, dy) = (fx * to_pupil - pupil.x, fy * to_pupil - pupil.y);
-    dx * dx + dy * dy < (pupil.diameter / 2.0).powi(2) && optics.wavelength.powi(2) * (fx * fx + fy * fy) < 1.0
+    let ((bin_y, bin_x), (slope_y, slope_x)) = (optics.bin_size(), optics.cosine_per_bin());
+    let (dx, dy) = (kx as f64 * bin_x - pupil.x, ky as f64 * bin_y - pupil.y);
+    let (cy, cx) = (ky as f64 * slope_y, kx as f64 * slope_x);
+    dx * dx + dy * dy < (pupil.diameter / 2.0).powi(2) && cx * cx + cy * cy < 1.0
 }
 
 /// Phase of H(q; z) in turns, for `a = (wavelength |q|)^2 < 1`: `-(z / wavelength) a / (1 + sqrt(1 - a))`.
@@ -29,9 +28,9 @@ pub fn transfer(optics: &Optics, pupil: &Pupil, ky: i64, kx: i64) -> (f64, f64) 
     if !aperture(optics, pupil, ky, kx) {
         return (0.0, 0.0);
     }
-    let (fy, fx) =
-        (ky as f64 / (optics.height as f64 * optics.pitch), kx as f64 / (optics.width as f64 * optics.pitch));
-    let a = optics.wavelength.powi(2) * (fx * fx + fy * fy);
+    let (slope_y, slope_x) = optics.cosine_per_bin();
+    let (cy, cx) = (ky as f64 * slope_y, kx as f64 * slope_x);
+    let a = cx * cx + cy * cy;
     let turns = propagation_turns(a, pupil.depth, optics.wavelength);
     let (sin, cos) = (TAU * (turns - turns.round())).sin_cos();
     (cos, sin)

@@ -1,6 +1,6 @@
 //! The window of the spectrum that a pupil passes (OPTICS 5).
 
-use super::{Optics, Pupil, aperture};
+use super::{Geometry, Optics, Pupil, aperture};
 use serde::{Deserialize, Serialize};
 
 /// How much of the spectrum around a pupil is transformed.
@@ -31,26 +31,33 @@ pub struct Window {
 
 impl Window {
     /// The window of `pupil` on the grid of `optics`: at least `factor` times the disc on each axis, grown to a size
-    /// that transforms well, and never larger than the grid.
+    /// that transforms well, and, of a relay's spectrum, never larger than the grid.
     pub fn new(optics: &Optics, pupil: &Pupil, factor: WindowFactor) -> Self {
         let (bin_y, bin_x) = optics.bin_size();
-        let axis = |n: usize, bin: f64, s: f64| {
+        let (most_y, most_x) = optics.image_size();
+        let (first_y, first_x) = optics.first_bin();
+        let axis = |n: usize, bin: f64, s: f64, own: i64| {
+            // In the far field a window may hang over on all sides: zeros around what passes are finer samples.
+            let relay = optics.geometry == Geometry::Relay;
+            let most = if relay { 1.0 } else { 2.0 } * n as f64;
             let wanted = match factor {
                 WindowFactor::Full => n,
                 // One bin more than the disc can hold on a grid that it is not centred on.
                 WindowFactor::One => (pupil.diameter / bin).ceil().min(n as f64) as usize + 2,
-                WindowFactor::Two => (2.0 * pupil.diameter / bin).ceil().min(n as f64) as usize + 2,
+                WindowFactor::Two => (2.0 * pupil.diameter / bin).ceil().min(most) as usize + 2,
             };
-            let count = fast_size(wanted).min(n);
+            let count =
+                if relay || factor == WindowFactor::Full { fast_size(wanted).min(n) } else { fast_size(wanted) };
             // The grid's own bins when it holds all of them, else centred on the pupil.
             // Far outside, nothing passes wherever it stands: near enough for its numbers to stay small.
-            let reach = 2.0 * n as f64;
+            let reach = 2.0 * n as f64 + own.unsigned_abs() as f64;
             let middle = (s / bin).round().clamp(-reach, reach) as i64;
-            let first = if count == n { -(n as i64 / 2) } else { middle - count as i64 / 2 };
+            let whole = relay || factor == WindowFactor::Full;
+            let first = if count == n && whole { own } else { middle - count as i64 / 2 };
             (first, count)
         };
-        let (y0, rows) = axis(optics.height, bin_y, pupil.y);
-        let (x0, columns) = axis(optics.width, bin_x, pupil.x);
+        let (y0, rows) = axis(most_y, bin_y, pupil.y, first_y);
+        let (x0, columns) = axis(most_x, bin_x, pupil.x, first_x);
         Self { y0, x0, rows, columns }
     }
 
@@ -65,8 +72,8 @@ impl Window {
                 let dy = (self.y0 + j as i64) as f64 * bin_y - pupil.y;
                 let half = ((pupil.diameter / 2.0).powi(2) - dy * dy).max(0.0).sqrt();
                 let last = self.columns as i64 - 1;
-                let lowest = -(optics.width as i64 / 2) - self.x0;
-                let highest = (optics.width as i64 - 1) / 2 - self.x0;
+                let lowest = optics.first_bin().1 - self.x0;
+                let highest = lowest + optics.width as i64 - 1;
                 let limit = |v: i64| v.clamp(0.max(lowest), last.min(highest).max(0.max(lowest)));
                 let bin = |x: f64| (x / bin_x).clamp(-1e9, 1e9);
                 let mut first = limit(bin(pupil.x - half).floor() as i64 - self.x0 - 1);

@@ -1,7 +1,7 @@
 //! From a pupil to what it needs: window, spans, taps, tables and the scales that make units right.
 
 use super::{Lane, Purpose, Shape, Shot, Storage};
-use crate::optics::{Optics, Padding, Pupil, Window, WindowFactor};
+use crate::optics::{Geometry, Optics, Padding, Pupil, Window, WindowFactor};
 use crate::scene::{Pyramid, ViewGrid};
 use eyebox_kernels::{
     compare, fft::Columns, intensity, modulate, pass_pupil, photograph, resample, resample::Table, transfer,
@@ -32,8 +32,10 @@ impl Default for Comparison {
 /// What the photographs of a scene need to know of its pyramid.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Views {
-    /// Where the views stand.
+    /// Where the views stand, around their centre.
     pub grid: ViewGrid,
+    /// Where in the pupil plane that centre is, (x, y), metres.
+    pub center: [f64; 2],
     /// Sizes of the levels, (height, width).
     pub levels: Vec<(usize, usize)>,
     /// Linear light of the value 1 of a stored sample.
@@ -44,7 +46,7 @@ impl Views {
     /// Of this pyramid.
     pub fn new(grid: ViewGrid, pyramid: &Pyramid) -> Self {
         let levels = pyramid.levels.iter().map(|l| (l.height, l.width)).collect();
-        Self { grid, levels, unit: f64::from(pyramid.scale) / 65535.0 }
+        Self { grid, center: [0.0, 0.0], levels, unit: f64::from(pyramid.scale) / 65535.0 }
     }
 }
 
@@ -65,12 +67,14 @@ pub struct Planner {
     pub levels: usize,
     /// How complex fields are stored.
     pub storage: Storage,
+    /// Share of the image that the picture takes along each axis (OPTICS 9); what is looked at is cut to it.
+    pub share: f64,
 }
 
 impl Views {
     /// Of a pyramid that is not made yet: the sizes alone.
     pub fn of_size(grid: ViewGrid, height: usize, width: usize) -> Self {
-        Self { grid, levels: Pyramid::sizes(height, width), unit: 1.0 / 65535.0 }
+        Self { grid, center: [0.0, 0.0], levels: Pyramid::sizes(height, width), unit: 1.0 / 65535.0 }
     }
 
     /// Bytes of the pyramid.
@@ -83,7 +87,7 @@ impl Views {
 impl Planner {
     /// Without padding and without views.
     pub fn new(slm: Optics, frames: usize, factor: WindowFactor) -> Self {
-        Self { slm, grid: slm, frames, factor, views: None, levels: 0, storage: Storage::F32 }
+        Self { slm, grid: slm, frames, factor, views: None, levels: 0, storage: Storage::F32, share: 1.0 }
     }
 
     /// With zeros around the SLM.
@@ -126,27 +130,39 @@ impl Planner {
         // What the buffers hold is their value times these.
         let in_field = self.storage.field_scale(grid.height * grid.width);
         let in_window = self.storage.between(window.rows * window.columns);
+        // The relay's spectrum is an unnormalised transform of the field; in the far field the field is what is cut, and
+        // an even one shall come out as bright (OPTICS 9).
+        let normal = match grid.geometry {
+            Geometry::Relay => 1.0 / points,
+            Geometry::FarField => 1.0 / points.sqrt(),
+        };
+        let (y0, x0) = grid.index_of(window.y0, window.x0);
         let pass = pass_pupil::Args {
             grid_height: grid.height as u32,
             grid_width: grid.width as u32,
-            y0: window.y0.rem_euclid(grid.height as i64) as u32,
-            x0: window.x0.rem_euclid(grid.width as i64) as u32,
+            y0: y0 as u32,
+            x0: x0 as u32,
             rows: window.rows as u32,
             columns: window.columns as u32,
-            scale: (in_window / in_field / points) as f32,
+            scale: (in_window / in_field * normal) as f32,
         };
         let projects = comparison.mode == compare::PROJECTION;
         let weight = 2.0 * comparison.exposure * gain / (count * comparison.batch as f64);
         let exposure = comparison.exposure as f32;
         let in_factor = self.factor_scale(comparison.mode, f64::from(exposure), weight);
         let in_change = self.change_scale(comparison.mode, f64::from(exposure));
-        let back = in_change / (in_factor * in_window) / if projects { count } else { points };
+        let back = in_change / (in_factor * in_window)
+            * match (grid.geometry, projects) {
+                (Geometry::Relay, true) => 1.0 / count,
+                (Geometry::FarField, true) => 1.0 / (count * normal),
+                (_, false) => normal,
+            };
         let back = pass_pupil::Args { scale: back as f32, ..pass };
-        let slope = |n: usize| (grid.wavelength / (n as f64 * grid.pitch)).powi(2);
+        let (slope_y, slope_x) = grid.slopes();
         Lane {
             transfer: transfer::Args {
-                slope_y: slope(grid.height),
-                slope_x: slope(grid.width),
+                slope_y,
+                slope_x,
                 turns: pupil.depth / grid.wavelength,
                 y0: window.y0 as i32,
                 x0: window.x0 as i32,
@@ -178,11 +194,11 @@ impl Planner {
     }
 
     fn shot(&self, pupil: &Pupil, window: Window) -> Option<Shot> {
-        let Views { grid: views, levels, unit } = self.views.as_ref()?;
+        let Views { grid: views, center, levels, unit } = self.views.as_ref()?;
         let fits = |l: &(usize, usize)| l.0 >= window.rows && l.1 >= window.columns;
         let level = levels.iter().rposition(fits).unwrap_or(0);
         let (height, width) = levels[level];
-        let taps = views.taps(&self.grid, pupil, height, width);
+        let taps = views.taps_around(*center, &self.grid, pupil, height, width);
         let (rows, columns) = (Table::area(height, window.rows), Table::area(width, window.columns));
         Some(Shot {
             level,

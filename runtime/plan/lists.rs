@@ -1,6 +1,7 @@
 //! The lists that engines run.
 
 use super::{Dispatch, Kernel, Lane, Planner, Purpose, Step, Storage};
+use crate::optics::Geometry;
 use eyebox_kernels::{adam, balance, energy, even, fft::Columns, project, quantise};
 use std::ops::Range;
 
@@ -67,19 +68,21 @@ impl Planner {
         step.even = self.even(eyebox, patches, projects, weight);
         let whole = |kernel| Dispatch { kernel, lanes: 0..0 };
         let after = |step: &Step, kernel| step.list.iter().position(|d| d.kernel == kernel).map_or(0, |i| i + 1);
-        step.list.insert(after(&step, Kernel::FieldForward), whole(Kernel::Energy));
-        step.list.insert(after(&step, Kernel::ChangeInverse) - 1, whole(Kernel::Even));
+        let lit = after(&step, Kernel::FieldForward).max(after(&step, Kernel::Modulate));
+        step.list.insert(lit, whole(Kernel::Energy));
+        // Before the spectrum's change becomes the field's; in the far field they are one.
+        let ends = [Kernel::ChangeInverse, Kernel::Guard, Kernel::Project, Kernel::Adam];
+        let end = step.list.iter().position(|d| ends.contains(&d.kernel)).unwrap_or(step.list.len());
+        step.list.insert(end, whole(Kernel::Even));
         step.columns = Columns { first: 0, count: self.grid.width };
         step
     }
 
     fn even(&self, eyebox: f64, patches: usize, projects: bool, weight: f64) -> even::Args {
         let (bin_y, bin_x) = self.grid.bin_size();
-        let axis = |n: usize, bin: f64| {
-            let count = ((eyebox / bin).round() as usize).clamp(1, n);
-            ((n - count / 2) % n, count)
-        };
-        let ((y0, rows), (x0, columns)) = (axis(self.grid.height, bin_y), axis(self.grid.width, bin_x));
+        let count = |n: usize, bin: f64| ((eyebox / bin).round() as usize).clamp(1, n);
+        let (rows, columns) = (count(self.grid.height, bin_y), count(self.grid.width, bin_x));
+        let (y0, x0) = self.grid.index_of(-(rows as i64 / 2), -(columns as i64 / 2));
         let place = self.place();
         let points = (self.grid.height * self.grid.width) as f64;
         even::Args {
@@ -95,28 +98,35 @@ impl Planner {
             },
             mode: if projects { even::PROJECTION } else { even::GRADIENT },
             // The change is in units of the spectrum over the grid's points (see `lane`).
-            weight: if projects { weight / points } else { weight } as f32,
+            weight: if projects && self.grid.geometry == Geometry::Relay { weight / points } else { weight } as f32,
             limit: 3.0,
         }
     }
 
     /// The field on the SLM of content at several depths: `ReturnPupil` adds the spectrum of each lane's `Window`,
-    /// which the caller writes before entries `3 i .. 3 i + 3` run, and the last entry leaves the field in `Change`.
+    /// which the caller writes before entries `3 i .. 3 i + 3` run, and the rest of the list leaves the field in `Change`.
     pub fn layers_step(&self, lanes: Vec<Lane>) -> Step {
         let mut step = self.empty(lanes);
         for i in 0..step.lanes.len() {
             let kernels = [Kernel::Transfer, Kernel::WindowForward, Kernel::ReturnPupil];
             step.list.extend(kernels.map(|kernel| Dispatch { kernel, lanes: i..i + 1 }));
         }
-        step.list.push(Dispatch { kernel: Kernel::ChangeInverse, lanes: 0..0 });
+        step.list.extend(self.to_field());
         step
     }
 
-    /// From phases to the spectrum.
+    /// From phases to what a pupil cuts a window out of: the spectrum, or, in the far field, the field itself.
     fn to_spectrum(&self) -> impl Iterator<Item = Dispatch> + use<> {
         let first = (self.levels > 0).then_some(Kernel::Quantise);
-        let all = first.into_iter().chain([Kernel::Modulate, Kernel::FieldForward]);
+        let last = (self.grid.geometry == Geometry::Relay).then_some(Kernel::FieldForward);
+        let all = first.into_iter().chain([Kernel::Modulate]).chain(last);
         all.map(|kernel| Dispatch { kernel, lanes: 0..0 })
+    }
+
+    /// And back again.
+    fn to_field(&self) -> Option<Dispatch> {
+        let relay = self.grid.geometry == Geometry::Relay;
+        relay.then_some(Dispatch { kernel: Kernel::ChangeInverse, lanes: 0..0 })
     }
 
     /// What each sight shows, what it should show, and the sums of both, left in `Sums` of slots 0, 1, ...
@@ -187,7 +197,7 @@ impl Planner {
         if balanced {
             step.list.push(whole(Kernel::Balance));
         }
-        step.list.push(whole(Kernel::ChangeInverse));
+        step.list.extend(self.to_field());
         if self.storage == Storage::F16 {
             step.list.push(whole(Kernel::Guard));
         }

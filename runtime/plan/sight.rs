@@ -48,7 +48,9 @@ impl Planner {
         let columns = weights(lane.window.x0, lane.window.columns, self.grid.width, x, bin_x);
         lane.taper = Some(rows.into_iter().chain(columns).map(|nu| spectrum(&window, nu) as f32).collect());
         if let Some(shot) = &mut lane.shot {
-            *shot = Shot { taps: self.views.as_ref().map(|v| v.grid.only(view)).into_iter().collect(), ..shot.clone() };
+            let (height, width) = (shot.args.height as usize, shot.args.width as usize);
+            let only = self.views.as_ref().map(|v| v.grid.only(&self.grid, view, height, width));
+            *shot = Shot { taps: only.into_iter().collect(), ..shot.clone() };
             shot.args.taps = 1;
         }
         lane

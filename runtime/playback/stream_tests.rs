@@ -31,6 +31,7 @@ fn hologram(index: u64, display: &Display) -> Hologram {
         width: 16,
         pitch: display.pitch,
         focal_length: display.focal_length,
+        geometry: display.geometry,
         colors,
         seed: 0,
         version: String::new(),

@@ -2,7 +2,7 @@
 
 use super::place::{Rect, dioptres, focus_step, pupil_at};
 use super::{Overlay, Seen, Showing, Side};
-use crate::optics::{Optics, Pupil};
+use crate::optics::{Geometry, Optics, Pupil};
 use crate::playback::{PanelEvent, PanelKey};
 
 /// What the window's owner has to do.
@@ -51,8 +51,15 @@ impl Controls {
     /// Begins at this pupil; `scene` and `sequence`: whether there is one.
     pub fn new(showing: &Showing, pupil: Pupil, scene: bool, sequence: bool) -> Self {
         let optics = showing.colors.iter().map(|c| c.optics).max_by(|a, b| a.wavelength.total_cmp(&b.wavelength));
-        let optics =
-            optics.unwrap_or(Optics { height: 1, width: 1, pitch: 8e-6, wavelength: 520e-9, focal_length: 0.4 });
+        let optics = optics.unwrap_or(Optics {
+            height: 1,
+            width: 1,
+            pitch: 8e-6,
+            wavelength: 520e-9,
+            focal_length: 0.4,
+            geometry: Geometry::Relay,
+            offset: Default::default(),
+        });
         Self {
             pupil,
             averaged: true,
@@ -196,7 +203,7 @@ mod tests {
 
     fn controls(scene: bool, sequence: bool) -> Controls {
         let optics = Optics::new(36, 64, 8e-6, 440e-9, 0.4).unwrap();
-        let color = Shown { color: None, optics, exposure: 1.0, phases: Arc::new(vec![0.0; 8 * 36 * 64]) };
+        let color = Shown { color: None, optics, exposure: 1.0, share: 1.0, phases: Arc::new(vec![0.0; 8 * 36 * 64]) };
         let showing = Showing { frames: 8, padding: Padding::default(), colors: vec![color], eyebox: optics.eyebox() };
         Controls::new(&showing, Pupil::from_mm([0.0, 0.0, 4.0, 0.0]), scene, sequence)
     }

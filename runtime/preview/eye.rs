@@ -4,7 +4,7 @@ use super::picture::Plane;
 use super::{PreviewError, Showing, Shown};
 use crate::engine::{Buffer, Engine, EngineError, Purpose};
 use crate::evaluate;
-use crate::optics::{Padding, Pupil, WindowFactor};
+use crate::optics::{Geometry, Padding, Pupil, WindowFactor};
 use crate::plan::{Comparison, Planner};
 use eyebox_kernels::fft::Columns;
 use std::sync::Arc;
@@ -83,9 +83,11 @@ impl Hold {
         detail: Detail,
     ) -> Result<Plane, EngineError> {
         let frames = if frame.is_some() { 1 } else { showing.frames };
-        let planner = Planner::new(shown.optics, frames, WindowFactor::Full).with_padding(showing.padding);
-        // Cropping a padded image is for whole pixels.
-        let fine = detail == Detail::Whole || showing.padding != Padding::default();
+        let plain = Planner::new(shown.optics, frames, WindowFactor::Full).with_padding(showing.padding);
+        let planner = Planner { share: shown.share, ..plain };
+        // Cropping a padded image is for whole pixels, and so is putting a far field's axis in the middle.
+        let relay = shown.optics.geometry == Geometry::Relay;
+        let fine = detail == Detail::Whole || showing.padding != Padding::default() || !relay;
         let looking = if fine { planner.clone() } else { Planner { factor: WindowFactor::Two, ..planner.clone() } };
         let lane = looking.lane(pupil, &Comparison::default());
         let (rows, columns) = (lane.window.rows, lane.window.columns);
@@ -114,7 +116,8 @@ impl Hold {
         self.engine.run_part(&step, shared..step.list.len())?;
         let image = self.engine.read(Buffer::Image(0))?;
         Ok(if fine {
-            Plane { rows: planner.slm.height, columns: planner.slm.width, values: evaluate::crop(&planner, image) }
+            let (rows, columns) = planner.slm.image_size();
+            Plane { rows, columns, values: evaluate::crop(&planner, image) }
         } else {
             Plane { rows, columns, values: image }
         })

@@ -14,6 +14,8 @@ pub struct Shown {
     pub optics: Optics,
     /// One exposure for the whole eyebox (OPTICS 2).
     pub exposure: f64,
+    /// The share of its field of view that all colours have: 1 but in the far field (OPTICS 9).
+    pub share: f64,
     /// (sub-frame, row, column), radians. A colour whose phases are the same as before costs nothing again.
     pub phases: Arc<Vec<f32>>,
 }
@@ -44,19 +46,21 @@ impl Showing {
         let solved = optics.iter().map(|o| o.wavelength);
         let shortest = hologram.display_wavelengths.iter().map(|w| w.wavelength).chain(solved).fold(f64::MAX, f64::min);
         let eyebox = Optics { wavelength: shortest, ..optics[0] }.eyebox();
-        let shown = |(color, optics): (crate::hologram::ColorHologram, Optics)| Shown {
+        let shares: Vec<f64> = (0..hologram.colors.len()).map(|i| hologram.picture_share(i)).collect();
+        let shown = |((color, optics), share): ((crate::hologram::ColorHologram, Optics), f64)| Shown {
             color: color.color,
             optics,
             exposure: color.exposure,
+            share,
             phases: Arc::new(color.phases),
         };
-        let colors = hologram.colors.into_iter().zip(optics).map(shown).collect();
+        let colors = hologram.colors.into_iter().zip(optics).zip(shares).map(shown).collect();
         Ok(Self { frames: hologram.frames, padding, colors, eyebox })
     }
 
-    /// Rows and columns of the SLM.
+    /// Rows and columns of what is seen: the SLM's pixels, or, in the far field, a square of as many.
     pub fn size(&self) -> [usize; 2] {
-        self.colors.first().map_or([0, 0], |c| [c.optics.height, c.optics.width])
+        self.colors.first().map_or([0, 0], |c| c.optics.image_size().into())
     }
 
     /// Refuses what does not hang together.

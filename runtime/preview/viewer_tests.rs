@@ -5,7 +5,7 @@ use crate::engine::cpu::CpuEngine;
 use crate::engine::{Buffer, Engine, Purpose};
 use crate::evaluate;
 use crate::hologram::{ColorHologram, Hologram};
-use crate::optics::{Color, Display, Padding, Pupil, WindowFactor};
+use crate::optics::{Color, Display, Geometry, Padding, Pupil, WindowFactor};
 use crate::plan::Planner;
 use crate::scene;
 use crate::solve::Problem;
@@ -33,6 +33,7 @@ fn hologram(salt: usize) -> Hologram {
         width: 40,
         pitch: display.pitch,
         focal_length: display.focal_length,
+        geometry: Geometry::Relay,
         colors: COLORS.into_iter().enumerate().map(color).collect(),
         seed: 0,
         version: String::new(),
@@ -47,7 +48,8 @@ fn hologram(salt: usize) -> Hologram {
 fn expected(hologram: &Hologram, frames: &[usize], pupil: &Pupil, padding: Padding) -> Vec<Vec<f32>> {
     let one = |i: usize| {
         let optics = hologram.optics(i).unwrap();
-        let planner = Planner::new(optics, frames.len(), WindowFactor::Full).with_padding(padding);
+        let plain = Planner::new(optics, frames.len(), WindowFactor::Full).with_padding(padding);
+        let planner = Planner { share: hologram.picture_share(i), ..plain };
         let mut engine = CpuEngine::new();
         engine.load(&planner.shape(Purpose::View), None).unwrap();
         let phases: Vec<f32> = frames.iter().flat_map(|f| hologram.frame(i, *f)).copied().collect();
@@ -96,6 +98,21 @@ fn an_eye_that_keeps_the_spectrum_sees_what_evaluate_sees() {
                 let seen = eye.look(&showing, frame, &pupil, Detail::Whole).unwrap();
                 assert_eq!(values(&seen), expected(&both, &frames, &pupil, padding), "{pupil:?} {frame:?}");
             }
+        }
+    }
+}
+
+#[test]
+fn a_far_field_is_seen_as_evaluate_sees_it() {
+    let far = Hologram { geometry: Geometry::FarField, ..hologram(1) };
+    let showing = Showing::new(far.clone(), Padding::default()).unwrap();
+    assert_eq!(showing.size(), [40, 40], "as far up as to the side");
+    let mut eye = Eye::new(cpu());
+    for pupil in [[0.0, 0.0, 0.1, 0.0], [0.05, -0.04, 0.06, 2.5]].map(Pupil::from_mm) {
+        for detail in [Detail::Coarse, Detail::Whole] {
+            let seen = eye.look(&showing, None, &pupil, detail).unwrap();
+            assert_eq!(values(&seen), expected(&far, &[0, 1, 2], &pupil, Padding::default()), "{pupil:?} {detail:?}");
+            assert!(seen.iter().all(|p| [p.rows, p.columns] == [40, 40] && p.values.len() == 1600));
         }
     }
 }

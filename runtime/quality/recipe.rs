@@ -1,7 +1,7 @@
 //! The settings that trade quality for time.
 
 use super::Quality;
-use crate::optics::{Display, Padding, WindowFactor};
+use crate::optics::{Display, Geometry, Padding, WindowFactor};
 use crate::plan::Storage;
 use crate::scene::LightField;
 use crate::solve::{Diameters, Optimizer, Settings};
@@ -142,7 +142,11 @@ impl Recipe {
 
     /// Whether a display can be solved at the recipe's pixels: both axes are whole in them.
     pub fn fits(&self, display: &Display) -> bool {
-        self.pixel <= 1 || display.height.is_multiple_of(self.pixel) && display.width.is_multiple_of(self.pixel)
+        // In the far field coarser pixels would be a narrower field of view.
+        self.pixel <= 1
+            || display.geometry == Geometry::Relay
+                && display.height.is_multiple_of(self.pixel)
+                && display.width.is_multiple_of(self.pixel)
     }
 
     /// The display and the light field that are solved. `None` where the recipe changes neither.

@@ -159,7 +159,7 @@ fn extend(path: &mut [f32], costs: &[f32], first: bool) {
 /// Depth of each pixel of the central view, (height, width), metres: where the central row and column of views agree
 /// best. Depths are sought in the range that the scene states, else in what disparities of two pixels mean.
 pub fn central_depth(field: &LightField, display: &Display) -> Vec<f32> {
-    let per_pixel = display.focal_length * display.pitch / field.cell(display);
+    let per_pixel = display.focal_length * display.picture_pixel() / field.cell(display);
     let range = field.depth_range(display).map_or([-2.0, 2.0], |d| [d[0] / per_pixel, d[1] / per_pixel]);
     let Some(views) = field.planes.get(field.planes.len() / 2) else { return Vec::new() };
     let size = [field.height, field.width];

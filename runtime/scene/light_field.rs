@@ -69,7 +69,7 @@ impl LightField {
     /// Farthest and nearest depth when shown on `display`, metres: what the scene states, or else what its
     /// disparities mean (`z = delta f p / cell`), or nothing.
     pub fn depth_range(&self, display: &Display) -> Option<[f64; 2]> {
-        let per_pixel = display.focal_length * display.pitch / self.cell(display);
+        let per_pixel = display.focal_length * display.picture_pixel() / self.cell(display);
         self.depth.or_else(|| self.disparity.map(|d| d.map(|delta| delta * per_pixel)))
     }
 

@@ -26,7 +26,7 @@ impl LightField {
         let grid = self.view_grid(display);
         let [rows, columns] = self.grid.map(|n| n / count.max(1));
         // Content at `depth` stands moved by -(depth / f) q: moving view q by (depth / f) (q - middle) undoes it.
-        let pixels = depth / (display.focal_length * display.pitch);
+        let pixels = depth / (display.focal_length * display.picture_pixel());
         let block = |views: &[Vec<f32>], r: usize, c: usize| {
             let members = (0..count * count).map(|i| (r * count + i / count) * self.grid[1] + c * count + i % count);
             let members: Vec<usize> = members.collect();

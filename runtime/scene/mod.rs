@@ -54,7 +54,7 @@ mod survey;
 #[cfg(test)]
 mod tests;
 
-pub use builtin::{BUILTINS, Builtin};
+pub use builtin::{BUILTINS, Builtin, Stage};
 pub use depth::central_depth;
 pub(crate) use depth::central_view;
 pub use error::SceneError;
@@ -62,6 +62,7 @@ pub use light_field::{Fit, LightField};
 pub use photograph::ViewGrid;
 pub use picture::srgb_to_linear;
 pub use pyramid::{Level, Pyramid};
+pub(crate) use resize::{crop_share, shrink_to_share};
 pub(crate) use survey::DARK;
 pub use survey::{Black, DepthSource, Light};
 
@@ -161,8 +162,9 @@ pub fn load(source: &str, request: &Request) -> Result<LightField, SceneError> {
     if request.view_pitch.is_some() {
         field.view_pitch = request.view_pitch;
     }
-    if (field.height, field.width) == (display.height, display.width) {
+    let (height, width) = display.picture_size();
+    if (field.height, field.width) == (height, width) {
         return Ok(field);
     }
-    Ok(field.fit(display.height, display.width, Fit::default()))
+    Ok(field.fit(height, width, Fit::default()))
 }

@@ -1,6 +1,6 @@
 //! Which views a pupil takes its light from, and how far each is shifted (OPTICS 3).
 
-use crate::optics::{Optics, Pupil};
+use crate::optics::{Geometry, Optics, Pupil};
 use eyebox_kernels::photograph::Tap;
 
 /// Where the views stand in the pupil plane: square cells around a common centre.
@@ -49,33 +49,64 @@ impl ViewGrid {
         covered
     }
 
-    /// The tap of one view as it is.
-    pub fn only(&self, view: usize) -> Tap {
-        Tap { view: view as u32, weight: 1.0, dy: 0, dx: 0, fy: 0.0, fx: 0.0 }
+    /// The tap of one view as it is, on a level of (height, width) samples of the grid of `optics`.
+    pub fn only(&self, optics: &Optics, view: usize, height: usize, width: usize) -> Tap {
+        let (axis_y, axis_x) = axis(optics, height, width);
+        let (dy, fy) = split(-axis_y, height);
+        let (dx, fx) = split(-axis_x, width);
+        Tap { view: view as u32, weight: 1.0, dy, dx, fy, fx }
     }
 
     /// The taps of the photograph through `pupil` on a level of (height, width) samples of the grid of `optics`:
-    /// view v moves by `(z / f) q_v`, periodic on the grid.
+    /// view v moves by `(z / f) q_v`, periodic on the grid. In the far field the axis comes first, as in the transform of
+    /// a window.
     pub fn taps(&self, optics: &Optics, pupil: &Pupil, height: usize, width: usize) -> Vec<Tap> {
+        self.taps_around([0.0, 0.0], optics, pupil, height, width)
+    }
+
+    /// The same for views whose common centre is at `center` (x, y) of the pupil plane, metres.
+    pub fn taps_around(
+        &self,
+        center: [f64; 2],
+        optics: &Optics,
+        pupil: &Pupil,
+        height: usize,
+        width: usize,
+    ) -> Vec<Tap> {
+        let near = Pupil { x: pupil.x - center[0], y: pupil.y - center[1], ..*pupil };
         let metres = pupil.depth / optics.focal_length;
-        let (per_row, per_column) = (
-            height as f64 / (optics.height as f64 * optics.pitch),
-            width as f64 / (optics.width as f64 * optics.pitch),
-        );
-        let split = |shift: f64, n: usize| {
-            // Beyond that a float64 has no fraction left, and beyond its range no shift.
-            let shift = shift.clamp(-1e15, 1e15);
-            let whole = shift.floor();
-            ((whole.rem_euclid(n as f64) as usize % n) as u32, (shift - whole) as f32)
-        };
+        let (high, wide) = optics.field_of_view();
+        let (per_row, per_column) = (height as f64 / high, width as f64 / wide);
+        let (axis_y, axis_x) = axis(optics, height, width);
         let tap = |(index, weight): (usize, f64)| {
             let (x, y) = self.position(index);
-            let (dy, fy) = split(metres * y * per_row, height);
-            let (dx, fx) = split(metres * x * per_column, width);
+            let (x, y) = (x + center[0], y + center[1]);
+            let (dy, fy) = split(metres * y * per_row - axis_y, height);
+            let (dx, fx) = split(metres * x * per_column - axis_x, width);
             Tap { view: index as u32, weight: weight as f32, dy, dx, fy, fx }
         };
-        self.coverage(pupil).into_iter().map(tap).collect()
+        self.coverage(&near).into_iter().map(tap).collect()
     }
+}
+
+/// Samples from the first of a level to the axis of the image, which is where a far-field window's transform begins.
+fn axis(optics: &Optics, height: usize, width: usize) -> (f64, f64) {
+    match optics.geometry {
+        Geometry::Relay => (0.0, 0.0),
+        Geometry::FarField => {
+            let (rows, columns) = optics.image_size();
+            let at = |n: usize, samples: usize| (n / 2) as f64 * samples as f64 / n as f64;
+            (at(rows, height), at(columns, width))
+        }
+    }
+}
+
+/// Whole samples of a move on a period of `n`, and the rest.
+fn split(shift: f64, n: usize) -> (u32, f32) {
+    // Beyond that a float64 has no fraction left, and beyond its range no shift.
+    let shift = shift.clamp(-1e15, 1e15);
+    let whole = shift.floor();
+    ((whole.rem_euclid(n as f64) as usize % n) as u32, (shift - whole) as f32)
 }
 
 /// Area of the disc of radius `r` around the origin inside a rectangle, exactly: the integral of the height between

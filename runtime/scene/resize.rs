@@ -64,6 +64,22 @@ impl Resize {
     }
 }
 
+/// The picture shrunk to `share` of its size about its axis, black around: one colour's field of view, where it is wider
+/// than the picture (OPTICS 9). The pixel on the axis, `n / 2` of n, stays where it is.
+pub(crate) fn shrink_to_share(plane: &[f32], height: usize, width: usize, share: f64) -> Vec<f32> {
+    about_axis([height, width], share).apply(plane)
+}
+
+/// The middle `share` of one colour's image at the whole image's size: the picture again.
+pub(crate) fn crop_share(plane: &[f32], height: usize, width: usize, share: f64) -> Vec<f32> {
+    about_axis([height, width], 1.0 / share).apply(plane)
+}
+
+fn about_axis(size: [usize; 2], scale: f64) -> Resize {
+    let axis = |n: usize| Axis::new(n, n, scale, ((n / 2) as f64 + 0.5) * (1.0 - scale));
+    Resize { scale: [scale; 2], rows: axis(size[0]), columns: axis(size[1]) }
+}
+
 impl Axis {
     fn new(source: usize, target: usize, scale: f64, offset: f64) -> Self {
         let mut axis = Self { source, first_tap: Vec::with_capacity(target + 1), taps: Vec::new() };

@@ -36,7 +36,8 @@ pub(super) fn load(path: &Path, request: &Request) -> Result<LightField, SceneEr
     let reach = (n as f64 - 1.0) / 2.0;
 
     // The picture at its size on the display, without the letterbox: that is laid around the finished views.
-    let scale = (display.height as f64 / map.height as f64).min(display.width as f64 / map.width as f64);
+    let (rows, columns) = display.picture_size();
+    let scale = (rows as f64 / map.height as f64).min(columns as f64 / map.width as f64);
     let [height, width] = [map.height, map.width].map(|n| ((n as f64 * scale).round() as usize).max(1));
     let resize = Resize::new([map.height, map.width], [height, width], Fit::Stretch);
     let planes: Vec<Vec<f32>> = picture.planes.par_iter().map(|plane| resize.apply(plane)).collect();
@@ -55,7 +56,7 @@ pub(super) fn load(path: &Path, request: &Request) -> Result<LightField, SceneEr
     }
 
     let size = [height, width];
-    let place = Resize::new(size, [display.height, display.width], Fit::Contain);
+    let place = Resize::new(size, [rows, columns], Fit::Contain);
     let middle = (n as f32 - 1.0) / 2.0;
     let relief = relief(&planes, &disparity, size, middle);
     let views: Vec<Vec<Vec<f32>>> = (0..n * n)
@@ -69,12 +70,12 @@ pub(super) fn load(path: &Path, request: &Request) -> Result<LightField, SceneEr
     for view in views {
         planes.iter_mut().zip(view).for_each(|(plane, view)| plane.push(view));
     }
-    let per_pixel = display.focal_length * display.pitch / cell;
+    let per_pixel = display.focal_length * display.picture_pixel() / cell;
     Ok(LightField {
         name: path.file_stem().map_or("picture".into(), |n| n.to_string_lossy().into_owned()),
         grid: [n, n],
-        height: display.height,
-        width: display.width,
+        height: rows,
+        width: columns,
         colors: request.colors.to_vec(),
         planes,
         view_pitch: Some(cell),
@@ -99,7 +100,7 @@ fn disparities(
     let (first, gain) = if map.is_disparity {
         (low * scale, scale)
     } else {
-        let [from, to] = range.map(|z| z * cell / (display.focal_length * display.pitch));
+        let [from, to] = range.map(|z| z * cell / (display.focal_length * display.picture_pixel()));
         if high > low { (from, (to - from) / (high - low)) } else { ((from + to) / 2.0, 0.0) }
     };
     // What opens more than a pixel and a half in the outermost view is an edge, and is not smoothed over.

@@ -3,7 +3,7 @@
 
 use super::{Problem, Settings, SolveError};
 use crate::engine::{Buffer, Engine};
-use crate::optics::{Pupil, WindowFactor};
+use crate::optics::{Geometry, Pupil, WindowFactor};
 use crate::plan::{Comparison, Purpose};
 use crate::scene;
 use eyebox_kernels::trig::wrap;
@@ -37,7 +37,7 @@ pub(super) fn phases(problem: &Problem, settings: &Settings, engine: &mut dyn En
     };
     let full = planner.layers_step((0..layers).map(lane).collect());
     // A window's index 0 is bin (y0, x0): its image turns by that frequency (the signs of a checkerboard, mostly).
-    let (height, width, window) = (planner.grid.height, planner.grid.width, full.lanes[0].window);
+    let ((height, width), window) = (planner.grid.image_size(), full.lanes[0].window);
     let turn = |i: usize| {
         let across = (window.y0 * (i / width) as i64).rem_euclid(height as i64) as f64 / height as f64;
         let along = (window.x0 * (i % width) as i64).rem_euclid(width as i64) as f64 / width as f64;
@@ -49,15 +49,20 @@ pub(super) fn phases(problem: &Problem, settings: &Settings, engine: &mut dyn En
         if !layer.contains(&i) {
             continue;
         }
-        let value = |(at, light): (usize, &f32)| {
-            let amplitude = if layer[at] == i { light.sqrt() } else { 0.0 };
-            turn(at).map(|t| t * amplitude)
-        };
-        let window: Vec<f32> = light.iter().enumerate().flat_map(value).collect();
+        let value = |at: usize| if layer[at] == i { light[at].sqrt() } else { 0.0 };
+        // In the far field the axis comes first, as the planner's photographs have it.
+        let (ay, ax) = if planner.grid.geometry == Geometry::FarField { (height / 2, width / 2) } else { (0, 0) };
+        let rolled = |n: usize| (n / width + ay) % height * width + (n % width + ax) % width;
+        let window: Vec<f32> = (0..height * width)
+            .flat_map(|n| {
+                let amplitude = value(rolled(n));
+                turn(n).map(|t| t * amplitude)
+            })
+            .collect();
         engine.write(Buffer::Window(0), &window)?;
         engine.run_part(&full, 3 * i..3 * i + 3)?;
     }
-    engine.run_part(&full, 3 * layers..3 * layers + 1)?;
+    engine.run_part(&full, 3 * layers..full.list.len())?;
     let field = engine.read(Buffer::Change)?;
     Ok(encode(&planner.place(), &field, settings.frames))
 }

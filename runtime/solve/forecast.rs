@@ -111,8 +111,15 @@ fn measure(
         Optics { height: side, width: side, ..display.optics(display.wavelengths[1].color).expect("a colour") };
     let eyebox = display.eyebox_min();
     let grid = ViewGrid { rows: 9, columns: 9, cell: eyebox / 9.0 };
-    let problem =
-        Problem { optics, padding: Default::default(), eyebox, views: grid, pyramid: Arc::clone(views), mean: 0.5 };
+    let problem = Problem {
+        optics,
+        padding: Default::default(),
+        eyebox,
+        views: grid,
+        pyramid: Arc::clone(views),
+        mean: 0.5,
+        share: 1.0,
+    };
     let planner =
         Planner { levels: 16, storage: settings.storage, ..problem.planner(settings.frames, settings.window) };
     let shape = planner.shape(settings.optimizer.purpose());

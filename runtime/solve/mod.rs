@@ -19,6 +19,7 @@ mod steer;
 #[cfg(test)]
 mod steer_tests;
 
+pub(crate) use exposure::BrightEnd;
 pub use forecast::{Forecast, Loaded, Rate, Rates, forecast};
 pub use judge::{Judge, Verdict};
 pub use method::Method;

@@ -2,7 +2,7 @@
 
 use crate::optics::{Color, Display, Optics, OpticsError, Padding, WindowFactor};
 use crate::plan::{Planner, Views};
-use crate::scene::{LightField, Pyramid, ViewGrid};
+use crate::scene::{LightField, Pyramid, ViewGrid, shrink_to_share};
 use std::sync::Arc;
 
 /// One colour of a display, and the scene in that colour.
@@ -18,8 +18,10 @@ pub struct Problem {
     pub views: ViewGrid,
     /// The views on the padded grid.
     pub pyramid: Arc<Pyramid>,
-    /// Mean of the scene's linear light over the SLM.
+    /// Mean of the scene's linear light over the image.
     pub mean: f64,
+    /// Share of the image that the picture takes along each axis: less than 1 for the far field's longer wavelengths.
+    pub share: f64,
 }
 
 impl Problem {
@@ -32,7 +34,11 @@ impl Problem {
         let views = &field.planes[field.colors.iter().position(|c| *c == color).unwrap_or(0)];
         let (height, width) = (field.height, field.width);
         let grid = padding.grid(outline.optics);
-        let pyramid = if padding == Padding::default() {
+        let share = outline.share;
+        let pyramid = if share < 1.0 {
+            let shrunk = |view: &Vec<f32>| shrink_to_share(view, height, width, share);
+            Pyramid::new(&views.iter().map(shrunk).collect::<Vec<_>>(), height, width)
+        } else if padding == Padding::default() {
             Pyramid::new(views, height, width)
         } else {
             let (top, left) = (padding.rows / 2, padding.columns / 2);
@@ -64,7 +70,9 @@ impl Problem {
         let pixels = (views.len() * height * width) as f64;
         let mean = views.iter().map(|v| v.iter().map(|x| f64::from(*x)).sum::<f64>()).sum::<f64>() / pixels;
         let views = ViewGrid { rows: field.grid[0], columns: field.grid[1], cell: field.cell(display) };
-        Ok(Self { optics, padding, eyebox: display.eyebox_min(), views, pyramid: Arc::new(Pyramid::default()), mean })
+        let share = display.picture_share(optics.wavelength);
+        let (eyebox, mean) = (display.eyebox_min(), mean * share * share);
+        Ok(Self { optics, padding, eyebox, views, pyramid: Arc::new(Pyramid::default()), mean, share })
     }
 
     /// A power of two near the scene's brightest value, or 1 where that is of ordinary size: dividing by it keeps
@@ -77,6 +85,6 @@ impl Problem {
     /// Plans for this problem.
     pub fn planner(&self, frames: usize, window: WindowFactor) -> Planner {
         let plain = Planner::new(self.optics, frames, window).with_padding(self.padding);
-        Planner { views: Some(Views::new(self.views, &self.pyramid)), ..plain }
+        Planner { views: Some(Views::new(self.views, &self.pyramid)), share: self.share, ..plain }
     }
 }

@@ -242,8 +242,9 @@ impl ScenePlan {
         self.merge_depth = 0.5 * (far + near);
         // Within a block, content half the range off its depth moves so far from the middle to the edge.
         let cell = field.cell(display);
-        let apart =
-            |k: usize| 0.5 * (near - far) * 0.5 * (k - 1) as f64 * cell / (display.focal_length * display.pitch);
+        let apart = |k: usize| {
+            0.5 * (near - far) * 0.5 * (k - 1) as f64 * cell / (display.focal_length * display.picture_pixel())
+        };
         let inner = || field.only(self.brightest(field)).without_outer(display, self.outer);
         let candidates = field.mergeable_without(self.outer);
         let mut found = None;

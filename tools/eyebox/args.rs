@@ -2,9 +2,10 @@
 
 use crate::quality::QualityArgs;
 use crate::values::{
-    Targets, contrast, depths, full, method, not_negative, positive, pupil, range, rate, share, size, storage, targets,
-    window,
+    Targets, contrast, depths, full, memory, method, not_negative, positive, pupil, range, rate, share, size, storage,
+    targets, window,
 };
+use clap::builder::TypedValueParser;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use eyebox::optics::{Color, Pupil, WindowFactor};
 use eyebox::plan::Storage;
@@ -31,6 +32,7 @@ pub enum Command {
     #[command(after_help = "Examples:\n  eyebox solve lightfield/ --size 512x512 --color green -o lightfield.zarr\n  \
                       eyebox solve builtin:still-life --size 512x512 --seconds 10 -o still-life.zarr\n  \
                       eyebox solve builtin:still-life --size 512x512 --quality accurate -o still-life.zarr\n  \
+                      eyebox solve builtin:still-life --display far-field-16k --color green --frames 1 --memory 4GiB -o large.zarr\n  \
                       eyebox solve photo.png --depth-map depth.png --depth=-3..3 -o photo.npy\n  \
                       eyebox solve frame-00/ frame-01/ frame-02/ --size 512x512 --rate 30 -o moving.zarr\n\nSeveral scenes, or a folder of light-field folders, make a sequence; one that was interrupted is gone on with by the same command.\nBuilt-in scenes: still-life, still-life-dark, still-life-bright, dense-grass, points, plane, chart")]
     Solve(Solve),
@@ -160,7 +162,7 @@ pub struct EngineArgs {
 /// The display, in every command that needs one.
 #[derive(Args)]
 pub struct DisplayArgs {
-    /// Display: paper, plm, small, grey8, fields, planes8, planes24, or a TOML file
+    /// Display: paper, plm, small, grey8, fields, planes8, planes24, far-field, far-field-16k, or a TOML file
     #[arg(long, default_value = "paper", value_name = "PRESET|FILE")]
     pub display: String,
     /// Resolution instead of the display's own, rows x columns
@@ -354,6 +356,16 @@ pub struct Solve {
     /// Seed of the first phases and of the pupils
     #[arg(long, default_value_t = 0, value_name = "S")]
     pub seed: u64,
+    /// Memory that the solve of a far-field hologram keeps to: it is solved region by region, into its file, and the same
+    /// command goes on where it was cut off [default: 4GiB where the hologram is larger, else all at once]
+    #[arg(long, value_name = "AMOUNT", value_parser = memory)]
+    pub memory: Option<u64>,
+    /// With --memory: passes over the SLM [default: 3; --steps are those of one visit to a region, default 6]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..).map(usize::from))]
+    pub passes: Option<usize>,
+    /// With --memory: pixels along each axis of the scene's views [default: 1024, or the display's]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(16..=16384).map(usize::from))]
+    pub picture: Option<usize>,
     /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,
@@ -433,6 +445,15 @@ pub struct View {
     pub engine: EngineArgs,
 }
 
+/// Where an SLM stands, by name.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum GeometryName {
+    /// Behind a 4f relay
+    Relay,
+    /// In the pupil plane
+    FarField,
+}
+
 /// Optics of phases that come without.
 #[derive(Args)]
 pub struct PhaseOptics {
@@ -445,6 +466,9 @@ pub struct PhaseOptics {
     /// Focal length, mm (phases without optics)
     #[arg(long, value_name = "MM")]
     pub focal_length: Option<f64>,
+    /// Where the SLM stands (phases without optics)
+    #[arg(long, value_enum, default_value_t = GeometryName::Relay)]
+    pub geometry: GeometryName,
     /// Exposure of the PNG [default: the hologram's; for bare phases, the 99th percentile becomes white]
     #[arg(long, value_parser = positive)]
     pub exposure: Option<f64>,

@@ -45,7 +45,7 @@ pub fn scene(args: &SceneArgs, display: &Display, colors: &[Color]) -> Result<Li
 
 /// The depths that matter: as asked, as the scene says, or what a disparity of two pixels means.
 pub fn depths(args: &SceneArgs, field: &LightField, display: &Display) -> [f64; 2] {
-    let assumed = || 2.0 * display.focal_length * display.pitch / field.cell(display);
+    let assumed = || 2.0 * display.focal_length * display.picture_pixel() / field.cell(display);
     let [a, b] = args.depth.or_else(|| field.depth_range(display)).unwrap_or_else(|| [-assumed(), assumed()]);
     [a.min(b), a.max(b)]
 }

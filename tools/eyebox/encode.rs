@@ -124,6 +124,10 @@ fn tells_colors(display: &Display) -> bool {
 /// Where the display is not the one that the hologram was made for.
 fn differences(hologram: &Hologram, display: &Display) -> Vec<String> {
     let mut notes = Vec::new();
+    if hologram.geometry != display.geometry {
+        let (made, is) = (hologram.geometry.name(), display.geometry.name());
+        notes.push(format!("the hologram was made for a {made} display, and this one is {is}"));
+    }
     if (hologram.pitch / display.pitch - 1.0).abs() > 1e-3 {
         let (made, is) = (hologram.pitch * 1e6, display.pitch * 1e6);
         notes.push(format!("the hologram was made for a pitch of {made:.3} um, the display's is {is:.3} um"));

@@ -14,6 +14,7 @@ use eyebox::quality::QualityError;
 use eyebox::scene::SceneError;
 use eyebox::solve::SolveError;
 use eyebox::trackers::TrackerError;
+use eyebox::vast::VastError;
 
 /// Why a command failed.
 #[derive(Debug, thiserror::Error)]
@@ -45,6 +46,9 @@ pub enum Failure {
     /// A file.
     #[error(transparent)]
     File(#[from] FileError),
+    /// A hologram larger than memory.
+    #[error(transparent)]
+    Vast(#[from] VastError),
     /// An eye tracker.
     #[error(transparent)]
     Tracker(#[from] TrackerError),

@@ -29,6 +29,7 @@ mod solve_sequence;
 mod trackers;
 mod tradeoff;
 mod values;
+mod vast;
 mod view;
 
 use args::{Cli, Command};

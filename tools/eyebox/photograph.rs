@@ -3,6 +3,7 @@
 use crate::Failure;
 use crate::args::Photograph;
 use crate::common::{self, Form};
+use crate::vast;
 use eyebox::evaluate;
 use eyebox::optics::{Padding, WindowFactor};
 use eyebox::plan::Purpose;
@@ -13,6 +14,9 @@ use std::sync::Arc;
 pub fn run(args: &Photograph) -> Result<(), Failure> {
     let form = common::form(&args.out, &[Form::Png, Form::Npy])?;
     let display = common::display(&args.display)?;
+    if vast::is_too_large(&display) {
+        return vast::photograph(args, &display);
+    }
     let colors = common::colors(&args.display, &display)?;
     for &color in &colors {
         args.pupil.check_within(&display.optics(color)?)?;
@@ -27,7 +31,7 @@ pub fn run(args: &Photograph) -> Result<(), Failure> {
         planes.append(&mut evaluate::photographs(engine.as_mut(), &planner, &[args.pupil])?);
     }
     let names: Vec<_> = colors.iter().map(|c| Some(*c)).collect();
-    common::write_image(&args.out, form, [display.height, display.width], &planes, &names, &vec![1.0; planes.len()])?;
+    common::write_image(&args.out, form, display.picture_size().into(), &planes, &names, &vec![1.0; planes.len()])?;
     let [x, y, d, z] = args.pupil.to_mm();
     eprintln!("wrote {}: the photograph from ({x}, {y}) mm through {d} mm, focused at {z} mm", args.out.display());
     Ok(())

@@ -3,6 +3,7 @@
 use crate::Failure;
 use crate::args::{SceneArgs, Score};
 use crate::common;
+use crate::vast;
 use crate::view;
 use eyebox::engine::Engine;
 use eyebox::evaluate::{self, Summary};
@@ -39,6 +40,9 @@ pub struct Scores {
 
 /// Measures a hologram over many pupils.
 pub fn run(args: &Score) -> Result<(), Failure> {
+    if vast::is_tiled(&args.hologram) {
+        return vast::score(args);
+    }
     let (hologram, display) = load(args)?;
     let colors: Vec<Color> = hologram.colors.iter().filter_map(|c| c.color).collect();
     let mut engine = common::engine(&args.engine)?;
@@ -90,7 +94,7 @@ pub fn score(
     pupils: &[Pupil],
     engine: &mut dyn Engine,
 ) -> Result<Scores, Failure> {
-    let (height, width) = (display.height, display.width);
+    let (height, width) = display.picture_size();
     let mut exposures = Vec::new();
     let mut images: Vec<Vec<(Vec<f32>, Vec<f32>)>> = vec![Vec::new(); pupils.len()];
     // The display may have more colours than the hologram.
@@ -161,13 +165,13 @@ pub fn display_of(file: &Path, hologram: &Hologram) -> Result<Display, Failure> 
         return Err(Failure::Asked(format!("{what}: its colours are not named, or not those of its display")));
     }
     // The eyebox that pupils are drawn in is that of the display it was made for.
-    let (height, width, pitch, focal_length) = (hologram.height, hologram.width, hologram.pitch, hologram.focal_length);
     Ok(Display {
         name: hologram.display.clone(),
-        height,
-        width,
-        pitch,
-        focal_length,
+        height: hologram.height,
+        width: hologram.width,
+        pitch: hologram.pitch,
+        focal_length: hologram.focal_length,
+        geometry: hologram.geometry,
         wavelengths: hologram.display_wavelengths.clone(),
         levels: 256,
         encoding: Default::default(),
@@ -210,6 +214,7 @@ fn load(args: &Score) -> Result<(Hologram, Display), Failure> {
         width: phases.width,
         pitch,
         focal_length,
+        geometry: display.geometry,
         colors,
         seed: 0,
         version: String::new(),
@@ -223,7 +228,7 @@ fn load(args: &Score) -> Result<(Hologram, Display), Failure> {
 }
 
 /// `random:N`, or a JSON list of [x, y, diameter, focus] in mm.
-fn pupils(
+pub fn pupils(
     text: &str,
     seed: u64,
     display: &Display,
@@ -276,6 +281,7 @@ mod tests {
             width: 3,
             pitch: display.pitch,
             focal_length: display.focal_length,
+            geometry: display.geometry,
             colors: vec![ColorHologram {
                 color: Some(Color::Green),
                 wavelength: 520e-9,

@@ -6,6 +6,7 @@ use crate::common::{self, Form};
 use crate::progress::{self, Bar};
 use crate::quality::{self, Chosen};
 use crate::solve_sequence;
+use crate::vast;
 use eyebox::engine::Engine;
 use eyebox::hologram::{self, ColorHologram, Hologram};
 use eyebox::optics::{Color, Display, Padding};
@@ -21,8 +22,14 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
         return solve_sequence::run(args, &scenes);
     }
     let start = Instant::now();
-    let form = common::form(&args.out, &[Form::Zarr, Form::Npy])?;
     let display = common::display(&args.display)?;
+    if vast::wants(args, &display)? {
+        return vast::solve(args, &display);
+    }
+    if args.passes.is_some() || args.picture.is_some() {
+        return Err(Failure::Asked("--passes and --picture belong to --memory: this is solved all at once".into()));
+    }
+    let form = common::form(&args.out, &[Form::Zarr, Form::Npy])?;
     let colors = common::colors(&args.display, &display)?;
     // The engine first: where there is none, nothing needs to be loaded.
     let mut engine = common::engine(&args.engine)?;
@@ -170,6 +177,7 @@ pub fn hologram(
         width: display.width,
         pitch: display.pitch,
         focal_length: display.focal_length,
+        geometry: display.geometry,
         colors: solved.iter().map(color).collect(),
         seed: settings.seed,
         version: env!("CARGO_PKG_VERSION").into(),

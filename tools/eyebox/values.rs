@@ -29,6 +29,16 @@ pub fn size(text: &str) -> Result<[usize; 2], String> {
     }
 }
 
+/// Bytes: a number with KiB, MiB, GiB, or a plain one.
+pub fn memory(text: &str) -> Result<u64, String> {
+    let form = "expected an amount of memory, such as 4GiB or 512MiB";
+    let units = [("KiB", 10), ("MiB", 20), ("GiB", 30), ("TiB", 40)];
+    let (number, shift) =
+        units.iter().find_map(|(unit, shift)| Some((text.strip_suffix(unit)?, *shift))).unwrap_or((text, 0));
+    let bytes = number.trim().parse::<f64>().map_err(|_| form)? * f64::from(shift).exp2();
+    if (1.0..1e18).contains(&bytes) { Ok(bytes as u64) } else { Err(form.into()) }
+}
+
 /// Millimetres in, metres out.
 pub fn range(text: &str) -> Result<[f64; 2], String> {
     let form = "MIN..MAX in mm, such as -3..3.5";

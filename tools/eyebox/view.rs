@@ -1,17 +1,21 @@
 //! `eyebox view`.
 
 use crate::Failure;
-use crate::args::{PhaseOptics, View};
+use crate::args::{GeometryName, PhaseOptics, View};
 use crate::common::{self, Form};
+use crate::vast;
 use eyebox::engine::{Buffer, Engine};
 use eyebox::evaluate;
 use eyebox::hologram::{self, ColorHologram, Hologram};
-use eyebox::optics::{Optics, Padding, Pupil, WindowFactor};
+use eyebox::optics::{Geometry, Optics, Padding, Pupil, WindowFactor};
 use eyebox::plan::{Planner, Purpose};
 use std::path::Path;
 
 /// Shows one pupil.
 pub fn run(args: &View) -> Result<(), Failure> {
+    if args.at.is_none() && vast::is_tiled(&args.hologram) {
+        return vast::view(args);
+    }
     let form = common::form(&args.out, &[Form::Png, Form::Npy])?;
     let (hologram, known) = load(&args.hologram, args.at, &args.optics)?;
     for i in 0..hologram.colors.len() {
@@ -21,7 +25,7 @@ pub fn run(args: &View) -> Result<(), Failure> {
     let planes = through(&hologram, &args.pupil, engine.as_mut())?;
     let exposures = exposures(&hologram, known, &args.optics, &planes);
     let colors: Vec<_> = hologram.colors.iter().map(|c| c.color).collect();
-    common::write_image(&args.out, form, [hologram.height, hologram.width], &planes, &colors, &exposures)?;
+    common::write_image(&args.out, form, hologram.picture_size().into(), &planes, &colors, &exposures)?;
     let [x, y, d, z] = args.pupil.to_mm();
     eprintln!("wrote {}: the view from ({x}, {y}) mm through {d} mm, focused at {z} mm", args.out.display());
     Ok(())
@@ -75,6 +79,10 @@ pub fn load(file: &Path, at: Option<u64>, optics: &PhaseOptics) -> Result<(Holog
         width: phases.width,
         pitch,
         focal_length,
+        geometry: match optics.geometry {
+            GeometryName::Relay => Geometry::Relay,
+            GeometryName::FarField => Geometry::FarField,
+        },
         colors: phases.colors.into_iter().zip(wavelengths).map(color).collect(),
         seed: 0,
         version: String::new(),
@@ -91,8 +99,8 @@ pub fn load(file: &Path, at: Option<u64>, optics: &PhaseOptics) -> Result<(Holog
 pub fn through(hologram: &Hologram, pupil: &Pupil, engine: &mut dyn Engine) -> Result<Vec<Vec<f32>>, Failure> {
     let mut planes = Vec::new();
     for (i, color) in hologram.colors.iter().enumerate() {
-        let planner =
-            Planner::new(hologram.optics(i)?, hologram.frames, WindowFactor::Full).with_padding(padding_of(hologram));
+        let plain = Planner::new(hologram.optics(i)?, hologram.frames, WindowFactor::Full);
+        let planner = Planner { share: hologram.picture_share(i), ..plain.with_padding(padding_of(hologram)) };
         engine.load(&planner.shape(Purpose::View), None)?;
         engine.write(Buffer::Phases, &color.phases)?;
         planes.append(&mut evaluate::views(engine, &planner, &[*pupil])?);

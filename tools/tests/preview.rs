@@ -32,6 +32,7 @@ fn hologram(salt: usize) -> Hologram {
         width: 64,
         pitch: display.pitch,
         focal_length: display.focal_length,
+        geometry: display.geometry,
         colors: display.wavelengths.iter().enumerate().map(color).collect(),
         seed: 0,
         version: String::new(),

@@ -82,7 +82,9 @@ fn check_lane(lane: &Lane, shape: &Shape) -> Result<(), String> {
         if (pass.grid_height, pass.grid_width) != (place.grid_height, place.grid_width) {
             return Err(format!("its grid is {} x {}", pass.grid_height, pass.grid_width));
         }
-        if !sized(pass.rows, pass.columns) || pass.rows > pass.grid_height || pass.columns > pass.grid_width {
+        // The far field's windows are square, even where the SLM is not, and may hang over on all sides.
+        let most = 4 * pass.grid_height.max(pass.grid_width).max(16);
+        if !sized(pass.rows, pass.columns) || pass.rows > most || pass.columns > most {
             return Err(format!("its window is {} x {}", pass.rows, pass.columns));
         }
         if pass.y0 >= pass.grid_height || pass.x0 >= pass.grid_width {

@@ -12,6 +12,7 @@
 mod grass;
 mod render;
 mod shape;
+mod stage;
 mod still_life;
 mod targets;
 mod texture;
@@ -19,6 +20,7 @@ mod texture;
 use super::{LightField, Request, SceneError};
 use crate::optics::Display;
 use render::{Canvas, Item};
+pub use stage::Stage;
 
 /// A built-in scene: its name and what it shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -46,8 +48,9 @@ const PARALLAX: f64 = 3e-3 * 440e-9 / (8e-6 * 8e-6) / 512.0;
 
 /// Half the depth span that a display shows with the usual parallax, metres: `z = parallax f p / eyebox`.
 pub(super) fn half_span(display: &Display) -> f64 {
-    let pixels = PARALLAX * display.height.min(display.width) as f64;
-    pixels * display.focal_length * display.pitch / display.eyebox_min()
+    let (height, width) = display.picture_size();
+    let pixels = PARALLAX * height.min(width) as f64;
+    pixels * display.focal_length * display.picture_pixel() / display.eyebox_min()
 }
 
 struct Parameters {
@@ -89,17 +92,8 @@ pub(super) fn check(source: &str) -> Result<(), SceneError> {
     parse(source).map(|_| ())
 }
 
-/// Renders `builtin:source` at the display's resolution.
-///
-/// # Errors
-/// [`SceneError::Builtin`]; [`SceneError::Request`] when the views lie too far apart for the depths.
-pub(super) fn load(source: &str, request: &Request) -> Result<LightField, SceneError> {
-    let (name, parameters) = parse(source)?;
-    let display = request.display;
-    let canvas = Canvas { height: display.height, width: display.width };
-    let span = parameters.span.unwrap_or_else(|| half_span(display));
-    // The plane's own depth is in millimetres: it needs a span that is not zero to be said in scene units.
-    let unit = if name == "plane" { parameters.depth.abs().max(1e-6) } else { span };
+/// What a scene is made of, in scene units; `unit` is the depth of one.
+fn items_of(name: &str, parameters: &Parameters, canvas: Canvas, unit: f64) -> Vec<Item> {
     let aspect = canvas.half();
     let mut items: Vec<Item> = match name {
         "still-life" => still_life::items(aspect, still_life::Mood::Day),
@@ -111,11 +105,28 @@ pub(super) fn load(source: &str, request: &Request) -> Result<LightField, SceneE
         _ => targets::chart(aspect, canvas.pixel()),
     };
     items.iter_mut().for_each(|item| item.brighten(parameters.brightness));
+    items
+}
+
+/// Renders `builtin:source` at the display's resolution.
+///
+/// # Errors
+/// [`SceneError::Builtin`]; [`SceneError::Request`] when the views lie too far apart for the depths.
+pub(super) fn load(source: &str, request: &Request) -> Result<LightField, SceneError> {
+    let (name, parameters) = parse(source)?;
+    let display = request.display;
+    let (height, width) = display.picture_size();
+    let canvas = Canvas { height, width };
+    let span = parameters.span.unwrap_or_else(|| half_span(display));
+    // The plane's own depth is in millimetres: it needs a span that is not zero to be said in scene units.
+    let unit = if name == "plane" { parameters.depth.abs().max(1e-6) } else { span };
+    let aspect = canvas.half();
+    let items = items_of(name, &parameters, canvas, unit);
 
     let n = request.views;
     let cell = request.view_pitch.unwrap_or_else(|| display.eyebox_min() / n as f64);
     // Pixels per view that content at the near end of the span moves (OPTICS 3), then scene units.
-    let disparity = unit * cell / (display.focal_length * display.pitch);
+    let disparity = unit * cell / (display.focal_length * display.picture_pixel());
     let step = disparity * f64::from(canvas.pixel());
     // Textures are made as far as views see them; and beyond this, the cloth would be seen from below.
     let limit = if name == "plane" { f64::max(1.0, 16.0 * f64::from(canvas.pixel())) } else { 0.4 };

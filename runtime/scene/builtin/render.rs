@@ -155,11 +155,6 @@ impl<const N: usize> Skin<N> {
 /// Less than this of what lies behind is nothing: a tenth of the last bit of an 8-bit picture.
 const OPAQUE: f32 = 4e-4;
 
-enum Ready<'a, const N: usize> {
-    Surface(&'a Shape, [f32; 4], Skin<N>),
-    Blade(&'a Blade),
-}
-
 /// Renders `items`, given from far to near, once for each tilt: `[color][view][pixel]`, linear light.
 pub(super) fn render(canvas: Canvas, items: &[Item], tilts: &[[f32; 2]], colors: &[Color]) -> Vec<Vec<Vec<f32>>> {
     let channels: Vec<usize> = colors.iter().map(|c| c.channel()).collect();
@@ -170,39 +165,49 @@ pub(super) fn render(canvas: Canvas, items: &[Item], tilts: &[[f32; 2]], colors:
     }
 }
 
+/// The textures of a scene's surfaces, made once for all views up to a largest tilt; blades have none.
+pub(super) struct Skins<const N: usize>(Vec<Option<Skin<N>>>);
+
+impl<const N: usize> Skins<N> {
+    /// For views tilted by at most `tilt`, of these channels (N - 1 of them).
+    pub fn bake(canvas: Canvas, items: &[Item], tilt: f32, channels: &[usize]) -> Self {
+        // How far the largest tilt moves content at the ends of the depth span.
+        let margin = tilt * 1.1;
+        let bake = |item: &Item| match item {
+            Item::Surface { area, texture, .. } => Some(Skin::bake(&canvas, *area, texture, channels, margin)),
+            Item::Blade(_) => None,
+        };
+        Self(items.iter().map(bake).collect())
+    }
+
+    /// One view: `[channel][pixel]`.
+    pub fn view(&self, canvas: Canvas, items: &[Item], m: [f32; 2], channels: &[usize]) -> Vec<Vec<f32>> {
+        // Colours so far, and how much of what lies behind still comes through: from near to far, what is covered costs
+        // nothing.
+        let clear: [f32; N] = std::array::from_fn(|k| f32::from(u8::from(k == N - 1)));
+        let mut picture = vec![clear; canvas.height * canvas.width];
+        for (item, skin) in items.iter().zip(&self.0).rev() {
+            match (item, skin) {
+                (Item::Surface { shape, area, .. }, Some(skin)) => {
+                    draw_surface(&canvas, &mut picture, shape, area, skin, m);
+                }
+                (Item::Blade(blade), _) => draw_blade(&canvas, &mut picture, blade, channels, m),
+                (Item::Surface { .. }, None) => {}
+            }
+        }
+        (0..channels.len()).map(|k| picture.iter().map(|p| p[k]).collect()).collect()
+    }
+}
+
 fn render_channels<const N: usize>(
     canvas: Canvas,
     items: &[Item],
     tilts: &[[f32; 2]],
     channels: &[usize],
 ) -> Vec<Vec<Vec<f32>>> {
-    // How far the largest tilt moves content at the ends of the depth span.
-    let margin = tilts.iter().flatten().fold(0.0f32, |a, b| a.max(b.abs())) * 1.1;
-    let ready: Vec<Ready<N>> = items
-        .iter()
-        .map(|item| match item {
-            Item::Surface { shape, area, texture } => {
-                Ready::Surface(shape, *area, Skin::bake(&canvas, *area, texture, channels, margin))
-            }
-            Item::Blade(blade) => Ready::Blade(blade),
-        })
-        .collect();
-    let views: Vec<Vec<Vec<f32>>> = tilts
-        .par_iter()
-        .map(|&m| {
-            // Colours so far, and how much of what lies behind still comes through: from near to far, what is covered
-            // costs nothing.
-            let clear: [f32; N] = std::array::from_fn(|k| f32::from(u8::from(k == N - 1)));
-            let mut picture = vec![clear; canvas.height * canvas.width];
-            for item in ready.iter().rev() {
-                match item {
-                    Ready::Surface(shape, area, skin) => draw_surface(&canvas, &mut picture, shape, area, skin, m),
-                    Ready::Blade(blade) => draw_blade(&canvas, &mut picture, blade, channels, m),
-                }
-            }
-            (0..channels.len()).map(|k| picture.iter().map(|p| p[k]).collect()).collect()
-        })
-        .collect();
+    let tilt = tilts.iter().flatten().fold(0.0f32, |a, b| a.max(b.abs()));
+    let skins = Skins::<N>::bake(canvas, items, tilt, channels);
+    let views: Vec<Vec<Vec<f32>>> = tilts.par_iter().map(|&m| skins.view(canvas, items, m, channels)).collect();
     let mut planes: Vec<Vec<Vec<f32>>> = channels.iter().map(|_| Vec::with_capacity(tilts.len())).collect();
     for view in views {
         planes.iter_mut().zip(view).for_each(|(plane, view)| plane.push(view));

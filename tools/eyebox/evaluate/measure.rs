@@ -100,7 +100,7 @@ pub fn wanted(
     longest: usize,
     engine: &mut dyn Engine,
 ) -> Result<Wanted, Failure> {
-    let size = [display.height, display.width];
+    let size = display.picture_size().into();
     let pooled = halved(size);
     // The colour nearest to what people see as brightness decides the row.
     let leading = leading(&field.colors);

@@ -67,7 +67,7 @@ pub fn run(args: &Evaluate) -> Result<(), Failure> {
 /// Steps, pupils, their diameters, window and optimiser as quality or deadline ask for; says which.
 fn with_quality(job: &mut Job, args: &Evaluate, engine: &dyn Engine) -> Result<Option<String>, Failure> {
     let frames = job.frames.last().copied().unwrap_or(job.settings.frames);
-    let size = [job.display.height, job.display.width];
+    let size = job.display.picture_size().into();
     let Some(Chosen { recipe, about }) = args.quality.choose(engine, size, frames, job.colors.len())? else {
         return Ok(None);
     };

@@ -48,6 +48,7 @@ impl Given {
             width: h.width,
             pitch: h.pitch,
             focal_length: h.focal_length,
+            geometry: h.geometry,
             wavelengths: h.display_wavelengths.clone(),
             levels: 256,
             encoding: Default::default(),
@@ -76,6 +77,10 @@ impl Given {
         let near = |a: f64, b: f64| (a - b).abs() <= 1e-6 * b.abs();
         let same_waves = h.display_wavelengths.len() == display.wavelengths.len()
             && h.display_wavelengths.iter().zip(&display.wavelengths).all(|(a, b)| near(a.wavelength, b.wavelength));
+        if h.geometry != display.geometry {
+            let (made, is) = (h.geometry.name(), display.geometry.name());
+            return Err(Failure::Asked(format!("{file}: made for a {made} display, and '{}' is {is}", display.name)));
+        }
         if !same_waves || !near(h.pitch, display.pitch) || !near(h.focal_length, display.focal_length) {
             return Err(Failure::Asked(format!(
                 "{file}: made for the display '{}', whose pitch, focal length or wavelengths are not those of '{}'",

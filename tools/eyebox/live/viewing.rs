@@ -5,7 +5,7 @@ use crate::view::padding_of;
 use crate::{Failure, common};
 use eyebox::hologram::Hologram;
 use eyebox::live::{Live, Made};
-use eyebox::optics::{Optics, Padding, Pupil};
+use eyebox::optics::{Padding, Pupil};
 use eyebox::playback::{Desktop, PanelEvent, PanelKey};
 use eyebox::preview::{
     Look, Overlay, Picture, PreviewError, PreviewWindow, Showing, Shown, Side, Viewer, places, pupil_at,
@@ -21,7 +21,7 @@ pub struct Viewing {
     padding: Padding,
     eyebox: f64,
     size: [usize; 2],
-    colors: Vec<(Option<eyebox::optics::Color>, Optics, f64)>,
+    colors: Vec<Shown>,
     mouse: Option<MouseHandle>,
     seen: Option<(Picture, Option<f64>)>,
     overlay: Overlay,
@@ -40,30 +40,18 @@ impl Viewing {
         validation: bool,
     ) -> Result<Self, Failure> {
         let hologram: &Hologram = &steered.hologram;
-        let colors = (0..hologram.colors.len())
-            .map(|i| Ok((hologram.colors[i].color, hologram.optics(i)?, hologram.colors[i].exposure)))
-            .collect::<Result<Vec<_>, Failure>>()?;
+        let showing = Showing::new(hologram.clone(), padding_of(hologram))?;
         let problems = steered.parts.iter().map(|p| p.problem.clone()).collect();
-        let size = [hologram.height, hologram.width];
+        let size = showing.size();
         // Small ones by a whole number.
         let zoom = (640 / size[0].max(size[1]).max(1)).max(1);
         let viewer = Viewer::start(common::opener(engine)?, problems)?;
         let window = PreviewWindow::open(desktop, &hologram.scene, size.map(|n| n * zoom), validation)?;
-        let mut viewing = Self {
-            window,
-            viewer,
-            frames: hologram.frames,
-            padding: padding_of(hologram),
-            eyebox: steered.parts.iter().map(|p| p.problem.eyebox).fold(f64::INFINITY, f64::min),
-            size,
-            colors,
-            mouse,
-            seen: None,
-            overlay: Overlay::default(),
-            pupil: None,
-        };
-        let phases: Vec<_> = hologram.colors.iter().map(|c| Arc::new(c.phases.clone())).collect();
-        viewing.show(&phases);
+        let eyebox = showing.eyebox;
+        let (frames, padding, colors) = (showing.frames, showing.padding, showing.colors.clone());
+        let (seen, overlay, pupil) = (None, Overlay::default(), None);
+        let mut viewing = Self { window, viewer, frames, padding, eyebox, size, colors, mouse, seen, overlay, pupil };
+        viewing.viewer.show(Arc::new(showing));
         Ok(viewing)
     }
 
@@ -72,22 +60,14 @@ impl Viewing {
         self.window.messages()
     }
 
-    fn show(&mut self, phases: &[Arc<Vec<f32>>]) {
-        let shown = |((color, optics, exposure), phases): (&(_, Optics, f64), &Arc<Vec<f32>>)| Shown {
-            color: *color,
-            optics: *optics,
-            exposure: *exposure,
-            phases: Arc::clone(phases),
-        };
-        let colors = self.colors.iter().zip(phases).map(shown).collect();
-        self.viewer.show(Arc::new(Showing { frames: self.frames, padding: self.padding, colors, eyebox: self.eyebox }));
-    }
-
     /// Another set is on the display.
     pub fn made(&mut self, made: &Made) {
-        if let Some(phases) = &made.phases {
-            self.show(phases);
+        let Some(phases) = &made.phases else { return };
+        for (color, phases) in self.colors.iter_mut().zip(phases) {
+            color.phases = Arc::clone(phases);
         }
+        let Self { frames, padding, eyebox, .. } = *self;
+        self.viewer.show(Arc::new(Showing { frames, padding, colors: self.colors.clone(), eyebox }));
     }
 
     /// Where the eye is now.

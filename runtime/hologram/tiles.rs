@@ -1,0 +1,462 @@
+//! Holograms larger than memory: phases in square tiles on the disk, each with all sub-frames, that are read and written a
+//! rectangle at a time.
+//!
+//! A hologram in the making is a hologram already: tiles that were never written hold the first phases, which are a
+//! function of seed and place ([`first_phase`]) and take no room. Beside it lies `progress.json`. A [`commit`](Tiles::commit)
+//! replaces any number of tiles and the progress together: new tiles are written to `staged/`, then `progress.json` is
+//! replaced, and says which of them count, then they are moved into place. Killed before the middle step the old state
+//! stands, after it the new one: [`open`](Tiles::open) moves what was left, and removes what does not count.
+
+use super::store::{ARRAY, GROUP, chunk_file, damaged, is_hologram, read_document, read_tile, unreadable, write_chunk};
+use super::{Hologram, HologramError, document};
+use crate::files::{FileError, FolderDraft, write_file};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use std::fs::{self, File};
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+const PROGRESS: &str = "progress.json";
+const STAGED: &str = "staged";
+
+/// How far a hologram in the making is.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Made {
+    /// Parts of the job that are done.
+    pub done: u64,
+    /// What the job is: a hologram is gone on with by the same job alone.
+    pub job: Value,
+    /// Tiles (colour, row, column) that were staged with it.
+    pending: Vec<[usize; 3]>,
+}
+
+/// A hologram in tiles.
+pub struct Tiles {
+    folder: PathBuf,
+    about: Hologram,
+    side: usize,
+    made: Option<Made>,
+    read: AtomicU64,
+    written: AtomicU64,
+}
+
+/// The first phase of a pixel: uniform in [-pi, pi), a function of seed and place alone.
+pub fn first_phase(seed: u64, color: usize, frame: usize, row: usize, column: usize) -> f32 {
+    // Two rounds of a bijective mixer (Steele, Lea and Flood 2014) over what tells pixels apart.
+    let mix = |z: u64| {
+        let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    };
+    let plane = mix(seed.wrapping_add(0x9e37_79b9_7f4a_7c15) ^ ((color as u64) << 32 | frame as u64));
+    let bits = mix(plane.wrapping_add(((row as u64) << 32 | column as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15)));
+    let turns = (bits >> 40) as f32 / (1u64 << 24) as f32 - 0.5;
+    super::wrap_phase(turns * std::f32::consts::TAU)
+}
+
+impl Tiles {
+    /// A new hologram: what `about` says (its phases are not looked at), in tiles of `side` x `side` pixels. One that
+    /// stands at `path` is replaced.
+    ///
+    /// # Errors
+    /// [`HologramError::Inconsistent`]; [`HologramError::File`].
+    pub fn create(path: &Path, about: &Hologram, side: usize, job: Value) -> Result<Self, HologramError> {
+        let mut side = side.clamp(1, 1 << 14);
+        // One tile that is the whole of one sub-frame would be told from no tiles by nothing.
+        if (about.frames, about.height, about.width) == (1, side, side) && side > 1 {
+            side = side.div_ceil(2);
+        }
+        let made = Made { done: 0, job, pending: Vec::new() };
+        let draft = FolderDraft::new(path, is_hologram)?;
+        let shape = [about.colors.len(), about.frames, about.height, about.width];
+        for i in 0..about.colors.len() {
+            about.optics(i).map_err(|e| HologramError::Inconsistent(e.to_string()))?;
+        }
+        draft.write(GROUP, |out| out.write_all(&document::group(about)))?;
+        draft.write(ARRAY, |out| out.write_all(&document::array(shape, Some(side))))?;
+        draft.write(PROGRESS, |out| out.write_all(&to_json(&made)))?;
+        draft.put()?;
+        Self::open(path)
+    }
+
+    /// A hologram in tiles, finished or not; a commit that was cut off is completed or forgotten.
+    ///
+    /// # Errors
+    /// [`HologramError::NotAHologram`] where it is none in tiles; [`HologramError::Damaged`].
+    pub fn open(path: &Path) -> Result<Self, HologramError> {
+        let file = path.join(GROUP);
+        if !file.exists() {
+            let (path, reason) = (path.display().to_string(), "there is no zarr.json".to_owned());
+            return Err(HologramError::NotAHologram { path, reason });
+        }
+        let mut about = document::read_group(&read_document(&file)?).map_err(|e| damaged(&file, e))?;
+        let file = path.join(ARRAY);
+        let (shape, side) = document::read_array(&read_document(&file)?).map_err(|e| damaged(&file, e))?;
+        let Some(side) = side else {
+            let (path, reason) = (path.display().to_string(), "it is not stored in tiles".to_owned());
+            return Err(HologramError::NotAHologram { path, reason });
+        };
+        let [colors, frames, height, width] = shape;
+        if colors != about.colors.len() || colors == 0 || frames == 0 {
+            return Err(damaged(&file, format!("its shape is {shape:?}, not that of zarr.json")));
+        }
+        (about.frames, about.height, about.width) = (frames, height, width);
+        for i in 0..colors {
+            let file = path.join(GROUP).display().to_string();
+            about.optics(i).map_err(|source| HologramError::Optics { file, source })?;
+        }
+        let file = path.join(PROGRESS);
+        let made = if file.exists() {
+            let made = serde_json::from_slice(&read_document(&file)?);
+            Some(made.map_err(|e| damaged(&file, e.to_string()))?)
+        } else {
+            None
+        };
+        let folder = path.to_path_buf();
+        let tiles = Self { folder, about, side, made, read: AtomicU64::new(0), written: AtomicU64::new(0) };
+        tiles.settle()?;
+        Ok(tiles)
+    }
+
+    /// Whether a folder is a hologram in tiles.
+    pub fn is_tiled(path: &Path) -> bool {
+        let document = read_document(&path.join(ARRAY));
+        document.is_ok_and(|bytes| document::read_array(&bytes).is_ok_and(|(_, side)| side.is_some()))
+    }
+
+    /// Everything but the phases.
+    pub fn about(&self) -> &Hologram {
+        &self.about
+    }
+
+    /// Pixels along a tile's side.
+    pub fn side(&self) -> usize {
+        self.side
+    }
+
+    /// How far it is; none where it is finished.
+    pub fn made(&self) -> Option<&Made> {
+        self.made.as_ref()
+    }
+
+    /// Bytes of tiles that were read and written since it was opened.
+    pub fn moved(&self) -> [u64; 2] {
+        [self.read.load(Relaxed), self.written.load(Relaxed)]
+    }
+
+    /// The phases of a rectangle that begins at (row, column): (frames, rows, columns).
+    ///
+    /// # Errors
+    /// [`HologramError::Damaged`]; [`HologramError::File`].
+    ///
+    /// # Panics
+    /// If the rectangle is not inside the hologram: the caller's mistake.
+    pub fn read(&self, color: usize, at: [usize; 2], size: [usize; 2]) -> Result<Vec<f32>, HologramError> {
+        let (mut out, pixels) = (vec![0.0f32; self.about.frames * size[0] * size[1]], size[0] * size[1]);
+        assert!(at[0] + size[0] <= self.about.height && at[1] + size[1] <= self.about.width, "inside the hologram");
+        // One row of tiles at a time is in memory beside the result.
+        let ([rows, columns], side) = (self.range(at, size), self.side);
+        for row in rows {
+            let tiles: Vec<Vec<f32>> = columns
+                .clone()
+                .into_par_iter()
+                .map(|column| self.tile(color, row, column))
+                .collect::<Result<_, _>>()?;
+            let (first, end) = ((row * side).max(at[0]), ((row + 1) * side).min(at[0] + size[0]));
+            for (column, tile) in columns.clone().zip(&tiles) {
+                let (left, right) = ((column * side).max(at[1]), ((column + 1) * side).min(at[1] + size[1]));
+                for frame in 0..self.about.frames {
+                    for y in first..end {
+                        let from = (frame * side + y - row * side) * side + left - column * side;
+                        let to = frame * pixels + (y - at[0]) * size[1] + left - at[1];
+                        out[to..to + right - left].copy_from_slice(&tile[from..from + right - left]);
+                    }
+                }
+            }
+        }
+        Ok(out)
+    }
+
+    /// Replaces the phases of a rectangle of whole tiles, and the progress with them: both or neither, whenever it is cut
+    /// off. `phases` is (frames, rows, columns).
+    ///
+    /// # Errors
+    /// [`HologramError::File`], [`FileError::Full`] among it: then what stood there stands there still.
+    ///
+    /// # Panics
+    /// If the rectangle is none of whole tiles, or the phases are not as many: the caller's mistake.
+    pub fn commit(
+        &mut self,
+        done: u64,
+        color: usize,
+        at: [usize; 2],
+        size: [usize; 2],
+        phases: &[f32],
+    ) -> Result<(), HologramError> {
+        let (side, frames, pixels) = (self.side, self.about.frames, size[0] * size[1]);
+        let ends = [(at[0] + size[0], self.about.height), (at[1] + size[1], self.about.width)];
+        let whole =
+            at.iter().all(|v| v.is_multiple_of(side)) && ends.iter().all(|(e, n)| e.is_multiple_of(side) || e == n);
+        assert!(whole && phases.len() == frames * pixels, "whole tiles, all of their phases");
+        let [rows, columns] = self.range(at, size);
+        let pending: Vec<[usize; 3]> =
+            rows.flat_map(|row| columns.clone().map(move |column| [color, row, column])).collect();
+        fs::create_dir_all(self.folder.join(STAGED)).map_err(|e| FileError::write(&self.folder.join(STAGED), e))?;
+        pending.par_iter().try_for_each(|&[color, row, column]| {
+            let mut tile = vec![0.0f32; frames * side * side];
+            let (high, wide) = (side.min(ends[0].0 - row * side), side.min(ends[1].0 - column * side));
+            for frame in 0..frames {
+                for y in 0..high {
+                    let from = frame * pixels + (row * side + y - at[0]) * size[1] + column * side - at[1];
+                    tile[(frame * side + y) * side..][..wide].copy_from_slice(&phases[from..from + wide]);
+                }
+            }
+            self.stage(done, [color, row, column], &tile)
+        })?;
+        self.count(done, pending)
+    }
+
+    /// Writes what was never touched, and says that it is finished.
+    ///
+    /// # Errors
+    /// As [`commit`](Self::commit).
+    pub fn finish(&mut self) -> Result<(), HologramError> {
+        let Some(made) = self.made.clone() else { return Ok(()) };
+        let [rows, columns] = self.range([0, 0], [self.about.height, self.about.width]);
+        for color in 0..self.about.colors.len() {
+            for row in rows.clone() {
+                let lacks = |column: &usize| !self.folder.join(self.name([color, row, *column])).exists();
+                let pending: Vec<[usize; 3]> = columns.clone().filter(lacks).map(|c| [color, row, c]).collect();
+                fs::create_dir_all(self.folder.join(STAGED))
+                    .map_err(|e| FileError::write(&self.folder.join(STAGED), e))?;
+                pending.par_iter().try_for_each(|&place| self.stage(made.done, place, &self.first(place)))?;
+                self.count(made.done, pending)?;
+            }
+        }
+        let _ = fs::remove_dir_all(self.folder.join(STAGED));
+        let file = self.folder.join(PROGRESS);
+        fs::remove_file(&file).map_err(|e| FileError::write(&file, e))?;
+        self.made = None;
+        Ok(())
+    }
+
+    /// Makes staged tiles count.
+    fn count(&mut self, done: u64, pending: Vec<[usize; 3]>) -> Result<(), HologramError> {
+        let job = self.made.as_ref().map_or(Value::Null, |m| m.job.clone());
+        let made = Made { done, job, pending };
+        write_file(&self.folder.join(PROGRESS), |out| out.write_all(&to_json(&made)))?;
+        self.made = Some(made);
+        self.settle()
+    }
+
+    /// Moves the staged tiles that count into place, and removes the others.
+    fn settle(&self) -> Result<(), HologramError> {
+        let staged = self.folder.join(STAGED);
+        let pending = self.made.iter().flat_map(|m| m.pending.iter().map(|place| (m.done, *place)));
+        for (done, place) in pending {
+            let (from, to) = (staged.join(staged_name(done, place)), self.folder.join(self.name(place)));
+            if from.exists() {
+                let parent = to.parent().unwrap_or(&self.folder);
+                let moved = fs::create_dir_all(parent).and_then(|()| fs::rename(&from, &to));
+                moved.map_err(|e| FileError::write(&to, e))?;
+            }
+        }
+        for left in fs::read_dir(&staged).into_iter().flatten().flatten() {
+            fs::remove_file(left.path()).map_err(|e| FileError::write(&left.path(), e))?;
+        }
+        Ok(())
+    }
+
+    fn stage(&self, done: u64, place: [usize; 3], tile: &[f32]) -> Result<(), HologramError> {
+        let file = self.folder.join(STAGED).join(staged_name(done, place));
+        let write = || {
+            let mut out = BufWriter::new(File::create(&file)?);
+            write_chunk(&mut out, tile)?;
+            out.into_inner().map_err(std::io::IntoInnerError::into_error)?.sync_all()
+        };
+        write().map_err(|e| FileError::write(&file, e))?;
+        self.written.fetch_add(4 * tile.len() as u64 + 4, Relaxed);
+        Ok(())
+    }
+
+    /// One tile: (frames, side, side); beyond the hologram's edge, zeros.
+    fn tile(&self, color: usize, row: usize, column: usize) -> Result<Vec<f32>, HologramError> {
+        let place = [color, row, column];
+        let file = self.folder.join(self.name(place));
+        if !file.exists() && self.made.is_some() {
+            return Ok(self.first(place));
+        }
+        self.read.fetch_add(4 * (self.about.frames * self.side * self.side) as u64 + 4, Relaxed);
+        read_tile(&file, self.about.frames * self.side * self.side)
+    }
+
+    fn first(&self, [color, row, column]: [usize; 3]) -> Vec<f32> {
+        let (side, about) = (self.side, &self.about);
+        let one = |i: usize| {
+            let (frame, y, x) = (i / (side * side), row * side + i / side % side, column * side + i % side);
+            let inside = y < about.height && x < about.width;
+            if inside { first_phase(about.seed, color, frame, y, x) } else { 0.0 }
+        };
+        (0..about.frames * side * side).map(one).collect()
+    }
+
+    fn name(&self, [color, row, column]: [usize; 3]) -> String {
+        chunk_file(color, 0, row, column)
+    }
+
+    /// Rows and columns of the tiles that a rectangle touches.
+    fn range(&self, at: [usize; 2], size: [usize; 2]) -> [std::ops::Range<usize>; 2] {
+        [0, 1].map(|k| at[k] / self.side..(at[k] + size[k]).div_ceil(self.side))
+    }
+}
+
+/// The commit is part of the name: a tile that the next one had staged when it was cut off must not count for this one.
+fn staged_name(done: u64, [color, row, column]: [usize; 3]) -> String {
+    format!("{done}.{color}.{row}.{column}")
+}
+
+fn to_json(made: &Made) -> Vec<u8> {
+    serde_json::to_vec(made).expect("numbers and text")
+}
+
+/// Reads all tiles of one colour of a finished hologram.
+pub(super) fn read_all(path: &Path) -> Result<Hologram, HologramError> {
+    let tiles = Tiles::open(path)?;
+    let mut hologram = tiles.about.clone();
+    for color in 0..hologram.colors.len() {
+        hologram.colors[color].phases = tiles.read(color, [0, 0], [hologram.height, hologram.width])?;
+    }
+    Ok(hologram)
+}
+
+impl Tiles {
+    /// That every tile of a finished hologram is there, and as long as it must be: nothing is read.
+    pub(super) fn check(&self) -> Result<(), HologramError> {
+        if self.made.is_some() {
+            return Ok(());
+        }
+        let [rows, columns] = self.range([0, 0], [self.about.height, self.about.width]);
+        let expected = 4 * (self.about.frames * self.side * self.side) as u64 + 4;
+        for color in 0..self.about.colors.len() {
+            for (row, column) in rows.clone().flat_map(|r| columns.clone().map(move |c| (r, c))) {
+                let file = self.folder.join(self.name([color, row, column]));
+                let length = fs::metadata(&file).map_err(|e| unreadable(&file, e))?.len();
+                if length != expected {
+                    return Err(damaged(&file, format!("it is {length} bytes long, not {expected}")));
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hologram::ColorHologram;
+    use crate::optics::{Color, Geometry};
+
+    fn about(frames: usize, height: usize, width: usize) -> Hologram {
+        let color = ColorHologram {
+            color: Some(Color::Green),
+            wavelength: 520e-9,
+            exposure: 0.4,
+            efficiency: 0.5,
+            phases: vec![],
+        };
+        Hologram {
+            frames,
+            height,
+            width,
+            pitch: 1e-6,
+            focal_length: 0.4,
+            geometry: Geometry::FarField,
+            colors: vec![color],
+            seed: 5,
+            version: "0".into(),
+            display: "x".into(),
+            display_wavelengths: Vec::new(),
+            scene: "y".into(),
+            settings: Value::Null,
+        }
+    }
+
+    #[test]
+    fn first_phases_are_even_and_of_their_place() {
+        let many: Vec<f32> = (0..40_000).map(|i| first_phase(3, 0, 0, i / 200, i % 200)).collect();
+        let moment = |k: f32| {
+            let (s, c) = many.iter().fold((0.0, 0.0), |(s, c), p| (s + (k * p).sin(), c + (k * p).cos()));
+            (s.hypot(c)) / many.len() as f32
+        };
+        assert!(moment(1.0) < 0.02 && moment(2.0) < 0.02 && moment(7.0) < 0.02);
+        // Neighbours, sub-frames and colours have nothing to do with each other.
+        for other in [1usize, 200, 201] {
+            let alike: f32 =
+                many.iter().zip(&many[other..]).map(|(a, b)| (a - b).cos()).sum::<f32>() / many.len() as f32;
+            assert!(alike.abs() < 0.02, "{other}: {alike}");
+        }
+        assert_ne!(first_phase(3, 0, 1, 4, 4), first_phase(3, 1, 0, 4, 4));
+        assert_ne!(first_phase(3, 0, 0, 4, 5), first_phase(3, 0, 0, 5, 4));
+    }
+
+    #[test]
+    fn what_is_committed_is_read_and_the_rest_is_as_it_was() {
+        let here = tempfile::tempdir().unwrap();
+        let path = here.path().join("h.zarr");
+        let (height, width) = (70, 90);
+        let mut tiles = Tiles::create(&path, &about(2, height, width), 32, Value::Null).unwrap();
+        let first = tiles.read(0, [0, 0], [height, width]).unwrap();
+        assert_eq!(first[height * width + 5 * width + 7], first_phase(5, 0, 1, 5, 7));
+        // A rectangle that ends at the edge, over tiles that are not full.
+        let (at, size) = ([32, 64], [38, 26]);
+        let phases: Vec<f32> = (0..2 * 38 * 26).map(|i| (i % 100) as f32 / 50.0 - 1.0).collect();
+        tiles.commit(1, 0, at, size, &phases).unwrap();
+        let mut tiles = Tiles::open(&path).unwrap();
+        assert_eq!(tiles.made().unwrap().done, 1);
+        assert_eq!(tiles.read(0, at, size).unwrap(), phases);
+        let part = tiles.read(0, [30, 60], [40, 30]).unwrap();
+        assert_eq!(part[..30], first[30 * width + 60..][..30]);
+        assert_eq!(part[1200 + 2 * 30 + 4], phases[38 * 26]);
+        tiles.finish().unwrap();
+        // Finished, it is a hologram as any other, and all of it is there.
+        let whole = Hologram::load(&path).unwrap();
+        assert_eq!(whole.frame(0, 1)[32 * width + 64], phases[38 * 26]);
+        assert_eq!(whole.frame(0, 0)[..width], first[..width]);
+        assert!(Tiles::open(&path).unwrap().made().is_none());
+        let names: Vec<_> = fs::read_dir(&path).unwrap().map(|e| e.unwrap().file_name()).collect();
+        assert_eq!(names.len(), 2, "{names:?}");
+        fs::remove_file(path.join("phases/c/0/0/1/1")).unwrap();
+        assert!(matches!(Hologram::load(&path), Err(HologramError::Damaged { .. })));
+    }
+
+    /// A commit is cut off before and after the middle of it: the old state, or the new one.
+    #[test]
+    fn a_commit_is_whole_or_not_at_all() {
+        let here = tempfile::tempdir().unwrap();
+        let path = here.path().join("h.zarr");
+        let tiles = Tiles::create(&path, &about(1, 64, 64), 32, Value::Null).unwrap();
+        let (old, new) = (tiles.read(0, [0, 0], [64, 32]).unwrap(), vec![0.25f32; 64 * 32]);
+        let stage = || {
+            fs::create_dir_all(path.join(STAGED)).unwrap();
+            (0..2).for_each(|row| tiles.stage(1, [0, row, 0], &new[..1024]).unwrap());
+        };
+        stage();
+        let opened = Tiles::open(&path).unwrap();
+        assert_eq!((opened.made().unwrap().done, opened.read(0, [0, 0], [64, 32]).unwrap()), (0, old));
+        stage();
+        let made = Made { done: 1, job: Value::Null, pending: vec![[0, 0, 0], [0, 1, 0]] };
+        fs::write(path.join(PROGRESS), to_json(&made)).unwrap();
+        // One of the two was moved already.
+        fs::create_dir_all(path.join("phases/c/0/0/0")).unwrap();
+        fs::rename(path.join(STAGED).join("1.0.0.0"), path.join("phases/c/0/0/0/0")).unwrap();
+        let opened = Tiles::open(&path).unwrap();
+        assert_eq!((opened.made().unwrap().done, opened.read(0, [0, 0], [64, 32]).unwrap()), (1, new.clone()));
+        // The next commit had staged one of the same tiles when it was cut off.
+        fs::create_dir_all(path.join(STAGED)).unwrap();
+        opened.stage(2, [0, 1, 0], &[0.5; 1024]).unwrap();
+        let opened = Tiles::open(&path).unwrap();
+        assert_eq!((opened.made().unwrap().done, opened.read(0, [0, 0], [64, 32]).unwrap()), (1, new));
+    }
+}

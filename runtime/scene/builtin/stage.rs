@@ -1,0 +1,95 @@
+//! A built-in scene that is rendered from anywhere in the eyebox, a few views at a time: where the eyebox is so wide that
+//! views of all of it would be too many or too far apart.
+
+use super::render::{Canvas, Item, Skins};
+use super::{half_span, items_of, parse};
+use crate::optics::{Color, Display};
+use crate::scene::SceneError;
+use rayon::prelude::*;
+
+/// A built-in scene in one colour, at a size of its own, ready to be rendered.
+pub struct Stage {
+    canvas: Canvas,
+    items: Vec<Item>,
+    skins: Skins<2>,
+    channel: usize,
+    /// Tilt per metre of the pupil plane.
+    tilt: f64,
+    depth: [f64; 2],
+}
+
+impl Stage {
+    /// `source` is what follows `builtin:`; pictures have `size` x `size` pixels, whatever the display's own (the far
+    /// field's are square).
+    ///
+    /// # Errors
+    /// [`SceneError::Builtin`].
+    pub fn new(source: &str, display: &Display, color: Color, size: usize) -> Result<Self, SceneError> {
+        let (name, parameters) = parse(source)?;
+        let canvas = Canvas { height: size, width: size };
+        let unit = match name {
+            "plane" => parameters.depth.abs().max(1e-6),
+            _ => parameters.span.unwrap_or_else(|| half_span(display)),
+        };
+        let items = items_of(name, &parameters, canvas, unit);
+        // A metre to the side, content at one unit of depth moves by unit / f, and the picture is two units wide.
+        let wide = display.picture_pixel() * display.picture_size().0 as f64;
+        let tilt = 2.0 * unit / (display.focal_length * wide);
+        let most = (tilt * display.eyebox_min() / 2.0) as f32;
+        let skins = Skins::bake(canvas, &items, most, &[color.channel()]);
+        let ends = items.iter().map(|item| item.depths(canvas.half()[1]));
+        let [far, near] = ends.fold([f32::INFINITY, f32::NEG_INFINITY], |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
+        let depth = [far, near].map(|z| f64::from(z) * unit);
+        Ok(Self { canvas, items, skins, channel: color.channel(), tilt, depth })
+    }
+
+    /// Pixels along each axis.
+    pub fn size(&self) -> usize {
+        self.canvas.height
+    }
+
+    /// Farthest and nearest depth, metres.
+    pub fn depth(&self) -> [f64; 2] {
+        self.depth
+    }
+
+    /// Pixels by which content at the ends of the depth span moves over so many metres of the pupil plane.
+    pub fn parallax(&self, metres: f64) -> f64 {
+        metres * self.tilt / f64::from(self.canvas.pixel())
+    }
+
+    /// Views from these places (x, y) of the pupil plane, metres.
+    pub fn views(&self, places: &[(f64, f64)]) -> Vec<Vec<f32>> {
+        let one = |&(x, y): &(f64, f64)| {
+            let tilt = [x, y].map(|s| (s * self.tilt) as f32);
+            self.skins.view(self.canvas, &self.items, tilt, &[self.channel]).swap_remove(0)
+        };
+        places.par_iter().map(one).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Request, ViewGrid, load};
+
+    /// From the places of a light field's views, the light field's views.
+    #[test]
+    fn views_are_those_of_the_light_field() {
+        let display = Display { height: 64, width: 64, ..Display::preset("far-field").unwrap() };
+        let field =
+            load("builtin:still-life", &Request { views: 3, ..Request::new(&display, &[Color::Green]) }).unwrap();
+        let grid = ViewGrid { rows: 3, columns: 3, cell: field.cell(&display) };
+        let stage = Stage::new("still-life", &display, Color::Green, 64).unwrap();
+        let views = stage.views(&(0..9).map(|i| grid.position(i)).collect::<Vec<_>>());
+        let far = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f32>() / 4096.0;
+        assert!(far(&views[0], &field.planes[0][8]) > 1e-2, "views differ");
+        for (one, other) in views.iter().zip(&field.planes[0]) {
+            // Textures are made on grids that begin elsewhere, as margins differ: edges differ by a part of a pixel.
+            let apart = one.iter().zip(other).map(|(a, b)| (a - b).abs()).sum::<f32>() / 4096.0;
+            assert!(apart < 4e-3, "{apart}");
+        }
+        let [far, near] = field.depth.unwrap();
+        assert!((stage.depth()[0] - far).abs() < 1e-9 && (stage.depth()[1] - near).abs() < 1e-9);
+    }
+}

@@ -1,0 +1,67 @@
+//! Far-field holograms larger than memory: solved and looked at through the piece that a pupil covers (OPTICS 9).
+//!
+//! A pupil sees nothing but its own piece of a far-field SLM. So a solve visits one *region* after the other: it reads the
+//! region's phases from the hologram's tiles, takes a few ordinary steps over pupils inside of it, and puts the phases
+//! back. Memory and time follow the region, which follows the largest pupil; the hologram may be as large as the disk.
+//! Regions come in a shuffled order, on a grid that is moved from one pass to the next, so that no seam stays.
+//!
+//! Everything about a visit follows from the job and its number, so that a solve which was cut off goes on and ends in the
+//! same bytes. Nothing is kept from visit to visit but the phases.
+//!
+//! May import all rooms of the way from `optics` to `hologram`.
+
+mod look;
+mod region;
+mod scene;
+mod solve;
+mod visits;
+
+pub use look::{Seen, look, photograph_at, photograph_of};
+pub use region::{Memory, RegionSize};
+pub use scene::Views;
+pub use solve::{Job, Step, exposure, solve};
+pub use visits::Schedule;
+
+use crate::engine::EngineError;
+use crate::hologram::HologramError;
+use crate::optics::OpticsError;
+use crate::scene::SceneError;
+use crate::solve::SolveError;
+
+/// Why a large hologram could not be solved or looked at.
+#[derive(Debug, thiserror::Error)]
+pub enum VastError {
+    /// The optics.
+    #[error(transparent)]
+    Optics(#[from] OpticsError),
+    /// The scene.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The settings.
+    #[error(transparent)]
+    Solve(#[from] SolveError),
+    /// The engine.
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+    /// The hologram's file.
+    #[error(transparent)]
+    Hologram(#[from] HologramError),
+    /// Too little memory for the largest pupil.
+    #[error(
+        "a pupil of {diameter_mm:.2} mm with {frames} sub-frames needs about {needed_mib} MiB, and {given_mib} MiB were given: \
+         give more memory, fewer sub-frames or smaller pupils"
+    )]
+    Memory {
+        /// The largest pupil.
+        diameter_mm: f64,
+        /// Sub-frames.
+        frames: usize,
+        /// What it takes.
+        needed_mib: u64,
+        /// What there is.
+        given_mib: u64,
+    },
+    /// A display that is no such thing.
+    #[error("{0}")]
+    Unsuitable(String),
+}

@@ -1,0 +1,250 @@
+//! A visit: a region's phases are read, a few steps are taken over pupils inside of it, and the phases are put back.
+
+use super::{RegionSize, Schedule, VastError, Views};
+use crate::engine::{Buffer, Engine, Purpose};
+use crate::hologram::Tiles;
+use crate::optics::{Optics, Pupil, WindowFactor};
+use crate::plan::{Comparison, Kernel, Lane, Planner};
+use crate::scene::Pyramid;
+use crate::solve::{BrightEnd, Flow, Optimizer, PupilRange, Sampler, Settings, cosine};
+use eyebox_kernels::compare;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// What is to be solved of one colour.
+pub struct Job<'a> {
+    /// Which of the hologram's colours.
+    pub color: usize,
+    /// The scene in it.
+    pub views: &'a Views,
+    /// Diameters, depths, seed, optimiser, window: those of any solve. Its `steps` are those of one visit.
+    pub settings: &'a Settings,
+    /// The regions.
+    pub schedule: &'a Schedule,
+    /// Their size.
+    pub size: RegionSize,
+    /// Visits of the hologram's colours before this one.
+    pub before: u64,
+}
+
+/// A visit that is done.
+#[derive(Debug, Clone, Copy)]
+pub struct Step {
+    /// How many are, of this colour.
+    pub visit: usize,
+    /// Of so many.
+    pub visits: usize,
+    /// Pupils that were looked through.
+    pub pupils: usize,
+    /// Mean squared difference over the last step's pupils and pixels.
+    pub loss: f64,
+    /// Seconds since this call began.
+    pub seconds: f64,
+}
+
+/// A step's windows cover at least this share of the region.
+const COVERED: f64 = 0.75;
+
+/// The exposure of a scene and its mean light, from photographs through pupils all over the eyebox (OPTICS 6c): chosen from
+/// the bright end, or what the settings' efficiency makes of the mean.
+///
+/// # Errors
+/// Those of the engine.
+pub fn exposure(
+    optics: &Optics,
+    views: &Views,
+    settings: &Settings,
+    engine: &mut dyn Engine,
+) -> Result<(f64, f64), VastError> {
+    let range = PupilRange {
+        eyebox: optics.eyebox(),
+        diameter: settings.diameter,
+        depth: settings.depth,
+        diameters: settings.diameters,
+    };
+    let mut sampler = Sampler::new(range, settings.sequence, !settings.seed);
+    let mut photographs = Vec::new();
+    for _ in 0..8 {
+        let pupil = sampler.draw();
+        // As large as the views: more would be between them.
+        let piece = Optics { height: views.size(), width: views.size(), offset: [0, 0], ..*optics };
+        photographs.push(super::look::shot(&piece, views, &pupil, WindowFactor::Full, engine)?);
+    }
+    let end = BrightEnd::of(photographs.iter().map(|p| &p[..]));
+    let exposure = match settings.efficiency {
+        Some(efficiency) if end.mean > 0.0 => end.mean / efficiency,
+        _ => end.guess(),
+    };
+    Ok((exposure, end.mean))
+}
+
+/// Solves one colour from where `tiles` stands, visit by visit; each is saved before the next begins. The exposure is the
+/// hologram's own.
+///
+/// # Errors
+/// [`VastError`]; what was saved stays, and the same job goes on from there.
+pub fn solve(
+    job: &Job,
+    tiles: &mut Tiles,
+    engine: &mut dyn Engine,
+    observe: &mut dyn FnMut(&Step) -> Flow,
+) -> Result<Flow, VastError> {
+    let start = Instant::now();
+    let visits = job.schedule.visits.len();
+    let done = tiles.made().map_or(u64::MAX, |m| m.done).saturating_sub(job.before);
+    for (k, &at) in job.schedule.visits.iter().enumerate().skip(usize::try_from(done).unwrap_or(usize::MAX)) {
+        let about = tiles.about();
+        let size = [job.size.rows.min(about.height - at[0]), job.size.columns.min(about.width - at[1])];
+        let optics = about.optics(job.color)?;
+        let mut phases = tiles.read(job.color, at, size)?;
+        let exposure = about.colors[job.color].exposure;
+        let frames = about.frames;
+        let region = Region::new(job, optics.piece(at, size), frames, exposure);
+        let (pupils, loss) = region.visit(k, &mut phases, engine)?;
+        // The next region's views are rendered where this one's fields were.
+        drop(region);
+        engine.load(&Planner::new(optics.piece([0, 0], [1, 1]), 1, WindowFactor::One).shape(Purpose::View), None)?;
+        tiles.commit(job.before + k as u64 + 1, job.color, at, size, &phases)?;
+        let seconds = start.elapsed().as_secs_f64();
+        if observe(&Step { visit: k + 1, visits, pupils, loss, seconds }) == Flow::Stop {
+            return Ok(Flow::Stop);
+        }
+    }
+    Ok(Flow::Continue)
+}
+
+/// A region, and what should be seen from it.
+struct Region<'a> {
+    job: &'a Job<'a>,
+    optics: Optics,
+    /// Of one sub-frame: what the engine holds.
+    one: Planner,
+    /// Of all of them: what decides gains.
+    all: Planner,
+    pyramid: Arc<Pyramid>,
+    center: [f64; 2],
+    exposure: f64,
+}
+
+impl<'a> Region<'a> {
+    fn new(job: &'a Job, optics: Optics, frames: usize, exposure: f64) -> Self {
+        let center = [optics.offset[1], optics.offset[0]].map(|bins| bins as f64 * optics.pitch);
+        let extent = optics.height.max(optics.width) as f64 * optics.pitch;
+        let (pyramid, views) = job.views.around(center, extent);
+        let all = Planner {
+            views: Some(views),
+            share: job.views.share(),
+            ..Planner::new(optics, frames, job.settings.window)
+        };
+        Self { job, optics, one: Planner { frames: 1, ..all.clone() }, all, pyramid, center, exposure }
+    }
+
+    /// Takes the steps of visit `k`; also the pupils that it took, and the last loss.
+    fn visit(&self, k: usize, phases: &mut [f32], engine: &mut dyn Engine) -> Result<(usize, f64), VastError> {
+        let settings = self.job.settings;
+        engine.load(&self.one.shape(Purpose::Project), Some(Arc::clone(&self.pyramid)))?;
+        let range = PupilRange {
+            eyebox: self.optics.eyebox(),
+            diameter: settings.diameter,
+            depth: settings.depth,
+            diameters: settings.diameters,
+        };
+        let seed = settings.seed ^ (self.job.before + k as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let mut sampler = Sampler::new(range, settings.sequence, seed);
+        let (visits, steps) = (self.job.schedule.visits.len(), settings.steps.max(1));
+        let (mut count, mut loss) = (0, f64::NAN);
+        for step in 0..steps {
+            let pupils = self.draw(&mut sampler);
+            count += pupils.len();
+            let progress = (k as f64 + step as f64 / steps as f64) / visits as f64;
+            loss = self.step(&pupils, progress, phases, engine)?;
+        }
+        Ok((count, loss))
+    }
+
+    /// Pupils whose windows cover most of the region, or somewhat more than all of it.
+    fn draw(&self, sampler: &mut Sampler) -> Vec<Pupil> {
+        let wanted = COVERED * (self.optics.height * self.optics.width) as f64;
+        let (mut pupils, mut covered) = (Vec::new(), 0.0);
+        let side = self.optics.eyebox();
+        while pupils.is_empty() || covered < wanted {
+            let drawn = sampler.draw();
+            // Evenly over all of the region, and then moved inside: along its edges pupils are as many as in its middle, for
+            // nothing but a pupil that touches a corner sees what is there.
+            let reach = (side - drawn.diameter).max(0.0) / 2.0;
+            let even = |at: f64| if reach > 0.0 { (at * side / 2.0 / reach).clamp(-reach, reach) } else { 0.0 };
+            let pupil = Pupil { x: even(drawn.x) + self.center[0], y: even(drawn.y) + self.center[1], ..drawn };
+            covered += (pupil.diameter / self.optics.pitch).powi(2);
+            pupils.push(pupil);
+        }
+        pupils
+    }
+
+    /// One step of the projection (OPTICS 6b). A single sub-frame takes the ordinary list. Several go through the same
+    /// kernels one after the other, twice, for what they lack is known when all of them have been seen: memory is one
+    /// sub-frame's.
+    fn step(
+        &self,
+        pupils: &[Pupil],
+        progress: f64,
+        phases: &mut [f32],
+        engine: &mut dyn Engine,
+    ) -> Result<f64, VastError> {
+        let Optimizer::Projection { gain, momentum, overlap_power } = self.job.settings.optimizer else {
+            return Err(VastError::Unsuitable("a hologram in tiles is solved by the projection alone".into()));
+        };
+        let mode = compare::PROJECTION;
+        let comparison = Comparison { mode, exposure: self.exposure, batch: pupils.len(), ..Comparison::default() };
+        let mut lanes: Vec<Lane> = pupils.iter().map(|p| self.all.lane(p, &comparison)).collect();
+        lanes.iter_mut().for_each(|lane| lane.intensity.frames = 1);
+        let frames = self.all.frames;
+        let pixels = self.optics.height * self.optics.width;
+        // Velocities would be as large as the phases again; a larger gain makes up for a part of them.
+        let (gain, momentum) = match frames {
+            1 => (cosine(gain, progress), momentum),
+            _ => (cosine(gain, progress) / (1.0 - 0.5 * momentum), 0.0),
+        };
+        let whole = self.one.project_step(lanes, usize::MAX, overlap_power, gain, momentum);
+        let loss = |losses: &[f64]| {
+            losses.iter().zip(&whole.lanes).map(|(loss, lane)| loss / lane.count() as f64).sum::<f64>()
+                / losses.len() as f64
+        };
+        let only = |kernels: &[Kernel]| {
+            let mut step = whole.clone();
+            step.list.retain(|d| kernels.contains(&d.kernel));
+            step
+        };
+        if frames == 1 {
+            engine.write(Buffer::Phases, phases)?;
+            let update = whole.list.iter().position(|d| d.kernel == Kernel::Balance).unwrap_or(whole.list.len());
+            let found = loss(&engine.run_part(&whole, 0..update)?);
+            if found.is_finite() {
+                engine.run_part(&whole, update..whole.list.len())?;
+                phases.copy_from_slice(&engine.read(Buffer::Phases)?);
+            }
+            return Ok(found);
+        }
+        let down = [Kernel::Modulate, Kernel::PassPupil, Kernel::WindowInverse];
+        let mut see = only(&[&down[..], &[Kernel::Transfer, Kernel::Intensity]].concat());
+        for (f, frame) in phases.chunks_exact(pixels).enumerate() {
+            engine.write(Buffer::Phases, frame)?;
+            engine.run(&see)?;
+            if f == 0 {
+                see.list.retain(|d| d.kernel != Kernel::Transfer);
+                see.lanes.iter_mut().for_each(|lane| lane.intensity.accumulate = 1);
+            }
+        }
+        let found = loss(&engine.run(&only(&[Kernel::Photograph, Kernel::Resample, Kernel::Compare]))?);
+        if !found.is_finite() {
+            return Ok(found);
+        }
+        let up = [Kernel::Weigh, Kernel::WindowForward, Kernel::ReturnPupil, Kernel::Balance, Kernel::Project];
+        let turn = only(&[&[Kernel::Clear, Kernel::Overlap][..], &down[..], &up[..]].concat());
+        for frame in phases.chunks_exact_mut(pixels) {
+            engine.write(Buffer::Phases, frame)?;
+            engine.run(&turn)?;
+            frame.copy_from_slice(&engine.read(Buffer::Phases)?);
+        }
+        Ok(found)
+    }
+}
