@@ -8,7 +8,7 @@
 //! taking the picture away.
 //!
 //! [`Steerer`] is the refinement without threads: all colours, and when to begin again with the hologram of the whole
-//! eyebox. [`Latency`] accounts for every set that was shown, from the sample to the light. [`study`] measures what
+//! eyebox. [`Latency`] accounts for every set that was shown, from the sample to the light. [`study()`] measures what
 //! steering gains, with a simulated eye, in time that counts only the work.
 //!
 //! This room imports [`solve`](crate::solve), [`evaluate`](crate::evaluate), [`encode`](crate::encode),

@@ -6,6 +6,7 @@ mod live;
 mod plot;
 mod record;
 mod refine;
+mod showcase;
 mod study;
 mod subject;
 mod viewing;
@@ -13,6 +14,7 @@ mod watching;
 
 pub use live::Live;
 pub use refine::Refine;
+pub use showcase::showcase;
 pub use study::Study;
 
 pub use live::run as live;

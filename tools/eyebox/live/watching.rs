@@ -16,7 +16,7 @@ use std::time::Duration;
 /// The tracker, in every command that follows one.
 #[derive(Args)]
 pub struct TrackerArgs {
-    /// hid, FILE.hid, FILE.jsonl, pupil://HOST[:PORT], udp://[HOST]:PORT, mouse (with --view), or simulated[:SEED]
+    /// hid, FILE.hid, FILE.jsonl, pupil://HOST, udp://:PORT, mouse (with --view), simulated or simulated:SEED
     #[arg(long, value_name = "SOURCE", default_value = "simulated")]
     pub tracker: String,
     /// A HID device with a layout of its own, described in a TOML file
