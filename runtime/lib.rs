@@ -19,6 +19,7 @@
 //! | [`preview`] | what an eye sees, live, in an ordinary window |
 //! | [`trackers`] | eye trackers: devices, recordings, network, simulated; samples with a steady time |
 //! | [`gaze`] | from a tracker's samples to where the pupil will be, with its uncertainty |
+//! | [`live`] | a hologram that follows the eye while it is shown |
 //!
 //! Comments that say "OPTICS n" mean section n of `docs/optics.md`.
 //!

@@ -33,7 +33,7 @@ pub fn page(title: &str, engine: &str, study: &Study, summary: &Value) -> String
     );
     let _ = write!(
         body,
-        "<h2>Over time</h2><figure>{}<figcaption>PSNR at the eye, mean over the colours: steered, and the same hologram unsteered (thin). The shaded times are saccades.</figcaption></figure>",
+        "<h2>Over time</h2><figure>{}<figcaption>PSNR at the eye, mean over the colours: steered, and the same hologram unsteered (pale). The shaded times are saccades.</figcaption></figure>",
         over_time(&study.moments)
     );
     document(title, &body)
@@ -63,7 +63,7 @@ pub fn since_landing(moments: &[Moment]) -> String {
     axes(&mut svg, [&x, &y], &xs, &ys, ["ms since landing", "dB above unsteered"]);
     for (t, m) in &landed {
         let text = format!("{t:.0} ms: {:.1} dB, {:.1} unsteered", m.steered_db, m.whole_db);
-        svg.dot("m0 faint", [x.at(*t), y.at(m.gain_db())], 2.4, &text);
+        svg.dot("m0 speck", [x.at(*t), y.at(m.gain_db())], 2.4, &text);
     }
     let mut line = Vec::new();
     let longest = landed.iter().map(|(t, _)| *t).fold(0.0, f64::max);
@@ -74,7 +74,7 @@ pub fn since_landing(moments: &[Moment]) -> String {
             line.push([x.at(bin as f64 * 20.0 + 10.0), y.at(gains.iter().sum::<f64>() / gains.len() as f64)]);
         }
     }
-    svg.path("line m0", &line);
+    svg.path("line m1", &line);
     svg.finish()
 }
 
@@ -91,7 +91,7 @@ pub fn over_time(moments: &[Moment]) -> String {
     }
     axes(&mut svg, [&x, &y], &xs, &ys, ["s", "PSNR at the eye, dB"]);
     let of = |value: fn(&Moment) -> f64| moments.iter().map(|m| [x.at(m.time_s), y.at(value(m))]).collect::<Vec<_>>();
-    svg.path("line thin m1", &of(|m| m.whole_db));
+    svg.path("line alone m1", &of(|m| m.whole_db));
     svg.path("line m0", &of(|m| m.steered_db));
     svg.finish()
 }
