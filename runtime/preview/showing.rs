@@ -69,7 +69,7 @@ impl Showing {
     /// [`PreviewError::Showing`].
     pub fn check(&self) -> Result<(), PreviewError> {
         let wrong = |reason: String| Err(PreviewError::Showing { reason });
-        let [height, width] = self.size();
+        let [height, width] = self.colors.first().map_or([0, 0], |c| [c.optics.height, c.optics.width]);
         if self.colors.is_empty() || self.frames == 0 {
             return wrong(format!("{} colours and {} sub-frames", self.colors.len(), self.frames));
         }

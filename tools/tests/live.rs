@@ -5,9 +5,12 @@
 mod common;
 #[path = "common/desk.rs"]
 mod desk;
+#[path = "common/screen.rs"]
+mod screen;
 
 use common::{done, folder, refused, text};
 use desk::Desk;
+use screen::Screen;
 use serde_json::Value;
 use std::path::Path;
 use std::process::{Child, Stdio};
@@ -106,6 +109,31 @@ fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
         assert!(since.elapsed() < Duration::from_secs(60), "{what}");
         std::thread::sleep(Duration::from_millis(20));
     }
+}
+
+/// In a window over a whole monitor, what is on the screen at the end is a video frame of a refined set or the idle picture.
+#[test]
+fn a_window_shows_what_follows_the_eye() {
+    let temp = folder();
+    let at = temp.path();
+    solved(at);
+    let screen = Screen::new(at, [64, 72]);
+    let live = ["live", "h.zarr", "--display", "planes8", "--engine", "cpu", "--output", "window", "--validation"];
+    let answer = common::command(at, &[&live[..], &["--duration", "1.5", "--stats", "s.json"]].concat())
+        .env("DISPLAY", &screen.name)
+        .env_remove("WAYLAND_DISPLAY")
+        .output()
+        .expect("it starts");
+    let said = text(&answer.stderr);
+    assert!(answer.status.success() && !said.contains("validation:"), "{said}");
+    let stats = json(&at.join("s.json"));
+    assert!(stats["sets_new"].as_u64().unwrap() > 3 && stats["steps"].as_u64().unwrap() > 3, "{stats}");
+    assert!(stats["presenter"].as_str().unwrap().contains("72"), "{}", stats["presenter"]);
+    // A monitor of another size is refused.
+    let other = Screen::new(temp.path(), [80, 90]);
+    let refused = common::command(at, &live).env("DISPLAY", &other.name).env_remove("WAYLAND_DISPLAY").output();
+    let refused = refused.expect("it starts");
+    assert_eq!(refused.status.code(), Some(2), "{}", text(&refused.stderr));
 }
 
 /// The mouse is the eye: the window shows what it sees, and a key steers or does not.
