@@ -9,7 +9,7 @@ use eyebox::scene::{self, Pyramid, Request, ViewGrid};
 use eyebox::solve::{self, Flow, Problem, Settings};
 use eyebox_kernels::compare;
 use eyebox_tests::both::{Case, Noise, assert_silent, vulkan};
-use eyebox_tests::{error_power, noise};
+use eyebox_tests::{error_power, loaded, noise, phases};
 use rustfft::num_complex::Complex64;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -19,18 +19,6 @@ const VIEW: f64 = 1e-12;
 
 fn optics(h: usize, w: usize) -> Optics {
     Optics::new(h, w, 8e-6, 520e-9, 0.4).unwrap().in_geometry(Geometry::FarField)
-}
-
-fn phases(count: usize, seed: u64) -> (Vec<f64>, Vec<f32>) {
-    let rounded: Vec<f32> = noise(count, seed).iter().map(|x| (x * PI) as f32).collect();
-    (rounded.iter().map(|p| f64::from(*p)).collect(), rounded)
-}
-
-fn loaded(planner: &Planner, purpose: Purpose, phases: &[f32]) -> CpuEngine {
-    let mut engine = CpuEngine::new();
-    engine.load(&planner.shape(purpose), None).unwrap();
-    engine.write(Buffer::Phases, phases).unwrap();
-    engine
 }
 
 /// Pixels inside the pupil: index, position (y, x), and K there. Pixel N/2 of N is on the axis.

@@ -5,13 +5,29 @@
 
 pub mod both;
 
+use eyebox::engine::{Buffer, Engine, cpu::CpuEngine};
 use eyebox::optics::{Optics, Pupil, transfer};
+use eyebox::plan::{Planner, Purpose};
 use rustfft::{FftPlanner, num_complex::Complex64};
 
 /// Noise in -1 .. 1, the same on every machine.
 pub fn noise(count: usize, seed: u64) -> Vec<f64> {
     let mut random = eyebox::solve::SplitMix(seed);
     (0..count).map(|_| 2.0 * random.unit() - 1.0).collect()
+}
+
+/// Random phases in -pi .. pi that float32 holds exactly, in both precisions.
+pub fn phases(count: usize, seed: u64) -> (Vec<f64>, Vec<f32>) {
+    let rounded: Vec<f32> = noise(count, seed).iter().map(|x| (x * std::f64::consts::PI) as f32).collect();
+    (rounded.iter().map(|p| f64::from(*p)).collect(), rounded)
+}
+
+/// A CPU engine with these phases.
+pub fn loaded(planner: &Planner, purpose: Purpose, phases: &[f32]) -> CpuEngine {
+    let mut engine = CpuEngine::new();
+    engine.load(&planner.shape(purpose), None).expect("memory");
+    engine.write(Buffer::Phases, phases).expect("phases of the planner's size");
+    engine
 }
 
 /// Power of the difference over power of the reference.

@@ -7,9 +7,8 @@ use eyebox::plan::{Comparison, Dispatch, Kernel, Lane, Planner, Purpose};
 use eyebox::scene::{Pyramid, ViewGrid};
 use eyebox::solve::{self, Flow, Optimizer, Problem, Settings};
 use eyebox_kernels::compare;
-use eyebox_tests::{Oracle, error_power, fft2, noise};
+use eyebox_tests::{Oracle, error_power, fft2, loaded, noise, phases};
 use rustfft::num_complex::Complex64;
-use std::f64::consts::PI;
 use std::sync::Arc;
 
 /// float32 rounds to 6e-8; a view is a few dozen roundings deep, its power error near 1e-14. Far above that: a fault.
@@ -17,18 +16,6 @@ const VIEW: f64 = 1e-12;
 
 fn optics(h: usize, w: usize) -> Optics {
     Optics::new(h, w, 8e-6, 520e-9, 0.4).unwrap()
-}
-
-fn phases(count: usize, seed: u64) -> (Vec<f64>, Vec<f32>) {
-    let rounded: Vec<f32> = noise(count, seed).iter().map(|x| (x * PI) as f32).collect();
-    (rounded.iter().map(|p| f64::from(*p)).collect(), rounded)
-}
-
-fn loaded(planner: &Planner, purpose: Purpose, phases: &[f32]) -> CpuEngine {
-    let mut engine = CpuEngine::new();
-    engine.load(&planner.shape(purpose), None).unwrap();
-    engine.write(Buffer::Phases, phases).unwrap();
-    engine
 }
 
 #[test]

@@ -23,6 +23,11 @@ pub struct Target {
 }
 
 impl Beat {
+    /// The lead to begin with, before any decision was seen: a player's margin, and a millisecond.
+    pub fn usual_lead_ns(period_ns: i64) -> i64 {
+        period_ns / 8 + 1_000_000
+    }
+
     /// The first set after the last one that something which takes `need_ns` from now on can still be handed over for.
     pub fn reachable(&self, now_ns: i64, need_ns: i64) -> Target {
         let period = self.period_ns.max(1);
@@ -44,7 +49,7 @@ pub struct BeatCell {
 }
 
 impl BeatCell {
-    /// Nothing is known but the period.
+    /// Nothing is known but the period, and a lead to begin with.
     pub fn new(period_ns: i64, lead_ns: i64) -> Self {
         Self { start_ns: AtomicI64::new(0), lead_ns: AtomicI64::new(lead_ns), period_ns }
     }

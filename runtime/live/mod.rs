@@ -38,6 +38,7 @@ use crate::engine::EngineError;
 use crate::gaze::PupilDistribution;
 use crate::solve::{Aim, SolveError};
 use crate::trackers::TrackerError;
+use std::time::Duration;
 
 /// What can go wrong while steering.
 #[derive(Debug, thiserror::Error)]
@@ -61,6 +62,10 @@ pub enum LiveError {
 
 /// No eye is known better than this, metres: its spread as a solver takes it.
 const SHARPEST: f64 = 0.1e-3;
+
+fn as_ns(duration: Duration) -> i64 {
+    i64::try_from(duration.as_nanos()).unwrap_or(i64::MAX)
+}
 
 /// Where a solver aims for a pupil that was predicted.
 pub fn aim_of(seen: &PupilDistribution) -> Aim {

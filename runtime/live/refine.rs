@@ -1,7 +1,7 @@
 //! The thread that refines: for every set that can still be reached, where the pupil will be, steps until it has to be
 //! handed over, and the set.
 
-use super::{BeatCell, Giver, LiveError, LiveSource, Made, Stamps, Steerer, Watch, aim_of, handover};
+use super::{BeatCell, Giver, LiveError, LiveSource, Made, Stamps, Steerer, Watch, aim_of, as_ns, handover};
 use crate::encode::{Encoder, PhaseSet};
 use crate::playback::{Clock, Lane, RealClock};
 use std::sync::Arc;
@@ -224,8 +224,4 @@ impl Refining {
         self.encoding = if took > self.encoding { took } else { self.encoding.mul_f64(0.9) + took.mul_f64(0.1) };
         Ok(())
     }
-}
-
-fn as_ns(duration: Duration) -> i64 {
-    i64::try_from(duration.as_nanos()).unwrap_or(i64::MAX)
 }

@@ -4,13 +4,13 @@
 //! stands still while quality is judged. Everything else is as in [`refine`](super::start): samples come late and with
 //! noise, the pupil is predicted, sets are handed over whole, and those that come too late are shown a set later.
 
-use super::{Beat, LiveError, Part, Policy, Steerer, aim_of};
+use super::{Beat, LiveError, Part, Policy, Steerer, aim_of, as_ns};
 use crate::encode::{Encoder, PhaseSet};
 use crate::engine::{Engine, EngineError};
 use crate::evaluate::Sums;
 use crate::gaze::{self, Estimator, GazeError};
 use crate::optics::Pupil;
-use crate::solve::{Diameters, PupilRange, Refiner, Sampler, Sequence};
+use crate::solve::{PupilRange, Refiner, Sampler, Sequence};
 use crate::trackers::simulated::{self, Doing, Eye, SimulatedSource, Truth};
 use crate::trackers::{Event, Sample, Source};
 use serde::Serialize;
@@ -41,7 +41,7 @@ impl Default for StudySettings {
         Self {
             seconds: 4.0,
             period_ns,
-            lead_ns: period_ns / 8 + 1_000_000,
+            lead_ns: Beat::usual_lead_ns(period_ns),
             light_after_ns: period_ns / 2,
             eye,
             gaze: gaze::Settings::default(),
@@ -136,13 +136,7 @@ struct Judge {
 impl Judge {
     fn new(part: &Part, policy: &Policy, depth: f64, engine: Box<dyn Engine>) -> Result<Self, LiveError> {
         let problem = part.problem.clone();
-        let largest = (problem.eyebox * 10.0 / 11.0).min(20e-3);
-        let range = PupilRange {
-            eyebox: problem.eyebox,
-            diameter: [2e-3f64.min(largest / 2.0), largest],
-            depth: [depth, depth],
-            diameters: Diameters::Uniform,
-        };
+        let range = PupilRange::over(problem.eyebox, [depth, depth]);
         let mut seen = Refiner::new(problem, &part.phases, part.exposure, policy.steering, engine)?;
         let mut sampler = Sampler::new(range, Sequence::Sobol, 0x006a_7564_6765);
         let pupils: Vec<Pupil> = (0..EXPOSED).map(|_| sampler.draw()).collect();
@@ -355,8 +349,4 @@ pub fn study(
     let per = |ns: i64, count: u64| ns as f64 * 1e-6 / count.max(1) as f64;
     let (step_ms, encode_ms) = (per(refined_ns, steps), per(encoded, u64::from(handed_over)));
     Ok(Study { moments, restarts, steps, step_ms, encode_ms })
-}
-
-fn as_ns(duration: Duration) -> i64 {
-    i64::try_from(duration.as_nanos()).unwrap_or(i64::MAX)
 }

@@ -377,15 +377,7 @@ fn the_thread_hands_over_refined_sets_and_ends_without_taking_the_picture() {
     let watch = std::sync::Arc::new(watch(move |i| (i < 100).then(|| at(start + i * 1_000_000, [1e-3, 0.0]))));
     let clock = crate::playback::RealClock::start();
     let beat = std::sync::Arc::new(BeatCell::new(16_666_667, 2_000_000));
-    let options = LiveOptions {
-        clock,
-        beat: std::sync::Arc::clone(&beat),
-        light_after: Duration::from_millis(8),
-        steered: true,
-        with_phases: true,
-        again: Box::new(move || Steerer::new(vec![whole.clone()], Policy::default(), cpu)),
-        lane: Trace::new(0).lane("refine"),
-    };
+    let options = options(clock, &beat, move || Steerer::new(vec![whole.clone()], Policy::default(), cpu));
     let (live, mut source) = start_live(steerer, std::sync::Arc::clone(&watch), options);
     source.poll(0).unwrap();
     assert_eq!(source.readiness(0), Readiness::Ready, "the first set is there at once");
@@ -406,6 +398,23 @@ fn the_thread_hands_over_refined_sets_and_ends_without_taking_the_picture() {
     live.stop();
     source.poll(0).unwrap();
     assert!(source.on_screen().is_some());
+}
+
+/// Steered, at 60 Hz; `again` makes the engines anew.
+fn options(
+    clock: crate::playback::RealClock,
+    beat: &std::sync::Arc<BeatCell>,
+    again: impl FnMut() -> Result<Steerer, LiveError> + Send + 'static,
+) -> LiveOptions {
+    LiveOptions {
+        clock,
+        beat: std::sync::Arc::clone(beat),
+        light_after: Duration::from_millis(8),
+        steered: true,
+        with_phases: true,
+        again: Box::new(again),
+        lane: Trace::new(0).lane("refine"),
+    }
 }
 
 fn start_live(steerer: Steerer, watch: std::sync::Arc<Watch>, options: LiveOptions) -> (Live, LiveSource) {
@@ -457,15 +466,7 @@ fn an_engine_that_is_lost_is_made_anew_and_then_given_up() {
     let watch = std::sync::Arc::new(watch(|_| None));
     let clock = crate::playback::RealClock::start();
     let beat = std::sync::Arc::new(BeatCell::new(16_666_667, 2_000_000));
-    let options = LiveOptions {
-        clock,
-        beat: std::sync::Arc::clone(&beat),
-        light_after: Duration::from_millis(8),
-        steered: true,
-        with_phases: true,
-        again: Box::new(short),
-        lane: Trace::new(0).lane("refine"),
-    };
+    let options = options(clock, &beat, short);
     let (live, mut source) = start_live(steerer, watch, options);
     let mut messages = Vec::new();
     wait_for("the end of the refinement", || {

@@ -39,6 +39,17 @@ pub struct PupilRange {
 }
 
 impl PupilRange {
+    /// Diameters that are usual in an eyebox of this side: from 2 mm to most of it, 20 mm at most.
+    pub fn usual_diameter(eyebox: f64) -> [f64; 2] {
+        let largest = (eyebox * 10.0 / 11.0).min(20e-3);
+        [2e-3_f64.min(largest / 2.0), largest]
+    }
+
+    /// All of an eyebox, its usual diameters alike.
+    pub fn over(eyebox: f64, depth: [f64; 2]) -> Self {
+        Self { eyebox, diameter: Self::usual_diameter(eyebox), depth, diameters: Diameters::Uniform }
+    }
+
     /// The pupil at a point of the unit cube (diameter, x, y, depth).
     pub fn at(&self, [d, x, y, z]: [f64; 4]) -> Pupil {
         let [low, high] = self.diameter;

@@ -8,6 +8,7 @@ use eyebox::hologram::{Hologram, Sequence};
 use eyebox::optics::{Color, Display};
 use eyebox::preview::Opener;
 use eyebox::scene::{self, LightField};
+use eyebox::solve::PupilRange;
 use std::path::Path;
 
 /// The display, resized if asked.
@@ -52,10 +53,7 @@ pub fn depths(args: &SceneArgs, field: &LightField, display: &Display) -> [f64; 
 
 /// Pupil diameters from 2 mm to most of the eyebox.
 pub fn diameters(asked: Option<[f64; 2]>, display: &Display) -> [f64; 2] {
-    asked.unwrap_or_else(|| {
-        let largest = (display.eyebox_min() * 10.0 / 11.0).min(20e-3);
-        [2e-3_f64.min(largest / 2.0), largest]
-    })
+    asked.unwrap_or_else(|| PupilRange::usual_diameter(display.eyebox_min()))
 }
 
 /// Which engine is asked for.

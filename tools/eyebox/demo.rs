@@ -10,16 +10,14 @@ use crate::quality;
 use crate::report;
 use crate::score;
 use crate::solve;
-use crate::view;
 use eyebox::encode::Encoder;
 use eyebox::engine::Engine;
 use eyebox::files;
-use eyebox::hologram::{ColorHologram, Hologram};
-use eyebox::live::Part;
+use eyebox::hologram::Hologram;
 use eyebox::optics::{Color, Display, Padding, Pupil};
 use eyebox::quality::{Recipe, Subject};
 use eyebox::scene::{self, LightField};
-use eyebox::solve::{Method, Problem, Settings};
+use eyebox::solve::{Method, Settings};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -126,12 +124,7 @@ fn steer(args: &Demo, hologram: &Hologram, field: &LightField, display: &Display
     if progress::interrupted() {
         return Ok(());
     }
-    let padding = view::padding_of(hologram);
-    let part = |c: &ColorHologram| -> Result<Part, Failure> {
-        let problem = Problem::new(field, c.color.unwrap_or(Color::Green), display, padding)?;
-        Ok(Part { problem, phases: c.phases.clone(), exposure: c.exposure })
-    };
-    let parts = hologram.colors.iter().map(part).collect::<Result<Vec<_>, _>>()?;
+    let parts = live::parts(hologram, field, display)?;
     let colors: Vec<Color> = hologram.colors.iter().filter_map(|c| c.color).collect();
     let encoder = Encoder::new(display, &colors, hologram.frames)?;
     let engine = common::engine(&args.engine)?.describe();

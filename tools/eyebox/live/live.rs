@@ -10,7 +10,7 @@ use crate::values::{not_negative, positive, rate};
 use crate::{Failure, common, progress};
 use clap::Args;
 use eyebox::files;
-use eyebox::live::{self, BeatCell, Latency, LiveOptions, LiveSource, Stage, Steerer, Watch};
+use eyebox::live::{self, Beat, BeatCell, Latency, LiveOptions, LiveSource, Stage, Steerer, Watch};
 use eyebox::optics::Pupil;
 use eyebox::playback::{
     Clock, Desktop, Flow, Lane, Offscreen, Player, Presenter, Rate, RealClock, Report, SECOND_NS, Schedule, Scheduler,
@@ -170,7 +170,7 @@ fn show(
         steered.engine
     );
     eprintln!("{about}; {}: {set_rate:.2} sets a second", output.presenter().describe());
-    let beat = Arc::new(BeatCell::new(period_ns, period_ns / 8 + 1_000_000));
+    let beat = Arc::new(BeatCell::new(period_ns, Beat::usual_lead_ns(period_ns)));
     let light_after = Duration::from_nanos(period_ns.unsigned_abs() / 2)
         + Duration::from_secs_f64((args.display_latency * 1e-3).min(10.0));
     let options = LiveOptions {

@@ -16,6 +16,7 @@ pub use live::Live;
 pub use refine::Refine;
 pub use showcase::showcase;
 pub use study::Study;
+pub use subject::parts;
 
 pub use live::run as live;
 pub use refine::run as refine;

@@ -10,7 +10,7 @@ use crate::{Failure, progress};
 use clap::Args;
 use eyebox::evaluate::Sums;
 use eyebox::optics::Pupil;
-use eyebox::solve::{Aim, Diameters, Problem, PupilRange, Refiner, Sampler, Sequence};
+use eyebox::solve::{Aim, Problem, PupilRange, Refiner, Sampler, Sequence};
 use serde::Serialize;
 use serde_json::json;
 use std::path::PathBuf;
@@ -145,9 +145,7 @@ pub fn run(args: &Refine) -> Result<(), Failure> {
 
 /// Pupils of other seeds than the refinement's: around the eye, and over the whole eyebox.
 fn judged(problem: &Problem, aim: &Aim, seed: u64) -> (Vec<Pupil>, Vec<Pupil>) {
-    let largest = (problem.eyebox * 10.0 / 11.0).min(20e-3);
-    let diameter = [2e-3f64.min(largest / 2.0), largest];
-    let anywhere = PupilRange { eyebox: problem.eyebox, diameter, depth: aim.depth, diameters: Diameters::Uniform };
+    let anywhere = PupilRange::over(problem.eyebox, aim.depth);
     let mut sampler = Sampler::new(anywhere, Sequence::Sobol, !seed ^ 0x616e_7977);
     let anywhere = (0..JUDGED).map(|_| sampler.draw()).collect();
     (aim.pupils(JUDGED, !seed), anywhere)

@@ -7,7 +7,7 @@ use crate::values::{not_negative, positive};
 use crate::{Failure, common, progress};
 use clap::Args;
 use eyebox::files;
-use eyebox::live::{self, Study as Result_, StudySettings};
+use eyebox::live::{self, Beat, Study as Result_, StudySettings};
 use eyebox::trackers::simulated;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
@@ -64,7 +64,7 @@ impl Study {
     fn settings(&self) -> StudySettings {
         let mut settings = StudySettings { seconds: self.duration, ..StudySettings::default() };
         settings.period_ns = (1e9 / self.rate) as i64;
-        settings.lead_ns = settings.period_ns / 8 + 1_000_000;
+        settings.lead_ns = Beat::usual_lead_ns(settings.period_ns);
         settings.light_after_ns = settings.period_ns / 2;
         settings.eye = simulated::Settings {
             seed: self.eye_seed,

@@ -7,10 +7,11 @@ use crate::view::padding_of;
 use crate::{Failure, progress, score, solve};
 use clap::Args;
 use eyebox::encode::Encoder;
-use eyebox::hologram::Hologram;
+use eyebox::hologram::{ColorHologram, Hologram};
 use eyebox::live::Part;
-use eyebox::optics::{Color, Padding};
+use eyebox::optics::{Color, Display, Padding};
 use eyebox::quality::{Recipe, Subject};
+use eyebox::scene::LightField;
 use eyebox::solve::{Problem, Settings};
 use std::path::{Path, PathBuf};
 
@@ -106,13 +107,17 @@ pub fn load(args: &SubjectArgs) -> Result<Steered, Failure> {
         )));
     }
     encoder.notes().iter().for_each(|note| eprintln!("note: {note}"));
-    let padding = padding_of(&hologram);
-    let part = |c: &eyebox::hologram::ColorHologram| -> Result<Part, Failure> {
-        let color = c.color.unwrap_or(Color::Green);
-        let problem = Problem::new(&field, color, &optics, padding)?;
-        Ok(Part { problem, phases: c.phases.clone(), exposure: c.exposure })
-    };
-    let parts = hologram.colors.iter().map(part).collect::<Result<_, _>>()?;
+    let parts = parts(&hologram, &field, &optics)?;
     let engine = common::engine(&args.engine)?.describe();
     Ok(Steered { colors, parts, encoder, engine, hologram })
+}
+
+/// What is refined of a hologram of `field`, made for `display`.
+pub fn parts(hologram: &Hologram, field: &LightField, display: &Display) -> Result<Vec<Part>, Failure> {
+    let padding = padding_of(hologram);
+    let part = |c: &ColorHologram| -> Result<Part, Failure> {
+        let problem = Problem::new(field, c.color.unwrap_or(Color::Green), display, padding)?;
+        Ok(Part { problem, phases: c.phases.clone(), exposure: c.exposure })
+    };
+    hologram.colors.iter().map(part).collect()
 }
