@@ -110,7 +110,9 @@ fn translated(event: &WindowEvent) -> Option<PanelEvent> {
             MouseScrollDelta::LineDelta(_, rows) => f64::from(*rows),
             MouseScrollDelta::PixelDelta(pixels) => pixels.y / NOTCH,
         }),
-        WindowEvent::KeyboardInput { event, .. } if event.state == ElementState::Pressed => {
+        // A synthetic press tells of a key that was down when the window got the keyboard; where that key is pressed just
+        // then, its own press comes as well.
+        WindowEvent::KeyboardInput { event, is_synthetic: false, .. } if event.state == ElementState::Pressed => {
             PanelEvent::Key(match &event.logical_key {
                 Key::Named(NamedKey::Escape) => PanelKey::Escape,
                 Key::Named(NamedKey::Home) => PanelKey::Home,

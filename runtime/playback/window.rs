@@ -165,7 +165,7 @@ impl ApplicationHandler for Handler {
         match event {
             WindowEvent::CloseRequested => self.events.push_back(Event::Close),
             WindowEvent::Destroyed => self.lost = Some("another program destroyed it".into()),
-            WindowEvent::KeyboardInput { event, .. } if event.state == ElementState::Pressed => {
+            WindowEvent::KeyboardInput { event, is_synthetic: false, .. } if event.state == ElementState::Pressed => {
                 self.key(&event.logical_key);
             }
             _ => {}

@@ -90,7 +90,12 @@ impl Desk {
         Part { size: [at.height.into(), at.width.into()], rgb: rows.flat_map(pixels).collect() }
     }
 
-    fn send(&self, kind: u8, detail: u8, [y, x]: [i16; 2]) {
+    fn send(&self, kind: u8, detail: u8, at: [i16; 2]) {
+        self.queue(kind, detail, at);
+        self.connection.flush().expect("sent");
+    }
+
+    fn queue(&self, kind: u8, detail: u8, [y, x]: [i16; 2]) {
         let mut request = [0; 36];
         request[..2].copy_from_slice(&[self.xtest, FAKE_INPUT]);
         request[2..4].copy_from_slice(&9u16.to_ne_bytes());
@@ -99,7 +104,6 @@ impl Desk {
         request[24..26].copy_from_slice(&x.to_ne_bytes());
         request[26..28].copy_from_slice(&y.to_ne_bytes());
         self.connection.send_request_without_reply(&[IoSlice::new(&request)], Vec::new()).expect("sent");
-        self.connection.flush().expect("sent");
     }
 
     /// Moves the mouse to a row and column of the window.
@@ -124,7 +128,8 @@ impl Desk {
             self.connection.get_keyboard_mapping(first, last - first + 1).expect("sent").reply().expect("the keys");
         let per = usize::from(map.keysyms_per_keycode);
         let at = map.keysyms.chunks_exact(per).position(|k| k[0] == keysym).expect("such a key");
-        self.send(KEY, first + at as u8, [0, 0]);
+        // In one go: a key that stays down on a busy machine repeats.
+        self.queue(KEY, first + at as u8, [0, 0]);
         self.send(KEY_UP, first + at as u8, [0, 0]);
     }
 
