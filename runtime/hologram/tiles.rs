@@ -33,6 +33,7 @@ pub struct Made {
 }
 
 /// A hologram in tiles.
+#[derive(Debug)]
 pub struct Tiles {
     folder: PathBuf,
     about: Hologram,

@@ -16,7 +16,7 @@ mod scene;
 mod solve;
 mod visits;
 
-pub use look::{Seen, look, photograph_at, photograph_of};
+pub use look::{Seen, look, look_frames, photograph_at, photograph_of};
 pub use region::{Memory, RegionSize};
 pub use scene::Views;
 pub use solve::{Job, Step, exposure, solve};

@@ -214,6 +214,14 @@ fn scene(args: &SceneArgs, display: &Display, colors: &[Color], picture: usize) 
     colors.iter().map(|&color| Ok(Views::new(&args.scene, &request, color, picture)?)).collect()
 }
 
+/// A scene as what an eye sees is compared with it.
+pub fn scene_of(args: &SceneArgs, display: &Display, colors: &[Color]) -> Result<Vec<Views>, Failure> {
+    if args.depth_map.is_some() {
+        return Err(Failure::Asked("--depth-map is not for a hologram in tiles: leave it out".into()));
+    }
+    scene(args, display, colors, 1024.min(display.picture_size().0))
+}
+
 /// A hologram in the making that this job goes on with.
 fn unfinished(path: &Path, work: &Value) -> Result<Option<Tiles>, Failure> {
     if !Tiles::is_tiled(path) {
@@ -379,7 +387,7 @@ pub fn score(args: &Score) -> Result<(), Failure> {
     let display = crate::score::display_of(&args.hologram, tiles.about())?;
     let colors: Vec<Color> = tiles.about().colors.iter().filter_map(|c| c.color).collect();
     let scene_args = crate::score::as_solved(&args.scene, tiles.about());
-    let views = scene(&scene_args, &display, &colors, 1024.min(display.picture_size().0))?;
+    let views = scene_of(&scene_args, &display, &colors)?;
     let solved: [f64; 2] = serde_json::from_value(tiles.about().settings["solve"]["diameter"].clone())
         .unwrap_or_else(|_| common::diameters(None, &display));
     let depth = scene_args.depth.or(views[0].depth()).unwrap_or([0.0, 0.0]);
