@@ -134,8 +134,8 @@ struct Region<'a> {
 
 /// Where a pupil stands along an axis of a region `side` wide, from its middle, for `even` in -1..1. Pupils are drawn evenly
 /// over somewhat more than the region and then moved inside: a pixel at an edge is seen by pupils from one side alone, and
-/// so they touch it the more often. Regions overlap, but not beyond the SLM's own edges: there as many touch it as stand
-/// within half their width of a place in the middle.
+/// so they touch it the more often. By half a diameter more, as many stand near an edge as near the middle. Where the SLM
+/// itself ends no region overlaps this one, and it is a whole diameter: half as many again.
 fn place(even: f64, side: f64, diameter: f64, outer: [bool; 2]) -> f64 {
     let reach = (side - diameter).max(0.0) / 2.0;
     let beyond = outer.map(|outer| if outer { diameter } else { diameter / 2.0 });
@@ -264,5 +264,34 @@ impl<'a> Region<'a> {
             frame.copy_from_slice(&engine.read(Buffer::Phases)?);
         }
         Ok(found)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Every pupil lies inside its region. Within half a diameter of one that touches an edge there are as many as in
+        /// the middle, and half as many again where the SLM ends.
+        #[test]
+        fn edges_are_touched_as_often_as_the_middle_is_met(share in 0.05f64..0.4, low: bool, high: bool) {
+            let (side, diameter, n) = (3e-3, share * 3e-3, 20_001);
+            let places: Vec<f64> =
+                (0..n).map(|i| place(2.0 * i as f64 / (n - 1) as f64 - 1.0, side, diameter, [low, high])).collect();
+            let reach = (side - diameter) / 2.0;
+            prop_assert!(places.iter().all(|x| x.abs() <= reach));
+            let met = |at: f64| places.iter().filter(|x| (*x - at).abs() <= diameter / 2.0).count() as f64;
+            for (outer, edge) in [(low, -reach), (high, reach)] {
+                let expected = if outer { 1.5 } else { 1.0 };
+                prop_assert!((met(edge) / met(0.0) - expected).abs() < 0.01, "{} of {}", met(edge), met(0.0));
+            }
+        }
+    }
+
+    #[test]
+    fn a_pupil_as_wide_as_its_region_stands_in_its_middle() {
+        assert_eq!(place(0.7, 1e-3, 1e-3, [true, false]), 0.0);
     }
 }
