@@ -22,7 +22,7 @@ use std::time::Instant;
 /// Without --memory.
 const MEMORY: u64 = 4 << 30;
 /// Steps of a visit, and passes over the SLM, where neither is given.
-const STEPS: usize = 6;
+const STEPS: usize = 8;
 /// As [`STEPS`].
 const PASSES: usize = 3;
 
