@@ -70,7 +70,9 @@ pub fn solve(args: &Solve, display: &Display) -> Result<(), Failure> {
         }
         other => other,
     };
-    let size = RegionSize::new(&optics, frames, side, diameter[1], picture, left).map_err(with_held)?;
+    // Views that are smaller than the picture take less.
+    let seen = views[0].size();
+    let size = RegionSize::new(&optics, frames, side, diameter[1], seen, left).map_err(with_held)?;
     let depth = args.scene.depth.or(views[0].depth()).unwrap_or([0.0, 0.0]);
     let mut settings = solve::base_of(args, display, [depth[0].min(depth[1]), depth[0].max(depth[1])]);
     settings.diameter = diameter;
