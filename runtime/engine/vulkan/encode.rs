@@ -139,7 +139,18 @@ impl VulkanEncoder {
     /// The driver says that the device was lost from its so many-th submission from now on.
     #[cfg(test)]
     pub(crate) fn pretend_lost_after(&mut self, submissions: u64) {
-        self.gpu.recorder.lost_from = Some(self.gpu.recorder.submitted + submissions);
+        self.pretend(submissions, ash::vk::Result::ERROR_DEVICE_LOST);
+    }
+
+    /// The same, of the device's memory, which nothing is done about.
+    #[cfg(test)]
+    pub(crate) fn pretend_full_after(&mut self, submissions: u64) {
+        self.pretend(submissions, ash::vk::Result::ERROR_OUT_OF_DEVICE_MEMORY);
+    }
+
+    #[cfg(test)]
+    fn pretend(&mut self, submissions: u64, fault: ash::vk::Result) {
+        self.gpu.recorder.fails_from = Some((self.gpu.recorder.submitted + submissions, fault));
     }
 
     /// The device.

@@ -37,9 +37,9 @@ pub(super) struct Recorder {
     command: vk::CommandBuffer,
     done: vk::Semaphore,
     pub(super) submitted: u64,
-    /// The number of submissions from which on a test's driver says that the device was lost.
+    /// What a test's driver says from a number of submissions on.
     #[cfg(test)]
-    pub(super) lost_from: Option<u64>,
+    pub(super) fails_from: Option<(u64, vk::Result)>,
     sets: Vec<vk::DescriptorPool>,
     /// The pool in use, and how many sets it gave.
     used: (usize, u32),
@@ -62,7 +62,7 @@ impl Recorder {
             done: vk::Semaphore::null(),
             submitted: 0,
             #[cfg(test)]
-            lost_from: None,
+            fails_from: None,
             sets: Vec::new(),
             used: (0, 0),
             queries: vk::QueryPool::null(),
@@ -271,10 +271,10 @@ impl Recorder {
             let submitted = (self.queue_submit)(device.queue, 1, info.as_ptr(), vk::Fence::null());
             submitted.result().map_err(error("vkQueueSubmit"))?;
             #[cfg(test)]
-            if self.lost_from.is_some_and(|from| self.submitted >= from) {
+            if let Some((_, fault)) = self.fails_from.filter(|(from, _)| self.submitted >= *from) {
                 let _ = raw.wait_semaphores(&wait, u64::MAX);
                 self.submitted += 1;
-                return Err(device.error("vkQueueSubmit", during, vk::Result::ERROR_DEVICE_LOST));
+                return Err(device.error("vkQueueSubmit", during, fault));
             }
             raw.wait_semaphores(&wait, u64::MAX).map_err(error("vkWaitSemaphores"))?;
         }
