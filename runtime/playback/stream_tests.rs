@@ -218,7 +218,7 @@ fn a_device_lost_while_streaming_is_followed_by_the_cpu() {
         let fixture = fixture("planes24", 8);
         let encoder = Encoder::new(&fixture.display, &COLORS, 8).unwrap();
         let sequence = Sequence::open(&fixture.path).unwrap();
-        let mut lost = crate::engine::vulkan::VulkanEncoder::open(&device(), encoder.plan()).unwrap();
+        let mut lost = crate::engine::vulkan::VulkanEncoder::open_staged(&device(), encoder.plan()).unwrap();
         lost.pretend_lost_after(after);
         let stream = Stream::with(sequence, encoder, Some(lost), options()).unwrap();
         let heard = stream.validation().expect("a device");
@@ -252,7 +252,7 @@ fn a_thread_that_fails_leaves_the_idle_picture_and_one_line() {
         let mut idle = encoder.frames();
         idle.bytes_mut().fill(0x5a);
         let device = matches!(fault, Fault::Full).then(|| {
-            let mut device = crate::engine::vulkan::VulkanEncoder::open(&device(), encoder.plan()).unwrap();
+            let mut device = crate::engine::vulkan::VulkanEncoder::open_staged(&device(), encoder.plan()).unwrap();
             device.pretend_full_after(40);
             device
         });

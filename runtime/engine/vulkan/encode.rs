@@ -77,6 +77,14 @@ impl VulkanEncoder {
         Self::on(Gpu::open(options)?, plan)
     }
 
+    /// The same, with transfers as on a device that has its memory for itself.
+    #[cfg(test)]
+    pub(crate) fn open_staged(options: &Options, plan: &Plan) -> Result<Self, EngineError> {
+        let mut gpu = Gpu::open(options)?;
+        gpu.in_place = false;
+        Self::on(gpu, plan)
+    }
+
     /// On an open device.
     pub(super) fn on(mut gpu: Gpu, plan: &Plan) -> Result<Self, EngineError> {
         let args = plan.args;
@@ -178,8 +186,8 @@ impl VulkanEncoder {
             let reason = format!("a set has {} colours of {wanted} phases each", self.inks.len());
             return Err(EngineError::Mismatch { reason });
         }
-        for (ink, phases) in self.inks.iter().zip(phases) {
-            self.input.write(&mut self.gpu, &ink.phases, phases)?;
+        for (ink, phases) in self.inks.iter_mut().zip(phases) {
+            self.gpu.put(&mut ink.phases, bytemuck::cast_slice(phases), self.input.pieces())?;
         }
         Ok(())
     }
@@ -234,12 +242,11 @@ impl VulkanEncoder {
             let reason = format!("the video frames have {} bytes, {} were given", row * rows, bytes.len());
             return Err(EngineError::Mismatch { reason });
         }
-        let pieces: Vec<_> =
-            self.output.pieces().into_iter().map(|(host, device, size)| (device, host, size)).collect();
+        let pieces = self.output.pieces_back();
         if self.padded.is_empty() {
-            return self.gpu.download(&self.frames, bytes, &pieces);
+            return self.gpu.fetch(&self.frames, bytes, pieces);
         }
-        self.gpu.download(&self.frames, &mut self.padded, &pieces)?;
+        self.gpu.fetch(&self.frames, &mut self.padded, pieces)?;
         let padded = self.padded.len() / rows;
         for (to, from) in bytes.chunks_exact_mut(row).zip(self.padded.chunks_exact(padded)) {
             to.copy_from_slice(&from[..row]);
