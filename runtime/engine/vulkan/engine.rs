@@ -202,8 +202,8 @@ impl VulkanEngine {
         if let Some(losses) = losses.as_ref() {
             work.gpu.recorder.barrier();
             let of_lane = |i: usize| (offsets[i], offsets[i], 4 * loss_parts(&step.lanes[i]) as u64);
-            let pieces: Vec<_> = guarded.then_some((0, 0, 4)).into_iter().chain(compared().map(of_lane)).collect();
-            work.gpu.recorder.copy(&losses.device, &losses.host, &pieces);
+            let pieces = guarded.then_some((0, 0, 4)).into_iter().chain(compared().map(of_lane));
+            work.gpu.recorder.copy(&losses.device, &losses.host, pieces);
         }
         let during = list.iter().map(|d| d.kernel.name()).collect::<Vec<_>>();
         let during = match during[..] {
@@ -211,7 +211,7 @@ impl VulkanEngine {
             [one] => one.to_owned(),
             [first, .., last] => format!("{first} to {last}"),
         };
-        for (kernel, seconds) in work.gpu.recorder.submit(&during)? {
+        for &(kernel, seconds) in work.gpu.recorder.submit(&during)? {
             self.clock[kernel].0 += 1;
             self.clock[kernel].1 += seconds;
         }
