@@ -96,7 +96,7 @@ pub enum PlaybackError {
         /// What is wrong, and what would be right.
         reason: String,
     },
-    /// A thread that could not be started, or ended without a word.
+    /// A thread that could not be started, or failed.
     #[error("the thread that {what} {reason}")]
     Thread {
         /// What it does.

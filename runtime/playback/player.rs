@@ -206,17 +206,28 @@ impl Player {
         Ok(Flow::Continue)
     }
 
-    /// Leaves the display on the idle picture's first video frame: a defined one, whatever ended the playing.
+    /// Ends playing, however that came: unless it was the display that was lost, it is left on the idle picture's first
+    /// video frame, which is a defined one.
     ///
     /// # Errors
-    /// The presenter is lost.
-    pub fn finish(&mut self, presenter: &mut dyn Presenter) -> Result<(), PlaybackError> {
+    /// What ended it; else the presenter is lost.
+    pub fn end<T>(
+        &mut self,
+        presenter: &mut dyn Presenter,
+        ended: Result<T, PlaybackError>,
+    ) -> Result<T, PlaybackError> {
+        if matches!(ended, Err(PlaybackError::Presenter { .. })) {
+            return ended;
+        }
         let next = self.pacer.predict(self.clock.now_ns());
         self.clock.wait_until_ns(next.wake_time_ns);
         self.id += 1;
-        presenter.upload(self.idle.frame(0))?;
-        presenter.present(self.id, next.desired_present_time_ns)?;
-        presenter.finish()
+        let left = presenter
+            .upload(self.idle.frame(0))
+            .and_then(|()| presenter.present(self.id, next.desired_present_time_ns))
+            .and_then(|()| presenter.finish());
+        let how = ended?;
+        left.map(|()| how)
     }
 
     fn rate(&self) -> Rate {

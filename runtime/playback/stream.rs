@@ -2,22 +2,29 @@
 //!
 //! The reader fills phase buffers from the file, checked; the encoder turns them into video frames; the present thread
 //! takes those without ever waiting, and gives the buffers back. In the steady state nothing is allocated. A reader that
-//! is late leaves out what is no longer of use, so that it catches up.
+//! is late leaves out what is no longer of use, so that it catches up. A thread that fails, or panics, is an error of the
+//! next [`poll`](Source::poll).
+
+mod encoding;
+mod reader;
 
 use super::player::Source;
 use super::ring::Ring;
 use super::scheduler::{Content, Readiness};
-use super::{Lane, Marks, PlaybackError, Trace, mark_corner};
+use super::{Lane, Marks, PlaybackError, Trace};
 use crate::encode::{Encoder, PhaseSet, VideoFrames};
-use crate::engine::EngineError;
 use crate::engine::vulkan::{Options as VulkanOptions, VulkanEncoder};
 use crate::hologram::Sequence;
-use crossbeam_channel::{Receiver, Sender, unbounded};
-use std::collections::{BTreeSet, VecDeque};
+use crossbeam_channel::{Receiver, unbounded};
+use encoding::Encoding;
+use reader::Reader;
+use std::any::Any;
+use std::collections::VecDeque;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// How a stream is made.
 #[derive(Debug, Clone, Copy)]
@@ -71,6 +78,9 @@ struct Shared {
     useful: AtomicU64,
     end: AtomicU64,
     failure: Mutex<Option<PlaybackError>>,
+    /// Positions from which on a test has the reader and the encoder panic.
+    #[cfg(test)]
+    panics: [AtomicU64; 2],
 }
 
 impl Shared {
@@ -81,6 +91,11 @@ impl Shared {
     fn fail(&self, error: PlaybackError) {
         self.failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
         self.stop.store(true, Ordering::Release);
+    }
+
+    #[cfg(test)]
+    fn panic_from(&self, thread: usize, position: u64) {
+        assert!(position < self.panics[thread].load(Ordering::Acquire), "a test's fault at {position}");
     }
 }
 
@@ -109,7 +124,7 @@ pub struct Stream {
     validation: Option<Arc<Mutex<Vec<String>>>>,
     ready: VecDeque<Encoded>,
     on_screen: Option<(VideoFrames, u64)>,
-    threads: Vec<JoinHandle<Lane>>,
+    threads: Vec<JoinHandle<Option<Lane>>>,
 }
 
 impl Stream {
@@ -154,6 +169,8 @@ impl Stream {
             useful: AtomicU64::new(0),
             end: AtomicU64::new(u64::MAX),
             failure: Mutex::new(None),
+            #[cfg(test)]
+            panics: [AtomicU64::new(u64::MAX), AtomicU64::new(u64::MAX)],
         });
         let free_phases = Ring::new(PHASES);
         for _ in 0..PHASES {
@@ -177,7 +194,7 @@ impl Stream {
             tell: tell.clone(),
             lane,
         };
-        let read = spawn("reads holograms", move || reader.run())?;
+        let read = spawn(&shared, "reads holograms", move || reader.run())?;
         let (lane, state) = (options.trace.lane("encode"), Arc::clone(&shared));
         let encoding = Encoding {
             shape,
@@ -191,7 +208,7 @@ impl Stream {
             lane,
         };
         let threads = options.threads;
-        let encode = spawn("encodes", move || encoding.start(&encoder, device, threads))?;
+        let encode = spawn(&shared, "encodes", move || encoding.start(&encoder, device, threads))?;
         let ready = VecDeque::with_capacity(2 * ahead + 8);
         let threads = vec![read, encode];
         Ok(Self { shared, epoch: 0, arriving, free, messages, validation, ready, on_screen: None, threads })
@@ -205,7 +222,13 @@ impl Stream {
     /// Ends the threads: what they did.
     pub fn stop(mut self) -> Vec<Lane> {
         self.shared.stop.store(true, Ordering::Release);
-        self.threads.drain(..).filter_map(|t| t.join().ok()).collect()
+        self.threads.drain(..).filter_map(|t| t.join().ok().flatten()).collect()
+    }
+
+    /// The reader (0) or the encoder (1) panics from a position on.
+    #[cfg(test)]
+    pub(super) fn pretend_panic_from(&self, thread: usize, position: u64) {
+        self.shared.panics[thread].store(position, Ordering::Release);
     }
 
     fn take(&mut self, item: Encoded) {
@@ -224,8 +247,7 @@ impl Stream {
     }
 
     fn failure(&self) -> Result<(), PlaybackError> {
-        // A thread that ended though nobody stopped it died.
-        if !self.shared.stopped() && !self.threads.iter().any(JoinHandle::is_finished) {
+        if !self.shared.stopped() {
             return Ok(());
         }
         let failure = self.shared.failure.lock().unwrap_or_else(PoisonError::into_inner).take();
@@ -320,193 +342,29 @@ impl Source for Stream {
     }
 }
 
-/// Has every thread of the pool take work from another once: what that needs is made the first time, which on a busy
-/// machine may be long after the first picture.
-fn meet() {
-    let all = std::sync::Barrier::new(rayon::current_num_threads());
-    let wait = || {
-        all.wait();
+/// Starts a thread. One that panics has failed, and the others end with it.
+fn spawn(
+    shared: &Arc<Shared>,
+    what: &'static str,
+    run: impl FnOnce() -> Lane + Send + 'static,
+) -> Result<JoinHandle<Option<Lane>>, PlaybackError> {
+    let shared = Arc::clone(shared);
+    let watched = move || match catch_unwind(AssertUnwindSafe(run)) {
+        Ok(lane) => Some(lane),
+        Err(panic) => {
+            let reason = format!("failed, which is a fault of eyebox: {}", said(&*panic));
+            shared.fail(PlaybackError::Thread { what, reason });
+            None
+        }
     };
-    rayon::scope(|scope| (0..rayon::current_num_threads()).for_each(|_| scope.spawn(|_| wait())));
-}
-
-fn spawn(what: &'static str, run: impl FnOnce() -> Lane + Send + 'static) -> Result<JoinHandle<Lane>, PlaybackError> {
     std::thread::Builder::new()
         .name(format!("eyebox {what}"))
-        .spawn(run)
+        .spawn(watched)
         .map_err(|e| PlaybackError::Thread { what, reason: format!("could not be started ({e})") })
 }
 
-struct Reader {
-    sequence: Sequence,
-    options: Options,
-    shared: Arc<Shared>,
-    free: Ring<Vec<f32>>,
-    out: Ring<Phases>,
-    tell: Sender<String>,
-    lane: Lane,
-}
-
-impl Reader {
-    fn run(mut self) -> Lane {
-        let (mut epoch, mut position) = (0, 0u64);
-        let mut index = self.options.first;
-        let mut told = BTreeSet::new();
-        let mut held: Option<Vec<f32>> = None;
-        let mut said_end = false;
-        while !self.shared.stopped() {
-            let now = self.shared.epoch.load(Ordering::Acquire);
-            if now != epoch {
-                (epoch, position, index) = (now, 0, self.shared.seek_to.load(Ordering::Acquire));
-            }
-            let useful = of_epoch(self.shared.useful.load(Ordering::Acquire), epoch).unwrap_or(0);
-            if useful > position {
-                index = index.saturating_add(useful - position);
-                position = useful;
-            }
-            let mut count = self.sequence.count();
-            if index >= count {
-                count = self.sequence.refresh();
-            }
-            if index >= count {
-                let waits = self.options.follow && !self.sequence.is_complete();
-                if self.options.looped && count > 0 && !waits {
-                    index %= count;
-                } else {
-                    if !waits && self.shared.end.load(Ordering::Acquire) != tagged(epoch, position) {
-                        // Those that were left out were not there: the end is the file's.
-                        let end = position - (index - count).min(position);
-                        // Said before it is known, and so before anybody stops listening.
-                        said_end = said_end || self.say_where_it_ends();
-                        self.shared.end.store(tagged(epoch, end), Ordering::Release);
-                    }
-                    std::thread::sleep(PATIENCE / 4);
-                    continue;
-                }
-            }
-            let Some(mut values) = held.take().or_else(|| self.free.take_within(PATIENCE)) else { continue };
-            if self.shared.epoch.load(Ordering::Acquire) != epoch {
-                held = Some(values);
-                continue;
-            }
-            let start = Instant::now();
-            let read = self.sequence.read_into(index, &mut values);
-            self.lane.span("decode", index, start);
-            let damaged = read.is_err();
-            if let Some(error) = read.err().filter(|_| told.insert(index)) {
-                let _ = self.tell.send(format!("hologram {index} is left out: {error}"));
-            }
-            self.shared.read.store(tagged(epoch, position + 1), Ordering::Release);
-            let mut item = Phases { epoch, position, index, damaged, values };
-            while let Err(back) = self.out.put_within(item, PATIENCE) {
-                if self.shared.stopped() {
-                    break;
-                }
-                item = back;
-            }
-            (position, index) = (position + 1, index + 1);
-        }
-        self.lane
-    }
-
-    fn say_where_it_ends(&mut self) -> bool {
-        if !self.sequence.is_complete() {
-            let (path, count) = (self.sequence.path().display(), self.sequence.count());
-            let of = self.sequence.planned().map(|n| format!(" of {n}")).unwrap_or_default();
-            let _ = self.tell.send(format!("{path}: it is unfinished and ends after {count}{of} holograms"));
-        }
-        true
-    }
-}
-
-struct Encoding {
-    shape: [usize; 4],
-    marks: Marks,
-    shared: Arc<Shared>,
-    encode: Ring<Phases>,
-    free_phases: Ring<Vec<f32>>,
-    free_frames: Ring<VideoFrames>,
-    out: Ring<Encoded>,
-    tell: Sender<String>,
-    lane: Lane,
-}
-
-impl Encoding {
-    fn start(mut self, encoder: &Encoder, mut device: Option<VulkanEncoder>, threads: usize) -> Lane {
-        let tell = self.tell.clone();
-        let encode = |colors: &[&[f32]], frames: &mut VideoFrames| {
-            match device.as_mut().map(|device| device.encode(colors, frames.bytes_mut())) {
-                Some(Ok(())) => return Ok(()),
-                Some(Err(EngineError::DeviceLost { device: name, during })) => {
-                    device = None;
-                    let _ = tell.send(format!("{name} was lost while it ran {during}: the CPU encodes from here on"));
-                }
-                Some(Err(error)) => return Err(error.into()),
-                None => {}
-            }
-            Ok(encoder.encode_into(&PhaseSet::trusted(colors), frames)?)
-        };
-        let failed = match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
-            // On a thread of the pool: calls from outside would allocate.
-            Ok(pool) => pool.install(|| {
-                meet();
-                self.run(encode)
-            }),
-            Err(e) => Err(PlaybackError::Thread { what: "encodes", reason: format!("could not be started ({e})") }),
-        };
-        if let Err(error) = failed {
-            self.shared.fail(error);
-        }
-        self.lane
-    }
-
-    fn run(
-        &mut self,
-        mut encode: impl FnMut(&[&[f32]], &mut VideoFrames) -> Result<(), PlaybackError>,
-    ) -> Result<(), PlaybackError> {
-        let each = self.shape[1] * self.shape[2] * self.shape[3];
-        while !self.shared.stopped() {
-            let Some(mut item) = self.encode.take_within(PATIENCE) else { continue };
-            let epoch = self.shared.epoch.load(Ordering::Acquire);
-            let useful = of_epoch(self.shared.useful.load(Ordering::Acquire), epoch).unwrap_or(0);
-            // What comes too late is left out if something newer waits.
-            let useless = item.epoch != epoch || (item.position < useful && !self.encode.is_empty());
-            let mut frames = None;
-            if !useless && !item.damaged {
-                frames = self.wait_for_frames();
-                let Some(frames) = &mut frames else { break };
-                let start = Instant::now();
-                mark_corner(&mut item.values, self.shape, self.marks, item.position);
-                // One to three colours as a rule; never more than fit here.
-                let mut colors: [&[f32]; 16] = [&[]; 16];
-                let count = self.shape[0].min(colors.len());
-                colors.iter_mut().zip(item.values.chunks_exact(each)).for_each(|(c, values)| *c = values);
-                encode(&colors[..count], frames)?;
-                self.lane.span("encode", item.index, start);
-            }
-            let Phases { epoch, position, index, values, .. } = item;
-            let _ = self.free_phases.put(values);
-            if useless {
-                continue;
-            }
-            let mut done = Encoded { epoch, position, index, frames };
-            while let Err(back) = self.out.put_within(done, PATIENCE) {
-                if self.shared.stopped() {
-                    break;
-                }
-                done = back;
-            }
-        }
-        Ok(())
-    }
-
-    fn wait_for_frames(&self) -> Option<VideoFrames> {
-        loop {
-            match self.free_frames.take_within(PATIENCE) {
-                Some(frames) => return Some(frames),
-                None if self.shared.stopped() => return None,
-                None => {}
-            }
-        }
-    }
+/// What a panic said, in one line.
+fn said(panic: &(dyn Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().copied().or_else(|| panic.downcast_ref::<String>().map(String::as_str));
+    text.map_or_else(|| "it does not say why".into(), |t| t.lines().collect::<Vec<_>>().join(" "))
 }

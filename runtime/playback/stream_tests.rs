@@ -218,7 +218,7 @@ fn a_device_lost_while_streaming_is_followed_by_the_cpu() {
         let fixture = fixture("planes24", 8);
         let encoder = Encoder::new(&fixture.display, &COLORS, 8).unwrap();
         let sequence = Sequence::open(&fixture.path).unwrap();
-        let mut lost = crate::engine::vulkan::VulkanEncoder::open(&device(), encoder.plan()).unwrap();
+        let mut lost = crate::engine::vulkan::VulkanEncoder::open_staged(&device(), encoder.plan()).unwrap();
         lost.pretend_lost_after(after);
         let stream = Stream::with(sequence, encoder, Some(lost), options()).unwrap();
         let heard = stream.validation().expect("a device");
@@ -230,6 +230,58 @@ fn a_device_lost_while_streaming_is_followed_by_the_cpu() {
         assert_eq!(said.len(), 1, "{:?}", played.messages);
         assert!(said[0].contains("while it ran") && said[0].contains("the CPU encodes from here on"), "{}", said[0]);
         assert_eq!(*heard.lock().unwrap(), Vec::<String>::new());
+    }
+}
+
+/// While content is on the display the reader panics, or the encoder does, or a device gives an error: playing ends with
+/// what failed and why, and the display is on the idle picture.
+#[test]
+fn a_thread_that_fails_leaves_the_idle_picture_and_one_line() {
+    enum Fault {
+        Panic(usize),
+        Full,
+    }
+    let cases = [
+        (Fault::Panic(0), "the thread that reads holograms failed, which is a fault of eyebox: a test's fault at 20"),
+        (Fault::Panic(1), "the thread that encodes failed, which is a fault of eyebox: a test's fault at 20"),
+        (Fault::Full, "memory: room for an upload could not be had"),
+    ];
+    for (fault, line) in cases {
+        let fixture = fixture("planes24", 4);
+        let encoder = Encoder::new(&fixture.display, &COLORS, 8).unwrap();
+        let mut idle = encoder.frames();
+        idle.bytes_mut().fill(0x5a);
+        let device = matches!(fault, Fault::Full).then(|| {
+            let mut device = crate::engine::vulkan::VulkanEncoder::open_staged(&device(), encoder.plan()).unwrap();
+            device.pretend_full_after(40);
+            device
+        });
+        let sequence = Sequence::open(&fixture.path).unwrap();
+        let looped = Options { looped: true, ..options() };
+        let mut stream = Stream::with(sequence, encoder, device, looped).unwrap();
+        if let Fault::Panic(thread) = fault {
+            stream.pretend_panic_from(thread, 20);
+        }
+        let clock: Rc<dyn Clock> = Rc::new(SimulatedClock::default());
+        let rate = Rate::parse("60").unwrap();
+        let start = Start::WhenReady { idle_sets: 2 };
+        let (speed, keep_phase) = (Speed::ONE, false);
+        let schedule = Schedule { display_rate: rate, content_rate: rate, speed, set_frames: 1, start, keep_phase };
+        let mut offscreen = Offscreen::new(Rc::clone(&clock), rate, idle.frame_bytes());
+        let mut player = Player::new(clock, Scheduler::new(schedule), idle.clone(), Trace::new(0).lane(""));
+        let ended = loop {
+            let shown = offscreen.picture().to_vec();
+            if let Err(error) = player.tick(&mut offscreen, &mut stream, &mut |_| Ok(())) {
+                assert!(shown != idle.frame(0) && offscreen.picture() == shown, "{line}: nothing was shown");
+                break Err::<(), _>(error);
+            }
+        };
+        assert!(player.scheduler().account().shown > 4, "{line}");
+        let text = player.end(&mut offscreen, ended).expect_err("a failure").to_string();
+        assert!(text.contains(line) && !text.contains('\n'), "{text}");
+        assert_eq!(offscreen.picture(), idle.frame(0), "{line}");
+        // The other thread has ended too, and nothing waits for it.
+        assert_eq!(stream.stop().len(), if line.starts_with("the thread") { 1 } else { 2 }, "{line}");
     }
 }
 

@@ -238,7 +238,7 @@ impl<'a> Region<'a> {
             let found = loss(&engine.run_part(&whole, 0..update)?);
             if found.is_finite() {
                 engine.run_part(&whole, update..whole.list.len())?;
-                phases.copy_from_slice(&engine.read(Buffer::Phases)?);
+                engine.read_into(Buffer::Phases, phases)?;
             }
             return Ok(found);
         }
@@ -261,7 +261,7 @@ impl<'a> Region<'a> {
         for frame in phases.chunks_exact_mut(pixels) {
             engine.write(Buffer::Phases, frame)?;
             engine.run(&turn)?;
-            frame.copy_from_slice(&engine.read(Buffer::Phases)?);
+            engine.read_into(Buffer::Phases, frame)?;
         }
         Ok(found)
     }

@@ -93,7 +93,7 @@ pub enum Command {
     /// Show a hologram or a sequence on a display, on time, and say what was shown
     #[command(
         after_help = "Examples:\n  eyebox play moving.zarr --display planes24 --size 512x512 --loop --duration 10 --stats played.json\n  \
-                      eyebox play moving.zarr --display plm --record shown --trace trace.json\n\nEnds with 0 at the end, after --duration, and on ctrl-C; with 2 when it cannot be played, with 3 when the display is lost. The display is left on the idle picture: the phase 0, or with --sync the sync picture."
+                      eyebox play moving.zarr --display plm --record shown --trace trace.json\n\nEnds with 0 at the end, after --duration, and on ctrl-C; with 2 when it cannot be played, with 3 when the display is lost, with 130 at once on a second ctrl-C. The display is left on the idle picture: the phase 0, or with --sync the sync picture."
     )]
     Play(Box<crate::play::Play>),
     /// Show what an eye sees in a window, live: the mouse moves the pupil, the wheel changes focus

@@ -2,7 +2,8 @@
 //! `evaluate`, `export`, `encode`, `play`, `preview`, `monitors`, `bench`, `devices`, `trackers`.
 //!
 //! This room reads arguments, calls the runtime, and shows what came of it. Anything that a program would want to call
-//! belongs in the runtime. Errors are one line on standard error and exit code 2 (3 where a display was lost); nothing half-written stays behind.
+//! belongs in the runtime. Errors are one line on standard error and exit code 2 (3 where a display was lost);
+//! nothing half-written stays behind. What takes long ends well on ctrl-C, and at once, with 130, on a second one.
 
 mod args;
 mod bench;

@@ -7,13 +7,16 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 static ASKED_TO_STOP: AtomicBool = AtomicBool::new(false);
 
-/// From now on ctrl-C (and SIGTERM) asks the solve to stop with what it has; the second one ends the process.
+/// Exit code of a process that ctrl-C ends, as a shell has it.
+const INTERRUPTED: i32 = 130;
+
+/// From now on ctrl-C (and SIGTERM) asks what runs to stop with what it has; the second one ends the process at once.
 pub fn catch_interrupt() {
     static ONCE: OnceLock<()> = OnceLock::new();
     ONCE.get_or_init(|| {
         let handler = || {
             if ASKED_TO_STOP.swap(true, Ordering::SeqCst) {
-                std::process::exit(130);
+                std::process::exit(INTERRUPTED);
             }
         };
         if let Err(error) = ctrlc::set_handler(handler) {

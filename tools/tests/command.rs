@@ -3,8 +3,9 @@
 mod common;
 
 use common::{command, done, eyebox, folder, refused, text};
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 const SMALL: [&str; 8] = ["--size", "40x48", "--steps", "3", "--color", "green", "--engine", "cpu"];
 
@@ -367,6 +368,24 @@ fn an_interrupted_solve_leaves_a_whole_hologram() {
     assert!(killed.success());
     assert!(child.wait().unwrap().success());
     done(at, &["view", "h.zarr", "--pupil=0,0,5,0", "-o", "v.png"]);
+}
+
+/// A step of it takes far longer than the second ctrl-C: it ends inside one, with nothing written.
+#[test]
+#[cfg(unix)]
+fn a_second_interruption_ends_a_solve_at_once() {
+    let temp = folder();
+    let at = temp.path();
+    let large = ["--size", "512x512", "--views", "3", "--pupils", "64", "--steps", "1000000", "--color", "green"];
+    let mut solve = command(at, &[&["solve", "builtin:plane", "-o", "h.zarr", "--engine", "cpu"][..], &large].concat());
+    let mut child = solve.stderr(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
+    assert!(lines.by_ref().any(|line| line.unwrap().starts_with("engine:")), "it ended");
+    std::thread::sleep(std::time::Duration::from_secs(1));
+    common::interrupt_twice(child.id());
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    assert_eq!(lines.map(Result::unwrap).collect::<Vec<_>>(), Vec::<String>::new());
+    assert_eq!(std::fs::read_dir(at).unwrap().count(), 0);
 }
 
 #[test]

@@ -3,6 +3,8 @@
 
 #![cfg(target_os = "linux")]
 
+#[path = "common/mod.rs"]
+mod common;
 #[path = "common/screen.rs"]
 mod screen;
 
@@ -26,13 +28,18 @@ struct Playing {
 }
 
 impl Playing {
-    /// Content is on the screen.
+    /// Content is on the screen, 30 video frames a second.
     fn new(more: &[&str]) -> Self {
+        Self::at("30", more)
+    }
+
+    /// So many video frames a second.
+    fn at(rate: &str, more: &[&str]) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         let display = Display { height: SIZE[0], width: SIZE[1], ..Display::preset("planes24").expect("a preset") };
         hologram(folder.path(), &display);
         let screen = Screen::new(folder.path(), SIZE);
-        let more = [&["--stats", "stats.json", "--display-rate", "30"], more].concat();
+        let more = [&["--stats", "stats.json", "--display-rate", rate], more].concat();
         let mut process = play(folder.path(), &screen, "planes24", &more).spawn().expect("it starts");
         let (connection, number) = x11rb::connect(Some(&screen.name)).expect("a connection");
         let root = connection.setup().roots[number].root;
@@ -161,4 +168,17 @@ fn the_process_stands_still_for_some_seconds() {
     let stats = playing.ends(0, "ended by ctrl-C");
     // 90 video frames, less what a busy machine takes longer to stop and to go on.
     assert!(stats["missed_presents"].as_u64().is_some_and(|n| n >= 60), "{stats}");
+}
+
+/// At two video frames a second the first one's idle picture takes half a second or more: the second does not wait for it.
+#[test]
+fn a_second_interruption_ends_it_at_once() {
+    let playing = Playing::at("2", &[]);
+    common::interrupt_twice(playing.process.id());
+    let (answer, folder) = playing.answer();
+    let text = String::from_utf8_lossy(&answer.stderr).into_owned();
+    assert_eq!(answer.status.code(), Some(130), "{text}");
+    // What is played and where: no summary, no statistics.
+    assert_eq!(text.lines().count(), 2, "{text}");
+    assert!(!folder.path().join("stats.json").exists());
 }

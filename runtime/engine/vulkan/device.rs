@@ -176,6 +176,14 @@ impl Block {
         Ok(block)
     }
 
+    /// Whether the host sees the block's memory, through its cache and at once, as on software and integrated devices.
+    pub(super) fn is_the_hosts_too(&self) -> bool {
+        use vk::MemoryPropertyFlags as Memory;
+        let wanted = Memory::HOST_VISIBLE | Memory::HOST_COHERENT | Memory::HOST_CACHED;
+        let allocation = self.allocation.as_ref();
+        allocation.is_some_and(|a| a.memory_properties().contains(wanted) && a.mapped_slice().is_some())
+    }
+
     /// The bytes, of a block that the host sees.
     pub(super) fn bytes(&self) -> &[u8] {
         let mapped = self.allocation.as_ref().and_then(Allocation::mapped_slice);

@@ -77,6 +77,14 @@ impl VulkanEncoder {
         Self::on(Gpu::open(options)?, plan)
     }
 
+    /// The same, with transfers as on a device that has its memory for itself.
+    #[cfg(test)]
+    pub(crate) fn open_staged(options: &Options, plan: &Plan) -> Result<Self, EngineError> {
+        let mut gpu = Gpu::open(options)?;
+        gpu.in_place = false;
+        Self::on(gpu, plan)
+    }
+
     /// On an open device.
     pub(super) fn on(mut gpu: Gpu, plan: &Plan) -> Result<Self, EngineError> {
         let args = plan.args;
@@ -139,7 +147,18 @@ impl VulkanEncoder {
     /// The driver says that the device was lost from its so many-th submission from now on.
     #[cfg(test)]
     pub(crate) fn pretend_lost_after(&mut self, submissions: u64) {
-        self.gpu.recorder.lost_from = Some(self.gpu.recorder.submitted + submissions);
+        self.pretend(submissions, ash::vk::Result::ERROR_DEVICE_LOST);
+    }
+
+    /// The same, of the device's memory, which nothing is done about.
+    #[cfg(test)]
+    pub(crate) fn pretend_full_after(&mut self, submissions: u64) {
+        self.pretend(submissions, ash::vk::Result::ERROR_OUT_OF_DEVICE_MEMORY);
+    }
+
+    #[cfg(test)]
+    fn pretend(&mut self, submissions: u64, fault: ash::vk::Result) {
+        self.gpu.recorder.fails_from = Some((self.gpu.recorder.submitted + submissions, fault));
     }
 
     /// The device.
@@ -167,8 +186,8 @@ impl VulkanEncoder {
             let reason = format!("a set has {} colours of {wanted} phases each", self.inks.len());
             return Err(EngineError::Mismatch { reason });
         }
-        for (ink, phases) in self.inks.iter().zip(phases) {
-            self.input.write(&mut self.gpu, &ink.phases, phases)?;
+        for (ink, phases) in self.inks.iter_mut().zip(phases) {
+            self.gpu.put(&mut ink.phases, bytemuck::cast_slice(phases), self.input.pieces())?;
         }
         Ok(())
     }
@@ -223,12 +242,11 @@ impl VulkanEncoder {
             let reason = format!("the video frames have {} bytes, {} were given", row * rows, bytes.len());
             return Err(EngineError::Mismatch { reason });
         }
-        let pieces: Vec<_> =
-            self.output.pieces().into_iter().map(|(host, device, size)| (device, host, size)).collect();
+        let pieces = self.output.pieces_back();
         if self.padded.is_empty() {
-            return self.gpu.download(&self.frames, bytes, &pieces);
+            return self.gpu.fetch(&self.frames, bytes, pieces);
         }
-        self.gpu.download(&self.frames, &mut self.padded, &pieces)?;
+        self.gpu.fetch(&self.frames, &mut self.padded, pieces)?;
         let padded = self.padded.len() / rows;
         for (to, from) in bytes.chunks_exact_mut(row).zip(self.padded.chunks_exact(padded)) {
             to.copy_from_slice(&from[..row]);

@@ -1,6 +1,6 @@
 //! The engine: buffers, one recording per part of a list, losses and times back.
 
-use super::super::{Buffer, Engine, EngineError, Kernel, Memory, Purpose, Shape, Step, Storage, Timing};
+use super::super::{Buffer, Engine, EngineError, Kernel, Memory, Purpose, Shape, Step, Storage, Timing, misfit};
 use super::check::check;
 use super::device::Block;
 use super::devices::{DeviceKind, DeviceReport};
@@ -147,8 +147,7 @@ impl VulkanEngine {
                 return Err(EngineError::Mismatch { reason: format!("{buffer:?} was written, and no lane uses it") });
             };
             if layout.floats() != data.len() {
-                let reason = format!("{buffer:?} holds {} values, {} were given", layout.floats(), data.len());
-                return Err(EngineError::Mismatch { reason });
+                return Err(misfit(buffer, layout.floats(), data.len()));
             }
             if let Some(block) = self.arenas.block(kind).filter(|_| !data.is_empty()) {
                 layout.write(&mut self.gpu, block, &data)?;
@@ -203,8 +202,8 @@ impl VulkanEngine {
         if let Some(losses) = losses.as_ref() {
             work.gpu.recorder.barrier();
             let of_lane = |i: usize| (offsets[i], offsets[i], 4 * loss_parts(&step.lanes[i]) as u64);
-            let pieces: Vec<_> = guarded.then_some((0, 0, 4)).into_iter().chain(compared().map(of_lane)).collect();
-            work.gpu.recorder.copy(&losses.device, &losses.host, &pieces);
+            let pieces = guarded.then_some((0, 0, 4)).into_iter().chain(compared().map(of_lane));
+            work.gpu.recorder.copy(&losses.device, &losses.host, pieces);
         }
         let during = list.iter().map(|d| d.kernel.name()).collect::<Vec<_>>();
         let during = match during[..] {
@@ -212,7 +211,7 @@ impl VulkanEngine {
             [one] => one.to_owned(),
             [first, .., last] => format!("{first} to {last}"),
         };
-        for (kernel, seconds) in work.gpu.recorder.submit(&during)? {
+        for &(kernel, seconds) in work.gpu.recorder.submit(&during)? {
             self.clock[kernel].0 += 1;
             self.clock[kernel].1 += seconds;
         }
@@ -289,8 +288,7 @@ impl Engine for VulkanEngine {
         }
         let Stack { layout, block } = self.stacks.get(buffer)?;
         if layout.floats() != data.len() {
-            let reason = format!("{buffer:?} holds {} values, {} were given", layout.floats(), data.len());
-            return Err(EngineError::Mismatch { reason });
+            return Err(misfit(buffer, layout.floats(), data.len()));
         }
         layout.write(&mut self.gpu, block, data)
     }

@@ -6,9 +6,10 @@ use super::devices::{DeviceReport, Limits};
 use super::engine::Options;
 use super::instance::Messages;
 use super::pipelines::{Pipeline, Pipelines};
-use super::recorder::Recorder;
+use super::recorder::{Piece, Recorder};
 use eyebox_spirv::Module;
 use gpu_allocator::MemoryLocation;
+use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Bytes that pass between host and device at once.
@@ -21,8 +22,12 @@ pub(super) struct Gpu {
     pipelines: Pipelines,
     up: Option<Block>,
     down: Option<Block>,
+    /// Kept from transfer to transfer, so that none allocates.
+    batch: Vec<Piece>,
     /// The device's limits; a test may make them smaller.
     pub(super) limits: Limits,
+    /// Memory that is the host's too is written and read in place; a test may have it staged all the same.
+    pub(super) in_place: bool,
     pub(super) device: Arc<Device>,
 }
 
@@ -33,7 +38,8 @@ impl Gpu {
         let recorder = Recorder::new(&device)?;
         let pipelines = Pipelines::new(&device, options.cache.as_deref())?;
         let limits = device.report.limits;
-        Ok(Self { recorder, pipelines, up: None, down: None, limits, device })
+        let batch = Vec::with_capacity(64);
+        Ok(Self { recorder, pipelines, up: None, down: None, batch, limits, in_place: true, device })
     }
 
     pub(super) fn limits(&self) -> &Limits {
@@ -57,7 +63,7 @@ impl Gpu {
     /// A block in the device's own memory that holds `data`.
     pub(super) fn filled(&mut self, data: &[u8], what: &str) -> Result<Block, EngineError> {
         let block = self.block(data.len() as u64, what)?;
-        self.upload(&block, data, &[(0, 0, data.len() as u64)])?;
+        self.upload(&block, data, [(0, 0, data.len() as u64)])?;
         Ok(block)
     }
 
@@ -71,51 +77,81 @@ impl Gpu {
         self.pipelines.get(module, bindings, constants)
     }
 
-    /// Copies pieces of `data`, given as (from, to, bytes), multiples of 4, into a block, and waits.
-    pub(super) fn upload(&mut self, to: &Block, data: &[u8], pieces: &[(u64, u64, u64)]) -> Result<(), EngineError> {
+    /// Copies pieces of `data`, multiples of 4 bytes, into a block: by the host where the memory is the host's too, on
+    /// all cores.
+    pub(super) fn put(
+        &mut self,
+        to: &mut Block,
+        data: &[u8],
+        pieces: impl IntoIterator<Item = Piece>,
+    ) -> Result<(), EngineError> {
+        if !(self.in_place && to.is_the_hosts_too()) {
+            return self.upload(to, data, pieces);
+        }
+        let bytes = to.bytes_mut();
+        for (from, to, size) in pieces {
+            copy(&mut bytes[to as usize..][..size as usize], &data[from as usize..][..size as usize]);
+        }
+        Ok(())
+    }
+
+    /// Copies pieces of a block, multiples of 4 bytes, into `data`: as [`put`](Self::put) does.
+    pub(super) fn fetch(
+        &mut self,
+        from: &Block,
+        data: &mut [u8],
+        pieces: impl IntoIterator<Item = Piece>,
+    ) -> Result<(), EngineError> {
+        if !(self.in_place && from.is_the_hosts_too()) {
+            return self.download(from, data, pieces);
+        }
+        let bytes = from.bytes();
+        for (from, to, size) in pieces {
+            copy(&mut data[to as usize..][..size as usize], &bytes[from as usize..][..size as usize]);
+        }
+        Ok(())
+    }
+
+    /// Copies pieces of `data`, multiples of 4 bytes, into a block, and waits.
+    pub(super) fn upload(
+        &mut self,
+        to: &Block,
+        data: &[u8],
+        pieces: impl IntoIterator<Item = Piece>,
+    ) -> Result<(), EngineError> {
         let mut stage = match self.up.take() {
             Some(stage) => stage,
             None => Block::new(&self.device, STAGE, MemoryLocation::CpuToGpu, "staging")?,
         };
-        let result = batches(pieces, |batch| {
-            let mut copies = Vec::with_capacity(batch.len());
-            let mut at = 0;
-            for &(from, to, size) in batch {
+        let result = batches(pieces, &mut self.batch, |batch| {
+            for ((from, _, size), at) in staged(batch) {
                 stage.bytes_mut()[at as usize..][..size as usize]
                     .copy_from_slice(&data[from as usize..][..size as usize]);
-                copies.push((at, to, size));
-                at += size;
             }
             self.recorder.begin(0)?;
-            self.recorder.copy(&stage, to, &copies);
+            self.recorder.copy(&stage, to, staged(batch).map(|((_, to, size), at)| (at, to, size)));
             self.recorder.submit("an upload").map(drop)
         });
         self.up = Some(stage);
         result
     }
 
-    /// Copies pieces of a block, given as (from, to, bytes), multiples of 4, into `data`.
+    /// Copies pieces of a block, multiples of 4 bytes, into `data`.
     pub(super) fn download(
         &mut self,
         from: &Block,
         data: &mut [u8],
-        pieces: &[(u64, u64, u64)],
+        pieces: impl IntoIterator<Item = Piece>,
     ) -> Result<(), EngineError> {
         let stage = match self.down.take() {
             Some(stage) => stage,
             None => Block::new(&self.device, STAGE, MemoryLocation::GpuToCpu, "staging")?,
         };
-        let result = batches(pieces, |batch| {
-            let mut copies = Vec::with_capacity(batch.len());
-            let mut at = 0;
-            for &(from, _, size) in batch {
-                copies.push((from, at, size));
-                at += size;
-            }
+        let result = batches(pieces, &mut self.batch, |batch| {
             self.recorder.begin(0)?;
-            self.recorder.copy(from, &stage, &copies);
+            self.recorder.copy(from, &stage, staged(batch).map(|((from, _, size), at)| (from, at, size)));
             self.recorder.submit("a download")?;
-            for (&(_, to, size), &(_, at, _)) in batch.iter().zip(&copies) {
+            for ((_, to, size), at) in staged(batch) {
                 data[to as usize..][..size as usize].copy_from_slice(&stage.bytes()[at as usize..][..size as usize]);
             }
             Ok(())
@@ -125,25 +161,44 @@ impl Gpu {
     }
 }
 
-/// Cuts the pieces so that each batch fits the stage.
+/// Bytes that a thread copies at once.
+const PART: usize = 256 << 10;
+
+/// Copies on all cores.
+fn copy(to: &mut [u8], from: &[u8]) {
+    to.par_chunks_mut(PART).zip(from.par_chunks(PART)).for_each(|(to, from)| to.copy_from_slice(from));
+}
+
+/// The pieces of a batch, one behind the other on the stage: each with its place there.
+fn staged(batch: &[Piece]) -> impl Iterator<Item = (Piece, u64)> {
+    batch.iter().scan(0, |end, piece| {
+        let at = *end;
+        *end += piece.2;
+        Some((*piece, at))
+    })
+}
+
+/// Cuts the pieces so that each batch fits the stage. `batch`: room for one.
 fn batches(
-    pieces: &[(u64, u64, u64)],
-    mut run: impl FnMut(&[(u64, u64, u64)]) -> Result<(), EngineError>,
+    pieces: impl IntoIterator<Item = Piece>,
+    batch: &mut Vec<Piece>,
+    mut run: impl FnMut(&[Piece]) -> Result<(), EngineError>,
 ) -> Result<(), EngineError> {
-    let (mut batch, mut held) = (Vec::new(), 0);
-    for &(mut from, mut to, mut size) in pieces {
+    batch.clear();
+    let mut held = 0;
+    for (mut from, mut to, mut size) in pieces {
         while size > 0 {
             let part = size.min(STAGE - held);
             batch.push((from, to, part));
             (from, to, size, held) = (from + part, to + part, size - part, held + part);
             if held == STAGE {
-                run(&batch)?;
+                run(batch)?;
                 batch.clear();
                 held = 0;
             }
         }
     }
-    if batch.is_empty() { Ok(()) } else { run(&batch) }
+    if batch.is_empty() { Ok(()) } else { run(batch) }
 }
 
 #[cfg(test)]
@@ -154,7 +209,7 @@ mod tests {
     fn batches_hold_everything_once_and_fit_the_stage() {
         let pieces = [(0, 7, 5), (5, 100, 2 * STAGE + 3), (3 * STAGE, 0, 0), (4 * STAGE, 9 * STAGE, STAGE)];
         let mut seen = Vec::new();
-        batches(&pieces, |batch| {
+        batches(pieces, &mut Vec::new(), |batch| {
             assert!(batch.iter().map(|p| p.2).sum::<u64>() <= STAGE);
             seen.extend_from_slice(batch);
             Ok(())

@@ -3,7 +3,7 @@
 use super::super::{EngineError, Lane, Shape, Step, Storage};
 use super::device::Block;
 use super::gpu::Gpu;
-use super::recorder::Range;
+use super::recorder::{Piece, Range};
 use eyebox_kernels::{exposure, half};
 use std::ops::Range as Lanes;
 
@@ -76,30 +76,34 @@ impl Layout {
         (largest / self.step().max(1)) as usize
     }
 
-    /// Pieces as (place in the packed data, place in the block, bytes).
-    pub(super) fn pieces(&self) -> Vec<(u64, u64, u64)> {
-        let bytes = self.frame_bytes() as u64;
-        (0..self.frames as u64).map(|f| (f * bytes, self.offset + f * self.step(), bytes)).collect()
+    /// Pieces from the packed data to the block.
+    pub(super) fn pieces(&self) -> impl Iterator<Item = Piece> + use<> {
+        let (layout, bytes) = (*self, self.frame_bytes() as u64);
+        (0..layout.frames as u64).map(move |f| (f * bytes, layout.offset + f * layout.step(), bytes))
+    }
+
+    /// Pieces from the block to the packed data.
+    pub(super) fn pieces_back(&self) -> impl Iterator<Item = Piece> + use<> {
+        self.pieces().map(|(host, device, bytes)| (device, host, bytes))
     }
 
     /// Fills the frames with packed data.
     pub(super) fn write(&self, gpu: &mut Gpu, block: &Block, data: &[f32]) -> Result<(), EngineError> {
         match self.value {
-            Value::Complex(Storage::F16) => gpu.upload(block, bytemuck::cast_slice(&half::pack(data)), &self.pieces()),
-            _ => gpu.upload(block, bytemuck::cast_slice(data), &self.pieces()),
+            Value::Complex(Storage::F16) => gpu.upload(block, bytemuck::cast_slice(&half::pack(data)), self.pieces()),
+            _ => gpu.upload(block, bytemuck::cast_slice(data), self.pieces()),
         }
     }
 
     /// The frames, packed.
     pub(super) fn read(&self, gpu: &mut Gpu, block: &Block) -> Result<Vec<f32>, EngineError> {
-        let pieces: Vec<_> = self.pieces().into_iter().map(|(host, device, bytes)| (device, host, bytes)).collect();
         if self.value == Value::Complex(Storage::F16) {
             let mut bits = vec![0u16; self.floats()];
-            gpu.download(block, bytemuck::cast_slice_mut(&mut bits), &pieces)?;
+            gpu.download(block, bytemuck::cast_slice_mut(&mut bits), self.pieces_back())?;
             return Ok(half::unpack(&bits));
         }
         let mut data = vec![0.0f32; self.floats()];
-        gpu.download(block, bytemuck::cast_slice_mut(&mut data), &pieces)?;
+        gpu.download(block, bytemuck::cast_slice_mut(&mut data), self.pieces_back())?;
         Ok(data)
     }
 }

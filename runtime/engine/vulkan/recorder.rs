@@ -29,6 +29,12 @@ impl Block {
     }
 }
 
+/// Buffers that a kernel sees at most.
+const MOST_BUFFERS: usize = 16;
+
+/// Bytes to be copied: from where, to where, how many.
+pub(super) type Piece = (u64, u64, u64);
+
 /// Descriptor sets per pool.
 const SETS: u32 = 512;
 
@@ -37,15 +43,19 @@ pub(super) struct Recorder {
     command: vk::CommandBuffer,
     done: vk::Semaphore,
     pub(super) submitted: u64,
-    /// The number of submissions from which on a test's driver says that the device was lost.
+    /// What a test's driver says from a number of submissions on.
     #[cfg(test)]
-    pub(super) lost_from: Option<u64>,
+    pub(super) fails_from: Option<(u64, vk::Result)>,
     sets: Vec<vk::DescriptorPool>,
     /// The pool in use, and how many sets it gave.
     used: (usize, u32),
     queries: vk::QueryPool,
     capacity: u32,
     marks: Vec<usize>,
+    /// Kept from submission to submission, so that the steady state allocates nothing.
+    ticks: Vec<u64>,
+    times: Vec<(usize, f64)>,
+    regions: Vec<vk::BufferCopy>,
     recording: bool,
     /// The driver's `vkQueueSubmit`: where it first says that the device was lost.
     pub(super) queue_submit: vk::PFN_vkQueueSubmit,
@@ -62,12 +72,15 @@ impl Recorder {
             done: vk::Semaphore::null(),
             submitted: 0,
             #[cfg(test)]
-            lost_from: None,
+            fails_from: None,
             sets: Vec::new(),
             used: (0, 0),
             queries: vk::QueryPool::null(),
             capacity: 0,
             marks: Vec::new(),
+            ticks: Vec::new(),
+            times: Vec::new(),
+            regions: Vec::new(),
             recording: false,
             queue_submit: device.raw.fp_v1_0().queue_submit,
             modern: device.synchronization2.clone(),
@@ -141,34 +154,30 @@ impl Recorder {
         groups: [u32; 3],
     ) -> Result<(), EngineError> {
         debug_assert!(self.recording && push.len() <= PUSH_BYTES as usize && push.len().is_multiple_of(4));
-        debug_assert_eq!(buffers.len(), pipeline.bindings as usize);
+        debug_assert!(buffers.len() == pipeline.bindings as usize && buffers.len() <= MOST_BUFFERS);
         if groups.contains(&0) {
             return Ok(());
         }
         let set = self.set(pipeline.set_layout)?;
-        let infos: Vec<[vk::DescriptorBufferInfo; 1]> = buffers
-            .iter()
-            .map(|b| {
-                debug_assert!(b.offset.is_multiple_of(self.device.report.limits.offset_alignment));
-                debug_assert!(b.size <= self.device.report.limits.storage_range);
-                [vk::DescriptorBufferInfo { buffer: b.block.raw, offset: b.offset, range: b.size }]
-            })
-            .collect();
-        let writes: Vec<_> = infos
-            .iter()
-            .enumerate()
-            .map(|(i, info)| {
-                vk::WriteDescriptorSet::default()
-                    .dst_set(set)
-                    .dst_binding(i as u32)
-                    .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
-                    .buffer_info(info)
-            })
-            .collect();
+        let mut infos = [[vk::DescriptorBufferInfo::default()]; MOST_BUFFERS];
+        for (info, b) in infos.iter_mut().zip(buffers) {
+            debug_assert!(b.offset.is_multiple_of(self.device.report.limits.offset_alignment));
+            debug_assert!(b.size <= self.device.report.limits.storage_range);
+            *info = [vk::DescriptorBufferInfo { buffer: b.block.raw, offset: b.offset, range: b.size }];
+        }
+        let mut writes = [vk::WriteDescriptorSet::default(); MOST_BUFFERS];
+        for ((i, write), info) in writes.iter_mut().enumerate().zip(&infos) {
+            *write = vk::WriteDescriptorSet::default()
+                .dst_set(set)
+                .dst_binding(i as u32)
+                .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
+                .buffer_info(info);
+        }
+        let writes = &writes[..buffers.len().min(MOST_BUFFERS)];
         let raw = &self.device.raw;
         // SAFETY: the set is fresh from its pool; blocks outlive the submission, which is waited for.
         unsafe {
-            raw.update_descriptor_sets(&writes, &[]);
+            raw.update_descriptor_sets(writes, &[]);
             raw.cmd_bind_pipeline(self.command, vk::PipelineBindPoint::COMPUTE, pipeline.raw);
             let point = vk::PipelineBindPoint::COMPUTE;
             raw.cmd_bind_descriptor_sets(self.command, point, pipeline.layout, 0, &[set], &[]);
@@ -226,16 +235,14 @@ impl Recorder {
         unsafe { self.device.raw.cmd_fill_buffer(self.command, range.block.raw, range.offset, range.size, 0) };
     }
 
-    /// Copies pieces, given as (from, to, bytes).
-    pub(super) fn copy(&mut self, from: &Block, to: &Block, pieces: &[(u64, u64, u64)]) {
-        let regions: Vec<_> = pieces
-            .iter()
-            .filter(|p| p.2 > 0)
-            .map(|&(src_offset, dst_offset, size)| vk::BufferCopy { src_offset, dst_offset, size })
-            .collect();
-        if !regions.is_empty() {
+    /// Copies pieces.
+    pub(super) fn copy(&mut self, from: &Block, to: &Block, pieces: impl IntoIterator<Item = Piece>) {
+        self.regions.clear();
+        let region = |(src_offset, dst_offset, size)| vk::BufferCopy { src_offset, dst_offset, size };
+        self.regions.extend(pieces.into_iter().filter(|p| p.2 > 0).map(region));
+        if !self.regions.is_empty() {
             // SAFETY: the command buffer is being recorded; the pieces lie inside the blocks.
-            unsafe { self.device.raw.cmd_copy_buffer(self.command, from.raw, to.raw, &regions) };
+            unsafe { self.device.raw.cmd_copy_buffer(self.command, from.raw, to.raw, &self.regions) };
         }
     }
 
@@ -251,7 +258,7 @@ impl Recorder {
     }
 
     /// Runs what was recorded and waits. Returns (label, seconds) per mark; `during` is what an error names.
-    pub(super) fn submit(&mut self, during: &str) -> Result<Vec<(usize, f64)>, EngineError> {
+    pub(super) fn submit(&mut self, during: &str) -> Result<&[(usize, f64)], EngineError> {
         self.wait(true);
         self.recording = false;
         let raw = &self.device.raw;
@@ -271,30 +278,34 @@ impl Recorder {
             let submitted = (self.queue_submit)(device.queue, 1, info.as_ptr(), vk::Fence::null());
             submitted.result().map_err(error("vkQueueSubmit"))?;
             #[cfg(test)]
-            if self.lost_from.is_some_and(|from| self.submitted >= from) {
+            if let Some((_, fault)) = self.fails_from.filter(|(from, _)| self.submitted >= *from) {
                 let _ = raw.wait_semaphores(&wait, u64::MAX);
                 self.submitted += 1;
-                return Err(device.error("vkQueueSubmit", during, vk::Result::ERROR_DEVICE_LOST));
+                return Err(device.error("vkQueueSubmit", during, fault));
             }
             raw.wait_semaphores(&wait, u64::MAX).map_err(error("vkWaitSemaphores"))?;
         }
         self.submitted += 1;
-        self.times().map_err(error("vkGetQueryPoolResults"))
+        self.read_times().map_err(|e| self.device.error("vkGetQueryPoolResults", during, e))?;
+        Ok(&self.times)
     }
 
-    fn times(&self) -> Result<Vec<(usize, f64)>, vk::Result> {
+    fn read_times(&mut self) -> Result<(), vk::Result> {
+        self.times.clear();
         if self.marks.is_empty() {
-            return Ok(Vec::new());
+            return Ok(());
         }
-        let mut ticks = vec![0u64; self.marks.len() + 1];
+        self.ticks.clear();
+        self.ticks.resize(self.marks.len() + 1, 0);
         if self.has_timestamps() {
             let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
             // SAFETY: these queries were written by the submission that was just waited for.
-            unsafe { self.device.raw.get_query_pool_results(self.queries, 0, &mut ticks, flags)? };
+            unsafe { self.device.raw.get_query_pool_results(self.queries, 0, &mut self.ticks, flags)? };
         }
         let period = f64::from(self.device.report.limits.timestamp_period) * 1e-9;
-        let seconds = ticks.windows(2).map(|t| t[1].saturating_sub(t[0]) as f64 * period);
-        Ok(self.marks.iter().copied().zip(seconds).collect())
+        let seconds = self.ticks.windows(2).map(|t| t[1].saturating_sub(t[0]) as f64 * period);
+        self.times.extend(self.marks.iter().copied().zip(seconds));
+        Ok(())
     }
 
     fn has_timestamps(&self) -> bool {
@@ -319,8 +330,11 @@ impl Recorder {
         let layouts = [layout];
         let info =
             vk::DescriptorSetAllocateInfo::default().descriptor_pool(self.sets[self.used.0]).set_layouts(&layouts);
-        // SAFETY: the pool has room for this set.
-        let set = unsafe { raw.allocate_descriptor_sets(&info) }.map_err(error("vkAllocateDescriptorSets"))?[0];
+        let mut set = vk::DescriptorSet::null();
+        // Not through ash, which makes a list of the one.
+        let allocate = raw.fp_v1_0().allocate_descriptor_sets;
+        // SAFETY: the pool has room for this set, and one is asked for.
+        unsafe { allocate(raw.handle(), &info, &mut set) }.result().map_err(error("vkAllocateDescriptorSets"))?;
         self.used.1 += 1;
         Ok(set)
     }

@@ -102,7 +102,7 @@ impl Tables {
     /// Records the copy to the device; a barrier must follow.
     pub(super) fn record(&self, gpu: &mut Gpu) {
         if let (Some(stage), Some(block)) = (&self.stage, &self.block) {
-            gpu.recorder.copy(stage, block, &[(0, 0, self.packed.len() as u64)]);
+            gpu.recorder.copy(stage, block, [(0, 0, self.packed.len() as u64)]);
         }
     }
 

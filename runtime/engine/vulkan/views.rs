@@ -58,7 +58,7 @@ impl Views {
                 let count = views.len() / values;
                 let block = gpu.block((2 * stride * count) as u64, "views")?;
                 let piece = |i: usize| ((2 * i * values) as u64, (2 * i * stride) as u64, 2 * values as u64);
-                gpu.upload(&block, bytemuck::cast_slice(views), &(0..count).map(piece).collect::<Vec<_>>())?;
+                gpu.upload(&block, bytemuck::cast_slice(views), (0..count).map(piece))?;
                 blocks.push(block);
             }
             levels.push(Level { height: level.height, width: level.width, stride, share, blocks });

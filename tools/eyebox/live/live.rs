@@ -250,10 +250,10 @@ fn show(
         status.show(&account, &source, live.counts(), clock.now_ns() - begun_ns);
     };
     status.clear();
-    let left = if ended.is_ok() { player.finish(output.presenter()) } else { Ok(()) };
+    let how = *ended.as_ref().unwrap_or(&"an error");
+    let ended = player.end(output.presenter(), ended);
     let seconds = (clock.now_ns() - begun_ns) as f64 / 1e9;
     let report = Report::new(player.scheduler(), player.timing(), seconds, planes);
-    let how = *ended.as_ref().unwrap_or(&"an error");
     let ([new, repeated], counts) = (source.counts(), live.counts());
     account.summary(&report, how, [new, repeated], counts);
     let mut lanes: Vec<Lane> = vec![player.into_lane()];
@@ -279,8 +279,7 @@ fn show(
             eprintln!("note: {left_out} pictures were not kept: the disk was slower than the display");
         }
     }
-    ended.map_err(lost)?;
-    left.map_err(lost)
+    ended.map(drop).map_err(lost)
 }
 
 fn memory() -> Value {

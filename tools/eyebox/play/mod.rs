@@ -270,13 +270,11 @@ fn play(args: &Play, opened: Opened, clock: Rc<dyn Clock>, presenter: &mut dyn P
     };
     tell(&mut stream, &mut status);
     status.clear();
-    // Whatever ended it, the display is left on the idle picture, if it still takes one.
-    let lost_display = matches!(ended, Err(PlaybackError::Presenter { .. }));
-    let left = if lost_display { Ok(()) } else { player.finish(presenter) };
+    let how = *ended.as_ref().unwrap_or(&"an error");
+    let ended = player.end(presenter, ended);
     let seconds = (clock.now_ns() - begun_ns) as f64 / 1e9;
     let report = Report::new(player.scheduler(), player.timing(), seconds, planes);
     let margin_ms = player.pacer().margin_ns() as f64 / 1e6;
-    let how = *ended.as_ref().unwrap_or(&"an error");
     summary(&report, how);
     let mut lanes: Vec<Lane> = vec![player.into_lane()];
     lanes.extend(stream.stop());
@@ -298,7 +296,7 @@ fn play(args: &Play, opened: Opened, clock: Rc<dyn Clock>, presenter: &mut dyn P
     if let Some(recorder) = recorder {
         recorder.finish()?;
     }
-    let played = ended.map(drop).and(left).map_err(lost);
+    let played = ended.map(drop).map_err(lost);
     watched.map_or(Ok(()), |messages| checked(Ok(()), &messages)).and(played)
 }
 
@@ -390,4 +388,16 @@ fn peak_memory_mib() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|l| l.starts_with("VmHWM:"))?;
     line.split_whitespace().nth(1)?.parse::<f64>().ok().map(|kib| kib / 1024.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_display_that_goes_away_and_a_thread_that_fails_have_codes_of_their_own() {
+        let gone = PlaybackError::Presenter { presenter: "the window".into(), reason: "it is gone".into() };
+        let failed = PlaybackError::Thread { what: "encodes", reason: "failed".into() };
+        assert_eq!((lost(gone).code(), lost(failed).code()), (3, 2));
+    }
 }

@@ -45,3 +45,10 @@ pub fn refused(folder: &Path, args: &[&str], out: &str, what: &str) {
 pub fn folder() -> tempfile::TempDir {
     tempfile::tempdir().expect("a temporary folder")
 }
+
+/// Asks a process twice to stop, as two ctrl-Cs do. Of two kinds, for two of one kind that come at once are one.
+#[cfg(unix)]
+pub fn interrupt_twice(id: u32) {
+    let both = format!("kill -INT {id}; kill -TERM {id}");
+    assert!(Command::new("sh").args(["-c", &both]).status().expect("sh").success(), "{id} has ended");
+}

@@ -84,15 +84,15 @@ impl Transforms {
         let stride = (value * one as u64).next_multiple_of(alignment.max(2 * value)) / value;
         let size = offset + value * stride * count as u64;
         let bytes = value * one as u64;
-        let mut pieces: Vec<_> = (0..count as u64).map(|i| (bytes * i, offset + value * stride * i, bytes)).collect();
+        let pieces = move || (0..count as u64).map(move |i| (bytes * i, offset + value * stride * i, bytes));
         let block = match self.block.take() {
             Some(block) if block.size >= size => block,
             _ => self.gpu.block(size, "frames to be transformed")?,
         };
         let numbers: &mut [f32] = bytemuck::cast_slice_mut(frames);
         match self.storage {
-            Storage::F32 => self.gpu.upload(&block, bytemuck::cast_slice(numbers), &pieces)?,
-            Storage::F16 => self.gpu.upload(&block, bytemuck::cast_slice(&half::pack(numbers)), &pieces)?,
+            Storage::F32 => self.gpu.upload(&block, bytemuck::cast_slice(numbers), pieces())?,
+            Storage::F16 => self.gpu.upload(&block, bytemuck::cast_slice(&half::pack(numbers)), pieces())?,
         }
         self.fft.prepare(&mut self.gpu, [height, width], self.storage)?;
         self.gpu.recorder.begin(64 * count)?;
@@ -102,16 +102,14 @@ impl Transforms {
         self.fft.record(&mut self.gpu, work, direction, columns)?;
         let names = self.fft.marks.take().unwrap_or_default();
         let start = Instant::now();
-        let times = self.gpu.recorder.submit("transforms")?;
+        let times = self.gpu.recorder.submit("transforms")?.to_vec();
         let whole = start.elapsed().as_secs_f64();
-        for piece in &mut pieces {
-            *piece = (piece.1, piece.0, piece.2);
-        }
+        let back = pieces().map(|(host, device, bytes)| (device, host, bytes));
         match self.storage {
-            Storage::F32 => self.gpu.download(&block, bytemuck::cast_slice_mut(numbers), &pieces)?,
+            Storage::F32 => self.gpu.download(&block, bytemuck::cast_slice_mut(numbers), back)?,
             Storage::F16 => {
                 let mut bits = vec![0u16; numbers.len()];
-                self.gpu.download(&block, bytemuck::cast_slice_mut(&mut bits), &pieces)?;
+                self.gpu.download(&block, bytemuck::cast_slice_mut(&mut bits), back)?;
                 numbers.copy_from_slice(&half::unpack(&bits));
             }
         }
