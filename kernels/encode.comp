@@ -3,7 +3,9 @@
 
 // The levels of one colour's sub-frames at their bits: frame = the first's, frame |= the others'. An invocation takes
 // four pixels of a row, all their cells: whole words of the video frame, whose rows are padded to them. x: those fours
-// (64 invocations), y: row of pixels (strided).
+// (64 invocations), y: row of pixels (strided). Where rows follow each other on both sides, there are no rows: x counts
+// fours, or fours of fours, of all the picture (strided).
+// What a run puts where is known when it is compiled: no invocation looks it up.
 // The float operations are exact, all others are of integers: the twin has the same bytes.
 
 layout(local_size_x = 64) in;
@@ -14,7 +16,7 @@ layout(constant_id = 2) const bool has_offsets = false;
 layout(constant_id = 3) const uint cell_rows = 1;
 layout(constant_id = 4) const uint cell_columns = 1;
 layout(constant_id = 5) const uint levels = 256;
-// Entries of this run: known when compiled, so that they are read once for all invocations.
+// Entries of this run.
 layout(constant_id = 6) const uint count = 1;
 // Whether a run came before it in this frame; the first writes all of it.
 layout(constant_id = 7) const bool follows = false;
@@ -22,24 +24,60 @@ layout(constant_id = 7) const bool follows = false;
 layout(constant_id = 8) const bool aligned = false;
 // Every entry takes all bits of the level.
 layout(constant_id = 9) const bool entire = false;
-
-// Sub-frame (8 bits), mask (8), from, to, channel (4 each).
-layout(std430, binding = 0) readonly buffer Slots { uint slots[]; };
-layout(std430, binding = 1) readonly buffer Phases { float phases[]; };
-layout(std430, binding = 1) readonly buffer Fours { vec4 fours[]; };
-layout(std430, binding = 2) readonly buffer Offsets { uint offsets[]; };
+// Values from one sub-frame to the next.
+layout(constant_id = 10) const uint stride = 0;
+// 0: row by row; 1: rows follow each other in the hologram and in the frame; 2: and one entry fills whole words of the
+// frame, four of which are written at once.
+layout(constant_id = 11) const uint flat_words = 0;
+// Entries: sub-frame (8 bits), mask (8), from, to, channel (4 each).
+layout(constant_id = 12) const uint entry0 = 0;
+layout(constant_id = 13) const uint entry1 = 0;
+layout(constant_id = 14) const uint entry2 = 0;
+layout(constant_id = 15) const uint entry3 = 0;
+layout(constant_id = 16) const uint entry4 = 0;
+layout(constant_id = 17) const uint entry5 = 0;
+layout(constant_id = 18) const uint entry6 = 0;
+layout(constant_id = 19) const uint entry7 = 0;
+layout(constant_id = 20) const uint entry8 = 0;
+layout(constant_id = 21) const uint entry9 = 0;
+layout(constant_id = 22) const uint entry10 = 0;
+layout(constant_id = 23) const uint entry11 = 0;
+layout(constant_id = 24) const uint entry12 = 0;
+layout(constant_id = 25) const uint entry13 = 0;
+layout(constant_id = 26) const uint entry14 = 0;
+layout(constant_id = 27) const uint entry15 = 0;
+layout(constant_id = 28) const uint entry16 = 0;
+layout(constant_id = 29) const uint entry17 = 0;
+layout(constant_id = 30) const uint entry18 = 0;
+layout(constant_id = 31) const uint entry19 = 0;
+layout(constant_id = 32) const uint entry20 = 0;
+layout(constant_id = 33) const uint entry21 = 0;
+layout(constant_id = 34) const uint entry22 = 0;
+layout(constant_id = 35) const uint entry23 = 0;
+layout(std430, binding = 0) readonly buffer Phases { float phases[]; };
+layout(std430, binding = 0) readonly buffer Fours { vec4 fours[]; };
+layout(std430, binding = 1) readonly buffer Offsets { uint offsets[]; };
 // Four entries a word.
-layout(std430, binding = 3) readonly buffer Table { uint table[]; };
-layout(std430, binding = 4) buffer Frame { uint frame[]; };
+layout(std430, binding = 2) readonly buffer Table { uint table[]; };
+layout(std430, binding = 3) buffer Frame { uint frame[]; };
+layout(std430, binding = 3) buffer Wide { uvec4 wide[]; };
 void put(uint word, uint bits) {
     frame[word] = follows ? frame[word] | bits : bits;
 }
 
 layout(push_constant) uniform Args {
     uint height, width, first, step_y, step_x, shift_y, shift_x, rows, columns, bytes, flips;
-    // The first entry; values from one sub-frame to the next; the code's bit of each cell, 4 bits each.
-    uint first_slot, stride, cells;
+    // The code's bit of each cell, 4 bits each.
+    uint cells;
 };
+
+// Folded, where `k` is known when compiled.
+uint entry(uint k) {
+    const uint all[24] = uint[](
+        entry0, entry1, entry2, entry3, entry4, entry5, entry6, entry7, entry8, entry9, entry10, entry11, entry12,
+        entry13, entry14, entry15, entry16, entry17, entry18, entry19, entry20, entry21, entry22, entry23);
+    return all[k];
+}
 
 uint turns(float phase) {
     float nearest = roundEven(phase);
@@ -62,7 +100,56 @@ uint level_of(uint t) {
     return (table[at >> 2] >> (8 * (at & 3))) & 255u;
 }
 
+// What an entry takes of the level of a phase, at its place in the pixel.
+uint bits_of(uint place, float phase, uint offset) {
+    uint level = level_of(turns(phase) + offset), to = 8 * (place & 15) + ((place >> 4) & 15);
+    return (entire ? level : (level >> ((place >> 8) & 15)) & ((place >> 16) & 255u)) << to;
+}
+
+uint offset_at(uint pixel) {
+    return has_offsets ? offsets[pixel] : 0;
+}
+
+// The bytes of four pixels.
+uint joined(uvec4 p) {
+    return p.x | p.y << 8 | p.z << 16 | p.w << 24;
+}
+
+// Four pixels of an entry.
+uvec4 four_of(uint place, uint four) {
+    vec4 phase = fours[(place >> 24) * (stride / 4) + four];
+    uvec4 p;
+    [[unroll]] for (uint i = 0; i < 4; i++) p[i] = bits_of(place, phase[i], offset_at(4 * four + i));
+    return p;
+}
+
+void put_fours(uint four) {
+    uvec4 p = uvec4(0);
+    [[unroll]] for (uint k = 0; k < count; k++) p |= four_of(entry(k), four);
+    if (channels == 1) {
+        put(four, joined(p));
+    } else {
+        put(3 * four, p.x | p.y << 24);
+        put(3 * four + 1, p.y >> 8 | p.z << 16);
+        put(3 * four + 2, p.z >> 16 | p.w << 8);
+    }
+}
+
+void put_wide(uint word) {
+    uvec4 words;
+    [[unroll]] for (uint j = 0; j < 4; j++) words[j] = joined(four_of(entry(0), 4 * word + j));
+    wide[word] = words;
+}
+
 void main() {
+    if (flat_words != 0) {
+        uint all = width / 4 * height / (flat_words == 2 ? 4 : 1);
+        for (uint i = gl_GlobalInvocationID.x; i < all; i += 64 * gl_NumWorkGroups.x) {
+            if (flat_words == 2) put_wide(i);
+            else put_fours(i);
+        }
+        return;
+    }
     uint four = gl_GlobalInvocationID.x;
     if (4 * four >= width) return;
     const uint across = 4 * cell_columns;
@@ -79,15 +166,14 @@ void main() {
             uint xx = x + shift_x;
             xx = xx >= width ? xx - width : xx;
             source[i] = first + yy * step_y + xx * step_x;
-            offset[i] = has_offsets ? offsets[y * width + x] : 0;
+            offset[i] = offset_at(y * width + x);
         }
         // Words of the video frame's pixels: cell rows of four pixels' cell columns, at most 16.
         uint pixel[16];
         [[unroll]] for (uint i = 0; i < 16; i++) pixel[i] = 0;
         [[unroll]] for (uint k = 0; k < count; k++) {
-            uint slot = slots[first_slot + k];
-            uint base = (slot >> 24) * stride, mask = (slot >> 16) & 255u;
-            uint from = (slot >> 8) & 15, to = 8 * (slot & 15) + ((slot >> 4) & 15);
+            uint place = entry(k);
+            uint base = (place >> 24) * stride, to = 8 * (place & 15) + ((place >> 4) & 15);
             vec4 phase;
             if (aligned) {
                 phase = fours[(base + source[0]) / 4];
@@ -95,10 +181,10 @@ void main() {
                 [[unroll]] for (uint i = 0; i < 4; i++) phase[i] = phases[base + source[i]];
             }
             [[unroll]] for (uint i = 0; i < 4; i++) {
-                uint level = level_of(turns(phase[i]) + offset[i]);
                 if (cell_rows * cell_columns == 1) {
-                    pixel[i] |= (entire ? level : (level >> from) & mask) << to;
+                    pixel[i] |= bits_of(place, phase[i], offset[i]);
                 } else {
+                    uint level = level_of(turns(phase[i]) + offset[i]);
                     [[unroll]] for (uint j = 0; j < cell_rows; j++) {
                         [[unroll]] for (uint c = 0; c < cell_columns; c++) {
                             // A flip of the video frame changes the places of cells too.

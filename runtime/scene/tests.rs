@@ -171,6 +171,7 @@ fn built_in_names_and_parameters_are_checked() {
         "chart?depth=1",
         "plane?brightness=0",
         "plane?span=-1",
+        "plane?camera=1e5",
         "plane?x=1",
     ] {
         assert!(fails(&format!("builtin:{bad}"), &request).contains(bad), "{bad}");
@@ -188,6 +189,27 @@ fn built_in_names_and_parameters_are_checked() {
     ] {
         assert!(matches!(load("builtin:plane", &bad), Err(SceneError::Request { .. })), "{bad:?}");
     }
+}
+
+/// One view's distance to the right, a camera sees in each view what was in the next one to the right.
+#[test]
+fn a_camera_that_stands_aside_sees_the_neighbouring_views() {
+    let display = display(64, 64);
+    let request = Request { views: 3, view_pitch: Some(4e-3), ..Request::new(&display, &GREEN) };
+    let (here, aside) =
+        (load("builtin:still-life", &request).unwrap(), load("builtin:still-life?camera=4", &request).unwrap());
+    let apart = |a: usize, b: usize| {
+        let (a, b) = (&aside.planes[0][a], &here.planes[0][b]);
+        a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f32>() / a.len() as f32
+    };
+    for (row, column) in (0..3).flat_map(|r| (0..2).map(move |c| (r, c))) {
+        let view = 3 * row + column;
+        // Textures are made on grids that begin elsewhere, as margins differ.
+        assert!(apart(view, view + 1) < 4e-3, "{view}: {}", apart(view, view + 1));
+        assert!(apart(view, view) > 2.0 * apart(view, view + 1), "{view}: {}", apart(view, view));
+    }
+    assert_eq!((aside.depth, aside.disparity), (here.depth, here.disparity));
+    assert!(fails("builtin:still-life?camera=2000", &request).contains("camera"));
 }
 
 // Folders.

@@ -6,7 +6,7 @@
 
 use super::super::EngineError;
 use super::instance::{Instance, Messages};
-use super::screen::{choose, failed};
+use super::shown::{choose, failed, opaque, plain, record_picture};
 use super::target::{WindowHandle, make_surface};
 use ash::{khr, vk};
 use std::ffi::CStr;
@@ -179,18 +179,11 @@ impl Canvas {
             return Ok(false);
         }
         // Pictures are sRGB already.
-        let plain = [vk::Format::B8G8R8A8_UNORM, vk::Format::R8G8B8A8_UNORM];
-        let format = formats
-            .iter()
-            .find(|f| plain.contains(&f.format) && f.color_space == vk::ColorSpaceKHR::SRGB_NONLINEAR)
-            .ok_or_else(|| unsuitable("the window offers no UNORM format of 8 bits"))?;
+        let format = plain(&formats).ok_or_else(|| unsuitable("the window offers no UNORM format of 8 bits"))?;
         if !can.supported_usage_flags.contains(vk::ImageUsageFlags::TRANSFER_DST) {
             return Err(unsuitable("pictures cannot be copied into its window"));
         }
-        let alpha = [vk::CompositeAlphaFlagsKHR::OPAQUE, vk::CompositeAlphaFlagsKHR::INHERIT]
-            .into_iter()
-            .find(|a| can.supported_composite_alpha.contains(*a))
-            .ok_or_else(|| unsuitable("its window cannot be opaque"))?;
+        let alpha = opaque(&can).ok_or_else(|| unsuitable("its window cannot be opaque"))?;
         // The newest counts, and nobody waits; FIFO is what every device has.
         let mode = [vk::PresentModeKHR::MAILBOX, vk::PresentModeKHR::IMMEDIATE]
             .into_iter()
@@ -348,29 +341,7 @@ impl Canvas {
     /// Copies the staged picture into an image that was acquired, and presents it.
     fn submit(&mut self, image: u32) -> Result<(), EngineError> {
         let rendered = [self.rendered[image as usize]];
-        let layers = vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
-        let range =
-            vk::ImageSubresourceRange::default().aspect_mask(vk::ImageAspectFlags::COLOR).level_count(1).layer_count(1);
-        let barrier = vk::ImageMemoryBarrier::default()
-            .image(self.images[image as usize])
-            .subresource_range(range)
-            .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-            .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED);
-        let into = barrier
-            .old_layout(vk::ImageLayout::UNDEFINED)
-            .new_layout(vk::ImageLayout::TRANSFER_DST_OPTIMAL)
-            .dst_access_mask(vk::AccessFlags::TRANSFER_WRITE);
-        let out = barrier
-            .old_layout(vk::ImageLayout::TRANSFER_DST_OPTIMAL)
-            .new_layout(vk::ImageLayout::PRESENT_SRC_KHR)
-            .src_access_mask(vk::AccessFlags::TRANSFER_WRITE);
-        let vk::Extent2D { width, height } = self.extent;
-        let copy = vk::BufferImageCopy::default().image_subresource(layers).image_extent(vk::Extent3D {
-            width,
-            height,
-            depth: 1,
-        });
-        let (transfer, bottom) = (vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::BOTTOM_OF_PIPE);
+        let transfer = vk::PipelineStageFlags::TRANSFER;
         let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         let (wait, stages, commands) = ([self.acquired], [transfer], [self.commands]);
         let submit = vk::SubmitInfo::default()
@@ -380,7 +351,6 @@ impl Canvas {
             .signal_semaphores(&rendered);
         let (chains, indices) = ([self.swapchain], [image]);
         let info = vk::PresentInfoKHR::default().wait_semaphores(&rendered).swapchains(&chains).image_indices(&indices);
-        let none = vk::DependencyFlags::empty();
         // SAFETY: the fence was signalled, so the commands are free; every handle is of this device, and everything
         // pointed to lives until the calls return. The wait on the acquired image is at the stage of the first barrier.
         let presented = unsafe {
@@ -388,11 +358,8 @@ impl Canvas {
             self.device
                 .begin_command_buffer(self.commands, &begin)
                 .map_err(|e| self.error("vkBeginCommandBuffer", e))?;
-            self.device.cmd_pipeline_barrier(self.commands, transfer, transfer, none, &[], &[], &[into]);
             let (from, to) = (self.staging.buffer, self.images[image as usize]);
-            let layout = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
-            self.device.cmd_copy_buffer_to_image(self.commands, from, to, layout, &[copy]);
-            self.device.cmd_pipeline_barrier(self.commands, transfer, bottom, none, &[], &[], &[out]);
+            record_picture(&self.device, self.commands, from, to, self.extent);
             self.device.end_command_buffer(self.commands).map_err(|e| self.error("vkEndCommandBuffer", e))?;
             self.device.queue_submit(self.queue, &[submit], self.done).map_err(|e| self.error("vkQueueSubmit", e))?;
             self.swapchain_calls.queue_present(self.queue, &info)

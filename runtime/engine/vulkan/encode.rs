@@ -12,17 +12,18 @@ use super::engine::Options;
 use super::gpu::Gpu;
 use super::layout::{Layout, Value};
 use super::pipelines::Pipeline;
-use eyebox_kernels::encode::{Levels, Part, Plan};
+use eyebox_kernels::encode::{Args, Levels, Part, Plan};
 use eyebox_spirv as spirv;
 use std::sync::{Arc, Mutex};
 
-/// Sub-frames that an entry of the shader's table can tell apart, and entries of a run.
+/// Sub-frames that an entry can tell apart, and entries of a run: constants of the shader.
 const MOST: usize = 256;
-const MOST_ENTRIES: u32 = 24;
+const MOST_ENTRIES: usize = 24;
 /// Invocations of a workgroup.
-const WIDTH: usize = 64;
-/// Most workgroups down the rows.
+const WIDTH: u32 = 64;
+/// Most workgroups down the rows, and across.
 const ROWS: u32 = 4096;
+const ACROSS: u32 = 65535;
 
 /// One colour's buffers.
 struct Ink {
@@ -43,23 +44,32 @@ struct Run {
     /// Sub-frames that are seen.
     first: usize,
     count: usize,
-    /// Entries in the table.
-    first_entry: u32,
-    entries: u32,
+    entries: Vec<u32>,
+    flat: Flat,
     pipeline: Option<Pipeline>,
+}
+
+/// How the shader goes over the picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Flat {
+    /// Row by row.
+    Rows,
+    /// Fours of pixels: rows follow each other on both sides.
+    Fours,
+    /// Fours of such fours, which one entry fills.
+    Wide,
 }
 
 /// Encodes on a Vulkan device.
 pub struct VulkanEncoder {
     // Dropped in this order: the device last.
     inks: Vec<Ink>,
-    slots: Block,
     frames: Block,
     runs: Vec<Run>,
     /// Sub-frames of a colour on the device, and video frames.
     input: Layout,
     output: Layout,
-    args: eyebox_kernels::encode::Args,
+    args: Args,
     /// The bit of a code that each cell holds, 4 bits each.
     cells: u32,
     /// Video frames with padded rows, as they come from the device.
@@ -124,24 +134,39 @@ impl VulkanEncoder {
                 highest,
             });
         }
-        let (table, mut runs) = runs(plan, input.at_once(limit).min(MOST));
+        let mut runs = runs(plan, input.at_once(limit).min(MOST));
         let mut before = None;
         let aligned = u32::from(are_aligned(&args, input.stride()));
         for run in &mut runs {
             let Ink { constants: [a, b, c, d, e, f], highest, .. } = inks[run.color];
-            let follows = u32::from(before.replace(run.video_frame) == Some(run.video_frame));
-            let entries = &table[run.first_entry as usize..][..run.entries as usize];
-            let entire = u32::from(entries.iter().all(|entry| takes_all(*entry, highest)));
-            let constants = [a, b, c, d, e, f, run.entries, follows, aligned, entire];
-            run.pipeline = Some(gpu.pipeline(&spirv::ENCODE, 5, &constants)?);
+            let follows = before.replace(run.video_frame) == Some(run.video_frame);
+            let entire = u32::from(run.entries.iter().all(|entry| takes_all(*entry, highest)));
+            run.flat = flat(&args, aligned == 1, run.entries.len() == 1 && !follows);
+            let (count, stride) = (run.entries.len() as u32, input.stride() as u32);
+            let mut constants = [0; 12 + MOST_ENTRIES];
+            constants[..12].copy_from_slice(&[
+                a,
+                b,
+                c,
+                d,
+                e,
+                f,
+                count,
+                u32::from(follows),
+                aligned,
+                entire,
+                stride,
+                run.flat as u32,
+            ]);
+            constants[12..][..run.entries.len()].copy_from_slice(&run.entries);
+            run.pipeline = Some(gpu.pipeline(&spirv::ENCODE, 4, &constants)?);
         }
         let cells = (plan.video_frames.iter().flatten().next())
             .map_or(0, |slot| slot.parts.iter().fold(0, |all, p| all | p.from << (4 * p.cell)));
-        let slots = gpu.filled(bytemuck::cast_slice(&table), "slots")?;
         let frames = gpu.block(output.bytes(), "video frames")?;
         let even = args.width.is_multiple_of(4);
         let padded = if even { Vec::new() } else { vec![0; 4 * output.values * output.frames] };
-        Ok(Self { inks, slots, frames, runs, input, output, args, cells, padded, seconds: 0.0, gpu })
+        Ok(Self { inks, frames, runs, input, output, args, cells, padded, seconds: 0.0, gpu })
     }
 
     /// The driver says that the device was lost from its so many-th submission from now on.
@@ -197,26 +222,31 @@ impl VulkanEncoder {
     /// # Errors
     /// A lost device.
     pub fn encode_uploaded(&mut self) -> Result<(), EngineError> {
-        let Self { inks, slots, frames, runs, input, output, args, cells, gpu, .. } = self;
+        let Self { inks, frames, runs, input, output, args, cells, gpu, .. } = self;
         gpu.recorder.begin(1)?;
         // A frame that nothing is put into.
         for frame in (0..output.frames).filter(|f| !runs.iter().any(|run| run.video_frame == *f)) {
             gpu.recorder.clear(output.range(frames, frame, 1));
         }
-        let fours = (args.width as usize).div_ceil(4).div_ceil(WIDTH) as u32;
+        let fours = args.width.div_ceil(4);
+        let groups_of = |invocations: u32| invocations.div_ceil(WIDTH);
         for round in rounds(runs) {
             gpu.recorder.barrier();
             for run in round {
                 let (ink, Some(pipeline)) = (&inks[run.color], run.pipeline) else { continue };
-                // Where there is little to do for a pixel, an invocation takes a few rows.
-                let rows = args.height.div_ceil(if run.entries == 1 { 4 } else { 1 }).min(ROWS);
-                let groups = [fours, rows, 1];
-                let more = [run.first_entry, input.stride() as u32, *cells];
-                let mut push = [0u32; 14];
+                let groups = match run.flat {
+                    // Where there is little to do for a pixel, an invocation takes a few rows.
+                    Flat::Rows => {
+                        let rows = args.height.div_ceil(if run.entries.len() == 1 { 4 } else { 1 });
+                        [groups_of(fours), rows.min(ROWS), 1]
+                    }
+                    Flat::Fours => [groups_of(fours * args.height).min(ACROSS), 1, 1],
+                    Flat::Wide => [groups_of(fours * args.height / 4).min(ACROSS), 1, 1],
+                };
+                let mut push = [0u32; 12];
                 push[..11].copy_from_slice(bytemuck::cast_slice(std::slice::from_ref(args)));
-                push[11..].copy_from_slice(&more);
+                push[11] = *cells;
                 let buffers = [
-                    slots.all(),
                     input.range(&ink.phases, run.first, run.count),
                     ink.offsets.all(),
                     ink.table.all(),
@@ -265,9 +295,9 @@ impl VulkanEncoder {
     }
 }
 
-/// The shader's table, and the runs that use it. `at_once`: sub-frames that a kernel may see.
-fn runs(plan: &Plan, at_once: usize) -> (Vec<u32>, Vec<Run>) {
-    let (mut table, mut runs) = (Vec::new(), Vec::<Run>::new());
+/// The runs. `at_once`: sub-frames that a kernel may see.
+fn runs(plan: &Plan, at_once: usize) -> Vec<Run> {
+    let mut runs = Vec::<Run>::new();
     for (video_frame, slots) in plan.video_frames.iter().enumerate() {
         let mut sorted: Vec<_> = slots.iter().collect();
         sorted.sort_by_key(|s| (s.color, s.sub_frame));
@@ -280,30 +310,39 @@ fn runs(plan: &Plan, at_once: usize) -> (Vec<u32>, Vec<Run>) {
                     Some(run)
                         if run.color == slot.color
                             && slot.sub_frame - run.first < at_once
-                            && run.entries < MOST_ENTRIES =>
+                            && run.entries.len() < MOST_ENTRIES =>
                     {
                         run.count = slot.sub_frame - run.first + 1;
-                        run.entries += 1;
+                        run.entries.push(entry(slot.sub_frame - run.first, part));
                     }
                     _ => runs.push(Run {
                         video_frame,
                         color: slot.color,
                         first: slot.sub_frame,
                         count: 1,
-                        first_entry: table.len() as u32,
-                        entries: 1,
+                        entries: vec![entry(0, part)],
+                        flat: Flat::Rows,
                         pipeline: None,
                     }),
                 }
-                let first = runs.last().map_or(0, |run| run.first);
-                table.push(entry(slot.sub_frame - first, part));
             }
         }
     }
-    (table, runs)
+    runs
 }
 
-/// An entry of the table; `sub_frame` from the run's first.
+/// How the shader may go over the picture. `fills`: one entry, and the first of its frame.
+fn flat(args: &Args, aligned: bool, fills: bool) -> Flat {
+    let places = [args.first, args.shift_x, args.shift_y, args.flips];
+    let cells = args.cell_rows * args.cell_columns;
+    if !aligned || args.step_y != args.width || places != [0; 4] || cells != 1 {
+        return Flat::Rows;
+    }
+    let fours = args.width / 4 * args.height;
+    if fills && args.channels == 1 && fours.is_multiple_of(4) { Flat::Wide } else { Flat::Fours }
+}
+
+/// An entry; `sub_frame` from the run's first.
 fn entry(sub_frame: usize, part: &Part) -> u32 {
     (sub_frame as u32) << 24 | part.mask << 16 | part.from << 8 | part.to << 4 | part.channel
 }
@@ -316,7 +355,7 @@ fn takes_all(entry: u32, highest: u32) -> bool {
 
 /// Whether four pixels of the SLM, from a multiple of four on, always take phases that lie side by side, from a multiple
 /// of four on. `stride`: values from one sub-frame to the next.
-fn are_aligned(args: &eyebox_kernels::encode::Args, stride: usize) -> bool {
+fn are_aligned(args: &Args, stride: usize) -> bool {
     let sides = [args.width, args.first, args.step_y, args.shift_x];
     args.step_x == 1 && args.flips & 1 == 0 && sides.iter().all(|n| n.is_multiple_of(4)) && stride.is_multiple_of(4)
 }

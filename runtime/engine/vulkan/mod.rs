@@ -35,6 +35,7 @@ mod renew;
 mod screen;
 #[cfg(all(test, target_os = "linux"))]
 mod screen_tests;
+mod shown;
 mod tables;
 mod target;
 #[cfg(test)]

@@ -1,8 +1,9 @@
 //! A swapchain that shows bytes as they are: UNORM, first in first out, no scaling, exactly the picture's size.
 
 use super::super::EngineError;
-use super::instance::{Instance, Messages, has};
+use super::instance::{Instance, Messages};
 use super::lit::{How, Lit, Teller, has_present_wait, present_number};
+use super::shown::{choose, failed, opaque, plain, record_picture};
 use super::target::{Target, WindowHandle};
 use ash::{khr, vk};
 use std::sync::Arc;
@@ -50,10 +51,6 @@ pub struct Screen {
     pub(super) target: Target,
     // Goes last.
     pub(super) instance: Instance,
-}
-
-pub(super) fn failed(name: &str, call: &'static str, result: vk::Result) -> EngineError {
-    EngineError::Vulkan { device: name.into(), call, result: format!("{result:?}") }
 }
 
 impl Screen {
@@ -240,24 +237,15 @@ impl Screen {
         // SAFETY: the surface and the device are of this instance.
         let formats = unsafe { self.surface_calls.get_physical_device_surface_formats(self.physical, self.surface) };
         let formats = formats.map_err(|e| self.error("surface formats", e))?;
-        // Drivers list sRGB formats first, which would change the levels.
-        let plain = [vk::Format::B8G8R8A8_UNORM, vk::Format::R8G8B8A8_UNORM];
-        let format = formats
-            .iter()
-            .find(|f| plain.contains(&f.format) && f.color_space == vk::ColorSpaceKHR::SRGB_NONLINEAR)
-            .copied()
-            .ok_or_else(|| {
-                unsuitable("the window offers no UNORM format of 8 bits, and others change the levels".into())
-            })?;
+        let format = plain(&formats).ok_or_else(|| {
+            unsuitable("the window offers no UNORM format of 8 bits, and others change the levels".into())
+        })?;
         let [height, width] = self.size.map(|n| n as u32);
         if !can.supported_usage_flags.contains(vk::ImageUsageFlags::TRANSFER_DST) {
             return Err(unsuitable("pictures cannot be copied into its window".into()));
         }
         let most = if can.max_image_count == 0 { u32::MAX } else { can.max_image_count };
-        let alpha = [vk::CompositeAlphaFlagsKHR::OPAQUE, vk::CompositeAlphaFlagsKHR::INHERIT]
-            .into_iter()
-            .find(|a| can.supported_composite_alpha.contains(*a))
-            .ok_or_else(|| unsuitable("its window cannot be opaque".into()))?;
+        let alpha = opaque(&can).ok_or_else(|| unsuitable("its window cannot be opaque".into()))?;
         let old = self.swapchain;
         let info = vk::SwapchainCreateInfoKHR::default()
             .surface(self.surface)
@@ -346,28 +334,6 @@ impl Screen {
         let image = self.next_image()?;
         let slot = &self.slots[self.next];
         let rendered = [self.rendered[image as usize]];
-        let [height, width] = self.size.map(|n| n as u32);
-        let layers = vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
-        let range =
-            vk::ImageSubresourceRange::default().aspect_mask(vk::ImageAspectFlags::COLOR).level_count(1).layer_count(1);
-        let barrier = vk::ImageMemoryBarrier::default()
-            .image(self.images[image as usize])
-            .subresource_range(range)
-            .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-            .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED);
-        let into = barrier
-            .old_layout(vk::ImageLayout::UNDEFINED)
-            .new_layout(vk::ImageLayout::TRANSFER_DST_OPTIMAL)
-            .dst_access_mask(vk::AccessFlags::TRANSFER_WRITE);
-        let out = barrier
-            .old_layout(vk::ImageLayout::TRANSFER_DST_OPTIMAL)
-            .new_layout(vk::ImageLayout::PRESENT_SRC_KHR)
-            .src_access_mask(vk::AccessFlags::TRANSFER_WRITE);
-        let copy = vk::BufferImageCopy::default().image_subresource(layers).image_extent(vk::Extent3D {
-            width,
-            height,
-            depth: 1,
-        });
         let transfer = vk::PipelineStageFlags::TRANSFER;
         let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         let (wait, stages, commands) = ([slot.acquired], [transfer], [slot.commands]);
@@ -396,18 +362,9 @@ impl Screen {
             self.device
                 .begin_command_buffer(slot.commands, &begin)
                 .map_err(|e| self.error("vkBeginCommandBuffer", e))?;
-            let none = vk::DependencyFlags::empty();
-            // The wait on the acquired image is at this stage too, so the change of layout comes after it.
-            self.device.cmd_pipeline_barrier(slot.commands, transfer, transfer, none, &[], &[], &[into]);
-            self.device.cmd_copy_buffer_to_image(
-                slot.commands,
-                slot.buffer,
-                self.images[image as usize],
-                vk::ImageLayout::TRANSFER_DST_OPTIMAL,
-                &[copy],
-            );
-            let bottom = vk::PipelineStageFlags::BOTTOM_OF_PIPE;
-            self.device.cmd_pipeline_barrier(slot.commands, transfer, bottom, none, &[], &[], &[out]);
+            let [height, width] = self.size.map(|n| n as u32);
+            let extent = vk::Extent2D { width, height };
+            record_picture(&self.device, slot.commands, slot.buffer, self.images[image as usize], extent);
             self.device.end_command_buffer(slot.commands).map_err(|e| self.error("vkEndCommandBuffer", e))?;
             self.device.queue_submit(self.queue, &[submit], slot.done).map_err(|e| self.error("vkQueueSubmit", e))?;
             self.swapchain_calls.queue_present(self.queue, &info)
@@ -487,44 +444,4 @@ impl Drop for Screen {
             self.surface_calls.destroy_surface(self.surface, None);
         }
     }
-}
-
-/// The first device that can show on the surface, real ones first, and its queue family.
-pub(super) fn choose(
-    instance: &Instance,
-    calls: &khr::surface::Instance,
-    surface: vk::SurfaceKHR,
-    only: Option<vk::PhysicalDevice>,
-) -> Result<(vk::PhysicalDevice, u32, String), EngineError> {
-    // SAFETY: the instance is valid.
-    let devices = unsafe { instance.raw.enumerate_physical_devices() }.unwrap_or_default();
-    let mut found: Vec<(bool, vk::PhysicalDevice, u32, String)> = Vec::new();
-    for device in devices.into_iter().filter(|d| only.is_none_or(|o| o == *d)) {
-        // SAFETY: the device and the surface are of this instance.
-        let (properties, families, extensions) = unsafe {
-            (
-                instance.raw.get_physical_device_properties(device),
-                instance.raw.get_physical_device_queue_family_properties(device),
-                instance.raw.enumerate_device_extension_properties(device).unwrap_or_default(),
-            )
-        };
-        if !has(&extensions, khr::swapchain::NAME) {
-            continue;
-        }
-        let shows = |family: &u32| {
-            // SAFETY: as above; the family is one of the device's.
-            let supported = unsafe { calls.get_physical_device_surface_support(device, *family, surface) };
-            let graphics = families[*family as usize].queue_flags.contains(vk::QueueFlags::GRAPHICS);
-            graphics && supported.unwrap_or(false)
-        };
-        if let Some(family) = (0..families.len() as u32).find(shows) {
-            let name = properties.device_name_as_c_str().map_or_else(|_| String::new(), |n| n.to_string_lossy().into());
-            found.push((properties.device_type == vk::PhysicalDeviceType::CPU, device, family, name));
-        }
-    }
-    found.sort_by_key(|f| f.0);
-    let first = found.into_iter().next();
-    first.map(|f| (f.1, f.2, f.3)).ok_or_else(|| EngineError::NoDevice {
-        reason: "no Vulkan device can show pictures in a window of this system".into(),
-    })
 }

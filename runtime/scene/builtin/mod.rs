@@ -7,6 +7,8 @@
 //!
 //! - `brightness`: multiplies the light, 0.01 to 10 (1);
 //! - `span`: half the depth span in millimetres, instead of the above;
+//! - `camera`: the scene as a camera sees it that stands so many millimetres to the right, in the pupil plane: several of
+//!   them are a moving scene (0);
 //! - `depth`: of `plane` only: its depth in millimetres (0).
 
 mod grass;
@@ -56,6 +58,8 @@ pub(super) fn half_span(display: &Display) -> f64 {
 struct Parameters {
     brightness: f32,
     span: Option<f64>,
+    /// Metres.
+    camera: f64,
     depth: f64,
 }
 
@@ -67,7 +71,7 @@ fn unknown(name: &str, reason: impl Into<String>) -> SceneError {
 fn parse(source: &str) -> Result<(&'static str, Parameters), SceneError> {
     let (name, query) = source.split_once('?').unwrap_or((source, ""));
     let found = BUILTINS.iter().find(|b| b.name == name).ok_or_else(|| unknown(source, "there is no such scene"))?;
-    let mut read = Parameters { brightness: 1.0, span: None, depth: 0.0 };
+    let mut read = Parameters { brightness: 1.0, span: None, camera: 0.0, depth: 0.0 };
     for pair in query.split('&').filter(|p| !p.is_empty()) {
         let wrong = |must: &str| unknown(source, format!("'{pair}': {must}"));
         let (key, value) = pair.split_once('=').ok_or_else(|| wrong("parameters are written key=value"))?;
@@ -77,8 +81,10 @@ fn parse(source: &str) -> Result<(&'static str, Parameters), SceneError> {
             "brightness" => return Err(wrong("it must be 0.01 to 10")),
             "span" if (0.0..=1e3).contains(&number) => read.span = Some(number * 1e-3),
             "span" => return Err(wrong("it must be 0 to 1000 mm")),
+            "camera" if number.abs() <= 1e4 => read.camera = number * 1e-3,
+            "camera" => return Err(wrong("it must be -10000 to 10000 mm")),
             "depth" if name == "plane" => read.depth = number * 1e-3,
-            _ => return Err(wrong("the parameters are brightness, span and, for plane, depth")),
+            _ => return Err(wrong("the parameters are brightness, span, camera and, for plane, depth")),
         }
     }
     Ok((found.name, read))
@@ -130,14 +136,20 @@ pub(super) fn load(source: &str, request: &Request) -> Result<LightField, SceneE
     let step = disparity * f64::from(canvas.pixel());
     // Textures are made as far as views see them; and beyond this, the cloth would be seen from below.
     let limit = if name == "plane" { f64::max(1.0, 16.0 * f64::from(canvas.pixel())) } else { 0.4 };
-    if step * (n as f64 - 1.0) / 2.0 > limit {
+    let middle = (n as f64 - 1.0) / 2.0;
+    let must = "smaller at these depths: the outer views would see content displaced out of the picture";
+    if step * middle > limit {
         let value = format!("{:.3}", cell * 1e3);
-        let must = "smaller at these depths: the outer views would see content displaced out of the picture";
         return Err(SceneError::Request { what: "the view pitch (mm)", value, must });
     }
-    let middle = (n as f64 - 1.0) / 2.0;
-    let tilt = |i: usize| ((i as f64 - middle) * step) as f32;
-    let tilts: Vec<[f32; 2]> = (0..n * n).map(|v| [tilt(v % n), tilt(v / n)]).collect();
+    // In view pitches.
+    let camera = parameters.camera / cell;
+    if step * (middle + camera.abs()) > limit {
+        let value = format!("{:.3}", parameters.camera * 1e3);
+        return Err(SceneError::Request { what: "the camera's place (mm)", value, must });
+    }
+    let tilt = |i: usize, camera: f64| ((i as f64 - middle + camera) * step) as f32;
+    let tilts: Vec<[f32; 2]> = (0..n * n).map(|v| [tilt(v % n, camera), tilt(v / n, 0.0)]).collect();
     let planes = render::render(canvas, &items, &tilts, request.colors);
     let ends = items.iter().map(|item| item.depths(aspect[1]));
     let [far, near] = ends.fold([f32::INFINITY, f32::NEG_INFINITY], |a, b| [a[0].min(b[0]), a[1].max(b[1])]);

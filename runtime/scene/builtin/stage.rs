@@ -15,6 +15,8 @@ pub struct Stage {
     channel: usize,
     /// Tilt per metre of the pupil plane.
     tilt: f64,
+    /// Where the eyebox's middle stands, metres to the right.
+    camera: f64,
     depth: [f64; 2],
 }
 
@@ -35,12 +37,12 @@ impl Stage {
         // A metre to the side, content at one unit of depth moves by unit / f, and the picture is two units wide.
         let wide = display.picture_pixel() * display.picture_size().0 as f64;
         let tilt = 2.0 * unit / (display.focal_length * wide);
-        let most = (tilt * display.eyebox_min() / 2.0) as f32;
+        let most = (tilt * (display.eyebox_min() / 2.0 + parameters.camera.abs())) as f32;
         let skins = Skins::bake(canvas, &items, most, &[color.channel()]);
         let ends = items.iter().map(|item| item.depths(canvas.half()[1]));
         let [far, near] = ends.fold([f32::INFINITY, f32::NEG_INFINITY], |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
         let depth = [far, near].map(|z| f64::from(z) * unit);
-        Ok(Self { canvas, items, skins, channel: color.channel(), tilt, depth })
+        Ok(Self { canvas, items, skins, channel: color.channel(), tilt, camera: parameters.camera, depth })
     }
 
     /// Pixels along each axis.
@@ -61,7 +63,7 @@ impl Stage {
     /// Views from these places (x, y) of the pupil plane, metres.
     pub fn views(&self, places: &[(f64, f64)]) -> Vec<Vec<f32>> {
         let one = |&(x, y): &(f64, f64)| {
-            let tilt = [x, y].map(|s| (s * self.tilt) as f32);
+            let tilt = [x + self.camera, y].map(|s| (s * self.tilt) as f32);
             self.skins.view(self.canvas, &self.items, tilt, &[self.channel]).swap_remove(0)
         };
         places.par_iter().map(one).collect()
@@ -73,14 +75,19 @@ mod tests {
     use super::*;
     use crate::scene::{Request, ViewGrid, load};
 
-    /// From the places of a light field's views, the light field's views.
+    /// From the places of a light field's views, the light field's views; so too where a camera stands aside.
     #[test]
     fn views_are_those_of_the_light_field() {
+        ["still-life", "still-life?camera=0.5"].into_iter().for_each(views_are_those_of);
+    }
+
+    fn views_are_those_of(source: &str) {
         let display = Display { height: 64, width: 64, ..Display::preset("far-field").unwrap() };
         let field =
-            load("builtin:still-life", &Request { views: 3, ..Request::new(&display, &[Color::Green]) }).unwrap();
+            load(&format!("builtin:{source}"), &Request { views: 3, ..Request::new(&display, &[Color::Green]) })
+                .unwrap();
         let grid = ViewGrid { rows: 3, columns: 3, cell: field.cell(&display) };
-        let stage = Stage::new("still-life", &display, Color::Green, 64).unwrap();
+        let stage = Stage::new(source, &display, Color::Green, 64).unwrap();
         let views = stage.views(&(0..9).map(|i| grid.position(i)).collect::<Vec<_>>());
         let far = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f32>() / 4096.0;
         assert!(far(&views[0], &field.planes[0][8]) > 1e-2, "views differ");
