@@ -55,6 +55,11 @@ struct Lender<'a> {
     disparities: &'a [u16],
     /// Columns and rows of views from it to the other.
     away: [f32; 2],
+    /// The way to it, in views.
+    length: f32,
+    /// Steps along a ray, and the difference of disparity from one to the next.
+    count: usize,
+    step: f32,
     share: f32,
 }
 
@@ -75,6 +80,9 @@ impl Interpolator {
         let range = field.depth_range(display).map_or([-2.0, 2.0], |d| [d[0] / per_pixel, d[1] / per_pixel]);
         let grid = ViewGrid { rows: field.grid[0], columns: field.grid[1], cell };
         let size = [field.height, field.width];
+        // What moves by more than a picture is seen by no two views.
+        let most = field.height.max(field.width) as f64;
+        let range = range.map(|d| d.clamp(-most, most));
         let planes = field.planes.into_iter().map(Stored::new).collect();
         let disparities = (0..grid.rows * grid.columns).map(|_| OnceLock::new()).collect();
         Self { grid, size, planes, range, disparities }
@@ -163,14 +171,22 @@ impl Interpolator {
     }
 
     fn view(&self, color: usize, x: f64, y: f64) -> Vec<f32> {
-        let mut lenders: Vec<Lender> = (self.around(x, y).into_iter().flatten())
-            .map(|(view, away, share)| Lender {
+        let span = (self.range[1] - self.range[0]) as f32;
+        let lend = |(view, away, share): (usize, [f32; 2], f32)| {
+            let length = away[0].hypot(away[1]);
+            // Far beyond the views a ray is followed in longer steps.
+            let count = (length * span / STEP).ceil().clamp(1.0, 4.0 * (self.size[0] + self.size[1]) as f32);
+            Lender {
                 light: self.light_of(color, view),
                 disparities: self.disparities_of(view),
                 away,
+                length,
+                count: count as usize,
+                step: span / count,
                 share: share.max(1e-4),
-            })
-            .collect();
+            }
+        };
+        let mut lenders: Vec<Lender> = self.around(x, y).into_iter().flatten().map(lend).collect();
         lenders.sort_by(|a, b| b.share.total_cmp(&a.share));
         let unit = self.planes[color].scale / 65535.0;
         if let Some(own) = lenders.first().filter(|l| l.away == [0.0, 0.0]) {
@@ -236,30 +252,23 @@ impl Interpolator {
 
     /// What a view saw where a surface of this disparity would stand in it.
     fn beyond(&self, lender: &Lender, x: usize, y: usize, disparity: f32) -> Option<f32> {
-        let ([height, width], [low, high]) = (self.size, self.range.map(|v| v as f32));
-        let (i, j) = ((x as f32 + disparity * lender.away[0]).round(), (y as f32 + disparity * lender.away[1]).round());
-        let inside = i >= 0.0 && j >= 0.0 && i < width as f32 && j < height as f32;
-        let at = inside.then(|| lender.disparities[j as usize * width + i as usize])?;
+        let [low, high] = self.range.map(|v| v as f32);
+        let at = (x as f32 + disparity * lender.away[0], y as f32 + disparity * lender.away[1]);
+        let at = pixel(self.size, at).map(|(j, i)| lender.disparities[j * self.size[1] + i])?;
         Some(low + (high - low) / 65535.0 * f32::from(at))
     }
 
     /// Follows a pixel's ray from near to far until it meets what this view saw.
     fn follow(&self, lender: &Lender, x: usize, y: usize) -> Option<Met> {
-        let ([height, width], [low, high]) = (self.size, self.range.map(|v| v as f32));
+        let (width, [low, high]) = (self.size[1], self.range.map(|v| v as f32));
         let [u, v] = lender.away;
-        let length = u.hypot(v);
+        let (length, step) = (lender.length, lender.step);
         let scale = (high - low) / 65535.0;
         let own = |j: usize, i: usize| low + scale * f32::from(lender.disparities[j * width + i]);
-        let count = (length * (high - low) / STEP).ceil().max(1.0);
-        let step = (high - low) / count;
         let place = |d: f32| (x as f32 + d * u, y as f32 + d * v);
-        let inside = |(x, y): (f32, f32)| {
-            let (i, j) = (x.round(), y.round());
-            (i >= 0.0 && j >= 0.0 && i < width as f32 && j < height as f32).then_some((j as usize, i as usize))
-        };
-        for k in 0..=count as usize {
+        for k in 0..=lender.count {
             let at = high - k as f32 * step;
-            let Some((j, i)) = inside(place(at)) else { continue };
+            let Some((j, i)) = pixel(self.size, place(at)) else { continue };
             let before = own(j, i) - at;
             if before < -0.5 * step || before * length > MET {
                 continue;
@@ -305,6 +314,19 @@ impl Interpolator {
     }
 }
 
+/// The whole number below, and the rest: without the call that `floor` is where processors of any age are built for.
+fn split(x: f32) -> (i32, f32) {
+    let whole = x as i32;
+    let whole = if whole as f32 > x { whole.saturating_sub(1) } else { whole };
+    (whole, x - whole as f32)
+}
+
+/// The row and column of the pixel at a place (x, y), where there is one.
+fn pixel([height, width]: [usize; 2], (x, y): (f32, f32)) -> Option<(usize, usize)> {
+    let (i, j) = (split(x + 0.5).0, split(y + 0.5).0);
+    (i >= 0 && j >= 0 && i < width as i32 && j < height as i32).then_some((j as usize, i as usize))
+}
+
 /// Between four disparities of one surface; none where they are of two.
 fn smooth([height, width]: [usize; 2], (x, y): (f32, f32), own: &impl Fn(usize, usize) -> f32) -> Option<f32> {
     let (x, y) = (x.clamp(0.0, (width - 1) as f32), y.clamp(0.0, (height - 1) as f32));
@@ -325,9 +347,9 @@ fn sample([height, width]: [usize; 2], light: &[u16], x: f32, y: f32) -> f32 {
         let (t2, t3) = (t * t, t * t * t);
         [-0.5 * t + t2 - 0.5 * t3, 1.0 - 2.5 * t2 + 1.5 * t3, 0.5 * t + 2.0 * t2 - 1.5 * t3, 0.5 * (t3 - t2)]
     };
-    let (left, top) = (x.floor(), y.floor());
-    let (across, down) = (weights(x - left), weights(y - top));
-    let index = |at: f32, k: usize, n: usize| ((at as i64 + k as i64 - 1).clamp(0, n as i64 - 1)) as usize;
+    let ((left, u), (top, v)) = (split(x), split(y));
+    let (across, down) = (weights(u), weights(v));
+    let index = |at: i32, k: usize, n: usize| at.saturating_add(k as i32 - 1).clamp(0, n as i32 - 1) as usize;
     let columns: [usize; 4] = std::array::from_fn(|k| index(left, k, width));
     let mut sum = 0.0;
     for (k, weight) in down.iter().enumerate() {
