@@ -287,8 +287,16 @@ fn a_point_at_infinity_is_a_blazed_grating() {
     point[y * 64 + x] = 64.0 * 64.0;
     let views = ViewGrid { rows: 1, columns: 1, cell: o.eyebox() };
     let pyramid = Arc::new(Pyramid::new(&[point], 64, 64));
-    let problem =
-        Problem { optics: o, padding: Padding::default(), eyebox: o.eyebox(), views, pyramid, mean: 1.0, share: 1.0 };
+    let problem = Problem {
+        optics: o,
+        padding: Padding::default(),
+        eyebox: o.eyebox(),
+        views,
+        center: [0.0; 2],
+        pyramid,
+        mean: 1.0,
+        share: 1.0,
+    };
     let settings = Settings {
         frames: 1,
         steps: 60,

@@ -281,8 +281,16 @@ fn light_field_and_wave_agree() {
     let o = optics(120, 160);
     let z0 = 4e-3;
     let (views, pyramid, image) = plane(&o, z0, 5);
-    let problem =
-        Problem { optics: o, padding: Padding::default(), eyebox: o.eyebox(), views, pyramid, mean: 0.5, share: 1.0 };
+    let problem = Problem {
+        optics: o,
+        padding: Padding::default(),
+        eyebox: o.eyebox(),
+        views,
+        center: [0.0; 2],
+        pyramid,
+        mean: 0.5,
+        share: 1.0,
+    };
     let settings = Settings { steps: 12, depth: [0.0, 2.0 * z0], diameter: [6e-3, 20e-3], ..Settings::default() };
     let mut engine = CpuEngine::new();
     let solution = solve::solve(&problem, &settings, &mut engine, &mut |_| Flow::Continue).unwrap();
@@ -335,8 +343,16 @@ fn padding_stops_the_wrap() {
 fn the_same_seed_gives_the_same_bits_on_any_number_of_threads() {
     let o = optics(96, 80);
     let (views, pyramid, _) = plane(&o, 2e-3, 3);
-    let problem =
-        Problem { optics: o, padding: Padding::default(), eyebox: o.eyebox(), views, pyramid, mean: 0.5, share: 1.0 };
+    let problem = Problem {
+        optics: o,
+        padding: Padding::default(),
+        eyebox: o.eyebox(),
+        views,
+        center: [0.0; 2],
+        pyramid,
+        mean: 0.5,
+        share: 1.0,
+    };
     for optimizer in [Optimizer::projection(), Optimizer::adam()] {
         let settings = Settings { steps: 4, optimizer, seed: 11, ..Settings::default() };
         let with = |threads: usize, window_bytes: usize| {

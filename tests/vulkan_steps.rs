@@ -1,7 +1,7 @@
 //! Whole steps: both engines run the same lists, and may hand over anywhere.
 
 use eyebox::engine::cpu::CpuEngine;
-use eyebox::engine::{At, Buffer, Engine, Handover, Kernel, Purpose, Step, Storage};
+use eyebox::engine::{At, Buffer, Engine, EngineError, Handover, Kernel, Purpose, Step, Storage};
 use eyebox::evaluate::{self, Sums};
 use eyebox::plan::{Comparison, Sight};
 use eyebox::solve::Judge;
@@ -91,6 +91,31 @@ fn both_engines_show_the_same_views_and_photographs() {
 }
 
 /// The steps of the methods that look through other things than pupils, or ask for more than an image.
+#[test]
+fn buffers_are_written_and_read_whole_or_not_at_all() {
+    let mut engine = vulkan();
+    let case = Case::new(24, 20, 0, 4e-3, 2);
+    let count = 2 * 24 * 20;
+    let phases = Noise::new(8).between(count, -3.1, 3.1);
+    for engine in [&mut engine as &mut dyn Engine, &mut CpuEngine::new()] {
+        case.load(engine, Purpose::Project);
+        engine.write(Buffer::Phases, &phases).unwrap();
+        for wrong in [count - 1, count + 1, 0] {
+            let said = |error: EngineError| error.to_string();
+            let refused = format!("Phases holds {count} values, {wrong} were given");
+            let (few, mut into) = (vec![1.0; wrong], vec![1.0; wrong]);
+            assert!(said(engine.write(Buffer::Phases, &few).unwrap_err()).contains(&refused));
+            assert!(said(engine.read_into(Buffer::Phases, &mut into).unwrap_err()).contains(&refused));
+            assert_eq!(into, few, "it was left alone");
+        }
+        assert!(engine.write(Buffer::Field, &[1.0; 3]).is_err(), "half a complex value");
+        let mut back = vec![0.0; count];
+        engine.read_into(Buffer::Phases, &mut back).unwrap();
+        assert_eq!((&back, engine.read(Buffer::Phases).unwrap()), (&phases, phases.clone()));
+    }
+    assert_silent(engine);
+}
+
 #[test]
 fn both_engines_take_the_steps_of_every_method() {
     let mut engine = vulkan();

@@ -10,7 +10,9 @@
 
 mod lane;
 
-use super::{Buffer, Dispatch, Engine, EngineError, Kernel, Lane, Purpose, Scope, Shape, Step, Storage, Timing};
+use super::{
+    Buffer, Dispatch, Engine, EngineError, Kernel, Lane, Purpose, Scope, Shape, Step, Storage, Timing, misfit,
+};
 use crate::scene::Pyramid;
 use eyebox_kernels::{
     Complex32, ZERO, adam, balance, energy, even,
@@ -364,7 +366,10 @@ impl Engine for CpuEngine {
             if fixed && 2 * to.len() != data.len() {
                 return Err((2 * to.len(), data.len()));
             }
-            *to = bytemuck::pod_collect_to_vec(data);
+            let Ok(data) = bytemuck::try_cast_slice(data) else { return Err((2 * to.len(), data.len())) };
+            // In place: writing a large buffer again and again touches no new memory.
+            to.clear();
+            to.extend_from_slice(data);
             if !matches!(buffer, Buffer::Transfer(_)) {
                 store(to);
             }
@@ -374,7 +379,8 @@ impl Engine for CpuEngine {
             if fixed && to.len() != data.len() {
                 return Err((to.len(), data.len()));
             }
-            *to = data.to_vec();
+            to.clear();
+            to.extend_from_slice(data);
             Ok(())
         };
         let done = match buffer {
@@ -405,14 +411,23 @@ impl Engine for CpuEngine {
                 }
             }
         };
-        done.map_err(|(has, given)| EngineError::Mismatch {
-            reason: format!("{buffer:?} holds {has} values, {given} were given"),
-        })
+        done.map_err(|(has, given)| misfit(buffer, has, given))
     }
 
     fn read(&mut self, buffer: Buffer) -> Result<Vec<f32>, EngineError> {
         match self.state(buffer) {
             Some(data) => Ok(data.to_vec()),
+            None => Err(EngineError::Mismatch { reason: format!("{buffer:?} was never written") }),
+        }
+    }
+
+    fn read_into(&mut self, buffer: Buffer, to: &mut [f32]) -> Result<(), EngineError> {
+        match self.state(buffer) {
+            Some(data) if data.len() == to.len() => {
+                to.copy_from_slice(data);
+                Ok(())
+            }
+            Some(data) => Err(misfit(buffer, data.len(), to.len())),
             None => Err(EngineError::Mismatch { reason: format!("{buffer:?} was never written") }),
         }
     }

@@ -102,6 +102,10 @@ pub enum Memory {
     Device,
 }
 
+fn misfit(buffer: Buffer, has: usize, given: usize) -> EngineError {
+    EngineError::Mismatch { reason: format!("{buffer:?} holds {has} values, {given} were given") }
+}
+
 /// Runs steps. Times are kept per kernel.
 pub trait Engine: Send {
     /// What it is and what it runs on, in one line.
@@ -129,6 +133,19 @@ pub trait Engine: Send {
     /// # Errors
     /// A buffer that the shape does not have; a lost device.
     fn read(&mut self, buffer: Buffer) -> Result<Vec<f32>, EngineError>;
+
+    /// As [`read`](Self::read), into memory that is there already.
+    ///
+    /// # Errors
+    /// Those of [`read`](Self::read); a length that is not the buffer's.
+    fn read_into(&mut self, buffer: Buffer, to: &mut [f32]) -> Result<(), EngineError> {
+        let data = self.read(buffer)?;
+        if data.len() != to.len() {
+            return Err(misfit(buffer, data.len(), to.len()));
+        }
+        to.copy_from_slice(&data);
+        Ok(())
+    }
 
     /// Runs the dispatches `part` of the step's list. Returns the loss (a sum over pixels) of each lane that
     /// `compare` saw in this part, zero for others.

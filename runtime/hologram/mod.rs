@@ -43,7 +43,7 @@ pub use exchange::{Phases, load_phases, save_phases};
 pub use phase::{level_of_phase, phase_of_level, wrap_phase};
 pub use sequence::Sequence;
 pub use sequence_writer::SequenceWriter;
-pub use tiles::{Made, Tiles, first_phase};
+pub use tiles::{Made, Patch, Tiles, first_phase};
 
 use crate::{
     files::FileError,

@@ -33,6 +33,7 @@ pub struct Made {
 }
 
 /// A hologram in tiles.
+#[derive(Debug)]
 pub struct Tiles {
     folder: PathBuf,
     about: Hologram,
@@ -40,6 +41,19 @@ pub struct Tiles {
     made: Option<Made>,
     read: AtomicU64,
     written: AtomicU64,
+}
+
+/// A rectangle of whole tiles with other phases.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Patch {
+    /// Which of the hologram's colours.
+    pub color: usize,
+    /// Row and column of its first pixel.
+    pub at: [usize; 2],
+    /// Rows and columns.
+    pub size: [usize; 2],
+    /// (sub-frame, row, column), radians.
+    pub phases: Vec<f32>,
 }
 
 /// The first phase of a pixel: uniform in [-pi, pi), a function of seed and place alone.
@@ -195,27 +209,78 @@ impl Tiles {
         size: [usize; 2],
         phases: &[f32],
     ) -> Result<(), HologramError> {
-        let (side, frames, pixels) = (self.side, self.about.frames, size[0] * size[1]);
-        let ends = [(at[0] + size[0], self.about.height), (at[1] + size[1], self.about.width)];
-        let whole =
-            at.iter().all(|v| v.is_multiple_of(side)) && ends.iter().all(|(e, n)| e.is_multiple_of(side) || e == n);
-        assert!(whole && phases.len() == frames * pixels, "whole tiles, all of their phases");
         let [rows, columns] = self.range(at, size);
         let pending: Vec<[usize; 3]> =
             rows.flat_map(|row| columns.clone().map(move |column| [color, row, column])).collect();
         fs::create_dir_all(self.folder.join(STAGED)).map_err(|e| FileError::write(&self.folder.join(STAGED), e))?;
         pending.par_iter().try_for_each(|&[color, row, column]| {
-            let mut tile = vec![0.0f32; frames * side * side];
-            let (high, wide) = (side.min(ends[0].0 - row * side), side.min(ends[1].0 - column * side));
-            for frame in 0..frames {
-                for y in 0..high {
-                    let from = frame * pixels + (row * side + y - at[0]) * size[1] + column * side - at[1];
-                    tile[(frame * side + y) * side..][..wide].copy_from_slice(&phases[from..from + wide]);
-                }
-            }
+            let tile = self.cut(at, size, phases, [row, column]);
             self.stage(done, [color, row, column], &tile)
         })?;
         self.count(done, pending)
+    }
+
+    /// A copy of a finished hologram at `path`, with these settings, and these rectangles of whole tiles replaced; it appears
+    /// whole or not at all, in the place of this one too. Memory is a tile's.
+    ///
+    /// # Errors
+    /// [`HologramError::Inconsistent`] for one in the making; [`HologramError::File`]; then nothing has changed at `path`.
+    ///
+    /// # Panics
+    /// If a rectangle is none of whole tiles, or its phases are not as many: the caller's mistake.
+    pub fn copy(&self, path: &Path, settings: &Value, patches: &[Patch]) -> Result<(), HologramError> {
+        if self.made.is_some() {
+            return Err(HologramError::Inconsistent(
+                "it is still being solved: it is copied when it is finished".into(),
+            ));
+        }
+        let about = Hologram { settings: settings.clone(), ..self.about.clone() };
+        let draft = FolderDraft::new(path, is_hologram)?;
+        let shape = [about.colors.len(), about.frames, about.height, about.width];
+        draft.write(GROUP, |out| out.write_all(&document::group(&about)))?;
+        draft.write(ARRAY, |out| out.write_all(&document::array(shape, Some(self.side))))?;
+        let [rows, columns] = self.range([0, 0], [about.height, about.width]);
+        for color in 0..about.colors.len() {
+            for (row, column) in rows.clone().flat_map(|r| columns.clone().map(move |c| (r, c))) {
+                let name = self.name([color, row, column]);
+                let corner = [row, column].map(|i| i * self.side);
+                let over = |p: &&Patch| {
+                    p.color == color && (0..2).all(|k| (p.at[k]..p.at[k] + p.size[k]).contains(&corner[k]))
+                };
+                match patches.iter().find(over) {
+                    Some(patch) => {
+                        let tile = self.cut(patch.at, patch.size, &patch.phases, [row, column]);
+                        draft.write(&name, |out| write_chunk(out, &tile))?;
+                        self.written.fetch_add(4 * tile.len() as u64 + 4, Relaxed);
+                    }
+                    None => {
+                        let file = self.folder.join(&name);
+                        let mut from = File::open(&file).map_err(|e| unreadable(&file, e))?;
+                        let copied = |out: &mut dyn std::io::Write| std::io::copy(&mut from, out).map(|_| ());
+                        draft.write(&name, copied)?;
+                    }
+                }
+            }
+        }
+        Ok(draft.put()?)
+    }
+
+    /// The tile of a rectangle of whole tiles, whose phases are (frames, rows, columns): beyond the hologram's edge, zeros.
+    fn cut(&self, at: [usize; 2], size: [usize; 2], phases: &[f32], [row, column]: [usize; 2]) -> Vec<f32> {
+        let (side, frames, pixels) = (self.side, self.about.frames, size[0] * size[1]);
+        let ends = [(at[0] + size[0], self.about.height), (at[1] + size[1], self.about.width)];
+        let whole =
+            at.iter().all(|v| v.is_multiple_of(side)) && ends.iter().all(|(e, n)| e.is_multiple_of(side) || e == n);
+        assert!(whole && phases.len() == frames * pixels, "whole tiles, all of their phases");
+        let mut tile = vec![0.0f32; frames * side * side];
+        let (high, wide) = (side.min(ends[0].0 - row * side), side.min(ends[1].0 - column * side));
+        for frame in 0..frames {
+            for y in 0..high {
+                let from = frame * pixels + (row * side + y - at[0]) * size[1] + column * side - at[1];
+                tile[(frame * side + y) * side..][..wide].copy_from_slice(&phases[from..from + wide]);
+            }
+        }
+        tile
     }
 
     /// Writes what was never touched, and says that it is finished.
@@ -429,6 +494,33 @@ mod tests {
         assert_eq!(names.len(), 2, "{names:?}");
         fs::remove_file(path.join("phases/c/0/0/1/1")).unwrap();
         assert!(matches!(Hologram::load(&path), Err(HologramError::Damaged { .. })));
+    }
+
+    #[test]
+    fn a_copy_differs_where_it_was_patched_alone() {
+        let here = tempfile::tempdir().unwrap();
+        let [path, other] = ["h.zarr", "other.zarr"].map(|name| here.path().join(name));
+        let (height, width) = (70, 90);
+        let mut tiles = Tiles::create(&path, &about(2, height, width), 32, Value::Null).unwrap();
+        let (at, size) = ([32, 64], [38, 26]);
+        let phases: Vec<f32> = (0..2 * 38 * 26).map(|i| (i % 100) as f32 / 50.0 - 1.0).collect();
+        let patch = [Patch { color: 0, at, size, phases: phases.clone() }];
+        assert!(matches!(tiles.copy(&other, &Value::Null, &patch), Err(HologramError::Inconsistent(_))));
+        tiles.finish().unwrap();
+        let before = Hologram::load(&path).unwrap();
+        tiles.copy(&other, &serde_json::json!({ "refined": 1 }), &patch).unwrap();
+        assert_eq!(Hologram::load(&path).unwrap(), before);
+        let copy = Hologram::load(&other).unwrap();
+        assert_eq!((copy.settings["refined"].as_u64(), copy.seed), (Some(1), before.seed));
+        for (i, (now, then)) in copy.colors[0].phases.iter().zip(&before.colors[0].phases).enumerate() {
+            let (frame, y, x) = (i / (height * width), i / width % height, i % width);
+            let patched = y >= 32 && x >= 64;
+            let want = if patched { phases[(frame * 38 + y - 32) * 26 + x - 64] } else { *then };
+            assert_eq!(*now, want, "{frame} {y} {x}");
+        }
+        // In its own place.
+        tiles.copy(&path, &Value::Null, &patch).unwrap();
+        assert_eq!(Hologram::load(&path).unwrap().colors, copy.colors);
     }
 
     /// A commit is cut off before and after the middle of it: the old state, or the new one.

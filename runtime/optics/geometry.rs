@@ -175,6 +175,14 @@ impl Optics {
         Self { height, width, offset, ..self }
     }
 
+    /// The middle of a far-field SLM's piece in the pupil plane, (x, y), metres; a relay's eyebox is around the axis.
+    pub fn center(&self) -> [f64; 2] {
+        match self.geometry {
+            Geometry::Relay => [0.0, 0.0],
+            Geometry::FarField => [self.offset[1], self.offset[0]].map(|pixels| pixels as f64 * self.pitch),
+        }
+    }
+
     /// The same optics over another grid.
     pub fn with_size(self, height: usize, width: usize) -> Self {
         Self { height, width, ..self }

@@ -1,7 +1,7 @@
 //! An eye that keeps the spectrum: only what depends on the pupil is computed when the pupil moves.
 
 use super::picture::Plane;
-use super::{PreviewError, Showing, Shown};
+use super::{PreviewError, Showing, Shown, tiled};
 use crate::engine::{Buffer, Engine, EngineError, Purpose};
 use crate::evaluate;
 use crate::optics::{Geometry, Padding, Pupil, WindowFactor};
@@ -16,7 +16,7 @@ pub type Opener = Box<dyn FnMut() -> Result<Box<dyn Engine>, EngineError> + Send
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Detail {
     /// On fewer pixels: those that hold all of the intensity that a small pupil passes (OPTICS 5). Exact where it is
-    /// sampled.
+    /// sampled. Of a hologram in tiles: through the middle of the pupil alone.
     Coarse,
     /// On the SLM's pixels.
     Whole,
@@ -51,8 +51,19 @@ impl Eye {
         &mut self.open
     }
 
+    /// One engine for all that is not kept: memory is that of one thing at a time.
+    pub(super) fn single(&mut self) -> Result<&mut dyn Engine, EngineError> {
+        if self.holds.is_empty() {
+            self.holds.push(Hold { engine: (self.open)()?, spectrum: None });
+        }
+        self.holds.truncate(1);
+        self.holds[0].spectrum = None;
+        Ok(self.holds[0].engine.as_mut())
+    }
+
     /// The intensity in each colour through one pupil, divided by the pupil's share, without exposure, as
-    /// [`evaluate::views`] has it: of all sub-frames, or of `frame` alone.
+    /// [`evaluate::views`] has it: of all sub-frames, or of `frame` alone. Of a hologram in tiles, in the samples that the
+    /// pupil resolves.
     ///
     /// # Errors
     /// [`PreviewError::Showing`] for what does not fit together; those of the engines.
@@ -64,10 +75,13 @@ impl Eye {
         detail: Detail,
     ) -> Result<Vec<Plane>, PreviewError> {
         showing.check()?;
+        let frame = frame.map(|f| f.min(showing.frames - 1));
+        if let Some(tiles) = &showing.tiles {
+            return tiled::look(tiles, frame, pupil, detail, self.single()?);
+        }
         while self.holds.len() < showing.colors.len() {
             self.holds.push(Hold { engine: (self.open)()?, spectrum: None });
         }
-        let frame = frame.map(|f| f.min(showing.frames - 1));
         let look = |(hold, shown): (&mut Hold, &Shown)| hold.look(showing, shown, frame, pupil, detail);
         Ok(self.holds.iter_mut().zip(&showing.colors).map(look).collect::<Result<_, _>>()?)
     }

@@ -11,7 +11,8 @@
 //!
 //! This room imports [`optics`](crate::optics), [`hologram`](crate::hologram), [`plan`](crate::plan),
 //! [`engine`](crate::engine), [`evaluate`](crate::evaluate), [`files`](crate::files) for the sRGB curve, of
-//! [`solve`](crate::solve) the `Problem` (a scene before a display), and of [`playback`](crate::playback) the desktop.
+//! [`solve`](crate::solve) the `Problem` (a scene before a display), [`vast`](crate::vast) for holograms in tiles, and of
+//! [`playback`](crate::playback) the desktop.
 
 mod controls;
 mod eye;
@@ -22,6 +23,9 @@ mod picture;
 mod place;
 mod reader;
 mod showing;
+mod tiled;
+#[cfg(test)]
+mod tiled_tests;
 mod viewer;
 #[cfg(test)]
 mod viewer_tests;
@@ -33,7 +37,7 @@ pub use overlay::{Overlay, draw_overlay};
 pub use picture::{Picture, Plane, develop};
 pub use place::{Rect, dioptres, focus_step, places, pupil_at};
 pub use reader::{ReadHologram, Reader};
-pub use showing::{Showing, Shown};
+pub use showing::{Scene, Showing, Shown};
 pub use viewer::{Look, Seen, Side, Viewer};
 pub use window::PreviewWindow;
 
@@ -41,6 +45,7 @@ use crate::engine::EngineError;
 use crate::hologram::HologramError;
 use crate::optics::OpticsError;
 use crate::playback::PlaybackError;
+use crate::vast::VastError;
 
 /// Why there is nothing to see.
 #[derive(Debug, thiserror::Error)]
@@ -57,6 +62,9 @@ pub enum PreviewError {
     /// A hologram that could not be read.
     #[error(transparent)]
     Hologram(#[from] HologramError),
+    /// A hologram in tiles.
+    #[error(transparent)]
+    Vast(#[from] VastError),
     /// What is shown contradicts itself, or the scene.
     #[error("this cannot be looked at: {reason}")]
     Showing {

@@ -1,8 +1,10 @@
 //! What the display shows.
 
 use super::PreviewError;
-use crate::hologram::Hologram;
+use crate::hologram::{Hologram, Tiles};
 use crate::optics::{Color, Optics, Padding};
+use crate::solve::Problem;
+use crate::vast::Views;
 use std::sync::Arc;
 
 /// One colour of what is shown.
@@ -16,8 +18,33 @@ pub struct Shown {
     pub exposure: f64,
     /// The share of its field of view that all colours have: 1 but in the far field (OPTICS 9).
     pub share: f64,
-    /// (sub-frame, row, column), radians. A colour whose phases are the same as before costs nothing again.
+    /// (sub-frame, row, column), radians; none where they are in tiles. A colour whose phases are the same as before costs
+    /// nothing again.
     pub phases: Arc<Vec<f32>>,
+}
+
+/// What should be seen, in the colours of what is shown and in their order.
+pub enum Scene {
+    /// All of each colour's light field.
+    Problems(Vec<Problem>),
+    /// Views from around any pupil, for holograms in tiles.
+    Views(Vec<Views>),
+}
+
+impl From<Vec<Problem>> for Scene {
+    fn from(problems: Vec<Problem>) -> Self {
+        Self::Problems(problems)
+    }
+}
+
+impl Scene {
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        match self {
+            Self::Problems(problems) => problems.is_empty(),
+            Self::Views(views) => views.is_empty(),
+        }
+    }
 }
 
 /// Phases on a display, and the light that they are seen by.
@@ -31,6 +58,8 @@ pub struct Showing {
     pub colors: Vec<Shown>,
     /// Side of the eyebox that all colours of the display serve, metres.
     pub eyebox: f64,
+    /// The phases of a far field that stay on the disk: those under the pupil are read for each picture.
+    pub tiles: Option<Arc<Tiles>>,
 }
 
 impl Showing {
@@ -55,7 +84,15 @@ impl Showing {
             phases: Arc::new(color.phases),
         };
         let colors = hologram.colors.into_iter().zip(optics).zip(shares).map(shown).collect();
-        Ok(Self { frames: hologram.frames, padding, colors, eyebox })
+        Ok(Self { frames: hologram.frames, padding, colors, eyebox, tiles: None })
+    }
+
+    /// A far-field hologram in tiles, which are left where they are.
+    ///
+    /// # Errors
+    /// Its optics.
+    pub fn of_tiles(tiles: Arc<Tiles>) -> Result<Self, PreviewError> {
+        Ok(Self { tiles: Some(Arc::clone(&tiles)), ..Self::new(tiles.about().clone(), Padding::default())? })
     }
 
     /// Rows and columns of what is seen: the SLM's pixels, or, in the far field, a square of as many.
@@ -73,8 +110,15 @@ impl Showing {
         if self.colors.is_empty() || self.frames == 0 {
             return wrong(format!("{} colours and {} sub-frames", self.colors.len(), self.frames));
         }
+        let about = self.tiles.as_ref().map(|t| t.about());
+        if about.is_some_and(|a| (a.frames, a.colors.len()) != (self.frames, self.colors.len())) {
+            return wrong("its tiles hold other sub-frames or colours".into());
+        }
         for (i, c) in self.colors.iter().enumerate() {
-            let expected = height.checked_mul(width).and_then(|n| n.checked_mul(self.frames));
+            let expected = match self.tiles {
+                Some(_) => Some(0),
+                None => height.checked_mul(width).and_then(|n| n.checked_mul(self.frames)),
+            };
             if [c.optics.height, c.optics.width] != [height, width] || Some(c.phases.len()) != expected {
                 return wrong(format!(
                     "colour {i} has {} phases of {}x{}, not {} sub-frames of {height}x{width}",

@@ -3,7 +3,7 @@
 use super::eye::{Detail, Eye, Opener};
 use super::newest::Newest;
 use super::picture::{Picture, Plane, develop};
-use super::{PreviewError, Showing};
+use super::{PreviewError, Scene, Showing, tiled};
 use crate::engine::{Engine, Purpose};
 use crate::evaluate;
 use crate::optics::{Color, Pupil, WindowFactor};
@@ -92,12 +92,13 @@ impl Viewer {
     ///
     /// # Errors
     /// [`PreviewError::Thread`].
-    pub fn start(open: Opener, scene: Vec<Problem>) -> Result<Self, PreviewError> {
+    pub fn start(open: Opener, scene: impl Into<Scene>) -> Result<Self, PreviewError> {
+        let scene = scene.into();
         let (given, answers) = (Arc::new(Newest::<Given>::default()), Arc::new(Newest::default()));
         let looked = Arc::new(AtomicU64::new(0));
         let (take, give, count) = (Arc::clone(&given), Arc::clone(&answers), Arc::clone(&looked));
         let run = move || {
-            let mut looker = Looker { eye: Eye::new(open), scene, cameras: Vec::new(), expected: Duration::ZERO };
+            let mut looker = Looker { eye: Eye::new(open), scene, cameras: Vec::new(), expected: None };
             let (mut showing, mut look) = (None, None);
             loop {
                 let given = take.wait();
@@ -111,7 +112,9 @@ impl Viewer {
                     count.fetch_add(1, Relaxed);
                     give.put(answer);
                 };
-                if look.side == Side::Seen && looker.expected > SLOW {
+                // Nobody knows yet how long the first takes; of tiles it can be seconds.
+                let slow = looker.expected.map_or(showing.tiles.is_some(), |time| time > SLOW);
+                if look.side == Side::Seen && slow {
                     let coarse = looker.look(*content, showing, look, Detail::Coarse);
                     let failed = coarse.is_err();
                     publish(coarse);
@@ -171,15 +174,16 @@ impl Drop for Viewer {
 /// What the thread owns.
 struct Looker {
     eye: Eye,
-    scene: Vec<Problem>,
+    scene: Scene,
     cameras: Vec<Box<dyn Engine>>,
-    expected: Duration,
+    /// What a whole picture took.
+    expected: Option<Duration>,
 }
 
 impl Looker {
     fn look(&mut self, content: u64, showing: &Showing, look: &Look, detail: Detail) -> Answer {
         let start = Instant::now();
-        let (size, whole) = (showing.size(), detail == Detail::Whole);
+        let whole = detail == Detail::Whole;
         let colors: Vec<Option<Color>> = showing.colors.iter().map(|c| c.color).collect();
         let exposures: Vec<f64> = showing.colors.iter().map(|c| c.exposure).collect();
         let wanted = !self.scene.is_empty() && whole;
@@ -187,6 +191,11 @@ impl Looker {
         let planes = match look.side {
             Side::Photograph => Vec::new(),
             _ => self.eye.look(showing, look.frame, &look.pupil, detail)?,
+        };
+        // Of tiles, what the pupil resolves is all there is; else the planes sample the SLM's pixels.
+        let size = match planes.first().or(photograph.first()).filter(|_| showing.tiles.is_some()) {
+            Some(plane) => [plane.rows, plane.columns],
+            None => showing.size(),
         };
         let seen = match look.side {
             Side::Photograph => Picture::black([0, 0]),
@@ -198,7 +207,7 @@ impl Looker {
         let picture = shown.then(|| develop(&photograph, &colors, &vec![1.0; colors.len()], size, look.within));
         let spent = start.elapsed();
         if whole {
-            self.expected = spent;
+            self.expected = Some(spent);
         }
         let milliseconds = spent.as_secs_f64() * 1e3;
         Ok(Seen {
@@ -217,12 +226,20 @@ impl Looker {
 
     /// The scene's photograph in each colour.
     fn photograph(&mut self, showing: &Showing, pupil: &Pupil) -> Result<Vec<Plane>, PreviewError> {
+        let other = || PreviewError::Showing { reason: "its colours or its optics are not the scene's".into() };
+        let scene = match (&self.scene, &showing.tiles) {
+            (Scene::Views(views), Some(tiles)) if views.len() == showing.colors.len() => {
+                return tiled::photograph(tiles, views, pupil, self.eye.single()?);
+            }
+            (Scene::Problems(problems), None) => problems,
+            _ => return Err(other()),
+        };
         let fits = |(problem, shown): (&Problem, &super::Shown)| problem.optics == shown.optics;
-        if self.scene.len() != showing.colors.len() || !self.scene.iter().zip(&showing.colors).all(fits) {
-            return Err(PreviewError::Showing { reason: "its colours or its optics are not the scene's".into() });
+        if scene.len() != showing.colors.len() || !scene.iter().zip(&showing.colors).all(fits) {
+            return Err(other());
         }
-        let mut planes = Vec::with_capacity(self.scene.len());
-        for (i, problem) in self.scene.iter().enumerate() {
+        let mut planes = Vec::with_capacity(scene.len());
+        for (i, problem) in scene.iter().enumerate() {
             let planner = problem.planner(1, WindowFactor::Full);
             if self.cameras.len() == i {
                 let mut camera = (self.eye.opener())()?;

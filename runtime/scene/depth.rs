@@ -1,7 +1,9 @@
 //! The depth of the central view, measured from the light field itself: a plane sweep over the views of the central
 //! row and column, smoothed by semi-global matching (Hirschmueller, IEEE PAMI 30, 2008).
 
-use super::{LightField, Pyramid, ViewGrid};
+use super::map::Map;
+use super::resize::Resize;
+use super::{Fit, LightField, Pyramid, ViewGrid};
 use crate::optics::Display;
 use rayon::prelude::*;
 
@@ -13,7 +15,12 @@ const JUMP: f32 = 0.12;
 /// Differences beyond this are occlusions or highlights.
 const OUTLIER: f32 = 0.25;
 
-/// The central view (the nearest to the middle of the grid) and its neighbours.
+/// Pixels along the longer side of what disparities are sought in.
+const LARGEST: usize = 512;
+/// Steps to the farthest view that disparities of any view are sought with.
+const NEAR: usize = 3;
+
+/// A view and its neighbours in its row and column.
 struct Sweep {
     height: usize,
     width: usize,
@@ -24,10 +31,24 @@ struct Sweep {
 }
 
 impl Sweep {
-    fn new(rows: usize, columns: usize, [height, width]: [usize; 2], view: impl Fn(usize) -> Vec<f32>) -> Self {
-        let (r, c) = (rows / 2, columns / 2);
+    /// The central view (the nearest to the middle of the grid), with all of its row and column.
+    fn new(rows: usize, columns: usize, size: [usize; 2], view: impl Fn(usize) -> Vec<f32>) -> Self {
+        Self::around([rows, columns], [rows / 2, columns / 2], usize::MAX, size, view)
+    }
+
+    /// The view at row and column `[r, c]`, with those that are no more than `reach` steps away.
+    fn around(
+        [rows, columns]: [usize; 2],
+        [r, c]: [usize; 2],
+        reach: usize,
+        [height, width]: [usize; 2],
+        view: impl Fn(usize) -> Vec<f32>,
+    ) -> Self {
         let root = |index| view(index).iter().map(|v| v.max(0.0).sqrt()).collect();
-        let along = |n: usize, at: usize| (0..n).filter(move |i| *i != at).map(move |i| i as isize - at as isize);
+        let along = |n: usize, at: usize| {
+            let near = (0..n).filter(move |i| *i != at && i.abs_diff(at) <= reach);
+            near.map(move |i| i as isize - at as isize)
+        };
         let mut arms: [Vec<_>; 4] = Default::default();
         for d in along(columns, c) {
             arms[usize::from(d > 0)].push((0, d, root(r * columns + (c as isize + d) as usize)));
@@ -75,38 +96,66 @@ impl Sweep {
         let (h, w) = (self.height, self.width);
         let mut costs = vec![0.0f32; h * w * count];
         costs.par_chunks_exact_mut(w * count).enumerate().for_each(|(y, row)| {
-            for (x, costs) in row.chunks_exact_mut(count).enumerate() {
-                for (d, cost) in costs.iter_mut().enumerate() {
-                    let delta = disparity(d);
-                    let arm = |views: &Vec<(isize, isize, Vec<f32>)>| {
-                        let one = |(r, c, view): &(isize, isize, Vec<f32>)| {
-                            // Content of disparity delta stands displaced by -delta per step (OPTICS 3).
-                            let seen = self.sample(view, y as f64 - delta * *r as f64, x as f64 - delta * *c as f64);
-                            (seen - self.center[y * w + x]).abs().min(OUTLIER)
+            let (mut arms, mut seen) = ([const { Vec::new() }; 4], vec![0.0f32; w]);
+            for d in 0..count {
+                for (sums, views) in arms.iter_mut().zip(&self.arms) {
+                    sums.clear();
+                    sums.resize(w, 0.0f32);
+                    for (r, c, view) in views {
+                        // Content of disparity delta stands displaced by -delta per step (OPTICS 3).
+                        self.shifted(view, y, -disparity(d) * *r as f64, -disparity(d) * *c as f64, &mut seen);
+                        let center = &self.center[y * w..][..w];
+                        for ((sum, seen), center) in sums.iter_mut().zip(&seen).zip(center) {
+                            *sum += (seen - center).abs().min(OUTLIER);
+                        }
+                    }
+                    let share = 1.0 / views.len().max(1) as f32;
+                    sums.iter_mut().for_each(|s| *s *= share);
+                }
+                for pair in [0, 2] {
+                    let (a, b) = (&arms[pair], &arms[pair + 1]);
+                    for (x, cost) in row.iter_mut().skip(d).step_by(count).enumerate() {
+                        *cost += match (self.arms[pair].is_empty(), self.arms[pair + 1].is_empty()) {
+                            (false, false) => a[x].min(b[x]),
+                            (true, _) => b[x],
+                            (_, true) => a[x],
                         };
-                        views.iter().map(one).sum::<f32>() / views.len() as f32
-                    };
-                    let pair = |a: usize| {
-                        let both = [&self.arms[a], &self.arms[a + 1]].into_iter().filter(|v| !v.is_empty()).map(arm);
-                        both.fold(None, |least: Option<f32>, v| Some(least.map_or(v, |l| l.min(v)))).unwrap_or(0.0)
-                    };
-                    *cost = pair(0) + pair(2);
+                    }
                 }
             }
         });
         costs
     }
 
-    fn sample(&self, view: &[f32], y: f64, x: f64) -> f32 {
-        let (y, x) = (y.clamp(0.0, (self.height - 1) as f64), x.clamp(0.0, (self.width - 1) as f64));
-        let (j, i) = (y as usize, x as usize);
-        let (fy, fx) = ((y - j as f64) as f32, (x - i as f64) as f32);
-        let row = |j: usize| {
-            let row = &view[j * self.width..][..self.width];
-            row[i] + fx * (row[(i + 1).min(self.width - 1)] - row[i])
-        };
-        let top = row(j);
-        top + fy * (row((j + 1).min(self.height - 1)) - top)
+    /// Row `y` of a view that is moved by whole and parts of pixels along one axis; beyond its edge, its edge.
+    fn shifted(&self, view: &[f32], y: usize, down: f64, across: f64, out: &mut [f32]) {
+        let (h, w) = (self.height as i64, self.width as i64);
+        let row = |j: i64| &view[j.clamp(0, h - 1) as usize * self.width..][..self.width];
+        if across == 0.0 {
+            let first = down.floor();
+            let part = (down - first) as f32;
+            // Between two rows that are one beyond the edge.
+            let (top, bottom) = (row(y as i64 + first as i64), row(y as i64 + first as i64 + 1));
+            for ((out, a), b) in out.iter_mut().zip(top).zip(bottom) {
+                *out = a + part * (b - a);
+            }
+            return;
+        }
+        let first = across.floor();
+        let (part, first) = ((across - first) as f32, first as i64);
+        let line = row(y as i64);
+        let at = |x: i64| line[x.clamp(0, w - 1) as usize];
+        let inner = (-first).clamp(0, w)..(w - 1 - first).clamp(0, w);
+        for x in (0..inner.start).chain(inner.end.max(inner.start)..w) {
+            let (a, b) = (at(x + first), at(x + first + 1));
+            out[x as usize] = a + part * (b - a);
+        }
+        if inner.start < inner.end {
+            let from = &line[(inner.start + first) as usize..=(inner.end + first) as usize];
+            for (out, pair) in out[inner.start as usize..inner.end as usize].iter_mut().zip(from.windows(2)) {
+                *out = pair[0] + part * (pair[1] - pair[0]);
+            }
+        }
     }
 }
 
@@ -177,6 +226,36 @@ pub(crate) fn central_view(pyramid: &Pyramid, grid: &ViewGrid, range: [f64; 2]) 
         |index: usize| level.views[index * pixels..][..pixels].iter().map(|v| f32::from(*v) * unit).collect::<Vec<_>>();
     let sweep = Sweep::new(grid.rows, grid.columns, [level.height, level.width], view);
     (view(grid.rows / 2 * grid.columns + grid.columns / 2), sweep.disparities(range))
+}
+
+/// Bytes that [`view_disparities`] takes while it works: two volumes of costs.
+pub(super) fn scratch([height, width]: [usize; 2], range: [f64; 2]) -> u64 {
+    let times = height.max(width).div_ceil(LARGEST).max(1);
+    let candidates = ((2.0 * (range[1] - range[0]) * NEAR as f64 / times as f64).ceil() as usize + 1).min(MOST);
+    (8 * candidates * height.div_ceil(times) * width.div_ceil(times)) as u64
+}
+
+/// The disparities of any view of a grid, (height, width), between the ends of `range` (pixels between neighbouring views),
+/// from its nearest neighbours. Large views are looked at in fewer pixels.
+pub(super) fn view_disparities(
+    grid: &ViewGrid,
+    view: usize,
+    [height, width]: [usize; 2],
+    range: [f64; 2],
+    light: impl Fn(usize) -> Vec<f32>,
+) -> Vec<f32> {
+    let (counts, at) = ([grid.rows, grid.columns], [view / grid.columns, view % grid.columns]);
+    let times = height.max(width).div_ceil(LARGEST);
+    if times <= 1 {
+        return Sweep::around(counts, at, NEAR, [height, width], light).disparities(range);
+    }
+    let [rows, columns] = [height.div_ceil(times), width.div_ceil(times)];
+    let shrink = Resize::new([height, width], [rows, columns], Fit::Stretch);
+    let scale = columns as f64 / width as f64;
+    let sweep = Sweep::around(counts, at, NEAR, [rows, columns], |view| shrink.apply(&light(view)));
+    let found = sweep.disparities(range.map(|d| d * scale));
+    let values = found.into_iter().map(|d| (f64::from(d) / scale) as f32).collect();
+    Map { height: rows, width: columns, values, is_disparity: true }.resize(height, width, 1.0)
 }
 
 #[cfg(test)]

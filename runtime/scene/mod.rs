@@ -31,12 +31,19 @@
 //! mean the ends of [`Request::depth`]. A `.pfm` or `.npy` map holds disparities, in pixels between neighbouring views
 //! at the picture's own resolution, if its name contains `disp`; else it counts like a picture, larger being nearer.
 //!
+//! **Anywhere.** Where the views of all of an eyebox would be too many or too far apart, a scene is seen from a few places at
+//! a time: a [`Stage`] renders a built-in scene there, an [`Interpolator`] makes views between those of a folder, and a
+//! [`Reprojection`] shows a picture with its map.
+//!
 //! Signs (OPTICS 3): columns of views follow +x of the pupil, rows +y; content of positive disparity is near.
 
 mod builtin;
 mod depth;
 mod error;
 mod folder;
+mod interpolate;
+#[cfg(test)]
+mod interpolate_tests;
 mod light_field;
 mod map;
 mod merge;
@@ -58,11 +65,13 @@ pub use builtin::{BUILTINS, Builtin, Stage};
 pub use depth::central_depth;
 pub(crate) use depth::central_view;
 pub use error::SceneError;
+pub use interpolate::Interpolator;
 pub use light_field::{Fit, LightField};
 pub use photograph::ViewGrid;
 pub use picture::srgb_to_linear;
 pub use pyramid::{Level, Pyramid};
 pub(crate) use resize::{crop_share, shrink_to_share};
+pub use single::Reprojection;
 pub(crate) use survey::DARK;
 pub use survey::{Black, DepthSource, Light};
 

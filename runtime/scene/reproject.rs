@@ -266,6 +266,11 @@ impl Padded {
 }
 
 impl Relief {
+    /// Bytes in memory.
+    pub fn bytes(&self) -> u64 {
+        (self.pieces.capacity() * size_of::<Piece>()) as u64
+    }
+
     /// The picture as seen `u` columns and `v` rows of views from the centre: one plane per colour.
     pub fn view(&self, u: f32, v: f32) -> Vec<Vec<f32>> {
         let (h, w) = (self.height, self.width);

@@ -4,83 +4,141 @@ use super::{
     Fit, LightField, Request, SceneError, builtin,
     map::{self, Map},
     picture,
-    reproject::relief,
+    reproject::{Relief, relief},
     resize::Resize,
 };
 use crate::optics::{Color, Display};
 use rayon::prelude::*;
 use std::path::Path;
 
+/// A picture with its depths before a display, ready to be seen from anywhere in the eyebox.
+pub struct Reprojection {
+    name: String,
+    relief: Relief,
+    /// Lays the letterbox around a finished view.
+    place: Resize,
+    size: [usize; 2],
+    cell: f64,
+    /// Smallest and largest disparity, pixels from one cell to the next.
+    ends: [f64; 2],
+    per_pixel: f64,
+}
+
+impl Reprojection {
+    /// The picture and its map ([`Request::depth_map`]) at the display's size.
+    ///
+    /// # Errors
+    /// [`SceneError::NoDepthMap`], [`SceneError::Size`] when the map is not the picture's, [`SceneError::Request`] when the
+    /// depths displace content too far, and those of reading the files.
+    pub fn new(path: &Path, request: &Request) -> Result<Self, SceneError> {
+        request.check()?;
+        Self::with_reach(path, request, request.views as f64 / 2.0)
+    }
+
+    /// To be seen from no farther than `reach` cells from the middle.
+    fn with_reach(path: &Path, request: &Request, reach: f64) -> Result<Self, SceneError> {
+        let map_path = request.depth_map.ok_or_else(|| SceneError::NoDepthMap { file: path.display().to_string() })?;
+        let map = map::read(map_path)?;
+        let picture = picture::read(path, &[Color::Red, Color::Green, Color::Blue], None)?;
+        if (map.height, map.width) != (picture.height, picture.width) {
+            return Err(SceneError::Size {
+                file: map_path.display().to_string(),
+                height: map.height,
+                width: map.width,
+                other: path.display().to_string(),
+                other_height: picture.height,
+                other_width: picture.width,
+            });
+        }
+        let display = request.display;
+        let cell = request.view_pitch.unwrap_or_else(|| display.eyebox_min() / request.views as f64);
+
+        // The picture at its size on the display, without the letterbox: that is laid around the finished views.
+        let (rows, columns) = display.picture_size();
+        let scale = (rows as f64 / map.height as f64).min(columns as f64 / map.width as f64);
+        let [height, width] = [map.height, map.width].map(|n| ((n as f64 * scale).round() as usize).max(1));
+        let resize = Resize::new([map.height, map.width], [height, width], Fit::Stretch);
+        let planes: Vec<Vec<f32>> = picture.planes.par_iter().map(|plane| resize.apply(plane)).collect();
+        let range = request.depth.unwrap_or_else(|| {
+            let half = builtin::half_span(display);
+            [-half, half]
+        });
+        let (disparity, ends) = disparities(&map, [height, width], scale, reach, range, cell, display);
+        let parallax = ends[0].abs().max(ends[1].abs()) * reach;
+        if parallax > (height.min(width) as f64 / 4.0).max(2.0) {
+            return Err(SceneError::Request {
+                what: "the displacement in the outermost views (pixels)",
+                value: format!("{parallax:.1}"),
+                must: "at most a quarter of the picture: take a smaller depth range, or fewer or closer views",
+            });
+        }
+        let size = [height, width];
+        Ok(Self {
+            name: path.file_stem().map_or("picture".into(), |n| n.to_string_lossy().into_owned()),
+            relief: relief(&planes, &disparity, size, reach as f32),
+            place: Resize::new(size, [rows, columns], Fit::Contain),
+            size: [rows, columns],
+            cell,
+            ends,
+            per_pixel: display.focal_length * display.picture_pixel() / cell,
+        })
+    }
+
+    /// Pixels by which content at an end of the depths moves over so many metres of the pupil plane.
+    pub fn parallax(&self, metres: f64) -> f64 {
+        metres / self.cell * self.ends[0].abs().max(self.ends[1].abs())
+    }
+
+    /// Farthest and nearest depth, metres.
+    pub fn depth(&self) -> [f64; 2] {
+        self.ends.map(|d| d * self.per_pixel)
+    }
+
+    /// Bytes that it holds.
+    pub fn bytes(&self) -> u64 {
+        self.relief.bytes()
+    }
+
+    /// Views in one colour from these places (x, y) of the pupil plane, metres: (row, column) of the display's picture.
+    pub fn views(&self, color: Color, places: &[(f64, f64)]) -> Vec<Vec<f32>> {
+        let one = |&(x, y): &(f64, f64)| {
+            let view = self.relief.view((x / self.cell) as f32, (y / self.cell) as f32);
+            self.place.apply(&view[color.channel()])
+        };
+        places.par_iter().map(one).collect()
+    }
+}
+
 /// Reads the picture and its map and reprojects it to `views` x `views` at the display's size.
 ///
 /// # Errors
-/// [`SceneError::NoDepthMap`], [`SceneError::Size`] when the map is not the picture's, [`SceneError::Request`] when the
-/// depths displace content too far, and those of reading the files.
+/// As [`Reprojection::new`].
 pub(super) fn load(path: &Path, request: &Request) -> Result<LightField, SceneError> {
-    let map_path = request.depth_map.ok_or_else(|| SceneError::NoDepthMap { file: path.display().to_string() })?;
-    let map = map::read(map_path)?;
-    let picture = picture::read(path, &[Color::Red, Color::Green, Color::Blue], None)?;
-    if (map.height, map.width) != (picture.height, picture.width) {
-        return Err(SceneError::Size {
-            file: map_path.display().to_string(),
-            height: map.height,
-            width: map.width,
-            other: path.display().to_string(),
-            other_height: picture.height,
-            other_width: picture.width,
-        });
-    }
-    let display = request.display;
     let n = request.views;
-    let cell = request.view_pitch.unwrap_or_else(|| display.eyebox_min() / n as f64);
-    let reach = (n as f64 - 1.0) / 2.0;
-
-    // The picture at its size on the display, without the letterbox: that is laid around the finished views.
-    let (rows, columns) = display.picture_size();
-    let scale = (rows as f64 / map.height as f64).min(columns as f64 / map.width as f64);
-    let [height, width] = [map.height, map.width].map(|n| ((n as f64 * scale).round() as usize).max(1));
-    let resize = Resize::new([map.height, map.width], [height, width], Fit::Stretch);
-    let planes: Vec<Vec<f32>> = picture.planes.par_iter().map(|plane| resize.apply(plane)).collect();
-    let range = request.depth.unwrap_or_else(|| {
-        let half = builtin::half_span(display);
-        [-half, half]
-    });
-    let (disparity, ends) = disparities(&map, [height, width], scale, reach, range, cell, display);
-    let parallax = ends[0].abs().max(ends[1].abs()) * reach;
-    if parallax > (height.min(width) as f64 / 4.0).max(2.0) {
-        return Err(SceneError::Request {
-            what: "the displacement in the outermost views (pixels)",
-            value: format!("{parallax:.1}"),
-            must: "at most a quarter of the picture: take a smaller depth range, or fewer or closer views",
-        });
-    }
-
-    let size = [height, width];
-    let place = Resize::new(size, [rows, columns], Fit::Contain);
+    let from = Reprojection::with_reach(path, request, (n as f64 - 1.0) / 2.0)?;
     let middle = (n as f32 - 1.0) / 2.0;
-    let relief = relief(&planes, &disparity, size, middle);
     let views: Vec<Vec<Vec<f32>>> = (0..n * n)
         .into_par_iter()
         .map(|k| {
-            let view = relief.view((k % n) as f32 - middle, (k / n) as f32 - middle);
-            request.colors.iter().map(|color| place.apply(&view[color.channel()])).collect()
+            let view = from.relief.view((k % n) as f32 - middle, (k / n) as f32 - middle);
+            request.colors.iter().map(|color| from.place.apply(&view[color.channel()])).collect()
         })
         .collect();
     let mut planes: Vec<Vec<Vec<f32>>> = request.colors.iter().map(|_| Vec::with_capacity(n * n)).collect();
     for view in views {
         planes.iter_mut().zip(view).for_each(|(plane, view)| plane.push(view));
     }
-    let per_pixel = display.focal_length * display.picture_pixel() / cell;
+    let [height, width] = from.size;
     Ok(LightField {
-        name: path.file_stem().map_or("picture".into(), |n| n.to_string_lossy().into_owned()),
         grid: [n, n],
-        height: rows,
-        width: columns,
+        height,
+        width,
         colors: request.colors.to_vec(),
         planes,
-        view_pitch: Some(cell),
-        disparity: Some(ends),
-        depth: Some(ends.map(|d| d * per_pixel)),
+        view_pitch: Some(from.cell),
+        disparity: Some(from.ends),
+        depth: Some(from.depth()),
+        name: from.name,
     })
 }
 

@@ -116,6 +116,7 @@ fn measure(
         padding: Default::default(),
         eyebox,
         views: grid,
+        center: [0.0; 2],
         pyramid: Arc::clone(views),
         mean: 0.5,
         share: 1.0,

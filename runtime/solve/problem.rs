@@ -14,8 +14,10 @@ pub struct Problem {
     pub padding: Padding,
     /// Side of the eyebox that pupils are drawn in, metres: what all colours of the display serve.
     pub eyebox: f64,
-    /// Where the views stand.
+    /// Where the views stand,
     pub views: ViewGrid,
+    /// around this place (x, y) of the pupil plane, metres.
+    pub center: [f64; 2],
     /// The views on the padded grid.
     pub pyramid: Arc<Pyramid>,
     /// Mean of the scene's linear light over the image.
@@ -71,8 +73,8 @@ impl Problem {
         let mean = views.iter().map(|v| v.iter().map(|x| f64::from(*x)).sum::<f64>()).sum::<f64>() / pixels;
         let views = ViewGrid { rows: field.grid[0], columns: field.grid[1], cell: field.cell(display) };
         let share = display.picture_share(optics.wavelength);
-        let (eyebox, mean) = (display.eyebox_min(), mean * share * share);
-        Ok(Self { optics, padding, eyebox, views, pyramid: Arc::new(Pyramid::default()), mean, share })
+        let (eyebox, mean, center) = (display.eyebox_min(), mean * share * share, [0.0; 2]);
+        Ok(Self { optics, padding, eyebox, views, center, pyramid: Arc::new(Pyramid::default()), mean, share })
     }
 
     /// A power of two near the scene's brightest value, or 1 where that is of ordinary size: dividing by it keeps
@@ -85,6 +87,7 @@ impl Problem {
     /// Plans for this problem.
     pub fn planner(&self, frames: usize, window: WindowFactor) -> Planner {
         let plain = Planner::new(self.optics, frames, window).with_padding(self.padding);
-        Planner { views: Some(Views::new(self.views, &self.pyramid)), share: self.share, ..plain }
+        let views = Views { center: self.center, ..Views::new(self.views, &self.pyramid) };
+        Planner { views: Some(views), share: self.share, ..plain }
     }
 }

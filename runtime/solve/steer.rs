@@ -48,6 +48,11 @@ impl Aim {
         }
     }
 
+    /// How far from its centre a pupil's edge may be, metres.
+    pub fn reach(&self) -> f64 {
+        FARTHEST * self.spread + self.diameter[1] / 2.0
+    }
+
     /// So many pupils of it, spread evenly; the same for the same seed.
     pub fn pupils(&self, count: usize, seed: u64) -> Vec<Pupil> {
         let mut points = Points::new(Sequence::Sobol, seed);
@@ -186,7 +191,8 @@ impl Refiner {
         engine.load(&planner.shape(purpose), Some(Arc::clone(&problem.pyramid)))?;
         let half = problem.eyebox / 2.0;
         let (diameter, depth) = ([half / 4.0, half / 2.0], [0.0, 0.0]);
-        let aim = Aim { x: 0.0, y: 0.0, spread: half, diameter, depth, elsewhere: 1.0 };
+        let [x, y] = problem.optics.center();
+        let aim = Aim { x, y, spread: half, diameter, depth, elsewhere: 1.0 };
         let points = Points::new(Sequence::Sobol, steering.seed ^ 0x0073_7465_6572);
         let (lanes, expected) = (Vec::new(), 0.0);
         let mut refiner = Self {
@@ -255,7 +261,8 @@ impl Refiner {
             let [x, y, d, z] = self.points.draw();
             let pupil = aim.pupil([0.0, 0.0, d, z]);
             let reach = (eyebox / 2.0 - pupil.diameter / 2.0).max(0.0);
-            pupils.push(Pupil { x: reach * (2.0 * x - 1.0), y: reach * (2.0 * y - 1.0), ..pupil });
+            let [left, top] = self.problem.optics.center();
+            pupils.push(Pupil { x: left + reach * (2.0 * x - 1.0), y: top + reach * (2.0 * y - 1.0), ..pupil });
         }
         pupils
     }

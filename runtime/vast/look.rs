@@ -7,6 +7,7 @@ use crate::hologram::Tiles;
 use crate::optics::{Optics, Pupil, WindowFactor};
 use crate::plan::{Comparison, Kernel, Planner};
 use crate::scene::crop_share;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// One colour through one pupil.
@@ -29,19 +30,38 @@ pub fn look(
     factor: WindowFactor,
     engine: &mut dyn Engine,
 ) -> Result<Seen, VastError> {
+    look_frames(tiles, color, 0..tiles.about().frames, pupil, factor, engine)
+}
+
+/// The same of some sub-frames alone.
+///
+/// # Errors
+/// [`VastError`].
+///
+/// # Panics
+/// If there are no such sub-frames: the caller's mistake.
+pub fn look_frames(
+    tiles: &Tiles,
+    color: usize,
+    frames: Range<usize>,
+    pupil: &Pupil,
+    factor: WindowFactor,
+    engine: &mut dyn Engine,
+) -> Result<Seen, VastError> {
     let about = tiles.about();
+    assert!(!frames.is_empty() && frames.end <= about.frames, "sub-frames {frames:?} of {}", about.frames);
     let whole = about.optics(color)?;
     let (at, size) = under(&whole, pupil);
     let piece = whole.piece(at, size);
     let share = about.picture_share(color);
     let planner = Planner::new(piece, 1, factor);
-    let all = Planner { frames: about.frames, ..planner.clone() };
+    let all = Planner { frames: frames.len(), ..planner.clone() };
     let mut lane = all.lane(pupil, &Comparison::default());
     lane.intensity.frames = 1;
     let mut step = planner.view_step(vec![lane]);
     let phases = tiles.read(color, at, size)?;
     engine.load(&planner.shape(Purpose::View), None)?;
-    for (f, frame) in phases.chunks_exact(size[0] * size[1]).enumerate() {
+    for (f, frame) in phases.chunks_exact(size[0] * size[1]).skip(frames.start).take(frames.len()).enumerate() {
         engine.write(Buffer::Phases, frame)?;
         engine.run(&step)?;
         if f == 0 {

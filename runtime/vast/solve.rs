@@ -99,7 +99,11 @@ pub fn solve(
         let mut phases = tiles.read(job.color, at, size)?;
         let exposure = about.colors[job.color].exposure;
         let frames = about.frames;
-        let region = Region::new(job, optics.piece(at, size), frames, exposure);
+        let outer = [
+            [at[1] == 0, at[1] + size[1] == about.width], //
+            [at[0] == 0, at[0] + size[0] == about.height],
+        ];
+        let region = Region::new(job, optics.piece(at, size), outer, frames, exposure);
         let (pupils, loss) = region.visit(k, &mut phases, engine)?;
         // The next region's views are rendered where this one's fields were.
         drop(region);
@@ -123,11 +127,24 @@ struct Region<'a> {
     all: Planner,
     pyramid: Arc<Pyramid>,
     center: [f64; 2],
+    /// Along x and y: whether it begins and ends where the SLM does.
+    outer: [[bool; 2]; 2],
     exposure: f64,
 }
 
+/// Where a pupil stands along an axis of a region `side` wide, from its middle, for `even` in -1..1. Pupils are drawn evenly
+/// over somewhat more than the region and then moved inside: a pixel at an edge is seen by pupils from one side alone, and
+/// so they touch it the more often. By half a diameter more, as many stand near an edge as near the middle. Where the SLM
+/// itself ends no region overlaps this one, and it is a whole diameter: half as many again.
+fn place(even: f64, side: f64, diameter: f64, outer: [bool; 2]) -> f64 {
+    let reach = (side - diameter).max(0.0) / 2.0;
+    let beyond = outer.map(|outer| if outer { diameter } else { diameter / 2.0 });
+    let [low, high] = [-reach - beyond[0], reach + beyond[1]];
+    (low + (even + 1.0) / 2.0 * (high - low)).clamp(-reach, reach)
+}
+
 impl<'a> Region<'a> {
-    fn new(job: &'a Job, optics: Optics, frames: usize, exposure: f64) -> Self {
+    fn new(job: &'a Job, optics: Optics, outer: [[bool; 2]; 2], frames: usize, exposure: f64) -> Self {
         let center = [optics.offset[1], optics.offset[0]].map(|bins| bins as f64 * optics.pitch);
         let extent = optics.height.max(optics.width) as f64 * optics.pitch;
         let (pyramid, views) = job.views.around(center, extent);
@@ -136,7 +153,7 @@ impl<'a> Region<'a> {
             share: job.views.share(),
             ..Planner::new(optics, frames, job.settings.window)
         };
-        Self { job, optics, one: Planner { frames: 1, ..all.clone() }, all, pyramid, center, exposure }
+        Self { job, optics, one: Planner { frames: 1, ..all.clone() }, all, pyramid, center, outer, exposure }
     }
 
     /// Takes the steps of visit `k`; also the pupils that it took, and the last loss.
@@ -166,14 +183,15 @@ impl<'a> Region<'a> {
     fn draw(&self, sampler: &mut Sampler) -> Vec<Pupil> {
         let wanted = COVERED * (self.optics.height * self.optics.width) as f64;
         let (mut pupils, mut covered) = (Vec::new(), 0.0);
-        let side = self.optics.eyebox();
+        let side = [self.optics.width, self.optics.height].map(|n| n as f64 * self.optics.pitch);
         while pupils.is_empty() || covered < wanted {
             let drawn = sampler.draw();
-            // Evenly over all of the region, and then moved inside: along its edges pupils are as many as in its middle, for
-            // nothing but a pupil that touches a corner sees what is there.
-            let reach = (side - drawn.diameter).max(0.0) / 2.0;
-            let even = |at: f64| if reach > 0.0 { (at * side / 2.0 / reach).clamp(-reach, reach) } else { 0.0 };
-            let pupil = Pupil { x: even(drawn.x) + self.center[0], y: even(drawn.y) + self.center[1], ..drawn };
+            let reach = (self.optics.eyebox() - drawn.diameter) / 2.0;
+            let [x, y] = [(0, drawn.x), (1, drawn.y)].map(|(i, at)| {
+                let even = if reach > 0.0 { at / reach } else { 0.0 };
+                place(even, side[i], drawn.diameter, self.outer[i]) + self.center[i]
+            });
+            let pupil = Pupil { x, y, ..drawn };
             covered += (pupil.diameter / self.optics.pitch).powi(2);
             pupils.push(pupil);
         }
@@ -220,7 +238,7 @@ impl<'a> Region<'a> {
             let found = loss(&engine.run_part(&whole, 0..update)?);
             if found.is_finite() {
                 engine.run_part(&whole, update..whole.list.len())?;
-                phases.copy_from_slice(&engine.read(Buffer::Phases)?);
+                engine.read_into(Buffer::Phases, phases)?;
             }
             return Ok(found);
         }
@@ -243,8 +261,37 @@ impl<'a> Region<'a> {
         for frame in phases.chunks_exact_mut(pixels) {
             engine.write(Buffer::Phases, frame)?;
             engine.run(&turn)?;
-            frame.copy_from_slice(&engine.read(Buffer::Phases)?);
+            engine.read_into(Buffer::Phases, frame)?;
         }
         Ok(found)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Every pupil lies inside its region. Within half a diameter of one that touches an edge there are as many as in
+        /// the middle, and half as many again where the SLM ends.
+        #[test]
+        fn edges_are_touched_as_often_as_the_middle_is_met(share in 0.05f64..0.4, low: bool, high: bool) {
+            let (side, diameter, n) = (3e-3, share * 3e-3, 20_001);
+            let places: Vec<f64> =
+                (0..n).map(|i| place(2.0 * i as f64 / (n - 1) as f64 - 1.0, side, diameter, [low, high])).collect();
+            let reach = (side - diameter) / 2.0;
+            prop_assert!(places.iter().all(|x| x.abs() <= reach));
+            let met = |at: f64| places.iter().filter(|x| (*x - at).abs() <= diameter / 2.0).count() as f64;
+            for (outer, edge) in [(low, -reach), (high, reach)] {
+                let expected = if outer { 1.5 } else { 1.0 };
+                prop_assert!((met(edge) / met(0.0) - expected).abs() < 0.01, "{} of {}", met(edge), met(0.0));
+            }
+        }
+    }
+
+    #[test]
+    fn a_pupil_as_wide_as_its_region_stands_in_its_middle() {
+        assert_eq!(place(0.7, 1e-3, 1e-3, [true, false]), 0.0);
     }
 }

@@ -248,7 +248,7 @@ pub struct Solve {
     /// command goes on where it was cut off [default: 4GiB where the hologram is larger, else all at once]
     #[arg(long, value_name = "AMOUNT", value_parser = memory)]
     pub memory: Option<u64>,
-    /// With --memory: passes over the SLM [default: 3; --steps are those of one visit to a region, default 6]
+    /// With --memory: passes over the SLM [default: 3; --steps are those of one visit to a region, default 8]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..).map(usize::from))]
     pub passes: Option<usize>,
     /// With --memory: pixels along each axis of the scene's views [default: 1024, or the display's]

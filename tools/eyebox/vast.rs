@@ -13,7 +13,7 @@ use eyebox::optics::{Color, Display, Geometry, Pupil, WindowFactor};
 use eyebox::plan::Storage;
 use eyebox::scene::Request;
 use eyebox::solve::{Flow, Method, Settings};
-use eyebox::vast::{self, Job, Memory, RegionSize, Schedule, Views};
+use eyebox::vast::{self, Job, Memory, RegionSize, Schedule, VastError, Views};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -22,7 +22,7 @@ use std::time::Instant;
 /// Without --memory.
 const MEMORY: u64 = 4 << 30;
 /// Steps of a visit, and passes over the SLM, where neither is given.
-const STEPS: usize = 6;
+const STEPS: usize = 8;
 /// As [`STEPS`].
 const PASSES: usize = 3;
 
@@ -60,8 +60,19 @@ pub fn solve(args: &Solve, display: &Display) -> Result<(), Failure> {
     let frames = args.frames.unwrap_or(Settings::default().frames);
     let side = tile_side(display);
     let picture = args.picture.unwrap_or(1024).min(display.picture_size().0);
-    let size = RegionSize::new(&optics, frames, side, diameter[1], picture, memory)?;
     let views = scene(&args.scene, display, &colors, picture)?;
+    let held: u64 = views.iter().map(Views::held).sum();
+    let left = Memory(memory.0.saturating_sub(held));
+    let with_held = |error| match error {
+        VastError::Memory { diameter_mm, frames, needed_mib, .. } => {
+            let (needed_mib, given_mib) = (needed_mib + (held >> 20), memory.0 >> 20);
+            VastError::Memory { diameter_mm, frames, needed_mib, given_mib }
+        }
+        other => other,
+    };
+    // Views that are smaller than the picture take less.
+    let seen = views[0].size();
+    let size = RegionSize::new(&optics, frames, side, diameter[1], seen, left).map_err(with_held)?;
     let depth = args.scene.depth.or(views[0].depth()).unwrap_or([0.0, 0.0]);
     let mut settings = solve::base_of(args, display, [depth[0].min(depth[1]), depth[0].max(depth[1])]);
     settings.diameter = diameter;
@@ -76,11 +87,14 @@ pub fn solve(args: &Solve, display: &Display) -> Result<(), Failure> {
     let passes = args.passes.unwrap_or(PASSES).max(1);
     let schedule = Schedule::new([display.height, display.width], size, side, passes, args.seed);
     // Everything that decides a byte of the file.
-    let work = json!({
+    let mut work = json!({
         "scene": args.scene.scene, "views": [args.scene.views, Some(picture)], "view_pitch": args.scene.view_pitch,
         "display": display.to_toml(), "colors": colors, "settings": settings, "passes": passes, "tile": side,
         "region": [size.rows, size.columns], "engine": engine.describe(),
     });
+    if let Some(map) = &args.scene.depth_map {
+        work["depth_map"] = json!([map.display().to_string(), args.scene.depth]);
+    }
     let mut tiles = match unfinished(&args.out, &work)? {
         Some(tiles) => tiles,
         None => {
@@ -107,7 +121,7 @@ pub fn solve(args: &Solve, display: &Display) -> Result<(), Failure> {
             size.rows,
             size.columns,
             settings.steps,
-            size.bytes >> 20,
+            (size.bytes + held) >> 20,
             memory.0 >> 20
         );
         if done > 0 {
@@ -154,7 +168,7 @@ pub fn solve(args: &Solve, display: &Display) -> Result<(), Failure> {
             "out": args.out, "engine": engine.describe(), "solve_seconds": solving,
             "seconds": start.elapsed().as_secs_f64(), "psnr_mean_db": summary.mean, "psnr_worst_db": summary.worst,
             "pupils": rows, "visits": visits * colors.len(), "pupils_solved": pupils, "region": [size.rows, size.columns],
-            "planned_memory_mib": size.bytes >> 20, "peak_memory_mib": peak, "read_mib": read >> 20,
+            "planned_memory_mib": (size.bytes + held) >> 20, "peak_memory_mib": peak, "read_mib": read >> 20,
             "written_mib": written >> 20, "settings": settings, "timings": timings,
         });
         println!("{out}");
@@ -187,7 +201,6 @@ fn refuse_what_is_not_here(args: &Solve) -> Result<(), Failure> {
         (args.seconds.is_some(), "--seconds"),
         (args.psnr.is_some(), "--psnr"),
         (args.pupils.is_some(), "--pupils"),
-        (args.scene.depth_map.is_some(), "--depth-map"),
     ];
     match given.iter().find(|g| g.0) {
         Some((_, name)) => Err(Failure::Asked(format!(
@@ -208,10 +221,16 @@ fn scene(args: &SceneArgs, display: &Display, colors: &[Color], picture: usize) 
     let request = Request {
         view_pitch: args.view_pitch.map(|mm| mm * 1e-3),
         views: args.views.unwrap_or(default.views),
+        depth_map: args.depth_map.as_deref(),
         depth: args.depth,
         ..default
     };
-    colors.iter().map(|&color| Ok(Views::new(&args.scene, &request, color, picture)?)).collect()
+    Ok(Views::of_colors(&args.scene, &request, picture)?)
+}
+
+/// A scene as what an eye sees is compared with it.
+pub fn scene_of(args: &SceneArgs, display: &Display, colors: &[Color]) -> Result<Vec<Views>, Failure> {
+    scene(args, display, colors, 1024.min(display.picture_size().0))
 }
 
 /// A hologram in the making that this job goes on with.
@@ -248,6 +267,19 @@ fn about(
         let (wavelength, efficiency) = (optics.wavelength, mean / exposure);
         solved.push(ColorHologram { color: Some(color), wavelength, exposure, efficiency, phases: Vec::new() });
     }
+    let mut how = json!({
+        "solve": settings, "padding": [0, 0], "passes": passes, "eyebox_mm": display.eyebox_min() * 1e3
+    });
+    // What was said of the scene, for those who compare with it.
+    if let Some(pitch) = args.scene.view_pitch {
+        how["view_pitch_mm"] = json!(pitch);
+    }
+    if let Some(views) = args.scene.views {
+        how["views"] = json!([views, views]);
+    }
+    if let Some(depth) = args.scene.depth.filter(|_| args.scene.depth_map.is_some()) {
+        how["depth_map_mm"] = json!(depth.map(|d| d * 1e3));
+    }
     Ok(Hologram {
         frames: settings.frames,
         height: display.height,
@@ -261,7 +293,7 @@ fn about(
         display: display.name.clone(),
         display_wavelengths: display.wavelengths.clone(),
         scene: args.scene.scene.clone(),
-        settings: json!({ "solve": settings, "padding": [0, 0], "passes": passes, "eyebox_mm": display.eyebox_min() * 1e3 }),
+        settings: how,
     })
 }
 
@@ -379,7 +411,7 @@ pub fn score(args: &Score) -> Result<(), Failure> {
     let display = crate::score::display_of(&args.hologram, tiles.about())?;
     let colors: Vec<Color> = tiles.about().colors.iter().filter_map(|c| c.color).collect();
     let scene_args = crate::score::as_solved(&args.scene, tiles.about());
-    let views = scene(&scene_args, &display, &colors, 1024.min(display.picture_size().0))?;
+    let views = scene_of(&scene_args, &display, &colors)?;
     let solved: [f64; 2] = serde_json::from_value(tiles.about().settings["solve"]["diameter"].clone())
         .unwrap_or_else(|_| common::diameters(None, &display));
     let depth = scene_args.depth.or(views[0].depth()).unwrap_or([0.0, 0.0]);

@@ -204,6 +204,60 @@ fn bare_phases_are_shown_as_view_shows_them() {
     ends(child);
 }
 
+/// A far field in tiles: the window shows what `eyebox view` writes, from any place, and nothing but the tiles under the
+/// pupil is read.
+#[test]
+fn a_far_field_in_tiles_is_shown_without_the_rest_of_it() {
+    let here = common::folder();
+    let folder = here.path();
+    let display = "name = \"far\"\nresolution = [256, 256]\npitch_um = 4.0\nfocal_length_mm = 400.0\n\
+                   wavelengths_nm = { green = 520, blue = 440 }\ngeometry = \"far-field\"\n";
+    std::fs::write(folder.join("far.toml"), display).expect("written");
+    let solve = ["solve", "builtin:still-life", "--display", "far.toml", "--frames", "2", "--memory", "600MiB"];
+    let few = ["--pupil-diameter", "0.2..0.4", "--picture", "96", "--passes", "1", "--engine", "cpu", "-o", "h.zarr"];
+    done(folder, &[&solve[..], &few].concat());
+    // A tile that no pupil of this test covers is damaged: nobody who does not look there notices.
+    let far = folder.join("h.zarr/phases/c/1/0/7/7");
+    let mut tile = std::fs::read(&far).expect("a tile");
+    tile[9] ^= 1;
+    std::fs::write(&far, &tile).expect("written");
+    let first = view(folder, "h.zarr", &[], "-0.1,-0.2,0.3,0");
+    let [n, wide] = first.size;
+    assert!(n == wide && n > 60 && n < 100, "what the pupil resolves: {n}");
+    let desk = Desk::new(folder, [200, 320]);
+    let window = format!("{n}x{}", 2 * n + 4);
+    let args = ["h.zarr", "--pupil=-0.1,-0.2,0.3,0", "--window", &window, "--engine", "cpu", "--validation"];
+    let mut child = start(folder, &desk, &[&args[..], &["--scene", "builtin:still-life"]].concat());
+    let window = desk.window("h.zarr");
+    let left = (n + 4) / 2;
+    let alone = |desk: &Desk| columns(&desk.part(window), left, n);
+    until("the first picture", &mut child, || alone(&desk) == first);
+    until("the title", &mut child, || desk.title(window).contains(" dB"));
+    // The mouse moves the pupil: the picture stands for the eyebox of 1.024 mm.
+    let at = [n / 4, left + n / 8];
+    desk.point(window, at.map(|v| v as i16));
+    let place = |at: usize, from: usize| ((at - from) as f64 / n as f64 - 0.5) * 1.024;
+    let moved = view(folder, "h.zarr", &[], &format!("{},{},0.3,0", place(at[1], left), place(at[0], 0)));
+    until("the mouse's pupil", &mut child, || near(&alone(&desk), &moved));
+    assert!(!near(&moved, &first));
+    // What is kept is what view writes, at what the pupil resolves.
+    desk.press(window, 's'.into());
+    let saved = folder.join("h-seen-1.png");
+    until("the PNG", &mut child, || saved.exists());
+    assert!(near(&written(&saved), &moved));
+    desk.press(window, 'p'.into());
+    until("the photograph beside it", &mut child, || {
+        desk.title(window).contains("photograph") && near(&columns(&desk.part(window), 0, n), &moved)
+    });
+    let photograph = columns(&desk.part(window), n + 4, n);
+    assert!(photograph.rgb.iter().any(|v| *v > 120) && !near(&photograph, &moved));
+    // Where the tile is damaged, that is said, and it ends.
+    desk.point(window, [n - 3, n - 3].map(|v| v as i16));
+    let answer = child.wait_with_output().expect("it ends");
+    let said = text(&answer.stderr);
+    assert!(answer.status.code() == Some(2) && said.contains("7/7") && !said.contains("validation:"), "{said}");
+}
+
 #[test]
 fn what_cannot_be_shown_is_refused_in_a_line() {
     let here = common::folder();

@@ -3,6 +3,9 @@
 mod common;
 
 use common::{command, done, folder, refused, text};
+use eyebox::files::write_png;
+use eyebox::optics::{Color, Display};
+use eyebox::scene::{self, Request};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -121,6 +124,82 @@ fn a_view_reads_the_tiles_under_its_pupil() {
         done(at, &["score", "h.zarr", "builtin:still-life", "--pupils", "random:4", "--engine", "cpu", "--json"]);
     let scored: Value = serde_json::from_str(&scored).unwrap();
     assert!(scored["psnr_db"]["mean"].as_f64().unwrap() > 15.0, "{scored}");
+}
+
+/// Three by three views of a built-in scene, 160 pixels wide, in a folder: content moves by two pixels from one to the next.
+fn light_field(at: &Path) {
+    let display = Display { height: 160, width: 160, ..Display::preset("far-field").unwrap() };
+    let request = Request { views: 3, ..Request::new(&display, &[Color::Green]) };
+    let field = scene::load("builtin:still-life", &request).unwrap();
+    std::fs::create_dir(at).unwrap();
+    for (i, view) in field.planes[0].iter().enumerate() {
+        write_png(&at.join(format!("view_{i}.png")), 160, 160, &[view]).unwrap();
+    }
+    let [low, high] = field.disparity.unwrap();
+    assert!(high > 1.6, "{high}");
+    std::fs::write(at.join("lightfield.toml"), format!("disparity = [{low}, {high}]\n")).unwrap();
+}
+
+/// A light field of few views is solved from the views between them, goes on where it was cut off to the same bytes, and
+/// is as good for its scene as for itself.
+#[test]
+fn a_sparse_light_field_is_solved_from_between_its_views() {
+    let temp = folder();
+    let at = temp.path();
+    std::fs::write(at.join("far.toml"), DISPLAY).unwrap();
+    light_field(&at.join("views"));
+    let words = |out: &'static str| -> Vec<&'static str> {
+        let mut words = solve(out, "2");
+        words[1] = "views";
+        let picture = words.iter().position(|w| *w == "--picture").unwrap();
+        words[picture + 1] = "160";
+        words
+    };
+    let said: Value = serde_json::from_str(&done(at, &words("whole.zarr"))).unwrap();
+    assert!(said["psnr_mean_db"].as_f64().unwrap() > 17.0, "{said}");
+    let progress = || {
+        let text = std::fs::read(at.join("cut.zarr/progress.json")).ok()?;
+        serde_json::from_slice::<Value>(&text).ok()?["done"].as_u64()
+    };
+    let quiet = |words: &[&str]| command(at, words).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let mut run = quiet(&words("cut.zarr"));
+    while run.try_wait().unwrap().is_none() && progress().is_none_or(|done| done < 3) {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    run.kill().unwrap();
+    run.wait().unwrap();
+    assert!(progress().is_some(), "it ended before it was killed");
+    done(at, &words("cut.zarr"));
+    assert_eq!(contents(&at.join("whole.zarr")), contents(&at.join("cut.zarr")));
+    let score = |scene: &str| -> f64 {
+        let words = ["score", "whole.zarr", scene, "--pupils", "random:6", "--engine", "cpu", "--json"];
+        let said: Value = serde_json::from_str(&done(at, &words)).unwrap();
+        said["psnr_db"]["mean"].as_f64().unwrap()
+    };
+    let (own, exact) = (score("views"), score("builtin:still-life"));
+    assert!(own > 20.0 && exact > own - 1.0, "{own} dB against the views, {exact} against the scene");
+}
+
+/// A picture with a depth map: its views are made around each region.
+#[test]
+fn a_picture_with_depths_is_solved() {
+    let temp = folder();
+    let at = temp.path();
+    std::fs::write(at.join("far.toml"), DISPLAY).unwrap();
+    let light = |i: usize| 0.3 + 0.3 * ((i % 120) as f32 * 0.2).sin() * ((i / 120) as f32 * 0.15).cos();
+    let picture: Vec<f32> = (0..120 * 120).map(light).collect();
+    let depth: Vec<f32> = (0..120 * 120).map(|i| (i / 120) as f32 / 120.0).collect();
+    write_png(&at.join("picture.png"), 120, 120, &[&picture, &picture, &picture]).unwrap();
+    write_png(&at.join("depth.png"), 120, 120, &[&depth]).unwrap();
+    let mut words = solve("h.zarr", "1");
+    words[1] = "picture.png";
+    refused(at, &words, "h.zarr", "depth");
+    words.extend(["--depth-map", "depth.png"]);
+    let said: Value = serde_json::from_str(&done(at, &words)).unwrap();
+    assert!(said["psnr_mean_db"].as_f64().unwrap() > 14.0, "{said}");
+    let score = ["score", "h.zarr", "picture.png", "--depth-map", "depth.png", "--pupils", "random:4", "--json"];
+    let scored: Value = serde_json::from_str(&done(at, &score)).unwrap();
+    assert!(scored["psnr_db"]["mean"].as_f64().unwrap() > 13.0, "{scored}");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! The engine: buffers, one recording per part of a list, losses and times back.
 
-use super::super::{Buffer, Engine, EngineError, Kernel, Memory, Purpose, Shape, Step, Storage, Timing};
+use super::super::{Buffer, Engine, EngineError, Kernel, Memory, Purpose, Shape, Step, Storage, Timing, misfit};
 use super::check::check;
 use super::device::Block;
 use super::devices::{DeviceKind, DeviceReport};
@@ -147,8 +147,7 @@ impl VulkanEngine {
                 return Err(EngineError::Mismatch { reason: format!("{buffer:?} was written, and no lane uses it") });
             };
             if layout.floats() != data.len() {
-                let reason = format!("{buffer:?} holds {} values, {} were given", layout.floats(), data.len());
-                return Err(EngineError::Mismatch { reason });
+                return Err(misfit(buffer, layout.floats(), data.len()));
             }
             if let Some(block) = self.arenas.block(kind).filter(|_| !data.is_empty()) {
                 layout.write(&mut self.gpu, block, &data)?;
@@ -289,8 +288,7 @@ impl Engine for VulkanEngine {
         }
         let Stack { layout, block } = self.stacks.get(buffer)?;
         if layout.floats() != data.len() {
-            let reason = format!("{buffer:?} holds {} values, {} were given", layout.floats(), data.len());
-            return Err(EngineError::Mismatch { reason });
+            return Err(misfit(buffer, layout.floats(), data.len()));
         }
         layout.write(&mut self.gpu, block, data)
     }

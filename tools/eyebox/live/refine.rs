@@ -6,13 +6,14 @@ use crate::common::{self, Form};
 use crate::score;
 use crate::values::{not_negative, pupil, range};
 use crate::view::padding_of;
-use crate::{Failure, progress};
+use crate::{Failure, progress, vast};
 use clap::Args;
 use eyebox::evaluate::Sums;
+use eyebox::hologram::{Patch, Tiles};
 use eyebox::optics::Pupil;
-use eyebox::solve::{Aim, Problem, PupilRange, Refiner, Sampler, Sequence};
-use serde::Serialize;
-use serde_json::json;
+use eyebox::solve::{Aim, Diameters, Problem, PupilRange, Refiner, Sampler, Sequence};
+use eyebox::vast::Piece;
+use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -54,65 +55,154 @@ pub struct Refine {
 const JUDGED: usize = 12;
 
 /// What had been reached after some steps.
-#[derive(Debug, Clone, Copy, Default, Serialize)]
+#[derive(Debug, Clone, Copy)]
 struct Row {
     steps: usize,
     ms: f64,
-    eye_db: f64,
-    eyebox_db: f64,
+    /// At the eye,
+    eye: f64,
+    /// and over the whole eyebox, or all of the piece that was refined.
+    wide: f64,
 }
+
+/// What [`Row::wide`] is about: as JSON's key, and in words.
+const EYEBOX: [&str; 2] = ["eyebox_db", "over the eyebox dB"];
+/// Of a hologram in tiles.
+const PIECE: [&str; 2] = ["piece_db", "over the piece dB"];
 
 /// Refines, and says what came of it.
 pub fn run(args: &Refine) -> Result<(), Failure> {
     if let Some(out) = &args.out {
         common::form(out, &[Form::Zarr])?;
     }
+    if vast::is_tiled(&args.hologram) {
+        return tiled(args);
+    }
     let (mut hologram, display) = score::with_display(&args.hologram)?;
     let colors: Vec<_> = hologram.colors.iter().filter_map(|c| c.color).collect();
     let field = common::scene(&score::as_solved(&args.scene, &hologram), &display, &colors)?;
-    let [x, y, diameter, depth] = [args.pupil.x, args.pupil.y, args.pupil.diameter, args.pupil.depth];
-    let half = 0.5e-3f64.min(diameter / 2.0);
-    let aim = Aim {
-        x,
-        y,
-        spread: args.spread * 1e-3,
-        diameter: args.diameter.unwrap_or([diameter - half, diameter + half]),
-        depth: [depth; 2],
-        elsewhere: 0.0,
-    };
-    let steering = args.steering.steering();
+    let aim = args.aim();
     let padding = padding_of(&hologram);
     progress::catch_interrupt();
     let mut all: Vec<Vec<Row>> = Vec::new();
     let mut described = String::new();
     for (color, solved) in colors.iter().zip(&mut hologram.colors) {
         let problem = Problem::new(&field, *color, &display, padding)?;
-        let engine = common::engine(&args.engine)?;
-        described = engine.describe();
-        let (at_eye, anywhere) = judged(&problem, &aim, steering.seed);
-        let mut refiner = Refiner::new(problem, &solved.phases, solved.exposure, steering, engine)?;
-        refiner.aim(aim)?;
-        // What is seen is compared at the exposure of the hologram as it was: lasers stay as they are.
-        let before = [refiner.look(&at_eye)?, refiner.look(&anywhere)?];
-        let exposure = Sums::fit_exposure(&before[1])?;
-        let mean = |sums: &[Sums]| sums.iter().map(|s| s.psnr(exposure)).sum::<f64>() / sums.len() as f64;
-        let mut rows = vec![Row { steps: 0, ms: 0.0, eye_db: mean(&before[0]), eyebox_db: mean(&before[1]) }];
-        let mut ms = 0.0;
-        for steps in 1..=args.steps {
-            let start = Instant::now();
-            refiner.step()?;
-            ms += start.elapsed().as_secs_f64() * 1e3;
-            if steps.is_power_of_two() || steps == args.steps || progress::interrupted() {
-                let (eye_db, eyebox_db) = (mean(&refiner.look(&at_eye)?), mean(&refiner.look(&anywhere)?));
-                rows.push(Row { steps, ms, eye_db, eyebox_db });
-            }
-            if progress::interrupted() {
-                break;
-            }
-        }
-        solved.phases = refiner.phases()?;
+        let anywhere = PupilRange::over(problem.eyebox, aim.depth);
+        let (rows, phases, engine) = steps(args, problem, &solved.phases, solved.exposure, anywhere)?;
+        solved.phases = phases;
+        described = engine;
         all.push(rows);
     }
+    if let Some(out) = &args.out {
+        hologram.settings["refined"] = args.refined();
+        hologram.save(out)?;
+    }
+    report(args, &all, hologram.frames, &described, EYEBOX, &Value::Null);
+    Ok(())
+}
+
+/// The same for a hologram in tiles: those around the eye are read, refined as a far field of their own, and put into a
+/// copy.
+fn tiled(args: &Refine) -> Result<(), Failure> {
+    let tiles = Tiles::open(&args.hologram)?;
+    let about = tiles.about();
+    if tiles.made().is_some() && args.out.is_some() {
+        let file = args.hologram.display();
+        return Err(Failure::Asked(format!(
+            "{file}: it is still being solved: repeat its command, and refine it then"
+        )));
+    }
+    let display = score::display_of(&args.hologram, about)?;
+    let colors: Vec<_> = about.colors.iter().filter_map(|c| c.color).collect();
+    for i in 0..colors.len() {
+        args.pupil.check_within(&about.optics(i)?)?;
+    }
+    let scene = vast::scene_of(&score::as_solved(&args.scene, about), &display, &colors)?;
+    let aim = args.aim();
+    progress::catch_interrupt();
+    let (mut all, mut patches, mut described, mut place) = (Vec::new(), Vec::new(), String::new(), Value::Null);
+    for (color, views) in scene.iter().enumerate() {
+        let Piece { at, size, problem } = Piece::around(&tiles, color, views, &aim)?;
+        place = json!({ "first": at, "size": size });
+        let anywhere = PupilRange {
+            eyebox: problem.eyebox,
+            diameter: aim.diameter,
+            depth: aim.depth,
+            diameters: Diameters::Uniform,
+        };
+        let phases = tiles.read(color, at, size)?;
+        let (rows, phases, engine) = steps(args, problem, &phases, about.colors[color].exposure, anywhere)?;
+        if args.out.is_some() {
+            patches.push(Patch { color, at, size, phases });
+        }
+        described = engine;
+        all.push(rows);
+    }
+    if let Some(out) = &args.out {
+        let mut settings = about.settings.clone();
+        if !settings.is_object() {
+            settings = json!({});
+        }
+        settings["refined"] = args.refined();
+        tiles.copy(out, &settings, &patches)?;
+    }
+    report(args, &all, about.frames, &described, PIECE, &place);
+    Ok(())
+}
+
+impl Refine {
+    /// Where the eye is believed to be.
+    fn aim(&self) -> Aim {
+        let Pupil { x, y, diameter, depth } = self.pupil;
+        let half = 0.5e-3f64.min(diameter / 2.0);
+        let diameter = self.diameter.unwrap_or([diameter - half, diameter + half]);
+        Aim { x, y, spread: self.spread * 1e-3, diameter, depth: [depth; 2], elsewhere: 0.0 }
+    }
+
+    /// What the file says of it.
+    fn refined(&self) -> Value {
+        json!({ "aim": self.aim(), "steering": self.steering.steering(), "steps": self.steps })
+    }
+}
+
+/// Refines one colour: what each step gained, the phases that came of it, and the engine's name. `anywhere` is around the
+/// middle of what is refined.
+fn steps(
+    args: &Refine,
+    problem: Problem,
+    phases: &[f32],
+    exposure: f64,
+    anywhere: PupilRange,
+) -> Result<(Vec<Row>, Vec<f32>, String), Failure> {
+    let (engine, steering, aim) = (common::engine(&args.engine)?, args.steering.steering(), args.aim());
+    let described = engine.describe();
+    let (at_eye, anywhere) = judged(anywhere, problem.optics.center(), &aim, steering.seed);
+    let mut refiner = Refiner::new(problem, phases, exposure, steering, engine)?;
+    refiner.aim(aim)?;
+    // What is seen is compared at the exposure of the hologram as it was: lasers stay as they are.
+    let before = [refiner.look(&at_eye)?, refiner.look(&anywhere)?];
+    let exposure = Sums::fit_exposure(&before[1])?;
+    let mean = |sums: &[Sums]| sums.iter().map(|s| s.psnr(exposure)).sum::<f64>() / sums.len() as f64;
+    let mut rows = vec![Row { steps: 0, ms: 0.0, eye: mean(&before[0]), wide: mean(&before[1]) }];
+    let mut ms = 0.0;
+    for steps in 1..=args.steps {
+        let start = Instant::now();
+        refiner.step()?;
+        ms += start.elapsed().as_secs_f64() * 1e3;
+        if steps.is_power_of_two() || steps == args.steps || progress::interrupted() {
+            let (eye, wide) = (mean(&refiner.look(&at_eye)?), mean(&refiner.look(&anywhere)?));
+            rows.push(Row { steps, ms, eye, wide });
+        }
+        if progress::interrupted() {
+            break;
+        }
+    }
+    Ok((rows, refiner.phases()?, described))
+}
+
+/// Says what each step gained, over all colours; `place`: the piece that was refined.
+fn report(args: &Refine, all: &[Vec<Row>], frames: usize, engine: &str, [key, words]: [&str; 2], place: &Value) {
     // Colours, side by side: an interruption may have left some with fewer rows.
     let count = all.iter().map(Vec::len).min().unwrap_or(0);
     let mean = |i: usize, of: &dyn Fn(&Row) -> f64| all.iter().map(|r| of(&r[i])).sum::<f64>() / all.len() as f64;
@@ -120,33 +210,40 @@ pub fn run(args: &Refine) -> Result<(), Failure> {
         .map(|i| Row {
             steps: all[0][i].steps,
             ms: all.iter().map(|r| r[i].ms).sum(),
-            eye_db: mean(i, &|r| r.eye_db),
-            eyebox_db: mean(i, &|r| r.eyebox_db),
+            eye: mean(i, &|r| r.eye),
+            wide: mean(i, &|r| r.wide),
         })
         .collect();
-    if let Some(out) = &args.out {
-        hologram.settings["refined"] = json!({ "aim": aim, "steering": steering, "steps": args.steps });
-        hologram.save(out)?;
-    }
     if args.json {
-        println!("{}", json!({ "engine": described, "aim": aim, "steering": steering, "rows": rows, "out": args.out }));
-        return Ok(());
+        let row = |r: &Row| json!({ "steps": r.steps, "ms": r.ms, "eye_db": r.eye, key: r.wide });
+        let mut said = json!({
+            "engine": engine, "aim": args.aim(), "steering": args.steering.steering(),
+            "rows": rows.iter().map(row).collect::<Vec<_>>(), "out": args.out,
+        });
+        if !place.is_null() {
+            said["piece"] = place.clone();
+            said["peak_memory_mib"] = json!(common::peak_memory_mib());
+        }
+        println!("{said}");
+        return;
     }
-    println!("{described}; {} sub-frames, {} colours", hologram.frames, colors.len());
-    println!("  steps        ms    at the eye dB   over the eyebox dB");
+    println!("{engine}; {frames} sub-frames, {} colours", all.len());
+    if let (Some(first), Some(size)) = (place["first"].as_array(), place["size"].as_array()) {
+        println!("the piece of {}x{} pixels from row {}, column {}", size[0], size[1], first[0], first[1]);
+    }
+    println!("  steps        ms    at the eye dB   {words}");
     for row in &rows {
-        println!("  {:5} {:9.1}   {:14.2}   {:18.2}", row.steps, row.ms, row.eye_db, row.eyebox_db);
+        println!("  {:5} {:9.1}   {:14.2}   {:width$.2}", row.steps, row.ms, row.eye, row.wide, width = words.len());
     }
     if let Some(out) = &args.out {
         println!("wrote {}", out.display());
     }
-    Ok(())
 }
 
-/// Pupils of other seeds than the refinement's: around the eye, and over the whole eyebox.
-fn judged(problem: &Problem, aim: &Aim, seed: u64) -> (Vec<Pupil>, Vec<Pupil>) {
-    let anywhere = PupilRange::over(problem.eyebox, aim.depth);
+/// Pupils of other seeds than the refinement's: around the eye, and anywhere around `center`.
+fn judged(anywhere: PupilRange, center: [f64; 2], aim: &Aim, seed: u64) -> (Vec<Pupil>, Vec<Pupil>) {
     let mut sampler = Sampler::new(anywhere, Sequence::Sobol, !seed ^ 0x616e_7977);
-    let anywhere = (0..JUDGED).map(|_| sampler.draw()).collect();
+    let moved = |p: Pupil| Pupil { x: p.x + center[0], y: p.y + center[1], ..p };
+    let anywhere = (0..JUDGED).map(|_| moved(sampler.draw())).collect();
     (aim.pupils(JUDGED, !seed), anywhere)
 }

@@ -41,7 +41,7 @@ impl Viewing {
     ) -> Result<Self, Failure> {
         let hologram: &Hologram = &steered.hologram;
         let showing = Showing::new(hologram.clone(), padding_of(hologram))?;
-        let problems = steered.parts.iter().map(|p| p.problem.clone()).collect();
+        let problems: Vec<_> = steered.parts.iter().map(|p| p.problem.clone()).collect();
         let size = showing.size();
         // Small ones by a whole number.
         let zoom = (640 / size[0].max(size[1]).max(1)).max(1);
@@ -67,7 +67,8 @@ impl Viewing {
             color.phases = Arc::clone(phases);
         }
         let Self { frames, padding, eyebox, .. } = *self;
-        self.viewer.show(Arc::new(Showing { frames, padding, colors: self.colors.clone(), eyebox }));
+        let colors = self.colors.clone();
+        self.viewer.show(Arc::new(Showing { frames, padding, colors, eyebox, tiles: None }));
     }
 
     /// Where the eye is now.

@@ -7,12 +7,12 @@ pub use args::Preview;
 
 use crate::args::SceneArgs;
 use crate::common::{self, Form};
-use crate::{Failure, progress, score, view};
-use eyebox::hologram::{Hologram, Sequence};
+use crate::{Failure, progress, score, vast, view};
+use eyebox::hologram::{Hologram, Sequence, Tiles};
 use eyebox::optics::{Color, Geometry, Padding};
 use eyebox::playback::{Desktop, PlaybackError};
 use eyebox::preview::{
-    Action, Controls, Look, Picture, Plane, PreviewError, PreviewWindow, Seen, Showing, Side, Viewer, places,
+    Action, Controls, Look, Picture, Plane, PreviewError, PreviewWindow, Scene, Seen, Showing, Side, Viewer, places,
 };
 use eyebox::solve::Problem;
 use sequence::Playing;
@@ -29,7 +29,7 @@ const ROOM: f64 = 0.85;
 
 /// Shows what an eye sees, live.
 pub fn run(args: &Preview) -> Result<(), Failure> {
-    let (hologram, known, playing) = open(args)?;
+    let Opened { hologram, known, playing, tiles } = open(args)?;
     for i in 0..hologram.colors.len() {
         args.pupil.check_within(&hologram.optics(i)?)?;
     }
@@ -37,7 +37,7 @@ pub fn run(args: &Preview) -> Result<(), Failure> {
     let mut desktop = Desktop::open()?;
     let opener = common::opener(&args.engine)?;
     let hologram = expose(args, hologram, known)?;
-    let problems = problems(args, &hologram, playing.is_some())?;
+    let scene = scene(args, &hologram, playing.is_some(), tiles.is_some())?;
     let colors: Vec<Option<Color>> = hologram.colors.iter().map(|c| c.color).collect();
     let size = match hologram.geometry {
         Geometry::Relay => [hologram.height, hologram.width],
@@ -57,9 +57,11 @@ pub fn run(args: &Preview) -> Result<(), Failure> {
         size,
         folder: args.save_to.clone(),
     };
-    let showing = Arc::new(Showing::new(hologram, shown.padding)?);
-    let controls = Controls::new(&showing, args.pupil, !problems.is_empty(), shown.playing.is_some());
-    let mut viewer = Viewer::start(opener, problems)?;
+    let mut showing = Showing::new(hologram, shown.padding)?;
+    showing.tiles = tiles;
+    let showing = Arc::new(showing);
+    let controls = Controls::new(&showing, args.pupil, !scene.is_empty(), shown.playing.is_some());
+    let mut viewer = Viewer::start(opener, scene)?;
     let mut window = PreviewWindow::open(&mut desktop, &shown.name, window, args.validation)?;
     let messages = window.messages();
     progress::catch_interrupt();
@@ -75,24 +77,38 @@ pub fn run(args: &Preview) -> Result<(), Failure> {
     ended
 }
 
-/// What is shown first, whether its exposure is known, and the sequence that goes on from there at its rate.
-type Opened = (Hologram, bool, Option<(Playing, f64)>);
+struct Opened {
+    /// What is shown first; of tiles, everything but the phases.
+    hologram: Hologram,
+    /// Whether its exposure is known.
+    known: bool,
+    /// The sequence that goes on from there at its rate.
+    playing: Option<(Playing, f64)>,
+    /// Where the phases stay.
+    tiles: Option<Arc<Tiles>>,
+}
 
 fn open(args: &Preview) -> Result<Opened, Failure> {
+    let one = |hologram, known| Opened { hologram, known, playing: None, tiles: None };
     if !common::is_hologram(&args.file) || args.at.is_some() {
         let (hologram, known) = view::load(&args.file, args.at, &args.optics)?;
-        return Ok((hologram, known, None));
+        return Ok(one(hologram, known));
     }
     view::no_optics(&args.file, &args.optics)?;
+    if vast::is_tiled(&args.file) {
+        let tiles = Tiles::open(&args.file)?;
+        let hologram = tiles.about().clone();
+        return Ok(Opened { tiles: Some(Arc::new(tiles)), ..one(hologram, true) });
+    }
     let mut sequence = Sequence::open(&args.file)?;
     if sequence.is_single() {
-        return Ok((common::hologram(&args.file, None)?, true, None));
+        return Ok(one(common::hologram(&args.file, None)?, true));
     }
     sequence.notes().iter().for_each(|note| eprintln!("note: {note}"));
     let [numerator, denominator] = sequence.rate();
     let hz = args.rate.map_or(f64::from(numerator) / f64::from(denominator), |rate| rate.hz());
     let first = sequence.load(0)?;
-    Ok((first, true, Some((Playing::new(sequence, hz)?, hz))))
+    Ok(Opened { playing: Some((Playing::new(sequence, hz)?, hz)), ..one(first, true) })
 }
 
 /// One exposure for the whole session: as asked, the hologram's own, or what makes the first picture bright.
@@ -110,8 +126,8 @@ fn expose(args: &Preview, mut hologram: Hologram, known: bool) -> Result<Hologra
 }
 
 /// The scene before the hologram's display, in its colours.
-fn problems(args: &Preview, hologram: &Hologram, moves: bool) -> Result<Vec<Problem>, Failure> {
-    let Some(scene) = &args.scene else { return Ok(Vec::new()) };
+fn scene(args: &Preview, hologram: &Hologram, moves: bool, tiled: bool) -> Result<Scene, Failure> {
+    let Some(scene) = &args.scene else { return Ok(Scene::Problems(Vec::new())) };
     if moves {
         return Err(Failure::Asked(
             "--scene is the scene of one hologram, and a sequence has many: choose with --at".into(),
@@ -126,9 +142,13 @@ fn problems(args: &Preview, hologram: &Hologram, moves: bool) -> Result<Vec<Prob
         views: None,
         depth: None,
     };
-    let field = common::scene(&score::as_solved(&asked, hologram), &display, &colors)?;
+    let asked = score::as_solved(&asked, hologram);
+    if tiled {
+        return Ok(Scene::Views(vast::scene_of(&asked, &display, &colors)?));
+    }
+    let field = common::scene(&asked, &display, &colors)?;
     let problem = |color: &Color| Problem::new(&field, *color, &display, Padding::default());
-    Ok(colors.iter().map(problem).collect::<Result<_, _>>()?)
+    Ok(Scene::Problems(colors.iter().map(problem).collect::<Result<_, _>>()?))
 }
 
 /// Rows and columns of the window's inside.
@@ -198,7 +218,7 @@ impl Shown {
         format!("{name}{which}: {}. h: help", controls.describe(seen))
     }
 
-    /// Writes what is seen on the SLM's pixels, as `eyebox view` and `eyebox photograph` do.
+    /// Writes what is seen as it is sampled, as `eyebox view` and `eyebox photograph` do.
     fn save(&self, seen: &Seen) -> Result<Vec<PathBuf>, Failure> {
         let stem = Path::new(&self.name).file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
         let free = |ending: &str| {
@@ -207,12 +227,10 @@ impl Shown {
         };
         let mut written = Vec::new();
         let mut write = |ending: &str, planes: &[Plane], exposures: &[f64]| {
-            if planes.is_empty() {
-                return Ok(());
-            }
+            let Some(size) = planes.first().map(|p| [p.rows, p.columns]) else { return Ok(()) };
             let file = free(ending);
             let planes: Vec<Vec<f32>> = planes.iter().map(|p| p.values.clone()).collect();
-            common::write_image(&file, Form::Png, self.size, &planes, &self.colors, exposures)?;
+            common::write_image(&file, Form::Png, size, &planes, &self.colors, exposures)?;
             written.push(file);
             Ok::<(), Failure>(())
         };

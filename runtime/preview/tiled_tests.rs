@@ -1,0 +1,156 @@
+//! The viewer of a hologram in tiles: what is seen, and how little is read for it.
+
+use super::*;
+use crate::engine::cpu::CpuEngine;
+use crate::evaluate;
+use crate::hologram::{ColorHologram, Hologram, Tiles};
+use crate::optics::{Color, Display, Pupil, WindowFactor};
+use crate::scene::Request;
+use crate::vast::{self, Views};
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+const SIDE: usize = 512;
+
+fn display() -> Display {
+    Display { height: SIDE, width: SIDE, ..Display::preset("far-field").unwrap() }
+}
+
+/// Two colours of two sub-frames, in tiles that hold their first phases.
+fn tiles(path: &Path) -> Arc<Tiles> {
+    let display = display();
+    let color = |color: Color| ColorHologram {
+        color: Some(color),
+        wavelength: display.optics(color).unwrap().wavelength,
+        exposure: 0.5,
+        efficiency: 0.4,
+        phases: Vec::new(),
+    };
+    let about = Hologram {
+        frames: 2,
+        height: SIDE,
+        width: SIDE,
+        pitch: display.pitch,
+        focal_length: display.focal_length,
+        geometry: display.geometry,
+        colors: [Color::Green, Color::Blue].map(color).to_vec(),
+        seed: 7,
+        version: String::new(),
+        display: display.name.clone(),
+        display_wavelengths: display.wavelengths.clone(),
+        scene: String::new(),
+        settings: serde_json::Value::Null,
+    };
+    let mut tiles = Tiles::create(path, &about, 32, serde_json::Value::Null).unwrap();
+    tiles.finish().unwrap();
+    Arc::new(Tiles::open(path).unwrap())
+}
+
+fn cpu() -> Opener {
+    Box::new(|| Ok(Box::new(CpuEngine::new())))
+}
+
+/// A pupil of so many pixels, its centre so many from the axis.
+fn pupil(x: f64, y: f64, across: f64) -> Pupil {
+    let pitch = display().pitch;
+    Pupil { x: x * pitch, y: y * pitch, diameter: across * pitch, depth: 0.0 }
+}
+
+/// What `look` has of these sub-frames, pooled.
+fn expected(tiles: &Tiles, frames: std::ops::Range<usize>, pupil: &Pupil) -> Vec<Vec<f32>> {
+    let mut engine = CpuEngine::new();
+    let one = |color| {
+        let seen = vast::look_frames(tiles, color, frames.clone(), pupil, WindowFactor::Two, &mut engine).unwrap();
+        evaluate::pool2(&seen.image, seen.size, seen.size)
+    };
+    (0..2).map(one).collect()
+}
+
+#[test]
+fn the_eye_sees_what_lies_under_the_pupil_and_reads_no_more() {
+    let here = tempfile::tempdir().unwrap();
+    let tiles = tiles(&here.path().join("h.zarr"));
+    let showing = Showing::of_tiles(Arc::clone(&tiles)).unwrap();
+    let mut eye = Eye::new(cpu());
+    let all = 2 * 2 * 4 * (SIDE * SIDE) as u64;
+    let mut read = Vec::new();
+    for (across, most) in [(30.0, 0.03), (120.0, 0.15)] {
+        let pupil = pupil(-100.0, 130.0, across);
+        let before = tiles.moved()[0];
+        let seen = eye.look(&showing, None, &pupil, Detail::Whole).unwrap();
+        read.push(tiles.moved()[0] - before);
+        let share = *read.last().unwrap() as f64 / all as f64;
+        assert!(share > 0.0 && share < most, "{share} of the file for {across} pixels");
+        let want = expected(&tiles, 0..2, &pupil);
+        assert!(seen.iter().zip(&want).all(|(s, w)| s.values == *w && s.rows * s.columns == w.len()));
+        // One sub-frame alone, with its grain.
+        let one = eye.look(&showing, Some(1), &pupil, Detail::Whole).unwrap();
+        assert_eq!(one[0].values, expected(&tiles, 1..2, &pupil)[0]);
+        assert_ne!(one[0].values, seen[0].values);
+        // Coarse: the middle of the pupil, in fewer pixels, from fewer tiles, as bright.
+        let before = tiles.moved()[0];
+        let coarse = eye.look(&showing, None, &pupil, Detail::Coarse).unwrap();
+        let less = tiles.moved()[0] - before;
+        assert!(across < 100.0 || less < read[1] * 2 / 3, "{less} of {read:?}");
+        let middle = Pupil { diameter: pupil.diameter / 2.0, ..pupil };
+        assert_eq!(coarse[1].values, expected(&tiles, 0..2, &middle)[1]);
+        assert!(coarse[0].rows < seen[0].rows * 3 / 4);
+    }
+    assert!(read[1] > 3 * read[0], "{read:?}");
+}
+
+#[test]
+fn the_viewer_shows_tiles_coarse_first_and_their_photograph() {
+    let here = tempfile::tempdir().unwrap();
+    let tiles = tiles(&here.path().join("h.zarr"));
+    let display = display();
+    let request = Request::new(&display, &[Color::Green, Color::Blue]);
+    let views = || -> Vec<Views> {
+        let one = |color| Views::new("builtin:still-life", &request, color, 64).unwrap();
+        [Color::Green, Color::Blue].map(one).into()
+    };
+    let mut viewer = Viewer::start(cpu(), Scene::Views(views())).unwrap();
+    let place = pupil(40.0, -20.0, 100.0);
+    let look = Look { pupil: place, frame: None, side: Side::Seen, within: [100, 100] };
+    viewer.look(look);
+    viewer.show(Arc::new(Showing::of_tiles(Arc::clone(&tiles)).unwrap()));
+    let wait = |viewer: &Viewer, look: &Look, whole: bool| {
+        let since = Instant::now();
+        while since.elapsed() < Duration::from_secs(60) {
+            match viewer.newest().unwrap() {
+                Some(seen) if seen.look == *look && (seen.whole || !whole) => return seen,
+                _ => std::thread::sleep(Duration::from_millis(1)),
+            }
+        }
+        panic!("no picture came");
+    };
+    let seen = wait(&viewer, &look, true);
+    assert_eq!(viewer.looked(), 2, "a coarse picture came first");
+    let want = expected(&tiles, 0..2, &place);
+    assert!(seen.planes.iter().zip(&want).all(|(s, w)| s.values == *w));
+    assert_eq!(seen.seen.size, [100, 100]);
+    // Beside it, what should be seen from there.
+    let both = Look { side: Side::Both, ..look };
+    viewer.look(both);
+    let seen = wait(&viewer, &both, true);
+    let mut engine = CpuEngine::new();
+    for (color, views) in views().iter().enumerate() {
+        let photograph = vast::photograph_of(&tiles, color, views, &place, WindowFactor::Two, &mut engine).unwrap();
+        assert_eq!(seen.wanted[color].values, evaluate::pool2(&photograph.image, photograph.size, photograph.size));
+    }
+    assert!(seen.photograph.is_some_and(|p| p.size == [100, 100] && p.rgb.iter().any(|v| *v > 100)));
+    assert!(seen.psnr_db.is_some_and(|db| db > 3.0 && db < 20.0), "{:?}: noise is no picture", seen.psnr_db);
+    // A scene of all views is not what tiles are compared with.
+    let mut viewer = Viewer::start(cpu(), Scene::Views(views().into_iter().take(1).collect())).unwrap();
+    viewer.look(both);
+    viewer.show(Arc::new(Showing::of_tiles(tiles).unwrap()));
+    let since = Instant::now();
+    let error = loop {
+        match viewer.newest() {
+            Err(error) => break error.to_string(),
+            Ok(seen) => assert!(seen.is_none() && since.elapsed() < Duration::from_secs(60)),
+        }
+    };
+    assert!(error.contains("the scene's"), "{error}");
+}

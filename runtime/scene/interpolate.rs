@@ -1,0 +1,339 @@
+//! A light field seen from between its views, and from a little beyond them.
+//!
+//! Where views stand so far apart that content moves by pixels from one to the next, a photograph of them shows each edge
+//! as often as there are views. Here a view from any place is made of the four around it: each has disparities of its own
+//! (`depth`), along which a pixel's ray is followed until it meets the nearest surface that the view saw. What a view could
+//! not see, the others show; of several surfaces the nearest counts that is not looked through by more of them. What none saw is continued from the farther side.
+
+use super::depth::{scratch, view_disparities};
+use super::{LightField, ViewGrid};
+use crate::optics::Display;
+use rayon::prelude::*;
+use std::sync::OnceLock;
+
+/// Pixels between the steps along a ray.
+const STEP: f32 = 0.5;
+/// A surface is met where it is off the ray by no more than this many pixels; else the ray passes behind it.
+const MET: f32 = 1.0;
+/// Disparities that differ by more than this belong to two surfaces.
+const TEAR: f32 = 0.7;
+/// Views of a smaller share are asked only where the others saw nothing.
+const LEAST: f32 = 0.02;
+/// Views of a light field and their disparities, compact.
+pub struct Interpolator {
+    grid: ViewGrid,
+    size: [usize; 2],
+    planes: Vec<Stored>,
+    /// Smallest and largest disparity, pixels between neighbouring views.
+    range: [f64; 2],
+    /// Of the views that were needed so far: (row, column), 65535 = the range's larger end.
+    disparities: Vec<OnceLock<Vec<u16>>>,
+}
+
+/// One colour of all views.
+struct Stored {
+    /// Linear light of the value 65535.
+    scale: f32,
+    /// (view, row, column).
+    views: Vec<u16>,
+}
+
+impl Stored {
+    fn new(views: Vec<Vec<f32>>) -> Self {
+        let brightest = views.par_iter().flatten().copied().reduce(|| 0.0, f32::max);
+        let scale = if brightest > 0.0 { brightest } else { 1.0 };
+        let quantised = |v: &f32| (v / scale * 65535.0 + 0.5) as u16;
+        let mut stored = Vec::with_capacity(views.iter().map(Vec::len).sum());
+        views.into_iter().for_each(|view| stored.extend(view.iter().map(quantised)));
+        Self { scale, views: stored }
+    }
+}
+
+/// A view that lends its light to another.
+struct Lender<'a> {
+    light: &'a [u16],
+    disparities: &'a [u16],
+    /// Columns and rows of views from it to the other.
+    away: [f32; 2],
+    share: f32,
+}
+
+/// What a ray meets.
+#[derive(Clone, Copy)]
+struct Met {
+    disparity: f32,
+    light: f32,
+    share: f32,
+}
+
+impl Interpolator {
+    /// Of the colours of a light field before a display. Disparities are sought in the range that it states, or else within
+    /// two pixels.
+    pub fn new(field: LightField, display: &Display) -> Self {
+        let cell = field.cell(display);
+        let per_pixel = display.focal_length * display.picture_pixel() / cell;
+        let range = field.depth_range(display).map_or([-2.0, 2.0], |d| [d[0] / per_pixel, d[1] / per_pixel]);
+        let grid = ViewGrid { rows: field.grid[0], columns: field.grid[1], cell };
+        let size = [field.height, field.width];
+        let planes = field.planes.into_iter().map(Stored::new).collect();
+        let disparities = (0..grid.rows * grid.columns).map(|_| OnceLock::new()).collect();
+        Self { grid, size, planes, range, disparities }
+    }
+
+    /// Adds the colours of the same light field that were loaded after the others: loaded one by one, they are in memory as
+    /// they came one at a time.
+    ///
+    /// # Panics
+    /// If its views are others: the caller's mistake.
+    pub fn add(&mut self, field: LightField) {
+        let same = (field.grid, [field.height, field.width]) == ([self.grid.rows, self.grid.columns], self.size);
+        assert!(same, "a light field of another size");
+        self.planes.extend(field.planes.into_iter().map(Stored::new));
+    }
+
+    /// Rows and columns of a view.
+    pub fn size(&self) -> [usize; 2] {
+        self.size
+    }
+
+    /// Pixels by which content at an end of the depths moves over so many metres of the pupil plane.
+    pub fn parallax(&self, metres: f64) -> f64 {
+        metres / self.grid.cell * self.range[0].abs().max(self.range[1].abs())
+    }
+
+    /// Bytes that it holds, with the disparities of all views, and while they are sought.
+    pub fn bytes(&self) -> u64 {
+        let pixels = (self.size[0] * self.size[1]) as u64;
+        let views = (self.grid.rows * self.grid.columns) as u64;
+        2 * pixels * views * (self.planes.len() as u64 + 1) + scratch(self.size, self.range)
+    }
+
+    /// Views of colour `color` from these places (x, y) of the pupil plane, metres, in which the light field's own are those
+    /// of its [`ViewGrid`].
+    pub fn views(&self, color: usize, places: &[(f64, f64)]) -> Vec<Vec<f32>> {
+        // Seeking disparities uses all cores for one view already.
+        for &(x, y) in places {
+            for (view, ..) in self.around(x, y).into_iter().flatten() {
+                self.disparities_of(view);
+            }
+        }
+        places.par_iter().map(|&(x, y)| self.view(color, x, y)).collect()
+    }
+
+    /// The four views around a place, or fewer at the edge of a grid that is one view wide: each with the columns and rows
+    /// from it to the place, and its share. Beyond the outermost views, theirs alone.
+    fn around(&self, x: f64, y: f64) -> [Option<(usize, [f32; 2], f32)>; 4] {
+        let axis = |at: f64, n: usize| {
+            let at = at / self.grid.cell + (n - 1) as f64 / 2.0;
+            // What is off by rounding stands on the view.
+            let at = if (at - at.round()).abs() < 1e-6 { at.round() } else { at };
+            let first = at.floor().clamp(0.0, n.saturating_sub(2) as f64) as usize;
+            [first, first + 1]
+                .map(|i| (i < n).then_some((i, at - i as f64, 1.0 - (at.clamp(0.0, (n - 1) as f64) - i as f64).abs())))
+        };
+        let (columns, rows) = (axis(x, self.grid.columns), axis(y, self.grid.rows));
+        std::array::from_fn(|k| {
+            let ((c, u, across), (r, v, down)) = (columns[k % 2]?, rows[k / 2]?);
+            Some((r * self.grid.columns + c, [u as f32, v as f32], (across * down) as f32))
+        })
+    }
+
+    fn light_of(&self, color: usize, view: usize) -> &[u16] {
+        let pixels = self.size[0] * self.size[1];
+        &self.planes[color].views[view * pixels..][..pixels]
+    }
+
+    fn disparities_of(&self, view: usize) -> &[u16] {
+        self.disparities[view].get_or_init(|| {
+            let light = |view: usize| {
+                let mut sum = vec![0.0f32; self.size[0] * self.size[1]];
+                // In units of the brightest light: what differences weigh is the same for a scene of any brightness.
+                let brightest = self.planes.iter().map(|p| p.scale).fold(0.0, f32::max);
+                for (color, plane) in self.planes.iter().enumerate() {
+                    let unit = plane.scale / brightest / (65535.0 * self.planes.len() as f32);
+                    sum.iter_mut().zip(self.light_of(color, view)).for_each(|(s, v)| *s += unit * f32::from(*v));
+                }
+                sum
+            };
+            let found = view_disparities(&self.grid, view, self.size, self.range, light);
+            let [low, high] = self.range;
+            let unit = 65535.0 / (high - low).max(1e-12);
+            found.iter().map(|d| ((f64::from(*d) - low) * unit + 0.5).clamp(0.0, 65535.0) as u16).collect()
+        })
+    }
+
+    fn view(&self, color: usize, x: f64, y: f64) -> Vec<f32> {
+        let mut lenders: Vec<Lender> = (self.around(x, y).into_iter().flatten())
+            .map(|(view, away, share)| Lender {
+                light: self.light_of(color, view),
+                disparities: self.disparities_of(view),
+                away,
+                share: share.max(1e-4),
+            })
+            .collect();
+        lenders.sort_by(|a, b| b.share.total_cmp(&a.share));
+        let unit = self.planes[color].scale / 65535.0;
+        if let Some(own) = lenders.first().filter(|l| l.away == [0.0, 0.0]) {
+            return own.light.iter().map(|v| f32::from(*v) * unit).collect();
+        }
+        let [height, width] = self.size;
+        let mut image = vec![0.0f32; height * width];
+        let mut depth = vec![f32::NAN; height * width];
+        let rows = image.par_chunks_exact_mut(width).zip(depth.par_chunks_exact_mut(width)).enumerate();
+        rows.for_each(|(y, (image, depth))| {
+            for x in 0..width {
+                if let Some(met) = self.meet(&lenders, x, y) {
+                    image[x] = met.light * unit;
+                    depth[x] = met.disparity;
+                }
+            }
+        });
+        self.close(&mut image, &depth, lenders.first().map_or([1.0, 0.0], |l| l.away));
+        image
+    }
+
+    /// What is seen at a pixel: from all views of some share, or, where they saw nothing, from the others.
+    fn meet(&self, lenders: &[Lender], x: usize, y: usize) -> Option<Met> {
+        let mut met = [None::<Met>; 4];
+        let large = lenders.iter().take_while(|l| l.share >= LEAST).count().max(1);
+        for (met, lender) in met.iter_mut().zip(&lenders[..large]) {
+            *met = self.follow(lender, x, y);
+        }
+        if met.iter().all(Option::is_none) {
+            for (met, lender) in met[large..].iter_mut().zip(&lenders[large..]) {
+                *met = self.follow(lender, x, y);
+            }
+        }
+        let mut limit = f32::INFINITY;
+        let mut best = None::<(f32, Met)>;
+        loop {
+            let below = met.iter().flatten().filter(|m| m.disparity < limit);
+            let nearest = below.clone().map(|m| m.disparity).fold(f32::NEG_INFINITY, f32::max);
+            if nearest == f32::NEG_INFINITY {
+                return best.map(|(_, met)| met);
+            }
+            let (mut light, mut share, mut depth) = (0.0, 0.0, 0.0);
+            for m in below.filter(|m| m.disparity >= nearest - TEAR) {
+                light += m.share * m.light;
+                depth += m.share * m.disparity;
+                share += m.share;
+            }
+            let found = Met { disparity: depth / share, light: light / share, share };
+            // Who looks through a surface denies it; who looks at something before it knows nothing of it.
+            let denied: f32 = (lenders[..large].iter())
+                .filter(|l| self.beyond(l, x, y, found.disparity).is_some_and(|d| d < found.disparity - TEAR))
+                .map(|l| l.share)
+                .sum();
+            if share > denied {
+                return Some(found);
+            }
+            if best.as_ref().is_none_or(|(surplus, _)| share - denied > *surplus) {
+                best = Some((share - denied, found));
+            }
+            limit = nearest - TEAR;
+        }
+    }
+
+    /// What a view saw where a surface of this disparity would stand in it.
+    fn beyond(&self, lender: &Lender, x: usize, y: usize, disparity: f32) -> Option<f32> {
+        let ([height, width], [low, high]) = (self.size, self.range.map(|v| v as f32));
+        let (i, j) = ((x as f32 + disparity * lender.away[0]).round(), (y as f32 + disparity * lender.away[1]).round());
+        let inside = i >= 0.0 && j >= 0.0 && i < width as f32 && j < height as f32;
+        let at = inside.then(|| lender.disparities[j as usize * width + i as usize])?;
+        Some(low + (high - low) / 65535.0 * f32::from(at))
+    }
+
+    /// Follows a pixel's ray from near to far until it meets what this view saw.
+    fn follow(&self, lender: &Lender, x: usize, y: usize) -> Option<Met> {
+        let ([height, width], [low, high]) = (self.size, self.range.map(|v| v as f32));
+        let [u, v] = lender.away;
+        let length = u.hypot(v);
+        let scale = (high - low) / 65535.0;
+        let own = |j: usize, i: usize| low + scale * f32::from(lender.disparities[j * width + i]);
+        let count = (length * (high - low) / STEP).ceil().max(1.0);
+        let step = (high - low) / count;
+        let place = |d: f32| (x as f32 + d * u, y as f32 + d * v);
+        let inside = |(x, y): (f32, f32)| {
+            let (i, j) = (x.round(), y.round());
+            (i >= 0.0 && j >= 0.0 && i < width as f32 && j < height as f32).then_some((j as usize, i as usize))
+        };
+        for k in 0..=count as usize {
+            let at = high - k as f32 * step;
+            let Some((j, i)) = inside(place(at)) else { continue };
+            let before = own(j, i) - at;
+            if before < -0.5 * step || before * length > MET {
+                continue;
+            }
+            let mut disparity = own(j, i);
+            for _ in 0..2 {
+                disparity = smooth(self.size, place(disparity), &own).unwrap_or(disparity);
+            }
+            let (x, y) = place(disparity);
+            let light = sample(self.size, lender.light, x, y);
+            return Some(Met { disparity, light, share: lender.share });
+        }
+        None
+    }
+
+    /// What no view saw takes the light of the farther side along the way that content moves.
+    fn close(&self, image: &mut [f32], depth: &[f32], [u, v]: [f32; 2]) {
+        let [height, width] = self.size;
+        let length = u.hypot(v).max(1e-6);
+        let (du, dv) = (u / length, v / length);
+        let filled: Vec<(usize, f32)> = (0..image.len())
+            .into_par_iter()
+            .filter(|p| depth[*p].is_nan())
+            .map(|p| {
+                let (x, y) = ((p % width) as f32, (p / width) as f32);
+                let search = |sign: f32| {
+                    (1..width + height)
+                        .map(|k| ((x + sign * k as f32 * du).round(), (y + sign * k as f32 * dv).round()))
+                        .map_while(|(x, y)| {
+                            let inside = x >= 0.0 && y >= 0.0 && x < width as f32 && y < height as f32;
+                            inside.then(|| y as usize * width + x as usize)
+                        })
+                        .find(|q| !depth[*q].is_nan())
+                };
+                let side = match (search(1.0), search(-1.0)) {
+                    (Some(a), Some(b)) => Some(if depth[a] <= depth[b] { a } else { b }),
+                    (a, b) => a.or(b),
+                };
+                (p, side.map_or(0.0, |q| image[q]))
+            })
+            .collect();
+        filled.into_iter().for_each(|(p, light)| image[p] = light);
+    }
+}
+
+/// Between four disparities of one surface; none where they are of two.
+fn smooth([height, width]: [usize; 2], (x, y): (f32, f32), own: &impl Fn(usize, usize) -> f32) -> Option<f32> {
+    let (x, y) = (x.clamp(0.0, (width - 1) as f32), y.clamp(0.0, (height - 1) as f32));
+    let (i, j) = (x as usize, y as usize);
+    let (fx, fy) = (x - i as f32, y - j as f32);
+    let (right, below) = ((i + 1).min(width - 1), (j + 1).min(height - 1));
+    let [a, b, c, d] = [own(j, i), own(j, right), own(below, i), own(below, right)];
+    if a.max(b).max(c).max(d) - a.min(b).min(c).min(d) > TEAR {
+        return None;
+    }
+    let (top, bottom) = (a + fx * (b - a), c + fx * (d - c));
+    Some(top + fy * (bottom - top))
+}
+
+/// Catmull-Rom, never below zero.
+fn sample([height, width]: [usize; 2], light: &[u16], x: f32, y: f32) -> f32 {
+    let weights = |t: f32| {
+        let (t2, t3) = (t * t, t * t * t);
+        [-0.5 * t + t2 - 0.5 * t3, 1.0 - 2.5 * t2 + 1.5 * t3, 0.5 * t + 2.0 * t2 - 1.5 * t3, 0.5 * (t3 - t2)]
+    };
+    let (left, top) = (x.floor(), y.floor());
+    let (across, down) = (weights(x - left), weights(y - top));
+    let index = |at: f32, k: usize, n: usize| ((at as i64 + k as i64 - 1).clamp(0, n as i64 - 1)) as usize;
+    let columns: [usize; 4] = std::array::from_fn(|k| index(left, k, width));
+    let mut sum = 0.0;
+    for (k, weight) in down.iter().enumerate() {
+        let row = &light[index(top, k, height) * width..][..width];
+        let line: f32 = columns.iter().zip(across).map(|(&i, w)| w * f32::from(row[i])).sum();
+        sum += weight * line;
+    }
+    sum.max(0.0)
+}

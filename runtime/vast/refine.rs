@@ -1,0 +1,56 @@
+//! A piece of a hologram in tiles as an ordinary problem: what is refined where the eye is.
+
+use super::{VastError, Views};
+use crate::hologram::Tiles;
+use crate::optics::Padding;
+use crate::solve::{Aim, Problem};
+
+/// The tiles that hold every pupil of an aim, and the problem on them.
+pub struct Piece {
+    /// Row and column of its first pixel.
+    pub at: [usize; 2],
+    /// Rows and columns.
+    pub size: [usize; 2],
+    /// A far field of its own, on the whole one's axis; its eyebox is its side, around its middle.
+    pub problem: Problem,
+}
+
+impl Piece {
+    /// Where `aim` looks at colour `color` of a hologram, whose scene in that colour is `views`.
+    ///
+    /// # Errors
+    /// [`VastError::Optics`]; [`VastError::Unsuitable`] for an aim that is nowhere on the SLM.
+    pub fn around(tiles: &Tiles, color: usize, views: &Views, aim: &Aim) -> Result<Self, VastError> {
+        let whole = tiles.about().optics(color)?;
+        let (first, side) = (whole.first_bin(), tiles.side() as f64);
+        let axis = |s: f64, first: i64, n: usize| {
+            let tile = |metres: f64| (metres / whole.pitch - first as f64) / side;
+            let last = n.div_ceil(tiles.side()) as f64;
+            // Beyond the last pixel there is nothing, and nobody's number is too large to be clamped.
+            let (from, to) = (tile(s - aim.reach()).floor().max(0.0), (tile(s + aim.reach()).ceil()).min(last));
+            (from < to).then(|| {
+                let (from, to) = (from as usize * tiles.side(), (to as usize * tiles.side()).min(n));
+                (from, to - from)
+            })
+        };
+        let nowhere = || VastError::Unsuitable("the eye looks past the SLM: no pixel of it is under the pupil".into());
+        let (top, rows) = axis(aim.y, first.0, whole.height).ok_or_else(nowhere)?;
+        let (left, columns) = axis(aim.x, first.1, whole.width).ok_or_else(nowhere)?;
+        let optics = whole.piece([top, left], [rows, columns]);
+        let extent = rows.max(columns) as f64 * whole.pitch;
+        let (pyramid, seen) = views.around(optics.center(), extent);
+        let level = pyramid.levels.last();
+        let mean = level.map_or(0.0, |l| l.views.iter().map(|v| f64::from(*v)).sum::<f64>() / l.views.len() as f64);
+        let problem = Problem {
+            optics,
+            padding: Padding::default(),
+            eyebox: optics.eyebox(),
+            views: seen.grid,
+            center: seen.center,
+            mean: mean * seen.unit,
+            pyramid,
+            share: views.share(),
+        };
+        Ok(Self { at: [top, left], size: [rows, columns], problem })
+    }
+}
