@@ -1,8 +1,8 @@
 //! `eyebox trackers --calibrate`: a user looks at targets, one after another.
 
 use crate::Failure;
-use crate::args::Trackers;
 use crate::progress;
+use crate::trackers::Trackers;
 use crate::trackers::options;
 use eyebox::gaze::{Calibration, Fit, Pair, Settings};
 use eyebox::trackers::{Reading, Sample, Spec, Stream, Unit, open};

@@ -8,6 +8,7 @@
 mod args;
 mod bench;
 mod calibrate;
+mod commands;
 mod common;
 mod demo;
 mod devices;
@@ -33,9 +34,9 @@ mod values;
 mod vast;
 mod view;
 
-use args::{Cli, Command};
 use clap::Parser;
 use clap::error::ErrorKind;
+use commands::{Cli, Command};
 use failure::Failure;
 use std::process::ExitCode;
 

@@ -267,7 +267,7 @@ pub fn pupils(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::args::{Cli, Command};
+    use crate::commands::{Cli, Command};
     use clap::Parser;
 
     /// Judged over one colour's own, wider eyebox, a hologram of that colour loses light that it never aimed there.

@@ -1,9 +1,10 @@
 //! `eyebox trackers`.
 
 use crate::Failure;
-use crate::args::Trackers;
 use crate::calibrate;
 use crate::progress;
+use crate::values::{Targets, not_negative, positive, targets};
+use clap::{Args, ValueEnum};
 use eyebox::files;
 use eyebox::gaze::{Calibration, Estimator, Settings};
 use eyebox::trackers::hid::{self, Description, DeviceFile};
@@ -13,8 +14,77 @@ use serde_json::json;
 use std::fmt::Write as _;
 use std::fs::File;
 use std::io::{self, Read, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
+
+/// Whose pupil.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum EyeName {
+    /// The left eye's
+    Left,
+    /// The right eye's
+    Right,
+    /// The mean of both, or what the tracker has
+    Mean,
+}
+
+impl From<EyeName> for eyebox::gaze::Eye {
+    fn from(name: EyeName) -> Self {
+        match name {
+            EyeName::Left => Self::Left,
+            EyeName::Right => Self::Right,
+            EyeName::Mean => Self::Mean,
+        }
+    }
+}
+
+/// `eyebox trackers`
+#[derive(Args)]
+pub struct Trackers {
+    /// Explain a HID report descriptor: binary, text in hexadecimal, or the first of a recording of hid-recorder
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["watch", "record"])]
+    pub describe: Option<PathBuf>,
+    /// Show decoded samples, one a line [default source: hid]
+    #[arg(long, value_name = "SOURCE", num_args = 0..=1, default_missing_value = "hid")]
+    pub watch: Option<String>,
+    /// Record what is watched: FILE.hid (reports, of HID sources), or FILE.jsonl (samples)
+    #[arg(long, value_name = "FILE")]
+    pub record: Option<PathBuf>,
+    /// Seconds to watch [default: until the recording ends, or Ctrl-C]
+    #[arg(long, value_name = "S", value_parser = positive)]
+    pub duration: Option<f64>,
+    /// A HID device with a layout of its own, described in a TOML file
+    #[arg(long, value_name = "FILE.toml")]
+    pub device_file: Option<PathBuf>,
+    /// Time between the eye and the arrival of its sample, ms
+    #[arg(long, value_name = "MS", default_value_t = 0.0, value_parser = not_negative)]
+    pub latency: f64,
+    /// Samples a second of the simulated tracker
+    #[arg(long, value_name = "HZ", default_value_t = 120.0, value_parser = positive)]
+    pub rate: f64,
+    /// Replay recordings in real time, not as fast as they are read
+    #[arg(long)]
+    pub real_time: bool,
+    /// Show, for each sample, what becomes of it: its place in the pupil plane, the filter, and the pupil expected after
+    /// so many ms
+    #[arg(long, value_name = "MS", num_args = 0..=1, default_missing_value = "20", value_parser = not_negative)]
+    pub pupil: Option<f64>,
+    /// Calibrate the source that is watched for a user: asks to look at each target, and writes the user's file
+    #[arg(long, value_name = "FILE.toml", conflicts_with_all = ["pupil", "record", "duration", "describe"])]
+    pub calibrate: Option<PathBuf>,
+    /// With --calibrate: directions of the targets, degrees to the right and down
+    #[arg(long, value_name = "X,Y;X,Y;...", default_value = "0,0;-8,0;8,0;0,-6;0,6", value_parser = targets, allow_hyphen_values = true)]
+    pub targets: Targets,
+    /// With --pupil: a user's calibration
+    #[arg(long, value_name = "FILE.toml", requires = "pupil")]
+    pub calibration: Option<PathBuf>,
+    /// With --pupil: whose pupil
+    #[arg(long, value_enum, default_value = "mean")]
+    pub eye: EyeName,
+    /// JSON on standard output: one object, or one a line
+    #[arg(long)]
+    pub json: bool,
+}
 
 /// Lists, describes or watches.
 pub fn run(args: &Trackers) -> Result<(), Failure> {

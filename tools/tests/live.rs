@@ -3,14 +3,10 @@
 #![cfg(target_os = "linux")]
 
 mod common;
-#[path = "common/desk.rs"]
-mod desk;
-#[path = "common/screen.rs"]
-mod screen;
 
+use common::desk::Desk;
+use common::screen::Screen;
 use common::{done, folder, refused, text};
-use desk::Desk;
-use screen::Screen;
 use serde_json::Value;
 use std::path::Path;
 use std::process::{Child, Stdio};
@@ -95,7 +91,7 @@ fn mistakes_are_one_line() {
 fn start(at: &Path, desk: &Desk, more: &[&str]) -> Child {
     let live = ["live", "h.zarr", "--display", "planes8", "--engine", "cpu", "--view", "--validation"];
     common::command(at, &[&live[..], more].concat())
-        .env("DISPLAY", &desk.name)
+        .env("DISPLAY", desk.name())
         .env_remove("WAYLAND_DISPLAY")
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
@@ -120,7 +116,7 @@ fn a_window_shows_what_follows_the_eye() {
     let screen = Screen::new(at, [64, 72]);
     let live = ["live", "h.zarr", "--display", "planes8", "--engine", "cpu", "--output", "window", "--validation"];
     let answer = common::command(at, &[&live[..], &["--duration", "1.5", "--stats", "s.json"]].concat())
-        .env("DISPLAY", &screen.name)
+        .env("DISPLAY", screen.name())
         .env_remove("WAYLAND_DISPLAY")
         .output()
         .expect("it starts");
@@ -131,7 +127,7 @@ fn a_window_shows_what_follows_the_eye() {
     assert!(stats["presenter"].as_str().unwrap().contains("72"), "{}", stats["presenter"]);
     // A monitor of another size is refused.
     let other = Screen::new(temp.path(), [80, 90]);
-    let refused = common::command(at, &live).env("DISPLAY", &other.name).env_remove("WAYLAND_DISPLAY").output();
+    let refused = common::command(at, &live).env("DISPLAY", other.name()).env_remove("WAYLAND_DISPLAY").output();
     let refused = refused.expect("it starts");
     assert_eq!(refused.status.code(), Some(2), "{}", text(&refused.stderr));
 }

@@ -3,12 +3,11 @@
 #![cfg(target_os = "linux")]
 
 mod common;
-#[path = "common/desk.rs"]
-mod desk;
 
-use common::{done, refused, text};
-use desk::{Desk, Part};
-use eyebox::hologram::{ColorHologram, Hologram, SequenceWriter, save_phases};
+use common::desk::Desk;
+use common::xvfb::Part;
+use common::{done, made, refused, text};
+use eyebox::hologram::{Hologram, SequenceWriter, save_phases};
 use eyebox::optics::Display;
 use std::path::Path;
 use std::process::{Child, Stdio};
@@ -18,34 +17,12 @@ const ESCAPE: u32 = 0xff1b;
 
 /// Two sub-frames of 36 x 64 in three colours.
 fn hologram(salt: usize) -> Hologram {
-    let display = Display { height: 36, width: 64, ..Display::preset("paper").expect("a preset") };
-    let color = |(i, w): (usize, &eyebox::optics::Wavelength)| ColorHologram {
-        color: Some(w.color),
-        wavelength: w.wavelength,
-        exposure: 0.4,
-        efficiency: 0.4,
-        phases: (0..2 * 36 * 64).map(|k| ((k * 7919 + i * 31 + salt * 977) % 6283) as f32 * 1e-3 - 3.0).collect(),
-    };
-    Hologram {
-        frames: 2,
-        height: 36,
-        width: 64,
-        pitch: display.pitch,
-        focal_length: display.focal_length,
-        geometry: display.geometry,
-        colors: display.wavelengths.iter().enumerate().map(color).collect(),
-        seed: 0,
-        version: String::new(),
-        display: display.name.clone(),
-        display_wavelengths: display.wavelengths.clone(),
-        scene: String::new(),
-        settings: serde_json::Value::Null,
-    }
+    made::hologram(&Display::preset("paper").expect("a preset"), 2, salt)
 }
 
 fn start(folder: &Path, desk: &Desk, args: &[&str]) -> Child {
     common::command(folder, &[&["preview"], args].concat())
-        .env("DISPLAY", &desk.name)
+        .env("DISPLAY", desk.name())
         .env_remove("WAYLAND_DISPLAY")
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())

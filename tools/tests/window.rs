@@ -2,12 +2,11 @@
 
 #![cfg(target_os = "linux")]
 
-#[path = "common/screen.rs"]
-mod screen;
+mod common;
 
+use common::screen::{Screen, hologram, play};
 use eyebox::encode::{Encoder, PhaseSet};
 use eyebox::optics::{Color, Display};
-use screen::{Screen, hologram, play};
 use std::collections::BTreeSet;
 use std::process::{Command, Output};
 use std::time::{Duration, Instant};
@@ -79,7 +78,7 @@ fn a_monitor_of_another_size_and_no_desktop_are_refused_in_a_sentence() {
     }
     let monitors = Command::new(env!("CARGO_BIN_EXE_eyebox"))
         .args(["monitors", "--json"])
-        .env("DISPLAY", &screen.name)
+        .env("DISPLAY", screen.name())
         .env_remove("WAYLAND_DISPLAY")
         .output()
         .expect("it runs");

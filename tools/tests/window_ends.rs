@@ -3,13 +3,10 @@
 
 #![cfg(target_os = "linux")]
 
-#[path = "common/mod.rs"]
 mod common;
-#[path = "common/screen.rs"]
-mod screen;
 
+use common::screen::{Screen, hologram, play};
 use eyebox::optics::Display;
-use screen::{Screen, hologram, play};
 use std::path::Path;
 use std::process::{Child, Command, Output};
 use std::time::{Duration, Instant};
@@ -41,7 +38,7 @@ impl Playing {
         let screen = Screen::new(folder.path(), SIZE);
         let more = [&["--stats", "stats.json", "--display-rate", rate], more].concat();
         let mut process = play(folder.path(), &screen, "planes24", &more).spawn().expect("it starts");
-        let (connection, number) = x11rb::connect(Some(&screen.name)).expect("a connection");
+        let (connection, number) = x11rb::connect(Some(screen.name())).expect("a connection");
         let root = connection.setup().roots[number].root;
         let since = Instant::now();
         let window = loop {
@@ -148,7 +145,7 @@ fn another_program_resizes_the_window() {
 #[test]
 fn the_server_ends_or_cuts_the_connection() {
     let mut playing = Playing::new(&[]);
-    playing.screen.server.kill().expect("killed");
+    playing.screen.server.process.kill().expect("killed");
     playing.ends(3, "the connection to it is gone");
     let playing = Playing::new(&[]);
     playing.connection.kill_client(playing.window).expect("sent");

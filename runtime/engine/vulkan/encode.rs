@@ -2,8 +2,8 @@
 //! driven from the device.
 //!
 //! Buffers are made once, for a [`Plan`]. A run covers one colour of one video frame, and as many of its sub-frames as
-//! a kernel may see at once; runs of a frame follow each other, for they OR into it. Rows of frames on the device are
-//! padded to whole words, four pixels of the SLM each.
+//! a kernel may see at once; runs of a frame follow each other, for they OR into it. What a run puts where are constants of
+//! its pipeline. Rows of frames on the device are padded to whole words, four pixels of the SLM each.
 
 use super::super::EngineError;
 use super::device::Block;

@@ -5,8 +5,8 @@ use super::record::Record;
 use super::subject::{self, SubjectArgs};
 use super::viewing::Viewing;
 use super::watching::{self, TrackerArgs, Watching};
-use crate::play::{OutputName, Wanted, checked, lost};
-use crate::values::{not_negative, positive, rate};
+use crate::play::{OutputArgs, OutputName, checked, lost};
+use crate::values::{not_negative, positive};
 use crate::{Failure, common, progress};
 use clap::Args;
 use eyebox::files;
@@ -37,19 +37,9 @@ pub struct Live {
     /// Who looks
     #[command(flatten)]
     pub tracker: TrackerArgs,
-    /// Where video frames go
-    #[arg(long, value_enum, default_value = "offscreen")]
-    pub output: OutputName,
-    /// The monitor, by index, name or rows x columns; with --output direct, the display, by index, connector or monitor
-    /// [default: the first of the video frame's size]
-    #[arg(long, value_name = "MONITOR")]
-    pub monitor: Option<String>,
-    /// With a window: have Vulkan's use checked, and say what was wrong
-    #[arg(long)]
-    pub validation: bool,
-    /// Video frames a second [default: what the monitor says, else 60]
-    #[arg(long, value_name = "HZ", value_parser = rate)]
-    pub display_rate: Option<Rate>,
+    /// Where
+    #[command(flatten)]
+    pub shown: OutputArgs,
     /// From a video frame's beginning to its light, ms
     #[arg(long, value_name = "MS", default_value_t = 0.0, value_parser = not_negative)]
     pub display_latency: f64,
@@ -84,23 +74,21 @@ pub fn run(args: &Live) -> Result<(), Failure> {
     let size = [frames.height, frames.width];
     let beside = || if args.view { Desktop::open().map(|d| Some(Box::new(d))) } else { Ok(None) };
     let mut heard = Vec::new();
-    let mut output = match args.output {
+    let mut output = match args.shown.output {
         OutputName::Window => {
             let desktop = Desktop::open()?;
-            let monitor = desktop.choose(args.monitor.as_deref(), size)?;
-            let window = desktop.window(&monitor, Rc::new(clock), args.validation)?;
+            let monitor = desktop.choose(args.shown.monitor.as_deref(), size)?;
+            let window = desktop.window(&monitor, Rc::new(clock), args.shown.validation)?;
             heard.push(window.messages());
             Output::Window(Box::new(window))
         }
         OutputName::Direct => {
-            let (monitor, rate, validation) = (args.monitor.as_deref(), args.display_rate, args.validation);
-            let wanted = Wanted { direct: true, monitor, size, rate, validation };
-            let (display, _, messages) = wanted.open(Rc::new(clock))?;
+            let (display, _, messages) = args.shown.wanted(size).open(Rc::new(clock))?;
             heard.push(messages);
             Output::Other(display, beside()?)
         }
         OutputName::Offscreen => {
-            let rate = args.display_rate.map_or_else(|| Rate::new(60, 1), Ok)?;
+            let rate = args.shown.display_rate.map_or_else(|| Rate::new(60, 1), Ok)?;
             Output::Other(Box::new(Offscreen::new(Rc::new(clock), rate, frames.frame_bytes())), beside()?)
         }
     };
@@ -146,7 +134,7 @@ fn show(
     output: &mut Output,
     heard: &mut Vec<Arc<Mutex<Vec<String>>>>,
 ) -> Result<(), Failure> {
-    let display_rate = args.display_rate.or(output.presenter().rate()).map_or_else(|| Rate::new(60, 1), Ok)?;
+    let display_rate = args.shown.display_rate.or(output.presenter().rate()).map_or_else(|| Rate::new(60, 1), Ok)?;
     let trace = Trace::new(if args.trace.is_some() { SPANS } else { 0 });
     let planes = (steered.colors.len() * steered.hologram.frames) as u64;
     let set_frames = steered.encoder.packed().video_frames as u64;
@@ -183,7 +171,7 @@ fn show(
         lane: trace.lane("refine"),
     };
     let mut viewing = match output.desktop().filter(|_| args.view) {
-        Some(desktop) => Some(Viewing::open(desktop, &steered, &args.subject.engine, mouse, args.validation)?),
+        Some(desktop) => Some(Viewing::open(desktop, &steered, &args.subject.engine, mouse, args.shown.validation)?),
         None => None,
     };
     heard.extend(viewing.as_ref().map(Viewing::messages));

@@ -1,7 +1,7 @@
 //! Which tracker is watched, and what is true of a simulated eye.
 
 use crate::Failure;
-use crate::args::EyeName;
+use crate::trackers::EyeName;
 use crate::values::{not_negative, positive};
 use clap::Args;
 use eyebox::gaze::{Calibration, Estimator, Settings};

@@ -1,5 +1,6 @@
 //! The arguments of `eyebox play`.
 
+use super::Wanted;
 use crate::args::EngineName;
 use crate::values::{mark, not_negative, positive, rate, size};
 use clap::{Args, ValueEnum};
@@ -26,6 +27,32 @@ pub enum ClockName {
     Simulated,
 }
 
+/// Where holograms are shown.
+#[derive(Args)]
+pub struct OutputArgs {
+    /// Where video frames go
+    #[arg(long, value_enum, default_value = "offscreen")]
+    pub output: OutputName,
+    /// The monitor, by index, name or rows x columns; with --output direct, the display, by index, connector or monitor
+    /// [default: the first of the video frame's size]
+    #[arg(long, value_name = "MONITOR")]
+    pub monitor: Option<String>,
+    /// Video frames a second; with --output direct, of the mode [default: what the monitor says, else 60]
+    #[arg(long, value_name = "HZ", value_parser = rate)]
+    pub display_rate: Option<Rate>,
+    /// Have Vulkan's use checked, and say what was wrong
+    #[arg(long)]
+    pub validation: bool,
+}
+
+impl OutputArgs {
+    /// A display that is not memory, for video frames of so many rows and columns.
+    pub fn wanted(&self, size: [usize; 2]) -> Wanted<'_> {
+        let direct = self.output == OutputName::Direct;
+        Wanted { direct, monitor: self.monitor.as_deref(), size, rate: self.display_rate, validation: self.validation }
+    }
+}
+
 /// `eyebox play`
 #[derive(Args)]
 pub struct Play {
@@ -37,22 +64,12 @@ pub struct Play {
     /// Resolution instead of the display's own, rows x columns
     #[arg(long, value_name = "HxW", value_parser = size)]
     pub size: Option<[usize; 2]>,
-    /// Where video frames go
-    #[arg(long, value_enum, default_value = "offscreen")]
-    pub output: OutputName,
-    /// The monitor, by index, name or rows x columns; with --output direct, the display, by index, connector or monitor
-    /// [default: the first of the video frame's size]
-    #[arg(long, value_name = "MONITOR")]
-    pub monitor: Option<String>,
-    /// Have Vulkan's use checked, and say what was wrong
-    #[arg(long)]
-    pub validation: bool,
+    /// Where
+    #[command(flatten)]
+    pub shown: OutputArgs,
     /// Holograms a second [default: what the sequence says]
     #[arg(long, value_name = "HZ", value_parser = rate)]
     pub rate: Option<Rate>,
-    /// Video frames a second; with --output direct, of the mode [default: what the monitor says, else 60]
-    #[arg(long, value_name = "HZ", value_parser = rate)]
-    pub display_rate: Option<Rate>,
     /// So many times as fast
     #[arg(long, value_name = "FACTOR", value_parser = positive, default_value_t = 1.0)]
     pub speed: f64,

@@ -3,11 +3,12 @@
 mod args;
 mod monitors;
 
-pub use args::{Monitors, OutputName, Play};
+pub use args::{Monitors, OutputArgs, OutputName, Play};
 pub use monitors::monitors;
 
 use crate::Failure;
 use crate::args::EngineName;
+use crate::common;
 use crate::progress;
 use args::ClockName;
 use eyebox::encode::{Encoder, PhaseSet};
@@ -55,7 +56,7 @@ pub fn run(args: &Play) -> Result<(), Failure> {
     if endless && simulated {
         return Err(Failure::Asked("a simulated clock would go on for ever: give --duration".into()));
     }
-    if args.output != OutputName::Offscreen {
+    if args.shown.output != OutputName::Offscreen {
         if simulated || args.raw.is_some() || args.shared.is_some() {
             return Err(Failure::Asked(
                 "--record, --raw, --shared and a simulated clock go with --output offscreen".into(),
@@ -79,13 +80,7 @@ pub fn run(args: &Play) -> Result<(), Failure> {
 fn on_display(args: &Play, mut opened: Opened) -> Result<(), Failure> {
     let clock = Rc::new(RealClock::start());
     let frames = opened.encoder.frames();
-    let wanted = Wanted {
-        direct: args.output == OutputName::Direct,
-        monitor: args.monitor.as_deref(),
-        size: [frames.height, frames.width],
-        rate: args.display_rate,
-        validation: args.validation,
-    };
+    let wanted = args.shown.wanted([frames.height, frames.width]);
     let (mut display, rate, messages) = wanted.open(Rc::clone(&clock))?;
     opened.display_rate = rate.unwrap_or(opened.display_rate);
     let played = play(args, opened, clock, &mut *display);
@@ -173,7 +168,7 @@ fn open(args: &Play) -> Result<Opened, Failure> {
         )));
     }
     encoder.notes().iter().for_each(|note| eprintln!("note: {note}"));
-    let display_rate = args.display_rate.map_or_else(|| Rate::new(60, 1), Ok)?;
+    let display_rate = args.shown.display_rate.map_or_else(|| Rate::new(60, 1), Ok)?;
     Ok(Opened { display, encoder, sequence, content_rate, display_rate })
 }
 
@@ -207,7 +202,8 @@ fn play(args: &Play, opened: Opened, clock: Rc<dyn Clock>, presenter: &mut dyn P
     let engine = match args.engine {
         EngineName::Auto | EngineName::Cpu => StreamEncoder::Cpu(encoder),
         EngineName::Vulkan => {
-            let options = VulkanOptions { allow_cpu: true, validation: args.validation, ..VulkanOptions::default() };
+            let options =
+                VulkanOptions { allow_cpu: true, validation: args.shown.validation, ..VulkanOptions::default() };
             StreamEncoder::Vulkan(encoder, options)
         }
     };
@@ -290,7 +286,7 @@ fn play(args: &Play, opened: Opened, clock: Rc<dyn Clock>, presenter: &mut dyn P
         all["content_rate_hz"] = json!(content_rate.hz());
         all["video_frames_per_set"] = json!(set_frames);
         all["margin_ms"] = json!(margin_ms);
-        all["peak_memory_mib"] = json!(peak_memory_mib());
+        all["peak_memory_mib"] = json!(common::peak_memory_mib());
         files::write_file(file, |out| writeln!(out, "{all:#}"))?;
     }
     if let Some(recorder) = recorder {
@@ -381,13 +377,6 @@ impl Status {
             self.shown = false;
         }
     }
-}
-
-/// The most memory that the process had, MiB, where the system tells.
-fn peak_memory_mib() -> Option<f64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find(|l| l.starts_with("VmHWM:"))?;
-    line.split_whitespace().nth(1)?.parse::<f64>().ok().map(|kib| kib / 1024.0)
 }
 
 #[cfg(test)]

@@ -1,10 +1,8 @@
 //! A virtual desktop with a mouse and a keyboard, without a window manager.
 
-#![allow(dead_code, reason = "each test file uses what it needs")]
-
-use std::io::{BufRead, BufReader, IoSlice};
-use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use super::xvfb::{Part, Server};
+use std::io::IoSlice;
+use std::path::Path;
 use std::time::{Duration, Instant};
 use x11rb::connection::{Connection, RequestConnection};
 use x11rb::protocol::xproto::{AtomEnum, ConfigureWindowAux, ConnectionExt, InputFocus, Window};
@@ -18,41 +16,27 @@ const BUTTON: u8 = 4;
 const BUTTON_UP: u8 = 5;
 const MOTION: u8 = 6;
 
-/// A virtual screen whose pixels lie in a file; gone with the value.
+/// A virtual desktop.
 pub struct Desk {
-    server: Child,
-    pub name: String,
-    pixels: PathBuf,
+    server: Server,
     connection: RustConnection,
     root: Window,
     xtest: u8,
 }
 
-/// What is in a part of the screen: rows, columns, and (row, column, channel).
-#[derive(Debug, Clone, PartialEq)]
-pub struct Part {
-    pub size: [usize; 2],
-    pub rgb: Vec<u8>,
-}
-
 impl Desk {
-    pub fn new(folder: &Path, [height, width]: [usize; 2]) -> Self {
-        let mut server = Command::new("Xvfb")
-            .args(["-displayfd", "1", "-screen", "0", &format!("{width}x{height}x24"), "-nolisten", "tcp"])
-            // A cursor would be in the pixels.
-            .args(["-nocursor", "-fbdir"])
-            .arg(folder)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .expect("Xvfb, which tools/setup.sh installs");
-        let mut number = String::new();
-        BufReader::new(server.stdout.take().expect("its output")).read_line(&mut number).expect("its number");
-        let name = format!(":{}", number.trim());
-        let (connection, screen) = x11rb::connect(Some(&name)).expect("a connection");
+    pub fn new(folder: &Path, size: [usize; 2]) -> Self {
+        // A cursor would be in the pixels.
+        let server = Server::start(folder, size, &["-nocursor"]);
+        let (connection, screen) = x11rb::connect(Some(&server.name)).expect("a connection");
         let root = connection.setup().roots[screen].root;
         let xtest = connection.extension_information("XTEST").expect("an answer").expect("XTEST").major_opcode;
-        Self { server, name, pixels: folder.join("Xvfb_screen0"), connection, root, xtest }
+        Self { server, connection, root, xtest }
+    }
+
+    /// As DISPLAY has it.
+    pub fn name(&self) -> &str {
+        &self.server.name
     }
 
     /// The window whose title has this in it, once there is one.
@@ -78,16 +62,8 @@ impl Desk {
     /// What the screen shows of the window.
     pub fn part(&self, window: Window) -> Part {
         let at = self.connection.get_geometry(window).expect("sent").reply().expect("its place");
-        let bytes = std::fs::read(&self.pixels).expect("the frame buffer");
-        let word = |i: usize| u32::from_be_bytes(bytes[4 * i..4 * i + 4].try_into().expect("a word")) as usize;
-        let (header, line, colors) = (word(0), word(12), word(19));
-        assert_eq!((word(7), word(11)), (0, 32), "little-endian, 32 bits");
         let (top, left) = (at.y.max(0) as usize, at.x.max(0) as usize);
-        let rows = bytes[header + 12 * colors..].chunks_exact(line).skip(top).take(at.height.into());
-        let pixels = |row: &'_ [u8]| -> Vec<u8> {
-            row.chunks_exact(4).skip(left).take(at.width.into()).flat_map(|p| [p[2], p[1], p[0]]).collect()
-        };
-        Part { size: [at.height.into(), at.width.into()], rgb: rows.flat_map(pixels).collect() }
+        self.server.part([top, left], [at.height.into(), at.width.into()])
     }
 
     fn send(&self, kind: u8, detail: u8, at: [i16; 2]) {
@@ -138,12 +114,5 @@ impl Desk {
         let size = ConfigureWindowAux::new().width(width).height(height);
         self.connection.configure_window(window, &size).expect("sent");
         self.connection.flush().expect("sent");
-    }
-}
-
-impl Drop for Desk {
-    fn drop(&mut self) {
-        let _ = self.server.kill();
-        let _ = self.server.wait();
     }
 }

@@ -2,6 +2,14 @@
 
 #![allow(dead_code, reason = "each test file uses what it needs")]
 
+#[cfg(target_os = "linux")]
+pub mod desk;
+pub mod made;
+#[cfg(target_os = "linux")]
+pub mod screen;
+#[cfg(target_os = "linux")]
+pub mod xvfb;
+
 use std::path::Path;
 use std::process::{Command, Output};
 

@@ -1,0 +1,132 @@
+//! The command line: the commands, what they are for, and examples of them.
+
+use crate::args::{Bench, Demo, Devices, Encode, Export, Photograph, Score, Solve, View};
+use crate::trackers::Trackers;
+use clap::{Parser, Subcommand};
+
+/// Phase holograms that look right from anywhere in the eyebox.
+#[derive(Parser)]
+#[command(name = "eyebox", version, max_term_width = 100)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The commands.
+#[derive(Subcommand)]
+pub enum Command {
+    /// Solve the built-in still life, show it through several pupils, and measure it
+    #[command(after_help = "Example:\n  eyebox demo --out demo --size 256")]
+    Demo(Demo),
+    /// Turn a light field into a hologram
+    #[command(after_help = "Examples:\n  eyebox solve lightfield/ --size 512x512 --color green -o lightfield.zarr\n  \
+                      eyebox solve builtin:still-life --size 512x512 --seconds 10 -o still-life.zarr\n  \
+                      eyebox solve builtin:still-life --size 512x512 --quality accurate -o still-life.zarr\n  \
+                      eyebox solve builtin:still-life --display far-field-16k --color green --frames 1 --memory 4GiB -o large.zarr\n  \
+                      eyebox solve photo.png --depth-map depth.png --depth=-3..3 -o photo.npy\n  \
+                      eyebox solve frame-00/ frame-01/ frame-02/ --size 512x512 --rate 30 -o moving.zarr\n\nSeveral scenes, or a folder of light-field folders, make a sequence; one that was interrupted is gone on with by the same command.\nBuilt-in scenes: still-life, still-life-dark, still-life-bright, dense-grass, points, plane, chart; as a camera sees them that\nstands so many mm to the right: builtin:still-life?camera=2")]
+    Solve(Solve),
+    /// Say what of a scene will be computed and why, and what time and memory it will take
+    #[command(
+        after_help = "Examples:\n  eyebox plan builtin:still-life --size 512x512\n  eyebox plan lightfield/ --size 512x512 --json\n  eyebox plan builtin:plane --size 256x256 --measure\n\nIt takes the arguments of solve. The first plan on a machine times its engine for a few seconds; the rates are kept in\n$XDG_CACHE_HOME/eyebox, else ~/.cache/eyebox."
+    )]
+    Plan(Box<crate::plan::Plan>),
+    /// Show what an eye sees of a hologram through one pupil
+    #[command(after_help = "Examples:\n  eyebox view still-life.zarr --pupil=4,0,4,1.5 -o view.png\n  \
+                      eyebox view phases.npy --pupil=0,0,6,0 --pitch 8 --wavelength 520 --focal-length 400 -o view.npy")]
+    View(View),
+    /// Show what an eye should see of a scene through one pupil
+    #[command(
+        after_help = "Example:\n  eyebox photograph lightfield/ --size 512x512 --color green --pupil=0,0,18,1 -o photograph.png"
+    )]
+    Photograph(Photograph),
+    /// Refine a hologram for where the eye is, and say what each step gains
+    #[command(
+        after_help = "Examples:\n  eyebox refine still-life.zarr builtin:still-life --pupil=4,0,4,1 --steps 16\n  eyebox refine still-life.zarr builtin:still-life --pupil=4,0,4,1 --spread 1 -o seen-there.zarr --json"
+    )]
+    Refine(Box<crate::live::Refine>),
+    /// Show a hologram on a display, and refine it for where the eye is while it is shown
+    #[command(
+        after_help = "Examples:\n  eyebox live still-life.zarr --display planes24 --tracker simulated --duration 10 --stats stats.json\n  eyebox live builtin:still-life --display slm.toml --output window --tracker hid\n  eyebox live still-life.zarr --display slm.toml --tracker pupil://127.0.0.1 --calibration me.toml"
+    )]
+    Live(Box<crate::live::Live>),
+    /// Measure what steering by a simulated eye gains
+    #[command(
+        after_help = "Examples:\n  eyebox study still-life.zarr --display planes24 --duration 6 -o study\n  eyebox study builtin:still-life --display planes24 --size 256x256 --color green -o study\n\nTime is counted, not waited for: it passes by what refining and encoding take on this machine, and stands still while\nquality is judged."
+    )]
+    Study(Box<crate::live::Study>),
+    /// Measure a hologram against its scene over many pupils
+    #[command(after_help = "Example:\n  eyebox score still-life.zarr builtin:still-life --pupils random:16")]
+    Score(Score),
+    /// Measure what quality costs on this machine, and which settings are worth it: for --quality and --deadline
+    #[command(after_help = "Examples:\n  eyebox tradeoff builtin:still-life --size 256x256 -o tradeoff\n  \
+                      eyebox tradeoff lightfield/ --size 512x512 --budget 600 --engine vulkan -o tradeoff\n  \
+                      eyebox tradeoff builtin:still-life --size 256x256 --seed 1 --check tradeoff/tradeoff.json --no-store -o again\n\n\
+                      What is recommended is kept in $XDG_CACHE_HOME/eyebox, else ~/.cache/eyebox, for each device.")]
+    Tradeoff(crate::tradeoff::Tradeoff),
+    /// Compare methods over every group of pupils, and write a report of it
+    #[command(
+        after_help = "Examples:\n  eyebox evaluate builtin:still-life --size 256x256 -o comparison\n  eyebox evaluate lightfield/ builtin:dense-grass --size 256x256 --methods slfh,lf2fs --frames 1,8 -o comparison\n  eyebox evaluate builtin:still-life --hologram mine=still-life.zarr -o comparison\n\nMethods: slfh, lf2fs, stft, stft-unfiltered, stft-exact, smooth, dpac, pupil-aware"
+    )]
+    Evaluate(Box<crate::evaluate::Evaluate>),
+    /// Write a hologram's phases as an array, or as grey pictures
+    #[command(
+        after_help = "Examples:\n  eyebox export still-life.zarr -o phases.npy\n  eyebox export still-life.zarr -o frames"
+    )]
+    Export(Export),
+    /// Write what a display receives: video frames with levels or bit-planes, as PNG
+    #[command(
+        after_help = "Examples:\n  eyebox encode still-life.zarr --display planes24 --size 256x256 -o frames\n  \
+                      eyebox encode phases.npy --display bench.toml -o frames --json\n\nFrames come in the order in which they are shown. A .npy is (sub-frame, row, column) or (colour, sub-frame, row, column), float, radians.\nDisplay files: docs/displays.md"
+    )]
+    Encode(Encode),
+    /// Show a hologram or a sequence on a display, on time, and say what was shown
+    #[command(
+        after_help = "Examples:\n  eyebox play moving.zarr --display planes24 --size 512x512 --loop --duration 10 --stats played.json\n  \
+                      eyebox play moving.zarr --display plm --record shown --trace trace.json\n\nEnds with 0 at the end, after --duration, and on ctrl-C; with 2 when it cannot be played, with 3 when the display is lost, with 130 at once on a second ctrl-C. The display is left on the idle picture: the phase 0, or with --sync the sync picture."
+    )]
+    Play(Box<crate::play::Play>),
+    /// Show what an eye sees in a window, live: the mouse moves the pupil, the wheel changes focus
+    #[command(after_help = "Examples:\n  eyebox preview still-life.zarr --scene builtin:still-life\n  \
+                      eyebox preview moving.zarr --pupil=2,0,6,1 --zoom 2\n  \
+                      eyebox preview phases.npy --pitch 8 --wavelength 520 --focal-length 400\n\nIn the window: the mouse moves the pupil over the eyebox, the wheel changes focus, + and - the diameter, a switches\nspeckle averaging, p shows the photograph of --scene, s saves a PNG, i shows a line and a map, h all keys, escape closes.\nEnds with 0 when it is closed and on ctrl-C; with 2 when it cannot be shown, with 3 when the desktop is lost.")]
+    Preview(Box<crate::preview::Preview>),
+    /// List the monitors that a window can cover
+    #[command(after_help = "Example:\n  eyebox monitors --json")]
+    Monitors(crate::play::Monitors),
+    /// Time the steps of a solve, and each kernel, beside another program in the same run
+    #[command(
+        after_help = "Example:\n  eyebox bench builtin:still-life --size 512x512 --color green --steps 20 --beside 'python3 mine.py'"
+    )]
+    Bench(Bench),
+    /// List engines and devices, and which one is taken
+    #[command(
+        after_help = "Example:\n  eyebox devices --json\n\nWhat a Vulkan driver compiled is kept in $XDG_CACHE_HOME/eyebox, else ~/.cache/eyebox."
+    )]
+    Devices(Devices),
+    /// List eye trackers, explain a report descriptor, or show and record what a tracker says
+    #[command(after_help = "Examples:\n  eyebox trackers\n  eyebox trackers --describe descriptor.bin --json\n  \
+                      eyebox trackers --watch hid --duration 10 --record session.hid\n  \
+                      eyebox trackers --watch session.hid --json\n  \
+                      eyebox trackers --watch simulated:7 --rate 500 --duration 2 --pupil 20\n  \
+                      eyebox trackers --watch pupil://localhost --calibrate ada.toml\n\n\
+                      Sources: hid, FILE.hid, FILE.jsonl, pupil://HOST[:PORT], udp://[HOST]:PORT, simulated[:SEED]")]
+    Trackers(Trackers),
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_sound_and_every_command_has_an_example() {
+        let command = Cli::command();
+        command.clone().debug_assert();
+        for sub in command.get_subcommands() {
+            let help = sub.get_after_help().expect("an example").to_string();
+            assert!(help.contains(&format!("eyebox {}", sub.get_name())), "{help}");
+        }
+    }
+}
