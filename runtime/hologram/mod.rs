@@ -81,6 +81,12 @@ pub enum HologramError {
         /// The place.
         path: String,
     },
+    /// It is being made, by someone else.
+    #[error("{path}: another program is solving this hologram: wait for it, or end it and go on from where it was")]
+    Busy {
+        /// The hologram.
+        path: String,
+    },
     /// A hologram that contradicts itself.
     #[error("the hologram cannot be: {0}")]
     Inconsistent(String),

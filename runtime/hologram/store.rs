@@ -111,7 +111,7 @@ impl Hologram {
 
 /// Whether a folder is a hologram, whole or damaged, and nothing else.
 pub(super) fn is_hologram(folder: &Path) -> bool {
-    let ours = ["zarr.json", "phases", "progress.json", "staged"];
+    let ours = ["zarr.json", "phases", "progress.json", "progress.lock", "staged"];
     let only_ours = fs::read_dir(folder)
         .is_ok_and(|entries| entries.flatten().all(|e| ours.iter().any(|name| e.file_name() == *name)));
     only_ours

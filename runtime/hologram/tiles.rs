@@ -5,7 +5,8 @@
 //! function of seed and place ([`first_phase`]) and take no room. Beside it lies `progress.json`. A [`commit`](Tiles::commit)
 //! replaces any number of tiles and the progress together: new tiles are written to `staged/`, then `progress.json` is
 //! replaced, and says which of them count, then they are moved into place. Killed before the middle step the old state
-//! stands, after it the new one: [`open`](Tiles::open) moves what was left, and removes what does not count.
+//! stands, after it the new one: [`resume`](Tiles::resume) moves what was left, and removes what does not count. One program
+//! at a time makes a hologram, and holds a lock; others may look at it meanwhile ([`open`](Tiles::open)) and change nothing.
 
 use super::store::{ARRAY, GROUP, chunk_file, damaged, is_hologram, read_document, read_tile, unreadable, write_chunk};
 use super::{Hologram, HologramError, document};
@@ -13,13 +14,14 @@ use crate::files::{FileError, FolderDraft, write_file};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
-use std::fs::{self, File};
+use std::fs::{self, File, TryLockError};
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 const PROGRESS: &str = "progress.json";
 const STAGED: &str = "staged";
+const LOCK: &str = "progress.lock";
 
 /// How far a hologram in the making is.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -39,6 +41,8 @@ pub struct Tiles {
     about: Hologram,
     side: usize,
     made: Option<Made>,
+    /// Held while this program makes the hologram.
+    lock: Option<File>,
     read: AtomicU64,
     written: AtomicU64,
 }
@@ -92,10 +96,39 @@ impl Tiles {
         draft.write(ARRAY, |out| out.write_all(&document::array(shape, Some(side))))?;
         draft.write(PROGRESS, |out| out.write_all(&to_json(&made)))?;
         draft.put()?;
-        Self::open(path)
+        Self::resume(path)
     }
 
-    /// A hologram in tiles, finished or not; a commit that was cut off is completed or forgotten.
+    /// A hologram in the making, to go on with; a commit that was cut off is completed or forgotten. A finished one is
+    /// opened.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open); [`HologramError::Busy`] where another program makes it.
+    pub fn resume(path: &Path) -> Result<Self, HologramError> {
+        let tiles = Self::open(path)?;
+        if tiles.made.is_none() {
+            return Ok(tiles);
+        }
+        let file = path.join(LOCK);
+        let lock = File::options().create(true).append(true).open(&file).map_err(|e| FileError::write(&file, e))?;
+        match lock.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => return Err(HologramError::Busy { path: path.display().to_string() }),
+            // A file system without locks.
+            Err(TryLockError::Error(e)) if e.kind() == std::io::ErrorKind::Unsupported => {}
+            Err(TryLockError::Error(e)) => return Err(FileError::write(&file, e).into()),
+        }
+        // Whoever held it a moment ago may have gone on.
+        let tiles = Self { lock: Some(lock), ..Self::open(path)? };
+        if tiles.made.is_some() {
+            tiles.settle()?;
+        } else {
+            tiles.unlock();
+        }
+        Ok(tiles)
+    }
+
+    /// A hologram in tiles, finished or not, to be looked at.
     ///
     /// # Errors
     /// [`HologramError::NotAHologram`] where it is none in tiles; [`HologramError::Damaged`].
@@ -129,9 +162,21 @@ impl Tiles {
             None
         };
         let folder = path.to_path_buf();
-        let tiles = Self { folder, about, side, made, read: AtomicU64::new(0), written: AtomicU64::new(0) };
-        tiles.settle()?;
-        Ok(tiles)
+        Ok(Self { folder, about, side, made, lock: None, read: AtomicU64::new(0), written: AtomicU64::new(0) })
+    }
+
+    fn unlock(&self) {
+        let _ = fs::remove_file(self.folder.join(LOCK));
+    }
+
+    /// Only one that was created or resumed is written to.
+    fn locked(&self) -> Result<(), HologramError> {
+        match self.lock {
+            Some(_) => Ok(()),
+            None => {
+                Err(HologramError::Inconsistent("it was opened to be looked at: resume it to go on with it".into()))
+            }
+        }
     }
 
     /// Whether a folder is a hologram in tiles.
@@ -209,6 +254,7 @@ impl Tiles {
         size: [usize; 2],
         phases: &[f32],
     ) -> Result<(), HologramError> {
+        self.locked()?;
         let [rows, columns] = self.range(at, size);
         let pending: Vec<[usize; 3]> =
             rows.flat_map(|row| columns.clone().map(move |column| [color, row, column])).collect();
@@ -289,6 +335,7 @@ impl Tiles {
     /// As [`commit`](Self::commit).
     pub fn finish(&mut self) -> Result<(), HologramError> {
         let Some(made) = self.made.clone() else { return Ok(()) };
+        self.locked()?;
         let [rows, columns] = self.range([0, 0], [self.about.height, self.about.width]);
         for color in 0..self.about.colors.len() {
             for row in rows.clone() {
@@ -303,7 +350,8 @@ impl Tiles {
         let _ = fs::remove_dir_all(self.folder.join(STAGED));
         let file = self.folder.join(PROGRESS);
         fs::remove_file(&file).map_err(|e| FileError::write(&file, e))?;
-        self.made = None;
+        self.unlock();
+        (self.made, self.lock) = (None, None);
         Ok(())
     }
 
@@ -349,12 +397,16 @@ impl Tiles {
     /// One tile: (frames, side, side); beyond the hologram's edge, zeros.
     fn tile(&self, color: usize, row: usize, column: usize) -> Result<Vec<f32>, HologramError> {
         let place = [color, row, column];
-        let file = self.folder.join(self.name(place));
-        if !file.exists() && self.made.is_some() {
+        let (file, values) = (self.folder.join(self.name(place)), self.about.frames * self.side * self.side);
+        // What counts already and was not moved yet: whoever looks does not move it, and it may be moved meanwhile.
+        let staged = self.made.as_ref().filter(|made| made.pending.contains(&place));
+        let staged = staged.map(|made| self.folder.join(STAGED).join(staged_name(made.done, place)));
+        let staged = staged.filter(|file| file.exists()).and_then(|file| read_tile(&file, values).ok());
+        if staged.is_none() && !file.exists() && self.made.is_some() {
             return Ok(self.first(place));
         }
-        self.read.fetch_add(4 * (self.about.frames * self.side * self.side) as u64 + 4, Relaxed);
-        read_tile(&file, self.about.frames * self.side * self.side)
+        self.read.fetch_add(4 * values as u64 + 4, Relaxed);
+        staged.map_or_else(|| read_tile(&file, values), Ok)
     }
 
     fn first(&self, [color, row, column]: [usize; 3]) -> Vec<f32> {
@@ -478,7 +530,8 @@ mod tests {
         let (at, size) = ([32, 64], [38, 26]);
         let phases: Vec<f32> = (0..2 * 38 * 26).map(|i| (i % 100) as f32 / 50.0 - 1.0).collect();
         tiles.commit(1, 0, at, size, &phases).unwrap();
-        let mut tiles = Tiles::open(&path).unwrap();
+        drop(tiles);
+        let mut tiles = Tiles::resume(&path).unwrap();
         assert_eq!(tiles.made().unwrap().done, 1);
         assert_eq!(tiles.read(0, at, size).unwrap(), phases);
         let part = tiles.read(0, [30, 60], [40, 30]).unwrap();
@@ -523,32 +576,59 @@ mod tests {
         assert_eq!(Hologram::load(&path).unwrap().colors, copy.colors);
     }
 
-    /// A commit is cut off before and after the middle of it: the old state, or the new one.
+    /// A commit is cut off before and after the middle of it: the old state, or the new one, for who goes on with it and
+    /// for who looks, and looking changes nothing.
     #[test]
     fn a_commit_is_whole_or_not_at_all() {
         let here = tempfile::tempdir().unwrap();
         let path = here.path().join("h.zarr");
-        let tiles = Tiles::create(&path, &about(1, 64, 64), 32, Value::Null).unwrap();
-        let (old, new) = (tiles.read(0, [0, 0], [64, 32]).unwrap(), vec![0.25f32; 64 * 32]);
+        drop(Tiles::create(&path, &about(1, 64, 64), 32, Value::Null).unwrap());
+        let state = |tiles: &Tiles| (tiles.made().unwrap().done, tiles.read(0, [0, 0], [64, 32]).unwrap());
+        let staged = || fs::read_dir(path.join(STAGED)).unwrap().count();
+        let both = |expected: &(u64, Vec<f32>)| {
+            let before = staged();
+            assert_eq!(state(&Tiles::open(&path).unwrap()), *expected);
+            assert_eq!(staged(), before);
+            assert_eq!(state(&Tiles::resume(&path).unwrap()), *expected);
+            assert_eq!(staged(), 0);
+        };
+        let looked = Tiles::open(&path).unwrap();
+        let (old, new) = (looked.read(0, [0, 0], [64, 32]).unwrap(), vec![0.25f32; 64 * 32]);
         let stage = || {
             fs::create_dir_all(path.join(STAGED)).unwrap();
-            (0..2).for_each(|row| tiles.stage(1, [0, row, 0], &new[..1024]).unwrap());
+            (0..2).for_each(|row| looked.stage(1, [0, row, 0], &new[..1024]).unwrap());
         };
         stage();
-        let opened = Tiles::open(&path).unwrap();
-        assert_eq!((opened.made().unwrap().done, opened.read(0, [0, 0], [64, 32]).unwrap()), (0, old));
+        both(&(0, old));
         stage();
         let made = Made { done: 1, job: Value::Null, pending: vec![[0, 0, 0], [0, 1, 0]] };
         fs::write(path.join(PROGRESS), to_json(&made)).unwrap();
         // One of the two was moved already.
         fs::create_dir_all(path.join("phases/c/0/0/0")).unwrap();
         fs::rename(path.join(STAGED).join("1.0.0.0"), path.join("phases/c/0/0/0/0")).unwrap();
-        let opened = Tiles::open(&path).unwrap();
-        assert_eq!((opened.made().unwrap().done, opened.read(0, [0, 0], [64, 32]).unwrap()), (1, new.clone()));
+        both(&(1, new.clone()));
         // The next commit had staged one of the same tiles when it was cut off.
-        fs::create_dir_all(path.join(STAGED)).unwrap();
-        opened.stage(2, [0, 1, 0], &[0.5; 1024]).unwrap();
-        let opened = Tiles::open(&path).unwrap();
-        assert_eq!((opened.made().unwrap().done, opened.read(0, [0, 0], [64, 32]).unwrap()), (1, new));
+        looked.stage(2, [0, 1, 0], &[0.5; 1024]).unwrap();
+        both(&(1, new));
+    }
+
+    #[test]
+    fn one_program_makes_it_and_others_may_look() {
+        let here = tempfile::tempdir().unwrap();
+        let path = here.path().join("h.zarr");
+        let mut tiles = Tiles::create(&path, &about(1, 64, 64), 32, Value::Null).unwrap();
+        let said = Tiles::resume(&path).unwrap_err().to_string();
+        assert!(said.contains("h.zarr: another program"), "{said}");
+        let mut looked = Tiles::open(&path).unwrap();
+        let phases = vec![0.5; 32 * 32];
+        let refused = looked.commit(1, 0, [0, 0], [32, 32], &phases);
+        assert!(matches!(refused, Err(HologramError::Inconsistent(_))));
+        assert!(looked.finish().is_err());
+        tiles.commit(1, 0, [0, 0], [32, 32], &phases).unwrap();
+        // Who had opened it before sees it, too.
+        assert_eq!(looked.read(0, [0, 0], [32, 32]).unwrap(), phases);
+        drop(tiles);
+        Tiles::resume(&path).unwrap().finish().unwrap();
+        assert_eq!(Hologram::load(&path).unwrap().colors[0].phases[..32], phases[..32]);
     }
 }

@@ -238,11 +238,10 @@ fn unfinished(path: &Path, work: &Value) -> Result<Option<Tiles>, Failure> {
     if !Tiles::is_tiled(path) {
         return Ok(None);
     }
-    let tiles = Tiles::open(path)?;
-    let same = tiles.made().map(|made| made.job == *work);
+    let same = Tiles::open(path)?.made().map(|made| made.job == *work);
     match same {
         None => Ok(None),
-        Some(true) => Ok(Some(tiles)),
+        Some(true) => Ok(Some(Tiles::resume(path)?)),
         Some(false) => Err(Failure::Asked(format!(
             "{}: another job is under way there: repeat its command to go on, or remove it",
             path.display()
