@@ -9,7 +9,7 @@ use eyebox::scene::{self, Pyramid, Request, ViewGrid};
 use eyebox::solve::{self, Flow, Problem, Settings};
 use eyebox_kernels::compare;
 use eyebox_tests::both::{Case, Noise, assert_silent, vulkan};
-use eyebox_tests::{error_power, loaded, noise, phases};
+use eyebox_tests::{error_power, loaded, noise, phases, step_with_targets};
 use rustfft::num_complex::Complex64;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -140,26 +140,16 @@ fn a_point_moves_as_the_optics_say() {
     }
 }
 
-/// One step's list with targets that the test writes.
-fn step_with_targets(
+/// One step with targets that the test writes; in the far field it transforms no whole field.
+fn far_step(
     planner: &Planner,
     engine: &mut CpuEngine,
     lanes: Vec<Lane>,
     targets: &[Vec<f32>],
     adam: bool,
 ) -> (Step, Vec<f64>) {
-    let mut step = match adam {
-        true => planner.adam_step(lanes, usize::MAX, 1, 0.0),
-        false => planner.project_step(lanes, usize::MAX, 1.0, 1.0, 0.0),
-    };
+    let (step, losses) = step_with_targets(planner, engine, lanes, targets, adam);
     assert!(step.list.iter().all(|d| !matches!(d.kernel, Kernel::FieldForward | Kernel::ChangeInverse)));
-    step.list.retain(|d| !matches!(d.kernel, Kernel::Photograph | Kernel::Resample));
-    let cut = step.list.iter().position(|d| d.kernel == Kernel::Compare).unwrap();
-    engine.run_part(&step, 0..cut).unwrap();
-    for (i, target) in targets.iter().enumerate() {
-        engine.write(Buffer::Target(i), target).unwrap();
-    }
-    let losses = engine.run_part(&step, cut..step.list.len()).unwrap();
     (step, losses)
 }
 
@@ -186,7 +176,7 @@ fn the_gradient_is_the_derivative_of_the_loss() {
     let mut engine = loaded(&planner, Purpose::Adam, &rounded);
     let lanes = pupils().iter().map(|p| planner.lane(p, &comparison)).collect();
     let written: Vec<_> = targets.iter().map(|t| axis_first(t, n)).collect();
-    let (step, losses) = step_with_targets(&planner, &mut engine, lanes, &written, true);
+    let (step, losses) = far_step(&planner, &mut engine, lanes, &written, true);
     let loss: f64 = losses.iter().zip(&step.lanes).map(|(l, lane)| l / lane.count() as f64).sum::<f64>() / 2.0;
     let value = |phases: &[f64]| {
         let one = |(p, t): (&Pupil, &Vec<f32>)| {
@@ -217,7 +207,7 @@ fn the_projection_agrees_with_float64() {
     let mut engine = loaded(&planner, Purpose::Project, &rounded);
     let lanes = pupils().iter().map(|p| planner.lane(p, &comparison)).collect();
     let written: Vec<_> = targets.iter().map(|t| axis_first(t, n)).collect();
-    step_with_targets(&planner, &mut engine, lanes, &written, false);
+    far_step(&planner, &mut engine, lanes, &written, false);
 
     let u: Vec<Complex64> = exact.iter().map(|p| Complex64::from_polar(1.0, *p)).collect();
     let (mut change, mut hits) = (vec![Complex64::default(); 320], vec![0.0f64; 320]);

@@ -7,7 +7,7 @@ pub mod both;
 
 use eyebox::engine::{Buffer, Engine, cpu::CpuEngine};
 use eyebox::optics::{Optics, Pupil, transfer};
-use eyebox::plan::{Planner, Purpose};
+use eyebox::plan::{Kernel, Lane, Planner, Purpose, Step};
 use rustfft::{FftPlanner, num_complex::Complex64};
 
 /// Noise in -1 .. 1, the same on every machine.
@@ -28,6 +28,28 @@ pub fn loaded(planner: &Planner, purpose: Purpose, phases: &[f32]) -> CpuEngine 
     engine.load(&planner.shape(purpose), None).expect("memory");
     engine.write(Buffer::Phases, phases).expect("phases of the planner's size");
     engine
+}
+
+/// One step's list, with targets that the test writes: the photograph's kernels are left out. The step, and its losses.
+pub fn step_with_targets(
+    planner: &Planner,
+    engine: &mut CpuEngine,
+    lanes: Vec<Lane>,
+    targets: &[Vec<f32>],
+    adam: bool,
+) -> (Step, Vec<f64>) {
+    let mut step = match adam {
+        true => planner.adam_step(lanes, usize::MAX, 1, 0.0),
+        false => planner.project_step(lanes, usize::MAX, 1.0, 1.0, 0.0),
+    };
+    step.list.retain(|d| !matches!(d.kernel, Kernel::Photograph | Kernel::Resample));
+    let cut = step.list.iter().position(|d| d.kernel == Kernel::Compare).expect("targets are compared");
+    engine.run_part(&step, 0..cut).expect("the way down");
+    for (i, target) in targets.iter().enumerate() {
+        engine.write(Buffer::Target(i), target).expect("a target of its lane's size");
+    }
+    let losses = engine.run_part(&step, cut..step.list.len()).expect("the way up");
+    (step, losses)
 }
 
 /// Power of the difference over power of the reference.

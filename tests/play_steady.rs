@@ -54,21 +54,7 @@ fn hologram(index: u64, display: &Display) -> Hologram {
         efficiency: 0.4,
         phases: (0..pixels as u64).map(|i| ((i * 7 + index * 13) % 62) as f32 * 0.1 - 3.0).collect(),
     };
-    Hologram {
-        frames: 8,
-        height: display.height,
-        width: display.width,
-        pitch: display.pitch,
-        focal_length: display.focal_length,
-        geometry: display.geometry,
-        colors: display.wavelengths.iter().map(color).collect(),
-        seed: 0,
-        version: String::new(),
-        display: display.name.clone(),
-        display_wavelengths: display.wavelengths.clone(),
-        scene: String::new(),
-        settings: serde_json::Value::Null,
-    }
+    Hologram::on(display, 8, display.wavelengths.iter().map(color).collect())
 }
 
 /// Pages in memory, where the system tells.

@@ -3,11 +3,11 @@
 use eyebox::engine::{Buffer, Engine, cpu::CpuEngine};
 use eyebox::evaluate;
 use eyebox::optics::{Optics, Padding, Pupil, Window, WindowFactor};
-use eyebox::plan::{Comparison, Dispatch, Kernel, Lane, Planner, Purpose};
+use eyebox::plan::{Comparison, Dispatch, Kernel, Planner, Purpose};
 use eyebox::scene::{Pyramid, ViewGrid};
 use eyebox::solve::{self, Flow, Optimizer, Problem, Settings};
 use eyebox_kernels::compare;
-use eyebox_tests::{Oracle, error_power, fft2, loaded, noise, phases};
+use eyebox_tests::{Oracle, error_power, fft2, loaded, noise, phases, step_with_targets};
 use rustfft::num_complex::Complex64;
 use std::sync::Arc;
 
@@ -94,29 +94,6 @@ fn the_window_is_exact() {
     engine.run(&planner.view_step(vec![planner.lane(&pupil, &Comparison::default())])).unwrap();
     let error = error_power(&engine.read(Buffer::Image(0)).unwrap(), &small);
     assert!(error < VIEW, "error power {error:.1e} of signal");
-}
-
-/// One step's list, with targets that the test writes: the photograph's kernels are left out.
-fn step_with_targets(
-    planner: &Planner,
-    engine: &mut CpuEngine,
-    lanes: Vec<Lane>,
-    targets: &[Vec<f32>],
-    adam: bool,
-) -> (eyebox::plan::Step, Vec<f64>) {
-    let mut step = if adam {
-        planner.adam_step(lanes, usize::MAX, 1, 0.0)
-    } else {
-        planner.project_step(lanes, usize::MAX, 1.0, 1.0, 0.0)
-    };
-    step.list.retain(|d| !matches!(d.kernel, Kernel::Photograph | Kernel::Resample));
-    let cut = step.list.iter().position(|d| d.kernel == Kernel::Compare).unwrap();
-    engine.run_part(&step, 0..cut).unwrap();
-    for (i, target) in targets.iter().enumerate() {
-        engine.write(Buffer::Target(i), target).unwrap();
-    }
-    let losses = engine.run_part(&step, cut..step.list.len()).unwrap();
-    (step, losses)
 }
 
 /// Adam's first moment after one step is a tenth of the gradient: compared with finite differences of the float64 loss.
@@ -275,22 +252,18 @@ fn the_photograph_of_a_plane_is_sharp_at_its_depth_and_nowhere_else() {
     assert!(match_with[0] > 0.95 && match_with[1..].iter().all(|c| *c < 0.7), "{match_with:?}");
 }
 
+fn problem(optics: Optics, views: ViewGrid, pyramid: Arc<Pyramid>) -> Problem {
+    let (padding, eyebox) = (Padding::default(), optics.eyebox());
+    Problem { optics, padding, eyebox, views, center: [0.0; 2], pyramid, mean: 0.5, share: 1.0 }
+}
+
 /// A hologram solved for one textured plane shows that plane, displaced by (z - z0) s / f.
 #[test]
 fn light_field_and_wave_agree() {
     let o = optics(120, 160);
     let z0 = 4e-3;
     let (views, pyramid, image) = plane(&o, z0, 5);
-    let problem = Problem {
-        optics: o,
-        padding: Padding::default(),
-        eyebox: o.eyebox(),
-        views,
-        center: [0.0; 2],
-        pyramid,
-        mean: 0.5,
-        share: 1.0,
-    };
+    let problem = problem(o, views, pyramid);
     let settings = Settings { steps: 12, depth: [0.0, 2.0 * z0], diameter: [6e-3, 20e-3], ..Settings::default() };
     let mut engine = CpuEngine::new();
     let solution = solve::solve(&problem, &settings, &mut engine, &mut |_| Flow::Continue).unwrap();
@@ -343,16 +316,7 @@ fn padding_stops_the_wrap() {
 fn the_same_seed_gives_the_same_bits_on_any_number_of_threads() {
     let o = optics(96, 80);
     let (views, pyramid, _) = plane(&o, 2e-3, 3);
-    let problem = Problem {
-        optics: o,
-        padding: Padding::default(),
-        eyebox: o.eyebox(),
-        views,
-        center: [0.0; 2],
-        pyramid,
-        mean: 0.5,
-        share: 1.0,
-    };
+    let problem = problem(o, views, pyramid);
     for optimizer in [Optimizer::projection(), Optimizer::adam()] {
         let settings = Settings { steps: 4, optimizer, seed: 11, ..Settings::default() };
         let with = |threads: usize, window_bytes: usize| {

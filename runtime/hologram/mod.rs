@@ -47,7 +47,7 @@ pub use tiles::{Made, Patch, Tiles, first_phase};
 
 use crate::{
     files::FileError,
-    optics::{Color, Geometry, Optics, OpticsError, Wavelength},
+    optics::{Color, Display, Geometry, Optics, OpticsError, Wavelength},
 };
 use serde_json::Value;
 
@@ -157,6 +157,25 @@ pub struct Hologram {
 }
 
 impl Hologram {
+    /// On a display, of its size and geometry: `frames` sub-frames of these colours, of no scene and made by nobody.
+    pub fn on(display: &Display, frames: usize, colors: Vec<ColorHologram>) -> Self {
+        Self {
+            frames,
+            height: display.height,
+            width: display.width,
+            pitch: display.pitch,
+            focal_length: display.focal_length,
+            geometry: display.geometry,
+            colors,
+            seed: 0,
+            version: String::new(),
+            display: display.name.clone(),
+            display_wavelengths: display.wavelengths.clone(),
+            scene: String::new(),
+            settings: Value::Null,
+        }
+    }
+
     /// The optics at colour `index`.
     ///
     /// # Errors
@@ -181,10 +200,7 @@ impl Hologram {
 
     /// Rows and columns of what an eye sees of it.
     pub fn picture_size(&self) -> (usize, usize) {
-        match self.geometry {
-            Geometry::Relay => (self.height, self.width),
-            Geometry::FarField => [self.height.max(self.width); 2].into(),
-        }
+        self.geometry.picture_size(self.height, self.width)
     }
 
     /// One sub-frame of one colour, (row, column).

@@ -225,10 +225,7 @@ impl Display {
 
     /// Rows and columns of the pictures that it shows: its pixels, or a square of as many where it stands in the far field.
     pub fn picture_size(&self) -> (usize, usize) {
-        match self.geometry {
-            Geometry::Relay => (self.height, self.width),
-            Geometry::FarField => [self.height.max(self.width); 2].into(),
-        }
+        self.geometry.picture_size(self.height, self.width)
     }
 
     /// Size of a picture's pixel in the focal plane, metres: the pitch, or that of the field of view which all its

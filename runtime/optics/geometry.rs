@@ -20,6 +20,15 @@ impl Geometry {
         ["relay", "far-field"][self as usize]
     }
 
+    /// Rows and columns of what an SLM of so many pixels shows: as many, or a square that holds them, for the far field
+    /// sees as far up as to the side.
+    pub fn picture_size(self, height: usize, width: usize) -> (usize, usize) {
+        match self {
+            Self::Relay => (height, width),
+            Self::FarField => [height.max(width); 2].into(),
+        }
+    }
+
     /// For `skip_serializing_if`: files say only what is not usual.
     pub fn is_relay(&self) -> bool {
         *self == Self::Relay
@@ -121,13 +130,10 @@ impl Optics {
         }
     }
 
-    /// Rows and columns of the retinal image when everything is transformed: the grid's, or a square that holds it, for
-    /// the far field sees as far up as to the side.
+    /// Rows and columns of the retinal image when everything is transformed
+    /// ([`Geometry::picture_size`]).
     pub fn image_size(&self) -> (usize, usize) {
-        match self.geometry {
-            Geometry::Relay => (self.height, self.width),
-            Geometry::FarField => [self.height.max(self.width); 2].into(),
-        }
+        self.geometry.picture_size(self.height, self.width)
     }
 
     /// Direction cosine per bin, as (y, x): `wavelength q`, of light at pupil-plane position `wavelength f q`.

@@ -31,26 +31,12 @@ impl<T> Ring<T> {
 
     /// Puts an item in, or gives it back where there is no room.
     pub(super) fn put(&self, item: T) -> Result<(), T> {
-        let mut items = self.lock();
-        if items.len() == self.capacity {
-            return Err(item);
-        }
-        items.push_back(item);
-        drop(items);
-        self.items.1.notify_all();
-        Ok(())
+        self.added(self.lock(), item)
     }
 
     /// The same, waiting for room that long.
     pub(super) fn put_within(&self, item: T, patience: Duration) -> Result<(), T> {
-        let mut items = self.wait_while(patience, |items| items.len() == self.capacity);
-        if items.len() == self.capacity {
-            return Err(item);
-        }
-        items.push_back(item);
-        drop(items);
-        self.items.1.notify_all();
-        Ok(())
+        self.added(self.wait_while(patience, |items| items.len() == self.capacity), item)
     }
 
     /// Takes the oldest item.
@@ -66,6 +52,16 @@ impl<T> Ring<T> {
     /// Whether nothing is in it.
     pub(super) fn is_empty(&self) -> bool {
         self.lock().is_empty()
+    }
+
+    fn added(&self, mut items: MutexGuard<'_, VecDeque<T>>, item: T) -> Result<(), T> {
+        if items.len() == self.capacity {
+            return Err(item);
+        }
+        items.push_back(item);
+        drop(items);
+        self.items.1.notify_all();
+        Ok(())
     }
 
     fn taken(&self, mut items: MutexGuard<'_, VecDeque<T>>) -> Option<T> {

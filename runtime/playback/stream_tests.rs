@@ -25,21 +25,7 @@ fn hologram(index: u64, display: &Display) -> Hologram {
         phases: (0..8 * 192).map(|_| crate::hologram::wrap_phase((7.0 * random.unit()) as f32)).collect(),
     };
     let colors = display.wavelengths.iter().map(&mut color).collect();
-    Hologram {
-        frames: 8,
-        height: 12,
-        width: 16,
-        pitch: display.pitch,
-        focal_length: display.focal_length,
-        geometry: display.geometry,
-        colors,
-        seed: 0,
-        version: String::new(),
-        display: display.name.clone(),
-        display_wavelengths: display.wavelengths.clone(),
-        scene: String::new(),
-        settings: serde_json::Value::Null,
-    }
+    Hologram { height: 12, width: 16, ..Hologram::on(display, 8, colors) }
 }
 
 struct Fixture {

@@ -87,14 +87,6 @@ impl Showing {
         Ok(Self { frames: hologram.frames, padding, colors, eyebox, tiles: None })
     }
 
-    /// A far-field hologram in tiles, which are left where they are.
-    ///
-    /// # Errors
-    /// Its optics.
-    pub fn of_tiles(tiles: Arc<Tiles>) -> Result<Self, PreviewError> {
-        Ok(Self { tiles: Some(Arc::clone(&tiles)), ..Self::new(tiles.about().clone(), Padding::default())? })
-    }
-
     /// Rows and columns of what is seen: the SLM's pixels, or, in the far field, a square of as many.
     pub fn size(&self) -> [usize; 2] {
         self.colors.first().map_or([0, 0], |c| c.optics.image_size().into())

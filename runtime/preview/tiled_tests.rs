@@ -4,7 +4,7 @@ use super::*;
 use crate::engine::cpu::CpuEngine;
 use crate::evaluate;
 use crate::hologram::{ColorHologram, Hologram, Tiles};
-use crate::optics::{Color, Display, Pupil, WindowFactor};
+use crate::optics::{Color, Display, Padding, Pupil, WindowFactor};
 use crate::scene::Request;
 use crate::vast::{self, Views};
 use std::path::Path;
@@ -15,6 +15,12 @@ const SIDE: usize = 512;
 
 fn display() -> Display {
     Display { height: SIDE, width: SIDE, ..Display::preset("far-field").unwrap() }
+}
+
+/// Everything but the phases, which stay where they are.
+fn showing(tiles: &Arc<Tiles>) -> Showing {
+    let shown = Showing::new(tiles.about().clone(), Padding::default()).unwrap();
+    Showing { tiles: Some(Arc::clone(tiles)), ..shown }
 }
 
 /// Two colours of two sub-frames, in tiles that hold their first phases.
@@ -28,19 +34,10 @@ fn tiles(path: &Path) -> Arc<Tiles> {
         phases: Vec::new(),
     };
     let about = Hologram {
-        frames: 2,
         height: SIDE,
         width: SIDE,
-        pitch: display.pitch,
-        focal_length: display.focal_length,
-        geometry: display.geometry,
-        colors: [Color::Green, Color::Blue].map(color).to_vec(),
         seed: 7,
-        version: String::new(),
-        display: display.name.clone(),
-        display_wavelengths: display.wavelengths.clone(),
-        scene: String::new(),
-        settings: serde_json::Value::Null,
+        ..Hologram::on(&display, 2, [Color::Green, Color::Blue].map(color).to_vec())
     };
     let mut tiles = Tiles::create(path, &about, 32, serde_json::Value::Null).unwrap();
     tiles.finish().unwrap();
@@ -71,7 +68,7 @@ fn expected(tiles: &Tiles, frames: std::ops::Range<usize>, pupil: &Pupil) -> Vec
 fn the_eye_sees_what_lies_under_the_pupil_and_reads_no_more() {
     let here = tempfile::tempdir().unwrap();
     let tiles = tiles(&here.path().join("h.zarr"));
-    let showing = Showing::of_tiles(Arc::clone(&tiles)).unwrap();
+    let showing = showing(&tiles);
     let mut eye = Eye::new(cpu());
     let all = 2 * 2 * 4 * (SIDE * SIDE) as u64;
     let mut read = Vec::new();
@@ -114,7 +111,7 @@ fn the_viewer_shows_tiles_coarse_first_and_their_photograph() {
     let place = pupil(40.0, -20.0, 100.0);
     let look = Look { pupil: place, frame: None, side: Side::Seen, within: [100, 100] };
     viewer.look(look);
-    viewer.show(Arc::new(Showing::of_tiles(Arc::clone(&tiles)).unwrap()));
+    viewer.show(Arc::new(showing(&tiles)));
     let wait = |viewer: &Viewer, look: &Look, whole: bool| {
         let since = Instant::now();
         while since.elapsed() < Duration::from_secs(60) {
@@ -144,7 +141,7 @@ fn the_viewer_shows_tiles_coarse_first_and_their_photograph() {
     // A scene of all views is not what tiles are compared with.
     let mut viewer = Viewer::start(cpu(), Scene::Views(views().into_iter().take(1).collect())).unwrap();
     viewer.look(both);
-    viewer.show(Arc::new(Showing::of_tiles(tiles).unwrap()));
+    viewer.show(Arc::new(showing(&tiles)));
     let since = Instant::now();
     let error = loop {
         match viewer.newest() {

@@ -28,19 +28,10 @@ fn hologram(salt: usize) -> Hologram {
         phases: (0..3 * 24 * 40).map(|k| ((k * 7919 + salt * 101 + i * 31) % 6283) as f32 * 1e-3 - 3.1).collect(),
     };
     Hologram {
-        frames: 3,
         height: 24,
         width: 40,
-        pitch: display.pitch,
-        focal_length: display.focal_length,
         geometry: Geometry::Relay,
-        colors: COLORS.into_iter().enumerate().map(color).collect(),
-        seed: 0,
-        version: String::new(),
-        display: display.name.clone(),
-        display_wavelengths: display.wavelengths.clone(),
-        scene: String::new(),
-        settings: serde_json::Value::Null,
+        ..Hologram::on(&display, 3, COLORS.into_iter().enumerate().map(color).collect())
     }
 }
 

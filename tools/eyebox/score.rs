@@ -207,22 +207,7 @@ fn load(args: &Score) -> Result<(Hologram, Display), Failure> {
         .zip(display.wavelengths.iter().filter(|w| colors.contains(&w.color)))
         .map(color)
         .collect();
-    let (pitch, focal_length) = (display.pitch, display.focal_length);
-    let hologram = Hologram {
-        frames: phases.frames,
-        height: phases.height,
-        width: phases.width,
-        pitch,
-        focal_length,
-        geometry: display.geometry,
-        colors,
-        seed: 0,
-        version: String::new(),
-        display: display.name.clone(),
-        display_wavelengths: display.wavelengths.clone(),
-        scene: String::new(),
-        settings: serde_json::Value::Null,
-    };
+    let hologram = Hologram::on(&display, phases.frames, colors);
     hologram.check()?;
     Ok((hologram, display))
 }
@@ -275,27 +260,14 @@ mod tests {
     fn one_colour_is_scored_in_the_eyebox_that_its_display_serves() {
         let here = tempfile::tempdir().unwrap();
         let display = Display::preset("paper").unwrap();
-        let hologram = Hologram {
-            frames: 1,
-            height: 2,
-            width: 3,
-            pitch: display.pitch,
-            focal_length: display.focal_length,
-            geometry: display.geometry,
-            colors: vec![ColorHologram {
-                color: Some(Color::Green),
-                wavelength: 520e-9,
-                exposure: 0.35,
-                efficiency: 0.4,
-                phases: vec![0.5; 6],
-            }],
-            seed: 0,
-            version: String::new(),
-            display: display.name.clone(),
-            display_wavelengths: display.wavelengths.clone(),
-            scene: String::new(),
-            settings: serde_json::Value::Null,
+        let color = ColorHologram {
+            color: Some(Color::Green),
+            wavelength: 520e-9,
+            exposure: 0.35,
+            efficiency: 0.4,
+            phases: vec![0.5; 6],
         };
+        let hologram = Hologram { height: 2, width: 3, ..Hologram::on(&display, 1, vec![color]) };
         for name in ["x.zarr", "x.npy"] {
             let path = here.path().join(name);
             hologram.save(&path).unwrap();

@@ -172,19 +172,11 @@ pub fn hologram(
         phases: s.phases.clone(),
     };
     Hologram {
-        frames: settings.frames,
-        height: display.height,
-        width: display.width,
-        pitch: display.pitch,
-        focal_length: display.focal_length,
-        geometry: display.geometry,
-        colors: solved.iter().map(color).collect(),
         seed: settings.seed,
         version: env!("CARGO_PKG_VERSION").into(),
-        display: display.name.clone(),
-        display_wavelengths: display.wavelengths.clone(),
         scene: field.name.clone(),
         settings: json!({ "solve": settings, "padding": [padding.rows, padding.columns], "views": field.grid, "view_pitch_mm": field.cell(display) * 1e3, "eyebox_mm": display.eyebox_min() * 1e3 }),
+        ..Hologram::on(display, settings.frames, solved.iter().map(color).collect())
     }
 }
 

@@ -280,19 +280,11 @@ fn about(
         how["depth_map_mm"] = json!(depth.map(|d| d * 1e3));
     }
     Ok(Hologram {
-        frames: settings.frames,
-        height: display.height,
-        width: display.width,
-        pitch: display.pitch,
-        focal_length: display.focal_length,
-        geometry: display.geometry,
-        colors: solved,
         seed: args.seed,
         version: env!("CARGO_PKG_VERSION").into(),
-        display: display.name.clone(),
-        display_wavelengths: display.wavelengths.clone(),
         scene: args.scene.scene.clone(),
         settings: how,
+        ..Hologram::on(display, settings.frames, solved)
     })
 }
 

@@ -9,7 +9,7 @@ use crate::args::SceneArgs;
 use crate::common::{self, Form};
 use crate::{Failure, progress, score, vast, view};
 use eyebox::hologram::{Hologram, Sequence, Tiles};
-use eyebox::optics::{Color, Geometry, Padding};
+use eyebox::optics::{Color, Padding};
 use eyebox::playback::{Desktop, PlaybackError};
 use eyebox::preview::{
     Action, Controls, Look, Picture, Plane, PreviewError, PreviewWindow, Scene, Seen, Showing, Side, Viewer, places,
@@ -39,11 +39,7 @@ pub fn run(args: &Preview) -> Result<(), Failure> {
     let hologram = expose(args, hologram, known)?;
     let scene = scene(args, &hologram, playing.is_some(), tiles.is_some())?;
     let colors: Vec<Option<Color>> = hologram.colors.iter().map(|c| c.color).collect();
-    let size = match hologram.geometry {
-        Geometry::Relay => [hologram.height, hologram.width],
-        // As far up as to the side.
-        Geometry::FarField => [hologram.height.max(hologram.width); 2],
-    };
+    let size = hologram.picture_size().into();
     let window = window_size(args, size, &desktop);
     let mut shown = Shown {
         name: args.file.file_name().map_or_else(|| "phases".into(), |n| n.to_string_lossy().into_owned()),

@@ -13,18 +13,8 @@ pub fn hologram(display: &Display, frames: usize, salt: usize) -> Hologram {
         phases: (0..frames * 36 * 64).map(|k| ((k * 7919 + i * 31 + salt * 977) % 6283) as f32 * 1e-3 - 3.0).collect(),
     };
     Hologram {
-        frames,
         height: 36,
         width: 64,
-        pitch: display.pitch,
-        focal_length: display.focal_length,
-        geometry: display.geometry,
-        colors: display.wavelengths.iter().enumerate().map(color).collect(),
-        seed: 0,
-        version: String::new(),
-        display: display.name.clone(),
-        display_wavelengths: display.wavelengths.clone(),
-        scene: String::new(),
-        settings: serde_json::Value::Null,
+        ..Hologram::on(display, frames, display.wavelengths.iter().enumerate().map(color).collect())
     }
 }
