@@ -12,7 +12,7 @@ mod whole;
 pub use cache::cache_folder;
 pub use npy::{Npy, read_npy, write_npy};
 pub use picture::{Grey, encode_grey8, encode_jpeg8, encode_rgb8, linear_to_srgb, read_grey, read_grey8, write_png};
-pub use whole::{FolderDraft, write_file};
+pub use whole::{FolderDraft, write_file, write_file_by_way_of};
 
 use std::{io, path::Path};
 

@@ -15,6 +15,19 @@ use std::{
 /// # Errors
 /// [`FileError::Full`] and [`FileError::Write`]; then `file` is as it was.
 pub fn write_file(file: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), FileError> {
+    write_file_by_way_of(parent(file), file, fill)
+}
+
+/// The same, written in another folder of the same file system until it is whole: one that is emptied where a program was
+/// killed.
+///
+/// # Errors
+/// As [`write_file`].
+pub fn write_file_by_way_of(
+    drafts: &Path,
+    file: &Path,
+    fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> Result<(), FileError> {
     let failed = |e| FileError::write(file, e);
     if let Ok(there) = fs::metadata(file) {
         if there.is_dir() {
@@ -28,14 +41,13 @@ pub fn write_file(file: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<(
             return fill(&mut out).and_then(|()| out.flush()).map_err(failed);
         }
     }
-    let folder = parent(file);
-    let draft = builder(0o666).tempfile_in(folder).map_err(failed)?;
+    let draft = builder(0o666).tempfile_in(drafts).map_err(failed)?;
     let mut out = BufWriter::new(draft.as_file());
     fill(&mut out).and_then(|()| out.flush()).map_err(failed)?;
     drop(out);
     draft.as_file().sync_all().map_err(failed)?;
     draft.persist(file).map_err(|e| failed(e.error))?;
-    sync_folder(folder).map_err(failed)
+    sync_folder(parent(file)).map_err(failed)
 }
 
 /// A folder in the making, beside the place that it is meant for; gone with the value unless [put](Self::put) there.

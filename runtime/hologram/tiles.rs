@@ -10,7 +10,7 @@
 
 use super::store::{ARRAY, GROUP, chunk_file, damaged, is_hologram, read_document, read_tile, unreadable, write_chunk};
 use super::{Hologram, HologramError, document};
-use crate::files::{FileError, FolderDraft, write_file};
+use crate::files::{FileError, FolderDraft, write_file_by_way_of};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -359,7 +359,9 @@ impl Tiles {
     fn count(&mut self, done: u64, pending: Vec<[usize; 3]>) -> Result<(), HologramError> {
         let job = self.made.as_ref().map_or(Value::Null, |m| m.job.clone());
         let made = Made { done, job, pending };
-        write_file(&self.folder.join(PROGRESS), |out| out.write_all(&to_json(&made)))?;
+        // Killed on the way, it leaves its draft where everything that does not count is removed.
+        let (drafts, file) = (self.folder.join(STAGED), self.folder.join(PROGRESS));
+        write_file_by_way_of(&drafts, &file, |out| out.write_all(&to_json(&made)))?;
         self.made = Some(made);
         self.settle()
     }

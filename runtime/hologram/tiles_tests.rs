@@ -154,3 +154,32 @@ fn one_program_makes_it_and_others_may_look() {
     Tiles::resume(&path).unwrap().finish().unwrap();
     assert_eq!(Hologram::load(&path).unwrap().colors[0].phases[..32], phases[..32]);
 }
+
+/// Killed while it writes how far it is: the draft lies where it is removed, and the hologram is one that may be replaced.
+#[test]
+fn a_draft_of_the_progress_does_not_stay() {
+    let here = tempfile::tempdir().unwrap();
+    let path = here.path().join("h.zarr");
+    let mut tiles = Tiles::create(&path, &about(1, 64, 64), 32, Value::Null).unwrap();
+    let names = || -> Vec<String> {
+        let all = fs::read_dir(&path).unwrap();
+        all.map(|e| e.unwrap().file_name().into_string().unwrap()).filter(|n| n != STAGED).collect()
+    };
+    fs::create_dir_all(path.join(STAGED)).unwrap();
+    let before = names();
+    // As `count` writes it, cut off in the middle.
+    let file = path.join(PROGRESS);
+    let cut = crate::files::write_file_by_way_of(&path.join(STAGED), &file, |out| {
+        out.write_all(b"{")?;
+        assert_eq!(names(), before, "the draft is not beside the rest");
+        assert_eq!(fs::read_dir(path.join(STAGED))?.count(), 1);
+        Err(std::io::ErrorKind::Interrupted.into())
+    });
+    assert!(cut.is_err());
+    fs::write(path.join(STAGED).join(".tmpABCDEF"), "{").unwrap();
+    tiles.commit(1, 0, [0, 0], [32, 32], &[0.5; 1024]).unwrap();
+    drop(tiles);
+    fs::write(path.join(STAGED).join(".tmpABCDEF"), "{").unwrap();
+    Tiles::resume(&path).unwrap().finish().unwrap();
+    assert!(is_hologram(&path) && fs::read_dir(&path).unwrap().count() == 2);
+}
