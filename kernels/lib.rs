@@ -1,7 +1,7 @@
 //! The compute kernels: GLSL source and, beside each, its CPU twin in Rust under the same name.
 //!
 //! A twin takes its arguments (plain data, `#[repr(C)]`), then its input buffers, then its outputs, in the order of
-//! the bindings of its shader. Twins work on one frame or one lane (a lane is what one pupil needs); the engines
+//! the bindings of its shader. Twins work on one frame or one pupil pass (a pupil pass is what one pupil needs); the engines
 //! decide how many run at once. Field buffers are complex, in float32 or in halves ([`half`]); the frames axis comes first; spectra are in the
 //! order of the DFT. Twins are what the shaders are compared with, and are themselves compared with float64.
 //!

@@ -1,11 +1,11 @@
 //! Weakens the propagation kernel towards the edges of an aperture that is not sharp: `transfer[j][k] *= rows[j]
 //! columns[k]`. With the spectrum of a Hann window as weights, what passes is one coefficient of the short-time Fourier
-//! transform at every pixel (OPTICS 7). One lane.
+//! transform at every pixel (OPTICS 7). One pupil pass.
 
 use crate::{Complex32, simd};
 use bytemuck::{Pod, Zeroable};
 
-/// A lane's window.
+/// A pupil pass's window.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 pub struct Args {

@@ -13,7 +13,7 @@
 //! | [`solve`] | pupil sampling, the optimisers, the solver: one for every engine |
 //! | [`quality`] | what a solve costs and how good it is: recipes, their judge, which to recommend, what was measured |
 //! | [`hologram`] | phase frames and their file |
-//! | [`vast`] | far-field holograms larger than memory: region by region, from and to their file |
+//! | [`tiled`] | far-field holograms larger than memory: region by region, from and to their file |
 //! | [`encode`] | calibration, levels, packing: phases to what the SLM receives |
 //! | [`playback`] | when what is shown, pacing, streaming from disk, presenters, an account of what was shown |
 //! | [`preview`] | what an eye sees, live, in an ordinary window |
@@ -40,8 +40,8 @@ pub mod preview;
 pub mod quality;
 pub mod scene;
 pub mod solve;
+pub mod tiled;
 pub mod trackers;
-pub mod vast;
 
 /// The README's program is compiled and run with the tests.
 #[cfg(doctest)]

@@ -3,7 +3,7 @@
 use eyebox::engine::vulkan::{Options, VulkanEngine};
 use eyebox::engine::{Buffer, Dispatch, Engine, Kernel, Purpose, Shape, Step};
 use eyebox::optics::{Optics, Padding, Pupil, WindowFactor};
-use eyebox::plan::{Comparison, Planner, Sight, Views};
+use eyebox::plan::{Comparison, Planner, Viewpoint, Views};
 use eyebox::scene::{Pyramid, ViewGrid};
 use eyebox_kernels::exposure::PART;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -51,7 +51,7 @@ impl Noise {
 /// A display, its views and three pupils: a small one at the eyebox's edge (whose window hangs over and wraps), a
 /// large one (whose views move by less than a pixel), and one in between.
 pub struct Case {
-    /// Makes lanes and steps.
+    /// Makes pupil passes and steps.
     pub planner: Planner,
     /// The views.
     pub pyramid: Arc<Pyramid>,
@@ -83,10 +83,10 @@ impl Case {
     /// One step over all pupils: of the projection or of Adam, comparing in this mode.
     pub fn step(&self, purpose: Purpose, mode: u32, power: f64, in_flight: usize) -> Step {
         let comparison = Comparison { mode, exposure: 0.8, batch: self.pupils.len(), ..Comparison::default() };
-        let lanes = self.pupils.iter().map(|p| self.planner.lane(p, &comparison)).collect();
+        let pupil_passes = self.pupils.iter().map(|p| self.planner.pupil_pass(p, &comparison)).collect();
         match purpose {
-            Purpose::Adam => self.planner.adam_step(lanes, in_flight, 3, 0.1),
-            _ => self.planner.project_step(lanes, in_flight, power, 2.0, 0.5),
+            Purpose::Adam => self.planner.adam_step(pupil_passes, in_flight, 3, 0.1),
+            _ => self.planner.project_step(pupil_passes, in_flight, power, 2.0, 0.5),
         }
     }
 
@@ -94,15 +94,15 @@ impl Case {
     pub fn stft_step(&self, purpose: Purpose, mode: u32) -> Step {
         let comparison = Comparison { mode, exposure: 0.8, batch: 3, ..Comparison::default() };
         let filters = [0.9 * self.planner.slm.eyebox(), f64::INFINITY];
-        let sight = |view: usize| Sight::Stft { view, samples: 3, filter: filters[view % 2] };
-        let lanes = [1, 4, 6].map(|view| self.planner.sight(&sight(view), &comparison)).to_vec();
+        let viewpoint = |view: usize| Viewpoint::Stft { view, samples: 3, filter: filters[view % 2] };
+        let pupil_passes = [1, 4, 6].map(|view| self.planner.viewpoint(&viewpoint(view), &comparison)).to_vec();
         match purpose {
-            Purpose::Adam => self.planner.adam_step(lanes, usize::MAX, 3, 0.1),
-            _ => self.planner.project_step(lanes, usize::MAX, 0.5, 2.0, 0.5),
+            Purpose::Adam => self.planner.adam_step(pupil_passes, usize::MAX, 3, 0.1),
+            _ => self.planner.project_step(pupil_passes, usize::MAX, 0.5, 2.0, 0.5),
         }
     }
 
-    /// A step with this one kernel, over all lanes if it looks at lanes.
+    /// A step with this one kernel, over all pupil passes if it looks at pupil passes.
     pub fn single(&self, purpose: Purpose, mode: u32, power: f64, kernel: Kernel) -> Step {
         let mut step = self.step(purpose, mode, power, usize::MAX);
         if kernel == Kernel::Taper {
@@ -110,8 +110,12 @@ impl Case {
         } else if matches!(kernel, Kernel::Energy | Kernel::Even) {
             step = self.planner.with_even(step, 0.8 * self.planner.slm.eyebox(), 5, 0.4);
         }
-        let lanes = step.list.iter().find(|d| d.kernel == kernel).map_or(0..step.lanes.len(), |d| d.lanes.clone());
-        step.list = vec![Dispatch { kernel, lanes }];
+        let pupil_passes = step
+            .list
+            .iter()
+            .find(|d| d.kernel == kernel)
+            .map_or(0..step.pupil_passes.len(), |d| d.pupil_passes.clone());
+        step.list = vec![Dispatch { kernel, pupil_passes }];
         step
     }
 
@@ -121,7 +125,7 @@ impl Case {
     }
 }
 
-/// All buffers of a shape and of the lanes in slots 0, 1, ..., with their numbers of float32 values.
+/// All buffers of a shape and of the pupil passes in slots 0, 1, ..., with their numbers of float32 values.
 pub fn buffers(shape: &Shape, step: &Step) -> Vec<(Buffer, usize)> {
     let (pixels, points) = (shape.frames * shape.pixels(), 2 * shape.frames * shape.points());
     let mut all = vec![(Buffer::Phases, pixels), (Buffer::Field, points)];
@@ -135,13 +139,13 @@ pub fn buffers(shape: &Shape, step: &Step) -> Vec<(Buffer, usize)> {
     if shape.purpose == Purpose::Adam {
         all.push((Buffer::Second, pixels));
     }
-    let lanes = step.list.iter().map(|d| d.lanes.clone()).find(|l| !l.is_empty()).unwrap_or(0..0);
-    for (slot, lane) in step.lanes[lanes].iter().enumerate() {
-        let count = lane.count();
+    let pupil_passes = step.list.iter().map(|d| d.pupil_passes.clone()).find(|l| !l.is_empty()).unwrap_or(0..0);
+    for (slot, pupil_pass) in step.pupil_passes[pupil_passes].iter().enumerate() {
+        let count = pupil_pass.count();
         all.extend([(Buffer::Transfer(slot), 2 * count), (Buffer::Window(slot), 2 * shape.frames * count)]);
         all.extend([(Buffer::Image(slot), count), (Buffer::Target(slot), count)]);
-        all.push((Buffer::Sums(slot), PART * lane.exposure(&shape.place).parts()));
-        if let Some(shot) = &lane.shot {
+        all.push((Buffer::Sums(slot), PART * pupil_pass.exposure(&shape.place).parts()));
+        if let Some(shot) = &pupil_pass.shot {
             all.push((Buffer::Accumulator(slot), shot.args.height as usize * shot.args.width as usize));
         }
     }
@@ -218,9 +222,9 @@ fn blank(shape: &Shape, step: &Step, buffer: Buffer, transforms: &[Kernel], data
         Buffer::Field => (shape.place.grid_width as usize, step.columns, [Kernel::FieldForward; 2]),
         Buffer::Change => (shape.place.grid_width as usize, step.columns, [Kernel::ChangeInverse; 2]),
         Buffer::Window(slot) => {
-            let lanes = step.list.iter().map(|d| d.lanes.clone()).find(|l| !l.is_empty()).unwrap_or(0..0);
-            let Some(lane) = step.lanes[lanes].get(slot) else { return };
-            (lane.window.columns, lane.columns, [Kernel::WindowForward, Kernel::WindowInverse])
+            let pupil_passes = step.list.iter().map(|d| d.pupil_passes.clone()).find(|l| !l.is_empty()).unwrap_or(0..0);
+            let Some(pupil_pass) = step.pupil_passes[pupil_passes].get(slot) else { return };
+            (pupil_pass.window.columns, pupil_pass.columns, [Kernel::WindowForward, Kernel::WindowInverse])
         }
         _ => return,
     };

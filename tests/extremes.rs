@@ -111,8 +111,8 @@ fn pupils_from_less_than_a_bin_to_more_than_the_eyebox() {
     for pupil in &pupils[..9] {
         let bins = |factor| {
             let planner = Planner { factor, ..planner.clone() };
-            let lane = planner.lane(pupil, &Comparison::default());
-            lane.spans.iter().map(|s| u64::from(s[1] - s[0])).sum::<u64>()
+            let pupil_pass = planner.pupil_pass(pupil, &Comparison::default());
+            pupil_pass.spans.iter().map(|s| u64::from(s[1] - s[0])).sum::<u64>()
         };
         assert_eq!(bins(WindowFactor::One), bins(WindowFactor::Full), "{pupil:?}");
         assert_eq!(bins(WindowFactor::Two), bins(WindowFactor::Full), "{pupil:?}");

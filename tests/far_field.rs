@@ -4,7 +4,7 @@
 use eyebox::engine::{Buffer, Engine, Kernel, Purpose, cpu::CpuEngine};
 use eyebox::evaluate;
 use eyebox::optics::{Color, Display, Geometry, Optics, Padding, Pupil, WindowFactor};
-use eyebox::plan::{Comparison, Lane, Planner, Step, Views};
+use eyebox::plan::{Comparison, Planner, PupilPass, Step, Views};
 use eyebox::scene::{self, Pyramid, Request, ViewGrid};
 use eyebox::solve::{self, Flow, Problem, Settings};
 use eyebox_kernels::compare;
@@ -144,11 +144,11 @@ fn a_point_moves_as_the_optics_say() {
 fn far_step(
     planner: &Planner,
     engine: &mut CpuEngine,
-    lanes: Vec<Lane>,
+    pupil_passes: Vec<PupilPass>,
     targets: &[Vec<f32>],
     adam: bool,
 ) -> (Step, Vec<f64>) {
-    let (step, losses) = step_with_targets(planner, engine, lanes, targets, adam);
+    let (step, losses) = step_with_targets(planner, engine, pupil_passes, targets, adam);
     assert!(step.list.iter().all(|d| !matches!(d.kernel, Kernel::FieldForward | Kernel::ChangeInverse)));
     (step, losses)
 }
@@ -174,10 +174,11 @@ fn the_gradient_is_the_derivative_of_the_loss() {
     let planner = Planner::new(o, frames, WindowFactor::Full);
     let comparison = Comparison { mode: compare::INTENSITY, exposure: 0.7, batch: 2, ..Comparison::default() };
     let mut engine = loaded(&planner, Purpose::Adam, &rounded);
-    let lanes = pupils().iter().map(|p| planner.lane(p, &comparison)).collect();
+    let pupil_passes = pupils().iter().map(|p| planner.pupil_pass(p, &comparison)).collect();
     let written: Vec<_> = targets.iter().map(|t| axis_first(t, n)).collect();
-    let (step, losses) = far_step(&planner, &mut engine, lanes, &written, true);
-    let loss: f64 = losses.iter().zip(&step.lanes).map(|(l, lane)| l / lane.count() as f64).sum::<f64>() / 2.0;
+    let (step, losses) = far_step(&planner, &mut engine, pupil_passes, &written, true);
+    let loss: f64 =
+        losses.iter().zip(&step.pupil_passes).map(|(l, pupil_pass)| l / pupil_pass.count() as f64).sum::<f64>() / 2.0;
     let value = |phases: &[f64]| {
         let one = |(p, t): (&Pupil, &Vec<f32>)| {
             let seen = view(&o, p, phases);
@@ -205,9 +206,9 @@ fn the_projection_agrees_with_float64() {
     let planner = Planner::new(o, 1, WindowFactor::Full);
     let comparison = Comparison { exposure: 1.2, batch: 2, ..Comparison::default() };
     let mut engine = loaded(&planner, Purpose::Project, &rounded);
-    let lanes = pupils().iter().map(|p| planner.lane(p, &comparison)).collect();
+    let pupil_passes = pupils().iter().map(|p| planner.pupil_pass(p, &comparison)).collect();
     let written: Vec<_> = targets.iter().map(|t| axis_first(t, n)).collect();
-    far_step(&planner, &mut engine, lanes, &written, false);
+    far_step(&planner, &mut engine, pupil_passes, &written, false);
 
     let u: Vec<Complex64> = exact.iter().map(|p| Complex64::from_polar(1.0, *p)).collect();
     let (mut change, mut hits) = (vec![Complex64::default(); 320], vec![0.0f64; 320]);
@@ -241,10 +242,10 @@ fn window_and_piece_agree() {
     let pupil = Pupil::from_mm([0.4, -0.3, 0.45, 70.0]);
     let image = |o: Optics, phases: &[f32], factor| {
         let planner = Planner::new(o, 1, factor);
-        let lane = planner.lane(&pupil, &Comparison::default());
-        let size = (lane.window.rows, lane.window.columns);
+        let pupil_pass = planner.pupil_pass(&pupil, &Comparison::default());
+        let size = (pupil_pass.window.rows, pupil_pass.window.columns);
         let mut engine = loaded(&planner, Purpose::View, phases);
-        engine.run(&planner.view_step(vec![lane])).unwrap();
+        engine.run(&planner.view_step(vec![pupil_pass])).unwrap();
         (engine.read(Buffer::Image(0)).unwrap(), size)
     };
     let (whole, _) = image(o, &rounded, WindowFactor::Full);
@@ -364,8 +365,8 @@ fn colours_show_the_same_angles() {
         let planner = problem.planner(1, WindowFactor::Full);
         let mut engine = CpuEngine::new();
         engine.load(&planner.shape(Purpose::View), Some(Arc::clone(&problem.pyramid))).unwrap();
-        let lane = planner.lane(&pupil, &Comparison::default());
-        engine.run(&planner.photograph_step(vec![lane])).unwrap();
+        let pupil_pass = planner.pupil_pass(&pupil, &Comparison::default());
+        engine.run(&planner.photograph_step(vec![pupil_pass])).unwrap();
         let whole = evaluate::centered(&engine.read(Buffer::Target(0)).unwrap(), 96, 96);
         (evaluate::photographs(&mut engine, &planner, &[pupil]).unwrap().remove(0), whole)
     });

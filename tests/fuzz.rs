@@ -333,9 +333,9 @@ fn photographs_of_any_pupil() {
         let views: Vec<Vec<f32>> = (0..rows * columns).map(|_| vec![0.25; height * width]).collect();
         let mut planner = Planner::new(optics, 1, WindowFactor::Two);
         planner.views = Some(Views::new(grid, &Pyramid::new(&views, height, width)));
-        let lane = planner.lane(&pupil, &Comparison::default());
-        prop_assert!(lane.window.rows <= height && lane.window.columns <= width);
-        prop_assert!(lane.spans.iter().all(|s| s[0] <= s[1] && s[1] as usize <= lane.window.columns));
+        let pupil_pass = planner.pupil_pass(&pupil, &Comparison::default());
+        prop_assert!(pupil_pass.window.rows <= height && pupil_pass.window.columns <= width);
+        prop_assert!(pupil_pass.spans.iter().all(|s| s[0] <= s[1] && s[1] as usize <= pupil_pass.window.columns));
         Ok(())
     });
 }

@@ -7,7 +7,7 @@ pub mod both;
 
 use eyebox::engine::{Buffer, Engine, cpu::CpuEngine};
 use eyebox::optics::{Optics, Pupil, transfer};
-use eyebox::plan::{Kernel, Lane, Planner, Purpose, Step};
+use eyebox::plan::{Kernel, Planner, PupilPass, Purpose, Step};
 use rustfft::{FftPlanner, num_complex::Complex64};
 
 /// Noise in -1 .. 1, the same on every machine.
@@ -34,19 +34,19 @@ pub fn loaded(planner: &Planner, purpose: Purpose, phases: &[f32]) -> CpuEngine 
 pub fn step_with_targets(
     planner: &Planner,
     engine: &mut CpuEngine,
-    lanes: Vec<Lane>,
+    pupil_passes: Vec<PupilPass>,
     targets: &[Vec<f32>],
     adam: bool,
 ) -> (Step, Vec<f64>) {
     let mut step = match adam {
-        true => planner.adam_step(lanes, usize::MAX, 1, 0.0),
-        false => planner.project_step(lanes, usize::MAX, 1.0, 1.0, 0.0),
+        true => planner.adam_step(pupil_passes, usize::MAX, 1, 0.0),
+        false => planner.project_step(pupil_passes, usize::MAX, 1.0, 1.0, 0.0),
     };
     step.list.retain(|d| !matches!(d.kernel, Kernel::Photograph | Kernel::Resample));
     let cut = step.list.iter().position(|d| d.kernel == Kernel::Compare).expect("targets are compared");
     engine.run_part(&step, 0..cut).expect("the way down");
     for (i, target) in targets.iter().enumerate() {
-        engine.write(Buffer::Target(i), target).expect("a target of its lane's size");
+        engine.write(Buffer::Target(i), target).expect("a target of its pupil_pass's size");
     }
     let losses = engine.run_part(&step, cut..step.list.len()).expect("the way up");
     (step, losses)

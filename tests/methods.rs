@@ -3,7 +3,7 @@
 use eyebox::engine::{Buffer, Engine, Kernel, cpu::CpuEngine};
 use eyebox::evaluate;
 use eyebox::optics::{Color, Display, Optics, Padding, Pupil, WindowFactor};
-use eyebox::plan::{Comparison, Planner, Purpose, Sight, Views};
+use eyebox::plan::{Comparison, Planner, Purpose, Viewpoint, Views};
 use eyebox::scene::{self, Pyramid, Request, ViewGrid};
 use eyebox::solve::{self, Flow, Method, Optimizer, Problem, Settings};
 use eyebox_kernels::compare::INTENSITY;
@@ -58,8 +58,8 @@ fn the_stft_is_its_definition() {
     // An even field sends the windows' power through: sum w^2 / (sum w)^2 on each axis.
     let axis = 1.5 / (samples as f64 + 1.0);
     for view in [0, 4, 7, 13] {
-        let sight = Sight::Stft { view, samples, filter: f64::INFINITY };
-        let seen = evaluate::images(&mut engine, &planner, &[sight]).unwrap().remove(0);
+        let viewpoint = Viewpoint::Stft { view, samples, filter: f64::INFINITY };
+        let seen = evaluate::images(&mut engine, &planner, &[viewpoint]).unwrap().remove(0);
         let (x, y) = grid.position(view);
         let turns = [y / o.eyebox(), x / o.eyebox()];
         let frames: Vec<_> = exact.chunks_exact(45 * 60).map(|f| stft(f, [45, 60], samples, turns)).collect();
@@ -67,12 +67,12 @@ fn the_stft_is_its_definition() {
         let error = error_power(&seen, &want);
         assert!(error < VIEW, "view {view}: error power {error:.1e} of signal");
         // Its target is the view, untouched.
-        let target = evaluate::targets(&mut engine, &planner, &[sight]).unwrap().remove(0);
+        let target = evaluate::targets(&mut engine, &planner, &[viewpoint]).unwrap().remove(0);
         assert!(target.iter().all(|t| (t - 0.5).abs() < 1e-4));
     }
     // The filter takes light away, and only outside of it.
-    let filtered = Sight::Stft { view: 0, samples, filter: 0.5 * o.eyebox() };
-    let open = Sight::Stft { view: 0, samples, filter: f64::INFINITY };
+    let filtered = Viewpoint::Stft { view: 0, samples, filter: 0.5 * o.eyebox() };
+    let open = Viewpoint::Stft { view: 0, samples, filter: f64::INFINITY };
     let seen = evaluate::images(&mut engine, &planner, &[filtered, open]).unwrap();
     assert!(seen[0].iter().sum::<f32>() < 0.2 * seen[1].iter().sum::<f32>());
 }
@@ -191,8 +191,8 @@ fn each_method_is_best_at_its_own() {
         let planner = problem.planner(4, WindowFactor::Full);
         engine.load(&planner.shape(Purpose::View), Some(Arc::clone(&problem.pyramid))).unwrap();
         engine.write(Buffer::Phases, &solution.phases).unwrap();
-        let sights = pupils.iter().map(|p| Sight::Pupil(*p)).collect();
-        solve::Judge::new(&mut engine, &planner, sights).unwrap().judge(&mut engine, &planner).unwrap()
+        let viewpoints = pupils.iter().map(|p| Viewpoint::Pupil(*p)).collect();
+        solve::Judge::new(&mut engine, &planner, viewpoints).unwrap().judge(&mut engine, &planner).unwrap()
     };
     let stack: Vec<Pupil> = depths.iter().map(|&depth| Pupil { x: 0.0, y: 0.0, diameter: eyebox, depth }).collect();
     let sides = [(0.3, 0.0), (-0.3, 0.1), (0.0, -0.3), (0.2, 0.25)];
@@ -284,8 +284,9 @@ fn score(problem: &Problem, settings: &Settings, phases: &[f32], engine: &mut dy
     engine.write(Buffer::Phases, phases).unwrap();
     let e = problem.eyebox;
     let places = [(0.0, 0.0, 0.5), (0.3, 0.1, 0.2), (-0.2, 0.3, 0.3), (0.1, -0.3, 0.2)];
-    let sights = places.map(|(x, y, d)| Sight::Pupil(Pupil { x: x * e, y: y * e, diameter: d * e, depth: 1e-4 }));
-    solve::Judge::new(engine, &planner, sights.to_vec()).unwrap().judge(engine, &planner).unwrap().mean()
+    let viewpoints =
+        places.map(|(x, y, d)| Viewpoint::Pupil(Pupil { x: x * e, y: y * e, diameter: d * e, depth: 1e-4 }));
+    solve::Judge::new(engine, &planner, viewpoints.to_vec()).unwrap().judge(engine, &planner).unwrap().mean()
 }
 
 /// The list of a method names its kernels where they belong.
@@ -294,8 +295,8 @@ fn the_lists_of_methods() {
     let o = Optics::new(32, 32, 8e-6, 520e-9, 0.4).unwrap();
     let planner = Planner::new(o, 1, WindowFactor::One);
     let comparison = Comparison { mode: INTENSITY, ..Comparison::default() };
-    let lane = planner.sight(&Sight::Stft { view: 0, samples: 5, filter: 0.02 }, &comparison);
-    let step = planner.with_even(planner.project_step(vec![lane], usize::MAX, 0.5, 1.0, 0.0), 0.02, 9, 0.5);
+    let pupil_pass = planner.viewpoint(&Viewpoint::Stft { view: 0, samples: 5, filter: 0.02 }, &comparison);
+    let step = planner.with_even(planner.project_step(vec![pupil_pass], usize::MAX, 0.5, 1.0, 0.0), 0.02, 9, 0.5);
     let names: Vec<_> = step.list.iter().map(|d| d.kernel.name()).collect();
     let want = "modulate field_forward energy clear transfer taper photograph resample pass_pupil window_inverse intensity compare weigh window_forward return_pupil even change_inverse project";
     assert_eq!(names.join(" "), want);

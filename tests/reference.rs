@@ -91,7 +91,7 @@ fn the_window_is_exact() {
     // And the engine's window is that window, in float32.
     let planner = Planner::new(o, 2, WindowFactor::Two);
     let mut engine = loaded(&planner, Purpose::View, &rounded);
-    engine.run(&planner.view_step(vec![planner.lane(&pupil, &Comparison::default())])).unwrap();
+    engine.run(&planner.view_step(vec![planner.pupil_pass(&pupil, &Comparison::default())])).unwrap();
     let error = error_power(&engine.read(Buffer::Image(0)).unwrap(), &small);
     assert!(error < VIEW, "error power {error:.1e} of signal");
 }
@@ -111,9 +111,10 @@ fn the_gradient_is_the_derivative_of_the_loss() {
     let comparison = Comparison { mode: compare::INTENSITY, exposure: 0.7, batch: 2, ..Comparison::default() };
     let mut engine = loaded(&planner, Purpose::Adam, &rounded);
     // Full windows have the bins in their natural order, from -N/2 on: the image is the same, sample by sample.
-    let lanes = pupils.iter().map(|p| planner.lane(p, &comparison)).collect();
-    let (step, losses) = step_with_targets(&planner, &mut engine, lanes, &targets, true);
-    let loss: f64 = losses.iter().zip(&step.lanes).map(|(l, lane)| l / lane.count() as f64).sum::<f64>() / 2.0;
+    let pupil_passes = pupils.iter().map(|p| planner.pupil_pass(p, &comparison)).collect();
+    let (step, losses) = step_with_targets(&planner, &mut engine, pupil_passes, &targets, true);
+    let loss: f64 =
+        losses.iter().zip(&step.pupil_passes).map(|(l, pupil_pass)| l / pupil_pass.count() as f64).sum::<f64>() / 2.0;
     let want = oracle.loss(&exact, &pupils, &exact_targets, 0.7);
     assert!((loss - want).abs() < 1e-6 * want, "loss {loss} {want}");
     let gradient: Vec<f64> = engine.read(Buffer::Momentum).unwrap().iter().map(|m| f64::from(*m) * 10.0).collect();
@@ -140,8 +141,8 @@ fn the_projection_agrees_with_float64() {
     let planner = Planner::new(o, frames, WindowFactor::Full);
     let comparison = Comparison { exposure: 1.2, batch: 2, ..Comparison::default() };
     let mut engine = loaded(&planner, Purpose::Project, &rounded);
-    let lanes = pupils.iter().map(|p| planner.lane(p, &comparison)).collect();
-    step_with_targets(&planner, &mut engine, lanes, &targets, false);
+    let pupil_passes = pupils.iter().map(|p| planner.pupil_pass(p, &comparison)).collect();
+    step_with_targets(&planner, &mut engine, pupil_passes, &targets, false);
 
     let oracle = Oracle { optics: o, frames };
     let mut change = vec![vec![Complex64::default(); n]; frames];
@@ -338,14 +339,14 @@ fn the_same_seed_gives_the_same_bits_on_any_number_of_threads() {
 #[test]
 fn lists_are_in_the_order_of_light() {
     let planner = Planner::new(optics(32, 32), 2, WindowFactor::One);
-    let lanes =
-        |n| (0..n).map(|_| planner.lane(&Pupil::from_mm([0.0, 0.0, 5.0, 0.0]), &Comparison::default())).collect();
-    let step = planner.project_step(lanes(3), usize::MAX, 1.0, 1.0, 0.0);
+    let pupil_passes =
+        |n| (0..n).map(|_| planner.pupil_pass(&Pupil::from_mm([0.0, 0.0, 5.0, 0.0]), &Comparison::default())).collect();
+    let step = planner.project_step(pupil_passes(3), usize::MAX, 1.0, 1.0, 0.0);
     let names: Vec<_> = step.list.iter().map(|d: &Dispatch| d.kernel.name()).collect();
     let want = "modulate field_forward clear overlap transfer photograph resample pass_pupil window_inverse intensity compare weigh window_forward return_pupil balance change_inverse project";
     assert_eq!(names.join(" "), want);
-    // One lane at a time: its part of the list comes three times.
-    let step = planner.adam_step(lanes(3), 1, 1, 0.1);
+    // One pupil pass at a time: its part of the list comes three times.
+    let step = planner.adam_step(pupil_passes(3), 1, 1, 0.1);
     assert_eq!(step.list.iter().filter(|d| d.kernel == Kernel::Compare).count(), 3);
     assert!(step.list.iter().all(|d| d.kernel != Kernel::Balance));
 }

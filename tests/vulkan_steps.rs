@@ -3,7 +3,7 @@
 use eyebox::engine::cpu::CpuEngine;
 use eyebox::engine::{At, Buffer, Engine, EngineError, Handover, Kernel, Purpose, Step, Storage};
 use eyebox::evaluate::{self, Sums};
-use eyebox::plan::{Comparison, Sight};
+use eyebox::plan::{Comparison, Viewpoint};
 use eyebox::solve::Judge;
 use eyebox_kernels::compare::{AMPLITUDE, INTENSITY, PROJECTION};
 use eyebox_tests::both::{Case, Noise, assert_silent, distance, vulkan};
@@ -19,7 +19,7 @@ fn solve(engine: &mut dyn Engine, case: &Case, purpose: Purpose, steps: &[Step])
     (losses, engine.read(Buffer::Phases).unwrap())
 }
 
-/// A few steps, the lanes in one group and in several.
+/// A few steps, the pupil passes in one group and in several.
 fn steps(case: &Case, purpose: Purpose, mode: u32) -> Vec<Step> {
     [usize::MAX, 1, 3000].map(|in_flight| case.step(purpose, mode, 0.5, in_flight)).to_vec()
 }
@@ -55,8 +55,8 @@ fn both_engines_take_the_same_steps() {
 fn both_engines_show_the_same_views_and_photographs() {
     let mut engine = vulkan();
     let case = Case::new(54, 70, 0, 4e-3, 4);
-    let lanes: Vec<_> = case.pupils.iter().map(|p| case.planner.lane(p, &Comparison::default())).collect();
-    let (view, photograph) = (case.planner.view_step(lanes.clone()), case.planner.photograph_step(lanes));
+    let pupil_passes: Vec<_> = case.pupils.iter().map(|p| case.planner.pupil_pass(p, &Comparison::default())).collect();
+    let (view, photograph) = (case.planner.view_step(pupil_passes.clone()), case.planner.photograph_step(pupil_passes));
     let mut twin = CpuEngine::new();
     let phases = Noise::new(3).between(4 * 54 * 70, -3.1, 3.1);
     for engine in [&mut engine as &mut dyn Engine, &mut twin] {
@@ -233,8 +233,8 @@ fn sums_say_what_images_say() {
             let targets = pool(evaluate::photographs(engine, &case.planner, &case.pupils).unwrap());
             let pairs = || images.iter().zip(&targets);
             let exposure = evaluate::fit_exposure(pairs().map(|(i, t)| (&i[..], &t[..]))).unwrap();
-            let sights: Vec<_> = case.pupils.iter().map(|p| Sight::Pupil(*p)).collect();
-            let sums = evaluate::sums(engine, &case.planner, &sights).unwrap();
+            let viewpoints: Vec<_> = case.pupils.iter().map(|p| Viewpoint::Pupil(*p)).collect();
+            let sums = evaluate::sums(engine, &case.planner, &viewpoints).unwrap();
             for ((image, target), sums) in pairs().zip(&sums) {
                 let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum();
                 let exact: [f64; 3] = [dot(image, target), dot(image, image), dot(target, target)];
@@ -251,7 +251,7 @@ fn sums_say_what_images_say() {
             let fitted = Sums::fit_exposure(&sums).unwrap();
             assert!((fitted / exposure - 1.0).abs() < 1e-12, "{fitted}, not {exposure}");
             // The judge's verdict is that of the sums.
-            let judge = Judge::new(engine, &case.planner, sights).unwrap();
+            let judge = Judge::new(engine, &case.planner, viewpoints).unwrap();
             let verdict = judge.judge(engine, &case.planner).unwrap();
             assert_eq!((verdict.exposure, verdict.psnr), (fitted, sums.iter().map(|s| s.psnr(fitted)).collect()));
         }

@@ -8,10 +8,10 @@
 //! Fields stored as halves are for comparison: values stay float32 in memory and are rounded to halves wherever a kernel
 //! stores them, between the axes of a transform too. That takes longer than float32 and saves nothing.
 
-mod lane;
+mod pupil_pass;
 
 use super::{
-    Buffer, Dispatch, Engine, EngineError, Kernel, Lane, Purpose, Scope, Shape, Step, Storage, Timing, misfit,
+    Buffer, Dispatch, Engine, EngineError, Kernel, PupilPass, Purpose, Scope, Shape, Step, Storage, Timing, misfit,
 };
 use crate::scene::Pyramid;
 use eyebox_kernels::{
@@ -27,7 +27,7 @@ use eyebox_kernels::{
     return_pupil::return_pupil,
     weigh::weigh,
 };
-use lane::run_lane;
+use pupil_pass::run_pupil_pass;
 use rayon::prelude::*;
 use std::sync::{
     Arc,
@@ -157,11 +157,13 @@ impl CpuEngine {
                     Kernel::Modulate => modulate(&shape.place, scale, phases, field),
                     Kernel::FieldForward => fft(field, Direction::Forward),
                     Kernel::ReturnPupil => {
-                        for (lane, slot) in step.lanes[dispatch.lanes.clone()].iter().zip(slots) {
-                            let window = &slot.window[f * lane.count()..][..lane.count()];
-                            return_pupil(&lane.back, window, &slot.transfer, &lane.spans, change);
+                        for (pupil_pass, slot) in step.pupil_passes[dispatch.pupil_passes.clone()].iter().zip(slots) {
+                            let window = &slot.window[f * pupil_pass.count()..][..pupil_pass.count()];
+                            return_pupil(&pupil_pass.back, window, &slot.transfer, &pupil_pass.spans, change);
                             // Each pupil adds to what is stored.
-                            lane.back.pieces(&lane.spans, |at, _, length| store(&mut change[at..at + length]));
+                            pupil_pass
+                                .back
+                                .pieces(&pupil_pass.spans, |at, _, length| store(&mut change[at..at + length]));
                         }
                     }
                     Kernel::Balance => balance::balance(&step.balance, hits, change),
@@ -196,11 +198,11 @@ impl CpuEngine {
         }
     }
 
-    /// Lane by lane through all of `group`, which has one range of lanes.
-    fn run_lanes(&mut self, step: &Step, group: &[Dispatch]) -> Result<(), EngineError> {
-        let lanes = &step.lanes[group[0].lanes.clone()];
-        if self.slots.len() < lanes.len() {
-            self.slots.resize_with(lanes.len(), Slot::default);
+    /// Pupil pass by pupil pass through all of `group`, which has one range of pupil passes.
+    fn run_pupil_passes(&mut self, step: &Step, group: &[Dispatch]) -> Result<(), EngineError> {
+        let pupil_passes = &step.pupil_passes[group[0].pupil_passes.clone()];
+        if self.slots.len() < pupil_passes.len() {
+            self.slots.resize_with(pupil_passes.len(), Slot::default);
         }
         let views = match &self.views {
             None if group.iter().any(|d| d.kernel == Kernel::Photograph) => {
@@ -213,19 +215,19 @@ impl CpuEngine {
         let Self { shape, field, slots, plans, clock, .. } = self;
         let (frames, points, field) = (shape.frames, shape.points(), &*field);
         let store = storing(shape.storage);
-        slots.par_iter_mut().zip(lanes).for_each(|(slot, lane)| {
+        slots.par_iter_mut().zip(pupil_passes).for_each(|(slot, pupil_pass)| {
             let mut rest = group;
             while let [first, ..] = rest {
                 // Kernels that take one sub-frame at a time run depth first as well.
                 let framewise = rest.iter().take_while(|d| is_framewise(d.kernel)).count();
                 if framewise == 0 {
-                    clock.time(first.kernel, || run_lane(first.kernel, lane, slot, shape, views));
+                    clock.time(first.kernel, || run_pupil_pass(first.kernel, pupil_pass, slot, shape, views));
                     rest = &rest[1..];
                     continue;
                 }
                 let (now, later) = rest.split_at(framewise);
                 rest = later;
-                let count = lane.count();
+                let count = pupil_pass.count();
                 grow(&mut slot.window, frames * count);
                 let Slot { transfer, window, image, .. } = slot;
                 let work = |f: usize, window: &mut [Complex32]| {
@@ -233,11 +235,11 @@ impl CpuEngine {
                         clock.time(dispatch.kernel, || match dispatch.kernel {
                             Kernel::PassPupil => {
                                 let spectrum = &field[f * points..][..points];
-                                pass_pupil(&lane.pass, spectrum, transfer, &lane.spans, window);
+                                pass_pupil(&pupil_pass.pass, spectrum, transfer, &pupil_pass.spans, window);
                                 store(window);
                             }
-                            Kernel::WindowInverse => window_fft(plans, lane, window, Direction::Inverse, store),
-                            Kernel::WindowForward => window_fft(plans, lane, window, Direction::Forward, store),
+                            Kernel::WindowInverse => window_fft(plans, pupil_pass, window, Direction::Inverse, store),
+                            Kernel::WindowForward => window_fft(plans, pupil_pass, window, Direction::Forward, store),
                             _ => {
                                 weigh(image, window);
                                 store(window);
@@ -270,8 +272,8 @@ impl CpuEngine {
                 energy::energy(&step.even.place, field, &mut energy[..patches * patches]);
             }
             _ => {
-                for lane in &step.lanes[dispatch.lanes.clone()] {
-                    overlap(&lane.pass, &lane.spans, hits);
+                for pupil_pass in &step.pupil_passes[dispatch.pupil_passes.clone()] {
+                    overlap(&pupil_pass.pass, &pupil_pass.spans, hits);
                 }
             }
         });
@@ -320,8 +322,8 @@ fn is_framewise(kernel: Kernel) -> bool {
     matches!(kernel, Kernel::PassPupil | Kernel::WindowInverse | Kernel::Weigh | Kernel::WindowForward)
 }
 
-fn window_fft(plans: &Plans, lane: &Lane, window: &mut [Complex32], direction: Direction, store: Store) {
-    plans.fft(window, lane.window.rows, lane.window.columns, direction, lane.columns, store);
+fn window_fft(plans: &Plans, pupil_pass: &PupilPass, window: &mut [Complex32], direction: Direction, store: Store) {
+    plans.fft(window, pupil_pass.window.rows, pupil_pass.window.columns, direction, pupil_pass.columns, store);
 }
 
 /// What happens to complex values when they are stored.
@@ -433,11 +435,13 @@ impl Engine for CpuEngine {
     }
 
     fn run_part(&mut self, step: &Step, part: std::ops::Range<usize>) -> Result<Vec<f64>, EngineError> {
-        let mut losses = vec![0.0; step.lanes.len()];
+        let mut losses = vec![0.0; step.pupil_passes.len()];
         let mut rest = &step.list[part];
         while let [first, ..] = rest {
             let scope = first.kernel.scope();
-            let same = |d: &&Dispatch| d.kernel.scope() == scope && (scope != Scope::Lanes || d.lanes == first.lanes);
+            let same = |d: &&Dispatch| {
+                d.kernel.scope() == scope && (scope != Scope::PupilPasses || d.pupil_passes == first.pupil_passes)
+            };
             let count = if scope == Scope::Whole { 1 } else { rest.iter().take_while(same).count() };
             let (group, later) = rest.split_at(count);
             rest = later;
@@ -448,10 +452,10 @@ impl Engine for CpuEngine {
                     }
                 }
                 Scope::Frames => self.run_frames(step, group),
-                Scope::Lanes => {
-                    self.run_lanes(step, group)?;
+                Scope::PupilPasses => {
+                    self.run_pupil_passes(step, group)?;
                     if group.iter().any(|d| d.kernel == Kernel::Compare) {
-                        for (loss, slot) in losses[first.lanes.clone()].iter_mut().zip(&self.slots) {
+                        for (loss, slot) in losses[first.pupil_passes.clone()].iter_mut().zip(&self.slots) {
                             *loss = slot.loss;
                         }
                     }

@@ -61,31 +61,31 @@ fn shape_buffers(shape: &Shape) -> Vec<Buffer> {
     all
 }
 
-/// Copies what the kernels from entry `at` on may read: all buffers of the shape, and those of the lanes whose kernels
+/// Copies what the kernels from entry `at` on may read: all buffers of the shape, and those of the pupil passes whose kernels
 /// the list is in the middle of.
 fn copy(from: &mut dyn Engine, to: &mut dyn Engine, shape: &Shape, step: &Step, at: usize) -> Result<(), EngineError> {
     for buffer in shape_buffers(shape) {
         to.write(buffer, &from.read(buffer)?)?;
     }
-    // A group of lanes that starts here brings nothing along.
-    let Some(next) = step.list[at..].iter().find(|d| !d.lanes.is_empty()) else { return Ok(()) };
-    let before = step.list[..at].iter().rev().find(|d| !d.lanes.is_empty());
-    if before.is_none_or(|b| b.lanes != next.lanes) {
+    // A group of pupil passes that starts here brings nothing along.
+    let Some(next) = step.list[at..].iter().find(|d| !d.pupil_passes.is_empty()) else { return Ok(()) };
+    let before = step.list[..at].iter().rev().find(|d| !d.pupil_passes.is_empty());
+    if before.is_none_or(|b| b.pupil_passes != next.pupil_passes) {
         return Ok(());
     }
-    for (slot, lane) in step.lanes[next.lanes.clone()].iter().enumerate() {
-        let count = lane.count();
-        let level = lane.shot.as_ref().map_or(0, |s| s.args.height as usize * s.args.width as usize);
+    for (slot, pupil_pass) in step.pupil_passes[next.pupil_passes.clone()].iter().enumerate() {
+        let count = pupil_pass.count();
+        let level = pupil_pass.shot.as_ref().map_or(0, |s| s.args.height as usize * s.args.width as usize);
         let wanted = [
             (Buffer::Transfer(slot), 2 * count),
             (Buffer::Window(slot), 2 * shape.frames * count),
             (Buffer::Image(slot), count),
             (Buffer::Target(slot), count),
             (Buffer::Accumulator(slot), level),
-            (Buffer::Sums(slot), exposure::PART * lane.exposure(&shape.place).parts()),
+            (Buffer::Sums(slot), exposure::PART * pupil_pass.exposure(&shape.place).parts()),
         ];
         for (buffer, length) in wanted {
-            // A buffer that is not this long was not computed for this lane yet.
+            // A buffer that is not this long was not computed for this pupil pass yet.
             match from.read(buffer) {
                 Ok(data) if length > 0 && data.len() == length => to.write(buffer, &data)?,
                 Ok(_) | Err(EngineError::Mismatch { .. }) => {}
@@ -133,7 +133,7 @@ impl Engine for Handover {
             return Err(EngineError::Mismatch { reason: format!("dispatches {part:?} of {}", step.list.len()) });
         }
         let at = self.place(step).clamp(part.start, part.end);
-        let mut losses = vec![0.0; step.lanes.len()];
+        let mut losses = vec![0.0; step.pupil_passes.len()];
         for (second, part) in [(false, part.start..at), (true, at..part.end)] {
             if part.is_empty() {
                 continue;

@@ -1,7 +1,7 @@
 //! Runs lists of kernels over buffers: on the [`cpu`], on [`vulkan`], or on both in turn ([`Handover`]).
 //!
 //! A [`Step`] is plain data: a short list of named kernels ([`Dispatch`]) and, per pupil, the arguments and tables that
-//! they take ([`Lane`]). Every engine runs the same list and keeps the same buffers ([`Buffer`]), so that a wrong
+//! they take ([`PupilPass`]). Every engine runs the same list and keeps the same buffers ([`Buffer`]), so that a wrong
 //! kernel is found by running the list on one engine up to it and on the other after it.
 //! This room may import `plan` (the lists), the pyramid of views from `scene`, the folder of caches from `files`, and the
 //! kernels.
@@ -11,7 +11,7 @@ pub mod cpu;
 mod handover;
 pub mod vulkan;
 
-pub use crate::plan::{Buffer, Dispatch, Kernel, Lane, Purpose, Scope, Shape, Shot, Step, Storage, Timing};
+pub use crate::plan::{Buffer, Dispatch, Kernel, PupilPass, Purpose, Scope, Shape, Shot, Step, Storage, Timing};
 pub use choose::{Choice, open, open_handover, reason};
 pub use handover::{At, Handover};
 
@@ -128,7 +128,7 @@ pub trait Engine: Send {
     /// A length that is not the buffer's; a lost device.
     fn write(&mut self, buffer: Buffer, data: &[f32]) -> Result<(), EngineError>;
 
-    /// Reads a buffer, whole. Lane buffers have the size that the last step gave them.
+    /// Reads a buffer, whole. Pupil pass buffers have the size that the last step gave them.
     ///
     /// # Errors
     /// A buffer that the shape does not have; a lost device.
@@ -147,7 +147,7 @@ pub trait Engine: Send {
         Ok(())
     }
 
-    /// Runs the dispatches `part` of the step's list. Returns the loss (a sum over pixels) of each lane that
+    /// Runs the dispatches `part` of the step's list. Returns the loss (a sum over pixels) of each pupil pass that
     /// `compare` saw in this part, zero for others.
     ///
     /// # Errors

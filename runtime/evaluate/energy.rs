@@ -16,7 +16,7 @@ pub fn energy(engine: &mut dyn Engine, planner: &Planner) -> Result<Vec<f64>, En
     let (height, width) = (planner.grid.height, planner.grid.width);
     // A pupil that passes everything: engines leave columns alone that no pupil passes.
     let everything = Pupil { x: 0.0, y: 0.0, diameter: 2.0 * planner.grid.eyebox(), depth: 0.0 };
-    let step = planner.view_step(vec![planner.lane(&everything, &Comparison::default())]);
+    let step = planner.view_step(vec![planner.pupil_pass(&everything, &Comparison::default())]);
     engine.run_part(&step, 0..step.shared())?;
     let field = engine.read(Buffer::Field)?;
     let mut energy = vec![0.0; height * width];

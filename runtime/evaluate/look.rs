@@ -2,7 +2,7 @@
 
 use crate::engine::{Buffer, Engine, EngineError};
 use crate::optics::{Geometry, Pupil, WindowFactor};
-use crate::plan::{Comparison, Kernel, Lane, Planner, Sight, Step};
+use crate::plan::{Comparison, Kernel, Planner, PupilPass, Step, Viewpoint};
 use crate::scene::crop_share;
 
 /// The time-averaged intensity through each pupil of the phases that `engine` holds, divided by the pupil's share of
@@ -15,34 +15,40 @@ use crate::scene::crop_share;
 /// Those of the engine.
 pub fn views(engine: &mut dyn Engine, planner: &Planner, pupils: &[Pupil]) -> Result<Vec<Vec<f32>>, EngineError> {
     let planner = Planner { views: None, ..planner.clone() };
-    images(engine, &planner, &pupils.iter().map(|p| Sight::Pupil(*p)).collect::<Vec<_>>())
+    images(engine, &planner, &pupils.iter().map(|p| Viewpoint::Pupil(*p)).collect::<Vec<_>>())
 }
 
 /// The same for anything that can be looked through.
 ///
 /// # Errors
 /// Those of the engine.
-pub fn images(engine: &mut dyn Engine, planner: &Planner, sights: &[Sight]) -> Result<Vec<Vec<f32>>, EngineError> {
+pub fn images(
+    engine: &mut dyn Engine,
+    planner: &Planner,
+    viewpoints: &[Viewpoint],
+) -> Result<Vec<Vec<f32>>, EngineError> {
     let planner = Planner { factor: WindowFactor::Full, ..planner.clone() };
-    let lanes = sights.iter().map(|s| planner.sight(s, &Comparison::default())).collect();
-    lane_by_lane(engine, planner.view_step(lanes), |engine, _| Ok(crop(&planner, engine.read(Buffer::Image(0))?)))
+    let pupil_passes = viewpoints.iter().map(|s| planner.viewpoint(s, &Comparison::default())).collect();
+    pass_by_pass(engine, planner.view_step(pupil_passes), |engine, _| {
+        Ok(crop(&planner, engine.read(Buffer::Image(0))?))
+    })
 }
 
-/// Runs what all lanes share, then each lane by itself, and takes from each what `take` reads.
-pub(super) fn lane_by_lane<T>(
+/// Runs what all pupil passes share, then each pupil pass by itself, and takes from each what `take` reads.
+pub(super) fn pass_by_pass<T>(
     engine: &mut dyn Engine,
     step: Step,
-    take: impl Fn(&mut dyn Engine, &Lane) -> Result<T, EngineError>,
+    take: impl Fn(&mut dyn Engine, &PupilPass) -> Result<T, EngineError>,
 ) -> Result<Vec<T>, EngineError> {
-    let step = step.lane_by_lane();
+    let step = step.pass_by_pass();
     let shared = step.shared();
     engine.run_part(&step, 0..shared)?;
-    let each = (step.list.len() - shared) / step.lanes.len().max(1);
-    let one = |(i, lane): (usize, &Lane)| {
+    let each = (step.list.len() - shared) / step.pupil_passes.len().max(1);
+    let one = |(i, pupil_pass): (usize, &PupilPass)| {
         engine.run_part(&step, shared + i * each..shared + (i + 1) * each)?;
-        take(engine, lane)
+        take(engine, pupil_pass)
     };
-    step.lanes.iter().enumerate().map(one).collect()
+    step.pupil_passes.iter().enumerate().map(one).collect()
 }
 
 /// The photograph of the engine's views through each pupil, on the SLM's pixels (OPTICS 3).
@@ -50,19 +56,23 @@ pub(super) fn lane_by_lane<T>(
 /// # Errors
 /// Those of the engine.
 pub fn photographs(engine: &mut dyn Engine, planner: &Planner, pupils: &[Pupil]) -> Result<Vec<Vec<f32>>, EngineError> {
-    targets(engine, planner, &pupils.iter().map(|p| Sight::Pupil(*p)).collect::<Vec<_>>())
+    targets(engine, planner, &pupils.iter().map(|p| Viewpoint::Pupil(*p)).collect::<Vec<_>>())
 }
 
 /// The same for anything that can be looked through.
 ///
 /// # Errors
 /// Those of the engine.
-pub fn targets(engine: &mut dyn Engine, planner: &Planner, sights: &[Sight]) -> Result<Vec<Vec<f32>>, EngineError> {
+pub fn targets(
+    engine: &mut dyn Engine,
+    planner: &Planner,
+    viewpoints: &[Viewpoint],
+) -> Result<Vec<Vec<f32>>, EngineError> {
     let planner = Planner { factor: WindowFactor::Full, ..planner.clone() };
-    sights
+    viewpoints
         .iter()
         .map(|s| {
-            let step = planner.photograph_step(vec![planner.sight(s, &Comparison::default())]);
+            let step = planner.photograph_step(vec![planner.viewpoint(s, &Comparison::default())]);
             debug_assert!(step.list.iter().all(|d| matches!(d.kernel, Kernel::Photograph | Kernel::Resample)));
             engine.run(&step)?;
             Ok(crop(&planner, engine.read(Buffer::Target(0))?))

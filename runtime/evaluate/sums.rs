@@ -1,13 +1,13 @@
 //! The three sums from which exposure and PSNR follow, summed where the images are: no image is read back.
 
 use super::EvaluateError;
-use super::look::lane_by_lane;
+use super::look::pass_by_pass;
 use crate::engine::{Buffer, Engine, EngineError};
 use crate::optics::WindowFactor;
-use crate::plan::{Comparison, Planner, Sight};
+use crate::plan::{Comparison, Planner, Viewpoint};
 use eyebox_kernels::exposure::PART;
 
-/// What one sight's image `I` and target `T`, averaged over 2 x 2 pixels, come to.
+/// What one viewpoint's image `I` and target `T`, averaged over 2 x 2 pixels, come to.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Sums {
     /// `<I, T>`.
@@ -50,16 +50,16 @@ impl Sums {
     }
 }
 
-/// The sums of each sight: of the phases that `engine` holds and the photographs of its views, on the SLM's pixels.
+/// The sums of each viewpoint: of the phases that `engine` holds and the photographs of its views, on the SLM's pixels.
 ///
 /// # Errors
 /// Those of the engine.
-pub fn sums(engine: &mut dyn Engine, planner: &Planner, sights: &[Sight]) -> Result<Vec<Sums>, EngineError> {
+pub fn sums(engine: &mut dyn Engine, planner: &Planner, viewpoints: &[Viewpoint]) -> Result<Vec<Sums>, EngineError> {
     let planner = Planner { factor: WindowFactor::Full, ..planner.clone() };
-    let lanes = sights.iter().map(|s| planner.sight(s, &Comparison::default())).collect();
+    let pupil_passes = viewpoints.iter().map(|s| planner.viewpoint(s, &Comparison::default())).collect();
     let place = planner.place();
-    lane_by_lane(engine, planner.exposure_step(lanes), |engine, lane| {
-        Ok(Sums::of_parts(&engine.read(Buffer::Sums(0))?, lane.exposure(&place).pixels()))
+    pass_by_pass(engine, planner.exposure_step(pupil_passes), |engine, pupil_pass| {
+        Ok(Sums::of_parts(&engine.read(Buffer::Sums(0))?, pupil_pass.exposure(&place).pixels()))
     })
 }
 

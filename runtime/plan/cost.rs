@@ -1,6 +1,6 @@
 //! What a step costs, in units that can be counted before anything runs: work per group of kernels, and bytes.
 
-use super::{Kernel, Lane, Purpose, Shape, Step};
+use super::{Kernel, PupilPass, Purpose, Shape, Step};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
@@ -42,13 +42,13 @@ impl Group {
 pub fn work(step: &Step, shape: &Shape) -> [f64; Group::ALL.len()] {
     let mut work = [0.0; Group::ALL.len()];
     for dispatch in &step.list {
-        let lanes = &step.lanes[dispatch.lanes.clone()];
-        let each = |one: &dyn Fn(&Lane) -> f64| lanes.iter().map(one).sum::<f64>();
+        let pupil_passes = &step.pupil_passes[dispatch.pupil_passes.clone()];
+        let each = |one: &dyn Fn(&PupilPass) -> f64| pupil_passes.iter().map(one).sum::<f64>();
         work[Group::of(dispatch.kernel) as usize] += match dispatch.kernel {
             Kernel::Photograph => each(&taps),
-            Kernel::Resample => each(&|lane| {
-                let shot = lane.shot.as_ref().map_or(0.0, |s| f64::from(s.args.height * s.args.width));
-                shot + lane.count() as f64
+            Kernel::Resample => each(&|pupil_pass| {
+                let shot = pupil_pass.shot.as_ref().map_or(0.0, |s| f64::from(s.args.height * s.args.width));
+                shot + pupil_pass.count() as f64
             }),
             Kernel::WindowInverse | Kernel::WindowForward => {
                 each(&|l| shape.frames as f64 * transform(l.window.rows, l.window.columns, l.columns.count))
@@ -87,16 +87,19 @@ fn transform(rows: usize, columns: usize, used: usize) -> f64 {
 }
 
 /// Bins that a pupil passes.
-fn passing(lane: &Lane) -> f64 {
-    lane.spans.iter().map(|[first, end]| f64::from(end - first)).sum()
+fn passing(pupil_pass: &PupilPass) -> f64 {
+    pupil_pass.spans.iter().map(|[first, end]| f64::from(end - first)).sum()
 }
 
 /// Samples of views that a photograph reads.
-fn taps(lane: &Lane) -> f64 {
-    lane.shot.as_ref().map_or(0.0, |s| 0.5 * s.taps.len() as f64 * f64::from(s.args.height) * f64::from(s.args.width))
+fn taps(pupil_pass: &PupilPass) -> f64 {
+    pupil_pass
+        .shot
+        .as_ref()
+        .map_or(0.0, |s| 0.5 * s.taps.len() as f64 * f64::from(s.args.height) * f64::from(s.args.width))
 }
 
-/// Bytes of the buffers that are not a lane's, where a complex value takes `complex` of them.
+/// Bytes of the buffers that are not a pupil pass's, where a complex value takes `complex` of them.
 pub fn shared_bytes(shape: &Shape, complex: u64) -> u64 {
     let (pixels, points, frames) = (shape.pixels() as u64, shape.points() as u64, shape.frames as u64);
     let mut bytes = 4 * frames * pixels + complex * frames * points;
@@ -112,15 +115,15 @@ pub fn shared_bytes(shape: &Shape, complex: u64) -> u64 {
     bytes
 }
 
-/// Bytes of one lane's buffers, where a complex value of its window takes `complex` of them.
-pub fn lane_bytes(lane: &Lane, frames: usize, complex: u64) -> u64 {
-    let count = lane.count() as u64;
-    let shot = lane.shot.as_ref().map_or(0, |s| 4 * u64::from(s.args.height) * u64::from(s.args.width));
+/// Bytes of one pupil pass's buffers, where a complex value of its window takes `complex` of them.
+pub fn pupil_pass_bytes(pupil_pass: &PupilPass, frames: usize, complex: u64) -> u64 {
+    let count = pupil_pass.count() as u64;
+    let shot = pupil_pass.shot.as_ref().map_or(0, |s| 4 * u64::from(s.args.height) * u64::from(s.args.width));
     // The window, the transfer function, image and target, the photograph before it is resampled.
     complex * count * frames as u64 + 8 * count + 8 * count + shot
 }
 
-/// Bytes that the lanes of each slot come to over these steps: a slot keeps what its largest lane took.
+/// Bytes that the pupil passes of each slot come to over these steps: a slot keeps what its largest pupil pass took.
 #[derive(Debug, Clone, Default)]
 pub struct Slots(Vec<u64>);
 
@@ -128,19 +131,19 @@ impl Slots {
     /// Sees a step.
     pub fn see(&mut self, step: &Step, frames: usize, complex: u64) {
         let mut seen: Option<Range<usize>> = None;
-        for range in step.list.iter().map(|d| &d.lanes).filter(|l| !l.is_empty()) {
+        for range in step.list.iter().map(|d| &d.pupil_passes).filter(|l| !l.is_empty()) {
             if seen.as_ref() == Some(range) {
                 continue;
             }
             seen = Some(range.clone());
             self.0.resize(self.0.len().max(range.len()), 0);
-            for (slot, lane) in self.0.iter_mut().zip(&step.lanes[range.clone()]) {
-                *slot = (*slot).max(lane_bytes(lane, frames, complex));
+            for (slot, pupil_pass) in self.0.iter_mut().zip(&step.pupil_passes[range.clone()]) {
+                *slot = (*slot).max(pupil_pass_bytes(pupil_pass, frames, complex));
             }
         }
     }
 
-    /// All of them together, where the first holds a lane of so many bytes as well.
+    /// All of them together, where the first holds a pupil pass of so many bytes as well.
     pub fn bytes_with(&self, first: u64) -> u64 {
         let [head, tail @ ..] = &self.0[..] else { return first };
         (*head).max(first) + tail.iter().sum::<u64>()

@@ -21,11 +21,11 @@ pub enum Kernel {
     FieldForward,
     /// `Field` -> `Energy`.
     Energy,
-    /// `Hits` of all lanes in the dispatch.
+    /// `Hits` of all pupil passes in the dispatch.
     Overlap,
     /// -> `Transfer`.
     Transfer,
-    /// `Transfer` -> `Transfer`, in lanes that are tapered.
+    /// `Transfer` -> `Transfer`, in pupil passes that are tapered.
     Taper,
     /// Views -> `Accumulator`.
     Photograph,
@@ -33,7 +33,7 @@ pub enum Kernel {
     Resample,
     /// `Field`, `Transfer` -> `Window`.
     PassPupil,
-    /// `Window`, inverse, in the lane's columns.
+    /// `Window`, inverse, in the pupil pass's columns.
     WindowInverse,
     /// `Window` -> `Image`.
     Intensity,
@@ -41,9 +41,9 @@ pub enum Kernel {
     Compare,
     /// `Image` (factor), `Window` -> `Window`.
     Weigh,
-    /// `Window`, forward, in the lane's columns.
+    /// `Window`, forward, in the pupil pass's columns.
     WindowForward,
-    /// `Window`, `Transfer` of all lanes in the dispatch, in their order -> `Change`.
+    /// `Window`, `Transfer` of all pupil passes in the dispatch, in their order -> `Change`.
     ReturnPupil,
     /// `Hits`, `Change` -> `Change`.
     Balance,
@@ -62,13 +62,13 @@ pub enum Kernel {
     Exposure,
 }
 
-/// What a kernel runs over; neighbours of one scope may run frame by frame, or lane by lane.
+/// What a kernel runs over; neighbours of one scope may run frame by frame, or pupil pass by pupil pass.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Scope {
     /// Each sub-frame by itself.
     Frames,
     /// Each pupil by itself, all sub-frames.
-    Lanes,
+    PupilPasses,
     /// Once.
     Whole,
 }
@@ -150,12 +150,12 @@ impl Kernel {
             | Self::ChangeInverse
             | Self::Project
             | Self::Adam => Scope::Frames,
-            _ => Scope::Lanes,
+            _ => Scope::PupilPasses,
         }
     }
 }
 
-/// A buffer. Lane buffers are named by their slot: the lane's place in its dispatch's range.
+/// A buffer. Pupil pass buffers are named by their slot: the pupil pass's place in its dispatch's range.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Buffer {
     /// Phases, radians: (frames, height, width).
@@ -201,7 +201,7 @@ pub enum Purpose {
     Adam,
 }
 
-/// Sizes of all buffers that are not a lane's.
+/// Sizes of all buffers that are not a pupil pass's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shape {
     /// Sub-frames.
@@ -234,7 +234,7 @@ impl Shape {
     }
 }
 
-/// The photograph of one lane.
+/// The photograph of one pupil pass.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shot {
     /// Level of the pyramid.
@@ -253,7 +253,7 @@ pub struct Shot {
 
 /// What one pupil needs.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Lane {
+pub struct PupilPass {
     /// Its window, signed bins.
     pub window: Window,
     /// Per row of the window, the columns that pass.
@@ -276,7 +276,7 @@ pub struct Lane {
     pub shot: Option<Shot>,
 }
 
-impl Lane {
+impl PupilPass {
     /// Pixels of its window.
     pub fn count(&self) -> usize {
         self.window.rows * self.window.columns
@@ -307,8 +307,8 @@ impl Lane {
 pub struct Dispatch {
     /// Which kernel.
     pub kernel: Kernel,
-    /// Over which lanes, where the kernel looks at lanes. Lane `i` uses slot `i - lanes.start`.
-    pub lanes: Range<usize>,
+    /// Over which pupil passes, where the kernel looks at pupil passes. Pupil pass `i` uses slot `i - pupil_passes.start`.
+    pub pupil_passes: Range<usize>,
 }
 
 /// A list and its arguments: one step of a solve, or a look at a hologram.
@@ -317,7 +317,7 @@ pub struct Step {
     /// The kernels, in order.
     pub list: Vec<Dispatch>,
     /// The pupils.
-    pub lanes: Vec<Lane>,
+    pub pupil_passes: Vec<PupilPass>,
     /// Columns of the spectrum that any pupil passes.
     pub columns: Columns,
     /// Arguments of `quantise`; no levels where any phase can be shown.
@@ -337,7 +337,7 @@ pub struct Step {
 pub struct Timing {
     /// Which.
     pub kernel: Kernel,
-    /// How often it ran (per frame or lane on the CPU).
+    /// How often it ran (per frame or pupil pass on the CPU).
     pub calls: u64,
     /// Seconds in all.
     pub seconds: f64,

@@ -1,25 +1,32 @@
 //! The lists that engines run.
 
-use super::{Dispatch, Kernel, Lane, Planner, Purpose, Step, Storage};
+use super::{Dispatch, Kernel, Planner, PupilPass, Purpose, Step, Storage};
 use crate::optics::Geometry;
 use eyebox_kernels::{adam, balance, energy, even, fft::Columns, project, quantise};
 use std::ops::Range;
 
 impl Planner {
     /// One step of the projection (OPTICS 6b), `in_flight` values of window at a time.
-    pub fn project_step(&self, lanes: Vec<Lane>, in_flight: usize, power: f64, gain: f64, momentum: f64) -> Step {
-        let mut step = self.descend(lanes, in_flight, true);
-        step.list.push(Dispatch { kernel: Kernel::Project, lanes: 0..0 });
+    pub fn project_step(
+        &self,
+        pupil_passes: Vec<PupilPass>,
+        in_flight: usize,
+        power: f64,
+        gain: f64,
+        momentum: f64,
+    ) -> Step {
+        let mut step = self.descend(pupil_passes, in_flight, true);
+        step.list.push(Dispatch { kernel: Kernel::Project, pupil_passes: 0..0 });
         step.balance.power = power as f32;
-        step.project.gain = (gain / self.change_scale_of(&step.lanes, true)) as f32;
+        step.project.gain = (gain / self.change_scale_of(&step.pupil_passes, true)) as f32;
         step.project.momentum = momentum as f32;
         step
     }
 
     /// One step of Adam, the `t`-th, counted from 1 (OPTICS 4).
-    pub fn adam_step(&self, lanes: Vec<Lane>, in_flight: usize, t: usize, rate: f64) -> Step {
-        let mut step = self.descend(lanes, in_flight, false);
-        step.list.push(Dispatch { kernel: Kernel::Adam, lanes: 0..0 });
+    pub fn adam_step(&self, pupil_passes: Vec<PupilPass>, in_flight: usize, t: usize, rate: f64) -> Step {
+        let mut step = self.descend(pupil_passes, in_flight, false);
+        step.list.push(Dispatch { kernel: Kernel::Adam, pupil_passes: 0..0 });
         // As float32 has them, so that the corrections are those of the moments that the kernel keeps: 1 - 0.999 is off by
         // a part in 80,000, and without it every step would be (docs/precision.md).
         let (beta1, beta2) = (f64::from(0.9f32), f64::from(0.999f32));
@@ -32,17 +39,17 @@ impl Planner {
             correct1: correct(beta1),
             correct2: correct(beta2),
             // 1e-8 for a loss times 1000, as the paper's code scales it; moments are in the change's units.
-            epsilon: (1e-11 * self.change_scale_of(&step.lanes, false)) as f32,
+            epsilon: (1e-11 * self.change_scale_of(&step.pupil_passes, false)) as f32,
         };
         step
     }
 
     /// The intensity through each pupil, left in `Image` of slots 0, 1, ...: what `view` shows.
-    pub fn view_step(&self, lanes: Vec<Lane>) -> Step {
-        let all = 0..lanes.len();
-        let mut step = self.empty(lanes);
+    pub fn view_step(&self, pupil_passes: Vec<PupilPass>) -> Step {
+        let all = 0..pupil_passes.len();
+        let mut step = self.empty(pupil_passes);
         step.list.extend(self.to_spectrum());
-        step.over_lanes(
+        step.over_pupil_passes(
             all,
             &[Kernel::Transfer, Kernel::Taper, Kernel::PassPupil, Kernel::WindowInverse, Kernel::Intensity],
         );
@@ -50,10 +57,12 @@ impl Planner {
     }
 
     /// The photograph of each pupil, left in `Target` of slots 0, 1, ...
-    pub fn photograph_step(&self, lanes: Vec<Lane>) -> Step {
-        let all = 0..lanes.len();
-        let mut step = self.empty(lanes);
-        step.list.extend([Kernel::Photograph, Kernel::Resample].map(|kernel| Dispatch { kernel, lanes: all.clone() }));
+    pub fn photograph_step(&self, pupil_passes: Vec<PupilPass>) -> Step {
+        let all = 0..pupil_passes.len();
+        let mut step = self.empty(pupil_passes);
+        step.list.extend(
+            [Kernel::Photograph, Kernel::Resample].map(|kernel| Dispatch { kernel, pupil_passes: all.clone() }),
+        );
         step
     }
 
@@ -63,10 +72,10 @@ impl Planner {
         let projects = step.list.last().is_some_and(|d| d.kernel == Kernel::Project);
         // The projection's factors are ratios of energies; the gradient's go as 1 / energy.
         let (change, field) =
-            (self.change_scale_of(&step.lanes, projects), f64::from(self.shape(Purpose::View).field_scale()));
+            (self.change_scale_of(&step.pupil_passes, projects), f64::from(self.shape(Purpose::View).field_scale()));
         let weight = weight * change * if projects { 1.0 / field } else { field };
         step.even = self.even(eyebox, patches, projects, weight);
-        let whole = |kernel| Dispatch { kernel, lanes: 0..0 };
+        let whole = |kernel| Dispatch { kernel, pupil_passes: 0..0 };
         let after = |step: &Step, kernel| step.list.iter().position(|d| d.kernel == kernel).map_or(0, |i| i + 1);
         let lit = after(&step, Kernel::FieldForward).max(after(&step, Kernel::Modulate));
         step.list.insert(lit, whole(Kernel::Energy));
@@ -97,19 +106,19 @@ impl Planner {
                 accumulate: 0,
             },
             mode: if projects { even::PROJECTION } else { even::GRADIENT },
-            // The change is in units of the spectrum over the grid's points (see `lane`).
+            // The change is in units of the spectrum over the grid's points (see `pupil_pass`).
             weight: if projects && self.grid.geometry == Geometry::Relay { weight / points } else { weight } as f32,
             limit: 3.0,
         }
     }
 
-    /// The field on the SLM of content at several depths: `ReturnPupil` adds the spectrum of each lane's `Window`,
+    /// The field on the SLM of content at several depths: `ReturnPupil` adds the spectrum of each pupil pass's `Window`,
     /// which the caller writes before entries `3 i .. 3 i + 3` run, and the rest of the list leaves the field in `Change`.
-    pub fn layers_step(&self, lanes: Vec<Lane>) -> Step {
-        let mut step = self.empty(lanes);
-        for i in 0..step.lanes.len() {
+    pub fn layers_step(&self, pupil_passes: Vec<PupilPass>) -> Step {
+        let mut step = self.empty(pupil_passes);
+        for i in 0..step.pupil_passes.len() {
             let kernels = [Kernel::Transfer, Kernel::WindowForward, Kernel::ReturnPupil];
-            step.list.extend(kernels.map(|kernel| Dispatch { kernel, lanes: i..i + 1 }));
+            step.list.extend(kernels.map(|kernel| Dispatch { kernel, pupil_passes: i..i + 1 }));
         }
         step.list.extend(self.to_field());
         step
@@ -120,25 +129,25 @@ impl Planner {
         let first = (self.levels > 0).then_some(Kernel::Quantise);
         let last = (self.grid.geometry == Geometry::Relay).then_some(Kernel::FieldForward);
         let all = first.into_iter().chain([Kernel::Modulate]).chain(last);
-        all.map(|kernel| Dispatch { kernel, lanes: 0..0 })
+        all.map(|kernel| Dispatch { kernel, pupil_passes: 0..0 })
     }
 
     /// And back again.
     fn to_field(&self) -> Option<Dispatch> {
         let relay = self.grid.geometry == Geometry::Relay;
-        relay.then_some(Dispatch { kernel: Kernel::ChangeInverse, lanes: 0..0 })
+        relay.then_some(Dispatch { kernel: Kernel::ChangeInverse, pupil_passes: 0..0 })
     }
 
-    /// What each sight shows, what it should show, and the sums of both, left in `Sums` of slots 0, 1, ...
-    pub fn exposure_step(&self, lanes: Vec<Lane>) -> Step {
-        let all = 0..lanes.len();
-        let mut step = self.view_step(lanes);
-        step.over_lanes(all, &[Kernel::Photograph, Kernel::Resample, Kernel::Exposure]);
+    /// What each viewpoint shows, what it should show, and the sums of both, left in `Sums` of slots 0, 1, ...
+    pub fn exposure_step(&self, pupil_passes: Vec<PupilPass>) -> Step {
+        let all = 0..pupil_passes.len();
+        let mut step = self.view_step(pupil_passes);
+        step.over_pupil_passes(all, &[Kernel::Photograph, Kernel::Resample, Kernel::Exposure]);
         step
     }
 
-    fn empty(&self, lanes: Vec<Lane>) -> Step {
-        let columns = Columns::union(self.grid.width, lanes.iter().map(Lane::grid_columns));
+    fn empty(&self, pupil_passes: Vec<PupilPass>) -> Step {
+        let columns = Columns::union(self.grid.width, pupil_passes.iter().map(PupilPass::grid_columns));
         let place = self.place();
         Step {
             list: Vec::new(),
@@ -160,25 +169,25 @@ impl Planner {
                 correct2: 1.0,
                 epsilon: 1e-11,
             },
-            lanes,
+            pupil_passes,
         }
     }
 
-    /// Down to the window, compare, and up again; lanes come in groups whose windows fit `in_flight` values.
-    fn descend(&self, lanes: Vec<Lane>, in_flight: usize, balanced: bool) -> Step {
-        let groups = groups(&lanes, in_flight / self.frames.max(1));
-        let mut step = self.empty(lanes);
-        // Tapered lanes have no edge at which pupils overlap: the caller's gain says how often they do.
+    /// Down to the window, compare, and up again; pupil passes come in groups whose windows fit `in_flight` values.
+    fn descend(&self, pupil_passes: Vec<PupilPass>, in_flight: usize, balanced: bool) -> Step {
+        let groups = groups(&pupil_passes, in_flight / self.frames.max(1));
+        let mut step = self.empty(pupil_passes);
+        // Tapered pupil passes have no edge at which pupils overlap: the caller's gain says how often they do.
         let balanced = balanced && !step.is_tapered();
-        let whole = |kernel| Dispatch { kernel, lanes: 0..0 };
+        let whole = |kernel| Dispatch { kernel, pupil_passes: 0..0 };
         step.list.extend(self.to_spectrum());
         step.list.push(whole(Kernel::Clear));
-        for lanes in groups {
+        for pupil_passes in groups {
             if balanced {
-                step.list.push(Dispatch { kernel: Kernel::Overlap, lanes: lanes.clone() });
+                step.list.push(Dispatch { kernel: Kernel::Overlap, pupil_passes: pupil_passes.clone() });
             }
-            step.over_lanes(
-                lanes,
+            step.over_pupil_passes(
+                pupil_passes,
                 &[
                     Kernel::Transfer,
                     Kernel::Taper,
@@ -206,46 +215,46 @@ impl Planner {
 }
 
 impl Step {
-    /// Adds these kernels over these lanes; `Taper` only where a lane is tapered.
-    fn over_lanes(&mut self, lanes: Range<usize>, kernels: &[Kernel]) {
+    /// Adds these kernels over these pupil passes; `Taper` only where a pupil pass is tapered.
+    fn over_pupil_passes(&mut self, pupil_passes: Range<usize>, kernels: &[Kernel]) {
         let tapered = self.is_tapered();
         let kernels = kernels.iter().filter(|k| tapered || **k != Kernel::Taper);
-        self.list.extend(kernels.map(|&kernel| Dispatch { kernel, lanes: lanes.clone() }));
+        self.list.extend(kernels.map(|&kernel| Dispatch { kernel, pupil_passes: pupil_passes.clone() }));
     }
 
     fn is_tapered(&self) -> bool {
-        self.lanes.iter().any(|lane| lane.taper.is_some())
+        self.pupil_passes.iter().any(|pupil_pass| pupil_pass.taper.is_some())
     }
 
-    /// How many entries, at the start, look at no lane.
+    /// How many entries, at the start, look at no pupil pass.
     pub fn shared(&self) -> usize {
-        self.list.iter().take_while(|d| d.lanes.is_empty()).count()
+        self.list.iter().take_while(|d| d.pupil_passes.is_empty()).count()
     }
 
-    /// The same, one lane after the other, each in slot 0: at full size one lane holds as much memory as the field.
-    /// After the shared entries each lane has as many as the others.
-    pub fn lane_by_lane(mut self) -> Self {
+    /// The same, one pupil pass after the other, each in slot 0: at full size one pupil pass holds as much memory as the field.
+    /// After the shared entries each pupil pass has as many as the others.
+    pub fn pass_by_pass(mut self) -> Self {
         let kernels: Vec<_> = self.list.drain(self.shared()..).map(|d| d.kernel).collect();
-        for i in 0..self.lanes.len() {
-            self.list.extend(kernels.iter().map(|&kernel| Dispatch { kernel, lanes: i..i + 1 }));
+        for i in 0..self.pupil_passes.len() {
+            self.list.extend(kernels.iter().map(|&kernel| Dispatch { kernel, pupil_passes: i..i + 1 }));
         }
         self
     }
 }
 
-/// Neighbouring lanes whose windows hold at most `most` values together (one lane at least).
-fn groups(lanes: &[Lane], most: usize) -> Vec<Range<usize>> {
+/// Neighbouring pupil passes whose windows hold at most `most` values together (one pupil pass at least).
+fn groups(pupil_passes: &[PupilPass], most: usize) -> Vec<Range<usize>> {
     let mut groups = Vec::new();
     let (mut start, mut held) = (0, 0);
-    for (i, lane) in lanes.iter().enumerate() {
-        if i > start && held + lane.count() > most {
+    for (i, pupil_pass) in pupil_passes.iter().enumerate() {
+        if i > start && held + pupil_pass.count() > most {
             groups.push(start..i);
             (start, held) = (i, 0);
         }
-        held += lane.count();
+        held += pupil_pass.count();
     }
-    if start < lanes.len() {
-        groups.push(start..lanes.len());
+    if start < pupil_passes.len() {
+        groups.push(start..pupil_passes.len());
     }
     groups
 }

@@ -4,14 +4,14 @@
 //! May import `optics` and `scene`.
 
 mod cost;
-mod lane;
 mod list;
 mod lists;
-mod sight;
+mod pupil_pass;
 mod storage;
+mod viewpoint;
 
-pub use cost::{Group, Slots, lane_bytes, shared_bytes, work};
-pub use lane::{Comparison, Planner, Views};
-pub use list::{Buffer, Dispatch, Kernel, Lane, Purpose, Scope, Shape, Shot, Step, Timing};
-pub use sight::Sight;
+pub use cost::{Group, Slots, pupil_pass_bytes, shared_bytes, work};
+pub use list::{Buffer, Dispatch, Kernel, PupilPass, Purpose, Scope, Shape, Shot, Step, Timing};
+pub use pupil_pass::{Comparison, Planner, Views};
 pub use storage::Storage;
+pub use viewpoint::Viewpoint;

@@ -18,7 +18,7 @@
 //! `Transfer` stays in float32: it is one sub-frame's worth beside a window's F, and its error would be the same in all
 //! sub-frames, so that their mean would not lessen it.
 
-use super::{Lane, Planner};
+use super::{Planner, PupilPass};
 use eyebox_kernels::compare;
 use serde::{Deserialize, Serialize};
 
@@ -94,7 +94,7 @@ impl Planner {
         }
     }
 
-    /// What `Change` is held times when images are compared so. A step's lanes share mode and exposure.
+    /// What `Change` is held times when images are compared so. A step's pupil passes share mode and exposure.
     pub(super) fn change_scale(&self, mode: u32, exposure: f64) -> f64 {
         let points = self.grid.height * self.grid.width;
         let between = self.storage.between(points);
@@ -107,9 +107,9 @@ impl Planner {
         }
     }
 
-    /// The same, of these lanes.
-    pub(super) fn change_scale_of(&self, lanes: &[Lane], projects: bool) -> f64 {
-        let first = lanes.first().map(|l| (l.compare.mode, f64::from(l.compare.exposure)));
+    /// The same, of these pupil passes.
+    pub(super) fn change_scale_of(&self, pupil_passes: &[PupilPass], projects: bool) -> f64 {
+        let first = pupil_passes.first().map(|l| (l.compare.mode, f64::from(l.compare.exposure)));
         let (mode, exposure) = first.unwrap_or((if projects { compare::PROJECTION } else { compare::INTENSITY }, 1.0));
         self.change_scale(mode, exposure)
     }
@@ -149,7 +149,7 @@ mod tests {
             let half = Planner { storage: Storage::F16, ..plain.clone() };
             let comparison = Comparison { mode, exposure, batch, ..Comparison::default() };
             let pupil = Pupil { x: 1e-3, y: 0.0, diameter: 5e-3, depth: 1e-3 };
-            let (a, b) = (plain.lane(&pupil, &comparison), half.lane(&pupil, &comparison));
+            let (a, b) = (plain.pupil_pass(&pupil, &comparison), half.pupil_pass(&pupil, &comparison));
             let field = half.storage.field_scale(n * (n + 3)) as f32;
             let window = b.pass.scale * field / a.pass.scale;
             prop_assert_eq!(b.intensity.gain * window * window, a.intensity.gain);

@@ -103,9 +103,9 @@ impl Hold {
         let relay = shown.optics.geometry == Geometry::Relay;
         let fine = detail == Detail::Whole || showing.padding != Padding::default() || !relay;
         let looking = if fine { planner.clone() } else { Planner { factor: WindowFactor::Two, ..planner.clone() } };
-        let lane = looking.lane(pupil, &Comparison::default());
-        let (rows, columns) = (lane.window.rows, lane.window.columns);
-        let mut step = looking.view_step(vec![lane]);
+        let pupil_pass = looking.pupil_pass(pupil, &Comparison::default());
+        let (rows, columns) = (pupil_pass.window.rows, pupil_pass.window.columns);
+        let mut step = looking.view_step(vec![pupil_pass]);
         // Any other pupil may come next.
         step.columns = Columns { first: 0, count: planner.grid.width };
         let shared = step.shared();

@@ -11,7 +11,7 @@
 //!
 //! This room imports [`optics`](crate::optics), [`hologram`](crate::hologram), [`plan`](crate::plan),
 //! [`engine`](crate::engine), [`evaluate`](crate::evaluate), [`files`](crate::files) for the sRGB curve, of
-//! [`solve`](crate::solve) the `Problem` (a scene before a display), [`vast`](crate::vast) for holograms in tiles, and of
+//! [`solve`](crate::solve) the `Problem` (a scene before a display), [`tiled`](crate::tiled) for holograms in tiles, and of
 //! [`playback`](crate::playback) the desktop.
 
 mod controls;
@@ -45,7 +45,7 @@ use crate::engine::EngineError;
 use crate::hologram::HologramError;
 use crate::optics::OpticsError;
 use crate::playback::PlaybackError;
-use crate::vast::VastError;
+use crate::tiled::TiledError;
 
 /// Why there is nothing to see.
 #[derive(Debug, thiserror::Error)]
@@ -64,7 +64,7 @@ pub enum PreviewError {
     Hologram(#[from] HologramError),
     /// A hologram in tiles.
     #[error(transparent)]
-    Vast(#[from] VastError),
+    Tiled(#[from] TiledError),
     /// What is shown contradicts itself, or the scene.
     #[error("this cannot be looked at: {reason}")]
     Showing {

@@ -4,7 +4,7 @@ use super::PreviewError;
 use crate::hologram::{Hologram, Tiles};
 use crate::optics::{Color, Optics, Padding};
 use crate::solve::Problem;
-use crate::vast::Views;
+use crate::tiled::Views;
 use std::sync::Arc;
 
 /// One colour of what is shown.

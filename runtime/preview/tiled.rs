@@ -8,7 +8,7 @@ use crate::engine::Engine;
 use crate::evaluate;
 use crate::hologram::Tiles;
 use crate::optics::{Pupil, WindowFactor};
-use crate::vast::{self, Views};
+use crate::tiled::{self, Views};
 
 /// Pixels of the SLM across the pupil of a coarse picture.
 const ACROSS: f64 = 384.0;
@@ -29,7 +29,7 @@ pub(super) fn look(
     };
     let frames = frame.map_or(0..about.frames, |f| f..f + 1);
     let one = |color| {
-        let seen = vast::look_frames(tiles, color, frames.clone(), &pupil, WindowFactor::Two, engine)?;
+        let seen = tiled::look_frames(tiles, color, frames.clone(), &pupil, WindowFactor::Two, engine)?;
         Ok(pooled(&seen))
     };
     (0..about.colors.len()).map(one).collect()
@@ -43,12 +43,12 @@ pub(super) fn photograph(
     engine: &mut dyn Engine,
 ) -> Result<Vec<Plane>, PreviewError> {
     let one = |(color, views): (usize, &Views)| {
-        Ok(pooled(&vast::photograph_of(tiles, color, views, pupil, WindowFactor::Two, engine)?))
+        Ok(pooled(&tiled::photograph_of(tiles, color, views, pupil, WindowFactor::Two, engine)?))
     };
     views.iter().enumerate().map(one).collect()
 }
 
-fn pooled(seen: &vast::Seen) -> Plane {
+fn pooled(seen: &tiled::Seen) -> Plane {
     let n = (seen.size / 2).max(1);
     Plane { rows: n, columns: n, values: evaluate::pool2(&seen.image, seen.size, seen.size) }
 }

@@ -6,7 +6,7 @@ use crate::evaluate;
 use crate::hologram::{ColorHologram, Hologram, Tiles};
 use crate::optics::{Color, Display, Padding, Pupil, WindowFactor};
 use crate::scene::Request;
-use crate::vast::{self, Views};
+use crate::tiled::{self, Views};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -58,7 +58,7 @@ fn pupil(x: f64, y: f64, across: f64) -> Pupil {
 fn expected(tiles: &Tiles, frames: std::ops::Range<usize>, pupil: &Pupil) -> Vec<Vec<f32>> {
     let mut engine = CpuEngine::new();
     let one = |color| {
-        let seen = vast::look_frames(tiles, color, frames.clone(), pupil, WindowFactor::Two, &mut engine).unwrap();
+        let seen = tiled::look_frames(tiles, color, frames.clone(), pupil, WindowFactor::Two, &mut engine).unwrap();
         evaluate::pool2(&seen.image, seen.size, seen.size)
     };
     (0..2).map(one).collect()
@@ -133,7 +133,7 @@ fn the_viewer_shows_tiles_coarse_first_and_their_photograph() {
     let seen = wait(&viewer, &both, true);
     let mut engine = CpuEngine::new();
     for (color, views) in views().iter().enumerate() {
-        let photograph = vast::photograph_of(&tiles, color, views, &place, WindowFactor::Two, &mut engine).unwrap();
+        let photograph = tiled::photograph_of(&tiles, color, views, &place, WindowFactor::Two, &mut engine).unwrap();
         assert_eq!(seen.wanted[color].values, evaluate::pool2(&photograph.image, photograph.size, photograph.size));
     }
     assert!(seen.photograph.is_some_and(|p| p.size == [100, 100] && p.rgb.iter().any(|v| *v > 100)));

@@ -69,7 +69,7 @@ impl Expected {
                 let (count, level) = (window.rows * window.columns, level_height * level_width);
                 let taps = views.coverage(&pupil).len();
                 windows += fft(count as f64) + (taps * level) as f64 + 4.0 * count as f64;
-                // As `plan` groups lanes: those whose windows fit together.
+                // As `plan` groups pupil passes: those whose windows fit together.
                 if slot > 0 && (held + count) * settings.frames > most {
                     (held, slot) = (0, 0);
                 }

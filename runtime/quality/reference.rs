@@ -4,7 +4,7 @@
 use super::{QualityError, Subject};
 use crate::engine::{Buffer, Engine};
 use crate::optics::{Pupil, WindowFactor};
-use crate::plan::{Planner, Purpose, Sight};
+use crate::plan::{Planner, Purpose, Viewpoint};
 use crate::solve::{Diameters, Judge, Problem, PupilRange, Sampler, Sequence, Settings, Verdict, level_table};
 use std::sync::Arc;
 
@@ -39,9 +39,9 @@ impl Reference {
         // Apart from the pupils that solves draw and judge by, which are of their own seed and its complement.
         let mut sampler = Sampler::new(range, Sequence::Random, seed ^ 0x7265_6665_7265_6e63);
         let pupils: Vec<Pupil> = (0..PUPILS).map(|_| sampler.draw()).collect();
-        let sights = pupils.iter().map(|p| Sight::Pupil(*p)).collect();
+        let viewpoints = pupils.iter().map(|p| Viewpoint::Pupil(*p)).collect();
         engine.load(&planner.shape(Purpose::View), Some(Arc::clone(&problem.pyramid)))?;
-        let judge = Judge::new(engine, &planner, sights)?;
+        let judge = Judge::new(engine, &planner, viewpoints)?;
         let pixels = problem.optics.height * problem.optics.width;
         Ok(Self { problem, planner, judge, unit, levels: subject.levels.clone(), pixels, pupils })
     }

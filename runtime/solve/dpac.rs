@@ -30,14 +30,14 @@ pub(super) fn phases(problem: &Problem, settings: &Settings, engine: &mut dyn En
     let step = (range[1] - range[0]) / layers as f64;
     let layer_of = |d: f32| (((f64::from(d) - range[0]) / step) as usize).min(layers - 1);
     let layer: Vec<usize> = disparity.iter().map(|d| if layers == 1 { 0 } else { layer_of(*d) }).collect();
-    let lane = |i: usize| {
+    let pupil_pass = |i: usize| {
         let depth = (range[0] + (i as f64 + 0.5) * step) * per_pixel;
         let pupil = Pupil { x: 0.0, y: 0.0, diameter: problem.eyebox, depth };
-        planner.lane(&pupil, &Comparison::default())
+        planner.pupil_pass(&pupil, &Comparison::default())
     };
-    let full = planner.layers_step((0..layers).map(lane).collect());
+    let full = planner.layers_step((0..layers).map(pupil_pass).collect());
     // A window's index 0 is bin (y0, x0): its image turns by that frequency (the signs of a checkerboard, mostly).
-    let ((height, width), window) = (planner.grid.image_size(), full.lanes[0].window);
+    let ((height, width), window) = (planner.grid.image_size(), full.pupil_passes[0].window);
     let turn = |i: usize| {
         let across = (window.y0 * (i / width) as i64).rem_euclid(height as i64) as f64 / height as f64;
         let along = (window.x0 * (i % width) as i64).rem_euclid(width as i64) as f64 / width as f64;

@@ -3,9 +3,9 @@
 use crate::engine::{Buffer, Dispatch, Engine, EngineError, Kernel, Scope, Step};
 
 /// The entry of a step's list after which phases may change, and before which all losses are known: what comes behind
-/// the last kernel that runs over lanes, and behind `guard` where the list has it.
+/// the last kernel that runs over pupil passes, and behind `guard` where the list has it.
 pub(super) fn before_state(step: &Step) -> usize {
-    let known = |d: &Dispatch| d.kernel.scope() == Scope::Lanes || d.kernel == Kernel::Guard;
+    let known = |d: &Dispatch| d.kernel.scope() == Scope::PupilPasses || d.kernel == Kernel::Guard;
     step.list.iter().rposition(known).map_or(step.list.len(), |i| i + 1)
 }
 
@@ -24,7 +24,7 @@ pub(super) fn first_fault(engine: &mut dyn Engine, step: &Step) -> Result<Option
         if !losses.iter().all(|l| l.is_finite()) {
             return Ok(Some(dispatch.kernel));
         }
-        let slots = 0..dispatch.lanes.len();
+        let slots = 0..dispatch.pupil_passes.len();
         let written: Vec<Buffer> = match dispatch.kernel {
             Kernel::Quantise => vec![Buffer::Shown],
             Kernel::Modulate | Kernel::FieldForward => vec![Buffer::Field],

@@ -1,7 +1,7 @@
 //! What a solve will take, before anything runs: seconds a step from rates that were measured on this machine, bytes from
 //! the plan itself.
 
-use super::method::Sights;
+use super::method::Viewpoints;
 use super::{Optimizer, Problem, Settings, random_phases};
 use crate::engine::{Buffer, Engine, EngineError, Memory};
 use crate::optics::{Display, Optics, WindowFactor};
@@ -127,10 +127,10 @@ fn measure(
     engine.load(&shape, Some(Arc::clone(views)))?;
     engine.write(Buffer::Phases, &random_phases(settings.frames * side * side, 2))?;
     engine.write(Buffer::Levels, &super::settings::level_table(&super::even_levels(16)))?;
-    let mut sights = Sights::new(&problem, &settings, 3);
+    let mut viewpoints = Viewpoints::new(&problem, &settings, 3);
     let mut best = [f64::INFINITY; Group::ALL.len()];
     for round in 0..=ROUNDS {
-        let step = step(&planner, &settings, &mut sights);
+        let step = step(&planner, &settings, &mut viewpoints);
         let work = plan::work(&step, &shape);
         let mut seconds = [0.0; Group::ALL.len()];
         for (group, part) in parts(&step) {
@@ -149,7 +149,7 @@ fn measure(
     // what it is on average, not at its best.
     let (mut expected, mut taken) = (0.0, 0.0);
     for _ in 0..ROUNDS {
-        let step = step(&planner, &settings, &mut sights);
+        let step = step(&planner, &settings, &mut viewpoints);
         expected += plan::work(&step, &shape).iter().zip(best).map(|(w, s)| w * s).sum::<f64>();
         let state = super::fault::before_state(&step);
         let start = Instant::now();
@@ -175,15 +175,17 @@ fn parts(step: &Step) -> Vec<(Group, Range<usize>)> {
 }
 
 /// A step as the solver would take it; what its numbers are does not change what it costs.
-fn step(planner: &Planner, settings: &Settings, sights: &mut Sights) -> Step {
+fn step(planner: &Planner, settings: &Settings, viewpoints: &mut Viewpoints) -> Step {
     let adam = matches!(settings.optimizer, Optimizer::Adam { .. });
     let mode = if adam { compare::INTENSITY } else { compare::PROJECTION };
     let comparison = Comparison { mode, batch: settings.pupils, ..Comparison::default() };
-    let lanes = (0..settings.pupils).map(|_| planner.sight(&sights.draw(), &comparison)).collect();
+    let pupil_passes = (0..settings.pupils).map(|_| planner.viewpoint(&viewpoints.draw(), &comparison)).collect();
     let in_flight = settings.window_bytes / size_of::<eyebox_kernels::Complex32>();
     match settings.optimizer {
-        Optimizer::Projection { overlap_power, .. } => planner.project_step(lanes, in_flight, overlap_power, 1.0, 0.5),
-        Optimizer::Adam { .. } => planner.adam_step(lanes, in_flight, 1, 0.1),
+        Optimizer::Projection { overlap_power, .. } => {
+            planner.project_step(pupil_passes, in_flight, overlap_power, 1.0, 0.5)
+        }
+        Optimizer::Adam { .. } => planner.adam_step(pupil_passes, in_flight, 1, 0.1),
     }
 }
 
@@ -234,7 +236,7 @@ pub fn forecast(problem: &Problem, settings: &Settings, rates: &Rates, loaded: L
         ..Planner::new(problem.optics, settings.frames, settings.window).with_padding(problem.padding)
     };
     let shape = planner.shape(settings.optimizer.purpose());
-    let mut sights = Sights::new(problem, settings, settings.seed);
+    let mut viewpoints = Viewpoints::new(problem, settings, settings.seed);
     let rates = rates.at(&settings.optimizer, shape.points() as f64);
     // On the host, halves are rounded to and not stored.
     let complex = if loaded.memory == Memory::Host { 8 } else { settings.storage.bytes() as u64 };
@@ -244,20 +246,20 @@ pub fn forecast(problem: &Problem, settings: &Settings, rates: &Rates, loaded: L
     // Pupils repeat themselves: so many show what all do.
     let steps = settings.steps.clamp(1, 1 + 512 / settings.pupils.max(1));
     for _ in 0..steps {
-        let step = step(&planner, settings, &mut sights);
+        let step = step(&planner, settings, &mut viewpoints);
         slots.see(&step, settings.frames, complex);
         let work = plan::work(&step, &shape);
         for ((sum, work), rate) in group_seconds.iter_mut().zip(work).zip(rates) {
             *sum += work * rate / steps as f64;
         }
-        for side in step.lanes.iter().map(|l| l.window.rows.max(l.window.columns)) {
+        for side in step.pupil_passes.iter().map(|l| l.window.rows.max(l.window.columns)) {
             windows = [windows[0].min(side), windows[1].max(side)];
         }
     }
     // A verdict looks through one whole spectrum at a time.
     let whole = Planner { factor: WindowFactor::Full, ..planner.clone() };
-    let one = whole.sight(&sights.draw(), &Comparison::default());
-    let verdict = plan::lane_bytes(&one, settings.frames, complex);
+    let one = whole.viewpoint(&viewpoints.draw(), &Comparison::default());
+    let verdict = plan::pupil_pass_bytes(&one, settings.frames, complex);
     let phases = 4 * (shape.pixels() * settings.frames) as u64;
     let mut memory = vec![("program", loaded.program), ("scene", 4 * loaded.values as u64), ("views", pyramid)];
     if loaded.done > 0 {

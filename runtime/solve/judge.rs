@@ -3,11 +3,11 @@
 use super::exposure::BrightEnd;
 use crate::engine::{Engine, EngineError};
 use crate::evaluate::{self, Sums};
-use crate::plan::{Planner, Sight};
+use crate::plan::{Planner, Viewpoint};
 
-/// Fixed sights, and what should be seen through them.
+/// Fixed viewpoints, and what should be seen through them.
 pub struct Judge {
-    sights: Vec<Sight>,
+    viewpoints: Vec<Viewpoint>,
     /// The bright end of the photographs.
     bright_end: BrightEnd,
 }
@@ -45,10 +45,10 @@ impl Judge {
     ///
     /// # Errors
     /// Those of the engine.
-    pub fn new(engine: &mut dyn Engine, planner: &Planner, sights: Vec<Sight>) -> Result<Self, EngineError> {
-        let photographs = evaluate::targets(engine, planner, &sights)?;
+    pub fn new(engine: &mut dyn Engine, planner: &Planner, viewpoints: Vec<Viewpoint>) -> Result<Self, EngineError> {
+        let photographs = evaluate::targets(engine, planner, &viewpoints)?;
         let bright_end = BrightEnd::of(photographs.iter().map(|p| &p[..]));
-        Ok(Self { sights, bright_end })
+        Ok(Self { viewpoints, bright_end })
     }
 
     /// The bright end of the photographs.
@@ -61,7 +61,7 @@ impl Judge {
     /// # Errors
     /// Those of the engine.
     pub fn judge(&self, engine: &mut dyn Engine, planner: &Planner) -> Result<Verdict, EngineError> {
-        let sums = evaluate::sums(engine, planner, &self.sights)?;
+        let sums = evaluate::sums(engine, planner, &self.viewpoints)?;
         // Images that are black (or not finite) have no exposure: any will do, their PSNR says it.
         let exposure = Sums::fit_exposure(&sums).unwrap_or(1.0);
         Ok(Verdict { psnr: sums.iter().map(|s| s.psnr(exposure)).collect(), exposure })

@@ -3,7 +3,7 @@
 
 use super::{Problem, PupilRange, Sampler, Settings};
 use crate::optics::Pupil;
-use crate::plan::Sight;
+use crate::plan::Viewpoint;
 use serde::{Deserialize, Serialize};
 
 /// How a hologram is made.
@@ -127,7 +127,7 @@ impl Method {
 }
 
 /// What a method looks through, one after the other: the same for the same seed.
-pub(super) struct Sights {
+pub(super) struct Viewpoints {
     sampler: Sampler,
     kind: Kind,
 }
@@ -141,7 +141,7 @@ enum Kind {
     },
 }
 
-impl Sights {
+impl Viewpoints {
     /// Of `settings.method`, with another seed if the settings' own is not to be used.
     pub(super) fn new(problem: &Problem, settings: &Settings, seed: u64) -> Self {
         let stack = [problem.eyebox; 2];
@@ -179,17 +179,17 @@ impl Sights {
     }
 
     /// The next one.
-    pub(super) fn draw(&mut self) -> Sight {
-        let Kind::Views { views, stft } = &self.kind else { return Sight::Pupil(self.sampler.draw()) };
+    pub(super) fn draw(&mut self) -> Viewpoint {
+        let Kind::Views { views, stft } = &self.kind else { return Viewpoint::Pupil(self.sampler.draw()) };
         let at = self.sampler.point()[0];
         let (view, pupil) = views[((at * views.len() as f64) as usize).min(views.len() - 1)];
         match *stft {
-            Some((samples, filter)) => Sight::Stft { view, samples, filter },
-            None => Sight::Pupil(pupil),
+            Some((samples, filter)) => Viewpoint::Stft { view, samples, filter },
+            None => Viewpoint::Pupil(pupil),
         }
     }
 
-    /// How many of a step's sights overlap at a bin, on average, where the kernel `overlap` does not count them: the
+    /// How many of a step's viewpoints overlap at a bin, on average, where the kernel `overlap` does not count them: the
     /// power of the STFT's windows, which tile the spectrum `count` views to a full set.
     pub(super) fn overlap(&self, batch: usize) -> Option<f64> {
         let Kind::Views { views, stft: Some((samples, _)) } = &self.kind else { return None };

@@ -2,7 +2,7 @@
 
 use super::exposure::{BrightEnd, peak};
 use super::fault;
-use super::method::Sights;
+use super::method::Viewpoints;
 use super::{
     Flow, Judge, Method, Optimizer, Problem, Progress, Settings, SolveError, Stop, Verdict, Warm, cosine, random_phases,
 };
@@ -74,8 +74,8 @@ impl Run<'_> {
         Ok(PILOT_RISE * found)
     }
 
-    /// The `t`-th step, counted from 1, over the next sights.
-    fn step(&self, sights: &mut Sights, progress: f64, t: usize) -> Step {
+    /// The `t`-th step, counted from 1, over the next viewpoints.
+    fn step(&self, viewpoints: &mut Viewpoints, progress: f64, t: usize) -> Step {
         let Self { settings, planner, .. } = *self;
         let batch = settings.pupils;
         let mode = match settings.optimizer {
@@ -84,17 +84,17 @@ impl Run<'_> {
             Optimizer::Adam { .. } => compare::INTENSITY,
         };
         let comparison = Comparison { mode, exposure: self.exposure, batch, ..Comparison::default() };
-        let lanes = (0..batch).map(|_| planner.sight(&sights.draw(), &comparison)).collect();
+        let pupil_passes = (0..batch).map(|_| planner.viewpoint(&viewpoints.draw(), &comparison)).collect();
         let in_flight = settings.window_bytes / size_of::<eyebox_kernels::Complex32>();
         let mut step = match settings.optimizer {
             Optimizer::Projection { gain, momentum, overlap_power } => {
                 // Overlap to a power below one grows with the batch: what ten pupils ask for is the unit (OPTICS 6e).
                 let share = (batch as f64 / 10.0).powf(1.0 - overlap_power);
-                let overlap = sights.overlap(batch).map_or(1.0, |n| n.powf(overlap_power));
+                let overlap = viewpoints.overlap(batch).map_or(1.0, |n| n.powf(overlap_power));
                 let gain = cosine(gain, progress) / (share * overlap);
-                planner.project_step(lanes, in_flight, overlap_power, gain, momentum)
+                planner.project_step(pupil_passes, in_flight, overlap_power, gain, momentum)
             }
-            Optimizer::Adam { rate, .. } => planner.adam_step(lanes, in_flight, t, cosine(rate, progress)),
+            Optimizer::Adam { rate, .. } => planner.adam_step(pupil_passes, in_flight, t, cosine(rate, progress)),
         };
         // Levels come on softly: a phase that is thrown from level to level from the start finds no good one.
         step.quantise.hardness = progress.powi(2) as f32;
@@ -119,7 +119,7 @@ impl Run<'_> {
             self.engine.write(Buffer::Second, &zeros)?;
         }
         drop(zeros);
-        let mut sights = Sights::new(self.problem, settings, settings.seed);
+        let mut viewpoints = Viewpoints::new(self.problem, settings, settings.seed);
         let limit = settings.seconds.filter(|_| !self.pilot);
         let wanted = settings.psnr.filter(|_| !self.pilot);
         let begun = self.start.elapsed().as_secs_f64();
@@ -140,12 +140,16 @@ impl Run<'_> {
                 .max(limit.map_or(0.0, |most| (seconds - begun) / (most - begun).max(1e-9)));
             let taken = Instant::now();
             let begun_at = self.from.map_or(0.0, |from| from.progress);
-            let next = self.step(&mut sights, begun_at + (1.0 - begun_at) * progress, step + 1);
+            let next = self.step(&mut viewpoints, begun_at + (1.0 - begun_at) * progress, step + 1);
             // The losses are known before the phases are touched: a bad step is not taken.
             let split = fault::before_state(&next);
             let losses = self.engine.run_part(&next, 0..split)?;
             step += 1;
-            let loss = losses.iter().zip(&next.lanes).map(|(loss, lane)| loss / lane.count() as f64).sum::<f64>()
+            let loss = losses
+                .iter()
+                .zip(&next.pupil_passes)
+                .map(|(loss, pupil_pass)| loss / pupil_pass.count() as f64)
+                .sum::<f64>()
                 / losses.len() as f64;
             if !loss.is_finite() {
                 let kernel = fault::first_fault(self.engine, &next)?;

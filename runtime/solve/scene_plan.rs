@@ -4,13 +4,13 @@
 //! that show what their neighbours show or that no pupil reaches, padding where nothing would come in again on the other
 //! side, the spectrum that no pupil passes. What is left out, and why, is said ([`Choice`]), and each can be kept.
 
-use super::method::Sights;
+use super::method::Viewpoints;
 use super::{Problem, Settings, SolveError};
 use crate::engine::Engine;
 use crate::engine::cpu::CpuEngine;
 use crate::evaluate;
 use crate::optics::{Color, Display, Padding, Pupil, Window, WindowFactor, walk_off};
-use crate::plan::{Planner, Purpose, Sight, Storage};
+use crate::plan::{Planner, Purpose, Storage, Viewpoint};
 use crate::scene::{DARK, DepthSource, LightField, ViewGrid};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -296,11 +296,12 @@ impl ScenePlan {
         let mut engine = CpuEngine::new();
         let mut photographs = |field: &LightField| -> Result<Vec<Vec<f32>>, SolveError> {
             let problem = Problem::new(field, color, display, Padding::default())?;
-            let mut sights = Sights::new(&problem, &self.settings, self.settings.seed);
-            let sights: Vec<Sight> = (0..8).map(|_| sights.draw()).filter(|s| matches!(s, Sight::Pupil(_))).collect();
+            let mut viewpoints = Viewpoints::new(&problem, &self.settings, self.settings.seed);
+            let viewpoints: Vec<Viewpoint> =
+                (0..8).map(|_| viewpoints.draw()).filter(|s| matches!(s, Viewpoint::Pupil(_))).collect();
             let planner: Planner = problem.planner(1, WindowFactor::Full);
             engine.load(&planner.shape(Purpose::View), Some(Arc::clone(&problem.pyramid)))?;
-            Ok(evaluate::targets(&mut engine, &planner, &sights)?)
+            Ok(evaluate::targets(&mut engine, &planner, &viewpoints)?)
         };
         let (all, few) = (photographs(field)?, photographs(&few)?);
         let peak = all.iter().flatten().copied().fold(0.0f32, f32::max);

@@ -1,6 +1,6 @@
 //! The loop.
 
-use super::method::Sights;
+use super::method::Viewpoints;
 use super::run::Run;
 use super::settings::level_table;
 use super::{Judge, Method, Optimizer, Problem, Settings, Verdict, dpac};
@@ -167,7 +167,7 @@ pub fn solve_from(
     }
     // Held out: what the method looks through (pupils by the paper's distribution), from another seed.
     let uniform = Settings { diameters: super::Diameters::Uniform, ..computed.clone() };
-    let mut held_out = Sights::new(problem, &uniform, !settings.seed);
+    let mut held_out = Viewpoints::new(problem, &uniform, !settings.seed);
     let judge = Judge::new(engine, &planner, (0..8).map(|_| held_out.draw()).collect())?;
     if let Some(phases) = given {
         engine.write(Buffer::Phases, &phases)?;

@@ -6,7 +6,7 @@ use super::{Problem, Sequence, SolveError, fault};
 use crate::engine::{Buffer, Engine, EngineError};
 use crate::evaluate::{self, Sums};
 use crate::optics::{Pupil, WindowFactor};
-use crate::plan::{Comparison, Kernel, Lane, Planner, Purpose, Sight, Step};
+use crate::plan::{Comparison, Kernel, Planner, PupilPass, Purpose, Step, Viewpoint};
 use eyebox_kernels::compare;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
@@ -149,8 +149,8 @@ pub struct Refiner {
     points: Points,
     /// Pupils over the whole eyebox that are due.
     due: f64,
-    /// The lanes of the last step, and how often they have been used.
-    lanes: Vec<Lane>,
+    /// The pupil passes of the last step, and how often they have been used.
+    pupil_passes: Vec<PupilPass>,
     used: usize,
     /// Steps since phases or aim were set anew: Adam's corrections count them.
     since: usize,
@@ -194,7 +194,7 @@ impl Refiner {
         let [x, y] = problem.optics.center();
         let aim = Aim { x, y, spread: half, diameter, depth, elsewhere: 1.0 };
         let points = Points::new(Sequence::Sobol, steering.seed ^ 0x0073_7465_6572);
-        let (lanes, expected) = (Vec::new(), 0.0);
+        let (pupil_passes, expected) = (Vec::new(), 0.0);
         let mut refiner = Self {
             problem,
             planner,
@@ -205,7 +205,7 @@ impl Refiner {
             drawn_for: aim,
             points,
             due: 0.0,
-            lanes,
+            pupil_passes,
             used: 0,
             since: 0,
             expected,
@@ -270,7 +270,7 @@ impl Refiner {
     /// The next step, and the part of its list that has to run: what depends on the pupils alone is left out where they
     /// are those of the step before.
     fn next(&mut self) -> (Step, Vec<Range<usize>>) {
-        let fresh = self.lanes.is_empty() || self.used >= self.steering.repeats.max(1);
+        let fresh = self.pupil_passes.is_empty() || self.used >= self.steering.repeats.max(1);
         if fresh {
             let pupils = self.draw();
             let mode = match self.steering.strategy {
@@ -278,19 +278,19 @@ impl Refiner {
                 Strategy::Adam { .. } => compare::INTENSITY,
             };
             let comparison = Comparison { mode, exposure: self.exposure, batch: pupils.len(), ..Comparison::default() };
-            self.lanes = pupils.iter().map(|p| self.planner.lane(p, &comparison)).collect();
+            self.pupil_passes = pupils.iter().map(|p| self.planner.pupil_pass(p, &comparison)).collect();
             self.used = 0;
         }
         self.used += 1;
         self.since += 1;
-        let lanes = self.lanes.clone();
+        let pupil_passes = self.pupil_passes.clone();
         let step = match self.steering.strategy {
             Strategy::Projection { gain, settled, settling, momentum, overlap_power } => {
                 let fresh = (-((self.since - 1) as f64) / settling.max(1e-3)).exp();
                 let gain = settled + (gain - settled) * fresh;
-                self.planner.project_step(lanes, usize::MAX, overlap_power, gain, momentum)
+                self.planner.project_step(pupil_passes, usize::MAX, overlap_power, gain, momentum)
             }
-            Strategy::Adam { rate } => self.planner.adam_step(lanes, usize::MAX, self.since, rate),
+            Strategy::Adam { rate } => self.planner.adam_step(pupil_passes, usize::MAX, self.since, rate),
         };
         let known = |kernel| matches!(kernel, Kernel::Transfer | Kernel::Photograph | Kernel::Resample);
         let mut parts: Vec<Range<usize>> = Vec::new();
@@ -299,7 +299,7 @@ impl Refiner {
                 Some(last) if last.end == i => last.end = i + 1,
                 _ => parts.push(i..i + 1),
             }
-            debug_assert!(dispatch.lanes.end <= step.lanes.len());
+            debug_assert!(dispatch.pupil_passes.end <= step.pupil_passes.len());
         }
         (step, parts)
     }
@@ -312,17 +312,17 @@ impl Refiner {
         let start = Instant::now();
         let (step, parts) = self.next();
         let state = fault::before_state(&step);
-        let mut losses = vec![0.0; step.lanes.len()];
+        let mut losses = vec![0.0; step.pupil_passes.len()];
         for part in parts {
             // The losses are known before phases move.
             let before = part.start..part.end.min(state).max(part.start);
             for (sum, loss) in losses.iter_mut().zip(self.engine.run_part(&step, before.clone())?) {
                 *sum += loss;
             }
-            let loss = mean_loss(&losses, &step.lanes);
+            let loss = mean_loss(&losses, &step.pupil_passes);
             if part.end > state {
                 if !loss.is_finite() {
-                    self.lanes.clear();
+                    self.pupil_passes.clear();
                     return Ok(loss);
                 }
                 self.engine.run_part(&step, before.end..part.end)?;
@@ -331,7 +331,7 @@ impl Refiner {
         let seconds = start.elapsed().as_secs_f64();
         // Slow to hope, quick to fear: a step that takes longer counts at once.
         self.expected = if seconds > self.expected { seconds } else { 0.8 * self.expected + 0.2 * seconds };
-        Ok(mean_loss(&losses, &step.lanes))
+        Ok(mean_loss(&losses, &step.pupil_passes))
     }
 
     /// What the intensities are multiplied by.
@@ -370,13 +370,14 @@ impl Refiner {
     /// # Errors
     /// Those of the engine.
     pub fn look(&mut self, pupils: &[Pupil]) -> Result<Vec<Sums>, EngineError> {
-        let sights: Vec<Sight> = pupils.iter().map(|p| Sight::Pupil(*p)).collect();
-        // The first slot will hold other lanes than a step's.
-        self.lanes.clear();
-        evaluate::sums(self.engine.as_mut(), &self.planner, &sights)
+        let viewpoints: Vec<Viewpoint> = pupils.iter().map(|p| Viewpoint::Pupil(*p)).collect();
+        // The first slot will hold other pupil passes than a step's.
+        self.pupil_passes.clear();
+        evaluate::sums(self.engine.as_mut(), &self.planner, &viewpoints)
     }
 }
 
-fn mean_loss(losses: &[f64], lanes: &[Lane]) -> f64 {
-    losses.iter().zip(lanes).map(|(loss, lane)| loss / lane.count() as f64).sum::<f64>() / losses.len().max(1) as f64
+fn mean_loss(losses: &[f64], pupil_passes: &[PupilPass]) -> f64 {
+    losses.iter().zip(pupil_passes).map(|(loss, pupil_pass)| loss / pupil_pass.count() as f64).sum::<f64>()
+        / losses.len().max(1) as f64
 }

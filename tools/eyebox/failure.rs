@@ -13,8 +13,8 @@ use eyebox::preview::PreviewError;
 use eyebox::quality::QualityError;
 use eyebox::scene::SceneError;
 use eyebox::solve::SolveError;
+use eyebox::tiled::TiledError;
 use eyebox::trackers::TrackerError;
-use eyebox::vast::VastError;
 
 /// Why a command failed.
 #[derive(Debug, thiserror::Error)]
@@ -48,7 +48,7 @@ pub enum Failure {
     File(#[from] FileError),
     /// A hologram larger than memory.
     #[error(transparent)]
-    Vast(#[from] VastError),
+    Tiled(#[from] TiledError),
     /// An eye tracker.
     #[error(transparent)]
     Tracker(#[from] TrackerError),

@@ -28,10 +28,10 @@ mod report;
 mod score;
 mod solve;
 mod solve_sequence;
+mod tiled;
 mod trackers;
 mod tradeoff;
 mod values;
-mod vast;
 mod view;
 
 use clap::Parser;

@@ -3,7 +3,7 @@
 use crate::Failure;
 use crate::args::Photograph;
 use crate::common::{self, Form};
-use crate::vast;
+use crate::tiled;
 use eyebox::evaluate;
 use eyebox::optics::{Padding, WindowFactor};
 use eyebox::plan::Purpose;
@@ -14,8 +14,8 @@ use std::sync::Arc;
 pub fn run(args: &Photograph) -> Result<(), Failure> {
     let form = common::form(&args.out, &[Form::Png, Form::Npy])?;
     let display = common::display(&args.display)?;
-    if vast::is_too_large(&display) {
-        return vast::photograph(args, &display);
+    if tiled::is_too_large(&display) {
+        return tiled::photograph(args, &display);
     }
     let colors = common::colors(&args.display, &display)?;
     for &color in &colors {

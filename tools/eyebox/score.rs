@@ -3,7 +3,7 @@
 use crate::Failure;
 use crate::args::{SceneArgs, Score};
 use crate::common;
-use crate::vast;
+use crate::tiled;
 use crate::view;
 use eyebox::engine::Engine;
 use eyebox::evaluate::{self, Summary};
@@ -40,8 +40,8 @@ pub struct Scores {
 
 /// Measures a hologram over many pupils.
 pub fn run(args: &Score) -> Result<(), Failure> {
-    if vast::is_tiled(&args.hologram) {
-        return vast::score(args);
+    if tiled::is_tiled(&args.hologram) {
+        return tiled::score(args);
     }
     let (hologram, display) = load(args)?;
     let colors: Vec<Color> = hologram.colors.iter().filter_map(|c| c.color).collect();

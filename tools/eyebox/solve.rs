@@ -6,7 +6,7 @@ use crate::common::{self, Form};
 use crate::progress::{self, Bar};
 use crate::quality::{self, Chosen};
 use crate::solve_sequence;
-use crate::vast;
+use crate::tiled;
 use eyebox::engine::Engine;
 use eyebox::hologram::{self, ColorHologram, Hologram};
 use eyebox::optics::{Color, Display, Padding};
@@ -23,8 +23,8 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     }
     let start = Instant::now();
     let display = common::display(&args.display)?;
-    if vast::wants(args, &display)? {
-        return vast::solve(args, &display);
+    if tiled::wants(args, &display)? {
+        return tiled::solve(args, &display);
     }
     if args.passes.is_some() || args.picture.is_some() {
         return Err(Failure::Asked("--passes and --picture belong to --memory: this is solved all at once".into()));

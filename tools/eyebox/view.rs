@@ -3,7 +3,7 @@
 use crate::Failure;
 use crate::args::{GeometryName, PhaseOptics, View};
 use crate::common::{self, Form};
-use crate::vast;
+use crate::tiled;
 use eyebox::engine::{Buffer, Engine};
 use eyebox::evaluate;
 use eyebox::hologram::{self, ColorHologram, Hologram};
@@ -13,8 +13,8 @@ use std::path::Path;
 
 /// Shows one pupil.
 pub fn run(args: &View) -> Result<(), Failure> {
-    if args.at.is_none() && vast::is_tiled(&args.hologram) {
-        return vast::view(args);
+    if args.at.is_none() && tiled::is_tiled(&args.hologram) {
+        return tiled::view(args);
     }
     let form = common::form(&args.out, &[Form::Png, Form::Npy])?;
     let (hologram, known) = load(&args.hologram, args.at, &args.optics)?;

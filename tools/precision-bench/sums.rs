@@ -19,8 +19,8 @@ fn marks(counts: &[usize]) -> Vec<(f64, String)> {
 
 /// A list with one kernel of a step.
 fn only(mut step: Step, kernel: Kernel) -> Step {
-    let lanes = step.list.iter().find(|d| d.kernel == kernel).map_or(0..0, |d| d.lanes.clone());
-    step.list = vec![Dispatch { kernel, lanes }];
+    let pupil_passes = step.list.iter().find(|d| d.kernel == kernel).map_or(0..0, |d| d.pupil_passes.clone());
+    step.list = vec![Dispatch { kernel, pupil_passes }];
     step
 }
 
@@ -33,11 +33,12 @@ pub fn frames(engines: &mut Engines, _: usize) -> Result<Plot, Failure> {
     for count in counts {
         for storage in Storage::ALL {
             let planner = Planner { storage, ..Planner::new(optics, count, WindowFactor::Full) };
-            let step = only(planner.view_step(vec![planner.lane(&pupil, &Comparison::default())]), Kernel::Intensity);
-            let values = step.lanes[0].count();
+            let step =
+                only(planner.view_step(vec![planner.pupil_pass(&pupil, &Comparison::default())]), Kernel::Intensity);
+            let values = step.pupil_passes[0].count();
             // Of the size that halves hold them in.
             let field: Vec<f32> = noise(2 * count * values, 3).iter().map(|v| *v as f32 * 16.0).collect();
-            let gain = f64::from(step.lanes[0].intensity.gain);
+            let gain = f64::from(step.pupil_passes[0].intensity.gain);
             let power = |f: usize, i: usize| {
                 let at = 2 * (f * values + i);
                 f64::from(field[at]).powi(2) + f64::from(field[at + 1]).powi(2)
@@ -98,16 +99,17 @@ pub fn pupils(engines: &mut Engines, _: usize) -> Result<Plot, Failure> {
     for count in counts {
         for storage in Storage::ALL {
             let planner = Planner { storage, ..Planner::new(optics, 1, WindowFactor::Full) };
-            let lane = planner.lane(&pupil, &Comparison::default());
-            let (values, scale) = (lane.count(), f64::from(lane.back.scale));
+            let pupil_pass = planner.pupil_pass(&pupil, &Comparison::default());
+            let (values, scale) = (pupil_pass.count(), f64::from(pupil_pass.back.scale));
             let windows: Vec<Vec<f32>> = (0..count)
                 .map(|b| noise(2 * values, 11 + b as u64).iter().map(|v| (v * 512.0) as f32).collect())
                 .collect();
-            let step = only(planner.project_step(vec![lane; count], usize::MAX, 1.0, 1.0, 0.0), Kernel::ReturnPupil);
+            let step =
+                only(planner.project_step(vec![pupil_pass; count], usize::MAX, 1.0, 1.0, 0.0), Kernel::ReturnPupil);
             // K is 1 inside the pupil, and the grid's bins are the window's.
             let ones: Vec<f32> = (0..2 * values).map(|i| if i % 2 == 0 { 1.0 } else { 0.0 }).collect();
             let mut want = vec![0.0f64; 2 * values];
-            step.lanes[0].back.pieces(&step.lanes[0].spans, |grid, at, length| {
+            step.pupil_passes[0].back.pieces(&step.pupil_passes[0].spans, |grid, at, length| {
                 for i in 0..2 * length {
                     let sum: f64 = windows.iter().map(|w| f64::from(w[2 * at + i])).sum();
                     want[2 * grid + i] = scale * sum;
@@ -130,8 +132,8 @@ pub fn pupils(engines: &mut Engines, _: usize) -> Result<Plot, Failure> {
                 for window in &windows {
                     let mut window: Vec<Complex32> = pairs_of(window);
                     half::round(&mut window);
-                    let lane = &step.lanes[0];
-                    return_pupil::return_pupil(&lane.back, &window, &transfer, &lane.spans, &mut sum);
+                    let pupil_pass = &step.pupil_passes[0];
+                    return_pupil::return_pupil(&pupil_pass.back, &window, &transfer, &pupil_pass.spans, &mut sum);
                 }
                 half::round(&mut sum);
                 let got = sum.iter().flat_map(|z| [f64::from(z.re), f64::from(z.im)]);
@@ -155,7 +157,7 @@ pub fn losses(engines: &mut Engines, largest: usize) -> Result<Plot, Failure> {
         let planner = Planner::new(optics, 2, WindowFactor::Full);
         let pupil = Pupil { x: 0.0, y: 0.0, diameter: 0.02, depth: 0.0 };
         let comparison = Comparison { mode: compare::INTENSITY, ..Comparison::default() };
-        let base = planner.project_step(vec![planner.lane(&pupil, &comparison)], usize::MAX, 1.0, 1.0, 0.0);
+        let base = planner.project_step(vec![planner.pupil_pass(&pupil, &comparison)], usize::MAX, 1.0, 1.0, 0.0);
         let step = only(base.clone(), Kernel::Compare);
         let image: Vec<f32> = noise(n * n, 5).iter().map(|v| (v + 1.0) as f32).collect();
         let target: Vec<f32> = noise(n * n, 6).iter().map(|v| (v + 1.0) as f32).collect();

@@ -46,8 +46,8 @@ pub fn transfer(engines: &mut Engines, _: usize) -> Result<Plot, Failure> {
     for depth in DEPTHS {
         let pupil = everything(&optics, depth);
         let exact = kernel(&optics, &pupil);
-        let lane = planner.lane(&pupil, &Comparison::default());
-        let window = lane.window;
+        let pupil_pass = planner.pupil_pass(&pupil, &Comparison::default());
+        let window = pupil_pass.window;
         // In the window's order, as engines hold it.
         let order = |j: usize, k: usize| {
             let at = |first: i64, i: usize, n: usize| (first + i as i64).rem_euclid(n as i64) as usize;
@@ -57,8 +57,8 @@ pub fn transfer(engines: &mut Engines, _: usize) -> Result<Plot, Failure> {
             (0..512).flat_map(|j| (0..512).map(move |k| (j, k))).map(|(j, k)| order(j, k)).collect();
         let want: Vec<Complex64> = in_order.iter().map(|i| exact[*i]).collect();
         let want = parts(&want);
-        let mut step = planner.view_step(vec![lane]);
-        step.list = vec![Dispatch { kernel: Kernel::Transfer, lanes: 0..1 }];
+        let mut step = planner.view_step(vec![pupil_pass]);
+        step.list = vec![Dispatch { kernel: Kernel::Transfer, pupil_passes: 0..1 }];
         for (name, engine) in engines.iter_mut() {
             engine.load(&planner.shape(Purpose::View), None)?;
             engine.run(&step)?;

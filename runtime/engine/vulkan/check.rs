@@ -1,6 +1,6 @@
 //! Whether a step fits what was loaded: a shader that is given wrong sizes would read and write anywhere.
 
-use super::super::{EngineError, Kernel, Lane, Purpose, Shape, Step, Storage};
+use super::super::{EngineError, Kernel, PupilPass, Purpose, Shape, Step, Storage};
 use super::views::Views;
 use eyebox_kernels::{energy, quantise};
 use std::ops::Range;
@@ -13,8 +13,12 @@ pub(super) fn check(step: &Step, part: &Range<usize>, shape: &Shape, views: Opti
     };
     for dispatch in list {
         let name = dispatch.kernel.name();
-        let Some(lanes) = step.lanes.get(dispatch.lanes.clone()) else {
-            return mismatch(format!("{name} runs over lanes {:?} of {}", dispatch.lanes, step.lanes.len()));
+        let Some(pupil_passes) = step.pupil_passes.get(dispatch.pupil_passes.clone()) else {
+            return mismatch(format!(
+                "{name} runs over pupil_passes {:?} of {}",
+                dispatch.pupil_passes,
+                step.pupil_passes.len()
+            ));
         };
         let fits = match dispatch.kernel {
             Kernel::Project => step.project.place == shape.place,
@@ -60,12 +64,12 @@ pub(super) fn check(step: &Step, part: &Range<usize>, shape: &Shape, views: Opti
                 shape.storage.name()
             ));
         }
-        for lane in lanes {
-            if let Err(reason) = check_lane(lane, shape) {
-                return mismatch(format!("a lane of {name}: {reason}"));
+        for pupil_pass in pupil_passes {
+            if let Err(reason) = check_pupil_pass(pupil_pass, shape) {
+                return mismatch(format!("a pupil_pass of {name}: {reason}"));
             }
             if dispatch.kernel == Kernel::Photograph
-                && let Err(reason) = check_views(lane, views)
+                && let Err(reason) = check_views(pupil_pass, views)
             {
                 return mismatch(reason);
             }
@@ -74,11 +78,11 @@ pub(super) fn check(step: &Step, part: &Range<usize>, shape: &Shape, views: Opti
     Ok(())
 }
 
-fn check_lane(lane: &Lane, shape: &Shape) -> Result<(), String> {
-    let (rows, columns) = (lane.window.rows, lane.window.columns);
+fn check_pupil_pass(pupil_pass: &PupilPass, shape: &Shape) -> Result<(), String> {
+    let (rows, columns) = (pupil_pass.window.rows, pupil_pass.window.columns);
     let sized = |r: u32, c: u32| (r as usize, c as usize) == (rows, columns);
     let place = &shape.place;
-    for pass in [&lane.pass, &lane.back] {
+    for pass in [&pupil_pass.pass, &pupil_pass.back] {
         if (pass.grid_height, pass.grid_width) != (place.grid_height, place.grid_width) {
             return Err(format!("its grid is {} x {}", pass.grid_height, pass.grid_width));
         }
@@ -92,32 +96,35 @@ fn check_lane(lane: &Lane, shape: &Shape) -> Result<(), String> {
         }
     }
     let far = |first: i32, n: usize| i64::from(first).abs() + n as i64 >= 1 << 16;
-    if !sized(lane.transfer.rows, lane.transfer.columns)
-        || far(lane.transfer.y0, rows)
-        || far(lane.transfer.x0, columns)
+    if !sized(pupil_pass.transfer.rows, pupil_pass.transfer.columns)
+        || far(pupil_pass.transfer.y0, rows)
+        || far(pupil_pass.transfer.x0, columns)
     {
         return Err("its transfer is for another window, or for bins beyond 2^16".into());
     }
-    if lane.spans.len() != rows || lane.spans.iter().any(|s| s[0] > s[1] || s[1] as usize > columns) {
+    if pupil_pass.spans.len() != rows || pupil_pass.spans.iter().any(|s| s[0] > s[1] || s[1] as usize > columns) {
         return Err("its spans do not fit its window".into());
     }
-    if lane.columns.count > columns || (lane.columns.count > 0 && lane.columns.first >= columns) {
+    if pupil_pass.columns.count > columns || (pupil_pass.columns.count > 0 && pupil_pass.columns.first >= columns) {
         return Err("its columns do not fit its window".into());
     }
-    if lane.taper.as_ref().is_some_and(|w| w.len() != rows + columns) {
+    if pupil_pass.taper.as_ref().is_some_and(|w| w.len() != rows + columns) {
         return Err("its taper does not fit its window".into());
     }
-    let count = lane.count();
-    if lane.intensity.count as usize != count || lane.compare.count as usize != count {
+    let count = pupil_pass.count();
+    if pupil_pass.intensity.count as usize != count || pupil_pass.compare.count as usize != count {
         return Err(format!(
             "it has {count} pixels, its arguments say {} and {}",
-            lane.intensity.count, lane.compare.count
+            pupil_pass.intensity.count, pupil_pass.compare.count
         ));
     }
-    if lane.intensity.frames as usize != shape.frames {
-        return Err(format!("{} sub-frames are loaded, its arguments say {}", shape.frames, lane.intensity.frames));
+    if pupil_pass.intensity.frames as usize != shape.frames {
+        return Err(format!(
+            "{} sub-frames are loaded, its arguments say {}",
+            shape.frames, pupil_pass.intensity.frames
+        ));
     }
-    let Some(shot) = &lane.shot else { return Ok(()) };
+    let Some(shot) = &pupil_pass.shot else { return Ok(()) };
     let r = &shot.resample;
     let table = |t: &eyebox_kernels::resample::Table, n: usize, taps: u32, limit: u32| {
         t.first.len() == n
@@ -132,8 +139,8 @@ fn check_lane(lane: &Lane, shape: &Shape) -> Result<(), String> {
     if fits { Ok(()) } else { Err("its photograph's tables do not fit its window".into()) }
 }
 
-fn check_views(lane: &Lane, views: Option<&Views>) -> Result<(), String> {
-    let Some(shot) = &lane.shot else { return Ok(()) };
+fn check_views(pupil_pass: &PupilPass, views: Option<&Views>) -> Result<(), String> {
+    let Some(shot) = &pupil_pass.shot else { return Ok(()) };
     let Some(views) = views else { return Err("a photograph is asked for and no views were loaded".into()) };
     let Some(level) = views.levels.get(shot.level) else {
         return Err(format!("level {} of {} is asked for", shot.level, views.levels.len()));

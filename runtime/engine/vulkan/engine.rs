@@ -51,9 +51,9 @@ pub struct VulkanEngine {
     losses: Option<Losses>,
     transforms: Box<dyn Transform + Send>,
     shape: Shape,
-    /// Where the lane buffers of the last step lie.
+    /// Where the pupil pass buffers of the last step lie.
     slots: Vec<Slot>,
-    /// Lane buffers that were written since: they find their place when a step says where.
+    /// Pupil pass buffers that were written since: they find their place when a step says where.
     written: HashMap<Buffer, Vec<f32>>,
     clock: [(u64, f64); Kernel::ALL.len()],
     gpu: Gpu,
@@ -139,12 +139,14 @@ impl VulkanEngine {
         Ok(Some(Stack { layout, block: self.gpu.block(layout.bytes(), what)? }))
     }
 
-    /// Puts the lane buffers that were written by hand into the slots of `group`.
+    /// Puts the pupil pass buffers that were written by hand into the slots of `group`.
     fn place_written(&mut self, group: &[Slot]) -> Result<(), EngineError> {
         for (buffer, data) in std::mem::take(&mut self.written) {
-            let Some((kind, index)) = lane_buffer(buffer) else { continue };
+            let Some((kind, index)) = pupil_pass_buffer(buffer) else { continue };
             let Some(layout) = group.get(index).map(|slot| slot[kind as usize]) else {
-                return Err(EngineError::Mismatch { reason: format!("{buffer:?} was written, and no lane uses it") });
+                return Err(EngineError::Mismatch {
+                    reason: format!("{buffer:?} was written, and no pupil_pass uses it"),
+                });
             };
             if layout.floats() != data.len() {
                 return Err(misfit(buffer, layout.floats(), data.len()));
@@ -156,16 +158,16 @@ impl VulkanEngine {
         Ok(())
     }
 
-    /// Places for the sums of each lane's loss, behind one for what `guard` finds; they are as far apart as the device
+    /// Places for the sums of each pupil pass's loss, behind one for what `guard` finds; they are as far apart as the device
     /// wants.
     fn place_losses(&mut self, step: &Step) -> Result<Vec<u64>, EngineError> {
         let mut end = PLACE;
-        let place = |lane| {
+        let place = |pupil_pass| {
             let at = end;
-            end += (4 * loss_parts(lane) as u64).next_multiple_of(PLACE);
+            end += (4 * loss_parts(pupil_pass) as u64).next_multiple_of(PLACE);
             at
         };
-        let offsets: Vec<u64> = step.lanes.iter().map(place).collect();
+        let offsets: Vec<u64> = step.pupil_passes.iter().map(place).collect();
         if end > self.losses.as_ref().map_or(0, |l| l.device.size) {
             self.losses = None;
             let size = end.next_power_of_two();
@@ -188,26 +190,27 @@ impl VulkanEngine {
         tables.record(work.gpu);
         let mut group: (Range<usize>, Vec<Slot>) = (0..0, Vec::new());
         for dispatch in list {
-            if !dispatch.lanes.is_empty() && dispatch.lanes != group.0 {
-                group = (dispatch.lanes.clone(), slots(&step.lanes[dispatch.lanes.clone()], shape));
+            if !dispatch.pupil_passes.is_empty() && dispatch.pupil_passes != group.0 {
+                group =
+                    (dispatch.pupil_passes.clone(), slots(&step.pupil_passes[dispatch.pupil_passes.clone()], shape));
             }
             work.gpu.recorder.barrier();
             work.record(dispatch, &group.1)?;
             work.gpu.recorder.mark(dispatch.kernel as usize);
         }
         let compared: Vec<Range<usize>> =
-            list.iter().filter(|d| d.kernel == Kernel::Compare).map(|d| d.lanes.clone()).collect();
+            list.iter().filter(|d| d.kernel == Kernel::Compare).map(|d| d.pupil_passes.clone()).collect();
         let compared = || compared.iter().cloned().flatten();
         let guarded = list.iter().any(|d| d.kernel == Kernel::Guard);
         if let Some(losses) = losses.as_ref() {
             work.gpu.recorder.barrier();
-            let of_lane = |i: usize| (offsets[i], offsets[i], 4 * loss_parts(&step.lanes[i]) as u64);
-            let pieces = guarded.then_some((0, 0, 4)).into_iter().chain(compared().map(of_lane));
+            let of_pupil_pass = |i: usize| (offsets[i], offsets[i], 4 * loss_parts(&step.pupil_passes[i]) as u64);
+            let pieces = guarded.then_some((0, 0, 4)).into_iter().chain(compared().map(of_pupil_pass));
             work.gpu.recorder.copy(&losses.device, &losses.host, pieces);
         }
         let during = list.iter().map(|d| d.kernel.name()).collect::<Vec<_>>();
         let during = match during[..] {
-            [] => return Ok(vec![0.0; step.lanes.len()]),
+            [] => return Ok(vec![0.0; step.pupil_passes.len()]),
             [one] => one.to_owned(),
             [first, .., last] => format!("{first} to {last}"),
         };
@@ -215,11 +218,11 @@ impl VulkanEngine {
             self.clock[kernel].0 += 1;
             self.clock[kernel].1 += seconds;
         }
-        let mut result = vec![0.0; step.lanes.len()];
+        let mut result = vec![0.0; step.pupil_passes.len()];
         if let Some(losses) = &self.losses {
             let bytes = losses.host.bytes();
             for i in compared() {
-                let sums = &bytes[offsets[i] as usize..][..4 * loss_parts(&step.lanes[i])];
+                let sums = &bytes[offsets[i] as usize..][..4 * loss_parts(&step.pupil_passes[i])];
                 result[i] = bytemuck::pod_collect_to_vec::<u8, f32>(sums).into_iter().map(f64::from).sum();
             }
             if guarded && bytes[..4] != [0; 4] {
@@ -282,7 +285,7 @@ impl Engine for VulkanEngine {
     }
 
     fn write(&mut self, buffer: Buffer, data: &[f32]) -> Result<(), EngineError> {
-        if lane_buffer(buffer).is_some() {
+        if pupil_pass_buffer(buffer).is_some() {
             self.written.insert(buffer, data.to_vec());
             return Ok(());
         }
@@ -294,7 +297,7 @@ impl Engine for VulkanEngine {
     }
 
     fn read(&mut self, buffer: Buffer) -> Result<Vec<f32>, EngineError> {
-        let Some((kind, index)) = lane_buffer(buffer) else {
+        let Some((kind, index)) = pupil_pass_buffer(buffer) else {
             let Stack { layout, block } = self.stacks.get(buffer)?;
             return layout.read(&mut self.gpu, block);
         };
@@ -312,14 +315,14 @@ impl Engine for VulkanEngine {
     fn run_part(&mut self, step: &Step, part: Range<usize>) -> Result<Vec<f64>, EngineError> {
         check(step, &part, &self.shape, self.views.as_ref())?;
         if self.shape.frames == 0 {
-            return Ok(vec![0.0; step.lanes.len()]);
+            return Ok(vec![0.0; step.pupil_passes.len()]);
         }
         self.arenas.fit(&self.gpu, step, &self.shape)?;
-        if let Some(first) = step.list[part.clone()].iter().find(|d| !d.lanes.is_empty()) {
-            let group = slots(&step.lanes[first.lanes.clone()], &self.shape);
+        if let Some(first) = step.list[part.clone()].iter().find(|d| !d.pupil_passes.is_empty()) {
+            let group = slots(&step.pupil_passes[first.pupil_passes.clone()], &self.shape);
             self.place_written(&group)?;
         }
-        self.tables.pack(&self.gpu, &step.lanes, self.views.as_ref())?;
+        self.tables.pack(&self.gpu, &step.pupil_passes, self.views.as_ref())?;
         let offsets = self.place_losses(step)?;
         self.record(step, part, &offsets)
     }
@@ -337,8 +340,8 @@ impl Engine for VulkanEngine {
     }
 }
 
-/// Kind and slot of a lane buffer.
-fn lane_buffer(buffer: Buffer) -> Option<(Kind, usize)> {
+/// Kind and slot of a pupil pass buffer.
+fn pupil_pass_buffer(buffer: Buffer) -> Option<(Kind, usize)> {
     Some(match buffer {
         Buffer::Transfer(i) => (Kind::Transfer, i),
         Buffer::Window(i) => (Kind::Window, i),

@@ -1,11 +1,11 @@
-//! Where values lie: frames at a stride inside a block, and the buffers of lanes inside arenas.
+//! Where values lie: frames at a stride inside a block, and the buffers of pupil passes inside arenas.
 
-use super::super::{EngineError, Lane, Shape, Step, Storage};
+use super::super::{EngineError, PupilPass, Shape, Step, Storage};
 use super::device::Block;
 use super::gpu::Gpu;
 use super::recorder::{Piece, Range};
 use eyebox_kernels::{exposure, half};
-use std::ops::Range as Lanes;
+use std::ops::Range as PupilPasses;
 
 /// Frames start at multiples of this many values: 256 bytes, the largest alignment that a device may ask for.
 const STRIDE: usize = 64;
@@ -108,10 +108,10 @@ impl Layout {
     }
 }
 
-/// Kinds of lane buffers.
+/// Kinds of pupil pass buffers.
 const KINDS: usize = 6;
 
-/// A kind of lane buffer, and its arena's place in [`Arenas`].
+/// A kind of pupil pass buffer, and its arena's place in [`Arenas`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     Transfer,
@@ -131,16 +131,16 @@ impl Kind {
     }
 }
 
-/// Where one lane's buffers lie, by kind.
+/// Where one pupil pass's buffers lie, by kind.
 pub(super) type Slot = [Layout; KINDS];
 
-/// The slots of neighbouring lanes, one behind the other in each arena. The same lanes always lie at the same places.
-pub(super) fn slots(lanes: &[Lane], shape: &Shape) -> Vec<Slot> {
+/// The slots of neighbouring pupil passes, one behind the other in each arena. The same pupil passes always lie at the same places.
+pub(super) fn slots(pupil_passes: &[PupilPass], shape: &Shape) -> Vec<Slot> {
     let mut ends = [0u64; KINDS];
-    let place = |lane: &Lane| {
-        let count = lane.count();
-        let level = lane.shot.as_ref().map_or(0, |s| s.args.height as usize * s.args.width as usize);
-        let sums = exposure::PART * lane.exposure(&shape.place).parts();
+    let place = |pupil_pass: &PupilPass| {
+        let count = pupil_pass.count();
+        let level = pupil_pass.shot.as_ref().map_or(0, |s| s.args.height as usize * s.args.width as usize);
+        let sums = exposure::PART * pupil_pass.exposure(&shape.place).parts();
         let (full, stored) = (Value::Complex(Storage::F32), Value::Complex(shape.storage));
         let sizes = [
             (1, count, full),
@@ -157,24 +157,24 @@ pub(super) fn slots(lanes: &[Lane], shape: &Shape) -> Vec<Slot> {
         }
         slot
     };
-    lanes.iter().map(place).collect()
+    pupil_passes.iter().map(place).collect()
 }
 
-/// The blocks in which the buffers of lanes lie: they only grow.
+/// The blocks in which the buffers of pupil passes lie: they only grow.
 #[derive(Default)]
 pub(super) struct Arenas {
     blocks: [Option<Block>; KINDS],
 }
 
 impl Arenas {
-    /// Makes room for the largest group of lanes of the whole step. What a block held is lost when it grows.
+    /// Makes room for the largest group of pupil passes of the whole step. What a block held is lost when it grows.
     pub(super) fn fit(&mut self, gpu: &Gpu, step: &Step, shape: &Shape) -> Result<(), EngineError> {
         let mut needs = [0u64; KINDS];
-        let mut groups: Vec<Lanes<usize>> =
-            step.list.iter().map(|d| d.lanes.clone()).filter(|l| !l.is_empty()).collect();
+        let mut groups: Vec<PupilPasses<usize>> =
+            step.list.iter().map(|d| d.pupil_passes.clone()).filter(|l| !l.is_empty()).collect();
         groups.dedup();
         for group in groups {
-            if let Some(last) = slots(&step.lanes[group], shape).last() {
+            if let Some(last) = slots(&step.pupil_passes[group], shape).last() {
                 for (need, layout) in needs.iter_mut().zip(last) {
                     *need = (*need).max(layout.offset + layout.bytes());
                 }
@@ -206,7 +206,7 @@ impl Arenas {
     pub(super) fn frames(&self, kind: Kind, slot: &Slot, first: usize, count: usize) -> Result<Range<'_>, EngineError> {
         let block = self
             .block(kind)
-            .ok_or_else(|| EngineError::Mismatch { reason: format!("no lane has a {}", kind.name()) })?;
+            .ok_or_else(|| EngineError::Mismatch { reason: format!("no pupil_pass has a {}", kind.name()) })?;
         Ok(slot[kind as usize].range(block, first, count))
     }
 }

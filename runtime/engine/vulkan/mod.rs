@@ -1,8 +1,8 @@
 //! The Vulkan engine.
 //!
 //! Design: one device, one queue, one recording per [`run_part`](super::Engine::run_part). A kernel runs over all its
-//! lanes and frames, then one barrier; lanes of one kernel may run side by side. Buffers of the shape are blocks of
-//! their own, frames at a stride that suits the device's alignment; buffers of lanes are pieces of arenas that only
+//! pupil passes and frames, then one barrier; pupil passes of one kernel may run side by side. Buffers of the shape are blocks of
+//! their own, frames at a stride that suits the device's alignment; buffers of pupil passes are pieces of arenas that only
 //! grow; a kernel sees ranges no larger than the device's largest, so frames and views come in chunks. Pipelines,
 //! descriptor pools, staging and queries are kept: nothing is made once all sizes have been seen.
 //! Nothing is assumed of the size of subgroups; shaders synchronise through shared memory only.

@@ -2,7 +2,7 @@
 
 mod photograph;
 
-use super::super::{Buffer, Dispatch, EngineError, Kernel, Lane, Shape, Step, Storage};
+use super::super::{Buffer, Dispatch, EngineError, Kernel, PupilPass, Shape, Step, Storage};
 use super::device::Block;
 use super::fft::{Frames, Transform};
 use super::gpu::Gpu;
@@ -35,7 +35,7 @@ pub(super) struct Stack {
 pub(super) struct Stacks(pub(super) [Option<Stack>; 9]);
 
 impl Stacks {
-    /// Where a buffer stands, if it is not a lane's.
+    /// Where a buffer stands, if it is not a pupil pass's.
     pub(super) fn index(buffer: Buffer) -> Option<usize> {
         Some(match buffer {
             Buffer::Phases => 0,
@@ -62,9 +62,9 @@ impl Stacks {
     }
 }
 
-/// Sums of the loss that a lane's `compare` leaves.
-pub(super) fn loss_parts(lane: &Lane) -> usize {
-    lane.count().div_ceil(SHARE)
+/// Sums of the loss that a pupil pass's `compare` leaves.
+pub(super) fn loss_parts(pupil_pass: &PupilPass) -> usize {
+    pupil_pass.count().div_ceil(SHARE)
 }
 
 /// Everything that a recording looks at.
@@ -77,7 +77,7 @@ pub(super) struct Work<'a> {
     pub(super) arenas: &'a Arenas,
     pub(super) tables: &'a Tables,
     pub(super) views: Option<&'a Views>,
-    /// Where each lane's sums of the loss start, bytes.
+    /// Where each pupil pass's sums of the loss start, bytes.
     pub(super) losses: Option<(&'a Block, &'a [u64])>,
 }
 
@@ -90,8 +90,12 @@ impl Work<'_> {
             match dispatch.kernel {
                 Kernel::FieldForward | Kernel::ChangeInverse => self.transforms.prepare(self.gpu, [gh, gw], storage)?,
                 Kernel::WindowForward | Kernel::WindowInverse => {
-                    for lane in &self.step.lanes[dispatch.lanes.clone()] {
-                        self.transforms.prepare(self.gpu, [lane.window.rows, lane.window.columns], storage)?;
+                    for pupil_pass in &self.step.pupil_passes[dispatch.pupil_passes.clone()] {
+                        self.transforms.prepare(
+                            self.gpu,
+                            [pupil_pass.window.rows, pupil_pass.window.columns],
+                            storage,
+                        )?;
                     }
                 }
                 _ => {}
@@ -102,9 +106,9 @@ impl Work<'_> {
 
     /// Records one entry of the list; the caller sets the barriers around it.
     pub(super) fn record(&mut self, dispatch: &Dispatch, slots: &[Slot]) -> Result<(), EngineError> {
-        let first = dispatch.lanes.start;
+        let first = dispatch.pupil_passes.start;
         let step = self.step;
-        let lanes = || step.lanes[dispatch.lanes.clone()].iter().zip(slots).enumerate();
+        let pupil_passes = || step.pupil_passes[dispatch.pupil_passes.clone()].iter().zip(slots).enumerate();
         match dispatch.kernel {
             Kernel::Clear => self.clear(),
             Kernel::Quantise => self.quantise(),
@@ -118,19 +122,34 @@ impl Work<'_> {
             Kernel::Project => self.project(),
             Kernel::Adam => self.adam(),
             Kernel::Photograph => self.photograph(dispatch, slots),
-            Kernel::Overlap => lanes().try_for_each(|(i, (lane, _))| self.overlap(first + i, lane)),
-            Kernel::ReturnPupil => lanes().try_for_each(|(i, (lane, slot))| self.return_pupil(first + i, lane, slot)),
-            Kernel::Transfer => lanes().try_for_each(|(i, (lane, slot))| self.transfer(first + i, lane, slot)),
-            Kernel::Taper => lanes().try_for_each(|(i, (lane, slot))| self.taper(first + i, lane, slot)),
-            Kernel::Resample => lanes().try_for_each(|(i, (lane, slot))| self.resample(first + i, lane, slot)),
-            Kernel::PassPupil => lanes().try_for_each(|(i, (lane, slot))| self.pass_pupil(first + i, lane, slot)),
-            Kernel::Compare => lanes().try_for_each(|(i, (lane, slot))| self.compare(first + i, lane, slot)),
-            Kernel::Intensity => lanes().try_for_each(|(_, (lane, slot))| self.intensity(lane, slot)),
-            Kernel::Exposure => lanes().try_for_each(|(_, (lane, slot))| self.exposure(lane, slot)),
-            Kernel::Weigh => lanes().try_for_each(|(_, (lane, slot))| self.weigh(lane, slot)),
+            Kernel::Overlap => pupil_passes().try_for_each(|(i, (pupil_pass, _))| self.overlap(first + i, pupil_pass)),
+            Kernel::ReturnPupil => {
+                pupil_passes().try_for_each(|(i, (pupil_pass, slot))| self.return_pupil(first + i, pupil_pass, slot))
+            }
+            Kernel::Transfer => {
+                pupil_passes().try_for_each(|(i, (pupil_pass, slot))| self.transfer(first + i, pupil_pass, slot))
+            }
+            Kernel::Taper => {
+                pupil_passes().try_for_each(|(i, (pupil_pass, slot))| self.taper(first + i, pupil_pass, slot))
+            }
+            Kernel::Resample => {
+                pupil_passes().try_for_each(|(i, (pupil_pass, slot))| self.resample(first + i, pupil_pass, slot))
+            }
+            Kernel::PassPupil => {
+                pupil_passes().try_for_each(|(i, (pupil_pass, slot))| self.pass_pupil(first + i, pupil_pass, slot))
+            }
+            Kernel::Compare => {
+                pupil_passes().try_for_each(|(i, (pupil_pass, slot))| self.compare(first + i, pupil_pass, slot))
+            }
+            Kernel::Intensity => {
+                pupil_passes().try_for_each(|(_, (pupil_pass, slot))| self.intensity(pupil_pass, slot))
+            }
+            Kernel::Exposure => pupil_passes().try_for_each(|(_, (pupil_pass, slot))| self.exposure(pupil_pass, slot)),
+            Kernel::Weigh => pupil_passes().try_for_each(|(_, (pupil_pass, slot))| self.weigh(pupil_pass, slot)),
             Kernel::WindowInverse | Kernel::WindowForward => {
                 let direction = window_direction(dispatch.kernel);
-                lanes().try_for_each(|(_, (lane, slot))| self.window_transform(lane, slot, direction))
+                pupil_passes()
+                    .try_for_each(|(_, (pupil_pass, slot))| self.window_transform(pupil_pass, slot, direction))
             }
         }
     }
@@ -270,35 +289,40 @@ impl Work<'_> {
         self.transforms.record(self.gpu, frames, direction, self.step.columns)
     }
 
-    fn window_transform(&mut self, lane: &Lane, slot: &Slot, direction: Direction) -> Result<(), EngineError> {
+    fn window_transform(
+        &mut self,
+        pupil_pass: &PupilPass,
+        slot: &Slot,
+        direction: Direction,
+    ) -> Result<(), EngineError> {
         let block = self.arenas.range(Kind::Window, slot)?.block;
-        let frames = frames_of(block, &slot[Kind::Window as usize], lane.window.rows, lane.window.columns);
-        self.transforms.record(self.gpu, frames, direction, lane.columns)
+        let frames = frames_of(block, &slot[Kind::Window as usize], pupil_pass.window.rows, pupil_pass.window.columns);
+        self.transforms.record(self.gpu, frames, direction, pupil_pass.columns)
     }
 
-    fn transfer(&mut self, index: usize, lane: &Lane, slot: &Slot) -> Result<(), EngineError> {
-        let args = &lane.transfer;
+    fn transfer(&mut self, index: usize, pupil_pass: &PupilPass, slot: &Slot) -> Result<(), EngineError> {
+        let args = &pupil_pass.transfer;
         let pair = |x: f64| [x as f32, (x - f64::from(x as f32)) as f32];
         let [slope_y, slope_x, turns] = [args.slope_y, args.slope_x, args.turns].map(pair);
         let floats: [f32; 6] = [slope_y[0], slope_y[1], slope_x[0], slope_x[1], turns[0], turns[1]];
         let more = [args.y0 as u32, args.x0 as u32, args.rows, args.columns];
-        let spans = self.tables.range(self.tables.lane(index).spans)?;
+        let spans = self.tables.range(self.tables.pupil_pass(index).spans)?;
         let groups = self.rows(args.rows, args.columns, 1);
         self.run(&spirv::TRANSFER, &[spans, self.arenas.range(Kind::Transfer, slot)?], &floats, &more, groups)
     }
 
-    fn taper(&mut self, index: usize, lane: &Lane, slot: &Slot) -> Result<(), EngineError> {
-        let Some(place) = self.tables.lane(index).taper else { return Ok(()) };
-        let (rows, columns) = (lane.transfer.rows, lane.transfer.columns);
+    fn taper(&mut self, index: usize, pupil_pass: &PupilPass, slot: &Slot) -> Result<(), EngineError> {
+        let Some(place) = self.tables.pupil_pass(index).taper else { return Ok(()) };
+        let (rows, columns) = (pupil_pass.transfer.rows, pupil_pass.transfer.columns);
         let buffers = [self.tables.range(place)?, self.arenas.range(Kind::Transfer, slot)?];
         let groups = self.rows(rows, columns, 1);
         self.run(&spirv::TAPER, &buffers, &[rows, columns], &[], groups)
     }
 
-    fn pass_pupil(&mut self, index: usize, lane: &Lane, slot: &Slot) -> Result<(), EngineError> {
+    fn pass_pupil(&mut self, index: usize, pupil_pass: &PupilPass, slot: &Slot) -> Result<(), EngineError> {
         let field = self.stacks.get(Buffer::Field)?;
         let (tables, arenas) = (self.tables, self.arenas);
-        let spans = tables.range(tables.lane(index).spans)?;
+        let spans = tables.range(tables.pupil_pass(index).spans)?;
         let window = &slot[Kind::Window as usize];
         let more = [field.layout.stride() as u32, window.stride() as u32];
         for (first, count) in self.chunks(window.frames, &[&field.layout, window]) {
@@ -308,19 +332,19 @@ impl Work<'_> {
                 spans,
                 arenas.frames(Kind::Window, slot, first, count)?,
             ];
-            let groups = self.rows(lane.pass.rows, lane.pass.columns, count);
-            self.run(self.stored(&spirv::PASS_PUPIL), &buffers, &lane.pass, &more, groups)?;
+            let groups = self.rows(pupil_pass.pass.rows, pupil_pass.pass.columns, count);
+            self.run(self.stored(&spirv::PASS_PUPIL), &buffers, &pupil_pass.pass, &more, groups)?;
         }
         Ok(())
     }
 
-    fn return_pupil(&mut self, index: usize, lane: &Lane, slot: &Slot) -> Result<(), EngineError> {
+    fn return_pupil(&mut self, index: usize, pupil_pass: &PupilPass, slot: &Slot) -> Result<(), EngineError> {
         let change = self.stacks.get(Buffer::Change)?;
         let (tables, arenas) = (self.tables, self.arenas);
-        let spans = tables.range(tables.lane(index).spans)?;
+        let spans = tables.range(tables.pupil_pass(index).spans)?;
         let window = &slot[Kind::Window as usize];
         let more = [change.layout.stride() as u32, window.stride() as u32];
-        // Lanes add to the same values: one after the other, in their order.
+        // Pupil passes add to the same values: one after the other, in their order.
         self.gpu.recorder.barrier();
         for (first, count) in self.chunks(window.frames, &[&change.layout, window]) {
             let buffers = [
@@ -329,26 +353,26 @@ impl Work<'_> {
                 spans,
                 change.layout.range(&change.block, first, count),
             ];
-            let groups = self.rows(lane.back.rows, lane.back.columns, count);
-            self.run(self.stored(&spirv::RETURN_PUPIL), &buffers, &lane.back, &more, groups)?;
+            let groups = self.rows(pupil_pass.back.rows, pupil_pass.back.columns, count);
+            self.run(self.stored(&spirv::RETURN_PUPIL), &buffers, &pupil_pass.back, &more, groups)?;
         }
         Ok(())
     }
 
-    fn overlap(&mut self, index: usize, lane: &Lane) -> Result<(), EngineError> {
+    fn overlap(&mut self, index: usize, pupil_pass: &PupilPass) -> Result<(), EngineError> {
         let hits = self.stacks.get(Buffer::Hits)?;
-        let spans = self.tables.range(self.tables.lane(index).spans)?;
-        let groups = self.rows(lane.pass.rows, lane.pass.columns, 1);
+        let spans = self.tables.range(self.tables.pupil_pass(index).spans)?;
+        let groups = self.rows(pupil_pass.pass.rows, pupil_pass.pass.columns, 1);
         self.gpu.recorder.barrier();
-        self.run(&spirv::OVERLAP, &[spans, hits.layout.range(&hits.block, 0, 1)], &lane.pass, &[], groups)
+        self.run(&spirv::OVERLAP, &[spans, hits.layout.range(&hits.block, 0, 1)], &pupil_pass.pass, &[], groups)
     }
 
-    fn intensity(&mut self, lane: &Lane, slot: &Slot) -> Result<(), EngineError> {
+    fn intensity(&mut self, pupil_pass: &PupilPass, slot: &Slot) -> Result<(), EngineError> {
         let arenas = self.arenas;
         let window = &slot[Kind::Window as usize];
-        let groups = self.along(lane.count(), 1);
+        let groups = self.along(pupil_pass.count(), 1);
         for (first, count) in self.chunks(window.frames, &[window]) {
-            let mut args = lane.intensity;
+            let mut args = pupil_pass.intensity;
             args.frames = count as u32;
             args.accumulate |= u32::from(first > 0);
             if first > 0 {
@@ -360,39 +384,39 @@ impl Work<'_> {
         Ok(())
     }
 
-    fn compare(&mut self, index: usize, lane: &Lane, slot: &Slot) -> Result<(), EngineError> {
+    fn compare(&mut self, index: usize, pupil_pass: &PupilPass, slot: &Slot) -> Result<(), EngineError> {
         let Some((block, offsets)) = self.losses else { return Ok(()) };
         let arenas = self.arenas;
-        let parts = loss_parts(lane);
+        let parts = loss_parts(pupil_pass);
         if parts > self.gpu.limits().groups[0] as usize {
-            return Err(self.too_large("an image", lane.count()));
+            return Err(self.too_large("an image", pupil_pass.count()));
         }
         let buffers = [
             arenas.range(Kind::Image, slot)?,
             arenas.range(Kind::Target, slot)?,
             block.range(offsets[index], 4 * parts as u64),
         ];
-        self.run(&spirv::COMPARE, &buffers, &lane.compare, &[], [parts as u32, 1, 1])
+        self.run(&spirv::COMPARE, &buffers, &pupil_pass.compare, &[], [parts as u32, 1, 1])
     }
 
-    fn exposure(&mut self, lane: &Lane, slot: &Slot) -> Result<(), EngineError> {
-        let (arenas, args) = (self.arenas, lane.exposure(&self.shape.place));
+    fn exposure(&mut self, pupil_pass: &PupilPass, slot: &Slot) -> Result<(), EngineError> {
+        let (arenas, args) = (self.arenas, pupil_pass.exposure(&self.shape.place));
         let parts = args.parts();
         if parts > self.gpu.limits().groups[0] as usize {
-            return Err(self.too_large("an image", lane.count()));
+            return Err(self.too_large("an image", pupil_pass.count()));
         }
         let buffers = [Kind::Image, Kind::Target, Kind::Sums].map(|kind| arenas.range(kind, slot));
         let [image, target, sums] = buffers;
         self.run(&spirv::EXPOSURE, &[image?, target?, sums?], &args, &[], [parts as u32, 1, 1])
     }
 
-    fn weigh(&mut self, lane: &Lane, slot: &Slot) -> Result<(), EngineError> {
+    fn weigh(&mut self, pupil_pass: &PupilPass, slot: &Slot) -> Result<(), EngineError> {
         let arenas = self.arenas;
         let window = &slot[Kind::Window as usize];
-        let args = [lane.count() as u32, window.stride() as u32];
+        let args = [pupil_pass.count() as u32, window.stride() as u32];
         for (first, count) in self.chunks(window.frames, &[window]) {
             let buffers = [arenas.range(Kind::Image, slot)?, arenas.frames(Kind::Window, slot, first, count)?];
-            let groups = self.along(lane.count(), count);
+            let groups = self.along(pupil_pass.count(), count);
             self.run(self.stored(&spirv::WEIGH), &buffers, &args, &[], groups)?;
         }
         Ok(())

@@ -1,7 +1,7 @@
-//! The small tables of a step's lanes (spans, taps, weights), packed into one block that is copied at the start of
+//! The small tables of a step's pupil passes (spans, taps, weights), packed into one block that is copied at the start of
 //! each recording.
 
-use super::super::{EngineError, Lane};
+use super::super::{EngineError, PupilPass};
 use super::device::Block;
 use super::gpu::Gpu;
 use super::recorder::Range;
@@ -26,9 +26,9 @@ pub(super) struct TapPart {
     pub(super) place: Place,
 }
 
-/// Where one lane's tables lie.
+/// Where one pupil pass's tables lie.
 #[derive(Debug, Clone, Default)]
-pub(super) struct LaneTables {
+pub(super) struct PupilPassTables {
     pub(super) spans: Place,
     pub(super) taper: Option<Place>,
     pub(super) taps: Vec<TapPart>,
@@ -40,20 +40,26 @@ pub(super) struct LaneTables {
 #[derive(Default)]
 pub(super) struct Tables {
     packed: Vec<u8>,
-    lanes: Vec<LaneTables>,
+    pupil_passes: Vec<PupilPassTables>,
     stage: Option<Block>,
     block: Option<Block>,
 }
 
 impl Tables {
-    /// Packs the tables of these lanes and makes room for them.
-    pub(super) fn pack(&mut self, gpu: &Gpu, lanes: &[Lane], views: Option<&Views>) -> Result<(), EngineError> {
+    /// Packs the tables of these pupil passes and makes room for them.
+    pub(super) fn pack(
+        &mut self,
+        gpu: &Gpu,
+        pupil_passes: &[PupilPass],
+        views: Option<&Views>,
+    ) -> Result<(), EngineError> {
         self.packed.clear();
-        self.lanes.clear();
-        for lane in lanes {
-            let mut tables = LaneTables { spans: self.add(bytemuck::cast_slice(&lane.spans)), ..Default::default() };
-            tables.taper = lane.taper.as_ref().map(|weights| self.add(bytemuck::cast_slice(weights)));
-            if let Some(shot) = &lane.shot {
+        self.pupil_passes.clear();
+        for pupil_pass in pupil_passes {
+            let mut tables =
+                PupilPassTables { spans: self.add(bytemuck::cast_slice(&pupil_pass.spans)), ..Default::default() };
+            tables.taper = pupil_pass.taper.as_ref().map(|weights| self.add(bytemuck::cast_slice(weights)));
+            if let Some(shot) = &pupil_pass.shot {
                 tables.rows = self.add_table(&shot.rows);
                 tables.columns = self.add_table(&shot.columns);
                 if let Some(level) = views.and_then(|v| v.levels.get(shot.level)) {
@@ -68,7 +74,7 @@ impl Tables {
                     }
                 }
             }
-            self.lanes.push(tables);
+            self.pupil_passes.push(tables);
         }
         let need = self.packed.len() as u64;
         for (block, location) in
@@ -106,13 +112,15 @@ impl Tables {
         }
     }
 
-    pub(super) fn lane(&self, index: usize) -> &LaneTables {
-        &self.lanes[index]
+    pub(super) fn pupil_pass(&self, index: usize) -> &PupilPassTables {
+        &self.pupil_passes[index]
     }
 
     pub(super) fn range(&self, place: Place) -> Result<Range<'_>, EngineError> {
-        let block =
-            self.block.as_ref().ok_or_else(|| EngineError::Mismatch { reason: "the step has no lanes".into() })?;
+        let block = self
+            .block
+            .as_ref()
+            .ok_or_else(|| EngineError::Mismatch { reason: "the step has no pupil_passes".into() })?;
         Ok(block.range(place.offset, place.size))
     }
 }

@@ -88,7 +88,7 @@ fn a_smaller_device_gives_the_same() {
     planner.views = Some(Views::new(grid, &pyramid));
     let pupil = Pupil { x: 1e-3, y: -2e-3, diameter: 20e-3, depth: 3e-3 };
     let mut step =
-        planner.project_step(vec![planner.lane(&pupil, &Comparison::default()); 2], usize::MAX, 0.5, 2.0, 0.5);
+        planner.project_step(vec![planner.pupil_pass(&pupil, &Comparison::default()); 2], usize::MAX, 0.5, 2.0, 0.5);
     let transforms = [Kernel::FieldForward, Kernel::WindowForward, Kernel::WindowInverse, Kernel::ChangeInverse];
     step.list.retain(|d: &Dispatch| !transforms.contains(&d.kernel));
 
@@ -213,8 +213,8 @@ fn a_lost_device_is_an_error_everywhere() {
     assert_eq!(lost(engine.read(Buffer::Phases).map(drop)), "a download");
     assert_eq!(lost(engine.write(Buffer::Phases, &[0.0; 2 * 24 * 30])), "an upload");
     let planner = problem.planner(2, settings.window);
-    let lane = planner.lane(&Pupil::from_mm([0.0, 0.0, 5.0, 0.0]), &Comparison::default());
-    let step = planner.view_step(vec![lane]);
+    let pupil_pass = planner.pupil_pass(&Pupil::from_mm([0.0, 0.0, 5.0, 0.0]), &Comparison::default());
+    let step = planner.view_step(vec![pupil_pass]);
     assert_eq!(lost(engine.run_part(&step, 0..2).map(drop)), "modulate to field_forward");
     assert_eq!(lost(engine.load(&planner.shape(Purpose::View), None)), "clearing");
     drop(engine);

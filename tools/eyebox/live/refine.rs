@@ -6,13 +6,13 @@ use crate::common::{self, Form};
 use crate::score;
 use crate::values::{not_negative, pupil, range};
 use crate::view::padding_of;
-use crate::{Failure, progress, vast};
+use crate::{Failure, progress, tiled};
 use clap::Args;
 use eyebox::evaluate::Sums;
 use eyebox::hologram::{Patch, Tiles};
 use eyebox::optics::Pupil;
 use eyebox::solve::{Aim, Diameters, Problem, PupilRange, Refiner, Sampler, Sequence};
-use eyebox::vast::Piece;
+use eyebox::tiled::Piece;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::time::Instant;
@@ -75,7 +75,7 @@ pub fn run(args: &Refine) -> Result<(), Failure> {
     if let Some(out) = &args.out {
         common::form(out, &[Form::Zarr])?;
     }
-    if vast::is_tiled(&args.hologram) {
+    if tiled::is_tiled(&args.hologram) {
         return tiled(args);
     }
     let (mut hologram, display) = score::with_display(&args.hologram)?;
@@ -118,7 +118,7 @@ fn tiled(args: &Refine) -> Result<(), Failure> {
     for i in 0..colors.len() {
         args.pupil.check_within(&about.optics(i)?)?;
     }
-    let scene = vast::scene_of(&score::as_solved(&args.scene, about), &display, &colors)?;
+    let scene = tiled::scene_of(&score::as_solved(&args.scene, about), &display, &colors)?;
     let aim = args.aim();
     progress::catch_interrupt();
     let (mut all, mut patches, mut described, mut place) = (Vec::new(), Vec::new(), String::new(), Value::Null);

@@ -7,7 +7,7 @@ use eyebox::engine::{Buffer, Engine};
 use eyebox::evaluate::{self, Sums};
 use eyebox::hologram::Hologram;
 use eyebox::optics::{Color, Display, Padding, Pupil, WindowFactor};
-use eyebox::plan::{Planner, Purpose, Sight};
+use eyebox::plan::{Planner, Purpose, Viewpoint};
 use eyebox::scene::LightField;
 use eyebox::solve::{Diameters, Problem, PupilRange, Sampler, ScenePlan, Sequence};
 use serde_json::{Value, json};
@@ -185,17 +185,17 @@ impl Judge {
 
     /// By the full model.
     fn look(&self, hologram: &Hologram, engine: &mut dyn Engine) -> Result<Seen, Failure> {
-        let sights: Vec<Sight> = self.pupils.iter().map(|p| Sight::Pupil(*p)).collect();
+        let viewpoints: Vec<Viewpoint> = self.pupils.iter().map(|p| Viewpoint::Pupil(*p)).collect();
         let (mut psnr, mut images) = (Vec::new(), Vec::new());
         for truth in &self.truths {
             let Some(solved) = hologram.colors.iter().find(|c| c.color == Some(truth.color)) else { continue };
             let planner = truth.problem.planner(hologram.frames, WindowFactor::Full);
             engine.load(&planner.shape(Purpose::View), Some(Arc::clone(&truth.problem.pyramid)))?;
             engine.write(Buffer::Phases, &solved.phases)?;
-            let sums = evaluate::sums(engine, &planner, &sights)?;
+            let sums = evaluate::sums(engine, &planner, &viewpoints)?;
             let exposure = Sums::fit_exposure(&sums)?;
             psnr.extend(sums.iter().map(|s| s.psnr(exposure)));
-            for mut image in evaluate::images(engine, &planner, &sights[..COMPARED])? {
+            for mut image in evaluate::images(engine, &planner, &viewpoints[..COMPARED])? {
                 image.iter_mut().for_each(|v| *v *= exposure as f32);
                 images.push(image);
             }

@@ -7,7 +7,7 @@ pub use args::Preview;
 
 use crate::args::SceneArgs;
 use crate::common::{self, Form};
-use crate::{Failure, progress, score, vast, view};
+use crate::{Failure, progress, score, tiled, view};
 use eyebox::hologram::{Hologram, Sequence, Tiles};
 use eyebox::optics::{Color, Padding};
 use eyebox::playback::{Desktop, PlaybackError};
@@ -91,7 +91,7 @@ fn open(args: &Preview) -> Result<Opened, Failure> {
         return Ok(one(hologram, known));
     }
     view::no_optics(&args.file, &args.optics)?;
-    if vast::is_tiled(&args.file) {
+    if tiled::is_tiled(&args.file) {
         let tiles = Tiles::open(&args.file)?;
         let hologram = tiles.about().clone();
         return Ok(Opened { tiles: Some(Arc::new(tiles)), ..one(hologram, true) });
@@ -140,7 +140,7 @@ fn scene(args: &Preview, hologram: &Hologram, moves: bool, tiled: bool) -> Resul
     };
     let asked = score::as_solved(&asked, hologram);
     if tiled {
-        return Ok(Scene::Views(vast::scene_of(&asked, &display, &colors)?));
+        return Ok(Scene::Views(tiled::scene_of(&asked, &display, &colors)?));
     }
     let field = common::scene(&asked, &display, &colors)?;
     let problem = |color: &Color| Problem::new(&field, *color, &display, Padding::default());

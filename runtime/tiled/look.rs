@@ -1,6 +1,6 @@
 //! What an eye sees of a hologram in tiles, and what it should see: only the tiles under the pupil are read.
 
-use super::{VastError, Views};
+use super::{TiledError, Views};
 use crate::engine::{Buffer, Engine, Purpose};
 use crate::evaluate::centered;
 use crate::hologram::Tiles;
@@ -22,21 +22,21 @@ pub struct Seen {
 /// What the pupil sees of colour `color`. Sub-frames go one after the other: memory follows the pupil's area.
 ///
 /// # Errors
-/// [`VastError`].
+/// [`TiledError`].
 pub fn look(
     tiles: &Tiles,
     color: usize,
     pupil: &Pupil,
     factor: WindowFactor,
     engine: &mut dyn Engine,
-) -> Result<Seen, VastError> {
+) -> Result<Seen, TiledError> {
     look_frames(tiles, color, 0..tiles.about().frames, pupil, factor, engine)
 }
 
 /// The same of some sub-frames alone.
 ///
 /// # Errors
-/// [`VastError`].
+/// [`TiledError`].
 ///
 /// # Panics
 /// If there are no such sub-frames: the caller's mistake.
@@ -47,7 +47,7 @@ pub fn look_frames(
     pupil: &Pupil,
     factor: WindowFactor,
     engine: &mut dyn Engine,
-) -> Result<Seen, VastError> {
+) -> Result<Seen, TiledError> {
     let about = tiles.about();
     assert!(!frames.is_empty() && frames.end <= about.frames, "sub-frames {frames:?} of {}", about.frames);
     let whole = about.optics(color)?;
@@ -56,9 +56,9 @@ pub fn look_frames(
     let share = about.picture_share(color);
     let planner = Planner::new(piece, 1, factor);
     let all = Planner { frames: frames.len(), ..planner.clone() };
-    let mut lane = all.lane(pupil, &Comparison::default());
-    lane.intensity.frames = 1;
-    let mut step = planner.view_step(vec![lane]);
+    let mut pupil_pass = all.pupil_pass(pupil, &Comparison::default());
+    pupil_pass.intensity.frames = 1;
+    let mut step = planner.view_step(vec![pupil_pass]);
     let phases = tiles.read(color, at, size)?;
     engine.load(&planner.shape(Purpose::View), None)?;
     for (f, frame) in phases.chunks_exact(size[0] * size[1]).skip(frames.start).take(frames.len()).enumerate() {
@@ -66,17 +66,17 @@ pub fn look_frames(
         engine.run(&step)?;
         if f == 0 {
             step.list.retain(|d| d.kernel != Kernel::Transfer);
-            step.lanes[0].intensity.accumulate = 1;
+            step.pupil_passes[0].intensity.accumulate = 1;
         }
     }
-    let n = step.lanes[0].window.rows;
+    let n = step.pupil_passes[0].window.rows;
     Ok(Seen { image: picture(engine.read(Buffer::Image(0))?, n, share), size: n })
 }
 
 /// What the pupil should see, in the samples of [`look`].
 ///
 /// # Errors
-/// [`VastError`].
+/// [`TiledError`].
 pub fn photograph_of(
     tiles: &Tiles,
     color: usize,
@@ -84,21 +84,21 @@ pub fn photograph_of(
     pupil: &Pupil,
     factor: WindowFactor,
     engine: &mut dyn Engine,
-) -> Result<Seen, VastError> {
+) -> Result<Seen, TiledError> {
     photograph_at(&tiles.about().optics(color)?, views, pupil, factor, engine)
 }
 
 /// What the pupil should see on the far-field SLM of `whole`.
 ///
 /// # Errors
-/// [`VastError`].
+/// [`TiledError`].
 pub fn photograph_at(
     whole: &Optics,
     views: &Views,
     pupil: &Pupil,
     factor: WindowFactor,
     engine: &mut dyn Engine,
-) -> Result<Seen, VastError> {
+) -> Result<Seen, TiledError> {
     let (at, size) = under(whole, pupil);
     let image = shot(&whole.piece(at, size), views, pupil, factor, engine)?;
     let n = (image.len() as f64).sqrt().round() as usize;
@@ -112,10 +112,10 @@ pub(super) fn shot(
     pupil: &Pupil,
     factor: WindowFactor,
     engine: &mut dyn Engine,
-) -> Result<Vec<f32>, VastError> {
+) -> Result<Vec<f32>, TiledError> {
     let (pyramid, seen) = views.around([pupil.x, pupil.y], pupil.diameter);
     let planner = Planner { views: Some(seen), ..Planner::new(*grid, 1, factor) };
-    let step = planner.photograph_step(vec![planner.lane(pupil, &Comparison::default())]);
+    let step = planner.photograph_step(vec![planner.pupil_pass(pupil, &Comparison::default())]);
     engine.load(&planner.shape(Purpose::View), Some(Arc::clone(&pyramid)))?;
     engine.run(&step)?;
     Ok(engine.read(Buffer::Target(0))?)

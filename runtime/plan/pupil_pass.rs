@@ -1,6 +1,6 @@
 //! From a pupil to what it needs: window, spans, taps, tables and the scales that make units right.
 
-use super::{Lane, Purpose, Shape, Shot, Storage};
+use super::{PupilPass, Purpose, Shape, Shot, Storage};
 use crate::optics::{Geometry, Optics, Padding, Pupil, Window, WindowFactor};
 use crate::scene::{Pyramid, ViewGrid};
 use eyebox_kernels::{
@@ -116,12 +116,12 @@ impl Planner {
     /// What `pupil` needs. The scale of the way back makes `change` the wanted change of the field after an
     /// unnormalised inverse for the projection, and the gradient G for the others (OPTICS 4, 6b), each times what suits
     /// the storage.
-    pub fn lane(&self, pupil: &Pupil, comparison: &Comparison) -> Lane {
-        self.lane_of(pupil, self.grid.share(pupil.diameter), comparison)
+    pub fn pupil_pass(&self, pupil: &Pupil, comparison: &Comparison) -> PupilPass {
+        self.pupil_pass_of(pupil, self.grid.share(pupil.diameter), comparison)
     }
 
     /// The same, where `share` of an even field's light passes.
-    pub(super) fn lane_of(&self, pupil: &Pupil, share: f64, comparison: &Comparison) -> Lane {
+    pub(super) fn pupil_pass_of(&self, pupil: &Pupil, share: f64, comparison: &Comparison) -> PupilPass {
         let grid = &self.grid;
         let window = Window::new(grid, pupil, self.factor);
         let spans = window.spans(grid, pupil);
@@ -159,7 +159,7 @@ impl Planner {
             };
         let back = pass_pupil::Args { scale: back as f32, ..pass };
         let (slope_y, slope_x) = grid.slopes();
-        Lane {
+        PupilPass {
             transfer: transfer::Args {
                 slope_y,
                 slope_x,

@@ -32,7 +32,7 @@ use crate::solve::SolveError;
 
 /// Why a large hologram could not be solved or looked at.
 #[derive(Debug, thiserror::Error)]
-pub enum VastError {
+pub enum TiledError {
     /// The optics.
     #[error(transparent)]
     Optics(#[from] OpticsError),

@@ -1,12 +1,12 @@
 //! What one comparison looks through: an eye's pupil, or a window of the short-time Fourier transform.
 
-use super::{Comparison, Lane, Planner, Shot};
+use super::{Comparison, Planner, PupilPass, Shot};
 use crate::optics::{Pupil, WindowFactor};
 use std::f64::consts::PI;
 
 /// What one comparison looks through.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Sight {
+pub enum Viewpoint {
     /// An eye's pupil: the exact disc on the wave, and the photograph that the light field gives through the same disc.
     Pupil(Pupil),
     /// One coefficient of the short-time Fourier transform of the SLM's field, at every pixel (Choi et al. 2022): a
@@ -22,15 +22,15 @@ pub enum Sight {
 }
 
 impl Planner {
-    /// What `sight` needs.
-    pub fn sight(&self, sight: &Sight, comparison: &Comparison) -> Lane {
-        match *sight {
-            Sight::Pupil(pupil) => self.lane(&pupil, comparison),
-            Sight::Stft { view, samples, filter } => self.stft(view, samples, filter, comparison),
+    /// What `viewpoint` needs.
+    pub fn viewpoint(&self, viewpoint: &Viewpoint, comparison: &Comparison) -> PupilPass {
+        match *viewpoint {
+            Viewpoint::Pupil(pupil) => self.pupil_pass(&pupil, comparison),
+            Viewpoint::Stft { view, samples, filter } => self.stft(view, samples, filter, comparison),
         }
     }
 
-    fn stft(&self, view: usize, samples: usize, filter: f64, comparison: &Comparison) -> Lane {
+    fn stft(&self, view: usize, samples: usize, filter: f64, comparison: &Comparison) -> PupilPass {
         // A filter that is wider than the square's diagonal passes all of it.
         let diameter = filter.min(4.0 * self.grid.eyebox());
         let pupil = Pupil { x: 0.0, y: 0.0, diameter, depth: 0.0 };
@@ -38,22 +38,22 @@ impl Planner {
         let window = hann(samples);
         // The window's spectrum is 1 at its middle; its power, by Parseval, is what an even field sends through.
         let axis = window.iter().map(|w| w * w).sum::<f64>() / window.iter().sum::<f64>().powi(2);
-        let mut lane = full.lane_of(&pupil, axis * axis, comparison);
+        let mut pupil_pass = full.pupil_pass_of(&pupil, axis * axis, comparison);
         let (x, y) = self.views.as_ref().map_or((0.0, 0.0), |v| v.grid.position(view));
         let (bin_y, bin_x) = self.grid.bin_size();
         let weights = |first: i64, count: usize, n: usize, s: f64, bin: f64| {
             (0..count).map(move |j| ((first + j as i64) as f64 - s / bin) / n as f64).collect::<Vec<f64>>()
         };
-        let rows = weights(lane.window.y0, lane.window.rows, self.grid.height, y, bin_y);
-        let columns = weights(lane.window.x0, lane.window.columns, self.grid.width, x, bin_x);
-        lane.taper = Some(rows.into_iter().chain(columns).map(|nu| spectrum(&window, nu) as f32).collect());
-        if let Some(shot) = &mut lane.shot {
+        let rows = weights(pupil_pass.window.y0, pupil_pass.window.rows, self.grid.height, y, bin_y);
+        let columns = weights(pupil_pass.window.x0, pupil_pass.window.columns, self.grid.width, x, bin_x);
+        pupil_pass.taper = Some(rows.into_iter().chain(columns).map(|nu| spectrum(&window, nu) as f32).collect());
+        if let Some(shot) = &mut pupil_pass.shot {
             let (height, width) = (shot.args.height as usize, shot.args.width as usize);
             let only = self.views.as_ref().map(|v| v.grid.only(&self.grid, view, height, width));
             *shot = Shot { taps: only.into_iter().collect(), ..shot.clone() };
             shot.args.taps = 1;
         }
-        lane
+        pupil_pass
     }
 }
 

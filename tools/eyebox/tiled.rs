@@ -13,7 +13,7 @@ use eyebox::optics::{Color, Display, Geometry, Pupil, WindowFactor};
 use eyebox::plan::Storage;
 use eyebox::scene::Request;
 use eyebox::solve::{Flow, Method, Settings};
-use eyebox::vast::{self, Job, Memory, RegionSize, Schedule, VastError, Views};
+use eyebox::tiled::{self, Job, Memory, RegionSize, Schedule, TiledError, Views};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -64,9 +64,9 @@ pub fn solve(args: &Solve, display: &Display) -> Result<(), Failure> {
     let held: u64 = views.iter().map(Views::held).sum();
     let left = Memory(memory.0.saturating_sub(held));
     let with_held = |error| match error {
-        VastError::Memory { diameter_mm, frames, needed_mib, .. } => {
+        TiledError::Memory { diameter_mm, frames, needed_mib, .. } => {
             let (needed_mib, given_mib) = (needed_mib + (held >> 20), memory.0 >> 20);
-            VastError::Memory { diameter_mm, frames, needed_mib, given_mib }
+            TiledError::Memory { diameter_mm, frames, needed_mib, given_mib }
         }
         other => other,
     };
@@ -135,7 +135,7 @@ pub fn solve(args: &Solve, display: &Display) -> Result<(), Failure> {
         let before = (i * visits) as u64;
         let job = Job { color: i, views: &views[i], settings: &settings, schedule: &schedule, size, before };
         let bar = bar(color, visits, done.saturating_sub(before), args.json);
-        let flow = vast::solve(&job, &mut tiles, engine.as_mut(), &mut |step| {
+        let flow = tiled::solve(&job, &mut tiles, engine.as_mut(), &mut |step| {
             pupils += step.pupils;
             if let Some(bar) = &bar {
                 bar.set_message(format!("{:.1} dB", -10.0 * step.loss.log10()));
@@ -262,7 +262,7 @@ fn about(
     let mut solved = Vec::new();
     for (&color, views) in colors.iter().zip(views) {
         let optics = display.optics(color)?;
-        let (exposure, mean) = vast::exposure(&optics, views, settings, engine)?;
+        let (exposure, mean) = tiled::exposure(&optics, views, settings, engine)?;
         let (wavelength, efficiency) = (optics.wavelength, mean / exposure);
         solved.push(ColorHologram { color: Some(color), wavelength, exposure, efficiency, phases: Vec::new() });
     }
@@ -324,8 +324,8 @@ pub fn score_tiles(
     for (color, views) in views.iter().enumerate() {
         let mut pairs = Vec::new();
         for pupil in pupils {
-            let seen = vast::look(tiles, color, pupil, WindowFactor::One, engine)?;
-            let wanted = vast::photograph_of(tiles, color, views, pupil, WindowFactor::One, engine)?;
+            let seen = tiled::look(tiles, color, pupil, WindowFactor::One, engine)?;
+            let wanted = tiled::photograph_of(tiles, color, views, pupil, WindowFactor::One, engine)?;
             let pool = |image: &[f32]| evaluate::pool2(image, seen.size, seen.size);
             pairs.push((pool(&seen.image), pool(&wanted.image)));
         }
@@ -352,7 +352,7 @@ pub fn view(args: &View) -> Result<(), Failure> {
     let (mut planes, mut size) = (Vec::new(), 0);
     for i in 0..tiles.about().colors.len() {
         args.pupil.check_within(&tiles.about().optics(i)?)?;
-        let seen = vast::look(&tiles, i, &args.pupil, WindowFactor::Two, engine.as_mut())?;
+        let seen = tiled::look(&tiles, i, &args.pupil, WindowFactor::Two, engine.as_mut())?;
         planes.push(evaluate::pool2(&seen.image, seen.size, seen.size));
         size = (seen.size / 2).max(1);
     }
@@ -385,7 +385,7 @@ pub fn photograph(args: &Photograph, display: &Display) -> Result<(), Failure> {
     for (&color, views) in colors.iter().zip(&scene(&args.scene, display, &colors, 1024)?) {
         let optics = display.optics(color)?;
         args.pupil.check_within(&optics)?;
-        let seen = vast::photograph_at(&optics, views, &args.pupil, WindowFactor::One, engine.as_mut())?;
+        let seen = tiled::photograph_at(&optics, views, &args.pupil, WindowFactor::One, engine.as_mut())?;
         size = seen.size;
         planes.push(seen.image);
     }

@@ -1,6 +1,6 @@
 //! How large a region may be: as large as memory allows, and no larger than the largest pupil makes sensible.
 
-use super::VastError;
+use super::TiledError;
 use crate::optics::Optics;
 
 /// Bytes that a solve or a look may take in all.
@@ -26,7 +26,7 @@ impl RegionSize {
     /// `picture` pixels.
     ///
     /// # Errors
-    /// [`VastError::Memory`] where the largest pupil has no room.
+    /// [`TiledError::Memory`] where the largest pupil has no room.
     pub fn new(
         optics: &Optics,
         frames: usize,
@@ -34,7 +34,7 @@ impl RegionSize {
         diameter: f64,
         picture: usize,
         memory: Memory,
-    ) -> Result<Self, VastError> {
+    ) -> Result<Self, TiledError> {
         let pupil = (diameter / optics.pitch).ceil() as usize + 2;
         let whole = |pixels: usize| pixels.div_ceil(side) * side;
         let of = |pixels: usize| {
@@ -53,7 +53,7 @@ impl RegionSize {
             best = Some(of(pixels));
             pixels += side;
         }
-        best.ok_or(VastError::Memory {
+        best.ok_or(TiledError::Memory {
             diameter_mm: diameter * 1e3,
             frames,
             needed_mib: least.bytes.div_ceil(1 << 20),

@@ -1,6 +1,6 @@
 //! What should be seen from a region: views of the scene from around it, no larger and no more than the region needs.
 
-use super::VastError;
+use super::TiledError;
 use crate::optics::{Color, Display};
 use crate::plan;
 use crate::scene::{self, Interpolator, LightField, Pyramid, Reprojection, Request, Stage, ViewGrid, shrink_to_share};
@@ -39,7 +39,7 @@ impl Views {
     ///
     /// # Errors
     /// Those of loading the scene.
-    pub fn new(source: &str, request: &Request, color: Color, size: usize) -> Result<Self, VastError> {
+    pub fn new(source: &str, request: &Request, color: Color, size: usize) -> Result<Self, TiledError> {
         let colors = [color];
         let request = Request { colors: &colors, ..*request };
         Ok(Self::of_colors(source, &request, size)?.swap_remove(0))
@@ -49,9 +49,9 @@ impl Views {
     ///
     /// # Errors
     /// Those of loading the scene.
-    pub fn of_colors(source: &str, request: &Request, size: usize) -> Result<Vec<Self>, VastError> {
+    pub fn of_colors(source: &str, request: &Request, size: usize) -> Result<Vec<Self>, TiledError> {
         let display = request.display;
-        let share = |color| Ok::<_, VastError>(display.picture_share(display.optics(color)?.wavelength));
+        let share = |color| Ok::<_, TiledError>(display.picture_share(display.optics(color)?.wavelength));
         if let Some(name) = source.strip_prefix("builtin:") {
             let one = |&color: &Color| {
                 let stage = Stage::new(name, display, color, size)?;
@@ -185,7 +185,7 @@ mod tests {
     use crate::engine::cpu::CpuEngine;
     use crate::files::write_png;
     use crate::optics::{Pupil, WindowFactor};
-    use crate::vast::photograph_at;
+    use crate::tiled::photograph_at;
 
     const SIZE: usize = 160;
 

@@ -1,10 +1,10 @@
 //! A visit: a region's phases are read, a few steps are taken over pupils inside of it, and the phases are put back.
 
-use super::{RegionSize, Schedule, VastError, Views};
+use super::{RegionSize, Schedule, TiledError, Views};
 use crate::engine::{Buffer, Engine, Purpose};
 use crate::hologram::Tiles;
 use crate::optics::{Optics, Pupil, WindowFactor};
-use crate::plan::{Comparison, Kernel, Lane, Planner};
+use crate::plan::{Comparison, Kernel, Planner, PupilPass};
 use crate::scene::Pyramid;
 use crate::solve::{BrightEnd, Flow, Optimizer, PupilRange, Sampler, Settings, cosine};
 use eyebox_kernels::compare;
@@ -55,7 +55,7 @@ pub fn exposure(
     views: &Views,
     settings: &Settings,
     engine: &mut dyn Engine,
-) -> Result<(f64, f64), VastError> {
+) -> Result<(f64, f64), TiledError> {
     let range = PupilRange {
         eyebox: optics.eyebox(),
         diameter: settings.diameter,
@@ -82,13 +82,13 @@ pub fn exposure(
 /// hologram's own.
 ///
 /// # Errors
-/// [`VastError`]; what was saved stays, and the same job goes on from there.
+/// [`TiledError`]; what was saved stays, and the same job goes on from there.
 pub fn solve(
     job: &Job,
     tiles: &mut Tiles,
     engine: &mut dyn Engine,
     observe: &mut dyn FnMut(&Step) -> Flow,
-) -> Result<Flow, VastError> {
+) -> Result<Flow, TiledError> {
     let start = Instant::now();
     let visits = job.schedule.visits.len();
     let done = tiles.made().map_or(u64::MAX, |m| m.done).saturating_sub(job.before);
@@ -157,7 +157,7 @@ impl<'a> Region<'a> {
     }
 
     /// Takes the steps of visit `k`; also the pupils that it took, and the last loss.
-    fn visit(&self, k: usize, phases: &mut [f32], engine: &mut dyn Engine) -> Result<(usize, f64), VastError> {
+    fn visit(&self, k: usize, phases: &mut [f32], engine: &mut dyn Engine) -> Result<(usize, f64), TiledError> {
         let settings = self.job.settings;
         engine.load(&self.one.shape(Purpose::Project), Some(Arc::clone(&self.pyramid)))?;
         let range = PupilRange {
@@ -207,14 +207,14 @@ impl<'a> Region<'a> {
         progress: f64,
         phases: &mut [f32],
         engine: &mut dyn Engine,
-    ) -> Result<f64, VastError> {
+    ) -> Result<f64, TiledError> {
         let Optimizer::Projection { gain, momentum, overlap_power } = self.job.settings.optimizer else {
-            return Err(VastError::Unsuitable("a hologram in tiles is solved by the projection alone".into()));
+            return Err(TiledError::Unsuitable("a hologram in tiles is solved by the projection alone".into()));
         };
         let mode = compare::PROJECTION;
         let comparison = Comparison { mode, exposure: self.exposure, batch: pupils.len(), ..Comparison::default() };
-        let mut lanes: Vec<Lane> = pupils.iter().map(|p| self.all.lane(p, &comparison)).collect();
-        lanes.iter_mut().for_each(|lane| lane.intensity.frames = 1);
+        let mut pupil_passes: Vec<PupilPass> = pupils.iter().map(|p| self.all.pupil_pass(p, &comparison)).collect();
+        pupil_passes.iter_mut().for_each(|pupil_pass| pupil_pass.intensity.frames = 1);
         let frames = self.all.frames;
         let pixels = self.optics.height * self.optics.width;
         // Velocities would be as large as the phases again; a larger gain makes up for a part of them.
@@ -222,9 +222,13 @@ impl<'a> Region<'a> {
             1 => (cosine(gain, progress), momentum),
             _ => (cosine(gain, progress) / (1.0 - 0.5 * momentum), 0.0),
         };
-        let whole = self.one.project_step(lanes, usize::MAX, overlap_power, gain, momentum);
+        let whole = self.one.project_step(pupil_passes, usize::MAX, overlap_power, gain, momentum);
         let loss = |losses: &[f64]| {
-            losses.iter().zip(&whole.lanes).map(|(loss, lane)| loss / lane.count() as f64).sum::<f64>()
+            losses
+                .iter()
+                .zip(&whole.pupil_passes)
+                .map(|(loss, pupil_pass)| loss / pupil_pass.count() as f64)
+                .sum::<f64>()
                 / losses.len() as f64
         };
         let only = |kernels: &[Kernel]| {
@@ -249,7 +253,7 @@ impl<'a> Region<'a> {
             engine.run(&see)?;
             if f == 0 {
                 see.list.retain(|d| d.kernel != Kernel::Transfer);
-                see.lanes.iter_mut().for_each(|lane| lane.intensity.accumulate = 1);
+                see.pupil_passes.iter_mut().for_each(|pupil_pass| pupil_pass.intensity.accumulate = 1);
             }
         }
         let found = loss(&engine.run(&only(&[Kernel::Photograph, Kernel::Resample, Kernel::Compare]))?);

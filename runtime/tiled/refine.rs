@@ -1,6 +1,6 @@
 //! A piece of a hologram in tiles as an ordinary problem: what is refined where the eye is.
 
-use super::{VastError, Views};
+use super::{TiledError, Views};
 use crate::hologram::Tiles;
 use crate::optics::Padding;
 use crate::solve::{Aim, Problem};
@@ -19,8 +19,8 @@ impl Piece {
     /// Where `aim` looks at colour `color` of a hologram, whose scene in that colour is `views`.
     ///
     /// # Errors
-    /// [`VastError::Optics`]; [`VastError::Unsuitable`] for an aim that is nowhere on the SLM.
-    pub fn around(tiles: &Tiles, color: usize, views: &Views, aim: &Aim) -> Result<Self, VastError> {
+    /// [`TiledError::Optics`]; [`TiledError::Unsuitable`] for an aim that is nowhere on the SLM.
+    pub fn around(tiles: &Tiles, color: usize, views: &Views, aim: &Aim) -> Result<Self, TiledError> {
         let whole = tiles.about().optics(color)?;
         let (first, side) = (whole.first_bin(), tiles.side() as f64);
         let axis = |s: f64, first: i64, n: usize| {
@@ -33,7 +33,7 @@ impl Piece {
                 (from, to - from)
             })
         };
-        let nowhere = || VastError::Unsuitable("the eye looks past the SLM: no pixel of it is under the pupil".into());
+        let nowhere = || TiledError::Unsuitable("the eye looks past the SLM: no pixel of it is under the pupil".into());
         let (top, rows) = axis(aim.y, first.0, whole.height).ok_or_else(nowhere)?;
         let (left, columns) = axis(aim.x, first.1, whole.width).ok_or_else(nowhere)?;
         let optics = whole.piece([top, left], [rows, columns]);
