@@ -15,11 +15,11 @@
 //! | [`hologram`] | phase frames and their file |
 //! | [`tiled`] | far-field holograms larger than memory: region by region, from and to their file |
 //! | [`encode`] | calibration, levels, packing: phases to what the SLM receives |
-//! | [`playback`] | when what is shown, pacing, streaming from disk, presenters, an account of what was shown |
+//! | [`playback`] | the display's side: windows, direct displays, memory; when video frames lit up |
+//! | [`session`] | content, an eye and time: what is shown when, streaming, refinement, an account of what was shown |
 //! | [`preview`] | what an eye sees, live, in an ordinary window |
 //! | [`trackers`] | eye trackers: devices, recordings, network, simulated; samples with a steady time |
 //! | [`gaze`] | from a tracker's samples to where the pupil will be, with its uncertainty |
-//! | [`live`] | a hologram that follows the eye while it is shown |
 //!
 //! Comments that say "OPTICS n" mean section n of `docs/optics.md`.
 //!
@@ -32,13 +32,14 @@ pub mod files;
 pub mod gaze;
 
 pub mod hologram;
-pub mod live;
+mod mailbox;
 pub mod optics;
 pub mod plan;
 pub mod playback;
 pub mod preview;
 pub mod quality;
 pub mod scene;
+pub mod session;
 pub mod solve;
 pub mod tiled;
 pub mod trackers;

@@ -2,25 +2,26 @@
 
 use super::report::Timing;
 use super::scheduler::{Content, Scheduler, Slot, What};
-use super::{Cause, Clock, Event, Lane, Pacer, PlaybackError, Presenter, Rate, Speed};
+use super::{Cause, Pacer, SessionError, Speed, Track};
 use crate::encode::VideoFrames;
+use crate::playback::{Clock, Event, PlaybackError, Presenter, Rate};
 use std::rc::Rc;
 use std::time::Instant;
 
 /// Content that can be shown: what the present thread sees of a [`Stream`](super::Stream). None of it blocks but
 /// [`settle`](Self::settle).
-pub trait Source: Content {
+pub(super) trait SetSource: Content {
     /// Takes in what arrived, and says which positions may still be of use.
     ///
     /// # Errors
     /// What ended the threads behind it.
-    fn poll(&mut self, useful_from: u64) -> Result<(), PlaybackError>;
+    fn poll(&mut self, useful_from: u64) -> Result<(), SessionError>;
 
     /// Waits until it is known what comes of a position: with simulated clocks, for which it takes no time.
     ///
     /// # Errors
     /// Those of [`poll`](Self::poll).
-    fn settle(&mut self, position: u64) -> Result<(), PlaybackError>;
+    fn settle(&mut self, position: u64) -> Result<(), SessionError>;
 
     /// Puts a position that is ready on the screen.
     fn show(&mut self, position: u64);
@@ -30,9 +31,6 @@ pub trait Source: Content {
 
     /// Content from another frame of the file on; positions begin anew.
     fn seek(&mut self, index: u64);
-
-    /// What there is to tell a user.
-    fn message(&mut self) -> Option<String>;
 }
 
 /// What a user can ask for.
@@ -50,7 +48,7 @@ pub enum Command {
 
 /// Whether there is more to come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Flow {
+pub(super) enum Flow {
     /// There is.
     Continue,
     /// The last set was up for its time.
@@ -61,7 +59,7 @@ pub enum Flow {
 
 /// A video frame as it was handed over.
 #[derive(Debug, Clone, Copy)]
-pub struct Moment<'a> {
+pub struct PresentedFrame<'a> {
     /// Which video frame of the display.
     pub vblank: u64,
     /// When it is to light up, on the player's clock.
@@ -79,51 +77,51 @@ pub struct Moment<'a> {
 }
 
 /// Joins clock, scheduler and pacer.
-pub struct Player {
+pub(super) struct Player {
     clock: Rc<dyn Clock>,
     scheduler: Scheduler,
     pacer: Pacer,
     idle: VideoFrames,
     id: u64,
     timing: Timing,
-    lane: Lane,
+    track: Track,
     display_time_ns: i64,
 }
 
 impl Player {
     /// `idle` is shown while there is no content: a set of video frames like content's.
-    pub fn new(clock: Rc<dyn Clock>, scheduler: Scheduler, idle: VideoFrames, lane: Lane) -> Self {
+    pub(super) fn new(clock: Rc<dyn Clock>, scheduler: Scheduler, idle: VideoFrames, track: Track) -> Self {
         let pacer = Pacer::new(scheduler.schedule().display_rate);
-        Self { clock, scheduler, pacer, idle, id: 0, timing: Timing::default(), lane, display_time_ns: 0 }
+        Self { clock, scheduler, pacer, idle, id: 0, timing: Timing::default(), track, display_time_ns: 0 }
     }
 
     /// What was shown, and why not more.
-    pub fn scheduler(&self) -> &Scheduler {
+    pub(super) fn scheduler(&self) -> &Scheduler {
         &self.scheduler
     }
 
     /// How well predictions were met.
-    pub fn timing(&self) -> &Timing {
+    pub(super) fn timing(&self) -> &Timing {
         &self.timing
     }
 
     /// The pacer.
-    pub fn pacer(&self) -> &Pacer {
+    pub(super) fn pacer(&self) -> &Pacer {
         &self.pacer
     }
 
     /// What this thread did.
-    pub fn into_lane(self) -> Lane {
-        self.lane
+    pub(super) fn into_track(self) -> Track {
+        self.track
     }
 
     /// When the last video frame handed over is to light up.
-    pub fn display_time_ns(&self) -> i64 {
+    pub(super) fn display_time_ns(&self) -> i64 {
         self.display_time_ns
     }
 
     /// Does what a user asked for, from the next video frame on.
-    pub fn command(&mut self, command: Command, source: &mut dyn Source) {
+    pub(super) fn command(&mut self, command: Command, source: &mut dyn SetSource) {
         let next_display_time_ns = self.display_time_ns + self.rate().period_ns();
         match command {
             Command::Pause(paused) => self.scheduler.pause(paused, next_display_time_ns),
@@ -145,12 +143,12 @@ impl Player {
     ///
     /// # Errors
     /// The presenter is lost, or a thread of the source ended.
-    pub fn tick(
+    pub(super) fn tick(
         &mut self,
         presenter: &mut dyn Presenter,
-        source: &mut dyn Source,
-        observe: &mut dyn FnMut(&Moment<'_>) -> Result<(), PlaybackError>,
-    ) -> Result<Flow, PlaybackError> {
+        source: &mut dyn SetSource,
+        observe: &mut dyn FnMut(&PresentedFrame<'_>) -> Result<(), SessionError>,
+    ) -> Result<Flow, SessionError> {
         while let Some(event) = presenter.event() {
             if event == Event::Close {
                 return Ok(Flow::Closed);
@@ -180,12 +178,12 @@ impl Player {
         let number = index.unwrap_or(u64::MAX);
         let uploading = Instant::now();
         presenter.upload(picture)?;
-        self.lane.span("upload", number, uploading);
-        self.lane.span("submit", number, woken);
+        self.track.span("upload", number, uploading);
+        self.track.span("submit", number, woken);
         let presenting = Instant::now();
         let compute_ns = self.clock.now_ns() - woken_ns;
         presenter.present(self.id, next.desired_present_time_ns)?;
-        self.lane.span("present", number, presenting);
+        self.track.span("present", number, presenting);
         self.pacer.submitted(self.id, next.vblank, compute_ns);
         self.id += 1;
         self.display_time_ns = next.predicted_display_time_ns;
@@ -194,7 +192,7 @@ impl Player {
                 self.timing.add(outcome, feedback.actual_display_time_ns);
             }
         }
-        observe(&Moment {
+        observe(&PresentedFrame {
             vblank: next.vblank,
             predicted_display_time_ns: next.predicted_display_time_ns,
             index,
@@ -211,12 +209,12 @@ impl Player {
     ///
     /// # Errors
     /// What ended it; else the presenter is lost.
-    pub fn end<T>(
+    pub(super) fn end<T>(
         &mut self,
         presenter: &mut dyn Presenter,
-        ended: Result<T, PlaybackError>,
-    ) -> Result<T, PlaybackError> {
-        if matches!(ended, Err(PlaybackError::Presenter { .. })) {
+        ended: Result<T, SessionError>,
+    ) -> Result<T, SessionError> {
+        if matches!(ended, Err(SessionError::Display(PlaybackError::Presenter { .. }))) {
             return ended;
         }
         let next = self.pacer.predict(self.clock.now_ns());
@@ -227,10 +225,11 @@ impl Player {
             .and_then(|()| presenter.present(self.id, next.desired_present_time_ns))
             .and_then(|()| presenter.finish());
         let how = ended?;
-        left.map(|()| how)
+        left?;
+        Ok(how)
     }
 
-    fn rate(&self) -> Rate {
+    pub(super) fn rate(&self) -> Rate {
         self.scheduler.schedule().display_rate
     }
 

@@ -1,21 +1,20 @@
-//! Reading ahead and encoding ahead, on two threads, through rings of buffers that are made once.
+//! Reading ahead and encoding ahead, on two threads, through queues of buffers that are made once.
 //!
 //! The reader fills phase buffers from the file, checked; the encoder turns them into video frames; the present thread
 //! takes those without ever waiting, and gives the buffers back. In the steady state nothing is allocated. A reader that
 //! is late leaves out what is no longer of use, so that it catches up. A thread that fails, or panics, is an error of the
-//! next [`poll`](Source::poll).
+//! next [`poll`](SetSource::poll).
 
 mod encoding;
 mod reader;
 
-use super::player::Source;
-use super::ring::Ring;
+use super::player::SetSource;
 use super::scheduler::{Content, Readiness};
-use super::{Lane, Marks, PlaybackError, Trace};
+use super::{Notes, SessionError, Trace, Track};
 use crate::encode::{Encoder, PhaseSet, VideoFrames};
 use crate::engine::vulkan::{Options as VulkanOptions, VulkanEncoder};
 use crate::hologram::Sequence;
-use crossbeam_channel::{Receiver, unbounded};
+use crate::mailbox::Mailbox;
 use encoding::Encoding;
 use reader::Reader;
 use std::any::Any;
@@ -27,8 +26,8 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 /// How a stream is made.
-#[derive(Debug, Clone, Copy)]
-pub struct Options {
+#[derive(Debug, Clone)]
+pub(super) struct StreamOptions {
     /// Sets that wait encoded, beside the one on the screen; at least 2.
     pub ahead: usize,
     /// Whether the file begins again when it is over.
@@ -39,14 +38,16 @@ pub struct Options {
     pub first: u64,
     /// Threads that encode on the CPU; 0 for as many as there are cores.
     pub threads: usize,
-    /// A corner mark.
-    pub marks: Marks,
+    /// Side of the corner mark, pixels; 0 for none.
+    pub mark: usize,
+    /// Where it says what was left out.
+    pub notes: Notes,
     /// Traces what the threads do.
     pub trace: Trace,
 }
 
 /// What encodes.
-pub enum StreamEncoder {
+pub(super) enum StreamEncoder {
     /// All cores of the CPU.
     Cpu(Encoder),
     /// A Vulkan device; the CPU, which gives the same bytes, once that is lost.
@@ -77,7 +78,7 @@ struct Shared {
     read: AtomicU64,
     useful: AtomicU64,
     end: AtomicU64,
-    failure: Mutex<Option<PlaybackError>>,
+    failure: Mutex<Option<SessionError>>,
     /// Positions from which on a test has the reader and the encoder panic.
     #[cfg(test)]
     panics: [AtomicU64; 2],
@@ -88,7 +89,7 @@ impl Shared {
         self.stop.load(Ordering::Acquire)
     }
 
-    fn fail(&self, error: PlaybackError) {
+    fn fail(&self, error: SessionError) {
         self.failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
         self.stop.store(true, Ordering::Release);
     }
@@ -115,25 +116,28 @@ struct Encoded {
 }
 
 /// A file under way to the display.
-pub struct Stream {
+pub(super) struct Stream {
     shared: Arc<Shared>,
     epoch: u64,
-    arriving: Ring<Encoded>,
-    free: Ring<VideoFrames>,
-    messages: Receiver<String>,
+    arriving: Mailbox<Encoded>,
+    free: Mailbox<VideoFrames>,
     validation: Option<Arc<Mutex<Vec<String>>>>,
     ready: VecDeque<Encoded>,
     on_screen: Option<(VideoFrames, u64)>,
-    threads: Vec<JoinHandle<Option<Lane>>>,
+    threads: Vec<JoinHandle<Option<Track>>>,
 }
 
 impl Stream {
     /// Starts reading and encoding.
     ///
     /// # Errors
-    /// [`PlaybackError::Encode`] where the holograms do not have the encoder's shape; [`PlaybackError::Engine`] where the
-    /// Vulkan device cannot be had; [`PlaybackError::Thread`].
-    pub fn start(sequence: Sequence, encoder: StreamEncoder, options: Options) -> Result<Self, PlaybackError> {
+    /// [`SessionError::Encode`] where the holograms do not have the encoder's shape; [`SessionError::Engine`] where the
+    /// Vulkan device cannot be had; [`SessionError::Thread`].
+    pub(super) fn start(
+        sequence: Sequence,
+        encoder: StreamEncoder,
+        options: StreamOptions,
+    ) -> Result<Self, SessionError> {
         match encoder {
             StreamEncoder::Cpu(encoder) => Self::with(sequence, encoder, None, options),
             StreamEncoder::Vulkan(encoder, device) => {
@@ -148,8 +152,8 @@ impl Stream {
         sequence: Sequence,
         encoder: Encoder,
         device: Option<VulkanEncoder>,
-        options: Options,
-    ) -> Result<Self, PlaybackError> {
+        options: StreamOptions,
+    ) -> Result<Self, SessionError> {
         let ahead = options.ahead.clamp(2, 64);
         let shape = sequence.shape();
         let validation = device.as_ref().map(VulkanEncoder::messages);
@@ -172,55 +176,53 @@ impl Stream {
             #[cfg(test)]
             panics: [AtomicU64::new(u64::MAX), AtomicU64::new(u64::MAX)],
         });
-        let free_phases = Ring::new(PHASES);
+        let free_phases = Mailbox::new(PHASES);
         for _ in 0..PHASES {
             let _ = free_phases.put(vec![0.0; sequence.values()]);
         }
         // One more waits to be exchanged for the one on the screen.
-        let free = Ring::new(ahead + 2);
+        let free = Mailbox::new(ahead + 2);
         for _ in 0..ahead + 1 {
             let _ = free.put(std::mem::replace(&mut probe, encoder.frames()));
         }
         let _ = free.put(probe);
-        let (to_encode, arriving) = (Ring::new(PHASES - 1), Ring::new(ahead + 2));
-        let (tell, messages) = unbounded();
-        let (lane, state) = (options.trace.lane("read"), Arc::clone(&shared));
+        let (to_encode, arriving) = (Mailbox::new(PHASES - 1), Mailbox::new(ahead + 2));
+        let (track, state) = (options.trace.track("read"), Arc::clone(&shared));
         let reader = Reader {
             sequence,
-            options,
+            options: options.clone(),
             shared: state,
             free: free_phases.clone(),
             out: to_encode.clone(),
-            tell: tell.clone(),
-            lane,
+            track,
         };
         let read = spawn(&shared, "reads holograms", move || reader.run())?;
-        let (lane, state) = (options.trace.lane("encode"), Arc::clone(&shared));
+        let (track, state) = (options.trace.track("encode"), Arc::clone(&shared));
         let encoding = Encoding {
             shape,
-            marks: options.marks,
+            mark: options.mark,
             shared: state,
             encode: to_encode,
             free_phases,
             free_frames: free.clone(),
             out: arriving.clone(),
-            tell,
-            lane,
+            notes: options.notes.clone(),
+            track,
         };
         let threads = options.threads;
         let encode = spawn(&shared, "encodes", move || encoding.start(&encoder, device, threads))?;
         let ready = VecDeque::with_capacity(2 * ahead + 8);
         let threads = vec![read, encode];
-        Ok(Self { shared, epoch: 0, arriving, free, messages, validation, ready, on_screen: None, threads })
+        Ok(Self { shared, epoch: 0, arriving, free, validation, ready, on_screen: None, threads })
     }
 
     /// What the validation layer says of the device that encodes, to the last; none where the CPU does.
-    pub fn validation(&self) -> Option<Arc<Mutex<Vec<String>>>> {
+    pub(super) fn validation(&self) -> Option<Arc<Mutex<Vec<String>>>> {
         self.validation.clone()
     }
 
     /// Ends the threads: what they did.
-    pub fn stop(mut self) -> Vec<Lane> {
+    pub(super) fn stop(mut self) -> Vec<Track> {
         self.shared.stop.store(true, Ordering::Release);
         self.threads.drain(..).filter_map(|t| t.join().ok().flatten()).collect()
     }
@@ -246,12 +248,12 @@ impl Stream {
         }
     }
 
-    fn failure(&self) -> Result<(), PlaybackError> {
+    fn failure(&self) -> Result<(), SessionError> {
         if !self.shared.stopped() {
             return Ok(());
         }
         let failure = self.shared.failure.lock().unwrap_or_else(PoisonError::into_inner).take();
-        Err(failure.unwrap_or(PlaybackError::Thread { what: "reads and encodes", reason: "has ended".into() }))
+        Err(failure.unwrap_or(SessionError::Thread { what: "reads and encodes", reason: "has ended".into() }))
     }
 }
 
@@ -280,8 +282,8 @@ impl Content for Stream {
     }
 }
 
-impl Source for Stream {
-    fn poll(&mut self, useful_from: u64) -> Result<(), PlaybackError> {
+impl SetSource for Stream {
+    fn poll(&mut self, useful_from: u64) -> Result<(), SessionError> {
         self.shared.useful.store(tagged(self.epoch, useful_from), Ordering::Release);
         while self.ready.len() < self.ready.capacity() {
             let Some(item) = self.arriving.take() else { break };
@@ -296,7 +298,7 @@ impl Source for Stream {
         self.failure()
     }
 
-    fn settle(&mut self, position: u64) -> Result<(), PlaybackError> {
+    fn settle(&mut self, position: u64) -> Result<(), SessionError> {
         loop {
             self.poll(position)?;
             let known = matches!(self.readiness(position), Readiness::Ready | Readiness::Damaged);
@@ -336,31 +338,27 @@ impl Source for Stream {
         self.shared.seek_to.store(index, Ordering::Release);
         self.shared.epoch.store(self.epoch, Ordering::Release);
     }
-
-    fn message(&mut self) -> Option<String> {
-        self.messages.try_recv().ok()
-    }
 }
 
 /// Starts a thread. One that panics has failed, and the others end with it.
 fn spawn(
     shared: &Arc<Shared>,
     what: &'static str,
-    run: impl FnOnce() -> Lane + Send + 'static,
-) -> Result<JoinHandle<Option<Lane>>, PlaybackError> {
+    run: impl FnOnce() -> Track + Send + 'static,
+) -> Result<JoinHandle<Option<Track>>, SessionError> {
     let shared = Arc::clone(shared);
     let watched = move || match catch_unwind(AssertUnwindSafe(run)) {
-        Ok(lane) => Some(lane),
+        Ok(track) => Some(track),
         Err(panic) => {
             let reason = format!("failed, which is a fault of eyebox: {}", said(&*panic));
-            shared.fail(PlaybackError::Thread { what, reason });
+            shared.fail(SessionError::Thread { what, reason });
             None
         }
     };
     std::thread::Builder::new()
         .name(format!("eyebox {what}"))
         .spawn(watched)
-        .map_err(|e| PlaybackError::Thread { what, reason: format!("could not be started ({e})") })
+        .map_err(|e| SessionError::Thread { what, reason: format!("could not be started ({e})") })
 }
 
 /// What a panic said, in one line.

@@ -1,20 +1,29 @@
 //! All colours of a hologram under refinement, without threads: where to aim, when to begin again, what to do next.
 
-use super::LiveError;
+use super::{SessionError, aim_of};
 use crate::engine::{Engine, EngineError};
+use crate::gaze::PupilDistribution;
 use crate::solve::{Aim, Problem, Refiner, Steering};
 use serde::{Deserialize, Serialize};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// One colour: what is solved for, and the hologram for the whole eyebox.
 #[derive(Clone)]
-pub struct Part {
+pub struct SteeredColor {
     /// The scene before this wavelength.
     pub problem: Problem,
     /// (frames, height, width), radians.
     pub phases: Vec<f32>,
     /// What the phases were solved for.
     pub exposure: f64,
+}
+
+impl SteeredColor {
+    /// Its sub-frames.
+    pub fn frames(&self) -> usize {
+        let optics = &self.problem.optics;
+        self.phases.len() / (optics.height * optics.width).max(1)
+    }
 }
 
 /// How a hologram follows the eye.
@@ -54,24 +63,24 @@ impl Steerer {
     /// Begins with the holograms for the whole eyebox; `engine` makes an engine for each colour.
     ///
     /// # Errors
-    /// [`LiveError::Setting`] for no colour or a policy that cannot be; those of [`Refiner::new`] and of `engine`.
+    /// [`SessionError::Setting`] for no colour or a policy that cannot be; those of [`Refiner::new`] and of `engine`.
     pub fn new(
-        parts: Vec<Part>,
+        colors: Vec<SteeredColor>,
         policy: Policy,
         mut engine: impl FnMut() -> Result<Box<dyn Engine>, EngineError>,
-    ) -> Result<Self, LiveError> {
-        if parts.is_empty() {
-            return Err(LiveError::Setting("there is no colour to refine".into()));
+    ) -> Result<Self, SessionError> {
+        if colors.is_empty() {
+            return Err(SessionError::Setting("there is no colour to refine".into()));
         }
         if policy.restart.is_nan() || policy.restart < 0.0 {
             let wrong = policy.restart;
-            return Err(LiveError::Setting(format!("restart after {wrong} pupil diameters: it must be 0 or more")));
+            return Err(SessionError::Setting(format!("restart after {wrong} pupil diameters: it must be 0 or more")));
         }
-        let one = |part: Part| -> Result<OneColor, LiveError> {
-            let refiner = Refiner::new(part.problem, &part.phases, part.exposure, policy.steering, engine()?)?;
-            Ok(OneColor { refiner, phases: part.phases.clone(), whole: part.phases })
+        let one = |color: SteeredColor| -> Result<OneColor, SessionError> {
+            let refiner = Refiner::new(color.problem, &color.phases, color.exposure, policy.steering, engine()?)?;
+            Ok(OneColor { refiner, phases: color.phases.clone(), whole: color.phases })
         };
-        let colors = parts.into_iter().map(one).collect::<Result<_, _>>()?;
+        let colors = colors.into_iter().map(one).collect::<Result<_, _>>()?;
         Ok(Self { colors, policy, next: 0, aimed: None, restarts: 0, steps: 0 })
     }
 
@@ -94,6 +103,14 @@ impl Steerer {
         Ok(jumped)
     }
 
+    /// The eye is expected there: [`aim`](Self::aim).
+    ///
+    /// # Errors
+    /// Those of the engines.
+    pub fn follow(&mut self, pupil: &PupilDistribution) -> Result<bool, EngineError> {
+        self.aim(aim_of(pupil))
+    }
+
     /// Begins again with the hologram for the whole eyebox.
     ///
     /// # Errors
@@ -109,15 +126,15 @@ impl Steerer {
         self.colors.iter().map(|c| c.refiner.expected()).sum()
     }
 
-    /// Steps, colour by colour in turn, one of each at most, while they are expected to end before `deadline`; how many
-    /// were taken. A colour whose loss is no finite number begins again.
+    /// Steps, colour by colour in turn, one of each at most, while `may_begin` says of each, told what it is expected to
+    /// take, that it may; how many were taken. A colour whose loss is no finite number begins again.
     ///
     /// # Errors
     /// Those of the engines.
-    pub fn round_until(&mut self, deadline: Instant) -> Result<u32, EngineError> {
+    pub fn round_while(&mut self, mut may_begin: impl FnMut(Duration) -> bool) -> Result<u32, EngineError> {
         for taken in 0..self.colors.len() as u32 {
             let color = &mut self.colors[self.next];
-            if Instant::now() + color.refiner.expected() > deadline {
+            if !may_begin(color.refiner.expected()) {
                 return Ok(taken);
             }
             if !color.refiner.step()?.is_finite() {

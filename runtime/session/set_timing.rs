@@ -1,10 +1,8 @@
-//! When sets begin, and which one can still be reached. Pure, but for the cell that passes it between threads.
+//! When sets begin, and which one can still be reached. Pure; it passes between threads in an `AtomicCell`.
 
-use std::sync::atomic::{AtomicI64, Ordering};
-
-/// What is known of the display's beat. Times in nanoseconds on the player's clock.
+/// When the display begins sets. Times in nanoseconds on the player's clock.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Beat {
+pub struct SetTiming {
     /// When the last set that was decided on begins to be lit.
     pub start_ns: i64,
     /// From the beginning of a set to that of the next.
@@ -22,10 +20,23 @@ pub struct Target {
     pub hand_over_ns: i64,
 }
 
-impl Beat {
+impl SetTiming {
     /// The lead to begin with, before any decision was seen: a player's margin, and a millisecond.
     pub fn usual_lead_ns(period_ns: i64) -> i64 {
         period_ns / 8 + 1_000_000
+    }
+
+    /// Nothing is known but the period.
+    pub fn new(period_ns: i64) -> Self {
+        Self { start_ns: 0, period_ns, lead_ns: Self::usual_lead_ns(period_ns) }
+    }
+
+    /// After a set that begins at `start_ns` was decided on at `decided_ns`.
+    #[must_use]
+    pub fn after(self, start_ns: i64, decided_ns: i64) -> Self {
+        let lead = start_ns.saturating_sub(decided_ns).clamp(0, 4 * self.period_ns.max(1));
+        // Earlier decisions count at once, later ones slowly: a set that comes too late waits for a whole period.
+        Self { start_ns, lead_ns: lead.max(self.lead_ns - self.lead_ns / 16), ..self }
     }
 
     /// The first set after the last one that something which takes `need_ns` from now on can still be handed over for.
@@ -40,36 +51,6 @@ impl Beat {
     }
 }
 
-/// The beat as the present thread tells it: neither side waits for the other.
-#[derive(Debug)]
-pub struct BeatCell {
-    start_ns: AtomicI64,
-    lead_ns: AtomicI64,
-    period_ns: i64,
-}
-
-impl BeatCell {
-    /// Nothing is known but the period, and a lead to begin with.
-    pub fn new(period_ns: i64, lead_ns: i64) -> Self {
-        Self { start_ns: AtomicI64::new(0), lead_ns: AtomicI64::new(lead_ns), period_ns }
-    }
-
-    /// A set that begins at `start_ns` was decided on at `decided_ns`.
-    pub fn decided(&self, start_ns: i64, decided_ns: i64) {
-        self.start_ns.store(start_ns, Ordering::Release);
-        let lead = start_ns.saturating_sub(decided_ns).clamp(0, 4 * self.period_ns.max(1));
-        // Earlier decisions count at once, later ones slowly: a set that comes too late waits for a whole period.
-        let before = self.lead_ns.load(Ordering::Acquire);
-        self.lead_ns.store(lead.max(before - before / 16), Ordering::Release);
-    }
-
-    /// What is known.
-    pub fn get(&self) -> Beat {
-        let start_ns = self.start_ns.load(Ordering::Acquire);
-        Beat { start_ns, period_ns: self.period_ns, lead_ns: self.lead_ns.load(Ordering::Acquire) }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -77,23 +58,22 @@ mod tests {
 
     #[test]
     fn the_next_set_or_the_first_that_is_reached() {
-        let beat = Beat { start_ns: 1000, period_ns: 100, lead_ns: 30 };
-        let at = |now, need| beat.reachable(now, need).start_ns;
+        let timing = SetTiming { start_ns: 1000, period_ns: 100, lead_ns: 30 };
+        let at = |now, need| timing.reachable(now, need).start_ns;
         assert_eq!(at(0, 0), 1100, "never one that was decided on");
         assert_eq!((at(1060, 10), at(1061, 10)), (1100, 1200), "handed over at 1070 or never");
         assert_eq!(at(1061, 1000), 2100);
-        assert_eq!(beat.reachable(1061, 1000).hand_over_ns, 2070);
+        assert_eq!(timing.reachable(1061, 1000).hand_over_ns, 2070);
     }
 
     #[test]
     fn an_early_decision_counts_at_once_and_is_forgotten_slowly() {
-        let cell = BeatCell::new(16_000_000, 1_000_000);
-        cell.decided(50_000_000, 45_000_000);
-        assert_eq!(cell.get(), Beat { start_ns: 50_000_000, period_ns: 16_000_000, lead_ns: 5_000_000 });
-        cell.decided(66_000_000, 65_000_000);
-        assert_eq!(cell.get().lead_ns, 5_000_000 - 312_500);
-        (0..100).for_each(|i| cell.decided(82_000_000 + i, 81_000_000 + i));
-        assert_eq!(cell.get().lead_ns, 1_000_000);
+        let timing = SetTiming::new(16_000_000).after(50_000_000, 45_000_000);
+        assert_eq!(timing, SetTiming { start_ns: 50_000_000, period_ns: 16_000_000, lead_ns: 5_000_000 });
+        let timing = timing.after(66_000_000, 65_000_000);
+        assert_eq!(timing.lead_ns, 5_000_000 - 312_500);
+        let timing = (0..100).fold(timing, |timing, i| timing.after(82_000_000 + i, 81_000_000 + i));
+        assert_eq!(timing.lead_ns, 1_000_000);
     }
 
     proptest! {
@@ -101,11 +81,11 @@ mod tests {
         fn a_target_is_ahead_reachable_and_the_first(
             start in any::<i64>(), period in any::<i64>(), lead in 0i64..1 << 40, now in any::<i64>(), need in any::<i64>()
         ) {
-            let beat = Beat { start_ns: start, period_ns: period, lead_ns: lead };
-            let target = beat.reachable(now, need);
+            let timing = SetTiming { start_ns: start, period_ns: period, lead_ns: lead };
+            let target = timing.reachable(now, need);
             if (0..1 << 50).contains(&start) && (1..1 << 40).contains(&period) && (0..1 << 50).contains(&now) {
                 let need = need.clamp(0, 1 << 50);
-                let target = beat.reachable(now, need);
+                let target = timing.reachable(now, need);
                 prop_assert!(target.start_ns > start && target.hand_over_ns >= now + need);
                 let before = target.start_ns - period;
                 prop_assert!(before <= start || before - lead < now + need);

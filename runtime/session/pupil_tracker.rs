@@ -1,8 +1,8 @@
 //! A tracker's samples on their way to the estimate of the pupil, on a thread of their own.
 
+use super::{Notes, SessionError, Track};
 use crate::gaze::{Estimator, Phase, PupilDistribution};
-use crate::playback::Lane;
-use crate::trackers::{Sample, Status, Stream, TrackerError, now_ns};
+use crate::trackers::{Sample, Status, Stream, now_ns};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 /// What is expected of the eye at a time. Times on the trackers' clock ([`now_ns`]).
 #[derive(Debug, Clone, Copy)]
-pub struct Expected {
+pub struct PupilEstimate {
     /// The pupil.
     pub pupil: PupilDistribution,
     /// What the eye does.
@@ -25,32 +25,19 @@ struct State {
     newest: Option<[u64; 3]>,
     /// Where the pupil was measured, for looking back: (time, position).
     places: VecDeque<(u64, [f64; 2])>,
-    notes: VecDeque<String>,
 }
 
 /// Places that are remembered: a second at 1 kHz.
 const REMEMBERED: usize = 1024;
-const NOTES: usize = 32;
 /// How long it waits for a sample before it looks whether it should stop.
 const PATIENCE: Duration = Duration::from_millis(50);
 
-/// A tracker that is watched; dropped, it is left alone.
-pub struct Watch {
+/// Follows the pupil; dropped, it stops.
+pub struct PupilTracker {
     state: Arc<Mutex<State>>,
     stream: Arc<Stream>,
     stop: Arc<AtomicBool>,
-    thread: Option<JoinHandle<Lane>>,
-}
-
-/// Said when the thread panics.
-struct LastWords(Arc<Mutex<State>>);
-
-impl Drop for LastWords {
-    fn drop(&mut self) {
-        if std::thread::panicking() {
-            locked(&self.0).note("following the eye has ended by a fault of its own; the picture stays".into());
-        }
-    }
+    thread: Option<JoinHandle<Track>>,
 }
 
 fn locked(state: &Mutex<State>) -> MutexGuard<'_, State> {
@@ -58,53 +45,62 @@ fn locked(state: &Mutex<State>) -> MutexGuard<'_, State> {
     state.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-impl Watch {
-    /// Takes the samples of `stream` through `estimator`; `lane` traces it.
+impl PupilTracker {
+    /// Takes the samples of `stream` through `estimator`; `notes` are told what it says, `track` traces it.
     ///
     /// # Errors
-    /// [`TrackerError::Setting`] where the system gives no thread.
-    pub fn start(stream: Stream, estimator: Estimator, mut lane: Lane) -> Result<Self, TrackerError> {
-        let (places, notes) = (VecDeque::with_capacity(REMEMBERED), VecDeque::with_capacity(NOTES));
-        let state = Arc::new(Mutex::new(State { estimator, newest: None, places, notes }));
+    /// [`SessionError::Thread`].
+    pub(super) fn start(
+        stream: Stream,
+        estimator: Estimator,
+        notes: Notes,
+        mut track: Track,
+    ) -> Result<Self, SessionError> {
+        let places = VecDeque::with_capacity(REMEMBERED);
+        let state = Arc::new(Mutex::new(State { estimator, newest: None, places }));
         let (stream, stop) = (Arc::new(stream), Arc::new(AtomicBool::new(false)));
         let (theirs, samples, stopped) = (Arc::clone(&state), Arc::clone(&stream), Arc::clone(&stop));
         let thread = std::thread::Builder::new()
             .name("eyebox gaze".into())
             .spawn(move || {
                 let (mut ended, mut count) = (false, 0);
-                let _words = LastWords(Arc::clone(&theirs));
+                let _note = notes.on_panic("following the eye has ended by a fault of its own; the picture stays");
                 while !stopped.load(Ordering::Acquire) {
                     while let Some(note) = samples.note() {
-                        locked(&theirs).note(note);
+                        notes.tell(note);
                     }
                     // Asked before: what came before the end is still taken.
                     let status = samples.status();
                     if let Some(sample) = samples.next(PATIENCE) {
                         let begun = Instant::now();
                         locked(&theirs).take(&sample);
-                        lane.span("filter", count, begun);
+                        track.span("filter", count, begun);
                         count += 1;
                         continue;
                     }
                     if status.ended && !ended {
                         ended = true;
                         let why = status.failure.unwrap_or_else(|| "it has come to its end".into());
-                        locked(&theirs).note(format!("the tracker is over: {why}; the picture stays"));
+                        notes.tell(format!("the tracker is over: {why}; the picture stays"));
                     }
                     if ended {
                         std::thread::sleep(PATIENCE);
                     }
                 }
-                lane
+                track
             })
-            .map_err(|e| TrackerError::Setting(format!("no thread for the gaze: {e}")))?;
+            .map_err(|e| SessionError::Thread { what: "follows", reason: format!("could not be started ({e})") })?;
         Ok(Self { state, stream, stop, thread: Some(thread) })
     }
 
     /// What is expected at a time to come.
-    pub fn expect(&self, light_ns: u64) -> Expected {
+    pub fn expect(&self, light_ns: u64) -> PupilEstimate {
         let state = locked(&self.state);
-        Expected { pupil: state.estimator.predict(light_ns), phase: state.estimator.phase(), sample_ns: state.newest }
+        PupilEstimate {
+            pupil: state.estimator.predict(light_ns),
+            phase: state.estimator.phase(),
+            sample_ns: state.newest,
+        }
     }
 
     /// Where the pupil was at a time that has passed, between the two measurements around it; none where it was not
@@ -126,13 +122,8 @@ impl Watch {
         locked(&self.state).places.back().is_some_and(|p| p.0 >= time_ns)
     }
 
-    /// Something that the tracker said.
-    pub fn note(&self) -> Option<String> {
-        locked(&self.state).notes.pop_front()
-    }
-
     /// Ends the thread: what it did.
-    pub fn stop(&mut self) -> Option<Lane> {
+    pub fn stop(&mut self) -> Option<Track> {
         self.stop.store(true, Ordering::Release);
         self.thread.take().and_then(|t| t.join().ok())
     }
@@ -143,7 +134,7 @@ impl Watch {
     }
 }
 
-impl Drop for Watch {
+impl Drop for PupilTracker {
     fn drop(&mut self) {
         let _ = self.stop();
     }
@@ -163,11 +154,5 @@ impl State {
             self.places.push_back((placed.time_ns, placed.position));
         }
         self.newest = Some([sample.time_ns, sample.received_ns, now_ns()]);
-    }
-
-    fn note(&mut self, note: String) {
-        if self.notes.len() < NOTES {
-            self.notes.push_back(note);
-        }
     }
 }

@@ -5,7 +5,7 @@ use super::{Account, Cause, Scheduler};
 use serde_json::{Value, json};
 
 /// Of the video frames of which it is known when they lit up.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct Timing {
     count: u64,
     first: Option<(u64, i64)>,
@@ -47,7 +47,7 @@ impl Timing {
 }
 
 /// What came of a playback.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Report {
     /// The account.
     pub account: Account,

@@ -1,10 +1,9 @@
 //! The thread that reads: phase buffers are filled from the file, checked.
 
-use super::{Options, PATIENCE, Phases, Shared, of_epoch, tagged};
+use super::{PATIENCE, Phases, Shared, StreamOptions, of_epoch, tagged};
 use crate::hologram::Sequence;
-use crate::playback::Lane;
-use crate::playback::ring::Ring;
-use crossbeam_channel::Sender;
+use crate::mailbox::Mailbox;
+use crate::session::Track;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -12,16 +11,15 @@ use std::time::Instant;
 
 pub(super) struct Reader {
     pub(super) sequence: Sequence,
-    pub(super) options: Options,
+    pub(super) options: StreamOptions,
     pub(super) shared: Arc<Shared>,
-    pub(super) free: Ring<Vec<f32>>,
-    pub(super) out: Ring<Phases>,
-    pub(super) tell: Sender<String>,
-    pub(super) lane: Lane,
+    pub(super) free: Mailbox<Vec<f32>>,
+    pub(super) out: Mailbox<Phases>,
+    pub(super) track: Track,
 }
 
 impl Reader {
-    pub(super) fn run(mut self) -> Lane {
+    pub(super) fn run(mut self) -> Track {
         let (mut epoch, mut position) = (0, 0u64);
         let mut index = self.options.first;
         let mut told = BTreeSet::new();
@@ -66,10 +64,10 @@ impl Reader {
             self.shared.panic_from(0, position);
             let start = Instant::now();
             let read = self.sequence.read_into(index, &mut values);
-            self.lane.span("decode", index, start);
+            self.track.span("decode", index, start);
             let damaged = read.is_err();
             if let Some(error) = read.err().filter(|_| told.insert(index)) {
-                let _ = self.tell.send(format!("hologram {index} is left out: {error}"));
+                self.options.notes.tell(format!("hologram {index} is left out: {error}"));
             }
             self.shared.read.store(tagged(epoch, position + 1), Ordering::Release);
             let mut item = Phases { epoch, position, index, damaged, values };
@@ -81,14 +79,14 @@ impl Reader {
             }
             (position, index) = (position + 1, index + 1);
         }
-        self.lane
+        self.track
     }
 
     fn say_where_it_ends(&mut self) -> bool {
         if !self.sequence.is_complete() {
             let (path, count) = (self.sequence.path().display(), self.sequence.count());
             let of = self.sequence.planned().map(|n| format!(" of {n}")).unwrap_or_default();
-            let _ = self.tell.send(format!("{path}: it is unfinished and ends after {count}{of} holograms"));
+            self.options.notes.tell(format!("{path}: it is unfinished and ends after {count}{of} holograms"));
         }
         true
     }

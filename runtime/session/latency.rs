@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 /// When things happened to a set, nanoseconds on the player's clock.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Stamps {
+pub struct Timestamps {
     /// When the newest sample was taken that its pupil was predicted from; none before the first.
     pub sample_ns: Option<i64>,
     /// When that sample had arrived and was decoded.
@@ -147,20 +147,20 @@ impl Default for Latency {
 
 impl Latency {
     /// A set was presented for the first time, and is lit for the first time about `light_ns` (the middle of it).
-    pub fn shown(&mut self, stamps: &Stamps, presented_ns: i64, light_ns: i64) {
+    pub fn shown(&mut self, timestamps: &Timestamps, presented_ns: i64, light_ns: i64) {
         let ms = |from: i64, to: i64| to.saturating_sub(from) as f64 * 1e-6;
         let since = |from: Option<i64>, to: Option<i64>| from.zip(to).map(|(from, to)| ms(from, to));
-        let aimed = Some(stamps.aimed_ns);
+        let aimed = Some(timestamps.aimed_ns);
         let values = [
-            (Stage::Tracker, since(stamps.sample_ns, stamps.decoded_ns)),
-            (Stage::Filter, since(stamps.decoded_ns, stamps.filtered_ns)),
-            (Stage::Waiting, since(stamps.filtered_ns, aimed)),
-            (Stage::Refinement, since(aimed, Some(stamps.refine_end_ns))),
-            (Stage::Encoding, since(Some(stamps.refine_end_ns), Some(stamps.handed_over_ns))),
-            (Stage::HandOver, since(Some(stamps.handed_over_ns), Some(presented_ns))),
+            (Stage::Tracker, since(timestamps.sample_ns, timestamps.decoded_ns)),
+            (Stage::Filter, since(timestamps.decoded_ns, timestamps.filtered_ns)),
+            (Stage::Waiting, since(timestamps.filtered_ns, aimed)),
+            (Stage::Refinement, since(aimed, Some(timestamps.refine_end_ns))),
+            (Stage::Encoding, since(Some(timestamps.refine_end_ns), Some(timestamps.handed_over_ns))),
+            (Stage::HandOver, since(Some(timestamps.handed_over_ns), Some(presented_ns))),
             (Stage::Display, since(Some(presented_ns), Some(light_ns))),
-            (Stage::SampleToLight, since(stamps.sample_ns, Some(light_ns))),
-            (Stage::AllRefinement, since(Some(stamps.refine_start_ns), Some(stamps.refine_end_ns))),
+            (Stage::SampleToLight, since(timestamps.sample_ns, Some(light_ns))),
+            (Stage::AllRefinement, since(Some(timestamps.refine_start_ns), Some(timestamps.refine_end_ns))),
         ];
         for (stage, value) in values {
             if let Some(value) = value {
@@ -215,7 +215,7 @@ mod tests {
     #[test]
     fn stages_add_up_to_the_whole_way() {
         let mut latency = Latency::default();
-        let stamps = Stamps {
+        let timestamps = Timestamps {
             sample_ns: Some(1_000_000),
             decoded_ns: Some(9_000_000),
             filtered_ns: Some(9_100_000),
@@ -225,7 +225,7 @@ mod tests {
             handed_over_ns: 21_000_000,
             predicted_light_ns: 40_000_000,
         };
-        latency.shown(&stamps, 22_000_000, 40_000_000);
+        latency.shown(&timestamps, 22_000_000, 40_000_000);
         latency.missed_by(0.2e-3);
         let median = |stage| latency.of(stage).percentile(0.5).unwrap();
         let sum: f64 = Stage::ALL[..7].iter().map(|s| median(*s)).sum();
@@ -233,7 +233,7 @@ mod tests {
         assert!((median(Stage::AllRefinement) - 15.0).abs() < 0.05);
         assert!((latency.error_mm().percentile(0.5).unwrap() - 0.2).abs() < 0.01);
         // Before the first sample there is no way to account for, and nothing is made up.
-        latency.shown(&Stamps { sample_ns: None, decoded_ns: None, filtered_ns: None, ..stamps }, 0, 0);
+        latency.shown(&Timestamps { sample_ns: None, decoded_ns: None, filtered_ns: None, ..timestamps }, 0, 0);
         assert_eq!(latency.of(Stage::SampleToLight).count(), 1);
         assert_eq!(latency.of(Stage::Refinement).count(), 2);
     }

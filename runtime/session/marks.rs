@@ -7,20 +7,13 @@
 /// Period of the gratings, pixels.
 const PERIOD: usize = 8;
 
-/// A square in the upper left corner of every hologram.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Marks {
-    /// Its side, pixels; 0 for none.
-    pub side: usize,
-}
-
 /// A grating's phase, radians in [-pi, pi).
 fn grating(at: usize) -> f32 {
     (at % PERIOD) as f32 * (std::f32::consts::TAU / PERIOD as f32) - std::f32::consts::PI
 }
 
 /// The sync picture's phases, (colour, sub-frame, row, column): whole sub-frames of gratings.
-pub fn sync_phases([colors, frames, height, width]: [usize; 4]) -> Vec<f32> {
+pub(super) fn sync_phases([colors, frames, height, width]: [usize; 4]) -> Vec<f32> {
     let mut phases = Vec::with_capacity(colors * frames * height * width);
     for _ in 0..colors {
         for frame in 0..frames {
@@ -32,10 +25,10 @@ pub fn sync_phases([colors, frames, height, width]: [usize; 4]) -> Vec<f32> {
     phases
 }
 
-/// Puts the mark into a hologram's phases, (colour, sub-frame, row, column). Of content frames with an odd number the
+/// Puts a mark of `side` pixels into the upper left corner of a hologram's phases, (colour, sub-frame, row, column). Of content frames with an odd number the
 /// gratings are exchanged, so that a detector tells a new frame from a repeat.
-pub fn mark_corner(phases: &mut [f32], [_, frames, height, width]: [usize; 4], marks: Marks, position: u64) {
-    let (rows, columns) = (marks.side.min(height), marks.side.min(width));
+pub(super) fn mark_corner(phases: &mut [f32], [_, frames, height, width]: [usize; 4], side: usize, position: u64) {
+    let (rows, columns) = (side.min(height), side.min(width));
     if rows == 0 || columns == 0 || frames == 0 {
         return;
     }
@@ -65,14 +58,14 @@ mod tests {
         let shape = [2, 2, 10, 12];
         let mut even = vec![9.0; 480];
         let mut odd = even.clone();
-        mark_corner(&mut even, shape, Marks { side: 4 }, 6);
-        mark_corner(&mut odd, shape, Marks { side: 4 }, 7);
+        mark_corner(&mut even, shape, 4, 6);
+        mark_corner(&mut odd, shape, 4, 7);
         for (i, (e, o)) in even.iter().zip(&odd).enumerate() {
             let (y, x) = (i / 12 % 10, i % 12);
             assert_eq!(y < 4 && x < 4, *e != 9.0);
             assert!(y >= 4 || x >= 4 || x == y || e != o);
         }
-        mark_corner(&mut even, shape, Marks { side: 400 }, 6);
+        mark_corner(&mut even, shape, 400, 6);
         assert!(even.iter().all(|p| *p != 9.0));
     }
 }

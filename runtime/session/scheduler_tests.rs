@@ -23,18 +23,18 @@ fn schedule(display: &str, content: &str, set_frames: u64) -> Schedule {
     }
 }
 
-/// What the panel showed first of each new content frame: (position, its first beat), and the first beat of all sets.
+/// What the panel showed first of each new content frame: (position, its first timing), and the first timing of all sets.
 fn shown(simulation: &Simulation) -> (Vec<(u64, i64)>, Vec<i64>) {
     let sets = simulation.sets();
-    let content: Vec<(u64, i64)> = sets.iter().filter_map(|(set, beat)| Some(((*set)?, *beat))).collect();
+    let content: Vec<(u64, i64)> = sets.iter().filter_map(|(set, timing)| Some(((*set)?, *timing))).collect();
     let first = content.first().expect("some content").1;
     let mut new = content.clone();
     new.dedup_by_key(|c| c.0);
-    (new, sets.iter().map(|s| s.1).filter(|beat| *beat >= first).collect())
+    (new, sets.iter().map(|s| s.1).filter(|timing| *timing >= first).collect())
 }
 
-/// The content frame due at a beat, counted from the one at which content began, in whole numbers: a frame goes to the
-/// first set that starts no more than 3/8 of a beat before its time. Two, where that is a tie to a microsecond.
+/// The content frame due at a timing, counted from the one at which content began, in whole numbers: a frame goes to the
+/// first set that starts no more than 3/8 of a timing before its time. Two, where that is a tie to a microsecond.
 fn due(beats: i64, display: Rate, content: Rate) -> [u64; 2] {
     let ([dn, dd], [cn, cd]) = (display.fraction().map(i128::from), content.fraction().map(i128::from));
     // Position in parts of 1 / (8 dn cd); a microsecond is cn / cd / 1e6 of a frame.
@@ -60,10 +60,13 @@ fn plays_by_arithmetic(display: &str, content: &str, set_frames: u64, time_ns: i
     simulation.panel.jitter_ns = jitter_ns;
     assert_eq!(simulation.run_until(time_ns), Flow::Continue);
     let (new, starts) = shown(&simulation);
-    for (set, beat) in simulation.sets().into_iter().filter(|s| s.1 >= starts[0]) {
+    for (set, timing) in simulation.sets().into_iter().filter(|s| s.1 >= starts[0]) {
         let set = set.expect("content goes on");
-        let [before, after] = due(beat - starts[0], rate(display), rate(content));
-        assert!((before..=after).contains(&set), "{content} on {display}, sets of {set_frames}: {set} at beat {beat}");
+        let [before, after] = due(timing - starts[0], rate(display), rate(content));
+        assert!(
+            (before..=after).contains(&set),
+            "{content} on {display}, sets of {set_frames}: {set} at timing {timing}"
+        );
     }
     let account = adds_up(&simulation);
     let dropped = new.last().unwrap().0 + 1 - new.len() as u64;
@@ -165,9 +168,9 @@ fn sets_keep_their_phase_where_lasers_count_video_frames() {
     let account = adds_up(&simulation);
     assert_eq!((account.missed_presents, account.held_video_frames), (19, 38));
     // Out of phase at most as long as the panel's answer takes.
-    let out = |beat: &&i64| (**beat - first) % 3 != 0;
-    for beat in starts.iter().filter(out) {
-        assert!(stuck.range(beat - 9..=*beat).next().is_some(), "beat {beat}");
+    let out = |timing: &&i64| (**timing - first) % 3 != 0;
+    for timing in starts.iter().filter(out) {
+        assert!(stuck.range(timing - 9..=*timing).next().is_some(), "timing {timing}");
     }
 }
 
@@ -188,7 +191,7 @@ fn a_late_producer_is_named_and_costs_what_it_must() {
         }
         simulation.run_until(MINUTES);
         let (new, starts) = shown(&simulation);
-        assert!((4..=6).contains(&starts[0]), "content begins at beat {}", starts[0]);
+        assert!((4..=6).contains(&starts[0]), "content begins at timing {}", starts[0]);
         let offset = starts[0] - 5;
         let account = adds_up(&simulation);
         let (cause, other) =
@@ -352,8 +355,11 @@ fn a_display_that_comes_back_with_another_phase_is_followed() {
         assert!(missed <= 4, "{shift_ns}: {missed}");
         assert_eq!(account.missed_presents, missed, "{shift_ns}");
         let now = simulation.player.display_time_ns();
-        let beat = (now - simulation.panel.time_of_ns(0)).rem_euclid(rate("60").period_ns());
-        assert!(beat < 500_000 || beat > rate("60").period_ns() - 500_000, "{shift_ns}: {beat} ns beside the beat");
+        let timing = (now - simulation.panel.time_of_ns(0)).rem_euclid(rate("60").period_ns());
+        assert!(
+            timing < 500_000 || timing > rate("60").period_ns() - 500_000,
+            "{shift_ns}: {timing} ns beside the timing"
+        );
     }
 }
 

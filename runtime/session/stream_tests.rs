@@ -110,7 +110,7 @@ fn play_stream(
     };
     let idle = encoder.frames();
     let mut offscreen = Offscreen::new(Rc::clone(&clock), display_rate, idle.frame_bytes());
-    let mut player = Player::new(clock, Scheduler::new(schedule), idle, Trace::new(0).lane(""));
+    let mut player = Player::new(clock, Scheduler::new(schedule), idle, Trace::new(0).track(""));
     let (mut log, mut messages, mut flow) = (Log::new(), Vec::new(), Flow::Continue);
     while flow == Flow::Continue && log.len() < most {
         act(log.len(), &mut player, &mut stream);
@@ -193,7 +193,7 @@ fn a_device_that_cannot_be_had_is_an_error_before_anything_is_shown() {
     let none = crate::engine::vulkan::Options { device: Some("no such device".into()), ..device() };
     let error = Stream::start(sequence, StreamEncoder::Vulkan(encoder, none), options()).err().expect("no device");
     let text = error.to_string();
-    assert!(matches!(error, PlaybackError::Engine(_)) && text.contains("no such device"), "{text}");
+    assert!(matches!(error, SessionError::Engine(_)) && text.contains("no such device"), "{text}");
 }
 
 /// The device is lost at the first submission, in an upload, in the kernel, in a download: the CPU goes on with the very
@@ -254,7 +254,7 @@ fn a_thread_that_fails_leaves_the_idle_picture_and_one_line() {
         let (speed, keep_phase) = (Speed::ONE, false);
         let schedule = Schedule { display_rate: rate, content_rate: rate, speed, set_frames: 1, start, keep_phase };
         let mut offscreen = Offscreen::new(Rc::clone(&clock), rate, idle.frame_bytes());
-        let mut player = Player::new(clock, Scheduler::new(schedule), idle.clone(), Trace::new(0).lane(""));
+        let mut player = Player::new(clock, Scheduler::new(schedule), idle.clone(), Trace::new(0).track(""));
         let ended = loop {
             let shown = offscreen.picture().to_vec();
             if let Err(error) = player.tick(&mut offscreen, &mut stream, &mut |_| Ok(())) {
@@ -332,7 +332,7 @@ fn a_hologram_of_another_shape_is_refused_at_once() {
     let fixture = fixture("planes24", 1);
     let encoder = Encoder::new(&Display { width: 20, ..fixture.display.clone() }, &COLORS, 8).unwrap();
     let sequence = Sequence::open(&fixture.path).unwrap();
-    assert!(matches!(Stream::start(sequence, StreamEncoder::Cpu(encoder), options()), Err(PlaybackError::Encode(_))));
+    assert!(matches!(Stream::start(sequence, StreamEncoder::Cpu(encoder), options()), Err(SessionError::Encode(_))));
 }
 
 #[test]

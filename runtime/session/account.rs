@@ -33,7 +33,7 @@ impl Cause {
 /// `due == shown + dropped + pending`, and, where every set was shown to its end,
 /// `video_frames == sets x video frames a set + missed_presents + held_video_frames`;
 /// `sets == shown + repeats + idle_sets + late sets that showed nothing new`.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Account {
     /// Video frames of the display, shown or missed.
     pub video_frames: u64,

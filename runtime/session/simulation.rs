@@ -3,7 +3,7 @@
 
 use super::player::Source;
 use super::{
-    Clock, Content, Feedback, Flow, PlaybackError, Player, Presenter, Rate, Readiness, Schedule, Scheduler,
+    Clock, Content, Feedback, Flow, Player, Presenter, Rate, Readiness, Schedule, Scheduler, SessionError,
     SimulatedClock, Trace,
 };
 use crate::encode::{Encoder, VideoFrames};
@@ -12,16 +12,16 @@ use crate::solve::SplitMix;
 use std::collections::{BTreeSet, VecDeque};
 use std::rc::Rc;
 
-/// What the panel shows from one beat to the next.
+/// What the panel shows from one timing to the next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Lit {
-    pub beat: i64,
+    pub timing: i64,
     /// The position and the video frame that were painted into the picture; none for the idle picture.
     pub set: Option<u64>,
     pub video_frame: u64,
 }
 
-/// Beats at a rate and a phase of its own. What is handed over lights up at the next beat that is free.
+/// Beats at a rate and a phase of its own. What is handed over lights up at the next timing that is free.
 pub struct Panel {
     clock: Rc<SimulatedClock>,
     rate: Rate,
@@ -43,13 +43,13 @@ impl Panel {
         Self { clock, rate, phase_ns, stuck, jitter_ns: 0, noise: SplitMix(5), picture: [0; 9], next: 0, log, feedback }
     }
 
-    /// Its beat comes so much later from now on.
+    /// Its timing comes so much later from now on.
     pub fn shift(&mut self, by_ns: i64) {
         self.phase_ns += by_ns;
     }
 
-    pub fn time_of_ns(&self, beat: i64) -> i64 {
-        self.phase_ns + self.rate.time_of_ns(beat)
+    pub fn time_of_ns(&self, timing: i64) -> i64 {
+        self.phase_ns + self.rate.time_of_ns(timing)
     }
 }
 
@@ -62,18 +62,18 @@ impl Presenter for Panel {
         Some(self.rate)
     }
 
-    fn upload(&mut self, picture: &[u8]) -> Result<(), PlaybackError> {
+    fn upload(&mut self, picture: &[u8]) -> Result<(), SessionError> {
         self.picture.copy_from_slice(&picture[..9]);
         Ok(())
     }
 
-    fn present(&mut self, id: u64, _desired_present_time_ns: i64) -> Result<(), PlaybackError> {
+    fn present(&mut self, id: u64, _desired_present_time_ns: i64) -> Result<(), SessionError> {
         while self.time_of_ns(self.next) <= self.clock.now_ns() || self.stuck.contains(&self.next) {
             self.next += 1;
         }
         let word = u64::from_le_bytes(self.picture[..8].try_into().expect("eight bytes"));
         let set = (word > 0).then(|| word - 1);
-        self.log.push(Lit { beat: self.next, set, video_frame: u64::from(self.picture[8]) });
+        self.log.push(Lit { timing: self.next, set, video_frame: u64::from(self.picture[8]) });
         let off = (2.0 * self.noise.unit() - 1.0) * self.jitter_ns as f64;
         let actual_display_time_ns = self.time_of_ns(self.next) + off as i64;
         self.feedback.push_back(Feedback { id, actual_display_time_ns });
@@ -121,12 +121,12 @@ impl Content for Producer {
 }
 
 impl Source for Producer {
-    fn poll(&mut self, _useful_from: u64) -> Result<(), PlaybackError> {
+    fn poll(&mut self, _useful_from: u64) -> Result<(), SessionError> {
         Ok(())
     }
 
     // Here late content is late, though the clock is simulated.
-    fn settle(&mut self, _position: u64) -> Result<(), PlaybackError> {
+    fn settle(&mut self, _position: u64) -> Result<(), SessionError> {
         Ok(())
     }
 
@@ -190,7 +190,7 @@ impl Simulation {
             Rc::<SimulatedClock>::clone(&clock) as Rc<dyn Clock>,
             Scheduler::new(schedule),
             idle,
-            Trace::new(0).lane(""),
+            Trace::new(0).track(""),
         );
         Self { clock, panel, producer, player }
     }
@@ -211,7 +211,7 @@ impl Simulation {
         Flow::Continue
     }
 
-    /// The sets that the panel showed, each with its first beat, repeats apart; fails for a torn or a mixed one, and for
+    /// The sets that the panel showed, each with its first timing, repeats apart; fails for a torn or a mixed one, and for
     /// one out of order.
     pub fn sets(&self) -> Vec<(Option<u64>, i64)> {
         let n = self.player.scheduler().schedule().set_frames;
@@ -221,9 +221,9 @@ impl Simulation {
         log.dedup_by(|b, a| n > 1 && (a.set, a.video_frame) == (b.set, b.video_frame) && a.video_frame == n - 1);
         for set in log.chunks(n as usize) {
             for (i, lit) in set.iter().enumerate() {
-                assert_eq!((lit.set, lit.video_frame), (set[0].set, i as u64), "torn at beat {}", lit.beat);
+                assert_eq!((lit.set, lit.video_frame), (set[0].set, i as u64), "torn at timing {}", lit.timing);
             }
-            sets.push((set[0].set, set[0].beat));
+            sets.push((set[0].set, set[0].timing));
         }
         assert!(sets.windows(2).all(|w| w[0].0 <= w[1].0 && w[0].1 < w[1].1), "out of order");
         sets

@@ -18,13 +18,13 @@ use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 /// A hologram of the still life for the whole eyebox.
-fn part() -> Part {
+fn part() -> SteeredColor {
     let display = Display { height: 96, width: 112, ..Display::preset("small").unwrap() };
     let field = scene::load("builtin:still-life", &Request::new(&display, &[Color::Green])).unwrap();
     let problem = Problem::new(&field, Color::Green, &display, Padding::default()).unwrap();
     let settings = Settings { steps: 24, diameter: [2e-3, 18e-3], depth: [-5e-4, 5e-4], ..Settings::default() };
     let solution = solve(&problem, &settings, &mut CpuEngine::new(), &mut |_| Flow::Continue).unwrap();
-    Part { problem, phases: solution.phases, exposure: solution.exposure }
+    SteeredColor { problem, phases: solution.phases, exposure: solution.exposure }
 }
 
 fn cpu() -> Result<Box<dyn Engine>, EngineError> {
@@ -115,19 +115,19 @@ fn a_simulated_eye_sees_better_when_steered() {
     assert!(study(&parts, &Policy::default(), &encoder(), &wrong, &mut cpu, &mut |_, _, _| true).is_err());
 }
 
-fn made(giver: &Giver, number: u64) -> Made {
-    let mut frames = giver.buffer().expect("there is always a buffer");
+fn made(sender: &SetSender, number: u64) -> FinishedSet {
+    let mut frames = sender.buffer().expect("there is always a buffer");
     // Every byte says which set it is of.
     frames.bytes_mut().fill((number % 251) as u8);
-    Made { number, frames, stamps: Stamps::default(), pupil: [0.0; 2], steps: 1, phases: None }
+    FinishedSet { number, frames, timestamps: Timestamps::default(), pupil: [0.0; 2], steps: 1, phases: None }
 }
 
 #[test]
 fn the_newest_set_wins_and_buffers_go_round() {
-    let (giver, mut source) = handover(&encoder().frames());
+    let (sender, mut source) = handover(&encoder().frames());
     assert_eq!(source.readiness(0), Readiness::Unread);
     for number in 0..100 {
-        giver.give(made(&giver, number));
+        sender.give(made(&sender, number));
         if number % 7 == 0 {
             source.poll(0).unwrap();
         }
@@ -143,7 +143,7 @@ fn the_newest_set_wins_and_buffers_go_round() {
     source.show(1000);
     assert_eq!((source.on_screen().map(|s| s.1), source.counts()), (Some(99), [10, 1]));
     // Who made it is gone: the picture stays.
-    drop(giver);
+    drop(sender);
     source.poll(0).unwrap();
     assert_eq!(source.readiness(7), Readiness::Ready);
 }
@@ -151,8 +151,8 @@ fn the_newest_set_wins_and_buffers_go_round() {
 /// A refinement in simulated time: it aims for the next set that it expects to reach, and takes as long as it likes.
 struct Simulated {
     clock: Rc<SimulatedClock>,
-    giver: Giver,
-    beat: Rc<BeatCell>,
+    sender: SetSender,
+    timing: Rc<BeatCell>,
     ready_ns: i64,
     number: u64,
     noise: SplitMix,
@@ -162,11 +162,11 @@ impl Simulated {
     /// What would have been handed over by now.
     fn pass(&mut self) {
         while self.ready_ns <= self.clock.now_ns() {
-            self.giver.give(made(&self.giver, self.number));
+            self.sender.give(made(&self.sender, self.number));
             self.number += 1;
             let now = self.ready_ns;
             let estimate = 4_000_000;
-            let target = self.beat.get().reachable(now, estimate);
+            let target = self.timing.get().reachable(now, estimate);
             // One in twenty takes ten times its estimate, after all the time there was had been used.
             let late = self.noise.unit() < 0.05;
             let took = target.hand_over_ns.max(now) - now + if late { 10 * estimate } else { 0 };
@@ -189,12 +189,12 @@ impl Content for Follows<'_> {
 }
 
 impl crate::playback::Source for Follows<'_> {
-    fn poll(&mut self, useful_from: u64) -> Result<(), crate::playback::PlaybackError> {
+    fn poll(&mut self, useful_from: u64) -> Result<(), crate::playback::SessionError> {
         self.1.borrow_mut().pass();
         self.0.poll(useful_from)
     }
 
-    fn settle(&mut self, position: u64) -> Result<(), crate::playback::PlaybackError> {
+    fn settle(&mut self, position: u64) -> Result<(), crate::playback::SessionError> {
         self.0.settle(position)
     }
 
@@ -220,12 +220,12 @@ fn in_ten_minutes_no_set_is_late_because_of_refinement() {
     let clock = Rc::new(SimulatedClock::default());
     let rate = Rate::new(60, 1).unwrap();
     let frames = encoder().frames();
-    let (giver, mut source) = handover(&frames);
-    let beat = Rc::new(BeatCell::new(rate.period_ns(), 3_000_000));
+    let (sender, mut source) = handover(&frames);
+    let timing = Rc::new(BeatCell::new(rate.period_ns(), 3_000_000));
     let simulated = RefCell::new(Simulated {
         clock: Rc::clone(&clock),
-        giver,
-        beat: Rc::clone(&beat),
+        sender,
+        timing: Rc::clone(&timing),
         ready_ns: 0,
         number: 0,
         noise: SplitMix(9),
@@ -241,7 +241,7 @@ fn in_ten_minutes_no_set_is_late_because_of_refinement() {
     let mut presenter = Offscreen::new(Rc::clone(&clock) as Rc<dyn Clock>, rate, frames.frame_bytes());
     let idle = frames.clone();
     let dyn_clock = Rc::clone(&clock) as Rc<dyn Clock>;
-    let mut player = Player::new(dyn_clock, Scheduler::new(schedule), idle, Trace::new(0).lane("present"));
+    let mut player = Player::new(dyn_clock, Scheduler::new(schedule), idle, Trace::new(0).track("present"));
     let (mut last, mut news) = (0, 0u64);
     let ten_minutes = 600 * 1_000_000_000;
     while clock.now_ns() < ten_minutes {
@@ -260,7 +260,7 @@ fn in_ten_minutes_no_set_is_late_because_of_refinement() {
             })
             .unwrap();
         let decided = clock.now_ns().min(began.unwrap_or(0) - 2_000_000);
-        beat.decided(began.unwrap_or(0), decided);
+        timing.decided(began.unwrap_or(0), decided);
     }
     let account = player.scheduler().account();
     assert_eq!(account.late_sets, [0; 5]);
@@ -306,10 +306,10 @@ fn late(received_ns: u64) -> Event {
     Event::Sample(sample, None)
 }
 
-fn watch(script: impl FnMut(u64) -> Option<Event> + Send + 'static) -> Watch {
+fn watch(script: impl FnMut(u64) -> Option<Event> + Send + 'static) -> PupilTracker {
     let stream = Stream::start(Box::new(Scripted(Box::new(script), 0))).unwrap();
     let estimator = Estimator::new(GazeSettings::default(), None).unwrap();
-    Watch::start(stream, estimator, Trace::new(0).lane("gaze")).unwrap()
+    PupilTracker::start(stream, estimator, Trace::new(0).track("gaze")).unwrap()
 }
 
 fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
@@ -376,21 +376,21 @@ fn the_thread_hands_over_refined_sets_and_ends_without_taking_the_picture() {
     let start = now_ns();
     let watch = std::sync::Arc::new(watch(move |i| (i < 100).then(|| at(start + i * 1_000_000, [1e-3, 0.0]))));
     let clock = crate::playback::RealClock::start();
-    let beat = std::sync::Arc::new(BeatCell::new(16_666_667, 2_000_000));
-    let options = options(clock, &beat, move || Steerer::new(vec![whole.clone()], Policy::default(), cpu));
+    let timing = std::sync::Arc::new(BeatCell::new(16_666_667, 2_000_000));
+    let options = options(clock, &timing, move || Steerer::new(vec![whole.clone()], Policy::default(), cpu));
     let (live, mut source) = start_live(steerer, std::sync::Arc::clone(&watch), options);
     source.poll(0).unwrap();
     assert_eq!(source.readiness(0), Readiness::Ready, "the first set is there at once");
     let mut steps = 0;
     wait_for("refined sets", || {
-        beat.decided(clock.now_ns() + 2_000_000, clock.now_ns());
+        timing.decided(clock.now_ns() + 2_000_000, clock.now_ns());
         source.poll(0).unwrap();
         source.show(0);
         if let Some(made) = source.newly_shown() {
             steps += made.steps;
             assert!(made.phases.as_ref().is_some_and(|p| p.len() == 1 && p[0].iter().all(|v| v.is_finite())));
-            assert!(made.stamps.handed_over_ns >= made.stamps.refine_end_ns);
-            assert!(made.stamps.refine_end_ns >= made.stamps.aimed_ns);
+            assert!(made.timestamps.handed_over_ns >= made.timestamps.refine_end_ns);
+            assert!(made.timestamps.refine_end_ns >= made.timestamps.aimed_ns);
         }
         steps > 3
     });
@@ -403,21 +403,21 @@ fn the_thread_hands_over_refined_sets_and_ends_without_taking_the_picture() {
 /// Steered, at 60 Hz; `again` makes the engines anew.
 fn options(
     clock: crate::playback::RealClock,
-    beat: &std::sync::Arc<BeatCell>,
-    again: impl FnMut() -> Result<Steerer, LiveError> + Send + 'static,
+    timing: &std::sync::Arc<BeatCell>,
+    again: impl FnMut() -> Result<Steerer, SessionError> + Send + 'static,
 ) -> LiveOptions {
     LiveOptions {
         clock,
-        beat: std::sync::Arc::clone(beat),
+        timing: std::sync::Arc::clone(timing),
         light_after: Duration::from_millis(8),
         steered: true,
         with_phases: true,
         again: Box::new(again),
-        lane: Trace::new(0).lane("refine"),
+        track: Trace::new(0).track("refine"),
     }
 }
 
-fn start_live(steerer: Steerer, watch: std::sync::Arc<Watch>, options: LiveOptions) -> (Live, LiveSource) {
+fn start_live(steerer: Steerer, watch: std::sync::Arc<PupilTracker>, options: LiveOptions) -> (Live, LiveSource) {
     super::start(steerer, encoder(), watch, options).unwrap()
 }
 
@@ -465,12 +465,12 @@ fn an_engine_that_is_lost_is_made_anew_and_then_given_up() {
     let steerer = short().unwrap();
     let watch = std::sync::Arc::new(watch(|_| None));
     let clock = crate::playback::RealClock::start();
-    let beat = std::sync::Arc::new(BeatCell::new(16_666_667, 2_000_000));
-    let options = options(clock, &beat, short);
+    let timing = std::sync::Arc::new(BeatCell::new(16_666_667, 2_000_000));
+    let options = options(clock, &timing, short);
     let (live, mut source) = start_live(steerer, watch, options);
     let mut messages = Vec::new();
     wait_for("the end of the refinement", || {
-        beat.decided(clock.now_ns() + 2_000_000, clock.now_ns());
+        timing.decided(clock.now_ns() + 2_000_000, clock.now_ns());
         source.poll(0).unwrap();
         source.show(0);
         messages.extend(source.message());

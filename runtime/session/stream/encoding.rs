@@ -4,34 +4,34 @@ use super::{Encoded, PATIENCE, Phases, Shared, of_epoch};
 use crate::encode::{Encoder, PhaseSet, VideoFrames};
 use crate::engine::EngineError;
 use crate::engine::vulkan::VulkanEncoder;
-use crate::playback::ring::Ring;
-use crate::playback::{Lane, Marks, PlaybackError, mark_corner};
-use crossbeam_channel::Sender;
+use crate::mailbox::Mailbox;
+use crate::session::marks::mark_corner;
+use crate::session::{Notes, SessionError, Track};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 pub(super) struct Encoding {
     pub(super) shape: [usize; 4],
-    pub(super) marks: Marks,
+    pub(super) mark: usize,
     pub(super) shared: Arc<Shared>,
-    pub(super) encode: Ring<Phases>,
-    pub(super) free_phases: Ring<Vec<f32>>,
-    pub(super) free_frames: Ring<VideoFrames>,
-    pub(super) out: Ring<Encoded>,
-    pub(super) tell: Sender<String>,
-    pub(super) lane: Lane,
+    pub(super) encode: Mailbox<Phases>,
+    pub(super) free_phases: Mailbox<Vec<f32>>,
+    pub(super) free_frames: Mailbox<VideoFrames>,
+    pub(super) out: Mailbox<Encoded>,
+    pub(super) notes: Notes,
+    pub(super) track: Track,
 }
 
 impl Encoding {
-    pub(super) fn start(mut self, encoder: &Encoder, mut device: Option<VulkanEncoder>, threads: usize) -> Lane {
-        let tell = self.tell.clone();
+    pub(super) fn start(mut self, encoder: &Encoder, mut device: Option<VulkanEncoder>, threads: usize) -> Track {
+        let notes = self.notes.clone();
         let encode = |colors: &[&[f32]], frames: &mut VideoFrames| {
             match device.as_mut().map(|device| device.encode(colors, frames.bytes_mut())) {
                 Some(Ok(())) => return Ok(()),
                 Some(Err(EngineError::DeviceLost { device: name, during })) => {
                     device = None;
-                    let _ = tell.send(format!("{name} was lost while it ran {during}: the CPU encodes from here on"));
+                    notes.tell(format!("{name} was lost while it ran {during}: the CPU encodes from here on"));
                 }
                 Some(Err(error)) => return Err(error.into()),
                 None => {}
@@ -44,18 +44,18 @@ impl Encoding {
                 meet();
                 self.run(encode)
             }),
-            Err(e) => Err(PlaybackError::Thread { what: "encodes", reason: format!("could not be started ({e})") }),
+            Err(e) => Err(SessionError::Thread { what: "encodes", reason: format!("could not be started ({e})") }),
         };
         if let Err(error) = failed {
             self.shared.fail(error);
         }
-        self.lane
+        self.track
     }
 
     fn run(
         &mut self,
-        mut encode: impl FnMut(&[&[f32]], &mut VideoFrames) -> Result<(), PlaybackError>,
-    ) -> Result<(), PlaybackError> {
+        mut encode: impl FnMut(&[&[f32]], &mut VideoFrames) -> Result<(), SessionError>,
+    ) -> Result<(), SessionError> {
         let each = self.shape[1] * self.shape[2] * self.shape[3];
         while !self.shared.stopped() {
             let Some(mut item) = self.encode.take_within(PATIENCE) else { continue };
@@ -70,13 +70,13 @@ impl Encoding {
                 #[cfg(test)]
                 self.shared.panic_from(1, item.position);
                 let start = Instant::now();
-                mark_corner(&mut item.values, self.shape, self.marks, item.position);
+                mark_corner(&mut item.values, self.shape, self.mark, item.position);
                 // One to three colours as a rule; never more than fit here.
                 let mut colors: [&[f32]; 16] = [&[]; 16];
                 let count = self.shape[0].min(colors.len());
                 colors.iter_mut().zip(item.values.chunks_exact(each)).for_each(|(c, values)| *c = values);
                 encode(&colors[..count], frames)?;
-                self.lane.span("encode", item.index, start);
+                self.track.span("encode", item.index, start);
             }
             let Phases { epoch, position, index, values, .. } = item;
             let _ = self.free_phases.put(values);

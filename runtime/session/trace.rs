@@ -1,6 +1,6 @@
 //! What each thread did when, in the format of Chrome's tracing (`chrome://tracing`, Perfetto).
 
-use super::PlaybackError;
+use super::SessionError;
 use crate::files::write_file;
 use serde_json::json;
 use std::path::Path;
@@ -14,7 +14,7 @@ struct Span {
     duration_ns: u64,
 }
 
-/// Hands out lanes of one beginning.
+/// Hands out tracks of one beginning.
 #[derive(Debug, Clone, Copy)]
 pub struct Trace {
     origin: Instant,
@@ -27,27 +27,27 @@ impl Trace {
         Self { origin: Instant::now(), spans }
     }
 
-    /// A lane for a thread.
-    pub fn lane(&self, name: &'static str) -> Lane {
-        Lane { name, origin: self.origin, spans: Vec::with_capacity(self.spans), lost: 0 }
+    /// A track for a thread.
+    pub fn track(&self, name: &'static str) -> Track {
+        Track { name, origin: self.origin, spans: Vec::with_capacity(self.spans), lost: 0 }
     }
 
-    /// Writes lanes to a file.
+    /// Writes tracks to a file.
     ///
     /// # Errors
-    /// [`PlaybackError::File`].
-    pub fn write(file: &Path, lanes: &[Lane]) -> Result<(), PlaybackError> {
+    /// [`SessionError::File`].
+    pub fn write(file: &Path, tracks: &[Track]) -> Result<(), SessionError> {
         let micros = |ns: u64| ns as f64 / 1000.0;
         write_file(file, |out| {
             write!(out, "{{\"displayTimeUnit\":\"ms\",\"traceEvents\":[")?;
             let mut comma = "";
-            for (thread, lane) in lanes.iter().enumerate() {
+            for (thread, track) in tracks.iter().enumerate() {
                 let name = json!({
-                    "name": "thread_name", "ph": "M", "pid": 1, "tid": thread, "args": { "name": lane.name, "lost": lane.lost },
+                    "name": "thread_name", "ph": "M", "pid": 1, "tid": thread, "args": { "name": track.name, "lost": track.lost },
                 });
                 write!(out, "{comma}\n{name}")?;
                 comma = ",";
-                for span in &lane.spans {
+                for span in &track.spans {
                     let event = json!({
                         "name": span.name, "cat": "playback", "ph": "X", "pid": 1, "tid": thread,
                         "ts": micros(span.start_ns), "dur": micros(span.duration_ns), "args": { "frame": span.position },
@@ -63,14 +63,14 @@ impl Trace {
 
 /// The spans of one thread, in a buffer that is made once: when it is full, further ones are only counted.
 #[derive(Debug)]
-pub struct Lane {
+pub struct Track {
     name: &'static str,
     origin: Instant,
     spans: Vec<Span>,
     lost: u64,
 }
 
-impl Lane {
+impl Track {
     /// Something that began at `start` and ends now, for a content frame by its number.
     pub fn span(&mut self, name: &'static str, position: u64, start: Instant) {
         if self.spans.capacity() == 0 {

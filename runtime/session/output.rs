@@ -1,0 +1,132 @@
+//! Where a session's video frames go.
+
+use super::SessionError;
+use crate::playback::{
+    Clock, Desktop, Direct, Offscreen, PlaybackError, Presenter, Rate, RealClock, SimulatedClock, Sink, Window,
+};
+use std::path::PathBuf;
+use std::rc::Rc;
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+/// Where video frames go.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub enum Output {
+    /// A window over all of a monitor: by its index, its name or its size as rows x columns; without, the first of the video
+    /// frame's size.
+    Window {
+        /// Which.
+        monitor: Option<String>,
+    },
+    /// A display that no desktop drives: by its index, its connector or its monitor; without, the first that has a mode of the
+    /// video frame's size.
+    Direct {
+        /// Which.
+        display: Option<String>,
+    },
+    /// Memory.
+    Memory {
+        /// Whether time passes as fast as content comes, and waits for it; else it is the system's.
+        simulated: bool,
+        /// Where every video frame goes besides.
+        sink: Option<SinkFile>,
+    },
+}
+
+/// A file that takes video frames ([`Sink`]).
+#[derive(Debug, Clone)]
+pub enum SinkFile {
+    /// All of them, one after the other.
+    Raw(PathBuf),
+    /// The newest.
+    Shared(PathBuf),
+}
+
+pub(super) type Messages = Arc<Mutex<Vec<String>>>;
+
+/// A display that is open.
+pub(super) struct OpenDisplay {
+    kind: Kind,
+    pub clock: Rc<dyn Clock>,
+    /// The same, where it is the system's.
+    pub real_clock: Option<RealClock>,
+    pub rate: Rate,
+    /// What the validation layer says.
+    pub messages: Option<Messages>,
+}
+
+enum Kind {
+    Window(Box<Window>),
+    Other(Box<dyn Presenter>, Option<Box<Desktop>>),
+}
+
+impl Output {
+    /// Opens it for video frames of (rows, columns, channels), at the `rate` that is asked for or its own.
+    pub(super) fn open(
+        &self,
+        size: [usize; 3],
+        rate: Option<Rate>,
+        validation: bool,
+    ) -> Result<OpenDisplay, SessionError> {
+        let [rows, columns, channels] = size;
+        let real = Rc::new(RealClock::start());
+        let (kind, known, messages) = match self {
+            Self::Window { monitor } => {
+                let desktop = Desktop::open()?;
+                let monitor = desktop.choose(monitor.as_deref(), [rows, columns])?;
+                let window = desktop.window(&monitor, Rc::clone(&real), validation)?;
+                let (known, messages) = (rate.or(window.rate()), window.messages());
+                (Kind::Window(Box::new(window)), known, Some(messages))
+            }
+            Self::Direct { display } => {
+                let direct = Direct::open(validation)?;
+                let window = direct.take(display.as_deref(), [rows, columns], rate, Rc::clone(&real))?;
+                // Its own rate is the mode's, which may be 59.94 where 60 was asked for.
+                let (known, messages) = (window.rate().or(rate), window.messages());
+                (Kind::Other(Box::new(window), None), known, Some(messages))
+            }
+            Self::Memory { simulated, sink } => {
+                let sink = match sink {
+                    Some(SinkFile::Raw(file)) => Some(Sink::raw(file)?),
+                    Some(SinkFile::Shared(file)) => Some(Sink::shared(file, size)?),
+                    None => None,
+                };
+                let rate = rate.map_or_else(|| Rate::new(60, 1), Ok)?;
+                let clock: Rc<dyn Clock> =
+                    if *simulated { Rc::new(SimulatedClock::default()) } else { Rc::<RealClock>::clone(&real) };
+                let memory = Offscreen::new(Rc::clone(&clock), rate, rows * columns * channels).with_sink(sink);
+                let (kind, real_clock) = (Kind::Other(Box::new(memory), None), (!*simulated).then_some(*real));
+                return Ok(OpenDisplay { kind, clock, real_clock, rate, messages: None });
+            }
+        };
+        let rate = known.map_or_else(|| Rate::new(60, 1), Ok)?;
+        Ok(OpenDisplay { kind, real_clock: Some(*real), clock: real, rate, messages })
+    }
+}
+
+impl OpenDisplay {
+    pub(super) fn presenter(&mut self) -> &mut dyn Presenter {
+        match &mut self.kind {
+            Kind::Window(window) => window.as_mut(),
+            Kind::Other(presenter, _) => presenter.as_mut(),
+        }
+    }
+
+    /// The desktop that a window beside the display stands on.
+    pub(super) fn desktop(&mut self) -> Result<&mut Desktop, PlaybackError> {
+        match &mut self.kind {
+            Kind::Window(window) => Ok(window.desktop()),
+            Kind::Other(_, Some(desktop)) => Ok(desktop),
+            Kind::Other(_, none) => Ok(none.insert(Box::new(Desktop::open()?))),
+        }
+    }
+
+    /// Takes events of windows beside the display; a window of its own takes them while it is asked for its own.
+    pub(super) fn pump(&mut self) -> Result<(), PlaybackError> {
+        match &mut self.kind {
+            Kind::Other(_, Some(desktop)) => desktop.pump_for(Duration::ZERO),
+            _ => Ok(()),
+        }
+    }
+}
