@@ -15,7 +15,7 @@
 //! | [`hologram`] | phase frames and their file |
 //! | [`tiled`] | far-field holograms larger than memory: region by region, from and to their file |
 //! | [`encode`] | calibration, levels, packing: phases to what the SLM receives |
-//! | [`playback`] | the display's side: windows, direct displays, memory; when video frames lit up |
+//! | [`present`] | video frames to light: windows, direct displays, memory; when what lit up |
 //! | [`session`] | content, an eye and time: what is shown when, streaming, refinement, an account of what was shown |
 //! | [`preview`] | what an eye sees, live, in an ordinary window |
 //! | [`trackers`] | eye trackers: devices, recordings, network, simulated; samples with a steady time |
@@ -35,7 +35,7 @@ pub mod hologram;
 mod mailbox;
 pub mod optics;
 pub mod plan;
-pub mod playback;
+pub mod present;
 pub mod preview;
 pub mod quality;
 pub mod scene;

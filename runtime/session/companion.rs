@@ -2,7 +2,7 @@
 
 use super::FinishedSet;
 use crate::optics::Pupil;
-use crate::playback::Desktop;
+use crate::present::Desktop;
 use std::sync::{Arc, Mutex};
 
 /// What a companion is told after every video frame.

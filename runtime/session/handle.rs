@@ -5,7 +5,7 @@ use super::player::Command;
 use super::present_thread::PresentThread;
 use super::{Account, Live, Notes, Output, Play, PresentedFrame, SessionError, Statistics, Timing};
 use crate::mailbox::Mailbox;
-use crate::playback::Rate;
+use crate::present::Rate;
 use crossbeam_utils::atomic::AtomicCell;
 use std::path::PathBuf;
 use std::sync::Arc;

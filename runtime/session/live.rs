@@ -12,7 +12,7 @@ use super::{
 use crate::encode::Encoder;
 use crate::gaze::Estimator;
 use crate::optics::Pupil;
-use crate::playback::{Clock, Rate, RealClock, SECOND_NS};
+use crate::present::{Clock, Rate, RealClock, SECOND_NS};
 use crate::trackers::mouse::{self, MouseHandle};
 use crate::trackers::simulated::{self, SimulatedSource};
 use crate::trackers::{self, Options, Source, Spec, Stream, now_ns};

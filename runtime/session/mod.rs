@@ -17,7 +17,7 @@
 //!
 //! Every time carries its unit and its meaning in its name. This room imports [`solve`](crate::solve),
 //! [`evaluate`](crate::evaluate), [`hologram`](crate::hologram), [`encode`](crate::encode), [`engine`](crate::engine),
-//! [`trackers`](crate::trackers), [`gaze`](crate::gaze) and the display's side, [`playback`](crate::playback).
+//! [`trackers`](crate::trackers), [`gaze`](crate::gaze) and the display's side, [`present`](crate::present).
 
 mod account;
 mod companion;
@@ -53,6 +53,8 @@ mod simulation;
 mod stream_tests;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod thread_tests;
 
 pub use account::{Account, Cause};
 pub use companion::{Asked, Companion, CompanionOpener, Now};
@@ -82,7 +84,7 @@ use crate::engine::{Engine, EngineError};
 use crate::files::FileError;
 use crate::gaze::{GazeError, PupilDistribution};
 use crate::hologram::HologramError;
-use crate::playback::PlaybackError;
+use crate::present::PresentError;
 use crate::solve::{Aim, SolveError};
 use crate::trackers::TrackerError;
 use std::time::Duration;
@@ -96,7 +98,7 @@ pub type EngineOpener = Box<dyn FnMut() -> Result<Box<dyn Engine>, EngineError> 
 pub enum SessionError {
     /// The display: refused, or lost.
     #[error(transparent)]
-    Display(#[from] PlaybackError),
+    Present(#[from] PresentError),
     /// The holograms.
     #[error(transparent)]
     Hologram(#[from] HologramError),
@@ -137,7 +139,7 @@ pub enum SessionError {
 impl SessionError {
     /// Whether the display was refused or lost, and nothing else is wrong.
     pub fn is_of_display(&self) -> bool {
-        matches!(self, Self::Display(PlaybackError::Presenter { .. }))
+        matches!(self, Self::Present(PresentError::Display { .. }))
     }
 }
 

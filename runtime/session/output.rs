@@ -1,8 +1,9 @@
 //! Where a session's video frames go.
 
 use super::SessionError;
-use crate::playback::{
-    Clock, Desktop, Direct, Offscreen, PlaybackError, Presenter, Rate, RealClock, SimulatedClock, Sink, Window,
+use crate::present::{
+    Clock, Desktop, DirectDisplays, DisplayPresenter, Offscreen, PresentError, Presenter, Rate, RealClock,
+    SimulatedClock, Sink,
 };
 use std::path::PathBuf;
 use std::rc::Rc;
@@ -57,7 +58,7 @@ pub(super) struct OpenDisplay {
 }
 
 enum Kind {
-    Window(Box<Window>),
+    Window(Box<DisplayPresenter>),
     Other(Box<dyn Presenter>, Option<Box<Desktop>>),
 }
 
@@ -70,21 +71,21 @@ impl Output {
         validation: bool,
     ) -> Result<OpenDisplay, SessionError> {
         let [rows, columns, channels] = size;
-        let real = Rc::new(RealClock::start());
+        let real = RealClock::start();
         let (kind, known, messages) = match self {
             Self::Window { monitor } => {
                 let desktop = Desktop::open()?;
                 let monitor = desktop.choose(monitor.as_deref(), [rows, columns])?;
-                let window = desktop.window(&monitor, Rc::clone(&real), validation)?;
+                let window = desktop.fullscreen(&monitor, real, validation)?;
                 let (known, messages) = (rate.or(window.rate()), window.messages());
                 (Kind::Window(Box::new(window)), known, Some(messages))
             }
             Self::Direct { display } => {
-                let direct = Direct::open(validation)?;
-                let window = direct.take(display.as_deref(), [rows, columns], rate, Rc::clone(&real))?;
+                let display =
+                    DirectDisplays::open(validation)?.take(display.as_deref(), [rows, columns], rate, real)?;
                 // Its own rate is the mode's, which may be 59.94 where 60 was asked for.
-                let (known, messages) = (window.rate().or(rate), window.messages());
-                (Kind::Other(Box::new(window), None), known, Some(messages))
+                let (known, messages) = (display.rate().or(rate), display.messages());
+                (Kind::Other(Box::new(display), None), known, Some(messages))
             }
             Self::Memory { simulated, sink } => {
                 let sink = match sink {
@@ -93,15 +94,14 @@ impl Output {
                     None => None,
                 };
                 let rate = rate.map_or_else(|| Rate::new(60, 1), Ok)?;
-                let clock: Rc<dyn Clock> =
-                    if *simulated { Rc::new(SimulatedClock::default()) } else { Rc::<RealClock>::clone(&real) };
+                let clock: Rc<dyn Clock> = if *simulated { Rc::new(SimulatedClock::default()) } else { Rc::new(real) };
                 let memory = Offscreen::new(Rc::clone(&clock), rate, rows * columns * channels).with_sink(sink);
-                let (kind, real_clock) = (Kind::Other(Box::new(memory), None), (!*simulated).then_some(*real));
+                let (kind, real_clock) = (Kind::Other(Box::new(memory), None), (!*simulated).then_some(real));
                 return Ok(OpenDisplay { kind, clock, real_clock, rate, messages: None });
             }
         };
         let rate = known.map_or_else(|| Rate::new(60, 1), Ok)?;
-        Ok(OpenDisplay { kind, real_clock: Some(*real), clock: real, rate, messages })
+        Ok(OpenDisplay { kind, real_clock: Some(real), clock: Rc::new(real), rate, messages })
     }
 }
 
@@ -114,16 +114,19 @@ impl OpenDisplay {
     }
 
     /// The desktop that a window beside the display stands on.
-    pub(super) fn desktop(&mut self) -> Result<&mut Desktop, PlaybackError> {
+    pub(super) fn desktop(&mut self) -> Result<&mut Desktop, PresentError> {
         match &mut self.kind {
-            Kind::Window(window) => Ok(window.desktop()),
+            Kind::Window(window) => window.desktop().ok_or_else(|| PresentError::Display {
+                presenter: "the window".into(),
+                reason: "it stands on no desktop".into(),
+            }),
             Kind::Other(_, Some(desktop)) => Ok(desktop),
             Kind::Other(_, none) => Ok(none.insert(Box::new(Desktop::open()?))),
         }
     }
 
     /// Takes events of windows beside the display; a window of its own takes them while it is asked for its own.
-    pub(super) fn pump(&mut self) -> Result<(), PlaybackError> {
+    pub(super) fn pump(&mut self) -> Result<(), PresentError> {
         match &mut self.kind {
             Kind::Other(_, Some(desktop)) => desktop.pump_for(Duration::ZERO),
             _ => Ok(()),

@@ -4,7 +4,7 @@
 //! what it has to do and a margin fit in between. A miss widens the margin at once, a run of presents without one
 //! narrows it slowly. Pure: times come in as numbers.
 
-use crate::playback::Rate;
+use crate::present::Rate;
 use std::collections::VecDeque;
 
 /// The next video frame.
@@ -64,11 +64,6 @@ impl Pacer {
     /// The margin between waking and what has to be done.
     pub fn margin_ns(&self) -> i64 {
         self.margin_ns
-    }
-
-    /// The time that preparing a video frame takes, as it is reckoned with.
-    pub fn compute_ns(&self) -> i64 {
-        self.compute_ns
     }
 
     /// The next video frame: the one after the last, or the first that can still be reached.

@@ -10,7 +10,7 @@ use crate::encode::{Encoder, PhaseSet};
 use crate::engine::vulkan::Options as VulkanOptions;
 use crate::hologram::{ColorHologram, Sequence};
 use crate::optics::{Color, Display};
-use crate::playback::{Rate, SECOND_NS};
+use crate::present::{Rate, SECOND_NS};
 use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
 

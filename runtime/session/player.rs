@@ -4,7 +4,7 @@ use super::report::Timing;
 use super::scheduler::{Content, Scheduler, Slot, What};
 use super::{Cause, Pacer, SessionError, Speed, Track};
 use crate::encode::VideoFrames;
-use crate::playback::{Clock, Event, PlaybackError, Presenter, Rate};
+use crate::present::{Clock, Event, PresentError, Presenter, Rate};
 use std::rc::Rc;
 use std::time::Instant;
 
@@ -214,7 +214,7 @@ impl Player {
         presenter: &mut dyn Presenter,
         ended: Result<T, SessionError>,
     ) -> Result<T, SessionError> {
-        if matches!(ended, Err(SessionError::Display(PlaybackError::Presenter { .. }))) {
+        if matches!(ended, Err(SessionError::Present(PresentError::Display { .. }))) {
             return ended;
         }
         let next = self.pacer.predict(self.clock.now_ns());

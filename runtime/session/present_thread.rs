@@ -11,7 +11,7 @@ use super::{
     Statistics, Status, Trace,
 };
 use crate::encode::VideoFrames;
-use crate::playback::SECOND_NS;
+use crate::present::SECOND_NS;
 use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::Arc;

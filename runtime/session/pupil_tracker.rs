@@ -1,8 +1,8 @@
 //! A tracker's samples on their way to the estimate of the pupil, on a thread of their own.
 
 use super::{Notes, SessionError, Track};
-use crate::gaze::{Estimator, Phase, PupilDistribution};
-use crate::trackers::{Sample, Status, Stream, now_ns};
+use crate::gaze::{Estimator, PupilDistribution};
+use crate::trackers::{Sample, Stream, now_ns};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -14,8 +14,6 @@ use std::time::{Duration, Instant};
 pub struct PupilEstimate {
     /// The pupil.
     pub pupil: PupilDistribution,
-    /// What the eye does.
-    pub phase: Phase,
     /// When the newest sample was taken, had arrived, and had gone through the filter; none before the first.
     pub sample_ns: Option<[u64; 3]>,
 }
@@ -35,7 +33,6 @@ const PATIENCE: Duration = Duration::from_millis(50);
 /// Follows the pupil; dropped, it stops.
 pub struct PupilTracker {
     state: Arc<Mutex<State>>,
-    stream: Arc<Stream>,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<Track>>,
 }
@@ -58,20 +55,20 @@ impl PupilTracker {
     ) -> Result<Self, SessionError> {
         let places = VecDeque::with_capacity(REMEMBERED);
         let state = Arc::new(Mutex::new(State { estimator, newest: None, places }));
-        let (stream, stop) = (Arc::new(stream), Arc::new(AtomicBool::new(false)));
-        let (theirs, samples, stopped) = (Arc::clone(&state), Arc::clone(&stream), Arc::clone(&stop));
+        let stop = Arc::new(AtomicBool::new(false));
+        let (theirs, stopped) = (Arc::clone(&state), Arc::clone(&stop));
         let thread = std::thread::Builder::new()
             .name("eyebox gaze".into())
             .spawn(move || {
                 let (mut ended, mut count) = (false, 0);
                 let _note = notes.on_panic("following the eye has ended by a fault of its own; the picture stays");
                 while !stopped.load(Ordering::Acquire) {
-                    while let Some(note) = samples.note() {
+                    while let Some(note) = stream.note() {
                         notes.tell(note);
                     }
                     // Asked before: what came before the end is still taken.
-                    let status = samples.status();
-                    if let Some(sample) = samples.next(PATIENCE) {
+                    let status = stream.status();
+                    if let Some(sample) = stream.next(PATIENCE) {
                         let begun = Instant::now();
                         locked(&theirs).take(&sample);
                         track.span("filter", count, begun);
@@ -90,17 +87,13 @@ impl PupilTracker {
                 track
             })
             .map_err(|e| SessionError::Thread { what: "follows", reason: format!("could not be started ({e})") })?;
-        Ok(Self { state, stream, stop, thread: Some(thread) })
+        Ok(Self { state, stop, thread: Some(thread) })
     }
 
     /// What is expected at a time to come.
     pub fn expect(&self, light_ns: u64) -> PupilEstimate {
         let state = locked(&self.state);
-        PupilEstimate {
-            pupil: state.estimator.predict(light_ns),
-            phase: state.estimator.phase(),
-            sample_ns: state.newest,
-        }
+        PupilEstimate { pupil: state.estimator.predict(light_ns), sample_ns: state.newest }
     }
 
     /// Where the pupil was at a time that has passed, between the two measurements around it; none where it was not
@@ -126,11 +119,6 @@ impl PupilTracker {
     pub fn stop(&mut self) -> Option<Track> {
         self.stop.store(true, Ordering::Release);
         self.thread.take().and_then(|t| t.join().ok())
-    }
-
-    /// How the tracker is doing.
-    pub fn status(&self) -> Status {
-        self.stream.status()
     }
 }
 

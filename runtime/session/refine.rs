@@ -6,7 +6,7 @@ use super::{
     FinishedSet, LiveSource, Notes, PupilTracker, SessionError, SetTiming, Steerer, Target, Timestamps, Track, as_ns,
 };
 use crate::encode::{Encoder, PhaseSet};
-use crate::playback::{Clock, RealClock};
+use crate::present::{Clock, RealClock};
 use crossbeam_utils::atomic::AtomicCell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};

@@ -8,7 +8,7 @@
 
 use super::account::{Account, Cause};
 use super::timeline::{Speed, Timeline};
-use crate::playback::Rate;
+use crate::present::Rate;
 use std::collections::VecDeque;
 
 /// How far a content frame has come.

@@ -1,7 +1,10 @@
 //! The scheduler and the pacer in simulated time: what the panel showed against plain arithmetic.
 
 use super::simulation::Simulation;
-use super::{Account, Cause, Clock, Flow, Pacer, Rate, SECOND_NS, Schedule, Speed, Start};
+use super::player::{Command, Flow};
+use super::scheduler::{Schedule, Start};
+use super::{Account, Cause, Pacer, Speed};
+use crate::present::{Clock, Rate, SECOND_NS};
 use proptest::prelude::*;
 use std::collections::BTreeSet;
 
@@ -45,7 +48,7 @@ fn due(beats: i64, display: Rate, content: Rate) -> [u64; 2] {
 
 fn adds_up(simulation: &Simulation) -> Account {
     let scheduler = simulation.player.scheduler();
-    let (account, n) = (scheduler.account().clone(), scheduler.schedule().set_frames);
+    let (account, n) = (*scheduler.account(), scheduler.schedule().set_frames);
     assert_eq!(account.due, account.shown + account.drops() + scheduler.pending() as u64, "{account:?}");
     let whole = account.sets * n + account.missed_presents + account.held_video_frames;
     assert!(whole >= account.video_frames && whole - account.video_frames < n, "{account:?}");
@@ -256,7 +259,6 @@ fn displays_that_agree_on_a_start_begin_with_it_ready_or_not() {
 
 #[test]
 fn pausing_stepping_and_speed_keep_sets_whole() {
-    use super::Command;
     let mut simulation = Simulation::new(schedule("60", "30", 1), rate("60"));
     simulation.run_until(2 * SECOND_NS);
     let last = |s: &Simulation| s.panel.log.last().unwrap().set.unwrap();

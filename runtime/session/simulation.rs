@@ -1,13 +1,12 @@
 //! A display and a producer that exist in simulated time alone, with the faults that real ones have; and the log of what
 //! was really on the panel, which is what tests judge by.
 
-use super::player::Source;
-use super::{
-    Clock, Content, Feedback, Flow, Player, Presenter, Rate, Readiness, Schedule, Scheduler, SessionError,
-    SimulatedClock, Trace,
-};
+use super::player::{Flow, Player, SetSource};
+use super::scheduler::{Content, Readiness, Schedule, Scheduler};
+use super::{SessionError, Trace};
 use crate::encode::{Encoder, VideoFrames};
 use crate::optics::{Color, Display};
+use crate::present::{Clock, Feedback, PresentError, Presenter, Rate, SimulatedClock};
 use crate::solve::SplitMix;
 use std::collections::{BTreeSet, VecDeque};
 use std::rc::Rc;
@@ -62,12 +61,12 @@ impl Presenter for Panel {
         Some(self.rate)
     }
 
-    fn upload(&mut self, picture: &[u8]) -> Result<(), SessionError> {
+    fn upload(&mut self, picture: &[u8]) -> Result<(), PresentError> {
         self.picture.copy_from_slice(&picture[..9]);
         Ok(())
     }
 
-    fn present(&mut self, id: u64, _desired_present_time_ns: i64) -> Result<(), SessionError> {
+    fn present(&mut self, id: u64, _desired_present_time_ns: i64) -> Result<(), PresentError> {
         while self.time_of_ns(self.next) <= self.clock.now_ns() || self.stuck.contains(&self.next) {
             self.next += 1;
         }
@@ -120,7 +119,7 @@ impl Content for Producer {
     }
 }
 
-impl Source for Producer {
+impl SetSource for Producer {
     fn poll(&mut self, _useful_from: u64) -> Result<(), SessionError> {
         Ok(())
     }
@@ -141,10 +140,6 @@ impl Source for Producer {
     }
 
     fn seek(&mut self, _index: u64) {}
-
-    fn message(&mut self) -> Option<String> {
-        None
-    }
 }
 
 fn paint(frames: &mut VideoFrames, word: u64) {

@@ -1,10 +1,13 @@
 //! The stream: what it hands over is what the encoder makes of the file, in order; damage, ends, loops and growth.
 
-use super::player::{Command, Flow, Moment, Player, Source};
+use super::player::{Command, Flow, Player, PresentedFrame, SetSource};
+use super::scheduler::{Content, Readiness, Start};
+use super::stream::{Stream, StreamEncoder, StreamOptions};
 use super::*;
 use crate::encode::{Encoder, PhaseSet};
 use crate::hologram::{ColorHologram, Hologram, Sequence, SequenceWriter};
 use crate::optics::{Color, Display, Optics};
+use crate::present::{Clock, Offscreen, Rate, SimulatedClock};
 use crate::solve::SplitMix;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -44,19 +47,20 @@ fn fixture(preset: &str, count: u64) -> Fixture {
     Fixture { _here: here, path, display, writer }
 }
 
-fn options() -> Options {
-    Options {
+fn options() -> StreamOptions {
+    StreamOptions {
         ahead: 3,
         looped: false,
         follow: false,
         first: 0,
         threads: 2,
-        marks: Marks { side: 0 },
+        mark: 0,
+        notes: Notes::default(),
         trace: Trace::new(0),
     }
 }
 
-fn start(path: &Path, display: &Display, options: Options) -> Stream {
+fn start(path: &Path, display: &Display, options: StreamOptions) -> Stream {
     let encoder = Encoder::new(display, &COLORS, 8).unwrap();
     Stream::start(Sequence::open(path).unwrap(), StreamEncoder::Cpu(encoder), options).unwrap()
 }
@@ -81,18 +85,19 @@ struct Played {
 /// Plays with a simulated clock until the end, or for so many video frames.
 fn play(
     fixture: &Fixture,
-    options: Options,
+    options: StreamOptions,
     content: &str,
     most: usize,
     act: impl FnMut(usize, &mut Player, &mut Stream),
 ) -> Played {
-    play_stream(fixture, start(&fixture.path, &fixture.display, options), content, most, act)
+    let notes = options.notes.clone();
+    play_stream(fixture, (start(&fixture.path, &fixture.display, options), notes), content, most, act)
 }
 
 /// The same with a stream of the test's own.
 fn play_stream(
     fixture: &Fixture,
-    mut stream: Stream,
+    (mut stream, notes): (Stream, Notes),
     content: &str,
     most: usize,
     mut act: impl FnMut(usize, &mut Player, &mut Stream),
@@ -114,17 +119,16 @@ fn play_stream(
     let (mut log, mut messages, mut flow) = (Log::new(), Vec::new(), Flow::Continue);
     while flow == Flow::Continue && log.len() < most {
         act(log.len(), &mut player, &mut stream);
-        let mut keep = |m: &Moment<'_>| {
+        let mut keep = |m: &PresentedFrame<'_>| {
             log.push((m.index, m.video_frame, m.picture.to_vec()));
             Ok(())
         };
         flow = player.tick(&mut offscreen, &mut stream, &mut keep).unwrap();
-        messages.extend(stream.message());
     }
-    while let Some(message) = stream.message() {
+    while let Some(message) = notes.take_within(std::time::Duration::ZERO) {
         messages.push(message);
     }
-    let account = player.scheduler().account().clone();
+    let account = *player.scheduler().account();
     Played { log, messages, account, flow }
 }
 
@@ -174,10 +178,12 @@ fn a_vulkan_device_streams_the_bytes_of_the_cpu() {
         let fixture = fixture(preset, 5);
         let encoder = Encoder::new(&fixture.display, &COLORS, 8).unwrap();
         let sequence = Sequence::open(&fixture.path).unwrap();
-        let stream = Stream::start(sequence, StreamEncoder::Vulkan(encoder, device()), options()).unwrap();
+        let options = options();
+        let notes = options.notes.clone();
+        let stream = Stream::start(sequence, StreamEncoder::Vulkan(encoder, device()), options).unwrap();
         let heard = stream.validation().expect("a device");
         let rate = if preset == "grey8" { "2.5" } else { "7.5" };
-        let played = play_stream(&fixture, stream, rate, 100_000, |_, _, _| {});
+        let played = play_stream(&fixture, (stream, notes), rate, 100_000, |_, _, _| {});
         assert_eq!((shown(&played.log), played.flow), (vec![0, 1, 2, 3, 4], Flow::Ended), "{preset}");
         is_as_encoded(&played, &fixture);
         assert!(played.messages.iter().all(|m| m.contains("unfinished")), "{:?}", played.messages);
@@ -206,9 +212,11 @@ fn a_device_lost_while_streaming_is_followed_by_the_cpu() {
         let sequence = Sequence::open(&fixture.path).unwrap();
         let mut lost = crate::engine::vulkan::VulkanEncoder::open_staged(&device(), encoder.plan()).unwrap();
         lost.pretend_lost_after(after);
-        let stream = Stream::with(sequence, encoder, Some(lost), options()).unwrap();
+        let options = options();
+        let notes = options.notes.clone();
+        let stream = Stream::with(sequence, encoder, Some(lost), options).unwrap();
         let heard = stream.validation().expect("a device");
-        let played = play_stream(&fixture, stream, "20", 100_000, |_, _, _| {});
+        let played = play_stream(&fixture, (stream, notes), "20", 100_000, |_, _, _| {});
         assert_eq!((shown(&played.log), played.flow), ((0..8).collect(), Flow::Ended), "after {after}");
         assert_eq!(played.account.drops(), 0);
         is_as_encoded(&played, &fixture);
@@ -243,7 +251,7 @@ fn a_thread_that_fails_leaves_the_idle_picture_and_one_line() {
             device
         });
         let sequence = Sequence::open(&fixture.path).unwrap();
-        let looped = Options { looped: true, ..options() };
+        let looped = StreamOptions { looped: true, ..options() };
         let mut stream = Stream::with(sequence, encoder, device, looped).unwrap();
         if let Fault::Panic(thread) = fault {
             stream.pretend_panic_from(thread, 20);
@@ -288,8 +296,8 @@ fn damaged_holograms_are_left_out_with_a_message() {
 #[test]
 fn a_loop_a_first_frame_and_seeking() {
     let fixture = fixture("planes24", 4);
-    let looped = Options { looped: true, first: 2, ..options() };
-    let played = play(&fixture, looped, "60", 30, |_, _, _| {});
+    let looped = StreamOptions { looped: true, first: 2, ..options() };
+    let played = play(&fixture, looped.clone(), "60", 30, |_, _, _| {});
     assert_eq!(shown(&played.log)[..9], [2, 3, 0, 1, 2, 3, 0, 1, 2]);
     let played = play(&fixture, looped, "60", 30, |tick, player, stream| {
         if tick == 12 {
@@ -305,7 +313,7 @@ fn a_loop_a_first_frame_and_seeking() {
 #[test]
 fn a_growing_sequence_is_followed_to_its_end() {
     let mut fixture = fixture("planes24", 2);
-    let follow = Options { follow: true, ..options() };
+    let follow = StreamOptions { follow: true, ..options() };
     let encoder = Encoder::new(&fixture.display, &COLORS, 8).unwrap();
     let mut stream = start(&fixture.path, &fixture.display, follow);
     let mut seen = 0;
@@ -338,7 +346,7 @@ fn a_hologram_of_another_shape_is_refused_at_once() {
 #[test]
 fn a_mark_changes_its_corner_alone() {
     let fixture = fixture("planes24", 2);
-    let marked = Options { marks: Marks { side: 4 }, ..options() };
+    let marked = StreamOptions { mark: 4, ..options() };
     let played = play(&fixture, marked, "60", 100, |_, _, _| {});
     let (_, _, picture) = played.log.iter().find(|l| l.0 == Some(0)).unwrap();
     let plain = &encoded(0, &fixture.display)[0];

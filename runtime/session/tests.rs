@@ -1,24 +1,21 @@
 //! Tests of the room: what is handed over, when it begins again, and ten minutes of a refinement that is often late.
 
+use super::player::{Player, SetSource};
+use super::scheduler::{Content, Readiness, Start};
+use super::sets::{SetSender, set_channel};
 use super::*;
-use crate::encode::Encoder;
+use crate::encode::{Encoder, VideoFrames};
 use crate::engine::cpu::CpuEngine;
-use crate::engine::{Engine, EngineError};
-use crate::gaze::{Estimator, Settings as GazeSettings};
 use crate::optics::{Color, Display, Padding};
-use crate::playback::{
-    Clock, Content, Offscreen, Player, Rate, Readiness, Schedule, Scheduler, SimulatedClock, Source as _, Speed, Start,
-    Trace,
-};
-use crate::scene::{self, Pyramid, Request};
+use crate::present::{Clock, Offscreen, Rate, SimulatedClock};
+use crate::scene::{self, Request};
 use crate::solve::{Flow, Problem, Settings, SplitMix, solve};
-use crate::trackers::{About, Event, Quantity, Reading, Sample, Source, Stream, TrackerError, Unit, now_ns};
+use crossbeam_utils::atomic::AtomicCell;
 use std::cell::RefCell;
 use std::rc::Rc;
-use std::time::{Duration, Instant};
 
 /// A hologram of the still life for the whole eyebox.
-fn part() -> SteeredColor {
+pub(super) fn part() -> SteeredColor {
     let display = Display { height: 96, width: 112, ..Display::preset("small").unwrap() };
     let field = scene::load("builtin:still-life", &Request::new(&display, &[Color::Green])).unwrap();
     let problem = Problem::new(&field, Color::Green, &display, Padding::default()).unwrap();
@@ -27,22 +24,21 @@ fn part() -> SteeredColor {
     SteeredColor { problem, phases: solution.phases, exposure: solution.exposure }
 }
 
-fn cpu() -> Result<Box<dyn Engine>, EngineError> {
+pub(super) fn cpu() -> Result<Box<dyn Engine>, EngineError> {
     Ok(Box::new(CpuEngine::new()))
 }
 
-fn encoder() -> Encoder {
+pub(super) fn encoder() -> Encoder {
     let display = Display { height: 96, width: 112, ..Display::preset("planes8").unwrap() };
     Encoder::new(&display, &[Color::Green], 8).unwrap()
 }
 
+/// What steps and encoding cost in simulated time.
+const COST: Cost = Cost::Fixed { step: Duration::from_millis(4), encode: Duration::from_millis(1) };
+
 fn aim(x: f64) -> crate::solve::Aim {
     let diameter = [3.8e-3, 4.2e-3];
     crate::solve::Aim { x, y: 0.0, spread: 1e-4, diameter, depth: [0.0, 0.0], elsewhere: 0.0 }
-}
-
-fn soon() -> Instant {
-    Instant::now() + Duration::from_secs(600)
 }
 
 #[test]
@@ -52,7 +48,7 @@ fn a_jump_begins_again_and_a_drift_does_not() {
         let policy = Policy { restart, ..Policy::default() };
         let mut steerer = Steerer::new(vec![whole.clone(), whole.clone()], policy, cpu).unwrap();
         assert!(!steerer.aim(aim(0.0)).unwrap(), "the first aim is no jump");
-        assert_eq!(steerer.round_until(soon()).unwrap(), 2, "one step of each colour");
+        assert_eq!(steerer.round_while(|_| true).unwrap(), 2, "one step of each colour");
         steerer
     };
     let mut restarts = steerer(0.5);
@@ -72,18 +68,19 @@ fn a_jump_begins_again_and_a_drift_does_not() {
 fn no_step_is_begun_that_would_end_too_late() {
     let mut steerer = Steerer::new(vec![part()], Policy::default(), cpu).unwrap();
     steerer.aim(aim(0.0)).unwrap();
-    steerer.round_until(soon()).unwrap();
+    steerer.round_while(|_| true).unwrap();
     assert!(steerer.round() > Duration::ZERO);
-    assert_eq!(steerer.round_until(Instant::now()).unwrap(), 0);
+    assert_eq!(steerer.round_while(|expected| expected.is_zero()).unwrap(), 0);
     assert!(Steerer::new(Vec::new(), Policy::default(), cpu).is_err());
     let policy = Policy { restart: f64::NAN, ..Policy::default() };
     assert!(Steerer::new(vec![part()], policy, cpu).is_err());
 }
 
-/// With no clock in it but the work's: on any machine the eye sees better after a while, and every set is judged.
+/// In simulated time, with a cost that is the same on every machine: the eye sees better after a while, and every set is
+/// measured.
 #[test]
 fn a_simulated_eye_sees_better_when_steered() {
-    let settings = StudySettings { seconds: 1.2, ..StudySettings::default() };
+    let settings = StudySettings { seconds: 1.2, cost: COST, ..StudySettings::default() };
     let mut shares = Vec::new();
     let mut seen = Vec::new();
     let whole = part();
@@ -102,7 +99,7 @@ fn a_simulated_eye_sees_better_when_steered() {
     assert!(seen[..refined].iter().all(|s| s.1), "until then it is the hologram for the whole eyebox");
     assert!(seen[refined..].iter().all(|s| !s.1), "and from then on it is not");
     assert!(seen.iter().any(|s| s.0) && result.steps > 0);
-    let landed: Vec<&Moment> =
+    let landed: Vec<&StudySample> =
         result.moments.iter().filter(|m| m.since_landing_ms.is_some_and(|t| t > 150.0)).collect();
     assert!(!landed.is_empty());
     let gain = landed.iter().map(|m| m.gain_db()).sum::<f64>() / landed.len() as f64;
@@ -124,10 +121,10 @@ fn made(sender: &SetSender, number: u64) -> FinishedSet {
 
 #[test]
 fn the_newest_set_wins_and_buffers_go_round() {
-    let (sender, mut source) = handover(&encoder().frames());
+    let (sender, mut source) = set_channel(&encoder().frames());
     assert_eq!(source.readiness(0), Readiness::Unread);
     for number in 0..100 {
-        sender.give(made(&sender, number));
+        sender.send(made(&sender, number));
         if number % 7 == 0 {
             source.poll(0).unwrap();
         }
@@ -152,7 +149,7 @@ fn the_newest_set_wins_and_buffers_go_round() {
 struct Simulated {
     clock: Rc<SimulatedClock>,
     sender: SetSender,
-    timing: Rc<BeatCell>,
+    timing: Rc<AtomicCell<SetTiming>>,
     ready_ns: i64,
     number: u64,
     noise: SplitMix,
@@ -162,11 +159,11 @@ impl Simulated {
     /// What would have been handed over by now.
     fn pass(&mut self) {
         while self.ready_ns <= self.clock.now_ns() {
-            self.sender.give(made(&self.sender, self.number));
+            self.sender.send(made(&self.sender, self.number));
             self.number += 1;
             let now = self.ready_ns;
             let estimate = 4_000_000;
-            let target = self.timing.get().reachable(now, estimate);
+            let target = self.timing.load().reachable(now, estimate);
             // One in twenty takes ten times its estimate, after all the time there was had been used.
             let late = self.noise.unit() < 0.05;
             let took = target.hand_over_ns.max(now) - now + if late { 10 * estimate } else { 0 };
@@ -188,13 +185,13 @@ impl Content for Follows<'_> {
     }
 }
 
-impl crate::playback::Source for Follows<'_> {
-    fn poll(&mut self, useful_from: u64) -> Result<(), crate::playback::SessionError> {
+impl SetSource for Follows<'_> {
+    fn poll(&mut self, useful_from: u64) -> Result<(), SessionError> {
         self.1.borrow_mut().pass();
         self.0.poll(useful_from)
     }
 
-    fn settle(&mut self, position: u64) -> Result<(), crate::playback::SessionError> {
+    fn settle(&mut self, position: u64) -> Result<(), SessionError> {
         self.0.settle(position)
     }
 
@@ -202,16 +199,12 @@ impl crate::playback::Source for Follows<'_> {
         self.0.show(position);
     }
 
-    fn on_screen(&self) -> Option<(&crate::encode::VideoFrames, u64)> {
+    fn on_screen(&self) -> Option<(&VideoFrames, u64)> {
         self.0.on_screen()
     }
 
     fn seek(&mut self, index: u64) {
         self.0.seek(index);
-    }
-
-    fn message(&mut self) -> Option<String> {
-        self.0.message()
     }
 }
 
@@ -220,8 +213,9 @@ fn in_ten_minutes_no_set_is_late_because_of_refinement() {
     let clock = Rc::new(SimulatedClock::default());
     let rate = Rate::new(60, 1).unwrap();
     let frames = encoder().frames();
-    let (sender, mut source) = handover(&frames);
-    let timing = Rc::new(BeatCell::new(rate.period_ns(), 3_000_000));
+    let (sender, mut source) = set_channel(&frames);
+    let first = SetTiming { lead_ns: 3_000_000, ..SetTiming::new(rate.period_ns()) };
+    let timing = Rc::new(AtomicCell::new(first));
     let simulated = RefCell::new(Simulated {
         clock: Rc::clone(&clock),
         sender,
@@ -260,7 +254,7 @@ fn in_ten_minutes_no_set_is_late_because_of_refinement() {
             })
             .unwrap();
         let decided = clock.now_ns().min(began.unwrap_or(0) - 2_000_000);
-        timing.decided(began.unwrap_or(0), decided);
+        timing.store(timing.load().after(began.unwrap_or(0), decided));
     }
     let account = player.scheduler().account();
     assert_eq!(account.late_sets, [0; 5]);
@@ -269,215 +263,4 @@ fn in_ten_minutes_no_set_is_late_because_of_refinement() {
     // Of twenty, one takes three periods: the others are all new.
     let share = news as f64 / account.sets as f64;
     assert!((0.8..0.95).contains(&share), "{share} of the sets were new");
-}
-
-/// A tracker that says what a test wants.
-struct Scripted(Box<dyn FnMut(u64) -> Option<Event> + Send>, u64);
-
-impl Source for Scripted {
-    fn about(&self) -> About {
-        About { name: "scripted".into(), kind: "test", rate_hz: None, notes: Vec::new() }
-    }
-
-    fn next(&mut self, timeout: Duration) -> Result<Event, TrackerError> {
-        self.1 += 1;
-        match (self.0)(self.1 - 1) {
-            Some(event) => Ok(event),
-            None => {
-                std::thread::sleep(timeout.min(Duration::from_millis(2)));
-                Ok(Event::Nothing)
-            }
-        }
-    }
-}
-
-fn at(time_ns: u64, position: [f64; 2]) -> Event {
-    let mut sample = Sample::empty(time_ns.saturating_add(1_000_000));
-    sample.time_ns = time_ns;
-    sample.combined = Some(Reading::new(Quantity::Pupil, Unit::Metres, position));
-    Event::Sample(sample, None)
-}
-
-/// A sample from the end of all time, which arrives now.
-fn late(received_ns: u64) -> Event {
-    let mut sample = Sample::empty(received_ns);
-    sample.time_ns = u64::MAX;
-    sample.combined = Some(Reading::new(Quantity::Pupil, Unit::Metres, [0.0; 2]));
-    Event::Sample(sample, None)
-}
-
-fn watch(script: impl FnMut(u64) -> Option<Event> + Send + 'static) -> PupilTracker {
-    let stream = Stream::start(Box::new(Scripted(Box::new(script), 0))).unwrap();
-    let estimator = Estimator::new(GazeSettings::default(), None).unwrap();
-    PupilTracker::start(stream, estimator, Trace::new(0).track("gaze")).unwrap()
-}
-
-fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
-    let until = Instant::now() + Duration::from_secs(60);
-    while !done() {
-        assert!(Instant::now() < until, "{what}");
-        std::thread::sleep(Duration::from_millis(2));
-    }
-}
-
-#[test]
-fn a_tracker_that_floods_lies_and_ends_takes_nothing_away() {
-    let start = now_ns();
-    // Some sense, a flood of nonsense (NaN, jumps, time going backwards), some sense, the end.
-    let watch = watch(move |i| match i {
-        0..200 => Some(at(start + i * 1_000_000, [1e-3, -1e-3])),
-        200..20_000 => Some(match i % 4 {
-            0 => at(start + 200_000_000, [f64::NAN, f64::INFINITY]),
-            1 => at(start.saturating_sub(i * 1_000_000), [5e-3, 5e-3]),
-            2 => at(start + 200_000_000 + i, [1e9, -1e9]),
-            _ => late(start + 200_000_000 + i),
-        }),
-        20_000..20_300 => Some(at(start + i * 1_000_000, [2e-3, 1e-3])),
-        20_300 => Some(Event::End),
-        _ => None,
-    });
-    wait_for("the end of the tracker", || watch.status().ended);
-    let mut notes = Vec::new();
-    wait_for("its last words", || {
-        notes.extend(watch.note());
-        notes.iter().any(|n| n.contains("the picture stays"))
-    });
-    assert_eq!(notes.iter().filter(|n| n.contains("over")).count(), 1, "one line: {notes:?}");
-    assert!((watch.expect(start + 20_300_000_000).pupil.centre[0] - 2e-3).abs() < 1e-4, "it is believed again");
-    for ahead in [0, 20_000_000, 3_600_000_000_000, u64::MAX - start] {
-        let expected = watch.expect(start + ahead);
-        let aim = aim_of(&expected.pupil);
-        let all = [aim.x, aim.y, aim.spread, aim.elsewhere, aim.diameter[0], aim.diameter[1]];
-        assert!(all.iter().all(|v| v.is_finite()) && aim.spread > 0.0, "{aim:?}");
-    }
-}
-
-#[test]
-fn what_was_measured_is_looked_up_between_samples() {
-    let start = now_ns();
-    let watch = watch(move |i| match i {
-        0..100 => Some(at(start + i * 4_000_000, [i as f64 * 1e-5, 0.0])),
-        // A gap, in which nothing is known.
-        100..110 => Some(at(start + 1_000_000_000 + i * 4_000_000, [0.0, 0.0])),
-        _ => None,
-    });
-    wait_for("all samples", || watch.reaches(start + 1_000_000_000 + 109 * 4_000_000));
-    let place = watch.measured(start + 10 * 4_000_000 + 1_000_000).unwrap();
-    assert!((place[0] - 10.25e-5).abs() < 1e-12, "{place:?}");
-    assert_eq!(watch.measured(start + 700_000_000), None);
-    assert_eq!(watch.measured(start - 1), None);
-    assert_eq!(watch.measured(start + 100_000_000_000), None);
-}
-
-#[test]
-fn the_thread_hands_over_refined_sets_and_ends_without_taking_the_picture() {
-    let whole = part();
-    let steerer = Steerer::new(vec![whole.clone()], Policy::default(), cpu).unwrap();
-    let start = now_ns();
-    let watch = std::sync::Arc::new(watch(move |i| (i < 100).then(|| at(start + i * 1_000_000, [1e-3, 0.0]))));
-    let clock = crate::playback::RealClock::start();
-    let timing = std::sync::Arc::new(BeatCell::new(16_666_667, 2_000_000));
-    let options = options(clock, &timing, move || Steerer::new(vec![whole.clone()], Policy::default(), cpu));
-    let (live, mut source) = start_live(steerer, std::sync::Arc::clone(&watch), options);
-    source.poll(0).unwrap();
-    assert_eq!(source.readiness(0), Readiness::Ready, "the first set is there at once");
-    let mut steps = 0;
-    wait_for("refined sets", || {
-        timing.decided(clock.now_ns() + 2_000_000, clock.now_ns());
-        source.poll(0).unwrap();
-        source.show(0);
-        if let Some(made) = source.newly_shown() {
-            steps += made.steps;
-            assert!(made.phases.as_ref().is_some_and(|p| p.len() == 1 && p[0].iter().all(|v| v.is_finite())));
-            assert!(made.timestamps.handed_over_ns >= made.timestamps.refine_end_ns);
-            assert!(made.timestamps.refine_end_ns >= made.timestamps.aimed_ns);
-        }
-        steps > 3
-    });
-    assert!(live.is_running() && live.is_steered() && live.counts()[1] > 0);
-    live.stop();
-    source.poll(0).unwrap();
-    assert!(source.on_screen().is_some());
-}
-
-/// Steered, at 60 Hz; `again` makes the engines anew.
-fn options(
-    clock: crate::playback::RealClock,
-    timing: &std::sync::Arc<BeatCell>,
-    again: impl FnMut() -> Result<Steerer, SessionError> + Send + 'static,
-) -> LiveOptions {
-    LiveOptions {
-        clock,
-        timing: std::sync::Arc::clone(timing),
-        light_after: Duration::from_millis(8),
-        steered: true,
-        with_phases: true,
-        again: Box::new(again),
-        track: Trace::new(0).track("refine"),
-    }
-}
-
-fn start_live(steerer: Steerer, watch: std::sync::Arc<PupilTracker>, options: LiveOptions) -> (Live, LiveSource) {
-    super::start(steerer, encoder(), watch, options).unwrap()
-}
-
-/// An engine that is lost after so many calls.
-struct Fails(Box<dyn Engine>, usize);
-
-impl Engine for Fails {
-    fn describe(&self) -> String {
-        self.0.describe()
-    }
-
-    fn load(&mut self, shape: &crate::plan::Shape, views: Option<std::sync::Arc<Pyramid>>) -> Result<(), EngineError> {
-        self.0.load(shape, views)
-    }
-
-    fn write(&mut self, buffer: crate::engine::Buffer, data: &[f32]) -> Result<(), EngineError> {
-        self.0.write(buffer, data)
-    }
-
-    fn read(&mut self, buffer: crate::engine::Buffer) -> Result<Vec<f32>, EngineError> {
-        self.0.read(buffer)
-    }
-
-    fn run_part(&mut self, step: &crate::plan::Step, part: std::ops::Range<usize>) -> Result<Vec<f64>, EngineError> {
-        if self.1 == 0 {
-            return Err(EngineError::DeviceLost { device: "a test".into(), during: "compare".into() });
-        }
-        self.1 -= 1;
-        self.0.run_part(step, part)
-    }
-
-    fn timings(&self) -> Vec<crate::engine::Timing> {
-        self.0.timings()
-    }
-
-    fn reset_timings(&mut self) {
-        self.0.reset_timings();
-    }
-}
-
-#[test]
-fn an_engine_that_is_lost_is_made_anew_and_then_given_up() {
-    let whole = part();
-    let short = move || Steerer::new(vec![whole.clone()], Policy::default(), || Ok(Box::new(Fails(cpu()?, 4)) as _));
-    let steerer = short().unwrap();
-    let watch = std::sync::Arc::new(watch(|_| None));
-    let clock = crate::playback::RealClock::start();
-    let timing = std::sync::Arc::new(BeatCell::new(16_666_667, 2_000_000));
-    let options = options(clock, &timing, short);
-    let (live, mut source) = start_live(steerer, watch, options);
-    let mut messages = Vec::new();
-    wait_for("the end of the refinement", || {
-        timing.decided(clock.now_ns() + 2_000_000, clock.now_ns());
-        source.poll(0).unwrap();
-        source.show(0);
-        messages.extend(source.message());
-        !live.is_running()
-    });
-    messages.extend(std::iter::from_fn(|| source.message()));
-    let anew = messages.iter().filter(|m| m.contains("anew") && m.contains("a test was lost")).count();
-    assert!(anew >= 2 && messages.last().is_some_and(|m| m.contains("the picture stays")), "{messages:?}");
-    assert!(source.on_screen().is_some());
 }

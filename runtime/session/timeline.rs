@@ -1,6 +1,6 @@
 //! Content time: which content frame is due at a time of the display. Pausing, stepping, speed.
 
-use crate::playback::{Rate, SECOND_NS};
+use crate::present::{Rate, SECOND_NS};
 
 /// How fast content runs, as a fraction of its own rate: 1/4 to 4 and the like.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -75,16 +75,6 @@ impl Timeline {
         self.pause(true, display_time_ns);
         let unit = self.unit();
         self.from = (self.from.div_euclid(unit) + i128::from(frames)).max(0) * unit;
-    }
-
-    /// The speed.
-    pub fn speed(&self) -> Speed {
-        self.speed
-    }
-
-    /// Content frames a second.
-    pub fn rate(&self) -> Rate {
-        self.rate
     }
 
     fn anchor(&mut self, display_time_ns: i64) {

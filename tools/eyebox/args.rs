@@ -8,7 +8,7 @@ use clap::builder::TypedValueParser;
 use clap::{Args, ValueEnum};
 use eyebox::optics::{Color, Pupil, WindowFactor};
 use eyebox::plan::Storage;
-use eyebox::playback::Rate;
+use eyebox::present::Rate;
 use eyebox::solve::{Full, Method};
 use std::path::PathBuf;
 

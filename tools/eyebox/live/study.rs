@@ -7,11 +7,12 @@ use crate::values::{not_negative, positive};
 use crate::{Failure, common, progress};
 use clap::Args;
 use eyebox::files;
-use eyebox::live::{self, Beat, Study as Result_, StudySettings};
+use eyebox::session::{self, Cost, SetTiming, Study as Result_, StudySettings};
 use eyebox::trackers::simulated;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 use std::path::PathBuf;
+use std::time::Duration;
 
 /// `eyebox study`
 #[derive(Args)]
@@ -52,6 +53,12 @@ pub struct Study {
     /// Where the eye focuses, mm
     #[arg(long, default_value_t = 0.0, value_name = "MM", allow_hyphen_values = true)]
     pub focus: f64,
+    /// What a step of one colour takes, ms, for one result on every machine [default: what it takes on this one]
+    #[arg(long, value_name = "MS", value_parser = positive)]
+    pub step_time: Option<f64>,
+    /// With --step-time: what encoding a set takes, ms
+    #[arg(long, default_value_t = 1.0, value_name = "MS", value_parser = positive, requires = "step_time")]
+    pub encode_time: f64,
     /// How it follows
     #[command(flatten)]
     pub policy: PolicyArgs,
@@ -64,7 +71,7 @@ impl Study {
     fn settings(&self) -> StudySettings {
         let mut settings = StudySettings { seconds: self.duration, ..StudySettings::default() };
         settings.period_ns = (1e9 / self.rate) as i64;
-        settings.lead_ns = Beat::usual_lead_ns(settings.period_ns);
+        settings.lead_ns = SetTiming::usual_lead_ns(settings.period_ns);
         settings.light_after_ns = settings.period_ns / 2;
         settings.eye = simulated::Settings {
             seed: self.eye_seed,
@@ -76,6 +83,10 @@ impl Study {
             blinks: self.blinks,
             ..simulated::Settings::default()
         };
+        let time = |ms: f64| Duration::from_secs_f64((ms * 1e-3).min(1e3));
+        if let Some(step) = self.step_time {
+            settings.cost = Cost::Fixed { step: time(step), encode: time(self.encode_time) };
+        }
         settings.gaze.focus = [self.focus * 1e-3; 2];
         settings
     }
@@ -126,7 +137,7 @@ fn study(args: &Study, subject: &Steered, settings: &StudySettings, quiet: bool)
     let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(1000) };
     bar.set_style(ProgressStyle::with_template("steering {bar:30} {msg}  {eta} left").expect("a sound template"));
     let mut engines = common::opener(&args.subject.engine)?;
-    let result = live::study(
+    let result = session::study(
         &subject.parts,
         &args.policy.policy(),
         &subject.encoder,
@@ -171,7 +182,7 @@ fn print(study: &Result_) {
     println!("  within 50 ms of a landing  {} dB, at least {} dB", db(mean(&soon)), db(least(&soon)));
     println!("  at any time                at least {} dB", db(Some(study.worst_db())));
     println!(
-        "{} steps of {:.2} ms, {} beginnings, {:.2} ms to encode a set",
+        "{} steps of {:.2} ms, {} restarts, {:.2} ms to encode a set",
         study.steps, study.step_ms, study.restarts, study.encode_ms
     );
 }

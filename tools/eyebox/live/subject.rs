@@ -8,10 +8,10 @@ use crate::{Failure, progress, score, solve};
 use clap::Args;
 use eyebox::encode::Encoder;
 use eyebox::hologram::{ColorHologram, Hologram};
-use eyebox::live::Part;
 use eyebox::optics::{Color, Display, Padding};
 use eyebox::quality::{Recipe, Subject};
 use eyebox::scene::LightField;
+use eyebox::session::SteeredColor;
 use eyebox::solve::{Problem, Settings};
 use std::path::{Path, PathBuf};
 
@@ -44,7 +44,7 @@ pub struct Steered {
     /// Its colours.
     pub colors: Vec<Color>,
     /// What is refined.
-    pub parts: Vec<Part>,
+    pub parts: Vec<SteeredColor>,
     /// To what the SLM receives.
     pub encoder: Encoder,
     /// What computes.
@@ -113,11 +113,11 @@ pub fn load(args: &SubjectArgs) -> Result<Steered, Failure> {
 }
 
 /// What is refined of a hologram of `field`, made for `display`.
-pub fn parts(hologram: &Hologram, field: &LightField, display: &Display) -> Result<Vec<Part>, Failure> {
+pub fn parts(hologram: &Hologram, field: &LightField, display: &Display) -> Result<Vec<SteeredColor>, Failure> {
     let padding = padding_of(hologram);
-    let part = |c: &ColorHologram| -> Result<Part, Failure> {
+    let part = |c: &ColorHologram| -> Result<SteeredColor, Failure> {
         let problem = Problem::new(field, c.color.unwrap_or(Color::Green), display, padding)?;
-        Ok(Part { problem, phases: c.phases.clone(), exposure: c.exposure })
+        Ok(SteeredColor { problem, phases: c.phases.clone(), exposure: c.exposure })
     };
     hologram.colors.iter().map(part).collect()
 }

@@ -1,15 +1,13 @@
-//! Which tracker is watched, and what is true of a simulated eye.
+//! Which tracker is followed.
 
 use crate::Failure;
 use crate::trackers::EyeName;
 use crate::values::{not_negative, positive};
 use clap::Args;
 use eyebox::gaze::{Calibration, Estimator, Settings};
-use eyebox::live::Watch;
-use eyebox::playback::Lane;
-use eyebox::trackers::mouse::{self, MouseHandle};
-use eyebox::trackers::simulated::{self, SimulatedSource};
-use eyebox::trackers::{Options, Source, Spec, Stream, TrackerError, now_ns, open};
+use eyebox::session::Tracking;
+use eyebox::trackers::mouse::MouseHandle;
+use eyebox::trackers::{Options, Spec, TrackerError};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -39,20 +37,8 @@ pub struct TrackerArgs {
     pub focus: f64,
 }
 
-/// A tracker that is watched.
-pub struct Watching {
-    /// It.
-    pub watch: Watch,
-    /// A simulated eye's twin, which knows where the pupil really is.
-    pub truth: Option<simulated::Eye>,
-    /// Where the mouse is told, if that is the tracker.
-    pub mouse: Option<MouseHandle>,
-    /// For people.
-    pub about: String,
-}
-
-/// Opens and watches it; `view` says whether there is a window for a mouse.
-pub fn start(args: &TrackerArgs, view: bool, lane: Lane) -> Result<Watching, Failure> {
+/// Opens it, and says where a mouse is told, if that is the tracker; `view` says whether there is a window for one.
+pub fn tracking(args: &TrackerArgs, view: bool) -> Result<(Option<MouseHandle>, Tracking), Failure> {
     let spec: Spec = args.tracker.parse()?;
     let calibration = args.calibration.as_deref().map(Calibration::load).transpose()?;
     let settings = Settings { eye: args.eye.into(), focus: [args.focus * 1e-3; 2], ..Settings::default() };
@@ -63,25 +49,14 @@ pub fn start(args: &TrackerArgs, view: bool, lane: Lane) -> Result<Watching, Fai
         real_time: true,
         rate_hz: args.tracker_rate,
     };
-    let mut handle = None;
-    let (source, truth): (Box<dyn Source>, _) = match spec {
-        Spec::Simulated(seed) => {
-            let settings = simulated::Settings { seed, rate_hz: args.tracker_rate, ..simulated::Settings::default() };
-            let begins = now_ns();
-            let source = SimulatedSource::starting(settings.clone(), true, begins)?;
-            (Box::new(source), Some(simulated::Eye::new(settings, begins)))
-        }
+    match spec {
         Spec::Mouse if !view => {
-            return Err(TrackerError::Setting("the mouse is a tracker in a window only: add --view".into()).into());
+            Err(TrackerError::Setting("the mouse is a tracker in a window only: add --view".into()).into())
         }
         Spec::Mouse => {
-            let (pushed, source) = mouse::channel();
-            handle = Some(pushed);
-            (Box::new(source), None)
+            let (mouse, tracking) = Tracking::mouse(estimator);
+            Ok((Some(mouse), tracking))
         }
-        spec => (open(&spec, &options)?, None),
-    };
-    let about = source.about();
-    let about = about.notes.iter().fold(about.name, |all, note| format!("{all}, {note}"));
-    Ok(Watching { watch: Watch::start(Stream::start(source)?, estimator, lane)?, truth, mouse: handle, about })
+        spec => Ok((None, Tracking::open(&spec, &options, estimator)?)),
+    }
 }
