@@ -105,3 +105,11 @@ impl Backend {
         Ok(Box::new(Handover::new(Box::new(CpuEngine::new()), self.engine()?, At::Kernel(kernel))))
     }
 }
+
+/// An engine of its own, for a program that needs one only.
+///
+/// # Errors
+/// Those of [`Backend::open`].
+pub fn open(choice: Choice) -> Result<Box<dyn Engine>, EngineError> {
+    Backend::open(choice, &Options::default())?.engine()
+}

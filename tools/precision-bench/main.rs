@@ -12,8 +12,7 @@ mod waves;
 mod svg;
 
 use clap::Parser;
-use eyebox::engine::{Backend, Choice, Engine};
-use eyebox::gpu::Options;
+use eyebox::engine::{Choice, Engine, open};
 use plot::Plot;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -50,7 +49,6 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let open = |choice| Backend::open(choice, &Options::default())?.engine();
     let mut engines: Engines = vec![("CPU", open(Choice::Cpu)?), ("Vulkan", open(Choice::Vulkan)?)];
     for (name, engine) in &engines {
         println!("{name}: {}", engine.describe());
