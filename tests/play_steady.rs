@@ -6,7 +6,7 @@
 #![allow(unsafe_code)]
 
 use eyebox::encode::{Encoder, PhaseSet};
-use eyebox::engine::vulkan::Options as VulkanOptions;
+use eyebox::gpu::{Gpu, Options as GpuOptions};
 use eyebox::hologram::{ColorHologram, Hologram, SequenceWriter};
 use eyebox::optics::Display;
 use eyebox::present::Rate;
@@ -66,11 +66,11 @@ fn resident() -> Option<f64> {
 fn playing_allocates_nothing_and_accounts_for_every_set() {
     play("the CPU", None);
     let cache = Some(std::env::temp_dir().join("eyebox-tests"));
-    let options = VulkanOptions { allow_cpu: true, cache, ..VulkanOptions::default() };
-    play("Vulkan", Some(options));
+    let options = GpuOptions { allow_cpu: true, cache, ..GpuOptions::default() };
+    play("Vulkan", Some(Gpu::open(&options).expect("a device")));
 }
 
-fn play(what: &'static str, device: Option<VulkanOptions>) {
+fn play(what: &'static str, device: Option<Gpu>) {
     let seconds: u64 = if std::env::var("EYEBOX_SOAK").is_ok_and(|v| v == "full") { 600 } else { 60 };
     let display = Display { height: 40, width: 48, ..Display::preset("planes24").expect("a preset") };
     let here = tempfile::tempdir().expect("a folder");

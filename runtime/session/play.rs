@@ -7,7 +7,7 @@ use super::scheduler::Start;
 use super::stream::{Stream, StreamEncoder, StreamOptions};
 use super::{Notes, Schedule, SessionError, Speed, Trace};
 use crate::encode::{Encoder, PhaseSet};
-use crate::engine::vulkan::Options as VulkanOptions;
+use crate::gpu::Gpu;
 use crate::hologram::{ColorHologram, Sequence};
 use crate::optics::{Color, Display};
 use crate::present::{Rate, SECOND_NS};
@@ -22,7 +22,7 @@ pub struct Play {
     /// To what the display receives.
     pub encoder: Encoder,
     /// The Vulkan device that encodes; else the CPU does, with the same bytes.
-    pub device: Option<VulkanOptions>,
+    pub device: Option<Gpu>,
     /// Holograms a second.
     pub rate: Rate,
     /// So many times as fast.

@@ -12,7 +12,8 @@ use super::player::SetSource;
 use super::scheduler::{Content, Readiness};
 use super::{Notes, SessionError, Trace, Track};
 use crate::encode::{Encoder, PhaseSet, VideoFrames};
-use crate::engine::vulkan::{Options as VulkanOptions, VulkanEncoder};
+use crate::engine::vulkan::VulkanEncoder;
+use crate::gpu::Gpu;
 use crate::hologram::Sequence;
 use crate::mailbox::Mailbox;
 use encoding::Encoding;
@@ -51,7 +52,7 @@ pub(super) enum StreamEncoder {
     /// All cores of the CPU.
     Cpu(Encoder),
     /// A Vulkan device; the CPU, which gives the same bytes, once that is lost.
-    Vulkan(Encoder, VulkanOptions),
+    Vulkan(Encoder, Gpu),
 }
 
 /// How often a thread that waits looks whether it is to stop.
@@ -140,8 +141,8 @@ impl Stream {
     ) -> Result<Self, SessionError> {
         match encoder {
             StreamEncoder::Cpu(encoder) => Self::with(sequence, encoder, None, options),
-            StreamEncoder::Vulkan(encoder, device) => {
-                let device = VulkanEncoder::open(&device, encoder.plan())?;
+            StreamEncoder::Vulkan(encoder, gpu) => {
+                let device = VulkanEncoder::new(&gpu, encoder.plan())?;
                 Self::with(sequence, encoder, Some(device), options)
             }
         }
@@ -156,7 +157,7 @@ impl Stream {
     ) -> Result<Self, SessionError> {
         let ahead = options.ahead.clamp(2, 64);
         let shape = sequence.shape();
-        let validation = device.as_ref().map(VulkanEncoder::messages);
+        let validation = device.as_ref().map(|d| d.gpu().messages());
         let mut probe = encoder.frames();
         {
             // A shape that does not fit is refused here, not on a thread.

@@ -29,7 +29,8 @@ fn a_study_says_what_steering_gains_and_shows_it() {
     let temp = folder();
     let at = temp.path();
     solved(at);
-    let study = ["study", "h.zarr", "--display", "planes8", "--duration", "1", "--engine", "cpu", "--json", "--step-time", "4"];
+    let study =
+        ["study", "h.zarr", "--display", "planes8", "--duration", "1", "--engine", "cpu", "--json", "--step-time", "4"];
     let said: Value = serde_json::from_str(&done(at, &[&study[..], &["-o", "out"]].concat())).expect("one object");
     let all = json(&at.join("out/study.json"));
     let moments = all["study"]["moments"].as_array().unwrap();

@@ -10,7 +10,7 @@ use crate::args::EngineName;
 use crate::session::{attend, conclude, ended_by};
 use crate::{Failure, progress};
 use args::ClockName;
-use eyebox::engine::vulkan::Options as VulkanOptions;
+use eyebox::gpu::{Gpu, Options as GpuOptions};
 use eyebox::optics::Display;
 use eyebox::session::{self, Output, Session, SessionOptions, SinkFile, Statistics, Status};
 use serde_json::json;
@@ -31,11 +31,10 @@ pub fn run(args: &Play) -> Result<(), Failure> {
     (play.follow, play.first, play.ahead) = (args.follow, args.first, args.ahead);
     play.start_at = args.start_at.map(|unix| UNIX_EPOCH + Duration::from_secs_f64(unix.min(1e12)));
     (play.sync_s, play.mark, play.keep_phase) = (args.sync, args.mark, args.keep_phase);
-    play.device = (args.engine == EngineName::Vulkan).then(|| VulkanOptions {
-        allow_cpu: true,
-        validation: args.shown.validation,
-        ..VulkanOptions::default()
-    });
+    if args.engine == EngineName::Vulkan {
+        let options = GpuOptions { allow_cpu: true, validation: args.shown.validation, ..GpuOptions::default() };
+        play.device = Some(Gpu::open(&options)?);
+    }
     let [_, _, height, width] = play.sequence.shape();
     let (count, rate) = (play.sequence.count(), play.rate);
     progress::catch_interrupt();
