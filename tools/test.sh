@@ -23,7 +23,10 @@ stage "lints"
 cargo clippy --workspace --all-targets --quiet -- -D warnings
 
 stage "documentation"
-RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --quiet
+# The command's pages are checked, then the library's take their place: both are called eyebox.
+export RUSTDOCFLAGS="-D warnings"
+cargo doc --package eyebox-tools --bins --no-deps --quiet
+cargo doc --workspace --no-deps --quiet
 
 stage "tests"
 cargo test --workspace
@@ -31,7 +34,7 @@ cargo test --workspace
 # The transforms must not depend on the size of a subgroup: 4 and 16 lanes instead of this machine's 8.
 for width in 128 512; do
     stage "shaders with vectors of $width bits"
-    LP_NATIVE_VECTOR_WIDTH=$width cargo test --package eyebox-tests --test vulkan_fft
+    LP_NATIVE_VECTOR_WIDTH=$width cargo test --package eyebox-tests --test vulkan fft::
 done
 
 stage "the README's commands"
