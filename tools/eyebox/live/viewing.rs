@@ -1,7 +1,6 @@
 //! `--view`: what the tracked eye sees, in a window beside the display.
 
 use super::subject::Steered;
-use crate::view::padding_of;
 use crate::{Failure, common};
 use eyebox::hologram::Hologram;
 use eyebox::live::{Live, Made};
@@ -40,7 +39,7 @@ impl Viewing {
         validation: bool,
     ) -> Result<Self, Failure> {
         let hologram: &Hologram = &steered.hologram;
-        let showing = Showing::new(hologram.clone(), padding_of(hologram))?;
+        let showing = Showing::new(hologram.clone(), hologram.metadata.padding())?;
         let problems: Vec<_> = steered.parts.iter().map(|p| p.problem.clone()).collect();
         let size = showing.size();
         // Small ones by a whole number.
