@@ -16,7 +16,8 @@
 //! | [`hologram`] | phase frames and their file |
 //! | [`tiled`] | far-field holograms larger than memory: region by region, from and to their file |
 //! | [`encode`] | calibration, levels, packing: phases to what the SLM receives |
-//! | [`playback`] | when what is shown, pacing, streaming from disk, presenters, an account of what was shown |
+//! | [`present`] | video frames to light: windows, direct displays, memory; when what lit up |
+//! | [`playback`] | when what is shown, pacing, streaming from disk, an account of what was shown |
 //! | [`preview`] | what an eye sees, live, in an ordinary window |
 //! | [`trackers`] | eye trackers: devices, recordings, network, simulated; samples with a steady time |
 //! | [`gaze`] | from a tracker's samples to where the pupil will be, with its uncertainty |
@@ -37,6 +38,7 @@ pub mod live;
 pub mod optics;
 pub mod plan;
 pub mod playback;
+pub mod present;
 pub mod preview;
 pub mod quality;
 pub mod scene;

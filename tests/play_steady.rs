@@ -10,9 +10,9 @@ use eyebox::gpu::{Gpu, Options as GpuOptions};
 use eyebox::hologram::{ColorHologram, Hologram, Sequence, SequenceWriter};
 use eyebox::optics::Display;
 use eyebox::playback::{
-    Cause, Clock, Flow, Marks, Offscreen, Options, Player, Rate, SECOND_NS, Schedule, Scheduler, SimulatedClock,
-    Source, Speed, Start, Stream, StreamEncoder, Trace,
+    Cause, Flow, Marks, Options, Player, Schedule, Scheduler, Source, Speed, Start, Stream, StreamEncoder, Trace,
 };
+use eyebox::present::{Clock, Offscreen, Rate, SECOND_NS, SimulatedClock};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::rc::Rc;
 use std::sync::atomic::{AtomicU64, Ordering};

@@ -3,12 +3,11 @@
 //!
 //! It runs itself again with a virtual X server's name, so that this process's surroundings stay as they are.
 
-use eyebox::playback::{Desktop, PanelEvent, Presenter, RealClock};
+use eyebox::present::{Desktop, Presenter, RealClock, WindowEvent};
 use eyebox::preview::{Overlay, Picture, PreviewWindow, places};
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 /// Where the server keeps its pixels; set where the windows are.
@@ -63,8 +62,9 @@ fn screen(pixels: &Path) -> Vec<[u8; 3]> {
 fn windows(pixels: &Path) {
     let desktop = Desktop::open().expect("a desktop");
     let monitor = desktop.choose(None, SCREEN).expect("a monitor");
-    let mut playing = desktop.window(&monitor, Rc::new(RealClock::start()), true).expect("a window");
-    let mut preview = PreviewWindow::open(playing.desktop(), "preview", SMALL, true).expect("a preview");
+    let mut playing = desktop.fullscreen(&monitor, RealClock::start(), true).expect("a window");
+    let mut preview =
+        PreviewWindow::open(playing.desktop().expect("its desktop"), "preview", SMALL, true).expect("a preview");
     assert_eq!(preview.size(), SMALL);
     let frame =
         |k: u64| -> Vec<u8> { (0..3 * SCREEN[0] * SCREEN[1]).map(|i| ((i as u64 * 7 + k * 31) % 251) as u8).collect() };
@@ -82,7 +82,7 @@ fn windows(pixels: &Path) {
         id += 1;
         assert!(playing.event().is_none());
         while let Some(event) = preview.event() {
-            closed |= event == PanelEvent::Close;
+            closed |= event == WindowEvent::Close;
         }
         if shown {
             let place = places(preview.size(), SMALL, 1)[0];

@@ -3,7 +3,8 @@
 
 use super::{BeatCell, Giver, LiveError, LiveSource, Made, Stamps, Steerer, Watch, aim_of, as_ns, handover};
 use crate::encode::{Encoder, PhaseSet};
-use crate::playback::{Clock, Lane, RealClock};
+use crate::playback::Lane;
+use crate::present::{Clock, RealClock};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;

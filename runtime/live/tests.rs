@@ -6,10 +6,8 @@ use crate::engine::cpu::CpuEngine;
 use crate::engine::{Engine, EngineError};
 use crate::gaze::{Estimator, Settings as GazeSettings};
 use crate::optics::{Color, Display, Padding};
-use crate::playback::{
-    Clock, Content, Offscreen, Player, Rate, Readiness, Schedule, Scheduler, SimulatedClock, Source as _, Speed, Start,
-    Trace,
-};
+use crate::playback::{Content, Player, Readiness, Schedule, Scheduler, Source as _, Speed, Start, Trace};
+use crate::present::{Clock, Offscreen, Rate, RealClock, SimulatedClock};
 use crate::scene::{self, Pyramid, Request};
 use crate::solve::{Flow, Problem, Settings, SplitMix, solve};
 use crate::trackers::{About, Event, Quantity, Reading, Sample, Source, Stream, TrackerError, Unit, now_ns};
@@ -375,7 +373,7 @@ fn the_thread_hands_over_refined_sets_and_ends_without_taking_the_picture() {
     let steerer = Steerer::new(vec![whole.clone()], Policy::default(), cpu).unwrap();
     let start = now_ns();
     let watch = std::sync::Arc::new(watch(move |i| (i < 100).then(|| at(start + i * 1_000_000, [1e-3, 0.0]))));
-    let clock = crate::playback::RealClock::start();
+    let clock = RealClock::start();
     let beat = std::sync::Arc::new(BeatCell::new(16_666_667, 2_000_000));
     let options = options(clock, &beat, move || Steerer::new(vec![whole.clone()], Policy::default(), cpu));
     let (live, mut source) = start_live(steerer, std::sync::Arc::clone(&watch), options);
@@ -402,7 +400,7 @@ fn the_thread_hands_over_refined_sets_and_ends_without_taking_the_picture() {
 
 /// Steered, at 60 Hz; `again` makes the engines anew.
 fn options(
-    clock: crate::playback::RealClock,
+    clock: RealClock,
     beat: &std::sync::Arc<BeatCell>,
     again: impl FnMut() -> Result<Steerer, LiveError> + Send + 'static,
 ) -> LiveOptions {
@@ -464,7 +462,7 @@ fn an_engine_that_is_lost_is_made_anew_and_then_given_up() {
     let short = move || Steerer::new(vec![whole.clone()], Policy::default(), || Ok(Box::new(Fails(cpu()?, 4)) as _));
     let steerer = short().unwrap();
     let watch = std::sync::Arc::new(watch(|_| None));
-    let clock = crate::playback::RealClock::start();
+    let clock = RealClock::start();
     let beat = std::sync::Arc::new(BeatCell::new(16_666_667, 2_000_000));
     let options = options(clock, &beat, short);
     let (live, mut source) = start_live(steerer, watch, options);

@@ -4,7 +4,7 @@
 //! what it has to do and a margin fit in between. A miss widens the margin at once, a run of presents without one
 //! narrows it slowly. Pure: times come in as numbers.
 
-use super::rate::Rate;
+use crate::present::Rate;
 use std::collections::VecDeque;
 
 /// The next video frame.

@@ -2,8 +2,9 @@
 
 use super::report::Timing;
 use super::scheduler::{Content, Scheduler, Slot, What};
-use super::{Cause, Clock, Event, Lane, Pacer, PlaybackError, Presenter, Rate, Speed};
+use super::{Cause, Lane, Pacer, PlaybackError, Speed};
 use crate::encode::VideoFrames;
+use crate::present::{Clock, Event, PresentError, Presenter, Rate};
 use std::rc::Rc;
 use std::time::Instant;
 
@@ -216,7 +217,7 @@ impl Player {
         presenter: &mut dyn Presenter,
         ended: Result<T, PlaybackError>,
     ) -> Result<T, PlaybackError> {
-        if matches!(ended, Err(PlaybackError::Presenter { .. })) {
+        if matches!(ended, Err(PlaybackError::Present(PresentError::Display { .. }))) {
             return ended;
         }
         let next = self.pacer.predict(self.clock.now_ns());
@@ -227,7 +228,8 @@ impl Player {
             .and_then(|()| presenter.present(self.id, next.desired_present_time_ns))
             .and_then(|()| presenter.finish());
         let how = ended?;
-        left.map(|()| how)
+        left?;
+        Ok(how)
     }
 
     fn rate(&self) -> Rate {

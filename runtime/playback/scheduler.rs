@@ -7,8 +7,8 @@
 //! been due, and else the rates: content is faster than the sets.
 
 use super::account::{Account, Cause};
-use super::rate::Rate;
 use super::timeline::{Speed, Timeline};
+use crate::present::Rate;
 use std::collections::VecDeque;
 
 /// How far a content frame has come.

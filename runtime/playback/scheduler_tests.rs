@@ -1,7 +1,8 @@
 //! The scheduler and the pacer in simulated time: what the panel showed against plain arithmetic.
 
 use super::simulation::Simulation;
-use super::{Account, Cause, Clock, Flow, Pacer, Rate, SECOND_NS, Schedule, Speed, Start};
+use super::{Account, Cause, Flow, Pacer, Schedule, Speed, Start};
+use crate::present::{Clock, Rate, SECOND_NS};
 use proptest::prelude::*;
 use std::collections::BTreeSet;
 

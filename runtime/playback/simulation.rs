@@ -2,12 +2,10 @@
 //! was really on the panel, which is what tests judge by.
 
 use super::player::Source;
-use super::{
-    Clock, Content, Feedback, Flow, PlaybackError, Player, Presenter, Rate, Readiness, Schedule, Scheduler,
-    SimulatedClock, Trace,
-};
+use super::{Content, Flow, PlaybackError, Player, Readiness, Schedule, Scheduler, Trace};
 use crate::encode::{Encoder, VideoFrames};
 use crate::optics::{Color, Display};
+use crate::present::{Clock, Feedback, PresentError, Presenter, Rate, SimulatedClock};
 use crate::solve::SplitMix;
 use std::collections::{BTreeSet, VecDeque};
 use std::rc::Rc;
@@ -62,12 +60,12 @@ impl Presenter for Panel {
         Some(self.rate)
     }
 
-    fn upload(&mut self, picture: &[u8]) -> Result<(), PlaybackError> {
+    fn upload(&mut self, picture: &[u8]) -> Result<(), PresentError> {
         self.picture.copy_from_slice(&picture[..9]);
         Ok(())
     }
 
-    fn present(&mut self, id: u64, _desired_present_time_ns: i64) -> Result<(), PlaybackError> {
+    fn present(&mut self, id: u64, _desired_present_time_ns: i64) -> Result<(), PresentError> {
         while self.time_of_ns(self.next) <= self.clock.now_ns() || self.stuck.contains(&self.next) {
             self.next += 1;
         }

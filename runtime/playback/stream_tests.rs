@@ -6,6 +6,7 @@ use crate::encode::{Encoder, PhaseSet};
 use crate::gpu::{Gpu, Options as GpuOptions};
 use crate::hologram::{ColorHologram, Hologram, Sequence, SequenceWriter};
 use crate::optics::{Color, Display, Optics};
+use crate::present::{Clock, Offscreen, Rate, SimulatedClock};
 use crate::solve::SplitMix;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;

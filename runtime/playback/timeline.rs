@@ -1,6 +1,6 @@
 //! Content time: which content frame is due at a time of the display. Pausing, stepping, speed.
 
-use super::rate::{Rate, SECOND_NS};
+use crate::present::{Rate, SECOND_NS};
 
 /// How fast content runs, as a fraction of its own rate: 1/4 to 4 and the like.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -2,7 +2,7 @@
 //!
 //! A [`Viewer`] is a thread that owns the engines: it is given what the display shows ([`Showing`]) and where to look from
 //! ([`Look`]) as often as either changes, and has the newest picture ([`Seen`]); what came in between is never computed. A
-//! [`PreviewWindow`] shows such pictures in a window of the same [`Desktop`](crate::playback::Desktop) as playback's, and
+//! [`PreviewWindow`] shows such pictures in a window of the same [`Desktop`](crate::present::Desktop) as playback's, and
 //! never makes the thread that serves it wait. [`Controls`] say what a mouse and keys mean; [`Reader`] reads the holograms
 //! of a sequence on a thread of its own.
 //!
@@ -12,7 +12,7 @@
 //! This room imports [`optics`](crate::optics), [`hologram`](crate::hologram), [`plan`](crate::plan),
 //! [`engine`](crate::engine), [`evaluate`](crate::evaluate), [`files`](crate::files) for the sRGB curve, of
 //! [`solve`](crate::solve) the `Problem` (a scene before a display), [`tiled`](crate::tiled) for holograms in tiles, and of
-//! [`playback`](crate::playback) the desktop.
+//! [`present`](crate::present) the desktop.
 
 mod controls;
 mod eye;
@@ -44,14 +44,14 @@ pub use window::PreviewWindow;
 use crate::engine::EngineError;
 use crate::hologram::HologramError;
 use crate::optics::OpticsError;
-use crate::playback::PlaybackError;
+use crate::present::PresentError;
 
 /// Why there is nothing to see.
 #[derive(Debug, thiserror::Error)]
 pub enum PreviewError {
     /// The desktop.
     #[error(transparent)]
-    Desktop(#[from] PlaybackError),
+    Desktop(#[from] PresentError),
     /// The engine, or the window's device.
     #[error(transparent)]
     Engine(#[from] EngineError),

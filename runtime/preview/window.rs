@@ -4,14 +4,14 @@ use super::picture::Picture;
 use super::place::Rect;
 use super::{Overlay, PreviewError, draw_overlay};
 use crate::engine::vulkan::Canvas;
-use crate::playback::{Desktop, Panel, PanelEvent};
+use crate::present::{Desktop, OrdinaryWindow, WindowEvent};
 use std::sync::{Arc, Mutex};
 
 /// A window on the same desktop as playback's. Whoever pumps the desktop calls [`refresh`](Self::refresh) now and then.
 pub struct PreviewWindow {
     // Before the window that it shows in.
     canvas: Canvas,
-    panel: Panel,
+    window: OrdinaryWindow,
     frame: Picture,
     fresh: bool,
 }
@@ -22,18 +22,18 @@ impl PreviewWindow {
     /// # Errors
     /// [`PreviewError::Desktop`]; [`PreviewError::Engine`] where Vulkan cannot show pictures in it.
     pub fn open(desktop: &mut Desktop, title: &str, size: [usize; 2], validation: bool) -> Result<Self, PreviewError> {
-        let panel = desktop.panel(title, size)?;
-        let handle = panel.handle()?;
-        // SAFETY: the window lives in the panel, and the canvas is dropped before it.
+        let window = desktop.window(title, size)?;
+        let handle = window.handle()?;
+        // SAFETY: the window lives as long as this, and the canvas is dropped before it.
         #[allow(unsafe_code)]
         let canvas = unsafe { Canvas::open(handle, validation) }?;
-        let frame = Picture::black(panel.size());
-        Ok(Self { canvas, panel, frame, fresh: true })
+        let frame = Picture::black(window.size());
+        Ok(Self { canvas, window, frame, fresh: true })
     }
 
     /// Rows and columns of its inside; zero while it is minimised.
     pub fn size(&self) -> [usize; 2] {
-        self.panel.size()
+        self.window.size()
     }
 
     /// Which device shows it.
@@ -48,13 +48,13 @@ impl PreviewWindow {
 
     /// Writes another title.
     pub fn title(&self, title: &str) {
-        self.panel.title(title);
+        self.window.title(title);
     }
 
     /// The next thing that happened, as far as the desktop was pumped.
-    pub fn event(&mut self) -> Option<PanelEvent> {
-        let event = self.panel.event()?;
-        if matches!(event, PanelEvent::Exposed | PanelEvent::Resized(_)) {
+    pub fn event(&mut self) -> Option<WindowEvent> {
+        let event = self.window.event()?;
+        if matches!(event, WindowEvent::Exposed | WindowEvent::Resized(_)) {
             self.fresh = true;
         }
         Some(event)
@@ -72,7 +72,7 @@ impl PreviewWindow {
     /// # Errors
     /// [`PreviewError::Engine`] for a window that is gone, or a device lost.
     pub fn refresh(&mut self) -> Result<bool, PreviewError> {
-        if self.fresh && self.panel.size() != [0, 0] && self.canvas.present(&self.frame.rgb, self.frame.size)? {
+        if self.fresh && self.window.size() != [0, 0] && self.canvas.present(&self.frame.rgb, self.frame.size)? {
             self.fresh = false;
         }
         Ok(!self.fresh)

@@ -9,7 +9,7 @@ use clap::{Args, ValueEnum};
 use eyebox::hologram::Start;
 use eyebox::optics::{Color, Pupil, WindowFactor};
 use eyebox::plan::Storage;
-use eyebox::playback::Rate;
+use eyebox::present::Rate;
 use eyebox::solve::{Full, Method};
 use std::path::PathBuf;
 

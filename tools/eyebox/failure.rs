@@ -9,6 +9,7 @@ use eyebox::hologram::HologramError;
 use eyebox::live::LiveError;
 use eyebox::optics::OpticsError;
 use eyebox::playback::PlaybackError;
+use eyebox::present::PresentError;
 use eyebox::preview::PreviewError;
 use eyebox::quality::QualityError;
 use eyebox::scene::SceneError;
@@ -61,6 +62,9 @@ pub enum Failure {
     /// Playback.
     #[error(transparent)]
     Playback(#[from] PlaybackError),
+    /// The display, or a window.
+    #[error(transparent)]
+    Present(#[from] PresentError),
     /// The preview.
     #[error(transparent)]
     Preview(#[from] PreviewError),

@@ -2,7 +2,7 @@
 
 use eyebox::optics::{Pupil, WindowFactor};
 use eyebox::plan::Storage;
-use eyebox::playback::Rate;
+use eyebox::present::Rate;
 use eyebox::solve::{Full, Method};
 
 fn numbers<const N: usize>(parts: Vec<&str>, form: &str) -> Result<[f64; N], String> {

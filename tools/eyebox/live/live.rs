@@ -12,10 +12,8 @@ use clap::Args;
 use eyebox::files;
 use eyebox::live::{self, Beat, BeatCell, Latency, LiveOptions, LiveSource, Stage, Steerer, Watch};
 use eyebox::optics::Pupil;
-use eyebox::playback::{
-    Clock, Desktop, Flow, Lane, Offscreen, Player, Presenter, Rate, RealClock, Report, SECOND_NS, Schedule, Scheduler,
-    Source, Speed, Start, Trace, Window,
-};
+use eyebox::playback::{Flow, Lane, Player, Report, Schedule, Scheduler, Source, Speed, Start, Trace};
+use eyebox::present::{Clock, Desktop, DisplayPresenter, Offscreen, Presenter, Rate, RealClock, SECOND_NS};
 use eyebox::trackers::simulated;
 use serde_json::{Value, json};
 use std::collections::VecDeque;
@@ -78,12 +76,12 @@ pub fn run(args: &Live) -> Result<(), Failure> {
         OutputName::Window => {
             let desktop = Desktop::open()?;
             let monitor = desktop.choose(args.shown.monitor.as_deref(), size)?;
-            let window = desktop.window(&monitor, Rc::new(clock), args.shown.validation)?;
+            let window = desktop.fullscreen(&monitor, clock, args.shown.validation)?;
             heard.push(window.messages());
             Output::Window(Box::new(window))
         }
         OutputName::Direct => {
-            let (display, _, messages) = args.shown.wanted(size).open(Rc::new(clock))?;
+            let (display, _, messages) = args.shown.wanted(size).open(clock)?;
             heard.push(messages);
             Output::Other(display, beside()?)
         }
@@ -99,7 +97,7 @@ pub fn run(args: &Live) -> Result<(), Failure> {
 
 /// Where video frames go, and the desktop that other windows stand on.
 enum Output {
-    Window(Box<Window>),
+    Window(Box<DisplayPresenter>),
     Other(Box<dyn Presenter>, Option<Box<Desktop>>),
 }
 
@@ -113,7 +111,7 @@ impl Output {
 
     fn desktop(&mut self) -> Option<&mut Desktop> {
         match self {
-            Self::Window(window) => Some(window.desktop()),
+            Self::Window(window) => window.desktop(),
             Self::Other(_, desktop) => desktop.as_deref_mut(),
         }
     }
@@ -121,7 +119,7 @@ impl Output {
     /// Events of windows beside the display; a window of its own takes them while it is asked for its own.
     fn pump(&mut self) -> Result<(), Failure> {
         match self {
-            Self::Other(_, Some(desktop)) => desktop.pump_for(Duration::ZERO).map_err(lost),
+            Self::Other(_, Some(desktop)) => desktop.pump_for(Duration::ZERO).map_err(|e| lost(e.into())),
             _ => Ok(()),
         }
     }

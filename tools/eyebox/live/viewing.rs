@@ -5,7 +5,7 @@ use crate::{Failure, common};
 use eyebox::hologram::Hologram;
 use eyebox::live::{Live, Made};
 use eyebox::optics::{Padding, Pupil};
-use eyebox::playback::{Desktop, PanelEvent, PanelKey};
+use eyebox::present::{Desktop, WindowEvent, WindowKey};
 use eyebox::preview::{
     Look, Overlay, Picture, PreviewError, PreviewWindow, Showing, Shown, Side, Viewer, places, pupil_at,
 };
@@ -80,9 +80,11 @@ impl Viewing {
         let gone = |error: PreviewError| Failure::Lost(format!("the view's window: {error}"));
         while let Some(event) = self.window.event() {
             match event {
-                PanelEvent::Close | PanelEvent::Key(PanelKey::Escape | PanelKey::Character('q')) => return Ok(false),
-                PanelEvent::Key(PanelKey::Character('s')) => live.steer(!live.is_steered()),
-                PanelEvent::Pointer(position) => {
+                WindowEvent::Close | WindowEvent::Key(WindowKey::Escape | WindowKey::Character('q')) => {
+                    return Ok(false);
+                }
+                WindowEvent::Key(WindowKey::Character('s')) => live.steer(!live.is_steered()),
+                WindowEvent::Pointer(position) => {
                     if let Some(mouse) = &self.mouse {
                         mouse.push(pupil_at(position, &places(self.window.size(), self.size, 1), self.eyebox));
                     }

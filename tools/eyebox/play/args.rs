@@ -4,7 +4,7 @@ use super::Wanted;
 use crate::args::EngineName;
 use crate::values::{mark, not_negative, positive, rate, size};
 use clap::{Args, ValueEnum};
-use eyebox::playback::Rate;
+use eyebox::present::Rate;
 use std::path::PathBuf;
 
 /// Where video frames go.

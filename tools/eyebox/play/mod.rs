@@ -17,9 +17,12 @@ use eyebox::gpu::{Gpu, Options as GpuOptions};
 use eyebox::hologram::Sequence;
 use eyebox::optics::{Color, Display};
 use eyebox::playback::{
-    Clock, Desktop, Direct, Flow, Lane, Marks, Offscreen, Options, PlaybackError, Player, Presenter, Rate, RealClock,
-    Recorder, Report, SECOND_NS, Schedule, Scheduler, SimulatedClock, Sink, Source, Speed, Start, Stream,
-    StreamEncoder, Trace, sync_phases,
+    Flow, Lane, Marks, Options, PlaybackError, Player, Recorder, Report, Schedule, Scheduler, Source, Speed, Start,
+    Stream, StreamEncoder, Trace, sync_phases,
+};
+use eyebox::present::{
+    Clock, Desktop, DirectDisplays, Offscreen, PresentError, Presenter, Rate, RealClock, SECOND_NS, SimulatedClock,
+    Sink,
 };
 use serde_json::json;
 use std::io::{IsTerminal, Write};
@@ -78,12 +81,12 @@ pub fn run(args: &Play) -> Result<(), Failure> {
 
 /// Plays in a window or on a display of its own.
 fn on_display(args: &Play, mut opened: Opened) -> Result<(), Failure> {
-    let clock = Rc::new(RealClock::start());
+    let clock = RealClock::start();
     let frames = opened.encoder.frames();
     let wanted = args.shown.wanted([frames.height, frames.width]);
-    let (mut display, rate, messages) = wanted.open(Rc::clone(&clock))?;
+    let (mut display, rate, messages) = wanted.open(clock)?;
     opened.display_rate = rate.unwrap_or(opened.display_rate);
-    let played = play(args, opened, clock, &mut *display);
+    let played = play(args, opened, Rc::new(clock), &mut *display);
     drop(display);
     checked(played, &messages)
 }
@@ -107,9 +110,9 @@ pub type Shown = (Box<dyn Presenter>, Option<Rate>, Arc<Mutex<Vec<String>>>);
 
 impl Wanted<'_> {
     /// Opens it.
-    pub fn open(&self, clock: Rc<RealClock>) -> Result<Shown, Failure> {
+    pub fn open(&self, clock: RealClock) -> Result<Shown, Failure> {
         if self.direct {
-            let display = Direct::open(self.validation)?.take(self.monitor, self.size, self.rate, clock)?;
+            let display = DirectDisplays::open(self.validation)?.take(self.monitor, self.size, self.rate, clock)?;
             let messages = display.messages();
             // Its own rate is the mode's, which may be 59.94 where 60 was asked for.
             let rate = display.rate();
@@ -117,7 +120,7 @@ impl Wanted<'_> {
         }
         let desktop = Desktop::open()?;
         let monitor = desktop.choose(self.monitor, self.size)?;
-        let window = desktop.window(&monitor, clock, self.validation)?;
+        let window = desktop.fullscreen(&monitor, clock, self.validation)?;
         let (rate, messages) = (self.rate.or(window.rate()), window.messages());
         Ok((Box::new(window), rate, messages))
     }
@@ -306,7 +309,7 @@ fn tell(stream: &mut Stream, status: &mut Status) {
 /// A display that goes away while it is played to has an exit code of its own.
 pub fn lost(error: PlaybackError) -> Failure {
     match error {
-        PlaybackError::Presenter { .. } => Failure::Lost(error.to_string()),
+        PlaybackError::Present(PresentError::Display { .. }) => Failure::Lost(error.to_string()),
         other => other.into(),
     }
 }
@@ -384,8 +387,8 @@ mod tests {
 
     #[test]
     fn a_display_that_goes_away_and_a_thread_that_fails_have_codes_of_their_own() {
-        let gone = PlaybackError::Presenter { presenter: "the window".into(), reason: "it is gone".into() };
+        let gone = PresentError::Display { presenter: "the window".into(), reason: "it is gone".into() };
         let failed = PlaybackError::Thread { what: "encodes", reason: "failed".into() };
-        assert_eq!((lost(gone).code(), lost(failed).code()), (3, 2));
+        assert_eq!((lost(gone.into()).code(), lost(failed).code()), (3, 2));
     }
 }

@@ -2,13 +2,13 @@
 
 use super::Monitors;
 use crate::Failure;
-use eyebox::playback::{Connected, Desktop, Direct, Monitor, Rate};
+use eyebox::present::{Connected, Desktop, DirectDisplays, Monitor, Rate};
 use serde_json::{Value, json};
 
 /// Lists the monitors of the desktop, and the displays that can be shown on directly.
 pub fn monitors(args: &Monitors) -> Result<(), Failure> {
     let desktop = Desktop::open().map(|desktop| desktop.monitors());
-    let direct = Direct::open(false).map(|direct| direct.list()).unwrap_or_default();
+    let direct = DirectDisplays::open(false).map(|direct| direct.list()).unwrap_or_default();
     // Without a desktop there may still be displays; with neither, that is what is wrong.
     let monitors = match desktop {
         Ok(monitors) => monitors,

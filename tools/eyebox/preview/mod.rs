@@ -11,7 +11,7 @@ use crate::{Failure, progress, score, tiled, view};
 use eyebox::evaluate::Plane;
 use eyebox::hologram::{Hologram, PhaseSource, SceneSource, Sequence, Tiles};
 use eyebox::optics::{Color, Padding};
-use eyebox::playback::{Desktop, PlaybackError};
+use eyebox::present::{Desktop, Monitor, PresentError, WindowEvent};
 use eyebox::preview::{
     Action, Controls, Look, Picture, PreviewError, PreviewWindow, Seen, Showing, Side, Viewer, places,
 };
@@ -151,9 +151,8 @@ fn window_size(args: &Preview, size: [usize; 2], desktop: &Desktop) -> [usize; 2
             let longer = size[0].max(size[1]) as f64;
             // Small ones by a whole number.
             let usual = if longer < USUAL[0] { (USUAL[0] / longer).floor() } else { (USUAL[1] / longer).min(1.0) };
-            let room = |m: &eyebox::playback::Monitor| {
-                (ROOM * m.size[0] as f64 / size[0] as f64).min(ROOM * m.size[1] as f64 / size[1] as f64)
-            };
+            let room =
+                |m: &Monitor| (ROOM * m.size[0] as f64 / size[0] as f64).min(ROOM * m.size[1] as f64 / size[1] as f64);
             let most = desktop.monitors().iter().map(room).fold(f64::NEG_INFINITY, f64::max);
             times(if most > 0.0 { usual.min(most) } else { usual })
         }
@@ -261,7 +260,7 @@ fn watch(
                 }
                 None => {}
             }
-            draw |= matches!(event, eyebox::playback::PanelEvent::Resized(_));
+            draw |= matches!(event, WindowEvent::Resized(_));
         }
         if progress::interrupted() {
             return Ok(());
@@ -316,7 +315,7 @@ fn keep(shown: &Shown, seen: &Seen) {
 }
 
 /// A desktop that goes away while it is shown on has an exit code of its own.
-fn lost(error: PlaybackError) -> Failure {
+fn lost(error: PresentError) -> Failure {
     Failure::Lost(error.to_string())
 }
 

@@ -3,8 +3,8 @@
 //! A process has one event loop, so they are made by the [`Desktop`] and their events come while it is pumped, by
 //! whoever pumps it.
 
-use super::PlaybackError;
-use super::window::{Desktop, handle_of, no_desktop};
+use super::desktop::{Desktop, handle_of};
+use super::{PresentError, no_desktop};
 use crate::engine::vulkan::WindowHandle;
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -12,12 +12,12 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use winit::dpi::PhysicalSize;
-use winit::event::{ElementState, MouseScrollDelta, WindowEvent};
+use winit::event::{ElementState, MouseScrollDelta, WindowEvent as SystemEvent};
 use winit::event_loop::ActiveEventLoop;
 use winit::keyboard::{Key, NamedKey};
 use winit::window::{Window as SystemWindow, WindowId};
 
-/// How long a panel may take to come up.
+/// How long a window may take to come up.
 const PATIENCE: Duration = Duration::from_secs(3);
 /// Pixels of a touch pad that are a notch of a wheel.
 const NOTCH: f64 = 40.0;
@@ -26,7 +26,7 @@ const MOST: usize = 1024;
 
 /// A key of the keyboard.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum PanelKey {
+pub enum WindowKey {
     /// What it writes, the space bar included.
     Character(char),
     /// Escape.
@@ -37,9 +37,9 @@ pub enum PanelKey {
     Arrow([i8; 2]),
 }
 
-/// What happened to a panel.
+/// What happened to a window.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum PanelEvent {
+pub enum WindowEvent {
     /// It is to be closed, or is gone.
     Close,
     /// Its inside has so many rows and columns.
@@ -51,20 +51,20 @@ pub enum PanelEvent {
     /// The wheel was turned by so many notches, up and away being positive.
     Wheel(f64),
     /// A key was pressed, or repeats.
-    Key(PanelKey),
+    Key(WindowKey),
 }
 
-type Queue = Rc<RefCell<VecDeque<PanelEvent>>>;
+type Queue = Rc<RefCell<VecDeque<WindowEvent>>>;
 
-/// The event loop's side of all panels.
+/// The event loop's side of all windows.
 #[derive(Default)]
-pub(super) struct Panels {
+pub(super) struct Windows {
     wanted: Option<(String, [usize; 2])>,
-    made: Option<Result<Panel, String>>,
+    made: Option<Result<OrdinaryWindow, String>>,
     queues: Vec<(WindowId, Queue)>,
 }
 
-impl Panels {
+impl Windows {
     /// Makes the one that is wanted.
     pub(super) fn make(&mut self, event_loop: &ActiveEventLoop) {
         let Some((title, [height, width])) = self.wanted.take() else { return };
@@ -74,22 +74,22 @@ impl Panels {
         self.made = Some(event_loop.create_window(attributes).map_err(|e| e.to_string()).map(|window| {
             let (window, events) = (Arc::new(window), Queue::default());
             self.queues.push((window.id(), Rc::clone(&events)));
-            Panel { window, events }
+            OrdinaryWindow { window, events }
         }));
     }
 
-    /// Whether the event was a panel's.
-    pub(super) fn take(&mut self, id: WindowId, event: &WindowEvent) -> bool {
+    /// Whether the event was a window's.
+    pub(super) fn take(&mut self, id: WindowId, event: &SystemEvent) -> bool {
         let Some(at) = self.queues.iter().position(|(window, _)| *window == id) else { return false };
         let queue = Rc::clone(&self.queues[at].1);
         // The last that comes from it.
-        if matches!(event, WindowEvent::Destroyed) {
+        if matches!(event, SystemEvent::Destroyed) {
             self.queues.swap_remove(at);
         }
         if let Some(event) = translated(event) {
             let mut queue = queue.borrow_mut();
             // Of a mouse that moves only where it is now matters.
-            if matches!((queue.back(), event), (Some(PanelEvent::Pointer(_)), PanelEvent::Pointer(_))) {
+            if matches!((queue.back(), event), (Some(WindowEvent::Pointer(_)), WindowEvent::Pointer(_))) {
                 queue.pop_back();
             }
             if queue.len() < MOST {
@@ -100,28 +100,28 @@ impl Panels {
     }
 }
 
-fn translated(event: &WindowEvent) -> Option<PanelEvent> {
+fn translated(event: &SystemEvent) -> Option<WindowEvent> {
     Some(match event {
-        WindowEvent::CloseRequested | WindowEvent::Destroyed => PanelEvent::Close,
-        WindowEvent::Resized(size) => PanelEvent::Resized([size.height as usize, size.width as usize]),
-        WindowEvent::RedrawRequested => PanelEvent::Exposed,
-        WindowEvent::CursorMoved { position, .. } => PanelEvent::Pointer([position.y, position.x]),
-        WindowEvent::MouseWheel { delta, .. } => PanelEvent::Wheel(match delta {
+        SystemEvent::CloseRequested | SystemEvent::Destroyed => WindowEvent::Close,
+        SystemEvent::Resized(size) => WindowEvent::Resized([size.height as usize, size.width as usize]),
+        SystemEvent::RedrawRequested => WindowEvent::Exposed,
+        SystemEvent::CursorMoved { position, .. } => WindowEvent::Pointer([position.y, position.x]),
+        SystemEvent::MouseWheel { delta, .. } => WindowEvent::Wheel(match delta {
             MouseScrollDelta::LineDelta(_, rows) => f64::from(*rows),
             MouseScrollDelta::PixelDelta(pixels) => pixels.y / NOTCH,
         }),
         // A synthetic press tells of a key that was down when the window got the keyboard; where that key is pressed just
         // then, its own press comes as well.
-        WindowEvent::KeyboardInput { event, is_synthetic: false, .. } if event.state == ElementState::Pressed => {
-            PanelEvent::Key(match &event.logical_key {
-                Key::Named(NamedKey::Escape) => PanelKey::Escape,
-                Key::Named(NamedKey::Home) => PanelKey::Home,
-                Key::Named(NamedKey::Space) => PanelKey::Character(' '),
-                Key::Named(NamedKey::ArrowLeft) => PanelKey::Arrow([-1, 0]),
-                Key::Named(NamedKey::ArrowRight) => PanelKey::Arrow([1, 0]),
-                Key::Named(NamedKey::ArrowUp) => PanelKey::Arrow([0, -1]),
-                Key::Named(NamedKey::ArrowDown) => PanelKey::Arrow([0, 1]),
-                Key::Character(text) => PanelKey::Character(text.chars().next()?),
+        SystemEvent::KeyboardInput { event, is_synthetic: false, .. } if event.state == ElementState::Pressed => {
+            WindowEvent::Key(match &event.logical_key {
+                Key::Named(NamedKey::Escape) => WindowKey::Escape,
+                Key::Named(NamedKey::Home) => WindowKey::Home,
+                Key::Named(NamedKey::Space) => WindowKey::Character(' '),
+                Key::Named(NamedKey::ArrowLeft) => WindowKey::Arrow([-1, 0]),
+                Key::Named(NamedKey::ArrowRight) => WindowKey::Arrow([1, 0]),
+                Key::Named(NamedKey::ArrowUp) => WindowKey::Arrow([0, -1]),
+                Key::Named(NamedKey::ArrowDown) => WindowKey::Arrow([0, 1]),
+                Key::Character(text) => WindowKey::Character(text.chars().next()?),
                 _ => return None,
             })
         }
@@ -130,12 +130,12 @@ fn translated(event: &WindowEvent) -> Option<PanelEvent> {
 }
 
 /// An ordinary window. It closes when it is dropped.
-pub struct Panel {
+pub struct OrdinaryWindow {
     window: Arc<SystemWindow>,
     events: Queue,
 }
 
-impl Panel {
+impl OrdinaryWindow {
     /// Rows and columns of its inside; zero where it is minimised.
     pub fn size(&self) -> [usize; 2] {
         [self.window.inner_size().height as usize, self.window.inner_size().width as usize]
@@ -147,22 +147,22 @@ impl Panel {
     }
 
     /// The next thing that happened, as far as the desktop was pumped.
-    pub fn event(&self) -> Option<PanelEvent> {
+    pub fn event(&self) -> Option<WindowEvent> {
         let size = self.size();
         // A window that gets the keyboard is told where the mouse is, which may be anywhere.
-        let outside = |event: &PanelEvent| match event {
-            PanelEvent::Pointer(at) => !(0..2).all(|i| (0.0..size[i] as f64).contains(&at[i])),
+        let outside = |event: &WindowEvent| match event {
+            WindowEvent::Pointer(at) => !(0..2).all(|i| (0.0..size[i] as f64).contains(&at[i])),
             _ => false,
         };
         let mut events = self.events.borrow_mut();
         std::iter::from_fn(|| events.pop_front()).find(|event| !outside(event))
     }
 
-    /// What Vulkan makes a surface of. It is good for as long as the panel lives.
+    /// What Vulkan makes a surface of. It is good for as long as the window lives.
     ///
     /// # Errors
-    /// [`PlaybackError::Presenter`] on a system whose windows are not known here.
-    pub fn handle(&self) -> Result<WindowHandle, PlaybackError> {
+    /// [`PresentError::Display`] on a system whose windows are not known here.
+    pub fn handle(&self) -> Result<WindowHandle, PresentError> {
         handle_of(&self.window)
     }
 }
@@ -171,14 +171,14 @@ impl Desktop {
     /// Opens an ordinary window whose inside has `size` rows and columns, if the desktop agrees.
     ///
     /// # Errors
-    /// [`PlaybackError::Presenter`].
-    pub fn panel(&mut self, title: &str, size: [usize; 2]) -> Result<Panel, PlaybackError> {
-        self.panels().wanted = Some((title.into(), size));
+    /// [`PresentError::Display`].
+    pub fn window(&mut self, title: &str, size: [usize; 2]) -> Result<OrdinaryWindow, PresentError> {
+        self.windows().wanted = Some((title.into(), size));
         let since = Instant::now();
         loop {
             self.pump_for(Duration::from_millis(5))?;
-            match self.panels().made.take() {
-                Some(Ok(panel)) => return Ok(panel),
+            match self.windows().made.take() {
+                Some(Ok(window)) => return Ok(window),
                 Some(Err(failure)) => {
                     return Err(no_desktop(format!("a window could not be opened ({failure})")));
                 }

@@ -1,6 +1,6 @@
 //! Where an offscreen display's video frames go besides: a file of bytes, or memory shared with another program.
 
-use super::PlaybackError;
+use super::PresentError;
 use crate::files::FileError;
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
@@ -43,8 +43,8 @@ impl Sink {
     /// Appends to a new file, or writes to a pipe that is there.
     ///
     /// # Errors
-    /// [`PlaybackError::File`].
-    pub fn raw(file: &Path) -> Result<Self, PlaybackError> {
+    /// [`PresentError::File`].
+    pub fn raw(file: &Path) -> Result<Self, PresentError> {
         let out = File::create(file).map_err(|e| FileError::write(file, e))?;
         Ok(Self::Raw { file: file.into(), out: BufWriter::new(out) })
     }
@@ -52,8 +52,8 @@ impl Sink {
     /// For pictures of (rows, columns, channels).
     ///
     /// # Errors
-    /// [`PlaybackError::File`].
-    pub fn shared(file: &Path, [rows, columns, channels]: [usize; 3]) -> Result<Self, PlaybackError> {
+    /// [`PresentError::File`].
+    pub fn shared(file: &Path, [rows, columns, channels]: [usize; 3]) -> Result<Self, PresentError> {
         let failed = |e| FileError::write(file, e);
         let out = OpenOptions::new().read(true).write(true).create(true).truncate(true).open(file).map_err(failed)?;
         out.set_len(HEADER + (rows * columns * channels) as u64).map_err(failed)?;
@@ -70,8 +70,8 @@ impl Sink {
     /// One video frame.
     ///
     /// # Errors
-    /// [`PlaybackError::File`].
-    pub fn put(&mut self, picture: &[u8], desired_present_time_ns: i64) -> Result<(), PlaybackError> {
+    /// [`PresentError::File`].
+    pub fn put(&mut self, picture: &[u8], desired_present_time_ns: i64) -> Result<(), PresentError> {
         self.write(picture, desired_present_time_ns).map_err(|e| FileError::write(self.file(), e).into())
     }
 
@@ -92,8 +92,8 @@ impl Sink {
     /// What is still on its way, to the file.
     ///
     /// # Errors
-    /// [`PlaybackError::File`].
-    pub fn finish(&mut self) -> Result<(), PlaybackError> {
+    /// [`PresentError::File`].
+    pub fn finish(&mut self) -> Result<(), PresentError> {
         let flushed = match self {
             Self::Raw { out, .. } => out.flush(),
             Self::Shared { out, .. } => out.flush(),

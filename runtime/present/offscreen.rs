@@ -1,6 +1,6 @@
 //! A display that is memory: video frames light up on the beat of a clock, and nowhere else.
 
-use super::{Clock, Feedback, PlaybackError, Presenter, Rate, Sink};
+use super::{Clock, Feedback, PresentError, Presenter, Rate, Sink};
 use std::collections::VecDeque;
 use std::rc::Rc;
 
@@ -46,16 +46,16 @@ impl Presenter for Offscreen {
         Some(self.rate)
     }
 
-    fn upload(&mut self, picture: &[u8]) -> Result<(), PlaybackError> {
+    fn upload(&mut self, picture: &[u8]) -> Result<(), PresentError> {
         if picture.len() != self.picture.len() {
             let reason = format!("a picture has {} bytes, and {} were expected", picture.len(), self.picture.len());
-            return Err(PlaybackError::Presenter { presenter: self.describe(), reason });
+            return Err(PresentError::Display { presenter: self.describe(), reason });
         }
         self.picture.copy_from_slice(picture);
         Ok(())
     }
 
-    fn present(&mut self, id: u64, desired_present_time_ns: i64) -> Result<(), PlaybackError> {
+    fn present(&mut self, id: u64, desired_present_time_ns: i64) -> Result<(), PresentError> {
         if let Some(sink) = &mut self.sink {
             sink.put(&self.picture, desired_present_time_ns)?;
         }
@@ -84,7 +84,7 @@ impl Presenter for Offscreen {
         if due { self.feedback.pop_front() } else { None }
     }
 
-    fn finish(&mut self) -> Result<(), PlaybackError> {
+    fn finish(&mut self) -> Result<(), PresentError> {
         self.sink.as_mut().map_or(Ok(()), Sink::finish)
     }
 }

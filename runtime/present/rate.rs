@@ -1,6 +1,6 @@
 //! How often something happens, exactly: 59.94 Hz is 60000 / 1001, and ten minutes of it do not drift.
 
-use super::PlaybackError;
+use super::PresentError;
 use std::fmt;
 
 /// Nanoseconds of a second.
@@ -17,9 +17,9 @@ impl Rate {
     /// `numerator / denominator` hertz.
     ///
     /// # Errors
-    /// [`PlaybackError::Rate`] unless it is 0.001 to 100000 Hz.
-    pub fn new(numerator: u32, denominator: u32) -> Result<Self, PlaybackError> {
-        let wrong = || PlaybackError::Rate { value: format!("{numerator}/{denominator}") };
+    /// [`PresentError::Rate`] unless it is 0.001 to 100000 Hz.
+    pub fn new(numerator: u32, denominator: u32) -> Result<Self, PresentError> {
+        let wrong = || PresentError::Rate { value: format!("{numerator}/{denominator}") };
         let (n, d) = (u64::from(numerator), u64::from(denominator));
         if d == 0 || n > 100_000 * d || 1000 * n < d {
             return Err(wrong());
@@ -32,9 +32,9 @@ impl Rate {
     /// what they stand for, 24000 / 1001 and so on.
     ///
     /// # Errors
-    /// [`PlaybackError::Rate`].
-    pub fn parse(text: &str) -> Result<Self, PlaybackError> {
-        let wrong = || PlaybackError::Rate { value: text.into() };
+    /// [`PresentError::Rate`].
+    pub fn parse(text: &str) -> Result<Self, PresentError> {
+        let wrong = || PresentError::Rate { value: text.into() };
         if let Some((n, d)) = text.split_once('/') {
             return Self::new(n.trim().parse().map_err(|_| wrong())?, d.trim().parse().map_err(|_| wrong())?);
         }
@@ -45,10 +45,10 @@ impl Rate {
     /// The nearest fraction that a rate in hertz can mean: a whole number, a rate of television, or thousandths.
     ///
     /// # Errors
-    /// [`PlaybackError::Rate`].
-    pub fn from_hz(hz: f64) -> Result<Self, PlaybackError> {
+    /// [`PresentError::Rate`].
+    pub fn from_hz(hz: f64) -> Result<Self, PresentError> {
         if !(0.001..=100_000.0).contains(&hz) {
-            return Err(PlaybackError::Rate { value: hz.to_string() });
+            return Err(PresentError::Rate { value: hz.to_string() });
         }
         let television = (hz * 1.001).round();
         if (television / 1.001 - hz).abs() < 0.005 && (hz - hz.round()).abs() > 0.005 {
@@ -82,18 +82,18 @@ impl Rate {
     /// The same rate, `times` as fast.
     ///
     /// # Errors
-    /// [`PlaybackError::Rate`] beyond the range.
-    pub fn times(self, times: u32) -> Result<Self, PlaybackError> {
-        let wrong = || PlaybackError::Rate { value: format!("{times} times {self}") };
+    /// [`PresentError::Rate`] beyond the range.
+    pub fn times(self, times: u32) -> Result<Self, PresentError> {
+        let wrong = || PresentError::Rate { value: format!("{times} times {self}") };
         Self::new(self.numerator.checked_mul(times).ok_or_else(wrong)?, self.denominator)
     }
 
     /// One in `parts` of its events.
     ///
     /// # Errors
-    /// [`PlaybackError::Rate`] beyond the range.
-    pub fn over(self, parts: u32) -> Result<Self, PlaybackError> {
-        let wrong = || PlaybackError::Rate { value: format!("{self} / {parts}") };
+    /// [`PresentError::Rate`] beyond the range.
+    pub fn over(self, parts: u32) -> Result<Self, PresentError> {
+        let wrong = || PresentError::Rate { value: format!("{self} / {parts}") };
         Self::new(self.numerator, self.denominator.checked_mul(parts).ok_or_else(wrong)?)
     }
 }

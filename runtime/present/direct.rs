@@ -1,11 +1,8 @@
 //! A display that no desktop drives: nothing lies between its video frames and the SLM.
 
-use super::{Feedback, PlaybackError, Presenter, Rate, RealClock};
-use crate::engine::EngineError;
-use crate::engine::vulkan::{DirectDisplays, DirectMode, FoundDisplay, Lit, Screen};
+use super::{DisplayPresenter, PresentError, Rate, RealClock};
+use crate::engine::vulkan::{self, DirectMode, FoundDisplay};
 use std::fmt;
-use std::rc::Rc;
-use std::sync::{Arc, Mutex};
 
 /// A display that could be shown on directly.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -24,22 +21,22 @@ impl fmt::Display for Connected {
     }
 }
 
-fn refused(reason: String) -> PlaybackError {
-    PlaybackError::Presenter { presenter: "direct display".into(), reason }
+fn refused(reason: impl ToString) -> PresentError {
+    PresentError::display("direct display", reason)
 }
 
 /// The displays that no desktop drives.
-pub struct Direct {
-    displays: DirectDisplays,
+pub struct DirectDisplays {
+    displays: vulkan::DirectDisplays,
 }
 
-impl Direct {
+impl DirectDisplays {
     /// Asks the drivers for them.
     ///
     /// # Errors
-    /// [`PlaybackError::Presenter`] where no driver knows of such displays.
-    pub fn open(validation: bool) -> Result<Self, PlaybackError> {
-        DirectDisplays::open(validation).map(|displays| Self { displays }).map_err(|e| refused(e.to_string()))
+    /// [`PresentError::Display`] where no driver knows of such displays.
+    pub fn open(validation: bool) -> Result<Self, PresentError> {
+        vulkan::DirectDisplays::open(validation).map(|displays| Self { displays }).map_err(refused)
     }
 
     /// All of them.
@@ -52,20 +49,19 @@ impl Direct {
     /// without a name, the first that has one.
     ///
     /// # Errors
-    /// [`PlaybackError::Presenter`], in a sentence: there is none, it has no such mode, another program drives it.
+    /// [`PresentError::Display`], in a sentence: there is none, it has no such mode, another program drives it.
     pub fn take(
         self,
         wanted: Option<&str>,
         size: [usize; 2],
         rate: Option<Rate>,
-        clock: Rc<RealClock>,
-    ) -> Result<DirectWindow, PlaybackError> {
+        clock: RealClock,
+    ) -> Result<DisplayPresenter, PresentError> {
         let list = self.list();
         let (index, mode) = choose(&list, wanted, size, rate).map_err(refused)?;
         let rate = Rate::from_hz(f64::from(list[index].display.modes[mode].millihertz) / 1000.0).ok();
-        let name = list[index].to_string();
-        let screen = self.displays.screen(index, mode).map_err(of_display)?;
-        Ok(DirectWindow { screen, name, rate, clock })
+        let screen = self.displays.screen(index, mode).map_err(refused)?;
+        Ok(DisplayPresenter::direct(screen, format!("display {}", list[index]), rate, clock))
     }
 }
 
@@ -110,64 +106,6 @@ fn mode(modes: &[DirectMode], size: [usize; 2], rate: Option<Rate>) -> Option<us
     let Some(rate) = rate else { return fits.rev().max_by_key(|(_, m)| m.millihertz).map(|(i, _)| i) };
     let off = |m: &DirectMode| (f64::from(m.millihertz) / 1000.0 - rate.hz()).abs();
     fits.filter(|(_, m)| off(m) <= 0.5).min_by(|a, b| off(a.1).total_cmp(&off(b.1))).map(|(i, _)| i)
-}
-
-fn of_display(error: EngineError) -> PlaybackError {
-    refused(error.to_string())
-}
-
-/// A display that was taken.
-pub struct DirectWindow {
-    screen: Screen,
-    name: String,
-    rate: Option<Rate>,
-    clock: Rc<RealClock>,
-}
-
-impl DirectWindow {
-    /// What the validation layer says, to the last.
-    pub fn messages(&self) -> Arc<Mutex<Vec<String>>> {
-        self.screen.messages()
-    }
-}
-
-impl Presenter for DirectWindow {
-    fn describe(&self) -> String {
-        format!("display {} by {}", self.name, self.screen.describe())
-    }
-
-    fn rate(&self) -> Option<Rate> {
-        self.rate
-    }
-
-    fn timed_by(&self) -> &'static str {
-        self.screen.timed_by()
-    }
-
-    fn upload(&mut self, picture: &[u8]) -> Result<(), PlaybackError> {
-        self.screen.upload(picture).map_err(of_display)
-    }
-
-    fn present(&mut self, id: u64, _desired_present_time_ns: i64) -> Result<(), PlaybackError> {
-        self.screen.present(id).map_err(of_display)
-    }
-
-    fn feedback(&mut self) -> Option<Feedback> {
-        self.screen.lit().map(|lit| feedback(lit, &self.clock))
-    }
-
-    fn finish(&mut self) -> Result<(), PlaybackError> {
-        self.screen.wait();
-        Ok(())
-    }
-}
-
-/// On the player's clock.
-pub(super) fn feedback(lit: Lit, clock: &RealClock) -> Feedback {
-    match lit {
-        Lit::Monotonic { id, time_ns } => Feedback { id, actual_display_time_ns: clock.at_monotonic_ns(time_ns) },
-        Lit::At { id, time } => Feedback { id, actual_display_time_ns: clock.at_ns(time) },
-    }
 }
 
 #[cfg(test)]

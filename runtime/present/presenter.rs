@@ -1,6 +1,6 @@
 //! The display's side: takes video frames in order and says when they lit up.
 
-use super::{PlaybackError, Rate};
+use super::{PresentError, Rate};
 
 /// When a video frame lit up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,15 +44,15 @@ pub trait Presenter {
     /// Takes in a video frame, (row, column, channel) of 8 bits, 1 or 3 channels: exactly what the display receives.
     ///
     /// # Errors
-    /// [`PlaybackError::Presenter`]: it is lost, in a sentence.
-    fn upload(&mut self, picture: &[u8]) -> Result<(), PlaybackError>;
+    /// [`PresentError::Display`]: it is lost, in a sentence.
+    fn upload(&mut self, picture: &[u8]) -> Result<(), PresentError>;
 
     /// Puts the video frame that was taken in last in line. `id` rises from call to call; `desired_present_time_ns` is
     /// the player's plan, on its clock.
     ///
     /// # Errors
-    /// [`PlaybackError::Presenter`]: it is lost, in a sentence.
-    fn present(&mut self, id: u64, desired_present_time_ns: i64) -> Result<(), PlaybackError>;
+    /// [`PresentError::Display`]: it is lost, in a sentence.
+    fn present(&mut self, id: u64, desired_present_time_ns: i64) -> Result<(), PresentError>;
 
     /// The next video frame that is known to have lit up, in order.
     fn feedback(&mut self) -> Option<Feedback>;
@@ -60,8 +60,8 @@ pub trait Presenter {
     /// Brings to its end what is still on its way; the last video frame stays.
     ///
     /// # Errors
-    /// [`PlaybackError::Presenter`], [`PlaybackError::File`].
-    fn finish(&mut self) -> Result<(), PlaybackError> {
+    /// [`PresentError::Display`], [`PresentError::File`].
+    fn finish(&mut self) -> Result<(), PresentError> {
         Ok(())
     }
 
