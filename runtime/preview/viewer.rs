@@ -1,10 +1,11 @@
 //! The thread that looks.
 
 use super::eye::{Detail, Eye, Opener};
-use super::picture::{Picture, Plane, develop};
-use super::{PreviewError, Scene, Showing, tiled};
+use super::picture::{Picture, develop};
+use super::{PreviewError, Showing};
 use crate::engine::{Engine, Purpose};
-use crate::evaluate;
+use crate::evaluate::{self, Plane};
+use crate::hologram::SceneSource;
 use crate::mailbox::Mailbox;
 use crate::optics::{Color, Pupil, WindowFactor};
 use crate::solve::Problem;
@@ -92,7 +93,7 @@ impl Viewer {
     ///
     /// # Errors
     /// [`PreviewError::Thread`].
-    pub fn start(open: Opener, scene: impl Into<Scene>) -> Result<Self, PreviewError> {
+    pub fn start(open: Opener, scene: impl Into<SceneSource>) -> Result<Self, PreviewError> {
         let scene = scene.into();
         let (given, answers) = (Mailbox::<Given>::new(1), Mailbox::new(1));
         let looked = Arc::new(AtomicU64::new(0));
@@ -174,7 +175,7 @@ impl Drop for Viewer {
 /// What the thread owns.
 struct Looker {
     eye: Eye,
-    scene: Scene,
+    scene: SceneSource,
     cameras: Vec<Box<dyn Engine>>,
     /// What a whole picture took.
     expected: Option<Duration>,
@@ -228,10 +229,10 @@ impl Looker {
     fn photograph(&mut self, showing: &Showing, pupil: &Pupil) -> Result<Vec<Plane>, PreviewError> {
         let other = || PreviewError::Showing { reason: "its colours or its optics are not the scene's".into() };
         let scene = match (&self.scene, &showing.tiles) {
-            (Scene::Views(views), Some(tiles)) if views.len() == showing.colors.len() => {
-                return tiled::photograph(tiles, views, pupil, self.eye.single()?);
+            (scene @ SceneSource::Around(views), Some(_)) if views.len() == showing.colors.len() => {
+                return Ok(scene.photograph(pupil, self.eye.single()?)?);
             }
-            (Scene::Problems(problems), None) => problems,
+            (SceneSource::Whole(problems), None) => problems,
             _ => return Err(other()),
         };
         let fits = |(problem, shown): (&Problem, &super::Shown)| problem.optics == shown.optics;

@@ -1,5 +1,7 @@
 //! What can be wrong with a scene.
 
+use crate::optics::OpticsError;
+
 /// A scene that cannot be loaded: every variant names the file or folder.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SceneError {
@@ -107,6 +109,9 @@ pub enum SceneError {
         /// Their names.
         known: String,
     },
+    /// A colour that the display does not have.
+    #[error(transparent)]
+    Optics(#[from] OpticsError),
     /// A request that no scene can meet.
     #[error("{what} is {value}: it must be {must}")]
     Request {

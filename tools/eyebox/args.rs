@@ -6,6 +6,7 @@ use crate::values::{
 };
 use clap::builder::TypedValueParser;
 use clap::{Args, ValueEnum};
+use eyebox::hologram::Start;
 use eyebox::optics::{Color, Pupil, WindowFactor};
 use eyebox::plan::Storage;
 use eyebox::present::Rate;
@@ -136,15 +137,6 @@ pub enum SequenceName {
     Random,
     /// A low-discrepancy sequence
     Sobol,
-}
-
-/// Where a frame of a sequence begins.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Start {
-    /// At random phases.
-    Cold,
-    /// At the frame before, so far along the schedule.
-    Warm(f64),
 }
 
 fn warm(text: &str) -> Result<Start, String> {

@@ -3,9 +3,9 @@
 use crate::Failure;
 use crate::args::{DisplayArgs, EngineArgs, SceneArgs};
 use eyebox::engine::{self, Backend, Engine};
+use eyebox::evaluate::Plane;
 use eyebox::files;
 use eyebox::gpu::Options;
-use eyebox::hologram::{Hologram, Sequence};
 use eyebox::optics::{Color, Display};
 use eyebox::preview::Opener;
 use eyebox::scene::{self, LightField};
@@ -126,20 +126,19 @@ pub fn form(out: &Path, allowed: &[Form]) -> Result<Form, Failure> {
 pub fn write_image(
     out: &Path,
     form: Form,
-    size: [usize; 2],
-    planes: &[Vec<f32>],
+    planes: &[Plane],
     colors: &[Option<Color>],
     exposures: &[f64],
 ) -> Result<(), Failure> {
-    let [height, width] = size;
+    let (height, width) = planes.first().map_or((0, 0), |p| (p.rows, p.columns));
     if form == Form::Npy {
-        let all: Vec<f32> = planes.concat();
+        let all: Vec<f32> = planes.iter().flat_map(|p| &p.values).copied().collect();
         let shape = [planes.len(), height, width];
         files::write_npy(out, if planes.len() == 1 { &shape[1..] } else { &shape[..] }, &all)?;
         return Ok(());
     }
     let light: Vec<Vec<f32>> =
-        planes.iter().zip(exposures).map(|(p, e)| p.iter().map(|v| v * *e as f32).collect()).collect();
+        planes.iter().zip(exposures).map(|(p, e)| p.values.iter().map(|v| v * *e as f32).collect()).collect();
     if let [one] = &light[..] {
         files::write_png(out, height, width, &[one])?;
         return Ok(());
@@ -169,12 +168,4 @@ pub fn memory_kib(name: &str) -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|l| l.strip_prefix(name)?.strip_prefix(':'))?;
     line.split_whitespace().next()?.parse().ok()
-}
-
-/// A hologram, or one of a sequence's.
-pub fn hologram(path: &Path, at: Option<u64>) -> Result<Hologram, Failure> {
-    match at {
-        Some(at) => Ok(Sequence::open(path)?.load(at)?),
-        None => Ok(Hologram::load(path)?),
-    }
 }

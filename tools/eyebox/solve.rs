@@ -8,7 +8,7 @@ use crate::quality::{self, Chosen};
 use crate::solve_sequence;
 use crate::tiled;
 use eyebox::engine::Engine;
-use eyebox::hologram::{self, ColorHologram, Hologram};
+use eyebox::hologram::{self, ColorHologram, Hologram, Metadata};
 use eyebox::optics::{Color, Display, Padding};
 use eyebox::quality::{Recipe, Reference, Subject};
 use eyebox::scene::LightField;
@@ -70,13 +70,13 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     let mut hologram = hologram(&field, &display, &settings, padding, &solved);
     hologram.frames = subject.base.frames;
     if chosen.is_some() {
-        hologram.settings["recipe"] = json!(recipe);
+        hologram.metadata.recipe = Some(json!(recipe));
     }
-    hologram.settings["views"] = json!(grid);
-    hologram.settings["view_pitch_mm"] = json!(cell * 1e3);
+    hologram.metadata.views = Some(grid);
+    hologram.metadata.view_pitch_mm = Some(cell * 1e3);
     if let Some(depth) = args.scene.depth.filter(|_| args.scene.depth_map.is_some()) {
         // In the order of the map's values, which the range of depths does not keep.
-        hologram.settings["depth_map_mm"] = json!(depth.map(|d| d * 1e3));
+        hologram.metadata.depth_map_mm = Some(depth.map(|d| d * 1e3));
     }
     match form {
         Form::Zarr => hologram.save(&args.out)?,
@@ -175,7 +175,14 @@ pub fn hologram(
         seed: settings.seed,
         version: env!("CARGO_PKG_VERSION").into(),
         scene: field.name.clone(),
-        settings: json!({ "solve": settings, "padding": [padding.rows, padding.columns], "views": field.grid, "view_pitch_mm": field.cell(display) * 1e3, "eyebox_mm": display.eyebox_min() * 1e3 }),
+        metadata: Metadata {
+            solve: Some(settings.clone()),
+            padded: Some([padding.rows, padding.columns]),
+            views: Some(field.grid),
+            view_pitch_mm: Some(field.cell(display) * 1e3),
+            eyebox_mm: Some(display.eyebox_min() * 1e3),
+            ..Metadata::default()
+        },
         ..Hologram::on(display, settings.frames, solved.iter().map(color).collect())
     }
 }

@@ -1,12 +1,12 @@
 //! `eyebox solve` over several scenes: a sequence of holograms, each from the one before.
 
 use crate::Failure;
-use crate::args::{Solve, Start};
+use crate::args::Solve;
 use crate::common::{self, Form};
 use crate::progress::{self, Bar};
 use crate::quality;
 use crate::solve;
-use eyebox::hologram::{ColorHologram, Hologram, Sequence, SequenceWriter};
+use eyebox::hologram::{ColorHologram, Hologram, Sequence, SequenceWriter, Start};
 use eyebox::optics::{Color, Display};
 use eyebox::quality::Recipe;
 use eyebox::scene;
@@ -88,10 +88,7 @@ pub fn run(args: &Solve, scenes: &[String]) -> Result<(), Failure> {
     let mut like = solve::hologram(&field, &display, &settings, padding, &[]);
     like.colors = colors.iter().map(|c| empty(*c, &display)).collect();
     like.scene = scenes.join(", ");
-    like.settings["warm_start"] = match args.warm_start {
-        Start::Cold => json!("cold"),
-        Start::Warm(progress) => json!(progress),
-    };
+    like.metadata.warm_start = Some(args.warm_start);
     let mut writer = match fs::metadata(&args.out).is_ok() {
         false => None,
         true => match SequenceWriter::resume(&args.out, &like, rate, planned)? {

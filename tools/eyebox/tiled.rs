@@ -2,21 +2,22 @@
 //! through the tiles under a pupil alone.
 
 use crate::Failure;
-use crate::args::{OptimizerName, Photograph, SceneArgs, Score, Solve, View};
+use crate::args::{OptimizerName, SceneArgs, Solve};
 use crate::common::{self, Form};
 use crate::progress;
 use crate::solve;
 use eyebox::engine::Engine;
-use eyebox::evaluate::{self, Summary};
-use eyebox::hologram::{ColorHologram, Hologram, Tiles};
-use eyebox::optics::{Color, Display, Geometry, Pupil, WindowFactor};
+use eyebox::evaluate::Views;
+use eyebox::hologram::{ColorHologram, Hologram, Metadata, PhaseSource, SceneSource, Tiles};
+use eyebox::optics::{Color, Display, Geometry, Pupil};
 use eyebox::plan::Storage;
 use eyebox::scene::Request;
 use eyebox::solve::{Flow, Method, Settings};
-use eyebox::tiled::{self, Job, Memory, RegionSize, Schedule, TiledError, Views};
+use eyebox::tiled::{self, Job, Memory, RegionSize, Schedule, TiledError};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Without --memory.
@@ -155,12 +156,13 @@ pub fn solve(args: &Solve, display: &Display) -> Result<(), Failure> {
     let [read, written] = tiles.moved();
     tiles.finish()?;
     let pupils_seen = places(display, &settings);
-    let scores = score_tiles(&tiles, &views, &pupils_seen, engine.as_mut())?;
-    let summary = Summary::of(&scores).ok_or_else(|| Failure::Asked("there is no pupil to score".into()))?;
+    let source = PhaseSource::Tiled(Arc::new(tiles));
+    let scores = source.score(&SceneSource::Around(views), &pupils_seen, engine.as_mut())?;
+    let summary = scores.summary().ok_or_else(|| Failure::Asked("there is no pupil to score".into()))?;
     let peak = common::peak_memory_mib();
     if args.json {
         let rows: Vec<_> =
-            pupils_seen.iter().zip(&scores).map(|(p, s)| json!({ "pupil_mm": p.to_mm(), "psnr_db": s })).collect();
+            scores.pupils.iter().map(|s| json!({ "pupil_mm": s.pupil.to_mm(), "psnr_db": s.psnr })).collect();
         let timings: Vec<_> = (engine.timings().iter())
             .map(|t| json!({ "kernel": t.kernel.name(), "calls": t.calls, "ms": t.seconds * 1e3 }))
             .collect();
@@ -174,15 +176,15 @@ pub fn solve(args: &Solve, display: &Display) -> Result<(), Failure> {
         println!("{out}");
         return Ok(());
     }
-    for (pupil, score) in pupils_seen.iter().zip(&scores) {
-        let [x, y, d, z] = pupil.to_mm();
-        println!("({x:6.2}, {y:6.2}) mm, {d:.2} mm wide, focused at {z:7.1} mm: {score:.2} dB");
+    for score in &scores.pupils {
+        let [x, y, d, z] = score.pupil.to_mm();
+        println!("({x:6.2}, {y:6.2}) mm, {d:.2} mm wide, focused at {z:7.1} mm: {:.2} dB", score.psnr);
     }
     println!(
         "{:.2} dB mean, {:.2} dB worst of {} places; {pupils} pupils in {solving:.1} s; read {} MiB, wrote {} MiB; peak {} MiB",
         summary.mean,
         summary.worst,
-        scores.len(),
+        scores.pupils.len(),
         read >> 20,
         written >> 20,
         peak.unwrap_or(0)
@@ -229,8 +231,8 @@ fn scene(args: &SceneArgs, display: &Display, colors: &[Color], picture: usize) 
 }
 
 /// A scene as what an eye sees is compared with it.
-pub fn scene_of(args: &SceneArgs, display: &Display, colors: &[Color]) -> Result<Vec<Views>, Failure> {
-    scene(args, display, colors, 1024.min(display.picture_size().0))
+pub fn scene_of(args: &SceneArgs, display: &Display, colors: &[Color]) -> Result<SceneSource, Failure> {
+    Ok(SceneSource::Around(scene(args, display, colors, 1024.min(display.picture_size().0))?))
 }
 
 /// A hologram in the making that this job goes on with.
@@ -266,24 +268,22 @@ fn about(
         let (wavelength, efficiency) = (optics.wavelength, mean / exposure);
         solved.push(ColorHologram { color: Some(color), wavelength, exposure, efficiency, phases: Vec::new() });
     }
-    let mut how = json!({
-        "solve": settings, "padding": [0, 0], "passes": passes, "eyebox_mm": display.eyebox_min() * 1e3
-    });
-    // What was said of the scene, for those who compare with it.
-    if let Some(pitch) = args.scene.view_pitch {
-        how["view_pitch_mm"] = json!(pitch);
-    }
-    if let Some(views) = args.scene.views {
-        how["views"] = json!([views, views]);
-    }
-    if let Some(depth) = args.scene.depth.filter(|_| args.scene.depth_map.is_some()) {
-        how["depth_map_mm"] = json!(depth.map(|d| d * 1e3));
-    }
+    let metadata = Metadata {
+        solve: Some(settings.clone()),
+        padded: Some([0, 0]),
+        passes: Some(passes),
+        eyebox_mm: Some(display.eyebox_min() * 1e3),
+        // What was said of the scene, for those who compare with it.
+        view_pitch_mm: args.scene.view_pitch,
+        views: args.scene.views.map(|views| [views, views]),
+        depth_map_mm: args.scene.depth.filter(|_| args.scene.depth_map.is_some()).map(|d| d.map(|m| m * 1e3)),
+        ..Metadata::default()
+    };
     Ok(Hologram {
         seed: args.seed,
         version: env!("CARGO_PKG_VERSION").into(),
         scene: args.scene.scene.clone(),
-        settings: how,
+        metadata,
         ..Hologram::on(display, settings.frames, solved)
     })
 }
@@ -313,115 +313,12 @@ fn places(display: &Display, settings: &Settings) -> Vec<Pupil> {
     (0..9).map(one).collect()
 }
 
-/// PSNR per pupil over all colours, after 2 x 2 averaging of the pupil's own samples, one exposure per colour.
-pub fn score_tiles(
-    tiles: &Tiles,
-    views: &[Views],
-    pupils: &[Pupil],
-    engine: &mut dyn Engine,
-) -> Result<Vec<f64>, Failure> {
-    let mut errors = vec![(0.0f64, 0usize); pupils.len()];
-    for (color, views) in views.iter().enumerate() {
-        let mut pairs = Vec::new();
-        for pupil in pupils {
-            let seen = tiled::look(tiles, color, pupil, WindowFactor::One, engine)?;
-            let wanted = tiled::photograph_of(tiles, color, views, pupil, WindowFactor::One, engine)?;
-            let pool = |image: &[f32]| evaluate::pool2(image, seen.size, seen.size);
-            pairs.push((pool(&seen.image), pool(&wanted.image)));
-        }
-        let exposure = evaluate::fit_exposure(pairs.iter().map(|(v, t)| (&v[..], &t[..])))?;
-        for ((view, wanted), error) in pairs.iter().zip(&mut errors) {
-            let apart = |(v, t): (&f32, &f32)| (exposure * f64::from(*v) - f64::from(*t)).powi(2);
-            error.0 += view.iter().zip(wanted).map(apart).sum::<f64>();
-            error.1 += view.len();
-        }
-    }
-    Ok(errors.into_iter().map(|(sum, count)| -10.0 * (sum / count.max(1) as f64).log10()).collect())
-}
-
 /// Whether a path is a hologram that is to be looked at tile by tile.
 pub fn is_tiled(path: &Path) -> bool {
     common::is_hologram(path) && Tiles::is_tiled(path)
 }
 
-/// `eyebox view` of a hologram in tiles: what the pupil resolves, two samples averaged to one along each axis.
-pub fn view(args: &View) -> Result<(), Failure> {
-    let form = common::form(&args.out, &[Form::Png, Form::Npy])?;
-    let tiles = Tiles::open(&args.hologram)?;
-    let mut engine = common::engine(&args.engine)?;
-    let (mut planes, mut size) = (Vec::new(), 0);
-    for i in 0..tiles.about().colors.len() {
-        args.pupil.check_within(&tiles.about().optics(i)?)?;
-        let seen = tiled::look(&tiles, i, &args.pupil, WindowFactor::Two, engine.as_mut())?;
-        planes.push(evaluate::pool2(&seen.image, seen.size, seen.size));
-        size = (seen.size / 2).max(1);
-    }
-    let about = tiles.about();
-    let exposures: Vec<f64> = about.colors.iter().map(|c| args.optics.exposure.unwrap_or(c.exposure)).collect();
-    let colors: Vec<_> = about.colors.iter().map(|c| c.color).collect();
-    common::write_image(&args.out, form, [size, size], &planes, &colors, &exposures)?;
-    let [x, y, d, z] = args.pupil.to_mm();
-    let read = tiles.moved()[0] >> 20;
-    eprintln!(
-        "wrote {}: the view from ({x}, {y}) mm through {d} mm, focused at {z} mm; read {read} MiB, peak {} MiB",
-        args.out.display(),
-        common::peak_memory_mib().unwrap_or(0)
-    );
-    Ok(())
-}
-
 /// Whether a display is too large for a photograph from views at its own size.
 pub fn is_too_large(display: &Display) -> bool {
     display.geometry == Geometry::FarField && is_large(display, 1)
-}
-
-/// `eyebox photograph` for a large far-field display: views from around the pupil, at 1024 pixels or what the pupil
-/// resolves.
-pub fn photograph(args: &Photograph, display: &Display) -> Result<(), Failure> {
-    let form = common::form(&args.out, &[Form::Png, Form::Npy])?;
-    let colors = common::colors(&args.display, display)?;
-    let mut engine = common::engine(&args.engine)?;
-    let (mut planes, mut size) = (Vec::new(), 0);
-    for (&color, views) in colors.iter().zip(&scene(&args.scene, display, &colors, 1024)?) {
-        let optics = display.optics(color)?;
-        args.pupil.check_within(&optics)?;
-        let seen = tiled::photograph_at(&optics, views, &args.pupil, WindowFactor::One, engine.as_mut())?;
-        size = seen.size;
-        planes.push(seen.image);
-    }
-    let names: Vec<_> = colors.iter().map(|c| Some(*c)).collect();
-    common::write_image(&args.out, form, [size, size], &planes, &names, &vec![1.0; planes.len()])?;
-    let [x, y, d, z] = args.pupil.to_mm();
-    eprintln!("wrote {}: the photograph from ({x}, {y}) mm through {d} mm, focused at {z} mm", args.out.display());
-    Ok(())
-}
-
-/// `eyebox score` of a hologram in tiles.
-pub fn score(args: &Score) -> Result<(), Failure> {
-    let tiles = Tiles::open(&args.hologram)?;
-    let display = crate::score::display_of(&args.hologram, tiles.about())?;
-    let colors: Vec<Color> = tiles.about().colors.iter().filter_map(|c| c.color).collect();
-    let scene_args = crate::score::as_solved(&args.scene, tiles.about());
-    let views = scene_of(&scene_args, &display, &colors)?;
-    let solved: [f64; 2] = serde_json::from_value(tiles.about().settings["solve"]["diameter"].clone())
-        .unwrap_or_else(|_| common::diameters(None, &display));
-    let depth = scene_args.depth.or(views[0].depth()).unwrap_or([0.0, 0.0]);
-    let diameter = args.pupil_diameter.unwrap_or(solved);
-    let pupils = crate::score::pupils(&args.pupils, args.seed, &display, diameter, depth)?;
-    let mut engine = common::engine(&args.engine)?;
-    let scores = score_tiles(&tiles, &views, &pupils, engine.as_mut())?;
-    let rows: Vec<_> = (pupils.iter().zip(&scores))
-        .map(|(p, &psnr_db)| crate::score::Row { pupil_mm: p.to_mm(), psnr_db, ssim: None })
-        .collect();
-    let psnr = Summary::of(&scores).ok_or_else(|| Failure::Asked("there is no pupil to score".into()))?;
-    if args.json {
-        let summary =
-            json!({ "mean": psnr.mean, "median": psnr.median, "worst": psnr.worst, "best": psnr.best, "sd": psnr.sd });
-        println!("{}", json!({ "psnr_db": summary, "pupils": rows }));
-        return Ok(());
-    }
-    crate::score::print_table(&rows);
-    let (mean, worst) = (psnr.mean, psnr.worst);
-    println!("PSNR over {} pupils: mean {mean:.2}, worst {worst:.2} dB; after 2 x 2 averaging", rows.len());
-    Ok(())
 }

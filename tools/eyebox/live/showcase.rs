@@ -2,7 +2,6 @@
 
 use super::plot;
 use super::study::summary;
-use crate::view::padding_of;
 use crate::{Failure, progress};
 use eyebox::encode::Encoder;
 use eyebox::files::write_file;
@@ -93,7 +92,7 @@ struct Film {
 
 impl Film {
     fn new(hologram: &Hologram, [steered, whole]: [Opener; 2]) -> Result<Self, Failure> {
-        let showing = Showing::new(hologram.clone(), padding_of(hologram))?;
+        let showing = Showing::new(hologram.clone(), hologram.metadata.padding())?;
         let eyes = [Eye::new(steered), Eye::new(whole)];
         Ok(Self { eyes, whole: Arc::new(showing.clone()), showing, count: 0 })
     }

@@ -3,7 +3,6 @@
 use crate::args::{DisplayArgs, EngineArgs, SceneArgs};
 use crate::common;
 use crate::quality::{self, QualityArgs};
-use crate::view::padding_of;
 use crate::{Failure, progress, score, solve};
 use clap::Args;
 use eyebox::encode::Encoder;
@@ -114,7 +113,7 @@ pub fn load(args: &SubjectArgs) -> Result<Steered, Failure> {
 
 /// What is refined of a hologram of `field`, made for `display`.
 pub fn parts(hologram: &Hologram, field: &LightField, display: &Display) -> Result<Vec<SteeredColor>, Failure> {
-    let padding = padding_of(hologram);
+    let padding = hologram.metadata.padding();
     let part = |c: &ColorHologram| -> Result<SteeredColor, Failure> {
         let problem = Problem::new(field, c.color.unwrap_or(Color::Green), display, padding)?;
         Ok(SteeredColor { problem, phases: c.phases.clone(), exposure: c.exposure })

@@ -2,7 +2,6 @@
 
 use super::subject::Steered;
 use crate::Failure;
-use crate::view::padding_of;
 use eyebox::optics::Padding;
 use eyebox::present::{Desktop, WindowEvent, WindowKey};
 use eyebox::preview::{
@@ -25,7 +24,7 @@ pub struct Viewing {
 impl Viewing {
     /// `mouse` is told where the mouse points, if that is the tracker.
     pub fn new(steered: &Steered, engines: Opener, mouse: Option<MouseHandle>) -> Result<Self, Failure> {
-        let showing = Showing::new(steered.hologram.clone(), padding_of(&steered.hologram))?;
+        let showing = Showing::new(steered.hologram.clone(), steered.hologram.metadata.padding())?;
         let problems = steered.parts.iter().map(|p| p.problem.clone()).collect();
         Ok(Self { scene: steered.hologram.scene.clone(), showing, problems, engines, mouse })
     }

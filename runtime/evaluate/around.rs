@@ -1,21 +1,25 @@
-//! What should be seen from a region: views of the scene from around it, no larger and no more than the region needs.
+//! What should be seen in a far field larger than memory: views of the scene from around a region or a pupil, no larger and
+//! no more than it needs.
 
-use super::TiledError;
-use crate::optics::{Color, Display};
-use crate::plan;
-use crate::scene::{self, Interpolator, LightField, Pyramid, Reprojection, Request, Stage, ViewGrid, shrink_to_share};
+use crate::engine::{Buffer, Engine, EngineError};
+use crate::optics::{Color, Display, Optics, Pupil, WindowFactor};
+use crate::plan::{self, Comparison, Planner, Purpose};
+use crate::scene::{
+    self, Interpolator, LightField, Pyramid, Reprojection, Request, SceneError, Stage, ViewGrid, shrink_to_share,
+};
 use rayon::prelude::*;
 use std::path::Path;
 use std::sync::Arc;
 
 /// Most views around a region, both axes together.
-pub(super) const MOST_VIEWS: usize = 81;
+pub(crate) const MOST_VIEWS: usize = 81;
 /// Pixels that content may move between neighbouring views before there are more of them.
 const APART: f64 = 1.5;
 
 /// A scene in one colour of a far-field display, seen from wherever it is asked for.
 pub struct Views {
     kind: Kind,
+    optics: Optics,
     share: f64,
     size: usize,
     depth: Option<[f64; 2]>,
@@ -39,7 +43,7 @@ impl Views {
     ///
     /// # Errors
     /// Those of loading the scene.
-    pub fn new(source: &str, request: &Request, color: Color, size: usize) -> Result<Self, TiledError> {
+    pub fn new(source: &str, request: &Request, color: Color, size: usize) -> Result<Self, SceneError> {
         let colors = [color];
         let request = Request { colors: &colors, ..*request };
         Ok(Self::of_colors(source, &request, size)?.swap_remove(0))
@@ -49,14 +53,18 @@ impl Views {
     ///
     /// # Errors
     /// Those of loading the scene.
-    pub fn of_colors(source: &str, request: &Request, size: usize) -> Result<Vec<Self>, TiledError> {
+    pub fn of_colors(source: &str, request: &Request, size: usize) -> Result<Vec<Self>, SceneError> {
         let display = request.display;
-        let share = |color| Ok::<_, TiledError>(display.picture_share(display.optics(color)?.wavelength));
+        let of = |color| {
+            let optics = display.optics(color)?;
+            Ok::<_, SceneError>((optics, display.picture_share(optics.wavelength)))
+        };
         if let Some(name) = source.strip_prefix("builtin:") {
             let one = |&color: &Color| {
                 let stage = Stage::new(name, display, color, size)?;
                 let depth = Some(stage.depth());
-                Ok(Self { kind: Kind::Stage(Box::new(stage)), share: share(color)?, size, depth, held: 0 })
+                let (optics, share) = of(color)?;
+                Ok(Self { kind: Kind::Stage(Box::new(stage)), optics, share, size, depth, held: 0 })
             };
             return request.colors.iter().map(one).collect();
         }
@@ -71,7 +79,8 @@ impl Views {
             let one = |(i, &color): (usize, &Color)| {
                 let held = if i == 0 { picture.bytes() } else { 0 };
                 let kind = Kind::Picture(Arc::clone(&picture), color);
-                Ok(Self { kind, share: share(color)?, size: work, depth, held })
+                let (optics, share) = of(color)?;
+                Ok(Self { kind, optics, share, size: work, depth, held })
             };
             return request.colors.iter().enumerate().map(one).collect();
         }
@@ -88,7 +97,8 @@ impl Views {
             let one = |(i, &color): (usize, &Color)| {
                 let held = if i == 0 { between.bytes() } else { 0 };
                 let kind = Kind::Between(Arc::clone(&between), i);
-                Ok(Self { kind, share: share(color)?, size: work, depth, held })
+                let (optics, share) = of(color)?;
+                Ok(Self { kind, optics, share, size: work, depth, held })
             };
             return request.colors.iter().enumerate().map(one).collect();
         }
@@ -97,11 +107,16 @@ impl Views {
         let one = |&color: &Color| {
             let field = load(&small, color)?;
             let grid = ViewGrid { rows: field.grid[0], columns: field.grid[1], cell };
-            let share = share(color)?;
+            let (optics, share) = of(color)?;
             let pyramid = Arc::new(pyramid(&first_color(field), size, share));
-            Ok(Self { kind: Kind::Field(pyramid, grid), share, size, depth, held: 0 })
+            Ok(Self { kind: Kind::Field(pyramid, grid), optics, share, size, depth, held: 0 })
         };
         request.colors.iter().map(one).collect()
+    }
+
+    /// The whole SLM in that colour.
+    pub fn optics(&self) -> &Optics {
+        &self.optics
     }
 
     /// Pixels along each axis of a picture.
@@ -154,6 +169,27 @@ impl Views {
     }
 }
 
+impl Views {
+    /// The photograph in the samples of a pupil's window on `grid`, the far-field SLM or a piece of it; the axis comes first.
+    ///
+    /// # Errors
+    /// Those of the engine.
+    pub(crate) fn photograph(
+        &self,
+        grid: &Optics,
+        pupil: &Pupil,
+        factor: WindowFactor,
+        engine: &mut dyn Engine,
+    ) -> Result<Vec<f32>, EngineError> {
+        let (pyramid, seen) = self.around([pupil.x, pupil.y], pupil.diameter);
+        let planner = Planner { views: Some(seen), ..Planner::new(*grid, 1, factor) };
+        let step = planner.photograph_step(vec![planner.pupil_pass(pupil, &Comparison::default())]);
+        engine.load(&planner.shape(Purpose::View), Some(Arc::clone(&pyramid)))?;
+        engine.run(&step)?;
+        engine.read(Buffer::Target(0))
+    }
+}
+
 /// The same eyebox and field of view in fewer, larger pixels: what a scene is loaded for.
 fn small(display: &Display, size: usize) -> Display {
     let rate = size as f64 / display.picture_size().0 as f64;
@@ -184,8 +220,6 @@ mod tests {
     use super::*;
     use crate::engine::cpu::CpuEngine;
     use crate::files::write_png;
-    use crate::optics::{Pupil, WindowFactor};
-    use crate::tiled::photograph_at;
 
     const SIZE: usize = 160;
 
@@ -226,8 +260,9 @@ mod tests {
         let reach = display.eyebox_min() / 2.0;
         for (x, y, z) in [(0.0, 0.0, 0.0), (0.6, -0.5, 0.8), (-0.8, 0.7, -0.9)] {
             let pupil = Pupil { x: x * reach, y: y * reach, diameter: 0.4 * reach, depth: z * far[1] };
-            let mut shot =
-                |views: &Views| photograph_at(&optics, views, &pupil, WindowFactor::One, &mut engine).unwrap().image;
+            let (at, size) = optics.under(&pupil);
+            let piece = optics.piece(at, size);
+            let mut shot = |views: &Views| views.photograph(&piece, &pupil, WindowFactor::One, &mut engine).unwrap();
             let (want, got) = (shot(&exact), shot(&sparse));
             let db = psnr(&want, &got);
             assert!(db > 34.0, "{db:.2} dB through {pupil:?}");
