@@ -2,14 +2,15 @@
 //! the plan itself.
 
 use super::method::Viewpoints;
+use super::step::{Steps, take};
 use super::{Optimizer, Problem, Settings, random_phases};
 use crate::engine::{Buffer, Engine, EngineError, Memory};
 use crate::optics::{Display, Optics, WindowFactor};
 use crate::plan::{self, Comparison, Group, Planner, Slots, Step, Storage};
 use crate::scene::{Pyramid, ViewGrid};
-use eyebox_kernels::compare;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
+use std::slice;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -127,10 +128,11 @@ fn measure(
     engine.load(&shape, Some(Arc::clone(views)))?;
     engine.write(Buffer::Phases, &random_phases(settings.frames * side * side, 2))?;
     engine.write(Buffer::Levels, &super::settings::level_table(&super::even_levels(16)))?;
-    let mut viewpoints = Viewpoints::new(&problem, &settings, 3);
+    let settings = Settings { seed: 3, ..settings };
+    let mut steps = Steps::new(&problem, &planner, &settings, 1.0);
     let mut best = [f64::INFINITY; Group::ALL.len()];
     for round in 0..=ROUNDS {
-        let step = step(&planner, &settings, &mut viewpoints);
+        let step = steps.next(0.0);
         let work = plan::work(&step, &shape);
         let mut seconds = [0.0; Group::ALL.len()];
         for (group, part) in parts(&step) {
@@ -149,12 +151,10 @@ fn measure(
     // what it is on average, not at its best.
     let (mut expected, mut taken) = (0.0, 0.0);
     for _ in 0..ROUNDS {
-        let step = step(&planner, &settings, &mut viewpoints);
+        let step = steps.next(0.0);
         expected += plan::work(&step, &shape).iter().zip(best).map(|(w, s)| w * s).sum::<f64>();
-        let state = super::fault::before_state(&step);
         let start = Instant::now();
-        engine.run_part(&step, 0..state)?;
-        engine.run_part(&step, state..step.list.len())?;
+        take(engine, &step, slice::from_ref(&(0..step.list.len())))?;
         taken += start.elapsed().as_secs_f64();
     }
     let seconds = best.map(|s| s * taken / expected.max(1e-12));
@@ -172,21 +172,6 @@ fn parts(step: &Step) -> Vec<(Group, Range<usize>)> {
         }
     }
     parts
-}
-
-/// A step as the solver would take it; what its numbers are does not change what it costs.
-fn step(planner: &Planner, settings: &Settings, viewpoints: &mut Viewpoints) -> Step {
-    let adam = matches!(settings.optimizer, Optimizer::Adam { .. });
-    let mode = if adam { compare::INTENSITY } else { compare::PROJECTION };
-    let comparison = Comparison { mode, batch: settings.pupils, ..Comparison::default() };
-    let pupil_passes = (0..settings.pupils).map(|_| planner.viewpoint(&viewpoints.draw(), &comparison)).collect();
-    let in_flight = settings.window_bytes / size_of::<eyebox_kernels::Complex32>();
-    match settings.optimizer {
-        Optimizer::Projection { overlap_power, .. } => {
-            planner.project_step(pupil_passes, in_flight, overlap_power, 1.0, 0.5)
-        }
-        Optimizer::Adam { .. } => planner.adam_step(pupil_passes, in_flight, 1, 0.1),
-    }
 }
 
 /// What one colour of a solve will take.
@@ -236,7 +221,7 @@ pub fn forecast(problem: &Problem, settings: &Settings, rates: &Rates, loaded: L
         ..Planner::new(problem.optics, settings.frames, settings.window).with_padding(problem.padding)
     };
     let shape = planner.shape(settings.optimizer.purpose());
-    let mut viewpoints = Viewpoints::new(problem, settings, settings.seed);
+    let mut next = Steps::new(problem, &planner, settings, 1.0);
     let rates = rates.at(&settings.optimizer, shape.points() as f64);
     // On the host, halves are rounded to and not stored.
     let complex = if loaded.memory == Memory::Host { 8 } else { settings.storage.bytes() as u64 };
@@ -246,7 +231,7 @@ pub fn forecast(problem: &Problem, settings: &Settings, rates: &Rates, loaded: L
     // Pupils repeat themselves: so many show what all do.
     let steps = settings.steps.clamp(1, 1 + 512 / settings.pupils.max(1));
     for _ in 0..steps {
-        let step = step(&planner, settings, &mut viewpoints);
+        let step = next.next(0.0);
         slots.see(&step, settings.frames, complex);
         let work = plan::work(&step, &shape);
         for ((sum, work), rate) in group_seconds.iter_mut().zip(work).zip(rates) {
@@ -258,6 +243,7 @@ pub fn forecast(problem: &Problem, settings: &Settings, rates: &Rates, loaded: L
     }
     // A verdict looks through one whole spectrum at a time.
     let whole = Planner { factor: WindowFactor::Full, ..planner.clone() };
+    let mut viewpoints = Viewpoints::new(problem, settings, settings.seed);
     let one = whole.viewpoint(&viewpoints.draw(), &Comparison::default());
     let verdict = plan::pupil_pass_bytes(&one, settings.frames, complex);
     let phases = 4 * (shape.pixels() * settings.frames) as u64;

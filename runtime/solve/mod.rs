@@ -18,15 +18,17 @@ mod solver;
 mod steer;
 #[cfg(test)]
 mod steer_tests;
+mod step;
 
 pub(crate) use exposure::BrightEnd;
 pub use forecast::{Forecast, Loaded, Rate, Rates, forecast};
 pub use judge::{Judge, Verdict};
 pub use method::Method;
 pub use problem::Problem;
-pub use sampling::{Diameters, PupilRange, Sampler, Sequence, SplitMix, random_phases};
+pub use sampling::{Diameters, PupilRange, Sampler, Sequence, SplitMix, pupils_of, random_phases};
 pub use scene_plan::{Choice, Full, PaddingRule, ScenePlan, TOLERANCE, Wish};
 pub(crate) use settings::level_table;
 pub use settings::{Optimizer, Settings, cosine, even_levels};
 pub use solver::{Flow, Progress, Solution, SolveError, Stop, Warm, solve, solve_from};
-pub use steer::{Aim, Refiner, Steering, Strategy};
+pub use steer::{Refiner, Steering, Strategy};
+pub(crate) use step::{Update, mean_loss, take};

@@ -2,14 +2,14 @@
 
 use super::exposure::{BrightEnd, peak};
 use super::fault;
-use super::method::Viewpoints;
+use super::step::{Steps, take};
 use super::{
-    Flow, Judge, Method, Optimizer, Problem, Progress, Settings, SolveError, Stop, Verdict, Warm, cosine, random_phases,
+    Flow, Judge, Method, Optimizer, Problem, Progress, Settings, SolveError, Stop, Verdict, Warm, random_phases,
 };
 use crate::engine::{Buffer, Engine, EngineError};
 use crate::optics::WindowFactor;
-use crate::plan::{Comparison, Planner, Step};
-use eyebox_kernels::compare;
+use crate::plan::Planner;
+use std::slice;
 use std::time::Instant;
 
 /// A verdict, the phases that it is about, and the step after which it was given.
@@ -74,36 +74,6 @@ impl Run<'_> {
         Ok(PILOT_RISE * found)
     }
 
-    /// The `t`-th step, counted from 1, over the next viewpoints.
-    fn step(&self, viewpoints: &mut Viewpoints, progress: f64, t: usize) -> Step {
-        let Self { settings, planner, .. } = *self;
-        let batch = settings.pupils;
-        let mode = match settings.optimizer {
-            Optimizer::Projection { .. } => compare::PROJECTION,
-            Optimizer::Adam { amplitude: true, .. } => compare::AMPLITUDE,
-            Optimizer::Adam { .. } => compare::INTENSITY,
-        };
-        let comparison = Comparison { mode, exposure: self.exposure, batch, ..Comparison::default() };
-        let pupil_passes = (0..batch).map(|_| planner.viewpoint(&viewpoints.draw(), &comparison)).collect();
-        let in_flight = settings.window_bytes / size_of::<eyebox_kernels::Complex32>();
-        let mut step = match settings.optimizer {
-            Optimizer::Projection { gain, momentum, overlap_power } => {
-                // Overlap to a power below one grows with the batch: what ten pupils ask for is the unit (OPTICS 6e).
-                let share = (batch as f64 / 10.0).powf(1.0 - overlap_power);
-                let overlap = viewpoints.overlap(batch).map_or(1.0, |n| n.powf(overlap_power));
-                let gain = cosine(gain, progress) / (share * overlap);
-                planner.project_step(pupil_passes, in_flight, overlap_power, gain, momentum)
-            }
-            Optimizer::Adam { rate, .. } => planner.adam_step(pupil_passes, in_flight, t, cosine(rate, progress)),
-        };
-        // Levels come on softly: a phase that is thrown from level to level from the start finds no good one.
-        step.quantise.hardness = progress.powi(2) as f32;
-        if settings.method == Method::PupilAware {
-            return planner.with_even(step, self.problem.eyebox, settings.patches, settings.evenness);
-        }
-        step
-    }
-
     /// From the first phases, `steps` steps at most.
     pub(super) fn descend(
         &mut self,
@@ -119,7 +89,7 @@ impl Run<'_> {
             self.engine.write(Buffer::Second, &zeros)?;
         }
         drop(zeros);
-        let mut viewpoints = Viewpoints::new(self.problem, settings, settings.seed);
+        let mut schedule = Steps::new(self.problem, planner, settings, self.exposure);
         let limit = settings.seconds.filter(|_| !self.pilot);
         let wanted = settings.psnr.filter(|_| !self.pilot);
         let begun = self.start.elapsed().as_secs_f64();
@@ -140,17 +110,9 @@ impl Run<'_> {
                 .max(limit.map_or(0.0, |most| (seconds - begun) / (most - begun).max(1e-9)));
             let taken = Instant::now();
             let begun_at = self.from.map_or(0.0, |from| from.progress);
-            let next = self.step(&mut viewpoints, begun_at + (1.0 - begun_at) * progress, step + 1);
-            // The losses are known before the phases are touched: a bad step is not taken.
-            let split = fault::before_state(&next);
-            let losses = self.engine.run_part(&next, 0..split)?;
+            let next = schedule.next(begun_at + (1.0 - begun_at) * progress);
+            let loss = take(self.engine, &next, slice::from_ref(&(0..next.list.len())))?;
             step += 1;
-            let loss = losses
-                .iter()
-                .zip(&next.pupil_passes)
-                .map(|(loss, pupil_pass)| loss / pupil_pass.count() as f64)
-                .sum::<f64>()
-                / losses.len() as f64;
             if !loss.is_finite() {
                 let kernel = fault::first_fault(self.engine, &next)?;
                 if kernel.is_none() && best.is_none() {
@@ -158,7 +120,6 @@ impl Run<'_> {
                 }
                 break Stop::NotFinite { step, kernel };
             }
-            self.engine.run_part(&next, split..next.list.len())?;
             self.durations.push(taken.elapsed().as_secs_f64());
             if step.is_multiple_of(every) || step == steps {
                 self.consider(step, &mut best)?;

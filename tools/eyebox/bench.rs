@@ -3,8 +3,7 @@
 use crate::Failure;
 use crate::args::Bench;
 use crate::common;
-use crate::quality;
-use crate::solve::{base_of, recipe_of};
+use crate::settings::{base_of, levels, levels_of, recipe_of};
 use eyebox::quality::{Prepared, Subject};
 use eyebox::solve::{self, Flow};
 use serde_json::json;
@@ -22,8 +21,8 @@ pub fn run(args: &Bench) -> Result<(), Failure> {
     let depth = common::depths(&args.solve.scene, &field, &display);
     let (recipe, chosen) = recipe_of(&args.solve, engine.as_ref(), &display, 1)?;
     let mut base = base_of(&args.solve, &display, depth);
-    base.levels = args.solve.levels.as_deref().map(crate::solve::levels).transpose()?;
-    let levels = quality::levels_of(None, &display)?;
+    base.levels = args.solve.levels.as_deref().map(levels).transpose()?;
+    let levels = levels_of(None, &display)?;
     let Prepared { problem, settings, .. } =
         Subject { field: &field, color, display: &display, base, levels }.prepare(&recipe)?;
     settings.check()?;

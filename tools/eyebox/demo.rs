@@ -6,9 +6,9 @@ use crate::common;
 use crate::evaluate;
 use crate::live;
 use crate::progress;
-use crate::quality;
 use crate::report;
 use crate::score;
+use crate::settings::levels_of;
 use crate::solve;
 use eyebox::encode::Encoder;
 use eyebox::engine::Engine;
@@ -46,7 +46,7 @@ pub fn run(args: &Demo) -> Result<(), Failure> {
         }
         None => Recipe { steps: 120, ..Recipe::default() },
     };
-    let levels = quality::levels_of(None, &display)?;
+    let levels = levels_of(None, &display)?;
     let subject = Subject { field: &field, color: colors[0], display: &display, base, levels };
     let padding = if recipe.padding { subject.required_padding()? } else { Padding::default() };
     progress::catch_interrupt();

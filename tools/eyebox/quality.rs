@@ -4,9 +4,7 @@ use crate::Failure;
 use clap::{Args, ValueEnum};
 use eyebox::engine::Engine;
 use eyebox::files::cache_folder;
-use eyebox::optics::Display;
 use eyebox::quality::{Measured, Quality, Recipe, within};
-use eyebox::solve::even_levels;
 
 /// How much time quality may take, in every command that solves.
 #[derive(Args, Clone, Copy)]
@@ -101,13 +99,5 @@ impl QualityArgs {
         let from = expected(&measured, trial.milliseconds);
         let about = format!("deadline {deadline} ms: {} ({from})", trial.recipe);
         Ok(Some(Chosen { recipe: trial.recipe.clone(), about }))
-    }
-}
-
-/// The levels that are asked for, or else those of the display; none where they are more than can be told apart.
-pub fn levels_of(asked: Option<&str>, display: &Display) -> Result<Option<Vec<f64>>, Failure> {
-    match asked {
-        Some(text) => crate::solve::levels(text).map(Some),
-        None => Ok(Some(display.levels as usize).filter(|n| *n <= 256).map(even_levels)),
     }
 }

@@ -4,7 +4,7 @@ use crate::Failure;
 use crate::args::{Solve, Start};
 use crate::common::{self, Form};
 use crate::progress::{self, Bar};
-use crate::quality;
+use crate::settings::{levels_of, plan_of, recipe_of};
 use crate::solve;
 use eyebox::hologram::{ColorHologram, Hologram, Sequence, SequenceWriter};
 use eyebox::optics::{Color, Display};
@@ -76,14 +76,14 @@ pub fn run(args: &Solve, scenes: &[String]) -> Result<(), Failure> {
     let rate = args.rate.fraction();
     let mut field = load(args, &scenes[0], &display, &colors)?;
     // What all frames have in common is decided by the first: it says what the file says.
-    let (recipe, chosen) = solve::recipe_of(args, engine.as_ref(), &display, colors.len())?;
+    let (recipe, chosen) = recipe_of(args, engine.as_ref(), &display, colors.len())?;
     // Of a quality a sequence takes what a solve itself is told: each frame is all views and all pixels.
     let recipe = Recipe { repeats: 1, views: 1, pixel: 1, ..recipe };
-    let plan = solve::plan_of(args, &recipe, &field, &display)?;
+    let plan = plan_of(args, &recipe, &field, &display)?;
     let (mut settings, padding) = (plan.settings, plan.padding);
     settings.seconds = args.seconds.map(|s| s / colors.len() as f64);
     if recipe.levels {
-        settings.levels = quality::levels_of(None, &display)?.or(settings.levels);
+        settings.levels = levels_of(None, &display)?.or(settings.levels);
     }
     let mut like = solve::hologram(&field, &display, &settings, padding, &[]);
     like.colors = colors.iter().map(|c| empty(*c, &display)).collect();

@@ -5,7 +5,7 @@ use crate::Failure;
 use crate::args::{OptimizerName, Photograph, SceneArgs, Score, Solve, View};
 use crate::common::{self, Form};
 use crate::progress;
-use crate::solve;
+use crate::settings::base_of;
 use eyebox::engine::Engine;
 use eyebox::evaluate::{self, Summary};
 use eyebox::hologram::{ColorHologram, Hologram, Tiles};
@@ -74,7 +74,7 @@ pub fn solve(args: &Solve, display: &Display) -> Result<(), Failure> {
     let seen = views[0].size();
     let size = RegionSize::new(&optics, frames, side, diameter[1], seen, left).map_err(with_held)?;
     let depth = args.scene.depth.or(views[0].depth()).unwrap_or([0.0, 0.0]);
-    let mut settings = solve::base_of(args, display, [depth[0].min(depth[1]), depth[0].max(depth[1])]);
+    let mut settings = base_of(args, display, [depth[0].min(depth[1]), depth[0].max(depth[1])]);
     settings.diameter = diameter;
     settings.steps = args.steps.unwrap_or(STEPS);
     if let Some(window) = args.window {

@@ -2,7 +2,8 @@
 
 use crate::args::{DisplayArgs, EngineArgs, SceneArgs};
 use crate::common;
-use crate::quality::{self, QualityArgs};
+use crate::quality::QualityArgs;
+use crate::settings::levels_of;
 use crate::view::padding_of;
 use crate::{Failure, progress, score, solve};
 use clap::Args;
@@ -83,7 +84,7 @@ pub fn load(args: &SubjectArgs) -> Result<Steered, Failure> {
         let chosen =
             args.quality.choose(engine.as_ref(), [display.height, display.width], base.frames, colors.len())?;
         let recipe = chosen.map_or_else(Recipe::default, |c| c.recipe);
-        let levels = quality::levels_of(None, &display)?;
+        let levels = levels_of(None, &display)?;
         let subject = Subject { field: &field, color: colors[0], display: &display, base, levels };
         eprintln!("solving {} for the whole eyebox: {recipe}", args.what);
         progress::catch_interrupt();

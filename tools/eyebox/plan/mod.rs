@@ -1,10 +1,9 @@
 //! `eyebox plan`: what of a scene will be computed, why, and what it will take.
 
 mod check;
-mod measure;
 
 use crate::args::Solve;
-use crate::solve::{plan_of, recipe_of};
+use crate::settings::{plan_of, recipe_of};
 use crate::{Failure, common, rates};
 use clap::Args;
 use eyebox::engine::Engine;
@@ -23,12 +22,6 @@ pub struct Plan {
     /// Then solve it, and say how far the forecast was off
     #[arg(long)]
     pub check: bool,
-    /// Then measure each saving: the same scene with and without it, judged by the full model
-    #[arg(long)]
-    pub measure: bool,
-    /// With --measure: so many seeds
-    #[arg(long, default_value_t = 3, value_name = "N", requires = "measure")]
-    pub seeds: u64,
     /// Time this machine's engine again
     #[arg(long)]
     pub time_again: bool,
@@ -37,7 +30,7 @@ pub struct Plan {
 /// Bytes of the program where the system does not say.
 const PROGRAM: u64 = 10 << 20;
 
-/// Plans, says it, and where asked, measures.
+/// Plans, says it, and where asked, checks it.
 pub fn run(args: &Plan) -> Result<(), Failure> {
     let solve = &args.solve;
     let display = common::display(&solve.display)?;
@@ -59,7 +52,6 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
     }
     drop(engine);
     let check = args.check.then(|| check::run(args, &forecasts)).transpose()?;
-    let measured = args.measure.then(|| measure::run(args, &plan, &field, &display)).transpose()?;
     if solve.json {
         let forecast = |(color, f): &(Color, Forecast)| {
             let groups: serde_json::Map<_, _> = Group::ALL
@@ -76,7 +68,7 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
             "colors": plan.colors, "dark": plan.dark, "choices": plan.choices,
             "views_left_out": plan.outer, "views_merged": plan.merge, "padding": [plan.padding.rows, plan.padding.columns],
             "settings": plan.settings, "forecast": forecasts.iter().map(forecast).collect::<Vec<_>>(),
-            "check": check, "measured": measured,
+            "check": check,
         });
         println!("{out}");
     }

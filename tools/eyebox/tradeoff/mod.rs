@@ -16,7 +16,7 @@ use crate::Failure;
 use crate::common;
 use crate::evaluate::{checksum, keep};
 use crate::progress;
-use crate::quality;
+use crate::settings::levels_of;
 use eyebox::files::{cache_folder, write_file};
 use eyebox::optics::Color;
 use eyebox::quality::{Measured, Recipe, Subject};
@@ -35,7 +35,7 @@ pub fn run(args: &Tradeoff) -> Result<(), Failure> {
     let color = leading(&common::colors(&args.display, &display)?);
     let mut base = Settings { frames: args.frames, seed: args.seed, ..Settings::default() };
     base.diameter = common::diameters(args.pupil_diameter, &display);
-    let levels = quality::levels_of(args.levels.as_deref(), &display)?;
+    let levels = levels_of(args.levels.as_deref(), &display)?;
     Settings { levels: levels.clone(), ..base.clone() }.check()?;
     let mut engine = common::engine(&args.engine)?;
     let field = common::scene(&args.scene, &display, &[color])?;
