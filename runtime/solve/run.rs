@@ -1,19 +1,29 @@
-//! A solve under way: exposure, steps, verdicts, and what to do when a number is none.
+//! A solve under way: exposure, steps, validation, and what to do where a loss is not finite.
 
+use super::error::SolveError;
 use super::exposure::{BrightEnd, peak};
 use super::fault;
+use super::method::Method;
+use super::optimizer::Optimizer;
+use super::outcome::{Flow, Progress, Stop, Warm};
+use super::problem::Problem;
+use super::sampling::random_phases;
+use super::settings::Settings;
 use super::step::{Steps, take};
-use super::{
-    Flow, Judge, Method, Optimizer, Problem, Progress, Settings, SolveError, Stop, Verdict, Warm, random_phases,
-};
+use super::validation::{ValidationScore, Validator};
 use crate::engine::{Buffer, Engine, EngineError};
 use crate::optics::WindowFactor;
 use crate::plan::Planner;
 use std::slice;
 use std::time::Instant;
 
-/// A verdict, the phases that it is about, and the step after which it was given.
-pub(super) type Judged = (Verdict, Vec<f32>, usize);
+/// Phases that were validated.
+pub(super) struct Validated {
+    pub(super) score: ValidationScore,
+    pub(super) phases: Vec<f32>,
+    /// The step after which they were.
+    step: usize,
+}
 
 /// A solve under way.
 pub(super) struct Run<'a> {
@@ -21,7 +31,7 @@ pub(super) struct Run<'a> {
     pub(super) planner: &'a Planner,
     pub(super) settings: &'a Settings,
     pub(super) engine: &'a mut dyn Engine,
-    pub(super) judge: &'a Judge,
+    pub(super) validator: &'a Validator,
     /// Where it begins, if not at random phases.
     pub(super) from: Option<Warm<'a>>,
     pub(super) start: Instant,
@@ -30,7 +40,7 @@ pub(super) struct Run<'a> {
     pub(super) unit: f64,
     /// Whether this is a pilot: it stops only when asked.
     pub(super) pilot: bool,
-    /// Seconds of each step since the last start, without verdicts.
+    /// Seconds of each step since the last start, without validation.
     pub(super) durations: Vec<f64>,
 }
 
@@ -56,14 +66,14 @@ impl Run<'_> {
         let mut tried = Vec::new();
         for exposure in candidates {
             let seconds = self.start.elapsed().as_secs_f64();
-            let progress = Progress { step: 0, steps: self.settings.steps, seconds, loss: f64::NAN, verdict: None };
+            let progress = Progress { step: 0, steps: self.settings.steps, seconds, loss: f64::NAN, validation: None };
             let late = self.settings.seconds.is_some_and(|most| seconds > 0.5 * most);
             if !tried.is_empty() && (late || observe(&progress) == Flow::Stop) {
                 break;
             }
             self.exposure = exposure;
             let (best, ..) = self.descend(PILOT_STEPS, &mut |_| Flow::Continue)?;
-            tried.push((exposure, best.0.mean()));
+            tried.push((exposure, best.score.mean()));
         }
         self.pilot = false;
         let best = (0..tried.len()).max_by(|&i, &j| tried[i].1.total_cmp(&tried[j].1)).unwrap_or(0);
@@ -79,7 +89,7 @@ impl Run<'_> {
         &mut self,
         steps: usize,
         observe: &mut dyn FnMut(&Progress) -> Flow,
-    ) -> Result<(Judged, usize, Stop), SolveError> {
+    ) -> Result<(Validated, usize, Stop), SolveError> {
         let Self { settings, planner, .. } = *self;
         let pixels = settings.frames * planner.slm.height * planner.slm.width;
         let zeros = vec![0.0; pixels];
@@ -93,10 +103,9 @@ impl Run<'_> {
         let limit = settings.seconds.filter(|_| !self.pilot);
         let wanted = settings.psnr.filter(|_| !self.pilot);
         let begun = self.start.elapsed().as_secs_f64();
-        // Ten verdicts where quality is to stop the solve, else three: a verdict costs about two steps.
-        let every = if wanted.is_some() { steps.div_ceil(10) } else { steps.div_ceil(3) }.max(3);
+        let every = interval(steps, wanted.is_some());
         self.durations.clear();
-        let mut best: Option<Judged> = None;
+        let mut best: Option<Validated> = None;
         let mut step = 0;
         let stop = loop {
             let seconds = self.start.elapsed().as_secs_f64();
@@ -122,22 +131,22 @@ impl Run<'_> {
             }
             self.durations.push(taken.elapsed().as_secs_f64());
             if step.is_multiple_of(every) || step == steps {
-                self.consider(step, &mut best)?;
+                self.validate(step, &mut best)?;
             }
-            let verdict = best.as_ref().map(|b| &b.0);
-            if observe(&Progress { step, steps, seconds: self.start.elapsed().as_secs_f64(), loss, verdict })
+            let validation = best.as_ref().map(|b| &b.score);
+            if observe(&Progress { step, steps, seconds: self.start.elapsed().as_secs_f64(), loss, validation })
                 == Flow::Stop
             {
                 break Stop::Asked;
             }
-            if verdict.zip(wanted).is_some_and(|(v, wanted)| v.mean() >= wanted) {
+            if validation.zip(wanted).is_some_and(|(v, wanted)| v.mean() >= wanted) {
                 break Stop::Quality;
             }
         };
-        if best.as_ref().is_none_or(|b| b.2 != step) {
-            self.consider(step, &mut best)?;
+        if best.as_ref().is_none_or(|b| b.step != step) {
+            self.validate(step, &mut best)?;
         }
-        Ok((best.expect("a verdict was just given"), step, stop))
+        Ok((best.expect("it was just validated"), step, stop))
     }
 
     fn first_phases(&self, pixels: usize) -> Vec<f32> {
@@ -149,19 +158,25 @@ impl Run<'_> {
         }
     }
 
-    /// Judges the engine's phases, and keeps them if they are the best so far. Phases that are not finite never are.
-    fn consider(&mut self, step: usize, best: &mut Option<Judged>) -> Result<(), EngineError> {
+    /// Scores the engine's phases, and keeps them if they are the best so far. Phases that are not finite never are.
+    fn validate(&mut self, step: usize, best: &mut Option<Validated>) -> Result<(), EngineError> {
         let planner = Planner { factor: WindowFactor::Full, ..self.planner.clone() };
-        let verdict = self.judge.judge(self.engine, &planner)?.in_units_of(self.unit);
-        let better = |b: &Judged| verdict.mean() >= b.0.mean() || b.0.mean().is_nan();
+        let score = self.validator.score(self.engine, &planner)?.in_units_of(self.unit);
+        let better = |b: &Validated| score.mean() >= b.score.mean() || b.score.mean().is_nan();
         if best.as_ref().is_none_or(better) {
-            // What was judged is what the SLM shows.
+            // What was scored is what the SLM shows.
             let shown = if self.planner.levels > 0 { Buffer::Shown } else { Buffer::Phases };
             let phases = self.engine.read(shown)?;
             if best.is_none() || phases.iter().all(|p| p.is_finite()) {
-                *best = Some((verdict, phases, step));
+                *best = Some(Validated { score, phases, step });
             }
         }
         Ok(())
     }
+}
+
+/// Steps from one validation to the next: ten of them where quality is to stop the solve, else three, for one costs about
+/// two steps.
+pub(super) fn interval(steps: usize, stops: bool) -> usize {
+    steps.div_ceil(if stops { 10 } else { 3 }).max(3)
 }

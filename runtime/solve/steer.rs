@@ -1,9 +1,10 @@
 //! Refining a hologram for where the eye is (OPTICS 6d): steps over pupils around it, and a few over the whole eyebox, so
 //! that a sudden look elsewhere never meets the dark.
 
-use super::sampling::Points;
+use super::error::SolveError;
+use super::problem::Problem;
+use super::sampling::{Points, Sequence};
 use super::step::{Update, take};
-use super::{Problem, Sequence, SolveError};
 use crate::engine::{Buffer, Engine, EngineError};
 use crate::evaluate::{self, Sums};
 use crate::optics::{Pupil, PupilDistribution, WindowFactor};

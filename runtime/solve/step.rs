@@ -1,8 +1,11 @@
 //! One step: how it is built and how it is taken, the same for a solve, its forecast, a refinement and a far field in
 //! tiles.
 
-use super::method::Viewpoints;
-use super::{Method, Optimizer, Problem, Settings, cosine};
+use super::method::Method;
+use super::optimizer::{Optimizer, cosine};
+use super::problem::Problem;
+use super::settings::Settings;
+use super::viewpoints::Viewpoints;
 use crate::engine::{Dispatch, Engine, EngineError, Kernel, Scope, Step};
 use crate::plan::{Comparison, Planner, PupilPass, Viewpoint};
 use eyebox_kernels::{Complex32, compare};

@@ -213,7 +213,7 @@ pub struct Solve {
     /// Seconds at most, shared by the colours
     #[arg(long, value_name = "S", value_parser = positive)]
     pub seconds: Option<f64>,
-    /// Stop at this mean PSNR over held-out pupils, dB
+    /// Stop at this mean PSNR over validation pupils, dB
     #[arg(long, value_name = "DB")]
     pub psnr: Option<f64>,
     /// Spectrum per pupil: 1 or 2 times the pupil, or all of it [default: 1]

@@ -1,10 +1,11 @@
-//! `--quality` and `--deadline`: from what a user asks to a recipe, by what was measured on this device or as built in.
+//! `--quality` and `--deadline`: from what a user asks to settings, by what was measured on this device or as built in.
 
 use crate::Failure;
 use clap::{Args, ValueEnum};
 use eyebox::engine::Engine;
 use eyebox::files::cache_folder;
-use eyebox::quality::{Measured, Quality, Recipe, within};
+use eyebox::quality::{Measured, Quality, within};
+use eyebox::solve::Settings;
 
 /// How much time quality may take, in every command that solves.
 #[derive(Args, Clone, Copy)]
@@ -40,11 +41,11 @@ impl From<QualityName> for Quality {
     }
 }
 
-/// A recipe that was asked for by quality or deadline, and what is to be said of it.
+/// Settings that were asked for by quality or deadline, and what is to be said of them.
 pub struct Chosen {
-    /// The recipe.
-    pub recipe: Recipe,
-    /// Where it is from.
+    /// The settings.
+    pub settings: Settings,
+    /// Where they are from.
     pub about: String,
 }
 
@@ -73,12 +74,12 @@ impl QualityArgs {
         };
         if let Some(name) = self.quality {
             let quality = Quality::from(name);
-            let (recipe, from) = match &measured {
+            let (settings, from) = match &measured {
                 Some(m) => (m.of(quality).recipe.clone(), expected(m, m.of(quality).milliseconds)),
-                None => (Recipe::of(quality), "built in; `eyebox tradeoff SCENE -o DIR` measures this device".into()),
+                None => (Settings::of(quality), "built in; `eyebox tradeoff SCENE -o DIR` measures this device".into()),
             };
-            let about = format!("{}: {recipe} ({from})", quality.name());
-            return Ok(Some(Chosen { recipe, about }));
+            let about = format!("{}: {settings} ({from})", quality.name());
+            return Ok(Some(Chosen { settings, about }));
         }
         let Some(deadline) = self.deadline else { return Ok(None) };
         let Some(measured) = measured else {
@@ -98,6 +99,6 @@ impl QualityArgs {
         };
         let from = expected(&measured, trial.milliseconds);
         let about = format!("deadline {deadline} ms: {} ({from})", trial.recipe);
-        Ok(Some(Chosen { recipe: trial.recipe.clone(), about }))
+        Ok(Some(Chosen { settings: trial.recipe.clone(), about }))
     }
 }

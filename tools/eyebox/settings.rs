@@ -5,78 +5,65 @@ use crate::quality::Chosen;
 use crate::{Failure, common};
 use eyebox::engine::Engine;
 use eyebox::optics::Display;
-use eyebox::quality::Recipe;
 use eyebox::scene::LightField;
-use eyebox::solve::{Diameters, Optimizer, PaddingRule, ScenePlan, Sequence, Settings, Wish, even_levels};
+use eyebox::solve::{
+    Diameters, Levels, Optimizer, PaddingRule, PlanRequest, ScenePlan, Sequence, Settings, even_levels,
+};
 
-/// The recipe that the arguments mean, and what there is to say of it: the default, or what quality and deadline ask for;
-/// what is given itself wins.
-pub fn recipe_of(
+/// The settings that the arguments mean, for depths in metres, and what there is to say of them: the defaults, or what
+/// quality and deadline ask for; what is given itself wins.
+pub fn settings_of(
     args: &Solve,
     engine: &dyn Engine,
     display: &Display,
+    depth: [f64; 2],
     colors: usize,
-) -> Result<(Recipe, Option<String>), Failure> {
-    let frames = args.frames.unwrap_or(Settings::default().frames);
-    let chosen = args.quality.choose(engine, [display.height, display.width], frames, colors)?;
-    let (mut recipe, about) = match chosen {
-        Some(Chosen { recipe, about }) => (recipe, Some(about)),
-        None if args.optimizer == Some(OptimizerName::Adam) => (Recipe::adam(200, 8), None),
-        None => (Recipe::default(), None),
+) -> Result<(Settings, Option<String>), Failure> {
+    let base = base_of(args, display, depth);
+    let chosen = args.quality.choose(engine, [display.height, display.width], base.frames, colors)?;
+    let (quality, about) = match chosen {
+        Some(Chosen { settings, about }) => (settings, Some(about)),
+        None if args.optimizer == Some(OptimizerName::Adam) => (Settings::adam(200, 8), None),
+        None => (Settings::default(), None),
     };
-    let is_adam = matches!(recipe.optimizer, Optimizer::Adam { .. });
+    let mut settings = base.with_quality_of(&quality);
+    let is_adam = matches!(settings.optimizer, Optimizer::Adam { .. });
     match args.optimizer {
         Some(OptimizerName::Adam) if !is_adam => {
-            let Recipe { optimizer, diameters, .. } = Recipe::adam(1, 1);
-            recipe = Recipe { optimizer, diameters, ..recipe };
+            Settings { optimizer: settings.optimizer, diameters: settings.diameters, .. } = Settings::adam(1, 1);
         }
         Some(OptimizerName::Projection) if is_adam => {
-            let Recipe { optimizer, diameters, .. } = Recipe::default();
-            recipe = Recipe { optimizer, diameters, ..recipe };
+            Settings { optimizer: settings.optimizer, diameters: settings.diameters, .. } = Settings::default();
         }
         _ => {}
     }
-    recipe.steps = args.steps.unwrap_or(recipe.steps);
-    recipe.pupils = args.pupils.unwrap_or(recipe.pupils);
-    recipe.window = args.window.unwrap_or(recipe.window);
-    recipe.diameters = args.diameters.map_or(recipe.diameters, Diameters::from);
-    recipe.storage = args.storage.unwrap_or(recipe.storage);
-    if let Some(padding) = args.padding {
-        recipe.padding = padding != PaddingName::Never;
-    }
+    settings.steps = args.steps.unwrap_or(settings.steps);
+    settings.pupils = args.pupils.unwrap_or(settings.pupils);
+    settings.window = args.window.unwrap_or(settings.window);
+    settings.diameters = args.diameters.map_or(settings.diameters, Diameters::from);
+    settings.storage = args.storage.unwrap_or(settings.storage);
+    settings.padding = args.padding.map_or(settings.padding, PaddingRule::from);
     if args.frames.is_some() || args.speckle.is_some() {
-        recipe.repeats = 1;
+        settings.repeats = 1;
     }
     if args.scene.views.is_some() {
-        recipe.views = 1;
+        settings.views = 1;
     }
-    recipe.levels &= args.levels.is_none();
-    Ok((recipe, about))
+    if let Some(text) = &args.levels {
+        settings.levels = Levels::Given(levels(text)?);
+    }
+    Ok((settings, about))
 }
 
-/// What of the scene is solved, by these arguments.
-pub fn plan_of(args: &Solve, recipe: &Recipe, field: &LightField, display: &Display) -> Result<ScenePlan, Failure> {
-    let mut settings = base_of(args, display, common::depths(&args.scene, field, display));
-    // All sub-frames that are shown: of which some may repeat is the recipe's.
-    Recipe { repeats: 1, ..recipe.clone() }.apply(&mut settings);
-    settings.levels = args.levels.as_deref().map(levels).transpose()?;
-    let wish = Wish {
-        settings: &settings,
-        depth: args.scene.depth,
-        full: args.full.unwrap_or_default(),
-        padding: match args.padding {
-            Some(PaddingName::Need) => PaddingRule::Need,
-            _ if recipe.padding => PaddingRule::Always,
-            _ => PaddingRule::Never,
-        },
-        contrast: args.speckle,
-    };
-    let mut plan = ScenePlan::new(field, display, &wish)?;
+/// What of the scene is solved, by these arguments and the settings that they mean.
+pub fn plan_of(args: &Solve, settings: &Settings, field: &LightField, display: &Display) -> Result<ScenePlan, Failure> {
+    let (depth, full, contrast) = (args.scene.depth, args.full.unwrap_or_default(), args.speckle);
+    let mut plan = ScenePlan::new(field, display, &PlanRequest { settings, depth, full, contrast })?;
     plan.settings.seconds = args.seconds.map(|s| s / plan.colors.len() as f64);
     Ok(plan)
 }
 
-/// Everything that no recipe decides, for depths in metres.
+/// What is no matter of quality and time, for depths in metres.
 pub fn base_of(args: &Solve, display: &Display, depth: [f64; 2]) -> Settings {
     Settings {
         frames: args.frames.unwrap_or(Settings::default().frames),
@@ -105,8 +92,18 @@ impl From<DiametersName> for Diameters {
     }
 }
 
+impl From<PaddingName> for PaddingRule {
+    fn from(name: PaddingName) -> Self {
+        match name {
+            PaddingName::Never => Self::Never,
+            PaddingName::Need => Self::Need,
+            PaddingName::Always => Self::Always,
+        }
+    }
+}
+
 /// Levels by their number, or from a file.
-pub fn levels(text: &str) -> Result<Vec<f64>, Failure> {
+fn levels(text: &str) -> Result<Vec<f64>, Failure> {
     if let Ok(n) = text.parse::<usize>() {
         return Ok(even_levels(n.min(1 << 16)));
     }
@@ -124,10 +121,7 @@ pub fn levels(text: &str) -> Result<Vec<f64>, Failure> {
     lines.filter(|(_, line)| !line.is_empty()).map(phase).collect()
 }
 
-/// The levels that are asked for, or else those of the display; none where they are more than can be told apart.
-pub fn levels_of(asked: Option<&str>, display: &Display) -> Result<Option<Vec<f64>>, Failure> {
-    match asked {
-        Some(text) => levels(text).map(Some),
-        None => Ok(Some(display.levels as usize).filter(|n| *n <= 256).map(even_levels)),
-    }
+/// The levels that are asked for, or else those of the display.
+pub fn levels_of(asked: Option<&str>, display: &Display) -> Result<Levels, Failure> {
+    asked.map_or(Ok(Levels::of(display)), |text| levels(text).map(Levels::Given))
 }

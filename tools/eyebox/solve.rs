@@ -4,15 +4,15 @@ use crate::Failure;
 use crate::args::Solve;
 use crate::common::{self, Form};
 use crate::progress::{self, Bar};
-use crate::settings::{levels_of, plan_of, recipe_of};
+use crate::settings::{plan_of, settings_of};
 use crate::solve_sequence;
 use crate::tiled;
 use eyebox::engine::Engine;
 use eyebox::hologram::{self, ColorHologram, Hologram};
 use eyebox::optics::{Color, Display, Padding};
-use eyebox::quality::{Recipe, Reference, Subject};
+use eyebox::quality::{Reference, Subject};
 use eyebox::scene::LightField;
-use eyebox::solve::{Settings, Solution, Stop};
+use eyebox::solve::{Levels, Settings, Solution, Stop};
 use serde_json::json;
 use std::time::Instant;
 
@@ -34,18 +34,16 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     // The engine first: where there is none, nothing needs to be loaded.
     let mut engine = common::engine(&args.engine)?;
     let field = common::scene(&args.scene, &display, &colors)?;
-    let (mut recipe, chosen) = recipe_of(args, engine.as_ref(), &display, colors.len())?;
-    let plan = plan_of(args, &recipe, &field, &display)?;
+    let depth = common::depths(&args.scene, &field, &display);
+    let (settings, chosen) = settings_of(args, engine.as_ref(), &display, depth, colors.len())?;
+    let plan = plan_of(args, &settings, &field, &display)?;
     // What the hologram's file remembers of its scene is the scene as it is, not what the plan leaves of it.
     let (grid, cell) = (field.grid, field.cell(&display));
     let field = plan.reduce(field, &display);
     let (colors, padding) = (&plan.colors, plan.padding);
-    recipe.follow(&plan.settings, padding);
-    // What the recipe is optimised for, if it is: the display's own levels.
-    let own = levels_of(None, &display)?;
-    let subject =
-        Subject { field: &field, color: colors[0], display: &display, base: plan.settings.clone(), levels: own };
-    let settings = subject.settings(&recipe);
+    let (base, levels) = (plan.settings.clone(), Levels::of(&display));
+    let subject = Subject { field: &field, color: colors[0], display: &display, base, levels };
+    let settings = subject.settings(&plan.settings);
     settings.check()?;
     if !args.json {
         eprintln!(
@@ -66,12 +64,8 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
         chosen.iter().for_each(|about| eprintln!("{about}"));
     }
     progress::catch_interrupt();
-    let solved = solve_colors(&subject, colors, &recipe, engine.as_mut(), args.json)?;
+    let solved = solve_colors(&subject, colors, &settings, engine.as_mut(), args.json)?;
     let mut hologram = hologram(&field, &display, &settings, padding, &solved);
-    hologram.frames = subject.base.frames;
-    if chosen.is_some() {
-        hologram.settings["recipe"] = json!(recipe);
-    }
     hologram.settings["views"] = json!(grid);
     hologram.settings["view_pitch_mm"] = json!(cell * 1e3);
     if let Some(depth) = args.scene.depth.filter(|_| args.scene.depth_map.is_some()) {
@@ -84,7 +78,7 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     }
     let report = |(color, s): &(Color, Solution)| {
         json!({
-            "color": color, "psnr_mean_db": s.verdict.mean(), "psnr_worst_db": s.verdict.worst(),
+            "color": color, "psnr_mean_db": s.validation.mean(), "psnr_worst_db": s.validation.worst(),
             "exposure": s.exposure, "efficiency": s.efficiency, "steps": s.steps, "step_ms": s.step_seconds * 1e3, "seconds": s.seconds, "stopped_by": stop_name(s.stop), "fault": fault(s.stop),
         })
     };
@@ -105,10 +99,10 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     }
     for (color, s) in &solved {
         println!(
-            "{color:6} {:.2} dB mean, {:.2} dB worst of {} held-out pupils; exposure {:.3} (efficiency {:.0} %); {} steps in {:.1} s{}",
-            s.verdict.mean(),
-            s.verdict.worst(),
-            s.verdict.psnr.len(),
+            "{color:6} {:.2} dB mean, {:.2} dB worst of {} validation pupils; exposure {:.3} (efficiency {:.0} %); {} steps in {:.1} s{}",
+            s.validation.mean(),
+            s.validation.worst(),
+            s.validation.psnr.len(),
             s.exposure,
             100.0 * s.efficiency,
             s.steps,
@@ -133,24 +127,24 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
 pub fn solve_colors(
     subject: &Subject,
     colors: &[Color],
-    recipe: &Recipe,
+    settings: &Settings,
     engine: &mut dyn Engine,
     quiet: bool,
 ) -> Result<Vec<(Color, Solution)>, Failure> {
     let mut solved = Vec::new();
     for &color in colors {
         let subject = Subject { color, ..subject.clone() };
-        let bar = Bar::new(color.to_string(), recipe.steps, quiet);
-        let mut solution = subject.solve(recipe, engine, &mut |p| bar.show(p))?.solution;
-        if recipe.reduces() {
-            // Its own verdict is about less than the problem.
+        let bar = Bar::new(color.to_string(), settings.steps, quiet);
+        let mut solution = subject.solve(settings, engine, &mut |p| bar.show(p))?.solution;
+        if settings.reduces() {
+            // Its own validation is about less than the problem.
             let reference = Reference::new(&subject, subject.base.seed, engine)?;
-            solution.verdict = reference.judge(&solution.phases, engine)?;
-            if recipe.pixel > 1 {
-                solution.exposure = solution.verdict.exposure;
+            solution.validation = reference.score(&solution.phases, engine)?;
+            if settings.pixel > 1 {
+                solution.exposure = solution.validation.exposure;
             }
         }
-        bar.finish(format!("{:.1} dB", solution.verdict.mean()));
+        bar.finish(format!("{:.1} dB", solution.validation.mean()));
         solved.push((color, solution));
     }
     Ok(solved)

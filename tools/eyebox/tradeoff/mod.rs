@@ -19,7 +19,7 @@ use crate::progress;
 use crate::settings::levels_of;
 use eyebox::files::{cache_folder, write_file};
 use eyebox::optics::Color;
-use eyebox::quality::{Measured, Recipe, Subject};
+use eyebox::quality::{Measured, Subject};
 use eyebox::solve::Settings;
 use found::{Checked, Found};
 use serde_json::json;
@@ -55,9 +55,9 @@ pub fn run(args: &Tradeoff) -> Result<(), Failure> {
         "display": [json!([display.height, display.width]), json!([display.pitch, display.focal_length]),
             json!(display.wavelengths.iter().map(|w| w.wavelength).collect::<Vec<_>>())],
     });
-    let slm_levels = levels.as_ref().map(Vec::len);
+    let slm_levels = levels.given().map(<[f64]>::len);
     let kept = keep::Keep::new(args.out.clone())?;
-    let wanted: Vec<Recipe> = check.iter().map(|c| c.setting.trial.recipe.clone()).collect();
+    let wanted: Vec<Settings> = check.iter().map(|c| c.setting.trial.recipe.clone()).collect();
     let mut work = Work {
         subject: Subject { field: &field, color, display: &display, base, levels },
         engine: engine.as_mut(),
