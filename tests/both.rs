@@ -107,8 +107,8 @@ impl Case {
         let mut step = self.step(purpose, mode, power, usize::MAX);
         if kernel == Kernel::Taper {
             step = self.stft_step(purpose, mode);
-        } else if matches!(kernel, Kernel::Energy | Kernel::Even) {
-            step = self.planner.with_even(step, 0.8 * self.planner.slm.eyebox(), 5, 0.4);
+        } else if matches!(kernel, Kernel::Energy | Kernel::EqualiseEyebox) {
+            step = self.planner.with_equalised_eyebox(step, 0.8 * self.planner.slm.eyebox(), 5, 0.4);
         }
         let pupil_passes = step
             .list

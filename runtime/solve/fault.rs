@@ -23,11 +23,13 @@ pub(super) fn first_fault(engine: &mut dyn Engine, step: &Step) -> Result<Option
             Kernel::Quantise => vec![Buffer::Shown],
             Kernel::Modulate | Kernel::FieldForward => vec![Buffer::Field],
             Kernel::Energy => vec![Buffer::Energy],
-            Kernel::ReturnPupil | Kernel::Balance | Kernel::Even | Kernel::ChangeInverse => vec![Buffer::Change],
+            Kernel::ReturnPupil | Kernel::DivideByOverlap | Kernel::EqualiseEyebox | Kernel::ChangeInverse => {
+                vec![Buffer::Change]
+            }
             Kernel::Transfer | Kernel::Taper => slots.map(Buffer::Transfer).collect(),
             Kernel::Photograph => slots.map(Buffer::Accumulator).collect(),
             Kernel::Resample => slots.map(Buffer::Target).collect(),
-            Kernel::PassPupil | Kernel::WindowInverse | Kernel::Weigh | Kernel::WindowForward => {
+            Kernel::PassPupil | Kernel::WindowInverse | Kernel::ApplyFactor | Kernel::WindowForward => {
                 slots.map(Buffer::Window).collect()
             }
             Kernel::Intensity | Kernel::Compare => slots.map(Buffer::Image).collect(),

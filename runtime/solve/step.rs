@@ -91,7 +91,7 @@ impl<'a> Steps<'a> {
         // Levels come on softly: a phase that is thrown from level to level from the start finds no good one.
         step.quantise.hardness = progress.powi(2) as f32;
         if settings.method == Method::PupilAware {
-            return planner.with_even(step, self.problem.eyebox, settings.patches, settings.evenness);
+            return planner.with_equalised_eyebox(step, self.problem.eyebox, settings.patches, settings.evenness);
         }
         step
     }
@@ -137,9 +137,9 @@ pub(crate) fn take(engine: &mut dyn Engine, step: &Step, parts: &[Range<usize>])
 }
 
 /// The entry of a step's list after which phases may change, and before which all losses are known: what comes behind
-/// the last kernel that runs over pupil passes, and behind `guard` where the list has it.
+/// the last kernel that runs over pupil passes, and behind `check_finite` where the list has it.
 pub(super) fn before_update(step: &Step) -> usize {
-    let known = |d: &Dispatch| d.kernel.scope() == Scope::PupilPasses || d.kernel == Kernel::Guard;
+    let known = |d: &Dispatch| d.kernel.scope() == Scope::PupilPasses || d.kernel == Kernel::CheckFinite;
     step.list.iter().rposition(known).map_or(step.list.len(), |i| i + 1)
 }
 

@@ -158,7 +158,7 @@ impl VulkanEngine {
         Ok(())
     }
 
-    /// Places for the sums of each pupil pass's loss, behind one for what `guard` finds; they are as far apart as the device
+    /// Places for the sums of each pupil pass's loss, behind one for what `check_finite` finds; they are as far apart as the device
     /// wants.
     fn place_losses(&mut self, step: &Step) -> Result<Vec<u64>, EngineError> {
         let mut end = PLACE;
@@ -201,11 +201,11 @@ impl VulkanEngine {
         let compared: Vec<Range<usize>> =
             list.iter().filter(|d| d.kernel == Kernel::Compare).map(|d| d.pupil_passes.clone()).collect();
         let compared = || compared.iter().cloned().flatten();
-        let guarded = list.iter().any(|d| d.kernel == Kernel::Guard);
+        let checked = list.iter().any(|d| d.kernel == Kernel::CheckFinite);
         if let Some(losses) = losses.as_ref() {
             work.gpu.recorder.barrier();
             let of_pupil_pass = |i: usize| (offsets[i], offsets[i], 4 * loss_parts(&step.pupil_passes[i]) as u64);
-            let pieces = guarded.then_some((0, 0, 4)).into_iter().chain(compared().map(of_pupil_pass));
+            let pieces = checked.then_some((0, 0, 4)).into_iter().chain(compared().map(of_pupil_pass));
             work.gpu.recorder.copy(&losses.device, &losses.host, pieces);
         }
         let during = list.iter().map(|d| d.kernel.name()).collect::<Vec<_>>();
@@ -225,7 +225,7 @@ impl VulkanEngine {
                 let sums = &bytes[offsets[i] as usize..][..4 * loss_parts(&step.pupil_passes[i])];
                 result[i] = bytemuck::pod_collect_to_vec::<u8, f32>(sums).into_iter().map(f64::from).sum();
             }
-            if guarded && bytes[..4] != [0; 4] {
+            if checked && bytes[..4] != [0; 4] {
                 result.fill(f64::NAN);
             }
         }

@@ -225,7 +225,7 @@ fn only_change(recipe: &Settings) -> Option<String> {
         _ if as_start(&|r| r.repeats = start.repeats) => Some(words(recipe)),
         _ if as_start(&|r| r.views = start.views) => Some(words(recipe)),
         _ if as_start(&|r| r.storage = start.storage) => Some(words(recipe)),
-        _ if as_start(&|r| r.levels = start.levels) => Some(words(recipe)),
+        _ if as_start(&|r| r.levels = start.levels.clone()) => Some(words(recipe)),
         _ if as_start(&|r| r.padding = start.padding) => Some(words(recipe)),
         _ if as_start(&|r| r.pixel = start.pixel) => Some(words(recipe)),
         _ => None,
