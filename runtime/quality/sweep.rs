@@ -43,7 +43,7 @@ const PARTS: [f64; 4] = [0.185, 0.045, 0.15, 0.035];
 
 /// What is decided beforehand.
 enum Item {
-    This(Settings),
+    This(Box<Settings>),
     /// The spine with as many steps as there is time for.
     Longest,
     /// The spine with so many of the longest trial's steps.
@@ -61,19 +61,19 @@ impl Sweep {
     /// From the start.
     pub fn new(space: Space, seed: u64) -> Self {
         let mut sweep = Self { space, queue: VecDeque::new(), random: SplitMix(seed ^ 0x0073_7765_6570) };
-        sweep.queue.push_back(Item::This(Settings::default()));
-        sweep.queue.extend([8, 24, 64, 128].map(|steps| Item::This(spine(steps, WindowFactor::One))));
-        sweep.queue.extend([16, 32, 64, 128, 256].map(|steps| Item::This(spine(steps, WindowFactor::Two))));
+        sweep.queue.push_back(Item::This(Box::default()));
+        sweep.queue.extend([8, 24, 64, 128].map(|steps| Item::This(Box::new(spine(steps, WindowFactor::One)))));
+        sweep.queue.extend([16, 32, 64, 128, 256].map(|steps| Item::This(Box::new(spine(steps, WindowFactor::Two)))));
         sweep.queue.push_back(Item::Longest);
         sweep.queue.extend(PARTS.map(Item::Part));
-        sweep.queue.push_back(Item::This(Settings::adam(200, 8)));
+        sweep.queue.push_back(Item::This(Box::new(Settings::adam(200, 8))));
         let alone = sweep.alone();
-        sweep.queue.extend(alone.into_iter().map(Item::This));
+        sweep.queue.extend(alone.into_iter().map(|s| Item::This(Box::new(s))));
         let shift: [f64; 5] = [0; 5].map(|_| sweep.random.unit());
         for i in 1..=POINTS {
             let point: [f64; 5] = std::array::from_fn(|d| (halton(i, [2, 3, 5, 7, 11][d]) + shift[d]).fract());
             let recipe = sweep.at(point);
-            sweep.queue.push_back(Item::This(recipe));
+            sweep.queue.push_back(Item::This(Box::new(recipe)));
         }
         sweep
     }
@@ -98,7 +98,7 @@ impl Sweep {
         let dearest = trials.iter().max_by(|a, b| a.milliseconds.total_cmp(&b.milliseconds));
         while let Some(item) = self.queue.pop_front() {
             let recipe = match item {
-                Item::This(recipe) => Some(recipe),
+                Item::This(recipe) => Some(*recipe),
                 // One that went on where it was has been there.
                 Item::Longest if dearest.is_some_and(|t| t.milliseconds > 0.5 * longest) => None,
                 Item::Longest => STEPS.iter().rev().map(|n| spine(*n, WindowFactor::Two)).find(&fresh),
