@@ -27,7 +27,7 @@ pub enum Optimizer {
 
 impl Optimizer {
     /// The projection as tuned on several scenes (docs/measurements.md).
-    pub fn projection() -> Self {
+    pub const fn projection() -> Self {
         Self::Projection { gain: [2.5, 0.3], momentum: 0.5, overlap_power: 0.5 }
     }
 
@@ -43,7 +43,7 @@ impl Optimizer {
     }
 
     /// Adam at twice the paper's rate (better here by 0.3 dB), decaying to a twentieth.
-    pub fn adam() -> Self {
+    pub const fn adam() -> Self {
         Self::Adam { rate: [0.2, 0.01], amplitude: false }
     }
 }

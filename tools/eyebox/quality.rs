@@ -1,7 +1,8 @@
 //! `--quality` and `--deadline`: from what a user asks to settings, by what was measured on this device or as built in.
 
 use crate::Failure;
-use clap::{Args, ValueEnum};
+use crate::values::{Names, one_of};
+use clap::Args;
 use eyebox::engine::Engine;
 use eyebox::files::cache_folder;
 use eyebox::quality::{Measured, Quality, within};
@@ -12,34 +13,20 @@ use eyebox::solve::Settings;
 pub struct QualityArgs {
     /// Settings of this quality: as `eyebox tradeoff` measured them on this device, else built in; settings that are given
     /// themselves win
-    #[arg(long, value_enum, value_name = "NAME")]
-    pub quality: Option<QualityName>,
+    #[arg(long, value_parser = one_of(&QUALITIES), value_name = "NAME")]
+    pub quality: Option<Quality>,
     /// The best settings that `eyebox tradeoff` measured on this device whose solve takes at most so many ms, shared by the
     /// colours; time is taken to follow pixels x log2(pixels) and sub-frames
     #[arg(long, value_name = "MS", value_parser = crate::values::positive, conflicts_with = "quality")]
     pub deadline: Option<f64>,
 }
 
-/// See [`Quality`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum QualityName {
-    /// At least twenty times faster than accurate
-    Fast,
-    /// Within half a decibel of accurate, in a fifth of its time
-    Balanced,
-    /// The best
-    Accurate,
-}
-
-impl From<QualityName> for Quality {
-    fn from(name: QualityName) -> Self {
-        match name {
-            QualityName::Fast => Self::Fast,
-            QualityName::Balanced => Self::Balanced,
-            QualityName::Accurate => Self::Accurate,
-        }
-    }
-}
+/// How much time quality may take.
+const QUALITIES: Names<Quality, 3> = [
+    ("fast", "At least twenty times faster than accurate", Quality::Fast),
+    ("balanced", "Within half a decibel of accurate, in a fifth of its time", Quality::Balanced),
+    ("accurate", "The best", Quality::Accurate),
+];
 
 /// Settings that were asked for by quality or deadline, and what is to be said of them.
 pub struct Chosen {
@@ -72,8 +59,7 @@ impl QualityArgs {
         let expected = |m: &Measured, ms: f64| {
             format!("measured with {} on this device, about {:.0} ms a colour", m.scene, ms * m.scale(size, frames))
         };
-        if let Some(name) = self.quality {
-            let quality = Quality::from(name);
+        if let Some(quality) = self.quality {
             let (settings, from) = match &measured {
                 Some(m) => (m.of(quality).recipe.clone(), expected(m, m.of(quality).milliseconds)),
                 None => (Settings::of(quality), "built in; `eyebox tradeoff SCENE -o DIR` measures this device".into()),

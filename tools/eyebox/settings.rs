@@ -1,14 +1,12 @@
 //! From the arguments of a solve to its settings.
 
-use crate::args::{DiametersName, OptimizerName, PaddingName, SequenceName, Solve};
+use crate::args::Solve;
 use crate::quality::Chosen;
 use crate::{Failure, common};
 use eyebox::engine::Engine;
 use eyebox::optics::Display;
 use eyebox::scene::LightField;
-use eyebox::solve::{
-    Diameters, Levels, Optimizer, PaddingRule, PlanRequest, ScenePlan, Sequence, Settings, even_levels,
-};
+use eyebox::solve::{Levels, Optimizer, PlanRequest, ScenePlan, Settings, even_levels};
 
 /// The settings that the arguments mean, for depths in metres, and what there is to say of them: the defaults, or what
 /// quality and deadline ask for; what is given itself wins.
@@ -21,28 +19,22 @@ pub fn settings_of(
 ) -> Result<(Settings, Option<String>), Failure> {
     let base = base_of(args, display, depth);
     let chosen = args.quality.choose(engine, [display.height, display.width], base.frames, colors)?;
+    let adam = |optimizer: &Optimizer| matches!(optimizer, Optimizer::Adam { .. });
+    let asked = args.optimizer.map(|o| if adam(&o) { Settings::adam(200, 8) } else { Settings::default() });
     let (quality, about) = match chosen {
         Some(Chosen { settings, about }) => (settings, Some(about)),
-        None if args.optimizer == Some(OptimizerName::Adam) => (Settings::adam(200, 8), None),
-        None => (Settings::default(), None),
+        None => (asked.clone().unwrap_or_default(), None),
     };
     let mut settings = base.with_quality_of(&quality);
-    let is_adam = matches!(settings.optimizer, Optimizer::Adam { .. });
-    match args.optimizer {
-        Some(OptimizerName::Adam) if !is_adam => {
-            Settings { optimizer: settings.optimizer, diameters: settings.diameters, .. } = Settings::adam(1, 1);
-        }
-        Some(OptimizerName::Projection) if is_adam => {
-            Settings { optimizer: settings.optimizer, diameters: settings.diameters, .. } = Settings::default();
-        }
-        _ => {}
+    if let Some(asked) = asked.filter(|asked| adam(&asked.optimizer) != adam(&settings.optimizer)) {
+        (settings.optimizer, settings.diameters) = (asked.optimizer, asked.diameters);
     }
     settings.steps = args.steps.unwrap_or(settings.steps);
     settings.pupils = args.pupils.unwrap_or(settings.pupils);
     settings.window = args.window.unwrap_or(settings.window);
-    settings.diameters = args.diameters.map_or(settings.diameters, Diameters::from);
+    settings.diameters = args.diameters.unwrap_or(settings.diameters);
     settings.storage = args.storage.unwrap_or(settings.storage);
-    settings.padding = args.padding.map_or(settings.padding, PaddingRule::from);
+    settings.padding = args.padding.unwrap_or(settings.padding);
     if args.frames.is_some() || args.speckle.is_some() {
         settings.repeats = 1;
     }
@@ -76,29 +68,9 @@ pub fn base_of(args: &Solve, display: &Display, depth: [f64; 2]) -> Settings {
         efficiency: args.efficiency,
         diameter: common::diameters(args.pupil_diameter, display),
         depth,
-        sequence: if args.sequence == SequenceName::Sobol { Sequence::Sobol } else { Sequence::Random },
+        sequence: args.sequence,
         seed: args.seed,
         ..Settings::default()
-    }
-}
-
-impl From<DiametersName> for Diameters {
-    fn from(name: DiametersName) -> Self {
-        match name {
-            DiametersName::Uniform => Self::Uniform,
-            DiametersName::Log => Self::LogUniform,
-            DiametersName::Reciprocal => Self::Reciprocal,
-        }
-    }
-}
-
-impl From<PaddingName> for PaddingRule {
-    fn from(name: PaddingName) -> Self {
-        match name {
-            PaddingName::Never => Self::Never,
-            PaddingName::Need => Self::Need,
-            PaddingName::Always => Self::Always,
-        }
     }
 }
 

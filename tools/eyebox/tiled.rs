@@ -2,7 +2,7 @@
 //! through the tiles under a pupil alone.
 
 use crate::Failure;
-use crate::args::{OptimizerName, Photograph, SceneArgs, Score, Solve, View};
+use crate::args::{Photograph, SceneArgs, Score, Solve, View};
 use crate::common::{self, Form};
 use crate::progress;
 use crate::settings::base_of;
@@ -12,7 +12,7 @@ use eyebox::hologram::{ColorHologram, Hologram, Tiles};
 use eyebox::optics::{Color, Display, Geometry, Pupil, WindowFactor};
 use eyebox::plan::Storage;
 use eyebox::scene::Request;
-use eyebox::solve::{Flow, Method, Settings};
+use eyebox::solve::{Flow, Method, Optimizer, Settings};
 use eyebox::tiled::{self, Job, Memory, RegionSize, Schedule, TiledError, Views};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
@@ -81,7 +81,7 @@ pub fn solve(args: &Solve, display: &Display) -> Result<(), Failure> {
         settings.window = window;
     }
     if let Some(diameters) = args.diameters {
-        settings.diameters = diameters.into();
+        settings.diameters = diameters;
     }
     settings.check()?;
     let passes = args.passes.unwrap_or(PASSES).max(1);
@@ -196,7 +196,7 @@ fn refuse_what_is_not_here(args: &Solve) -> Result<(), Failure> {
     let given = [
         (args.method != Method::Slfh, "--method"),
         (args.levels.is_some(), "--levels"),
-        (args.optimizer == Some(OptimizerName::Adam), "--optimizer adam"),
+        (matches!(args.optimizer, Some(Optimizer::Adam { .. })), "--optimizer adam"),
         (args.storage.is_some_and(|s| s != Storage::F32), "--storage fp16"),
         (args.seconds.is_some(), "--seconds"),
         (args.psnr.is_some(), "--psnr"),
