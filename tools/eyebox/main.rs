@@ -26,6 +26,7 @@ mod quality;
 mod rates;
 mod report;
 mod score;
+mod settings;
 mod solve;
 mod solve_sequence;
 mod tiled;
