@@ -1,8 +1,8 @@
 //! How a hologram was made: what its file keeps beside the optics, typed.
 
 use super::HologramError;
-use crate::optics::Padding;
-use crate::solve::{Aim, Settings, Steering};
+use crate::optics::{Padding, PupilDistribution};
+use crate::solve::{Settings, Steering};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 use serde_json::{Map, Value};
 
@@ -28,9 +28,6 @@ pub struct Metadata {
     /// Side of the eyebox that pupils were drawn in, millimetres.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub eyebox_mm: Option<f64>,
-    /// The recipe (`quality::Recipe`) that settings and scene were reduced by, where one was chosen by its quality.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub recipe: Option<Value>,
     /// What the smallest and the largest value of the scene's depth map mean, millimetres.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub depth_map_mm: Option<[f64; 2]>,
@@ -54,8 +51,9 @@ pub struct Metadata {
 /// A refinement for where the eye was.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Refined {
-    /// Where the eye was believed to be.
-    pub aim: Aim,
+    /// Where the pupil was believed to be.
+    #[serde(with = "aim")]
+    pub aim: PupilDistribution,
     /// How the phases followed.
     pub steering: Steering,
     /// Steps a colour.
@@ -105,6 +103,32 @@ impl Metadata {
         };
         let (is, wanted) = (keys(self), keys(wanted));
         wanted.into_iter().find(|(key, value)| is.get(key) != Some(value)).map(|(key, _)| key)
+    }
+}
+
+/// A distribution of pupils as files have it.
+mod aim {
+    use super::{Deserialize, Deserializer, PupilDistribution, Serialize, Serializer};
+
+    /// Metres.
+    #[derive(Serialize, Deserialize)]
+    struct Aim {
+        x: f64,
+        y: f64,
+        spread: f64,
+        diameter: [f64; 2],
+        depth: [f64; 2],
+        elsewhere: f64,
+    }
+
+    pub(super) fn serialize<S: Serializer>(pupil: &PupilDistribution, to: S) -> Result<S::Ok, S::Error> {
+        let PupilDistribution { centre: [x, y], spread, diameter, focus: depth, elsewhere } = *pupil;
+        Aim { x, y, spread, diameter, depth, elsewhere }.serialize(to)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<PupilDistribution, D::Error> {
+        let Aim { x, y, spread, diameter, depth, elsewhere } = Aim::deserialize(from)?;
+        Ok(PupilDistribution { centre: [x, y], spread, diameter, focus: depth, elsewhere })
     }
 }
 

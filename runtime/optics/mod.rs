@@ -11,6 +11,7 @@ mod geometry;
 mod padding;
 mod propagation;
 mod pupil;
+mod pupil_distribution;
 mod window;
 
 pub use display::{Color, Display, PRESETS, Wavelength};
@@ -19,6 +20,7 @@ pub use geometry::{Geometry, Optics, frequency_bin};
 pub use padding::{Padding, walk_off};
 pub use propagation::{aperture, propagation_turns, transfer};
 pub use pupil::Pupil;
+pub use pupil_distribution::PupilDistribution;
 pub use window::{Window, WindowFactor, fast_size};
 
 /// What can be wrong with a display, a pupil or a grid.

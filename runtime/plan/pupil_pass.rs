@@ -71,19 +71,6 @@ pub struct Planner {
     pub share: f64,
 }
 
-impl Views {
-    /// Of a pyramid that is not made yet: the sizes alone.
-    pub fn of_size(grid: ViewGrid, height: usize, width: usize) -> Self {
-        Self { grid, center: [0.0, 0.0], levels: Pyramid::sizes(height, width), unit: 1.0 / 65535.0 }
-    }
-
-    /// Bytes of the pyramid.
-    pub fn bytes(&self) -> u64 {
-        let samples: usize = self.levels.iter().map(|(height, width)| height * width).sum();
-        2 * (self.grid.rows * self.grid.columns * samples) as u64
-    }
-}
-
 impl Planner {
     /// Without padding and without views.
     pub fn new(slm: Optics, frames: usize, factor: WindowFactor) -> Self {

@@ -167,13 +167,6 @@ pub fn load(source: &str, request: &Request) -> Result<LightField, SceneError> {
     if !path.is_dir() {
         return single::load(path, request);
     }
-    let mut field = folder::load(path, request.colors)?;
-    if request.view_pitch.is_some() {
-        field.view_pitch = request.view_pitch;
-    }
-    let (height, width) = display.picture_size();
-    if (field.height, field.width) == (height, width) {
-        return Ok(field);
-    }
-    Ok(field.fit(height, width, Fit::default()))
+    let field = folder::load(path, request.colors, Some(display.picture_size().into()))?;
+    Ok(LightField { view_pitch: request.view_pitch.or(field.view_pitch), ..field })
 }

@@ -82,10 +82,10 @@ use trace::{Trace, Track};
 use crate::encode::EncodeError;
 use crate::engine::{Engine, EngineError};
 use crate::files::FileError;
-use crate::gaze::{GazeError, PupilDistribution};
+use crate::gaze::GazeError;
 use crate::hologram::HologramError;
 use crate::present::PresentError;
-use crate::solve::{Aim, SolveError};
+use crate::solve::SolveError;
 use crate::trackers::TrackerError;
 use std::time::Duration;
 
@@ -143,21 +143,6 @@ impl SessionError {
     }
 }
 
-/// No eye is known better than this, metres: its spread as a solver takes it.
-const SHARPEST: f64 = 0.1e-3;
-
 fn as_ns(duration: Duration) -> i64 {
     i64::try_from(duration.as_nanos()).unwrap_or(i64::MAX)
-}
-
-/// Where a solver aims for a pupil that was predicted.
-fn aim_of(seen: &PupilDistribution) -> Aim {
-    Aim {
-        x: seen.centre[0],
-        y: seen.centre[1],
-        spread: seen.spread.max(SHARPEST),
-        diameter: seen.diameter,
-        depth: seen.focus,
-        elsewhere: seen.elsewhere,
-    }
 }

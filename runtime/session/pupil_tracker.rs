@@ -1,7 +1,8 @@
 //! A tracker's samples on their way to the estimate of the pupil, on a thread of their own.
 
 use super::{Notes, SessionError, Track};
-use crate::gaze::{Estimator, PupilDistribution};
+use crate::gaze::Estimator;
+use crate::optics::PupilDistribution;
 use crate::trackers::{Sample, Stream, now_ns};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -176,7 +176,7 @@ impl Refining {
         // Every round looks again where the pupil will be: samples come while it refines.
         let (mut steps, mut aimed, mut expected) = (0, begun, self.tracker.expect(clock.monotonic_ns(light_ns)));
         loop {
-            self.steerer.follow(&expected.pupil)?;
+            self.steerer.aim(expected.pupil)?;
             let taken = self.steerer.round_while(in_time)?;
             steps += taken;
             if taken == 0 || !in_time(self.steerer.round()) {

@@ -1,11 +1,14 @@
 //! All colours of a hologram under refinement, without threads: where to aim, when to begin again, what to do next.
 
-use super::{SessionError, aim_of};
+use super::SessionError;
 use crate::engine::{Engine, EngineError};
-use crate::gaze::PupilDistribution;
-use crate::solve::{Aim, Problem, Refiner, Steering};
+use crate::optics::PupilDistribution;
+use crate::solve::{Problem, Refiner, Steering};
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
+
+/// No eye is known better than this, metres: its spread as a solver takes it.
+const SHARPEST: f64 = 0.1e-3;
 
 /// One colour: what is solved for, and the hologram for the whole eyebox.
 #[derive(Clone)]
@@ -54,7 +57,7 @@ pub struct Steerer {
     /// Which colour is next.
     next: usize,
     /// Where the last steps went to.
-    aimed: Option<Aim>,
+    aimed: Option<PupilDistribution>,
     restarts: u64,
     steps: u64,
 }
@@ -89,8 +92,9 @@ impl Steerer {
     ///
     /// # Errors
     /// Those of the engines.
-    pub fn aim(&mut self, aim: Aim) -> Result<bool, EngineError> {
-        let diameter = |a: &Aim| 0.5 * (a.diameter[0] + a.diameter[1]);
+    pub fn aim(&mut self, aim: PupilDistribution) -> Result<bool, EngineError> {
+        let aim = PupilDistribution { spread: aim.spread.max(SHARPEST), ..aim };
+        let diameter = |a: &PupilDistribution| 0.5 * (a.diameter[0] + a.diameter[1]);
         let limit = self.policy.restart;
         let jumped = self.aimed.is_some_and(|from| aim.distance(&from) > limit * diameter(&aim).max(diameter(&from)));
         if jumped {
@@ -101,14 +105,6 @@ impl Steerer {
             color.refiner.aim(aim)?;
         }
         Ok(jumped)
-    }
-
-    /// The eye is expected there: [`aim`](Self::aim).
-    ///
-    /// # Errors
-    /// Those of the engines.
-    pub fn follow(&mut self, pupil: &PupilDistribution) -> Result<bool, EngineError> {
-        self.aim(aim_of(pupil))
     }
 
     /// Begins again with the hologram for the whole eyebox.

@@ -289,7 +289,7 @@ impl Studying<'_> {
         let mut steps = 0;
         let pupil = loop {
             let pupil = self.stage.estimator.predict(light);
-            self.steerer.follow(&pupil)?;
+            self.steerer.aim(pupil)?;
             let taken = self.steerer.round_while(|expected| time.step_before(deadline_ns, expected))?;
             steps += taken;
             if taken == 0 || time.now_ns().saturating_add(self.round_ns()) > deadline_ns {

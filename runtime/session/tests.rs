@@ -6,7 +6,7 @@ use super::sets::{SetSender, set_channel};
 use super::*;
 use crate::encode::{Encoder, VideoFrames};
 use crate::engine::cpu::CpuEngine;
-use crate::optics::{Color, Display, Padding};
+use crate::optics::{Color, Display, Padding, PupilDistribution};
 use crate::present::{Clock, Offscreen, Rate, SimulatedClock};
 use crate::scene::{self, Request};
 use crate::solve::{Flow, Problem, Settings, SplitMix, solve};
@@ -36,9 +36,9 @@ pub(super) fn encoder() -> Encoder {
 /// What steps and encoding cost in simulated time.
 const COST: Cost = Cost::Fixed { step: Duration::from_millis(4), encode: Duration::from_millis(1) };
 
-fn aim(x: f64) -> crate::solve::Aim {
+fn aim(x: f64) -> PupilDistribution {
     let diameter = [3.8e-3, 4.2e-3];
-    crate::solve::Aim { x, y: 0.0, spread: 1e-4, diameter, depth: [0.0, 0.0], elsewhere: 0.0 }
+    PupilDistribution { centre: [x, 0.0], spread: 1e-4, diameter, focus: [0.0, 0.0], elsewhere: 0.0 }
 }
 
 #[test]

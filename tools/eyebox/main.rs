@@ -27,6 +27,7 @@ mod rates;
 mod report;
 mod score;
 mod session;
+mod settings;
 mod solve;
 mod solve_sequence;
 mod tiled;

@@ -2,17 +2,17 @@
 //! through the tiles under a pupil alone.
 
 use crate::Failure;
-use crate::args::{OptimizerName, SceneArgs, Solve};
+use crate::args::{SceneArgs, Solve};
 use crate::common::{self, Form};
 use crate::progress;
-use crate::solve;
+use crate::settings::base_of;
 use eyebox::engine::Engine;
 use eyebox::evaluate::Views;
 use eyebox::hologram::{ColorHologram, Hologram, Metadata, PhaseSource, SceneSource, Tiles};
 use eyebox::optics::{Color, Display, Geometry, Pupil};
 use eyebox::plan::Storage;
 use eyebox::scene::Request;
-use eyebox::solve::{Flow, Method, Settings};
+use eyebox::solve::{Flow, Method, Optimizer, Settings};
 use eyebox::tiled::{self, Job, Memory, RegionSize, Schedule, TiledError};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
@@ -75,14 +75,14 @@ pub fn solve(args: &Solve, display: &Display) -> Result<(), Failure> {
     let seen = views[0].size();
     let size = RegionSize::new(&optics, frames, side, diameter[1], seen, left).map_err(with_held)?;
     let depth = args.scene.depth.or(views[0].depth()).unwrap_or([0.0, 0.0]);
-    let mut settings = solve::base_of(args, display, [depth[0].min(depth[1]), depth[0].max(depth[1])]);
+    let mut settings = base_of(args, display, [depth[0].min(depth[1]), depth[0].max(depth[1])]);
     settings.diameter = diameter;
     settings.steps = args.steps.unwrap_or(STEPS);
     if let Some(window) = args.window {
         settings.window = window;
     }
     if let Some(diameters) = args.diameters {
-        settings.diameters = diameters.into();
+        settings.diameters = diameters;
     }
     settings.check()?;
     let passes = args.passes.unwrap_or(PASSES).max(1);
@@ -198,7 +198,7 @@ fn refuse_what_is_not_here(args: &Solve) -> Result<(), Failure> {
     let given = [
         (args.method != Method::Slfh, "--method"),
         (args.levels.is_some(), "--levels"),
-        (args.optimizer == Some(OptimizerName::Adam), "--optimizer adam"),
+        (matches!(args.optimizer, Some(Optimizer::Adam { .. })), "--optimizer adam"),
         (args.storage.is_some_and(|s| s != Storage::F32), "--storage fp16"),
         (args.seconds.is_some(), "--seconds"),
         (args.psnr.is_some(), "--psnr"),

@@ -1,21 +1,21 @@
-//! Quality on pupils that the optimiser is not shown.
+//! Quality on validation pupils: those that the optimiser is not shown.
 
 use super::exposure::BrightEnd;
 use crate::engine::{Engine, EngineError};
 use crate::evaluate::{self, Sums};
 use crate::plan::{Planner, Viewpoint};
 
-/// Fixed viewpoints, and what should be seen through them.
-pub struct Judge {
+/// Fixed viewpoints that no step draws, and what should be seen through them.
+pub struct Validator {
     viewpoints: Vec<Viewpoint>,
     /// The bright end of the photographs.
     bright_end: BrightEnd,
 }
 
-/// What a judge found: the exposure is the least-squares fit over all pupils.
-pub use crate::evaluate::Scores as Verdict;
+/// Quality on validation pupils: the exposure is the least-squares fit over all of them.
+pub type ValidationScore = crate::evaluate::Scores;
 
-impl Judge {
+impl Validator {
     /// Looks at the photographs; `engine` holds the views.
     ///
     /// # Errors
@@ -31,14 +31,14 @@ impl Judge {
         self.bright_end
     }
 
-    /// Judges the phases that `engine` holds; only sums leave it.
+    /// Scores the phases that `engine` holds; only sums leave it.
     ///
     /// # Errors
     /// Those of the engine.
-    pub fn judge(&self, engine: &mut dyn Engine, planner: &Planner) -> Result<Verdict, EngineError> {
+    pub fn score(&self, engine: &mut dyn Engine, planner: &Planner) -> Result<ValidationScore, EngineError> {
         let sums = evaluate::sums(engine, planner, &self.viewpoints)?;
         // Images that are black (or not finite) have no exposure: any will do, their PSNR says it.
         let exposure = Sums::fit_exposure(&sums).unwrap_or(1.0);
-        Ok(Verdict { psnr: sums.iter().map(|s| s.psnr(exposure)).collect(), exposure })
+        Ok(ValidationScore { psnr: sums.iter().map(|s| s.psnr(exposure)).collect(), exposure })
     }
 }
