@@ -64,8 +64,8 @@ pub struct Report {
 impl Report {
     /// Of a scheduler, after some time.
     pub fn new(scheduler: &Scheduler, timing: &Timing, seconds: f64, planes: u64) -> Self {
-        let (account, pending) = (scheduler.account().clone(), scheduler.pending() as u64);
-        Self { account, pending, seconds, planes, timing: timing.clone() }
+        let (account, pending) = (*scheduler.account(), scheduler.pending() as u64);
+        Self { account, pending, seconds, planes, timing: *timing }
     }
 
     /// New content frames a second.

@@ -302,7 +302,7 @@ fn a_suspend_drops_what_was_due_and_goes_on_in_time() {
     for (set_frames, content, inside) in [(1, "60", 0), (8, "7.5", 3), (3, "20", 1), (8, "60", 5)] {
         let mut simulation = Simulation::new(schedule("60", content, set_frames), rate("60"));
         simulation.run_until(10 * SECOND_NS + rate("60").time_of_ns(inside));
-        let before = simulation.player.scheduler().account().clone();
+        let before = *simulation.player.scheduler().account();
         simulation.clock_to(simulation.clock.now_ns() + 7 * MINUTES + 123_456_789);
         simulation.run_until(8 * MINUTES);
         // Whole, and in order.
