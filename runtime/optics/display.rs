@@ -4,7 +4,7 @@ use super::color::Color;
 use super::encoding::Encoding;
 use super::{Geometry, Optics, OpticsError};
 use serde::{Deserialize, Serialize};
-use std::{collections::BTreeMap, fmt, path::Path};
+use std::{collections::BTreeMap, path::Path};
 
 /// One laser of a display.
 #[derive(Debug, Clone, Copy, PartialEq)]
