@@ -1,35 +1,29 @@
 #!/usr/bin/env bash
-# Checks that take long, and nothing else needs: run it by hand, or at night.
-#
-# What a plan leaves out costs nothing: scenes are solved as planned and with each saving undone, and all are scored through
-# the same pupils. Colours and views that are left out may cost 0.05 dB; the other lines are for reading.
+# What takes too long for every change: the release build, with link-time optimisation, and with it the README's commands, the
+# tests that have a long form, and fuzzing. Seconds of fuzzing for each subject: tools/nightly.sh 600 (the default).
 set -euo pipefail
-cd "$(dirname "${BASH_SOURCE[0]}")/.."
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+cd "$root"
+seconds=${1:-600}
 
-cargo build --quiet --release -p eyebox-tools --bin eyebox
-eyebox=$(cargo metadata --format-version 1 --no-deps | sed 's/.*"target_directory":"\([^"]*\)".*/\1/')/release/eyebox
-work=$(mktemp -d)
-trap 'rm -rf "$work"' EXIT
+stage() { printf '\n== %s (after %d s)\n' "$*" "$SECONDS"; }
 
-# The number of a key of a JSON object.
-number() { sed "s/.*\"$1\":\([-0-9.e]*\).*/\1/"; }
+stage "set-up"
+tools/setup.sh
 
-failed=0
-for scene in builtin:plane "builtin:still-life?span=0.1" builtin:still-life; do
-    planned=
-    for kept in none colors views padding window all; do
-        full=()
-        [[ $kept == none ]] || full=("--full=$kept")
-        rm -rf "$work/hologram.zarr"
-        said=$("$eyebox" solve "$scene" --size 256x256 --color green --json -o "$work/hologram.zarr" "${full[@]}")
-        decibels=$("$eyebox" score "$work/hologram.zarr" "$scene" | sed -n 's/^PSNR .*: mean \([-0-9.]*\),.*/\1/p')
-        printf '%-28s full: %-8s %6.2f dB, %5.1f s, %4d MiB\n' "$scene" "$kept" "$decibels" \
-            "$(number seconds <<<"$said")" "$(number peak_memory_mib <<<"$said")"
-        planned=${planned:-$decibels}
-        if [[ $kept == colors || $kept == views ]] && awk "BEGIN { exit !($decibels - $planned > 0.05) }"; then
-            echo "leaving out $kept costs more than 0.05 dB" >&2
-            failed=1
-        fi
-    done
-done
-exit $failed
+stage "the release build, with the benchmarks"
+cargo build --release --workspace --bins --features eyebox-tools/benches
+
+stage "the README's commands"
+target=$(cargo metadata --format-version 1 --no-deps | sed 's/.*"target_directory":"\([^"]*\)".*/\1/')
+EYEBOX=$target/release/eyebox tools/readme.sh
+
+stage "what a plan leaves out"
+EYEBOX=$target/release/eyebox tools/savings.sh
+
+stage "tests, at the ends of every range and for ten minutes of playing"
+EYEBOX_EXTREMES=full EYEBOX_SOAK=full EYEBOX_MUTATIONS=10000 cargo test --release --workspace
+
+stage "fuzzing"
+EYEBOX_FUZZ_SECONDS=$seconds cargo test --release --workspace --test library -- fuzz::
+stage "done"
