@@ -5,6 +5,7 @@
 //! SLM stands in the pupil plane itself ([`Geometry::FarField`]).
 //! This room imports nothing from the rest of the runtime.
 
+mod color;
 mod display;
 mod encoding;
 mod geometry;
@@ -14,7 +15,8 @@ mod pupil;
 mod pupil_distribution;
 mod window;
 
-pub use display::{Color, Display, PRESETS, Wavelength};
+pub use color::Color;
+pub use display::{Display, PRESETS, Wavelength};
 pub use encoding::{Channel, ChannelOrder, Correction, Encoding, Flip, Grating, Orientation, Packing, Place, TwoPi};
 pub use geometry::{Geometry, Optics, frequency_bin};
 pub use padding::{Padding, walk_off};

@@ -7,6 +7,7 @@ mod cost;
 mod list;
 mod lists;
 mod pupil_pass;
+mod scales;
 mod storage;
 mod viewpoint;
 

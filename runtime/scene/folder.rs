@@ -1,7 +1,7 @@
 //! A folder of views.
 
-use super::resize::Resize;
-use super::{Fit, LightField, SceneError, names, picture, settings};
+use super::resize::{Fit, Resize};
+use super::{LightField, SceneError, names, picture, settings};
 use crate::optics::Color;
 use rayon::prelude::*;
 use std::{
