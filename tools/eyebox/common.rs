@@ -4,7 +4,7 @@ use crate::Failure;
 use crate::args::{DisplayArgs, EngineArgs, SceneArgs};
 use eyebox::engine::{self, Backend, Engine};
 use eyebox::files;
-use eyebox::gpu::Options;
+use eyebox::gpu::{Gpu, Options};
 use eyebox::hologram::{Hologram, Sequence};
 use eyebox::optics::{Color, Display};
 use eyebox::preview::Opener;
@@ -83,6 +83,11 @@ pub fn opener(args: &EngineArgs) -> Result<Opener, Failure> {
         .ok_or_else(|| Failure::Asked(format!("no kernel is called '{name}': there are {}", names())))?;
     let backend = Backend::open(engine::Choice::Vulkan, &options)?;
     Ok(Box::new(move || backend.engine_from(from)))
+}
+
+/// A device that shows pictures, a software one if there is no other.
+pub fn display_gpu(validation: bool) -> Result<Gpu, Failure> {
+    Ok(Gpu::open(&Options { allow_cpu: true, present: true, validation, ..Options::default() })?)
 }
 
 /// Where a result goes.

@@ -10,6 +10,7 @@ use crate::values::{not_negative, positive};
 use crate::{Failure, common, progress};
 use clap::Args;
 use eyebox::files;
+use eyebox::gpu::Gpu;
 use eyebox::live::{self, Beat, BeatCell, Latency, LiveOptions, LiveSource, Stage, Steerer, Watch};
 use eyebox::optics::Pupil;
 use eyebox::playback::{Flow, Lane, Player, Report, Schedule, Scheduler, Source, Speed, Start, Trace};
@@ -20,7 +21,7 @@ use std::collections::VecDeque;
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
 use std::rc::Rc;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::time::Duration;
 
 /// Spans that a trace keeps for each thread.
@@ -71,13 +72,13 @@ pub fn run(args: &Live) -> Result<(), Failure> {
     let frames = steered.encoder.frames();
     let size = [frames.height, frames.width];
     let beside = || if args.view { Desktop::open().map(|d| Some(Box::new(d))) } else { Ok(None) };
-    let mut heard = Vec::new();
+    let (mut heard, mut gpu) = (Vec::new(), None);
     let mut output = match args.shown.output {
         OutputName::Window => {
             let desktop = Desktop::open()?;
             let monitor = desktop.choose(args.shown.monitor.as_deref(), size)?;
-            let window = desktop.fullscreen(&monitor, clock, args.shown.validation)?;
-            heard.push(window.messages());
+            let window =
+                desktop.fullscreen(gpu.insert(common::display_gpu(args.shown.validation)?), &monitor, clock)?;
             Output::Window(Box::new(window))
         }
         OutputName::Direct => {
@@ -90,8 +91,12 @@ pub fn run(args: &Live) -> Result<(), Failure> {
             Output::Other(Box::new(Offscreen::new(Rc::new(clock), rate, frames.frame_bytes())), beside()?)
         }
     };
-    let shown = show(args, steered, clock, &mut output, &mut heard);
-    drop(output);
+    if args.view && gpu.is_none() {
+        gpu = Some(common::display_gpu(args.shown.validation)?);
+    }
+    heard.extend(gpu.as_ref().map(Gpu::messages));
+    let shown = show(args, steered, clock, &mut output, gpu.as_ref());
+    drop((output, gpu));
     heard.iter().fold(shown, |shown, messages| checked(shown, messages))
 }
 
@@ -130,7 +135,7 @@ fn show(
     steered: subject::Steered,
     clock: RealClock,
     output: &mut Output,
-    heard: &mut Vec<Arc<Mutex<Vec<String>>>>,
+    gpu: Option<&Gpu>,
 ) -> Result<(), Failure> {
     let display_rate = args.shown.display_rate.or(output.presenter().rate()).map_or_else(|| Rate::new(60, 1), Ok)?;
     let trace = Trace::new(if args.trace.is_some() { SPANS } else { 0 });
@@ -168,11 +173,10 @@ fn show(
         again: Box::new(begin),
         lane: trace.lane("refine"),
     };
-    let mut viewing = match output.desktop().filter(|_| args.view) {
-        Some(desktop) => Some(Viewing::open(desktop, &steered, &args.subject.engine, mouse, args.shown.validation)?),
+    let mut viewing = match output.desktop().zip(gpu).filter(|_| args.view) {
+        Some((desktop, gpu)) => Some(Viewing::open(gpu, desktop, &steered, &args.subject.engine, mouse)?),
         None => None,
     };
-    heard.extend(viewing.as_ref().map(Viewing::messages));
     let (live, mut source) = live::start(steerer, steered.encoder, Arc::clone(&watch), options)?;
     let content_rate = Rate::new(1_000_000_000, u32::try_from(period_ns).unwrap_or(u32::MAX))?;
     let start = Start::WhenReady { idle_sets: 4_u64.div_ceil(set_frames) };

@@ -3,6 +3,7 @@
 use super::subject::Steered;
 use crate::view::padding_of;
 use crate::{Failure, common};
+use eyebox::gpu::Gpu;
 use eyebox::hologram::Hologram;
 use eyebox::live::{Live, Made};
 use eyebox::optics::{Padding, Pupil};
@@ -11,7 +12,7 @@ use eyebox::preview::{
     Look, Overlay, Picture, PreviewError, PreviewWindow, Showing, Shown, Side, Viewer, places, pupil_at,
 };
 use eyebox::trackers::mouse::MouseHandle;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 /// The window and its viewer.
 pub struct Viewing {
@@ -33,11 +34,11 @@ const HELP: &str = "s: steering on or off   q, Esc: close";
 impl Viewing {
     /// Opens it. `mouse` is told where the mouse points, if that is the tracker.
     pub fn open(
+        gpu: &Gpu,
         desktop: &mut Desktop,
         steered: &Steered,
         engine: &crate::args::EngineArgs,
         mouse: Option<MouseHandle>,
-        validation: bool,
     ) -> Result<Self, Failure> {
         let hologram: &Hologram = &steered.hologram;
         let showing = Showing::new(hologram.clone(), padding_of(hologram))?;
@@ -46,18 +47,13 @@ impl Viewing {
         // Small ones by a whole number.
         let zoom = (640 / size[0].max(size[1]).max(1)).max(1);
         let viewer = Viewer::start(common::opener(engine)?, problems)?;
-        let window = PreviewWindow::open(desktop, &hologram.scene, size.map(|n| n * zoom), validation)?;
+        let window = PreviewWindow::open(gpu, desktop, &hologram.scene, size.map(|n| n * zoom))?;
         let eyebox = showing.eyebox;
         let (frames, padding, colors) = (showing.frames, showing.padding, showing.colors.clone());
         let (seen, overlay, pupil) = (None, Overlay::default(), None);
         let mut viewing = Self { window, viewer, frames, padding, eyebox, size, colors, mouse, seen, overlay, pupil };
         viewing.viewer.show(Arc::new(showing));
         Ok(viewing)
-    }
-
-    /// What the validation layer says of it.
-    pub fn messages(&self) -> Arc<Mutex<Vec<String>>> {
-        self.window.messages()
     }
 
     /// Another set is on the display.

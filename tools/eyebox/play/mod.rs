@@ -21,7 +21,7 @@ use eyebox::playback::{
     Stream, StreamEncoder, Trace, sync_phases,
 };
 use eyebox::present::{
-    Clock, Desktop, DirectDisplays, Offscreen, PresentError, Presenter, Rate, RealClock, SECOND_NS, SimulatedClock,
+    Clock, Desktop, DisplayPresenter, Offscreen, PresentError, Presenter, Rate, RealClock, SECOND_NS, SimulatedClock,
     Sink,
 };
 use serde_json::json;
@@ -112,16 +112,18 @@ impl Wanted<'_> {
     /// Opens it.
     pub fn open(&self, clock: RealClock) -> Result<Shown, Failure> {
         if self.direct {
-            let display = DirectDisplays::open(self.validation)?.take(self.monitor, self.size, self.rate, clock)?;
-            let messages = display.messages();
+            let gpu = common::display_gpu(self.validation)?;
+            let display = DisplayPresenter::direct(&gpu, self.monitor, self.size, self.rate, clock)?;
+            let messages = gpu.messages();
             // Its own rate is the mode's, which may be 59.94 where 60 was asked for.
             let rate = display.rate();
             return Ok((Box::new(display), rate, messages));
         }
         let desktop = Desktop::open()?;
         let monitor = desktop.choose(self.monitor, self.size)?;
-        let window = desktop.fullscreen(&monitor, clock, self.validation)?;
-        let (rate, messages) = (self.rate.or(window.rate()), window.messages());
+        let gpu = common::display_gpu(self.validation)?;
+        let window = desktop.fullscreen(&gpu, &monitor, clock)?;
+        let (rate, messages) = (self.rate.or(window.rate()), gpu.messages());
         Ok((Box::new(window), rate, messages))
     }
 }
