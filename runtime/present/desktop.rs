@@ -5,9 +5,11 @@
 //! bypass it.
 
 use super::display::DisplayPresenter;
+use super::surface::WindowHandle;
+use super::swapchain::{Policy, Swapchain};
 use super::window::Windows;
 use super::{Event, Monitor, PresentError, RealClock, no_desktop, x_server};
-use crate::engine::vulkan::{Screen, WindowHandle};
+use crate::gpu::Gpu;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -176,16 +178,16 @@ impl Desktop {
         Monitor::choose(&self.monitors(), wanted, size)
     }
 
-    /// A window over all of a monitor, with a swapchain.
+    /// A window over all of a monitor, shown from this device or from the one of its instance that can show there.
     ///
     /// # Errors
     /// [`PresentError::Display`] where it does not come up with the monitor's size, and where Vulkan cannot show bytes
     /// as they are in it.
     pub fn fullscreen(
         mut self,
+        gpu: &Gpu,
         monitor: &Monitor,
         clock: RealClock,
-        validation: bool,
     ) -> Result<DisplayPresenter, PresentError> {
         self.handler.wanted = Some((monitor.index, monitor.size));
         let since = Instant::now();
@@ -209,12 +211,12 @@ impl Desktop {
             std::thread::sleep(Duration::from_millis(5));
         };
         let handle = handle_of(&window)?;
-        // SAFETY: the window lives in the presenter, and the screen is dropped before it.
+        // SAFETY: the window lives in the presenter, and the swapchain is dropped before it.
         #[allow(unsafe_code)]
-        let screen = unsafe { Screen::open(handle, monitor.size, validation) }
+        let swapchain = unsafe { Swapchain::open(gpu, handle, Policy::Exact(monitor.size)) }
             .map_err(|e| PresentError::display("the window", e))?;
         self.handler.under = Some((monitor.clone(), Instant::now()));
-        Ok(DisplayPresenter::in_window(screen, OnDesktop { desktop: self, _window: window }, monitor, clock))
+        Ok(DisplayPresenter::in_window(swapchain, OnDesktop { desktop: self, _window: window }, monitor, clock))
     }
 
     fn pump(&mut self) -> Result<(), PresentError> {

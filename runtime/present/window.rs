@@ -4,8 +4,8 @@
 //! whoever pumps it.
 
 use super::desktop::{Desktop, handle_of};
+use super::surface::WindowHandle;
 use super::{PresentError, no_desktop};
-use crate::engine::vulkan::WindowHandle;
 use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::rc::Rc;

@@ -3,7 +3,6 @@
 use super::FinishedSet;
 use crate::optics::Pupil;
 use crate::present::Desktop;
-use std::sync::{Arc, Mutex};
 
 /// What a companion is told after every video frame.
 #[derive(Debug, Clone, Copy)]
@@ -37,9 +36,6 @@ pub trait Companion {
     /// # Errors
     /// In a sentence; it is closed then, and the display goes on.
     fn serve(&mut self, now: &Now) -> Result<Asked, String>;
-
-    /// What the validation layer says of it.
-    fn messages(&self) -> Arc<Mutex<Vec<String>>>;
 }
 
 /// Opens it, on the present thread. Fails in a sentence.

@@ -4,6 +4,7 @@ use super::live::LiveStatus;
 use super::player::Command;
 use super::present_thread::PresentThread;
 use super::{Account, Live, Notes, Output, Play, PresentedFrame, SessionError, Statistics, Timing};
+use crate::gpu::Gpu;
 use crate::mailbox::Mailbox;
 use crate::present::Rate;
 use crossbeam_utils::atomic::AtomicCell;
@@ -46,8 +47,8 @@ pub struct SessionOptions {
     pub display_rate: Option<Rate>,
     /// So long content is shown; else until it ends or the session is stopped.
     pub duration: Option<Duration>,
-    /// Have Vulkan's use checked.
-    pub validation: bool,
+    /// The device that displays show from, for one that engines and encoders share; else one is opened where it is needed.
+    pub gpu: Option<Gpu>,
     /// A new folder that keeps what was shown, as pictures: all of them where time is simulated, else as many as the disk
     /// takes.
     pub record: Option<PathBuf>,

@@ -10,7 +10,9 @@ use super::{
     Speed, Stage, SteeredColor, Steerer, Trace, Track, as_ns,
 };
 use crate::encode::Encoder;
+use crate::engine::{Backend, Engine, EngineError};
 use crate::gaze::Estimator;
+use crate::gpu::Gpu;
 use crate::optics::Pupil;
 use crate::present::{Clock, Rate, RealClock, SECOND_NS};
 use crate::trackers::mouse::{self, MouseHandle};
@@ -61,6 +63,43 @@ impl Tracking {
     }
 }
 
+/// Where engines come from.
+pub enum EngineSource {
+    /// All of them from one place: the CPU, or a device that they share.
+    Backend(Backend),
+    /// Each from wherever this opens it.
+    Opener(EngineOpener),
+}
+
+impl From<Backend> for EngineSource {
+    fn from(backend: Backend) -> Self {
+        Self::Backend(backend)
+    }
+}
+
+impl From<EngineOpener> for EngineSource {
+    fn from(opener: EngineOpener) -> Self {
+        Self::Opener(opener)
+    }
+}
+
+impl EngineSource {
+    fn open(&mut self) -> Result<Box<dyn Engine>, EngineError> {
+        match self {
+            Self::Backend(backend) => backend.engine(),
+            Self::Opener(open) => open(),
+        }
+    }
+
+    /// The device that they share.
+    fn gpu(&self) -> Result<Option<Gpu>, EngineError> {
+        match self {
+            Self::Backend(backend) => backend.gpu(),
+            Self::Opener(_) => Ok(None),
+        }
+    }
+}
+
 /// A hologram that follows the eye.
 #[non_exhaustive]
 pub struct Live {
@@ -68,8 +107,9 @@ pub struct Live {
     pub colors: Vec<SteeredColor>,
     /// To what the display receives.
     pub encoder: Encoder,
-    /// What computes: an engine for each colour, opened again when one is lost.
-    pub engines: EngineOpener,
+    /// What computes: an engine for each colour, opened again when one is lost. Where they are on a device, sets are encoded
+    /// there too, and phases never come to the host.
+    pub engines: EngineSource,
     /// Whose eye.
     pub tracking: Tracking,
     /// How it follows.
@@ -84,8 +124,13 @@ pub struct Live {
 
 impl Live {
     /// With everything else at its default.
-    pub fn new(colors: Vec<SteeredColor>, encoder: Encoder, engines: EngineOpener, tracking: Tracking) -> Self {
-        let (policy, display_latency) = (Policy::default(), Duration::ZERO);
+    pub fn new(
+        colors: Vec<SteeredColor>,
+        encoder: Encoder,
+        engines: impl Into<EngineSource>,
+        tracking: Tracking,
+    ) -> Self {
+        let (policy, display_latency, engines) = (Policy::default(), Duration::ZERO, engines.into());
         Self { colors, encoder, engines, tracking, policy, steered: true, display_latency, companion: None }
     }
 
@@ -123,21 +168,19 @@ impl Live {
             Some(open) => Some(open(display.desktop()?).map_err(SessionError::Companion)?),
             None => None,
         };
-        let mut begin = move || Steerer::new(colors.clone(), policy, &mut engines);
-        let steerer = begin()?;
+        let again = move || Ok((Steerer::new(colors.clone(), policy, || engines.open())?, engines.gpu()?));
         let options = RefinementOptions {
             clock,
             timing: Arc::clone(&timing),
             light_after,
             steered: Arc::clone(&steered),
             with_phases,
-            again: Box::new(begin),
+            again: Box::new(again),
             notes: notes.clone(),
             track: trace.track("refine"),
         };
         let idle = encoder.frames();
-        let (refinement, source) = Refinement::start(steerer, encoder, Arc::clone(&tracker), options)?;
-        let messages = companion.iter().map(|c| c.messages()).collect();
+        let (refinement, source) = Refinement::start(encoder, Arc::clone(&tracker), options)?;
         let following = Following {
             companion,
             source,
@@ -158,7 +201,7 @@ impl Live {
             halves: [None; 2],
             halves_at_ns: i64::MIN,
         };
-        Ok(Setup { running: Running::Live(Box::new(following)), schedule, idle, sub_frames, messages })
+        Ok(Setup { running: Running::Live(Box::new(following)), schedule, idle, sub_frames })
     }
 }
 

@@ -60,7 +60,7 @@ pub use account::{Account, Cause};
 pub use companion::{Asked, Companion, CompanionOpener, Now};
 pub use handle::{About, Content, Ended, Ending, FrameObserver, Session, SessionEvent, SessionOptions, Status};
 pub use latency::{Histogram, Latency, Stage, Timestamps};
-pub use live::{Live, LiveStatus, Tracking};
+pub use live::{EngineSource, Live, LiveStatus, Tracking};
 pub use output::{Output, SinkFile};
 pub use play::Play;
 pub use player::{Command, PresentedFrame};

@@ -1,13 +1,12 @@
 //! Where a session's video frames go.
 
 use super::SessionError;
+use crate::gpu::{Gpu, Options as GpuOptions};
 use crate::present::{
-    Clock, Desktop, DirectDisplays, DisplayPresenter, Offscreen, PresentError, Presenter, Rate, RealClock,
-    SimulatedClock, Sink,
+    Clock, Desktop, DisplayPresenter, Offscreen, PresentError, Presenter, Rate, RealClock, SimulatedClock, Sink,
 };
 use std::path::PathBuf;
 use std::rc::Rc;
-use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 /// Where video frames go.
@@ -44,8 +43,6 @@ pub enum SinkFile {
     Shared(PathBuf),
 }
 
-pub(super) type Messages = Arc<Mutex<Vec<String>>>;
-
 /// A display that is open.
 pub(super) struct OpenDisplay {
     kind: Kind,
@@ -53,8 +50,6 @@ pub(super) struct OpenDisplay {
     /// The same, where it is the system's.
     pub real_clock: Option<RealClock>,
     pub rate: Rate,
-    /// What the validation layer says.
-    pub messages: Option<Messages>,
 }
 
 enum Kind {
@@ -63,29 +58,33 @@ enum Kind {
 }
 
 impl Output {
-    /// Opens it for video frames of (rows, columns, channels), at the `rate` that is asked for or its own.
+    /// Opens it for video frames of (rows, columns, channels), at the `rate` that is asked for or its own. A display is
+    /// shown on from `gpu`, or from a device of its own.
     pub(super) fn open(
         &self,
         size: [usize; 3],
         rate: Option<Rate>,
-        validation: bool,
+        gpu: Option<&Gpu>,
     ) -> Result<OpenDisplay, SessionError> {
         let [rows, columns, channels] = size;
         let real = RealClock::start();
-        let (kind, known, messages) = match self {
+        let shared = || match gpu {
+            Some(gpu) => Ok(gpu.clone()),
+            None => Gpu::open(&GpuOptions { allow_cpu: true, present: true, ..GpuOptions::default() }),
+        };
+        let (kind, known) = match self {
             Self::Window { monitor } => {
                 let desktop = Desktop::open()?;
                 let monitor = desktop.choose(monitor.as_deref(), [rows, columns])?;
-                let window = desktop.fullscreen(&monitor, real, validation)?;
-                let (known, messages) = (rate.or(window.rate()), window.messages());
-                (Kind::Window(Box::new(window)), known, Some(messages))
+                let window = desktop.fullscreen(&shared()?, &monitor, real)?;
+                let known = rate.or(window.rate());
+                (Kind::Window(Box::new(window)), known)
             }
             Self::Direct { display } => {
-                let display =
-                    DirectDisplays::open(validation)?.take(display.as_deref(), [rows, columns], rate, real)?;
+                let display = DisplayPresenter::direct(&shared()?, display.as_deref(), [rows, columns], rate, real)?;
                 // Its own rate is the mode's, which may be 59.94 where 60 was asked for.
-                let (known, messages) = (display.rate().or(rate), display.messages());
-                (Kind::Other(Box::new(display), None), known, Some(messages))
+                let known = display.rate().or(rate);
+                (Kind::Other(Box::new(display), None), known)
             }
             Self::Memory { simulated, sink } => {
                 let sink = match sink {
@@ -97,11 +96,11 @@ impl Output {
                 let clock: Rc<dyn Clock> = if *simulated { Rc::new(SimulatedClock::default()) } else { Rc::new(real) };
                 let memory = Offscreen::new(Rc::clone(&clock), rate, rows * columns * channels).with_sink(sink);
                 let (kind, real_clock) = (Kind::Other(Box::new(memory), None), (!*simulated).then_some(real));
-                return Ok(OpenDisplay { kind, clock, real_clock, rate, messages: None });
+                return Ok(OpenDisplay { kind, clock, real_clock, rate });
             }
         };
         let rate = known.map_or_else(|| Rate::new(60, 1), Ok)?;
-        Ok(OpenDisplay { kind, real_clock: Some(real), clock: Rc::new(real), rate, messages })
+        Ok(OpenDisplay { kind, real_clock: Some(real), clock: Rc::new(real), rate })
     }
 }
 

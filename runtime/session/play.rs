@@ -137,8 +137,7 @@ impl Play {
             Some(device) => StreamEncoder::Vulkan(encoder, device),
         };
         let stream = Stream::start(sequence, encoder, options)?;
-        let messages = stream.validation().into_iter().collect();
         let sub_frames = (shape[0] * shape[1]) as u64;
-        Ok(Setup { running: Running::Play(stream), schedule, idle, sub_frames, messages })
+        Ok(Setup { running: Running::Play(stream), schedule, idle, sub_frames })
     }
 }

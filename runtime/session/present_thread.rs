@@ -2,7 +2,7 @@
 
 use super::handle::Shared;
 use super::live::Following;
-use super::output::{Messages, OpenDisplay};
+use super::output::OpenDisplay;
 use super::player::{Flow, Player, SetSource};
 use super::record::Recording;
 use super::stream::Stream;
@@ -11,6 +11,7 @@ use super::{
     Statistics, Status, Trace,
 };
 use crate::encode::VideoFrames;
+use crate::gpu::{Gpu, Messages};
 use crate::present::SECOND_NS;
 use std::path::PathBuf;
 use std::rc::Rc;
@@ -43,8 +44,6 @@ pub(super) struct Setup {
     pub idle: VideoFrames,
     /// Sub-frames of a set, over all colours.
     pub sub_frames: u64,
-    /// What the validation layer says of its devices.
-    pub messages: Vec<Messages>,
 }
 
 /// The thread's own.
@@ -79,14 +78,19 @@ impl PresentThread {
             Content::Live(live) => live.encoder.frames(),
         };
         let size = [frames.height, frames.width, frames.channels];
-        let mut display = output.open(size, options.display_rate, options.validation)?;
+        let mut display = output.open(size, options.display_rate, options.gpu.as_ref())?;
         let notes = shared.notes.clone();
+        let encoder_gpu = match &content {
+            Content::Play(play) => play.device.as_ref(),
+            Content::Live(_) => None,
+        };
+        let mut messages: Vec<Messages> = options.gpu.iter().map(Gpu::messages).collect();
+        messages.extend(encoder_gpu.filter(|gpu| !options.gpu.iter().any(|other| gpu.is(other))).map(Gpu::messages));
         let setup = match content {
             Content::Play(play) => play.start(&display, notes, trace)?,
             Content::Live(live) => live.start(&mut display, Arc::clone(&shared.steered), &notes, trace)?,
         };
-        let Setup { running, schedule, idle, sub_frames, mut messages } = setup;
-        messages.extend(display.messages.clone());
+        let Setup { running, schedule, idle, sub_frames } = setup;
         let simulated = display.clock.is_simulated();
         let recording =
             options.record.as_deref().map(|folder| Recording::start(folder, size, simulated)).transpose()?;

@@ -6,12 +6,17 @@ use super::{
     FinishedSet, LiveSource, Notes, PupilTracker, SessionError, SetTiming, Steerer, Target, Timestamps, Track, as_ns,
 };
 use crate::encode::{Encoder, PhaseSet};
+use crate::engine::vulkan::VulkanEncoder;
+use crate::gpu::Gpu;
 use crate::present::{Clock, RealClock};
 use crossbeam_utils::atomic::AtomicCell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
+
+/// Makes the engines with all that is on them, and says which device they share, if it is one.
+pub(super) type Begin = Box<dyn FnMut() -> Result<(Steerer, Option<Gpu>), SessionError> + Send>;
 
 /// What a refinement is started with.
 pub(super) struct RefinementOptions {
@@ -26,7 +31,7 @@ pub(super) struct RefinementOptions {
     /// Sets carry their phases, for somebody who looks at them too.
     pub with_phases: bool,
     /// Makes the engines again when one was lost, and all that is on them.
-    pub again: Box<dyn FnMut() -> Result<Steerer, SessionError> + Send>,
+    pub again: Begin,
     /// Where it says what went wrong.
     pub notes: Notes,
     /// What the thread does, for a trace.
@@ -57,15 +62,17 @@ impl Refinement {
     /// # Errors
     /// Those of the engines and of the encoder; [`SessionError::Thread`].
     pub(super) fn start(
-        steerer: Steerer,
         encoder: Encoder,
         tracker: Arc<PupilTracker>,
-        options: RefinementOptions,
+        mut options: RefinementOptions,
     ) -> Result<(Self, LiveSource), SessionError> {
+        let (steerer, gpu) = (options.again)()?;
+        let device = device_encoder(&steerer, gpu, &encoder)?;
         let (sender, source) = set_channel(&encoder.frames());
         let shared = Arc::new(Shared::default());
         let (theirs, encoding) = (Arc::clone(&shared), Duration::ZERO);
-        let mut refining = Refining { steerer, encoder, tracker, options, sender, shared: theirs, number: 0, encoding };
+        let mut refining =
+            Refining { steerer, device, encoder, tracker, options, sender, shared: theirs, number: 0, encoding };
         // Twice: the first time takes longer than any other.
         refining.hand_over(Timestamps::default(), [0.0; 2], 0)?;
         refining.hand_over(Timestamps::default(), [0.0; 2], 0)?;
@@ -100,8 +107,19 @@ impl Drop for Refinement {
     }
 }
 
+/// An encoder on the engines' device, if they have one: phases need not come to the host.
+fn device_encoder(
+    steerer: &Steerer,
+    gpu: Option<Gpu>,
+    encoder: &Encoder,
+) -> Result<Option<VulkanEncoder>, SessionError> {
+    let gpu = gpu.filter(|_| steerer.phases_on_device().is_some());
+    Ok(gpu.map(|gpu| VulkanEncoder::new(&gpu, encoder.plan())).transpose()?)
+}
+
 struct Refining {
     steerer: Steerer,
+    device: Option<VulkanEncoder>,
     encoder: Encoder,
     tracker: Arc<PupilTracker>,
     options: RefinementOptions,
@@ -118,10 +136,14 @@ impl Refining {
         let _note = notes.on_panic("refinement has ended by a fault of its own; the picture stays");
         for _ in 0..ATTEMPTS {
             let Err(error) = self.run() else { return self.options.track };
-            match (self.options.again)() {
-                Ok(steerer) => {
+            let again = (self.options.again)().and_then(|(steerer, gpu)| {
+                let device = device_encoder(&steerer, gpu, &self.encoder)?;
+                Ok((steerer, device))
+            });
+            match again {
+                Ok((steerer, device)) => {
                     notes.tell(format!("refinement begins anew: {error}"));
-                    self.steerer = steerer;
+                    (self.steerer, self.device) = (steerer, device);
                 }
                 Err(_) => {
                     notes.tell(format!("refinement has ended: {error}; the picture stays"));
@@ -212,10 +234,18 @@ impl Refining {
     fn hand_over(&mut self, timestamps: Timestamps, pupil: [f64; 2], steps: u32) -> Result<(), SessionError> {
         let begun = Instant::now();
         let Some(mut frames) = self.sender.buffer() else { return Ok(()) };
-        let phases = self.steerer.phases()?;
-        self.encoder.encode_into(&PhaseSet::trusted(&phases), &mut frames)?;
+        match (&mut self.device, self.steerer.phases_on_device()) {
+            (Some(device), Some(phases)) => {
+                device.encode_on_device(&phases)?;
+                device.download(frames.bytes_mut())?;
+            }
+            _ => self.encoder.encode_into(&PhaseSet::trusted(&self.steerer.phases()?), &mut frames)?,
+        }
         let timestamps = Timestamps { handed_over_ns: self.options.clock.now_ns(), ..timestamps };
-        let phases = self.options.with_phases.then(|| phases.iter().map(|p| Arc::new(p.to_vec())).collect());
+        let phases = match self.options.with_phases {
+            true => Some(self.steerer.phases()?.iter().map(|p| Arc::new(p.to_vec())).collect()),
+            false => None,
+        };
         self.sender.send(FinishedSet { number: self.number, frames, timestamps, pupil, steps, phases });
         self.options.track.span("encode", self.number, begun);
         self.number += 1;

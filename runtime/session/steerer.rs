@@ -1,7 +1,7 @@
 //! All colours of a hologram under refinement, without threads: where to aim, when to begin again, what to do next.
 
 use super::SessionError;
-use crate::engine::{Engine, EngineError};
+use crate::engine::{Engine, EngineError, PhasesOnDevice};
 use crate::optics::PupilDistribution;
 use crate::solve::{Problem, Refiner, Steering};
 use serde::{Deserialize, Serialize};
@@ -151,6 +151,11 @@ impl Steerer {
             color.phases = color.refiner.phases()?;
         }
         Ok(self.colors.iter().map(|c| c.phases.as_slice()).collect())
+    }
+
+    /// The phases where they are, colour by colour, if all of them are in a device's memory: for an encoder on that device.
+    pub fn phases_on_device(&self) -> Option<Vec<PhasesOnDevice<'_>>> {
+        self.colors.iter().map(|color| color.refiner.phases_on_device()).collect()
     }
 
     /// How often it began again, and how many steps it took.

@@ -122,7 +122,6 @@ pub(super) struct Stream {
     epoch: u64,
     arriving: Mailbox<Encoded>,
     free: Mailbox<VideoFrames>,
-    validation: Option<Arc<Mutex<Vec<String>>>>,
     ready: VecDeque<Encoded>,
     on_screen: Option<(VideoFrames, u64)>,
     threads: Vec<JoinHandle<Option<Track>>>,
@@ -157,7 +156,6 @@ impl Stream {
     ) -> Result<Self, SessionError> {
         let ahead = options.ahead.clamp(2, 64);
         let shape = sequence.shape();
-        let validation = device.as_ref().map(|d| d.gpu().messages());
         let mut probe = encoder.frames();
         {
             // A shape that does not fit is refused here, not on a thread.
@@ -214,12 +212,7 @@ impl Stream {
         let encode = spawn(&shared, "encodes", move || encoding.start(&encoder, device, threads))?;
         let ready = VecDeque::with_capacity(2 * ahead + 8);
         let threads = vec![read, encode];
-        Ok(Self { shared, epoch: 0, arriving, free, validation, ready, on_screen: None, threads })
-    }
-
-    /// What the validation layer says of the device that encodes, to the last; none where the CPU does.
-    pub(super) fn validation(&self) -> Option<Arc<Mutex<Vec<String>>>> {
-        self.validation.clone()
+        Ok(Self { shared, epoch: 0, arriving, free, ready, on_screen: None, threads })
     }
 
     /// Ends the threads: what they did.

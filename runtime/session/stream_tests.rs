@@ -181,8 +181,9 @@ fn a_vulkan_device_streams_the_bytes_of_the_cpu() {
         let sequence = Sequence::open(&fixture.path).unwrap();
         let options = options();
         let notes = options.notes.clone();
-        let stream = Stream::start(sequence, StreamEncoder::Vulkan(encoder, gpu()), options).unwrap();
-        let heard = stream.validation().expect("a device");
+        let gpu = gpu();
+        let heard = gpu.messages();
+        let stream = Stream::start(sequence, StreamEncoder::Vulkan(encoder, gpu), options).unwrap();
         let rate = if preset == "grey8" { "2.5" } else { "7.5" };
         let played = play_stream(&fixture, (stream, notes), rate, 100_000, |_, _, _| {});
         assert_eq!((shown(&played.log), played.flow), (vec![0, 1, 2, 3, 4], Flow::Ended), "{preset}");
@@ -202,10 +203,10 @@ fn a_device_lost_while_streaming_is_followed_by_the_cpu() {
         let sequence = Sequence::open(&fixture.path).unwrap();
         let mut lost = crate::engine::vulkan::VulkanEncoder::staged(&gpu(), encoder.plan()).unwrap();
         lost.pretend_lost_after(after);
+        let heard = lost.gpu().messages();
         let options = options();
         let notes = options.notes.clone();
         let stream = Stream::with(sequence, encoder, Some(lost), options).unwrap();
-        let heard = stream.validation().expect("a device");
         let played = play_stream(&fixture, (stream, notes), "20", 100_000, |_, _, _| {});
         assert_eq!((shown(&played.log), played.flow), ((0..8).collect(), Flow::Ended), "after {after}");
         assert_eq!(played.account.drops(), 0);

@@ -5,8 +5,11 @@ use super::refine::{Refinement, RefinementOptions};
 use super::scheduler::{Content, Readiness};
 use super::tests::{cpu, encoder, part};
 use super::*;
-use crate::engine::{Buffer, Shape, Step, Timing as EngineTiming};
+use crate::encode::Encoder;
+use crate::engine::{Backend, Buffer, Choice, Shape, Step, Timing as EngineTiming};
 use crate::gaze::{Estimator, Settings as GazeSettings};
+use crate::gpu::{Gpu, Options as GpuOptions};
+use crate::optics::{Color, Display};
 use crate::present::{Clock, RealClock};
 use crate::scene::Pyramid;
 use crate::trackers::{About as TrackerAbout, Event, Quantity, Reading, Sample, Source, Stream, Unit, now_ns};
@@ -116,14 +119,14 @@ fn what_was_measured_is_looked_up_between_samples() {
 #[test]
 fn the_thread_hands_over_refined_sets_and_ends_without_taking_the_picture() {
     let whole = part();
-    let steerer = Steerer::new(vec![whole.clone()], Policy::default(), cpu).unwrap();
     let start = now_ns();
     let tracker =
         Arc::new(follow(&Notes::default(), move |i| (i < 100).then(|| at(start + i * 1_000_000, [1e-3, 0.0]))));
     let clock = RealClock::start();
     let timing = Arc::new(AtomicCell::new(SetTiming::new(16_666_667)));
-    let options = options(clock, &timing, move || Steerer::new(vec![whole.clone()], Policy::default(), cpu));
-    let (mut refinement, mut source) = Refinement::start(steerer, encoder(), tracker, options).unwrap();
+    let options =
+        options(clock, &timing, move || Ok((Steerer::new(vec![whole.clone()], Policy::default(), cpu)?, None)));
+    let (mut refinement, mut source) = Refinement::start(encoder(), tracker, options).unwrap();
     source.poll(0).unwrap();
     assert_eq!(source.readiness(0), Readiness::Ready, "the first set is there at once");
     let mut steps = 0;
@@ -149,7 +152,7 @@ fn the_thread_hands_over_refined_sets_and_ends_without_taking_the_picture() {
 fn options(
     clock: RealClock,
     timing: &Arc<AtomicCell<SetTiming>>,
-    again: impl FnMut() -> Result<Steerer, SessionError> + Send + 'static,
+    again: impl FnMut() -> Result<(Steerer, Option<Gpu>), SessionError> + Send + 'static,
 ) -> RefinementOptions {
     RefinementOptions {
         clock,
@@ -203,14 +206,16 @@ impl Engine for Fails {
 #[test]
 fn an_engine_that_is_lost_is_made_anew_and_then_given_up() {
     let whole = part();
-    let short = move || Steerer::new(vec![whole.clone()], Policy::default(), || Ok(Box::new(Fails(cpu()?, 4)) as _));
-    let steerer = short().unwrap();
+    let short = move || {
+        let steerer = Steerer::new(vec![whole.clone()], Policy::default(), || Ok(Box::new(Fails(cpu()?, 4)) as _))?;
+        Ok((steerer, None))
+    };
     let tracker = Arc::new(follow(&Notes::default(), |_| None));
     let clock = RealClock::start();
     let timing = Arc::new(AtomicCell::new(SetTiming::new(16_666_667)));
     let options = options(clock, &timing, short);
     let notes = options.notes.clone();
-    let (refinement, mut source) = Refinement::start(steerer, encoder(), tracker, options).unwrap();
+    let (refinement, mut source) = Refinement::start(encoder(), tracker, options).unwrap();
     wait_for("the end of the refinement", || {
         timing.store(timing.load().after(clock.now_ns() + 2_000_000, clock.now_ns()));
         source.poll(0).unwrap();
@@ -221,4 +226,41 @@ fn an_engine_that_is_lost_is_made_anew_and_then_given_up() {
     let anew = messages.iter().filter(|m| m.contains("anew") && m.contains("a test was lost")).count();
     assert!(anew >= 2 && messages.last().is_some_and(|m| m.contains("the picture stays")), "{messages:?}");
     assert!(source.on_screen().is_some());
+}
+
+/// Engines of two colours and the encoder share a device: sets come from phases that are never read back.
+#[test]
+fn on_one_device_phases_never_come_to_the_host() {
+    let (colors, gpu_options) =
+        (vec![part(), part()], GpuOptions { allow_cpu: true, validation: true, ..GpuOptions::default() });
+    let backend = Backend::open(Choice::Vulkan, &gpu_options).unwrap();
+    let gpu = backend.gpu().unwrap().expect("a device");
+    let display = Display { height: 96, width: 112, ..Display::preset("planes24").unwrap() };
+    let encoder = Encoder::new(&display, &[Color::Red, Color::Green], 8).unwrap();
+    let start = now_ns();
+    let tracker = follow(&Notes::default(), move |i| (i < 100).then(|| at(start + i * 1_000_000, [1e-3, 0.0])));
+    let clock = RealClock::start();
+    let timing = Arc::new(AtomicCell::new(SetTiming::new(16_666_667)));
+    let again = move || {
+        let steerer = Steerer::new(colors.clone(), Policy::default(), || backend.engine())?;
+        Ok((steerer, backend.gpu()?))
+    };
+    let options = RefinementOptions { with_phases: false, ..options(clock, &timing, again) };
+    let (mut refinement, mut source) = Refinement::start(encoder, Arc::new(tracker), options).unwrap();
+    let mut sets = 0;
+    wait_for("refined sets", || {
+        timing.store(timing.load().after(clock.now_ns() + 2_000_000, clock.now_ns()));
+        source.poll(0).unwrap();
+        source.show(0);
+        sets += u32::from(source.newly_shown().is_some_and(|set| set.steps > 0));
+        sets > 2
+    });
+    assert!(refinement.is_running());
+    refinement.stop();
+    let counts = gpu.counts();
+    assert!(counts.read_back > 0, "video frames are");
+    assert_eq!(counts.phases_read_back, 0);
+    let messages = gpu.messages();
+    drop((refinement, source, gpu));
+    assert_eq!(*messages.lock().unwrap(), Vec::<String>::new());
 }

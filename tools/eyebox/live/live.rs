@@ -4,11 +4,13 @@ use super::args::PolicyArgs;
 use super::subject::{self, SubjectArgs};
 use super::tracking::{TrackerArgs, tracking};
 use super::viewing::Viewing;
-use crate::play::OutputArgs;
+use crate::common::Engines;
+use crate::play::{OutputArgs, OutputName};
 use crate::session::{attend, conclude, ended_by};
 use crate::values::{not_negative, positive};
 use crate::{Failure, common, progress};
 use clap::Args;
+use eyebox::gpu::Options as VulkanOptions;
 use eyebox::session::{self, Histogram, Session, Stage, Statistics, Status};
 use serde_json::json;
 use std::path::PathBuf;
@@ -54,7 +56,14 @@ pub struct Live {
 
 /// Shows, follows, and says how it went.
 pub fn run(args: &Live) -> Result<(), Failure> {
-    let steered = subject::load(&args.subject)?;
+    let shows = args.view || args.shown.output != OutputName::Offscreen;
+    let vulkan = VulkanOptions { present: shows, validation: args.shown.validation, ..VulkanOptions::default() };
+    let engines = Engines::new(&args.subject.engine, &vulkan)?;
+    let gpu = match engines.gpu()? {
+        None if shows => Some(common::display_gpu(args.shown.validation)?),
+        gpu => gpu,
+    };
+    let steered = subject::load(&args.subject, &engines)?;
     let (mouse, tracking) = tracking(&args.tracker, args.view)?;
     let about = tracking.describe();
     eprintln!(
@@ -66,17 +75,15 @@ pub fn run(args: &Live) -> Result<(), Failure> {
         steered.hologram.width,
         steered.engine
     );
-    let companion = if args.view {
-        let viewing = Viewing::new(&steered, common::opener(&args.subject.engine)?, mouse)?;
-        Some(viewing.opener(args.shown.validation))
-    } else {
-        None
+    let companion = match gpu.clone().filter(|_| args.view) {
+        Some(gpu) => Some(Viewing::new(&steered, engines.opener(), mouse)?.opener(gpu)),
+        None => None,
     };
-    let engines = common::opener(&args.subject.engine)?;
-    let mut live = session::Live::new(steered.parts, steered.encoder, engines, tracking);
+    let mut live = session::Live::new(steered.parts, steered.encoder, engines.source(), tracking);
     (live.policy, live.steered, live.companion) = (args.policy.policy(), !args.unsteered, companion);
     live.display_latency = Duration::from_secs_f64((args.display_latency * 1e-3).min(10.0));
     let mut options = args.shown.options();
+    options.gpu = gpu;
     options.duration = args.duration.map(|s| Duration::from_secs_f64(s.min(1e9)));
     (options.record, options.trace) = (args.record.clone(), args.trace.clone());
     progress::catch_interrupt();

@@ -3,10 +3,12 @@
 use super::args::PolicyArgs;
 use super::plot;
 use super::subject::{self, Steered, SubjectArgs};
+use crate::common::Engines;
 use crate::values::{not_negative, positive};
-use crate::{Failure, common, progress};
+use crate::{Failure, progress};
 use clap::Args;
 use eyebox::files;
+use eyebox::gpu::Options as VulkanOptions;
 use eyebox::session::{self, Cost, SetTiming, Study as Result_, StudySettings};
 use eyebox::trackers::simulated;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -94,7 +96,8 @@ impl Study {
 
 /// Studies, and shows what came of it.
 pub fn run(args: &Study) -> Result<(), Failure> {
-    let subject = subject::load(&args.subject)?;
+    let engines = Engines::new(&args.subject.engine, &VulkanOptions::default())?;
+    let subject = subject::load(&args.subject, &engines)?;
     let settings = args.settings();
     if !args.json {
         eprintln!(
@@ -107,7 +110,7 @@ pub fn run(args: &Study) -> Result<(), Failure> {
             subject.engine
         );
     }
-    let study = study(args, &subject, &settings, args.json)?;
+    let study = study(args, &subject, &engines, &settings, args.json)?;
     let summary = summary(&study);
     std::fs::create_dir_all(&args.out).map_err(|e| Failure::Asked(format!("{}: {e}", args.out.display())))?;
     let policy = args.policy.policy();
@@ -132,17 +135,23 @@ pub fn run(args: &Study) -> Result<(), Failure> {
     Ok(())
 }
 
-fn study(args: &Study, subject: &Steered, settings: &StudySettings, quiet: bool) -> Result<Result_, Failure> {
+fn study(
+    args: &Study,
+    subject: &Steered,
+    engines: &Engines,
+    settings: &StudySettings,
+    quiet: bool,
+) -> Result<Result_, Failure> {
     progress::catch_interrupt();
     let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(1000) };
     bar.set_style(ProgressStyle::with_template("steering {bar:30} {msg}  {eta} left").expect("a sound template"));
-    let mut engines = common::opener(&args.subject.engine)?;
+    let mut open = || engines.open();
     let result = session::study(
         &subject.parts,
         &args.policy.policy(),
         &subject.encoder,
         settings,
-        &mut engines,
+        &mut open,
         &mut |moment, _, share| {
             bar.set_position((1000.0 * share) as u64);
             bar.set_message(format!("{:+.1} dB", moment.gain_db()));

@@ -1,7 +1,7 @@
 //! What is steered: a hologram with its scene, or a scene that is solved first.
 
 use crate::args::{DisplayArgs, EngineArgs, SceneArgs};
-use crate::common;
+use crate::common::{self, Engines};
 use crate::quality::QualityArgs;
 use crate::{Failure, progress, score, solve};
 use clap::Args;
@@ -51,7 +51,7 @@ pub struct Steered {
 }
 
 /// Loads or solves it.
-pub fn load(args: &SubjectArgs) -> Result<Steered, Failure> {
+pub fn load(args: &SubjectArgs, engines: &Engines) -> Result<Steered, Failure> {
     let path = Path::new(&args.what);
     let scene = |scene: &str| SceneArgs {
         scene: scene.into(),
@@ -75,7 +75,7 @@ pub fn load(args: &SubjectArgs) -> Result<Steered, Failure> {
         }
         let display = common::display(&args.display)?;
         let colors = common::colors(&args.display, &display)?;
-        let mut engine = common::engine(&args.engine)?;
+        let mut engine = engines.open()?;
         let field = common::scene(&scene(&args.what), &display, &colors)?;
         let depth = common::depths(&scene(&args.what), &field, &display);
         let base = Settings { depth, diameter: common::diameters(None, &display), ..Settings::default() };
@@ -108,7 +108,7 @@ pub fn load(args: &SubjectArgs) -> Result<Steered, Failure> {
     }
     encoder.notes().iter().for_each(|note| eprintln!("note: {note}"));
     let parts = parts(&hologram, &field, &optics)?;
-    let engine = common::engine(&args.engine)?.describe();
+    let engine = engines.open()?.describe();
     Ok(Steered { colors, parts, encoder, engine, hologram })
 }
 

@@ -2,6 +2,7 @@
 
 use super::subject::Steered;
 use crate::Failure;
+use eyebox::gpu::Gpu;
 use eyebox::optics::Padding;
 use eyebox::present::{Desktop, WindowEvent, WindowKey};
 use eyebox::preview::{
@@ -10,7 +11,7 @@ use eyebox::preview::{
 use eyebox::session::{Asked, Companion, CompanionOpener, FinishedSet, Now};
 use eyebox::solve::Problem;
 use eyebox::trackers::mouse::MouseHandle;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 /// What is known before there is a window.
 pub struct Viewing {
@@ -29,21 +30,21 @@ impl Viewing {
         Ok(Self { scene: steered.hologram.scene.clone(), showing, problems, engines, mouse })
     }
 
-    /// What opens the window.
-    pub fn opener(self, validation: bool) -> CompanionOpener {
-        Box::new(move |desktop| match self.open(desktop, validation) {
+    /// What opens the window, on this device.
+    pub fn opener(self, gpu: Gpu) -> CompanionOpener {
+        Box::new(move |desktop| match self.open(&gpu, desktop) {
             Ok(view) => Ok(Box::new(view)),
             Err(error) => Err(error.to_string()),
         })
     }
 
-    fn open(self, desktop: &mut Desktop, validation: bool) -> Result<View, PreviewError> {
+    fn open(self, gpu: &Gpu, desktop: &mut Desktop) -> Result<View, PreviewError> {
         let Self { scene, showing, problems, engines, mouse } = self;
         let size = showing.size();
         // Small ones by a whole number.
         let zoom = (640 / size[0].max(size[1]).max(1)).max(1);
         let mut viewer = Viewer::start(engines, problems)?;
-        let window = PreviewWindow::open(desktop, &scene, size.map(|n| n * zoom), validation)?;
+        let window = PreviewWindow::open(gpu, desktop, &scene, size.map(|n| n * zoom))?;
         let (frames, padding, eyebox) = (showing.frames, showing.padding, showing.eyebox);
         let colors = showing.colors.clone();
         viewer.show(Arc::new(showing));
@@ -139,9 +140,5 @@ impl Companion for View {
             self.refresh(now).map_err(|error| format!("the view's window: {error}"))?;
         }
         Ok(asked)
-    }
-
-    fn messages(&self) -> Arc<Mutex<Vec<String>>> {
-        self.window.messages()
     }
 }

@@ -59,7 +59,7 @@ impl OutputArgs {
     /// What a session takes of it besides.
     pub fn options(&self) -> SessionOptions {
         let mut options = SessionOptions::default();
-        (options.display_rate, options.validation) = (self.display_rate, self.validation);
+        options.display_rate = self.display_rate;
         options
     }
 }

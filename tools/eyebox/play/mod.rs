@@ -8,9 +8,8 @@ pub use monitors::monitors;
 
 use crate::args::EngineName;
 use crate::session::{attend, conclude, ended_by};
-use crate::{Failure, progress};
+use crate::{Failure, common, progress};
 use args::ClockName;
-use eyebox::gpu::{Gpu, Options as GpuOptions};
 use eyebox::optics::Display;
 use eyebox::session::{self, Output, Session, SessionOptions, SinkFile, Statistics, Status};
 use serde_json::json;
@@ -31,14 +30,16 @@ pub fn run(args: &Play) -> Result<(), Failure> {
     (play.follow, play.first, play.ahead) = (args.follow, args.first, args.ahead);
     play.start_at = args.start_at.map(|unix| UNIX_EPOCH + Duration::from_secs_f64(unix.min(1e12)));
     (play.sync_s, play.mark, play.keep_phase) = (args.sync, args.mark, args.keep_phase);
-    if args.engine == EngineName::Vulkan {
-        let options = GpuOptions { allow_cpu: true, validation: args.shown.validation, ..GpuOptions::default() };
-        play.device = Some(Gpu::open(&options)?);
-    }
+    let encodes = args.engine == EngineName::Vulkan;
+    let shows = args.shown.output != OutputName::Offscreen;
+    let gpu = if encodes || shows { Some(common::display_gpu(args.shown.validation)?) } else { None };
+    play.device = gpu.clone().filter(|_| encodes);
     let [_, _, height, width] = play.sequence.shape();
     let (count, rate) = (play.sequence.count(), play.rate);
     progress::catch_interrupt();
-    let session = Session::start(play, output, args.options())?;
+    let mut options = args.options();
+    options.gpu = gpu;
+    let session = Session::start(play, output, options)?;
     let about = session.about();
     let (sub_frames, sets, set_frames) = (about.sub_frames, about.sets_per_second(), about.set_frames);
     let what = args.file.display();

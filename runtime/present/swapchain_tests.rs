@@ -1,9 +1,11 @@
-//! A screen on a virtual X server: its picture, and what becomes of it when the driver or the server says no.
+//! A swapchain on a virtual X server: its picture, and what becomes of it when the driver or the server says no.
 
-use super::super::EngineError;
-use super::lit::{Lit, present_number};
-use super::screen::Screen;
-use super::target::WindowHandle;
+#![allow(unsafe_code)]
+
+use super::surface::WindowHandle;
+use super::swapchain::{Policy, Swapchain};
+use super::timing::{PresentTiming, present_number};
+use crate::gpu::{EngineError, Gpu, Options};
 use ash::vk::{self, Result as Code};
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
@@ -48,10 +50,12 @@ impl Desk {
         Self { server, connection, window }
     }
 
-    fn screen(&self, validation: bool) -> Screen {
+    fn swapchain(&self, validation: bool) -> Swapchain {
         let handle = WindowHandle::Xcb { connection: self.connection.get_raw_xcb_connection(), window: self.window };
-        // SAFETY: the connection outlives the screen.
-        unsafe { Screen::open(handle, SIZE, validation) }.unwrap_or_else(|e| panic!("{e}"))
+        let options = Options { allow_cpu: true, present: true, validation, ..Options::default() };
+        let gpu = Gpu::open(&options).unwrap_or_else(|e| panic!("{e}"));
+        // SAFETY: the connection outlives the swapchain.
+        unsafe { Swapchain::open(&gpu, handle, Policy::Exact(SIZE)) }.unwrap_or_else(|e| panic!("{e}"))
     }
 
     /// Whether the window comes to show this picture, (row, column, channel).
@@ -91,9 +95,9 @@ fn picture(seed: usize) -> Vec<u8> {
     (0..3 * SIZE[0] * SIZE[1]).map(|i| ((i + 1) * (2 * seed + 7) % 251) as u8).collect()
 }
 
-fn quiet(screen: Screen) {
-    let messages = screen.messages();
-    drop(screen);
+fn quiet(swapchain: Swapchain) {
+    let messages = swapchain.gpu().messages();
+    drop(swapchain);
     let heard = messages.lock().unwrap_or_else(PoisonError::into_inner);
     assert!(heard.is_empty(), "{}", heard.join("\n"));
 }
@@ -101,7 +105,7 @@ fn quiet(screen: Screen) {
 #[test]
 fn a_swapchain_that_is_no_longer_right_is_made_again_and_shows_the_picture() {
     let desk = Desk::new();
-    let mut screen = desk.screen(true);
+    let mut swapchain = desk.swapchain(true);
     let (lost, date) = (Code::ERROR_SURFACE_LOST_KHR, Code::ERROR_OUT_OF_DATE_KHR);
     let cases: [&[(&str, Code)]; 9] = [
         &[],
@@ -115,17 +119,17 @@ fn a_swapchain_that_is_no_longer_right_is_made_again_and_shows_the_picture() {
         &[],
     ];
     for (case, faults) in cases.into_iter().enumerate() {
-        screen.pretended.extend(faults);
+        swapchain.pretended.extend(faults);
         for i in 0..4 {
             let picture = picture(10 * case + i);
-            screen.upload(&picture).unwrap_or_else(|e| panic!("{faults:?}: {e}"));
-            screen.present((4 * case + i) as u64).unwrap_or_else(|e| panic!("{faults:?}: {e}"));
+            swapchain.upload(&picture).unwrap_or_else(|e| panic!("{faults:?}: {e}"));
+            swapchain.present((4 * case + i) as u64).unwrap_or_else(|e| panic!("{faults:?}: {e}"));
             assert!(desk.shows(&picture), "{faults:?}: picture {i}");
         }
-        assert!(screen.pretended.is_empty(), "{faults:?}");
+        assert!(swapchain.pretended.is_empty(), "{faults:?}");
     }
-    assert!(screen.describe().contains("timed by"), "{}", screen.describe());
-    quiet(screen);
+    assert!(swapchain.describe().contains("timed by"), "{}", swapchain.describe());
+    quiet(swapchain);
 }
 
 #[test]
@@ -140,19 +144,19 @@ fn what_cannot_be_made_right_is_an_error_that_says_what_happened() {
         (vec![("acquire", Code::TIMEOUT); 2], "takes no pictures any more"),
         (vec![("acquire", Code::ERROR_OUT_OF_HOST_MEMORY)], "ERROR_OUT_OF_HOST_MEMORY"),
     ] {
-        let mut screen = desk.screen(true);
-        screen.pretended.extend(&faults);
-        let error = screen.upload(&picture(1)).and_then(|()| screen.present(0)).expect_err("a fault").to_string();
+        let mut swapchain = desk.swapchain(true);
+        swapchain.pretended.extend(&faults);
+        let error = swapchain.upload(&picture(1)).and_then(|()| swapchain.present(0)).expect_err("a fault").to_string();
         assert!(error.contains(what) && !error.contains('\n'), "{faults:?}: {error}");
-        quiet(screen);
+        quiet(swapchain);
     }
 }
 
 /// Presents until it no longer goes; what is said then.
-fn until_it_fails(screen: &mut Screen) -> EngineError {
+fn until_it_fails(swapchain: &mut Swapchain) -> EngineError {
     let since = Instant::now();
     for id in 1.. {
-        let done = screen.upload(&picture(id as usize % 9)).and_then(|()| screen.present(id));
+        let done = swapchain.upload(&picture(id as usize % 9)).and_then(|()| swapchain.present(id));
         if let Err(error) = done {
             return error;
         }
@@ -165,30 +169,30 @@ fn until_it_fails(screen: &mut Screen) -> EngineError {
 #[test]
 fn a_window_of_another_size_is_refused_while_it_shows() {
     let desk = Desk::new();
-    let mut screen = desk.screen(false);
-    screen.upload(&picture(0)).and_then(|()| screen.present(0)).expect("shown");
+    let mut swapchain = desk.swapchain(false);
+    swapchain.upload(&picture(0)).and_then(|()| swapchain.present(0)).expect("shown");
     desk.connection.configure_window(desk.window, &ConfigureWindowAux::new().width(48)).expect("sent");
     desk.connection.sync_();
-    let text = until_it_fails(&mut screen).to_string();
+    let text = until_it_fails(&mut swapchain).to_string();
     assert!(text.contains("the window is 24x48 pixels, and a video frame has 24x40"), "{text}");
 }
 
 #[test]
 fn a_window_that_was_destroyed_and_a_server_that_ended_are_errors() {
     let desk = Desk::new();
-    let mut screen = desk.screen(false);
-    screen.upload(&picture(0)).and_then(|()| screen.present(0)).expect("shown");
+    let mut swapchain = desk.swapchain(false);
+    swapchain.upload(&picture(0)).and_then(|()| swapchain.present(0)).expect("shown");
     desk.connection.destroy_window(desk.window).expect("sent");
     desk.connection.sync_();
-    let text = until_it_fails(&mut screen).to_string();
+    let text = until_it_fails(&mut swapchain).to_string();
     assert!(text.contains("surface is gone"), "{text}");
-    drop(screen);
+    drop(swapchain);
     let mut desk = Desk::new();
-    let mut screen = desk.screen(false);
-    screen.upload(&picture(0)).and_then(|()| screen.present(0)).expect("shown");
+    let mut swapchain = desk.swapchain(false);
+    swapchain.upload(&picture(0)).and_then(|()| swapchain.present(0)).expect("shown");
     desk.server.kill().expect("killed");
     desk.server.wait().expect("ended");
-    let text = until_it_fails(&mut screen).to_string();
+    let text = until_it_fails(&mut swapchain).to_string();
     assert!(text.contains("surface is gone"), "{text}");
 }
 
@@ -200,7 +204,7 @@ unsafe extern "system" fn wait(_: vk::Device, _: vk::SwapchainKHR, number: u64, 
         std::thread::sleep(Duration::from_nanos(timeout.min(1_000_000)));
         return Code::TIMEOUT;
     }
-    // Out at the next beat, where anybody waits for it.
+    // Out at the next refresh, where anybody waits for it.
     std::thread::sleep(Duration::from_millis(if timeout > 0 { 2 } else { 0 }));
     Code::SUCCESS
 }
@@ -209,31 +213,31 @@ unsafe extern "system" fn wait(_: vk::Device, _: vk::SwapchainKHR, number: u64, 
 #[test]
 fn pictures_are_waited_for_one_at_a_time_and_told_in_order() {
     let desk = Desk::new();
-    let mut screen = desk.screen(false);
-    screen.teller.pretend_present_wait(wait);
-    assert_eq!(screen.timed_by(), "VK_KHR_present_wait");
-    let put = |screen: &mut Screen, id: u64| {
+    let mut swapchain = desk.swapchain(false);
+    swapchain.times.pretend_present_wait(wait);
+    assert_eq!(swapchain.timed_by(), "VK_KHR_present_wait");
+    let put = |swapchain: &mut Swapchain, id: u64| {
         let since = Instant::now();
-        screen.upload(&picture(0)).and_then(|()| screen.present(id)).expect("shown");
-        let told: Vec<u64> = std::iter::from_fn(|| screen.lit())
-            .map(|lit| match lit {
-                Lit::At { id, time } if time >= since && time <= Instant::now() => id,
+        swapchain.upload(&picture(0)).and_then(|()| swapchain.present(id)).expect("shown");
+        let told: Vec<u64> = std::iter::from_fn(|| swapchain.timing())
+            .map(|timing| match timing {
+                PresentTiming::At { id, time } if time >= since && time <= Instant::now() => id,
                 other => panic!("{other:?}"),
             })
             .collect();
         told
     };
     OUT.store(present_number(0), Ordering::Relaxed);
-    assert_eq!(put(&mut screen, 0), [0]);
+    assert_eq!(put(&mut swapchain, 0), [0]);
     // One that takes longer is asked for after the next; of two at once, when the second came is not known.
-    assert!(put(&mut screen, 1).is_empty());
+    assert!(put(&mut swapchain, 1).is_empty());
     OUT.store(present_number(2), Ordering::Relaxed);
-    assert_eq!(put(&mut screen, 2), [1]);
+    assert_eq!(put(&mut swapchain, 2), [1]);
     OUT.store(present_number(3), Ordering::Relaxed);
-    assert_eq!(put(&mut screen, 3), [3]);
+    assert_eq!(put(&mut swapchain, 3), [3]);
     // Nothing is known of what a swapchain had in line that is no more.
-    assert!(put(&mut screen, 4).is_empty());
-    screen.make_swapchain().expect("made again");
+    assert!(put(&mut swapchain, 4).is_empty());
+    swapchain.remake().expect("made again");
     OUT.store(present_number(5), Ordering::Relaxed);
-    assert_eq!(put(&mut screen, 5), [5]);
+    assert_eq!(put(&mut swapchain, 5), [5]);
 }

@@ -1,18 +1,20 @@
-//! When pictures light up: the best that a device tells.
+//! When pictures light up: the best source of times that a device has.
 //!
 //! Best first: `VK_GOOGLE_display_timing` (the display's own times), `VK_KHR_present_wait` (returns when a picture is out),
 //! `VK_EXT_display_control` (a fence at the next first pixel; direct displays only), and else the times at which acquiring
 //! an image had to wait. Waiting is done by the thread that presents, right after it presented: it has nothing else to do
 //! until the next picture, and a swapchain must not be used by two threads at once.
 
-use crate::gpu::has;
+#![allow(unsafe_code)]
+
 use ash::{ext, google, khr, vk};
 use std::collections::VecDeque;
+use std::ffi::CStr;
 use std::time::{Duration, Instant};
 
 /// When a picture lit up, as far as it is known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Lit {
+pub enum PresentTiming {
     /// By the display's own clock: nanoseconds of the system's monotonic clock.
     Monotonic {
         /// The picture's number.
@@ -39,10 +41,10 @@ const MOST: usize = 16;
 
 /// By what it is known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum How {
+pub(super) enum TimingMethod {
     /// `VK_GOOGLE_display_timing`.
     DisplayTiming,
-    /// `VK_KHR_present_id` and `VK_KHR_present_wait`, features and all.
+    /// `VK_KHR_present_id` and `VK_KHR_present_wait`.
     PresentWait,
     /// `VK_EXT_display_control`.
     FirstPixel,
@@ -50,27 +52,17 @@ pub(super) enum How {
     Acquire,
 }
 
-impl How {
-    /// The best that a device has. `direct`: the screen is a display that no desktop drives.
-    pub(super) fn best(extensions: &[vk::ExtensionProperties], present_wait: bool, direct: bool) -> Self {
-        if has(extensions, google::display_timing::NAME) {
+impl TimingMethod {
+    /// The best of what is on. `direct`: the display is one that no desktop drives.
+    pub(super) fn best(is_on: impl Fn(&CStr) -> bool, direct: bool) -> Self {
+        if is_on(google::display_timing::NAME) {
             Self::DisplayTiming
-        } else if present_wait && has(extensions, khr::present_id::NAME) && has(extensions, khr::present_wait::NAME) {
+        } else if is_on(khr::present_id::NAME) && is_on(khr::present_wait::NAME) {
             Self::PresentWait
-        } else if direct && has(extensions, ext::display_control::NAME) {
+        } else if direct && is_on(ext::display_control::NAME) {
             Self::FirstPixel
         } else {
             Self::Acquire
-        }
-    }
-
-    /// The device's extensions that it needs.
-    pub(super) fn extensions(self) -> &'static [&'static std::ffi::CStr] {
-        match self {
-            Self::DisplayTiming => &[google::display_timing::NAME],
-            Self::PresentWait => &[khr::present_id::NAME, khr::present_wait::NAME],
-            Self::FirstPixel => &[ext::display_control::NAME],
-            Self::Acquire => &[],
         }
     }
 
@@ -85,23 +77,6 @@ impl How {
     }
 }
 
-/// Whether a device has both features; an extension alone does not say so.
-pub(super) fn has_present_wait(
-    instance: &ash::Instance,
-    physical: vk::PhysicalDevice,
-    extensions: &[vk::ExtensionProperties],
-) -> bool {
-    if !has(extensions, khr::present_id::NAME) || !has(extensions, khr::present_wait::NAME) {
-        return false;
-    }
-    let mut id = vk::PhysicalDevicePresentIdFeaturesKHR::default();
-    let mut wait = vk::PhysicalDevicePresentWaitFeaturesKHR::default();
-    let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut id).push_next(&mut wait);
-    // SAFETY: the device is of this instance, of Vulkan 1.2, and has the extensions.
-    unsafe { instance.get_physical_device_features2(physical, &mut features) };
-    id.present_id == vk::TRUE && wait.present_wait == vk::TRUE
-}
-
 /// The calls of a device for one of these.
 enum Calls {
     DisplayTiming(vk::PFN_vkGetPastPresentationTimingGOOGLE),
@@ -110,12 +85,12 @@ enum Calls {
     Acquire,
 }
 
-/// Says when pictures lit up.
-pub(super) struct Teller {
+/// Where the times come from.
+pub(super) struct TimingSource {
     device: ash::Device,
-    how: How,
+    method: TimingMethod,
     calls: Calls,
-    lit: VecDeque<Lit>,
+    lit: VecDeque<PresentTiming>,
     /// Pictures in line, oldest first, of which it is not known that they lit up.
     waiting: VecDeque<u64>,
     newest: Option<u64>,
@@ -123,45 +98,51 @@ pub(super) struct Teller {
     armed: bool,
 }
 
-impl Teller {
-    /// For a device that was made with what `how` needs.
-    pub(super) fn new(instance: &ash::Instance, device: &ash::Device, how: How, display: vk::DisplayKHR) -> Self {
-        let calls = match how {
-            How::DisplayTiming => Calls::DisplayTiming(
+impl TimingSource {
+    /// For a device on which what `method` needs is on.
+    pub(super) fn new(
+        instance: &ash::Instance,
+        device: &ash::Device,
+        method: TimingMethod,
+        display: vk::DisplayKHR,
+    ) -> Self {
+        let calls = match method {
+            TimingMethod::DisplayTiming => Calls::DisplayTiming(
                 google::display_timing::Device::new(instance, device).fp().get_past_presentation_timing_google,
             ),
-            How::PresentWait => {
+            TimingMethod::PresentWait => {
                 Calls::PresentWait(khr::present_wait::Device::new(instance, device).fp().wait_for_present_khr)
             }
-            How::FirstPixel => Calls::FirstPixel(
+            TimingMethod::FirstPixel => Calls::FirstPixel(
                 ext::display_control::Device::new(instance, device).fp().register_display_event_ext,
                 display,
                 None,
             ),
-            How::Acquire => Calls::Acquire,
+            TimingMethod::Acquire => Calls::Acquire,
         };
         let (lit, waiting) = (VecDeque::with_capacity(64), VecDeque::with_capacity(MOST));
-        Self { device: device.clone(), how, calls, lit, waiting, newest: None, armed: false }
+        Self { device: device.clone(), method, calls, lit, waiting, newest: None, armed: false }
     }
 
     /// By what it is known.
-    pub(super) fn how(&self) -> How {
-        self.how
+    pub(super) fn method(&self) -> TimingMethod {
+        self.method
     }
 
     /// An image was acquired; `start` is when that was asked for.
     pub(super) fn acquired(&mut self, start: Instant) {
-        let waited = self.how == How::Acquire && start.elapsed() >= WAITED && self.lit.len() < self.lit.capacity();
+        let waited =
+            self.method == TimingMethod::Acquire && start.elapsed() >= WAITED && self.lit.len() < self.lit.capacity();
         // Acquiring that had to wait ended when the screen went on to the picture before.
         if let Some(id) = self.newest.filter(|_| waited) {
-            self.lit.push_back(Lit::At { id, time: Instant::now() });
+            self.lit.push_back(PresentTiming::At { id, time: Instant::now() });
         }
     }
 
     /// A picture was put in line.
     pub(super) fn presented(&mut self, id: u64) {
         (self.newest, self.armed) = (Some(id), true);
-        if matches!(self.how, How::PresentWait | How::FirstPixel) {
+        if matches!(self.method, TimingMethod::PresentWait | TimingMethod::FirstPixel) {
             if self.waiting.len() == MOST {
                 self.waiting.pop_front();
             }
@@ -188,7 +169,7 @@ impl Teller {
     }
 
     /// The next picture that is known to have lit up.
-    pub(super) fn next(&mut self, swapchain: vk::SwapchainKHR) -> Option<Lit> {
+    pub(super) fn next(&mut self, swapchain: vk::SwapchainKHR) -> Option<PresentTiming> {
         if self.lit.is_empty() && std::mem::take(&mut self.armed) {
             self.ask(swapchain);
         }
@@ -209,11 +190,11 @@ impl Teller {
                     // The number whose lower half this is, not after the newest.
                     let back = (newest as u32).wrapping_sub(p.present_id);
                     let id = newest.saturating_sub(u64::from(back));
-                    self.lit.push_back(Lit::Monotonic { id, time_ns: p.actual_present_time });
+                    self.lit.push_back(PresentTiming::Monotonic { id, time_ns: p.actual_present_time });
                 }
             }
             Calls::PresentWait(wait) => {
-                // The oldest lights up at the display's next beat, however many wait behind it: one wait a picture.
+                // The oldest lights up at the display's next refresh, however many wait behind it: one wait a picture.
                 let mut patience = PATIENCE_NS;
                 while let Some(id) = self.waiting.front().copied() {
                     // SAFETY: the swapchain is the device's, used by this thread alone; it was given this number.
@@ -228,7 +209,7 @@ impl Teller {
                     }
                     self.waiting.pop_front();
                     if patience > 0 && start.elapsed() >= WAITED {
-                        self.lit.push_back(Lit::At { id, time: Instant::now() });
+                        self.lit.push_back(PresentTiming::At { id, time: Instant::now() });
                     }
                     patience = 0;
                 }
@@ -241,12 +222,12 @@ impl Teller {
                     self.device.destroy_fence(made, None);
                     answer
                 };
-                // One picture a beat: the oldest.
+                // One picture a refresh: the oldest.
                 if answer.is_ok()
                     && let Some(id) = self.waiting.pop_front()
                     && start.elapsed() >= WAITED
                 {
-                    self.lit.push_back(Lit::At { id, time: Instant::now() });
+                    self.lit.push_back(PresentTiming::At { id, time: Instant::now() });
                 }
             }
         }
@@ -266,7 +247,7 @@ impl Teller {
     /// Waits for pictures by another function than the driver's.
     #[cfg(test)]
     pub(super) fn pretend_present_wait(&mut self, wait: vk::PFN_vkWaitForPresentKHR) {
-        (self.how, self.calls) = (How::PresentWait, Calls::PresentWait(wait));
+        (self.method, self.calls) = (TimingMethod::PresentWait, Calls::PresentWait(wait));
     }
 }
 
@@ -278,26 +259,16 @@ pub(super) fn present_number(id: u64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::ffi::CStr;
-
-    fn extensions(names: &[&CStr]) -> Vec<vk::ExtensionProperties> {
-        let one = |name: &&CStr| vk::ExtensionProperties::default().extension_name(name).expect("short enough");
-        names.iter().map(one).collect()
-    }
 
     #[test]
-    fn the_best_that_a_device_has_is_taken_and_a_feature_counts_and_not_its_name() {
-        let all = extensions(&[
-            google::display_timing::NAME,
-            khr::present_id::NAME,
-            khr::present_wait::NAME,
-            ext::display_control::NAME,
-        ]);
-        assert_eq!(How::best(&all, true, true), How::DisplayTiming);
-        assert_eq!(How::best(&all[1..], true, true), How::PresentWait);
-        assert_eq!(How::best(&all[1..], false, true), How::FirstPixel);
-        assert_eq!(How::best(&all[2..], true, false), How::Acquire);
-        assert_eq!(How::best(&[], true, true), How::Acquire);
-        assert!(How::PresentWait.extensions().len() == 2 && How::Acquire.extensions().is_empty());
+    fn the_best_of_what_is_on_is_taken() {
+        let all =
+            [google::display_timing::NAME, khr::present_id::NAME, khr::present_wait::NAME, ext::display_control::NAME];
+        let best = |on: &[&CStr], direct| TimingMethod::best(|name| on.contains(&name), direct);
+        assert_eq!(best(&all, true), TimingMethod::DisplayTiming);
+        assert_eq!(best(&all[1..], true), TimingMethod::PresentWait);
+        assert_eq!(best(&all[2..], true), TimingMethod::FirstPixel);
+        assert_eq!(best(&all[2..], false), TimingMethod::Acquire);
+        assert_eq!(best(&[], true), TimingMethod::Acquire);
     }
 }

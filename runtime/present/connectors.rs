@@ -5,19 +5,19 @@ use std::path::{Path, PathBuf};
 
 /// A connector of a graphics card.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Connector {
+pub(super) struct Connector {
     /// The card, such as `/dev/dri/card0`.
-    pub card: PathBuf,
+    pub(super) card: PathBuf,
     /// What the kernel calls it, such as `HDMI-A-1`.
-    pub name: String,
+    pub(super) name: String,
     /// Its number, where the kernel says it (Linux 6.0 and newer).
-    pub id: Option<u32>,
+    pub(super) id: Option<u32>,
     /// What the monitor calls itself.
-    pub monitor: Option<String>,
+    pub(super) monitor: Option<String>,
 }
 
 /// The connectors at which a monitor is plugged in. `classes` is `/sys/class/drm`, `devices` `/dev/dri`.
-pub fn connectors(classes: &Path, devices: &Path) -> Vec<Connector> {
+pub(super) fn connectors(classes: &Path, devices: &Path) -> Vec<Connector> {
     let Ok(entries) = fs::read_dir(classes) else { return Vec::new() };
     let read = |folder: &Path, name: &str| fs::read_to_string(folder.join(name)).unwrap_or_default();
     let one = |entry: fs::DirEntry| {
