@@ -11,6 +11,7 @@ use eyebox::optics::OpticsError;
 use eyebox::playback::PlaybackError;
 use eyebox::present::PresentError;
 use eyebox::preview::PreviewError;
+use eyebox::produce::ProduceError;
 use eyebox::quality::QualityError;
 use eyebox::scene::SceneError;
 use eyebox::solve::SolveError;
@@ -44,6 +45,9 @@ pub enum Failure {
     /// A trial of settings.
     #[error(transparent)]
     Quality(#[from] QualityError),
+    /// What a job was to make.
+    #[error(transparent)]
+    Produce(#[from] ProduceError),
     /// A file.
     #[error(transparent)]
     File(#[from] FileError),

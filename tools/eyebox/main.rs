@@ -28,8 +28,6 @@ mod report;
 mod score;
 mod settings;
 mod solve;
-mod solve_sequence;
-mod tiled;
 mod trackers;
 mod tradeoff;
 mod values;
