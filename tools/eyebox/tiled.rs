@@ -13,7 +13,7 @@ use eyebox::optics::{Color, Display, Geometry, Pupil, WindowFactor};
 use eyebox::plan::Storage;
 use eyebox::scene::Request;
 use eyebox::solve::{Flow, Method, Optimizer, Settings};
-use eyebox::tiled::{self, Job, Memory, RegionSize, Schedule, TiledError, Views};
+use eyebox::tiled::{self, Job, MemoryLimit, RegionSize, Schedule, TiledError, Views};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -53,7 +53,7 @@ pub fn solve(args: &Solve, display: &Display) -> Result<(), Failure> {
     common::form(&args.out, &[Form::Zarr])?;
     let colors = common::colors(&args.display, display)?;
     let mut engine = common::engine(&args.engine)?;
-    let memory = Memory(args.memory.unwrap_or(MEMORY));
+    let memory = MemoryLimit(args.memory.unwrap_or(MEMORY));
     let largest = display.eyebox_min() / 2.0;
     let diameter = args.pupil_diameter.unwrap_or([1e-3f64.min(largest / 4.0), 4e-3f64.min(largest)]);
     let optics = display.optics(colors[0])?;
@@ -62,7 +62,7 @@ pub fn solve(args: &Solve, display: &Display) -> Result<(), Failure> {
     let picture = args.picture.unwrap_or(1024).min(display.picture_size().0);
     let views = scene(&args.scene, display, &colors, picture)?;
     let held: u64 = views.iter().map(Views::held).sum();
-    let left = Memory(memory.0.saturating_sub(held));
+    let left = MemoryLimit(memory.0.saturating_sub(held));
     let with_held = |error| match error {
         TiledError::Memory { diameter_mm, frames, needed_mib, .. } => {
             let (needed_mib, given_mib) = (needed_mib + (held >> 20), memory.0 >> 20);
