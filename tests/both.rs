@@ -4,7 +4,7 @@ use eyebox::engine::vulkan::VulkanEngine;
 use eyebox::engine::{Buffer, Dispatch, Engine, Kernel, Purpose, Shape, Step};
 use eyebox::gpu::{Gpu, Messages, Options};
 use eyebox::optics::{Optics, Padding, Pupil, WindowFactor};
-use eyebox::plan::{Comparison, Planner, Viewpoint, ViewLayout};
+use eyebox::plan::{Comparison, Planner, ViewLayout, Viewpoint};
 use eyebox::scene::{Pyramid, ViewGrid};
 use eyebox_kernels::exposure::PART;
 use std::sync::{Arc, PoisonError};

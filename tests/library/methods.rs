@@ -3,7 +3,7 @@
 use eyebox::engine::{Buffer, Engine, Kernel, cpu::CpuEngine};
 use eyebox::evaluate;
 use eyebox::optics::{Color, Display, Optics, Padding, Pupil, WindowFactor};
-use eyebox::plan::{Comparison, Planner, Purpose, Viewpoint, ViewLayout};
+use eyebox::plan::{Comparison, Planner, Purpose, ViewLayout, Viewpoint};
 use eyebox::scene::{self, Pyramid, Request, ViewGrid};
 use eyebox::solve::{self, Flow, Method, Optimizer, Problem, Settings};
 use eyebox_kernels::compare::INTENSITY;
