@@ -58,7 +58,7 @@ pub struct SequenceRequest {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TilesRequest {
     /// Bytes that it keeps to.
-    pub memory: tiled::Memory,
+    pub memory: tiled::MemoryLimit,
     /// Passes over the SLM.
     pub passes: usize,
     /// Pixels along each axis of the scene's views.
@@ -72,7 +72,7 @@ impl TilesRequest {
 
 impl Default for TilesRequest {
     fn default() -> Self {
-        Self { memory: tiled::Memory(4 << 30), passes: 3, picture: 1024 }
+        Self { memory: tiled::MemoryLimit(4 << 30), passes: 3, picture: 1024 }
     }
 }
 
@@ -113,7 +113,7 @@ pub enum SceneEvent<'a> {
         /// The colour.
         color: Color,
         /// How far it is.
-        visit: &'a tiled::Step,
+        visit: &'a tiled::Visit,
     },
     /// A colour is solved.
     Solved {

@@ -7,7 +7,7 @@ use crate::hologram::{ColorHologram, Hologram, HologramScores, Metadata, PhaseSo
 use crate::optics::{Color, Display, Geometry, Pupil};
 use crate::scene::Request;
 use crate::solve::{Flow, Settings};
-use crate::tiled::{self, Job, Memory, RegionSize, Schedule, TiledError};
+use crate::tiled::{self, Job, MemoryLimit, RegionSize, Schedule, TiledError};
 use serde_json::{Value, json};
 use std::path::Path;
 use std::sync::Arc;
@@ -120,7 +120,7 @@ fn plan(job: &SceneJob, request: &TilesRequest, views: &[Views]) -> Result<(Tile
     let largest = display.eyebox_min() / 2.0;
     let diameter = job.diameter.unwrap_or([1e-3f64.min(largest / 4.0), 4e-3f64.min(largest)]);
     let held: u64 = views.iter().map(Views::held).sum();
-    let left = Memory(request.memory.0.saturating_sub(held));
+    let left = MemoryLimit(request.memory.0.saturating_sub(held));
     // Views that are smaller than the picture take less.
     let size = RegionSize::new(&optics, job.settings.frames, side, diameter[1], views[0].size(), left);
     let region = size.map_err(|error| match error {

@@ -23,7 +23,6 @@ mod play;
 mod preview;
 mod progress;
 mod quality;
-mod rates;
 mod report;
 mod score;
 mod settings;

@@ -13,7 +13,7 @@ use eyebox::produce::{
     SceneSolution, SolvedHologram, SolvedSequence, SolvedTiles, TilesRequest, is_larger_than_memory, solve_scene,
 };
 use eyebox::solve::{Method, Optimizer, Settings, Solution, Stop};
-use eyebox::tiled::Memory;
+use eyebox::tiled::MemoryLimit;
 use serde_json::{Value, json};
 use std::time::Instant;
 pub use watch::Watch;
@@ -76,7 +76,7 @@ fn tiles_of(args: &Solve, display: &Display) -> Result<Option<TilesRequest>, Fai
     }
     let default = TilesRequest::default();
     Ok(Some(TilesRequest {
-        memory: args.memory.map_or(default.memory, Memory),
+        memory: args.memory.map_or(default.memory, MemoryLimit),
         passes: args.passes.unwrap_or(default.passes),
         picture: args.picture.unwrap_or(default.picture),
     }))
