@@ -15,6 +15,7 @@
 //! | [`quality`] | what a solve costs and how good it is: recipes, their judge, which to recommend, what was measured |
 //! | [`hologram`] | phase frames and their file |
 //! | [`tiled`] | far-field holograms larger than memory: region by region, from and to their file |
+//! | [`produce`] | from scenes to holograms: all colours, sequences, tiles; one driver |
 //! | [`encode`] | calibration, levels, packing: phases to what the SLM receives |
 //! | [`present`] | video frames to light: windows, direct displays, memory; when what lit up |
 //! | [`session`] | content, an eye and time: what is shown when, streaming, refinement, an account of what was shown |
@@ -38,6 +39,7 @@ pub mod optics;
 pub mod plan;
 pub mod present;
 pub mod preview;
+pub mod produce;
 pub mod quality;
 pub mod scene;
 pub mod session;

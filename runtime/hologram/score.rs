@@ -71,12 +71,12 @@ impl PhaseSource<'_> {
             }
             exposures.push(exposure);
         }
-        let score = |((pupil, sums), ssim): ((&Pupil, Vec<(Sums, f64)>), Option<f64>)| PupilScore {
+        let score = |(i, pupil): (usize, &Pupil)| PupilScore {
             pupil: *pupil,
-            psnr: Sums::psnr_of_colors(&sums),
-            ssim: ssim.map(|sum| sum / has as f64),
+            psnr: Sums::psnr_of_colors(&sums[i]),
+            ssim: ssims[i].map(|sum| sum / has as f64),
         };
-        Ok(HologramScores { pupils: pupils.iter().zip(sums).zip(ssims).map(score).collect(), exposures })
+        Ok(HologramScores { pupils: pupils.iter().enumerate().map(score).collect(), exposures })
     }
 }
 

@@ -16,7 +16,7 @@ use std::sync::Arc;
 #[derive(Debug, Clone)]
 pub enum PhaseSource<'a> {
     /// All in memory.
-    Whole(Cow<'a, Hologram>),
+    Whole(Box<Cow<'a, Hologram>>),
     /// In tiles on the disk: those under a pupil are read.
     Tiled(Arc<Tiles>),
 }
@@ -31,7 +31,7 @@ impl PhaseSource<'_> {
         if at.is_none() && Tiles::is_tiled(path) {
             return Ok(Self::Tiled(Arc::new(Tiles::open(path)?)));
         }
-        Ok(Self::Whole(Cow::Owned(Hologram::load_at(path, at)?)))
+        Ok(Hologram::load_at(path, at)?.into())
     }
 
     /// Everything but the phases, which may be missing here.
@@ -146,7 +146,13 @@ impl Hologram {
 
 impl<'a> From<&'a Hologram> for PhaseSource<'a> {
     fn from(hologram: &'a Hologram) -> Self {
-        Self::Whole(Cow::Borrowed(hologram))
+        Self::Whole(Box::new(Cow::Borrowed(hologram)))
+    }
+}
+
+impl From<Hologram> for PhaseSource<'_> {
+    fn from(hologram: Hologram) -> Self {
+        Self::Whole(Box::new(Cow::Owned(hologram)))
     }
 }
 

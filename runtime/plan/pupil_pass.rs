@@ -31,7 +31,7 @@ impl Default for Comparison {
 
 /// What the photographs of a scene need to know of its pyramid.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Views {
+pub struct ViewLayout {
     /// Where the views stand, around their centre.
     pub grid: ViewGrid,
     /// Where in the pupil plane that centre is, (x, y), metres.
@@ -42,7 +42,7 @@ pub struct Views {
     pub unit: f64,
 }
 
-impl Views {
+impl ViewLayout {
     /// Of this pyramid.
     pub fn new(grid: ViewGrid, pyramid: &Pyramid) -> Self {
         let levels = pyramid.levels.iter().map(|l| (l.height, l.width)).collect();
@@ -62,7 +62,7 @@ pub struct Planner {
     /// How much of the spectrum a pupil is given.
     pub factor: WindowFactor,
     /// The views; none where only the wave is looked at.
-    pub views: Option<Views>,
+    pub views: Option<ViewLayout>,
     /// Levels that the SLM can show; 0 for any phase.
     pub levels: usize,
     /// How complex fields are stored.
@@ -181,7 +181,7 @@ impl Planner {
     }
 
     fn shot(&self, pupil: &Pupil, window: Window) -> Option<Shot> {
-        let Views { grid: views, center, levels, unit } = self.views.as_ref()?;
+        let ViewLayout { grid: views, center, levels, unit } = self.views.as_ref()?;
         let fits = |l: &(usize, usize)| l.0 >= window.rows && l.1 >= window.columns;
         let level = levels.iter().rposition(fits).unwrap_or(0);
         let (height, width) = levels[level];

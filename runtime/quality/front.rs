@@ -46,7 +46,7 @@ impl Trial {
 }
 
 /// The trials that none beats: none other costs at most as much and is at least as good, one of the two strictly. By
-/// rising cost, and so by rising good. Of trials alike in both, the first. Numbers that are none are never on it.
+/// rising cost, and so by rising good. Of trials alike in both, the first. NaN is never on it.
 pub fn front(trials: &[Trial], cost: impl Fn(&Trial) -> f64, good: impl Fn(&Trial) -> f64) -> Vec<&Trial> {
     let mut all: Vec<&Trial> = trials.iter().filter(|t| !cost(t).is_nan() && !good(t).is_nan()).collect();
     // The best first of those that cost the same.

@@ -1,4 +1,4 @@
-//! Where a number first became none.
+//! Which kernel first gave NaN or an infinity.
 
 use super::step::before_update;
 use crate::engine::{Buffer, Engine, EngineError, Kernel, Step};

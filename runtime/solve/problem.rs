@@ -2,7 +2,7 @@
 
 use super::settings::Settings;
 use crate::optics::{Color, Display, Optics, OpticsError, Padding, WindowFactor};
-use crate::plan::{Planner, Views};
+use crate::plan::{Planner, ViewLayout};
 use crate::scene::{LightField, Pyramid, ViewGrid, shrink_to_share};
 use std::sync::Arc;
 
@@ -93,7 +93,7 @@ impl Problem {
     /// Plans for this problem.
     pub fn planner(&self, frames: usize, window: WindowFactor) -> Planner {
         let plain = Planner::new(self.optics, frames, window).with_padding(self.padding);
-        let views = Views { center: self.center, ..Views::new(self.views, &self.pyramid) };
+        let views = ViewLayout { center: self.center, ..ViewLayout::new(self.views, &self.pyramid) };
         Planner { views: Some(views), share: self.share, ..plain }
     }
 }

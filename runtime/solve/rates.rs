@@ -7,31 +7,33 @@ use super::sampling::random_phases;
 use super::settings::Settings;
 use super::step::{Steps, take};
 use crate::engine::{Buffer, Engine, EngineError};
+use crate::files::{cache_folder, write_file};
 use crate::optics::Display;
 use crate::plan::{self, Group, Step, Storage};
 use crate::scene::{Pyramid, ViewGrid};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
+use std::path::Path;
 use std::slice;
 use std::sync::Arc;
 use std::time::Instant;
 
 /// Seconds per unit of work at one size of the grid.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Rate {
+struct Rate {
     /// Points of the grid.
-    pub points: f64,
+    points: f64,
     /// Per group of kernels, in the order of [`Group::ALL`].
-    pub seconds: [f64; Group::ALL.len()],
+    seconds: [f64; Group::ALL.len()],
 }
 
-/// Rates of an engine on a machine, measured ([`Rates::measure`]).
+/// Rates of an engine on a machine, measured ([`Rates::of`]).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Rates {
     /// With the projection, smallest grid first.
-    pub project: Vec<Rate>,
+    project: Vec<Rate>,
     /// With Adam.
-    pub adam: Vec<Rate>,
+    adam: Vec<Rate>,
 }
 
 /// Sides of the square grids that are timed.
@@ -41,13 +43,63 @@ const ROUNDS: usize = 4;
 /// A step that takes longer than this is the last to be timed, seconds.
 const LONGEST: f64 = 0.6;
 
+/// As a file of the user's cache holds them.
+#[derive(Serialize, Deserialize)]
+struct Kept {
+    engine: String,
+    version: String,
+    rates: Rates,
+}
+
+/// Files larger than this are not ours, bytes.
+const LARGEST: u64 = 1 << 20;
+
+impl Kept {
+    /// What a file keeps of this engine, if it does: a file that cannot be read, is damaged or is another's is none.
+    fn load(file: &Path, engine: &str) -> Option<Rates> {
+        if std::fs::metadata(file).ok()?.len() > LARGEST {
+            return None;
+        }
+        let kept: Self = serde_json::from_slice(&std::fs::read(file).ok()?).ok()?;
+        let ours = kept.engine == engine && kept.version == env!("CARGO_PKG_VERSION") && kept.rates.is_sound();
+        ours.then_some(kept.rates)
+    }
+}
+
 impl Rates {
+    /// Those of this engine that the user's cache keeps, or else, or `again`, measured and kept. `measuring` is told the
+    /// engine's name before it is timed. Where nothing can be kept, the next call measures again.
+    ///
+    /// # Errors
+    /// Those of the engine.
+    pub fn of(
+        engine: &mut dyn Engine,
+        storage: Storage,
+        again: bool,
+        measuring: impl FnOnce(&str),
+    ) -> Result<Self, EngineError> {
+        let name = format!("{}, {}", engine.describe(), storage.name());
+        let file = cache_folder().map(|f| f.join(format!("rates-{:08x}.json", crc32c::crc32c(name.as_bytes()))));
+        if let Some(rates) = file.as_ref().filter(|_| !again).and_then(|f| Kept::load(f, &name)) {
+            return Ok(rates);
+        }
+        measuring(&name);
+        let rates = Self::measure(engine, storage)?;
+        let kept = Kept { engine: name, version: env!("CARGO_PKG_VERSION").into(), rates };
+        if let Some(file) = file {
+            // A convenience: what keeps it from being kept is no one's concern.
+            let _ = file.parent().map(std::fs::create_dir_all);
+            let _ = write_file(&file, |out| Ok(serde_json::to_writer(out, &kept)?));
+        }
+        Ok(kept.rates)
+    }
+
     /// Times steps of an ordinary solve (8 sub-frames, 16 pupils of 2 to 20 mm, 9 x 9 views) on `engine`, with fields
     /// stored so: one to three seconds on a CPU.
     ///
     /// # Errors
     /// Those of the engine.
-    pub fn measure(engine: &mut dyn Engine, storage: Storage) -> Result<Self, EngineError> {
+    fn measure(engine: &mut dyn Engine, storage: Storage) -> Result<Self, EngineError> {
         let mut rates = Self { project: Vec::new(), adam: Vec::new() };
         for side in SIDES {
             let views = noise(side);
@@ -68,7 +120,7 @@ impl Rates {
     }
 
     /// Whether these can be rates: read from a file, they might be anything.
-    pub fn is_sound(&self) -> bool {
+    fn is_sound(&self) -> bool {
         let sound = |rates: &Vec<Rate>| {
             !rates.is_empty()
                 && rates.windows(2).all(|r| r[0].points < r[1].points)

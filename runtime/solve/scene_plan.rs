@@ -2,7 +2,7 @@
 //!
 //! Each part that can be left out ([`Full`]) is left out only where the result stays the same: colours without light, views
 //! that show what their neighbours show or that no pupil reaches, padding where nothing would come in again on the other
-//! side, the spectrum that no pupil passes. What is left out, and why, is said ([`Choice`]), and each can be kept.
+//! side, the spectrum that no pupil passes. What is left out, and why, is said ([`Decision`]), and each can be kept.
 
 use super::error::SolveError;
 use super::problem::Problem;
@@ -65,7 +65,7 @@ pub struct PlanRequest<'a> {
 
 /// One decision, for people.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct Choice {
+pub struct Decision {
     /// What it is about.
     pub what: &'static str,
     /// What was decided.
@@ -94,7 +94,7 @@ pub struct ScenePlan {
     /// The settings with what was decided.
     pub settings: Settings,
     /// All decisions, in order.
-    pub choices: Vec<Choice>,
+    pub choices: Vec<Decision>,
 }
 
 /// A saving may cost so much, dB.
@@ -151,7 +151,7 @@ impl ScenePlan {
     }
 
     fn say(&mut self, what: &'static str, value: impl Into<String>, why: impl Into<String>) {
-        self.choices.push(Choice { what, value: value.into(), why: why.into(), saves: false });
+        self.choices.push(Decision { what, value: value.into(), why: why.into(), saves: false });
     }
 
     /// Marks the last choice as a saving.

@@ -243,7 +243,7 @@ impl Refiner {
         (step, parts)
     }
 
-    /// One step. A loss that is no finite number takes none, and says so by being returned.
+    /// One step; its loss. With a loss that is NaN or infinite the phases stay as they were.
     ///
     /// # Errors
     /// Those of the engine.

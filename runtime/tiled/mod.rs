@@ -16,8 +16,8 @@ mod solve;
 mod visits;
 
 pub use refine::Piece;
-pub use region::{Memory, RegionSize};
-pub use solve::{Job, Step, exposure, solve};
+pub use region::{MemoryLimit, RegionSize};
+pub use solve::{Job, Visit, exposure, solve};
 pub use visits::Schedule;
 
 use crate::engine::EngineError;

@@ -29,7 +29,7 @@ pub struct Job<'a> {
 
 /// A visit that is done.
 #[derive(Debug, Clone, Copy)]
-pub struct Step {
+pub struct Visit {
     /// How many are, of this colour.
     pub visit: usize,
     /// Of so many.
@@ -87,7 +87,7 @@ pub fn solve(
     job: &Job,
     tiles: &mut Tiles,
     engine: &mut dyn Engine,
-    observe: &mut dyn FnMut(&Step) -> Flow,
+    observe: &mut dyn FnMut(&Visit) -> Flow,
 ) -> Result<Flow, TiledError> {
     let start = Instant::now();
     let visits = job.schedule.visits.len();
@@ -110,7 +110,7 @@ pub fn solve(
         engine.load(&Planner::new(optics.piece([0, 0], [1, 1]), 1, WindowFactor::One).shape(Purpose::View), None)?;
         tiles.commit(job.before + k as u64 + 1, job.color, at, size, &phases)?;
         let seconds = start.elapsed().as_secs_f64();
-        if observe(&Step { visit: k + 1, visits, pupils, loss, seconds }) == Flow::Stop {
+        if observe(&Visit { visit: k + 1, visits, pupils, loss, seconds }) == Flow::Stop {
             return Ok(Flow::Stop);
         }
     }

@@ -3,7 +3,7 @@
 use eyebox::engine::{Buffer, Engine, Kernel, cpu::CpuEngine};
 use eyebox::evaluate;
 use eyebox::optics::{Color, Display, Optics, Padding, Pupil, WindowFactor};
-use eyebox::plan::{Comparison, Planner, Purpose, Viewpoint, Views};
+use eyebox::plan::{Comparison, Planner, Purpose, ViewLayout, Viewpoint};
 use eyebox::scene::{self, Pyramid, Request, ViewGrid};
 use eyebox::solve::{self, Flow, Method, Optimizer, Problem, Settings};
 use eyebox_kernels::compare::INTENSITY;
@@ -50,7 +50,7 @@ fn the_stft_is_its_definition() {
     let views: Vec<Vec<f32>> = (0..15).map(|_| vec![0.5; 45 * 60]).collect();
     let pyramid = Arc::new(Pyramid::new(&views, 45, 60));
     let mut planner = Planner::new(o, 2, WindowFactor::One);
-    planner.views = Some(Views::new(grid, &pyramid));
+    planner.views = Some(ViewLayout::new(grid, &pyramid));
     let (exact, rounded) = phases(2 * 45 * 60, 4);
     let mut engine = CpuEngine::new();
     engine.load(&planner.shape(Purpose::View), Some(pyramid)).unwrap();

@@ -6,8 +6,10 @@ use eyebox::engine::{self, Backend, Engine, EngineError};
 use eyebox::evaluate::Plane;
 use eyebox::files;
 use eyebox::gpu::{Gpu, Options};
+use eyebox::hologram::SceneSource;
 use eyebox::optics::{Color, Display};
 use eyebox::preview::Opener;
+use eyebox::produce::{TilesRequest, load_around};
 use eyebox::scene::{self, LightField};
 use eyebox::session::EngineSource;
 use eyebox::solve::PupilRange;
@@ -33,24 +35,31 @@ pub fn colors(args: &DisplayArgs, display: &Display) -> Result<Vec<Color>, Failu
     }
 }
 
-/// The scene, fitted to the display.
-pub fn scene(args: &SceneArgs, display: &Display, colors: &[Color]) -> Result<LightField, Failure> {
+/// What is asked of a scene.
+pub fn request<'a>(args: &'a SceneArgs, display: &'a Display, colors: &'a [Color]) -> scene::Request<'a> {
     let default = scene::Request::new(display, colors);
-    let request = scene::Request {
+    scene::Request {
         view_pitch: args.view_pitch.map(|mm| mm * 1e-3),
         views: args.views.unwrap_or(default.views),
         depth_map: args.depth_map.as_deref(),
         depth: args.depth,
         ..default
-    };
-    Ok(scene::load(&args.scene, &request)?)
+    }
 }
 
-/// The depths that matter: as asked, as the scene says, or what a disparity of two pixels means.
+/// The scene, fitted to the display.
+pub fn scene(args: &SceneArgs, display: &Display, colors: &[Color]) -> Result<LightField, Failure> {
+    Ok(scene::load(&args.scene, &request(args, display, colors))?)
+}
+
+/// The scene for a far field larger than memory, as what an eye sees is compared with it.
+pub fn scene_around(args: &SceneArgs, display: &Display, colors: &[Color]) -> Result<SceneSource, Failure> {
+    Ok(load_around(&args.scene, &request(args, display, colors), TilesRequest::default().picture)?)
+}
+
+/// The depths that matter.
 pub fn depths(args: &SceneArgs, field: &LightField, display: &Display) -> [f64; 2] {
-    let assumed = || 2.0 * display.focal_length * display.picture_pixel() / field.cell(display);
-    let [a, b] = args.depth.or_else(|| field.depth_range(display)).unwrap_or_else(|| [-assumed(), assumed()]);
-    [a.min(b), a.max(b)]
+    field.depths(display, args.depth)
 }
 
 /// Pupil diameters from 2 mm to most of the eyebox.

@@ -8,12 +8,13 @@ use crate::live;
 use crate::progress;
 use crate::report;
 use crate::score;
-use crate::solve;
+use crate::solve::Watch;
 use eyebox::encode::Encoder;
 use eyebox::engine::Engine;
 use eyebox::files;
 use eyebox::hologram::{Hologram, SceneSource};
 use eyebox::optics::{Color, Display, Padding, Pupil};
+use eyebox::produce::solve_colors;
 use eyebox::quality::Subject;
 use eyebox::scene::{self, LightField};
 use eyebox::solve::{Levels, Method, PaddingRule, Settings};
@@ -49,8 +50,9 @@ pub fn run(args: &Demo) -> Result<(), Failure> {
     let subject = Subject { field: &field, color: colors[0], display: &display, base, levels };
     let padding = if settings.padding != PaddingRule::Never { subject.required_padding()? } else { Padding::default() };
     progress::catch_interrupt();
-    let solved = solve::solve_colors(&subject, &colors, &settings, engine.as_mut(), false)?;
-    let hologram = solve::hologram(&field, &display, &subject.settings(&settings), padding, &solved);
+    let mut watch = Watch::new(false);
+    let solved = solve_colors(&subject, &colors, &settings, engine.as_mut(), &mut |event| watch.see(event))?;
+    let hologram = Hologram::from_solutions(&field, &display, &subject.settings(&settings), padding, &solved)?;
     let saved = args.out.join("still-life.zarr");
     hologram.save(&saved)?;
 

@@ -9,6 +9,7 @@ use eyebox::hologram::HologramError;
 use eyebox::optics::OpticsError;
 use eyebox::present::PresentError;
 use eyebox::preview::PreviewError;
+use eyebox::produce::ProduceError;
 use eyebox::quality::QualityError;
 use eyebox::scene::SceneError;
 use eyebox::session::SessionError;
@@ -43,6 +44,9 @@ pub enum Failure {
     /// A trial of settings.
     #[error(transparent)]
     Quality(#[from] QualityError),
+    /// What a job was to make.
+    #[error(transparent)]
+    Produce(#[from] ProduceError),
     /// A file.
     #[error(transparent)]
     File(#[from] FileError),

@@ -3,8 +3,8 @@
 use crate::Failure;
 use crate::args::Photograph;
 use crate::common::{self, Form};
-use crate::tiled;
 use eyebox::hologram::{Sampling, SceneSource};
+use eyebox::produce::is_larger_than_memory;
 
 /// Takes one photograph of a scene.
 pub fn run(args: &Photograph) -> Result<(), Failure> {
@@ -15,8 +15,8 @@ pub fn run(args: &Photograph) -> Result<(), Failure> {
         args.pupil.check_within(&display.optics(color)?)?;
     }
     let mut engine = common::engine(&args.engine)?;
-    let scene = match tiled::is_too_large(&display) {
-        true => tiled::scene_of(&args.scene, &display, &colors)?,
+    let scene = match is_larger_than_memory(&display, 1) {
+        true => common::scene_around(&args.scene, &display, &colors)?,
         false => SceneSource::new(common::scene(&args.scene, &display, &colors)?, &display)?,
     };
     let mut planes = Vec::new();

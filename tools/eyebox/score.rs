@@ -3,12 +3,10 @@
 use crate::Failure;
 use crate::args::{SceneArgs, Score};
 use crate::common;
-use crate::tiled;
 use eyebox::hologram::{self, Hologram, HologramScores, PhaseSource, PupilScore, SceneSource};
 use eyebox::optics::{Display, Pupil};
 use eyebox::solve::{Diameters, PupilRange, Sampler, Sequence};
 use serde_json::{Value, json};
-use std::borrow::Cow;
 use std::path::Path;
 
 /// Measures a hologram over many pupils.
@@ -26,7 +24,7 @@ pub fn run(args: &Score) -> Result<(), Failure> {
             (SceneSource::new(field, &display)?, depth)
         }
         PhaseSource::Tiled(_) => {
-            let scene = tiled::scene_of(&asked, &display, &colors)?;
+            let scene = common::scene_around(&asked, &display, &colors)?;
             diameter = diameter.or(about.metadata.solve.as_ref().map(|s| s.diameter));
             let depth = asked.depth.or(scene.depth()).unwrap_or([0.0, 0.0]);
             (scene, depth)
@@ -115,7 +113,7 @@ fn load(args: &Score) -> Result<(PhaseSource<'static>, Display), Failure> {
     let hologram =
         hologram.map_err(|e| Failure::Asked(format!("{}: {e}: choose with --color", args.hologram.display())))?;
     let display = Display { height: hologram.height, width: hologram.width, ..display };
-    Ok((PhaseSource::Whole(Cow::Owned(hologram)), display))
+    Ok((hologram.into(), display))
 }
 
 /// `random:N`, or a JSON list of [x, y, diameter, focus] in mm.

@@ -144,9 +144,7 @@ pub fn contrast(text: &str) -> Result<f64, String> {
 pub type Names<T, const N: usize> = [(&'static str, &'static str, T); N];
 
 /// One of a few names.
-pub fn one_of<T: Copy + Send + Sync, const N: usize>(
-    names: &'static Names<T, N>,
-) -> impl TypedValueParser<Value = T> + Clone {
+pub fn one_of<T: Copy + Send + Sync, const N: usize>(names: &'static Names<T, N>) -> impl TypedValueParser<Value = T> {
     PossibleValuesParser::new(names.iter().map(|(name, about, _)| PossibleValue::new(*name).help(*about)))
         .map(|given| names.iter().find(|(name, ..)| *name == given).expect("one of the possible values").2)
 }

@@ -6,7 +6,6 @@ use crate::common::{self, Form};
 use eyebox::evaluate::Plane;
 use eyebox::hologram::{self, Hologram, PhaseSource};
 use eyebox::optics::Geometry;
-use std::borrow::Cow;
 use std::path::Path;
 
 /// Shows one pupil.
@@ -71,7 +70,7 @@ pub fn load(file: &Path, at: Option<u64>, optics: &PhaseOptics) -> Result<(Phase
     let phases = hologram::load_phases(file)?;
     let hologram = phases.with_optics(pitch * 1e-6, focal_length * 1e-3, geometry, &wavelengths);
     let hologram = hologram.map_err(|e| Failure::Asked(format!("{}: {e}", file.display())))?;
-    Ok((PhaseSource::Whole(Cow::Owned(hologram)), false))
+    Ok((hologram.into(), false))
 }
 
 fn percentile(planes: &[Plane], share: f64) -> f64 {

@@ -12,7 +12,6 @@ use crate::args::SceneArgs;
 use crate::common;
 use crate::progress::{self, JobBar};
 use crate::report::{About, MethodAbout, Report};
-use crate::solve;
 use eyebox::engine::Engine;
 use eyebox::hologram::Hologram;
 use eyebox::optics::{Color, Display, Padding};
@@ -339,7 +338,8 @@ impl<'a> OfScene<'a> {
             self.bar.at(start + share);
             solved.push((color, solution));
         }
-        let mut hologram = solve::hologram(self.field, &self.job.display, &settings, Padding::default(), &solved);
+        let mut hologram =
+            Hologram::from_solutions(self.field, &self.job.display, &settings, Padding::default(), &solved)?;
         let seconds: f64 = solved.iter().map(|(_, s)| s.seconds).sum();
         (hologram.metadata.made_by, hologram.metadata.seconds) = (Some(task.made_by.clone()), Some(seconds));
         hologram.save(&file)?;

@@ -5,7 +5,7 @@ use crate::args::{EngineArgs, SceneArgs};
 use crate::common::{self, Form};
 use crate::score;
 use crate::values::{not_negative, pupil, range};
-use crate::{Failure, progress, tiled};
+use crate::{Failure, progress};
 use clap::Args;
 use eyebox::evaluate::Sums;
 use eyebox::hologram::{Metadata, Patch, Refined, SceneSource, Tiles};
@@ -74,7 +74,7 @@ pub fn run(args: &Refine) -> Result<(), Failure> {
     if let Some(out) = &args.out {
         common::form(out, &[Form::Zarr])?;
     }
-    if tiled::is_tiled(&args.hologram) {
+    if Tiles::is_tiled(&args.hologram) {
         return tiled(args);
     }
     let (mut hologram, display) = score::with_display(&args.hologram)?;
@@ -117,7 +117,7 @@ fn tiled(args: &Refine) -> Result<(), Failure> {
     for i in 0..colors.len() {
         args.pupil.check_within(&about.optics(i)?)?;
     }
-    let scene = tiled::scene_of(&score::as_solved(&args.scene, about), &display, &colors)?;
+    let scene = common::scene_around(&score::as_solved(&args.scene, about), &display, &colors)?;
     let aim = args.aim();
     progress::catch_interrupt();
     let (mut all, mut patches, mut described, mut place) = (Vec::new(), Vec::new(), String::new(), Value::Null);

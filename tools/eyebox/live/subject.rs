@@ -3,11 +3,13 @@
 use crate::args::{DisplayArgs, EngineArgs, SceneArgs};
 use crate::common::{self, Engines};
 use crate::quality::QualityArgs;
-use crate::{Failure, progress, score, solve};
+use crate::solve::Watch;
+use crate::{Failure, progress, score};
 use clap::Args;
 use eyebox::encode::Encoder;
 use eyebox::hologram::{ColorHologram, Hologram};
 use eyebox::optics::{Color, Display, Padding};
+use eyebox::produce::solve_colors;
 use eyebox::quality::Subject;
 use eyebox::scene::LightField;
 use eyebox::session::SteeredColor;
@@ -86,10 +88,11 @@ pub fn load(args: &SubjectArgs, engines: &Engines) -> Result<Steered, Failure> {
         let subject = Subject { field: &field, color: colors[0], display: &display, base, levels };
         eprintln!("solving {} for the whole eyebox: {settings}", args.what);
         progress::catch_interrupt();
-        let solved = solve::solve_colors(&subject, &colors, &settings, engine.as_mut(), false)?;
+        let mut watch = Watch::new(false);
+        let solved = solve_colors(&subject, &colors, &settings, engine.as_mut(), &mut |event| watch.see(event))?;
         let padding =
             if settings.padding != PaddingRule::Never { subject.required_padding()? } else { Padding::default() };
-        let hologram = solve::hologram(&field, &display, &subject.settings(&settings), padding, &solved);
+        let hologram = Hologram::from_solutions(&field, &display, &subject.settings(&settings), padding, &solved)?;
         (hologram, display, field)
     };
     let mut shown = common::display(&args.display)?;

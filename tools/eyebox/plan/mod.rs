@@ -4,7 +4,7 @@ mod check;
 
 use crate::args::Solve;
 use crate::settings::{plan_of, settings_of};
-use crate::{Failure, common, rates};
+use crate::{Failure, common};
 use clap::Args;
 use eyebox::engine::Engine;
 use eyebox::optics::{Color, Display};
@@ -42,7 +42,12 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
     let depth = common::depths(&solve.scene, &field, &display);
     let (settings, chosen) = settings_of(solve, engine.as_ref(), &display, depth, colors.len())?;
     let plan = plan_of(solve, &settings, &field, &display)?;
-    let rates = rates::of(engine.as_mut(), plan.settings.storage, args.time_again, solve.json)?;
+    let timing = |name: &str| {
+        if !solve.json {
+            eprintln!("timing {name}: a few seconds, once");
+        }
+    };
+    let rates = Rates::of(engine.as_mut(), plan.settings.storage, args.time_again, timing)?;
     let forecasts = forecasts(&plan, &field, &display, [program, loading], engine.as_ref(), &rates)?;
     if !solve.json {
         println!("{} on {}, {}x{}", field.name, display.name, display.height, display.width);

@@ -7,7 +7,7 @@ pub use args::Preview;
 
 use crate::args::SceneArgs;
 use crate::common::{self, Form};
-use crate::{Failure, progress, score, tiled, view};
+use crate::{Failure, progress, score, view};
 use eyebox::evaluate::Plane;
 use eyebox::hologram::{Hologram, PhaseSource, SceneSource, Sequence, Tiles};
 use eyebox::optics::{Color, Padding};
@@ -138,7 +138,7 @@ fn scene(args: &Preview, hologram: &Hologram, moves: bool, tiled: bool) -> Resul
     };
     let asked = score::as_solved(&asked, hologram);
     if tiled {
-        return tiled::scene_of(&asked, &display, &colors);
+        return common::scene_around(&asked, &display, &colors);
     }
     Ok(SceneSource::new(common::scene(&asked, &display, &colors)?, &display)?)
 }
