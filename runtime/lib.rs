@@ -8,18 +8,20 @@
 //! | [`files`] | files that appear whole or not at all; `.npy` and PNG |
 //! | [`scene`] | light fields: loading, built-in scenes, depth and disparity, the photograph |
 //! | [`plan`] | what a scene requires, decided once, as plain data |
+//! | [`gpu`] | one Vulkan device, opened once and shared |
 //! | [`engine`] | runs lists of kernels over buffers, on the CPU or on Vulkan |
 //! | [`evaluate`] | PSNR, SSIM, the exposure that compares a hologram with its scene |
 //! | [`solve`] | pupil sampling, the optimisers, the solver: one for every engine |
 //! | [`quality`] | what a solve costs and how good it is: recipes, their judge, which to recommend, what was measured |
 //! | [`hologram`] | phase frames and their file |
 //! | [`tiled`] | far-field holograms larger than memory: region by region, from and to their file |
+//! | [`produce`] | from scenes to holograms: all colours, sequences, tiles; one driver |
 //! | [`encode`] | calibration, levels, packing: phases to what the SLM receives |
-//! | [`playback`] | when what is shown, pacing, streaming from disk, presenters, an account of what was shown |
+//! | [`present`] | video frames to light: windows, direct displays, memory; when what lit up |
+//! | [`session`] | content, an eye and time: what is shown when, streaming, refinement, an account of what was shown |
 //! | [`preview`] | what an eye sees, live, in an ordinary window |
 //! | [`trackers`] | eye trackers: devices, recordings, network, simulated; samples with a steady time |
 //! | [`gaze`] | from a tracker's samples to where the pupil will be, with its uncertainty |
-//! | [`live`] | a hologram that follows the eye while it is shown |
 //!
 //! Comments that say "OPTICS n" mean section n of `docs/optics.md`.
 //!
@@ -30,15 +32,17 @@ pub mod engine;
 pub mod evaluate;
 pub mod files;
 pub mod gaze;
-
+pub mod gpu;
 pub mod hologram;
-pub mod live;
+mod mailbox;
 pub mod optics;
 pub mod plan;
-pub mod playback;
+pub mod present;
 pub mod preview;
+pub mod produce;
 pub mod quality;
 pub mod scene;
+pub mod session;
 pub mod solve;
 pub mod tiled;
 pub mod trackers;

@@ -1,5 +1,6 @@
 //! What can be wrong with a scene.
 
+use crate::optics::OpticsError;
 use std::{io, path::Path};
 
 /// A scene that cannot be loaded: every variant names the file or folder.
@@ -109,6 +110,9 @@ pub enum SceneError {
         /// Their names.
         known: String,
     },
+    /// A colour that the display does not have.
+    #[error(transparent)]
+    Optics(#[from] OpticsError),
     /// A request that no scene can meet.
     #[error("{what} is {value}: it must be {must}")]
     Request {

@@ -4,7 +4,8 @@
 //! at a time; `textbook` is the plain one that a user of the crate writes: rows, transpose, rows, transpose.
 
 use clap::Parser;
-use eyebox::engine::vulkan::{Options, Transforms};
+use eyebox::engine::vulkan::Transforms;
+use eyebox::gpu::{Gpu, Options};
 use eyebox_kernels::Complex32;
 use eyebox_kernels::fft::{Columns, Direction, Plans};
 use rustfft::FftPlanner;
@@ -16,7 +17,9 @@ use std::time::Instant;
 /// textbook: rows, transpose, rows, transpose), in turn; prints the medians, the shortest times (which a busy machine
 /// disturbs least), the ratio of Vulkan's to either, and the power of the difference over that of the result.
 #[derive(Parser)]
-#[command(after_help = "Example: cargo run --release -p eyebox-tools --bin fft-bench -- 2048x2048 1080x1920")]
+#[command(
+    after_help = "Example: cargo run --release -p eyebox-tools --features benches --bin fft-bench -- 2048x2048 1080x1920"
+)]
 struct Arguments {
     /// Sizes as HEIGHTxWIDTH.
     #[arg(default_values = ["512x512", "1080x1920", "2048x2048"], value_parser = size)]
@@ -52,9 +55,10 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
-    let mut transforms =
-        Transforms::open(&Options { device: arguments.device.clone(), allow_cpu: true, ..Options::default() })?;
-    println!("{}", transforms.device());
+    let options = Options { device: arguments.device.clone(), allow_cpu: true, ..Options::default() };
+    let gpu = Gpu::open(&options)?;
+    let mut transforms = Transforms::new(&gpu)?;
+    println!("{}", gpu.report().name);
     let twin = Plans::default();
     for &(h, w) in &arguments.sizes {
         let frame: Vec<Complex32> = (0..h * w).map(|i| Complex32::new((i % 17) as f32, (i % 23) as f32)).collect();

@@ -6,15 +6,11 @@
 //! its pipeline. Rows of frames on the device are padded to whole words, four pixels of the SLM each.
 
 use super::super::EngineError;
-use super::device::Block;
-use super::devices::DeviceReport;
-use super::engine::Options;
-use super::gpu::Gpu;
 use super::layout::{Layout, Value};
-use super::pipelines::Pipeline;
+use crate::gpu::{Block, Commands, Gpu, PhasesOnDevice, Pictures, Pipeline, PixelOrder};
 use eyebox_kernels::encode::{Args, Levels, Part, Plan};
+use eyebox_kernels::pixels;
 use eyebox_spirv as spirv;
-use std::sync::{Arc, Mutex};
 
 /// Sub-frames that an entry can tell apart, and entries of a run: constants of the shader.
 const MOST: usize = 256;
@@ -27,7 +23,8 @@ const ACROSS: u32 = 65535;
 
 /// One colour's buffers.
 struct Ink {
-    phases: Block,
+    /// Those that the host uploads, once it did.
+    phases: Option<Block>,
     /// A block of nothing where there are none.
     offsets: Block,
     table: Block,
@@ -75,28 +72,27 @@ pub struct VulkanEncoder {
     /// Video frames with padded rows, as they come from the device.
     padded: Vec<u8>,
     seconds: f64,
-    gpu: Gpu,
+    gpu: Commands,
 }
 
 impl VulkanEncoder {
-    /// Opens a device and makes the buffers and pipelines for sets of this plan.
+    /// Makes the buffers and pipelines for sets of this plan on a device.
     ///
     /// # Errors
-    /// No device; one whose kernels cannot see a whole sub-frame or video frame; out of memory.
-    pub fn open(options: &Options, plan: &Plan) -> Result<Self, EngineError> {
-        Self::on(Gpu::open(options)?, plan)
+    /// A device whose kernels cannot see a whole sub-frame or video frame; out of memory.
+    pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self, EngineError> {
+        Self::on(Commands::new(gpu)?, plan)
     }
 
     /// The same, with transfers as on a device that has its memory for itself.
     #[cfg(test)]
-    pub(crate) fn open_staged(options: &Options, plan: &Plan) -> Result<Self, EngineError> {
-        let mut gpu = Gpu::open(options)?;
+    pub(crate) fn staged(gpu: &Gpu, plan: &Plan) -> Result<Self, EngineError> {
+        let mut gpu = Commands::new(gpu)?;
         gpu.in_place = false;
         Self::on(gpu, plan)
     }
 
-    /// On an open device.
-    pub(super) fn on(mut gpu: Gpu, plan: &Plan) -> Result<Self, EngineError> {
+    pub(super) fn on(mut gpu: Commands, plan: &Plan) -> Result<Self, EngineError> {
         let args = plan.args;
         let pixels = args.height as usize * args.width as usize;
         let row_words = (args.channels * args.cell_columns * args.width.div_ceil(4)) as usize;
@@ -127,7 +123,7 @@ impl VulkanEncoder {
             let has_offsets = u32::from(!color.offsets.is_empty());
             let constants = [args.channels, kind, has_offsets, args.cell_rows, args.cell_columns, levels];
             inks.push(Ink {
-                phases: gpu.block(input.bytes(), "phases")?,
+                phases: None,
                 offsets: gpu.filled(bytemuck::cast_slice(&color.offsets), "offsets")?,
                 table: gpu.filled(table, "a table of levels")?,
                 constants,
@@ -187,13 +183,8 @@ impl VulkanEncoder {
     }
 
     /// The device.
-    pub fn device(&self) -> &DeviceReport {
-        self.gpu.report()
-    }
-
-    /// What the validation layer says, from the opening of the device to its closing: keep it to hear the last words.
-    pub fn messages(&self) -> Arc<Mutex<Vec<String>>> {
-        self.gpu.messages()
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu.shared
     }
 
     /// Seconds that the kernel took over the last set, without transfers; 0 where the device tells no time.
@@ -212,7 +203,11 @@ impl VulkanEncoder {
             return Err(EngineError::Mismatch { reason });
         }
         for (ink, phases) in self.inks.iter_mut().zip(phases) {
-            self.gpu.put(&mut ink.phases, bytemuck::cast_slice(phases), self.input.pieces())?;
+            if ink.phases.is_none() {
+                ink.phases = Some(self.gpu.block(self.input.bytes(), "phases")?);
+            }
+            let Some(block) = &mut ink.phases else { continue };
+            self.gpu.put(block, bytemuck::cast_slice(phases), self.input.pieces())?;
         }
         Ok(())
     }
@@ -220,8 +215,27 @@ impl VulkanEncoder {
     /// Encodes the set that was uploaded last; the video frames stay on the device.
     ///
     /// # Errors
-    /// A lost device.
+    /// [`EngineError::Mismatch`] where none was uploaded; a lost device.
     pub fn encode_uploaded(&mut self) -> Result<(), EngineError> {
+        self.run(None)
+    }
+
+    /// Encodes phases that are on this device, colour by colour; the video frames stay there too.
+    ///
+    /// # Errors
+    /// [`EngineError::Mismatch`] for phases of another shape or another device; a lost device.
+    pub fn encode_on_device(&mut self, phases: &[PhasesOnDevice<'_>]) -> Result<(), EngineError> {
+        let Layout { frames, values, .. } = self.input;
+        let fits = |p: &PhasesOnDevice<'_>| (p.frames, p.values) == (frames, values) && p.block.is_on(&self.gpu.device);
+        if phases.len() != self.inks.len() || !phases.iter().all(fits) {
+            let reason = format!("a set has {} colours of {frames} x {values} phases on one device", self.inks.len());
+            return Err(EngineError::Mismatch { reason });
+        }
+        self.run(Some(phases))
+    }
+
+    /// `given`: phases on the device; those that were uploaded if there are none.
+    fn run(&mut self, given: Option<&[PhasesOnDevice<'_>]>) -> Result<(), EngineError> {
         let Self { inks, frames, runs, input, output, args, cells, gpu, .. } = self;
         gpu.recorder.begin(1)?;
         // A frame that nothing is put into.
@@ -246,8 +260,14 @@ impl VulkanEncoder {
                 let mut push = [0u32; 12];
                 push[..11].copy_from_slice(bytemuck::cast_slice(std::slice::from_ref(args)));
                 push[11] = *cells;
+                let phases = match given {
+                    Some(given) => Some(given[run.color].block),
+                    None => ink.phases.as_ref(),
+                };
+                let phases =
+                    phases.ok_or_else(|| EngineError::Mismatch { reason: "no phases were uploaded".into() })?;
                 let buffers = [
-                    input.range(&ink.phases, run.first, run.count),
+                    input.range(phases, run.first, run.count),
                     ink.offsets.all(),
                     ink.table.all(),
                     output.range(frames, run.video_frame, 1),
@@ -258,6 +278,53 @@ impl VulkanEncoder {
         gpu.recorder.mark(0);
         let times = gpu.recorder.submit("encode")?;
         self.seconds = times.first().map_or(0.0, |t| t.1);
+        Ok(())
+    }
+
+    /// Room on the device for the video frames of a set as pixels, for its swapchains.
+    ///
+    /// # Errors
+    /// A video frame that is larger than a kernel may see; out of memory.
+    pub fn pictures(&self, order: PixelOrder) -> Result<Pictures, EngineError> {
+        let size = [self.args.video_height(), self.args.video_width()];
+        Pictures::new(&self.gpu, self.output.frames, size, order)
+    }
+
+    /// Makes pixels of the video frames that were encoded last, on the device.
+    ///
+    /// # Errors
+    /// [`EngineError::Mismatch`] for pictures of another encoder, or that are still read; a lost device.
+    pub fn draw(&mut self, pictures: &mut Pictures) -> Result<(), EngineError> {
+        let Self { frames, output, args, gpu, .. } = self;
+        let [height, width] = [args.video_height(), args.video_width()];
+        let fits = (pictures.count(), pictures.size()) == (output.frames, [height, width]);
+        if !fits || pictures.in_use() || !pictures.block.is_on(&gpu.device) {
+            return Err(EngineError::Mismatch {
+                reason: "these pictures are another encoder's, or still shown".into(),
+            });
+        }
+        let pipeline = gpu.pipeline(&spirv::PIXELS, 2, &[])?;
+        let push = pixels::Args {
+            height: height as u32,
+            width: width as u32,
+            row: (4 * output.values / height.max(1)) as u32,
+            channels: args.channels,
+            blue_first: u32::from(pictures.order() == PixelOrder::Bgra),
+        };
+        gpu.recorder.begin(0)?;
+        gpu.recorder.barrier();
+        for frame in 0..output.frames {
+            let to = pictures.block.range(frame as u64 * pictures.step, pictures.step);
+            let groups = [push.width.div_ceil(WIDTH), push.height.min(ROWS), 1];
+            gpu.recorder.dispatch(
+                pipeline,
+                &[output.range(frames, frame, 1), to],
+                bytemuck::bytes_of(&push),
+                groups,
+            )?;
+        }
+        gpu.recorder.submit("pixels")?;
+        pictures.ready = Some(gpu.recorder.last());
         Ok(())
     }
 

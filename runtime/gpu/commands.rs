@@ -1,0 +1,225 @@
+//! What a user of a device does with it: make a block, fill it, run recorded kernels, read it.
+
+use super::block::Block;
+use super::counters::add;
+use super::device::Device;
+use super::devices::{DeviceReport, Limits};
+use super::error::EngineError;
+use super::open::Gpu;
+use super::pipelines::Pipeline;
+use super::recorder::{Piece, Recorder};
+use eyebox_spirv::Module;
+use gpu_allocator::MemoryLocation;
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// Bytes that pass between host and device at once.
+const STAGE: u64 = 32 << 20;
+
+/// What one user of a device has for itself.
+pub(crate) struct Commands {
+    // In the order in which they are dropped: what is recorded before what it uses, the device last.
+    pub(crate) recorder: Recorder,
+    up: Option<Block>,
+    down: Option<Block>,
+    /// Kept from transfer to transfer, so that none allocates.
+    batch: Vec<Piece>,
+    /// The device's limits; a test may make them smaller.
+    pub(crate) limits: Limits,
+    /// Memory that is the host's too is written and read in place; a test may have it staged all the same.
+    pub(crate) in_place: bool,
+    pub(crate) device: Arc<Device>,
+    pub(crate) shared: Gpu,
+}
+
+impl Commands {
+    /// For one more user of a device.
+    pub(crate) fn new(gpu: &Gpu) -> Result<Self, EngineError> {
+        let (shared, device) = (gpu.clone(), Arc::clone(&gpu.device));
+        let (recorder, batch, limits) = (Recorder::new(&device)?, Vec::with_capacity(64), device.report.limits);
+        Ok(Self { recorder, up: None, down: None, batch, limits, in_place: true, device, shared })
+    }
+
+    pub(crate) fn limits(&self) -> &Limits {
+        &self.limits
+    }
+
+    pub(crate) fn report(&self) -> &DeviceReport {
+        &self.device.report
+    }
+
+    /// A block in the device's own memory, not yet filled.
+    pub(crate) fn block(&self, size: u64, what: &str) -> Result<Block, EngineError> {
+        Block::new(&self.device, size, MemoryLocation::GpuOnly, what)
+    }
+
+    /// A block in the device's own memory that holds `data`.
+    pub(crate) fn filled(&mut self, data: &[u8], what: &str) -> Result<Block, EngineError> {
+        let block = self.block(data.len() as u64, what)?;
+        self.upload(&block, data, [(0, 0, data.len() as u64)])?;
+        Ok(block)
+    }
+
+    /// The pipeline of a module.
+    pub(crate) fn pipeline(
+        &mut self,
+        module: &'static Module,
+        bindings: u32,
+        constants: &[u32],
+    ) -> Result<Pipeline, EngineError> {
+        self.device.pipeline(module, bindings, constants)
+    }
+
+    /// Copies pieces of `data`, multiples of 4 bytes, into a block: by the host where the memory is the host's too, on
+    /// all cores.
+    pub(crate) fn put(
+        &mut self,
+        to: &mut Block,
+        data: &[u8],
+        pieces: impl IntoIterator<Item = Piece>,
+    ) -> Result<(), EngineError> {
+        if !(self.in_place && to.is_the_hosts_too()) {
+            return self.upload(to, data, pieces);
+        }
+        let bytes = to.bytes_mut();
+        for (from, to, size) in pieces {
+            add(&self.device.counters.uploaded, size);
+            copy(&mut bytes[to as usize..][..size as usize], &data[from as usize..][..size as usize]);
+        }
+        Ok(())
+    }
+
+    /// Copies pieces of a block, multiples of 4 bytes, into `data`: as [`put`](Self::put) does.
+    pub(crate) fn fetch(
+        &mut self,
+        from: &Block,
+        data: &mut [u8],
+        pieces: impl IntoIterator<Item = Piece>,
+    ) -> Result<(), EngineError> {
+        if !(self.in_place && from.is_the_hosts_too()) {
+            return self.download(from, data, pieces);
+        }
+        let bytes = from.bytes();
+        for (from, to, size) in pieces {
+            add(&self.device.counters.read_back, size);
+            copy(&mut data[to as usize..][..size as usize], &bytes[from as usize..][..size as usize]);
+        }
+        Ok(())
+    }
+
+    /// Copies pieces of `data`, multiples of 4 bytes, into a block, and waits.
+    pub(crate) fn upload(
+        &mut self,
+        to: &Block,
+        data: &[u8],
+        pieces: impl IntoIterator<Item = Piece>,
+    ) -> Result<(), EngineError> {
+        let mut stage = match self.up.take() {
+            Some(stage) => stage,
+            None => Block::new(&self.device, STAGE, MemoryLocation::CpuToGpu, "staging")?,
+        };
+        let result = batches(pieces, &mut self.batch, |batch| {
+            for ((from, _, size), at) in staged(batch) {
+                add(&self.device.counters.uploaded, size);
+                stage.bytes_mut()[at as usize..][..size as usize]
+                    .copy_from_slice(&data[from as usize..][..size as usize]);
+            }
+            self.recorder.begin(0)?;
+            self.recorder.copy(&stage, to, staged(batch).map(|((_, to, size), at)| (at, to, size)));
+            self.recorder.submit("an upload").map(drop)
+        });
+        self.up = Some(stage);
+        result
+    }
+
+    /// Copies pieces of a block, multiples of 4 bytes, into `data`.
+    pub(crate) fn download(
+        &mut self,
+        from: &Block,
+        data: &mut [u8],
+        pieces: impl IntoIterator<Item = Piece>,
+    ) -> Result<(), EngineError> {
+        let stage = match self.down.take() {
+            Some(stage) => stage,
+            None => Block::new(&self.device, STAGE, MemoryLocation::GpuToCpu, "staging")?,
+        };
+        let result = batches(pieces, &mut self.batch, |batch| {
+            self.recorder.begin(0)?;
+            self.recorder.copy(from, &stage, staged(batch).map(|((from, _, size), at)| (from, at, size)));
+            self.recorder.submit("a download")?;
+            for ((_, to, size), at) in staged(batch) {
+                add(&self.device.counters.read_back, size);
+                data[to as usize..][..size as usize].copy_from_slice(&stage.bytes()[at as usize..][..size as usize]);
+            }
+            Ok(())
+        });
+        self.down = Some(stage);
+        result
+    }
+}
+
+/// Bytes that a thread copies at once.
+const PART: usize = 256 << 10;
+
+/// Copies on all cores.
+fn copy(to: &mut [u8], from: &[u8]) {
+    to.par_chunks_mut(PART).zip(from.par_chunks(PART)).for_each(|(to, from)| to.copy_from_slice(from));
+}
+
+/// The pieces of a batch, one behind the other on the stage: each with its place there.
+fn staged(batch: &[Piece]) -> impl Iterator<Item = (Piece, u64)> {
+    batch.iter().scan(0, |end, piece| {
+        let at = *end;
+        *end += piece.2;
+        Some((*piece, at))
+    })
+}
+
+/// Cuts the pieces so that each batch fits the stage. `batch`: room for one.
+fn batches(
+    pieces: impl IntoIterator<Item = Piece>,
+    batch: &mut Vec<Piece>,
+    mut run: impl FnMut(&[Piece]) -> Result<(), EngineError>,
+) -> Result<(), EngineError> {
+    batch.clear();
+    let mut held = 0;
+    for (mut from, mut to, mut size) in pieces {
+        while size > 0 {
+            let part = size.min(STAGE - held);
+            batch.push((from, to, part));
+            (from, to, size, held) = (from + part, to + part, size - part, held + part);
+            if held == STAGE {
+                run(batch)?;
+                batch.clear();
+                held = 0;
+            }
+        }
+    }
+    if batch.is_empty() { Ok(()) } else { run(batch) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn batches_hold_everything_once_and_fit_the_stage() {
+        let pieces = [(0, 7, 5), (5, 100, 2 * STAGE + 3), (3 * STAGE, 0, 0), (4 * STAGE, 9 * STAGE, STAGE)];
+        let mut seen = Vec::new();
+        batches(pieces, &mut Vec::new(), |batch| {
+            assert!(batch.iter().map(|p| p.2).sum::<u64>() <= STAGE);
+            seen.extend_from_slice(batch);
+            Ok(())
+        })
+        .unwrap();
+        // Joined again, they are what was given.
+        let mut joined: Vec<(u64, u64, u64)> = Vec::new();
+        for p in seen {
+            match joined.last_mut() {
+                Some(l) if l.0 + l.2 == p.0 && l.1 + l.2 == p.1 => l.2 += p.2,
+                _ => joined.push(p),
+            }
+        }
+        assert_eq!(joined, pieces.into_iter().filter(|p| p.2 > 0).collect::<Vec<_>>());
+    }
+}

@@ -1,0 +1,320 @@
+//! Which devices there are, whether they can run the kernels, and which one is taken.
+
+use super::error::EngineError;
+use super::instance::{BASELINE, Instance, has, version_text};
+use ash::{khr, vk};
+
+/// Kinds of device, best first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum DeviceKind {
+    /// A GPU with memory of its own.
+    Discrete,
+    /// A GPU that shares the CPU's memory.
+    Integrated,
+    /// A GPU of a virtual machine.
+    Virtual,
+    /// Something else.
+    Other,
+    /// A software Vulkan, which runs on the CPU: taken only when it is asked for.
+    Cpu,
+}
+
+impl std::fmt::Display for DeviceKind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Discrete => "discrete GPU",
+            Self::Integrated => "integrated GPU",
+            Self::Virtual => "virtual GPU",
+            Self::Other => "other device",
+            Self::Cpu => "software on the CPU",
+        })
+    }
+}
+
+/// What a device's driver allows, as far as the kernels care. Sizes in bytes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limits {
+    /// Largest range that a kernel may see of one buffer.
+    pub storage_range: u64,
+    /// Where such a range may start.
+    pub offset_alignment: u64,
+    /// Memory shared by a workgroup.
+    pub shared_memory: u32,
+    /// Invocations in a workgroup.
+    pub invocations: u32,
+    /// Workgroups in a dispatch, per axis.
+    pub groups: [u32; 3],
+    /// Buffers that a kernel may see.
+    pub buffers: u32,
+    /// Invocations that run in step, at which kernels are never allowed to guess.
+    pub subgroup: u32,
+    /// Largest single allocation.
+    pub allocation: u64,
+    /// Memory of its own, or what it may use of the host's as if it were: its largest heap that is `DEVICE_LOCAL`.
+    pub memory: u64,
+    /// Nanoseconds per tick of the timestamps, 0 if there are none.
+    pub timestamp_period: f32,
+}
+
+/// One device, and whether it can be used.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DeviceReport {
+    /// Its number, by which it can be chosen.
+    pub index: usize,
+    /// Its name, by any part of which it can be chosen.
+    pub name: String,
+    /// Its kind.
+    pub kind: DeviceKind,
+    /// Its driver and the driver's version.
+    pub driver: String,
+    /// The Vulkan that it speaks, as `1.3.230`.
+    pub api: String,
+    /// What it allows.
+    pub limits: Limits,
+    /// Why it cannot be used, if it cannot.
+    pub usable: Result<(), String>,
+}
+
+/// A device with what is needed to open it.
+pub(crate) struct Candidate {
+    pub(crate) raw: vk::PhysicalDevice,
+    pub(crate) report: DeviceReport,
+    pub(crate) family: u32,
+    /// Where pictures are presented, if that was wanted and it can do it: the family, and which of its queues.
+    pub(crate) present: Option<(u32, u32)>,
+    pub(crate) synchronization2: bool,
+    pub(crate) portability_subset: bool,
+}
+
+/// All devices that the loader finds, usable or not.
+///
+/// # Errors
+/// No loader, or one that is too old.
+pub fn devices() -> Result<Vec<DeviceReport>, EngineError> {
+    let instance = Instance::open(false, false)?;
+    Ok(candidates(&instance, false)?.into_iter().map(|c| c.report).collect())
+}
+
+/// `present`: they are to show pictures, where they can.
+pub(crate) fn candidates(instance: &Instance, present: bool) -> Result<Vec<Candidate>, EngineError> {
+    // SAFETY: the instance is valid.
+    let all = unsafe { instance.raw.enumerate_physical_devices() }
+        .map_err(|e| EngineError::NoDevice { reason: format!("the devices could not be listed ({e:?})") })?;
+    let shows = |c: Candidate| Candidate { present: c.present.filter(|_| present), ..c };
+    Ok(all.into_iter().enumerate().map(|(index, raw)| shows(inspect(instance, index, raw, None))).collect())
+}
+
+/// `family`: the only one that there is, if the device is open already.
+pub(crate) fn inspect(instance: &Instance, index: usize, raw: vk::PhysicalDevice, only: Option<u32>) -> Candidate {
+    let vulkan = &instance.raw;
+    let (mut driver, mut subgroup, mut maintenance) = Default::default();
+    // SAFETY: `raw` is a device of this instance.
+    let basic = unsafe { vulkan.get_physical_device_properties(raw) };
+    let modern = basic.api_version >= BASELINE;
+    read_properties(vulkan, raw, modern, &mut driver, &mut subgroup, &mut maintenance);
+    let mut features12 = vk::PhysicalDeviceVulkan12Features::default();
+    let mut features2 = vk::PhysicalDeviceSynchronization2Features::default();
+    // SAFETY: as above.
+    let (queues, memory, extensions) = unsafe {
+        (
+            vulkan.get_physical_device_queue_family_properties(raw),
+            vulkan.get_physical_device_memory_properties(raw),
+            vulkan.enumerate_device_extension_properties(raw).unwrap_or_default(),
+        )
+    };
+    let synchronization2 = modern && has(&extensions, khr::synchronization2::NAME);
+    if modern {
+        let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut features12);
+        if synchronization2 {
+            features = features.push_next(&mut features2);
+        }
+        // SAFETY: the chain holds structures that a 1.2 device (with that extension) knows.
+        unsafe { vulkan.get_physical_device_features2(raw, &mut features) };
+    }
+    // A queue that only computes does not compete with a desktop's drawing.
+    let computes = |q: &vk::QueueFamilyProperties| q.queue_flags.contains(vk::QueueFlags::COMPUTE) && q.queue_count > 0;
+    let draws = |q: &vk::QueueFamilyProperties| q.queue_flags.contains(vk::QueueFlags::GRAPHICS);
+    let best = queues
+        .iter()
+        .position(|q| computes(q) && !draws(q) && q.timestamp_valid_bits > 0)
+        .or_else(|| queues.iter().position(computes));
+    let family = only.map(|f| f as usize).filter(|f| queues.get(*f).is_some_and(computes)).or(best);
+    // Another queue if there is one: a picture does not wait for a kernel.
+    let present = queues.iter().position(draws).filter(|_| has(&extensions, khr::swapchain::NAME));
+    let present = present.map(|p| (p as u32, u32::from(Some(p) == family && queues[p].queue_count > 1)));
+    let local = vk::MemoryPropertyFlags::DEVICE_LOCAL;
+    let types = &memory.memory_types[..memory.memory_type_count as usize];
+    let has_type = |heap: u32| types.iter().any(|t| t.heap_index == heap && t.property_flags.contains(local));
+    let limits = Limits {
+        storage_range: u64::from(basic.limits.max_storage_buffer_range),
+        offset_alignment: basic.limits.min_storage_buffer_offset_alignment.max(4),
+        shared_memory: basic.limits.max_compute_shared_memory_size,
+        invocations: basic.limits.max_compute_work_group_invocations.min(basic.limits.max_compute_work_group_size[0]),
+        groups: basic.limits.max_compute_work_group_count,
+        buffers: basic.limits.max_per_stage_descriptor_storage_buffers,
+        subgroup: subgroup.subgroup_size,
+        allocation: if modern { maintenance.max_memory_allocation_size } else { 0 },
+        memory: memory.memory_heaps[..memory.memory_heap_count as usize]
+            .iter()
+            .enumerate()
+            .filter(|(i, h)| h.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL) && has_type(*i as u32))
+            .map(|(_, h)| h.size)
+            .max()
+            .unwrap_or(0),
+        timestamp_period: match family {
+            Some(f) if queues[f].timestamp_valid_bits > 0 => basic.limits.timestamp_period,
+            _ => 0.0,
+        },
+    };
+    let usable = if !modern {
+        Err(format!("it speaks Vulkan {}, 1.2 is needed", version_text(basic.api_version)))
+    } else if family.is_none() {
+        Err("it has no queue that computes".into())
+    } else if features12.timeline_semaphore == vk::FALSE {
+        Err("it has no timeline semaphores".into())
+    } else {
+        check(&limits)
+    };
+    let text = |s: Result<&std::ffi::CStr, _>| s.map_or_else(|_| String::new(), |s| s.to_string_lossy().into_owned());
+    let report = DeviceReport {
+        index,
+        name: text(basic.device_name_as_c_str()),
+        kind: match basic.device_type {
+            vk::PhysicalDeviceType::DISCRETE_GPU => DeviceKind::Discrete,
+            vk::PhysicalDeviceType::INTEGRATED_GPU => DeviceKind::Integrated,
+            vk::PhysicalDeviceType::VIRTUAL_GPU => DeviceKind::Virtual,
+            vk::PhysicalDeviceType::CPU => DeviceKind::Cpu,
+            _ => DeviceKind::Other,
+        },
+        driver: format!("{} {}", text(driver.driver_name_as_c_str()), text(driver.driver_info_as_c_str())),
+        api: version_text(basic.api_version),
+        limits,
+        usable,
+    };
+    Candidate {
+        raw,
+        report,
+        family: family.unwrap_or(0) as u32,
+        present,
+        synchronization2: features2.synchronization2 == vk::TRUE,
+        portability_subset: has(&extensions, khr::portability_subset::NAME),
+    }
+}
+
+fn read_properties(
+    vulkan: &ash::Instance,
+    raw: vk::PhysicalDevice,
+    modern: bool,
+    driver: &mut vk::PhysicalDeviceDriverProperties<'static>,
+    subgroup: &mut vk::PhysicalDeviceSubgroupProperties<'static>,
+    maintenance: &mut vk::PhysicalDeviceMaintenance3Properties<'static>,
+) {
+    if !modern {
+        return;
+    }
+    let mut properties =
+        vk::PhysicalDeviceProperties2::default().push_next(driver).push_next(subgroup).push_next(maintenance);
+    // SAFETY: the chain holds structures that a 1.2 device knows.
+    unsafe { vulkan.get_physical_device_properties2(raw, &mut properties) };
+    // The chain pointed into each other's borrows, which end here.
+    (driver.p_next, subgroup.p_next, maintenance.p_next) =
+        (std::ptr::null_mut(), std::ptr::null_mut(), std::ptr::null_mut());
+}
+
+/// What the kernels need beyond what every Vulkan device has.
+fn check(limits: &Limits) -> Result<(), String> {
+    let at_least = |what: &str, has: u64, needed: u64| {
+        if has >= needed { Ok(()) } else { Err(format!("{what} is {has}, {needed} is needed")) }
+    };
+    at_least("the storage buffer range", limits.storage_range, 1 << 27)?;
+    at_least("the workgroup's shared memory", limits.shared_memory.into(), 16 << 10)?;
+    at_least("the number of invocations in a workgroup", limits.invocations.into(), 128)?;
+    at_least("the number of storage buffers of a kernel", limits.buffers.into(), 4)?;
+    if limits.memory > 0 { Ok(()) } else { Err("it has no memory that is DEVICE_LOCAL".into()) }
+}
+
+/// The device that `wanted` names (its number, or a part of its name), or the best one.
+pub(crate) fn choose(mut all: Vec<Candidate>, wanted: Option<&str>, allow_cpu: bool) -> Result<Candidate, EngineError> {
+    if all.is_empty() {
+        return Err(EngineError::NoDevice { reason: "the loader works, and no driver offers a device".into() });
+    }
+    let reports: Vec<&DeviceReport> = all.iter().map(|c| &c.report).collect();
+    let at = pick(&reports, wanted, allow_cpu)?;
+    Ok(all.swap_remove(at))
+}
+
+/// Which of these is taken: discrete before integrated before virtual, software only when asked for.
+fn pick(all: &[&DeviceReport], wanted: Option<&str>, allow_cpu: bool) -> Result<usize, EngineError> {
+    let refuse =
+        |r: &DeviceReport, reason: &str| EngineError::Unsuitable { device: r.name.clone(), reason: reason.to_owned() };
+    if let Some(wanted) = wanted {
+        let lower = wanted.to_lowercase();
+        let found = match wanted.parse::<usize>() {
+            Ok(index) => all.iter().position(|r| r.index == index),
+            Err(_) => all.iter().position(|r| r.name.to_lowercase().contains(&lower)),
+        };
+        let names = || all.iter().map(|r| format!("{}: {}", r.index, r.name)).collect::<Vec<_>>().join(", ");
+        let at = found.ok_or_else(|| EngineError::NoDevice {
+            reason: format!("none is called {wanted:?} (there are {})", names()),
+        })?;
+        return all[at].usable.clone().map(|()| at).map_err(|reason| refuse(all[at], &reason));
+    }
+    let usable = |r: &DeviceReport| r.usable.is_ok() && (allow_cpu || r.kind != DeviceKind::Cpu);
+    let best = all.iter().enumerate().filter(|(_, r)| usable(r)).min_by_key(|(_, r)| r.kind);
+    best.map(|(at, _)| at).ok_or_else(|| {
+        let why = |r: &&DeviceReport| match &r.usable {
+            Err(reason) => format!("{}: {reason}", r.name),
+            Ok(()) => format!("{}: {}, taken only when it is asked for", r.name, r.kind),
+        };
+        EngineError::NoDevice { reason: all.iter().map(why).collect::<Vec<_>>().join("; ") }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn report(index: usize, name: &str, kind: DeviceKind, usable: Result<(), String>) -> DeviceReport {
+        let limits = Limits {
+            storage_range: 1 << 27,
+            offset_alignment: 16,
+            shared_memory: 32 << 10,
+            invocations: 1024,
+            groups: [65535; 3],
+            buffers: 16,
+            subgroup: 8,
+            allocation: 1 << 31,
+            memory: 1 << 31,
+            timestamp_period: 1.0,
+        };
+        DeviceReport { index, name: name.into(), kind, driver: String::new(), api: "1.2.0".into(), limits, usable }
+    }
+
+    #[test]
+    fn a_real_gpu_comes_first_and_software_only_when_asked_for() {
+        let software = report(0, "llvmpipe", DeviceKind::Cpu, Ok(()));
+        let small = report(1, "Onboard", DeviceKind::Integrated, Ok(()));
+        let big = report(2, "Big", DeviceKind::Discrete, Ok(()));
+        let broken = report(3, "Broken", DeviceKind::Discrete, Err("too small".into()));
+        let all = [&software, &small, &big, &broken];
+        assert_eq!(pick(&all, None, true).unwrap(), 2);
+        assert_eq!(pick(&all[..2], None, true).unwrap(), 1);
+        assert_eq!(pick(&all[..1], None, true).unwrap(), 0);
+        assert_eq!(pick(&all, Some("PIPE"), false).unwrap(), 0);
+        assert_eq!(pick(&all, Some("1"), false).unwrap(), 1);
+        let refused = pick(&all[..1], None, false).unwrap_err().to_string();
+        assert!(refused.contains("llvmpipe") && refused.contains("asked for"), "{refused}");
+        assert!(pick(&all, Some("Broken"), false).unwrap_err().to_string().contains("too small"));
+        assert!(pick(&all, Some("nothing"), false).unwrap_err().to_string().contains("Onboard"));
+    }
+
+    #[test]
+    fn a_limit_that_is_too_small_is_named() {
+        let mut limits = report(0, "", DeviceKind::Cpu, Ok(())).limits;
+        assert_eq!(check(&limits), Ok(()));
+        limits.shared_memory = 8 << 10;
+        assert!(check(&limits).unwrap_err().contains("shared memory is 8192, 16384 is needed"));
+        let without = Limits { memory: 0, shared_memory: 16 << 10, ..limits };
+        assert!(check(&without).unwrap_err().contains("DEVICE_LOCAL"));
+    }
+}

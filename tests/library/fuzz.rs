@@ -1,0 +1,341 @@
+//! What parses bytes, given wrong bytes: an error or a result, never a panic, and never numbers that are none.
+//!
+//! Each subject starts from sound files and lets proptest damage them, so that a fault is shrunk to few edits. A short
+//! run is part of the tests; `EYEBOX_FUZZ_SECONDS=3600 cargo test --release -p eyebox-tests --test library fuzz::` goes on for that
+//! long in every subject, each on a thread of its own, with new seeds every time.
+
+use eyebox::hologram::{self, ColorHologram, Hologram};
+use eyebox::optics::{Color, Display, Optics, Pupil, WindowFactor};
+use eyebox::plan::{Comparison, Planner, ViewLayout};
+use eyebox::scene::{self, Pyramid, Request, ViewGrid};
+use proptest::prelude::*;
+use proptest::test_runner::{Config, TestCaseError, TestRunner};
+use std::fs;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// One damage to a file's bytes; places are shares of its length.
+#[derive(Debug, Clone)]
+enum Edit {
+    Set(f64, u8),
+    Flip(f64, u8),
+    Remove(f64, usize),
+    Insert(f64, Vec<u8>),
+    Copy(f64, f64, usize),
+    Cut(f64),
+    /// A 32-bit number of the kind that overflows.
+    Number(f64, u32),
+    /// A number in text, replaced.
+    Digits(f64, String),
+}
+
+fn edit() -> impl Strategy<Value = Edit> {
+    let at = 0.0..1.0f64;
+    let odd = prop::sample::select(vec![0u32, 1, 0x7fff_ffff, 0x8000_0000, 0xffff_ffff, 0x0001_0000, 0xff00_0000]);
+    let digits = prop::sample::select(
+        ["0", "-1", "1e400", "NaN", "18446744073709551616", "4294967296", "0.0", "-0", "[]", "null", "\"", "1e-300"]
+            .map(String::from)
+            .to_vec(),
+    );
+    prop_oneof![
+        (at.clone(), any::<u8>()).prop_map(|(a, v)| Edit::Set(a, v)),
+        (at.clone(), 0..8u8).prop_map(|(a, v)| Edit::Flip(a, v)),
+        (at.clone(), 1..64usize).prop_map(|(a, n)| Edit::Remove(a, n)),
+        (at.clone(), prop::collection::vec(any::<u8>(), 1..24)).prop_map(|(a, v)| Edit::Insert(a, v)),
+        (at.clone(), 0.0..1.0f64, 1..64usize).prop_map(|(a, b, n)| Edit::Copy(a, b, n)),
+        at.clone().prop_map(Edit::Cut),
+        (at.clone(), odd).prop_map(|(a, v)| Edit::Number(a, v)),
+        (at, digits).prop_map(|(a, v)| Edit::Digits(a, v)),
+    ]
+}
+
+fn damage(mut bytes: Vec<u8>, edits: &[Edit]) -> Vec<u8> {
+    for edit in edits {
+        let n = bytes.len();
+        let place = |share: f64| ((share * n as f64) as usize).min(n.saturating_sub(1));
+        if n == 0 {
+            break;
+        }
+        match edit {
+            Edit::Set(at, value) => bytes[place(*at)] = *value,
+            Edit::Flip(at, bit) => bytes[place(*at)] ^= 1 << bit,
+            Edit::Remove(at, count) => drop(bytes.drain(place(*at)..(place(*at) + count).min(n))),
+            Edit::Insert(at, more) => drop(bytes.splice(place(*at)..place(*at), more.iter().copied())),
+            Edit::Copy(from, to, count) => {
+                let part = bytes[place(*from)..(place(*from) + count).min(n)].to_vec();
+                bytes.splice(place(*to)..place(*to), part);
+            }
+            Edit::Cut(at) => bytes.truncate(place(*at)),
+            Edit::Number(at, value) => {
+                let at = place(*at);
+                let value = value.to_le_bytes();
+                (at..(at + 4).min(n)).zip(value).for_each(|(i, v)| bytes[i] = v);
+            }
+            Edit::Digits(at, text) => {
+                // The next run of digits from there on.
+                let start = (place(*at)..n).find(|&i| bytes[i].is_ascii_digit()).unwrap_or(n);
+                let end = (start..n).find(|&i| !bytes[i].is_ascii_digit()).unwrap_or(n);
+                bytes.splice(start..end, text.bytes());
+            }
+        }
+    }
+    bytes
+}
+
+/// Runs cases until the time is up; shrinks the first fault.
+fn fuzz<S: Strategy>(name: &str, cases: S, check: impl Fn(S::Value) -> Result<(), TestCaseError>) {
+    let seconds = std::env::var("EYEBOX_FUZZ_SECONDS").ok().and_then(|s| s.parse::<u64>().ok());
+    let limit = Duration::from_secs(seconds.unwrap_or(0));
+    let start = Instant::now();
+    let mut count = 0u64;
+    loop {
+        let config = Config { cases: 256, failure_persistence: None, max_shrink_iters: 4096, ..Config::default() };
+        // New seeds in a long run; the same ones in the tests, so that they do not fail by chance.
+        let mut runner =
+            if seconds.is_some() { TestRunner::new(config) } else { TestRunner::new_with_rng(config, fixed()) };
+        if let Err(fault) = runner.run(&cases, &check) {
+            panic!("{name}: {fault}");
+        }
+        count += 256;
+        if start.elapsed() >= limit {
+            break;
+        }
+    }
+    println!("{name}: {count} cases in {:.0} s", start.elapsed().as_secs_f64());
+}
+
+fn fixed() -> proptest::test_runner::TestRng {
+    proptest::test_runner::TestRng::deterministic_rng(proptest::test_runner::RngAlgorithm::ChaCha)
+}
+
+fn display() -> Display {
+    Display { height: 12, width: 10, ..Display::preset("small").expect("a preset") }
+}
+
+/// Whatever was loaded holds the numbers that it promises.
+fn sound(field: &scene::LightField) -> Result<(), TestCaseError> {
+    prop_assert_eq!((field.height, field.width), (12, 10));
+    for plane in field.planes.iter().flatten() {
+        prop_assert_eq!(plane.len(), 120);
+        prop_assert!(plane.iter().all(|v| v.is_finite() && *v >= 0.0));
+    }
+    let numbers = field.disparity.iter().chain(&field.depth).flatten().chain(&field.view_pitch);
+    prop_assert!(numbers.copied().all(f64::is_finite));
+    Ok(())
+}
+
+fn png(path: &Path, salt: u32) {
+    let picture = image::RgbImage::from_fn(10, 12, |x, y| image::Rgb([(x * 20 + salt) as u8, (y * 17) as u8, 90]));
+    picture.save(path).expect("a picture");
+}
+
+#[test]
+fn folders_of_views() {
+    let temp = tempfile::tempdir().expect("a folder");
+    let views = temp.path().join("views");
+    fs::create_dir(&views).expect("a folder");
+    for i in 0..3 {
+        png(&views.join(format!("view_0_{i}.png")), i);
+    }
+    let jpeg = image::RgbImage::from_fn(10, 12, |x, y| image::Rgb([(x * 9) as u8, (y * 5) as u8, 77]));
+    jpeg.save(views.join("view_0_3.jpg")).expect("a picture");
+    let exr = image::Rgb32FImage::from_fn(10, 12, |x, y| image::Rgb([x as f32 * 0.1, y as f32 * 0.1, 0.5]));
+    exr.save(views.join("view_0_4.exr")).expect("a picture");
+    let toml = "grid = [1, 5]\nview_pitch_mm = 2.4\ndisparity = [-1.8, 2.1]\ndepth_mm = [-3.0, 3.5]\n";
+    let cfg = "[intrinsics]\nimage_resolution_x_px = 10\nimage_resolution_y_px = 12\n[extrinsics]\nnum_cams_x = 5\nnum_cams_y = 1\n[meta]\ndisp_min = -1.8\ndisp_max = 2.1\n";
+    let pfm = [b"Pf\n10 12\n-1\n".to_vec(), (0..120).flat_map(|i| (i as f32 * 0.01).to_le_bytes()).collect()].concat();
+    let kinds = [
+        ("view_0_0.png", fs::read(views.join("view_0_0.png")).expect("there")),
+        ("view_0_3.jpg", fs::read(views.join("view_0_3.jpg")).expect("there")),
+        ("view_0_4.exr", fs::read(views.join("view_0_4.exr")).expect("there")),
+        ("lightfield.toml", toml.as_bytes().to_vec()),
+        ("parameters.cfg", cfg.as_bytes().to_vec()),
+        ("gt_disp_lowres.pfm", pfm),
+    ];
+    let display = display();
+    let cases = (0..kinds.len(), prop::collection::vec(edit(), 1..6));
+    fuzz("folders of views", cases, |(which, edits)| {
+        let (name, whole) = &kinds[which];
+        let file = views.join(name);
+        fs::write(&file, damage(whole.clone(), &edits)).expect("written");
+        let loaded = scene::load(views.to_str().expect("a name"), &Request::new(&display, &[Color::Green]));
+        // As it was, for the next case.
+        if which < 3 { fs::write(&file, whole) } else { fs::remove_file(&file) }.expect("restored");
+        match loaded {
+            Ok(field) => sound(&field),
+            Err(error) => {
+                let text = error.to_string();
+                prop_assert!(!text.is_empty() && !text.contains('\n'), "{}", text);
+                Ok(())
+            }
+        }
+    });
+}
+
+#[test]
+fn pictures_with_maps() {
+    let temp = tempfile::tempdir().expect("a folder");
+    let picture = temp.path().join("picture.png");
+    png(&picture, 3);
+    let depth16 =
+        image::ImageBuffer::<image::Luma<u16>, _>::from_fn(10, 12, |x, y| image::Luma([(x * y * 500) as u16]));
+    depth16.save(temp.path().join("depth.png")).expect("a map");
+    let values: Vec<f32> = (0..120).map(|i| (i % 10) as f32 * 0.1 - 0.4).collect();
+    eyebox::files::write_npy(&temp.path().join("disp.npy"), &[12, 10], &values).expect("a map");
+    let pfm = [b"Pf\n10 12\n-1\n".to_vec(), values.iter().flat_map(|v| v.to_le_bytes()).collect()].concat();
+    fs::write(temp.path().join("disp.pfm"), pfm).expect("a map");
+    let kinds = ["depth.png", "disp.npy", "disp.pfm", "picture.png"]
+        .map(|n| (n, fs::read(temp.path().join(n)).expect("there")));
+    let display = display();
+    fuzz("pictures with maps", (0..kinds.len(), prop::collection::vec(edit(), 1..6)), |(which, edits)| {
+        let (name, whole) = &kinds[which];
+        let file = temp.path().join(name);
+        fs::write(&file, damage(whole.clone(), &edits)).expect("written");
+        let map = temp.path().join(if which == 3 { "disp.npy" } else { name });
+        let request = Request {
+            views: 3,
+            depth_map: Some(&map),
+            depth: Some([-1e-3, 1e-3]),
+            ..Request::new(&display, &[Color::Red])
+        };
+        let loaded = scene::load(picture.to_str().expect("a name"), &request);
+        fs::write(&file, whole).expect("restored");
+        loaded.map_or(Ok(()), |field| sound(&field))
+    });
+}
+
+#[test]
+fn built_in_scenes_by_any_name() {
+    let display = display();
+    let names = prop::sample::select(scene::BUILTINS.map(|b| b.name).to_vec());
+    fuzz("built-in scenes", (names, prop::collection::vec(edit(), 0..4)), |(name, edits)| {
+        let text = damage(format!("{name}?brightness=0.5&span=0.3").into_bytes(), &edits);
+        let source = format!("builtin:{}", String::from_utf8_lossy(&text));
+        let loaded = scene::load(&source, &Request { views: 2, ..Request::new(&display, &[Color::Blue]) });
+        loaded.map_or(Ok(()), |field| sound(&field))
+    });
+}
+
+#[test]
+fn display_files() {
+    let seeds: Vec<String> =
+        ["paper", "plm", "small"].map(|n| Display::preset(n).expect("a preset").to_toml()).to_vec();
+    fuzz("display files", (0..seeds.len(), prop::collection::vec(edit(), 1..6)), |(which, edits)| {
+        let text = damage(seeds[which].clone().into_bytes(), &edits);
+        let Ok(display) = Display::from_toml(&String::from_utf8_lossy(&text), "display.toml") else { return Ok(()) };
+        prop_assert!(display.eyebox_min() > 0.0 && display.eyebox_min().is_finite(), "{:?}", display);
+        for wavelength in &display.wavelengths {
+            prop_assert!(display.optics(wavelength.color).is_ok());
+        }
+        // What is read can be written and read again.
+        let again = Display::from_toml(&display.to_toml(), "again.toml");
+        prop_assert!(again.is_ok(), "{:?}", again);
+        Ok(())
+    });
+}
+
+/// The checksum of a document, made right again: what lies behind it is damaged too.
+fn seal(bytes: &mut [u8]) {
+    const SEAL: &[u8] = b"\"document_crc32c\": \"";
+    let Some(at) = bytes.windows(SEAL.len()).rposition(|w| w == SEAL).map(|i| i + SEAL.len()) else { return };
+    if at + 8 > bytes.len() {
+        return;
+    }
+    bytes[at..at + 8].copy_from_slice(b"00000000");
+    let sum = format!("{:08x}", crc32c::crc32c(bytes));
+    bytes[at..at + 8].copy_from_slice(sum.as_bytes());
+}
+
+#[test]
+fn hologram_files() {
+    let temp = tempfile::tempdir().expect("a folder");
+    let path = temp.path().join("h.zarr");
+    let display = Display::preset("small").expect("a preset");
+    let color = |color| ColorHologram {
+        color: Some(color),
+        wavelength: 520e-9,
+        exposure: 0.4,
+        efficiency: 0.3,
+        phases: (0..2 * 4 * 6).map(|i| i as f32 * 0.1 - 2.0).collect(),
+    };
+    let whole = Hologram {
+        frames: 2,
+        height: 4,
+        width: 6,
+        pitch: 8e-6,
+        focal_length: 0.4,
+        geometry: eyebox::optics::Geometry::Relay,
+        colors: vec![color(Color::Red), color(Color::Green)],
+        seed: 7,
+        version: "0.1.0".into(),
+        display: "small".into(),
+        display_wavelengths: display.wavelengths,
+        scene: "s".into(),
+        metadata: eyebox::hologram::Metadata { seconds: Some(3.0), ..Default::default() },
+    };
+    whole.save(&path).expect("saved");
+    let names = ["zarr.json", "phases/zarr.json", "phases/c/0/1/0/0"];
+    let files = names.map(|n| fs::read(path.join(n)).expect("there"));
+    let cases = (0..names.len(), any::<bool>(), prop::collection::vec(edit(), 1..6));
+    fuzz("hologram files", cases, |(which, sealed, edits)| {
+        let file = path.join(names[which]);
+        let mut bytes = damage(files[which].clone(), &edits);
+        if sealed && which < 2 {
+            seal(&mut bytes);
+        }
+        fs::write(&file, &bytes).expect("written");
+        let loaded = Hologram::load(&path);
+        fs::write(&file, &files[which]).expect("restored");
+        let Ok(loaded) = loaded else { return Ok(()) };
+        prop_assert!(loaded.colors.iter().all(|c| c.phases.len() == loaded.frames * loaded.height * loaded.width));
+        prop_assert!(loaded.colors.iter().flat_map(|c| &c.phases).all(|p| p.is_finite()));
+        prop_assert!(loaded.check().is_ok());
+        Ok(())
+    });
+}
+
+#[test]
+fn bare_phases() {
+    let temp = tempfile::tempdir().expect("a folder");
+    let file = temp.path().join("p.npy");
+    eyebox::files::write_npy(&file, &[2, 3, 4], &[0.5; 24]).expect("written");
+    let whole = fs::read(&file).expect("there");
+    fuzz("bare phases", prop::collection::vec(edit(), 1..6), |edits| {
+        fs::write(&file, damage(whole.clone(), &edits)).expect("written");
+        if let Ok(phases) = hologram::load_phases(&file) {
+            prop_assert!(phases.colors.iter().flat_map(|c| &c.1).all(|p| p.is_finite()));
+        }
+        Ok(())
+    });
+}
+
+/// Any pupil before any grid of views, down to sizes and numbers that no eye has.
+#[test]
+fn photographs_of_any_pupil() {
+    let number = || prop_oneof![-2e-2..2e-2f64, Just(0.0), Just(1e-12), Just(-1e3), Just(1e300), Just(-1e-300)];
+    let length = || prop_oneof![1e-6..5e-2f64, Just(1e-300), Just(1e3), Just(1e-9)];
+    let cases = (number(), number(), length(), number(), 1..5usize, 1..5usize, length(), 1..24usize, 1..24usize);
+    fuzz("photographs", cases, |(x, y, diameter, depth, rows, columns, cell, height, width)| {
+        let pupil = Pupil { x, y, diameter, depth };
+        let grid = ViewGrid { rows, columns, cell };
+        let weights: f64 = grid.coverage(&pupil).iter().map(|c| c.1).sum();
+        prop_assert!((weights - 1.0).abs() < 1e-6, "weights sum to {}", weights);
+        let optics = Optics::new(height, width, 8e-6, 520e-9, 0.4).expect("sound optics");
+        for tap in grid.taps(&optics, &pupil, height, width) {
+            prop_assert!(
+                (tap.view as usize) < rows * columns && (tap.dy as usize) < height && (tap.dx as usize) < width,
+                "{:?}",
+                tap
+            );
+            prop_assert!((0.0..=1.0).contains(&tap.fy) && (0.0..=1.0).contains(&tap.fx), "{:?}", tap);
+        }
+        // And what an engine is told: it fits its own window.
+        let views: Vec<Vec<f32>> = (0..rows * columns).map(|_| vec![0.25; height * width]).collect();
+        let mut planner = Planner::new(optics, 1, WindowFactor::Two);
+        planner.views = Some(ViewLayout::new(grid, &Pyramid::new(&views, height, width)));
+        let pupil_pass = planner.pupil_pass(&pupil, &Comparison::default());
+        prop_assert!(pupil_pass.window.rows <= height && pupil_pass.window.columns <= width);
+        prop_assert!(pupil_pass.spans.iter().all(|s| s[0] <= s[1] && s[1] as usize <= pupil_pass.window.columns));
+        Ok(())
+    });
+}

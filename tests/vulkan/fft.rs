@@ -1,0 +1,160 @@
+//! The Vulkan engine's transforms against RustFFT in float64. Needs a Vulkan device (a software one will do) and the
+//! validation layer: `tools/setup.sh` installs both.
+
+use eyebox::engine::Storage;
+use eyebox::engine::vulkan::Transforms;
+use eyebox_kernels::Complex32;
+use eyebox_kernels::fft::{Columns, Direction};
+use eyebox_tests::both::gpu;
+use eyebox_tests::half_roundings;
+use rustfft::num_complex::Complex64;
+use rustfft::{FftDirection, FftPlanner};
+use std::sync::PoisonError;
+
+/// Error power over signal power that is allowed.
+const ALLOWED: f64 = 2e-13;
+
+/// The same where passes store halves: at most four along each axis of the sizes below, after the rounding of what is
+/// given.
+fn allowed(storage: Storage) -> f64 {
+    match storage {
+        Storage::F32 => ALLOWED,
+        Storage::F16 => half_roundings(9),
+    }
+}
+
+fn open() -> Transforms {
+    Transforms::new(&gpu()).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn noise(n: usize, mut seed: u64) -> Vec<Complex32> {
+    let mut next = || {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (seed >> 40) as f32 / (1u64 << 23) as f32 - 1.0
+    };
+    (0..n).map(|_| Complex32::new(next(), next())).collect()
+}
+
+/// All rows and all columns of one frame, in float64.
+fn reference(frame: &[Complex32], (h, w): (usize, usize), direction: Direction) -> Vec<Complex64> {
+    let sign = if direction == Direction::Forward { FftDirection::Forward } else { FftDirection::Inverse };
+    let mut planner = FftPlanner::new();
+    let mut data: Vec<Complex64> = frame.iter().map(|z| Complex64::new(z.re.into(), z.im.into())).collect();
+    planner.plan_fft(w, sign).process(&mut data);
+    let mut turned: Vec<Complex64> = (0..h * w).map(|i| data[i % h * w + i / h]).collect();
+    planner.plan_fft(h, sign).process(&mut turned);
+    (0..h * w).map(|i| turned[i % w * h + i / w]).collect()
+}
+
+struct Case {
+    size: (usize, usize),
+    frames: usize,
+    columns: Columns,
+    before: u64,
+}
+
+/// Both directions of one case.
+fn compare(transforms: &mut Transforms, case: &Case) {
+    let &Case { size: (h, w), frames, columns, before } = case;
+    let in_use = |x: usize| (x + w - columns.first) % w < columns.count;
+    let both = [Direction::Forward, Direction::Inverse].map(|d| Storage::ALL.map(|s| (d, s)));
+    for (direction, storage) in both.into_iter().flatten() {
+        transforms.store(storage);
+        let mut data = noise(frames * h * w, (h * 7919 + w) as u64);
+        if direction == Direction::Inverse {
+            for (_, z) in data.iter_mut().enumerate().filter(|(i, _)| !in_use(i % w)) {
+                *z = Complex32::new(0.0, 0.0);
+            }
+        }
+        let given = data.clone();
+        transforms.run(&mut data, (h, w), direction, columns, before).unwrap();
+        for frame in 0..frames {
+            let part = frame * h * w..(frame + 1) * h * w;
+            let want = reference(&given[part.clone()], (h, w), direction);
+            let (mut error, mut power) = (0.0, 1e-30);
+            for (i, (got, want)) in data[part].iter().zip(&want).enumerate() {
+                if direction == Direction::Forward && !in_use(i % w) {
+                    continue;
+                }
+                error += (Complex64::new(got.re.into(), got.im.into()) - want).norm_sqr();
+                power += want.norm_sqr();
+            }
+            let ratio = error / power;
+            assert!(
+                ratio < allowed(storage),
+                "{h} x {w} {direction:?} frame {frame}, {storage:?}: error power {ratio:.1e} of signal power"
+            );
+            // Halves must have been used to be told apart from float32.
+            assert!(
+                storage == Storage::F32 || h * w < 20 || columns.count == 0 || ratio > 1e-9,
+                "{h} x {w}: {ratio:.1e}"
+            );
+        }
+    }
+    let messages = transforms.gpu().messages();
+    let messages = messages.lock().unwrap_or_else(PoisonError::into_inner);
+    assert!(messages.is_empty(), "{h} x {w}: the validation layer says\n{}", messages.join("\n"));
+}
+
+fn whole(h: usize, w: usize) -> Case {
+    Case { size: (h, w), frames: 1, columns: Columns::all(w), before: 0 }
+}
+
+#[test]
+fn sizes_of_all_kinds() {
+    let mut transforms = open();
+    let sizes = [(1, 1), (1, 17), (17, 1), (7, 13), (45, 64), (64, 96), (121, 26), (97, 101), (1, 1021), (509, 3)];
+    for (h, w) in sizes {
+        compare(&mut transforms, &whole(h, w));
+    }
+}
+
+#[test]
+fn every_radix() {
+    let mut transforms = open();
+    for n in 2..=37 {
+        compare(&mut transforms, &whole(n, 39 - n));
+    }
+}
+
+#[test]
+fn displays() {
+    let mut transforms = open();
+    for (h, w) in [(1080, 1920), (4160, 8), (8, 4160), (3, 8192), (2160, 24), (24, 3840), (2464, 10)] {
+        compare(&mut transforms, &whole(h, w));
+    }
+}
+
+#[test]
+fn columns_in_use_may_wrap_and_frames_may_lie_anywhere() {
+    let mut transforms = open();
+    for (size, first, count) in [
+        ((64, 96), 80, 30),
+        ((45, 64), 10, 17),
+        ((48, 50), 49, 2),
+        ((30, 36), 5, 0),
+        ((40, 40), 39, 40),
+        ((97, 12), 7, 9),
+    ] {
+        let columns = Columns { first, count };
+        compare(&mut transforms, &Case { size, frames: 3, columns, before: 4 * 1000 });
+    }
+}
+
+#[test]
+fn transforms_recorded_on_a_grown_scratch_stay_right() {
+    let mut transforms = open();
+    for (frames, h, w) in [(1, 32, 32), (5, 96, 50), (2, 64, 64), (17, 128, 90)] {
+        let columns = Columns { first: w / 2, count: w - 3 };
+        compare(&mut transforms, &Case { size: (h, w), frames, columns, before: 256 });
+    }
+}
+
+/// Convolutions take lines and frames in chunks that fit their scratch.
+#[test]
+fn large_primes_go_in_chunks() {
+    let mut transforms = open();
+    compare(&mut transforms, &whole(1030, 1021));
+    let columns = Columns { first: 390, count: 120 };
+    compare(&mut transforms, &Case { size: (4159, 400), frames: 2, columns, before: 0 });
+}

@@ -1,0 +1,327 @@
+//! Each kernel on the device against its twin: error power below 1e-10 of signal power, and not a word from the
+//! validation layer; with fields stored as halves, below the power of the roundings in which the two may differ.
+
+use eyebox::engine::cpu::CpuEngine;
+use eyebox::engine::vulkan::VulkanEngine;
+use eyebox::engine::{Buffer, Engine, Kernel, Purpose, Shape, Storage};
+use eyebox::gpu::{Gpu, Options};
+use eyebox_kernels::compare::{AMPLITUDE, INTENSITY, PROJECTION};
+use eyebox_tests::both::{Case, assert_silent, compare, vulkan, watched};
+use eyebox_tests::half_roundings;
+
+const SIZES: [(usize, usize, usize); 6] = [(1, 1, 0), (7, 13, 0), (45, 64, 0), (64, 64, 0), (31, 50, 3), (5, 130, 11)];
+const DEPTHS: [f64; 6] = [0.0, 1e-6, -15e-3, 0.3, 1.0, -1.0];
+
+fn check(kernel: Kernel, purpose: Purpose, mode: u32, power: f64) {
+    let (mut engine, mut twin) = (vulkan(), CpuEngine::new());
+    for (height, width, padding) in SIZES {
+        for frames in [1, 3] {
+            let case = Case::new(height, width, padding, 15e-3, frames);
+            let step = case.single(purpose, mode, power, kernel);
+            let worst = compare(&mut engine, &mut twin, &case, purpose, &step);
+            assert!(worst < 1e-10, "{} at {height} x {width} (+{padding}): {worst:e}", kernel.name());
+            let mut half = case;
+            half.planner.storage = Storage::F16;
+            let step = half.single(purpose, mode, power, kernel);
+            let worst = compare(&mut engine, &mut twin, &half, purpose, &step);
+            let bound = stored_bound(kernel);
+            assert!(worst < bound, "{} at {height} x {width} (+{padding}), fp16: {worst:e}", kernel.name());
+        }
+    }
+    assert!(engine.timings().iter().all(|t| t.kernel == kernel && t.calls == 4 * SIZES.len() as u64));
+    assert_silent(engine);
+}
+
+/// Allowed error power where fields are halves. Both engines round the same way, so that a kernel without a transform
+/// stores the same half but where float32 rounding, a ten-thousandth of a half's, put a value on the other side of a
+/// tie: one value in some thousand, by one unit. A transform is stored after each pass on the device and after each
+/// axis by the twin: those of the longest are seven passes and two axes.
+fn stored_bound(kernel: Kernel) -> f64 {
+    match kernel {
+        Kernel::FieldForward | Kernel::WindowForward | Kernel::WindowInverse | Kernel::ChangeInverse => {
+            half_roundings(9)
+        }
+        _ => 2e-3 * half_roundings(1),
+    }
+}
+
+macro_rules! kernels {
+    ($($name:ident: $kernel:ident, $purpose:ident, $mode:expr, $power:expr;)*) => {
+        $(#[test] fn $name() { check(Kernel::$kernel, Purpose::$purpose, $mode, $power); })*
+    };
+}
+
+kernels! {
+    clear: Clear, Project, PROJECTION, 1.0;
+    modulate: Modulate, Project, PROJECTION, 1.0;
+    field_forward: FieldForward, View, PROJECTION, 1.0;
+    overlap: Overlap, Project, PROJECTION, 1.0;
+    transfer: Transfer, View, PROJECTION, 1.0;
+    taper: Taper, View, PROJECTION, 1.0;
+    energy: Energy, Project, PROJECTION, 1.0;
+    equalise_projection: EqualiseEyebox, Project, PROJECTION, 1.0;
+    equalise_gradient: EqualiseEyebox, Adam, INTENSITY, 1.0;
+    photograph: Photograph, View, PROJECTION, 1.0;
+    resample: Resample, View, PROJECTION, 1.0;
+    pass_pupil: PassPupil, View, PROJECTION, 1.0;
+    window_inverse: WindowInverse, View, PROJECTION, 1.0;
+    intensity: Intensity, View, PROJECTION, 1.0;
+    compare_projection: Compare, Project, PROJECTION, 1.0;
+    compare_intensity: Compare, Adam, INTENSITY, 1.0;
+    compare_amplitude: Compare, Adam, AMPLITUDE, 1.0;
+    apply_factor: ApplyFactor, Project, PROJECTION, 1.0;
+    window_forward: WindowForward, View, PROJECTION, 1.0;
+    return_pupil: ReturnPupil, Project, PROJECTION, 1.0;
+    divide_by_overlap_mean: DivideByOverlap, Project, PROJECTION, 1.0;
+    divide_by_overlap_root: DivideByOverlap, Project, PROJECTION, 0.5;
+    divide_by_overlap_between: DivideByOverlap, Project, PROJECTION, 0.7;
+    change_inverse: ChangeInverse, Project, PROJECTION, 1.0;
+    project: Project, Project, PROJECTION, 1.0;
+    adam: Adam, Adam, INTENSITY, 1.0;
+    exposure: Exposure, View, PROJECTION, 1.0;
+}
+
+/// An SLM with levels: what it shows makes the field, and the phases behind move.
+#[test]
+fn levels() {
+    let (mut engine, mut twin) = (vulkan(), CpuEngine::new());
+    for (height, width, padding) in SIZES {
+        let mut case = Case::new(height, width, padding, 15e-3, 3);
+        case.planner.levels = 11;
+        for (kernel, purpose, mode) in [
+            (Kernel::Quantise, Purpose::View, PROJECTION),
+            (Kernel::Modulate, Purpose::View, PROJECTION),
+            (Kernel::Project, Purpose::Project, PROJECTION),
+            (Kernel::Adam, Purpose::Adam, INTENSITY),
+        ] {
+            let step = case.single(purpose, mode, 0.5, kernel);
+            let worst = compare(&mut engine, &mut twin, &case, purpose, &step);
+            assert!(worst < 1e-10, "{} at {height} x {width} (+{padding}): {worst:e}", kernel.name());
+        }
+    }
+    assert_silent(engine);
+}
+
+/// A value that is none, or infinite, wherever it stands, makes all losses so on both engines; none does not.
+#[test]
+fn check_finite() {
+    let (mut engine, mut twin) = (vulkan(), CpuEngine::new());
+    for (height, width, frames) in [(1, 1, 1), (7, 13, 3), (45, 64, 2)] {
+        let mut case = Case::new(height, width, 0, 0.0, frames);
+        case.planner.storage = Storage::F16;
+        let step = case.single(Purpose::Project, PROJECTION, 1.0, Kernel::CheckFinite);
+        for engine in [&mut engine as &mut dyn Engine, &mut twin] {
+            case.load(engine, Purpose::Project);
+            let mut change = vec![65504.0; 2 * frames * height * width];
+            let last = change.len() - 1;
+            for (at, value) in [
+                (0, 1.0),
+                (0, f32::NAN),
+                (last, -65504.0),
+                (last, f32::NEG_INFINITY),
+                (last / 2, 65520.0),
+                (1, -65519.0),
+            ] {
+                change.fill(-65504.0);
+                change[at] = value;
+                engine.write(Buffer::Change, &change).unwrap();
+                let found = engine.run(&step).unwrap().iter().all(|l| l.is_nan());
+                assert_eq!(found, value.is_nan() || value.abs() >= 65520.0, "{value} at {at}, {}", engine.describe());
+            }
+        }
+    }
+    // Its buffers are halves.
+    let case = Case::new(7, 13, 0, 0.0, 1);
+    case.load(&mut engine, Purpose::Project);
+    let text = engine
+        .run(&case.single(Purpose::Project, PROJECTION, 1.0, Kernel::CheckFinite))
+        .expect_err("it ran")
+        .to_string();
+    assert!(text.contains("check_finite") && text.contains("fp32"), "{text}");
+    assert_silent(engine);
+}
+
+/// The phase runs to thousands of turns, and no turn is lost; the twin computes it in float64.
+#[test]
+fn transfer_at_every_depth() {
+    let (mut engine, mut twin) = (vulkan(), CpuEngine::new());
+    for depth in DEPTHS {
+        let case = Case::new(64, 90, 0, depth, 1);
+        let step = case.single(Purpose::View, PROJECTION, 1.0, Kernel::Transfer);
+        let worst = compare(&mut engine, &mut twin, &case, Purpose::View, &step);
+        assert!(worst < 1e-10, "depth {depth}: {worst:e}");
+    }
+    // As many bins as a large display has: the squares of their numbers need more than float32.
+    for depth in [1.0, 10.0] {
+        let case = Case::new(2, 16384, 0, depth, 1);
+        let step = case.single(Purpose::View, PROJECTION, 1.0, Kernel::Transfer);
+        let worst = compare(&mut engine, &mut twin, &case, Purpose::View, &step);
+        assert!(worst < 1e-10, "16384 bins at {depth} m: {worst:e}");
+    }
+    assert_silent(engine);
+}
+
+#[test]
+fn a_device_that_is_not_there_is_named_and_help_is_offered() {
+    let options = Options { device: Some("no such device".into()), ..Options::default() };
+    let Err(error) = Gpu::open(&options) else { panic!("it opened") };
+    let text = error.to_string();
+    assert!(text.contains("no such device") && text.contains("tools/setup.sh"), "{text}");
+}
+
+/// What a driver compiled is kept where the options say; a second start finds it.
+#[test]
+fn compiled_pipelines_are_kept_where_they_are_wanted() {
+    let temp = tempfile::tempdir().expect("a temporary folder");
+    let folder = temp.path().join("cache");
+    let run = || {
+        let mut engine =
+            VulkanEngine::new(&Gpu::open(&Options { cache: Some(folder.clone()), ..watched() }).expect("a device"))
+                .expect("an engine");
+        let case = Case::new(7, 13, 0, 0.0, 1);
+        case.load(&mut engine, Purpose::Project);
+        engine.run(&case.step(Purpose::Project, PROJECTION, 1.0, usize::MAX)).expect("a step");
+        assert_silent(engine);
+        let files: Vec<_> = std::fs::read_dir(&folder).expect("a folder").map(|f| f.expect("a file").path()).collect();
+        assert!(files.len() == 1 && files[0].extension().is_some_and(|e| e == "bin"), "{files:?}");
+        std::fs::metadata(&files[0]).and_then(|m| m.modified()).expect("a time")
+    };
+    // The second start has nothing to add, so it leaves the file as it is.
+    assert_eq!(run(), run());
+}
+
+/// No driver at all: the loader is told to look where there is none.
+#[test]
+fn a_missing_driver_is_a_sentence_with_help() {
+    const FILES: [&str; 2] = ["VK_ICD_FILENAMES", "VK_DRIVER_FILES"];
+    const NOWHERE: &str = "/nonexistent/driver.json";
+    if std::env::var(FILES[0]).is_ok_and(|v| v == NOWHERE) {
+        let Err(error) = Gpu::open(&Options { allow_cpu: true, ..Options::default() }) else {
+            panic!("a device without a driver")
+        };
+        let text = error.to_string();
+        assert!(text.contains("no driver") && text.contains("tools/setup.sh") && !text.contains('\n'), "{text}");
+        return;
+    }
+    let tests = std::env::current_exe().expect("this test's file");
+    let mut child = std::process::Command::new(tests);
+    child.args(["--exact", "a_missing_driver_is_a_sentence_with_help"]).envs(FILES.map(|f| (f, NOWHERE)));
+    let output = child.output().expect("the test runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stdout));
+}
+
+/// What cannot be had is refused in one sentence, and the engine is good for something smaller.
+#[test]
+fn too_much_is_refused_and_less_still_works() {
+    let mut engine = vulkan();
+    let case = Case::new(16, 24, 0, 0.0, 2);
+    let good = case.planner.shape(Purpose::Project);
+    let text = engine.load(&Shape { frames: 1 << 40, ..good }, None).expect_err("it loaded").to_string();
+    assert!(text.contains("memory") && text.contains("phases"), "{text}");
+    case.load(&mut engine, Purpose::Project);
+    engine.run(&case.step(Purpose::Project, PROJECTION, 1.0, usize::MAX)).expect("a step");
+    assert_silent(engine);
+}
+
+#[test]
+fn a_step_that_does_not_fit_is_refused() {
+    let mut engine = vulkan();
+    let case = Case::new(16, 24, 0, 0.0, 2);
+    case.load(&mut engine, Purpose::Project);
+    let good = case.step(Purpose::Project, PROJECTION, 1.0, usize::MAX);
+    let refused = |engine: &mut VulkanEngine, step| {
+        let text = engine.run(&step).expect_err("it ran").to_string();
+        assert!(text.contains("does not fit"), "{text}");
+    };
+    let mut step = good.clone();
+    step.pupil_passes[1].spans.pop();
+    refused(&mut engine, step);
+    let mut step = good.clone();
+    step.pupil_passes[0].spans[0] = [0, 10_000];
+    refused(&mut engine, step);
+    let mut step = good.clone();
+    step.pupil_passes[0].intensity.frames = 9;
+    refused(&mut engine, step);
+    let mut step = good.clone();
+    step.pupil_passes[2].shot.as_mut().unwrap().taps[0].view = 9;
+    refused(&mut engine, step);
+    let mut step = good.clone();
+    step.list[3].pupil_passes = 0..7;
+    refused(&mut engine, step);
+    refused(&mut engine, Case::new(16, 26, 0, 0.0, 2).step(Purpose::Project, PROJECTION, 1.0, usize::MAX));
+    refused(&mut engine, case.step(Purpose::Adam, INTENSITY, 1.0, usize::MAX));
+    assert!(engine.write(Buffer::Phases, &[0.0; 3]).is_err());
+    assert!(engine.read(Buffer::Second).is_err());
+    assert!(engine.read(Buffer::Window(0)).is_err());
+    assert_silent(engine);
+}
+
+/// Every kernel at the size of the paper's display, and at primes.
+#[test]
+fn large_sizes() {
+    let (mut engine, mut twin) = (vulkan(), CpuEngine::new());
+    for (height, width) in [(1080, 1920), (211, 307)] {
+        let case = Case::new(height, width, 0, 1.0, 1);
+        let (projects, adam) = (Purpose::Project, Purpose::Adam);
+        let list: Vec<Kernel> =
+            case.step(projects, PROJECTION, 0.5, usize::MAX).list.iter().map(|d| d.kernel).collect();
+        let all = || {
+            let more = [(Kernel::Adam, adam, INTENSITY), (Kernel::Exposure, Purpose::View, PROJECTION)];
+            list.iter().map(|k| (*k, projects, PROJECTION)).chain(more)
+        };
+        for (kernel, purpose, mode) in all() {
+            let step = case.single(purpose, mode, 0.5, kernel);
+            let worst = compare(&mut engine, &mut twin, &case, purpose, &step);
+            assert!(worst < 1e-10, "{} at {height} x {width}: {worst:e}", kernel.name());
+        }
+        let mut half = case;
+        half.planner.storage = Storage::F16;
+        for (kernel, purpose, mode) in all() {
+            let step = half.single(purpose, mode, 0.5, kernel);
+            let worst = compare(&mut engine, &mut twin, &half, purpose, &step);
+            assert!(worst < stored_bound(kernel), "{} at {height} x {width}, fp16: {worst:e}", kernel.name());
+        }
+    }
+    assert_silent(engine);
+}
+
+/// One patch that holds a whole large spectrum of several sub-frames: its sum is as long as sums get, and comes in shares.
+#[test]
+fn the_light_of_a_large_patch() {
+    let (mut engine, mut twin) = (vulkan(), CpuEngine::new());
+    for storage in Storage::ALL {
+        let mut case = Case::new(1200, 1300, 0, 0.0, 6);
+        case.planner.storage = storage;
+        let (planner, step) = (&case.planner, case.step(Purpose::Project, PROJECTION, 1.0, usize::MAX));
+        let mut step = planner.with_equalised_eyebox(step, planner.slm.eyebox(), 1, 0.5);
+        step.list.retain(|d| d.kernel == Kernel::Energy);
+        let worst = compare(&mut engine, &mut twin, &case, Purpose::Project, &step);
+        assert!(worst < 1e-10, "{storage:?}: {worst:e}");
+    }
+    assert_silent(engine);
+}
+
+/// lavapipe is as wide as it is told to be: nothing above may depend on it.
+#[test]
+fn every_subgroup_size() {
+    const WIDTH: &str = "LP_NATIVE_VECTOR_WIDTH";
+    if let Some(width) = std::env::var_os(WIDTH) {
+        // Run by the loop below: the other tests do the work, this one sees that the width was heard.
+        let engine = vulkan();
+        let device = engine.gpu().report();
+        if device.name.contains("llvmpipe") {
+            assert_eq!(Ok(device.limits.subgroup * 32), width.to_string_lossy().parse());
+        }
+        return;
+    }
+    for width in ["128", "256", "512"] {
+        let tests = std::env::current_exe().expect("this test's file");
+        let output = std::process::Command::new(tests)
+            .env(WIDTH, width)
+            .args(["--skip", "large_sizes"])
+            .output()
+            .expect("the tests run");
+        let text = String::from_utf8_lossy(&output.stdout);
+        assert!(output.status.success(), "with vectors of {width} bits:\n{text}");
+    }
+}

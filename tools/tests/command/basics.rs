@@ -1,0 +1,471 @@
+//! The command as a user runs it: what it answers to mistakes, and that it does what its help says.
+
+use crate::common::{self, command, done, eyebox, folder, refused, text};
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+const SMALL: [&str; 8] = ["--size", "40x48", "--steps", "3", "--color", "green", "--engine", "cpu"];
+
+fn solve<'a>(scene: &'a str, out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+    [&["solve", scene, "-o", out][..], &SMALL, more].concat()
+}
+
+/// Nine photographs of the built-in scene as a folder of views.
+fn views(folder: &Path) -> PathBuf {
+    let views = folder.join("views");
+    std::fs::create_dir(&views).unwrap();
+    for i in 0..9 {
+        let (x, y) = ((i % 3 - 1) * 7, (i / 3 - 1) * 7);
+        let (pupil, out) = (format!("--pupil={x},{y},2,0"), format!("views/view_{i:02}.png"));
+        done(folder, &["photograph", "builtin:still-life", "--size", "40x48", "--views", "3", &pupil, "-o", &out]);
+    }
+    views
+}
+
+#[test]
+fn mistakes_in_arguments_are_one_line() {
+    let temp = folder();
+    let at = temp.path();
+    refused(at, &solve("none", "x.zarr", &[]), "x.zarr", "none: no such folder");
+    refused(at, &solve("builtin:none", "x.zarr", &[]), "x.zarr", "still-life");
+    refused(at, &solve("builtin:plane", "x.tiff", &[]), "x.tiff", ".zarr or .npy");
+    refused(at, &solve("builtin:plane", "none/x.zarr", &[]), "none", "no such folder");
+    refused(at, &solve("builtin:plane", "x.zarr", &["--efficiency", "0"]), "x.zarr", "efficiency");
+    refused(at, &solve("builtin:plane", "x.zarr", &["--efficiency", "2"]), "x.zarr", "efficiency");
+    refused(at, &solve("builtin:plane", "x.zarr", &["--frames", "0"]), "x.zarr", "sub-frames");
+    refused(at, &solve("builtin:plane", "x.zarr", &["--pupils", "0"]), "x.zarr", "pupils");
+    refused(at, &solve("builtin:plane", "x.zarr", &["--pupil-diameter", "0..2"]), "x.zarr", "diameters");
+    refused(at, &solve("builtin:plane", "x.zarr", &["--vulkan-from", "none"]), "x.zarr", "modulate");
+    refused(at, &["solve", "builtin:plane", "-o", "x.zarr", "--size", "0x8"], "x.zarr", "1 to 65536");
+    refused(at, &["solve", "builtin:plane", "-o", "x.zarr", "--display", "none"], "x.zarr", "paper, plm, small");
+    let photograph = |pupil| ["photograph", "builtin:plane", "--size", "40x48", pupil, "-o", "x.png"];
+    refused(at, &photograph("--pupil=0,0,0,0"), "x.png", "diameter");
+    refused(at, &photograph("--pupil=0,0,-3,0"), "x.png", "diameter");
+    refused(at, &photograph("--pupil=0,0,3"), "x.png", "x,y,diameter,focus");
+    refused(at, &photograph("--pupil=12,0,3,0"), "x.png", "eyebox");
+}
+
+/// Without a driver, and without a loader: Vulkan by name is refused in one line that offers help, and nothing is
+/// written; everything else goes on on the CPU.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_machine_without_vulkan_is_said_in_one_line() {
+    let temp = folder();
+    let at = temp.path();
+    // The loader is told to look for drivers where there are none.
+    let nowhere = at.join("none.json");
+    let no_driver = [("VK_DRIVER_FILES", &nowhere), ("VK_ICD_FILENAMES", &nowhere)];
+    // A file that is no library stands before the loader.
+    let libraries = at.join("libraries");
+    std::fs::create_dir(&libraries).unwrap();
+    for name in ["libvulkan.so.1", "libvulkan.so"] {
+        std::fs::write(libraries.join(name), "no library").unwrap();
+    }
+    let no_loader = [("LD_LIBRARY_PATH", &libraries)];
+    for (environment, reason) in [(&no_driver[..], "no driver"), (&no_loader[..], "loader could not be loaded")] {
+        let run = |args: &[&str]| {
+            let answer = command(at, args).envs(environment.iter().copied()).output().expect("the command starts");
+            (answer.status.code(), text(&answer.stdout), text(&answer.stderr))
+        };
+        let vulkan = ["--engine", "vulkan", "--size", "40x48", "--steps", "1", "--color", "green"];
+        let (code, _, said) = run(&[&["solve", "builtin:plane", "-o", "x.zarr"][..], &vulkan].concat());
+        assert_eq!(code, Some(2), "{said}");
+        assert_eq!(said.trim().lines().count(), 1, "{said}");
+        assert!(said.contains(reason) && said.contains("tools/setup.sh"), "{said}");
+        assert!(!at.join("x.zarr").exists());
+        let (code, said, _) = run(&["devices"]);
+        assert_eq!(code, Some(0), "{said}");
+        let line = said.lines().find(|l| l.starts_with("vulkan")).expect("a line on vulkan");
+        assert!(line.contains(reason) && line.contains("tools/setup.sh"), "{said}");
+        assert!(said.lines().any(|l| l.starts_with("auto     takes the CPU")), "{said}");
+        let auto = ["solve", "builtin:plane", "-o", "a.npy", "--size", "40x48", "--steps", "1", "--color", "green"];
+        assert_eq!(run(&auto).0, Some(0));
+        std::fs::remove_file(at.join("a.npy")).unwrap();
+    }
+}
+
+#[test]
+fn mistakes_in_display_files_are_one_line() {
+    let temp = folder();
+    let at = temp.path();
+    let right = "resolution = [40, 48]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
+    for (wrong, what) in [
+        (format!("{right}levles = 16\n"), "levles"),
+        (right.replace("520", "0"), "wavelength"),
+        (right.replace("40, 48", "0, 48"), "0x48"),
+        (right.replace("pitch_um = 8.0\n", ""), "pitch_um"),
+        ("[".into(), "line 1"),
+    ] {
+        std::fs::write(at.join("bench.toml"), wrong).unwrap();
+        refused(
+            at,
+            &["solve", "builtin:plane", "-o", "x.zarr", "--display", "bench.toml", "--color", "green"],
+            "x.zarr",
+            what,
+        );
+    }
+    std::fs::write(at.join("bench.toml"), right).unwrap();
+    refused(
+        at,
+        &["solve", "builtin:plane", "-o", "x.zarr", "--display", "bench.toml", "--color", "red"],
+        "x.zarr",
+        "red",
+    );
+    done(at, &["solve", "builtin:plane", "-o", "x.zarr", "--display", "bench.toml", "--steps", "2", "--engine", "cpu"]);
+}
+
+#[test]
+fn faults_in_folders_of_views_are_one_line() {
+    let temp = folder();
+    let at = temp.path();
+    let views = views(at);
+    done(at, &solve("views", "whole.zarr", &[]));
+    let (last, kept) = (views.join("view_08.png"), std::fs::read(views.join("view_08.png")).unwrap());
+    std::fs::write(&last, &kept[..kept.len() / 2]).unwrap();
+    refused(at, &solve("views", "x.zarr", &[]), "x.zarr", "view_08.png");
+    std::fs::remove_file(&last).unwrap();
+    refused(at, &solve("views", "x.zarr", &[]), "x.zarr", "views");
+    std::fs::write(&last, &kept).unwrap();
+    std::fs::remove_file(views.join("view_04.png")).unwrap();
+    refused(at, &solve("views", "x.zarr", &[]), "x.zarr", "view_04.png");
+}
+
+#[test]
+fn damaged_holograms_are_one_line() {
+    let temp = folder();
+    let at = temp.path();
+    done(at, &solve("builtin:plane", "h.zarr", &[]));
+    let view = ["view", "h.zarr", "--pupil=0,0,5,0", "-o", "x.png"];
+    let mut files = vec![at.join("h.zarr")];
+    while let Some(folder) = files.iter().position(|f| f.is_dir()) {
+        let folder = files.swap_remove(folder);
+        files.extend(std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()));
+    }
+    assert!(files.len() > 8, "documents and chunks");
+    for file in files {
+        let whole = std::fs::read(&file).unwrap();
+        let name = file.file_name().unwrap().to_string_lossy().into_owned();
+        let mut flipped = whole.clone();
+        flipped[whole.len() / 2] ^= 1;
+        for damaged in [&flipped[..], &whole[..whole.len() - 5]] {
+            std::fs::write(&file, damaged).unwrap();
+            refused(at, &view, "x.png", &name);
+        }
+        std::fs::write(&file, whole).unwrap();
+    }
+    done(at, &view);
+    refused(at, &["view", "none.zarr", "--pupil=0,0,5,0", "-o", "y.png"], "y.png", "none.zarr");
+    refused(at, &["view", "h.zarr", "--pupil=0,0,5,0", "--pitch", "8", "-o", "y.png"], "y.png", "its own optics");
+}
+
+#[test]
+fn bare_phases_need_sound_optics() {
+    let temp = folder();
+    let at = temp.path();
+    done(at, &solve("builtin:plane", "p.npy", &[]));
+    let view = |wavelength, out| {
+        [
+            "view",
+            "p.npy",
+            "--pupil=0,0,5,0",
+            "--pitch",
+            "8",
+            "--wavelength",
+            wavelength,
+            "--focal-length",
+            "400",
+            "-o",
+            out,
+        ]
+    };
+    done(at, &view("520", "v.npy"));
+    refused(at, &view("0", "x.npy"), "x.npy", "wavelength");
+    refused(at, &view("520,440", "x.npy"), "x.npy", "1 colours, 2 wavelengths");
+    refused(at, &["view", "p.npy", "--pupil=0,0,5,0", "-o", "x.npy"], "x.npy", "--pitch");
+    // A NaN among the phases.
+    let mut bytes = std::fs::read(at.join("p.npy")).unwrap();
+    let end = bytes.len();
+    bytes[end - 4..].copy_from_slice(&f32::NAN.to_le_bytes());
+    std::fs::write(at.join("p.npy"), bytes).unwrap();
+    refused(at, &view("520", "x.npy"), "x.npy", "p.npy");
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_full_disk_is_one_line_and_leaves_nothing() {
+    let temp = folder();
+    let at = temp.path();
+    // A limit on the size of files stands for a disk that is full: writing fails in the middle.
+    let script = format!(
+        "trap '' XFSZ; ulimit -f 2; exec {} {}",
+        env!("CARGO_BIN_EXE_eyebox"),
+        solve("builtin:plane", "x.zarr", &[]).join(" ")
+    );
+    let answer = Command::new("bash").args(["-c", &script]).current_dir(at).output().unwrap();
+    let said = text(&answer.stderr);
+    assert_eq!(answer.status.code(), Some(2), "{said}");
+    assert!(said.trim().lines().last().is_some_and(|l| l.contains("written")) && !said.contains("panicked"), "{said}");
+    assert_eq!(std::fs::read_dir(at).unwrap().count(), 0, "something was left behind");
+}
+
+#[test]
+fn the_same_seed_gives_the_same_file_and_another_another() {
+    let temp = folder();
+    let at = temp.path();
+    for (out, seed) in [("a.npy", "5"), ("b.npy", "5"), ("c.npy", "6")] {
+        done(at, &solve("builtin:still-life", out, &["--seed", seed]));
+    }
+    let read = |name: &str| std::fs::read(at.join(name)).unwrap();
+    assert!(read("a.npy") == read("b.npy") && read("a.npy") != read("c.npy"));
+}
+
+#[test]
+fn from_a_scene_to_a_score_in_three_colours() {
+    let temp = folder();
+    let at = temp.path();
+    let said = done(
+        at,
+        &[
+            "solve",
+            "builtin:still-life",
+            "-o",
+            "h.zarr",
+            "--size",
+            "40x48",
+            "--steps",
+            "3",
+            "--frames",
+            "2",
+            "--efficiency",
+            "0.5",
+            "--engine",
+            "cpu",
+            "--json",
+        ],
+    );
+    let report: serde_json::Value = serde_json::from_str(&said).expect("one JSON object");
+    assert_eq!(report["colors"].as_array().map(Vec::len), Some(3));
+    assert!(
+        report["colors"].as_array().unwrap().iter().all(|c| (c["efficiency"].as_f64().unwrap() - 0.5).abs() < 1e-9)
+    );
+    done(at, &["view", "h.zarr", "--pupil=2,1,5,0.3", "-o", "v.png"]);
+    done(at, &["view", "h.zarr", "--pupil=2,1,5,0.3", "-o", "v.npy"]);
+    let array = std::fs::read(at.join("v.npy")).unwrap();
+    assert!(text(&array[..128]).contains("(3, 40, 48)") && array.len() == 128 + 3 * 40 * 48 * 4);
+    done(at, &["photograph", "builtin:still-life", "--size", "40x48", "--pupil=2,1,5,0.3", "-o", "t.npy"]);
+    let score: serde_json::Value =
+        serde_json::from_str(&done(at, &["score", "h.zarr", "builtin:still-life", "--pupils", "random:3", "--json"]))
+            .unwrap();
+    assert!(score["psnr_db"]["mean"].as_f64().unwrap() > 10.0 && score["pupils"].as_array().unwrap().len() == 3);
+    std::fs::write(at.join("pupils.json"), "[[0, 0, 4, 0], [2, -1, 6, 0.2]]").unwrap();
+    assert!(done(at, &["score", "h.zarr", "builtin:still-life", "--pupils", "pupils.json"]).contains("over 2 pupils"));
+    std::fs::write(at.join("pupils.json"), "[[0, 0, 4]]").unwrap();
+    refused(at, &["score", "h.zarr", "builtin:still-life", "--pupils", "pupils.json"], "x", "pupils.json");
+    done(at, &["export", "h.zarr", "-o", "p.npy"]);
+    done(at, &["export", "h.zarr", "-o", "frames"]);
+    assert_eq!(std::fs::read_dir(at.join("frames")).unwrap().count(), 6);
+    done(
+        at,
+        &[
+            "view",
+            "frames",
+            "--pupil=0,0,5,0",
+            "--pitch",
+            "8",
+            "--wavelength",
+            "660,520,440",
+            "--focal-length",
+            "400",
+            "-o",
+            "f.png",
+        ],
+    );
+}
+
+#[test]
+fn a_score_takes_depths_as_they_were_solved() {
+    let temp = folder();
+    let at = temp.path();
+    done(at, &solve("builtin:still-life", "h.zarr", &["--depth=-0.05..0.1"]));
+    let said = done(at, &["score", "h.zarr", "builtin:still-life", "--json"]);
+    let score: serde_json::Value = serde_json::from_str(&said).unwrap();
+    let focus = |p: &serde_json::Value| p["pupil_mm"][3].as_f64().unwrap();
+    let pupils = score["pupils"].as_array().unwrap();
+    assert!(pupils.len() == 16 && pupils.iter().all(|p| (-0.0501..=0.1001).contains(&focus(p))), "{said}");
+}
+
+/// The scene is made again from its name and what the hologram remembers: the same as when all is said again.
+#[test]
+fn a_score_makes_the_scene_as_it_was_solved() {
+    let temp = folder();
+    let at = temp.path();
+    let score = |hologram: &str, scene: &[&str], more: &[&str]| {
+        done(at, &[&["score", hologram][..], scene, &["--pupils", "random:4", "--json"], more].concat())
+    };
+    let still_life = ["builtin:still-life"];
+    done(at, &solve("builtin:still-life", "h.zarr", &["--views", "4"]));
+    let remembered = score("h.zarr", &still_life, &[]);
+    assert_eq!(remembered, score("h.zarr", &still_life, &["--views", "4"]));
+    assert_ne!(remembered, score("h.zarr", &still_life, &["--views", "9"]));
+    // A picture with a map: also what the map's values mean, and in which order.
+    let photograph = ["photograph", "builtin:still-life", "--size", "40x48", "--pupil=0,0,2,0"];
+    done(at, &[&photograph[..], &["-o", "photo.png"]].concat());
+    done(at, &[&photograph[..], &["--color", "green", "-o", "depth.png"]].concat());
+    let picture = ["photo.png", "--depth-map", "depth.png"];
+    done(at, &solve("photo.png", "p.zarr", &["--depth-map", "depth.png", "--views", "3", "--depth=0.1..-0.05"]));
+    let remembered = score("p.zarr", &picture, &[]);
+    assert_eq!(remembered, score("p.zarr", &picture, &["--views", "3", "--depth=0.1..-0.05"]));
+    assert_ne!(remembered, score("p.zarr", &picture, &["--depth=-0.05..0.1"]));
+}
+
+#[test]
+fn the_smallest_displays_work() {
+    let temp = folder();
+    let at = temp.path();
+    for size in ["1x1", "1x9", "7x13"] {
+        let args = [
+            "solve",
+            "builtin:plane",
+            "-o",
+            "s.npy",
+            "--size",
+            size,
+            "--steps",
+            "2",
+            "--color",
+            "green",
+            "--engine",
+            "cpu",
+        ];
+        let answer = eyebox(at, &args);
+        let said = text(&answer.stderr);
+        assert!(matches!(answer.status.code(), Some(0 | 2)) && !said.contains("panicked"), "{size}: {said}");
+    }
+}
+
+#[test]
+fn padding_is_said() {
+    let temp = folder();
+    let answer = eyebox(temp.path(), &solve("builtin:plane", "p.zarr", &["--padding", "--depth=-9..9"]));
+    assert!(answer.status.success() && text(&answer.stderr).contains("padding: "), "{}", text(&answer.stderr));
+    done(temp.path(), &["view", "p.zarr", "--pupil=0,0,5,0", "-o", "v.png"]);
+}
+
+#[test]
+#[cfg(unix)]
+fn an_interrupted_solve_leaves_a_whole_hologram() {
+    let temp = folder();
+    let at = temp.path();
+    // All colours: those that are left when ctrl-C comes must not take long.
+    let args =
+        ["solve", "builtin:still-life", "-o", "h.zarr", "--size", "40x48", "--steps", "1000000", "--engine", "cpu"];
+    let mut child = command(at, &args).spawn().unwrap();
+    std::thread::sleep(std::time::Duration::from_secs(3));
+    let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(killed.success());
+    assert!(child.wait().unwrap().success());
+    done(at, &["view", "h.zarr", "--pupil=0,0,5,0", "-o", "v.png"]);
+}
+
+/// A step of it takes far longer than the second ctrl-C: it ends inside one, with nothing written.
+#[test]
+#[cfg(unix)]
+fn a_second_interruption_ends_a_solve_at_once() {
+    let temp = folder();
+    let at = temp.path();
+    let large = ["--size", "512x512", "--views", "3", "--pupils", "64", "--steps", "1000000", "--color", "green"];
+    let mut solve = command(at, &[&["solve", "builtin:plane", "-o", "h.zarr", "--engine", "cpu"][..], &large].concat());
+    let mut child = solve.stderr(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
+    assert!(lines.by_ref().any(|line| line.unwrap().starts_with("engine:")), "it ended");
+    std::thread::sleep(std::time::Duration::from_secs(1));
+    common::interrupt_twice(child.id());
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    assert_eq!(lines.map(Result::unwrap).collect::<Vec<_>>(), Vec::<String>::new());
+    assert_eq!(std::fs::read_dir(at).unwrap().count(), 0);
+}
+
+#[test]
+fn time_is_a_limit_too() {
+    let temp = folder();
+    let args = [
+        "solve",
+        "builtin:plane",
+        "-o",
+        "h.npy",
+        "--size",
+        "40x48",
+        "--steps",
+        "1000000",
+        "--seconds",
+        "1",
+        "--color",
+        "green",
+        "--engine",
+        "cpu",
+        "--json",
+    ];
+    let report: serde_json::Value = serde_json::from_str(&done(temp.path(), &args)).unwrap();
+    assert_eq!(report["colors"][0]["stopped_by"], "seconds");
+}
+
+#[test]
+fn help_and_devices_answer() {
+    let temp = folder();
+    for command in ["demo", "solve", "view", "photograph", "score", "evaluate", "export", "bench", "devices"] {
+        assert!(done(temp.path(), &[command, "--help"]).contains("Example"), "{command}");
+    }
+    assert!(done(temp.path(), &["devices"]).contains("auto"));
+    assert!(serde_json::from_str::<serde_json::Value>(&done(temp.path(), &["devices", "--json"])).is_ok());
+}
+
+#[test]
+fn storage_is_chosen_kept_and_refused() {
+    let temp = folder();
+    let at = temp.path();
+    let run = |storage: &str| {
+        let out = format!("{storage}.zarr");
+        let report = done(at, &solve("builtin:still-life", &out, &["--storage", storage, "--json"]));
+        let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+        assert_eq!(report["settings"]["storage"], storage);
+        // The hologram says how it was made.
+        let kept = std::fs::read_to_string(at.join(&out).join("zarr.json")).unwrap();
+        assert!(
+            kept.contains(&format!("\"storage\": \"{storage}\""))
+                || kept.contains(&format!("\"storage\":\"{storage}\""))
+        );
+        let timed = |kernel| report["timings"].as_array().unwrap().iter().any(|t| t["kernel"] == kernel);
+        assert_eq!(timed("check_finite"), storage == "fp16", "{report}");
+        report["colors"][0]["psnr_mean_db"].as_f64().unwrap()
+    };
+    let (full, half) = (run("fp32"), run("fp16"));
+    assert!((full - half).abs() < 0.05 && full != half, "{full} and {half} dB");
+    refused(at, &solve("builtin:still-life", "x.zarr", &["--storage", "fp8"]), "x.zarr", "fp32 or fp16");
+}
+
+#[test]
+fn every_method_solves_from_the_command_line() {
+    let temp = folder();
+    let at = temp.path();
+    for method in ["lf2fs", "stft", "stft-unfiltered", "stft-exact", "smooth", "dpac", "pupil-aware"] {
+        let report = done(at, &solve("builtin:still-life", "m.npy", &["--method", method, "--json"]));
+        let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+        assert_eq!(report["settings"]["method"], method);
+        assert!(report["colors"][0]["psnr_mean_db"].as_f64().is_some(), "{report}");
+    }
+    let refused = |more: &[&str], what: &str| refused(at, &solve("builtin:still-life", "n.npy", more), "n.npy", what);
+    refused(&["--method", "hogel"], "stft-exact");
+    refused(&["--method", "stft", "--stft-filter", "0"], "stft-filter");
+    refused(&["--method", "stft", "--stft-samples", "0"], "window of the STFT");
+    refused(&["--method", "pupil-aware", "--evenness=-1"], "evenness");
+    refused(&["--method", "pupil-aware", "--patches", "17"], "patches");
+    refused(&["--levels", "0"], "phase levels");
+    refused(&["--levels", "levels.txt"], "levels.txt");
+    std::fs::write(at.join("levels.txt"), "# measured\n0\n1.5\n3.2\nfour\n").unwrap();
+    refused(&["--levels", "levels.txt"], "line 5");
+    std::fs::write(at.join("levels.txt"), "# measured\n0\n1.5 # second\n\n3.2\n4.7\n").unwrap();
+    for levels in ["levels.txt", "16"] {
+        done(at, &solve("builtin:still-life", "l.npy", &["--levels", levels]));
+    }
+}

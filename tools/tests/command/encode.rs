@@ -1,0 +1,170 @@
+//! `eyebox encode` as a user runs it.
+
+use crate::common::{self, done, eyebox, folder, text};
+use std::path::Path;
+
+fn refused(folder: &Path, args: &[&str], what: &str) {
+    common::refused(folder, args, "x", what);
+}
+
+fn phases(folder: &Path, name: &str, shape: &[usize]) -> Vec<f32> {
+    let values: Vec<f32> = (0..shape.iter().product()).map(|i: usize| (i * 131 % 1009) as f32 * 0.02 - 10.0).collect();
+    ::eyebox::files::write_npy(&folder.join(name), shape, &values).unwrap();
+    values
+}
+
+/// The level of a phase by plain arithmetic.
+fn level(phase: f32, levels: f64) -> u8 {
+    let exact = (f64::from(phase) / std::f64::consts::TAU).rem_euclid(1.0) * levels;
+    (exact + 0.5).floor().rem_euclid(levels) as u8
+}
+
+fn picture(folder: &Path, name: &str) -> image::DynamicImage {
+    image::open(folder.join(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
+}
+
+#[test]
+fn grey_frames_hold_every_level_in_order() {
+    let temp = folder();
+    let at = temp.path();
+    phases(at, "p.npy", &[2, 3, 5, 7]);
+    let colored = phases(at, "c.npy", &[3, 2, 5, 7]);
+    done(at, &["encode", "c.npy", "--display", "grey8", "--size", "5x7", "-o", "x"]);
+    for f in 0..2 {
+        for c in 0..3 {
+            let frame = picture(at, &format!("x/frame-{:05}.png", 3 * f + c)).into_luma8();
+            let wanted: Vec<u8> = colored[(c * 2 + f) * 35..][..35].iter().map(|p| level(*p, 256.0)).collect();
+            assert_eq!(frame.into_raw(), wanted);
+        }
+    }
+    assert_eq!(std::fs::read_dir(at.join("x")).unwrap().count(), 6);
+    // Two colours of a display that has three.
+    refused_at(at, &["encode", "p.npy", "--display", "grey8", "--size", "5x7", "-o", "y"], "--color");
+}
+
+fn refused_at(folder: &Path, args: &[&str], what: &str) {
+    let answer = eyebox(folder, args);
+    let said = text(&answer.stderr);
+    assert!(answer.status.code() == Some(2) && said.contains(what), "{said}");
+}
+
+#[test]
+fn a_report_says_what_each_frame_holds() {
+    let temp = folder();
+    let at = temp.path();
+    let values = phases(at, "p.npy", &[3, 8, 4, 6]);
+    let out = done(at, &["encode", "p.npy", "--display", "planes24", "--size", "4x6", "-o", "x", "--json"]);
+    let report: serde_json::Value = serde_json::from_str(&out).expect("JSON");
+    assert_eq!((report["height"].as_u64(), report["width"].as_u64()), (Some(4), Some(6)));
+    let frames = report["frames"].as_array().expect("frames");
+    assert_eq!(frames.len(), 1);
+    let holds = frames[0]["holds"].as_array().expect("what it holds");
+    assert_eq!(holds.len(), 24);
+    // The report alone is enough to find every level again.
+    let frame = picture(at, &format!("x/{}", frames[0]["file"].as_str().unwrap())).into_rgb8().into_raw();
+    let index = |names: [&str; 3], v: &serde_json::Value| names.iter().position(|n| v == n).expect("a name");
+    for slot in holds {
+        let c = index(["red", "green", "blue"], &slot["color"]);
+        let channel = index(["red", "green", "blue"], &slot["channel"]);
+        let f = slot["sub_frame"].as_u64().unwrap() as usize;
+        let bit = slot["bits"][0].as_u64().unwrap();
+        for i in 0..24 {
+            assert_eq!(frame[3 * i + channel] >> bit & 1, level(values[(c * 8 + f) * 24 + i], 2.0), "{slot}");
+        }
+    }
+}
+
+#[test]
+fn a_hologram_is_encoded_on_both_engines_for_a_display_of_ones_own() {
+    let temp = folder();
+    let at = temp.path();
+    let solve = ["solve", "builtin:plane", "-o", "h.zarr", "--size", "20x26", "--steps", "1", "--engine", "cpu"];
+    done(at, &solve);
+    done(at, &["export", "h.zarr", "-o", "h.npy"]);
+    let display = "resolution = [20, 26]\npitch_um = 8.0\nfocal_length_mm = 400.0\n\
+                   wavelengths_nm = { red = 660, green = 532, blue = 440 }\n[encoding]\npacking = \"fields\"\n\
+                   two_pi_level = { red = 250, green = 218, blue = 200.5 }\nflip = \"horizontal\"\n\
+                   look_up = {}\n[[encoding.grating]]\nperiod_px = 6\ndirection_deg = 90\n";
+    std::fs::write(at.join("bench.toml"), display).unwrap();
+    for (engine, out) in [("cpu", "a"), ("vulkan", "b")] {
+        let args = ["encode", "h.zarr", "--display", "bench.toml", "--engine", engine, "-o", out];
+        let said = text(&eyebox(at, &args).stderr);
+        assert!(said.contains("8 video frames of 20x26, 8-bit RGB") && said.contains("532.0 nm"), "{said}");
+    }
+    done(at, &["encode", "h.npy", "--display", "bench.toml", "-o", "c"]);
+    for f in 0..8 {
+        let name = |folder| format!("{folder}/frame-{f:05}.png");
+        let bytes = picture(at, &name("a")).into_rgb8();
+        assert_eq!(bytes, picture(at, &name("b")).into_rgb8());
+        assert_eq!(bytes, picture(at, &name("c")).into_rgb8());
+        assert!(bytes.pixels().all(|p| p[0] < 250 && p[1] < 218 && p[2] <= 200));
+    }
+    // One colour of it: the others' channels are black.
+    done(at, &["encode", "h.zarr", "--display", "bench.toml", "--color", "green", "-o", "g"]);
+    let (all, green) = (picture(at, "a/frame-00003.png").into_rgb8(), picture(at, "g/frame-00003.png").into_rgb8());
+    assert!(all.pixels().zip(green.pixels()).all(|(a, g)| g[1] == a[1] && g[0] == 0 && g[2] == 0));
+}
+
+#[test]
+fn a_folder_of_frames_is_replaced_and_any_other_left_alone() {
+    let temp = folder();
+    let at = temp.path();
+    phases(at, "p.npy", &[3, 4, 6]);
+    phases(at, "q.npy", &[1, 4, 6]);
+    let args = |input| ["encode", input, "--display", "grey8", "--size", "4x6", "-o", "f"];
+    done(at, &args("p.npy"));
+    done(at, &args("q.npy"));
+    assert_eq!(std::fs::read_dir(at.join("f")).unwrap().count(), 1, "nothing of the longer one is left");
+    std::fs::write(at.join("f/notes.txt"), "mine").unwrap();
+    refused_at(at, &args("p.npy"), "left alone");
+    assert_eq!(std::fs::read_to_string(at.join("f/notes.txt")).unwrap(), "mine");
+    assert_eq!(std::fs::read_dir(at.join("f")).unwrap().count(), 2);
+}
+
+#[test]
+fn mistakes_are_one_line() {
+    let temp = folder();
+    let at = temp.path();
+    phases(at, "p.npy", &[8, 4, 6]);
+    phases(at, "three.npy", &[3, 8, 4, 6]);
+    phases(at, "flat.npy", &[24]);
+    let encode = |input, display, size| ["encode", input, "--display", display, "--size", size, "-o", "x"];
+    refused(at, &["encode", "p.npy", "--display", "grey8", "-o", "x"], "--size 4x6");
+    refused(at, &encode("p.npy", "grey8", "4x5"), "takes 4x5");
+    refused(at, &encode("p.npy", "planes24", "4x6"), "24 sub-frames would be right");
+    refused(at, &encode("p.npy", "fields", "4x6"), "--color");
+    refused(at, &encode("flat.npy", "grey8", "4x6"), "sub-frame, row, column");
+    refused(at, &encode("none.npy", "grey8", "4x6"), "none.npy");
+    refused(at, &encode("p.npy", "none", "4x6"), "planes24");
+    let mut values = vec![0.0f32; 24];
+    values[7] = f32::NAN;
+    ::eyebox::files::write_npy(&at.join("nan.npy"), &[1, 4, 6], &values).unwrap();
+    refused(at, &encode("nan.npy", "grey8", "4x6"), "[0, 1, 1]");
+
+    let head = "resolution = [4, 6]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { red = 660, green = 520, blue = 440 }\n";
+    std::fs::write(at.join("bad.csv"), "level,phase\n0,0\n1,two\n").unwrap();
+    std::fs::write(at.join("text.png"), "text").unwrap();
+    for (encoding, what) in [
+        ("packing = \"grey9\"", "grey9"),
+        ("pakcing = \"grey8\"", "line 6"),
+        ("rotation_deg = 45", "0, 90, 180 or 270"),
+        ("packing = \"map\"", "belong together"),
+        ("two_pi_level = 0", "1 to 65536"),
+        ("two_pi_level = { red = 200 }", "none for green"),
+        ("look_up = { red = \"none.csv\", green = \"none.csv\", blue = \"none.csv\" }", "none.csv"),
+        ("look_up = { red = \"bad.csv\" }", "bad.csv, line 3"),
+        ("codes = [1, 2]", "256 levels"),
+        ("phases_turns = [0.0]", "256 levels"),
+        ("cells = [[0, 1], [2]]", "cells"),
+        ("[[encoding.correction]]\nfile = \"text.png\"", "sign"),
+        ("[[encoding.correction]]\nfile = \"text.png\"\nsign = 2", "-1 takes it away"),
+        ("[[encoding.correction]]\nfile = \"text.png\"\nsign = 1", "text.png"),
+        ("[[encoding.correction]]\nfile = \"none.png\"\nsign = 1", "none.png"),
+        ("[[encoding.grating]]\nperiod_px = 0\ndirection_deg = 0", "two pixels"),
+    ] {
+        std::fs::write(at.join("bench.toml"), format!("{head}[encoding]\n{encoding}\n")).unwrap();
+        refused(at, &["encode", "three.npy", "--display", "bench.toml", "-o", "x"], what);
+    }
+    std::fs::write(at.join("file"), "").unwrap();
+    refused_at(at, &["encode", "p.npy", "--display", "grey8", "--size", "4x6", "-o", "file"], "is a file");
+}

@@ -1,0 +1,244 @@
+//! `eyebox evaluate` as a user runs it: the report, going on after an interruption, and what it answers to mistakes.
+
+use crate::common::{self, command, done};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::{Duration, Instant, SystemTime};
+
+fn refused(folder: &Path, args: &[&str], what: &str) {
+    common::refused(folder, args, "out", what);
+}
+
+const SMALL: [&str; 8] = ["--size", "40x48", "--steps", "3", "--engine", "cpu", "-o", "out"];
+
+fn evaluate<'a>(scenes: &[&'a str], more: &[&'a str]) -> Vec<&'a str> {
+    [&["evaluate"][..], scenes, &SMALL, more].concat()
+}
+
+fn read(folder: &Path, name: &str) -> String {
+    std::fs::read_to_string(folder.join("out").join(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
+}
+
+fn written(folder: &Path, name: &str) -> SystemTime {
+    std::fs::metadata(folder.join("out").join(name)).unwrap_or_else(|e| panic!("{name}: {e}")).modified().unwrap()
+}
+
+/// Four views as a folder of pictures.
+fn views(folder: &Path, name: &str, size: &str) -> PathBuf {
+    std::fs::create_dir(folder.join(name)).unwrap();
+    for i in 0..4 {
+        let (pupil, out) =
+            (format!("--pupil={},{},2,0", i % 2 * 8 - 4, i / 2 * 8 - 4), format!("{name}/view_{i:02}.png"));
+        done(folder, &["photograph", "builtin:plane", "--size", size, "--views", "3", &pupil, "-o", &out]);
+    }
+    folder.join(name)
+}
+
+#[test]
+fn a_report_is_one_page_and_the_same_numbers_as_csv_and_json() {
+    let temp = tempfile::tempdir().unwrap();
+    let at = temp.path();
+    let published =
+        "method,category,n,mean,median,q25,q75,min,max,std\nslfh,Random pupils,70,28.6,29.4,24.8,30.9,22.9,37.7,3.8\n";
+    std::fs::write(at.join("paper.csv"), published).unwrap();
+    let more = ["--methods", "slfh,dpac", "--frames", "1,2", "--reference", "paper.csv", "--no-speckle", "--json"];
+    let said = done(at, &evaluate(&["builtin:still-life", "builtin:plane?depth=0.05"], &more));
+    let report: serde_json::Value = serde_json::from_str(&said).expect("one JSON object");
+    assert_eq!(report, serde_json::from_str::<serde_json::Value>(&read(at, "report.json")).unwrap());
+    assert_eq!(report["runs"].as_array().unwrap().len(), 8, "two scenes, two methods, two numbers of sub-frames");
+    assert_eq!(report["missing"], 0);
+
+    // 9 + 9 + 25 + 25 + 24 pupils in three colours.
+    let scores = read(at, "scores.csv");
+    assert_eq!(scores.lines().count(), 1 + 8 * 3 * 92);
+    assert!(scores.lines().next().unwrap().starts_with("method,frames,scene,color,group"));
+    let random: Vec<f64> = scores
+        .lines()
+        .filter(|l| l.starts_with("slfh,2,still-life,") && l.contains(",Random pupils,"))
+        .map(|l| l.split(',').nth(10).unwrap().parse().unwrap())
+        .collect();
+    assert_eq!(random.len(), 72);
+    let summary = read(at, "summary.csv");
+    let line = summary.lines().find(|l| l.starts_with("slfh,2,still-life,Random pupils,72,")).expect("a summary");
+    let mean: f64 = line.split(',').nth(5).unwrap().parse().unwrap();
+    assert!((mean - random.iter().sum::<f64>() / 72.0).abs() < 1e-3, "{line}");
+    assert!(summary.lines().any(|l| l.starts_with("dpac,1,all scenes,Focal stack,54,")));
+
+    let page = read(at, "report.html");
+    assert!(page.starts_with("<!doctype html>") && page.trim_end().ends_with("</html>"));
+    for outside in ["<script", "<link", "src=\"http", "url(", "href=\"http", "@import"] {
+        assert!(!page.contains(outside), "{outside}");
+    }
+    let images = page.matches("<img").count();
+    assert!(images > 60 && page.matches("alt=\"").count() == images, "every picture has a text");
+    assert_eq!(page.matches("<svg").count(), page.matches("role=\"img\"").count());
+    assert!(page.contains("published") && page.contains("holds here") | page.contains("does not hold here"));
+    // Base64 may hold any word by chance.
+    let words: String = page.split("base64,").map(|p| p.split_once('"').map_or(p, |(_, rest)| rest)).collect();
+    for word in ["NaN", "inf", "∞"] {
+        let at = words.find(word).map(|i| words[i.saturating_sub(60)..].chars().take(100).collect::<String>());
+        assert_eq!(at, None, "{word}");
+    }
+}
+
+#[test]
+fn what_is_done_is_not_done_again() {
+    let temp = tempfile::tempdir().unwrap();
+    let at = temp.path();
+    let run = |more: &[&str]| {
+        done(
+            at,
+            &evaluate(
+                &["builtin:plane"],
+                &[&["--color", "green", "--methods", "slfh,lf2fs", "--no-speckle"], more].concat(),
+            ),
+        )
+    };
+    run(&[]);
+    let names = ["results/plane-slfh-8.json", "results/plane-lf2fs-8.json", "holograms/plane-slfh-8.zarr/zarr.json"];
+    let first = names.map(|n| written(at, n));
+    let scores = read(at, "scores.csv");
+    run(&[]);
+    assert_eq!(first, names.map(|n| written(at, n)), "nothing was computed again");
+    // A result that is damaged, and one that is gone: measured again, from the hologram that is there.
+    std::fs::write(at.join("out").join(names[0]), "{").unwrap();
+    std::fs::remove_file(at.join("out").join(names[1])).unwrap();
+    run(&[]);
+    assert!(written(at, names[0]) > first[0] && written(at, names[1]) > first[1]);
+    assert_eq!(written(at, names[2]), first[2]);
+    assert_eq!(read(at, "scores.csv"), scores);
+    // Another seed is another hologram.
+    run(&["--seed", "3"]);
+    assert!(written(at, names[2]) > first[2] && read(at, "scores.csv") != scores);
+}
+
+#[test]
+#[cfg(unix)]
+fn an_interrupted_evaluation_goes_on_where_it_was() {
+    let temp = tempfile::tempdir().unwrap();
+    let at = temp.path();
+    let args = [
+        "evaluate",
+        "builtin:still-life",
+        "--size",
+        "64x64",
+        "--steps",
+        "60",
+        "--methods",
+        "dpac,slfh,lf2fs,stft,pupil-aware",
+        "--frames",
+        "4,8",
+        "--engine",
+        "cpu",
+        "-o",
+        "out",
+    ];
+    let mut child =
+        command(at, &args).stderr(std::process::Stdio::null()).stdout(std::process::Stdio::piped()).spawn().unwrap();
+    let first = at.join("out/results/still-life-dpac-4.json");
+    let start = Instant::now();
+    while !first.exists() {
+        assert!(start.elapsed() < Duration::from_secs(120), "no result after two minutes");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(killed.success());
+    assert!(child.wait().unwrap().success());
+    let report: serde_json::Value = serde_json::from_str(&read(at, "report.json")).unwrap();
+    assert!(report["missing"].as_u64().unwrap() > 0 && read(at, "report.html").contains("was stopped"));
+    let kept = written(at, "results/still-life-dpac-4.json");
+    done(at, &[&args[..], &["--no-speckle"]].concat());
+    let report: serde_json::Value = serde_json::from_str(&read(at, "report.json")).unwrap();
+    assert_eq!((report["missing"].as_u64(), report["runs"].as_array().unwrap().len()), (Some(0), 10));
+    assert_eq!(written(at, "results/still-life-dpac-4.json"), kept);
+}
+
+#[test]
+fn holograms_that_exist_are_measured_as_they_are() {
+    let temp = tempfile::tempdir().unwrap();
+    let at = temp.path();
+    let solve = |size, out| {
+        done(
+            at,
+            &[
+                "solve",
+                "builtin:plane",
+                "--size",
+                size,
+                "--steps",
+                "3",
+                "--color",
+                "green",
+                "--engine",
+                "cpu",
+                "-o",
+                out,
+            ],
+        );
+    };
+    solve("40x48", "mine.zarr");
+    solve("32x32", "other.zarr");
+    let wrong =
+        ["evaluate", "builtin:plane", "--hologram", "mine=mine.zarr", "--hologram", "other=other.zarr", "-o", "out"];
+    refused(at, &wrong, "other.zarr: 32 x 32 pixels");
+    refused(at, &evaluate(&["builtin:plane"], &["--hologram", "mine=mine.zarr"]), "--color");
+    refused(
+        at,
+        &evaluate(&["builtin:plane"], &["--color", "green", "--hologram", "slfh=mine.zarr"]),
+        "name of a method",
+    );
+    refused(at, &evaluate(&["builtin:plane"], &["--color", "green", "--hologram", "x=none.zarr"]), "none.zarr");
+    refused(at, &evaluate(&["builtin:plane"], &["--hologram", "mine.zarr"]), "NAME=FILE");
+    let two = evaluate(&["builtin:chart", "builtin:points"], &["--color", "green", "--hologram", "mine=mine.zarr"]);
+    refused(at, &two, "none of the scenes");
+    // Its own size and colours, without being told.
+    done(at, &["evaluate", "builtin:plane", "--hologram", "Mine & <co>=mine.zarr", "--engine", "cpu", "-o", "out"]);
+    let report: serde_json::Value = serde_json::from_str(&read(at, "report.json")).unwrap();
+    assert_eq!(report["about"]["size"], serde_json::json!([40, 48]));
+    assert_eq!(report["runs"][0]["method"], "Mine & <co>");
+    let page = read(at, "report.html");
+    assert!(page.contains("Mine &amp; &lt;co&gt;") && !page.contains("<co>"));
+    // And the same numbers as `score` looks at.
+    assert!(read(at, "scores.csv").lines().count() == 93);
+}
+
+#[test]
+fn mistakes_are_one_line_and_leave_nothing() {
+    let temp = tempfile::tempdir().unwrap();
+    let at = temp.path();
+    refused(at, &evaluate(&["builtin:plane"], &["--methods", "slfh,magic"]), "'magic': there are slfh, lf2fs");
+    refused(at, &evaluate(&[], &[]), "SCENE");
+    refused(at, &evaluate(&["none"], &[]), "none: no such folder");
+    refused(at, &evaluate(&["builtin:none"], &[]), "still-life");
+    refused(at, &evaluate(&["builtin:plane", "builtin:plane"], &[]), "twice");
+    refused(at, &evaluate(&["builtin:plane"], &["--frames", "0"]), "sub-frames");
+    refused(at, &evaluate(&["builtin:plane"], &["--pupils", "0"]), "pupils");
+    refused(at, &evaluate(&["builtin:plane"], &["--pupil-diameter", "0..2"]), "diameters");
+    refused(at, &evaluate(&["builtin:plane"], &["--display", "none"]), "paper, plm, small");
+    refused(at, &evaluate(&["builtin:plane", "builtin:chart"], &["--depth-map", "d.png"]), "one scene");
+    refused(at, &evaluate(&["builtin:plane"], &["--reference", "none.csv"]), "none.csv");
+    std::fs::write(at.join("bad.csv"), "method,mean\nslfh,1\n").unwrap();
+    refused(at, &evaluate(&["builtin:plane"], &["--reference", "bad.csv"]), "bad.csv");
+    let mut zero = evaluate(&["builtin:plane"], &[]);
+    zero[5] = "0";
+    refused(at, &zero, "--steps 0");
+    // Folders of pictures of different sizes, with nothing said of what they are fitted to.
+    views(at, "wide", "20x40");
+    views(at, "tall", "40x20");
+    refused(
+        at,
+        &["evaluate", "wide", "tall", "--engine", "cpu", "-o", "out"],
+        "tall: 40 x 20 pixels, but wide has 20 x 40",
+    );
+    // A view that is missing is found before anything is written.
+    std::fs::remove_file(at.join("wide/view_02.png")).unwrap();
+    refused(at, &evaluate(&["builtin:plane", "wide"], &[]), "wide");
+    // A file where the folder should be.
+    std::fs::write(at.join("file"), "kept").unwrap();
+    let mut into = evaluate(&["builtin:plane"], &[]);
+    for place in ["file", "file/out"] {
+        *into.iter_mut().find(|a| **a == "out" || a.starts_with("file")).unwrap() = place;
+        refused(at, &into, "file");
+    }
+    assert_eq!(std::fs::read_to_string(at.join("file")).unwrap(), "kept");
+}

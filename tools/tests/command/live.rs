@@ -1,0 +1,160 @@
+//! `eyebox study` and `eyebox live` as a user runs them.
+
+use crate::common;
+use crate::common::desk::Desk;
+use crate::common::screen::Screen;
+use crate::common::{done, folder, refused, text};
+use serde_json::Value;
+use std::path::Path;
+use std::process::{Child, Stdio};
+use std::time::{Duration, Instant};
+
+const ESCAPE: u32 = 0xff1b;
+const S: u32 = 0x73;
+
+fn solved(at: &Path) {
+    let solve = ["solve", "builtin:still-life", "--size", "64x72", "--steps", "12", "--color", "green"];
+    done(at, &[&solve[..], &["--engine", "cpu", "-o", "h.zarr"]].concat());
+}
+
+fn json(file: &Path) -> Value {
+    serde_json::from_slice(&std::fs::read(file).expect("a file")).expect("JSON")
+}
+
+#[test]
+fn a_study_says_what_steering_gains_and_shows_it() {
+    let temp = folder();
+    let at = temp.path();
+    solved(at);
+    let study =
+        ["study", "h.zarr", "--display", "planes8", "--duration", "1", "--engine", "cpu", "--json", "--step-time", "4"];
+    let said: Value = serde_json::from_str(&done(at, &[&study[..], &["-o", "out"]].concat())).expect("one object");
+    let all = json(&at.join("out/study.json"));
+    let moments = all["study"]["moments"].as_array().unwrap();
+    assert!((58..=61).contains(&moments.len()), "{} sets in a second", moments.len());
+    let landed = moments.iter().filter(|m| m["since_landing_ms"].as_f64().is_some_and(|t| t > 150.0));
+    let gains: Vec<f64> = landed.map(|m| m["steered_db"].as_f64().unwrap() - m["whole_db"].as_f64().unwrap()).collect();
+    let mean = gains.iter().sum::<f64>() / gains.len() as f64;
+    assert!(mean > 0.5, "{mean} dB");
+    assert_eq!(said["summary"], all["summary"]);
+    let page = std::fs::read_to_string(at.join("out/study.html")).unwrap();
+    assert!(page.matches("<svg").count() == 2 && page.contains("at the end of a fixation"));
+    assert!(page.matches("<circle").count() > 20);
+}
+
+#[test]
+fn a_scene_is_solved_and_followed_and_every_set_accounted_for() {
+    let temp = folder();
+    let at = temp.path();
+    let live = ["live", "builtin:still-life", "--size", "64x72", "--color", "green", "--display", "planes8"];
+    let more = ["--duration", "1.5", "--stats", "s.json", "--trace", "t.json", "--record", "kept", "--engine", "cpu"];
+    done(at, &[&live[..], &more, &["--quality", "fast"]].concat());
+    let stats = json(&at.join("s.json"));
+    let count = |name: &str| stats[name].as_u64().unwrap();
+    let sets = stats["playback"]["sets"].as_u64().unwrap() - stats["playback"]["idle_sets"].as_u64().unwrap();
+    assert_eq!(count("sets_new") + count("sets_repeated"), sets);
+    // How many are refined in the time there is depends on the machine; the first is there before time begins.
+    assert!(count("sets_new") >= 1 && count("steps") + 2 >= count("sets_new"), "{stats}");
+    let late = stats["playback"]["late_sets"].as_object().unwrap();
+    assert!(late.values().all(|v| v == 0), "{late:?}");
+    let light = &stats["latency"]["stages"]["sample_to_light_ms"];
+    assert!(light["count"].as_u64().unwrap() <= count("sets_new"), "{light}");
+    // Half a set's time lies between a set's beginning and the middle of its light.
+    assert!(light["p50"].as_f64().is_none_or(|ms| ms > 8.0), "{light}");
+    let trace = json(&at.join("t.json"));
+    let names: Vec<&str> = trace["traceEvents"].as_array().unwrap().iter().filter_map(|e| e["name"].as_str()).collect();
+    for name in ["filter", "encode", "upload", "submit", "present"] {
+        assert!(names.contains(&name), "{name}");
+    }
+    let pictures = std::fs::read_dir(at.join("kept"))
+        .unwrap()
+        .filter(|e| e.as_ref().is_ok_and(|e| e.path().extension().is_some_and(|x| x == "png")));
+    assert!(pictures.count() >= 1);
+}
+
+#[test]
+fn mistakes_are_one_line() {
+    let temp = folder();
+    let at = temp.path();
+    solved(at);
+    let live = |more: &[&'static str]| [&["live", "h.zarr", "--display", "planes8"][..], more].concat();
+    refused(at, &live(&["--tracker", "mouse"]), "x", "add --view");
+    refused(at, &live(&["--tracker", "nonsense"]), "x", "nonsense");
+    refused(at, &live(&["--tracker", "missing.hid"]), "x", "missing.hid");
+    refused(at, &live(&["--restart=-1"]), "x", "--restart");
+    refused(at, &live(&["--size", "80x80"]), "x", "64x72");
+    refused(at, &["live", "missing.zarr"], "x", "missing.zarr");
+    refused(at, &["study", "h.zarr", "--scene", "builtin:nothing", "-o", "x"], "x", "nothing");
+    refused(at, &["study", "h.zarr", "--display", "planes8", "--duration", "0", "-o", "x"], "x", "--duration");
+}
+
+fn start(at: &Path, desk: &Desk, more: &[&str]) -> Child {
+    let live = ["live", "h.zarr", "--display", "planes8", "--engine", "cpu", "--view", "--validation"];
+    common::command(at, &[&live[..], more].concat())
+        .env("DISPLAY", desk.name())
+        .env_remove("WAYLAND_DISPLAY")
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("it starts")
+}
+
+fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
+    let since = Instant::now();
+    while !done() {
+        assert!(since.elapsed() < Duration::from_secs(60), "{what}");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+/// In a window over a whole monitor, what is on the screen at the end is a video frame of a refined set or the idle picture.
+#[test]
+fn a_window_shows_what_follows_the_eye() {
+    let temp = folder();
+    let at = temp.path();
+    solved(at);
+    let screen = Screen::new(at, [64, 72]);
+    let live = ["live", "h.zarr", "--display", "planes8", "--engine", "cpu", "--output", "window", "--validation"];
+    let answer = common::command(at, &[&live[..], &["--duration", "1.5", "--stats", "s.json"]].concat())
+        .env("DISPLAY", screen.name())
+        .env_remove("WAYLAND_DISPLAY")
+        .output()
+        .expect("it starts");
+    let said = text(&answer.stderr);
+    assert!(answer.status.success() && !said.contains("validation:"), "{said}");
+    let stats = json(&at.join("s.json"));
+    assert!(stats["sets_new"].as_u64().unwrap() >= 1, "{stats}");
+    assert!(stats["presenter"].as_str().unwrap().contains("72"), "{}", stats["presenter"]);
+    // A monitor of another size is refused.
+    let other = Screen::new(temp.path(), [80, 90]);
+    let refused = common::command(at, &live).env("DISPLAY", other.name()).env_remove("WAYLAND_DISPLAY").output();
+    let refused = refused.expect("it starts");
+    assert_eq!(refused.status.code(), Some(2), "{}", text(&refused.stderr));
+}
+
+/// The mouse is the eye: the window shows what it sees, and a key steers or does not.
+#[test]
+fn the_view_follows_the_mouse_and_a_key_stops_steering() {
+    let temp = folder();
+    let at = temp.path();
+    solved(at);
+    let desk = Desk::new(at, [720, 900]);
+    let child = start(at, &desk, &["--tracker", "mouse", "--stats", "s.json"]);
+    let window = desk.window("still-life");
+    wait_for("a picture", || desk.title(window).contains("pupil"));
+    let place = desk.title(window);
+    // Two pushes: a pupil is believed when it has been seen for a while.
+    for i in 0..40 {
+        desk.point(window, [400, 100 + i % 2]);
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    wait_for("another pupil", || desk.title(window) != place && desk.title(window).starts_with("steered"));
+    desk.press(window, S);
+    wait_for("no steering", || desk.title(window).starts_with("not steered"));
+    desk.press(window, ESCAPE);
+    let ended = child.wait_with_output().expect("its end");
+    let said = text(&ended.stderr);
+    assert!(ended.status.success(), "{said}");
+    assert!(said.contains("ended by closed") && !said.contains("validation:"), "{said}");
+    assert_eq!(json(&at.join("s.json"))["ended_by"], "closed");
+}

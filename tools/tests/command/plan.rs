@@ -1,0 +1,116 @@
+//! `eyebox plan` as a user runs it, and what `solve` makes of a plan.
+
+use crate::common::{self, command, done, folder, refused};
+use serde_json::Value;
+use std::path::Path;
+
+const SMALL: [&str; 6] = ["--size", "48x40", "--engine", "cpu", "--pupil-diameter", "4..18"];
+
+fn json(folder: &Path, command: &str, scene: &str, more: &[&str]) -> Value {
+    let text = done(folder, &[&[command, scene, "--json"][..], &SMALL, more].concat());
+    serde_json::from_str(&text).expect("one JSON object")
+}
+
+fn choice<'a>(plan: &'a Value, what: &str) -> &'a Value {
+    plan["choices"].as_array().unwrap().iter().find(|c| c["what"] == what).unwrap_or_else(|| panic!("{what}: {plan}"))
+}
+
+#[test]
+fn a_plan_says_what_why_and_how_much() {
+    let temp = folder();
+    let at = temp.path();
+    let text = done(at, &[&["plan", "builtin:still-life"][..], &SMALL].concat());
+    for what in
+        ["colours", "black margins", "depth", "views", "padding", "window", "sub-frames", "precision", "time", "memory"]
+    {
+        assert!(text.lines().any(|l| l.trim_start().starts_with(what)), "{what}: {text}");
+    }
+    let deep = json(at, "plan", "builtin:still-life", &[]);
+    assert_eq!((&deep["views_merged"], choice(&deep, "views")["saves"].as_bool()), (&Value::from(1), Some(false)));
+    let flat = json(at, "plan", "builtin:plane", &[]);
+    assert_eq!((&flat["views_merged"], choice(&flat, "views")["saves"].as_bool()), (&Value::from(9), Some(true)));
+    let full = json(at, "plan", "builtin:plane", &["--full"]);
+    assert_eq!((&full["views_merged"], &full["settings"]["window"]), (&Value::from(1), &Value::from("full")));
+    let forecast = |plan: &Value, i: usize| plan["forecast"][i].clone();
+    let (saved, whole) = (forecast(&flat, 0), forecast(&full, 0));
+    assert!(saved["step_ms"].as_f64() < whole["step_ms"].as_f64(), "{saved} {whole}");
+    assert!(saved["peak_memory_bytes"].as_u64() > Some(48 * 40 * 81 * 3 * 4), "{saved}");
+    // Nothing was written.
+    assert_eq!(std::fs::read_dir(at).unwrap().count(), 0);
+}
+
+/// One view in place of 81 changes nothing that is seen, and the file remembers the scene as it is.
+#[test]
+fn a_flat_scene_solved_from_one_view_is_the_same() {
+    let temp = folder();
+    let at = temp.path();
+    let solve = |out: &str, more: &[&str]| {
+        let said =
+            json(at, "solve", "builtin:plane", &[&["--color", "green", "--steps", "8", "-o", out], more].concat());
+        let score: Value =
+            serde_json::from_str(&done(at, &["score", out, "builtin:plane", "--json", "--engine", "cpu"])).unwrap();
+        (
+            said,
+            score["mean"]["psnr_db"]
+                .as_f64()
+                .or(score["psnr_db"]["mean"].as_f64())
+                .unwrap_or_else(|| panic!("{score}")),
+        )
+    };
+    let (saved, one) = solve("one.zarr", &[]);
+    let (whole, all) = solve("all.zarr", &["--full=views"]);
+    assert!((one - all).abs() < 0.01, "{one} dB from one view, {all} dB from all");
+    let count = |said: &Value| said["plan"].as_array().unwrap().iter().filter(|c| c["saves"] == true).count();
+    assert_eq!((count(&saved), count(&whole)), (1, 0));
+    assert!(saved["peak_memory_mib"].as_u64() > Some(1) && saved["colors"][0]["step_ms"].as_f64() > Some(0.0));
+}
+
+#[test]
+fn forecasts_are_checked_by_a_solve_of_its_own() {
+    let temp = folder();
+    let at = temp.path();
+    let plan = json(at, "plan", "builtin:plane", &["--color", "green", "--steps", "4", "--check", "-o", "x.zarr"]);
+    assert!(plan["check"]["steps"][0]["measured_ms"].as_f64() > Some(0.0), "{plan}");
+    assert!(plan["check"]["measured_mib"].as_f64() > Some(1.0));
+    assert_eq!(std::fs::read_dir(at).unwrap().count(), 0, "the hologram of the check is not kept");
+}
+
+#[test]
+fn sub_frames_follow_the_speckle_asked_for() {
+    let temp = folder();
+    let at = temp.path();
+    assert_eq!(json(at, "plan", "builtin:plane", &["--speckle", "0.5"])["settings"]["frames"], 4);
+    let plan = |more: &[&'static str]| [&["plan", "builtin:plane"][..], more].concat();
+    refused(at, &plan(&["--speckle", "2"]), "x", "0.016 (4096 sub-frames) to 1");
+    refused(at, &plan(&["--speckle", "0.5", "--frames", "8"]), "x", "--frames");
+    refused(at, &plan(&["--full=colors,nonsense"]), "x", "colors, views, padding, window and all");
+    refused(at, &plan(&["--padding=sometimes"]), "x", "sometimes");
+    refused(at, &["plan", "builtin:none"], "x", "still-life");
+}
+
+/// Rates that are damaged are measured again; a folder that cannot be written costs nothing but time.
+#[test]
+fn rates_are_a_convenience() {
+    let temp = folder();
+    let (at, cache) = (temp.path().join("work"), temp.path().join("cache"));
+    std::fs::create_dir(&at).unwrap();
+    let arguments = [&["plan", "builtin:plane"][..], &SMALL].concat();
+    let run = || {
+        let answer = command(&at, &arguments).env("XDG_CACHE_HOME", &cache).output().unwrap();
+        assert!(answer.status.success(), "{}", common::text(&answer.stderr));
+        common::text(&answer.stderr)
+    };
+    assert!(run().contains("timing"));
+    assert!(!run().contains("timing"), "the second plan knows the rates");
+    let mut kept = std::fs::read_dir(cache.join("eyebox")).unwrap().map(|e| e.unwrap().path());
+    let file = kept.find(|p| p.to_string_lossy().contains("rates-")).expect("the rates");
+    let whole = std::fs::read_to_string(&file).unwrap();
+    for damaged in [&whole[..whole.len() / 2], &whole.replace("\"seconds\":[", "\"seconds\":[-")] {
+        std::fs::write(&file, damaged).unwrap();
+        assert!(run().contains("timing"), "{damaged}");
+    }
+    assert!(!run().contains("timing"));
+    std::fs::remove_dir_all(&cache).unwrap();
+    std::fs::write(&cache, "no folder").unwrap();
+    assert!(run().contains("timing"));
+}

@@ -1,0 +1,266 @@
+//! `eyebox solve` over several scenes and `eyebox play`, as a user runs them.
+
+use serde_json::Value;
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn eyebox(folder: &Path, args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_eyebox"))
+        .args(args)
+        .current_dir(folder)
+        .env("XDG_CACHE_HOME", folder.join("cache"))
+        .output()
+        .expect("the command starts")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// What it said on standard error.
+fn done(folder: &Path, args: &[&str]) -> String {
+    let answer = eyebox(folder, args);
+    assert!(answer.status.success(), "{args:?}: {}", text(&answer.stderr));
+    text(&answer.stderr)
+}
+
+fn refused(folder: &Path, args: &[&str], what: &str) {
+    let answer = eyebox(folder, args);
+    let said = text(&answer.stderr);
+    assert_eq!(answer.status.code(), Some(2), "{args:?}: {said}");
+    assert!(said.contains(what) && !said.contains("panicked"), "{args:?}: {said}");
+}
+
+fn json(file: &Path) -> Value {
+    serde_json::from_slice(&std::fs::read(file).expect("a file")).expect("JSON")
+}
+
+const SOLVE: [&str; 12] =
+    ["--size", "48x64", "--views", "3", "--steps", "3", "--pupils", "4", "--display", "small", "--engine", "cpu"];
+
+fn solve(folder: &Path, scenes: &[&str], out: &str, more: &[&str]) -> Output {
+    eyebox(folder, &[&["solve"], scenes, &SOLVE, &["-o", out], more].concat())
+}
+
+const SCENES: [&str; 3] = ["builtin:still-life?span=1", "builtin:still-life?span=1.1", "builtin:still-life?span=1.2"];
+
+fn sequence(folder: &Path) {
+    let answer = solve(folder, &SCENES, "s.zarr", &["--rate", "20"]);
+    assert!(answer.status.success(), "{}", text(&answer.stderr));
+}
+
+#[test]
+fn an_interrupted_sequence_is_gone_on_with_and_comes_out_the_same() {
+    let here = tempfile::tempdir().unwrap();
+    let at = here.path();
+    sequence(at);
+    // As if it had been stopped after its first hologram: the others are missing, the document says so.
+    let copy = |from: &str, to: &str| {
+        assert!(Command::new("cp").args(["-r", from, to]).current_dir(at).status().unwrap().success());
+    };
+    copy("s.zarr", "cut.zarr");
+    (1..3).for_each(|i| std::fs::remove_dir_all(at.join(format!("cut.zarr/phases/c/{i}"))).unwrap());
+    let answer = solve(at, &SCENES, "cut.zarr", &["--rate", "20"]);
+    assert!(answer.status.success(), "{}", text(&answer.stderr));
+    assert!(text(&answer.stderr).contains("resumed after 1"), "{}", text(&answer.stderr));
+    for i in 0..3 {
+        let chunk = |name: &str| std::fs::read(at.join(name).join(format!("phases/c/{i}/0/0/0/0"))).unwrap();
+        assert!(chunk("s.zarr") == chunk("cut.zarr"), "hologram {i} is another one");
+    }
+    assert!(text(&solve(at, &SCENES, "s.zarr", &["--rate", "20"]).stdout).contains("complete"));
+    for (more, what) in [(&["--rate", "30"][..], "30"), (&["--rate", "20", "--seed", "1"], "solve")] {
+        let answer = solve(at, &SCENES, "s.zarr", more);
+        assert_eq!(answer.status.code(), Some(2));
+        assert!(text(&answer.stderr).contains(what), "{}", text(&answer.stderr));
+    }
+    // One of its holograms by itself.
+    done(at, &["export", "s.zarr", "--at", "2", "-o", "two.npy"]);
+    done(at, &["view", "s.zarr", "--at", "1", "--pupil=0,0,4,0", "-o", "one.png"]);
+    refused(at, &["export", "s.zarr", "-o", "x.npy"], "sequence");
+    refused(at, &["export", "s.zarr", "--at", "3", "-o", "x.npy"], "no hologram 3");
+}
+
+#[test]
+fn a_folder_of_light_fields_is_a_sequence_in_the_order_of_its_numbers() {
+    let here = tempfile::tempdir().unwrap();
+    let at = here.path();
+    for (name, level) in [("f10", 40u8), ("f9", 200)] {
+        std::fs::create_dir_all(at.join("film").join(name)).unwrap();
+        for view in 0..4 {
+            let picture =
+                image::GrayImage::from_fn(64, 48, |x, y| image::Luma([level.wrapping_add((x * y) as u8 / 8)]));
+            picture.save(at.join("film").join(name).join(format!("input_Cam{view:03}.png"))).unwrap();
+        }
+    }
+    let answer = solve(at, &["film"], "film.zarr", &["--json", "--warm-start", "cold"]);
+    assert!(answer.status.success(), "{}", text(&answer.stderr));
+    let report: Value = serde_json::from_slice(&answer.stdout).unwrap();
+    let scenes: Vec<&str> = report["frames"].as_array().unwrap().iter().map(|f| f["scene"].as_str().unwrap()).collect();
+    assert!(scenes.len() == 2 && scenes[0].ends_with("f9") && scenes[1].ends_with("f10"), "{scenes:?}");
+}
+
+#[test]
+fn what_is_recorded_is_what_encode_writes() {
+    let here = tempfile::tempdir().unwrap();
+    let at = here.path();
+    sequence(at);
+    let played =
+        ["play", "s.zarr", "--display", "planes24", "--size", "48x64", "--record", "shown", "--stats", "s.json"];
+    let said = done(at, &[&played[..], &["--trace", "t.json", "--sync", "0.1"]].concat());
+    assert!(said.contains("3 holograms shown, 0 dropped"), "{said}");
+    let stats = json(&at.join("s.json"));
+    // 20 a second on 60 Hz: each three times.
+    assert_eq!(stats["content_shown"], 3);
+    assert_eq!(stats["sets"].as_u64().unwrap() - stats["idle_sets"].as_u64().unwrap(), 9);
+    assert_eq!((&stats["ended_by"], &stats["missed_presents"]), (&"the end".into(), &0.into()));
+    for i in 0..3 {
+        let npy = format!("{i}.npy");
+        done(at, &["export", "s.zarr", "--at", &i.to_string(), "-o", &npy]);
+        let out = format!("e{i}");
+        done(at, &["encode", &npy, "--display", "planes24", "--size", "48x64", "-o", &out]);
+        let picture = |path: String| image::open(at.join(path)).unwrap().into_rgb8();
+        assert!(picture(format!("shown/set-{i:06}-00.png")) == picture(format!("e{i}/frame-00000.png")), "{i}");
+    }
+    let list = std::fs::read_to_string(at.join("shown/shown.csv")).unwrap();
+    let sets: Vec<&str> =
+        list.lines().skip(1).map(|l| l.split(',').nth(2).unwrap()).filter(|s| !s.is_empty()).collect();
+    assert_eq!(sets, ["0", "0", "0", "1", "1", "1", "2", "2", "2"]);
+    let trace = json(&at.join("t.json"));
+    let names: std::collections::BTreeSet<&str> =
+        trace["traceEvents"].as_array().unwrap().iter().map(|e| e["name"].as_str().unwrap()).collect();
+    for name in ["decode", "upload", "encode", "submit", "present", "thread_name"] {
+        assert!(names.contains(name), "{name} in {names:?}");
+    }
+    refused(at, &played, "holds something");
+}
+
+#[test]
+fn a_vulkan_device_plays_the_bytes_of_the_cpu() {
+    let here = tempfile::tempdir().unwrap();
+    let at = here.path();
+    sequence(at);
+    for display in ["planes24", "grey8"] {
+        let play = ["play", "s.zarr", "--display", display, "--size", "48x64", "--rate", "2.5"];
+        let (cpu, vulkan) = (format!("{display}-cpu"), format!("{display}-vulkan"));
+        done(at, &[&play[..], &["--record", &cpu, "--engine", "cpu"]].concat());
+        let said = done(at, &[&play[..], &["--record", &vulkan, "--engine", "vulkan", "--validation"]].concat());
+        assert!(said.contains("3 holograms shown, 0 dropped") && !said.contains("validation:"), "{said}");
+        let mut compared = 0;
+        for entry in std::fs::read_dir(at.join(&cpu)).unwrap() {
+            let name = entry.unwrap().file_name();
+            let read = |folder: &str| std::fs::read(at.join(folder).join(&name)).unwrap();
+            assert!(read(&cpu) == read(&vulkan), "{name:?}");
+            compared += 1;
+        }
+        assert!(compared > 3, "{compared} files");
+    }
+    let none = Command::new(env!("CARGO_BIN_EXE_eyebox"))
+        .args(["play", "s.zarr", "--display", "planes24", "--size", "48x64", "--engine", "vulkan", "--record", "none"])
+        .current_dir(at)
+        .env("XDG_CACHE_HOME", at.join("cache"))
+        .env("VK_ICD_FILENAMES", "/nowhere.json")
+        .env("VK_DRIVER_FILES", "/nowhere.json")
+        .output()
+        .expect("the command starts");
+    let said = text(&none.stderr);
+    assert_eq!(none.status.code(), Some(2), "{said}");
+    assert!(said.contains("driver") && !said.contains("ended by"), "{said}");
+}
+
+#[test]
+fn a_direct_display_that_is_not_there_is_refused_in_a_sentence() {
+    let here = tempfile::tempdir().unwrap();
+    let at = here.path();
+    sequence(at);
+    let play = ["play", "s.zarr", "--display", "planes24", "--size", "48x64", "--output", "direct"];
+    for more in [&[][..], &["--monitor", "HDMI-A-1"], &["--validation"]] {
+        let answer = eyebox(at, &[&play[..], more].concat());
+        let said = text(&answer.stderr);
+        assert_eq!((answer.status.code(), said.trim().lines().count()), (Some(2), 1), "{said}");
+        // Where there is a graphics card, it has no display of 48x64 pixels.
+        assert!(said.contains("direct display: no "), "{said}");
+    }
+    refused(at, &[&play[..], &["--raw", "r"]].concat(), "offscreen");
+}
+
+/// A second ctrl-C is not needed: the first leaves the idle picture, which is the phase 0, everywhere.
+#[test]
+#[cfg(unix)]
+fn interrupted_it_leaves_the_idle_picture() {
+    let here = tempfile::tempdir().unwrap();
+    let at = here.path();
+    sequence(at);
+    for signal in ["-INT", "-TERM"] {
+        let mut playing = Command::new(env!("CARGO_BIN_EXE_eyebox"))
+            .args(["play", "s.zarr", "--display", "planes24", "--size", "48x64", "--loop", "--shared", "shown"])
+            .current_dir(at)
+            .env("XDG_CACHE_HOME", at.join("cache"))
+            .stderr(std::process::Stdio::piped())
+            .spawn()
+            .expect("the command starts");
+        let since = std::time::Instant::now();
+        let picture = || std::fs::read(at.join("shown")).map(|b| b.get(64..).unwrap_or_default().to_vec());
+        while picture().map_or(true, |p| p.iter().all(|b| *b == 0)) {
+            assert!(since.elapsed().as_secs() < 60 && playing.try_wait().unwrap().is_none(), "nothing came");
+            std::thread::sleep(std::time::Duration::from_millis(3));
+        }
+        assert!(Command::new("kill").args([signal, &playing.id().to_string()]).status().unwrap().success());
+        let answer = playing.wait_with_output().unwrap();
+        let said = text(&answer.stderr);
+        assert!(answer.status.code() == Some(0) && said.contains("ended by ctrl-C"), "{said}");
+        let left = picture().unwrap();
+        assert!(left.len() == 3 * 48 * 64 && left.iter().all(|b| *b == 0), "{signal}");
+        std::fs::remove_file(at.join("shown")).unwrap();
+    }
+}
+
+#[test]
+fn an_unfinished_sequence_and_a_damaged_hologram_are_told() {
+    let here = tempfile::tempdir().unwrap();
+    let at = here.path();
+    sequence(at);
+    let play = ["play", "s.zarr", "--display", "planes8", "--size", "48x64", "--clock", "simulated"];
+    let file = at.join("s.zarr/phases/c/1/0/0/0/0");
+    let mut bytes = std::fs::read(&file).unwrap();
+    bytes[1000] ^= 64;
+    std::fs::write(&file, bytes).unwrap();
+    let said = done(at, &play);
+    assert!(
+        said.contains("hologram 1 is left out") && said.contains("2 holograms shown, 1 dropped (1 damaged)"),
+        "{said}"
+    );
+    std::fs::write(at.join("s.zarr/phases/c/2/0/0/0/0"), "short").unwrap();
+    let said = done(at, &play);
+    assert!(said.contains("cut off: 2 of its 3") && said.contains("unfinished"), "{said}");
+}
+
+#[test]
+fn what_cannot_be_played_is_refused_in_one_sentence() {
+    let here = tempfile::tempdir().unwrap();
+    let at = here.path();
+    sequence(at);
+    refused(at, &["play", "none.zarr"], "none.zarr");
+    refused(at, &["play", "s.zarr", "--display", "planes24"], "48x64");
+    refused(at, &["play", "s.zarr", "--size", "48x64", "--rate", "0"], "rate");
+    refused(at, &["play", "s.zarr", "--size", "48x64", "--first", "3"], "3 holograms");
+    refused(at, &["play", "s.zarr", "--size", "48x64", "--loop", "--clock", "simulated"], "--duration");
+    refused(at, &["play", "s.zarr", "--size", "48x64", "--record", "r", "--clock", "real"], "--record");
+    let before = eyebox(at, &["play", "s.zarr", "--size", "48x64", "--speed", "5000"]);
+    assert_eq!(before.status.code(), Some(2));
+}
+
+#[test]
+fn a_loop_in_real_time_ends_after_its_duration() {
+    let here = tempfile::tempdir().unwrap();
+    let at = here.path();
+    sequence(at);
+    let play = ["play", "s.zarr", "--display", "fields", "--size", "48x64", "--loop", "--duration", "0.5"];
+    done(at, &[&play[..], &["--stats", "s.json", "--rate", "7.5"]].concat());
+    let stats = json(&at.join("s.json"));
+    assert_eq!(stats["ended_by"], "the duration");
+    let count = |name: &str| stats[name].as_u64().unwrap();
+    // However busy the machine is, the account adds up.
+    let dropped: u64 = stats["content_dropped"].as_object().unwrap().values().map(|v| v.as_u64().unwrap()).sum();
+    assert_eq!(count("content_due"), count("content_shown") + dropped + count("content_pending"));
+    assert!(count("content_due") >= 3 && count("video_frames") >= 30, "{stats}");
+}

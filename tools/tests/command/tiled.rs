@@ -1,0 +1,240 @@
+//! Far-field holograms that are solved region by region, as a user runs it: memory, ends by force, looking.
+
+use crate::common::{command, done, folder, refused, text};
+use eyebox::files::write_png;
+use eyebox::optics::{Color, Display};
+use eyebox::scene::{self, Request};
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::Stdio;
+use std::time::Duration;
+
+const DISPLAY: &str = "name = \"far\"\nresolution = [320, 320]\npitch_um = 4.0\nfocal_length_mm = 400.0\n\
+                       wavelengths_nm = { green = 520 }\ngeometry = \"far-field\"\n";
+
+fn solve<'a>(out: &'a str, frames: &'a str) -> Vec<&'a str> {
+    vec![
+        "solve",
+        "builtin:still-life",
+        "--display",
+        "far.toml",
+        "--frames",
+        frames,
+        "--memory",
+        "600MiB",
+        "--pupil-diameter",
+        "0.2..0.4",
+        "--picture",
+        "96",
+        "--passes",
+        "2",
+        "--engine",
+        "cpu",
+        "--json",
+        "-o",
+        out,
+    ]
+}
+
+/// Every file of a folder.
+fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    let mut left = vec![folder.to_path_buf()];
+    while let Some(next) = left.pop() {
+        for entry in std::fs::read_dir(next).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                left.push(path);
+            } else {
+                let name = path.strip_prefix(folder).unwrap().display().to_string();
+                found.insert(name, std::fs::read(&path).unwrap());
+            }
+        }
+    }
+    found
+}
+
+/// Killed again and again, at any moment, it goes on, and the file is that of a solve that was left alone.
+#[test]
+fn killed_at_any_moment_it_ends_with_the_same_file() {
+    let temp = folder();
+    let at = temp.path();
+    std::fs::write(at.join("far.toml"), DISPLAY).unwrap();
+    let said: Value = serde_json::from_str(&done(at, &solve("whole.zarr", "2"))).unwrap();
+    let visits = said["visits"].as_u64().unwrap();
+    assert!(visits > 8, "{said}");
+    let progress = || {
+        let text = std::fs::read(at.join("cut.zarr/progress.json")).ok()?;
+        serde_json::from_slice::<Value>(&text).ok()?["done"].as_u64()
+    };
+    let (mut kills, mut looked) = (0, false);
+    loop {
+        let before = progress().unwrap_or(0);
+        let mut run = command(at, &solve("cut.zarr", "2")).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        // Not before something came of it, then at once, wherever it is.
+        while run.try_wait().unwrap().is_none() && progress().is_none_or(|done| done < before + 2) {
+            std::thread::sleep(Duration::from_millis(1 + 3 * (kills % 3)));
+        }
+        if run.try_wait().unwrap().is_some() {
+            break;
+        }
+        // What is there can be looked at, while it is solved and afterwards, and is not changed by that; what was never
+        // reached shows its first phases.
+        let look = || done(at, &["view", "cut.zarr", "--pupil=0,0,0.4,0", "-o", "cut.png", "--engine", "cpu"]);
+        if kills < 2 {
+            look();
+        }
+        run.kill().unwrap();
+        run.wait().unwrap();
+        kills += 1;
+        if !looked && progress().is_some() {
+            look();
+            looked = true;
+        }
+    }
+    assert!(kills >= 2 && looked, "{kills} kills");
+    done(at, &solve("cut.zarr", "2").into_iter().collect::<Vec<_>>());
+    assert_eq!(contents(&at.join("whole.zarr")), contents(&at.join("cut.zarr")));
+}
+
+/// The view comes out at what the pupil resolves, right, and without reading the rest of the file.
+#[test]
+fn a_view_reads_the_tiles_under_its_pupil() {
+    let temp = folder();
+    let at = temp.path();
+    std::fs::write(at.join("far.toml"), DISPLAY).unwrap();
+    let said: Value = serde_json::from_str(&done(at, &solve("h.zarr", "1"))).unwrap();
+    assert!(said["psnr_mean_db"].as_f64().unwrap() > 17.0, "{said}");
+    let view =
+        |pupil: &str| command(at, &["view", "h.zarr", pupil, "-o", "v.npy", "--engine", "cpu"]).output().unwrap();
+    let pupil = "--pupil=-0.4,-0.4,0.3,0";
+    let first = view(pupil);
+    assert!(first.status.success(), "{}", text(&first.stderr));
+    let bytes = std::fs::read(at.join("v.npy")).unwrap();
+    // A tile far away is damaged: nobody notices who does not look there.
+    let far = at.join("h.zarr/phases/c/0/0/9/9");
+    let mut tile = std::fs::read(&far).unwrap();
+    tile[7] ^= 1;
+    std::fs::write(&far, &tile).unwrap();
+    assert!(view(pupil).status.success());
+    assert_eq!(std::fs::read(at.join("v.npy")).unwrap(), bytes);
+    refused(at, &["view", "h.zarr", "--pupil=0.5,0.5,0.25,0", "-o", "no.png"], "no.png", "9/9");
+    // Scored as it was solved.
+    tile[7] ^= 1;
+    std::fs::write(&far, &tile).unwrap();
+    let scored =
+        done(at, &["score", "h.zarr", "builtin:still-life", "--pupils", "random:4", "--engine", "cpu", "--json"]);
+    let scored: Value = serde_json::from_str(&scored).unwrap();
+    assert!(scored["psnr_db"]["mean"].as_f64().unwrap() > 15.0, "{scored}");
+}
+
+/// Three by three views of a built-in scene, 160 pixels wide, in a folder: content moves by two pixels from one to the next.
+fn light_field(at: &Path) {
+    let display = Display { height: 160, width: 160, ..Display::preset("far-field").unwrap() };
+    let request = Request { views: 3, ..Request::new(&display, &[Color::Green]) };
+    let field = scene::load("builtin:still-life", &request).unwrap();
+    std::fs::create_dir(at).unwrap();
+    for (i, view) in field.planes[0].iter().enumerate() {
+        write_png(&at.join(format!("view_{i}.png")), 160, 160, &[view]).unwrap();
+    }
+    let [low, high] = field.disparity.unwrap();
+    assert!(high > 1.6, "{high}");
+    std::fs::write(at.join("lightfield.toml"), format!("disparity = [{low}, {high}]\n")).unwrap();
+}
+
+/// A light field of few views is solved from the views between them, goes on where it was cut off to the same bytes, and
+/// is as good for its scene as for itself.
+#[test]
+fn a_sparse_light_field_is_solved_from_between_its_views() {
+    let temp = folder();
+    let at = temp.path();
+    std::fs::write(at.join("far.toml"), DISPLAY).unwrap();
+    light_field(&at.join("views"));
+    let words = |out: &'static str| -> Vec<&'static str> {
+        let mut words = solve(out, "2");
+        words[1] = "views";
+        let picture = words.iter().position(|w| *w == "--picture").unwrap();
+        words[picture + 1] = "160";
+        words
+    };
+    let said: Value = serde_json::from_str(&done(at, &words("whole.zarr"))).unwrap();
+    assert!(said["psnr_mean_db"].as_f64().unwrap() > 17.0, "{said}");
+    let progress = || {
+        let text = std::fs::read(at.join("cut.zarr/progress.json")).ok()?;
+        serde_json::from_slice::<Value>(&text).ok()?["done"].as_u64()
+    };
+    let quiet = |words: &[&str]| command(at, words).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let mut run = quiet(&words("cut.zarr"));
+    while run.try_wait().unwrap().is_none() && progress().is_none_or(|done| done < 3) {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    run.kill().unwrap();
+    run.wait().unwrap();
+    assert!(progress().is_some(), "it ended before it was killed");
+    done(at, &words("cut.zarr"));
+    assert_eq!(contents(&at.join("whole.zarr")), contents(&at.join("cut.zarr")));
+    let score = |scene: &str| -> f64 {
+        let words = ["score", "whole.zarr", scene, "--pupils", "random:6", "--engine", "cpu", "--json"];
+        let said: Value = serde_json::from_str(&done(at, &words)).unwrap();
+        said["psnr_db"]["mean"].as_f64().unwrap()
+    };
+    let (own, exact) = (score("views"), score("builtin:still-life"));
+    assert!(own > 20.0 && exact > own - 1.0, "{own} dB against the views, {exact} against the scene");
+}
+
+/// A picture with a depth map: its views are made around each region.
+#[test]
+fn a_picture_with_depths_is_solved() {
+    let temp = folder();
+    let at = temp.path();
+    std::fs::write(at.join("far.toml"), DISPLAY).unwrap();
+    let light = |i: usize| 0.3 + 0.3 * ((i % 120) as f32 * 0.2).sin() * ((i / 120) as f32 * 0.15).cos();
+    let picture: Vec<f32> = (0..120 * 120).map(light).collect();
+    let depth: Vec<f32> = (0..120 * 120).map(|i| (i / 120) as f32 / 120.0).collect();
+    write_png(&at.join("picture.png"), 120, 120, &[&picture, &picture, &picture]).unwrap();
+    write_png(&at.join("depth.png"), 120, 120, &[&depth]).unwrap();
+    let mut words = solve("h.zarr", "1");
+    words[1] = "picture.png";
+    refused(at, &words, "h.zarr", "depth");
+    words.extend(["--depth-map", "depth.png"]);
+    let said: Value = serde_json::from_str(&done(at, &words)).unwrap();
+    assert!(said["psnr_mean_db"].as_f64().unwrap() > 14.0, "{said}");
+    let score = ["score", "h.zarr", "picture.png", "--depth-map", "depth.png", "--pupils", "random:4", "--json"];
+    let scored: Value = serde_json::from_str(&done(at, &score)).unwrap();
+    assert!(scored["psnr_db"]["mean"].as_f64().unwrap() > 13.0, "{scored}");
+}
+
+#[test]
+fn mistakes_are_one_line() {
+    let temp = folder();
+    let at = temp.path();
+    std::fs::write(at.join("far.toml"), DISPLAY).unwrap();
+    let with = |more: &[&'static str]| [&solve("x.zarr", "1")[..], more].concat();
+    refused(at, &with(&["--method", "lf2fs"]), "x.zarr", "--method");
+    refused(at, &with(&["--optimizer", "adam"]), "x.zarr", "adam");
+    let little = ["solve", "builtin:still-life", "--display", "far-field-16k", "--memory", "300MiB", "-o", "x.zarr"];
+    refused(at, &little, "x.zarr", "MiB");
+    let relay = ["solve", "builtin:plane", "--size", "64x64", "--memory", "1GiB", "-o", "x.zarr"];
+    refused(at, &relay, "x.zarr", "far-field");
+    refused(at, &["solve", "builtin:plane", "--memory", "much", "-o", "x.zarr"], "x.zarr", "4GiB");
+}
+
+/// The same job on Vulkan: what it comes to is as good, and no further off than rounding takes a few steps.
+#[test]
+fn vulkan_solves_the_same() {
+    let temp = folder();
+    let at = temp.path();
+    std::fs::write(at.join("far.toml"), DISPLAY).unwrap();
+    let quality = |engine: &'static str| {
+        let mut words = solve("h.zarr", "2");
+        let passes = words.iter().position(|w| *w == "--passes").unwrap();
+        words[passes + 1] = "1";
+        let chosen = words.iter().position(|w| *w == "--engine").unwrap();
+        words[chosen + 1] = engine;
+        let said: Value = serde_json::from_str(&done(at, &words)).unwrap();
+        said["psnr_mean_db"].as_f64().unwrap()
+    };
+    let (cpu, vulkan) = (quality("cpu"), quality("vulkan"));
+    assert!((cpu - vulkan).abs() < 0.1, "{cpu} dB on the CPU, {vulkan} on Vulkan");
+}

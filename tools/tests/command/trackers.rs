@@ -1,0 +1,239 @@
+//! `eyebox trackers` as a user runs it.
+
+use crate::common;
+use std::io::{BufRead, BufReader, Write};
+use std::net::UdpSocket;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+fn trackers(folder: &Path, args: &[&str]) -> Command {
+    common::command(folder, &[&["trackers"], args].concat())
+}
+
+fn eyebox(folder: &Path, args: &[&str]) -> Output {
+    trackers(folder, args).output().expect("the command starts")
+}
+
+fn done(folder: &Path, args: &[&str]) -> String {
+    common::done(folder, &[&["trackers"], args].concat())
+}
+
+/// The last line alone: what was shown before it is the sample lines' business.
+fn refused(folder: &Path, args: &[&str], what: &str) {
+    let answer = eyebox(folder, args);
+    let said = String::from_utf8_lossy(&answer.stderr);
+    assert_eq!(answer.status.code(), Some(2), "{args:?}: {said}");
+    let last = said.trim().lines().last().unwrap_or_default();
+    assert!(last.starts_with("eyebox: ") && last.contains(what), "{args:?}: {said}");
+    assert!(!said.contains("panicked") && answer.stdout.is_empty(), "{args:?}: {said}");
+}
+
+/// An eye tracker that sends a gaze point: usage page 0x12, report 1, two times 32 bits in micrometres.
+const TRACKER: &str = "05 12 09 01 a1 01 09 10 a1 02 85 01 65 11 55 0c 17 80 7b e1 ff 27 80 84 1e 00 \
+                       09 24 a1 00 75 20 95 02 09 21 09 22 81 03 c0 c0 c0";
+/// A mouse.
+const MOUSE: &str = "05 01 09 02 a1 01 09 30 09 31 15 81 25 7f 75 08 95 02 81 06 c0";
+
+fn bytes(hex: &str) -> Vec<u8> {
+    hex.split_whitespace().map(|w| u8::from_str_radix(w, 16).unwrap()).collect()
+}
+
+fn recording(descriptor: &str) -> String {
+    format!(
+        "# by hand\nR: {} {descriptor}\nN: By Hand\nP: usb\nI: 3 1234 5678\n\
+         E: 0.000000 9 01 40 0d 03 00 b0 3c ff ff\n\
+         E: 0.010000 9 01 81 84 1e 00 00 00 00 00\n",
+        bytes(descriptor).len()
+    )
+}
+
+#[test]
+fn a_descriptor_is_explained_in_all_its_forms() {
+    let temp = tempfile::tempdir().unwrap();
+    let at = temp.path();
+    std::fs::write(at.join("a.bin"), bytes(TRACKER)).unwrap();
+    let listing =
+        TRACKER.replace(' ', ", 0x").replacen("05", "0x05", 1).replacen("0xa1, 0x01,", "0xa1, 0x01, // opens\n", 1);
+    std::fs::write(at.join("a.txt"), listing).unwrap();
+    std::fs::write(at.join("a.hid"), recording(TRACKER)).unwrap();
+    let expected = done(at, &["--describe", "a.bin", "--json"]);
+    for name in ["a.txt", "a.hid"] {
+        assert_eq!(done(at, &["--describe", name, "--json"]), expected, "{name}");
+    }
+    let json: serde_json::Value = serde_json::from_str(&expected).unwrap();
+    assert_eq!(json["eye_tracker"], true);
+    let report = &json["reports"][0];
+    assert_eq!((&report["id"], &report["bytes"], &report["kind"]), (&1.into(), &9.into(), &"input".into()));
+    let field = &report["fields"][0];
+    assert_eq!(
+        (&field["unit"], &field["byte"], &field["bits"], &field["count"]),
+        (&"um".into(), &1.into(), &32.into(), &2.into())
+    );
+    assert_eq!(field["usages"][1], "Position Y");
+    assert_eq!(field["path"][2], "Gaze Point");
+    assert!(done(at, &["--describe", "a.bin"]).starts_with("an eye tracker\n"));
+
+    std::fs::write(at.join("m.bin"), bytes(MOUSE)).unwrap();
+    let said = done(at, &["--describe", "m.bin"]);
+    assert!(said.starts_with("not an eye tracker: ") && said.contains("Mouse"), "{said}");
+    std::fs::write(at.join("m.hid"), recording(MOUSE)).unwrap();
+    refused(at, &["--watch", "m.hid"], "By Hand is not an eye tracker");
+}
+
+#[test]
+fn a_recording_is_shown_and_recorded_again() {
+    let temp = tempfile::tempdir().unwrap();
+    let at = temp.path();
+    std::fs::write(at.join("a.hid"), recording(TRACKER)).unwrap();
+    let shown = done(at, &["--watch", "a.hid"]);
+    let lines: Vec<&str> = shown.lines().collect();
+    assert!(lines[0].ends_with("combined (200.000, -50.000) mm"), "{shown}");
+    assert!(lines[1].ends_with("combined invalid") && lines.len() == 2, "{shown}");
+
+    let json = done(at, &["--watch", "a.hid", "--json", "--record", "b.hid"]);
+    let values: Vec<serde_json::Value> = json.lines().map(|l| serde_json::from_str(l).unwrap()).collect();
+    assert_eq!((&values[0]["combined"]["x"], &values[0]["combined"]["what"]), (&200.0.into(), &"gaze".into()));
+    assert_eq!(
+        (&values[1]["combined"]["valid"], &values[1]["combined"]["x"]),
+        (&false.into(), &serde_json::Value::Null)
+    );
+    let again = std::fs::read_to_string(at.join("b.hid")).unwrap();
+    assert_eq!(again.trim(), recording(TRACKER).trim_start_matches("# by hand\n").trim());
+
+    done(at, &["--watch", "a.hid", "--record", "c.jsonl"]);
+    let replayed = done(at, &["--watch", "c.jsonl"]);
+    assert!(replayed.lines().next().unwrap().ends_with("combined (200.000, -50.000) mm"), "{replayed}");
+    let real = Instant::now();
+    done(at, &["--watch", "c.jsonl", "--real-time"]);
+    assert!(real.elapsed() >= Duration::from_millis(10));
+}
+
+#[test]
+fn a_simulated_eye_is_watched_and_its_pupil_found() {
+    let temp = tempfile::tempdir().unwrap();
+    let at = temp.path();
+    let args = ["--watch", "simulated:7", "--rate", "500", "--duration", "2"];
+    let shown = done(at, &args);
+    assert!((990..=1001).contains(&shown.lines().count()), "{}", shown.lines().count());
+    let stages = done(at, &[&args[..], &["--pupil", "20", "--json"]].concat());
+    let last: serde_json::Value = serde_json::from_str(stages.lines().last().unwrap()).unwrap();
+    assert!(last["pupil"]["spread"].as_f64().unwrap() < 5e-3 && last["stages"]["phase"].is_string(), "{last}");
+    assert!(done(at, &[&args[..], &["--pupil"]].concat()).contains("elsewhere"));
+}
+
+#[test]
+fn lines_over_udp_are_shown() {
+    let temp = tempfile::tempdir().unwrap();
+    // A port that was free a moment ago.
+    let port = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    let child = trackers(temp.path(), &["--watch", &format!("udp://:{port}"), "--duration", "3", "--json"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
+    for i in 0..150 {
+        let _ = sender
+            .send_to(format!("{{\"t\": {i}, \"x\": 1.5, \"y\": -2, \"diameter\": 4}}").as_bytes(), ("127.0.0.1", port));
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let answer = child.wait_with_output().unwrap();
+    assert!(answer.status.success());
+    let shown = String::from_utf8_lossy(&answer.stdout);
+    let first: serde_json::Value = serde_json::from_str(shown.lines().next().expect("a sample")).unwrap();
+    assert_eq!((&first["combined"]["x"], &first["combined"]["diameter"]), (&1.5.into(), &4.0.into()));
+}
+
+#[test]
+fn a_user_is_calibrated() {
+    let temp = tempfile::tempdir().unwrap();
+    let port = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    let source = format!("udp://:{port}");
+    let mut child =
+        trackers(temp.path(), &["--watch", &source, "--calibrate", "ada.toml", "--targets", "0,0;-8,0;8,0;0,6"])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+    // Where the tracker sees the eye, sent all the time: 100 counts a degree, x mirrored.
+    let place = Arc::new(Mutex::new([0.0; 2]));
+    let (theirs, over) = (Arc::clone(&place), Arc::new(AtomicBool::new(false)));
+    let until = Arc::clone(&over);
+    let sending = std::thread::spawn(move || {
+        let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
+        while !until.load(Ordering::Relaxed) {
+            let [x, y] = *theirs.lock().unwrap();
+            let line =
+                format!("{{\"left\": {{\"x\": {}, \"y\": {}, \"unit\": \"counts\"}}}}", 500.0 - 100.0 * x, 100.0 * y);
+            let _ = sender.send_to(line.as_bytes(), ("127.0.0.1", port));
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    });
+    let mut said = BufReader::new(child.stderr.take().unwrap()).lines();
+    let mut enter = child.stdin.take().unwrap();
+    for target in [[0.0, 0.0], [-8.0, 0.0], [8.0, 0.0], [0.0, 6.0]] {
+        let asked = said.by_ref().map(Result::unwrap).find(|l| l.contains("look at")).expect("a target");
+        assert!(asked.contains(&format!("({}, {}) degrees", target[0], target[1])), "{asked}");
+        *place.lock().unwrap() = target;
+        enter.write_all(b"\n").unwrap();
+    }
+    let answer = child.wait_with_output().unwrap();
+    over.store(true, Ordering::Relaxed);
+    sending.join().unwrap();
+    assert!(answer.status.success());
+    let text = std::fs::read_to_string(temp.path().join("ada.toml")).unwrap();
+    assert!(text.contains("user = \"ada\"") && text.contains("[left]") && !text.contains("[right]"), "{text}");
+    // 11 mm x sin(8 degrees) for 800 counts, mirrored.
+    let row = text.lines().find(|l| l.starts_with("x_mm")).expect("the row of x");
+    let first: f64 = row.split(['[', ',']).nth(1).unwrap().trim().parse().unwrap();
+    assert!((first + 11.0 * 8f64.to_radians().sin() / 800.0).abs() < 1e-6, "{row}");
+}
+
+#[test]
+fn what_is_connected_is_listed() {
+    let temp = tempfile::tempdir().unwrap();
+    let said = done(temp.path(), &[]);
+    assert!(said.starts_with("hid") && said.contains("simulated") && said.contains("udp://"), "{said}");
+    let json: serde_json::Value = serde_json::from_str(&done(temp.path(), &["--json"])).unwrap();
+    assert!(json["hid"].is_array());
+}
+
+#[test]
+fn mistakes_are_one_line() {
+    let temp = tempfile::tempdir().unwrap();
+    let at = temp.path();
+    let write = |name: &str, text: &str| std::fs::write(at.join(name), text).unwrap();
+    write("a.hid", &recording(TRACKER));
+    write("bad.hid", "R: 3 05 12\n");
+    write("empty.bin", "");
+    write("big.bin", &"x".repeat(20_000));
+    write("bad.toml", "vendor = 1\n");
+    refused(at, &["--describe", "none.bin"], "none.bin");
+    refused(at, &["--describe", "empty.bin"], "empty.bin: the report descriptor, at byte 0: it is empty");
+    refused(at, &["--describe", "big.bin"], "at most");
+    refused(at, &["--describe", "bad.hid"], "bad.hid: line 1");
+    refused(at, &["--watch", "none.hid"], "none.hid");
+    refused(at, &["--watch", "tobii"], "'tobii' is no tracker: use hid");
+    refused(at, &["--watch", "udp://nowhere"], "is no tracker");
+    refused(at, &["--watch", "udp://203.0.113.1:9123", "--duration", "1"], "cannot listen");
+    refused(at, &["--watch", "mouse"], "in a window only");
+    refused(at, &["--watch", "a.hid", "--record", "b.txt"], ".hid or .jsonl");
+    refused(at, &["--watch", "simulated", "--record", "b.hid", "--duration", "1"], "record this one as .jsonl");
+    refused(at, &["--watch", "a.hid", "--device-file", "bad.toml"], "bad.toml: ");
+    refused(at, &["--watch", "a.hid", "--pupil", "--calibration", "bad.toml"], "bad.toml: line 1");
+    refused(at, &["--watch", "simulated", "--rate", "1e9", "--duration", "1"], "1 to 20000 Hz");
+    refused(at, &["--watch", "a.hid", "--duration=-1"], "positive");
+    refused(at, &["--watch", "simulated", "--calibrate", "x.toml", "--targets", "0,0;1,1"], "3 to 64 targets");
+    refused(at, &["--watch", "simulated", "--calibrate", "x.toml", "--targets", "0,0;1,1;90,0"], "60 degrees");
+    refused(at, &["--watch", "hid", "--record", "c.hid", "--duration", "0.2"], "no report has come");
+    assert!(
+        !at.join("x.toml").exists()
+            && !at.join("b.txt").exists()
+            && !at.join("b.hid").exists()
+            && !at.join("c.hid").exists()
+    );
+}

@@ -1,0 +1,319 @@
+//! `eyebox tradeoff`, `--quality` and `--deadline` as a user meets them.
+
+use crate::common::{self, folder, text};
+use eyebox::engine::{Engine, cpu::CpuEngine};
+use eyebox::optics::{Color, WindowFactor};
+use eyebox::quality::{Measured, Quality, Recommended, Trial};
+use eyebox::solve::{Levels, PaddingRule, Settings};
+use serde_json::Value;
+use std::path::Path;
+use std::process::Output;
+use std::time::{Duration, Instant};
+
+/// The command, with a cache that no other test has.
+fn eyebox(at: &Path, args: &[&str]) -> Output {
+    common::command(at, args).env("XDG_CACHE_HOME", at.join("cache")).output().expect("the command starts")
+}
+
+fn done(at: &Path, args: &[&str]) -> (String, String) {
+    let answer = eyebox(at, args);
+    assert!(answer.status.success(), "{args:?}: {}", text(&answer.stderr));
+    (text(&answer.stdout), text(&answer.stderr))
+}
+
+fn refused(at: &Path, args: &[&str], what: &str) {
+    let answer = eyebox(at, args);
+    let said = text(&answer.stderr);
+    assert_eq!(answer.status.code(), Some(2), "{args:?}: {said}");
+    assert_eq!(said.trim().lines().count(), 1, "{args:?}: {said}");
+    assert!(said.contains(what) && !said.contains("panicked"), "{args:?}: {said}");
+    assert!(!at.join("out").exists() && !at.join("x.zarr").exists(), "{args:?} left something");
+}
+
+const SMALL: [&str; 6] = ["--size", "32x40", "--engine", "cpu", "--color", "green"];
+
+fn tradeoff<'a>(more: &[&'a str]) -> Vec<&'a str> {
+    [&["tradeoff", "builtin:still-life", "-o", "out", "--frames", "2"][..], &SMALL, more].concat()
+}
+
+fn read(at: &Path, name: &str) -> String {
+    std::fs::read_to_string(at.join("out").join(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
+}
+
+#[test]
+fn a_sweep_is_a_page_and_the_same_numbers_and_goes_on() {
+    let temp = folder();
+    let at = temp.path();
+    let (said, _) = done(at, &tradeoff(&["--budget", "3", "--json", "--no-store"]));
+    let found: Value = serde_json::from_str(&said).expect("one JSON object");
+    assert_eq!(found, serde_json::from_str::<Value>(&read(at, "tradeoff.json")).unwrap());
+    let trials = found["trials"].as_array().unwrap();
+    assert!(trials.len() >= 3, "{} trials", trials.len());
+    assert_eq!(read(at, "trials.csv").lines().count(), 1 + trials.len());
+    assert!(!at.join("cache").exists(), "nothing is to be kept");
+
+    // What is on a front is beaten by nothing.
+    let number = |t: &Value, key: &str| t[key].as_f64().unwrap();
+    for (front, cost, good) in
+        [("mean", "milliseconds", "mean"), ("worst", "milliseconds", "worst"), ("memory", "bytes", "mean")]
+    {
+        let places = found["fronts"][front].as_array().unwrap();
+        assert!(!places.is_empty());
+        for place in places {
+            let t = &trials[place.as_u64().unwrap() as usize];
+            let beats = |o: &Value| number(o, cost) <= number(t, cost) && number(o, good) > number(t, good);
+            assert!(!trials.iter().any(beats), "{front}: {t}");
+        }
+    }
+    assert_eq!(trials[0]["recipe"], serde_json::to_value(Settings::default()).unwrap(), "the default comes first");
+    let best = trials.iter().map(|t| number(t, "mean")).fold(f64::MIN, f64::max);
+    assert!(number(&found["recommended"][2]["trial"], "mean") >= best - 0.011);
+
+    let page = read(at, "index.html");
+    assert!(page.starts_with("<!doctype html>") && page.trim_end().ends_with("</html>"));
+    for outside in ["<script", "<link", "src=\"http", "url(", "href=\"http", "@import", "NaN", "inf"] {
+        assert!(!page.contains(outside), "{outside}");
+    }
+    assert_eq!(page.matches("<svg").count(), 3);
+    // Every trial says under the mouse what it did, in each plot.
+    assert!(page.matches("<title>").count() > 3 * trials.len());
+
+    // The same command goes on: its time is spent, so nothing is added, and with more time it is.
+    let (said, _) = done(at, &tradeoff(&["--budget", "3", "--json", "--no-store"]));
+    let again: Value = serde_json::from_str(&said).unwrap();
+    let kept = |found: &Value| -> Vec<Value> {
+        found["trials"].as_array().unwrap().iter().map(|t| t["recipe"].clone()).collect()
+    };
+    assert_eq!(kept(&again), kept(&found));
+    let (said, _) = done(at, &tradeoff(&["--budget", "8", "--json", "--no-store"]));
+    let more: Value = serde_json::from_str(&said).unwrap();
+    assert!(kept(&more).len() > kept(&found).len() && kept(&more).starts_with(&kept(&found)));
+    // Another seed is another sweep.
+    let (said, _) = done(at, &tradeoff(&["--budget", "1", "--json", "--no-store", "--seed", "4"]));
+    let other: Value = serde_json::from_str(&said).unwrap();
+    assert_ne!(other["trials"][0]["mean"], found["trials"][0]["mean"]);
+
+    // Its three settings, measured beside another run's front.
+    std::fs::rename(at.join("out"), at.join("first")).unwrap();
+    let check = ["--budget", "1", "--json", "--no-store", "--seed", "5", "--check", "first/tradeoff.json"];
+    let answer = eyebox(at, &tradeoff(&check));
+    // Times of milliseconds decide nothing here: both answers are sound.
+    let checked: Value = serde_json::from_str(&text(&answer.stdout)).unwrap();
+    let rows = checked["check"].as_array().unwrap();
+    assert_eq!(rows.len(), 3);
+    let far = rows.iter().filter(|r| r["short_db"].as_f64().unwrap() > 0.3).count();
+    assert_eq!(answer.status.code(), Some(if far > 0 { 2 } else { 0 }), "{}", text(&answer.stderr));
+    assert!(read(at, "index.html").contains("Settings of another run"));
+}
+
+#[test]
+#[cfg(unix)]
+fn an_interrupted_sweep_is_a_valid_report() {
+    let temp = folder();
+    let at = temp.path();
+    let mut child = common::command(at, &tradeoff(&["--budget", "600"]))
+        .env("XDG_CACHE_HOME", at.join("cache"))
+        .stderr(std::process::Stdio::null())
+        .stdout(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
+    let start = Instant::now();
+    while !at.join("out/trials.json").exists() {
+        assert!(start.elapsed() < Duration::from_secs(120), "no trial after two minutes");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    let killed = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(killed.success());
+    assert!(child.wait().unwrap().success());
+    let found: Value = serde_json::from_str(&read(at, "tradeoff.json")).unwrap();
+    assert_eq!(found["interrupted"], true);
+    assert_eq!(found["recommended"].as_array().unwrap().len(), 3);
+    assert!(!found["trials"].as_array().unwrap().is_empty() && read(at, "index.html").contains("was stopped"));
+}
+
+#[test]
+fn mistakes_are_one_line_and_leave_nothing() {
+    let temp = folder();
+    let at = temp.path();
+    refused(at, &tradeoff(&["--budget", "0"]), "positive");
+    refused(at, &tradeoff(&["--check", "none.json"]), "none.json");
+    std::fs::write(at.join("other.json"), "{\"recommended\": []}").unwrap();
+    refused(at, &tradeoff(&["--check", "other.json"]), "recommends nothing");
+    std::fs::write(at.join("other.json"), "[").unwrap();
+    refused(at, &tradeoff(&["--check", "other.json"]), "is no tradeoff.json");
+    refused(at, &tradeoff(&["--levels", "none.txt"]), "none.txt");
+    refused(at, &tradeoff(&["--levels", "300"]), "levels");
+    refused(at, &["tradeoff", "none", "-o", "out"], "none: no such folder");
+    refused(at, &["tradeoff", "builtin:plane", "-o", "out", "--frames", "0", "--engine", "cpu"], "sub-frames");
+    refused(at, &["tradeoff", "builtin:plane", "--size", "32x32"], "--out");
+    refused(at, &solve(&["--quality", "best"]), "fast, balanced, accurate");
+    refused(at, &solve(&["--quality", "fast", "--deadline", "9"]), "cannot be used with");
+    refused(at, &solve(&["--deadline", "0"]), "positive");
+    // Nothing was measured: a built-in setting knows nothing of this machine's milliseconds.
+    refused(at, &solve(&["--deadline", "1000000"]), "eyebox tradeoff");
+}
+
+fn solve<'a>(more: &[&'a str]) -> Vec<&'a str> {
+    [&["solve", "builtin:still-life", "-o", "x.zarr"][..], &SMALL, more].concat()
+}
+
+/// What a solve said that it did.
+fn settings(at: &Path, more: &[&str]) -> Value {
+    let (said, _) = done(at, &[&solve(more)[..], &["--json"]].concat());
+    std::fs::remove_dir_all(at.join("x.zarr")).unwrap();
+    serde_json::from_str::<Value>(&said).unwrap()["settings"].clone()
+}
+
+fn trial(recipe: Settings, milliseconds: f64, mean: f64) -> Trial {
+    Trial::new(recipe, milliseconds, vec![mean; 2], 1 << 20)
+}
+
+/// Keeps measurements as if `tradeoff` had made them on this machine, with 32 x 40 pixels and 8 sub-frames.
+fn keep(at: &Path, all: [Trial; 3]) -> std::path::PathBuf {
+    let front = all.to_vec();
+    let recommended =
+        Quality::ALL.into_iter().zip(all).map(|(quality, trial)| Recommended { quality, trial, met: true });
+    let measured = Measured {
+        device: CpuEngine::new().describe(),
+        scene: "still-life".into(),
+        color: Color::Green,
+        size: [32, 40],
+        frames: 8,
+        recommended: recommended.collect(),
+        front,
+    };
+    measured.save(&at.join("cache/eyebox")).unwrap()
+}
+
+#[test]
+fn built_in_qualities_hold_until_they_are_measured_and_what_is_given_wins() {
+    let temp = folder();
+    let at = temp.path();
+    let plain = settings(at, &["--steps", "3"]);
+    assert_eq!(
+        (plain["steps"].as_u64(), plain["pupils"].as_u64(), &plain["window"]),
+        (Some(3), Some(16), &"one".into())
+    );
+    let built_in = Settings::of(Quality::Fast);
+    let fast = settings(at, &["--quality", "fast"]);
+    assert_eq!(fast["steps"].as_u64(), Some(built_in.steps as u64));
+    assert_eq!(fast["optimizer"], serde_json::to_value(built_in.optimizer).unwrap());
+    let given = ["--quality", "accurate", "--steps", "4", "--pupils", "3", "--window", "1", "--frames", "2"];
+    let own = settings(at, &[&given[..], &["--diameters", "reciprocal", "--optimizer", "adam"]].concat());
+    assert_eq!((own["steps"].as_u64(), own["pupils"].as_u64(), own["frames"].as_u64()), (Some(4), Some(3), Some(2)));
+    assert_eq!((&own["window"], &own["diameters"]), (&"one".into(), &"reciprocal".into()));
+    assert_eq!(own["optimizer"]["kind"], "adam");
+
+    let recipe = |steps| Settings { steps, pupils: 5, window: WindowFactor::Two, ..Settings::default() };
+    let file = keep(at, [trial(recipe(2), 10.0, 20.0), trial(recipe(5), 100.0, 25.0), trial(recipe(9), 1000.0, 26.0)]);
+    for (name, steps) in [("fast", 2), ("balanced", 5), ("accurate", 9)] {
+        let found = settings(at, &["--quality", name]);
+        assert_eq!((found["steps"].as_u64(), found["pupils"].as_u64()), (Some(steps), Some(5)), "{name}");
+    }
+    let (_, said) = done(at, &solve(&["--quality", "balanced"]));
+    assert!(said.contains("balanced: 5 steps of 5 pupils") && said.contains("measured with still-life"), "{said}");
+    // Without being asked for, nothing changes.
+    assert_eq!(settings(at, &["--steps", "3"]), plain);
+
+    // A file that is damaged, or of another device, is passed over in one line.
+    let whole = std::fs::read(&file).unwrap();
+    for broken in [&whole[..whole.len() / 2], b"", b"\xff\xfe", b"eyebox tradeoff 1 00000000\n{}"] {
+        std::fs::write(&file, broken).unwrap();
+        let (_, said) = done(at, &solve(&["--quality", "fast", "--steps", "1"]));
+        let ignored: Vec<&str> = said.lines().filter(|l| l.contains("ignored")).collect();
+        assert!(ignored.len() == 1 && ignored[0].contains("tradeoff-cpu"), "{said}");
+        assert!(said.contains("built in") && !said.contains("panicked"), "{said}");
+    }
+}
+
+#[test]
+fn a_deadline_takes_what_fits_and_refuses_what_does_not() {
+    let temp = folder();
+    let at = temp.path();
+    let recipe = |steps| Settings { steps, pupils: 2, ..Settings::default() };
+    keep(at, [trial(recipe(2), 10.0, 20.0), trial(recipe(5), 100.0, 25.0), trial(recipe(9), 1000.0, 26.0)]);
+    let steps = |more: &[&str]| settings(at, more)["steps"].as_u64().unwrap();
+    assert_eq!(steps(&["--deadline", "999"]), 5);
+    assert_eq!(steps(&["--deadline", "1000"]), 9);
+    assert_eq!(steps(&["--deadline", "10"]), 2);
+    refused(
+        at,
+        &[&["solve", "builtin:plane", "-o", "x.zarr"][..], &SMALL, &["--deadline", "9"]].concat(),
+        "takes 10 ms",
+    );
+    // Half of the sub-frames take half of the time; three colours three times as long.
+    assert_eq!(steps(&["--deadline", "500", "--frames", "4"]), 9);
+    let all = |deadline| {
+        [
+            "solve",
+            "builtin:still-life",
+            "-o",
+            "x.zarr",
+            "--size",
+            "32x40",
+            "--engine",
+            "cpu",
+            "--json",
+            "--deadline",
+            deadline,
+        ]
+    };
+    let (said, _) = done(at, &all("299"));
+    assert_eq!(serde_json::from_str::<Value>(&said).unwrap()["settings"]["steps"], 2);
+    let (said, _) = done(at, &all("300"));
+    assert_eq!(serde_json::from_str::<Value>(&said).unwrap()["settings"]["steps"], 5);
+}
+
+/// Fewer views, sub-frames that repeat, coarse pixels, padding: the hologram is whole all the same.
+#[test]
+fn holograms_of_reduced_problems_are_whole() {
+    let temp = folder();
+    let at = temp.path();
+    let thin = Settings { steps: 4, views: 2, repeats: 4, ..Settings::default() };
+    let coarse = Settings { steps: 4, pixel: 2, repeats: 2, padding: PaddingRule::Always, ..Settings::default() };
+    let levels = Settings { steps: 4, levels: Levels::Display, ..Settings::default() };
+    keep(at, [trial(thin, 10.0, 20.0), trial(coarse, 100.0, 25.0), trial(levels, 1000.0, 26.0)]);
+    let phases = |name: &str| -> Vec<f32> {
+        done(at, &solve(&["--quality", name, "--display", "plm"]));
+        done(at, &["export", "x.zarr", "-o", "x.npy"]);
+        let npy = eyebox::files::read_npy(&at.join("x.npy")).unwrap();
+        assert_eq!(npy.shape, [8, 32, 40], "{name}");
+        let (said, _) = done(at, &["score", "x.zarr", "builtin:still-life", "--engine", "cpu", "--json"]);
+        let score: Value = serde_json::from_str(&said).unwrap();
+        assert!(score["psnr_db"]["mean"].as_f64().unwrap() > 5.0, "{name}: {score}");
+        npy.values
+    };
+    let frame = 32 * 40;
+    let thin = phases("fast");
+    assert!(thin[..2 * frame] == thin[2 * frame..4 * frame] && thin[..frame] != thin[frame..2 * frame]);
+    let coarse = phases("balanced");
+    assert_eq!(coarse[..4 * frame], coarse[4 * frame..]);
+    assert!((0..frame).all(|i| coarse[i] == coarse[(i / 40 / 2 * 2) * 40 + i % 40 / 2 * 2]));
+    // Of 16 levels.
+    let mut seen: Vec<u32> = phases("accurate").iter().map(|p| p.to_bits()).collect();
+    seen.sort_unstable();
+    seen.dedup();
+    assert!(seen.len() <= 16, "{} phases", seen.len());
+    let (said, _) = done(at, &solve(&["--quality", "fast", "--json"]));
+    let solved = serde_json::from_str::<Value>(&said).unwrap();
+    assert_eq!(solved["settings"]["frames"], 2, "eight are shown, two solved");
+    // Sub-frames that are asked for are solved, all of them.
+    let (said, _) = done(at, &solve(&["--quality", "fast", "--frames", "8", "--json"]));
+    assert_eq!(serde_json::from_str::<Value>(&said).unwrap()["settings"]["frames"], 8);
+}
+
+#[test]
+fn evaluate_and_bench_know_qualities() {
+    let temp = folder();
+    let at = temp.path();
+    let recipe = |steps| Settings { steps, pupils: 3, views: 2, repeats: 2, ..Settings::default() };
+    keep(at, [trial(recipe(2), 10.0, 20.0), trial(recipe(3), 100.0, 25.0), trial(recipe(4), 1000.0, 26.0)]);
+    let run = [&["evaluate", "builtin:plane", "-o", "out", "--methods", "slfh", "--no-speckle"][..], &SMALL].concat();
+    done(at, &[&run[..], &["--quality", "balanced"]].concat());
+    let report: Value = serde_json::from_str(&read(at, "report.json")).unwrap();
+    assert_eq!((&report["about"]["steps"], &report["about"]["pupils"]), (&3.into(), &3.into()));
+    assert_eq!(report["runs"][0]["frames"], 8, "methods are compared with all sub-frames");
+    let (said, _) =
+        done(at, &[&["bench", "builtin:plane", "--rounds", "1", "--quality", "accurate"][..], &SMALL].concat());
+    assert!(said.contains("accurate: 4 steps of 3 pupils") && said.contains("for 4 steps"), "{said}");
+}

@@ -1,0 +1,90 @@
+//! `eyebox play --output window` on a virtual X server: what is on the screen, byte for byte.
+
+use crate::common::screen::{Screen, hologram, play};
+use eyebox::encode::{Encoder, PhaseSet};
+use eyebox::optics::{Color, Display};
+use std::collections::BTreeSet;
+use std::process::{Command, Output};
+use std::time::{Duration, Instant};
+
+fn said(answer: &Output) -> String {
+    String::from_utf8_lossy(&answer.stderr).into_owned()
+}
+
+#[test]
+fn the_screen_shows_every_packing_byte_for_byte() {
+    for preset in ["grey8", "fields", "planes8", "planes24", "plm"] {
+        let here = tempfile::tempdir().expect("a folder");
+        let display = Display { height: 36, width: 64, ..Display::preset(preset).expect("a preset") };
+        let hologram = hologram(here.path(), &display);
+        let colors = [Color::Red, Color::Green, Color::Blue];
+        let slices: Vec<&[f32]> = hologram.colors.iter().map(|c| &c.phases[..]).collect();
+        let frames = Encoder::new(&display, &colors, 8)
+            .expect("an encoder")
+            .encode(&PhaseSet::trusted(&slices))
+            .expect("encoded");
+        let expected: Vec<Vec<u8>> = (0..frames.count())
+            .map(|i| match frames.channels {
+                1 => frames.frame(i).iter().flat_map(|g| [*g; 3]).collect(),
+                _ => frames.frame(i).to_vec(),
+            })
+            .collect();
+        let screen = Screen::new(here.path(), [frames.height, frames.width]);
+        // Slow enough that a busy machine sees every video frame.
+        let mut playing =
+            play(here.path(), &screen, preset, &["--validation", "--display-rate", "20"]).spawn().expect("it starts");
+        let (since, mut seen) = (Instant::now(), BTreeSet::new());
+        while seen.len() < expected.len() && since.elapsed() < Duration::from_secs(60) {
+            let picture = screen.picture();
+            seen.extend(expected.iter().position(|e| *e == picture));
+            assert!(playing.try_wait().expect("its state").is_none(), "{preset}: it ended");
+            std::thread::sleep(Duration::from_millis(3));
+        }
+        // As ctrl-C does.
+        let killed = Command::new("kill").args(["-INT", &playing.id().to_string()]).status().expect("kill");
+        assert!(killed.success());
+        let answer = playing.wait_with_output().expect("it ends");
+        assert_eq!(answer.status.code(), Some(0), "{preset}: {}", said(&answer));
+        assert!(
+            said(&answer).contains("ended by ctrl-C") && !said(&answer).contains("validation:"),
+            "{}",
+            said(&answer)
+        );
+        assert_eq!(seen.len(), expected.len(), "{preset}: of {} video frames", expected.len());
+    }
+}
+
+#[test]
+fn a_monitor_of_another_size_and_no_desktop_are_refused_in_a_sentence() {
+    let here = tempfile::tempdir().expect("a folder");
+    let display = Display { height: 36, width: 64, ..Display::preset("planes24").expect("a preset") };
+    hologram(here.path(), &display);
+    let screen = Screen::new(here.path(), [60, 80]);
+    for (more, what) in [
+        (&[][..], "no monitor has 36x64 pixels"),
+        (&["--monitor", "0"], "is not 36x64 pixels"),
+        (&["--monitor", "60x80"], "is not 36x64 pixels"),
+        (&["--monitor", "SLM"], "no monitor is called 'SLM'"),
+        (&["--record", "r", "--duration", "1"], "offscreen"),
+    ] {
+        let answer = play(here.path(), &screen, "planes24", more).output().expect("it runs");
+        let text = said(&answer);
+        assert_eq!((answer.status.code(), text.trim().lines().count()), (Some(2), 1), "{text}");
+        assert!(text.contains(what), "{text}");
+    }
+    let monitors = Command::new(env!("CARGO_BIN_EXE_eyebox"))
+        .args(["monitors", "--json"])
+        .env("DISPLAY", screen.name())
+        .env_remove("WAYLAND_DISPLAY")
+        .output()
+        .expect("it runs");
+    let list: serde_json::Value = serde_json::from_slice(&monitors.stdout).expect("JSON");
+    assert_eq!((&list["monitors"][0]["rows"], &list["monitors"][0]["columns"]), (&60.into(), &80.into()));
+    let nowhere = Command::new(env!("CARGO_BIN_EXE_eyebox"))
+        .arg("monitors")
+        .env_remove("DISPLAY")
+        .env_remove("WAYLAND_DISPLAY")
+        .output()
+        .expect("it runs");
+    assert!(nowhere.status.code() == Some(2) && said(&nowhere).contains("DISPLAY"), "{}", said(&nowhere));
+}
