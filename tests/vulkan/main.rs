@@ -1,0 +1,7 @@
+//! The Vulkan engine against the kernels' twins: kernel by kernel, transform by transform, step by step.
+
+mod encode;
+mod fft;
+mod kernels;
+mod one_device;
+mod steps;
