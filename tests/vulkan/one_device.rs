@@ -53,7 +53,8 @@ fn a_program_brings_its_own_device() {
     if std::env::var_os(INSIDE).is_some() {
         return own::main().unwrap_or_else(|e| panic!("{e}"));
     }
-    let output = again("one_device::a_program_brings_its_own_device", &[("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation")]);
+    let output =
+        again("one_device::a_program_brings_its_own_device", &[("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation")]);
     let said = String::from_utf8_lossy(&output.stdout);
     assert!(said.contains(" dB") && !said.contains("VUID") && !said.contains("Validation"), "{said}");
 }
