@@ -7,7 +7,8 @@
 //! kernels run on: neither waits for the other.
 //!
 //! `instance` loads Vulkan; `devices` lists, and chooses; `device` is what all else holds; `block` is memory; `pipelines`
-//! and `cache` compile; `recorder` records and submits; `commands` joins these for one user; `open` makes the handle, of a
+//! and `cache` compile; `recorder` records and submits; `commands` joins these for one user; `pictures` is what
+//! users pass to each other without the host; `open` makes the handle, of a
 //! device of its own or of one that a program brings.
 //! This room imports `files` (the folder of caches) alone.
 
@@ -22,6 +23,7 @@ mod devices;
 mod error;
 mod instance;
 mod open;
+mod pictures;
 mod pipelines;
 mod recorder;
 
@@ -35,5 +37,6 @@ pub use error::EngineError;
 pub use instance::Messages;
 pub(crate) use instance::{Instance, has};
 pub use open::{Gpu, Options, RawDevice};
+pub use pictures::{PhasesOnDevice, Pictures, PixelOrder};
 pub(crate) use pipelines::{PUSH_BYTES, Pipeline};
 pub(crate) use recorder::Piece;
