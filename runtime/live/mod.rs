@@ -35,8 +35,8 @@ pub use watch::{Expected, Watch};
 
 use crate::encode::EncodeError;
 use crate::engine::EngineError;
-use crate::gaze::PupilDistribution;
-use crate::solve::{Aim, SolveError};
+use crate::optics::PupilDistribution;
+use crate::solve::SolveError;
 use crate::trackers::TrackerError;
 use std::time::Duration;
 
@@ -68,13 +68,6 @@ fn as_ns(duration: Duration) -> i64 {
 }
 
 /// Where a solver aims for a pupil that was predicted.
-pub fn aim_of(seen: &PupilDistribution) -> Aim {
-    Aim {
-        x: seen.centre[0],
-        y: seen.centre[1],
-        spread: seen.spread.max(SHARPEST),
-        diameter: seen.diameter,
-        depth: seen.focus,
-        elsewhere: seen.elsewhere,
-    }
+pub fn aim_of(seen: &PupilDistribution) -> PupilDistribution {
+    PupilDistribution { spread: seen.spread.max(SHARPEST), ..*seen }
 }

@@ -2,7 +2,8 @@
 
 use super::LiveError;
 use crate::engine::{Engine, EngineError};
-use crate::solve::{Aim, Problem, Refiner, Steering};
+use crate::optics::PupilDistribution;
+use crate::solve::{Problem, Refiner, Steering};
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
@@ -45,7 +46,7 @@ pub struct Steerer {
     /// Which colour is next.
     next: usize,
     /// Where the last steps went to.
-    aimed: Option<Aim>,
+    aimed: Option<PupilDistribution>,
     restarts: u64,
     steps: u64,
 }
@@ -80,8 +81,8 @@ impl Steerer {
     ///
     /// # Errors
     /// Those of the engines.
-    pub fn aim(&mut self, aim: Aim) -> Result<bool, EngineError> {
-        let diameter = |a: &Aim| 0.5 * (a.diameter[0] + a.diameter[1]);
+    pub fn aim(&mut self, aim: PupilDistribution) -> Result<bool, EngineError> {
+        let diameter = |a: &PupilDistribution| 0.5 * (a.diameter[0] + a.diameter[1]);
         let limit = self.policy.restart;
         let jumped = self.aimed.is_some_and(|from| aim.distance(&from) > limit * diameter(&aim).max(diameter(&from)));
         if jumped {

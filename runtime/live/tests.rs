@@ -34,9 +34,9 @@ fn encoder() -> Encoder {
     Encoder::new(&display, &[Color::Green], 8).unwrap()
 }
 
-fn aim(x: f64) -> crate::solve::Aim {
+fn aim(x: f64) -> PupilDistribution {
     let diameter = [3.8e-3, 4.2e-3];
-    crate::solve::Aim { x, y: 0.0, spread: 1e-4, diameter, depth: [0.0, 0.0], elsewhere: 0.0 }
+    PupilDistribution { centre: [x, 0.0], spread: 1e-4, diameter, focus: [0.0, 0.0], elsewhere: 0.0 }
 }
 
 fn soon() -> Instant {
@@ -345,7 +345,7 @@ fn a_tracker_that_floods_lies_and_ends_takes_nothing_away() {
     for ahead in [0, 20_000_000, 3_600_000_000_000, u64::MAX - start] {
         let expected = watch.expect(start + ahead);
         let aim = aim_of(&expected.pupil);
-        let all = [aim.x, aim.y, aim.spread, aim.elsewhere, aim.diameter[0], aim.diameter[1]];
+        let all = [aim.centre[0], aim.centre[1], aim.spread, aim.elsewhere, aim.diameter[0], aim.diameter[1]];
         assert!(all.iter().all(|v| v.is_finite()) && aim.spread > 0.0, "{aim:?}");
     }
 }

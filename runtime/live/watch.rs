@@ -1,6 +1,7 @@
 //! A tracker's samples on their way to the estimate of the pupil, on a thread of their own.
 
-use crate::gaze::{Estimator, Phase, PupilDistribution};
+use crate::gaze::{Estimator, Phase};
+use crate::optics::PupilDistribution;
 use crate::playback::Lane;
 use crate::trackers::{Sample, Status, Stream, TrackerError, now_ns};
 use std::collections::VecDeque;

@@ -1,6 +1,6 @@
 //! A light field: views on a grid of pupil positions.
 
-use super::resize::Resize;
+use super::resize::{Fit, Resize};
 use crate::optics::{Color, Display};
 use rayon::prelude::*;
 
@@ -30,18 +30,6 @@ pub struct LightField {
     pub disparity: Option<[f64; 2]>,
     /// Farthest and nearest depth, metres at this resolution, where the scene states it.
     pub depth: Option<[f64; 2]>,
-}
-
-/// How a picture fills a display of another shape.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Fit {
-    /// All of it is seen; the rest of the display is black.
-    #[default]
-    Contain,
-    /// All of the display is filled; what stands over is cut off.
-    Cover,
-    /// Both axes are filled, each by its own scale. Depths then differ between the axes: the picture is astigmatic.
-    Stretch,
 }
 
 impl LightField {

@@ -19,9 +19,9 @@ mod visits;
 
 pub use look::{Seen, look, look_frames, photograph_at, photograph_of};
 pub use refine::Piece;
-pub use region::{Memory, RegionSize};
+pub use region::{MemoryLimit, RegionSize};
 pub use scene::Views;
-pub use solve::{Job, Step, exposure, solve};
+pub use solve::{Job, Visit, exposure, solve};
 pub use visits::Schedule;
 
 use crate::engine::EngineError;

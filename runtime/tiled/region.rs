@@ -5,7 +5,7 @@ use crate::optics::Optics;
 
 /// Bytes that a solve or a look may take in all.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Memory(pub u64);
+pub struct MemoryLimit(pub u64);
 
 /// The program itself, threads, transforms' plans.
 const PROGRAM: u64 = 160 << 20;
@@ -33,7 +33,7 @@ impl RegionSize {
         side: usize,
         diameter: f64,
         picture: usize,
-        memory: Memory,
+        memory: MemoryLimit,
     ) -> Result<Self, TiledError> {
         let pupil = (diameter / optics.pitch).ceil() as usize + 2;
         let whole = |pixels: usize| pixels.div_ceil(side) * side;

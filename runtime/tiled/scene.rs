@@ -125,9 +125,9 @@ impl Views {
     }
 
     /// What is seen from a square of `extent` metres around `center` (x, y): the views, and where they stand.
-    pub fn around(&self, center: [f64; 2], extent: f64) -> (Arc<Pyramid>, plan::Views) {
+    pub fn around(&self, center: [f64; 2], extent: f64) -> (Arc<Pyramid>, plan::ViewLayout) {
         let parallax = match &self.kind {
-            Kind::Field(pyramid, grid) => return (Arc::clone(pyramid), plan::Views::new(*grid, pyramid)),
+            Kind::Field(pyramid, grid) => return (Arc::clone(pyramid), plan::ViewLayout::new(*grid, pyramid)),
             Kind::Stage(stage) => stage.parallax(extent),
             Kind::Between(between, _) => between.parallax(extent),
             Kind::Picture(picture, _) => picture.parallax(extent),
@@ -149,7 +149,7 @@ impl Views {
             Kind::Picture(picture, color) => picture.views(*color, &places),
         };
         let pyramid = Arc::new(pyramid(&views, self.size, self.share));
-        let views = plan::Views { center, ..plan::Views::new(grid, &pyramid) };
+        let views = plan::ViewLayout { center, ..plan::ViewLayout::new(grid, &pyramid) };
         (pyramid, views)
     }
 }

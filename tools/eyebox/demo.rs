@@ -6,7 +6,6 @@ use crate::common;
 use crate::evaluate;
 use crate::live;
 use crate::progress;
-use crate::quality;
 use crate::report;
 use crate::score;
 use crate::solve;
@@ -15,9 +14,9 @@ use eyebox::engine::Engine;
 use eyebox::files;
 use eyebox::hologram::Hologram;
 use eyebox::optics::{Color, Display, Padding, Pupil};
-use eyebox::quality::{Recipe, Subject};
+use eyebox::quality::Subject;
 use eyebox::scene::{self, LightField};
-use eyebox::solve::{Method, Settings};
+use eyebox::solve::{Levels, Method, PaddingRule, Settings};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -39,20 +38,19 @@ pub fn run(args: &Demo) -> Result<(), Failure> {
     let field = scene::load(SCENE, &scene::Request::new(&display, &colors))?;
     let [far, near] = field.depth_range(&display).unwrap_or([-3e-3, 3e-3]);
     let base = Settings { depth: [far, near], diameter: common::diameters(None, &display), ..Settings::default() };
-    let recipe = match args.quality.choose(engine.as_ref(), [args.size; 2], base.frames, colors.len())? {
+    let settings = match args.quality.choose(engine.as_ref(), [args.size; 2], base.frames, colors.len())? {
         Some(chosen) => {
             eprintln!("{}", chosen.about);
-            chosen.recipe
+            chosen.settings
         }
-        None => Recipe { steps: 120, ..Recipe::default() },
+        None => Settings { steps: 120, ..Settings::default() },
     };
-    let levels = quality::levels_of(None, &display)?;
+    let levels = Levels::of(&display);
     let subject = Subject { field: &field, color: colors[0], display: &display, base, levels };
-    let padding = if recipe.padding { subject.required_padding()? } else { Padding::default() };
+    let padding = if settings.padding != PaddingRule::Never { subject.required_padding()? } else { Padding::default() };
     progress::catch_interrupt();
-    let solved = solve::solve_colors(&subject, &colors, &recipe, engine.as_mut(), false)?;
-    let mut hologram = solve::hologram(&field, &display, &subject.settings(&recipe), padding, &solved);
-    hologram.frames = subject.base.frames;
+    let solved = solve::solve_colors(&subject, &colors, &settings, engine.as_mut(), false)?;
+    let hologram = solve::hologram(&field, &display, &subject.settings(&settings), padding, &solved);
     let saved = args.out.join("still-life.zarr");
     hologram.save(&saved)?;
 

@@ -47,10 +47,10 @@ impl Bar {
         Self(Some(bar))
     }
 
-    /// After a step. Until a verdict over held-out pupils is there, this step's own pupils stand for it.
+    /// After a step. Until there is a validation, this step's own pupils stand for it.
     pub fn show(&self, progress: &Progress) -> Flow {
         if let Some(bar) = &self.0 {
-            let psnr = progress.verdict.map_or(-10.0 * progress.loss.log10(), |v| v.mean());
+            let psnr = progress.validation.map_or(-10.0 * progress.loss.log10(), |v| v.mean());
             bar.set_message(format!("{psnr:.1} dB"));
             bar.set_position(progress.step as u64);
         }

@@ -4,13 +4,12 @@ use crate::Failure;
 use crate::args::{Solve, Start};
 use crate::common::{self, Form};
 use crate::progress::{self, Bar};
-use crate::quality;
+use crate::settings::{plan_of, settings_of};
 use crate::solve;
 use eyebox::hologram::{ColorHologram, Hologram, Sequence, SequenceWriter};
 use eyebox::optics::{Color, Display};
-use eyebox::quality::Recipe;
 use eyebox::scene;
-use eyebox::solve::{Problem, Settings, Solution, Stop, Warm, solve_from};
+use eyebox::solve::{Levels, Problem, Settings, Solution, Stop, Warm, solve_from};
 use serde_json::json;
 use std::fs;
 use std::path::Path;
@@ -76,14 +75,15 @@ pub fn run(args: &Solve, scenes: &[String]) -> Result<(), Failure> {
     let rate = args.rate.fraction();
     let mut field = load(args, &scenes[0], &display, &colors)?;
     // What all frames have in common is decided by the first: it says what the file says.
-    let (recipe, chosen) = solve::recipe_of(args, engine.as_ref(), &display, colors.len())?;
+    let depth = common::depths(&args.scene, &field, &display);
+    let (settings, chosen) = settings_of(args, engine.as_ref(), &display, depth, colors.len())?;
     // Of a quality a sequence takes what a solve itself is told: each frame is all views and all pixels.
-    let recipe = Recipe { repeats: 1, views: 1, pixel: 1, ..recipe };
-    let plan = solve::plan_of(args, &recipe, &field, &display)?;
+    let settings = Settings { repeats: 1, views: 1, pixel: 1, ..settings };
+    let plan = plan_of(args, &settings, &field, &display)?;
     let (mut settings, padding) = (plan.settings, plan.padding);
     settings.seconds = args.seconds.map(|s| s / colors.len() as f64);
-    if recipe.levels {
-        settings.levels = quality::levels_of(None, &display)?.or(settings.levels);
+    if settings.levels == Levels::Display {
+        settings.levels = Levels::of(&display);
     }
     let mut like = solve::hologram(&field, &display, &settings, padding, &[]);
     like.colors = colors.iter().map(|c| empty(*c, &display)).collect();
@@ -139,7 +139,7 @@ pub fn run(args: &Solve, scenes: &[String]) -> Result<(), Failure> {
             };
             let bar = Bar::new(format!("{}/{} {color}", frame + 1, scenes.len()), settings.steps, args.json);
             let solution = solve_from(&problem, &settings, warm, engine.as_mut(), &mut |p| bar.show(p))?;
-            bar.finish(format!("{:.1} dB", solution.verdict.mean()));
+            bar.finish(format!("{:.1} dB", solution.validation.mean()));
             if progress::interrupted() {
                 let out = args.out.display();
                 let n = scenes.len();
@@ -171,7 +171,7 @@ pub fn run(args: &Solve, scenes: &[String]) -> Result<(), Failure> {
         report.push(said(&solved, name));
         if !args.json {
             let mean: Vec<String> =
-                solved.colors.iter().map(|(c, s)| format!("{c} {:.2} dB", s.verdict.mean())).collect();
+                solved.colors.iter().map(|(c, s)| format!("{c} {:.2} dB", s.validation.mean())).collect();
             println!("{:4} {name}: {}", solved.frame, mean.join(", "));
         }
         before = Some(hologram);
@@ -203,7 +203,7 @@ fn empty(color: Color, display: &Display) -> ColorHologram {
 fn said(solved: &Solved, scene: &str) -> serde_json::Value {
     let color = |(color, s): &(Color, Solution)| {
         json!({
-            "color": color, "psnr_mean_db": s.verdict.mean(), "psnr_worst_db": s.verdict.worst(),
+            "color": color, "psnr_mean_db": s.validation.mean(), "psnr_worst_db": s.validation.worst(),
             "exposure": s.exposure, "steps": s.steps, "seconds": s.seconds,
         })
     };

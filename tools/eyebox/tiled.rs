@@ -2,18 +2,18 @@
 //! through the tiles under a pupil alone.
 
 use crate::Failure;
-use crate::args::{OptimizerName, Photograph, SceneArgs, Score, Solve, View};
+use crate::args::{Photograph, SceneArgs, Score, Solve, View};
 use crate::common::{self, Form};
 use crate::progress;
-use crate::solve;
+use crate::settings::base_of;
 use eyebox::engine::Engine;
 use eyebox::evaluate::{self, Summary};
 use eyebox::hologram::{ColorHologram, Hologram, Tiles};
 use eyebox::optics::{Color, Display, Geometry, Pupil, WindowFactor};
 use eyebox::plan::Storage;
 use eyebox::scene::Request;
-use eyebox::solve::{Flow, Method, Settings};
-use eyebox::tiled::{self, Job, Memory, RegionSize, Schedule, TiledError, Views};
+use eyebox::solve::{Flow, Method, Optimizer, Settings};
+use eyebox::tiled::{self, Job, MemoryLimit, RegionSize, Schedule, TiledError, Views};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -53,7 +53,7 @@ pub fn solve(args: &Solve, display: &Display) -> Result<(), Failure> {
     common::form(&args.out, &[Form::Zarr])?;
     let colors = common::colors(&args.display, display)?;
     let mut engine = common::engine(&args.engine)?;
-    let memory = Memory(args.memory.unwrap_or(MEMORY));
+    let memory = MemoryLimit(args.memory.unwrap_or(MEMORY));
     let largest = display.eyebox_min() / 2.0;
     let diameter = args.pupil_diameter.unwrap_or([1e-3f64.min(largest / 4.0), 4e-3f64.min(largest)]);
     let optics = display.optics(colors[0])?;
@@ -62,7 +62,7 @@ pub fn solve(args: &Solve, display: &Display) -> Result<(), Failure> {
     let picture = args.picture.unwrap_or(1024).min(display.picture_size().0);
     let views = scene(&args.scene, display, &colors, picture)?;
     let held: u64 = views.iter().map(Views::held).sum();
-    let left = Memory(memory.0.saturating_sub(held));
+    let left = MemoryLimit(memory.0.saturating_sub(held));
     let with_held = |error| match error {
         TiledError::Memory { diameter_mm, frames, needed_mib, .. } => {
             let (needed_mib, given_mib) = (needed_mib + (held >> 20), memory.0 >> 20);
@@ -74,14 +74,14 @@ pub fn solve(args: &Solve, display: &Display) -> Result<(), Failure> {
     let seen = views[0].size();
     let size = RegionSize::new(&optics, frames, side, diameter[1], seen, left).map_err(with_held)?;
     let depth = args.scene.depth.or(views[0].depth()).unwrap_or([0.0, 0.0]);
-    let mut settings = solve::base_of(args, display, [depth[0].min(depth[1]), depth[0].max(depth[1])]);
+    let mut settings = base_of(args, display, [depth[0].min(depth[1]), depth[0].max(depth[1])]);
     settings.diameter = diameter;
     settings.steps = args.steps.unwrap_or(STEPS);
     if let Some(window) = args.window {
         settings.window = window;
     }
     if let Some(diameters) = args.diameters {
-        settings.diameters = diameters.into();
+        settings.diameters = diameters;
     }
     settings.check()?;
     let passes = args.passes.unwrap_or(PASSES).max(1);
@@ -196,7 +196,7 @@ fn refuse_what_is_not_here(args: &Solve) -> Result<(), Failure> {
     let given = [
         (args.method != Method::Slfh, "--method"),
         (args.levels.is_some(), "--levels"),
-        (args.optimizer == Some(OptimizerName::Adam), "--optimizer adam"),
+        (matches!(args.optimizer, Some(Optimizer::Adam { .. })), "--optimizer adam"),
         (args.storage.is_some_and(|s| s != Storage::F32), "--storage fp16"),
         (args.seconds.is_some(), "--seconds"),
         (args.psnr.is_some(), "--psnr"),

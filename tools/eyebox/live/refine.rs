@@ -10,8 +10,8 @@ use crate::{Failure, progress, tiled};
 use clap::Args;
 use eyebox::evaluate::Sums;
 use eyebox::hologram::{Patch, Tiles};
-use eyebox::optics::Pupil;
-use eyebox::solve::{Aim, Diameters, Problem, PupilRange, Refiner, Sampler, Sequence};
+use eyebox::optics::{Pupil, PupilDistribution};
+use eyebox::solve::{Diameters, Problem, PupilRange, Refiner, Sampler, Sequence, pupils_of};
 use eyebox::tiled::Piece;
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -88,7 +88,7 @@ pub fn run(args: &Refine) -> Result<(), Failure> {
     let mut described = String::new();
     for (color, solved) in colors.iter().zip(&mut hologram.colors) {
         let problem = Problem::new(&field, *color, &display, padding)?;
-        let anywhere = PupilRange::over(problem.eyebox, aim.depth);
+        let anywhere = PupilRange::over(problem.eyebox, aim.focus);
         let (rows, phases, engine) = steps(args, problem, &solved.phases, solved.exposure, anywhere)?;
         solved.phases = phases;
         described = engine;
@@ -128,7 +128,7 @@ fn tiled(args: &Refine) -> Result<(), Failure> {
         let anywhere = PupilRange {
             eyebox: problem.eyebox,
             diameter: aim.diameter,
-            depth: aim.depth,
+            depth: aim.focus,
             diameters: Diameters::Uniform,
         };
         let phases = tiles.read(color, at, size)?;
@@ -153,11 +153,11 @@ fn tiled(args: &Refine) -> Result<(), Failure> {
 
 impl Refine {
     /// Where the eye is believed to be.
-    fn aim(&self) -> Aim {
+    fn aim(&self) -> PupilDistribution {
         let Pupil { x, y, diameter, depth } = self.pupil;
         let half = 0.5e-3f64.min(diameter / 2.0);
         let diameter = self.diameter.unwrap_or([diameter - half, diameter + half]);
-        Aim { x, y, spread: self.spread * 1e-3, diameter, depth: [depth; 2], elsewhere: 0.0 }
+        PupilDistribution { centre: [x, y], spread: self.spread * 1e-3, diameter, focus: [depth; 2], elsewhere: 0.0 }
     }
 
     /// What the file says of it.
@@ -241,9 +241,9 @@ fn report(args: &Refine, all: &[Vec<Row>], frames: usize, engine: &str, [key, wo
 }
 
 /// Pupils of other seeds than the refinement's: around the eye, and anywhere around `center`.
-fn judged(anywhere: PupilRange, center: [f64; 2], aim: &Aim, seed: u64) -> (Vec<Pupil>, Vec<Pupil>) {
+fn judged(anywhere: PupilRange, center: [f64; 2], aim: &PupilDistribution, seed: u64) -> (Vec<Pupil>, Vec<Pupil>) {
     let mut sampler = Sampler::new(anywhere, Sequence::Sobol, !seed ^ 0x616e_7977);
     let moved = |p: Pupil| Pupil { x: p.x + center[0], y: p.y + center[1], ..p };
     let anywhere = (0..JUDGED).map(|_| moved(sampler.draw())).collect();
-    (aim.pupils(JUDGED, !seed), anywhere)
+    (pupils_of(aim, JUDGED, !seed), anywhere)
 }

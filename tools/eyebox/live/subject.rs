@@ -2,7 +2,7 @@
 
 use crate::args::{DisplayArgs, EngineArgs, SceneArgs};
 use crate::common;
-use crate::quality::{self, QualityArgs};
+use crate::quality::QualityArgs;
 use crate::view::padding_of;
 use crate::{Failure, progress, score, solve};
 use clap::Args;
@@ -10,9 +10,9 @@ use eyebox::encode::Encoder;
 use eyebox::hologram::{ColorHologram, Hologram};
 use eyebox::live::Part;
 use eyebox::optics::{Color, Display, Padding};
-use eyebox::quality::{Recipe, Subject};
+use eyebox::quality::Subject;
 use eyebox::scene::LightField;
-use eyebox::solve::{Problem, Settings};
+use eyebox::solve::{Levels, PaddingRule, Problem, Settings};
 use std::path::{Path, PathBuf};
 
 /// What is steered, in every command that does.
@@ -82,14 +82,15 @@ pub fn load(args: &SubjectArgs) -> Result<Steered, Failure> {
         let base = Settings { depth, diameter: common::diameters(None, &display), ..Settings::default() };
         let chosen =
             args.quality.choose(engine.as_ref(), [display.height, display.width], base.frames, colors.len())?;
-        let recipe = chosen.map_or_else(Recipe::default, |c| c.recipe);
-        let levels = quality::levels_of(None, &display)?;
+        let settings = chosen.map_or_else(Settings::default, |c| c.settings);
+        let levels = Levels::of(&display);
         let subject = Subject { field: &field, color: colors[0], display: &display, base, levels };
-        eprintln!("solving {} for the whole eyebox: {recipe}", args.what);
+        eprintln!("solving {} for the whole eyebox: {settings}", args.what);
         progress::catch_interrupt();
-        let solved = solve::solve_colors(&subject, &colors, &recipe, engine.as_mut(), false)?;
-        let padding = if recipe.padding { subject.required_padding()? } else { Padding::default() };
-        let hologram = solve::hologram(&field, &display, &subject.settings(&recipe), padding, &solved);
+        let solved = solve::solve_colors(&subject, &colors, &settings, engine.as_mut(), false)?;
+        let padding =
+            if settings.padding != PaddingRule::Never { subject.required_padding()? } else { Padding::default() };
+        let hologram = solve::hologram(&field, &display, &subject.settings(&settings), padding, &solved);
         (hologram, display, field)
     };
     let mut shown = common::display(&args.display)?;

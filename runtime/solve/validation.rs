@@ -1,27 +1,27 @@
-//! Quality on pupils that the optimiser is not shown.
+//! Quality on validation pupils: those that the optimiser is not shown.
 
 use super::exposure::BrightEnd;
 use crate::engine::{Engine, EngineError};
 use crate::evaluate::{self, Sums};
 use crate::plan::{Planner, Viewpoint};
 
-/// Fixed viewpoints, and what should be seen through them.
-pub struct Judge {
+/// Fixed viewpoints that no step draws, and what should be seen through them.
+pub struct Validator {
     viewpoints: Vec<Viewpoint>,
     /// The bright end of the photographs.
     bright_end: BrightEnd,
 }
 
-/// What a judge found.
+/// Quality on validation pupils.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Verdict {
+pub struct ValidationScore {
     /// PSNR per pupil, dB, after 2 x 2 averaging, with one exposure for all.
     pub psnr: Vec<f64>,
     /// That exposure: the least-squares fit over all pupils.
     pub exposure: f64,
 }
 
-impl Verdict {
+impl ValidationScore {
     /// Mean over pupils, dB.
     pub fn mean(&self) -> f64 {
         self.psnr.iter().sum::<f64>() / self.psnr.len().max(1) as f64
@@ -40,7 +40,7 @@ impl Verdict {
     }
 }
 
-impl Judge {
+impl Validator {
     /// Looks at the photographs; `engine` holds the views.
     ///
     /// # Errors
@@ -56,14 +56,14 @@ impl Judge {
         self.bright_end
     }
 
-    /// Judges the phases that `engine` holds; only sums leave it.
+    /// Scores the phases that `engine` holds; only sums leave it.
     ///
     /// # Errors
     /// Those of the engine.
-    pub fn judge(&self, engine: &mut dyn Engine, planner: &Planner) -> Result<Verdict, EngineError> {
+    pub fn score(&self, engine: &mut dyn Engine, planner: &Planner) -> Result<ValidationScore, EngineError> {
         let sums = evaluate::sums(engine, planner, &self.viewpoints)?;
         // Images that are black (or not finite) have no exposure: any will do, their PSNR says it.
         let exposure = Sums::fit_exposure(&sums).unwrap_or(1.0);
-        Ok(Verdict { psnr: sums.iter().map(|s| s.psnr(exposure)).collect(), exposure })
+        Ok(ValidationScore { psnr: sums.iter().map(|s| s.psnr(exposure)).collect(), exposure })
     }
 }
