@@ -17,6 +17,7 @@ mod copy;
 mod desktop;
 mod direct;
 mod display;
+mod handle;
 mod modes;
 mod monitor;
 mod offscreen;
