@@ -2,7 +2,11 @@
 
 use super::report::Timing;
 use super::scheduler::{Content, Scheduler, Slot, What};
-use super::{Cause, Pacer, SessionError, Speed, Track};
+use super::account::Cause;
+use super::error::SessionError;
+use super::pacing::Pacer;
+use super::timeline::Speed;
+use super::trace::Track;
 use crate::encode::VideoFrames;
 use crate::present::{Clock, Event, PresentError, Presenter, Rate};
 use std::rc::Rc;

@@ -2,9 +2,14 @@
 //! handed over, and the set.
 
 use super::sets::{SetSender, set_channel};
-use super::{
-    FinishedSet, LiveSource, Notes, PupilTracker, SessionError, SetTiming, Steerer, Target, Timestamps, Track, as_ns,
-};
+use super::error::SessionError;
+use super::latency::Timestamps;
+use super::notes::Notes;
+use super::pupil_tracker::PupilTracker;
+use super::set_timing::{SetTiming, Target, as_ns};
+use super::sets::{FinishedSet, LiveSource};
+use super::steerer::Steerer;
+use super::trace::Track;
 use crate::encode::{Encoder, PhaseSet};
 use crate::engine::vulkan::VulkanEncoder;
 use crate::gpu::Gpu;

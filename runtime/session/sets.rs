@@ -2,7 +2,8 @@
 
 use super::player::SetSource;
 use super::scheduler::{Content, Readiness};
-use super::{SessionError, Timestamps};
+use super::error::SessionError;
+use super::latency::Timestamps;
 use crate::encode::VideoFrames;
 use crate::mailbox::Mailbox;
 use std::sync::Arc;
