@@ -32,16 +32,21 @@ pub mod engine;
 pub mod evaluate;
 pub mod files;
 pub mod gaze;
+#[cfg_attr(not(feature = "direct-display"), allow(dead_code, unused_imports, reason = "presenting uses part of it"))]
 pub mod gpu;
 pub mod hologram;
+#[cfg_attr(not(feature = "window"), allow(dead_code, reason = "displays use part of it"))]
 mod mailbox;
 pub mod optics;
 pub mod plan;
+#[cfg(feature = "window")]
 pub mod present;
+#[cfg(feature = "preview")]
 pub mod preview;
 pub mod produce;
 pub mod quality;
 pub mod scene;
+#[cfg(feature = "window")]
 pub mod session;
 pub mod solve;
 pub mod tiled;

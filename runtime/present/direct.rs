@@ -10,7 +10,7 @@
 
 use super::connectors::{Connector, connectors};
 use super::modes::{DirectDisplay, DirectMode, choose};
-use super::surface::Target;
+use super::surface::{TakenDisplay, Target};
 use super::swapchain::{Policy, Swapchain};
 use super::{DisplayPresenter, PresentError, Rate, RealClock};
 use crate::gpu::{EngineError, Gpu, Instance, has};
@@ -164,7 +164,7 @@ impl Displays {
     }
 
     /// Takes one of what was found, in one of its modes.
-    fn acquire(mut self, index: usize, mode: usize) -> Result<Taken, EngineError> {
+    fn acquire(mut self, index: usize, mode: usize) -> Result<TakenDisplay, EngineError> {
         let found = self.found.swap_remove(index);
         let handles = self.handles.swap_remove(index);
         let refused = |reason: String| EngineError::Unsuitable { device: format!("display '{}'", found.name), reason };
@@ -178,13 +178,13 @@ impl Displays {
                 ))
             })?;
         }
-        let mut taken = Taken {
+        let mut taken = TakenDisplay {
             physical,
             display,
             info: vk::DisplaySurfaceCreateInfoKHR::default(),
             calls: self.calls.clone(),
             release: self.release.take(),
-            _card: card,
+            card,
         };
         let [height, width] = found.modes[mode].size.map(|n| n as u32);
         let plane = self.plane(physical, display, modes[mode], vk::Extent2D { width, height });
@@ -229,33 +229,5 @@ impl Displays {
                     .image_extent(extent)
             })
         })
-    }
-}
-
-/// A display that was taken; given back when it is dropped, before its instance.
-pub(super) struct Taken {
-    pub(super) physical: vk::PhysicalDevice,
-    pub(super) display: vk::DisplayKHR,
-    info: vk::DisplaySurfaceCreateInfoKHR<'static>,
-    calls: khr::display::Instance,
-    release: Option<ext::direct_mode_display::Instance>,
-    _card: Option<File>,
-}
-
-impl Taken {
-    /// # Safety
-    /// The instance lives.
-    pub(super) unsafe fn surface(&self) -> Result<vk::SurfaceKHR, vk::Result> {
-        // SAFETY: the caller says so; plane, mode and display were chosen together.
-        unsafe { self.calls.create_display_plane_surface(&self.info, None) }
-    }
-}
-
-impl Drop for Taken {
-    fn drop(&mut self) {
-        if let Some(release) = &self.release {
-            // SAFETY: surfaces on it are destroyed before; one that was not taken is not changed.
-            let _ = unsafe { (release.fp().release_display_ext)(self.physical, self.display) };
-        }
     }
 }

@@ -1,10 +1,11 @@
 //! The display as a presenter: a window over a monitor, or a display that no desktop drives.
 
 use super::desktop::{Desktop, OnDesktop};
-use super::swapchain::Swapchain;
+use super::handle::handle_of;
+use super::swapchain::{Policy, Swapchain};
 use super::timing::PresentTiming;
 use super::{Event, Feedback, Monitor, PresentError, Presenter, Rate, RealClock};
-use crate::gpu::{EngineError, Gpu};
+use crate::gpu::{EngineError, Gpu, Pictures, PixelOrder};
 
 /// Shows video frames on a display, by a swapchain of exactly its size.
 pub struct DisplayPresenter {
@@ -16,12 +17,25 @@ pub struct DisplayPresenter {
     window: Option<OnDesktop>,
 }
 
-impl DisplayPresenter {
-    pub(super) fn in_window(swapchain: Swapchain, window: OnDesktop, monitor: &Monitor, clock: RealClock) -> Self {
+impl Desktop {
+    /// A window over all of a monitor, shown from this device or from the one of its instance that can show there.
+    ///
+    /// # Errors
+    /// [`PresentError::Display`] where it does not come up with the monitor's size, and where Vulkan cannot show bytes
+    /// as they are in it.
+    pub fn fullscreen(self, gpu: &Gpu, monitor: &Monitor, clock: RealClock) -> Result<DisplayPresenter, PresentError> {
+        let on = self.cover(monitor)?;
+        let handle = handle_of(&on.window)?;
+        // SAFETY: the window lives in the presenter, and the swapchain is dropped before it.
+        #[allow(unsafe_code)]
+        let swapchain = unsafe { Swapchain::open(gpu, handle, Policy::Exact(monitor.size)) }
+            .map_err(|e| PresentError::display("the window", e))?;
         let name = format!("a window on monitor {monitor}");
-        Self { swapchain, name, rate: monitor.rate, clock, window: Some(window) }
+        Ok(DisplayPresenter { swapchain, name, rate: monitor.rate, clock, window: Some(on) })
     }
+}
 
+impl DisplayPresenter {
     pub(super) fn on_display(swapchain: Swapchain, name: String, rate: Option<Rate>, clock: RealClock) -> Self {
         Self { swapchain, name, rate, clock, window: None }
     }
@@ -60,6 +74,16 @@ impl Presenter for DisplayPresenter {
     fn upload(&mut self, picture: &[u8]) -> Result<(), PresentError> {
         self.window.as_mut().map_or(Ok(()), OnDesktop::check)?;
         let done = self.swapchain.upload(picture);
+        self.explained(done)
+    }
+
+    fn takes(&self) -> Option<(&Gpu, PixelOrder)> {
+        Some((self.swapchain.gpu(), self.swapchain.pixel_order()))
+    }
+
+    fn take(&mut self, pictures: &Pictures, index: usize) -> Result<(), PresentError> {
+        self.window.as_mut().map_or(Ok(()), OnDesktop::check)?;
+        let done = self.swapchain.take(pictures, index);
         self.explained(done)
     }
 

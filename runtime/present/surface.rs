@@ -2,10 +2,10 @@
 
 #![allow(unsafe_code)]
 
-use super::direct::Taken;
 use crate::gpu::{EngineError, Instance};
-use ash::{khr, vk};
+use ash::{ext, khr, vk};
 use std::ffi::{CStr, c_void};
+use std::fs::File;
 use std::sync::Arc;
 
 /// A window of the system's, as its own library names it.
@@ -35,10 +35,40 @@ pub enum WindowHandle {
     },
 }
 
+/// A display that was taken; given back when it is dropped, before its instance.
+pub(super) struct TakenDisplay {
+    pub(super) physical: vk::PhysicalDevice,
+    pub(super) display: vk::DisplayKHR,
+    pub(super) info: vk::DisplaySurfaceCreateInfoKHR<'static>,
+    pub(super) calls: khr::display::Instance,
+    pub(super) release: Option<ext::direct_mode_display::Instance>,
+    /// The card through which it was acquired; open as long as it is used.
+    #[allow(dead_code)]
+    pub(super) card: Option<File>,
+}
+
+impl TakenDisplay {
+    /// # Safety
+    /// The instance lives.
+    unsafe fn surface(&self) -> Result<vk::SurfaceKHR, vk::Result> {
+        // SAFETY: the caller says so; plane, mode and display were chosen together.
+        unsafe { self.calls.create_display_plane_surface(&self.info, None) }
+    }
+}
+
+impl Drop for TakenDisplay {
+    fn drop(&mut self) {
+        if let Some(release) = &self.release {
+            // SAFETY: surfaces on it are destroyed before; one that was not taken is not changed.
+            let _ = unsafe { (release.fp().release_display_ext)(self.physical, self.display) };
+        }
+    }
+}
+
 /// What a surface is made of.
 pub(super) enum Target {
     Window(WindowHandle),
-    Direct(Taken),
+    Direct(TakenDisplay),
 }
 
 impl Target {

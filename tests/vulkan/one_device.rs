@@ -11,7 +11,7 @@ use eyebox_tests::both::gpu;
 use std::process::{Command, Output};
 use std::sync::PoisonError;
 
-#[path = "../runtime/examples/own_vulkan_device.rs"]
+#[path = "../../runtime/examples/own_vulkan_device.rs"]
 mod own;
 
 const INSIDE: &str = "EYEBOX_TEST_INSIDE";
@@ -42,7 +42,7 @@ fn a_program_makes_one_device() {
     if std::env::var_os(INSIDE).is_some() {
         return program();
     }
-    let output = again("a_program_makes_one_device", &[("VK_LOADER_DEBUG", "all")]);
+    let output = again("one_device::a_program_makes_one_device", &[("VK_LOADER_DEBUG", "all")]);
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(said.matches("vkCreateDevice layer callstack setup").count(), 1, "{said}");
 }
@@ -53,7 +53,8 @@ fn a_program_brings_its_own_device() {
     if std::env::var_os(INSIDE).is_some() {
         return own::main().unwrap_or_else(|e| panic!("{e}"));
     }
-    let output = again("a_program_brings_its_own_device", &[("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation")]);
+    let output =
+        again("one_device::a_program_brings_its_own_device", &[("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation")]);
     let said = String::from_utf8_lossy(&output.stdout);
     assert!(said.contains(" dB") && !said.contains("VUID") && !said.contains("Validation"), "{said}");
 }
