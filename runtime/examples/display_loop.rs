@@ -4,8 +4,9 @@
 //! `Output::Window` or `Output::Direct`; with a tracker, `Tracking::open`.
 
 use eyebox::encode::Encoder;
-use eyebox::engine::{self, Choice};
+use eyebox::engine::{Backend, Choice};
 use eyebox::gaze::Estimator;
+use eyebox::gpu::Options;
 use eyebox::optics::{Color, Display, Padding};
 use eyebox::scene::{self, Request};
 use eyebox::session::{Live, Output, Session, SessionEvent, SessionOptions, SteeredColor, Tracking};
@@ -18,14 +19,15 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let field = scene::load("builtin:still-life", &Request::new(&display, &[Color::Green]))?;
     let problem = Problem::new(&field, Color::Green, &display, Padding::default())?;
     let settings = Settings { steps: 24, ..Settings::default() };
-    let mut engine = engine::open(Choice::Auto)?;
+    let backend = Backend::open(Choice::Auto, &Options::default())?;
+    let mut engine = backend.engine()?;
     let whole = solve(&problem, &settings, engine.as_mut(), &mut |_| Flow::Continue)?;
 
     // From now on it is refined for where the eye is, on threads of its own.
     let encoder = Encoder::new(&display, &[Color::Green], settings.frames)?;
     let colors = vec![SteeredColor { problem, phases: whole.phases, exposure: whole.exposure }];
     let (eye, tracking) = Tracking::mouse(Estimator::new(Default::default(), None)?);
-    let live = Live::new(colors, encoder, Box::new(|| engine::open(Choice::Auto)), tracking);
+    let live = Live::new(colors, encoder, backend, tracking);
     let output = Output::Memory { simulated: false, sink: None };
     let session = Session::start(live, output, SessionOptions::default())?;
     println!("{}: {:.0} sets a second", session.about().presenter, session.about().sets_per_second());
