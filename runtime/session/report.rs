@@ -1,7 +1,7 @@
 //! How well video frames came when they were predicted, and the summary of a playback.
 
-use super::pacing::Outcome;
 use super::account::{Account, Cause};
+use super::pacing::Outcome;
 use super::scheduler::Scheduler;
 use serde_json::{Value, json};
 

@@ -11,11 +11,10 @@ mod shared;
 
 pub(super) use shared::StreamOptions;
 
+use super::error::SessionError;
 use super::player::SetSource;
 use super::scheduler::{Content, Readiness};
-use super::error::SessionError;
-use super::notes::Notes;
-use super::trace::{Trace, Track};
+use super::trace::Track;
 use crate::encode::{Encoder, PhaseSet, VideoFrames};
 use crate::engine::vulkan::VulkanEncoder;
 use crate::gpu::Gpu;
@@ -30,7 +29,6 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
-use std::time::Duration;
 
 /// What encodes.
 pub(super) enum StreamEncoder {

@@ -10,7 +10,7 @@ mod stage;
 pub use results::{Cost, Study, StudySample, StudySettings};
 
 use super::error::SessionError;
-use super::set_timing::{SetTiming, as_ns};
+use super::set_timing::as_ns;
 use super::steerer::{Policy, SteeredColor, Steerer};
 use crate::encode::{Encoder, PhaseSet, VideoFrames};
 use crate::engine::{Engine, EngineError};
