@@ -11,7 +11,9 @@ pub mod cpu;
 mod handover;
 pub mod vulkan;
 
-pub use crate::plan::{Buffer, Dispatch, Kernel, PupilPass, Purpose, Scope, Shape, Shot, Step, Storage, Timing};
+pub use crate::plan::{
+    Buffer, Dispatch, Extent, Kernel, PupilPass, Purpose, Resource, Scope, Shape, Shot, Step, Storage, Timing,
+};
 pub use choose::{Choice, open, open_handover, reason};
 pub use handover::{At, Handover};
 

@@ -4,14 +4,16 @@
 //! May import `optics` and `scene`.
 
 mod cost;
+mod kernel;
 mod list;
 mod lists;
 mod pupil_pass;
 mod storage;
 mod viewpoint;
 
-pub use cost::{Group, Slots, pupil_pass_bytes, shared_bytes, work};
-pub use list::{Buffer, Dispatch, Kernel, PupilPass, Purpose, Scope, Shape, Shot, Step, Timing};
+pub use cost::{Slots, pupil_pass_bytes, shared_bytes, work};
+pub use kernel::{Access, Dispatch, Group, Kernel, Scope, Step, Timing};
+pub use list::{Buffer, Extent, PupilPass, Purpose, Resource, Shape, Shot};
 pub use pupil_pass::{Comparison, Planner, Views};
 pub use storage::Storage;
 pub use viewpoint::Viewpoint;
