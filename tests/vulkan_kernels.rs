@@ -2,8 +2,9 @@
 //! validation layer; with fields stored as halves, below the power of the roundings in which the two may differ.
 
 use eyebox::engine::cpu::CpuEngine;
-use eyebox::engine::vulkan::{Options, VulkanEngine};
+use eyebox::engine::vulkan::VulkanEngine;
 use eyebox::engine::{Buffer, Engine, Kernel, Purpose, Shape, Storage};
+use eyebox::gpu::{Gpu, Options};
 use eyebox_kernels::compare::{AMPLITUDE, INTENSITY, PROJECTION};
 use eyebox_tests::both::{Case, assert_silent, compare, vulkan, watched};
 use eyebox_tests::half_roundings;
@@ -163,7 +164,7 @@ fn transfer_at_every_depth() {
 #[test]
 fn a_device_that_is_not_there_is_named_and_help_is_offered() {
     let options = Options { device: Some("no such device".into()), ..Options::default() };
-    let Err(error) = VulkanEngine::open(&options) else { panic!("it opened") };
+    let Err(error) = Gpu::open(&options) else { panic!("it opened") };
     let text = error.to_string();
     assert!(text.contains("no such device") && text.contains("tools/setup.sh"), "{text}");
 }
@@ -174,7 +175,9 @@ fn compiled_pipelines_are_kept_where_they_are_wanted() {
     let temp = tempfile::tempdir().expect("a temporary folder");
     let folder = temp.path().join("cache");
     let run = || {
-        let mut engine = VulkanEngine::open(&Options { cache: Some(folder.clone()), ..watched() }).expect("a device");
+        let mut engine =
+            VulkanEngine::new(&Gpu::open(&Options { cache: Some(folder.clone()), ..watched() }).expect("a device"))
+                .expect("an engine");
         let case = Case::new(7, 13, 0, 0.0, 1);
         case.load(&mut engine, Purpose::Project);
         engine.run(&case.step(Purpose::Project, PROJECTION, 1.0, usize::MAX)).expect("a step");
@@ -193,7 +196,7 @@ fn a_missing_driver_is_a_sentence_with_help() {
     const FILES: [&str; 2] = ["VK_ICD_FILENAMES", "VK_DRIVER_FILES"];
     const NOWHERE: &str = "/nonexistent/driver.json";
     if std::env::var(FILES[0]).is_ok_and(|v| v == NOWHERE) {
-        let Err(error) = VulkanEngine::open(&Options { allow_cpu: true, ..Options::default() }) else {
+        let Err(error) = Gpu::open(&Options { allow_cpu: true, ..Options::default() }) else {
             panic!("a device without a driver")
         };
         let text = error.to_string();
@@ -305,7 +308,7 @@ fn every_subgroup_size() {
     if let Some(width) = std::env::var_os(WIDTH) {
         // Run by the loop below: the other tests do the work, this one sees that the width was heard.
         let engine = vulkan();
-        let device = engine.device();
+        let device = engine.gpu().report();
         if device.name.contains("llvmpipe") {
             assert_eq!(Ok(device.limits.subgroup * 32), width.to_string_lossy().parse());
         }

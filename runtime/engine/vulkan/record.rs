@@ -3,13 +3,11 @@
 mod photograph;
 
 use super::super::{Buffer, Dispatch, EngineError, Kernel, PupilPass, Shape, Step, Storage};
-use super::device::Block;
 use super::fft::{Frames, Transform};
-use super::gpu::Gpu;
 use super::layout::{Arenas, Kind, Layout, Slot, Value};
-use super::recorder::Range;
 use super::tables::Tables;
 use super::views::Views;
+use crate::gpu::{Block, Commands, Range};
 use bytemuck::Pod;
 use eyebox_kernels::fft::Direction;
 use eyebox_spirv as spirv;
@@ -69,7 +67,7 @@ pub(super) fn loss_parts(pupil_pass: &PupilPass) -> usize {
 
 /// Everything that a recording looks at.
 pub(super) struct Work<'a> {
-    pub(super) gpu: &'a mut Gpu,
+    pub(super) gpu: &'a mut Commands,
     pub(super) transforms: &'a mut dyn Transform,
     pub(super) shape: &'a Shape,
     pub(super) step: &'a Step,
@@ -457,7 +455,7 @@ impl Work<'_> {
         groups: [u32; 3],
     ) -> Result<(), EngineError> {
         let (args, more) = (bytemuck::bytes_of(args), bytemuck::cast_slice::<_, u8>(more));
-        let mut push = [0u8; super::pipelines::PUSH_BYTES as usize];
+        let mut push = [0u8; crate::gpu::PUSH_BYTES as usize];
         let length = args.len() + more.len();
         push[..args.len()].copy_from_slice(args);
         push[args.len()..length].copy_from_slice(more);
