@@ -15,8 +15,8 @@ layout(push_constant) uniform Args {
     uint grid_height, grid_width, y0, x0, rows, columns, patches, accumulate;
     uint mode;
     float weight, limit;
-    // Values from one frame to the next.
-    uint field_stride, change_stride;
+    // Values from one frame to the next, of both.
+    uint stride;
 };
 
 shared float factors[MOST];
@@ -65,10 +65,10 @@ void main() {
     // The patch whose part holds column k: the inverse of p * columns / patches, rounded down.
     uint b = ((k + 1) * patches - 1) / columns;
     uint x = (x0 + k) % grid_width;
-    uint from = gl_GlobalInvocationID.z * field_stride, to = gl_GlobalInvocationID.z * change_stride;
+    uint base = gl_GlobalInvocationID.z * stride;
     for (uint j = gl_WorkGroupID.y; j < rows; j += gl_NumWorkGroups.y) {
         uint a = ((j + 1) * patches - 1) / rows;
-        uint at = (y0 + j) % grid_height * grid_width + x;
-        change[to + at] = STORE(LOAD(change[to + at]) + factors[a * patches + b] * LOAD(field[from + at]));
+        uint at = base + (y0 + j) % grid_height * grid_width + x;
+        change[at] = STORE(LOAD(change[at]) + factors[a * patches + b] * LOAD(field[at]));
     }
 }

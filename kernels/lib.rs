@@ -157,7 +157,7 @@ macro_rules! kernels {
                 binds: [Update Window],
                 work: |u| u.frames() * u.window_transform(),
                 twin: |c| c.fft($crate::fft::Direction::Inverse),
-                shader: Each |c, _| c.window_transform($crate::fft::Direction::Inverse),
+                shader: Each |c, p| c.window_transform(p, $crate::fft::Direction::Inverse),
             }
             /// The intensity that an eye averages over the sub-frames.
             Intensity = "intensity" {
@@ -175,7 +175,7 @@ macro_rules! kernels {
                 twin: |c| {
                     c.slot.loss = $crate::compare::compare(&c.pass.compare, &mut c.slot.image, &c.slot.target);
                 },
-                shader: Each |c, p| c.compare(p),
+                shader: Each |c, p| c.parts(p.compare.parts(), &p.compare),
             }
             /// Multiplies the retinal fields by that factor.
             ApplyFactor = "apply_factor" {
@@ -194,7 +194,7 @@ macro_rules! kernels {
                 binds: [Update Window],
                 work: |u| u.frames() * u.window_transform(),
                 twin: |c| c.fft($crate::fft::Direction::Forward),
-                shader: Each |c, _| c.window_transform($crate::fft::Direction::Forward),
+                shader: Each |c, p| c.window_transform(p, $crate::fft::Direction::Forward),
             }
             /// Adds what the pupils of the dispatch ask for to the change, in their order.
             ReturnPupil = "return_pupil" {
@@ -289,7 +289,10 @@ macro_rules! kernels {
                     let args = c.pass.exposure(&c.shape.place);
                     $crate::exposure::exposure(&args, &c.slot.image, &c.slot.target, &mut c.slot.sums);
                 },
-                shader: Each |c, p| c.exposure(p),
+                shader: Each |c, p| {
+                    let args = p.exposure(&c.shape.place);
+                    c.parts(args.parts(), &args)
+                },
             }
         }
     };

@@ -23,6 +23,11 @@ pub struct Module {
 }
 
 impl Module {
+    /// The variant for fields stored as halves or as float32; the module itself where it meets no fields.
+    pub fn stored(&'static self, half: bool) -> &'static Self {
+        self.half.filter(|_| half).unwrap_or(self)
+    }
+
     /// The module in words, as Vulkan takes it.
     pub fn words(&self) -> &'static [u32] {
         bytemuck::cast_slice(&self.data.1)
@@ -75,6 +80,28 @@ modules! {
     TAPER = "taper";
     TRANSFER = "transfer";
     APPLY_FACTOR = "apply_factor", APPLY_FACTOR_HALF = "apply_factor_half";
+}
+
+/// The module of this name, if there is one; for fields in float32 where there are two.
+#[cfg(feature = "modules")]
+pub const fn module(name: &str) -> Option<&'static Module> {
+    let mut at = 0;
+    while at < ALL.len() {
+        if is_same(ALL[at].name.as_bytes(), name.as_bytes()) {
+            return Some(ALL[at]);
+        }
+        at += 1;
+    }
+    None
+}
+
+#[cfg(feature = "modules")]
+const fn is_same(a: &[u8], b: &[u8]) -> bool {
+    let mut at = 0;
+    while at < a.len() && at < b.len() && a[at] == b[at] {
+        at += 1;
+    }
+    at == a.len() && at == b.len()
 }
 
 #[cfg(all(test, feature = "modules"))]

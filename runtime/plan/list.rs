@@ -155,6 +155,11 @@ impl Resource {
         })
     }
 
+    /// As messages call it.
+    pub fn name(self) -> String {
+        format!("{self:?}").to_lowercase()
+    }
+
     /// Whether it is a buffer of the shape.
     pub fn is_shared(self) -> bool {
         Self::OF_SHAPE.contains(&self)
@@ -165,13 +170,26 @@ impl Resource {
         !self.is_shared() && self != Self::NotFinite
     }
 
-    /// Whether each sub-frame has its own.
-    pub fn is_per_frame(self) -> bool {
-        matches!(
-            self,
-            Self::Phases | Self::Shown | Self::Momentum | Self::Second | Self::Field | Self::Change | Self::Window
-        )
+    /// What each sub-frame has of it, if it has one of its own.
+    pub fn per_frame(self) -> Option<PerFrame> {
+        match self {
+            Self::Phases | Self::Shown | Self::Momentum | Self::Second => Some(PerFrame::Pixels),
+            Self::Field | Self::Change => Some(PerFrame::Grid),
+            Self::Window => Some(PerFrame::Window),
+            _ => None,
+        }
     }
+}
+
+/// Kinds of frames: those of a kind are equally large.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PerFrame {
+    /// Of the SLM's pixels.
+    Pixels,
+    /// Of the grid.
+    Grid,
+    /// Of a pupil pass's window.
+    Window,
 }
 
 /// How large a buffer is.

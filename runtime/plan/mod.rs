@@ -13,7 +13,7 @@ mod viewpoint;
 
 pub use cost::{Slots, pupil_pass_bytes, shared_bytes, work};
 pub use kernel::{Access, Dispatch, Group, Kernel, Scope, Step, Timing};
-pub use list::{Buffer, Extent, PupilPass, Purpose, Resource, Shape, Shot};
+pub use list::{Buffer, Extent, PerFrame, PupilPass, Purpose, Resource, Shape, Shot};
 pub use pupil_pass::{Comparison, Planner, Views};
 pub use storage::Storage;
 pub use viewpoint::Viewpoint;

@@ -173,7 +173,7 @@ fn renew<T: Clone + bytemuck::Zeroable>(buffer: &mut Vec<T>, length: usize, what
     buffer.shrink_to(length);
     buffer.try_reserve_exact(length).map_err(|_| EngineError::OutOfMemory {
         device: "host".into(),
-        what: format!("{what:?}").to_lowercase(),
+        what: what.name(),
         wanted: Some((length as u64).saturating_mul(size_of::<T>() as u64)),
     })?;
     buffer.resize(length, T::zeroed());

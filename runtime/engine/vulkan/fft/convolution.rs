@@ -1,6 +1,5 @@
 //! Transforms of lengths with a large prime factor, as convolutions with a chirp (`fft_chirp.comp`).
 
-use super::super::record::stored;
 use super::record::{Fft, Planned, Work};
 use super::{EngineError, Storage};
 use crate::gpu::{Block, Commands, Pipeline, Range};
@@ -144,7 +143,7 @@ impl Chunks {
 
 /// For data stored so; the scratch is in float32 always.
 pub(super) fn chirp_pipeline(gpu: &mut Commands, storage: Storage) -> Result<Pipeline, EngineError> {
-    gpu.pipeline(stored(&eyebox_spirv::FFT_CHIRP, storage), 3, &[])
+    gpu.pipeline(eyebox_spirv::FFT_CHIRP.stored(storage == Storage::F16), 3, &[])
 }
 
 #[cfg(test)]

@@ -1,6 +1,5 @@
 //! Records the passes of planned transforms.
 
-use super::super::record::stored;
 use super::convolution::{Chunks, chirp_pipeline};
 use super::{EngineError, Frames, Storage, Transform};
 use crate::gpu::{Block, Commands, Pipeline, Range};
@@ -314,7 +313,8 @@ impl Fft {
                 let along = if pair { along.div_ceil(2) } else { along };
                 let groups = [along.div_ceil(CROWD), across, work.frames];
                 let constants = pass_constants(*radix, work.axis, pair, i == 0);
-                let pipeline = gpu.pipeline(stored(&eyebox_spirv::FFT_PASS, work.storage), 3, &constants)?;
+                let pipeline =
+                    gpu.pipeline(eyebox_spirv::FFT_PASS.stored(work.storage == Storage::F16), 3, &constants)?;
                 let buffers = [from, to, planned.twiddles.all()];
                 gpu.recorder.dispatch(pipeline, &buffers, bytemuck::bytes_of(&arguments), groups)?;
             }
@@ -367,7 +367,7 @@ fn compile(gpu: &mut Commands, plan: &Plan, axis: Axis, even_width: bool, storag
             let pair = if axis == Axis::Rows { *pair } else { even_width };
             for (i, radix) in radices.iter().enumerate() {
                 let constants = pass_constants(*radix, axis, pair, i == 0);
-                gpu.pipeline(stored(&eyebox_spirv::FFT_PASS, storage), 3, &constants)?;
+                gpu.pipeline(eyebox_spirv::FFT_PASS.stored(storage == Storage::F16), 3, &constants)?;
             }
         }
         Method::Bluestein { inner } => {
@@ -395,7 +395,7 @@ fn rows_pipeline(gpu: &mut Commands, shared: &Shared, storage: Storage) -> Resul
         let Radix { a, b } = radices.get(i).copied().unwrap_or(Radix { a: 1, b: 1 });
         stage.copy_from_slice(&[a, b, count]);
     }
-    gpu.pipeline(stored(&eyebox_spirv::FFT_ROWS, storage), 2, &constants)
+    gpu.pipeline(eyebox_spirv::FFT_ROWS.stored(storage == Storage::F16), 2, &constants)
 }
 
 /// What plans must fit on this device.
