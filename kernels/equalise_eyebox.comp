@@ -1,13 +1,11 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
+#include "constants.glsl"
 #include "half.glsl"
 
 // change += factor of the patch * field, inside the eyebox's disc of patches. x: column, y: row (strided), z: frame.
 
-const uint PROJECTION = 0;
-const uint MOST = 256;
-
-layout(local_size_x = 64) in;
+layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Energy { float energy[]; };
 layout(std430, binding = 1) readonly buffer Field { COMPLEX field[]; };
 layout(std430, binding = 2) buffer Change { COMPLEX change[]; };
@@ -19,7 +17,7 @@ layout(push_constant) uniform Args {
     uint stride;
 };
 
-shared float factors[MOST];
+shared float factors[ENERGY_MOST * ENERGY_MOST];
 shared float mean, variance, number;
 
 bool counts(uint i) {
@@ -51,8 +49,8 @@ void main() {
         float e = factors[i];
         float factor = 0.0;
         if (counts(i) && mean > 0.0) {
-            if (mode == PROJECTION) {
-                factor = weight * (min(sqrt(mean / max(e, 1.17549435e-38)), limit) - 1.0);
+            if (mode == EQUALISE_PROJECTION) {
+                factor = weight * (min(sqrt(mean / max(e, SMALLEST)), limit) - 1.0);
             } else {
                 factor = 2.0 * weight / (number * mean) * (e / mean - 1.0 - variance);
             }

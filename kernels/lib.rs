@@ -29,6 +29,7 @@ pub mod project;
 pub mod quantise;
 pub mod resample;
 pub mod return_pupil;
+pub mod shared;
 pub mod taper;
 pub mod transfer;
 pub mod trig;
@@ -297,6 +298,11 @@ macro_rules! kernels {
         }
     };
 }
+
+/// Columns or pixels of a workgroup, as all shaders but those that sum have it.
+pub const WIDTH: u32 = 64;
+/// Invocations of a workgroup of shaders that sum.
+pub const SUM_WIDTH: u32 = 128;
 
 /// A complex number in float32, as all field buffers hold it: (re, im).
 pub type Complex32 = num_complex::Complex32;

@@ -8,11 +8,8 @@ use super::stacks::Stacks;
 use crate::engine::{Dispatch, EngineError, Kernel, PerFrame, PupilPass, Resource, Shape, Step, Storage};
 use crate::gpu::{Block, Commands, PUSH_BYTES, Range};
 use bytemuck::Pod;
-use eyebox_kernels::fft::Direction;
+use eyebox_kernels::{WIDTH, fft::Direction};
 use eyebox_spirv::Module;
-
-/// Columns or pixels of a workgroup, as all shaders but those that sum have it.
-const WIDTH: usize = 64;
 
 /// Workgroups that fill any device a few times over.
 const ENOUGH: u32 = 4096;
@@ -250,13 +247,13 @@ impl Work<'_> {
 
     /// Workgroups of a kernel over rows and columns.
     pub(super) fn rows(&self, rows: u32, columns: u32, frames: usize) -> [u32; 3] {
-        let across = columns.div_ceil(WIDTH as u32);
+        let across = columns.div_ceil(WIDTH);
         [across, self.shared_out(rows, across * frames as u32, self.gpu.limits().groups[1]), frames as u32]
     }
 
     /// Workgroups of a kernel over values.
     fn along(&self, count: usize, frames: usize) -> [u32; 3] {
-        let pieces = count.div_ceil(WIDTH).min(u32::MAX as usize) as u32;
+        let pieces = count.div_ceil(WIDTH as usize).min(u32::MAX as usize) as u32;
         [self.shared_out(pieces, frames as u32, self.gpu.limits().groups[0]), 1, frames as u32]
     }
 

@@ -2,9 +2,7 @@
 
 use super::call::Call;
 use crate::engine::{EngineError, Resource};
-
-/// Rows that an invocation of `photograph` takes at once.
-const STRIP: u32 = 8;
+use eyebox_kernels::photograph::STRIP;
 
 impl Call<'_, '_> {
     /// All pupil passes block by block of views: a pupil pass adds up in its accumulator what each block holds.

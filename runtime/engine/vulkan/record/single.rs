@@ -2,10 +2,10 @@
 
 use super::call::{Call, Grid};
 use crate::engine::{EngineError, PupilPass, Resource};
-use eyebox_kernels::intensity;
+use eyebox_kernels::{SUM_WIDTH, intensity};
 
 /// Values, over all sub-frames, that a workgroup of `energy` adds up at once: 4096 to an invocation.
-const ENERGY_SHARE: u32 = 4096 * 128;
+const ENERGY_SHARE: u32 = 4096 * SUM_WIDTH;
 
 impl Call<'_, '_> {
     /// Zeroes what the kernel writes.
