@@ -17,7 +17,7 @@ use std::time::Instant;
 /// over all threads, and the share by it: what other programs take of a busy machine does not count there.
 #[derive(Parser)]
 #[command(
-    after_help = "Example: cargo run --release -p eyebox-tools --bin encode-bench -- planes24 grey8\n\n'checked' also looks at every phase first, as for phases of any origin."
+    after_help = "Example: cargo run --release -p eyebox-tools --features benches --bin encode-bench -- planes24 grey8\n\n'checked' also looks at every phase first, as for phases of any origin."
 )]
 struct Arguments {
     /// Displays: presets or files, with 3 colours.

@@ -17,7 +17,9 @@ use std::time::Instant;
 /// textbook: rows, transpose, rows, transpose), in turn; prints the medians, the shortest times (which a busy machine
 /// disturbs least), the ratio of Vulkan's to either, and the power of the difference over that of the result.
 #[derive(Parser)]
-#[command(after_help = "Example: cargo run --release -p eyebox-tools --bin fft-bench -- 2048x2048 1080x1920")]
+#[command(
+    after_help = "Example: cargo run --release -p eyebox-tools --features benches --bin fft-bench -- 2048x2048 1080x1920"
+)]
 struct Arguments {
     /// Sizes as HEIGHTxWIDTH.
     #[arg(default_values = ["512x512", "1080x1920", "2048x2048"], value_parser = size)]

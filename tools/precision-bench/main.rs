@@ -20,7 +20,9 @@ use std::process::ExitCode;
 /// Measures the error of every stage against float64, on the CPU and on Vulkan, stored as float32 and as halves; prints
 /// tables and draws plots.
 #[derive(Parser)]
-#[command(after_help = "Example: cargo run --release -p eyebox-tools --bin precision-bench -- --out docs/precision")]
+#[command(
+    after_help = "Example: cargo run --release -p eyebox-tools --features benches --bin precision-bench -- --out docs/precision"
+)]
 struct Arguments {
     /// Folder for the plots (SVG); nothing is drawn without it.
     #[arg(long)]
