@@ -28,7 +28,7 @@ pub const WIDE: u32 = 2;
 /// Entries of a run of the shader.
 pub const ENTRIES: usize = 24;
 /// Cells that a pixel may have.
-pub const MOST_CELLS: usize = 4;
+const MOST_CELLS: usize = 4;
 
 // Adding and taking away 1.5 * 2^23 rounds to an integer, whose lowest bits stand in the mantissa.
 const ROUND: f32 = 12_582_912.0;

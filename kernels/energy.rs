@@ -41,13 +41,13 @@ impl Args {
     }
 
     /// Rows (or columns) of patch `p` out of `n` in all.
-    pub fn part(&self, p: u32, n: u32) -> std::ops::Range<u32> {
+    pub(crate) fn part(&self, p: u32, n: u32) -> std::ops::Range<u32> {
         p * n / self.patches..(p + 1) * n / self.patches
     }
 
     /// Whether the centre of patch (`a`, `b`) lies in the disc that the eyebox holds: its corners are where light
     /// may go that no centred pupil sees.
-    pub fn counts(&self, a: u32, b: u32) -> bool {
+    pub(crate) fn counts(&self, a: u32, b: u32) -> bool {
         let off = |p: u32| (2 * p + 1) as i64 - i64::from(self.patches);
         off(a) * off(a) + off(b) * off(b) <= i64::from(self.patches) * i64::from(self.patches)
     }

@@ -26,7 +26,7 @@ pub struct Args {
 impl Args {
     /// The factor of each patch's spectrum, from the patches' energies (patches, patches). Patches outside the disc
     /// have none.
-    pub fn factors(&self, energy: &[f32]) -> Vec<f32> {
+    fn factors(&self, energy: &[f32]) -> Vec<f32> {
         let patches = self.place.patches;
         let counts = |i: usize| self.place.counts(i as u32 / patches, i as u32 % patches);
         let (mut n, mut sum, mut squares) = (0.0f32, 0.0f32, 0.0f32);

@@ -74,7 +74,7 @@ impl Radix {
     }
 
     /// Tables hold `w` and this power of it; the other powers are products.
-    pub fn table_power(self) -> u32 {
+    pub(crate) fn table_power(self) -> u32 {
         if self.size() <= 4 { 2 } else { 4 }
     }
 }

@@ -16,7 +16,7 @@ const ROUND: f32 = 12_582_912.0;
 
 /// Cosine and sine of `x` radians, |x| < 10^4: within 1e-7, absolute.
 #[inline(always)]
-pub fn cos_sin(x: f32) -> (f32, f32) {
+pub(crate) fn cos_sin(x: f32) -> (f32, f32) {
     let shifted = x * FRAC_2_PI + ROUND;
     let quadrant = shifted.to_bits();
     let n = shifted - ROUND;
@@ -32,7 +32,7 @@ pub fn cos_sin(x: f32) -> (f32, f32) {
 
 /// `exp(i x)` of each phase.
 #[inline(always)]
-pub fn expi(phases: &[f32], out: &mut [Complex32]) {
+pub(crate) fn expi(phases: &[f32], out: &mut [Complex32]) {
     assert_eq!(phases.len(), out.len());
     // Fixed blocks let the compiler vectorise the arithmetic before it interleaves.
     let (blocks, rest) = phases.as_chunks::<32>();

@@ -13,7 +13,7 @@ pub mod vulkan;
 
 pub use crate::gpu::EngineError;
 pub use crate::plan::{
-    Buffer, Dispatch, Extent, Kernel, PerFrame, PupilPass, Purpose, Resource, Scope, Shape, Shot, Step, Storage, Timing,
+    Buffer, Dispatch, Kernel, PupilPass, Purpose, Resource, Scope, Shape, Shot, Step, Storage, Timing,
 };
 pub use choose::{Backend, Choice, open, reason};
 pub use handover::{At, Handover};

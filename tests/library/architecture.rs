@@ -12,7 +12,7 @@ const ROOMS: [&str; 20] = [
 
 /// Folders in which files still import each other in a circle. To be emptied.
 const CIRCLES_LEFT: [&str; 10] = [
-    "runtime/engine",
+    "runtime/engine/vulkan",
     "runtime/hologram",
     "runtime/optics",
     "runtime/plan",
@@ -28,7 +28,7 @@ const CIRCLES_LEFT: [&str; 10] = [
 const LINES: usize = 500;
 
 /// Files that are still longer. To be emptied.
-const LONG_LEFT: [&str; 2] = ["runtime/engine/cpu.rs", "runtime/engine/vulkan/record.rs"];
+const LONG_LEFT: [&str; 0] = [];
 
 /// The folders of crates: each is looked at by itself.
 const CRATES: [&str; 5] = ["runtime", "kernels", "spirv", "tools/eyebox", "tools/spirv"];

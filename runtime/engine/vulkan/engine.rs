@@ -1,8 +1,7 @@
 //! The engine: buffers, one recording per part of a list, losses and times back.
 
 use super::super::{
-    Buffer, Engine, EngineError, Extent, Kernel, Memory, PupilPass, Purpose, Resource, Shape, Step, Storage, Timing,
-    misfit,
+    Buffer, Engine, EngineError, Kernel, Memory, PupilPass, Purpose, Resource, Shape, Step, Storage, Timing, misfit,
 };
 use super::check::check;
 use super::fft::Transform;
@@ -11,6 +10,7 @@ use super::record::{Stack, Stacks, Work};
 use super::tables::Tables;
 use super::views::Views;
 use crate::gpu::{Block, Commands, DeviceKind, Gpu, add};
+use crate::plan::Extent;
 use crate::scene::Pyramid;
 use gpu_allocator::MemoryLocation;
 use std::collections::HashMap;

@@ -1,7 +1,8 @@
 //! Where values lie: frames at a stride inside a block, and the buffers of pupil passes inside arenas.
 
-use super::super::{EngineError, Extent, PupilPass, Resource, Shape, Step, Storage};
+use super::super::{EngineError, PupilPass, Resource, Shape, Step, Storage};
 use crate::gpu::{Block, Commands, Piece, Range};
+use crate::plan::Extent;
 use eyebox_kernels::half;
 use std::ops::Range as PupilPasses;
 

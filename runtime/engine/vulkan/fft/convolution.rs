@@ -1,7 +1,7 @@
 //! Transforms of lengths with a large prime factor, as convolutions with a chirp (`fft_chirp.comp`).
 
-use super::record::{Fft, Planned, Work};
-use super::{EngineError, Storage};
+use super::state::{Fft, Planned, Work};
+use crate::engine::{EngineError, Storage};
 use crate::gpu::{Block, Commands, Pipeline, Range};
 use bytemuck::{Pod, Zeroable};
 use eyebox_kernels::fft_plan::{Axis, CHIRP_BEGIN, CHIRP_END, CHIRP_FILTER, CHIRP_WORKGROUP};
