@@ -4,7 +4,7 @@ use super::convolution::{Chunks, chirp_pipeline};
 use super::frames::{Frames, Transform};
 use super::state::{Fft, Planned, Work};
 use crate::engine::{EngineError, Storage};
-use crate::gpu::{Block, Commands, Pipeline, Range};
+use crate::gpu::{Block, Commands, Pipeline};
 use bytemuck::{Pod, Zeroable};
 use eyebox_kernels::fft::{Columns, Direction};
 use eyebox_kernels::fft_plan::{Axis, LONGEST, Method, Plan, PlanLimits, Radix, Shared};
