@@ -6,7 +6,7 @@
 //! order of the DFT. Twins are what the shaders are compared with, and are themselves compared with float64.
 //!
 //! This room imports nothing from the runtime.
-//! [`kernels!`] lists them; [`encode`], which belongs to a display and not to a step, stands beside the list.
+//! [`kernels!`] lists them. [`encode`] and [`pixels`], which belong to a display and not to a step, stand beside the list.
 
 pub mod adam;
 pub mod apply_factor;
@@ -25,6 +25,7 @@ pub mod modulate;
 pub mod overlap;
 pub mod pass_pupil;
 pub mod photograph;
+pub mod pixels;
 pub mod project;
 pub mod quantise;
 pub mod resample;

@@ -8,12 +8,13 @@ mod kernel;
 mod list;
 mod lists;
 mod pupil_pass;
+mod scales;
 mod storage;
 mod viewpoint;
 
 pub use cost::{Slots, pupil_pass_bytes, shared_bytes, work};
 pub use kernel::{Access, Dispatch, Group, Kernel, Scope, Step, Timing};
 pub use list::{Buffer, Extent, PerFrame, PupilPass, Purpose, Resource, Shape, Shot};
-pub use pupil_pass::{Comparison, Planner, Views};
+pub use pupil_pass::{Comparison, Planner, ViewLayout};
 pub use storage::Storage;
 pub use viewpoint::Viewpoint;

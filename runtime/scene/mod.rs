@@ -44,12 +44,14 @@ mod folder;
 mod interpolate;
 #[cfg(test)]
 mod interpolate_tests;
+mod light;
 mod light_field;
 mod map;
 mod merge;
 mod names;
 mod pfm;
 mod photograph;
+#[cfg_attr(not(feature = "image-formats"), path = "no_picture.rs")]
 mod picture;
 mod pyramid;
 mod reproject;
@@ -66,10 +68,11 @@ pub use depth::central_depth;
 pub(crate) use depth::central_view;
 pub use error::SceneError;
 pub use interpolate::Interpolator;
-pub use light_field::{Fit, LightField};
+pub use light::srgb_to_linear;
+pub use light_field::LightField;
 pub use photograph::ViewGrid;
-pub use picture::srgb_to_linear;
 pub use pyramid::{Level, Pyramid};
+pub use resize::Fit;
 pub(crate) use resize::{crop_share, shrink_to_share};
 pub use single::Reprojection;
 pub(crate) use survey::DARK;
@@ -167,13 +170,6 @@ pub fn load(source: &str, request: &Request) -> Result<LightField, SceneError> {
     if !path.is_dir() {
         return single::load(path, request);
     }
-    let mut field = folder::load(path, request.colors)?;
-    if request.view_pitch.is_some() {
-        field.view_pitch = request.view_pitch;
-    }
-    let (height, width) = display.picture_size();
-    if (field.height, field.width) == (height, width) {
-        return Ok(field);
-    }
-    Ok(field.fit(height, width, Fit::default()))
+    let field = folder::load(path, request.colors, Some(display.picture_size().into()))?;
+    Ok(LightField { view_pitch: request.view_pitch.or(field.view_pitch), ..field })
 }
