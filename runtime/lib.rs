@@ -38,6 +38,7 @@ pub mod plan;
 pub mod playback;
 pub mod preview;
 pub mod quality;
+pub mod report;
 pub mod scene;
 pub mod solve;
 pub mod tiled;

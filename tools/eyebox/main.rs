@@ -24,7 +24,6 @@ mod preview;
 mod progress;
 mod quality;
 mod rates;
-mod report;
 mod score;
 mod solve;
 mod solve_sequence;

@@ -3,10 +3,8 @@
 mod args;
 #[allow(clippy::module_inception)]
 mod live;
-mod plot;
 mod record;
 mod refine;
-mod showcase;
 mod study;
 mod subject;
 mod viewing;
@@ -14,9 +12,7 @@ mod watching;
 
 pub use live::Live;
 pub use refine::Refine;
-pub use showcase::showcase;
 pub use study::Study;
-pub use subject::parts;
 
 pub use live::run as live;
 pub use refine::run as refine;
