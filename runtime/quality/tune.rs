@@ -160,13 +160,16 @@ impl Work<'_, '_> {
     /// Tries the grid, as far as there is time for it; whether it was not interrupted.
     fn grid(&mut self, warm: f64, reference: &Reference) -> Result<bool, QualityError> {
         let budget = self.tuning.budget;
+        // The default first: what it takes says how many steps there is time for.
+        if !self.tried(&Recipe::default()) {
+            self.trial(&Recipe::default(), f64::INFINITY, reference)?;
+        }
         let mut rates = Vec::new();
         for trial in &self.state.trials {
             rates.push(trial.milliseconds / self.expected(&trial.recipe)?.work);
         }
-        let longest = Recipe { steps: 1, window: WindowFactor::Two, ..Recipe::default() };
-        let [one, two] = [1, 2].map(|steps| self.expected(&Recipe { steps, ..longest.clone() }).map(|e| e.work));
-        let (one, two) = (one?, two?);
+        let steps = |steps| Recipe { steps, window: WindowFactor::Two, ..Recipe::default() };
+        let (one, two) = (self.expected(&steps(1))?.work, self.expected(&steps(2))?.work);
         let steps = ((1e3 * TRIAL * budget / median(&mut rates, warm) - one) / (two - one).max(1.0)).max(1.0);
         // Steps of a round number, so that a run that resumes has the same grid.
         let steps = 2f64.powf((2.0 * steps.log2()).floor() / 2.0).min(8192.0) as usize;
@@ -174,17 +177,15 @@ impl Work<'_, '_> {
             if self.tried(&recipe) {
                 continue;
             }
-            let is_first = self.state.trials.is_empty();
             let left = 1e3 * (GRID * budget - self.spent());
             if !self.goes_on() {
                 return Ok(false);
             }
             let work = self.expected(&recipe)?.work;
-            let longest = if is_first { f64::INFINITY } else { left };
-            if work * median(&mut rates, warm) > longest {
+            if work * median(&mut rates, warm) > left {
                 continue;
             }
-            if let Some(milliseconds) = self.trial(&recipe, longest, reference)? {
+            if let Some(milliseconds) = self.trial(&recipe, left, reference)? {
                 rates.push(milliseconds / work);
             }
         }

@@ -56,7 +56,7 @@ pub fn table(caption: &str, columns: &[&str], rows: impl IntoIterator<Item = Mar
 
 /// A row of a table: its name, then its cells.
 pub fn row(name: &str, cells: impl IntoIterator<Item = String>) -> Markup {
-    html! { tr { th scope="row" .words[name.len() > 24] { (name) } @for cell in cells { td { (cell) } } } }
+    html! { tr { th scope="row" .words[name.len() > 24] { (name) } @for cell in cells { td .words[cell.len() > 24] { (cell) } } } }
 }
 
 /// Statements with what came of each: class (`holds`, `partly`, `fails` or `open`), title, tag, numbers, and a note.
