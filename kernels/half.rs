@@ -2,7 +2,7 @@
 //!
 //! A half has 11 bits and reaches from 6e-8 to 65504. Rounding is to the nearest, ties to even, on every device: Vulkan
 //! leaves the rounding of `packHalf2x16` to the device, so shaders round in integers. What is too large becomes
-//! infinite, and what is no number stays none: `guard` finds both. The twin keeps float32 values and rounds them to what
+//! infinite, and what is no number stays none: `check_finite` finds both. The twin keeps float32 values and rounds them to what
 //! a half would hold, where a shader would store one.
 
 use crate::{Complex32, simd};

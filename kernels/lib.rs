@@ -20,27 +20,28 @@
 //! | [`resample`] | accumulator, tables | target |
 //! | [`compare`] | image, target | factor (over the image), loss |
 //! | [`exposure`] | image, target | sums |
-//! | [`weigh`] | factor | window |
+//! | [`apply_factor`] | factor | window |
 //! | [`overlap`] | spans | hits |
 //! | [`return_pupil`] | window, transfer, spans | change |
-//! | [`balance`] | hits | change |
+//! | [`divide_by_overlap`] | hits | change |
 //! | [`energy`] | field | energy |
-//! | [`even`] | energy, field | change |
-//! | [`guard`] | change | found |
+//! | [`equalise_eyebox`] | energy, field | change |
+//! | [`check_finite`] | change | found |
 //! | [`project`] | change, shown | phases, velocity |
 //! | [`adam`] | change, shown | phases, first and second moments |
 //! | [`encode`] | phases, offsets, table | video frame |
 
 pub mod adam;
-pub mod balance;
+pub mod apply_factor;
+pub mod check_finite;
 pub mod compare;
+pub mod divide_by_overlap;
 pub mod encode;
 pub mod energy;
-pub mod even;
+pub mod equalise_eyebox;
 pub mod exposure;
 pub mod fft;
 pub mod fft_plan;
-pub mod guard;
 pub mod half;
 pub mod intensity;
 pub mod modulate;
@@ -54,7 +55,6 @@ pub mod return_pupil;
 pub mod taper;
 pub mod transfer;
 pub mod trig;
-pub mod weigh;
 
 /// A complex number in float32, as all field buffers hold it: (re, im).
 pub type Complex32 = num_complex::Complex32;

@@ -8,6 +8,7 @@
 //! | [`files`] | files that appear whole or not at all; `.npy` and PNG |
 //! | [`scene`] | light fields: loading, built-in scenes, depth and disparity, the photograph |
 //! | [`plan`] | what a scene requires, decided once, as plain data |
+//! | [`gpu`] | one Vulkan device, opened once and shared |
 //! | [`engine`] | runs lists of kernels over buffers, on the CPU or on Vulkan |
 //! | [`evaluate`] | PSNR, SSIM, the exposure that compares a hologram with its scene |
 //! | [`solve`] | pupil sampling, the optimisers, the solver: one for every engine |
@@ -30,7 +31,7 @@ pub mod engine;
 pub mod evaluate;
 pub mod files;
 pub mod gaze;
-
+pub mod gpu;
 pub mod hologram;
 pub mod live;
 pub mod optics;

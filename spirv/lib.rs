@@ -53,16 +53,16 @@ macro_rules! modules {
 #[cfg(feature = "modules")]
 modules! {
     ADAM = "adam", ADAM_HALF = "adam_half";
-    BALANCE = "balance", BALANCE_HALF = "balance_half";
+    DIVIDE_BY_OVERLAP = "divide_by_overlap", DIVIDE_BY_OVERLAP_HALF = "divide_by_overlap_half";
     COMPARE = "compare";
     ENERGY = "energy", ENERGY_HALF = "energy_half";
-    EVEN = "even", EVEN_HALF = "even_half";
+    EQUALISE_EYEBOX = "equalise_eyebox", EQUALISE_EYEBOX_HALF = "equalise_eyebox_half";
     EXPOSURE = "exposure";
     ENCODE = "encode";
     FFT_CHIRP = "fft_chirp", FFT_CHIRP_HALF = "fft_chirp_half";
     FFT_PASS = "fft_pass", FFT_PASS_HALF = "fft_pass_half";
     FFT_ROWS = "fft_rows", FFT_ROWS_HALF = "fft_rows_half";
-    GUARD = "guard";
+    CHECK_FINITE = "check_finite";
     INTENSITY = "intensity", INTENSITY_HALF = "intensity_half";
     MODULATE = "modulate", MODULATE_HALF = "modulate_half";
     OVERLAP = "overlap";
@@ -74,7 +74,7 @@ modules! {
     RETURN_PUPIL = "return_pupil", RETURN_PUPIL_HALF = "return_pupil_half";
     TAPER = "taper";
     TRANSFER = "transfer";
-    WEIGH = "weigh", WEIGH_HALF = "weigh_half";
+    APPLY_FACTOR = "apply_factor", APPLY_FACTOR_HALF = "apply_factor_half";
 }
 
 #[cfg(all(test, feature = "modules"))]

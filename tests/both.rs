@@ -1,27 +1,33 @@
 //! The same list on both engines: steps with known contents, and how far results lie apart.
 
-use eyebox::engine::vulkan::{Options, VulkanEngine};
+use eyebox::engine::vulkan::VulkanEngine;
 use eyebox::engine::{Buffer, Dispatch, Engine, Kernel, Purpose, Shape, Step};
+use eyebox::gpu::{Gpu, Messages, Options};
 use eyebox::optics::{Optics, Padding, Pupil, WindowFactor};
 use eyebox::plan::{Comparison, Planner, Viewpoint, Views};
 use eyebox::scene::{Pyramid, ViewGrid};
 use eyebox_kernels::exposure::PART;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, PoisonError};
 
 /// Any device, watched, with a cache of the tests' own.
 pub fn watched() -> Options {
     let cache = Some(std::env::temp_dir().join("eyebox-tests"));
-    Options { device: None, allow_cpu: true, validation: true, cache }
+    Options { allow_cpu: true, validation: true, cache, ..Options::default() }
 }
 
 /// Opens a Vulkan device with validation; a software one will do, and where there is none, the test fails.
 pub fn vulkan() -> VulkanEngine {
-    VulkanEngine::open(&watched()).unwrap_or_else(|e| panic!("{e}"))
+    VulkanEngine::new(&gpu()).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// Such a device.
+pub fn gpu() -> Gpu {
+    Gpu::open(&watched()).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// Fails if the validation layer said anything, the closing of the device included.
 pub fn assert_silent(engine: VulkanEngine) {
-    let messages: Arc<Mutex<Vec<String>>> = engine.messages();
+    let messages: Messages = engine.gpu().messages();
     drop(engine);
     let heard = messages.lock().unwrap_or_else(PoisonError::into_inner);
     assert!(heard.is_empty(), "the validation layer said:\n{}", heard.join("\n"));
@@ -107,8 +113,8 @@ impl Case {
         let mut step = self.step(purpose, mode, power, usize::MAX);
         if kernel == Kernel::Taper {
             step = self.stft_step(purpose, mode);
-        } else if matches!(kernel, Kernel::Energy | Kernel::Even) {
-            step = self.planner.with_even(step, 0.8 * self.planner.slm.eyebox(), 5, 0.4);
+        } else if matches!(kernel, Kernel::Energy | Kernel::EqualiseEyebox) {
+            step = self.planner.with_equalised_eyebox(step, 0.8 * self.planner.slm.eyebox(), 5, 0.4);
         }
         let pupil_passes = step
             .list

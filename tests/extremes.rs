@@ -336,7 +336,7 @@ fn what_is_too_large_for_halves_is_named() {
         sound(&run(&narrow, &settings, engine), &what);
         let halves = Settings { storage: Storage::F16, ..settings.clone() };
         let solution = run(&narrow, &halves, engine);
-        assert_eq!(solution.stop, Stop::NotFinite { step: 1, kernel: Some(Kernel::Weigh) }, "{what}");
+        assert_eq!(solution.stop, Stop::NotFinite { step: 1, kernel: Some(Kernel::ApplyFactor) }, "{what}");
         assert!(solution.phases.iter().all(|p| *p == 0.0), "{what}: the step was not taken");
     }
     assert_silent(device);

@@ -77,7 +77,7 @@ fn the_stft_is_its_definition() {
     assert!(seen[0].iter().sum::<f32>() < 0.2 * seen[1].iter().sum::<f32>());
 }
 
-/// Energies of the patches in float64, and the term whose derivative the kernel `even` is.
+/// Energies of the patches in float64, and the term whose derivative the kernel `equalise_eyebox` is.
 fn unevenness(o: Optics, phases: &[f64], frames: usize, eyebox: f64, patches: usize) -> f64 {
     let (h, w) = (o.height as i64, o.width as i64);
     let (bin_y, bin_x) = o.bin_size();
@@ -118,7 +118,8 @@ fn the_evenness_term_is_a_derivative() {
     let mut engine = CpuEngine::new();
     engine.load(&planner.shape(Purpose::Adam), None).unwrap();
     engine.write(Buffer::Phases, &rounded).unwrap();
-    let step = planner.with_even(planner.adam_step(Vec::new(), usize::MAX, 1, 0.0), eyebox, patches, weight);
+    let step =
+        planner.with_equalised_eyebox(planner.adam_step(Vec::new(), usize::MAX, 1, 0.0), eyebox, patches, weight);
     engine.run(&step).unwrap();
     let gradient: Vec<f64> = engine.read(Buffer::Momentum).unwrap().iter().map(|m| f64::from(*m) * 10.0).collect();
     for seed in 0..3 {
@@ -144,7 +145,7 @@ fn the_projection_evens_the_eyebox_out() {
     engine.write(Buffer::Phases, &smooth).unwrap();
     for _ in 0..40 {
         let step = planner.project_step(Vec::new(), usize::MAX, 1.0, 1.0, 0.0);
-        engine.run(&planner.with_even(step, 0.02, 7, 1.0)).unwrap();
+        engine.run(&planner.with_equalised_eyebox(step, 0.02, 7, 1.0)).unwrap();
     }
     let after: Vec<f64> = engine.read(Buffer::Phases).unwrap().iter().map(|p| f64::from(*p)).collect();
     let after = unevenness(o, &after, 1, 0.02, 7);
@@ -296,9 +297,11 @@ fn the_lists_of_methods() {
     let planner = Planner::new(o, 1, WindowFactor::One);
     let comparison = Comparison { mode: INTENSITY, ..Comparison::default() };
     let pupil_pass = planner.viewpoint(&Viewpoint::Stft { view: 0, samples: 5, filter: 0.02 }, &comparison);
-    let step = planner.with_even(planner.project_step(vec![pupil_pass], usize::MAX, 0.5, 1.0, 0.0), 0.02, 9, 0.5);
+    let step =
+        planner.with_equalised_eyebox(planner.project_step(vec![pupil_pass], usize::MAX, 0.5, 1.0, 0.0), 0.02, 9, 0.5);
     let names: Vec<_> = step.list.iter().map(|d| d.kernel.name()).collect();
-    let want = "modulate field_forward energy clear transfer taper photograph resample pass_pupil window_inverse intensity compare weigh window_forward return_pupil even change_inverse project";
+    let want = "modulate field_forward energy clear transfer taper photograph resample pass_pupil window_inverse intensity compare apply_factor window_forward return_pupil equalise_eyebox change_inverse project";
     assert_eq!(names.join(" "), want);
-    assert_eq!(Kernel::by_name("even"), Some(Kernel::Even));
+    assert_eq!(Kernel::by_name("equalise_eyebox"), Some(Kernel::EqualiseEyebox));
+    assert_eq!(Kernel::by_name("even"), Some(Kernel::EqualiseEyebox), "its name before");
 }

@@ -6,7 +6,7 @@
 #![allow(unsafe_code)]
 
 use eyebox::encode::{Encoder, PhaseSet};
-use eyebox::engine::vulkan::Options as VulkanOptions;
+use eyebox::gpu::{Gpu, Options as GpuOptions};
 use eyebox::hologram::{ColorHologram, Hologram, Sequence, SequenceWriter};
 use eyebox::optics::Display;
 use eyebox::playback::{
@@ -67,8 +67,8 @@ fn resident() -> Option<f64> {
 fn playing_allocates_nothing_and_accounts_for_every_set() {
     play("the CPU", StreamEncoder::Cpu);
     let cache = Some(std::env::temp_dir().join("eyebox-tests"));
-    let options = VulkanOptions { allow_cpu: true, cache, ..VulkanOptions::default() };
-    play("Vulkan", |encoder| StreamEncoder::Vulkan(encoder, options));
+    let options = GpuOptions { allow_cpu: true, cache, ..GpuOptions::default() };
+    play("Vulkan", |encoder| StreamEncoder::Vulkan(encoder, Gpu::open(&options).expect("a device")));
 }
 
 fn play(what: &str, engine: impl FnOnce(Encoder) -> StreamEncoder) {

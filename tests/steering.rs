@@ -45,7 +45,7 @@ fn both_engines_refine_every_colour_alike() {
         let whole = solve(&problem, &settings, &mut CpuEngine::new(), &mut |_| Flow::Continue).expect("a hologram");
         let run = |engine| refined(&problem, &whole.phases, whole.exposure, steering, engine);
         let device = vulkan();
-        let heard = device.messages();
+        let heard = device.gpu().messages();
         let (got, want) = (run(Box::new(device)), run(Box::new(CpuEngine::new())));
         assert!(want != whole.phases, "steps that change nothing show nothing");
         // Phases are angles: as fields they have a power, and a difference. Every step amplifies the last one's rounding

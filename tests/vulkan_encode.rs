@@ -3,7 +3,7 @@
 use eyebox::encode::{Encoder, PhaseSet};
 use eyebox::engine::vulkan::VulkanEncoder;
 use eyebox::optics::{Color, Display};
-use eyebox_tests::both::Noise;
+use eyebox_tests::both::{Noise, gpu};
 use std::f32::consts::TAU;
 use std::sync::PoisonError;
 
@@ -30,13 +30,12 @@ fn check(display: &Display, colors: &[Color], sub_frames: usize) {
     let slices: Vec<&[f32]> = sets.iter().map(|p| &p[..]).collect();
     let set = PhaseSet::new(&slices, [h, w]).expect("phases");
     let want = encoder.encode(&set).expect("the twin encodes");
-    let options = eyebox_tests::both::watched();
-    let mut device = VulkanEncoder::open(&options, encoder.plan()).unwrap_or_else(|e| panic!("{e}"));
+    let mut device = VulkanEncoder::new(&gpu(), encoder.plan()).unwrap_or_else(|e| panic!("{e}"));
     let mut got = encoder.frames();
     device.encode(set.colors(), got.bytes_mut()).unwrap_or_else(|e| panic!("{e}"));
     let differ = got.bytes().iter().zip(want.bytes()).filter(|(a, b)| a != b).count();
     assert_eq!(differ, 0, "{} {h}x{w}: {differ} of {} bytes differ", display.name, want.bytes().len());
-    let messages = device.messages();
+    let messages = device.gpu().messages();
     drop(device);
     let heard = messages.lock().unwrap_or_else(PoisonError::into_inner);
     assert!(heard.is_empty(), "the validation layer said:\n{}", heard.join("\n"));

@@ -2,8 +2,9 @@
 //! validation layer; with fields stored as halves, below the power of the roundings in which the two may differ.
 
 use eyebox::engine::cpu::CpuEngine;
-use eyebox::engine::vulkan::{Options, VulkanEngine};
+use eyebox::engine::vulkan::VulkanEngine;
 use eyebox::engine::{Buffer, Engine, Kernel, Purpose, Shape, Storage};
+use eyebox::gpu::{Gpu, Options};
 use eyebox_kernels::compare::{AMPLITUDE, INTENSITY, PROJECTION};
 use eyebox_tests::both::{Case, assert_silent, compare, vulkan, watched};
 use eyebox_tests::half_roundings;
@@ -58,8 +59,8 @@ kernels! {
     transfer: Transfer, View, PROJECTION, 1.0;
     taper: Taper, View, PROJECTION, 1.0;
     energy: Energy, Project, PROJECTION, 1.0;
-    even_projection: Even, Project, PROJECTION, 1.0;
-    even_gradient: Even, Adam, INTENSITY, 1.0;
+    equalise_projection: EqualiseEyebox, Project, PROJECTION, 1.0;
+    equalise_gradient: EqualiseEyebox, Adam, INTENSITY, 1.0;
     photograph: Photograph, View, PROJECTION, 1.0;
     resample: Resample, View, PROJECTION, 1.0;
     pass_pupil: PassPupil, View, PROJECTION, 1.0;
@@ -68,12 +69,12 @@ kernels! {
     compare_projection: Compare, Project, PROJECTION, 1.0;
     compare_intensity: Compare, Adam, INTENSITY, 1.0;
     compare_amplitude: Compare, Adam, AMPLITUDE, 1.0;
-    weigh: Weigh, Project, PROJECTION, 1.0;
+    apply_factor: ApplyFactor, Project, PROJECTION, 1.0;
     window_forward: WindowForward, View, PROJECTION, 1.0;
     return_pupil: ReturnPupil, Project, PROJECTION, 1.0;
-    balance_mean: Balance, Project, PROJECTION, 1.0;
-    balance_root: Balance, Project, PROJECTION, 0.5;
-    balance_between: Balance, Project, PROJECTION, 0.7;
+    divide_by_overlap_mean: DivideByOverlap, Project, PROJECTION, 1.0;
+    divide_by_overlap_root: DivideByOverlap, Project, PROJECTION, 0.5;
+    divide_by_overlap_between: DivideByOverlap, Project, PROJECTION, 0.7;
     change_inverse: ChangeInverse, Project, PROJECTION, 1.0;
     project: Project, Project, PROJECTION, 1.0;
     adam: Adam, Adam, INTENSITY, 1.0;
@@ -103,12 +104,12 @@ fn levels() {
 
 /// A value that is none, or infinite, wherever it stands, makes all losses so on both engines; none does not.
 #[test]
-fn guard() {
+fn check_finite() {
     let (mut engine, mut twin) = (vulkan(), CpuEngine::new());
     for (height, width, frames) in [(1, 1, 1), (7, 13, 3), (45, 64, 2)] {
         let mut case = Case::new(height, width, 0, 0.0, frames);
         case.planner.storage = Storage::F16;
-        let step = case.single(Purpose::Project, PROJECTION, 1.0, Kernel::Guard);
+        let step = case.single(Purpose::Project, PROJECTION, 1.0, Kernel::CheckFinite);
         for engine in [&mut engine as &mut dyn Engine, &mut twin] {
             case.load(engine, Purpose::Project);
             let mut change = vec![65504.0; 2 * frames * height * width];
@@ -132,9 +133,11 @@ fn guard() {
     // Its buffers are halves.
     let case = Case::new(7, 13, 0, 0.0, 1);
     case.load(&mut engine, Purpose::Project);
-    let text =
-        engine.run(&case.single(Purpose::Project, PROJECTION, 1.0, Kernel::Guard)).expect_err("it ran").to_string();
-    assert!(text.contains("guard") && text.contains("fp32"), "{text}");
+    let text = engine
+        .run(&case.single(Purpose::Project, PROJECTION, 1.0, Kernel::CheckFinite))
+        .expect_err("it ran")
+        .to_string();
+    assert!(text.contains("check_finite") && text.contains("fp32"), "{text}");
     assert_silent(engine);
 }
 
@@ -161,7 +164,7 @@ fn transfer_at_every_depth() {
 #[test]
 fn a_device_that_is_not_there_is_named_and_help_is_offered() {
     let options = Options { device: Some("no such device".into()), ..Options::default() };
-    let Err(error) = VulkanEngine::open(&options) else { panic!("it opened") };
+    let Err(error) = Gpu::open(&options) else { panic!("it opened") };
     let text = error.to_string();
     assert!(text.contains("no such device") && text.contains("tools/setup.sh"), "{text}");
 }
@@ -172,7 +175,9 @@ fn compiled_pipelines_are_kept_where_they_are_wanted() {
     let temp = tempfile::tempdir().expect("a temporary folder");
     let folder = temp.path().join("cache");
     let run = || {
-        let mut engine = VulkanEngine::open(&Options { cache: Some(folder.clone()), ..watched() }).expect("a device");
+        let mut engine =
+            VulkanEngine::new(&Gpu::open(&Options { cache: Some(folder.clone()), ..watched() }).expect("a device"))
+                .expect("an engine");
         let case = Case::new(7, 13, 0, 0.0, 1);
         case.load(&mut engine, Purpose::Project);
         engine.run(&case.step(Purpose::Project, PROJECTION, 1.0, usize::MAX)).expect("a step");
@@ -191,7 +196,7 @@ fn a_missing_driver_is_a_sentence_with_help() {
     const FILES: [&str; 2] = ["VK_ICD_FILENAMES", "VK_DRIVER_FILES"];
     const NOWHERE: &str = "/nonexistent/driver.json";
     if std::env::var(FILES[0]).is_ok_and(|v| v == NOWHERE) {
-        let Err(error) = VulkanEngine::open(&Options { allow_cpu: true, ..Options::default() }) else {
+        let Err(error) = Gpu::open(&Options { allow_cpu: true, ..Options::default() }) else {
             panic!("a device without a driver")
         };
         let text = error.to_string();
@@ -288,7 +293,7 @@ fn the_light_of_a_large_patch() {
         let mut case = Case::new(1200, 1300, 0, 0.0, 6);
         case.planner.storage = storage;
         let (planner, step) = (&case.planner, case.step(Purpose::Project, PROJECTION, 1.0, usize::MAX));
-        let mut step = planner.with_even(step, planner.slm.eyebox(), 1, 0.5);
+        let mut step = planner.with_equalised_eyebox(step, planner.slm.eyebox(), 1, 0.5);
         step.list.retain(|d| d.kernel == Kernel::Energy);
         let worst = compare(&mut engine, &mut twin, &case, Purpose::Project, &step);
         assert!(worst < 1e-10, "{storage:?}: {worst:e}");
@@ -303,7 +308,7 @@ fn every_subgroup_size() {
     if let Some(width) = std::env::var_os(WIDTH) {
         // Run by the loop below: the other tests do the work, this one sees that the width was heard.
         let engine = vulkan();
-        let device = engine.device();
+        let device = engine.gpu().report();
         if device.name.contains("llvmpipe") {
             assert_eq!(Ok(device.limits.subgroup * 32), width.to_string_lossy().parse());
         }

@@ -122,7 +122,7 @@ fn both_engines_take_the_steps_of_every_method() {
     for (height, width, padding, frames) in [(45, 64, 0, 3), (40, 36, 5, 2)] {
         let case = Case::new(height, width, padding, 4e-3, frames);
         for (purpose, mode) in [(Purpose::Project, PROJECTION), (Purpose::Adam, INTENSITY)] {
-            let even = case.planner.with_even(case.step(purpose, mode, 0.5, 3000), 0.02, 9, 0.5);
+            let even = case.planner.with_equalised_eyebox(case.step(purpose, mode, 0.5, 3000), 0.02, 9, 0.5);
             for (what, step) in [("stft", case.stft_step(purpose, mode)), ("even", even)] {
                 let steps = vec![step; 3];
                 let got = solve(&mut engine, &case, purpose, &steps);
@@ -172,7 +172,7 @@ fn both_engines_take_the_same_steps_with_halves() {
         }
         for (purpose, mode) in [(Purpose::Project, PROJECTION), (Purpose::Adam, INTENSITY)] {
             let step = |case: &Case| {
-                let even = case.planner.with_even(case.step(purpose, mode, 0.5, 3000), 0.02, 9, 0.5);
+                let even = case.planner.with_equalised_eyebox(case.step(purpose, mode, 0.5, 3000), 0.02, 9, 0.5);
                 vec![even, case.stft_step(purpose, mode)]
             };
             let got = solve(&mut engine, &case, purpose, &step(&case));
@@ -188,7 +188,7 @@ fn both_engines_take_the_same_steps_with_halves() {
     case.planner.storage = Storage::F16;
     let steps = [case.step(Purpose::Project, PROJECTION, 0.5, usize::MAX)];
     let want = solve(&mut CpuEngine::new(), &case, Purpose::Project, &steps);
-    for kernel in [Kernel::PassPupil, Kernel::Weigh, Kernel::ReturnPupil, Kernel::Guard, Kernel::Project] {
+    for kernel in [Kernel::PassPupil, Kernel::ApplyFactor, Kernel::ReturnPupil, Kernel::CheckFinite, Kernel::Project] {
         let mut handover = Handover::new(Box::new(CpuEngine::new()), Box::new(vulkan()), At::Kernel(kernel));
         let got = solve(&mut handover, &case, Purpose::Project, &steps);
         assert_near(&got, &want, STEPS_APART, &format!("from {} on", kernel.name()));
@@ -208,9 +208,9 @@ fn handing_over_changes_nothing() {
         let mut handover = Handover::new(Box::new(CpuEngine::new()), Box::new(vulkan()), At::Index(index));
         assert_close(&solve(&mut handover, &case, purpose, &steps), &want, &format!("at {index}"));
     }
-    let mut back = Handover::new(Box::new(vulkan()), Box::new(CpuEngine::new()), At::Kernel(Kernel::Weigh));
-    assert_close(&solve(&mut back, &case, purpose, &steps), &want, "back at weigh");
-    assert!(back.describe().contains("from weigh on: CPU"), "{}", back.describe());
+    let mut back = Handover::new(Box::new(vulkan()), Box::new(CpuEngine::new()), At::Kernel(Kernel::ApplyFactor));
+    assert_close(&solve(&mut back, &case, purpose, &steps), &want, "back at apply_factor");
+    assert!(back.describe().contains("from apply_factor on: CPU"), "{}", back.describe());
     // Both engines ran their share.
     let names = |e: &dyn Engine| e.timings().iter().map(|t| t.kernel).collect::<Vec<_>>();
     assert!(names(&back).contains(&Kernel::Modulate) && names(&back).contains(&Kernel::Project));

@@ -1,7 +1,9 @@
-//! Which engine runs.
+//! Which engine runs, and on what.
 
-use super::vulkan::{DeviceKind, DeviceReport, Options, VulkanEngine, devices};
+use super::vulkan::VulkanEngine;
 use super::{At, Engine, EngineError, Handover, Kernel, cpu::CpuEngine};
+use crate::gpu::{DeviceKind, DeviceReport, Gpu, Options, devices};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// What the user asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -31,28 +33,83 @@ pub fn reason(found: &Result<Vec<DeviceReport>, EngineError>) -> (Choice, String
     (Choice::Cpu, format!("the CPU: {why}"))
 }
 
-/// Opens the engine asked for.
-///
-/// # Errors
-/// [`EngineError::NoDevice`] and other answers of Vulkan's, where Vulkan was asked for by name.
-pub fn open(choice: Choice) -> Result<Box<dyn Engine>, EngineError> {
-    let vulkan = |allow_cpu| VulkanEngine::open(&Options { allow_cpu, ..Options::default() });
-    match choice {
-        Choice::Cpu => Ok(Box::new(CpuEngine::new())),
-        Choice::Vulkan => Ok(Box::new(vulkan(true)?)),
-        Choice::Auto if reason(&devices()).0 == Choice::Vulkan => match vulkan(false) {
-            Ok(engine) => Ok(Box::new(engine)),
-            // A GPU that lists itself and does not open is no reason to fail.
-            Err(_) => Ok(Box::new(CpuEngine::new())),
-        },
-        Choice::Auto => Ok(Box::new(CpuEngine::new())),
+/// Where engines run: on the CPU, or on one Vulkan device that all of them share. Clones are the same one.
+#[derive(Clone)]
+pub struct Backend {
+    gpu: Option<Arc<Mutex<Gpu>>>,
+    options: Options,
+    reason: String,
+}
+
+impl Backend {
+    /// Opens what is asked for. `options` say how a device is opened; a software one is taken for [`Choice::Vulkan`] alone.
+    ///
+    /// # Errors
+    /// [`EngineError::NoDevice`] and other answers of Vulkan's, where Vulkan was asked for by name.
+    pub fn open(choice: Choice, options: &Options) -> Result<Self, EngineError> {
+        let options = Options { allow_cpu: choice == Choice::Vulkan, ..options.clone() };
+        let (gpu, reason) = match choice {
+            Choice::Cpu => (None, "the CPU: it was asked for".into()),
+            Choice::Vulkan => {
+                let gpu = Gpu::open(&options)?;
+                let reason = format!("{}: Vulkan was asked for", gpu.report().name);
+                (Some(gpu), reason)
+            }
+            Choice::Auto => match reason(&devices()) {
+                (Choice::Vulkan, why) => match Gpu::open(&options) {
+                    Ok(gpu) => (Some(gpu), why),
+                    // A GPU that lists itself and does not open is no reason to fail.
+                    Err(error) => (None, format!("the CPU: {error}")),
+                },
+                (_, why) => (None, why),
+            },
+        };
+        Ok(Self { gpu: gpu.map(|gpu| Arc::new(Mutex::new(gpu))), options, reason })
+    }
+
+    /// What runs, and why that and nothing else, in a sentence.
+    pub fn reason(&self) -> &str {
+        &self.reason
+    }
+
+    /// The device, if it is one: what else is to run there, or to present from there, is made from this. One that was lost
+    /// is opened anew.
+    ///
+    /// # Errors
+    /// Those of [`Gpu::open`].
+    pub fn gpu(&self) -> Result<Option<Gpu>, EngineError> {
+        let Some(gpu) = &self.gpu else { return Ok(None) };
+        let mut gpu = gpu.lock().unwrap_or_else(PoisonError::into_inner);
+        if gpu.is_lost() {
+            *gpu = Gpu::open(&self.options)?;
+        }
+        Ok(Some(gpu.clone()))
+    }
+
+    /// One more engine.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn engine(&self) -> Result<Box<dyn Engine>, EngineError> {
+        Ok(match self.gpu()? {
+            Some(gpu) => Box::new(VulkanEngine::new(&gpu)?),
+            None => Box::new(CpuEngine::new()),
+        })
+    }
+
+    /// The CPU up to a kernel of the list, this from it on: finds a wrong kernel in minutes.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn engine_from(&self, kernel: Kernel) -> Result<Box<dyn Engine>, EngineError> {
+        Ok(Box::new(Handover::new(Box::new(CpuEngine::new()), self.engine()?, At::Kernel(kernel))))
     }
 }
 
-/// The CPU up to a kernel of the list, Vulkan from it on: finds a wrong kernel in minutes.
+/// An engine of its own, for a program that needs one only.
 ///
 /// # Errors
-/// As [`open`] with [`Choice::Vulkan`].
-pub fn open_handover(from: Kernel) -> Result<Box<dyn Engine>, EngineError> {
-    Ok(Box::new(Handover::new(open(Choice::Cpu)?, open(Choice::Vulkan)?, At::Kernel(from))))
+/// Those of [`Backend::open`].
+pub fn open(choice: Choice) -> Result<Box<dyn Engine>, EngineError> {
+    Backend::open(choice, &Options::default())?.engine()
 }

@@ -15,9 +15,11 @@ use super::{
 };
 use crate::scene::Pyramid;
 use eyebox_kernels::{
-    Complex32, ZERO, adam, balance, energy, even,
+    Complex32, ZERO, adam,
+    apply_factor::apply_factor,
+    check_finite::check_finite,
+    divide_by_overlap, energy, equalise_eyebox,
     fft::{Direction, Plans, Store},
-    guard::guard,
     half,
     modulate::modulate,
     overlap::overlap,
@@ -25,7 +27,6 @@ use eyebox_kernels::{
     project::project,
     quantise::{self, quantise},
     return_pupil::return_pupil,
-    weigh::weigh,
 };
 use pupil_pass::run_pupil_pass;
 use rayon::prelude::*;
@@ -166,10 +167,17 @@ impl CpuEngine {
                                 .pieces(&pupil_pass.spans, |at, _, length| store(&mut change[at..at + length]));
                         }
                     }
-                    Kernel::Balance => balance::balance(&step.balance, hits, change),
-                    Kernel::Even => {
-                        let patches = step.even.place.patches as usize;
-                        even::even(&step.even, &energy[..patches * patches], field, change);
+                    Kernel::DivideByOverlap => {
+                        divide_by_overlap::divide_by_overlap(&step.divide_by_overlap, hits, change)
+                    }
+                    Kernel::EqualiseEyebox => {
+                        let patches = step.equalise_eyebox.place.patches as usize;
+                        equalise_eyebox::equalise_eyebox(
+                            &step.equalise_eyebox,
+                            &energy[..patches * patches],
+                            field,
+                            change,
+                        );
                     }
                     Kernel::ChangeInverse => fft(change, Direction::Inverse),
                     Kernel::Project => {
@@ -183,7 +191,7 @@ impl CpuEngine {
                 });
                 match dispatch.kernel {
                     Kernel::Modulate => store(field),
-                    Kernel::Balance | Kernel::Even => store(change),
+                    Kernel::DivideByOverlap | Kernel::EqualiseEyebox => store(change),
                     _ => {}
                 }
             }
@@ -241,7 +249,7 @@ impl CpuEngine {
                             Kernel::WindowInverse => window_fft(plans, pupil_pass, window, Direction::Inverse, store),
                             Kernel::WindowForward => window_fft(plans, pupil_pass, window, Direction::Forward, store),
                             _ => {
-                                weigh(image, window);
+                                apply_factor(image, window);
                                 store(window);
                             }
                         });
@@ -257,7 +265,7 @@ impl CpuEngine {
         Ok(())
     }
 
-    /// Whether what `guard` looks at is in order; true for the other kernels.
+    /// Whether what `check_finite` looks at is in order; true for the other kernels.
     fn run_whole(&mut self, step: &Step, dispatch: &Dispatch) -> bool {
         let mut sound = true;
         let Self { field, change, hits, energy, clock, .. } = self;
@@ -266,10 +274,10 @@ impl CpuEngine {
                 hits.fill(0.0);
                 change.par_chunks_mut(1 << 16).for_each(|part| part.fill(ZERO));
             }
-            Kernel::Guard => sound = !change.par_chunks(1 << 16).any(guard),
+            Kernel::CheckFinite => sound = !change.par_chunks(1 << 16).any(check_finite),
             Kernel::Energy => {
-                let patches = step.even.place.patches as usize;
-                energy::energy(&step.even.place, field, &mut energy[..patches * patches]);
+                let patches = step.equalise_eyebox.place.patches as usize;
+                energy::energy(&step.equalise_eyebox.place, field, &mut energy[..patches * patches]);
             }
             _ => {
                 for pupil_pass in &step.pupil_passes[dispatch.pupil_passes.clone()] {
@@ -319,7 +327,7 @@ fn frames_of<T>(buffer: &mut [T], size: usize, frames: usize) -> Vec<&mut [T]> {
 }
 
 fn is_framewise(kernel: Kernel) -> bool {
-    matches!(kernel, Kernel::PassPupil | Kernel::WindowInverse | Kernel::Weigh | Kernel::WindowForward)
+    matches!(kernel, Kernel::PassPupil | Kernel::WindowInverse | Kernel::ApplyFactor | Kernel::WindowForward)
 }
 
 fn window_fft(plans: &Plans, pupil_pass: &PupilPass, window: &mut [Complex32], direction: Direction, store: Store) {

@@ -11,85 +11,13 @@ pub mod cpu;
 mod handover;
 pub mod vulkan;
 
+pub use crate::gpu::EngineError;
 pub use crate::plan::{Buffer, Dispatch, Kernel, PupilPass, Purpose, Scope, Shape, Shot, Step, Storage, Timing};
-pub use choose::{Choice, open, open_handover, reason};
+pub use choose::{Backend, Choice, open, reason};
 pub use handover::{At, Handover};
 
 use crate::scene::Pyramid;
 use std::sync::Arc;
-
-/// What an engine can answer instead of a result.
-#[derive(Debug, thiserror::Error)]
-pub enum EngineError {
-    /// No device, no driver or no loader.
-    #[error("there is no Vulkan device: {reason}; on Debian or Ubuntu, `tools/setup.sh` installs a software one")]
-    NoDevice {
-        /// What the loader or the driver said.
-        reason: String,
-    },
-    /// A device that cannot run the kernels.
-    #[error("{device} cannot run this: {reason}")]
-    Unsuitable {
-        /// Its name.
-        device: String,
-        /// The limit that is too small, and what is needed.
-        reason: String,
-    },
-    /// Memory ran out.
-    #[error(
-        "out of {device} memory: {} for {what} could not be had; use fewer sub-frames, a smaller size or fewer pupils a step",
-        amount(*.wanted)
-    )]
-    OutOfMemory {
-        /// Host or a device's name.
-        device: String,
-        /// The buffer, or the call that needs memory.
-        what: String,
-        /// Bytes, where they are known: a driver does not say how much it wants for itself.
-        wanted: Option<u64>,
-    },
-    /// The device stopped answering.
-    #[error("{device} was lost while it ran {during}; try again, or run on the CPU")]
-    DeviceLost {
-        /// Its name.
-        device: String,
-        /// The kernel or the transfer.
-        during: String,
-    },
-    /// The screen takes no pictures any more.
-    #[error("{device}: {reason}")]
-    ScreenLost {
-        /// The device's name.
-        device: String,
-        /// What became of it.
-        reason: String,
-    },
-    /// Another answer of Vulkan's.
-    #[error("{device}: {call} answered {result}")]
-    Vulkan {
-        /// Its name.
-        device: String,
-        /// The call.
-        call: &'static str,
-        /// The code.
-        result: String,
-    },
-    /// A step that does not fit what was loaded.
-    #[error("the step does not fit the engine: {reason}")]
-    Mismatch {
-        /// What differs.
-        reason: String,
-    },
-}
-
-/// Bytes as a person reads them, rounded up.
-fn amount(bytes: Option<u64>) -> String {
-    match bytes {
-        None => "room".into(),
-        Some(bytes) if bytes < 1 << 20 => format!("{} KiB", bytes.div_ceil(1 << 10)),
-        Some(bytes) => format!("{} MiB", bytes.div_ceil(1 << 20)),
-    }
-}
 
 /// Where an engine's buffers lie.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -167,19 +95,4 @@ pub trait Engine: Send {
 
     /// Forgets the times.
     fn reset_timings(&mut self);
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn memory_that_is_missing_is_said_in_true_size() {
-        let text =
-            |wanted| EngineError::OutOfMemory { device: "host".into(), what: "phases".into(), wanted }.to_string();
-        assert!(text(Some(1)).contains("host memory: 1 KiB for phases"), "{}", text(Some(1)));
-        assert!(text(Some((1 << 20) - 1)).contains("1024 KiB for"));
-        assert!(text(Some(1 << 20)).contains(" 1 MiB for") && text(Some((3 << 20) + 1)).contains(" 4 MiB for"));
-        assert!(text(None).contains("room for phases could not be had") && !text(None).contains('0'));
-    }
 }

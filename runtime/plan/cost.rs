@@ -30,9 +30,12 @@ impl Group {
             Kernel::Quantise => Self::Levels,
             Kernel::Clear | Kernel::Modulate | Kernel::FieldForward | Kernel::Energy => Self::Field,
             Kernel::Photograph | Kernel::Resample => Self::Photograph,
-            Kernel::Balance | Kernel::Even | Kernel::Guard | Kernel::ChangeInverse | Kernel::Project | Kernel::Adam => {
-                Self::Update
-            }
+            Kernel::DivideByOverlap
+            | Kernel::EqualiseEyebox
+            | Kernel::CheckFinite
+            | Kernel::ChangeInverse
+            | Kernel::Project
+            | Kernel::Adam => Self::Update,
             _ => Self::Window,
         }
     }
@@ -56,7 +59,7 @@ pub fn work(step: &Step, shape: &Shape) -> [f64; Group::ALL.len()] {
             Kernel::PassPupil | Kernel::ReturnPupil => each(&|l| shape.frames as f64 * passing(l)),
             Kernel::Overlap => each(&passing),
             Kernel::Transfer | Kernel::Taper => each(&|l| 4.0 * passing(l)),
-            Kernel::Intensity | Kernel::Weigh => each(&|l| (shape.frames * l.count()) as f64 * 0.5),
+            Kernel::Intensity | Kernel::ApplyFactor => each(&|l| (shape.frames * l.count()) as f64 * 0.5),
             Kernel::Compare | Kernel::Exposure => each(&|l| l.count() as f64 * 2.0),
             kernel => shape.frames as f64 * over_frame(kernel, step, shape),
         };
@@ -73,8 +76,8 @@ fn over_frame(kernel: Kernel, step: &Step, shape: &Shape) -> f64 {
         Kernel::Quantise => pixels * f64::from(step.quantise.levels.max(2)).log2(),
         Kernel::Modulate => 2.0 * pixels,
         Kernel::FieldForward | Kernel::ChangeInverse => transform(rows, columns, step.columns.count),
-        Kernel::Energy | Kernel::Even | Kernel::Balance => points,
-        Kernel::Guard => 0.5 * points,
+        Kernel::Energy | Kernel::EqualiseEyebox | Kernel::DivideByOverlap => points,
+        Kernel::CheckFinite => 0.5 * points,
         _ => 4.0 * pixels,
     }
 }

@@ -3,8 +3,8 @@
 use super::Storage;
 use crate::optics::Window;
 use eyebox_kernels::{
-    adam, balance, compare, even, exposure, fft::Columns, intensity, modulate, pass_pupil, photograph, project,
-    quantise, resample, transfer,
+    adam, compare, divide_by_overlap, equalise_eyebox, exposure, fft::Columns, intensity, modulate, pass_pupil,
+    photograph, project, quantise, resample, transfer,
 };
 use std::ops::Range;
 
@@ -40,20 +40,20 @@ pub enum Kernel {
     /// `Image`, `Target` -> `Image` (factor), loss.
     Compare,
     /// `Image` (factor), `Window` -> `Window`.
-    Weigh,
+    ApplyFactor,
     /// `Window`, forward, in the pupil pass's columns.
     WindowForward,
     /// `Window`, `Transfer` of all pupil passes in the dispatch, in their order -> `Change`.
     ReturnPupil,
     /// `Hits`, `Change` -> `Change`.
-    Balance,
+    DivideByOverlap,
     /// `Energy`, `Field` -> `Change`.
-    Even,
+    EqualiseEyebox,
     /// `Change`, inverse, in the step's columns.
     ChangeInverse,
     /// `Change`: makes all losses NaN if a value of it is infinite or none, so that the step is not taken. Where fields
     /// are stored as halves.
-    Guard,
+    CheckFinite,
     /// `Change` -> `Phases`, `Momentum`.
     Project,
     /// `Change` -> `Phases`, `Momentum`, `Second`.
@@ -90,13 +90,13 @@ impl Kernel {
         Self::WindowInverse,
         Self::Intensity,
         Self::Compare,
-        Self::Weigh,
+        Self::ApplyFactor,
         Self::WindowForward,
         Self::ReturnPupil,
-        Self::Balance,
-        Self::Even,
+        Self::DivideByOverlap,
+        Self::EqualiseEyebox,
         Self::ChangeInverse,
-        Self::Guard,
+        Self::CheckFinite,
         Self::Project,
         Self::Adam,
         Self::Exposure,
@@ -119,34 +119,41 @@ impl Kernel {
             "window_inverse",
             "intensity",
             "compare",
-            "weigh",
+            "apply_factor",
             "window_forward",
             "return_pupil",
-            "balance",
-            "even",
+            "divide_by_overlap",
+            "equalise_eyebox",
             "change_inverse",
-            "guard",
+            "check_finite",
             "project",
             "adam",
             "exposure",
         ][self as usize]
     }
 
-    /// The kernel of this name.
+    /// The kernel of this name, or of the name that it had before.
     pub fn by_name(name: &str) -> Option<Self> {
+        let before = [
+            ("weigh", "apply_factor"),
+            ("guard", "check_finite"),
+            ("balance", "divide_by_overlap"),
+            ("even", "equalise_eyebox"),
+        ];
+        let name = before.iter().find(|(old, _)| *old == name).map_or(name, |(_, new)| new);
         Self::ALL.into_iter().find(|k| k.name() == name)
     }
 
     /// What it runs over.
     pub fn scope(self) -> Scope {
         match self {
-            Self::Clear | Self::Energy | Self::Overlap | Self::Guard => Scope::Whole,
+            Self::Clear | Self::Energy | Self::Overlap | Self::CheckFinite => Scope::Whole,
             Self::Quantise
             | Self::Modulate
             | Self::FieldForward
             | Self::ReturnPupil
-            | Self::Balance
-            | Self::Even
+            | Self::DivideByOverlap
+            | Self::EqualiseEyebox
             | Self::ChangeInverse
             | Self::Project
             | Self::Adam => Scope::Frames,
@@ -322,10 +329,10 @@ pub struct Step {
     pub columns: Columns,
     /// Arguments of `quantise`; no levels where any phase can be shown.
     pub quantise: quantise::Args,
-    /// Arguments of `balance`.
-    pub balance: balance::Args,
-    /// Arguments of `even`, and, inside, of `energy`.
-    pub even: even::Args,
+    /// Arguments of `divide_by_overlap`.
+    pub divide_by_overlap: divide_by_overlap::Args,
+    /// Arguments of `equalise_eyebox`, and, inside, of `energy`.
+    pub equalise_eyebox: equalise_eyebox::Args,
     /// Arguments of `project`.
     pub project: project::Args,
     /// Arguments of `adam`.

@@ -2,7 +2,7 @@
 
 use super::{Dispatch, Kernel, Planner, PupilPass, Purpose, Step, Storage};
 use crate::optics::Geometry;
-use eyebox_kernels::{adam, balance, energy, even, fft::Columns, project, quantise};
+use eyebox_kernels::{adam, divide_by_overlap, energy, equalise_eyebox, fft::Columns, project, quantise};
 use std::ops::Range;
 
 impl Planner {
@@ -17,7 +17,7 @@ impl Planner {
     ) -> Step {
         let mut step = self.descend(pupil_passes, in_flight, true);
         step.list.push(Dispatch { kernel: Kernel::Project, pupil_passes: 0..0 });
-        step.balance.power = power as f32;
+        step.divide_by_overlap.power = power as f32;
         step.project.gain = (gain / self.change_scale_of(&step.pupil_passes, true)) as f32;
         step.project.momentum = momentum as f32;
         step
@@ -68,33 +68,33 @@ impl Planner {
 
     /// Adds the term that evens out the light over the eyebox (OPTICS 7, pupil-aware): patches of the square of side
     /// `eyebox` metres around the axis, those inside its disc, each pulled to their mean with this weight.
-    pub fn with_even(&self, mut step: Step, eyebox: f64, patches: usize, weight: f64) -> Step {
+    pub fn with_equalised_eyebox(&self, mut step: Step, eyebox: f64, patches: usize, weight: f64) -> Step {
         let projects = step.list.last().is_some_and(|d| d.kernel == Kernel::Project);
         // The projection's factors are ratios of energies; the gradient's go as 1 / energy.
         let (change, field) =
             (self.change_scale_of(&step.pupil_passes, projects), f64::from(self.shape(Purpose::View).field_scale()));
         let weight = weight * change * if projects { 1.0 / field } else { field };
-        step.even = self.even(eyebox, patches, projects, weight);
+        step.equalise_eyebox = self.equalise_eyebox(eyebox, patches, projects, weight);
         let whole = |kernel| Dispatch { kernel, pupil_passes: 0..0 };
         let after = |step: &Step, kernel| step.list.iter().position(|d| d.kernel == kernel).map_or(0, |i| i + 1);
         let lit = after(&step, Kernel::FieldForward).max(after(&step, Kernel::Modulate));
         step.list.insert(lit, whole(Kernel::Energy));
         // Before the spectrum's change becomes the field's; in the far field they are one.
-        let ends = [Kernel::ChangeInverse, Kernel::Guard, Kernel::Project, Kernel::Adam];
+        let ends = [Kernel::ChangeInverse, Kernel::CheckFinite, Kernel::Project, Kernel::Adam];
         let end = step.list.iter().position(|d| ends.contains(&d.kernel)).unwrap_or(step.list.len());
-        step.list.insert(end, whole(Kernel::Even));
+        step.list.insert(end, whole(Kernel::EqualiseEyebox));
         step.columns = Columns { first: 0, count: self.grid.width };
         step
     }
 
-    fn even(&self, eyebox: f64, patches: usize, projects: bool, weight: f64) -> even::Args {
+    fn equalise_eyebox(&self, eyebox: f64, patches: usize, projects: bool, weight: f64) -> equalise_eyebox::Args {
         let (bin_y, bin_x) = self.grid.bin_size();
         let count = |n: usize, bin: f64| ((eyebox / bin).round() as usize).clamp(1, n);
         let (rows, columns) = (count(self.grid.height, bin_y), count(self.grid.width, bin_x));
         let (y0, x0) = self.grid.index_of(-(rows as i64 / 2), -(columns as i64 / 2));
         let place = self.place();
         let points = (self.grid.height * self.grid.width) as f64;
-        even::Args {
+        equalise_eyebox::Args {
             place: energy::Args {
                 grid_height: place.grid_height,
                 grid_width: place.grid_width,
@@ -105,7 +105,7 @@ impl Planner {
                 patches: patches.clamp(1, energy::MOST as usize) as u32,
                 accumulate: 0,
             },
-            mode: if projects { even::PROJECTION } else { even::GRADIENT },
+            mode: if projects { equalise_eyebox::PROJECTION } else { equalise_eyebox::GRADIENT },
             // The change is in units of the spectrum over the grid's points (see `pupil_pass`).
             weight: if projects && self.grid.geometry == Geometry::Relay { weight / points } else { weight } as f32,
             limit: 3.0,
@@ -152,13 +152,17 @@ impl Planner {
         Step {
             list: Vec::new(),
             columns,
-            balance: balance::Args { grid_height: place.grid_height, grid_width: place.grid_width, power: 1.0 },
+            divide_by_overlap: divide_by_overlap::Args {
+                grid_height: place.grid_height,
+                grid_width: place.grid_width,
+                power: 1.0,
+            },
             quantise: quantise::Args {
                 count: (self.slm.height * self.slm.width) as u32,
                 levels: self.levels as u32,
                 hardness: 1.0,
             },
-            even: self.even(0.0, 1, false, 0.0),
+            equalise_eyebox: self.equalise_eyebox(0.0, 1, false, 0.0),
             project: project::Args { place, gain: 0.0, momentum: 0.0 },
             adam: adam::Args {
                 place,
@@ -197,18 +201,18 @@ impl Planner {
                     Kernel::WindowInverse,
                     Kernel::Intensity,
                     Kernel::Compare,
-                    Kernel::Weigh,
+                    Kernel::ApplyFactor,
                     Kernel::WindowForward,
                     Kernel::ReturnPupil,
                 ],
             );
         }
         if balanced {
-            step.list.push(whole(Kernel::Balance));
+            step.list.push(whole(Kernel::DivideByOverlap));
         }
         step.list.extend(self.to_field());
         if self.storage == Storage::F16 {
-            step.list.push(whole(Kernel::Guard));
+            step.list.push(whole(Kernel::CheckFinite));
         }
         step
     }

@@ -13,7 +13,7 @@
 //! - `Change`, times the same for the projection, whose change is in units of the field. A gradient is as small as the
 //!   scene is large and dim, so it is lifted by its own expected size first, and so is the factor of `compare`.
 //!
-//! Only the change can still become too large, for exposures far off; `guard` finds that before phases move.
+//! Only the change can still become too large, for exposures far off; `check_finite` finds that before phases move.
 //!
 //! `Transfer` stays in float32: it is one sub-frame's worth beside a window's F, and its error would be the same in all
 //! sub-frames, so that their mean would not lessen it.

@@ -13,7 +13,8 @@ use super::ring::Ring;
 use super::scheduler::{Content, Readiness};
 use super::{Lane, Marks, PlaybackError, Trace};
 use crate::encode::{Encoder, PhaseSet, VideoFrames};
-use crate::engine::vulkan::{Options as VulkanOptions, VulkanEncoder};
+use crate::engine::vulkan::VulkanEncoder;
+use crate::gpu::Gpu;
 use crate::hologram::Sequence;
 use crossbeam_channel::{Receiver, unbounded};
 use encoding::Encoding;
@@ -50,7 +51,7 @@ pub enum StreamEncoder {
     /// All cores of the CPU.
     Cpu(Encoder),
     /// A Vulkan device; the CPU, which gives the same bytes, once that is lost.
-    Vulkan(Encoder, VulkanOptions),
+    Vulkan(Encoder, Gpu),
 }
 
 /// How often a thread that waits looks whether it is to stop.
@@ -136,8 +137,8 @@ impl Stream {
     pub fn start(sequence: Sequence, encoder: StreamEncoder, options: Options) -> Result<Self, PlaybackError> {
         match encoder {
             StreamEncoder::Cpu(encoder) => Self::with(sequence, encoder, None, options),
-            StreamEncoder::Vulkan(encoder, device) => {
-                let device = VulkanEncoder::open(&device, encoder.plan())?;
+            StreamEncoder::Vulkan(encoder, gpu) => {
+                let device = VulkanEncoder::new(&gpu, encoder.plan())?;
                 Self::with(sequence, encoder, Some(device), options)
             }
         }
@@ -152,7 +153,7 @@ impl Stream {
     ) -> Result<Self, PlaybackError> {
         let ahead = options.ahead.clamp(2, 64);
         let shape = sequence.shape();
-        let validation = device.as_ref().map(VulkanEncoder::messages);
+        let validation = device.as_ref().map(|d| d.gpu().messages());
         let mut probe = encoder.frames();
         {
             // A shape that does not fit is refused here, not on a thread.

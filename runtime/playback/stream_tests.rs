@@ -3,6 +3,7 @@
 use super::player::{Command, Flow, Moment, Player, Source};
 use super::*;
 use crate::encode::{Encoder, PhaseSet};
+use crate::gpu::{Gpu, Options as GpuOptions};
 use crate::hologram::{ColorHologram, Hologram, Sequence, SequenceWriter};
 use crate::optics::{Color, Display, Optics};
 use crate::solve::SplitMix;
@@ -154,9 +155,9 @@ fn every_packing_is_played_as_it_is_encoded() {
 }
 
 /// A software device will do; watched, and with a cache of the tests' own.
-fn device() -> crate::engine::vulkan::Options {
+fn gpu() -> Gpu {
     let cache = Some(std::env::temp_dir().join("eyebox-tests"));
-    crate::engine::vulkan::Options { device: None, allow_cpu: true, validation: true, cache }
+    Gpu::open(&GpuOptions { allow_cpu: true, validation: true, cache, ..GpuOptions::default() }).unwrap()
 }
 
 fn is_as_encoded(played: &Played, fixture: &Fixture) {
@@ -174,7 +175,7 @@ fn a_vulkan_device_streams_the_bytes_of_the_cpu() {
         let fixture = fixture(preset, 5);
         let encoder = Encoder::new(&fixture.display, &COLORS, 8).unwrap();
         let sequence = Sequence::open(&fixture.path).unwrap();
-        let stream = Stream::start(sequence, StreamEncoder::Vulkan(encoder, device()), options()).unwrap();
+        let stream = Stream::start(sequence, StreamEncoder::Vulkan(encoder, gpu()), options()).unwrap();
         let heard = stream.validation().expect("a device");
         let rate = if preset == "grey8" { "2.5" } else { "7.5" };
         let played = play_stream(&fixture, stream, rate, 100_000, |_, _, _| {});
@@ -185,17 +186,6 @@ fn a_vulkan_device_streams_the_bytes_of_the_cpu() {
     }
 }
 
-#[test]
-fn a_device_that_cannot_be_had_is_an_error_before_anything_is_shown() {
-    let fixture = fixture("planes24", 1);
-    let encoder = Encoder::new(&fixture.display, &COLORS, 8).unwrap();
-    let sequence = Sequence::open(&fixture.path).unwrap();
-    let none = crate::engine::vulkan::Options { device: Some("no such device".into()), ..device() };
-    let error = Stream::start(sequence, StreamEncoder::Vulkan(encoder, none), options()).err().expect("no device");
-    let text = error.to_string();
-    assert!(matches!(error, PlaybackError::Engine(_)) && text.contains("no such device"), "{text}");
-}
-
 /// The device is lost at the first submission, in an upload, in the kernel, in a download: the CPU goes on with the very
 /// hologram, nothing is dropped, and one line says so.
 #[test]
@@ -204,7 +194,7 @@ fn a_device_lost_while_streaming_is_followed_by_the_cpu() {
         let fixture = fixture("planes24", 8);
         let encoder = Encoder::new(&fixture.display, &COLORS, 8).unwrap();
         let sequence = Sequence::open(&fixture.path).unwrap();
-        let mut lost = crate::engine::vulkan::VulkanEncoder::open_staged(&device(), encoder.plan()).unwrap();
+        let mut lost = crate::engine::vulkan::VulkanEncoder::staged(&gpu(), encoder.plan()).unwrap();
         lost.pretend_lost_after(after);
         let stream = Stream::with(sequence, encoder, Some(lost), options()).unwrap();
         let heard = stream.validation().expect("a device");
@@ -238,7 +228,7 @@ fn a_thread_that_fails_leaves_the_idle_picture_and_one_line() {
         let mut idle = encoder.frames();
         idle.bytes_mut().fill(0x5a);
         let device = matches!(fault, Fault::Full).then(|| {
-            let mut device = crate::engine::vulkan::VulkanEncoder::open_staged(&device(), encoder.plan()).unwrap();
+            let mut device = crate::engine::vulkan::VulkanEncoder::staged(&gpu(), encoder.plan()).unwrap();
             device.pretend_full_after(40);
             device
         });

@@ -3,9 +3,9 @@
 use crate::engine::{Buffer, Dispatch, Engine, EngineError, Kernel, Scope, Step};
 
 /// The entry of a step's list after which phases may change, and before which all losses are known: what comes behind
-/// the last kernel that runs over pupil passes, and behind `guard` where the list has it.
+/// the last kernel that runs over pupil passes, and behind `check_finite` where the list has it.
 pub(super) fn before_state(step: &Step) -> usize {
-    let known = |d: &Dispatch| d.kernel.scope() == Scope::PupilPasses || d.kernel == Kernel::Guard;
+    let known = |d: &Dispatch| d.kernel.scope() == Scope::PupilPasses || d.kernel == Kernel::CheckFinite;
     step.list.iter().rposition(known).map_or(step.list.len(), |i| i + 1)
 }
 
@@ -29,11 +29,13 @@ pub(super) fn first_fault(engine: &mut dyn Engine, step: &Step) -> Result<Option
             Kernel::Quantise => vec![Buffer::Shown],
             Kernel::Modulate | Kernel::FieldForward => vec![Buffer::Field],
             Kernel::Energy => vec![Buffer::Energy],
-            Kernel::ReturnPupil | Kernel::Balance | Kernel::Even | Kernel::ChangeInverse => vec![Buffer::Change],
+            Kernel::ReturnPupil | Kernel::DivideByOverlap | Kernel::EqualiseEyebox | Kernel::ChangeInverse => {
+                vec![Buffer::Change]
+            }
             Kernel::Transfer | Kernel::Taper => slots.map(Buffer::Transfer).collect(),
             Kernel::Photograph => slots.map(Buffer::Accumulator).collect(),
             Kernel::Resample => slots.map(Buffer::Target).collect(),
-            Kernel::PassPupil | Kernel::WindowInverse | Kernel::Weigh | Kernel::WindowForward => {
+            Kernel::PassPupil | Kernel::WindowInverse | Kernel::ApplyFactor | Kernel::WindowForward => {
                 slots.map(Buffer::Window).collect()
             }
             Kernel::Intensity | Kernel::Compare => slots.map(Buffer::Image).collect(),

@@ -99,7 +99,7 @@ impl Run<'_> {
         // Levels come on softly: a phase that is thrown from level to level from the start finds no good one.
         step.quantise.hardness = progress.powi(2) as f32;
         if settings.method == Method::PupilAware {
-            return planner.with_even(step, self.problem.eyebox, settings.patches, settings.evenness);
+            return planner.with_equalised_eyebox(step, self.problem.eyebox, settings.patches, settings.evenness);
         }
         step
     }

@@ -132,7 +132,7 @@ struct Region<'a> {
     exposure: f64,
 }
 
-/// Where a pupil stands along an axis of a region `side` wide, from its middle, for `even` in -1..1. Pupils are drawn evenly
+/// Where a pupil stands along an axis of a region `side` wide, from its middle, for `equalise_eyebox` in -1..1. Pupils are drawn evenly
 /// over somewhat more than the region and then moved inside: a pixel at an edge is seen by pupils from one side alone, and
 /// so they touch it the more often. By half a diameter more, as many stand near an edge as near the middle. Where the SLM
 /// itself ends no region overlaps this one, and it is a whole diameter: half as many again.
@@ -238,7 +238,8 @@ impl<'a> Region<'a> {
         };
         if frames == 1 {
             engine.write(Buffer::Phases, phases)?;
-            let update = whole.list.iter().position(|d| d.kernel == Kernel::Balance).unwrap_or(whole.list.len());
+            let update =
+                whole.list.iter().position(|d| d.kernel == Kernel::DivideByOverlap).unwrap_or(whole.list.len());
             let found = loss(&engine.run_part(&whole, 0..update)?);
             if found.is_finite() {
                 engine.run_part(&whole, update..whole.list.len())?;
@@ -260,7 +261,8 @@ impl<'a> Region<'a> {
         if !found.is_finite() {
             return Ok(found);
         }
-        let up = [Kernel::Weigh, Kernel::WindowForward, Kernel::ReturnPupil, Kernel::Balance, Kernel::Project];
+        let up =
+            [Kernel::ApplyFactor, Kernel::WindowForward, Kernel::ReturnPupil, Kernel::DivideByOverlap, Kernel::Project];
         let turn = only(&[&[Kernel::Clear, Kernel::Overlap][..], &down[..], &up[..]].concat());
         for frame in phases.chunks_exact_mut(pixels) {
             engine.write(Buffer::Phases, frame)?;

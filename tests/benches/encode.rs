@@ -6,7 +6,8 @@ use clap::Parser;
 use clap::builder::TypedValueParser;
 use clock::{least, median, timed};
 use eyebox::encode::{Encoder, PhaseSet};
-use eyebox::engine::vulkan::{Options, VulkanEncoder};
+use eyebox::engine::vulkan::VulkanEncoder;
+use eyebox::gpu::{Gpu, Options};
 use eyebox::optics::{Color, Display};
 use rayon::prelude::*;
 use std::hint::black_box;
@@ -52,6 +53,10 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
         "{:>9} {:>20} {:>9} {:>9} {:>8} {:>8} {:>9} {:>8}",
         "display", "what", heads[0], heads[1], heads[2], heads[3], heads[4], heads[5]
     );
+    let gpu = match arguments.vulkan {
+        true => Some(Gpu::open(&Options { allow_cpu: true, ..Options::default() })?),
+        false => None,
+    };
     for name in &arguments.displays {
         let display = Display::load(name)?;
         let colors = [Color::Red, Color::Green, Color::Blue];
@@ -65,10 +70,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
         let mut copy: Vec<Vec<f32>> = phases.clone();
         let read = 4 * 3 * count;
         let bytes = read + frames.bytes().len();
-        let mut device = match arguments.vulkan {
-            true => Some(VulkanEncoder::open(&Options { allow_cpu: true, ..Options::default() }, encoder.plan())?),
-            false => None,
-        };
+        let mut device = gpu.as_ref().map(|gpu| VulkanEncoder::new(gpu, encoder.plan())).transpose()?;
         let names = ["memory: read", "memory: copy", "encode", "encode, checked", "kernel", "kernel and transfers"];
         let mut times: [Vec<f64>; 6] = Default::default();
         let mut work: [Vec<f64>; 6] = Default::default();

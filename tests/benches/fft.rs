@@ -7,7 +7,8 @@ mod clock;
 
 use clap::Parser;
 use clock::{least, median, timed};
-use eyebox::engine::vulkan::{Options, Transforms};
+use eyebox::engine::vulkan::Transforms;
+use eyebox::gpu::{Gpu, Options};
 use eyebox_kernels::Complex32;
 use eyebox_kernels::fft::{Columns, Direction, Plans};
 use rustfft::FftPlanner;
@@ -57,9 +58,10 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
-    let mut transforms =
-        Transforms::open(&Options { device: arguments.device.clone(), allow_cpu: true, ..Options::default() })?;
-    println!("{}", transforms.device());
+    let options = Options { device: arguments.device.clone(), allow_cpu: true, ..Options::default() };
+    let gpu = Gpu::open(&options)?;
+    let mut transforms = Transforms::new(&gpu)?;
+    println!("{}", gpu.report().name);
     let twin = Plans::default();
     for &(h, w) in &arguments.sizes {
         let frame: Vec<Complex32> = (0..h * w).map(|i| Complex32::new((i % 17) as f32, (i % 23) as f32)).collect();

@@ -2,8 +2,9 @@
 
 use crate::Failure;
 use crate::args::{DisplayArgs, EngineArgs, SceneArgs};
-use eyebox::engine::{self, Engine};
+use eyebox::engine::{self, Backend, Engine};
 use eyebox::files;
+use eyebox::gpu::Options;
 use eyebox::hologram::{Hologram, Sequence};
 use eyebox::optics::{Color, Display};
 use eyebox::preview::Opener;
@@ -70,14 +71,18 @@ pub fn engine(args: &EngineArgs) -> Result<Box<dyn Engine>, Failure> {
     Ok(opener(args)?()?)
 }
 
-/// What opens the engine asked for, as often as it is called.
+/// What makes the engine asked for, as often as it is called, on one device.
 pub fn opener(args: &EngineArgs) -> Result<Opener, Failure> {
-    let choice = engine_choice(args);
-    let Some(name) = &args.vulkan_from else { return Ok(Box::new(move || engine::open(choice))) };
+    let (choice, options) = (engine_choice(args), Options::default());
+    let Some(name) = &args.vulkan_from else {
+        let backend = Backend::open(choice, &options)?;
+        return Ok(Box::new(move || backend.engine()));
+    };
     let names = || engine::Kernel::ALL.map(engine::Kernel::name).join(", ");
     let from = engine::Kernel::by_name(name)
         .ok_or_else(|| Failure::Asked(format!("no kernel is called '{name}': there are {}", names())))?;
-    Ok(Box::new(move || engine::open_handover(from)))
+    let backend = Backend::open(engine::Choice::Vulkan, &options)?;
+    Ok(Box::new(move || backend.engine_from(from)))
 }
 
 /// Where a result goes.

@@ -2,14 +2,14 @@
 
 use crate::Failure;
 use crate::args::Devices;
-use eyebox::engine::vulkan::{self, DeviceReport};
 use eyebox::engine::{self, Engine, cpu::CpuEngine};
+use eyebox::gpu::{self, DeviceReport};
 use serde_json::json;
 
 /// Lists engines and devices, and what `auto` takes and why.
 pub fn run(args: &Devices) -> Result<(), Failure> {
     let cpu = CpuEngine::new().describe();
-    let found = vulkan::devices();
+    let found = gpu::devices();
     let (_, auto) = engine::reason(&found);
     let devices = found.as_deref().unwrap_or_default();
     if args.json {

@@ -4,7 +4,8 @@ use crate::Failure;
 use crate::args::{Encode, EngineName};
 use crate::common;
 use eyebox::encode::{Encoder, PhaseSet, VideoFrames};
-use eyebox::engine::vulkan::{Options, VulkanEncoder};
+use eyebox::engine::vulkan::VulkanEncoder;
+use eyebox::gpu::{Gpu, Options};
 use eyebox::hologram::{self, Hologram};
 use eyebox::optics::{Color, Display, Packing};
 use serde_json::{Value, json};
@@ -42,7 +43,7 @@ pub fn run(args: &Encode) -> Result<(), Failure> {
         EngineName::Vulkan => {
             let options = Options { allow_cpu: true, ..Options::default() };
             let mut frames = encoder.frames();
-            VulkanEncoder::open(&options, encoder.plan())?.encode(phases.colors(), frames.bytes_mut())?;
+            VulkanEncoder::new(&Gpu::open(&options)?, encoder.plan())?.encode(phases.colors(), frames.bytes_mut())?;
             frames
         }
     };

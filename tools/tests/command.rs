@@ -438,7 +438,7 @@ fn storage_is_chosen_kept_and_refused() {
                 || kept.contains(&format!("\"storage\":\"{storage}\""))
         );
         let timed = |kernel| report["timings"].as_array().unwrap().iter().any(|t| t["kernel"] == kernel);
-        assert_eq!(timed("guard"), storage == "fp16", "{report}");
+        assert_eq!(timed("check_finite"), storage == "fp16", "{report}");
         report["colors"][0]["psnr_mean_db"].as_f64().unwrap()
     };
     let (full, half) = (run("fp32"), run("fp16"));

@@ -5,9 +5,9 @@
 //! device of its own: nothing of one queues behind the other.
 
 use super::super::EngineError;
-use super::instance::{Instance, Messages};
 use super::shown::{choose, failed, opaque, plain, record_picture};
 use super::target::{WindowHandle, make_surface};
+use crate::gpu::{Instance, Messages};
 use ash::{khr, vk};
 use std::ffi::CStr;
 use std::sync::Arc;

@@ -23,15 +23,16 @@ pub(super) fn check(step: &Step, part: &Range<usize>, shape: &Shape, views: Opti
         let fits = match dispatch.kernel {
             Kernel::Project => step.project.place == shape.place,
             Kernel::Adam => step.adam.place == shape.place,
-            Kernel::Balance => {
-                (step.balance.grid_height, step.balance.grid_width) == (shape.place.grid_height, shape.place.grid_width)
+            Kernel::DivideByOverlap => {
+                (step.divide_by_overlap.grid_height, step.divide_by_overlap.grid_width)
+                    == (shape.place.grid_height, shape.place.grid_width)
             }
             Kernel::Quantise => {
                 step.quantise.count as usize == shape.pixels()
                     && (1..=quantise::MOST).contains(&(step.quantise.levels as usize))
             }
-            Kernel::Energy | Kernel::Even => {
-                let p = &step.even.place;
+            Kernel::Energy | Kernel::EqualiseEyebox => {
+                let p = &step.equalise_eyebox.place;
                 (p.grid_height, p.grid_width) == (shape.place.grid_height, shape.place.grid_width)
                     && (1..=energy::MOST).contains(&p.patches)
                     && p.rows <= p.grid_height
@@ -48,15 +49,15 @@ pub(super) fn check(step: &Step, part: &Range<usize>, shape: &Shape, views: Opti
             Kernel::Energy
             | Kernel::Overlap
             | Kernel::ReturnPupil
-            | Kernel::Balance
-            | Kernel::Even
+            | Kernel::DivideByOverlap
+            | Kernel::EqualiseEyebox
             | Kernel::ChangeInverse
-            | Kernel::Guard
+            | Kernel::CheckFinite
             | Kernel::Project => shape.purpose != Purpose::View,
             Kernel::Adam => shape.purpose == Purpose::Adam,
             Kernel::Quantise => shape.quantised,
             _ => true,
-        } && (dispatch.kernel != Kernel::Guard || shape.storage == Storage::F16);
+        } && (dispatch.kernel != Kernel::CheckFinite || shape.storage == Storage::F16);
         if !has {
             return mismatch(format!(
                 "{name} has no buffers when the purpose is {:?}, in {}",

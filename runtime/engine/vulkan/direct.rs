@@ -7,9 +7,9 @@
 
 use super::super::EngineError;
 use super::connectors::{Connector, connectors};
-use super::instance::{Instance, has};
 use super::screen::Screen;
 use super::target::Target;
+use crate::gpu::{Instance, has};
 use ash::{ext, khr, vk};
 use std::fs::{File, OpenOptions};
 use std::path::Path;

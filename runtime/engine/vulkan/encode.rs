@@ -6,15 +6,10 @@
 //! its pipeline. Rows of frames on the device are padded to whole words, four pixels of the SLM each.
 
 use super::super::EngineError;
-use super::device::Block;
-use super::devices::DeviceReport;
-use super::engine::Options;
-use super::gpu::Gpu;
 use super::layout::{Layout, Value};
-use super::pipelines::Pipeline;
+use crate::gpu::{Block, Commands, Gpu, Pipeline};
 use eyebox_kernels::encode::{Args, Levels, Part, Plan};
 use eyebox_spirv as spirv;
-use std::sync::{Arc, Mutex};
 
 /// Sub-frames that an entry can tell apart, and entries of a run: constants of the shader.
 const MOST: usize = 256;
@@ -75,28 +70,27 @@ pub struct VulkanEncoder {
     /// Video frames with padded rows, as they come from the device.
     padded: Vec<u8>,
     seconds: f64,
-    gpu: Gpu,
+    gpu: Commands,
 }
 
 impl VulkanEncoder {
-    /// Opens a device and makes the buffers and pipelines for sets of this plan.
+    /// Makes the buffers and pipelines for sets of this plan on a device.
     ///
     /// # Errors
-    /// No device; one whose kernels cannot see a whole sub-frame or video frame; out of memory.
-    pub fn open(options: &Options, plan: &Plan) -> Result<Self, EngineError> {
-        Self::on(Gpu::open(options)?, plan)
+    /// A device whose kernels cannot see a whole sub-frame or video frame; out of memory.
+    pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self, EngineError> {
+        Self::on(Commands::new(gpu)?, plan)
     }
 
     /// The same, with transfers as on a device that has its memory for itself.
     #[cfg(test)]
-    pub(crate) fn open_staged(options: &Options, plan: &Plan) -> Result<Self, EngineError> {
-        let mut gpu = Gpu::open(options)?;
+    pub(crate) fn staged(gpu: &Gpu, plan: &Plan) -> Result<Self, EngineError> {
+        let mut gpu = Commands::new(gpu)?;
         gpu.in_place = false;
         Self::on(gpu, plan)
     }
 
-    /// On an open device.
-    pub(super) fn on(mut gpu: Gpu, plan: &Plan) -> Result<Self, EngineError> {
+    pub(super) fn on(mut gpu: Commands, plan: &Plan) -> Result<Self, EngineError> {
         let args = plan.args;
         let pixels = args.height as usize * args.width as usize;
         let row_words = (args.channels * args.cell_columns * args.width.div_ceil(4)) as usize;
@@ -187,13 +181,8 @@ impl VulkanEncoder {
     }
 
     /// The device.
-    pub fn device(&self) -> &DeviceReport {
-        self.gpu.report()
-    }
-
-    /// What the validation layer says, from the opening of the device to its closing: keep it to hear the last words.
-    pub fn messages(&self) -> Arc<Mutex<Vec<String>>> {
-        self.gpu.messages()
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu.shared
     }
 
     /// Seconds that the kernel took over the last set, without transfers; 0 where the device tells no time.

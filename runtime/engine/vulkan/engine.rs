@@ -2,35 +2,18 @@
 
 use super::super::{Buffer, Engine, EngineError, Kernel, Memory, Purpose, Shape, Step, Storage, Timing, misfit};
 use super::check::check;
-use super::device::Block;
-use super::devices::{DeviceKind, DeviceReport};
 use super::fft::Transform;
-use super::gpu::Gpu;
 use super::layout::{Arenas, Kind, Layout, Slot, Value, slots};
 use super::record::{Stack, Stacks, Work, loss_parts};
 use super::tables::Tables;
 use super::views::Views;
+use crate::gpu::{Block, Commands, DeviceKind, Gpu, add};
 use crate::scene::Pyramid;
 use eyebox_kernels::{energy, quantise};
 use gpu_allocator::MemoryLocation;
 use std::collections::HashMap;
 use std::ops::Range;
-use std::path::PathBuf;
-use std::sync::{Arc, Mutex};
-
-/// How a device is chosen and watched.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Options {
-    /// Its number or a part of its name; the best one if none is given.
-    pub device: Option<String>,
-    /// Whether a software device may be taken where no better one is.
-    pub allow_cpu: bool,
-    /// Whether the validation layer watches (slow; it must be installed). See [`VulkanEngine::messages`].
-    pub validation: bool,
-    /// Folder in which compiled pipelines are kept for the next start; the user's (`$XDG_CACHE_HOME/eyebox` or
-    /// `~/.cache/eyebox`) if none is given.
-    pub cache: Option<PathBuf>,
-}
+use std::sync::Arc;
 
 /// Bytes from one place in `Losses` to the next: any device's alignment.
 const PLACE: u64 = 256;
@@ -56,16 +39,16 @@ pub struct VulkanEngine {
     /// Pupil pass buffers that were written since: they find their place when a step says where.
     written: HashMap<Buffer, Vec<f32>>,
     clock: [(u64, f64); Kernel::ALL.len()],
-    gpu: Gpu,
+    gpu: Commands,
 }
 
 impl VulkanEngine {
-    /// Opens a device. [`load`](Engine::load) makes the buffers.
+    /// On a device. [`load`](Engine::load) makes the buffers.
     ///
     /// # Errors
-    /// No loader, no driver, no device of that name, or one that cannot run the kernels.
-    pub fn open(options: &Options) -> Result<Self, EngineError> {
-        let gpu = Gpu::open(options)?;
+    /// The device's.
+    pub fn new(gpu: &Gpu) -> Result<Self, EngineError> {
+        let gpu = Commands::new(gpu)?;
         let place = bytemuck::Zeroable::zeroed();
         Ok(Self {
             stacks: Stacks::default(),
@@ -83,13 +66,8 @@ impl VulkanEngine {
     }
 
     /// The device.
-    pub fn device(&self) -> &DeviceReport {
-        self.gpu.report()
-    }
-
-    /// What the validation layer says, from the opening of the device to its closing: keep it to hear the last words.
-    pub fn messages(&self) -> Arc<Mutex<Vec<String>>> {
-        self.gpu.messages()
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu.shared
     }
 
     /// Makes the largest range that a kernel may see smaller than it is.
@@ -158,7 +136,7 @@ impl VulkanEngine {
         Ok(())
     }
 
-    /// Places for the sums of each pupil pass's loss, behind one for what `guard` finds; they are as far apart as the device
+    /// Places for the sums of each pupil pass's loss, behind one for what `check_finite` finds; they are as far apart as the device
     /// wants.
     fn place_losses(&mut self, step: &Step) -> Result<Vec<u64>, EngineError> {
         let mut end = PLACE;
@@ -201,11 +179,11 @@ impl VulkanEngine {
         let compared: Vec<Range<usize>> =
             list.iter().filter(|d| d.kernel == Kernel::Compare).map(|d| d.pupil_passes.clone()).collect();
         let compared = || compared.iter().cloned().flatten();
-        let guarded = list.iter().any(|d| d.kernel == Kernel::Guard);
+        let checked = list.iter().any(|d| d.kernel == Kernel::CheckFinite);
         if let Some(losses) = losses.as_ref() {
             work.gpu.recorder.barrier();
             let of_pupil_pass = |i: usize| (offsets[i], offsets[i], 4 * loss_parts(&step.pupil_passes[i]) as u64);
-            let pieces = guarded.then_some((0, 0, 4)).into_iter().chain(compared().map(of_pupil_pass));
+            let pieces = checked.then_some((0, 0, 4)).into_iter().chain(compared().map(of_pupil_pass));
             work.gpu.recorder.copy(&losses.device, &losses.host, pieces);
         }
         let during = list.iter().map(|d| d.kernel.name()).collect::<Vec<_>>();
@@ -225,7 +203,7 @@ impl VulkanEngine {
                 let sums = &bytes[offsets[i] as usize..][..4 * loss_parts(&step.pupil_passes[i])];
                 result[i] = bytemuck::pod_collect_to_vec::<u8, f32>(sums).into_iter().map(f64::from).sum();
             }
-            if guarded && bytes[..4] != [0; 4] {
+            if checked && bytes[..4] != [0; 4] {
                 result.fill(f64::NAN);
             }
         }
@@ -299,6 +277,9 @@ impl Engine for VulkanEngine {
     fn read(&mut self, buffer: Buffer) -> Result<Vec<f32>, EngineError> {
         let Some((kind, index)) = pupil_pass_buffer(buffer) else {
             let Stack { layout, block } = self.stacks.get(buffer)?;
+            if buffer == Buffer::Phases {
+                add(&self.gpu.device.counters.phases_read_back, layout.bytes());
+            }
             return layout.read(&mut self.gpu, block);
         };
         if let Some(data) = self.written.get(&buffer) {

@@ -1,9 +1,7 @@
 //! Where values lie: frames at a stride inside a block, and the buffers of pupil passes inside arenas.
 
 use super::super::{EngineError, PupilPass, Shape, Step, Storage};
-use super::device::Block;
-use super::gpu::Gpu;
-use super::recorder::{Piece, Range};
+use crate::gpu::{Block, Commands, Piece, Range};
 use eyebox_kernels::{exposure, half};
 use std::ops::Range as PupilPasses;
 
@@ -88,7 +86,7 @@ impl Layout {
     }
 
     /// Fills the frames with packed data.
-    pub(super) fn write(&self, gpu: &mut Gpu, block: &Block, data: &[f32]) -> Result<(), EngineError> {
+    pub(super) fn write(&self, gpu: &mut Commands, block: &Block, data: &[f32]) -> Result<(), EngineError> {
         match self.value {
             Value::Complex(Storage::F16) => gpu.upload(block, bytemuck::cast_slice(&half::pack(data)), self.pieces()),
             _ => gpu.upload(block, bytemuck::cast_slice(data), self.pieces()),
@@ -96,7 +94,7 @@ impl Layout {
     }
 
     /// The frames, packed.
-    pub(super) fn read(&self, gpu: &mut Gpu, block: &Block) -> Result<Vec<f32>, EngineError> {
+    pub(super) fn read(&self, gpu: &mut Commands, block: &Block) -> Result<Vec<f32>, EngineError> {
         if self.value == Value::Complex(Storage::F16) {
             let mut bits = vec![0u16; self.floats()];
             gpu.download(block, bytemuck::cast_slice_mut(&mut bits), self.pieces_back())?;
@@ -168,7 +166,7 @@ pub(super) struct Arenas {
 
 impl Arenas {
     /// Makes room for the largest group of pupil passes of the whole step. What a block held is lost when it grows.
-    pub(super) fn fit(&mut self, gpu: &Gpu, step: &Step, shape: &Shape) -> Result<(), EngineError> {
+    pub(super) fn fit(&mut self, gpu: &Commands, step: &Step, shape: &Shape) -> Result<(), EngineError> {
         let mut needs = [0u64; KINDS];
         let mut groups: Vec<PupilPasses<usize>> =
             step.list.iter().map(|d| d.pupil_passes.clone()).filter(|l| !l.is_empty()).collect();

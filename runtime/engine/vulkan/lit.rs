@@ -5,7 +5,7 @@
 //! an image had to wait. Waiting is done by the thread that presents, right after it presented: it has nothing else to do
 //! until the next picture, and a swapchain must not be used by two threads at once.
 
-use super::instance::has;
+use crate::gpu::has;
 use ash::{ext, google, khr, vk};
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};

@@ -1,36 +1,28 @@
 //! The Vulkan engine.
 //!
-//! Design: one device, one queue, one recording per [`run_part`](super::Engine::run_part). A kernel runs over all its
+//! Design: a [`Gpu`](crate::gpu::Gpu) that others may share, one recording per [`run_part`](super::Engine::run_part). A kernel runs over all its
 //! pupil passes and frames, then one barrier; pupil passes of one kernel may run side by side. Buffers of the shape are blocks of
 //! their own, frames at a stride that suits the device's alignment; buffers of pupil passes are pieces of arenas that only
 //! grow; a kernel sees ranges no larger than the device's largest, so frames and views come in chunks. Pipelines,
 //! descriptor pools, staging and queries are kept: nothing is made once all sizes have been seen.
 //! Nothing is assumed of the size of subgroups; shaders synchronise through shared memory only.
 //!
-//! `instance` loads Vulkan; `devices` lists and chooses; `device` is what all else holds; `pipelines` and `cache`
-//! compile; `recorder` records; `gpu` joins these; `fft` plans and records transforms; `screen` shows bytes
+//! `fft` plans and records transforms; `screen` shows bytes
 //! in a window or on a display that no desktop drives (its `target`: `direct`, found by `connectors`), `renew` makes its
 //! swapchain again, `lit` says when pictures lit up; `canvas` shows pictures in a window that may be resized.
 
 #![allow(unsafe_code)]
 
-mod cache;
 mod canvas;
 mod check;
 mod connectors;
-mod device;
-mod devices;
 mod direct;
 mod encode;
 mod engine;
 mod fft;
-mod gpu;
-mod instance;
 mod layout;
 mod lit;
-mod pipelines;
 mod record;
-mod recorder;
 mod renew;
 mod screen;
 #[cfg(all(test, target_os = "linux"))]
@@ -44,10 +36,9 @@ mod views;
 
 pub use canvas::Canvas;
 pub use connectors::{Connector, connectors};
-pub use devices::{DeviceKind, DeviceReport, Limits, devices};
 pub use direct::{DirectDisplays, DirectMode, FoundDisplay};
 pub use encode::VulkanEncoder;
-pub use engine::{Options, VulkanEngine};
+pub use engine::VulkanEngine;
 pub use fft::{Timed, Transforms};
 pub use lit::Lit;
 pub use screen::Screen;

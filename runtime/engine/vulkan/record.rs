@@ -3,13 +3,11 @@
 mod photograph;
 
 use super::super::{Buffer, Dispatch, EngineError, Kernel, PupilPass, Shape, Step, Storage};
-use super::device::Block;
 use super::fft::{Frames, Transform};
-use super::gpu::Gpu;
 use super::layout::{Arenas, Kind, Layout, Slot, Value};
-use super::recorder::Range;
 use super::tables::Tables;
 use super::views::Views;
+use crate::gpu::{Block, Commands, Range};
 use bytemuck::Pod;
 use eyebox_kernels::fft::Direction;
 use eyebox_spirv as spirv;
@@ -69,7 +67,7 @@ pub(super) fn loss_parts(pupil_pass: &PupilPass) -> usize {
 
 /// Everything that a recording looks at.
 pub(super) struct Work<'a> {
-    pub(super) gpu: &'a mut Gpu,
+    pub(super) gpu: &'a mut Commands,
     pub(super) transforms: &'a mut dyn Transform,
     pub(super) shape: &'a Shape,
     pub(super) step: &'a Step,
@@ -115,10 +113,10 @@ impl Work<'_> {
             Kernel::Modulate => self.modulate(),
             Kernel::FieldForward => self.transform(Buffer::Field, Direction::Forward),
             Kernel::ChangeInverse => self.transform(Buffer::Change, Direction::Inverse),
-            Kernel::Balance => self.balance(),
+            Kernel::DivideByOverlap => self.divide_by_overlap(),
             Kernel::Energy => self.energy(),
-            Kernel::Even => self.even(),
-            Kernel::Guard => self.guard(),
+            Kernel::EqualiseEyebox => self.equalise_eyebox(),
+            Kernel::CheckFinite => self.check_finite(),
             Kernel::Project => self.project(),
             Kernel::Adam => self.adam(),
             Kernel::Photograph => self.photograph(dispatch, slots),
@@ -145,7 +143,9 @@ impl Work<'_> {
                 pupil_passes().try_for_each(|(_, (pupil_pass, slot))| self.intensity(pupil_pass, slot))
             }
             Kernel::Exposure => pupil_passes().try_for_each(|(_, (pupil_pass, slot))| self.exposure(pupil_pass, slot)),
-            Kernel::Weigh => pupil_passes().try_for_each(|(_, (pupil_pass, slot))| self.weigh(pupil_pass, slot)),
+            Kernel::ApplyFactor => {
+                pupil_passes().try_for_each(|(_, (pupil_pass, slot))| self.apply_factor(pupil_pass, slot))
+            }
             Kernel::WindowInverse | Kernel::WindowForward => {
                 let direction = window_direction(dispatch.kernel);
                 pupil_passes()
@@ -194,14 +194,14 @@ impl Work<'_> {
         )
     }
 
-    fn balance(&mut self) -> Result<(), EngineError> {
+    fn divide_by_overlap(&mut self) -> Result<(), EngineError> {
         let (hits, change) = (self.stacks.get(Buffer::Hits)?, self.stacks.get(Buffer::Change)?);
         let layout = &change.layout;
         let more = [layout.stride() as u32];
         for (first, count) in self.chunks(layout.frames, &[layout]) {
             let buffers = [hits.layout.range(&hits.block, 0, 1), layout.range(&change.block, first, count)];
             let groups = self.along(layout.values, count);
-            self.run(self.stored(&spirv::BALANCE), &buffers, &self.step.balance, &more, groups)?;
+            self.run(self.stored(&spirv::DIVIDE_BY_OVERLAP), &buffers, &self.step.divide_by_overlap, &more, groups)?;
         }
         Ok(())
     }
@@ -209,7 +209,7 @@ impl Work<'_> {
     fn energy(&mut self) -> Result<(), EngineError> {
         let (field, energy) = (self.stacks.get(Buffer::Field)?, self.stacks.get(Buffer::Energy)?);
         let layout = &field.layout;
-        let place = self.step.even.place;
+        let place = self.step.equalise_eyebox.place;
         let values = place.rows.div_ceil(place.patches) * place.columns.div_ceil(place.patches);
         for (first, count) in self.chunks(layout.frames, &[layout]) {
             let share = (ENERGY_SHARE / count as u32).max(1);
@@ -228,10 +228,10 @@ impl Work<'_> {
         Ok(())
     }
 
-    fn even(&mut self) -> Result<(), EngineError> {
+    fn equalise_eyebox(&mut self) -> Result<(), EngineError> {
         let (field, change) = (self.stacks.get(Buffer::Field)?, self.stacks.get(Buffer::Change)?);
         let energy = self.stacks.get(Buffer::Energy)?;
-        let place = self.step.even.place;
+        let place = self.step.equalise_eyebox.place;
         let more = [field.layout.stride() as u32, change.layout.stride() as u32];
         for (first, count) in self.chunks(self.shape.frames, &[&field.layout, &change.layout]) {
             let buffers = [
@@ -240,12 +240,12 @@ impl Work<'_> {
                 change.layout.range(&change.block, first, count),
             ];
             let groups = self.rows(place.rows, place.columns, count);
-            self.run(self.stored(&spirv::EVEN), &buffers, &self.step.even, &more, groups)?;
+            self.run(self.stored(&spirv::EQUALISE_EYEBOX), &buffers, &self.step.equalise_eyebox, &more, groups)?;
         }
         Ok(())
     }
 
-    fn guard(&mut self) -> Result<(), EngineError> {
+    fn check_finite(&mut self) -> Result<(), EngineError> {
         let change = self.stacks.get(Buffer::Change)?;
         let Some((block, _)) = self.losses else { return Ok(()) };
         let found = block.range(0, 4);
@@ -258,7 +258,7 @@ impl Work<'_> {
             }
             let args = [layout.values as u32, layout.stride() as u32];
             let groups = self.along(layout.values, count);
-            self.run(&spirv::GUARD, &[layout.range(&change.block, first, count), found], &args, &[], groups)?;
+            self.run(&spirv::CHECK_FINITE, &[layout.range(&change.block, first, count), found], &args, &[], groups)?;
         }
         Ok(())
     }
@@ -410,14 +410,14 @@ impl Work<'_> {
         self.run(&spirv::EXPOSURE, &[image?, target?, sums?], &args, &[], [parts as u32, 1, 1])
     }
 
-    fn weigh(&mut self, pupil_pass: &PupilPass, slot: &Slot) -> Result<(), EngineError> {
+    fn apply_factor(&mut self, pupil_pass: &PupilPass, slot: &Slot) -> Result<(), EngineError> {
         let arenas = self.arenas;
         let window = &slot[Kind::Window as usize];
         let args = [pupil_pass.count() as u32, window.stride() as u32];
         for (first, count) in self.chunks(window.frames, &[window]) {
             let buffers = [arenas.range(Kind::Image, slot)?, arenas.frames(Kind::Window, slot, first, count)?];
             let groups = self.along(pupil_pass.count(), count);
-            self.run(self.stored(&spirv::WEIGH), &buffers, &args, &[], groups)?;
+            self.run(self.stored(&spirv::APPLY_FACTOR), &buffers, &args, &[], groups)?;
         }
         Ok(())
     }
@@ -455,7 +455,7 @@ impl Work<'_> {
         groups: [u32; 3],
     ) -> Result<(), EngineError> {
         let (args, more) = (bytemuck::bytes_of(args), bytemuck::cast_slice::<_, u8>(more));
-        let mut push = [0u8; super::pipelines::PUSH_BYTES as usize];
+        let mut push = [0u8; crate::gpu::PUSH_BYTES as usize];
         let length = args.len() + more.len();
         push[..args.len()].copy_from_slice(args);
         push[args.len()..length].copy_from_slice(more);

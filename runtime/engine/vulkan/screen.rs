@@ -1,10 +1,10 @@
 //! A swapchain that shows bytes as they are: UNORM, first in first out, no scaling, exactly the picture's size.
 
 use super::super::EngineError;
-use super::instance::{Instance, Messages};
 use super::lit::{How, Lit, Teller, has_present_wait, present_number};
 use super::shown::{choose, failed, opaque, plain, record_picture};
 use super::target::{Target, WindowHandle};
+use crate::gpu::{Instance, Messages};
 use ash::{khr, vk};
 use std::sync::Arc;
 use std::time::Instant;

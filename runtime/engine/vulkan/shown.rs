@@ -2,7 +2,7 @@
 //! gets into an image.
 
 use super::super::EngineError;
-use super::instance::{Instance, has};
+use crate::gpu::{Instance, has};
 use ash::{khr, vk};
 
 pub(super) fn failed(name: &str, call: &'static str, result: vk::Result) -> EngineError {

@@ -2,10 +2,8 @@
 //! each recording.
 
 use super::super::{EngineError, PupilPass};
-use super::device::Block;
-use super::gpu::Gpu;
-use super::recorder::Range;
 use super::views::Views;
+use crate::gpu::{Block, Commands, Range};
 use eyebox_kernels::photograph::Tap;
 use eyebox_kernels::resample::Table;
 use gpu_allocator::MemoryLocation;
@@ -49,7 +47,7 @@ impl Tables {
     /// Packs the tables of these pupil passes and makes room for them.
     pub(super) fn pack(
         &mut self,
-        gpu: &Gpu,
+        gpu: &Commands,
         pupil_passes: &[PupilPass],
         views: Option<&Views>,
     ) -> Result<(), EngineError> {
@@ -106,7 +104,7 @@ impl Tables {
     }
 
     /// Records the copy to the device; a barrier must follow.
-    pub(super) fn record(&self, gpu: &mut Gpu) {
+    pub(super) fn record(&self, gpu: &mut Commands) {
         if let (Some(stage), Some(block)) = (&self.stage, &self.block) {
             gpu.recorder.copy(stage, block, [(0, 0, self.packed.len() as u64)]);
         }

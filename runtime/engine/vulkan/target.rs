@@ -1,7 +1,7 @@
 //! What a screen shows on: a window of a desktop, or a display that no desktop drives.
 
 use super::direct::Direct;
-use super::instance::Instance;
+use crate::gpu::Instance;
 use ash::{khr, vk};
 use std::ffi::{CStr, c_void};
 

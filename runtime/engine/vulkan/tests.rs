@@ -1,7 +1,6 @@
 //! The device without the engine: a kernel runs, is timed, and the validation layer hears what is wrong.
 
-use super::engine::Options;
-use super::gpu::Gpu;
+use crate::gpu::{Commands, Gpu, Options};
 use eyebox_kernels::{Complex32, ZERO, modulate};
 use eyebox_spirv as spirv;
 use std::sync::PoisonError;
@@ -9,17 +8,21 @@ use std::sync::PoisonError;
 /// Watched, and with a cache of the tests' own.
 fn options() -> Options {
     let cache = Some(std::env::temp_dir().join("eyebox-tests"));
-    Options { device: None, allow_cpu: true, validation: true, cache }
+    Options { allow_cpu: true, validation: true, cache, ..Options::default() }
 }
 
 /// A software device will do, and must: tests are not skipped where there is none.
-pub(super) fn open() -> Gpu {
+fn open() -> Commands {
+    Commands::new(&gpu()).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn gpu() -> Gpu {
     Gpu::open(&options()).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// Closes the device and returns what the validation layer said from first to last.
-pub(super) fn close(gpu: Gpu) -> Vec<String> {
-    let messages = gpu.messages();
+fn close(gpu: Commands) -> Vec<String> {
+    let messages = gpu.shared.messages();
     drop(gpu);
     messages.lock().unwrap_or_else(PoisonError::into_inner).clone()
 }
@@ -99,7 +102,7 @@ fn a_smaller_device_gives_the_same() {
         let losses = engine.run(&step).unwrap();
         (losses, engine.read(Buffer::Phases).unwrap(), engine.read(Buffer::Target(1)).unwrap())
     };
-    let mut engine = VulkanEngine::open(&options()).unwrap();
+    let mut engine = VulkanEngine::new(&gpu()).unwrap();
     // Two frames of the field, three of phases, and less than all views of any level.
     engine.pretend_range(2 * 8 * 40 * 64 + 512);
     engine.pretend_old();
@@ -118,7 +121,7 @@ fn a_smaller_device_gives_the_same() {
     engine.pretend_range(4096);
     let text = engine.load(&shape, None).unwrap_err().to_string();
     assert!(text.contains("one frame of the"), "{text}");
-    let messages = engine.messages();
+    let messages = engine.gpu().messages();
     drop(engine);
     assert_eq!(*messages.lock().unwrap(), Vec::<String>::new());
 }
@@ -194,8 +197,8 @@ fn a_lost_device_is_an_error_everywhere() {
     let field = scene::load("builtin:plane", &Request { views: 3, ..Request::new(&display, &[Color::Green]) }).unwrap();
     let problem = Problem::new(&field, Color::Green, &display, Padding::default()).unwrap();
     let settings = Settings { steps: 5, frames: 2, pupils: 2, efficiency: Some(0.5), ..Settings::default() };
-    let mut engine = Losing { engine: VulkanEngine::open(&options()).unwrap(), steps_left: 2 };
-    let messages = engine.engine.messages();
+    let mut engine = Losing { engine: VulkanEngine::new(&gpu()).unwrap(), steps_left: 2 };
+    let messages = engine.engine.gpu().messages();
     let mut steps = 0;
     let error = solve(&problem, &settings, &mut engine, &mut |p| {
         steps = p.step;
@@ -245,7 +248,7 @@ fn a_smaller_device_encodes_the_same() {
     assert!(device.encode(&[&phases[1..]], want.bytes_mut()).is_err() && got == want);
     assert!(device.encode(&[&phases, &phases], want.bytes_mut()).is_err());
     assert!(device.download(&mut want.bytes_mut()[1..]).is_err());
-    let messages = device.messages();
+    let messages = device.gpu().messages();
     drop(device);
     assert_eq!(*messages.lock().unwrap_or_else(PoisonError::into_inner), Vec::<String>::new());
     let mut gpu = open();

@@ -1,8 +1,7 @@
 //! The views on the device: each level of the pyramid in blocks of whole views.
 
 use super::super::EngineError;
-use super::device::Block;
-use super::gpu::Gpu;
+use crate::gpu::{Block, Commands};
 use crate::scene::Pyramid;
 
 /// Largest block: several of them let memory be found where it is in pieces.
@@ -40,7 +39,7 @@ pub(super) struct Views {
 
 impl Views {
     /// Uploads a pyramid.
-    pub(super) fn new(gpu: &mut Gpu, pyramid: &Pyramid) -> Result<Self, EngineError> {
+    pub(super) fn new(gpu: &mut Commands, pyramid: &Pyramid) -> Result<Self, EngineError> {
         let largest = gpu.limits().storage_range.min(gpu.limits().allocation).min(LARGEST);
         let mut levels = Vec::with_capacity(pyramid.levels.len());
         for level in &pyramid.levels {

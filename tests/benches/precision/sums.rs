@@ -164,7 +164,7 @@ pub fn losses(engines: &mut Engines, largest: usize) -> Result<Errors, Failure> 
         let pairs = || image.iter().zip(&target);
         let want: f64 = pairs().map(|(i, t)| (f64::from(*i) - f64::from(*t)).powi(2)).sum();
         let far = |got: f64| (got / want - 1.0).powi(2);
-        let even = planner.with_even(base, optics.eyebox(), 1, 0.5);
+        let even = planner.with_equalised_eyebox(base, optics.eyebox(), 1, 0.5);
         let light = only(even, Kernel::Energy);
         let field: Vec<f32> = noise(4 * n * n, 8).iter().map(|v| *v as f32).collect();
         let whole: f64 = field.iter().map(|v| f64::from(*v).powi(2)).sum();

@@ -3,9 +3,10 @@
 use crate::errors::Errors;
 use crate::reference::{error, error_of, fft2, kernel, noise, parts, view};
 use crate::{Engines, Failure};
-use eyebox::engine::vulkan::{Options, Transforms};
+use eyebox::engine::vulkan::Transforms;
 use eyebox::engine::{Buffer, Dispatch, Kernel, Storage};
 use eyebox::evaluate;
+use eyebox::gpu::{Gpu, Options};
 use eyebox::optics::{Optics, Pupil, WindowFactor};
 use eyebox::plan::{Comparison, Planner, Purpose};
 use eyebox_kernels::Complex32;
@@ -92,7 +93,7 @@ pub fn transfer(engines: &mut Engines, _: usize) -> Result<Errors, Failure> {
 pub fn transforms(_: &mut Engines, largest: usize) -> Result<Errors, Failure> {
     let sizes = sizes(largest);
     let mut plot = Errors::new("Transform of a field of random phase, N x N", "N", names(&sizes));
-    let mut device = Transforms::open(&Options { allow_cpu: true, ..Options::default() })?;
+    let mut device = Transforms::new(&Gpu::open(&Options { allow_cpu: true, ..Options::default() })?)?;
     let twin = Plans::default();
     for n in sizes {
         let scale = Storage::F16.field_scale(n * n);

@@ -12,8 +12,8 @@ use crate::common;
 use crate::progress;
 use args::ClockName;
 use eyebox::encode::{Encoder, PhaseSet};
-use eyebox::engine::vulkan::Options as VulkanOptions;
 use eyebox::files;
+use eyebox::gpu::{Gpu, Options as GpuOptions};
 use eyebox::hologram::Sequence;
 use eyebox::optics::{Color, Display};
 use eyebox::playback::{
@@ -202,9 +202,8 @@ fn play(args: &Play, opened: Opened, clock: Rc<dyn Clock>, presenter: &mut dyn P
     let engine = match args.engine {
         EngineName::Auto | EngineName::Cpu => StreamEncoder::Cpu(encoder),
         EngineName::Vulkan => {
-            let options =
-                VulkanOptions { allow_cpu: true, validation: args.shown.validation, ..VulkanOptions::default() };
-            StreamEncoder::Vulkan(encoder, options)
+            let options = GpuOptions { allow_cpu: true, validation: args.shown.validation, ..GpuOptions::default() };
+            StreamEncoder::Vulkan(encoder, Gpu::open(&options)?)
         }
     };
     eprintln!(

@@ -1,12 +1,9 @@
 //! Transforms of lengths with a large prime factor, as convolutions with a chirp (`fft_chirp.comp`).
 
-use super::super::device::Block;
-use super::super::gpu::Gpu;
-use super::super::pipelines::Pipeline;
 use super::super::record::stored;
-use super::super::recorder::Range;
 use super::record::{Fft, Planned, Work};
 use super::{EngineError, Storage};
+use crate::gpu::{Block, Commands, Pipeline, Range};
 use bytemuck::{Pod, Zeroable};
 use eyebox_kernels::fft_plan::Axis;
 
@@ -36,7 +33,12 @@ struct ChirpArguments {
 
 impl Fft {
     /// Lines go to the scratch as many at once as fit, each longer than before, and come back.
-    pub(super) fn convolution(&mut self, gpu: &mut Gpu, planned: &Planned, work: &Work<'_>) -> Result<(), EngineError> {
+    pub(super) fn convolution(
+        &mut self,
+        gpu: &mut Commands,
+        planned: &Planned,
+        work: &Work<'_>,
+    ) -> Result<(), EngineError> {
         let Some((chirp, filter, inner)) = &planned.convolution else { return Ok(()) };
         let (n, m) = (planned.plan.n, inner.plan.n);
         let chunks = Chunks::new(m, work.count, work.frames, work.axis);
@@ -66,7 +68,7 @@ impl Fft {
                     work_row: chunks.row,
                     work_frame: chunks.frame,
                 };
-                let step = |fft: &mut Self, gpu: &mut Gpu, mode: u32, table: &Block| {
+                let step = |fft: &mut Self, gpu: &mut Commands, mode: u32, table: &Block| {
                     let length = if mode == 2 { n } else { m };
                     let (along, across) = if rows { (length, count) } else { (count, length) };
                     let groups = [along.div_ceil(CHIRP_CROWD[0]), across.div_ceil(CHIRP_CROWD[1]), frames];
@@ -141,7 +143,7 @@ impl Chunks {
 }
 
 /// For data stored so; the scratch is in float32 always.
-pub(super) fn chirp_pipeline(gpu: &mut Gpu, storage: Storage) -> Result<Pipeline, EngineError> {
+pub(super) fn chirp_pipeline(gpu: &mut Commands, storage: Storage) -> Result<Pipeline, EngineError> {
     gpu.pipeline(stored(&eyebox_spirv::FFT_CHIRP, storage), 3, &[])
 }
 

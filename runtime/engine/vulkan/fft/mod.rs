@@ -16,12 +16,11 @@ mod convolution;
 mod record;
 mod transforms;
 
+use crate::gpu::{Block, Commands};
 use record::Fft;
 pub use transforms::{Timed, Transforms};
 
 use super::super::{EngineError, Storage};
-use super::device::Block;
-use super::gpu::Gpu;
 use eyebox_kernels::fft::{Columns, Direction};
 
 /// Complex frames (count, height, width) in a block: frame `i` starts at byte `offset + size * stride * i`, where `size`
@@ -46,13 +45,13 @@ pub(super) struct Frames<'a> {
 /// Records transforms: plans, tables and pipelines are made when a size is first seen, and kept.
 pub(super) trait Transform {
     /// Makes what `record` needs for frames of this (height, width), if it is not there yet (this may upload, so nothing is being recorded).
-    fn prepare(&mut self, gpu: &mut Gpu, size: [usize; 2], storage: Storage) -> Result<(), EngineError>;
+    fn prepare(&mut self, gpu: &mut Commands, size: [usize; 2], storage: Storage) -> Result<(), EngineError>;
 
     /// Records the pruned transform of `kernels::fft`, in place. No barrier is needed before or after: the engine sets
     /// them; those between passes are set here.
     fn record(
         &mut self,
-        gpu: &mut Gpu,
+        gpu: &mut Commands,
         frames: Frames<'_>,
         direction: Direction,
         columns: Columns,

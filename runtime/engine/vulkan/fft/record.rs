@@ -1,12 +1,9 @@
 //! Records the passes of planned transforms.
 
-use super::super::device::Block;
-use super::super::gpu::Gpu;
-use super::super::pipelines::Pipeline;
 use super::super::record::stored;
-use super::super::recorder::Range;
 use super::convolution::{Chunks, chirp_pipeline};
 use super::{EngineError, Frames, Storage, Transform};
+use crate::gpu::{Block, Commands, Pipeline, Range};
 use bytemuck::{Pod, Zeroable};
 use eyebox_kernels::fft::{Columns, Direction};
 use eyebox_kernels::fft_plan::{Axis, LONGEST, Method, Plan, PlanLimits, Radix, Shared};
@@ -104,7 +101,7 @@ impl Fft {
     /// Plan, tables and pipelines of a length.
     fn axis(
         &mut self,
-        gpu: &mut Gpu,
+        gpu: &mut Commands,
         n: usize,
         axis: Axis,
         even_width: bool,
@@ -126,7 +123,7 @@ impl Fft {
         compile(gpu, &planned.plan, axis, even_width, storage)
     }
 
-    fn scratch(&mut self, gpu: &Gpu, size: u64) -> Result<Block, EngineError> {
+    fn scratch(&mut self, gpu: &Commands, size: u64) -> Result<Block, EngineError> {
         match self.scratch.take() {
             Some(scratch) if scratch.size >= size => Ok(scratch),
             small => {
@@ -136,7 +133,7 @@ impl Fft {
         }
     }
 
-    pub(super) fn mark(&mut self, gpu: &mut Gpu, name: impl FnOnce() -> String) {
+    pub(super) fn mark(&mut self, gpu: &mut Commands, name: impl FnOnce() -> String) {
         if let Some(marks) = &mut self.marks {
             gpu.recorder.mark(marks.len());
             marks.push(name());
@@ -145,7 +142,12 @@ impl Fft {
 }
 
 impl Transform for Fft {
-    fn prepare(&mut self, gpu: &mut Gpu, [height, width]: [usize; 2], storage: Storage) -> Result<(), EngineError> {
+    fn prepare(
+        &mut self,
+        gpu: &mut Commands,
+        [height, width]: [usize; 2],
+        storage: Storage,
+    ) -> Result<(), EngineError> {
         // Nothing is being recorded, and what was submitted is done.
         self.outgrown.clear();
         self.axis(gpu, width, Axis::Rows, true, storage)?;
@@ -154,7 +156,7 @@ impl Transform for Fft {
 
     fn record(
         &mut self,
-        gpu: &mut Gpu,
+        gpu: &mut Commands,
         frames: Frames<'_>,
         direction: Direction,
         columns: Columns,
@@ -240,7 +242,7 @@ impl Transform for Fft {
 }
 
 impl Fft {
-    pub(super) fn lines(&mut self, gpu: &mut Gpu, planned: &Planned, work: &Work<'_>) -> Result<(), EngineError> {
+    pub(super) fn lines(&mut self, gpu: &mut Commands, planned: &Planned, work: &Work<'_>) -> Result<(), EngineError> {
         match &planned.plan.method {
             Method::Nothing => Ok(()),
             Method::Shared(shared) => self.rows(gpu, planned, shared, work),
@@ -249,7 +251,13 @@ impl Fft {
         }
     }
 
-    fn rows(&mut self, gpu: &mut Gpu, planned: &Planned, shared: &Shared, work: &Work<'_>) -> Result<(), EngineError> {
+    fn rows(
+        &mut self,
+        gpu: &mut Commands,
+        planned: &Planned,
+        shared: &Shared,
+        work: &Work<'_>,
+    ) -> Result<(), EngineError> {
         let (n, rows) = (planned.plan.n, work.count * work.frames);
         let inverse = u32::from(work.inverse);
         let arguments = RowsArguments { n, height: work.count, rows, inverse, row: work.row, frame: work.frame };
@@ -266,7 +274,7 @@ impl Fft {
     /// invocations write what they read.
     fn passes(
         &mut self,
-        gpu: &mut Gpu,
+        gpu: &mut Commands,
         planned: &Planned,
         radices: &[Radix],
         pair: bool,
@@ -331,7 +339,7 @@ fn segments(first: u32, count: u32, wrap: u32) -> [(u32, u32, bool); 3] {
 }
 
 /// A plan with its tables.
-fn planned(gpu: &mut Gpu, plan: Plan) -> Result<Planned, EngineError> {
+fn planned(gpu: &mut Commands, plan: Plan) -> Result<Planned, EngineError> {
     let (mut table, starts) = plan.twiddles();
     if table.is_empty() {
         // Something to bind.
@@ -349,7 +357,7 @@ fn planned(gpu: &mut Gpu, plan: Plan) -> Result<Planned, EngineError> {
     Ok(Planned { plan, twiddles, starts, convolution })
 }
 
-fn compile(gpu: &mut Gpu, plan: &Plan, axis: Axis, even_width: bool, storage: Storage) -> Result<(), EngineError> {
+fn compile(gpu: &mut Commands, plan: &Plan, axis: Axis, even_width: bool, storage: Storage) -> Result<(), EngineError> {
     match &plan.method {
         Method::Nothing => {}
         Method::Shared(shared) => {
@@ -378,7 +386,7 @@ fn pass_constants(radix: Radix, axis: Axis, pair: bool, first: bool) -> [u32; 7]
     [CROWD, 1, radix.a, radix.b, u32::from(pair), rows, u32::from(first)]
 }
 
-fn rows_pipeline(gpu: &mut Gpu, shared: &Shared, storage: Storage) -> Result<Pipeline, EngineError> {
+fn rows_pipeline(gpu: &mut Commands, shared: &Shared, storage: Storage) -> Result<Pipeline, EngineError> {
     let Shared { radices, counts, pair, threads, lines, slots } = shared;
     let mut constants = [1; 20];
     constants[..5].copy_from_slice(&[*threads, *lines, u32::from(*pair), radices.len() as u32, *slots]);
@@ -391,7 +399,7 @@ fn rows_pipeline(gpu: &mut Gpu, shared: &Shared, storage: Storage) -> Result<Pip
 }
 
 /// What plans must fit on this device.
-fn plan_limits(gpu: &Gpu) -> PlanLimits {
+fn plan_limits(gpu: &Commands) -> PlanLimits {
     let limits = gpu.limits();
     PlanLimits { shared_bytes: limits.shared_memory, invocations: limits.invocations }
 }

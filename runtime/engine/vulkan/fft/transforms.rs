@@ -1,20 +1,18 @@
 //! Transforms of the host's frames, by themselves: for comparison with float64 and for measurement.
 
-use super::super::device::Block;
-use super::super::engine::Options;
-use super::super::gpu::Gpu;
 use super::{EngineError, Fft, Frames, Storage, Transform};
+use crate::gpu::{Block, Commands, Gpu};
 use eyebox_kernels::fft::{Columns, Direction};
 use eyebox_kernels::{Complex32, half};
 use std::time::Instant;
 
-/// An open device that transforms what it is given.
+/// Transforms what it is given on a device.
 pub struct Transforms {
     // Dropped before the device.
     block: Option<Block>,
     fft: Fft,
     storage: Storage,
-    gpu: Gpu,
+    gpu: Commands,
 }
 
 /// How long a transform took, without uploading and downloading, in seconds.
@@ -27,12 +25,12 @@ pub struct Timed {
 }
 
 impl Transforms {
-    /// Opens a device.
+    /// On a device.
     ///
     /// # Errors
-    /// No such device, or no validation layer where the options ask for it.
-    pub fn open(options: &Options) -> Result<Self, EngineError> {
-        Ok(Self { block: None, fft: Fft::new(), storage: Storage::F32, gpu: Gpu::open(options)? })
+    /// The device's.
+    pub fn new(gpu: &Gpu) -> Result<Self, EngineError> {
+        Ok(Self { block: None, fft: Fft::new(), storage: Storage::F32, gpu: Commands::new(gpu)? })
     }
 
     /// How frames are stored on the device from now on.
@@ -40,14 +38,9 @@ impl Transforms {
         self.storage = storage;
     }
 
-    /// Name of the device.
-    pub fn device(&self) -> &str {
-        &self.gpu.report().name
-    }
-
-    /// What the validation layer said so far.
-    pub fn messages(&self) -> Vec<String> {
-        self.gpu.messages().lock().unwrap_or_else(std::sync::PoisonError::into_inner).clone()
+    /// The device.
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu.shared
     }
 
     /// Plans of rows and columns in words.

@@ -1,6 +1,6 @@
 #version 450
 
-// found = 1 if any value is no number or infinite. x: value (strided), z: frame. Halves only: see guard.rs.
+// found = 1 if any value is no number or infinite. x: value (strided), z: frame. Halves only: see check_finite.rs.
 
 layout(local_size_x = 64) in;
 layout(std430, binding = 0) readonly buffer Change { uint change[]; };

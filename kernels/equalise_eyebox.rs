@@ -58,7 +58,7 @@ impl Args {
 }
 
 /// `energy` (patches, patches); `field`: the spectrum, `change`: its change, both (grid_height, grid_width).
-pub fn even(args: &Args, energy: &[f32], field: &[Complex32], change: &mut [Complex32]) {
+pub fn equalise_eyebox(args: &Args, energy: &[f32], field: &[Complex32], change: &mut [Complex32]) {
     let place = &args.place;
     let (height, width) = (place.grid_height as usize, place.grid_width as usize);
     let factors = args.factors(energy);

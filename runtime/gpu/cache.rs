@@ -12,13 +12,13 @@ const MAGIC: &[u8; 8] = b"eyebox\x01\0";
 const LARGEST: u64 = 256 << 20;
 
 /// Name of this device's file in that folder.
-pub(super) fn name(properties: &vk::PhysicalDeviceProperties) -> String {
+pub(crate) fn name(properties: &vk::PhysicalDeviceProperties) -> String {
     let id: String = properties.pipeline_cache_uuid.iter().map(|b| format!("{b:02x}")).collect();
     format!("pipelines-{:x}-{id}.bin", properties.driver_version)
 }
 
 /// The driver's data, if the file is whole and was written for this device.
-pub(super) fn read(path: &Path, properties: &vk::PhysicalDeviceProperties) -> Option<Vec<u8>> {
+pub(crate) fn read(path: &Path, properties: &vk::PhysicalDeviceProperties) -> Option<Vec<u8>> {
     if std::fs::metadata(path).ok()?.len() > LARGEST {
         return None;
     }
@@ -28,7 +28,7 @@ pub(super) fn read(path: &Path, properties: &vk::PhysicalDeviceProperties) -> Op
 }
 
 /// Writes the data beside the file and puts it in its place; says whether it did.
-pub(super) fn write(path: &Path, data: &[u8]) -> bool {
+pub(crate) fn write(path: &Path, data: &[u8]) -> bool {
     let Some(folder) = path.parent() else { return false };
     let attempt = || -> std::io::Result<()> {
         std::fs::create_dir_all(folder)?;

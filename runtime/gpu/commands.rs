@@ -1,11 +1,12 @@
-//! An open device and the few things that are done with it: make a block, fill it, run recorded kernels, read it.
+//! What a user of a device does with it: make a block, fill it, run recorded kernels, read it.
 
-use super::super::EngineError;
-use super::device::{Block, Device};
+use super::block::Block;
+use super::counters::add;
+use super::device::Device;
 use super::devices::{DeviceReport, Limits};
-use super::engine::Options;
-use super::instance::Messages;
-use super::pipelines::{Pipeline, Pipelines};
+use super::error::EngineError;
+use super::open::Gpu;
+use super::pipelines::Pipeline;
 use super::recorder::{Piece, Recorder};
 use eyebox_spirv::Module;
 use gpu_allocator::MemoryLocation;
@@ -15,71 +16,63 @@ use std::sync::Arc;
 /// Bytes that pass between host and device at once.
 const STAGE: u64 = 32 << 20;
 
-/// An open device.
-pub(super) struct Gpu {
+/// What one user of a device has for itself.
+pub(crate) struct Commands {
     // In the order in which they are dropped: what is recorded before what it uses, the device last.
-    pub(super) recorder: Recorder,
-    pipelines: Pipelines,
+    pub(crate) recorder: Recorder,
     up: Option<Block>,
     down: Option<Block>,
     /// Kept from transfer to transfer, so that none allocates.
     batch: Vec<Piece>,
     /// The device's limits; a test may make them smaller.
-    pub(super) limits: Limits,
+    pub(crate) limits: Limits,
     /// Memory that is the host's too is written and read in place; a test may have it staged all the same.
-    pub(super) in_place: bool,
-    pub(super) device: Arc<Device>,
+    pub(crate) in_place: bool,
+    pub(crate) device: Arc<Device>,
+    pub(crate) shared: Gpu,
 }
 
-impl Gpu {
-    /// Opens the device that the options name, or the best one.
-    pub(super) fn open(options: &Options) -> Result<Self, EngineError> {
-        let device = Device::open(options.device.as_deref(), options.allow_cpu, options.validation)?;
-        let recorder = Recorder::new(&device)?;
-        let pipelines = Pipelines::new(&device, options.cache.as_deref())?;
-        let limits = device.report.limits;
-        let batch = Vec::with_capacity(64);
-        Ok(Self { recorder, pipelines, up: None, down: None, batch, limits, in_place: true, device })
+impl Commands {
+    /// For one more user of a device.
+    pub(crate) fn new(gpu: &Gpu) -> Result<Self, EngineError> {
+        let (shared, device) = (gpu.clone(), Arc::clone(&gpu.device));
+        let (recorder, batch, limits) = (Recorder::new(&device)?, Vec::with_capacity(64), device.report.limits);
+        Ok(Self { recorder, up: None, down: None, batch, limits, in_place: true, device, shared })
     }
 
-    pub(super) fn limits(&self) -> &Limits {
+    pub(crate) fn limits(&self) -> &Limits {
         &self.limits
     }
 
-    pub(super) fn report(&self) -> &DeviceReport {
+    pub(crate) fn report(&self) -> &DeviceReport {
         &self.device.report
     }
 
-    /// What the validation layer said, if it was asked for. Keep this to hear what it says when the device is closed.
-    pub(super) fn messages(&self) -> Messages {
-        self.device.messages()
-    }
-
     /// A block in the device's own memory, not yet filled.
-    pub(super) fn block(&self, size: u64, what: &str) -> Result<Block, EngineError> {
+    pub(crate) fn block(&self, size: u64, what: &str) -> Result<Block, EngineError> {
         Block::new(&self.device, size, MemoryLocation::GpuOnly, what)
     }
 
     /// A block in the device's own memory that holds `data`.
-    pub(super) fn filled(&mut self, data: &[u8], what: &str) -> Result<Block, EngineError> {
+    pub(crate) fn filled(&mut self, data: &[u8], what: &str) -> Result<Block, EngineError> {
         let block = self.block(data.len() as u64, what)?;
         self.upload(&block, data, [(0, 0, data.len() as u64)])?;
         Ok(block)
     }
 
-    /// The pipeline of a module: see [`Pipelines::get`].
-    pub(super) fn pipeline(
+    /// The pipeline of a module.
+    pub(crate) fn pipeline(
         &mut self,
         module: &'static Module,
         bindings: u32,
         constants: &[u32],
     ) -> Result<Pipeline, EngineError> {
-        self.pipelines.get(module, bindings, constants)
+        self.device.pipeline(module, bindings, constants)
     }
 
     /// Copies pieces of `data`, multiples of 4 bytes, into a block: by the host where the memory is the host's too, on
     /// all cores.
-    pub(super) fn put(
+    pub(crate) fn put(
         &mut self,
         to: &mut Block,
         data: &[u8],
@@ -90,13 +83,14 @@ impl Gpu {
         }
         let bytes = to.bytes_mut();
         for (from, to, size) in pieces {
+            add(&self.device.counters.uploaded, size);
             copy(&mut bytes[to as usize..][..size as usize], &data[from as usize..][..size as usize]);
         }
         Ok(())
     }
 
     /// Copies pieces of a block, multiples of 4 bytes, into `data`: as [`put`](Self::put) does.
-    pub(super) fn fetch(
+    pub(crate) fn fetch(
         &mut self,
         from: &Block,
         data: &mut [u8],
@@ -107,13 +101,14 @@ impl Gpu {
         }
         let bytes = from.bytes();
         for (from, to, size) in pieces {
+            add(&self.device.counters.read_back, size);
             copy(&mut data[to as usize..][..size as usize], &bytes[from as usize..][..size as usize]);
         }
         Ok(())
     }
 
     /// Copies pieces of `data`, multiples of 4 bytes, into a block, and waits.
-    pub(super) fn upload(
+    pub(crate) fn upload(
         &mut self,
         to: &Block,
         data: &[u8],
@@ -125,6 +120,7 @@ impl Gpu {
         };
         let result = batches(pieces, &mut self.batch, |batch| {
             for ((from, _, size), at) in staged(batch) {
+                add(&self.device.counters.uploaded, size);
                 stage.bytes_mut()[at as usize..][..size as usize]
                     .copy_from_slice(&data[from as usize..][..size as usize]);
             }
@@ -137,7 +133,7 @@ impl Gpu {
     }
 
     /// Copies pieces of a block, multiples of 4 bytes, into `data`.
-    pub(super) fn download(
+    pub(crate) fn download(
         &mut self,
         from: &Block,
         data: &mut [u8],
@@ -152,6 +148,7 @@ impl Gpu {
             self.recorder.copy(from, &stage, staged(batch).map(|((from, _, size), at)| (from, at, size)));
             self.recorder.submit("a download")?;
             for ((_, to, size), at) in staged(batch) {
+                add(&self.device.counters.read_back, size);
                 data[to as usize..][..size as usize].copy_from_slice(&stage.bytes()[at as usize..][..size as usize]);
             }
             Ok(())

@@ -2,50 +2,31 @@
 //!
 //! Everything in here is used again: one command buffer, descriptor pools that are reset, a query pool that grows.
 
-use super::super::EngineError;
-use super::device::{Block, Device};
+use super::block::{Block, Range};
+use super::counters::add;
+use super::device::Device;
+use super::error::EngineError;
 use super::pipelines::{PUSH_BYTES, Pipeline};
 use ash::{khr, vk};
 use std::sync::Arc;
-
-/// A range of a block, in bytes, as a kernel sees it. `offset` is a multiple of the device's alignment.
-#[derive(Clone, Copy)]
-pub(super) struct Range<'a> {
-    pub(super) block: &'a Block,
-    pub(super) offset: u64,
-    pub(super) size: u64,
-}
-
-impl Block {
-    /// The whole block.
-    pub(super) fn all(&self) -> Range<'_> {
-        self.range(0, self.size)
-    }
-
-    /// A part of it, in bytes.
-    pub(super) fn range(&self, offset: u64, size: u64) -> Range<'_> {
-        debug_assert!(offset + size <= self.size);
-        Range { block: self, offset, size }
-    }
-}
 
 /// Buffers that a kernel sees at most.
 const MOST_BUFFERS: usize = 16;
 
 /// Bytes to be copied: from where, to where, how many.
-pub(super) type Piece = (u64, u64, u64);
+pub(crate) type Piece = (u64, u64, u64);
 
 /// Descriptor sets per pool.
 const SETS: u32 = 512;
 
-pub(super) struct Recorder {
+pub(crate) struct Recorder {
     commands: vk::CommandPool,
     command: vk::CommandBuffer,
     done: vk::Semaphore,
-    pub(super) submitted: u64,
+    pub(crate) submitted: u64,
     /// What a test's driver says from a number of submissions on.
     #[cfg(test)]
-    pub(super) fails_from: Option<(u64, vk::Result)>,
+    pub(crate) fails_from: Option<(u64, vk::Result)>,
     sets: Vec<vk::DescriptorPool>,
     /// The pool in use, and how many sets it gave.
     used: (usize, u32),
@@ -58,14 +39,14 @@ pub(super) struct Recorder {
     regions: Vec<vk::BufferCopy>,
     recording: bool,
     /// The driver's `vkQueueSubmit`: where it first says that the device was lost.
-    pub(super) queue_submit: vk::PFN_vkQueueSubmit,
+    pub(crate) queue_submit: vk::PFN_vkQueueSubmit,
     /// The newer barriers, where the device has them.
-    pub(super) modern: Option<khr::synchronization2::Device>,
+    pub(crate) modern: Option<khr::synchronization2::Device>,
     device: Arc<Device>,
 }
 
 impl Recorder {
-    pub(super) fn new(device: &Arc<Device>) -> Result<Self, EngineError> {
+    pub(crate) fn new(device: &Arc<Device>) -> Result<Self, EngineError> {
         let mut recorder = Self {
             commands: vk::CommandPool::null(),
             command: vk::CommandBuffer::null(),
@@ -87,7 +68,7 @@ impl Recorder {
             device: Arc::clone(device),
         };
         let error = |call| move |e| device.error(call, "setting up", e);
-        let info = vk::CommandPoolCreateInfo::default().queue_family_index(device.family);
+        let info = vk::CommandPoolCreateInfo::default().queue_family_index(device.compute.family);
         let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
         let semaphore = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
         // SAFETY: the device is valid and has timeline semaphores; what is made is destroyed in `drop`.
@@ -106,12 +87,12 @@ impl Recorder {
 
     /// Number of descriptor pools.
     #[cfg(test)]
-    pub(super) fn pools(&self) -> usize {
+    pub(crate) fn pools(&self) -> usize {
         self.sets.len()
     }
 
     /// Starts a recording with room for `marks` timestamps. A recording that was not submitted is thrown away.
-    pub(super) fn begin(&mut self, marks: usize) -> Result<(), EngineError> {
+    pub(crate) fn begin(&mut self, marks: usize) -> Result<(), EngineError> {
         let device = &self.device;
         let error = |call| move |e| device.error(call, "recording", e);
         let raw = &self.device.raw;
@@ -146,7 +127,7 @@ impl Recorder {
     }
 
     /// Runs `groups` workgroups of a pipeline over these buffers. Without a barrier, it may run beside its neighbours.
-    pub(super) fn dispatch(
+    pub(crate) fn dispatch(
         &mut self,
         pipeline: Pipeline,
         buffers: &[Range<'_>],
@@ -190,7 +171,7 @@ impl Recorder {
     }
 
     /// What was recorded before is finished, and seen, before what follows starts.
-    pub(super) fn barrier(&mut self) {
+    pub(crate) fn barrier(&mut self) {
         self.wait(false);
     }
 
@@ -230,13 +211,13 @@ impl Recorder {
     }
 
     /// Fills a range with zeros.
-    pub(super) fn clear(&mut self, range: Range<'_>) {
+    pub(crate) fn clear(&mut self, range: Range<'_>) {
         // SAFETY: the command buffer is being recorded; offset and size are multiples of 4.
         unsafe { self.device.raw.cmd_fill_buffer(self.command, range.block.raw, range.offset, range.size, 0) };
     }
 
     /// Copies pieces.
-    pub(super) fn copy(&mut self, from: &Block, to: &Block, pieces: impl IntoIterator<Item = Piece>) {
+    pub(crate) fn copy(&mut self, from: &Block, to: &Block, pieces: impl IntoIterator<Item = Piece>) {
         self.regions.clear();
         let region = |(src_offset, dst_offset, size)| vk::BufferCopy { src_offset, dst_offset, size };
         self.regions.extend(pieces.into_iter().filter(|p| p.2 > 0).map(region));
@@ -247,7 +228,7 @@ impl Recorder {
     }
 
     /// The time since the mark before belongs to `label`.
-    pub(super) fn mark(&mut self, label: usize) {
+    pub(crate) fn mark(&mut self, label: usize) {
         self.marks.push(label);
         if self.has_timestamps() {
             debug_assert!((self.marks.len() as u32) < self.capacity);
@@ -258,7 +239,7 @@ impl Recorder {
     }
 
     /// Runs what was recorded and waits. Returns (label, seconds) per mark; `during` is what an error names.
-    pub(super) fn submit(&mut self, during: &str) -> Result<&[(usize, f64)], EngineError> {
+    pub(crate) fn submit(&mut self, during: &str) -> Result<&[(usize, f64)], EngineError> {
         self.wait(true);
         self.recording = false;
         let raw = &self.device.raw;
@@ -272,20 +253,20 @@ impl Recorder {
             .signal_semaphores(&semaphores)
             .push_next(&mut timeline)];
         let wait = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
-        // SAFETY: the queue is used by this recorder alone; all that was recorded lives until the wait is over.
+        // SAFETY: the queue is locked while it is submitted to; all that was recorded lives until the wait is over.
         unsafe {
             raw.end_command_buffer(self.command).map_err(error("vkEndCommandBuffer"))?;
-            let submitted = (self.queue_submit)(device.queue, 1, info.as_ptr(), vk::Fence::null());
+            let submitted = (self.queue_submit)(*device.compute.lock(), 1, info.as_ptr(), vk::Fence::null());
             submitted.result().map_err(error("vkQueueSubmit"))?;
+            self.submitted += 1;
+            add(&device.counters.submissions, 1);
             #[cfg(test)]
-            if let Some((_, fault)) = self.fails_from.filter(|(from, _)| self.submitted >= *from) {
+            if let Some((_, fault)) = self.fails_from.filter(|(from, _)| self.submitted > *from) {
                 let _ = raw.wait_semaphores(&wait, u64::MAX);
-                self.submitted += 1;
                 return Err(device.error("vkQueueSubmit", during, fault));
             }
             raw.wait_semaphores(&wait, u64::MAX).map_err(error("vkWaitSemaphores"))?;
         }
-        self.submitted += 1;
         self.read_times().map_err(|e| self.device.error("vkGetQueryPoolResults", during, e))?;
         Ok(&self.times)
     }
@@ -343,9 +324,14 @@ impl Recorder {
 impl Drop for Recorder {
     fn drop(&mut self) {
         let raw = &self.device.raw;
-        // SAFETY: the device is idle after the wait (or lost, when nothing runs either); each is destroyed once.
+        let (semaphores, values) = ([self.done], [self.submitted]);
+        let wait = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
+        // SAFETY: what was submitted is over after the wait (or the device lost, when nothing runs either); each is
+        // destroyed once.
         unsafe {
-            let _ = raw.device_wait_idle();
+            if self.done != vk::Semaphore::null() {
+                let _ = raw.wait_semaphores(&wait, u64::MAX);
+            }
             raw.destroy_query_pool(self.queries, None);
             for pool in &self.sets {
                 raw.destroy_descriptor_pool(*pool, None);

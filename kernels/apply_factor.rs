@@ -3,7 +3,7 @@
 use crate::{Complex32, simd};
 
 /// `factor` and `window` (count).
-pub fn weigh(factor: &[f32], window: &mut [Complex32]) {
+pub fn apply_factor(factor: &[f32], window: &mut [Complex32]) {
     simd(
         #[inline(always)]
         || {

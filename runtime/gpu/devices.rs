@@ -1,6 +1,6 @@
 //! Which devices there are, whether they can run the kernels, and which one is taken.
 
-use super::super::EngineError;
+use super::error::EngineError;
 use super::instance::{BASELINE, Instance, has, version_text};
 use ash::{khr, vk};
 
@@ -50,7 +50,7 @@ pub struct Limits {
     pub subgroup: u32,
     /// Largest single allocation.
     pub allocation: u64,
-    /// Memory of its own, or what it may use of the host's.
+    /// Memory of its own, or what it may use of the host's as if it were: its largest heap that is `DEVICE_LOCAL`.
     pub memory: u64,
     /// Nanoseconds per tick of the timestamps, 0 if there are none.
     pub timestamp_period: f32,
@@ -76,12 +76,14 @@ pub struct DeviceReport {
 }
 
 /// A device with what is needed to open it.
-pub(super) struct Candidate {
-    pub(super) raw: vk::PhysicalDevice,
-    pub(super) report: DeviceReport,
-    pub(super) family: u32,
-    pub(super) synchronization2: bool,
-    pub(super) portability_subset: bool,
+pub(crate) struct Candidate {
+    pub(crate) raw: vk::PhysicalDevice,
+    pub(crate) report: DeviceReport,
+    pub(crate) family: u32,
+    /// Where pictures are presented, if that was wanted and it can do it: the family, and which of its queues.
+    pub(crate) present: Option<(u32, u32)>,
+    pub(crate) synchronization2: bool,
+    pub(crate) portability_subset: bool,
 }
 
 /// All devices that the loader finds, usable or not.
@@ -89,18 +91,21 @@ pub(super) struct Candidate {
 /// # Errors
 /// No loader, or one that is too old.
 pub fn devices() -> Result<Vec<DeviceReport>, EngineError> {
-    let instance = Instance::new(false)?;
-    Ok(candidates(&instance)?.into_iter().map(|c| c.report).collect())
+    let instance = Instance::open(false, false)?;
+    Ok(candidates(&instance, false)?.into_iter().map(|c| c.report).collect())
 }
 
-pub(super) fn candidates(instance: &Instance) -> Result<Vec<Candidate>, EngineError> {
+/// `present`: they are to show pictures, where they can.
+pub(crate) fn candidates(instance: &Instance, present: bool) -> Result<Vec<Candidate>, EngineError> {
     // SAFETY: the instance is valid.
     let all = unsafe { instance.raw.enumerate_physical_devices() }
         .map_err(|e| EngineError::NoDevice { reason: format!("the devices could not be listed ({e:?})") })?;
-    Ok(all.into_iter().enumerate().map(|(index, raw)| inspect(instance, index, raw)).collect())
+    let shows = |c: Candidate| Candidate { present: c.present.filter(|_| present), ..c };
+    Ok(all.into_iter().enumerate().map(|(index, raw)| shows(inspect(instance, index, raw, None))).collect())
 }
 
-fn inspect(instance: &Instance, index: usize, raw: vk::PhysicalDevice) -> Candidate {
+/// `family`: the only one that there is, if the device is open already.
+pub(crate) fn inspect(instance: &Instance, index: usize, raw: vk::PhysicalDevice, only: Option<u32>) -> Candidate {
     let vulkan = &instance.raw;
     let (mut driver, mut subgroup, mut maintenance) = Default::default();
     // SAFETY: `raw` is a device of this instance.
@@ -129,10 +134,17 @@ fn inspect(instance: &Instance, index: usize, raw: vk::PhysicalDevice) -> Candid
     // A queue that only computes does not compete with a desktop's drawing.
     let computes = |q: &vk::QueueFamilyProperties| q.queue_flags.contains(vk::QueueFlags::COMPUTE) && q.queue_count > 0;
     let draws = |q: &vk::QueueFamilyProperties| q.queue_flags.contains(vk::QueueFlags::GRAPHICS);
-    let family = queues
+    let best = queues
         .iter()
         .position(|q| computes(q) && !draws(q) && q.timestamp_valid_bits > 0)
         .or_else(|| queues.iter().position(computes));
+    let family = only.map(|f| f as usize).filter(|f| queues.get(*f).is_some_and(computes)).or(best);
+    // Another queue if there is one: a picture does not wait for a kernel.
+    let present = queues.iter().position(draws).filter(|_| has(&extensions, khr::swapchain::NAME));
+    let present = present.map(|p| (p as u32, u32::from(Some(p) == family && queues[p].queue_count > 1)));
+    let local = vk::MemoryPropertyFlags::DEVICE_LOCAL;
+    let types = &memory.memory_types[..memory.memory_type_count as usize];
+    let has_type = |heap: u32| types.iter().any(|t| t.heap_index == heap && t.property_flags.contains(local));
     let limits = Limits {
         storage_range: u64::from(basic.limits.max_storage_buffer_range),
         offset_alignment: basic.limits.min_storage_buffer_offset_alignment.max(4),
@@ -144,8 +156,9 @@ fn inspect(instance: &Instance, index: usize, raw: vk::PhysicalDevice) -> Candid
         allocation: if modern { maintenance.max_memory_allocation_size } else { 0 },
         memory: memory.memory_heaps[..memory.memory_heap_count as usize]
             .iter()
-            .filter(|h| h.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL))
-            .map(|h| h.size)
+            .enumerate()
+            .filter(|(i, h)| h.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL) && has_type(*i as u32))
+            .map(|(_, h)| h.size)
             .max()
             .unwrap_or(0),
         timestamp_period: match family {
@@ -182,6 +195,7 @@ fn inspect(instance: &Instance, index: usize, raw: vk::PhysicalDevice) -> Candid
         raw,
         report,
         family: family.unwrap_or(0) as u32,
+        present,
         synchronization2: features2.synchronization2 == vk::TRUE,
         portability_subset: has(&extensions, khr::portability_subset::NAME),
     }
@@ -215,11 +229,12 @@ fn check(limits: &Limits) -> Result<(), String> {
     at_least("the storage buffer range", limits.storage_range, 1 << 27)?;
     at_least("the workgroup's shared memory", limits.shared_memory.into(), 16 << 10)?;
     at_least("the number of invocations in a workgroup", limits.invocations.into(), 128)?;
-    at_least("the number of storage buffers of a kernel", limits.buffers.into(), 4)
+    at_least("the number of storage buffers of a kernel", limits.buffers.into(), 4)?;
+    if limits.memory > 0 { Ok(()) } else { Err("it has no memory that is DEVICE_LOCAL".into()) }
 }
 
 /// The device that `wanted` names (its number, or a part of its name), or the best one.
-pub(super) fn choose(mut all: Vec<Candidate>, wanted: Option<&str>, allow_cpu: bool) -> Result<Candidate, EngineError> {
+pub(crate) fn choose(mut all: Vec<Candidate>, wanted: Option<&str>, allow_cpu: bool) -> Result<Candidate, EngineError> {
     if all.is_empty() {
         return Err(EngineError::NoDevice { reason: "the loader works, and no driver offers a device".into() });
     }
@@ -299,5 +314,7 @@ mod tests {
         assert_eq!(check(&limits), Ok(()));
         limits.shared_memory = 8 << 10;
         assert!(check(&limits).unwrap_err().contains("shared memory is 8192, 16384 is needed"));
+        let without = Limits { memory: 0, shared_memory: 16 << 10, ..limits };
+        assert!(check(&without).unwrap_err().contains("DEVICE_LOCAL"));
     }
 }

@@ -16,7 +16,7 @@ pub struct Args {
 }
 
 /// `hits` and `change` (grid_height, grid_width). `power` is 1, 1/2 or anything between.
-pub fn balance(args: &Args, hits: &[f32], change: &mut [Complex32]) {
+pub fn divide_by_overlap(args: &Args, hits: &[f32], change: &mut [Complex32]) {
     let power = args.power;
     simd(
         #[inline(always)]

@@ -1,38 +1,73 @@
 //! The Vulkan instance, loaded at run time, and the validation layer's messages.
 
-use super::super::EngineError;
-use ash::{ext, vk};
-use std::ffi::{CStr, c_void};
+use super::error::EngineError;
+use ash::{ext, khr, vk};
+use std::ffi::{CStr, CString, c_void};
 use std::sync::{Arc, Mutex, PoisonError};
 
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
+/// What windows of desktops, and displays that no desktop drives, need.
+const SURFACES: [&CStr; 8] = [
+    khr::surface::NAME,
+    khr::xcb_surface::NAME,
+    khr::xlib_surface::NAME,
+    khr::wayland_surface::NAME,
+    khr::display::NAME,
+    ext::direct_mode_display::NAME,
+    ext::acquire_drm_display::NAME,
+    ext::display_surface_counter::NAME,
+];
 /// The oldest Vulkan that the kernels are compiled for.
-pub(super) const BASELINE: u32 = vk::API_VERSION_1_2;
+pub(crate) const BASELINE: u32 = vk::API_VERSION_1_2;
 
 /// What the validation layer said, in order.
-pub(super) type Messages = Arc<Mutex<Vec<String>>>;
+pub type Messages = Arc<Mutex<Vec<String>>>;
 
 /// An instance and its messenger. Everything that is made from it must be gone before it is dropped.
-pub(super) struct Instance {
-    pub(super) raw: ash::Instance,
+pub(crate) struct Instance {
+    pub(crate) raw: ash::Instance,
     messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
-    pub(super) messages: Messages,
+    pub(crate) messages: Messages,
+    extensions: Vec<CString>,
+    /// Whether it is destroyed with this.
+    owned: bool,
     // The library must outlive all that was loaded from it.
-    pub(super) entry: ash::Entry,
+    pub(crate) entry: ash::Entry,
 }
 
 impl Instance {
-    /// Loads Vulkan; with `validation`, core and synchronisation validation as well.
-    pub(super) fn new(validation: bool) -> Result<Self, EngineError> {
-        Self::with(validation, &[])
+    /// Loads Vulkan; with `validation`, core and synchronisation validation as well, and with `present` whatever there is
+    /// of [`SURFACES`].
+    pub(crate) fn open(validation: bool, present: bool) -> Result<Self, EngineError> {
+        let entry = load()?;
+        let there = extension_names(&entry, None);
+        let shows = present && has(&there, khr::surface::NAME);
+        let wanted: Vec<_> = SURFACES.into_iter().filter(|name| shows && has(&there, name)).collect();
+        Self::on(entry, validation, &wanted)
     }
 
     /// The same with some extensions.
-    pub(super) fn with(validation: bool, needed: &[&'static CStr]) -> Result<Self, EngineError> {
+    pub(crate) fn with(validation: bool, needed: &[&'static CStr]) -> Result<Self, EngineError> {
+        Self::on(load()?, validation, needed)
+    }
+
+    /// One that a program made, and keeps.
+    ///
+    /// # Safety
+    /// It was made from this entry, has these extensions, and outlives what is made here.
+    pub(crate) unsafe fn from_raw(entry: ash::Entry, raw: vk::Instance, extensions: Vec<CString>) -> Self {
+        // SAFETY: the caller says so.
+        let raw = unsafe { ash::Instance::load(entry.static_fn(), raw) };
+        Self { raw, messenger: None, messages: Messages::default(), extensions, owned: false, entry }
+    }
+
+    /// Whether an extension is on.
+    pub(crate) fn has(&self, extension: &CStr) -> bool {
+        self.extensions.iter().any(|e| e.as_c_str() == extension)
+    }
+
+    fn on(entry: ash::Entry, validation: bool, needed: &[&'static CStr]) -> Result<Self, EngineError> {
         let none = |reason: String| EngineError::NoDevice { reason };
-        // SAFETY: the loader is trusted to be a Vulkan loader; it stays loaded as long as `_entry` lives.
-        let entry =
-            unsafe { ash::Entry::load() }.map_err(|e| none(format!("the Vulkan loader could not be loaded ({e})")))?;
         // SAFETY: the entry is valid; no arguments.
         let version = unsafe { entry.try_enumerate_instance_version() }.ok().flatten().unwrap_or(vk::API_VERSION_1_0);
         if version < BASELINE {
@@ -48,8 +83,8 @@ impl Instance {
             wanted.push(name.as_ptr());
         }
         let mut flags = vk::InstanceCreateFlags::empty();
-        if has(&extensions, ash::khr::portability_enumeration::NAME) {
-            wanted.push(ash::khr::portability_enumeration::NAME.as_ptr());
+        if has(&extensions, khr::portability_enumeration::NAME) {
+            wanted.push(khr::portability_enumeration::NAME.as_ptr());
             flags |= vk::InstanceCreateFlags::ENUMERATE_PORTABILITY_KHR;
         }
         if validation {
@@ -91,7 +126,8 @@ impl Instance {
             vk::Result::ERROR_INCOMPATIBLE_DRIVER => none("the loader works, and no driver is installed".into()),
             e => none(format!("no Vulkan instance could be made ({e:?})")),
         })?;
-        let mut instance = Self { raw, messenger: None, messages, entry };
+        let extensions = needed.iter().map(|&name| name.to_owned()).collect();
+        let mut instance = Self { raw, messenger: None, messages, extensions, owned: true, entry };
         if validation {
             let utils = ext::debug_utils::Instance::new(&instance.entry, &instance.raw);
             let info = messenger_info(&instance.messages);
@@ -111,13 +147,21 @@ impl Drop for Instance {
             if let Some((utils, messenger)) = &self.messenger {
                 utils.destroy_debug_utils_messenger(*messenger, None);
             }
-            self.raw.destroy_instance(None);
+            if self.owned {
+                self.raw.destroy_instance(None);
+            }
         }
     }
 }
 
+fn load() -> Result<ash::Entry, EngineError> {
+    // SAFETY: the loader is trusted to be a Vulkan loader; it stays loaded as long as the entry lives.
+    unsafe { ash::Entry::load() }
+        .map_err(|e| EngineError::NoDevice { reason: format!("the Vulkan loader could not be loaded ({e})") })
+}
+
 /// `1.3.230`.
-pub(super) fn version_text(version: u32) -> String {
+pub(crate) fn version_text(version: u32) -> String {
     let (major, minor) = (vk::api_version_major(version), vk::api_version_minor(version));
     format!("{major}.{minor}.{}", vk::api_version_patch(version))
 }
@@ -128,7 +172,7 @@ fn extension_names(entry: &ash::Entry, layer: Option<&CStr>) -> Vec<vk::Extensio
 }
 
 /// Whether an extension is among these.
-pub(super) fn has(extensions: &[vk::ExtensionProperties], name: &CStr) -> bool {
+pub(crate) fn has(extensions: &[vk::ExtensionProperties], name: &CStr) -> bool {
     extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name))
 }
 

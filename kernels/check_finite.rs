@@ -5,7 +5,7 @@
 use crate::{Complex32, simd};
 
 /// `change` (any number of values). True if any is infinite or no number.
-pub fn guard(change: &[Complex32]) -> bool {
+pub fn check_finite(change: &[Complex32]) -> bool {
     simd(
         #[inline(always)]
         || {
@@ -25,10 +25,10 @@ mod tests {
     #[test]
     fn one_bad_value_is_found_wherever_it_is() {
         let mut change = vec![Complex32::new(65504.0, -3e38); 101];
-        assert!(!guard(&change));
+        assert!(!check_finite(&change));
         for (at, bad) in [(0, f32::NAN), (57, f32::INFINITY), (100, f32::NEG_INFINITY)] {
             change[at].im = bad;
-            assert!(guard(&change));
+            assert!(check_finite(&change));
             change[at].im = 0.0;
         }
     }

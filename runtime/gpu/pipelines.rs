@@ -1,53 +1,62 @@
 //! Compute pipelines by module and specialisation constants, made when first asked for and kept.
 
-use super::super::EngineError;
-use super::{cache, device::Device};
+use super::cache;
+use super::error::EngineError;
 use ash::vk;
 use eyebox_spirv::Module;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// Bytes of push constants that every device has; all layouts take them whole.
-pub(super) const PUSH_BYTES: u32 = 128;
+pub(crate) const PUSH_BYTES: u32 = 128;
 
 /// A pipeline and what its dispatches need.
 #[derive(Clone, Copy)]
-pub(super) struct Pipeline {
-    pub(super) raw: vk::Pipeline,
-    pub(super) layout: vk::PipelineLayout,
-    pub(super) set_layout: vk::DescriptorSetLayout,
+pub(crate) struct Pipeline {
+    pub(crate) raw: vk::Pipeline,
+    pub(crate) layout: vk::PipelineLayout,
+    pub(crate) set_layout: vk::DescriptorSetLayout,
     /// Storage buffers at bindings 0, 1, ...
-    pub(super) bindings: u32,
+    pub(crate) bindings: u32,
 }
 
 /// Layouts by number of bindings.
 type Layouts = HashMap<u32, (vk::DescriptorSetLayout, vk::PipelineLayout)>;
 
-pub(super) struct Pipelines {
+/// All that were made on a device; it goes before the device does.
+pub(crate) struct Pipelines {
     made: HashMap<(&'static str, Vec<u32>), Pipeline>,
     layouts: Layouts,
     cache: vk::PipelineCache,
     file: Option<PathBuf>,
-    device: Arc<Device>,
+    device: ash::Device,
+    /// The device's, for errors.
+    name: String,
+    properties: vk::PhysicalDeviceProperties,
 }
 
 impl Pipelines {
     /// Reads the cache on disk, in `folder` or where the user has it.
-    pub(super) fn new(device: &Arc<Device>, folder: Option<&Path>) -> Result<Self, EngineError> {
+    pub(crate) fn new(
+        device: &ash::Device,
+        name: &str,
+        properties: &vk::PhysicalDeviceProperties,
+        folder: Option<&Path>,
+    ) -> Result<Self, EngineError> {
         let folder = folder.map(Path::to_owned).or_else(crate::files::cache_folder);
-        let file = folder.map(|f| f.join(cache::name(&device.properties)));
-        let data = file.as_deref().and_then(|f| cache::read(f, &device.properties)).unwrap_or_default();
+        let file = folder.map(|f| f.join(cache::name(properties)));
+        let data = file.as_deref().and_then(|f| cache::read(f, properties)).unwrap_or_default();
         let info = vk::PipelineCacheCreateInfo::default().initial_data(&data);
         // SAFETY: the data is either empty or what this driver wrote (header and checksum agree).
-        let cache = unsafe { device.raw.create_pipeline_cache(&info, None) }
-            .map_err(|e| device.error("vkCreatePipelineCache", "pipeline cache", e))?;
-        Ok(Self { made: HashMap::new(), layouts: HashMap::new(), cache, file, device: Arc::clone(device) })
+        let cache = unsafe { device.create_pipeline_cache(&info, None) }
+            .map_err(|e| EngineError::vulkan(name, "vkCreatePipelineCache", "pipeline cache", e))?;
+        let (made, layouts) = (HashMap::new(), HashMap::new());
+        Ok(Self { made, layouts, cache, file, device: device.clone(), name: name.into(), properties: *properties })
     }
 
     /// The pipeline of `module` with storage buffers at bindings `0 .. bindings` and the 32-bit specialisation
     /// constants 0, 1, ...; integers and floats go by their bits.
-    pub(super) fn get(
+    pub(crate) fn get(
         &mut self,
         module: &'static Module,
         bindings: u32,
@@ -58,11 +67,11 @@ impl Pipelines {
         }
         let (set_layout, layout) = self.layout(bindings)?;
         let device = &self.device;
-        let error = |call, e| device.error(call, module.name, e);
+        let error = |call, e| EngineError::vulkan(&self.name, call, module.name, e);
         let info = vk::ShaderModuleCreateInfo::default().code(module.words());
         // SAFETY: the module was validated when it was built; it is destroyed right after the pipeline is made.
         let shader =
-            unsafe { device.raw.create_shader_module(&info, None) }.map_err(|e| error("vkCreateShaderModule", e))?;
+            unsafe { device.create_shader_module(&info, None) }.map_err(|e| error("vkCreateShaderModule", e))?;
         let entries: Vec<vk::SpecializationMapEntry> = (0..constants.len() as u32)
             .map(|i| vk::SpecializationMapEntry { constant_id: i, offset: 4 * i, size: 4 })
             .collect();
@@ -74,9 +83,9 @@ impl Pipelines {
             .specialization_info(&special);
         let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout)];
         // SAFETY: all that `info` points to lives until the call returns.
-        let made = unsafe { device.raw.create_compute_pipelines(self.cache, &info, None) };
+        let made = unsafe { device.create_compute_pipelines(self.cache, &info, None) };
         // SAFETY: the pipeline keeps what it needs of the module.
-        unsafe { device.raw.destroy_shader_module(shader, None) };
+        unsafe { device.destroy_shader_module(shader, None) };
         let raw = made.map_err(|(_, e)| error("vkCreateComputePipelines", e))?[0];
         let pipeline = Pipeline { raw, layout, set_layout, bindings };
         self.made.insert((module.name, constants.to_vec()), pipeline);
@@ -99,17 +108,17 @@ impl Pipelines {
             .collect();
         let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&slots);
         // SAFETY: `info` is valid for the call.
-        let set = unsafe { device.raw.create_descriptor_set_layout(&info, None) }
-            .map_err(|e| device.error("vkCreateDescriptorSetLayout", "a kernel's layout", e))?;
+        let set = unsafe { device.create_descriptor_set_layout(&info, None) }
+            .map_err(|e| EngineError::vulkan(&self.name, "vkCreateDescriptorSetLayout", "a kernel's layout", e))?;
         let sets = [set];
         let push = [vk::PushConstantRange::default().stage_flags(vk::ShaderStageFlags::COMPUTE).size(PUSH_BYTES)];
         let info = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets).push_constant_ranges(&push);
         // SAFETY: as above.
-        let made = unsafe { device.raw.create_pipeline_layout(&info, None) };
+        let made = unsafe { device.create_pipeline_layout(&info, None) };
         let layout = made.map_err(|e| {
             // SAFETY: nothing uses it.
-            unsafe { device.raw.destroy_descriptor_set_layout(set, None) };
-            device.error("vkCreatePipelineLayout", "a kernel's layout", e)
+            unsafe { device.destroy_descriptor_set_layout(set, None) };
+            EngineError::vulkan(&self.name, "vkCreatePipelineLayout", "a kernel's layout", e)
         })?;
         self.layouts.insert(bindings, (set, layout));
         Ok((set, layout))
@@ -118,13 +127,13 @@ impl Pipelines {
 
 impl Drop for Pipelines {
     fn drop(&mut self) {
-        let raw = &self.device.raw;
+        let raw = &self.device;
         // SAFETY: recordings are waited for before the pipelines are dropped; each is destroyed once.
         unsafe {
             // What was read already, and has not grown, need not be written.
             if let (Some(file), Ok(data)) = (&self.file, raw.get_pipeline_cache_data(self.cache))
                 && !self.made.is_empty()
-                && cache::read(file, &self.device.properties).as_ref() != Some(&data)
+                && cache::read(file, &self.properties).as_ref() != Some(&data)
             {
                 cache::write(file, &data);
             }

@@ -1,0 +1,40 @@
+//! What a device was asked to do, counted.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// What was done on a device since it was opened, by everyone who shares it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Counts {
+    /// Recordings that were submitted.
+    pub submissions: u64,
+    /// Bytes copied from the host to buffers.
+    pub uploaded: u64,
+    /// Bytes copied from buffers to the host, without the few of a step's losses.
+    pub read_back: u64,
+    /// Bytes of phases among those.
+    pub phases_read_back: u64,
+}
+
+#[derive(Default)]
+pub(crate) struct Counters {
+    pub(crate) submissions: AtomicU64,
+    pub(crate) uploaded: AtomicU64,
+    pub(crate) read_back: AtomicU64,
+    pub(crate) phases_read_back: AtomicU64,
+}
+
+impl Counters {
+    pub(crate) fn now(&self) -> Counts {
+        Counts {
+            submissions: self.submissions.load(Ordering::Relaxed),
+            uploaded: self.uploaded.load(Ordering::Relaxed),
+            read_back: self.read_back.load(Ordering::Relaxed),
+            phases_read_back: self.phases_read_back.load(Ordering::Relaxed),
+        }
+    }
+}
+
+/// Counts `more`.
+pub(crate) fn add(counter: &AtomicU64, more: u64) {
+    counter.fetch_add(more, Ordering::Relaxed);
+}

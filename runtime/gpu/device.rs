@@ -1,0 +1,267 @@
+//! The logical device and what its users share: queues, an allocator, pipelines, counters.
+
+use super::counters::Counters;
+use super::devices::{Candidate, DeviceReport};
+use super::error::EngineError;
+use super::instance::{Instance, has};
+use super::pipelines::{Pipeline, Pipelines};
+use ash::{ext, google, khr, vk};
+use eyebox_spirv::Module;
+use gpu_allocator::AllocationSizes;
+use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
+use std::ffi::{CStr, CString};
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// A queue, of which one thread at a time makes use.
+pub(crate) struct Queue {
+    pub(crate) family: u32,
+    raw: Mutex<vk::Queue>,
+}
+
+impl Queue {
+    pub(crate) fn new(family: u32, raw: vk::Queue) -> Self {
+        Self { family, raw: Mutex::new(raw) }
+    }
+
+    /// The queue, for as long as the guard lives.
+    pub(crate) fn lock(&self) -> MutexGuard<'_, vk::Queue> {
+        self.raw.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// A logical device and its queues.
+pub(crate) struct Made {
+    pub(crate) raw: ash::Device,
+    pub(crate) physical: vk::PhysicalDevice,
+    pub(crate) compute: Queue,
+    /// Where pictures are presented, if that is another one.
+    pub(crate) other: Option<Queue>,
+    /// What is on.
+    pub(crate) extensions: Vec<CString>,
+    /// Whether it is destroyed at the end.
+    pub(crate) owned: bool,
+}
+
+/// Shared by everything that lives on the device, so that it goes last.
+pub(crate) struct Device {
+    pub(crate) raw: ash::Device,
+    pub(crate) physical: vk::PhysicalDevice,
+    /// Where kernels run.
+    pub(crate) compute: Queue,
+    /// Where pictures are presented, if that is another queue.
+    other: Option<Queue>,
+    /// The families of both queues, one where they are the same.
+    families: Vec<u32>,
+    pub(crate) synchronization2: Option<khr::synchronization2::Device>,
+    pub(crate) report: DeviceReport,
+    pub(crate) counters: Counters,
+    lost: AtomicBool,
+    extensions: Vec<CString>,
+    pipelines: Mutex<Option<Pipelines>>,
+    allocator: Mutex<Option<Allocator>>,
+    /// Whether it is destroyed with this.
+    owned: bool,
+    pub(crate) instance: Arc<Instance>,
+}
+
+impl Device {
+    /// Makes the chosen one. `cache`: folder of compiled pipelines.
+    pub(crate) fn new(
+        instance: &Arc<Instance>,
+        chosen: Candidate,
+        cache: Option<&Path>,
+    ) -> Result<Arc<Self>, EngineError> {
+        let (name, physical) = (chosen.report.name.clone(), chosen.raw);
+        let mut extensions: Vec<&CStr> = Vec::new();
+        if chosen.synchronization2 {
+            extensions.push(khr::synchronization2::NAME);
+        }
+        if chosen.portability_subset {
+            extensions.push(khr::portability_subset::NAME);
+        }
+        let mut timeline = vk::PhysicalDeviceTimelineSemaphoreFeatures::default().timeline_semaphore(true);
+        let mut synchronization = vk::PhysicalDeviceSynchronization2Features::default().synchronization2(true);
+        let mut id = vk::PhysicalDevicePresentIdFeaturesKHR::default().present_id(true);
+        let mut wait = vk::PhysicalDevicePresentWaitFeaturesKHR::default().present_wait(true);
+        if chosen.present.is_some() {
+            extensions.extend(presenting(instance, physical));
+        }
+        // One queue of each family, or two of the same.
+        let priorities = [1.0; 2];
+        let (family, present) = (chosen.family, chosen.present.unwrap_or((chosen.family, 0)));
+        let queue = |family, count| {
+            vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&priorities[..count])
+        };
+        let queues = match present {
+            (other, _) if other != family => vec![queue(family, 1), queue(other, 1)],
+            (_, index) => vec![queue(family, index as usize + 1)],
+        };
+        let names: Vec<_> = extensions.iter().map(|name| name.as_ptr()).collect();
+        let mut info = vk::DeviceCreateInfo::default()
+            .queue_create_infos(&queues)
+            .enabled_extension_names(&names)
+            .push_next(&mut timeline);
+        if chosen.synchronization2 {
+            info = info.push_next(&mut synchronization);
+        }
+        if extensions.contains(&khr::present_wait::NAME) {
+            info = info.push_next(&mut id).push_next(&mut wait);
+        }
+        // SAFETY: the device is of this instance, and has the queue families, extensions and features asked for.
+        let raw = unsafe { instance.raw.create_device(physical, &info, None) }
+            .map_err(|e| EngineError::vulkan(&name, "vkCreateDevice", "setting up", e))?;
+        // SAFETY: the queues were asked for.
+        let [compute, other] = unsafe {
+            [(family, 0), present].map(|(family, index)| Queue::new(family, raw.get_device_queue(family, index)))
+        };
+        let other = Some(other).filter(|_| present != (family, 0));
+        let extensions = extensions.into_iter().map(CStr::to_owned).collect();
+        Self::of(instance, Made { raw, physical, compute, other, extensions, owned: true }, chosen.report, cache)
+    }
+
+    /// What is shared, around a device that was made here or elsewhere.
+    pub(crate) fn of(
+        instance: &Arc<Instance>,
+        made: Made,
+        report: DeviceReport,
+        cache: Option<&Path>,
+    ) -> Result<Arc<Self>, EngineError> {
+        let Made { raw, physical, compute, other, extensions, owned } = made;
+        let mut families = vec![compute.family];
+        families.extend(other.as_ref().map(|q| q.family).filter(|f| *f != compute.family));
+        // SAFETY: the device is of this instance.
+        let properties = unsafe { instance.raw.get_physical_device_properties(physical) };
+        let synchronization2 = extensions
+            .iter()
+            .any(|e| e.as_c_str() == khr::synchronization2::NAME)
+            .then(|| khr::synchronization2::Device::new(&instance.raw, &raw));
+        let mut device = Self {
+            raw,
+            physical,
+            compute,
+            other,
+            families,
+            synchronization2,
+            report,
+            counters: Counters::default(),
+            lost: AtomicBool::new(false),
+            extensions,
+            pipelines: Mutex::new(None),
+            allocator: Mutex::new(None),
+            owned,
+            instance: Arc::clone(instance),
+        };
+        let allocator = Allocator::new(&AllocatorCreateDesc {
+            instance: device.instance.raw.clone(),
+            device: device.raw.clone(),
+            physical_device: physical,
+            debug_settings: Default::default(),
+            buffer_device_address: false,
+            // Large buffers have memory of their own; these blocks hold the small ones.
+            allocation_sizes: AllocationSizes::new(16 << 20, 8 << 20),
+        });
+        let allocator = allocator.map_err(|e| EngineError::Vulkan {
+            device: device.report.name.clone(),
+            call: "allocator",
+            result: e.to_string(),
+        })?;
+        device.allocator = Mutex::new(Some(allocator));
+        let pipelines = Pipelines::new(&device.raw, &device.report.name, &properties, cache)?;
+        device.pipelines = Mutex::new(Some(pipelines));
+        Ok(Arc::new(device))
+    }
+
+    // The swapchains will make use of it.
+    #[allow(dead_code)]
+    /// Where pictures are presented: kernels run there as well where there is no other queue.
+    pub(crate) fn present(&self) -> &Queue {
+        self.other.as_ref().unwrap_or(&self.compute)
+    }
+
+    /// The families of its queues: two, where pictures are presented on one of another family.
+    pub(crate) fn families(&self) -> &[u32] {
+        &self.families
+    }
+
+    /// Whether an extension is on.
+    pub(crate) fn has(&self, extension: &CStr) -> bool {
+        self.extensions.iter().any(|e| e.as_c_str() == extension)
+    }
+
+    /// Memory; there is some until the device is dropped.
+    pub(crate) fn allocator(&self) -> MutexGuard<'_, Option<Allocator>> {
+        self.allocator.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The pipeline of a module: see [`Pipelines::get`].
+    pub(crate) fn pipeline(
+        &self,
+        module: &'static Module,
+        bindings: u32,
+        constants: &[u32],
+    ) -> Result<Pipeline, EngineError> {
+        let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        let gone = || EngineError::Mismatch { reason: "the device is being closed".into() };
+        pipelines.as_mut().ok_or_else(gone)?.get(module, bindings, constants)
+    }
+
+    /// Number of allocations alive.
+    #[cfg(test)]
+    pub(crate) fn allocations(&self) -> usize {
+        self.allocator().as_ref().map_or(0, |a| a.generate_report().allocations.len())
+    }
+
+    /// Whether it stopped answering: nothing runs on it any more.
+    pub(crate) fn is_lost(&self) -> bool {
+        self.lost.load(Ordering::Relaxed)
+    }
+
+    /// An answer of Vulkan's as an error: `call` names the call, `during` the kernel, the transfer or the buffer.
+    pub(crate) fn error(&self, call: &'static str, during: &str, result: vk::Result) -> EngineError {
+        if result == vk::Result::ERROR_DEVICE_LOST {
+            self.lost.store(true, Ordering::Relaxed);
+        }
+        EngineError::vulkan(&self.report.name, call, during, result)
+    }
+}
+
+impl Drop for Device {
+    fn drop(&mut self) {
+        // Whatever lives on the device holds it, so all of that is gone, and what it submitted is over.
+        drop(self.pipelines.get_mut().unwrap_or_else(PoisonError::into_inner).take());
+        drop(self.allocator.get_mut().unwrap_or_else(PoisonError::into_inner).take());
+        if self.owned {
+            // SAFETY: as above; it was made here, and is destroyed once.
+            unsafe {
+                let _ = self.raw.device_wait_idle();
+                self.raw.destroy_device(None);
+            }
+        }
+    }
+}
+
+/// The extensions by which a device shows pictures, and says when they lit up, as far as it has them.
+fn presenting(instance: &Instance, physical: vk::PhysicalDevice) -> Vec<&'static CStr> {
+    // SAFETY: the device is of this instance.
+    let has_all = unsafe { instance.raw.enumerate_device_extension_properties(physical) }.unwrap_or_default();
+    let mut wanted = vec![khr::swapchain::NAME];
+    if has(&has_all, google::display_timing::NAME) {
+        wanted.push(google::display_timing::NAME);
+    }
+    if has(&has_all, khr::present_id::NAME) && has(&has_all, khr::present_wait::NAME) {
+        let mut id = vk::PhysicalDevicePresentIdFeaturesKHR::default();
+        let mut wait = vk::PhysicalDevicePresentWaitFeaturesKHR::default();
+        let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut id).push_next(&mut wait);
+        // SAFETY: the device is of this instance, of Vulkan 1.2, and has the extensions.
+        unsafe { instance.raw.get_physical_device_features2(physical, &mut features) };
+        if id.present_id == vk::TRUE && wait.present_wait == vk::TRUE {
+            wanted.extend([khr::present_id::NAME, khr::present_wait::NAME]);
+        }
+    }
+    if instance.has(ext::display_surface_counter::NAME) && has(&has_all, ext::display_control::NAME) {
+        wanted.push(ext::display_control::NAME);
+    }
+    wanted
+}

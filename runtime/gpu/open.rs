@@ -1,0 +1,151 @@
+//! Opens a device, or takes one that a program brings.
+
+use super::counters::Counts;
+use super::device::{Device, Made, Queue};
+use super::devices::{Candidate, DeviceReport, candidates, choose, inspect};
+use super::error::EngineError;
+use super::instance::{Instance, Messages};
+use ash::vk;
+use std::ffi::CString;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// How a device is chosen and watched.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Options {
+    /// Its number or a part of its name; the best one if none is given.
+    pub device: Option<String>,
+    /// Whether a software device may be taken where no better one is.
+    pub allow_cpu: bool,
+    /// Whether the validation layer watches (slow; it must be installed). See [`Gpu::messages`].
+    pub validation: bool,
+    /// Folder in which compiled pipelines are kept for the next start; the user's (`$XDG_CACHE_HOME/eyebox` or
+    /// `~/.cache/eyebox`) if none is given.
+    pub cache: Option<PathBuf>,
+    /// Whether pictures are to be presented from it, in windows or on displays, where it can do that.
+    pub present: bool,
+}
+
+/// An open Vulkan device: a handle, whose clones share the device.
+#[derive(Clone)]
+pub struct Gpu {
+    pub(crate) device: Arc<Device>,
+    options: Options,
+}
+
+/// A device that a program opened itself, for [`Gpu::from_raw`].
+pub struct RawDevice {
+    /// What the instance was made from.
+    pub entry: ash::Entry,
+    /// Of Vulkan 1.2 or newer.
+    pub instance: vk::Instance,
+    /// The instance's extensions that are on.
+    pub instance_extensions: Vec<CString>,
+    /// The device that `device` was made of.
+    pub physical: vk::PhysicalDevice,
+    /// With the feature `timelineSemaphore` on.
+    pub device: vk::Device,
+    /// The device's extensions that are on.
+    pub device_extensions: Vec<CString>,
+    /// The family of the queue; it computes, and draws if pictures are to be presented.
+    pub family: u32,
+    /// The queue.
+    pub queue: vk::Queue,
+}
+
+impl Gpu {
+    /// Opens the device that the options name, or the best one.
+    ///
+    /// # Errors
+    /// [`EngineError::NoDevice`]: no loader, no driver, no device of that name; [`EngineError::Unsuitable`]: one that
+    /// cannot run the kernels.
+    pub fn open(options: &Options) -> Result<Self, EngineError> {
+        let instance = Arc::new(Instance::open(options.validation, options.present)?);
+        let all = candidates(&instance, options.present)?;
+        let chosen = choose(all, options.device.as_deref(), options.allow_cpu)?;
+        Self::on(&instance, chosen, options)
+    }
+
+    fn on(instance: &Arc<Instance>, chosen: Candidate, options: &Options) -> Result<Self, EngineError> {
+        let device = Device::new(instance, chosen, options.cache.as_deref())?;
+        Ok(Self { device, options: options.clone() })
+    }
+
+    /// Takes a device that the program opened and keeps: neither it nor its instance is destroyed here. `cache`: folder of
+    /// compiled pipelines, the user's if none is given.
+    ///
+    /// # Errors
+    /// [`EngineError::Unsuitable`] where it cannot run the kernels.
+    ///
+    /// # Safety
+    /// The handles are valid and belong together, and stay so until the last clone of this and all that was made from it
+    /// are dropped. The extensions are those that are on; with `VK_KHR_synchronization2`, `VK_KHR_present_id` and
+    /// `VK_KHR_present_wait` their features are on too. The queue is of that family, and the program makes use of it within
+    /// [`with_queue`](Self::with_queue) alone.
+    pub unsafe fn from_raw(raw: RawDevice, cache: Option<&Path>) -> Result<Self, EngineError> {
+        let RawDevice { entry, instance, instance_extensions, physical, device, device_extensions, family, queue } =
+            raw;
+        // SAFETY: the caller vouches for the handles.
+        let instance = unsafe { Instance::from_raw(entry, instance, instance_extensions) };
+        let Candidate { report, .. } = inspect(&instance, 0, physical, Some(family));
+        if let Err(reason) = report.usable {
+            return Err(EngineError::Unsuitable { device: report.name, reason });
+        }
+        // SAFETY: as above.
+        let raw = unsafe { ash::Device::load(instance.raw.fp_v1_0(), device) };
+        let compute = Queue::new(family, queue);
+        let made = Made { raw, physical, compute, other: None, extensions: device_extensions, owned: false };
+        let device = Device::of(&Arc::new(instance), made, report, cache)?;
+        let options =
+            Options { cache: cache.map(Path::to_owned), present: true, allow_cpu: true, ..Options::default() };
+        Ok(Self { device, options })
+    }
+
+    // The swapchains will make use of it.
+    #[allow(dead_code)]
+    /// This device, if `shows` says that it can show on a surface from a queue of this family; else the best other one
+    /// that can.
+    pub(crate) fn that_shows(&self, shows: impl Fn(vk::PhysicalDevice, u32) -> bool) -> Result<Self, EngineError> {
+        let device = &self.device;
+        if device.has(ash::khr::swapchain::NAME) && shows(device.physical, device.present().family) {
+            return Ok(self.clone());
+        }
+        let mut all = candidates(&device.instance, true)?;
+        all.retain(|c| c.report.usable.is_ok() && c.present.is_some_and(|(family, _)| shows(c.raw, family)));
+        let best = all.into_iter().min_by_key(|c| c.report.kind).ok_or_else(|| EngineError::NoDevice {
+            reason: "no Vulkan device can show pictures in a window of this system".into(),
+        })?;
+        Self::on(&device.instance, best, &self.options)
+    }
+
+    /// The device.
+    pub fn report(&self) -> &DeviceReport {
+        &self.device.report
+    }
+
+    /// Whether it stopped answering: what is made from it fails, and another one has to be opened.
+    pub fn is_lost(&self) -> bool {
+        self.device.is_lost()
+    }
+
+    /// Whether these are one device.
+    pub fn is(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.device, &other.device)
+    }
+
+    /// What the validation layer says, if the options asked for it, from the opening of the device to its closing: keep it
+    /// to hear the last words.
+    pub fn messages(&self) -> Messages {
+        Arc::clone(&self.device.instance.messages)
+    }
+
+    /// What was done on the device so far.
+    pub fn counts(&self) -> Counts {
+        self.device.counters.now()
+    }
+
+    /// Calls `with` with the queue that kernels run on, of which nobody else makes use until it returns.
+    pub fn with_queue<R>(&self, with: impl FnOnce(vk::Queue) -> R) -> R {
+        with(*self.device.compute.lock())
+    }
+}
