@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# Sets the machine up if needed, then runs every check: formatting, lints, documentation, tests, and the commands that
-# the README shows.
+# Sets the machine up if needed, then runs every check: formatting, lints, documentation, the smallest build, tests, and the
+# commands that the README shows. What takes longer is in tools/nightly.sh.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 cd "$root"
 
-stage() { printf '\n== %s\n' "$*"; }
+stage() { printf '\n== %s (after %d s)\n' "$*" "$SECONDS"; }
 
 stage "set-up"
 tools/setup.sh
@@ -20,10 +20,16 @@ stage "formatting"
 cargo fmt --all --check
 
 stage "lints"
-cargo clippy --workspace --all-targets --quiet -- -D warnings
+cargo clippy --workspace --all-targets --features eyebox-tools/benches --quiet -- -D warnings
+
+stage "the library without its features"
+cargo clippy --package eyebox --no-default-features --quiet -- -D warnings
 
 stage "documentation"
-RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --quiet
+# The command's pages are checked, then the library's take their place: both are called eyebox.
+export RUSTDOCFLAGS="-D warnings"
+cargo doc --package eyebox-tools --bins --no-deps --quiet
+cargo doc --workspace --no-deps --quiet
 
 stage "tests"
 cargo test --workspace
@@ -31,23 +37,11 @@ cargo test --workspace
 # The transforms must not depend on the size of a subgroup: 4 and 16 lanes instead of this machine's 8.
 for width in 128 512; do
     stage "shaders with vectors of $width bits"
-    LP_NATIVE_VECTOR_WIDTH=$width cargo test --package eyebox-tests --test vulkan_fft
+    LP_NATIVE_VECTOR_WIDTH=$width cargo test --workspace --test vulkan -- fft::
 done
 
 stage "the README's commands"
-cargo build --release --quiet -p eyebox-tools
-eyebox=$(cargo metadata --format-version 1 --no-deps | sed 's/.*"target_directory":"\([^"]*\)".*/\1/')/release/eyebox
-work=$(mktemp -d)
-trap 'rm -rf "$work"' EXIT
-count=0
-while IFS= read -r command; do
-    echo "\$ $command"
-    # In a folder and with a cache of their own, as they are written but for what builds them.
-    (cd "$work" && XDG_CACHE_HOME="$work/cache" eval "\"\$eyebox\" ${command#cargo run --release -- }") </dev/null
-    count=$((count + 1))
-done < <(grep '^cargo run --release -- ' README.md)
-if ((count == 0)); then
-    echo "the README shows no command: expected lines that start with 'cargo run --release -- '" >&2
-    exit 1
-fi
-echo "all $count commands of the README ran"
+# With the program that the tests have built.
+target=$(cargo metadata --format-version 1 --no-deps | sed 's/.*"target_directory":"\([^"]*\)".*/\1/')
+EYEBOX=$target/debug/eyebox tools/readme.sh
+stage "done"

@@ -5,6 +5,7 @@
 //! Digested are values (phases, intensities, pixels), not files, whose metadata may grow. `EYEBOX_GOLDEN=write` writes the
 //! digests anew; `EYEBOX_BINARY=FILE` takes another build's command.
 
+#[path = "command/common/mod.rs"]
 mod common;
 
 use common::folder;

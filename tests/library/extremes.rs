@@ -1,7 +1,7 @@
 //! The ends of every range, on both engines, against float64: finite and within the stated error, or a refusal that
 //! names the limit.
 //!
-//! The longest cases are shortened; `EYEBOX_EXTREMES=full cargo test --release -p eyebox-tests --test extremes` runs them
+//! The longest cases are shortened; `EYEBOX_EXTREMES=full cargo test --release -p eyebox-tests --test library extremes::` runs them
 //! whole (docs/measurements.md says what came of it).
 
 use eyebox::engine::{Buffer, Engine, cpu::CpuEngine};

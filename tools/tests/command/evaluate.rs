@@ -1,8 +1,6 @@
 //! `eyebox evaluate` as a user runs it: the report, going on after an interruption, and what it answers to mistakes.
 
-mod common;
-
-use common::{command, done};
+use crate::common::{self, command, done};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant, SystemTime};

@@ -1,8 +1,6 @@
 //! `eyebox tradeoff`, `--quality` and `--deadline` as a user meets them.
 
-mod common;
-
-use common::{folder, text};
+use crate::common::{self, folder, text};
 use eyebox::engine::{Engine, cpu::CpuEngine};
 use eyebox::optics::{Color, WindowFactor};
 use eyebox::quality::{Expected, Measured, Quality, Recipe, Recommended, Trial};

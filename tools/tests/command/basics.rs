@@ -1,8 +1,6 @@
 //! The command as a user runs it: what it answers to mistakes, and that it does what its help says.
 
-mod common;
-
-use common::{command, done, eyebox, folder, refused, text};
+use crate::common::{self, command, done, eyebox, folder, refused, text};
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};

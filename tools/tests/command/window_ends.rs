@@ -1,11 +1,8 @@
 //! How `eyebox play --output window` ends, or goes on: the window closed, destroyed, resized, the server ended, the process
 //! stopped for a while.
 
-#![cfg(target_os = "linux")]
-
-mod common;
-
-use common::screen::{Screen, hologram, play};
+use crate::common;
+use crate::common::screen::{Screen, hologram, play};
 use eyebox::optics::Display;
 use std::path::Path;
 use std::process::{Child, Command, Output};

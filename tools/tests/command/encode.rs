@@ -1,8 +1,6 @@
 //! `eyebox encode` as a user runs it.
 
-mod common;
-
-use common::{done, eyebox, folder, text};
+use crate::common::{self, done, eyebox, folder, text};
 use std::path::Path;
 
 fn refused(folder: &Path, args: &[&str], what: &str) {

@@ -1,8 +1,6 @@
 //! `eyebox plan` as a user runs it, and what `solve` makes of a plan.
 
-mod common;
-
-use common::{command, done, folder, refused};
+use crate::common::{self, command, done, folder, refused};
 use serde_json::Value;
 use std::path::Path;
 

@@ -1,7 +1,6 @@
 //! `eyebox trackers` as a user runs it.
 
-mod common;
-
+use crate::common;
 use std::io::{BufRead, BufReader, Write};
 use std::net::UdpSocket;
 use std::path::Path;

@@ -1,8 +1,6 @@
 //! Far-field holograms that are solved region by region, as a user runs it: memory, ends by force, looking.
 
-mod common;
-
-use common::{command, done, folder, refused, text};
+use crate::common::{command, done, folder, refused, text};
 use eyebox::files::write_png;
 use eyebox::optics::{Color, Display};
 use eyebox::scene::{self, Request};

@@ -1,7 +1,7 @@
 //! What parses bytes, given wrong bytes: an error or a result, never a panic, and never numbers that are none.
 //!
 //! Each subject starts from sound files and lets proptest damage them, so that a fault is shrunk to few edits. A short
-//! run is part of the tests; `EYEBOX_FUZZ_SECONDS=3600 cargo test --release -p eyebox-tests --test fuzz` goes on for that
+//! run is part of the tests; `EYEBOX_FUZZ_SECONDS=3600 cargo test --release -p eyebox-tests --test library fuzz::` goes on for that
 //! long in every subject, each on a thread of its own, with new seeds every time.
 
 use eyebox::hologram::{self, ColorHologram, Hologram};

@@ -1,12 +1,9 @@
 //! `eyebox study` and `eyebox live` as a user runs them.
 
-#![cfg(target_os = "linux")]
-
-mod common;
-
-use common::desk::Desk;
-use common::screen::Screen;
-use common::{done, folder, refused, text};
+use crate::common;
+use crate::common::desk::Desk;
+use crate::common::screen::Screen;
+use crate::common::{done, folder, refused, text};
 use serde_json::Value;
 use std::path::Path;
 use std::process::{Child, Stdio};

@@ -1,8 +1,6 @@
 //! `eyebox refine` as a user runs it.
 
-mod common;
-
-use common::{done, folder, refused};
+use crate::common::{done, folder, refused};
 use serde_json::Value;
 
 #[test]

@@ -1,10 +1,6 @@
 //! `eyebox play --output window` on a virtual X server: what is on the screen, byte for byte.
 
-#![cfg(target_os = "linux")]
-
-mod common;
-
-use common::screen::{Screen, hologram, play};
+use crate::common::screen::{Screen, hologram, play};
 use eyebox::encode::{Encoder, PhaseSet};
 use eyebox::optics::{Color, Display};
 use std::collections::BTreeSet;

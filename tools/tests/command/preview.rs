@@ -1,12 +1,9 @@
 //! `eyebox preview` on a virtual desktop: what the window shows is what `eyebox view` writes, and mouse and keys change it.
 
-#![cfg(target_os = "linux")]
-
-mod common;
-
-use common::desk::Desk;
-use common::xvfb::Part;
-use common::{done, made, refused, text};
+use crate::common;
+use crate::common::desk::Desk;
+use crate::common::xvfb::Part;
+use crate::common::{done, made, refused, text};
 use eyebox::hologram::{Hologram, SequenceWriter, save_phases};
 use eyebox::optics::Display;
 use std::path::Path;

@@ -1,0 +1,400 @@
+//! The order of the runtime's rooms (ARCHITECTURE.md), no two files that import each other in a circle, and no file that
+//! is too long. Code that is for tests only may import as it likes.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+/// A room imports only rooms before it.
+const ROOMS: [&str; 20] = [
+    "optics", "files", "scene", "plan", "gpu", "engine", "evaluate", "solve", "hologram", "tiled", "quality", "encode",
+    "trackers", "gaze", "present", "playback", "live", "session", "preview", "report",
+];
+
+/// Folders in which files still import each other in a circle. To be emptied.
+const CIRCLES_LEFT: [&str; 10] = [
+    "runtime/engine",
+    "runtime/hologram",
+    "runtime/optics",
+    "runtime/plan",
+    "runtime/playback",
+    "runtime/preview",
+    "runtime/scene",
+    "runtime/solve",
+    "runtime/trackers",
+    "tools/eyebox",
+];
+
+/// No file is longer.
+const LINES: usize = 500;
+
+/// Files that are still longer. To be emptied.
+const LONG_LEFT: [&str; 2] = ["runtime/engine/cpu.rs", "runtime/engine/vulkan/record.rs"];
+
+/// The folders of crates: each is looked at by itself.
+const CRATES: [&str; 5] = ["runtime", "kernels", "spirv", "tools/eyebox", "tools/spirv"];
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace")
+}
+
+fn rust_files(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in std::fs::read_dir(folder).unwrap_or_else(|e| panic!("{}: {e}", folder.display())) {
+        let path = entry.expect("an entry").path();
+        let name = path.file_name().expect("a name").to_string_lossy();
+        if path.is_dir() && !name.starts_with("target") && !name.starts_with('.') {
+            rust_files(&path, found);
+        } else if name.ends_with(".rs") {
+            found.push(path);
+        }
+    }
+    found.sort();
+}
+
+/// Identifiers and punctuation, `::` as one token; without comments, literals and lifetimes.
+fn tokens(text: &str) -> Vec<&str> {
+    let bytes = text.as_bytes();
+    let word = |b: u8| b.is_ascii_alphanumeric() || b == b'_' || b >= 0x80;
+    let find = |from: usize, what: &str| text[from..].find(what).map_or(bytes.len(), |at| from + at + what.len());
+    let (mut out, mut i) = (Vec::new(), 0);
+    while i < bytes.len() {
+        let rest = &bytes[i..];
+        if rest.starts_with(b"//") {
+            i = find(i, "\n");
+        } else if rest.starts_with(b"/*") {
+            i = find(i, "*/");
+        } else if rest[0] == b'"' {
+            i += 1;
+            while i < bytes.len() && bytes[i] != b'"' {
+                i += if bytes[i] == b'\\' { 2 } else { 1 };
+            }
+            i += 1;
+        } else if rest.starts_with(b"r\"") || rest.starts_with(b"r#\"") || rest.starts_with(b"br\"") {
+            let quote = find(i, "\"");
+            let hashes = text[i..quote].matches('#').count();
+            i = find(quote, &format!("\"{}", "#".repeat(hashes)));
+        } else if rest[0] == b'\'' {
+            // A character, or a lifetime.
+            let escaped = rest.get(1) == Some(&b'\\');
+            let length = text[i + 1..].chars().next().map_or(1, char::len_utf8);
+            match escaped || rest.get(1 + length) == Some(&b'\'') {
+                true => i = find(i + if escaped { 3 } else { 1 + length }, "'"),
+                false => i += 1,
+            }
+        } else if word(rest[0]) {
+            let length = rest.iter().take_while(|b| word(**b)).count();
+            out.push(&text[i..i + length]);
+            i += length;
+        } else if rest.starts_with(b"::") {
+            out.push("::");
+            i += 2;
+        } else {
+            if !rest[0].is_ascii_whitespace() {
+                out.push(&text[i..=i]);
+            }
+            i += 1;
+        }
+    }
+    out
+}
+
+/// The index after the bracket that closes the one at `at`.
+fn closed(tokens: &[&str], at: usize) -> usize {
+    let mut depth = 0;
+    for (i, token) in tokens.iter().enumerate().skip(at) {
+        match *token {
+            "{" | "(" | "[" => depth += 1,
+            "}" | ")" | "]" => depth -= 1,
+            _ => {}
+        }
+        if depth == 0 {
+            return i + 1;
+        }
+    }
+    tokens.len()
+}
+
+/// Without the items for tests.
+fn without_tests<'a>(tokens: &[&'a str]) -> Vec<&'a str> {
+    let (mut out, mut i) = (Vec::new(), 0);
+    while i < tokens.len() {
+        let attribute = tokens[i] == "#" && tokens.get(i + 1) == Some(&"[");
+        let end = if attribute { closed(tokens, i + 1) } else { i + 1 };
+        let within = &tokens[i..end];
+        let tests = attribute && within[2] == "cfg" && within.contains(&"test") && !within.contains(&"not");
+        i = end;
+        if !tests {
+            out.extend(within);
+            continue;
+        }
+        while i < tokens.len() && tokens[i] != ";" && tokens[i] != "{" {
+            i = if matches!(tokens[i], "(" | "[") { closed(tokens, i) } else { i + 1 };
+        }
+        i = if tokens.get(i) == Some(&"{") { closed(tokens, i) } else { i + 1 };
+    }
+    out
+}
+
+/// One name that a `use` brings in: by which name ("*" for all), and its path.
+type Import = (String, Vec<String>);
+
+/// Reads a use tree; returns the index after it.
+fn use_tree(tokens: &[&str], mut at: usize, prefix: &[String], out: &mut Vec<Import>) -> usize {
+    let mut path = prefix.to_vec();
+    loop {
+        match tokens[at] {
+            "{" => {
+                at += 1;
+                while tokens[at] != "}" {
+                    at = use_tree(tokens, at, &path, out);
+                    at += usize::from(tokens[at] == ",");
+                }
+                return at + 1;
+            }
+            "*" => {
+                out.push(("*".into(), path));
+                return at + 1;
+            }
+            "::" => at += 1,
+            name => {
+                // `a::{self}` is `a`.
+                if name != "self" || path.is_empty() {
+                    path.push(name.into());
+                }
+                at += 1;
+                if tokens.get(at) == Some(&"as") {
+                    out.push((tokens[at + 1].into(), path));
+                    return at + 2;
+                }
+                if tokens.get(at) != Some(&"::") {
+                    out.push((path.last().cloned().unwrap_or_default(), path));
+                    return at;
+                }
+            }
+        }
+    }
+}
+
+/// What a file defines, brings in and names.
+#[derive(Default)]
+struct Source {
+    /// Its module, from the crate's root.
+    module: Vec<String>,
+    defined: BTreeSet<String>,
+    imports: Vec<Import>,
+    /// Every path that counts as an import of this file: of its `use` lines that are not re-exports, and in its code.
+    named: Vec<Vec<String>>,
+}
+
+impl Source {
+    fn read(path: &Path, module: Vec<String>) -> Self {
+        let text = std::fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+        let all = tokens(&text);
+        let tokens = without_tests(&all);
+        let mut source = Self { module, ..Self::default() };
+        let (mut i, mut depth, mut children) = (0, 0, BTreeSet::new());
+        while i < tokens.len() {
+            let next = tokens.get(i + 1).copied().unwrap_or("");
+            match tokens[i] {
+                "{" => depth += 1,
+                "}" => depth -= 1,
+                "use" if next != "<" => {
+                    let mut brought = Vec::new();
+                    let public = i > 0 && (tokens[i - 1] == "pub" || tokens[i - 1] == ")");
+                    i = use_tree(&tokens, i + 1, &[], &mut brought);
+                    if !public {
+                        source.named.extend(brought.iter().map(|(_, path)| path.clone()));
+                    }
+                    source.imports.extend(brought);
+                    continue;
+                }
+                "mod" if depth == 0 && tokens.get(i + 2) == Some(&";") => {
+                    children.insert(next);
+                }
+                "fn" | "struct" | "enum" | "trait" | "type" | "const" | "static" | "union" if depth == 0 => {
+                    source.defined.insert(next.into());
+                }
+                "macro_rules" => {
+                    source.defined.insert(tokens[i + 2].into());
+                }
+                "$" if next == "crate" => i += 1,
+                first if next == "::" && i > 0 && tokens[i - 1] != "::" => {
+                    let relative = matches!(first, "crate" | "super" | "self");
+                    if relative || children.contains(first) {
+                        let mut path = vec![first.to_string()];
+                        while tokens.get(i + 1) == Some(&"::") && tokens[i + 2].starts_with(|c: char| c.is_alphabetic())
+                        {
+                            i += 2;
+                            path.push(tokens[i].into());
+                        }
+                        source.named.push(path);
+                    }
+                }
+                _ => {}
+            }
+            i += 1;
+        }
+        source
+    }
+}
+
+/// A crate's files by their modules.
+struct Crate {
+    files: Vec<(String, Source)>,
+    by_module: BTreeMap<Vec<String>, usize>,
+}
+
+impl Crate {
+    fn read(folder: &str) -> Self {
+        let mut paths = Vec::new();
+        rust_files(&root().join(folder), &mut paths);
+        let mut files = Vec::new();
+        for path in paths {
+            let inside = path.strip_prefix(root().join(folder)).expect("inside");
+            let mut module: Vec<String> =
+                inside.with_extension("").iter().map(|s| s.to_string_lossy().into_owned()).collect();
+            let name = module.last().expect("a name").clone();
+            if module.iter().any(|m| m == "tests" || m == "examples" || m == "benches") || name.ends_with("_tests") {
+                continue;
+            }
+            if matches!(&name[..], "mod" | "lib" | "main") {
+                module.pop();
+            }
+            files.push((format!("{folder}/{}", inside.display()), Source::read(&path, module)));
+        }
+        let by_module = files.iter().enumerate().map(|(i, (_, s))| (s.module.clone(), i)).collect();
+        Self { files, by_module }
+    }
+
+    /// The file in which what `path` names, said in `file`, is defined. None for other crates.
+    fn resolve(&self, file: usize, path: &[String], depth: usize) -> Option<usize> {
+        let mut module = self.files[file].1.module.clone();
+        let mut segments = path.iter().peekable();
+        match path.first().map(String::as_str)? {
+            "crate" => {
+                module.clear();
+                segments.next();
+            }
+            "self" => drop(segments.next()),
+            "super" => {
+                while segments.next_if(|s| *s == "super").is_some() {
+                    module.pop();
+                }
+            }
+            first => {
+                module.push(first.into());
+                let child = self.by_module.contains_key(&module);
+                module.pop();
+                if !child {
+                    return None;
+                }
+            }
+        }
+        while let Some(name) = segments.next() {
+            module.push(name.clone());
+            if self.by_module.contains_key(&module) {
+                continue;
+            }
+            module.pop();
+            let at = *self.by_module.get(&module)?;
+            let source = &self.files[at].1;
+            if source.defined.contains(name) || depth == 0 {
+                return Some(at);
+            }
+            let rest = || segments.clone().cloned();
+            if let Some((_, brought)) = source.imports.iter().find(|(as_name, _)| as_name == name) {
+                let full: Vec<String> = brought.iter().cloned().chain(rest()).collect();
+                return self.resolve(at, &full, depth - 1);
+            }
+            for (_, brought) in source.imports.iter().filter(|(as_name, _)| as_name == "*") {
+                let full: Vec<String> = brought.iter().cloned().chain([name.clone()]).chain(rest()).collect();
+                if let Some(found) = self.resolve(at, &full, depth - 1) {
+                    return Some(found);
+                }
+            }
+            return Some(at);
+        }
+        self.by_module.get(&module).copied()
+    }
+
+    /// What each file imports.
+    fn edges(&self) -> Vec<BTreeSet<usize>> {
+        let of = |i: usize| {
+            let found = self.files[i].1.named.iter().filter_map(|path| self.resolve(i, path, 8));
+            found.filter(|to| *to != i).collect()
+        };
+        (0..self.files.len()).map(of).collect()
+    }
+}
+
+/// A shortest way from one file to another along imports.
+fn way(edges: &[BTreeSet<usize>], from: usize, to: usize) -> Option<Vec<usize>> {
+    let mut before = BTreeMap::from([(from, from)]);
+    let mut queue = std::collections::VecDeque::from([from]);
+    while let Some(at) = queue.pop_front() {
+        if at == to {
+            let mut way = vec![to];
+            while way[way.len() - 1] != from {
+                way.push(before[&way[way.len() - 1]]);
+            }
+            way.reverse();
+            return Some(way);
+        }
+        for next in &edges[at] {
+            if !before.contains_key(next) {
+                before.insert(*next, at);
+                queue.push_back(*next);
+            }
+        }
+    }
+    None
+}
+
+#[test]
+fn rooms_import_only_rooms_before_them() {
+    let runtime = Crate::read("runtime");
+    let room = |i: usize| runtime.files[i].1.module.first().map(String::as_str);
+    let place =
+        |name: &str| ROOMS.iter().position(|r| *r == name).unwrap_or_else(|| panic!("{name}: no place in ROOMS"));
+    let mut wrong = Vec::new();
+    for (i, edges) in runtime.edges().iter().enumerate() {
+        for to in edges {
+            if let (Some(a), Some(b)) = (room(i), room(*to))
+                && place(a) < place(b)
+            {
+                wrong.push(format!("{} imports {}", runtime.files[i].0, runtime.files[*to].0));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "imports against the order of the rooms:\n{}", wrong.join("\n"));
+}
+
+#[test]
+fn no_files_import_each_other_in_a_circle() {
+    let mut circles = Vec::new();
+    for folder in CRATES {
+        let all = Crate::read(folder);
+        let edges = all.edges();
+        let mut seen = BTreeSet::new();
+        for (i, next) in edges.iter().enumerate() {
+            let shortest = next.iter().filter_map(|n| way(&edges, *n, i)).min_by_key(Vec::len);
+            let Some(circle) = shortest else { continue };
+            let names: Vec<_> = circle.iter().map(|f| all.files[*f].0.as_str()).collect();
+            let left = names.iter().all(|n| CIRCLES_LEFT.iter().any(|folder| n.starts_with(folder)));
+            if !left && seen.insert(circle.iter().copied().collect::<BTreeSet<_>>()) {
+                circles.push(names.join(" -> "));
+            }
+        }
+    }
+    assert!(circles.is_empty(), "files that import each other in a circle:\n{}", circles.join("\n"));
+}
+
+#[test]
+fn no_file_is_too_long() {
+    let mut paths = Vec::new();
+    rust_files(root(), &mut paths);
+    assert!(paths.len() > 100, "the workspace's files");
+    let lines = |p: &PathBuf| std::fs::read_to_string(p).expect("a file").lines().count();
+    let left = |p: &PathBuf| LONG_LEFT.iter().any(|l| p.ends_with(l));
+    let long: Vec<_> = paths.iter().filter(|p| lines(p) > LINES && !left(p)).map(|p| (p, lines(p))).collect();
+    assert!(long.is_empty(), "of more than {LINES} lines: {long:?}");
+}

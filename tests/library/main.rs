@@ -1,0 +1,10 @@
+//! The library across its modules on the CPU and on a Vulkan device, against float64 and against damaged input.
+
+mod architecture;
+mod encode_steady;
+mod extremes;
+mod far_field;
+mod fuzz;
+mod methods;
+mod reference;
+mod steering;

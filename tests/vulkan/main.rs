@@ -1,0 +1,6 @@
+//! The Vulkan engine against the kernels' twins: kernel by kernel, transform by transform, step by step.
+
+mod encode;
+mod fft;
+mod kernels;
+mod steps;

@@ -1,0 +1,26 @@
+#!/usr/bin/env bash
+# What takes too long for every change: the release build, with link-time optimisation, and with it the README's commands, the
+# tests that have a long form, and fuzzing. Seconds of fuzzing for each subject: tools/nightly.sh 600 (the default).
+set -euo pipefail
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+cd "$root"
+seconds=${1:-600}
+
+stage() { printf '\n== %s (after %d s)\n' "$*" "$SECONDS"; }
+
+stage "set-up"
+tools/setup.sh
+
+stage "the release build, with the benchmarks"
+cargo build --release --workspace --bins --features eyebox-tools/benches
+
+stage "the README's commands"
+target=$(cargo metadata --format-version 1 --no-deps | sed 's/.*"target_directory":"\([^"]*\)".*/\1/')
+EYEBOX=$target/release/eyebox tools/readme.sh
+
+stage "tests, at the ends of every range and for ten minutes of playing"
+EYEBOX_EXTREMES=full EYEBOX_SOAK=full EYEBOX_MUTATIONS=10000 cargo test --release --workspace
+
+stage "fuzzing"
+EYEBOX_FUZZ_SECONDS=$seconds cargo test --release --workspace --test library -- fuzz::
+stage "done"

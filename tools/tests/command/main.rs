@@ -1,0 +1,20 @@
+//! The command `eyebox` as a user runs it, a module for each of its commands. One binary: it is linked once.
+
+mod basics;
+mod common;
+mod encode;
+mod evaluate;
+#[cfg(target_os = "linux")]
+mod live;
+mod plan;
+mod play;
+#[cfg(target_os = "linux")]
+mod preview;
+mod refine;
+mod tiled;
+mod trackers;
+mod tradeoff;
+#[cfg(target_os = "linux")]
+mod window;
+#[cfg(target_os = "linux")]
+mod window_ends;
