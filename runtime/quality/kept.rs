@@ -57,25 +57,13 @@ pub fn writable(folder: &Path) -> Result<(), FileError> {
     std::fs::remove_file(&probe).map_err(failed)
 }
 
-/// A name of letters, digits and dashes.
-pub(super) fn slug(text: &str) -> String {
-    let plain: String =
-        text.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' }).collect();
-    let words: Vec<&str> = plain.split('-').filter(|w| !w.is_empty()).collect();
-    if words.is_empty() { "unnamed".into() } else { words.join("-") }
-}
-
 /// Changes with any pixel of any view.
 pub(super) fn checksum(field: &LightField) -> u32 {
     field.planes.iter().flatten().fold(0, |sum, view| append(sum, view))
 }
 
-/// CRC-32C of the little-endian bytes.
-pub(super) fn crc(values: &[f32]) -> u32 {
-    append(0, values)
-}
-
-fn append(sum: u32, values: &[f32]) -> u32 {
+/// CRC-32C of what `sum` is that of, and then of the little-endian bytes of these values.
+pub(super) fn append(sum: u32, values: &[f32]) -> u32 {
     let mut bytes = Vec::with_capacity(4 * 4096);
     values.chunks(4096).fold(sum, |sum, some| {
         bytes.clear();
@@ -102,13 +90,6 @@ mod tests {
         let whole = std::fs::read(&file).unwrap();
         std::fs::write(&file, &whole[..whole.len() - 3]).unwrap();
         assert_eq!(keep.load::<Vec<f64>>("a", made_by), None);
-    }
-
-    #[test]
-    fn names_become_files() {
-        assert_eq!(slug("builtin:plane?depth=2"), "builtin-plane-depth-2");
-        assert_eq!(slug("../../Ünsäfe/"), "ns-fe");
-        assert_eq!(slug("…"), "unnamed");
     }
 
     #[test]

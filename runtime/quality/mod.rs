@@ -5,11 +5,12 @@
 //! grid of them, [`front`](fn@front) says which trials none beats, [`recommend`] which three of them are `fast`, `balanced`
 //! and `accurate`; [`Measured`] keeps them for this device in the user's cache.
 //!
-//! [`comparison`] compares methods: every method, every group of pupils.
+//! `comparison` (with the feature `reports`) compares methods: every method, every group of pupils.
 //!
 //! May import everything that `hologram` may, and `hologram`.
 
 mod choice;
+#[cfg(feature = "reports")]
 pub mod comparison;
 mod expect;
 mod front;

@@ -10,11 +10,13 @@ mod page;
 mod pictures;
 mod plot;
 mod plots;
+#[cfg(feature = "window")]
 mod study;
 mod tables;
 mod tradeoff;
 
 pub use plot::{Axis, Plot};
+#[cfg(feature = "window")]
 pub use study::page as study_page;
 
 use crate::files::{FileError, write_file};

@@ -20,7 +20,7 @@ pub use results::{
 };
 
 use super::QualityError;
-use super::kept::{Keep, checksum, crc, slug};
+use super::kept::{Keep, append, checksum};
 use crate::engine::Engine;
 use crate::files::FileError;
 use crate::hologram::{ColorHologram, Hologram};
@@ -265,7 +265,7 @@ impl<'a> OfScene<'a> {
                     ("", json!({ "settings": settings }))
                 }
                 Source::Given(_) => {
-                    let phases = candidate.given(index, frames).map(|h| h.colors.iter().map(|c| crc(&c.phases)));
+                    let phases = candidate.given(index, frames).map(|h| h.colors.iter().map(|c| append(0, &c.phases)));
                     ("given-", json!({ "phases": phases.into_iter().flatten().collect::<Vec<_>>() }))
                 }
             };
@@ -331,7 +331,7 @@ impl<'a> OfScene<'a> {
         };
         let file = work.holograms.join(format!("{}.zarr", task.name));
         let record = format!("{}-hologram", task.name);
-        let sums = |hologram: &Hologram| hologram.colors.iter().map(|c| crc(&c.phases)).collect::<Vec<_>>();
+        let sums = |hologram: &Hologram| hologram.colors.iter().map(|c| append(0, &c.phases)).collect::<Vec<_>>();
         if let Some(kept) = work.results.load::<KeptHologram>(&record, &task.made_by)
             && let Ok(hologram) = Hologram::load(&file)
             && sums(&hologram) == kept.phases
@@ -376,5 +376,25 @@ fn assembled(field: &LightField, display: &Display, settings: &Settings, solved:
         scene: field.name.clone(),
         settings: json!({ "solve": settings, "padding": [0, 0], "views": field.grid, "view_pitch_mm": field.cell(display) * 1e3, "eyebox_mm": display.eyebox_min() * 1e3 }),
         ..Hologram::on(display, settings.frames, solved.into_iter().map(color).collect())
+    }
+}
+
+/// A name of letters, digits and dashes.
+fn slug(text: &str) -> String {
+    let plain: String =
+        text.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' }).collect();
+    let words: Vec<&str> = plain.split('-').filter(|w| !w.is_empty()).collect();
+    if words.is_empty() { "unnamed".into() } else { words.join("-") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_become_files() {
+        assert_eq!(slug("builtin:plane?depth=2"), "builtin-plane-depth-2");
+        assert_eq!(slug("../../Ünsäfe/"), "ns-fe");
+        assert_eq!(slug("…"), "unnamed");
     }
 }
