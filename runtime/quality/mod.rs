@@ -1,9 +1,9 @@
 //! Speed against accuracy: what a solve costs, how good it is, and which settings are worth their time.
 //!
-//! A [`Recipe`] is plain data: every setting that trades quality for time. A [`Subject`] is one colour of a scene that
-//! recipes are tried on; a [`Reference`] judges what came of it, the same truth for all. A [`Tuning`] tries a
-//! grid of them, [`front`](fn@front) says which trials none beats, [`recommend`] which three of them are `fast`, `balanced`
-//! and `accurate`; [`Measured`] keeps them for this device in the user's cache.
+//! [`Settings`](crate::solve::Settings) hold every setting that trades quality for time. A [`Subject`] is one colour of a
+//! scene that they are tried on; a [`Reference`] scores what came of it, the same truth for all. A [`Tuning`] tries a grid of
+//! them, [`front`](fn@front) says which trials none beats, [`recommend`] which three of them are `fast`, `balanced` and
+//! `accurate`; [`Measured`] keeps them for this device in the user's cache.
 //!
 //! `comparison` (with the feature `reports`) compares methods: every method, every group of pupils.
 //!
@@ -12,7 +12,6 @@
 mod choice;
 #[cfg(feature = "reports")]
 pub mod comparison;
-mod expect;
 mod front;
 mod grid;
 mod kept;
@@ -24,11 +23,9 @@ mod tune;
 mod tuned;
 
 pub use choice::{Recommended, recommend, within};
-pub use expect::Expected;
 pub use front::{Trial, front, short_of};
 pub use kept::writable;
 pub use measured::{Measured, MeasuredError};
-pub use recipe::Recipe;
 pub use reference::{PUPILS as REFERENCE_PUPILS, Reference};
 pub use subject::{Prepared, Solved, Subject};
 pub use tune::{Observe, Tuning};
@@ -64,7 +61,7 @@ impl Quality {
     }
 }
 
-/// Why a recipe could not be tried, or methods not compared.
+/// Why settings could not be tried, or methods not compared.
 #[derive(Debug, thiserror::Error)]
 pub enum QualityError {
     /// The display, or a colour that it does not have.

@@ -3,10 +3,10 @@
 use super::grid::{Space, grid};
 use super::kept::{Keep, checksum};
 use super::tuned::{Checked, LevelRow, Tuned};
-use super::{Expected, Quality, QualityError, Recipe, Recommended, Reference, Solved, Subject, Trial, recommend};
+use super::{Quality, QualityError, Recommended, Reference, Solved, Subject, Trial, recommend};
 use crate::engine::{Engine, Memory};
 use crate::optics::{Padding, WindowFactor};
-use crate::solve::{Flow, Verdict, even_levels};
+use crate::solve::{Cost, Flow, Levels, Settings, ValidationScore, even_levels};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::Path;
@@ -93,7 +93,7 @@ impl<'a> Tuning<'a> {
             display: display.name.clone(),
             size: [display.height, display.width],
             frames: base.frames,
-            slm_levels: levels.as_ref().map(Vec::len),
+            slm_levels: levels.given().map(<[f64]>::len),
             seed: self.seed,
             budget_s: self.budget,
             spent_s: 0.0,
@@ -139,7 +139,7 @@ impl Work<'_, '_> {
         self.what = "photographs".into();
         let reference = Reference::new(&self.tuning.subject, self.tuning.seed, self.engine)?;
         let warm = self.warm_up()?;
-        let checked: Vec<Recipe> = self.tuning.check.iter().map(|c| c.trial.recipe.clone()).collect();
+        let checked: Vec<Settings> = self.tuning.check.iter().map(|c| c.trial.recipe.clone()).collect();
         for recipe in checked.into_iter().filter(|r| !self.tried(r)).collect::<Vec<_>>() {
             if self.goes_on() {
                 self.trial(&recipe, f64::INFINITY, &reference)?;
@@ -153,7 +153,7 @@ impl Work<'_, '_> {
         self.save()
     }
 
-    fn tried(&self, recipe: &Recipe) -> bool {
+    fn tried(&self, recipe: &Settings) -> bool {
         self.state.trials.iter().any(|t| t.recipe == *recipe)
     }
 
@@ -161,15 +161,15 @@ impl Work<'_, '_> {
     fn grid(&mut self, warm: f64, reference: &Reference) -> Result<bool, QualityError> {
         let budget = self.tuning.budget;
         // The default first: what it takes says how many steps there is time for.
-        if !self.tried(&Recipe::default()) {
-            self.trial(&Recipe::default(), f64::INFINITY, reference)?;
+        if !self.tried(&Settings::default()) {
+            self.trial(&Settings::default(), f64::INFINITY, reference)?;
         }
         let mut rates = Vec::new();
         for trial in &self.state.trials {
-            rates.push(trial.milliseconds / self.expected(&trial.recipe)?.work);
+            rates.push(trial.milliseconds / self.cost(&trial.recipe)?.work());
         }
-        let steps = |steps| Recipe { steps, window: WindowFactor::Two, ..Recipe::default() };
-        let (one, two) = (self.expected(&steps(1))?.work, self.expected(&steps(2))?.work);
+        let steps = |steps| Settings { steps, window: WindowFactor::Two, ..Settings::default() };
+        let (one, two) = (self.cost(&steps(1))?.work(), self.cost(&steps(2))?.work());
         let steps = ((1e3 * TRIAL * budget / median(&mut rates, warm) - one) / (two - one).max(1.0)).max(1.0);
         // Steps of a round number, so that a run that resumes has the same grid.
         let steps = 2f64.powf((2.0 * steps.log2()).floor() / 2.0).min(8192.0) as usize;
@@ -181,7 +181,7 @@ impl Work<'_, '_> {
             if !self.goes_on() {
                 return Ok(false);
             }
-            let work = self.expected(&recipe)?.work;
+            let work = self.cost(&recipe)?.work();
             if work * median(&mut rates, warm) > left {
                 continue;
             }
@@ -192,18 +192,18 @@ impl Work<'_, '_> {
         Ok(!self.stopped)
     }
 
-    fn expected(&self, recipe: &Recipe) -> Result<Expected, QualityError> {
-        Expected::new(&self.tuning.subject, recipe)
+    fn cost(&self, recipe: &Settings) -> Result<Cost, QualityError> {
+        self.tuning.subject.cost(recipe, self.engine.memory())
     }
 
     fn space(&self) -> Result<Space, QualityError> {
         let subject = &self.tuning.subject;
-        let coarse = Recipe { pixel: 2, ..Recipe::default() };
+        let coarse = Settings { pixel: 2, ..Settings::default() };
         Ok(Space {
             frames: subject.base.frames,
             views: subject.field.grid,
             halves: self.engine.memory() != Memory::Host,
-            levels: subject.levels.is_some(),
+            levels: subject.levels != Levels::Any,
             padding: subject.required_padding()? != Padding::default(),
             pixel: coarse.fits(subject.display) && subject.display.height.min(subject.display.width) >= 4,
         })
@@ -212,15 +212,15 @@ impl Work<'_, '_> {
     /// Milliseconds of a unit of work, from a few steps that nobody looks at: the first solve plans its transforms and
     /// compiles its kernels.
     fn warm_up(&mut self) -> Result<f64, QualityError> {
-        let recipe = Recipe { steps: 3, window: WindowFactor::Two, ..Recipe::default() };
+        let recipe = Settings { steps: 3, window: WindowFactor::Two, ..Settings::default() };
         let mut go = || self.tuning.subject.solve(&recipe, self.engine, &mut |_| Flow::Continue);
         go()?;
         let solved = go()?;
-        Ok(solved.milliseconds / self.expected(&recipe)?.work)
+        Ok(solved.milliseconds / self.cost(&recipe)?.work())
     }
 
     /// Solves a recipe; nothing where it was interrupted, or takes far longer than it may (milliseconds).
-    fn solve(&mut self, recipe: &Recipe, longest: f64) -> Result<Option<Solved>, QualityError> {
+    fn solve(&mut self, recipe: &Settings, longest: f64) -> Result<Option<Solved>, QualityError> {
         let (start, mut late, mut stopped) = (Instant::now(), false, false);
         let Self { tuning, engine, observe, before, what, .. } = self;
         let solved = tuning.subject.solve(recipe, *engine, &mut |_| {
@@ -235,11 +235,11 @@ impl Work<'_, '_> {
 
     /// Measures a recipe: its time (milliseconds), of short ones several times, and once its quality, which the same seed
     /// gives again.
-    fn trial(&mut self, recipe: &Recipe, longest: f64, reference: &Reference) -> Result<Option<f64>, QualityError> {
+    fn trial(&mut self, recipe: &Settings, longest: f64, reference: &Reference) -> Result<Option<f64>, QualityError> {
         self.what = format!("trial {}: {recipe}", self.state.trials.len() + 1);
         let Some(solved) = self.solve(recipe, longest)? else { return Ok(None) };
-        let verdict = self.judge(&solved, reference)?;
-        let mut trial = Trial::new(recipe.clone(), solved.milliseconds, verdict.psnr, &self.expected(recipe)?);
+        let score = self.score(&solved, reference)?;
+        let mut trial = Trial::new(recipe.clone(), solved.milliseconds, score.psnr, self.cost(recipe)?.bytes());
         let more = match solved.milliseconds {
             ms if ms < 400.0 => 2,
             ms if ms < 1000.0 => 1,
@@ -259,17 +259,17 @@ impl Work<'_, '_> {
     }
 
     /// Only the sub-frames that differ: the others repeat them.
-    fn judge(&mut self, solved: &Solved, reference: &Reference) -> Result<Verdict, QualityError> {
+    fn score(&mut self, solved: &Solved, reference: &Reference) -> Result<ValidationScore, QualityError> {
         let pixels = self.tuning.subject.display.height * self.tuning.subject.display.width;
-        reference.judge(&solved.solution.phases[..solved.frames * pixels], self.engine)
+        reference.score(&solved.solution.phases[..solved.frames * pixels], self.engine)
     }
 
     /// Levels after the fact, and optimised for.
     fn levels(&mut self, mut reference: Reference) -> Result<(), QualityError> {
         let mut wanted: Vec<Vec<f64>> = COMPARED.map(even_levels).to_vec();
-        if let Some(own) = self.tuning.subject.levels.as_ref().filter(|l| l.len() < 256) {
+        if let Some(own) = self.tuning.subject.levels.given().filter(|l| l.len() < 256) {
             wanted.retain(|l| l.len() != own.len());
-            wanted.push(own.clone());
+            wanted.push(own.to_vec());
         }
         wanted.sort_by_key(Vec::len);
         // Balanced where there is time for it, else the default, as long as they took.
@@ -277,26 +277,26 @@ impl Work<'_, '_> {
         let left = LEVELS * self.tuning.budget - self.spent();
         let trials = &self.state.trials;
         let balanced = recommend(trials).map(|r| r[Quality::Balanced as usize].trial.clone());
-        let default = trials.iter().find(|t| t.recipe == Recipe::default()).cloned();
+        let default = trials.iter().find(|t| t.recipe == Settings::default()).cloned();
         let chosen = balanced.into_iter().chain(default).find(|t| time(t) < left);
         let Some(trial) = chosen.filter(|_| self.state.levels.is_empty() && self.goes_on()) else {
             return Ok(());
         };
-        let recipe = Recipe { levels: false, ..trial.recipe };
+        let recipe = Settings { levels: Levels::Any, ..trial.recipe };
         self.what = "levels of the SLM".into();
         let Some(free) = self.solve(&recipe, f64::INFINITY)? else { return Ok(()) };
-        reference = reference.with_levels(None);
-        let two = |v: Verdict| [v.mean(), v.worst()];
-        let without = two(self.judge(&free, &reference)?);
+        reference = reference.with_levels(Levels::Any);
+        let two = |v: ValidationScore| [v.mean(), v.worst()];
+        let without = two(self.score(&free, &reference)?);
         let mut rows = Vec::new();
         for levels in wanted {
-            reference = reference.with_levels(Some(levels.clone()));
-            let after = two(self.judge(&free, &reference)?);
-            let before = self.tuning.subject.levels.replace(levels.clone());
-            let solved = self.solve(&Recipe { levels: true, ..recipe.clone() }, f64::INFINITY);
+            reference = reference.with_levels(Levels::Given(levels.clone()));
+            let after = two(self.score(&free, &reference)?);
+            let before = std::mem::replace(&mut self.tuning.subject.levels, Levels::Given(levels.clone()));
+            let solved = self.solve(&Settings { levels: Levels::Display, ..recipe.clone() }, f64::INFINITY);
             self.tuning.subject.levels = before;
             let Some(solved) = solved? else { break };
-            let optimised = two(self.judge(&solved, &reference)?);
+            let optimised = two(self.score(&solved, &reference)?);
             let milliseconds = [free.milliseconds, solved.milliseconds];
             rows.push(LevelRow { levels: levels.len(), free: without, after, optimised, milliseconds });
         }

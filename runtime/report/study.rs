@@ -2,7 +2,7 @@
 
 use super::page::{document, figure, section};
 use super::plot::{Axis, Plot};
-use crate::live::{Moment, Study};
+use crate::session::{Study, StudySample};
 use maud::html;
 
 /// Milliseconds over which gains are averaged.
@@ -44,8 +44,8 @@ fn wide(title: &str, x: &str, y: &str) -> Plot {
     Plot::new(title, Axis::linear(x).covering([0.0]), Axis::linear(y)).sized(760.0, 268.0)
 }
 
-fn since_landing(moments: &[Moment]) -> Plot {
-    let landed: Vec<(f64, &Moment)> = moments.iter().filter_map(|m| m.since_landing_ms.map(|t| (t, m))).collect();
+fn since_landing(moments: &[StudySample]) -> Plot {
+    let landed: Vec<(f64, &StudySample)> = moments.iter().filter_map(|m| m.since_landing_ms.map(|t| (t, m))).collect();
     let mut plot =
         wide("gain in decibels against milliseconds since the eye landed", "ms since landing", "dB above unsteered");
     for (t, m) in &landed {
@@ -63,7 +63,7 @@ fn since_landing(moments: &[Moment]) -> Plot {
     plot
 }
 
-fn over_time(moments: &[Moment]) -> Plot {
+fn over_time(moments: &[StudySample]) -> Plot {
     let mut plot = wide("PSNR at the eye over time, steered and unsteered", "s", "PSNR at the eye, dB");
     for pair in moments.windows(2).filter(|p| p[1].since_landing_ms.is_none() && p[1].jumps > 0) {
         let (from, to) = ([pair[0].time_s, f64::NEG_INFINITY], [pair[1].time_s, f64::INFINITY]);

@@ -4,8 +4,8 @@ use super::page::{document, figure, row, section, statements, table};
 use super::plot::{Axis, Plot};
 use super::tables;
 use crate::optics::WindowFactor;
-use crate::quality::{NEAR_DB, Quality, REFERENCE_PUPILS, Recipe, Trial, Tuned};
-use crate::solve::{Diameters, Optimizer};
+use crate::quality::{NEAR_DB, Quality, REFERENCE_PUPILS, Trial, Tuned};
+use crate::solve::{Diameters, Levels, Optimizer, PaddingRule, Settings};
 use maud::{Markup, html};
 use serde_json::{Value, json};
 
@@ -159,7 +159,7 @@ fn fronts(tuned: &Tuned) -> Markup {
 /// What each setting alone does to the default.
 fn alone(tuned: &Tuned) -> Markup {
     let changed = tuned.trials.iter().filter_map(|t| Some((only_change(&t.recipe)?, t))).collect::<Vec<_>>();
-    let base = tuned.trials.iter().find(|t| t.recipe == Recipe::default());
+    let base = tuned.trials.iter().find(|t| t.recipe == Settings::default());
     let Some(base) = base.filter(|_| !changed.is_empty()) else { return Markup::default() };
     let rows = changed.iter().map(|(change, t)| {
         let times = |share: f64| format!("× {share:.2}");
@@ -178,8 +178,8 @@ fn alone(tuned: &Tuned) -> Markup {
 }
 
 /// The one setting in which a recipe differs from the default; nothing where it is none, or more.
-fn only_change(recipe: &Recipe) -> Option<String> {
-    let (start, [from, to]) = (Recipe::default(), [&Recipe::default(), recipe].map(|r| json!(r)));
+fn only_change(recipe: &Settings) -> Option<String> {
+    let (start, [from, to]) = (Settings::default(), [&Settings::default(), recipe].map(|r| json!(r)));
     let changed: Vec<&String> =
         to.as_object()?.iter().filter(|(key, v)| from[*key] != **v).map(|(key, _)| key).collect();
     match changed[..] {
@@ -295,7 +295,8 @@ pub fn csv(tuned: &Tuned) -> Vec<u8> {
         let mut line = vec![i, r.steps, r.pupils].into_iter().map(|n| n.to_string()).collect::<Vec<_>>();
         line.extend([optimizer.into(), momentum, diameters.into(), window.into()]);
         line.extend([r.repeats.to_string(), r.views.to_string(), r.storage.name().into()]);
-        line.extend([usize::from(r.levels), usize::from(r.padding), r.pixel].map(|n| n.to_string()));
+        let (levels, padding) = (r.levels != Levels::Any, r.padding != PaddingRule::Never);
+        line.extend([usize::from(levels), usize::from(padding), r.pixel].map(|n| n.to_string()));
         line.extend([format!("{:.3}", t.milliseconds), t.times.len().to_string()]);
         line.extend([t.mean, t.worst].map(|db| format!("{db:.4}")));
         line.extend([t.bytes.to_string(), on(&mean, t), on(&worst, t), on(&memory, t)]);
@@ -311,12 +312,12 @@ mod tests {
 
     #[test]
     fn the_only_change_is_named() {
-        let start = Recipe::default;
+        let start = Settings::default;
         assert_eq!(only_change(&start()), None);
-        assert_eq!(only_change(&Recipe { steps: 8, ..start() }).unwrap(), "8 steps");
-        assert_eq!(only_change(&Recipe { views: 2, ..start() }).unwrap(), "every second view");
-        assert_eq!(only_change(&Recipe { optimizer: Recipe::momentum(), ..start() }).unwrap(), "momentum 0.7");
-        assert_eq!(only_change(&Recipe { pixel: 2, ..start() }).unwrap(), "pixels of 2 x 2");
-        assert_eq!(only_change(&Recipe { pixel: 2, steps: 8, ..start() }), None);
+        assert_eq!(only_change(&Settings { steps: 8, ..start() }).unwrap(), "8 steps");
+        assert_eq!(only_change(&Settings { views: 2, ..start() }).unwrap(), "every second view");
+        assert_eq!(only_change(&Settings { optimizer: Optimizer::momentum(), ..start() }).unwrap(), "momentum 0.7");
+        assert_eq!(only_change(&Settings { pixel: 2, ..start() }).unwrap(), "pixels of 2 x 2");
+        assert_eq!(only_change(&Settings { pixel: 2, steps: 8, ..start() }), None);
     }
 }

@@ -90,27 +90,6 @@ impl Given {
         Ok(Self { name: name.into(), file, hologram, scene })
     }
 
-    /// The display that it was made for.
-    pub fn display(&self) -> Display {
-        let h = &self.hologram;
-        Display {
-            name: h.display.clone(),
-            height: h.height,
-            width: h.width,
-            pitch: h.pitch,
-            focal_length: h.focal_length,
-            geometry: h.geometry,
-            wavelengths: h.display_wavelengths.clone(),
-            levels: 256,
-            encoding: Default::default(),
-        }
-    }
-
-    /// Its colours.
-    pub fn colors(&self) -> Vec<Color> {
-        self.hologram.colors.iter().filter_map(|c| c.color).collect()
-    }
-
     /// Refuses what cannot be compared with holograms of this display in these colours.
     ///
     /// # Errors
@@ -122,9 +101,9 @@ impl Given {
             let ([a, b], [c, d]) = ([h.height, h.width], [display.height, display.width]);
             return wrong(format!("{a} x {b} pixels, but what it is compared with has {c} x {d}"));
         }
-        if self.colors() != colors || h.colors.len() != colors.len() {
+        if self.hologram.named_colors() != colors || h.colors.len() != colors.len() {
             let list = |c: &[Color]| c.iter().map(Color::to_string).collect::<Vec<_>>().join(", ");
-            let (has, wanted) = (list(&self.colors()), list(colors));
+            let (has, wanted) = (list(&self.hologram.named_colors()), list(colors));
             return wrong(format!("its colours are {has}, not {wanted}: choose with --color"));
         }
         if h.geometry != display.geometry {

@@ -210,8 +210,8 @@ pub fn measure(
 ) -> Result<Run, QualityError> {
     let (mut looks, mut energies) = (Vec::new(), Vec::new());
     for (i, solved) in hologram.colors.iter().enumerate() {
-        let planner =
-            Planner::new(hologram.optics(i)?, hologram.frames, WindowFactor::Full).with_padding(padding_of(hologram));
+        let planner = Planner::new(hologram.optics(i)?, hologram.frames, WindowFactor::Full)
+            .with_padding(hologram.metadata.padding());
         engine.load(&planner.shape(Purpose::View), None)?;
         engine.write(Buffer::Phases, &solved.phases)?;
         let map = evaluate::energy(engine, &planner)?;
@@ -330,9 +330,4 @@ fn color_error(
         elsewhere: mean(1),
         share: counts[0] as f64 / (counts[0] + counts[1]).max(1) as f64,
     })
-}
-
-fn padding_of(hologram: &Hologram) -> Padding {
-    let axis = |i: usize| hologram.settings["padding"][i].as_u64().unwrap_or(0).min(65536) as usize;
-    Padding { rows: axis(0), columns: axis(1) }
 }

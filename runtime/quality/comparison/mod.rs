@@ -23,13 +23,12 @@ use super::QualityError;
 use super::kept::{Keep, append, checksum};
 use crate::engine::Engine;
 use crate::files::FileError;
-use crate::hologram::{ColorHologram, Hologram};
+use crate::hologram::Hologram;
 use crate::optics::{Color, Display, Padding};
 use crate::scene::LightField;
 use crate::solve::{self, Flow, Method, Problem, Settings, Solution};
 use measure::Wanted;
 use pupils::Pupils;
-use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -62,13 +61,6 @@ pub struct Comparison {
 /// What is told while a comparison runs: what is being done, and how much of all is done, 0 to 1. [`Flow::Stop`] ends it
 /// with the results that are there.
 pub type Observe<'a> = dyn FnMut(&str, f64) -> Flow + 'a;
-
-/// A solved hologram that is kept: seconds of its solve, and the sum of its phases.
-#[derive(Serialize, Deserialize)]
-struct KeptHologram {
-    seconds: f64,
-    phases: Vec<u32>,
-}
 
 impl Comparison {
     /// Does all of it, or as much as there is time for. `load` gives a scene by its number, with its farthest and nearest
@@ -330,13 +322,11 @@ impl<'a> OfScene<'a> {
             return Ok(task.candidate.given(self.index, task.frames).map(|h| (h.clone(), None)));
         };
         let file = work.holograms.join(format!("{}.zarr", task.name));
-        let record = format!("{}-hologram", task.name);
-        let sums = |hologram: &Hologram| hologram.colors.iter().map(|c| append(0, &c.phases)).collect::<Vec<_>>();
-        if let Some(kept) = work.results.load::<KeptHologram>(&record, &task.made_by)
-            && let Ok(hologram) = Hologram::load(&file)
-            && sums(&hologram) == kept.phases
+        if let Ok(kept) = Hologram::load(&file)
+            && kept.metadata.made_by.as_ref() == Some(&task.made_by)
         {
-            return Ok(Some((hologram, Some(kept.seconds))));
+            let seconds = kept.metadata.seconds;
+            return Ok(Some((kept, seconds)));
         }
         let (job, label) = (self.job, self.label());
         let settings = Settings { method, frames: task.frames, depth: self.depth, ..job.settings.clone() };
@@ -354,28 +344,10 @@ impl<'a> OfScene<'a> {
             solved.push((color, solution));
         }
         let seconds: f64 = solved.iter().map(|(_, s)| s.seconds).sum();
-        let hologram = assembled(self.field, &job.display, &settings, solved);
+        let mut hologram = Hologram::from_solutions(self.field, &job.display, &settings, Padding::default(), &solved)?;
+        (hologram.metadata.made_by, hologram.metadata.seconds) = (Some(task.made_by.clone()), Some(seconds));
         hologram.save(&file)?;
-        work.results.save(&record, &task.made_by, &KeptHologram { seconds, phases: sums(&hologram) })?;
         Ok(Some((hologram, Some(seconds))))
-    }
-}
-
-/// The hologram of solved colours, without padding.
-fn assembled(field: &LightField, display: &Display, settings: &Settings, solved: Vec<(Color, Solution)>) -> Hologram {
-    let color = |(color, s): (Color, Solution)| ColorHologram {
-        color: Some(color),
-        wavelength: display.wavelengths.iter().find(|w| w.color == color).map_or(0.0, |w| w.wavelength),
-        exposure: s.exposure,
-        efficiency: s.efficiency,
-        phases: s.phases,
-    };
-    Hologram {
-        seed: settings.seed,
-        version: env!("CARGO_PKG_VERSION").into(),
-        scene: field.name.clone(),
-        settings: json!({ "solve": settings, "padding": [0, 0], "views": field.grid, "view_pitch_mm": field.cell(display) * 1e3, "eyebox_mm": display.eyebox_min() * 1e3 }),
-        ..Hologram::on(display, settings.frames, solved.into_iter().map(color).collect())
     }
 }
 

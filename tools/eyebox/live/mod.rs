@@ -3,12 +3,11 @@
 mod args;
 #[allow(clippy::module_inception)]
 mod live;
-mod record;
 mod refine;
 mod study;
 mod subject;
+mod tracking;
 mod viewing;
-mod watching;
 
 pub use live::Live;
 pub use refine::Refine;

@@ -8,7 +8,7 @@ pub use args::Tradeoff;
 use crate::Failure;
 use crate::common;
 use crate::progress::{self, JobBar};
-use crate::quality;
+use crate::settings::levels_of;
 use eyebox::files::cache_folder;
 use eyebox::optics::Color;
 use eyebox::quality::{NEAR_DB, Recommended, Subject, Tuned, Tuning, writable};
@@ -25,7 +25,7 @@ pub fn run(args: &Tradeoff) -> Result<(), Failure> {
     let color = leading(&common::colors(&args.display, &display)?);
     let mut base = Settings { frames: args.frames, seed: args.seed, ..Settings::default() };
     base.diameter = common::diameters(args.pupil_diameter, &display);
-    let levels = quality::levels_of(args.levels.as_deref(), &display)?;
+    let levels = levels_of(args.levels.as_deref(), &display)?;
     Settings { levels: levels.clone(), ..base.clone() }.check()?;
     let mut engine = common::engine(&args.engine)?;
     let field = common::scene(&args.scene, &display, &[color])?;
