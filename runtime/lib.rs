@@ -45,6 +45,8 @@ pub mod present;
 pub mod preview;
 pub mod produce;
 pub mod quality;
+#[cfg(feature = "reports")]
+pub mod report;
 pub mod scene;
 #[cfg(feature = "window")]
 pub mod session;
