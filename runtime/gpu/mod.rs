@@ -43,7 +43,7 @@ mod pipelines;
 mod recorder;
 
 #[cfg(not(feature = "vulkan"))]
-pub use absent::{Gpu, devices};
+pub use absent::{Gpu, PhasesOnDevice, devices};
 pub use error::EngineError;
 pub use report::{DeviceKind, DeviceReport, Limits, Options};
 
