@@ -31,12 +31,16 @@ pub mod engine;
 pub mod evaluate;
 pub mod files;
 pub mod gaze;
+#[cfg_attr(not(feature = "direct-display"), allow(dead_code, unused_imports, reason = "presenting uses part of it"))]
 pub mod gpu;
 pub mod hologram;
+#[cfg(feature = "window")]
 pub mod live;
 pub mod optics;
 pub mod plan;
+#[cfg(feature = "window")]
 pub mod playback;
+#[cfg(feature = "preview")]
 pub mod preview;
 pub mod quality;
 pub mod scene;

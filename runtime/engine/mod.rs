@@ -9,6 +9,7 @@
 mod choose;
 pub mod cpu;
 mod handover;
+#[cfg(feature = "vulkan")]
 pub mod vulkan;
 
 pub use crate::gpu::EngineError;

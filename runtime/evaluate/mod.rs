@@ -30,6 +30,7 @@ pub use compare::{Score, compare};
 pub use energy::{energy, passed, variation};
 pub use epipolar::{POSITIONS, RowFinder, sweep};
 pub use groups::{Group, Member, members, places};
+#[cfg(feature = "preview")]
 pub(crate) use look::crop;
 pub use look::{centered, images, photographs, targets, views};
 pub use speckle::{averaged_contrast, contrast};

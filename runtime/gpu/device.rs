@@ -1,10 +1,11 @@
 //! The logical device and what its users share: queues, an allocator, pipelines, counters.
 
 use super::counters::Counters;
-use super::devices::{Candidate, DeviceReport};
+use super::devices::Candidate;
 use super::error::EngineError;
 use super::instance::{Instance, has};
 use super::pipelines::{Pipeline, Pipelines};
+use super::report::DeviceReport;
 use ash::{ext, google, khr, vk};
 use eyebox_spirv::Module;
 use gpu_allocator::AllocationSizes;

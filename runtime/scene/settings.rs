@@ -1,7 +1,7 @@
 //! What a folder says about its views: `lightfield.toml`, or the `parameters.cfg` of the 4D Light Field Benchmark, or
 //! a ground-truth disparity map.
 
-use super::{SceneError, pfm, picture::Transfer};
+use super::{SceneError, light::Transfer, pfm};
 use serde::Deserialize;
 use std::{
     fs,
