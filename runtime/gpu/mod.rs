@@ -7,7 +7,8 @@
 //! kernels run on: neither waits for the other.
 //!
 //! `instance` loads Vulkan; `devices` lists, and chooses; `device` is what all else holds; `block` is memory; `pipelines`
-//! and `cache` compile; `recorder` records and submits; `commands` joins these for one user; `open` makes the handle, of a
+//! and `cache` compile; `recorder` records and submits; `commands` joins these for one user; `pictures` is what
+//! users pass to each other without the host; `open` makes the handle, of a
 //! device of its own or of one that a program brings.
 //! This room imports `files` (the folder of caches) alone.
 
@@ -34,6 +35,8 @@ mod devices;
 mod instance;
 #[cfg(feature = "vulkan")]
 mod open;
+#[cfg(feature = "vulkan")]
+mod pictures;
 #[cfg(feature = "vulkan")]
 mod pipelines;
 #[cfg(feature = "vulkan")]
@@ -62,6 +65,8 @@ pub use instance::Messages;
 pub(crate) use instance::{Instance, has};
 #[cfg(feature = "vulkan")]
 pub use open::{Gpu, RawDevice};
+#[cfg(feature = "vulkan")]
+pub use pictures::{PhasesOnDevice, Pictures, PixelOrder};
 #[cfg(feature = "vulkan")]
 pub(crate) use pipelines::{PUSH_BYTES, Pipeline};
 #[cfg(feature = "vulkan")]

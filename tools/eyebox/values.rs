@@ -3,7 +3,7 @@
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use eyebox::optics::{Pupil, WindowFactor};
 use eyebox::plan::Storage;
-use eyebox::playback::Rate;
+use eyebox::present::Rate;
 use eyebox::solve::{Full, Method};
 
 fn numbers<const N: usize>(parts: Vec<&str>, form: &str) -> Result<[f64; N], String> {
