@@ -6,7 +6,6 @@
 //! a half would hold, where a shader would store one.
 
 use crate::{Complex32, simd};
-use half::f16;
 
 /// Largest error of a rounding over the value: half a unit in the last of 11 bits.
 pub const UNIT: f64 = 1.0 / 2048.0;
@@ -42,19 +41,44 @@ pub fn round(values: &mut [Complex32]) {
     );
 }
 
+/// The bits of the half nearest to `x`.
+fn bits(x: f32) -> u16 {
+    let value = rounded(x).to_bits();
+    let (sign, size) = ((value >> 16) as u16 & 0x8000, value & 0x7fff_ffff);
+    sign | match size {
+        // Below 2^-14: whole multiples of 2^-24.
+        0..0x3880_0000 => (f32::from_bits(size) * 16_777_216.0) as u16,
+        0x3880_0000..0x7f80_0000 => ((size - 0x3800_0000) >> 13) as u16,
+        0x7f80_0000 => 0x7c00,
+        _ => 0x7e00,
+    }
+}
+
+/// The value of a half, exactly.
+fn value(bits: u16) -> f32 {
+    let (sign, size) = (u32::from(bits & 0x8000) << 16, u32::from(bits & 0x7fff));
+    let size = match size {
+        0..0x0400 => (size as f32 / 16_777_216.0).to_bits(),
+        0x0400..0x7c00 => (size << 13) + 0x3800_0000,
+        _ => 0x7f80_0000 | (size & 0x03ff) << 13,
+    };
+    f32::from_bits(sign | size)
+}
+
 /// The bits of the nearest halves.
 pub fn pack(values: &[f32]) -> Vec<u16> {
-    values.iter().map(|v| f16::from_f32(*v).to_bits()).collect()
+    values.iter().map(|v| bits(*v)).collect()
 }
 
 /// Halves as float32, exactly.
-pub fn unpack(bits: &[u16]) -> Vec<f32> {
-    bits.iter().map(|b| f16::from_bits(*b).to_f32()).collect()
+pub fn unpack(halves: &[u16]) -> Vec<f32> {
+    halves.iter().map(|b| value(*b)).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use half::f16;
 
     /// Every half, what lies just beside it and half-way to the next: the same as a conversion that others wrote.
     #[test]
@@ -89,5 +113,8 @@ mod tests {
     fn what_is_packed_comes_back() {
         let all: Vec<u16> = (0..=u16::MAX).filter(|b| !f16::from_bits(*b).is_nan()).collect();
         assert_eq!(pack(&unpack(&all)), all);
+        assert!(all.iter().all(|b| value(*b).to_bits() == f16::from_bits(*b).to_f32().to_bits()));
+        assert!(f16::from_bits(bits(f32::NAN)).is_nan() && value(0x7e00).is_nan());
+        assert_eq!((bits(65520.0), bits(-1e9)), (0x7c00, 0xfc00));
     }
 }

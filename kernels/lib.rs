@@ -30,6 +30,7 @@
 //! | [`project`] | change, shown | phases, velocity |
 //! | [`adam`] | change, shown | phases, first and second moments |
 //! | [`encode`] | phases, offsets, table | video frame |
+//! | [`pixels`] | video frame | pixels of a display |
 
 pub mod adam;
 pub mod apply_factor;
@@ -48,6 +49,7 @@ pub mod modulate;
 pub mod overlap;
 pub mod pass_pupil;
 pub mod photograph;
+pub mod pixels;
 pub mod project;
 pub mod quantise;
 pub mod resample;

@@ -18,11 +18,10 @@
 //! | [`produce`] | from scenes to holograms: all colours, sequences, tiles; one driver |
 //! | [`encode`] | calibration, levels, packing: phases to what the SLM receives |
 //! | [`present`] | video frames to light: windows, direct displays, memory; when what lit up |
-//! | [`playback`] | when what is shown, pacing, streaming from disk, an account of what was shown |
+//! | [`session`] | content, an eye and time: what is shown when, streaming, refinement, an account of what was shown |
 //! | [`preview`] | what an eye sees, live, in an ordinary window |
 //! | [`trackers`] | eye trackers: devices, recordings, network, simulated; samples with a steady time |
 //! | [`gaze`] | from a tracker's samples to where the pupil will be, with its uncertainty |
-//! | [`live`] | a hologram that follows the eye while it is shown |
 //!
 //! Comments that say "OPTICS n" mean section n of `docs/optics.md`.
 //!
@@ -33,17 +32,22 @@ pub mod engine;
 pub mod evaluate;
 pub mod files;
 pub mod gaze;
+#[cfg_attr(not(feature = "direct-display"), allow(dead_code, unused_imports, reason = "presenting uses part of it"))]
 pub mod gpu;
 pub mod hologram;
-pub mod live;
+#[cfg(feature = "window")]
+mod mailbox;
 pub mod optics;
 pub mod plan;
-pub mod playback;
+#[cfg(feature = "window")]
 pub mod present;
+#[cfg(feature = "preview")]
 pub mod preview;
 pub mod produce;
 pub mod quality;
 pub mod scene;
+#[cfg(feature = "window")]
+pub mod session;
 pub mod solve;
 pub mod tiled;
 pub mod trackers;

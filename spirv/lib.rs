@@ -68,6 +68,7 @@ modules! {
     OVERLAP = "overlap";
     PASS_PUPIL = "pass_pupil", PASS_PUPIL_HALF = "pass_pupil_half";
     PHOTOGRAPH = "photograph";
+    PIXELS = "pixels";
     PROJECT = "project", PROJECT_HALF = "project_half";
     QUANTISE = "quantise";
     RESAMPLE = "resample";

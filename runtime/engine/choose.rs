@@ -1,5 +1,6 @@
 //! Which engine runs, and on what.
 
+#[cfg(feature = "vulkan")]
 use super::vulkan::VulkanEngine;
 use super::{At, Engine, EngineError, Handover, Kernel, cpu::CpuEngine};
 use crate::gpu::{DeviceKind, DeviceReport, Gpu, Options, devices};
@@ -92,7 +93,10 @@ impl Backend {
     /// The device's.
     pub fn engine(&self) -> Result<Box<dyn Engine>, EngineError> {
         Ok(match self.gpu()? {
+            #[cfg(feature = "vulkan")]
             Some(gpu) => Box::new(VulkanEngine::new(&gpu)?),
+            #[cfg(not(feature = "vulkan"))]
+            Some(gpu) => gpu.absent(),
             None => Box::new(CpuEngine::new()),
         })
     }

@@ -9,9 +9,10 @@
 mod choose;
 pub mod cpu;
 mod handover;
+#[cfg(feature = "vulkan")]
 pub mod vulkan;
 
-pub use crate::gpu::EngineError;
+pub use crate::gpu::{EngineError, PhasesOnDevice};
 pub use crate::plan::{Buffer, Dispatch, Kernel, PupilPass, Purpose, Scope, Shape, Shot, Step, Storage, Timing};
 pub use choose::{Backend, Choice, open, reason};
 pub use handover::{At, Handover};
@@ -61,6 +62,11 @@ pub trait Engine: Send {
     /// # Errors
     /// A buffer that the shape does not have; a lost device.
     fn read(&mut self, buffer: Buffer) -> Result<Vec<f32>, EngineError>;
+
+    /// The phases where they are, if that is in a device's memory.
+    fn phases_on_device(&self) -> Option<PhasesOnDevice<'_>> {
+        None
+    }
 
     /// As [`read`](Self::read), into memory that is there already.
     ///

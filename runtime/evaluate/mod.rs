@@ -33,6 +33,7 @@ pub use color::{color_difference, edges, pool_mask};
 pub use energy::{energy, passed, variation};
 pub use epipolar::{POSITIONS, RowFinder, sweep};
 pub use groups::{Group, Member, members, places};
+#[cfg(feature = "preview")]
 pub(crate) use look::crop;
 pub use look::{centered, images, photographs, targets, views};
 pub use plane::Plane;

@@ -5,13 +5,16 @@
 //! nothing from the rest of the runtime.
 
 mod cache;
+#[cfg_attr(not(feature = "image-formats"), path = "no_codec.rs")]
+mod codec;
 mod npy;
 mod picture;
 mod whole;
 
 pub use cache::cache_folder;
+pub use codec::{encode_jpeg8, read_grey, read_grey8};
 pub use npy::{Npy, read_npy, write_npy};
-pub use picture::{Grey, encode_grey8, encode_jpeg8, encode_rgb8, linear_to_srgb, read_grey, read_grey8, write_png};
+pub use picture::{Grey, encode_grey8, encode_rgb8, linear_to_srgb, write_png};
 pub use whole::{FolderDraft, write_file, write_file_by_way_of};
 
 use std::{io, path::Path};

@@ -1,10 +1,9 @@
 //! PNG: pictures for people (linear light in, sRGB out) and grey levels for SLMs.
 
+use super::codec::encode_png;
 use super::{FileError, write_file};
-use image::{ExtendedColorType, ImageEncoder, ImageReader, codecs::jpeg::JpegEncoder, codecs::png::PngEncoder};
 use std::{
-    fs::File,
-    io::{self, BufReader, Write},
+    io::{self, Write},
     path::Path,
 };
 
@@ -24,18 +23,14 @@ pub fn linear_to_srgb(v: f64) -> f64 {
 /// # Panics
 /// If there are not one or three planes, or one has another size: the caller's mistake.
 pub fn write_png(file: &Path, height: usize, width: usize, planes: &[&[f32]]) -> Result<(), FileError> {
-    let kind = match planes.len() {
-        1 => ExtendedColorType::L8,
-        3 => ExtendedColorType::Rgb8,
-        n => panic!("a picture has one or three planes, not {n}"),
-    };
+    assert!(matches!(planes.len(), 1 | 3), "a picture has one or three planes, not {}", planes.len());
     assert!(planes.iter().all(|p| p.len() == height * width), "every plane is {height} x {width}");
     let mut bytes = Vec::with_capacity(planes.len() * height * width);
     for i in 0..height * width {
         // A cast from float saturates, and takes NaN to 0.
         bytes.extend(planes.iter().map(|p| (linear_to_srgb(f64::from(p[i])) * 255.0).round() as u8));
     }
-    write_file(file, |out| encode(out, height, width, kind, &bytes))
+    write_file(file, |out| encode_png(out, height, width, planes.len(), &bytes))
 }
 
 /// Encodes grey levels as they are, `height` x `width` of them, as an 8-bit PNG.
@@ -43,7 +38,7 @@ pub fn write_png(file: &Path, height: usize, width: usize, planes: &[&[f32]]) ->
 /// # Errors
 /// Those of `out`.
 pub fn encode_grey8(out: &mut dyn Write, height: usize, width: usize, levels: &[u8]) -> io::Result<()> {
-    encode(out, height, width, ExtendedColorType::L8, levels)
+    encode_png(out, height, width, 1, levels)
 }
 
 /// Encodes 8-bit red, green, blue as they are, `height` x `width` of them, as a PNG.
@@ -51,44 +46,7 @@ pub fn encode_grey8(out: &mut dyn Write, height: usize, width: usize, levels: &[
 /// # Errors
 /// Those of `out`.
 pub fn encode_rgb8(out: &mut dyn Write, height: usize, width: usize, levels: &[u8]) -> io::Result<()> {
-    encode(out, height, width, ExtendedColorType::Rgb8, levels)
-}
-
-/// Encodes 8-bit red, green, blue as a JPEG of `quality` 1 to 100, every channel at full resolution: a fifth of the
-/// PNG for pictures with speckle, where many have to fit a page.
-///
-/// # Errors
-/// Those of `out`.
-pub fn encode_jpeg8(out: &mut dyn Write, height: usize, width: usize, levels: &[u8], quality: u8) -> io::Result<()> {
-    let encoder = JpegEncoder::new_with_quality(out, quality);
-    encoder.write_image(levels, width as u32, height as u32, ExtendedColorType::Rgb8).map_err(plain)
-}
-
-fn encode(out: &mut dyn Write, height: usize, width: usize, kind: ExtendedColorType, bytes: &[u8]) -> io::Result<()> {
-    PngEncoder::new(out).write_image(bytes, width as u32, height as u32, kind).map_err(plain)
-}
-
-fn plain(error: image::ImageError) -> io::Error {
-    match error {
-        image::ImageError::IoError(e) => e,
-        other => io::Error::other(other),
-    }
-}
-
-/// Reads an 8-bit grey PNG: (height, width, levels).
-///
-/// # Errors
-/// [`FileError::Read`]; [`FileError::Content`] for anything but a whole 8-bit grey PNG.
-pub fn read_grey8(file: &Path) -> Result<(usize, usize, Vec<u8>), FileError> {
-    let opened = File::open(file).map_err(|e| FileError::read(file, e))?;
-    let reader = ImageReader::with_format(BufReader::new(opened), image::ImageFormat::Png);
-    match reader.decode() {
-        Ok(image::DynamicImage::ImageLuma8(image)) => {
-            Ok((image.height() as usize, image.width() as usize, image.into_raw()))
-        }
-        Ok(other) => Err(FileError::content(file, format!("holds {:?} pixels: 8-bit grey is wanted", other.color()))),
-        Err(e) => Err(FileError::content(file, format!("is no whole PNG: {e}"))),
-    }
+    encode_png(out, height, width, 3, levels)
 }
 
 /// Grey levels of a picture.
@@ -100,57 +58,9 @@ pub struct Grey {
     pub values: Vec<u16>,
 }
 
-/// Reads the grey levels of an 8- or 16-bit PNG or BMP as they are stored, if the picture has this many rows and
-/// columns; else answers how many it has. A coloured format will do where all pixels are grey.
-///
-/// # Errors
-/// [`FileError::Read`]; [`FileError::Content`] for what is no whole PNG or BMP, and for colours.
-pub fn read_grey(file: &Path, size: [usize; 2]) -> Result<Result<Grey, [usize; 2]>, FileError> {
-    let reader = || {
-        let reader = ImageReader::open(file).and_then(ImageReader::with_guessed_format);
-        let reader = reader.map_err(|e| FileError::read(file, e))?;
-        match reader.format() {
-            Some(image::ImageFormat::Png | image::ImageFormat::Bmp) => Ok(reader),
-            _ => Err(FileError::content(file, "is neither PNG nor BMP")),
-        }
-    };
-    let damaged = |e: image::ImageError| {
-        FileError::content(file, format!("is no whole picture: {}", e.to_string().replace('\n', " ")))
-    };
-    // The size is known before memory is taken for it.
-    let (width, height) = reader()?.into_dimensions().map_err(damaged)?;
-    let found = [height as usize, width as usize];
-    if found != size {
-        return Ok(Err(found));
-    }
-    let mut reader = reader()?;
-    reader.no_limits();
-    let image = reader.decode().map_err(damaged)?;
-    let deep = image.color().bytes_per_pixel() / image.color().channel_count() > 1;
-    let rgb = image.color().has_color();
-    let levels = if deep { 65536 } else { 256 };
-    if !rgb {
-        let values = if deep {
-            image.into_luma16().into_raw()
-        } else {
-            image.into_luma8().into_raw().into_iter().map(u16::from).collect()
-        };
-        return Ok(Ok(Grey { levels, values }));
-    }
-    let pixels = if deep {
-        image.into_rgb16().into_raw()
-    } else {
-        image.into_rgb8().into_raw().into_iter().map(u16::from).collect()
-    };
-    if let Some(at) = pixels.chunks_exact(3).position(|p| p[0] != p[1] || p[1] != p[2]) {
-        let (row, column) = (at / size[1], at % size[1]);
-        return Err(FileError::content(file, format!("is coloured at row {row}, column {column}: grey is wanted")));
-    }
-    Ok(Ok(Grey { levels, values: pixels.into_iter().step_by(3).collect() }))
-}
-
-#[cfg(test)]
+#[cfg(all(test, feature = "image-formats"))]
 mod tests {
+    use super::super::{encode_jpeg8, read_grey8};
     use super::*;
 
     #[test]

@@ -93,6 +93,11 @@ impl Block {
         Range { block: self, offset, size }
     }
 
+    /// Whether it is memory of this device.
+    pub(crate) fn is_on(&self, device: &Arc<Device>) -> bool {
+        Arc::ptr_eq(&self.device, device)
+    }
+
     /// Whether the host sees the block's memory, through its cache and at once, as on software and integrated devices.
     pub(crate) fn is_the_hosts_too(&self) -> bool {
         use vk::MemoryPropertyFlags as Memory;

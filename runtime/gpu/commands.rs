@@ -3,11 +3,11 @@
 use super::block::Block;
 use super::counters::add;
 use super::device::Device;
-use super::devices::{DeviceReport, Limits};
 use super::error::EngineError;
 use super::open::Gpu;
 use super::pipelines::Pipeline;
 use super::recorder::{Piece, Recorder};
+use super::report::{DeviceReport, Limits};
 use eyebox_spirv::Module;
 use gpu_allocator::MemoryLocation;
 use rayon::prelude::*;

@@ -1,10 +1,11 @@
 //! The logical device and what its users share: queues, an allocator, pipelines, counters.
 
 use super::counters::Counters;
-use super::devices::{Candidate, DeviceReport};
+use super::devices::Candidate;
 use super::error::EngineError;
 use super::instance::{Instance, has};
 use super::pipelines::{Pipeline, Pipelines};
+use super::report::DeviceReport;
 use ash::{ext, google, khr, vk};
 use eyebox_spirv::Module;
 use gpu_allocator::AllocationSizes;
@@ -173,8 +174,6 @@ impl Device {
         Ok(Arc::new(device))
     }
 
-    // The swapchains will make use of it.
-    #[allow(dead_code)]
     /// Where pictures are presented: kernels run there as well where there is no other queue.
     pub(crate) fn present(&self) -> &Queue {
         self.other.as_ref().unwrap_or(&self.compute)

@@ -1,5 +1,6 @@
 //! What can go wrong on a device, or with what a device is asked.
 
+#[cfg(feature = "vulkan")]
 use ash::vk;
 
 /// What an engine can answer instead of a result.
@@ -66,6 +67,7 @@ pub enum EngineError {
     },
 }
 
+#[cfg(feature = "vulkan")]
 impl EngineError {
     /// An answer of Vulkan's: `call` names the call, `during` the kernel, the transfer or the buffer.
     pub(crate) fn vulkan(device: &str, call: &'static str, during: &str, result: vk::Result) -> Self {

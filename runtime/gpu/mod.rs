@@ -7,33 +7,67 @@
 //! kernels run on: neither waits for the other.
 //!
 //! `instance` loads Vulkan; `devices` lists, and chooses; `device` is what all else holds; `block` is memory; `pipelines`
-//! and `cache` compile; `recorder` records and submits; `commands` joins these for one user; `open` makes the handle, of a
+//! and `cache` compile; `recorder` records and submits; `commands` joins these for one user; `pictures` is what
+//! users pass to each other without the host; `open` makes the handle, of a
 //! device of its own or of one that a program brings.
 //! This room imports `files` (the folder of caches) alone.
 
 #![allow(unsafe_code)]
 
-mod block;
-mod cache;
-mod commands;
-mod counters;
-mod device;
-mod devices;
+#[cfg(not(feature = "vulkan"))]
+mod absent;
 mod error;
+mod report;
+
+#[cfg(feature = "vulkan")]
+mod block;
+#[cfg(feature = "vulkan")]
+mod cache;
+#[cfg(feature = "vulkan")]
+mod commands;
+#[cfg(feature = "vulkan")]
+mod counters;
+#[cfg(feature = "vulkan")]
+mod device;
+#[cfg(feature = "vulkan")]
+mod devices;
+#[cfg(feature = "vulkan")]
 mod instance;
+#[cfg(feature = "vulkan")]
 mod open;
+#[cfg(feature = "vulkan")]
+mod pictures;
+#[cfg(feature = "vulkan")]
 mod pipelines;
+#[cfg(feature = "vulkan")]
 mod recorder;
 
-pub use ash;
-pub(crate) use block::{Block, Range};
-pub(crate) use commands::Commands;
-pub use counters::Counts;
-pub(crate) use counters::add;
-pub use devices::{DeviceKind, DeviceReport, Limits, devices};
+#[cfg(not(feature = "vulkan"))]
+pub use absent::{Gpu, devices};
 pub use error::EngineError;
+pub use report::{DeviceKind, DeviceReport, Limits, Options};
+
+#[cfg(feature = "vulkan")]
+pub use ash;
+#[cfg(feature = "vulkan")]
+pub(crate) use block::{Block, Range};
+#[cfg(feature = "vulkan")]
+pub(crate) use commands::Commands;
+#[cfg(feature = "vulkan")]
+pub use counters::Counts;
+#[cfg(feature = "vulkan")]
+pub(crate) use counters::add;
+#[cfg(feature = "vulkan")]
+pub use devices::devices;
+#[cfg(feature = "vulkan")]
 pub use instance::Messages;
+#[cfg(feature = "vulkan")]
 pub(crate) use instance::{Instance, has};
-pub use open::{Gpu, Options, RawDevice};
+#[cfg(feature = "vulkan")]
+pub use open::{Gpu, RawDevice};
+#[cfg(feature = "vulkan")]
+pub use pictures::{PhasesOnDevice, Pictures, PixelOrder};
+#[cfg(feature = "vulkan")]
 pub(crate) use pipelines::{PUSH_BYTES, Pipeline};
+#[cfg(feature = "vulkan")]
 pub(crate) use recorder::Piece;

@@ -2,29 +2,14 @@
 
 use super::counters::Counts;
 use super::device::{Device, Made, Queue};
-use super::devices::{Candidate, DeviceReport, candidates, choose, inspect};
+use super::devices::{Candidate, candidates, choose, inspect};
 use super::error::EngineError;
 use super::instance::{Instance, Messages};
+use super::report::{DeviceReport, Options};
 use ash::vk;
 use std::ffi::CString;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
-
-/// How a device is chosen and watched.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Options {
-    /// Its number or a part of its name; the best one if none is given.
-    pub device: Option<String>,
-    /// Whether a software device may be taken where no better one is.
-    pub allow_cpu: bool,
-    /// Whether the validation layer watches (slow; it must be installed). See [`Gpu::messages`].
-    pub validation: bool,
-    /// Folder in which compiled pipelines are kept for the next start; the user's (`$XDG_CACHE_HOME/eyebox` or
-    /// `~/.cache/eyebox`) if none is given.
-    pub cache: Option<PathBuf>,
-    /// Whether pictures are to be presented from it, in windows or on displays, where it can do that.
-    pub present: bool,
-}
 
 /// An open Vulkan device: a handle, whose clones share the device.
 #[derive(Clone)]
@@ -101,8 +86,6 @@ impl Gpu {
         Ok(Self { device, options })
     }
 
-    // The swapchains will make use of it.
-    #[allow(dead_code)]
     /// This device, if `shows` says that it can show on a surface from a queue of this family; else the best other one
     /// that can.
     pub(crate) fn that_shows(&self, shows: impl Fn(vk::PhysicalDevice, u32) -> bool) -> Result<Self, EngineError> {

@@ -19,10 +19,35 @@ pub(crate) type Piece = (u64, u64, u64);
 /// Descriptor sets per pool.
 const SETS: u32 = 512;
 
+/// A semaphore whose value is the number of submissions that are over.
+pub(crate) struct Timeline {
+    pub(crate) raw: vk::Semaphore,
+    device: Arc<Device>,
+}
+
+impl Timeline {
+    fn new(device: &Arc<Device>) -> Result<Self, EngineError> {
+        let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
+        let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
+        // SAFETY: the device is valid and has timeline semaphores; it is destroyed in `drop`.
+        let raw = unsafe { device.raw.create_semaphore(&info, None) };
+        let raw = raw.map_err(|e| device.error("vkCreateSemaphore", "setting up", e))?;
+        Ok(Self { raw, device: Arc::clone(device) })
+    }
+}
+
+impl Drop for Timeline {
+    fn drop(&mut self) {
+        // SAFETY: the recorder that signals it waited for its submissions, and who waits for it holds it; destroyed once.
+        unsafe { self.device.raw.destroy_semaphore(self.raw, None) };
+    }
+}
+
 pub(crate) struct Recorder {
     commands: vk::CommandPool,
     command: vk::CommandBuffer,
-    done: vk::Semaphore,
+    /// Rises with every submission that is over.
+    done: Arc<Timeline>,
     pub(crate) submitted: u64,
     /// What a test's driver says from a number of submissions on.
     #[cfg(test)]
@@ -50,7 +75,7 @@ impl Recorder {
         let mut recorder = Self {
             commands: vk::CommandPool::null(),
             command: vk::CommandBuffer::null(),
-            done: vk::Semaphore::null(),
+            done: Arc::new(Timeline::new(device)?),
             submitted: 0,
             #[cfg(test)]
             fails_from: None,
@@ -69,9 +94,7 @@ impl Recorder {
         };
         let error = |call| move |e| device.error(call, "setting up", e);
         let info = vk::CommandPoolCreateInfo::default().queue_family_index(device.compute.family);
-        let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
-        let semaphore = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
-        // SAFETY: the device is valid and has timeline semaphores; what is made is destroyed in `drop`.
+        // SAFETY: the device is valid; what is made is destroyed in `drop`.
         unsafe {
             recorder.commands = device.raw.create_command_pool(&info, None).map_err(error("vkCreateCommandPool"))?;
             let info = vk::CommandBufferAllocateInfo::default()
@@ -80,9 +103,13 @@ impl Recorder {
                 .command_buffer_count(1);
             let made = device.raw.allocate_command_buffers(&info).map_err(error("vkAllocateCommandBuffers"))?;
             recorder.command = made[0];
-            recorder.done = device.raw.create_semaphore(&semaphore, None).map_err(error("vkCreateSemaphore"))?;
         }
         Ok(recorder)
+    }
+
+    /// What says that the last submission is over, on any queue.
+    pub(crate) fn last(&self) -> (Arc<Timeline>, u64) {
+        (Arc::clone(&self.done), self.submitted)
     }
 
     /// Number of descriptor pools.
@@ -246,7 +273,7 @@ impl Recorder {
         let device = &self.device;
         let error = |call| move |e| device.error(call, during, e);
         let commands = [self.command];
-        let (semaphores, values) = ([self.done], [self.submitted + 1]);
+        let (semaphores, values) = ([self.done.raw], [self.submitted + 1]);
         let mut timeline = vk::TimelineSemaphoreSubmitInfo::default().signal_semaphore_values(&values);
         let info = [vk::SubmitInfo::default()
             .command_buffers(&commands)
@@ -324,19 +351,16 @@ impl Recorder {
 impl Drop for Recorder {
     fn drop(&mut self) {
         let raw = &self.device.raw;
-        let (semaphores, values) = ([self.done], [self.submitted]);
+        let (semaphores, values) = ([self.done.raw], [self.submitted]);
         let wait = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
         // SAFETY: what was submitted is over after the wait (or the device lost, when nothing runs either); each is
         // destroyed once.
         unsafe {
-            if self.done != vk::Semaphore::null() {
-                let _ = raw.wait_semaphores(&wait, u64::MAX);
-            }
+            let _ = raw.wait_semaphores(&wait, u64::MAX);
             raw.destroy_query_pool(self.queries, None);
             for pool in &self.sets {
                 raw.destroy_descriptor_pool(*pool, None);
             }
-            raw.destroy_semaphore(self.done, None);
             raw.destroy_command_pool(self.commands, None);
         }
     }

@@ -4,10 +4,8 @@
 //! frame. What a compositor does to it cannot be asked everywhere: on an SLM's output run none, or let full-screen windows
 //! bypass it.
 
-use super::display::DisplayPresenter;
-use super::window::Windows;
-use super::{Event, Monitor, PresentError, RealClock, no_desktop, x_server};
-use crate::engine::vulkan::{Screen, WindowHandle};
+use super::window::{OrdinaryWindow, Windows};
+use super::{Event, Monitor, PresentError, no_desktop, x_server};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -18,7 +16,6 @@ use winit::event_loop::{ActiveEventLoop, EventLoop};
 use winit::keyboard::{Key, NamedKey};
 use winit::monitor::MonitorHandle;
 use winit::platform::pump_events::{EventLoopExtPumpEvents, PumpStatus};
-use winit::raw_window_handle::{HasDisplayHandle, HasWindowHandle, RawDisplayHandle, RawWindowHandle};
 use winit::window::{Fullscreen, Window as SystemWindow, WindowId};
 
 /// How long a window may take to come up with its size.
@@ -162,17 +159,8 @@ impl Desktop {
         Monitor::choose(&self.monitors(), wanted, size)
     }
 
-    /// A window over all of a monitor, with a swapchain.
-    ///
-    /// # Errors
-    /// [`PresentError::Display`] where it does not come up with the monitor's size, and where Vulkan cannot show bytes
-    /// as they are in it.
-    pub fn fullscreen(
-        mut self,
-        monitor: &Monitor,
-        clock: RealClock,
-        validation: bool,
-    ) -> Result<DisplayPresenter, PresentError> {
+    /// A window over all of a monitor.
+    pub(super) fn cover(mut self, monitor: &Monitor) -> Result<OnDesktop, PresentError> {
         self.handler.wanted = Some((monitor.index, monitor.size));
         let since = Instant::now();
         let window = loop {
@@ -194,21 +182,34 @@ impl Desktop {
             }
             std::thread::sleep(Duration::from_millis(5));
         };
-        let handle = handle_of(&window)?;
-        // SAFETY: the window lives in the presenter, and the screen is dropped before it.
-        #[allow(unsafe_code)]
-        let screen = unsafe { Screen::open(handle, monitor.size, validation) }
-            .map_err(|e| PresentError::display("the window", e))?;
         self.handler.under = Some((monitor.clone(), Instant::now()));
-        Ok(DisplayPresenter::in_window(screen, OnDesktop { desktop: self, _window: window }, monitor, clock))
+        Ok(OnDesktop { desktop: self, window })
     }
 
     fn pump(&mut self) -> Result<(), PresentError> {
         self.pump_for(Duration::ZERO)
     }
 
-    pub(super) fn windows(&mut self) -> &mut Windows {
-        &mut self.handler.windows
+    /// Opens an ordinary window whose inside has `size` rows and columns, if the desktop agrees.
+    ///
+    /// # Errors
+    /// [`PresentError::Display`].
+    pub fn window(&mut self, title: &str, size: [usize; 2]) -> Result<OrdinaryWindow, PresentError> {
+        self.handler.windows.wanted = Some((title.into(), size));
+        let since = Instant::now();
+        loop {
+            self.pump_for(Duration::from_millis(5))?;
+            match self.handler.windows.made.take() {
+                Some(Ok(window)) => return Ok(window),
+                Some(Err(failure)) => {
+                    return Err(no_desktop(format!("a window could not be opened ({failure})")));
+                }
+                None if since.elapsed() > PATIENCE => {
+                    return Err(no_desktop("a window was asked for and did not come".into()));
+                }
+                None => {}
+            }
+        }
     }
 
     /// Takes in what happened on the desktop, and waits so long at most where nothing did.
@@ -230,7 +231,7 @@ impl Desktop {
 /// A window that covers a monitor, and the desktop that it is on.
 pub(super) struct OnDesktop {
     pub(super) desktop: Desktop,
-    _window: Arc<SystemWindow>,
+    pub(super) window: Arc<SystemWindow>,
 }
 
 impl OnDesktop {
@@ -261,27 +262,5 @@ impl OnDesktop {
             self.desktop.handler.lost.get_or_insert(reason);
         }
         self.desktop.handler.events.pop_front()
-    }
-}
-
-/// What Vulkan makes a surface of.
-pub(super) fn handle_of(window: &SystemWindow) -> Result<WindowHandle, PresentError> {
-    let gone = |e: winit::raw_window_handle::HandleError| no_desktop(format!("the window has no handle ({e})"));
-    let (window, display) = (window.window_handle().map_err(gone)?, window.display_handle().map_err(gone)?);
-    match (window.as_raw(), display.as_raw()) {
-        (RawWindowHandle::Xlib(window), RawDisplayHandle::Xlib(display)) => {
-            let display = display.display.ok_or_else(|| no_desktop("the X display has no handle".into()))?;
-            // XCB, for every driver takes that, and not every one Xlib.
-            let library = x11_dl::xlib_xcb::Xlib_xcb::open()
-                .map_err(|e| no_desktop(format!("libX11-xcb could not be loaded ({e})")))?;
-            // SAFETY: the display is the window's, which lives.
-            #[allow(unsafe_code)]
-            let connection = unsafe { (library.XGetXCBConnection)(display.as_ptr().cast()) };
-            Ok(WindowHandle::Xcb { connection, window: window.window as u32 })
-        }
-        (RawWindowHandle::Wayland(window), RawDisplayHandle::Wayland(display)) => {
-            Ok(WindowHandle::Wayland { display: display.display.as_ptr(), surface: window.surface.as_ptr() })
-        }
-        _ => Err(no_desktop("windows of this system are not known here: X11 and Wayland are".into())),
     }
 }

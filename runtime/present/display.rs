@@ -1,34 +1,48 @@
 //! The display as a presenter: a window over a monitor, or a display that no desktop drives.
 
 use super::desktop::{Desktop, OnDesktop};
+use super::handle::handle_of;
+use super::swapchain::{Policy, Swapchain};
+use super::timing::PresentTiming;
 use super::{Event, Feedback, Monitor, PresentError, Presenter, Rate, RealClock};
-use crate::engine::EngineError;
-use crate::engine::vulkan::{Lit, Screen};
-use std::sync::{Arc, Mutex};
+use crate::gpu::{EngineError, Gpu};
 
 /// Shows video frames on a display, by a swapchain of exactly its size.
 pub struct DisplayPresenter {
     // Before the window that it shows in.
-    screen: Screen,
+    swapchain: Swapchain,
     name: String,
     rate: Option<Rate>,
     clock: RealClock,
     window: Option<OnDesktop>,
 }
 
-impl DisplayPresenter {
-    pub(super) fn in_window(screen: Screen, window: OnDesktop, monitor: &Monitor, clock: RealClock) -> Self {
+impl Desktop {
+    /// A window over all of a monitor, shown from this device or from the one of its instance that can show there.
+    ///
+    /// # Errors
+    /// [`PresentError::Display`] where it does not come up with the monitor's size, and where Vulkan cannot show bytes
+    /// as they are in it.
+    pub fn fullscreen(self, gpu: &Gpu, monitor: &Monitor, clock: RealClock) -> Result<DisplayPresenter, PresentError> {
+        let on = self.cover(monitor)?;
+        let handle = handle_of(&on.window)?;
+        // SAFETY: the window lives in the presenter, and the swapchain is dropped before it.
+        #[allow(unsafe_code)]
+        let swapchain = unsafe { Swapchain::open(gpu, handle, Policy::Exact(monitor.size)) }
+            .map_err(|e| PresentError::display("the window", e))?;
         let name = format!("a window on monitor {monitor}");
-        Self { screen, name, rate: monitor.rate, clock, window: Some(window) }
+        Ok(DisplayPresenter { swapchain, name, rate: monitor.rate, clock, window: Some(on) })
+    }
+}
+
+impl DisplayPresenter {
+    pub(super) fn on_display(swapchain: Swapchain, name: String, rate: Option<Rate>, clock: RealClock) -> Self {
+        Self { swapchain, name, rate, clock, window: None }
     }
 
-    pub(super) fn direct(screen: Screen, name: String, rate: Option<Rate>, clock: RealClock) -> Self {
-        Self { screen, name, rate, clock, window: None }
-    }
-
-    /// What the validation layer says, to the last.
-    pub fn messages(&self) -> Arc<Mutex<Vec<String>>> {
-        self.screen.messages()
+    /// The device that it shows from, for engines, encoders and other windows.
+    pub fn gpu(&self) -> &Gpu {
+        self.swapchain.gpu()
     }
 
     /// The desktop that its window stands on, for other windows beside it: their events come while this one's are taken.
@@ -46,7 +60,7 @@ impl DisplayPresenter {
 
 impl Presenter for DisplayPresenter {
     fn describe(&self) -> String {
-        format!("{} by {}", self.name, self.screen.describe())
+        format!("{} by {}", self.name, self.swapchain.describe())
     }
 
     fn rate(&self) -> Option<Rate> {
@@ -54,26 +68,26 @@ impl Presenter for DisplayPresenter {
     }
 
     fn timed_by(&self) -> &'static str {
-        self.screen.timed_by()
+        self.swapchain.timed_by()
     }
 
     fn upload(&mut self, picture: &[u8]) -> Result<(), PresentError> {
         self.window.as_mut().map_or(Ok(()), OnDesktop::check)?;
-        let done = self.screen.upload(picture);
+        let done = self.swapchain.upload(picture);
         self.explained(done)
     }
 
     fn present(&mut self, id: u64, _desired_present_time_ns: i64) -> Result<(), PresentError> {
-        let done = self.screen.present(id);
+        let done = self.swapchain.present(id);
         self.explained(done)
     }
 
     fn feedback(&mut self) -> Option<Feedback> {
-        Some(match self.screen.lit()? {
-            Lit::Monotonic { id, time_ns } => {
+        Some(match self.swapchain.timing()? {
+            PresentTiming::Monotonic { id, time_ns } => {
                 Feedback { id, actual_display_time_ns: self.clock.at_monotonic_ns(time_ns) }
             }
-            Lit::At { id, time } => Feedback { id, actual_display_time_ns: self.clock.at_ns(time) },
+            PresentTiming::At { id, time } => Feedback { id, actual_display_time_ns: self.clock.at_ns(time) },
         })
     }
 
@@ -82,7 +96,7 @@ impl Presenter for DisplayPresenter {
     }
 
     fn finish(&mut self) -> Result<(), PresentError> {
-        self.screen.wait();
+        self.swapchain.wait();
         Ok(())
     }
 }

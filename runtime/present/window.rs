@@ -3,22 +3,19 @@
 //! A process has one event loop, so they are made by the [`Desktop`] and their events come while it is pumped, by
 //! whoever pumps it.
 
-use super::desktop::{Desktop, handle_of};
-use super::{PresentError, no_desktop};
-use crate::engine::vulkan::WindowHandle;
+use super::PresentError;
+use super::handle::handle_of;
+use super::surface::WindowHandle;
 use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::rc::Rc;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
 use winit::dpi::PhysicalSize;
 use winit::event::{ElementState, MouseScrollDelta, WindowEvent as SystemEvent};
 use winit::event_loop::ActiveEventLoop;
 use winit::keyboard::{Key, NamedKey};
 use winit::window::{Window as SystemWindow, WindowId};
 
-/// How long a window may take to come up.
-const PATIENCE: Duration = Duration::from_secs(3);
 /// Pixels of a touch pad that are a notch of a wheel.
 const NOTCH: f64 = 40.0;
 /// Events that wait at most: a program that takes none does not grow.
@@ -59,8 +56,8 @@ type Queue = Rc<RefCell<VecDeque<WindowEvent>>>;
 /// The event loop's side of all windows.
 #[derive(Default)]
 pub(super) struct Windows {
-    wanted: Option<(String, [usize; 2])>,
-    made: Option<Result<OrdinaryWindow, String>>,
+    pub(super) wanted: Option<(String, [usize; 2])>,
+    pub(super) made: Option<Result<OrdinaryWindow, String>>,
     queues: Vec<(WindowId, Queue)>,
 }
 
@@ -164,29 +161,5 @@ impl OrdinaryWindow {
     /// [`PresentError::Display`] on a system whose windows are not known here.
     pub fn handle(&self) -> Result<WindowHandle, PresentError> {
         handle_of(&self.window)
-    }
-}
-
-impl Desktop {
-    /// Opens an ordinary window whose inside has `size` rows and columns, if the desktop agrees.
-    ///
-    /// # Errors
-    /// [`PresentError::Display`].
-    pub fn window(&mut self, title: &str, size: [usize; 2]) -> Result<OrdinaryWindow, PresentError> {
-        self.windows().wanted = Some((title.into(), size));
-        let since = Instant::now();
-        loop {
-            self.pump_for(Duration::from_millis(5))?;
-            match self.windows().made.take() {
-                Some(Ok(window)) => return Ok(window),
-                Some(Err(failure)) => {
-                    return Err(no_desktop(format!("a window could not be opened ({failure})")));
-                }
-                None if since.elapsed() > PATIENCE => {
-                    return Err(no_desktop("a window was asked for and did not come".into()));
-                }
-                None => {}
-            }
-        }
     }
 }

@@ -17,7 +17,6 @@
 mod controls;
 mod eye;
 mod font;
-mod newest;
 mod overlay;
 mod picture;
 mod place;

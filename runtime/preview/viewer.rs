@@ -1,12 +1,12 @@
 //! The thread that looks.
 
 use super::eye::{Detail, Eye, Opener};
-use super::newest::Newest;
 use super::picture::{Picture, develop};
 use super::{PreviewError, Showing};
 use crate::engine::{Engine, Purpose};
 use crate::evaluate::{self, Plane};
 use crate::hologram::SceneSource;
+use crate::mailbox::Mailbox;
 use crate::optics::{Color, Pupil, WindowFactor};
 use crate::solve::Problem;
 use std::sync::Arc;
@@ -80,8 +80,8 @@ const REST: Duration = Duration::from_millis(60);
 
 /// Looks through the newest pupil at the newest hologram, on a thread of its own that owns the engines. No call waits.
 pub struct Viewer {
-    given: Arc<Newest<Given>>,
-    answers: Arc<Newest<Answer>>,
+    given: Mailbox<Given>,
+    answers: Mailbox<Answer>,
     looked: Arc<AtomicU64>,
     shown: u64,
     thread: Option<JoinHandle<()>>,
@@ -95,9 +95,9 @@ impl Viewer {
     /// [`PreviewError::Thread`].
     pub fn start(open: Opener, scene: impl Into<SceneSource>) -> Result<Self, PreviewError> {
         let scene = scene.into();
-        let (given, answers) = (Arc::new(Newest::<Given>::default()), Arc::new(Newest::default()));
+        let (given, answers) = (Mailbox::<Given>::new(1), Mailbox::new(1));
         let looked = Arc::new(AtomicU64::new(0));
-        let (take, give, count) = (Arc::clone(&given), Arc::clone(&answers), Arc::clone(&looked));
+        let (take, give, count) = (given.clone(), answers.clone(), Arc::clone(&looked));
         let run = move || {
             let mut looker = Looker { eye: Eye::new(open), scene, cameras: Vec::new(), expected: None };
             let (mut showing, mut look) = (None, None);
@@ -111,7 +111,7 @@ impl Viewer {
                 let (Some((content, showing)), Some(look)) = (&showing, &look) else { continue };
                 let publish = |answer: Answer| {
                     count.fetch_add(1, Relaxed);
-                    give.put(answer);
+                    give.push(answer);
                 };
                 // Nobody knows yet how long the first takes; of tiles it can be seconds.
                 let slow = looker.expected.map_or(showing.tiles.is_some(), |time| time > SLOW);
@@ -137,12 +137,12 @@ impl Viewer {
     pub fn show(&mut self, showing: Arc<Showing>) {
         self.shown += 1;
         let shown = Some((self.shown, showing));
-        self.given.change(|given| Given { showing: shown, ..given.unwrap_or_default() });
+        self.given.update(|given| Given { showing: shown, ..given.unwrap_or_default() });
     }
 
     /// From now on it is looked at like this.
     pub fn look(&self, look: Look) {
-        self.given.change(|given| Given { look: Some(look), ..given.unwrap_or_default() });
+        self.given.update(|given| Given { look: Some(look), ..given.unwrap_or_default() });
     }
 
     /// The newest picture that was not taken yet.
@@ -165,7 +165,7 @@ impl Viewer {
 
 impl Drop for Viewer {
     fn drop(&mut self) {
-        self.given.put(Given { stop: true, ..Given::default() });
+        self.given.push(Given { stop: true, ..Given::default() });
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }

@@ -1,6 +1,6 @@
 //! Depth and disparity maps of a single picture.
 
-use super::{SceneError, pfm, picture, settings};
+use super::{SceneError, light, pfm, picture};
 use crate::files::{self, FileError};
 use std::{fs, path::Path};
 
@@ -26,7 +26,7 @@ pub(super) fn read(path: &Path) -> Result<Map, SceneError> {
     if path.is_dir() {
         return Err(corrupt("a folder, not a depth map".into()));
     }
-    let bytes = || fs::read(path).map_err(|e| settings::unreadable(path, &e));
+    let bytes = || fs::read(path).map_err(|e| SceneError::unreadable(path, &e));
     let map = if name.ends_with(".pfm") {
         let map = pfm::parse(&bytes()?).map_err(corrupt)?;
         Map { height: map.height, width: map.width, values: map.values, is_disparity: name.contains("disp") }
@@ -43,18 +43,10 @@ pub(super) fn read(path: &Path) -> Result<Map, SceneError> {
         };
         Map { height, width, values: array.values, is_disparity: name.contains("disp") }
     } else {
-        let image = picture::decode(path)?;
-        let channels = usize::from(image.color().channel_count());
-        let values = if let Some(v) = picture::samples8(&image) {
-            v.iter().step_by(channels).map(|&v| f32::from(v)).collect()
-        } else if let Some(v) = picture::samples16(&image) {
-            v.iter().step_by(channels).map(|&v| f32::from(v)).collect()
-        } else {
-            return Err(corrupt("a depth map must be an 8- or 16-bit picture, a .pfm or a .npy file".into()));
-        };
-        Map { height: image.height() as usize, width: image.width() as usize, values, is_disparity: false }
+        let (height, width, values) = picture::stored(path)?;
+        Map { height, width, values, is_disparity: false }
     };
-    picture::check(path, &map.values, map.width, f32::is_finite, "a finite number")?;
+    light::check(path, &map.values, map.width, f32::is_finite, "a finite number")?;
     Ok(map)
 }
 

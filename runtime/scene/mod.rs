@@ -44,12 +44,14 @@ mod folder;
 mod interpolate;
 #[cfg(test)]
 mod interpolate_tests;
+mod light;
 mod light_field;
 mod map;
 mod merge;
 mod names;
 mod pfm;
 mod photograph;
+#[cfg_attr(not(feature = "image-formats"), path = "no_picture.rs")]
 mod picture;
 mod pyramid;
 mod reproject;
@@ -66,9 +68,9 @@ pub use depth::central_depth;
 pub(crate) use depth::central_view;
 pub use error::SceneError;
 pub use interpolate::Interpolator;
+pub use light::srgb_to_linear;
 pub use light_field::LightField;
 pub use photograph::ViewGrid;
-pub use picture::srgb_to_linear;
 pub use pyramid::{Level, Pyramid};
 pub use resize::Fit;
 pub(crate) use resize::{crop_share, shrink_to_share};

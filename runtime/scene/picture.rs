@@ -1,35 +1,13 @@
-//! Pictures from files, as planes of linear light.
+//! Pictures from files, as planes of linear light, by the crate `image`.
 
 use super::SceneError;
+use super::light::{Picture, Transfer, check, srgb_to_linear};
 use crate::optics::Color;
 use image::{DynamicImage, ImageFormat, ImageReader, Limits};
-use serde::Deserialize;
 use std::{fs::File, io::BufReader, path::Path, sync::OnceLock};
 
-/// How stored values become light.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub(super) enum Transfer {
-    /// The sRGB curve: what 8- and 16-bit files hold unless told otherwise.
-    Srgb,
-    /// Values are light: what EXR holds.
-    Linear,
-}
-
-/// One picture: its rows, its columns, and its planes in the order of the colours asked for.
-pub(super) struct Picture {
-    pub height: usize,
-    pub width: usize,
-    pub planes: Vec<Vec<f32>>,
-}
-
-/// The exact sRGB curve: stored value in 0..=1 to linear light.
-pub fn srgb_to_linear(v: f64) -> f64 {
-    if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
-}
-
 fn open(path: &Path) -> Result<ImageReader<BufReader<File>>, SceneError> {
-    let unreadable = |e: std::io::Error| super::settings::unreadable(path, &e);
+    let unreadable = |e: std::io::Error| SceneError::unreadable(path, &e);
     let mut reader = ImageReader::open(path).and_then(|r| r.with_guessed_format()).map_err(unreadable)?;
     let mut limits = Limits::default();
     limits.max_image_width = Some(65536);
@@ -50,7 +28,7 @@ pub(super) fn size(path: &Path) -> Result<[usize; 2], SceneError> {
 }
 
 /// Decodes a file; nothing is converted yet.
-pub(super) fn decode(path: &Path) -> Result<DynamicImage, SceneError> {
+fn decode(path: &Path) -> Result<DynamicImage, SceneError> {
     let reader = open(path)?;
     if reader.format() == Some(ImageFormat::Jpeg) && !jpeg_ends(path)? {
         return Err(corrupt(path, "the file is cut short: a JPEG must reach its end marker"));
@@ -60,7 +38,7 @@ pub(super) fn decode(path: &Path) -> Result<DynamicImage, SceneError> {
 
 /// Whether a JPEG's last scan is closed: decoders fill what is missing with grey and say nothing.
 fn jpeg_ends(path: &Path) -> Result<bool, SceneError> {
-    let bytes = std::fs::read(path).map_err(|e| super::settings::unreadable(path, &e))?;
+    let bytes = std::fs::read(path).map_err(|e| SceneError::unreadable(path, &e))?;
     // Inside a scan, 0xff is never followed by these.
     let last_scan = bytes.windows(2).rposition(|b| b == [0xff, 0xda]).unwrap_or(0);
     Ok(bytes[last_scan..].windows(2).any(|b| b == [0xff, 0xd9]))
@@ -113,28 +91,22 @@ pub(super) fn read(path: &Path, colors: &[Color], transfer: Option<Transfer>) ->
     Ok(Picture { height, width, planes })
 }
 
-/// The first pixel that is not as it must be is an error.
-pub(super) fn check(
-    path: &Path,
-    plane: &[f32],
-    width: usize,
-    good: impl Fn(f32) -> bool,
-    must: &'static str,
-) -> Result<(), SceneError> {
-    match plane.iter().position(|&v| !good(v)) {
-        None => Ok(()),
-        Some(i) => Err(SceneError::Value {
-            file: path.display().to_string(),
-            row: i / width,
-            column: i % width,
-            value: plane[i],
-            must,
-        }),
-    }
+/// Reads the stored values of a picture's first channel, row by row; its rows and columns.
+pub(super) fn stored(path: &Path) -> Result<(usize, usize, Vec<f32>), SceneError> {
+    let image = decode(path)?;
+    let channels = usize::from(image.color().channel_count());
+    let values = if let Some(v) = samples8(&image) {
+        v.iter().step_by(channels).map(|&v| f32::from(v)).collect()
+    } else if let Some(v) = samples16(&image) {
+        v.iter().step_by(channels).map(|&v| f32::from(v)).collect()
+    } else {
+        return Err(corrupt(path, "a depth map must be an 8- or 16-bit picture, a .pfm or a .npy file"));
+    };
+    Ok((image.height() as usize, image.width() as usize, values))
 }
 
 /// The samples of an 8-bit image, interleaved.
-pub(super) fn samples8(image: &DynamicImage) -> Option<&[u8]> {
+fn samples8(image: &DynamicImage) -> Option<&[u8]> {
     Some(match image {
         DynamicImage::ImageLuma8(p) => p.as_raw(),
         DynamicImage::ImageLumaA8(p) => p.as_raw(),
@@ -145,7 +117,7 @@ pub(super) fn samples8(image: &DynamicImage) -> Option<&[u8]> {
 }
 
 /// The samples of a 16-bit image, interleaved.
-pub(super) fn samples16(image: &DynamicImage) -> Option<&[u16]> {
+fn samples16(image: &DynamicImage) -> Option<&[u16]> {
     Some(match image {
         DynamicImage::ImageLuma16(p) => p.as_raw(),
         DynamicImage::ImageLumaA16(p) => p.as_raw(),

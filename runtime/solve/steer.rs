@@ -5,7 +5,7 @@ use super::error::SolveError;
 use super::problem::Problem;
 use super::sampling::{Points, Sequence};
 use super::step::{Update, take};
-use crate::engine::{Buffer, Engine, EngineError};
+use crate::engine::{Buffer, Engine, EngineError, PhasesOnDevice};
 use crate::evaluate::{self, Sums};
 use crate::optics::{Pupil, PupilDistribution, WindowFactor};
 use crate::plan::{Kernel, Planner, PupilPass, Purpose, Step, Viewpoint};
@@ -290,6 +290,11 @@ impl Refiner {
     /// Those of the engine.
     pub fn phases(&mut self) -> Result<Vec<f32>, EngineError> {
         self.engine.read(Buffer::Phases)
+    }
+
+    /// The phases where they are, if that is in a device's memory: for an encoder on that device.
+    pub fn phases_on_device(&self) -> Option<PhasesOnDevice<'_>> {
+        self.engine.phases_on_device()
     }
 
     /// What each of these pupils sees now, and should see: sums from which exposure and PSNR follow.

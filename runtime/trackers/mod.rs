@@ -19,6 +19,7 @@
 pub mod hid;
 pub mod line;
 pub mod mouse;
+#[cfg(feature = "trackers")]
 pub mod pupil_labs;
 pub mod recording;
 pub mod simulated;

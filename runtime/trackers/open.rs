@@ -2,13 +2,17 @@
 
 use super::hid::{DeviceFile, HidSource, system_bus};
 use super::line::LineSource;
-use super::pupil_labs::{self, PupilSource};
+#[cfg(feature = "trackers")]
+use super::pupil_labs::PupilSource;
 use super::recording::{Recording, RecordingSource};
 use super::simulated::{Settings, SimulatedSource};
 use super::udp::UdpSource;
 use super::{Source, TrackerError};
 use std::path::PathBuf;
 use std::time::Duration;
+
+/// Pupil Remote listens here unless it was told otherwise.
+const PUPIL_REMOTE_PORT: u16 = 50020;
 
 /// A source by name, as the command line writes it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -62,7 +66,7 @@ impl std::str::FromStr for Spec {
         };
         if let Some(rest) = text.strip_prefix("pupil://") {
             let (host, port) =
-                address(rest, Some(pupil_labs::PORT)).filter(|(h, _)| !h.is_empty()).ok_or_else(wrong)?;
+                address(rest, Some(PUPIL_REMOTE_PORT)).filter(|(h, _)| !h.is_empty()).ok_or_else(wrong)?;
             return Ok(Self::Pupil { host, port });
         }
         if let Some(rest) = text.strip_prefix("udp://") {
@@ -124,7 +128,14 @@ pub fn open(spec: &Spec, options: &Options) -> Result<Box<dyn Source>, TrackerEr
             Box::new(source.map_err(|e| TrackerError::file(path, e.to_string()))?)
         }
         Spec::Lines(path) => Box::new(LineSource::open(path, options.real_time, latency_ns)?),
+        #[cfg(feature = "trackers")]
         Spec::Pupil { host, port } => Box::new(PupilSource::new(host, *port, latency_ns)),
+        #[cfg(not(feature = "trackers"))]
+        Spec::Pupil { .. } => {
+            return Err(TrackerError::Setting(
+                "pupil:// needs a program that was built with the feature `trackers`".into(),
+            ));
+        }
         Spec::Udp { host, port } => Box::new(UdpSource::bind(host, *port, latency_ns)?),
         Spec::Mouse => return Err(TrackerError::Setting("the mouse is a tracker in a window only".into())),
         Spec::Simulated(seed) => {

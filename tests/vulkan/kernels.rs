@@ -205,7 +205,7 @@ fn a_missing_driver_is_a_sentence_with_help() {
     }
     let tests = std::env::current_exe().expect("this test's file");
     let mut child = std::process::Command::new(tests);
-    child.args(["--exact", "a_missing_driver_is_a_sentence_with_help"]).envs(FILES.map(|f| (f, NOWHERE)));
+    child.args(["--exact", "kernels::a_missing_driver_is_a_sentence_with_help"]).envs(FILES.map(|f| (f, NOWHERE)));
     let output = child.output().expect("the test runs");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stdout));
 }
@@ -318,7 +318,7 @@ fn every_subgroup_size() {
         let tests = std::env::current_exe().expect("this test's file");
         let output = std::process::Command::new(tests)
             .env(WIDTH, width)
-            .args(["--skip", "large_sizes"])
+            .args(["kernels::", "--skip", "large_sizes"])
             .output()
             .expect("the tests run");
         let text = String::from_utf8_lossy(&output.stdout);

@@ -3,4 +3,5 @@
 mod encode;
 mod fft;
 mod kernels;
+mod one_device;
 mod steps;

@@ -2,15 +2,16 @@
 
 use crate::Failure;
 use crate::args::{DisplayArgs, EngineArgs, SceneArgs};
-use eyebox::engine::{self, Backend, Engine};
+use eyebox::engine::{self, Backend, Engine, EngineError};
 use eyebox::evaluate::Plane;
 use eyebox::files;
-use eyebox::gpu::Options;
+use eyebox::gpu::{Gpu, Options};
 use eyebox::hologram::SceneSource;
 use eyebox::optics::{Color, Display};
 use eyebox::preview::Opener;
 use eyebox::produce::{TilesRequest, load_around};
 use eyebox::scene::{self, LightField};
+use eyebox::session::EngineSource;
 use eyebox::solve::PupilRange;
 use std::path::Path;
 
@@ -82,16 +83,54 @@ pub fn engine(args: &EngineArgs) -> Result<Box<dyn Engine>, Failure> {
 
 /// What makes the engine asked for, as often as it is called, on one device.
 pub fn opener(args: &EngineArgs) -> Result<Opener, Failure> {
-    let (choice, options) = (engine_choice(args), Options::default());
-    let Some(name) = &args.vulkan_from else {
-        let backend = Backend::open(choice, &options)?;
-        return Ok(Box::new(move || backend.engine()));
-    };
-    let names = || engine::Kernel::ALL.map(engine::Kernel::name).join(", ");
-    let from = engine::Kernel::by_name(name)
-        .ok_or_else(|| Failure::Asked(format!("no kernel is called '{name}': there are {}", names())))?;
-    let backend = Backend::open(engine::Choice::Vulkan, &options)?;
-    Ok(Box::new(move || backend.engine_from(from)))
+    Ok(Engines::new(args, &Options::default())?.opener())
+}
+
+/// The engines asked for, all on one device if they are on one.
+#[derive(Clone)]
+pub struct Engines {
+    backend: Backend,
+    from: Option<engine::Kernel>,
+}
+
+impl Engines {
+    /// Opens the device, if there is one.
+    pub fn new(args: &EngineArgs, options: &Options) -> Result<Self, Failure> {
+        let names = || engine::Kernel::ALL.map(engine::Kernel::name).join(", ");
+        let known = |name: &String| {
+            engine::Kernel::by_name(name)
+                .ok_or_else(|| Failure::Asked(format!("no kernel is called '{name}': there are {}", names())))
+        };
+        let from = args.vulkan_from.as_ref().map(known).transpose()?;
+        let choice = if from.is_some() { engine::Choice::Vulkan } else { engine_choice(args) };
+        Ok(Self { backend: Backend::open(choice, options)?, from })
+    }
+
+    /// One more.
+    pub fn open(&self) -> Result<Box<dyn Engine>, EngineError> {
+        self.from.map_or_else(|| self.backend.engine(), |kernel| self.backend.engine_from(kernel))
+    }
+
+    /// The same, as often as it is called.
+    pub fn opener(&self) -> Opener {
+        let engines = self.clone();
+        Box::new(move || engines.open())
+    }
+
+    /// Where a session takes them from.
+    pub fn source(&self) -> EngineSource {
+        if self.from.is_some() { self.opener().into() } else { self.backend.clone().into() }
+    }
+
+    /// Their device.
+    pub fn gpu(&self) -> Result<Option<Gpu>, EngineError> {
+        self.backend.gpu()
+    }
+}
+
+/// A device that shows pictures, a software one if there is no other.
+pub fn display_gpu(validation: bool) -> Result<Gpu, Failure> {
+    Ok(Gpu::open(&Options { allow_cpu: true, present: true, validation, ..Options::default() })?)
 }
 
 /// Where a result goes.

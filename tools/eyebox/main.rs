@@ -25,6 +25,7 @@ mod progress;
 mod quality;
 mod report;
 mod score;
+mod session;
 mod settings;
 mod solve;
 mod trackers;

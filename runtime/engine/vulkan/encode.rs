@@ -7,8 +7,9 @@
 
 use super::super::EngineError;
 use super::layout::{Layout, Value};
-use crate::gpu::{Block, Commands, Gpu, Pipeline};
+use crate::gpu::{Block, Commands, Gpu, PhasesOnDevice, Pictures, Pipeline, PixelOrder};
 use eyebox_kernels::encode::{Args, Levels, Part, Plan};
+use eyebox_kernels::pixels;
 use eyebox_spirv as spirv;
 
 /// Sub-frames that an entry can tell apart, and entries of a run: constants of the shader.
@@ -22,7 +23,8 @@ const ACROSS: u32 = 65535;
 
 /// One colour's buffers.
 struct Ink {
-    phases: Block,
+    /// Those that the host uploads, once it did.
+    phases: Option<Block>,
     /// A block of nothing where there are none.
     offsets: Block,
     table: Block,
@@ -121,7 +123,7 @@ impl VulkanEncoder {
             let has_offsets = u32::from(!color.offsets.is_empty());
             let constants = [args.channels, kind, has_offsets, args.cell_rows, args.cell_columns, levels];
             inks.push(Ink {
-                phases: gpu.block(input.bytes(), "phases")?,
+                phases: None,
                 offsets: gpu.filled(bytemuck::cast_slice(&color.offsets), "offsets")?,
                 table: gpu.filled(table, "a table of levels")?,
                 constants,
@@ -201,7 +203,11 @@ impl VulkanEncoder {
             return Err(EngineError::Mismatch { reason });
         }
         for (ink, phases) in self.inks.iter_mut().zip(phases) {
-            self.gpu.put(&mut ink.phases, bytemuck::cast_slice(phases), self.input.pieces())?;
+            if ink.phases.is_none() {
+                ink.phases = Some(self.gpu.block(self.input.bytes(), "phases")?);
+            }
+            let Some(block) = &mut ink.phases else { continue };
+            self.gpu.put(block, bytemuck::cast_slice(phases), self.input.pieces())?;
         }
         Ok(())
     }
@@ -209,8 +215,27 @@ impl VulkanEncoder {
     /// Encodes the set that was uploaded last; the video frames stay on the device.
     ///
     /// # Errors
-    /// A lost device.
+    /// [`EngineError::Mismatch`] where none was uploaded; a lost device.
     pub fn encode_uploaded(&mut self) -> Result<(), EngineError> {
+        self.run(None)
+    }
+
+    /// Encodes phases that are on this device, colour by colour; the video frames stay there too.
+    ///
+    /// # Errors
+    /// [`EngineError::Mismatch`] for phases of another shape or another device; a lost device.
+    pub fn encode_on_device(&mut self, phases: &[PhasesOnDevice<'_>]) -> Result<(), EngineError> {
+        let Layout { frames, values, .. } = self.input;
+        let fits = |p: &PhasesOnDevice<'_>| (p.frames, p.values) == (frames, values) && p.block.is_on(&self.gpu.device);
+        if phases.len() != self.inks.len() || !phases.iter().all(fits) {
+            let reason = format!("a set has {} colours of {frames} x {values} phases on one device", self.inks.len());
+            return Err(EngineError::Mismatch { reason });
+        }
+        self.run(Some(phases))
+    }
+
+    /// `given`: phases on the device; those that were uploaded if there are none.
+    fn run(&mut self, given: Option<&[PhasesOnDevice<'_>]>) -> Result<(), EngineError> {
         let Self { inks, frames, runs, input, output, args, cells, gpu, .. } = self;
         gpu.recorder.begin(1)?;
         // A frame that nothing is put into.
@@ -235,8 +260,14 @@ impl VulkanEncoder {
                 let mut push = [0u32; 12];
                 push[..11].copy_from_slice(bytemuck::cast_slice(std::slice::from_ref(args)));
                 push[11] = *cells;
+                let phases = match given {
+                    Some(given) => Some(given[run.color].block),
+                    None => ink.phases.as_ref(),
+                };
+                let phases =
+                    phases.ok_or_else(|| EngineError::Mismatch { reason: "no phases were uploaded".into() })?;
                 let buffers = [
-                    input.range(&ink.phases, run.first, run.count),
+                    input.range(phases, run.first, run.count),
                     ink.offsets.all(),
                     ink.table.all(),
                     output.range(frames, run.video_frame, 1),
@@ -247,6 +278,53 @@ impl VulkanEncoder {
         gpu.recorder.mark(0);
         let times = gpu.recorder.submit("encode")?;
         self.seconds = times.first().map_or(0.0, |t| t.1);
+        Ok(())
+    }
+
+    /// Room on the device for the video frames of a set as pixels, for its swapchains.
+    ///
+    /// # Errors
+    /// A video frame that is larger than a kernel may see; out of memory.
+    pub fn pictures(&self, order: PixelOrder) -> Result<Pictures, EngineError> {
+        let size = [self.args.video_height(), self.args.video_width()];
+        Pictures::new(&self.gpu, self.output.frames, size, order)
+    }
+
+    /// Makes pixels of the video frames that were encoded last, on the device.
+    ///
+    /// # Errors
+    /// [`EngineError::Mismatch`] for pictures of another encoder, or that are still read; a lost device.
+    pub fn draw(&mut self, pictures: &mut Pictures) -> Result<(), EngineError> {
+        let Self { frames, output, args, gpu, .. } = self;
+        let [height, width] = [args.video_height(), args.video_width()];
+        let fits = (pictures.count(), pictures.size()) == (output.frames, [height, width]);
+        if !fits || pictures.in_use() || !pictures.block.is_on(&gpu.device) {
+            return Err(EngineError::Mismatch {
+                reason: "these pictures are another encoder's, or still shown".into(),
+            });
+        }
+        let pipeline = gpu.pipeline(&spirv::PIXELS, 2, &[])?;
+        let push = pixels::Args {
+            height: height as u32,
+            width: width as u32,
+            row: (4 * output.values / height.max(1)) as u32,
+            channels: args.channels,
+            blue_first: u32::from(pictures.order() == PixelOrder::Bgra),
+        };
+        gpu.recorder.begin(0)?;
+        gpu.recorder.barrier();
+        for frame in 0..output.frames {
+            let to = pictures.block.range(frame as u64 * pictures.step, pictures.step);
+            let groups = [push.width.div_ceil(WIDTH), push.height.min(ROWS), 1];
+            gpu.recorder.dispatch(
+                pipeline,
+                &[output.range(frames, frame, 1), to],
+                bytemuck::bytes_of(&push),
+                groups,
+            )?;
+        }
+        gpu.recorder.submit("pixels")?;
+        pictures.ready = Some(gpu.recorder.last());
         Ok(())
     }
 

@@ -7,7 +7,7 @@ use super::layout::{Arenas, Kind, Layout, Slot, Value, slots};
 use super::record::{Stack, Stacks, Work, loss_parts};
 use super::tables::Tables;
 use super::views::Views;
-use crate::gpu::{Block, Commands, DeviceKind, Gpu, add};
+use crate::gpu::{Block, Commands, DeviceKind, Gpu, PhasesOnDevice, add};
 use crate::scene::Pyramid;
 use eyebox_kernels::{energy, quantise};
 use gpu_allocator::MemoryLocation;
@@ -291,6 +291,11 @@ impl Engine for VulkanEngine {
             return Ok(Vec::new());
         }
         layout.read(&mut self.gpu, self.arenas.block(kind).ok_or_else(never)?)
+    }
+
+    fn phases_on_device(&self) -> Option<PhasesOnDevice<'_>> {
+        let Stack { layout, block } = self.stacks.get(Buffer::Phases).ok()?;
+        Some(PhasesOnDevice { block, frames: layout.frames, values: layout.values })
     }
 
     fn run_part(&mut self, step: &Step, part: Range<usize>) -> Result<Vec<f64>, EngineError> {

@@ -3,7 +3,7 @@
 use crate::gpu::{Commands, Gpu, Options};
 use eyebox_kernels::{Complex32, ZERO, modulate};
 use eyebox_spirv as spirv;
-use std::sync::PoisonError;
+use std::sync::{Arc, PoisonError};
 
 /// Watched, and with a cache of the tests' own.
 fn options() -> Options {
@@ -156,7 +156,6 @@ fn a_lost_device_is_an_error_everywhere() {
     use crate::plan::{Comparison, Purpose, Shape, Timing};
     use crate::scene::{self, Pyramid, Request};
     use crate::solve::{Flow, Problem, Settings, SolveError, solve};
-    use std::sync::Arc;
 
     /// Loses its device before a step.
     struct Losing {
@@ -278,5 +277,70 @@ fn encoding_on_a_device_allocates_nothing() {
             allocation_counter::measure(|| (0..9).for_each(|_| device.encode(&[&phases], got.bytes_mut()).unwrap()))
         });
         assert_eq!(counted.count_total, 0, "{preset}, in place: {in_place}");
+    }
+}
+
+/// An engine and an encoder share a device: phases become video frames, and pixels, with nothing read back, and the bytes
+/// are those of the CPU.
+#[test]
+fn phases_become_pixels_on_the_device() {
+    use super::super::{Buffer, Engine, Purpose, Shape, Storage};
+    use super::encode::VulkanEncoder;
+    use super::engine::VulkanEngine;
+    use crate::encode::{Encoder, PhaseSet};
+    use crate::gpu::PixelOrder;
+    use crate::optics::{Color, Display};
+    use eyebox_kernels::{modulate, pixels};
+    for (preset, order) in [("grey8", PixelOrder::Bgra), ("planes24", PixelOrder::Rgba)] {
+        let display = Display { height: 9, width: 30, ..Display::preset(preset).unwrap() };
+        let encoder = Encoder::new(&display, &[Color::Red], 24).unwrap();
+        let gpu = gpu();
+        let mut engine = VulkanEngine::new(&gpu).unwrap();
+        let place = modulate::Args { height: 9, width: 30, grid_height: 9, grid_width: 30, top: 0, left: 0 };
+        let shape = Shape { frames: 24, place, purpose: Purpose::View, quantised: false, storage: Storage::F32 };
+        engine.load(&shape, None).unwrap();
+        let mut device = VulkanEncoder::new(&gpu, encoder.plan()).unwrap();
+        let mut pictures = device.pictures(order).unwrap();
+        for round in 0..2 {
+            let phases: Vec<f32> = (0..24 * 270).map(|i| (i * (37 + round) % 1001) as f32 * 0.02 - 10.0).collect();
+            engine.write(Buffer::Phases, &phases).unwrap();
+            let before = gpu.counts();
+            device.encode_on_device(&[engine.phases_on_device().unwrap()]).unwrap();
+            device.draw(&mut pictures).unwrap();
+            let after = gpu.counts();
+            assert_eq!((after.read_back, after.uploaded), (before.read_back, before.uploaded));
+            assert_eq!(after.submissions, before.submissions + 2);
+            let want = encoder.encode(&PhaseSet::trusted(&[&phases])).unwrap();
+            let mut got = encoder.frames();
+            device.download(got.bytes_mut()).unwrap();
+            assert!(got == want, "{preset}");
+            let args = pixels::Args {
+                height: want.height as u32,
+                width: want.width as u32,
+                row: (want.width * want.channels) as u32,
+                channels: want.channels as u32,
+                blue_first: u32::from(order == PixelOrder::Bgra),
+            };
+            let mut commands = Commands::new(&gpu).unwrap();
+            for i in 0..want.count() {
+                let (mut want_pixels, mut got_pixels) = (vec![0; 4 * 270], vec![0; 4 * 270]);
+                pixels::pixels(&args, want.frame(i), &mut want_pixels);
+                let piece = (i as u64 * pictures.step, 0, 4 * 270);
+                commands.download(&pictures.block, &mut got_pixels, [piece]).unwrap();
+                assert!(got_pixels == want_pixels, "{preset}, frame {i}");
+            }
+        }
+        // What is still read is not filled, and what is on another device is not taken.
+        let held = Arc::clone(&pictures.block);
+        assert!(device.draw(&mut pictures).is_err());
+        drop(held);
+        let mut other = VulkanEngine::new(&self::gpu()).unwrap();
+        other.load(&shape, None).unwrap();
+        assert!(device.encode_on_device(&[other.phases_on_device().unwrap()]).is_err());
+        assert_eq!(engine.read(Buffer::Phases).unwrap().len() * 4, 24 * 270 * 4);
+        assert!(gpu.counts().phases_read_back >= 24 * 270 * 4);
+        let messages = gpu.messages();
+        drop((engine, device, pictures, gpu));
+        assert_eq!(*messages.lock().unwrap_or_else(PoisonError::into_inner), Vec::<String>::new());
     }
 }

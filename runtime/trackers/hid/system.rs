@@ -7,7 +7,7 @@ use super::device::Bus;
 ///
 /// # Errors
 /// [`HidError::System`] where hidapi does not start, and on systems other than Linux.
-#[cfg(target_os = "linux")]
+#[cfg(all(target_os = "linux", feature = "trackers"))]
 pub fn system_bus() -> Result<Box<dyn Bus>, HidError> {
     let api = hidapi::HidApi::new().map_err(|e| HidError::System(format!("HID devices: {e}")))?;
     Ok(Box::new(linux::HidapiBus(api)))
@@ -16,13 +16,16 @@ pub fn system_bus() -> Result<Box<dyn Bus>, HidError> {
 /// The bus of this machine.
 ///
 /// # Errors
-/// [`HidError::System`]: only Linux has one.
-#[cfg(not(target_os = "linux"))]
+/// [`HidError::System`]: only Linux has one, and only a build with the feature `trackers` reads it.
+#[cfg(not(all(target_os = "linux", feature = "trackers")))]
 pub fn system_bus() -> Result<Box<dyn Bus>, HidError> {
-    Err(HidError::System("HID trackers are read through Linux's hidraw: on this system use udp:// or pupil://".into()))
+    Err(HidError::System(match cfg!(target_os = "linux") {
+        true => "this program was built without the feature `trackers`: use udp:// or a recording".into(),
+        false => "HID trackers are read through Linux's hidraw: on this system use udp:// or pupil://".into(),
+    }))
 }
 
-#[cfg(target_os = "linux")]
+#[cfg(all(target_os = "linux", feature = "trackers"))]
 mod linux {
     use super::super::descriptor::LONGEST_DESCRIPTOR;
     use super::super::device::{Bus, Info, Port};

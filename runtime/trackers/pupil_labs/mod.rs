@@ -13,8 +13,6 @@ use std::io;
 use std::time::Duration;
 use zmtp::Socket;
 
-/// Port of Pupil Remote.
-pub const PORT: u16 = 50020;
 const CONNECT: Duration = Duration::from_millis(500);
 const ANSWER: Duration = Duration::from_millis(200);
 /// Between attempts to connect.

@@ -58,8 +58,10 @@ pub fn run(args: &Preview) -> Result<(), Failure> {
     let showing = Arc::new(showing);
     let controls = Controls::new(&showing, args.pupil, !scene.is_empty(), shown.playing.is_some());
     let mut viewer = Viewer::start(opener, scene)?;
-    let mut window = PreviewWindow::open(&mut desktop, &shown.name, window, args.validation)?;
-    let messages = window.messages();
+    let gpu = common::display_gpu(args.validation)?;
+    let messages = gpu.messages();
+    let mut window = PreviewWindow::open(&gpu, &mut desktop, &shown.name, window)?;
+    drop(gpu);
     progress::catch_interrupt();
     shown.show(&mut viewer, showing);
     let ended = watch(&mut desktop, &mut window, &mut viewer, controls, &mut shown);

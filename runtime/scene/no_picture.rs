@@ -1,0 +1,26 @@
+//! A build without the feature `image-formats` reads no pictures, and says so.
+
+use super::SceneError;
+use super::light::{Picture, Transfer};
+use crate::optics::Color;
+use std::path::Path;
+
+fn absent<T>(path: &Path) -> Result<T, SceneError> {
+    let reason = "this program was built without the feature `image-formats`: pictures cannot be read".into();
+    Err(SceneError::Corrupt { file: path.display().to_string(), reason })
+}
+
+/// Rows and columns, from the header alone.
+pub(super) fn size(path: &Path) -> Result<[usize; 2], SceneError> {
+    absent(path)
+}
+
+/// Reads the planes of `colors`.
+pub(super) fn read(path: &Path, _: &[Color], _: Option<Transfer>) -> Result<Picture, SceneError> {
+    absent(path)
+}
+
+/// Reads the stored values of a picture's first channel, row by row; its rows and columns.
+pub(super) fn stored(path: &Path) -> Result<(usize, usize, Vec<f32>), SceneError> {
+    absent(path)
+}

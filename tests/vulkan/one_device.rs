@@ -1,0 +1,121 @@
+//! One Vulkan device for all that a program does: counted by what the loader says, in a process of its own.
+
+use eyebox::encode::{Encoder, PhaseSet};
+use eyebox::engine::vulkan::{Transforms, VulkanEncoder, VulkanEngine};
+use eyebox::engine::{Backend, Choice};
+use eyebox::gpu::{Options, PhasesOnDevice, PixelOrder};
+use eyebox::optics::{Color, Display, Padding};
+use eyebox::scene::{self, Request};
+use eyebox::solve::{Problem, Refiner, Steering};
+use eyebox_tests::both::gpu;
+use std::process::{Command, Output};
+use std::sync::PoisonError;
+
+#[path = "../../runtime/examples/own_vulkan_device.rs"]
+mod own;
+
+const INSIDE: &str = "EYEBOX_TEST_INSIDE";
+
+/// Runs one of these tests again in a process of its own, with `variables`.
+fn again(test: &str, variables: &[(&str, &str)]) -> Output {
+    let mut child = Command::new(std::env::current_exe().expect("this test's file"));
+    child.args(["--exact", test, "--nocapture"]).env(INSIDE, "1").envs(variables.iter().copied());
+    let output = child.output().expect("the test runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stdout));
+    output
+}
+
+/// Three colours' engines, an encoder and transforms.
+fn program() {
+    let backend = Backend::open(Choice::Vulkan, &Options::default()).expect("a device");
+    let engines: Vec<_> = (0..3).map(|_| backend.engine().expect("an engine")).collect();
+    let gpu = backend.gpu().expect("it is there").expect("a device");
+    let display = Display { height: 8, width: 8, ..Display::preset("planes24").expect("a preset") };
+    let encoder = Encoder::new(&display, &[Color::Red, Color::Green, Color::Blue], 8).expect("an encoder");
+    let device = VulkanEncoder::new(&gpu, encoder.plan()).expect("an encoder on the device");
+    let transforms = Transforms::new(&gpu).expect("transforms");
+    assert!(device.gpu().is(&gpu) && transforms.gpu().is(&gpu) && engines.len() == 3);
+}
+
+#[test]
+fn a_program_makes_one_device() {
+    if std::env::var_os(INSIDE).is_some() {
+        return program();
+    }
+    let output = again("one_device::a_program_makes_one_device", &[("VK_LOADER_DEBUG", "all")]);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(said.matches("vkCreateDevice layer callstack setup").count(), 1, "{said}");
+}
+
+/// The example, watched by the validation layer, which says what it finds on its output.
+#[test]
+fn a_program_brings_its_own_device() {
+    if std::env::var_os(INSIDE).is_some() {
+        return own::main().unwrap_or_else(|e| panic!("{e}"));
+    }
+    let output =
+        again("one_device::a_program_brings_its_own_device", &[("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation")]);
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(said.contains(" dB") && !said.contains("VUID") && !said.contains("Validation"), "{said}");
+}
+
+/// Every colour is refined and encoded on one device: in the steady state no phase comes to the host, and the bytes are
+/// those of the CPU's encoder.
+#[test]
+fn refining_and_encoding_reads_no_phases_back() {
+    let gpu = gpu();
+    let display = Display { height: 24, width: 32, ..Display::preset("planes24").expect("a preset") };
+    let colors = [Color::Red, Color::Green, Color::Blue];
+    let field =
+        scene::load("builtin:plane", &Request { views: 3, ..Request::new(&display, &colors) }).expect("a scene");
+    let mut refiners: Vec<Refiner> = (colors.into_iter())
+        .map(|color| {
+            let problem = Problem::new(&field, color, &display, Padding::default()).expect("a problem");
+            let phases: Vec<f32> = (0..8 * 24 * 32).map(|i| (i * 37 % 101) as f32 * 0.06).collect();
+            let engine = Box::new(VulkanEngine::new(&gpu).expect("an engine"));
+            Refiner::new(problem, &phases, 1.0, Steering::default(), engine).expect("a refinement")
+        })
+        .collect();
+    let encoder = Encoder::new(&display, &colors, 8).expect("an encoder");
+    let mut device = VulkanEncoder::new(&gpu, encoder.plan()).expect("an encoder on the device");
+    let mut pictures = device.pictures(PixelOrder::Bgra).expect("pictures");
+    for _ in 0..4 {
+        refiners.iter_mut().for_each(|r| assert!(r.step().expect("a step").is_finite()));
+        let phases: Vec<PhasesOnDevice<'_>> =
+            refiners.iter().map(|r| r.phases_on_device().expect("on the device")).collect();
+        device.encode_on_device(&phases).expect("encoded");
+        device.draw(&mut pictures).expect("drawn");
+    }
+    assert_eq!(gpu.counts().phases_read_back, 0, "{:?}", gpu.counts());
+    let mut got = encoder.frames();
+    device.download(got.bytes_mut()).expect("read");
+    let phases: Vec<Vec<f32>> = refiners.iter_mut().map(|r| r.phases().expect("read")).collect();
+    let slices: Vec<&[f32]> = phases.iter().map(|p| &p[..]).collect();
+    assert!(encoder.encode(&PhaseSet::trusted(&slices)).expect("encoded") == got);
+    let messages = gpu.messages();
+    drop((refiners, device, pictures, gpu));
+    let heard = messages.lock().unwrap_or_else(PoisonError::into_inner);
+    assert!(heard.is_empty(), "{heard:?}");
+}
+
+/// Devices are made in one place of the source.
+#[test]
+fn devices_are_made_in_one_place() {
+    fn search(folder: &std::path::Path, found: &mut Vec<String>) {
+        for entry in std::fs::read_dir(folder).expect("a folder") {
+            let path = entry.expect("an entry").path();
+            if path.is_dir() {
+                search(&path, found);
+            } else if path.extension().is_some_and(|e| e == "rs") {
+                let calls = std::fs::read_to_string(&path).expect("a file").matches(".create_device(").count();
+                found.extend((0..calls).map(|_| path.display().to_string()));
+            }
+        }
+    }
+    let runtime = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../runtime");
+    let mut found = Vec::new();
+    search(&runtime, &mut found);
+    let elsewhere = ["examples", "vulkan/screen.rs", "vulkan/canvas.rs"];
+    found.retain(|f| !elsewhere.iter().any(|e| f.contains(e)));
+    assert!(found.len() == 1 && found[0].ends_with("gpu/device.rs"), "{found:?}");
+}
