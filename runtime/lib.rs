@@ -42,6 +42,7 @@ pub mod plan;
 #[cfg(feature = "window")]
 pub mod playback;
 #[cfg(feature = "window")]
+#[cfg_attr(not(feature = "direct-display"), allow(dead_code, reason = "direct displays use all of it"))]
 pub mod present;
 #[cfg(feature = "preview")]
 pub mod preview;

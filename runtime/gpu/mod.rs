@@ -54,11 +54,11 @@ pub(crate) use block::{Block, Range};
 #[cfg(feature = "vulkan")]
 pub(crate) use commands::Commands;
 #[cfg(feature = "vulkan")]
-pub(crate) use device::Device;
-#[cfg(feature = "vulkan")]
 pub use counters::Counts;
 #[cfg(feature = "vulkan")]
 pub(crate) use counters::add;
+#[cfg(feature = "vulkan")]
+pub(crate) use device::Device;
 #[cfg(feature = "vulkan")]
 pub use devices::devices;
 #[cfg(feature = "vulkan")]
