@@ -27,6 +27,15 @@ pub struct PupilDistribution {
 const FARTHEST: f64 = 3.0;
 
 impl PupilDistribution {
+    /// A pupil whose centre is known to within `spread` metres (a standard deviation), and its diameter to within half a
+    /// millimetre.
+    pub fn around(pupil: &Pupil, spread: f64) -> Self {
+        let Pupil { x, y, diameter, depth } = *pupil;
+        let half = 0.5e-3f64.min(diameter / 2.0);
+        let diameter = [diameter - half, diameter + half];
+        Self { centre: [x, y], spread, diameter, focus: [depth; 2], elsewhere: 0.0 }
+    }
+
     /// The pupil at a point of the unit cube: two numbers for the centre (Box and Muller), one for the diameter, one for
     /// the focus. No centre is drawn farther out than three spreads.
     pub fn pupil(&self, [u, v, d, z]: [f64; 4]) -> Pupil {

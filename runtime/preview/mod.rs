@@ -17,7 +17,6 @@
 mod controls;
 mod eye;
 mod font;
-mod newest;
 mod overlay;
 mod picture;
 mod place;
@@ -34,10 +33,10 @@ mod window;
 pub use controls::{Action, Controls};
 pub use eye::{Detail, Eye, Opener};
 pub use overlay::{Overlay, draw_overlay};
-pub use picture::{Picture, Plane, develop};
+pub use picture::{Picture, develop};
 pub use place::{Rect, dioptres, focus_step, places, pupil_at};
 pub use reader::{ReadHologram, Reader};
-pub use showing::{Scene, Showing, Shown};
+pub use showing::{Showing, Shown};
 pub use viewer::{Look, Seen, Side, Viewer};
 pub use window::PreviewWindow;
 
@@ -45,7 +44,6 @@ use crate::engine::EngineError;
 use crate::hologram::HologramError;
 use crate::optics::OpticsError;
 use crate::present::PresentError;
-use crate::tiled::TiledError;
 
 /// Why there is nothing to see.
 #[derive(Debug, thiserror::Error)]
@@ -62,9 +60,6 @@ pub enum PreviewError {
     /// A hologram that could not be read.
     #[error(transparent)]
     Hologram(#[from] HologramError),
-    /// A hologram in tiles.
-    #[error(transparent)]
-    Tiled(#[from] TiledError),
     /// What is shown contradicts itself, or the scene.
     #[error("this cannot be looked at: {reason}")]
     Showing {

@@ -67,7 +67,7 @@ pub(super) struct Listed {
 /// # Errors
 /// As [`load`].
 pub(super) fn list(folder: &Path) -> Result<Listed, SceneError> {
-    let unreadable = |e: std::io::Error| settings::unreadable(folder, &e);
+    let unreadable = |e: std::io::Error| SceneError::unreadable(folder, &e);
     let mut files: Vec<names::Named> = Vec::new();
     for entry in fs::read_dir(folder).map_err(unreadable)? {
         let entry = entry.map_err(unreadable)?;

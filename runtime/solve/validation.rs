@@ -12,33 +12,8 @@ pub struct Validator {
     bright_end: BrightEnd,
 }
 
-/// Quality on validation pupils.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ValidationScore {
-    /// PSNR per pupil, dB, after 2 x 2 averaging, with one exposure for all.
-    pub psnr: Vec<f64>,
-    /// That exposure: the least-squares fit over all pupils.
-    pub exposure: f64,
-}
-
-impl ValidationScore {
-    /// Mean over pupils, dB.
-    pub fn mean(&self) -> f64 {
-        self.psnr.iter().sum::<f64>() / self.psnr.len().max(1) as f64
-    }
-
-    /// For targets that were divided by `unit`: the exposure and the errors that they stand for.
-    pub(crate) fn in_units_of(mut self, unit: f64) -> Self {
-        self.exposure *= unit;
-        self.psnr.iter_mut().for_each(|db| *db -= 20.0 * unit.log10());
-        self
-    }
-
-    /// The worst pupil, dB.
-    pub fn worst(&self) -> f64 {
-        self.psnr.iter().copied().fold(f64::INFINITY, f64::min)
-    }
-}
+/// Quality on validation pupils: the exposure is the least-squares fit over all of them.
+pub type ValidationScore = crate::evaluate::Scores;
 
 impl Validator {
     /// Looks at the photographs; `engine` holds the views.

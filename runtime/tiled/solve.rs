@@ -68,7 +68,7 @@ pub fn exposure(
         let pupil = sampler.draw();
         // As large as the views: more would be between them.
         let piece = Optics { height: views.size(), width: views.size(), offset: [0, 0], ..*optics };
-        photographs.push(super::look::shot(&piece, views, &pupil, WindowFactor::Full, engine)?);
+        photographs.push(views.photograph(&piece, &pupil, WindowFactor::Full, engine)?);
     }
     let end = BrightEnd::of(photographs.iter().map(|p| &p[..]));
     let exposure = match settings.efficiency {

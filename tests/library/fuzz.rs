@@ -271,7 +271,7 @@ fn hologram_files() {
         display: "small".into(),
         display_wavelengths: display.wavelengths,
         scene: "s".into(),
-        settings: serde_json::json!({ "steps": 3 }),
+        metadata: eyebox::hologram::Metadata { seconds: Some(3.0), ..Default::default() },
     };
     whole.save(&path).expect("saved");
     let names = ["zarr.json", "phases/zarr.json", "phases/c/0/1/0/0"];

@@ -6,6 +6,7 @@ use crate::values::{
 };
 use clap::builder::TypedValueParser;
 use clap::{Args, ValueEnum};
+use eyebox::hologram::Start;
 use eyebox::optics::{Color, Pupil, WindowFactor};
 use eyebox::plan::Storage;
 use eyebox::present::Rate;
@@ -123,15 +124,6 @@ const SEQUENCES: Names<Sequence, 2> = [
     ("random", "Independent random pupils (the paper's)", Sequence::Random),
     ("sobol", "A low-discrepancy sequence", Sequence::Sobol),
 ];
-
-/// Where a frame of a sequence begins.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Start {
-    /// At random phases.
-    Cold,
-    /// At the frame before, so far along the schedule.
-    Warm(f64),
-}
 
 fn warm(text: &str) -> Result<Start, String> {
     if text == "cold" { Ok(Start::Cold) } else { share(text).map(Start::Warm).map_err(|e| format!("{e}, or cold")) }

@@ -4,9 +4,10 @@ use crate::args::Solve;
 use crate::quality::Chosen;
 use crate::{Failure, common};
 use eyebox::engine::Engine;
-use eyebox::optics::Display;
+use eyebox::optics::{Color, Display};
+use eyebox::produce::{SceneJob, SequenceRequest, TilesRequest};
 use eyebox::scene::LightField;
-use eyebox::solve::{Levels, Optimizer, PlanRequest, ScenePlan, Settings, even_levels};
+use eyebox::solve::{Levels, Optimizer, ScenePlan, Settings, even_levels};
 
 /// The settings that the arguments mean, for depths in metres, and what there is to say of them: the defaults, or what
 /// quality and deadline ask for; what is given itself wins.
@@ -47,12 +48,47 @@ pub fn settings_of(
     Ok((settings, about))
 }
 
+/// The settings of a solve in tiles: no quality decides them.
+pub fn of_tiles(args: &Solve, display: &Display) -> Settings {
+    let base = base_of(args, display, [0.0, 0.0]);
+    Settings {
+        steps: args.steps.unwrap_or(TilesRequest::STEPS),
+        window: args.window.unwrap_or(base.window),
+        diameters: args.diameters.unwrap_or(base.diameters),
+        ..base
+    }
+}
+
+/// The job that the arguments mean, with the settings that were chosen for it.
+pub fn job_of<'a>(
+    args: &'a Solve,
+    display: &'a Display,
+    scenes: Vec<String>,
+    colors: Vec<Color>,
+    settings: Settings,
+    tiles: Option<TilesRequest>,
+) -> SceneJob<'a> {
+    SceneJob {
+        scenes,
+        colors,
+        view_pitch_mm: args.scene.view_pitch,
+        views: args.scene.views,
+        depth_map: args.scene.depth_map.as_deref(),
+        depth: args.scene.depth,
+        diameter: args.pupil_diameter,
+        settings: Settings { seconds: args.seconds, ..settings },
+        full: args.full.unwrap_or_default(),
+        contrast: args.speckle,
+        sequence: SequenceRequest { rate: args.rate.fraction(), start: args.warm_start },
+        tiles,
+        ..SceneJob::new(&args.scene.scene, display)
+    }
+}
+
 /// What of the scene is solved, by these arguments and the settings that they mean.
 pub fn plan_of(args: &Solve, settings: &Settings, field: &LightField, display: &Display) -> Result<ScenePlan, Failure> {
-    let (depth, full, contrast) = (args.scene.depth, args.full.unwrap_or_default(), args.speckle);
-    let mut plan = ScenePlan::new(field, display, &PlanRequest { settings, depth, full, contrast })?;
-    plan.settings.seconds = args.seconds.map(|s| s / plan.colors.len() as f64);
-    Ok(plan)
+    let job = job_of(args, display, vec![args.scene.scene.clone()], field.colors.clone(), settings.clone(), None);
+    Ok(job.plan(field)?)
 }
 
 /// What is no matter of quality and time, for depths in metres.

@@ -146,7 +146,7 @@ fn job(args: &Evaluate) -> Result<Job, Failure> {
 /// The display asked for, or, where nothing is solved, that of the first hologram.
 fn optics(args: &Evaluate, given: Option<&subject::Given>) -> Result<(Display, Vec<Color>), Failure> {
     match given {
-        Some(given) if args.display.size.is_none() => Ok((given.display(), given.colors())),
+        Some(given) if args.display.size.is_none() => Ok((given.hologram.made_for()?, given.hologram.named_colors())),
         _ => {
             let display = common::display(&args.display)?;
             let colors = common::colors(&args.display, &display)?;

@@ -5,11 +5,10 @@ use crate::args::{EngineArgs, SceneArgs};
 use crate::common::{self, Form};
 use crate::score;
 use crate::values::{not_negative, pupil, range};
-use crate::view::padding_of;
-use crate::{Failure, progress, tiled};
+use crate::{Failure, progress};
 use clap::Args;
 use eyebox::evaluate::Sums;
-use eyebox::hologram::{Patch, Tiles};
+use eyebox::hologram::{Metadata, Patch, Refined, SceneSource, Tiles};
 use eyebox::optics::{Pupil, PupilDistribution};
 use eyebox::solve::{Diameters, Problem, PupilRange, Refiner, Sampler, Sequence, pupils_of};
 use eyebox::tiled::Piece;
@@ -75,14 +74,14 @@ pub fn run(args: &Refine) -> Result<(), Failure> {
     if let Some(out) = &args.out {
         common::form(out, &[Form::Zarr])?;
     }
-    if tiled::is_tiled(&args.hologram) {
+    if Tiles::is_tiled(&args.hologram) {
         return tiled(args);
     }
     let (mut hologram, display) = score::with_display(&args.hologram)?;
     let colors: Vec<_> = hologram.colors.iter().filter_map(|c| c.color).collect();
     let field = common::scene(&score::as_solved(&args.scene, &hologram), &display, &colors)?;
     let aim = args.aim();
-    let padding = padding_of(&hologram);
+    let padding = hologram.metadata.padding();
     progress::catch_interrupt();
     let mut all: Vec<Vec<Row>> = Vec::new();
     let mut described = String::new();
@@ -95,7 +94,7 @@ pub fn run(args: &Refine) -> Result<(), Failure> {
         all.push(rows);
     }
     if let Some(out) = &args.out {
-        hologram.settings["refined"] = args.refined();
+        hologram.metadata.refined = Some(args.refined());
         hologram.save(out)?;
     }
     report(args, &all, hologram.frames, &described, EYEBOX, &Value::Null);
@@ -118,10 +117,11 @@ fn tiled(args: &Refine) -> Result<(), Failure> {
     for i in 0..colors.len() {
         args.pupil.check_within(&about.optics(i)?)?;
     }
-    let scene = tiled::scene_of(&score::as_solved(&args.scene, about), &display, &colors)?;
+    let scene = common::scene_around(&score::as_solved(&args.scene, about), &display, &colors)?;
     let aim = args.aim();
     progress::catch_interrupt();
     let (mut all, mut patches, mut described, mut place) = (Vec::new(), Vec::new(), String::new(), Value::Null);
+    let SceneSource::Around(scene) = scene else { unreachable!("made around pupils") };
     for (color, views) in scene.iter().enumerate() {
         let Piece { at, size, problem } = Piece::around(&tiles, color, views, &aim)?;
         place = json!({ "first": at, "size": size });
@@ -140,12 +140,8 @@ fn tiled(args: &Refine) -> Result<(), Failure> {
         all.push(rows);
     }
     if let Some(out) = &args.out {
-        let mut settings = about.settings.clone();
-        if !settings.is_object() {
-            settings = json!({});
-        }
-        settings["refined"] = args.refined();
-        tiles.copy(out, &settings, &patches)?;
+        let metadata = Metadata { refined: Some(args.refined()), ..about.metadata.clone() };
+        tiles.copy(out, &metadata, &patches)?;
     }
     report(args, &all, about.frames, &described, PIECE, &place);
     Ok(())
@@ -161,8 +157,8 @@ impl Refine {
     }
 
     /// What the file says of it.
-    fn refined(&self) -> Value {
-        json!({ "aim": self.aim(), "steering": self.steering.steering(), "steps": self.steps })
+    fn refined(&self) -> Refined {
+        Refined { aim: self.aim(), steering: self.steering.steering(), steps: self.steps }
     }
 }
 
