@@ -40,6 +40,7 @@ mod mailbox;
 pub mod optics;
 pub mod plan;
 #[cfg(feature = "window")]
+#[cfg_attr(not(feature = "direct-display"), allow(dead_code, reason = "direct displays use all of it"))]
 pub mod present;
 #[cfg(feature = "preview")]
 pub mod preview;
