@@ -15,12 +15,13 @@
 //! | [`quality`] | what a solve costs and how good it is: recipes, their judge, which to recommend, what was measured |
 //! | [`hologram`] | phase frames and their file |
 //! | [`tiled`] | far-field holograms larger than memory: region by region, from and to their file |
+//! | [`produce`] | from scenes to holograms: all colours, sequences, tiles; one driver |
 //! | [`encode`] | calibration, levels, packing: phases to what the SLM receives |
-//! | [`playback`] | when what is shown, pacing, streaming from disk, presenters, an account of what was shown |
+//! | [`present`] | video frames to light: windows, direct displays, memory; when what lit up |
+//! | [`session`] | content, an eye and time: what is shown when, streaming, refinement, an account of what was shown |
 //! | [`preview`] | what an eye sees, live, in an ordinary window |
 //! | [`trackers`] | eye trackers: devices, recordings, network, simulated; samples with a steady time |
 //! | [`gaze`] | from a tracker's samples to where the pupil will be, with its uncertainty |
-//! | [`live`] | a hologram that follows the eye while it is shown |
 //!
 //! Comments that say "OPTICS n" mean section n of `docs/optics.md`.
 //!
@@ -35,15 +36,18 @@ pub mod gaze;
 pub mod gpu;
 pub mod hologram;
 #[cfg(feature = "window")]
-pub mod live;
+mod mailbox;
 pub mod optics;
 pub mod plan;
 #[cfg(feature = "window")]
-pub mod playback;
+pub mod present;
 #[cfg(feature = "preview")]
 pub mod preview;
+pub mod produce;
 pub mod quality;
 pub mod scene;
+#[cfg(feature = "window")]
+pub mod session;
 pub mod solve;
 pub mod tiled;
 pub mod trackers;

@@ -4,7 +4,7 @@ use eyebox::engine::vulkan::VulkanEngine;
 use eyebox::engine::{Buffer, Dispatch, Engine, Kernel, Purpose, Shape, Step};
 use eyebox::gpu::{Gpu, Messages, Options};
 use eyebox::optics::{Optics, Padding, Pupil, WindowFactor};
-use eyebox::plan::{Comparison, Planner, Viewpoint, Views};
+use eyebox::plan::{Comparison, Planner, ViewLayout, Viewpoint};
 use eyebox::scene::{Pyramid, ViewGrid};
 use eyebox_kernels::exposure::PART;
 use std::sync::{Arc, PoisonError};
@@ -78,7 +78,7 @@ impl Case {
         let mut noise = Noise::new((height * 7919 + width) as u64);
         let views: Vec<Vec<f32>> = (0..9).map(|_| noise.between(gh * gw, 0.0, 1.0)).collect();
         let pyramid = Arc::new(Pyramid::new(&views, gh, gw));
-        planner.views = Some(Views::new(grid, &pyramid));
+        planner.views = Some(ViewLayout::new(grid, &pyramid));
         let half = slm.eyebox() / 2.0;
         let pupil =
             |x: f64, y: f64, diameter: f64, depth| Pupil { x: x * half, y: y * half, diameter: diameter * half, depth };

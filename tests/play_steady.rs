@@ -7,15 +7,14 @@
 
 use eyebox::encode::{Encoder, PhaseSet};
 use eyebox::gpu::{Gpu, Options as GpuOptions};
-use eyebox::hologram::{ColorHologram, Hologram, Sequence, SequenceWriter};
+use eyebox::hologram::{ColorHologram, Hologram, SequenceWriter};
 use eyebox::optics::Display;
-use eyebox::playback::{
-    Cause, Clock, Flow, Marks, Offscreen, Options, Player, Rate, SECOND_NS, Schedule, Scheduler, SimulatedClock,
-    Source, Speed, Start, Stream, StreamEncoder, Trace,
-};
+use eyebox::present::Rate;
+use eyebox::session::{Cause, Output, Play, Session, SessionEvent, SessionOptions};
 use std::alloc::{GlobalAlloc, Layout, System};
-use std::rc::Rc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::sync_channel;
+use std::time::Duration;
 
 /// Counts what every thread allocates.
 struct Counting;
@@ -65,14 +64,14 @@ fn resident() -> Option<f64> {
 /// One after the other: allocations of all threads are counted.
 #[test]
 fn playing_allocates_nothing_and_accounts_for_every_set() {
-    play("the CPU", StreamEncoder::Cpu);
+    play("the CPU", None);
     let cache = Some(std::env::temp_dir().join("eyebox-tests"));
     let options = GpuOptions { allow_cpu: true, cache, ..GpuOptions::default() };
-    play("Vulkan", |encoder| StreamEncoder::Vulkan(encoder, Gpu::open(&options).expect("a device")));
+    play("Vulkan", Some(Gpu::open(&options).expect("a device")));
 }
 
-fn play(what: &str, engine: impl FnOnce(Encoder) -> StreamEncoder) {
-    let seconds = if std::env::var("EYEBOX_SOAK").is_ok_and(|v| v == "full") { 600 } else { 60 };
+fn play(what: &'static str, device: Option<Gpu>) {
+    let seconds: u64 = if std::env::var("EYEBOX_SOAK").is_ok_and(|v| v == "full") { 600 } else { 60 };
     let display = Display { height: 40, width: 48, ..Display::preset("planes24").expect("a preset") };
     let here = tempfile::tempdir().expect("a folder");
     let path = here.path().join("x.zarr");
@@ -89,52 +88,41 @@ fn play(what: &str, engine: impl FnOnce(Encoder) -> StreamEncoder) {
             encoder.encode(&PhaseSet::trusted(&slices)).expect("encoded").bytes().to_vec()
         })
         .collect();
-    let rate = Rate::parse("60").expect("a rate");
-    let schedule = Schedule {
-        display_rate: rate,
-        content_rate: rate,
-        speed: Speed::ONE,
-        set_frames: 1,
-        start: Start::WhenReady { idle_sets: 4 },
-        keep_phase: false,
-    };
-    let clock: Rc<dyn Clock> = Rc::new(SimulatedClock::default());
-    let idle = encoder.frames();
-    let mut offscreen = Offscreen::new(Rc::clone(&clock), rate, idle.frame_bytes());
-    let trace = Trace::new(0);
-    let options =
-        Options { ahead: 4, looped: true, follow: false, first: 0, threads: 2, marks: Marks { side: 0 }, trace };
-    let sequence = Sequence::open(&path).expect("opened");
-    let mut stream = Stream::start(sequence, engine(encoder), options).expect("started");
-    let mut player = Player::new(Rc::clone(&clock), Scheduler::new(schedule), idle, trace.lane(""));
-    let (mut wrong, mut next) = (0u64, 0);
-    let mut run_until = |player: &mut Player, stream: &mut Stream, time_ns: i64| {
-        while clock.now_ns() < time_ns {
-            let flow = player.tick(&mut offscreen, stream, &mut |m| {
-                if let Some(index) = m.index {
-                    // In order, and byte for byte.
-                    wrong += u64::from(index != next || m.picture != expected[index as usize]);
-                    next = (index + 1) % 7;
-                }
-                Ok(())
-            });
-            assert_eq!(flow.expect("no fault"), Flow::Continue);
-            assert!(stream.message().is_none());
+    let mut play = Play::open(&path, &display).expect("opened");
+    (play.looped, play.device) = (true, device);
+    // What was allocated, and the pages in memory, five seconds after the beginning and at the end.
+    let (tell, told) = sync_channel(2);
+    let (mut wrong, mut next, mut frames) = (0u64, 0, 0u64);
+    let last = 60 * (5 + seconds) - 10;
+    let observer = move |frame: &eyebox::session::PresentedFrame<'_>| {
+        if let Some(index) = frame.index {
+            // In order, and byte for byte.
+            wrong += u64::from(index != next || frame.picture != expected[index as usize]);
+            next = (index + 1) % 7;
+        }
+        frames += 1;
+        if frames == 300 || frames == last {
+            let _ = tell.try_send((ALLOCATIONS.load(Ordering::Relaxed), resident(), wrong));
         }
     };
-    run_until(&mut player, &mut stream, 5 * SECOND_NS);
-    let memory = resident();
-    let before = ALLOCATIONS.load(Ordering::Relaxed);
-    run_until(&mut player, &mut stream, (5 + seconds) * SECOND_NS);
-    let allocations = ALLOCATIONS.load(Ordering::Relaxed) - before;
-    if let (Some(before), Some(after)) = (memory, resident()) {
+    let mut options = SessionOptions::default();
+    options.display_rate = Some(Rate::parse("60").expect("a rate"));
+    options.duration = Some(Duration::from_secs(5 + seconds));
+    options.observer = Some(Box::new(observer));
+    let session = Session::start(play, Output::Memory { simulated: true, sink: None }, options).expect("started");
+    let (before, memory, _) = told.recv().expect("the first seconds");
+    let (after, memory_after, wrong) = told.recv().expect("the last seconds");
+    assert_eq!(wrong, 0, "{what}: pictures that are not what was encoded");
+    assert_eq!(after - before, 0, "{what}: allocations in {seconds} s");
+    if let (Some(before), Some(after)) = (memory, memory_after) {
         assert!((after / before - 1.0).abs() < 0.02, "{what}: {before} pages became {after}");
     }
-    assert_eq!(wrong, 0, "{what}: pictures that are not what was encoded");
-    assert_eq!(allocations, 0, "{what}: allocations in {seconds} s");
-    let a = player.scheduler().account();
+    assert_eq!(session.event(Duration::from_secs(60)), Some(SessionEvent::Ended));
+    let ended = session.stop();
+    ended.result.expect("no fault");
+    let a = &ended.statistics.report.account;
     assert_eq!((a.drops(), a.missed_presents, a.repeats), (0, 0, 0), "{a:?}");
     assert_eq!((a.sets, a.video_frames), (a.shown + a.idle_sets, a.sets));
-    assert!(a.shown >= 60 * seconds as u64 && a.dropped_for(Cause::LateGpu) == 0, "{a:?}");
-    println!("{what}: {} sets in {seconds} s, {} allocations", a.sets, allocations);
+    assert!(a.shown >= 60 * seconds && a.dropped_for(Cause::LateGpu) == 0, "{a:?}");
+    println!("{what}: {} sets in {seconds} s, {} allocations", a.sets, after - before);
 }

@@ -3,12 +3,12 @@
 //!
 //! It runs itself again with a virtual X server's name, so that this process's surroundings stay as they are.
 
-use eyebox::playback::{Desktop, PanelEvent, Presenter, RealClock};
+use eyebox::gpu::{Gpu, Options};
+use eyebox::present::{Desktop, Presenter, RealClock, WindowEvent};
 use eyebox::preview::{Overlay, Picture, PreviewWindow, places};
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 /// Where the server keeps its pixels; set where the windows are.
@@ -61,10 +61,17 @@ fn screen(pixels: &Path) -> Vec<[u8; 3]> {
 }
 
 fn windows(pixels: &Path) {
+    let options = Options { allow_cpu: true, present: true, validation: true, ..Options::default() };
+    let gpu = Gpu::open(&options).expect("a device");
     let desktop = Desktop::open().expect("a desktop");
     let monitor = desktop.choose(None, SCREEN).expect("a monitor");
-    let mut playing = desktop.window(&monitor, Rc::new(RealClock::start()), true).expect("a window");
-    let mut preview = PreviewWindow::open(playing.desktop(), "preview", SMALL, true).expect("a preview");
+    let mut playing = desktop.fullscreen(&gpu, &monitor, RealClock::start()).expect("a window");
+    let mut preview = {
+        let desktop = playing.desktop().expect("its desktop");
+        PreviewWindow::open(&gpu, desktop, "preview", SMALL).expect("a preview")
+    };
+    // One device for both.
+    assert!(playing.gpu().is(&gpu) && preview.gpu().is(&gpu));
     assert_eq!(preview.size(), SMALL);
     let frame =
         |k: u64| -> Vec<u8> { (0..3 * SCREEN[0] * SCREEN[1]).map(|i| ((i as u64 * 7 + k * 31) % 251) as u8).collect() };
@@ -82,7 +89,7 @@ fn windows(pixels: &Path) {
         id += 1;
         assert!(playing.event().is_none());
         while let Some(event) = preview.event() {
-            closed |= event == PanelEvent::Close;
+            closed |= event == WindowEvent::Close;
         }
         if shown {
             let place = places(preview.size(), SMALL, 1)[0];
@@ -112,7 +119,6 @@ fn windows(pixels: &Path) {
     }
     assert!(!closed);
     // The preview closes, and playing goes on.
-    let messages = preview.messages();
     drop(preview);
     for k in 21..25 {
         playing.upload(&frame(k)).expect("taken in");
@@ -126,8 +132,8 @@ fn windows(pixels: &Path) {
         assert!(since.elapsed() < Duration::from_secs(60), "playing stopped with the preview");
         std::thread::sleep(Duration::from_millis(5));
     }
-    for said in [messages, playing.messages()] {
-        let said = said.lock().expect("the messages").clone();
-        assert!(said.is_empty(), "{said:?}");
-    }
+    let messages = gpu.messages();
+    drop((playing, gpu));
+    let said = messages.lock().expect("the messages").clone();
+    assert!(said.is_empty(), "{said:?}");
 }

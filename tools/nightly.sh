@@ -18,6 +18,9 @@ stage "the README's commands"
 target=$(cargo metadata --format-version 1 --no-deps | sed 's/.*"target_directory":"\([^"]*\)".*/\1/')
 EYEBOX=$target/release/eyebox tools/readme.sh
 
+stage "what a plan leaves out"
+EYEBOX=$target/release/eyebox tools/savings.sh
+
 stage "tests, at the ends of every range and for ten minutes of playing"
 EYEBOX_EXTREMES=full EYEBOX_SOAK=full EYEBOX_MUTATIONS=10000 cargo test --release --workspace
 

@@ -15,6 +15,7 @@ mod calibration;
 mod correction;
 mod encoder;
 mod frames;
+mod hologram;
 mod levels;
 mod packing;
 mod turning;

@@ -6,33 +6,38 @@
 //! of them. May import `optics`, `scene`,
 //! `plan` and `engine`.
 //!
-//! The order in which a hologram is judged (OPTICS 2 and 8): the intensity of every pupil and its photograph, averaged
-//! over 2 x 2 pixels ([`pool2`]), one exposure for all pupils together ([`fit_exposure`]), then [`psnr`] and [`ssim`]
-//! pupil by pupil, and their [`Summary`]: worst, median and spread say more than the mean. [`compare`] does that over
-//! the groups of pupils that the paper compares methods with ([`members`]).
+//! The order in which a hologram is scored (OPTICS 2 and 8): the intensity of every pupil and its photograph, averaged
+//! over 2 x 2 pixels ([`pool2`]), come to three [`Sums`], made of the images or where they are; one exposure is fitted for
+//! all pupils together, and PSNR follows pupil by pupil ([`Scores`], and with [`ssim`] [`compare`]). Their [`Summary`]: worst,
+//! median and spread say more than the mean. [`members`] are the groups of pupils that the paper compares methods with.
 //!
 //! What else an eye would notice: parallax that breaks ([`sweep`]), light that is not everywhere in the eyebox
 //! ([`energy`], [`passed`]), grain ([`contrast`]) and colours that come apart at edges ([`color_difference`]).
 
+mod around;
 mod color;
-mod compare;
 mod energy;
 mod epipolar;
 mod groups;
 mod look;
+mod plane;
+mod score;
 mod speckle;
 mod ssim;
 mod summary;
 mod sums;
 
+pub(crate) use around::MOST_VIEWS;
+pub use around::Views;
 pub use color::{color_difference, edges, pool_mask};
-pub use compare::{Score, compare};
 pub use energy::{energy, passed, variation};
 pub use epipolar::{POSITIONS, RowFinder, sweep};
 pub use groups::{Group, Member, members, places};
 #[cfg(feature = "preview")]
 pub(crate) use look::crop;
 pub use look::{centered, images, photographs, targets, views};
+pub use plane::Plane;
+pub use score::{Score, Scores, compare};
 pub use speckle::{averaged_contrast, contrast};
 pub use ssim::ssim;
 pub use summary::Summary;
@@ -99,23 +104,14 @@ pub fn pool2(image: &[f32], height: usize, width: usize) -> Vec<f32> {
     pooled
 }
 
-/// The one exposure that brings images `I` nearest to their targets `T` in the least-squares sense, over all of them:
-/// `sum <I, T> / sum <I, I>`. For comparing what is finished; it settles too low to steer by (OPTICS 6c).
+/// [`Sums::fit_exposure`] over pairs of images and targets.
 ///
 /// # Errors
-/// [`EvaluateError::Sizes`], [`EvaluateError::Dark`].
+/// [`EvaluateError::Sizes`], [`EvaluateError::TooSmall`], [`EvaluateError::Dark`].
 pub fn fit_exposure<'a>(pairs: impl IntoIterator<Item = (&'a [f32], &'a [f32])>) -> Result<f64, EvaluateError> {
-    let (mut with_target, mut with_itself) = (0.0, 0.0);
-    for (image, target) in pairs {
-        if image.len() != target.len() {
-            return Err(EvaluateError::Sizes { one: image.len(), other: target.len() });
-        }
-        for (&i, &t) in image.iter().zip(target) {
-            with_target += f64::from(i) * f64::from(t);
-            with_itself += f64::from(i) * f64::from(i);
-        }
-    }
-    if with_itself > 0.0 { Ok(with_target / with_itself) } else { Err(EvaluateError::Dark) }
+    let sums =
+        pairs.into_iter().map(|(image, target)| Sums::of_images(image, target)).collect::<Result<Vec<_>, _>>()?;
+    Sums::fit_exposure(&sums)
 }
 
 #[cfg(test)]

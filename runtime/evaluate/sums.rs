@@ -27,7 +27,29 @@ impl Sums {
         Self { with_target: sum(0), with_itself: sum(1), of_target: sum(2), pixels }
     }
 
-    /// The one exposure over all of them, as [`fit_exposure`](super::fit_exposure) finds it from the images.
+    /// Of an image and its target, of one size, averaged over 2 x 2 pixels already.
+    ///
+    /// # Errors
+    /// [`EvaluateError::Sizes`]; [`EvaluateError::TooSmall`] for images without pixels.
+    pub fn of_images(image: &[f32], target: &[f32]) -> Result<Self, EvaluateError> {
+        if image.len() != target.len() {
+            return Err(EvaluateError::Sizes { one: image.len(), other: target.len() });
+        }
+        if image.is_empty() {
+            return Err(EvaluateError::TooSmall { height: 0, width: 0, least: 1 });
+        }
+        let mut sums = Self { pixels: image.len(), ..Self::default() };
+        for (&i, &t) in image.iter().zip(target) {
+            let (i, t) = (f64::from(i), f64::from(t));
+            sums.with_target += i * t;
+            sums.with_itself += i * i;
+            sums.of_target += t * t;
+        }
+        Ok(sums)
+    }
+
+    /// The one exposure over all of them that brings images `I` nearest to their targets `T` in the least-squares sense:
+    /// `sum <I, T> / sum <I, I>`. For comparing what is finished; it settles too low to steer by (OPTICS 6c).
     ///
     /// # Errors
     /// [`EvaluateError::Dark`].
@@ -41,12 +63,22 @@ impl Sums {
     }
 
     /// PSNR at this exposure, dB, as [`psnr`](super::psnr) finds it from the images; infinite where no error is left.
-    /// Within 0.01 dB up to 100 dB: beyond, the sums' 48 bits end.
+    /// Within 0.01 dB up to 100 dB: beyond, the 48 bits of sums that an engine made end.
     pub fn psnr(&self, exposure: f64) -> f64 {
+        Self::psnr_of_colors(&[(*self, exposure)])
+    }
+
+    /// PSNR of one pupil over several colours, each with its exposure, every pixel counting the same, dB.
+    pub fn psnr_of_colors(colors: &[(Self, f64)]) -> f64 {
+        let error: f64 = colors.iter().map(|(sums, exposure)| sums.error(*exposure)).sum();
+        -10.0 * (error / colors.iter().map(|(sums, _)| sums.pixels).sum::<usize>() as f64).log10()
+    }
+
+    /// Sum of squared differences at this exposure.
+    fn error(&self, exposure: f64) -> f64 {
         let error = exposure * (exposure * self.with_itself - 2.0 * self.with_target) + self.of_target;
         // NaN stays NaN.
-        let error = if error < 0.0 { 0.0 } else { error };
-        -10.0 * (error / self.pixels as f64).log10()
+        if error < 0.0 { 0.0 } else { error }
     }
 }
 

@@ -55,7 +55,7 @@ pub fn main() -> Result<(), Box<dyn Error>> {
         let settings = Settings { steps: 3, frames: 2, ..Settings::default() };
         let mut engine = VulkanEngine::new(&gpu)?;
         let solution = solve(&problem, &settings, &mut engine, &mut |_| Flow::Continue)?;
-        println!("{}: {:.1} dB", gpu.report().name, solution.verdict.mean());
+        println!("{}: {:.1} dB", gpu.report().name, solution.validation.mean());
     }
     // SAFETY: all that was made from them is gone.
     unsafe {

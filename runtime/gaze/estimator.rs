@@ -3,7 +3,8 @@
 use super::one_euro::OneEuro;
 use super::place::{Placed, Placer, Refusal};
 use super::saccade::{Jump, Point, slope};
-use super::{Calibration, GazeError, PupilDistribution, Settings};
+use super::{Calibration, GazeError, Settings};
+use crate::optics::PupilDistribution;
 use crate::trackers::Sample;
 use serde::Serialize;
 use std::collections::VecDeque;
@@ -357,7 +358,7 @@ impl Estimator {
             [(mean - off).max(0.5e-3), mean + off]
         });
         let elsewhere = elsewhere.clamp(0.0, 1.0);
-        PupilDistribution { time_ns: light_ns, centre: centre.map(reach), spread, diameter, focus: s.focus, elsewhere }
+        PupilDistribution { centre: centre.map(reach), spread, diameter, focus: s.focus, elsewhere }
     }
 }
 

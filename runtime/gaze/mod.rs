@@ -8,7 +8,7 @@
 //! 3. [`saccade`]: a jump is noticed, and where it will land is said while it flies;
 //! 4. [`Estimator`]: keeps these together, through blinks and losses (hold, then widen), and predicts.
 //!
-//! The result is a [`PupilDistribution`], not a point: that is what a solver draws pupils from, and its spread is a
+//! The result is a [`PupilDistribution`](crate::optics::PupilDistribution), not a point: that is what a solver draws pupils from, and its spread is a
 //! promise that is tested. This room imports [`trackers`](crate::trackers) (the samples), [`optics`](crate::optics) and
 //! [`files`](crate::files); it has no threads and no clock.
 
@@ -17,14 +17,12 @@ pub mod place;
 pub mod saccade;
 
 mod calibration;
-mod distribution;
 mod estimator;
 mod settings;
 #[cfg(test)]
 mod tests;
 
 pub use calibration::{Affine, Calibration, Fit, Pair};
-pub use distribution::PupilDistribution;
 pub use estimator::{Estimator, Phase, Stages};
 pub use settings::{Eye, Settings};
 

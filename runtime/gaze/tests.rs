@@ -1,6 +1,7 @@
 //! The whole way, before a simulated eye whose truth is known, and before trackers that lie.
 
 use super::*;
+use crate::optics::PupilDistribution;
 use crate::trackers::simulated::{self, Doing, SimulatedSource, Truth};
 use crate::trackers::{Event, Quantity, Reading, Sample, Source, Unit};
 use proptest::prelude::*;
@@ -423,7 +424,6 @@ fn settings_are_checked() {
 #[test]
 fn pupils_are_drawn_as_the_distribution_says() {
     let p = PupilDistribution {
-        time_ns: 0,
         centre: [1e-3, -2e-3],
         spread: 0.2e-3,
         diameter: [3e-3, 5e-3],

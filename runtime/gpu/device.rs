@@ -174,8 +174,6 @@ impl Device {
         Ok(Arc::new(device))
     }
 
-    // The swapchains will make use of it.
-    #[allow(dead_code)]
     /// Where pictures are presented: kernels run there as well where there is no other queue.
     pub(crate) fn present(&self) -> &Queue {
         self.other.as_ref().unwrap_or(&self.compute)

@@ -46,11 +46,6 @@ impl Instance {
         Self::on(entry, validation, &wanted)
     }
 
-    /// The same with some extensions.
-    pub(crate) fn with(validation: bool, needed: &[&'static CStr]) -> Result<Self, EngineError> {
-        Self::on(load()?, validation, needed)
-    }
-
     /// One that a program made, and keeps.
     ///
     /// # Safety

@@ -86,8 +86,6 @@ impl Gpu {
         Ok(Self { device, options })
     }
 
-    // The swapchains will make use of it.
-    #[allow(dead_code)]
     /// This device, if `shows` says that it can show on a surface from a queue of this family; else the best other one
     /// that can.
     pub(crate) fn that_shows(&self, shows: impl Fn(vk::PhysicalDevice, u32) -> bool) -> Result<Self, EngineError> {

@@ -30,7 +30,10 @@ fn small() -> Hologram {
         display: "plm".into(),
         display_wavelengths: crate::optics::Display::preset("plm").unwrap().wavelengths,
         scene: "builtin:still-life \"quoted\" \u{fc}".into(),
-        settings: json!({"steps": 60, "depth_mm": [-3.0, 3.5], "document_crc32c": "deadbeef"}),
+        metadata: serde_json::from_value(
+            json!({"padding": [2, 4], "depth_mm": [-3.0, 3.5], "document_crc32c": "deadbeef"}),
+        )
+        .unwrap(),
     }
 }
 

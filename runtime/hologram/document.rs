@@ -1,6 +1,6 @@
 //! The two JSON documents of a hologram, and the checksum that each carries about itself.
 
-use super::{ColorHologram, Hologram};
+use super::{ColorHologram, Hologram, Metadata};
 use crate::optics::{Color, Geometry, Wavelength};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -31,7 +31,8 @@ struct Attributes {
     display: String,
     display_wavelengths_nm: BTreeMap<Color, f64>,
     scene: String,
-    settings: Value,
+    /// Null where nothing is known.
+    settings: Option<Metadata>,
     /// Of format 2.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     sequence: Option<SequenceAttributes>,
@@ -87,7 +88,7 @@ pub(super) fn group_of(hologram: &Hologram, sequence: Option<SequenceAttributes>
             .map(|w| (w.color, in_unit(w.wavelength, 1e9)))
             .collect(),
         scene: hologram.scene.clone(),
-        settings: hologram.settings.clone(),
+        settings: Some(hologram.metadata.clone()).filter(|m| *m != Metadata::default()),
         sequence,
     };
     seal(json!({
@@ -176,6 +177,8 @@ pub(super) fn read_any_group(bytes: &[u8]) -> Result<(Hologram, Option<SequenceA
         return Err(format!("it has format {format}, and {SEQUENCE_FORMAT} has `sequence`, {FORMAT} has not"));
     }
     let sequence = read.sequence;
+    let metadata = read.settings.unwrap_or_default();
+    metadata.check().map_err(|e| format!("attributes.eyebox.settings: {e}"))?;
     let hologram = Hologram {
         frames: 0,
         height: 0,
@@ -199,7 +202,7 @@ pub(super) fn read_any_group(bytes: &[u8]) -> Result<(Hologram, Option<SequenceA
             .map(|(color, nm)| Wavelength { color, wavelength: nm / 1e9 })
             .collect(),
         scene: read.scene,
-        settings: read.settings,
+        metadata,
     };
     Ok((hologram, sequence))
 }

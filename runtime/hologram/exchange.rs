@@ -4,9 +4,9 @@
 //! A PNG folder has one picture per colour and sub-frame, `green-00.png`, level = round(phase / 2 pi x 256) mod 256;
 //! a colour without a name is called by its number, `0-00.png`.
 
-use super::{Hologram, HologramError, level_of_phase, phase_of_level, wrap_phase};
+use super::{ColorHologram, Hologram, HologramError, Metadata, level_of_phase, phase_of_level, wrap_phase};
 use crate::files::{FileError, FolderDraft, encode_grey8, read_grey8, read_npy, write_npy};
-use crate::optics::Color;
+use crate::optics::{Color, Display, Geometry};
 use std::{collections::BTreeMap, fs, path::Path};
 
 /// Phases without their optics.
@@ -20,6 +20,73 @@ pub struct Phases {
     pub width: usize,
     /// Per colour: its name where the file tells it, and (sub-frame, row, column) radians in [-pi, pi).
     pub colors: Vec<(Option<Color>, Vec<f32>)>,
+}
+
+impl Phases {
+    /// The hologram that they are for optics given beside them: pitch, focal length and wavelengths in metres, one wavelength
+    /// a colour. Its exposures are 1.
+    ///
+    /// # Errors
+    /// [`HologramError::Inconsistent`] for another number of wavelengths, and for optics that cannot be.
+    pub fn with_optics(
+        self,
+        pitch: f64,
+        focal_length: f64,
+        geometry: Geometry,
+        wavelengths: &[f64],
+    ) -> Result<Hologram, HologramError> {
+        if self.colors.len() != wavelengths.len() {
+            let (has, given) = (self.colors.len(), wavelengths.len());
+            return Err(HologramError::Inconsistent(format!("it has {has} colours, {given} wavelengths were given")));
+        }
+        let Self { frames, height, width, colors } = self;
+        let colors = (colors.into_iter().zip(wavelengths))
+            .map(|((color, phases), &wavelength)| ColorHologram {
+                color,
+                wavelength,
+                exposure: 1.0,
+                efficiency: 1.0,
+                phases,
+            })
+            .collect();
+        let hologram = Hologram {
+            frames,
+            height,
+            width,
+            pitch,
+            focal_length,
+            geometry,
+            colors,
+            seed: 0,
+            version: String::new(),
+            display: String::new(),
+            display_wavelengths: Vec::new(),
+            scene: String::new(),
+            metadata: Metadata::default(),
+        };
+        hologram.check()?;
+        Ok(hologram)
+    }
+
+    /// The hologram that they are on a display, in some of its colours; the SLM has as many pixels as they. Exposures are 1.
+    ///
+    /// # Errors
+    /// [`HologramError::Inconsistent`] for another number of colours; [`HologramError::Optics`].
+    pub fn on(self, display: &Display, colors: &[Color]) -> Result<Hologram, HologramError> {
+        if self.colors.len() != colors.len() {
+            let (has, given) = (self.colors.len(), colors.len());
+            return Err(HologramError::Inconsistent(format!("it has {has} colours, the display has {given}")));
+        }
+        let display = Display { height: self.height, width: self.width, ..display.clone() };
+        let of = |(&color, (_, phases)): (&Color, (_, Vec<f32>))| {
+            let wavelength = display.optics(color)?.wavelength;
+            Ok(ColorHologram { color: Some(color), wavelength, exposure: 1.0, efficiency: 1.0, phases })
+        };
+        let solved = colors.iter().zip(self.colors).map(of).collect::<Result<_, HologramError>>()?;
+        let hologram = Hologram::on(&display, self.frames, solved);
+        hologram.check()?;
+        Ok(hologram)
+    }
 }
 
 /// Writes phases as `.npy`.

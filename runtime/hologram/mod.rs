@@ -28,28 +28,44 @@
 
 mod document;
 mod exchange;
+mod metadata;
 mod phase;
+mod refine;
+mod scene_source;
+mod score;
 mod sequence;
 mod sequence_writer;
+mod solved;
+mod source;
 mod store;
 mod tiles;
 
 #[cfg(test)]
 mod damage_tests;
 #[cfg(test)]
+mod old_files_tests;
+#[cfg(test)]
 mod sequence_tests;
 
 pub use exchange::{Phases, load_phases, save_phases};
+pub use metadata::{Metadata, Refined, Start};
 pub use phase::{level_of_phase, phase_of_level, wrap_phase};
+pub use refine::Refinement;
+pub use scene_source::SceneSource;
+pub use score::{HologramScores, PupilScore};
 pub use sequence::Sequence;
 pub use sequence_writer::SequenceWriter;
+pub use source::{PhaseSource, Sampling};
 pub use tiles::{Made, Patch, Tiles, first_phase};
 
 use crate::{
+    engine::EngineError,
+    evaluate::EvaluateError,
     files::FileError,
     optics::{Color, Display, Geometry, Optics, OpticsError, Wavelength},
+    scene::SceneError,
+    solve::SolveError,
 };
-use serde_json::Value;
 
 /// What can be wrong with a hologram or its file.
 #[derive(Debug, thiserror::Error)]
@@ -98,9 +114,27 @@ pub enum HologramError {
         /// How it differs, and what to do.
         reason: String,
     },
-    /// Its optics cannot be.
+    /// Its optics cannot be, or have no such colour or pupil.
+    #[error(transparent)]
+    Optics(#[from] OpticsError),
+    /// The scene that it is compared with.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// What looked at it.
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+    /// It could not be scored.
+    #[error(transparent)]
+    Evaluate(#[from] EvaluateError),
+    /// It could not be refined.
+    #[error(transparent)]
+    Solve(#[from] SolveError),
+    /// Its colours are not named, or are not those of its display.
+    #[error("its colours are not named, or not those of its display: what it was made for is not known")]
+    NoDisplay,
+    /// Its file's optics cannot be.
     #[error("{file}: {source}")]
-    Optics {
+    FileOptics {
         /// The file.
         file: String,
         /// Why.
@@ -152,8 +186,8 @@ pub struct Hologram {
     pub display_wavelengths: Vec<Wavelength>,
     /// What it shows: a path or `builtin:NAME`.
     pub scene: String,
-    /// How it was made, for people and for doing it again.
-    pub settings: Value,
+    /// How it was made.
+    pub metadata: Metadata,
 }
 
 impl Hologram {
@@ -172,8 +206,36 @@ impl Hologram {
             display: display.name.clone(),
             display_wavelengths: display.wavelengths.clone(),
             scene: String::new(),
-            settings: Value::Null,
+            metadata: Metadata::default(),
         }
+    }
+
+    /// The display that it was made for: of its size and optics, with 256 levels and no encoding. Its eyebox is the one that
+    /// pupils were drawn in.
+    ///
+    /// # Errors
+    /// [`HologramError::NoDisplay`].
+    pub fn made_for(&self) -> Result<Display, HologramError> {
+        let known = |color: Color| self.display_wavelengths.iter().any(|w| w.color == color);
+        if !self.colors.iter().all(|c| c.color.is_some_and(known)) {
+            return Err(HologramError::NoDisplay);
+        }
+        Ok(Display {
+            name: self.display.clone(),
+            height: self.height,
+            width: self.width,
+            pitch: self.pitch,
+            focal_length: self.focal_length,
+            geometry: self.geometry,
+            wavelengths: self.display_wavelengths.clone(),
+            levels: 256,
+            encoding: Default::default(),
+        })
+    }
+
+    /// The names of its colours; those that have none are left out.
+    pub fn named_colors(&self) -> Vec<Color> {
+        self.colors.iter().filter_map(|c| c.color).collect()
     }
 
     /// The optics at colour `index`.
@@ -219,6 +281,7 @@ impl Hologram {
         if self.colors.is_empty() || frames == 0 {
             return wrong(format!("it has {} colours and {frames} sub-frames: at least one each", self.colors.len()));
         }
+        self.metadata.check()?;
         for w in &self.display_wavelengths {
             if let Err(e) = Optics::new(height, width, self.pitch, w.wavelength, self.focal_length) {
                 return wrong(format!("its display's {}: {e}", w.color));

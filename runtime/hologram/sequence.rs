@@ -34,7 +34,7 @@ impl Sequence {
     ///
     /// # Errors
     /// [`HologramError::NotAHologram`]; [`HologramError::Damaged`] for the group's document;
-    /// [`HologramError::Optics`]; [`HologramError::File`].
+    /// [`HologramError::FileOptics`]; [`HologramError::File`].
     pub fn open(path: &Path) -> Result<Self, HologramError> {
         let no = |reason: &str| HologramError::NotAHologram { path: path.display().to_string(), reason: reason.into() };
         match fs::metadata(path) {
@@ -67,7 +67,7 @@ impl Sequence {
         }
         for i in 0..colors {
             let file = file.display().to_string();
-            about.optics(i).map_err(|source| HologramError::Optics { file, source })?;
+            about.optics(i).map_err(|source| HologramError::FileOptics { file, source })?;
         }
         let values = [frames, height, width].iter().try_fold(colors, |n, m| n.checked_mul(*m));
         if values.and_then(|n| n.checked_mul(4)).is_none_or(|bytes| bytes > isize::MAX as usize) {

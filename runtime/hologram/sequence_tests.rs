@@ -3,7 +3,6 @@
 use super::*;
 use crate::files::FileError;
 use crate::solve::SplitMix;
-use serde_json::json;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -32,7 +31,7 @@ fn small(index: u64) -> Hologram {
         display: "small".into(),
         display_wavelengths: crate::optics::Display::preset("small").unwrap().wavelengths,
         scene: "some scenes".into(),
-        settings: json!({"steps": 60}),
+        metadata: Metadata { seconds: Some(60.0), ..Metadata::default() },
     }
 }
 
@@ -102,7 +101,7 @@ fn only_the_same_sequence_is_gone_on_with() {
         let error = SequenceWriter::resume(&path, &like, RATE, Some(5)).unwrap_err().to_string();
         assert!(error.contains(what) && error.contains(path.to_str().unwrap()), "{error}");
     };
-    refused(&|h| h.settings = json!({"steps": 61}), "steps");
+    refused(&|h| h.metadata.seconds = Some(61.0), "seconds");
     refused(&|h| h.scene = "others".into(), "others");
     refused(&|h| h.display = "paper".into(), "paper");
     refused(&|h| h.seed = 8, "seed");

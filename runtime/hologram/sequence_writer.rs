@@ -5,7 +5,6 @@ use super::sequence::sequence_chunk;
 use super::store::{ARRAY, GROUP};
 use super::{Hologram, HologramError, Sequence, wrap_phase};
 use crate::files::{FileError, FolderDraft, write_file};
-use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -179,9 +178,8 @@ fn difference(is: &Hologram, wanted: &Hologram) -> String {
     if is.scene != wanted.scene {
         return format!("of {}, not {}", is.scene, wanted.scene);
     }
-    let (Value::Object(a), Value::Object(b)) = (&is.settings, &wanted.settings) else { return "other settings".into() };
-    match b.iter().find(|(key, value)| a.get(*key) != Some(value)) {
-        Some((key, _)) => format!("its settings differ in '{key}'"),
+    match is.metadata.difference(&wanted.metadata) {
+        Some(key) => format!("its settings differ in '{key}'"),
         None => "other optics, seed or version".into(),
     }
 }

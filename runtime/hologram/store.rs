@@ -57,7 +57,7 @@ impl Hologram {
     ///
     /// # Errors
     /// [`HologramError::NotAHologram`]; [`HologramError::Damaged`] naming the file that is missing, cut short or
-    /// changed; [`HologramError::Optics`]; [`HologramError::File`].
+    /// changed; [`HologramError::FileOptics`]; [`HologramError::File`].
     pub fn load(path: &Path) -> Result<Self, HologramError> {
         let no = |reason: &str| HologramError::NotAHologram { path: path.display().to_string(), reason: reason.into() };
         match fs::metadata(path) {
@@ -88,7 +88,7 @@ impl Hologram {
         (hologram.frames, hologram.height, hologram.width) = (frames, height, width);
         for i in 0..colors {
             let file = path.join(GROUP).display().to_string();
-            hologram.optics(i).map_err(|source| HologramError::Optics { file, source })?;
+            hologram.optics(i).map_err(|source| HologramError::FileOptics { file, source })?;
         }
         // Optics bound the size of a frame; that all chunks are there, and as long as they must be, is known before
         // memory is taken for any, so that a lying shape costs nothing.

@@ -9,7 +9,7 @@
 //! at a time makes a hologram, and holds a lock; others may look at it meanwhile ([`open`](Tiles::open)) and change nothing.
 
 use super::store::{ARRAY, GROUP, chunk_file, damaged, is_hologram, read_document, read_tile, unreadable, write_chunk};
-use super::{Hologram, HologramError, document};
+use super::{Hologram, HologramError, Metadata, document};
 use crate::files::{FileError, FolderDraft, write_file_by_way_of};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -152,7 +152,7 @@ impl Tiles {
         (about.frames, about.height, about.width) = (frames, height, width);
         for i in 0..colors {
             let file = path.join(GROUP).display().to_string();
-            about.optics(i).map_err(|source| HologramError::Optics { file, source })?;
+            about.optics(i).map_err(|source| HologramError::FileOptics { file, source })?;
         }
         let file = path.join(PROGRESS);
         let made = if file.exists() {
@@ -266,7 +266,7 @@ impl Tiles {
         self.count(done, pending)
     }
 
-    /// A copy of a finished hologram at `path`, with these settings, and these rectangles of whole tiles replaced; it appears
+    /// A copy of a finished hologram at `path`, described by `metadata`, and these rectangles of whole tiles replaced; it appears
     /// whole or not at all, in the place of this one too. Memory is a tile's.
     ///
     /// # Errors
@@ -274,13 +274,13 @@ impl Tiles {
     ///
     /// # Panics
     /// If a rectangle is none of whole tiles, or its phases are not as many: the caller's mistake.
-    pub fn copy(&self, path: &Path, settings: &Value, patches: &[Patch]) -> Result<(), HologramError> {
+    pub fn copy(&self, path: &Path, metadata: &Metadata, patches: &[Patch]) -> Result<(), HologramError> {
         if self.made.is_some() {
             return Err(HologramError::Inconsistent(
                 "it is still being solved: it is copied when it is finished".into(),
             ));
         }
-        let about = Hologram { settings: settings.clone(), ..self.about.clone() };
+        let about = Hologram { metadata: metadata.clone(), ..self.about.clone() };
         let draft = FolderDraft::new(path, is_hologram)?;
         let shape = [about.colors.len(), about.frames, about.height, about.width];
         draft.write(GROUP, |out| out.write_all(&document::group(&about)))?;

@@ -20,7 +20,7 @@ fn about(frames: usize, height: usize, width: usize) -> Hologram {
         display: "x".into(),
         display_wavelengths: Vec::new(),
         scene: "y".into(),
-        settings: Value::Null,
+        metadata: Metadata::default(),
     }
 }
 
@@ -81,13 +81,13 @@ fn a_copy_differs_where_it_was_patched_alone() {
     let (at, size) = ([32, 64], [38, 26]);
     let phases: Vec<f32> = (0..2 * 38 * 26).map(|i| (i % 100) as f32 / 50.0 - 1.0).collect();
     let patch = [Patch { color: 0, at, size, phases: phases.clone() }];
-    assert!(matches!(tiles.copy(&other, &Value::Null, &patch), Err(HologramError::Inconsistent(_))));
+    assert!(matches!(tiles.copy(&other, &Metadata::default(), &patch), Err(HologramError::Inconsistent(_))));
     tiles.finish().unwrap();
     let before = Hologram::load(&path).unwrap();
-    tiles.copy(&other, &serde_json::json!({ "refined": 1 }), &patch).unwrap();
+    tiles.copy(&other, &Metadata { seconds: Some(1.0), ..Metadata::default() }, &patch).unwrap();
     assert_eq!(Hologram::load(&path).unwrap(), before);
     let copy = Hologram::load(&other).unwrap();
-    assert_eq!((copy.settings["refined"].as_u64(), copy.seed), (Some(1), before.seed));
+    assert_eq!((copy.metadata.seconds, copy.seed), (Some(1.0), before.seed));
     for (i, (now, then)) in copy.colors[0].phases.iter().zip(&before.colors[0].phases).enumerate() {
         let (frame, y, x) = (i / (height * width), i / width % height, i % width);
         let patched = y >= 32 && x >= 64;
@@ -95,7 +95,7 @@ fn a_copy_differs_where_it_was_patched_alone() {
         assert_eq!(*now, want, "{frame} {y} {x}");
     }
     // In its own place.
-    tiles.copy(&path, &Value::Null, &patch).unwrap();
+    tiles.copy(&path, &Metadata::default(), &patch).unwrap();
     assert_eq!(Hologram::load(&path).unwrap().colors, copy.colors);
 }
 

@@ -1,33 +1,10 @@
 //! Displays: presets and TOML files.
 
-use super::{Encoding, Geometry, Optics, OpticsError};
+use super::color::Color;
+use super::encoding::Encoding;
+use super::{Geometry, Optics, OpticsError};
 use serde::{Deserialize, Serialize};
-use std::{collections::BTreeMap, fmt, path::Path};
-
-/// A primary of the display, ordered red, green, blue.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Color {
-    /// The longest wavelength.
-    Red,
-    /// The middle one.
-    Green,
-    /// The shortest.
-    Blue,
-}
-
-impl Color {
-    /// Channel of an RGB image.
-    pub fn channel(self) -> usize {
-        self as usize
-    }
-}
-
-impl fmt::Display for Color {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(["red", "green", "blue"][self.channel()])
-    }
-}
+use std::{collections::BTreeMap, path::Path};
 
 /// One laser of a display.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,6 +1,6 @@
 //! How a display takes its phases, as its file says it: plain data, read by the room `encode`.
 
-use super::Color;
+use super::color::Color;
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, path::PathBuf};
 

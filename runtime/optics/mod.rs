@@ -5,20 +5,24 @@
 //! SLM stands in the pupil plane itself ([`Geometry::FarField`]).
 //! This room imports nothing from the rest of the runtime.
 
+mod color;
 mod display;
 mod encoding;
 mod geometry;
 mod padding;
 mod propagation;
 mod pupil;
+mod pupil_distribution;
 mod window;
 
-pub use display::{Color, Display, PRESETS, Wavelength};
+pub use color::Color;
+pub use display::{Display, PRESETS, Wavelength};
 pub use encoding::{Channel, ChannelOrder, Correction, Encoding, Flip, Grating, Orientation, Packing, Place, TwoPi};
 pub use geometry::{Geometry, Optics, frequency_bin};
 pub use padding::{Padding, walk_off};
 pub use propagation::{aperture, propagation_turns, transfer};
 pub use pupil::Pupil;
+pub use pupil_distribution::PupilDistribution;
 pub use window::{Window, WindowFactor, fast_size};
 
 /// What can be wrong with a display, a pupil or a grid.

@@ -51,7 +51,7 @@ pub enum Kernel {
     EqualiseEyebox,
     /// `Change`, inverse, in the step's columns.
     ChangeInverse,
-    /// `Change`: makes all losses NaN if a value of it is infinite or none, so that the step is not taken. Where fields
+    /// `Change`: makes all losses NaN if a value of it is NaN or infinite, so that the step is not taken. Where fields
     /// are stored as halves.
     CheckFinite,
     /// `Change` -> `Phases`, `Momentum`.

@@ -7,11 +7,12 @@ mod cost;
 mod list;
 mod lists;
 mod pupil_pass;
+mod scales;
 mod storage;
 mod viewpoint;
 
 pub use cost::{Group, Slots, pupil_pass_bytes, shared_bytes, work};
 pub use list::{Buffer, Dispatch, Kernel, PupilPass, Purpose, Scope, Shape, Shot, Step, Timing};
-pub use pupil_pass::{Comparison, Planner, Views};
+pub use pupil_pass::{Comparison, Planner, ViewLayout};
 pub use storage::Storage;
 pub use viewpoint::Viewpoint;

@@ -31,7 +31,7 @@ impl Default for Comparison {
 
 /// What the photographs of a scene need to know of its pyramid.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Views {
+pub struct ViewLayout {
     /// Where the views stand, around their centre.
     pub grid: ViewGrid,
     /// Where in the pupil plane that centre is, (x, y), metres.
@@ -42,7 +42,7 @@ pub struct Views {
     pub unit: f64,
 }
 
-impl Views {
+impl ViewLayout {
     /// Of this pyramid.
     pub fn new(grid: ViewGrid, pyramid: &Pyramid) -> Self {
         let levels = pyramid.levels.iter().map(|l| (l.height, l.width)).collect();
@@ -62,26 +62,13 @@ pub struct Planner {
     /// How much of the spectrum a pupil is given.
     pub factor: WindowFactor,
     /// The views; none where only the wave is looked at.
-    pub views: Option<Views>,
+    pub views: Option<ViewLayout>,
     /// Levels that the SLM can show; 0 for any phase.
     pub levels: usize,
     /// How complex fields are stored.
     pub storage: Storage,
     /// Share of the image that the picture takes along each axis (OPTICS 9); what is looked at is cut to it.
     pub share: f64,
-}
-
-impl Views {
-    /// Of a pyramid that is not made yet: the sizes alone.
-    pub fn of_size(grid: ViewGrid, height: usize, width: usize) -> Self {
-        Self { grid, center: [0.0, 0.0], levels: Pyramid::sizes(height, width), unit: 1.0 / 65535.0 }
-    }
-
-    /// Bytes of the pyramid.
-    pub fn bytes(&self) -> u64 {
-        let samples: usize = self.levels.iter().map(|(height, width)| height * width).sum();
-        2 * (self.grid.rows * self.grid.columns * samples) as u64
-    }
 }
 
 impl Planner {
@@ -194,7 +181,7 @@ impl Planner {
     }
 
     fn shot(&self, pupil: &Pupil, window: Window) -> Option<Shot> {
-        let Views { grid: views, center, levels, unit } = self.views.as_ref()?;
+        let ViewLayout { grid: views, center, levels, unit } = self.views.as_ref()?;
         let fits = |l: &(usize, usize)| l.0 >= window.rows && l.1 >= window.columns;
         let level = levels.iter().rposition(fits).unwrap_or(0);
         let (height, width) = levels[level];

@@ -3,7 +3,7 @@
 use super::place::{Rect, dioptres, focus_step, pupil_at};
 use super::{Overlay, Seen, Showing, Side};
 use crate::optics::{Geometry, Optics, Pupil};
-use crate::playback::{PanelEvent, PanelKey};
+use crate::present::{WindowEvent, WindowKey};
 
 /// What the window's owner has to do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -86,30 +86,30 @@ impl Controls {
     }
 
     /// Takes in what happened, while pictures stood at these places.
-    pub fn take(&mut self, event: PanelEvent, pictures: &[Rect]) -> Option<Action> {
+    pub fn take(&mut self, event: WindowEvent, pictures: &[Rect]) -> Option<Action> {
         match event {
-            PanelEvent::Close => return Some(Action::Close),
-            PanelEvent::Pointer(position) => [self.pupil.x, self.pupil.y] = pupil_at(position, pictures, self.eyebox),
-            PanelEvent::Wheel(notches) if notches.is_finite() => {
+            WindowEvent::Close => return Some(Action::Close),
+            WindowEvent::Pointer(position) => [self.pupil.x, self.pupil.y] = pupil_at(position, pictures, self.eyebox),
+            WindowEvent::Wheel(notches) if notches.is_finite() => {
                 // What a coarse wheel or a wild touch pad sends at once.
                 self.pupil.depth += notches.clamp(-20.0, 20.0) * focus_step(&self.optics, &self.pupil);
             }
-            PanelEvent::Key(key) => return self.key(key),
+            WindowEvent::Key(key) => return self.key(key),
             _ => {}
         }
         None
     }
 
-    fn key(&mut self, key: PanelKey) -> Option<Action> {
+    fn key(&mut self, key: WindowKey) -> Option<Action> {
         let reach = self.eyebox / 2.0;
         match key {
-            PanelKey::Escape | PanelKey::Character('q') => return Some(Action::Close),
-            PanelKey::Home => (self.pupil.x, self.pupil.y) = (0.0, 0.0),
-            PanelKey::Arrow([x, y]) => {
+            WindowKey::Escape | WindowKey::Character('q') => return Some(Action::Close),
+            WindowKey::Home => (self.pupil.x, self.pupil.y) = (0.0, 0.0),
+            WindowKey::Arrow([x, y]) => {
                 self.pupil.x = (self.pupil.x + ASIDE * f64::from(x)).clamp(-reach, reach);
                 self.pupil.y = (self.pupil.y + ASIDE * f64::from(y)).clamp(-reach, reach);
             }
-            PanelKey::Character(c) => match c {
+            WindowKey::Character(c) => match c {
                 '+' | '=' => self.widen(WIDER),
                 '-' | '_' => self.widen(-WIDER),
                 '0' => self.pupil.depth = 0.0,
@@ -210,7 +210,7 @@ mod tests {
     }
 
     fn press(c: &mut Controls, keys: &str) -> Vec<Action> {
-        keys.chars().filter_map(|k| c.take(PanelEvent::Key(PanelKey::Character(k)), &[])).collect()
+        keys.chars().filter_map(|k| c.take(WindowEvent::Key(WindowKey::Character(k)), &[])).collect()
     }
 
     #[test]
@@ -220,8 +220,8 @@ mod tests {
             press(&mut c, "s .,q"),
             [Action::Save, Action::Pause, Action::Step(1), Action::Step(-1), Action::Close]
         );
-        assert_eq!(c.take(PanelEvent::Key(PanelKey::Escape), &[]), Some(Action::Close));
-        assert_eq!(c.take(PanelEvent::Close, &[]), Some(Action::Close));
+        assert_eq!(c.take(WindowEvent::Key(WindowKey::Escape), &[]), Some(Action::Close));
+        assert_eq!(c.take(WindowEvent::Close, &[]), Some(Action::Close));
         press(&mut c, "++-a");
         assert_eq!((c.pupil.to_mm()[2].round(), c.alone()), (5.0, Some(0)));
         press(&mut c, "nn");
@@ -255,19 +255,19 @@ mod tests {
     fn mouse_wheel_and_arrows_move_the_pupil_within_the_eyebox() {
         let mut c = controls(false, false);
         let places = super::super::places([36, 64], [36, 64], 1);
-        c.take(PanelEvent::Pointer([18.0, 48.0]), &places);
+        c.take(WindowEvent::Pointer([18.0, 48.0]), &places);
         assert!((c.pupil.x - 5.5e-3).abs() < 1e-9 && c.pupil.y.abs() < 1e-9);
-        c.take(PanelEvent::Wheel(2.0), &places);
+        c.take(WindowEvent::Wheel(2.0), &places);
         assert!((c.pupil.depth - 0.4e-3).abs() < 1e-9, "{:?}", c.pupil);
-        c.take(PanelEvent::Wheel(f64::NAN), &places);
+        c.take(WindowEvent::Wheel(f64::NAN), &places);
         assert!(c.pupil.depth.is_finite());
         press(&mut c, "0");
         for _ in 0..100 {
-            c.take(PanelEvent::Key(PanelKey::Arrow([1, -1])), &places);
+            c.take(WindowEvent::Key(WindowKey::Arrow([1, -1])), &places);
         }
         assert_eq!(c.pupil.depth, 0.0);
         assert!((c.pupil.x - 11e-3).abs() < 1e-9 && (c.pupil.y + 11e-3).abs() < 1e-9);
-        c.take(PanelEvent::Key(PanelKey::Home), &places);
+        c.take(WindowEvent::Key(WindowKey::Home), &places);
         assert_eq!((c.pupil.x, c.pupil.y), (0.0, 0.0));
     }
 

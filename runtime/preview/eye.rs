@@ -1,9 +1,8 @@
 //! An eye that keeps the spectrum: only what depends on the pupil is computed when the pupil moves.
 
-use super::picture::Plane;
 use super::{PreviewError, Showing, Shown, tiled};
 use crate::engine::{Buffer, Engine, EngineError, Purpose};
-use crate::evaluate;
+use crate::evaluate::{self, Plane};
 use crate::optics::{Geometry, Padding, Pupil, WindowFactor};
 use crate::plan::{Comparison, Planner};
 use eyebox_kernels::fft::Columns;

@@ -2,7 +2,7 @@
 //!
 //! A [`Viewer`] is a thread that owns the engines: it is given what the display shows ([`Showing`]) and where to look from
 //! ([`Look`]) as often as either changes, and has the newest picture ([`Seen`]); what came in between is never computed. A
-//! [`PreviewWindow`] shows such pictures in a window of the same [`Desktop`](crate::playback::Desktop) as playback's, and
+//! [`PreviewWindow`] shows such pictures in a window of the same [`Desktop`](crate::present::Desktop) as playback's, and
 //! never makes the thread that serves it wait. [`Controls`] say what a mouse and keys mean; [`Reader`] reads the holograms
 //! of a sequence on a thread of its own.
 //!
@@ -12,12 +12,11 @@
 //! This room imports [`optics`](crate::optics), [`hologram`](crate::hologram), [`plan`](crate::plan),
 //! [`engine`](crate::engine), [`evaluate`](crate::evaluate), [`files`](crate::files) for the sRGB curve, of
 //! [`solve`](crate::solve) the `Problem` (a scene before a display), [`tiled`](crate::tiled) for holograms in tiles, and of
-//! [`playback`](crate::playback) the desktop.
+//! [`present`](crate::present) the desktop.
 
 mod controls;
 mod eye;
 mod font;
-mod newest;
 mod overlay;
 mod picture;
 mod place;
@@ -34,25 +33,24 @@ mod window;
 pub use controls::{Action, Controls};
 pub use eye::{Detail, Eye, Opener};
 pub use overlay::{Overlay, draw_overlay};
-pub use picture::{Picture, Plane, develop};
+pub use picture::{Picture, develop};
 pub use place::{Rect, dioptres, focus_step, places, pupil_at};
 pub use reader::{ReadHologram, Reader};
-pub use showing::{Scene, Showing, Shown};
+pub use showing::{Showing, Shown};
 pub use viewer::{Look, Seen, Side, Viewer};
 pub use window::PreviewWindow;
 
 use crate::engine::EngineError;
 use crate::hologram::HologramError;
 use crate::optics::OpticsError;
-use crate::playback::PlaybackError;
-use crate::tiled::TiledError;
+use crate::present::PresentError;
 
 /// Why there is nothing to see.
 #[derive(Debug, thiserror::Error)]
 pub enum PreviewError {
     /// The desktop.
     #[error(transparent)]
-    Desktop(#[from] PlaybackError),
+    Desktop(#[from] PresentError),
     /// The engine, or the window's device.
     #[error(transparent)]
     Engine(#[from] EngineError),
@@ -62,9 +60,6 @@ pub enum PreviewError {
     /// A hologram that could not be read.
     #[error(transparent)]
     Hologram(#[from] HologramError),
-    /// A hologram in tiles.
-    #[error(transparent)]
-    Tiled(#[from] TiledError),
     /// What is shown contradicts itself, or the scene.
     #[error("this cannot be looked at: {reason}")]
     Showing {

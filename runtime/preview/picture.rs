@@ -1,20 +1,10 @@
 //! From linear light to an sRGB picture of any size.
 
+use crate::evaluate::Plane;
 use crate::files::linear_to_srgb;
 use crate::optics::Color;
 use rayon::prelude::*;
 use std::sync::OnceLock;
-
-/// Linear light, or intensity, (row, column).
-#[derive(Debug, Clone, PartialEq)]
-pub struct Plane {
-    /// Rows.
-    pub rows: usize,
-    /// Columns.
-    pub columns: usize,
-    /// Row by row.
-    pub values: Vec<f32>,
-}
 
 /// An sRGB picture.
 #[derive(Debug, Clone, PartialEq, Eq)]

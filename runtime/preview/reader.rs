@@ -1,9 +1,8 @@
 //! The holograms of a sequence, read on a thread of their own.
 
 use super::PreviewError;
-use super::newest::Newest;
 use crate::hologram::{Hologram, HologramError, Sequence};
-use std::sync::Arc;
+use crate::mailbox::Mailbox;
 use std::thread::JoinHandle;
 
 /// A hologram's number in its sequence, and what came of reading it.
@@ -11,8 +10,8 @@ pub type ReadHologram = (u64, Result<Hologram, HologramError>);
 
 /// Reads the hologram that is wanted last; those that were wanted before it and not begun are left out.
 pub struct Reader {
-    wanted: Arc<Newest<Option<u64>>>,
-    read: Arc<Newest<ReadHologram>>,
+    wanted: Mailbox<Option<u64>>,
+    read: Mailbox<ReadHologram>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -22,11 +21,11 @@ impl Reader {
     /// # Errors
     /// [`PreviewError::Thread`].
     pub fn start(mut sequence: Sequence) -> Result<Self, PreviewError> {
-        let (wanted, read) = (Arc::new(Newest::default()), Arc::new(Newest::default()));
-        let (wants, gives) = (Arc::clone(&wanted), Arc::clone(&read));
+        let (wanted, read) = (Mailbox::new(1), Mailbox::new(1));
+        let (wants, gives) = (wanted.clone(), read.clone());
         let run = move || {
             while let Some(index) = wants.wait() {
-                gives.put((index, sequence.load(index)));
+                gives.push((index, sequence.load(index)));
             }
         };
         let thread = std::thread::Builder::new().name("preview reader".into()).spawn(run);
@@ -37,7 +36,7 @@ impl Reader {
 
     /// This one is wanted.
     pub fn want(&self, index: u64) {
-        self.wanted.put(Some(index));
+        self.wanted.push(Some(index));
     }
 
     /// The newest that was read, with its number.
@@ -58,7 +57,7 @@ impl Reader {
 
 impl Drop for Reader {
     fn drop(&mut self) {
-        self.wanted.put(None);
+        self.wanted.push(None);
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }

@@ -3,8 +3,6 @@
 use super::PreviewError;
 use crate::hologram::{Hologram, Tiles};
 use crate::optics::{Color, Optics, Padding};
-use crate::solve::Problem;
-use crate::tiled::Views;
 use std::sync::Arc;
 
 /// One colour of what is shown.
@@ -21,30 +19,6 @@ pub struct Shown {
     /// (sub-frame, row, column), radians; none where they are in tiles. A colour whose phases are the same as before costs
     /// nothing again.
     pub phases: Arc<Vec<f32>>,
-}
-
-/// What should be seen, in the colours of what is shown and in their order.
-pub enum Scene {
-    /// All of each colour's light field.
-    Problems(Vec<Problem>),
-    /// Views from around any pupil, for holograms in tiles.
-    Views(Vec<Views>),
-}
-
-impl From<Vec<Problem>> for Scene {
-    fn from(problems: Vec<Problem>) -> Self {
-        Self::Problems(problems)
-    }
-}
-
-impl Scene {
-    /// Whether there is none.
-    pub fn is_empty(&self) -> bool {
-        match self {
-            Self::Problems(problems) => problems.is_empty(),
-            Self::Views(views) => views.is_empty(),
-        }
-    }
 }
 
 /// Phases on a display, and the light that they are seen by.

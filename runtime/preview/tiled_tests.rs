@@ -2,11 +2,10 @@
 
 use super::*;
 use crate::engine::cpu::CpuEngine;
-use crate::evaluate;
-use crate::hologram::{ColorHologram, Hologram, Tiles};
-use crate::optics::{Color, Display, Padding, Pupil, WindowFactor};
+use crate::evaluate::Views;
+use crate::hologram::{ColorHologram, Hologram, PhaseSource, SceneSource, Tiles};
+use crate::optics::{Color, Display, Padding, Pupil};
 use crate::scene::Request;
-use crate::tiled::{self, Views};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -54,14 +53,10 @@ fn pupil(x: f64, y: f64, across: f64) -> Pupil {
     Pupil { x: x * pitch, y: y * pitch, diameter: across * pitch, depth: 0.0 }
 }
 
-/// What `look` has of these sub-frames, pooled.
-fn expected(tiles: &Tiles, frames: std::ops::Range<usize>, pupil: &Pupil) -> Vec<Vec<f32>> {
-    let mut engine = CpuEngine::new();
-    let one = |color| {
-        let seen = tiled::look_frames(tiles, color, frames.clone(), pupil, WindowFactor::Two, &mut engine).unwrap();
-        evaluate::pool2(&seen.image, seen.size, seen.size)
-    };
-    (0..2).map(one).collect()
+/// What [`PhaseSource::look`] has of all sub-frames, or of one.
+fn expected(tiles: &Arc<Tiles>, frame: Option<usize>, pupil: &Pupil) -> Vec<Vec<f32>> {
+    let seen = PhaseSource::Tiled(Arc::clone(tiles)).look(frame, pupil, &mut CpuEngine::new()).unwrap();
+    seen.into_iter().map(|plane| plane.values).collect()
 }
 
 #[test]
@@ -79,11 +74,11 @@ fn the_eye_sees_what_lies_under_the_pupil_and_reads_no_more() {
         read.push(tiles.moved()[0] - before);
         let share = *read.last().unwrap() as f64 / all as f64;
         assert!(share > 0.0 && share < most, "{share} of the file for {across} pixels");
-        let want = expected(&tiles, 0..2, &pupil);
+        let want = expected(&tiles, None, &pupil);
         assert!(seen.iter().zip(&want).all(|(s, w)| s.values == *w && s.rows * s.columns == w.len()));
         // One sub-frame alone, with its grain.
         let one = eye.look(&showing, Some(1), &pupil, Detail::Whole).unwrap();
-        assert_eq!(one[0].values, expected(&tiles, 1..2, &pupil)[0]);
+        assert_eq!(one[0].values, expected(&tiles, Some(1), &pupil)[0]);
         assert_ne!(one[0].values, seen[0].values);
         // Coarse: the middle of the pupil, in fewer pixels, from fewer tiles, as bright.
         let before = tiles.moved()[0];
@@ -91,7 +86,7 @@ fn the_eye_sees_what_lies_under_the_pupil_and_reads_no_more() {
         let less = tiles.moved()[0] - before;
         assert!(across < 100.0 || less < read[1] * 2 / 3, "{less} of {read:?}");
         let middle = Pupil { diameter: pupil.diameter / 2.0, ..pupil };
-        assert_eq!(coarse[1].values, expected(&tiles, 0..2, &middle)[1]);
+        assert_eq!(coarse[1].values, expected(&tiles, None, &middle)[1]);
         assert!(coarse[0].rows < seen[0].rows * 3 / 4);
     }
     assert!(read[1] > 3 * read[0], "{read:?}");
@@ -107,7 +102,7 @@ fn the_viewer_shows_tiles_coarse_first_and_their_photograph() {
         let one = |color| Views::new("builtin:still-life", &request, color, 64).unwrap();
         [Color::Green, Color::Blue].map(one).into()
     };
-    let mut viewer = Viewer::start(cpu(), Scene::Views(views())).unwrap();
+    let mut viewer = Viewer::start(cpu(), SceneSource::Around(views())).unwrap();
     let place = pupil(40.0, -20.0, 100.0);
     let look = Look { pupil: place, frame: None, side: Side::Seen, within: [100, 100] };
     viewer.look(look);
@@ -124,7 +119,7 @@ fn the_viewer_shows_tiles_coarse_first_and_their_photograph() {
     };
     let seen = wait(&viewer, &look, true);
     assert_eq!(viewer.looked(), 2, "a coarse picture came first");
-    let want = expected(&tiles, 0..2, &place);
+    let want = expected(&tiles, None, &place);
     assert!(seen.planes.iter().zip(&want).all(|(s, w)| s.values == *w));
     assert_eq!(seen.seen.size, [100, 100]);
     // Beside it, what should be seen from there.
@@ -132,14 +127,12 @@ fn the_viewer_shows_tiles_coarse_first_and_their_photograph() {
     viewer.look(both);
     let seen = wait(&viewer, &both, true);
     let mut engine = CpuEngine::new();
-    for (color, views) in views().iter().enumerate() {
-        let photograph = tiled::photograph_of(&tiles, color, views, &place, WindowFactor::Two, &mut engine).unwrap();
-        assert_eq!(seen.wanted[color].values, evaluate::pool2(&photograph.image, photograph.size, photograph.size));
-    }
+    let wanted = SceneSource::Around(views()).photograph(&place, &mut engine).unwrap();
+    assert!(wanted.len() == 2 && seen.wanted == wanted);
     assert!(seen.photograph.is_some_and(|p| p.size == [100, 100] && p.rgb.iter().any(|v| *v > 100)));
     assert!(seen.psnr_db.is_some_and(|db| db > 3.0 && db < 20.0), "{:?}: noise is no picture", seen.psnr_db);
     // A scene of all views is not what tiles are compared with.
-    let mut viewer = Viewer::start(cpu(), Scene::Views(views().into_iter().take(1).collect())).unwrap();
+    let mut viewer = Viewer::start(cpu(), SceneSource::Around(views().into_iter().take(1).collect())).unwrap();
     viewer.look(both);
     viewer.show(Arc::new(showing(&tiles)));
     let since = Instant::now();

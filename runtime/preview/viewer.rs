@@ -1,11 +1,12 @@
 //! The thread that looks.
 
 use super::eye::{Detail, Eye, Opener};
-use super::newest::Newest;
-use super::picture::{Picture, Plane, develop};
-use super::{PreviewError, Scene, Showing, tiled};
+use super::picture::{Picture, develop};
+use super::{PreviewError, Showing};
 use crate::engine::{Engine, Purpose};
-use crate::evaluate;
+use crate::evaluate::{self, Plane};
+use crate::hologram::SceneSource;
+use crate::mailbox::Mailbox;
 use crate::optics::{Color, Pupil, WindowFactor};
 use crate::solve::Problem;
 use std::sync::Arc;
@@ -79,8 +80,8 @@ const REST: Duration = Duration::from_millis(60);
 
 /// Looks through the newest pupil at the newest hologram, on a thread of its own that owns the engines. No call waits.
 pub struct Viewer {
-    given: Arc<Newest<Given>>,
-    answers: Arc<Newest<Answer>>,
+    given: Mailbox<Given>,
+    answers: Mailbox<Answer>,
     looked: Arc<AtomicU64>,
     shown: u64,
     thread: Option<JoinHandle<()>>,
@@ -92,11 +93,11 @@ impl Viewer {
     ///
     /// # Errors
     /// [`PreviewError::Thread`].
-    pub fn start(open: Opener, scene: impl Into<Scene>) -> Result<Self, PreviewError> {
+    pub fn start(open: Opener, scene: impl Into<SceneSource>) -> Result<Self, PreviewError> {
         let scene = scene.into();
-        let (given, answers) = (Arc::new(Newest::<Given>::default()), Arc::new(Newest::default()));
+        let (given, answers) = (Mailbox::<Given>::new(1), Mailbox::new(1));
         let looked = Arc::new(AtomicU64::new(0));
-        let (take, give, count) = (Arc::clone(&given), Arc::clone(&answers), Arc::clone(&looked));
+        let (take, give, count) = (given.clone(), answers.clone(), Arc::clone(&looked));
         let run = move || {
             let mut looker = Looker { eye: Eye::new(open), scene, cameras: Vec::new(), expected: None };
             let (mut showing, mut look) = (None, None);
@@ -110,7 +111,7 @@ impl Viewer {
                 let (Some((content, showing)), Some(look)) = (&showing, &look) else { continue };
                 let publish = |answer: Answer| {
                     count.fetch_add(1, Relaxed);
-                    give.put(answer);
+                    give.push(answer);
                 };
                 // Nobody knows yet how long the first takes; of tiles it can be seconds.
                 let slow = looker.expected.map_or(showing.tiles.is_some(), |time| time > SLOW);
@@ -136,12 +137,12 @@ impl Viewer {
     pub fn show(&mut self, showing: Arc<Showing>) {
         self.shown += 1;
         let shown = Some((self.shown, showing));
-        self.given.change(|given| Given { showing: shown, ..given.unwrap_or_default() });
+        self.given.update(|given| Given { showing: shown, ..given.unwrap_or_default() });
     }
 
     /// From now on it is looked at like this.
     pub fn look(&self, look: Look) {
-        self.given.change(|given| Given { look: Some(look), ..given.unwrap_or_default() });
+        self.given.update(|given| Given { look: Some(look), ..given.unwrap_or_default() });
     }
 
     /// The newest picture that was not taken yet.
@@ -164,7 +165,7 @@ impl Viewer {
 
 impl Drop for Viewer {
     fn drop(&mut self) {
-        self.given.put(Given { stop: true, ..Given::default() });
+        self.given.push(Given { stop: true, ..Given::default() });
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
@@ -174,7 +175,7 @@ impl Drop for Viewer {
 /// What the thread owns.
 struct Looker {
     eye: Eye,
-    scene: Scene,
+    scene: SceneSource,
     cameras: Vec<Box<dyn Engine>>,
     /// What a whole picture took.
     expected: Option<Duration>,
@@ -228,10 +229,10 @@ impl Looker {
     fn photograph(&mut self, showing: &Showing, pupil: &Pupil) -> Result<Vec<Plane>, PreviewError> {
         let other = || PreviewError::Showing { reason: "its colours or its optics are not the scene's".into() };
         let scene = match (&self.scene, &showing.tiles) {
-            (Scene::Views(views), Some(tiles)) if views.len() == showing.colors.len() => {
-                return tiled::photograph(tiles, views, pupil, self.eye.single()?);
+            (scene @ SceneSource::Around(views), Some(_)) if views.len() == showing.colors.len() => {
+                return Ok(scene.photograph(pupil, self.eye.single()?)?);
             }
-            (Scene::Problems(problems), None) => problems,
+            (SceneSource::Whole(problems), None) => problems,
             _ => return Err(other()),
         };
         let fits = |(problem, shown): (&Problem, &super::Shown)| problem.optics == shown.optics;

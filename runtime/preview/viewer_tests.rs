@@ -3,7 +3,7 @@
 use super::*;
 use crate::engine::cpu::CpuEngine;
 use crate::engine::{Buffer, Engine, Purpose};
-use crate::evaluate;
+use crate::evaluate::{self, Plane};
 use crate::hologram::{ColorHologram, Hologram};
 use crate::optics::{Color, Display, Geometry, Padding, Pupil, WindowFactor};
 use crate::plan::Planner;

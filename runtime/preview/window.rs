@@ -3,58 +3,52 @@
 use super::picture::Picture;
 use super::place::Rect;
 use super::{Overlay, PreviewError, draw_overlay};
-use crate::engine::vulkan::Canvas;
-use crate::playback::{Desktop, Panel, PanelEvent};
-use std::sync::{Arc, Mutex};
+use crate::gpu::Gpu;
+use crate::present::{Desktop, OrdinaryWindow, Policy, Swapchain, WindowEvent};
 
 /// A window on the same desktop as playback's. Whoever pumps the desktop calls [`refresh`](Self::refresh) now and then.
 pub struct PreviewWindow {
     // Before the window that it shows in.
-    canvas: Canvas,
-    panel: Panel,
+    swapchain: Swapchain,
+    window: OrdinaryWindow,
     frame: Picture,
     fresh: bool,
 }
 
 impl PreviewWindow {
-    /// Opens it; its inside has `size` rows and columns, if the desktop agrees.
+    /// Opens it, shown from this device or from the one of its instance that can show there; its inside has `size` rows and columns, if the desktop agrees.
     ///
     /// # Errors
     /// [`PreviewError::Desktop`]; [`PreviewError::Engine`] where Vulkan cannot show pictures in it.
-    pub fn open(desktop: &mut Desktop, title: &str, size: [usize; 2], validation: bool) -> Result<Self, PreviewError> {
-        let panel = desktop.panel(title, size)?;
-        let handle = panel.handle()?;
-        // SAFETY: the window lives in the panel, and the canvas is dropped before it.
+    pub fn open(gpu: &Gpu, desktop: &mut Desktop, title: &str, size: [usize; 2]) -> Result<Self, PreviewError> {
+        let window = desktop.window(title, size)?;
+        let handle = window.handle()?;
+        // SAFETY: the window lives as long as this, and the swapchain is dropped before it.
         #[allow(unsafe_code)]
-        let canvas = unsafe { Canvas::open(handle, validation) }?;
-        let frame = Picture::black(panel.size());
-        Ok(Self { canvas, panel, frame, fresh: true })
+        let swapchain = unsafe { Swapchain::open(gpu, handle, Policy::Newest) }?;
+        let frame = Picture::black(window.size());
+        Ok(Self { swapchain, window, frame, fresh: true })
     }
 
     /// Rows and columns of its inside; zero while it is minimised.
     pub fn size(&self) -> [usize; 2] {
-        self.panel.size()
+        self.window.size()
     }
 
-    /// Which device shows it.
-    pub fn describe(&self) -> &str {
-        self.canvas.describe()
-    }
-
-    /// What the validation layer says, to the last.
-    pub fn messages(&self) -> Arc<Mutex<Vec<String>>> {
-        self.canvas.messages()
+    /// The device that it shows from.
+    pub fn gpu(&self) -> &Gpu {
+        self.swapchain.gpu()
     }
 
     /// Writes another title.
     pub fn title(&self, title: &str) {
-        self.panel.title(title);
+        self.window.title(title);
     }
 
     /// The next thing that happened, as far as the desktop was pumped.
-    pub fn event(&mut self) -> Option<PanelEvent> {
-        let event = self.panel.event()?;
-        if matches!(event, PanelEvent::Exposed | PanelEvent::Resized(_)) {
+    pub fn event(&mut self) -> Option<WindowEvent> {
+        let event = self.window.event()?;
+        if matches!(event, WindowEvent::Exposed | WindowEvent::Resized(_)) {
             self.fresh = true;
         }
         Some(event)
@@ -72,7 +66,7 @@ impl PreviewWindow {
     /// # Errors
     /// [`PreviewError::Engine`] for a window that is gone, or a device lost.
     pub fn refresh(&mut self) -> Result<bool, PreviewError> {
-        if self.fresh && self.panel.size() != [0, 0] && self.canvas.present(&self.frame.rgb, self.frame.size)? {
+        if self.fresh && self.window.size() != [0, 0] && self.swapchain.show_newest(&self.frame.rgb, self.frame.size)? {
             self.fresh = false;
         }
         Ok(!self.fresh)

@@ -1,13 +1,13 @@
 //! The Pareto front: trials that no other trial beats.
 
-use super::{Expected, Recipe};
+use crate::solve::Settings;
 use serde::{Deserialize, Serialize};
 
 /// A recipe that was measured.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Trial {
     /// What was done.
-    pub recipe: Recipe,
+    pub recipe: Settings,
     /// Milliseconds of the solve, the median of `times`.
     pub milliseconds: f64,
     /// Every time that it was measured, milliseconds.
@@ -18,16 +18,16 @@ pub struct Trial {
     pub worst: f64,
     /// Each of them.
     pub psnr: Vec<f64>,
-    /// Expected bytes at the peak ([`Expected::bytes`]).
+    /// Expected bytes at the peak ([`Subject::cost`](super::Subject::cost)).
     pub bytes: u64,
 }
 
 impl Trial {
     /// One measurement.
-    pub fn new(recipe: Recipe, milliseconds: f64, psnr: Vec<f64>, expected: &Expected) -> Self {
+    pub fn new(recipe: Settings, milliseconds: f64, psnr: Vec<f64>, bytes: u64) -> Self {
         let mean = psnr.iter().sum::<f64>() / psnr.len().max(1) as f64;
         let worst = psnr.iter().copied().fold(f64::INFINITY, f64::min);
-        Self { recipe, milliseconds, times: vec![milliseconds], mean, worst, psnr, bytes: expected.bytes }
+        Self { recipe, milliseconds, times: vec![milliseconds], mean, worst, psnr, bytes }
     }
 
     /// One more time of the same recipe.
@@ -46,7 +46,7 @@ impl Trial {
 }
 
 /// The trials that none beats: none other costs at most as much and is at least as good, one of the two strictly. By
-/// rising cost, and so by rising good. Of trials alike in both, the first. Numbers that are none are never on it.
+/// rising cost, and so by rising good. Of trials alike in both, the first. NaN is never on it.
 pub fn front(trials: &[Trial], cost: impl Fn(&Trial) -> f64, good: impl Fn(&Trial) -> f64) -> Vec<&Trial> {
     let mut all: Vec<&Trial> = trials.iter().filter(|t| !cost(t).is_nan() && !good(t).is_nan()).collect();
     // The best first of those that cost the same.
@@ -74,8 +74,8 @@ pub(super) mod tests {
 
     /// A trial of this cost and quality; the recipe tells them apart.
     pub fn trial(index: usize, milliseconds: f64, mean: f64) -> Trial {
-        let recipe = Recipe { steps: index + 1, ..Recipe::default() };
-        Trial::new(recipe, milliseconds, vec![mean], &Expected { work: 1.0, bytes: 1 })
+        let recipe = Settings { steps: index + 1, ..Settings::default() };
+        Trial::new(recipe, milliseconds, vec![mean], 1)
     }
 
     fn trials() -> impl Strategy<Value = Vec<Trial>> {

@@ -1,14 +1,13 @@
 //! Speed against accuracy: what a solve costs, how good it is, and which settings are worth their time.
 //!
-//! A [`Recipe`] is plain data: every setting that trades quality for time. A [`Subject`] is one colour of a scene that
-//! recipes are tried on; a [`Reference`] judges what came of it, the same truth for all. A [`Sweep`] decides what to try
+//! [`Settings`](crate::solve::Settings) hold every setting that trades quality for time. A [`Subject`] is one colour of a
+//! scene that they are tried on; a [`Reference`] scores what came of it, the same truth for all. A [`Sweep`] decides what to try
 //! next, [`front`](fn@front) which trials are worth keeping, [`recommend`] which three of them are `fast`, `balanced` and
 //! `accurate`; [`Measured`] keeps them for this device in the user's cache.
 //!
 //! May import everything that `solve` may, `solve`, and `files`.
 
 mod choice;
-mod expect;
 mod front;
 mod measured;
 mod recipe;
@@ -17,10 +16,8 @@ mod subject;
 mod sweep;
 
 pub use choice::{Recommended, recommend, within};
-pub use expect::Expected;
 pub use front::{Trial, front, short_of};
 pub use measured::{Measured, MeasuredError};
-pub use recipe::Recipe;
 pub use reference::{PUPILS as REFERENCE_PUPILS, Reference};
 pub use subject::{Prepared, Solved, Subject};
 pub use sweep::{Space, Sweep};
@@ -52,7 +49,7 @@ impl Quality {
     }
 }
 
-/// Why a recipe could not be tried.
+/// Why settings could not be tried.
 #[derive(Debug, thiserror::Error)]
 pub enum QualityError {
     /// The display, or a colour that it does not have.

@@ -1,123 +1,41 @@
-//! The settings that trade quality for time.
+//! The settings that trade quality for time: steps, pupils, optimiser, diameters, window, repeats, views, storage, levels,
+//! padding and pixels.
 
 use super::Quality;
-use crate::optics::{Display, Geometry, Padding, WindowFactor};
+use crate::optics::{Display, Geometry, WindowFactor};
 use crate::plan::Storage;
 use crate::scene::LightField;
-use crate::solve::{Diameters, Optimizer, Settings};
-use serde::{Deserialize, Serialize};
+use crate::solve::{Diameters, Levels, Optimizer, PaddingRule, Settings};
 
-/// Everything about a solve that trades quality for time, as plain data. What it does not say (depths, diameters, seed,
-/// levels, sub-frames shown) belongs to the scene and the display.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
-pub struct Recipe {
-    /// Steps.
-    pub steps: usize,
-    /// Pupils a step.
-    pub pupils: usize,
-    /// How phases are moved.
-    pub optimizer: Optimizer,
-    /// Distribution of the diameters drawn.
-    pub diameters: Diameters,
-    /// Window per pupil.
-    pub window: WindowFactor,
-    /// How often each solved sub-frame is shown: 2 solves half of them. What does not divide the number shown counts as
-    /// the largest number that divides both.
-    pub repeats: usize,
-    /// Every how many-th view of the light field is used, along both axes; see [`thinned`](Self::thinned).
-    pub views: usize,
-    /// How complex fields are stored.
-    pub storage: Storage,
-    /// Whether the SLM's levels are optimised for; without, phases are put on them after the fact.
-    pub levels: bool,
-    /// Whether the SLM is padded as depth and eyebox require.
-    pub padding: bool,
-    /// Side of a solved pixel in pixels of the SLM, 1 or 2: at 2 a display of half the resolution and twice the pitch is
-    /// solved, and each of its pixels shown on 2 x 2.
-    pub pixel: usize,
-}
-
-impl Default for Recipe {
-    /// What a solve does when nothing is asked.
-    fn default() -> Self {
-        let Settings { steps, pupils, optimizer, diameters, window, .. } = Settings::default();
-        Self {
-            steps,
-            pupils,
-            optimizer,
-            diameters,
-            window,
-            repeats: 1,
-            views: 1,
-            storage: Storage::default(),
-            levels: false,
-            padding: false,
-            pixel: 1,
-        }
-    }
-}
-
-impl Recipe {
+impl Settings {
     /// Steps of so many pupils by Adam, as its paper draws them.
     pub fn adam(steps: usize, pupils: usize) -> Self {
         let (optimizer, diameters) = (Optimizer::adam(), Diameters::Uniform);
         Self { steps, pupils, optimizer, diameters, ..Self::default() }
     }
 
-    /// The projection with more momentum and a smaller last gain: better by 0.1 dB where steps are a hundred or more and
-    /// the window is twice the pupil (docs/measurements.md).
-    pub fn momentum() -> Optimizer {
-        Optimizer::Projection { gain: [2.5, 0.15], momentum: 0.7, overlap_power: 0.5 }
-    }
-
-    /// The built-in recipe of a quality (docs/measurements.md).
+    /// The built-in settings of a quality (docs/measurements.md).
     pub fn of(quality: Quality) -> Self {
         let steps = match quality {
             Quality::Fast => 40,
             Quality::Balanced => 192,
             Quality::Accurate => 1024,
         };
-        Self { steps, window: WindowFactor::Two, optimizer: Self::momentum(), ..Self::default() }
+        Self { steps, window: WindowFactor::Two, optimizer: Optimizer::momentum(), ..Self::default() }
     }
 
     /// Whether every number is one that a solve takes.
     pub fn is_sound(&self) -> bool {
-        let mut settings = Settings::default();
-        self.apply(&mut settings);
         let numbers = match self.optimizer {
             Optimizer::Projection { gain: [a, b], momentum, overlap_power } => [a, b, momentum, overlap_power],
             Optimizer::Adam { rate: [a, b], .. } => [a, b, 0.0, 0.0],
         };
-        settings.check().is_ok()
+        self.check().is_ok()
             && numbers.iter().all(|n| (0.0..=1e3).contains(n))
             && (1..=1_000_000).contains(&self.steps)
             && (1..=64).contains(&self.repeats)
             && (1..=64).contains(&self.views)
             && (1..=2).contains(&self.pixel)
-    }
-
-    /// Sets what the recipe says. Levels, views, padding and resolution are not a solve's settings:
-    /// [`Subject`](super::Subject) applies those.
-    pub fn apply(&self, settings: &mut Settings) {
-        settings.steps = self.steps;
-        settings.pupils = self.pupils;
-        settings.optimizer = self.optimizer;
-        settings.diameters = self.diameters;
-        settings.window = self.window;
-        settings.storage = self.storage;
-        settings.frames = self.frames(settings.frames);
-    }
-
-    /// Follows what was decided about a scene: a window that was asked for in full, and its padding.
-    pub fn follow(&mut self, settings: &Settings, padding: Padding) {
-        self.window = settings.window;
-        self.padding = padding != Padding::default();
-    }
-
-    /// Sub-frames that are solved where `shown` are shown.
-    pub fn frames(&self, shown: usize) -> usize {
-        shown / common_divisor(shown.max(1), self.repeats.max(1))
     }
 
     /// Whether what is solved is less than the problem: fewer views, or coarser pixels.
@@ -140,7 +58,7 @@ impl Recipe {
         (1..=self.views.max(1)).rev().find_map(of).unwrap_or((1, [[0, rows], [0, columns]]))
     }
 
-    /// Whether a display can be solved at the recipe's pixels: both axes are whole in them.
+    /// Whether a display can be solved at these pixels: both axes are whole in them.
     pub fn fits(&self, display: &Display) -> bool {
         // In the far field coarser pixels would be a narrower field of view.
         self.pixel <= 1
@@ -149,11 +67,22 @@ impl Recipe {
                 && display.width.is_multiple_of(self.pixel)
     }
 
-    /// The display and the light field that are solved. `None` where the recipe changes neither.
+    /// The display that is solved: at coarser pixels where it can be.
+    pub(super) fn coarser(&self, display: &Display) -> Display {
+        let pixel = if self.fits(display) { self.pixel.max(1) } else { 1 };
+        Display {
+            height: display.height / pixel,
+            width: display.width / pixel,
+            pitch: display.pitch * pixel as f64,
+            ..display.clone()
+        }
+    }
+
+    /// The display and the light field that are solved. `None` where they are the whole ones.
     pub(super) fn scene(&self, field: &LightField, display: &Display) -> Option<(LightField, Display)> {
         let (every, [[top, rows], [left, columns]]) = self.thinned(field.grid);
-        let pixel = if self.fits(display) { self.pixel.max(1) } else { 1 };
-        if every == 1 && pixel == 1 {
+        let coarse = self.coarser(display);
+        if every == 1 && coarse == *display {
             return None;
         }
         let cell = field.cell(display);
@@ -171,28 +100,17 @@ impl Recipe {
             disparity: field.disparity.map(|d| d.map(|delta| every as f64 * delta)),
             depth: field.depth,
         };
-        if pixel == 1 {
-            return Some((thin, display.clone()));
+        if coarse == *display {
+            return Some((thin, coarse));
         }
-        let coarse = Display {
-            height: display.height / pixel,
-            width: display.width / pixel,
-            pitch: display.pitch * pixel as f64,
-            ..display.clone()
-        };
         // Pixels are larger by what there are fewer of: depths stay.
         let field = LightField { depth: thin.depth, ..thin.fit(coarse.height, coarse.width, Default::default()) };
         Some((field, coarse))
     }
 }
 
-/// Euclid's.
-fn common_divisor(a: usize, b: usize) -> usize {
-    if b == 0 { a } else { common_divisor(b, a % b) }
-}
-
-/// For people, the parts that differ from the default last.
-impl std::fmt::Display for Recipe {
+/// What trades quality for time, for people, the parts that differ from the default last.
+impl std::fmt::Display for Settings {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let window = match self.window {
             WindowFactor::One => "window 1",
@@ -203,7 +121,7 @@ impl std::fmt::Display for Recipe {
         match self.optimizer {
             Optimizer::Adam { .. } => f.write_str(", Adam")?,
             other if other == Optimizer::projection() => {}
-            other if other == Self::momentum() => f.write_str(", momentum 0.7")?,
+            other if other == Optimizer::momentum() => f.write_str(", momentum 0.7")?,
             Optimizer::Projection { gain: [a, b], momentum, .. } => {
                 write!(f, ", gain {a} to {b}, momentum {momentum}")?
             }
@@ -222,10 +140,10 @@ impl std::fmt::Display for Recipe {
         if self.storage != Storage::default() {
             write!(f, ", {}", self.storage.name())?;
         }
-        if self.levels {
+        if self.levels != Levels::Any {
             f.write_str(", for the SLM's levels")?;
         }
-        if self.padding {
+        if self.padding != PaddingRule::Never {
             f.write_str(", padded")?;
         }
         if self.pixel > 1 {
@@ -270,49 +188,52 @@ mod tests {
     }
 
     #[test]
-    fn the_default_is_what_a_solve_does_and_what_is_said_is_set() {
-        let mut settings = Settings::default();
-        Recipe::default().apply(&mut settings);
-        assert_eq!(settings, Settings::default());
-        let recipe = Recipe {
+    fn quality_is_taken_over_and_the_scene_stays() {
+        let scene =
+            Settings { depth: [0.0, 1e-3], seed: 7, levels: Levels::Given(vec![0.0, 3.0]), ..Settings::default() };
+        assert_eq!(scene.with_quality_of(&Settings::default()), scene);
+        let quality = Settings {
             steps: 7,
             pupils: 3,
             optimizer: Optimizer::adam(),
             diameters: Diameters::Reciprocal,
             window: WindowFactor::Two,
             repeats: 4,
+            views: 2,
             storage: Storage::F16,
-            ..Recipe::default()
+            padding: PaddingRule::Always,
+            pixel: 2,
+            ..Settings::default()
         };
-        recipe.apply(&mut settings);
-        assert_eq!((settings.steps, settings.pupils, settings.frames), (7, 3, 2));
-        assert_eq!((settings.optimizer, settings.storage), (Optimizer::adam(), Storage::F16));
-        assert_eq!((settings.diameters, settings.window), (Diameters::Reciprocal, WindowFactor::Two));
+        let (depth, seed, levels) = (scene.depth, scene.seed, scene.levels.clone());
+        assert_eq!(scene.with_quality_of(&quality), Settings { depth, seed, levels, ..quality.clone() });
+        let own = Settings { levels: Levels::Display, ..quality };
+        assert_eq!(scene.with_quality_of(&own).levels, Levels::Display);
     }
 
     #[test]
     fn sub_frames_are_shared_out_evenly() {
-        let frames = |repeats, shown| Recipe { repeats, ..Recipe::default() }.frames(shown);
-        assert_eq!((frames(1, 8), frames(2, 8), frames(8, 8), frames(16, 8)), (8, 4, 1, 1));
-        assert_eq!((frames(2, 7), frames(4, 6), frames(3, 24), frames(2, 0)), (7, 3, 8, 0));
+        let solved = |repeats, frames| Settings { repeats, frames, ..Settings::default() }.solved_frames();
+        assert_eq!((solved(1, 8), solved(2, 8), solved(8, 8), solved(16, 8)), (8, 4, 1, 1));
+        assert_eq!((solved(2, 7), solved(4, 6), solved(3, 24), solved(2, 0)), (7, 3, 8, 0));
     }
 
     #[test]
     fn built_in_recipes_are_sound_and_rise() {
-        let all = Quality::ALL.map(Recipe::of);
-        assert!(all.iter().all(Recipe::is_sound));
-        let work = |r: &Recipe| r.steps * r.pupils;
+        let all = Quality::ALL.map(Settings::of);
+        assert!(all.iter().all(Settings::is_sound));
+        let work = |r: &Settings| r.steps * r.pupils;
         assert!(work(&all[0]) < work(&all[1]) && work(&all[1]) < work(&all[2]));
         for wrong in [
-            Recipe { steps: 0, ..Recipe::default() },
-            Recipe { steps: usize::MAX, ..Recipe::default() },
-            Recipe { pupils: 0, ..Recipe::default() },
-            Recipe { pixel: 3, ..Recipe::default() },
-            Recipe { repeats: 0, ..Recipe::default() },
-            Recipe { views: 0, ..Recipe::default() },
-            Recipe {
+            Settings { steps: 0, ..Settings::default() },
+            Settings { steps: usize::MAX, ..Settings::default() },
+            Settings { pupils: 0, ..Settings::default() },
+            Settings { pixel: 3, ..Settings::default() },
+            Settings { repeats: 0, ..Settings::default() },
+            Settings { views: 0, ..Settings::default() },
+            Settings {
                 optimizer: Optimizer::Projection { gain: [f64::NAN, 1.0], momentum: 0.5, overlap_power: 0.5 },
-                ..Recipe::default()
+                ..Settings::default()
             },
         ] {
             assert!(!wrong.is_sound(), "{wrong:?}");
@@ -321,17 +242,41 @@ mod tests {
 
     #[test]
     fn what_a_file_does_not_say_is_as_by_default() {
-        let read: Recipe = serde_json::from_str(r#"{"steps": 5, "window": "two", "a knob of tomorrow": 1}"#).unwrap();
-        assert_eq!(read, Recipe { steps: 5, window: WindowFactor::Two, ..Recipe::default() });
-        let all = Recipe { optimizer: Optimizer::adam(), pixel: 2, padding: true, ..Recipe::of(Quality::Balanced) };
-        assert_eq!(serde_json::from_str::<Recipe>(&serde_json::to_string(&all).unwrap()).unwrap(), all);
+        let read = |text: &str| serde_json::from_str::<Settings>(text).unwrap();
+        let short = read(r#"{"steps": 5, "window": "two", "a setting of tomorrow": 1}"#);
+        assert_eq!(short, Settings { steps: 5, window: WindowFactor::Two, ..Settings::default() });
+        let (padding, levels) = (PaddingRule::Need, Levels::Given(vec![0.0, 1.5]));
+        let all =
+            Settings { optimizer: Optimizer::adam(), pixel: 2, padding, levels, ..Settings::of(Quality::Balanced) };
+        assert_eq!(read(&serde_json::to_string(&all).unwrap()), all);
+    }
+
+    /// Measured settings and holograms of earlier versions had a switch for levels and padding, or a list of levels.
+    #[test]
+    fn settings_of_earlier_versions_are_read() {
+        let read = |text: &str| serde_json::from_str::<Settings>(text).unwrap();
+        let measured = read(
+            r#"{"steps": 40, "pupils": 16, "optimizer": {"kind": "projection", "gain": [2.5, 0.15], "momentum": 0.7,
+                "overlap_power": 0.5}, "diameters": "log-uniform", "window": "two", "repeats": 2, "views": 2,
+                "storage": "fp16", "levels": true, "padding": true, "pixel": 2}"#,
+        );
+        let (levels, padding) = (Levels::Display, PaddingRule::Always);
+        let reduced = Settings { repeats: 2, views: 2, pixel: 2, storage: Storage::F16, ..Settings::default() };
+        let of = Settings::of(Quality::Fast);
+        let wanted =
+            Settings { steps: of.steps, window: of.window, optimizer: of.optimizer, levels, padding, ..reduced };
+        assert_eq!(measured, wanted);
+        let plain = read(r#"{"levels": false, "padding": false, "frames": 4}"#);
+        assert_eq!(plain, Settings { frames: 4, ..Settings::default() });
+        assert_eq!(read(r#"{"levels": [0.0, 2.5]}"#).levels, Levels::Given(vec![0.0, 2.5]));
+        assert_eq!(read(r#"{"levels": null}"#).levels, Levels::Any);
     }
 
     proptest! {
         /// Views that are left stand where they stood, about the same centre, and see the same pictures.
         #[test]
         fn thinned_views_stay_where_they_are(rows in 1usize..14, columns in 1usize..14, views in 1usize..9) {
-            let recipe = Recipe { views, ..Recipe::default() };
+            let recipe = Settings { views, ..Settings::default() };
             let (whole, display) = (field(rows, columns), display());
             let (every, _) = recipe.thinned(whole.grid);
             prop_assert!(every <= views);
@@ -355,30 +300,30 @@ mod tests {
 
     #[test]
     fn of_nine_views_two_three_and_four_leave_five_and_three() {
-        let left = |views| Recipe { views, ..Recipe::default() }.thinned([9, 9]);
+        let left = |views| Settings { views, ..Settings::default() }.thinned([9, 9]);
         assert_eq!(left(2), (2, [[0, 5]; 2]));
         assert_eq!(left(3), (3, [[1, 3]; 2]));
         assert_eq!(left(4), (4, [[0, 3]; 2]));
         // Every second of eight has another centre.
-        assert_eq!(Recipe { views: 2, ..Recipe::default() }.thinned([8, 9]).0, 1);
-        assert_eq!(Recipe { views: 3, ..Recipe::default() }.thinned([8, 8]), (3, [[2, 2]; 2]));
+        assert_eq!(Settings { views: 2, ..Settings::default() }.thinned([8, 9]).0, 1);
+        assert_eq!(Settings { views: 3, ..Settings::default() }.thinned([8, 8]), (3, [[2, 2]; 2]));
     }
 
     #[test]
     fn coarse_pixels_keep_depths_and_views_and_lose_half_the_eyebox() {
         let (whole, display) = (field(3, 3), display());
-        let (coarse, small) = Recipe { pixel: 2, ..Recipe::default() }.scene(&whole, &display).unwrap();
+        let (coarse, small) = Settings { pixel: 2, ..Settings::default() }.scene(&whole, &display).unwrap();
         assert_eq!((small.height, small.width, coarse.height, coarse.width), (2, 4, 2, 4));
         assert!((2.0 * small.eyebox_min() - display.eyebox_min()).abs() < 1e-12);
         assert!((coarse.cell(&small) - whole.cell(&display)).abs() < 1e-12);
         assert_eq!(coarse.depth_range(&small), whole.depth_range(&display));
         // The same depths by disparity, where none are stated.
         let free = LightField { depth: None, ..whole.clone() };
-        let (thin, small) = Recipe { pixel: 2, ..Recipe::default() }.scene(&free, &display).unwrap();
+        let (thin, small) = Settings { pixel: 2, ..Settings::default() }.scene(&free, &display).unwrap();
         let (a, b) = (thin.depth_range(&small).unwrap(), free.depth_range(&display).unwrap());
         assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9), "{a:?} {b:?}");
         // Odd sizes cannot be.
         let odd = Display { width: 7, ..display };
-        assert!(Recipe { pixel: 2, ..Recipe::default() }.scene(&whole, &odd).is_none());
+        assert!(Settings { pixel: 2, ..Settings::default() }.scene(&whole, &odd).is_none());
     }
 }

@@ -1,23 +1,23 @@
-//! The truth that every recipe is judged by: the same pupils for all, the full window, every view, the padding that the
+//! The truth that all settings are scored by: the same pupils for all, the full window, every view, the padding that the
 //! scene requires, the SLM's levels, and one exposure.
 
 use super::{QualityError, Subject};
 use crate::engine::{Buffer, Engine};
 use crate::optics::{Pupil, WindowFactor};
 use crate::plan::{Planner, Purpose, Viewpoint};
-use crate::solve::{Diameters, Judge, Problem, PupilRange, Sampler, Sequence, Settings, Verdict, level_table};
+use crate::solve::{Diameters, Levels, Problem, PupilRange, Sampler, Sequence, Settings, ValidationScore, Validator};
 use std::sync::Arc;
 
-/// Pupils of a judgement: random, by the paper's distribution, none of them shown to any solve.
+/// Pupils of a score: random, by the paper's distribution, none of them shown to any solve.
 pub const PUPILS: usize = 16;
 
-/// Judges holograms of one colour of a scene.
+/// Scores holograms of one colour of a scene.
 pub struct Reference {
     problem: Problem,
     planner: Planner,
-    judge: Judge,
+    validator: Validator,
     unit: f64,
-    levels: Option<Vec<f64>>,
+    levels: Levels,
     pixels: usize,
     pupils: Vec<Pupil>,
 }
@@ -36,18 +36,18 @@ impl Reference {
         }
         let Settings { diameter, depth, .. } = subject.base;
         let range = PupilRange { eyebox: problem.eyebox, diameter, depth, diameters: Diameters::Uniform };
-        // Apart from the pupils that solves draw and judge by, which are of their own seed and its complement.
+        // Apart from the pupils that solves draw and validate by, which are of their own seed and its complement.
         let mut sampler = Sampler::new(range, Sequence::Random, seed ^ 0x7265_6665_7265_6e63);
         let pupils: Vec<Pupil> = (0..PUPILS).map(|_| sampler.draw()).collect();
         let viewpoints = pupils.iter().map(|p| Viewpoint::Pupil(*p)).collect();
         engine.load(&planner.shape(Purpose::View), Some(Arc::clone(&problem.pyramid)))?;
-        let judge = Judge::new(engine, &planner, viewpoints)?;
+        let validator = Validator::new(engine, &planner, viewpoints)?;
         let pixels = problem.optics.height * problem.optics.width;
-        Ok(Self { problem, planner, judge, unit, levels: subject.levels.clone(), pixels, pupils })
+        Ok(Self { problem, planner, validator, unit, levels: subject.levels.clone(), pixels, pupils })
     }
 
     /// The same, for an SLM of other levels.
-    pub fn with_levels(self, levels: Option<Vec<f64>>) -> Self {
+    pub fn with_levels(self, levels: Levels) -> Self {
         Self { levels, ..self }
     }
 
@@ -55,15 +55,15 @@ impl Reference {
     ///
     /// # Errors
     /// Those of the engine.
-    pub fn judge(&self, phases: &[f32], engine: &mut dyn Engine) -> Result<Verdict, QualityError> {
+    pub fn score(&self, phases: &[f32], engine: &mut dyn Engine) -> Result<ValidationScore, QualityError> {
         let mut planner = Planner { frames: phases.len() / self.pixels.max(1), ..self.planner.clone() };
-        planner.levels = self.levels.as_ref().map_or(0, Vec::len);
+        planner.levels = self.levels.count();
         engine.load(&planner.shape(Purpose::View), Some(Arc::clone(&self.problem.pyramid)))?;
-        if let Some(levels) = &self.levels {
-            engine.write(Buffer::Levels, &level_table(levels))?;
+        if let Some(levels) = self.levels.table() {
+            engine.write(Buffer::Levels, &levels)?;
         }
         engine.write(Buffer::Phases, phases)?;
-        Ok(self.judge.judge(engine, &planner)?.in_units_of(self.unit))
+        Ok(self.validator.score(engine, &planner)?.in_units_of(self.unit))
     }
 
     /// The pupils that it looks through.

@@ -1,14 +1,14 @@
-//! What recipes are tried on, and how a recipe is solved.
+//! What settings are tried on, and how they are solved.
 
-use super::{QualityError, Recipe};
-use crate::engine::Engine;
+use super::QualityError;
+use crate::engine::{Engine, Memory};
 use crate::optics::{Color, Display, Padding};
-use crate::scene::LightField;
-use crate::solve::{self, Flow, Problem, Progress, Settings, Solution};
+use crate::scene::{LightField, ViewGrid};
+use crate::solve::{self, Cost, Flow, Levels, PaddingRule, Problem, Progress, Settings, Solution};
 use std::borrow::Cow;
 use std::time::Instant;
 
-/// One colour of a scene on a display, and everything about its solve that no recipe decides.
+/// One colour of a scene on a display, and everything about its solve that is not a matter of quality and time.
 #[derive(Debug, Clone)]
 pub struct Subject<'a> {
     /// The scene, which has the display's size.
@@ -19,15 +19,15 @@ pub struct Subject<'a> {
     pub display: &'a Display,
     /// Depths, diameters, seed; `frames` are the sub-frames shown.
     pub base: Settings,
-    /// Phases that the SLM can show, radians, 256 at most; none where they are so many that they do not matter.
-    pub levels: Option<Vec<f64>>,
+    /// Phases that the SLM can show; any where they are so many that they do not matter.
+    pub levels: Levels,
 }
 
-/// What came of a recipe.
+/// What came of settings.
 #[derive(Debug, Clone)]
 pub struct Solved {
-    /// Phases of all pixels and all sub-frames shown. Its verdict is about the problem that was solved: where the recipe
-    /// [reduces](Recipe::reduces) that, only a [`Reference`](super::Reference) knows the truth.
+    /// Phases of all pixels and all sub-frames shown. Its validation is about the problem that was solved: where the
+    /// settings [reduce](Settings::reduces) that, only a [`Reference`](super::Reference) knows the truth.
     pub solution: Solution,
     /// Of those sub-frames, the first so many are solved; they repeat.
     pub frames: usize,
@@ -35,10 +35,10 @@ pub struct Solved {
     pub milliseconds: f64,
 }
 
-/// A recipe's problem and settings, ready to be solved.
+/// A problem and its settings, ready to be solved.
 #[derive(Debug, Clone)]
 pub struct Prepared {
-    /// The problem, thinned or coarse if the recipe says so.
+    /// The problem, with fewer views or coarser pixels if the settings say so.
     pub problem: Problem,
     /// The settings.
     pub settings: Settings,
@@ -57,60 +57,74 @@ impl Subject<'_> {
         Ok(Padding::required(&optics, deepest, self.display.eyebox_min() / 2.0))
     }
 
-    /// The settings that a recipe means here.
-    pub fn settings(&self, recipe: &Recipe) -> Settings {
-        let mut settings = self.base.clone();
-        recipe.apply(&mut settings);
-        if recipe.levels {
-            settings.levels = self.levels.clone().or(settings.levels);
+    /// The base, with everything of `quality` that trades quality for time.
+    pub fn settings(&self, quality: &Settings) -> Settings {
+        let mut settings = self.base.with_quality_of(quality);
+        if settings.levels == Levels::Display {
+            let own = [&self.levels, &self.base.levels].into_iter().find(|l| l.given().is_some());
+            settings.levels = own.cloned().unwrap_or_default();
         }
         settings
     }
 
-    /// Makes what a recipe solves.
+    /// What settings of this quality take, from their first steps until those have drawn 64 pupils; nothing is loaded.
+    ///
+    /// # Errors
+    /// A colour that the display does not have.
+    pub fn cost(&self, quality: &Settings, memory: Memory) -> Result<Cost, QualityError> {
+        let settings = self.settings(quality);
+        let display = quality.coarser(self.display);
+        let (every, [[_, rows], [_, columns]]) = quality.thinned(self.field.grid);
+        let views = ViewGrid { rows, columns, cell: every as f64 * self.field.cell(self.display) };
+        let padding = Subject { display: &display, ..self.clone() }.padding(&settings)?;
+        let mut problem = Problem::outline(&display, self.color, padding, views)?;
+        problem.eyebox = problem.eyebox.min(self.display.eyebox_min());
+        Ok(Cost::new(&problem, &settings, memory, 64))
+    }
+
+    fn padding(&self, settings: &Settings) -> Result<Padding, QualityError> {
+        if settings.padding == PaddingRule::Never { Ok(Padding::default()) } else { self.required_padding() }
+    }
+
+    /// Makes what is solved with settings of this quality.
     ///
     /// # Errors
     /// A colour that display or scene do not have.
-    pub fn prepare(&self, recipe: &Recipe) -> Result<Prepared, QualityError> {
-        let settings = self.settings(recipe);
-        let reduced = recipe.scene(self.field, self.display);
+    pub fn prepare(&self, quality: &Settings) -> Result<Prepared, QualityError> {
+        let settings = self.settings(quality);
+        let reduced = quality.scene(self.field, self.display);
         let (field, display) = match &reduced {
             Some((field, display)) => (Cow::Borrowed(field), Cow::Borrowed(display)),
             None => (Cow::Borrowed(self.field), Cow::Borrowed(self.display)),
         };
         let pixel = self.display.width / display.width.max(1);
-        let padding = match recipe.padding {
-            true => Subject { field: &field, display: &display, ..self.clone() }.required_padding()?,
-            false => Padding::default(),
-        };
+        let padding = Subject { field: &field, display: &display, ..self.clone() }.padding(&settings)?;
         let mut problem = Problem::new(&field, self.color, &display, padding)?;
         // Coarser pixels have a smaller eyebox: pupils outside of it are not worth a draw.
         problem.eyebox = problem.eyebox.min(self.display.eyebox_min());
         Ok(Prepared { problem, settings, pixel: pixel.max(1) })
     }
 
-    /// Solves a recipe. The settings' `seconds` and `psnr` hold as in any solve.
+    /// Solves with settings of this quality. The base's `seconds` and `psnr` hold as in any solve.
     ///
     /// # Errors
     /// [`QualityError`].
     pub fn solve(
         &self,
-        recipe: &Recipe,
+        quality: &Settings,
         engine: &mut dyn Engine,
         observe: &mut dyn FnMut(&Progress) -> Flow,
     ) -> Result<Solved, QualityError> {
         let start = Instant::now();
-        let Prepared { problem, settings, pixel } = self.prepare(recipe)?;
+        let Prepared { problem, settings, pixel } = self.prepare(quality)?;
         let mut solution = solve::solve(&problem, &settings, engine, observe)?;
         if pixel > 1 {
             solution.phases = enlarged(&solution.phases, problem.optics.height, problem.optics.width, pixel);
             // A pupil's share of the SLM's own eyebox is so many times smaller, and what it sees is divided by that share.
             solution.exposure /= (pixel * pixel) as f64;
         }
-        let shown = self.base.frames.max(1);
-        solution.phases = solution.phases.repeat((shown / settings.frames.max(1)).max(1));
         solution.seconds = start.elapsed().as_secs_f64();
-        Ok(Solved { milliseconds: solution.seconds * 1e3, frames: settings.frames, solution })
+        Ok(Solved { milliseconds: solution.seconds * 1e3, frames: settings.solved_frames(), solution })
     }
 }
 
@@ -127,7 +141,7 @@ fn enlarged(phases: &[f32], height: usize, width: usize, pixel: usize) -> Vec<f3
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Expected, Reference};
+    use super::super::Reference;
     use super::*;
     use crate::engine::{Buffer, cpu::CpuEngine};
     use crate::evaluate;
@@ -152,18 +166,18 @@ mod tests {
             let [a, b] = self.field.depth_range(&self.display).unwrap();
             let base =
                 Settings { depth: [a.min(b), a.max(b)], diameter: [3e-3, 18e-3], frames: 4, ..Settings::default() };
-            Subject { field: &self.field, color: Color::Green, display: &self.display, base, levels: None }
+            Subject { field: &self.field, color: Color::Green, display: &self.display, base, levels: Levels::Any }
         }
     }
 
-    fn go(subject: &Subject, recipe: &Recipe) -> Solved {
-        subject.solve(recipe, &mut CpuEngine::new(), &mut |_| Flow::Continue).unwrap()
+    fn go(subject: &Subject, quality: &Settings) -> Solved {
+        subject.solve(quality, &mut CpuEngine::new(), &mut |_| Flow::Continue).unwrap()
     }
 
     #[test]
     fn the_default_recipe_is_a_plain_solve() {
         let scene = Scene::new(32, 48);
-        let (subject, recipe) = (scene.subject(), Recipe { steps: 4, ..Recipe::default() });
+        let (subject, recipe) = (scene.subject(), Settings { steps: 4, ..Settings::default() });
         let solved = go(&subject, &recipe);
         let problem = Problem::new(&scene.field, Color::Green, &scene.display, Padding::default()).unwrap();
         let settings = Settings { steps: 4, ..subject.base.clone() };
@@ -177,17 +191,18 @@ mod tests {
     fn sub_frames_repeat_and_pixels_are_enlarged() {
         let scene = Scene::new(32, 48);
         let subject = scene.subject();
-        let solved = go(&subject, &Recipe { steps: 2, repeats: 2, ..Recipe::default() });
+        let solved = go(&subject, &Settings { steps: 2, repeats: 2, ..Settings::default() });
         let (phases, half) = (&solved.solution.phases, 2 * 32 * 48);
         assert_eq!((phases.len(), solved.frames), (2 * half, 2));
         assert_eq!(phases[..half], phases[half..]);
         let mut engine = CpuEngine::new();
         let reference = Reference::new(&subject, 0, &mut engine).unwrap();
-        let once = reference.judge(&phases[..half], &mut engine).unwrap();
-        let twice = reference.judge(phases, &mut engine).unwrap();
+        let once = reference.score(&phases[..half], &mut engine).unwrap();
+        let twice = reference.score(phases, &mut engine).unwrap();
         assert!(once.psnr.iter().zip(&twice.psnr).all(|(a, b)| (a - b).abs() < 1e-3), "{once:?} {twice:?}");
 
-        let solved = go(&subject, &Recipe { steps: 30, pixel: 2, padding: true, ..Recipe::default() });
+        let solved =
+            go(&subject, &Settings { steps: 30, pixel: 2, padding: PaddingRule::Always, ..Settings::default() });
         let phases = &solved.solution.phases;
         assert_eq!(phases.len(), 4 * 32 * 48);
         for (i, p) in phases.iter().enumerate() {
@@ -195,21 +210,21 @@ mod tests {
             assert_eq!(*p, phases[(y - y % 2) * 48 + x - x % 2]);
         }
         // The exposure is that of the SLM's own eyebox: within what the pixels' own diffraction takes.
-        let fitted = reference.judge(phases, &mut engine).unwrap().exposure;
+        let fitted = reference.score(phases, &mut engine).unwrap().exposure;
         let ratio = fitted / solved.solution.exposure;
         assert!((0.4..2.5).contains(&ratio), "{ratio}");
     }
 
     /// The truth is what the images say, and it is the same whatever was solved.
     #[test]
-    fn the_reference_judges_the_images() {
+    fn the_reference_scores_the_images() {
         let scene = Scene::new(40, 32);
         let subject = scene.subject();
-        let solved = go(&subject, &Recipe { steps: 6, views: 2, ..Recipe::default() });
+        let solved = go(&subject, &Settings { steps: 6, views: 2, ..Settings::default() });
         let mut engine = CpuEngine::new();
         let reference = Reference::new(&subject, 7, &mut engine).unwrap();
-        let verdict = reference.judge(&solved.solution.phases, &mut engine).unwrap();
-        assert_eq!(verdict.psnr.len(), super::super::REFERENCE_PUPILS);
+        let validation = reference.score(&solved.solution.phases, &mut engine).unwrap();
+        assert_eq!(validation.psnr.len(), super::super::REFERENCE_PUPILS);
 
         let pupils: Vec<Pupil> = reference.pupils();
         let padding = subject.required_padding().unwrap();
@@ -223,11 +238,11 @@ mod tests {
         let seen = pool(evaluate::views(&mut engine, &planner, &pupils).unwrap());
         let pairs = || seen.iter().zip(&wanted).map(|(s, w)| (&s[..], &w[..]));
         let exposure = evaluate::fit_exposure(pairs()).unwrap();
-        assert!((verdict.exposure / exposure - 1.0).abs() < 1e-5);
-        for ((seen, wanted), judged) in pairs().zip(&verdict.psnr) {
+        assert!((validation.exposure / exposure - 1.0).abs() < 1e-5);
+        for ((seen, wanted), scored) in pairs().zip(&validation.psnr) {
             let exposed: Vec<f32> = seen.iter().map(|v| v * exposure as f32).collect();
             let psnr = evaluate::psnr(&exposed, wanted).unwrap();
-            assert!((psnr - judged).abs() < 0.01, "{psnr} {judged}");
+            assert!((psnr - scored).abs() < 0.01, "{psnr} {scored}");
         }
         let other = Reference::new(&subject, 8, &mut engine).unwrap();
         assert_ne!(other.pupils(), pupils, "another seed, other pupils");
@@ -236,19 +251,19 @@ mod tests {
     #[test]
     fn few_levels_are_better_optimised_for() {
         let scene = Scene::new(48, 48);
-        let levels = Some(solve::even_levels(3));
+        let levels = Levels::Given(solve::even_levels(3));
         let subject = Subject { levels: levels.clone(), ..scene.subject() };
-        let recipe = Recipe { steps: 40, ..Recipe::default() };
+        let recipe = Settings { steps: 40, ..Settings::default() };
         let mut engine = CpuEngine::new();
-        let mut judged = |recipe: &Recipe| {
-            let solved = go(&subject, recipe);
+        let mut scored = |quality: &Settings| {
+            let solved = go(&subject, quality);
             let reference = Reference::new(&subject, 0, &mut engine).unwrap();
-            let as_shown = reference.judge(&solved.solution.phases, &mut engine).unwrap().mean();
-            let free = reference.with_levels(None).judge(&solved.solution.phases, &mut engine).unwrap().mean();
+            let as_shown = reference.score(&solved.solution.phases, &mut engine).unwrap().mean();
+            let free = reference.with_levels(Levels::Any).score(&solved.solution.phases, &mut engine).unwrap().mean();
             (as_shown, free)
         };
-        let (after, free) = judged(&recipe);
-        let (optimised, shown) = judged(&Recipe { levels: true, ..recipe });
+        let (after, free) = scored(&recipe);
+        let (optimised, shown) = scored(&Settings { levels: Levels::Display, ..recipe });
         assert!(free > after + 0.5, "levels lose something: {free} {after}");
         assert!(optimised > after + 0.3, "{optimised} {after}");
         assert!((optimised - shown).abs() < 1e-3, "phases that are on levels stay there");
@@ -258,31 +273,29 @@ mod tests {
     fn what_costs_more_is_expected_to() {
         let scene = Scene::new(96, 64);
         let subject = scene.subject();
-        let of = |recipe: Recipe| Expected::new(&subject, &recipe).unwrap();
-        let start = of(Recipe::default());
+        let of = |settings: Settings| subject.cost(&settings, Memory::Host).unwrap();
+        let start = of(Settings::default());
         let more = [
-            Recipe { steps: 120, ..Recipe::default() },
-            Recipe { pupils: 32, ..Recipe::default() },
-            Recipe { window: WindowFactor::Two, ..Recipe::default() },
-            Recipe { padding: true, ..Recipe::default() },
+            Settings { steps: 120, ..Settings::default() },
+            Settings { pupils: 32, ..Settings::default() },
+            Settings { window: WindowFactor::Two, ..Settings::default() },
+            Settings { padding: PaddingRule::Always, ..Settings::default() },
         ];
         for recipe in more {
-            assert!(of(recipe.clone()).work > 1.05 * start.work, "{recipe}");
+            assert!(of(recipe.clone()).work() > 1.05 * start.work(), "{recipe}");
         }
         let less = [
-            Recipe { repeats: 2, ..Recipe::default() },
-            Recipe { views: 2, ..Recipe::default() },
-            Recipe { pixel: 2, ..Recipe::default() },
+            Settings { repeats: 2, ..Settings::default() },
+            Settings { views: 2, ..Settings::default() },
+            Settings { pixel: 2, ..Settings::default() },
         ];
         for recipe in less {
             let found = of(recipe.clone());
-            assert!(found.work < start.work && found.bytes < start.bytes, "{recipe}");
+            assert!(found.work() < start.work() && found.bytes() < start.bytes(), "{recipe}");
         }
-        // The views' pyramid is counted as it is; the rest is what one step needs.
-        let problem = subject.prepare(&Recipe::default()).unwrap().problem;
-        let pyramid = problem.pyramid.bytes() as f64;
-        let none = of(Recipe { views: 8, ..Recipe::default() });
-        let counted = (start.bytes - none.bytes) as f64 * 81.0 / 80.0;
-        assert!((counted / pyramid - 1.0).abs() < 0.03, "{counted} {pyramid}");
+        // The views' pyramid is counted as it is: of 81 views every eighth leaves 4.
+        let problem = subject.prepare(&Settings::default()).unwrap().problem;
+        let four = of(Settings { views: 8, ..Settings::default() });
+        assert_eq!((start.bytes() - four.bytes()) * 81 / 77, problem.pyramid.bytes() as u64);
     }
 }

@@ -5,10 +5,10 @@
 //! setting changed alone around the default, and points of a low-discrepancy sequence (Halton's, shifted by the seed). At last the front itself is refined: neighbours, one or two settings
 //! away, of the trials that would be recommended, and of those beside the front's widest gaps.
 
-use super::{Quality, Recipe, Trial, front, recommend};
+use super::{Quality, Trial, front, recommend};
 use crate::optics::WindowFactor;
 use crate::plan::Storage;
-use crate::solve::{Diameters, Optimizer, SplitMix};
+use crate::solve::{Diameters, Levels, Optimizer, PaddingRule, Settings, SplitMix};
 use std::collections::VecDeque;
 
 /// What there is to choose from.
@@ -43,7 +43,7 @@ const PARTS: [f64; 4] = [0.185, 0.045, 0.15, 0.035];
 
 /// What is decided beforehand.
 enum Item {
-    This(Recipe),
+    This(Box<Settings>),
     /// The spine with as many steps as there is time for.
     Longest,
     /// The spine with so many of the longest trial's steps.
@@ -61,50 +61,50 @@ impl Sweep {
     /// From the start.
     pub fn new(space: Space, seed: u64) -> Self {
         let mut sweep = Self { space, queue: VecDeque::new(), random: SplitMix(seed ^ 0x0073_7765_6570) };
-        sweep.queue.push_back(Item::This(Recipe::default()));
-        sweep.queue.extend([8, 24, 64, 128].map(|steps| Item::This(spine(steps, WindowFactor::One))));
-        sweep.queue.extend([16, 32, 64, 128, 256].map(|steps| Item::This(spine(steps, WindowFactor::Two))));
+        sweep.queue.push_back(Item::This(Box::default()));
+        sweep.queue.extend([8, 24, 64, 128].map(|steps| Item::This(Box::new(spine(steps, WindowFactor::One)))));
+        sweep.queue.extend([16, 32, 64, 128, 256].map(|steps| Item::This(Box::new(spine(steps, WindowFactor::Two)))));
         sweep.queue.push_back(Item::Longest);
         sweep.queue.extend(PARTS.map(Item::Part));
-        sweep.queue.push_back(Item::This(Recipe::adam(200, 8)));
+        sweep.queue.push_back(Item::This(Box::new(Settings::adam(200, 8))));
         let alone = sweep.alone();
-        sweep.queue.extend(alone.into_iter().map(Item::This));
+        sweep.queue.extend(alone.into_iter().map(|s| Item::This(Box::new(s))));
         let shift: [f64; 5] = [0; 5].map(|_| sweep.random.unit());
         for i in 1..=POINTS {
             let point: [f64; 5] = std::array::from_fn(|d| (halton(i, [2, 3, 5, 7, 11][d]) + shift[d]).fract());
             let recipe = sweep.at(point);
-            sweep.queue.push_back(Item::This(recipe));
+            sweep.queue.push_back(Item::This(Box::new(recipe)));
         }
         sweep
     }
 
     /// The recipe at a point of the unit cube (steps, pupils, window, views, optimiser).
-    fn at(&self, [steps, pupils, window, views, optimizer]: [f64; 5]) -> Recipe {
+    fn at(&self, [steps, pupils, window, views, optimizer]: [f64; 5]) -> Settings {
         let log = |u: f64, from: f64, to: f64| (from * (to / from).powf(u)).round() as usize;
-        Recipe {
+        Settings {
             steps: log(steps, 6.0, 200.0),
             pupils: log(pupils, 4.0, 24.0),
             window: if window < 0.5 { WindowFactor::One } else { WindowFactor::Two },
             views: if views < 0.7 { 1 } else { self.space.thinnest().min(2) },
-            optimizer: if optimizer < 0.4 { Optimizer::projection() } else { Recipe::momentum() },
-            ..Recipe::default()
+            optimizer: if optimizer < 0.4 { Optimizer::projection() } else { Optimizer::momentum() },
+            ..Settings::default()
         }
     }
 
     /// What is to be tried next, which is expected (`expect`, milliseconds) to take at most `longest`; nothing where
     /// nothing is left that fits.
-    pub fn next(&mut self, trials: &[Trial], longest: f64, expect: &dyn Fn(&Recipe) -> f64) -> Option<Recipe> {
-        let fresh = |recipe: &Recipe| !trials.iter().any(|t| t.recipe == *recipe) && expect(recipe) <= longest;
+    pub fn next(&mut self, trials: &[Trial], longest: f64, expect: &dyn Fn(&Settings) -> f64) -> Option<Settings> {
+        let fresh = |recipe: &Settings| !trials.iter().any(|t| t.recipe == *recipe) && expect(recipe) <= longest;
         let dearest = trials.iter().max_by(|a, b| a.milliseconds.total_cmp(&b.milliseconds));
         while let Some(item) = self.queue.pop_front() {
             let recipe = match item {
-                Item::This(recipe) => Some(recipe),
+                Item::This(recipe) => Some(*recipe),
                 // One that went on where it was has been there.
                 Item::Longest if dearest.is_some_and(|t| t.milliseconds > 0.5 * longest) => None,
                 Item::Longest => STEPS.iter().rev().map(|n| spine(*n, WindowFactor::Two)).find(&fresh),
                 Item::Part(part) => dearest.map(|t| {
                     let steps = (t.recipe.steps as f64 * part).round() as usize;
-                    Recipe { steps: steps.max(1), ..t.recipe.clone() }
+                    Settings { steps: steps.max(1), ..t.recipe.clone() }
                 }),
             };
             if let Some(recipe) = recipe.filter(&fresh) {
@@ -126,7 +126,7 @@ impl Sweep {
     }
 
     /// The trial whose neighbourhood is worth a look.
-    fn around(&mut self, trials: &[Trial]) -> Option<Recipe> {
+    fn around(&mut self, trials: &[Trial]) -> Option<Settings> {
         let front = front(trials, |t| t.milliseconds, |t| t.mean);
         let recommended = recommend(trials)?;
         let place = |q: Quality| {
@@ -152,7 +152,7 @@ impl Sweep {
         front.get(beside).or(front.get(at)).map(|t| t.recipe.clone())
     }
 
-    fn pick(&mut self, all: &mut Vec<Recipe>) -> Option<Recipe> {
+    fn pick(&mut self, all: &mut Vec<Settings>) -> Option<Settings> {
         if all.is_empty() {
             return None;
         }
@@ -161,9 +161,9 @@ impl Sweep {
     }
 
     /// Each setting alone, well away from the default; steps are what the spine is about.
-    fn alone(&self) -> Vec<Recipe> {
-        let start = Recipe::default();
-        let with = |change: &dyn Fn(&mut Recipe)| {
+    fn alone(&self) -> Vec<Settings> {
+        let start = Settings::default();
+        let with = |change: &dyn Fn(&mut Settings)| {
             let mut to = start.clone();
             change(&mut to);
             to
@@ -172,19 +172,19 @@ impl Sweep {
             with(&|r| r.window = WindowFactor::Two),
             with(&|r| r.pupils /= 2),
             with(&|r| r.pupils *= 2),
-            with(&|r| r.optimizer = Recipe::momentum()),
+            with(&|r| r.optimizer = Optimizer::momentum()),
             with(&|r| r.diameters = Diameters::Uniform),
             with(&|r| r.diameters = Diameters::Reciprocal),
         ];
         // What takes something away from the problem, and what adds to it, as far as there is something.
-        let thins = |views: &usize| Recipe { views: *views, ..start.clone() }.thinned(self.space.views).0 == *views;
+        let thins = |views: &usize| Settings { views: *views, ..start.clone() }.thinned(self.space.views).0 == *views;
         let views = (2..=self.space.thinnest().min(3)).filter(thins);
         all.extend(views.map(|views| with(&|r| r.views = views)));
         let may = [
             (self.space.frames.is_multiple_of(2), with(&|r| r.repeats = 2)),
-            (self.space.padding, with(&|r| r.padding = true)),
+            (self.space.padding, with(&|r| r.padding = PaddingRule::Always)),
             (self.space.halves, with(&|r| r.storage = Storage::F16)),
-            (self.space.levels, with(&|r| r.levels = true)),
+            (self.space.levels, with(&|r| r.levels = Levels::Display)),
             (self.space.pixel, with(&|r| r.pixel = 2)),
             (true, with(&|r| r.window = WindowFactor::Full)),
         ];
@@ -193,9 +193,9 @@ impl Sweep {
     }
 
     /// Everything one setting away.
-    fn neighbours(&self, from: &Recipe) -> Vec<Recipe> {
+    fn neighbours(&self, from: &Settings) -> Vec<Settings> {
         let mut all = Vec::new();
-        let mut with = |change: &dyn Fn(&mut Recipe)| {
+        let mut with = |change: &dyn Fn(&mut Settings)| {
             let mut to = from.clone();
             change(&mut to);
             if to != *from && to.is_sound() {
@@ -221,7 +221,7 @@ impl Sweep {
             with(&|r| r.window = window);
         }
         if matches!(from.optimizer, Optimizer::Projection { .. }) {
-            for optimizer in [Optimizer::projection(), Recipe::momentum()] {
+            for optimizer in [Optimizer::projection(), Optimizer::momentum()] {
                 with(&|r| r.optimizer = optimizer);
             }
         }
@@ -234,7 +234,7 @@ impl Sweep {
             }
         }
         for views in [from.views - 1, from.views + 1] {
-            let thin = Recipe { views, ..Recipe::default() };
+            let thin = Settings { views, ..Settings::default() };
             if views >= 1 && thin.thinned(self.space.views).0 == views && views <= self.space.thinnest() {
                 with(&|r| r.views = views);
             }
@@ -245,10 +245,12 @@ impl Sweep {
             }
         }
         if self.space.levels {
-            with(&|r| r.levels = !r.levels);
+            with(&|r| r.levels = if r.levels == Levels::Any { Levels::Display } else { Levels::Any });
         }
         if self.space.padding {
-            with(&|r| r.padding = !r.padding);
+            with(&|r| {
+                r.padding = if r.padding == PaddingRule::Never { PaddingRule::Always } else { PaddingRule::Never }
+            });
         }
         if self.space.pixel {
             with(&|r| r.pixel = 3 - r.pixel);
@@ -262,7 +264,7 @@ impl Space {
     fn thinnest(&self) -> usize {
         let most = self.views[0].max(self.views[1]);
         let leaves = |n: &usize| {
-            let (every, [[_, rows], [_, columns]]) = Recipe { views: *n, ..Recipe::default() }.thinned(self.views);
+            let (every, [[_, rows], [_, columns]]) = Settings { views: *n, ..Settings::default() }.thinned(self.views);
             every == *n && rows.max(columns) >= 2
         };
         (1..=most.min(8)).rev().find(leaves).unwrap_or(1)
@@ -270,8 +272,8 @@ impl Space {
 }
 
 /// So many steps of 16 pupils.
-fn spine(steps: usize, window: WindowFactor) -> Recipe {
-    Recipe { steps, window, optimizer: Recipe::momentum(), ..Recipe::default() }
+fn spine(steps: usize, window: WindowFactor) -> Settings {
+    Settings { steps, window, optimizer: Optimizer::momentum(), ..Settings::default() }
 }
 
 /// The marks next to a value, on both sides.
@@ -294,13 +296,12 @@ fn halton(mut i: usize, base: usize) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Expected;
     use super::*;
 
     const SPACE: Space = Space { frames: 8, views: [9, 9], halves: true, levels: true, padding: true, pixel: true };
 
     /// A machine of which all is known: time is work, quality has diminishing returns.
-    fn measure(recipe: &Recipe) -> Trial {
+    fn measure(recipe: &Settings) -> Trial {
         let window = match recipe.window {
             WindowFactor::One => 1.0,
             WindowFactor::Two => 2.5,
@@ -312,14 +313,14 @@ mod tests {
         db -= 3.0 * (recipe.repeats as f64).log2()
             + 0.5 * (recipe.views as f64 - 1.0)
             + 8.0 * (recipe.pixel as f64 - 1.0);
-        Trial::new(recipe.clone(), ms, vec![db], &Expected { work: ms, bytes: 1 })
+        Trial::new(recipe.clone(), ms, vec![db], 1)
     }
 
     fn run(seed: u64, count: usize, longest: f64) -> Vec<Trial> {
         let mut sweep = Sweep::new(SPACE, seed);
         let mut trials: Vec<Trial> = Vec::new();
         while trials.len() < count {
-            let expect = |r: &Recipe| measure(r).milliseconds;
+            let expect = |r: &Settings| measure(r).milliseconds;
             let Some(recipe) = sweep.next(&trials, longest, &expect) else { break };
             assert!(recipe.is_sound() && expect(&recipe) <= longest, "{recipe:?}");
             assert!(trials.iter().all(|t| t.recipe != recipe), "{recipe:?} twice");
@@ -332,10 +333,15 @@ mod tests {
     fn nothing_is_tried_twice_and_every_setting_is_tried() {
         let trials = run(0, 120, 20_000.0);
         assert_eq!(trials.len(), 120);
-        let any = |f: &dyn Fn(&Recipe) -> bool| trials.iter().any(|t| f(&t.recipe));
-        assert!(any(&|r| r.views > 1) && any(&|r| r.repeats > 1) && any(&|r| r.pixel > 1) && any(&|r| r.padding));
+        let any = |f: &dyn Fn(&Settings) -> bool| trials.iter().any(|t| f(&t.recipe));
         assert!(
-            any(&|r| r.levels)
+            any(&|r| r.views > 1)
+                && any(&|r| r.repeats > 1)
+                && any(&|r| r.pixel > 1)
+                && any(&|r| r.padding == PaddingRule::Always)
+        );
+        assert!(
+            any(&|r| r.levels == Levels::Display)
                 && any(&|r| r.storage == Storage::F16)
                 && any(&|r| r.window == WindowFactor::Full)
                 && any(&|r| r.steps >= 512)
@@ -368,7 +374,13 @@ mod tests {
         let mut sweep = Sweep::new(space, 0);
         let mut trials = Vec::new();
         while let Some(recipe) = sweep.next(&trials, 45.0, &|r| measure(r).milliseconds) {
-            assert!(recipe.repeats == 1 && recipe.views == 1 && recipe.pixel == 1 && !recipe.padding && !recipe.levels);
+            assert!(
+                recipe.repeats == 1
+                    && recipe.views == 1
+                    && recipe.pixel == 1
+                    && recipe.padding == PaddingRule::Never
+                    && recipe.levels == Levels::Any
+            );
             trials.push(measure(&recipe));
             assert!(trials.len() < 5000);
         }

@@ -1,5 +1,8 @@
 //! What can be wrong with a scene.
 
+use crate::optics::OpticsError;
+use std::{io, path::Path};
+
 /// A scene that cannot be loaded: every variant names the file or folder.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SceneError {
@@ -107,6 +110,9 @@ pub enum SceneError {
         /// Their names.
         known: String,
     },
+    /// A colour that the display does not have.
+    #[error(transparent)]
+    Optics(#[from] OpticsError),
     /// A request that no scene can meet.
     #[error("{what} is {value}: it must be {must}")]
     Request {
@@ -117,4 +123,15 @@ pub enum SceneError {
         /// What would be right.
         must: &'static str,
     },
+}
+
+impl SceneError {
+    /// What the system said of a file or folder.
+    pub(super) fn unreadable(path: &Path, error: &io::Error) -> Self {
+        let path = path.display().to_string();
+        match error.kind() {
+            io::ErrorKind::NotFound => Self::NotFound { path, what: "file" },
+            _ => Self::Unreadable { path, reason: error.to_string() },
+        }
+    }
 }

@@ -1,5 +1,6 @@
 //! A folder of views.
 
+use super::resize::{Fit, Resize};
 use super::{LightField, SceneError, names, picture, settings};
 use crate::optics::Color;
 use rayon::prelude::*;
@@ -8,25 +9,36 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// Loads the views of `colors` at their own resolution, decoding in parallel.
+/// Loads the views of `colors`, decoding in parallel, at their own resolution or, each as soon as it is read, at another:
+/// no more than a few views are ever held at their own.
 ///
 /// # Errors
 /// Every [`SceneError`] that a file can cause; it names the file.
-pub(super) fn load(folder: &Path, colors: &[Color]) -> Result<LightField, SceneError> {
-    let Listed { all, stated, views, paths, size: [height, width] } = list(folder)?;
+pub(super) fn load(folder: &Path, colors: &[Color], size: Option<[usize; 2]>) -> Result<LightField, SceneError> {
+    let Listed { all, stated, views, paths, size: own } = list(folder)?;
+    let resize = size.filter(|size| *size != own).map(|size| Resize::new(own, size, Fit::default()));
+    let read = |path: &PathBuf| -> Result<Vec<Vec<f32>>, SceneError> {
+        let planes = picture::read(path, colors, stated.transfer)?.planes;
+        Ok(match &resize {
+            Some(resize) => planes.iter().map(|plane| resize.apply(plane)).collect(),
+            None => planes,
+        })
+    };
     // One picture per task: their order in time does not matter, the first error in order is reported.
-    let read: Vec<_> = paths.par_iter().map(|path| picture::read(path, colors, stated.transfer)).collect();
+    let read: Vec<_> = paths.par_iter().map(read).collect();
     let mut planes: Vec<Vec<Vec<f32>>> = colors.iter().map(|_| Vec::with_capacity(paths.len())).collect();
     for picture in read {
-        for (plane, views) in picture?.planes.into_iter().zip(&mut planes) {
+        for (plane, views) in picture?.into_iter().zip(&mut planes) {
             views.push(plane);
         }
     }
     let disparity = match stated.disparity {
         Some(range) => Some(range),
-        None => settings::ground_truth(folder, &all, [height, width])?,
+        None => settings::ground_truth(folder, &all, own)?,
     };
+    let scaled = |range: Option<[f64; 2]>| range.map(|r| resize.as_ref().map_or(r, |resize| resize.scale_range(r)));
     let name = folder.canonicalize().unwrap_or(folder.into());
+    let [height, width] = size.unwrap_or(own);
     Ok(LightField {
         name: name.file_name().map_or("light field".into(), |n| n.to_string_lossy().into_owned()),
         grid: views.grid,
@@ -35,8 +47,8 @@ pub(super) fn load(folder: &Path, colors: &[Color]) -> Result<LightField, SceneE
         colors: colors.to_vec(),
         planes,
         view_pitch: stated.view_pitch,
-        disparity,
-        depth: stated.depth,
+        disparity: scaled(disparity),
+        depth: scaled(stated.depth),
     })
 }
 
@@ -55,7 +67,7 @@ pub(super) struct Listed {
 /// # Errors
 /// As [`load`].
 pub(super) fn list(folder: &Path) -> Result<Listed, SceneError> {
-    let unreadable = |e: std::io::Error| settings::unreadable(folder, &e);
+    let unreadable = |e: std::io::Error| SceneError::unreadable(folder, &e);
     let mut files: Vec<names::Named> = Vec::new();
     for entry in fs::read_dir(folder).map_err(unreadable)? {
         let entry = entry.map_err(unreadable)?;

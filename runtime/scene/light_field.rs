@@ -1,6 +1,6 @@
 //! A light field: views on a grid of pupil positions.
 
-use super::resize::Resize;
+use super::resize::{Fit, Resize};
 use crate::optics::{Color, Display};
 use rayon::prelude::*;
 
@@ -32,18 +32,6 @@ pub struct LightField {
     pub depth: Option<[f64; 2]>,
 }
 
-/// How a picture fills a display of another shape.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Fit {
-    /// All of it is seen; the rest of the display is black.
-    #[default]
-    Contain,
-    /// All of the display is filled; what stands over is cut off.
-    Cover,
-    /// Both axes are filled, each by its own scale. Depths then differ between the axes: the picture is astigmatic.
-    Stretch,
-}
-
 impl LightField {
     /// The light field at `height` x `width` pixels. Disparities and depths scale with the picture (a pixel of the
     /// display stays a pixel), and the range covers both axes where their scales differ.
@@ -71,6 +59,14 @@ impl LightField {
     pub fn depth_range(&self, display: &Display) -> Option<[f64; 2]> {
         let per_pixel = display.focal_length * display.picture_pixel() / self.cell(display);
         self.depth.or_else(|| self.disparity.map(|d| d.map(|delta| delta * per_pixel)))
+    }
+
+    /// The depths that matter on `display`, farthest first, metres: as asked, as the scene says, or what a disparity of two
+    /// pixels means.
+    pub fn depths(&self, display: &Display, asked: Option<[f64; 2]>) -> [f64; 2] {
+        let assumed = || 2.0 * display.focal_length * display.picture_pixel() / self.cell(display);
+        let [a, b] = asked.or_else(|| self.depth_range(display)).unwrap_or_else(|| [-assumed(), assumed()]);
+        [a.min(b), a.max(b)]
     }
 
     /// Side of a view's square cell in the pupil plane, metres: the stated view pitch, or the eyebox that all of the

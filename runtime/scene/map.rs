@@ -1,6 +1,6 @@
 //! Depth and disparity maps of a single picture.
 
-use super::{SceneError, light, pfm, picture, settings};
+use super::{SceneError, light, pfm, picture};
 use crate::files::{self, FileError};
 use std::{fs, path::Path};
 
@@ -26,7 +26,7 @@ pub(super) fn read(path: &Path) -> Result<Map, SceneError> {
     if path.is_dir() {
         return Err(corrupt("a folder, not a depth map".into()));
     }
-    let bytes = || fs::read(path).map_err(|e| settings::unreadable(path, &e));
+    let bytes = || fs::read(path).map_err(|e| SceneError::unreadable(path, &e));
     let map = if name.ends_with(".pfm") {
         let map = pfm::parse(&bytes()?).map_err(corrupt)?;
         Map { height: map.height, width: map.width, values: map.values, is_disparity: name.contains("disp") }

@@ -69,9 +69,10 @@ pub(crate) use depth::central_view;
 pub use error::SceneError;
 pub use interpolate::Interpolator;
 pub use light::srgb_to_linear;
-pub use light_field::{Fit, LightField};
+pub use light_field::LightField;
 pub use photograph::ViewGrid;
 pub use pyramid::{Level, Pyramid};
+pub use resize::Fit;
 pub(crate) use resize::{crop_share, shrink_to_share};
 pub use single::Reprojection;
 pub(crate) use survey::DARK;
@@ -169,13 +170,6 @@ pub fn load(source: &str, request: &Request) -> Result<LightField, SceneError> {
     if !path.is_dir() {
         return single::load(path, request);
     }
-    let mut field = folder::load(path, request.colors)?;
-    if request.view_pitch.is_some() {
-        field.view_pitch = request.view_pitch;
-    }
-    let (height, width) = display.picture_size();
-    if (field.height, field.width) == (height, width) {
-        return Ok(field);
-    }
-    Ok(field.fit(height, width, Fit::default()))
+    let field = folder::load(path, request.colors, Some(display.picture_size().into()))?;
+    Ok(LightField { view_pitch: request.view_pitch.or(field.view_pitch), ..field })
 }

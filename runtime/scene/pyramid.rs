@@ -35,6 +35,12 @@ impl Pyramid {
         std::iter::successors(Some((height, width)), halved).collect()
     }
 
+    /// Of so many views of this size, without their light: what plans need.
+    pub fn outline(count: usize, height: usize, width: usize) -> Self {
+        let level = |(height, width)| Level { height, width, views: Vec::new() };
+        Self { scale: 1.0, count, levels: Self::sizes(height, width).into_iter().map(level).collect() }
+    }
+
     /// From views (each height * width, linear light, finite, not negative). Quantised to 1/65535 of the brightest.
     pub fn new(views: &[impl AsRef<[f32]> + Sync], height: usize, width: usize) -> Self {
         let brightest =
@@ -73,8 +79,8 @@ impl Pyramid {
         self.levels.iter().rposition(|l| l.height >= rows && l.width >= columns).unwrap_or(0)
     }
 
-    /// Bytes in memory.
+    /// Bytes of all levels.
     pub fn bytes(&self) -> usize {
-        self.levels.iter().map(|l| 2 * l.views.len()).sum()
+        self.levels.iter().map(|l| 2 * self.count * l.height * l.width).sum()
     }
 }

@@ -1,6 +1,16 @@
 //! Resizing in linear light: the exact area average downwards, Catmull-Rom upwards, never below zero.
 
-use super::Fit;
+/// How a picture fills a display of another shape.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Fit {
+    /// All of it is seen; the rest of the display is black.
+    #[default]
+    Contain,
+    /// All of the display is filled; what stands over is cut off.
+    Cover,
+    /// Both axes are filled, each by its own scale. Depths then differ between the axes: the picture is astigmatic.
+    Stretch,
+}
 
 /// A planned resize of planes of one size to another.
 pub(super) struct Resize {

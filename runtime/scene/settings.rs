@@ -3,11 +3,7 @@
 
 use super::{SceneError, light::Transfer, pfm};
 use serde::Deserialize;
-use std::{
-    fs,
-    io::ErrorKind,
-    path::{Path, PathBuf},
-};
+use std::{fs, path::Path};
 
 /// What is known of a folder's views; lengths in metres and in pixels at the views' own resolution.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -38,7 +34,7 @@ pub(super) fn read(folder: &Path, names: &[String]) -> Result<Settings, SceneErr
     ] {
         if names.iter().any(|n| n == name) {
             let path = folder.join(name);
-            let text = fs::read_to_string(&path).map_err(|e| unreadable(&path, &e))?;
+            let text = fs::read_to_string(&path).map_err(|e| SceneError::unreadable(&path, &e))?;
             return parse(&text).map_err(|reason| SceneError::Settings { file: path.display().to_string(), reason });
         }
     }
@@ -53,7 +49,7 @@ pub(super) fn ground_truth(folder: &Path, names: &[String], size: [usize; 2]) ->
     maps.sort_by_key(|n| (!n.contains("lowres"), n.as_str()));
     for name in maps {
         let path = folder.join(name);
-        let bytes = fs::read(&path).map_err(|e| unreadable(&path, &e))?;
+        let bytes = fs::read(&path).map_err(|e| SceneError::unreadable(&path, &e))?;
         let map =
             pfm::parse(&bytes).map_err(|reason| SceneError::Corrupt { file: path.display().to_string(), reason })?;
         if [map.height, map.width] == size {
@@ -64,14 +60,6 @@ pub(super) fn ground_truth(folder: &Path, names: &[String], size: [usize; 2]) ->
         }
     }
     Ok(None)
-}
-
-pub(super) fn unreadable(path: &Path, e: &std::io::Error) -> SceneError {
-    let path: PathBuf = path.into();
-    match e.kind() {
-        ErrorKind::NotFound => SceneError::NotFound { path: path.display().to_string(), what: "file" },
-        _ => SceneError::Unreadable { path: path.display().to_string(), reason: e.to_string() },
-    }
 }
 
 fn range(key: &str, value: Option<[f64; 2]>, unit: f64) -> Result<Option<[f64; 2]>, String> {

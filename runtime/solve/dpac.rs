@@ -1,7 +1,9 @@
 //! The double-phase method: every value of a complex field as two phases on a checkerboard (Maimone, Georgiou and
 //! Kollin, SIGGRAPH 2017). The field is that of the central view, each pixel at its depth, with smooth phase.
 
-use super::{Problem, Settings, SolveError};
+use super::error::SolveError;
+use super::problem::Problem;
+use super::settings::Settings;
 use crate::engine::{Buffer, Engine};
 use crate::optics::{Geometry, Pupil, WindowFactor};
 use crate::plan::{Comparison, Purpose};

@@ -1,13 +1,7 @@
-//! Where a number first became none.
+//! Which kernel first gave NaN or an infinity.
 
-use crate::engine::{Buffer, Dispatch, Engine, EngineError, Kernel, Scope, Step};
-
-/// The entry of a step's list after which phases may change, and before which all losses are known: what comes behind
-/// the last kernel that runs over pupil passes, and behind `check_finite` where the list has it.
-pub(super) fn before_state(step: &Step) -> usize {
-    let known = |d: &Dispatch| d.kernel.scope() == Scope::PupilPasses || d.kernel == Kernel::CheckFinite;
-    step.list.iter().rposition(known).map_or(step.list.len(), |i| i + 1)
-}
+use super::step::before_update;
+use crate::engine::{Buffer, Engine, EngineError, Kernel, Step};
 
 /// Runs the step again, kernel by kernel, up to where phases would change, and names the first whose output is not
 /// finite. None if the phases are to blame themselves, or if nothing is found.
@@ -18,7 +12,7 @@ pub(super) fn first_fault(engine: &mut dyn Engine, step: &Step) -> Result<Option
     if !finite(&engine.read(Buffer::Phases)?) {
         return Ok(None);
     }
-    for i in 0..before_state(step) {
+    for i in 0..before_update(step) {
         let dispatch = &step.list[i];
         let losses = engine.run_part(step, i..i + 1)?;
         if !losses.iter().all(|l| l.is_finite()) {

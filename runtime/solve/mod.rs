@@ -1,15 +1,23 @@
 //! Stochastic Light Field Holography (Schiffers et al. 2023): draws pupils, compares what the wave gives with what the
 //! light field gives, moves the phases. Written once, for every engine and both optimisers.
 //!
+//! The wave goes to the retina by the angular spectrum method. Phases are moved by one of two optimisers
+//! ([`Optimizer`]): the pupil-wise projection, which replaces amplitudes as Gerchberg and Saxton do and puts the changes
+//! of many pupils together as ptychography does, or Adam on the Wirtinger gradient.
+//!
 //! May import everything above it: `optics`, `scene`, `plan`, `engine`, `evaluate`.
 
+mod cost;
 mod dpac;
+mod error;
 mod exposure;
 mod fault;
-mod forecast;
-mod judge;
+mod levels;
 mod method;
+mod optimizer;
+mod outcome;
 mod problem;
+mod rates;
 mod run;
 mod sampling;
 mod scene_plan;
@@ -18,15 +26,23 @@ mod solver;
 mod steer;
 #[cfg(test)]
 mod steer_tests;
+mod step;
+mod validation;
+mod viewpoints;
 
+pub use cost::{Cost, Forecast, Loaded, forecast};
+pub use error::SolveError;
 pub(crate) use exposure::BrightEnd;
-pub use forecast::{Forecast, Loaded, Rate, Rates, forecast};
-pub use judge::{Judge, Verdict};
+pub use levels::{Levels, even_levels};
 pub use method::Method;
+pub use optimizer::{Optimizer, cosine};
+pub use outcome::{Flow, Progress, Solution, Stop, Warm};
 pub use problem::Problem;
-pub use sampling::{Diameters, PupilRange, Sampler, Sequence, SplitMix, random_phases};
-pub use scene_plan::{Choice, Full, PaddingRule, ScenePlan, TOLERANCE, Wish};
-pub(crate) use settings::level_table;
-pub use settings::{Optimizer, Settings, cosine, even_levels};
-pub use solver::{Flow, Progress, Solution, SolveError, Stop, Warm, solve, solve_from};
-pub use steer::{Aim, Refiner, Steering, Strategy};
+pub use rates::Rates;
+pub use sampling::{Diameters, PupilRange, Sampler, Sequence, SplitMix, pupils_of, random_phases};
+pub use scene_plan::{Decision, Full, PlanRequest, ScenePlan, TOLERANCE};
+pub use settings::{PaddingRule, Settings};
+pub use solver::{solve, solve_from};
+pub use steer::{Refiner, Steering, Strategy};
+pub(crate) use step::{Update, mean_loss, take};
+pub use validation::{ValidationScore, Validator};

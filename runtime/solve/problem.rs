@@ -1,7 +1,8 @@
 //! What is to be solved: a scene on a display, in one colour.
 
+use super::settings::Settings;
 use crate::optics::{Color, Display, Optics, OpticsError, Padding, WindowFactor};
-use crate::plan::{Planner, Views};
+use crate::plan::{Planner, ViewLayout};
 use crate::scene::{LightField, Pyramid, ViewGrid, shrink_to_share};
 use std::sync::Arc;
 
@@ -32,8 +33,14 @@ impl Problem {
     /// # Errors
     /// A colour that the display or the scene does not have.
     pub fn new(field: &LightField, color: Color, display: &Display, padding: Padding) -> Result<Self, OpticsError> {
-        let outline = Self::outline(field, color, display, padding)?;
-        let views = &field.planes[field.colors.iter().position(|c| *c == color).unwrap_or(0)];
+        let missing = || OpticsError::NoColor {
+            display: field.name.clone(),
+            color,
+            has: field.colors.iter().map(Color::to_string).collect::<Vec<_>>().join(", "),
+        };
+        let views = &field.planes[field.colors.iter().position(|c| *c == color).ok_or_else(missing)?];
+        let grid = ViewGrid { rows: field.grid[0], columns: field.grid[1], cell: field.cell(display) };
+        let outline = Self::outline(display, color, padding, grid)?;
         let (height, width) = (field.height, field.width);
         let grid = padding.grid(outline.optics);
         let share = outline.share;
@@ -53,28 +60,21 @@ impl Problem {
             };
             Pyramid::new(&views.iter().map(framed).collect::<Vec<_>>(), grid.height, grid.width)
         };
-        Ok(Self { pyramid: Arc::new(pyramid), ..outline })
-    }
-
-    /// The same without its views (an empty pyramid): what plans and forecasts need.
-    ///
-    /// # Errors
-    /// As [`new`](Self::new).
-    pub fn outline(field: &LightField, color: Color, display: &Display, padding: Padding) -> Result<Self, OpticsError> {
-        let optics = display.optics(color)?;
-        let missing = || OpticsError::NoColor {
-            display: field.name.clone(),
-            color,
-            has: field.colors.iter().map(Color::to_string).collect::<Vec<_>>().join(", "),
-        };
-        let views = &field.planes[field.colors.iter().position(|c| *c == color).ok_or_else(missing)?];
-        let (height, width) = (field.height, field.width);
         let pixels = (views.len() * height * width) as f64;
         let mean = views.iter().map(|v| v.iter().map(|x| f64::from(*x)).sum::<f64>()).sum::<f64>() / pixels;
-        let views = ViewGrid { rows: field.grid[0], columns: field.grid[1], cell: field.cell(display) };
-        let share = display.picture_share(optics.wavelength);
-        let (eyebox, mean, center) = (display.eyebox_min(), mean * share * share, [0.0; 2]);
-        Ok(Self { optics, padding, eyebox, views, center, pyramid: Arc::new(Pyramid::default()), mean, share })
+        Ok(Self { pyramid: Arc::new(pyramid), mean: mean * share * share, ..outline })
+    }
+
+    /// What plans and forecasts need: the views' places and sizes, without their light. Its mean is NaN.
+    ///
+    /// # Errors
+    /// A colour that the display does not have.
+    pub fn outline(display: &Display, color: Color, padding: Padding, views: ViewGrid) -> Result<Self, OpticsError> {
+        let optics = display.optics(color)?;
+        let grid = padding.grid(optics);
+        let pyramid = Pyramid::outline(views.rows * views.columns, grid.height, grid.width);
+        let (eyebox, center, share) = (display.eyebox_min(), [0.0; 2], display.picture_share(optics.wavelength));
+        Ok(Self { optics, padding, eyebox, views, center, pyramid: Arc::new(pyramid), mean: f64::NAN, share })
     }
 
     /// A power of two near the scene's brightest value, or 1 where that is of ordinary size: dividing by it keeps
@@ -84,10 +84,16 @@ impl Problem {
         if exponent.abs() > 10.0 { exponent.exp2() } else { 1.0 }
     }
 
+    /// Plans for a solve of this problem by these settings.
+    pub(super) fn planner_of(&self, settings: &Settings) -> Planner {
+        let plain = self.planner(settings.solved_frames(), settings.window);
+        Planner { levels: settings.levels.count(), storage: settings.storage, ..plain }
+    }
+
     /// Plans for this problem.
     pub fn planner(&self, frames: usize, window: WindowFactor) -> Planner {
         let plain = Planner::new(self.optics, frames, window).with_padding(self.padding);
-        let views = Views { center: self.center, ..Views::new(self.views, &self.pyramid) };
+        let views = ViewLayout { center: self.center, ..ViewLayout::new(self.views, &self.pyramid) };
         Planner { views: Some(views), share: self.share, ..plain }
     }
 }

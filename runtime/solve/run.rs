@@ -1,19 +1,29 @@
-//! A solve under way: exposure, steps, verdicts, and what to do when a number is none.
+//! A solve under way: exposure, steps, validation, and what to do where a loss is not finite.
 
+use super::error::SolveError;
 use super::exposure::{BrightEnd, peak};
 use super::fault;
-use super::method::Viewpoints;
-use super::{
-    Flow, Judge, Method, Optimizer, Problem, Progress, Settings, SolveError, Stop, Verdict, Warm, cosine, random_phases,
-};
+use super::method::Method;
+use super::optimizer::Optimizer;
+use super::outcome::{Flow, Progress, Stop, Warm};
+use super::problem::Problem;
+use super::sampling::random_phases;
+use super::settings::Settings;
+use super::step::{Steps, take};
+use super::validation::{ValidationScore, Validator};
 use crate::engine::{Buffer, Engine, EngineError};
 use crate::optics::WindowFactor;
-use crate::plan::{Comparison, Planner, Step};
-use eyebox_kernels::compare;
+use crate::plan::Planner;
+use std::slice;
 use std::time::Instant;
 
-/// A verdict, the phases that it is about, and the step after which it was given.
-pub(super) type Judged = (Verdict, Vec<f32>, usize);
+/// Phases that were validated.
+pub(super) struct Validated {
+    pub(super) score: ValidationScore,
+    pub(super) phases: Vec<f32>,
+    /// The step after which they were.
+    step: usize,
+}
 
 /// A solve under way.
 pub(super) struct Run<'a> {
@@ -21,7 +31,7 @@ pub(super) struct Run<'a> {
     pub(super) planner: &'a Planner,
     pub(super) settings: &'a Settings,
     pub(super) engine: &'a mut dyn Engine,
-    pub(super) judge: &'a Judge,
+    pub(super) validator: &'a Validator,
     /// Where it begins, if not at random phases.
     pub(super) from: Option<Warm<'a>>,
     pub(super) start: Instant,
@@ -30,7 +40,7 @@ pub(super) struct Run<'a> {
     pub(super) unit: f64,
     /// Whether this is a pilot: it stops only when asked.
     pub(super) pilot: bool,
-    /// Seconds of each step since the last start, without verdicts.
+    /// Seconds of each step since the last start, without validation.
     pub(super) durations: Vec<f64>,
 }
 
@@ -56,14 +66,14 @@ impl Run<'_> {
         let mut tried = Vec::new();
         for exposure in candidates {
             let seconds = self.start.elapsed().as_secs_f64();
-            let progress = Progress { step: 0, steps: self.settings.steps, seconds, loss: f64::NAN, verdict: None };
+            let progress = Progress { step: 0, steps: self.settings.steps, seconds, loss: f64::NAN, validation: None };
             let late = self.settings.seconds.is_some_and(|most| seconds > 0.5 * most);
             if !tried.is_empty() && (late || observe(&progress) == Flow::Stop) {
                 break;
             }
             self.exposure = exposure;
             let (best, ..) = self.descend(PILOT_STEPS, &mut |_| Flow::Continue)?;
-            tried.push((exposure, best.0.mean()));
+            tried.push((exposure, best.score.mean()));
         }
         self.pilot = false;
         let best = (0..tried.len()).max_by(|&i, &j| tried[i].1.total_cmp(&tried[j].1)).unwrap_or(0);
@@ -74,42 +84,12 @@ impl Run<'_> {
         Ok(PILOT_RISE * found)
     }
 
-    /// The `t`-th step, counted from 1, over the next viewpoints.
-    fn step(&self, viewpoints: &mut Viewpoints, progress: f64, t: usize) -> Step {
-        let Self { settings, planner, .. } = *self;
-        let batch = settings.pupils;
-        let mode = match settings.optimizer {
-            Optimizer::Projection { .. } => compare::PROJECTION,
-            Optimizer::Adam { amplitude: true, .. } => compare::AMPLITUDE,
-            Optimizer::Adam { .. } => compare::INTENSITY,
-        };
-        let comparison = Comparison { mode, exposure: self.exposure, batch, ..Comparison::default() };
-        let pupil_passes = (0..batch).map(|_| planner.viewpoint(&viewpoints.draw(), &comparison)).collect();
-        let in_flight = settings.window_bytes / size_of::<eyebox_kernels::Complex32>();
-        let mut step = match settings.optimizer {
-            Optimizer::Projection { gain, momentum, overlap_power } => {
-                // Overlap to a power below one grows with the batch: what ten pupils ask for is the unit (OPTICS 6e).
-                let share = (batch as f64 / 10.0).powf(1.0 - overlap_power);
-                let overlap = viewpoints.overlap(batch).map_or(1.0, |n| n.powf(overlap_power));
-                let gain = cosine(gain, progress) / (share * overlap);
-                planner.project_step(pupil_passes, in_flight, overlap_power, gain, momentum)
-            }
-            Optimizer::Adam { rate, .. } => planner.adam_step(pupil_passes, in_flight, t, cosine(rate, progress)),
-        };
-        // Levels come on softly: a phase that is thrown from level to level from the start finds no good one.
-        step.quantise.hardness = progress.powi(2) as f32;
-        if settings.method == Method::PupilAware {
-            return planner.with_equalised_eyebox(step, self.problem.eyebox, settings.patches, settings.evenness);
-        }
-        step
-    }
-
     /// From the first phases, `steps` steps at most.
     pub(super) fn descend(
         &mut self,
         steps: usize,
         observe: &mut dyn FnMut(&Progress) -> Flow,
-    ) -> Result<(Judged, usize, Stop), SolveError> {
+    ) -> Result<(Validated, usize, Stop), SolveError> {
         let Self { settings, planner, .. } = *self;
         let pixels = settings.frames * planner.slm.height * planner.slm.width;
         let zeros = vec![0.0; pixels];
@@ -119,14 +99,13 @@ impl Run<'_> {
             self.engine.write(Buffer::Second, &zeros)?;
         }
         drop(zeros);
-        let mut viewpoints = Viewpoints::new(self.problem, settings, settings.seed);
+        let mut schedule = Steps::new(self.problem, planner, settings, self.exposure);
         let limit = settings.seconds.filter(|_| !self.pilot);
         let wanted = settings.psnr.filter(|_| !self.pilot);
         let begun = self.start.elapsed().as_secs_f64();
-        // Ten verdicts where quality is to stop the solve, else three: a verdict costs about two steps.
-        let every = if wanted.is_some() { steps.div_ceil(10) } else { steps.div_ceil(3) }.max(3);
+        let every = interval(steps, wanted.is_some());
         self.durations.clear();
-        let mut best: Option<Judged> = None;
+        let mut best: Option<Validated> = None;
         let mut step = 0;
         let stop = loop {
             let seconds = self.start.elapsed().as_secs_f64();
@@ -140,17 +119,9 @@ impl Run<'_> {
                 .max(limit.map_or(0.0, |most| (seconds - begun) / (most - begun).max(1e-9)));
             let taken = Instant::now();
             let begun_at = self.from.map_or(0.0, |from| from.progress);
-            let next = self.step(&mut viewpoints, begun_at + (1.0 - begun_at) * progress, step + 1);
-            // The losses are known before the phases are touched: a bad step is not taken.
-            let split = fault::before_state(&next);
-            let losses = self.engine.run_part(&next, 0..split)?;
+            let next = schedule.next(begun_at + (1.0 - begun_at) * progress);
+            let loss = take(self.engine, &next, slice::from_ref(&(0..next.list.len())))?;
             step += 1;
-            let loss = losses
-                .iter()
-                .zip(&next.pupil_passes)
-                .map(|(loss, pupil_pass)| loss / pupil_pass.count() as f64)
-                .sum::<f64>()
-                / losses.len() as f64;
             if !loss.is_finite() {
                 let kernel = fault::first_fault(self.engine, &next)?;
                 if kernel.is_none() && best.is_none() {
@@ -158,25 +129,24 @@ impl Run<'_> {
                 }
                 break Stop::NotFinite { step, kernel };
             }
-            self.engine.run_part(&next, split..next.list.len())?;
             self.durations.push(taken.elapsed().as_secs_f64());
             if step.is_multiple_of(every) || step == steps {
-                self.consider(step, &mut best)?;
+                self.validate(step, &mut best)?;
             }
-            let verdict = best.as_ref().map(|b| &b.0);
-            if observe(&Progress { step, steps, seconds: self.start.elapsed().as_secs_f64(), loss, verdict })
+            let validation = best.as_ref().map(|b| &b.score);
+            if observe(&Progress { step, steps, seconds: self.start.elapsed().as_secs_f64(), loss, validation })
                 == Flow::Stop
             {
                 break Stop::Asked;
             }
-            if verdict.zip(wanted).is_some_and(|(v, wanted)| v.mean() >= wanted) {
+            if validation.zip(wanted).is_some_and(|(v, wanted)| v.mean() >= wanted) {
                 break Stop::Quality;
             }
         };
-        if best.as_ref().is_none_or(|b| b.2 != step) {
-            self.consider(step, &mut best)?;
+        if best.as_ref().is_none_or(|b| b.step != step) {
+            self.validate(step, &mut best)?;
         }
-        Ok((best.expect("a verdict was just given"), step, stop))
+        Ok((best.expect("it was just validated"), step, stop))
     }
 
     fn first_phases(&self, pixels: usize) -> Vec<f32> {
@@ -188,19 +158,25 @@ impl Run<'_> {
         }
     }
 
-    /// Judges the engine's phases, and keeps them if they are the best so far. Phases that are not finite never are.
-    fn consider(&mut self, step: usize, best: &mut Option<Judged>) -> Result<(), EngineError> {
+    /// Scores the engine's phases, and keeps them if they are the best so far. Phases that are not finite never are.
+    fn validate(&mut self, step: usize, best: &mut Option<Validated>) -> Result<(), EngineError> {
         let planner = Planner { factor: WindowFactor::Full, ..self.planner.clone() };
-        let verdict = self.judge.judge(self.engine, &planner)?.in_units_of(self.unit);
-        let better = |b: &Judged| verdict.mean() >= b.0.mean() || b.0.mean().is_nan();
+        let score = self.validator.score(self.engine, &planner)?.in_units_of(self.unit);
+        let better = |b: &Validated| score.mean() >= b.score.mean() || b.score.mean().is_nan();
         if best.as_ref().is_none_or(better) {
-            // What was judged is what the SLM shows.
+            // What was scored is what the SLM shows.
             let shown = if self.planner.levels > 0 { Buffer::Shown } else { Buffer::Phases };
             let phases = self.engine.read(shown)?;
             if best.is_none() || phases.iter().all(|p| p.is_finite()) {
-                *best = Some((verdict, phases, step));
+                *best = Some(Validated { score, phases, step });
             }
         }
         Ok(())
     }
+}
+
+/// Steps from one validation to the next: ten of them where quality is to stop the solve, else three, for one costs about
+/// two steps.
+pub(super) fn interval(steps: usize, stops: bool) -> usize {
+    steps.div_ceil(if stops { 10 } else { 3 }).max(3)
 }

@@ -1,6 +1,6 @@
 //! Which pupils are drawn (OPTICS 6e): a distribution of diameters, and a sequence over (diameter, x, y, depth).
 
-use crate::optics::Pupil;
+use crate::optics::{Pupil, PupilDistribution};
 use serde::{Deserialize, Serialize};
 
 /// How diameters are distributed between their limits.
@@ -116,6 +116,12 @@ impl Points {
             }
         }
     }
+}
+
+/// So many pupils of a distribution, spread evenly; the same for the same seed.
+pub fn pupils_of(distribution: &PupilDistribution, count: usize, seed: u64) -> Vec<Pupil> {
+    let mut points = Points::new(Sequence::Sobol, seed);
+    (0..count).map(|_| distribution.pupil(points.draw())).collect()
 }
 
 /// The generator of Steele, Lea and Flood (2014): small, fast, the same everywhere.

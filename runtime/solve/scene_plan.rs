@@ -2,10 +2,12 @@
 //!
 //! Each part that can be left out ([`Full`]) is left out only where the result stays the same: colours without light, views
 //! that show what their neighbours show or that no pupil reaches, padding where nothing would come in again on the other
-//! side, the spectrum that no pupil passes. What is left out, and why, is said ([`Choice`]), and each can be kept.
+//! side, the spectrum that no pupil passes. What is left out, and why, is said ([`Decision`]), and each can be kept.
 
-use super::method::Viewpoints;
-use super::{Problem, Settings, SolveError};
+use super::error::SolveError;
+use super::problem::Problem;
+use super::settings::{PaddingRule, Settings};
+use super::viewpoints::Viewpoints;
 use crate::engine::Engine;
 use crate::engine::cpu::CpuEngine;
 use crate::evaluate;
@@ -48,37 +50,22 @@ impl Full {
     }
 }
 
-/// Whether the SLM is padded where the scene requires it.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum PaddingRule {
-    /// Never: the edges see a little of what walks off on the other side.
-    #[default]
-    Never,
-    /// Where what walks off would cost more than [`TOLERANCE`].
-    Need,
-    /// As wide as light walks off.
-    Always,
-}
-
 /// What is asked of a plan.
 #[derive(Debug, Clone)]
-pub struct Wish<'a> {
+pub struct PlanRequest<'a> {
     /// The settings of the solve; its depths are used where `depth` says none.
     pub settings: &'a Settings,
     /// Depths asked for, metres; none for those that the scene reaches.
     pub depth: Option<[f64; 2]>,
     /// Parts kept whatever the scene requires.
     pub full: Full,
-    /// Padding.
-    pub padding: PaddingRule,
     /// Speckle contrast (standard deviation over mean in an even patch) asked for; none for the settings' sub-frames.
     pub contrast: Option<f64>,
 }
 
 /// One decision, for people.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct Choice {
+pub struct Decision {
     /// What it is about.
     pub what: &'static str,
     /// What was decided.
@@ -107,7 +94,7 @@ pub struct ScenePlan {
     /// The settings with what was decided.
     pub settings: Settings,
     /// All decisions, in order.
-    pub choices: Vec<Choice>,
+    pub choices: Vec<Decision>,
 }
 
 /// A saving may cost so much, dB.
@@ -127,7 +114,7 @@ impl ScenePlan {
     ///
     /// # Errors
     /// Settings that cannot be; colours that the display does not have.
-    pub fn new(field: &LightField, display: &Display, wish: &Wish) -> Result<Self, SolveError> {
+    pub fn new(field: &LightField, display: &Display, request: &PlanRequest) -> Result<Self, SolveError> {
         let mut plan = Self {
             colors: field.colors.clone(),
             dark: Vec::new(),
@@ -135,15 +122,17 @@ impl ScenePlan {
             merge: 1,
             merge_depth: 0.0,
             padding: Padding::default(),
-            settings: wish.settings.clone(),
+            settings: request.settings.clone(),
             choices: Vec::new(),
         };
-        plan.choose_colors(field, wish);
-        plan.choose_depth(field, display, wish);
-        plan.choose_views(field, display, wish)?;
-        plan.choose_padding(field, display, wish)?;
-        plan.choose_window(display, wish)?;
-        plan.choose_frames(wish);
+        plan.choose_colors(field, request);
+        plan.choose_depth(field, display, request);
+        plan.choose_views(field, display, request)?;
+        plan.choose_padding(field, display, request)?;
+        let padded = plan.padding != Padding::default();
+        plan.settings.padding = if padded { PaddingRule::Always } else { PaddingRule::Never };
+        plan.choose_window(display, request)?;
+        plan.choose_frames(request);
         plan.say_precision(display);
         plan.settings.check()?;
         Ok(plan)
@@ -162,7 +151,7 @@ impl ScenePlan {
     }
 
     fn say(&mut self, what: &'static str, value: impl Into<String>, why: impl Into<String>) {
-        self.choices.push(Choice { what, value: value.into(), why: why.into(), saves: false });
+        self.choices.push(Decision { what, value: value.into(), why: why.into(), saves: false });
     }
 
     /// Marks the last choice as a saving.
@@ -172,7 +161,7 @@ impl ScenePlan {
         }
     }
 
-    fn choose_colors(&mut self, field: &LightField, wish: &Wish) {
+    fn choose_colors(&mut self, field: &LightField, request: &PlanRequest) {
         let light = field.light();
         let brightest = light.iter().map(|l| l.brightest).fold(0.0, f64::max);
         let is_dark = |color: &Color| light.iter().any(|l| l.color == *color && l.brightest <= brightest * DARK);
@@ -182,7 +171,7 @@ impl ScenePlan {
         let no_light = format!("{} {} no light", names(&dark), if dark.len() == 1 { "holds" } else { "hold" });
         if dark.is_empty() {
             self.say("colours", all, "each holds light");
-        } else if wish.full.colors {
+        } else if request.full.colors {
             self.say("colours", all, format!("kept as asked, though {no_light}"));
         } else if lit.is_empty() {
             self.colors.truncate(1);
@@ -208,9 +197,9 @@ impl ScenePlan {
         );
     }
 
-    fn choose_depth(&mut self, field: &LightField, display: &Display, wish: &Wish) {
+    fn choose_depth(&mut self, field: &LightField, display: &Display, request: &PlanRequest) {
         let mm = |[a, b]: [f64; 2]| format!("{:.2}..{:.2} mm", a * 1e3, b * 1e3);
-        let (depth, why) = match wish.depth {
+        let (depth, why) = match request.depth {
             Some([a, b]) => ([a.min(b), a.max(b)], "as asked".to_owned()),
             None => match field.reach(display) {
                 (depth, DepthSource::Stated) => (depth, "the scene says how deep it reaches".into()),
@@ -225,9 +214,9 @@ impl ScenePlan {
         self.say("depth", mm(depth), why);
     }
 
-    fn choose_views(&mut self, field: &LightField, display: &Display, wish: &Wish) -> Result<(), SolveError> {
+    fn choose_views(&mut self, field: &LightField, display: &Display, request: &PlanRequest) -> Result<(), SolveError> {
         let count = field.grid[0] * field.grid[1];
-        if wish.full.views {
+        if request.full.views {
             self.say("views", format!("{count}"), "all, as asked");
             return Ok(());
         }
@@ -313,7 +302,12 @@ impl ScenePlan {
         Ok(all.iter().zip(&few).map(one).reduce(f64::min).unwrap_or(f64::NEG_INFINITY))
     }
 
-    fn choose_padding(&mut self, field: &LightField, display: &Display, wish: &Wish) -> Result<(), SolveError> {
+    fn choose_padding(
+        &mut self,
+        field: &LightField,
+        display: &Display,
+        request: &PlanRequest,
+    ) -> Result<(), SolveError> {
         let optics = display.optics(self.colors[0])?;
         let [far, near] = self.settings.depth;
         let (depth, reach) = (far.abs().max(near.abs()), display.eyebox_min() / 2.0);
@@ -324,10 +318,10 @@ impl ScenePlan {
         let loss = WRAP_COST * power;
         let walks =
             format!("light walks off by up to {pixels:.1} pixels; what comes in again would cost about {loss:.2} dB");
-        let always = wish.full.padding || wish.padding == PaddingRule::Always;
+        let always = request.full.padding || request.settings.padding == PaddingRule::Always;
         if required == Padding::default() {
             self.say("padding", "none", "light stays where it is");
-        } else if always || (wish.padding == PaddingRule::Need && loss > TOLERANCE) {
+        } else if always || (request.settings.padding == PaddingRule::Need && loss > TOLERANCE) {
             self.padding = required;
             let why = if always { "as asked".to_owned() } else { walks };
             self.say("padding", format!("{} rows, {} columns", required.rows, required.columns), why);
@@ -338,8 +332,8 @@ impl ScenePlan {
         Ok(())
     }
 
-    fn choose_window(&mut self, display: &Display, wish: &Wish) -> Result<(), SolveError> {
-        if wish.full.window {
+    fn choose_window(&mut self, display: &Display, request: &PlanRequest) -> Result<(), SolveError> {
+        if request.full.window {
             self.settings.window = WindowFactor::Full;
         }
         let optics = self.padding.grid(display.optics(self.colors[0])?);
@@ -365,8 +359,8 @@ impl ScenePlan {
         Ok(())
     }
 
-    fn choose_frames(&mut self, wish: &Wish) {
-        let why = match wish.contrast {
+    fn choose_frames(&mut self, request: &PlanRequest) {
+        let why = match request.contrast {
             Some(contrast) => {
                 // Independent frames: sigma / mu = 1 / sqrt(F) (OPTICS 8).
                 self.settings.frames = (1.0 / (contrast * contrast) - 1e-9).ceil().clamp(1.0, 4096.0) as usize;
@@ -382,7 +376,7 @@ impl ScenePlan {
 
     fn say_precision(&mut self, display: &Display) {
         // Phase errors are even over one level: variance (2 pi / L)^2 / 12 of the field's power.
-        let levels = self.settings.levels.as_ref().map_or(display.levels as usize, Vec::len);
+        let levels = self.settings.levels.given().map_or(display.levels as usize, <[f64]>::len);
         let power = (std::f64::consts::TAU / levels as f64).powi(2) / 12.0;
         let shown = -10.0 * power.log10();
         let would_do = if shown < 50.0 && self.settings.storage == Storage::F32 { ", which would do" } else { "" };
@@ -398,21 +392,28 @@ mod tests {
     use super::*;
     use crate::scene::{Request, load};
 
-    fn plan(source: &str, change: impl Fn(&mut LightField, &Display), wish: impl Fn(&mut Wish)) -> ScenePlan {
+    fn plan(
+        source: &str,
+        change: impl Fn(&mut LightField, &Display),
+        change_request: impl Fn(&mut PlanRequest),
+    ) -> ScenePlan {
+        padded(PaddingRule::Need, source, change, change_request)
+    }
+
+    fn padded(
+        padding: PaddingRule,
+        source: &str,
+        change: impl Fn(&mut LightField, &Display),
+        change_request: impl Fn(&mut PlanRequest),
+    ) -> ScenePlan {
         let display = Display { height: 96, width: 120, ..Display::preset("small").unwrap() };
         let colors = [Color::Red, Color::Green, Color::Blue];
         let mut field = load(source, &Request::new(&display, &colors)).unwrap();
         change(&mut field, &display);
-        let settings = Settings { diameter: [2e-3, 18e-3], ..Settings::default() };
-        let mut asked = Wish {
-            settings: &settings,
-            depth: None,
-            full: Full::default(),
-            padding: PaddingRule::Need,
-            contrast: None,
-        };
-        wish(&mut asked);
-        ScenePlan::new(&field, &display, &asked).unwrap()
+        let settings = Settings { diameter: [2e-3, 18e-3], padding, ..Settings::default() };
+        let mut request = PlanRequest { settings: &settings, depth: None, full: Full::default(), contrast: None };
+        change_request(&mut request);
+        ScenePlan::new(&field, &display, &request).unwrap()
     }
 
     fn black_out(color: usize) -> impl Fn(&mut LightField, &Display) {
@@ -467,7 +468,9 @@ mod tests {
             }
         };
         let padding = |change: &dyn Fn(&mut LightField, &Display), rule| {
-            plan("builtin:still-life?span=2", change, |w| w.padding = rule).padding
+            let plan = padded(rule, "builtin:still-life?span=2", change, |_| ());
+            assert_eq!(plan.settings.padding == PaddingRule::Always, plan.padding != Padding::default());
+            plan.padding
         };
         assert_ne!(padding(&|_, _| (), PaddingRule::Need), Padding::default());
         assert_eq!(padding(&margins, PaddingRule::Need), Padding::default());

@@ -1,56 +1,37 @@
-//! What can be chosen about a solve.
+//! What can be chosen about a solve: one type for the library, the command, measured settings and a hologram's file.
 
+use super::error::SolveError;
+use super::levels::Levels;
+use super::method::Method;
+use super::optimizer::Optimizer;
 use super::sampling::{Diameters, Sequence};
-use super::{Method, SolveError};
 use crate::optics::WindowFactor;
-use crate::plan::{Purpose, Storage};
-use serde::{Deserialize, Serialize};
+use crate::plan::Storage;
+use serde::{Deserialize, Deserializer, Serialize};
 
-/// How phases are moved.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase", tag = "kind")]
-pub enum Optimizer {
-    /// Pupil-wise projection (OPTICS 6b).
-    Projection {
-        /// Gain of the first and of the last step; a half cosine between.
-        gain: [f64; 2],
-        /// Share of the velocity that is kept.
-        momentum: f64,
-        /// The change is divided by the overlap to this power.
-        overlap_power: f64,
-    },
-    /// Adam on the closed-form gradient, the paper's (OPTICS 4).
-    Adam {
-        /// Learning rate of the first and of the last step, radians; a half cosine between.
-        rate: [f64; 2],
-        /// Compare amplitudes, not intensities.
-        amplitude: bool,
-    },
-}
-
-impl Optimizer {
-    /// The projection as tuned on several scenes (docs/measurements.md).
-    pub fn projection() -> Self {
-        Self::Projection { gain: [2.5, 0.3], momentum: 0.5, overlap_power: 0.5 }
-    }
-
-    /// What an engine's buffers are for.
-    pub(super) fn purpose(&self) -> Purpose {
-        if matches!(self, Self::Adam { .. }) { Purpose::Adam } else { Purpose::Project }
-    }
-
-    /// Adam at twice the paper's rate (better here by 0.3 dB), decaying to a twentieth.
-    pub fn adam() -> Self {
-        Self::Adam { rate: [0.2, 0.01], amplitude: false }
-    }
+/// Whether the SLM is padded where the scene requires it.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum PaddingRule {
+    /// Never: the edges see a little of what walks off on the other side.
+    #[default]
+    Never,
+    /// Where what walks off would cost more than [`TOLERANCE`](super::TOLERANCE).
+    Need,
+    /// As wide as light walks off.
+    Always,
 }
 
 /// Everything that decides a solve, besides the scene and the display.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Settings {
-    /// Sub-frames, optimised jointly on their mean intensity.
+    /// Sub-frames that are shown, optimised jointly on their mean intensity.
     pub frames: usize,
+    /// How often each solved sub-frame is shown: 2 solves half of them. What does not divide the number shown counts as
+    /// the largest number that divides both.
+    #[serde(skip_serializing_if = "is_one")]
+    pub repeats: usize,
     /// What is looked through, and from which first phases.
     pub method: Method,
     /// How phases are moved.
@@ -61,7 +42,7 @@ pub struct Settings {
     pub pupils: usize,
     /// Seconds, at most; the schedule follows whichever of steps and seconds runs out first.
     pub seconds: Option<f64>,
-    /// Stop once the held-out pupils' mean PSNR reaches this, dB.
+    /// Stop once the validation pupils' mean PSNR reaches this, dB.
     pub psnr: Option<f64>,
     /// Part of the light that the pupils are to see: mean of the target over the exposure. None: chosen from the scene.
     pub efficiency: Option<f64>,
@@ -86,8 +67,20 @@ pub struct Settings {
     pub evenness: f64,
     /// Patches of the eyebox along each axis, 1 to 16, whose light is evened out.
     pub patches: usize,
-    /// Phases that the SLM can show, radians, 1 to 256 of them: what is optimised for, straight-through. None: any phase.
-    pub levels: Option<Vec<f64>>,
+    /// Phases that the SLM can show.
+    pub levels: Levels,
+    /// When the SLM is padded with zeros. What a [`Problem`](super::Problem) is made with: [`ScenePlan`](super::ScenePlan)
+    /// and [`quality::Subject`](crate::quality::Subject) follow it.
+    #[serde(deserialize_with = "padding", skip_serializing_if = "is_never")]
+    pub padding: PaddingRule,
+    /// Every how many-th view of the light field is used, along both axes; a [`quality::Subject`](crate::quality::Subject)
+    /// thins them.
+    #[serde(skip_serializing_if = "is_one")]
+    pub views: usize,
+    /// Side of a solved pixel in pixels of the SLM, 1 or 2: at 2 a [`quality::Subject`](crate::quality::Subject) solves a
+    /// display of half the resolution and twice the pitch, and each of its pixels is shown on 2 x 2.
+    #[serde(skip_serializing_if = "is_one")]
+    pub pixel: usize,
     /// Bytes that the windows of pupils in flight may take, as float32; stored as halves the same ones take half of it.
     pub window_bytes: usize,
     /// How complex fields are stored while solving: halves take half the memory, at a price (docs/measurements.md).
@@ -98,6 +91,7 @@ impl Default for Settings {
     fn default() -> Self {
         Self {
             frames: 8,
+            repeats: 1,
             method: Method::Slfh,
             optimizer: Optimizer::projection(),
             steps: 60,
@@ -115,7 +109,10 @@ impl Default for Settings {
             stft_samples: None,
             evenness: 0.5,
             patches: 9,
-            levels: None,
+            levels: Levels::Any,
+            padding: PaddingRule::Never,
+            views: 1,
+            pixel: 1,
             window_bytes: 256 << 20,
             storage: Storage::F32,
         }
@@ -123,6 +120,45 @@ impl Default for Settings {
 }
 
 impl Settings {
+    /// Sub-frames that are solved: `repeats` of them are alike where that divides them.
+    pub fn solved_frames(&self) -> usize {
+        fn common_divisor(a: usize, b: usize) -> usize {
+            if b == 0 { a } else { common_divisor(b, a % b) }
+        }
+        self.frames / common_divisor(self.frames.max(1), self.repeats.max(1))
+    }
+
+    /// These as the solver takes them: the sub-frames that are solved, and the optimiser that the method asks for.
+    pub(super) fn as_computed(&self) -> Self {
+        let frames = if self.method.repeats_frames() { 1 } else { self.solved_frames() };
+        let optimizer = match (self.method, self.optimizer) {
+            (Method::Smooth, Optimizer::Projection { .. }) => Optimizer::adam(),
+            (_, optimizer) => optimizer,
+        };
+        Self { frames, repeats: 1, optimizer, ..self.clone() }
+    }
+
+    /// These, with everything of `other` that trades quality for time. What stays (depths, diameters, seed, sub-frames
+    /// shown, levels that are given, method) belongs to the scene and the display.
+    pub fn with_quality_of(&self, other: &Self) -> Self {
+        let Self { steps, pupils, optimizer, diameters, window, repeats, views, storage, padding, pixel, .. } = *other;
+        let levels = if other.levels == Levels::Display { Levels::Display } else { self.levels.clone() };
+        Self {
+            steps,
+            pupils,
+            optimizer,
+            diameters,
+            window,
+            repeats,
+            views,
+            storage,
+            levels,
+            padding,
+            pixel,
+            ..self.clone()
+        }
+    }
+
     /// Refuses settings that cannot be.
     ///
     /// # Errors
@@ -164,7 +200,7 @@ impl Settings {
         if !(1..=eyebox_kernels::energy::MOST as usize).contains(&self.patches) {
             return wrong("the number of patches along the eyebox", self.patches.to_string(), "1 to 16");
         }
-        if let Some(levels) = &self.levels {
+        if let Some(levels) = self.levels.given() {
             if !(1..=eyebox_kernels::quantise::MOST).contains(&levels.len()) {
                 return wrong("the number of phase levels", levels.len().to_string(), "1 to 256");
             }
@@ -179,20 +215,26 @@ impl Settings {
     }
 }
 
-/// `n` levels evenly spaced over a turn, the first at 0: what a linear SLM of `n` grey levels shows.
-pub fn even_levels(n: usize) -> Vec<f64> {
-    (0..n).map(|i| i as f64 * std::f64::consts::TAU / n as f64).collect()
+// What is as by default is left out: files stay those of earlier versions, which go on where they were cut off.
+fn is_one(n: &usize) -> bool {
+    *n == 1
 }
 
-/// Levels as the kernel `quantise` takes them: wrapped, ascending, filled up.
-pub(crate) fn level_table(levels: &[f64]) -> Vec<f32> {
-    let mut table: Vec<f32> = levels.iter().map(|l| eyebox_kernels::trig::wrap(*l as f32)).collect();
-    table.sort_by(f32::total_cmp);
-    table.resize(eyebox_kernels::quantise::MOST, f32::MAX);
-    table
+fn is_never(rule: &PaddingRule) -> bool {
+    *rule == PaddingRule::Never
 }
 
-/// A half cosine from `from` to `to` as `progress` goes from 0 to 1.
-pub fn cosine([from, to]: [f64; 2], progress: f64) -> f64 {
-    to + (from - to) * 0.5 * (1.0 + (std::f64::consts::PI * progress.clamp(0.0, 1.0)).cos())
+/// A rule, or the switch that earlier versions wrote.
+fn padding<'de, D: Deserializer<'de>>(from: D) -> Result<PaddingRule, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged)]
+    enum Stored {
+        Switch(bool),
+        Rule(PaddingRule),
+    }
+    Ok(match Stored::deserialize(from)? {
+        Stored::Switch(false) => PaddingRule::Never,
+        Stored::Switch(true) => PaddingRule::Always,
+        Stored::Rule(rule) => rule,
+    })
 }

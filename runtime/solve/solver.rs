@@ -1,108 +1,26 @@
-//! The loop.
+//! A solve from its settings to its phases: what is checked, loaded and chosen before the first step.
 
-use super::method::Viewpoints;
+use super::dpac;
+use super::error::SolveError;
+use super::levels::Levels;
+use super::outcome::{Flow, Progress, Solution, Stop, Warm};
+use super::problem::Problem;
 use super::run::Run;
-use super::settings::level_table;
-use super::{Judge, Method, Optimizer, Problem, Settings, Verdict, dpac};
-use crate::engine::{Buffer, Engine, EngineError};
-use crate::optics::OpticsError;
-use crate::plan::{Kernel, Purpose};
+use super::sampling::Diameters;
+use super::settings::Settings;
+use super::validation::Validator;
+use super::viewpoints::Viewpoints;
+use crate::engine::{Buffer, Engine};
+use crate::plan::Purpose;
 use std::sync::Arc;
 use std::time::Instant;
-
-/// Why a solve ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stop {
-    /// All steps were taken.
-    Steps,
-    /// Time was up.
-    Seconds,
-    /// The quality asked for was reached.
-    Quality,
-    /// The observer said so.
-    Asked,
-    /// A loss was not a finite number: the step was not taken, and the state before it is what is left.
-    NotFinite {
-        /// Which step, from 1.
-        step: usize,
-        /// The first kernel that gave such a number; None where the phases themselves were not finite.
-        kernel: Option<Kernel>,
-    },
-}
-
-/// What the observer is shown after each step.
-#[derive(Debug, Clone, Copy)]
-pub struct Progress<'a> {
-    /// Steps taken.
-    pub step: usize,
-    /// Steps asked for.
-    pub steps: usize,
-    /// Since the start.
-    pub seconds: f64,
-    /// Mean squared difference over this step's pupils and pixels.
-    pub loss: f64,
-    /// The last verdict over held-out pupils, if there was one.
-    pub verdict: Option<&'a Verdict>,
-}
-
-/// The observer's answer.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Flow {
-    /// Go on.
-    Continue,
-    /// Stop, and keep the best so far.
-    Stop,
-}
-
-/// A solved colour.
-#[derive(Debug, Clone)]
-pub struct Solution {
-    /// (frames, height, width), radians in -pi .. pi.
-    pub phases: Vec<f32>,
-    /// The exposure that it was solved for.
-    pub exposure: f64,
-    /// Mean of the scene over the exposure.
-    pub efficiency: f64,
-    /// Of the phases, over held-out pupils.
-    pub verdict: Verdict,
-    /// Steps taken.
-    pub steps: usize,
-    /// Seconds taken.
-    pub seconds: f64,
-    /// Seconds of a step, the median; 0 without steps.
-    pub step_seconds: f64,
-    /// Why it ended.
-    pub stop: Stop,
-}
-
-/// Why a solve failed.
-#[derive(Debug, thiserror::Error)]
-pub enum SolveError {
-    /// A setting that cannot be.
-    #[error("{what} is {value}: it must be {right}")]
-    Setting {
-        /// Which, with its unit.
-        what: &'static str,
-        /// Its value.
-        value: String,
-        /// What would be right.
-        right: &'static str,
-    },
-    /// A colour or a size that the display does not have.
-    #[error(transparent)]
-    Optics(#[from] OpticsError),
-    /// From the engine.
-    #[error(transparent)]
-    Engine(#[from] EngineError),
-}
 
 /// Solves one colour. `observe` is called after every step.
 ///
 /// The same seed gives the same phases, bit for bit, on one engine.
 ///
 /// # Errors
-/// [`SolveError`]; a failing engine loses nothing that was judged before only if the caller kept it: the best state
-/// lives in this call.
+/// [`SolveError`]; where the engine fails, the best state so far is lost with this call.
 pub fn solve(
     problem: &Problem,
     settings: &Settings,
@@ -110,15 +28,6 @@ pub fn solve(
     observe: &mut dyn FnMut(&Progress) -> Flow,
 ) -> Result<Solution, SolveError> {
     solve_from(problem, settings, None, engine, observe)
-}
-
-/// Phases to begin with, instead of random ones: those of a scene that is nearly the same.
-#[derive(Debug, Clone, Copy)]
-pub struct Warm<'a> {
-    /// (frames, height, width), radians.
-    pub phases: &'a [f32],
-    /// How far along its schedule the solve begins, 0 to 1: what is nearly right wants smaller steps.
-    pub progress: f64,
 }
 
 /// [`solve`] from phases that are given. Methods in closed form have no use for them.
@@ -144,55 +53,52 @@ pub fn solve_from(
             return Err(SolveError::Setting { what, value: from.progress.to_string(), right });
         }
     }
-    let start = Instant::now();
-    let frames = settings.frames;
-    let mut computed =
-        Settings { frames: if settings.method.repeats_frames() { 1 } else { settings.frames }, ..settings.clone() };
-    if settings.method == Method::Smooth && matches!(settings.optimizer, Optimizer::Projection { .. }) {
-        computed.optimizer = Optimizer::adam();
+    if settings.levels == Levels::Display {
+        let right = "any or a list: a display's own are Levels::of(&display)";
+        return Err(SolveError::Setting { what: "the choice of phase levels", value: "the display's".into(), right });
     }
+    let start = Instant::now();
+    let shown = settings.frames;
+    let settings = &settings.as_computed();
+    let frames = settings.frames;
     let given = if settings.method.is_iterative() { None } else { Some(dpac::phases(problem, settings, engine)?) };
-    let mut planner = problem.planner(computed.frames, settings.window);
-    planner.levels = settings.levels.as_ref().map_or(0, Vec::len);
-    planner.storage = settings.storage;
+    let mut planner = problem.planner_of(settings);
     // A scene of 1e30, or of 1e-30, is solved as if its brightest value were about 1.
     let unit = problem.unit();
     if let Some(views) = &mut planner.views {
         views.unit /= unit;
     }
-    let purpose = if given.is_some() { Purpose::View } else { computed.optimizer.purpose() };
+    let purpose = if given.is_some() { Purpose::View } else { settings.optimizer.purpose() };
     engine.load(&planner.shape(purpose), Some(Arc::clone(&problem.pyramid)))?;
-    if let Some(levels) = &settings.levels {
-        engine.write(Buffer::Levels, &level_table(levels))?;
+    if let Some(levels) = settings.levels.table() {
+        engine.write(Buffer::Levels, &levels)?;
     }
-    // Held out: what the method looks through (pupils by the paper's distribution), from another seed.
-    let uniform = Settings { diameters: super::Diameters::Uniform, ..computed.clone() };
-    let mut held_out = Viewpoints::new(problem, &uniform, !settings.seed);
-    let judge = Judge::new(engine, &planner, (0..8).map(|_| held_out.draw()).collect())?;
+    // What the method looks through (pupils by the paper's distribution), from another seed: no step is shown these.
+    let uniform = Settings { diameters: Diameters::Uniform, ..settings.clone() };
+    let mut viewpoints = Viewpoints::new(problem, &uniform, !settings.seed);
+    let validator = Validator::new(engine, &planner, (0..PUPILS).map(|_| viewpoints.draw()).collect())?;
     if let Some(phases) = given {
         engine.write(Buffer::Phases, &phases)?;
-        let verdict = judge.judge(engine, &planner)?.in_units_of(unit);
+        let validation = validator.score(engine, &planner)?.in_units_of(unit);
         let phases = if planner.levels > 0 { engine.read(Buffer::Shown)? } else { phases };
-        let (exposure, seconds) = (verdict.exposure, start.elapsed().as_secs_f64());
-        let efficiency = problem.mean / exposure;
+        let exposure = validation.exposure;
         return Ok(Solution {
-            phases,
+            phases: phases.repeat(shown / frames),
             exposure,
-            efficiency,
-            verdict,
+            efficiency: problem.mean / exposure,
+            validation,
             steps: 0,
-            seconds,
+            seconds: start.elapsed().as_secs_f64(),
             step_seconds: 0.0,
             stop: Stop::Steps,
         });
     }
-    let settings = &computed;
     let mut run = Run {
         problem,
         planner: &planner,
         settings,
         engine,
-        judge: &judge,
+        validator: &validator,
         from,
         start,
         exposure: 0.0,
@@ -203,15 +109,23 @@ pub fn solve_from(
     run.exposure = match settings.efficiency {
         // A black scene has no efficiency: any exposure shows it.
         Some(efficiency) if problem.mean > 0.0 => problem.mean / efficiency / unit,
-        _ => run.choose_exposure(judge.bright_end(), observe)?,
+        _ => run.choose_exposure(validator.bright_end(), observe)?,
     };
     let exposure = run.exposure * unit;
     let (best, steps, stop) = run.descend(settings.steps, observe)?;
-    let (verdict, phases, _) = best;
     let mut durations = run.durations;
     durations.sort_by(f64::total_cmp);
-    let step_seconds = durations.get(durations.len() / 2).copied().unwrap_or(0.0);
-    let phases = phases.repeat(frames / settings.frames);
-    let (efficiency, seconds) = (problem.mean / exposure, start.elapsed().as_secs_f64());
-    Ok(Solution { phases, exposure, efficiency, verdict, steps, seconds, step_seconds, stop })
+    Ok(Solution {
+        phases: best.phases.repeat(shown / frames),
+        exposure,
+        efficiency: problem.mean / exposure,
+        validation: best.score,
+        steps,
+        seconds: start.elapsed().as_secs_f64(),
+        step_seconds: durations.get(durations.len() / 2).copied().unwrap_or(0.0),
+        stop,
+    })
 }
+
+/// Pupils, or windows of another kind, that a solve is validated by.
+pub(super) const PUPILS: usize = 8;

@@ -1,80 +1,18 @@
 //! Refining a hologram for where the eye is (OPTICS 6d): steps over pupils around it, and a few over the whole eyebox, so
 //! that a sudden look elsewhere never meets the dark.
 
-use super::sampling::Points;
-use super::{Problem, Sequence, SolveError, fault};
+use super::error::SolveError;
+use super::problem::Problem;
+use super::sampling::{Points, Sequence};
+use super::step::{Update, take};
 use crate::engine::{Buffer, Engine, EngineError, PhasesOnDevice};
 use crate::evaluate::{self, Sums};
-use crate::optics::{Pupil, WindowFactor};
-use crate::plan::{Comparison, Kernel, Planner, PupilPass, Purpose, Step, Viewpoint};
-use eyebox_kernels::compare;
+use crate::optics::{Pupil, PupilDistribution, WindowFactor};
+use crate::plan::{Kernel, Planner, PupilPass, Purpose, Step, Viewpoint};
 use serde::{Deserialize, Serialize};
-use std::f64::consts::TAU;
 use std::ops::Range;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-
-/// Where the eye is believed to be, metres.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Aim {
-    /// Centre of the pupil, to the right.
-    pub x: f64,
-    /// Centre of the pupil, down.
-    pub y: f64,
-    /// Standard deviation of the centre, along each axis.
-    pub spread: f64,
-    /// Smallest and largest diameter.
-    pub diameter: [f64; 2],
-    /// Nearest and farthest focus.
-    pub depth: [f64; 2],
-    /// Probability that the eye is anywhere in the eyebox instead.
-    pub elsewhere: f64,
-}
-
-/// Within this many standard deviations pupils are drawn.
-const FARTHEST: f64 = 3.0;
-
-impl Aim {
-    /// The pupil at a point of the unit cube: two numbers for the centre, one for the diameter, one for the focus.
-    fn pupil(&self, [u, v, d, z]: [f64; 4]) -> Pupil {
-        // Box and Muller.
-        let radius = self.spread * (-2.0 * (1.0 - u).max(1e-9).ln()).sqrt().min(FARTHEST);
-        let between = |[low, high]: [f64; 2], u: f64| low + (high - low) * u;
-        Pupil {
-            x: self.x + radius * (TAU * v).cos(),
-            y: self.y + radius * (TAU * v).sin(),
-            diameter: between(self.diameter, d),
-            depth: between(self.depth, z),
-        }
-    }
-
-    /// How far from its centre a pupil's edge may be, metres.
-    pub fn reach(&self) -> f64 {
-        FARTHEST * self.spread + self.diameter[1] / 2.0
-    }
-
-    /// So many pupils of it, spread evenly; the same for the same seed.
-    pub fn pupils(&self, count: usize, seed: u64) -> Vec<Pupil> {
-        let mut points = Points::new(Sequence::Sobol, seed);
-        (0..count).map(|_| self.pupil(points.draw())).collect()
-    }
-
-    /// How far the centre is from another's, metres.
-    pub fn distance(&self, other: &Self) -> f64 {
-        (self.x - other.x).hypot(self.y - other.y)
-    }
-
-    /// Whether what was drawn for another aim serves this one as well: what the eye does while it fixates.
-    fn is_served_by(&self, other: &Self) -> bool {
-        let slack = 0.5 * self.spread.max(other.spread);
-        let close = |a: [f64; 2], b: [f64; 2], slack: f64| (0..2).all(|i| (a[i] - b[i]).abs() <= slack);
-        self.distance(other) <= slack
-            && close(self.diameter, other.diameter, 0.05 * self.diameter[1])
-            && close(self.depth, other.depth, 0.0)
-            && self.spread >= 0.5 * other.spread
-            && other.spread >= 0.5 * self.spread
-    }
-}
 
 /// How the phases follow.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -98,6 +36,19 @@ pub enum Strategy {
         /// Learning rate, radians.
         rate: f64,
     },
+}
+
+impl Strategy {
+    /// The `step`-th step since phases or aim were set anew, from 1.
+    fn update(self, step: usize) -> Update {
+        match self {
+            Self::Projection { gain, settled, settling, momentum, overlap_power } => {
+                let fresh = (-((step - 1) as f64) / settling.max(1e-3)).exp();
+                Update::Projection { gain: settled + (gain - settled) * fresh, momentum, overlap_power }
+            }
+            Self::Adam { rate } => Update::Adam { rate, amplitude: false, step },
+        }
+    }
 }
 
 /// Everything that decides a refinement, besides the scene and the aim.
@@ -143,9 +94,9 @@ pub struct Refiner {
     steering: Steering,
     engine: Box<dyn Engine>,
     exposure: f64,
-    aim: Aim,
+    aim: PupilDistribution,
     /// What the pupils of the last step were drawn for.
-    drawn_for: Aim,
+    drawn_for: PupilDistribution,
     points: Points,
     /// Pupils over the whole eyebox that are due.
     due: f64,
@@ -190,9 +141,9 @@ impl Refiner {
         let purpose = if adam { Purpose::Adam } else { Purpose::Project };
         engine.load(&planner.shape(purpose), Some(Arc::clone(&problem.pyramid)))?;
         let half = problem.eyebox / 2.0;
-        let (diameter, depth) = ([half / 4.0, half / 2.0], [0.0, 0.0]);
-        let [x, y] = problem.optics.center();
-        let aim = Aim { x, y, spread: half, diameter, depth, elsewhere: 1.0 };
+        let diameter = [half / 4.0, half / 2.0];
+        let centre = problem.optics.center();
+        let aim = PupilDistribution { centre, spread: half, diameter, focus: [0.0, 0.0], elsewhere: 1.0 };
         let points = Points::new(Sequence::Sobol, steering.seed ^ 0x0073_7465_6572);
         let (pupil_passes, expected) = (Vec::new(), 0.0);
         let mut refiner = Self {
@@ -227,7 +178,7 @@ impl Refiner {
     ///
     /// # Errors
     /// Those of the engine.
-    pub fn aim(&mut self, aim: Aim) -> Result<(), EngineError> {
+    pub fn aim(&mut self, aim: PupilDistribution) -> Result<(), EngineError> {
         let jumped = aim.distance(&self.aim) > 0.5 * (aim.diameter[0] + self.aim.diameter[0]).max(aim.spread);
         if !aim.is_served_by(&self.drawn_for) {
             self.used = self.steering.repeats.max(1);
@@ -271,27 +222,15 @@ impl Refiner {
     /// are those of the step before.
     fn next(&mut self) -> (Step, Vec<Range<usize>>) {
         let fresh = self.pupil_passes.is_empty() || self.used >= self.steering.repeats.max(1);
+        self.since += 1;
+        let update = self.steering.strategy.update(self.since);
         if fresh {
-            let pupils = self.draw();
-            let mode = match self.steering.strategy {
-                Strategy::Projection { .. } => compare::PROJECTION,
-                Strategy::Adam { .. } => compare::INTENSITY,
-            };
-            let comparison = Comparison { mode, exposure: self.exposure, batch: pupils.len(), ..Comparison::default() };
-            self.pupil_passes = pupils.iter().map(|p| self.planner.pupil_pass(p, &comparison)).collect();
+            let viewpoints: Vec<Viewpoint> = self.draw().into_iter().map(Viewpoint::Pupil).collect();
+            self.pupil_passes = update.pupil_passes(&self.planner, &viewpoints, self.exposure);
             self.used = 0;
         }
         self.used += 1;
-        self.since += 1;
-        let pupil_passes = self.pupil_passes.clone();
-        let step = match self.steering.strategy {
-            Strategy::Projection { gain, settled, settling, momentum, overlap_power } => {
-                let fresh = (-((self.since - 1) as f64) / settling.max(1e-3)).exp();
-                let gain = settled + (gain - settled) * fresh;
-                self.planner.project_step(pupil_passes, usize::MAX, overlap_power, gain, momentum)
-            }
-            Strategy::Adam { rate } => self.planner.adam_step(pupil_passes, usize::MAX, self.since, rate),
-        };
+        let step = update.step(&self.planner, self.pupil_passes.clone(), usize::MAX);
         let known = |kernel| matches!(kernel, Kernel::Transfer | Kernel::Photograph | Kernel::Resample);
         let mut parts: Vec<Range<usize>> = Vec::new();
         for (i, dispatch) in step.list.iter().enumerate().filter(|(_, d)| fresh || !known(d.kernel)) {
@@ -304,34 +243,22 @@ impl Refiner {
         (step, parts)
     }
 
-    /// One step. A loss that is no finite number takes none, and says so by being returned.
+    /// One step; its loss. With a loss that is NaN or infinite the phases stay as they were.
     ///
     /// # Errors
     /// Those of the engine.
     pub fn step(&mut self) -> Result<f64, EngineError> {
         let start = Instant::now();
         let (step, parts) = self.next();
-        let state = fault::before_state(&step);
-        let mut losses = vec![0.0; step.pupil_passes.len()];
-        for part in parts {
-            // The losses are known before phases move.
-            let before = part.start..part.end.min(state).max(part.start);
-            for (sum, loss) in losses.iter_mut().zip(self.engine.run_part(&step, before.clone())?) {
-                *sum += loss;
-            }
-            let loss = mean_loss(&losses, &step.pupil_passes);
-            if part.end > state {
-                if !loss.is_finite() {
-                    self.pupil_passes.clear();
-                    return Ok(loss);
-                }
-                self.engine.run_part(&step, before.end..part.end)?;
-            }
+        let loss = take(self.engine.as_mut(), &step, &parts)?;
+        if !loss.is_finite() {
+            self.pupil_passes.clear();
+            return Ok(loss);
         }
         let seconds = start.elapsed().as_secs_f64();
         // Slow to hope, quick to fear: a step that takes longer counts at once.
         self.expected = if seconds > self.expected { seconds } else { 0.8 * self.expected + 0.2 * seconds };
-        Ok(mean_loss(&losses, &step.pupil_passes))
+        Ok(loss)
     }
 
     /// What the intensities are multiplied by.
@@ -380,9 +307,4 @@ impl Refiner {
         self.pupil_passes.clear();
         evaluate::sums(self.engine.as_mut(), &self.planner, &viewpoints)
     }
-}
-
-fn mean_loss(losses: &[f64], pupil_passes: &[PupilPass]) -> f64 {
-    losses.iter().zip(pupil_passes).map(|(loss, pupil_pass)| loss / pupil_pass.count() as f64).sum::<f64>()
-        / losses.len().max(1) as f64
 }

@@ -1,8 +1,8 @@
 //! Tests of steered refinement.
 
-use super::{Aim, Flow, Problem, Refiner, Settings, Steering, Strategy, solve};
+use super::{Flow, Problem, Refiner, Settings, Steering, Strategy, solve};
 use crate::engine::cpu::CpuEngine;
-use crate::optics::{Color, Display, Padding, Pupil};
+use crate::optics::{Color, Display, Padding, Pupil, PupilDistribution};
 use crate::scene::{self, Request};
 use std::time::{Duration, Instant};
 
@@ -16,8 +16,13 @@ fn solved() -> (Problem, Vec<f32>, f64) {
     (problem, solution.phases, solution.exposure)
 }
 
-const AIM: Aim =
-    Aim { x: 4e-3, y: -2e-3, spread: 3e-4, diameter: [3.5e-3, 4.5e-3], depth: [2e-4, 2e-4], elsewhere: 0.0 };
+const AIM: PupilDistribution = PupilDistribution {
+    centre: [4e-3, -2e-3],
+    spread: 3e-4,
+    diameter: [3.5e-3, 4.5e-3],
+    focus: [2e-4, 2e-4],
+    elsewhere: 0.0,
+};
 
 fn refiner(of: &(Problem, Vec<f32>, f64), steering: Steering) -> Refiner {
     let mut refiner =
@@ -62,7 +67,7 @@ fn photographs_that_are_kept_change_nothing() {
     let run = |repeats| {
         let steering = Steering { repeats, elsewhere: 0.0, ..Steering::default() };
         let mut refiner = refiner(&whole, steering);
-        refiner.aim(Aim { spread: 0.0, diameter: [4e-3; 2], ..AIM }).unwrap();
+        refiner.aim(PupilDistribution { spread: 0.0, diameter: [4e-3; 2], ..AIM }).unwrap();
         (0..5).for_each(|_| assert!(refiner.step().unwrap().is_finite()));
         refiner.phases().unwrap()
     };
@@ -70,7 +75,7 @@ fn photographs_that_are_kept_change_nothing() {
     // A look in between takes the slots: they are filled again.
     let steering = Steering { repeats: 3, elsewhere: 0.0, ..Steering::default() };
     let mut refiner = refiner(&whole, steering);
-    refiner.aim(Aim { spread: 0.0, diameter: [4e-3; 2], ..AIM }).unwrap();
+    refiner.aim(PupilDistribution { spread: 0.0, diameter: [4e-3; 2], ..AIM }).unwrap();
     for _ in 0..5 {
         refiner.step().unwrap();
         refiner.look(&pupils(&[[-6.0, 5.0]])).unwrap();

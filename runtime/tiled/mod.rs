@@ -10,21 +10,18 @@
 //!
 //! May import all rooms of the way from `optics` to `hologram`.
 
-mod look;
 mod refine;
 mod region;
-mod scene;
 mod solve;
 mod visits;
 
-pub use look::{Seen, look, look_frames, photograph_at, photograph_of};
 pub use refine::Piece;
-pub use region::{Memory, RegionSize};
-pub use scene::Views;
-pub use solve::{Job, Step, exposure, solve};
+pub use region::{MemoryLimit, RegionSize};
+pub use solve::{Job, Visit, exposure, solve};
 pub use visits::Schedule;
 
 use crate::engine::EngineError;
+use crate::evaluate::Views;
 use crate::hologram::HologramError;
 use crate::optics::OpticsError;
 use crate::scene::SceneError;

@@ -2,8 +2,8 @@
 
 use super::{TiledError, Views};
 use crate::hologram::Tiles;
-use crate::optics::Padding;
-use crate::solve::{Aim, Problem};
+use crate::optics::{Padding, PupilDistribution};
+use crate::solve::Problem;
 
 /// The tiles that hold every pupil of an aim, and the problem on them.
 pub struct Piece {
@@ -20,7 +20,7 @@ impl Piece {
     ///
     /// # Errors
     /// [`TiledError::Optics`]; [`TiledError::Unsuitable`] for an aim that is nowhere on the SLM.
-    pub fn around(tiles: &Tiles, color: usize, views: &Views, aim: &Aim) -> Result<Self, TiledError> {
+    pub fn around(tiles: &Tiles, color: usize, views: &Views, aim: &PupilDistribution) -> Result<Self, TiledError> {
         let whole = tiles.about().optics(color)?;
         let (first, side) = (whole.first_bin(), tiles.side() as f64);
         let axis = |s: f64, first: i64, n: usize| {
@@ -34,8 +34,8 @@ impl Piece {
             })
         };
         let nowhere = || TiledError::Unsuitable("the eye looks past the SLM: no pixel of it is under the pupil".into());
-        let (top, rows) = axis(aim.y, first.0, whole.height).ok_or_else(nowhere)?;
-        let (left, columns) = axis(aim.x, first.1, whole.width).ok_or_else(nowhere)?;
+        let (top, rows) = axis(aim.centre[1], first.0, whole.height).ok_or_else(nowhere)?;
+        let (left, columns) = axis(aim.centre[0], first.1, whole.width).ok_or_else(nowhere)?;
         let optics = whole.piece([top, left], [rows, columns]);
         let extent = rows.max(columns) as f64 * whole.pitch;
         let (pyramid, seen) = views.around(optics.center(), extent);

@@ -5,7 +5,7 @@ use crate::optics::Optics;
 
 /// Bytes that a solve or a look may take in all.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Memory(pub u64);
+pub struct MemoryLimit(pub u64);
 
 /// The program itself, threads, transforms' plans.
 const PROGRAM: u64 = 160 << 20;
@@ -33,7 +33,7 @@ impl RegionSize {
         side: usize,
         diameter: f64,
         picture: usize,
-        memory: Memory,
+        memory: MemoryLimit,
     ) -> Result<Self, TiledError> {
         let pupil = (diameter / optics.pitch).ceil() as usize + 2;
         let whole = |pixels: usize| pixels.div_ceil(side) * side;
@@ -69,7 +69,7 @@ fn bytes(pixels: usize, frames: usize, picture: usize) -> u64 {
     // region about once and a half: field, transfer function, image and target; and their shares of a transform's scratch.
     let region = 4 * frames as u64 + frames as u64 + (4 + 4 + 8 + 8 + 4 + 4) + 3 * (8 + 8 + 4 + 4) / 2 + 8;
     // Views: as they are kept, and the textures that they are made of. While they are made, as float32, there are no fields.
-    let (views, making) = (super::scene::MOST_VIEWS as u64 * 3 + 300, super::scene::MOST_VIEWS as u64 * 4);
+    let (views, making) = (crate::evaluate::MOST_VIEWS as u64 * 3 + 300, crate::evaluate::MOST_VIEWS as u64 * 4);
     let (pixels, picture) = (pixels as u64, (picture * picture) as u64);
     PROGRAM + picture * views + (pixels * region).max(5 * frames as u64 * pixels + picture * making)
 }

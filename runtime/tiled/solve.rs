@@ -4,10 +4,10 @@ use super::{RegionSize, Schedule, TiledError, Views};
 use crate::engine::{Buffer, Engine, Purpose};
 use crate::hologram::Tiles;
 use crate::optics::{Optics, Pupil, WindowFactor};
-use crate::plan::{Comparison, Kernel, Planner, PupilPass};
+use crate::plan::{Kernel, Planner, Viewpoint};
 use crate::scene::Pyramid;
-use crate::solve::{BrightEnd, Flow, Optimizer, PupilRange, Sampler, Settings, cosine};
-use eyebox_kernels::compare;
+use crate::solve::{BrightEnd, Flow, Optimizer, PupilRange, Sampler, Settings, Update, cosine, mean_loss, take};
+use std::slice;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -29,7 +29,7 @@ pub struct Job<'a> {
 
 /// A visit that is done.
 #[derive(Debug, Clone, Copy)]
-pub struct Step {
+pub struct Visit {
     /// How many are, of this colour.
     pub visit: usize,
     /// Of so many.
@@ -68,7 +68,7 @@ pub fn exposure(
         let pupil = sampler.draw();
         // As large as the views: more would be between them.
         let piece = Optics { height: views.size(), width: views.size(), offset: [0, 0], ..*optics };
-        photographs.push(super::look::shot(&piece, views, &pupil, WindowFactor::Full, engine)?);
+        photographs.push(views.photograph(&piece, &pupil, WindowFactor::Full, engine)?);
     }
     let end = BrightEnd::of(photographs.iter().map(|p| &p[..]));
     let exposure = match settings.efficiency {
@@ -87,7 +87,7 @@ pub fn solve(
     job: &Job,
     tiles: &mut Tiles,
     engine: &mut dyn Engine,
-    observe: &mut dyn FnMut(&Step) -> Flow,
+    observe: &mut dyn FnMut(&Visit) -> Flow,
 ) -> Result<Flow, TiledError> {
     let start = Instant::now();
     let visits = job.schedule.visits.len();
@@ -110,7 +110,7 @@ pub fn solve(
         engine.load(&Planner::new(optics.piece([0, 0], [1, 1]), 1, WindowFactor::One).shape(Purpose::View), None)?;
         tiles.commit(job.before + k as u64 + 1, job.color, at, size, &phases)?;
         let seconds = start.elapsed().as_secs_f64();
-        if observe(&Step { visit: k + 1, visits, pupils, loss, seconds }) == Flow::Stop {
+        if observe(&Visit { visit: k + 1, visits, pupils, loss, seconds }) == Flow::Stop {
             return Ok(Flow::Stop);
         }
     }
@@ -211,10 +211,6 @@ impl<'a> Region<'a> {
         let Optimizer::Projection { gain, momentum, overlap_power } = self.job.settings.optimizer else {
             return Err(TiledError::Unsuitable("a hologram in tiles is solved by the projection alone".into()));
         };
-        let mode = compare::PROJECTION;
-        let comparison = Comparison { mode, exposure: self.exposure, batch: pupils.len(), ..Comparison::default() };
-        let mut pupil_passes: Vec<PupilPass> = pupils.iter().map(|p| self.all.pupil_pass(p, &comparison)).collect();
-        pupil_passes.iter_mut().for_each(|pupil_pass| pupil_pass.intensity.frames = 1);
         let frames = self.all.frames;
         let pixels = self.optics.height * self.optics.width;
         // Velocities would be as large as the phases again; a larger gain makes up for a part of them.
@@ -222,15 +218,11 @@ impl<'a> Region<'a> {
             1 => (cosine(gain, progress), momentum),
             _ => (cosine(gain, progress) / (1.0 - 0.5 * momentum), 0.0),
         };
-        let whole = self.one.project_step(pupil_passes, usize::MAX, overlap_power, gain, momentum);
-        let loss = |losses: &[f64]| {
-            losses
-                .iter()
-                .zip(&whole.pupil_passes)
-                .map(|(loss, pupil_pass)| loss / pupil_pass.count() as f64)
-                .sum::<f64>()
-                / losses.len() as f64
-        };
+        let update = Update::Projection { gain, momentum, overlap_power };
+        let viewpoints: Vec<Viewpoint> = pupils.iter().map(|p| Viewpoint::Pupil(*p)).collect();
+        let mut pupil_passes = update.pupil_passes(&self.all, &viewpoints, self.exposure);
+        pupil_passes.iter_mut().for_each(|pupil_pass| pupil_pass.intensity.frames = 1);
+        let whole = update.step(&self.one, pupil_passes, usize::MAX);
         let only = |kernels: &[Kernel]| {
             let mut step = whole.clone();
             step.list.retain(|d| kernels.contains(&d.kernel));
@@ -238,11 +230,8 @@ impl<'a> Region<'a> {
         };
         if frames == 1 {
             engine.write(Buffer::Phases, phases)?;
-            let update =
-                whole.list.iter().position(|d| d.kernel == Kernel::DivideByOverlap).unwrap_or(whole.list.len());
-            let found = loss(&engine.run_part(&whole, 0..update)?);
+            let found = take(engine, &whole, slice::from_ref(&(0..whole.list.len())))?;
             if found.is_finite() {
-                engine.run_part(&whole, update..whole.list.len())?;
                 engine.read_into(Buffer::Phases, phases)?;
             }
             return Ok(found);
@@ -257,7 +246,8 @@ impl<'a> Region<'a> {
                 see.pupil_passes.iter_mut().for_each(|pupil_pass| pupil_pass.intensity.accumulate = 1);
             }
         }
-        let found = loss(&engine.run(&only(&[Kernel::Photograph, Kernel::Resample, Kernel::Compare]))?);
+        let losses = engine.run(&only(&[Kernel::Photograph, Kernel::Resample, Kernel::Compare]))?;
+        let found = mean_loss(&losses, &whole);
         if !found.is_finite() {
             return Ok(found);
         }

@@ -1,17 +1,14 @@
 //! A mouse as an eye tracker: a window pushes where it points.
 
 use super::{About, Event, Quantity, Reading, Sample, Source, TrackerError, Unit, now_ns};
-use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, TrySendError, bounded};
+use crate::mailbox::Mailbox;
 use std::time::Duration;
 
 const KEPT: usize = 64;
 
 /// Where a window pushes the mouse's position.
 #[derive(Debug, Clone)]
-pub struct MouseHandle {
-    sender: Sender<(u64, Option<[f64; 2]>)>,
-    oldest: Receiver<(u64, Option<[f64; 2]>)>,
-}
+pub struct MouseHandle(Mailbox<(u64, Option<[f64; 2]>)>);
 
 impl MouseHandle {
     /// The pupil is where the mouse points: metres in the pupil plane.
@@ -25,24 +22,18 @@ impl MouseHandle {
     }
 
     fn send(&self, position: Option<[f64; 2]>) {
-        let mut event = (now_ns(), position);
-        while let Err(TrySendError::Full(back)) = self.sender.try_send(event) {
-            let _ = self.oldest.try_recv();
-            event = back;
-        }
+        self.0.push((now_ns(), position));
     }
 }
 
 /// What the window pushed, as samples.
 #[derive(Debug)]
-pub struct MouseSource {
-    events: Receiver<(u64, Option<[f64; 2]>)>,
-}
+pub struct MouseSource(Mailbox<(u64, Option<[f64; 2]>)>);
 
 /// A mouse: the window's end and the tracker's.
 pub fn channel() -> (MouseHandle, MouseSource) {
-    let (sender, events) = bounded(KEPT);
-    (MouseHandle { sender, oldest: events.clone() }, MouseSource { events })
+    let events = Mailbox::new(KEPT);
+    (MouseHandle(events.clone()), MouseSource(events))
 }
 
 impl Source for MouseSource {
@@ -51,16 +42,18 @@ impl Source for MouseSource {
     }
 
     fn next(&mut self, timeout: Duration) -> Result<Event, TrackerError> {
-        match self.events.recv_timeout(timeout) {
-            Ok((time, position)) => {
+        // Asked before: what was pushed last is not missed.
+        let closed = self.0.is_alone();
+        match self.0.take_within(if closed { Duration::ZERO } else { timeout }) {
+            Some((time, position)) => {
                 let mut sample = Sample::empty(time);
                 let position = position.unwrap_or([f64::NAN; 2]);
                 sample.combined = Some(Reading::new(Quantity::Pupil, Unit::Metres, position));
                 Ok(Event::Sample(sample, None))
             }
-            Err(RecvTimeoutError::Timeout) => Ok(Event::Nothing),
             // The window is closed.
-            Err(RecvTimeoutError::Disconnected) => Ok(Event::End),
+            None if closed => Ok(Event::End),
+            None => Ok(Event::Nothing),
         }
     }
 }

@@ -1,11 +1,11 @@
 //! A source on a thread of its own.
 //!
-//! The thread reads as fast as the source gives and never waits for who reads here: the channel holds the newest
+//! The thread reads as fast as the source gives and never waits for who reads here: a mailbox holds the newest
 //! samples, and older ones make room. So memory stays flat when a tracker floods or a reader sleeps.
 
 use super::recording::Head;
 use super::{About, Event, Sample, Source, TrackerError};
-use crossbeam_channel::{Receiver, Sender, TrySendError, bounded};
+use crate::mailbox::Mailbox;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
@@ -45,8 +45,8 @@ type Arrival = (Sample, Option<Box<[u8]>>);
 
 /// A running source; dropped, it stops.
 pub struct Stream {
-    samples: Receiver<Arrival>,
-    notes: Receiver<String>,
+    samples: Mailbox<Arrival>,
+    notes: Mailbox<String>,
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
 }
@@ -57,14 +57,12 @@ impl Stream {
     /// # Errors
     /// [`TrackerError::Setting`] where the system gives no thread.
     pub fn start(source: Box<dyn Source>) -> Result<Self, TrackerError> {
-        let (sender, samples) = bounded(KEPT);
-        let (note_sender, notes) = bounded(NOTES_KEPT);
+        let (samples, notes) = (Mailbox::new(KEPT), Mailbox::new(NOTES_KEPT));
         let shared = Arc::new(Shared::default());
-        // To drop the oldest, the sending side takes from the channel too.
-        let (oldest, theirs) = (samples.clone(), Arc::clone(&shared));
+        let (arrive, tell, theirs) = (samples.clone(), notes.clone(), Arc::clone(&shared));
         let thread = std::thread::Builder::new()
             .name("tracker".into())
-            .spawn(move || run(source, &sender, &oldest, &note_sender, &theirs))
+            .spawn(move || run(source, &arrive, &tell, &theirs))
             .map_err(|e| TrackerError::Setting(format!("no thread for the tracker: {e}")))?;
         Ok(Self { samples, notes, shared, thread: Some(thread) })
     }
@@ -76,18 +74,18 @@ impl Stream {
 
     /// As [`next`](Self::next), with the report that the sample came in.
     pub fn next_with_report(&self, timeout: Duration) -> Option<(Sample, Option<Box<[u8]>>)> {
-        self.samples.recv_timeout(timeout).ok()
+        self.samples.take_within(timeout)
     }
 
     /// All samples that have arrived, the oldest first, without waiting.
     pub fn arrived(&self) -> impl Iterator<Item = Sample> + '_ {
-        // No more than the channel holds, so that a flood does not keep the reader here.
-        self.samples.try_iter().take(KEPT).map(|(sample, _)| sample)
+        // No more than are kept, so that a flood does not keep the reader here.
+        std::iter::from_fn(|| self.samples.take()).take(KEPT).map(|(sample, _)| sample)
     }
 
     /// A line that the source said, if there is one.
     pub fn note(&self) -> Option<String> {
-        self.notes.try_recv().ok()
+        self.notes.take()
     }
 
     /// What the source says of itself.
@@ -106,7 +104,7 @@ impl Stream {
         Status {
             samples: s.samples.load(Ordering::Relaxed),
             dropped: s.dropped.load(Ordering::Relaxed),
-            // After this, whoever sees an empty channel has seen everything.
+            // After this, whoever sees an empty mailbox has seen everything.
             ended: s.ended.load(Ordering::Acquire),
             failure: s.failure.lock().unwrap_or_else(PoisonError::into_inner).clone(),
         }
@@ -122,13 +120,7 @@ impl Drop for Stream {
     }
 }
 
-fn run(
-    mut source: Box<dyn Source>,
-    sender: &Sender<Arrival>,
-    oldest: &Receiver<Arrival>,
-    notes: &Sender<String>,
-    shared: &Shared,
-) {
+fn run(mut source: Box<dyn Source>, samples: &Mailbox<Arrival>, notes: &Mailbox<String>, shared: &Shared) {
     let tell = |source: &dyn Source| {
         *shared.about.lock().unwrap_or_else(PoisonError::into_inner) = (Some(source.about()), source.recording_head());
     };
@@ -137,18 +129,14 @@ fn run(
         match source.next(PATIENCE) {
             Ok(Event::Sample(sample, report)) => {
                 shared.samples.fetch_add(1, Ordering::Relaxed);
-                let mut arrival = (sample, report);
-                while let Err(TrySendError::Full(back)) = sender.try_send(arrival) {
-                    if oldest.try_recv().is_ok() {
-                        shared.dropped.fetch_add(1, Ordering::Relaxed);
-                    }
-                    arrival = back;
+                if samples.push((sample, report)).is_some() {
+                    shared.dropped.fetch_add(1, Ordering::Relaxed);
                 }
             }
             Ok(Event::Nothing) => {}
             Ok(Event::Note(text)) => {
                 tell(source.as_ref());
-                let _ = notes.try_send(text);
+                let _ = notes.put(text);
             }
             Ok(Event::End) => break,
             Err(e) => {

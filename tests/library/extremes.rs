@@ -209,7 +209,7 @@ fn run(problem: &Problem, settings: &Settings, engine: &mut dyn Engine) -> Solut
 fn sound(solution: &Solution, what: &str) {
     assert!(solution.phases.iter().all(|p| p.abs() <= CIRCLE), "{what}: phases are finite and wrapped");
     assert!(solution.exposure.is_finite() && solution.exposure > 0.0, "{what}: exposure {}", solution.exposure);
-    assert!(!solution.verdict.mean().is_nan(), "{what}: {:?}", solution.verdict);
+    assert!(!solution.validation.mean().is_nan(), "{what}: {:?}", solution.validation);
     assert!(!matches!(solution.stop, Stop::NotFinite { .. }), "{what}: {:?}", solution.stop);
 }
 
@@ -237,28 +237,32 @@ fn targets_from_black_to_1e30() {
             let (cpu, gpu) = (run(&problem, &settings, &mut CpuEngine::new()), run(&problem, &settings, &mut device));
             sound(&cpu, &what);
             sound(&gpu, &what);
-            let apart = (cpu.verdict.mean() - gpu.verdict.mean()).abs();
+            let apart = (cpu.validation.mean() - gpu.validation.mean()).abs();
             // Rounding grows from step to step, most where a target is nearly all black.
             let allowed = if *name == "one pixel" && storage == Storage::F16 { 1.0 } else { 0.3 };
-            assert!(apart < allowed || cpu.verdict.mean() == gpu.verdict.mean(), "{what}: {apart} dB apart");
+            assert!(apart < allowed || cpu.validation.mean() == gpu.validation.mean(), "{what}: {apart} dB apart");
             found.push(cpu);
         }
         // Halves cost next to nothing beside what so few steps leave.
         match storage {
-            Storage::F32 => plain = found.iter().map(|f| f.verdict.mean()).collect(),
+            Storage::F32 => plain = found.iter().map(|f| f.validation.mean()).collect(),
             Storage::F16 => {
                 for ((name, _), (found, plain)) in cases.iter().zip(found.iter().zip(&plain)) {
-                    let price = plain - found.verdict.mean();
+                    let price = plain - found.validation.mean();
                     let most = if *name == "one pixel" { 1.0 } else { 0.1 };
-                    assert!(price < most || found.verdict.mean() == *plain, "{name}, {optimizer:?}: {price} dB");
+                    assert!(price < most || found.validation.mean() == *plain, "{name}, {optimizer:?}: {price} dB");
                 }
             }
         }
         // Light of another size is the same picture: as good, and as bright relative to itself.
         for (i, unit) in [(3, 1e-30), (4, 1e30)] {
             let (other, own) = (&found[i], &found[5]);
-            let decibels = own.verdict.mean() - 20.0 * f64::log10(unit);
-            assert!((other.verdict.mean() - decibels).abs() < 0.05, "{unit}: {} not {decibels}", other.verdict.mean());
+            let decibels = own.validation.mean() - 20.0 * f64::log10(unit);
+            assert!(
+                (other.validation.mean() - decibels).abs() < 0.05,
+                "{unit}: {} not {decibels}",
+                other.validation.mean()
+            );
             assert!((other.exposure / unit / own.exposure - 1.0).abs() < 1e-2, "{unit}: {}", other.exposure);
         }
     }

@@ -4,7 +4,7 @@
 use eyebox::engine::{Buffer, Engine, Kernel, Purpose, cpu::CpuEngine};
 use eyebox::evaluate;
 use eyebox::optics::{Color, Display, Geometry, Optics, Padding, Pupil, WindowFactor};
-use eyebox::plan::{Comparison, Planner, PupilPass, Step, Views};
+use eyebox::plan::{Comparison, Planner, PupilPass, Step, ViewLayout};
 use eyebox::scene::{self, Pyramid, Request, ViewGrid};
 use eyebox::solve::{self, Flow, Problem, Settings};
 use eyebox_kernels::compare;
@@ -323,7 +323,7 @@ fn both_engines_agree() {
         let mut noise = Noise::new(7);
         let views: Vec<Vec<f32>> = (0..9).map(|_| noise.between(n * n, 0.0, 1.0)).collect();
         let pyramid = Arc::new(Pyramid::new(&views, n, n));
-        planner.views = Some(Views::new(ViewGrid { rows: 3, columns: 3, cell: slm.eyebox() / 3.0 }, &pyramid));
+        planner.views = Some(ViewLayout::new(ViewGrid { rows: 3, columns: 3, cell: slm.eyebox() / 3.0 }, &pyramid));
         let half = slm.eyebox() / 2.0;
         let pupil = |x: f64, y: f64, d: f64, depth| Pupil { x: x * half, y: y * half, diameter: d * half, depth };
         let pupils = vec![pupil(-0.7, 0.8, 0.4, 0.3), pupil(0.1, -0.05, 1.6, -0.02), pupil(0.3, 0.2, 0.7, 0.15)];

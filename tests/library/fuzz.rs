@@ -6,7 +6,7 @@
 
 use eyebox::hologram::{self, ColorHologram, Hologram};
 use eyebox::optics::{Color, Display, Optics, Pupil, WindowFactor};
-use eyebox::plan::{Comparison, Planner, Views};
+use eyebox::plan::{Comparison, Planner, ViewLayout};
 use eyebox::scene::{self, Pyramid, Request, ViewGrid};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestCaseError, TestRunner};
@@ -271,7 +271,7 @@ fn hologram_files() {
         display: "small".into(),
         display_wavelengths: display.wavelengths,
         scene: "s".into(),
-        settings: serde_json::json!({ "steps": 3 }),
+        metadata: eyebox::hologram::Metadata { seconds: Some(3.0), ..Default::default() },
     };
     whole.save(&path).expect("saved");
     let names = ["zarr.json", "phases/zarr.json", "phases/c/0/1/0/0"];
@@ -332,7 +332,7 @@ fn photographs_of_any_pupil() {
         // And what an engine is told: it fits its own window.
         let views: Vec<Vec<f32>> = (0..rows * columns).map(|_| vec![0.25; height * width]).collect();
         let mut planner = Planner::new(optics, 1, WindowFactor::Two);
-        planner.views = Some(Views::new(grid, &Pyramid::new(&views, height, width)));
+        planner.views = Some(ViewLayout::new(grid, &Pyramid::new(&views, height, width)));
         let pupil_pass = planner.pupil_pass(&pupil, &Comparison::default());
         prop_assert!(pupil_pass.window.rows <= height && pupil_pass.window.columns <= width);
         prop_assert!(pupil_pass.spans.iter().all(|s| s[0] <= s[1] && s[1] as usize <= pupil_pass.window.columns));

@@ -3,7 +3,7 @@
 use eyebox::engine::{Buffer, Engine, Kernel, cpu::CpuEngine};
 use eyebox::evaluate;
 use eyebox::optics::{Color, Display, Optics, Padding, Pupil, WindowFactor};
-use eyebox::plan::{Comparison, Planner, Purpose, Viewpoint, Views};
+use eyebox::plan::{Comparison, Planner, Purpose, ViewLayout, Viewpoint};
 use eyebox::scene::{self, Pyramid, Request, ViewGrid};
 use eyebox::solve::{self, Flow, Method, Optimizer, Problem, Settings};
 use eyebox_kernels::compare::INTENSITY;
@@ -50,7 +50,7 @@ fn the_stft_is_its_definition() {
     let views: Vec<Vec<f32>> = (0..15).map(|_| vec![0.5; 45 * 60]).collect();
     let pyramid = Arc::new(Pyramid::new(&views, 45, 60));
     let mut planner = Planner::new(o, 2, WindowFactor::One);
-    planner.views = Some(Views::new(grid, &pyramid));
+    planner.views = Some(ViewLayout::new(grid, &pyramid));
     let (exact, rounded) = phases(2 * 45 * 60, 4);
     let mut engine = CpuEngine::new();
     engine.load(&planner.shape(Purpose::View), Some(pyramid)).unwrap();
@@ -173,9 +173,9 @@ fn every_method_solves_on_both_engines() {
         assert_eq!(want.phases.len(), 2 * 64 * 64, "{}", method.name());
         assert!(want.phases.iter().all(|p| p.is_finite()));
         // Rounding grows from step to step, and both end at holograms of the same quality.
-        let apart = (got.verdict.mean() - want.verdict.mean()).abs();
-        assert!(apart < 0.05, "{}: {} and {} dB", method.name(), got.verdict.mean(), want.verdict.mean());
-        assert!(want.verdict.mean() > 15.0, "{}: {} dB", method.name(), want.verdict.mean());
+        let apart = (got.validation.mean() - want.validation.mean()).abs();
+        assert!(apart < 0.05, "{}: {} and {} dB", method.name(), got.validation.mean(), want.validation.mean());
+        assert!(want.validation.mean() > 15.0, "{}: {} dB", method.name(), want.validation.mean());
     }
     assert_silent(device);
 }
@@ -193,7 +193,7 @@ fn each_method_is_best_at_its_own() {
         engine.load(&planner.shape(Purpose::View), Some(Arc::clone(&problem.pyramid))).unwrap();
         engine.write(Buffer::Phases, &solution.phases).unwrap();
         let viewpoints = pupils.iter().map(|p| Viewpoint::Pupil(*p)).collect();
-        solve::Judge::new(&mut engine, &planner, viewpoints).unwrap().judge(&mut engine, &planner).unwrap()
+        solve::Validator::new(&mut engine, &planner, viewpoints).unwrap().score(&mut engine, &planner).unwrap()
     };
     let stack: Vec<Pupil> = depths.iter().map(|&depth| Pupil { x: 0.0, y: 0.0, diameter: eyebox, depth }).collect();
     let sides = [(0.3, 0.0), (-0.3, 0.1), (0.0, -0.3), (0.2, 0.25)];
@@ -237,7 +237,7 @@ fn double_phase_shows_the_central_view() {
         |i: usize| Complex64::from_polar(0.5, f64::from(first[i])) + Complex64::from_polar(0.5, f64::from(second[i]));
     let bright = (0..96 * 96).map(|i| sum(i).norm()).fold(0.0, f64::max);
     assert!((bright - 1.0).abs() < 1e-3, "the brightest value takes all of the amplitude: {bright}");
-    assert!(solution.verdict.mean() > 28.0, "{:?}", solution.verdict.psnr);
+    assert!(solution.validation.mean() > 28.0, "{:?}", solution.validation.psnr);
 }
 
 /// What is optimised for an SLM's levels is better than the same hologram rounded to them, the more so the fewer.
@@ -254,7 +254,7 @@ fn levels_are_optimised_for() {
         let gains = if matches!(optimizer, Optimizer::Adam { .. }) { [-0.15; 3] } else { [0.1, 0.1, -0.05] };
         for (n, gain) in [2, 4, 256].into_iter().zip(gains) {
             let levels = solve::even_levels(n);
-            let settings = Settings { levels: Some(levels.clone()), ..base.clone() };
+            let settings = Settings { levels: solve::Levels::Given(levels.clone()), ..base.clone() };
             let solved = solve::solve(&problem, &settings, &mut engine, &mut |_| Flow::Continue).unwrap();
             let nearest = |p: f32| {
                 let off = |l: &f64| (f64::from(p) - l + PI).rem_euclid(TAU) - PI;
@@ -263,7 +263,7 @@ fn levels_are_optimised_for() {
             let turn = |p: f32, l: f32| (p - l + 3.0 * PI as f32).rem_euclid(TAU as f32) - PI as f32;
             let far = solved.phases.iter().map(|p| turn(*p, nearest(*p)).abs()).fold(0.0, f32::max);
             assert!(far < 1e-5, "{n} levels: a phase {far} off any");
-            // The same hologram, rounded after the fact and judged on the same pupils.
+            // The same hologram, rounded after the fact and scored on the same pupils.
             let rounded: Vec<f32> = free.phases.iter().map(|p| nearest(*p)).collect();
             let shown = score(&problem, &base, &rounded, &mut engine);
             let mean = score(&problem, &base, &solved.phases, &mut engine);
@@ -287,7 +287,7 @@ fn score(problem: &Problem, settings: &Settings, phases: &[f32], engine: &mut dy
     let places = [(0.0, 0.0, 0.5), (0.3, 0.1, 0.2), (-0.2, 0.3, 0.3), (0.1, -0.3, 0.2)];
     let viewpoints =
         places.map(|(x, y, d)| Viewpoint::Pupil(Pupil { x: x * e, y: y * e, diameter: d * e, depth: 1e-4 }));
-    solve::Judge::new(engine, &planner, viewpoints.to_vec()).unwrap().judge(engine, &planner).unwrap().mean()
+    solve::Validator::new(engine, &planner, viewpoints.to_vec()).unwrap().score(engine, &planner).unwrap().mean()
 }
 
 /// The list of a method names its kernels where they belong.

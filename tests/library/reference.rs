@@ -243,8 +243,10 @@ fn the_photograph_of_a_plane_is_sharp_at_its_depth_and_nowhere_else() {
     let o = optics(120, 160);
     let z0 = 12e-3;
     let (grid, pyramid, image) = plane(&o, z0, 5);
-    let planner =
-        Planner { views: Some(eyebox::plan::Views::new(grid, &pyramid)), ..Planner::new(o, 1, WindowFactor::Full) };
+    let planner = Planner {
+        views: Some(eyebox::plan::ViewLayout::new(grid, &pyramid)),
+        ..Planner::new(o, 1, WindowFactor::Full)
+    };
     let mut engine = CpuEngine::new();
     engine.load(&planner.shape(Purpose::View), Some(pyramid)).unwrap();
     let at = |z: f64| Pupil { x: 1e-3, y: -2e-3, diameter: 15e-3, depth: z };

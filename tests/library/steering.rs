@@ -2,9 +2,9 @@
 
 use eyebox::engine::Engine;
 use eyebox::engine::cpu::CpuEngine;
-use eyebox::optics::{Color, Display, Padding, WindowFactor};
+use eyebox::optics::{Color, Display, Padding, PupilDistribution, WindowFactor};
 use eyebox::scene::{self, Request};
-use eyebox::solve::{Aim, Flow, Problem, Refiner, Settings, Steering, Strategy, solve};
+use eyebox::solve::{Flow, Problem, Refiner, Settings, Steering, Strategy, solve};
 use eyebox_tests::both::vulkan;
 
 const STEPS: usize = 4;
@@ -18,7 +18,13 @@ fn problem(color: Color) -> Problem {
 /// What a few steps make of these phases, before and after a move of the eye.
 fn refined(problem: &Problem, phases: &[f32], exposure: f64, steering: Steering, engine: Box<dyn Engine>) -> Vec<f32> {
     let mut refiner = Refiner::new(problem.clone(), phases, exposure, steering, engine).expect("a refinement");
-    let aim = |x: f64| Aim { x, y: -1e-3, spread: 2e-4, diameter: [3e-3, 5e-3], depth: [0.0, 2e-4], elsewhere: 0.1 };
+    let aim = |x: f64| PupilDistribution {
+        centre: [x, -1e-3],
+        spread: 2e-4,
+        diameter: [3e-3, 5e-3],
+        focus: [0.0, 2e-4],
+        elsewhere: 0.1,
+    };
     for x in [1e-3, 4e-3] {
         refiner.aim(aim(x)).expect("an aim");
         for _ in 0..STEPS {

@@ -4,7 +4,7 @@ use eyebox::engine::cpu::CpuEngine;
 use eyebox::engine::{At, Buffer, Engine, EngineError, Handover, Kernel, Purpose, Step, Storage};
 use eyebox::evaluate::{self, Sums};
 use eyebox::plan::{Comparison, Viewpoint};
-use eyebox::solve::Judge;
+use eyebox::solve::Validator;
 use eyebox_kernels::compare::{AMPLITUDE, INTENSITY, PROJECTION};
 use eyebox_tests::both::{Case, Noise, assert_silent, distance, vulkan};
 use eyebox_tests::half_roundings;
@@ -216,7 +216,7 @@ fn handing_over_changes_nothing() {
     assert!(names(&back).contains(&Kernel::Modulate) && names(&back).contains(&Kernel::Project));
 }
 
-/// A verdict is what the images say, padding or not, and only the judge's sums leave the engine.
+/// A validation score is what the images say, padding or not, and only sums leave the engine.
 #[test]
 fn sums_say_what_images_say() {
     let mut engine = vulkan();
@@ -250,10 +250,10 @@ fn sums_say_what_images_say() {
             }
             let fitted = Sums::fit_exposure(&sums).unwrap();
             assert!((fitted / exposure - 1.0).abs() < 1e-12, "{fitted}, not {exposure}");
-            // The judge's verdict is that of the sums.
-            let judge = Judge::new(engine, &case.planner, viewpoints).unwrap();
-            let verdict = judge.judge(engine, &case.planner).unwrap();
-            assert_eq!((verdict.exposure, verdict.psnr), (fitted, sums.iter().map(|s| s.psnr(fitted)).collect()));
+            // The validator's score is that of the sums.
+            let validator = Validator::new(engine, &case.planner, viewpoints).unwrap();
+            let score = validator.score(engine, &case.planner).unwrap();
+            assert_eq!((score.exposure, score.psnr), (fitted, sums.iter().map(|s| s.psnr(fitted)).collect()));
         }
     }
     assert_silent(engine);

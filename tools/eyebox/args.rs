@@ -2,14 +2,15 @@
 
 use crate::quality::QualityArgs;
 use crate::values::{
-    contrast, depths, full, memory, method, positive, pupil, range, rate, share, size, storage, window,
+    Names, contrast, depths, full, memory, method, one_of, positive, pupil, range, rate, share, size, storage, window,
 };
 use clap::builder::TypedValueParser;
 use clap::{Args, ValueEnum};
+use eyebox::hologram::Start;
 use eyebox::optics::{Color, Pupil, WindowFactor};
 use eyebox::plan::Storage;
-use eyebox::playback::Rate;
-use eyebox::solve::{Full, Method};
+use eyebox::present::Rate;
+use eyebox::solve::{Diameters, Full, Method, Optimizer, PaddingRule, Sequence};
 use std::path::PathBuf;
 
 /// Which engine computes.
@@ -99,53 +100,30 @@ pub struct Demo {
 }
 
 /// How phases are moved.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum OptimizerName {
-    /// Pupil-wise projection: a tenth of the steps
-    Projection,
-    /// The paper's
-    Adam,
-}
+const OPTIMIZERS: Names<Optimizer, 2> = [
+    ("projection", "Pupil-wise projection: a tenth of the steps", Optimizer::projection()),
+    ("adam", "The paper's", Optimizer::adam()),
+];
 
 /// When the SLM is padded.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum PaddingName {
-    /// Not at all
-    Never,
-    /// Where what comes in again on the other side would cost more than 0.05 dB
-    Need,
-    /// Always
-    Always,
-}
+const PADDINGS: Names<PaddingRule, 3> = [
+    ("never", "Not at all", PaddingRule::Never),
+    ("need", "Where what comes in again on the other side would cost more than 0.05 dB", PaddingRule::Need),
+    ("always", "Always", PaddingRule::Always),
+];
 
 /// Distribution of pupil diameters.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum DiametersName {
-    /// Uniform in d (the paper's)
-    Uniform,
-    /// Uniform in log d
-    Log,
-    /// Uniform in 1/d
-    Reciprocal,
-}
+const DIAMETERS: Names<Diameters, 3> = [
+    ("uniform", "Uniform in d (the paper's)", Diameters::Uniform),
+    ("log", "Uniform in log d", Diameters::LogUniform),
+    ("reciprocal", "Uniform in 1/d", Diameters::Reciprocal),
+];
 
 /// Sequence of pupils.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum SequenceName {
-    /// Independent random pupils (the paper's)
-    Random,
-    /// A low-discrepancy sequence
-    Sobol,
-}
-
-/// Where a frame of a sequence begins.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Start {
-    /// At random phases.
-    Cold,
-    /// At the frame before, so far along the schedule.
-    Warm(f64),
-}
+const SEQUENCES: Names<Sequence, 2> = [
+    ("random", "Independent random pupils (the paper's)", Sequence::Random),
+    ("sobol", "A low-discrepancy sequence", Sequence::Sobol),
+];
 
 fn warm(text: &str) -> Result<Start, String> {
     if text == "cold" { Ok(Start::Cold) } else { share(text).map(Start::Warm).map_err(|e| format!("{e}, or cold")) }
@@ -199,8 +177,8 @@ pub struct Solve {
     #[arg(long, default_value_t = 9, value_name = "N")]
     pub patches: usize,
     /// How phases are moved [default: projection]
-    #[arg(long, value_enum)]
-    pub optimizer: Option<OptimizerName>,
+    #[arg(long, value_parser = one_of(&OPTIMIZERS))]
+    pub optimizer: Option<Optimizer>,
     /// Share of the light that pupils are to see: less is dimmer and better, to a point [default: chosen for the scene]
     #[arg(long, value_name = "0..1")]
     pub efficiency: Option<f64>,
@@ -213,7 +191,7 @@ pub struct Solve {
     /// Seconds at most, shared by the colours
     #[arg(long, value_name = "S", value_parser = positive)]
     pub seconds: Option<f64>,
-    /// Stop at this mean PSNR over held-out pupils, dB
+    /// Stop at this mean PSNR over validation pupils, dB
     #[arg(long, value_name = "DB")]
     pub psnr: Option<f64>,
     /// Spectrum per pupil: 1 or 2 times the pupil, or all of it [default: 1]
@@ -226,15 +204,15 @@ pub struct Solve {
     #[arg(long, value_name = "MIN..MAX", value_parser = range)]
     pub pupil_diameter: Option<[f64; 2]>,
     /// Distribution of diameters [default: log; adam uniform]
-    #[arg(long, value_enum)]
-    pub diameters: Option<DiametersName>,
+    #[arg(long, value_parser = one_of(&DIAMETERS))]
+    pub diameters: Option<Diameters>,
     /// Sequence of pupils
-    #[arg(long, value_enum, default_value = "sobol")]
-    pub sequence: SequenceName,
+    #[arg(long, value_parser = one_of(&SEQUENCES), default_value = "sobol")]
+    pub sequence: Sequence,
     /// Zeros around the SLM, as wide as light walks off, against circular propagation: never, always, or where the
     /// scene needs it [default: never; alone: always]
-    #[arg(long, value_enum, value_name = "RULE", num_args = 0..=1, require_equals = true, default_missing_value = "always")]
-    pub padding: Option<PaddingName>,
+    #[arg(long, value_parser = one_of(&PADDINGS), value_name = "RULE", num_args = 0..=1, require_equals = true, default_missing_value = "always")]
+    pub padding: Option<PaddingRule>,
     /// Model these parts in full whatever the scene requires: colors, views, padding, window, or all
     #[arg(long, value_name = "PARTS", num_args = 0..=1, require_equals = true, default_missing_value = "all", value_parser = full)]
     pub full: Option<Full>,

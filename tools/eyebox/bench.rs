@@ -3,10 +3,9 @@
 use crate::Failure;
 use crate::args::Bench;
 use crate::common;
-use crate::quality;
-use crate::solve::{base_of, recipe_of};
+use crate::settings::settings_of;
 use eyebox::quality::{Prepared, Subject};
-use eyebox::solve::{self, Flow};
+use eyebox::solve::{self, Flow, Levels};
 use serde_json::json;
 use std::process::Command;
 use std::time::Instant;
@@ -20,12 +19,10 @@ pub fn run(args: &Bench) -> Result<(), Failure> {
     let begun = Instant::now();
     let field = common::scene(&args.solve.scene, &display, &[color])?;
     let depth = common::depths(&args.solve.scene, &field, &display);
-    let (recipe, chosen) = recipe_of(&args.solve, engine.as_ref(), &display, 1)?;
-    let mut base = base_of(&args.solve, &display, depth);
-    base.levels = args.solve.levels.as_deref().map(crate::solve::levels).transpose()?;
-    let levels = quality::levels_of(None, &display)?;
-    let Prepared { problem, settings, .. } =
-        Subject { field: &field, color, display: &display, base, levels }.prepare(&recipe)?;
+    let (settings, chosen) = settings_of(&args.solve, engine.as_ref(), &display, depth, 1)?;
+    let subject =
+        Subject { field: &field, color, display: &display, base: settings.clone(), levels: Levels::of(&display) };
+    let Prepared { problem, settings, .. } = subject.prepare(&settings)?;
     settings.check()?;
     let loading = begun.elapsed().as_secs_f64();
     drop(field);
@@ -55,7 +52,7 @@ pub fn run(args: &Bench) -> Result<(), Failure> {
         engine.reset_timings();
         let begun = Instant::now();
         let solution = solve::solve(&problem, &settings, engine.as_mut(), &mut |p| {
-            // A step after which a verdict was given carries its time; the median does not mind.
+            // A step after which a validation was given carries its time; the median does not mind.
             let now = Instant::now();
             times.extend(last.replace(now).map(|before: Instant| now.duration_since(before).as_secs_f64() * 1e3));
             if p.step == 0 {
@@ -67,10 +64,10 @@ pub fn run(args: &Bench) -> Result<(), Failure> {
         let median = times.get(times.len() / 2).copied().unwrap_or(f64::NAN);
         let total = begun.elapsed().as_secs_f64();
         println!(
-            "round {round}: step median {median:.2} ms; solve {total:.2} s in all for {} steps, {:.2} dB mean, {:.2} dB worst held out",
+            "round {round}: step median {median:.2} ms; solve {total:.2} s in all for {} steps, {:.2} dB mean, {:.2} dB worst of the validation pupils",
             solution.steps,
-            solution.verdict.mean(),
-            solution.verdict.worst()
+            solution.validation.mean(),
+            solution.validation.worst()
         );
         steps.push(median);
         totals.push(total);

@@ -2,13 +2,16 @@
 
 use crate::Failure;
 use crate::args::{DisplayArgs, EngineArgs, SceneArgs};
-use eyebox::engine::{self, Backend, Engine};
+use eyebox::engine::{self, Backend, Engine, EngineError};
+use eyebox::evaluate::Plane;
 use eyebox::files;
-use eyebox::gpu::Options;
-use eyebox::hologram::{Hologram, Sequence};
+use eyebox::gpu::{Gpu, Options};
+use eyebox::hologram::SceneSource;
 use eyebox::optics::{Color, Display};
 use eyebox::preview::Opener;
+use eyebox::produce::{TilesRequest, load_around};
 use eyebox::scene::{self, LightField};
+use eyebox::session::EngineSource;
 use eyebox::solve::PupilRange;
 use std::path::Path;
 
@@ -32,24 +35,31 @@ pub fn colors(args: &DisplayArgs, display: &Display) -> Result<Vec<Color>, Failu
     }
 }
 
-/// The scene, fitted to the display.
-pub fn scene(args: &SceneArgs, display: &Display, colors: &[Color]) -> Result<LightField, Failure> {
+/// What is asked of a scene.
+pub fn request<'a>(args: &'a SceneArgs, display: &'a Display, colors: &'a [Color]) -> scene::Request<'a> {
     let default = scene::Request::new(display, colors);
-    let request = scene::Request {
+    scene::Request {
         view_pitch: args.view_pitch.map(|mm| mm * 1e-3),
         views: args.views.unwrap_or(default.views),
         depth_map: args.depth_map.as_deref(),
         depth: args.depth,
         ..default
-    };
-    Ok(scene::load(&args.scene, &request)?)
+    }
 }
 
-/// The depths that matter: as asked, as the scene says, or what a disparity of two pixels means.
+/// The scene, fitted to the display.
+pub fn scene(args: &SceneArgs, display: &Display, colors: &[Color]) -> Result<LightField, Failure> {
+    Ok(scene::load(&args.scene, &request(args, display, colors))?)
+}
+
+/// The scene for a far field larger than memory, as what an eye sees is compared with it.
+pub fn scene_around(args: &SceneArgs, display: &Display, colors: &[Color]) -> Result<SceneSource, Failure> {
+    Ok(load_around(&args.scene, &request(args, display, colors), TilesRequest::default().picture)?)
+}
+
+/// The depths that matter.
 pub fn depths(args: &SceneArgs, field: &LightField, display: &Display) -> [f64; 2] {
-    let assumed = || 2.0 * display.focal_length * display.picture_pixel() / field.cell(display);
-    let [a, b] = args.depth.or_else(|| field.depth_range(display)).unwrap_or_else(|| [-assumed(), assumed()]);
-    [a.min(b), a.max(b)]
+    field.depths(display, args.depth)
 }
 
 /// Pupil diameters from 2 mm to most of the eyebox.
@@ -73,16 +83,54 @@ pub fn engine(args: &EngineArgs) -> Result<Box<dyn Engine>, Failure> {
 
 /// What makes the engine asked for, as often as it is called, on one device.
 pub fn opener(args: &EngineArgs) -> Result<Opener, Failure> {
-    let (choice, options) = (engine_choice(args), Options::default());
-    let Some(name) = &args.vulkan_from else {
-        let backend = Backend::open(choice, &options)?;
-        return Ok(Box::new(move || backend.engine()));
-    };
-    let names = || engine::Kernel::ALL.map(engine::Kernel::name).join(", ");
-    let from = engine::Kernel::by_name(name)
-        .ok_or_else(|| Failure::Asked(format!("no kernel is called '{name}': there are {}", names())))?;
-    let backend = Backend::open(engine::Choice::Vulkan, &options)?;
-    Ok(Box::new(move || backend.engine_from(from)))
+    Ok(Engines::new(args, &Options::default())?.opener())
+}
+
+/// The engines asked for, all on one device if they are on one.
+#[derive(Clone)]
+pub struct Engines {
+    backend: Backend,
+    from: Option<engine::Kernel>,
+}
+
+impl Engines {
+    /// Opens the device, if there is one.
+    pub fn new(args: &EngineArgs, options: &Options) -> Result<Self, Failure> {
+        let names = || engine::Kernel::ALL.map(engine::Kernel::name).join(", ");
+        let known = |name: &String| {
+            engine::Kernel::by_name(name)
+                .ok_or_else(|| Failure::Asked(format!("no kernel is called '{name}': there are {}", names())))
+        };
+        let from = args.vulkan_from.as_ref().map(known).transpose()?;
+        let choice = if from.is_some() { engine::Choice::Vulkan } else { engine_choice(args) };
+        Ok(Self { backend: Backend::open(choice, options)?, from })
+    }
+
+    /// One more.
+    pub fn open(&self) -> Result<Box<dyn Engine>, EngineError> {
+        self.from.map_or_else(|| self.backend.engine(), |kernel| self.backend.engine_from(kernel))
+    }
+
+    /// The same, as often as it is called.
+    pub fn opener(&self) -> Opener {
+        let engines = self.clone();
+        Box::new(move || engines.open())
+    }
+
+    /// Where a session takes them from.
+    pub fn source(&self) -> EngineSource {
+        if self.from.is_some() { self.opener().into() } else { self.backend.clone().into() }
+    }
+
+    /// Their device.
+    pub fn gpu(&self) -> Result<Option<Gpu>, EngineError> {
+        self.backend.gpu()
+    }
+}
+
+/// A device that shows pictures, a software one if there is no other.
+pub fn display_gpu(validation: bool) -> Result<Gpu, Failure> {
+    Ok(Gpu::open(&Options { allow_cpu: true, present: true, validation, ..Options::default() })?)
 }
 
 /// Where a result goes.
@@ -126,20 +174,19 @@ pub fn form(out: &Path, allowed: &[Form]) -> Result<Form, Failure> {
 pub fn write_image(
     out: &Path,
     form: Form,
-    size: [usize; 2],
-    planes: &[Vec<f32>],
+    planes: &[Plane],
     colors: &[Option<Color>],
     exposures: &[f64],
 ) -> Result<(), Failure> {
-    let [height, width] = size;
+    let (height, width) = planes.first().map_or((0, 0), |p| (p.rows, p.columns));
     if form == Form::Npy {
-        let all: Vec<f32> = planes.concat();
+        let all: Vec<f32> = planes.iter().flat_map(|p| &p.values).copied().collect();
         let shape = [planes.len(), height, width];
         files::write_npy(out, if planes.len() == 1 { &shape[1..] } else { &shape[..] }, &all)?;
         return Ok(());
     }
     let light: Vec<Vec<f32>> =
-        planes.iter().zip(exposures).map(|(p, e)| p.iter().map(|v| v * *e as f32).collect()).collect();
+        planes.iter().zip(exposures).map(|(p, e)| p.values.iter().map(|v| v * *e as f32).collect()).collect();
     if let [one] = &light[..] {
         files::write_png(out, height, width, &[one])?;
         return Ok(());
@@ -169,12 +216,4 @@ pub fn memory_kib(name: &str) -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|l| l.strip_prefix(name)?.strip_prefix(':'))?;
     line.split_whitespace().next()?.parse().ok()
-}
-
-/// A hologram, or one of a sequence's.
-pub fn hologram(path: &Path, at: Option<u64>) -> Result<Hologram, Failure> {
-    match at {
-        Some(at) => Ok(Sequence::open(path)?.load(at)?),
-        None => Ok(Hologram::load(path)?),
-    }
 }

@@ -6,18 +6,18 @@ use crate::common;
 use crate::evaluate;
 use crate::live;
 use crate::progress;
-use crate::quality;
 use crate::report;
 use crate::score;
-use crate::solve;
+use crate::solve::Watch;
 use eyebox::encode::Encoder;
 use eyebox::engine::Engine;
 use eyebox::files;
-use eyebox::hologram::Hologram;
+use eyebox::hologram::{Hologram, SceneSource};
 use eyebox::optics::{Color, Display, Padding, Pupil};
-use eyebox::quality::{Recipe, Subject};
+use eyebox::produce::solve_colors;
+use eyebox::quality::Subject;
 use eyebox::scene::{self, LightField};
-use eyebox::solve::{Method, Settings};
+use eyebox::solve::{Levels, Method, PaddingRule, Settings};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -39,20 +39,20 @@ pub fn run(args: &Demo) -> Result<(), Failure> {
     let field = scene::load(SCENE, &scene::Request::new(&display, &colors))?;
     let [far, near] = field.depth_range(&display).unwrap_or([-3e-3, 3e-3]);
     let base = Settings { depth: [far, near], diameter: common::diameters(None, &display), ..Settings::default() };
-    let recipe = match args.quality.choose(engine.as_ref(), [args.size; 2], base.frames, colors.len())? {
+    let settings = match args.quality.choose(engine.as_ref(), [args.size; 2], base.frames, colors.len())? {
         Some(chosen) => {
             eprintln!("{}", chosen.about);
-            chosen.recipe
+            chosen.settings
         }
-        None => Recipe { steps: 120, ..Recipe::default() },
+        None => Settings { steps: 120, ..Settings::default() },
     };
-    let levels = quality::levels_of(None, &display)?;
+    let levels = Levels::of(&display);
     let subject = Subject { field: &field, color: colors[0], display: &display, base, levels };
-    let padding = if recipe.padding { subject.required_padding()? } else { Padding::default() };
+    let padding = if settings.padding != PaddingRule::Never { subject.required_padding()? } else { Padding::default() };
     progress::catch_interrupt();
-    let solved = solve::solve_colors(&subject, &colors, &recipe, engine.as_mut(), false)?;
-    let mut hologram = solve::hologram(&field, &display, &subject.settings(&recipe), padding, &solved);
-    hologram.frames = subject.base.frames;
+    let mut watch = Watch::new(false);
+    let solved = solve_colors(&subject, &colors, &settings, engine.as_mut(), &mut |event| watch.see(event))?;
+    let hologram = Hologram::from_solutions(&field, &display, &subject.settings(&settings), padding, &solved)?;
     let saved = args.out.join("still-life.zarr");
     hologram.save(&saved)?;
 
@@ -69,17 +69,22 @@ pub fn run(args: &Demo) -> Result<(), Failure> {
         ("far", at(0.0, 0.0, 14.0, far)),
         ("small", at(2.0, 3.0, 3.0, 0.0)),
     ];
-    let scores = score::score(&hologram, &field, &display, &pupils.map(|p| p.1), engine.as_mut())?;
+    let all = pupils.map(|p| p.1);
+    let scene = SceneSource::new(field.clone(), &display)?;
+    let scores = hologram.score(&scene, &all, engine.as_mut())?;
     // Each picture: what the eye sees of the hologram, and beside it the photograph of the light field.
     let (n, gap) = (args.size, args.size.div_ceil(64));
     let wide = 2 * n + gap;
     let mut sheet = vec![Vec::new(); 3];
-    for ((name, _), images) in pupils.iter().zip(&scores.images) {
+    for (name, pupil) in &pupils {
         let mut planes = vec![vec![1.0f32; n * wide]; 3];
-        for (color, (view, target)) in colors.iter().zip(images) {
+        let seen = hologram.look(pupil, engine.as_mut())?;
+        let wanted = scene.photograph(pupil, engine.as_mut())?;
+        for (i, color) in colors.iter().enumerate() {
+            let exposure = scores.exposures[i] as f32;
             for (y, row) in planes[color.channel()].chunks_exact_mut(wide).enumerate() {
-                row[..n].copy_from_slice(&view[y * n..][..n]);
-                row[n + gap..].copy_from_slice(&target[y * n..][..n]);
+                row[..n].iter_mut().zip(&seen[i].values[y * n..]).for_each(|(to, v)| *to = v * exposure);
+                row[n + gap..].copy_from_slice(&wanted[i].values[y * n..][..n]);
             }
         }
         files::write_png(&args.out.join(format!("{name}.png")), n, wide, &[&planes[0], &planes[1], &planes[2]])?;
@@ -94,12 +99,12 @@ pub fn run(args: &Demo) -> Result<(), Failure> {
 
     println!("\n  what the eye sees of the hologram, against the photograph of the scene:");
     println!("  pupil        x      y      d  focus mm   PSNR dB    SSIM   picture");
-    for ((name, pupil), row) in pupils.iter().zip(&scores.rows) {
+    for ((name, pupil), score) in pupils.iter().zip(&scores.pupils) {
         let [x, y, d, z] = pupil.to_mm();
-        let ssim = row.ssim.map_or("      -".into(), |s| format!("{s:7.4}"));
+        let ssim = score::similarity(score);
         println!(
             "  {name:6} {x:7.1} {y:6.1} {d:6.1} {z:7.2}  {:9.2}  {ssim}   {}",
-            row.psnr_db,
+            score.psnr,
             args.out.join(format!("{name}.png")).display()
         );
     }

@@ -3,14 +3,14 @@
 use crate::Failure;
 use crate::args::Export;
 use crate::common::{self, Form};
-use eyebox::hologram;
+use eyebox::hologram::{self, Hologram};
 
 /// Writes the phases as one array, or as a folder of grey pictures.
 pub fn run(args: &Export) -> Result<(), Failure> {
     if !common::is_hologram(&args.hologram) {
         return Err(Failure::Asked(format!("{}: a hologram's name ends in .zarr", args.hologram.display())));
     }
-    let hologram = common::hologram(&args.hologram, args.at)?;
+    let hologram = Hologram::load_at(&args.hologram, args.at)?;
     let count = hologram.colors.len() * hologram.frames;
     if args.out.extension().is_some() {
         common::form(&args.out, &[Form::Npy])?;

@@ -6,12 +6,13 @@ use eyebox::evaluate::EvaluateError;
 use eyebox::files::FileError;
 use eyebox::gaze::GazeError;
 use eyebox::hologram::HologramError;
-use eyebox::live::LiveError;
 use eyebox::optics::OpticsError;
-use eyebox::playback::PlaybackError;
+use eyebox::present::PresentError;
 use eyebox::preview::PreviewError;
+use eyebox::produce::ProduceError;
 use eyebox::quality::QualityError;
 use eyebox::scene::SceneError;
+use eyebox::session::SessionError;
 use eyebox::solve::SolveError;
 use eyebox::tiled::TiledError;
 use eyebox::trackers::TrackerError;
@@ -43,6 +44,9 @@ pub enum Failure {
     /// A trial of settings.
     #[error(transparent)]
     Quality(#[from] QualityError),
+    /// What a job was to make.
+    #[error(transparent)]
+    Produce(#[from] ProduceError),
     /// A file.
     #[error(transparent)]
     File(#[from] FileError),
@@ -55,12 +59,12 @@ pub enum Failure {
     /// A calibration, or a setting of the way from sample to pupil.
     #[error(transparent)]
     Gaze(#[from] GazeError),
-    /// Steering.
+    /// A session.
     #[error(transparent)]
-    Live(#[from] LiveError),
-    /// Playback.
+    Session(#[from] SessionError),
+    /// The display, or a window.
     #[error(transparent)]
-    Playback(#[from] PlaybackError),
+    Present(#[from] PresentError),
     /// The preview.
     #[error(transparent)]
     Preview(#[from] PreviewError),

@@ -34,27 +34,42 @@ pub fn interrupted() -> bool {
 pub struct Bar(Option<ProgressBar>);
 
 impl Bar {
-    /// `label` says what is solved.
-    pub fn new(label: String, steps: usize, quiet: bool) -> Self {
+    /// `label` says what is solved, in so many `unit`s, of which some may be `done`.
+    pub fn new(label: String, count: usize, done: u64, unit: &str, quiet: bool) -> Self {
         if quiet {
             return Self(None);
         }
-        let bar = ProgressBar::new(steps as u64);
-        let style = ProgressStyle::with_template("{prefix:6} {bar:30} {pos}/{len} steps  {msg}  {eta} left")
-            .expect("a sound template");
+        let bar = ProgressBar::new(count as u64).with_position(done);
+        let style = ProgressStyle::with_template(&format!(
+            "{{prefix:6}} {{bar:30}} {{pos}}/{{len}} {unit}  {{msg}}  {{eta}} left"
+        ))
+        .expect("a sound template");
         bar.set_style(style);
         bar.set_prefix(label);
+        bar.reset_eta();
         Self(Some(bar))
     }
 
-    /// After a step. Until a verdict over held-out pupils is there, this step's own pupils stand for it.
+    /// After a step. Until there is a validation, this step's own pupils stand for it.
     pub fn show(&self, progress: &Progress) -> Flow {
-        if let Some(bar) = &self.0 {
-            let psnr = progress.verdict.map_or(-10.0 * progress.loss.log10(), |v| v.mean());
-            bar.set_message(format!("{psnr:.1} dB"));
-            bar.set_position(progress.step as u64);
-        }
+        let psnr = progress.validation.map_or(-10.0 * progress.loss.log10(), |v| v.mean());
+        self.at(progress.step, psnr);
         if interrupted() { Flow::Stop } else { Flow::Continue }
+    }
+
+    /// So many are done, and it is so good, dB.
+    pub fn at(&self, done: usize, psnr: f64) {
+        if let Some(bar) = &self.0 {
+            bar.set_message(format!("{psnr:.1} dB"));
+            bar.set_position(done as u64);
+        }
+    }
+
+    /// The bar stays as it is.
+    pub fn leave(self) {
+        if let Some(bar) = self.0 {
+            bar.abandon();
+        }
     }
 
     /// The last line stays.

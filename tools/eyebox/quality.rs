@@ -1,52 +1,38 @@
-//! `--quality` and `--deadline`: from what a user asks to a recipe, by what was measured on this device or as built in.
+//! `--quality` and `--deadline`: from what a user asks to settings, by what was measured on this device or as built in.
 
 use crate::Failure;
-use clap::{Args, ValueEnum};
+use crate::values::{Names, one_of};
+use clap::Args;
 use eyebox::engine::Engine;
 use eyebox::files::cache_folder;
-use eyebox::optics::Display;
-use eyebox::quality::{Measured, Quality, Recipe, within};
-use eyebox::solve::even_levels;
+use eyebox::quality::{Measured, Quality, within};
+use eyebox::solve::Settings;
 
 /// How much time quality may take, in every command that solves.
 #[derive(Args, Clone, Copy)]
 pub struct QualityArgs {
     /// Settings of this quality: as `eyebox tradeoff` measured them on this device, else built in; settings that are given
     /// themselves win
-    #[arg(long, value_enum, value_name = "NAME")]
-    pub quality: Option<QualityName>,
+    #[arg(long, value_parser = one_of(&QUALITIES), value_name = "NAME")]
+    pub quality: Option<Quality>,
     /// The best settings that `eyebox tradeoff` measured on this device whose solve takes at most so many ms, shared by the
     /// colours; time is taken to follow pixels x log2(pixels) and sub-frames
     #[arg(long, value_name = "MS", value_parser = crate::values::positive, conflicts_with = "quality")]
     pub deadline: Option<f64>,
 }
 
-/// See [`Quality`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum QualityName {
-    /// At least twenty times faster than accurate
-    Fast,
-    /// Within half a decibel of accurate, in a fifth of its time
-    Balanced,
-    /// The best
-    Accurate,
-}
+/// How much time quality may take.
+const QUALITIES: Names<Quality, 3> = [
+    ("fast", "At least twenty times faster than accurate", Quality::Fast),
+    ("balanced", "Within half a decibel of accurate, in a fifth of its time", Quality::Balanced),
+    ("accurate", "The best", Quality::Accurate),
+];
 
-impl From<QualityName> for Quality {
-    fn from(name: QualityName) -> Self {
-        match name {
-            QualityName::Fast => Self::Fast,
-            QualityName::Balanced => Self::Balanced,
-            QualityName::Accurate => Self::Accurate,
-        }
-    }
-}
-
-/// A recipe that was asked for by quality or deadline, and what is to be said of it.
+/// Settings that were asked for by quality or deadline, and what is to be said of them.
 pub struct Chosen {
-    /// The recipe.
-    pub recipe: Recipe,
-    /// Where it is from.
+    /// The settings.
+    pub settings: Settings,
+    /// Where they are from.
     pub about: String,
 }
 
@@ -73,14 +59,13 @@ impl QualityArgs {
         let expected = |m: &Measured, ms: f64| {
             format!("measured with {} on this device, about {:.0} ms a colour", m.scene, ms * m.scale(size, frames))
         };
-        if let Some(name) = self.quality {
-            let quality = Quality::from(name);
-            let (recipe, from) = match &measured {
+        if let Some(quality) = self.quality {
+            let (settings, from) = match &measured {
                 Some(m) => (m.of(quality).recipe.clone(), expected(m, m.of(quality).milliseconds)),
-                None => (Recipe::of(quality), "built in; `eyebox tradeoff SCENE -o DIR` measures this device".into()),
+                None => (Settings::of(quality), "built in; `eyebox tradeoff SCENE -o DIR` measures this device".into()),
             };
-            let about = format!("{}: {recipe} ({from})", quality.name());
-            return Ok(Some(Chosen { recipe, about }));
+            let about = format!("{}: {settings} ({from})", quality.name());
+            return Ok(Some(Chosen { settings, about }));
         }
         let Some(deadline) = self.deadline else { return Ok(None) };
         let Some(measured) = measured else {
@@ -100,14 +85,6 @@ impl QualityArgs {
         };
         let from = expected(&measured, trial.milliseconds);
         let about = format!("deadline {deadline} ms: {} ({from})", trial.recipe);
-        Ok(Some(Chosen { recipe: trial.recipe.clone(), about }))
-    }
-}
-
-/// The levels that are asked for, or else those of the display; none where they are more than can be told apart.
-pub fn levels_of(asked: Option<&str>, display: &Display) -> Result<Option<Vec<f64>>, Failure> {
-    match asked {
-        Some(text) => crate::solve::levels(text).map(Some),
-        None => Ok(Some(display.levels as usize).filter(|n| *n <= 256).map(even_levels)),
+        Ok(Some(Chosen { settings: trial.recipe.clone(), about }))
     }
 }

@@ -1,114 +1,119 @@
 //! `eyebox solve`.
 
+mod scenes;
+mod watch;
+
 use crate::Failure;
-use crate::args::{DiametersName, OptimizerName, PaddingName, SequenceName, Solve};
+use crate::args::Solve;
 use crate::common::{self, Form};
-use crate::progress::{self, Bar};
-use crate::quality::{self, Chosen};
-use crate::solve_sequence;
-use crate::tiled;
+use crate::settings::{self, job_of};
 use eyebox::engine::Engine;
-use eyebox::hologram::{self, ColorHologram, Hologram};
-use eyebox::optics::{Color, Display, Padding};
-use eyebox::quality::{Recipe, Reference, Subject};
-use eyebox::scene::LightField;
-use eyebox::solve::{self, Diameters, Optimizer, PaddingRule, ScenePlan, Sequence, Settings, Solution, Stop, Wish};
-use serde_json::json;
+use eyebox::optics::{Color, Display};
+use eyebox::produce::{
+    SceneSolution, SolvedHologram, SolvedSequence, SolvedTiles, TilesRequest, is_larger_than_memory, solve_scene,
+};
+use eyebox::solve::{Method, Optimizer, Settings, Solution, Stop};
+use eyebox::tiled::MemoryLimit;
+use serde_json::{Value, json};
 use std::time::Instant;
+pub use watch::Watch;
 
 /// Solves, saves, and says what came of it.
 pub fn run(args: &Solve) -> Result<(), Failure> {
-    if let Some(scenes) = solve_sequence::scenes(args) {
-        return solve_sequence::run(args, &scenes);
-    }
     let start = Instant::now();
+    let scenes = scenes::of(args);
     let display = common::display(&args.display)?;
-    if tiled::wants(args, &display)? {
-        return tiled::solve(args, &display);
-    }
-    if args.passes.is_some() || args.picture.is_some() {
-        return Err(Failure::Asked("--passes and --picture belong to --memory: this is solved all at once".into()));
-    }
-    let form = common::form(&args.out, &[Form::Zarr, Form::Npy])?;
+    let tiles = if scenes.len() > 1 { None } else { tiles_of(args, &display)? };
+    let single = scenes.len() == 1 && tiles.is_none();
+    common::form(&args.out, if single { &[Form::Zarr, Form::Npy] } else { &[Form::Zarr] })?;
     let colors = common::colors(&args.display, &display)?;
     // The engine first: where there is none, nothing needs to be loaded.
     let mut engine = common::engine(&args.engine)?;
-    let field = common::scene(&args.scene, &display, &colors)?;
-    let (mut recipe, chosen) = recipe_of(args, engine.as_ref(), &display, colors.len())?;
-    let plan = plan_of(args, &recipe, &field, &display)?;
-    // What the hologram's file remembers of its scene is the scene as it is, not what the plan leaves of it.
-    let (grid, cell) = (field.grid, field.cell(&display));
-    let field = plan.reduce(field, &display);
-    let (colors, padding) = (&plan.colors, plan.padding);
-    recipe.follow(&plan.settings, padding);
-    // What the recipe is optimised for, if it is: the display's own levels.
-    let own = quality::levels_of(None, &display)?;
-    let subject =
-        Subject { field: &field, color: colors[0], display: &display, base: plan.settings.clone(), levels: own };
-    let settings = subject.settings(&recipe);
-    settings.check()?;
-    if !args.json {
-        eprintln!(
-            "{}: {} x {} views, {}x{}, depth {:.2}..{:.2} mm",
-            field.name,
-            grid[0],
-            grid[1],
-            display.height,
-            display.width,
-            settings.depth[0] * 1e3,
-            settings.depth[1] * 1e3
-        );
-        for choice in plan.choices.iter().filter(|c| c.saves || (c.what == "padding" && padding != Padding::default()))
-        {
-            eprintln!("{}: {} ({})", choice.what, choice.value, choice.why);
-        }
-        eprintln!("engine: {}", engine.describe());
-        chosen.iter().for_each(|about| eprintln!("{about}"));
-    }
-    progress::catch_interrupt();
-    let solved = solve_colors(&subject, colors, &recipe, engine.as_mut(), args.json)?;
-    let mut hologram = hologram(&field, &display, &settings, padding, &solved);
-    hologram.frames = subject.base.frames;
-    if chosen.is_some() {
-        hologram.settings["recipe"] = json!(recipe);
-    }
-    hologram.settings["views"] = json!(grid);
-    hologram.settings["view_pitch_mm"] = json!(cell * 1e3);
-    if let Some(depth) = args.scene.depth.filter(|_| args.scene.depth_map.is_some()) {
-        // In the order of the map's values, which the range of depths does not keep.
-        hologram.settings["depth_map_mm"] = json!(depth.map(|d| d * 1e3));
-    }
-    match form {
-        Form::Zarr => hologram.save(&args.out)?,
-        _ => hologram::save_phases(&hologram, &args.out)?,
-    }
-    let report = |(color, s): &(Color, Solution)| {
-        json!({
-            "color": color, "psnr_mean_db": s.verdict.mean(), "psnr_worst_db": s.verdict.worst(),
-            "exposure": s.exposure, "efficiency": s.efficiency, "steps": s.steps, "step_ms": s.step_seconds * 1e3, "seconds": s.seconds, "stopped_by": stop_name(s.stop), "fault": fault(s.stop),
-        })
+    let (settings, chosen) = match tiles {
+        Some(_) => (settings::of_tiles(args, &display), None),
+        None => settings::settings_of(args, engine.as_ref(), &display, [0.0, 0.0], colors.len())?,
     };
-    let timings: Vec<_> = engine
-        .timings()
-        .iter()
-        .map(|t| json!({ "kernel": t.kernel.name(), "calls": t.calls, "ms": t.seconds * 1e3 }))
-        .collect();
+    let job = job_of(args, &display, scenes, colors, settings, tiles);
+    let mut watch = Watch::of_job(&job, engine.describe(), chosen, args.json);
+    let solved = solve_scene(&job, Some(&args.out), engine.as_mut(), &mut |event| watch.see(event))?;
+    let engine = engine.as_ref();
+    match solved {
+        SceneSolution::Hologram(solved) => say_hologram(args, &solved, engine, start),
+        SceneSolution::Sequence(solved) => say_sequence(args, &solved, watch.frames(), engine, start)?,
+        SceneSolution::Tiles(solved) => say_tiles(args, &solved, job.colors.len(), engine, start),
+        _ => {}
+    }
+    Ok(())
+}
+
+/// Whether the holograms of a display are solved region by region: asked for, or larger than memory.
+fn tiles_of(args: &Solve, display: &Display) -> Result<Option<TilesRequest>, Failure> {
+    let frames = args.frames.unwrap_or(Settings::default().frames);
+    if display.geometry == eyebox::optics::Geometry::Relay && args.memory.is_some() {
+        let why = "--memory is for far-field displays: in a relay every pupil sees all of the SLM";
+        return Err(Failure::Asked(why.into()));
+    }
+    if args.memory.is_none() && !is_larger_than_memory(display, frames) {
+        if args.passes.is_some() || args.picture.is_some() {
+            return Err(Failure::Asked("--passes and --picture belong to --memory: this is solved all at once".into()));
+        }
+        return Ok(None);
+    }
+    // What a solve in regions does not have.
+    let given = [
+        (args.method != Method::Slfh, "--method"),
+        (args.levels.is_some(), "--levels"),
+        (matches!(args.optimizer, Some(Optimizer::Adam { .. })), "--optimizer adam"),
+        (args.storage.is_some_and(|s| s != eyebox::plan::Storage::F32), "--storage fp16"),
+        (args.seconds.is_some(), "--seconds"),
+        (args.psnr.is_some(), "--psnr"),
+        (args.pupils.is_some(), "--pupils"),
+    ];
+    if let Some((_, name)) = given.iter().find(|g| g.0) {
+        return Err(Failure::Asked(format!(
+            "{name} is not for a hologram that is solved region by region: leave it out, or take a smaller display"
+        )));
+    }
+    let default = TilesRequest::default();
+    Ok(Some(TilesRequest {
+        memory: args.memory.map_or(default.memory, MemoryLimit),
+        passes: args.passes.unwrap_or(default.passes),
+        picture: args.picture.unwrap_or(default.picture),
+    }))
+}
+
+/// What each kernel took.
+fn timings(engine: &dyn Engine) -> Vec<Value> {
+    let one = |t: &eyebox::plan::Timing| json!({ "kernel": t.kernel.name(), "calls": t.calls, "ms": t.seconds * 1e3 });
+    engine.timings().iter().map(one).collect()
+}
+
+fn say_hologram(args: &Solve, solved: &SolvedHologram, engine: &dyn Engine, start: Instant) {
+    let seconds = start.elapsed().as_secs_f64();
     if args.json {
-        let colors: Vec<_> = solved.iter().map(report).collect();
+        let report = |(color, s): &(Color, Solution)| {
+            json!({
+                "color": color, "psnr_mean_db": s.validation.mean(), "psnr_worst_db": s.validation.worst(),
+                "exposure": s.exposure, "efficiency": s.efficiency, "steps": s.steps, "step_ms": s.step_seconds * 1e3,
+                "seconds": s.seconds, "stopped_by": stop_name(s.stop), "fault": fault(s.stop),
+            })
+        };
+        let colors: Vec<_> = solved.solutions.iter().map(report).collect();
+        let padding = solved.plan.padding;
         let out = json!({
-            "out": args.out, "engine": engine.describe(), "seconds": start.elapsed().as_secs_f64(), "colors": colors,
-            "settings": settings, "padding": [padding.rows, padding.columns], "plan": plan.choices, "timings": timings,
-            "peak_memory_mib": common::peak_memory_mib(),
+            "out": args.out, "engine": engine.describe(), "seconds": seconds, "colors": colors,
+            "settings": solved.settings, "padding": [padding.rows, padding.columns], "plan": solved.plan.choices,
+            "timings": timings(engine), "peak_memory_mib": common::peak_memory_mib(),
         });
         println!("{out}");
-        return Ok(());
+        return;
     }
-    for (color, s) in &solved {
+    for (color, s) in &solved.solutions {
         println!(
-            "{color:6} {:.2} dB mean, {:.2} dB worst of {} held-out pupils; exposure {:.3} (efficiency {:.0} %); {} steps in {:.1} s{}",
-            s.verdict.mean(),
-            s.verdict.worst(),
-            s.verdict.psnr.len(),
+            "{color:6} {:.2} dB mean, {:.2} dB worst of {} validation pupils; exposure {:.3} (efficiency {:.0} %); {} steps in {:.1} s{}",
+            s.validation.mean(),
+            s.validation.worst(),
+            s.validation.psnr.len(),
             s.exposure,
             100.0 * s.efficiency,
             s.steps,
@@ -125,174 +130,69 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
             println!("  {:15} {:8} calls {:10.2} ms", t.kernel.name(), t.calls, t.seconds * 1e3);
         }
     }
-    println!("wrote {} after {:.1} s", args.out.display(), start.elapsed().as_secs_f64());
+    println!("wrote {} after {seconds:.1} s", args.out.display());
+}
+
+fn say_sequence(
+    args: &Solve,
+    solved: &SolvedSequence,
+    frames: &[Value],
+    engine: &dyn Engine,
+    start: Instant,
+) -> Result<(), Failure> {
+    let (out, SolvedSequence { done, count, solved, .. }) = (args.out.display(), *solved);
+    let seconds = start.elapsed().as_secs_f64();
+    if done < count {
+        return Err(Failure::Asked(format!(
+            "interrupted: {out} has {done} of {count} holograms; the same command goes on with the next"
+        )));
+    }
+    if solved == 0 {
+        println!("{out} is complete: {count} holograms");
+    } else if args.json {
+        println!("{}", json!({ "out": args.out, "engine": engine.describe(), "seconds": seconds, "frames": frames }));
+    } else {
+        println!("wrote {out}: {count} holograms after {seconds:.1} s");
+    }
     Ok(())
 }
 
-/// Every colour in turn. Once interrupted, the colours that are left get one step each, so that the file is whole.
-pub fn solve_colors(
-    subject: &Subject,
-    colors: &[Color],
-    recipe: &Recipe,
-    engine: &mut dyn Engine,
-    quiet: bool,
-) -> Result<Vec<(Color, Solution)>, Failure> {
-    let mut solved = Vec::new();
-    for &color in colors {
-        let subject = Subject { color, ..subject.clone() };
-        let bar = Bar::new(color.to_string(), recipe.steps, quiet);
-        let mut solution = subject.solve(recipe, engine, &mut |p| bar.show(p))?.solution;
-        if recipe.reduces() {
-            // Its own verdict is about less than the problem.
-            let reference = Reference::new(&subject, subject.base.seed, engine)?;
-            solution.verdict = reference.judge(&solution.phases, engine)?;
-            if recipe.pixel > 1 {
-                solution.exposure = solution.verdict.exposure;
-            }
-        }
-        bar.finish(format!("{:.1} dB", solution.verdict.mean()));
-        solved.push((color, solution));
-    }
-    Ok(solved)
-}
-
-/// The hologram of solved colours.
-pub fn hologram(
-    field: &LightField,
-    display: &Display,
-    settings: &Settings,
-    padding: Padding,
-    solved: &[(Color, Solution)],
-) -> Hologram {
-    let color = |(color, s): &(Color, Solution)| ColorHologram {
-        color: Some(*color),
-        wavelength: display.wavelengths.iter().find(|w| w.color == *color).map_or(0.0, |w| w.wavelength),
-        exposure: s.exposure,
-        efficiency: s.efficiency,
-        phases: s.phases.clone(),
+fn say_tiles(args: &Solve, solved: &SolvedTiles, colors: usize, engine: &dyn Engine, start: Instant) {
+    let (plan, peak) = (&solved.plan, common::peak_memory_mib());
+    let Some((scores, summary)) = solved.scores.as_ref().and_then(|s| Some((s, s.summary()?))) else {
+        eprintln!("interrupted; the same command goes on from here");
+        return;
     };
-    Hologram {
-        seed: settings.seed,
-        version: env!("CARGO_PKG_VERSION").into(),
-        scene: field.name.clone(),
-        settings: json!({ "solve": settings, "padding": [padding.rows, padding.columns], "views": field.grid, "view_pitch_mm": field.cell(display) * 1e3, "eyebox_mm": display.eyebox_min() * 1e3 }),
-        ..Hologram::on(display, settings.frames, solved.iter().map(color).collect())
+    let ([read, written], [_, held], seconds) = (solved.moved, plan.memory, start.elapsed().as_secs_f64());
+    if args.json {
+        let row = |s: &eyebox::hologram::PupilScore| json!({ "pupil_mm": s.pupil.to_mm(), "psnr_db": s.psnr });
+        let out = json!({
+            "out": args.out, "engine": engine.describe(), "solve_seconds": solved.seconds, "seconds": seconds,
+            "psnr_mean_db": summary.mean, "psnr_worst_db": summary.worst,
+            "pupils": scores.pupils.iter().map(row).collect::<Vec<_>>(), "visits": plan.visits * colors,
+            "pupils_solved": solved.pupils, "region": [plan.region.rows, plan.region.columns],
+            "planned_memory_mib": (plan.region.bytes + held) >> 20, "peak_memory_mib": peak, "read_mib": read >> 20,
+            "written_mib": written >> 20, "settings": plan.settings, "timings": timings(engine),
+        });
+        println!("{out}");
+        return;
     }
-}
-
-/// The recipe that the arguments mean, and what there is to say of it: the default, or what quality and deadline ask for;
-/// what is given itself wins.
-pub fn recipe_of(
-    args: &Solve,
-    engine: &dyn Engine,
-    display: &Display,
-    colors: usize,
-) -> Result<(Recipe, Option<String>), Failure> {
-    let frames = args.frames.unwrap_or(Settings::default().frames);
-    let chosen = args.quality.choose(engine, [display.height, display.width], frames, colors)?;
-    let (mut recipe, about) = match chosen {
-        Some(Chosen { recipe, about }) => (recipe, Some(about)),
-        None if args.optimizer == Some(OptimizerName::Adam) => (Recipe::adam(200, 8), None),
-        None => (Recipe::default(), None),
-    };
-    let is_adam = matches!(recipe.optimizer, Optimizer::Adam { .. });
-    match args.optimizer {
-        Some(OptimizerName::Adam) if !is_adam => {
-            let Recipe { optimizer, diameters, .. } = Recipe::adam(1, 1);
-            recipe = Recipe { optimizer, diameters, ..recipe };
-        }
-        Some(OptimizerName::Projection) if is_adam => {
-            let Recipe { optimizer, diameters, .. } = Recipe::default();
-            recipe = Recipe { optimizer, diameters, ..recipe };
-        }
-        _ => {}
+    for score in &scores.pupils {
+        let [x, y, d, z] = score.pupil.to_mm();
+        println!("({x:6.2}, {y:6.2}) mm, {d:.2} mm wide, focused at {z:7.1} mm: {:.2} dB", score.psnr);
     }
-    recipe.steps = args.steps.unwrap_or(recipe.steps);
-    recipe.pupils = args.pupils.unwrap_or(recipe.pupils);
-    recipe.window = args.window.unwrap_or(recipe.window);
-    recipe.diameters = args.diameters.map_or(recipe.diameters, Diameters::from);
-    recipe.storage = args.storage.unwrap_or(recipe.storage);
-    if let Some(padding) = args.padding {
-        recipe.padding = padding != PaddingName::Never;
-    }
-    if args.frames.is_some() || args.speckle.is_some() {
-        recipe.repeats = 1;
-    }
-    if args.scene.views.is_some() {
-        recipe.views = 1;
-    }
-    recipe.levels &= args.levels.is_none();
-    Ok((recipe, about))
-}
-
-/// What of the scene is solved, by these arguments.
-pub fn plan_of(args: &Solve, recipe: &Recipe, field: &LightField, display: &Display) -> Result<ScenePlan, Failure> {
-    let mut settings = base_of(args, display, common::depths(&args.scene, field, display));
-    // All sub-frames that are shown: of which some may repeat is the recipe's.
-    Recipe { repeats: 1, ..recipe.clone() }.apply(&mut settings);
-    settings.levels = args.levels.as_deref().map(levels).transpose()?;
-    let wish = Wish {
-        settings: &settings,
-        depth: args.scene.depth,
-        full: args.full.unwrap_or_default(),
-        padding: match args.padding {
-            Some(PaddingName::Need) => PaddingRule::Need,
-            _ if recipe.padding => PaddingRule::Always,
-            _ => PaddingRule::Never,
-        },
-        contrast: args.speckle,
-    };
-    let mut plan = ScenePlan::new(field, display, &wish)?;
-    plan.settings.seconds = args.seconds.map(|s| s / plan.colors.len() as f64);
-    Ok(plan)
-}
-
-/// Everything that no recipe decides, for depths in metres.
-pub fn base_of(args: &Solve, display: &Display, depth: [f64; 2]) -> Settings {
-    Settings {
-        frames: args.frames.unwrap_or(Settings::default().frames),
-        method: args.method,
-        stft_filter: args.stft_filter,
-        stft_samples: args.stft_samples,
-        evenness: args.evenness,
-        patches: args.patches,
-        psnr: args.psnr,
-        efficiency: args.efficiency,
-        diameter: common::diameters(args.pupil_diameter, display),
-        depth,
-        sequence: if args.sequence == SequenceName::Sobol { Sequence::Sobol } else { Sequence::Random },
-        seed: args.seed,
-        ..Settings::default()
-    }
-}
-
-impl From<DiametersName> for Diameters {
-    fn from(name: DiametersName) -> Self {
-        match name {
-            DiametersName::Uniform => Self::Uniform,
-            DiametersName::Log => Self::LogUniform,
-            DiametersName::Reciprocal => Self::Reciprocal,
-        }
-    }
-}
-
-/// Levels by their number, or from a file.
-pub fn levels(text: &str) -> Result<Vec<f64>, Failure> {
-    if let Ok(n) = text.parse::<usize>() {
-        return Ok(solve::even_levels(n.min(1 << 16)));
-    }
-    let wrong = |what: String| Failure::Asked(format!("{text}: {what}"));
-    let size =
-        std::fs::metadata(text).map_err(|e| wrong(format!("neither a number of levels nor a file ({e})")))?.len();
-    if size > 1 << 20 {
-        return Err(wrong("a file of levels has one phase a line, 256 at most".into()));
-    }
-    let file = std::fs::read_to_string(text).map_err(|e| wrong(e.to_string()))?;
-    let lines = file.lines().map(|l| l.split('#').next().unwrap_or("").trim()).enumerate();
-    let phase = |(i, line): (usize, &str)| {
-        line.parse::<f64>().map_err(|_| wrong(format!("line {}: '{line}' is not a phase in radians", i + 1)))
-    };
-    lines.filter(|(_, line)| !line.is_empty()).map(phase).collect()
+    println!(
+        "{:.2} dB mean, {:.2} dB worst of {} places; {} pupils in {:.1} s; read {} MiB, wrote {} MiB; peak {} MiB",
+        summary.mean,
+        summary.worst,
+        scores.pupils.len(),
+        solved.pupils,
+        solved.seconds,
+        read >> 20,
+        written >> 20,
+        peak.unwrap_or(0)
+    );
+    println!("wrote {} after {seconds:.1} s", args.out.display());
 }
 
 fn stop_name(stop: Stop) -> &'static str {

@@ -334,8 +334,11 @@ fn estimator(args: &Trackers) -> Result<Estimator, Failure> {
 /// What became of a sample, and the pupil so many milliseconds after its arrival.
 fn stages(estimator: &mut Estimator, sample: &Sample, ms: f64, as_json: bool) -> String {
     let stages = estimator.update(sample);
-    let pupil = estimator.predict(sample.received_ns.saturating_add((ms * 1e6) as u64));
+    let light_ns = sample.received_ns.saturating_add((ms * 1e6) as u64);
+    let pupil = estimator.predict(light_ns);
     if as_json {
+        let mut pupil = json!(pupil);
+        pupil["time_ns"] = json!(light_ns);
         json!({ "time_ns": sample.time_ns, "received_ns": sample.received_ns, "stages": stages, "pupil": pupil })
             .to_string()
     } else {

@@ -1,8 +1,9 @@
 //! Values on the command line: what people write, and what it means inside.
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use eyebox::optics::{Pupil, WindowFactor};
 use eyebox::plan::Storage;
-use eyebox::playback::Rate;
+use eyebox::present::Rate;
 use eyebox::solve::{Full, Method};
 
 fn numbers<const N: usize>(parts: Vec<&str>, form: &str) -> Result<[f64; N], String> {
@@ -137,6 +138,15 @@ pub fn contrast(text: &str) -> Result<f64, String> {
         Ok(v) if (1.0 / 64.0..=1.0).contains(&v) => Ok(v),
         _ => Err("expected a contrast of 0.016 (4096 sub-frames) to 1 (one)".into()),
     }
+}
+
+/// Names on the command line, what each means for people, and what it is.
+pub type Names<T, const N: usize> = [(&'static str, &'static str, T); N];
+
+/// One of a few names.
+pub fn one_of<T: Copy + Send + Sync, const N: usize>(names: &'static Names<T, N>) -> impl TypedValueParser<Value = T> {
+    PossibleValuesParser::new(names.iter().map(|(name, about, _)| PossibleValue::new(*name).help(*about)))
+        .map(|given| names.iter().find(|(name, ..)| *name == given).expect("one of the possible values").2)
 }
 
 /// A method by its name.

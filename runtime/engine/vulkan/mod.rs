@@ -7,39 +7,21 @@
 //! descriptor pools, staging and queries are kept: nothing is made once all sizes have been seen.
 //! Nothing is assumed of the size of subgroups; shaders synchronise through shared memory only.
 //!
-//! `fft` plans and records transforms; `screen` shows bytes
-//! in a window or on a display that no desktop drives (its `target`: `direct`, found by `connectors`), `renew` makes its
-//! swapchain again, `lit` says when pictures lit up; `canvas` shows pictures in a window that may be resized.
+//! `fft` plans and records transforms.
 
 #![allow(unsafe_code)]
 
-mod canvas;
 mod check;
-mod connectors;
-mod direct;
 mod encode;
 mod engine;
 mod fft;
 mod layout;
-mod lit;
 mod record;
-mod renew;
-mod screen;
-#[cfg(all(test, target_os = "linux"))]
-mod screen_tests;
-mod shown;
 mod tables;
-mod target;
 #[cfg(test)]
 mod tests;
 mod views;
 
-pub use canvas::Canvas;
-pub use connectors::{Connector, connectors};
-pub use direct::{DirectDisplays, DirectMode, FoundDisplay};
 pub use encode::VulkanEncoder;
 pub use engine::VulkanEngine;
 pub use fft::{Timed, Transforms};
-pub use lit::Lit;
-pub use screen::Screen;
-pub use target::WindowHandle;

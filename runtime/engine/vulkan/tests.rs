@@ -79,7 +79,7 @@ fn a_smaller_device_gives_the_same() {
     use super::super::{Buffer, Dispatch, Engine, Kernel, Purpose};
     use super::engine::VulkanEngine;
     use crate::optics::{Optics, Pupil, WindowFactor};
-    use crate::plan::{Comparison, Planner, Views};
+    use crate::plan::{Comparison, Planner, ViewLayout};
     use crate::scene::{Pyramid, ViewGrid};
 
     let slm = Optics::new(40, 64, 8e-6, 520e-9, 0.4).unwrap();
@@ -88,7 +88,7 @@ fn a_smaller_device_gives_the_same() {
     let views: Vec<Vec<f32>> =
         (0..9).map(|v| (0..40 * 64).map(|i| ((i * 37 + v * 101) % 211) as f32 / 211.0).collect()).collect();
     let pyramid = std::sync::Arc::new(Pyramid::new(&views, 40, 64));
-    planner.views = Some(Views::new(grid, &pyramid));
+    planner.views = Some(ViewLayout::new(grid, &pyramid));
     let pupil = Pupil { x: 1e-3, y: -2e-3, diameter: 20e-3, depth: 3e-3 };
     let mut step =
         planner.project_step(vec![planner.pupil_pass(&pupil, &Comparison::default()); 2], usize::MAX, 0.5, 2.0, 0.5);

@@ -4,7 +4,6 @@ use super::figures::{ColorError, ColorFigures, EnergyMap, Pictures, Row, Run, Sc
 use super::picture;
 use super::pupils::{CHOSEN, Pupils};
 use crate::Failure;
-use crate::view::padding_of;
 use eyebox::engine::{Buffer, Engine};
 use eyebox::evaluate::{self, Group, RowFinder};
 use eyebox::hologram::Hologram;
@@ -210,8 +209,8 @@ pub fn measure(
     let mut looks = Vec::new();
     let mut energies = Vec::new();
     for (i, solved) in hologram.colors.iter().enumerate() {
-        let planner =
-            Planner::new(hologram.optics(i)?, hologram.frames, WindowFactor::Full).with_padding(padding_of(hologram));
+        let planner = Planner::new(hologram.optics(i)?, hologram.frames, WindowFactor::Full)
+            .with_padding(hologram.metadata.padding());
         engine.load(&planner.shape(Purpose::View), None)?;
         engine.write(Buffer::Phases, &solved.phases)?;
         let energy = evaluate::energy(engine, &planner)?;

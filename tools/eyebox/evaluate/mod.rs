@@ -25,7 +25,6 @@ use crate::report::{self, Published};
 use eyebox::engine::Engine;
 use eyebox::evaluate::Group;
 use eyebox::optics::{Color, Display};
-use eyebox::quality::Recipe;
 use eyebox::scene;
 use std::path::Path;
 
@@ -68,16 +67,21 @@ pub fn run(args: &Evaluate) -> Result<(), Failure> {
 fn with_quality(job: &mut Job, args: &Evaluate, engine: &dyn Engine) -> Result<Option<String>, Failure> {
     let frames = job.frames.last().copied().unwrap_or(job.settings.frames);
     let size = job.display.picture_size().into();
-    let Some(Chosen { recipe, about }) = args.quality.choose(engine, size, frames, job.colors.len())? else {
+    let Some(Chosen { settings, about }) = args.quality.choose(engine, size, frames, job.colors.len())? else {
         return Ok(None);
     };
-    let recipe = Recipe {
-        steps: args.steps.unwrap_or(recipe.steps),
-        pupils: args.pupils.unwrap_or(recipe.pupils),
+    let settings = job.settings.with_quality_of(&settings);
+    job.settings = eyebox::solve::Settings {
+        steps: args.steps.unwrap_or(settings.steps),
+        pupils: args.pupils.unwrap_or(settings.pupils),
+        // Methods are compared on the whole problem.
         repeats: 1,
-        ..recipe
+        views: 1,
+        pixel: 1,
+        padding: job.settings.padding,
+        levels: job.settings.levels.clone(),
+        ..settings
     };
-    recipe.apply(&mut job.settings);
     Ok(Some(about))
 }
 
@@ -142,7 +146,7 @@ fn job(args: &Evaluate) -> Result<Job, Failure> {
 /// The display asked for, or, where nothing is solved, that of the first hologram.
 fn optics(args: &Evaluate, given: Option<&subject::Given>) -> Result<(Display, Vec<Color>), Failure> {
     match given {
-        Some(given) if args.display.size.is_none() => Ok((given.display(), given.colors())),
+        Some(given) if args.display.size.is_none() => Ok((given.hologram.made_for()?, given.hologram.named_colors())),
         _ => {
             let display = common::display(&args.display)?;
             let colors = common::colors(&args.display, &display)?;

@@ -39,27 +39,6 @@ pub struct Given {
 }
 
 impl Given {
-    /// The display that it was made for.
-    pub fn display(&self) -> Display {
-        let h = &self.hologram;
-        Display {
-            name: h.display.clone(),
-            height: h.height,
-            width: h.width,
-            pitch: h.pitch,
-            focal_length: h.focal_length,
-            geometry: h.geometry,
-            wavelengths: h.display_wavelengths.clone(),
-            levels: 256,
-            encoding: Default::default(),
-        }
-    }
-
-    /// Its colours.
-    pub fn colors(&self) -> Vec<Color> {
-        self.hologram.colors.iter().filter_map(|c| c.color).collect()
-    }
-
     /// Refuses what cannot be compared with the rest.
     pub fn check(&self, display: &Display, colors: &[Color]) -> Result<(), Failure> {
         let (file, h) = (self.file.display(), &self.hologram);
@@ -69,9 +48,9 @@ impl Given {
                 h.height, h.width, display.height, display.width
             )));
         }
-        if self.colors() != colors || h.colors.len() != colors.len() {
+        if self.hologram.named_colors() != colors || h.colors.len() != colors.len() {
             let list = |c: &[Color]| c.iter().map(Color::to_string).collect::<Vec<_>>().join(", ");
-            let (has, wanted) = (list(&self.colors()), list(colors));
+            let (has, wanted) = (list(&self.hologram.named_colors()), list(colors));
             return Err(Failure::Asked(format!("{file}: its colours are {has}, not {wanted}: choose with --color")));
         }
         let near = |a: f64, b: f64| (a - b).abs() <= 1e-6 * b.abs();

@@ -12,7 +12,6 @@ use crate::args::SceneArgs;
 use crate::common;
 use crate::progress::{self, JobBar};
 use crate::report::{About, MethodAbout, Report};
-use crate::solve;
 use eyebox::engine::Engine;
 use eyebox::hologram::Hologram;
 use eyebox::optics::{Color, Display, Padding};
@@ -316,10 +315,10 @@ impl<'a> OfScene<'a> {
         };
         let file = self.holograms.join(format!("{}.zarr", task.name));
         if let Ok(kept) = Hologram::load(&file)
-            && kept.settings["made_by"] == task.made_by
+            && kept.metadata.made_by.as_ref() == Some(&task.made_by)
         {
             self.bar.pass(rest);
-            let seconds = kept.settings["seconds"].as_f64();
+            let seconds = kept.metadata.seconds;
             return Ok(Some((kept, seconds)));
         }
         let settings = self.settings(method, task.frames);
@@ -339,10 +338,10 @@ impl<'a> OfScene<'a> {
             self.bar.at(start + share);
             solved.push((color, solution));
         }
-        let mut hologram = solve::hologram(self.field, &self.job.display, &settings, Padding::default(), &solved);
+        let mut hologram =
+            Hologram::from_solutions(self.field, &self.job.display, &settings, Padding::default(), &solved)?;
         let seconds: f64 = solved.iter().map(|(_, s)| s.seconds).sum();
-        hologram.settings["made_by"] = json!(task.made_by);
-        hologram.settings["seconds"] = json!(seconds);
+        (hologram.metadata.made_by, hologram.metadata.seconds) = (Some(task.made_by.clone()), Some(seconds));
         hologram.save(&file)?;
         Ok(Some((hologram, Some(seconds))))
     }

@@ -2,8 +2,8 @@
 
 use crate::values::{not_negative, positive, window};
 use clap::{Args, ValueEnum};
-use eyebox::live::Policy;
 use eyebox::optics::WindowFactor;
+use eyebox::session::Policy;
 use eyebox::solve::{Steering, Strategy};
 
 /// How the phases follow.

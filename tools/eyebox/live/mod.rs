@@ -4,13 +4,12 @@ mod args;
 #[allow(clippy::module_inception)]
 mod live;
 mod plot;
-mod record;
 mod refine;
 mod showcase;
 mod study;
 mod subject;
+mod tracking;
 mod viewing;
-mod watching;
 
 pub use live::Live;
 pub use refine::Refine;

@@ -2,7 +2,7 @@
 
 use crate::report::document;
 use crate::report::svg::{Scale, Svg, escape, ticks};
-use eyebox::live::{Moment, Study};
+use eyebox::session::{Study, StudySample};
 use serde_json::Value;
 use std::fmt::Write;
 
@@ -53,8 +53,8 @@ fn axes(svg: &mut Svg, [x, y]: [&Scale; 2], xs: &[f64], ys: &[f64], labels: [&st
 }
 
 /// Decibels against milliseconds since landing.
-pub fn since_landing(moments: &[Moment]) -> String {
-    let landed: Vec<(f64, &Moment)> = moments.iter().filter_map(|m| m.since_landing_ms.map(|t| (t, m))).collect();
+pub fn since_landing(moments: &[StudySample]) -> String {
+    let landed: Vec<(f64, &StudySample)> = moments.iter().filter_map(|m| m.since_landing_ms.map(|t| (t, m))).collect();
     let [w, h] = SIZE;
     let mut svg = Svg::new(w, h, "gain in decibels against milliseconds since the eye landed");
     let (ys, yr) = ticks(landed.iter().map(|(_, m)| m.gain_db()).chain([0.0]), 8);
@@ -79,7 +79,7 @@ pub fn since_landing(moments: &[Moment]) -> String {
 }
 
 /// Both over time.
-pub fn over_time(moments: &[Moment]) -> String {
+pub fn over_time(moments: &[StudySample]) -> String {
     let [w, h] = SIZE;
     let mut svg = Svg::new(w, h, "PSNR at the eye over time, steered and unsteered");
     let (ys, yr) = ticks(moments.iter().flat_map(|m| [m.steered_db, m.whole_db]), 8);
@@ -90,7 +90,8 @@ pub fn over_time(moments: &[Moment]) -> String {
         svg.rect("shade", [from, TOP], [to - from, h - BOTTOM - TOP], "saccade");
     }
     axes(&mut svg, [&x, &y], &xs, &ys, ["s", "PSNR at the eye, dB"]);
-    let of = |value: fn(&Moment) -> f64| moments.iter().map(|m| [x.at(m.time_s), y.at(value(m))]).collect::<Vec<_>>();
+    let of =
+        |value: fn(&StudySample) -> f64| moments.iter().map(|m| [x.at(m.time_s), y.at(value(m))]).collect::<Vec<_>>();
     svg.path("line alone m1", &of(|m| m.whole_db));
     svg.path("line m0", &of(|m| m.steered_db));
     svg.finish()

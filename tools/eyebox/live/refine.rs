@@ -5,13 +5,12 @@ use crate::args::{EngineArgs, SceneArgs};
 use crate::common::{self, Form};
 use crate::score;
 use crate::values::{not_negative, pupil, range};
-use crate::view::padding_of;
-use crate::{Failure, progress, tiled};
+use crate::{Failure, progress};
 use clap::Args;
 use eyebox::evaluate::Sums;
-use eyebox::hologram::{Patch, Tiles};
-use eyebox::optics::Pupil;
-use eyebox::solve::{Aim, Diameters, Problem, PupilRange, Refiner, Sampler, Sequence};
+use eyebox::hologram::{Metadata, Patch, Refined, SceneSource, Tiles};
+use eyebox::optics::{Pupil, PupilDistribution};
+use eyebox::solve::{Diameters, Problem, PupilRange, Refiner, Sampler, Sequence, pupils_of};
 use eyebox::tiled::Piece;
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -75,27 +74,27 @@ pub fn run(args: &Refine) -> Result<(), Failure> {
     if let Some(out) = &args.out {
         common::form(out, &[Form::Zarr])?;
     }
-    if tiled::is_tiled(&args.hologram) {
+    if Tiles::is_tiled(&args.hologram) {
         return tiled(args);
     }
     let (mut hologram, display) = score::with_display(&args.hologram)?;
     let colors: Vec<_> = hologram.colors.iter().filter_map(|c| c.color).collect();
     let field = common::scene(&score::as_solved(&args.scene, &hologram), &display, &colors)?;
     let aim = args.aim();
-    let padding = padding_of(&hologram);
+    let padding = hologram.metadata.padding();
     progress::catch_interrupt();
     let mut all: Vec<Vec<Row>> = Vec::new();
     let mut described = String::new();
     for (color, solved) in colors.iter().zip(&mut hologram.colors) {
         let problem = Problem::new(&field, *color, &display, padding)?;
-        let anywhere = PupilRange::over(problem.eyebox, aim.depth);
+        let anywhere = PupilRange::over(problem.eyebox, aim.focus);
         let (rows, phases, engine) = steps(args, problem, &solved.phases, solved.exposure, anywhere)?;
         solved.phases = phases;
         described = engine;
         all.push(rows);
     }
     if let Some(out) = &args.out {
-        hologram.settings["refined"] = args.refined();
+        hologram.metadata.refined = Some(args.refined());
         hologram.save(out)?;
     }
     report(args, &all, hologram.frames, &described, EYEBOX, &Value::Null);
@@ -118,17 +117,18 @@ fn tiled(args: &Refine) -> Result<(), Failure> {
     for i in 0..colors.len() {
         args.pupil.check_within(&about.optics(i)?)?;
     }
-    let scene = tiled::scene_of(&score::as_solved(&args.scene, about), &display, &colors)?;
+    let scene = common::scene_around(&score::as_solved(&args.scene, about), &display, &colors)?;
     let aim = args.aim();
     progress::catch_interrupt();
     let (mut all, mut patches, mut described, mut place) = (Vec::new(), Vec::new(), String::new(), Value::Null);
+    let SceneSource::Around(scene) = scene else { unreachable!("made around pupils") };
     for (color, views) in scene.iter().enumerate() {
         let Piece { at, size, problem } = Piece::around(&tiles, color, views, &aim)?;
         place = json!({ "first": at, "size": size });
         let anywhere = PupilRange {
             eyebox: problem.eyebox,
             diameter: aim.diameter,
-            depth: aim.depth,
+            depth: aim.focus,
             diameters: Diameters::Uniform,
         };
         let phases = tiles.read(color, at, size)?;
@@ -140,12 +140,8 @@ fn tiled(args: &Refine) -> Result<(), Failure> {
         all.push(rows);
     }
     if let Some(out) = &args.out {
-        let mut settings = about.settings.clone();
-        if !settings.is_object() {
-            settings = json!({});
-        }
-        settings["refined"] = args.refined();
-        tiles.copy(out, &settings, &patches)?;
+        let metadata = Metadata { refined: Some(args.refined()), ..about.metadata.clone() };
+        tiles.copy(out, &metadata, &patches)?;
     }
     report(args, &all, about.frames, &described, PIECE, &place);
     Ok(())
@@ -153,16 +149,16 @@ fn tiled(args: &Refine) -> Result<(), Failure> {
 
 impl Refine {
     /// Where the eye is believed to be.
-    fn aim(&self) -> Aim {
+    fn aim(&self) -> PupilDistribution {
         let Pupil { x, y, diameter, depth } = self.pupil;
         let half = 0.5e-3f64.min(diameter / 2.0);
         let diameter = self.diameter.unwrap_or([diameter - half, diameter + half]);
-        Aim { x, y, spread: self.spread * 1e-3, diameter, depth: [depth; 2], elsewhere: 0.0 }
+        PupilDistribution { centre: [x, y], spread: self.spread * 1e-3, diameter, focus: [depth; 2], elsewhere: 0.0 }
     }
 
     /// What the file says of it.
-    fn refined(&self) -> Value {
-        json!({ "aim": self.aim(), "steering": self.steering.steering(), "steps": self.steps })
+    fn refined(&self) -> Refined {
+        Refined { aim: self.aim(), steering: self.steering.steering(), steps: self.steps }
     }
 }
 
@@ -241,9 +237,9 @@ fn report(args: &Refine, all: &[Vec<Row>], frames: usize, engine: &str, [key, wo
 }
 
 /// Pupils of other seeds than the refinement's: around the eye, and anywhere around `center`.
-fn judged(anywhere: PupilRange, center: [f64; 2], aim: &Aim, seed: u64) -> (Vec<Pupil>, Vec<Pupil>) {
+fn judged(anywhere: PupilRange, center: [f64; 2], aim: &PupilDistribution, seed: u64) -> (Vec<Pupil>, Vec<Pupil>) {
     let mut sampler = Sampler::new(anywhere, Sequence::Sobol, !seed ^ 0x616e_7977);
     let moved = |p: Pupil| Pupil { x: p.x + center[0], y: p.y + center[1], ..p };
     let anywhere = (0..JUDGED).map(|_| moved(sampler.draw())).collect();
-    (aim.pupils(JUDGED, !seed), anywhere)
+    (pupils_of(aim, JUDGED, !seed), anywhere)
 }

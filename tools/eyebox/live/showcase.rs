@@ -2,14 +2,13 @@
 
 use super::plot;
 use super::study::summary;
-use crate::view::padding_of;
 use crate::{Failure, progress};
 use eyebox::encode::Encoder;
 use eyebox::files::write_file;
 use eyebox::hologram::Hologram;
-use eyebox::live::{self, Moment, Part, Policy, StudySettings};
 use eyebox::optics::{Color, Pupil};
 use eyebox::preview::{Detail, Eye, Opener, Overlay, Picture, Showing, develop, draw_overlay};
+use eyebox::session::{self, Policy, SteeredColor, StudySample, StudySettings};
 use image::codecs::gif::{GifEncoder, Repeat};
 use image::{Delay, Frame, RgbaImage};
 use serde_json::Value;
@@ -34,7 +33,7 @@ pub struct Showcase {
 /// Steers `hologram` for `seconds` of a simulated eye; nothing where the user had no patience.
 pub fn showcase(
     hologram: &Hologram,
-    parts: &[Part],
+    parts: &[SteeredColor],
     encoder: &Encoder,
     mut opener: impl FnMut() -> Result<Opener, Failure>,
     engine: &str,
@@ -45,7 +44,7 @@ pub fn showcase(
     let mut film = Film::new(hologram, [opener()?, opener()?])?;
     let (mut frames, mut failed) = (Vec::new(), None);
     let mut open = opener()?;
-    let result = live::study(parts, &Policy::default(), encoder, &settings, &mut open, &mut |moment, phases, _| {
+    let result = session::study(parts, &Policy::default(), encoder, &settings, &mut open, &mut |moment, phases, _| {
         if film.count.is_multiple_of(EVERY) {
             match film.picture(moment, phases) {
                 Ok(picture) => frames.push(picture),
@@ -93,12 +92,12 @@ struct Film {
 
 impl Film {
     fn new(hologram: &Hologram, [steered, whole]: [Opener; 2]) -> Result<Self, Failure> {
-        let showing = Showing::new(hologram.clone(), padding_of(hologram))?;
+        let showing = Showing::new(hologram.clone(), hologram.metadata.padding())?;
         let eyes = [Eye::new(steered), Eye::new(whole)];
         Ok(Self { eyes, whole: Arc::new(showing.clone()), showing, count: 0 })
     }
 
-    fn picture(&mut self, moment: &Moment, phases: &[Vec<f32>]) -> Result<Picture, Failure> {
+    fn picture(&mut self, moment: &StudySample, phases: &[Vec<f32>]) -> Result<Picture, Failure> {
         for (color, phases) in self.showing.colors.iter_mut().zip(phases) {
             color.phases = Arc::new(phases.clone());
         }

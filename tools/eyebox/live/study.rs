@@ -3,15 +3,18 @@
 use super::args::PolicyArgs;
 use super::plot;
 use super::subject::{self, Steered, SubjectArgs};
+use crate::common::Engines;
 use crate::values::{not_negative, positive};
-use crate::{Failure, common, progress};
+use crate::{Failure, progress};
 use clap::Args;
 use eyebox::files;
-use eyebox::live::{self, Beat, Study as Result_, StudySettings};
+use eyebox::gpu::Options as VulkanOptions;
+use eyebox::session::{self, Cost, SetTiming, Study as Result_, StudySettings};
 use eyebox::trackers::simulated;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 use std::path::PathBuf;
+use std::time::Duration;
 
 /// `eyebox study`
 #[derive(Args)]
@@ -52,6 +55,12 @@ pub struct Study {
     /// Where the eye focuses, mm
     #[arg(long, default_value_t = 0.0, value_name = "MM", allow_hyphen_values = true)]
     pub focus: f64,
+    /// What a step of one colour takes, ms, for one result on every machine [default: what it takes on this one]
+    #[arg(long, value_name = "MS", value_parser = positive)]
+    pub step_time: Option<f64>,
+    /// With --step-time: what encoding a set takes, ms
+    #[arg(long, default_value_t = 1.0, value_name = "MS", value_parser = positive, requires = "step_time")]
+    pub encode_time: f64,
     /// How it follows
     #[command(flatten)]
     pub policy: PolicyArgs,
@@ -64,7 +73,7 @@ impl Study {
     fn settings(&self) -> StudySettings {
         let mut settings = StudySettings { seconds: self.duration, ..StudySettings::default() };
         settings.period_ns = (1e9 / self.rate) as i64;
-        settings.lead_ns = Beat::usual_lead_ns(settings.period_ns);
+        settings.lead_ns = SetTiming::usual_lead_ns(settings.period_ns);
         settings.light_after_ns = settings.period_ns / 2;
         settings.eye = simulated::Settings {
             seed: self.eye_seed,
@@ -76,6 +85,10 @@ impl Study {
             blinks: self.blinks,
             ..simulated::Settings::default()
         };
+        let time = |ms: f64| Duration::from_secs_f64((ms * 1e-3).min(1e3));
+        if let Some(step) = self.step_time {
+            settings.cost = Cost::Fixed { step: time(step), encode: time(self.encode_time) };
+        }
         settings.gaze.focus = [self.focus * 1e-3; 2];
         settings
     }
@@ -83,7 +96,8 @@ impl Study {
 
 /// Studies, and shows what came of it.
 pub fn run(args: &Study) -> Result<(), Failure> {
-    let subject = subject::load(&args.subject)?;
+    let engines = Engines::new(&args.subject.engine, &VulkanOptions::default())?;
+    let subject = subject::load(&args.subject, &engines)?;
     let settings = args.settings();
     if !args.json {
         eprintln!(
@@ -96,7 +110,7 @@ pub fn run(args: &Study) -> Result<(), Failure> {
             subject.engine
         );
     }
-    let study = study(args, &subject, &settings, args.json)?;
+    let study = study(args, &subject, &engines, &settings, args.json)?;
     let summary = summary(&study);
     std::fs::create_dir_all(&args.out).map_err(|e| Failure::Asked(format!("{}: {e}", args.out.display())))?;
     let policy = args.policy.policy();
@@ -121,17 +135,23 @@ pub fn run(args: &Study) -> Result<(), Failure> {
     Ok(())
 }
 
-fn study(args: &Study, subject: &Steered, settings: &StudySettings, quiet: bool) -> Result<Result_, Failure> {
+fn study(
+    args: &Study,
+    subject: &Steered,
+    engines: &Engines,
+    settings: &StudySettings,
+    quiet: bool,
+) -> Result<Result_, Failure> {
     progress::catch_interrupt();
     let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(1000) };
     bar.set_style(ProgressStyle::with_template("steering {bar:30} {msg}  {eta} left").expect("a sound template"));
-    let mut engines = common::opener(&args.subject.engine)?;
-    let result = live::study(
+    let mut open = || engines.open();
+    let result = session::study(
         &subject.parts,
         &args.policy.policy(),
         &subject.encoder,
         settings,
-        &mut engines,
+        &mut open,
         &mut |moment, _, share| {
             bar.set_position((1000.0 * share) as u64);
             bar.set_message(format!("{:+.1} dB", moment.gain_db()));
@@ -171,7 +191,7 @@ fn print(study: &Result_) {
     println!("  within 50 ms of a landing  {} dB, at least {} dB", db(mean(&soon)), db(least(&soon)));
     println!("  at any time                at least {} dB", db(Some(study.worst_db())));
     println!(
-        "{} steps of {:.2} ms, {} beginnings, {:.2} ms to encode a set",
+        "{} steps of {:.2} ms, {} restarts, {:.2} ms to encode a set",
         study.steps, study.step_ms, study.restarts, study.encode_ms
     );
 }

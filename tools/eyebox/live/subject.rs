@@ -1,18 +1,19 @@
 //! What is steered: a hologram with its scene, or a scene that is solved first.
 
 use crate::args::{DisplayArgs, EngineArgs, SceneArgs};
-use crate::common;
-use crate::quality::{self, QualityArgs};
-use crate::view::padding_of;
-use crate::{Failure, progress, score, solve};
+use crate::common::{self, Engines};
+use crate::quality::QualityArgs;
+use crate::solve::Watch;
+use crate::{Failure, progress, score};
 use clap::Args;
 use eyebox::encode::Encoder;
 use eyebox::hologram::{ColorHologram, Hologram};
-use eyebox::live::Part;
 use eyebox::optics::{Color, Display, Padding};
-use eyebox::quality::{Recipe, Subject};
+use eyebox::produce::solve_colors;
+use eyebox::quality::Subject;
 use eyebox::scene::LightField;
-use eyebox::solve::{Problem, Settings};
+use eyebox::session::SteeredColor;
+use eyebox::solve::{Levels, PaddingRule, Problem, Settings};
 use std::path::{Path, PathBuf};
 
 /// What is steered, in every command that does.
@@ -44,7 +45,7 @@ pub struct Steered {
     /// Its colours.
     pub colors: Vec<Color>,
     /// What is refined.
-    pub parts: Vec<Part>,
+    pub parts: Vec<SteeredColor>,
     /// To what the SLM receives.
     pub encoder: Encoder,
     /// What computes.
@@ -52,7 +53,7 @@ pub struct Steered {
 }
 
 /// Loads or solves it.
-pub fn load(args: &SubjectArgs) -> Result<Steered, Failure> {
+pub fn load(args: &SubjectArgs, engines: &Engines) -> Result<Steered, Failure> {
     let path = Path::new(&args.what);
     let scene = |scene: &str| SceneArgs {
         scene: scene.into(),
@@ -76,20 +77,22 @@ pub fn load(args: &SubjectArgs) -> Result<Steered, Failure> {
         }
         let display = common::display(&args.display)?;
         let colors = common::colors(&args.display, &display)?;
-        let mut engine = common::engine(&args.engine)?;
+        let mut engine = engines.open()?;
         let field = common::scene(&scene(&args.what), &display, &colors)?;
         let depth = common::depths(&scene(&args.what), &field, &display);
         let base = Settings { depth, diameter: common::diameters(None, &display), ..Settings::default() };
         let chosen =
             args.quality.choose(engine.as_ref(), [display.height, display.width], base.frames, colors.len())?;
-        let recipe = chosen.map_or_else(Recipe::default, |c| c.recipe);
-        let levels = quality::levels_of(None, &display)?;
+        let settings = chosen.map_or_else(Settings::default, |c| c.settings);
+        let levels = Levels::of(&display);
         let subject = Subject { field: &field, color: colors[0], display: &display, base, levels };
-        eprintln!("solving {} for the whole eyebox: {recipe}", args.what);
+        eprintln!("solving {} for the whole eyebox: {settings}", args.what);
         progress::catch_interrupt();
-        let solved = solve::solve_colors(&subject, &colors, &recipe, engine.as_mut(), false)?;
-        let padding = if recipe.padding { subject.required_padding()? } else { Padding::default() };
-        let hologram = solve::hologram(&field, &display, &subject.settings(&recipe), padding, &solved);
+        let mut watch = Watch::new(false);
+        let solved = solve_colors(&subject, &colors, &settings, engine.as_mut(), &mut |event| watch.see(event))?;
+        let padding =
+            if settings.padding != PaddingRule::Never { subject.required_padding()? } else { Padding::default() };
+        let hologram = Hologram::from_solutions(&field, &display, &subject.settings(&settings), padding, &solved)?;
         (hologram, display, field)
     };
     let mut shown = common::display(&args.display)?;
@@ -108,16 +111,16 @@ pub fn load(args: &SubjectArgs) -> Result<Steered, Failure> {
     }
     encoder.notes().iter().for_each(|note| eprintln!("note: {note}"));
     let parts = parts(&hologram, &field, &optics)?;
-    let engine = common::engine(&args.engine)?.describe();
+    let engine = engines.open()?.describe();
     Ok(Steered { colors, parts, encoder, engine, hologram })
 }
 
 /// What is refined of a hologram of `field`, made for `display`.
-pub fn parts(hologram: &Hologram, field: &LightField, display: &Display) -> Result<Vec<Part>, Failure> {
-    let padding = padding_of(hologram);
-    let part = |c: &ColorHologram| -> Result<Part, Failure> {
+pub fn parts(hologram: &Hologram, field: &LightField, display: &Display) -> Result<Vec<SteeredColor>, Failure> {
+    let padding = hologram.metadata.padding();
+    let part = |c: &ColorHologram| -> Result<SteeredColor, Failure> {
         let problem = Problem::new(field, c.color.unwrap_or(Color::Green), display, padding)?;
-        Ok(Part { problem, phases: c.phases.clone(), exposure: c.exposure })
+        Ok(SteeredColor { problem, phases: c.phases.clone(), exposure: c.exposure })
     };
     hologram.colors.iter().map(part).collect()
 }

@@ -1,20 +1,70 @@
 //! `--view`: what the tracked eye sees, in a window beside the display.
 
 use super::subject::Steered;
-use crate::view::padding_of;
-use crate::{Failure, common};
-use eyebox::hologram::Hologram;
-use eyebox::live::{Live, Made};
-use eyebox::optics::{Padding, Pupil};
-use eyebox::playback::{Desktop, PanelEvent, PanelKey};
+use crate::Failure;
+use eyebox::gpu::Gpu;
+use eyebox::optics::Padding;
+use eyebox::present::{Desktop, WindowEvent, WindowKey};
 use eyebox::preview::{
-    Look, Overlay, Picture, PreviewError, PreviewWindow, Showing, Shown, Side, Viewer, places, pupil_at,
+    Look, Opener, Overlay, Picture, PreviewError, PreviewWindow, Showing, Shown, Side, Viewer, places, pupil_at,
 };
+use eyebox::session::{Asked, Companion, CompanionOpener, FinishedSet, Now};
+use eyebox::solve::Problem;
 use eyebox::trackers::mouse::MouseHandle;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
+
+/// What is known before there is a window.
+pub struct Viewing {
+    scene: String,
+    showing: Showing,
+    problems: Vec<Problem>,
+    engines: Opener,
+    mouse: Option<MouseHandle>,
+}
+
+impl Viewing {
+    /// `mouse` is told where the mouse points, if that is the tracker.
+    pub fn new(steered: &Steered, engines: Opener, mouse: Option<MouseHandle>) -> Result<Self, Failure> {
+        let showing = Showing::new(steered.hologram.clone(), steered.hologram.metadata.padding())?;
+        let problems = steered.parts.iter().map(|p| p.problem.clone()).collect();
+        Ok(Self { scene: steered.hologram.scene.clone(), showing, problems, engines, mouse })
+    }
+
+    /// What opens the window, on this device.
+    pub fn opener(self, gpu: Gpu) -> CompanionOpener {
+        Box::new(move |desktop| match self.open(&gpu, desktop) {
+            Ok(view) => Ok(Box::new(view)),
+            Err(error) => Err(error.to_string()),
+        })
+    }
+
+    fn open(self, gpu: &Gpu, desktop: &mut Desktop) -> Result<View, PreviewError> {
+        let Self { scene, showing, problems, engines, mouse } = self;
+        let size = showing.size();
+        // Small ones by a whole number.
+        let zoom = (640 / size[0].max(size[1]).max(1)).max(1);
+        let mut viewer = Viewer::start(engines, problems)?;
+        let window = PreviewWindow::open(gpu, desktop, &scene, size.map(|n| n * zoom))?;
+        let (frames, padding, eyebox) = (showing.frames, showing.padding, showing.eyebox);
+        let colors = showing.colors.clone();
+        viewer.show(Arc::new(showing));
+        Ok(View {
+            window,
+            viewer,
+            frames,
+            padding,
+            eyebox,
+            size,
+            colors,
+            mouse,
+            seen: None,
+            overlay: Overlay::default(),
+        })
+    }
+}
 
 /// The window and its viewer.
-pub struct Viewing {
+struct View {
     window: PreviewWindow,
     viewer: Viewer,
     frames: usize,
@@ -23,46 +73,59 @@ pub struct Viewing {
     size: [usize; 2],
     colors: Vec<Shown>,
     mouse: Option<MouseHandle>,
-    seen: Option<(Picture, Option<f64>)>,
+    seen: Option<Picture>,
     overlay: Overlay,
-    pupil: Option<Pupil>,
 }
 
 const HELP: &str = "s: steering on or off   q, Esc: close";
 
-impl Viewing {
-    /// Opens it. `mouse` is told where the mouse points, if that is the tracker.
-    pub fn open(
-        desktop: &mut Desktop,
-        steered: &Steered,
-        engine: &crate::args::EngineArgs,
-        mouse: Option<MouseHandle>,
-        validation: bool,
-    ) -> Result<Self, Failure> {
-        let hologram: &Hologram = &steered.hologram;
-        let showing = Showing::new(hologram.clone(), padding_of(hologram))?;
-        let problems: Vec<_> = steered.parts.iter().map(|p| p.problem.clone()).collect();
-        let size = showing.size();
-        // Small ones by a whole number.
-        let zoom = (640 / size[0].max(size[1]).max(1)).max(1);
-        let viewer = Viewer::start(common::opener(engine)?, problems)?;
-        let window = PreviewWindow::open(desktop, &hologram.scene, size.map(|n| n * zoom), validation)?;
-        let eyebox = showing.eyebox;
-        let (frames, padding, colors) = (showing.frames, showing.padding, showing.colors.clone());
-        let (seen, overlay, pupil) = (None, Overlay::default(), None);
-        let mut viewing = Self { window, viewer, frames, padding, eyebox, size, colors, mouse, seen, overlay, pupil };
-        viewing.viewer.show(Arc::new(showing));
-        Ok(viewing)
+impl View {
+    /// Takes what the user did.
+    fn asked(&mut self, now: &Now) -> Asked {
+        let mut asked = Asked::Nothing;
+        while let Some(event) = self.window.event() {
+            match event {
+                WindowEvent::Close | WindowEvent::Key(WindowKey::Escape | WindowKey::Character('q')) => {
+                    return Asked::Close;
+                }
+                WindowEvent::Key(WindowKey::Character('s')) => asked = Asked::Steer(!now.steered),
+                WindowEvent::Pointer(position) => {
+                    if let Some(mouse) = &self.mouse {
+                        mouse.push(pupil_at(position, &places(self.window.size(), self.size, 1), self.eyebox));
+                    }
+                }
+                _ => {}
+            }
+        }
+        asked
     }
 
-    /// What the validation layer says of it.
-    pub fn messages(&self) -> Arc<Mutex<Vec<String>>> {
-        self.window.messages()
+    /// Shows what is new.
+    fn refresh(&mut self, now: &Now) -> Result<(), PreviewError> {
+        let place = places(self.window.size(), self.size, 1)[0];
+        let within = [place.height, place.width];
+        self.viewer.look(Look { pupil: now.pupil, frame: None, side: Side::Seen, within });
+        if let Some(new) = self.viewer.newest()? {
+            let steered = if now.steered { "steered" } else { "not steered" };
+            let db = new.psnr_db.map_or(String::new(), |db| format!(", {db:.1} dB"));
+            let pupil = new.look.pupil;
+            let [x, y, diameter] = [pupil.x, pupil.y, pupil.diameter].map(|v| v * 1e3);
+            self.window.title(&format!(
+                "{steered}{db}; pupil {x:.1}, {y:.1} mm, {diameter:.1} mm wide; {:.0} sets a second",
+                now.sets_per_second
+            ));
+            let map = [pupil.x, pupil.y, pupil.diameter].map(|v| v / self.eyebox);
+            self.overlay = Overlay { help: Vec::new(), line: Some(format!("{steered}{db}   {HELP}")), map: Some(map) };
+            let picture = self.seen.insert(new.seen);
+            self.window.show(&[(place, picture)], &self.overlay);
+        }
+        self.window.refresh().map(drop)
     }
+}
 
-    /// Another set is on the display.
-    pub fn made(&mut self, made: &Made) {
-        let Some(phases) = &made.phases else { return };
+impl Companion for View {
+    fn shown(&mut self, set: &FinishedSet) {
+        let Some(phases) = &set.phases else { return };
         for (color, phases) in self.colors.iter_mut().zip(phases) {
             color.phases = Arc::clone(phases);
         }
@@ -71,49 +134,11 @@ impl Viewing {
         self.viewer.show(Arc::new(Showing { frames, padding, colors, eyebox, tiles: None }));
     }
 
-    /// Where the eye is now.
-    pub fn look(&mut self, pupil: Pupil) {
-        self.pupil = Some(pupil);
-    }
-
-    /// Takes what the user did, and shows what is new; false once it is closed. Nothing of it waits.
-    pub fn tend(&mut self, live: &Live, note: &str) -> Result<bool, Failure> {
-        let gone = |error: PreviewError| Failure::Lost(format!("the view's window: {error}"));
-        while let Some(event) = self.window.event() {
-            match event {
-                PanelEvent::Close | PanelEvent::Key(PanelKey::Escape | PanelKey::Character('q')) => return Ok(false),
-                PanelEvent::Key(PanelKey::Character('s')) => live.steer(!live.is_steered()),
-                PanelEvent::Pointer(position) => {
-                    if let Some(mouse) = &self.mouse {
-                        mouse.push(pupil_at(position, &places(self.window.size(), self.size, 1), self.eyebox));
-                    }
-                }
-                _ => {}
-            }
+    fn serve(&mut self, now: &Now) -> Result<Asked, String> {
+        let asked = self.asked(now);
+        if asked != Asked::Close {
+            self.refresh(now).map_err(|error| format!("the view's window: {error}"))?;
         }
-        let place = places(self.window.size(), self.size, 1)[0];
-        if let Some(pupil) = self.pupil.take() {
-            let within = [place.height, place.width];
-            self.viewer.look(Look { pupil, frame: None, side: Side::Seen, within });
-        }
-        let new = self.viewer.newest().map_err(gone)?;
-        let steered = if live.is_steered() { "steered" } else { "not steered" };
-        let mut changed = false;
-        if let Some(new) = new {
-            let db = new.psnr_db.map_or(String::new(), |db| format!(", {db:.1} dB"));
-            let pupil = new.look.pupil;
-            let place =
-                format!("pupil {:.1}, {:.1} mm, {:.1} mm wide", pupil.x * 1e3, pupil.y * 1e3, pupil.diameter * 1e3);
-            self.window.title(&format!("{steered}{db}; {place}; {note}"));
-            let map = [pupil.x, pupil.y, pupil.diameter].map(|v| v / self.eyebox);
-            self.overlay = Overlay { help: Vec::new(), line: Some(format!("{steered}{db}   {HELP}")), map: Some(map) };
-            self.seen = Some((new.seen, new.psnr_db));
-            changed = true;
-        }
-        if let Some((picture, _)) = self.seen.as_ref().filter(|_| changed) {
-            self.window.show(&[(place, picture)], &self.overlay);
-        }
-        self.window.refresh().map_err(gone)?;
-        Ok(true)
+        Ok(asked)
     }
 }

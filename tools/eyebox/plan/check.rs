@@ -8,31 +8,19 @@ use serde_json::{Value, json};
 use std::path::Path;
 use std::process::Command;
 
-/// Options that `plan` has and `solve` has not, and whether a value follows.
-const OWN: [(&str, bool); 4] = [("--check", false), ("--measure", false), ("--seeds", true), ("--time-again", false)];
-/// Options of `solve` that are given anew, and whether a value follows.
-const GIVEN: [(&str, bool); 4] = [("--json", false), ("-o", true), ("--out", true), ("--seed", true)];
-
-/// What `solve --json` says of the arguments that this process was given, changed by `more`.
-pub fn solve(out: &Path, seed: u64, more: &[&str]) -> Result<Value, Failure> {
+/// What `solve --json` says of the arguments that this process was given, but for the options that are `plan`'s own.
+fn solve(out: &Path) -> Result<Value, Failure> {
     let asked = |what: String| Failure::Asked(what);
-    let mut arguments: Vec<String> = std::env::args().skip(1).collect();
-    let at = arguments.iter().position(|a| a == "plan").unwrap_or(0);
-    arguments.drain(..=at);
-    let mut kept = vec!["solve".to_owned()];
-    let mut rest = arguments.into_iter();
-    while let Some(argument) = rest.next() {
-        let is = |(name, _): &&(&str, bool)| argument == *name || argument.starts_with(&format!("{name}="));
-        let replaced = more.iter().any(|m| argument.split('=').next() == m.split('=').next());
-        match OWN.iter().chain(&GIVEN).find(is) {
-            Some((name, true)) if argument == *name => drop(rest.next()),
-            Some(_) => {}
-            None if replaced => {}
-            None => kept.push(argument),
+    let mut given = std::env::args().skip_while(|a| a != "plan").skip(1);
+    let mut kept = vec!["solve".to_owned(), "--json".into(), "--out".into(), out.display().to_string()];
+    while let Some(argument) = given.next() {
+        match argument.as_str() {
+            "--check" | "--time-again" | "--json" => {}
+            "-o" | "--out" => drop(given.next()),
+            other if other.starts_with("-o") || other.starts_with("--out=") => {}
+            _ => kept.push(argument),
         }
     }
-    kept.extend(["--json".into(), "--seed".into(), seed.to_string(), "-o".into(), out.display().to_string()]);
-    kept.extend(more.iter().map(|m| (*m).to_owned()));
     let program = std::env::current_exe().map_err(|e| asked(format!("this program cannot be found again: {e}")))?;
     let answer =
         Command::new(program).args(&kept).output().map_err(|e| asked(format!("solve cannot be started: {e}")))?;
@@ -46,7 +34,7 @@ pub fn solve(out: &Path, seed: u64, more: &[&str]) -> Result<Value, Failure> {
 /// Solves, and compares with the forecasts.
 pub fn run(args: &Plan, forecasts: &[(Color, Forecast)]) -> Result<Value, Failure> {
     let temp = tempfile::tempdir().map_err(|e| Failure::Asked(format!("no folder for a while: {e}")))?;
-    let said = solve(&temp.path().join("hologram.zarr"), args.solve.seed, &[])?;
+    let said = solve(&temp.path().join("hologram.zarr"))?;
     let off = |predicted: f64, measured: f64| 100.0 * (predicted / measured - 1.0);
     let mut colors = Vec::new();
     for ((color, f), solved) in forecasts.iter().zip(said["colors"].as_array().into_iter().flatten()) {

@@ -1,11 +1,10 @@
 //! `eyebox plan`: what of a scene will be computed, why, and what it will take.
 
 mod check;
-mod measure;
 
 use crate::args::Solve;
-use crate::solve::{plan_of, recipe_of};
-use crate::{Failure, common, rates};
+use crate::settings::{plan_of, settings_of};
+use crate::{Failure, common};
 use clap::Args;
 use eyebox::engine::Engine;
 use eyebox::optics::{Color, Display};
@@ -23,12 +22,6 @@ pub struct Plan {
     /// Then solve it, and say how far the forecast was off
     #[arg(long)]
     pub check: bool,
-    /// Then measure each saving: the same scene with and without it, judged by the full model
-    #[arg(long)]
-    pub measure: bool,
-    /// With --measure: so many seeds
-    #[arg(long, default_value_t = 3, value_name = "N", requires = "measure")]
-    pub seeds: u64,
     /// Time this machine's engine again
     #[arg(long)]
     pub time_again: bool,
@@ -37,7 +30,7 @@ pub struct Plan {
 /// Bytes of the program where the system does not say.
 const PROGRAM: u64 = 10 << 20;
 
-/// Plans, says it, and where asked, measures.
+/// Plans, says it, and where asked, checks it.
 pub fn run(args: &Plan) -> Result<(), Failure> {
     let solve = &args.solve;
     let display = common::display(&solve.display)?;
@@ -45,12 +38,17 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
     let mut engine = common::engine(&solve.engine)?;
     let program = common::memory_kib("VmRSS").map_or(PROGRAM, |kib| kib << 10);
     let field = common::scene(&solve.scene, &display, &colors)?;
-    let (recipe, chosen) = recipe_of(solve, engine.as_ref(), &display, colors.len())?;
-    let mut plan = plan_of(solve, &recipe, &field, &display)?;
-    // Of the sub-frames that are shown, those are solved.
-    plan.settings.frames = recipe.frames(plan.settings.frames);
-    let rates = rates::of(engine.as_mut(), plan.settings.storage, args.time_again, solve.json)?;
-    let forecasts = forecasts(&plan, &field, &display, program, engine.as_ref(), &rates)?;
+    let loading = common::memory_kib("VmHWM").map_or(0, |kib| kib << 10);
+    let depth = common::depths(&solve.scene, &field, &display);
+    let (settings, chosen) = settings_of(solve, engine.as_ref(), &display, depth, colors.len())?;
+    let plan = plan_of(solve, &settings, &field, &display)?;
+    let timing = |name: &str| {
+        if !solve.json {
+            eprintln!("timing {name}: a few seconds, once");
+        }
+    };
+    let rates = Rates::of(engine.as_mut(), plan.settings.storage, args.time_again, timing)?;
+    let forecasts = forecasts(&plan, &field, &display, [program, loading], engine.as_ref(), &rates)?;
     if !solve.json {
         println!("{} on {}, {}x{}", field.name, display.name, display.height, display.width);
         println!("{}\n", engine.describe());
@@ -59,7 +57,6 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
     }
     drop(engine);
     let check = args.check.then(|| check::run(args, &forecasts)).transpose()?;
-    let measured = args.measure.then(|| measure::run(args, &plan, &field, &display)).transpose()?;
     if solve.json {
         let forecast = |(color, f): &(Color, Forecast)| {
             let groups: serde_json::Map<_, _> = Group::ALL
@@ -76,7 +73,7 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
             "colors": plan.colors, "dark": plan.dark, "choices": plan.choices,
             "views_left_out": plan.outer, "views_merged": plan.merge, "padding": [plan.padding.rows, plan.padding.columns],
             "settings": plan.settings, "forecast": forecasts.iter().map(forecast).collect::<Vec<_>>(),
-            "check": check, "measured": measured,
+            "check": check,
         });
         println!("{out}");
     }
@@ -88,11 +85,10 @@ fn forecasts(
     plan: &ScenePlan,
     field: &LightField,
     display: &Display,
-    program: u64,
+    [program, loading]: [u64; 2],
     engine: &dyn Engine,
     rates: &Rates,
 ) -> Result<Vec<(Color, Forecast)>, Failure> {
-    // The outline of what is left of the scene: one value a view is enough to count them.
     let all = field.grid[0] * field.grid[1];
     let left = plan.left(field, display);
     let pixels = field.height * field.width;
@@ -102,12 +98,12 @@ fn forecasts(
             * (field.colors.len() * all
                 + if plan.merge > 1 { plan.colors.len() * left.rows * left.columns } else { 0 }),
         program,
+        loading,
         memory: engine.memory(),
         done: 0,
     };
     let one = |(done, color): (usize, &Color)| {
-        let outline = Problem::outline(field, *color, display, plan.padding)?;
-        let problem = Problem { views: left, ..outline };
+        let problem = Problem::outline(display, *color, plan.padding, left)?;
         Ok((*color, forecast(&problem, &plan.settings, rates, Loaded { done, ..loaded })))
     };
     plan.colors.iter().enumerate().map(one).collect()
@@ -139,7 +135,7 @@ fn say(plan: &ScenePlan, forecasts: &[(Color, Forecast)]) {
             f.windows[1]
         );
     }
-    println!("  {:13}  {total:.1} s for {} steps a colour, verdicts and loading beside", "time", s.steps);
+    println!("  {:13}  {total:.1} s for {} steps a colour, validation and loading beside", "time", s.steps);
     if let Some((_, f)) = forecasts.iter().max_by_key(|(_, f)| f.peak_bytes()) {
         let mib = |bytes: u64| bytes.div_ceil(1 << 20);
         let parts: Vec<String> = f.memory.iter().map(|(name, b)| format!("{name} {}", mib(*b))).collect();

@@ -1,10 +1,10 @@
 //! The arguments of `eyebox play`.
 
-use super::Wanted;
 use crate::args::EngineName;
 use crate::values::{mark, not_negative, positive, rate, size};
 use clap::{Args, ValueEnum};
-use eyebox::playback::Rate;
+use eyebox::present::Rate;
+use eyebox::session::{Output, SessionOptions, SinkFile};
 use std::path::PathBuf;
 
 /// Where video frames go.
@@ -14,7 +14,7 @@ pub enum OutputName {
     Window,
     /// A display that no desktop drives
     Direct,
-    /// Memory, on the beat of a clock
+    /// Memory, at the pace of a clock
     Offscreen,
 }
 
@@ -46,10 +46,21 @@ pub struct OutputArgs {
 }
 
 impl OutputArgs {
-    /// A display that is not memory, for video frames of so many rows and columns.
-    pub fn wanted(&self, size: [usize; 2]) -> Wanted<'_> {
-        let direct = self.output == OutputName::Direct;
-        Wanted { direct, monitor: self.monitor.as_deref(), size, rate: self.display_rate, validation: self.validation }
+    /// Where a session shows; memory with this clock and sink.
+    pub fn output(&self, simulated: bool, sink: Option<SinkFile>) -> Output {
+        let monitor = self.monitor.clone();
+        match self.output {
+            OutputName::Window => Output::Window { monitor },
+            OutputName::Direct => Output::Direct { display: monitor },
+            OutputName::Offscreen => Output::Memory { simulated, sink },
+        }
+    }
+
+    /// What a session takes of it besides.
+    pub fn options(&self) -> SessionOptions {
+        let mut options = SessionOptions::default();
+        options.display_rate = self.display_rate;
+        options
     }
 }
 

@@ -2,13 +2,13 @@
 
 use super::Monitors;
 use crate::Failure;
-use eyebox::playback::{Connected, Desktop, Direct, Monitor, Rate};
+use eyebox::present::{Desktop, DirectDisplay, Monitor, Rate, direct_displays};
 use serde_json::{Value, json};
 
 /// Lists the monitors of the desktop, and the displays that can be shown on directly.
 pub fn monitors(args: &Monitors) -> Result<(), Failure> {
     let desktop = Desktop::open().map(|desktop| desktop.monitors());
-    let direct = Direct::open(false).map(|direct| direct.list()).unwrap_or_default();
+    let direct = direct_displays().unwrap_or_default();
     // Without a desktop there may still be displays; with neither, that is what is wrong.
     let monitors = match desktop {
         Ok(monitors) => monitors,
@@ -28,8 +28,8 @@ pub fn monitors(args: &Monitors) -> Result<(), Failure> {
         }
     }
     for c in &direct {
-        println!("direct {c} of {}", c.display.device);
-        for mode in &c.display.modes {
+        println!("direct {c} of {}", c.device);
+        for mode in &c.modes {
             println!("    {}x{} at {}", mode.size[0], mode.size[1], hertz(rate(mode.millihertz)));
         }
     }
@@ -55,14 +55,13 @@ fn of_desktop(m: &Monitor) -> Value {
     })
 }
 
-fn of_direct(c: &Connected) -> Value {
-    let d = &c.display;
+fn of_direct(d: &DirectDisplay) -> Value {
     let modes = d
         .modes
         .iter()
         .map(|m| json!({ "rows": m.size[0], "columns": m.size[1], "hz": rate(m.millihertz).map(Rate::hz) }));
     json!({
-        "index": c.index, "name": d.name, "monitor": d.monitor, "device": d.device, "rows": d.size[0],
+        "index": d.index, "name": d.name, "monitor": d.monitor, "device": d.device, "rows": d.size[0],
         "columns": d.size[1], "modes": modes.collect::<Vec<_>>(),
     })
 }

@@ -4,7 +4,7 @@ use crate::args::{EngineArgs, PhaseOptics};
 use crate::values::{positive, pupil, rate, size};
 use clap::Args;
 use eyebox::optics::Pupil;
-use eyebox::playback::Rate;
+use eyebox::present::Rate;
 use std::path::PathBuf;
 
 /// `eyebox preview`

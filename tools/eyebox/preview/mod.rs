@@ -7,14 +7,14 @@ pub use args::Preview;
 
 use crate::args::SceneArgs;
 use crate::common::{self, Form};
-use crate::{Failure, progress, score, tiled, view};
-use eyebox::hologram::{Hologram, Sequence, Tiles};
+use crate::{Failure, progress, score, view};
+use eyebox::evaluate::Plane;
+use eyebox::hologram::{Hologram, PhaseSource, SceneSource, Sequence, Tiles};
 use eyebox::optics::{Color, Padding};
-use eyebox::playback::{Desktop, PlaybackError};
+use eyebox::present::{Desktop, Monitor, PresentError, WindowEvent};
 use eyebox::preview::{
-    Action, Controls, Look, Picture, Plane, PreviewError, PreviewWindow, Scene, Seen, Showing, Side, Viewer, places,
+    Action, Controls, Look, Picture, PreviewError, PreviewWindow, Seen, Showing, Side, Viewer, places,
 };
-use eyebox::solve::Problem;
 use sequence::Playing;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -45,7 +45,7 @@ pub fn run(args: &Preview) -> Result<(), Failure> {
         name: args.file.file_name().map_or_else(|| "phases".into(), |n| n.to_string_lossy().into_owned()),
         rate: playing.as_ref().map_or(1.0, |p| p.1),
         playing: playing.map(|p| p.0),
-        padding: view::padding_of(&hologram),
+        padding: hologram.metadata.padding(),
         exposure: args.optics.exposure,
         index: 0,
         contents: 0,
@@ -58,8 +58,10 @@ pub fn run(args: &Preview) -> Result<(), Failure> {
     let showing = Arc::new(showing);
     let controls = Controls::new(&showing, args.pupil, !scene.is_empty(), shown.playing.is_some());
     let mut viewer = Viewer::start(opener, scene)?;
-    let mut window = PreviewWindow::open(&mut desktop, &shown.name, window, args.validation)?;
-    let messages = window.messages();
+    let gpu = common::display_gpu(args.validation)?;
+    let messages = gpu.messages();
+    let mut window = PreviewWindow::open(&gpu, &mut desktop, &shown.name, window)?;
+    drop(gpu);
     progress::catch_interrupt();
     shown.show(&mut viewer, showing);
     let ended = watch(&mut desktop, &mut window, &mut viewer, controls, &mut shown);
@@ -85,26 +87,22 @@ struct Opened {
 }
 
 fn open(args: &Preview) -> Result<Opened, Failure> {
-    let one = |hologram, known| Opened { hologram, known, playing: None, tiles: None };
-    if !common::is_hologram(&args.file) || args.at.is_some() {
-        let (hologram, known) = view::load(&args.file, args.at, &args.optics)?;
-        return Ok(one(hologram, known));
+    if common::is_hologram(&args.file) && args.at.is_none() && Sequence::is_at(&args.file) {
+        view::no_optics(&args.file, &args.optics)?;
+        let mut sequence = Sequence::open(&args.file)?;
+        sequence.notes().iter().for_each(|note| eprintln!("note: {note}"));
+        let [numerator, denominator] = sequence.rate();
+        let hz = args.rate.map_or(f64::from(numerator) / f64::from(denominator), |rate| rate.hz());
+        let hologram = sequence.load(0)?;
+        return Ok(Opened { hologram, known: true, playing: Some((Playing::new(sequence, hz)?, hz)), tiles: None });
     }
-    view::no_optics(&args.file, &args.optics)?;
-    if tiled::is_tiled(&args.file) {
-        let tiles = Tiles::open(&args.file)?;
-        let hologram = tiles.about().clone();
-        return Ok(Opened { tiles: Some(Arc::new(tiles)), ..one(hologram, true) });
-    }
-    let mut sequence = Sequence::open(&args.file)?;
-    if sequence.is_single() {
-        return Ok(one(common::hologram(&args.file, None)?, true));
-    }
-    sequence.notes().iter().for_each(|note| eprintln!("note: {note}"));
-    let [numerator, denominator] = sequence.rate();
-    let hz = args.rate.map_or(f64::from(numerator) / f64::from(denominator), |rate| rate.hz());
-    let first = sequence.load(0)?;
-    Ok(Opened { playing: Some((Playing::new(sequence, hz)?, hz)), ..one(first, true) })
+    let (source, known) = view::load(&args.file, args.at, &args.optics)?;
+    let hologram = source.about().clone();
+    let tiles = match source {
+        PhaseSource::Whole(_) => None,
+        PhaseSource::Tiled(tiles) => Some(tiles),
+    };
+    Ok(Opened { hologram, known, playing: None, tiles })
 }
 
 /// One exposure for the whole session: as asked, the hologram's own, or what makes the first picture bright.
@@ -113,7 +111,7 @@ fn expose(args: &Preview, mut hologram: Hologram, known: bool) -> Result<Hologra
         (Some(exposure), _) => vec![exposure; hologram.colors.len()],
         (None, true) => return Ok(hologram),
         (None, false) => {
-            let planes = view::through(&hologram, &args.pupil, common::engine(&args.engine)?.as_mut())?;
+            let planes = hologram.look(&args.pupil, common::engine(&args.engine)?.as_mut())?;
             view::exposures(&hologram, known, &args.optics, &planes)
         }
     };
@@ -122,8 +120,8 @@ fn expose(args: &Preview, mut hologram: Hologram, known: bool) -> Result<Hologra
 }
 
 /// The scene before the hologram's display, in its colours.
-fn scene(args: &Preview, hologram: &Hologram, moves: bool, tiled: bool) -> Result<Scene, Failure> {
-    let Some(scene) = &args.scene else { return Ok(Scene::Problems(Vec::new())) };
+fn scene(args: &Preview, hologram: &Hologram, moves: bool, tiled: bool) -> Result<SceneSource, Failure> {
+    let Some(scene) = &args.scene else { return Ok(SceneSource::Whole(Vec::new())) };
     if moves {
         return Err(Failure::Asked(
             "--scene is the scene of one hologram, and a sequence has many: choose with --at".into(),
@@ -140,11 +138,9 @@ fn scene(args: &Preview, hologram: &Hologram, moves: bool, tiled: bool) -> Resul
     };
     let asked = score::as_solved(&asked, hologram);
     if tiled {
-        return Ok(Scene::Views(tiled::scene_of(&asked, &display, &colors)?));
+        return common::scene_around(&asked, &display, &colors);
     }
-    let field = common::scene(&asked, &display, &colors)?;
-    let problem = |color: &Color| Problem::new(&field, *color, &display, Padding::default());
-    Ok(Scene::Problems(colors.iter().map(problem).collect::<Result<_, _>>()?))
+    Ok(SceneSource::new(common::scene(&asked, &display, &colors)?, &display)?)
 }
 
 /// Rows and columns of the window's inside.
@@ -157,9 +153,8 @@ fn window_size(args: &Preview, size: [usize; 2], desktop: &Desktop) -> [usize; 2
             let longer = size[0].max(size[1]) as f64;
             // Small ones by a whole number.
             let usual = if longer < USUAL[0] { (USUAL[0] / longer).floor() } else { (USUAL[1] / longer).min(1.0) };
-            let room = |m: &eyebox::playback::Monitor| {
-                (ROOM * m.size[0] as f64 / size[0] as f64).min(ROOM * m.size[1] as f64 / size[1] as f64)
-            };
+            let room =
+                |m: &Monitor| (ROOM * m.size[0] as f64 / size[0] as f64).min(ROOM * m.size[1] as f64 / size[1] as f64);
             let most = desktop.monitors().iter().map(room).fold(f64::NEG_INFINITY, f64::max);
             times(if most > 0.0 { usual.min(most) } else { usual })
         }
@@ -223,10 +218,11 @@ impl Shown {
         };
         let mut written = Vec::new();
         let mut write = |ending: &str, planes: &[Plane], exposures: &[f64]| {
-            let Some(size) = planes.first().map(|p| [p.rows, p.columns]) else { return Ok(()) };
+            if planes.is_empty() {
+                return Ok(());
+            }
             let file = free(ending);
-            let planes: Vec<Vec<f32>> = planes.iter().map(|p| p.values.clone()).collect();
-            common::write_image(&file, Form::Png, size, &planes, &self.colors, exposures)?;
+            common::write_image(&file, Form::Png, planes, &self.colors, exposures)?;
             written.push(file);
             Ok::<(), Failure>(())
         };
@@ -266,7 +262,7 @@ fn watch(
                 }
                 None => {}
             }
-            draw |= matches!(event, eyebox::playback::PanelEvent::Resized(_));
+            draw |= matches!(event, WindowEvent::Resized(_));
         }
         if progress::interrupted() {
             return Ok(());
@@ -321,7 +317,7 @@ fn keep(shown: &Shown, seen: &Seen) {
 }
 
 /// A desktop that goes away while it is shown on has an exit code of its own.
-fn lost(error: PlaybackError) -> Failure {
+fn lost(error: PresentError) -> Failure {
     Failure::Lost(error.to_string())
 }
 

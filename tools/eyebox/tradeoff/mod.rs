@@ -16,10 +16,10 @@ use crate::Failure;
 use crate::common;
 use crate::evaluate::{checksum, keep};
 use crate::progress;
-use crate::quality;
+use crate::settings::levels_of;
 use eyebox::files::{cache_folder, write_file};
 use eyebox::optics::Color;
-use eyebox::quality::{Measured, Recipe, Subject};
+use eyebox::quality::{Measured, Subject};
 use eyebox::solve::Settings;
 use found::{Checked, Found};
 use serde_json::json;
@@ -35,7 +35,7 @@ pub fn run(args: &Tradeoff) -> Result<(), Failure> {
     let color = leading(&common::colors(&args.display, &display)?);
     let mut base = Settings { frames: args.frames, seed: args.seed, ..Settings::default() };
     base.diameter = common::diameters(args.pupil_diameter, &display);
-    let levels = quality::levels_of(args.levels.as_deref(), &display)?;
+    let levels = levels_of(args.levels.as_deref(), &display)?;
     Settings { levels: levels.clone(), ..base.clone() }.check()?;
     let mut engine = common::engine(&args.engine)?;
     let field = common::scene(&args.scene, &display, &[color])?;
@@ -55,9 +55,9 @@ pub fn run(args: &Tradeoff) -> Result<(), Failure> {
         "display": [json!([display.height, display.width]), json!([display.pitch, display.focal_length]),
             json!(display.wavelengths.iter().map(|w| w.wavelength).collect::<Vec<_>>())],
     });
-    let slm_levels = levels.as_ref().map(Vec::len);
+    let slm_levels = levels.given().map(<[f64]>::len);
     let kept = keep::Keep::new(args.out.clone())?;
-    let wanted: Vec<Recipe> = check.iter().map(|c| c.setting.trial.recipe.clone()).collect();
+    let wanted: Vec<Settings> = check.iter().map(|c| c.setting.trial.recipe.clone()).collect();
     let mut work = Work {
         subject: Subject { field: &field, color, display: &display, base, levels },
         engine: engine.as_mut(),

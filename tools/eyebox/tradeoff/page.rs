@@ -4,7 +4,8 @@ use super::found::{Found, NEAR_DB};
 use super::plots::{self, Plot, mebibytes, time};
 use crate::report::document;
 use crate::report::svg::escape;
-use eyebox::quality::{Quality, REFERENCE_PUPILS, Recipe, Recommended, Trial};
+use eyebox::quality::{Quality, REFERENCE_PUPILS, Recommended, Trial};
+use eyebox::solve::Settings;
 use std::fmt::Write;
 
 /// All of it.
@@ -174,7 +175,7 @@ fn fronts(found: &Found) -> String {
 
 /// What each setting alone does to the default.
 fn alone(found: &Found) -> String {
-    let start = Recipe::default();
+    let start = Settings::default();
     let Some(base) = found.trials.iter().find(|t| t.recipe == start) else { return String::new() };
     let rows: Vec<(String, &Trial)> = found.trials.iter().filter_map(|t| Some((only_change(&t.recipe)?, t))).collect();
     if rows.is_empty() {
@@ -205,14 +206,14 @@ fn alone(found: &Found) -> String {
 }
 
 /// The one setting in which a recipe differs from the default; nothing where it is none, or more.
-fn only_change(recipe: &Recipe) -> Option<String> {
-    let start = Recipe::default();
-    let as_start = |change: &dyn Fn(&mut Recipe)| {
+fn only_change(recipe: &Settings) -> Option<String> {
+    let start = Settings::default();
+    let as_start = |change: &dyn Fn(&mut Settings)| {
         let mut back = recipe.clone();
         change(&mut back);
         back == start && *recipe != start
     };
-    let words = |r: &Recipe| r.to_string().split(", ").last().unwrap_or_default().to_string();
+    let words = |r: &Settings| r.to_string().split(", ").last().unwrap_or_default().to_string();
     match () {
         _ if as_start(&|r| r.steps = start.steps) => Some(format!("{} steps", recipe.steps)),
         _ if as_start(&|r| r.pupils = start.pupils) => Some(format!("{} pupils a step", recipe.pupils)),
@@ -224,7 +225,7 @@ fn only_change(recipe: &Recipe) -> Option<String> {
         _ if as_start(&|r| r.repeats = start.repeats) => Some(words(recipe)),
         _ if as_start(&|r| r.views = start.views) => Some(words(recipe)),
         _ if as_start(&|r| r.storage = start.storage) => Some(words(recipe)),
-        _ if as_start(&|r| r.levels = start.levels) => Some(words(recipe)),
+        _ if as_start(&|r| r.levels = start.levels.clone()) => Some(words(recipe)),
         _ if as_start(&|r| r.padding = start.padding) => Some(words(recipe)),
         _ if as_start(&|r| r.pixel = start.pixel) => Some(words(recipe)),
         _ => None,
@@ -318,15 +319,16 @@ fn how(found: &Found) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use eyebox::solve::Optimizer;
 
     #[test]
     fn the_only_change_is_named() {
-        let start = Recipe::default;
+        let start = Settings::default;
         assert_eq!(only_change(&start()), None);
-        assert_eq!(only_change(&Recipe { steps: 8, ..start() }).unwrap(), "8 steps");
-        assert_eq!(only_change(&Recipe { views: 2, ..start() }).unwrap(), "every second view");
-        assert_eq!(only_change(&Recipe { optimizer: Recipe::momentum(), ..start() }).unwrap(), "momentum 0.7");
-        assert_eq!(only_change(&Recipe { pixel: 2, ..start() }).unwrap(), "pixels of 2 x 2");
-        assert_eq!(only_change(&Recipe { pixel: 2, steps: 8, ..start() }), None);
+        assert_eq!(only_change(&Settings { steps: 8, ..start() }).unwrap(), "8 steps");
+        assert_eq!(only_change(&Settings { views: 2, ..start() }).unwrap(), "every second view");
+        assert_eq!(only_change(&Settings { optimizer: Optimizer::momentum(), ..start() }).unwrap(), "momentum 0.7");
+        assert_eq!(only_change(&Settings { pixel: 2, ..start() }).unwrap(), "pixels of 2 x 2");
+        assert_eq!(only_change(&Settings { pixel: 2, steps: 8, ..start() }), None);
     }
 }

@@ -3,7 +3,7 @@
 use super::found::Found;
 use eyebox::optics::WindowFactor;
 use eyebox::quality::Trial;
-use eyebox::solve::{Diameters, Optimizer};
+use eyebox::solve::{Diameters, Levels, Optimizer, PaddingRule};
 use serde_json::{Value, json};
 
 /// Everything, and which trials are on which front.
@@ -76,8 +76,8 @@ pub fn csv(found: &Found) -> Vec<u8> {
             r.repeats.to_string(),
             r.views.to_string(),
             r.storage.name().into(),
-            usize::from(r.levels).to_string(),
-            usize::from(r.padding).to_string(),
+            usize::from(r.levels != Levels::Any).to_string(),
+            usize::from(r.padding != PaddingRule::Never).to_string(),
             r.pixel.to_string(),
             format!("{:.3}", t.milliseconds),
             t.times.len().to_string(),

@@ -6,8 +6,8 @@ use crate::evaluate::keep::Keep;
 use crate::progress::{self, JobBar};
 use eyebox::engine::{Engine, Memory};
 use eyebox::optics::{Padding, WindowFactor};
-use eyebox::quality::{Expected, Quality, Recipe, Reference, Solved, Space, Subject, Sweep, Trial, recommend};
-use eyebox::solve::{Flow, Verdict, even_levels};
+use eyebox::quality::{Quality, Reference, Solved, Space, Subject, Sweep, Trial, recommend};
+use eyebox::solve::{Flow, Levels, Settings, ValidationScore, even_levels};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
@@ -71,7 +71,7 @@ const BAR: f64 = 10.0;
 
 impl Work<'_> {
     /// Measures: first `wanted`, then what the sweep decides.
-    pub fn run(&mut self, wanted: &[Recipe]) -> Result<Done, Failure> {
+    pub fn run(&mut self, wanted: &[Settings]) -> Result<Done, Failure> {
         let bar = JobBar::new(self.budget * ALL * BAR, self.quiet);
         let mut state: State = self.keep.load("trials", &self.made_by).unwrap_or_default();
         let clock = Clock { before: state.spent_s, begun: self.begun, bar: &bar };
@@ -93,7 +93,8 @@ impl Work<'_> {
                 break;
             }
             let longest = if state.trials.is_empty() { f64::INFINITY } else { 1e3 * left.min(TRIAL * self.budget) };
-            let expect = |r: &Recipe| Expected::new(&self.subject, r).map_or(f64::INFINITY, |e| e.work * rate);
+            let memory = self.engine.memory();
+            let expect = |r: &Settings| self.subject.cost(r, memory).map_or(f64::INFINITY, |c| c.work() * rate);
             let Some(recipe) = sweep.next(&state.trials, longest, &expect) else { break };
             self.trial(&recipe, longest, &reference, &clock, &mut state)?;
         }
@@ -107,12 +108,12 @@ impl Work<'_> {
     }
 
     fn space(&self) -> Result<Space, Failure> {
-        let coarse = Recipe { pixel: 2, ..Recipe::default() };
+        let coarse = Settings { pixel: 2, ..Settings::default() };
         Ok(Space {
             frames: self.subject.base.frames,
             views: self.subject.field.grid,
             halves: self.engine.memory() != Memory::Host,
-            levels: self.subject.levels.is_some(),
+            levels: self.subject.levels != Levels::Any,
             padding: self.subject.required_padding()? != Padding::default(),
             pixel: coarse.fits(self.subject.display)
                 && self.subject.display.height.min(self.subject.display.width) >= 4,
@@ -122,25 +123,25 @@ impl Work<'_> {
     /// Milliseconds of a unit of work, from a few steps that nobody looks at: the first solve plans its transforms and
     /// compiles its kernels.
     fn warm_up(&mut self) -> Result<f64, Failure> {
-        let recipe = Recipe { steps: 3, window: WindowFactor::Two, ..Recipe::default() };
+        let recipe = Settings { steps: 3, window: WindowFactor::Two, ..Settings::default() };
         let mut go = || self.subject.solve(&recipe, self.engine, &mut |_| Flow::Continue);
         go()?;
         let solved = go()?;
-        Ok(solved.milliseconds / Expected::new(&self.subject, &recipe)?.work)
+        Ok(solved.milliseconds / self.subject.cost(&recipe, self.engine.memory())?.work())
     }
 
     /// The median over all trials.
     fn rate(&self, trials: &[Trial]) -> Result<f64, Failure> {
         let mut rates = Vec::new();
         for t in trials {
-            rates.push(t.milliseconds / Expected::new(&self.subject, &t.recipe)?.work);
+            rates.push(t.milliseconds / self.subject.cost(&t.recipe, self.engine.memory())?.work());
         }
         rates.sort_by(f64::total_cmp);
         Ok(rates[rates.len() / 2])
     }
 
     /// Solves a recipe; nothing where it was interrupted, or takes far longer than it may (milliseconds).
-    fn solve(&mut self, recipe: &Recipe, longest: f64, clock: &Clock) -> Result<Option<Solved>, Failure> {
+    fn solve(&mut self, recipe: &Settings, longest: f64, clock: &Clock) -> Result<Option<Solved>, Failure> {
         let (start, mut late) = (Instant::now(), false);
         let solved = self.subject.solve(recipe, self.engine, &mut |_| {
             clock.spent();
@@ -153,7 +154,7 @@ impl Work<'_> {
     /// Measures a recipe: its time, of short ones several times, and once its quality, which the same seed gives again.
     fn trial(
         &mut self,
-        recipe: &Recipe,
+        recipe: &Settings,
         longest: f64,
         reference: &Reference,
         clock: &Clock,
@@ -161,9 +162,9 @@ impl Work<'_> {
     ) -> Result<(), Failure> {
         clock.bar.say(&format!("trial {}: {recipe}", state.trials.len() + 1));
         let Some(solved) = self.solve(recipe, longest, clock)? else { return Ok(()) };
-        let verdict = self.judge(&solved, reference)?;
-        let expected = Expected::new(&self.subject, recipe)?;
-        let mut trial = Trial::new(recipe.clone(), solved.milliseconds, verdict.psnr, &expected);
+        let score = self.score(&solved, reference)?;
+        let bytes = self.subject.cost(recipe, self.engine.memory())?.bytes();
+        let mut trial = Trial::new(recipe.clone(), solved.milliseconds, score.psnr, bytes);
         let more = match solved.milliseconds {
             ms if ms < 400.0 => 2,
             ms if ms < 1000.0 => 1,
@@ -182,43 +183,43 @@ impl Work<'_> {
     }
 
     /// Only the sub-frames that differ: the others repeat them.
-    fn judge(&mut self, solved: &Solved, reference: &Reference) -> Result<Verdict, Failure> {
+    fn score(&mut self, solved: &Solved, reference: &Reference) -> Result<ValidationScore, Failure> {
         let pixels = self.subject.display.height * self.subject.display.width;
-        Ok(reference.judge(&solved.solution.phases[..solved.frames * pixels], self.engine)?)
+        Ok(reference.score(&solved.solution.phases[..solved.frames * pixels], self.engine)?)
     }
 
     /// Levels after the fact, and optimised for.
     fn levels(&mut self, mut reference: Reference, clock: &Clock, state: &mut State) -> Result<(), Failure> {
         let mut wanted: Vec<Vec<f64>> = COMPARED.map(even_levels).to_vec();
-        if let Some(own) = self.subject.levels.as_ref().filter(|l| l.len() < 256) {
+        if let Some(own) = self.subject.levels.given().filter(|l| l.len() < 256) {
             wanted.retain(|l| l.len() != own.len());
-            wanted.push(own.clone());
+            wanted.push(own.to_vec());
         }
         wanted.sort_by_key(Vec::len);
         // Balanced where there is time for it, else the default, as long as they took.
         let time = |t: &Trial| t.milliseconds * (wanted.len() + 1) as f64 * 1e-3;
         let left = LEVELS * self.budget - clock.spent();
         let balanced = recommend(&state.trials).map(|r| r[Quality::Balanced as usize].trial.clone());
-        let default = state.trials.iter().find(|t| t.recipe == Recipe::default()).cloned();
+        let default = state.trials.iter().find(|t| t.recipe == Settings::default()).cloned();
         let chosen = balanced.into_iter().chain(default).find(|t| time(t) < left);
         let Some(recipe) = chosen.filter(|_| state.levels.is_empty() && !progress::interrupted()) else {
             return Ok(());
         };
-        let recipe = Recipe { levels: false, ..recipe.recipe };
+        let recipe = Settings { levels: Levels::Any, ..recipe.recipe };
         clock.bar.say("levels of the SLM");
         let Some(free) = self.solve(&recipe, f64::INFINITY, clock)? else { return Ok(()) };
-        reference = reference.with_levels(None);
-        let two = |v: Verdict| [v.mean(), v.worst()];
-        let without = two(self.judge(&free, &reference)?);
+        reference = reference.with_levels(Levels::Any);
+        let two = |v: ValidationScore| [v.mean(), v.worst()];
+        let without = two(self.score(&free, &reference)?);
         let mut rows = Vec::new();
         for levels in wanted {
-            reference = reference.with_levels(Some(levels.clone()));
-            let after = two(self.judge(&free, &reference)?);
-            let before = self.subject.levels.replace(levels.clone());
-            let solved = self.solve(&Recipe { levels: true, ..recipe.clone() }, f64::INFINITY, clock);
+            reference = reference.with_levels(Levels::Given(levels.clone()));
+            let after = two(self.score(&free, &reference)?);
+            let before = std::mem::replace(&mut self.subject.levels, Levels::Given(levels.clone()));
+            let solved = self.solve(&Settings { levels: Levels::Display, ..recipe.clone() }, f64::INFINITY, clock);
             self.subject.levels = before;
             let Some(solved) = solved? else { break };
-            let optimised = two(self.judge(&solved, &reference)?);
+            let optimised = two(self.score(&solved, &reference)?);
             let milliseconds = [free.milliseconds, solved.milliseconds];
             rows.push(LevelRow { levels: levels.len(), free: without, after, optimised, milliseconds });
         }

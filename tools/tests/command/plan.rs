@@ -66,19 +66,13 @@ fn a_flat_scene_solved_from_one_view_is_the_same() {
 }
 
 #[test]
-fn forecasts_are_checked_and_savings_measured_by_solves_of_their_own() {
+fn forecasts_are_checked_by_a_solve_of_its_own() {
     let temp = folder();
     let at = temp.path();
-    let more = ["--color", "green", "--steps", "4", "--check", "--measure", "--seeds", "1"];
-    let plan = json(at, "plan", "builtin:plane", &more);
+    let plan = json(at, "plan", "builtin:plane", &["--color", "green", "--steps", "4", "--check", "-o", "x.zarr"]);
     assert!(plan["check"]["steps"][0]["measured_ms"].as_f64() > Some(0.0), "{plan}");
     assert!(plan["check"]["measured_mib"].as_f64() > Some(1.0));
-    let rows = plan["measured"]["rows"].as_array().unwrap();
-    let row = |name: &str| rows.iter().find(|r| r["variant"] == name).unwrap_or_else(|| panic!("{name}: {plan}"));
-    let decibels = |name: &str| row(name)["mean_db"].as_f64().unwrap();
-    assert!((decibels("as planned") - decibels("views kept")).abs() < 0.01);
-    assert!(row("views kept")["to_the_planned_db"].as_f64().is_none_or(|db| db > 80.0));
-    assert!(row("all in full")["to_the_planned_db"].as_f64() < Some(60.0));
+    assert_eq!(std::fs::read_dir(at).unwrap().count(), 0, "the hologram of the check is not kept");
 }
 
 #[test]

@@ -62,7 +62,7 @@ fn an_interrupted_sequence_is_gone_on_with_and_comes_out_the_same() {
     (1..3).for_each(|i| std::fs::remove_dir_all(at.join(format!("cut.zarr/phases/c/{i}"))).unwrap());
     let answer = solve(at, &SCENES, "cut.zarr", &["--rate", "20"]);
     assert!(answer.status.success(), "{}", text(&answer.stderr));
-    assert!(text(&answer.stderr).contains("going on after 1"), "{}", text(&answer.stderr));
+    assert!(text(&answer.stderr).contains("resumed after 1"), "{}", text(&answer.stderr));
     for i in 0..3 {
         let chunk = |name: &str| std::fs::read(at.join(name).join(format!("phases/c/{i}/0/0/0/0"))).unwrap();
         assert!(chunk("s.zarr") == chunk("cut.zarr"), "hologram {i} is another one");

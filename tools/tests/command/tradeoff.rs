@@ -3,7 +3,8 @@
 use crate::common::{self, folder, text};
 use eyebox::engine::{Engine, cpu::CpuEngine};
 use eyebox::optics::{Color, WindowFactor};
-use eyebox::quality::{Expected, Measured, Quality, Recipe, Recommended, Trial};
+use eyebox::quality::{Measured, Quality, Recommended, Trial};
+use eyebox::solve::{Levels, PaddingRule, Settings};
 use serde_json::Value;
 use std::path::Path;
 use std::process::Output;
@@ -64,7 +65,7 @@ fn a_sweep_is_a_page_and_the_same_numbers_and_goes_on() {
             assert!(!trials.iter().any(beats), "{front}: {t}");
         }
     }
-    assert_eq!(trials[0]["recipe"], serde_json::to_value(Recipe::default()).unwrap(), "the default comes first");
+    assert_eq!(trials[0]["recipe"], serde_json::to_value(Settings::default()).unwrap(), "the default comes first");
     let best = trials.iter().map(|t| number(t, "mean")).fold(f64::MIN, f64::max);
     assert!(number(&found["recommended"][2]["trial"], "mean") >= best - 0.011);
 
@@ -163,8 +164,8 @@ fn settings(at: &Path, more: &[&str]) -> Value {
     serde_json::from_str::<Value>(&said).unwrap()["settings"].clone()
 }
 
-fn trial(recipe: Recipe, milliseconds: f64, mean: f64) -> Trial {
-    Trial::new(recipe, milliseconds, vec![mean; 2], &Expected { work: 1.0, bytes: 1 << 20 })
+fn trial(recipe: Settings, milliseconds: f64, mean: f64) -> Trial {
+    Trial::new(recipe, milliseconds, vec![mean; 2], 1 << 20)
 }
 
 /// Keeps measurements as if `tradeoff` had made them on this machine, with 32 x 40 pixels and 8 sub-frames.
@@ -193,7 +194,7 @@ fn built_in_qualities_hold_until_they_are_measured_and_what_is_given_wins() {
         (plain["steps"].as_u64(), plain["pupils"].as_u64(), &plain["window"]),
         (Some(3), Some(16), &"one".into())
     );
-    let built_in = Recipe::of(Quality::Fast);
+    let built_in = Settings::of(Quality::Fast);
     let fast = settings(at, &["--quality", "fast"]);
     assert_eq!(fast["steps"].as_u64(), Some(built_in.steps as u64));
     assert_eq!(fast["optimizer"], serde_json::to_value(built_in.optimizer).unwrap());
@@ -203,7 +204,7 @@ fn built_in_qualities_hold_until_they_are_measured_and_what_is_given_wins() {
     assert_eq!((&own["window"], &own["diameters"]), (&"one".into(), &"reciprocal".into()));
     assert_eq!(own["optimizer"]["kind"], "adam");
 
-    let recipe = |steps| Recipe { steps, pupils: 5, window: WindowFactor::Two, ..Recipe::default() };
+    let recipe = |steps| Settings { steps, pupils: 5, window: WindowFactor::Two, ..Settings::default() };
     let file = keep(at, [trial(recipe(2), 10.0, 20.0), trial(recipe(5), 100.0, 25.0), trial(recipe(9), 1000.0, 26.0)]);
     for (name, steps) in [("fast", 2), ("balanced", 5), ("accurate", 9)] {
         let found = settings(at, &["--quality", name]);
@@ -229,7 +230,7 @@ fn built_in_qualities_hold_until_they_are_measured_and_what_is_given_wins() {
 fn a_deadline_takes_what_fits_and_refuses_what_does_not() {
     let temp = folder();
     let at = temp.path();
-    let recipe = |steps| Recipe { steps, pupils: 2, ..Recipe::default() };
+    let recipe = |steps| Settings { steps, pupils: 2, ..Settings::default() };
     keep(at, [trial(recipe(2), 10.0, 20.0), trial(recipe(5), 100.0, 25.0), trial(recipe(9), 1000.0, 26.0)]);
     let steps = |more: &[&str]| settings(at, more)["steps"].as_u64().unwrap();
     assert_eq!(steps(&["--deadline", "999"]), 5);
@@ -268,9 +269,9 @@ fn a_deadline_takes_what_fits_and_refuses_what_does_not() {
 fn holograms_of_reduced_problems_are_whole() {
     let temp = folder();
     let at = temp.path();
-    let thin = Recipe { steps: 4, views: 2, repeats: 4, ..Recipe::default() };
-    let coarse = Recipe { steps: 4, pixel: 2, repeats: 2, padding: true, ..Recipe::default() };
-    let levels = Recipe { steps: 4, levels: true, ..Recipe::default() };
+    let thin = Settings { steps: 4, views: 2, repeats: 4, ..Settings::default() };
+    let coarse = Settings { steps: 4, pixel: 2, repeats: 2, padding: PaddingRule::Always, ..Settings::default() };
+    let levels = Settings { steps: 4, levels: Levels::Display, ..Settings::default() };
     keep(at, [trial(thin, 10.0, 20.0), trial(coarse, 100.0, 25.0), trial(levels, 1000.0, 26.0)]);
     let phases = |name: &str| -> Vec<f32> {
         done(at, &solve(&["--quality", name, "--display", "plm"]));
@@ -305,7 +306,7 @@ fn holograms_of_reduced_problems_are_whole() {
 fn evaluate_and_bench_know_qualities() {
     let temp = folder();
     let at = temp.path();
-    let recipe = |steps| Recipe { steps, pupils: 3, views: 2, repeats: 2, ..Recipe::default() };
+    let recipe = |steps| Settings { steps, pupils: 3, views: 2, repeats: 2, ..Settings::default() };
     keep(at, [trial(recipe(2), 10.0, 20.0), trial(recipe(3), 100.0, 25.0), trial(recipe(4), 1000.0, 26.0)]);
     let run = [&["evaluate", "builtin:plane", "-o", "out", "--methods", "slfh", "--no-speckle"][..], &SMALL].concat();
     done(at, &[&run[..], &["--quality", "balanced"]].concat());

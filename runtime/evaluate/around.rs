@@ -1,0 +1,296 @@
+//! What should be seen in a far field larger than memory: views of the scene from around a region or a pupil, no larger and
+//! no more than it needs.
+
+use crate::engine::{Buffer, Engine, EngineError};
+use crate::optics::{Color, Display, Optics, Pupil, WindowFactor};
+use crate::plan::{self, Comparison, Planner, Purpose};
+use crate::scene::{
+    self, Interpolator, LightField, Pyramid, Reprojection, Request, SceneError, Stage, ViewGrid, shrink_to_share,
+};
+use rayon::prelude::*;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Most views around a region, both axes together.
+pub(crate) const MOST_VIEWS: usize = 81;
+/// Pixels that content may move between neighbouring views before there are more of them.
+const APART: f64 = 1.5;
+
+/// A scene in one colour of a far-field display, seen from wherever it is asked for.
+pub struct Views {
+    kind: Kind,
+    optics: Optics,
+    share: f64,
+    size: usize,
+    depth: Option<[f64; 2]>,
+    held: u64,
+}
+
+enum Kind {
+    /// Rendered from around each region: parallax over the whole eyebox is exact.
+    Stage(Box<Stage>),
+    /// A light field of its own, at the picture's size.
+    Field(Arc<Pyramid>, ViewGrid),
+    /// A light field whose views stand too far apart: views between them are made around each region. Which colour.
+    Between(Arc<Interpolator>, usize),
+    /// A picture with its depths, reprojected around each region.
+    Picture(Arc<Reprojection>, Color),
+}
+
+impl Views {
+    /// `source` as [`scene::load`] takes it, in the one colour of `request` that is asked for, in pictures of at most `size`
+    /// x `size` pixels: the field of view of the display's shortest wavelength.
+    ///
+    /// # Errors
+    /// Those of loading the scene.
+    pub fn new(source: &str, request: &Request, color: Color, size: usize) -> Result<Self, SceneError> {
+        let colors = [color];
+        let request = Request { colors: &colors, ..*request };
+        Ok(Self::of_colors(source, &request, size)?.swap_remove(0))
+    }
+
+    /// The same in each colour of `request`. What they have in common they share.
+    ///
+    /// # Errors
+    /// Those of loading the scene.
+    pub fn of_colors(source: &str, request: &Request, size: usize) -> Result<Vec<Self>, SceneError> {
+        let display = request.display;
+        let of = |color| {
+            let optics = display.optics(color)?;
+            Ok::<_, SceneError>((optics, display.picture_share(optics.wavelength)))
+        };
+        if let Some(name) = source.strip_prefix("builtin:") {
+            let one = |&color: &Color| {
+                let stage = Stage::new(name, display, color, size)?;
+                let depth = Some(stage.depth());
+                let (optics, share) = of(color)?;
+                Ok(Self { kind: Kind::Stage(Box::new(stage)), optics, share, size, depth, held: 0 })
+            };
+            return request.colors.iter().map(one).collect();
+        }
+        // Views that are smaller than the picture show no more for being larger.
+        let native = scene::native_size(source)?.map_or(size, |[rows, columns]| rows.max(columns));
+        let work = native.clamp(1, size);
+        let small = small(display, work);
+        let request = Request { display: &small, ..*request };
+        if !Path::new(source).is_dir() {
+            let picture = Arc::new(Reprojection::new(Path::new(source), &request)?);
+            let depth = Some(picture.depth());
+            let one = |(i, &color): (usize, &Color)| {
+                let held = if i == 0 { picture.bytes() } else { 0 };
+                let kind = Kind::Picture(Arc::clone(&picture), color);
+                let (optics, share) = of(color)?;
+                Ok(Self { kind, optics, share, size: work, depth, held })
+            };
+            return request.colors.iter().enumerate().map(one).collect();
+        }
+        let load = |display, color| scene::load(source, &Request { display, colors: &[color], ..request });
+        let Some((&first, others)) = request.colors.split_first() else { return Ok(Vec::new()) };
+        let field = load(&small, first)?;
+        let (depth, cell) = (field.depth_range(&small), field.cell(&small));
+        let mut between = Interpolator::new(field, &small);
+        if between.parallax(cell) > APART {
+            for &color in others {
+                between.add(load(&small, color)?);
+            }
+            let between = Arc::new(between);
+            let one = |(i, &color): (usize, &Color)| {
+                let held = if i == 0 { between.bytes() } else { 0 };
+                let kind = Kind::Between(Arc::clone(&between), i);
+                let (optics, share) = of(color)?;
+                Ok(Self { kind, optics, share, size: work, depth, held })
+            };
+            return request.colors.iter().enumerate().map(one).collect();
+        }
+        drop(between);
+        let small = self::small(display, size);
+        let one = |&color: &Color| {
+            let field = load(&small, color)?;
+            let grid = ViewGrid { rows: field.grid[0], columns: field.grid[1], cell };
+            let (optics, share) = of(color)?;
+            let pyramid = Arc::new(pyramid(&first_color(field), size, share));
+            Ok(Self { kind: Kind::Field(pyramid, grid), optics, share, size, depth, held: 0 })
+        };
+        request.colors.iter().map(one).collect()
+    }
+
+    /// The whole SLM in that colour.
+    pub fn optics(&self) -> &Optics {
+        &self.optics
+    }
+
+    /// Pixels along each axis of a picture.
+    pub fn size(&self) -> usize {
+        self.size
+    }
+
+    /// Share of the field of view that the picture takes (OPTICS 9).
+    pub fn share(&self) -> f64 {
+        self.share
+    }
+
+    /// Farthest and nearest depth, metres, where it is known.
+    pub fn depth(&self) -> Option<[f64; 2]> {
+        self.depth
+    }
+
+    /// Bytes that a solve holds beside what a region's own plan counts: the views that others are made of.
+    pub fn held(&self) -> u64 {
+        self.held
+    }
+
+    /// What is seen from a square of `extent` metres around `center` (x, y): the views, and where they stand.
+    pub fn around(&self, center: [f64; 2], extent: f64) -> (Arc<Pyramid>, plan::ViewLayout) {
+        let parallax = match &self.kind {
+            Kind::Field(pyramid, grid) => return (Arc::clone(pyramid), plan::ViewLayout::new(*grid, pyramid)),
+            Kind::Stage(stage) => stage.parallax(extent),
+            Kind::Between(between, _) => between.parallax(extent),
+            Kind::Picture(picture, _) => picture.parallax(extent),
+        };
+        let most = (MOST_VIEWS as f64).sqrt() as usize;
+        // An odd number: one of them stands in the middle.
+        let wanted = (parallax / APART).ceil() as usize | 1;
+        let n = wanted.clamp(3, most);
+        let grid = ViewGrid { rows: n, columns: n, cell: extent / n as f64 };
+        let place = |i| {
+            let (x, y) = grid.position(i);
+            (x + center[0], y + center[1])
+        };
+        let places: Vec<(f64, f64)> = (0..n * n).map(place).collect();
+        let views = match &self.kind {
+            Kind::Field(..) => Vec::new(),
+            Kind::Stage(stage) => stage.views(&places),
+            Kind::Between(between, color) => between.views(*color, &places),
+            Kind::Picture(picture, color) => picture.views(*color, &places),
+        };
+        let pyramid = Arc::new(pyramid(&views, self.size, self.share));
+        let views = plan::ViewLayout { center, ..plan::ViewLayout::new(grid, &pyramid) };
+        (pyramid, views)
+    }
+}
+
+impl Views {
+    /// The photograph in the samples of a pupil's window on `grid`, the far-field SLM or a piece of it; the axis comes first.
+    ///
+    /// # Errors
+    /// Those of the engine.
+    pub(crate) fn photograph(
+        &self,
+        grid: &Optics,
+        pupil: &Pupil,
+        factor: WindowFactor,
+        engine: &mut dyn Engine,
+    ) -> Result<Vec<f32>, EngineError> {
+        let (pyramid, seen) = self.around([pupil.x, pupil.y], pupil.diameter);
+        let planner = Planner { views: Some(seen), ..Planner::new(*grid, 1, factor) };
+        let step = planner.photograph_step(vec![planner.pupil_pass(pupil, &Comparison::default())]);
+        engine.load(&planner.shape(Purpose::View), Some(Arc::clone(&pyramid)))?;
+        engine.run(&step)?;
+        engine.read(Buffer::Target(0))
+    }
+}
+
+/// The same eyebox and field of view in fewer, larger pixels: what a scene is loaded for.
+fn small(display: &Display, size: usize) -> Display {
+    let rate = size as f64 / display.picture_size().0 as f64;
+    // Eyebox: pixels times pitch; field of view: wavelength times f over pitch. Both stay, and so does what a depth means,
+    // for that is said in the picture's pixels.
+    let pitch = display.pitch / rate;
+    let (focal_length, shortest) = (display.focal_length, 1.0 / rate);
+    let wavelengths = (display.wavelengths.iter())
+        .map(|w| crate::optics::Wavelength { wavelength: w.wavelength * shortest, ..*w })
+        .collect();
+    Display { height: size, width: size, pitch, focal_length, wavelengths, ..display.clone() }
+}
+
+fn first_color(mut field: LightField) -> Vec<Vec<f32>> {
+    field.planes.swap_remove(0)
+}
+
+fn pyramid(views: &[Vec<f32>], size: usize, share: f64) -> Pyramid {
+    if share >= 1.0 {
+        return Pyramid::new(views, size, size);
+    }
+    let shrunk: Vec<Vec<f32>> = views.par_iter().map(|v| shrink_to_share(v, size, size, share)).collect();
+    Pyramid::new(&shrunk, size, size)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::cpu::CpuEngine;
+    use crate::files::write_png;
+
+    const SIZE: usize = 160;
+
+    fn display() -> Display {
+        Display { height: 640, width: 640, ..Display::preset("far-field").unwrap() }
+    }
+
+    /// A folder of `n` x `n` views of a built-in scene, and a request for it.
+    fn folder(n: usize) -> tempfile::TempDir {
+        let (here, small) = (tempfile::tempdir().unwrap(), small(&display(), SIZE));
+        let request = Request { views: n, ..Request::new(&small, &[Color::Green]) };
+        let field = scene::load("builtin:still-life", &request).unwrap();
+        for (i, view) in field.planes[0].iter().enumerate() {
+            write_png(&here.path().join(format!("view_{i:03}.png")), SIZE, SIZE, &[view]).unwrap();
+        }
+        let [low, high] = field.disparity.unwrap();
+        std::fs::write(here.path().join("lightfield.toml"), format!("disparity = [{low}, {high}]\n")).unwrap();
+        here
+    }
+
+    fn psnr(a: &[f32], b: &[f32]) -> f64 {
+        let error: f64 = a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum();
+        -10.0 * (error / a.len() as f64).log10()
+    }
+
+    /// Photographs of few views of a scene are those of the scene itself, in sign and scale, from all over the eyebox.
+    #[test]
+    fn a_sparse_folder_is_photographed_like_its_scene() {
+        let (few, many, display) = (folder(4), folder(11), display());
+        let request = Request::new(&display, &[Color::Green]);
+        let views = |source: &str| Views::new(source, &request, Color::Green, SIZE).unwrap();
+        let (exact, sparse) = (views("builtin:still-life"), views(few.path().to_str().unwrap()));
+        assert!(matches!(sparse.kind, Kind::Between(..)) && sparse.held() > 0);
+        assert!(matches!(views(many.path().to_str().unwrap()).kind, Kind::Field(..)), "dense enough as it is");
+        let (far, near) = (exact.depth().unwrap(), sparse.depth().unwrap());
+        assert!((0..2).all(|i| (far[i] - near[i]).abs() < 0.02 * far[i].abs()), "{far:?} {near:?}");
+        let (optics, mut engine) = (display.optics(Color::Green).unwrap(), CpuEngine::new());
+        let reach = display.eyebox_min() / 2.0;
+        for (x, y, z) in [(0.0, 0.0, 0.0), (0.6, -0.5, 0.8), (-0.8, 0.7, -0.9)] {
+            let pupil = Pupil { x: x * reach, y: y * reach, diameter: 0.4 * reach, depth: z * far[1] };
+            let (at, size) = optics.under(&pupil);
+            let piece = optics.piece(at, size);
+            let mut shot = |views: &Views| views.photograph(&piece, &pupil, WindowFactor::One, &mut engine).unwrap();
+            let (want, got) = (shot(&exact), shot(&sparse));
+            let db = psnr(&want, &got);
+            assert!(db > 34.0, "{db:.2} dB through {pupil:?}");
+        }
+    }
+
+    /// A picture with its depths, from around a region: what it is from all of the eyebox.
+    #[test]
+    fn a_picture_with_depths_is_seen_from_around_a_region() {
+        let (here, display) = (tempfile::tempdir().unwrap(), display());
+        let at = |x: usize, y: usize| 0.5 + 0.4 * ((x as f32 * 0.7).sin() * (y as f32 * 0.5).cos());
+        let picture: Vec<f32> = (0..SIZE * SIZE).map(|i| at(i % SIZE, i / SIZE)).collect();
+        let map: Vec<f32> = (0..SIZE * SIZE).map(|i| (i % SIZE) as f32 / SIZE as f32).collect();
+        let (file, depth) = (here.path().join("picture.png"), here.path().join("depth.png"));
+        write_png(&file, SIZE, SIZE, &[&picture, &picture, &picture]).unwrap();
+        write_png(&depth, SIZE, SIZE, &[&map]).unwrap();
+        let request = Request { depth_map: Some(&depth), ..Request::new(&display, &[Color::Green]) };
+        let source = file.to_str().unwrap();
+        let views = Views::new(source, &request, Color::Green, SIZE).unwrap();
+        let small = small(&display, SIZE);
+        let field = scene::load(source, &Request { display: &small, ..request }).unwrap();
+        let Kind::Picture(made, color) = &views.kind else { panic!("not a picture") };
+        let grid = ViewGrid { rows: 9, columns: 9, cell: field.cell(&small) };
+        for index in [0, 30, 80] {
+            let one = made.views(*color, &[grid.position(index)]).remove(0);
+            assert!(psnr(&one, &field.planes[0][index]) > 35.0, "view {index}");
+        }
+        let (_, seen) = views.around([1e-4, -2e-4], display.eyebox_min() / 4.0);
+        assert!(seen.center == [1e-4, -2e-4] && seen.grid.rows >= 3);
+    }
+}

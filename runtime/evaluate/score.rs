@@ -1,0 +1,110 @@
+//! The scorer: one exposure for all pupils, and what each pupil scores under it.
+
+use super::{EvaluateError, Sums, ssim};
+use serde::{Deserialize, Serialize};
+
+/// PSNR of some pupils at one exposure for all of them: never one per pupil, which would hide an uneven eyebox (OPTICS 2).
+///
+/// Which exposure? Over pupils that all see about the same light, the fit over all of them ([`fitted`](Self::fitted)).
+/// Over pupils of which some see many times the light of others (the corners of the eyebox, where methods leave what they
+/// have no use for; a narrow pupil on the peak of smooth phase), such a fit follows the few brightest and leaves the rest
+/// in the dark: there it is fitted through the widest pupil, as a photographer would, and given ([`at`](Self::at)).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scores {
+    /// PSNR per pupil, dB, after 2 x 2 averaging.
+    pub psnr: Vec<f64>,
+    /// The exposure.
+    pub exposure: f64,
+}
+
+impl Scores {
+    /// At the least-squares fit over all pupils.
+    ///
+    /// # Errors
+    /// [`EvaluateError::Dark`].
+    pub fn fitted(sums: &[Sums]) -> Result<Self, EvaluateError> {
+        Ok(Self::at(sums, Sums::fit_exposure(sums)?))
+    }
+
+    /// At this exposure.
+    pub fn at(sums: &[Sums], exposure: f64) -> Self {
+        Self { psnr: sums.iter().map(|s| s.psnr(exposure)).collect(), exposure }
+    }
+
+    /// Mean over pupils, dB.
+    pub fn mean(&self) -> f64 {
+        self.psnr.iter().sum::<f64>() / self.psnr.len().max(1) as f64
+    }
+
+    /// The worst pupil, dB.
+    pub fn worst(&self) -> f64 {
+        self.psnr.iter().copied().fold(f64::INFINITY, f64::min)
+    }
+
+    /// For targets that were divided by `unit`: the exposure and the errors that they stand for.
+    pub(crate) fn in_units_of(mut self, unit: f64) -> Self {
+        self.exposure *= unit;
+        self.psnr.iter_mut().for_each(|db| *db -= 20.0 * unit.log10());
+        self
+    }
+}
+
+/// What one pupil scored in one colour.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Score {
+    /// dB, peak 1.
+    pub psnr: f64,
+    /// None where the picture is smaller than SSIM's window.
+    pub ssim: Option<f64>,
+}
+
+/// PSNR and SSIM of the intensities `seen` against the photographs `wanted`, pupil by pupil, at one exposure for all of them
+/// (see [`Scores`]); all are (height, width) and averaged over 2 x 2 pixels already.
+///
+/// # Errors
+/// [`EvaluateError::Sizes`].
+pub fn compare(
+    seen: &[Vec<f32>],
+    wanted: &[Vec<f32>],
+    exposure: f64,
+    height: usize,
+    width: usize,
+) -> Result<Vec<Score>, EvaluateError> {
+    if seen.len() != wanted.len() {
+        return Err(EvaluateError::Sizes { one: seen.len(), other: wanted.len() });
+    }
+    let score = |(seen, wanted): (&Vec<f32>, &Vec<f32>)| {
+        let psnr = Sums::of_images(seen, wanted)?.psnr(exposure);
+        let exposed: Vec<f32> = seen.iter().map(|v| v * exposure as f32).collect();
+        let ssim = match ssim(&exposed, wanted, height, width) {
+            Ok(value) => Some(value),
+            Err(EvaluateError::TooSmall { .. }) => None,
+            Err(other) => return Err(other),
+        };
+        Ok(Score { psnr, ssim })
+    };
+    seen.iter().zip(wanted).map(score).collect()
+}
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_dim_pupil_stays_dim() {
+        // The second pupil sees half the light: one exposure cannot serve both, and the scores say so.
+        let target: Vec<f32> = (0..256).map(|i| 0.2 + (i % 7) as f32 * 0.05).collect();
+        let bright: Vec<f32> = target.iter().map(|t| 2.0 * t).collect();
+        let scores = compare(&[bright, target.clone()], &[target.clone(), target], 0.5, 16, 16).unwrap();
+        assert!(scores[0].psnr > 100.0 && (scores[0].ssim.unwrap() - 1.0).abs() < 1e-6);
+        // Half of 0.35, give or take.
+        assert!((14.0..16.0).contains(&scores[1].psnr) && scores[1].ssim.unwrap() < 0.9, "{scores:?}");
+    }
+
+    #[test]
+    fn small_pictures_have_no_ssim() {
+        let small = compare(&[vec![0.5; 4]], &[vec![0.25; 4]], 0.5, 2, 2).unwrap();
+        assert!(small[0].ssim.is_none() && small[0].psnr.is_infinite());
+        assert!(compare(&[vec![0.0; 4]], &[], 1.0, 2, 2).is_err());
+        assert!(compare(&[vec![0.0; 4]], &[vec![0.0; 6]], 1.0, 2, 2).is_err());
+    }
+}

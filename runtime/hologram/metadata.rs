@@ -1,0 +1,191 @@
+//! How a hologram was made: what its file keeps beside the optics, typed.
+
+use super::HologramError;
+use crate::optics::{Padding, PupilDistribution};
+use crate::solve::{Settings, Steering};
+use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
+use serde_json::{Map, Value};
+
+/// How a hologram was made (`attributes.eyebox.settings`), the same in formats 1 to 3. What a file does not say is `None`.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Metadata {
+    /// The settings of the solve.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub solve: Option<Settings>,
+    /// Zeros around the SLM in the computation: rows, columns. See [`padding`](Self::padding).
+    #[serde(rename = "padding", skip_serializing_if = "Option::is_none")]
+    pub padded: Option<[usize; 2]>,
+    /// Passes over the SLM of a solve in tiles.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub passes: Option<usize>,
+    /// Rows and columns of the scene's views.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub views: Option<[usize; 2]>,
+    /// Distance of neighbouring views in the pupil plane, millimetres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub view_pitch_mm: Option<f64>,
+    /// Side of the eyebox that pupils were drawn in, millimetres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub eyebox_mm: Option<f64>,
+    /// What the smallest and the largest value of the scene's depth map mean, millimetres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub depth_map_mm: Option<[f64; 2]>,
+    /// Where each hologram of a sequence began but the first.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub warm_start: Option<Start>,
+    /// What asked for it, where a later run is to know its own work again.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub made_by: Option<String>,
+    /// Seconds that the solve took.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub seconds: Option<f64>,
+    /// Where it was refined for afterwards.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub refined: Option<Refined>,
+    /// What other versions and programs wrote: kept, so that a copy loses nothing.
+    #[serde(flatten)]
+    pub other: Map<String, Value>,
+}
+
+/// A refinement for where the eye was.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Refined {
+    /// Where the pupil was believed to be.
+    #[serde(with = "aim")]
+    pub aim: PupilDistribution,
+    /// How the phases followed.
+    pub steering: Steering,
+    /// Steps a colour.
+    pub steps: usize,
+}
+
+/// Where the solve of a sequence's next hologram begins: `"cold"`, or a number from 0 to 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Start {
+    /// At random phases.
+    Cold,
+    /// At the phases of the hologram before, so far along the schedule.
+    Warm(f64),
+}
+
+/// The largest padding that a file may state along an axis, pixels.
+const MOST_PADDING: usize = 65536;
+
+impl Metadata {
+    /// The padding that the hologram was solved with, and is looked at with. By the definition of formats 1 to 3, and of bare
+    /// phases, there is none where none is stated: propagation is circular.
+    pub fn padding(&self) -> Padding {
+        let [rows, columns] = self.padded.unwrap_or_default();
+        Padding { rows, columns }
+    }
+
+    /// The same, as [`padding`](Self::padding) reads it.
+    pub fn set_padding(&mut self, padding: Padding) {
+        self.padded = Some([padding.rows, padding.columns]);
+    }
+
+    /// Refuses what no computation can follow.
+    pub(super) fn check(&self) -> Result<(), HologramError> {
+        match self.padded {
+            Some([rows, columns]) if rows.max(columns) > MOST_PADDING => Err(HologramError::Inconsistent(format!(
+                "its padding is {rows} rows and {columns} columns: at most {MOST_PADDING} each"
+            ))),
+            _ => Ok(()),
+        }
+    }
+
+    /// A key under which two descriptions differ.
+    pub(super) fn difference(&self, wanted: &Self) -> Option<String> {
+        let keys = |m: &Self| match serde_json::to_value(m) {
+            Ok(Value::Object(keys)) => keys,
+            _ => Map::new(),
+        };
+        let (is, wanted) = (keys(self), keys(wanted));
+        wanted.into_iter().find(|(key, value)| is.get(key) != Some(value)).map(|(key, _)| key)
+    }
+}
+
+/// A distribution of pupils as files have it.
+mod aim {
+    use super::{Deserialize, Deserializer, PupilDistribution, Serialize, Serializer};
+
+    /// Metres.
+    #[derive(Serialize, Deserialize)]
+    struct Aim {
+        x: f64,
+        y: f64,
+        spread: f64,
+        diameter: [f64; 2],
+        depth: [f64; 2],
+        elsewhere: f64,
+    }
+
+    pub(super) fn serialize<S: Serializer>(pupil: &PupilDistribution, to: S) -> Result<S::Ok, S::Error> {
+        let PupilDistribution { centre: [x, y], spread, diameter, focus: depth, elsewhere } = *pupil;
+        Aim { x, y, spread, diameter, depth, elsewhere }.serialize(to)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<PupilDistribution, D::Error> {
+        let Aim { x, y, spread, diameter, depth, elsewhere } = Aim::deserialize(from)?;
+        Ok(PupilDistribution { centre: [x, y], spread, diameter, focus: depth, elsewhere })
+    }
+}
+
+impl Serialize for Start {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Cold => to.serialize_str("cold"),
+            Self::Warm(progress) => to.serialize_f64(*progress),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Start {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        let value = Value::deserialize(from)?;
+        match (value.as_str(), value.as_f64()) {
+            (Some("cold"), _) => Ok(Self::Cold),
+            (None, Some(progress)) => Ok(Self::Warm(progress)),
+            _ => Err(de::Error::custom(format!("{value}: expected \"cold\", or a number from 0 to 1"))),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_not_said_is_none_and_what_is_not_known_is_kept() {
+        let text = r#"{"padding":[4,8],"warm_start":"cold","a key of tomorrow":[1.5],"seconds":2.0}"#;
+        let read: Metadata = serde_json::from_str(text).unwrap();
+        assert_eq!(
+            (read.padding(), read.warm_start, read.seconds),
+            (Padding { rows: 4, columns: 8 }, Some(Start::Cold), Some(2.0))
+        );
+        assert_eq!((read.solve.as_ref(), read.view_pitch_mm, read.other.len()), (None, None, 1));
+        assert_eq!(serde_json::from_str::<Metadata>(&serde_json::to_string(&read).unwrap()).unwrap(), read);
+        assert_eq!(Metadata::default().padding(), Padding::default());
+        let warm: Metadata = serde_json::from_str(r#"{"warm_start":0.25}"#).unwrap();
+        assert_eq!(warm.warm_start, Some(Start::Warm(0.25)));
+        assert_eq!(read.difference(&warm), Some("warm_start".into()));
+    }
+
+    /// A value of the wrong kind is refused, never taken for another.
+    #[test]
+    fn what_cannot_be_is_refused() {
+        for wrong in [
+            r#"{"padding":8}"#,
+            r#"{"padding":[4,-8]}"#,
+            r#"{"padding":[4.5,8]}"#,
+            r#"{"warm_start":"hot"}"#,
+            r#"{"views":[3]}"#,
+            r#"{"solve":{"steps":"many"}}"#,
+        ] {
+            assert!(serde_json::from_str::<Metadata>(wrong).is_err(), "{wrong}");
+        }
+        let huge: Metadata = serde_json::from_str(r#"{"padding":[4,1000000]}"#).unwrap();
+        assert!(huge.check().unwrap_err().to_string().contains("1000000"));
+    }
+}

@@ -1,0 +1,96 @@
+//! A hologram against its scene.
+
+use super::{Hologram, HologramError, PhaseSource, Sampling, SceneSource};
+use crate::engine::Engine;
+use crate::evaluate::{EvaluateError, Plane, Summary, Sums, ssim};
+use crate::optics::Pupil;
+
+/// What one pupil scored, over all colours.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PupilScore {
+    /// The pupil, metres.
+    pub pupil: Pupil,
+    /// PSNR over all colours, every pixel counting the same, dB.
+    pub psnr: f64,
+    /// Mean SSIM over the colours; none where the picture is smaller than SSIM's window.
+    pub ssim: Option<f64>,
+}
+
+/// Scores of a hologram.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HologramScores {
+    /// One for each pupil, in their order.
+    pub pupils: Vec<PupilScore>,
+    /// Per colour, the exposure that was fitted over all pupils.
+    pub exposures: Vec<f64>,
+}
+
+impl HologramScores {
+    /// What the PSNRs come to; none without pupils.
+    pub fn summary(&self) -> Option<Summary> {
+        Summary::of(&self.pupils.iter().map(|p| p.psnr).collect::<Vec<_>>())
+    }
+}
+
+impl PhaseSource<'_> {
+    /// Compares what pupils see with the scene's photographs, after 2 x 2 averaging, with one exposure per colour for all of
+    /// them (OPTICS 2 and 8). The scene has the hologram's colours, in their order.
+    ///
+    /// # Errors
+    /// [`HologramError::Inconsistent`] for a scene of other colours; [`HologramError::Evaluate`] for a colour without light;
+    /// those of [`look`](Self::look).
+    pub fn score(
+        &self,
+        scene: &SceneSource,
+        pupils: &[Pupil],
+        engine: &mut dyn Engine,
+    ) -> Result<HologramScores, HologramError> {
+        let (has, given) = (self.about().colors.len(), scene.colors());
+        if has != given {
+            return Err(HologramError::Inconsistent(format!("it has {has} colours, and the scene {given}")));
+        }
+        let mut exposures = Vec::with_capacity(has);
+        let mut sums: Vec<Vec<(Sums, f64)>> = vec![Vec::with_capacity(has); pupils.len()];
+        let mut ssims: Vec<Option<f64>> = vec![Some(0.0); pupils.len()];
+        for color in 0..has {
+            let pooled = |planes: Vec<Plane>| planes.iter().map(Plane::pooled).collect::<Vec<_>>();
+            let wanted = pooled(scene.photographs(color, pupils, Sampling::Pupil, engine)?);
+            let seen = pooled(self.look_through(color, None, pupils, Sampling::Pupil, engine)?);
+            let pairs = || seen.iter().zip(&wanted);
+            let of_color =
+                pairs().map(|(s, w)| Sums::of_images(&s.values, &w.values)).collect::<Result<Vec<_>, _>>()?;
+            let exposure = Sums::fit_exposure(&of_color)?;
+            for (i, (seen, wanted)) in pairs().enumerate() {
+                sums[i].push((of_color[i], exposure));
+                let exposed: Vec<f32> = seen.values.iter().map(|v| v * exposure as f32).collect();
+                ssims[i] = match ssim(&exposed, &wanted.values, seen.rows, seen.columns) {
+                    Ok(value) => ssims[i].map(|sum| sum + value),
+                    Err(EvaluateError::TooSmall { .. }) => None,
+                    Err(other) => return Err(other.into()),
+                };
+            }
+            exposures.push(exposure);
+        }
+        let score = |(i, pupil): (usize, &Pupil)| PupilScore {
+            pupil: *pupil,
+            psnr: Sums::psnr_of_colors(&sums[i]),
+            ssim: ssims[i].map(|sum| sum / has as f64),
+        };
+        Ok(HologramScores { pupils: pupils.iter().enumerate().map(score).collect(), exposures })
+    }
+}
+
+impl Hologram {
+    /// [`PhaseSource::score`].
+    ///
+    /// # Errors
+    /// Those of [`PhaseSource::score`].
+    pub fn score(
+        &self,
+        scene: &SceneSource,
+        pupils: &[Pupil],
+        engine: &mut dyn Engine,
+    ) -> Result<HologramScores, HologramError> {
+        PhaseSource::from(self).score(scene, pupils, engine)
+    }
+}

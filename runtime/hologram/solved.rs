@@ -1,0 +1,41 @@
+//! From solutions to a hologram.
+
+use super::{ColorHologram, Hologram, Metadata};
+use crate::optics::{Color, Display, OpticsError, Padding};
+use crate::scene::LightField;
+use crate::solve::{Settings, Solution};
+
+impl Hologram {
+    /// The hologram of solved colours of a scene on a display, and how it was made.
+    ///
+    /// # Errors
+    /// A colour that the display does not have.
+    pub fn from_solutions(
+        field: &LightField,
+        display: &Display,
+        settings: &Settings,
+        padding: Padding,
+        solutions: &[(Color, Solution)],
+    ) -> Result<Self, OpticsError> {
+        let color = |(color, s): &(Color, Solution)| {
+            let wavelength = display.optics(*color)?.wavelength;
+            let Solution { exposure, efficiency, .. } = *s;
+            Ok(ColorHologram { color: Some(*color), wavelength, exposure, efficiency, phases: s.phases.clone() })
+        };
+        let colors = solutions.iter().map(color).collect::<Result<_, _>>()?;
+        Ok(Self {
+            seed: settings.seed,
+            version: env!("CARGO_PKG_VERSION").into(),
+            scene: field.name.clone(),
+            metadata: Metadata {
+                solve: Some(settings.clone()),
+                padded: Some([padding.rows, padding.columns]),
+                views: Some(field.grid),
+                view_pitch_mm: Some(field.cell(display) * 1e3),
+                eyebox_mm: Some(display.eyebox_min() * 1e3),
+                ..Metadata::default()
+            },
+            ..Self::on(display, settings.frames, colors)
+        })
+    }
+}

@@ -1,0 +1,209 @@
+//! Where phases are: in memory, in tiles on the disk, or in a sequence. Whoever looks does not mind.
+
+use super::tiles::Tiles;
+use super::{Hologram, HologramError, Sequence};
+use crate::engine::{Buffer, Engine, Purpose};
+use crate::evaluate::{self, Plane, centered};
+use crate::optics::{Pupil, WindowFactor};
+use crate::plan::{Comparison, Kernel, Planner};
+use crate::scene::crop_share;
+use std::borrow::Cow;
+use std::ops::Range;
+use std::path::Path;
+use std::sync::Arc;
+
+/// The phases of a hologram, wherever they are.
+#[derive(Debug, Clone)]
+pub enum PhaseSource<'a> {
+    /// All in memory.
+    Whole(Box<Cow<'a, Hologram>>),
+    /// In tiles on the disk: those under a pupil are read.
+    Tiled(Arc<Tiles>),
+}
+
+impl PhaseSource<'_> {
+    /// The hologram at `path`, or hologram `at` of a sequence.
+    ///
+    /// # Errors
+    /// [`HologramError::NotAHologram`] for a sequence without `at` and an `at` that it does not have;
+    /// [`HologramError::Damaged`]; [`HologramError::File`].
+    pub fn open(path: &Path, at: Option<u64>) -> Result<Self, HologramError> {
+        if at.is_none() && Tiles::is_tiled(path) {
+            return Ok(Self::Tiled(Arc::new(Tiles::open(path)?)));
+        }
+        Ok(Hologram::load_at(path, at)?.into())
+    }
+
+    /// Everything but the phases, which may be missing here.
+    pub fn about(&self) -> &Hologram {
+        match self {
+            Self::Whole(hologram) => hologram,
+            Self::Tiled(tiles) => tiles.about(),
+        }
+    }
+
+    /// What a pupil sees of every colour: the time-averaged intensity over the pupil's share of the eyebox (OPTICS 2), or that
+    /// of sub-frame `frame` alone. No exposure is applied. On the SLM's pixels, or in the far field a square of as many; of a
+    /// hologram in tiles, on [`Sampling::Picture`].
+    ///
+    /// # Errors
+    /// [`HologramError::Optics`]; those of the engine and of the tiles.
+    ///
+    /// # Panics
+    /// If there is no such sub-frame: the caller's mistake.
+    pub fn look(
+        &self,
+        frame: Option<usize>,
+        pupil: &Pupil,
+        engine: &mut dyn Engine,
+    ) -> Result<Vec<Plane>, HologramError> {
+        let one = |color| Ok(self.look_through(color, frame, &[*pupil], Sampling::Picture, engine)?.remove(0));
+        (0..self.about().colors.len()).map(one).collect()
+    }
+
+    /// The same of one colour through several pupils, sampled as asked.
+    ///
+    /// # Errors
+    /// Those of [`look`](Self::look).
+    ///
+    /// # Panics
+    /// If there is no such colour or sub-frame: the caller's mistake.
+    pub fn look_through(
+        &self,
+        color: usize,
+        frame: Option<usize>,
+        pupils: &[Pupil],
+        sampling: Sampling,
+        engine: &mut dyn Engine,
+    ) -> Result<Vec<Plane>, HologramError> {
+        match self {
+            Self::Whole(hologram) => whole(hologram, color, frame, pupils, engine),
+            Self::Tiled(tiles) => {
+                let frames = frame.map_or(0..tiles.about().frames, |f| f..f + 1);
+                pupils.iter().map(|p| tiled(tiles, color, frames.clone(), p, sampling, engine)).collect()
+            }
+        }
+    }
+}
+
+/// On which pixels a far field larger than memory is seen. Other holograms are seen on the SLM's.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sampling {
+    /// As many as the pupil resolves.
+    Pupil,
+    /// As many: two samples of a window twice as wide averaged to one along each axis.
+    Picture,
+}
+
+impl Sampling {
+    /// The window that is computed,
+    pub(super) fn factor(self) -> WindowFactor {
+        match self {
+            Self::Pupil => WindowFactor::One,
+            Self::Picture => WindowFactor::Two,
+        }
+    }
+
+    /// and what becomes of the square image in it, whose axis comes first: the picture's part, with the axis in the middle.
+    pub(super) fn picture(self, image: Vec<f32>, share: f64) -> Plane {
+        let n = (image.len() as f64).sqrt().round() as usize;
+        let image = centered(&image, n, n);
+        let values = if share < 1.0 { crop_share(&image, n, n, share) } else { image };
+        let plane = Plane { rows: n, columns: n, values };
+        if self == Self::Picture { plane.pooled() } else { plane }
+    }
+}
+
+impl Hologram {
+    /// The hologram at `path`, or hologram `at` of a sequence, with all of its phases.
+    ///
+    /// # Errors
+    /// Those of [`load`](Self::load) and [`Sequence::load`].
+    pub fn load_at(path: &Path, at: Option<u64>) -> Result<Self, HologramError> {
+        match at {
+            Some(at) => Sequence::open(path)?.load(at),
+            None => Self::load(path),
+        }
+    }
+
+    /// What a pupil sees of every colour, without exposure; see [`PhaseSource::look`].
+    ///
+    /// # Errors
+    /// Those of [`PhaseSource::look`].
+    pub fn look(&self, pupil: &Pupil, engine: &mut dyn Engine) -> Result<Vec<Plane>, HologramError> {
+        PhaseSource::from(self).look(None, pupil, engine)
+    }
+
+    /// Plans for what is seen of one of its colours: the whole spectrum, with the padding that it was solved with.
+    ///
+    /// # Errors
+    /// [`HologramError::Optics`] for optics that cannot be.
+    pub fn planner(&self, color: usize) -> Result<Planner, HologramError> {
+        let plain = Planner::new(self.optics(color)?, self.frames, WindowFactor::Full);
+        Ok(Planner { share: self.picture_share(color), ..plain.with_padding(self.metadata.padding()) })
+    }
+}
+
+impl<'a> From<&'a Hologram> for PhaseSource<'a> {
+    fn from(hologram: &'a Hologram) -> Self {
+        Self::Whole(Box::new(Cow::Borrowed(hologram)))
+    }
+}
+
+impl From<Hologram> for PhaseSource<'_> {
+    fn from(hologram: Hologram) -> Self {
+        Self::Whole(Box::new(Cow::Owned(hologram)))
+    }
+}
+
+fn whole(
+    hologram: &Hologram,
+    color: usize,
+    frame: Option<usize>,
+    pupils: &[Pupil],
+    engine: &mut dyn Engine,
+) -> Result<Vec<Plane>, HologramError> {
+    let mut planner = hologram.planner(color)?;
+    let phases = match frame {
+        Some(frame) => {
+            planner.frames = 1;
+            hologram.frame(color, frame)
+        }
+        None => &hologram.colors[color].phases,
+    };
+    engine.load(&planner.shape(Purpose::View), None)?;
+    engine.write(Buffer::Phases, phases)?;
+    let (rows, columns) = hologram.picture_size();
+    let seen = evaluate::views(engine, &planner, pupils)?;
+    Ok(seen.into_iter().map(|values| Plane { rows, columns, values }).collect())
+}
+
+/// What a pupil sees of a hologram in tiles. Sub-frames go one after the other: memory follows the pupil's area.
+fn tiled(
+    tiles: &Tiles,
+    color: usize,
+    frames: Range<usize>,
+    pupil: &Pupil,
+    sampling: Sampling,
+    engine: &mut dyn Engine,
+) -> Result<Plane, HologramError> {
+    let about = tiles.about();
+    let whole = about.optics(color)?;
+    let (at, size) = whole.under(pupil);
+    let planner = Planner::new(whole.piece(at, size), 1, sampling.factor());
+    let all = Planner { frames: frames.len(), ..planner.clone() };
+    let mut pupil_pass = all.pupil_pass(pupil, &Comparison::default());
+    pupil_pass.intensity.frames = 1;
+    let mut step = planner.view_step(vec![pupil_pass]);
+    let phases = tiles.read(color, at, size)?;
+    engine.load(&planner.shape(Purpose::View), None)?;
+    for (f, frame) in phases.chunks_exact(size[0] * size[1]).skip(frames.start).take(frames.len()).enumerate() {
+        engine.write(Buffer::Phases, frame)?;
+        engine.run(&step)?;
+        if f == 0 {
+            step.list.retain(|d| d.kernel != Kernel::Transfer);
+            step.pupil_passes[0].intensity.accumulate = 1;
+        }
+    }
+    Ok(sampling.picture(engine.read(Buffer::Image(0))?, about.picture_share(color)))
+}

@@ -1,0 +1,92 @@
+//! Where the pupil is believed to be: a distribution.
+
+use super::Pupil;
+use serde::{Deserialize, Serialize};
+use std::f64::consts::TAU;
+
+/// Where the pupil is, or will be, how wide, and what it focuses on.
+///
+/// The centre is normal with standard deviation `spread` along x and y each: with probability 0.86 the pupil is within
+/// two spreads, with 0.99 within three, but for the share `elsewhere` that it has left by a saccade nobody could
+/// foresee, or has not arrived yet.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct PupilDistribution {
+    /// Centre (x, y), metres.
+    pub centre: [f64; 2],
+    /// Standard deviation along each axis, metres.
+    pub spread: f64,
+    /// Smallest and largest diameter, metres.
+    pub diameter: [f64; 2],
+    /// Nearest and farthest focus, metres.
+    pub focus: [f64; 2],
+    /// Probability that none of this holds: the pupil is anywhere in the eyebox.
+    pub elsewhere: f64,
+}
+
+/// Within this many standard deviations pupils are drawn.
+const FARTHEST: f64 = 3.0;
+
+impl PupilDistribution {
+    /// A pupil whose centre is known to within `spread` metres (a standard deviation), and its diameter to within half a
+    /// millimetre.
+    pub fn around(pupil: &Pupil, spread: f64) -> Self {
+        let Pupil { x, y, diameter, depth } = *pupil;
+        let half = 0.5e-3f64.min(diameter / 2.0);
+        let diameter = [diameter - half, diameter + half];
+        Self { centre: [x, y], spread, diameter, focus: [depth; 2], elsewhere: 0.0 }
+    }
+
+    /// The pupil at a point of the unit cube: two numbers for the centre (Box and Muller), one for the diameter, one for
+    /// the focus. No centre is drawn farther out than three spreads.
+    pub fn pupil(&self, [u, v, d, z]: [f64; 4]) -> Pupil {
+        // u = 1 would be infinitely far.
+        let radius = self.spread * (-2.0 * (1.0 - u).max(1e-9).ln()).sqrt().min(FARTHEST);
+        let between = |[low, high]: [f64; 2], u: f64| low + (high - low) * u;
+        Pupil {
+            x: self.centre[0] + radius * (TAU * v).cos(),
+            y: self.centre[1] + radius * (TAU * v).sin(),
+            diameter: between(self.diameter, d),
+            depth: between(self.focus, z),
+        }
+    }
+
+    /// How far from the centre a drawn pupil's edge may be, metres.
+    pub fn reach(&self) -> f64 {
+        FARTHEST * self.spread + self.diameter[1] / 2.0
+    }
+
+    /// How far the centre is from another's, metres.
+    pub fn distance(&self, other: &Self) -> f64 {
+        (self.centre[0] - other.centre[0]).hypot(self.centre[1] - other.centre[1])
+    }
+
+    /// Whether pupils drawn from another distribution serve this one as well: the difference is what an eye does while
+    /// it fixates.
+    pub(crate) fn is_served_by(&self, other: &Self) -> bool {
+        let slack = 0.5 * self.spread.max(other.spread);
+        let close = |a: [f64; 2], b: [f64; 2], slack: f64| (0..2).all(|i| (a[i] - b[i]).abs() <= slack);
+        self.distance(other) <= slack
+            && close(self.diameter, other.diameter, 0.05 * self.diameter[1])
+            && close(self.focus, other.focus, 0.0)
+            && self.spread >= 0.5 * other.spread
+            && other.spread >= 0.5 * self.spread
+    }
+}
+
+impl std::fmt::Display for PupilDistribution {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let mm = |v: f64| v * 1e3;
+        write!(
+            f,
+            "pupil ({:.3}, {:.3}) +- {:.3} mm, {:.1}..{:.1} mm wide, focus {:.2}..{:.2} mm, elsewhere {:.0} %",
+            mm(self.centre[0]),
+            mm(self.centre[1]),
+            mm(self.spread),
+            mm(self.diameter[0]),
+            mm(self.diameter[1]),
+            mm(self.focus[0]),
+            mm(self.focus[1]),
+            self.elsewhere * 100.0
+        )
+    }
+}

@@ -1,0 +1,266 @@
+//! The desktop: its event loop, a window over a whole monitor, and ordinary windows beside it.
+//!
+//! The inside of a window over a monitor has exactly the video frame's size, or it is refused; it has no cursor and no
+//! frame. What a compositor does to it cannot be asked everywhere: on an SLM's output run none, or let full-screen windows
+//! bypass it.
+
+use super::window::{OrdinaryWindow, Windows};
+use super::{Event, Monitor, PresentError, no_desktop, x_server};
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use winit::application::ApplicationHandler;
+use winit::dpi::{PhysicalPosition, PhysicalSize};
+use winit::event::{ElementState, WindowEvent};
+use winit::event_loop::{ActiveEventLoop, EventLoop};
+use winit::keyboard::{Key, NamedKey};
+use winit::monitor::MonitorHandle;
+use winit::platform::pump_events::{EventLoopExtPumpEvents, PumpStatus};
+use winit::window::{Fullscreen, Window as SystemWindow, WindowId};
+
+/// How long a window may take to come up with its size.
+const PATIENCE: Duration = Duration::from_secs(3);
+/// How often it is looked whether the window's monitor is still there.
+const LOOK: Duration = Duration::from_secs(1);
+
+/// What the event loop calls.
+#[derive(Default)]
+struct Handler {
+    monitors: Vec<MonitorHandle>,
+    wanted: Option<(usize, [usize; 2])>,
+    window: Option<Arc<SystemWindow>>,
+    failure: Option<String>,
+    events: VecDeque<Event>,
+    windows: Windows,
+    /// The monitor under the window, and when it was last seen.
+    under: Option<(Monitor, Instant)>,
+    /// Why nothing more can be shown.
+    lost: Option<String>,
+}
+
+impl Handler {
+    /// A window outlives its monitor on some desktops, and shows on nothing then.
+    fn look_for_monitor(&mut self, event_loop: &ActiveEventLoop) {
+        let Some((monitor, seen)) = self.under.as_mut().filter(|u| u.1.elapsed() >= LOOK) else { return };
+        *seen = Instant::now();
+        let now = event_loop.available_monitors().map(|m| (m.name(), [m.size().height, m.size().width]));
+        if !monitor.is_among(now) {
+            self.lost = Some(format!("monitor {monitor} is gone, or has another mode"));
+        }
+    }
+
+    fn make(&mut self, event_loop: &ActiveEventLoop) {
+        let Some((index, [height, width])) = self.wanted.take() else { return };
+        let monitor = self.monitors[index].clone();
+        let at = monitor.position();
+        let attributes = SystemWindow::default_attributes()
+            .with_title("eyebox")
+            .with_decorations(false)
+            .with_resizable(false)
+            // Without a window manager full screen is ignored, and these count.
+            .with_inner_size(PhysicalSize::new(width as u32, height as u32))
+            .with_position(PhysicalPosition::new(at.x, at.y))
+            .with_fullscreen(Some(Fullscreen::Borderless(Some(monitor))));
+        match event_loop.create_window(attributes) {
+            Ok(window) => {
+                window.set_cursor_visible(false);
+                self.window = Some(Arc::new(window));
+            }
+            Err(error) => self.failure = Some(error.to_string()),
+        }
+    }
+
+    fn key(&mut self, key: &Key) {
+        let event = match key {
+            Key::Named(NamedKey::Escape) => Event::Close,
+            Key::Named(NamedKey::Space) => Event::Pause,
+            Key::Named(NamedKey::ArrowRight) => Event::Step,
+            Key::Named(NamedKey::PageDown) => Event::Seek(10),
+            Key::Named(NamedKey::PageUp) => Event::Seek(-10),
+            Key::Named(NamedKey::Home) => Event::Seek(i64::MIN),
+            Key::Character(c) => match c.as_str() {
+                "q" => Event::Close,
+                "+" => Event::Faster(2.0),
+                "-" => Event::Faster(0.5),
+                _ => return,
+            },
+            _ => return,
+        };
+        self.events.push_back(event);
+    }
+}
+
+impl ApplicationHandler for Handler {
+    fn resumed(&mut self, event_loop: &ActiveEventLoop) {
+        self.monitors = event_loop.available_monitors().collect();
+    }
+
+    fn about_to_wait(&mut self, event_loop: &ActiveEventLoop) {
+        self.make(event_loop);
+        self.windows.make(event_loop);
+        self.look_for_monitor(event_loop);
+    }
+
+    fn suspended(&mut self, _: &ActiveEventLoop) {
+        self.lost = Some("the system took its surface away".into());
+    }
+
+    fn window_event(&mut self, _: &ActiveEventLoop, id: WindowId, event: WindowEvent) {
+        if self.windows.take(id, &event) {
+            return;
+        }
+        match event {
+            WindowEvent::CloseRequested => self.events.push_back(Event::Close),
+            WindowEvent::Destroyed => self.lost = Some("another program destroyed it".into()),
+            WindowEvent::KeyboardInput { event, is_synthetic: false, .. } if event.state == ElementState::Pressed => {
+                self.key(&event.logical_key);
+            }
+            _ => {}
+        }
+    }
+}
+
+/// The desktop: its monitors, and windows on them. One at a time in a process, on its main thread.
+pub struct Desktop {
+    event_loop: EventLoop<()>,
+    handler: Handler,
+}
+
+impl Desktop {
+    /// Connects to it.
+    ///
+    /// # Errors
+    /// [`PresentError::Display`] where there is none.
+    pub fn open() -> Result<Self, PresentError> {
+        let event_loop = EventLoop::new().map_err(|e| {
+            // The library says where in its own source it failed: nobody's business here.
+            let text = e.to_string();
+            let why = text.rsplit(".rs:").next().and_then(|t| t.split_once(": ")).map_or(text.as_str(), |(_, why)| why);
+            let why = why.trim_end_matches([')', '.']);
+            no_desktop(format!("there is none to open a window on ({why}): set DISPLAY or WAYLAND_DISPLAY"))
+        })?;
+        x_server::survive(&event_loop);
+        let mut desktop = Self { event_loop, handler: Handler::default() };
+        desktop.pump()?;
+        Ok(desktop)
+    }
+
+    /// Its monitors.
+    pub fn monitors(&self) -> Vec<Monitor> {
+        self.handler.monitors.iter().enumerate().map(|(index, monitor)| Monitor::new(index, monitor)).collect()
+    }
+
+    /// The monitor that `wanted` names by its index, its name or its size (rows x columns); without, the first that has
+    /// `size`. It must have `size`.
+    ///
+    /// # Errors
+    /// [`PresentError::Display`], in a sentence.
+    pub fn choose(&self, wanted: Option<&str>, size: [usize; 2]) -> Result<Monitor, PresentError> {
+        Monitor::choose(&self.monitors(), wanted, size)
+    }
+
+    /// A window over all of a monitor.
+    pub(super) fn cover(mut self, monitor: &Monitor) -> Result<OnDesktop, PresentError> {
+        self.handler.wanted = Some((monitor.index, monitor.size));
+        let since = Instant::now();
+        let window = loop {
+            self.pump()?;
+            if let Some(failure) = self.handler.failure.take() {
+                return Err(no_desktop(format!("a window could not be opened ({failure})")));
+            }
+            if let Some(window) = self.handler.window.clone() {
+                let is = [window.inner_size().height as usize, window.inner_size().width as usize];
+                if is == monitor.size {
+                    break window;
+                }
+                if since.elapsed() > PATIENCE {
+                    return Err(no_desktop(format!(
+                        "the window came up with {}x{} pixels on monitor {monitor}: nothing is scaled, so they must be equal",
+                        is[0], is[1]
+                    )));
+                }
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        };
+        self.handler.under = Some((monitor.clone(), Instant::now()));
+        Ok(OnDesktop { desktop: self, window })
+    }
+
+    fn pump(&mut self) -> Result<(), PresentError> {
+        self.pump_for(Duration::ZERO)
+    }
+
+    /// Opens an ordinary window whose inside has `size` rows and columns, if the desktop agrees.
+    ///
+    /// # Errors
+    /// [`PresentError::Display`].
+    pub fn window(&mut self, title: &str, size: [usize; 2]) -> Result<OrdinaryWindow, PresentError> {
+        self.handler.windows.wanted = Some((title.into(), size));
+        let since = Instant::now();
+        loop {
+            self.pump_for(Duration::from_millis(5))?;
+            match self.handler.windows.made.take() {
+                Some(Ok(window)) => return Ok(window),
+                Some(Err(failure)) => {
+                    return Err(no_desktop(format!("a window could not be opened ({failure})")));
+                }
+                None if since.elapsed() > PATIENCE => {
+                    return Err(no_desktop("a window was asked for and did not come".into()));
+                }
+                None => {}
+            }
+        }
+    }
+
+    /// Takes in what happened on the desktop, and waits so long at most where nothing did.
+    ///
+    /// # Errors
+    /// [`PresentError::Display`] when the desktop is gone.
+    pub fn pump_for(&mut self, most: Duration) -> Result<(), PresentError> {
+        let gone = || no_desktop("the connection to it is gone: its server ended".into());
+        if x_server::is_gone() {
+            return Err(gone());
+        }
+        match self.event_loop.pump_app_events(Some(most), &mut self.handler) {
+            PumpStatus::Continue if !x_server::is_gone() => Ok(()),
+            _ => Err(gone()),
+        }
+    }
+}
+
+/// A window that covers a monitor, and the desktop that it is on.
+pub(super) struct OnDesktop {
+    pub(super) desktop: Desktop,
+    pub(super) window: Arc<SystemWindow>,
+}
+
+impl OnDesktop {
+    /// Whether anything can be shown; else what happened.
+    pub(super) fn check(&mut self) -> Result<(), PresentError> {
+        if x_server::is_gone() {
+            self.desktop.pump()?;
+        }
+        match &self.desktop.handler.lost {
+            None => Ok(()),
+            Some(reason) => Err(PresentError::display("the window", reason)),
+        }
+    }
+
+    /// Where the driver says that no more can be shown, the desktop may know why.
+    pub(super) fn explain(&mut self) -> Result<(), PresentError> {
+        self.desktop.pump()?;
+        self.check()
+    }
+
+    /// The next thing that a user did.
+    pub(super) fn event(&mut self) -> Option<Event> {
+        let handler = &self.desktop.handler;
+        if handler.events.is_empty()
+            && let Err(PresentError::Display { reason, .. }) = self.desktop.pump()
+        {
+            // What is shown next says so.
+            self.desktop.handler.lost.get_or_insert(reason);
+        }
+        self.desktop.handler.events.pop_front()
+    }
+}

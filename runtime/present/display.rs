@@ -1,0 +1,102 @@
+//! The display as a presenter: a window over a monitor, or a display that no desktop drives.
+
+use super::desktop::{Desktop, OnDesktop};
+use super::handle::handle_of;
+use super::swapchain::{Policy, Swapchain};
+use super::timing::PresentTiming;
+use super::{Event, Feedback, Monitor, PresentError, Presenter, Rate, RealClock};
+use crate::gpu::{EngineError, Gpu};
+
+/// Shows video frames on a display, by a swapchain of exactly its size.
+pub struct DisplayPresenter {
+    // Before the window that it shows in.
+    swapchain: Swapchain,
+    name: String,
+    rate: Option<Rate>,
+    clock: RealClock,
+    window: Option<OnDesktop>,
+}
+
+impl Desktop {
+    /// A window over all of a monitor, shown from this device or from the one of its instance that can show there.
+    ///
+    /// # Errors
+    /// [`PresentError::Display`] where it does not come up with the monitor's size, and where Vulkan cannot show bytes
+    /// as they are in it.
+    pub fn fullscreen(self, gpu: &Gpu, monitor: &Monitor, clock: RealClock) -> Result<DisplayPresenter, PresentError> {
+        let on = self.cover(monitor)?;
+        let handle = handle_of(&on.window)?;
+        // SAFETY: the window lives in the presenter, and the swapchain is dropped before it.
+        #[allow(unsafe_code)]
+        let swapchain = unsafe { Swapchain::open(gpu, handle, Policy::Exact(monitor.size)) }
+            .map_err(|e| PresentError::display("the window", e))?;
+        let name = format!("a window on monitor {monitor}");
+        Ok(DisplayPresenter { swapchain, name, rate: monitor.rate, clock, window: Some(on) })
+    }
+}
+
+impl DisplayPresenter {
+    pub(super) fn on_display(swapchain: Swapchain, name: String, rate: Option<Rate>, clock: RealClock) -> Self {
+        Self { swapchain, name, rate, clock, window: None }
+    }
+
+    /// The device that it shows from, for engines, encoders and other windows.
+    pub fn gpu(&self) -> &Gpu {
+        self.swapchain.gpu()
+    }
+
+    /// The desktop that its window stands on, for other windows beside it: their events come while this one's are taken.
+    pub fn desktop(&mut self) -> Option<&mut Desktop> {
+        self.window.as_mut().map(|window| &mut window.desktop)
+    }
+
+    fn explained(&mut self, done: Result<(), EngineError>) -> Result<(), PresentError> {
+        let Err(error) = done else { return Ok(()) };
+        let Some(window) = &mut self.window else { return Err(PresentError::display("direct display", error)) };
+        window.explain()?;
+        Err(PresentError::display("the window", error))
+    }
+}
+
+impl Presenter for DisplayPresenter {
+    fn describe(&self) -> String {
+        format!("{} by {}", self.name, self.swapchain.describe())
+    }
+
+    fn rate(&self) -> Option<Rate> {
+        self.rate
+    }
+
+    fn timed_by(&self) -> &'static str {
+        self.swapchain.timed_by()
+    }
+
+    fn upload(&mut self, picture: &[u8]) -> Result<(), PresentError> {
+        self.window.as_mut().map_or(Ok(()), OnDesktop::check)?;
+        let done = self.swapchain.upload(picture);
+        self.explained(done)
+    }
+
+    fn present(&mut self, id: u64, _desired_present_time_ns: i64) -> Result<(), PresentError> {
+        let done = self.swapchain.present(id);
+        self.explained(done)
+    }
+
+    fn feedback(&mut self) -> Option<Feedback> {
+        Some(match self.swapchain.timing()? {
+            PresentTiming::Monotonic { id, time_ns } => {
+                Feedback { id, actual_display_time_ns: self.clock.at_monotonic_ns(time_ns) }
+            }
+            PresentTiming::At { id, time } => Feedback { id, actual_display_time_ns: self.clock.at_ns(time) },
+        })
+    }
+
+    fn event(&mut self) -> Option<Event> {
+        self.window.as_mut()?.event()
+    }
+
+    fn finish(&mut self) -> Result<(), PresentError> {
+        self.swapchain.wait();
+        Ok(())
+    }
+}

@@ -1,0 +1,102 @@
+//! The monitors of a desktop, and which of them is meant.
+
+use super::{PresentError, Rate, no_desktop};
+use std::fmt;
+use winit::monitor::MonitorHandle;
+
+/// A monitor of the desktop.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Monitor {
+    /// By which it is chosen.
+    pub index: usize,
+    /// What the system calls it.
+    pub name: String,
+    /// Rows, columns.
+    pub size: [usize; 2],
+    /// Of its upper left corner on the desktop: down, right.
+    pub position: [i32; 2],
+    /// Video frames a second, where the system says.
+    pub rate: Option<Rate>,
+    /// All its modes: rows, columns, rate, bits a pixel.
+    pub modes: Vec<([usize; 2], Option<Rate>, u16)>,
+}
+
+impl fmt::Display for Monitor {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} '{}' {}x{}", self.index, self.name, self.size[0], self.size[1])
+    }
+}
+
+/// The rate that a system gives; some servers say 0.
+fn rate(millihertz: Option<u32>) -> Option<Rate> {
+    millihertz.and_then(|m| Rate::from_hz(f64::from(m) / 1000.0).ok())
+}
+
+impl Monitor {
+    pub(super) fn new(index: usize, monitor: &MonitorHandle) -> Self {
+        let rows_columns = |size: winit::dpi::PhysicalSize<u32>| [size.height as usize, size.width as usize];
+        let position = monitor.position();
+        let modes = monitor
+            .video_modes()
+            .map(|m| (rows_columns(m.size()), rate(Some(m.refresh_rate_millihertz())), m.bit_depth()));
+        Self {
+            index,
+            name: monitor.name().unwrap_or_default(),
+            size: rows_columns(monitor.size()),
+            position: [position.y, position.x],
+            rate: rate(monitor.refresh_rate_millihertz()),
+            modes: modes.collect(),
+        }
+    }
+
+    /// The monitor of these that `wanted` names by its index, its name or its size (rows x columns); without, the first
+    /// that has `size`. It must have `size`.
+    ///
+    /// # Errors
+    /// [`PresentError::Display`], in a sentence.
+    pub(super) fn choose(monitors: &[Self], wanted: Option<&str>, size: [usize; 2]) -> Result<Self, PresentError> {
+        let has = || monitors.iter().map(Self::to_string).collect::<Vec<_>>().join(", ");
+        let [height, width] = size;
+        let Some(text) = wanted else {
+            return monitors.iter().find(|m| m.size == size).cloned().ok_or_else(|| {
+                no_desktop(format!(
+                    "no monitor has {height}x{width} pixels, as the video frames have: there are {}",
+                    has()
+                ))
+            });
+        };
+        let by_size = |m: &&Self| format!("{}x{}", m.size[0], m.size[1]) == text;
+        let by_index = text.parse::<usize>().ok().and_then(|i| monitors.get(i));
+        let found =
+            by_index.or_else(|| monitors.iter().find(|m| m.name == text)).or_else(|| monitors.iter().find(by_size));
+        match found {
+            Some(monitor) if monitor.size == size => Ok(monitor.clone()),
+            Some(monitor) => Err(no_desktop(format!(
+                "monitor {monitor} is not {height}x{width} pixels, as the video frames are: nothing is scaled, so choose \
+                 another monitor, mode or display"
+            ))),
+            None => Err(no_desktop(format!("no monitor is called '{text}': there are {}", has()))),
+        }
+    }
+
+    /// Whether it is among those that there are now, by their names, rows and columns, with the size that it had.
+    pub(super) fn is_among(&self, mut now: impl Iterator<Item = (Option<String>, [u32; 2])>) -> bool {
+        now.any(|(name, size)| size.map(|n| n as usize) == self.size && name.unwrap_or_default() == self.name)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_monitor_that_is_gone_or_has_another_mode_is_not_among_those_there_are() {
+        let (name, size) = ("DP-2".to_owned(), [1080, 1920]);
+        let monitor = Monitor { index: 1, name, size, position: [0, 0], rate: None, modes: Vec::new() };
+        let among = |list: &[(&str, [u32; 2])]| monitor.is_among(list.iter().map(|(n, s)| (Some((*n).into()), *s)));
+        assert!(among(&[("DP-1", [1080, 1920]), ("DP-2", [1080, 1920])]));
+        assert!(!among(&[("DP-1", [1080, 1920])]) && !among(&[("DP-2", [720, 1280])]) && !among(&[]));
+        let unnamed = Monitor { name: String::new(), ..monitor };
+        assert!(unnamed.is_among([(None, [1080, 1920])].into_iter()));
+    }
+}

@@ -1,0 +1,97 @@
+//! What a swapchain of exact size does when it is no longer right: it is made again where the picture still fits, once, and
+//! else it is said what is the matter.
+
+#![allow(unsafe_code)]
+
+use super::swapchain::{PATIENCE_NS, Swapchain};
+use crate::gpu::EngineError;
+use ash::vk;
+
+/// Attempts at an image, the first one counted.
+const ATTEMPTS: usize = 3;
+
+impl Swapchain {
+    /// An image to copy into.
+    ///
+    /// Out of date, the swapchain is made again of the same size, or refused where the window has another. A lost surface
+    /// is made again where what it was on is still there. An image that does not come in time is asked for once more:
+    /// after a suspend the time is over before anybody could answer.
+    pub(super) fn next_image(&mut self) -> Result<u32, EngineError> {
+        self.check_suboptimal()?;
+        let mut last = vk::Result::SUCCESS;
+        for _ in 0..ATTEMPTS {
+            let before = last;
+            last = match self.acquire(PATIENCE_NS) {
+                Ok((image, suboptimal)) => {
+                    self.stale |= suboptimal;
+                    return Ok(image);
+                }
+                Err(e) => e,
+            };
+            match last {
+                vk::Result::ERROR_OUT_OF_DATE_KHR => self.remake()?,
+                vk::Result::ERROR_SURFACE_LOST_KHR => self.recreate_surface()?,
+                vk::Result::TIMEOUT | vk::Result::NOT_READY if before != last => {}
+                _ => break,
+            }
+        }
+        Err(self.error("vkAcquireNextImageKHR", last))
+    }
+
+    fn size(&self) -> [usize; 2] {
+        [self.extent.height as usize, self.extent.width as usize]
+    }
+
+    /// Of the same size.
+    pub(super) fn remake(&mut self) -> Result<(), EngineError> {
+        self.make(self.size()).map(drop)
+    }
+
+    /// A swapchain that could be better is made again, once: some drivers say so for ever. A window of another size is
+    /// refused, for its edge would show something else.
+    fn check_suboptimal(&mut self) -> Result<(), EngineError> {
+        if !std::mem::take(&mut self.stale) {
+            self.tolerated = false;
+            return Ok(());
+        }
+        if std::mem::replace(&mut self.tolerated, true) {
+            return self.extent_now(self.size()).map(drop);
+        }
+        self.remake()
+    }
+
+    fn recreate_surface(&mut self) -> Result<(), EngineError> {
+        self.wait();
+        // SAFETY: nothing of the swapchain is under way, and it goes before its surface.
+        let made = unsafe {
+            self.drop_swapchain();
+            self.surface.recreate()
+        };
+        let lost = vk::Result::ERROR_SURFACE_LOST_KHR;
+        made.map_err(|e| match e {
+            vk::Result::ERROR_OUT_OF_HOST_MEMORY | vk::Result::ERROR_OUT_OF_DEVICE_MEMORY => self.error("surface", e),
+            _ => self.error("surface", lost),
+        })?;
+        if !self.surface.shows(self.gpu.device.physical, self.gpu.device.present().family) {
+            return Err(self.error("surface", lost));
+        }
+        self.remake()
+    }
+
+    /// Why a call did not do what it should.
+    pub(super) fn error(&self, call: &'static str, result: vk::Result) -> EngineError {
+        let device = || self.gpu.device.report.name.clone();
+        let lost = |reason: &str| EngineError::ScreenLost { device: device(), reason: reason.into() };
+        match result {
+            vk::Result::ERROR_DEVICE_LOST => self.gpu.device.error(call, call, result),
+            vk::Result::ERROR_SURFACE_LOST_KHR => lost(self.surface.gone()),
+            vk::Result::ERROR_OUT_OF_DATE_KHR => {
+                lost("its swapchain is out of date as often as it is made again: something changes it all the time")
+            }
+            vk::Result::TIMEOUT | vk::Result::NOT_READY => {
+                lost("it takes no pictures any more: the display is off, or the window is hidden")
+            }
+            other => EngineError::Vulkan { device: device(), call, result: format!("{other:?}") },
+        }
+    }
+}

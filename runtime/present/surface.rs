@@ -1,0 +1,210 @@
+//! What a swapchain shows on: a window of a desktop, or a display that no desktop drives; and its Vulkan surface.
+
+#![allow(unsafe_code)]
+
+use crate::gpu::{EngineError, Instance};
+use ash::{ext, khr, vk};
+use std::ffi::{CStr, c_void};
+use std::fs::File;
+use std::sync::Arc;
+
+/// A window of the system's, as its own library names it.
+#[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
+pub enum WindowHandle {
+    /// Of an X server, by XCB.
+    Xcb {
+        /// `xcb_connection_t *`.
+        connection: *mut c_void,
+        /// The window.
+        window: u32,
+    },
+    /// Of an X server, by Xlib.
+    Xlib {
+        /// `Display *`.
+        display: *mut c_void,
+        /// The window.
+        window: u64,
+    },
+    /// Of a Wayland compositor.
+    Wayland {
+        /// `wl_display *`.
+        display: *mut c_void,
+        /// `wl_surface *`.
+        surface: *mut c_void,
+    },
+}
+
+/// A display that was taken; given back when it is dropped, before its instance.
+pub(super) struct TakenDisplay {
+    pub(super) physical: vk::PhysicalDevice,
+    pub(super) display: vk::DisplayKHR,
+    pub(super) info: vk::DisplaySurfaceCreateInfoKHR<'static>,
+    pub(super) calls: khr::display::Instance,
+    pub(super) release: Option<ext::direct_mode_display::Instance>,
+    /// The card through which it was acquired; open as long as it is used.
+    #[allow(dead_code)]
+    pub(super) card: Option<File>,
+}
+
+impl TakenDisplay {
+    /// # Safety
+    /// The instance lives.
+    unsafe fn surface(&self) -> Result<vk::SurfaceKHR, vk::Result> {
+        // SAFETY: the caller says so; plane, mode and display were chosen together.
+        unsafe { self.calls.create_display_plane_surface(&self.info, None) }
+    }
+}
+
+impl Drop for TakenDisplay {
+    fn drop(&mut self) {
+        if let Some(release) = &self.release {
+            // SAFETY: surfaces on it are destroyed before; one that was not taken is not changed.
+            let _ = unsafe { (release.fp().release_display_ext)(self.physical, self.display) };
+        }
+    }
+}
+
+/// What a surface is made of.
+pub(super) enum Target {
+    Window(WindowHandle),
+    Direct(TakenDisplay),
+}
+
+impl Target {
+    /// The instance's extension that makes surfaces of it.
+    fn extension(&self) -> &'static CStr {
+        match self {
+            Self::Window(WindowHandle::Xcb { .. }) => khr::xcb_surface::NAME,
+            Self::Window(WindowHandle::Xlib { .. }) => khr::xlib_surface::NAME,
+            Self::Window(WindowHandle::Wayland { .. }) => khr::wayland_surface::NAME,
+            Self::Direct(_) => khr::display::NAME,
+        }
+    }
+
+    /// # Safety
+    /// The instance has the extension of this kind of target, and a window's handles are valid.
+    unsafe fn surface(&self, instance: &Instance) -> Result<vk::SurfaceKHR, vk::Result> {
+        let (entry, raw) = (&instance.entry, &instance.raw);
+        // SAFETY: the caller says so.
+        unsafe {
+            match self {
+                Self::Direct(display) => display.surface(),
+                Self::Window(WindowHandle::Xcb { connection, window }) => {
+                    let info = vk::XcbSurfaceCreateInfoKHR::default().connection(connection.cast()).window(*window);
+                    khr::xcb_surface::Instance::new(entry, raw).create_xcb_surface(&info, None)
+                }
+                Self::Window(WindowHandle::Xlib { display, window }) => {
+                    let info = vk::XlibSurfaceCreateInfoKHR::default().dpy(display.cast()).window(*window as _);
+                    khr::xlib_surface::Instance::new(entry, raw).create_xlib_surface(&info, None)
+                }
+                Self::Window(WindowHandle::Wayland { display, surface }) => {
+                    let info =
+                        vk::WaylandSurfaceCreateInfoKHR::default().display(display.cast()).surface(surface.cast());
+                    khr::wayland_surface::Instance::new(entry, raw).create_wayland_surface(&info, None)
+                }
+            }
+        }
+    }
+}
+
+/// A surface, destroyed when dropped: after the swapchain on it, before the display is given back.
+pub(super) struct Surface {
+    pub(super) raw: vk::SurfaceKHR,
+    calls: khr::surface::Instance,
+    target: Target,
+    instance: Arc<Instance>,
+}
+
+impl Surface {
+    /// On a target.
+    ///
+    /// # Errors
+    /// [`EngineError::Unsuitable`] where the instance was not opened to present; [`EngineError::Vulkan`].
+    ///
+    /// # Safety
+    /// A window's handles are valid, and stay so as long as the surface lives.
+    pub(super) unsafe fn new(instance: &Arc<Instance>, target: Target) -> Result<Self, EngineError> {
+        let extension = target.extension();
+        if !instance.has(extension) {
+            let reason =
+                format!("{} is not on: the device was not opened to present pictures", extension.to_string_lossy());
+            return Err(EngineError::Unsuitable { device: "Vulkan".into(), reason });
+        }
+        let calls = khr::surface::Instance::new(&instance.entry, &instance.raw);
+        // SAFETY: the instance has the extension, and the caller vouches for the handles.
+        let raw = unsafe { target.surface(instance) }
+            .map_err(|e| EngineError::vulkan("the display", "surface", "making a surface", e))?;
+        Ok(Self { raw, calls, target, instance: Arc::clone(instance) })
+    }
+
+    /// Whether a queue of this family can present on it.
+    pub(super) fn shows(&self, physical: vk::PhysicalDevice, family: u32) -> bool {
+        let only = self.display().map(|(only, _)| only);
+        // SAFETY: the device is of the surface's instance, and has the family.
+        let shows = || unsafe { self.calls.get_physical_device_surface_support(physical, family, self.raw) };
+        only.is_none_or(|only| only == physical) && shows().unwrap_or(false)
+    }
+
+    /// The display that it is on, and the only device that drives it, where no desktop does.
+    pub(super) fn display(&self) -> Option<(vk::PhysicalDevice, vk::DisplayKHR)> {
+        match &self.target {
+            Target::Window(_) => None,
+            Target::Direct(display) => Some((display.physical, display.display)),
+        }
+    }
+
+    /// What it can do now.
+    pub(super) fn capabilities(&self, physical: vk::PhysicalDevice) -> Result<vk::SurfaceCapabilitiesKHR, vk::Result> {
+        // SAFETY: the device is of the surface's instance.
+        unsafe { self.calls.get_physical_device_surface_capabilities(physical, self.raw) }
+    }
+
+    /// The format whose levels are the bytes. Drivers list sRGB formats first, which would change them.
+    pub(super) fn plain_format(
+        &self,
+        physical: vk::PhysicalDevice,
+    ) -> Result<Option<vk::SurfaceFormatKHR>, vk::Result> {
+        // SAFETY: the device is of the surface's instance.
+        let formats = unsafe { self.calls.get_physical_device_surface_formats(physical, self.raw) }?;
+        let plain = [vk::Format::B8G8R8A8_UNORM, vk::Format::R8G8B8A8_UNORM];
+        let is =
+            |f: &vk::SurfaceFormatKHR| plain.contains(&f.format) && f.color_space == vk::ColorSpaceKHR::SRGB_NONLINEAR;
+        Ok(formats.into_iter().find(is))
+    }
+
+    /// How pictures may follow each other.
+    pub(super) fn present_modes(&self, physical: vk::PhysicalDevice) -> Result<Vec<vk::PresentModeKHR>, vk::Result> {
+        // SAFETY: the device is of the surface's instance.
+        unsafe { self.calls.get_physical_device_surface_present_modes(physical, self.raw) }
+    }
+
+    /// Another one on the same target, where that is still there.
+    ///
+    /// # Safety
+    /// Nothing is made of the old one any more.
+    pub(super) unsafe fn recreate(&mut self) -> Result<(), vk::Result> {
+        // SAFETY: the caller says so; the target is as it was.
+        unsafe {
+            self.calls.destroy_surface(self.raw, None);
+            self.raw = vk::SurfaceKHR::null();
+            self.raw = self.target.surface(&self.instance)?;
+        }
+        Ok(())
+    }
+
+    /// For people: that there is no surface any more.
+    pub(super) fn gone(&self) -> &'static str {
+        match self.target {
+            Target::Window(_) => "the window's surface is gone: it was closed, or the display was unplugged",
+            Target::Direct(_) => "the display is gone: it was unplugged, or another program took it",
+        }
+    }
+}
+
+impl Drop for Surface {
+    fn drop(&mut self) {
+        // SAFETY: swapchains on it are gone; a null handle is ignored.
+        unsafe { self.calls.destroy_surface(self.raw, None) };
+    }
+}

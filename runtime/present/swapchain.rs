@@ -1,0 +1,468 @@
+//! One swapchain for all that is shown: bytes as they are (UNORM), on the shared device.
+//!
+//! Its [`Policy`] says what it is for. A display shows every picture, in order and on time, at exactly its size; a window
+//! shows the newest when there is room for it, so that a thread that has something better to do can serve it in passing.
+
+#![allow(unsafe_code)]
+
+use super::copy::{fill, record_copy};
+use super::surface::{Surface, Target, WindowHandle};
+use super::timing::{PresentTiming, TimingMethod, TimingSource, present_number};
+use crate::gpu::{Block, EngineError, Gpu};
+use ash::{khr, vk};
+use gpu_allocator::MemoryLocation;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// What a swapchain is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Policy {
+    /// Every picture of exactly so many rows and columns, first in first out, nothing scaled; a window of another size is
+    /// refused.
+    Exact([usize; 2]),
+    /// The newest picture, in a window that may be resized; nobody waits.
+    Newest,
+}
+
+/// How long the display may take for a picture before it counts as lost.
+pub(super) const PATIENCE_NS: u64 = 2_000_000_000;
+
+/// A picture under way to the display.
+struct Slot {
+    /// Four bytes for each pixel of the swapchain.
+    pixels: Option<Block>,
+    commands: vk::CommandBuffer,
+    acquired: vk::Semaphore,
+    /// The device no longer reads the pixels.
+    done: vk::Fence,
+}
+
+/// The swapchain of a window, or of a display that no desktop drives, and what feeds it.
+pub struct Swapchain {
+    pub(super) gpu: Gpu,
+    policy: Policy,
+    pool: vk::CommandPool,
+    slots: Vec<Slot>,
+    next: usize,
+    calls: khr::swapchain::Device,
+    raw: vk::SwapchainKHR,
+    images: Vec<vk::Image>,
+    rendered: Vec<vk::Semaphore>,
+    pub(super) times: TimingSource,
+    format: vk::Format,
+    pub(super) extent: vk::Extent2D,
+    /// The swapchain is not, or could be better: it is made again.
+    pub(super) stale: bool,
+    /// It was made again for being less than best, and is no better.
+    pub(super) tolerated: bool,
+    /// What a test has the driver answer, call by call.
+    #[cfg(test)]
+    pub(super) pretended: std::collections::VecDeque<(&'static str, vk::Result)>,
+    // After all that was made of it.
+    pub(super) surface: Surface,
+}
+
+impl Swapchain {
+    /// On a window, from this device, or from another one of its instance where this one cannot show there: see
+    /// [`gpu`](Self::gpu).
+    ///
+    /// # Errors
+    /// [`EngineError::NoDevice`]; [`EngineError::Unsuitable`] where no device can show bytes as they are, where the device
+    /// was not opened to present, and where the window has another size; [`EngineError::Vulkan`].
+    ///
+    /// # Safety
+    /// The handles are those of a window that outlives the swapchain.
+    pub unsafe fn open(gpu: &Gpu, window: WindowHandle, policy: Policy) -> Result<Self, EngineError> {
+        // SAFETY: the caller vouches for the handles.
+        unsafe { Self::on(gpu, Target::Window(window), policy) }
+    }
+
+    /// # Safety
+    /// The handles of a window are those of one that outlives the swapchain.
+    pub(super) unsafe fn on(gpu: &Gpu, target: Target, policy: Policy) -> Result<Self, EngineError> {
+        // SAFETY: the caller vouches for the handles.
+        let surface = unsafe { Surface::new(&gpu.device.instance, target) }?;
+        let gpu = gpu.that_shows(|physical, family| surface.shows(physical, family))?;
+        let (device, instance) = (Arc::clone(&gpu.device), Arc::clone(&gpu.device.instance));
+        let display = surface.display().map_or(vk::DisplayKHR::null(), |d| d.1);
+        let method = match policy {
+            Policy::Exact(_) => TimingMethod::best(|extension| device.has(extension), surface.display().is_some()),
+            Policy::Newest => TimingMethod::Acquire,
+        };
+        let mut swapchain = Self {
+            policy,
+            pool: vk::CommandPool::null(),
+            slots: Vec::new(),
+            next: 0,
+            calls: khr::swapchain::Device::new(&instance.raw, &device.raw),
+            raw: vk::SwapchainKHR::null(),
+            images: Vec::new(),
+            rendered: Vec::new(),
+            times: TimingSource::new(&instance.raw, &device.raw, method, display),
+            format: vk::Format::UNDEFINED,
+            extent: vk::Extent2D::default(),
+            stale: true,
+            tolerated: false,
+            #[cfg(test)]
+            pretended: Default::default(),
+            surface,
+            gpu,
+        };
+        swapchain.make_slots(if policy == Policy::Newest { 1 } else { 2 })?;
+        if let Policy::Exact(size) = policy {
+            swapchain.make(size)?;
+        }
+        Ok(swapchain)
+    }
+
+    /// The device that it shows from.
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+
+    /// The device, and how it is known when pictures light up.
+    pub fn describe(&self) -> String {
+        let name = &self.gpu.device.report.name;
+        match self.policy {
+            Policy::Exact(_) => format!("{name} ({:?}, first in first out, timed by {})", self.format, self.timed_by()),
+            Policy::Newest => name.clone(),
+        }
+    }
+
+    /// How it is known when pictures light up.
+    pub fn timed_by(&self) -> &'static str {
+        self.times.method().name()
+    }
+
+    fn make_slots(&mut self, count: usize) -> Result<(), EngineError> {
+        let device = Arc::clone(&self.gpu.device);
+        let raw = &device.raw;
+        let pool = vk::CommandPoolCreateInfo::default()
+            .queue_family_index(device.present().family)
+            .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
+        let device = &device;
+        let error = |call| move |e| device.error(call, "making a swapchain", e);
+        // SAFETY: the device is valid; what is made is kept in `self` at once and destroyed with it.
+        unsafe {
+            self.pool = raw.create_command_pool(&pool, None).map_err(error("vkCreateCommandPool"))?;
+            for _ in 0..count {
+                let info = vk::CommandBufferAllocateInfo::default().command_pool(self.pool).command_buffer_count(1);
+                let commands = raw.allocate_command_buffers(&info).map_err(error("vkAllocateCommandBuffers"))?[0];
+                let (acquired, done) = (vk::Semaphore::null(), vk::Fence::null());
+                self.slots.push(Slot { pixels: None, commands, acquired, done });
+                let at = self.slots.len() - 1;
+                let acquired = raw.create_semaphore(&vk::SemaphoreCreateInfo::default(), None);
+                self.slots[at].acquired = acquired.map_err(error("vkCreateSemaphore"))?;
+                let info = vk::FenceCreateInfo::default().flags(vk::FenceCreateFlags::SIGNALED);
+                self.slots[at].done = raw.create_fence(&info, None).map_err(error("vkCreateFence"))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The size that pictures have on the surface; `wanted` where it leaves the choice. No pixels while a window is
+    /// minimised.
+    pub(super) fn extent_now(
+        &self,
+        wanted: [usize; 2],
+    ) -> Result<(vk::Extent2D, vk::SurfaceCapabilitiesKHR), EngineError> {
+        let can =
+            self.surface.capabilities(self.gpu.device.physical).map_err(|e| self.error("surface capabilities", e))?;
+        let ([height, width], is) = (wanted.map(|n| n as u32), can.current_extent);
+        let extent = match (self.policy, is.width == u32::MAX) {
+            (Policy::Exact(_), false) if (is.height, is.width) != (height, width) => {
+                return Err(self.unsuitable(format!(
+                    "the window is {}x{} pixels, and a video frame has {height}x{width}: nothing is scaled, so they must \
+                     be equal",
+                    is.height, is.width
+                )));
+            }
+            (Policy::Newest, true) => {
+                let (least, most) = (can.min_image_extent, can.max_image_extent);
+                let within = |n: u32, least: u32, most: u32| n.min(most).max(least);
+                vk::Extent2D {
+                    width: within(width, least.width, most.width),
+                    height: within(height, least.height, most.height),
+                }
+            }
+            (Policy::Exact(_), _) => vk::Extent2D { width, height },
+            (Policy::Newest, false) => is,
+        };
+        Ok((extent, can))
+    }
+
+    fn unsuitable(&self, reason: impl Into<String>) -> EngineError {
+        EngineError::Unsuitable { device: self.gpu.device.report.name.clone(), reason: reason.into() }
+    }
+
+    /// Makes the swapchain, or makes it again; false where the window has no pixel now.
+    pub(super) fn make(&mut self, wanted: [usize; 2]) -> Result<bool, EngineError> {
+        let (extent, can) = self.extent_now(wanted)?;
+        if extent.width == 0 || extent.height == 0 {
+            return Ok(false);
+        }
+        let physical = self.gpu.device.physical;
+        let format =
+            self.surface.plain_format(physical).map_err(|e| self.error("surface formats", e))?.ok_or_else(|| {
+                self.unsuitable("the window offers no UNORM format of 8 bits, and others change the levels")
+            })?;
+        if !can.supported_usage_flags.contains(vk::ImageUsageFlags::TRANSFER_DST) {
+            return Err(self.unsuitable("pictures cannot be copied into its window"));
+        }
+        let opaque = [vk::CompositeAlphaFlagsKHR::OPAQUE, vk::CompositeAlphaFlagsKHR::INHERIT];
+        let alpha = opaque.into_iter().find(|a| can.supported_composite_alpha.contains(*a));
+        let alpha = alpha.ok_or_else(|| self.unsuitable("its window cannot be opaque"))?;
+        let most = if can.max_image_count == 0 { u32::MAX } else { can.max_image_count };
+        let info = vk::SwapchainCreateInfoKHR::default()
+            .surface(self.surface.raw)
+            .min_image_count((can.min_image_count + 1).min(most))
+            .image_format(format.format)
+            .image_color_space(format.color_space)
+            .image_extent(extent)
+            .image_array_layers(1)
+            .image_usage(vk::ImageUsageFlags::TRANSFER_DST)
+            .image_sharing_mode(vk::SharingMode::EXCLUSIVE)
+            .pre_transform(can.current_transform)
+            .composite_alpha(alpha)
+            .present_mode(self.present_mode()?)
+            .clipped(true)
+            .old_swapchain(self.raw);
+        (self.format, self.extent) = (format.format, extent);
+        self.wait();
+        self.times.renewed();
+        // SAFETY: nothing of the old swapchain is under way when it is destroyed; all handles are valid.
+        unsafe {
+            let made = self.calls.create_swapchain(&info, None);
+            self.drop_swapchain();
+            self.raw = made.map_err(|e| self.error("vkCreateSwapchainKHR", e))?;
+            let images = self.calls.get_swapchain_images(self.raw);
+            self.images = images.map_err(|e| self.error("vkGetSwapchainImagesKHR", e))?;
+            for _ in 0..self.images.len() {
+                let semaphore = self.gpu.device.raw.create_semaphore(&vk::SemaphoreCreateInfo::default(), None);
+                self.rendered.push(semaphore.map_err(|e| self.error("vkCreateSemaphore", e))?);
+            }
+        }
+        let bytes = 4 * u64::from(extent.width) * u64::from(extent.height);
+        for slot in &mut self.slots {
+            if slot.pixels.as_ref().is_none_or(|p| p.size < bytes) {
+                slot.pixels = None;
+                slot.pixels = Some(Block::new(&self.gpu.device, bytes, MemoryLocation::CpuToGpu, "a picture")?);
+            }
+        }
+        self.stale = false;
+        Ok(true)
+    }
+
+    /// MAILBOX may leave a picture out. Where that is wanted, nobody waits; FIFO is what every device has.
+    fn present_mode(&self) -> Result<vk::PresentModeKHR, EngineError> {
+        let fifo = vk::PresentModeKHR::FIFO;
+        if self.policy != Policy::Newest {
+            return Ok(fifo);
+        }
+        let modes = self.surface.present_modes(self.gpu.device.physical).map_err(|e| self.error("present modes", e))?;
+        let newest = [vk::PresentModeKHR::MAILBOX, vk::PresentModeKHR::IMMEDIATE];
+        Ok(newest.into_iter().find(|m| modes.contains(m)).unwrap_or(fifo))
+    }
+
+    /// # Safety
+    /// Nothing of it is under way.
+    pub(super) unsafe fn drop_swapchain(&mut self) {
+        // SAFETY: the caller says so; each is destroyed once.
+        unsafe {
+            self.rendered.drain(..).for_each(|s| self.gpu.device.raw.destroy_semaphore(s, None));
+            self.calls.destroy_swapchain(self.raw, None);
+        }
+        self.raw = vk::SwapchainKHR::null();
+        self.images.clear();
+    }
+
+    /// Takes in a picture of the exact size, (row, column, channel), 1 or 3 channels of 8 bits.
+    ///
+    /// # Errors
+    /// [`EngineError::Mismatch`]; a lost device.
+    pub fn upload(&mut self, picture: &[u8]) -> Result<(), EngineError> {
+        let size = [self.extent.height as usize, self.extent.width as usize];
+        let pixels = size[0] * size[1];
+        if picture.len() != pixels && picture.len() != 3 * pixels {
+            let reason =
+                format!("a picture has {} bytes, and {pixels} or three times as many were expected", picture.len());
+            return Err(EngineError::Mismatch { reason });
+        }
+        self.wait_for_slot()?;
+        self.fill(picture, size, picture.len() / pixels);
+        Ok(())
+    }
+
+    fn wait_for_slot(&self) -> Result<(), EngineError> {
+        // SAFETY: the fence is the device's.
+        let waited = unsafe { self.gpu.device.raw.wait_for_fences(&[self.slots[self.next].done], true, PATIENCE_NS) };
+        waited.map_err(|e| self.error("vkWaitForFences", e))
+    }
+
+    /// Puts the picture taken in last in line. `id` rises.
+    ///
+    /// # Errors
+    /// The window is gone, or has another size; a lost device.
+    pub fn present(&mut self, id: u64) -> Result<(), EngineError> {
+        let image = self.next_image()?;
+        let presented = self.submit(image, id)?;
+        self.times.presented(id);
+        match self.answered("present", presented) {
+            Ok(suboptimal) => {
+                self.stale |= suboptimal;
+                Ok(())
+            }
+            // Told again when the next image is acquired.
+            Err(vk::Result::ERROR_OUT_OF_DATE_KHR | vk::Result::ERROR_SURFACE_LOST_KHR) => Ok(()),
+            Err(e) => Err(self.error("vkQueuePresentKHR", e)),
+        }
+    }
+
+    /// Shows a picture of `size` rows and columns, red, green, blue of 8 bits, if that can be done without waiting: whether
+    /// it was. What the window has more than the picture is black; what the picture has more is not shown.
+    ///
+    /// # Errors
+    /// The window is gone; a lost device; [`EngineError::Mismatch`].
+    pub fn show_newest(&mut self, rgb: &[u8], size: [usize; 2]) -> Result<bool, EngineError> {
+        if rgb.len() != 3 * size[0] * size[1] {
+            let reason = format!("a picture of {}x{} has {} bytes", size[0], size[1], rgb.len());
+            return Err(EngineError::Mismatch { reason });
+        }
+        let resized = (self.extent.height as usize, self.extent.width as usize) != (size[0], size[1]);
+        if (self.stale || resized) && !self.make(size)? {
+            return Ok(false);
+        }
+        // SAFETY: the fence is the device's.
+        let free = unsafe { self.gpu.device.raw.get_fence_status(self.slots[self.next].done) };
+        if !free.map_err(|e| self.error("vkGetFenceStatus", e))? {
+            return Ok(false);
+        }
+        let image = match self.acquire(0) {
+            Ok((image, suboptimal)) => {
+                self.stale = suboptimal;
+                image
+            }
+            Err(vk::Result::NOT_READY | vk::Result::TIMEOUT) => return Ok(false),
+            Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => {
+                self.stale = true;
+                return Ok(false);
+            }
+            Err(e) => return Err(self.error("vkAcquireNextImageKHR", e)),
+        };
+        self.fill(rgb, size, 3);
+        match self.submit(image, 0)? {
+            Ok(suboptimal) => self.stale |= suboptimal,
+            Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => self.stale = true,
+            Err(e) => return Err(self.error("vkQueuePresentKHR", e)),
+        }
+        Ok(true)
+    }
+
+    /// Writes a picture into the next slot, whose fence is signalled.
+    fn fill(&mut self, picture: &[u8], size: [usize; 2], channels: usize) {
+        let blue_first = self.format == vk::Format::B8G8R8A8_UNORM;
+        if let Some(pixels) = &mut self.slots[self.next].pixels {
+            fill(pixels.bytes_mut(), self.extent, blue_first, picture, size, channels);
+        }
+    }
+
+    /// An image of the swapchain, and whether it could be better.
+    pub(super) fn acquire(&mut self, patience_ns: u64) -> Result<(u32, bool), vk::Result> {
+        let start = Instant::now();
+        // A test's answer comes without the call, which then did nothing.
+        self.answered("acquire", Ok(false))?;
+        let free = self.slots[self.next].acquired;
+        // SAFETY: the semaphore is free, since the slot's fence is signalled.
+        let image = unsafe { self.calls.acquire_next_image(self.raw, patience_ns, free, vk::Fence::null()) };
+        self.times.acquired(start);
+        image
+    }
+
+    /// Copies the next slot's picture into an image that was acquired, and presents it: what the driver answers to that.
+    fn submit(&mut self, image: u32, id: u64) -> Result<Result<bool, vk::Result>, EngineError> {
+        let slot = &self.slots[self.next];
+        let Some(pixels) = &slot.pixels else { return Ok(Ok(true)) };
+        let rendered = [self.rendered[image as usize]];
+        let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        let (wait, stages, commands) = ([slot.acquired], [vk::PipelineStageFlags::TRANSFER], [slot.commands]);
+        let submit = vk::SubmitInfo::default()
+            .wait_semaphores(&wait)
+            .wait_dst_stage_mask(&stages)
+            .command_buffers(&commands)
+            .signal_semaphores(&rendered);
+        let (chains, indices) = ([self.raw], [image]);
+        // Numbers of 32 bits, which go round; the answer is matched modulo that.
+        let times = [vk::PresentTimeGOOGLE::default().present_id(id as u32)];
+        let mut times = vk::PresentTimesInfoGOOGLE::default().times(&times);
+        let numbers = [present_number(id)];
+        let mut numbers = vk::PresentIdKHR::default().present_ids(&numbers);
+        let mut info =
+            vk::PresentInfoKHR::default().wait_semaphores(&rendered).swapchains(&chains).image_indices(&indices);
+        info = match self.times.method() {
+            TimingMethod::DisplayTiming => info.push_next(&mut times),
+            TimingMethod::PresentWait => info.push_next(&mut numbers),
+            TimingMethod::FirstPixel | TimingMethod::Acquire => info,
+        };
+        let raw = &self.gpu.device.raw;
+        // SAFETY: the slot's fence was signalled, so its commands and its semaphore are free; every handle is of this
+        // device, and everything pointed to lives until the calls return. The wait for the acquired image is at the stage
+        // of the first barrier.
+        let presented = unsafe {
+            raw.reset_fences(&[slot.done]).map_err(|e| self.error("vkResetFences", e))?;
+            raw.begin_command_buffer(slot.commands, &begin).map_err(|e| self.error("vkBeginCommandBuffer", e))?;
+            record_copy(raw, slot.commands, pixels.raw, self.images[image as usize], self.extent);
+            raw.end_command_buffer(slot.commands).map_err(|e| self.error("vkEndCommandBuffer", e))?;
+            let queue = self.gpu.device.present().lock();
+            raw.queue_submit(*queue, &[submit], slot.done).map_err(|e| self.error("vkQueueSubmit", e))?;
+            self.calls.queue_present(*queue, &info)
+        };
+        self.next = (self.next + 1) % self.slots.len();
+        Ok(presented)
+    }
+
+    /// What the driver answered, or what a test has it answer.
+    #[cfg(not(test))]
+    fn answered(&mut self, _: &'static str, is: Result<bool, vk::Result>) -> Result<bool, vk::Result> {
+        is
+    }
+
+    #[cfg(test)]
+    fn answered(&mut self, call: &'static str, is: Result<bool, vk::Result>) -> Result<bool, vk::Result> {
+        match self.pretended.front().filter(|p| p.0 == call).copied() {
+            None => is,
+            Some((_, answer)) => {
+                self.pretended.pop_front();
+                if answer == vk::Result::SUBOPTIMAL_KHR { is.map(|_| true) } else { Err(answer) }
+            }
+        }
+    }
+
+    /// When the next picture lit up of which that is known. Waits for it for some milliseconds at most, where that is the
+    /// way to know, and once for every picture that was presented.
+    pub fn timing(&mut self) -> Option<PresentTiming> {
+        self.times.next(self.raw)
+    }
+
+    /// Waits until all that was handed over is with the display.
+    pub fn wait(&self) {
+        let queue = self.gpu.device.present().lock();
+        // SAFETY: the queue is the device's, and locked. A lost device ends the wait as well.
+        let _ = unsafe { self.gpu.device.raw.queue_wait_idle(*queue) };
+    }
+}
+
+impl Drop for Swapchain {
+    fn drop(&mut self) {
+        self.wait();
+        // SAFETY: nothing of it is under way, and everything is destroyed once, before what it was made from.
+        unsafe {
+            self.times.destroy();
+            self.drop_swapchain();
+            for slot in self.slots.drain(..) {
+                self.gpu.device.raw.destroy_semaphore(slot.acquired, None);
+                self.gpu.device.raw.destroy_fence(slot.done, None);
+            }
+            self.gpu.device.raw.destroy_command_pool(self.pool, None);
+        }
+    }
+}

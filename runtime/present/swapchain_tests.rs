@@ -1,0 +1,243 @@
+//! A swapchain on a virtual X server: its picture, and what becomes of it when the driver or the server says no.
+
+#![allow(unsafe_code)]
+
+use super::surface::WindowHandle;
+use super::swapchain::{Policy, Swapchain};
+use super::timing::{PresentTiming, present_number};
+use crate::gpu::{EngineError, Gpu, Options};
+use ash::vk::{self, Result as Code};
+use std::io::{BufRead, BufReader};
+use std::process::{Child, Command, Stdio};
+use std::sync::PoisonError;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+use x11rb::connection::Connection;
+use x11rb::protocol::xproto::{ConfigureWindowAux, ConnectionExt, CreateWindowAux, ImageFormat, WindowClass};
+use x11rb::xcb_ffi::XCBConnection;
+
+const SIZE: [usize; 2] = [24, 40];
+
+/// A server with a window; gone with the value.
+struct Desk {
+    server: Child,
+    connection: XCBConnection,
+    window: u32,
+}
+
+impl Desk {
+    fn new() -> Self {
+        let mut server = Command::new("Xvfb")
+            .args(["-displayfd", "1", "-screen", "0", "80x60x24", "-nolisten", "tcp", "-noreset"])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("Xvfb, which tools/setup.sh installs");
+        let mut number = String::new();
+        BufReader::new(server.stdout.take().expect("its output")).read_line(&mut number).expect("its number");
+        let name = std::ffi::CString::new(format!(":{}", number.trim())).expect("a name");
+        let (connection, screen) = XCBConnection::connect(Some(&name)).expect("a connection");
+        let root = &connection.setup().roots[screen];
+        let window = connection.generate_id().expect("a number");
+        let [height, width] = SIZE.map(|n| n as u16);
+        let (depth, visual) = (root.root_depth, root.root_visual);
+        let class = WindowClass::INPUT_OUTPUT;
+        connection
+            .create_window(depth, window, root.root, 0, 0, width, height, 0, class, visual, &CreateWindowAux::new())
+            .and_then(|_| connection.map_window(window))
+            .expect("a window");
+        connection.sync_();
+        Self { server, connection, window }
+    }
+
+    fn swapchain(&self, validation: bool) -> Swapchain {
+        let handle = WindowHandle::Xcb { connection: self.connection.get_raw_xcb_connection(), window: self.window };
+        let options = Options { allow_cpu: true, present: true, validation, ..Options::default() };
+        let gpu = Gpu::open(&options).unwrap_or_else(|e| panic!("{e}"));
+        // SAFETY: the connection outlives the swapchain.
+        unsafe { Swapchain::open(&gpu, handle, Policy::Exact(SIZE)) }.unwrap_or_else(|e| panic!("{e}"))
+    }
+
+    /// Whether the window comes to show this picture, (row, column, channel).
+    fn shows(&self, picture: &[u8]) -> bool {
+        let [height, width] = SIZE.map(|n| n as u16);
+        let since = Instant::now();
+        while since.elapsed() < Duration::from_secs(20) {
+            let image = self.connection.get_image(ImageFormat::Z_PIXMAP, self.window, 0, 0, width, height, u32::MAX);
+            let data = image.expect("asked").reply().expect("a picture").data;
+            if data.chunks_exact(4).flat_map(|p| [p[2], p[1], p[0]]).eq(picture.iter().copied()) {
+                return true;
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        false
+    }
+}
+
+trait Synced {
+    fn sync_(&self);
+}
+
+impl Synced for XCBConnection {
+    fn sync_(&self) {
+        self.get_input_focus().expect("asked").reply().expect("an answer");
+    }
+}
+
+impl Drop for Desk {
+    fn drop(&mut self) {
+        let _ = self.server.kill();
+        let _ = self.server.wait();
+    }
+}
+
+fn picture(seed: usize) -> Vec<u8> {
+    (0..3 * SIZE[0] * SIZE[1]).map(|i| ((i + 1) * (2 * seed + 7) % 251) as u8).collect()
+}
+
+fn quiet(swapchain: Swapchain) {
+    let messages = swapchain.gpu().messages();
+    drop(swapchain);
+    let heard = messages.lock().unwrap_or_else(PoisonError::into_inner);
+    assert!(heard.is_empty(), "{}", heard.join("\n"));
+}
+
+#[test]
+fn a_swapchain_that_is_no_longer_right_is_made_again_and_shows_the_picture() {
+    let desk = Desk::new();
+    let mut swapchain = desk.swapchain(true);
+    let (lost, date) = (Code::ERROR_SURFACE_LOST_KHR, Code::ERROR_OUT_OF_DATE_KHR);
+    let cases: [&[(&str, Code)]; 9] = [
+        &[],
+        &[("acquire", date)],
+        &[("acquire", lost)],
+        &[("acquire", Code::TIMEOUT)],
+        &[("acquire", date), ("acquire", lost)],
+        &[("present", date)],
+        &[("present", lost)],
+        &[("present", Code::SUBOPTIMAL_KHR), ("present", Code::SUBOPTIMAL_KHR), ("present", Code::SUBOPTIMAL_KHR)],
+        &[],
+    ];
+    for (case, faults) in cases.into_iter().enumerate() {
+        swapchain.pretended.extend(faults);
+        for i in 0..4 {
+            let picture = picture(10 * case + i);
+            swapchain.upload(&picture).unwrap_or_else(|e| panic!("{faults:?}: {e}"));
+            swapchain.present((4 * case + i) as u64).unwrap_or_else(|e| panic!("{faults:?}: {e}"));
+            assert!(desk.shows(&picture), "{faults:?}: picture {i}");
+        }
+        assert!(swapchain.pretended.is_empty(), "{faults:?}");
+    }
+    assert!(swapchain.describe().contains("timed by"), "{}", swapchain.describe());
+    quiet(swapchain);
+}
+
+#[test]
+fn what_cannot_be_made_right_is_an_error_that_says_what_happened() {
+    let desk = Desk::new();
+    let lost = Code::ERROR_SURFACE_LOST_KHR;
+    for (faults, what) in [
+        (vec![("acquire", Code::ERROR_DEVICE_LOST)], "was lost while it ran vkAcquireNextImageKHR"),
+        (vec![("present", Code::ERROR_DEVICE_LOST)], "was lost while it ran vkQueuePresentKHR"),
+        (vec![("acquire", lost); 3], "surface is gone"),
+        (vec![("acquire", Code::ERROR_OUT_OF_DATE_KHR); 3], "swapchain is out of date"),
+        (vec![("acquire", Code::TIMEOUT); 2], "takes no pictures any more"),
+        (vec![("acquire", Code::ERROR_OUT_OF_HOST_MEMORY)], "ERROR_OUT_OF_HOST_MEMORY"),
+    ] {
+        let mut swapchain = desk.swapchain(true);
+        swapchain.pretended.extend(&faults);
+        let error = swapchain.upload(&picture(1)).and_then(|()| swapchain.present(0)).expect_err("a fault").to_string();
+        assert!(error.contains(what) && !error.contains('\n'), "{faults:?}: {error}");
+        quiet(swapchain);
+    }
+}
+
+/// Presents until it no longer goes; what is said then.
+fn until_it_fails(swapchain: &mut Swapchain) -> EngineError {
+    let since = Instant::now();
+    for id in 1.. {
+        let done = swapchain.upload(&picture(id as usize % 9)).and_then(|()| swapchain.present(id));
+        if let Err(error) = done {
+            return error;
+        }
+        assert!(since.elapsed() < Duration::from_secs(30), "it went on");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    unreachable!()
+}
+
+#[test]
+fn a_window_of_another_size_is_refused_while_it_shows() {
+    let desk = Desk::new();
+    let mut swapchain = desk.swapchain(false);
+    swapchain.upload(&picture(0)).and_then(|()| swapchain.present(0)).expect("shown");
+    desk.connection.configure_window(desk.window, &ConfigureWindowAux::new().width(48)).expect("sent");
+    desk.connection.sync_();
+    let text = until_it_fails(&mut swapchain).to_string();
+    assert!(text.contains("the window is 24x48 pixels, and a video frame has 24x40"), "{text}");
+}
+
+#[test]
+fn a_window_that_was_destroyed_and_a_server_that_ended_are_errors() {
+    let desk = Desk::new();
+    let mut swapchain = desk.swapchain(false);
+    swapchain.upload(&picture(0)).and_then(|()| swapchain.present(0)).expect("shown");
+    desk.connection.destroy_window(desk.window).expect("sent");
+    desk.connection.sync_();
+    let text = until_it_fails(&mut swapchain).to_string();
+    assert!(text.contains("surface is gone"), "{text}");
+    drop(swapchain);
+    let mut desk = Desk::new();
+    let mut swapchain = desk.swapchain(false);
+    swapchain.upload(&picture(0)).and_then(|()| swapchain.present(0)).expect("shown");
+    desk.server.kill().expect("killed");
+    desk.server.wait().expect("ended");
+    let text = until_it_fails(&mut swapchain).to_string();
+    assert!(text.contains("surface is gone"), "{text}");
+}
+
+/// Pictures up to this number are out.
+static OUT: AtomicU64 = AtomicU64::new(0);
+
+unsafe extern "system" fn wait(_: vk::Device, _: vk::SwapchainKHR, number: u64, timeout: u64) -> Code {
+    if number > OUT.load(Ordering::Relaxed) {
+        std::thread::sleep(Duration::from_nanos(timeout.min(1_000_000)));
+        return Code::TIMEOUT;
+    }
+    // Out at the next refresh, where anybody waits for it.
+    std::thread::sleep(Duration::from_millis(if timeout > 0 { 2 } else { 0 }));
+    Code::SUCCESS
+}
+
+/// The driver here has no `VK_KHR_present_wait`: another function stands for its.
+#[test]
+fn pictures_are_waited_for_one_at_a_time_and_told_in_order() {
+    let desk = Desk::new();
+    let mut swapchain = desk.swapchain(false);
+    swapchain.times.pretend_present_wait(wait);
+    assert_eq!(swapchain.timed_by(), "VK_KHR_present_wait");
+    let put = |swapchain: &mut Swapchain, id: u64| {
+        let since = Instant::now();
+        swapchain.upload(&picture(0)).and_then(|()| swapchain.present(id)).expect("shown");
+        let told: Vec<u64> = std::iter::from_fn(|| swapchain.timing())
+            .map(|timing| match timing {
+                PresentTiming::At { id, time } if time >= since && time <= Instant::now() => id,
+                other => panic!("{other:?}"),
+            })
+            .collect();
+        told
+    };
+    OUT.store(present_number(0), Ordering::Relaxed);
+    assert_eq!(put(&mut swapchain, 0), [0]);
+    // One that takes longer is asked for after the next; of two at once, when the second came is not known.
+    assert!(put(&mut swapchain, 1).is_empty());
+    OUT.store(present_number(2), Ordering::Relaxed);
+    assert_eq!(put(&mut swapchain, 2), [1]);
+    OUT.store(present_number(3), Ordering::Relaxed);
+    assert_eq!(put(&mut swapchain, 3), [3]);
+    // Nothing is known of what a swapchain had in line that is no more.
+    assert!(put(&mut swapchain, 4).is_empty());
+    swapchain.remake().expect("made again");
+    OUT.store(present_number(5), Ordering::Relaxed);
+    assert_eq!(put(&mut swapchain, 5), [5]);
+}

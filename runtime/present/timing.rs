@@ -1,0 +1,274 @@
+//! When pictures light up: the best source of times that a device has.
+//!
+//! Best first: `VK_GOOGLE_display_timing` (the display's own times), `VK_KHR_present_wait` (returns when a picture is out),
+//! `VK_EXT_display_control` (a fence at the next first pixel; direct displays only), and else the times at which acquiring
+//! an image had to wait. Waiting is done by the thread that presents, right after it presented: it has nothing else to do
+//! until the next picture, and a swapchain must not be used by two threads at once.
+
+#![allow(unsafe_code)]
+
+use ash::{ext, google, khr, vk};
+use std::collections::VecDeque;
+use std::ffi::CStr;
+use std::time::{Duration, Instant};
+
+/// When a picture lit up, as far as it is known.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PresentTiming {
+    /// By the display's own clock: nanoseconds of the system's monotonic clock.
+    Monotonic {
+        /// The picture's number.
+        id: u64,
+        /// When.
+        time_ns: u64,
+    },
+    /// The screen took another picture at this time: the one of this number lit up.
+    At {
+        /// The picture's number.
+        id: u64,
+        /// When.
+        time: Instant,
+    },
+}
+
+/// What took this long waited for the screen, and ended when the screen went on; what took less may be older.
+const WAITED: Duration = Duration::from_micros(500);
+/// How long the thread that presents waits for a picture to light up; a picture that takes longer is asked for again
+/// after the next one.
+const PATIENCE_NS: u64 = 25_000_000;
+/// Pictures of which it may be unknown whether they lit up.
+const MOST: usize = 16;
+
+/// By what it is known.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum TimingMethod {
+    /// `VK_GOOGLE_display_timing`.
+    DisplayTiming,
+    /// `VK_KHR_present_id` and `VK_KHR_present_wait`.
+    PresentWait,
+    /// `VK_EXT_display_control`.
+    FirstPixel,
+    /// The time at which acquiring an image had to wait.
+    Acquire,
+}
+
+impl TimingMethod {
+    /// The best of what is on. `direct`: the display is one that no desktop drives.
+    pub(super) fn best(is_on: impl Fn(&CStr) -> bool, direct: bool) -> Self {
+        if is_on(google::display_timing::NAME) {
+            Self::DisplayTiming
+        } else if is_on(khr::present_id::NAME) && is_on(khr::present_wait::NAME) {
+            Self::PresentWait
+        } else if direct && is_on(ext::display_control::NAME) {
+            Self::FirstPixel
+        } else {
+            Self::Acquire
+        }
+    }
+
+    /// For people.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::DisplayTiming => "VK_GOOGLE_display_timing",
+            Self::PresentWait => "VK_KHR_present_wait",
+            Self::FirstPixel => "VK_EXT_display_control",
+            Self::Acquire => "the time of acquiring",
+        }
+    }
+}
+
+/// The calls of a device for one of these.
+enum Calls {
+    DisplayTiming(vk::PFN_vkGetPastPresentationTimingGOOGLE),
+    PresentWait(vk::PFN_vkWaitForPresentKHR),
+    FirstPixel(vk::PFN_vkRegisterDisplayEventEXT, vk::DisplayKHR, Option<vk::Fence>),
+    Acquire,
+}
+
+/// Where the times come from.
+pub(super) struct TimingSource {
+    device: ash::Device,
+    method: TimingMethod,
+    calls: Calls,
+    lit: VecDeque<PresentTiming>,
+    /// Pictures in line, oldest first, of which it is not known that they lit up.
+    waiting: VecDeque<u64>,
+    newest: Option<u64>,
+    /// A picture was presented and nobody waited since.
+    armed: bool,
+}
+
+impl TimingSource {
+    /// For a device on which what `method` needs is on.
+    pub(super) fn new(
+        instance: &ash::Instance,
+        device: &ash::Device,
+        method: TimingMethod,
+        display: vk::DisplayKHR,
+    ) -> Self {
+        let calls = match method {
+            TimingMethod::DisplayTiming => Calls::DisplayTiming(
+                google::display_timing::Device::new(instance, device).fp().get_past_presentation_timing_google,
+            ),
+            TimingMethod::PresentWait => {
+                Calls::PresentWait(khr::present_wait::Device::new(instance, device).fp().wait_for_present_khr)
+            }
+            TimingMethod::FirstPixel => Calls::FirstPixel(
+                ext::display_control::Device::new(instance, device).fp().register_display_event_ext,
+                display,
+                None,
+            ),
+            TimingMethod::Acquire => Calls::Acquire,
+        };
+        let (lit, waiting) = (VecDeque::with_capacity(64), VecDeque::with_capacity(MOST));
+        Self { device: device.clone(), method, calls, lit, waiting, newest: None, armed: false }
+    }
+
+    /// By what it is known.
+    pub(super) fn method(&self) -> TimingMethod {
+        self.method
+    }
+
+    /// An image was acquired; `start` is when that was asked for.
+    pub(super) fn acquired(&mut self, start: Instant) {
+        let waited =
+            self.method == TimingMethod::Acquire && start.elapsed() >= WAITED && self.lit.len() < self.lit.capacity();
+        // Acquiring that had to wait ended when the screen went on to the picture before.
+        if let Some(id) = self.newest.filter(|_| waited) {
+            self.lit.push_back(PresentTiming::At { id, time: Instant::now() });
+        }
+    }
+
+    /// A picture was put in line.
+    pub(super) fn presented(&mut self, id: u64) {
+        (self.newest, self.armed) = (Some(id), true);
+        if matches!(self.method, TimingMethod::PresentWait | TimingMethod::FirstPixel) {
+            if self.waiting.len() == MOST {
+                self.waiting.pop_front();
+            }
+            self.waiting.push_back(id);
+        }
+        if let Calls::FirstPixel(register, display, fence) = &mut self.calls {
+            let info = vk::DisplayEventInfoEXT::default().display_event(vk::DisplayEventTypeEXT::FIRST_PIXEL_OUT);
+            let mut made = vk::Fence::null();
+            // SAFETY: the display is the one that the device shows on; a fence that was not waited for is destroyed.
+            unsafe {
+                if let Some(old) = fence.take() {
+                    self.device.destroy_fence(old, None);
+                }
+                let answer = register(self.device.handle(), *display, &info, std::ptr::null(), &mut made);
+                *fence = (answer == vk::Result::SUCCESS).then_some(made);
+            }
+        }
+    }
+
+    /// The swapchain is another one: nothing more will be known of what the old one had in line.
+    pub(super) fn renewed(&mut self) {
+        self.waiting.clear();
+        self.armed = false;
+    }
+
+    /// The next picture that is known to have lit up.
+    pub(super) fn next(&mut self, swapchain: vk::SwapchainKHR) -> Option<PresentTiming> {
+        if self.lit.is_empty() && std::mem::take(&mut self.armed) {
+            self.ask(swapchain);
+        }
+        self.lit.pop_front()
+    }
+
+    fn ask(&mut self, swapchain: vk::SwapchainKHR) {
+        let start = Instant::now();
+        match &mut self.calls {
+            Calls::Acquire => {}
+            Calls::DisplayTiming(past) => {
+                let mut times = [vk::PastPresentationTimingGOOGLE::default(); MOST];
+                let mut count = MOST as u32;
+                // SAFETY: there is room for as many as it says.
+                let _ = unsafe { past(self.device.handle(), swapchain, &mut count, times.as_mut_ptr()) };
+                let newest = self.newest.unwrap_or(0);
+                for p in times.iter().take(count as usize) {
+                    // The number whose lower half this is, not after the newest.
+                    let back = (newest as u32).wrapping_sub(p.present_id);
+                    let id = newest.saturating_sub(u64::from(back));
+                    self.lit.push_back(PresentTiming::Monotonic { id, time_ns: p.actual_present_time });
+                }
+            }
+            Calls::PresentWait(wait) => {
+                // The oldest lights up at the display's next refresh, however many wait behind it: one wait a picture.
+                let mut patience = PATIENCE_NS;
+                while let Some(id) = self.waiting.front().copied() {
+                    // SAFETY: the swapchain is the device's, used by this thread alone; it was given this number.
+                    let answer = unsafe { wait(self.device.handle(), swapchain, present_number(id), patience) };
+                    if answer == vk::Result::TIMEOUT {
+                        break;
+                    }
+                    if answer != vk::Result::SUCCESS && answer != vk::Result::SUBOPTIMAL_KHR {
+                        // The next acquire says what is the matter.
+                        self.waiting.clear();
+                        break;
+                    }
+                    self.waiting.pop_front();
+                    if patience > 0 && start.elapsed() >= WAITED {
+                        self.lit.push_back(PresentTiming::At { id, time: Instant::now() });
+                    }
+                    patience = 0;
+                }
+            }
+            Calls::FirstPixel(_, _, fence) => {
+                let Some(made) = fence.take() else { return };
+                // SAFETY: the fence is the device's and is destroyed once.
+                let answer = unsafe {
+                    let answer = self.device.wait_for_fences(&[made], true, PATIENCE_NS);
+                    self.device.destroy_fence(made, None);
+                    answer
+                };
+                // One picture a refresh: the oldest.
+                if answer.is_ok()
+                    && let Some(id) = self.waiting.pop_front()
+                    && start.elapsed() >= WAITED
+                {
+                    self.lit.push_back(PresentTiming::At { id, time: Instant::now() });
+                }
+            }
+        }
+    }
+
+    /// # Safety
+    /// The device is idle, and nothing is asked of this any more.
+    pub(super) unsafe fn destroy(&mut self) {
+        if let Calls::FirstPixel(_, _, fence) = &mut self.calls
+            && let Some(fence) = fence.take()
+        {
+            // SAFETY: the caller says so.
+            unsafe { self.device.destroy_fence(fence, None) };
+        }
+    }
+
+    /// Waits for pictures by another function than the driver's.
+    #[cfg(test)]
+    pub(super) fn pretend_present_wait(&mut self, wait: vk::PFN_vkWaitForPresentKHR) {
+        (self.method, self.calls) = (TimingMethod::PresentWait, Calls::PresentWait(wait));
+    }
+}
+
+/// The number that `VK_KHR_present_id` has for a picture; 0 means none there.
+pub(super) fn present_number(id: u64) -> u64 {
+    id.saturating_add(1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_best_of_what_is_on_is_taken() {
+        let all =
+            [google::display_timing::NAME, khr::present_id::NAME, khr::present_wait::NAME, ext::display_control::NAME];
+        let best = |on: &[&CStr], direct| TimingMethod::best(|name| on.contains(&name), direct);
+        assert_eq!(best(&all, true), TimingMethod::DisplayTiming);
+        assert_eq!(best(&all[1..], true), TimingMethod::PresentWait);
+        assert_eq!(best(&all[2..], true), TimingMethod::FirstPixel);
+        assert_eq!(best(&all[2..], false), TimingMethod::Acquire);
+        assert_eq!(best(&[], true), TimingMethod::Acquire);
+    }
+}

@@ -1,0 +1,43 @@
+//! Why nothing was made.
+
+use crate::engine::EngineError;
+use crate::evaluate::EvaluateError;
+use crate::hologram::HologramError;
+use crate::optics::OpticsError;
+use crate::quality::QualityError;
+use crate::scene::SceneError;
+use crate::solve::SolveError;
+use crate::tiled::TiledError;
+
+/// Why a job failed.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ProduceError {
+    /// The display, a colour that it does not have, or a pupil outside of its eyebox.
+    #[error(transparent)]
+    Optics(#[from] OpticsError),
+    /// The scene.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The engine.
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+    /// The solve.
+    #[error(transparent)]
+    Solve(#[from] SolveError),
+    /// The solve with reduced settings, or its score.
+    #[error(transparent)]
+    Quality(#[from] QualityError),
+    /// The hologram's file.
+    #[error(transparent)]
+    Hologram(#[from] HologramError),
+    /// The comparison.
+    #[error(transparent)]
+    Evaluate(#[from] EvaluateError),
+    /// The solve in tiles.
+    #[error(transparent)]
+    Tiled(#[from] TiledError),
+    /// A job that contradicts itself.
+    #[error("{0}")]
+    Job(String),
+}

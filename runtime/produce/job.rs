@@ -1,0 +1,286 @@
+//! What is to be made, and the driver.
+
+use super::sequence::{self, SolvedSequence};
+use super::tiles::{self, SolvedTiles};
+use super::{ProduceError, solve_colors};
+use crate::engine::Engine;
+use crate::hologram::{Hologram, Start};
+use crate::optics::{Color, Display};
+use crate::quality::Subject;
+use crate::scene::{self, LightField, Request};
+use crate::solve::{Flow, Full, Levels, PlanRequest, Progress, PupilRange, ScenePlan, Settings, Solution};
+use crate::tiled;
+use std::path::Path;
+
+/// Scenes that are to become a hologram, or a sequence of holograms.
+#[derive(Debug, Clone)]
+pub struct SceneJob<'a> {
+    /// Folders of views, pictures, or `builtin:NAME`: one for a hologram, several for the frames of a sequence.
+    pub scenes: Vec<String>,
+    /// The display that is solved for.
+    pub display: &'a Display,
+    /// Which of its colours.
+    pub colors: Vec<Color>,
+    /// Distance of neighbouring views in the pupil plane, millimetres, instead of what the scene says.
+    pub view_pitch_mm: Option<f64>,
+    /// Views per axis of scenes that are rendered or reprojected; none for 9.
+    pub views: Option<usize>,
+    /// The depth map of a picture.
+    pub depth_map: Option<&'a Path>,
+    /// Depths that matter, metres, or what the smallest and the largest value of the depth map mean; none for what the scene
+    /// says.
+    pub depth: Option<[f64; 2]>,
+    /// Pupil diameters drawn, metres; none for what fits the eyebox.
+    pub diameter: Option<[f64; 2]>,
+    /// Everything else that decides the solve. `depth` and `diameter` above take the place of its own; its `seconds` are
+    /// shared by the colours.
+    pub settings: Settings,
+    /// Parts of the model that are kept whatever the scene requires.
+    pub full: Full,
+    /// Speckle contrast that decides the sub-frames; none for the settings'.
+    pub contrast: Option<f64>,
+    /// Of several scenes.
+    pub sequence: SequenceRequest,
+    /// Of a far field that is solved region by region into tiles on the disk; none for all at once.
+    pub tiles: Option<TilesRequest>,
+}
+
+/// What a sequence has beside its holograms.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SequenceRequest {
+    /// Holograms a second, a fraction.
+    pub rate: [u32; 2],
+    /// Where each but the first begins.
+    pub start: Start,
+}
+
+/// How a far field is solved in tiles. The settings' `steps` are those of one visit to a region.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TilesRequest {
+    /// Bytes that it keeps to.
+    pub memory: tiled::MemoryLimit,
+    /// Passes over the SLM.
+    pub passes: usize,
+    /// Pixels along each axis of the scene's views.
+    pub picture: usize,
+}
+
+impl TilesRequest {
+    /// Steps of one visit, where nothing else is asked for.
+    pub const STEPS: usize = 8;
+}
+
+impl Default for TilesRequest {
+    fn default() -> Self {
+        Self { memory: tiled::MemoryLimit(4 << 30), passes: 3, picture: 1024 }
+    }
+}
+
+/// What happens on the way.
+#[non_exhaustive]
+pub enum SceneEvent<'a> {
+    /// It is decided what of the scene is computed, as the settings say.
+    Planned {
+        /// The scene as it is solved.
+        field: &'a LightField,
+        /// Rows and columns of its views before anything was left out.
+        views: [usize; 2],
+        /// The decisions.
+        plan: &'a ScenePlan,
+        /// The settings of the solve.
+        settings: &'a Settings,
+    },
+    /// A sequence begins, or is resumed after so many of its holograms.
+    Sequence {
+        /// Holograms that are there.
+        done: usize,
+        /// How many there are to be.
+        count: usize,
+    },
+    /// A solve in tiles begins, or is resumed.
+    Tiles(&'a tiles::TilesPlan),
+    /// A step was taken.
+    Step {
+        /// Number of the hologram in its sequence.
+        hologram: usize,
+        /// The colour.
+        color: Color,
+        /// How far it is.
+        progress: &'a Progress<'a>,
+    },
+    /// A region was visited.
+    Visit {
+        /// The colour.
+        color: Color,
+        /// How far it is.
+        visit: &'a tiled::Visit,
+    },
+    /// A colour is solved.
+    Solved {
+        /// Number of the hologram in its sequence.
+        hologram: usize,
+        /// The colour.
+        color: Color,
+        /// What came of it.
+        solution: &'a Solution,
+    },
+    /// A hologram of a sequence is on the disk.
+    Appended {
+        /// Its number.
+        hologram: usize,
+        /// Its scene.
+        scene: &'a str,
+        /// Its colours.
+        solutions: &'a [(Color, Solution)],
+    },
+}
+
+/// What came of a job.
+#[non_exhaustive]
+pub enum SceneSolution {
+    /// One hologram.
+    Hologram(Box<SolvedHologram>),
+    /// A sequence in its file.
+    Sequence(SolvedSequence),
+    /// A far field in its tiles.
+    Tiles(Box<SolvedTiles>),
+}
+
+/// A hologram, and how it was solved.
+pub struct SolvedHologram {
+    /// It.
+    pub hologram: Hologram,
+    /// Per colour.
+    pub solutions: Vec<(Color, Solution)>,
+    /// What of the scene was computed.
+    pub plan: ScenePlan,
+    /// The settings of the solve.
+    pub settings: Settings,
+}
+
+impl SceneSolution {
+    /// The hologram, where it is one in memory.
+    pub fn into_hologram(self) -> Option<Hologram> {
+        match self {
+            Self::Hologram(solved) => Some(solved.hologram),
+            _ => None,
+        }
+    }
+}
+
+impl<'a> SceneJob<'a> {
+    /// One scene in all colours of a display, with the default settings.
+    pub fn new(scene: &str, display: &'a Display) -> Self {
+        Self {
+            scenes: vec![scene.into()],
+            display,
+            colors: display.wavelengths.iter().map(|w| w.color).collect(),
+            view_pitch_mm: None,
+            views: None,
+            depth_map: None,
+            depth: None,
+            diameter: None,
+            settings: Settings::default(),
+            full: Full::default(),
+            contrast: None,
+            sequence: SequenceRequest { rate: [30, 1], start: Start::Warm(0.0) },
+            tiles: None,
+        }
+    }
+
+    /// What is loaded of its scenes.
+    pub fn request(&self) -> Request<'_> {
+        let default = Request::new(self.display, &self.colors);
+        Request {
+            view_pitch: self.view_pitch_mm.map(|mm| mm * 1e-3),
+            views: self.views.unwrap_or(default.views),
+            depth_map: self.depth_map,
+            depth: self.depth,
+            ..default
+        }
+    }
+
+    /// Loads one of its scenes.
+    ///
+    /// # Errors
+    /// Those of [`scene::load`].
+    pub fn load(&self, index: usize) -> Result<LightField, ProduceError> {
+        Ok(scene::load(&self.scenes[index], &self.request())?)
+    }
+
+    /// Decides what of a scene is solved.
+    ///
+    /// # Errors
+    /// Settings that cannot be; colours that the display does not have.
+    pub fn plan(&self, field: &LightField) -> Result<ScenePlan, ProduceError> {
+        let diameter = self.diameter.unwrap_or_else(|| PupilRange::usual_diameter(self.display.eyebox_min()));
+        let settings = Settings { diameter, ..self.settings.clone() };
+        let Self { depth, full, contrast, .. } = *self;
+        let request = PlanRequest { settings: &settings, depth, full, contrast };
+        let mut plan = ScenePlan::new(field, self.display, &request)?;
+        plan.settings.seconds = self.settings.seconds.map(|s| s / plan.colors.len() as f64);
+        Ok(plan)
+    }
+}
+
+/// Solves a scene, or several: all colours of one hologram, a sequence, or a far field in tiles. `out` is where it is saved,
+/// by its ending; a single hologram may stay in memory. A sequence and tiles that were cut off are resumed by the same job.
+///
+/// `observe` is told what happens; answering [`Flow::Stop`] ends it with what there is.
+///
+/// # Errors
+/// [`ProduceError`]; a file that was there stays as it was, but for what was made of a sequence and of tiles.
+pub fn solve_scene(
+    job: &SceneJob,
+    out: Option<&Path>,
+    engine: &mut dyn Engine,
+    observe: &mut dyn FnMut(&SceneEvent) -> Flow,
+) -> Result<SceneSolution, ProduceError> {
+    let needs = |what: &str| ProduceError::Job(format!("{what} is solved into its file: say where"));
+    match (job.scenes.len(), &job.tiles) {
+        (0, _) => Err(ProduceError::Job("there is no scene to solve".into())),
+        (1, Some(tiles)) => {
+            let out = out.ok_or_else(|| needs("a far field in tiles"))?;
+            Ok(SceneSolution::Tiles(Box::new(tiles::solve(job, tiles, out, engine, observe)?)))
+        }
+        (1, None) => {
+            let solved = one(job, engine, observe)?;
+            if let Some(out) = out {
+                solved.hologram.save(out)?;
+            }
+            Ok(SceneSolution::Hologram(Box::new(solved)))
+        }
+        (_, Some(_)) => Err(ProduceError::Job("a sequence is not solved in tiles: leave out one or the other".into())),
+        (_, None) => {
+            let out = out.ok_or_else(|| needs("a sequence"))?;
+            Ok(SceneSolution::Sequence(sequence::solve(job, out, engine, observe)?))
+        }
+    }
+}
+
+/// One hologram.
+fn one(
+    job: &SceneJob,
+    engine: &mut dyn Engine,
+    observe: &mut dyn FnMut(&SceneEvent) -> Flow,
+) -> Result<SolvedHologram, ProduceError> {
+    let (display, field) = (job.display, job.load(0)?);
+    let plan = job.plan(&field)?;
+    // What the hologram's file remembers of its scene is the scene as it is, not what the plan leaves of it.
+    let (views, cell) = (field.grid, field.cell(display));
+    let field = plan.reduce(field, display);
+    let (base, levels) = (plan.settings.clone(), Levels::of(display));
+    let subject = Subject { field: &field, color: plan.colors[0], display, base, levels };
+    let settings = subject.settings(&plan.settings);
+    settings.check()?;
+    observe(&SceneEvent::Planned { field: &field, views, plan: &plan, settings: &settings });
+    let solutions = solve_colors(&subject, &plan.colors, &settings, engine, observe)?;
+    let mut hologram = Hologram::from_solutions(&field, display, &settings, plan.padding, &solutions)?;
+    hologram.metadata.views = Some(views);
+    hologram.metadata.view_pitch_mm = Some(cell * 1e3);
+    if job.depth_map.is_some() {
+        // In the order of the map's values, which the range of depths does not keep.
+        hologram.metadata.depth_map_mm = job.depth.map(|d| d.map(|metres| metres * 1e3));
+    }
+    Ok(SolvedHologram { hologram, solutions, plan, settings })
+}

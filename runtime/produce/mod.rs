@@ -1,0 +1,19 @@
+//! From scenes to holograms: one driver for all colours of a hologram, for a sequence of them, and for a far field in tiles.
+//!
+//! A [`SceneJob`] says which scenes, for which display and with which settings; [`solve_scene`] loads them, decides what of
+//! them is computed ([`ScenePlan`](crate::solve::ScenePlan)), solves every colour, and writes what came of it. Whoever
+//! watches is told of every step ([`SceneEvent`]) and may end it ([`Flow::Stop`]): what is made so far is kept.
+//!
+//! May import everything that `quality` may, and `quality`.
+
+mod colors;
+mod error;
+mod job;
+mod sequence;
+mod tiles;
+
+pub use colors::solve_colors;
+pub use error::ProduceError;
+pub use job::{SceneEvent, SceneJob, SceneSolution, SequenceRequest, SolvedHologram, TilesRequest, solve_scene};
+pub use sequence::SolvedSequence;
+pub use tiles::{SolvedTiles, TilesPlan, is_larger_than_memory, load_around};

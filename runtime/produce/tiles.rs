@@ -1,0 +1,232 @@
+//! A far field larger than memory, solved region by region into its file.
+
+use super::{ProduceError, SceneEvent, SceneJob, TilesRequest};
+use crate::engine::Engine;
+use crate::evaluate::Views;
+use crate::hologram::{ColorHologram, Hologram, HologramScores, Metadata, PhaseSource, SceneSource, Tiles};
+use crate::optics::{Color, Display, Geometry, Pupil};
+use crate::scene::Request;
+use crate::solve::{Flow, Settings};
+use crate::tiled::{self, Job, MemoryLimit, RegionSize, Schedule, TiledError};
+use serde_json::{Value, json};
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// What a solve in tiles will do.
+#[derive(Debug, Clone)]
+pub struct TilesPlan {
+    /// The regions, and what a visit takes.
+    pub region: RegionSize,
+    /// Visits to regions, per colour.
+    pub visits: usize,
+    /// Visits of all colours that are done.
+    pub done: u64,
+    /// The settings; `steps` are those of a visit.
+    pub settings: Settings,
+    /// Bytes that it keeps to, and those that the views take of them.
+    pub memory: [u64; 2],
+}
+
+/// What came of it.
+pub struct SolvedTiles {
+    /// What was done.
+    pub plan: TilesPlan,
+    /// The hologram.
+    pub source: PhaseSource<'static>,
+    /// Over nine places of the eyebox; none where it was asked to stop before the last visit.
+    pub scores: Option<HologramScores>,
+    /// Pupils that were looked through.
+    pub pupils: usize,
+    /// Seconds that it took, without the scores.
+    pub seconds: f64,
+    /// Bytes of tiles that were read and written by the solve.
+    pub moved: [u64; 2],
+}
+
+/// Whether all of a far field at once, with 9 x 9 views, takes more than the memory that is taken unasked.
+pub fn is_larger_than_memory(display: &Display, frames: usize) -> bool {
+    let pixels = (display.height * display.width) as u64;
+    let colors = display.wavelengths.len() as u64;
+    let bytes = pixels * (32 * frames as u64 + 81 * (4 * colors + 3));
+    display.geometry == Geometry::FarField && bytes > TilesRequest::default().memory.0
+}
+
+/// A scene for a far field larger than memory, in pictures of at most `picture` pixels a side: views are made from around each
+/// pupil.
+///
+/// # Errors
+/// Those of loading the scene.
+pub fn load_around(scene: &str, request: &Request, picture: usize) -> Result<SceneSource, ProduceError> {
+    let picture = picture.min(request.display.picture_size().0);
+    Ok(SceneSource::Around(Views::of_colors(scene, request, picture)?))
+}
+
+/// Solves every colour, from where the file stands.
+pub(super) fn solve(
+    job: &SceneJob,
+    request: &TilesRequest,
+    out: &Path,
+    engine: &mut dyn Engine,
+    observe: &mut dyn FnMut(&SceneEvent) -> Flow,
+) -> Result<SolvedTiles, ProduceError> {
+    let start = Instant::now();
+    let SceneJob { display, colors, .. } = job;
+    let picture = request.picture.min(display.picture_size().0);
+    let views = Views::of_colors(&job.scenes[0], &job.request(), picture)?;
+    let (mut plan, schedule) = plan(job, request, &views)?;
+    let settings = plan.settings.clone();
+    let work = work(job, request, &plan, picture, engine);
+    let mut tiles = match unfinished(out, &work)? {
+        Some(tiles) => tiles,
+        None => {
+            let about = about(job, request, &views, &settings, engine)?;
+            Tiles::create(out, &about, tile_side(display), work)?
+        }
+    };
+    plan.done = tiles.made().map_or(0, |m| m.done);
+    observe(&SceneEvent::Tiles(&plan));
+    let mut pupils = 0;
+    for (i, &color) in colors.iter().enumerate() {
+        let before = (i * plan.visits) as u64;
+        let part =
+            Job { color: i, views: &views[i], settings: &settings, schedule: &schedule, size: plan.region, before };
+        let flow = tiled::solve(&part, &mut tiles, engine, &mut |visit| {
+            pupils += visit.pupils;
+            observe(&SceneEvent::Visit { color, visit })
+        })?;
+        if flow == Flow::Stop && tiles.made().is_some_and(|m| m.done < (colors.len() * plan.visits) as u64) {
+            let (moved, seconds) = (tiles.moved(), start.elapsed().as_secs_f64());
+            let source = PhaseSource::Tiled(Arc::new(tiles));
+            return Ok(SolvedTiles { plan, source, scores: None, pupils, seconds, moved });
+        }
+    }
+    let (moved, seconds) = (tiles.moved(), start.elapsed().as_secs_f64());
+    tiles.finish()?;
+    let source = PhaseSource::Tiled(Arc::new(tiles));
+    let scores = source.score(&SceneSource::Around(views), &places(display, &settings), engine)?;
+    Ok(SolvedTiles { plan, source, scores: Some(scores), pupils, seconds, moved })
+}
+
+/// Regions that the memory allows, and the settings of a visit.
+fn plan(job: &SceneJob, request: &TilesRequest, views: &[Views]) -> Result<(TilesPlan, Schedule), ProduceError> {
+    let display = job.display;
+    if display.geometry != Geometry::FarField {
+        return Err(ProduceError::Job(
+            "tiles are for far-field displays: in a relay every pupil sees all of the SLM".into(),
+        ));
+    }
+    let (optics, side) = (display.optics(job.colors[0])?, tile_side(display));
+    let largest = display.eyebox_min() / 2.0;
+    let diameter = job.diameter.unwrap_or([1e-3f64.min(largest / 4.0), 4e-3f64.min(largest)]);
+    let held: u64 = views.iter().map(Views::held).sum();
+    let left = MemoryLimit(request.memory.0.saturating_sub(held));
+    // Views that are smaller than the picture take less.
+    let size = RegionSize::new(&optics, job.settings.frames, side, diameter[1], views[0].size(), left);
+    let region = size.map_err(|error| match error {
+        TiledError::Memory { diameter_mm, frames, needed_mib, .. } => {
+            let (needed_mib, given_mib) = (needed_mib + (held >> 20), request.memory.0 >> 20);
+            TiledError::Memory { diameter_mm, frames, needed_mib, given_mib }
+        }
+        other => other,
+    })?;
+    let [a, b] = job.depth.or(views[0].depth()).unwrap_or([0.0, 0.0]);
+    let settings = Settings { diameter, depth: [a.min(b), a.max(b)], ..job.settings.clone() };
+    settings.check()?;
+    let passes = request.passes.max(1);
+    let schedule = Schedule::new([display.height, display.width], region, side, passes, settings.seed);
+    let memory = [request.memory.0, held];
+    Ok((TilesPlan { region, visits: schedule.visits.len(), done: 0, settings, memory }, schedule))
+}
+
+/// Everything that decides a byte of the file.
+fn work(job: &SceneJob, request: &TilesRequest, plan: &TilesPlan, picture: usize, engine: &dyn Engine) -> Value {
+    let mut work = json!({
+        "scene": job.scenes[0], "views": [job.views, Some(picture)], "view_pitch": job.view_pitch_mm,
+        "display": job.display.to_toml(), "colors": job.colors, "settings": plan.settings, "passes": request.passes.max(1),
+        "tile": tile_side(job.display), "region": [plan.region.rows, plan.region.columns], "engine": engine.describe(),
+    });
+    if let Some(map) = job.depth_map {
+        work["depth_map"] = json!([map.display().to_string(), job.depth]);
+    }
+    work
+}
+
+/// Tiles: a fraction of a pupil, and files that are neither tiny nor huge.
+fn tile_side(display: &Display) -> usize {
+    let pixels = display.height.max(display.width);
+    (pixels / 16).next_power_of_two().clamp(32, 512)
+}
+
+/// A hologram in the making that this job resumes.
+fn unfinished(path: &Path, work: &Value) -> Result<Option<Tiles>, ProduceError> {
+    if !Tiles::is_tiled(path) {
+        return Ok(None);
+    }
+    let same = Tiles::open(path)?.made().map(|made| made.job == *work);
+    match same {
+        None => Ok(None),
+        Some(true) => Ok(Some(Tiles::resume(path)?)),
+        Some(false) => Err(ProduceError::Job(format!(
+            "{}: another job is under way there: repeat its command to go on, or remove it",
+            path.display()
+        ))),
+    }
+}
+
+/// The hologram without its phases; exposures are chosen here, once.
+fn about(
+    job: &SceneJob,
+    request: &TilesRequest,
+    views: &[Views],
+    settings: &Settings,
+    engine: &mut dyn Engine,
+) -> Result<Hologram, ProduceError> {
+    let display = job.display;
+    let mut solved = Vec::new();
+    for (&color, views) in job.colors.iter().zip(views) {
+        let optics = display.optics(color)?;
+        let (exposure, mean) = tiled::exposure(&optics, views, settings, engine)?;
+        let (wavelength, efficiency) = (optics.wavelength, mean / exposure);
+        solved.push(ColorHologram { color: Some(color), wavelength, exposure, efficiency, phases: Vec::new() });
+    }
+    let metadata = Metadata {
+        solve: Some(settings.clone()),
+        padded: Some([0, 0]),
+        passes: Some(request.passes.max(1)),
+        eyebox_mm: Some(display.eyebox_min() * 1e3),
+        // What was said of the scene, for those who compare with it.
+        view_pitch_mm: job.view_pitch_mm,
+        views: job.views.map(|views| [views, views]),
+        depth_map_mm: job.depth.filter(|_| job.depth_map.is_some()).map(|d| d.map(|metres| metres * 1e3)),
+        ..Metadata::default()
+    };
+    Ok(Hologram {
+        seed: settings.seed,
+        version: env!("CARGO_PKG_VERSION").into(),
+        scene: job.scenes[0].clone(),
+        metadata,
+        ..Hologram::on(display, settings.frames, solved)
+    })
+}
+
+/// Nine places: the middle, the sides and the corners, each pupil wholly inside; diameters and depths run through theirs.
+fn places(display: &Display, settings: &Settings) -> Vec<Pupil> {
+    let [small, large] = settings.diameter;
+    let [far, near] = settings.depth;
+    let one = |i: usize| {
+        let diameter = small * (large / small).powf((i * 4 % 9) as f64 / 8.0);
+        let reach = (display.eyebox_min() - diameter) / 2.0;
+        let (x, y) = ((i % 3) as f64 - 1.0, (i / 3) as f64 - 1.0);
+        Pupil { x: x * reach, y: y * reach, diameter, depth: far + (near - far) * (i * 5 % 9) as f64 / 8.0 }
+    };
+    (0..9).map(one).collect()
+}
+
+impl TilesPlan {
+    /// Visits of this colour that were done before.
+    pub fn done_of(&self, colors: &[Color], color: Color) -> u64 {
+        let index = colors.iter().position(|c| *c == color).unwrap_or(0);
+        self.done.saturating_sub((index * self.visits) as u64).min(self.visits as u64)
+    }
+}

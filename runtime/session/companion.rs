@@ -1,0 +1,42 @@
+//! A window beside the display, served by the present thread in passing: one that shows what the tracked eye sees.
+
+use super::FinishedSet;
+use crate::optics::Pupil;
+use crate::present::Desktop;
+
+/// What a companion is told after every video frame.
+#[derive(Debug, Clone, Copy)]
+pub struct Now {
+    /// The pupil as it is believed to be.
+    pub pupil: Pupil,
+    /// Whether the hologram follows it.
+    pub steered: bool,
+    /// Multiplex sets a second of the display.
+    pub sets_per_second: f64,
+}
+
+/// What its user asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Asked {
+    /// Nothing.
+    Nothing,
+    /// To end the session.
+    Close,
+    /// That the hologram follows the eye, or does not.
+    Steer(bool),
+}
+
+/// The window. Nothing of it may wait: it has a fraction of a video frame.
+pub trait Companion {
+    /// Another set is on the display. It carries its phases.
+    fn shown(&mut self, set: &FinishedSet);
+
+    /// Takes what its user did, and shows what is new.
+    ///
+    /// # Errors
+    /// In a sentence; it is closed then, and the display goes on.
+    fn serve(&mut self, now: &Now) -> Result<Asked, String>;
+}
+
+/// Opens it, on the present thread. Fails in a sentence.
+pub type CompanionOpener = Box<dyn FnOnce(&mut Desktop) -> Result<Box<dyn Companion>, String> + Send>;

@@ -1,0 +1,240 @@
+//! From the sample to the light: what each set that was shown took, stage by stage.
+
+use serde_json::{Value, json};
+
+/// When things happened to a set, nanoseconds on the player's clock.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Timestamps {
+    /// When the newest sample was taken that its pupil was predicted from; none before the first.
+    pub sample_ns: Option<i64>,
+    /// When that sample had arrived and was decoded.
+    pub decoded_ns: Option<i64>,
+    /// When it was filtered.
+    pub filtered_ns: Option<i64>,
+    /// When refinement for the set began.
+    pub refine_start_ns: i64,
+    /// When it last asked where the pupil will be.
+    pub aimed_ns: i64,
+    /// When it ended.
+    pub refine_end_ns: i64,
+    /// When it was encoded and handed over.
+    pub handed_over_ns: i64,
+    /// The middle of its light, as it was predicted for.
+    pub predicted_light_ns: i64,
+}
+
+/// A stage, or a sum of them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stage {
+    /// From the sample to its arrival.
+    Tracker,
+    /// From there through the filter.
+    Filter,
+    /// From there until refinement last asked where the pupil will be: the sample's age.
+    Waiting,
+    /// From there to the end of refinement.
+    Refinement,
+    /// Encoding and handing over.
+    Encoding,
+    /// From there until it was presented.
+    HandOver,
+    /// From there until it was lit, in the middle of its first showing.
+    Display,
+    /// From the sample to the light: all of these.
+    SampleToLight,
+    /// All refinement for the set: it looks again at the eye meanwhile.
+    AllRefinement,
+}
+
+impl Stage {
+    /// All of them.
+    pub const ALL: [Self; 9] = [
+        Self::Tracker,
+        Self::Filter,
+        Self::Waiting,
+        Self::Refinement,
+        Self::Encoding,
+        Self::HandOver,
+        Self::Display,
+        Self::SampleToLight,
+        Self::AllRefinement,
+    ];
+
+    /// For programs.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Tracker => "tracker",
+            Self::Filter => "filter",
+            Self::Waiting => "waiting",
+            Self::Refinement => "refinement",
+            Self::Encoding => "encoding",
+            Self::HandOver => "hand_over",
+            Self::Display => "display",
+            Self::SampleToLight => "sample_to_light",
+            Self::AllRefinement => "all_refinement",
+        }
+    }
+}
+
+/// Counts in even bins, of constant size: percentiles to half a bin.
+#[derive(Debug, Clone)]
+pub struct Histogram {
+    bin: f64,
+    counts: Vec<u32>,
+    count: u64,
+    sum: f64,
+    largest: f64,
+}
+
+impl Histogram {
+    /// Of values from 0 on, in so many bins of this width; larger ones count as the last bin's.
+    pub fn new(bin: f64, bins: usize) -> Self {
+        Self { bin, counts: vec![0; bins.max(1)], count: 0, sum: 0.0, largest: 0.0 }
+    }
+
+    /// One more. What is no number is left out.
+    pub fn add(&mut self, value: f64) {
+        if value.is_nan() {
+            return;
+        }
+        let value = value.max(0.0);
+        let last = self.counts.len() - 1;
+        let bin = &mut self.counts[((value / self.bin) as usize).min(last)];
+        *bin = bin.saturating_add(1);
+        self.count += 1;
+        self.sum += value;
+        self.largest = self.largest.max(value);
+    }
+
+    /// How many.
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// The value that this share of all is not above; none where there is nothing.
+    pub fn percentile(&self, share: f64) -> Option<f64> {
+        let wanted = (share.clamp(0.0, 1.0) * self.count as f64).ceil().max(1.0) as u64;
+        let mut seen = 0;
+        let bin = self.counts.iter().position(|c| {
+            seen += u64::from(*c);
+            seen >= wanted
+        })?;
+        Some(((bin as f64 + 0.5) * self.bin).min(self.largest))
+    }
+
+    /// Mean, median, 90 and 99 of 100, and the largest.
+    pub fn to_json(&self) -> Value {
+        let mean = (self.count > 0).then(|| self.sum / self.count as f64);
+        json!({
+            "count": self.count, "mean": mean, "p50": self.percentile(0.5), "p90": self.percentile(0.9),
+            "p99": self.percentile(0.99), "largest": (self.count > 0).then_some(self.largest),
+        })
+    }
+}
+
+/// The account of all sets shown: milliseconds by stage, and how far the pupil was from where it was expected.
+#[derive(Debug, Clone)]
+pub struct Latency {
+    stages: Vec<Histogram>,
+    error_mm: Histogram,
+}
+
+impl Default for Latency {
+    fn default() -> Self {
+        Self { stages: vec![Histogram::new(0.05, 20_000); Stage::ALL.len()], error_mm: Histogram::new(0.01, 3_000) }
+    }
+}
+
+impl Latency {
+    /// A set was presented for the first time, and is lit for the first time about `light_ns` (the middle of it).
+    pub fn shown(&mut self, timestamps: &Timestamps, presented_ns: i64, light_ns: i64) {
+        let ms = |from: i64, to: i64| to.saturating_sub(from) as f64 * 1e-6;
+        let since = |from: Option<i64>, to: Option<i64>| from.zip(to).map(|(from, to)| ms(from, to));
+        let aimed = Some(timestamps.aimed_ns);
+        let values = [
+            (Stage::Tracker, since(timestamps.sample_ns, timestamps.decoded_ns)),
+            (Stage::Filter, since(timestamps.decoded_ns, timestamps.filtered_ns)),
+            (Stage::Waiting, since(timestamps.filtered_ns, aimed)),
+            (Stage::Refinement, since(aimed, Some(timestamps.refine_end_ns))),
+            (Stage::Encoding, since(Some(timestamps.refine_end_ns), Some(timestamps.handed_over_ns))),
+            (Stage::HandOver, since(Some(timestamps.handed_over_ns), Some(presented_ns))),
+            (Stage::Display, since(Some(presented_ns), Some(light_ns))),
+            (Stage::SampleToLight, since(timestamps.sample_ns, Some(light_ns))),
+            (Stage::AllRefinement, since(Some(timestamps.refine_start_ns), Some(timestamps.refine_end_ns))),
+        ];
+        for (stage, value) in values {
+            if let Some(value) = value {
+                self.stages[stage as usize].add(value);
+            }
+        }
+    }
+
+    /// At a set's light the pupil was so far from where the set was made for, metres.
+    pub fn missed_by(&mut self, error: f64) {
+        self.error_mm.add(error * 1e3);
+    }
+
+    /// Of one stage, milliseconds.
+    pub fn of(&self, stage: Stage) -> &Histogram {
+        &self.stages[stage as usize]
+    }
+
+    /// How far the pupil was from where it was expected, millimetres.
+    pub fn error_mm(&self) -> &Histogram {
+        &self.error_mm
+    }
+
+    /// For programs.
+    pub fn to_json(&self) -> Value {
+        let stages: serde_json::Map<String, Value> =
+            Stage::ALL.iter().map(|s| (format!("{}_ms", s.name()), self.of(*s).to_json())).collect();
+        json!({ "stages": stages, "pupil_error_mm": self.error_mm.to_json() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn percentiles_are_those_of_the_values() {
+        let mut histogram = Histogram::new(0.1, 1000);
+        assert_eq!(histogram.percentile(0.5), None);
+        (0..1000).for_each(|i| histogram.add(f64::from(i) * 0.05));
+        histogram.add(f64::NAN);
+        for (share, value) in [(0.5, 25.0), (0.9, 45.0), (0.99, 49.5), (1.0, 49.95)] {
+            let got = histogram.percentile(share).unwrap();
+            assert!((got - value).abs() <= 0.1, "{share}: {got} for {value}");
+        }
+        histogram.add(1e9);
+        histogram.add(-1.0);
+        assert_eq!(histogram.count(), 1002);
+        assert!((histogram.percentile(1.0).unwrap() - 99.95).abs() < 1e-9, "the last bin");
+    }
+
+    #[test]
+    fn stages_add_up_to_the_whole_way() {
+        let mut latency = Latency::default();
+        let timestamps = Timestamps {
+            sample_ns: Some(1_000_000),
+            decoded_ns: Some(9_000_000),
+            filtered_ns: Some(9_100_000),
+            refine_start_ns: 5_000_000,
+            aimed_ns: 10_000_000,
+            refine_end_ns: 20_000_000,
+            handed_over_ns: 21_000_000,
+            predicted_light_ns: 40_000_000,
+        };
+        latency.shown(&timestamps, 22_000_000, 40_000_000);
+        latency.missed_by(0.2e-3);
+        let median = |stage| latency.of(stage).percentile(0.5).unwrap();
+        let sum: f64 = Stage::ALL[..7].iter().map(|s| median(*s)).sum();
+        assert!((sum - 39.0).abs() < 0.2 && (median(Stage::SampleToLight) - 39.0).abs() < 0.05, "{sum}");
+        assert!((median(Stage::AllRefinement) - 15.0).abs() < 0.05);
+        assert!((latency.error_mm().percentile(0.5).unwrap() - 0.2).abs() < 0.01);
+        // Before the first sample there is no way to account for, and nothing is made up.
+        latency.shown(&Timestamps { sample_ns: None, decoded_ns: None, filtered_ns: None, ..timestamps }, 0, 0);
+        assert_eq!(latency.of(Stage::SampleToLight).count(), 1);
+        assert_eq!(latency.of(Stage::Refinement).count(), 2);
+    }
+}

@@ -1,0 +1,143 @@
+//! Content from disk: a sequence, or a single hologram.
+
+use super::marks::sync_phases;
+use super::output::OpenDisplay;
+use super::present_thread::{Running, Setup};
+use super::scheduler::Start;
+use super::stream::{Stream, StreamEncoder, StreamOptions};
+use super::{Notes, Schedule, SessionError, Speed, Trace};
+use crate::encode::{Encoder, PhaseSet};
+use crate::gpu::Gpu;
+use crate::hologram::{ColorHologram, Sequence};
+use crate::optics::{Color, Display};
+use crate::present::{Rate, SECOND_NS};
+use std::path::Path;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// A sequence, and how it is played. A single hologram begins again and again.
+#[non_exhaustive]
+pub struct Play {
+    /// The holograms.
+    pub sequence: Sequence,
+    /// To what the display receives.
+    pub encoder: Encoder,
+    /// The Vulkan device that encodes; else the CPU does, with the same bytes.
+    pub device: Option<Gpu>,
+    /// Holograms a second.
+    pub rate: Rate,
+    /// So many times as fast.
+    pub speed: f64,
+    /// Whether it begins again at the end.
+    pub looped: bool,
+    /// Whether to wait for a sequence that is still being written.
+    pub follow: bool,
+    /// The hologram to begin with, from 0.
+    pub first: u64,
+    /// When it begins, ready or not: what several displays agree on. Else as soon as it is ready.
+    pub start_at: Option<SystemTime>,
+    /// Seconds of the sync picture before content.
+    pub sync_s: f64,
+    /// Side of the corner mark, pixels; 0 for none.
+    pub mark: usize,
+    /// After a missed present, sets wait until they are in phase with the first.
+    pub keep_phase: bool,
+    /// Sets that are encoded ahead.
+    pub ahead: usize,
+}
+
+impl Play {
+    /// Opens a file for a display, to be played from its beginning as it was made.
+    ///
+    /// # Errors
+    /// [`SessionError::Hologram`]; [`SessionError::Encode`]; [`SessionError::Setting`] for holograms that do not have the
+    /// display's size or do not name their colours.
+    pub fn open(file: &Path, display: &Display) -> Result<Self, SessionError> {
+        let sequence = Sequence::open(file)?;
+        let (what, about) = (file.display(), sequence.about());
+        let named = |c: &ColorHologram| {
+            c.color.ok_or_else(|| SessionError::Setting(format!("{what}: its colours are not named")))
+        };
+        let colors: Vec<Color> = about.colors.iter().map(named).collect::<Result<_, _>>()?;
+        let encoder = Encoder::new(display, &colors, about.frames)?;
+        let ([eh, ew], [h, w]) = (encoder.hologram_size(), [about.height, about.width]);
+        if [eh, ew] != [h, w] {
+            let name = &display.name;
+            return Err(SessionError::Setting(format!(
+                "{what}: it is {h}x{w} pixels, and the display '{name}' takes {eh}x{ew}: give --size, or the display that it \
+                 was made for"
+            )));
+        }
+        let [numerator, denominator] = sequence.rate();
+        let (rate, looped) = (Rate::new(numerator, denominator)?, sequence.is_single());
+        Ok(Self {
+            sequence,
+            encoder,
+            device: None,
+            rate,
+            speed: 1.0,
+            looped,
+            follow: false,
+            first: 0,
+            start_at: None,
+            sync_s: 0.0,
+            mark: 0,
+            keep_phase: false,
+            ahead: 4,
+        })
+    }
+
+    /// Starts reading and encoding.
+    pub(super) fn start(self, display: &OpenDisplay, notes: Notes, trace: Trace) -> Result<Setup, SessionError> {
+        let Self { sequence, encoder, .. } = self;
+        let count = sequence.count();
+        if self.first >= count.max(1) && !self.follow {
+            let (what, first) = (sequence.path().display(), self.first);
+            return Err(SessionError::Setting(format!(
+                "{what}: it has {count} holograms, the first is 0: --first {first}"
+            )));
+        }
+        let shape = sequence.shape();
+        let set_frames = encoder.packed().video_frames as u64;
+        let set_rate = display.rate.hz() / set_frames as f64;
+        // Enough video frames that the display's phase is known.
+        let idle_sets = ((self.sync_s * set_rate).ceil() as u64).max(4_u64.div_ceil(set_frames));
+        let start = match self.start_at {
+            None => Start::WhenReady { idle_sets },
+            Some(at) => {
+                let seconds = |t: SystemTime| t.duration_since(UNIX_EPOCH).map_or(0.0, |d| d.as_secs_f64());
+                let left_s = seconds(at) - seconds(SystemTime::now());
+                Start::At { display_time_ns: display.clock.now_ns() + (left_s * SECOND_NS as f64) as i64 }
+            }
+        };
+        let speed = Speed::new(self.speed)
+            .ok_or_else(|| SessionError::Setting(format!("--speed {}: it must be 0.001 to 1000", self.speed)))?;
+        let schedule = Schedule {
+            display_rate: display.rate,
+            content_rate: self.rate,
+            speed,
+            set_frames,
+            start,
+            keep_phase: self.keep_phase,
+        };
+        let phases = if self.sync_s > 0.0 { sync_phases(shape) } else { vec![0.0; shape.iter().product()] };
+        let colors: Vec<&[f32]> = phases.chunks_exact(phases.len() / shape[0]).collect();
+        let idle = encoder.encode(&PhaseSet::trusted(&colors))?;
+        let options = StreamOptions {
+            ahead: self.ahead,
+            looped: self.looped || sequence.is_single(),
+            follow: self.follow,
+            first: self.first,
+            threads: 0,
+            mark: self.mark,
+            notes,
+            trace,
+        };
+        let encoder = match self.device {
+            None => StreamEncoder::Cpu(encoder),
+            Some(device) => StreamEncoder::Vulkan(encoder, device),
+        };
+        let stream = Stream::start(sequence, encoder, options)?;
+        let sub_frames = (shape[0] * shape[1]) as u64;
+        Ok(Setup { running: Running::Play(stream), schedule, idle, sub_frames })
+    }
+}

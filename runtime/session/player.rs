@@ -1,0 +1,244 @@
+//! The present thread's loop, one video frame at a time: predict, wake, decide, hand over, learn.
+
+use super::report::Timing;
+use super::scheduler::{Content, Scheduler, Slot, What};
+use super::{Cause, Pacer, SessionError, Speed, Track};
+use crate::encode::VideoFrames;
+use crate::present::{Clock, Event, PresentError, Presenter, Rate};
+use std::rc::Rc;
+use std::time::Instant;
+
+/// Content that can be shown: what the present thread sees of a [`Stream`](super::Stream). None of it blocks but
+/// [`settle`](Self::settle).
+pub(super) trait SetSource: Content {
+    /// Takes in what arrived, and says which positions may still be of use.
+    ///
+    /// # Errors
+    /// What ended the threads behind it.
+    fn poll(&mut self, useful_from: u64) -> Result<(), SessionError>;
+
+    /// Waits until it is known what comes of a position: with simulated clocks, for which it takes no time.
+    ///
+    /// # Errors
+    /// Those of [`poll`](Self::poll).
+    fn settle(&mut self, position: u64) -> Result<(), SessionError>;
+
+    /// Puts a position that is ready on the screen.
+    fn show(&mut self, position: u64);
+
+    /// What is on the screen, and which frame of the file it is.
+    fn on_screen(&self) -> Option<(&VideoFrames, u64)>;
+
+    /// Content from another frame of the file on; positions begin anew.
+    fn seek(&mut self, index: u64);
+}
+
+/// What a user can ask for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Command {
+    /// Stand still, or go on.
+    Pause(bool),
+    /// One content frame on, and stand still.
+    Step,
+    /// So many frames of the file further than what is on the screen.
+    Seek(i64),
+    /// So many times the content's own rate.
+    Speed(f64),
+}
+
+/// Whether there is more to come.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Flow {
+    /// There is.
+    Continue,
+    /// The last set was up for its time.
+    Ended,
+    /// A user closed the presenter.
+    Closed,
+}
+
+/// A video frame as it was handed over.
+#[derive(Debug, Clone, Copy)]
+pub struct PresentedFrame<'a> {
+    /// Which video frame of the display.
+    pub vblank: u64,
+    /// When it is to light up, on the player's clock.
+    pub predicted_display_time_ns: i64,
+    /// Which frame of the file it belongs to; none for the idle picture.
+    pub index: Option<u64>,
+    /// Which video frame of the set.
+    pub video_frame: u64,
+    /// Whether the set is new.
+    pub new: bool,
+    /// Why not, or why late.
+    pub late: Option<Cause>,
+    /// The bytes.
+    pub picture: &'a [u8],
+}
+
+/// Joins clock, scheduler and pacer.
+pub(super) struct Player {
+    clock: Rc<dyn Clock>,
+    scheduler: Scheduler,
+    pacer: Pacer,
+    idle: VideoFrames,
+    id: u64,
+    timing: Timing,
+    track: Track,
+    display_time_ns: i64,
+}
+
+impl Player {
+    /// `idle` is shown while there is no content: a set of video frames like content's.
+    pub(super) fn new(clock: Rc<dyn Clock>, scheduler: Scheduler, idle: VideoFrames, track: Track) -> Self {
+        let pacer = Pacer::new(scheduler.schedule().display_rate);
+        Self { clock, scheduler, pacer, idle, id: 0, timing: Timing::default(), track, display_time_ns: 0 }
+    }
+
+    /// What was shown, and why not more.
+    pub(super) fn scheduler(&self) -> &Scheduler {
+        &self.scheduler
+    }
+
+    /// How well predictions were met.
+    pub(super) fn timing(&self) -> &Timing {
+        &self.timing
+    }
+
+    /// The pacer.
+    pub(super) fn pacer(&self) -> &Pacer {
+        &self.pacer
+    }
+
+    /// What this thread did.
+    pub(super) fn into_track(self) -> Track {
+        self.track
+    }
+
+    /// When the last video frame handed over is to light up.
+    pub(super) fn display_time_ns(&self) -> i64 {
+        self.display_time_ns
+    }
+
+    /// Does what a user asked for, from the next video frame on.
+    pub(super) fn command(&mut self, command: Command, source: &mut dyn SetSource) {
+        let next_display_time_ns = self.display_time_ns + self.rate().period_ns();
+        match command {
+            Command::Pause(paused) => self.scheduler.pause(paused, next_display_time_ns),
+            Command::Step => self.scheduler.step(next_display_time_ns),
+            Command::Speed(factor) => {
+                if let Some(speed) = Speed::new(factor) {
+                    self.scheduler.set_speed(speed, next_display_time_ns);
+                }
+            }
+            Command::Seek(frames) => {
+                let index = source.on_screen().map_or(0, |s| s.1).saturating_add_signed(frames);
+                source.seek(index);
+                self.scheduler.restart();
+            }
+        }
+    }
+
+    /// One video frame. `observe` sees what was handed over.
+    ///
+    /// # Errors
+    /// The presenter is lost, or a thread of the source ended.
+    pub(super) fn tick(
+        &mut self,
+        presenter: &mut dyn Presenter,
+        source: &mut dyn SetSource,
+        observe: &mut dyn FnMut(&PresentedFrame<'_>) -> Result<(), SessionError>,
+    ) -> Result<Flow, SessionError> {
+        while let Some(event) = presenter.event() {
+            if event == Event::Close {
+                return Ok(Flow::Closed);
+            }
+            self.command(self.meaning(event), source);
+        }
+        let next = self.pacer.predict(self.clock.now_ns());
+        self.clock.wait_until_ns(next.wake_time_ns);
+        let (woken_ns, woken) = (self.clock.now_ns(), Instant::now());
+        let useful = self.scheduler.useful_from(next.predicted_display_time_ns);
+        source.poll(useful)?;
+        let wanted = self.scheduler.wanted(next.predicted_display_time_ns);
+        if let Some(wanted) = wanted.filter(|_| self.clock.is_simulated()) {
+            source.settle(wanted)?;
+        }
+        let Slot { what, video_frame, late } = self.scheduler.next(next.vblank, next.predicted_display_time_ns, source);
+        match what {
+            What::End => return Ok(Flow::Ended),
+            What::Set(position) => source.show(position),
+            What::Idle | What::Keep => {}
+        }
+        let (frames, index) = match source.on_screen() {
+            Some((frames, index)) if what != What::Idle => (frames, Some(index)),
+            _ => (&self.idle, None),
+        };
+        let picture = frames.frame((video_frame as usize).min(frames.count() - 1));
+        let number = index.unwrap_or(u64::MAX);
+        let uploading = Instant::now();
+        presenter.upload(picture)?;
+        self.track.span("upload", number, uploading);
+        self.track.span("submit", number, woken);
+        let presenting = Instant::now();
+        let compute_ns = self.clock.now_ns() - woken_ns;
+        presenter.present(self.id, next.desired_present_time_ns)?;
+        self.track.span("present", number, presenting);
+        self.pacer.submitted(self.id, next.vblank, compute_ns);
+        self.id += 1;
+        self.display_time_ns = next.predicted_display_time_ns;
+        while let Some(feedback) = presenter.feedback() {
+            if let Some(outcome) = self.pacer.presented(feedback.id, feedback.actual_display_time_ns) {
+                self.timing.add(outcome, feedback.actual_display_time_ns);
+            }
+        }
+        observe(&PresentedFrame {
+            vblank: next.vblank,
+            predicted_display_time_ns: next.predicted_display_time_ns,
+            index,
+            video_frame,
+            new: matches!(what, What::Set(_)),
+            late,
+            picture,
+        })?;
+        Ok(Flow::Continue)
+    }
+
+    /// Ends playing, however that came: unless it was the display that was lost, it is left on the idle picture's first
+    /// video frame, which is a defined one.
+    ///
+    /// # Errors
+    /// What ended it; else the presenter is lost.
+    pub(super) fn end<T>(
+        &mut self,
+        presenter: &mut dyn Presenter,
+        ended: Result<T, SessionError>,
+    ) -> Result<T, SessionError> {
+        if matches!(ended, Err(SessionError::Present(PresentError::Display { .. }))) {
+            return ended;
+        }
+        let next = self.pacer.predict(self.clock.now_ns());
+        self.clock.wait_until_ns(next.wake_time_ns);
+        self.id += 1;
+        let left = presenter
+            .upload(self.idle.frame(0))
+            .and_then(|()| presenter.present(self.id, next.desired_present_time_ns))
+            .and_then(|()| presenter.finish());
+        let how = ended?;
+        left?;
+        Ok(how)
+    }
+
+    pub(super) fn rate(&self) -> Rate {
+        self.scheduler.schedule().display_rate
+    }
+
+    fn meaning(&self, event: Event) -> Command {
+        match event {
+            Event::Close | Event::Pause => Command::Pause(!self.scheduler.is_paused()),
+            Event::Step => Command::Step,
+            Event::Seek(frames) => Command::Seek(frames),
+            Event::Faster(times) => Command::Speed(self.scheduler.schedule().speed.factor() * times),
+        }
+    }
+}

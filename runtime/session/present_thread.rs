@@ -1,0 +1,227 @@
+//! The thread that presents: it owns the display, and waits for nothing but it.
+
+use super::handle::Shared;
+use super::live::Following;
+use super::output::OpenDisplay;
+use super::player::{Flow, Player, SetSource};
+use super::record::Recording;
+use super::stream::Stream;
+use super::{
+    About, Content, Ended, Ending, FrameObserver, Output, Report, Schedule, Scheduler, SessionError, SessionOptions,
+    Statistics, Status, Trace,
+};
+use crate::encode::VideoFrames;
+use crate::gpu::{Gpu, Messages};
+use crate::present::SECOND_NS;
+use std::path::PathBuf;
+use std::rc::Rc;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+/// Spans that a trace keeps for each thread: half an hour at 120 Hz.
+const SPANS: usize = 1 << 19;
+
+/// Content that has begun.
+pub(super) enum Running {
+    Play(Stream),
+    Live(Box<Following>),
+}
+
+impl Running {
+    fn source(&mut self) -> &mut dyn SetSource {
+        match self {
+            Self::Play(stream) => stream,
+            Self::Live(following) => &mut following.source,
+        }
+    }
+}
+
+/// What content brings along.
+pub(super) struct Setup {
+    pub running: Running,
+    pub schedule: Schedule,
+    /// A set of video frames that is shown while there is no content.
+    pub idle: VideoFrames,
+    /// Sub-frames of a set, over all colours.
+    pub sub_frames: u64,
+}
+
+/// The thread's own.
+pub(super) struct PresentThread {
+    shared: Arc<Shared>,
+    running: Running,
+    player: Player,
+    recording: Option<Recording>,
+    observer: Option<FrameObserver>,
+    trace: Option<PathBuf>,
+    sub_frames: u64,
+    begun_ns: i64,
+    /// Content's time, on the display: how long it may be, and since when it is shown.
+    most_ns: Option<i64>,
+    content_since_ns: Option<i64>,
+    messages: Vec<Messages>,
+    // The display goes last: what stands on its desktop or its device goes before.
+    display: OpenDisplay,
+}
+
+impl PresentThread {
+    /// Opens the display and starts the content's threads.
+    pub(super) fn start(
+        content: Content,
+        output: &Output,
+        options: SessionOptions,
+        shared: Arc<Shared>,
+    ) -> Result<Self, SessionError> {
+        let trace = Trace::new(if options.trace.is_some() { SPANS } else { 0 });
+        let frames = match &content {
+            Content::Play(play) => play.encoder.frames(),
+            Content::Live(live) => live.encoder.frames(),
+        };
+        let size = [frames.height, frames.width, frames.channels];
+        let mut display = output.open(size, options.display_rate, options.gpu.as_ref())?;
+        let notes = shared.notes.clone();
+        let encoder_gpu = match &content {
+            Content::Play(play) => play.device.as_ref(),
+            Content::Live(_) => None,
+        };
+        let mut messages: Vec<Messages> = options.gpu.iter().map(Gpu::messages).collect();
+        messages.extend(encoder_gpu.filter(|gpu| !options.gpu.iter().any(|other| gpu.is(other))).map(Gpu::messages));
+        let setup = match content {
+            Content::Play(play) => play.start(&display, notes, trace)?,
+            Content::Live(live) => live.start(&mut display, Arc::clone(&shared.steered), &notes, trace)?,
+        };
+        let Setup { running, schedule, idle, sub_frames } = setup;
+        let simulated = display.clock.is_simulated();
+        let recording =
+            options.record.as_deref().map(|folder| Recording::start(folder, size, simulated)).transpose()?;
+        let player = Player::new(Rc::clone(&display.clock), Scheduler::new(schedule), idle, trace.track("present"));
+        Ok(Self {
+            shared,
+            running,
+            player,
+            recording,
+            observer: options.observer,
+            trace: options.trace,
+            sub_frames,
+            begun_ns: display.clock.now_ns(),
+            most_ns: options.duration.map(super::as_ns),
+            content_since_ns: None,
+            messages,
+            display,
+        })
+    }
+
+    pub(super) fn about(&mut self) -> About {
+        let schedule = *self.player.scheduler().schedule();
+        About {
+            presenter: self.display.presenter().describe(),
+            display_rate: schedule.display_rate,
+            set_frames: schedule.set_frames,
+            sub_frames: self.sub_frames,
+        }
+    }
+
+    /// Shows until something ends it.
+    pub(super) fn run(mut self) -> Ended {
+        let ended = loop {
+            match self.tick() {
+                Ok(None) => {}
+                Ok(Some(ending)) => break Ok(ending),
+                Err(error) => break Err(error),
+            }
+        };
+        self.finish(ended)
+    }
+
+    fn seconds(&self) -> f64 {
+        (self.display.clock.now_ns() - self.begun_ns) as f64 / SECOND_NS as f64
+    }
+
+    /// One video frame.
+    fn tick(&mut self) -> Result<Option<Ending>, SessionError> {
+        if self.shared.stop.load(Ordering::Acquire) {
+            return Ok(Some(Ending::Stopped));
+        }
+        while let Some(command) = self.shared.commands.take() {
+            self.player.command(command, self.running.source());
+        }
+        let Self { player, display, running, recording, observer, .. } = self;
+        let mut set_start_ns = None;
+        let flow = player.tick(display.presenter(), running.source(), &mut |frame| {
+            if frame.video_frame == 0 {
+                set_start_ns = Some(frame.predicted_display_time_ns);
+            }
+            if let Some(observer) = observer {
+                observer(frame);
+            }
+            recording.as_mut().map_or(Ok(()), |recording| recording.add(frame))
+        })?;
+        match flow {
+            Flow::Continue => {}
+            Flow::Ended => return Ok(Some(Ending::End)),
+            Flow::Closed => return Ok(Some(Ending::Closed)),
+        }
+        if let Running::Live(following) = running
+            && !following.after(set_start_ns, display)
+        {
+            return Ok(Some(Ending::Closed));
+        }
+        if self.player.scheduler().account().due > 0 {
+            let (now_ns, period_ns) = (self.player.display_time_ns(), self.player.rate().period_ns());
+            let passed_ns = now_ns - *self.content_since_ns.get_or_insert(now_ns) + period_ns;
+            if self.most_ns.is_some_and(|most_ns| passed_ns >= most_ns) {
+                return Ok(Some(Ending::Duration));
+            }
+        }
+        self.shared.status.store(Status {
+            seconds: self.seconds(),
+            account: *self.player.scheduler().account(),
+            timing: *self.player.timing(),
+            live: match &self.running {
+                Running::Play(_) => None,
+                Running::Live(following) => Some(following.status()),
+            },
+        });
+        Ok(None)
+    }
+
+    /// Leaves the idle picture, ends the threads, and says what came of it.
+    fn finish(mut self, ended: Result<Ending, SessionError>) -> Ended {
+        let ended_by = *ended.as_ref().unwrap_or(&Ending::Failed);
+        let mut result = self.player.end(self.display.presenter(), ended).map(drop);
+        let seconds = self.seconds();
+        let presenter = self.display.presenter();
+        let schedule = *self.player.scheduler().schedule();
+        let mut statistics = Statistics {
+            report: Report::new(self.player.scheduler(), self.player.timing(), seconds, self.sub_frames),
+            ended_by,
+            presenter: presenter.describe(),
+            timed_by: presenter.timed_by(),
+            display_hz: schedule.display_rate.hz(),
+            content_hz: schedule.content_rate.hz(),
+            set_frames: schedule.set_frames,
+            margin_ms: self.player.pacer().margin_ns() as f64 / 1e6,
+            ..Statistics::default()
+        };
+        let mut tracks = vec![self.player.into_track()];
+        match self.running {
+            Running::Play(stream) => tracks.extend(stream.stop()),
+            Running::Live(following) => {
+                let (live, more) = following.stop();
+                statistics.live = Some(live);
+                tracks.extend(more);
+            }
+        }
+        let written = self.trace.map_or(Ok(()), |file| Trace::write(&file, &tracks));
+        let recorded = self.recording.map_or(Ok(0), Recording::finish).map(|left_out| {
+            statistics.pictures_left_out = left_out;
+        });
+        result = result.and(written).and(recorded);
+        // What the validation layer said is whole when all that it watched is gone.
+        drop(self.display);
+        for messages in &self.messages {
+            statistics.validation.extend(messages.lock().map(|m| m.clone()).unwrap_or_default());
+        }
+        Ended { statistics, result }
+    }
+}

@@ -1,0 +1,97 @@
+//! When sets begin, and which one can still be reached. Pure; it passes between threads in an `AtomicCell`.
+
+/// When the display begins sets. Times in nanoseconds on the player's clock.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SetTiming {
+    /// When the last set that was decided on begins to be lit.
+    pub start_ns: i64,
+    /// From the beginning of a set to that of the next.
+    pub period_ns: i64,
+    /// So long before it is lit, a set is decided on.
+    pub lead_ns: i64,
+}
+
+/// A set to come.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Target {
+    /// When it begins to be lit.
+    pub start_ns: i64,
+    /// When it has to be handed over.
+    pub hand_over_ns: i64,
+}
+
+impl SetTiming {
+    /// The lead to begin with, before any decision was seen: a player's margin, and a millisecond.
+    pub fn usual_lead_ns(period_ns: i64) -> i64 {
+        period_ns / 8 + 1_000_000
+    }
+
+    /// Nothing is known but the period.
+    pub fn new(period_ns: i64) -> Self {
+        Self { start_ns: 0, period_ns, lead_ns: Self::usual_lead_ns(period_ns) }
+    }
+
+    /// After a set that begins at `start_ns` was decided on at `decided_ns`.
+    #[must_use]
+    pub fn after(self, start_ns: i64, decided_ns: i64) -> Self {
+        let lead = start_ns.saturating_sub(decided_ns).clamp(0, 4 * self.period_ns.max(1));
+        // Earlier decisions count at once, later ones slowly: a set that comes too late waits for a whole period.
+        Self { start_ns, lead_ns: lead.max(self.lead_ns - self.lead_ns / 16), ..self }
+    }
+
+    /// The first set after the last one that something which takes `need_ns` from now on can still be handed over for.
+    pub fn reachable(&self, now_ns: i64, need_ns: i64) -> Target {
+        let period = self.period_ns.max(1);
+        let first = self.start_ns.saturating_add(period);
+        let ready = now_ns.saturating_add(need_ns.max(0)).saturating_add(self.lead_ns);
+        let late = ready.saturating_sub(first).max(0);
+        let periods = late.saturating_add(period - 1) / period;
+        let start_ns = first.saturating_add(periods.saturating_mul(period));
+        Target { start_ns, hand_over_ns: start_ns.saturating_sub(self.lead_ns) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn the_next_set_or_the_first_that_is_reached() {
+        let timing = SetTiming { start_ns: 1000, period_ns: 100, lead_ns: 30 };
+        let at = |now, need| timing.reachable(now, need).start_ns;
+        assert_eq!(at(0, 0), 1100, "never one that was decided on");
+        assert_eq!((at(1060, 10), at(1061, 10)), (1100, 1200), "handed over at 1070 or never");
+        assert_eq!(at(1061, 1000), 2100);
+        assert_eq!(timing.reachable(1061, 1000).hand_over_ns, 2070);
+    }
+
+    #[test]
+    fn an_early_decision_counts_at_once_and_is_forgotten_slowly() {
+        let timing = SetTiming::new(16_000_000).after(50_000_000, 45_000_000);
+        assert_eq!(timing, SetTiming { start_ns: 50_000_000, period_ns: 16_000_000, lead_ns: 5_000_000 });
+        let timing = timing.after(66_000_000, 65_000_000);
+        assert_eq!(timing.lead_ns, 5_000_000 - 312_500);
+        let timing = (0..100).fold(timing, |timing, i| timing.after(82_000_000 + i, 81_000_000 + i));
+        assert_eq!(timing.lead_ns, 1_000_000);
+    }
+
+    proptest! {
+        #[test]
+        fn a_target_is_ahead_reachable_and_the_first(
+            start in any::<i64>(), period in any::<i64>(), lead in 0i64..1 << 40, now in any::<i64>(), need in any::<i64>()
+        ) {
+            let timing = SetTiming { start_ns: start, period_ns: period, lead_ns: lead };
+            let target = timing.reachable(now, need);
+            if (0..1 << 50).contains(&start) && (1..1 << 40).contains(&period) && (0..1 << 50).contains(&now) {
+                let need = need.clamp(0, 1 << 50);
+                let target = timing.reachable(now, need);
+                prop_assert!(target.start_ns > start && target.hand_over_ns >= now + need);
+                let before = target.start_ns - period;
+                prop_assert!(before <= start || before - lead < now + need);
+                prop_assert_eq!((target.start_ns - start) % period, 0);
+            }
+            prop_assert!(target.hand_over_ns <= target.start_ns);
+        }
+    }
+}

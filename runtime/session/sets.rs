@@ -1,0 +1,132 @@
+//! Refined sets handed over whole: the newest wins, nobody waits, and the buffers go round.
+
+use super::player::SetSource;
+use super::scheduler::{Content, Readiness};
+use super::{SessionError, Timestamps};
+use crate::encode::VideoFrames;
+use crate::mailbox::Mailbox;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// A refined set of video frames.
+#[derive(Debug)]
+pub struct FinishedSet {
+    /// Its number, from 0.
+    pub number: u64,
+    /// Its video frames.
+    pub frames: VideoFrames,
+    /// When what happened to it.
+    pub timestamps: Timestamps,
+    /// Where the pupil is expected at its light, metres.
+    pub pupil: [f64; 2],
+    /// Steps that were taken for it, over all colours.
+    pub steps: u32,
+    /// Its phases, colour by colour, where somebody looks at them too.
+    pub phases: Option<Vec<Arc<Vec<f32>>>>,
+}
+
+/// Buffers: one on the screen, one ready, one on its way, one being filled.
+const BUFFERS: usize = 4;
+
+/// The side that makes sets.
+pub(super) struct SetSender {
+    newest: Mailbox<FinishedSet>,
+    free: Mailbox<VideoFrames>,
+}
+
+/// The side that shows them. What is due is always the newest set there is, so nothing is ever late; a set for which
+/// nothing new came is shown again.
+pub(super) struct LiveSource {
+    newest: Mailbox<FinishedSet>,
+    free: Mailbox<VideoFrames>,
+    fresh: Option<FinishedSet>,
+    on_screen: Option<FinishedSet>,
+    changed: bool,
+    asked: Option<Instant>,
+    repeats: u64,
+    news: u64,
+}
+
+/// Both sides, with buffers like `frames`.
+pub(super) fn set_channel(frames: &VideoFrames) -> (SetSender, LiveSource) {
+    let (newest, free) = (Mailbox::new(1), Mailbox::new(BUFFERS));
+    (0..BUFFERS).for_each(|_| drop(free.put(frames.clone())));
+    let sender = SetSender { newest: newest.clone(), free: free.clone() };
+    let (fresh, on_screen, asked) = (None, None, None);
+    (sender, LiveSource { newest, free, fresh, on_screen, changed: false, asked, repeats: 0, news: 0 })
+}
+
+fn give_back(free: &Mailbox<VideoFrames>, old: Option<FinishedSet>) {
+    if let Some(old) = old {
+        let _ = free.put(old.frames);
+    }
+}
+
+impl SetSender {
+    /// A buffer to fill. There is always one: of those that are handed over, one waits at most.
+    pub(super) fn buffer(&self) -> Option<VideoFrames> {
+        self.free.take()
+    }
+
+    /// Hands a set over; one that waits still, and was never shown, makes room.
+    pub(super) fn send(&self, set: FinishedSet) {
+        give_back(&self.free, self.newest.push(set));
+    }
+}
+
+impl LiveSource {
+    /// The set on the screen, if it was not there when this was last asked.
+    pub(super) fn newly_shown(&mut self) -> Option<&FinishedSet> {
+        std::mem::take(&mut self.changed).then_some(self.on_screen.as_ref()).flatten()
+    }
+
+    /// When a player last asked what there is: when it decided.
+    pub(super) fn asked(&self) -> Option<Instant> {
+        self.asked
+    }
+
+    /// Sets that were new when they were decided on, and sets that were shown again.
+    pub(super) fn counts(&self) -> [u64; 2] {
+        [self.news, self.repeats]
+    }
+}
+
+impl Content for LiveSource {
+    fn readiness(&self, _position: u64) -> Readiness {
+        if self.fresh.is_some() || self.on_screen.is_some() { Readiness::Ready } else { Readiness::Unread }
+    }
+
+    fn end(&self) -> Option<u64> {
+        None
+    }
+}
+
+impl SetSource for LiveSource {
+    fn poll(&mut self, _useful_from: u64) -> Result<(), SessionError> {
+        self.asked = Some(Instant::now());
+        if let Some(set) = self.newest.take() {
+            give_back(&self.free, self.fresh.replace(set));
+        }
+        Ok(())
+    }
+
+    fn settle(&mut self, _position: u64) -> Result<(), SessionError> {
+        self.poll(0)
+    }
+
+    fn show(&mut self, _position: u64) {
+        let Some(fresh) = self.fresh.take() else {
+            self.repeats += 1;
+            return;
+        };
+        self.news += 1;
+        self.changed = true;
+        give_back(&self.free, self.on_screen.replace(fresh));
+    }
+
+    fn on_screen(&self) -> Option<(&VideoFrames, u64)> {
+        self.on_screen.as_ref().map(|set| (&set.frames, set.number))
+    }
+
+    fn seek(&mut self, _index: u64) {}
+}

@@ -1,0 +1,92 @@
+//! What came of a session, in numbers.
+
+use super::{Ending, Latency, Policy, Report};
+use serde_json::{Value, json};
+
+/// What was shown, and how late.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct Statistics {
+    /// What was shown when.
+    pub report: Report,
+    /// Why it ended.
+    pub ended_by: Ending,
+    /// The display, for people.
+    pub presenter: String,
+    /// How it was known when video frames lit up.
+    pub timed_by: &'static str,
+    /// Video frames a second.
+    pub display_hz: f64,
+    /// Content frames a second.
+    pub content_hz: f64,
+    /// Video frames of a multiplex set.
+    pub set_frames: u64,
+    /// Between waking and what had to be done, ms.
+    pub margin_ms: f64,
+    /// Pictures that a recording did not keep: the disk was slower than the display.
+    pub pictures_left_out: u64,
+    /// What the validation layer found.
+    pub validation: Vec<String>,
+    /// Of a live hologram.
+    pub live: Option<LiveStatistics>,
+}
+
+impl Default for Statistics {
+    fn default() -> Self {
+        Self {
+            report: Report::default(),
+            ended_by: Ending::Failed,
+            presenter: String::new(),
+            timed_by: "",
+            display_hz: 0.0,
+            content_hz: 0.0,
+            set_frames: 0,
+            margin_ms: 0.0,
+            pictures_left_out: 0,
+            validation: Vec::new(),
+            live: None,
+        }
+    }
+}
+
+/// What following the eye did.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct LiveStatistics {
+    /// The tracker, for people.
+    pub tracker: String,
+    /// How the hologram followed.
+    pub policy: Policy,
+    /// Sets that were new when they were decided on.
+    pub sets_new: u64,
+    /// Sets that were shown again.
+    pub sets_repeated: u64,
+    /// Steps over all colours.
+    pub steps: u64,
+    /// How often it began again with the hologram for the whole eyebox.
+    pub restarts: u64,
+    /// From the sample to the light.
+    pub latency: Latency,
+}
+
+impl Statistics {
+    /// For programs: the keys are those of `docs/playback.md` and `docs/live.md`.
+    pub fn to_json(&self) -> Value {
+        let mut all = self.report.to_json();
+        if let Some(live) = &self.live {
+            all = json!({
+                "playback": all, "tracker": live.tracker, "sets_new": live.sets_new,
+                "sets_repeated": live.sets_repeated, "steps": live.steps, "restarts": live.restarts,
+                "latency": live.latency.to_json(), "policy": live.policy,
+            });
+        }
+        all["ended_by"] = json!(self.ended_by.name());
+        all["presenter"] = json!(self.presenter);
+        all["timed_by"] = json!(self.timed_by);
+        all["display_rate_hz"] = json!(self.display_hz);
+        all["content_rate_hz"] = json!(self.content_hz);
+        all["video_frames_per_set"] = json!(self.set_frames);
+        all["margin_ms"] = json!(self.margin_ms);
+        all
+    }
+}

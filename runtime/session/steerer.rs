@@ -1,0 +1,165 @@
+//! All colours of a hologram under refinement, without threads: where to aim, when to begin again, what to do next.
+
+use super::SessionError;
+use crate::engine::{Engine, EngineError, PhasesOnDevice};
+use crate::optics::PupilDistribution;
+use crate::solve::{Problem, Refiner, Steering};
+use serde::{Deserialize, Serialize};
+use std::time::Duration;
+
+/// No eye is known better than this, metres: its spread as a solver takes it.
+const SHARPEST: f64 = 0.1e-3;
+
+/// One colour: what is solved for, and the hologram for the whole eyebox.
+#[derive(Clone)]
+pub struct SteeredColor {
+    /// The scene before this wavelength.
+    pub problem: Problem,
+    /// (frames, height, width), radians.
+    pub phases: Vec<f32>,
+    /// What the phases were solved for.
+    pub exposure: f64,
+}
+
+impl SteeredColor {
+    /// Its sub-frames.
+    pub fn frames(&self) -> usize {
+        let optics = &self.problem.optics;
+        self.phases.len() / (optics.height * optics.width).max(1)
+    }
+}
+
+/// How a hologram follows the eye.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Policy {
+    /// A jump of so many pupil diameters begins again with the hologram for the whole eyebox; infinite: never.
+    pub restart: f64,
+    /// The refinement.
+    pub steering: Steering,
+}
+
+impl Default for Policy {
+    fn default() -> Self {
+        Self { restart: 0.5, steering: Steering::default() }
+    }
+}
+
+struct OneColor {
+    refiner: Refiner,
+    whole: Vec<f32>,
+    phases: Vec<f32>,
+}
+
+/// All colours, each with its engine.
+pub struct Steerer {
+    colors: Vec<OneColor>,
+    policy: Policy,
+    /// Which colour is next.
+    next: usize,
+    /// Where the last steps went to.
+    aimed: Option<PupilDistribution>,
+    restarts: u64,
+    steps: u64,
+}
+
+impl Steerer {
+    /// Begins with the holograms for the whole eyebox; `engine` makes an engine for each colour.
+    ///
+    /// # Errors
+    /// [`SessionError::Setting`] for no colour or a policy that cannot be; those of [`Refiner::new`] and of `engine`.
+    pub fn new(
+        colors: Vec<SteeredColor>,
+        policy: Policy,
+        mut engine: impl FnMut() -> Result<Box<dyn Engine>, EngineError>,
+    ) -> Result<Self, SessionError> {
+        if colors.is_empty() {
+            return Err(SessionError::Setting("there is no colour to refine".into()));
+        }
+        if policy.restart.is_nan() || policy.restart < 0.0 {
+            let wrong = policy.restart;
+            return Err(SessionError::Setting(format!("restart after {wrong} pupil diameters: it must be 0 or more")));
+        }
+        let one = |color: SteeredColor| -> Result<OneColor, SessionError> {
+            let refiner = Refiner::new(color.problem, &color.phases, color.exposure, policy.steering, engine()?)?;
+            Ok(OneColor { refiner, phases: color.phases.clone(), whole: color.phases })
+        };
+        let colors = colors.into_iter().map(one).collect::<Result<_, _>>()?;
+        Ok(Self { colors, policy, next: 0, aimed: None, restarts: 0, steps: 0 })
+    }
+
+    /// The eye will be there. After a jump the hologram begins again as it was for the whole eyebox: what it gained was
+    /// for another place, and it lost a little everywhere else. Returns whether it does.
+    ///
+    /// # Errors
+    /// Those of the engines.
+    pub fn aim(&mut self, aim: PupilDistribution) -> Result<bool, EngineError> {
+        let aim = PupilDistribution { spread: aim.spread.max(SHARPEST), ..aim };
+        let diameter = |a: &PupilDistribution| 0.5 * (a.diameter[0] + a.diameter[1]);
+        let limit = self.policy.restart;
+        let jumped = self.aimed.is_some_and(|from| aim.distance(&from) > limit * diameter(&aim).max(diameter(&from)));
+        if jumped {
+            self.restart()?;
+        }
+        self.aimed = Some(aim);
+        for color in &mut self.colors {
+            color.refiner.aim(aim)?;
+        }
+        Ok(jumped)
+    }
+
+    /// Begins again with the hologram for the whole eyebox.
+    ///
+    /// # Errors
+    /// Those of the engines.
+    pub fn restart(&mut self) -> Result<(), EngineError> {
+        self.aimed = None;
+        self.restarts += 1;
+        self.colors.iter_mut().try_for_each(|c| c.refiner.restart(&c.whole))
+    }
+
+    /// What one step of every colour is expected to take.
+    pub fn round(&self) -> Duration {
+        self.colors.iter().map(|c| c.refiner.expected()).sum()
+    }
+
+    /// Steps, colour by colour in turn, one of each at most, while `may_begin` says of each, told what it is expected to
+    /// take, that it may; how many were taken. A colour whose loss is no finite number begins again.
+    ///
+    /// # Errors
+    /// Those of the engines.
+    pub fn round_while(&mut self, mut may_begin: impl FnMut(Duration) -> bool) -> Result<u32, EngineError> {
+        for taken in 0..self.colors.len() as u32 {
+            let color = &mut self.colors[self.next];
+            if !may_begin(color.refiner.expected()) {
+                return Ok(taken);
+            }
+            if !color.refiner.step()?.is_finite() {
+                color.refiner.restart(&color.whole)?;
+            }
+            self.next = (self.next + 1) % self.colors.len();
+            self.steps += 1;
+        }
+        Ok(self.colors.len() as u32)
+    }
+
+    /// The phases as they are now, colour by colour: (frames, height, width), radians.
+    ///
+    /// # Errors
+    /// Those of the engines.
+    pub fn phases(&mut self) -> Result<Vec<&[f32]>, EngineError> {
+        for color in &mut self.colors {
+            color.phases = color.refiner.phases()?;
+        }
+        Ok(self.colors.iter().map(|c| c.phases.as_slice()).collect())
+    }
+
+    /// The phases where they are, colour by colour, if all of them are in a device's memory: for an encoder on that device.
+    pub fn phases_on_device(&self) -> Option<Vec<PhasesOnDevice<'_>>> {
+        self.colors.iter().map(|color| color.refiner.phases_on_device()).collect()
+    }
+
+    /// How often it began again, and how many steps it took.
+    pub fn counts(&self) -> [u64; 2] {
+        [self.restarts, self.steps]
+    }
+}

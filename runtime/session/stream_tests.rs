@@ -1,0 +1,347 @@
+//! The stream: what it hands over is what the encoder makes of the file, in order; damage, ends, loops and growth.
+
+use super::player::{Command, Flow, Player, PresentedFrame, SetSource};
+use super::scheduler::{Content, Readiness, Start};
+use super::stream::{Stream, StreamEncoder, StreamOptions};
+use super::*;
+use crate::encode::{Encoder, PhaseSet};
+use crate::gpu::{Gpu, Options as GpuOptions};
+use crate::hologram::{ColorHologram, Hologram, Sequence, SequenceWriter};
+use crate::optics::{Color, Display, Optics};
+use crate::present::{Clock, Offscreen, Rate, SimulatedClock};
+use crate::solve::SplitMix;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+
+const COLORS: [Color; 3] = [Color::Red, Color::Green, Color::Blue];
+
+fn display(preset: &str) -> Display {
+    Display { height: 12, width: 16, ..Display::preset(preset).expect("a preset") }
+}
+
+fn hologram(index: u64, display: &Display) -> Hologram {
+    let mut random = SplitMix(index);
+    let mut color = |c: &crate::optics::Wavelength| ColorHologram {
+        color: Some(c.color),
+        wavelength: c.wavelength,
+        exposure: 0.4,
+        efficiency: 0.4,
+        phases: (0..8 * 192).map(|_| crate::hologram::wrap_phase((7.0 * random.unit()) as f32)).collect(),
+    };
+    let colors = display.wavelengths.iter().map(&mut color).collect();
+    Hologram { height: 12, width: 16, ..Hologram::on(display, 8, colors) }
+}
+
+struct Fixture {
+    _here: tempfile::TempDir,
+    path: PathBuf,
+    display: Display,
+    writer: SequenceWriter,
+}
+
+fn fixture(preset: &str, count: u64) -> Fixture {
+    let here = tempfile::tempdir().unwrap();
+    let (path, display) = (here.path().join("x.zarr"), display(preset));
+    assert!(Optics::new(12, 16, display.pitch, 520e-9, 0.4).is_ok());
+    let mut writer = SequenceWriter::create(&path, &hologram(0, &display), [60, 1], None).unwrap();
+    (0..count).for_each(|i| writer.append(&hologram(i, &display)).unwrap());
+    Fixture { _here: here, path, display, writer }
+}
+
+fn options() -> StreamOptions {
+    StreamOptions {
+        ahead: 3,
+        looped: false,
+        follow: false,
+        first: 0,
+        threads: 2,
+        mark: 0,
+        notes: Notes::default(),
+        trace: Trace::new(0),
+    }
+}
+
+fn start(path: &Path, display: &Display, options: StreamOptions) -> Stream {
+    let encoder = Encoder::new(display, &COLORS, 8).unwrap();
+    Stream::start(Sequence::open(path).unwrap(), StreamEncoder::Cpu(encoder), options).unwrap()
+}
+
+fn encoded(index: u64, display: &Display) -> Vec<Vec<u8>> {
+    let hologram = hologram(index, display);
+    let colors: Vec<&[f32]> = hologram.colors.iter().map(|c| &c.phases[..]).collect();
+    let frames = Encoder::new(display, &COLORS, 8).unwrap().encode(&PhaseSet::trusted(&colors)).unwrap();
+    (0..frames.count()).map(|i| frames.frame(i).to_vec()).collect()
+}
+
+/// What was handed over: frame of the file, video frame, bytes.
+type Log = Vec<(Option<u64>, u64, Vec<u8>)>;
+
+struct Played {
+    log: Log,
+    messages: Vec<String>,
+    account: Account,
+    flow: Flow,
+}
+
+/// Plays with a simulated clock until the end, or for so many video frames.
+fn play(
+    fixture: &Fixture,
+    options: StreamOptions,
+    content: &str,
+    most: usize,
+    act: impl FnMut(usize, &mut Player, &mut Stream),
+) -> Played {
+    let notes = options.notes.clone();
+    play_stream(fixture, (start(&fixture.path, &fixture.display, options), notes), content, most, act)
+}
+
+/// The same with a stream of the test's own.
+fn play_stream(
+    fixture: &Fixture,
+    (mut stream, notes): (Stream, Notes),
+    content: &str,
+    most: usize,
+    mut act: impl FnMut(usize, &mut Player, &mut Stream),
+) -> Played {
+    let encoder = Encoder::new(&fixture.display, &COLORS, 8).unwrap();
+    let clock: Rc<dyn Clock> = Rc::new(SimulatedClock::default());
+    let display_rate = Rate::parse("60").unwrap();
+    let schedule = Schedule {
+        display_rate,
+        content_rate: Rate::parse(content).unwrap(),
+        speed: Speed::ONE,
+        set_frames: encoder.packed().video_frames as u64,
+        start: Start::WhenReady { idle_sets: 2 },
+        keep_phase: false,
+    };
+    let idle = encoder.frames();
+    let mut offscreen = Offscreen::new(Rc::clone(&clock), display_rate, idle.frame_bytes());
+    let mut player = Player::new(clock, Scheduler::new(schedule), idle, Trace::new(0).track(""));
+    let (mut log, mut messages, mut flow) = (Log::new(), Vec::new(), Flow::Continue);
+    while flow == Flow::Continue && log.len() < most {
+        act(log.len(), &mut player, &mut stream);
+        let mut keep = |m: &PresentedFrame<'_>| {
+            log.push((m.index, m.video_frame, m.picture.to_vec()));
+            Ok(())
+        };
+        flow = player.tick(&mut offscreen, &mut stream, &mut keep).unwrap();
+    }
+    while let Some(message) = notes.take_within(std::time::Duration::ZERO) {
+        messages.push(message);
+    }
+    let account = *player.scheduler().account();
+    Played { log, messages, account, flow }
+}
+
+fn shown(log: &Log) -> Vec<u64> {
+    let mut shown: Vec<u64> = log.iter().filter_map(|l| l.0).collect();
+    shown.dedup();
+    shown
+}
+
+#[test]
+fn every_packing_is_played_as_it_is_encoded() {
+    for preset in ["grey8", "fields", "planes8", "planes24", "plm"] {
+        let fixture = fixture(preset, 5);
+        let rate = if preset == "grey8" { "2.5" } else { "7.5" };
+        let played = play(&fixture, options(), rate, 100_000, |_, _, _| {});
+        assert_eq!((shown(&played.log), played.flow), (vec![0, 1, 2, 3, 4], Flow::Ended), "{preset}");
+        assert_eq!(played.account.drops(), 0, "{preset}: {:?}", played.account);
+        for (index, video_frame, picture) in &played.log {
+            if let Some(index) = index {
+                assert!(
+                    *picture == encoded(*index, &fixture.display)[*video_frame as usize],
+                    "{preset} {index} {video_frame}"
+                );
+            }
+        }
+    }
+}
+
+/// A software device will do; watched, and with a cache of the tests' own.
+fn gpu() -> Gpu {
+    let cache = Some(std::env::temp_dir().join("eyebox-tests"));
+    Gpu::open(&GpuOptions { allow_cpu: true, validation: true, cache, ..GpuOptions::default() }).unwrap()
+}
+
+fn is_as_encoded(played: &Played, fixture: &Fixture) {
+    for (index, video_frame, picture) in &played.log {
+        if let Some(index) = index {
+            let wanted = &encoded(*index, &fixture.display)[*video_frame as usize];
+            assert!(picture == wanted, "{} {index} {video_frame}", fixture.display.name);
+        }
+    }
+}
+
+#[test]
+fn a_vulkan_device_streams_the_bytes_of_the_cpu() {
+    for preset in ["grey8", "fields", "planes8", "planes24", "plm"] {
+        let fixture = fixture(preset, 5);
+        let encoder = Encoder::new(&fixture.display, &COLORS, 8).unwrap();
+        let sequence = Sequence::open(&fixture.path).unwrap();
+        let options = options();
+        let notes = options.notes.clone();
+        let gpu = gpu();
+        let heard = gpu.messages();
+        let stream = Stream::start(sequence, StreamEncoder::Vulkan(encoder, gpu), options).unwrap();
+        let rate = if preset == "grey8" { "2.5" } else { "7.5" };
+        let played = play_stream(&fixture, (stream, notes), rate, 100_000, |_, _, _| {});
+        assert_eq!((shown(&played.log), played.flow), (vec![0, 1, 2, 3, 4], Flow::Ended), "{preset}");
+        is_as_encoded(&played, &fixture);
+        assert!(played.messages.iter().all(|m| m.contains("unfinished")), "{:?}", played.messages);
+        assert_eq!(*heard.lock().unwrap(), Vec::<String>::new());
+    }
+}
+
+/// The device is lost at the first submission, in an upload, in the kernel, in a download: the CPU goes on with the very
+/// hologram, nothing is dropped, and one line says so.
+#[test]
+fn a_device_lost_while_streaming_is_followed_by_the_cpu() {
+    for after in [0, 1, 3, 4, 12, 17] {
+        let fixture = fixture("planes24", 8);
+        let encoder = Encoder::new(&fixture.display, &COLORS, 8).unwrap();
+        let sequence = Sequence::open(&fixture.path).unwrap();
+        let mut lost = crate::engine::vulkan::VulkanEncoder::staged(&gpu(), encoder.plan()).unwrap();
+        lost.pretend_lost_after(after);
+        let heard = lost.gpu().messages();
+        let options = options();
+        let notes = options.notes.clone();
+        let stream = Stream::with(sequence, encoder, Some(lost), options).unwrap();
+        let played = play_stream(&fixture, (stream, notes), "20", 100_000, |_, _, _| {});
+        assert_eq!((shown(&played.log), played.flow), ((0..8).collect(), Flow::Ended), "after {after}");
+        assert_eq!(played.account.drops(), 0);
+        is_as_encoded(&played, &fixture);
+        let said: Vec<&String> = played.messages.iter().filter(|m| m.contains("was lost")).collect();
+        assert_eq!(said.len(), 1, "{:?}", played.messages);
+        assert!(said[0].contains("while it ran") && said[0].contains("the CPU encodes from here on"), "{}", said[0]);
+        assert_eq!(*heard.lock().unwrap(), Vec::<String>::new());
+    }
+}
+
+/// While content is on the display the reader panics, or the encoder does, or a device gives an error: playing ends with
+/// what failed and why, and the display is on the idle picture.
+#[test]
+fn a_thread_that_fails_leaves_the_idle_picture_and_one_line() {
+    enum Fault {
+        Panic(usize),
+        Full,
+    }
+    let cases = [
+        (Fault::Panic(0), "the thread that reads holograms failed, which is a fault of eyebox: a test's fault at 20"),
+        (Fault::Panic(1), "the thread that encodes failed, which is a fault of eyebox: a test's fault at 20"),
+        (Fault::Full, "memory: room for an upload could not be had"),
+    ];
+    for (fault, line) in cases {
+        let fixture = fixture("planes24", 4);
+        let encoder = Encoder::new(&fixture.display, &COLORS, 8).unwrap();
+        let mut idle = encoder.frames();
+        idle.bytes_mut().fill(0x5a);
+        let device = matches!(fault, Fault::Full).then(|| {
+            let mut device = crate::engine::vulkan::VulkanEncoder::staged(&gpu(), encoder.plan()).unwrap();
+            device.pretend_full_after(40);
+            device
+        });
+        let sequence = Sequence::open(&fixture.path).unwrap();
+        let looped = StreamOptions { looped: true, ..options() };
+        let mut stream = Stream::with(sequence, encoder, device, looped).unwrap();
+        if let Fault::Panic(thread) = fault {
+            stream.pretend_panic_from(thread, 20);
+        }
+        let clock: Rc<dyn Clock> = Rc::new(SimulatedClock::default());
+        let rate = Rate::parse("60").unwrap();
+        let start = Start::WhenReady { idle_sets: 2 };
+        let (speed, keep_phase) = (Speed::ONE, false);
+        let schedule = Schedule { display_rate: rate, content_rate: rate, speed, set_frames: 1, start, keep_phase };
+        let mut offscreen = Offscreen::new(Rc::clone(&clock), rate, idle.frame_bytes());
+        let mut player = Player::new(clock, Scheduler::new(schedule), idle.clone(), Trace::new(0).track(""));
+        let ended = loop {
+            let shown = offscreen.picture().to_vec();
+            if let Err(error) = player.tick(&mut offscreen, &mut stream, &mut |_| Ok(())) {
+                assert!(shown != idle.frame(0) && offscreen.picture() == shown, "{line}: nothing was shown");
+                break Err::<(), _>(error);
+            }
+        };
+        assert!(player.scheduler().account().shown > 4, "{line}");
+        let text = player.end(&mut offscreen, ended).expect_err("a failure").to_string();
+        assert!(text.contains(line) && !text.contains('\n'), "{text}");
+        assert_eq!(offscreen.picture(), idle.frame(0), "{line}");
+        // The other thread has ended too, and nothing waits for it.
+        assert_eq!(stream.stop().len(), if line.starts_with("the thread") { 1 } else { 2 }, "{line}");
+    }
+}
+
+#[test]
+fn damaged_holograms_are_left_out_with_a_message() {
+    let fixture = fixture("planes24", 6);
+    let file = fixture.path.join("phases/c/2/0/0/0/0");
+    let mut bytes = std::fs::read(&file).unwrap();
+    bytes[100] ^= 1;
+    std::fs::write(&file, bytes).unwrap();
+    let played = play(&fixture, options(), "20", 100_000, |_, _, _| {});
+    assert_eq!(shown(&played.log), [0, 1, 3, 4, 5]);
+    assert_eq!((played.account.dropped_for(Cause::Damaged), played.account.drops()), (1, 1));
+    assert!(played.messages[0].contains("hologram 2 is left out") && played.messages[0].contains("phases/c/2"));
+    assert!(played.messages[1].contains("unfinished and ends after 6"), "{:?}", played.messages);
+}
+
+#[test]
+fn a_loop_a_first_frame_and_seeking() {
+    let fixture = fixture("planes24", 4);
+    let looped = StreamOptions { looped: true, first: 2, ..options() };
+    let played = play(&fixture, looped.clone(), "60", 30, |_, _, _| {});
+    assert_eq!(shown(&played.log)[..9], [2, 3, 0, 1, 2, 3, 0, 1, 2]);
+    let played = play(&fixture, looped, "60", 30, |tick, player, stream| {
+        if tick == 12 {
+            player.command(Command::Seek(-1), stream);
+        }
+    });
+    let numbers = shown(&played.log);
+    let back = numbers.windows(2).position(|w| w[1] != (w[0] + 1) % 4).expect("a seek");
+    assert_eq!(numbers[back + 1], (numbers[back] + 3) % 4, "{numbers:?}");
+    assert_eq!(played.account.drops(), 0);
+}
+
+#[test]
+fn a_growing_sequence_is_followed_to_its_end() {
+    let mut fixture = fixture("planes24", 2);
+    let follow = StreamOptions { follow: true, ..options() };
+    let encoder = Encoder::new(&fixture.display, &COLORS, 8).unwrap();
+    let mut stream = start(&fixture.path, &fixture.display, follow);
+    let mut seen = 0;
+    for position in 0..5 {
+        if position >= 2 {
+            fixture.writer.append(&hologram(position, &fixture.display)).unwrap();
+        }
+        stream.settle(position).unwrap();
+        assert_eq!(stream.readiness(position), Readiness::Ready);
+        stream.show(position);
+        let (frames, index) = stream.on_screen().unwrap();
+        assert_eq!((index, frames.frame(0)), (position, &encoded(position, &fixture.display)[0][..]));
+        assert_eq!(frames.count(), encoder.packed().video_frames);
+        seen += 1;
+    }
+    assert_eq!((seen, stream.end()), (5, None));
+    fixture.writer.finish().unwrap();
+    stream.settle(5).unwrap();
+    assert_eq!(stream.end(), Some(5));
+}
+
+#[test]
+fn a_hologram_of_another_shape_is_refused_at_once() {
+    let fixture = fixture("planes24", 1);
+    let encoder = Encoder::new(&Display { width: 20, ..fixture.display.clone() }, &COLORS, 8).unwrap();
+    let sequence = Sequence::open(&fixture.path).unwrap();
+    assert!(matches!(Stream::start(sequence, StreamEncoder::Cpu(encoder), options()), Err(SessionError::Encode(_))));
+}
+
+#[test]
+fn a_mark_changes_its_corner_alone() {
+    let fixture = fixture("planes24", 2);
+    let marked = StreamOptions { mark: 4, ..options() };
+    let played = play(&fixture, marked, "60", 100, |_, _, _| {});
+    let (_, _, picture) = played.log.iter().find(|l| l.0 == Some(0)).unwrap();
+    let plain = &encoded(0, &fixture.display)[0];
+    let differs = |y: usize, x: usize| picture[3 * (16 * y + x)..][..3] != plain[3 * (16 * y + x)..][..3];
+    assert!((0..12).all(|y| (0..16).all(|x| !differs(y, x) || (y < 4 && x < 4))));
+    assert!((0..4).any(|y| (0..4).any(|x| differs(y, x))));
+}

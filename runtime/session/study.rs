@@ -1,0 +1,368 @@
+//! What steering gains: a simulated eye before a hologram that follows it, judged by what the eye really sees.
+//!
+//! Time is simulated: it passes by what refining and encoding cost ([`Cost`]), and stands still while quality is measured.
+//! Everything else is as in a live session: samples come late and with noise, the pupil is predicted, sets are handed over
+//! whole, and those that come too late are shown a set later.
+
+mod stage;
+
+use super::{Policy, SessionError, SetTiming, SteeredColor, Steerer, as_ns};
+use crate::encode::{Encoder, PhaseSet, VideoFrames};
+use crate::engine::{Engine, EngineError};
+use crate::evaluate::Sums;
+use crate::gaze;
+use crate::optics::Pupil;
+use crate::solve::{PupilRange, Refiner, Sampler, Sequence};
+use crate::trackers::simulated::{self, Doing};
+use serde::Serialize;
+use stage::{Stage, WorkTime};
+use std::time::Duration;
+
+/// What work costs in a study's time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Cost {
+    /// What it takes on this machine.
+    Measured,
+    /// The same on every machine, so that one study gives one result.
+    Fixed {
+        /// A step of one colour.
+        step: Duration,
+        /// Encoding a set.
+        encode: Duration,
+    },
+}
+
+/// What is studied.
+#[derive(Debug, Clone)]
+pub struct StudySettings {
+    /// So long, seconds.
+    pub seconds: f64,
+    /// From the beginning of a set to that of the next, nanoseconds.
+    pub period_ns: i64,
+    /// So long before it begins, a set is decided on.
+    pub lead_ns: i64,
+    /// From the beginning of a set to the middle of its light.
+    pub light_after_ns: i64,
+    /// What refining costs.
+    pub cost: Cost,
+    /// The eye and its tracker.
+    pub eye: simulated::Settings,
+    /// From samples to the pupil. The eye's focus is the middle of its range.
+    pub gaze: gaze::Settings,
+}
+
+impl Default for StudySettings {
+    /// A set a video frame at 60 Hz; fixations of 300 ms.
+    fn default() -> Self {
+        let eye = simulated::Settings { fixation: [0.3, 0.3], pursuit: 0.0, blinks: 0.0, ..Default::default() };
+        let period_ns = 1_000_000_000 / 60;
+        Self {
+            seconds: 4.0,
+            period_ns,
+            lead_ns: SetTiming::usual_lead_ns(period_ns),
+            light_after_ns: period_ns / 2,
+            cost: Cost::Measured,
+            eye,
+            gaze: gaze::Settings::default(),
+        }
+    }
+}
+
+/// One set, at its light.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct StudySample {
+    /// When, seconds from the beginning.
+    pub time_s: f64,
+    /// Since the eye came to rest, ms; none while it jumps, and before the first jump.
+    pub since_landing_ms: Option<f64>,
+    /// Jumps so far.
+    pub jumps: u32,
+    /// Where the pupil is, metres.
+    pub position: [f64; 2],
+    /// Its diameter, metres.
+    pub diameter: f64,
+    /// How far from there the set was made for, metres; none before the first.
+    pub error: Option<f64>,
+    /// PSNR of what the eye sees, mean over the colours, dB.
+    pub steered_db: f64,
+    /// The same of the hologram for the whole eyebox.
+    pub whole_db: f64,
+    /// Steps that were taken for the set, over all colours.
+    pub steps: u32,
+    /// Whether the set is new.
+    pub new: bool,
+}
+
+impl StudySample {
+    /// What steering gains, dB.
+    pub fn gain_db(&self) -> f64 {
+        self.steered_db - self.whole_db
+    }
+}
+
+/// What came of it.
+#[derive(Debug, Clone, Serialize)]
+pub struct Study {
+    /// Every set at which the eye was open.
+    pub moments: Vec<StudySample>,
+    /// How often the refinement began again.
+    pub restarts: u64,
+    /// Steps over all colours.
+    pub steps: u64,
+    /// What a step of one colour takes, ms: the mean.
+    pub step_ms: f64,
+    /// Reading back and encoding a set, ms: the mean.
+    pub encode_ms: f64,
+}
+
+impl Study {
+    /// Of each fixation that lasted to a jump: the gain at its last set, in dB.
+    pub fn at_the_end_db(&self) -> Vec<f64> {
+        let last = |pair: &[StudySample]| pair[1].jumps > pair[0].jumps && pair[0].since_landing_ms.is_some();
+        let with_jump = |pair: &[StudySample]| pair[0].since_landing_ms.is_some() && pair[1].since_landing_ms.is_none();
+        self.moments.windows(2).filter(|p| last(p) || with_jump(p)).map(|p| p[0].gain_db()).collect()
+    }
+
+    /// Of each fixation: the gain at the last set that is lit within so many milliseconds of the landing, dB.
+    pub fn within_db(&self, ms: f64) -> Vec<f64> {
+        let mut all: Vec<(u32, f64)> = Vec::new();
+        for m in self.moments.iter().filter(|m| m.since_landing_ms.is_some_and(|t| t <= ms)) {
+            match all.last_mut() {
+                Some((jumps, gain)) if *jumps == m.jumps => *gain = m.gain_db(),
+                _ => all.push((m.jumps, m.gain_db())),
+            }
+        }
+        all.into_iter().map(|a| a.1).collect()
+    }
+
+    /// The worst that steering did at any time, dB.
+    pub fn worst_db(&self) -> f64 {
+        self.moments.iter().map(StudySample::gain_db).fold(f64::INFINITY, f64::min)
+    }
+}
+
+/// Pupils that the exposure is fitted over.
+const EXPOSED: usize = 12;
+/// What handing over is allowed beside encoding, nanoseconds.
+const SLACK_NS: i64 = 500_000;
+
+/// What an eye sees of one colour's phases, at an exposure that stays.
+struct SeenColor {
+    seen: Refiner,
+    exposure: f64,
+}
+
+impl SeenColor {
+    fn new(color: &SteeredColor, policy: &Policy, depth: f64, engine: Box<dyn Engine>) -> Result<Self, SessionError> {
+        let problem = color.problem.clone();
+        let range = PupilRange::over(problem.eyebox, [depth, depth]);
+        let mut seen = Refiner::new(problem, &color.phases, color.exposure, policy.steering, engine)?;
+        let mut sampler = Sampler::new(range, Sequence::Sobol, 0x006a_7564_6765);
+        let pupils: Vec<Pupil> = (0..EXPOSED).map(|_| sampler.draw()).collect();
+        // Lasers stay as they are: one exposure, that of the hologram for the whole eyebox.
+        let exposure = Sums::fit_exposure(&seen.look(&pupils)?).map_err(|e| SessionError::Setting(e.to_string()))?;
+        Ok(Self { seen, exposure })
+    }
+
+    fn psnr(&mut self, pupil: Pupil) -> Result<f64, EngineError> {
+        Ok(self.seen.look(&[pupil])?.iter().map(|s| s.psnr(self.exposure)).sum())
+    }
+}
+
+/// Of all colours, dB: the mean.
+fn psnr(colors: &mut [SeenColor], pupil: Pupil) -> Result<f64, EngineError> {
+    let count = colors.len() as f64;
+    let all: Vec<f64> = colors.iter_mut().map(|c| c.psnr(pupil)).collect::<Result<_, _>>()?;
+    Ok(all.iter().sum::<f64>() / count)
+}
+
+/// Sees every set at its light, with the phases that were lit, colour by colour, and which share of the study is done; ends
+/// it by answering `false`.
+pub type Observer<'a> = dyn FnMut(&StudySample, &[Vec<f32>], f64) -> bool + 'a;
+
+/// A set that was made: its phases, colour by colour, where the pupil is expected, and the steps taken for it.
+struct MadeSet {
+    phases: Vec<Vec<f32>>,
+    pupil: Option<[f64; 2]>,
+    steps: u32,
+    new: bool,
+}
+
+struct Studying<'a> {
+    settings: &'a StudySettings,
+    encoder: &'a Encoder,
+    frames: VideoFrames,
+    steerer: Steerer,
+    stage: Stage,
+    depth: f64,
+    /// What the eye sees of the set on the display, and of the hologram for the whole eyebox.
+    lit: Vec<SeenColor>,
+    whole: Vec<SeenColor>,
+    shown: MadeSet,
+    samples: Vec<StudySample>,
+    next_start_ns: i64,
+    /// What encoding is expected to take; all that was spent on encoding and on refining; sets handed over.
+    encoding_ns: i64,
+    encoded_ns: i64,
+    refined_ns: i64,
+    handed_over: u64,
+}
+
+/// Steers `colors` for a simulated eye. `engine` makes engines, three for each colour.
+///
+/// # Errors
+/// [`SessionError::Setting`] for what cannot be; those of the engines and of the encoder.
+pub fn study(
+    colors: &[SteeredColor],
+    policy: &Policy,
+    encoder: &Encoder,
+    settings: &StudySettings,
+    engine: &mut dyn FnMut() -> Result<Box<dyn Engine>, EngineError>,
+    observe: &mut Observer<'_>,
+) -> Result<Study, SessionError> {
+    if settings.period_ns <= 0 || settings.lead_ns < 0 || !(settings.seconds > 0.0 && settings.seconds <= 3600.0) {
+        return Err(SessionError::Setting("a study lasts up to an hour, with sets of a positive period".into()));
+    }
+    let depth = 0.5 * (settings.gaze.focus[0] + settings.gaze.focus[1]);
+    let mut steerer = Steerer::new(colors.to_vec(), *policy, &mut *engine)?;
+    let mut seen = || -> Result<Vec<SeenColor>, SessionError> {
+        colors.iter().map(|color| SeenColor::new(color, policy, depth, engine()?)).collect()
+    };
+    let (lit, whole) = (seen()?, seen()?);
+    // Before time begins: no first step is like the others.
+    for _ in 0..4 {
+        steerer.round_while(|_| true)?;
+    }
+    steerer.restart()?;
+    let phases = colors.iter().map(|c| c.phases.clone()).collect();
+    let mut studying = Studying {
+        settings,
+        encoder,
+        frames: encoder.frames(),
+        steerer,
+        stage: Stage::new(settings)?,
+        depth,
+        lit,
+        whole,
+        shown: MadeSet { phases, pupil: None, steps: 0, new: false },
+        samples: Vec::new(),
+        next_start_ns: settings.period_ns,
+        encoding_ns: 0,
+        encoded_ns: 0,
+        refined_ns: 0,
+        handed_over: 0,
+    };
+    while studying.next_start_ns < studying.end_ns() {
+        let made = studying.refine()?;
+        if !studying.light(observe)? {
+            break;
+        }
+        if let Some(made) = made {
+            studying.show(made)?;
+        }
+    }
+    Ok(studying.finish())
+}
+
+impl Studying<'_> {
+    fn end_ns(&self) -> i64 {
+        (self.settings.seconds * 1e9) as i64
+    }
+
+    /// What a step of every colour is expected to cost.
+    fn round_ns(&self) -> i64 {
+        match self.settings.cost {
+            Cost::Measured => as_ns(self.steerer.round()),
+            Cost::Fixed { step, .. } => as_ns(step).saturating_mul(self.lit.len() as i64),
+        }
+    }
+
+    /// Steps for the next set that can be reached, and encodes it: time passes. None where there was no time for a step.
+    fn refine(&mut self) -> Result<Option<MadeSet>, SessionError> {
+        self.stage.arrive()?;
+        let ends_ns = self.encoding_ns + SLACK_NS;
+        let target = self.stage.timing().reachable(self.stage.now_ns, self.round_ns().saturating_add(ends_ns));
+        let light = u64::try_from(target.start_ns + self.settings.light_after_ns).unwrap_or(0);
+        let mut time = WorkTime::begin(self.settings.cost, self.stage.now_ns);
+        let began_ns = self.stage.now_ns;
+        let deadline_ns = target.hand_over_ns - ends_ns;
+        let mut steps = 0;
+        let pupil = loop {
+            let pupil = self.stage.estimator.predict(light);
+            self.steerer.aim(pupil)?;
+            let taken = self.steerer.round_while(|expected| time.step_before(deadline_ns, expected))?;
+            steps += taken;
+            if taken == 0 || time.now_ns().saturating_add(self.round_ns()) > deadline_ns {
+                break pupil;
+            }
+            self.stage.now_ns = time.now_ns();
+            self.stage.arrive()?;
+        };
+        if steps == 0 {
+            self.stage.now_ns = time.now_ns() + SLACK_NS;
+            return Ok(None);
+        }
+        let refined_ns = time.now_ns();
+        let phases = self.steerer.phases()?;
+        self.encoder.encode_into(&PhaseSet::trusted(&phases), &mut self.frames)?;
+        let phases = phases.into_iter().map(<[f32]>::to_vec).collect();
+        time.encoded();
+        self.stage.now_ns = time.now_ns();
+        let took_ns = time.now_ns() - refined_ns;
+        self.refined_ns += refined_ns - began_ns;
+        self.encoded_ns += took_ns;
+        self.handed_over += 1;
+        self.encoding_ns = took_ns.max(self.encoding_ns - self.encoding_ns / 10);
+        Ok(Some(MadeSet { phases, pupil: Some(pupil.centre), steps, new: true }))
+    }
+
+    /// What the eye sees of the sets that are lit before one that is handed over now; false where the observer ends it.
+    fn light(&mut self, observe: &mut Observer<'_>) -> Result<bool, SessionError> {
+        let end_ns = self.end_ns();
+        let first_new_ns = self.stage.timing().reachable(self.stage.now_ns, 0).start_ns;
+        while self.next_start_ns < first_new_ns.min(end_ns) {
+            let light_ns = self.next_start_ns + self.settings.light_after_ns;
+            let truth = self.stage.truth(u64::try_from(light_ns).unwrap_or(0));
+            let landed = self.stage.landed_ns.filter(|_| !matches!(truth.doing, Doing::Saccade { .. }));
+            self.next_start_ns += self.settings.period_ns;
+            if truth.lid < 0.5 {
+                continue;
+            }
+            let [x, y] = truth.position;
+            let pupil = Pupil { x, y, diameter: truth.diameter, depth: self.depth };
+            let sample = StudySample {
+                time_s: light_ns as f64 * 1e-9,
+                since_landing_ms: landed.map(|l| (light_ns as f64 - l as f64) * 1e-6),
+                jumps: self.stage.jumps,
+                position: truth.position,
+                diameter: truth.diameter,
+                error: self.shown.pupil.map(|p| (p[0] - x).hypot(p[1] - y)),
+                steered_db: psnr(&mut self.lit, pupil)?,
+                whole_db: psnr(&mut self.whole, pupil)?,
+                steps: self.shown.steps,
+                new: std::mem::take(&mut self.shown.new),
+            };
+            self.samples.push(sample);
+            if !observe(&sample, &self.shown.phases, light_ns as f64 / end_ns as f64) {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// From now on the display shows this one.
+    fn show(&mut self, made: MadeSet) -> Result<(), SessionError> {
+        for (color, phases) in self.lit.iter_mut().zip(&made.phases) {
+            color.seen.restart(phases)?;
+        }
+        self.shown = made;
+        Ok(())
+    }
+
+    fn finish(self) -> Study {
+        let [restarts, steps] = self.steerer.counts();
+        let per = |ns: i64, count: u64| ns as f64 * 1e-6 / count.max(1) as f64;
+        let (step_ms, encode_ms) = (per(self.refined_ns, steps), per(self.encoded_ns, self.handed_over));
+        Study { moments: self.samples, restarts, steps, step_ms, encode_ms }
+    }
+}

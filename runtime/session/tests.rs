@@ -1,0 +1,266 @@
+//! Tests of the room: what is handed over, when it begins again, and ten minutes of a refinement that is often late.
+
+use super::player::{Player, SetSource};
+use super::scheduler::{Content, Readiness, Start};
+use super::sets::{SetSender, set_channel};
+use super::*;
+use crate::encode::{Encoder, VideoFrames};
+use crate::engine::cpu::CpuEngine;
+use crate::optics::{Color, Display, Padding, PupilDistribution};
+use crate::present::{Clock, Offscreen, Rate, SimulatedClock};
+use crate::scene::{self, Request};
+use crate::solve::{Flow, Problem, Settings, SplitMix, solve};
+use crossbeam_utils::atomic::AtomicCell;
+use std::cell::RefCell;
+use std::rc::Rc;
+
+/// A hologram of the still life for the whole eyebox.
+pub(super) fn part() -> SteeredColor {
+    let display = Display { height: 96, width: 112, ..Display::preset("small").unwrap() };
+    let field = scene::load("builtin:still-life", &Request::new(&display, &[Color::Green])).unwrap();
+    let problem = Problem::new(&field, Color::Green, &display, Padding::default()).unwrap();
+    let settings = Settings { steps: 24, diameter: [2e-3, 18e-3], depth: [-5e-4, 5e-4], ..Settings::default() };
+    let solution = solve(&problem, &settings, &mut CpuEngine::new(), &mut |_| Flow::Continue).unwrap();
+    SteeredColor { problem, phases: solution.phases, exposure: solution.exposure }
+}
+
+pub(super) fn cpu() -> Result<Box<dyn Engine>, EngineError> {
+    Ok(Box::new(CpuEngine::new()))
+}
+
+pub(super) fn encoder() -> Encoder {
+    let display = Display { height: 96, width: 112, ..Display::preset("planes8").unwrap() };
+    Encoder::new(&display, &[Color::Green], 8).unwrap()
+}
+
+/// What steps and encoding cost in simulated time.
+const COST: Cost = Cost::Fixed { step: Duration::from_millis(4), encode: Duration::from_millis(1) };
+
+fn aim(x: f64) -> PupilDistribution {
+    let diameter = [3.8e-3, 4.2e-3];
+    PupilDistribution { centre: [x, 0.0], spread: 1e-4, diameter, focus: [0.0, 0.0], elsewhere: 0.0 }
+}
+
+#[test]
+fn a_jump_begins_again_and_a_drift_does_not() {
+    let whole = part();
+    let steerer = |restart| {
+        let policy = Policy { restart, ..Policy::default() };
+        let mut steerer = Steerer::new(vec![whole.clone(), whole.clone()], policy, cpu).unwrap();
+        assert!(!steerer.aim(aim(0.0)).unwrap(), "the first aim is no jump");
+        assert_eq!(steerer.round_while(|_| true).unwrap(), 2, "one step of each colour");
+        steerer
+    };
+    let mut restarts = steerer(0.5);
+    assert!(restarts.phases().unwrap().iter().all(|p| **p != whole.phases));
+    assert!(!restarts.aim(aim(1.9e-3)).unwrap(), "less than half a diameter");
+    assert!(!restarts.aim(aim(3.8e-3)).unwrap(), "a pursuit is no jump, however far it goes");
+    assert!(restarts.phases().unwrap().iter().all(|p| **p != whole.phases));
+    assert!(restarts.aim(aim(-1e-3)).unwrap());
+    assert!(restarts.phases().unwrap().iter().all(|p| **p == whole.phases));
+    assert_eq!(restarts.counts(), [1, 2]);
+    let mut never = steerer(f64::INFINITY);
+    assert!(!never.aim(aim(9e-3)).unwrap());
+    assert!(never.phases().unwrap().iter().all(|p| **p != whole.phases));
+}
+
+#[test]
+fn no_step_is_begun_that_would_end_too_late() {
+    let mut steerer = Steerer::new(vec![part()], Policy::default(), cpu).unwrap();
+    steerer.aim(aim(0.0)).unwrap();
+    steerer.round_while(|_| true).unwrap();
+    assert!(steerer.round() > Duration::ZERO);
+    assert_eq!(steerer.round_while(|expected| expected.is_zero()).unwrap(), 0);
+    assert!(Steerer::new(Vec::new(), Policy::default(), cpu).is_err());
+    let policy = Policy { restart: f64::NAN, ..Policy::default() };
+    assert!(Steerer::new(vec![part()], policy, cpu).is_err());
+}
+
+/// In simulated time, with a cost that is the same on every machine: the eye sees better after a while, and every set is
+/// measured.
+#[test]
+fn a_simulated_eye_sees_better_when_steered() {
+    let settings = StudySettings { seconds: 1.2, cost: COST, ..StudySettings::default() };
+    let mut shares = Vec::new();
+    let mut seen = Vec::new();
+    let whole = part();
+    let parts = [whole.clone()];
+    let result = study(&parts, &Policy::default(), &encoder(), &settings, &mut cpu, &mut |moment, phases, share| {
+        assert_eq!(phases.len(), 1);
+        seen.push((moment.new, phases[0] == whole.phases));
+        shares.push(share);
+        true
+    })
+    .unwrap();
+    let sets = (settings.seconds * 1e9 / settings.period_ns as f64) as usize;
+    assert!(result.moments.len().abs_diff(sets) <= 1, "{} of {sets}", result.moments.len());
+    assert!(shares.windows(2).all(|w| w[0] < w[1]) && shares.iter().all(|s| (0.0..=1.1).contains(s)));
+    let refined = seen.iter().position(|s| s.0).expect("a new set");
+    assert!(seen[..refined].iter().all(|s| s.1), "until then it is the hologram for the whole eyebox");
+    assert!(seen[refined..].iter().all(|s| !s.1), "and from then on it is not");
+    assert!(seen.iter().any(|s| s.0) && result.steps > 0);
+    let landed: Vec<&StudySample> =
+        result.moments.iter().filter(|m| m.since_landing_ms.is_some_and(|t| t > 150.0)).collect();
+    assert!(!landed.is_empty());
+    let gain = landed.iter().map(|m| m.gain_db()).sum::<f64>() / landed.len() as f64;
+    let error = landed.iter().filter_map(|m| m.error).fold(0.0, f64::max);
+    assert!(gain > 0.5 && error < 0.5e-3, "{gain} dB, {error} m");
+    // What ends it early leaves what there is.
+    let few = study(&parts, &Policy::default(), &encoder(), &settings, &mut cpu, &mut |_, _, share| share < 0.3);
+    assert!((1..sets / 2).contains(&few.unwrap().moments.len()));
+    let wrong = StudySettings { period_ns: 0, ..settings };
+    assert!(study(&parts, &Policy::default(), &encoder(), &wrong, &mut cpu, &mut |_, _, _| true).is_err());
+}
+
+fn made(sender: &SetSender, number: u64) -> FinishedSet {
+    let mut frames = sender.buffer().expect("there is always a buffer");
+    // Every byte says which set it is of.
+    frames.bytes_mut().fill((number % 251) as u8);
+    FinishedSet { number, frames, timestamps: Timestamps::default(), pupil: [0.0; 2], steps: 1, phases: None }
+}
+
+#[test]
+fn the_newest_set_wins_and_buffers_go_round() {
+    let (sender, mut source) = set_channel(&encoder().frames());
+    assert_eq!(source.readiness(0), Readiness::Unread);
+    for number in 0..100 {
+        sender.send(made(&sender, number));
+        if number % 7 == 0 {
+            source.poll(0).unwrap();
+        }
+        if number % 10 == 9 {
+            source.poll(0).unwrap();
+            source.show(number);
+            assert_eq!(source.on_screen().map(|s| s.1), Some(number));
+            assert_eq!(source.newly_shown().map(|m| m.number), Some(number));
+            assert!(source.newly_shown().is_none(), "told once");
+        }
+    }
+    // Nothing new: the last one stays, and is counted.
+    source.show(1000);
+    assert_eq!((source.on_screen().map(|s| s.1), source.counts()), (Some(99), [10, 1]));
+    // Who made it is gone: the picture stays.
+    drop(sender);
+    source.poll(0).unwrap();
+    assert_eq!(source.readiness(7), Readiness::Ready);
+}
+
+/// A refinement in simulated time: it aims for the next set that it expects to reach, and takes as long as it likes.
+struct Simulated {
+    clock: Rc<SimulatedClock>,
+    sender: SetSender,
+    timing: Rc<AtomicCell<SetTiming>>,
+    ready_ns: i64,
+    number: u64,
+    noise: SplitMix,
+}
+
+impl Simulated {
+    /// What would have been handed over by now.
+    fn pass(&mut self) {
+        while self.ready_ns <= self.clock.now_ns() {
+            self.sender.send(made(&self.sender, self.number));
+            self.number += 1;
+            let now = self.ready_ns;
+            let estimate = 4_000_000;
+            let target = self.timing.load().reachable(now, estimate);
+            // One in twenty takes ten times its estimate, after all the time there was had been used.
+            let late = self.noise.unit() < 0.05;
+            let took = target.hand_over_ns.max(now) - now + if late { 10 * estimate } else { 0 };
+            self.ready_ns = now + took.max(estimate);
+        }
+    }
+}
+
+/// A source whose sets come from a refinement in the same simulated time.
+struct Follows<'a>(&'a mut LiveSource, &'a RefCell<Simulated>);
+
+impl Content for Follows<'_> {
+    fn readiness(&self, position: u64) -> Readiness {
+        self.0.readiness(position)
+    }
+
+    fn end(&self) -> Option<u64> {
+        self.0.end()
+    }
+}
+
+impl SetSource for Follows<'_> {
+    fn poll(&mut self, useful_from: u64) -> Result<(), SessionError> {
+        self.1.borrow_mut().pass();
+        self.0.poll(useful_from)
+    }
+
+    fn settle(&mut self, position: u64) -> Result<(), SessionError> {
+        self.0.settle(position)
+    }
+
+    fn show(&mut self, position: u64) {
+        self.0.show(position);
+    }
+
+    fn on_screen(&self) -> Option<(&VideoFrames, u64)> {
+        self.0.on_screen()
+    }
+
+    fn seek(&mut self, index: u64) {
+        self.0.seek(index);
+    }
+}
+
+#[test]
+fn in_ten_minutes_no_set_is_late_because_of_refinement() {
+    let clock = Rc::new(SimulatedClock::default());
+    let rate = Rate::new(60, 1).unwrap();
+    let frames = encoder().frames();
+    let (sender, mut source) = set_channel(&frames);
+    let first = SetTiming { lead_ns: 3_000_000, ..SetTiming::new(rate.period_ns()) };
+    let timing = Rc::new(AtomicCell::new(first));
+    let simulated = RefCell::new(Simulated {
+        clock: Rc::clone(&clock),
+        sender,
+        timing: Rc::clone(&timing),
+        ready_ns: 0,
+        number: 0,
+        noise: SplitMix(9),
+    });
+    let schedule = Schedule {
+        display_rate: rate,
+        content_rate: rate,
+        speed: Speed::new(1.0).unwrap(),
+        set_frames: 1,
+        start: Start::WhenReady { idle_sets: 4 },
+        keep_phase: false,
+    };
+    let mut presenter = Offscreen::new(Rc::clone(&clock) as Rc<dyn Clock>, rate, frames.frame_bytes());
+    let idle = frames.clone();
+    let dyn_clock = Rc::clone(&clock) as Rc<dyn Clock>;
+    let mut player = Player::new(dyn_clock, Scheduler::new(schedule), idle, Trace::new(0).track("present"));
+    let (mut last, mut news) = (0, 0u64);
+    let ten_minutes = 600 * 1_000_000_000;
+    while clock.now_ns() < ten_minutes {
+        let asked = clock.now_ns();
+        let mut began = None;
+        player
+            .tick(&mut presenter, &mut Follows(&mut source, &simulated), &mut |moment| {
+                began = Some(moment.predicted_display_time_ns);
+                if let Some(number) = moment.index {
+                    assert!(moment.picture.iter().all(|b| u64::from(*b) == number % 251), "torn at {asked}");
+                    assert!(number >= last, "{number} after {last}");
+                    news += u64::from(number > last);
+                    last = number;
+                }
+                Ok(())
+            })
+            .unwrap();
+        let decided = clock.now_ns().min(began.unwrap_or(0) - 2_000_000);
+        timing.store(timing.load().after(began.unwrap_or(0), decided));
+    }
+    let account = player.scheduler().account();
+    assert_eq!(account.late_sets, [0; 5]);
+    assert_eq!((account.drops(), account.missed_presents), (0, 0));
+    assert!(account.sets.abs_diff(36_000) <= 2, "{} sets", account.sets);
+    // Of twenty, one takes three periods: the others are all new.
+    let share = news as f64 / account.sets as f64;
+    assert!((0.8..0.95).contains(&share), "{share} of the sets were new");
+}

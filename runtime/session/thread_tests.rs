@@ -1,0 +1,266 @@
+//! Tests of the threads that follow the eye and refine: what floods, fails or ends takes the picture away from nobody.
+
+use super::player::SetSource;
+use super::refine::{Refinement, RefinementOptions};
+use super::scheduler::{Content, Readiness};
+use super::tests::{cpu, encoder, part};
+use super::*;
+use crate::encode::Encoder;
+use crate::engine::{Backend, Buffer, Choice, Shape, Step, Timing as EngineTiming};
+use crate::gaze::{Estimator, Settings as GazeSettings};
+use crate::gpu::{Gpu, Options as GpuOptions};
+use crate::optics::{Color, Display};
+use crate::present::{Clock, RealClock};
+use crate::scene::Pyramid;
+use crate::trackers::{About as TrackerAbout, Event, Quantity, Reading, Sample, Source, Stream, Unit, now_ns};
+use crossbeam_utils::atomic::AtomicCell;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::Instant;
+
+/// A tracker that says what a test wants.
+struct Scripted(Box<dyn FnMut(u64) -> Option<Event> + Send>, u64);
+
+impl Source for Scripted {
+    fn about(&self) -> TrackerAbout {
+        TrackerAbout { name: "scripted".into(), kind: "test", rate_hz: None, notes: Vec::new() }
+    }
+
+    fn next(&mut self, timeout: Duration) -> Result<Event, TrackerError> {
+        self.1 += 1;
+        match (self.0)(self.1 - 1) {
+            Some(event) => Ok(event),
+            None => {
+                std::thread::sleep(timeout.min(Duration::from_millis(2)));
+                Ok(Event::Nothing)
+            }
+        }
+    }
+}
+
+fn at(time_ns: u64, position: [f64; 2]) -> Event {
+    let mut sample = Sample::empty(time_ns.saturating_add(1_000_000));
+    sample.time_ns = time_ns;
+    sample.combined = Some(Reading::new(Quantity::Pupil, Unit::Metres, position));
+    Event::Sample(sample, None)
+}
+
+/// A sample from the end of all time, which arrives now.
+fn late(received_ns: u64) -> Event {
+    let mut sample = Sample::empty(received_ns);
+    sample.time_ns = u64::MAX;
+    sample.combined = Some(Reading::new(Quantity::Pupil, Unit::Metres, [0.0; 2]));
+    Event::Sample(sample, None)
+}
+
+fn follow(notes: &Notes, script: impl FnMut(u64) -> Option<Event> + Send + 'static) -> PupilTracker {
+    let stream = Stream::start(Box::new(Scripted(Box::new(script), 0))).unwrap();
+    let estimator = Estimator::new(GazeSettings::default(), None).unwrap();
+    PupilTracker::start(stream, estimator, notes.clone(), Trace::new(0).track("gaze")).unwrap()
+}
+
+fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
+    let until = Instant::now() + Duration::from_secs(60);
+    while !done() {
+        assert!(Instant::now() < until, "{what}");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+#[test]
+fn a_tracker_that_floods_lies_and_ends_takes_nothing_away() {
+    let (start, notes) = (now_ns(), Notes::default());
+    // Some sense, a flood of nonsense (NaN, jumps, time going backwards), some sense, the end.
+    let tracker = follow(&notes, move |i| match i {
+        0..200 => Some(at(start + i * 1_000_000, [1e-3, -1e-3])),
+        200..20_000 => Some(match i % 4 {
+            0 => at(start + 200_000_000, [f64::NAN, f64::INFINITY]),
+            1 => at(start.saturating_sub(i * 1_000_000), [5e-3, 5e-3]),
+            2 => at(start + 200_000_000 + i, [1e9, -1e9]),
+            _ => late(start + 200_000_000 + i),
+        }),
+        20_000..20_300 => Some(at(start + i * 1_000_000, [2e-3, 1e-3])),
+        20_300 => Some(Event::End),
+        _ => None,
+    });
+    let mut told = Vec::new();
+    wait_for("the end of the tracker", || {
+        told.extend(notes.take_within(Duration::ZERO));
+        told.iter().any(|n| n.contains("the picture stays"))
+    });
+    assert_eq!(told.iter().filter(|n| n.contains("over")).count(), 1, "one line: {told:?}");
+    assert!((tracker.expect(start + 20_300_000_000).pupil.centre[0] - 2e-3).abs() < 1e-4, "it is believed again");
+    for ahead in [0, 20_000_000, 3_600_000_000_000, u64::MAX - start] {
+        let expected = tracker.expect(start + ahead);
+        let pupil = expected.pupil;
+        let all =
+            [pupil.centre[0], pupil.centre[1], pupil.spread, pupil.elsewhere, pupil.diameter[0], pupil.diameter[1]];
+        assert!(all.iter().all(|v| v.is_finite()), "{pupil:?}");
+    }
+}
+
+#[test]
+fn what_was_measured_is_looked_up_between_samples() {
+    let (start, notes) = (now_ns(), Notes::default());
+    let tracker = follow(&notes, move |i| match i {
+        0..100 => Some(at(start + i * 4_000_000, [i as f64 * 1e-5, 0.0])),
+        // A gap, in which nothing is known.
+        100..110 => Some(at(start + 1_000_000_000 + i * 4_000_000, [0.0, 0.0])),
+        _ => None,
+    });
+    wait_for("all samples", || tracker.reaches(start + 1_000_000_000 + 109 * 4_000_000));
+    let place = tracker.measured(start + 10 * 4_000_000 + 1_000_000).unwrap();
+    assert!((place[0] - 10.25e-5).abs() < 1e-12, "{place:?}");
+    assert_eq!(tracker.measured(start + 700_000_000), None);
+    assert_eq!(tracker.measured(start - 1), None);
+    assert_eq!(tracker.measured(start + 100_000_000_000), None);
+}
+
+#[test]
+fn the_thread_hands_over_refined_sets_and_ends_without_taking_the_picture() {
+    let whole = part();
+    let start = now_ns();
+    let tracker =
+        Arc::new(follow(&Notes::default(), move |i| (i < 100).then(|| at(start + i * 1_000_000, [1e-3, 0.0]))));
+    let clock = RealClock::start();
+    let timing = Arc::new(AtomicCell::new(SetTiming::new(16_666_667)));
+    let options =
+        options(clock, &timing, move || Ok((Steerer::new(vec![whole.clone()], Policy::default(), cpu)?, None)));
+    let (mut refinement, mut source) = Refinement::start(encoder(), tracker, options).unwrap();
+    source.poll(0).unwrap();
+    assert_eq!(source.readiness(0), Readiness::Ready, "the first set is there at once");
+    let mut steps = 0;
+    wait_for("refined sets", || {
+        timing.store(timing.load().after(clock.now_ns() + 2_000_000, clock.now_ns()));
+        source.poll(0).unwrap();
+        source.show(0);
+        if let Some(made) = source.newly_shown() {
+            steps += made.steps;
+            assert!(made.phases.as_ref().is_some_and(|p| p.len() == 1 && p[0].iter().all(|v| v.is_finite())));
+            assert!(made.timestamps.handed_over_ns >= made.timestamps.refine_end_ns);
+            assert!(made.timestamps.refine_end_ns >= made.timestamps.aimed_ns);
+        }
+        steps > 3
+    });
+    assert!(refinement.is_running() && refinement.counts()[1] > 0);
+    refinement.stop();
+    source.poll(0).unwrap();
+    assert!(source.on_screen().is_some());
+}
+
+/// Steered, at 60 Hz; `again` makes the engines anew.
+fn options(
+    clock: RealClock,
+    timing: &Arc<AtomicCell<SetTiming>>,
+    again: impl FnMut() -> Result<(Steerer, Option<Gpu>), SessionError> + Send + 'static,
+) -> RefinementOptions {
+    RefinementOptions {
+        clock,
+        timing: Arc::clone(timing),
+        light_after: Duration::from_millis(8),
+        steered: Arc::new(AtomicBool::new(true)),
+        with_phases: true,
+        again: Box::new(again),
+        notes: Notes::default(),
+        track: Trace::new(0).track("refine"),
+    }
+}
+
+/// An engine that is lost after so many calls.
+struct Fails(Box<dyn Engine>, usize);
+
+impl Engine for Fails {
+    fn describe(&self) -> String {
+        self.0.describe()
+    }
+
+    fn load(&mut self, shape: &Shape, views: Option<Arc<Pyramid>>) -> Result<(), EngineError> {
+        self.0.load(shape, views)
+    }
+
+    fn write(&mut self, buffer: Buffer, data: &[f32]) -> Result<(), EngineError> {
+        self.0.write(buffer, data)
+    }
+
+    fn read(&mut self, buffer: Buffer) -> Result<Vec<f32>, EngineError> {
+        self.0.read(buffer)
+    }
+
+    fn run_part(&mut self, step: &Step, part: std::ops::Range<usize>) -> Result<Vec<f64>, EngineError> {
+        if self.1 == 0 {
+            return Err(EngineError::DeviceLost { device: "a test".into(), during: "compare".into() });
+        }
+        self.1 -= 1;
+        self.0.run_part(step, part)
+    }
+
+    fn timings(&self) -> Vec<EngineTiming> {
+        self.0.timings()
+    }
+
+    fn reset_timings(&mut self) {
+        self.0.reset_timings();
+    }
+}
+
+#[test]
+fn an_engine_that_is_lost_is_made_anew_and_then_given_up() {
+    let whole = part();
+    let short = move || {
+        let steerer = Steerer::new(vec![whole.clone()], Policy::default(), || Ok(Box::new(Fails(cpu()?, 4)) as _))?;
+        Ok((steerer, None))
+    };
+    let tracker = Arc::new(follow(&Notes::default(), |_| None));
+    let clock = RealClock::start();
+    let timing = Arc::new(AtomicCell::new(SetTiming::new(16_666_667)));
+    let options = options(clock, &timing, short);
+    let notes = options.notes.clone();
+    let (refinement, mut source) = Refinement::start(encoder(), tracker, options).unwrap();
+    wait_for("the end of the refinement", || {
+        timing.store(timing.load().after(clock.now_ns() + 2_000_000, clock.now_ns()));
+        source.poll(0).unwrap();
+        source.show(0);
+        !refinement.is_running()
+    });
+    let messages: Vec<String> = std::iter::from_fn(|| notes.take_within(Duration::ZERO)).collect();
+    let anew = messages.iter().filter(|m| m.contains("anew") && m.contains("a test was lost")).count();
+    assert!(anew >= 2 && messages.last().is_some_and(|m| m.contains("the picture stays")), "{messages:?}");
+    assert!(source.on_screen().is_some());
+}
+
+/// Engines of two colours and the encoder share a device: sets come from phases that are never read back.
+#[test]
+fn on_one_device_phases_never_come_to_the_host() {
+    let (colors, gpu_options) =
+        (vec![part(), part()], GpuOptions { allow_cpu: true, validation: true, ..GpuOptions::default() });
+    let backend = Backend::open(Choice::Vulkan, &gpu_options).unwrap();
+    let gpu = backend.gpu().unwrap().expect("a device");
+    let display = Display { height: 96, width: 112, ..Display::preset("planes24").unwrap() };
+    let encoder = Encoder::new(&display, &[Color::Red, Color::Green], 8).unwrap();
+    let start = now_ns();
+    let tracker = follow(&Notes::default(), move |i| (i < 100).then(|| at(start + i * 1_000_000, [1e-3, 0.0])));
+    let clock = RealClock::start();
+    let timing = Arc::new(AtomicCell::new(SetTiming::new(16_666_667)));
+    let again = move || {
+        let steerer = Steerer::new(colors.clone(), Policy::default(), || backend.engine())?;
+        Ok((steerer, backend.gpu()?))
+    };
+    let options = RefinementOptions { with_phases: false, ..options(clock, &timing, again) };
+    let (mut refinement, mut source) = Refinement::start(encoder, Arc::new(tracker), options).unwrap();
+    let mut sets = 0;
+    wait_for("refined sets", || {
+        timing.store(timing.load().after(clock.now_ns() + 2_000_000, clock.now_ns()));
+        source.poll(0).unwrap();
+        source.show(0);
+        sets += u32::from(source.newly_shown().is_some_and(|set| set.steps > 0));
+        sets > 2
+    });
+    assert!(refinement.is_running());
+    refinement.stop();
+    let counts = gpu.counts();
+    assert!(counts.read_back > 0, "video frames are");
+    assert_eq!(counts.phases_read_back, 0);
+    let messages = gpu.messages();
+    drop((refinement, source, gpu));
+    assert_eq!(*messages.lock().unwrap(), Vec::<String>::new());
+}

@@ -1,0 +1,25 @@
+//! What can be wrong with a solve.
+
+use crate::engine::EngineError;
+use crate::optics::OpticsError;
+
+/// Why a solve failed.
+#[derive(Debug, thiserror::Error)]
+pub enum SolveError {
+    /// A setting that cannot be.
+    #[error("{what} is {value}: it must be {right}")]
+    Setting {
+        /// Which, with its unit.
+        what: &'static str,
+        /// Its value.
+        value: String,
+        /// What would be right.
+        right: &'static str,
+    },
+    /// A colour or a size that the display does not have.
+    #[error(transparent)]
+    Optics(#[from] OpticsError),
+    /// From the engine.
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+}

@@ -1,0 +1,150 @@
+//! One step: how it is built and how it is taken, the same for a solve, its forecast, a refinement and a far field in
+//! tiles.
+
+use super::method::Method;
+use super::optimizer::{Optimizer, cosine};
+use super::problem::Problem;
+use super::settings::Settings;
+use super::viewpoints::Viewpoints;
+use crate::engine::{Dispatch, Engine, EngineError, Kernel, Scope, Step};
+use crate::plan::{Comparison, Planner, PupilPass, Viewpoint};
+use eyebox_kernels::{Complex32, compare};
+use std::ops::Range;
+
+/// How one step moves the phases.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Update {
+    /// The pupil-wise projection (OPTICS 6b): every retinal amplitude is replaced by the wanted one, as Gerchberg and
+    /// Saxton do, and the changes of all pupils are put together as in ptychography (ePIE, Maiden and Rodenburg 2009).
+    Projection {
+        /// Share of the way that the phases go.
+        gain: f64,
+        /// Share of the velocity that is kept.
+        momentum: f64,
+        /// The change is divided by the number of pupils that overlap to this power.
+        overlap_power: f64,
+    },
+    /// Adam (Kingma and Ba 2015) on the closed-form Wirtinger gradient (OPTICS 4).
+    Adam {
+        /// Learning rate, radians.
+        rate: f64,
+        /// Compare amplitudes, not intensities.
+        amplitude: bool,
+        /// Which step since the moments were zero, from 1.
+        step: usize,
+    },
+}
+
+impl Update {
+    /// How images are compared with their targets: a mode of the kernel `compare`.
+    fn mode(self) -> u32 {
+        match self {
+            Self::Projection { .. } => compare::PROJECTION,
+            Self::Adam { amplitude: true, .. } => compare::AMPLITUDE,
+            Self::Adam { amplitude: false, .. } => compare::INTENSITY,
+        }
+    }
+
+    /// What these viewpoints need in a step over all of them.
+    pub(crate) fn pupil_passes(self, planner: &Planner, viewpoints: &[Viewpoint], exposure: f64) -> Vec<PupilPass> {
+        let batch = viewpoints.len();
+        let comparison = Comparison { mode: self.mode(), exposure, batch, ..Comparison::default() };
+        viewpoints.iter().map(|v| planner.viewpoint(v, &comparison)).collect()
+    }
+
+    /// The step over these pupil passes, `in_flight` values of window at a time.
+    pub(crate) fn step(self, planner: &Planner, pupil_passes: Vec<PupilPass>, in_flight: usize) -> Step {
+        match self {
+            Self::Projection { gain, momentum, overlap_power } => {
+                planner.project_step(pupil_passes, in_flight, overlap_power, gain, momentum)
+            }
+            Self::Adam { rate, step, .. } => planner.adam_step(pupil_passes, in_flight, step, rate),
+        }
+    }
+}
+
+/// The steps of a solve, one after the other.
+pub(super) struct Steps<'a> {
+    problem: &'a Problem,
+    planner: &'a Planner,
+    settings: &'a Settings,
+    exposure: f64,
+    viewpoints: Viewpoints,
+    taken: usize,
+}
+
+impl<'a> Steps<'a> {
+    /// From the first, for this exposure.
+    pub(super) fn new(problem: &'a Problem, planner: &'a Planner, settings: &'a Settings, exposure: f64) -> Self {
+        let viewpoints = Viewpoints::new(problem, settings, settings.seed);
+        Self { problem, planner, settings, exposure, viewpoints, taken: 0 }
+    }
+
+    /// The next step, over the next viewpoints, so far along the schedule (0 to 1).
+    pub(super) fn next(&mut self, progress: f64) -> Step {
+        let Self { settings, planner, .. } = *self;
+        self.taken += 1;
+        let update = self.update(progress);
+        let viewpoints: Vec<Viewpoint> = (0..settings.pupils).map(|_| self.viewpoints.draw()).collect();
+        let pupil_passes = update.pupil_passes(planner, &viewpoints, self.exposure);
+        let mut step = update.step(planner, pupil_passes, settings.window_bytes / size_of::<Complex32>());
+        // Levels come on softly: a phase that is thrown from level to level from the start finds no good one.
+        step.quantise.hardness = progress.powi(2) as f32;
+        if settings.method == Method::PupilAware {
+            return planner.with_equalised_eyebox(step, self.problem.eyebox, settings.patches, settings.evenness);
+        }
+        step
+    }
+
+    fn update(&self, progress: f64) -> Update {
+        let batch = self.settings.pupils;
+        match self.settings.optimizer {
+            Optimizer::Projection { gain, momentum, overlap_power } => {
+                // Overlap to a power below one grows with the batch: what ten pupils ask for is the unit (OPTICS 6e).
+                let share = (batch as f64 / 10.0).powf(1.0 - overlap_power);
+                let overlap = self.viewpoints.overlap(batch).map_or(1.0, |n| n.powf(overlap_power));
+                let gain = cosine(gain, progress) / (share * overlap);
+                Update::Projection { gain, momentum, overlap_power }
+            }
+            Optimizer::Adam { rate, amplitude } => {
+                Update::Adam { rate: cosine(rate, progress), amplitude, step: self.taken }
+            }
+        }
+    }
+}
+
+/// Takes a step, or these parts of its list, in order; its [loss](mean_loss). All losses are known before phases may
+/// change: with a loss that is not a finite number the phases stay as they were.
+///
+/// # Errors
+/// Those of the engine.
+pub(crate) fn take(engine: &mut dyn Engine, step: &Step, parts: &[Range<usize>]) -> Result<f64, EngineError> {
+    let update = before_update(step);
+    let mut losses = vec![0.0; step.pupil_passes.len()];
+    for part in parts {
+        let before = part.start..part.end.min(update).max(part.start);
+        for (sum, loss) in losses.iter_mut().zip(engine.run_part(step, before.clone())?) {
+            *sum += loss;
+        }
+        if part.end > update {
+            if !mean_loss(&losses, step).is_finite() {
+                break;
+            }
+            engine.run_part(step, before.end..part.end)?;
+        }
+    }
+    Ok(mean_loss(&losses, step))
+}
+
+/// The entry of a step's list after which phases may change, and before which all losses are known: what comes behind
+/// the last kernel that runs over pupil passes, and behind `check_finite` where the list has it.
+pub(super) fn before_update(step: &Step) -> usize {
+    let known = |d: &Dispatch| d.kernel.scope() == Scope::PupilPasses || d.kernel == Kernel::CheckFinite;
+    step.list.iter().rposition(known).map_or(step.list.len(), |i| i + 1)
+}
+
+/// The mean squared difference over a step's pupils, of the sums that an engine gives.
+pub(crate) fn mean_loss(losses: &[f64], step: &Step) -> f64 {
+    let each = losses.iter().zip(&step.pupil_passes).map(|(loss, pupil_pass)| loss / pupil_pass.count() as f64);
+    each.sum::<f64>() / losses.len().max(1) as f64
+}

@@ -1,0 +1,62 @@
+//! Which tracker is followed.
+
+use crate::Failure;
+use crate::trackers::EyeName;
+use crate::values::{not_negative, positive};
+use clap::Args;
+use eyebox::gaze::{Calibration, Estimator, Settings};
+use eyebox::session::Tracking;
+use eyebox::trackers::mouse::MouseHandle;
+use eyebox::trackers::{Options, Spec, TrackerError};
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// The tracker, in every command that follows one.
+#[derive(Args)]
+pub struct TrackerArgs {
+    /// hid, FILE.hid, FILE.jsonl, pupil://HOST, udp://:PORT, mouse (with --view), simulated or simulated:SEED
+    #[arg(long, value_name = "SOURCE", default_value = "simulated")]
+    pub tracker: String,
+    /// A HID device with a layout of its own, described in a TOML file
+    #[arg(long, value_name = "FILE.toml")]
+    pub device_file: Option<PathBuf>,
+    /// Time between the eye and the arrival of its sample, ms
+    #[arg(long, value_name = "MS", default_value_t = 0.0, value_parser = not_negative)]
+    pub tracker_latency: f64,
+    /// Samples a second of the simulated tracker
+    #[arg(long, value_name = "HZ", default_value_t = 120.0, value_parser = positive)]
+    pub tracker_rate: f64,
+    /// A user's calibration
+    #[arg(long, value_name = "FILE.toml")]
+    pub calibration: Option<PathBuf>,
+    /// Whose pupil
+    #[arg(long, value_enum, default_value = "mean")]
+    pub eye: EyeName,
+    /// Where the eye focuses, mm
+    #[arg(long, value_name = "MM", default_value_t = 0.0, allow_hyphen_values = true)]
+    pub focus: f64,
+}
+
+/// Opens it, and says where a mouse is told, if that is the tracker; `view` says whether there is a window for one.
+pub fn tracking(args: &TrackerArgs, view: bool) -> Result<(Option<MouseHandle>, Tracking), Failure> {
+    let spec: Spec = args.tracker.parse()?;
+    let calibration = args.calibration.as_deref().map(Calibration::load).transpose()?;
+    let settings = Settings { eye: args.eye.into(), focus: [args.focus * 1e-3; 2], ..Settings::default() };
+    let estimator = Estimator::new(settings, calibration)?;
+    let options = Options {
+        latency: Duration::from_secs_f64((args.tracker_latency * 1e-3).min(1e6)),
+        device_file: args.device_file.clone(),
+        real_time: true,
+        rate_hz: args.tracker_rate,
+    };
+    match spec {
+        Spec::Mouse if !view => {
+            Err(TrackerError::Setting("the mouse is a tracker in a window only: add --view".into()).into())
+        }
+        Spec::Mouse => {
+            let (mouse, tracking) = Tracking::mouse(estimator);
+            Ok((Some(mouse), tracking))
+        }
+        spec => Ok((None, Tracking::open(&spec, &options, estimator)?)),
+    }
+}

@@ -1,0 +1,94 @@
+//! What the commands that show have in common: a session is attended until it ends, and what came of it is told.
+
+use crate::{Failure, common, progress};
+use eyebox::files;
+use eyebox::session::{Ended, Ending, Session, SessionError, SessionEvent, Statistics, Status};
+use serde_json::{Value, json};
+use std::io::{IsTerminal, Write};
+use std::path::Path;
+use std::time::Duration;
+
+/// How often ctrl-C is looked for.
+const PATIENCE: Duration = Duration::from_millis(50);
+
+/// Tells what happens until a session ends or ctrl-C stops it, and what came of it. `line` is what is written over while it
+/// runs: of how it is, how it was, and the seconds between.
+pub fn attend(session: Session, line: impl Fn(&Status, &Status, f64) -> String) -> Ended {
+    progress::catch_interrupt();
+    let terminal = std::io::stderr().is_terminal();
+    let clear = || {
+        if terminal {
+            eprint!("\r\x1b[K");
+        }
+    };
+    let mut before = Status::default();
+    loop {
+        match session.event(PATIENCE) {
+            Some(SessionEvent::Note(note)) => {
+                clear();
+                eprintln!("note: {note}");
+            }
+            Some(_) => break,
+            None => {}
+        }
+        if progress::interrupted() {
+            break;
+        }
+        let now = session.status();
+        let passed = now.seconds - before.seconds;
+        if terminal && passed >= 0.5 {
+            eprint!("\r\x1b[K{}", line(&now, &before, passed));
+            let _ = std::io::stderr().flush();
+            before = now;
+        }
+    }
+    clear();
+    session.stop()
+}
+
+/// What ended it, for people.
+pub fn ended_by(statistics: &Statistics) -> &'static str {
+    if statistics.ended_by == Ending::Stopped { "ctrl-C" } else { statistics.ended_by.name() }
+}
+
+/// Writes the statistics, with what the command alone knows, and says what was wrong.
+pub fn conclude(ended: Ended, stats: Option<&Path>, more: &Value) -> Result<(), Failure> {
+    let Ended { statistics, result } = ended;
+    if let Some(file) = stats {
+        let mut all = statistics.to_json();
+        for (key, value) in more.as_object().into_iter().flatten() {
+            all[key] = value.clone();
+        }
+        all["ended_by"] = json!(ended_by(&statistics));
+        all["peak_memory_mib"] = json!(common::peak_memory_mib());
+        files::write_file(file, |out| writeln!(out, "{all:#}"))?;
+    }
+    if statistics.pictures_left_out > 0 {
+        let count = statistics.pictures_left_out;
+        eprintln!("note: {count} pictures were not kept: the disk was slower than the display");
+    }
+    statistics.validation.iter().for_each(|message| eprintln!("validation: {message}"));
+    result.map_err(lost)?;
+    match statistics.validation.len() {
+        0 => Ok(()),
+        count => Err(Failure::Asked(format!("the validation layer found {count} faults, above"))),
+    }
+}
+
+/// A display that goes away while it is shown on has an exit code of its own.
+fn lost(error: SessionError) -> Failure {
+    if error.is_of_display() { Failure::Lost(error.to_string()) } else { error.into() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use eyebox::present::PresentError;
+
+    #[test]
+    fn a_display_that_goes_away_and_a_thread_that_fails_have_codes_of_their_own() {
+        let gone = PresentError::Display { presenter: "the window".into(), reason: "it is gone".into() };
+        let failed = SessionError::Thread { what: "encodes", reason: "failed".into() };
+        assert_eq!((lost(gone.into()).code(), lost(failed).code()), (3, 2));
+    }
+}

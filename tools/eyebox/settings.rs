@@ -1,0 +1,135 @@
+//! From the arguments of a solve to its settings.
+
+use crate::args::Solve;
+use crate::quality::Chosen;
+use crate::{Failure, common};
+use eyebox::engine::Engine;
+use eyebox::optics::{Color, Display};
+use eyebox::produce::{SceneJob, SequenceRequest, TilesRequest};
+use eyebox::scene::LightField;
+use eyebox::solve::{Levels, Optimizer, ScenePlan, Settings, even_levels};
+
+/// The settings that the arguments mean, for depths in metres, and what there is to say of them: the defaults, or what
+/// quality and deadline ask for; what is given itself wins.
+pub fn settings_of(
+    args: &Solve,
+    engine: &dyn Engine,
+    display: &Display,
+    depth: [f64; 2],
+    colors: usize,
+) -> Result<(Settings, Option<String>), Failure> {
+    let base = base_of(args, display, depth);
+    let chosen = args.quality.choose(engine, [display.height, display.width], base.frames, colors)?;
+    let adam = |optimizer: &Optimizer| matches!(optimizer, Optimizer::Adam { .. });
+    let asked = args.optimizer.map(|o| if adam(&o) { Settings::adam(200, 8) } else { Settings::default() });
+    let (quality, about) = match chosen {
+        Some(Chosen { settings, about }) => (settings, Some(about)),
+        None => (asked.clone().unwrap_or_default(), None),
+    };
+    let mut settings = base.with_quality_of(&quality);
+    if let Some(asked) = asked.filter(|asked| adam(&asked.optimizer) != adam(&settings.optimizer)) {
+        (settings.optimizer, settings.diameters) = (asked.optimizer, asked.diameters);
+    }
+    settings.steps = args.steps.unwrap_or(settings.steps);
+    settings.pupils = args.pupils.unwrap_or(settings.pupils);
+    settings.window = args.window.unwrap_or(settings.window);
+    settings.diameters = args.diameters.unwrap_or(settings.diameters);
+    settings.storage = args.storage.unwrap_or(settings.storage);
+    settings.padding = args.padding.unwrap_or(settings.padding);
+    if args.frames.is_some() || args.speckle.is_some() {
+        settings.repeats = 1;
+    }
+    if args.scene.views.is_some() {
+        settings.views = 1;
+    }
+    if let Some(text) = &args.levels {
+        settings.levels = Levels::Given(levels(text)?);
+    }
+    Ok((settings, about))
+}
+
+/// The settings of a solve in tiles: no quality decides them.
+pub fn of_tiles(args: &Solve, display: &Display) -> Settings {
+    let base = base_of(args, display, [0.0, 0.0]);
+    Settings {
+        steps: args.steps.unwrap_or(TilesRequest::STEPS),
+        window: args.window.unwrap_or(base.window),
+        diameters: args.diameters.unwrap_or(base.diameters),
+        ..base
+    }
+}
+
+/// The job that the arguments mean, with the settings that were chosen for it.
+pub fn job_of<'a>(
+    args: &'a Solve,
+    display: &'a Display,
+    scenes: Vec<String>,
+    colors: Vec<Color>,
+    settings: Settings,
+    tiles: Option<TilesRequest>,
+) -> SceneJob<'a> {
+    SceneJob {
+        scenes,
+        colors,
+        view_pitch_mm: args.scene.view_pitch,
+        views: args.scene.views,
+        depth_map: args.scene.depth_map.as_deref(),
+        depth: args.scene.depth,
+        diameter: args.pupil_diameter,
+        settings: Settings { seconds: args.seconds, ..settings },
+        full: args.full.unwrap_or_default(),
+        contrast: args.speckle,
+        sequence: SequenceRequest { rate: args.rate.fraction(), start: args.warm_start },
+        tiles,
+        ..SceneJob::new(&args.scene.scene, display)
+    }
+}
+
+/// What of the scene is solved, by these arguments and the settings that they mean.
+pub fn plan_of(args: &Solve, settings: &Settings, field: &LightField, display: &Display) -> Result<ScenePlan, Failure> {
+    let job = job_of(args, display, vec![args.scene.scene.clone()], field.colors.clone(), settings.clone(), None);
+    Ok(job.plan(field)?)
+}
+
+/// What is no matter of quality and time, for depths in metres.
+pub fn base_of(args: &Solve, display: &Display, depth: [f64; 2]) -> Settings {
+    Settings {
+        frames: args.frames.unwrap_or(Settings::default().frames),
+        method: args.method,
+        stft_filter: args.stft_filter,
+        stft_samples: args.stft_samples,
+        evenness: args.evenness,
+        patches: args.patches,
+        psnr: args.psnr,
+        efficiency: args.efficiency,
+        diameter: common::diameters(args.pupil_diameter, display),
+        depth,
+        sequence: args.sequence,
+        seed: args.seed,
+        ..Settings::default()
+    }
+}
+
+/// Levels by their number, or from a file.
+fn levels(text: &str) -> Result<Vec<f64>, Failure> {
+    if let Ok(n) = text.parse::<usize>() {
+        return Ok(even_levels(n.min(1 << 16)));
+    }
+    let wrong = |what: String| Failure::Asked(format!("{text}: {what}"));
+    let size =
+        std::fs::metadata(text).map_err(|e| wrong(format!("neither a number of levels nor a file ({e})")))?.len();
+    if size > 1 << 20 {
+        return Err(wrong("a file of levels has one phase a line, 256 at most".into()));
+    }
+    let file = std::fs::read_to_string(text).map_err(|e| wrong(e.to_string()))?;
+    let lines = file.lines().map(|l| l.split('#').next().unwrap_or("").trim()).enumerate();
+    let phase = |(i, line): (usize, &str)| {
+        line.parse::<f64>().map_err(|_| wrong(format!("line {}: '{line}' is not a phase in radians", i + 1)))
+    };
+    lines.filter(|(_, line)| !line.is_empty()).map(phase).collect()
+}
+
+/// The levels that are asked for, or else those of the display.
+pub fn levels_of(asked: Option<&str>, display: &Display) -> Result<Levels, Failure> {
+    asked.map_or(Ok(Levels::of(display)), |text| levels(text).map(Levels::Given))
+}

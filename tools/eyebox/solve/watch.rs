@@ -1,0 +1,158 @@
+//! What a user sees of a solve while it runs.
+
+use crate::progress::{self, Bar};
+use eyebox::optics::{Color, Padding};
+use eyebox::produce::{SceneEvent, SceneJob, TilesPlan};
+use eyebox::solve::{Flow, Solution};
+use serde_json::{Value, json};
+
+/// Says what is decided, shows bars, and asks to stop on ctrl-C.
+pub struct Watch<'a> {
+    /// The job, where there is one: without, bars are all there is to see.
+    about: Option<About<'a>>,
+    quiet: bool,
+    bar: Option<Bar>,
+    /// Whose bar it is.
+    shown: Option<(usize, Color)>,
+    tiles: Option<TilesPlan>,
+    frames: Vec<Value>,
+}
+
+/// What a job is about.
+struct About<'a> {
+    job: &'a SceneJob<'a>,
+    engine: String,
+    /// What there is to say of the settings.
+    chosen: Option<String>,
+}
+
+impl<'a> Watch<'a> {
+    /// Of colours that are solved one after the other; where `quiet`, nothing is said.
+    pub fn new(quiet: bool) -> Self {
+        Self { about: None, quiet, bar: None, shown: None, tiles: None, frames: Vec::new() }
+    }
+
+    /// Of a job on an engine, with what there is to say of its settings.
+    pub fn of_job(job: &'a SceneJob<'a>, engine: String, chosen: Option<String>, quiet: bool) -> Self {
+        Self { about: Some(About { job, engine, chosen }), ..Self::new(quiet) }
+    }
+
+    /// Reports of a sequence's holograms.
+    pub fn frames(&self) -> &[Value] {
+        &self.frames
+    }
+
+    /// Something happened.
+    pub fn see(&mut self, event: &SceneEvent) -> Flow {
+        match event {
+            SceneEvent::Planned { .. } | SceneEvent::Sequence { .. } | SceneEvent::Tiles(_) => {
+                self.begin(event);
+                progress::catch_interrupt();
+            }
+            SceneEvent::Step { hologram, color, progress } => {
+                let label = match self.about.as_ref().map_or(1, |a| a.job.scenes.len()) {
+                    1 => color.to_string(),
+                    count => format!("{}/{count} {color}", hologram + 1),
+                };
+                return self.bar((*hologram, *color), || (label, progress.steps, 0, "steps")).show(progress);
+            }
+            SceneEvent::Visit { color, visit } => {
+                let done = self.tiles.as_ref().zip(self.about.as_ref());
+                let done = done.map_or(0, |(tiles, about)| tiles.done_of(&about.job.colors, *color));
+                let bar = self.bar((0, *color), || (color.to_string(), visit.visits, done, "visits"));
+                bar.at(visit.visit, -10.0 * visit.loss.log10());
+            }
+            SceneEvent::Solved { solution, .. } => {
+                if let Some(bar) = self.bar.take() {
+                    bar.finish(format!("{:.1} dB", solution.validation.mean()));
+                }
+                self.shown = None;
+            }
+            SceneEvent::Appended { hologram, scene, solutions } => self.append(*hologram, scene, solutions),
+            _ => {}
+        }
+        if progress::interrupted() { Flow::Stop } else { Flow::Continue }
+    }
+
+    /// The bar of this colour; another's stays as it was left.
+    fn bar(&mut self, whose: (usize, Color), about: impl FnOnce() -> (String, usize, u64, &'static str)) -> &Bar {
+        if self.shown != Some(whose) {
+            self.shown = Some(whose);
+            if let Some(bar) = self.bar.take() {
+                bar.leave();
+            }
+        }
+        let quiet = self.quiet;
+        self.bar.get_or_insert_with(|| {
+            let (label, count, done, unit) = about();
+            Bar::new(label, count, done, unit, quiet)
+        })
+    }
+
+    fn begin(&mut self, event: &SceneEvent) {
+        if let SceneEvent::Tiles(plan) = event {
+            self.tiles = Some((*plan).clone());
+        }
+        let Some(About { job, engine, chosen }) = self.about.as_ref().filter(|_| !self.quiet) else { return };
+        let display = job.display;
+        let [height, width] = [display.height, display.width];
+        let mm = |[a, b]: [f64; 2]| [a * 1e3, b * 1e3];
+        match event {
+            SceneEvent::Planned { field, views: [rows, columns], plan, settings } => {
+                let [far, near] = mm(settings.depth);
+                eprintln!("{}: {rows} x {columns} views, {height}x{width}, depth {far:.2}..{near:.2} mm", field.name);
+                let padded = plan.padding != Padding::default();
+                for choice in plan.choices.iter().filter(|c| c.saves || (c.what == "padding" && padded)) {
+                    eprintln!("{}: {} ({})", choice.what, choice.value, choice.why);
+                }
+            }
+            SceneEvent::Sequence { done, count } => {
+                let resumed = if *done > 0 { format!(", resumed after {done}") } else { String::new() };
+                eprintln!("a sequence of {count} holograms, {height}x{width}{resumed}");
+            }
+            SceneEvent::Tiles(plan) => begin_tiles(job, plan),
+            _ => {}
+        }
+        eprintln!("engine: {engine}");
+        chosen.iter().for_each(|about| eprintln!("{about}"));
+    }
+
+    fn append(&mut self, hologram: usize, scene: &str, solutions: &[(Color, Solution)]) {
+        let color = |(color, s): &(Color, Solution)| {
+            json!({
+                "color": color, "psnr_mean_db": s.validation.mean(), "psnr_worst_db": s.validation.worst(),
+                "exposure": s.exposure, "steps": s.steps, "seconds": s.seconds,
+            })
+        };
+        let colors: Vec<Value> = solutions.iter().map(color).collect();
+        self.frames.push(json!({ "frame": hologram, "scene": scene, "colors": colors }));
+        if !self.quiet {
+            let mean: Vec<String> =
+                solutions.iter().map(|(c, s)| format!("{c} {:.2} dB", s.validation.mean())).collect();
+            println!("{hologram:4} {scene}: {}", mean.join(", "));
+        }
+    }
+}
+
+fn begin_tiles(job: &SceneJob, plan: &TilesPlan) {
+    let (display, settings) = (job.display, &plan.settings);
+    let [small, large] = settings.diameter.map(|d| d * 1e3);
+    let [far, near] = settings.depth.map(|z| z * 1e3);
+    eprintln!(
+        "{} on {}: {}x{}, {} sub-frames, pupils of {small:.2} to {large:.2} mm, depth {far:.1}..{near:.1} mm",
+        job.scenes[0], display.name, display.height, display.width, settings.frames
+    );
+    let [memory, held] = plan.memory;
+    eprintln!(
+        "out of core: {} visits a colour to regions of {}x{}, {} steps each; about {} MiB of {} MiB",
+        plan.visits,
+        plan.region.rows,
+        plan.region.columns,
+        settings.steps,
+        (plan.region.bytes + held) >> 20,
+        memory >> 20
+    );
+    if plan.done > 0 {
+        eprintln!("resumed after {} visits", plan.done);
+    }
+}
