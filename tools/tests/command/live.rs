@@ -165,7 +165,7 @@ fn the_view_follows_the_mouse_and_a_key_stops_steering() {
 fn a_steered_colour_show_with_a_view_makes_one_device() {
     let temp = folder();
     let at = temp.path();
-    let solve = ["solve", "builtin:still-life", "--size", "64x72", "--steps", "4", "--frames", "8", "--color", "rgb"];
+    let solve = ["solve", "builtin:still-life", "--size", "64x72", "--steps", "4", "--frames", "8", "--color", "all"];
     done(at, &[&solve[..], &["--engine", "cpu", "-o", "h.zarr"]].concat());
     let screen = Screen::new(at, [64, 72]);
     let live = ["live", "h.zarr", "--display", "planes24", "--engine", "vulkan", "--output", "window", "--view"];
