@@ -1,13 +1,13 @@
 //! The Vulkan engine.
 //!
-//! Design: a [`Gpu`](crate::gpu::Gpu) that others may share, one recording per [`run_part`](super::Engine::run_part). A kernel runs over all its
-//! pupil passes and frames, then one barrier; pupil passes of one kernel may run side by side. Buffers of the shape are blocks of
-//! their own, frames at a stride that suits the device's alignment; buffers of pupil passes are pieces of arenas that only
-//! grow; a kernel sees ranges no larger than the device's largest, so frames and views come in chunks. Pipelines,
-//! descriptor pools, staging and queries are kept: nothing is made once all sizes have been seen.
-//! Nothing is assumed of the size of subgroups; shaders synchronise through shared memory only.
+//! Design: a [`Gpu`](crate::gpu::Gpu) that others may share, one recording per [`run_part`](super::Engine::run_part). A
+//! kernel runs over all its pupil passes and frames, then one barrier; pupil passes of one kernel may run side by side.
+//! Buffers of the shape are blocks of their own, frames at a stride that suits the device's alignment; buffers of pupil
+//! passes are pieces of arenas that only grow; a kernel sees ranges no larger than the device's largest, so frames and
+//! views come in chunks. Pipelines, descriptor pools, staging and queries are kept: nothing is made once all sizes have
+//! been seen. Nothing is assumed of the size of subgroups; shaders synchronise through shared memory only.
 //!
-//! `fft` plans and records transforms.
+//! `engine` runs lists of kernels, `encode` makes video frames of phases, `fft` plans and records transforms.
 
 #![allow(unsafe_code)]
 

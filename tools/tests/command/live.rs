@@ -158,3 +158,25 @@ fn the_view_follows_the_mouse_and_a_key_stops_steering() {
     assert!(said.contains("ended by closed") && !said.contains("validation:"), "{said}");
     assert_eq!(json(&at.join("s.json"))["ended_by"], "closed");
 }
+
+/// Three colours refined, encoded and shown over a whole monitor, and a view of them beside that: the Vulkan loader, which
+/// says whenever a device is made, says it once.
+#[test]
+fn a_steered_colour_show_with_a_view_makes_one_device() {
+    let temp = folder();
+    let at = temp.path();
+    let solve = ["solve", "builtin:still-life", "--size", "64x72", "--steps", "4", "--frames", "8", "--color", "all"];
+    done(at, &[&solve[..], &["--engine", "cpu", "-o", "h.zarr"]].concat());
+    let screen = Screen::new(at, [64, 72]);
+    let live = ["live", "h.zarr", "--display", "planes24", "--engine", "vulkan", "--output", "window", "--view"];
+    let answer = common::command(at, &[&live[..], &["--duration", "1.5", "--stats", "s.json"]].concat())
+        .env("DISPLAY", screen.name())
+        .env("VK_LOADER_DEBUG", "all")
+        .env_remove("WAYLAND_DISPLAY")
+        .output()
+        .expect("it starts");
+    let said = text(&answer.stderr);
+    assert!(answer.status.success(), "{said}");
+    assert_eq!(said.matches("vkCreateDevice layer callstack setup").count(), 1, "{said}");
+    assert!(json(&at.join("s.json"))["sets_new"].as_u64().unwrap() >= 1);
+}
