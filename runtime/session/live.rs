@@ -141,10 +141,11 @@ impl Live {
         Self { colors, encoder, engines, tracking, policy, steered: true, display_latency, companion: None }
     }
 
-    /// Starts following and refining.
+    /// Starts following and refining. `on_host`: somebody on the host wants the video frames too.
     pub(super) fn start(
         self,
         display: &mut OpenDisplay,
+        on_host: bool,
         steered: Arc<AtomicBool>,
         notes: &Notes,
         trace: Trace,
@@ -175,12 +176,18 @@ impl Live {
             Some(open) => Some(open(display.desktop()?).map_err(SessionError::Companion)?),
             None => None,
         };
+        let shared = engines.gpu()?;
+        let direct = match display.presenter().takes() {
+            Some((gpu, order)) if !on_host && shared.is_some_and(|shared| shared.is(gpu)) => Some(order),
+            _ => None,
+        };
         let again = move || Ok((Steerer::new(colors.clone(), policy, || engines.open())?, engines.gpu()?));
         let options = RefinementOptions {
             clock,
             timing: Arc::clone(&timing),
             light_after,
             steered: Arc::clone(&steered),
+            direct,
             with_phases,
             again: Box::new(again),
             notes: notes.clone(),

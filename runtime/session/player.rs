@@ -8,6 +8,7 @@ use super::scheduler::{Content, Scheduler, Slot, What};
 use super::timeline::Speed;
 use super::trace::Track;
 use crate::encode::VideoFrames;
+use crate::gpu::Pictures;
 use crate::present::{Clock, Event, PresentError, Presenter, Rate};
 use std::rc::Rc;
 use std::time::Instant;
@@ -32,6 +33,11 @@ pub(super) trait SetSource: Content {
 
     /// What is on the screen, and which frame of the file it is.
     fn on_screen(&self) -> Option<(&VideoFrames, u64)>;
+
+    /// What is on the screen, where it is on the display's device; the video frames above then hold nothing.
+    fn pictures(&self) -> Option<&Pictures> {
+        None
+    }
 
     /// Content from another frame of the file on; positions begin anew.
     fn seek(&mut self, index: u64);
@@ -76,7 +82,7 @@ pub struct PresentedFrame<'a> {
     pub new: bool,
     /// Why not, or why late.
     pub late: Option<Cause>,
-    /// The bytes.
+    /// The bytes; none where the video frame goes from the device that encodes it to the display without the host.
     pub picture: &'a [u8],
 }
 
@@ -178,10 +184,15 @@ impl Player {
             Some((frames, index)) if what != What::Idle => (frames, Some(index)),
             _ => (&self.idle, None),
         };
-        let picture = frames.frame((video_frame as usize).min(frames.count() - 1));
+        let at = (video_frame as usize).min(frames.count() - 1);
+        let pictures = source.pictures().filter(|_| index.is_some());
+        let picture = if pictures.is_some() { &[] } else { frames.frame(at) };
         let number = index.unwrap_or(u64::MAX);
         let uploading = Instant::now();
-        presenter.upload(picture)?;
+        match pictures {
+            Some(pictures) => presenter.take(pictures, at)?,
+            None => presenter.upload(picture)?,
+        }
         self.track.span("upload", number, uploading);
         self.track.span("submit", number, woken);
         let presenting = Instant::now();

@@ -63,7 +63,10 @@ impl PresentThread {
         messages.extend(encoder_gpu.filter(|gpu| !options.gpu.iter().any(|other| gpu.is(other))).map(Gpu::messages));
         let setup = match content {
             Content::Play(play) => play.start(&display, notes, trace)?,
-            Content::Live(live) => live.start(&mut display, Arc::clone(&shared.steered), &notes, trace)?,
+            Content::Live(live) => {
+                let on_host = options.record.is_some() || options.observer.is_some();
+                live.start(&mut display, on_host, Arc::clone(&shared.steered), &notes, trace)?
+            }
         };
         let Setup { running, schedule, idle, sub_frames } = setup;
         let simulated = display.clock.is_simulated();

@@ -12,7 +12,7 @@ use super::steerer::Steerer;
 use super::trace::Track;
 use crate::encode::{Encoder, PhaseSet};
 use crate::engine::vulkan::VulkanEncoder;
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, PixelOrder};
 use crate::present::{Clock, RealClock};
 use crossbeam_utils::atomic::AtomicCell;
 use std::sync::Arc;
@@ -33,6 +33,8 @@ pub(super) struct RefinementOptions {
     pub light_after: Duration,
     /// Whether the hologram follows the eye; if not, the one for the whole eyebox is shown.
     pub steered: Arc<AtomicBool>,
+    /// Video frames go straight to a display that shows from the engines' device, in this order of colours.
+    pub direct: Option<PixelOrder>,
     /// Sets carry their phases, for somebody who looks at them too.
     pub with_phases: bool,
     /// Makes the engines again when one was lost, and all that is on them.
@@ -73,7 +75,9 @@ impl Refinement {
     ) -> Result<(Self, LiveSource), SessionError> {
         let (steerer, gpu) = (options.again)()?;
         let device = device_encoder(&steerer, gpu, &encoder)?;
-        let (sender, source) = set_channel(&encoder.frames());
+        let (sender, source) = set_channel(&encoder.frames(), || {
+            device.as_ref().zip(options.direct).map(|(device, order)| device.pictures(order)).transpose()
+        })?;
         let shared = Arc::new(Shared::default());
         let (theirs, encoding) = (Arc::clone(&shared), Duration::ZERO);
         let mut refining =
@@ -238,20 +242,23 @@ impl Refining {
 
     fn hand_over(&mut self, timestamps: Timestamps, pupil: [f64; 2], steps: u32) -> Result<(), SessionError> {
         let begun = Instant::now();
-        let Some(mut frames) = self.sender.buffer() else { return Ok(()) };
+        let Some(mut buffer) = self.sender.buffer() else { return Ok(()) };
         match (&mut self.device, self.steerer.phases_on_device()) {
             (Some(device), Some(phases)) => {
                 device.encode_on_device(&phases)?;
-                device.download(frames.bytes_mut())?;
+                match &mut buffer.pictures {
+                    Some(pictures) => device.draw(pictures)?,
+                    None => device.download(buffer.frames.bytes_mut())?,
+                }
             }
-            _ => self.encoder.encode_into(&PhaseSet::trusted(&self.steerer.phases()?), &mut frames)?,
+            _ => self.encoder.encode_into(&PhaseSet::trusted(&self.steerer.phases()?), &mut buffer.frames)?,
         }
         let timestamps = Timestamps { handed_over_ns: self.options.clock.now_ns(), ..timestamps };
         let phases = match self.options.with_phases {
             true => Some(self.steerer.phases()?.iter().map(|p| Arc::new(p.to_vec())).collect()),
             false => None,
         };
-        self.sender.send(FinishedSet { number: self.number, frames, timestamps, pupil, steps, phases });
+        self.sender.send(FinishedSet { number: self.number, buffer, timestamps, pupil, steps, phases });
         self.options.track.span("encode", self.number, begun);
         self.number += 1;
         let took = begun.elapsed();

@@ -5,17 +5,17 @@ use super::latency::Timestamps;
 use super::player::SetSource;
 use super::scheduler::{Content, Readiness};
 use crate::encode::VideoFrames;
+use crate::gpu::Pictures;
 use crate::mailbox::Mailbox;
 use std::sync::Arc;
 use std::time::Instant;
 
 /// A refined set of video frames.
-#[derive(Debug)]
 pub struct FinishedSet {
     /// Its number, from 0.
     pub number: u64,
     /// Its video frames.
-    pub frames: VideoFrames,
+    pub(super) buffer: SetBuffer,
     /// When what happened to it.
     pub timestamps: Timestamps,
     /// Where the pupil is expected at its light, metres.
@@ -26,20 +26,26 @@ pub struct FinishedSet {
     pub phases: Option<Vec<Arc<Vec<f32>>>>,
 }
 
+/// Room for the video frames of a set: on the host, and, where they go straight to a swapchain, on its device.
+pub(super) struct SetBuffer {
+    pub frames: VideoFrames,
+    pub pictures: Option<Pictures>,
+}
+
 /// Buffers: one on the screen, one ready, one on its way, one being filled.
 const BUFFERS: usize = 4;
 
 /// The side that makes sets.
 pub(super) struct SetSender {
     newest: Mailbox<FinishedSet>,
-    free: Mailbox<VideoFrames>,
+    free: Mailbox<SetBuffer>,
 }
 
 /// The side that shows them. What is due is always the newest set there is, so nothing is ever late; a set for which
 /// nothing new came is shown again.
 pub(super) struct LiveSource {
     newest: Mailbox<FinishedSet>,
-    free: Mailbox<VideoFrames>,
+    free: Mailbox<SetBuffer>,
     fresh: Option<FinishedSet>,
     on_screen: Option<FinishedSet>,
     changed: bool,
@@ -48,25 +54,41 @@ pub(super) struct LiveSource {
     news: u64,
 }
 
-/// Both sides, with buffers like `frames`.
-pub(super) fn set_channel(frames: &VideoFrames) -> (SetSender, LiveSource) {
+/// Both sides, with buffers like `frames`, and pictures on a device where `pictures` makes them.
+///
+/// # Errors
+/// Those of `pictures`.
+pub(super) fn set_channel<E>(
+    frames: &VideoFrames,
+    mut pictures: impl FnMut() -> Result<Option<Pictures>, E>,
+) -> Result<(SetSender, LiveSource), E> {
     let (newest, free) = (Mailbox::new(1), Mailbox::new(BUFFERS));
-    (0..BUFFERS).for_each(|_| drop(free.put(frames.clone())));
+    for _ in 0..BUFFERS {
+        let _ = free.put(SetBuffer { frames: frames.clone(), pictures: pictures()? });
+    }
     let sender = SetSender { newest: newest.clone(), free: free.clone() };
     let (fresh, on_screen, asked) = (None, None, None);
-    (sender, LiveSource { newest, free, fresh, on_screen, changed: false, asked, repeats: 0, news: 0 })
+    Ok((sender, LiveSource { newest, free, fresh, on_screen, changed: false, asked, repeats: 0, news: 0 }))
 }
 
-fn give_back(free: &Mailbox<VideoFrames>, old: Option<FinishedSet>) {
+fn give_back(free: &Mailbox<SetBuffer>, old: Option<FinishedSet>) {
     if let Some(old) = old {
-        let _ = free.put(old.frames);
+        let _ = free.put(old.buffer);
     }
 }
 
 impl SetSender {
-    /// A buffer to fill. There is always one: of those that are handed over, one waits at most.
-    pub(super) fn buffer(&self) -> Option<VideoFrames> {
-        self.free.take()
+    /// A buffer to fill. There is always one (of those that are handed over, one waits at most), unless a swapchain still
+    /// reads them all.
+    pub(super) fn buffer(&self) -> Option<SetBuffer> {
+        for _ in 0..BUFFERS {
+            let buffer = self.free.take()?;
+            if !buffer.pictures.as_ref().is_some_and(Pictures::in_use) {
+                return Some(buffer);
+            }
+            let _ = self.free.put(buffer);
+        }
+        None
     }
 
     /// Hands a set over; one that waits still, and was never shown, makes room.
@@ -126,7 +148,11 @@ impl SetSource for LiveSource {
     }
 
     fn on_screen(&self) -> Option<(&VideoFrames, u64)> {
-        self.on_screen.as_ref().map(|set| (&set.frames, set.number))
+        self.on_screen.as_ref().map(|set| (&set.buffer.frames, set.number))
+    }
+
+    fn pictures(&self) -> Option<&Pictures> {
+        self.on_screen.as_ref()?.buffer.pictures.as_ref()
     }
 
     fn seek(&mut self, _index: u64) {}

@@ -115,16 +115,20 @@ fn a_simulated_eye_sees_better_when_steered() {
     assert!(study(&parts, &Policy::default(), &encoder(), &wrong, &mut cpu, &mut |_, _, _| true).is_err());
 }
 
+fn channel(frames: &VideoFrames) -> (SetSender, LiveSource) {
+    set_channel(frames, || Ok::<_, SessionError>(None)).unwrap()
+}
+
 fn made(sender: &SetSender, number: u64) -> FinishedSet {
-    let mut frames = sender.buffer().expect("there is always a buffer");
+    let mut buffer = sender.buffer().expect("there is always a buffer");
     // Every byte says which set it is of.
-    frames.bytes_mut().fill((number % 251) as u8);
-    FinishedSet { number, frames, timestamps: Timestamps::default(), pupil: [0.0; 2], steps: 1, phases: None }
+    buffer.frames.bytes_mut().fill((number % 251) as u8);
+    FinishedSet { number, buffer, timestamps: Timestamps::default(), pupil: [0.0; 2], steps: 1, phases: None }
 }
 
 #[test]
 fn the_newest_set_wins_and_buffers_go_round() {
-    let (sender, mut source) = set_channel(&encoder().frames());
+    let (sender, mut source) = channel(&encoder().frames());
     assert_eq!(source.readiness(0), Readiness::Unread);
     for number in 0..100 {
         sender.send(made(&sender, number));
@@ -216,7 +220,7 @@ fn in_ten_minutes_no_set_is_late_because_of_refinement() {
     let clock = Rc::new(SimulatedClock::default());
     let rate = Rate::new(60, 1).unwrap();
     let frames = encoder().frames();
-    let (sender, mut source) = set_channel(&frames);
+    let (sender, mut source) = channel(&frames);
     let first = SetTiming { lead_ns: 3_000_000, ..SetTiming::new(rate.period_ns()) };
     let timing = Rc::new(AtomicCell::new(first));
     let simulated = RefCell::new(Simulated {
