@@ -34,8 +34,13 @@ impl Gpu {
     }
 }
 
+<<<<<<< HEAD
 /// Phases that lie on a device, of which this build has none.
 #[derive(Debug, Clone)]
+=======
+/// Phases in a device's memory, of which there are none.
+#[derive(Debug, Clone, Copy)]
+>>>>>>> main
 pub struct PhasesOnDevice<'a>(Infallible, PhantomData<&'a ()>);
 
 /// All devices that can be found.
