@@ -1,7 +1,7 @@
 //! Reading a sequence of holograms, one at a time, while it may still grow.
 
+use super::chunks::{ARRAY, GROUP, chunk_name, damaged, read_document, unreadable};
 use super::document::{self, SequenceAttributes};
-use super::store::{ARRAY, GROUP, chunk_name, damaged, read_document, unreadable};
 use super::{Hologram, HologramError};
 use crate::files::FileError;
 use std::fmt::Write as _;
