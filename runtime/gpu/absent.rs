@@ -35,7 +35,7 @@ impl Gpu {
 }
 
 /// Phases that lie on a device, of which this build has none.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Copy)]
 pub struct PhasesOnDevice<'a>(Infallible, PhantomData<&'a ()>);
 
 /// All devices that can be found.

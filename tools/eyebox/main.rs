@@ -17,6 +17,7 @@ mod evaluate;
 mod export;
 mod failure;
 mod live;
+mod log;
 mod photograph;
 mod plan;
 mod play;
@@ -43,6 +44,7 @@ fn main() -> ExitCode {
         Ok(cli) => cli,
         Err(error) => return usage(&error),
     };
+    log::listen(cli.verbose);
     let done = match &cli.command {
         Command::Demo(args) => demo::run(args),
         Command::Solve(args) => solve::run(args),
