@@ -65,6 +65,7 @@ impl Backend {
                 (_, why) => (None, why),
             },
         };
+        tracing::debug!("engines run on {reason}");
         Ok(Self { gpu: gpu.map(|gpu| Arc::new(Mutex::new(gpu))), options, reason })
     }
 

@@ -53,6 +53,12 @@ impl Gpu {
 
     fn on(instance: &Arc<Instance>, chosen: Candidate, options: &Options) -> Result<Self, EngineError> {
         let device = Device::new(instance, chosen, options.cache.as_deref())?;
+        tracing::debug!(
+            "{}: opened, driver {}, Vulkan {}",
+            device.report.name,
+            device.report.driver,
+            device.report.api
+        );
         Ok(Self { device, options: options.clone() })
     }
 

@@ -26,6 +26,7 @@
 //! The documents and chunks are written here, not by the `zarrs` crate, because its build needs a C library (zlib, for
 //! its build script, whatever the features), and building this project needs cargo alone.
 
+mod chunks;
 mod document;
 mod exchange;
 mod metadata;

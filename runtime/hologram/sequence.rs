@@ -1,7 +1,7 @@
 //! Reading a sequence of holograms, one at a time, while it may still grow.
 
+use super::chunks::{ARRAY, GROUP, chunk_name, damaged, read_document, unreadable};
 use super::document::{self, SequenceAttributes};
-use super::store::{ARRAY, GROUP, chunk_name, damaged, read_document, unreadable};
 use super::{Hologram, HologramError};
 use crate::files::FileError;
 use std::fmt::Write as _;
@@ -105,7 +105,7 @@ impl Sequence {
         (self.count, self.complete) = match stated {
             Ok((count, complete)) => (count, complete),
             Err(error) => {
-                self.notes.push(format!("{error}; the holograms are counted by their files"));
+                self.note(format!("{error}; the holograms are counted by their files"));
                 (0, false)
             }
         };
@@ -121,13 +121,18 @@ impl Sequence {
             while self.is_whole(self.count) {
                 self.count += 1;
             }
-            self.notes.push(format!(
+            self.note(format!(
                 "{}: the sequence is cut off: {} of its {said} holograms are there",
                 self.path.display(),
                 self.count
             ));
         }
         self.refresh();
+    }
+
+    fn note(&mut self, note: String) {
+        tracing::warn!("{note}");
+        self.notes.push(note);
     }
 
     /// Looks whether it has grown: the number of holograms, from now on.

@@ -1,8 +1,8 @@
 //! Writing a sequence, hologram by hologram.
 
+use super::chunks::{ARRAY, GROUP};
 use super::document::{self, SequenceAttributes};
 use super::sequence::sequence_chunk;
-use super::store::{ARRAY, GROUP};
 use super::{Hologram, HologramError, Sequence, wrap_phase};
 use crate::files::{FileError, FolderDraft, write_file};
 use std::fs;

@@ -8,7 +8,9 @@
 //! stands, after it the new one: [`resume`](Tiles::resume) moves what was left, and removes what does not count. One program
 //! at a time makes a hologram, and holds a lock; others may look at it meanwhile ([`open`](Tiles::open)) and change nothing.
 
-use super::store::{ARRAY, GROUP, chunk_file, damaged, is_hologram, read_document, read_tile, unreadable, write_chunk};
+use super::chunks::{
+    ARRAY, GROUP, chunk_file, damaged, is_hologram, read_document, read_tile, unreadable, write_chunk,
+};
 use super::{Hologram, HologramError, Metadata, document};
 use crate::files::{FileError, FolderDraft, write_file_by_way_of};
 use rayon::prelude::*;

@@ -1,5 +1,6 @@
 //! An eye that keeps the spectrum: only what depends on the pupil is computed when the pupil moves.
 
+use super::picture::Detail;
 use super::{PreviewError, Showing, Shown, tiled};
 use crate::engine::{Buffer, Engine, EngineError, Purpose};
 use crate::evaluate::{self, Plane};
@@ -10,16 +11,6 @@ use std::sync::Arc;
 
 /// Opens one engine.
 pub type Opener = Box<dyn FnMut() -> Result<Box<dyn Engine>, EngineError> + Send>;
-
-/// How fine a picture is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Detail {
-    /// On fewer pixels: those that hold all of the intensity that a small pupil passes (OPTICS 5). Exact where it is
-    /// sampled. Of a hologram in tiles: through the middle of the pupil alone.
-    Coarse,
-    /// On the SLM's pixels.
-    Whole,
-}
 
 /// Looks at what a display shows, with an engine for each colour.
 pub struct Eye {

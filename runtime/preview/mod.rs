@@ -31,9 +31,9 @@ mod viewer_tests;
 mod window;
 
 pub use controls::{Action, Controls};
-pub use eye::{Detail, Eye, Opener};
+pub use eye::{Eye, Opener};
 pub use overlay::{Overlay, draw_overlay};
-pub use picture::{Picture, develop};
+pub use picture::{Detail, Picture, develop};
 pub use place::{Rect, dioptres, focus_step, places, pupil_at};
 pub use reader::{ReadHologram, Reader};
 pub use showing::{Showing, Shown};

@@ -6,6 +6,16 @@ use crate::optics::Color;
 use rayon::prelude::*;
 use std::sync::OnceLock;
 
+/// How fine a picture is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Detail {
+    /// On fewer pixels: those that hold all of the intensity that a small pupil passes (OPTICS 5). Exact where it is
+    /// sampled. Of a hologram in tiles: through the middle of the pupil alone.
+    Coarse,
+    /// On the SLM's pixels.
+    Whole,
+}
+
 /// An sRGB picture.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Picture {

@@ -2,7 +2,7 @@
 //! memory.
 
 use super::PreviewError;
-use super::eye::Detail;
+use super::picture::Detail;
 use crate::engine::Engine;
 use crate::evaluate::Plane;
 use crate::hologram::{PhaseSource, Tiles};

@@ -1,7 +1,7 @@
 //! The thread that looks.
 
-use super::eye::{Detail, Eye, Opener};
-use super::picture::{Picture, develop};
+use super::eye::{Eye, Opener};
+use super::picture::{Detail, Picture, develop};
 use super::{PreviewError, Showing};
 use crate::engine::{Engine, Purpose};
 use crate::evaluate::{self, Plane};

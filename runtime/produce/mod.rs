@@ -7,13 +7,15 @@
 //! May import everything that `quality` may, and `quality`.
 
 mod colors;
+mod driver;
 mod error;
 mod job;
 mod sequence;
 mod tiles;
 
 pub use colors::solve_colors;
+pub use driver::{SceneSolution, SolvedHologram, solve_scene};
 pub use error::ProduceError;
-pub use job::{SceneEvent, SceneJob, SceneSolution, SequenceRequest, SolvedHologram, TilesRequest, solve_scene};
+pub use job::{SceneEvent, SceneJob, SequenceRequest, TilesPlan, TilesRequest};
 pub use sequence::SolvedSequence;
-pub use tiles::{SolvedTiles, TilesPlan, is_larger_than_memory, load_around};
+pub use tiles::{SolvedTiles, is_larger_than_memory, load_around};

@@ -1,10 +1,11 @@
 //! A far field larger than memory, solved region by region into its file.
 
-use super::{ProduceError, SceneEvent, SceneJob, TilesRequest};
+use super::ProduceError;
+use super::job::{SceneEvent, SceneJob, TilesPlan, TilesRequest};
 use crate::engine::Engine;
 use crate::evaluate::Views;
 use crate::hologram::{ColorHologram, Hologram, HologramScores, Metadata, PhaseSource, SceneSource, Tiles};
-use crate::optics::{Color, Display, Geometry, Pupil};
+use crate::optics::{Display, Geometry, Pupil};
 use crate::scene::Request;
 use crate::solve::{Flow, Settings};
 use crate::tiled::{self, Job, MemoryLimit, RegionSize, Schedule, TiledError};
@@ -12,21 +13,6 @@ use serde_json::{Value, json};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
-
-/// What a solve in tiles will do.
-#[derive(Debug, Clone)]
-pub struct TilesPlan {
-    /// The regions, and what a visit takes.
-    pub region: RegionSize,
-    /// Visits to regions, per colour.
-    pub visits: usize,
-    /// Visits of all colours that are done.
-    pub done: u64,
-    /// The settings; `steps` are those of a visit.
-    pub settings: Settings,
-    /// Bytes that it keeps to, and those that the views take of them.
-    pub memory: [u64; 2],
-}
 
 /// What came of it.
 pub struct SolvedTiles {
@@ -221,12 +207,4 @@ fn places(display: &Display, settings: &Settings) -> Vec<Pupil> {
         Pupil { x: x * reach, y: y * reach, diameter, depth: far + (near - far) * (i * 5 % 9) as f64 / 8.0 }
     };
     (0..9).map(one).collect()
-}
-
-impl TilesPlan {
-    /// Visits of this colour that were done before.
-    pub fn done_of(&self, colors: &[Color], color: Color) -> u64 {
-        let index = colors.iter().position(|c| *c == color).unwrap_or(0);
-        self.done.saturating_sub((index * self.visits) as u64).min(self.visits as u64)
-    }
 }

@@ -104,6 +104,7 @@ pub fn native_size(source: &str) -> Result<Option<[usize; 2]>, SceneError> {
 /// Any [`SceneError`]; it names the file.
 pub fn load(source: &str, request: &Request) -> Result<LightField, SceneError> {
     request.check()?;
+    tracing::debug!("loading {source}");
     let display = request.display;
     let built_in = source.strip_prefix("builtin:");
     let path = Path::new(source);

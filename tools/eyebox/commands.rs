@@ -8,6 +8,9 @@ use clap::{Parser, Subcommand};
 #[derive(Parser)]
 #[command(name = "eyebox", version, max_term_width = 100)]
 pub struct Cli {
+    /// Say how it is done, on standard error; twice for all of it. RUST_LOG=eyebox=debug and the like decide alone
+    #[arg(short, long, action = clap::ArgAction::Count, global = true)]
+    pub verbose: u8,
     /// What to do.
     #[command(subcommand)]
     pub command: Command,

@@ -17,6 +17,7 @@ mod evaluate;
 mod export;
 mod failure;
 mod live;
+mod log;
 mod photograph;
 mod plan;
 mod play;
@@ -43,6 +44,7 @@ fn main() -> ExitCode {
         Ok(cli) => cli,
         Err(error) => return usage(&error),
     };
+    log::listen(cli.verbose);
     let done = match &cli.command {
         Command::Demo(args) => demo::run(args),
         Command::Solve(args) => solve::run(args),
@@ -62,7 +64,10 @@ fn main() -> ExitCode {
         Command::Monitors(args) => play::monitors(args),
         Command::Bench(args) => bench::run(args),
         Command::Devices(args) => devices::run(args),
-        Command::Trackers(args) => trackers::run(args),
+        Command::Trackers(args) => match &args.calibrate {
+            Some(file) if args.describe.is_none() => calibrate::run(args, file),
+            _ => trackers::run(args),
+        },
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

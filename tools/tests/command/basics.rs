@@ -469,3 +469,20 @@ fn every_method_solves_from_the_command_line() {
         done(at, &solve("builtin:still-life", "l.npy", &["--levels", levels]));
     }
 }
+
+#[test]
+fn what_the_library_says_is_shown_when_asked_for() {
+    let here = folder();
+    let photograph = ["photograph", "builtin:plane", "--size", "16x16", "--color", "green", "-o", "p.npy"];
+    let said = |args: &[&str], log: Option<&str>| {
+        let mut command = command(here.path(), args);
+        command.env_remove("RUST_LOG").envs(log.map(|l| ("RUST_LOG", l)));
+        text(&command.output().expect("the command starts").stderr)
+    };
+    let loading = "loading builtin:plane";
+    assert!(!said(&photograph, None).contains(loading));
+    assert!(said(&[&["-v"], &photograph[..]].concat(), None).contains(loading));
+    assert!(said(&photograph, Some("eyebox=debug")).contains(loading));
+    let wrong = said(&photograph, Some("eyebox=loudly"));
+    assert!(wrong.contains("RUST_LOG is not understood") && !wrong.contains(loading), "{wrong}");
+}

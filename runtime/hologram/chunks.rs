@@ -1,0 +1,91 @@
+//! The files of a hologram folder: their names, its documents, its chunks; sealed, and checked when they are read.
+
+use super::HologramError;
+use super::wrap_phase;
+use crate::files::FileError;
+use std::{
+    fs::{self, File},
+    io::{self, Read, Write},
+    path::{Path, PathBuf},
+};
+
+pub(super) const GROUP: &str = "zarr.json";
+pub(super) const ARRAY: &str = "phases/zarr.json";
+/// No document of this format comes near it; it bounds what a wrong file can make us read.
+const LONGEST_DOCUMENT: u64 = 16 << 20;
+
+pub(super) fn chunk_name(color: usize, frame: usize) -> String {
+    chunk_file(color, frame, 0, 0)
+}
+
+pub(super) fn chunk_file(color: usize, frame: usize, row: usize, column: usize) -> String {
+    format!("phases/c/{color}/{frame}/{row}/{column}")
+}
+
+/// Whether a folder is a hologram, whole or damaged, and nothing else.
+pub(super) fn is_hologram(folder: &Path) -> bool {
+    let ours = ["zarr.json", "phases", "progress.json", "progress.lock", "staged"];
+    let only_ours = fs::read_dir(folder)
+        .is_ok_and(|entries| entries.flatten().all(|e| ours.iter().any(|name| e.file_name() == *name)));
+    only_ours
+        && read_document(&folder.join(GROUP))
+            .ok()
+            .and_then(|bytes| serde_json::from_slice::<serde_json::Value>(&bytes).ok())
+            .is_some_and(|document| document["attributes"]["eyebox"].is_object())
+}
+
+pub(super) fn damaged(file: &Path, reason: impl Into<String>) -> HologramError {
+    HologramError::Damaged { file: file.display().to_string(), reason: reason.into() }
+}
+
+pub(super) fn unreadable(file: &Path, e: io::Error) -> HologramError {
+    match e.kind() {
+        io::ErrorKind::NotFound => damaged(file, "it is missing"),
+        _ => FileError::read(file, e).into(),
+    }
+}
+
+pub(super) fn read_document(file: &Path) -> Result<Vec<u8>, HologramError> {
+    let mut bytes = Vec::new();
+    let opened = File::open(file).map_err(|e| unreadable(file, e))?;
+    opened.take(LONGEST_DOCUMENT).read_to_end(&mut bytes).map_err(|e| unreadable(file, e))?;
+    Ok(bytes)
+}
+
+/// Zarr's codecs `bytes` (little-endian) and `crc32c`: the values, then the sum of their bytes.
+pub(super) fn write_chunk(out: &mut dyn Write, phases: &[f32]) -> io::Result<()> {
+    let bytes: Vec<u8> = phases.iter().flat_map(|&p| wrap_phase(p).to_le_bytes()).collect();
+    out.write_all(&bytes)?;
+    out.write_all(&crc32c::crc32c(&bytes).to_le_bytes())
+}
+
+pub(super) fn check_length(file: &PathBuf, pixels: usize) -> Result<(), HologramError> {
+    let (length, expected) = (fs::metadata(file).map_err(|e| unreadable(file, e))?.len(), 4 * pixels as u64 + 4);
+    if length != expected {
+        return Err(damaged(file, format!("it is {length} bytes long, not {expected}")));
+    }
+    Ok(())
+}
+
+pub(super) fn read_chunk(file: &Path, pixels: usize, phases: &mut Vec<f32>) -> Result<(), HologramError> {
+    let mut bytes = vec![0; 4 * pixels + 4];
+    File::open(file).and_then(|mut f| f.read_exact(&mut bytes)).map_err(|e| unreadable(file, e))?;
+    let (values, sum) = bytes.split_at(4 * pixels);
+    let (stated, found) = (u32::from_le_bytes([sum[0], sum[1], sum[2], sum[3]]), crc32c::crc32c(values));
+    if stated != found {
+        return Err(damaged(file, format!("its checksum is {found:08x}, and it states {stated:08x}")));
+    }
+    phases.extend(values.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])));
+    Ok(())
+}
+
+/// One chunk by itself.
+pub(super) fn read_tile(file: &Path, values: usize) -> Result<Vec<f32>, HologramError> {
+    check_length(&file.to_path_buf(), values)?;
+    let mut phases = Vec::with_capacity(values);
+    read_chunk(file, values, &mut phases)?;
+    if let Some(at) = phases.iter().position(|p| !p.is_finite()) {
+        return Err(damaged(file, format!("phase {at} is {}", phases[at])));
+    }
+    Ok(phases)
+}

@@ -1,0 +1,108 @@
+//! The driver: one hologram, a sequence or tiles, as the job says.
+
+use super::ProduceError;
+use super::colors::solve_colors;
+use super::job::{SceneEvent, SceneJob};
+use super::sequence::{self, SolvedSequence};
+use super::tiles::{self, SolvedTiles};
+use crate::engine::Engine;
+use crate::hologram::Hologram;
+use crate::optics::Color;
+use crate::quality::Subject;
+use crate::solve::{Flow, Levels, ScenePlan, Settings, Solution};
+use std::path::Path;
+
+/// What came of a job.
+#[non_exhaustive]
+pub enum SceneSolution {
+    /// One hologram.
+    Hologram(Box<SolvedHologram>),
+    /// A sequence in its file.
+    Sequence(SolvedSequence),
+    /// A far field in its tiles.
+    Tiles(Box<SolvedTiles>),
+}
+
+/// A hologram, and how it was solved.
+pub struct SolvedHologram {
+    /// It.
+    pub hologram: Hologram,
+    /// Per colour.
+    pub solutions: Vec<(Color, Solution)>,
+    /// What of the scene was computed.
+    pub plan: ScenePlan,
+    /// The settings of the solve.
+    pub settings: Settings,
+}
+
+impl SceneSolution {
+    /// The hologram, where it is one in memory.
+    pub fn into_hologram(self) -> Option<Hologram> {
+        match self {
+            Self::Hologram(solved) => Some(solved.hologram),
+            _ => None,
+        }
+    }
+}
+
+/// Solves a scene, or several: all colours of one hologram, a sequence, or a far field in tiles. `out` is where it is saved,
+/// by its ending; a single hologram may stay in memory. A sequence and tiles that were cut off are resumed by the same job.
+///
+/// `observe` is told what happens; answering [`Flow::Stop`] ends it with what there is.
+///
+/// # Errors
+/// [`ProduceError`]; a file that was there stays as it was, but for what was made of a sequence and of tiles.
+pub fn solve_scene(
+    job: &SceneJob,
+    out: Option<&Path>,
+    engine: &mut dyn Engine,
+    observe: &mut dyn FnMut(&SceneEvent) -> Flow,
+) -> Result<SceneSolution, ProduceError> {
+    let needs = |what: &str| ProduceError::Job(format!("{what} is solved into its file: say where"));
+    match (job.scenes.len(), &job.tiles) {
+        (0, _) => Err(ProduceError::Job("there is no scene to solve".into())),
+        (1, Some(tiles)) => {
+            let out = out.ok_or_else(|| needs("a far field in tiles"))?;
+            Ok(SceneSolution::Tiles(Box::new(tiles::solve(job, tiles, out, engine, observe)?)))
+        }
+        (1, None) => {
+            let solved = one(job, engine, observe)?;
+            if let Some(out) = out {
+                solved.hologram.save(out)?;
+            }
+            Ok(SceneSolution::Hologram(Box::new(solved)))
+        }
+        (_, Some(_)) => Err(ProduceError::Job("a sequence is not solved in tiles: leave out one or the other".into())),
+        (_, None) => {
+            let out = out.ok_or_else(|| needs("a sequence"))?;
+            Ok(SceneSolution::Sequence(sequence::solve(job, out, engine, observe)?))
+        }
+    }
+}
+
+/// One hologram.
+fn one(
+    job: &SceneJob,
+    engine: &mut dyn Engine,
+    observe: &mut dyn FnMut(&SceneEvent) -> Flow,
+) -> Result<SolvedHologram, ProduceError> {
+    let (display, field) = (job.display, job.load(0)?);
+    let plan = job.plan(&field)?;
+    // What the hologram's file remembers of its scene is the scene as it is, not what the plan leaves of it.
+    let (views, cell) = (field.grid, field.cell(display));
+    let field = plan.reduce(field, display);
+    let (base, levels) = (plan.settings.clone(), Levels::of(display));
+    let subject = Subject { field: &field, color: plan.colors[0], display, base, levels };
+    let settings = subject.settings(&plan.settings);
+    settings.check()?;
+    observe(&SceneEvent::Planned { field: &field, views, plan: &plan, settings: &settings });
+    let solutions = solve_colors(&subject, &plan.colors, &settings, engine, observe)?;
+    let mut hologram = Hologram::from_solutions(&field, display, &settings, plan.padding, &solutions)?;
+    hologram.metadata.views = Some(views);
+    hologram.metadata.view_pitch_mm = Some(cell * 1e3);
+    if job.depth_map.is_some() {
+        // In the order of the map's values, which the range of depths does not keep.
+        hologram.metadata.depth_map_mm = job.depth.map(|d| d.map(|metres| metres * 1e3));
+    }
+    Ok(SolvedHologram { hologram, solutions, plan, settings })
+}
