@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Runs the commands that the README shows, in a folder and with a cache of their own, with the program $EYEBOX.
+# Runs the commands that the README and docs/guide.md show, in a folder and with a cache of their own, with the program $EYEBOX.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 eyebox=${EYEBOX:?set EYEBOX to the program to run them with, such as target/release/eyebox}
@@ -11,9 +11,9 @@ while IFS= read -r command; do
     echo "\$ $command"
     (cd "$work" && XDG_CACHE_HOME="$work/cache" eval "\"\$eyebox\" ${command#cargo run --release -- }") </dev/null
     count=$((count + 1))
-done < <(grep '^cargo run --release -- ' "$root/README.md")
+done < <(grep -h '^cargo run --release -- ' "$root/README.md" "$root/docs/guide.md")
 if ((count == 0)); then
-    echo "the README shows no command: expected lines that start with 'cargo run --release -- '" >&2
+    echo "the README and the guide show no command: expected lines that start with 'cargo run --release -- '" >&2
     exit 1
 fi
-echo "all $count commands of the README ran"
+echo "all $count commands of the README and the guide ran"

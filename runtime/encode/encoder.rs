@@ -46,7 +46,10 @@ impl Encoder {
         let mut codes = 0;
         for &color in colors {
             let (levels, note) = levels(&scale(display, color)?, &encoding.codes);
-            notes.extend(note.map(|note| format!("{color}: {note}")));
+            if let Some(note) = note {
+                tracing::warn!("{color}: {note}");
+                notes.push(format!("{color}: {note}"));
+            }
             codes = codes.max(match &levels {
                 encode::Levels::Even(count) => count - 1,
                 encode::Levels::Table(table) => table.iter().copied().max().unwrap_or(0).into(),

@@ -21,6 +21,7 @@ pub enum Output {
     },
     /// A display that no desktop drives: by its index, its connector or its monitor; without, the first that has a mode of the
     /// video frame's size.
+    #[cfg(feature = "direct-display")]
     Direct {
         /// Which.
         display: Option<String>,
@@ -80,6 +81,7 @@ impl Output {
                 let known = rate.or(window.rate());
                 (Kind::Window(Box::new(window)), known)
             }
+            #[cfg(feature = "direct-display")]
             Self::Direct { display } => {
                 let display = DisplayPresenter::direct(&shared()?, display.as_deref(), [rows, columns], rate, real)?;
                 // Its own rate is the mode's, which may be 59.94 where 60 was asked for.

@@ -49,9 +49,7 @@ pub fn run(args: &Encode) -> Result<(), Failure> {
     };
     frames.save(&args.out)?;
     let notes: Vec<&String> = input.notes.iter().chain(encoder.notes()).collect();
-    for note in &notes {
-        eprintln!("note: {note}");
-    }
+    input.notes.iter().for_each(|note| tracing::warn!("{note}"));
     if args.json {
         println!("{}", report(args, &display, &encoder, &frames, &notes));
     }

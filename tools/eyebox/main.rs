@@ -64,7 +64,10 @@ fn main() -> ExitCode {
         Command::Monitors(args) => play::monitors(args),
         Command::Bench(args) => bench::run(args),
         Command::Devices(args) => devices::run(args),
-        Command::Trackers(args) => trackers::run(args),
+        Command::Trackers(args) => match &args.calibrate {
+            Some(file) if args.describe.is_none() => calibrate::run(args, file),
+            _ => trackers::run(args),
+        },
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

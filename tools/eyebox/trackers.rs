@@ -1,7 +1,6 @@
 //! `eyebox trackers`.
 
 use crate::Failure;
-use crate::calibrate;
 use crate::progress;
 use crate::values::{Targets, not_negative, positive, targets};
 use clap::{Args, ValueEnum};
@@ -90,9 +89,6 @@ pub struct Trackers {
 pub fn run(args: &Trackers) -> Result<(), Failure> {
     if let Some(file) = &args.describe {
         return describe(file, args.json);
-    }
-    if let Some(file) = &args.calibrate {
-        return calibrate::run(args, file);
     }
     match &args.watch {
         Some(source) => watch(args, source),

@@ -109,7 +109,6 @@ pub fn load(args: &SubjectArgs, engines: &Engines) -> Result<Steered, Failure> {
             args.what
         )));
     }
-    encoder.notes().iter().for_each(|note| eprintln!("note: {note}"));
     let parts = parts(&hologram, &field, &optics)?;
     let engine = engines.open()?.describe();
     Ok(Steered { colors, parts, encoder, engine, hologram })

@@ -1,6 +1,6 @@
 //! How far a forecast is off: the same arguments, solved by a process of its own.
 
-use super::Plan;
+use super::args::Plan;
 use crate::Failure;
 use eyebox::optics::Color;
 use eyebox::solve::Forecast;

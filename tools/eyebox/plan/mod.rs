@@ -1,31 +1,18 @@
 //! `eyebox plan`: what of a scene will be computed, why, and what it will take.
 
+mod args;
 mod check;
 
-use crate::args::Solve;
+pub use args::Plan;
+
 use crate::settings::{plan_of, settings_of};
 use crate::{Failure, common};
-use clap::Args;
 use eyebox::engine::Engine;
 use eyebox::optics::{Color, Display};
 use eyebox::plan::Group;
 use eyebox::scene::LightField;
 use eyebox::solve::{Forecast, Loaded, Problem, Rates, ScenePlan, forecast};
 use serde_json::json;
-
-/// `eyebox plan`
-#[derive(Args)]
-pub struct Plan {
-    /// What would be solved: the arguments of `solve`
-    #[command(flatten)]
-    pub solve: Solve,
-    /// Then solve it, and say how far the forecast was off
-    #[arg(long)]
-    pub check: bool,
-    /// Time this machine's engine again
-    #[arg(long)]
-    pub time_again: bool,
-}
 
 /// Bytes of the program where the system does not say.
 const PROGRAM: u64 = 10 << 20;

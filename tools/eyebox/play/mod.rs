@@ -23,7 +23,6 @@ pub fn run(args: &Play) -> Result<(), Failure> {
     }
     let mut play = session::Play::open(&args.file, &display)?;
     let output = output(args, args.looped || play.looped)?;
-    play.sequence.notes().iter().chain(play.encoder.notes()).for_each(|note| eprintln!("note: {note}"));
     play.rate = args.rate.unwrap_or(play.rate);
     play.speed = args.speed;
     play.looped |= args.looped;

@@ -90,7 +90,6 @@ fn open(args: &Preview) -> Result<Opened, Failure> {
     if common::is_hologram(&args.file) && args.at.is_none() && Sequence::is_at(&args.file) {
         view::no_optics(&args.file, &args.optics)?;
         let mut sequence = Sequence::open(&args.file)?;
-        sequence.notes().iter().for_each(|note| eprintln!("note: {note}"));
         let [numerator, denominator] = sequence.rate();
         let hz = args.rate.map_or(f64::from(numerator) / f64::from(denominator), |rate| rate.hz());
         let hologram = sequence.load(0)?;
