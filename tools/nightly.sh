@@ -12,7 +12,8 @@ stage "set-up"
 tools/setup.sh
 
 stage "the release build, with the benchmarks"
-cargo build --release --workspace --bins --features eyebox-tools/benches
+cargo build --release --workspace --bins
+cargo build --release -p eyebox-tests --benches
 
 stage "the README's commands"
 target=$(cargo metadata --format-version 1 --no-deps | sed 's/.*"target_directory":"\([^"]*\)".*/\1/')

@@ -20,7 +20,7 @@ stage "formatting"
 cargo fmt --all --check
 
 stage "lints"
-cargo clippy --workspace --all-targets --features eyebox-tools/benches --quiet -- -D warnings
+cargo clippy --workspace --all-targets --quiet -- -D warnings
 
 stage "the library without its features"
 cargo clippy --package eyebox --no-default-features --quiet -- -D warnings

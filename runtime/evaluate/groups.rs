@@ -39,11 +39,6 @@ impl Group {
         }
     }
 
-    /// The group of this name.
-    pub fn by_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|g| g.name() == name)
-    }
-
     /// One sentence for people.
     pub fn about(self) -> &'static str {
         match self {
@@ -133,12 +128,10 @@ mod tests {
     }
 
     #[test]
-    fn members_keep_their_groups_and_names() {
+    fn members_keep_their_groups() {
         let random = [Pupil { x: 1e-3, y: 0.0, diameter: 2e-3, depth: 0.0 }; 24];
         let all = members(EYEBOX, DEPTH, &random);
         let count = |g| all.iter().filter(|m| m.group == g).count();
         assert_eq!(Group::ALL.map(count), [9, 9, 25, 25, 24]);
-        assert!(Group::ALL.iter().all(|&g| Group::by_name(g.name()) == Some(g)));
-        assert!(Group::by_name("focal stack").is_none());
     }
 }
