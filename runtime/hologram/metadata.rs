@@ -80,11 +80,6 @@ impl Metadata {
         Padding { rows, columns }
     }
 
-    /// The same, as [`padding`](Self::padding) reads it.
-    pub fn set_padding(&mut self, padding: Padding) {
-        self.padded = Some([padding.rows, padding.columns]);
-    }
-
     /// Refuses what no computation can follow.
     pub(super) fn check(&self) -> Result<(), HologramError> {
         match self.padded {
