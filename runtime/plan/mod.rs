@@ -12,7 +12,7 @@ mod scales;
 mod storage;
 mod viewpoint;
 
-pub use cost::{Slots, pupil_pass_bytes, shared_bytes, work};
+pub(crate) use cost::{Slots, pupil_pass_bytes, shared_bytes, work};
 pub use kernel::{Access, Dispatch, Group, Kernel, Scope, Step, Timing};
 pub use list::{Buffer, Extent, PerFrame, PupilPass, Purpose, Resource, Shape, Shot};
 pub use pupil_pass::{Comparison, Planner, ViewLayout};

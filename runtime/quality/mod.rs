@@ -63,6 +63,7 @@ impl Quality {
 
 /// Why settings could not be tried, or methods not compared.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum QualityError {
     /// The display, or a colour that it does not have.
     #[error(transparent)]

@@ -5,6 +5,7 @@ use crate::optics::OpticsError;
 
 /// Why a solve failed.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum SolveError {
     /// A setting that cannot be.
     #[error("{what} is {value}: it must be {right}")]

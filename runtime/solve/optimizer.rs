@@ -49,6 +49,6 @@ impl Optimizer {
 }
 
 /// A half cosine from `from` to `to` as `progress` goes from 0 to 1.
-pub fn cosine([from, to]: [f64; 2], progress: f64) -> f64 {
+pub(crate) fn cosine([from, to]: [f64; 2], progress: f64) -> f64 {
     to + (from - to) * 0.5 * (1.0 + (std::f64::consts::PI * progress.clamp(0.0, 1.0)).cos())
 }

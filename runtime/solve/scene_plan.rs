@@ -98,7 +98,7 @@ pub struct ScenePlan {
 }
 
 /// A saving may cost so much, dB.
-pub const TOLERANCE: f64 = 0.05;
+const TOLERANCE: f64 = 0.05;
 /// Photographs of merged views must be this like those of all, dB of the brightest: twenty and more below the speckle of
 /// any hologram, so less than [`TOLERANCE`].
 const LIKENESS: f64 = 60.0;

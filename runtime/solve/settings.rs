@@ -16,7 +16,7 @@ pub enum PaddingRule {
     /// Never: the edges see a little of what walks off on the other side.
     #[default]
     Never,
-    /// Where what walks off would cost more than [`TOLERANCE`](super::TOLERANCE).
+    /// Where what walks off would cost more than 0.05 dB.
     Need,
     /// As wide as light walks off.
     Always,

@@ -29,6 +29,7 @@ use crate::solve::SolveError;
 
 /// Why a large hologram could not be solved or looked at.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum TiledError {
     /// The optics.
     #[error(transparent)]
