@@ -1,10 +1,11 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
+#include "constants.glsl"
 #include "half.glsl"
 
 // window *= factor. x: pixel (strided), z: frame.
 
-layout(local_size_x = 64) in;
+layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Factor { float factor[]; };
 layout(std430, binding = 1) buffer Window { COMPLEX window[]; };
 layout(push_constant) uniform Args {

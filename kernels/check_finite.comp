@@ -1,8 +1,10 @@
 #version 450
+#extension GL_GOOGLE_include_directive : require
+#include "constants.glsl"
 
 // found = 1 if any value is no number or infinite. x: value (strided), z: frame. Halves only: see check_finite.rs.
 
-layout(local_size_x = 64) in;
+layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Change { uint change[]; };
 layout(std430, binding = 1) buffer Found { uint found; };
 layout(push_constant) uniform Args {

@@ -1,12 +1,10 @@
 #version 450
+#extension GL_GOOGLE_include_directive : require
+#include "constants.glsl"
 
-// The image becomes the factor for the field; the loss is summed per workgroup. x: SHARE pixels per workgroup.
+// The image becomes the factor for the field; the loss is summed per workgroup. x: COMPARE_SHARE pixels per workgroup.
 
-const uint SIZE = 128;
-const uint SHARE = 16 * SIZE;
-const uint PROJECTION = 0, INTENSITY = 1;
-
-layout(local_size_x = 128) in;
+layout(local_size_x = SUM_WIDTH) in;
 layout(std430, binding = 0) buffer Image { float image[]; };
 layout(std430, binding = 1) readonly buffer Target { float target_image[]; };
 layout(std430, binding = 2) writeonly buffer Losses { float losses[]; };
@@ -15,19 +13,19 @@ layout(push_constant) uniform Args {
     float exposure, weight, low, limit;
 };
 
-shared float parts[SIZE];
+shared float parts[SUM_WIDTH];
 
 void main() {
     float sum = 0.0;
-    uint first = gl_WorkGroupID.x * SHARE;
-    for (uint i = first + gl_LocalInvocationID.x; i < min(first + SHARE, count); i += SIZE) {
+    uint first = gl_WorkGroupID.x * COMPARE_SHARE;
+    for (uint i = first + gl_LocalInvocationID.x; i < min(first + COMPARE_SHARE, count); i += SUM_WIDTH) {
         float seen = exposure * image[i];
         float wanted = target_image[i];
         float rest = seen - wanted;
         float factor;
-        if (mode == PROJECTION) {
+        if (mode == COMPARE_PROJECTION) {
             factor = min(sqrt((wanted + low) / (seen + low)), limit) - 1.0;
-        } else if (mode == INTENSITY) {
+        } else if (mode == COMPARE_INTENSITY) {
             factor = weight * rest;
         } else {
             seen = sqrt(seen + low);
@@ -39,7 +37,7 @@ void main() {
         sum += rest * rest;
     }
     parts[gl_LocalInvocationID.x] = sum;
-    for (uint half_size = SIZE / 2; half_size > 0; half_size /= 2) {
+    for (uint half_size = SUM_WIDTH / 2; half_size > 0; half_size /= 2) {
         barrier();
         if (gl_LocalInvocationID.x < half_size) {
             parts[gl_LocalInvocationID.x] += parts[gl_LocalInvocationID.x + half_size];

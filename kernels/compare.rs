@@ -29,6 +29,16 @@ pub struct Args {
     pub limit: f32,
 }
 
+/// Pixels whose loss a part holds.
+pub const SHARE: usize = 2048;
+
+impl Args {
+    /// Parts that the shader leaves the loss in.
+    pub fn parts(&self) -> usize {
+        (self.count as usize).div_ceil(SHARE)
+    }
+}
+
 /// `image` (count): intensity in, factor out; `target` (count). Returns the loss, a sum over pixels.
 pub fn compare(args: &Args, image: &mut [f32], target: &[f32]) -> f64 {
     let Args { exposure: s, weight, floor, limit, mode, .. } = *args;

@@ -1,10 +1,11 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
+#include "constants.glsl"
 #include "half.glsl"
 
 // change /= max(hits, 1)^power. x: point of the grid (strided), z: frame.
 
-layout(local_size_x = 64) in;
+layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Hits { float hits[]; };
 layout(std430, binding = 1) buffer Change { COMPLEX change[]; };
 layout(push_constant) uniform Args {

@@ -1,5 +1,7 @@
 #version 450
+#extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
+#include "constants.glsl"
 
 // The levels of one colour's sub-frames at their bits: frame = the first's, frame |= the others'. An invocation takes
 // four pixels of a row, all their cells: whole words of the video frame, whose rows are padded to them. x: those fours
@@ -8,9 +10,9 @@
 // What a run puts where is known when it is compiled: no invocation looks it up.
 // The float operations are exact, all others are of integers: the twin has the same bytes.
 
-layout(local_size_x = 64) in;
+layout(local_size_x = WIDTH) in;
 layout(constant_id = 0) const uint channels = 1;
-// 0: levels are a power of two, 1: any even levels, 2: the table.
+// ENCODE_POWER: levels are a power of two, ENCODE_EVEN: any even levels, else the table.
 layout(constant_id = 1) const uint kind = 0;
 layout(constant_id = 2) const bool has_offsets = false;
 layout(constant_id = 3) const uint cell_rows = 1;
@@ -26,8 +28,8 @@ layout(constant_id = 8) const bool aligned = false;
 layout(constant_id = 9) const bool entire = false;
 // Values from one sub-frame to the next.
 layout(constant_id = 10) const uint stride = 0;
-// 0: row by row; 1: rows follow each other in the hologram and in the frame; 2: and one entry fills whole words of the
-// frame, four of which are written at once.
+// ENCODE_ROWS: row by row; ENCODE_WIDE: rows follow each other in the hologram and in the frame, and one entry fills whole
+// words of the frame, four of which are written at once; else only the former.
 layout(constant_id = 11) const uint flat_words = 0;
 // Entries: sub-frame (8 bits), mask (8), from, to, channel (4 each).
 layout(constant_id = 12) const uint entry0 = 0;
@@ -73,7 +75,7 @@ layout(push_constant) uniform Args {
 
 // Folded, where `k` is known when compiled.
 uint entry(uint k) {
-    const uint all[24] = uint[](
+    const uint all[ENCODE_ENTRIES] = uint[](
         entry0, entry1, entry2, entry3, entry4, entry5, entry6, entry7, entry8, entry9, entry10, entry11, entry12,
         entry13, entry14, entry15, entry16, entry17, entry18, entry19, entry20, entry21, entry22, entry23);
     return all[k];
@@ -82,17 +84,18 @@ uint entry(uint k) {
 uint turns(float phase) {
     float nearest = roundEven(phase);
     precise float rest = phase - nearest;
-    precise float scaled = rest * 4194304.0;
+    precise float scaled = rest * ENCODE_PARTS;
     int whole = int(nearest);
     int part = int(roundEven(scaled));
-    return uint(whole * 683565275 + ((whole * 148) >> 8) + (part >> 10) * 166886 + (((part & 1023) * 20861) >> 7));
+    return uint(whole * ENCODE_RADIAN + ((whole * ENCODE_RADIAN_256TH) >> 8) + (part >> 10) * ENCODE_PART
+        + (((part & 1023) * ENCODE_PART_128TH) >> 7));
 }
 
 uint level_of(uint t) {
-    if (kind == 0) {
+    if (kind == ENCODE_POWER) {
         uint bits = uint(findMSB(levels));
         return (t + (1u << (31 - bits))) >> (32 - bits);
-    } else if (kind == 1) {
+    } else if (kind == ENCODE_EVEN) {
         uint level = ((t >> 8) * levels + (1u << 23)) >> 24;
         return level == levels ? 0 : level;
     }
@@ -142,10 +145,10 @@ void put_wide(uint word) {
 }
 
 void main() {
-    if (flat_words != 0) {
-        uint all = width / 4 * height / (flat_words == 2 ? 4 : 1);
-        for (uint i = gl_GlobalInvocationID.x; i < all; i += 64 * gl_NumWorkGroups.x) {
-            if (flat_words == 2) put_wide(i);
+    if (flat_words != ENCODE_ROWS) {
+        uint all = width / 4 * height / (flat_words == ENCODE_WIDE ? 4 : 1);
+        for (uint i = gl_GlobalInvocationID.x; i < all; i += WIDTH * gl_NumWorkGroups.x) {
+            if (flat_words == ENCODE_WIDE) put_wide(i);
             else put_fours(i);
         }
         return;

@@ -13,15 +13,31 @@ use bytemuck::{Pod, Zeroable};
 pub const LARGEST_PHASE: f32 = 4_194_304.0;
 /// Entries of a colour's table of levels, one for each 1/65536 turn.
 pub const TABLE: usize = 65536;
+/// How the shader finds levels: of a power of two by a shift.
+pub const POWER: u32 = 0;
+/// Of any even levels by a product.
+pub const EVEN: u32 = 1;
+/// Of others in the table.
+pub const TABLED: u32 = 2;
+/// How the shader goes over the picture: row by row.
+pub const ROWS: u32 = 0;
+/// Fours of pixels: rows follow each other on both sides.
+pub const FOURS: u32 = 1;
+/// Fours of such fours, which one entry fills.
+pub const WIDE: u32 = 2;
+/// Entries of a run of the shader.
+pub const ENTRIES: usize = 24;
 /// Cells that a pixel may have.
-pub const MOST_CELLS: usize = 4;
+const MOST_CELLS: usize = 4;
 
 // Adding and taking away 1.5 * 2^23 rounds to an integer, whose lowest bits stand in the mantissa.
 const ROUND: f32 = 12_582_912.0;
 /// Units of 2^-32 turns in a radian: 683565275 + 148 / 256.
-const RADIAN: [i32; 2] = [683_565_275, 148];
+pub(crate) const RADIAN: [i32; 2] = [683_565_275, 148];
+/// Parts of a radian that what is left of a phase is rounded to.
+pub(crate) const PARTS: f32 = 4_194_304.0;
 /// Units in 2^-12 radian, and 128 times the units in 2^-22 radian: less than 2^15, which processors multiply faster.
-const PART: [i32; 2] = [166_886, 20_861];
+pub(crate) const PART: [i32; 2] = [166_886, 20_861];
 /// Pixels that are encoded at once, in the nearest cache. A set is many sub-frames, each a stream of its own: blocks are
 /// long, for a processor fetches ahead along a stream.
 pub const BLOCK: usize = 8192;
@@ -143,7 +159,7 @@ pub fn turns(phase: f32) -> u32 {
     let whole = shifted.to_bits().wrapping_sub(ROUND.to_bits()) as i32;
     // Exact: both are multiples of the phase's last bit, and the rest is at most a half.
     let rest = phase - (shifted - ROUND);
-    let rest = (rest * 4_194_304.0 + ROUND).to_bits().wrapping_sub(ROUND.to_bits()) as i32;
+    let rest = (rest * PARTS + ROUND).to_bits().wrapping_sub(ROUND.to_bits()) as i32;
     let whole = whole.wrapping_mul(RADIAN[0]).wrapping_add(whole.wrapping_mul(RADIAN[1]) >> 8);
     let high = (rest >> 10).wrapping_mul(PART[0]);
     let low = ((rest & 1023) * PART[1]) >> 7;

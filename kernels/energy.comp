@@ -1,14 +1,13 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
+#include "constants.glsl"
 #include "half.glsl"
 
 // energy[patch] += sum |field|^2 over values begin .. end of the patch and all sub-frames. x: patch, one workgroup each.
 // A patch comes in shares: an invocation adds up a few thousand values plainly and no more, for float32 loses the small
 // end of a longer sum, and some software devices leave a loop after 65535 rounds.
 
-const uint SIZE = 128;
-
-layout(local_size_x = 128) in;
+layout(local_size_x = SUM_WIDTH) in;
 layout(std430, binding = 0) readonly buffer Field { COMPLEX field[]; };
 layout(std430, binding = 1) buffer Energy { float energy[]; };
 layout(push_constant) uniform Args {
@@ -18,7 +17,7 @@ layout(push_constant) uniform Args {
     uint begin, end;
 };
 
-shared float parts[SIZE];
+shared float parts[SUM_WIDTH];
 
 void main() {
     uint a = gl_WorkGroupID.x / patches, b = gl_WorkGroupID.x % patches;
@@ -27,7 +26,7 @@ void main() {
     uint last = min(end, height * width);
     float sum = 0.0;
     for (uint f = 0; f < frames; f++) {
-        for (uint i = begin + gl_LocalInvocationID.x; i < last; i += SIZE) {
+        for (uint i = begin + gl_LocalInvocationID.x; i < last; i += SUM_WIDTH) {
             uint y = (y0 + top + i / width) % grid_height;
             uint x = (x0 + left + i % width) % grid_width;
             vec2 z = LOAD(field[f * field_stride + y * grid_width + x]);
@@ -35,7 +34,7 @@ void main() {
         }
     }
     parts[gl_LocalInvocationID.x] = sum;
-    for (uint half_size = SIZE / 2; half_size > 0; half_size /= 2) {
+    for (uint half_size = SUM_WIDTH / 2; half_size > 0; half_size /= 2) {
         barrier();
         if (gl_LocalInvocationID.x < half_size) {
             parts[gl_LocalInvocationID.x] += parts[gl_LocalInvocationID.x + half_size];

@@ -1,7 +1,7 @@
 //! The light in each patch of the eyebox: `energy[patch] += sum |field|^2`, over a square of the spectrum that is
 //! divided into `patches` x `patches` (OPTICS 7, pupil-aware). All sub-frames.
 
-use crate::{Complex32, simd};
+use crate::{Complex32, modulate, simd};
 use bytemuck::{Pod, Zeroable};
 
 /// Where the eyebox lies in the spectrum.
@@ -30,26 +30,37 @@ pub struct Args {
 pub const MOST: u32 = 16;
 
 impl Args {
+    /// Whether they are for a grid of this size, and patches that there may be.
+    pub fn fits(&self, grid: &modulate::Args) -> bool {
+        (self.grid_height, self.grid_width) == (grid.grid_height, grid.grid_width)
+            && (1..=MOST).contains(&self.patches)
+            && self.rows <= self.grid_height
+            && self.columns <= self.grid_width
+            && self.y0 < self.grid_height
+            && self.x0 < self.grid_width
+    }
+
     /// Rows (or columns) of patch `p` out of `n` in all.
-    pub fn part(&self, p: u32, n: u32) -> std::ops::Range<u32> {
+    pub(crate) fn part(&self, p: u32, n: u32) -> std::ops::Range<u32> {
         p * n / self.patches..(p + 1) * n / self.patches
     }
 
     /// Whether the centre of patch (`a`, `b`) lies in the disc that the eyebox holds: its corners are where light
     /// may go that no centred pupil sees.
-    pub fn counts(&self, a: u32, b: u32) -> bool {
+    pub(crate) fn counts(&self, a: u32, b: u32) -> bool {
         let off = |p: u32| (2 * p + 1) as i64 - i64::from(self.patches);
         off(a) * off(a) + off(b) * off(b) <= i64::from(self.patches) * i64::from(self.patches)
     }
 }
 
-/// `field`: spectra, (frames, grid_height, grid_width); `energy` (patches, patches).
+/// `field`: spectra, (frames, grid_height, grid_width); `energy`: the first `patches` squared of them,
+/// (patches, patches).
 pub fn energy(args: &Args, field: &[Complex32], energy: &mut [f32]) {
     let (height, width) = (args.grid_height as usize, args.grid_width as usize);
     simd(
         #[inline(always)]
         || {
-            for (patch, out) in energy.iter_mut().enumerate() {
+            for (patch, out) in energy.iter_mut().enumerate().take((args.patches * args.patches) as usize) {
                 let (a, b) = (patch as u32 / args.patches, patch as u32 % args.patches);
                 let columns = args.part(b, args.columns);
                 let mut sum = 0.0f64;

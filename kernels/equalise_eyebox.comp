@@ -1,13 +1,11 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
+#include "constants.glsl"
 #include "half.glsl"
 
 // change += factor of the patch * field, inside the eyebox's disc of patches. x: column, y: row (strided), z: frame.
 
-const uint PROJECTION = 0;
-const uint MOST = 256;
-
-layout(local_size_x = 64) in;
+layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Energy { float energy[]; };
 layout(std430, binding = 1) readonly buffer Field { COMPLEX field[]; };
 layout(std430, binding = 2) buffer Change { COMPLEX change[]; };
@@ -15,11 +13,11 @@ layout(push_constant) uniform Args {
     uint grid_height, grid_width, y0, x0, rows, columns, patches, accumulate;
     uint mode;
     float weight, limit;
-    // Values from one frame to the next.
-    uint field_stride, change_stride;
+    // Values from one frame to the next, of both.
+    uint stride;
 };
 
-shared float factors[MOST];
+shared float factors[ENERGY_MOST * ENERGY_MOST];
 shared float mean, variance, number;
 
 bool counts(uint i) {
@@ -51,8 +49,8 @@ void main() {
         float e = factors[i];
         float factor = 0.0;
         if (counts(i) && mean > 0.0) {
-            if (mode == PROJECTION) {
-                factor = weight * (min(sqrt(mean / max(e, 1.17549435e-38)), limit) - 1.0);
+            if (mode == EQUALISE_PROJECTION) {
+                factor = weight * (min(sqrt(mean / max(e, SMALLEST)), limit) - 1.0);
             } else {
                 factor = 2.0 * weight / (number * mean) * (e / mean - 1.0 - variance);
             }
@@ -65,10 +63,10 @@ void main() {
     // The patch whose part holds column k: the inverse of p * columns / patches, rounded down.
     uint b = ((k + 1) * patches - 1) / columns;
     uint x = (x0 + k) % grid_width;
-    uint from = gl_GlobalInvocationID.z * field_stride, to = gl_GlobalInvocationID.z * change_stride;
+    uint base = gl_GlobalInvocationID.z * stride;
     for (uint j = gl_WorkGroupID.y; j < rows; j += gl_NumWorkGroups.y) {
         uint a = ((j + 1) * patches - 1) / rows;
-        uint at = (y0 + j) % grid_height * grid_width + x;
-        change[to + at] = STORE(LOAD(change[to + at]) + factors[a * patches + b] * LOAD(field[from + at]));
+        uint at = base + (y0 + j) % grid_height * grid_width + x;
+        change[at] = STORE(LOAD(change[at]) + factors[a * patches + b] * LOAD(field[at]));
     }
 }

@@ -26,7 +26,7 @@ pub struct Args {
 impl Args {
     /// The factor of each patch's spectrum, from the patches' energies (patches, patches). Patches outside the disc
     /// have none.
-    pub fn factors(&self, energy: &[f32]) -> Vec<f32> {
+    fn factors(&self, energy: &[f32]) -> Vec<f32> {
         let patches = self.place.patches;
         let counts = |i: usize| self.place.counts(i as u32 / patches, i as u32 % patches);
         let (mut n, mut sum, mut squares) = (0.0f32, 0.0f32, 0.0f32);
@@ -57,11 +57,11 @@ impl Args {
     }
 }
 
-/// `energy` (patches, patches); `field`: the spectrum, `change`: its change, both (grid_height, grid_width).
+/// `energy`: the first `patches` squared of them, (patches, patches); `field`: the spectrum, `change`: its change, both (grid_height, grid_width).
 pub fn equalise_eyebox(args: &Args, energy: &[f32], field: &[Complex32], change: &mut [Complex32]) {
     let place = &args.place;
     let (height, width) = (place.grid_height as usize, place.grid_width as usize);
-    let factors = args.factors(energy);
+    let factors = args.factors(&energy[..(place.patches * place.patches) as usize]);
     simd(
         #[inline(always)]
         || {

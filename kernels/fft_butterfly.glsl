@@ -5,7 +5,7 @@
 // All sizes come from specialisation constants, so that all loops unroll and all indices of v are known when the
 // pipeline is made.
 
-vec4 v[32];
+vec4 v[2 * FFT_LARGEST_RADIX];
 
 // Times -i.
 vec4 quarter(vec4 a) { return vec4(a.y, -a.x, a.w, -a.z); }

@@ -1,5 +1,6 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
+#include "constants.glsl"
 #include "half.glsl"
 
 // Around the inner transforms of Bluestein's algorithm (1970): a transform of any length n is a convolution with a
@@ -7,13 +8,13 @@
 // y the row. z: frame. The work lies compact: lines of m elements, without those lines that are not wanted. It is in
 // float32 whatever the data are in: a convolution reaches far beyond what it begins and ends with.
 
-layout(local_size_x = 16, local_size_y = 4) in;
+layout(local_size_x = CHIRP_WIDTH, local_size_y = CHIRP_HEIGHT) in;
 layout(std430, binding = 0) buffer Data { COMPLEX data[]; };
 layout(std430, binding = 1) buffer Work { vec2 work[]; };
 // Chirp exp(-i pi k^2 / n), or the transform of its inverse.
 layout(std430, binding = 2) readonly buffer Table { vec2 table[]; };
 layout(push_constant) uniform Args {
-    // 0: work = data chirp, and zeros. 1: work = work filter. 2: data = work chirp.
+    // CHIRP_BEGIN: work = data chirp, and zeros. CHIRP_FILTER: work = work filter. CHIRP_END: data = work chirp.
     uint mode;
     uint n, m;
     uint inverse, rows;
@@ -27,19 +28,19 @@ vec2 times(vec2 a, vec2 b) { return vec2(a.x * b.x - a.y * b.y, a.x * b.y + a.y 
 void main() {
     uint x = gl_GlobalInvocationID.x, y = gl_GlobalInvocationID.y, z = gl_GlobalInvocationID.z;
     uint element = rows == 1u ? x : y, line = rows == 1u ? y : x;
-    if (line >= count || element >= (mode == 2u ? n : m)) return;
+    if (line >= count || element >= (mode == CHIRP_END ? n : m)) return;
     uint from = first + line;
     if (from >= wrap) from -= wrap;
     uint d = z * data_frame + (rows == 1u ? from * data_row + element : element * data_row + from);
     uint w = z * work_frame + (rows == 1u ? line * work_row + element : element * work_row + line);
-    if (mode == 0u) {
+    if (mode == CHIRP_BEGIN) {
         vec2 value = vec2(0.0);
         if (element < n) {
             value = LOAD(data[d]);
             value = times(inverse == 1u ? value.yx : value, table[element]);
         }
         work[w] = value;
-    } else if (mode == 1u) {
+    } else if (mode == CHIRP_FILTER) {
         work[w] = times(work[w], table[element]);
     } else {
         vec2 value = times(work[w], table[element]);

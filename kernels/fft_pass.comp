@@ -15,6 +15,7 @@ layout(constant_id = 5) const uint ROWS = 0;
 layout(constant_id = 6) const uint FIRST = 0;
 const uint R = A * B;
 
+#include "constants.glsl"
 #include "half.glsl"
 #include "fft_butterfly.glsl"
 

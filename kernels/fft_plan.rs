@@ -24,7 +24,19 @@ pub struct PlanLimits {
 pub const LONGEST: u32 = 1 << 15;
 
 /// Largest radix: what an invocation transforms in registers.
-pub const LARGEST_RADIX: u32 = 16;
+pub(crate) const LARGEST_RADIX: u32 = 16;
+
+/// Of shared memory, the slot after so many stays free: invocations that write a radix apart meet different banks.
+pub(crate) const FREE_SLOT: u32 = 16;
+
+/// Invocations of a workgroup of `fft_chirp.comp`, along memory and across it.
+pub const CHIRP_WORKGROUP: [u32; 2] = [16, 4];
+/// Its mode: work = data chirp, and zeros.
+pub const CHIRP_BEGIN: u32 = 0;
+/// Its mode: work = work filter.
+pub const CHIRP_FILTER: u32 = 1;
+/// Its mode: data = work chirp.
+pub const CHIRP_END: u32 = 2;
 
 /// Stages that `fft_rows.comp` has.
 const STAGES: usize = 5;
@@ -62,7 +74,7 @@ impl Radix {
     }
 
     /// Tables hold `w` and this power of it; the other powers are products.
-    pub fn table_power(self) -> u32 {
+    pub(crate) fn table_power(self) -> u32 {
         if self.size() <= 4 { 2 } else { 4 }
     }
 }
@@ -80,7 +92,7 @@ pub struct Shared {
     pub threads: u32,
     /// Rows per workgroup.
     pub lines: u32,
-    /// Slots of a row, of 16 bytes (pairs) or 8; every seventeenth stays free.
+    /// Slots of a row, of 16 bytes (pairs) or 8; one in [`FREE_SLOT`] + 1 stays free.
     pub slots: u32,
 }
 
@@ -289,7 +301,7 @@ const CROWD: u32 = 64;
 fn shared(n: u32, radices: &[u32], limits: &PlanLimits) -> Option<Shared> {
     let pair = pairs(n, radices);
     let (units, unit_bytes) = if pair { (n / 2, 16) } else { (n, 8) };
-    let slots = units + units / 16 + 1;
+    let slots = units + units / FREE_SLOT + 1;
     let line = slots.checked_mul(unit_bytes)?;
     let room = limits.shared_bytes.checked_sub(16)?;
     if radices.len() > STAGES || line > room {

@@ -30,6 +30,7 @@ layout(constant_id = 17) const uint A4 = 1;
 layout(constant_id = 18) const uint B4 = 1;
 layout(constant_id = 19) const uint C4 = 0;
 
+#include "constants.glsl"
 #include "half.glsl"
 #include "fft_butterfly.glsl"
 
@@ -52,8 +53,8 @@ shared vec2 shared2[PAIR == 1u ? 1u : LINES * SLOTS];
 uint origin;
 bool present;
 
-// Every seventeenth slot is free: invocations that write a radix apart meet different banks.
-uint slot(uint i) { return gl_LocalInvocationID.y * SLOTS + i + i / 16u; }
+// One slot in FFT_FREE_SLOT + 1 is free: invocations that write a radix apart meet different banks.
+uint slot(uint i) { return gl_LocalInvocationID.y * SLOTS + i + i / FFT_FREE_SLOT; }
 
 void swap_parts(uint at, uint count) {
     [[unroll]] for (uint k = 0u; k < count; k++) v[at + k] = v[at + k].yxwz;

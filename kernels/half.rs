@@ -7,9 +7,6 @@
 
 use crate::{Complex32, simd};
 
-/// Largest error of a rounding over the value: half a unit in the last of 11 bits.
-pub const UNIT: f64 = 1.0 / 2048.0;
-
 /// The largest half.
 pub const LARGEST: f32 = 65504.0;
 

@@ -1,10 +1,11 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
+#include "constants.glsl"
 #include "half.glsl"
 
 // image (+)= gain * sum over frames |window|^2. x: pixel (strided).
 
-layout(local_size_x = 64) in;
+layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Window { COMPLEX window[]; };
 layout(std430, binding = 1) buffer Image { float image[]; };
 layout(push_constant) uniform Args {

@@ -1,11 +1,12 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
+#include "constants.glsl"
 #include "half.glsl"
 #include "trig.glsl"
 
 // field = scale exp(i phases) on the SLM, zero in the padding around it. x: column, y: row (strided), z: frame.
 
-layout(local_size_x = 64) in;
+layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Phases { float phases[]; };
 layout(std430, binding = 1) writeonly buffer Field { COMPLEX field[]; };
 layout(push_constant) uniform Args {

@@ -1,8 +1,10 @@
 #version 450
+#extension GL_GOOGLE_include_directive : require
+#include "constants.glsl"
 
 // hits += 1 inside the spans. x: column, y: row (strided).
 
-layout(local_size_x = 64) in;
+layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Spans { uvec2 spans[]; };
 layout(std430, binding = 1) buffer Hits { float hits[]; };
 layout(push_constant) uniform Args {

@@ -1,10 +1,11 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
+#include "constants.glsl"
 #include "half.glsl"
 
 // window = scale * spectrum * transfer inside the spans, zero outside. x: column, y: row (strided), z: frame.
 
-layout(local_size_x = 64) in;
+layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Spectrum { COMPLEX spectrum[]; };
 layout(std430, binding = 1) readonly buffer Transfer { vec2 transfer[]; };
 layout(std430, binding = 2) readonly buffer Spans { uvec2 spans[]; };

@@ -1,10 +1,10 @@
 #version 450
+#extension GL_GOOGLE_include_directive : require
+#include "constants.glsl"
 
 // accumulator (+)= sum over taps of weight * (view moved down by dy + fy and right by dx + fx), bilinear and periodic.
-// x: column, y: STRIP rows (strided). Taps with the same (dy, fy) stand together: their rows are added up first, and each
+// x: column, y: PHOTOGRAPH_STRIP rows (strided). Taps with the same (dy, fy) stand together: their rows are added up first, and each
 // sum serves two rows of the result.
-
-const uint STRIP = 8;
 
 struct Tap {
     uint view;
@@ -13,7 +13,7 @@ struct Tap {
     float fy, fx;
 };
 
-layout(local_size_x = 64) in;
+layout(local_size_x = WIDTH) in;
 // Two u16 in a word, the first one low.
 layout(std430, binding = 0) readonly buffer Views { uint views[]; };
 layout(std430, binding = 1) readonly buffer Taps { Tap taps[]; };
@@ -33,15 +33,15 @@ float value(uint at) {
 void main() {
     uint x = gl_GlobalInvocationID.x;
     if (x >= width) return;
-    for (uint y = gl_WorkGroupID.y * STRIP; y < height; y += gl_NumWorkGroups.y * STRIP) {
-        float sums[STRIP];
-        for (uint r = 0; r < STRIP; ++r) sums[r] = 0.0;
+    for (uint y = gl_WorkGroupID.y * PHOTOGRAPH_STRIP; y < height; y += gl_NumWorkGroups.y * PHOTOGRAPH_STRIP) {
+        float sums[PHOTOGRAPH_STRIP];
+        for (uint r = 0; r < PHOTOGRAPH_STRIP; ++r) sums[r] = 0.0;
         for (uint i = 0; i < count;) {
             uint dy = taps[i].dy % height;
             float fy = taps[i].fy;
             // The row above the strip comes first; a view smaller than the strip comes round again.
-            float lines[STRIP + 1];
-            for (uint r = 0; r <= STRIP; ++r) lines[r] = 0.0;
+            float lines[PHOTOGRAPH_STRIP + 1];
+            for (uint r = 0; r <= PHOTOGRAPH_STRIP; ++r) lines[r] = 0.0;
             uint top = (y + height - dy + height - 1) % height;
             do {
                 Tap tap = taps[i];
@@ -51,16 +51,16 @@ void main() {
                 float far = tap.weight * scale * tap.fx;
                 float near = tap.weight * scale * (1.0 - tap.fx);
                 uint row = top;
-                for (uint r = 0; r <= STRIP; ++r) {
+                for (uint r = 0; r <= PHOTOGRAPH_STRIP; ++r) {
                     uint base = tap.view * view_stride + row * width;
                     lines[r] += near * value(base + near_x) + far * value(base + far_x);
                     row = row + 1 == height ? 0 : row + 1;
                 }
                 ++i;
             } while (i < count && taps[i].dy % height == dy && taps[i].fy == fy);
-            for (uint r = 0; r < STRIP; ++r) sums[r] += (1.0 - fy) * lines[r + 1] + fy * lines[r];
+            for (uint r = 0; r < PHOTOGRAPH_STRIP; ++r) sums[r] += (1.0 - fy) * lines[r + 1] + fy * lines[r];
         }
-        for (uint r = 0; r < STRIP; ++r) {
+        for (uint r = 0; r < PHOTOGRAPH_STRIP; ++r) {
             if (y + r >= height) break;
             uint at = (y + r) * width + x;
             accumulator[at] = accumulate == 0 ? sums[r] : accumulator[at] + sums[r];

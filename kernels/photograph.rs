@@ -7,6 +7,9 @@
 use crate::simd;
 use bytemuck::{Pod, Zeroable};
 
+/// Rows that an invocation of the shader takes at once.
+pub const STRIP: u32 = 8;
+
 /// The level, and the views' scale.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]

@@ -1,9 +1,11 @@
 #version 450
+#extension GL_GOOGLE_include_directive : require
+#include "constants.glsl"
 
 // A packed video frame as a display takes it: pixel = (r, g, b, 255), or (b, g, r, 255); grey has r = g = b.
 // x: column (64 invocations), y: row (strided).
 
-layout(local_size_x = 64) in;
+layout(local_size_x = WIDTH) in;
 // Rows of `row` bytes, a multiple of 4.
 layout(std430, binding = 0) readonly buffer Frame { uint frame[]; };
 layout(std430, binding = 1) writeonly buffer Pixels { uint pixels[]; };

@@ -1,11 +1,12 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
+#include "constants.glsl"
 #include "half.glsl"
 #include "trig.glsl"
 
 // Turns each phase by the part of the change that it can follow. x: column, y: row (strided), z: frame.
 
-layout(local_size_x = 64) in;
+layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Change { COMPLEX change[]; };
 // The phases that made the field: the same buffer as `phases` where nothing is quantised.
 layout(std430, binding = 1) readonly buffer Shown { float shown[]; };

@@ -1,12 +1,11 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
+#include "constants.glsl"
 #include "trig.glsl"
 
 // shown = the level nearest to the phase, round the circle, or a share of the way to it. x: pixel (strided), z: frame.
 
-const float TURN = 6.28318531;
-
-layout(local_size_x = 64) in;
+layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Phases { float phases[]; };
 layout(std430, binding = 1) readonly buffer Levels { float level_phases[]; };
 layout(std430, binding = 2) writeonly buffer Shown { float shown[]; };

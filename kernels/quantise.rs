@@ -20,6 +20,13 @@ pub struct Args {
 /// Most levels.
 pub const MOST: usize = 256;
 
+impl Args {
+    /// Whether they are for frames of so many pixels, and levels that there may be.
+    pub fn fits(&self, pixels: usize) -> bool {
+        self.count as usize == pixels && (1..=MOST).contains(&(self.levels as usize))
+    }
+}
+
 /// `phases` (count), radians in -pi .. pi; `levels`: at least `args.levels` phases in -pi .. pi, ascending; `shown`
 /// (count). Half-way between two levels, the lower one is taken.
 pub fn quantise(args: &Args, phases: &[f32], levels: &[f32], shown: &mut [f32]) {

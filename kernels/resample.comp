@@ -1,8 +1,10 @@
 #version 450
+#extension GL_GOOGLE_include_directive : require
+#include "constants.glsl"
 
 // target = separable weights over the accumulator, periodic. x: column, y: row (strided).
 
-layout(local_size_x = 64) in;
+layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Input { float values[]; };
 // A table: `first` per output sample, then the bits of `weights`, `taps` per output sample.
 layout(std430, binding = 1) readonly buffer Rows { uint row_table[]; };

@@ -1,11 +1,12 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
+#include "constants.glsl"
 #include "half.glsl"
 
 // change += scale * window * conj(transfer), inside the spans. x: column, y: row (strided), z: frame.
 // A window is at most as large as the grid, so no value of `change` is met twice.
 
-layout(local_size_x = 64) in;
+layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Window { COMPLEX window[]; };
 layout(std430, binding = 1) readonly buffer Transfer { vec2 transfer[]; };
 layout(std430, binding = 2) readonly buffer Spans { uvec2 spans[]; };

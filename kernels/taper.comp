@@ -1,8 +1,10 @@
 #version 450
+#extension GL_GOOGLE_include_directive : require
+#include "constants.glsl"
 
 // transfer[j][k] *= rows[j] * columns[k]. x: column, y: row (strided).
 
-layout(local_size_x = 64) in;
+layout(local_size_x = WIDTH) in;
 // The weights of all rows, then those of all columns.
 layout(std430, binding = 0) readonly buffer Weights { float weights[]; };
 layout(std430, binding = 1) buffer Transfer { vec2 transfer[]; };

@@ -2,7 +2,7 @@
 //! columns[k]`. With the spectrum of a Hann window as weights, what passes is one coefficient of the short-time Fourier
 //! transform at every pixel (OPTICS 7). One pupil pass.
 
-use crate::{Complex32, simd};
+use crate::{Complex32, simd, transfer};
 use bytemuck::{Pod, Zeroable};
 
 /// A pupil pass's window.
@@ -13,6 +13,12 @@ pub struct Args {
     pub rows: u32,
     /// Columns of the window.
     pub columns: u32,
+}
+
+impl From<&transfer::Args> for Args {
+    fn from(args: &transfer::Args) -> Self {
+        Self { rows: args.rows, columns: args.columns }
+    }
 }
 
 /// `weights`: those of all rows, then those of all columns; `transfer` (rows, columns).

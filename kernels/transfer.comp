@@ -1,12 +1,13 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
+#include "constants.glsl"
 #include "trig.glsl"
 #include "pair.glsl"
 
 // K(q; p) on a window: exp(i 2 pi turns) inside the spans, zero outside. x: column, y: row (strided).
 // The phase runs to thousands of turns: it is computed in pairs of float32 and reduced to a fraction of one turn first.
 
-layout(local_size_x = 64) in;
+layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Spans { uvec2 spans[]; };
 layout(std430, binding = 1) writeonly buffer Transfer { vec2 transfer[]; };
 layout(push_constant) uniform Args {

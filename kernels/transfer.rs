@@ -23,6 +23,15 @@ pub struct Args {
     pub columns: u32,
 }
 
+impl Args {
+    /// As the shader takes them: each float64 as a pair of float32 (high, low), by their bits.
+    pub fn shader(&self) -> [u32; 10] {
+        let pair = |x: f64| [x as f32, (x - f64::from(x as f32)) as f32].map(f32::to_bits);
+        let [[a, b], [c, d], [e, f]] = [self.slope_y, self.slope_x, self.turns].map(pair);
+        [a, b, c, d, e, f, self.y0 as u32, self.x0 as u32, self.rows, self.columns]
+    }
+}
+
 const BLOCK: usize = 16;
 
 /// `spans`: per row, the half-open interval of columns that pass. `out` (rows, columns).

@@ -4,21 +4,26 @@ use crate::Complex32;
 use std::f32::consts::FRAC_2_PI;
 
 // pi / 2 in three parts, the first two short enough that n * part is exact for |n| < 2^13 (Cody and Waite).
-const HALF_PI: [f32; 3] = [1.570_312_5, 4.837_513e-4, 7.549_79e-8];
+pub(crate) const HALF_PI: [f32; 3] = [1.570_312_5, 4.837_513e-4, 7.549_79e-8];
+// Cephes' minimax polynomials on +-pi/4, from the third and the fourth power on.
+pub(crate) const SIN: [f32; 3] = [-1.666_665_5e-1, 8.332_161e-3, -1.951_529_6e-4];
+pub(crate) const COS: [f32; 3] = [4.166_664_6e-2, -1.388_731_6e-3, 2.443_315_7e-5];
+// A turn in two parts, and turns in a radian.
+pub(crate) const TURN: [f32; 2] = [6.281_25, 1.935_307_2e-3];
+pub(crate) const PER_TURN: f32 = 0.5 * std::f32::consts::FRAC_1_PI;
 // Adding and taking away 1.5 * 2^23 rounds to an integer, whose lowest bits stand in the mantissa.
 const ROUND: f32 = 12_582_912.0;
 
 /// Cosine and sine of `x` radians, |x| < 10^4: within 1e-7, absolute.
 #[inline(always)]
-pub fn cos_sin(x: f32) -> (f32, f32) {
+pub(crate) fn cos_sin(x: f32) -> (f32, f32) {
     let shifted = x * FRAC_2_PI + ROUND;
     let quadrant = shifted.to_bits();
     let n = shifted - ROUND;
     let r = ((x - n * HALF_PI[0]) - n * HALF_PI[1]) - n * HALF_PI[2];
     let r2 = r * r;
-    // Cephes' minimax polynomials on +-pi/4.
-    let sin = r + r * r2 * (-1.666_665_5e-1 + r2 * (8.332_161e-3 + r2 * -1.951_529_6e-4));
-    let cos = 1.0 - 0.5 * r2 + r2 * r2 * (4.166_664_6e-2 + r2 * (-1.388_731_6e-3 + r2 * 2.443_315_7e-5));
+    let sin = r + r * r2 * (SIN[0] + r2 * (SIN[1] + r2 * SIN[2]));
+    let cos = 1.0 - 0.5 * r2 + r2 * r2 * (COS[0] + r2 * (COS[1] + r2 * COS[2]));
     let (c, s) = if quadrant & 1 == 0 { (cos, sin) } else { (sin, cos) };
     let c_sign = (quadrant.wrapping_add(1) & 2) << 30;
     let s_sign = (quadrant & 2) << 30;
@@ -27,7 +32,7 @@ pub fn cos_sin(x: f32) -> (f32, f32) {
 
 /// `exp(i x)` of each phase.
 #[inline(always)]
-pub fn expi(phases: &[f32], out: &mut [Complex32]) {
+pub(crate) fn expi(phases: &[f32], out: &mut [Complex32]) {
     assert_eq!(phases.len(), out.len());
     // Fixed blocks let the compiler vectorise the arithmetic before it interleaves.
     let (blocks, rest) = phases.as_chunks::<32>();
@@ -50,8 +55,8 @@ pub fn expi(phases: &[f32], out: &mut [Complex32]) {
 /// Brings a phase into -pi .. pi by whole turns, |x| < 10^4: the turn is taken off in two parts, so nothing is lost.
 #[inline(always)]
 pub fn wrap(x: f32) -> f32 {
-    let n = (x * (0.5 * std::f32::consts::FRAC_1_PI) + ROUND) - ROUND;
-    (x - n * 6.281_25) - n * 1.935_307_2e-3
+    let n = (x * PER_TURN + ROUND) - ROUND;
+    (x - n * TURN[0]) - n * TURN[1]
 }
 
 #[cfg(test)]

@@ -3,8 +3,8 @@
 //! `kernels/NAME.comp` becomes `spirv/NAME.spv`; `spirv/manifest.toml` holds the compiler's version, its flags and the
 //! hashes of sources and modules. A shader that includes `half.glsl` gives two modules: `NAME`, whose complex fields are in
 //! float32 in memory, and `NAME_half`, whose fields are in halves. After a shader was changed: `cargo run -p eyebox-spirv-tool -- build`
-//! (needs `glslangValidator` and `spirv-val`); building and running eyebox needs neither. A new module is registered
-//! in one line below.
+//! (needs `glslangValidator` and `spirv-val`); building and running eyebox needs neither. It writes the list of
+//! modules, `modules.rs`, as well.
 
 #[cfg(any(test, feature = "manifest"))]
 pub mod manifest;
@@ -23,6 +23,11 @@ pub struct Module {
 }
 
 impl Module {
+    /// The variant for fields stored as halves or as float32; the module itself where it meets no fields.
+    pub fn stored(&'static self, half: bool) -> &'static Self {
+        self.half.filter(|_| half).unwrap_or(self)
+    }
+
     /// The module in words, as Vulkan takes it.
     pub fn words(&self) -> &'static [u32] {
         bytemuck::cast_slice(&self.data.1)
@@ -51,31 +56,28 @@ macro_rules! modules {
 }
 
 #[cfg(feature = "modules")]
-modules! {
-    ADAM = "adam", ADAM_HALF = "adam_half";
-    DIVIDE_BY_OVERLAP = "divide_by_overlap", DIVIDE_BY_OVERLAP_HALF = "divide_by_overlap_half";
-    COMPARE = "compare";
-    ENERGY = "energy", ENERGY_HALF = "energy_half";
-    EQUALISE_EYEBOX = "equalise_eyebox", EQUALISE_EYEBOX_HALF = "equalise_eyebox_half";
-    EXPOSURE = "exposure";
-    ENCODE = "encode";
-    FFT_CHIRP = "fft_chirp", FFT_CHIRP_HALF = "fft_chirp_half";
-    FFT_PASS = "fft_pass", FFT_PASS_HALF = "fft_pass_half";
-    FFT_ROWS = "fft_rows", FFT_ROWS_HALF = "fft_rows_half";
-    CHECK_FINITE = "check_finite";
-    INTENSITY = "intensity", INTENSITY_HALF = "intensity_half";
-    MODULATE = "modulate", MODULATE_HALF = "modulate_half";
-    OVERLAP = "overlap";
-    PASS_PUPIL = "pass_pupil", PASS_PUPIL_HALF = "pass_pupil_half";
-    PHOTOGRAPH = "photograph";
-    PIXELS = "pixels";
-    PROJECT = "project", PROJECT_HALF = "project_half";
-    QUANTISE = "quantise";
-    RESAMPLE = "resample";
-    RETURN_PUPIL = "return_pupil", RETURN_PUPIL_HALF = "return_pupil_half";
-    TAPER = "taper";
-    TRANSFER = "transfer";
-    APPLY_FACTOR = "apply_factor", APPLY_FACTOR_HALF = "apply_factor_half";
+include!("modules.rs");
+
+/// The module of this name, if there is one; for fields in float32 where there are two.
+#[cfg(feature = "modules")]
+pub const fn module(name: &str) -> Option<&'static Module> {
+    let mut at = 0;
+    while at < ALL.len() {
+        if is_same(ALL[at].name.as_bytes(), name.as_bytes()) {
+            return Some(ALL[at]);
+        }
+        at += 1;
+    }
+    None
+}
+
+#[cfg(feature = "modules")]
+const fn is_same(a: &[u8], b: &[u8]) -> bool {
+    let mut at = 0;
+    while at < a.len() && at < b.len() && a[at] == b[at] {
+        at += 1;
+    }
+    at == a.len() && at == b.len()
 }
 
 #[cfg(all(test, feature = "modules"))]

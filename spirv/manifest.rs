@@ -77,6 +77,8 @@ impl Manifest {
 
 /// A shader that includes this is built twice: as `NAME`, and as `NAME_half` with `HALF` defined.
 const HALVES: &str = "#include \"half.glsl\"";
+/// What the name of the second ends in.
+const HALF: &str = "_half";
 
 /// Names of the modules that the shaders `kernels/NAME.comp` give.
 ///
@@ -88,16 +90,29 @@ pub fn modules(root: &Path) -> Result<BTreeSet<String>, ManifestError> {
         let path = root.join("kernels").join(format!("{name}.comp"));
         let text = std::fs::read_to_string(&path).map_err(at(&path))?;
         if text.lines().any(|l| l.trim() == HALVES) {
-            names.insert(format!("{name}_half"));
+            names.insert(format!("{name}{HALF}"));
         }
         names.insert(name);
     }
     Ok(names)
 }
 
+/// Text of `spirv/modules.rs`, which lists these modules for `lib.rs`.
+pub fn list(modules: &BTreeSet<String>) -> String {
+    let mut text =
+        "// Written by `cargo run -p eyebox-spirv-tool -- build`: change nothing here.\nmodules! {\n".to_owned();
+    for name in modules.iter().filter(|name| !name.ends_with(HALF)) {
+        let upper = name.to_uppercase();
+        let half = format!("{name}{HALF}");
+        let variant = if modules.contains(&half) { format!(", {upper}_HALF = \"{half}\"") } else { String::new() };
+        text += &format!("    {upper} = \"{name}\"{variant};\n");
+    }
+    text + "}\n"
+}
+
 /// What a module is made of: the shader's name, and what is defined for it.
 pub fn source_of(module: &str) -> (&str, Option<&'static str>) {
-    match module.strip_suffix("_half") {
+    match module.strip_suffix(HALF) {
         Some(source) => (source, Some("HALF")),
         None => (module, None),
     }
@@ -156,6 +171,9 @@ pub fn faults(root: &Path) -> Result<Vec<String>, ManifestError> {
     if manifest.flags != FLAGS {
         faults.push("the manifest was written with other flags".to_owned());
     }
+    if std::fs::read_to_string(root.join("spirv").join("modules.rs")).is_ok_and(|text| text != list(&sources)) {
+        faults.push("spirv/modules.rs lists other modules".to_owned());
+    }
     let file = |module: &str| format!("kernels/{}.comp", source_of(module).0);
     faults.extend(sources.difference(&known).map(|n| format!("{} was never built to spirv/{n}.spv", file(n))));
     faults.extend(known.difference(&sources).map(|n| format!("spirv/{n}.spv has no source any more")));
@@ -203,6 +221,7 @@ mod tests {
                 module_sha256: module_hash(name.as_bytes()),
             });
         }
+        write("spirv/modules.rs", &list(&["a", "b", "d", "d_half"].map(String::from).into()));
         write("spirv/manifest.toml", &toml::to_string(&manifest).unwrap());
         root
     }
@@ -226,6 +245,7 @@ mod tests {
         assert!(change("kernels/half.glsl", Some("// other")).contains("d.comp changed since spirv/d_half.spv"));
         assert!(change("kernels/d.comp", Some("void main() {}")).contains("d_half.spv has no source"));
         assert!(change("kernels/b.comp", Some("#include \"half.glsl\"")).contains("never built to spirv/b_half.spv"));
+        assert!(change("spirv/modules.rs", Some("")).contains("modules.rs lists other modules"));
         assert!(change("spirv/orphan.spv", Some("")).contains("orphan.spv is not in the manifest"));
         assert!(change("spirv/a.spv", Some("A")).contains("a.spv is not the module"));
         assert!(change("spirv/a.spv", None).contains("a.spv is missing"));

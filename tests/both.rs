@@ -1,12 +1,11 @@
 //! The same list on both engines: steps with known contents, and how far results lie apart.
 
 use eyebox::engine::vulkan::VulkanEngine;
-use eyebox::engine::{Buffer, Dispatch, Engine, Kernel, Purpose, Shape, Step};
+use eyebox::engine::{Buffer, Dispatch, Engine, Kernel, Purpose, Resource, Shape, Step};
 use eyebox::gpu::{Gpu, Messages, Options};
 use eyebox::optics::{Optics, Padding, Pupil, WindowFactor};
 use eyebox::plan::{Comparison, Planner, ViewLayout, Viewpoint};
 use eyebox::scene::{Pyramid, ViewGrid};
-use eyebox_kernels::exposure::PART;
 use std::sync::{Arc, PoisonError};
 
 /// Any device, watched, with a cache of the tests' own.
@@ -133,29 +132,14 @@ impl Case {
 
 /// All buffers of a shape and of the pupil passes in slots 0, 1, ..., with their numbers of float32 values.
 pub fn buffers(shape: &Shape, step: &Step) -> Vec<(Buffer, usize)> {
-    let (pixels, points) = (shape.frames * shape.pixels(), 2 * shape.frames * shape.points());
-    let mut all = vec![(Buffer::Phases, pixels), (Buffer::Field, points)];
-    if shape.quantised {
-        all.extend([(Buffer::Shown, pixels), (Buffer::Levels, 256)]);
-    }
-    if shape.purpose != Purpose::View {
-        all.extend([(Buffer::Momentum, pixels), (Buffer::Change, points), (Buffer::Hits, shape.points())]);
-        all.push((Buffer::Energy, 256));
-    }
-    if shape.purpose == Purpose::Adam {
-        all.push((Buffer::Second, pixels));
-    }
+    let of_shape = Resource::OF_SHAPE.into_iter().map(|resource| (resource, 0, shape.extent(resource)));
     let pupil_passes = step.list.iter().map(|d| d.pupil_passes.clone()).find(|l| !l.is_empty()).unwrap_or(0..0);
-    for (slot, pupil_pass) in step.pupil_passes[pupil_passes].iter().enumerate() {
-        let count = pupil_pass.count();
-        all.extend([(Buffer::Transfer(slot), 2 * count), (Buffer::Window(slot), 2 * shape.frames * count)]);
-        all.extend([(Buffer::Image(slot), count), (Buffer::Target(slot), count)]);
-        all.push((Buffer::Sums(slot), PART * pupil_pass.exposure(&shape.place).parts()));
-        if let Some(shot) = &pupil_pass.shot {
-            all.push((Buffer::Accumulator(slot), shot.args.height as usize * shot.args.width as usize));
-        }
-    }
-    all
+    let slots = step.pupil_passes[pupil_passes].iter().enumerate();
+    let of_slots = slots.flat_map(|(slot, pupil_pass)| {
+        Resource::OF_SLOT.map(|resource| (resource, slot, pupil_pass.extent(resource, shape)))
+    });
+    let held = of_shape.chain(of_slots).filter(|(.., extent)| extent.floats() > 0);
+    held.filter_map(|(resource, slot, extent)| Some((resource.buffer(slot)?, extent.floats()))).collect()
 }
 
 /// Contents that make sense in a buffer: phases of a turn, counts of pupils, intensities that are not negative.

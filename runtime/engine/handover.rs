@@ -2,9 +2,8 @@
 //!
 //! If a step goes wrong on Vulkan and right on the CPU, handing over later and later finds the kernel that is to blame.
 
-use super::{Buffer, Engine, EngineError, Kernel, Memory, Purpose, Shape, Step, Timing};
+use super::{Buffer, Engine, EngineError, Kernel, Memory, Resource, Shape, Step, Timing};
 use crate::scene::Pyramid;
-use eyebox_kernels::exposure;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -46,25 +45,10 @@ impl Handover {
     }
 }
 
-/// Buffers of a shape. `Second` only where Adam needs it.
-fn shape_buffers(shape: &Shape) -> Vec<Buffer> {
-    let mut all = vec![Buffer::Phases, Buffer::Field];
-    if shape.quantised {
-        all.extend([Buffer::Shown, Buffer::Levels]);
-    }
-    if shape.purpose != Purpose::View {
-        all.extend([Buffer::Momentum, Buffer::Change, Buffer::Hits, Buffer::Energy]);
-    }
-    if shape.purpose == Purpose::Adam {
-        all.push(Buffer::Second);
-    }
-    all
-}
-
 /// Copies what the kernels from entry `at` on may read: all buffers of the shape, and those of the pupil passes whose kernels
 /// the list is in the middle of.
 fn copy(from: &mut dyn Engine, to: &mut dyn Engine, shape: &Shape, step: &Step, at: usize) -> Result<(), EngineError> {
-    for buffer in shape_buffers(shape) {
+    for buffer in shape.buffers() {
         to.write(buffer, &from.read(buffer)?)?;
     }
     // A group of pupil passes that starts here brings nothing along.
@@ -74,17 +58,10 @@ fn copy(from: &mut dyn Engine, to: &mut dyn Engine, shape: &Shape, step: &Step, 
         return Ok(());
     }
     for (slot, pupil_pass) in step.pupil_passes[next.pupil_passes.clone()].iter().enumerate() {
-        let count = pupil_pass.count();
-        let level = pupil_pass.shot.as_ref().map_or(0, |s| s.args.height as usize * s.args.width as usize);
-        let wanted = [
-            (Buffer::Transfer(slot), 2 * count),
-            (Buffer::Window(slot), 2 * shape.frames * count),
-            (Buffer::Image(slot), count),
-            (Buffer::Target(slot), count),
-            (Buffer::Accumulator(slot), level),
-            (Buffer::Sums(slot), exposure::PART * pupil_pass.exposure(&shape.place).parts()),
-        ];
-        for (buffer, length) in wanted {
+        for resource in Resource::OF_SLOT {
+            let (Some(buffer), length) = (resource.buffer(slot), pupil_pass.extent(resource, shape).floats()) else {
+                continue;
+            };
             // A buffer that is not this long was not computed for this pupil pass yet.
             match from.read(buffer) {
                 Ok(data) if length > 0 && data.len() == length => to.write(buffer, &data)?,

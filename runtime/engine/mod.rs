@@ -13,7 +13,9 @@ mod handover;
 pub mod vulkan;
 
 pub use crate::gpu::{EngineError, PhasesOnDevice};
-pub use crate::plan::{Buffer, Dispatch, Kernel, PupilPass, Purpose, Scope, Shape, Shot, Step, Storage, Timing};
+pub use crate::plan::{
+    Buffer, Dispatch, Kernel, PupilPass, Purpose, Resource, Scope, Shape, Shot, Step, Storage, Timing,
+};
 pub use choose::{Backend, Choice, open, reason};
 pub use handover::{At, Handover};
 

@@ -1,166 +1,10 @@
-//! The list of kernels as data.
+//! The buffers of a list as data: what kernels read and write, and how large it is.
 
 use super::Storage;
 use crate::optics::Window;
 use eyebox_kernels::{
-    adam, compare, divide_by_overlap, equalise_eyebox, exposure, fft::Columns, intensity, modulate, pass_pupil,
-    photograph, project, quantise, resample, transfer,
+    compare, energy, exposure, fft::Columns, intensity, modulate, pass_pupil, photograph, quantise, resample, transfer,
 };
-use std::ops::Range;
-
-/// A kernel of the list. Each has a module of its name in `kernels`; the transforms are one kernel over three buffers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Kernel {
-    /// Zeroes `Change` and `Hits`.
-    Clear,
-    /// `Phases`, `Levels` -> `Shown`.
-    Quantise,
-    /// `Phases`, or `Shown` where the SLM has levels -> `Field`.
-    Modulate,
-    /// `Field`, forward, in the step's columns.
-    FieldForward,
-    /// `Field` -> `Energy`.
-    Energy,
-    /// `Hits` of all pupil passes in the dispatch.
-    Overlap,
-    /// -> `Transfer`.
-    Transfer,
-    /// `Transfer` -> `Transfer`, in pupil passes that are tapered.
-    Taper,
-    /// Views -> `Accumulator`.
-    Photograph,
-    /// `Accumulator` -> `Target`.
-    Resample,
-    /// `Field`, `Transfer` -> `Window`.
-    PassPupil,
-    /// `Window`, inverse, in the pupil pass's columns.
-    WindowInverse,
-    /// `Window` -> `Image`.
-    Intensity,
-    /// `Image`, `Target` -> `Image` (factor), loss.
-    Compare,
-    /// `Image` (factor), `Window` -> `Window`.
-    ApplyFactor,
-    /// `Window`, forward, in the pupil pass's columns.
-    WindowForward,
-    /// `Window`, `Transfer` of all pupil passes in the dispatch, in their order -> `Change`.
-    ReturnPupil,
-    /// `Hits`, `Change` -> `Change`.
-    DivideByOverlap,
-    /// `Energy`, `Field` -> `Change`.
-    EqualiseEyebox,
-    /// `Change`, inverse, in the step's columns.
-    ChangeInverse,
-    /// `Change`: makes all losses NaN if a value of it is NaN or infinite, so that the step is not taken. Where fields
-    /// are stored as halves.
-    CheckFinite,
-    /// `Change` -> `Phases`, `Momentum`.
-    Project,
-    /// `Change` -> `Phases`, `Momentum`, `Second`.
-    Adam,
-    /// `Image`, `Target` -> `Sums`.
-    Exposure,
-}
-
-/// What a kernel runs over; neighbours of one scope may run frame by frame, or pupil pass by pupil pass.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Scope {
-    /// Each sub-frame by itself.
-    Frames,
-    /// Each pupil by itself, all sub-frames.
-    PupilPasses,
-    /// Once.
-    Whole,
-}
-
-impl Kernel {
-    /// All of them.
-    pub const ALL: [Self; 24] = [
-        Self::Clear,
-        Self::Quantise,
-        Self::Modulate,
-        Self::FieldForward,
-        Self::Energy,
-        Self::Overlap,
-        Self::Transfer,
-        Self::Taper,
-        Self::Photograph,
-        Self::Resample,
-        Self::PassPupil,
-        Self::WindowInverse,
-        Self::Intensity,
-        Self::Compare,
-        Self::ApplyFactor,
-        Self::WindowForward,
-        Self::ReturnPupil,
-        Self::DivideByOverlap,
-        Self::EqualiseEyebox,
-        Self::ChangeInverse,
-        Self::CheckFinite,
-        Self::Project,
-        Self::Adam,
-        Self::Exposure,
-    ];
-
-    /// The name by which it is timed and chosen.
-    pub fn name(self) -> &'static str {
-        [
-            "clear",
-            "quantise",
-            "modulate",
-            "field_forward",
-            "energy",
-            "overlap",
-            "transfer",
-            "taper",
-            "photograph",
-            "resample",
-            "pass_pupil",
-            "window_inverse",
-            "intensity",
-            "compare",
-            "apply_factor",
-            "window_forward",
-            "return_pupil",
-            "divide_by_overlap",
-            "equalise_eyebox",
-            "change_inverse",
-            "check_finite",
-            "project",
-            "adam",
-            "exposure",
-        ][self as usize]
-    }
-
-    /// The kernel of this name, or of the name that it had before.
-    pub fn by_name(name: &str) -> Option<Self> {
-        let before = [
-            ("weigh", "apply_factor"),
-            ("guard", "check_finite"),
-            ("balance", "divide_by_overlap"),
-            ("even", "equalise_eyebox"),
-        ];
-        let name = before.iter().find(|(old, _)| *old == name).map_or(name, |(_, new)| new);
-        Self::ALL.into_iter().find(|k| k.name() == name)
-    }
-
-    /// What it runs over.
-    pub fn scope(self) -> Scope {
-        match self {
-            Self::Clear | Self::Energy | Self::Overlap | Self::CheckFinite => Scope::Whole,
-            Self::Quantise
-            | Self::Modulate
-            | Self::FieldForward
-            | Self::ReturnPupil
-            | Self::DivideByOverlap
-            | Self::EqualiseEyebox
-            | Self::ChangeInverse
-            | Self::Project
-            | Self::Adam => Scope::Frames,
-            _ => Scope::PupilPasses,
-        }
-    }
-}
 
 /// A buffer. Pupil pass buffers are named by their slot: the pupil pass's place in its dispatch's range.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -195,6 +39,175 @@ pub enum Buffer {
     Accumulator(usize),
     /// What `exposure` sums: (parts, 6).
     Sums(usize),
+}
+
+impl Buffer {
+    /// What it is as a resource, and its slot where it is a pupil pass's.
+    pub fn resource(self) -> (Resource, Option<usize>) {
+        match self {
+            Self::Phases => (Resource::Phases, None),
+            Self::Shown => (Resource::Shown, None),
+            Self::Levels => (Resource::Levels, None),
+            Self::Momentum => (Resource::Momentum, None),
+            Self::Second => (Resource::Second, None),
+            Self::Field => (Resource::Field, None),
+            Self::Change => (Resource::Change, None),
+            Self::Hits => (Resource::Hits, None),
+            Self::Energy => (Resource::Energy, None),
+            Self::Transfer(slot) => (Resource::Transfer, Some(slot)),
+            Self::Window(slot) => (Resource::Window, Some(slot)),
+            Self::Image(slot) => (Resource::Image, Some(slot)),
+            Self::Target(slot) => (Resource::Target, Some(slot)),
+            Self::Accumulator(slot) => (Resource::Accumulator, Some(slot)),
+            Self::Sums(slot) => (Resource::Sums, Some(slot)),
+        }
+    }
+}
+
+/// What kernels are bound to: buffers, of whatever slot, and what comes with a step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Resource {
+    /// [`Buffer::Phases`].
+    Phases,
+    /// [`Buffer::Shown`]; the phases themselves where the SLM has no levels.
+    Shown,
+    /// [`Buffer::Levels`].
+    Levels,
+    /// [`Buffer::Momentum`].
+    Momentum,
+    /// [`Buffer::Second`].
+    Second,
+    /// [`Buffer::Field`].
+    Field,
+    /// [`Buffer::Change`].
+    Change,
+    /// [`Buffer::Hits`].
+    Hits,
+    /// [`Buffer::Energy`].
+    Energy,
+    /// [`Buffer::Transfer`].
+    Transfer,
+    /// [`Buffer::Window`].
+    Window,
+    /// [`Buffer::Image`].
+    Image,
+    /// [`Buffer::Target`].
+    Target,
+    /// [`Buffer::Accumulator`].
+    Accumulator,
+    /// [`Buffer::Sums`].
+    Sums,
+    /// The pupil pass's spans.
+    Spans,
+    /// Its weights of `taper`.
+    TaperWeights,
+    /// The light field's views.
+    Views,
+    /// Those that the pupil covers.
+    Taps,
+    /// Weights of `resample` along rows.
+    RowWeights,
+    /// And along columns.
+    ColumnWeights,
+    /// The loss of the pupil pass.
+    Losses,
+    /// Whether a value is infinite or NaN.
+    NotFinite,
+}
+
+impl Resource {
+    /// Those that are buffers of the shape.
+    pub const OF_SHAPE: [Self; 9] = [
+        Self::Phases,
+        Self::Shown,
+        Self::Levels,
+        Self::Momentum,
+        Self::Second,
+        Self::Field,
+        Self::Change,
+        Self::Hits,
+        Self::Energy,
+    ];
+
+    /// Those that are buffers of a slot.
+    pub const OF_SLOT: [Self; 6] =
+        [Self::Transfer, Self::Window, Self::Image, Self::Target, Self::Accumulator, Self::Sums];
+
+    /// The buffer, of this slot where it is a pupil pass's; none for what comes with a step or is its answer.
+    pub fn buffer(self, slot: usize) -> Option<Buffer> {
+        Some(match self {
+            Self::Phases => Buffer::Phases,
+            Self::Shown => Buffer::Shown,
+            Self::Levels => Buffer::Levels,
+            Self::Momentum => Buffer::Momentum,
+            Self::Second => Buffer::Second,
+            Self::Field => Buffer::Field,
+            Self::Change => Buffer::Change,
+            Self::Hits => Buffer::Hits,
+            Self::Energy => Buffer::Energy,
+            Self::Transfer => Buffer::Transfer(slot),
+            Self::Window => Buffer::Window(slot),
+            Self::Image => Buffer::Image(slot),
+            Self::Target => Buffer::Target(slot),
+            Self::Accumulator => Buffer::Accumulator(slot),
+            Self::Sums => Buffer::Sums(slot),
+            _ => return None,
+        })
+    }
+
+    /// As messages call it.
+    pub fn name(self) -> String {
+        format!("{self:?}").to_lowercase()
+    }
+
+    /// Whether it is a buffer of the shape.
+    pub fn is_shared(self) -> bool {
+        Self::OF_SHAPE.contains(&self)
+    }
+
+    /// Whether each pupil pass has its own.
+    pub fn is_per_pupil(self) -> bool {
+        !self.is_shared() && self != Self::NotFinite
+    }
+
+    /// What each sub-frame has of it, if it has one of its own.
+    pub fn per_frame(self) -> Option<PerFrame> {
+        match self {
+            Self::Phases | Self::Shown | Self::Momentum | Self::Second => Some(PerFrame::Pixels),
+            Self::Field | Self::Change => Some(PerFrame::Grid),
+            Self::Window => Some(PerFrame::Window),
+            _ => None,
+        }
+    }
+}
+
+/// Kinds of frames: those of a kind are equally large.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PerFrame {
+    /// Of the SLM's pixels.
+    Pixels,
+    /// Of the grid.
+    Grid,
+    /// Of a pupil pass's window.
+    Window,
+}
+
+/// How large a buffer is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Extent {
+    /// Frames; none where the buffer is not needed.
+    pub frames: usize,
+    /// Values of a frame.
+    pub values: usize,
+    /// Whether a value is two numbers.
+    pub complex: bool,
+}
+
+impl Extent {
+    /// Numbers in all.
+    pub fn floats(self) -> usize {
+        self.frames * self.values * if self.complex { 2 } else { 1 }
+    }
 }
 
 /// What the buffers are for: those that a purpose does not need are not made.
@@ -238,6 +251,45 @@ impl Shape {
     /// Points of the grid.
     pub fn points(&self) -> usize {
         self.place.grid_height as usize * self.place.grid_width as usize
+    }
+
+    /// Whether complex fields are stored as halves.
+    pub fn halves(&self) -> bool {
+        self.storage == Storage::F16
+    }
+
+    /// How large a buffer of the shape is; no frames where the purpose does not need it.
+    pub fn extent(&self, resource: Resource) -> Extent {
+        let (frames, values) = match resource {
+            Resource::Levels => (1, quantise::MOST),
+            Resource::Hits => (1, self.points()),
+            Resource::Energy => (1, (energy::MOST * energy::MOST) as usize),
+            Resource::Field | Resource::Change => (self.frames, self.points()),
+            _ => (self.frames, self.pixels()),
+        };
+        let complex = matches!(resource, Resource::Field | Resource::Change);
+        Extent { frames: if self.has(resource) { frames } else { 0 }, values, complex }
+    }
+
+    /// Whether it is a buffer that this shape has.
+    fn has(&self, resource: Resource) -> bool {
+        match resource {
+            Resource::Phases | Resource::Field => true,
+            Resource::Shown | Resource::Levels => self.quantised,
+            Resource::Momentum | Resource::Change | Resource::Hits | Resource::Energy => self.purpose != Purpose::View,
+            Resource::Second => self.purpose == Purpose::Adam,
+            _ => false,
+        }
+    }
+
+    /// The buffers that this shape has.
+    pub fn buffers(&self) -> impl Iterator<Item = Buffer> {
+        Resource::OF_SHAPE.into_iter().filter(|r| self.has(*r)).filter_map(|resource| resource.buffer(0))
+    }
+
+    /// Whether a kernel can be bound to this: `Shown` always, for it is `Phases` where the SLM has no levels.
+    pub fn provides(&self, resource: Resource) -> bool {
+        !resource.is_shared() || resource == Resource::Shown || self.has(resource)
     }
 }
 
@@ -289,6 +341,20 @@ impl PupilPass {
         self.window.rows * self.window.columns
     }
 
+    /// How large one of its buffers is; no frames for what is no buffer of a pupil pass.
+    pub fn extent(&self, resource: Resource, shape: &Shape) -> Extent {
+        let (frames, values) = match resource {
+            Resource::Transfer | Resource::Image | Resource::Target => (1, self.count()),
+            Resource::Window => (shape.frames, self.count()),
+            Resource::Accumulator => {
+                (1, self.shot.as_ref().map_or(0, |s| s.args.height as usize * s.args.width as usize))
+            }
+            Resource::Sums => (1, exposure::PART * self.exposure(&shape.place).parts()),
+            _ => (0, 0),
+        };
+        Extent { frames, values, complex: matches!(resource, Resource::Transfer | Resource::Window) }
+    }
+
     /// Arguments of `exposure`: the part of its image that is the SLM's, `place` being where that lies in the grid.
     pub fn exposure(&self, place: &modulate::Args) -> exposure::Args {
         // A window has fewer pixels than the grid: those are taken that lie wholly on the SLM.
@@ -307,45 +373,4 @@ impl PupilPass {
         let width = self.pass.grid_width as usize;
         Columns { first: (self.pass.x0 as usize + self.columns.first) % width, count: self.columns.count.min(width) }
     }
-}
-
-/// One entry of the list.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Dispatch {
-    /// Which kernel.
-    pub kernel: Kernel,
-    /// Over which pupil passes, where the kernel looks at pupil passes. Pupil pass `i` uses slot `i - pupil_passes.start`.
-    pub pupil_passes: Range<usize>,
-}
-
-/// A list and its arguments: one step of a solve, or a look at a hologram.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Step {
-    /// The kernels, in order.
-    pub list: Vec<Dispatch>,
-    /// The pupils.
-    pub pupil_passes: Vec<PupilPass>,
-    /// Columns of the spectrum that any pupil passes.
-    pub columns: Columns,
-    /// Arguments of `quantise`; no levels where any phase can be shown.
-    pub quantise: quantise::Args,
-    /// Arguments of `divide_by_overlap`.
-    pub divide_by_overlap: divide_by_overlap::Args,
-    /// Arguments of `equalise_eyebox`, and, inside, of `energy`.
-    pub equalise_eyebox: equalise_eyebox::Args,
-    /// Arguments of `project`.
-    pub project: project::Args,
-    /// Arguments of `adam`.
-    pub adam: adam::Args,
-}
-
-/// Time spent in one kernel. On the CPU, the sum over threads.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Timing {
-    /// Which.
-    pub kernel: Kernel,
-    /// How often it ran (per frame or pupil pass on the CPU).
-    pub calls: u64,
-    /// Seconds in all.
-    pub seconds: f64,
 }

@@ -4,6 +4,7 @@
 //! May import `optics` and `scene`.
 
 mod cost;
+mod kernel;
 mod list;
 mod lists;
 mod pupil_pass;
@@ -11,8 +12,9 @@ mod scales;
 mod storage;
 mod viewpoint;
 
-pub use cost::{Group, Slots, pupil_pass_bytes, shared_bytes, work};
-pub use list::{Buffer, Dispatch, Kernel, PupilPass, Purpose, Scope, Shape, Shot, Step, Timing};
+pub use cost::{Slots, pupil_pass_bytes, shared_bytes, work};
+pub use kernel::{Access, Dispatch, Group, Kernel, Scope, Step, Timing};
+pub use list::{Buffer, Extent, PerFrame, PupilPass, Purpose, Resource, Shape, Shot};
 pub use pupil_pass::{Comparison, Planner, ViewLayout};
 pub use storage::Storage;
 pub use viewpoint::Viewpoint;

@@ -18,26 +18,12 @@ pub(super) fn first_fault(engine: &mut dyn Engine, step: &Step) -> Result<Option
         if !losses.iter().all(|l| l.is_finite()) {
             return Ok(Some(dispatch.kernel));
         }
-        let slots = 0..dispatch.pupil_passes.len();
-        let written: Vec<Buffer> = match dispatch.kernel {
-            Kernel::Quantise => vec![Buffer::Shown],
-            Kernel::Modulate | Kernel::FieldForward => vec![Buffer::Field],
-            Kernel::Energy => vec![Buffer::Energy],
-            Kernel::ReturnPupil | Kernel::DivideByOverlap | Kernel::EqualiseEyebox | Kernel::ChangeInverse => {
-                vec![Buffer::Change]
-            }
-            Kernel::Transfer | Kernel::Taper => slots.map(Buffer::Transfer).collect(),
-            Kernel::Photograph => slots.map(Buffer::Accumulator).collect(),
-            Kernel::Resample => slots.map(Buffer::Target).collect(),
-            Kernel::PassPupil | Kernel::WindowInverse | Kernel::ApplyFactor | Kernel::WindowForward => {
-                slots.map(Buffer::Window).collect()
-            }
-            Kernel::Intensity | Kernel::Compare => slots.map(Buffer::Image).collect(),
-            _ => Vec::new(),
-        };
-        for buffer in written {
-            if !finite(&engine.read(buffer)?) {
-                return Ok(Some(dispatch.kernel));
+        for resource in dispatch.kernel.writes() {
+            let slots = if resource.is_shared() { 1 } else { dispatch.pupil_passes.len() };
+            for buffer in (0..slots).filter_map(|slot| resource.buffer(slot)) {
+                if !finite(&engine.read(buffer)?) {
+                    return Ok(Some(dispatch.kernel));
+                }
             }
         }
     }

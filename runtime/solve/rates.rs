@@ -208,7 +208,7 @@ fn measure(
 fn parts(step: &Step) -> Vec<(Group, Range<usize>)> {
     let mut parts: Vec<(Group, Range<usize>)> = Vec::new();
     for (i, dispatch) in step.list.iter().enumerate() {
-        let group = Group::of(dispatch.kernel);
+        let group = dispatch.kernel.group();
         match parts.last_mut() {
             Some((last, range)) if *last == group => range.end = i + 1,
             _ => parts.push((group, i..i + 1)),

@@ -6,7 +6,7 @@ use super::optimizer::{Optimizer, cosine};
 use super::problem::Problem;
 use super::settings::Settings;
 use super::viewpoints::Viewpoints;
-use crate::engine::{Dispatch, Engine, EngineError, Kernel, Scope, Step};
+use crate::engine::{Dispatch, Engine, EngineError, Kernel, Step};
 use crate::plan::{Comparison, Planner, PupilPass, Viewpoint};
 use eyebox_kernels::{Complex32, compare};
 use std::ops::Range;
@@ -139,7 +139,7 @@ pub(crate) fn take(engine: &mut dyn Engine, step: &Step, parts: &[Range<usize>])
 /// The entry of a step's list after which phases may change, and before which all losses are known: what comes behind
 /// the last kernel that runs over pupil passes, and behind `check_finite` where the list has it.
 pub(super) fn before_update(step: &Step) -> usize {
-    let known = |d: &Dispatch| d.kernel.scope() == Scope::PupilPasses || d.kernel == Kernel::CheckFinite;
+    let known = |d: &Dispatch| d.kernel.scope().is_per_pupil() || d.kernel == Kernel::CheckFinite;
     step.list.iter().rposition(known).map_or(step.list.len(), |i| i + 1)
 }
 

@@ -5,9 +5,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// A room imports only rooms before it.
-const ROOMS: [&str; 18] = [
-    "optics", "files", "scene", "plan", "gpu", "engine", "evaluate", "solve", "hologram", "tiled", "quality", "encode",
-    "trackers", "gaze", "present", "session", "preview", "report",
+const ROOMS: [&str; 19] = [
+    "mailbox", "optics", "files", "scene", "plan", "gpu", "engine", "evaluate", "solve", "hologram", "tiled",
+    "quality", "produce", "encode", "trackers", "gaze", "present", "session", "preview",
 ];
 
 /// Folders in which files still import each other in a circle. To be emptied.
@@ -18,7 +18,7 @@ const CIRCLES_LEFT: [&str; 5] =
 const LINES: usize = 500;
 
 /// Files that are still longer. To be emptied.
-const LONG_LEFT: [&str; 2] = ["runtime/engine/cpu.rs", "runtime/engine/vulkan/record.rs"];
+const LONG_LEFT: [&str; 0] = [];
 
 /// The folders of crates: each is looked at by itself.
 const CRATES: [&str; 5] = ["runtime", "kernels", "spirv", "tools/eyebox", "tools/spirv"];

@@ -1,7 +1,7 @@
 //! Builds the SPIR-V modules, and checks that they are what the sources give.
 
 use clap::{Parser, Subcommand};
-use eyebox_spirv::manifest::{Entry, FLAGS, Manifest, faults, module_hash, modules, source_hash, source_of};
+use eyebox_spirv::manifest::{Entry, FLAGS, Manifest, faults, list, module_hash, modules, source_hash, source_of};
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
@@ -15,11 +15,15 @@ struct Arguments {
 
 #[derive(Subcommand, Clone, Copy, PartialEq)]
 enum What {
-    /// Compile every kernels/*.comp, in both variants where it has them, validate, write spirv/*.spv and the manifest, remove orphans.
+    /// Write kernels/constants.glsl, compile every kernels/*.comp, in both variants where it has them, validate, write
+    /// spirv/*.spv, the list of modules and the manifest, remove orphans.
     Build,
     /// Compile again and compare bytes; list what is missing, stale or orphaned. Writes nothing.
     Check,
 }
+
+/// The constants that shaders share with Rust.
+const CONSTANTS: &str = "kernels/constants.glsl";
 
 fn main() -> ExitCode {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
@@ -37,6 +41,9 @@ fn main() -> ExitCode {
 
 /// Compiles everything into a folder of its own first: an error leaves the modules as they were.
 fn run(root: &Path, what: What) -> Result<String, String> {
+    if what == What::Build {
+        place(&root.join(CONSTANTS), eyebox_kernels::shared::glsl().as_bytes())?;
+    }
     let folder = tempfile::tempdir().map_err(|e| format!("no temporary folder: {e}"))?;
     let compiler = version()?;
     let mut built = Vec::new();
@@ -68,6 +75,8 @@ fn build(root: &Path, compiler: String, built: Vec<(Entry, Vec<u8>)>) -> Result<
     for (entry, bytes) in &built {
         place(&spirv.join(format!("{}.spv", entry.name)), bytes)?;
     }
+    let names = built.iter().map(|(entry, _)| entry.name.clone()).collect();
+    place(&spirv.join("modules.rs"), list(&names).as_bytes())?;
     let count = built.len();
     let module = built.into_iter().map(|b| b.0).collect();
     let manifest = Manifest { compiler, flags: FLAGS.map(String::from).to_vec(), module };
@@ -77,7 +86,11 @@ fn build(root: &Path, compiler: String, built: Vec<(Entry, Vec<u8>)>) -> Result<
 }
 
 fn check(root: &Path, compiler: &str, built: &[(Entry, Vec<u8>)]) -> Result<String, String> {
+    let constants = std::fs::read_to_string(root.join(CONSTANTS)).map_err(|e| format!("{CONSTANTS}: {e}"))?;
     let mut wrong = faults(root).map_err(|e| e.to_string())?;
+    if constants != eyebox_kernels::shared::glsl() {
+        wrong.push(format!("{CONSTANTS} is not what kernels/shared.rs gives"));
+    }
     let manifest = Manifest::read(root).map_err(|e| e.to_string())?;
     if manifest.compiler != compiler {
         // Another compiler may well give other bytes: the hashes have been checked, the bytes cannot be.

@@ -1,8 +1,7 @@
 //! Whether a step fits what was loaded: a shader that is given wrong sizes would read and write anywhere.
 
-use super::super::{EngineError, Kernel, PupilPass, Purpose, Shape, Step, Storage};
+use super::super::{EngineError, PupilPass, Resource, Shape, Step};
 use super::views::Views;
-use eyebox_kernels::{energy, quantise};
 use std::ops::Range;
 
 /// The dispatches `part` of `step` on buffers of this shape.
@@ -20,56 +19,18 @@ pub(super) fn check(step: &Step, part: &Range<usize>, shape: &Shape, views: Opti
                 step.pupil_passes.len()
             ));
         };
-        let fits = match dispatch.kernel {
-            Kernel::Project => step.project.place == shape.place,
-            Kernel::Adam => step.adam.place == shape.place,
-            Kernel::DivideByOverlap => {
-                (step.divide_by_overlap.grid_height, step.divide_by_overlap.grid_width)
-                    == (shape.place.grid_height, shape.place.grid_width)
-            }
-            Kernel::Quantise => {
-                step.quantise.count as usize == shape.pixels()
-                    && (1..=quantise::MOST).contains(&(step.quantise.levels as usize))
-            }
-            Kernel::Energy | Kernel::EqualiseEyebox => {
-                let p = &step.equalise_eyebox.place;
-                (p.grid_height, p.grid_width) == (shape.place.grid_height, shape.place.grid_width)
-                    && (1..=energy::MOST).contains(&p.patches)
-                    && p.rows <= p.grid_height
-                    && p.columns <= p.grid_width
-                    && p.y0 < p.grid_height
-                    && p.x0 < p.grid_width
-            }
-            _ => true,
-        };
-        if !fits {
-            return mismatch(format!("{name} is for another size"));
+        if !dispatch.kernel.binds().iter().all(|(_, resource)| shape.provides(*resource)) {
+            return mismatch(format!("{name} has no buffers when the purpose is {:?}", shape.purpose));
         }
-        let has = match dispatch.kernel {
-            Kernel::Energy
-            | Kernel::Overlap
-            | Kernel::ReturnPupil
-            | Kernel::DivideByOverlap
-            | Kernel::EqualiseEyebox
-            | Kernel::ChangeInverse
-            | Kernel::CheckFinite
-            | Kernel::Project => shape.purpose != Purpose::View,
-            Kernel::Adam => shape.purpose == Purpose::Adam,
-            Kernel::Quantise => shape.quantised,
-            _ => true,
-        } && (dispatch.kernel != Kernel::CheckFinite || shape.storage == Storage::F16);
-        if !has {
-            return mismatch(format!(
-                "{name} has no buffers when the purpose is {:?}, in {}",
-                shape.purpose,
-                shape.storage.name()
-            ));
+        if !dispatch.kernel.fits(step, shape) {
+            let (h, w) = (shape.place.height, shape.place.width);
+            return mismatch(format!("{name} is not for {h} x {w} pixels in {}", shape.storage.name()));
         }
         for pupil_pass in pupil_passes {
             if let Err(reason) = check_pupil_pass(pupil_pass, shape) {
                 return mismatch(format!("a pupil_pass of {name}: {reason}"));
             }
-            if dispatch.kernel == Kernel::Photograph
+            if dispatch.kernel.binds().iter().any(|(_, resource)| *resource == Resource::Views)
                 && let Err(reason) = check_views(pupil_pass, views)
             {
                 return mismatch(reason);

@@ -8,15 +8,12 @@
 use super::super::EngineError;
 use super::layout::{Layout, Value};
 use crate::gpu::{Block, Commands, Gpu, PhasesOnDevice, Pictures, Pipeline, PixelOrder};
-use eyebox_kernels::encode::{Args, Levels, Part, Plan};
-use eyebox_kernels::pixels;
+use eyebox_kernels::encode::{self, Args, Levels, Part, Plan};
+use eyebox_kernels::{WIDTH, pixels};
 use eyebox_spirv as spirv;
 
-/// Sub-frames that an entry can tell apart, and entries of a run: constants of the shader.
+/// Sub-frames that an entry can tell apart.
 const MOST: usize = 256;
-const MOST_ENTRIES: usize = 24;
-/// Invocations of a workgroup.
-const WIDTH: u32 = 64;
 /// Most workgroups down the rows, and across.
 const ROWS: u32 = 4096;
 const ACROSS: u32 = 65535;
@@ -48,13 +45,14 @@ struct Run {
 
 /// How the shader goes over the picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
 enum Flat {
     /// Row by row.
-    Rows,
+    Rows = encode::ROWS,
     /// Fours of pixels: rows follow each other on both sides.
-    Fours,
+    Fours = encode::FOURS,
     /// Fours of such fours, which one entry fills.
-    Wide,
+    Wide = encode::WIDE,
 }
 
 /// Encodes on a Vulkan device.
@@ -112,9 +110,9 @@ impl VulkanEncoder {
         let mut inks = Vec::with_capacity(plan.colors.len());
         for color in &plan.colors {
             let (kind, levels, table) = match &color.levels {
-                Levels::Even(count) if count.is_power_of_two() => (0, *count, &[][..]),
-                Levels::Even(count) => (1, *count, &[][..]),
-                Levels::Table(table) => (2, 0, &table[..]),
+                Levels::Even(count) if count.is_power_of_two() => (encode::POWER, *count, &[][..]),
+                Levels::Even(count) => (encode::EVEN, *count, &[][..]),
+                Levels::Table(table) => (encode::TABLED, 0, &table[..]),
             };
             let highest = match &color.levels {
                 Levels::Even(count) => count.saturating_sub(1),
@@ -139,7 +137,7 @@ impl VulkanEncoder {
             let entire = u32::from(run.entries.iter().all(|entry| takes_all(*entry, highest)));
             run.flat = flat(&args, aligned == 1, run.entries.len() == 1 && !follows);
             let (count, stride) = (run.entries.len() as u32, input.stride() as u32);
-            let mut constants = [0; 12 + MOST_ENTRIES];
+            let mut constants = [0; 12 + encode::ENTRIES];
             constants[..12].copy_from_slice(&[
                 a,
                 b,
@@ -377,7 +375,7 @@ fn runs(plan: &Plan, at_once: usize) -> Vec<Run> {
                     Some(run)
                         if run.color == slot.color
                             && slot.sub_frame - run.first < at_once
-                            && run.entries.len() < MOST_ENTRIES =>
+                            && run.entries.len() < encode::ENTRIES =>
                     {
                         run.count = slot.sub_frame - run.first + 1;
                         run.entries.push(entry(slot.sub_frame - run.first, part));

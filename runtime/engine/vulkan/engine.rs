@@ -1,15 +1,17 @@
 //! The engine: buffers, one recording per part of a list, losses and times back.
 
-use super::super::{Buffer, Engine, EngineError, Kernel, Memory, Purpose, Shape, Step, Storage, Timing, misfit};
+use super::super::{
+    Buffer, Engine, EngineError, Kernel, Memory, PupilPass, Purpose, Resource, Shape, Step, Storage, Timing, misfit,
+};
 use super::check::check;
 use super::fft::Transform;
-use super::layout::{Arenas, Kind, Layout, Slot, Value, slots};
-use super::record::{Stack, Stacks, Work, loss_parts};
+use super::layout::{Arenas, Layout, Slot, Value, slot_layout, slots};
+use super::record::{Stack, Stacks, Work};
 use super::tables::Tables;
 use super::views::Views;
 use crate::gpu::{Block, Commands, DeviceKind, Gpu, PhasesOnDevice, add};
+use crate::plan::Extent;
 use crate::scene::Pyramid;
-use eyebox_kernels::{energy, quantise};
 use gpu_allocator::MemoryLocation;
 use std::collections::HashMap;
 use std::ops::Range;
@@ -120,8 +122,8 @@ impl VulkanEngine {
     /// Puts the pupil pass buffers that were written by hand into the slots of `group`.
     fn place_written(&mut self, group: &[Slot]) -> Result<(), EngineError> {
         for (buffer, data) in std::mem::take(&mut self.written) {
-            let Some((kind, index)) = pupil_pass_buffer(buffer) else { continue };
-            let Some(layout) = group.get(index).map(|slot| slot[kind as usize]) else {
+            let Some((resource, at, index)) = pupil_pass_buffer(buffer) else { continue };
+            let Some(layout) = group.get(index).map(|slot| slot[at]) else {
                 return Err(EngineError::Mismatch {
                     reason: format!("{buffer:?} was written, and no pupil_pass uses it"),
                 });
@@ -129,7 +131,7 @@ impl VulkanEngine {
             if layout.floats() != data.len() {
                 return Err(misfit(buffer, layout.floats(), data.len()));
             }
-            if let Some(block) = self.arenas.block(kind).filter(|_| !data.is_empty()) {
+            if let Some(block) = self.arenas.block(resource).filter(|_| !data.is_empty()) {
                 layout.write(&mut self.gpu, block, &data)?;
             }
         }
@@ -140,9 +142,9 @@ impl VulkanEngine {
     /// wants.
     fn place_losses(&mut self, step: &Step) -> Result<Vec<u64>, EngineError> {
         let mut end = PLACE;
-        let place = |pupil_pass| {
+        let place = |pupil_pass: &PupilPass| {
             let at = end;
-            end += (4 * loss_parts(pupil_pass) as u64).next_multiple_of(PLACE);
+            end += (4 * pupil_pass.compare.parts() as u64).next_multiple_of(PLACE);
             at
         };
         let offsets: Vec<u64> = step.pupil_passes.iter().map(place).collect();
@@ -176,13 +178,13 @@ impl VulkanEngine {
             work.record(dispatch, &group.1)?;
             work.gpu.recorder.mark(dispatch.kernel as usize);
         }
-        let compared: Vec<Range<usize>> =
-            list.iter().filter(|d| d.kernel == Kernel::Compare).map(|d| d.pupil_passes.clone()).collect();
+        let answers = |resource| list.iter().filter(move |d| d.kernel.writes().any(|r| r == resource));
+        let compared: Vec<Range<usize>> = answers(Resource::Losses).map(|d| d.pupil_passes.clone()).collect();
         let compared = || compared.iter().cloned().flatten();
-        let checked = list.iter().any(|d| d.kernel == Kernel::CheckFinite);
+        let checked = answers(Resource::NotFinite).next().is_some();
         if let Some(losses) = losses.as_ref() {
             work.gpu.recorder.barrier();
-            let of_pupil_pass = |i: usize| (offsets[i], offsets[i], 4 * loss_parts(&step.pupil_passes[i]) as u64);
+            let of_pupil_pass = |i: usize| (offsets[i], offsets[i], 4 * step.pupil_passes[i].compare.parts() as u64);
             let pieces = checked.then_some((0, 0, 4)).into_iter().chain(compared().map(of_pupil_pass));
             work.gpu.recorder.copy(&losses.device, &losses.host, pieces);
         }
@@ -200,7 +202,7 @@ impl VulkanEngine {
         if let Some(losses) = &self.losses {
             let bytes = losses.host.bytes();
             for i in compared() {
-                let sums = &bytes[offsets[i] as usize..][..4 * loss_parts(&step.pupil_passes[i])];
+                let sums = &bytes[offsets[i] as usize..][..4 * step.pupil_passes[i].compare.parts()];
                 result[i] = bytemuck::pod_collect_to_vec::<u8, f32>(sums).into_iter().map(f64::from).sum();
             }
             if checked && bytes[..4] != [0; 4] {
@@ -236,24 +238,10 @@ impl Engine for VulkanEngine {
         if let Some(views) = views {
             self.views = Some(Views::new(&mut self.gpu, &views)?);
         }
-        let descends = shape.purpose != Purpose::View;
-        let real = |values: usize, frames: usize| Layout { offset: 0, frames, values, value: Value::Real };
-        let complex = |frames: usize| Layout { value: Value::Complex(shape.storage), ..real(shape.points(), frames) };
-        let frames = shape.frames;
-        let when = |needed: bool, frames: usize| if needed { frames } else { 0 };
-        let stacks = [
-            (real(shape.pixels(), frames), "phases"),
-            (real(shape.pixels(), when(descends, frames)), "momentum"),
-            (real(shape.pixels(), when(shape.purpose == Purpose::Adam, frames)), "second moment"),
-            (complex(frames), "field"),
-            (complex(when(descends, frames)), "change"),
-            (real(shape.points(), when(descends, 1)), "hits"),
-            (real((energy::MOST * energy::MOST) as usize, when(descends, 1)), "energy"),
-            (real(shape.pixels(), when(shape.quantised, frames)), "shown"),
-            (real(quantise::MOST, when(shape.quantised, 1)), "levels"),
-        ];
-        for (at, (layout, what)) in stacks.into_iter().enumerate() {
-            self.stacks.0[at] = self.stack(layout, what)?;
+        for (at, resource) in Resource::OF_SHAPE.into_iter().enumerate() {
+            let Extent { frames, values, complex } = shape.extent(resource);
+            let value = if complex { Value::Complex(shape.storage) } else { Value::Real };
+            self.stacks.0[at] = self.stack(Layout { offset: 0, frames, values, value }, &resource.name())?;
         }
         self.gpu.recorder.begin(0)?;
         for stack in self.stacks.0.iter().flatten() {
@@ -275,7 +263,7 @@ impl Engine for VulkanEngine {
     }
 
     fn read(&mut self, buffer: Buffer) -> Result<Vec<f32>, EngineError> {
-        let Some((kind, index)) = pupil_pass_buffer(buffer) else {
+        let Some((resource, at, index)) = pupil_pass_buffer(buffer) else {
             let Stack { layout, block } = self.stacks.get(buffer)?;
             if buffer == Buffer::Phases {
                 add(&self.gpu.device.counters.phases_read_back, layout.bytes());
@@ -286,11 +274,11 @@ impl Engine for VulkanEngine {
             return Ok(data.clone());
         }
         let never = || EngineError::Mismatch { reason: format!("{buffer:?} was never written") };
-        let layout = self.slots.get(index).ok_or_else(never)?[kind as usize];
+        let layout = self.slots.get(index).ok_or_else(never)?[at];
         if layout.floats() == 0 {
             return Ok(Vec::new());
         }
-        layout.read(&mut self.gpu, self.arenas.block(kind).ok_or_else(never)?)
+        layout.read(&mut self.gpu, self.arenas.block(resource).ok_or_else(never)?)
     }
 
     fn phases_on_device(&self) -> Option<PhasesOnDevice<'_>> {
@@ -326,15 +314,8 @@ impl Engine for VulkanEngine {
     }
 }
 
-/// Kind and slot of a pupil pass buffer.
-fn pupil_pass_buffer(buffer: Buffer) -> Option<(Kind, usize)> {
-    Some(match buffer {
-        Buffer::Transfer(i) => (Kind::Transfer, i),
-        Buffer::Window(i) => (Kind::Window, i),
-        Buffer::Image(i) => (Kind::Image, i),
-        Buffer::Target(i) => (Kind::Target, i),
-        Buffer::Accumulator(i) => (Kind::Accumulator, i),
-        Buffer::Sums(i) => (Kind::Sums, i),
-        _ => return None,
-    })
+/// Place in a slot, and slot, of a pupil pass buffer.
+fn pupil_pass_buffer(buffer: Buffer) -> Option<(Resource, usize, usize)> {
+    let (resource, slot) = buffer.resource();
+    Some((resource, slot_layout(resource)?, slot?))
 }

@@ -1,8 +1,9 @@
 //! Where values lie: frames at a stride inside a block, and the buffers of pupil passes inside arenas.
 
-use super::super::{EngineError, PupilPass, Shape, Step, Storage};
+use super::super::{EngineError, PupilPass, Resource, Shape, Step, Storage};
 use crate::gpu::{Block, Commands, Piece, Range};
-use eyebox_kernels::{exposure, half};
+use crate::plan::Extent;
+use eyebox_kernels::half;
 use std::ops::Range as PupilPasses;
 
 /// Frames start at multiples of this many values: 256 bytes, the largest alignment that a device may ask for.
@@ -106,27 +107,12 @@ impl Layout {
     }
 }
 
-/// Kinds of pupil pass buffers.
-const KINDS: usize = 6;
+/// Kinds of pupil pass buffers, each with its arena.
+const KINDS: usize = Resource::OF_SLOT.len();
 
-/// A kind of pupil pass buffer, and its arena's place in [`Arenas`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
-    Transfer,
-    Window,
-    Image,
-    Target,
-    Accumulator,
-    Sums,
-}
-
-impl Kind {
-    pub(super) const ALL: [Self; KINDS] =
-        [Self::Transfer, Self::Window, Self::Image, Self::Target, Self::Accumulator, Self::Sums];
-
-    fn name(self) -> &'static str {
-        ["transfer", "window", "image", "target", "accumulator", "sums"][self as usize]
-    }
+/// The place of a pupil pass buffer in a [`Slot`], if it is one.
+pub(super) fn slot_layout(resource: Resource) -> Option<usize> {
+    Resource::OF_SLOT.iter().position(|r| *r == resource)
 }
 
 /// Where one pupil pass's buffers lie, by kind.
@@ -136,20 +122,12 @@ pub(super) type Slot = [Layout; KINDS];
 pub(super) fn slots(pupil_passes: &[PupilPass], shape: &Shape) -> Vec<Slot> {
     let mut ends = [0u64; KINDS];
     let place = |pupil_pass: &PupilPass| {
-        let count = pupil_pass.count();
-        let level = pupil_pass.shot.as_ref().map_or(0, |s| s.args.height as usize * s.args.width as usize);
-        let sums = exposure::PART * pupil_pass.exposure(&shape.place).parts();
-        let (full, stored) = (Value::Complex(Storage::F32), Value::Complex(shape.storage));
-        let sizes = [
-            (1, count, full),
-            (shape.frames, count, stored),
-            (1, count, Value::Real),
-            (1, count, Value::Real),
-            (1, level, Value::Real),
-            (1, sums, Value::Real),
-        ];
         let mut slot = [Layout { offset: 0, frames: 0, values: 0, value: Value::Real }; KINDS];
-        for ((layout, end), (frames, values, value)) in slot.iter_mut().zip(&mut ends).zip(sizes) {
+        for ((layout, end), resource) in slot.iter_mut().zip(&mut ends).zip(Resource::OF_SLOT) {
+            let Extent { frames, values, complex } = pupil_pass.extent(resource, shape);
+            // The propagation kernel is never stored as halves.
+            let storage = if resource == Resource::Transfer { Storage::F32 } else { shape.storage };
+            let value = if complex { Value::Complex(storage) } else { Value::Real };
             *layout = Layout { offset: *end, frames, values, value };
             *end += layout.bytes();
         }
@@ -178,33 +156,30 @@ impl Arenas {
                 }
             }
         }
-        for kind in Kind::ALL {
-            let need = needs[kind as usize];
-            let block = &mut self.blocks[kind as usize];
+        for ((need, block), resource) in needs.into_iter().zip(&mut self.blocks).zip(Resource::OF_SLOT) {
             if need > block.as_ref().map_or(0, |b| b.size) {
                 // The old one goes first: both may not fit.
                 *block = None;
-                *block = Some(gpu.block(need, kind.name())?);
+                *block = Some(gpu.block(need, &resource.name())?);
             }
         }
         Ok(())
     }
 
-    pub(super) fn block(&self, kind: Kind) -> Option<&Block> {
-        self.blocks[kind as usize].as_ref()
-    }
-
-    /// One buffer of a slot, whole.
-    pub(super) fn range(&self, kind: Kind, slot: &Slot) -> Result<Range<'_>, EngineError> {
-        let layout = &slot[kind as usize];
-        self.frames(kind, slot, 0, layout.frames)
+    pub(super) fn block(&self, resource: Resource) -> Option<&Block> {
+        slot_layout(resource).and_then(|at| self.blocks[at].as_ref())
     }
 
     /// Frames `first .. first + count` of one buffer of a slot.
-    pub(super) fn frames(&self, kind: Kind, slot: &Slot, first: usize, count: usize) -> Result<Range<'_>, EngineError> {
-        let block = self
-            .block(kind)
-            .ok_or_else(|| EngineError::Mismatch { reason: format!("no pupil_pass has a {}", kind.name()) })?;
-        Ok(slot[kind as usize].range(block, first, count))
+    pub(super) fn frames(
+        &self,
+        resource: Resource,
+        slot: &Slot,
+        first: usize,
+        count: usize,
+    ) -> Result<Range<'_>, EngineError> {
+        let missing = || EngineError::Mismatch { reason: format!("no pupil pass has a {}", resource.name()) };
+        let at = slot_layout(resource).ok_or_else(missing)?;
+        Ok(slot[at].range(self.blocks[at].as_ref().ok_or_else(missing)?, first, count))
     }
 }

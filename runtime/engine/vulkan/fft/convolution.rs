@@ -1,14 +1,10 @@
 //! Transforms of lengths with a large prime factor, as convolutions with a chirp (`fft_chirp.comp`).
 
-use super::super::record::stored;
-use super::record::{Fft, Planned, Work};
-use super::{EngineError, Storage};
+use super::state::{Fft, Planned, Work};
+use crate::engine::{EngineError, Storage};
 use crate::gpu::{Block, Commands, Pipeline, Range};
 use bytemuck::{Pod, Zeroable};
-use eyebox_kernels::fft_plan::Axis;
-
-/// Invocations of a workgroup of `fft_chirp`, along memory and across it.
-const CHIRP_CROWD: [u32; 2] = [16, 4];
+use eyebox_kernels::fft_plan::{Axis, CHIRP_BEGIN, CHIRP_END, CHIRP_FILTER, CHIRP_WORKGROUP};
 
 /// Scratch that is spent on a convolution's lines at once, in bytes, once to read and once to write.
 const WORK: u64 = 16 << 20;
@@ -69,10 +65,11 @@ impl Fft {
                     work_frame: chunks.frame,
                 };
                 let step = |fft: &mut Self, gpu: &mut Commands, mode: u32, table: &Block| {
-                    let length = if mode == 2 { n } else { m };
+                    let length = if mode == CHIRP_END { n } else { m };
                     let (along, across) = if rows { (length, count) } else { (count, length) };
-                    let groups = [along.div_ceil(CHIRP_CROWD[0]), across.div_ceil(CHIRP_CROWD[1]), frames];
-                    let (data, storage) = if mode == 1 { (long, Storage::F32) } else { (data, work.storage) };
+                    let groups = [along.div_ceil(CHIRP_WORKGROUP[0]), across.div_ceil(CHIRP_WORKGROUP[1]), frames];
+                    let (data, storage) =
+                        if mode == CHIRP_FILTER { (long, Storage::F32) } else { (data, work.storage) };
                     let pipeline = chirp_pipeline(gpu, storage)?;
                     let buffers = [data, long, table.all()];
                     gpu.recorder.dispatch(pipeline, &buffers, bytemuck::bytes_of(&arguments(mode)), groups)?;
@@ -97,15 +94,15 @@ impl Fft {
                 if std::mem::replace(&mut begun, true) {
                     gpu.recorder.barrier();
                 }
-                step(self, gpu, 0, chirp)?;
+                step(self, gpu, CHIRP_BEGIN, chirp)?;
                 gpu.recorder.barrier();
                 self.lines(gpu, inner, &convolved(false))?;
                 gpu.recorder.barrier();
-                step(self, gpu, 1, filter)?;
+                step(self, gpu, CHIRP_FILTER, filter)?;
                 gpu.recorder.barrier();
                 self.lines(gpu, inner, &convolved(true))?;
                 gpu.recorder.barrier();
-                step(self, gpu, 2, chirp)?;
+                step(self, gpu, CHIRP_END, chirp)?;
             }
         }
         Ok(())
@@ -144,7 +141,7 @@ impl Chunks {
 
 /// For data stored so; the scratch is in float32 always.
 pub(super) fn chirp_pipeline(gpu: &mut Commands, storage: Storage) -> Result<Pipeline, EngineError> {
-    gpu.pipeline(stored(&eyebox_spirv::FFT_CHIRP, storage), 3, &[])
+    gpu.pipeline(eyebox_spirv::FFT_CHIRP.stored(storage == Storage::F16), 3, &[])
 }
 
 #[cfg(test)]

@@ -1,13 +1,13 @@
 //! Records the passes of planned transforms.
 
-use super::super::record::stored;
 use super::convolution::{Chunks, chirp_pipeline};
-use super::{EngineError, Frames, Storage, Transform};
-use crate::gpu::{Block, Commands, Pipeline, Range};
+use super::frames::{Frames, Transform};
+use super::state::{Fft, Planned, Work};
+use crate::engine::{EngineError, Storage};
+use crate::gpu::{Block, Commands, Pipeline};
 use bytemuck::{Pod, Zeroable};
 use eyebox_kernels::fft::{Columns, Direction};
 use eyebox_kernels::fft_plan::{Axis, LONGEST, Method, Plan, PlanLimits, Radix, Shared};
-use std::collections::HashMap;
 use std::sync::Arc;
 
 /// Invocations of a workgroup of `fft_pass`, along memory: whole cache lines, one after the other. (16 by 4 was
@@ -46,58 +46,7 @@ struct RowsArguments {
     frame: u32,
 }
 
-/// A plan with its tables on the device.
-pub(super) struct Planned {
-    pub(super) plan: Plan,
-    twiddles: Block,
-    starts: Vec<u32>,
-    /// Of a convolution: chirp and filter, and what transforms its length.
-    pub(super) convolution: Option<(Block, Block, Arc<Planned>)>,
-}
-
-/// Plans, tables and scratch of all sizes seen.
-pub(in super::super) struct Fft {
-    axes: HashMap<(u32, Axis), Arc<Planned>>,
-    scratch: Option<Block>,
-    /// Scratch that became too small while it was in a recording.
-    outgrown: Vec<Block>,
-    /// Names of the passes recorded, where they are to be timed one by one.
-    pub(in super::super) marks: Option<Vec<String>>,
-}
-
-/// Frames whose lines along one axis are transformed, in place.
-#[derive(Clone, Copy)]
-pub(super) struct Work<'a> {
-    pub(super) data: Range<'a>,
-    /// As large as the data, frames packed.
-    pub(super) spare: Range<'a>,
-    pub(super) frames: u32,
-    pub(super) axis: Axis,
-    /// Lines that are transformed: the first, how many, and how many there are before they wrap.
-    pub(super) first: u32,
-    pub(super) count: u32,
-    pub(super) wrap: u32,
-    /// Values from row to row, and from frame to frame in the data and in the spare.
-    pub(super) row: u32,
-    pub(super) frame: u32,
-    pub(super) spare_frame: u32,
-    pub(super) inverse: bool,
-    pub(super) storage: Storage,
-}
-
 impl Fft {
-    pub(in super::super) fn new() -> Self {
-        Self { axes: HashMap::new(), scratch: None, outgrown: Vec::new(), marks: None }
-    }
-
-    /// The plans of rows and columns in words, once they are prepared.
-    pub(in super::super) fn plans(&self, height: usize, width: usize) -> [String; 2] {
-        [(width, Axis::Rows), (height, Axis::Columns)].map(|(n, axis)| match self.axes.get(&(n as u32, axis)) {
-            Some(planned) => planned.plan.to_string(),
-            None => String::new(),
-        })
-    }
-
     /// Plan, tables and pipelines of a length.
     fn axis(
         &mut self,
@@ -130,13 +79,6 @@ impl Fft {
                 self.outgrown.extend(small);
                 gpu.block(size, "scratch of the transform")
             }
-        }
-    }
-
-    pub(super) fn mark(&mut self, gpu: &mut Commands, name: impl FnOnce() -> String) {
-        if let Some(marks) = &mut self.marks {
-            gpu.recorder.mark(marks.len());
-            marks.push(name());
         }
     }
 }
@@ -314,7 +256,8 @@ impl Fft {
                 let along = if pair { along.div_ceil(2) } else { along };
                 let groups = [along.div_ceil(CROWD), across, work.frames];
                 let constants = pass_constants(*radix, work.axis, pair, i == 0);
-                let pipeline = gpu.pipeline(stored(&eyebox_spirv::FFT_PASS, work.storage), 3, &constants)?;
+                let pipeline =
+                    gpu.pipeline(eyebox_spirv::FFT_PASS.stored(work.storage == Storage::F16), 3, &constants)?;
                 let buffers = [from, to, planned.twiddles.all()];
                 gpu.recorder.dispatch(pipeline, &buffers, bytemuck::bytes_of(&arguments), groups)?;
             }
@@ -367,7 +310,7 @@ fn compile(gpu: &mut Commands, plan: &Plan, axis: Axis, even_width: bool, storag
             let pair = if axis == Axis::Rows { *pair } else { even_width };
             for (i, radix) in radices.iter().enumerate() {
                 let constants = pass_constants(*radix, axis, pair, i == 0);
-                gpu.pipeline(stored(&eyebox_spirv::FFT_PASS, storage), 3, &constants)?;
+                gpu.pipeline(eyebox_spirv::FFT_PASS.stored(storage == Storage::F16), 3, &constants)?;
             }
         }
         Method::Bluestein { inner } => {
@@ -395,7 +338,7 @@ fn rows_pipeline(gpu: &mut Commands, shared: &Shared, storage: Storage) -> Resul
         let Radix { a, b } = radices.get(i).copied().unwrap_or(Radix { a: 1, b: 1 });
         stage.copy_from_slice(&[a, b, count]);
     }
-    gpu.pipeline(stored(&eyebox_spirv::FFT_ROWS, storage), 2, &constants)
+    gpu.pipeline(eyebox_spirv::FFT_ROWS.stored(storage == Storage::F16), 2, &constants)
 }
 
 /// What plans must fit on this device.

@@ -1,6 +1,8 @@
 //! Transforms of the host's frames, by themselves: for comparison with float64 and for measurement.
 
-use super::{EngineError, Fft, Frames, Storage, Transform};
+use super::frames::{Frames, Transform};
+use super::state::Fft;
+use crate::engine::{EngineError, Storage};
 use crate::gpu::{Block, Commands, Gpu};
 use eyebox_kernels::fft::{Columns, Direction};
 use eyebox_kernels::{Complex32, half};

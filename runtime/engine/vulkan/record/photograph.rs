@@ -1,34 +1,29 @@
-//! What should be seen: photographs of the views, and how they come to a pupil's window.
+//! What should be seen: photographs of the views.
 
-use super::super::layout::{Kind, Slot};
-use super::Work;
-use crate::engine::{Dispatch, EngineError, PupilPass};
-use eyebox_spirv as spirv;
+use super::call::Call;
+use crate::engine::{EngineError, Resource};
+use eyebox_kernels::photograph::STRIP;
 
-/// Rows that an invocation of `photograph` takes at once.
-const STRIP: u32 = 8;
-
-impl Work<'_> {
+impl Call<'_, '_> {
     /// All pupil passes block by block of views: a pupil pass adds up in its accumulator what each block holds.
-    pub(super) fn photograph(&mut self, dispatch: &Dispatch, slots: &[Slot]) -> Result<(), EngineError> {
-        let (step, tables, arenas, views) = (self.step, self.tables, self.arenas, self.views);
+    pub(super) fn photograph(&mut self) -> Result<(), EngineError> {
+        let (step, tables, views) = (self.step, self.work.tables, self.work.views);
+        let (indices, count) = (self.dispatch.pupil_passes.clone(), self.slots.len());
         let shots = || {
-            dispatch
-                .pupil_passes
-                .clone()
-                .zip(slots)
-                .filter_map(|(i, slot)| Some((i, slot, step.pupil_passes[i].shot.as_ref()?)))
+            let shot = |(at, index): (usize, usize)| Some((at, index, step.pupil_passes[index].shot.as_ref()?));
+            indices.clone().take(count).enumerate().filter_map(shot)
         };
-        let rounds = shots().map(|(i, ..)| tables.pupil_pass(i).taps.len()).max().unwrap_or(0);
+        let rounds = shots().map(|(_, index, _)| tables.pupil_pass(index).taps.len()).max().unwrap_or(0);
         for round in 0..rounds.max(1) {
-            self.gpu.recorder.barrier();
-            for (index, slot, shot) in shots() {
+            self.work.gpu.recorder.barrier();
+            for (at, index, shot) in shots() {
+                self.at = at;
                 let Some(level) = views.and_then(|v| v.levels.get(shot.level)) else { continue };
-                let accumulator = arenas.range(Kind::Accumulator, slot)?;
+                let Some(accumulator) = self.range(Resource::Accumulator, 0, 1)? else { continue };
                 let Some(part) = tables.pupil_pass(index).taps.get(round) else {
                     // A pupil that no view covers sees nothing.
                     if round == 0 && shot.args.accumulate == 0 {
-                        self.gpu.recorder.clear(accumulator);
+                        self.work.gpu.recorder.clear(accumulator);
                     }
                     continue;
                 };
@@ -36,24 +31,10 @@ impl Work<'_> {
                 args.taps = part.count as u32;
                 args.accumulate |= u32::from(round > 0);
                 let buffers = [level.blocks[part.chunk].all(), tables.range(part.place)?, accumulator];
-                let groups = self.rows(args.height.div_ceil(STRIP), args.width, 1);
-                self.run(&spirv::PHOTOGRAPH, &buffers, &args, &[level.stride as u32], groups)?;
+                let groups = self.work.rows(args.height.div_ceil(STRIP), args.width, 1);
+                self.run(&buffers, &args, &[level.stride as u32], groups)?;
             }
         }
         Ok(())
-    }
-
-    pub(super) fn resample(&mut self, index: usize, pupil_pass: &PupilPass, slot: &Slot) -> Result<(), EngineError> {
-        let Some(shot) = &pupil_pass.shot else { return Ok(()) };
-        let (tables, arenas) = (self.tables, self.arenas);
-        let pupil_pass_tables = tables.pupil_pass(index);
-        let buffers = [
-            arenas.range(Kind::Accumulator, slot)?,
-            tables.range(pupil_pass_tables.rows)?,
-            tables.range(pupil_pass_tables.columns)?,
-            arenas.range(Kind::Target, slot)?,
-        ];
-        let groups = self.rows(shot.resample.height, shot.resample.width, 1);
-        self.run(&spirv::RESAMPLE, &buffers, &shot.resample, &[], groups)
     }
 }

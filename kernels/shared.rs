@@ -1,0 +1,72 @@
+//! Constants that shaders share with Rust: each stands once, in Rust, and reaches GLSL through `constants.glsl`, which
+//! `cargo run -p eyebox-spirv-tool -- build` writes.
+
+use crate::{SUM_WIDTH, WIDTH, compare, encode, energy, equalise_eyebox, exposure, fft_plan, photograph, trig};
+use std::fmt::Write;
+
+/// The text of `kernels/constants.glsl`.
+pub fn glsl() -> String {
+    let integers = [
+        ("WIDTH", WIDTH),
+        ("SUM_WIDTH", SUM_WIDTH),
+        ("COMPARE_PROJECTION", compare::PROJECTION),
+        ("COMPARE_INTENSITY", compare::INTENSITY),
+        ("COMPARE_SHARE", compare::SHARE as u32),
+        ("EQUALISE_PROJECTION", equalise_eyebox::PROJECTION),
+        ("ENERGY_MOST", energy::MOST),
+        ("EXPOSURE_SHARE", exposure::SHARE as u32),
+        ("EXPOSURE_PART", exposure::PART as u32),
+        ("PHOTOGRAPH_STRIP", photograph::STRIP),
+        ("FFT_LARGEST_RADIX", fft_plan::LARGEST_RADIX),
+        ("FFT_FREE_SLOT", fft_plan::FREE_SLOT),
+        ("CHIRP_WIDTH", fft_plan::CHIRP_WORKGROUP[0]),
+        ("CHIRP_HEIGHT", fft_plan::CHIRP_WORKGROUP[1]),
+        ("CHIRP_BEGIN", fft_plan::CHIRP_BEGIN),
+        ("CHIRP_FILTER", fft_plan::CHIRP_FILTER),
+        ("CHIRP_END", fft_plan::CHIRP_END),
+        ("ENCODE_POWER", encode::POWER),
+        ("ENCODE_EVEN", encode::EVEN),
+        ("ENCODE_ROWS", encode::ROWS),
+        ("ENCODE_WIDE", encode::WIDE),
+        ("ENCODE_ENTRIES", encode::ENTRIES as u32),
+        ("ENCODE_RADIAN", encode::RADIAN[0] as u32),
+        ("ENCODE_RADIAN_256TH", encode::RADIAN[1] as u32),
+        ("ENCODE_PART", encode::PART[0] as u32),
+        ("ENCODE_PART_128TH", encode::PART[1] as u32),
+    ];
+    let floats = [
+        ("ENCODE_PARTS", encode::PARTS),
+        ("HALF_PI_1", trig::HALF_PI[0]),
+        ("HALF_PI_2", trig::HALF_PI[1]),
+        ("HALF_PI_3", trig::HALF_PI[2]),
+        ("TWO_OVER_PI", std::f32::consts::FRAC_2_PI),
+        ("SIN_3", trig::SIN[0]),
+        ("SIN_5", trig::SIN[1]),
+        ("SIN_7", trig::SIN[2]),
+        ("COS_4", trig::COS[0]),
+        ("COS_6", trig::COS[1]),
+        ("COS_8", trig::COS[2]),
+        ("TURN", std::f32::consts::TAU),
+        ("TURN_1", trig::TURN[0]),
+        ("TURN_2", trig::TURN[1]),
+        ("PER_TURN", trig::PER_TURN),
+        ("SMALLEST", f32::MIN_POSITIVE),
+    ];
+    let mut text =
+        "// Written by `cargo run -p eyebox-spirv-tool -- build` from shared.rs: change nothing here.\n".to_owned();
+    let integers = integers.map(|(name, value)| (name, format!("{value}")));
+    let floats = floats.map(|(name, value)| (name, format!("({value:?})")));
+    for (name, value) in integers.into_iter().chain(floats) {
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "#define {name} {value}");
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn the_header_holds_what_rust_has() {
+        assert_eq!(include_str!("constants.glsl"), super::glsl(), "cargo run -p eyebox-spirv-tool -- build");
+    }
+}

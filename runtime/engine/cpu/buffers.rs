@@ -1,0 +1,181 @@
+//! The CPU engine's buffers.
+
+use crate::engine::{Buffer, EngineError, Kernel, PupilPass, Resource, Shape, Storage, misfit};
+use eyebox_kernels::{Complex32, fft::Store, half};
+
+/// Windows with fewer values in all than this are not worth splitting over threads.
+pub(super) const SPLIT: usize = 1 << 15;
+
+/// Buffers of one pupil, grown to the largest that it has held.
+#[derive(Default)]
+pub(super) struct Slot {
+    pub(super) transfer: Vec<Complex32>,
+    pub(super) window: Vec<Complex32>,
+    pub(super) image: Vec<f32>,
+    pub(super) target: Vec<f32>,
+    pub(super) accumulator: Vec<f32>,
+    pub(super) sums: Vec<f32>,
+    pub(super) scratch: Vec<f32>,
+    pub(super) loss: f64,
+}
+
+/// All buffers.
+#[derive(Default)]
+pub(super) struct Buffers {
+    pub(super) phases: Vec<f32>,
+    pub(super) shown: Vec<f32>,
+    pub(super) levels: Vec<f32>,
+    pub(super) momentum: Vec<f32>,
+    pub(super) second: Vec<f32>,
+    pub(super) field: Vec<Complex32>,
+    pub(super) change: Vec<Complex32>,
+    pub(super) hits: Vec<f32>,
+    pub(super) energy: Vec<f32>,
+    pub(super) slots: Vec<Slot>,
+}
+
+/// Contents of a buffer.
+enum Values<'a> {
+    Real(&'a mut Vec<f32>),
+    Complex(&'a mut Vec<Complex32>),
+}
+
+impl Values<'_> {
+    fn floats(&self) -> &[f32] {
+        match self {
+            Self::Real(values) => values,
+            Self::Complex(values) => bytemuck::cast_slice(values),
+        }
+    }
+}
+
+impl Slot {
+    /// Makes room for what a kernel reads and writes here.
+    pub(super) fn fit(&mut self, kernel: Kernel, pass: &PupilPass, shape: &Shape) {
+        for (_, resource) in kernel.binds().iter().filter(|(_, resource)| Resource::OF_SLOT.contains(resource)) {
+            let extent = pass.extent(*resource, shape);
+            match self.values(*resource) {
+                Some(Values::Real(values)) => grow(values, extent.frames * extent.values),
+                Some(Values::Complex(values)) => grow(values, extent.frames * extent.values),
+                None => {}
+            }
+        }
+    }
+
+    fn values(&mut self, resource: Resource) -> Option<Values<'_>> {
+        Some(match resource {
+            Resource::Transfer => Values::Complex(&mut self.transfer),
+            Resource::Window => Values::Complex(&mut self.window),
+            Resource::Image => Values::Real(&mut self.image),
+            Resource::Target => Values::Real(&mut self.target),
+            Resource::Accumulator => Values::Real(&mut self.accumulator),
+            Resource::Sums => Values::Real(&mut self.sums),
+            _ => return None,
+        })
+    }
+}
+
+impl Buffers {
+    /// Makes those of this shape, all zero.
+    pub(super) fn load(&mut self, shape: &Shape) -> Result<(), EngineError> {
+        self.slots.clear();
+        for resource in Resource::OF_SHAPE {
+            let extent = shape.extent(resource);
+            let count = extent.frames * extent.values;
+            match self.values(resource, None) {
+                Some(Values::Real(values)) => renew(values, count, resource)?,
+                Some(Values::Complex(values)) => renew(values, count, resource)?,
+                None => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// Fills a buffer with values, which become what `storage` holds of them.
+    pub(super) fn write(&mut self, buffer: Buffer, data: &[f32], storage: Storage) -> Result<(), EngineError> {
+        let (resource, slot) = buffer.resource();
+        if let Some(slot) = slot.filter(|slot| *slot >= self.slots.len()) {
+            self.slots.resize_with(slot + 1, Slot::default);
+        }
+        let Some(values) = self.values(resource, slot) else { return Err(never_written(buffer)) };
+        let has = values.floats().len();
+        if slot.is_none() && has != data.len() {
+            return Err(misfit(buffer, has, data.len()));
+        }
+        // In place: writing a large buffer again and again touches no new memory.
+        match values {
+            Values::Real(to) => {
+                to.clear();
+                to.extend_from_slice(data);
+            }
+            Values::Complex(to) => {
+                let Ok(data) = bytemuck::try_cast_slice(data) else { return Err(misfit(buffer, has, data.len())) };
+                to.clear();
+                to.extend_from_slice(data);
+                if resource != Resource::Transfer {
+                    storing(storage)(to);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// What a buffer holds.
+    pub(super) fn read(&mut self, buffer: Buffer) -> Result<&[f32], EngineError> {
+        let (resource, slot) = buffer.resource();
+        match self.values(resource, slot) {
+            Some(Values::Real(values)) => Ok(values),
+            Some(Values::Complex(values)) => Ok(bytemuck::cast_slice(values)),
+            None => Err(never_written(buffer)),
+        }
+    }
+
+    fn values(&mut self, resource: Resource, slot: Option<usize>) -> Option<Values<'_>> {
+        Some(match resource {
+            Resource::Phases => Values::Real(&mut self.phases),
+            Resource::Shown => Values::Real(&mut self.shown),
+            Resource::Levels => Values::Real(&mut self.levels),
+            Resource::Momentum => Values::Real(&mut self.momentum),
+            Resource::Second => Values::Real(&mut self.second),
+            Resource::Field => Values::Complex(&mut self.field),
+            Resource::Change => Values::Complex(&mut self.change),
+            Resource::Hits => Values::Real(&mut self.hits),
+            Resource::Energy => Values::Real(&mut self.energy),
+            _ => return self.slots.get_mut(slot?)?.values(resource),
+        })
+    }
+}
+
+fn never_written(buffer: Buffer) -> EngineError {
+    EngineError::Mismatch { reason: format!("{buffer:?} was never written") }
+}
+
+/// What happens to complex values when they are stored.
+pub(super) fn storing(storage: Storage) -> Store {
+    match storage {
+        Storage::F32 => |_| {},
+        Storage::F16 => half::round,
+    }
+}
+
+/// Makes room for `length` values. What was there is gone where it has to grow: the old room is given back first, so that
+/// pupils of growing size leave no trail of blocks behind.
+fn grow<T: Clone + bytemuck::Zeroable>(buffer: &mut Vec<T>, length: usize) {
+    if length > buffer.capacity() {
+        *buffer = Vec::new();
+        buffer.reserve_exact(length);
+    }
+    buffer.resize(length, T::zeroed());
+}
+
+fn renew<T: Clone + bytemuck::Zeroable>(buffer: &mut Vec<T>, length: usize, what: Resource) -> Result<(), EngineError> {
+    buffer.clear();
+    buffer.shrink_to(length);
+    buffer.try_reserve_exact(length).map_err(|_| EngineError::OutOfMemory {
+        device: "host".into(),
+        what: what.name(),
+        wanted: Some((length as u64).saturating_mul(size_of::<T>() as u64)),
+    })?;
+    buffer.resize(length, T::zeroed());
+    Ok(())
+}

@@ -1,0 +1,92 @@
+//! What kernels over sub-frames see, and those that run once for all of them.
+
+use super::buffers::Slot;
+use crate::engine::{PupilPass, Shape, Step};
+use eyebox_kernels::{
+    Complex32, ZERO,
+    check_finite::check_finite,
+    fft::{Columns, Direction, Plans, Store},
+    return_pupil::return_pupil,
+};
+use rayon::prelude::*;
+
+/// Values that a thread takes at once.
+const PART: usize = 1 << 16;
+
+/// One sub-frame. Buffers that the purpose lacks are empty.
+pub(super) struct Frame<'a> {
+    pub(super) index: usize,
+    pub(super) step: &'a Step,
+    pub(super) shape: &'a Shape,
+    /// Of the dispatch that runs.
+    pub(super) passes: &'a [PupilPass],
+    pub(super) slots: &'a [Slot],
+    pub(super) phases: &'a mut [f32],
+    pub(super) shown: &'a mut [f32],
+    pub(super) momentum: &'a mut [f32],
+    pub(super) second: &'a mut [f32],
+    pub(super) field: &'a mut [Complex32],
+    pub(super) change: &'a mut [Complex32],
+    pub(super) levels: &'a [f32],
+    pub(super) hits: &'a [f32],
+    pub(super) energy: &'a [f32],
+    pub(super) fft: FrameFft<'a>,
+    pub(super) store: Store,
+}
+
+impl Frame<'_> {
+    /// Pupil by pupil, each adding to what is stored.
+    pub(super) fn return_pupils(&mut self) {
+        for (pass, slot) in self.passes.iter().zip(self.slots) {
+            let window = &slot.window[self.index * pass.count()..][..pass.count()];
+            return_pupil(&pass.back, window, &slot.transfer, &pass.spans, self.change);
+            pass.back.pieces(&pass.spans, |at, _, length| (self.store)(&mut self.change[at..at + length]));
+        }
+    }
+}
+
+/// Transforms over the grid.
+pub(super) struct FrameFft<'a> {
+    pub(super) plans: &'a Plans,
+    /// Rows and columns of the grid.
+    pub(super) size: [usize; 2],
+    pub(super) columns: Columns,
+    /// Whether one frame is spread over all threads, and what that needs.
+    pub(super) wide: bool,
+    pub(super) scratch: Vec<Complex32>,
+    pub(super) store: Store,
+}
+
+impl FrameFft<'_> {
+    pub(super) fn run(&mut self, frame: &mut [Complex32], direction: Direction) {
+        let [rows, columns] = self.size;
+        if self.wide {
+            self.plans.fft_wide(frame, rows, columns, direction, self.columns, &mut self.scratch, self.store);
+        } else {
+            self.plans.fft(frame, rows, columns, direction, self.columns, self.store);
+        }
+    }
+}
+
+/// All sub-frames at once.
+pub(super) struct Whole<'a> {
+    pub(super) step: &'a Step,
+    pub(super) passes: &'a [PupilPass],
+    pub(super) field: &'a [Complex32],
+    pub(super) change: &'a mut [Complex32],
+    pub(super) hits: &'a mut [f32],
+    pub(super) energy: &'a mut [f32],
+    /// What `check_finite` found.
+    pub(super) finite: bool,
+}
+
+impl Whole<'_> {
+    pub(super) fn clear(&mut self) {
+        self.hits.fill(0.0);
+        self.change.par_chunks_mut(PART).for_each(|part| part.fill(ZERO));
+    }
+
+    pub(super) fn check_finite(&mut self) {
+        self.finite = self.change.par_chunks(PART).all(check_finite);
+    }
+}

@@ -1,0 +1,67 @@
+//! What transforms keep: plans with their tables, and scratch.
+
+use crate::engine::Storage;
+use crate::gpu::{Block, Commands, Range};
+use eyebox_kernels::fft_plan::{Axis, Plan};
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// A plan with its tables on the device.
+pub(super) struct Planned {
+    pub(super) plan: Plan,
+    pub(super) twiddles: Block,
+    pub(super) starts: Vec<u32>,
+    /// Of a convolution: chirp and filter, and what transforms its length.
+    pub(super) convolution: Option<(Block, Block, Arc<Planned>)>,
+}
+
+/// Plans, tables and scratch of all sizes seen.
+pub(in super::super) struct Fft {
+    pub(super) axes: HashMap<(u32, Axis), Arc<Planned>>,
+    pub(super) scratch: Option<Block>,
+    /// Scratch that became too small while it was in a recording.
+    pub(super) outgrown: Vec<Block>,
+    /// Names of the passes recorded, where they are to be timed one by one.
+    pub(in super::super) marks: Option<Vec<String>>,
+}
+
+/// Frames whose lines along one axis are transformed, in place.
+#[derive(Clone, Copy)]
+pub(super) struct Work<'a> {
+    pub(super) data: Range<'a>,
+    /// As large as the data, frames packed.
+    pub(super) spare: Range<'a>,
+    pub(super) frames: u32,
+    pub(super) axis: Axis,
+    /// Lines that are transformed: the first, how many, and how many there are before they wrap.
+    pub(super) first: u32,
+    pub(super) count: u32,
+    pub(super) wrap: u32,
+    /// Values from row to row, and from frame to frame in the data and in the spare.
+    pub(super) row: u32,
+    pub(super) frame: u32,
+    pub(super) spare_frame: u32,
+    pub(super) inverse: bool,
+    pub(super) storage: Storage,
+}
+
+impl Fft {
+    pub(in super::super) fn new() -> Self {
+        Self { axes: HashMap::new(), scratch: None, outgrown: Vec::new(), marks: None }
+    }
+
+    /// The plans of rows and columns in words, once they are prepared.
+    pub(in super::super) fn plans(&self, height: usize, width: usize) -> [String; 2] {
+        [(width, Axis::Rows), (height, Axis::Columns)].map(|(n, axis)| match self.axes.get(&(n as u32, axis)) {
+            Some(planned) => planned.plan.to_string(),
+            None => String::new(),
+        })
+    }
+
+    pub(super) fn mark(&mut self, gpu: &mut Commands, name: impl FnOnce() -> String) {
+        if let Some(marks) = &mut self.marks {
+            gpu.recorder.mark(marks.len());
+            marks.push(name());
+        }
+    }
+}

@@ -1,0 +1,274 @@
+//! One kernel over what the device may see at once: bindings in the order of the table, arguments as push constants.
+
+use super::super::fft::{Frames, Transform};
+use super::super::layout::{Arenas, Layout, Slot, Value, slot_layout};
+use super::super::tables::Tables;
+use super::super::views::Views;
+use super::stacks::Stacks;
+use crate::engine::{Dispatch, EngineError, Kernel, PupilPass, Resource, Shape, Step, Storage};
+use crate::gpu::{Block, Commands, PUSH_BYTES, Range};
+use crate::plan::PerFrame;
+use bytemuck::Pod;
+use eyebox_kernels::{WIDTH, fft::Direction};
+use eyebox_spirv::Module;
+
+/// Workgroups that fill any device a few times over.
+const ENOUGH: u32 = 4096;
+
+/// Everything that a recording looks at.
+pub(in super::super) struct Work<'a> {
+    pub(in super::super) gpu: &'a mut Commands,
+    pub(in super::super) transforms: &'a mut dyn Transform,
+    pub(in super::super) shape: &'a Shape,
+    pub(in super::super) step: &'a Step,
+    pub(in super::super) stacks: &'a Stacks,
+    pub(in super::super) arenas: &'a Arenas,
+    pub(in super::super) tables: &'a Tables,
+    pub(in super::super) views: Option<&'a Views>,
+    /// Where what `check_finite` found and each pupil pass's sums of the loss start, bytes.
+    pub(in super::super) losses: Option<(&'a Block, &'a [u64])>,
+}
+
+/// A kernel over the step, or over one of its pupil passes.
+pub(super) struct Call<'w, 'a> {
+    pub(super) work: &'w mut Work<'a>,
+    pub(super) step: &'a Step,
+    pub(super) shape: &'a Shape,
+    pub(super) kernel: Kernel,
+    pub(super) module: Option<&'static Module>,
+    pub(super) dispatch: &'w Dispatch,
+    /// Those of the dispatch's pupil passes.
+    pub(super) slots: &'w [Slot],
+    /// Which of the dispatch's pupil passes.
+    pub(super) at: usize,
+}
+
+/// What a kernel is spread over.
+#[derive(Clone, Copy)]
+pub(super) enum Grid {
+    /// Rows and columns of each sub-frame.
+    Rows(u32, u32),
+    /// Values of each sub-frame.
+    Values(usize),
+    /// Workgroups, each with a part of its own.
+    Parts(usize),
+}
+
+impl<'a> Call<'_, 'a> {
+    /// Over rows and columns, with these arguments and the strides of what it is bound to.
+    pub(super) fn rows(&mut self, rows: u32, columns: u32, args: &impl Pod) -> Result<(), EngineError> {
+        self.over(Grid::Rows(rows, columns), |_, _| *args, &[])
+    }
+
+    /// Over values.
+    pub(super) fn values(&mut self, count: usize, args: &impl Pod) -> Result<(), EngineError> {
+        self.over(Grid::Values(count), |_, _| *args, &[])
+    }
+
+    /// By parts.
+    pub(super) fn parts(&mut self, parts: usize, args: &impl Pod) -> Result<(), EngineError> {
+        if parts > self.work.gpu.limits().groups[0] as usize {
+            return Err(self.work.too_large("an image", parts));
+        }
+        self.over(Grid::Parts(parts), |_, _| *args, &[])
+    }
+
+    /// Over as many sub-frames at once as the device allows, `args` saying what they are for (first, count). Push constants
+    /// are the arguments, the strides, and `tail`.
+    pub(super) fn over<A: Pod>(
+        &mut self,
+        grid: Grid,
+        args: impl Fn(usize, usize) -> A,
+        tail: &[u32],
+    ) -> Result<(), EngineError> {
+        let binds = self.kernel.binds();
+        let framed = self.framed()?;
+        let frames = if framed.is_empty() { 1 } else { self.shape.frames };
+        // One stride for each kind of frames: the shape's in the order of the bindings, then the windows'.
+        let mut kinds: Vec<PerFrame> = Vec::with_capacity(2);
+        let mut more = Vec::with_capacity(4);
+        for last in [false, true] {
+            for (kind, layout) in framed.iter().filter(|(kind, _)| (*kind == PerFrame::Window) == last) {
+                if !kinds.contains(kind) {
+                    kinds.push(*kind);
+                    more.push(layout.stride() as u32);
+                }
+            }
+        }
+        more.extend(tail);
+        // What all sub-frames add to.
+        let adds = self.kernel.writes().any(|resource| resource.per_frame().is_none());
+        let most = framed.iter().map(|(_, layout)| self.work.at_once(layout)).min().unwrap_or(1);
+        for (first, count) in self.work.chunks(frames, most) {
+            let mut buffers = Vec::with_capacity(binds.len());
+            for (_, resource) in binds {
+                match self.range(*resource, first, count)? {
+                    Some(range) => buffers.push(range),
+                    None => return Ok(()),
+                }
+            }
+            if adds && first > 0 {
+                self.work.gpu.recorder.barrier();
+            }
+            let groups = match grid {
+                Grid::Rows(rows, columns) => self.work.rows(rows, columns, count),
+                Grid::Values(values) => self.work.along(values, count),
+                Grid::Parts(parts) => [parts as u32, 1, 1],
+            };
+            self.run(&buffers, &args(first, count), &more, groups)?;
+        }
+        Ok(())
+    }
+
+    /// The bindings of which each sub-frame has its own.
+    fn framed(&self) -> Result<Vec<(PerFrame, Layout)>, EngineError> {
+        let mut framed = Vec::with_capacity(4);
+        for (_, resource) in self.kernel.binds() {
+            if let Some(kind) = resource.per_frame() {
+                framed.push((kind, self.layout(*resource)?));
+            }
+        }
+        Ok(framed)
+    }
+
+    /// How a buffer lies; where nothing is quantised, the phases are what is shown.
+    pub(super) fn layout(&self, resource: Resource) -> Result<Layout, EngineError> {
+        match slot_layout(resource) {
+            Some(at) => self.slots.get(self.at).map(|slot| slot[at]).ok_or_else(|| self.missing(resource)),
+            None => Ok(self.work.stacks.find(self.alias(resource)).ok_or_else(|| self.missing(resource))?.layout),
+        }
+    }
+
+    fn alias(&self, resource: Resource) -> Resource {
+        if resource == Resource::Shown && !self.shape.quantised { Resource::Phases } else { resource }
+    }
+
+    /// What is bound; none where the step has nothing of it, so that the kernel has nothing to do.
+    pub(super) fn range(
+        &self,
+        resource: Resource,
+        first: usize,
+        count: usize,
+    ) -> Result<Option<Range<'a>>, EngineError> {
+        let Work { stacks, arenas, tables, losses, .. } = &*self.work;
+        let index = self.dispatch.pupil_passes.start + self.at;
+        let table = || tables.pupil_pass(index);
+        let place = match resource {
+            Resource::Spans => Some(table().spans),
+            Resource::TaperWeights => table().taper,
+            Resource::RowWeights => Some(table().rows),
+            Resource::ColumnWeights => Some(table().columns),
+            Resource::Losses => {
+                let parts = self.step.pupil_passes[index].compare.parts() as u64;
+                return Ok(losses.map(|(block, offsets)| block.range(offsets[index], 4 * parts)));
+            }
+            Resource::NotFinite => return Ok(losses.map(|(block, _)| block.range(0, 4))),
+            Resource::Views | Resource::Taps => return Ok(None),
+            _ => {
+                let (first, count) = if resource.per_frame().is_some() { (first, count) } else { (0, 1) };
+                if slot_layout(resource).is_some() {
+                    let slot = self.slots.get(self.at).ok_or_else(|| self.missing(resource))?;
+                    return arenas.frames(resource, slot, first, count).map(Some);
+                }
+                let stack = stacks.find(self.alias(resource)).ok_or_else(|| self.missing(resource))?;
+                return Ok(Some(stack.layout.range(&stack.block, first, count)));
+            }
+        };
+        place.map(|place| tables.range(place)).transpose()
+    }
+
+    fn missing(&self, resource: Resource) -> EngineError {
+        EngineError::Mismatch { reason: format!("{} has no {resource:?}", self.kernel.name()) }
+    }
+
+    /// One dispatch.
+    pub(super) fn run(
+        &mut self,
+        buffers: &[Range<'_>],
+        args: &impl Pod,
+        more: &[u32],
+        groups: [u32; 3],
+    ) -> Result<(), EngineError> {
+        let missing = || EngineError::Mismatch { reason: format!("{} has no shader", self.kernel.name()) };
+        let module = self.module.ok_or_else(missing)?.stored(self.shape.halves());
+        let (args, more) = (bytemuck::bytes_of(args), bytemuck::cast_slice::<_, u8>(more));
+        let mut push = [0u8; PUSH_BYTES as usize];
+        let length = args.len() + more.len();
+        push[..args.len()].copy_from_slice(args);
+        push[args.len()..length].copy_from_slice(more);
+        let gpu = &mut *self.work.gpu;
+        let limit = gpu.limits().storage_range;
+        if let Some(large) = buffers.iter().find(|b| b.size > limit) {
+            return Err(self.work.too_large(format!("a buffer of `{}`", module.name), large.size as usize));
+        }
+        let pipeline = gpu.pipeline(module, buffers.len() as u32, &[])?;
+        gpu.recorder.dispatch(pipeline, buffers, &push[..length], groups)
+    }
+
+    /// Transforms what the kernel changes, over the grid.
+    pub(super) fn grid_transform(&mut self, direction: Direction) -> Result<(), EngineError> {
+        let place = &self.shape.place;
+        let size = [place.grid_height as usize, place.grid_width as usize];
+        for resource in self.kernel.writes() {
+            let stack = self.work.stacks.find(resource).ok_or_else(|| self.missing(resource))?;
+            let frames = frames_of(&stack.block, &stack.layout, size);
+            self.work.transforms.record(self.work.gpu, frames, direction, self.step.columns)?;
+        }
+        Ok(())
+    }
+
+    /// Transforms a pupil pass's windows.
+    pub(super) fn window_transform(&mut self, pass: &PupilPass, direction: Direction) -> Result<(), EngineError> {
+        let layout = self.layout(Resource::Window)?;
+        let Some(range) = self.range(Resource::Window, 0, layout.frames)? else { return Ok(()) };
+        let frames = frames_of(range.block, &layout, [pass.window.rows, pass.window.columns]);
+        self.work.transforms.record(self.work.gpu, frames, direction, pass.columns)
+    }
+}
+
+impl Work<'_> {
+    pub(super) fn too_large(&self, what: impl Into<String>, size: usize) -> EngineError {
+        EngineError::Unsuitable {
+            device: self.gpu.report().name.clone(),
+            reason: format!("{} is too large for it ({size}); use a smaller size", what.into()),
+        }
+    }
+
+    /// Frames of a buffer that a kernel may see at once.
+    pub(super) fn at_once(&self, layout: &Layout) -> usize {
+        layout.at_once(self.gpu.limits().storage_range)
+    }
+
+    /// Frames (first, count) of which a kernel may see `most` at once.
+    pub(super) fn chunks(&self, frames: usize, most: usize) -> impl Iterator<Item = (usize, usize)> + use<> {
+        // A single frame that is too large is found, and named, when it is dispatched.
+        let most = most.clamp(1, self.gpu.limits().groups[2] as usize);
+        (0..frames).step_by(most).map(move |first| (first, most.min(frames - first)))
+    }
+
+    /// Workgroups of a kernel over rows and columns.
+    pub(super) fn rows(&self, rows: u32, columns: u32, frames: usize) -> [u32; 3] {
+        let across = columns.div_ceil(WIDTH);
+        [across, self.shared_out(rows, across * frames as u32, self.gpu.limits().groups[1]), frames as u32]
+    }
+
+    /// Workgroups of a kernel over values.
+    fn along(&self, count: usize, frames: usize) -> [u32; 3] {
+        let pieces = count.div_ceil(WIDTH as usize).min(u32::MAX as usize) as u32;
+        [self.shared_out(pieces, frames as u32, self.gpu.limits().groups[0]), 1, frames as u32]
+    }
+
+    /// How many workgroups share `pieces` of work, of which there are `times` beside each other: enough to fill the
+    /// device, and no more, for each costs something to start.
+    fn shared_out(&self, pieces: u32, times: u32, limit: u32) -> u32 {
+        let enough = ENOUGH.div_ceil(times.max(1));
+        // Equal shares: whole rounds of the kernel's loop.
+        let rounds = (pieces / enough).clamp(1, 16);
+        pieces.div_ceil(rounds).min(limit)
+    }
+}
+
+fn frames_of<'a>(block: &'a Block, layout: &Layout, [height, width]: [usize; 2]) -> Frames<'a> {
+    let storage = if let Value::Complex(storage) = layout.value { storage } else { Storage::F32 };
+    Frames { block, offset: layout.offset, count: layout.frames, height, width, stride: layout.stride(), storage }
+}
