@@ -35,7 +35,7 @@ pub mod gaze;
 #[cfg_attr(not(feature = "direct-display"), allow(dead_code, unused_imports, reason = "presenting uses part of it"))]
 pub mod gpu;
 pub mod hologram;
-#[cfg(feature = "window")]
+#[cfg_attr(not(feature = "window"), allow(dead_code, reason = "displays use part of it"))]
 mod mailbox;
 pub mod optics;
 pub mod plan;

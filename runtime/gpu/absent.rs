@@ -3,6 +3,7 @@
 use super::error::EngineError;
 use super::report::{DeviceReport, Options};
 use std::convert::Infallible;
+use std::marker::PhantomData;
 
 /// An open Vulkan device, of which this build has none.
 #[derive(Debug, Clone)]
@@ -32,6 +33,10 @@ impl Gpu {
         match self.0 {}
     }
 }
+
+/// Phases in a device's memory, of which there are none.
+#[derive(Debug, Clone, Copy)]
+pub struct PhasesOnDevice<'a>(Infallible, PhantomData<&'a ()>);
 
 /// All devices that can be found.
 ///

@@ -43,7 +43,7 @@ mod pipelines;
 mod recorder;
 
 #[cfg(not(feature = "vulkan"))]
-pub use absent::{Gpu, devices};
+pub use absent::{Gpu, PhasesOnDevice, devices};
 pub use error::EngineError;
 pub use report::{DeviceKind, DeviceReport, Limits, Options};
 
@@ -58,6 +58,8 @@ pub use counters::Counts;
 #[cfg(feature = "vulkan")]
 pub(crate) use counters::add;
 #[cfg(feature = "vulkan")]
+pub(crate) use device::Device;
+#[cfg(feature = "vulkan")]
 pub use devices::devices;
 #[cfg(feature = "vulkan")]
 pub use instance::Messages;
@@ -65,6 +67,8 @@ pub use instance::Messages;
 pub(crate) use instance::{Instance, has};
 #[cfg(feature = "vulkan")]
 pub use open::{Gpu, RawDevice};
+#[cfg(feature = "vulkan")]
+pub(crate) use pictures::Ready;
 #[cfg(feature = "vulkan")]
 pub use pictures::{PhasesOnDevice, Pictures, PixelOrder};
 #[cfg(feature = "vulkan")]

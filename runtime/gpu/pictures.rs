@@ -25,6 +25,9 @@ pub struct PhasesOnDevice<'a> {
     pub(crate) values: usize,
 }
 
+/// A semaphore, and the value from which on what was drawn can be read.
+pub(crate) type Ready = (Arc<Timeline>, u64);
+
 /// Video frames in a device's memory, four bytes a pixel, rows without gaps: made once, filled again and again.
 pub struct Pictures {
     pub(crate) block: Arc<Block>,
@@ -34,7 +37,7 @@ pub struct Pictures {
     size: [usize; 2],
     order: PixelOrder,
     /// What has to be waited for before they are read on another queue.
-    pub(crate) ready: Option<(Arc<Timeline>, u64)>,
+    pub(crate) ready: Option<Ready>,
 }
 
 impl Pictures {

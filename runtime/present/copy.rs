@@ -33,13 +33,13 @@ pub(super) fn fill(
 /// Records the copy of a picture into an image that was acquired, and what lets it be presented.
 ///
 /// # Safety
-/// The commands are being recorded; they, the buffer, which has four bytes for each pixel of the extent, and the image of
+/// The commands are being recorded; they, the buffer, which has four bytes for each pixel of the extent from the offset on, and the image of
 /// that extent are this device's and outlive the submission, which waits for the image at the stage of transfers: the change
 /// of layout comes after that.
 pub(super) unsafe fn record_copy(
     device: &ash::Device,
     commands: vk::CommandBuffer,
-    from: vk::Buffer,
+    (from, offset): (vk::Buffer, u64),
     image: vk::Image,
     vk::Extent2D { width, height }: vk::Extent2D,
 ) {
@@ -61,7 +61,7 @@ pub(super) unsafe fn record_copy(
         .new_layout(vk::ImageLayout::PRESENT_SRC_KHR)
         .src_access_mask(vk::AccessFlags::TRANSFER_WRITE);
     let extent = vk::Extent3D { width, height, depth: 1 };
-    let copy = vk::BufferImageCopy::default().image_subresource(layers).image_extent(extent);
+    let copy = vk::BufferImageCopy::default().buffer_offset(offset).image_subresource(layers).image_extent(extent);
     let (transfer, bottom) = (vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::BOTTOM_OF_PIPE);
     let none = vk::DependencyFlags::empty();
     // SAFETY: the caller says so.

@@ -12,10 +12,12 @@ use std::time::{Duration, Instant};
 use winit::application::ApplicationHandler;
 use winit::dpi::{PhysicalPosition, PhysicalSize};
 use winit::event::{ElementState, WindowEvent};
-use winit::event_loop::{ActiveEventLoop, EventLoop};
+use winit::event_loop::{ActiveEventLoop, EventLoop, EventLoopBuilder};
 use winit::keyboard::{Key, NamedKey};
 use winit::monitor::MonitorHandle;
 use winit::platform::pump_events::{EventLoopExtPumpEvents, PumpStatus};
+#[cfg(target_os = "linux")]
+use winit::platform::{wayland::EventLoopBuilderExtWayland, x11::EventLoopBuilderExtX11};
 use winit::window::{Fullscreen, Window as SystemWindow, WindowId};
 
 /// How long a window may take to come up with its size.
@@ -120,10 +122,22 @@ impl ApplicationHandler for Handler {
     }
 }
 
-/// The desktop: its monitors, and windows on them. One at a time in a process, on its main thread.
+/// The desktop: its monitors, and windows on them. One at a time in a process. On Linux, any thread may open it and has to
+/// stay with it; elsewhere only the main one.
 pub struct Desktop {
     event_loop: EventLoop<()>,
     handler: Handler,
+}
+
+/// X11 and Wayland have no main thread: who presents owns the desktop.
+fn builder() -> EventLoopBuilder<()> {
+    let mut builder = EventLoop::builder();
+    #[cfg(target_os = "linux")]
+    {
+        EventLoopBuilderExtX11::with_any_thread(&mut builder, true);
+        EventLoopBuilderExtWayland::with_any_thread(&mut builder, true);
+    }
+    builder
 }
 
 impl Desktop {
@@ -132,7 +146,7 @@ impl Desktop {
     /// # Errors
     /// [`PresentError::Display`] where there is none.
     pub fn open() -> Result<Self, PresentError> {
-        let event_loop = EventLoop::new().map_err(|e| {
+        let event_loop = builder().build().map_err(|e| {
             // The library says where in its own source it failed: nobody's business here.
             let text = e.to_string();
             let why = text.rsplit(".rs:").next().and_then(|t| t.split_once(": ")).map_or(text.as_str(), |(_, why)| why);

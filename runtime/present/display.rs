@@ -5,7 +5,7 @@ use super::handle::handle_of;
 use super::swapchain::{Policy, Swapchain};
 use super::timing::PresentTiming;
 use super::{Event, Feedback, Monitor, PresentError, Presenter, Rate, RealClock};
-use crate::gpu::{EngineError, Gpu};
+use crate::gpu::{EngineError, Gpu, Pictures, PixelOrder};
 
 /// Shows video frames on a display, by a swapchain of exactly its size.
 pub struct DisplayPresenter {
@@ -74,6 +74,16 @@ impl Presenter for DisplayPresenter {
     fn upload(&mut self, picture: &[u8]) -> Result<(), PresentError> {
         self.window.as_mut().map_or(Ok(()), OnDesktop::check)?;
         let done = self.swapchain.upload(picture);
+        self.explained(done)
+    }
+
+    fn takes(&self) -> Option<(&Gpu, PixelOrder)> {
+        Some((self.swapchain.gpu(), self.swapchain.pixel_order()))
+    }
+
+    fn take(&mut self, pictures: &Pictures, index: usize) -> Result<(), PresentError> {
+        self.window.as_mut().map_or(Ok(()), OnDesktop::check)?;
+        let done = self.swapchain.take(pictures, index);
         self.explained(done)
     }
 

@@ -5,19 +5,22 @@
 //! resizable window beside it on the same desktop. Both show by a [`Swapchain`], whose [`Policy`] says whether every picture
 //! counts or the newest; all swapchains of a program share one [`Gpu`](crate::gpu::Gpu), opened to present.
 //!
-//! `surface` is what a swapchain is on; `copy` how pictures get into its images; `recreate` what happens when it is no longer
+//! `surface` is what a swapchain is on; `slot` a picture under way and `copy` how it gets into an image; `recreate` what happens when it is no longer
 //! right; `timing` says when pictures lit up. `direct` takes displays, by their `modes` and the system's `connectors`;
 //! `monitor` says which of a desktop's is meant; `x_server` what happens when an X server goes away. `clock` is real or
 //! simulated, `rate` says how often, exactly. Every time carries its unit and its meaning in its name.
 //! This room imports `files` and `gpu`.
 
 mod clock;
+#[cfg(feature = "direct-display")]
 mod connectors;
 mod copy;
 mod desktop;
+#[cfg(feature = "direct-display")]
 mod direct;
 mod display;
 mod handle;
+#[cfg(feature = "direct-display")]
 mod modes;
 mod monitor;
 mod offscreen;
@@ -25,6 +28,7 @@ mod presenter;
 mod rate;
 mod recreate;
 mod sink;
+mod slot;
 mod surface;
 mod swapchain;
 #[cfg(all(test, target_os = "linux"))]
@@ -35,8 +39,10 @@ mod x_server;
 
 pub use clock::{Clock, RealClock, SimulatedClock};
 pub use desktop::Desktop;
+#[cfg(feature = "direct-display")]
 pub use direct::direct_displays;
 pub use display::DisplayPresenter;
+#[cfg(feature = "direct-display")]
 pub use modes::{DirectDisplay, DirectMode};
 pub use monitor::Monitor;
 pub use offscreen::Offscreen;

@@ -1,6 +1,7 @@
 //! The display's side: takes video frames in order and says when they lit up.
 
 use super::{PresentError, Rate};
+use crate::gpu::{Gpu, Pictures, PixelOrder};
 
 /// When a video frame lit up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -46,6 +47,20 @@ pub trait Presenter {
     /// # Errors
     /// [`PresentError::Display`]: it is lost, in a sentence.
     fn upload(&mut self, picture: &[u8]) -> Result<(), PresentError>;
+
+    /// The device, and the order of colours, of pictures that [`take`](Self::take) takes; none where video frames come from
+    /// the host only.
+    fn takes(&self) -> Option<(&Gpu, PixelOrder)> {
+        None
+    }
+
+    /// Takes in a video frame that is on that device already, as [`upload`](Self::upload) does from the host.
+    ///
+    /// # Errors
+    /// [`PresentError::Display`]: it is lost, or takes none such, in a sentence.
+    fn take(&mut self, _pictures: &Pictures, _index: usize) -> Result<(), PresentError> {
+        Err(PresentError::display(&self.describe(), "it takes video frames from the host only"))
+    }
 
     /// Puts the video frame that was taken in last in line. `id` rises from call to call; `desired_present_time_ns` is
     /// the player's plan, on its clock.

@@ -6,11 +6,11 @@
 #![allow(unsafe_code)]
 
 use super::copy::{fill, record_copy};
+use super::slot::Slot;
 use super::surface::{Surface, Target, WindowHandle};
 use super::timing::{PresentTiming, TimingMethod, TimingSource, present_number};
-use crate::gpu::{Block, EngineError, Gpu};
+use crate::gpu::{EngineError, Gpu, Pictures, PixelOrder};
 use ash::{khr, vk};
-use gpu_allocator::MemoryLocation;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -26,16 +26,6 @@ pub enum Policy {
 
 /// How long the display may take for a picture before it counts as lost.
 pub(super) const PATIENCE_NS: u64 = 2_000_000_000;
-
-/// A picture under way to the display.
-struct Slot {
-    /// Four bytes for each pixel of the swapchain.
-    pixels: Option<Block>,
-    commands: vk::CommandBuffer,
-    acquired: vk::Semaphore,
-    /// The device no longer reads the pixels.
-    done: vk::Fence,
-}
 
 /// The swapchain of a window, or of a display that no desktop drives, and what feeds it.
 pub struct Swapchain {
@@ -135,29 +125,14 @@ impl Swapchain {
     }
 
     fn make_slots(&mut self, count: usize) -> Result<(), EngineError> {
-        let device = Arc::clone(&self.gpu.device);
-        let raw = &device.raw;
+        let device = &self.gpu.device;
         let pool = vk::CommandPoolCreateInfo::default()
             .queue_family_index(device.present().family)
             .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
-        let device = &device;
-        let error = |call| move |e| device.error(call, "making a swapchain", e);
-        // SAFETY: the device is valid; what is made is kept in `self` at once and destroyed with it.
-        unsafe {
-            self.pool = raw.create_command_pool(&pool, None).map_err(error("vkCreateCommandPool"))?;
-            for _ in 0..count {
-                let info = vk::CommandBufferAllocateInfo::default().command_pool(self.pool).command_buffer_count(1);
-                let commands = raw.allocate_command_buffers(&info).map_err(error("vkAllocateCommandBuffers"))?[0];
-                let (acquired, done) = (vk::Semaphore::null(), vk::Fence::null());
-                self.slots.push(Slot { pixels: None, commands, acquired, done });
-                let at = self.slots.len() - 1;
-                let acquired = raw.create_semaphore(&vk::SemaphoreCreateInfo::default(), None);
-                self.slots[at].acquired = acquired.map_err(error("vkCreateSemaphore"))?;
-                let info = vk::FenceCreateInfo::default().flags(vk::FenceCreateFlags::SIGNALED);
-                self.slots[at].done = raw.create_fence(&info, None).map_err(error("vkCreateFence"))?;
-            }
-        }
-        Ok(())
+        // SAFETY: the device is valid; the pool is kept at once and destroyed with this.
+        let pool = unsafe { device.raw.create_command_pool(&pool, None) };
+        self.pool = pool.map_err(|e| self.error("vkCreateCommandPool", e))?;
+        Slot::make(&mut self.slots, count, &self.gpu.device, self.pool)
     }
 
     /// The size that pictures have on the surface; `wanted` where it leaves the choice. No pixels while a window is
@@ -244,10 +219,7 @@ impl Swapchain {
         }
         let bytes = 4 * u64::from(extent.width) * u64::from(extent.height);
         for slot in &mut self.slots {
-            if slot.pixels.as_ref().is_none_or(|p| p.size < bytes) {
-                slot.pixels = None;
-                slot.pixels = Some(Block::new(&self.gpu.device, bytes, MemoryLocation::CpuToGpu, "a picture")?);
-            }
+            slot.reserve(&self.gpu.device, bytes)?;
         }
         self.stale = false;
         Ok(true)
@@ -293,9 +265,37 @@ impl Swapchain {
         Ok(())
     }
 
-    fn wait_for_slot(&self) -> Result<(), EngineError> {
+    /// In which order [`take`](Self::take) wants the colours of a pixel.
+    pub fn pixel_order(&self) -> PixelOrder {
+        if self.format == vk::Format::B8G8R8A8_UNORM { PixelOrder::Bgra } else { PixelOrder::Rgba }
+    }
+
+    /// Takes in a picture of the exact size that an encoder has on the device already: nothing of it goes by the host. The
+    /// pictures are in use until this one was read.
+    ///
+    /// # Errors
+    /// [`EngineError::Mismatch`] for pictures of another size, order or device; a lost device.
+    pub fn take(&mut self, pictures: &Pictures, index: usize) -> Result<(), EngineError> {
+        let wanted = ([self.extent.height as usize, self.extent.width as usize], self.pixel_order());
+        let is = (pictures.size(), pictures.order());
+        if is != wanted || index >= pictures.count() || !pictures.block.is_on(&self.gpu.device) {
+            let reason = format!(
+                "picture {index} of {} of {is:?} on a device, where the swapchain's own device shows {wanted:?}",
+                pictures.count()
+            );
+            return Err(EngineError::Mismatch { reason });
+        }
+        self.wait_for_slot()?;
+        self.slots[self.next].hold(pictures, index);
+        Ok(())
+    }
+
+    /// The next slot is free after this, and pictures that were read are let go.
+    fn wait_for_slot(&mut self) -> Result<(), EngineError> {
+        let (device, done) = (&self.gpu.device, self.slots[self.next].done);
         // SAFETY: the fence is the device's.
-        let waited = unsafe { self.gpu.device.raw.wait_for_fences(&[self.slots[self.next].done], true, PATIENCE_NS) };
+        let waited = unsafe { device.raw.wait_for_fences(&[done], true, PATIENCE_NS) };
+        self.slots.iter_mut().for_each(|slot| slot.release(device));
         waited.map_err(|e| self.error("vkWaitForFences", e))
     }
 
@@ -381,15 +381,21 @@ impl Swapchain {
     /// Copies the next slot's picture into an image that was acquired, and presents it: what the driver answers to that.
     fn submit(&mut self, image: u32, id: u64) -> Result<Result<bool, vk::Result>, EngineError> {
         let slot = &self.slots[self.next];
-        let Some(pixels) = &slot.pixels else { return Ok(Ok(true)) };
+        let Some((from, offset, ready)) = slot.source() else { return Ok(Ok(true)) };
         let rendered = [self.rendered[image as usize]];
         let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
-        let (wait, stages, commands) = ([slot.acquired], [vk::PipelineStageFlags::TRANSFER], [slot.commands]);
+        let (drawn, value) = ready.map_or((vk::Semaphore::null(), 0), |(timeline, value)| (timeline.raw, *value));
+        let (wait, values, waits) = ([slot.acquired, drawn], [0, value], 1 + usize::from(ready.is_some()));
+        let (stages, commands) = ([vk::PipelineStageFlags::TRANSFER; 2], [slot.commands]);
+        let mut timeline = vk::TimelineSemaphoreSubmitInfo::default()
+            .wait_semaphore_values(&values[..waits])
+            .signal_semaphore_values(&[0]);
         let submit = vk::SubmitInfo::default()
-            .wait_semaphores(&wait)
-            .wait_dst_stage_mask(&stages)
+            .wait_semaphores(&wait[..waits])
+            .wait_dst_stage_mask(&stages[..waits])
             .command_buffers(&commands)
-            .signal_semaphores(&rendered);
+            .signal_semaphores(&rendered)
+            .push_next(&mut timeline);
         let (chains, indices) = ([self.raw], [image]);
         // Numbers of 32 bits, which go round; the answer is matched modulo that.
         let times = [vk::PresentTimeGOOGLE::default().present_id(id as u32)];
@@ -410,7 +416,7 @@ impl Swapchain {
         let presented = unsafe {
             raw.reset_fences(&[slot.done]).map_err(|e| self.error("vkResetFences", e))?;
             raw.begin_command_buffer(slot.commands, &begin).map_err(|e| self.error("vkBeginCommandBuffer", e))?;
-            record_copy(raw, slot.commands, pixels.raw, self.images[image as usize], self.extent);
+            record_copy(raw, slot.commands, (from, offset), self.images[image as usize], self.extent);
             raw.end_command_buffer(slot.commands).map_err(|e| self.error("vkEndCommandBuffer", e))?;
             let queue = self.gpu.device.present().lock();
             raw.queue_submit(*queue, &[submit], slot.done).map_err(|e| self.error("vkQueueSubmit", e))?;
@@ -458,10 +464,7 @@ impl Drop for Swapchain {
         unsafe {
             self.times.destroy();
             self.drop_swapchain();
-            for slot in self.slots.drain(..) {
-                self.gpu.device.raw.destroy_semaphore(slot.acquired, None);
-                self.gpu.device.raw.destroy_fence(slot.done, None);
-            }
+            self.slots.iter().for_each(|slot| slot.destroy(&self.gpu.device.raw));
             self.gpu.device.raw.destroy_command_pool(self.pool, None);
         }
     }

@@ -1,6 +1,6 @@
 //! A window beside the display, served by the present thread in passing: one that shows what the tracked eye sees.
 
-use super::FinishedSet;
+use super::sets::FinishedSet;
 use crate::optics::Pupil;
 use crate::present::Desktop;
 

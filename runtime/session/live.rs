@@ -1,27 +1,31 @@
 //! Content that follows the eye: a hologram, refined while it is shown.
 
-use super::companion::{Asked, Companion, CompanionOpener, Now};
+use super::companion::CompanionOpener;
+use super::error::SessionError;
+use super::following::{Following, OPEN};
+use super::latency::Latency;
+use super::notes::Notes;
 use super::output::OpenDisplay;
-use super::present_thread::{Running, Setup};
+use super::pupil_tracker::PupilTracker;
 use super::refine::{Refinement, RefinementOptions};
-use super::scheduler::Start;
-use super::{
-    EngineOpener, Latency, LiveSource, LiveStatistics, Notes, Policy, PupilTracker, Schedule, SessionError, SetTiming,
-    Speed, Stage, SteeredColor, Steerer, Trace, Track, as_ns,
-};
+use super::running::{Running, Setup};
+use super::scheduler::{Schedule, Start};
+use super::set_timing::{SetTiming, as_ns};
+use super::steerer::{Policy, SteeredColor, Steerer};
+use super::timeline::Speed;
+use super::trace::Trace;
 use crate::encode::Encoder;
 use crate::engine::{Backend, Engine, EngineError};
 use crate::gaze::Estimator;
 use crate::gpu::Gpu;
-use crate::optics::Pupil;
-use crate::present::{Clock, Rate, RealClock, SECOND_NS};
+use crate::present::Rate;
 use crate::trackers::mouse::{self, MouseHandle};
 use crate::trackers::simulated::{self, SimulatedSource};
 use crate::trackers::{self, Options, Source, Spec, Stream, now_ns};
 use crossbeam_utils::atomic::AtomicCell;
 use std::collections::VecDeque;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 /// Whose eye is followed.
@@ -62,6 +66,9 @@ impl Tracking {
         about.notes.iter().fold(about.name, |all, note| format!("{all}, {note}"))
     }
 }
+
+/// Opens an engine, as often as it is called.
+pub type EngineOpener = Box<dyn FnMut() -> Result<Box<dyn Engine>, EngineError> + Send>;
 
 /// Where engines come from.
 pub enum EngineSource {
@@ -198,154 +205,9 @@ impl Live {
             latency: Latency::default(),
             pupil: None,
             open: VecDeque::with_capacity(OPEN),
-            halves: [None; 2],
-            halves_at_ns: i64::MIN,
+            medians: [None; 2],
+            medians_at_ns: i64::MIN,
         };
         Ok(Setup { running: Running::Live(Box::new(following)), schedule, idle, sub_frames })
-    }
-}
-
-/// How a live hologram is doing.
-#[derive(Debug, Clone, Copy, Default)]
-#[non_exhaustive]
-pub struct LiveStatus {
-    /// Sets that were new when they were decided on.
-    pub sets_new: u64,
-    /// Sets that were shown again.
-    pub sets_repeated: u64,
-    /// Steps over all colours.
-    pub steps: u64,
-    /// How often it began again with the hologram for the whole eyebox.
-    pub restarts: u64,
-    /// From the sample to the light, ms: the median.
-    pub sample_to_light_ms: Option<f64>,
-    /// How far the pupil was from where it was expected, mm: the median.
-    pub pupil_error_mm: Option<f64>,
-}
-
-/// Lights that wait for the tracker at most.
-const OPEN: usize = 256;
-
-/// A live hologram that is shown, as the present thread has it: what becomes of every set.
-pub(super) struct Following {
-    companion: Option<Box<dyn Companion>>,
-    pub source: LiveSource,
-    refinement: Refinement,
-    tracker: Arc<PupilTracker>,
-    name: String,
-    policy: Policy,
-    truth: Option<simulated::Eye>,
-    timing: Arc<AtomicCell<SetTiming>>,
-    steered: Arc<AtomicBool>,
-    clock: RealClock,
-    light_after_ns: i64,
-    sets_per_second: f64,
-    notes: Notes,
-    latency: Latency,
-    /// Where the pupil was expected for the set on the screen.
-    pupil: Option<[f64; 2]>,
-    /// Lights whose pupil is not known yet: time on the trackers' clock, where it was expected.
-    open: VecDeque<(u64, [f64; 2])>,
-    /// Medians for the status, and when they were taken.
-    halves: [Option<f64>; 2],
-    halves_at_ns: i64,
-}
-
-impl Following {
-    /// After a video frame, which may have begun a set; false once a user closed the window beside the display.
-    pub(super) fn after(&mut self, set_start_ns: Option<i64>, display: &mut OpenDisplay) -> bool {
-        if let Some(start_ns) = set_start_ns {
-            self.set_began(start_ns);
-        }
-        self.look_back();
-        let now_ns = self.clock.now_ns();
-        if now_ns > self.halves_at_ns.saturating_add(SECOND_NS / 4) {
-            let of = |histogram: &super::Histogram| histogram.percentile(0.5);
-            self.halves = [of(self.latency.of(Stage::SampleToLight)), of(self.latency.error_mm())];
-            self.halves_at_ns = now_ns;
-        }
-        self.serve(display)
-    }
-
-    fn serve(&mut self, display: &mut OpenDisplay) -> bool {
-        let Some(companion) = &mut self.companion else { return true };
-        let seen = self.tracker.expect(self.clock.monotonic_ns(self.clock.now_ns())).pupil;
-        let middle = |[low, high]: [f64; 2]| 0.5 * (low + high);
-        let [x, y] = seen.centre;
-        let pupil = Pupil { x, y, diameter: middle(seen.diameter), depth: middle(seen.focus) };
-        let steered = self.steered.load(Ordering::Acquire);
-        let now = Now { pupil, steered, sets_per_second: self.sets_per_second };
-        match display.pump().map_err(|e| e.to_string()).and_then(|()| companion.serve(&now)) {
-            Ok(Asked::Nothing) => true,
-            Ok(Asked::Close) => false,
-            Ok(Asked::Steer(steered)) => {
-                self.steered.store(steered, Ordering::Release);
-                true
-            }
-            // A view is not worth the display.
-            Err(error) => {
-                self.notes.tell(format!("{error}; the display goes on"));
-                self.companion = None;
-                true
-            }
-        }
-    }
-
-    /// A set begins to be lit at `start_ns`.
-    fn set_began(&mut self, start_ns: i64) {
-        let decided_ns = self.source.asked().map_or(start_ns, |at| self.clock.at_ns(at));
-        self.timing.store(self.timing.load().after(start_ns, decided_ns));
-        let light_ns = start_ns.saturating_add(self.light_after_ns);
-        if let Some(set) = self.source.newly_shown() {
-            self.latency.shown(&set.timestamps, self.clock.now_ns(), light_ns);
-            self.pupil = set.timestamps.sample_ns.map(|_| set.pupil);
-            if let Some(companion) = &mut self.companion {
-                companion.shown(set);
-            }
-        }
-        if let Some(pupil) = self.pupil {
-            if self.open.len() == OPEN {
-                self.open.pop_front();
-            }
-            self.open.push_back((self.clock.monotonic_ns(light_ns), pupil));
-        }
-    }
-
-    /// Where the pupil was at lights that have passed: truly, for a simulated eye, else as it was measured.
-    fn look_back(&mut self) {
-        let now = self.clock.monotonic_ns(self.clock.now_ns());
-        while let Some((light, expected)) = self.open.front().copied() {
-            let position = match &mut self.truth {
-                Some(eye) if light <= now => {
-                    let truth = eye.at(light);
-                    (truth.lid > 0.5).then_some(truth.position)
-                }
-                None if self.tracker.reaches(light) => self.tracker.measured(light),
-                None if now.saturating_sub(light) > 2_000_000_000 => None,
-                _ => return,
-            };
-            self.open.pop_front();
-            if let Some([x, y]) = position {
-                self.latency.missed_by((x - expected[0]).hypot(y - expected[1]));
-            }
-        }
-    }
-
-    pub(super) fn status(&self) -> LiveStatus {
-        let ([sets_new, sets_repeated], [restarts, steps]) = (self.source.counts(), self.refinement.counts());
-        let [sample_to_light_ms, pupil_error_mm] = self.halves;
-        LiveStatus { sets_new, sets_repeated, steps, restarts, sample_to_light_ms, pupil_error_mm }
-    }
-
-    /// Ends the threads: what came of it, and what they did.
-    pub(super) fn stop(mut self) -> (LiveStatistics, Vec<Track>) {
-        let LiveStatus { sets_new, sets_repeated, steps, restarts, .. } = self.status();
-        let mut tracks: Vec<Track> = self.refinement.stop().into_iter().collect();
-        if let Some(mut tracker) = Arc::into_inner(self.tracker) {
-            tracks.extend(tracker.stop());
-        }
-        let (latency, policy) = (self.latency, self.policy);
-        let live = LiveStatistics { tracker: self.name, policy, sets_new, sets_repeated, steps, restarts, latency };
-        (live, tracks)
     }
 }

@@ -21,6 +21,9 @@
 
 mod account;
 mod companion;
+mod content;
+mod error;
+mod following;
 mod handle;
 mod latency;
 mod live;
@@ -35,6 +38,7 @@ mod pupil_tracker;
 mod record;
 mod refine;
 mod report;
+mod running;
 mod scheduler;
 mod set_timing;
 mod sets;
@@ -58,91 +62,19 @@ mod thread_tests;
 
 pub use account::{Account, Cause};
 pub use companion::{Asked, Companion, CompanionOpener, Now};
-pub use handle::{About, Content, Ended, Ending, FrameObserver, Session, SessionEvent, SessionOptions, Status};
+pub use content::{About, Content, Ended, FrameObserver, SessionEvent, SessionOptions, Status};
+pub use error::SessionError;
+pub use following::LiveStatus;
+pub use handle::Session;
 pub use latency::{Histogram, Latency, Stage, Timestamps};
-pub use live::{EngineSource, Live, LiveStatus, Tracking};
+pub use live::{EngineOpener, EngineSource, Live, Tracking};
 pub use output::{Output, SinkFile};
 pub use play::Play;
 pub use player::{Command, PresentedFrame};
 pub use report::{Report, Timing};
 pub use set_timing::{SetTiming, Target};
 pub use sets::FinishedSet;
-pub use statistics::{LiveStatistics, Statistics};
+pub use statistics::{Ending, LiveStatistics, Statistics};
 pub use steerer::{Policy, SteeredColor, Steerer};
 pub use study::{Cost, Observer, Study, StudySample, StudySettings, study};
 pub use timeline::Speed;
-
-use notes::Notes;
-use pacing::Pacer;
-use pupil_tracker::PupilTracker;
-use scheduler::{Schedule, Scheduler};
-use sets::LiveSource;
-use trace::{Trace, Track};
-
-use crate::encode::EncodeError;
-use crate::engine::{Engine, EngineError};
-use crate::files::FileError;
-use crate::gaze::GazeError;
-use crate::hologram::HologramError;
-use crate::present::PresentError;
-use crate::solve::SolveError;
-use crate::trackers::TrackerError;
-use std::time::Duration;
-
-/// Opens an engine, as often as it is called.
-pub type EngineOpener = Box<dyn FnMut() -> Result<Box<dyn Engine>, EngineError> + Send>;
-
-/// What can go wrong in a session.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum SessionError {
-    /// The display: refused, or lost.
-    #[error(transparent)]
-    Present(#[from] PresentError),
-    /// The holograms.
-    #[error(transparent)]
-    Hologram(#[from] HologramError),
-    /// The encoding.
-    #[error(transparent)]
-    Encode(#[from] EncodeError),
-    /// An engine, or the encoder's device.
-    #[error(transparent)]
-    Engine(#[from] EngineError),
-    /// A file.
-    #[error(transparent)]
-    File(#[from] FileError),
-    /// The solver refused.
-    #[error(transparent)]
-    Solve(#[from] SolveError),
-    /// A tracker.
-    #[error(transparent)]
-    Tracker(#[from] TrackerError),
-    /// A calibration, or a setting of the way from sample to pupil.
-    #[error(transparent)]
-    Gaze(#[from] GazeError),
-    /// A thread that could not be started, or failed.
-    #[error("the thread that {what} {reason}")]
-    Thread {
-        /// What it does.
-        what: &'static str,
-        /// What happened to it.
-        reason: String,
-    },
-    /// A window beside the display.
-    #[error("the window beside the display: {0}")]
-    Companion(String),
-    /// A setting that cannot be.
-    #[error("{0}")]
-    Setting(String),
-}
-
-impl SessionError {
-    /// Whether the display was refused or lost, and nothing else is wrong.
-    pub fn is_of_display(&self) -> bool {
-        matches!(self, Self::Present(PresentError::Display { .. }))
-    }
-}
-
-fn as_ns(duration: Duration) -> i64 {
-    i64::try_from(duration.as_nanos()).unwrap_or(i64::MAX)
-}

@@ -1,6 +1,6 @@
 //! Where a session's video frames go.
 
-use super::SessionError;
+use super::error::SessionError;
 use crate::gpu::{Gpu, Options as GpuOptions};
 use crate::present::{
     Clock, Desktop, DisplayPresenter, Offscreen, PresentError, Presenter, Rate, RealClock, SimulatedClock, Sink,

@@ -1,11 +1,14 @@
 //! Content from disk: a sequence, or a single hologram.
 
+use super::error::SessionError;
 use super::marks::sync_phases;
+use super::notes::Notes;
 use super::output::OpenDisplay;
-use super::present_thread::{Running, Setup};
-use super::scheduler::Start;
+use super::running::{Running, Setup};
+use super::scheduler::{Schedule, Start};
 use super::stream::{Stream, StreamEncoder, StreamOptions};
-use super::{Notes, Schedule, SessionError, Speed, Trace};
+use super::timeline::Speed;
+use super::trace::Trace;
 use crate::encode::{Encoder, PhaseSet};
 use crate::gpu::Gpu;
 use crate::hologram::{ColorHologram, Sequence};

@@ -1,8 +1,12 @@
 //! The present thread's loop, one video frame at a time: predict, wake, decide, hand over, learn.
 
+use super::account::Cause;
+use super::error::SessionError;
+use super::pacing::Pacer;
 use super::report::Timing;
 use super::scheduler::{Content, Scheduler, Slot, What};
-use super::{Cause, Pacer, SessionError, Speed, Track};
+use super::timeline::Speed;
+use super::trace::Track;
 use crate::encode::VideoFrames;
 use crate::present::{Clock, Event, PresentError, Presenter, Rate};
 use std::rc::Rc;

@@ -1,16 +1,16 @@
 //! The thread that presents: it owns the display, and waits for nothing but it.
 
-use super::handle::Shared;
-use super::live::Following;
-use super::output::OpenDisplay;
-use super::player::{Flow, Player, SetSource};
+use super::content::{About, Content, Ended, FrameObserver, SessionOptions, Shared, Status};
+use super::error::SessionError;
+use super::output::{OpenDisplay, Output};
+use super::player::{Flow, Player};
 use super::record::Recording;
-use super::stream::Stream;
-use super::{
-    About, Content, Ended, Ending, FrameObserver, Output, Report, Schedule, Scheduler, SessionError, SessionOptions,
-    Statistics, Status, Trace,
-};
-use crate::encode::VideoFrames;
+use super::report::Report;
+use super::running::{Running, Setup};
+use super::scheduler::Scheduler;
+use super::set_timing::as_ns;
+use super::statistics::{Ending, Statistics};
+use super::trace::Trace;
 use crate::gpu::{Gpu, Messages};
 use crate::present::SECOND_NS;
 use std::path::PathBuf;
@@ -20,31 +20,6 @@ use std::sync::atomic::Ordering;
 
 /// Spans that a trace keeps for each thread: half an hour at 120 Hz.
 const SPANS: usize = 1 << 19;
-
-/// Content that has begun.
-pub(super) enum Running {
-    Play(Stream),
-    Live(Box<Following>),
-}
-
-impl Running {
-    fn source(&mut self) -> &mut dyn SetSource {
-        match self {
-            Self::Play(stream) => stream,
-            Self::Live(following) => &mut following.source,
-        }
-    }
-}
-
-/// What content brings along.
-pub(super) struct Setup {
-    pub running: Running,
-    pub schedule: Schedule,
-    /// A set of video frames that is shown while there is no content.
-    pub idle: VideoFrames,
-    /// Sub-frames of a set, over all colours.
-    pub sub_frames: u64,
-}
 
 /// The thread's own.
 pub(super) struct PresentThread {
@@ -104,7 +79,7 @@ impl PresentThread {
             trace: options.trace,
             sub_frames,
             begun_ns: display.clock.now_ns(),
-            most_ns: options.duration.map(super::as_ns),
+            most_ns: options.duration.map(as_ns),
             content_since_ns: None,
             messages,
             display,

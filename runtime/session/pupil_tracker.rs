@@ -1,6 +1,8 @@
 //! A tracker's samples on their way to the estimate of the pupil, on a thread of their own.
 
-use super::{Notes, SessionError, Track};
+use super::error::SessionError;
+use super::notes::Notes;
+use super::trace::Track;
 use crate::gaze::Estimator;
 use crate::optics::PupilDistribution;
 use crate::trackers::{Sample, Stream, now_ns};

@@ -1,7 +1,9 @@
 //! Keeping what was shown: a picture of every video frame of every new set, and a line for every video frame. In real time
 //! it has a thread of its own: the display does not wait for the disk.
 
-use super::{Cause, PresentedFrame, SessionError};
+use super::account::Cause;
+use super::error::SessionError;
+use super::player::PresentedFrame;
 use crate::files::{FileError, encode_grey8, encode_rgb8, write_file};
 use crate::mailbox::Mailbox;
 use std::fs::{self, File};

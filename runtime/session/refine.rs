@@ -1,10 +1,15 @@
 //! The thread that refines: for every set that can still be reached, where the pupil will be, steps until it has to be
 //! handed over, and the set.
 
+use super::error::SessionError;
+use super::latency::Timestamps;
+use super::notes::Notes;
+use super::pupil_tracker::PupilTracker;
+use super::set_timing::{SetTiming, Target, as_ns};
+use super::sets::{FinishedSet, LiveSource};
 use super::sets::{SetSender, set_channel};
-use super::{
-    FinishedSet, LiveSource, Notes, PupilTracker, SessionError, SetTiming, Steerer, Target, Timestamps, Track, as_ns,
-};
+use super::steerer::Steerer;
+use super::trace::Track;
 use crate::encode::{Encoder, PhaseSet};
 use crate::engine::vulkan::VulkanEncoder;
 use crate::gpu::Gpu;

@@ -1,7 +1,8 @@
 //! How well video frames came when they were predicted, and the summary of a playback.
 
+use super::account::{Account, Cause};
 use super::pacing::Outcome;
-use super::{Account, Cause, Scheduler};
+use super::scheduler::Scheduler;
 use serde_json::{Value, json};
 
 /// Of the video frames of which it is known when they lit up.

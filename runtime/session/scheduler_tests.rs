@@ -1,9 +1,10 @@
 //! The scheduler and the pacer in simulated time: what the panel showed against plain arithmetic.
 
+use super::pacing::Pacer;
 use super::player::{Command, Flow};
 use super::scheduler::{Schedule, Start};
 use super::simulation::Simulation;
-use super::{Account, Cause, Pacer, Speed};
+use super::{Account, Cause, Speed};
 use crate::present::{Clock, Rate, SECOND_NS};
 use proptest::prelude::*;
 use std::collections::BTreeSet;

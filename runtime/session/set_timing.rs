@@ -1,5 +1,12 @@
 //! When sets begin, and which one can still be reached. Pure; it passes between threads in an `AtomicCell`.
 
+use std::time::Duration;
+
+/// Nanoseconds, as many as there are.
+pub(super) fn as_ns(duration: Duration) -> i64 {
+    i64::try_from(duration.as_nanos()).unwrap_or(i64::MAX)
+}
+
 /// When the display begins sets. Times in nanoseconds on the player's clock.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SetTiming {

@@ -1,8 +1,9 @@
 //! Refined sets handed over whole: the newest wins, nobody waits, and the buffers go round.
 
+use super::error::SessionError;
+use super::latency::Timestamps;
 use super::player::SetSource;
 use super::scheduler::{Content, Readiness};
-use super::{SessionError, Timestamps};
 use crate::encode::VideoFrames;
 use crate::mailbox::Mailbox;
 use std::sync::Arc;

@@ -1,9 +1,10 @@
 //! A display and a producer that exist in simulated time alone, with the faults that real ones have; and the log of what
 //! was really on the panel, which is what tests judge by.
 
+use super::SessionError;
 use super::player::{Flow, Player, SetSource};
 use super::scheduler::{Content, Readiness, Schedule, Scheduler};
-use super::{SessionError, Trace};
+use super::trace::Trace;
 use crate::encode::{Encoder, VideoFrames};
 use crate::optics::{Color, Display};
 use crate::present::{Clock, Feedback, PresentError, Presenter, Rate, SimulatedClock};

@@ -1,7 +1,38 @@
 //! What came of a session, in numbers.
 
-use super::{Ending, Latency, Policy, Report};
+use super::latency::Latency;
+use super::report::Report;
+use super::steerer::Policy;
 use serde_json::{Value, json};
+
+/// Why a session ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Ending {
+    /// The content was over.
+    End,
+    /// A user closed the display, or a window beside it.
+    Closed,
+    /// Its duration was over.
+    Duration,
+    /// It was stopped.
+    Stopped,
+    /// Something failed.
+    Failed,
+}
+
+impl Ending {
+    /// For people and statistics.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::End => "the end",
+            Self::Closed => "closed",
+            Self::Duration => "the duration",
+            Self::Stopped => "a stop",
+            Self::Failed => "an error",
+        }
+    }
+}
 
 /// What was shown, and how late.
 #[derive(Debug, Clone)]

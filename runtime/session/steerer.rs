@@ -1,6 +1,6 @@
 //! All colours of a hologram under refinement, without threads: where to aim, when to begin again, what to do next.
 
-use super::SessionError;
+use super::error::SessionError;
 use crate::engine::{Engine, EngineError, PhasesOnDevice};
 use crate::optics::PupilDistribution;
 use crate::solve::{Problem, Refiner, Steering};

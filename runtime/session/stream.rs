@@ -7,10 +7,14 @@
 
 mod encoding;
 mod reader;
+mod shared;
 
+pub(super) use shared::StreamOptions;
+
+use super::error::SessionError;
 use super::player::SetSource;
 use super::scheduler::{Content, Readiness};
-use super::{Notes, SessionError, Trace, Track};
+use super::trace::Track;
 use crate::encode::{Encoder, PhaseSet, VideoFrames};
 use crate::engine::vulkan::VulkanEncoder;
 use crate::gpu::Gpu;
@@ -18,34 +22,13 @@ use crate::hologram::Sequence;
 use crate::mailbox::Mailbox;
 use encoding::Encoding;
 use reader::Reader;
+use shared::{Encoded, PATIENCE, PHASES, Shared, of_epoch, tagged};
 use std::any::Any;
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
-use std::time::Duration;
-
-/// How a stream is made.
-#[derive(Debug, Clone)]
-pub(super) struct StreamOptions {
-    /// Sets that wait encoded, beside the one on the screen; at least 2.
-    pub ahead: usize,
-    /// Whether the file begins again when it is over.
-    pub looped: bool,
-    /// Whether to wait for a sequence that is still being written.
-    pub follow: bool,
-    /// The frame of the file to begin with.
-    pub first: u64,
-    /// Threads that encode on the CPU; 0 for as many as there are cores.
-    pub threads: usize,
-    /// Side of the corner mark, pixels; 0 for none.
-    pub mark: usize,
-    /// Where it says what was left out.
-    pub notes: Notes,
-    /// Traces what the threads do.
-    pub trace: Trace,
-}
 
 /// What encodes.
 pub(super) enum StreamEncoder {
@@ -53,67 +36,6 @@ pub(super) enum StreamEncoder {
     Cpu(Encoder),
     /// A Vulkan device; the CPU, which gives the same bytes, once that is lost.
     Vulkan(Encoder, Gpu),
-}
-
-/// How often a thread that waits looks whether it is to stop.
-const PATIENCE: Duration = Duration::from_millis(20);
-/// Holograms under way between file and encoder.
-const PHASES: usize = 3;
-
-/// A position of an epoch: positions begin anew with every seek, and what belongs to an older epoch means nothing.
-const EPOCH_SHIFT: u32 = 48;
-
-fn tagged(epoch: u64, position: u64) -> u64 {
-    (epoch << EPOCH_SHIFT) | position.min((1 << EPOCH_SHIFT) - 1)
-}
-
-fn of_epoch(value: u64, epoch: u64) -> Option<u64> {
-    (value >> EPOCH_SHIFT == epoch & 0xffff).then_some(value & ((1 << EPOCH_SHIFT) - 1))
-}
-
-struct Shared {
-    stop: AtomicBool,
-    epoch: AtomicU64,
-    seek_to: AtomicU64,
-    /// Positions read, useful, and the end; each with its epoch.
-    read: AtomicU64,
-    useful: AtomicU64,
-    end: AtomicU64,
-    failure: Mutex<Option<SessionError>>,
-    /// Positions from which on a test has the reader and the encoder panic.
-    #[cfg(test)]
-    panics: [AtomicU64; 2],
-}
-
-impl Shared {
-    fn stopped(&self) -> bool {
-        self.stop.load(Ordering::Acquire)
-    }
-
-    fn fail(&self, error: SessionError) {
-        self.failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
-        self.stop.store(true, Ordering::Release);
-    }
-
-    #[cfg(test)]
-    fn panic_from(&self, thread: usize, position: u64) {
-        assert!(position < self.panics[thread].load(Ordering::Acquire), "a test's fault at {position}");
-    }
-}
-
-struct Phases {
-    epoch: u64,
-    position: u64,
-    index: u64,
-    damaged: bool,
-    values: Vec<f32>,
-}
-
-struct Encoded {
-    epoch: u64,
-    position: u64,
-    index: u64,
-    frames: Option<VideoFrames>,
 }
 
 /// A file under way to the display.

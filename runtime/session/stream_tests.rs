@@ -1,8 +1,10 @@
 //! The stream: what it hands over is what the encoder makes of the file, in order; damage, ends, loops and growth.
 
+use super::notes::Notes;
 use super::player::{Command, Flow, Player, PresentedFrame, SetSource};
-use super::scheduler::{Content, Readiness, Start};
+use super::scheduler::{Content, Readiness, Schedule, Scheduler, Start};
 use super::stream::{Stream, StreamEncoder, StreamOptions};
+use super::trace::Trace;
 use super::*;
 use crate::encode::{Encoder, PhaseSet};
 use crate::gpu::{Gpu, Options as GpuOptions};

@@ -1,11 +1,13 @@
 //! Tests of the room: what is handed over, when it begins again, and ten minutes of a refinement that is often late.
 
 use super::player::{Player, SetSource};
-use super::scheduler::{Content, Readiness, Start};
-use super::sets::{SetSender, set_channel};
+use super::scheduler::{Content, Readiness, Schedule, Scheduler, Start};
+use super::sets::{LiveSource, SetSender, set_channel};
+use super::trace::Trace;
 use super::*;
 use crate::encode::{Encoder, VideoFrames};
 use crate::engine::cpu::CpuEngine;
+use crate::engine::{Engine, EngineError};
 use crate::optics::{Color, Display, Padding, PupilDistribution};
 use crate::present::{Clock, Offscreen, Rate, SimulatedClock};
 use crate::scene::{self, Request};
@@ -13,6 +15,7 @@ use crate::solve::{Flow, Problem, Settings, SplitMix, solve};
 use crossbeam_utils::atomic::AtomicCell;
 use std::cell::RefCell;
 use std::rc::Rc;
+use std::time::Duration;
 
 /// A hologram of the still life for the whole eyebox.
 pub(super) fn part() -> SteeredColor {

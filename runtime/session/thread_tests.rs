@@ -1,22 +1,27 @@
 //! Tests of the threads that follow the eye and refine: what floods, fails or ends takes the picture away from nobody.
 
+use super::notes::Notes;
 use super::player::SetSource;
+use super::pupil_tracker::PupilTracker;
 use super::refine::{Refinement, RefinementOptions};
 use super::scheduler::{Content, Readiness};
 use super::tests::{cpu, encoder, part};
+use super::trace::Trace;
 use super::*;
 use crate::encode::Encoder;
-use crate::engine::{Backend, Buffer, Choice, Shape, Step, Timing as EngineTiming};
+use crate::engine::{Backend, Buffer, Choice, Engine, EngineError, Shape, Step, Timing as EngineTiming};
 use crate::gaze::{Estimator, Settings as GazeSettings};
 use crate::gpu::{Gpu, Options as GpuOptions};
 use crate::optics::{Color, Display};
 use crate::present::{Clock, RealClock};
 use crate::scene::Pyramid;
-use crate::trackers::{About as TrackerAbout, Event, Quantity, Reading, Sample, Source, Stream, Unit, now_ns};
+use crate::trackers::{
+    About as TrackerAbout, Event, Quantity, Reading, Sample, Source, Stream, TrackerError, Unit, now_ns,
+};
 use crossbeam_utils::atomic::AtomicCell;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// A tracker that says what a test wants.
 struct Scripted(Box<dyn FnMut(u64) -> Option<Event> + Send>, u64);

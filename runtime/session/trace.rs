@@ -1,6 +1,6 @@
 //! What each thread did when, in the format of Chrome's tracing (`chrome://tracing`, Perfetto).
 
-use super::SessionError;
+use super::error::SessionError;
 use crate::files::write_file;
 use serde_json::json;
 use std::path::Path;

@@ -1,12 +1,14 @@
 //! The thread that encodes: phases become video frames, on a device as long as there is one.
 
-use super::{Encoded, PATIENCE, Phases, Shared, of_epoch};
+use super::shared::{Encoded, PATIENCE, Phases, Shared, of_epoch};
 use crate::encode::{Encoder, PhaseSet, VideoFrames};
 use crate::engine::EngineError;
 use crate::engine::vulkan::VulkanEncoder;
 use crate::mailbox::Mailbox;
+use crate::session::error::SessionError;
 use crate::session::marks::mark_corner;
-use crate::session::{Notes, SessionError, Track};
+use crate::session::notes::Notes;
+use crate::session::trace::Track;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Instant;

@@ -1,9 +1,9 @@
 //! The thread that reads: phase buffers are filled from the file, checked.
 
-use super::{PATIENCE, Phases, Shared, StreamOptions, of_epoch, tagged};
+use super::shared::{PATIENCE, Phases, Shared, StreamOptions, of_epoch, tagged};
 use crate::hologram::Sequence;
 use crate::mailbox::Mailbox;
-use crate::session::Track;
+use crate::session::trace::Track;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;

@@ -1,8 +1,9 @@
 //! A study's simulated world: the eye, its tracker, and time.
 
-use super::{Cost, StudySettings};
+use super::results::{Cost, StudySettings};
 use crate::gaze::{Estimator, GazeError};
-use crate::session::{SessionError, SetTiming, as_ns};
+use crate::session::error::SessionError;
+use crate::session::set_timing::{SetTiming, as_ns};
 use crate::trackers::simulated::{Doing, Eye, SimulatedSource, Truth};
 use crate::trackers::{Event, Sample, Source};
 use std::time::{Duration, Instant};

@@ -1,0 +1,100 @@
+//! A picture under way to the display, and what it is copied with.
+
+#![allow(unsafe_code)]
+
+use crate::gpu::{Block, Device, EngineError, Pictures, Ready};
+use ash::vk;
+use gpu_allocator::MemoryLocation;
+use std::sync::Arc;
+
+/// A picture under way.
+pub(super) struct Slot {
+    /// Four bytes for each pixel of the swapchain, from the host.
+    pub(super) pixels: Option<Block>,
+    /// A picture that was on the device already, instead: held until it was read.
+    on_device: Option<OnDevice>,
+    pub(super) commands: vk::CommandBuffer,
+    pub(super) acquired: vk::Semaphore,
+    /// The device no longer reads the picture.
+    pub(super) done: vk::Fence,
+}
+
+/// Where a picture lies on the device.
+struct OnDevice {
+    block: Arc<Block>,
+    offset: u64,
+    ready: Option<Ready>,
+}
+
+/// What is copied: from where, from which byte on, and what has to be waited for before.
+pub(super) type Source<'a> = (vk::Buffer, u64, Option<&'a Ready>);
+
+impl Slot {
+    /// Appends `count` of them, each kept as soon as it is there.
+    pub(super) fn make(
+        slots: &mut Vec<Self>,
+        count: usize,
+        device: &Device,
+        pool: vk::CommandPool,
+    ) -> Result<(), EngineError> {
+        let raw = &device.raw;
+        let error = |call| move |e| device.error(call, "making a swapchain", e);
+        for _ in 0..count {
+            let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
+            // SAFETY: the device is valid, and the pool is its own.
+            let commands = unsafe { raw.allocate_command_buffers(&info) }.map_err(error("vkAllocateCommandBuffers"))?;
+            let (acquired, done) = (vk::Semaphore::null(), vk::Fence::null());
+            slots.push(Self { pixels: None, on_device: None, commands: commands[0], acquired, done });
+            let Some(slot) = slots.last_mut() else { continue };
+            let signalled = vk::FenceCreateInfo::default().flags(vk::FenceCreateFlags::SIGNALED);
+            // SAFETY: the device is valid; what is made is kept at once and destroyed in `destroy`.
+            unsafe {
+                let acquired = raw.create_semaphore(&vk::SemaphoreCreateInfo::default(), None);
+                slot.acquired = acquired.map_err(error("vkCreateSemaphore"))?;
+                slot.done = raw.create_fence(&signalled, None).map_err(error("vkCreateFence"))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Has room for so many bytes from the host. The device reads nothing of it.
+    pub(super) fn reserve(&mut self, device: &Arc<Device>, bytes: u64) -> Result<(), EngineError> {
+        if self.pixels.as_ref().is_none_or(|p| p.size < bytes) {
+            self.pixels = None;
+            self.pixels = Some(Block::new(device, bytes, MemoryLocation::CpuToGpu, "a picture")?);
+        }
+        Ok(())
+    }
+
+    /// Shows a picture that is on the device.
+    pub(super) fn hold(&mut self, pictures: &Pictures, index: usize) {
+        let (block, ready) = (Arc::clone(&pictures.block), pictures.ready.clone());
+        self.on_device = Some(OnDevice { block, offset: index as u64 * pictures.step, ready });
+    }
+
+    /// Lets go a picture on the device that was read.
+    pub(super) fn release(&mut self, device: &Device) {
+        // SAFETY: the fence is the device's.
+        if self.on_device.is_some() && unsafe { device.raw.get_fence_status(self.done) } == Ok(true) {
+            self.on_device = None;
+        }
+    }
+
+    /// What is to be shown.
+    pub(super) fn source(&self) -> Option<Source<'_>> {
+        match (&self.on_device, &self.pixels) {
+            (Some(picture), _) => Some((picture.block.raw, picture.offset, picture.ready.as_ref())),
+            (None, pixels) => pixels.as_ref().map(|pixels| (pixels.raw, 0, None)),
+        }
+    }
+
+    /// # Safety
+    /// The device reads nothing of it any more.
+    pub(super) unsafe fn destroy(&self, device: &ash::Device) {
+        // SAFETY: the caller says so; null handles are ignored.
+        unsafe {
+            device.destroy_semaphore(self.acquired, None);
+            device.destroy_fence(self.done, None);
+        }
+    }
+}

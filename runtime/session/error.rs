@@ -1,0 +1,61 @@
+//! What can go wrong in a session.
+
+use crate::encode::EncodeError;
+use crate::engine::EngineError;
+use crate::files::FileError;
+use crate::gaze::GazeError;
+use crate::hologram::HologramError;
+use crate::present::PresentError;
+use crate::solve::SolveError;
+use crate::trackers::TrackerError;
+
+/// What can go wrong in a session.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SessionError {
+    /// The display: refused, or lost.
+    #[error(transparent)]
+    Present(#[from] PresentError),
+    /// The holograms.
+    #[error(transparent)]
+    Hologram(#[from] HologramError),
+    /// The encoding.
+    #[error(transparent)]
+    Encode(#[from] EncodeError),
+    /// An engine, or the encoder's device.
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+    /// A file.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The solver refused.
+    #[error(transparent)]
+    Solve(#[from] SolveError),
+    /// A tracker.
+    #[error(transparent)]
+    Tracker(#[from] TrackerError),
+    /// A calibration, or a setting of the way from sample to pupil.
+    #[error(transparent)]
+    Gaze(#[from] GazeError),
+    /// A thread that could not be started, or failed.
+    #[error("the thread that {what} {reason}")]
+    Thread {
+        /// What it does.
+        what: &'static str,
+        /// What happened to it.
+        reason: String,
+    },
+    /// A window beside the display.
+    #[error("the window beside the display: {0}")]
+    Companion(String),
+    /// A setting that cannot be.
+    #[error("{0}")]
+    Setting(String),
+}
+
+impl SessionError {
+    /// Whether the display was refused or lost, and nothing else is wrong.
+    pub fn is_of_display(&self) -> bool {
+        matches!(self, Self::Present(PresentError::Display { .. }))
+    }
+}

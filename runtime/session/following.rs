@@ -1,0 +1,165 @@
+//! A live hologram that is shown, as the present thread has it: what becomes of every set.
+
+use super::companion::{Asked, Companion, Now};
+use super::latency::{Histogram, Latency, Stage};
+use super::notes::Notes;
+use super::output::OpenDisplay;
+use super::pupil_tracker::PupilTracker;
+use super::refine::Refinement;
+use super::set_timing::SetTiming;
+use super::sets::LiveSource;
+use super::statistics::LiveStatistics;
+use super::steerer::Policy;
+use super::trace::Track;
+use crate::optics::Pupil;
+use crate::present::{Clock, RealClock, SECOND_NS};
+use crate::trackers::simulated;
+use crossbeam_utils::atomic::AtomicCell;
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// How a live hologram is doing.
+#[derive(Debug, Clone, Copy, Default)]
+#[non_exhaustive]
+pub struct LiveStatus {
+    /// Sets that were new when they were decided on.
+    pub sets_new: u64,
+    /// Sets that were shown again.
+    pub sets_repeated: u64,
+    /// Steps over all colours.
+    pub steps: u64,
+    /// How often it began again with the hologram for the whole eyebox.
+    pub restarts: u64,
+    /// From the sample to the light, ms: the median.
+    pub sample_to_light_ms: Option<f64>,
+    /// How far the pupil was from where it was expected, mm: the median.
+    pub pupil_error_mm: Option<f64>,
+}
+
+/// Lights that wait for the tracker at most.
+pub(super) const OPEN: usize = 256;
+
+/// A live hologram that is shown, as the present thread has it: what becomes of every set.
+pub(super) struct Following {
+    pub(super) companion: Option<Box<dyn Companion>>,
+    pub(super) source: LiveSource,
+    pub(super) refinement: Refinement,
+    pub(super) tracker: Arc<PupilTracker>,
+    pub(super) name: String,
+    pub(super) policy: Policy,
+    pub(super) truth: Option<simulated::Eye>,
+    pub(super) timing: Arc<AtomicCell<SetTiming>>,
+    pub(super) steered: Arc<AtomicBool>,
+    pub(super) clock: RealClock,
+    pub(super) light_after_ns: i64,
+    pub(super) sets_per_second: f64,
+    pub(super) notes: Notes,
+    pub(super) latency: Latency,
+    /// Where the pupil was expected for the set on the screen.
+    pub(super) pupil: Option<[f64; 2]>,
+    /// Lights whose pupil is not known yet: time on the trackers' clock, where it was expected.
+    pub(super) open: VecDeque<(u64, [f64; 2])>,
+    /// Medians for the status, and when they were taken.
+    pub(super) medians: [Option<f64>; 2],
+    pub(super) medians_at_ns: i64,
+}
+
+impl Following {
+    /// After a video frame, which may have begun a set; false once a user closed the window beside the display.
+    pub(super) fn after(&mut self, set_start_ns: Option<i64>, display: &mut OpenDisplay) -> bool {
+        if let Some(start_ns) = set_start_ns {
+            self.set_began(start_ns);
+        }
+        self.look_back();
+        let now_ns = self.clock.now_ns();
+        if now_ns > self.medians_at_ns.saturating_add(SECOND_NS / 4) {
+            let of = |histogram: &Histogram| histogram.percentile(0.5);
+            self.medians = [of(self.latency.of(Stage::SampleToLight)), of(self.latency.error_mm())];
+            self.medians_at_ns = now_ns;
+        }
+        self.serve(display)
+    }
+
+    fn serve(&mut self, display: &mut OpenDisplay) -> bool {
+        let Some(companion) = &mut self.companion else { return true };
+        let seen = self.tracker.expect(self.clock.monotonic_ns(self.clock.now_ns())).pupil;
+        let middle = |[low, high]: [f64; 2]| 0.5 * (low + high);
+        let [x, y] = seen.centre;
+        let pupil = Pupil { x, y, diameter: middle(seen.diameter), depth: middle(seen.focus) };
+        let steered = self.steered.load(Ordering::Acquire);
+        let now = Now { pupil, steered, sets_per_second: self.sets_per_second };
+        match display.pump().map_err(|e| e.to_string()).and_then(|()| companion.serve(&now)) {
+            Ok(Asked::Nothing) => true,
+            Ok(Asked::Close) => false,
+            Ok(Asked::Steer(steered)) => {
+                self.steered.store(steered, Ordering::Release);
+                true
+            }
+            // A view is not worth the display.
+            Err(error) => {
+                self.notes.tell(format!("{error}; the display goes on"));
+                self.companion = None;
+                true
+            }
+        }
+    }
+
+    /// A set begins to be lit at `start_ns`.
+    fn set_began(&mut self, start_ns: i64) {
+        let decided_ns = self.source.asked().map_or(start_ns, |at| self.clock.at_ns(at));
+        self.timing.store(self.timing.load().after(start_ns, decided_ns));
+        let light_ns = start_ns.saturating_add(self.light_after_ns);
+        if let Some(set) = self.source.newly_shown() {
+            self.latency.shown(&set.timestamps, self.clock.now_ns(), light_ns);
+            self.pupil = set.timestamps.sample_ns.map(|_| set.pupil);
+            if let Some(companion) = &mut self.companion {
+                companion.shown(set);
+            }
+        }
+        if let Some(pupil) = self.pupil {
+            if self.open.len() == OPEN {
+                self.open.pop_front();
+            }
+            self.open.push_back((self.clock.monotonic_ns(light_ns), pupil));
+        }
+    }
+
+    /// Where the pupil was at lights that have passed: truly, for a simulated eye, else as it was measured.
+    fn look_back(&mut self) {
+        let now = self.clock.monotonic_ns(self.clock.now_ns());
+        while let Some((light, expected)) = self.open.front().copied() {
+            let position = match &mut self.truth {
+                Some(eye) if light <= now => {
+                    let truth = eye.at(light);
+                    (truth.lid > 0.5).then_some(truth.position)
+                }
+                None if self.tracker.reaches(light) => self.tracker.measured(light),
+                None if now.saturating_sub(light) > 2_000_000_000 => None,
+                _ => return,
+            };
+            self.open.pop_front();
+            if let Some([x, y]) = position {
+                self.latency.missed_by((x - expected[0]).hypot(y - expected[1]));
+            }
+        }
+    }
+
+    pub(super) fn status(&self) -> LiveStatus {
+        let ([sets_new, sets_repeated], [restarts, steps]) = (self.source.counts(), self.refinement.counts());
+        let [sample_to_light_ms, pupil_error_mm] = self.medians;
+        LiveStatus { sets_new, sets_repeated, steps, restarts, sample_to_light_ms, pupil_error_mm }
+    }
+
+    /// Ends the threads: what came of it, and what they did.
+    pub(super) fn stop(mut self) -> (LiveStatistics, Vec<Track>) {
+        let LiveStatus { sets_new, sets_repeated, steps, restarts, .. } = self.status();
+        let mut tracks: Vec<Track> = self.refinement.stop().into_iter().collect();
+        if let Some(mut tracker) = Arc::into_inner(self.tracker) {
+            tracks.extend(tracker.stop());
+        }
+        let (latency, policy) = (self.latency, self.policy);
+        let live = LiveStatistics { tracker: self.name, policy, sets_new, sets_repeated, steps, restarts, latency };
+        (live, tracks)
+    }
+}
