@@ -35,16 +35,19 @@ pub mod gaze;
 #[cfg_attr(not(feature = "direct-display"), allow(dead_code, unused_imports, reason = "presenting uses part of it"))]
 pub mod gpu;
 pub mod hologram;
-#[cfg_attr(not(feature = "window"), allow(dead_code, reason = "displays use part of it"))]
+#[cfg_attr(not(feature = "preview"), allow(dead_code, reason = "previews use all of it"))]
 mod mailbox;
 pub mod optics;
 pub mod plan;
 #[cfg(feature = "window")]
+#[cfg_attr(not(feature = "direct-display"), allow(dead_code, reason = "direct displays use all of it"))]
 pub mod present;
 #[cfg(feature = "preview")]
 pub mod preview;
 pub mod produce;
 pub mod quality;
+#[cfg(feature = "reports")]
+pub mod report;
 pub mod scene;
 #[cfg(feature = "window")]
 pub mod session;

@@ -40,8 +40,13 @@ for width in 128 512; do
     LP_NATIVE_VECTOR_WIDTH=$width cargo test --workspace --test vulkan -- fft::
 done
 
+stage "a program outside of the workspace"
+# Of the workspace's versions, in its folder: what it has built is built no second time.
+cp Cargo.lock tests/embed/Cargo.lock
+target=$(cargo metadata --format-version 1 --no-deps | sed 's/.*"target_directory":"\([^"]*\)".*/\1/')
+cargo run --quiet --manifest-path tests/embed/Cargo.toml --target-dir "$target"
+
 stage "the README's commands"
 # With the program that the tests have built.
-target=$(cargo metadata --format-version 1 --no-deps | sed 's/.*"target_directory":"\([^"]*\)".*/\1/')
 EYEBOX=$target/debug/eyebox tools/readme.sh
 stage "done"

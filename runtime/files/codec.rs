@@ -1,7 +1,6 @@
 //! Pictures to bytes and back, by the crate `image`.
 
-use super::FileError;
-use super::picture::Grey;
+use super::{FileError, Grey};
 use image::{ExtendedColorType, ImageEncoder, ImageReader, codecs::jpeg::JpegEncoder, codecs::png::PngEncoder};
 use std::{
     fs::File,

@@ -14,10 +14,19 @@ mod whole;
 pub use cache::cache_folder;
 pub use codec::{encode_jpeg8, read_grey, read_grey8};
 pub use npy::{Npy, read_npy, write_npy};
-pub use picture::{Grey, encode_grey8, encode_rgb8, linear_to_srgb, write_png};
+pub use picture::{encode_grey8, encode_rgb8, linear_to_srgb, write_png};
 pub use whole::{FolderDraft, write_file, write_file_by_way_of};
 
 use std::{io, path::Path};
+
+/// Grey levels of a picture.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Grey {
+    /// 256 or 65536: what the picture's bits can tell apart.
+    pub levels: u32,
+    /// Row by row.
+    pub values: Vec<u16>,
+}
 
 /// What can be wrong with a file.
 #[derive(Debug, thiserror::Error)]

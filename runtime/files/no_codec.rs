@@ -1,7 +1,6 @@
 //! A build without the feature `image-formats` neither reads nor writes pictures, and says so.
 
-use super::FileError;
-use super::picture::Grey;
+use super::{FileError, Grey};
 use std::{
     io::{self, Write},
     path::Path,

@@ -49,15 +49,6 @@ pub fn encode_rgb8(out: &mut dyn Write, height: usize, width: usize, levels: &[u
     encode_png(out, height, width, 3, levels)
 }
 
-/// Grey levels of a picture.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Grey {
-    /// 256 or 65536: what the picture's bits can tell apart.
-    pub levels: u32,
-    /// Row by row.
-    pub values: Vec<u16>,
-}
-
 #[cfg(all(test, feature = "image-formats"))]
 mod tests {
     use super::super::{encode_jpeg8, read_grey8};

@@ -34,8 +34,8 @@ impl Gpu {
     }
 }
 
-/// Phases in a device's memory, of which there are none.
-#[derive(Debug, Clone, Copy)]
+/// Phases that lie on a device, of which this build has none.
+#[derive(Debug, Clone)]
 pub struct PhasesOnDevice<'a>(Infallible, PhantomData<&'a ()>);
 
 /// All devices that can be found.

@@ -1,6 +1,6 @@
 //! The display at one wavelength: a 4f relay, or the SLM in the pupil plane itself.
 
-use super::{OpticsError, Pupil};
+use super::OpticsError;
 use serde::{Deserialize, Serialize};
 
 /// Where the SLM stands.
@@ -172,19 +172,6 @@ impl Optics {
             Geometry::FarField => self.first_bin(),
         };
         ((ky - first.0).rem_euclid(self.height as i64) as usize, (kx - first.1).rem_euclid(self.width as i64) as usize)
-    }
-
-    /// The rectangle of a far-field SLM's pixels that a pupil covers: (row, column) of its first, and its size; one pixel at
-    /// least.
-    pub fn under(&self, pupil: &Pupil) -> ([usize; 2], [usize; 2]) {
-        let first = self.first_bin();
-        let axis = |s: f64, first: i64, n: usize| {
-            let pixel = |at: f64| (at / self.pitch - first as f64).clamp(0.0, n as f64 - 1.0);
-            let (low, high) = (pixel(s - pupil.diameter / 2.0).floor(), pixel(s + pupil.diameter / 2.0).ceil());
-            (low as usize, (high - low) as usize + 1)
-        };
-        let ((top, rows), (left, columns)) = (axis(pupil.y, first.0, self.height), axis(pupil.x, first.1, self.width));
-        ([top, left], [rows, columns])
     }
 
     /// The piece of a far-field SLM that begins at this pixel: a far-field problem of its own, on the same axis.

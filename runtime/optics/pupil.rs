@@ -70,6 +70,21 @@ impl Pupil {
     }
 }
 
+impl Optics {
+    /// The rectangle of a far-field SLM's pixels that a pupil covers: (row, column) of its first, and its size; one pixel at
+    /// least.
+    pub fn under(&self, pupil: &Pupil) -> ([usize; 2], [usize; 2]) {
+        let first = self.first_bin();
+        let axis = |s: f64, first: i64, n: usize| {
+            let pixel = |at: f64| (at / self.pitch - first as f64).clamp(0.0, n as f64 - 1.0);
+            let (low, high) = (pixel(s - pupil.diameter / 2.0).floor(), pixel(s + pupil.diameter / 2.0).ceil());
+            (low as usize, (high - low) as usize + 1)
+        };
+        let ((top, rows), (left, columns)) = (axis(pupil.y, first.0, self.height), axis(pupil.x, first.1, self.width));
+        ([top, left], [rows, columns])
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

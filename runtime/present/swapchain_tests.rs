@@ -5,7 +5,10 @@
 use super::surface::WindowHandle;
 use super::swapchain::{Policy, Swapchain};
 use super::timing::{PresentTiming, present_number};
-use crate::gpu::{EngineError, Gpu, Options};
+use crate::encode::{Encoder, PhaseSet};
+use crate::engine::vulkan::VulkanEncoder;
+use crate::gpu::{EngineError, Gpu, Options, PixelOrder};
+use crate::optics::{Color, Display};
 use ash::vk::{self, Result as Code};
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
@@ -150,6 +153,39 @@ fn what_cannot_be_made_right_is_an_error_that_says_what_happened() {
         assert!(error.contains(what) && !error.contains('\n'), "{faults:?}: {error}");
         quiet(swapchain);
     }
+}
+
+#[test]
+fn a_picture_on_the_device_is_shown_without_the_host() {
+    let desk = Desk::new();
+    let mut swapchain = desk.swapchain(true);
+    let display = Display { height: SIZE[0], width: SIZE[1], ..Display::preset("planes24").expect("a preset") };
+    let encoder = Encoder::new(&display, &[Color::Red], 24).expect("an encoder");
+    let mut device = VulkanEncoder::new(swapchain.gpu(), encoder.plan()).expect("its twin");
+    let mut pictures = device.pictures(swapchain.pixel_order()).expect("room");
+    for round in 0..3 {
+        let phases: Vec<f32> =
+            (0..24 * SIZE[0] * SIZE[1]).map(|i| (i * (37 + round) % 1001) as f32 * 0.02 - 10.0).collect();
+        let frames = encoder.encode(&PhaseSet::trusted(&[&phases])).expect("encoded");
+        device.upload(&[&phases]).and_then(|()| device.encode_uploaded()).expect("encoded there");
+        device.draw(&mut pictures).expect("drawn");
+        let before = swapchain.gpu().counts();
+        swapchain.take(&pictures, 0).and_then(|()| swapchain.present(3 * round as u64)).expect("shown");
+        assert!(pictures.in_use() && desk.shows(frames.frame(0)));
+        let after = swapchain.gpu().counts();
+        assert_eq!((before.read_back, before.uploaded), (after.read_back, after.uploaded));
+        // Pictures from the host come after it, and let it go.
+        for i in 1..3 {
+            swapchain.upload(&picture(i)).and_then(|()| swapchain.present((3 * round + i) as u64)).expect("shown");
+        }
+        assert!(!pictures.in_use() && desk.shows(&picture(2)));
+    }
+    let order = if swapchain.pixel_order() == PixelOrder::Bgra { PixelOrder::Rgba } else { PixelOrder::Bgra };
+    let others = device.pictures(order).expect("room");
+    let refused = [swapchain.take(&others, 0), swapchain.take(&pictures, 1)];
+    assert!(refused.iter().all(|r| matches!(r, Err(EngineError::Mismatch { .. }))), "{refused:?}");
+    drop((device, pictures, others));
+    quiet(swapchain);
 }
 
 /// Presents until it no longer goes; what is said then.

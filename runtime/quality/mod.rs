@@ -1,28 +1,40 @@
 //! Speed against accuracy: what a solve costs, how good it is, and which settings are worth their time.
 //!
 //! [`Settings`](crate::solve::Settings) hold every setting that trades quality for time. A [`Subject`] is one colour of a
-//! scene that they are tried on; a [`Reference`] scores what came of it, the same truth for all. A [`Sweep`] decides what to try
-//! next, [`front`](fn@front) which trials are worth keeping, [`recommend`] which three of them are `fast`, `balanced` and
+//! scene that they are tried on; a [`Reference`] scores what came of it, the same truth for all. A [`Tuning`] tries a grid of
+//! them, [`front`](fn@front) says which trials none beats, [`recommend`] which three of them are `fast`, `balanced` and
 //! `accurate`; [`Measured`] keeps them for this device in the user's cache.
 //!
-//! May import everything that `solve` may, `solve`, and `files`.
+//! `comparison` (with the feature `reports`) compares methods: every method, every group of pupils.
+//!
+//! May import everything that `hologram` may, and `hologram`.
 
 mod choice;
+#[cfg(feature = "reports")]
+pub mod comparison;
 mod front;
+mod grid;
+mod kept;
 mod measured;
 mod recipe;
 mod reference;
 mod subject;
-mod sweep;
+mod tune;
+mod tuned;
 
 pub use choice::{Recommended, recommend, within};
 pub use front::{Trial, front, short_of};
+pub use kept::writable;
 pub use measured::{Measured, MeasuredError};
 pub use reference::{PUPILS as REFERENCE_PUPILS, Reference};
 pub use subject::{Prepared, Solved, Subject};
-pub use sweep::{Space, Sweep};
+pub use tune::{Observe, Tuning};
+pub use tuned::{Checked, LevelRow, NEAR_DB, Tuned};
 
 use crate::engine::EngineError;
+use crate::evaluate::EvaluateError;
+use crate::files::FileError;
+use crate::hologram::HologramError;
 use crate::optics::OpticsError;
 use crate::solve::SolveError;
 use serde::{Deserialize, Serialize};
@@ -49,7 +61,7 @@ impl Quality {
     }
 }
 
-/// Why settings could not be tried.
+/// Why settings could not be tried, or methods not compared.
 #[derive(Debug, thiserror::Error)]
 pub enum QualityError {
     /// The display, or a colour that it does not have.
@@ -61,4 +73,24 @@ pub enum QualityError {
     /// The engine.
     #[error(transparent)]
     Engine(#[from] EngineError),
+    /// A measure of what was seen.
+    #[error(transparent)]
+    Evaluate(#[from] EvaluateError),
+    /// A hologram.
+    #[error(transparent)]
+    Hologram(#[from] HologramError),
+    /// A file of results.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// A view that is no picture.
+    #[error("a view has pixels that are NaN: there is nothing to compare")]
+    NotFinite,
+    /// Something given that cannot be used.
+    #[error("{what}: {reason}")]
+    Input {
+        /// The file, or the setting.
+        what: String,
+        /// What is wrong with it, and what would be right.
+        reason: String,
+    },
 }

@@ -55,6 +55,7 @@ mod photograph;
 mod picture;
 mod pyramid;
 mod reproject;
+mod request;
 mod resize;
 mod settings;
 mod single;
@@ -72,62 +73,14 @@ pub use light::srgb_to_linear;
 pub use light_field::LightField;
 pub use photograph::ViewGrid;
 pub use pyramid::{Level, Pyramid};
+pub use request::Request;
 pub use resize::Fit;
 pub(crate) use resize::{crop_share, shrink_to_share};
 pub use single::Reprojection;
 pub(crate) use survey::DARK;
 pub use survey::{Black, DepthSource, Light};
 
-use crate::optics::{Color, Display};
 use std::path::Path;
-
-/// What is wanted of a scene.
-#[derive(Debug, Clone, Copy)]
-pub struct Request<'a> {
-    /// The display that shows it: it decides the resolution, and what a disparity means.
-    pub display: &'a Display,
-    /// Which colours to load.
-    pub colors: &'a [Color],
-    /// Metres between neighbouring views in the pupil plane, instead of what the scene says.
-    pub view_pitch: Option<f64>,
-    /// Views per axis, for scenes that are rendered or reprojected.
-    pub views: usize,
-    /// The depth or disparity map of a single picture.
-    pub depth_map: Option<&'a Path>,
-    /// Metres: the depths that the smallest and the largest value of a depth map mean. A map that is dark where it is
-    /// near takes the nearer depth first. Left out: as deep as the built-in scenes, white near.
-    pub depth: Option<[f64; 2]>,
-}
-
-impl<'a> Request<'a> {
-    /// 9 x 9 views of these colours, nothing else stated.
-    pub fn new(display: &'a Display, colors: &'a [Color]) -> Self {
-        Self { display, colors, view_pitch: None, views: 9, depth_map: None, depth: None }
-    }
-
-    fn check(&self) -> Result<(), SceneError> {
-        let wrong = |what, value: String, must| Err(SceneError::Request { what, value, must });
-        if self.colors.is_empty() || (1..self.colors.len()).any(|i| self.colors[..i].contains(&self.colors[i])) {
-            return wrong("the list of colours", format!("{:?}", self.colors), "one to three different colours");
-        }
-        if !(1..=64).contains(&self.views) {
-            return wrong("the number of views per axis", self.views.to_string(), "1 to 64");
-        }
-        if self.view_pitch.is_some_and(|p| !(p.is_finite() && p > 0.0)) {
-            let pitch = self.view_pitch.unwrap_or_default() * 1e3;
-            return wrong("the view pitch (mm)", pitch.to_string(), "a positive, finite number");
-        }
-        if self.depth.is_some_and(|[a, b]| !(a.is_finite() && b.is_finite())) {
-            let depth = self.depth.unwrap_or_default().map(|v| v * 1e3);
-            return wrong("the depth range (mm)", format!("{depth:?}"), "two finite numbers");
-        }
-        let [height, width] = [self.display.height, self.display.width];
-        if !(1..=65536).contains(&height) || !(1..=65536).contains(&width) {
-            return wrong("the display's size", format!("{height}x{width}"), "1 to 65536 pixels on each axis");
-        }
-        Ok(())
-    }
-}
 
 /// Rows and columns of a source's own pictures, from their names and headers alone; none for built-in scenes, which
 /// have any size.

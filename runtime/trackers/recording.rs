@@ -11,7 +11,9 @@
 //! Replayed in real time, or as fast as it is read with the recorded times, through the decoder of live devices.
 
 use super::hid::{Decoder, Descriptor, HidError, Layout};
-use super::{About, Event, Source, TrackerError, now_ns};
+pub use super::source::Head;
+use super::source::{About, Event, Source};
+use super::{TrackerError, now_ns};
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::path::Path;
 use std::time::Duration;
@@ -20,19 +22,6 @@ use std::time::Duration;
 const LONGEST: u64 = 256 << 20;
 const LONGEST_LINE: u64 = 256 << 10;
 const MOST_DEVICES: usize = 256;
-
-/// A device of a recording.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Head {
-    /// Its name.
-    pub name: String,
-    /// Where it was plugged in.
-    pub path: String,
-    /// Bus, vendor, product.
-    pub id: [u16; 3],
-    /// Its report descriptor.
-    pub descriptor: Vec<u8>,
-}
 
 /// A recorded report.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -4,19 +4,18 @@ use crate::Failure;
 use crate::args::Demo;
 use crate::common;
 use crate::evaluate;
-use crate::live;
 use crate::progress;
-use crate::report;
 use crate::score;
 use crate::solve::Watch;
-use eyebox::encode::Encoder;
 use eyebox::engine::Engine;
 use eyebox::files;
 use eyebox::hologram::{Hologram, SceneSource};
 use eyebox::optics::{Color, Display, Padding, Pupil};
 use eyebox::produce::solve_colors;
 use eyebox::quality::Subject;
-use eyebox::scene::{self, LightField};
+use eyebox::quality::comparison::{Comparison, candidates};
+use eyebox::report;
+use eyebox::scene;
 use eyebox::solve::{Levels, Method, PaddingRule, Settings};
 use std::path::PathBuf;
 use std::time::Instant;
@@ -118,33 +117,6 @@ pub fn run(args: &Demo) -> Result<(), Failure> {
     if let Some(page) = report {
         println!("  two methods compared, in pictures and numbers: {}", page.display());
     }
-    steer(args, &hologram, &field, &display)
-}
-
-/// Seconds of a simulated eye that the demo ends with.
-const STEERED: f64 = 3.0;
-
-/// A simulated eye looks around, and the hologram follows.
-fn steer(args: &Demo, hologram: &Hologram, field: &LightField, display: &Display) -> Result<(), Failure> {
-    if progress::interrupted() {
-        return Ok(());
-    }
-    let parts = live::parts(hologram, field, display)?;
-    let colors: Vec<Color> = hologram.colors.iter().filter_map(|c| c.color).collect();
-    let encoder = Encoder::new(display, &colors, hologram.frames)?;
-    let engine = common::engine(&args.engine)?.describe();
-    let open = || common::opener(&args.engine);
-    let Some(made) = live::showcase(hologram, &parts, &encoder, open, &engine, STEERED, &args.out)? else {
-        return Ok(());
-    };
-    let db = |name: &str| made.summary[name]["mean"].as_f64().map_or("-".into(), |v| format!("{v:+.1} dB"));
-    println!(
-        "\n  {STEERED} s of a simulated eye, the hologram following it: {} at the end of its fixations, {} within 50 ms of\n  a landing, against the same hologram unsteered: {}, {}",
-        db("end_of_fixation_db"),
-        db("within_50_ms_db"),
-        made.page.display(),
-        made.animation.display()
-    );
     Ok(())
 }
 
@@ -161,11 +133,25 @@ fn comparison(
     let side = args.size.min(COMPARED);
     let display = Display { height: side, width: side, ..display.clone() };
     let folder = args.out.join("report");
-    let job = evaluate::Job::of_methods(SCENE, &[Method::Slfh, Method::Lf2fs], display, colors.to_vec());
-    let report = evaluate::evaluate(&job, &folder, engine, false)?;
-    if report.runs.is_empty() {
+    let settings = Settings { diameter: common::diameters(None, &display), ..Settings::default() };
+    let mut load = |_| -> Result<_, Failure> {
+        let field = scene::load(SCENE, &scene::Request::new(&display, colors))?;
+        let depth = field.depth_range(&display).unwrap_or(settings.depth);
+        Ok((field, [depth[0].min(depth[1]), depth[0].max(depth[1])]))
+    };
+    let job = Comparison {
+        scenes: vec!["still-life".into()],
+        candidates: candidates(&[Method::Slfh, Method::Lf2fs], Vec::new())?,
+        frames: vec![8],
+        display: display.clone(),
+        colors: colors.to_vec(),
+        settings: settings.clone(),
+        speckle: false,
+    };
+    let results = evaluate::compare(&job, &folder, &mut load, engine, false)?;
+    if results.runs.is_empty() {
         return Ok(None);
     }
-    report::write(&report, &folder)?;
+    report::write_comparison(&results, &folder)?;
     Ok(Some(folder.join("report.html")))
 }

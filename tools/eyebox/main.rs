@@ -23,7 +23,6 @@ mod play;
 mod preview;
 mod progress;
 mod quality;
-mod report;
 mod score;
 mod session;
 mod settings;

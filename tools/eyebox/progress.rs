@@ -80,45 +80,28 @@ impl Bar {
     }
 }
 
-/// A bar over a whole job of many parts, with the time that is left.
-pub struct JobBar(Option<ProgressBar>, std::cell::Cell<f64>);
+/// A bar over a whole job of many parts: what is being done, and the time that is left.
+pub struct JobBar(Option<ProgressBar>);
 
 impl JobBar {
-    /// `effort`: of the whole job, in units of its own.
-    pub fn new(effort: f64, quiet: bool) -> Self {
-        let bar = (!quiet).then(|| {
-            let bar = ProgressBar::new(effort.ceil().max(1.0) as u64);
+    /// Nothing is shown where it is to be `quiet`.
+    pub fn new(quiet: bool) -> Self {
+        Self((!quiet).then(|| {
+            let bar = ProgressBar::new(1000);
             let style = ProgressStyle::with_template("{bar:30} {percent:>3} %  {eta:>4} left  {msg}");
             bar.set_style(style.expect("a sound template"));
             bar.enable_steady_tick(std::time::Duration::from_millis(250));
             bar
-        });
-        Self(bar, std::cell::Cell::new(0.0))
+        }))
     }
 
-    /// What is being done.
-    pub fn say(&self, what: &str) {
+    /// Shows what is being done, and the share that is done; stops where ctrl-C was pressed.
+    pub fn show(&self, what: &str, share: f64) -> Flow {
         if let Some(bar) = &self.0 {
             bar.set_message(what.to_string());
+            bar.set_position((1000.0 * share) as u64);
         }
-    }
-
-    /// So much of the effort is done.
-    pub fn position(&self) -> f64 {
-        self.1.get()
-    }
-
-    /// Moves on.
-    pub fn at(&self, position: f64) {
-        self.1.set(position);
-        if let Some(bar) = &self.0 {
-            bar.set_position(position as u64);
-        }
-    }
-
-    /// Moves on by so much.
-    pub fn pass(&self, effort: f64) {
-        self.at(self.position() + effort);
+        if interrupted() { Flow::Stop } else { Flow::Continue }
     }
 
     /// The bar goes; what follows says what came of it.

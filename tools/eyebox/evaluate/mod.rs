@@ -1,32 +1,25 @@
 //! `eyebox evaluate`: every method, every group of pupils, and a report of what came of it.
-//!
-//! What is compared is decided first ([`subject`]), then done scene by scene; every result is kept as soon as it is
-//! there ([`keep`]), so that a run that was stopped goes on where it was. What was measured is plain data ([`figures`])
-//! that `report` turns into a page.
 
 pub mod args;
-pub mod figures;
-pub mod keep;
-pub mod measure;
-mod picture;
-pub mod pupils;
-mod speckle;
-mod subject;
-mod work;
 
 pub use args::Evaluate;
-pub use work::{Job, checksum, evaluate};
 
 use crate::Failure;
 use crate::common;
-use crate::progress;
+use crate::progress::{self, JobBar};
 use crate::quality::Chosen;
-use crate::report::{self, Published};
 use eyebox::engine::Engine;
 use eyebox::evaluate::Group;
 use eyebox::optics::{Color, Display};
+use eyebox::quality::comparison::{Comparison, Given, Published, Results, candidates};
+use eyebox::quality::writable;
+use eyebox::report;
 use eyebox::scene;
+use eyebox::solve::{Method, Settings};
 use std::path::Path;
+
+/// The methods that are compared where nothing else is asked for.
+const DEFAULT: [Method; 5] = [Method::Slfh, Method::Lf2fs, Method::Stft, Method::Smooth, Method::Dpac];
 
 /// Solves, measures, reports.
 pub fn run(args: &Evaluate) -> Result<(), Failure> {
@@ -34,27 +27,34 @@ pub fn run(args: &Evaluate) -> Result<(), Failure> {
     let published = args.reference.as_deref().map(Published::read).transpose()?.unwrap_or_default();
     let mut engine = common::engine(&args.engine)?;
     let chosen = with_quality(&mut job, args, engine.as_ref())?;
-    job.check_scenes()?;
-    keep::writable(&args.out)?;
+    for scene in &args.scenes {
+        scene::native_size(scene)?;
+    }
+    writable(&args.out)?;
     if !args.json {
         eprintln!("engine: {}", engine.describe());
         chosen.iter().for_each(|about| eprintln!("{about}"));
     }
-    progress::catch_interrupt();
-    let mut report = evaluate(&job, &args.out, engine.as_mut(), args.json)?;
-    report.published = published;
-    report::write(&report, &args.out)?;
+    let mut load = |index: usize| -> Result<_, Failure> {
+        let scene = args.scene(index);
+        let field = common::scene(&scene, &job.display, &job.colors)?;
+        let depth = common::depths(&scene, &field, &job.display);
+        Ok((field, depth))
+    };
+    let mut results = compare(&job, &args.out, &mut load, engine.as_mut(), args.json)?;
+    results.published = published;
+    report::write_comparison(&results, &args.out)?;
     if args.json {
-        println!("{}", report::json(&report));
+        println!("{}", report::comparison_json(&results));
         return Ok(());
     }
-    print_table(&report);
+    print_table(&results);
     let page = args.out.join("report.html");
-    if report.missing > 0 {
+    let done = results.runs.len() + results.speckle.len();
+    if results.missing > 0 {
         println!(
-            "stopped: {} of {} results are kept, and shown in {}; the same command goes on from there",
-            report.runs.len() + report.speckle.len(),
-            report.runs.len() + report.speckle.len() + report.missing,
+            "stopped: {done} of {} results are kept, and shown in {}; the same command goes on from there",
+            done + results.missing,
             page.display()
         );
     } else {
@@ -63,15 +63,33 @@ pub fn run(args: &Evaluate) -> Result<(), Failure> {
     Ok(())
 }
 
+/// A scene by its number, with its depths.
+type Load<'a> = dyn FnMut(usize) -> Result<(scene::LightField, [f64; 2]), Failure> + 'a;
+
+/// Compares, with a progress bar unless `quiet`, until ctrl-C.
+pub fn compare(
+    job: &Comparison,
+    folder: &Path,
+    load: &mut Load,
+    engine: &mut dyn Engine,
+    quiet: bool,
+) -> Result<Results, Failure> {
+    progress::catch_interrupt();
+    let bar = JobBar::new(quiet);
+    let results = job.run(folder, load, engine, &mut |what, share| bar.show(what, share))?;
+    bar.finish();
+    Ok(results)
+}
+
 /// Steps, pupils, their diameters, window and optimiser as quality or deadline ask for; says which.
-fn with_quality(job: &mut Job, args: &Evaluate, engine: &dyn Engine) -> Result<Option<String>, Failure> {
+fn with_quality(job: &mut Comparison, args: &Evaluate, engine: &dyn Engine) -> Result<Option<String>, Failure> {
     let frames = job.frames.last().copied().unwrap_or(job.settings.frames);
     let size = job.display.picture_size().into();
     let Some(Chosen { settings, about }) = args.quality.choose(engine, size, frames, job.colors.len())? else {
         return Ok(None);
     };
     let settings = job.settings.with_quality_of(&settings);
-    job.settings = eyebox::solve::Settings {
+    job.settings = Settings {
         steps: args.steps.unwrap_or(settings.steps),
         pupils: args.pupils.unwrap_or(settings.pupils),
         // Methods are compared on the whole problem.
@@ -85,35 +103,36 @@ fn with_quality(job: &mut Job, args: &Evaluate, engine: &dyn Engine) -> Result<O
     Ok(Some(about))
 }
 
-fn print_table(report: &report::Report) {
+fn print_table(results: &Results) {
     println!("PSNR over random pupils, dB:      mean  median   worst  spread");
-    for series in report.series() {
-        if let Some(s) = report.psnr(&series, None, Some(Group::Random)) {
-            let name = report.label(&series);
+    for series in results.series() {
+        if let Some(s) = results.psnr(&series, None, Group::Random) {
+            let name = results.label(&series);
             println!("  {name:28} {:8.2}{:8.2}{:8.2}{:8.2}", s.mean, s.median, s.worst, s.sd);
         }
     }
 }
 
 /// What the arguments ask for; nothing is computed or written yet.
-fn job(args: &Evaluate) -> Result<Job, Failure> {
+fn job(args: &Evaluate) -> Result<Comparison, Failure> {
     if args.depth_map.is_some() && args.scenes.len() > 1 {
         return Err(Failure::Asked("--depth-map belongs to one picture: give one scene".into()));
     }
     if args.frames.is_empty() || args.frames.iter().any(|f| !(1..=4096).contains(f)) {
         return Err(Failure::Asked("--frames: the numbers of sub-frames must be 1 to 4096".into()));
     }
-    let defaults = eyebox::solve::Settings::default();
+    let defaults = Settings::default();
     let (steps, pupils) = (args.steps.unwrap_or(defaults.steps), args.pupils.unwrap_or(defaults.pupils));
     if !(1..=1_000_000).contains(&steps) {
         return Err(Failure::Asked(format!("--steps {steps}: it must be 1 to 1000000")));
     }
     let methods = match &args.methods {
-        Some(names) => subject::methods(names)?,
-        None if args.hologram.is_empty() => subject::methods(&subject::DEFAULT.map(String::from))?,
+        Some(names) => methods(names)?,
+        None if args.hologram.is_empty() => DEFAULT.to_vec(),
         None => Vec::new(),
     };
-    let given = subject::given(&args.hologram, args)?;
+    let read = |(name, file): &(String, _)| Given::read(name, std::path::PathBuf::clone(file), &args.scenes);
+    let given: Vec<Given> = args.hologram.iter().map(read).collect::<Result<_, _>>()?;
     let (display, colors) = optics(args, methods.is_empty().then_some(()).and(given.first()))?;
     for hologram in &given {
         hologram.check(&display, &colors)?;
@@ -121,17 +140,14 @@ fn job(args: &Evaluate) -> Result<Job, Failure> {
     let mut frames = args.frames.clone();
     frames.sort_unstable();
     frames.dedup();
-    let scenes: Vec<_> = (0..args.scenes.len()).map(|i| args.scene(i)).collect();
-    for (i, scene) in scenes.iter().enumerate() {
-        if scenes[..i].iter().any(|s| s.scene == scene.scene) {
-            return Err(Failure::Asked(format!("{}: this scene is given twice", scene.scene)));
-        }
+    if let Some((_, scene)) = args.scenes.iter().enumerate().find(|(i, s)| args.scenes[..*i].contains(s)) {
+        return Err(Failure::Asked(format!("{scene}: this scene is given twice")));
     }
     if args.display.size.is_none() {
         same_size(&args.scenes)?;
     }
-    let subjects = subject::subjects(&methods, given);
-    let settings = eyebox::solve::Settings {
+    let candidates = candidates(&methods, given)?;
+    let settings = Settings {
         steps,
         pupils,
         diameter: common::diameters(args.pupil_diameter, &display),
@@ -140,11 +156,25 @@ fn job(args: &Evaluate) -> Result<Job, Failure> {
     };
     settings.check()?;
     let speckle = !args.no_speckle;
-    Ok(Job { scenes, labels: labels(&args.scenes), subjects, frames, display, colors, settings, speckle })
+    Ok(Comparison { scenes: labels(&args.scenes), candidates, frames, display, colors, settings, speckle })
+}
+
+/// The methods of these names, each once.
+fn methods(names: &[String]) -> Result<Vec<Method>, Failure> {
+    let mut methods = Vec::new();
+    for name in names {
+        let known = || Method::ALL.map(Method::name).join(", ");
+        let method = Method::by_name(name.trim())
+            .ok_or_else(|| Failure::Asked(format!("no method is called '{name}': there are {}", known())))?;
+        if !methods.contains(&method) {
+            methods.push(method);
+        }
+    }
+    Ok(methods)
 }
 
 /// The display asked for, or, where nothing is solved, that of the first hologram.
-fn optics(args: &Evaluate, given: Option<&subject::Given>) -> Result<(Display, Vec<Color>), Failure> {
+fn optics(args: &Evaluate, given: Option<&Given>) -> Result<(Display, Vec<Color>), Failure> {
     match given {
         Some(given) if args.display.size.is_none() => Ok((given.hologram.made_for()?, given.hologram.named_colors())),
         _ => {

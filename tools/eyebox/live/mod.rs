@@ -3,9 +3,7 @@
 mod args;
 #[allow(clippy::module_inception)]
 mod live;
-mod plot;
 mod refine;
-mod showcase;
 mod study;
 mod subject;
 mod tracking;
@@ -13,9 +11,7 @@ mod viewing;
 
 pub use live::Live;
 pub use refine::Refine;
-pub use showcase::showcase;
 pub use study::Study;
-pub use subject::parts;
 
 pub use live::run as live;
 pub use refine::run as refine;

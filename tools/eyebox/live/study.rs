@@ -1,7 +1,6 @@
 //! `eyebox study`: what steering gains for a simulated eye.
 
 use super::args::PolicyArgs;
-use super::plot;
 use super::subject::{self, Steered, SubjectArgs};
 use crate::common::Engines;
 use crate::values::{not_negative, positive};
@@ -9,6 +8,7 @@ use crate::{Failure, progress};
 use clap::Args;
 use eyebox::files;
 use eyebox::gpu::Options as VulkanOptions;
+use eyebox::report;
 use eyebox::session::{self, Cost, SetTiming, Study as Result_, StudySettings};
 use eyebox::trackers::simulated;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -125,7 +125,7 @@ pub fn run(args: &Study) -> Result<(), Failure> {
     files::write_file(&file, |out| writeln!(out, "{all:#}"))?;
     let page = args.out.join("study.html");
     let title = format!("Steering {}", subject.hologram.scene);
-    files::write_file(&page, |out| out.write_all(plot::page(&title, &subject.engine, &study, &summary).as_bytes()))?;
+    files::write_file(&page, |out| out.write_all(report::study_page(&title, &subject.engine, &study).as_bytes()))?;
     if args.json {
         println!("{}", json!({ "summary": summary, "out": args.out }));
         return Ok(());
@@ -171,7 +171,7 @@ fn least(values: &[f64]) -> Option<f64> {
 }
 
 /// What is said of a study, for programs.
-pub fn summary(study: &Result_) -> Value {
+fn summary(study: &Result_) -> Value {
     let (end, soon) = (study.at_the_end_db(), study.within_db(50.0));
     let errors: Vec<f64> =
         study.moments.iter().filter(|m| m.since_landing_ms.is_some()).filter_map(|m| m.error).collect();

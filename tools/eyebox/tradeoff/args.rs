@@ -29,7 +29,7 @@ pub struct Tradeoff {
     /// Pupil diameters, mm [default: 2..20, or what fits the eyebox]
     #[arg(long, value_name = "MIN..MAX", value_parser = range)]
     pub pupil_diameter: Option<[f64; 2]>,
-    /// Seed of first phases, of the pupils drawn, of the pupils that judge, and of what is tried
+    /// Seed of first phases, of the pupils drawn, and of the pupils that judge
     #[arg(long, default_value_t = 0, value_name = "S")]
     pub seed: u64,
     /// Measure the three settings of another run (its tradeoff.json) here too, and say how far from this front they are

@@ -1,31 +1,21 @@
-//! `eyebox tradeoff`: what quality costs on this machine, and which settings are worth it.
-//!
-//! [`work`] measures what the runtime's sweep decides; what came of it is plain data ([`found`]) that `page`, `plots` and
-//! `tables` show. What is recommended is kept for this device, for `--quality` and `--deadline` of every other command.
+//! `eyebox tradeoff`: what quality costs on this machine, and which settings are worth it. What is recommended is kept for
+//! this device, for `--quality` and `--deadline` of every other command.
 
 mod args;
-mod found;
-mod page;
-mod plots;
-mod tables;
-mod work;
 
 pub use args::Tradeoff;
 
 use crate::Failure;
 use crate::common;
-use crate::evaluate::{checksum, keep};
-use crate::progress;
+use crate::progress::{self, JobBar};
 use crate::settings::levels_of;
-use eyebox::files::{cache_folder, write_file};
+use eyebox::files::cache_folder;
 use eyebox::optics::Color;
-use eyebox::quality::{Measured, Subject};
+use eyebox::quality::{NEAR_DB, Recommended, Subject, Tuned, Tuning, writable};
+use eyebox::report;
 use eyebox::solve::Settings;
-use found::{Checked, Found};
-use serde_json::json;
 use std::path::Path;
 use std::time::Instant;
-use work::{Done, Work};
 
 /// Measures, reports, and keeps what is recommended.
 pub fn run(args: &Tradeoff) -> Result<(), Failure> {
@@ -40,7 +30,7 @@ pub fn run(args: &Tradeoff) -> Result<(), Failure> {
     let mut engine = common::engine(&args.engine)?;
     let field = common::scene(&args.scene, &display, &[color])?;
     base.depth = common::depths(&args.scene, &field, &display);
-    keep::writable(&args.out)?;
+    writable(&args.out)?;
     if !args.json {
         eprintln!("engine: {}", engine.describe());
         eprintln!(
@@ -49,65 +39,29 @@ pub fn run(args: &Tradeoff) -> Result<(), Failure> {
         );
     }
     progress::catch_interrupt();
-    let made_by = json!({
-        "version": env!("CARGO_PKG_VERSION"), "format": 1, "device": engine.describe(), "base": base, "levels": levels,
-        "scene": [json!(checksum(&field)), json!(field.grid), json!(field.cell(&display))], "color": color,
-        "display": [json!([display.height, display.width]), json!([display.pitch, display.focal_length]),
-            json!(display.wavelengths.iter().map(|w| w.wavelength).collect::<Vec<_>>())],
-    });
-    let slm_levels = levels.given().map(<[f64]>::len);
-    let kept = keep::Keep::new(args.out.clone())?;
-    let wanted: Vec<Settings> = check.iter().map(|c| c.setting.trial.recipe.clone()).collect();
-    let mut work = Work {
-        subject: Subject { field: &field, color, display: &display, base, levels },
-        engine: engine.as_mut(),
-        keep: &kept,
-        made_by: made_by.to_string(),
-        budget: args.budget,
-        seed: args.seed,
-        begun,
-        quiet: args.json,
-    };
-    let Done { trials, levels, levels_recipe, spent_s } = work.run(&wanted)?;
-    if trials.is_empty() {
+    let subject = Subject { field: &field, color, display: &display, base, levels };
+    let bar = JobBar::new(args.json);
+    let tuning = Tuning { subject, budget: args.budget, seed: args.seed, check, begun };
+    let tuned = tuning.run(&args.out, engine.as_mut(), &mut |what, share| bar.show(what, share))?;
+    bar.finish();
+    if tuned.trials.is_empty() {
         return Err(Failure::Asked("stopped before anything was measured: the same command starts again".into()));
     }
-    let mut found = Found {
-        version: env!("CARGO_PKG_VERSION").into(),
-        device: engine.describe(),
-        scene: field.name.clone(),
-        color,
-        display: display.name.clone(),
-        size: [display.height, display.width],
-        frames: args.frames,
-        slm_levels,
-        seed: args.seed,
-        budget_s: args.budget,
-        spent_s,
-        interrupted: progress::interrupted(),
-        recommended: Vec::new(),
-        trials,
-        levels,
-        levels_recipe,
-        check,
-    };
-    found.settle();
-    write(&found, &args.out)?;
-    let stored = if args.no_store { None } else { store(&found) };
+    report::write_tuned(&tuned, &args.out)?;
+    let stored = if args.no_store { None } else { store(&tuned) };
     if args.json {
-        println!("{}", tables::json(&found));
+        println!("{}", report::tuned_json(&tuned));
     } else {
-        print(&found, &args.out);
+        print(&tuned, &args.out);
         if let Some(path) = stored {
             println!("kept for --quality and --deadline on this device: {}", path.display());
         }
     }
-    match found.check.iter().find(|c| !c.holds()) {
+    match tuned.check.iter().find(|c| !c.holds()) {
         Some(c) if c.short_db.is_some() => Err(Failure::Asked(format!(
-            "{} is {:.2} dB below the front here: {:.1} is allowed",
+            "{} is {:.2} dB below the front here: {NEAR_DB:.1} is allowed",
             c.setting.quality.name(),
-            c.short_db.unwrap_or_default(),
-            found::NEAR_DB
+            c.short_db.unwrap_or_default()
         ))),
         _ => Ok(()),
     }
@@ -119,7 +73,7 @@ fn leading(colors: &[Color]) -> Color {
 }
 
 /// The three settings that another run recommends.
-fn read_check(file: &Path) -> Result<Vec<Checked>, Failure> {
+fn read_check(file: &Path) -> Result<Vec<Recommended>, Failure> {
     let wrong = |what: String| Failure::Asked(format!("{}: {what}", file.display()));
     let size = std::fs::metadata(file).map_err(|e| wrong(e.to_string()))?.len();
     if size > 64 << 20 {
@@ -128,54 +82,31 @@ fn read_check(file: &Path) -> Result<Vec<Checked>, Failure> {
     let text = std::fs::read_to_string(file).map_err(|e| wrong(e.to_string()))?;
     #[derive(serde::Deserialize)]
     struct Other {
-        recommended: Vec<eyebox::quality::Recommended>,
+        recommended: Vec<Recommended>,
     }
     let other: Other = serde_json::from_str(&text).map_err(|e| wrong(format!("is no tradeoff.json ({e})")))?;
     if other.recommended.is_empty() || other.recommended.iter().any(|r| !r.trial.is_sound()) {
         return Err(wrong("recommends nothing that could be measured".into()));
     }
-    Ok(other.recommended.iter().map(Checked::new).collect())
-}
-
-/// Writes `index.html`, `trials.csv` and `tradeoff.json`, each whole or not at all.
-fn write(found: &Found, folder: &Path) -> Result<(), Failure> {
-    let files = [
-        ("trials.csv", tables::csv(found)),
-        ("tradeoff.json", format!("{:#}\n", tables::json(found)).into_bytes()),
-        ("index.html", page::html(found).into_bytes()),
-    ];
-    for (name, bytes) in files {
-        write_file(&folder.join(name), |out| out.write_all(&bytes))?;
-    }
-    Ok(())
+    Ok(other.recommended)
 }
 
 /// Keeps what is recommended in the user's cache, if it is what it promises; what keeps it from being kept is said, and
 /// nothing else.
-fn store(found: &Found) -> Option<std::path::PathBuf> {
-    if let Some(r) = found.recommended.iter().find(|r| !r.met) {
+fn store(tuned: &Tuned) -> Option<std::path::PathBuf> {
+    let Some(measured) = tuned.measured() else {
         eprintln!(
-            "eyebox: not kept for --quality: no trial is what {} promises; give it more time with --budget",
-            r.quality.name()
+            "eyebox: not kept for --quality: a setting is not what its name promises; give it more time with --budget"
         );
         return None;
-    }
-    let measured = Measured {
-        device: found.device.clone(),
-        scene: found.scene.clone(),
-        color: found.color,
-        size: found.size,
-        frames: found.frames,
-        recommended: found.recommended.clone(),
-        front: found.by_mean().into_iter().cloned().collect(),
     };
     let saved = measured.save(&cache_folder()?);
     saved.map_err(|error| eprintln!("eyebox: not kept for --quality: {error}")).ok()
 }
 
-fn print(found: &Found, out: &Path) {
+fn print(tuned: &Tuned, out: &Path) {
     println!("             ms   mean dB  worst dB     MiB   setting");
-    for r in &found.recommended {
+    for r in &tuned.recommended {
         let t = &r.trial;
         println!(
             "{:9}{:7.0}  {:8.2}  {:8.2}  {:6.0}   {}{}",
@@ -188,7 +119,7 @@ fn print(found: &Found, out: &Path) {
             if r.met { "" } else { " (the nearest there is)" }
         );
     }
-    for c in &found.check {
+    for c in &tuned.check {
         let t = &c.setting.trial;
         let name = c.setting.quality.name();
         match c.short_db {
@@ -201,11 +132,11 @@ fn print(found: &Found, out: &Path) {
             None => println!("checked: {name} of the other run: not measured"),
         }
     }
-    let stopped = if found.interrupted { "stopped; the same command goes on from there; " } else { "" };
+    let stopped = if tuned.interrupted { "stopped; the same command goes on from there; " } else { "" };
     println!(
         "{} trials in {:.0} s; {stopped}the page: {}",
-        found.trials.len(),
-        found.spent_s,
+        tuned.trials.len(),
+        tuned.spent_s,
         out.join("index.html").display()
     );
 }

@@ -1,0 +1,144 @@
+//! What is compared: methods to solve with, and holograms that exist.
+
+use super::MethodAbout;
+use crate::hologram::Hologram;
+use crate::optics::{Color, Display};
+use crate::quality::QualityError;
+use crate::solve::Method;
+use std::path::PathBuf;
+
+/// One column of the comparison.
+pub struct Candidate {
+    /// The method's name, or the one that was given.
+    pub name: String,
+    /// Where its holograms come from.
+    pub source: Source,
+}
+
+/// Where holograms come from.
+pub enum Source {
+    /// They are solved.
+    Solved(Method),
+    /// They exist.
+    Given(Vec<Given>),
+}
+
+/// A hologram that exists.
+pub struct Given {
+    /// Its name in the report.
+    pub name: String,
+    /// Where it was read from.
+    pub file: PathBuf,
+    /// It.
+    pub hologram: Hologram,
+    /// Which of the scenes it shows.
+    pub scene: usize,
+}
+
+impl Candidate {
+    /// Its numbers of sub-frames for a scene, where methods solve with `frames`.
+    pub(super) fn frames(&self, scene: usize, frames: &[usize]) -> Vec<usize> {
+        match &self.source {
+            Source::Solved(_) => frames.to_vec(),
+            Source::Given(all) => all.iter().filter(|g| g.scene == scene).map(|g| g.hologram.frames).collect(),
+        }
+    }
+
+    /// The hologram of a scene that was given with so many sub-frames.
+    pub(super) fn given(&self, scene: usize, frames: usize) -> Option<&Hologram> {
+        let Source::Given(all) = &self.source else { return None };
+        all.iter().map(|g| (g.scene, &g.hologram)).find(|(s, h)| *s == scene && h.frames == frames).map(|(_, h)| h)
+    }
+
+    pub(super) fn about(&self) -> MethodAbout {
+        let name = self.name.clone();
+        match &self.source {
+            Source::Solved(m) => {
+                let [title, about, citation] = [m.title(), m.about(), m.citation()].map(String::from);
+                MethodAbout { name, title, about, citation }
+            }
+            Source::Given(all) => {
+                let files: Vec<String> = all.iter().map(|g| g.file.display().to_string()).collect();
+                let about = "Holograms that were given.".into();
+                MethodAbout { title: name.clone(), name, about, citation: files.join(", ") }
+            }
+        }
+    }
+}
+
+impl Given {
+    /// Reads a hologram that goes by this name. Of several scenes it has to say which one it shows.
+    ///
+    /// # Errors
+    /// [`QualityError`]: the file, or that the hologram cannot be compared.
+    pub fn read(name: &str, file: PathBuf, scenes: &[String]) -> Result<Self, QualityError> {
+        let wrong = |reason: String| QualityError::Input { what: file.display().to_string(), reason };
+        if Method::by_name(name).is_some() {
+            return Err(wrong(format!("'{name}' is the name of a method: give the hologram another")));
+        }
+        let hologram = Hologram::load(&file)?;
+        if hologram.colors.iter().any(|c| c.color.is_none()) || hologram.display_wavelengths.is_empty() {
+            return Err(wrong("its colours are not named, or its display is not known".into()));
+        }
+        let shows = |source: &String| {
+            let last = std::path::Path::new(source).canonicalize().ok();
+            let last = last.as_ref().and_then(|p| p.file_name()).map(|n| n.to_string_lossy().into_owned());
+            *source == hologram.scene || last.is_some_and(|l| l == hologram.scene)
+        };
+        let none = || wrong(format!("it shows '{}', which is none of the scenes given", hologram.scene));
+        let scene = if scenes.len() == 1 { 0 } else { scenes.iter().position(shows).ok_or_else(none)? };
+        Ok(Self { name: name.into(), file, hologram, scene })
+    }
+
+    /// Refuses what cannot be compared with holograms of this display in these colours.
+    ///
+    /// # Errors
+    /// [`QualityError::Input`].
+    pub fn check(&self, display: &Display, colors: &[Color]) -> Result<(), QualityError> {
+        let h = &self.hologram;
+        let wrong = |reason: String| Err(QualityError::Input { what: self.file.display().to_string(), reason });
+        if (h.height, h.width) != (display.height, display.width) {
+            let ([a, b], [c, d]) = ([h.height, h.width], [display.height, display.width]);
+            return wrong(format!("{a} x {b} pixels, but what it is compared with has {c} x {d}"));
+        }
+        if self.hologram.named_colors() != colors || h.colors.len() != colors.len() {
+            let list = |c: &[Color]| c.iter().map(Color::to_string).collect::<Vec<_>>().join(", ");
+            let (has, wanted) = (list(&self.hologram.named_colors()), list(colors));
+            return wrong(format!("its colours are {has}, not {wanted}: choose with --color"));
+        }
+        if h.geometry != display.geometry {
+            let (made, is) = (h.geometry.name(), display.geometry.name());
+            return wrong(format!("made for a {made} display, and '{}' is {is}", display.name));
+        }
+        let near = |a: f64, b: f64| (a - b).abs() <= 1e-6 * b.abs();
+        let same_waves = h.display_wavelengths.len() == display.wavelengths.len()
+            && h.display_wavelengths.iter().zip(&display.wavelengths).all(|(a, b)| near(a.wavelength, b.wavelength));
+        if !same_waves || !near(h.pitch, display.pitch) || !near(h.focal_length, display.focal_length) {
+            return wrong(format!(
+                "made for the display '{}', whose pitch, focal length or wavelengths are not those of '{}'",
+                h.display, display.name
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// Methods first, then what was given, by name.
+///
+/// # Errors
+/// [`QualityError::Input`]: two holograms of one name for one scene.
+pub fn candidates(methods: &[Method], given: Vec<Given>) -> Result<Vec<Candidate>, QualityError> {
+    let solved = |m: &Method| Candidate { name: m.name().into(), source: Source::Solved(*m) };
+    let mut all: Vec<Candidate> = methods.iter().map(solved).collect();
+    for one in given {
+        match all.iter_mut().find(|s| s.name == one.name).map(|s| &mut s.source) {
+            Some(Source::Given(same)) if same.iter().any(|g| g.scene == one.scene) => {
+                let reason = format!("'{}' is given twice for one scene", one.name);
+                return Err(QualityError::Input { what: one.file.display().to_string(), reason });
+            }
+            Some(Source::Given(same)) => same.push(one),
+            _ => all.push(Candidate { name: one.name.clone(), source: Source::Given(vec![one]) }),
+        }
+    }
+    Ok(all)
+}

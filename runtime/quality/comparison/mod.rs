@@ -1,0 +1,372 @@
+//! Methods compared: holograms of the same scenes by every method, with the same steps, pupils and settings, each looked at
+//! through the same groups of pupils.
+//!
+//! A [`Comparison`] says what is compared; [`Comparison::run`] does it scene by scene and keeps every result as soon as it
+//! is there, so that a run that was stopped resumes where it was. What was measured is plain data ([`Results`]).
+
+mod candidate;
+mod measure;
+mod picture;
+mod pupils;
+mod results;
+mod speckle;
+
+pub use candidate::{Candidate, Given, Source, candidates};
+pub use measure::{DECADES, ERROR_GAIN};
+pub use pupils::{SHOWN, Shown};
+pub use results::{
+    About, ColorError, ColorFigures, EnergyMap, MethodAbout, Picture, Pictures, Published, Results, Row, Run,
+    SceneFigures, Series, SpeckleFigures, mean,
+};
+
+use super::QualityError;
+use super::kept::{Keep, append, checksum};
+use crate::engine::Engine;
+use crate::files::FileError;
+use crate::hologram::Hologram;
+use crate::optics::{Color, Display, Padding};
+use crate::scene::LightField;
+use crate::solve::{self, Flow, Method, Problem, Settings, Solution};
+use measure::Wanted;
+use pupils::Pupils;
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+/// The form of the results: a new one when a measure changes its meaning.
+const FORMAT: u32 = 2;
+/// About how long the parts take, one to the other.
+const PHOTOGRAPHS: f64 = 3.0;
+const SOLVE: f64 = 1.0;
+const LOOK: f64 = 3.0;
+const SPECKLE: f64 = 7.0;
+
+/// What is compared.
+pub struct Comparison {
+    /// What people call the scenes.
+    pub scenes: Vec<String>,
+    /// Methods, and holograms that exist.
+    pub candidates: Vec<Candidate>,
+    /// Numbers of sub-frames that methods solve with.
+    pub frames: Vec<usize>,
+    /// The display.
+    pub display: Display,
+    /// Its colours.
+    pub colors: Vec<Color>,
+    /// What all methods have in common; depths are each scene's own.
+    pub settings: Settings,
+    /// Whether the speckle of an even plane is measured.
+    pub speckle: bool,
+}
+
+/// What is told while a comparison runs: what is being done, and how much of all is done, 0 to 1. [`Flow::Stop`] ends it
+/// with the results that are there.
+pub type Observe<'a> = dyn FnMut(&str, f64) -> Flow + 'a;
+
+impl Comparison {
+    /// Does all of it, or as much as there is time for. `load` gives a scene by its number, with its farthest and nearest
+    /// depth (metres); `folder` holds results and holograms: what is there and was made by the same is not computed again.
+    ///
+    /// # Errors
+    /// Those of `load`, and [`QualityError`].
+    pub fn run<E: From<QualityError>>(
+        &self,
+        folder: &Path,
+        load: &mut dyn FnMut(usize) -> Result<(LightField, [f64; 2]), E>,
+        engine: &mut dyn Engine,
+        observe: &mut Observe,
+    ) -> Result<Results, E> {
+        let mut work = Work::new(self, folder, observe)?;
+        let mut results = self.nothing_yet(engine);
+        let mut views = None;
+        for (index, label) in self.scenes.iter().enumerate() {
+            let before = results.runs.len();
+            if work.say(&format!("{label}: loading")) {
+                let (field, depth) = load(index)?;
+                views = views.or(Some(field.grid));
+                OfScene::new(self, index, &field, depth).run(&mut work, engine, &mut results)?;
+            }
+            results.missing += self.runs(index).count() - (results.runs.len() - before);
+        }
+        let methods: Vec<Method> = self.speckled().collect();
+        for method in &methods {
+            let Some(views) = views.filter(|_| work.say(&format!("speckle of {}", method.name()))) else { break };
+            let Some(figures) = self.speckle_of(*method, views, &mut work, engine)? else { break };
+            results.speckle.push(figures);
+        }
+        results.missing += methods.len() - results.speckle.len();
+        Ok(results)
+    }
+
+    fn nothing_yet(&self, engine: &dyn Engine) -> Results {
+        let (display, settings) = (&self.display, &self.settings);
+        Results {
+            about: About {
+                version: env!("CARGO_PKG_VERSION").into(),
+                display: display.name.clone(),
+                size: [display.height, display.width],
+                pitch_um: display.pitch * 1e6,
+                eyebox_mm: display.eyebox_min() * 1e3,
+                colors: self.colors.clone(),
+                frames: self.frames.clone(),
+                steps: settings.steps,
+                pupils: settings.pupils,
+                seed: settings.seed,
+                engine: engine.describe(),
+            },
+            methods: self.candidates.iter().map(Candidate::about).collect(),
+            scenes: Vec::new(),
+            runs: Vec::new(),
+            speckle: Vec::new(),
+            published: Vec::new(),
+            missing: 0,
+        }
+    }
+
+    /// Every hologram of a scene: whose it is, and its number of sub-frames.
+    fn runs(&self, scene: usize) -> impl Iterator<Item = (&Candidate, usize)> {
+        self.candidates.iter().flat_map(move |c| c.frames(scene, &self.frames).into_iter().map(move |f| (c, f)))
+    }
+
+    /// Methods whose frames differ from seed to seed.
+    fn speckled(&self) -> impl Iterator<Item = Method> {
+        let solved = self.candidates.iter().filter_map(|c| match c.source {
+            Source::Solved(method) => Some(method),
+            Source::Given(_) => None,
+        });
+        solved.filter(|m| self.speckle && speckle::has_speckle(*m))
+    }
+
+    /// Longest side of the pictures that are kept, pixels.
+    fn longest(&self) -> usize {
+        picture::longest(self.scenes.len() * self.candidates.len())
+    }
+
+    fn speckle_of(
+        &self,
+        method: Method,
+        views: [usize; 2],
+        work: &mut Work,
+        engine: &mut dyn Engine,
+    ) -> Result<Option<SpeckleFigures>, QualityError> {
+        let display = &self.display;
+        // Depths as built-in scenes have them on such a small display: the plane itself is at 0.
+        let span = 0.5e-3;
+        let settings = Settings { method, depth: [-span, span], ..self.settings.clone() };
+        let made_by = json!({
+            "version": env!("CARGO_PKG_VERSION"), "format": FORMAT, "views": views, "settings": settings,
+            "side": display.height.min(display.width), "pitch": display.pitch, "focal_length": display.focal_length,
+            "wavelengths": display.wavelengths.iter().map(|w| w.wavelength).collect::<Vec<_>>(),
+        });
+        let (name, made_by) = (format!("speckle-{}", method.name()), made_by.to_string());
+        if let Some(kept) = work.results.load(&name, &made_by) {
+            work.pass(SPECKLE);
+            return Ok(Some(kept));
+        }
+        let what = format!("speckle of {}", method.name());
+        let mut went = || {
+            work.pass(SPECKLE / speckle::SOLVES as f64);
+            work.say(&what)
+        };
+        let found = speckle::speckle(method, &settings, display, views, engine, &mut went)?;
+        if let Some(found) = &found {
+            work.results.save(&name, &made_by, found)?;
+        }
+        Ok(found)
+    }
+}
+
+/// A run under way.
+struct Work<'a, 'b> {
+    results: Keep,
+    holograms: PathBuf,
+    observe: &'a mut Observe<'b>,
+    done: f64,
+    all: f64,
+    stopped: bool,
+}
+
+impl<'a, 'b> Work<'a, 'b> {
+    fn new(job: &Comparison, folder: &Path, observe: &'a mut Observe<'b>) -> Result<Self, QualityError> {
+        let results = Keep::new(folder.join("results"))?;
+        let holograms = folder.join("holograms");
+        std::fs::create_dir_all(&holograms).map_err(|e| FileError::write(&holograms, e))?;
+        let runs: usize = (0..job.scenes.len()).map(|i| job.runs(i).count()).sum();
+        let all = PHOTOGRAPHS * job.scenes.len() as f64
+            + (SOLVE + LOOK) * runs as f64
+            + SPECKLE * job.speckled().count() as f64;
+        Ok(Self { results, holograms, observe, done: 0.0, all: all.max(1.0), stopped: false })
+    }
+
+    /// So much is done.
+    fn pass(&mut self, effort: f64) {
+        self.done += effort;
+    }
+
+    /// Tells what is being done; whether to go on.
+    fn say(&mut self, what: &str) -> bool {
+        self.within(what, 0.0)
+    }
+
+    /// The same, with so much of the next part done.
+    fn within(&mut self, what: &str, effort: f64) -> bool {
+        self.stopped |= (self.observe)(what, ((self.done + effort) / self.all).min(1.0)) == Flow::Stop;
+        !self.stopped
+    }
+}
+
+/// One hologram to measure.
+struct Task<'a> {
+    candidate: &'a Candidate,
+    frames: usize,
+    name: String,
+    made_by: String,
+}
+
+/// One scene's part of the work.
+struct OfScene<'a> {
+    job: &'a Comparison,
+    index: usize,
+    field: &'a LightField,
+    depth: [f64; 2],
+    pupils: Pupils,
+    name: String,
+    made_by: String,
+    tasks: Vec<Task<'a>>,
+}
+
+impl<'a> OfScene<'a> {
+    fn new(job: &'a Comparison, index: usize, field: &'a LightField, depth: [f64; 2]) -> Self {
+        let display = &job.display;
+        let shared = json!({
+            "version": env!("CARGO_PKG_VERSION"), "format": FORMAT,
+            "scene": [json!(checksum(field)), json!(field.grid), json!(field.cell(display)), json!(depth)],
+            "display": [
+                json!([display.height, display.width]), json!([display.pitch, display.focal_length]),
+                json!(display.wavelengths.iter().map(|w| w.wavelength).collect::<Vec<_>>()),
+            ],
+            "colors": job.colors, "diameter": job.settings.diameter,
+        });
+        // Scenes of one name are numbered.
+        let slugs: Vec<String> = job.scenes.iter().map(|l| slug(l)).collect();
+        let same = slugs[..index].iter().filter(|s| **s == slugs[index]).count();
+        let scene = if same == 0 { slugs[index].clone() } else { format!("{}-{}", slugs[index], same + 1) };
+        let task = |(candidate, frames): (&'a Candidate, usize)| {
+            let (kind, source) = match &candidate.source {
+                Source::Solved(method) => {
+                    let settings = Settings { method: *method, frames, depth, ..job.settings.clone() };
+                    ("", json!({ "settings": settings }))
+                }
+                Source::Given(_) => {
+                    let phases = candidate.given(index, frames).map(|h| h.colors.iter().map(|c| append(0, &c.phases)));
+                    ("given-", json!({ "phases": phases.into_iter().flatten().collect::<Vec<_>>() }))
+                }
+            };
+            let name = format!("{scene}-{kind}{}-{frames}", slug(&candidate.name));
+            let made_by = json!({ "shared": shared, "source": source }).to_string();
+            Task { candidate, frames, name, made_by }
+        };
+        let tasks = job.runs(index).map(task).collect();
+        let pupils = Pupils::new(display.eyebox_min(), job.settings.diameter, depth);
+        let (name, made_by) = (format!("{scene}-scene"), shared.to_string());
+        Self { job, index, field, depth, pupils, name, made_by, tasks }
+    }
+
+    fn label(&self) -> &str {
+        &self.job.scenes[self.index]
+    }
+
+    /// What decides a result: what decides the hologram, and the size of the pictures.
+    fn shown(&self, made_by: &str) -> String {
+        format!("{made_by}, pictures of {}", self.job.longest())
+    }
+
+    /// Everything that is not there yet.
+    fn run(&self, work: &mut Work, engine: &mut dyn Engine, results: &mut Results) -> Result<(), QualityError> {
+        let mut done: Vec<Option<Run>> =
+            self.tasks.iter().map(|t| work.results.load(&t.name, &self.shown(&t.made_by))).collect();
+        let mut figures: Option<SceneFigures> = work.results.load(&self.name, &self.shown(&self.made_by));
+        let mut wanted: Option<Wanted> = None;
+        if done.iter().any(Option::is_none) || figures.is_none() {
+            work.say(&format!("{}: photographs", self.label()));
+            let longest = self.job.longest();
+            let taken = measure::wanted(self.field, &self.job.display, &self.pupils, self.depth, longest, engine)?;
+            let made = measure::scene_figures(self.label(), self.field, self.depth, &taken);
+            work.results.save(&self.name, &self.shown(&self.made_by), &made)?;
+            (figures, wanted) = (Some(made), Some(taken));
+        }
+        work.pass(PHOTOGRAPHS);
+        for (task, done) in self.tasks.iter().zip(&mut done).filter(|(_, done)| done.is_none()) {
+            let Some(wanted) = wanted.as_ref().filter(|_| work.say(self.label())) else { break };
+            let Some((hologram, seconds)) = self.hologram(task, work, engine)? else { break };
+            work.pass(SOLVE);
+            work.say(&format!("{}: looking at {}", self.label(), task.candidate.name));
+            let mut run = measure::measure(&hologram, &self.job.display, &self.pupils, wanted, engine)?;
+            work.pass(LOOK);
+            (run.scene, run.method, run.seconds) = (self.label().into(), task.candidate.name.clone(), seconds);
+            work.results.save(&task.name, &self.shown(&task.made_by), &run)?;
+            *done = Some(run);
+        }
+        results.scenes.extend(figures);
+        results.runs.extend(done.into_iter().flatten());
+        Ok(())
+    }
+
+    /// The hologram of a task: given, kept, or solved and kept; none if it was interrupted. And the seconds it took.
+    fn hologram(
+        &self,
+        task: &Task,
+        work: &mut Work,
+        engine: &mut dyn Engine,
+    ) -> Result<Option<(Hologram, Option<f64>)>, QualityError> {
+        let Source::Solved(method) = task.candidate.source else {
+            return Ok(task.candidate.given(self.index, task.frames).map(|h| (h.clone(), None)));
+        };
+        let file = work.holograms.join(format!("{}.zarr", task.name));
+        if let Ok(kept) = Hologram::load(&file)
+            && kept.metadata.made_by.as_ref() == Some(&task.made_by)
+        {
+            let seconds = kept.metadata.seconds;
+            return Ok(Some((kept, seconds)));
+        }
+        let (job, label) = (self.job, self.label());
+        let settings = Settings { method, frames: task.frames, depth: self.depth, ..job.settings.clone() };
+        let mut solved: Vec<(Color, Solution)> = Vec::new();
+        for (i, &color) in job.colors.iter().enumerate() {
+            let what = format!("{label}: solving {}, {color}", task.candidate.name);
+            let problem = Problem::new(self.field, color, &job.display, Padding::default())?;
+            let solution = solve::solve(&problem, &settings, engine, &mut |p| {
+                let part = (i as f64 + p.step as f64 / p.steps.max(1) as f64) / job.colors.len() as f64;
+                if work.within(&what, SOLVE * part) { Flow::Continue } else { Flow::Stop }
+            })?;
+            if work.stopped {
+                return Ok(None);
+            }
+            solved.push((color, solution));
+        }
+        let seconds: f64 = solved.iter().map(|(_, s)| s.seconds).sum();
+        let mut hologram = Hologram::from_solutions(self.field, &job.display, &settings, Padding::default(), &solved)?;
+        (hologram.metadata.made_by, hologram.metadata.seconds) = (Some(task.made_by.clone()), Some(seconds));
+        hologram.save(&file)?;
+        Ok(Some((hologram, Some(seconds))))
+    }
+}
+
+/// A name of letters, digits and dashes.
+fn slug(text: &str) -> String {
+    let plain: String =
+        text.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' }).collect();
+    let words: Vec<&str> = plain.split('-').filter(|w| !w.is_empty()).collect();
+    if words.is_empty() { "unnamed".into() } else { words.join("-") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_become_files() {
+        assert_eq!(slug("builtin:plane?depth=2"), "builtin-plane-depth-2");
+        assert_eq!(slug("../../Ünsäfe/"), "ns-fe");
+        assert_eq!(slug("…"), "unnamed");
+    }
+}

@@ -1,0 +1,133 @@
+//! Speckle of an even grey plane against the number of sub-frames: frames solved one by one from seeds of their own, and
+//! frames solved together.
+
+use super::measure::leading;
+use super::results::SpeckleFigures;
+use crate::engine::{Buffer, Engine};
+use crate::evaluate;
+use crate::optics::{Color, Display, Padding, Pupil, WindowFactor};
+use crate::plan::Purpose;
+use crate::quality::QualityError;
+use crate::scene::LightField;
+use crate::solve::{self, Flow, Method, Problem, Settings};
+
+/// Sub-frames.
+pub const COUNTS: [usize; 5] = [1, 2, 4, 8, 16];
+/// Independent groups of as many frames as the largest count: the curve is then a property and not luck.
+const GROUPS: usize = 4;
+/// Joint solves per count.
+const REPEATS: usize = 2;
+/// Largest side of the plane, pixels: hundreds of grains of a pupil of 1/4 of the eyebox.
+const SIDE: usize = 128;
+/// Linear light of the plane.
+const GREY: f32 = 0.5;
+/// Share of the light that pupils are to see, as scenes of middle brightness have it.
+const EFFICIENCY: f64 = 0.4;
+
+/// Solves that one method takes.
+pub const SOLVES: usize = GROUPS * COUNTS[COUNTS.len() - 1] + REPEATS * COUNTS.len();
+
+/// Whether a method's frames differ from seed to seed: smooth phase has no speckle to average.
+pub fn has_speckle(method: Method) -> bool {
+    !matches!(method, Method::Smooth | Method::Dpac)
+}
+
+/// Measures one method; none once `went`, which is called after every solve, says no.
+pub fn speckle(
+    method: Method,
+    settings: &Settings,
+    display: &Display,
+    views: [usize; 2],
+    engine: &mut dyn Engine,
+    went: &mut dyn FnMut() -> bool,
+) -> Result<Option<SpeckleFigures>, QualityError> {
+    let side = SIDE.min(display.height).min(display.width);
+    let display = Display { height: side, width: side, ..display.clone() };
+    let color = leading(&display.wavelengths.iter().map(|w| w.color).collect::<Vec<_>>());
+    let problem = Problem::new(&plane(side, color, views), color, &display, Padding::default())?;
+    let diameter = display.eyebox_min() / 4.0;
+    let pupil = Pupil { x: 0.0, y: 0.0, diameter, depth: 0.0 };
+    let mut view = |frames: usize, seed: u64| -> Result<Vec<f32>, QualityError> {
+        let settings = Settings { method, frames, seed, efficiency: Some(EFFICIENCY), ..settings.clone() };
+        let solution = solve::solve(&problem, &settings, engine, &mut |_| Flow::Continue)?;
+        let planner = problem.planner(frames, WindowFactor::Full);
+        engine.load(&planner.shape(Purpose::View), None)?;
+        engine.write(Buffer::Phases, &solution.phases)?;
+        Ok(evaluate::views(engine, &planner, &[pupil])?.remove(0))
+    };
+    let seed = |i: usize| settings.seed.wrapping_add(0x7370_6563 + i as u64);
+    let mut images = Vec::new();
+    for i in 0..GROUPS * COUNTS[COUNTS.len() - 1] {
+        images.push(view(1, seed(i))?);
+        if !went() {
+            return Ok(None);
+        }
+    }
+    let mut joint = Vec::new();
+    for count in COUNTS {
+        let mut sum = 0.0;
+        for i in 0..REPEATS {
+            sum += evaluate::contrast(&view(count, seed(1000 + i))?);
+            if !went() {
+                return Ok(None);
+            }
+        }
+        joint.push((count, sum / REPEATS as f64));
+    }
+    let independent = COUNTS.iter().filter_map(|&n| Some((n, evaluate::averaged_contrast(&images, n)?))).collect();
+    Ok(Some(SpeckleFigures {
+        method: method.name().into(),
+        independent,
+        joint,
+        side,
+        color,
+        diameter_mm: diameter * 1e3,
+    }))
+}
+
+/// The same grey from everywhere.
+fn plane(side: usize, color: Color, views: [usize; 2]) -> LightField {
+    LightField {
+        name: "even plane".into(),
+        grid: views,
+        height: side,
+        width: side,
+        colors: vec![color],
+        planes: vec![vec![vec![GREY; side * side]; views[0] * views[1]]],
+        view_pitch: None,
+        disparity: None,
+        depth: None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::cpu::CpuEngine;
+
+    #[test]
+    fn independent_frames_follow_the_root_and_joint_ones_are_smoother() {
+        let mut display = Display::preset("small").unwrap();
+        (display.height, display.width) = (64, 64);
+        let settings = Settings { steps: 12, depth: [-0.4e-3, 0.4e-3], ..Settings::default() };
+        let mut solves = 0;
+        let mut went = || {
+            solves += 1;
+            true
+        };
+        let found =
+            speckle(Method::Slfh, &settings, &display, [3, 3], &mut CpuEngine::new(), &mut went).unwrap().unwrap();
+        assert_eq!(solves, SOLVES);
+        let one = found.independent[0].1;
+        assert!(one > 0.2, "a single frame is grainy: {one}");
+        for &(count, contrast) in &found.independent[..4] {
+            let root = one / (count as f64).sqrt();
+            assert!((contrast / root - 1.0).abs() < 0.1, "{count} frames: {contrast}, not {root}");
+        }
+        assert!(found.joint[3].1 < found.independent[3].1, "{found:?}");
+        let mut stop = || false;
+        assert!(
+            speckle(Method::Slfh, &settings, &display, [3, 3], &mut CpuEngine::new(), &mut stop).unwrap().is_none()
+        );
+    }
+}

@@ -1,0 +1,103 @@
+//! What is done stays done: every result in a file of its own, with everything that decided it.
+//!
+//! A result is used again if what decides it is, to the letter, what the file says. Anything else, a damaged file
+//! included, is computed again and replaced.
+
+use crate::files::{self, FileError};
+use crate::scene::LightField;
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+
+#[derive(Serialize, Deserialize)]
+struct Kept<S, T> {
+    made_by: S,
+    result: T,
+}
+
+/// A folder of results.
+pub(super) struct Keep {
+    folder: PathBuf,
+}
+
+impl Keep {
+    /// In this folder, which is made if it is not there.
+    pub fn new(folder: PathBuf) -> Result<Self, FileError> {
+        std::fs::create_dir_all(&folder).map_err(|e| FileError::write(&folder, e))?;
+        Ok(Self { folder })
+    }
+
+    /// The result of this name, if it was made by exactly this.
+    pub fn load<T: DeserializeOwned>(&self, name: &str, made_by: &str) -> Option<T> {
+        let file = File::open(self.file(name)).ok()?;
+        let kept: Kept<String, T> = serde_json::from_reader(BufReader::new(file)).ok()?;
+        (kept.made_by == made_by).then_some(kept.result)
+    }
+
+    /// Keeps a result, whole or not at all.
+    pub fn save<T: Serialize>(&self, name: &str, made_by: &str, result: &T) -> Result<(), FileError> {
+        files::write_file(&self.file(name), |out| Ok(serde_json::to_writer(out, &Kept { made_by, result })?))
+    }
+
+    fn file(&self, name: &str) -> PathBuf {
+        self.folder.join(format!("{name}.json"))
+    }
+}
+
+/// Refuses a folder that nothing can be written into, before anything is computed. It is made if it is not there.
+///
+/// # Errors
+/// [`FileError`].
+pub fn writable(folder: &Path) -> Result<(), FileError> {
+    let failed = |e| FileError::write(folder, e);
+    std::fs::create_dir_all(folder).map_err(failed)?;
+    let probe = folder.join(format!(".eyebox-{}", std::process::id()));
+    File::create(&probe).map_err(failed)?;
+    std::fs::remove_file(&probe).map_err(failed)
+}
+
+/// Changes with any pixel of any view.
+pub(super) fn checksum(field: &LightField) -> u32 {
+    field.planes.iter().flatten().fold(0, |sum, view| append(sum, view))
+}
+
+/// CRC-32C of what `sum` is that of, and then of the little-endian bytes of these values.
+pub(super) fn append(sum: u32, values: &[f32]) -> u32 {
+    let mut bytes = Vec::with_capacity(4 * 4096);
+    values.chunks(4096).fold(sum, |sum, some| {
+        bytes.clear();
+        bytes.extend(some.iter().flat_map(|v| v.to_le_bytes()));
+        crc32c::crc32c_append(sum, &bytes)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_was_made_the_same_way_is_used_again() {
+        let here = tempfile::tempdir().unwrap();
+        let keep = Keep::new(here.path().join("results")).unwrap();
+        let made_by = r#"{"version":"1","steps":60}"#;
+        keep.save("a", made_by, &vec![1.5, 2.5]).unwrap();
+        assert_eq!(keep.load::<Vec<f64>>("a", made_by), Some(vec![1.5, 2.5]));
+        assert_eq!(keep.load::<Vec<f64>>("a", r#"{"version":"1","steps":61}"#), None);
+        assert_eq!(keep.load::<Vec<f64>>("b", made_by), None);
+        assert_eq!(keep.load::<Vec<String>>("a", made_by), None);
+        let file = here.path().join("results/a.json");
+        let whole = std::fs::read(&file).unwrap();
+        std::fs::write(&file, &whole[..whole.len() - 3]).unwrap();
+        assert_eq!(keep.load::<Vec<f64>>("a", made_by), None);
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_is_refused() {
+        let here = tempfile::tempdir().unwrap();
+        writable(&here.path().join("new/folder")).unwrap();
+        assert_eq!(std::fs::read_dir(here.path().join("new/folder")).unwrap().count(), 0);
+        std::fs::write(here.path().join("file"), "x").unwrap();
+        assert!(writable(&here.path().join("file/folder")).unwrap_err().to_string().contains("file/folder"));
+    }
+}

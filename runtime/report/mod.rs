@@ -1,0 +1,72 @@
+//! Reports: pages that open from disk, and the same numbers as CSV and JSON.
+//!
+//! What was measured comes as plain data ([`comparison::Results`](crate::quality::comparison::Results)); nothing here
+//! computes light. A [`Plot`] is the one type of drawing, `page` is what all pages are made of. Behind the feature
+//! `reports`.
+
+mod comparison;
+mod findings;
+mod page;
+mod pictures;
+mod plot;
+mod plots;
+#[cfg(feature = "window")]
+mod study;
+mod tables;
+mod tradeoff;
+
+pub use plot::{Axis, Plot};
+#[cfg(feature = "window")]
+pub use study::page as study_page;
+
+use crate::files::{FileError, write_file};
+use crate::quality::Tuned;
+use crate::quality::comparison::Results;
+use serde_json::Value;
+use std::path::Path;
+
+/// The numbers of a comparison of methods as one JSON object, without its pictures.
+pub fn comparison_json(results: &Results) -> Value {
+    tables::json(results)
+}
+
+/// Writes `report.html`, `scores.csv`, `summary.csv` and `report.json` of a comparison of methods into a folder, each whole
+/// or not at all.
+///
+/// # Errors
+/// [`FileError`].
+pub fn write_comparison(results: &Results, folder: &Path) -> Result<(), FileError> {
+    write(
+        folder,
+        [
+            ("scores.csv", tables::scores(results)),
+            ("summary.csv", tables::summary(results)),
+            ("report.json", format!("{:#}\n", tables::json(results)).into_bytes()),
+            ("report.html", comparison::page(results).into_bytes()),
+        ],
+    )
+}
+
+/// The numbers of a tuning as one JSON object, with the trials that are on each front.
+pub fn tuned_json(tuned: &Tuned) -> Value {
+    tradeoff::json(tuned)
+}
+
+/// Writes `index.html`, `trials.csv` and `tradeoff.json` of a tuning into a folder, each whole or not at all.
+///
+/// # Errors
+/// [`FileError`].
+pub fn write_tuned(tuned: &Tuned, folder: &Path) -> Result<(), FileError> {
+    write(
+        folder,
+        [
+            ("trials.csv", tradeoff::csv(tuned)),
+            ("tradeoff.json", format!("{:#}\n", tradeoff::json(tuned)).into_bytes()),
+            ("index.html", tradeoff::page(tuned).into_bytes()),
+        ],
+    )
+}
+
+fn write<const N: usize>(folder: &Path, files: [(&str, Vec<u8>); N]) -> Result<(), FileError> {
+    files.into_iter().try_for_each(|(name, bytes)| write_file(&folder.join(name), |out| out.write_all(&bytes)))
+}

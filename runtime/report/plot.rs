@@ -1,0 +1,414 @@
+//! The one type of plot: marks in the units of its axes, drawn as SVG. Colours are CSS variables of the style sheet, so that
+//! light and dark both read well; the classes `m0`, `m1`, ... are the colours of series.
+
+use maud::{Markup, PreEscaped, html};
+
+/// Width of a plot unless it says otherwise: it is shown at this size, or at a phone's width.
+const WIDTH: f64 = 370.0;
+/// Margins of the drawing area, pixels: at the left for numbers and for names of rows, and below for the axis.
+const NUMBERS: f64 = 44.0;
+const NAMES: f64 = 112.0;
+const BELOW: f64 = 38.0;
+/// Marks of an axis, at most.
+const MOST: usize = 7;
+/// The rules of the style sheet that drawings need.
+pub(super) const STYLE: &str = include_str!("plot.css");
+
+#[derive(Debug, Clone, PartialEq)]
+enum Kind {
+    Linear,
+    Log,
+    /// Names, one for each row from the top; row `i` spans `i` to `i + 1`.
+    Rows(Vec<String>),
+}
+
+/// An axis: what is along it, and how.
+#[derive(Debug, Clone)]
+pub struct Axis {
+    name: String,
+    kind: Kind,
+    /// Values below are drawn here.
+    floor: f64,
+    /// Values that it covers besides those of the marks.
+    covered: Vec<f64>,
+    /// Values with what is written at them; without them, round numbers.
+    ticks: Vec<(f64, String)>,
+    text: Option<fn(f64) -> String>,
+}
+
+impl Axis {
+    fn new(name: &str, kind: Kind) -> Self {
+        let (covered, ticks) = (Vec::new(), Vec::new());
+        Self { name: name.into(), kind, floor: f64::NEG_INFINITY, covered, ticks, text: None }
+    }
+
+    /// A linear axis.
+    pub fn linear(name: &str) -> Self {
+        Self::new(name, Kind::Linear)
+    }
+
+    /// A logarithmic axis; values must be positive.
+    pub fn log(name: &str) -> Self {
+        Self::new(name, Kind::Log)
+    }
+
+    /// An axis of named rows, the first on top; row `i` spans the values `i` to `i + 1`.
+    pub fn rows(names: impl IntoIterator<Item = String>) -> Self {
+        Self::new("", Kind::Rows(names.into_iter().collect()))
+    }
+
+    /// Values below `floor` are drawn at `floor`.
+    pub fn floor(self, floor: f64) -> Self {
+        Self { floor, ..self }
+    }
+
+    /// The axis reaches these values too.
+    pub fn covering(self, values: impl IntoIterator<Item = f64>) -> Self {
+        Self { covered: values.into_iter().collect(), ..self }
+    }
+
+    /// Ticks at these values with these texts, in place of round numbers.
+    pub fn ticks(self, ticks: impl IntoIterator<Item = (f64, String)>) -> Self {
+        Self { ticks: ticks.into_iter().collect(), ..self }
+    }
+
+    /// How the number of a tick is written.
+    pub fn text(self, text: fn(f64) -> String) -> Self {
+        Self { text: Some(text), ..self }
+    }
+
+    /// Ticks and range over these values.
+    fn laid_out(&self, values: impl Iterator<Item = f64>) -> (Vec<(f64, String)>, [f64; 2]) {
+        let all = values.chain(self.covered.iter().copied()).filter(|v| v.is_finite()).map(|v| v.max(self.floor));
+        let [low, high] = all.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| [a.min(v), b.max(v)]);
+        let [low, high] = if low <= high { [low, high] } else { [1.0, 2.0] };
+        let write = |marks: Vec<f64>, step: f64| -> Vec<(f64, String)> {
+            let text = |v: f64| self.text.map_or_else(|| number(v, step), |text| text(v));
+            marks.into_iter().map(|v| (v, text(v))).collect()
+        };
+        match &self.kind {
+            Kind::Rows(names) => (Vec::new(), [0.0, names.len() as f64]),
+            Kind::Log => {
+                let range = if high > low { [low / 1.06, high * 1.06] } else { [low / 1.5, high * 1.5] };
+                let ticks = if self.ticks.is_empty() { write(decades(range), 0.0) } else { self.ticks.clone() };
+                (ticks, range)
+            }
+            Kind::Linear if self.ticks.is_empty() => {
+                let (marks, step) = round_numbers([low, high], MOST);
+                let range = [marks[0], marks[marks.len() - 1]];
+                (write(marks, step), range)
+            }
+            Kind::Linear => {
+                let part = 0.03 * (high - low).max(1e-9);
+                (self.ticks.clone(), [low - part, high + part])
+            }
+        }
+    }
+}
+
+/// Round numbers that cover a range, and the step between them: about `most` of them.
+fn round_numbers([low, high]: [f64; 2], most: usize) -> (Vec<f64>, f64) {
+    let wide = (high - low).max(1e-6 * high.abs()).max(1e-9);
+    let rough = wide / (most.max(2) - 1) as f64;
+    let unit = 10f64.powf(rough.log10().floor());
+    let step = [1.0, 2.0, 5.0].map(|k| k * unit).into_iter().find(|s| *s >= rough * 0.999).unwrap_or(10.0 * unit);
+    let (first, last) = ((low / step).floor(), ((high / step).ceil()).max((low / step).floor() + 1.0));
+    ((0..=(last - first) as usize).map(|i| (first + i as f64) * step).collect(), step)
+}
+
+/// Ticks of a logarithmic axis.
+fn decades([low, high]: [f64; 2]) -> Vec<f64> {
+    let wide = (high / low).log10();
+    let parts: &[f64] = match wide {
+        w if w < 0.8 => &[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0],
+        w if w < 2.0 => &[1.0, 2.0, 5.0],
+        _ => &[1.0],
+    };
+    let every = (wide / 8.0).ceil().max(1.0) as usize;
+    let powers = (low.log10().floor() as i32..=high.log10().ceil() as i32).step_by(every);
+    let all = powers.flat_map(|e| parts.iter().map(move |p| p * 10f64.powi(e)));
+    all.filter(|v| (low..=high).contains(v)).collect()
+}
+
+/// A tick's number: no more digits than its step has; without a step, three digits that count.
+fn number(value: f64, step: f64) -> String {
+    let size = if step > 0.0 { step } else { value.abs() / 100.0 };
+    if step == 0.0 && !(1e-3..1e6).contains(&value.abs()) {
+        return format!("{value:.0e}");
+    }
+    let digits = (-size.max(1e-9).log10().floor()).max(0.0) as usize;
+    let text = format!("{value:.digits$}");
+    let text = if step == 0.0 && text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+    if text.trim_start_matches('-').chars().all(|c| c == '0' || c == '.') {
+        text.trim_start_matches('-').into()
+    } else {
+        text.into()
+    }
+}
+
+#[derive(Debug, Clone)]
+enum Shape {
+    Line(Vec<[f64; 2]>),
+    Dot([f64; 2], f64),
+    Rect([f64; 2], [f64; 2]),
+    /// At a place, so many pixels from it; `text-anchor`; the text.
+    Text([f64; 2], [f64; 2], &'static str, String),
+}
+
+#[derive(Debug, Clone)]
+struct Mark {
+    class: String,
+    hover: String,
+    shape: Shape,
+}
+
+/// A plot in the making. Marks are drawn in the order in which they are added.
+#[derive(Debug, Clone)]
+pub struct Plot {
+    title: String,
+    x: Axis,
+    y: Axis,
+    width: f64,
+    /// Of the drawing area; of one row where there are rows.
+    height: f64,
+    marks: Vec<Mark>,
+    /// Class and name of each series, written at the right.
+    legend: Vec<(String, String)>,
+}
+
+impl Plot {
+    /// `title` is what a screen reader says.
+    pub fn new(title: &str, x: Axis, y: Axis) -> Self {
+        let height = if matches!(y.kind, Kind::Rows(_)) { 28.0 } else { 212.0 };
+        Self { title: title.into(), x, y, width: WIDTH, height, marks: Vec::new(), legend: Vec::new() }
+    }
+
+    /// Of another width in all, and height of the drawing area or of each row, pixels.
+    pub fn sized(self, width: f64, height: f64) -> Self {
+        Self { width, height, ..self }
+    }
+
+    fn add(&mut self, class: &str, hover: &str, shape: Shape) {
+        self.marks.push(Mark { class: class.into(), hover: hover.into(), shape });
+    }
+
+    /// Straight lines through points.
+    pub fn line(&mut self, class: &str, points: Vec<[f64; 2]>) {
+        self.add(class, "", Shape::Line(points));
+    }
+
+    /// A disc of `radius` pixels; `hover` is what it says under the mouse.
+    pub fn dot(&mut self, class: &str, at: [f64; 2], radius: f64, hover: &str) {
+        self.add(class, hover, Shape::Dot(at, radius));
+    }
+
+    /// A rectangle between two corners; what is infinite ends at the edge.
+    pub fn rect(&mut self, class: &str, from: [f64; 2], to: [f64; 2], hover: &str) {
+        self.add(class, hover, Shape::Rect(from, to));
+    }
+
+    /// Text so many pixels from a place; `anchor` is start, middle or end. It moves down where other text is.
+    pub fn text(&mut self, class: &str, at: [f64; 2], offset: [f64; 2], anchor: &'static str, text: &str) {
+        self.add(class, "", Shape::Text(at, offset, anchor, text.into()));
+    }
+
+    /// A line with a dot at every point, which says its value under the mouse.
+    pub fn series(&mut self, class: &str, name: &str, points: &[[f64; 2]]) {
+        self.line(&format!("{class} line"), points.to_vec());
+        for [x, y] in points {
+            let hover = format!("{name}: {} at {}", number(*y, 0.0), number(*x, 0.0));
+            self.dot(&format!("{class} dot"), [*x, *y], 3.0, &hover);
+        }
+    }
+
+    /// A box plot along x: the lowest value, quartile, median, quartile and highest value, and where there is one, the mean.
+    /// Its middle and height are in rows.
+    pub fn boxes(&mut self, class: &str, [middle, tall]: [f64; 2], five: [f64; 5], mean: Option<f64>, hover: &str) {
+        let [low, q25, median, q75, high] = five;
+        let across = |x: f64, part: f64| vec![[x, middle - part * tall], [x, middle + part * tall]];
+        self.line(class, vec![[low, middle], [high, middle]]);
+        self.line(class, across(low, 0.25));
+        self.line(class, across(high, 0.25));
+        self.rect(class, [q25, middle - tall / 2.0], [q75, middle + tall / 2.0], hover);
+        self.line(&format!("{class} median"), across(median, 0.5));
+        if let Some(mean) = mean {
+            self.dot(&format!("{class} mean"), [mean, middle], 2.2, hover);
+        }
+    }
+
+    /// A bar along x from `from`, with its value at its end.
+    pub fn bar(&mut self, class: &str, [top, bottom]: [f64; 2], [from, to]: [f64; 2], hover: &str, value: &str) {
+        self.rect(class, [from, top], [to, bottom], hover);
+        self.text("small", [to, (top + bottom) / 2.0], [4.0, 3.5], "start", value);
+    }
+
+    /// Names a series at the right of the plot, which is as much narrower.
+    pub fn legend(&mut self, class: &str, name: &str) {
+        self.legend.push((class.into(), name.into()));
+    }
+
+    /// The drawing as an element of a page.
+    pub fn svg(&self) -> Markup {
+        self.drawing("", 0.0)
+    }
+
+    /// The drawing as a file by itself, with its title.
+    pub fn file(&self) -> String {
+        self.drawing(STYLE, 30.0).into_string()
+    }
+
+    fn drawing(&self, style: &str, head: f64) -> Markup {
+        let is_rows = matches!(self.y.kind, Kind::Rows(_));
+        let along = |k: usize| self.marks.iter().flat_map(move |m| m.shape.values(k));
+        let ((x_ticks, x_range), (y_ticks, y_range)) = (self.x.laid_out(along(0)), self.y.laid_out(along(1)));
+        let (left, top) = (if is_rows { NAMES } else { NUMBERS }, head + if is_rows { 4.0 } else { 22.0 });
+        let right = self.width - if self.legend.is_empty() { 16.0 } else { 170.0 };
+        let bottom = top + if is_rows { self.height * y_range[1] } else { self.height };
+        let pixels = if is_rows { [top, bottom] } else { [bottom, top] };
+        let x = Scale { range: x_range, pixels: [left, right], is_log: self.x.kind == Kind::Log };
+        let y = Scale { range: y_range, pixels, is_log: self.y.kind == Kind::Log };
+        let mut taken = Vec::new();
+        let height = bottom + BELOW;
+        html! {
+            svg viewBox={ "0 0 " (self.width) " " (height) } role="img" aria-label=(self.title)
+                xmlns="http://www.w3.org/2000/svg" {
+                @if head > 0.0 {
+                    title { (self.title) }
+                    style { (PreEscaped(style)) }
+                    rect.paper width=(self.width) height=(height) {}
+                    text.title x="12" y="22" { (self.title) }
+                }
+                @for (value, text) in &x_ticks {
+                    line.grid x1=(p(x.at(*value))) x2=(p(x.at(*value))) y1=(p(top)) y2=(p(bottom)) {}
+                    text.tick text-anchor="middle" x=(p(x.at(*value))) y=(p(bottom + 15.0)) { (text) }
+                }
+                @for (value, text) in &y_ticks {
+                    line.grid x1=(p(left)) x2=(p(right)) y1=(p(y.at(*value))) y2=(p(y.at(*value))) {}
+                    text.tick text-anchor="end" x=(p(left - 6.0)) y=(p(y.at(*value) + 4.0)) { (text) }
+                }
+                @if let Kind::Rows(names) = &self.y.kind {
+                    @for (i, name) in names.iter().enumerate() {
+                        text.name text-anchor="end" x=(p(left - 10.0)) y=(p(y.at(i as f64 + 0.5) + 4.0)) { (name) }
+                    }
+                }
+                text.axis text-anchor="start" x="4" y=(p(head + 11.0)) { (self.y.name) }
+                text.axis text-anchor="end" x=(p(right)) y=(p(bottom + 31.0)) { (self.x.name) }
+                @for mark in &self.marks { (mark.drawn(&x, &y, &mut taken)) }
+                @for (i, (class, name)) in self.legend.iter().enumerate() {
+                    text class={ (class) " label" } x=(p(right + 12.0)) y=(p(top + 10.0 + 16.0 * i as f64)) { (name) }
+                }
+            }
+        }
+    }
+}
+
+/// Pixels as they are written.
+fn p(pixels: f64) -> String {
+    format!("{pixels:.1}")
+}
+
+impl Shape {
+    /// Its values along axis `k`.
+    fn values(&self, k: usize) -> impl Iterator<Item = f64> {
+        let points = match self {
+            Self::Line(points) => points.clone(),
+            Self::Dot(at, _) | Self::Text(at, ..) => vec![*at],
+            Self::Rect(from, to) => vec![*from, *to],
+        };
+        points.into_iter().map(move |point| point[k])
+    }
+}
+
+impl Mark {
+    /// `taken` are the places of the texts so far.
+    fn drawn(&self, x: &Scale, y: &Scale, taken: &mut Vec<[f64; 2]>) -> Markup {
+        let class = &self.class;
+        let hover = html! { @if !self.hover.is_empty() { title { (self.hover) } } };
+        match &self.shape {
+            Shape::Line(points) => {
+                let all: Vec<String> = points.iter().map(|[a, b]| format!("{:.1},{:.1}", x.at(*a), y.at(*b))).collect();
+                html! { polyline class=(class) points=(all.join(" ")) {} }
+            }
+            Shape::Dot([a, b], radius) => {
+                html! { circle class=(class) cx=(p(x.at(*a))) cy=(p(y.at(*b))) r=(radius) { (hover) } }
+            }
+            Shape::Rect([a, b], [c, d]) => {
+                let ([x0, x1], [y0, y1]) = ([x.at(*a), x.at(*c)], [y.at(*b), y.at(*d)]);
+                html! {
+                    rect class=(class) x=(p(x0.min(x1))) y=(p(y0.min(y1))) width=(p((x1 - x0).abs()))
+                        height=(p((y1 - y0).abs())) rx="1.5" { (hover) }
+                }
+            }
+            Shape::Text([a, b], [dx, dy], anchor, text) => {
+                let mut at = [x.at(*a) + dx, y.at(*b) + dy];
+                while taken.iter().any(|[u, v]| (u - at[0]).abs() < 62.0 && (v - at[1]).abs() < 9.0) {
+                    at[1] += 3.0;
+                }
+                taken.push(at);
+                html! { text class=(class) text-anchor=(anchor) x=(p(at[0])) y=(p(at[1])) { (text) } }
+            }
+        }
+    }
+}
+
+/// From values to pixels.
+#[derive(Debug, Clone, Copy)]
+struct Scale {
+    range: [f64; 2],
+    pixels: [f64; 2],
+    is_log: bool,
+}
+
+impl Scale {
+    /// Where a value is; what lies outside stands on the edge.
+    fn at(&self, value: f64) -> f64 {
+        let of = |v: f64| if self.is_log { v.ln() } else { v };
+        let ([a, b], [from, to]) = (self.range.map(of), self.pixels);
+        from + (of(value.clamp(self.range[0], self.range[1])) - a) / (b - a) * (to - from)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_cannot_break_the_page() {
+        let mut plot = Plot::new("a \"<b>\" & c", Axis::linear("<i>"), Axis::linear("y"));
+        plot.text("x", [0.0; 2], [0.0; 2], "start", "<script>");
+        plot.dot("m0", [1.0, 1.0], 2.0, "it's <b>");
+        let drawn = plot.svg().into_string();
+        assert!(!drawn.contains("<script>") && !drawn.contains("<b>") && !drawn.contains("<i>"), "{drawn}");
+        assert!(drawn.contains("&quot;&lt;b&gt;&quot; &amp; c") && drawn.contains("<title>it's &lt;b&gt;</title>"));
+    }
+
+    #[test]
+    fn ticks_are_round_and_cover() {
+        let (marks, step) = round_numbers([18.3, 39.2], 6);
+        assert_eq!((marks.as_slice(), step), ([15.0, 20.0, 25.0, 30.0, 35.0, 40.0].as_slice(), 5.0));
+        let (marks, _) = round_numbers([0.012, 0.034], 5);
+        assert!(marks[0] <= 0.012 && marks[marks.len() - 1] >= 0.034 && marks.len() <= 6, "{marks:?}");
+        assert!((2..10).contains(&round_numbers([7.0, 7.0], 5).0.len()));
+        assert!(decades([0.19, 0.8]).iter().zip([0.2, 0.3, 0.4, 0.5, 0.7]).all(|(a, b)| (a - b).abs() < 1e-12));
+        assert!(decades([1e-16, 1e-6]).len() <= 8 && decades([20.0, 3200.0]) == [100.0, 1000.0]);
+        let written = [number(-0.0, 0.5), number(2.5, 0.5), number(20.0, 5.0), number(0.15, 0.0), number(1e-12, 0.0)];
+        assert_eq!(written, ["0.0", "2.5", "20", "0.15", "1e-12"]);
+        assert_eq!((number(1000.0, 0.0), number(31.5, 0.0)), ("1000".into(), "31.5".into()));
+    }
+
+    #[test]
+    fn scales_reach_their_ends() {
+        let scale = Scale { range: [10.0, 20.0], pixels: [100.0, 0.0], is_log: false };
+        assert_eq!([10.0, 20.0, 15.0, -5.0, f64::INFINITY].map(|v| scale.at(v)), [100.0, 0.0, 50.0, 100.0, 0.0]);
+        let scale = Scale { range: [1.0, 16.0], pixels: [0.0, 40.0], is_log: true };
+        assert!((scale.at(4.0) - 20.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn nothing_to_draw_is_a_drawing() {
+        for axis in [Axis::linear("x"), Axis::log("x")] {
+            let drawn = Plot::new("empty", axis, Axis::linear("y").floor(0.0)).svg().into_string();
+            assert!(drawn.starts_with("<svg") && !drawn.contains("NaN") && !drawn.contains("inf"), "{drawn}");
+        }
+    }
+}

@@ -1,0 +1,100 @@
+//! The numbers of a comparison as CSV and JSON.
+
+use super::findings::findings;
+use crate::evaluate::{Group, Summary};
+use crate::quality::comparison::{Results, Series};
+use serde_json::{Map, Value, json};
+
+/// A CSV file of these lines.
+pub fn csv(head: &[&str], lines: impl IntoIterator<Item = Vec<String>>) -> Vec<u8> {
+    let mut out = csv::Writer::from_writer(Vec::new());
+    out.write_record(head).expect("a vector takes everything");
+    lines.into_iter().for_each(|l| out.write_record(l).expect("a vector takes everything"));
+    out.into_inner().expect("a vector takes everything")
+}
+
+/// Every score: one line per method, scene, colour and pupil.
+pub fn scores(results: &Results) -> Vec<u8> {
+    let head = "method,frames,scene,color,group,pupil,x_mm,y_mm,diameter_mm,focus_mm,psnr_db,ssim";
+    let rows = results.runs.iter().flat_map(|run| run.rows.iter().map(move |row| (run, row)));
+    let lines = rows.map(|(run, row)| {
+        let mut line = vec![
+            run.method.clone(),
+            run.frames.to_string(),
+            run.scene.clone(),
+            row.color.to_string(),
+            row.group.name().into(),
+            row.index.to_string(),
+        ];
+        line.extend(row.pupil_mm.map(|v| format!("{v:.6}")));
+        line.push(format!("{:.4}", row.psnr));
+        line.push(row.ssim.map_or(String::new(), |s| format!("{s:.6}")));
+        line
+    });
+    csv(&head.split(',').collect::<Vec<_>>(), lines)
+}
+
+/// Every summary: per method, sub-frames, group, and scene or all scenes together.
+pub fn summary(results: &Results) -> Vec<u8> {
+    let statistics = ["mean", "median", "q25", "q75", "worst", "best", "sd"];
+    let mut head: Vec<String> = ["method", "frames", "scene", "group", "n"].map(String::from).to_vec();
+    head.extend(["psnr", "ssim"].iter().flat_map(|what| statistics.map(|s| format!("{what}_{s}"))));
+    let of = |s: Option<Summary>, digits: usize| {
+        let all = s.map(|s| [s.mean, s.median, s.q25, s.q75, s.worst, s.best, s.sd]);
+        (0..7).map(move |i| all.map_or(String::new(), |a| format!("{:.digits$}", a[i])))
+    };
+    let mut lines = Vec::new();
+    for series in results.series() {
+        let names = results.scenes.iter().map(|s| &s.name[..]);
+        for (scene, group) in names.map(Some).chain([None]).flat_map(|s| Group::ALL.map(|g| (s, g))) {
+            let n = results.rows(&series, scene, group).count();
+            if n == 0 {
+                continue;
+            }
+            let mut line = vec![
+                series.method.clone(),
+                series.frames.to_string(),
+                scene.unwrap_or("all scenes").into(),
+                group.name().into(),
+                n.to_string(),
+            ];
+            line.extend(of(results.psnr(&series, scene, group), 4));
+            line.extend(of(results.ssim(&series, scene, group), 6));
+            lines.push(line);
+        }
+    }
+    csv(&head.iter().map(|h| &h[..]).collect::<Vec<_>>(), lines)
+}
+
+/// All numbers, without pictures.
+pub fn json(results: &Results) -> Value {
+    let groups = |method: &str, frames: usize, scene: Option<&str>| -> Value {
+        let series = Series { method: method.into(), frames };
+        let of = |&g: &Group| {
+            let psnr = results.psnr(&series, scene, g)?;
+            Some((g.name().to_string(), json!({ "psnr_db": psnr, "ssim": results.ssim(&series, scene, g) })))
+        };
+        Group::ALL.iter().filter_map(of).collect::<Map<_, _>>().into()
+    };
+    let runs = results.runs.iter().map(|r| {
+        json!({
+            "method": r.method, "frames": r.frames, "scene": r.scene, "seconds": r.seconds, "colors": r.colors,
+            "color_error": r.color_error, "groups": groups(&r.method, r.frames, Some(&r.scene)), "scores": r.rows,
+        })
+    });
+    let of_series =
+        |s: &Series| json!({ "method": s.method, "frames": s.frames, "groups": groups(&s.method, s.frames, None) });
+    let scenes = results
+        .scenes
+        .iter()
+        .map(|s| json!({ "name": s.name, "views": s.views, "depth_mm": s.depth_mm, "epipolar_row": s.row }));
+    let claims = findings(results)
+        .into_iter()
+        .map(|f| json!({ "claim": f.title, "verdict": f.words(), "numbers": f.numbers, "note": f.note }));
+    json!({
+        "about": results.about, "missing": results.missing, "methods": results.methods,
+        "scenes": scenes.collect::<Vec<_>>(), "over_scenes": results.series().iter().map(of_series).collect::<Vec<_>>(),
+        "runs": runs.collect::<Vec<_>>(), "speckle": results.speckle, "claims": claims.collect::<Vec<_>>(),
+        "published": results.published,
+    })
+}

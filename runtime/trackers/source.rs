@@ -1,0 +1,67 @@
+//! What a tracker is to the rest: a source of samples.
+
+use super::{Sample, TrackerError};
+use serde::Serialize;
+use std::time::Duration;
+
+/// A device of a recording.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Head {
+    /// Its name.
+    pub name: String,
+    /// Where it was plugged in.
+    pub path: String,
+    /// Bus, vendor, product.
+    pub id: [u16; 3],
+    /// Its report descriptor.
+    pub descriptor: Vec<u8>,
+}
+
+/// What a source is and can do.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct About {
+    /// Its name.
+    pub name: String,
+    /// How it is reached: `hid`, `recording`, `network`, `mouse`, `simulated`.
+    pub kind: &'static str,
+    /// Samples a second, where it says so.
+    pub rate_hz: Option<f64>,
+    /// What is known besides, for people.
+    pub notes: Vec<String>,
+}
+
+/// What a source answers when it is asked for the next sample.
+// Nearly all of them are samples: in a box each would cost an allocation.
+#[allow(clippy::large_enum_variant)]
+#[derive(Debug, Clone, PartialEq)]
+pub enum Event {
+    /// A sample; with it the report that it came in, where the source has such a thing.
+    Sample(Sample, Option<Box<[u8]>>),
+    /// Nothing within the time given.
+    Nothing,
+    /// Something happened that a person wants to read: a device came, went, or fell silent. Ask again.
+    Note(String),
+    /// The source is at its end: a recording.
+    End,
+}
+
+/// A tracker.
+pub trait Source: Send {
+    /// What it is and can do, as far as it is known by now.
+    fn about(&self) -> About;
+
+    /// Waits for the next sample, `timeout` at most.
+    ///
+    /// What passes by itself (a device pulled out, a peer that is silent, a message that makes no sense) is no error:
+    /// the source goes on trying, and says so in a note.
+    ///
+    /// # Errors
+    /// What no waiting mends.
+    fn next(&mut self, timeout: Duration) -> Result<Event, TrackerError>;
+
+    /// The head of a recording of this source in the format of hid-recorder, once it is known; `None` from sources
+    /// without reports.
+    fn recording_head(&self) -> Option<Head> {
+        None
+    }
+}

@@ -1,0 +1,140 @@
+//! Vulkan transforms beside RustFFT on one thread, measured in turn, so that a busy machine slows both.
+//!
+//! RustFFT is used in two ways: `blocked` is the CPU engine's own, whose columns are transformed where they lie, a few
+//! at a time; `textbook` is the plain one that a user of the crate writes: rows, transpose, rows, transpose.
+
+mod clock;
+
+use clap::Parser;
+use clock::{least, median, timed};
+use eyebox::engine::vulkan::Transforms;
+use eyebox::gpu::{Gpu, Options};
+use eyebox_kernels::Complex32;
+use eyebox_kernels::fft::{Columns, Direction, Plans};
+use rustfft::FftPlanner;
+use std::collections::BTreeMap;
+use std::process::ExitCode;
+
+/// Times forward transforms on a Vulkan device and with RustFFT on one thread (blocked as the CPU engine does it, and
+/// textbook: rows, transpose, rows, transpose), in turn; prints the medians, the shortest times (which a busy machine
+/// disturbs least), the ratio of Vulkan's to either, and the power of the difference over that of the result.
+#[derive(Parser)]
+#[command(after_help = "Example: cargo bench -p eyebox-tests --bench fft -- 2048x2048 1080x1920")]
+struct Arguments {
+    /// Given by cargo.
+    #[arg(long, hide = true)]
+    bench: bool,
+    /// Sizes as HEIGHTxWIDTH.
+    #[arg(default_values = ["512x512", "1080x1920", "2048x2048"], value_parser = size)]
+    sizes: Vec<(usize, usize)>,
+    /// Device, by number or part of its name.
+    #[arg(long)]
+    device: Option<String>,
+    /// Measurements of each.
+    #[arg(long, default_value_t = 11)]
+    rounds: usize,
+    /// Show plans and the time of every pass.
+    #[arg(long)]
+    passes: bool,
+}
+
+fn size(text: &str) -> Result<(usize, usize), String> {
+    let parts: Option<Vec<usize>> =
+        text.split('x').map(|p| p.parse().ok().filter(|n| (1..=65_536).contains(n))).collect();
+    match parts.as_deref() {
+        Some(&[h, w]) if h * w <= 1 << 24 => Ok((h, w)),
+        _ => Err("a size is HEIGHTxWIDTH, as 1080x1920, of at most 2^24 values".into()),
+    }
+}
+
+fn main() -> ExitCode {
+    match run(&Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(e) => {
+            eprintln!("{e}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
+    let options = Options { device: arguments.device.clone(), allow_cpu: true, ..Options::default() };
+    let gpu = Gpu::open(&options)?;
+    let mut transforms = Transforms::new(&gpu)?;
+    println!("{}", gpu.report().name);
+    let twin = Plans::default();
+    for &(h, w) in &arguments.sizes {
+        let frame: Vec<Complex32> = (0..h * w).map(|i| Complex32::new((i % 17) as f32, (i % 23) as f32)).collect();
+        let (mut device, mut blocked, mut plain) = (Vec::new(), Vec::new(), Vec::new());
+        let mut passes = BTreeMap::<(usize, String), Vec<f64>>::new();
+        let mut textbook = Textbook::new(h, w);
+        let mut difference = 0.0;
+        let plans = transforms.plans(h, w)?;
+        for round in 0..=arguments.rounds {
+            let mut data = frame.clone();
+            let on_device = transforms.run(&mut data, (h, w), Direction::Forward, Columns::all(w), 0)?;
+            let result = std::mem::replace(&mut data, frame.clone());
+            let (seconds, ()) = timed(|| twin.fft(&mut data, h, w, Direction::Forward, Columns::all(w), |_| ()));
+            let mut again = frame.clone();
+            let (plain_seconds, ()) = timed(|| textbook.forward(&mut again));
+            difference = result.iter().zip(&data).map(|(a, b)| f64::from((a - b).norm_sqr())).sum::<f64>()
+                / data.iter().map(|z| f64::from(z.norm_sqr())).sum::<f64>();
+            // The first round makes plans and compiles.
+            if round > 0 {
+                device.push(on_device.whole);
+                blocked.push(seconds);
+                plain.push(plain_seconds);
+                for (i, (name, seconds)) in on_device.passes.into_iter().enumerate() {
+                    passes.entry((i, name)).or_default().push(seconds);
+                }
+            }
+        }
+        println!("{h}x{w}: difference {difference:.1e}; of {} rounds, in turn:", arguments.rounds);
+        println!("  {:34} {:>9} {:>9}  Vulkan takes", "", "median ms", "best ms");
+        let line = |name: &str, seconds: &[f64]| {
+            let ratio =
+                format!("{:.2} (best {:.2}) of it", median(&device) / median(seconds), least(&device) / least(seconds));
+            let (middle, least) = (1e3 * median(seconds), 1e3 * least(seconds));
+            println!("  {name:34} {middle:>9.2} {least:>9.2}  {}", if name == "Vulkan" { "" } else { &ratio });
+        };
+        line("Vulkan", &device);
+        line("RustFFT, one thread, blocked", &blocked);
+        line("RustFFT, one thread, textbook", &plain);
+        if arguments.passes {
+            println!("  rows    {}\n  columns {}", plans[0], plans[1]);
+            for ((_, name), seconds) in passes {
+                println!("  {:>8.2} ms {name}", 1e3 * median(&seconds));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Rows, transpose, rows, transpose.
+struct Textbook {
+    rows: usize,
+    columns: usize,
+    planner: FftPlanner<f32>,
+    turned: Vec<Complex32>,
+}
+
+impl Textbook {
+    fn new(rows: usize, columns: usize) -> Self {
+        Self { rows, columns, planner: FftPlanner::new(), turned: vec![Complex32::default(); rows * columns] }
+    }
+
+    fn forward(&mut self, data: &mut [Complex32]) {
+        self.planner.plan_fft_forward(self.columns).process(data);
+        transpose(data, &mut self.turned, self.rows, self.columns);
+        self.planner.plan_fft_forward(self.rows).process(&mut self.turned);
+        transpose(&self.turned, data, self.columns, self.rows);
+    }
+}
+
+fn transpose(from: &[Complex32], to: &mut [Complex32], rows: usize, columns: usize) {
+    for y in 0..rows {
+        for x in 0..columns {
+            to[x * rows + y] = from[y * columns + x];
+        }
+    }
+}

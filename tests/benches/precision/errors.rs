@@ -1,0 +1,73 @@
+//! Error power over signal power, as a table and as a plot with both axes logarithmic.
+
+use eyebox::report::{Axis, Plot};
+use std::fmt::Write;
+
+/// One line: what was measured.
+struct Line {
+    name: String,
+    /// Drawn dashed: not what eyebox does, but what it could do.
+    beside: bool,
+    /// (x, error power over signal power).
+    points: Vec<[f64; 2]>,
+}
+
+/// Errors along one axis.
+pub struct Errors {
+    title: String,
+    /// What is along x, with its unit.
+    axis: &'static str,
+    /// Marks along x, and what is written at them.
+    marks: Vec<(f64, String)>,
+    lines: Vec<Line>,
+}
+
+impl Errors {
+    /// Nothing measured yet.
+    pub fn new(title: &str, axis: &'static str, marks: impl IntoIterator<Item = (f64, String)>) -> Self {
+        Self { title: title.into(), axis, marks: marks.into_iter().collect(), lines: Vec::new() }
+    }
+
+    /// Adds a point to the line of this name, which is begun if it is new.
+    pub fn add(&mut self, name: &str, beside: bool, x: f64, error: f64) {
+        let at = self.lines.iter().position(|l| l.name == name).unwrap_or_else(|| {
+            self.lines.push(Line { name: name.into(), beside, points: Vec::new() });
+            self.lines.len() - 1
+        });
+        self.lines[at].points.push([x, error]);
+    }
+
+    /// A table in Markdown, a row for each x.
+    pub fn table(&self) -> String {
+        let mut text = format!("{}\n\n| {} |", self.title, self.axis);
+        self.lines.iter().for_each(|l| {
+            let _ = write!(text, " {} |", l.name);
+        });
+        let _ = write!(text, "\n|---|{}", "---|".repeat(self.lines.len()));
+        for (x, mark) in &self.marks {
+            let _ = write!(text, "\n| {mark} |");
+            for line in &self.lines {
+                let value = line.points.iter().find(|p| p[0] == *x).map(|p| p[1]);
+                let _ = match value {
+                    Some(0.0) => write!(text, " 0 |"),
+                    Some(value) => write!(text, " {value:.1e} |"),
+                    None => write!(text, " |"),
+                };
+            }
+        }
+        text
+    }
+
+    /// The drawing, a file by itself.
+    pub fn draw(&self) -> String {
+        let x = Axis::log(self.axis).ticks(self.marks.clone());
+        let mut plot = Plot::new(&self.title, x, Axis::log("error power / signal power")).sized(640.0, 260.0);
+        for (i, line) in self.lines.iter().enumerate() {
+            let class = format!("m{i}{}", if line.beside { " beside" } else { "" });
+            let points: Vec<[f64; 2]> = line.points.iter().copied().filter(|p| p[1] > 0.0).collect();
+            plot.series(&class, &line.name, &points);
+            plot.legend(&class, &line.name);
+        }
+        plot.file()
+    }
+}
