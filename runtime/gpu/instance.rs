@@ -42,7 +42,10 @@ impl Instance {
         let entry = load()?;
         let there = extension_names(&entry, None);
         let shows = present && has(&there, khr::surface::NAME);
-        let wanted: Vec<_> = SURFACES.into_iter().filter(|name| shows && has(&there, name)).collect();
+        // Asked for without a compositor, layers go looking for one and complain on standard error that there is none.
+        let composited = ["WAYLAND_DISPLAY", "WAYLAND_SOCKET"].iter().any(|name| std::env::var_os(name).is_some());
+        let useful = |name: &CStr| composited || name != khr::wayland_surface::NAME;
+        let wanted: Vec<_> = SURFACES.into_iter().filter(|name| shows && useful(name) && has(&there, name)).collect();
         Self::on(entry, validation, &wanted)
     }
 

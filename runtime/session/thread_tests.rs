@@ -234,7 +234,7 @@ fn an_engine_that_is_lost_is_made_anew_and_then_given_up() {
     assert!(source.on_screen().is_some());
 }
 
-/// Engines of two colours and the encoder share a device: sets come from phases that are never read back, and for a display
+/// Engines of three colours and the encoder share a device: sets come from phases that are never read back, and for a display
 /// that shows from there nothing is.
 #[test]
 fn on_one_device_phases_never_come_to_the_host() {
@@ -243,11 +243,11 @@ fn on_one_device_phases_never_come_to_the_host() {
 
 fn refines_on_one_device(direct: Option<PixelOrder>) {
     let (colors, gpu_options) =
-        (vec![part(), part()], GpuOptions { allow_cpu: true, validation: true, ..GpuOptions::default() });
+        (vec![part(); 3], GpuOptions { allow_cpu: true, validation: true, ..GpuOptions::default() });
     let backend = Backend::open(Choice::Vulkan, &gpu_options).unwrap();
     let gpu = backend.gpu().unwrap().expect("a device");
     let display = Display { height: 96, width: 112, ..Display::preset("planes24").unwrap() };
-    let encoder = Encoder::new(&display, &[Color::Red, Color::Green], 8).unwrap();
+    let encoder = Encoder::new(&display, &[Color::Red, Color::Green, Color::Blue], 8).unwrap();
     let start = now_ns();
     let tracker = follow(&Notes::default(), move |i| (i < 100).then(|| at(start + i * 1_000_000, [1e-3, 0.0])));
     let clock = RealClock::start();

@@ -473,7 +473,8 @@ fn every_method_solves_from_the_command_line() {
 #[test]
 fn what_the_library_says_is_shown_when_asked_for() {
     let here = folder();
-    let photograph = ["photograph", "builtin:plane", "--size", "16x16", "--color", "green", "-o", "p.npy"];
+    let photograph =
+        ["photograph", "builtin:plane", "--size", "16x16", "--color", "green", "--pupil=0,0,4,0", "-o", "p.npy"];
     let said = |args: &[&str], log: Option<&str>| {
         let mut command = command(here.path(), args);
         command.env_remove("RUST_LOG").envs(log.map(|l| ("RUST_LOG", l)));

@@ -65,7 +65,7 @@ fn a_report_is_one_page_and_the_same_numbers_as_csv_and_json() {
     assert!(summary.lines().any(|l| l.starts_with("dpac,1,all scenes,Focal stack,54,")));
 
     let page = read(at, "report.html");
-    assert!(page.starts_with("<!doctype html>") && page.trim_end().ends_with("</html>"));
+    assert!(page.starts_with("<!DOCTYPE html>") && page.trim_end().ends_with("</html>"));
     for outside in ["<script", "<link", "src=\"http", "url(", "href=\"http", "@import"] {
         assert!(!page.contains(outside), "{outside}");
     }

@@ -70,7 +70,7 @@ fn a_sweep_is_a_page_and_the_same_numbers_and_goes_on() {
     assert!(number(&found["recommended"][2]["trial"], "mean") >= best - 0.011);
 
     let page = read(at, "index.html");
-    assert!(page.starts_with("<!doctype html>") && page.trim_end().ends_with("</html>"));
+    assert!(page.starts_with("<!DOCTYPE html>") && page.trim_end().ends_with("</html>"));
     for outside in ["<script", "<link", "src=\"http", "url(", "href=\"http", "@import", "NaN", "inf"] {
         assert!(!page.contains(outside), "{outside}");
     }
