@@ -2,7 +2,7 @@
 
 use super::content::{About, COMMANDS, Content, Ended, SessionEvent, SessionOptions, Shared, Status};
 use super::error::SessionError;
-use super::notes::Notes;
+use super::notes::{Heard, Notes};
 use super::output::Output;
 use super::player::Command;
 use super::present_thread::PresentThread;
@@ -23,7 +23,6 @@ pub struct Session {
     shared: Arc<Shared>,
     about: About,
     thread: Option<JoinHandle<Ended>>,
-    told_end: AtomicBool,
 }
 
 impl Session {
@@ -46,19 +45,22 @@ impl Session {
         let failed = |reason: String| SessionError::Thread { what: "presents", reason };
         let thread = std::thread::Builder::new()
             .name("eyebox presents".into())
-            .spawn(move || match PresentThread::start(content, &output, options, theirs) {
-                Ok(mut present) => {
-                    let _ = tell.send(Ok(present.about()));
-                    present.run()
-                }
-                Err(error) => {
-                    let _ = tell.send(Err(error));
-                    Ended { statistics: Statistics::default(), result: Ok(()) }
+            .spawn(move || {
+                let _end = theirs.notes.until_the_end();
+                match PresentThread::start(content, &output, options, theirs) {
+                    Ok(mut present) => {
+                        let _ = tell.send(Ok(present.about()));
+                        present.run()
+                    }
+                    Err(error) => {
+                        let _ = tell.send(Err(error));
+                        Ended { statistics: Statistics::default(), result: Ok(()) }
+                    }
                 }
             })
             .map_err(|e| failed(format!("could not be started ({e})")))?;
         let about = started.recv().map_err(|_| failed("failed, which is a fault of eyebox".into()))??;
-        Ok(Self { shared, about, thread: Some(thread), told_end: AtomicBool::new(false) })
+        Ok(Self { shared, about, thread: Some(thread) })
     }
 
     /// What it shows on.
@@ -73,13 +75,10 @@ impl Session {
 
     /// The next thing that happened, waiting so long for it.
     pub fn event(&self, within: Duration) -> Option<SessionEvent> {
-        // Asked before: what was told last is not missed.
-        let running = self.is_running();
-        if let Some(note) = self.shared.notes.take_within(if running { within } else { Duration::ZERO }) {
-            return Some(SessionEvent::Note(note));
-        }
-        let told = running || self.told_end.swap(true, Ordering::Relaxed);
-        (!told).then_some(SessionEvent::Ended)
+        self.shared.notes.hear_within(within).map(|heard| match heard {
+            Heard::Note(note) => SessionEvent::Note(note),
+            Heard::End => SessionEvent::Ended,
+        })
     }
 
     /// Pauses, steps, seeks or changes the speed of what is played, from the next video frame on.

@@ -8,7 +8,16 @@ const NOTES: usize = 64;
 
 /// Where notes go, one for all threads of a session.
 #[derive(Debug, Clone)]
-pub(crate) struct Notes(Mailbox<String>);
+pub(crate) struct Notes(Mailbox<Heard>);
+
+/// What a reader of the notes hears.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) enum Heard {
+    /// A note.
+    Note(String),
+    /// That there will be no more.
+    End,
+}
 
 impl Default for Notes {
     fn default() -> Self {
@@ -18,16 +27,39 @@ impl Default for Notes {
 
 impl Notes {
     pub(crate) fn tell(&self, note: impl Into<String>) {
-        let _ = self.0.put(note.into());
+        let _ = self.0.put(Heard::Note(note.into()));
     }
 
-    pub(crate) fn take_within(&self, patience: Duration) -> Option<String> {
+    pub(crate) fn hear_within(&self, patience: Duration) -> Option<Heard> {
         self.0.take_within(patience)
+    }
+
+    /// The next note, if there is one.
+    #[cfg(test)]
+    pub(crate) fn take(&self) -> Option<String> {
+        match self.0.take()? {
+            Heard::Note(note) => Some(note),
+            Heard::End => None,
+        }
+    }
+
+    /// Tells the end when it is dropped, however its thread ends: who waits for a note waits no longer.
+    pub(crate) fn until_the_end(&self) -> EndNote {
+        EndNote(self.clone())
     }
 
     /// Tells `note` if the thread that holds this ends in a panic.
     pub(crate) fn on_panic(&self, note: &'static str) -> PanicNote {
         PanicNote { notes: self.clone(), note }
+    }
+}
+
+/// Tells the end when it is dropped.
+pub(crate) struct EndNote(Notes);
+
+impl Drop for EndNote {
+    fn drop(&mut self) {
+        self.0.0.push(Heard::End);
     }
 }
 

@@ -128,7 +128,7 @@ fn play_stream(
         };
         flow = player.tick(&mut offscreen, &mut stream, &mut keep).unwrap();
     }
-    while let Some(message) = notes.take_within(std::time::Duration::ZERO) {
+    while let Some(message) = notes.take() {
         messages.push(message);
     }
     let account = *player.scheduler().account();
