@@ -92,7 +92,7 @@ pub struct Shared {
     pub threads: u32,
     /// Rows per workgroup.
     pub lines: u32,
-    /// Slots of a row, of 16 bytes (pairs) or 8; one in [`FREE_SLOT`] + 1 stays free.
+    /// Slots of a row, of 16 bytes (pairs) or 8; one in `FREE_SLOT` + 1 stays free.
     pub slots: u32,
 }
 
@@ -184,7 +184,7 @@ impl Plan {
     }
 
     /// For each radix `R` but the first, with `s` the product of those before: for all `j < s` the powers 1 and
-    /// [`Radix::table_power`] of `exp(-i 2 pi j / (s R))`. Where each radix's part starts comes second.
+    /// `Radix::table_power` of `exp(-i 2 pi j / (s R))`. Where each radix's part starts comes second.
     pub fn twiddles(&self) -> (Vec<[f32; 4]>, Vec<u32>) {
         let (mut table, mut starts, mut s) = (Vec::new(), Vec::new(), 1);
         for radix in self.radices() {

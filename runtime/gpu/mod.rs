@@ -1,7 +1,7 @@
 //! One Vulkan device, opened once and shared.
 //!
 //! A [`Gpu`] is a handle: cloning it clones a reference. Engines, encoders, transforms and swapchains are made from one, each
-//! with a command pool, descriptor pools and staging of its own ([`Commands`]), so that each can live on a thread of its
+//! with a command pool, descriptor pools and staging of its own (`Commands`), so that each can live on a thread of its
 //! own. What is shared is behind locks: pipelines with their cache on disk, the allocator, and the queues, of which
 //! submissions are made one at a time. Where a device has more than one queue, pictures are presented on another one than
 //! kernels run on: neither waits for the other.

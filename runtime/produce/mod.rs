@@ -2,7 +2,7 @@
 //!
 //! A [`SceneJob`] says which scenes, for which display and with which settings; [`solve_scene`] loads them, decides what of
 //! them is computed ([`ScenePlan`](crate::solve::ScenePlan)), solves every colour, and writes what came of it. Whoever
-//! watches is told of every step ([`SceneEvent`]) and may end it ([`Flow::Stop`]): what is made so far is kept.
+//! watches is told of every step ([`SceneEvent`]) and may end it ([`Flow::Stop`](crate::solve::Flow::Stop)): what is made so far is kept.
 //!
 //! May import everything that `quality` may, and `quality`.
 

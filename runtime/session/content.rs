@@ -102,7 +102,7 @@ pub struct Status {
 pub enum SessionEvent {
     /// A line that a user wants to read: a hologram left out, a device lost, a tracker gone.
     Note(String),
-    /// It has ended; [`Session::stop`] says how.
+    /// It has ended; [`Session::stop`](super::Session::stop) says how.
     Ended,
 }
 
