@@ -50,6 +50,8 @@ pub(super) enum Grid {
     Rows(u32, u32),
     /// Values of each sub-frame.
     Values(usize),
+    /// Values, each of which is a sum over the sub-frames.
+    Summed(usize),
     /// Workgroups, each with a part of its own.
     Parts(usize),
 }
@@ -113,6 +115,7 @@ impl<'a> Call<'_, 'a> {
             let groups = match grid {
                 Grid::Rows(rows, columns) => self.work.rows(rows, columns, count),
                 Grid::Values(values) => self.work.along(values, count),
+                Grid::Summed(values) => self.work.along(values, 1),
                 Grid::Parts(parts) => [parts as u32, 1, 1],
             };
             self.run(&buffers, &args(first, count), &more, groups)?;

@@ -58,6 +58,6 @@ impl Call<'_, '_> {
             let accumulate = pass.intensity.accumulate | u32::from(first > 0);
             intensity::Args { frames: count as u32, accumulate, ..pass.intensity }
         };
-        self.over(Grid::Values(pass.count()), args, &[])
+        self.over(Grid::Summed(pass.count()), args, &[])
     }
 }
