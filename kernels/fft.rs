@@ -4,6 +4,7 @@
 //! The twin is RustFFT; the shaders have plans of their own.
 
 use crate::{Complex32, ZERO};
+use num_complex::Complex64;
 use rayon::prelude::*;
 use rustfft::{Fft, FftDirection, FftPlanner};
 use std::cell::RefCell;
@@ -17,6 +18,18 @@ pub enum Direction {
     Forward,
     /// `exp(+i 2 pi k n / N)`, without `1 / N`.
     Inverse,
+}
+
+impl From<Direction> for FftDirection {
+    fn from(direction: Direction) -> Self {
+        if direction == Direction::Forward { Self::Forward } else { Self::Inverse }
+    }
+}
+
+/// Transforms lines of `length` values in float64, one behind the other, unnormalised: what is made once, and references.
+/// It stands here so that RustFFT is compiled in one crate, not in each that transforms a line.
+pub fn transform_f64(lines: &mut [Complex64], length: usize, direction: Direction) {
+    FftPlanner::new().plan_fft(length, direction.into()).process(lines);
 }
 
 /// The columns in use: `count` of them from `first`, wrapping.
@@ -87,10 +100,8 @@ thread_local! {
 impl Plans {
     fn get(&self, length: usize, direction: Direction) -> Plan {
         let mut made = self.made.lock().unwrap_or_else(|e| e.into_inner());
-        let plan = made.entry((length, direction)).or_insert_with(|| {
-            let sign = if direction == Direction::Forward { FftDirection::Forward } else { FftDirection::Inverse };
-            FftPlanner::new().plan_fft(length, sign)
-        });
+        let plan =
+            made.entry((length, direction)).or_insert_with(|| FftPlanner::new().plan_fft(length, direction.into()));
         Arc::clone(plan)
     }
 

@@ -7,7 +7,8 @@
 //! be. Larger radices than 16 were measured and are slower: more strides than a cache has ways, more values than
 //! registers. Tables are made here, in float64.
 
-use rustfft::num_complex::Complex64;
+use crate::fft::{Direction, transform_f64};
+use num_complex::Complex64;
 use std::f64::consts::{PI, TAU};
 use std::fmt;
 
@@ -214,7 +215,7 @@ impl Plan {
             filter[k] = z.conj() / m as f64;
             filter[(m - k) % m] = filter[k];
         }
-        rustfft::FftPlanner::new().plan_fft_forward(m).process(&mut filter);
+        transform_f64(&mut filter, m, Direction::Forward);
         let narrow = |z: &Complex64| [z.re as f32, z.im as f32];
         Some([chirp.iter().map(narrow).collect(), filter.iter().map(narrow).collect()])
     }

@@ -8,7 +8,8 @@ pub mod both;
 use eyebox::engine::{Buffer, Engine, cpu::CpuEngine};
 use eyebox::optics::{Optics, Pupil, transfer};
 use eyebox::plan::{Kernel, Planner, PupilPass, Purpose, Step};
-use rustfft::{FftPlanner, num_complex::Complex64};
+use eyebox_kernels::fft::{Direction, transform_f64};
+use rustfft::num_complex::Complex64;
 
 /// Noise in -1 .. 1, the same on every machine.
 pub fn noise(count: usize, seed: u64) -> Vec<f64> {
@@ -69,16 +70,11 @@ pub fn half_roundings(count: usize) -> f64 {
 
 /// 2-D transform in float64, as NumPy defines it (the inverse is divided by the count).
 pub fn fft2(data: &mut [Complex64], height: usize, width: usize, inverse: bool) {
-    let mut planner = FftPlanner::new();
-    let mut plan = |n| if inverse { planner.plan_fft_inverse(n) } else { planner.plan_fft_forward(n) };
-    plan(width).process(data);
-    let down = plan(height);
-    let mut column = vec![Complex64::default(); height];
-    for x in 0..width {
-        (0..height).for_each(|y| column[y] = data[y * width + x]);
-        down.process(&mut column);
-        (0..height).for_each(|y| data[y * width + x] = column[y]);
-    }
+    let direction = if inverse { Direction::Inverse } else { Direction::Forward };
+    transform_f64(data, width, direction);
+    let mut turned: Vec<Complex64> = (0..height * width).map(|i| data[i % height * width + i / height]).collect();
+    transform_f64(&mut turned, height, direction);
+    (0..height * width).for_each(|i| data[i] = turned[i % width * height + i / width]);
     if inverse {
         let scale = 1.0 / (height * width) as f64;
         data.iter_mut().for_each(|z| *z *= scale);

@@ -4,11 +4,10 @@
 use eyebox::engine::Storage;
 use eyebox::engine::vulkan::Transforms;
 use eyebox_kernels::Complex32;
-use eyebox_kernels::fft::{Columns, Direction};
+use eyebox_kernels::fft::{Columns, Direction, transform_f64};
 use eyebox_tests::both::gpu;
 use eyebox_tests::half_roundings;
 use rustfft::num_complex::Complex64;
-use rustfft::{FftDirection, FftPlanner};
 use std::sync::PoisonError;
 
 /// Error power over signal power that is allowed.
@@ -37,12 +36,10 @@ fn noise(n: usize, mut seed: u64) -> Vec<Complex32> {
 
 /// All rows and all columns of one frame, in float64.
 fn reference(frame: &[Complex32], (h, w): (usize, usize), direction: Direction) -> Vec<Complex64> {
-    let sign = if direction == Direction::Forward { FftDirection::Forward } else { FftDirection::Inverse };
-    let mut planner = FftPlanner::new();
     let mut data: Vec<Complex64> = frame.iter().map(|z| Complex64::new(z.re.into(), z.im.into())).collect();
-    planner.plan_fft(w, sign).process(&mut data);
+    transform_f64(&mut data, w, direction);
     let mut turned: Vec<Complex64> = (0..h * w).map(|i| data[i % h * w + i / h]).collect();
-    planner.plan_fft(h, sign).process(&mut turned);
+    transform_f64(&mut turned, h, direction);
     (0..h * w).map(|i| turned[i % w * h + i / w]).collect()
 }
 
