@@ -80,7 +80,7 @@ pub(super) fn list(folder: &Path) -> Result<Listed, SceneError> {
     files.sort();
     let all: Vec<String> = files.iter().map(|(name, _)| name.clone()).collect();
     let stated = settings::read(folder, &all)?;
-    let views = names::arrange(folder, &files, stated.grid)?;
+    let views = names::arrange(folder, &files, stated.grid, stated.files.as_deref())?;
 
     // Headers first: a view of another size is found before anything is decoded.
     let paths: Vec<_> = views.files.iter().map(|name| folder.join(name)).collect();

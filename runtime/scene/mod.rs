@@ -49,6 +49,9 @@ mod light_field;
 mod map;
 mod merge;
 mod names;
+mod numbers;
+mod order;
+mod parallax;
 mod pfm;
 mod photograph;
 #[cfg_attr(not(feature = "image-formats"), path = "no_picture.rs")]
@@ -71,6 +74,7 @@ pub use error::SceneError;
 pub use interpolate::Interpolator;
 pub use light::srgb_to_linear;
 pub use light_field::LightField;
+pub use order::Order;
 pub use photograph::ViewGrid;
 pub use pyramid::{Level, Pyramid};
 pub use request::Request;
