@@ -3,6 +3,7 @@
 use super::color::Color;
 use super::encoding::Encoding;
 use super::{Geometry, Optics, OpticsError};
+use crate::files::read;
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, path::Path};
 
@@ -91,7 +92,7 @@ impl Display {
         if let Some(display) = Self::preset(name) {
             return Ok(display);
         }
-        let text = std::fs::read_to_string(Path::new(name)).map_err(|e| OpticsError::UnknownDisplay {
+        let text = read::text(Path::new(name), read::TEXT).map_err(|e| OpticsError::UnknownDisplay {
             name: name.into(),
             presets: PRESETS.join(", "),
             reason: e.to_string(),
