@@ -31,7 +31,7 @@ impl Display {
         }
         let of = |color| self.wavelengths.iter().find(|w| w.color == color).map(|w| (color, w.wavelength * 1e9));
         let present: Vec<(Color, f64)> = [Color::Red, Color::Green, Color::Blue].into_iter().filter_map(of).collect();
-        if let Some([long, short]) = present.array_windows().find(|[long, short]| long.1 <= short.1) {
+        if let Some([long, short]) = present.windows(2).find(|w| w[0].1 <= w[1].1).and_then(<[_]>::first_chunk) {
             let given = format!("{} is {} nm and {} {} nm", long.0, in_words(long.1), short.0, in_words(short.1));
             let probably = format!("probably they are exchanged: {} is the longer wavelength", long.0);
             return Err(OpticsError::Unusual { given, probably });
