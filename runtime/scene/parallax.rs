@@ -5,8 +5,8 @@
 //! other axis; one reversed axis makes rows and columns contradict each other; two reversed axes exchange near and far,
 //! which only what is covered tells.
 
+use super::LightField;
 use super::resize::{Fit, Resize};
-use super::{LightField, Order};
 use rayon::prelude::*;
 
 /// Pixels along the longer side of what is first looked at, and at most.
@@ -35,19 +35,21 @@ struct Small {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Parallax {
-    /// The order that the views show, where they show one: its reversals are of both axes or of none, unless
-    /// [`disagree`](Self::disagree).
+    /// Whether content moves along the other axis of the picture than it should; none where nothing moves.
     pub transposed: Option<bool>,
     /// Whether columns and rows contradict each other: one of them runs backwards. None where it cannot be told.
     pub disagree: Option<bool>,
-    /// Whether what covers moves as near content does, after `transposed`, with rows turned where they disagree: from -1 (what
-    /// covers moves as far content does) to 1. None where nothing tells.
-    pub covering: Option<f64>,
-    /// Smallest and largest movement from column to column and from row to row, pixels of the light field; zero along an
-    /// axis of one view.
-    pub movement: [[f64; 2]; 2],
-    /// How much worse the views agree in the second best order than in the best: 1 is as well.
-    pub clearness: f64,
+    /// Whether what moves as near content does covers the other, once they are no longer transposed and, where they
+    /// disagree, what the names call rows is reversed. None where nothing tells.
+    pub near_covers: Option<bool>,
+    /// From -1 (what moves as far content does covers) to 1: what says so.
+    pub covering: f64,
+    /// Smallest and largest movement from column to column and from row to row, each as measured by itself, pixels of the
+    /// light field, positive where near content moves so; none along an axis of one view.
+    pub movement: [Option<[f64; 2]>; 2],
+    /// How badly views agree where content is allowed to move, as a share of how badly without: columns and rows as they are;
+    /// with rows turned; and both transposed.
+    pub apart: [f64; 4],
 }
 
 /// Costs of movements: (candidate, pixel), mean over a small window.
@@ -255,7 +257,15 @@ fn share(values: &[f32], detail: &[f32], of: impl Fn(f32) -> f32, share: f64) ->
 
 impl Small {
     /// From -1 to 1: whether, where two surfaces come to lie on each other, the one of larger movement is seen.
-    fn covering(&self, movement: &[f32], step: usize, transposed: bool, turned: bool) -> (f64, usize) {
+    /// Only pixels count that know their own movement from the other's, by `cost` of a movement at a pixel.
+    fn covering(
+        &self,
+        movement: &[f32],
+        step: usize,
+        transposed: bool,
+        turned: bool,
+        cost: &dyn Fn(usize, f32) -> f32,
+    ) -> (f64, usize) {
         let [h, w] = self.size;
         let (mut votes, mut count) = (0.0, 0);
         for (axis, arms) in self.arms.iter().enumerate() {
@@ -264,7 +274,7 @@ impl Small {
             for (d, view) in arms {
                 let times = sign * *d as f32 / step as f32;
                 // For each pixel of the view the claims of largest and smallest movement.
-                let mut claims: Vec<Option<[(f32, f32); 2]>> = vec![None; h * w];
+                let mut claims: Vec<Option<[(f32, f32, usize); 2]>> = vec![None; h * w];
                 for (p, (m, light)) in movement.iter().zip(&self.center).enumerate() {
                     let away = -m * times;
                     let (i, j) =
@@ -273,7 +283,7 @@ impl Small {
                     if i < 0.0 || j < 0.0 || i >= w as f32 || j >= h as f32 {
                         continue;
                     }
-                    let claim = (*m, *light);
+                    let claim = (*m, *light, p);
                     let at = &mut claims[j as usize * w + i as usize];
                     *at = Some(match *at {
                         None => [claim, claim],
@@ -284,6 +294,11 @@ impl Small {
                     let Some([large, small]) = claims else { continue };
                     let light = (large.1 - small.1).abs();
                     if (large.0 - small.0) * times.abs() < 2.0 || light < 0.08 {
+                        continue;
+                    }
+                    let knows =
+                        |own: &(f32, f32, usize), other: f32| cost(own.2, other) > 1.5 * cost(own.2, own.0) + 0.02;
+                    if !(knows(large, small.0) && knows(small, large.0)) {
                         continue;
                     }
                     let (a, b) = ((seen - large.1).abs(), (seen - small.1).abs());
@@ -324,45 +339,151 @@ impl Small {
     }
 }
 
+/// Views whose differences do not fall below this share where content may move show no movement.
+const MOVES: f64 = 0.9;
+/// How much better one order must be than another.
+const CLEARLY: f64 = 1.25;
+const CLEARLY_REVERSED: f64 = 1.15;
+/// What covers must say so by as much, from at least so many pixels, a share of the picture.
+const COVERS: f64 = 0.2;
+const COVERED: f64 = 0.003;
+
+impl Parallax {
+    /// Looks at the views of the central row and column: neighbours first, farther ones where too little moves, in more pixels
+    /// where too little still moves.
+    pub(super) fn of(field: &LightField) -> Option<Self> {
+        let longest = field.height.max(field.width);
+        if field.grid == [1, 1] || longest < 16 {
+            return None;
+        }
+        // (pixels, views apart, pixels of movement sought).
+        let (mut pixels, mut step, mut most) = (longest.min(SMALL), 1, None::<f64>);
+        loop {
+            let small = Small::new(field, pixels);
+            let detail = small.detail();
+            let usual = (REACH * pixels as f64).max(2.0);
+            if small.size.iter().any(|n| *n < 8) {
+                return None;
+            }
+            loop {
+                let sought = most.map_or(usual, |m| m.min(usual)).ceil() as usize;
+                let (look, volumes) = Look::at(&small, step, &detail, sought)?;
+                let far = f64::from(share(&look.movement, &detail, f32::abs, 0.99));
+                let farther = small.steps().min(step * (STILL / look.moved.max(0.1)).ceil().clamp(2.0, 8.0) as usize);
+                if look.moved < STILL && farther > step {
+                    most = Some(1.5 * far * farther as f64 / step as f64 + 2.0);
+                    step = farther;
+                    continue;
+                }
+                let larger = longest.min(LARGE).min(2 * pixels);
+                if look.moved < STILL && larger > pixels && look.best_apart() < MOVES {
+                    most = Some(1.5 * far * larger as f64 / pixels as f64 + 2.0);
+                    pixels = larger;
+                    break;
+                }
+                return Some(look.says(&small, &volumes, &detail, step));
+            }
+        }
+    }
+}
+
+impl Look {
+    fn best_apart(&self) -> f64 {
+        self.apart.into_iter().fold(f64::INFINITY, f64::min)
+    }
+
+    fn says(&self, small: &Small, volumes: &[Option<Volume>; 4], detail: &[f32], step: usize) -> Parallax {
+        let [as_named, turned, crossed, both] = self.apart;
+        let pairs = [as_named.min(turned), crossed.min(both)];
+        let clearly = |a: f64, b: f64, times: f64| (a.max(b) >= times * a.min(b)).then_some(b < a);
+        let moves = self.best_apart() < MOVES;
+        let transposed = clearly(pairs[0], pairs[1], CLEARLY).filter(|_| moves);
+        let [a, b] = if transposed == Some(true) { [crossed, both] } else { [as_named, turned] };
+        let disagree = clearly(a, b, CLEARLY_REVERSED).filter(|_| transposed.is_some() && b.is_finite());
+        let one_axis = !(a.is_finite() && b.is_finite());
+        let mut found =
+            Parallax { transposed, disagree, near_covers: None, covering: 0.0, movement: [None; 2], apart: self.apart };
+        let Some(transposed) = transposed else { return found };
+        let pixels = small.size[0] * small.size[1];
+        let per_view = small.scale / step as f64;
+        let middle = |volume: &Volume| (volume.costs.len() / 2) as f32;
+        for (axis, volume) in [(0, usize::from(transposed)), (1, 3 - usize::from(transposed))] {
+            let Some(volume) = &volumes[volume] else { continue };
+            let (at, _) = best(Some(volume), None, false, pixels);
+            let moved: Vec<f32> = at.iter().map(|&k| (k as f32 - middle(volume)) / FINE as f32).collect();
+            found.movement[axis] = Some([0.02, 0.98].map(|s| f64::from(share(&moved, detail, |m| m, s)) * per_view));
+        }
+        if disagree.is_some() || one_axis {
+            let turned = disagree == Some(true);
+            let most = f64::from(share(&self.movement, detail, f32::abs, 0.99)) + 1.0;
+            let sharp = small.sharp(step, most, transposed, turned);
+            let of_columns = volumes[usize::from(transposed)].as_ref();
+            let of_rows = volumes[3 - usize::from(transposed)].as_ref();
+            let cost = |p: usize, m: f32| {
+                let one = |volume: Option<&Volume>, turned: bool| {
+                    let Some(volume) = volume else { return 0.0 };
+                    let last = volume.costs.len() - 1;
+                    let k = (m * FINE as f32).round() * if turned { -1.0 } else { 1.0 } + middle(volume);
+                    volume.costs[(k.max(0.0) as usize).min(last)][p]
+                };
+                one(of_columns, false) + one(of_rows, turned)
+            };
+            let (covering, count) = small.covering(&sharp, step, transposed, turned, &cost);
+            let enough = count as f64 > COVERED * pixels as f64 && count > 40;
+            found.covering = covering;
+            found.near_covers = (enough && covering.abs() > COVERS).then_some(covering > 0.0);
+        }
+        found
+    }
+}
+
 #[cfg(test)]
-mod tries {
+mod tests {
     use super::*;
     use crate::optics::{Color, Display};
-    use crate::scene::{Request, load};
+    use crate::scene::order::{OrderFound, judge};
+    use crate::scene::{Order, Request, load};
+
+    fn field(scene: &str, size: usize, views: usize) -> LightField {
+        let display = Display { height: size, width: size, ..Display::preset("small").unwrap() };
+        load(scene, &Request { views, ..Request::new(&display, &[Color::Green]) }).unwrap()
+    }
 
     #[test]
     fn tries() {
         let size: usize = std::env::var("TRY_SIZE").ok().and_then(|s| s.parse().ok()).unwrap_or(96);
         let views: usize = std::env::var("TRY_VIEWS").ok().and_then(|s| s.parse().ok()).unwrap_or(9);
-        let scenes = std::env::var("TRY").unwrap_or("builtin:still-life builtin:still-life-dark builtin:still-life-bright builtin:dense-grass builtin:points builtin:chart builtin:plane?depth=1 builtin:plane".into());
+        let scenes = std::env::var("TRY")
+            .unwrap_or("builtin:still-life builtin:dense-grass builtin:points builtin:chart builtin:plane".into());
         for scene in scenes.split(' ') {
-            let display = Display { height: size, width: size, ..Display::preset("small").unwrap() };
-            let field = load(scene, &Request { views, ..Request::new(&display, &[Color::Green]) }).unwrap();
-            let small = Small::new(&field, size);
-            let detail = small.detail();
-            println!("{scene} states {:?} small {:?}", field.disparity, small.size);
-            let mut most = size / 8;
-            for step in [1, 2, 4] {
+            let field = field(scene, size, views);
+            println!("{scene} states {:?}", field.disparity);
+            for order in [
+                "as-named",
+                "flip-rows",
+                "flip-columns",
+                "flip-rows,flip-columns",
+                "transpose",
+                "transpose,flip-rows",
+                "transpose,flip-columns",
+            ] {
                 let start = std::time::Instant::now();
-                if step > small.steps() {
-                    continue;
-                }
-                let (look, _) = Look::at(&small, step, &detail, most).unwrap();
-                let first = (0..4).min_by(|&a, &b| f64::total_cmp(&look.apart[a], &look.apart[b])).unwrap();
-                let (cover, n) = small.covering(&look.movement, step, first >= 2, first % 2 == 1);
-                let ends = [0.02, 0.98].map(|s| share(&look.movement, &detail, |m| m, s));
-                let t = start.elapsed();
-                let far = share(&look.movement, &detail, |m| m.abs(), 0.99) as f64;
-                let sharp = small.sharp(step, far + 1.0, first >= 2, first % 2 == 1);
-                let (cover2, n2) = small.covering(&sharp, step, first >= 2, first % 2 == 1);
+                let changed = order.parse::<Order>().unwrap().apply(field.clone());
+                let found = Parallax::of(&changed).unwrap();
+                let says = match judge(&found) {
+                    OrderFound::Other { orders, .. } => {
+                        orders.iter().map(|o| o.to_string()).collect::<Vec<_>>().join("|")
+                    }
+                    o => format!("{o:?}"),
+                };
                 println!(
-                    "  step {step}: apart {:.3?} first {first} moved {:.2} ends {ends:?} covering {cover:.2} of {n}  {:?}; sharp {cover2:.2} of {n2} {:?}",
-                    look.apart,
-                    look.moved,
-                    t,
+                    "  {order}: {says} apart {:.2?} covering {:.2} {:?} {:.1?} {:?}",
+                    found.apart,
+                    found.covering,
+                    found.near_covers,
+                    found.movement,
                     start.elapsed()
                 );
-                most = (far * 2.5) as usize + 2;
             }
         }
     }
