@@ -4,6 +4,7 @@ use super::HologramError;
 use super::wrap_phase;
 use crate::files::FileError;
 use crate::files::read;
+use crate::memory;
 use std::{
     fs,
     io::{self, Read, Write},
@@ -55,6 +56,12 @@ pub(super) fn write_chunk(out: &mut dyn Write, phases: &[f32]) -> io::Result<()>
     let bytes: Vec<u8> = phases.iter().flat_map(|&p| wrap_phase(p).to_le_bytes()).collect();
     out.write_all(&bytes)?;
     out.write_all(&crc32c::crc32c(&bytes).to_le_bytes())
+}
+
+/// Refuses phases of this shape where memory does not hold them.
+pub(super) fn promise(path: &Path, shape: &[usize]) -> Result<(), HologramError> {
+    let what = || format!("{}: phases of shape {shape:?}", path.display());
+    Ok(memory::promise(what, memory::bytes_of(shape, 4), "free some, or take a smaller hologram")?)
 }
 
 pub(super) fn check_length(file: &PathBuf, pixels: usize) -> Result<(), HologramError> {

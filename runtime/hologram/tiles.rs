@@ -9,7 +9,7 @@
 //! at a time makes a hologram, and holds a lock; others may look at it meanwhile ([`open`](Tiles::open)) and change nothing.
 
 use super::chunks::{
-    ARRAY, GROUP, chunk_file, damaged, is_hologram, read_document, read_tile, unreadable, write_chunk,
+    ARRAY, GROUP, chunk_file, damaged, is_hologram, promise, read_document, read_tile, unreadable, write_chunk,
 };
 use super::{Hologram, HologramError, Metadata, document};
 use crate::files::read;
@@ -153,6 +153,8 @@ impl Tiles {
             return Err(damaged(&file, format!("its shape is {shape:?}, not that of zarr.json")));
         }
         (about.frames, about.height, about.width) = (frames, height, width);
+        // A tile is held as a whole.
+        promise(path, &[frames, side, side])?;
         for i in 0..colors {
             let file = path.join(GROUP).display().to_string();
             about.optics(i).map_err(|source| HologramError::FileOptics { file, source })?;
@@ -216,6 +218,7 @@ impl Tiles {
     /// # Panics
     /// If the rectangle is not inside the hologram: the caller's mistake.
     pub fn read(&self, color: usize, at: [usize; 2], size: [usize; 2]) -> Result<Vec<f32>, HologramError> {
+        promise(&self.folder, &[self.about.frames, size[0], size[1]])?;
         let (mut out, pixels) = (vec![0.0f32; self.about.frames * size[0] * size[1]], size[0] * size[1]);
         assert!(at[0] + size[0] <= self.about.height && at[1] + size[1] <= self.about.width, "inside the hologram");
         // One row of tiles at a time is in memory beside the result.
