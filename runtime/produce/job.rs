@@ -3,7 +3,7 @@
 use super::ProduceError;
 use crate::hologram::Start;
 use crate::optics::{Color, Display};
-use crate::scene::{self, LightField, Request};
+use crate::scene::{self, LightField, Order, Request};
 use crate::solve::{Full, PlanRequest, Progress, PupilRange, ScenePlan, Settings, Solution};
 use crate::tiled::{self, RegionSize};
 use std::path::Path;
@@ -26,6 +26,8 @@ pub struct SceneJob<'a> {
     /// Depths that matter, metres, or what the smallest and the largest value of the depth map mean; none for what the scene
     /// says.
     pub depth: Option<[f64; 2]>,
+    /// How the views of folders really stand; none for what the folders say.
+    pub order: Option<Order>,
     /// Pupil diameters drawn, metres; none for what fits the eyebox.
     pub diameter: Option<[f64; 2]>,
     /// Everything else that decides the solve. `depth` and `diameter` above take the place of its own; its `seconds` are
@@ -165,6 +167,7 @@ impl<'a> SceneJob<'a> {
             views: None,
             depth_map: None,
             depth: None,
+            order: None,
             diameter: None,
             settings: Settings::default(),
             full: Full::default(),
@@ -182,6 +185,7 @@ impl<'a> SceneJob<'a> {
             views: self.views.unwrap_or(default.views),
             depth_map: self.depth_map,
             depth: self.depth,
+            order: self.order,
             ..default
         }
     }

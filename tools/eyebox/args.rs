@@ -10,6 +10,7 @@ use eyebox::hologram::Start;
 use eyebox::optics::{Color, Pupil, WindowFactor};
 use eyebox::plan::Storage;
 use eyebox::present::Rate;
+use eyebox::scene::Order;
 use eyebox::solve::{Diameters, Full, Method, Optimizer, PaddingRule, Sequence};
 use std::path::PathBuf;
 
@@ -80,6 +81,10 @@ pub struct SceneArgs {
     /// mean (MAX..MIN where dark is near)
     #[arg(long, value_name = "MIN..MAX", value_parser = depths, allow_hyphen_values = true)]
     pub depth: Option<[f64; 2]>,
+    /// How the views of a folder really stand: as-named, or transpose, flip-rows, flip-columns with commas between [default:
+    /// what its lightfield.toml says; else as named, refused where the pictures clearly show another]
+    #[arg(long, value_name = "ORDER")]
+    pub order: Option<Order>,
 }
 
 /// `eyebox demo`

@@ -43,6 +43,7 @@ pub fn request<'a>(args: &'a SceneArgs, display: &'a Display, colors: &'a [Color
         views: args.views.unwrap_or(default.views),
         depth_map: args.depth_map.as_deref(),
         depth: args.depth,
+        order: args.order,
         ..default
     }
 }

@@ -78,6 +78,7 @@ fn row(score: &PupilScore) -> Value {
 pub fn as_solved(args: &SceneArgs, hologram: &Hologram) -> SceneArgs {
     let (mut args, known) = (args.clone(), &hologram.metadata);
     args.view_pitch = args.view_pitch.or(known.view_pitch_mm);
+    args.order = args.order.or(known.order);
     args.views = args.views.or(known.views.map(|v| v[0]));
     // What a depth map's values mean has an order; other scenes have a range.
     args.depth = args.depth.or_else(|| match args.depth_map {

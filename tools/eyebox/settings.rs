@@ -75,6 +75,7 @@ pub fn job_of<'a>(
         views: args.scene.views,
         depth_map: args.scene.depth_map.as_deref(),
         depth: args.scene.depth,
+        order: args.scene.order,
         diameter: args.pupil_diameter,
         settings: Settings { seconds: args.seconds, ..settings },
         full: args.full.unwrap_or_default(),

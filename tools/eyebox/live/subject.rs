@@ -61,6 +61,7 @@ pub fn load(args: &SubjectArgs, engines: &Engines) -> Result<Steered, Failure> {
         view_pitch: None,
         views: None,
         depth: None,
+        order: None,
     };
     let (hologram, optics, field) = if common::is_hologram(path) && !path.join("views").exists() {
         let (hologram, optics) = score::with_display(path)?;

@@ -134,6 +134,7 @@ fn scene(args: &Preview, hologram: &Hologram, moves: bool, tiled: bool) -> Resul
         view_pitch: None,
         views: None,
         depth: None,
+        order: None,
     };
     let asked = score::as_solved(&asked, hologram);
     if tiled {

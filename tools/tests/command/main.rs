@@ -5,6 +5,7 @@ mod common;
 mod encode;
 mod evaluate;
 mod generate;
+mod inspect;
 #[cfg(target_os = "linux")]
 mod live;
 mod plan;
