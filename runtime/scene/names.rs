@@ -347,7 +347,7 @@ impl Family<'_> {
             side * side,
             name(last + 1.0)
         );
-        let grid = square(count).map_or([1, count], |n| [n, n]);
+        let (grid, doubt) = square(count).map_or(([1, count], doubt), |n| ([n, n], String::new()));
         Ok(Arrangement { grid, files, how, running: true, doubt, proportion: None })
     }
 }

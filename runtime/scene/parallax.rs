@@ -296,8 +296,7 @@ impl Small {
                     if (large.0 - small.0) * times.abs() < 2.0 || light < 0.08 {
                         continue;
                     }
-                    let knows =
-                        |own: &(f32, f32, usize), other: f32| cost(own.2, other) > 1.5 * cost(own.2, own.0) + 0.02;
+                    let knows = |own: &(f32, f32, usize), other: f32| cost(own.2, other) > cost(own.2, own.0) + KNOWS;
                     if !(knows(large, small.0) && knows(small, large.0)) {
                         continue;
                     }
@@ -347,6 +346,8 @@ const CLEARLY_REVERSED: f64 = 1.15;
 /// What covers must say so by as much, from at least so many pixels, a share of the picture.
 const COVERS: f64 = 0.2;
 const COVERED: f64 = 0.003;
+/// A pixel knows its own movement from another that costs as much more.
+const KNOWS: f32 = 0.005;
 
 impl Parallax {
     /// Looks at the views of the central row and column: neighbours first, farther ones where too little moves, in more pixels
