@@ -150,7 +150,8 @@ pub fn contact_sheet(field: &LightField, most: usize) -> ([usize; 2], Vec<Vec<f3
     const GAP: usize = 2;
     let [rows, columns] = field.grid;
     let times = ((field.height + GAP) * rows).max((field.width + GAP) * columns) as f64 / most.max(1) as f64;
-    let small = [field.height, field.width].map(|n| ((n as f64 / times.max(1.0)) as usize).saturating_sub(GAP).max(1));
+    let small =
+        [field.height, field.width].map(|n| (((n + GAP) as f64 / times.max(1.0)) as usize).saturating_sub(GAP).max(1));
     let resize = Resize::new([field.height, field.width], small, Fit::Contain);
     let [high, wide] = [rows * (small[0] + GAP) - GAP, columns * (small[1] + GAP) - GAP];
     let sheet = |views: &Vec<Vec<f32>>| {

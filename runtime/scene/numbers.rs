@@ -26,7 +26,7 @@ const NUMBERS: usize = 12;
 
 impl<'a> Name<'a> {
     /// Reads the numbers of a name: runs of digits, or, where `signed`, with a point between digits and a minus that follows
-    /// no letter and no digit. None where there is no number, or one too long to be one.
+    /// no digit, nor a letter unless there is a point. None where there is no number, or one too long to be one.
     pub fn read(name: &'a str, signed: bool) -> Option<Self> {
         let (stem, end) = name.rsplit_once('.')?;
         let bytes = stem.as_bytes();
@@ -34,7 +34,13 @@ impl<'a> Name<'a> {
         let (mut texts, mut numbers, mut start, mut i) = (Vec::new(), Vec::new(), 0, 0);
         while i < bytes.len() {
             let alone = i == 0 || !(bytes[i - 1].is_ascii_alphanumeric() || bytes[i - 1] >= 0x80);
-            let minus = signed && bytes[i] == b'-' && alone && digit(i + 1);
+            let mut after = i + 1;
+            while digit(after) {
+                after += 1;
+            }
+            // Behind a letter only before a number with a point: view-3 is 3, y-4.5 is -4.5.
+            let decimal = bytes.get(after) == Some(&b'.') && digit(after + 1) && i > 0 && !digit(i - 1);
+            let minus = signed && bytes[i] == b'-' && digit(i + 1) && (alone || decimal);
             if !minus && !digit(i) {
                 i += 1;
                 continue;

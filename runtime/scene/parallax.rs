@@ -344,7 +344,7 @@ const MOVES: f64 = 0.9;
 const CLEARLY: f64 = 1.25;
 const CLEARLY_REVERSED: f64 = 1.15;
 /// What covers must say so by as much, from at least so many pixels, a share of the picture.
-const COVERS: f64 = 0.2;
+const COVERS: f64 = 0.16;
 const COVERED: f64 = 0.003;
 /// A pixel knows its own movement from another that costs as much more.
 const KNOWS: f32 = 0.005;
