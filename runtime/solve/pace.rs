@@ -34,7 +34,7 @@ impl Pace {
         let known = &mut known[..self.steps.min(REMEMBERED)];
         known.sort_by(f64::total_cmp);
         let Some(usual) = known.get(1).or(known.first()) else { return 0.0 };
-        let longest = known.iter().filter(|s| **s <= HELD_UP * usual).next_back().unwrap_or(usual);
+        let longest = known.iter().rfind(|s| **s <= HELD_UP * usual).unwrap_or(usual);
         longest * HOPE.powi(self.refused)
     }
 
