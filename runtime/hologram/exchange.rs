@@ -111,7 +111,7 @@ impl Phases {
     /// [`HologramError::Optics`].
     pub fn on(self, display: &Display, color: Option<Color>) -> Result<Hologram, HologramError> {
         let names = self.names(display, color)?;
-        let turned = display.encoding.rotation_deg % 180 != 0;
+        let turned = !display.encoding.rotation_deg.is_multiple_of(180);
         let (height, width) = if turned { (display.width, display.height) } else { (display.height, display.width) };
         if height != width && (self.height, self.width) == (width, height) {
             let (h, w) = (self.height, self.width);

@@ -22,7 +22,7 @@ pub struct Opening {
 #[derive(Debug, Clone)]
 pub enum BareOptics {
     /// A display's, which has as many pixels as they.
-    Display(Display),
+    Display(Box<Display>),
     /// In metres, one wavelength a colour.
     Values {
         /// Pixel pitch.

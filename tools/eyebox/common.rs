@@ -206,11 +206,6 @@ pub fn write_image(
     Ok(())
 }
 
-/// Whether a path is meant as a hologram, with its optics, and not as bare phases.
-pub fn is_hologram(path: &Path) -> bool {
-    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("zarr"))
-}
-
 /// Largest resident set so far, as Linux tells it.
 pub fn peak_memory_mib() -> Option<u64> {
     memory_kib("VmHWM").map(|kib| kib / 1024)

@@ -74,7 +74,7 @@ impl PhaseArgs {
 
     fn optics(&self, what: &str) -> Result<Option<BareOptics>, Failure> {
         if let Some(name) = &self.display {
-            return Ok(Some(BareOptics::Display(common::display_of_size(name, self.size)?)));
+            return Ok(Some(BareOptics::Display(Box::new(common::display_of_size(name, self.size)?))));
         }
         match (self.pitch, self.focal_length, &self.wavelength[..]) {
             (None, None, []) => Ok(None),
@@ -95,7 +95,12 @@ impl PhaseArgs {
 impl PhaseUnitArgs {
     /// How phases for a display are opened that the command has anyway.
     pub fn opening(self, display: Option<&Display>, color: Option<Color>) -> Opening {
-        Opening { at: None, color, bare: display.cloned().map(BareOptics::Display), unit: self.phase_unit }
+        Opening {
+            at: None,
+            color,
+            bare: display.cloned().map(|d| BareOptics::Display(Box::new(d))),
+            unit: self.phase_unit,
+        }
     }
 
     /// The same; a display that nobody chose is none.
