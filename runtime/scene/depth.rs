@@ -15,8 +15,12 @@ const NEAR: usize = 3;
 /// Depth of each pixel of the central view, (height, width), metres: where the central row and column of views agree
 /// best, in the range that the scene states or that is found ([`LightField::disparities_sought`]).
 pub fn central_depth(field: &LightField, display: &Display) -> Vec<f32> {
+    central_depth_within(field, display, field.disparities_sought(display).range)
+}
+
+/// The same, sought in this range of disparities.
+pub(super) fn central_depth_within(field: &LightField, display: &Display, range: [f64; 2]) -> Vec<f32> {
     let per_pixel = display.focal_length * display.picture_pixel() / field.cell(display);
-    let range = field.disparities_sought(display).range;
     let Some(views) = field.planes.get(field.planes.len() / 2) else { return Vec::new() };
     let (counts, size) = (field.grid, [field.height, field.width]);
     let at = counts.map(|n| n / 2);
@@ -68,7 +72,8 @@ pub(super) fn view_disparities(
     let shrink = Resize::new([height, width], [rows, columns], Fit::Stretch);
     let scale = columns as f64 / width as f64;
     let range = range.map(|d| d * scale);
-    let sweep = Sweep::around(counts, at, reach_within(range, NEAR), [rows, columns], |view| shrink.apply(&light(view)));
+    let sweep =
+        Sweep::around(counts, at, reach_within(range, NEAR), [rows, columns], |view| shrink.apply(&light(view)));
     let found = sweep.disparities(range);
     let values = found.into_iter().map(|d| (f64::from(d) / scale) as f32).collect();
     Map { height: rows, width: columns, values, is_disparity: true }.resize(height, width, 1.0)

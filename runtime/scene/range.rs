@@ -25,8 +25,8 @@ const OFF: f32 = 0.5;
 /// Another disparity is as unlike as this many times its best match, and as this many pixels, at least.
 const UNLIKE: [f32; 2] = [2.0, 0.4];
 /// The share of sure pixels within a pixel that is no accident, and their number.
-const ENOUGH: f64 = 0.004;
-const LEAST: usize = 6;
+const ENOUGH: f64 = 0.006;
+const LEAST: usize = 12;
 /// A range beyond two pixels is trusted where so much of the detail is sure.
 const TRUSTED: f64 = 0.45;
 
@@ -161,3 +161,64 @@ fn windows(values: &[f32], height: usize, width: usize, depth: usize) -> Vec<f32
     all
 }
 
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::optics::Color;
+    use crate::scene::{DepthSource, Request, load};
+
+    /// A built-in scene whose depths are not told, its true disparities, and the display.
+    fn silent(scene: &str, views: usize) -> (LightField, [f64; 2], Display) {
+        let display = Display { height: 96, width: 112, ..Display::preset("paper").unwrap() };
+        let request = Request { views, ..Request::new(&display, &[Color::Green]) };
+        let field = load(&format!("builtin:{scene}"), &request).unwrap();
+        let truth = field.disparities_sought(&display).range;
+        (LightField { depth: None, disparity: None, ..field }, truth, display)
+    }
+
+    #[test]
+    fn disparities_are_found_however_far_the_views_stand_apart() {
+        for (scene, views) in
+            [("still-life?span=1.5", 5), ("still-life?span=3", 3), ("still-life?span=6", 5), ("plane?depth=2.5", 3)]
+        {
+            let (field, [low, high], display) = silent(scene, views);
+            let sought = field.disparities_sought(&display);
+            let [a, b] = sought.range;
+            let near = 0.1 * (high - low) + 1.0;
+            assert!(sought.doubt.is_none() && a < low + near && b > high - near, "{scene}: {a} .. {b}");
+            let per_pixel = display.focal_length * display.picture_pixel() / field.cell(&display);
+            let (reach, source) = field.reach(&display);
+            assert_eq!(source, DepthSource::Measured);
+            let [a, b] = reach.map(|z| z / per_pixel);
+            let near = 0.1 * (high - low) + 0.6;
+            assert!((a - low).abs() < near && (b - high).abs() < near, "{scene}: {a} .. {b}, not {low} .. {high}");
+        }
+    }
+
+    #[test]
+    fn dense_and_flat_views_are_sought_within_two_pixels() {
+        let (mut field, _, display) = silent("still-life", 9);
+        assert_eq!(field.disparities_sought(&display).range, USUAL);
+        field.planes.iter_mut().flatten().for_each(|view| view.fill(0.3));
+        assert_eq!(field.disparities_sought(&display).range, USUAL);
+        field.planes.iter_mut().flatten().for_each(|view| view.fill(0.0));
+        assert_eq!(field.disparities_sought(&display).range, USUAL);
+    }
+
+    #[test]
+    fn one_row_of_views_is_enough() {
+        let (field, [low, high], display) = silent("still-life?span=3", 3);
+        let planes = field.planes.iter().map(|views| views[3..6].to_vec()).collect();
+        let row = LightField { grid: [1, 3], planes, view_pitch: Some(field.cell(&display)), ..field };
+        let [a, b] = row.disparities_sought(&display).range;
+        assert!((a - low).abs() < 2.0 && (b - high).abs() < 2.0, "{a} .. {b}, not {low} .. {high}");
+    }
+
+    /// Thin blades that hide each other by eight pixels from view to view: what is lost is not passed over in silence.
+    #[test]
+    fn what_neighbouring_views_do_not_show_again_is_doubted() {
+        let (field, _, display) = silent("dense-grass?span=6", 5);
+        assert!(field.disparities_sought(&display).doubt.is_some());
+        assert!(matches!(field.reach(&display).1, DepthSource::Doubtful(1..45)));
+    }
+}
