@@ -5,7 +5,7 @@ use crate::args::{GeometryName, PhaseOptics, View};
 use crate::common::{self, Form};
 use eyebox::evaluate::Plane;
 use eyebox::hologram::{self, Hologram, PhaseSource};
-use eyebox::optics::Geometry;
+use eyebox::optics::{Geometry, depth_in_words};
 use std::path::Path;
 
 /// Shows one pupil.
@@ -13,15 +13,13 @@ pub fn run(args: &View) -> Result<(), Failure> {
     let form = common::form(&args.out, &[Form::Png, Form::Npy])?;
     let (source, known) = load(&args.hologram, args.at, &args.optics)?;
     let about = source.about();
-    for i in 0..about.colors.len() {
-        args.pupil.check_within(&about.optics(i)?)?;
-    }
+    let pupil = common::pupil(&args.pupil, (0..about.colors.len()).map(|i| about.optics(i)), args.optics.force)?;
     let mut engine = common::engine(&args.engine)?;
-    let planes = source.look(None, &args.pupil, engine.as_mut())?;
+    let planes = source.look(None, &pupil, engine.as_mut())?;
     let exposures = exposures(about, known, &args.optics, &planes);
     let colors: Vec<_> = about.colors.iter().map(|c| c.color).collect();
     common::write_image(&args.out, form, &planes, &colors, &exposures)?;
-    let [x, y, d, z] = args.pupil.to_mm();
+    let ([x, y, d, _], focus) = (pupil.to_mm(), depth_in_words(pupil.depth, about.focal_length));
     let cost = match &source {
         PhaseSource::Whole(_) => String::new(),
         PhaseSource::Tiled(tiles) => {
@@ -29,7 +27,7 @@ pub fn run(args: &View) -> Result<(), Failure> {
             format!("; read {read} MiB, peak {peak} MiB")
         }
     };
-    eprintln!("wrote {}: the view from ({x}, {y}) mm through {d} mm, focused at {z} mm{cost}", args.out.display());
+    eprintln!("wrote {}: the view from ({x}, {y}) mm through {d} mm, focused at {focus}{cost}", args.out.display());
     Ok(())
 }
 
@@ -70,6 +68,9 @@ pub fn load(file: &Path, at: Option<u64>, optics: &PhaseOptics) -> Result<(Phase
     let phases = hologram::load_phases(file)?;
     let hologram = phases.with_optics(pitch * 1e-6, focal_length * 1e-3, geometry, &wavelengths);
     let hologram = hologram.map_err(|e| Failure::Asked(format!("{}: {e}", file.display())))?;
+    for i in 0..hologram.colors.len() {
+        common::usual(optics.force, hologram.optics(i)?.check_usual())?;
+    }
     Ok((hologram.into(), false))
 }
 
