@@ -25,7 +25,8 @@ impl Ceiling {
     /// shared by all pupils, and light is never negative.
     pub fn new(optics: &Optics, pupil: &Pupil, wanted: &Plane) -> Self {
         let passes = passed(optics, pupil, [wanted.rows, wanted.columns]);
-        let beyond = spectrum(wanted).iter().zip(&passes).filter(|(_, passes)| !**passes);
+        let spectrum = spectrum(wanted);
+        let beyond = spectrum.iter().zip(&passes).filter(|(_, passes)| !**passes);
         let pixels = wanted.rows * wanted.columns;
         // The threshold is far below what float32 photographs know.
         let (energy, all) = (beyond.map(|(v, _)| v.norm_sqr()).sum::<f64>(), pixels.max(1) as f64);
@@ -93,8 +94,13 @@ mod tests {
     }
 
     /// In the middle, over the edge of the eyebox, so wide that frequencies come round, and even all of it.
-    const PUPILS: [[f64; 4]; 5] =
-        [[0.0, 0.0, 6.0, 0.0], [3.0, -5.0, 4.0, 1.0], [11.0, -9.0, 8.0, 0.0], [1.0, 2.0, 17.0, 0.0], [0.0, 0.0, 40.0, 0.0]];
+    const PUPILS: [[f64; 4]; 5] = [
+        [0.0, 0.0, 6.0, 0.0],
+        [3.0, -5.0, 4.0, 1.0],
+        [11.0, -9.0, 8.0, 0.0],
+        [1.0, 2.0, 17.0, 0.0],
+        [0.0, 0.0, 40.0, 0.0],
+    ];
 
     fn bins(optics: &Optics, pupil: &Pupil) -> Vec<[i64; 2]> {
         let (y, x) = optics.first_bin();

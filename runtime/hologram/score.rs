@@ -15,6 +15,8 @@ pub struct PupilScore {
     /// The most that any hologram could have there ([`Ceiling`]), dB, infinite where diffraction takes nothing; none where
     /// it is not known: with padding, in tiles, and where the picture is a part of the field of view.
     pub ceiling: Option<f64>,
+    /// The finest detail that all colours can have there, cycles a degree.
+    pub finest_cycles_per_degree: f64,
     /// Mean SSIM over the colours; none where the picture is smaller than SSIM's window.
     pub ssim: Option<f64>,
 }
@@ -52,6 +54,7 @@ impl PhaseSource<'_> {
         if has != given {
             return Err(HologramError::Inconsistent(format!("it has {has} colours, and the scene {given}")));
         }
+        let optics = (0..has).map(|color| self.about().optics(color)).collect::<Result<Vec<_>, _>>()?;
         let mut exposures = Vec::with_capacity(has);
         let mut sums: Vec<Vec<(Sums, f64)>> = vec![Vec::with_capacity(has); pupils.len()];
         let mut ssims: Vec<Option<f64>> = vec![Some(0.0); pupils.len()];
@@ -64,9 +67,9 @@ impl PhaseSource<'_> {
             let of_color =
                 pairs().map(|(s, w)| Sums::of_images(&s.values, &w.values)).collect::<Result<Vec<_>, _>>()?;
             let exposure = Sums::fit_exposure(&of_color)?;
-            let whole = self.shows_whole_pictures(color).then(|| self.about().optics(color)).transpose()?;
+            let whole = optics.get(color).filter(|_| self.shows_whole_pictures(color));
             for (i, (seen, wanted)) in pairs().enumerate() {
-                ceilings[i].extend(whole.map(|optics| Ceiling::new(&optics, &pupils[i], wanted)));
+                ceilings[i].extend(whole.map(|optics| Ceiling::new(optics, &pupils[i], wanted)));
                 sums[i].push((of_color[i], exposure));
                 let exposed: Vec<f32> = seen.values.iter().map(|v| v * exposure as f32).collect();
                 ssims[i] = match ssim(&exposed, &wanted.values, seen.rows, seen.columns) {
@@ -77,10 +80,12 @@ impl PhaseSource<'_> {
             }
             exposures.push(exposure);
         }
+        let finest = |d: f64| optics.iter().map(|o| o.finest_cycles_per_degree(d)).fold(f64::INFINITY, f64::min);
         let score = |(i, pupil): (usize, &Pupil)| PupilScore {
             pupil: *pupil,
             psnr: Sums::psnr_of_colors(&sums[i]),
             ceiling: (ceilings[i].len() == has).then(|| Ceiling::decibels(&ceilings[i])),
+            finest_cycles_per_degree: finest(pupil.diameter),
             ssim: ssims[i].map(|sum| sum / has as f64),
         };
         Ok(HologramScores { pupils: pupils.iter().enumerate().map(score).collect(), exposures })

@@ -41,10 +41,6 @@ pub fn page(results: &Results) -> String {
 fn facts(results: &Results) -> Vec<(&'static str, String)> {
     let a = &results.about;
     let list = |v: Vec<String>| v.join(", ");
-    let depth = |s: &SceneFigures| {
-        let ([far, near], [least, most]) = (s.depth_mm, s.depth_dioptres);
-        format!("{far:.2} to {near:.2} mm ({least:.3} to {most:.3} D)")
-    };
     vec![
         ("Scenes", list(results.scenes.iter().map(|s| s.name.clone()).collect())),
         ("Methods", list(results.methods.iter().map(|m| m.title.clone()).collect())),
@@ -52,7 +48,7 @@ fn facts(results: &Results) -> Vec<(&'static str, String)> {
         ("Sub-frames", list(a.frames.iter().map(usize::to_string).collect())),
         ("Colours", list(a.colors.iter().map(|c| c.to_string()).collect())),
         ("Display shows", a.reach.clone()),
-        ("Depth", list(results.scenes.iter().map(depth).collect())),
+        ("Depth", list(results.scenes.iter().map(SceneFigures::depths_in_words).collect())),
         ("Steps", format!("{}, of {} pupils each", a.steps, a.pupils)),
         ("Engine", a.engine.clone()),
     ]

@@ -54,7 +54,8 @@ pub fn boxes(results: &Results, group: Group) -> Plot {
             plot.boxes(&format!("{color} box out"), [row + 0.76, 0.18], five, None, &hover);
         }
     }
-    let ceilings: Option<Vec<f64>> = all.first().and_then(|s| results.rows(s, None, group).map(|r| r.ceiling).collect());
+    let ceilings: Option<Vec<f64>> =
+        all.first().and_then(|s| results.rows(s, None, group).map(|r| r.ceiling).collect());
     if let Some(ceiling) = ceilings.and_then(|c| mean(c.into_iter())).filter(|db| *db <= highest(results) + ABOVE) {
         plot.line("root line", vec![[ceiling, 0.0], [ceiling, all.len() as f64]]);
         plot.text("small", [ceiling, 0.0], [-4.0, -3.0], "end", &format!("ceiling {ceiling:.1}"));
@@ -147,7 +148,11 @@ pub fn focus(results: &Results) -> Plot {
     let last = places.max().unwrap_or(1).max(1);
     let ticks = [(0.0, "far"), (0.5, "middle"), (1.0, "near")].map(|(share, name)| (share, name.to_string()));
     let title = "Mean PSNR against the focus of a centred pupil as wide as the eyebox";
-    let mut plot = Plot::new(title, Axis::linear("focus").ticks(ticks), decibels());
+    let depths = match &results.scenes[..] {
+        [one] => format!("focus, {}", one.depths_in_words()),
+        _ => "focus".into(),
+    };
+    let mut plot = Plot::new(title, Axis::linear(&depths).ticks(ticks), decibels());
     over_group(results, &mut plot, Group::FocalStack, |index, _| index as f64 / last as f64);
     plot
 }

@@ -15,7 +15,8 @@ pub fn csv(head: &[&str], lines: impl IntoIterator<Item = Vec<String>>) -> Vec<u
 
 /// Every score: one line per method, scene, colour and pupil.
 pub fn scores(results: &Results) -> Vec<u8> {
-    let head = "method,frames,scene,color,group,pupil,x_mm,y_mm,diameter_mm,focus_mm,focus_dioptres,psnr_db,ceiling_db,ssim";
+    let head =
+        "method,frames,scene,color,group,pupil,x_mm,y_mm,diameter_mm,focus_mm,psnr_db,ssim,focus_dioptres,ceiling_db";
     let rows = results.runs.iter().flat_map(|run| run.rows.iter().map(move |row| (run, row)));
     let lines = rows.map(|(run, row)| {
         let mut line = vec![
@@ -27,9 +28,10 @@ pub fn scores(results: &Results) -> Vec<u8> {
             row.index.to_string(),
         ];
         line.extend(row.pupil_mm.map(|v| format!("{v:.6}")));
-        line.extend([format!("{:.6}", row.focus_dioptres), format!("{:.4}", row.psnr)]);
-        line.push(row.ceiling.map_or(String::new(), |db| format!("{db:.4}")));
+        line.push(format!("{:.4}", row.psnr));
         line.push(row.ssim.map_or(String::new(), |s| format!("{s:.6}")));
+        line.push(format!("{:.6}", row.focus_dioptres));
+        line.push(row.ceiling.map_or(String::new(), |db| format!("{db:.4}")));
         line
     });
     csv(&head.split(',').collect::<Vec<_>>(), lines)

@@ -20,7 +20,10 @@ pub fn page(tuned: &Tuned) -> String {
         ("Colour", tuned.color.to_string()),
         ("Sub-frames shown", tuned.frames.to_string()),
         ("Levels", tuned.slm_levels.map_or("any phase".into(), |n| n.to_string())),
-        ("Ceiling", tuned.ceiling.map_or("none".into(), |[mean, worst]| format!("{mean:.1} dB mean, {worst:.1} dB worst"))),
+        (
+            "Ceiling",
+            tuned.ceiling.map_or("none".into(), |[mean, worst]| format!("{mean:.1} dB mean, {worst:.1} dB worst")),
+        ),
         ("Engine", tuned.device.clone()),
         ("Trials", tuned.trials.len().to_string()),
         ("Time", format!("{:.0} of {:.0} s", tuned.spent_s, tuned.budget_s)),
@@ -160,7 +163,15 @@ fn fronts(tuned: &Tuned) -> Markup {
     let (ms, mean, worst): (Number, Number, Number) = (|t| t.milliseconds, |t| t.mean, |t| t.worst);
     let most = tuned.ceiling.map(|c| c[0]);
     let by_mean = front(tuned, "m0", milliseconds(), "mean PSNR, dB", [ms, mean], &tuned.by_mean(), most);
-    let by_worst = front(tuned, "m1", milliseconds(), "worst PSNR, dB", [ms, worst], &tuned.by_worst(), tuned.ceiling.map(|c| c[1]));
+    let by_worst = front(
+        tuned,
+        "m1",
+        milliseconds(),
+        "worst PSNR, dB",
+        [ms, worst],
+        &tuned.by_worst(),
+        tuned.ceiling.map(|c| c[1]),
+    );
     let memory = Axis::log("memory, MiB");
     let by_memory = front(tuned, "m2", memory, "mean PSNR, dB", [mebibytes, mean], &tuned.by_memory(), most);
     let body = html! {

@@ -2,7 +2,8 @@
 
 use crate::quality::QualityArgs;
 use crate::values::{
-    GivenPupil, Names, contrast, depths, full, memory, method, one_of, positive, pupil, range, rate, share, size, storage, window,
+    GivenPupil, Names, contrast, depths, full, memory, method, one_of, positive, pupil, range, rate, share, size,
+    storage, window,
 };
 use clap::builder::TypedValueParser;
 use clap::{Args, ValueEnum};

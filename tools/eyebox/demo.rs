@@ -37,7 +37,8 @@ pub fn run(args: &Demo) -> Result<(), Failure> {
     eprintln!("rendering {SCENE}: 9 x 9 views of {0}x{0} pixels", args.size);
     let field = scene::load(SCENE, &scene::Request::new(&display, &colors))?;
     let [far, near] = field.depth_range(&display).unwrap_or([-3e-3, 3e-3]);
-    let base = Settings { depth: [far, near], diameter: common::diameters(None, &display, false)?, ..Settings::default() };
+    let base =
+        Settings { depth: [far, near], diameter: common::diameters(None, &display, false)?, ..Settings::default() };
     let settings = match args.quality.choose(engine.as_ref(), [args.size; 2], base.frames, colors.len())? {
         Some(chosen) => {
             eprintln!("{}", chosen.about);

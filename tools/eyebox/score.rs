@@ -4,7 +4,7 @@ use crate::Failure;
 use crate::args::{SceneArgs, Score};
 use crate::common;
 use eyebox::hologram::{self, Hologram, HologramScores, PhaseSource, PupilScore, SceneSource};
-use eyebox::optics::{Color, Depth, Display, Pupil, dioptres, dioptres_in_words};
+use eyebox::optics::{Depth, Display, Pupil, dioptres, dioptres_in_words};
 use eyebox::solve::{Diameters, PupilRange, Sampler, Sequence};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -62,17 +62,15 @@ fn print_table(scores: &HologramScores, display: &Display) {
     println!("      x       y       d   focus mm           D   PSNR dB  ceiling dB    SSIM   finest cycles/degree");
     for score in &scores.pupils {
         let ([x, y, d, z], focus) = (score.pupil.to_mm(), dioptres_in_words(score.pupil.depth, display.focal_length));
-        let ceiling = score.ceiling.map_or("-".into(), |db| if db.is_finite() { format!("{db:.2}") } else { "none".into() });
-        let (similarity, finest) = (similarity(score), finest(score, display).map_or("-".into(), |f| format!("{f:.0}")));
-        println!("{x:7.2} {y:7.2} {d:7.2}   {z:8.2} {focus:>11} {:9.2}  {ceiling:>10}  {similarity}   {finest:>20}", score.psnr);
+        let ceiling =
+            score.ceiling.map_or("-".into(), |db| if db.is_finite() { format!("{db:.2}") } else { "none".into() });
+        let similarity = similarity(score);
+        println!(
+            "{x:7.2} {y:7.2} {d:7.2}   {z:8.2} {focus:>11} {:9.2}  {ceiling:>10}  {similarity}   {:20.0}",
+            score.psnr, score.finest_cycles_per_degree
+        );
     }
     println!("ceiling: what diffraction at the pupil leaves of the photograph at most, whatever the hologram");
-}
-
-/// The finest detail that the pupil passes, cycles a degree, of the colour that it hinders most.
-fn finest(score: &PupilScore, display: &Display) -> Option<f64> {
-    let of = |color: Color| Some(display.optics(color).ok()?.finest_cycles_per_degree(score.pupil.diameter));
-    display.wavelengths.iter().filter_map(|w| of(w.color)).reduce(f64::min)
 }
 
 /// SSIM as a table has it.
@@ -84,7 +82,7 @@ fn row(score: &PupilScore, display: &Display) -> Value {
     json!({
         "pupil_mm": score.pupil.to_mm(), "focus_dioptres": dioptres(score.pupil.depth, display.focal_length),
         "psnr_db": score.psnr, "ceiling_db": score.ceiling, "ssim": score.ssim,
-        "finest_cycles_per_degree": finest(score, display),
+        "finest_cycles_per_degree": score.finest_cycles_per_degree,
     })
 }
 

@@ -11,7 +11,8 @@ use eyebox::engine::Engine;
 use eyebox::hologram::PupilScore;
 use eyebox::optics::{Color, Display, depth_in_words, dioptres};
 use eyebox::produce::{
-    SceneJob, SceneSolution, SolvedHologram, SolvedSequence, SolvedTiles, TilesRequest, is_larger_than_memory, solve_scene,
+    SceneJob, SceneSolution, SolvedHologram, SolvedSequence, SolvedTiles, TilesRequest, is_larger_than_memory,
+    solve_scene,
 };
 use eyebox::solve::{Method, Optimizer, Settings, Solution, Stop};
 use eyebox::tiled::MemoryLimit;
@@ -169,7 +170,8 @@ fn say_tiles(args: &Solve, solved: &SolvedTiles, job: &SceneJob, engine: &dyn En
     let ([read, written], [_, held], seconds) = (solved.moved, plan.memory, start.elapsed().as_secs_f64());
     if args.json {
         let focus = |s: &PupilScore| dioptres(s.pupil.depth, display.focal_length);
-        let row = |s: &PupilScore| json!({ "pupil_mm": s.pupil.to_mm(), "focus_dioptres": focus(s), "psnr_db": s.psnr });
+        let row =
+            |s: &PupilScore| json!({ "pupil_mm": s.pupil.to_mm(), "focus_dioptres": focus(s), "psnr_db": s.psnr });
         let out = json!({
             "out": args.out, "engine": engine.describe(), "solve_seconds": solved.seconds, "seconds": seconds,
             "psnr_mean_db": summary.mean, "psnr_worst_db": summary.worst,

@@ -129,6 +129,14 @@ pub struct SceneFigures {
     pub pictures: Pictures,
 }
 
+impl SceneFigures {
+    /// Its depths in both units.
+    pub fn depths_in_words(&self) -> String {
+        let ([far, near], [least, most]) = (self.depth_mm, self.depth_dioptres);
+        format!("{far:.2} to {near:.2} mm ({least:.3} to {most:.3} D)")
+    }
+}
+
 /// Speckle of an even plane.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct SpeckleFigures {

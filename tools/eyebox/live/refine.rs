@@ -228,12 +228,7 @@ fn report(args: &Refine, all: &[Vec<Row>], about: &Hologram, engine: &str, [key,
         println!("{said}");
         return;
     }
-    println!(
-        "{engine}; {} sub-frames, {} colours; focused at {}",
-        about.frames,
-        all.len(),
-        depth_in_words(focus, f)
-    );
+    println!("{engine}; {} sub-frames, {} colours; focused at {}", about.frames, all.len(), depth_in_words(focus, f));
     if let (Some(first), Some(size)) = (place["first"].as_array(), place["size"].as_array()) {
         println!("the piece of {}x{} pixels from row {}, column {}", size[0], size[1], first[0], first[1]);
     }

@@ -129,7 +129,7 @@ pub fn run(args: &Study) -> Result<(), Failure> {
     let file = args.out.join("study.json");
     files::write_file(&file, |out| writeln!(out, "{all:#}"))?;
     let page = args.out.join("study.html");
-    let title = format!("Steering {}", subject.hologram.scene);
+    let title = format!("Steering {}, focused at {}", subject.hologram.scene, depth_in_words(focus, focal_length));
     files::write_file(&page, |out| out.write_all(report::study_page(&title, &subject.engine, &study).as_bytes()))?;
     if args.json {
         println!("{}", json!({ "summary": summary, "out": args.out }));

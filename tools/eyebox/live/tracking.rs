@@ -43,7 +43,8 @@ pub struct TrackerArgs {
 pub fn tracking(args: &TrackerArgs, view: bool, focal_length: f64) -> Result<(Option<MouseHandle>, Tracking), Failure> {
     let spec: Spec = args.tracker.parse()?;
     let calibration = args.calibration.as_deref().map(Calibration::load).transpose()?;
-    let settings = Settings { eye: args.eye.into(), focus: [args.focus.metres(focal_length); 2], ..Settings::default() };
+    let settings =
+        Settings { eye: args.eye.into(), focus: [args.focus.metres(focal_length); 2], ..Settings::default() };
     let estimator = Estimator::new(settings, calibration)?;
     let options = Options {
         latency: Duration::from_secs_f64((args.tracker_latency * 1e-3).min(1e6)),

@@ -15,6 +15,7 @@ mod refine;
 mod tiled;
 mod trackers;
 mod tradeoff;
+mod units;
 #[cfg(target_os = "linux")]
 mod window;
 #[cfg(target_os = "linux")]
