@@ -16,12 +16,12 @@ pub struct Ceiling {
 
 impl Ceiling {
     /// Of the photograph `wanted` through `pupil`, averaged over 2 x 2 pixels as all scores are; `optics` is of the whole
-    /// SLM, without padding, and the photograph its whole picture.
+    /// SLM, and the photograph its whole picture.
     ///
     /// The field that a pupil passes has only the frequencies inside its disc (OPTICS 2), and so its intensity, for any
     /// phases and any number of sub-frames, only the differences of two of them: a disc twice as wide. What the photograph
     /// has beyond is lost, and the rest is the best that can be: by Parseval's theorem the error is the energy beyond. It is
-    /// exact for SLMs of even rows and columns. No hologram scores more; that one scores as much is not said, for phases are
+    /// exact for SLMs of even rows and columns without padding, which mends a little of what edges lose. No hologram scores more; that one scores as much is not said, for phases are
     /// shared by all pupils, and light is never negative.
     pub fn new(optics: &Optics, pupil: &Pupil, wanted: &Plane) -> Self {
         let passes = passed(optics, pupil, [wanted.rows, wanted.columns]);

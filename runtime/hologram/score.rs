@@ -3,7 +3,7 @@
 use super::{Hologram, HologramError, PhaseSource, Sampling, SceneSource};
 use crate::engine::Engine;
 use crate::evaluate::{Ceiling, EvaluateError, Plane, Summary, Sums, ssim};
-use crate::optics::{Padding, Pupil};
+use crate::optics::Pupil;
 
 /// What one pupil scored, over all colours.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -13,7 +13,7 @@ pub struct PupilScore {
     /// PSNR over all colours, every pixel counting the same, dB.
     pub psnr: f64,
     /// The most that any hologram could have there ([`Ceiling`]), dB, infinite where diffraction takes nothing; none where
-    /// it is not known: with padding, in tiles, and where the picture is a part of the field of view.
+    /// it is not known: in tiles, and where the picture is a part of the field of view.
     pub ceiling: Option<f64>,
     /// The finest detail that all colours can have there, cycles a degree.
     pub finest_cycles_per_degree: f64,
@@ -94,8 +94,7 @@ impl PhaseSource<'_> {
     /// Whether a picture of this colour is all that the SLM's own frequencies make.
     fn shows_whole_pictures(&self, color: usize) -> bool {
         let about = self.about();
-        let padded = about.metadata.padding() != Padding::default();
-        matches!(self, Self::Whole(_)) && !padded && about.picture_share(color) == 1.0
+        matches!(self, Self::Whole(_)) && about.picture_share(color) == 1.0
     }
 }
 

@@ -67,21 +67,21 @@ impl Reference {
         Ok(self.validator.score(engine, &planner)?.in_units_of(self.unit))
     }
 
-    /// Mean and worst dB that any hologram could have ([`Ceiling`]); none where it is not known, with padding and where the
-    /// picture is a part of the field of view, or diffraction takes nothing through some pupil.
+    /// Mean and worst dB that any hologram could have ([`Ceiling`]); none where it is not known, where the picture is a part
+    /// of the field of view, or where diffraction takes nothing through some pupil.
     ///
     /// # Errors
     /// Those of the engine.
     pub fn ceiling(&self, engine: &mut dyn Engine) -> Result<Option<[f64; 2]>, QualityError> {
         let (problem, planner) = (&self.problem, self.problem.planner(1, WindowFactor::Full));
-        if planner.share < 1.0 || planner.grid != planner.slm {
+        if planner.share < 1.0 {
             return Ok(None);
         }
         engine.load(&planner.shape(Purpose::View), Some(Arc::clone(&problem.pyramid)))?;
-        let (rows, columns) = problem.optics.image_size();
+        let (rows, columns) = planner.slm.image_size();
         let of = |(pupil, values): (&Pupil, Vec<f32>)| {
             let photograph = Plane { rows, columns, values }.pooled();
-            Ceiling::decibels([&Ceiling::new(&problem.optics, pupil, &photograph)])
+            Ceiling::decibels([&Ceiling::new(&planner.slm, pupil, &photograph)])
         };
         let photographs = evaluate::photographs(engine, &planner, &self.pupils)?;
         let all: Vec<f64> = self.pupils.iter().zip(photographs).map(of).collect();
