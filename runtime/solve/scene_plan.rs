@@ -210,7 +210,7 @@ impl ScenePlan {
                         what: "the depth of the scene",
                         value: format!(
                             "measured as {}, though only {percent} % of its detail is found again in neighbouring views",
-                            mm(depth)
+                            depths_in_words(depth, display.focal_length)
                         ),
                         right: "given: by --depth MIN..MAX, or by depth_mm in lightfield.toml",
                     });
