@@ -18,11 +18,11 @@ use std::path::Path;
 
 /// The display, resized if asked, and checked for what is most likely a mistake.
 pub fn display(args: &DisplayArgs) -> Result<Display, Failure> {
-    sized_display(&args.display, args.size, args.force)
+    display_of_size(args.display.as_deref().unwrap_or("paper"), args.size, args.force)
 }
 
-/// The same by its name.
-pub fn sized_display(name: &str, size: Option<[usize; 2]>, force: bool) -> Result<Display, Failure> {
+/// A display by its name, the same way.
+pub fn display_of_size(name: &str, size: Option<[usize; 2]>, force: bool) -> Result<Display, Failure> {
     let mut display = Display::load(name)?;
     if let Some([height, width]) = size {
         (display.height, display.width) = (height, width);
@@ -234,11 +234,6 @@ pub fn write_image(
     }
     files::write_png(out, height, width, &rgb)?;
     Ok(())
-}
-
-/// Whether a path is meant as a hologram, with its optics, and not as bare phases.
-pub fn is_hologram(path: &Path) -> bool {
-    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("zarr"))
 }
 
 /// Largest resident set so far, as Linux tells it.

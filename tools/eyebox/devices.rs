@@ -9,7 +9,7 @@ use serde_json::json;
 
 /// Lists engines and devices, and what `auto` takes and why.
 pub fn run(args: &Devices) -> Result<(), Failure> {
-    let display = args.display.as_deref().map(|name| common::sized_display(name, None, args.force)).transpose()?;
+    let display = args.display.as_deref().map(|name| common::display_of_size(name, None, args.force)).transpose()?;
     let cpu = CpuEngine::new().describe();
     let found = gpu::devices();
     let (_, auto) = engine::reason(&found);

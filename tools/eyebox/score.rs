@@ -3,7 +3,7 @@
 use crate::Failure;
 use crate::args::{SceneArgs, Score};
 use crate::common;
-use eyebox::hologram::{self, Hologram, HologramScores, PhaseSource, PupilScore, SceneSource};
+use eyebox::hologram::{Hologram, HologramScores, PhaseSource, PupilScore, SceneSource};
 use eyebox::optics::{Depth, Display, Pupil, dioptres, dioptres_in_words};
 use eyebox::solve::{Diameters, PupilRange, Sampler, Sequence};
 use serde_json::{Value, json};
@@ -30,7 +30,7 @@ pub fn run(args: &Score) -> Result<(), Failure> {
             (scene, depth)
         }
     };
-    let diameter = common::diameters(diameter, &display, args.display.force)?;
+    let diameter = common::diameters(diameter, &display, args.phases.force)?;
     let pupils = pupils(args, &display, diameter, depth)?;
     let scores = source.score(&scene, &pupils, engine.as_mut())?;
     let psnr = scores.summary().ok_or_else(|| Failure::Asked("there is no pupil to score".into()))?;
@@ -99,33 +99,16 @@ pub fn as_solved(args: &SceneArgs, hologram: &Hologram) -> SceneArgs {
     args
 }
 
-/// A hologram, and the display that it was made for.
-pub fn with_display(file: &Path) -> Result<(Hologram, Display), Failure> {
-    let hologram = Hologram::load(file)?;
-    let display = display_of(file, &hologram)?;
-    Ok((hologram, display))
-}
-
 /// The display that a hologram, read from `file`, was made for.
 pub fn display_of(file: &Path, hologram: &Hologram) -> Result<Display, Failure> {
     hologram.made_for().map_err(|e| Failure::Asked(format!("{}: {e}", file.display())))
 }
 
-/// The hologram, and the display that its own optics make (or, for bare phases, that the flags say).
+/// The hologram, and the display that it is for.
 fn load(args: &Score) -> Result<(PhaseSource<'static>, Display), Failure> {
-    if common::is_hologram(&args.hologram) {
-        let source = PhaseSource::open(&args.hologram, None)?;
-        let display = display_of(&args.hologram, source.about())?;
-        return Ok((source, display));
-    }
-    let phases = hologram::load_phases(&args.hologram)?;
-    let display = common::display(&args.display)?;
-    let colors = common::colors(&args.display, &display)?;
-    let hologram = phases.on(&display, &colors);
-    let hologram =
-        hologram.map_err(|e| Failure::Asked(format!("{}: {e}: choose with --color", args.hologram.display())))?;
-    let display = Display { height: hologram.height, width: hologram.width, ..display };
-    Ok((hologram.into(), display))
+    let source = args.phases.opening(&args.hologram, None)?.source(&args.hologram)?;
+    let display = display_of(&args.hologram, source.about())?;
+    Ok((source, display))
 }
 
 /// `random:N`, or a JSON list of [x, y, diameter, focus] in mm, the focus perhaps in dioptres.
@@ -154,7 +137,7 @@ fn pupils(args: &Score, display: &Display, diameter: [f64; 2], depth: [f64; 2]) 
         let depth = focus.metres(display.focal_length);
         let pupil = Pupil { depth, ..Pupil::from_mm([x, y, diameter, 0.0]) };
         for w in &display.wavelengths {
-            common::usual(args.display.force, pupil.check_usual(&display.optics(w.color)?).map(drop))?;
+            common::usual(args.phases.force, pupil.check_usual(&display.optics(w.color)?).map(drop))?;
         }
         pupils.push(pupil);
     }
@@ -182,11 +165,11 @@ mod tests {
             phases: vec![0.5; 6],
         };
         let hologram = Hologram { height: 2, width: 3, ..Hologram::on(&display, 1, vec![color]) };
-        for name in ["x.zarr", "x.npy"] {
+        for (name, display) in [("x.zarr", &[][..]), ("x.npy", &["--display", "paper"])] {
             let path = here.path().join(name);
             hologram.save(&path).unwrap();
             let words = ["eyebox", "score", path.to_str().unwrap(), "builtin:plane", "--color", "green"];
-            let Command::Score(args) = Cli::parse_from(words).command else { panic!("not score") };
+            let Command::Score(args) = Cli::parse_from([&words, display].concat()).command else { panic!("not score") };
             let (loaded, found) = load(&args).unwrap();
             assert_eq!(loaded.about().colors.len(), 1);
             assert!((found.eyebox_min() - 22e-3).abs() < 1e-9, "{name}: {}", found.eyebox_min());

@@ -3,6 +3,7 @@
 use super::args::SteeringArgs;
 use crate::args::{EngineArgs, SceneArgs};
 use crate::common::{self, Form};
+use crate::phases::PhaseArgs;
 use crate::score;
 use crate::values::{GivenPupil, not_negative, pupil, range};
 use crate::{Failure, progress};
@@ -19,7 +20,7 @@ use std::time::Instant;
 /// `eyebox refine`
 #[derive(Args)]
 pub struct Refine {
-    /// NAME.zarr, solved for the whole eyebox
+    /// NAME.zarr, solved for the whole eyebox; or phases: NAME.npy or a folder of PNGs
     pub hologram: PathBuf,
     /// Scene
     #[command(flatten)]
@@ -36,12 +37,12 @@ pub struct Refine {
     /// Steps
     #[arg(long, default_value_t = 16, value_name = "N")]
     pub steps: usize,
-    /// Take a pupil that looks like a mistake as it is
-    #[arg(long)]
-    pub force: bool,
     /// How the phases follow
     #[command(flatten)]
     pub steering: SteeringArgs,
+    /// Bare phases
+    #[command(flatten)]
+    pub phases: PhaseArgs,
     /// Where the refined hologram goes: NAME.zarr
     #[arg(short, long, value_name = "FILE")]
     pub out: Option<PathBuf>,
@@ -78,12 +79,16 @@ pub fn run(args: &Refine) -> Result<(), Failure> {
         common::form(out, &[Form::Zarr])?;
     }
     if Tiles::is_tiled(&args.hologram) {
+        // It holds its own optics.
+        args.phases.opening(&args.hologram, None)?;
         return tiled(args);
     }
-    let (mut hologram, display) = score::with_display(&args.hologram)?;
+    let mut hologram = args.phases.opening(&args.hologram, None)?.hologram(&args.hologram)?;
+    let display = score::display_of(&args.hologram, &hologram)?;
     let colors: Vec<_> = hologram.colors.iter().filter_map(|c| c.color).collect();
+    common::pupil(&args.pupil, (0..colors.len()).map(|i| hologram.optics(i)), args.phases.force)?;
     let field = common::scene(&score::as_solved(&args.scene, &hologram), &display, &colors)?;
-    common::pupil(&args.pupil, (0..colors.len()).map(|i| hologram.optics(i)), args.force)?;
+    hologram.fit_exposure(&field, common::engine(&args.engine)?.as_mut())?;
     let aim = args.aim(display.focal_length);
     let padding = hologram.metadata.padding();
     progress::catch_interrupt();
@@ -118,7 +123,7 @@ fn tiled(args: &Refine) -> Result<(), Failure> {
     }
     let display = score::display_of(&args.hologram, about)?;
     let colors: Vec<_> = about.colors.iter().filter_map(|c| c.color).collect();
-    common::pupil(&args.pupil, (0..colors.len()).map(|i| about.optics(i)), args.force)?;
+    common::pupil(&args.pupil, (0..colors.len()).map(|i| about.optics(i)), args.phases.force)?;
     let scene = common::scene_around(&score::as_solved(&args.scene, about), &display, &colors)?;
     let aim = args.aim(display.focal_length);
     progress::catch_interrupt();

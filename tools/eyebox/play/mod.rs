@@ -16,8 +16,9 @@ use std::time::{Duration, UNIX_EPOCH};
 
 /// Plays a hologram or a sequence, and says what was shown.
 pub fn run(args: &Play) -> Result<(), Failure> {
-    let display = common::sized_display(&args.display, args.size, args.force)?;
-    let mut play = session::Play::open(&args.file, &display)?;
+    let display = common::display_of_size(&args.display, args.size, args.force)?;
+    let sequence = args.unit.opening(Some(&display), args.color.one()).sequence(&args.file)?;
+    let mut play = session::Play::new(sequence, &display)?;
     let output = output(args, args.looped || play.looped)?;
     play.rate = args.rate.unwrap_or(play.rate);
     play.speed = args.speed;

@@ -176,6 +176,11 @@ fn what_is_most_likely_a_mistake_is_refused_and_taken_with_force() {
     }
     std::fs::write(at.join("p.json"), "[[0, 0, 0.004, 0]]").unwrap();
     refused(at, &["score", "h.zarr", scene, "--pupils", "p.json"], "x", "probably 4 mm");
-    refused(at, &["encode", "h.npy", "--size", "60x40", "--color", "green", "-o", "f"], "f", "probably 40x60");
+    refused(
+        at,
+        &["encode", "h.npy", "--display", "paper", "--size", "60x40", "--color", "green", "-o", "f"],
+        "f",
+        "probably 40x60",
+    );
     refused(at, &["play", "h.zarr", "--size", "60x40"], "x", "probably 40x60");
 }
