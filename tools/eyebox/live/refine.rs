@@ -223,8 +223,9 @@ fn report(args: &Refine, all: &[Vec<Row>], about: &Hologram, engine: &str, [key,
     if args.json {
         let row = |r: &Row| json!({ "steps": r.steps, "ms": r.ms, "eye_db": r.eye, key: r.wide });
         let mut said = json!({
-            "engine": engine, "aim": args.aim(f), "focus_mm": focus * 1e3, "focus_dioptres": dioptres(focus, f), "steering": args.steering.steering(),
-            "rows": rows.iter().map(row).collect::<Vec<_>>(), "out": args.out,
+            "engine": engine, "aim": args.aim(f), "focus_mm": focus * 1e3, "focus_dioptres": dioptres(focus, f),
+            "steering": args.steering.steering(), "rows": rows.iter().map(row).collect::<Vec<_>>(),
+            "out": args.out.as_ref().map(|out| out.display().to_string()),
         });
         if !place.is_null() {
             said["piece"] = place.clone();

@@ -132,7 +132,7 @@ pub fn run(args: &Study) -> Result<(), Failure> {
     let title = format!("Steering {}, focused at {}", subject.hologram.scene, depth_in_words(focus, focal_length));
     files::write_file(&page, |out| out.write_all(report::study_page(&title, &subject.engine, &study).as_bytes()))?;
     if args.json {
-        println!("{}", json!({ "summary": summary, "out": args.out }));
+        println!("{}", json!({ "summary": summary, "out": args.out.display().to_string() }));
         return Ok(());
     }
     print(&study);
