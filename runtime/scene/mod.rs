@@ -63,6 +63,7 @@ mod photograph;
 #[cfg_attr(not(feature = "image-formats"), path = "no_picture.rs")]
 mod picture;
 mod pyramid;
+mod range;
 mod reproject;
 mod request;
 mod resize;
@@ -70,6 +71,7 @@ mod settings;
 mod shape;
 mod single;
 mod survey;
+mod sweep;
 
 #[cfg(test)]
 mod reading_tests;

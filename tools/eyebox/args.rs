@@ -1,13 +1,15 @@
 //! The arguments of commands, and those that they share: millimetres, micrometres and nanometres in, metres out.
 
+use crate::phases::{PhaseArgs, PhaseUnitArgs};
 use crate::quality::QualityArgs;
 use crate::values::{
-    Names, contrast, depths, full, memory, method, one_of, positive, pupil, range, rate, share, size, storage, window,
+    GivenPupil, Names, contrast, depths, full, memory, method, one_of, positive, pupil, range, rate, share, size,
+    storage, window,
 };
 use clap::builder::TypedValueParser;
 use clap::{Args, ValueEnum};
 use eyebox::hologram::Start;
-use eyebox::optics::{Color, Pupil, WindowFactor};
+use eyebox::optics::{Color, Depth, Display, WindowFactor};
 use eyebox::plan::Storage;
 use eyebox::present::Rate;
 use eyebox::scene::Order;
@@ -53,14 +55,18 @@ pub struct EngineArgs {
 #[derive(Args)]
 pub struct DisplayArgs {
     /// Display: paper, plm, small, grey8, fields, planes8, planes24, far-field, far-field-16k, or a TOML file
-    #[arg(long, default_value = "paper", value_name = "PRESET|FILE")]
-    pub display: String,
+    /// [default: paper]
+    #[arg(long, value_name = "PRESET|FILE")]
+    pub display: Option<String>,
     /// Resolution instead of the display's own, rows x columns
     #[arg(long, value_name = "HxW", value_parser = size)]
     pub size: Option<[usize; 2]>,
     /// Colours
     #[arg(long, value_enum, default_value = "all")]
     pub color: Colors,
+    /// Take sizes, wavelengths and pupils that look like a mistake as they are
+    #[arg(long)]
+    pub force: bool,
 }
 
 /// The scene, in every command that takes one.
@@ -77,14 +83,26 @@ pub struct SceneArgs {
     /// Views per axis of scenes that are rendered or reprojected [default: 9; in score, what the hologram was solved for]
     #[arg(long, value_name = "N")]
     pub views: Option<usize>,
-    /// Depths that matter, mm [default: what the scene says]; of a depth map, what its smallest and its largest value
-    /// mean (MAX..MIN where dark is near)
+    /// Depths that matter, mm, or dioptres as in -0.02D..0.02D [default: what the scene says]; of a depth map, what its
+    /// smallest and its largest value mean (MAX..MIN where dark is near)
     #[arg(long, value_name = "MIN..MAX", value_parser = depths, allow_hyphen_values = true)]
-    pub depth: Option<[f64; 2]>,
+    pub depth: Option<[Depth; 2]>,
     /// How the views of a folder really stand: as-named, or transpose, flip-rows, flip-columns with commas between [default:
     /// what its lightfield.toml says; else as named, refused where the pictures clearly show another]
     #[arg(long, value_name = "ORDER")]
     pub order: Option<Order>,
+}
+
+impl SceneArgs {
+    /// The depths that matter, metres.
+    pub fn depth_before(&self, display: &Display) -> Option<[f64; 2]> {
+        self.depth.map(|both| both.map(|depth| depth.metres(display.focal_length)))
+    }
+
+    /// A scene of which nothing else is said.
+    pub fn of(scene: &str) -> Self {
+        Self { scene: scene.into(), depth_map: None, view_pitch: None, views: None, depth: None, order: None }
+    }
 }
 
 /// `eyebox demo`
@@ -251,7 +269,7 @@ pub struct Solve {
 /// `eyebox export`
 #[derive(Args)]
 pub struct Export {
-    /// NAME.zarr
+    /// NAME.zarr, or phases: NAME.npy or a folder of PNGs
     pub hologram: PathBuf,
     /// Which hologram of a sequence, from 0
     #[arg(long, value_name = "N")]
@@ -259,6 +277,9 @@ pub struct Export {
     /// NAME.npy (float32 radians), or a folder for one 8-bit grey PNG per colour and sub-frame
     #[arg(short, long, value_name = "FILE.npy|FOLDER")]
     pub out: PathBuf,
+    /// Bare phases
+    #[command(flatten)]
+    pub phases: PhaseArgs,
 }
 
 /// `eyebox encode`
@@ -272,6 +293,9 @@ pub struct Encode {
     /// Display
     #[command(flatten)]
     pub display: DisplayArgs,
+    /// Bare phases
+    #[command(flatten)]
+    pub unit: PhaseUnitArgs,
     /// Which engine computes
     #[arg(long, value_enum, default_value = "auto")]
     pub engine: EngineName,
@@ -302,47 +326,21 @@ pub struct View {
     /// Which hologram of a sequence, from 0
     #[arg(long, value_name = "N")]
     pub at: Option<u64>,
-    /// Pupil: x,y,diameter,focus in mm
+    /// Pupil: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
     #[arg(long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true)]
-    pub pupil: Pupil,
+    pub pupil: GivenPupil,
     /// The picture (PNG), or the intensity (.npy, float32, no exposure)
     #[arg(short, long, value_name = "FILE")]
     pub out: PathBuf,
-    /// Optics of bare phases
+    /// Bare phases
     #[command(flatten)]
-    pub optics: PhaseOptics,
+    pub phases: PhaseArgs,
+    /// Exposure of the PNG [default: the hologram's; where it is not known, the 99th percentile becomes white]
+    #[arg(long, value_parser = positive)]
+    pub exposure: Option<f64>,
     /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,
-}
-
-/// Where an SLM stands, by name.
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum GeometryName {
-    /// Behind a 4f relay
-    Relay,
-    /// In the pupil plane
-    FarField,
-}
-
-/// Optics of phases that come without.
-#[derive(Args)]
-pub struct PhaseOptics {
-    /// Pixel pitch, um (phases without optics)
-    #[arg(long, value_name = "UM")]
-    pub pitch: Option<f64>,
-    /// Wavelength, nm; one per colour (phases without optics)
-    #[arg(long, value_name = "NM", value_delimiter = ',')]
-    pub wavelength: Vec<f64>,
-    /// Focal length, mm (phases without optics)
-    #[arg(long, value_name = "MM")]
-    pub focal_length: Option<f64>,
-    /// Where the SLM stands (phases without optics)
-    #[arg(long, value_enum, default_value_t = GeometryName::Relay)]
-    pub geometry: GeometryName,
-    /// Exposure of the PNG [default: the hologram's; for bare phases, the 99th percentile becomes white]
-    #[arg(long, value_parser = positive)]
-    pub exposure: Option<f64>,
 }
 
 /// `eyebox photograph`
@@ -351,9 +349,9 @@ pub struct Photograph {
     /// Scene
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// Pupil: x,y,diameter,focus in mm
+    /// Pupil: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
     #[arg(long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true)]
-    pub pupil: Pupil,
+    pub pupil: GivenPupil,
     /// The picture (PNG), or linear light (.npy, float32)
     #[arg(short, long, value_name = "FILE")]
     pub out: PathBuf,
@@ -373,7 +371,7 @@ pub struct Score {
     /// Scene
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// random:N, or a JSON file with a list of [x, y, diameter, focus] in mm
+    /// random:N, or a JSON file with a list of [x, y, diameter, focus] in mm, or the focus as "0.5D"
     #[arg(long, default_value = "random:16", value_name = "random:N|FILE.json")]
     pub pupils: String,
     /// Diameters of random pupils, mm [default: 2..20, or what fits the eyebox]
@@ -382,9 +380,9 @@ pub struct Score {
     /// Seed of random pupils
     #[arg(long, default_value_t = 1000, value_name = "S")]
     pub seed: u64,
-    /// Display of bare phases
+    /// Bare phases
     #[command(flatten)]
-    pub display: DisplayArgs,
+    pub phases: PhaseArgs,
     /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,
@@ -396,6 +394,12 @@ pub struct Score {
 /// `eyebox devices`
 #[derive(Args)]
 pub struct Devices {
+    /// Say what this display can show: a preset or a TOML file
+    #[arg(long, value_name = "PRESET|FILE")]
+    pub display: Option<String>,
+    /// Take a display that looks like a mistake as it is
+    #[arg(long)]
+    pub force: bool,
     /// One JSON object on standard output
     #[arg(long)]
     pub json: bool,

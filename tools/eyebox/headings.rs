@@ -5,7 +5,10 @@ use clap::{Command, CommandFactory};
 /// Each heading with its options; `COMMAND.OPTION` is for one command alone, and wins.
 const HEADINGS: &[(&str, &[&str])] = &[
     ("Scene", &["scene", "depth_map", "view_pitch", "views", "depth", "reference", "hologram", "methods"]),
-    ("Display", &["display", "size", "color", "output", "monitor", "display_rate", "display_latency", "validation"]),
+    (
+        "Display",
+        &["display", "size", "color", "force", "output", "monitor", "display_rate", "display_latency", "validation"],
+    ),
     (
         "Quality",
         &[
@@ -98,7 +101,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
     ("Samples", &["watch", "latency", "real_time", "trackers.rate", "trackers.pupil", "trackers.duration", "describe"]),
     ("Calibration", &["calibrate", "targets", "trackers.calibration", "trackers.eye"]),
     ("Window", &["preview.window", "zoom", "save_to", "live.view"]),
-    ("Optics of bare phases", &["pitch", "wavelength", "focal_length", "geometry", "exposure"]),
+    ("Bare phases", &["phase_unit", "pitch", "wavelength", "focal_length", "geometry", "exposure"]),
     ("Engine", &["engine", "vulkan_from", "rounds", "beside", "time_again"]),
     ("Output", &["out", "json", "timings", "stats", "record", "trace", "raw", "shared", "at"]),
 ];

@@ -1,9 +1,11 @@
 //! The arguments of `eyebox evaluate`.
 
 use crate::args::{DisplayArgs, EngineArgs, SceneArgs};
+use crate::phases::PhaseUnitArgs;
 use crate::quality::QualityArgs;
 use crate::values::{depths, positive, range};
 use clap::Args;
+use eyebox::optics::Depth;
 use std::path::PathBuf;
 
 /// `eyebox evaluate`
@@ -21,8 +23,8 @@ pub struct Evaluate {
     /// Sub-frames; several numbers compare them
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "8")]
     pub frames: Vec<usize>,
-    /// A hologram that exists, under the name that the report gives it; may be repeated
-    #[arg(long, value_name = "NAME=FILE.zarr", value_parser = named)]
+    /// A hologram that exists, or phases (.npy) for --display, under the name that the report gives it; may be repeated
+    #[arg(long, value_name = "NAME=FILE", value_parser = named)]
     pub hologram: Vec<(String, PathBuf)>,
     /// Published numbers to draw beside the measured ones: columns method,category,n,mean,median,q25,q75,min,max,std
     #[arg(long, value_name = "CSV")]
@@ -30,6 +32,9 @@ pub struct Evaluate {
     /// Display
     #[command(flatten)]
     pub display: DisplayArgs,
+    /// Bare phases
+    #[command(flatten)]
+    pub unit: PhaseUnitArgs,
     /// Depth or disparity map of a picture (PNG, PFM or .npy)
     #[arg(long, value_name = "FILE")]
     pub depth_map: Option<PathBuf>,
@@ -39,9 +44,9 @@ pub struct Evaluate {
     /// Views per axis of scenes that are rendered or reprojected
     #[arg(long, default_value_t = 9, value_name = "N")]
     pub views: usize,
-    /// Depths that matter, mm [default: what the scene says]
+    /// Depths that matter, mm, or dioptres as in -0.02D..0.02D [default: what the scene says]
     #[arg(long, value_name = "MIN..MAX", value_parser = depths, allow_hyphen_values = true)]
-    pub depth: Option<[f64; 2]>,
+    pub depth: Option<[Depth; 2]>,
     /// Quality: decides steps, pupils, their diameters, window and optimiser of every iterative method; all views and
     /// sub-frames stay
     #[command(flatten)]
@@ -86,6 +91,6 @@ impl Evaluate {
 fn named(text: &str) -> Result<(String, PathBuf), String> {
     match text.split_once('=') {
         Some((name, file)) if !name.trim().is_empty() && !file.is_empty() => Ok((name.trim().into(), file.into())),
-        _ => Err("expected NAME=FILE.zarr".into()),
+        _ => Err("expected NAME=FILE".into()),
     }
 }
