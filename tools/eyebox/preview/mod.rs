@@ -130,7 +130,8 @@ fn scene(args: &Preview, hologram: &Hologram, moves: bool, tiled: bool) -> Resul
     let colors: Vec<Color> = hologram.colors.iter().filter_map(|c| c.color).collect();
     let asked = SceneArgs {
         scene: scene.clone(),
-        depth_map: args.depth_map.clone(),
+        depth_map: args.depth_map.iter().cloned().collect(),
+        near: args.near,
         view_pitch: None,
         views: None,
         depth: None,
