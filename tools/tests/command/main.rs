@@ -13,6 +13,7 @@ mod play;
 #[cfg(target_os = "linux")]
 mod preview;
 mod refine;
+mod reliability;
 mod tiled;
 mod trackers;
 mod tradeoff;
