@@ -8,6 +8,7 @@ mod cache;
 #[cfg_attr(not(feature = "image-formats"), path = "no_codec.rs")]
 mod codec;
 mod npy;
+mod os;
 mod picture;
 mod whole;
 

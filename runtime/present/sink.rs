@@ -49,12 +49,17 @@ impl Sink {
         Ok(Self::Raw { file: file.into(), out: BufWriter::new(out) })
     }
 
-    /// For pictures of (rows, columns, channels).
+    /// For pictures of (rows, columns, channels). Not on Windows, where a file that is written and one that is mapped need
+    /// not be the same at every moment.
     ///
     /// # Errors
     /// [`PresentError::File`].
     pub fn shared(file: &Path, [rows, columns, channels]: [usize; 3]) -> Result<Self, PresentError> {
         let failed = |e| FileError::write(file, e);
+        if cfg!(windows) {
+            let reason = "Windows does not share memory through files: take `--raw` into a file or a pipe";
+            return Err(failed(io::Error::new(io::ErrorKind::Unsupported, reason)).into());
+        }
         let out = OpenOptions::new().read(true).write(true).create(true).truncate(true).open(file).map_err(failed)?;
         out.set_len(HEADER + (rows * columns * channels) as u64).map_err(failed)?;
         let mut header = [0u8; HEADER as usize];
@@ -122,6 +127,15 @@ impl Sink {
 mod tests {
     use super::*;
 
+    #[cfg(windows)]
+    #[test]
+    fn shared_memory_is_refused() {
+        let here = tempfile::tempdir().unwrap();
+        let error = Sink::shared(&here.path().join("s"), [2, 3, 1]).unwrap_err().to_string();
+        assert!(error.contains("--raw") && !here.path().join("s").exists(), "{error}");
+    }
+
+    #[cfg(not(windows))]
     #[test]
     fn raw_is_all_and_shared_is_the_newest() {
         let here = tempfile::tempdir().unwrap();
