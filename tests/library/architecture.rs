@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 /// A room imports only rooms before it.
 const ROOMS: [&str; 21] = [
-    "mailbox", "steady", "optics", "files", "scene", "plan", "gpu", "engine", "evaluate", "solve", "hologram", "tiled",
+    "mailbox", "steady", "files", "optics", "scene", "plan", "gpu", "engine", "evaluate", "solve", "hologram", "tiled",
     "quality", "produce", "encode", "trackers", "gaze", "present", "session", "preview", "report",
 ];
 
