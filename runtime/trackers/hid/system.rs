@@ -35,8 +35,6 @@ mod hid {
         true => "another program may hold it",
         false => "a udev rule with TAG+=\"uaccess\" lets users read it",
     };
-    /// Longest feature report, bytes, and its ID. Windows refuses buffers that are shorter than a device's longest.
-    const LONGEST_FEATURE: usize = if cfg!(windows) { 1 + LONGEST_REPORT } else { 0 };
 
     pub fn open() -> Result<Box<dyn Bus>, HidError> {
         let api = hidapi::HidApi::new().map_err(|e| HidError::System(format!("HID devices: {e}")))?;
@@ -94,8 +92,11 @@ mod hid {
         }
 
         fn get_feature(&mut self, report: &mut [u8]) -> Result<usize, HidError> {
-            let mut whole = vec![0; report.len().max(LONGEST_FEATURE)];
-            whole[..report.len()].copy_from_slice(report);
+            let mut whole = report.to_vec();
+            if cfg!(windows) {
+                // It refuses buffers that are shorter than the device's longest feature report.
+                whole.resize(report.len().max(1 + LONGEST_REPORT), 0);
+            }
             let length = self.0.get_feature_report(&mut whole).map_err(gone)?.min(report.len());
             report.copy_from_slice(&whole[..report.len()]);
             Ok(length)
