@@ -222,7 +222,7 @@ fn report(args: &Refine, all: &[Vec<Row>], frames: usize, engine: &str, [key, wo
         let row = |r: &Row| json!({ "steps": r.steps, "ms": r.ms, "eye_db": r.eye, key: r.wide });
         let mut said = json!({
             "engine": engine, "aim": args.aim(), "steering": args.steering.steering(),
-            "rows": rows.iter().map(row).collect::<Vec<_>>(), "out": args.out,
+            "rows": rows.iter().map(row).collect::<Vec<_>>(), "out": args.out.as_ref().map(|out| out.display().to_string()),
         });
         if !place.is_null() {
             said["piece"] = place.clone();

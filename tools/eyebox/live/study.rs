@@ -127,7 +127,7 @@ pub fn run(args: &Study) -> Result<(), Failure> {
     let title = format!("Steering {}", subject.hologram.scene);
     files::write_file(&page, |out| out.write_all(report::study_page(&title, &subject.engine, &study).as_bytes()))?;
     if args.json {
-        println!("{}", json!({ "summary": summary, "out": args.out }));
+        println!("{}", json!({ "summary": summary, "out": args.out.display().to_string() }));
         return Ok(());
     }
     print(&study);
