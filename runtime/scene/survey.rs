@@ -122,6 +122,15 @@ impl LightField {
         }
     }
 
+    /// [`aliasing`](Self::aliasing) for people, and what it does.
+    pub(crate) fn aliasing_in_words(&self, display: &Display, depth: [f64; 2]) -> [String; 2] {
+        let pixels = self.aliasing(display, depth);
+        let views = self.views_without_aliasing(display, depth);
+        let ghosts = format!("wide pupils see ghosts out of focus; {views} x {views} views would not");
+        let why = if pixels > 1.0 { ghosts } else { "wide pupils see no ghosts out of focus".into() };
+        [format!("{pixels:.1} pixels from view to view"), why]
+    }
+
     /// Views per axis, over the same places of the pupil plane, that would keep [`aliasing`](Self::aliasing) to one pixel.
     pub fn views_without_aliasing(&self, display: &Display, depth: [f64; 2]) -> usize {
         let views = self.grid[0].max(self.grid[1]);

@@ -128,7 +128,8 @@ impl ScenePlan {
         plan.choose_colors(field, request);
         plan.choose_depth(field, display, request)?;
         plan.choose_views(field, display, request)?;
-        plan.say_aliasing(field, display);
+        let [pixels, why] = field.aliasing_in_words(display, plan.settings.depth);
+        plan.say("aliasing", pixels, why);
         plan.choose_padding(field, display, request)?;
         let padded = plan.padding != Padding::default();
         plan.settings.padding = if padded { PaddingRule::Always } else { PaddingRule::Never };
@@ -311,17 +312,6 @@ impl ScenePlan {
         };
         // A method that looks through no pupil has views of its own: none may go.
         Ok(all.iter().zip(&few).map(one).reduce(f64::min).unwrap_or(f64::NEG_INFINITY))
-    }
-
-    fn say_aliasing(&mut self, field: &LightField, display: &Display) {
-        let pixels = field.aliasing(display, self.settings.depth);
-        let why = if pixels > 1.0 {
-            let views = field.views_without_aliasing(display, self.settings.depth);
-            format!("wide pupils see ghosts out of focus; {views} x {views} views would not")
-        } else {
-            "wide pupils see no ghosts out of focus".into()
-        };
-        self.say("aliasing", format!("{pixels:.1} pixels from view to view"), why);
     }
 
     fn choose_padding(
