@@ -230,6 +230,7 @@ impl Hologram {
             geometry: self.geometry,
             wavelengths: self.display_wavelengths.clone(),
             levels: 256,
+            rate_hz: None,
             encoding: Default::default(),
         })
     }

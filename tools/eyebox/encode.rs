@@ -16,6 +16,8 @@ struct Input {
     size: [usize; 2],
     colors: Vec<(Color, Vec<f32>)>,
     notes: Vec<String>,
+    /// What the phases were taken from.
+    hologram: Option<Hologram>,
 }
 
 /// Encodes one hologram and writes its video frames.
@@ -47,11 +49,11 @@ pub fn run(args: &Encode) -> Result<(), Failure> {
             frames
         }
     };
-    frames.save(&args.out)?;
+    encoder.save(&frames, input.hologram.as_ref(), &args.out)?;
     let notes: Vec<&String> = input.notes.iter().chain(encoder.notes()).collect();
     input.notes.iter().for_each(|note| tracing::warn!("{note}"));
     if args.json {
-        println!("{}", report(args, &display, &encoder, &frames, &notes));
+        println!("{}", report(args, &encoder, &frames, &notes));
     }
     let (count, height, width) = (frames.count(), frames.height, frames.width);
     let kind = if frames.channels == 1 { "grey" } else { "RGB" };
@@ -64,20 +66,20 @@ fn load(args: &Encode, display: &Display) -> Result<Input, Failure> {
     let asked = args.display.color.one();
     let what = args.hologram.display();
     if common::is_hologram(&args.hologram) {
-        let hologram = Hologram::load(&args.hologram)?;
+        let mut hologram = Hologram::load(&args.hologram)?;
         let notes = differences(&hologram, display);
         let size = [hologram.height, hologram.width];
         let mut colors = Vec::new();
-        for c in hologram.colors {
+        for c in &mut hologram.colors {
             let name = c.color.ok_or_else(|| Failure::Asked(format!("{what}: its colours are not named")))?;
             if asked.is_none_or(|a| a == name) {
-                colors.push((name, c.phases));
+                colors.push((name, std::mem::take(&mut c.phases)));
             }
         }
         if let (Some(color), true) = (asked, colors.is_empty()) {
             return Err(Failure::Asked(format!("{what}: it has no {color} part")));
         }
-        return Ok(Input { frames: hologram.frames, size, colors, notes });
+        return Ok(Input { frames: hologram.frames, size, colors, notes, hologram: Some(hologram) });
     }
     let phases = hologram::load_phases(&args.hologram)?;
     let has = phases.colors.len();
@@ -107,7 +109,7 @@ fn load(args: &Encode, display: &Display) -> Result<Input, Failure> {
     if let (Some(color), true) = (asked, colors.is_empty()) {
         return Err(Failure::Asked(format!("{what}: it has no {color} part")));
     }
-    Ok(Input { frames: phases.frames, size: [phases.height, phases.width], colors, notes: Vec::new() })
+    Ok(Input { frames: phases.frames, size: [phases.height, phases.width], colors, notes: Vec::new(), hologram: None })
 }
 
 /// Whether it matters to the display which colour a phase is for.
@@ -142,35 +144,14 @@ fn differences(hologram: &Hologram, display: &Display) -> Vec<String> {
 }
 
 /// What each frame holds.
-fn report(args: &Encode, display: &Display, encoder: &Encoder, frames: &VideoFrames, notes: &[&String]) -> Value {
-    let packed = encoder.packed();
-    let name = |channel: u8| if packed.channels == 1 { "grey" } else { ["red", "green", "blue"][usize::from(channel)] };
-    let holds = |index: usize| -> Vec<Value> {
-        (packed.slots.iter().filter(|s| s.video_frame == index))
-            .map(|s| {
-                // As the display file's map says it, with bits of one channel or of the whole word.
-                let channel = s.bits[0] / 8;
-                let one = s.bits.iter().all(|b| b / 8 == channel);
-                let bits: Vec<u8> = s.bits.iter().map(|b| if one { b % 8 } else { *b }).collect();
-                let channel = if one { name(channel) } else { "rgb" };
-                json!({
-                    "color": encoder.colors()[s.color],
-                    "sub_frame": s.sub_frame,
-                    "channel": channel,
-                    "bits": bits,
-                })
-            })
-            .collect()
-    };
-    let all: Vec<Value> =
-        (0..frames.count()).map(|i| json!({ "file": VideoFrames::file_name(i), "holds": holds(i) })).collect();
+fn report(args: &Encode, encoder: &Encoder, frames: &VideoFrames, notes: &[&String]) -> Value {
     json!({
         "folder": args.out,
-        "display": display.name,
+        "display": encoder.display().name,
         "height": frames.height,
         "width": frames.width,
         "channels": frames.channels,
-        "frames": all,
+        "frames": encoder.contents(),
         "notes": notes,
     })
 }
