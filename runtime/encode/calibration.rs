@@ -2,10 +2,8 @@
 
 use super::EncodeError;
 use crate::files::FileError;
-use std::{fs::File, io::Read, path::Path};
-
-/// Bytes that a table may have: far more than 256 lines need.
-const LONGEST: u64 = 1 << 20;
+use crate::files::read;
+use std::path::Path;
 
 /// Turns that a calibrated SLM reaches, at least and at most: what a named unit has to give.
 const REACH: [f64; 2] = [1.0 / 6.0, 8.0];
@@ -118,13 +116,8 @@ impl Separator {
 ///
 /// # Errors
 /// [`EncodeError::File`]; [`EncodeError::Table`] naming the line that is wrong, and where phases fit no unit, or two.
-pub(super) fn read(file: &Path, levels: u32) -> Result<Vec<(u8, f64)>, EncodeError> {
-    let mut bytes = Vec::new();
-    let opened = File::open(file).map_err(|e| FileError::read(file, e))?;
-    opened.take(LONGEST + 1).read_to_end(&mut bytes).map_err(|e| FileError::read(file, e))?;
-    if bytes.len() as u64 > LONGEST {
-        return Err(FileError::content(file, "is over a MiB long: a table has one line a level").into());
-    }
+pub(super) fn read_table(file: &Path, levels: u32) -> Result<Vec<(u8, f64)>, EncodeError> {
+    let bytes = read::bytes(file, read::TEXT).map_err(|e| FileError::read(file, e))?;
     let text = String::from_utf8(bytes).or_else(|e| latin1(e.into_bytes()));
     let text = text.map_err(|()| FileError::content(file, "is no text: a CSV table is wanted"))?;
     parse(&text, levels).map_err(|(line, reason)| EncodeError::Table { file: file.display().to_string(), line, reason })

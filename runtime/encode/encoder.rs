@@ -205,7 +205,7 @@ pub(super) fn scale(display: &Display, color: Color) -> Result<Scale, EncodeErro
     let missing = |what: &str| wrong(format!("it has {what} for other colours, and none for {color}"));
     if !encoding.look_up.is_empty() {
         let file = encoding.look_up.get(&color).ok_or_else(|| missing("a look_up table"))?;
-        return Ok(Scale::Listed(calibration::read(file, levels)?));
+        return Ok(Scale::Listed(calibration::read_table(file, levels)?));
     }
     if !encoding.phases_turns.is_empty() {
         return Ok(Scale::Listed((0..=255).zip(encoding.phases_turns.iter().copied()).collect()));

@@ -1,7 +1,7 @@
 //! Video frames on the disk: a folder that says its display and what its frames hold, and pictures of any origin.
 
 use super::{AsShown, Decoder, EncodeError, Encoder, Packed, VideoFrames};
-use crate::files::{FileError, FolderDraft, encode_grey8, encode_rgb8, read_png8};
+use crate::files::{FileError, FolderDraft, encode_grey8, encode_rgb8, read, read_png8};
 use crate::hologram::{ColorHologram, Hologram, Metadata};
 use crate::optics::{Color, Display, Place};
 use rayon::prelude::*;
@@ -106,7 +106,7 @@ impl Encoder {
 
 /// Keeps a calibration file in the folder; answers its name there.
 fn keep(draft: &FolderDraft, file: &Path, stem: &str) -> Result<PathBuf, EncodeError> {
-    let bytes = fs::read(file).map_err(|e| FileError::read(file, e))?;
+    let bytes = read::bytes(file, read::PICTURE).map_err(|e| FileError::read(file, e))?;
     let ending = file.extension().map_or(String::new(), |e| format!(".{}", e.to_string_lossy()));
     let name = format!("{stem}{ending}");
     draft.write(&name, |out| out.write_all(&bytes))?;
@@ -150,7 +150,7 @@ impl Encoded {
         let wrong = |reason: String| EncodeError::Frame { frame: path.display().to_string(), reason };
         if is_encoded(path) {
             let file = path.join(DOCUMENT);
-            let bytes = fs::read(&file).map_err(|e| FileError::read(&file, e))?;
+            let bytes = read::bytes(&file, read::TABLE).map_err(|e| FileError::read(&file, e))?;
             let damaged = |e: serde_json::Error| FileError::content(&file, format!("is damaged: {e}"));
             let Document { format, colors, sub_frames, frames, hologram } =
                 serde_json::from_slice(&bytes).map_err(damaged)?;
@@ -166,7 +166,7 @@ impl Encoded {
             }
             let own = || {
                 let own = path.join(DISPLAY);
-                let text = fs::read_to_string(&own).map_err(|e| FileError::read(&own, e))?;
+                let text = read::text(&own, read::TEXT).map_err(|e| FileError::read(&own, e))?;
                 let display = Display::from_toml(&text, &own.display().to_string());
                 display.map_err(|e| EncodeError::from(FileError::content(&own, e.to_string())))
             };

@@ -231,6 +231,7 @@ impl Hologram {
             wavelengths: self.display_wavelengths.clone(),
             levels: 256,
             rate_hz: None,
+            portrait: self.height > self.width,
             encoding: Default::default(),
         })
     }

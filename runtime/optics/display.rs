@@ -26,6 +26,7 @@ pub struct Wavelength {
 /// levels = 256                   # grey levels of the SLM
 /// rate_hz = 60                   # video frames a second, where it is known
 /// geometry = "relay"             # or "far-field": the SLM in the pupil plane
+/// portrait = false               # true for one that is higher than wide
 ///
 /// [encoding]                     # what the SLM receives: docs/displays.md
 /// packing = "grey8"
@@ -51,6 +52,8 @@ pub struct Display {
     pub levels: u32,
     /// Video frames that it takes a second, where it is known.
     pub rate_hz: Option<f64>,
+    /// Whether it is meant to be higher than wide ([`check_usual`](Self::check_usual)).
+    pub portrait: bool,
     /// How it takes its phases.
     pub encoding: Encoding,
 }
@@ -70,6 +73,8 @@ struct File {
     rate_hz: Option<f64>,
     #[serde(default, skip_serializing_if = "Geometry::is_relay")]
     geometry: Geometry,
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    portrait: bool,
     #[serde(default)]
     encoding: Encoding,
 }
@@ -129,6 +134,7 @@ impl Display {
                 .collect(),
             levels: read.levels,
             rate_hz: read.rate_hz,
+            portrait: read.portrait,
             encoding,
         };
         for w in &display.wavelengths {
@@ -148,6 +154,7 @@ impl Display {
             wavelengths_nm: self.wavelengths.iter().map(|w| (w.color, in_unit(w.wavelength, 1e-9))).collect(),
             levels: self.levels,
             rate_hz: self.rate_hz,
+            portrait: self.portrait,
             encoding: self.encoding.clone(),
         };
         toml::to_string(&file).expect("a display has nothing that TOML cannot say")

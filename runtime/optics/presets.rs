@@ -1,6 +1,7 @@
 //! The built-in displays by name: models, and SLMs of makers as files with their sources.
 
 use super::{Color, Display, Encoding, Geometry, OpticsError, Wavelength};
+use crate::files::read;
 use std::path::Path;
 
 /// The built-in displays, by name; the first is the default.
@@ -97,7 +98,7 @@ impl Display {
         if let Some(display) = Self::preset(name) {
             return Ok(display);
         }
-        let text = std::fs::read_to_string(Path::new(name)).map_err(|e| OpticsError::UnknownDisplay {
+        let text = read::text(Path::new(name), read::TEXT).map_err(|e| OpticsError::UnknownDisplay {
             name: name.into(),
             presets: PRESETS.join(", "),
             reason: e.to_string(),
@@ -126,7 +127,19 @@ impl Display {
         let wavelengths = wavelengths.map(|(color, wavelength)| Wavelength { color, wavelength }).to_vec();
         let encoding = Encoding::preset(name);
         let name = name.to_owned();
-        Some(Self { name, height, width, pitch, focal_length: 0.4, geometry, wavelengths, levels, rate_hz: None, encoding })
+        Some(Self {
+            name,
+            height,
+            width,
+            pitch,
+            focal_length: 0.4,
+            geometry,
+            wavelengths,
+            levels,
+            rate_hz: None,
+            portrait: false,
+            encoding,
+        })
     }
 }
 
@@ -148,7 +161,8 @@ mod tests {
             for text in [template.clone(), template.replace("\n#", "\n").replace("\n What", "\n# What")] {
                 // Comments of words stay comments.
                 let words = |line: &str| line.starts_with(' ') && !line.contains('=') || line.contains("docs/");
-                let text: String = text.lines().map(|l| if words(l) { format!("#{l}\n") } else { format!("{l}\n") }).collect();
+                let text: String =
+                    text.lines().map(|l| if words(l) { format!("#{l}\n") } else { format!("{l}\n") }).collect();
                 let begun = Display::from_toml(&text, "bench.toml").unwrap_or_else(|e| panic!("{e}\n{text}"));
                 assert_eq!((begun.name.as_str(), begun.height, begun.width), ("bench", preset.height, preset.width));
             }

@@ -116,6 +116,14 @@ pub enum Command {
                       eyebox trackers --watch pupil://localhost --calibrate ada.toml\n\n\
                       Sources: hid, FILE.hid, FILE.jsonl, pupil://HOST[:PORT], udp://[HOST]:PORT, simulated[:SEED]")]
     Trackers(Trackers),
+    /// Print what a shell completes the command line by
+    #[command(
+        after_help = "Examples:\n  eyebox completions bash > ~/.local/share/bash-completion/completions/eyebox\n  eyebox completions zsh > ~/.zfunc/_eyebox\n  eyebox completions fish > ~/.config/fish/completions/eyebox.fish"
+    )]
+    Completions(crate::generate::Completions),
+    /// Write the manual's pages
+    #[command(after_help = "Example:\n  eyebox man -o ~/.local/share/man/man1")]
+    Man(crate::generate::Man),
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! The `eyebox` command: `demo`, `solve`, `plan`, `view`, `photograph`, `refine`, `study`, `live`, `score`, `tradeoff`,
-//! `evaluate`, `export`, `encode`, `play`, `preview`, `monitors`, `bench`, `devices`, `trackers`.
+//! `evaluate`, `export`, `encode`, `play`, `preview`, `monitors`, `bench`, `devices`, `trackers`, `completions`,
+//! `man`.
 //!
 //! This room reads arguments, calls the runtime, and shows what came of it. Anything that a program would want to call
 //! belongs in the runtime. Errors are one line on standard error and exit code 2 (3 where a display was lost);
@@ -16,6 +17,8 @@ mod encode;
 mod evaluate;
 mod export;
 mod failure;
+mod generate;
+mod headings;
 mod live;
 mod log;
 mod photograph;
@@ -33,14 +36,14 @@ mod tradeoff;
 mod values;
 mod view;
 
-use clap::Parser;
+use clap::FromArgMatches;
 use clap::error::ErrorKind;
 use commands::{Cli, Command};
 use failure::Failure;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let cli = match Cli::try_parse() {
+    let cli = match headings::command::<Cli>().try_get_matches().and_then(|m| Cli::from_arg_matches(&m)) {
         Ok(cli) => cli,
         Err(error) => return usage(&error),
     };
@@ -64,6 +67,8 @@ fn main() -> ExitCode {
         Command::Monitors(args) => play::monitors(args),
         Command::Bench(args) => bench::run(args),
         Command::Devices(args) => devices::run(args),
+        Command::Completions(args) => generate::completions(args),
+        Command::Man(args) => generate::man(args),
         Command::Trackers(args) => match &args.calibrate {
             Some(file) if args.describe.is_none() => calibrate::run(args, file),
             _ => trackers::run(args),

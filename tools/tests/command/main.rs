@@ -4,6 +4,7 @@ mod basics;
 mod common;
 mod encode;
 mod evaluate;
+mod generate;
 #[cfg(target_os = "linux")]
 mod live;
 mod plan;

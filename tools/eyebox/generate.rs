@@ -1,0 +1,50 @@
+//! `eyebox completions` and `eyebox man`: what shells and manuals want to know of the command line.
+
+use crate::commands::Cli;
+use crate::{Failure, headings};
+use clap::Args;
+use eyebox::files;
+use eyebox::quality::writable;
+use std::io::Write;
+use std::path::PathBuf;
+
+/// `eyebox completions`
+#[derive(Args)]
+pub struct Completions {
+    /// The shell
+    #[arg(value_enum)]
+    pub shell: clap_complete::Shell,
+}
+
+/// `eyebox man`
+#[derive(Args)]
+pub struct Man {
+    /// Where the pages go: eyebox.1, and eyebox-COMMAND.1 for each command
+    #[arg(short, long, value_name = "DIR")]
+    pub out: PathBuf,
+}
+
+/// Prints what the shell completes by.
+pub fn completions(args: &Completions) -> Result<(), Failure> {
+    let mut text = Vec::new();
+    clap_complete::generate(args.shell, &mut headings::command::<Cli>(), "eyebox", &mut text);
+    // A reader that has seen enough is no failure.
+    let _ = std::io::stdout().write_all(&text);
+    Ok(())
+}
+
+/// Writes the pages of the manual.
+pub fn man(args: &Man) -> Result<(), Failure> {
+    let mut command = headings::command::<Cli>();
+    command.build();
+    writable(&args.out)?;
+    let pages = std::iter::once(&command).chain(command.get_subcommands().filter(|s| s.get_name() != "help"));
+    for page in pages {
+        let name = page.get_display_name().unwrap_or("eyebox").to_owned();
+        let mut text = Vec::new();
+        let man = clap_mangen::Man::new(page.clone()).source(concat!("eyebox ", env!("CARGO_PKG_VERSION")));
+        man.render(&mut text).map_err(|e| Failure::Asked(format!("{name}.1: {e}")))?;
+        files::write_file(&args.out.join(format!("{name}.1")), |out| out.write_all(&text))?;
+    }
+    Ok(())
+}

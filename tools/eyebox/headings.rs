@@ -1,0 +1,155 @@
+//! Options under headings, so that forty of them can be read: one table for all commands.
+
+use clap::{Command, CommandFactory};
+
+/// Each heading with its options; `COMMAND.OPTION` is for one command alone, and wins.
+const HEADINGS: &[(&str, &[&str])] = &[
+    ("Scene", &["scene", "depth_map", "view_pitch", "views", "depth", "reference", "hologram", "methods"]),
+    ("Display", &["display", "size", "color", "output", "monitor", "display_rate", "display_latency", "validation"]),
+    (
+        "Quality",
+        &[
+            "quality",
+            "deadline",
+            "frames",
+            "speckle",
+            "efficiency",
+            "method",
+            "stft_filter",
+            "stft_samples",
+            "evenness",
+            "patches",
+            "levels",
+            "storage",
+            "padding",
+            "full",
+            "window",
+            "budget",
+            "check",
+            "no_store",
+            "no_speckle",
+        ],
+    ),
+    (
+        "Pupils",
+        &["pupil", "pupils", "pupil_diameter", "diameters", "sequence", "elsewhere", "repeats", "spread", "diameter"],
+    ),
+    (
+        "Steps",
+        &[
+            "steps",
+            "seconds",
+            "psnr",
+            "optimizer",
+            "strategy",
+            "gain",
+            "settled_gain",
+            "settling",
+            "momentum",
+            "overlap_power",
+            "adam_rate",
+            "restart",
+            "unsteered",
+            "passes",
+            "memory",
+            "picture",
+            "warm_start",
+            "seed",
+        ],
+    ),
+    (
+        "Eye",
+        &[
+            "tracker",
+            "tracker_latency",
+            "tracker_rate",
+            "tracker_delay",
+            "tracker_noise",
+            "device_file",
+            "calibration",
+            "eye",
+            "eye_seed",
+            "focus",
+            "fixation",
+            "pursuit",
+            "blinks",
+            "step_time",
+            "encode_time",
+            "study.rate",
+        ],
+    ),
+    (
+        "Time",
+        &[
+            "rate",
+            "speed",
+            "looped",
+            "follow",
+            "first",
+            "duration",
+            "start_at",
+            "sync",
+            "mark",
+            "keep_phase",
+            "ahead",
+            "clock",
+        ],
+    ),
+    ("Samples", &["watch", "latency", "real_time", "trackers.rate", "trackers.pupil", "trackers.duration", "describe"]),
+    ("Calibration", &["calibrate", "targets", "trackers.calibration", "trackers.eye"]),
+    ("Window", &["preview.window", "zoom", "save_to", "live.view"]),
+    ("Optics of bare phases", &["pitch", "wavelength", "focal_length", "geometry", "exposure"]),
+    ("Engine", &["engine", "vulkan_from", "rounds", "beside", "time_again"]),
+    ("Output", &["out", "json", "timings", "stats", "record", "trace", "raw", "shared", "at"]),
+];
+
+/// Commands with fewer options than this show them in one list.
+const MANY: usize = 10;
+
+fn heading(command: &str, option: &str) -> Option<&'static str> {
+    let own = format!("{command}.{option}");
+    let of = |name: &str| HEADINGS.iter().find(|(_, options)| options.contains(&name)).map(|h| h.0);
+    of(&own).or_else(|| of(option))
+}
+
+/// The command line of `C`, its options under headings.
+pub fn command<C: CommandFactory>() -> Command {
+    C::command().mut_subcommands(|sub| {
+        let name = sub.get_name().to_owned();
+        if sub.get_opts().count() < MANY {
+            return sub;
+        }
+        sub.mut_args(|option| match heading(&name, option.get_id().as_str()) {
+            Some(heading) if !option.is_positional() => option.help_heading(heading),
+            _ => option,
+        })
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::commands::Cli;
+
+    #[test]
+    fn every_option_of_a_command_with_many_has_a_heading_and_every_row_an_option() {
+        let command = command::<Cli>();
+        let mut known = Vec::new();
+        for sub in command.get_subcommands() {
+            for option in sub.get_opts() {
+                known.extend([option.get_id().to_string(), format!("{}.{}", sub.get_name(), option.get_id())]);
+                let many = sub.get_opts().count() >= MANY;
+                assert_eq!(
+                    option.get_help_heading().is_some(),
+                    many,
+                    "--{} of {}: a row of HEADINGS",
+                    option.get_id(),
+                    sub.get_name()
+                );
+            }
+        }
+        for option in HEADINGS.iter().flat_map(|h| h.1) {
+            assert!(known.iter().any(|k| k == option), "{option}: no command has it");
+        }
+    }
+}

@@ -1,0 +1,45 @@
+//! `eyebox completions` and `eyebox man` as a user runs them, and the help they are made from.
+
+use crate::common::{done, folder, refused};
+
+#[test]
+fn every_shell_completes_commands_and_their_options() {
+    let folder = folder();
+    for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
+        let text = done(folder.path(), &["completions", shell]);
+        let option = if shell == "fish" { "-l depth-map" } else { "--depth-map" };
+        assert!(text.contains("photograph") && text.contains(option), "{shell}: {text}");
+    }
+    refused(folder.path(), &["completions", "tcl"], "x", "bash");
+}
+
+#[test]
+fn there_is_a_page_of_the_manual_for_every_command() {
+    let folder = folder();
+    done(folder.path(), &["man", "-o", "man1"]);
+    let pages = folder.path().join("man1");
+    let first = std::fs::read_to_string(pages.join("eyebox.1")).unwrap();
+    let help = done(folder.path(), &["--help"]);
+    let listed = help.lines().skip_while(|l| *l != "Commands:").skip(1).take_while(|l| !l.is_empty());
+    // A line that begins farther in goes on with what a command is for.
+    let names = listed.filter_map(|l| l.strip_prefix("  ")?.split(' ').next().filter(|n| !["", "help"].contains(n)));
+    for name in names {
+        let page = std::fs::read_to_string(pages.join(format!("eyebox-{name}.1"))).unwrap();
+        assert!(page.contains(".SH SYNOPSIS") && page.contains(&format!("eyebox {name}")), "{name}: {page}");
+        assert!(first.contains(name), "{name}");
+    }
+    std::fs::write(folder.path().join("file"), "").unwrap();
+    refused(folder.path(), &["man", "-o", "file/man1"], "file/man1", "file");
+}
+
+#[test]
+fn forty_options_stand_under_headings() {
+    let folder = folder();
+    let help = done(folder.path(), &["solve", "-h"]);
+    for (heading, option) in
+        [("Scene:", "--depth-map"), ("Display:", "--size"), ("Steps:", "--seconds"), ("Output:", "--json")]
+    {
+        let section = help.split("\n\n").find(|s| s.starts_with(heading)).unwrap_or_else(|| panic!("{heading} {help}"));
+        assert!(section.contains(option), "{option} {section}");
+    }
+}
