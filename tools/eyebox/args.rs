@@ -51,7 +51,7 @@ pub struct EngineArgs {
 /// The display, in every command that needs one.
 #[derive(Args)]
 pub struct DisplayArgs {
-    /// Display: paper, plm, small, grey8, fields, planes8, planes24, far-field, far-field-16k, or a TOML file
+    /// Display: a preset (eyebox displays lists them), or a TOML file
     #[arg(long, default_value = "paper", value_name = "PRESET|FILE")]
     pub display: String,
     /// Resolution instead of the display's own, rows x columns

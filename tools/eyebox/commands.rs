@@ -108,6 +108,11 @@ pub enum Command {
         after_help = "Example:\n  eyebox devices --json\n\nWhat a Vulkan driver compiled is kept in $XDG_CACHE_HOME/eyebox, else ~/.cache/eyebox."
     )]
     Devices(Devices),
+    /// List the displays that are built in, show one, or begin a file of your own from it
+    #[command(
+        after_help = "Examples:\n  eyebox displays\n  eyebox displays show holoeye-pluto-2.1\n  eyebox displays new holoeye-pluto-2.1 -o bench.toml"
+    )]
+    Displays(crate::displays::Displays),
     /// List eye trackers, explain a report descriptor, or show and record what a tracker says
     #[command(after_help = "Examples:\n  eyebox trackers\n  eyebox trackers --describe descriptor.bin --json\n  \
                       eyebox trackers --watch hid --duration 10 --record session.hid\n  \

@@ -3,7 +3,7 @@
 use crate::Failure;
 use crate::args::{Encode, EngineName};
 use crate::common;
-use eyebox::encode::{Encoder, PhaseSet, VideoFrames};
+use eyebox::encode::{self, Encoder, PhaseSet, USUAL_RATE_HZ, VideoFrames};
 use eyebox::engine::vulkan::VulkanEncoder;
 use eyebox::gpu::{Gpu, Options};
 use eyebox::hologram::{self, Hologram};
@@ -50,8 +50,9 @@ pub fn run(args: &Encode) -> Result<(), Failure> {
         }
     };
     encoder.save(&frames, input.hologram.as_ref(), &args.out)?;
-    let notes: Vec<&String> = input.notes.iter().chain(encoder.notes()).collect();
-    input.notes.iter().for_each(|note| tracing::warn!("{note}"));
+    let slow = encode::flicker(&display, &colors, input.frames, display.rate_hz.unwrap_or(USUAL_RATE_HZ));
+    let notes: Vec<&String> = input.notes.iter().chain(&slow).chain(encoder.notes()).collect();
+    input.notes.iter().chain(&slow).for_each(|note| tracing::warn!("{note}"));
     if args.json {
         println!("{}", report(args, &encoder, &frames, &notes));
     }

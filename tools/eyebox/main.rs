@@ -1,5 +1,5 @@
 //! The `eyebox` command: `demo`, `solve`, `plan`, `view`, `photograph`, `refine`, `study`, `live`, `score`, `tradeoff`,
-//! `evaluate`, `export`, `encode`, `play`, `preview`, `monitors`, `bench`, `devices`, `trackers`, `completions`,
+//! `evaluate`, `export`, `encode`, `play`, `preview`, `monitors`, `bench`, `devices`, `displays`, `trackers`, `completions`,
 //! `man`.
 //!
 //! This room reads arguments, calls the runtime, and shows what came of it. Anything that a program would want to call
@@ -13,6 +13,7 @@ mod commands;
 mod common;
 mod demo;
 mod devices;
+mod displays;
 mod encode;
 mod evaluate;
 mod export;
@@ -67,6 +68,7 @@ fn main() -> ExitCode {
         Command::Monitors(args) => play::monitors(args),
         Command::Bench(args) => bench::run(args),
         Command::Devices(args) => devices::run(args),
+        Command::Displays(args) => displays::run(args),
         Command::Completions(args) => generate::completions(args),
         Command::Man(args) => generate::man(args),
         Command::Trackers(args) => match &args.calibrate {

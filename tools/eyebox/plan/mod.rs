@@ -7,6 +7,7 @@ pub use args::Plan;
 
 use crate::settings::{plan_of, settings_of};
 use crate::{Failure, common};
+use eyebox::encode;
 use eyebox::engine::Engine;
 use eyebox::optics::{Color, Display};
 use eyebox::plan::Group;
@@ -29,6 +30,8 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
     let depth = common::depths(&solve.scene, &field, &display);
     let (settings, chosen) = settings_of(solve, engine.as_ref(), &display, depth, colors.len())?;
     let plan = plan_of(solve, &settings, &field, &display)?;
+    let slow =
+        encode::flicker(&display, &plan.colors, plan.settings.frames, display.rate_hz.unwrap_or(encode::USUAL_RATE_HZ));
     let timing = |name: &str| {
         if !solve.json {
             eprintln!("timing {name}: a few seconds, once");
@@ -41,6 +44,7 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
         println!("{}\n", engine.describe());
         chosen.iter().for_each(|about| println!("{about}\n"));
         say(&plan, &forecasts);
+        slow.iter().for_each(|slow| println!("  {:13}  {slow}", "flicker"));
     }
     drop(engine);
     let check = args.check.then(|| check::run(args, &forecasts)).transpose()?;
@@ -60,7 +64,7 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
             "colors": plan.colors, "dark": plan.dark, "choices": plan.choices,
             "views_left_out": plan.outer, "views_merged": plan.merge, "padding": [plan.padding.rows, plan.padding.columns],
             "settings": plan.settings, "forecast": forecasts.iter().map(forecast).collect::<Vec<_>>(),
-            "check": check,
+            "flicker": slow, "check": check,
         });
         println!("{out}");
     }

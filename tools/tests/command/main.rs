@@ -2,6 +2,7 @@
 
 mod basics;
 mod common;
+mod displays;
 mod encode;
 mod evaluate;
 mod generate;
