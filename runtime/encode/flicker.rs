@@ -18,7 +18,7 @@ pub fn flicker(display: &Display, colors: &[Color], sub_frames: usize, video_hz:
         return None;
     }
     let fast = |frames: usize| video_hz / frames as f64 >= FUSION_HZ;
-    let s = |n: usize| if n == 1 { "" } else { "s" };
+    let (s, hz) = (|n: usize| if n == 1 { "" } else { "s" }, (video_hz * 1e3).round() / 1e3);
     let mut helps = Vec::new();
     let fewer = (1..sub_frames).rev().find(|n| frames_of(&display.encoding, *n).is_some_and(fast));
     helps.extend(fewer.map(|n| format!("{n} sub-frame{}", s(n))));
@@ -33,7 +33,7 @@ pub fn flicker(display: &Display, colors: &[Color], sub_frames: usize, video_hz:
     }
     helps.push(format!("{:.0} video frames a second", FUSION_HZ * frames as f64));
     Some(format!(
-        "a set of {sub_frames} sub-frame{} of {} takes {frames} video frame{}: at {video_hz:.4} Hz {sets:.2} sets a second, and an eye \
+        "a set of {sub_frames} sub-frame{} of {} takes {frames} video frame{}: at {hz} Hz {sets:.2} sets a second, and an eye \
          sees flicker below about {FUSION_HZ:.0}; what would help: {}",
         s(sub_frames),
         colors.iter().map(Color::to_string).collect::<Vec<_>>().join(", "),
