@@ -191,7 +191,7 @@ fn pictures_of_any_origin_are_decoded() {
     assert_eq!(one.decode(AsShown::default()).unwrap().frames, 1);
     let said = |path: &std::path::Path, display: Option<&Display>, color| {
         let seen = Encoded::open(path, display, color).and_then(|e| e.decode(AsShown::default()));
-        seen.err().expect("refused").to_string()
+        seen.expect_err("refused").to_string()
     };
     assert!(said(&folder, None, None).contains("give --display"));
     assert!(said(here.path(), Some(&slm), None).contains("no PNG"));
