@@ -37,6 +37,7 @@ pub fn run(args: &Play) -> Result<(), Failure> {
     let [_, frames, height, width] = play.sequence.shape();
     let colors = play.sequence.about().named_colors();
     let (count, rate) = (play.sequence.count(), play.rate);
+    [&args.stats, &args.trace].into_iter().flatten().try_for_each(|file| eyebox::files::check_place(file))?;
     progress::catch_interrupt();
     let mut options = args.options();
     options.gpu = gpu;
