@@ -186,11 +186,6 @@ impl Encoded {
         Ok(Self { display: display.clone(), colors, sub_frames: packed.sub_frames, files, hologram: None })
     }
 
-    /// Whether the exposure is known that the hologram was made for.
-    pub fn knows_exposure(&self) -> bool {
-        self.hologram.is_some()
-    }
-
     /// What it is taken for, in a sentence.
     pub fn describe(&self) -> String {
         let (files, sub_frames, name) = (self.files.len(), self.sub_frames, &self.display.name);
@@ -238,6 +233,7 @@ impl Encoded {
             })
             .collect();
         let mut hologram = Hologram::on(&display, self.sub_frames, colors);
+        hologram.metadata.exposure_assumed = self.hologram.is_none();
         if let Some(origin) = &self.hologram {
             (hologram.scene, hologram.version) = (origin.scene.clone(), origin.version.clone());
             (hologram.seed, hologram.metadata) = (origin.seed, origin.settings.clone());

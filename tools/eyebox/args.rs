@@ -1,5 +1,6 @@
 //! The arguments of commands, and those that they share: millimetres, micrometres and nanometres in, metres out.
 
+use crate::phases::{EncodedArgs, PhaseArgs, PhaseUnitArgs};
 use crate::quality::QualityArgs;
 use crate::values::{
     Names, contrast, depths, full, memory, method, one_of, positive, pupil, range, rate, share, size, storage, window,
@@ -51,9 +52,9 @@ pub struct EngineArgs {
 /// The display, in every command that needs one.
 #[derive(Args)]
 pub struct DisplayArgs {
-    /// Display: a preset (eyebox displays lists them), or a TOML file
-    #[arg(long, default_value = "paper", value_name = "PRESET|FILE")]
-    pub display: String,
+    /// Display: a preset (eyebox displays lists them), or a TOML file [default: paper]
+    #[arg(long, value_name = "PRESET|FILE")]
+    pub display: Option<String>,
     /// Resolution instead of the display's own, rows x columns
     #[arg(long, value_name = "HxW", value_parser = size)]
     pub size: Option<[usize; 2]>,
@@ -80,6 +81,13 @@ pub struct SceneArgs {
     /// mean (MAX..MIN where dark is near)
     #[arg(long, value_name = "MIN..MAX", value_parser = depths, allow_hyphen_values = true)]
     pub depth: Option<[f64; 2]>,
+}
+
+impl SceneArgs {
+    /// A scene of which nothing else is said.
+    pub fn of(scene: &str) -> Self {
+        Self { scene: scene.into(), depth_map: None, view_pitch: None, views: None, depth: None }
+    }
 }
 
 /// `eyebox demo`
@@ -246,7 +254,7 @@ pub struct Solve {
 /// `eyebox export`
 #[derive(Args)]
 pub struct Export {
-    /// NAME.zarr
+    /// NAME.zarr, or phases: NAME.npy or a folder of PNGs
     pub hologram: PathBuf,
     /// Which hologram of a sequence, from 0
     #[arg(long, value_name = "N")]
@@ -254,6 +262,9 @@ pub struct Export {
     /// NAME.npy (float32 radians), or a folder for one 8-bit grey PNG per colour and sub-frame
     #[arg(short, long, value_name = "FILE.npy|FOLDER")]
     pub out: PathBuf,
+    /// Bare phases
+    #[command(flatten)]
+    pub phases: PhaseArgs,
 }
 
 /// `eyebox encode`
@@ -267,6 +278,9 @@ pub struct Encode {
     /// Display
     #[command(flatten)]
     pub display: DisplayArgs,
+    /// Bare phases
+    #[command(flatten)]
+    pub unit: PhaseUnitArgs,
     /// Which engine computes
     #[arg(long, value_enum, default_value = "auto")]
     pub engine: EngineName,
@@ -292,7 +306,7 @@ pub struct Bench {
 /// `eyebox view`
 #[derive(Args)]
 pub struct View {
-    /// NAME.zarr, or phases: NAME.npy or a folder of PNGs
+    /// NAME.zarr; phases: NAME.npy or a folder of PNGs; or the folder of encode
     pub hologram: PathBuf,
     /// Which hologram of a sequence, from 0
     #[arg(long, value_name = "N")]
@@ -303,41 +317,18 @@ pub struct View {
     /// The picture (PNG), or the intensity (.npy, float32, no exposure)
     #[arg(short, long, value_name = "FILE")]
     pub out: PathBuf,
-    /// Optics of bare phases
+    /// Bare phases
     #[command(flatten)]
-    pub optics: PhaseOptics,
+    pub phases: PhaseArgs,
+    /// Video frames
+    #[command(flatten)]
+    pub encoded: EncodedArgs,
+    /// Exposure of the PNG [default: the hologram's; where it is not known, the 99th percentile becomes white]
+    #[arg(long, value_parser = positive)]
+    pub exposure: Option<f64>,
     /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,
-}
-
-/// Where an SLM stands, by name.
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum GeometryName {
-    /// Behind a 4f relay
-    Relay,
-    /// In the pupil plane
-    FarField,
-}
-
-/// Optics of phases that come without.
-#[derive(Args)]
-pub struct PhaseOptics {
-    /// Pixel pitch, um (phases without optics)
-    #[arg(long, value_name = "UM")]
-    pub pitch: Option<f64>,
-    /// Wavelength, nm; one per colour (phases without optics)
-    #[arg(long, value_name = "NM", value_delimiter = ',')]
-    pub wavelength: Vec<f64>,
-    /// Focal length, mm (phases without optics)
-    #[arg(long, value_name = "MM")]
-    pub focal_length: Option<f64>,
-    /// Where the SLM stands (phases without optics)
-    #[arg(long, value_enum, default_value_t = GeometryName::Relay)]
-    pub geometry: GeometryName,
-    /// Exposure of the PNG [default: the hologram's; for bare phases, the 99th percentile becomes white]
-    #[arg(long, value_parser = positive)]
-    pub exposure: Option<f64>,
 }
 
 /// `eyebox photograph`
@@ -363,7 +354,7 @@ pub struct Photograph {
 /// `eyebox score`
 #[derive(Args)]
 pub struct Score {
-    /// NAME.zarr, or phases: NAME.npy or a folder of PNGs (with --display)
+    /// NAME.zarr; phases: NAME.npy or a folder of PNGs (with --display); or the folder of encode
     pub hologram: PathBuf,
     /// Scene
     #[command(flatten)]
@@ -377,9 +368,12 @@ pub struct Score {
     /// Seed of random pupils
     #[arg(long, default_value_t = 1000, value_name = "S")]
     pub seed: u64,
-    /// Display of bare phases
+    /// Bare phases
     #[command(flatten)]
-    pub display: DisplayArgs,
+    pub phases: PhaseArgs,
+    /// Video frames
+    #[command(flatten)]
+    pub encoded: EncodedArgs,
     /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,

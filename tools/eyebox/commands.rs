@@ -37,7 +37,8 @@ pub enum Command {
     Plan(Box<crate::plan::Plan>),
     /// Show what an eye sees of a hologram through one pupil
     #[command(after_help = "Examples:\n  eyebox view still-life.zarr --pupil=4,0,4,1.5 -o view.png\n  \
-                      eyebox view phases.npy --pupil=0,0,6,0 --pitch 8 --wavelength 520 --focal-length 400 -o view.npy")]
+                      eyebox view phases.npy --pupil=0,0,6,0 --pitch 8 --wavelength 520 --focal-length 400 -o view.npy\n  \
+                      eyebox view --encoded frames --display bench.toml --pupil=0,0,4,0 -o view.png")]
     View(View),
     /// Show what an eye should see of a scene through one pupil
     #[command(
@@ -78,6 +79,11 @@ pub enum Command {
         after_help = "Examples:\n  eyebox export still-life.zarr -o phases.npy\n  eyebox export still-life.zarr -o frames"
     )]
     Export(Export),
+    /// Make a hologram of phases from any program: an array, or grey pictures
+    #[command(
+        after_help = "Examples:\n  eyebox import phases.npy --display bench.toml --color green -o mine.zarr\n  eyebox import phases.npy --display bench.toml --color green --scene lightfield/ -o mine.zarr\n  eyebox import frames --display bench.toml -o mine.zarr\n\nA .npy is (row, column), (sub-frame, row, column) or (colour, sub-frame, row, column); colours come in the order red, green, blue."
+    )]
+    Import(crate::import::Import),
     /// Write what a display receives: video frames with levels or bit-planes, as PNG
     #[command(
         after_help = "Examples:\n  eyebox encode still-life.zarr --display planes24 --size 256x256 -o frames\n  \

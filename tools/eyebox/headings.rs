@@ -98,7 +98,8 @@ const HEADINGS: &[(&str, &[&str])] = &[
     ("Samples", &["watch", "latency", "real_time", "trackers.rate", "trackers.pupil", "trackers.duration", "describe"]),
     ("Calibration", &["calibrate", "targets", "trackers.calibration", "trackers.eye"]),
     ("Window", &["preview.window", "zoom", "save_to", "live.view"]),
-    ("Optics of bare phases", &["pitch", "wavelength", "focal_length", "geometry", "exposure"]),
+    ("Bare phases", &["phase_unit", "pitch", "wavelength", "focal_length", "geometry", "exposure"]),
+    ("Video frames", &["encoded", "as_shown"]),
     ("Engine", &["engine", "vulkan_from", "rounds", "beside", "time_again"]),
     ("Output", &["out", "json", "timings", "stats", "record", "trace", "raw", "shared", "at"]),
 ];

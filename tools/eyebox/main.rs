@@ -1,6 +1,6 @@
 //! The `eyebox` command: `demo`, `solve`, `plan`, `view`, `photograph`, `refine`, `study`, `live`, `score`, `tradeoff`,
-//! `evaluate`, `export`, `encode`, `play`, `preview`, `monitors`, `bench`, `devices`, `displays`, `trackers`, `completions`,
-//! `man`.
+//! `evaluate`, `export`, `import`, `encode`, `play`, `preview`, `monitors`, `bench`, `devices`, `displays`, `trackers`,
+//! `completions`, `man`.
 //!
 //! This room reads arguments, calls the runtime, and shows what came of it. Anything that a program would want to call
 //! belongs in the runtime. Errors are one line on standard error and exit code 2 (3 where a display was lost);
@@ -24,8 +24,10 @@ mod export;
 mod failure;
 mod generate;
 mod headings;
+mod import;
 mod live;
 mod log;
+mod phases;
 mod photograph;
 mod plan;
 mod play;
@@ -68,6 +70,7 @@ fn main() -> ExitCode {
         Command::Tradeoff(args) => tradeoff::run(args),
         Command::Evaluate(args) => evaluate::run(args),
         Command::Export(args) => export::run(args),
+        Command::Import(args) => import::run(args),
         Command::Encode(args) => encode::run(args),
         Command::Play(args) => play::run(args),
         Command::Preview(args) => preview::run(args),

@@ -1,6 +1,8 @@
 //! Values on the command line: what people write, and what it means inside.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use eyebox::encode::AsShown;
+use eyebox::hologram::PhaseUnit;
 use eyebox::optics::{Pupil, WindowFactor};
 use eyebox::plan::Storage;
 use eyebox::present::Rate;
@@ -89,6 +91,18 @@ pub fn targets(text: &str) -> Result<Targets, String> {
     if (3..=64).contains(&all.len()) { Ok(Targets(all)) } else { Err(format!("expected 3 to 64 targets: {form}")) }
 }
 
+/// What numbers of bare phases are.
+pub fn phase_unit(text: &str) -> Result<PhaseUnit, String> {
+    match text {
+        "rad" => Ok(PhaseUnit::Radians),
+        "turns" => Ok(PhaseUnit::Turns),
+        "deg" => Ok(PhaseUnit::Degrees),
+        levels => positive(levels)
+            .map(PhaseUnit::Levels)
+            .map_err(|_| "expected rad, turns, deg, or how many levels are a full turn, such as 256".into()),
+    }
+}
+
 /// Hertz, or a fraction.
 pub fn rate(text: &str) -> Result<Rate, String> {
     Rate::parse(text).map_err(|e| e.to_string())
@@ -129,6 +143,15 @@ pub fn full(text: &str) -> Result<Full, String> {
     match text.split(',').find(|name| !full.keep(name.trim())) {
         None => Ok(full),
         Some(wrong) => Err(format!("'{wrong}' is no part of the model: there are {} and all", Full::PARTS.join(", "))),
+    }
+}
+
+/// Parts of what an SLM shows, separated by commas.
+pub fn as_shown(text: &str) -> Result<AsShown, String> {
+    let mut left = AsShown::default();
+    match text.split(',').find(|part| !left.leave(part.trim())) {
+        None => Ok(left),
+        Some(wrong) => Err(format!("'{wrong}' is nothing to leave: there are {} and all", AsShown::PARTS.join(", "))),
     }
 }
 

@@ -150,8 +150,8 @@ fn a_folder_holds_all_that_is_needed() {
     }
     assert!(is_encoded(&folder) && !is_encoded(here.path()));
     let encoded = Encoded::open(&folder, None, None).unwrap();
-    assert!(encoded.knows_exposure());
     let seen = encoded.decode(AsShown::default()).unwrap();
+    assert!(!seen.metadata.exposure_assumed);
     assert_eq!((seen.height, seen.width, seen.frames, &seen.scene[..]), (5, 4, 2, "a scene"));
     assert_eq!(seen.colors.iter().map(|c| c.exposure).collect::<Vec<_>>(), [0.25, 0.75]);
     assert_eq!((seen.pitch, seen.focal_length), (of.pitch, of.focal_length));
@@ -162,7 +162,7 @@ fn a_folder_holds_all_that_is_needed() {
     encoder.save(&frames, None, &folder).unwrap_err();
     let encoder = Encoder::new(&kept, &ALL[1..], 2).unwrap();
     encoder.save(&frames, None, &folder).unwrap();
-    assert!(!Encoded::open(&folder, None, None).unwrap().knows_exposure());
+    assert!(Encoded::open(&folder, None, None).unwrap().decode(AsShown::default()).unwrap().metadata.exposure_assumed);
     std::fs::write(folder.join("notes.txt"), "mine").unwrap();
     assert!(encoder.save(&frames, None, &folder).unwrap_err().to_string().contains("left alone"));
 }
@@ -180,7 +180,7 @@ fn pictures_of_any_origin_are_decoded() {
     }
     let slm = display("grey8", 2, 3);
     let seen = Encoded::open(&folder, Some(&slm), None).unwrap();
-    assert!(seen.describe().contains("1 sub-frame of red, green, blue") && !seen.knows_exposure());
+    assert!(seen.describe().contains("1 sub-frame of red, green, blue"));
     let seen = seen.decode(AsShown::default()).unwrap();
     for (c, level) in seen.colors.iter().zip([9.0, 10.0, 11.0]) {
         assert!(c.phases.iter().all(|p| (f64::from(*p) - level / 256.0 * TAU).abs() < 1e-6));

@@ -4,6 +4,7 @@ mod basics;
 mod common;
 mod displays;
 mod encode;
+mod encoded;
 mod evaluate;
 mod generate;
 #[cfg(target_os = "linux")]

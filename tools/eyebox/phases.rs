@@ -1,0 +1,144 @@
+//! Bare phases on the command line: what they do not say of themselves.
+
+use crate::Failure;
+use crate::args::{Colors, DisplayArgs};
+use crate::common;
+use crate::values::{as_shown, phase_unit, size};
+use clap::{Args, ValueEnum};
+use eyebox::encode::{AsShown, Encoded, is_encoded};
+use eyebox::hologram::{BareOptics, Opening, PhaseSource, PhaseUnit, Phases};
+use eyebox::optics::{Color, Display, Geometry};
+use std::path::Path;
+
+/// Where an SLM stands, by name.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum GeometryName {
+    /// Behind a 4f relay
+    Relay,
+    /// In the pupil plane
+    FarField,
+}
+
+/// What numbers of bare phases are, where a display is given anyway.
+#[derive(Args, Clone, Copy)]
+pub struct PhaseUnitArgs {
+    /// What the numbers of bare phases are: rad, turns, deg, or how many levels are a full turn [default: rad in .npy,
+    /// where they can be that; 256 in pictures]
+    #[arg(long, value_name = "UNIT", value_parser = phase_unit)]
+    pub phase_unit: Option<PhaseUnit>,
+}
+
+/// What bare phases do not say of themselves.
+#[derive(Args)]
+pub struct PhaseArgs {
+    /// Of bare phases: the display that they are for, a preset or a TOML file
+    #[arg(long, value_name = "PRESET|FILE")]
+    pub display: Option<String>,
+    /// Of bare phases: its resolution instead of its own, rows x columns
+    #[arg(long, value_name = "HxW", value_parser = size, requires = "display")]
+    pub size: Option<[usize; 2]>,
+    /// The colour of bare phases of one colour; of more, and of holograms, the one to take
+    #[arg(long, value_enum, default_value = "all")]
+    pub color: Colors,
+    /// What their numbers are
+    #[command(flatten)]
+    pub unit: PhaseUnitArgs,
+    /// Without --display: pixel pitch, um
+    #[arg(long, value_name = "UM", conflicts_with = "display")]
+    pub pitch: Option<f64>,
+    /// Without --display: wavelength, nm; one per colour
+    #[arg(long, value_name = "NM", value_delimiter = ',', conflicts_with = "display")]
+    pub wavelength: Vec<f64>,
+    /// Without --display: focal length, mm
+    #[arg(long, value_name = "MM", conflicts_with = "display")]
+    pub focal_length: Option<f64>,
+    /// Without --display: where the SLM stands
+    #[arg(long, value_enum, default_value_t = GeometryName::Relay, conflicts_with = "display")]
+    pub geometry: GeometryName,
+}
+
+/// Video frames in the place of a hologram.
+#[derive(Args)]
+pub struct EncodedArgs {
+    /// What is given are video frames: PNGs of any origin, for --display; a folder of encode is known without
+    #[arg(long)]
+    pub encoded: bool,
+    /// Of video frames: leave gratings, corrections, turns, or all, as the SLM shows them, where they would be undone
+    #[arg(long, value_name = "PARTS", num_args = 0..=1, require_equals = true, default_missing_value = "all", value_parser = as_shown)]
+    pub as_shown: Option<AsShown>,
+}
+
+impl EncodedArgs {
+    /// What `file` shows: video frames are decoded, everything else is opened as `phases` say.
+    pub fn source(&self, phases: &PhaseArgs, file: &Path, at: Option<u64>) -> Result<PhaseSource<'static>, Failure> {
+        let wrong = |reason: &str| Err(Failure::Asked(format!("{}: {reason}", file.display())));
+        if !self.encoded && !is_encoded(file) {
+            if self.as_shown.is_some() {
+                return wrong("--as-shown is for video frames: give --encoded if it holds some");
+            }
+            return Ok(phases.opening(file, at)?.source(file)?);
+        }
+        let stray = at.is_some() || phases.unit.phase_unit.is_some() || phases.pitch.is_some();
+        if stray || phases.focal_length.is_some() || !phases.wavelength.is_empty() {
+            return wrong("video frames take --display, --size and --color alone");
+        }
+        let display = phases.display.as_ref().map(|name| common::display_of_size(name, phases.size)).transpose()?;
+        let encoded = Encoded::open(file, display.as_ref(), phases.color.one())?;
+        eprintln!("{}: {}", file.display(), encoded.describe());
+        Ok(encoded.decode(self.as_shown.unwrap_or_default())?.into())
+    }
+}
+
+impl PhaseArgs {
+    /// How `file` is opened: a hologram holds its own optics, and none may be given.
+    pub fn opening(&self, file: &Path, at: Option<u64>) -> Result<Opening, Failure> {
+        let what = file.display();
+        let given = self.display.is_some()
+            || self.pitch.is_some()
+            || self.focal_length.is_some()
+            || !self.wavelength.is_empty();
+        if given && !Phases::are_at(file) {
+            return Err(Failure::Asked(format!(
+                "{what} holds its own optics: leave out --display, --pitch, --wavelength and --focal-length"
+            )));
+        }
+        Ok(Opening { at, color: self.color.one(), bare: self.optics(&what.to_string())?, unit: self.unit.phase_unit })
+    }
+
+    fn optics(&self, what: &str) -> Result<Option<BareOptics>, Failure> {
+        if let Some(name) = &self.display {
+            return Ok(Some(BareOptics::Display(Box::new(common::display_of_size(name, self.size)?))));
+        }
+        match (self.pitch, self.focal_length, &self.wavelength[..]) {
+            (None, None, []) => Ok(None),
+            (Some(pitch), Some(focal_length), [_, ..]) => Ok(Some(BareOptics::Values {
+                pitch: pitch * 1e-6,
+                focal_length: focal_length * 1e-3,
+                geometry: match self.geometry {
+                    GeometryName::Relay => Geometry::Relay,
+                    GeometryName::FarField => Geometry::FarField,
+                },
+                wavelengths: self.wavelength.iter().map(|nm| nm * 1e-9).collect(),
+            })),
+            _ => Err(Failure::Asked(format!("{what}: --pitch, --wavelength and --focal-length go together"))),
+        }
+    }
+}
+
+impl PhaseUnitArgs {
+    /// How phases for a display are opened that the command has anyway.
+    pub fn opening(self, display: Option<&Display>, color: Option<Color>) -> Opening {
+        Opening {
+            at: None,
+            color,
+            bare: display.cloned().map(|d| BareOptics::Display(Box::new(d))),
+            unit: self.phase_unit,
+        }
+    }
+
+    /// The same; a display that nobody chose is none.
+    pub fn chosen(self, args: &DisplayArgs) -> Result<Opening, Failure> {
+        let display = args.display.is_some().then(|| common::display(args)).transpose()?;
+        Ok(self.opening(display.as_ref(), args.color.one()))
+    }
+}
