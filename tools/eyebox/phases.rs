@@ -84,8 +84,9 @@ impl EncodedArgs {
         }
         let display = phases.display.as_ref().map(|name| common::display_of_size(name, phases.size)).transpose()?;
         let encoded = Encoded::open(file, display.as_ref(), phases.color.one())?;
+        let hologram = encoded.decode(self.as_shown.unwrap_or_default())?;
         eprintln!("{}: {}", file.display(), encoded.describe());
-        Ok(encoded.decode(self.as_shown.unwrap_or_default())?.into())
+        Ok(hologram.into())
     }
 }
 

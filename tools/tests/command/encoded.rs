@@ -4,7 +4,7 @@ use crate::common::{done, eyebox, folder, refused, text};
 use std::path::Path;
 
 const SIZE: [usize; 2] = [40, 48];
-const BENCH: &str = "resolution = [40, 48]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n\
+const BENCH: &str = "resolution = [40, 48]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { red = 660, green = 520, blue = 440 }\n\
                      [encoding]\ntwo_pi_level = 218\n";
 
 fn seen(folder: &Path, args: &[&str]) -> Vec<f32> {
@@ -47,7 +47,7 @@ fn what_was_encoded_is_seen_as_the_hologram_is_or_as_the_slm_shows_it() {
     for i in 0..2 {
         std::fs::copy(at.join(format!("frames/frame-{i:05}.png")), at.join(format!("mine/slm {i}.png"))).unwrap();
     }
-    assert_eq!(frames, seen(at, &["mine", "--encoded", "--display", "bench.toml"]));
+    assert_eq!(frames, seen(at, &["mine", "--encoded", "--display", "bench.toml", "--color", "green"]));
     let score = |what: &str| -> f64 {
         let args = ["score", what, "builtin:still-life", "--pupils", "random:2", "--engine", "cpu", "--json"];
         let found: serde_json::Value = serde_json::from_str(&done(at, &args)).expect("JSON");
