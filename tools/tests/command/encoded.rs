@@ -78,7 +78,7 @@ fn frames_that_do_not_fit_are_one_line() {
     for (args, what) in [
         (&["mine", "--encoded"][..], "give --display"),
         (&["mine", "--encoded", "--display", "paper", "--color", "green"], "--size 40x48"),
-        (&["mine", "--encoded", "--display", "planes24", "--size", "40x48", "--color", "green"], "leaves it black"),
+        (&["mine", "--encoded", "--display", "fields", "--size", "40x48", "--color", "green"], "leaves it black"),
         (&["mine", "--encoded", "--display", "paper", "--size", "40x48"], "a set of red, green, blue takes 3"),
         (&["p.npy", "--encoded", "--display", "bench.toml"], "no PNG"),
         (&["p.npy", "--as-shown", "--display", "bench.toml"], "--encoded"),
