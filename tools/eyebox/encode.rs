@@ -100,7 +100,7 @@ fn differences(hologram: &Hologram, display: &Display) -> Vec<String> {
 /// What each frame holds.
 fn report(args: &Encode, encoder: &Encoder, frames: &VideoFrames, notes: &[&String]) -> Value {
     json!({
-        "folder": args.out,
+        "folder": args.out.display().to_string(),
         "display": encoder.display().name,
         "height": frames.height,
         "width": frames.width,

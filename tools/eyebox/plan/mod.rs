@@ -9,7 +9,7 @@ use crate::settings::{plan_of, settings_of};
 use crate::{Failure, common};
 use eyebox::encode;
 use eyebox::engine::Engine;
-use eyebox::optics::{Color, Display};
+use eyebox::optics::{Color, Display, dioptres};
 use eyebox::plan::Group;
 use eyebox::scene::LightField;
 use eyebox::solve::{Forecast, Loaded, Problem, Rates, ScenePlan, forecast};
@@ -41,6 +41,7 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
     let forecasts = forecasts(&plan, &field, &display, [program, loading], engine.as_ref(), &rates)?;
     if !solve.json {
         println!("{} on {}, {}x{}", field.name, display.name, display.height, display.width);
+        println!("shows {}", display.reach());
         println!("{}\n", engine.describe());
         chosen.iter().for_each(|about| println!("{about}\n"));
         say(&plan, &forecasts);
@@ -64,7 +65,9 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
             "colors": plan.colors, "dark": plan.dark, "choices": plan.choices,
             "views_left_out": plan.outer, "views_merged": plan.merge, "padding": [plan.padding.rows, plan.padding.columns],
             "settings": plan.settings, "forecast": forecasts.iter().map(forecast).collect::<Vec<_>>(),
-            "flicker": slow, "check": check,
+            "depth_mm": plan.settings.depth.map(|z| z * 1e3),
+            "depth_dioptres": plan.settings.depth.map(|z| dioptres(z, display.focal_length)),
+            "reach": display.reach(), "flicker": slow, "check": check,
         });
         println!("{out}");
     }
