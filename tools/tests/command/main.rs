@@ -2,6 +2,7 @@
 
 mod basics;
 mod common;
+mod depth_maps;
 mod displays;
 mod encode;
 mod encoded;
