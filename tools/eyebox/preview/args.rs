@@ -1,14 +1,8 @@
 //! The arguments of `eyebox preview`.
 
-<<<<<<< HEAD
-use crate::args::EngineArgs;
-use crate::phases::{EncodedArgs, PhaseArgs};
-use crate::values::{GivenPupil, positive, pupil, rate, size};
-=======
 use crate::args::{EngineArgs, NEAR};
-use crate::phases::PhaseArgs;
+use crate::phases::{EncodedArgs, PhaseArgs};
 use crate::values::{GivenPupil, one_of, positive, pupil, rate, size};
->>>>>>> main
 use clap::Args;
 use eyebox::present::Rate;
 use eyebox::scene::Near;
