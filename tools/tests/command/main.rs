@@ -8,6 +8,7 @@ mod encode;
 mod encoded;
 mod evaluate;
 mod generate;
+mod inspect;
 #[cfg(target_os = "linux")]
 mod live;
 mod plan;
