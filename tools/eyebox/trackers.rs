@@ -391,5 +391,9 @@ fn show(args: &Trackers, feed: &mut Feed, stored: bool, mut recorder: Option<&mu
             Event::End => break,
         }
     }
+    if first_ns.is_none() {
+        let source = args.watch.as_deref().unwrap_or_default();
+        return Err(Failure::Asked(format!("{source}: no sample came in {:.1} s", start.elapsed().as_secs_f64())));
+    }
     Ok(())
 }

@@ -112,11 +112,12 @@ fn summary(statistics: &Statistics) {
     let at = |h: &Histogram, share| h.percentile(share).map_or("-".into(), |v| format!("{v:.2}"));
     let light = live.latency.of(Stage::SampleToLight);
     eprintln!(
-        "{} steps, {} restarts; sample to light p50 {} ms, p99 {} ms; pupil error p50 {} mm, p90 {} mm",
+        "{} steps, {} restarts; sample to light p50 {} ms, p99 {} ms; the newest sample {} ms old at its light; pupil error p50 {} mm, p90 {} mm",
         live.steps,
         live.restarts,
         at(light, 0.5),
         at(light, 0.99),
+        live.latency.sample_age_ms().map_or("-".into(), |ms| format!("{ms:.0}")),
         at(live.latency.error_mm(), 0.5),
         at(live.latency.error_mm(), 0.9)
     );
@@ -127,10 +128,11 @@ fn line(now: &Status, before: &Status, seconds: f64) -> String {
     let (a, b) = (now.live.unwrap_or_default(), before.live.unwrap_or_default());
     let at = |value: Option<f64>| value.map_or("-".into(), |v| format!("{v:.2}"));
     format!(
-        "{:.1} new sets/s, {:.0} steps/s, sample to light p50 {} ms, pupil error p50 {} mm",
+        "{:.1} new sets/s, {:.0} steps/s, sample to light p50 {} ms, newest sample {} ms old, pupil error p50 {} mm",
         (a.sets_new - b.sets_new) as f64 / seconds,
         (a.steps - b.steps) as f64 / seconds,
         at(a.sample_to_light_ms),
+        a.sample_age_ms.map_or("-".into(), |ms| format!("{ms:.0}")),
         at(a.pupil_error_mm)
     )
 }

@@ -2,16 +2,17 @@
 
 use super::args::PolicyArgs;
 use super::subject::{self, Steered, SubjectArgs};
+use crate::Failure;
 use crate::common::Engines;
+use crate::progress::{self, JobBar};
 use crate::values::{not_negative, positive};
-use crate::{Failure, progress};
 use clap::Args;
 use eyebox::files;
 use eyebox::gpu::Options as VulkanOptions;
 use eyebox::report;
 use eyebox::session::{self, Cost, SetTiming, Study as Result_, StudySettings};
+use eyebox::solve::Flow;
 use eyebox::trackers::simulated;
-use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -143,8 +144,7 @@ fn study(
     quiet: bool,
 ) -> Result<Result_, Failure> {
     progress::catch_interrupt();
-    let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(1000) };
-    bar.set_style(ProgressStyle::with_template("steering {bar:30} {msg}  {eta} left").expect("a sound template"));
+    let bar = JobBar::new(quiet);
     let mut open = || engines.open();
     let result = session::study(
         &subject.parts,
@@ -153,12 +153,11 @@ fn study(
         settings,
         &mut open,
         &mut |moment, _, share| {
-            bar.set_position((1000.0 * share) as u64);
-            bar.set_message(format!("{:+.1} dB", moment.gain_db()));
-            !progress::interrupted()
+            let what = format!("steering gains {:+.1} dB", moment.gain_db());
+            matches!(bar.show(&what, share), Flow::Continue)
         },
     );
-    bar.finish_and_clear();
+    bar.finish();
     Ok(result?)
 }
 
