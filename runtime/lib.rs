@@ -70,8 +70,8 @@
 //!
 //! | module | what belongs in it |
 //! |---|---|
+//! | [`files`] | regular files, read up to a limit; files that appear whole or not at all; `.npy` and PNG |
 //! | [`optics`] | geometry, pupil, propagation (angular spectrum method), window: pure functions in float64 |
-//! | [`files`] | files that appear whole or not at all; `.npy` and PNG |
 //! | [`scene`] | light fields: loading, built-in scenes, depth and disparity, photographs |
 //! | [`plan`] | what is to be computed, as plain data: lists of kernels and their arguments |
 //! | [`gpu`] | one Vulkan device, opened once and shared |

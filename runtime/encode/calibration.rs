@@ -2,10 +2,8 @@
 
 use super::EncodeError;
 use crate::files::FileError;
-use std::{fs::File, io::Read, path::Path};
-
-/// Bytes that a table may have: far more than 256 lines need.
-const LONGEST: u64 = 1 << 20;
+use crate::files::read;
+use std::path::Path;
 
 /// Reads (level, turns) from lines `level,phase`; commas, semicolons or tabs.
 ///
@@ -15,13 +13,7 @@ const LONGEST: u64 = 1 << 20;
 /// # Errors
 /// [`EncodeError::File`]; [`EncodeError::Table`] naming the line that is wrong.
 pub(super) fn read(file: &Path, levels: u32) -> Result<Vec<(u8, f64)>, EncodeError> {
-    let mut bytes = Vec::new();
-    let opened = File::open(file).map_err(|e| FileError::read(file, e))?;
-    opened.take(LONGEST + 1).read_to_end(&mut bytes).map_err(|e| FileError::read(file, e))?;
-    if bytes.len() as u64 > LONGEST {
-        return Err(FileError::content(file, "is over a MiB long: a table has one line a level").into());
-    }
-    let text = String::from_utf8(bytes).map_err(|_| FileError::content(file, "is no text: a CSV table is wanted"))?;
+    let text = read::text(file, read::TEXT).map_err(|e| FileError::read(file, e))?;
     parse(&text, levels).map_err(|(line, reason)| EncodeError::Table { file: file.display().to_string(), line, reason })
 }
 

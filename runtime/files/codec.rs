@@ -1,9 +1,8 @@
 //! Pictures to bytes and back, by the crate `image`.
 
-use super::{FileError, Grey};
+use super::{FileError, Grey, read};
 use image::{ExtendedColorType, ImageEncoder, ImageReader, codecs::jpeg::JpegEncoder, codecs::png::PngEncoder};
 use std::{
-    fs::File,
     io::{self, BufReader, Write},
     path::Path,
 };
@@ -42,7 +41,7 @@ fn plain(error: image::ImageError) -> io::Error {
 /// # Errors
 /// [`FileError::Read`]; [`FileError::Content`] for anything but a whole 8-bit grey PNG.
 pub fn read_grey8(file: &Path) -> Result<(usize, usize, Vec<u8>), FileError> {
-    let opened = File::open(file).map_err(|e| FileError::read(file, e))?;
+    let opened = read::open(file).map_err(|e| FileError::read(file, e))?;
     let reader = ImageReader::with_format(BufReader::new(opened), image::ImageFormat::Png);
     match reader.decode() {
         Ok(image::DynamicImage::ImageLuma8(image)) => {
@@ -60,7 +59,7 @@ pub fn read_grey8(file: &Path) -> Result<(usize, usize, Vec<u8>), FileError> {
 /// [`FileError::Read`]; [`FileError::Content`] for what is no whole PNG or BMP, and for colours.
 pub fn read_grey(file: &Path, size: [usize; 2]) -> Result<Result<Grey, [usize; 2]>, FileError> {
     let reader = || {
-        let reader = ImageReader::open(file).and_then(ImageReader::with_guessed_format);
+        let reader = read::open(file).and_then(|f| ImageReader::new(BufReader::new(f)).with_guessed_format());
         let reader = reader.map_err(|e| FileError::read(file, e))?;
         match reader.format() {
             Some(image::ImageFormat::Png | image::ImageFormat::Bmp) => Ok(reader),

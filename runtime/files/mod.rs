@@ -1,4 +1,5 @@
-//! Files that appear whole or not at all, and the two plain formats that the runtime speaks: `.npy` and PNG.
+//! Files: read in one way, which waits for nothing and believes no length ([`read`]); written whole or not at all; and the two
+//! plain formats that the runtime speaks, `.npy` and PNG.
 //!
 //! Everything is written beside its destination and renamed when it is complete and on the disk, so that a full disk,
 //! a crash or Ctrl-C leaves what was there before. This room knows bytes and shapes, nothing of optics; it imports
@@ -9,6 +10,7 @@ mod cache;
 mod codec;
 mod npy;
 mod picture;
+pub mod read;
 mod whole;
 
 pub use cache::cache_folder;

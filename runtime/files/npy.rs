@@ -4,9 +4,8 @@
 //! crate because the crates that read it build a C toolchain's objects on the way (through their literal parser), and
 //! a build of this project needs cargo alone.
 
-use super::{FileError, write_file};
+use super::{FileError, read, write_file};
 use std::{
-    fs::File,
     io::{self, BufReader, Read, Write},
     path::Path,
 };
@@ -35,7 +34,7 @@ const MAGIC: &[u8] = b"\x93NUMPY";
 /// a value that is not finite (with its index).
 pub fn read_npy(file: &Path) -> Result<Npy, FileError> {
     let open = || {
-        let opened = File::open(file)?;
+        let opened = read::open(file)?;
         let length = opened.metadata()?.len();
         Ok((BufReader::new(opened), length))
     };

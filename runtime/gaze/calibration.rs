@@ -2,6 +2,7 @@
 
 use super::GazeError;
 use crate::files;
+use crate::files::read;
 use crate::trackers::Unit;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -190,7 +191,7 @@ impl Calibration {
     /// [`GazeError::File`], naming file, line and key.
     pub fn load(file: &Path) -> Result<Self, GazeError> {
         let wrong = |reason: String| GazeError::File { file: file.display().to_string(), reason };
-        let text = std::fs::read_to_string(file).map_err(|e| wrong(e.to_string()))?;
+        let text = read::text(file, read::TEXT).map_err(|e| wrong(e.to_string()))?;
         Self::from_toml(&text).map_err(wrong)
     }
 

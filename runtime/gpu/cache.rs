@@ -22,7 +22,7 @@ pub(crate) fn read(path: &Path, properties: &vk::PhysicalDeviceProperties) -> Op
     if std::fs::metadata(path).ok()?.len() > LARGEST {
         return None;
     }
-    let file = std::fs::read(path).ok()?;
+    let file = crate::files::read::bytes(path, crate::files::read::RESULTS).ok()?;
     let data = unpack(&file)?;
     is_for(data, properties).then(|| data.to_vec())
 }

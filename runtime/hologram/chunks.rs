@@ -3,8 +3,9 @@
 use super::HologramError;
 use super::wrap_phase;
 use crate::files::FileError;
+use crate::files::read;
 use std::{
-    fs::{self, File},
+    fs,
     io::{self, Read, Write},
     path::{Path, PathBuf},
 };
@@ -46,10 +47,7 @@ pub(super) fn unreadable(file: &Path, e: io::Error) -> HologramError {
 }
 
 pub(super) fn read_document(file: &Path) -> Result<Vec<u8>, HologramError> {
-    let mut bytes = Vec::new();
-    let opened = File::open(file).map_err(|e| unreadable(file, e))?;
-    opened.take(LONGEST_DOCUMENT).read_to_end(&mut bytes).map_err(|e| unreadable(file, e))?;
-    Ok(bytes)
+    read::bytes(file, LONGEST_DOCUMENT).map_err(|e| unreadable(file, e))
 }
 
 /// Zarr's codecs `bytes` (little-endian) and `crc32c`: the values, then the sum of their bytes.
@@ -69,7 +67,7 @@ pub(super) fn check_length(file: &PathBuf, pixels: usize) -> Result<(), Hologram
 
 pub(super) fn read_chunk(file: &Path, pixels: usize, phases: &mut Vec<f32>) -> Result<(), HologramError> {
     let mut bytes = vec![0; 4 * pixels + 4];
-    File::open(file).and_then(|mut f| f.read_exact(&mut bytes)).map_err(|e| unreadable(file, e))?;
+    read::open(file).and_then(|mut f| f.read_exact(&mut bytes)).map_err(|e| unreadable(file, e))?;
     let (values, sum) = bytes.split_at(4 * pixels);
     let (stated, found) = (u32::from_le_bytes([sum[0], sum[1], sum[2], sum[3]]), crc32c::crc32c(values));
     if stated != found {

@@ -230,6 +230,7 @@ impl Hologram {
             geometry: self.geometry,
             wavelengths: self.display_wavelengths.clone(),
             levels: 256,
+            portrait: self.height > self.width,
             encoding: Default::default(),
         })
     }

@@ -4,8 +4,9 @@ use super::chunks::{ARRAY, GROUP, chunk_name, damaged, read_document, unreadable
 use super::document::{self, SequenceAttributes};
 use super::{Hologram, HologramError};
 use crate::files::FileError;
+use crate::files::read;
 use std::fmt::Write as _;
-use std::fs::{self, File};
+use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -280,7 +281,7 @@ pub(super) fn sequence_chunk(name: &mut String, index: u64) {
 
 /// Values, then the sum of their bytes.
 fn read_checked(file: &Path, values: &mut [f32]) -> Result<(), HologramError> {
-    let mut opened = File::open(file).map_err(|e| unreadable(file, e))?;
+    let mut opened = read::open(file).map_err(|e| unreadable(file, e))?;
     let (length, expected) = (opened.metadata().map_err(|e| unreadable(file, e))?.len(), 4 * values.len() as u64 + 4);
     if length != expected {
         return Err(damaged(file, format!("it is {length} bytes long, not {expected}")));

@@ -12,6 +12,7 @@ use super::chunks::{
     ARRAY, GROUP, chunk_file, damaged, is_hologram, read_document, read_tile, unreadable, write_chunk,
 };
 use super::{Hologram, HologramError, Metadata, document};
+use crate::files::read;
 use crate::files::{FileError, FolderDraft, write_file_by_way_of};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -303,7 +304,7 @@ impl Tiles {
                     }
                     None => {
                         let file = self.folder.join(&name);
-                        let mut from = File::open(&file).map_err(|e| unreadable(&file, e))?;
+                        let mut from = read::open(&file).map_err(|e| unreadable(&file, e))?;
                         let copied = |out: &mut dyn std::io::Write| std::io::copy(&mut from, out).map(|_| ());
                         draft.write(&name, copied)?;
                     }

@@ -3,6 +3,7 @@
 use super::color::Color;
 use super::encoding::Encoding;
 use super::{Geometry, Optics, OpticsError};
+use crate::files::read;
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, path::Path};
 
@@ -25,6 +26,7 @@ pub struct Wavelength {
 /// wavelengths_nm = { red = 660, green = 520, blue = 440 }
 /// levels = 256                   # grey levels of the SLM
 /// geometry = "relay"             # or "far-field": the SLM in the pupil plane
+/// portrait = false               # true for one that is higher than wide
 ///
 /// [encoding]                     # what the SLM receives: docs/displays.md
 /// packing = "grey8"
@@ -48,6 +50,8 @@ pub struct Display {
     pub wavelengths: Vec<Wavelength>,
     /// Phase levels of the SLM.
     pub levels: u32,
+    /// Whether it is meant to be higher than wide ([`check_usual`](Self::check_usual)).
+    pub portrait: bool,
     /// How it takes its phases.
     pub encoding: Encoding,
 }
@@ -65,6 +69,8 @@ struct File {
     levels: u32,
     #[serde(default, skip_serializing_if = "Geometry::is_relay")]
     geometry: Geometry,
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    portrait: bool,
     #[serde(default)]
     encoding: Encoding,
 }
@@ -86,7 +92,7 @@ impl Display {
         if let Some(display) = Self::preset(name) {
             return Ok(display);
         }
-        let text = std::fs::read_to_string(Path::new(name)).map_err(|e| OpticsError::UnknownDisplay {
+        let text = read::text(Path::new(name), read::TEXT).map_err(|e| OpticsError::UnknownDisplay {
             name: name.into(),
             presets: PRESETS.join(", "),
             reason: e.to_string(),
@@ -115,7 +121,18 @@ impl Display {
         let wavelengths = wavelengths.map(|(color, wavelength)| Wavelength { color, wavelength }).to_vec();
         let encoding = Encoding::preset(name);
         let name = name.to_owned();
-        Some(Self { name, height, width, pitch, focal_length: 0.4, geometry, wavelengths, levels, encoding })
+        Some(Self {
+            name,
+            height,
+            width,
+            pitch,
+            focal_length: 0.4,
+            geometry,
+            wavelengths,
+            levels,
+            portrait: false,
+            encoding,
+        })
     }
 
     /// Reads the text of a display file; `file` names it in errors.
@@ -155,6 +172,7 @@ impl Display {
                 .map(|(color, nm)| Wavelength { color, wavelength: nm * 1e-9 })
                 .collect(),
             levels: read.levels,
+            portrait: read.portrait,
             encoding,
         };
         for w in &display.wavelengths {
@@ -173,6 +191,7 @@ impl Display {
             geometry: self.geometry,
             wavelengths_nm: self.wavelengths.iter().map(|w| (w.color, w.wavelength * 1e9)).collect(),
             levels: self.levels,
+            portrait: self.portrait,
             encoding: self.encoding.clone(),
         };
         toml::to_string(&file).expect("a display has nothing that TOML cannot say")

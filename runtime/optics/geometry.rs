@@ -1,6 +1,7 @@
 //! The display at one wavelength: a 4f relay, or the SLM in the pupil plane itself.
 
 use super::OpticsError;
+use super::units::guess;
 use serde::{Deserialize, Serialize};
 
 /// Where the SLM stands.
@@ -88,7 +89,8 @@ impl Optics {
             if (low..=high).contains(&value) {
                 Ok(())
             } else {
-                Err(OpticsError::OutOfRange { what, value: value * unit, low: low * unit, high: high * unit })
+                let (value, hint) = (value * unit, guess(what, value * unit));
+                Err(OpticsError::OutOfRange { what, value, low: low * unit, high: high * unit, hint })
             }
         };
         range("the pitch (um)", pitch, 1e6, [1e-9, 1.0])?;

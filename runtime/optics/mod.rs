@@ -8,21 +8,28 @@
 mod color;
 mod display;
 mod encoding;
+mod focus;
 mod geometry;
+mod limits;
 mod padding;
 mod propagation;
 mod pupil;
 mod pupil_distribution;
+mod reach;
+mod units;
 mod window;
 
 pub use color::Color;
 pub use display::{Display, PRESETS, Wavelength};
 pub use encoding::{Channel, ChannelOrder, Correction, Encoding, Flip, Grating, Orientation, Packing, Place, TwoPi};
+pub use focus::{Depth, depth_in_words, depth_of_dioptres, dioptres, dioptres_in_words};
 pub use geometry::{Geometry, Optics, frequency_bin};
+pub use limits::check_usual_diameters;
 pub use padding::{Padding, walk_off};
 pub use propagation::{aperture, propagation_turns, transfer};
 pub use pupil::Pupil;
 pub use pupil_distribution::PupilDistribution;
+pub use reach::Reach;
 pub use window::{Window, WindowFactor, fast_size};
 
 /// What can be wrong with a display, a pupil or a grid.
@@ -39,7 +46,7 @@ pub enum OpticsError {
         hint: &'static str,
     },
     /// A length that no display has, and with which float64 would not get far.
-    #[error("{what} is {value:e}: it must be {low:e} to {high:e}")]
+    #[error("{what} is {value:e}: it must be {low:e} to {high:e}{hint}")]
     OutOfRange {
         /// Which quantity, with its unit.
         what: &'static str,
@@ -49,6 +56,16 @@ pub enum OpticsError {
         low: f64,
         /// The most.
         high: f64,
+        /// What is probably meant, or nothing.
+        hint: String,
+    },
+    /// What is possible and most likely a mistake.
+    #[error("{given}: {probably}")]
+    Unusual {
+        /// What was given, with its unit.
+        given: String,
+        /// What it probably should be.
+        probably: String,
     },
     /// A number that has to be finite is not.
     #[error("{what} is {value}: it must be a finite number")]

@@ -1,8 +1,8 @@
 //! What a mouse and keys mean.
 
-use super::place::{Rect, dioptres, focus_step, pupil_at};
+use super::place::{Rect, focus_step, pupil_at};
 use super::{Overlay, Seen, Showing, Side};
-use crate::optics::{Geometry, Optics, Pupil};
+use crate::optics::{Geometry, Optics, Pupil, dioptres};
 use crate::present::{WindowEvent, WindowKey};
 
 /// What the window's owner has to do.

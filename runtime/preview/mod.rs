@@ -34,7 +34,7 @@ pub use controls::{Action, Controls};
 pub use eye::{Eye, Opener};
 pub use overlay::{Overlay, draw_overlay};
 pub use picture::{Detail, Picture, develop};
-pub use place::{Rect, dioptres, focus_step, places, pupil_at};
+pub use place::{Rect, focus_step, places, pupil_at};
 pub use reader::{ReadHologram, Reader};
 pub use showing::{Showing, Shown};
 pub use viewer::{Look, Seen, Side, Viewer};

@@ -7,7 +7,6 @@ use crate::files::{self, FileError};
 use crate::scene::LightField;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::fs::File;
-use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 #[derive(Serialize, Deserialize)]
@@ -30,8 +29,8 @@ impl Keep {
 
     /// The result of this name, if it was made by exactly this.
     pub fn load<T: DeserializeOwned>(&self, name: &str, made_by: &str) -> Option<T> {
-        let file = File::open(self.file(name)).ok()?;
-        let kept: Kept<String, T> = serde_json::from_reader(BufReader::new(file)).ok()?;
+        let file = files::read::bytes(&self.file(name), files::read::RESULTS).ok()?;
+        let kept: Kept<String, T> = serde_json::from_slice(&file).ok()?;
         (kept.made_by == made_by).then_some(kept.result)
     }
 

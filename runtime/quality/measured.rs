@@ -73,7 +73,7 @@ impl Measured {
         if size > LARGEST {
             return Err(wrong("is too large for measured settings"));
         }
-        let bytes = std::fs::read(&path).map_err(|e| FileError::read(&path, e))?;
+        let bytes = crate::files::read::bytes(&path, LARGEST).map_err(|e| FileError::read(&path, e))?;
         let text = std::str::from_utf8(&bytes).map_err(|_| wrong("is no text"))?;
         let (head, body) = text.split_once('\n').ok_or_else(|| wrong("is cut off"))?;
         let sum = head.strip_prefix(HEAD).ok_or_else(|| wrong("holds no settings of this version of eyebox"))?;

@@ -2,7 +2,7 @@
 
 use super::{SceneError, light, pfm, picture};
 use crate::files::{self, FileError};
-use std::{fs, path::Path};
+use std::path::Path;
 
 /// A map, rows from the top; every value is finite.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,7 +26,7 @@ pub(super) fn read(path: &Path) -> Result<Map, SceneError> {
     if path.is_dir() {
         return Err(corrupt("a folder, not a depth map".into()));
     }
-    let bytes = || fs::read(path).map_err(|e| SceneError::unreadable(path, &e));
+    let bytes = || files::read::bytes(path, files::read::PICTURE).map_err(|e| SceneError::unreadable(path, &e));
     let map = if name.ends_with(".pfm") {
         let map = pfm::parse(&bytes()?).map_err(corrupt)?;
         Map { height: map.height, width: map.width, values: map.values, is_disparity: name.contains("disp") }

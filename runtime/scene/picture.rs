@@ -2,13 +2,15 @@
 
 use super::SceneError;
 use super::light::{Picture, Transfer, check, srgb_to_linear};
+use crate::files::read;
 use crate::optics::Color;
 use image::{DynamicImage, ImageFormat, ImageReader, Limits};
 use std::{fs::File, io::BufReader, path::Path, sync::OnceLock};
 
 fn open(path: &Path) -> Result<ImageReader<BufReader<File>>, SceneError> {
     let unreadable = |e: std::io::Error| SceneError::unreadable(path, &e);
-    let mut reader = ImageReader::open(path).and_then(|r| r.with_guessed_format()).map_err(unreadable)?;
+    let mut reader =
+        read::open(path).and_then(|f| ImageReader::new(BufReader::new(f)).with_guessed_format()).map_err(unreadable)?;
     let mut limits = Limits::default();
     limits.max_image_width = Some(65536);
     limits.max_image_height = Some(65536);
@@ -38,7 +40,7 @@ fn decode(path: &Path) -> Result<DynamicImage, SceneError> {
 
 /// Whether a JPEG's last scan is closed: decoders fill what is missing with grey and say nothing.
 fn jpeg_ends(path: &Path) -> Result<bool, SceneError> {
-    let bytes = std::fs::read(path).map_err(|e| SceneError::unreadable(path, &e))?;
+    let bytes = read::bytes(path, read::PICTURE).map_err(|e| SceneError::unreadable(path, &e))?;
     // Inside a scan, 0xff is never followed by these.
     let last_scan = bytes.windows(2).rposition(|b| b == [0xff, 0xda]).unwrap_or(0);
     Ok(bytes[last_scan..].windows(2).any(|b| b == [0xff, 0xd9]))

@@ -2,8 +2,9 @@
 //! a ground-truth disparity map.
 
 use super::{SceneError, light::Transfer, pfm};
+use crate::files::read;
 use serde::Deserialize;
-use std::{fs, path::Path};
+use std::path::Path;
 
 /// What is known of a folder's views; lengths in metres and in pixels at the views' own resolution.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -34,7 +35,7 @@ pub(super) fn read(folder: &Path, names: &[String]) -> Result<Settings, SceneErr
     ] {
         if names.iter().any(|n| n == name) {
             let path = folder.join(name);
-            let text = fs::read_to_string(&path).map_err(|e| SceneError::unreadable(&path, &e))?;
+            let text = read::text(&path, read::TEXT).map_err(|e| SceneError::unreadable(&path, &e))?;
             return parse(&text).map_err(|reason| SceneError::Settings { file: path.display().to_string(), reason });
         }
     }
@@ -49,7 +50,7 @@ pub(super) fn ground_truth(folder: &Path, names: &[String], size: [usize; 2]) ->
     maps.sort_by_key(|n| (!n.contains("lowres"), n.as_str()));
     for name in maps {
         let path = folder.join(name);
-        let bytes = fs::read(&path).map_err(|e| SceneError::unreadable(&path, &e))?;
+        let bytes = read::bytes(&path, read::PICTURE).map_err(|e| SceneError::unreadable(&path, &e))?;
         let map =
             pfm::parse(&bytes).map_err(|reason| SceneError::Corrupt { file: path.display().to_string(), reason })?;
         if [map.height, map.width] == size {

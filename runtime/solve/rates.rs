@@ -60,7 +60,8 @@ impl Kept {
         if std::fs::metadata(file).ok()?.len() > LARGEST {
             return None;
         }
-        let kept: Self = serde_json::from_slice(&std::fs::read(file).ok()?).ok()?;
+        let kept: Self =
+            serde_json::from_slice(&crate::files::read::bytes(file, crate::files::read::TEXT).ok()?).ok()?;
         let ours = kept.engine == engine && kept.version == env!("CARGO_PKG_VERSION") && kept.rates.is_sound();
         ours.then_some(kept.rates)
     }

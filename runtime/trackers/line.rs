@@ -193,7 +193,7 @@ impl LineSource {
     /// [`TrackerError::File`], naming file and line.
     pub fn open(file: &Path, real_time: bool, latency_ns: u64) -> Result<Self, TrackerError> {
         let wrong = |reason: String| TrackerError::file(file, reason);
-        let mut text = BufReader::new(std::fs::File::open(file).map_err(|e| wrong(e.to_string()))?);
+        let mut text = BufReader::new(crate::files::read::open(file).map_err(|e| wrong(e.to_string()))?);
         let mut lines = VecDeque::new();
         let mut line = Vec::new();
         for number in 1.. {

@@ -49,7 +49,7 @@ impl Recording {
     /// # Errors
     /// [`TrackerError::File`], naming file and line.
     pub fn load(file: &Path) -> Result<Self, TrackerError> {
-        let open = std::fs::File::open(file).map_err(|e| TrackerError::file(file, e.to_string()))?;
+        let open = crate::files::read::open(file).map_err(|e| TrackerError::file(file, e.to_string()))?;
         Self::read(BufReader::new(open)).map_err(|reason| TrackerError::file(file, reason))
     }
 

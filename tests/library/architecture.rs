@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 /// A room imports only rooms before it.
 const ROOMS: [&str; 20] = [
-    "mailbox", "optics", "files", "scene", "plan", "gpu", "engine", "evaluate", "solve", "hologram", "tiled",
+    "mailbox", "files", "optics", "scene", "plan", "gpu", "engine", "evaluate", "solve", "hologram", "tiled",
     "quality", "produce", "encode", "trackers", "gaze", "present", "session", "preview", "report",
 ];
 

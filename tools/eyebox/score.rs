@@ -141,7 +141,8 @@ pub fn pupils(
             "{text}: {reason}; expected random:N or a JSON file such as [[0, 0, 4, 1.5], [2, -1, 6, 0]]"
         ))
     };
-    let read = std::fs::read_to_string(Path::new(text)).map_err(|e| wrong(e.to_string()))?;
+    let read =
+        eyebox::files::read::text(Path::new(text), eyebox::files::read::TABLE).map_err(|e| wrong(e.to_string()))?;
     let rows: Vec<[f64; 4]> = serde_json::from_str(&read).map_err(|e| wrong(e.to_string()))?;
     if rows.is_empty() {
         return Err(wrong("it lists no pupil".into()));

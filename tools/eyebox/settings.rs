@@ -121,7 +121,7 @@ fn levels(text: &str) -> Result<Vec<f64>, Failure> {
     if size > 1 << 20 {
         return Err(wrong("a file of levels has one phase a line, 256 at most".into()));
     }
-    let file = std::fs::read_to_string(text).map_err(|e| wrong(e.to_string()))?;
+    let file = eyebox::files::read::text(text.as_ref(), eyebox::files::read::TEXT).map_err(|e| wrong(e.to_string()))?;
     let lines = file.lines().map(|l| l.split('#').next().unwrap_or("").trim()).enumerate();
     let phase = |(i, line): (usize, &str)| {
         line.parse::<f64>().map_err(|_| wrong(format!("line {}: '{line}' is not a phase in radians", i + 1)))

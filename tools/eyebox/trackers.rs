@@ -11,7 +11,6 @@ use eyebox::trackers::recording::{self, Head, Recording};
 use eyebox::trackers::{Event, Options, Sample, Source, Spec, Stream, TrackerError, line, open};
 use serde_json::json;
 use std::fmt::Write as _;
-use std::fs::File;
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -128,7 +127,7 @@ fn descriptor_of(file: &Path) -> Result<Vec<u8>, Failure> {
     let wrong = |reason: String| Failure::from(TrackerError::file(file, reason));
     // Enough to tell what it is: a recording may be long.
     let mut start = Vec::new();
-    let open = File::open(file).map_err(|e| wrong(e.to_string()))?;
+    let open = eyebox::files::read::open(file).map_err(|e| wrong(e.to_string()))?;
     open.take(256 << 10).read_to_end(&mut start).map_err(|e| wrong(e.to_string()))?;
     let Some(text) = std::str::from_utf8(&start).ok().filter(|t| !t.contains('\0')) else { return Ok(start) };
     if text.lines().any(|l| l.starts_with("R:")) {

@@ -215,7 +215,7 @@ impl Published {
             what: file.display().to_string(),
             reason: reason.replace('\n', " "),
         };
-        let text = std::fs::read(file).map_err(|e| wrong(e.to_string()))?;
+        let text = crate::files::read::bytes(file, crate::files::read::TABLE).map_err(|e| wrong(e.to_string()))?;
         let rows: Result<Vec<Self>, _> =
             csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(&text[..]).deserialize().collect();
         let rows =

@@ -109,7 +109,8 @@ impl DeviceFile {
     /// # Errors
     /// [`TrackerError::File`], naming the file, the line and the key.
     pub fn load(file: &Path) -> Result<Self, TrackerError> {
-        let text = std::fs::read_to_string(file).map_err(|e| TrackerError::file(file, e.to_string()))?;
+        let text = crate::files::read::text(file, crate::files::read::TEXT)
+            .map_err(|e| TrackerError::file(file, e.to_string()))?;
         Self::from_toml(&text).map_err(|reason| TrackerError::file(file, reason))
     }
 

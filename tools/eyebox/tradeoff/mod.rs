@@ -79,7 +79,7 @@ fn read_check(file: &Path) -> Result<Vec<Recommended>, Failure> {
     if size > 64 << 20 {
         return Err(wrong("is too large for a tradeoff.json".into()));
     }
-    let text = std::fs::read_to_string(file).map_err(|e| wrong(e.to_string()))?;
+    let text = eyebox::files::read::text(file, eyebox::files::read::RESULTS).map_err(|e| wrong(e.to_string()))?;
     #[derive(serde::Deserialize)]
     struct Other {
         recommended: Vec<Recommended>,

@@ -1,0 +1,97 @@
+//! The one way to read a file: a regular one, opened without waiting, up to a limit that its kind has.
+//!
+//! A pipe, a terminal or a device in the place of a file would block for ever or never end; a file of 3 GB in the place of a
+//! table would be read to its last byte. Both are answered before a byte is read.
+
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::Path;
+
+/// Longest text that a person writes: displays, calibrations, light fields' settings; bytes.
+pub const TEXT: u64 = 1 << 20;
+/// Longest table and document, bytes.
+pub const TABLE: u64 = 16 << 20;
+/// Longest file that is kept to save time, and longest results; bytes.
+pub const RESULTS: u64 = 256 << 20;
+/// Longest picture or map, bytes.
+pub const PICTURE: u64 = 1 << 30;
+
+/// Opens a regular file. Anything else is refused, after opening it and without waiting for it.
+///
+/// # Errors
+/// The system's; [`io::ErrorKind::InvalidInput`] for what is no regular file.
+pub fn open(file: &Path) -> io::Result<File> {
+    let mut options = File::options();
+    options.read(true);
+    // Opening a pipe waits for its writer; with this flag, which regular files ignore, it does not.
+    #[cfg(unix)]
+    std::os::unix::fs::OpenOptionsExt::custom_flags(&mut options, rustix::fs::OFlags::NONBLOCK.bits() as i32);
+    let opened = options.open(file)?;
+    let kind = opened.metadata()?.file_type();
+    if kind.is_file() {
+        return Ok(opened);
+    }
+    let what = if kind.is_dir() { "a folder" } else { "a pipe or a device" };
+    Err(io::Error::new(io::ErrorKind::InvalidInput, format!("it is {what}, and only regular files are read")))
+}
+
+/// All bytes of a regular file of at most `most` bytes.
+///
+/// # Errors
+/// As [`open`]; [`io::ErrorKind::InvalidData`] for longer ones, [`io::ErrorKind::OutOfMemory`].
+pub fn bytes(file: &Path, most: u64) -> io::Result<Vec<u8>> {
+    let opened = open(file)?;
+    let length = opened.metadata()?.len();
+    let too_long = |n: u64| {
+        let why = format!("it is {n} bytes long, and at most {most} are read of such a file");
+        io::Error::new(io::ErrorKind::InvalidData, why)
+    };
+    if length > most {
+        return Err(too_long(length));
+    }
+    let mut read = Vec::new();
+    read.try_reserve_exact(length as usize).map_err(|_| io::Error::from(io::ErrorKind::OutOfMemory))?;
+    // Files of the system's state its length as 0, and files grow.
+    opened.take(most + 1).read_to_end(&mut read)?;
+    if read.len() as u64 > most { Err(too_long(read.len() as u64)) } else { Ok(read) }
+}
+
+/// The text of a regular file of at most `most` bytes.
+///
+/// # Errors
+/// As [`bytes`]; [`io::ErrorKind::InvalidData`] for what is no UTF-8.
+pub fn text(file: &Path, most: u64) -> io::Result<String> {
+    let no_text = || io::Error::new(io::ErrorKind::InvalidData, "it is no text (UTF-8)");
+    String::from_utf8(bytes(file, most)?).map_err(|_| no_text())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_regular_files_of_bounded_length_are_read() {
+        let here = tempfile::tempdir().unwrap();
+        let file = here.path().join("a");
+        std::fs::write(&file, "12345").unwrap();
+        assert_eq!(text(&file, 5).unwrap(), "12345");
+        assert!(bytes(&file, 4).unwrap_err().to_string().contains("5 bytes long"), "the limit holds");
+        std::fs::write(&file, [0xff, 0xfe]).unwrap();
+        assert!(text(&file, 5).unwrap_err().to_string().contains("no text"));
+        assert!(bytes(here.path(), 5).is_err());
+        // A file that is longer than memory costs nothing.
+        std::fs::File::create(&file).unwrap().set_len(1 << 40).unwrap();
+        assert!(bytes(&file, PICTURE).unwrap_err().to_string().contains("1099511627776"));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn pipes_and_devices_are_refused_at_once() {
+        let here = tempfile::tempdir().unwrap();
+        let pipe = here.path().join("pipe");
+        assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        for file in [pipe.as_path(), Path::new("/dev/zero")] {
+            assert!(bytes(file, 5).unwrap_err().to_string().contains("a pipe or a device"), "{}", file.display());
+        }
+    }
+}

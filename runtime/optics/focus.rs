@@ -1,0 +1,133 @@
+//! Depths in people's units: what a depth asks of the eye, and depths as they are written.
+
+use serde::{Deserialize, Serialize};
+use std::{fmt, str::FromStr};
+
+/// What focusing at `depth` (metres, positive towards the eye) asks of the eye, dioptres: `D = z / f^2` (OPTICS 9). The
+/// relay's last lens shows content so far inside its focus at the distance `f^2 / z` (Newton's form of the lens equation);
+/// depth 0 is at infinity, and below it no relaxed eye sees sharp. `focal_length` in metres.
+pub fn dioptres(depth: f64, focal_length: f64) -> f64 {
+    depth / (focal_length * focal_length)
+}
+
+/// The depth, metres, at which an eye that accommodates by so many dioptres sees sharp: `z = f^2 D`, the inverse of
+/// [`dioptres`].
+pub fn depth_of_dioptres(dioptres: f64, focal_length: f64) -> f64 {
+    dioptres * focal_length * focal_length
+}
+
+/// A depth (metres) in both units, for people: `1.50 mm (0.009 D)`.
+pub fn depth_in_words(depth: f64, focal_length: f64) -> String {
+    format!("{:.2} mm ({})", depth * 1e3, dioptres_in_words(depth, focal_length))
+}
+
+/// Its second half: `0.009 D`.
+pub fn dioptres_in_words(depth: f64, focal_length: f64) -> String {
+    let value = dioptres(depth, focal_length);
+    // Three digits after the point are 160 um behind a lens of 400 mm; nothing is -0.
+    format!("{:.3} D", if value.abs() < 5e-4 { 0.0 } else { value })
+}
+
+/// A depth as people give it: in metres, or in dioptres, which become metres once the display's focal length is known.
+/// Text is in millimetres, or in dioptres with a `D` behind: `1.5`, `-0.5D`. JSON has a number or such a text.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Written", into = "Written")]
+pub enum Depth {
+    /// Metres, positive towards the eye.
+    Metres(f64),
+    /// Dioptres, positive nearer.
+    Dioptres(f64),
+}
+
+impl Depth {
+    /// In metres, before a display of this focal length (metres).
+    pub fn metres(self, focal_length: f64) -> f64 {
+        match self {
+            Self::Metres(metres) => metres,
+            Self::Dioptres(value) => depth_of_dioptres(value, focal_length),
+        }
+    }
+}
+
+impl FromStr for Depth {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let text = text.trim();
+        let (number, in_dioptres) = match text.strip_suffix(['D', 'd']) {
+            Some(number) => (number.trim_end(), true),
+            None => (text.strip_suffix("mm").unwrap_or(text).trim_end(), false),
+        };
+        match number.parse::<f64>() {
+            Ok(value) if value.is_finite() && in_dioptres => Ok(Self::Dioptres(value)),
+            Ok(value) if value.is_finite() => Ok(Self::Metres(value * 1e-3)),
+            _ => Err(format!("'{text}' is no depth: expected mm, such as 1.5, or dioptres, such as 0.5D")),
+        }
+    }
+}
+
+impl fmt::Display for Depth {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match self {
+            Self::Metres(metres) => write!(f, "{}", metres * 1e3),
+            Self::Dioptres(value) => write!(f, "{value}D"),
+        }
+    }
+}
+
+/// A depth in JSON.
+#[derive(Serialize, Deserialize)]
+#[serde(untagged)]
+enum Written {
+    Millimetres(f64),
+    Text(String),
+}
+
+impl TryFrom<Written> for Depth {
+    type Error = String;
+
+    fn try_from(written: Written) -> Result<Self, String> {
+        match written {
+            Written::Millimetres(value) => Ok(Self::Metres(value * 1e-3)),
+            Written::Text(text) => text.parse(),
+        }
+    }
+}
+
+impl From<Depth> for Written {
+    fn from(depth: Depth) -> Self {
+        match depth {
+            Depth::Metres(metres) => Self::Millimetres(metres * 1e3),
+            Depth::Dioptres(_) => Self::Text(depth.to_string()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_depth_is_a_vergence() {
+        // 160 mm of depth behind a lens of 400 mm are one dioptre, nearer is more.
+        assert!((dioptres(0.16, 0.4) - 1.0).abs() < 1e-12 && dioptres(-0.16, 0.4) < 0.0);
+        assert!((depth_of_dioptres(dioptres(3e-3, 0.4), 0.4) - 3e-3).abs() < 1e-15);
+        assert_eq!(depth_in_words(1.5e-3, 0.4), "1.50 mm (0.009 D)");
+        assert_eq!(dioptres_in_words(-1e-6, 0.4), "0.000 D");
+    }
+
+    #[test]
+    fn depths_are_read_in_both_units() {
+        let read = |text: &str| text.parse::<Depth>().map(|d| (d.metres(0.4) * 1e6).round());
+        assert_eq!(read("1.5"), Ok(1500.0));
+        assert_eq!(read("-1.5 mm"), Ok(-1500.0));
+        assert_eq!(read("0.5D"), Ok(80_000.0));
+        assert_eq!(read(" -0.01 d"), Ok(-1600.0));
+        for bad in ["", "D", "x", "nan", "infD", "1.5 m", "2 D D"] {
+            assert!(read(bad).is_err(), "{bad}");
+        }
+        let both: Vec<Depth> = serde_json::from_str(r#"[1.5, "0.5D"]"#).unwrap();
+        assert_eq!(both, [Depth::Metres(1.5e-3), Depth::Dioptres(0.5)]);
+        assert!(serde_json::from_str::<Depth>("\"near\"").is_err());
+    }
+}

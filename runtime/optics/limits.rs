@@ -1,0 +1,135 @@
+//! Numbers that are possible and most likely a mistake: one unit taken for another, axes exchanged, a pupil that no eye has.
+//! What people give is checked before anything is computed of it; who means it can leave the check out.
+
+use super::units::{DIAMETER, FOCAL_LENGTH, PITCH, WAVELENGTH, in_words, meant};
+use super::{Color, Display, Optics, OpticsError, Pupil};
+
+/// A pupil may be as wide as the eyebox; people round.
+const ROUNDED: f64 = 1.01;
+
+impl Optics {
+    /// Whether pitch, wavelength and focal length are such as displays have: a wrong unit is not.
+    ///
+    /// # Errors
+    /// [`OpticsError::Unusual`].
+    pub fn check_usual(&self) -> Result<(), OpticsError> {
+        PITCH.check(self.pitch * 1e6)?;
+        WAVELENGTH.check(self.wavelength * 1e9)?;
+        FOCAL_LENGTH.check(self.focal_length * 1e3)
+    }
+}
+
+impl Display {
+    /// Whether it is such as displays are: [`Optics::check_usual`] of every colour, colours in the order of their
+    /// wavelengths, and rows and columns not exchanged: higher than wide only where it says that it is a portrait.
+    ///
+    /// # Errors
+    /// [`OpticsError::Unusual`]; those of [`optics`](Self::optics).
+    pub fn check_usual(&self) -> Result<(), OpticsError> {
+        for w in &self.wavelengths {
+            self.optics(w.color)?.check_usual()?;
+        }
+        let of = |color| self.wavelengths.iter().find(|w| w.color == color).map(|w| (color, w.wavelength * 1e9));
+        let present: Vec<(Color, f64)> = [Color::Red, Color::Green, Color::Blue].into_iter().filter_map(of).collect();
+        if let Some([long, short]) = present.windows(2).find(|w| w[0].1 <= w[1].1).and_then(<[_]>::first_chunk) {
+            let given = format!("{} is {} nm and {} {} nm", long.0, in_words(long.1), short.0, in_words(short.1));
+            let probably = format!("probably they are exchanged: {} is the longer wavelength", long.0);
+            return Err(OpticsError::Unusual { given, probably });
+        }
+        let Self { height, width, .. } = *self;
+        if height > width && !self.portrait {
+            let given = format!("{height} rows x {width} columns is higher than wide");
+            let probably = format!(
+                "rows come first, probably {width}x{height} is meant; `portrait = true` in a display file of one"
+            );
+            return Err(OpticsError::Unusual { given, probably });
+        }
+        Ok(())
+    }
+}
+
+impl Pupil {
+    /// [`check`](Self::check), and whether it is such as eyes have: not given in metres, no wider than the eyebox, and its
+    /// centre inside ([`check_within`](Self::check_within)).
+    ///
+    /// # Errors
+    /// [`OpticsError::Unusual`] and those of the two.
+    pub fn check_usual(self, optics: &Optics) -> Result<Self, OpticsError> {
+        self.check()?;
+        check_usual_diameters([self.diameter; 2], optics.eyebox())?;
+        self.check_within(optics)
+    }
+}
+
+/// Whether pupil diameters from the least to the most (metres) are such as eyes have, and fit the eyebox (metres).
+///
+/// # Errors
+/// [`OpticsError::Unusual`].
+pub fn check_usual_diameters([least, most]: [f64; 2], eyebox: f64) -> Result<(), OpticsError> {
+    DIAMETER.check(least * 1e3)?;
+    if most <= eyebox * ROUNDED {
+        return Ok(());
+    }
+    let (most, eyebox) = (most * 1e3, eyebox * 1e3);
+    let given = format!("a pupil {} mm wide does not fit the eyebox of {eyebox:.2} mm", in_words(most));
+    let probably = match meant(most, [1.0, eyebox.min(10.0)]) {
+        Some(meant) => format!("probably {} mm is meant", in_words(meant)),
+        None => format!("it may be as wide as the eyebox, {eyebox:.2} mm"),
+    };
+    Err(OpticsError::Unusual { given, probably })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refused(error: Result<(), OpticsError>, words: &[&str]) {
+        let text = error.unwrap_err().to_string();
+        assert!(words.iter().all(|w| text.contains(w)) && !text.contains('\n'), "{text}");
+    }
+
+    #[test]
+    fn wrong_units_are_refused_with_what_is_probably_meant() {
+        let optics = |pitch: f64, nm: f64, mm: f64| {
+            Optics::new(8, 8, pitch * 1e-6, nm * 1e-9, mm * 1e-3).and_then(|o| o.check_usual())
+        };
+        for (pitch, nm, mm) in [(8.0, 520.0, 400.0), (1.0, 440.0, 2.0), (20.0, 1550.0, 1000.0)] {
+            assert_eq!(optics(pitch, nm, mm), Ok(()));
+        }
+        refused(optics(0.008, 520.0, 400.0), &["pitch", "0.008 um", "8 um"]);
+        refused(optics(8000.0, 520.0, 400.0), &["8000 um", "probably 8 um"]);
+        refused(optics(8e-6, 520.0, 400.0), &["pitch", "probably 8 "]);
+        refused(optics(8.0, 0.52, 400.0), &["wavelength", "probably 520 "]);
+        refused(optics(8.0, 5.2e-7, 400.0), &["wavelength", "probably 520 "]);
+        refused(optics(8.0, 52000.0, 400.0), &["52000 nm", "380 to 1100 nm"]);
+        refused(optics(8.0, 520.0, 0.4), &["focal length", "0.4 mm", "probably 400 mm"]);
+        refused(optics(8.0, 520.0, 400_000.0), &["probably 400 mm"]);
+    }
+
+    #[test]
+    fn presets_are_usual_and_portraits_say_so() {
+        for name in crate::optics::PRESETS {
+            assert_eq!(Display::preset(name).unwrap().check_usual(), Ok(()), "{name}");
+        }
+        let upright = Display { height: 1920, width: 1080, ..Display::preset("paper").unwrap() };
+        refused(upright.check_usual(), &["1920 rows x 1080 columns", "probably 1080x1920", "portrait = true"]);
+        assert_eq!(Display { portrait: true, ..upright.clone() }.check_usual(), Ok(()));
+        let mut exchanged = Display::preset("paper").unwrap();
+        exchanged.wavelengths[0].wavelength = 440e-9;
+        exchanged.wavelengths[2].wavelength = 660e-9;
+        refused(exchanged.check_usual(), &["red is 440 nm", "exchanged"]);
+    }
+
+    #[test]
+    fn pupils_are_such_as_eyes_have() {
+        let optics = Optics::new(8, 8, 8e-6, 440e-9, 0.4).unwrap();
+        let check = |mm| Pupil::from_mm(mm).check_usual(&optics).map(|_| ());
+        assert_eq!(check([0.0, 0.0, 4.0, 1.5]), Ok(()));
+        assert_eq!(check([0.0, 0.0, 22.0, 0.0]), Ok(()));
+        refused(check([0.0, 0.0, 0.004, 0.0]), &["0.004 mm", "probably 4 mm"]);
+        refused(check([0.0, 0.0, 4000.0, 0.0]), &["4000 mm", "probably 4 mm"]);
+        refused(check([0.0, 0.0, 30.0, 0.0]), &["30 mm wide", "22.00 mm"]);
+        refused(check([14.0, 0.0, 4.0, 0.0]), &["outside", "11.00 mm"]);
+        refused(check_usual_diameters([2e-6, 4e-6], 22e-3), &["0.002 mm", "probably 2 mm"]);
+    }
+}

@@ -1,0 +1,92 @@
+//! What a display can show, in people's units.
+
+use super::{Color, Display, dioptres};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::fmt;
+
+/// What a display can show.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct Reach {
+    /// Degrees that the picture takes, (up, across): `2 asin(extent / 2 f)`.
+    pub field_of_view_degrees: [f64; 2],
+    /// Pixels a degree in the middle of the picture.
+    pub pixels_per_degree: f64,
+    /// Side of the eyebox that all colours serve, mm.
+    pub eyebox_mm: f64,
+    /// Of each colour's own, mm.
+    pub eyebox_mm_by_color: BTreeMap<Color, f64>,
+    /// The farthest and the nearest depth, mm: beyond, content moves by more than half the picture's shorter side as the
+    /// pupil goes from the middle of the eyebox to its edge, and comes in again on the other side (OPTICS 2).
+    pub depth_mm: [f64; 2],
+    /// The same in dioptres.
+    pub depth_dioptres: [f64; 2],
+}
+
+impl Display {
+    /// What it can show. Content at depth z moves by `z w / (2 f)` from the middle to the edge of the eyebox of width w, so
+    /// half a picture of extent e is reached at `z = e f / w` (behind a relay `N p^2 / wavelength`).
+    pub fn reach(&self) -> Reach {
+        let (f, pixel, (rows, columns)) = (self.focal_length, self.picture_pixel(), self.picture_size());
+        let extent = [rows, columns].map(|n| n as f64 * pixel);
+        let depth = extent[0].min(extent[1]) * f / self.eyebox_min();
+        let own = |w: &super::Wavelength| Some((w.color, self.optics(w.color).ok()?.eyebox() * 1e3));
+        Reach {
+            field_of_view_degrees: extent.map(|e| 2.0 * (e / (2.0 * f)).min(1.0).asin().to_degrees()),
+            pixels_per_degree: (f / pixel).to_radians(),
+            eyebox_mm: self.eyebox_min() * 1e3,
+            eyebox_mm_by_color: self.wavelengths.iter().filter_map(own).collect(),
+            depth_mm: [-depth * 1e3, depth * 1e3],
+            depth_dioptres: [-dioptres(depth, f), dioptres(depth, f)],
+        }
+    }
+}
+
+impl fmt::Display for Reach {
+    fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
+        let [up, across] = self.field_of_view_degrees;
+        let colors: Vec<String> = self.eyebox_mm_by_color.iter().map(|(c, mm)| format!("{c} {mm:.1}")).collect();
+        write!(
+            out,
+            "{across:.2} degrees wide, {up:.2} high, {:.0} pixels a degree; eyebox {:.1} mm ({}); depths {:.1} to {:.1} mm \
+             ({:.2} to {:.2} D)",
+            self.pixels_per_degree,
+            self.eyebox_mm,
+            colors.join(", "),
+            self.depth_mm[0],
+            self.depth_mm[1],
+            self.depth_dioptres[0],
+            self.depth_dioptres[1],
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_papers_display_in_degrees() {
+        let reach = Display::preset("paper").unwrap().reach();
+        // 15.36 x 8.64 mm at 400 mm.
+        let [up, across] = reach.field_of_view_degrees;
+        assert!((across - 2.2003).abs() < 1e-3 && (up - 1.2377).abs() < 1e-3, "{across} {up}");
+        assert!((reach.pixels_per_degree - 872.66).abs() < 0.01 && (reach.eyebox_mm - 22.0).abs() < 1e-9);
+        // N p^2 / wavelength of the shorter side and the shortest wavelength.
+        assert!((reach.depth_mm[1] - 1080.0 * 64e-12 / 440e-9 * 1e3).abs() < 1e-6);
+        assert!((reach.depth_dioptres[1] - 0.98182).abs() < 1e-4);
+        let line = reach.to_string();
+        assert!(line.contains("2.20 degrees wide, 1.24 high, 873 pixels a degree") && !line.contains('\n'), "{line}");
+        assert!(line.contains("eyebox 22.0 mm (red 33.0, green 26.0, blue 22.0)") && line.contains("157.1"), "{line}");
+    }
+
+    #[test]
+    fn a_far_field_display_has_the_eyebox_of_its_slm() {
+        let reach = Display::preset("far-field").unwrap().reach();
+        assert!(reach.eyebox_mm_by_color.values().all(|mm| (mm - 4.096).abs() < 1e-9));
+        // 2 asin(wavelength / 2 p) of the shortest wavelength.
+        let angle = 2.0 * (440e-9f64 / 16e-6).asin().to_degrees();
+        assert!(reach.field_of_view_degrees.iter().all(|a| (a - angle).abs() < 1e-9));
+    }
+}

@@ -1,0 +1,55 @@
+//! Lengths in the unit that people took for another.
+
+use super::OpticsError;
+
+/// A quantity: what it is usually, and what is taken without asking, in its unit.
+pub(super) struct Usual {
+    what: &'static str,
+    unit: &'static str,
+    /// What guesses are looked for in.
+    common: [f64; 2],
+    taken: [f64; 2],
+}
+
+pub(super) const PITCH: Usual = Usual { what: "the pitch", unit: "um", common: [1.0, 40.0], taken: [0.2, 100.0] };
+pub(super) const WAVELENGTH: Usual =
+    Usual { what: "the wavelength", unit: "nm", common: [380.0, 1100.0], taken: [200.0, 2500.0] };
+pub(super) const FOCAL_LENGTH: Usual =
+    Usual { what: "the focal length", unit: "mm", common: [10.0, 2000.0], taken: [2.0, 5000.0] };
+pub(super) const DIAMETER: Usual =
+    Usual { what: "the pupil's diameter", unit: "mm", common: [1.0, 30.0], taken: [0.1, f64::INFINITY] };
+
+impl Usual {
+    /// Whether a value, in its unit, is taken without asking.
+    pub(super) fn check(&self, value: f64) -> Result<(), OpticsError> {
+        if (self.taken[0]..=self.taken[1]).contains(&value) {
+            return Ok(());
+        }
+        let (unit, given) = (self.unit, format!("{} is {} {}", self.what, in_words(value), self.unit));
+        let probably = match meant(value, self.common) {
+            Some(meant) => format!("probably {} {unit} is meant", in_words(meant)),
+            None => format!("usual are {} to {} {unit}", self.common[0], self.common[1]),
+        };
+        Err(OpticsError::Unusual { given, probably })
+    }
+}
+
+/// What a value would be in another unit of length, if it is usual there.
+pub(super) fn meant(value: f64, [low, high]: [f64; 2]) -> Option<f64> {
+    let units = [1e3, 1e6, 1e9, 1e-3, 1e-6, 1e-9];
+    units.into_iter().map(|factor| value * factor).find(|v| (low * 0.999..=high * 1.001).contains(v))
+}
+
+/// Up to four digits, none of them for nothing.
+pub(super) fn in_words(value: f64) -> String {
+    if (1e-3..1e6).contains(&value.abs()) { format!("{}", (value * 1e4).round() / 1e4) } else { format!("{value:e}") }
+}
+
+/// What is probably meant by a length that no display has: for messages, with its unit; empty where nobody knows.
+pub(super) fn guess(what: &str, value: f64) -> String {
+    let all = [PITCH, WAVELENGTH, FOCAL_LENGTH];
+    let known = all.into_iter().find(|usual| what.starts_with(usual.what));
+    known
+        .and_then(|u| meant(value, u.common))
+        .map_or_else(String::new, |v| format!("; probably {} is meant", in_words(v)))
+}
