@@ -100,11 +100,18 @@ fn recommended(tuned: &Tuned) -> Markup {
 type Number = fn(&Trial) -> f64;
 
 /// Every trial as a dot, what none beats as a line, the recommended ones ringed and named.
-fn front(tuned: &Tuned, class: &str, x: Axis, y: &str, [cost, good]: [Number; 2], front: &[&Trial]) -> Plot {
+fn front(
+    tuned: &Tuned,
+    title: &str,
+    class: &str,
+    [x, y]: [Axis; 2],
+    [cost, good]: [Number; 2],
+    front: &[&Trial],
+) -> Plot {
     // What is far below the front, a few per cent of the trials, stands on the lower edge.
     let (worst, best) = (front.first().map_or(0.0, |t| good(t)), front.last().map_or(1.0, |t| good(t)));
-    let y = Axis::linear(y).floor(worst - 0.5 * (best - worst).max(1.0));
-    let mut plot = Plot::new("Quality against cost", x, y).sized(370.0, 234.0);
+    let y = y.floor(worst - 0.5 * (best - worst).max(1.0));
+    let mut plot = Plot::new(title, x, y).sized(370.0, 234.0);
     let at = |t: &Trial| [cost(t), good(t)];
     let hover = |t: &Trial| {
         let (took, mib) = (time(t.milliseconds), mebibytes(t));
@@ -134,15 +141,24 @@ fn front(tuned: &Tuned, class: &str, x: Axis, y: &str, [cost, good]: [Number; 2]
     plot
 }
 
-fn fronts(tuned: &Tuned) -> Markup {
+/// The plots of the page, and the names of their files.
+pub fn figures(tuned: &Tuned) -> [(&'static str, Plot); 3] {
     let milliseconds = || {
         Axis::log("time of a solve").text(|ms| if ms < 1000.0 { format!("{ms} ms") } else { format!("{} s", ms / 1e3) })
     };
+    let [mean_db, worst_db] = ["mean PSNR, dB", "worst PSNR, dB"].map(|name| move || Axis::linear(name));
     let (ms, mean, worst): (Number, Number, Number) = (|t| t.milliseconds, |t| t.mean, |t| t.worst);
-    let by_mean = front(tuned, "m0", milliseconds(), "mean PSNR, dB", [ms, mean], &tuned.by_mean());
-    let by_worst = front(tuned, "m1", milliseconds(), "worst PSNR, dB", [ms, worst], &tuned.by_worst());
     let memory = Axis::log("memory, MiB");
-    let by_memory = front(tuned, "m2", memory, "mean PSNR, dB", [mebibytes, mean], &tuned.by_memory());
+    let [a, b, c] = ["Mean quality against time", "Worst quality against time", "Mean quality against memory"];
+    [
+        ("time and mean", front(tuned, a, "m0", [milliseconds(), mean_db()], [ms, mean], &tuned.by_mean())),
+        ("time and worst", front(tuned, b, "m1", [milliseconds(), worst_db()], [ms, worst], &tuned.by_worst())),
+        ("memory and mean", front(tuned, c, "m2", [memory, mean_db()], [mebibytes, mean], &tuned.by_memory())),
+    ]
+}
+
+fn fronts(tuned: &Tuned) -> Markup {
+    let [(_, by_mean), (_, by_worst), (_, by_memory)] = figures(tuned);
     let body = html! {
         p {
             "One dot a trial; what it did is under the mouse, and in the table below. Time and memory are logarithmic."

@@ -126,7 +126,7 @@ pub fn run(args: &Study) -> Result<(), Failure> {
     files::write_file(&file, |out| writeln!(out, "{all:#}"))?;
     let page = args.out.join("study.html");
     let title = format!("Steering {}", subject.hologram.scene);
-    files::write_file(&page, |out| out.write_all(report::study_page(&title, &subject.engine, &study).as_bytes()))?;
+    report::write_study(&title, &subject.engine, &study, &args.out)?;
     if args.json {
         println!("{}", json!({ "summary": summary, "out": args.out }));
         return Ok(());

@@ -40,6 +40,7 @@ fn a_study_says_what_steering_gains_and_shows_it() {
     let page = std::fs::read_to_string(at.join("out/study.html")).unwrap();
     assert!(page.matches("<svg").count() == 2 && page.contains("At the end of a fixation"));
     assert!(page.matches("<circle").count() > 20);
+    common::figures_of(&at.join("out"), "study.html");
 }
 
 #[test]
