@@ -70,6 +70,7 @@
 //!
 //! | module | what belongs in it |
 //! |---|---|
+//! | [`memory`] | what memory there is; promised before it is taken |
 //! | [`files`] | regular files, read up to a limit; files that appear whole or not at all; `.npy` and PNG |
 //! | [`optics`] | geometry, pupil, propagation (angular spectrum method), window: pure functions in float64 |
 //! | [`scene`] | light fields: loading, built-in scenes, depth and disparity, photographs |
@@ -103,6 +104,7 @@ pub mod gpu;
 pub mod hologram;
 #[cfg_attr(not(feature = "preview"), allow(dead_code, reason = "previews use all of it"))]
 mod mailbox;
+pub mod memory;
 pub mod optics;
 pub mod plan;
 #[cfg(feature = "window")]

@@ -188,6 +188,7 @@ impl Engine for CpuEngine {
     }
 
     fn load(&mut self, shape: &Shape, views: Option<Arc<Pyramid>>) -> Result<(), EngineError> {
+        super::promise(shape, 8)?;
         self.views = views;
         self.shape = *shape;
         self.buffers.load(shape)

@@ -104,3 +104,16 @@ pub trait Engine: Send {
     /// Forgets the times.
     fn reset_timings(&mut self);
 }
+
+/// Refuses buffers on the host that memory does not hold, before any is taken; a complex value takes `complex` bytes.
+pub(crate) fn promise(shape: &Shape, complex: u64) -> Result<(), EngineError> {
+    let bytes = crate::plan::shared_bytes(shape, complex);
+    match crate::memory::available() {
+        Some(available) if bytes > available => Err(EngineError::OutOfMemory {
+            device: "the machine's".into(),
+            what: format!("{} sub-frames of {} pixels", shape.frames, shape.pixels()),
+            wanted: Some(bytes),
+        }),
+        _ => Ok(()),
+    }
+}

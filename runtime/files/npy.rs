@@ -5,6 +5,7 @@
 //! a build of this project needs cargo alone.
 
 use super::{FileError, read, write_file};
+use crate::memory;
 use std::{
     io::{self, BufReader, Read, Write},
     path::Path,
@@ -137,6 +138,9 @@ fn parse(from: &mut dyn Read, length: u64) -> Result<Npy, Wrong> {
         return Err(format!("is {length} bytes long, but its shape {:?} needs {wanted}", header.shape).into());
     }
     let count = (length - before) as usize / width;
+    let copies = 1 + usize::from(header.fortran_order);
+    let what = || format!("its shape {:?}", header.shape);
+    memory::promise(what, memory::bytes_of(&[count, copies], 4), "read a part of it").map_err(|e| e.to_string())?;
     let mut values = Vec::with_capacity(count);
     let mut block = vec![0; 65536];
     while values.len() < count {

@@ -31,10 +31,7 @@ pub fn write_file_by_way_of(
     let failed = |e| FileError::write(file, e);
     if let Ok(there) = fs::metadata(file) {
         if there.is_dir() {
-            return Err(FileError::Taken {
-                path: file.display().to_string(),
-                reason: "is a folder: a file cannot replace it".into(),
-            });
+            return Err(taken(file, "is a folder: a file cannot replace it"));
         }
         if !there.is_file() {
             let mut out = BufWriter::new(File::options().write(true).open(file).map_err(failed)?);
@@ -48,6 +45,18 @@ pub fn write_file_by_way_of(
     draft.as_file().sync_all().map_err(failed)?;
     draft.persist(file).map_err(|e| failed(e.error))?;
     sync_folder(parent(file)).map_err(failed)
+}
+
+/// Refuses a place that nothing can be written to, before anything is computed for it.
+///
+/// # Errors
+/// [`FileError::Write`], [`FileError::Full`], [`FileError::Taken`].
+pub fn check_place(file: &Path) -> Result<(), FileError> {
+    match fs::metadata(file) {
+        Ok(there) if there.is_dir() => Err(taken(file, "is a folder: a file cannot replace it")),
+        Ok(there) if !there.is_file() => Ok(()),
+        _ => builder(0o666).tempfile_in(parent(file)).map(drop).map_err(|e| FileError::write(file, e)),
+    }
 }
 
 /// A folder in the making, beside the place that it is meant for; gone with the value unless [put](Self::put) there.

@@ -59,6 +59,7 @@ pub use sequence_writer::SequenceWriter;
 pub use source::{PhaseSource, Sampling};
 pub use tiles::{Made, Patch, Tiles, first_phase};
 
+use crate::memory::TooLarge;
 use crate::{
     engine::EngineError,
     evaluate::EvaluateError,
@@ -90,6 +91,9 @@ pub enum HologramError {
         /// What is there, and what would be right.
         reason: String,
     },
+    /// Phases that memory does not hold.
+    #[error(transparent)]
+    Memory(#[from] TooLarge),
     /// An ending that names no format.
     #[error(
         "{path}: the ending says no format that a hologram can be written in: use .zarr (everything), or .npy (phases alone)"

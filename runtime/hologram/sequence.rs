@@ -1,6 +1,6 @@
 //! Reading a sequence of holograms, one at a time, while it may still grow.
 
-use super::chunks::{ARRAY, GROUP, chunk_name, damaged, read_document, unreadable};
+use super::chunks::{ARRAY, GROUP, chunk_name, damaged, promise, read_document, unreadable};
 use super::document::{self, SequenceAttributes};
 use super::{Hologram, HologramError};
 use crate::files::FileError;
@@ -70,10 +70,7 @@ impl Sequence {
             let file = file.display().to_string();
             about.optics(i).map_err(|source| HologramError::FileOptics { file, source })?;
         }
-        let values = [frames, height, width].iter().try_fold(colors, |n, m| n.checked_mul(*m));
-        if values.and_then(|n| n.checked_mul(4)).is_none_or(|bytes| bytes > isize::MAX as usize) {
-            return Err(damaged(&file, format!("its shape is {:?}: no memory holds that", attributes.shape)));
-        }
+        promise(path, &[colors, frames, height, width])?;
         let base = path.join("phases").join("c");
         let mut opened = Self {
             path: path.to_path_buf(),

@@ -1,7 +1,7 @@
 //! The hologram's own file: a Zarr v3 folder.
 
 use super::chunks::{
-    ARRAY, GROUP, check_length, chunk_name, damaged, is_hologram, read_chunk, read_document, write_chunk,
+    ARRAY, GROUP, check_length, chunk_name, damaged, is_hologram, promise, read_chunk, read_document, write_chunk,
 };
 use super::tiles::{self, Tiles};
 use super::{Hologram, HologramError, document, save_phases};
@@ -84,6 +84,7 @@ impl Hologram {
                 check_length(&path.join(chunk_name(color, frame)), pixels)?;
             }
         }
+        promise(path, &shape)?;
         for (color, c) in hologram.colors.iter_mut().enumerate() {
             c.phases.reserve_exact(frames * pixels);
             for frame in 0..frames {

@@ -9,7 +9,8 @@
 //! at a time makes a hologram, and holds a lock; others may look at it meanwhile ([`open`](Tiles::open)) and change nothing.
 
 use super::chunks::{
-    ARRAY, GROUP, chunk_file, damaged, is_hologram, read_document, read_tile, unreadable, write_chunk,
+    ARRAY, GROUP, chunk_file, damaged, is_hologram, is_staged, own_folder, own_way, promise, read_document, read_tile,
+    unreadable, write_chunk,
 };
 use super::{Hologram, HologramError, Metadata, document};
 use crate::files::read;
@@ -153,14 +154,17 @@ impl Tiles {
             return Err(damaged(&file, format!("its shape is {shape:?}, not that of zarr.json")));
         }
         (about.frames, about.height, about.width) = (frames, height, width);
+        // A tile is held as a whole.
+        promise(path, &[frames, side, side])?;
         for i in 0..colors {
             let file = path.join(GROUP).display().to_string();
             about.optics(i).map_err(|source| HologramError::FileOptics { file, source })?;
         }
         let file = path.join(PROGRESS);
         let made = if file.exists() {
-            let made = serde_json::from_slice(&read_document(&file)?);
-            Some(made.map_err(|e| damaged(&file, e.to_string()))?)
+            let made = document::read_sealed(&read_document(&file)?);
+            let made = made.and_then(|value| Made::deserialize(value).map_err(|e| e.to_string()));
+            Some(made.map_err(|e| damaged(&file, e))?)
         } else {
             None
         };
@@ -216,6 +220,7 @@ impl Tiles {
     /// # Panics
     /// If the rectangle is not inside the hologram: the caller's mistake.
     pub fn read(&self, color: usize, at: [usize; 2], size: [usize; 2]) -> Result<Vec<f32>, HologramError> {
+        promise(&self.folder, &[self.about.frames, size[0], size[1]])?;
         let (mut out, pixels) = (vec![0.0f32; self.about.frames * size[0] * size[1]], size[0] * size[1]);
         assert!(at[0] + size[0] <= self.about.height && at[1] + size[1] <= self.about.width, "inside the hologram");
         // One row of tiles at a time is in memory beside the result.
@@ -261,7 +266,7 @@ impl Tiles {
         let [rows, columns] = self.range(at, size);
         let pending: Vec<[usize; 3]> =
             rows.flat_map(|row| columns.clone().map(move |column| [color, row, column])).collect();
-        fs::create_dir_all(self.folder.join(STAGED)).map_err(|e| FileError::write(&self.folder.join(STAGED), e))?;
+        own_folder(&self.folder.join(STAGED))?;
         pending.par_iter().try_for_each(|&[color, row, column]| {
             let tile = self.cut(at, size, phases, [row, column]);
             self.stage(done, [color, row, column], &tile)
@@ -344,13 +349,13 @@ impl Tiles {
             for row in rows.clone() {
                 let lacks = |column: &usize| !self.folder.join(self.name([color, row, *column])).exists();
                 let pending: Vec<[usize; 3]> = columns.clone().filter(lacks).map(|c| [color, row, c]).collect();
-                fs::create_dir_all(self.folder.join(STAGED))
-                    .map_err(|e| FileError::write(&self.folder.join(STAGED), e))?;
+                own_folder(&self.folder.join(STAGED))?;
                 pending.par_iter().try_for_each(|&place| self.stage(made.done, place, &self.first(place)))?;
                 self.count(made.done, pending)?;
             }
         }
-        let _ = fs::remove_dir_all(self.folder.join(STAGED));
+        self.empty_staged()?;
+        let _ = fs::remove_dir(self.folder.join(STAGED));
         let file = self.folder.join(PROGRESS);
         fs::remove_file(&file).map_err(|e| FileError::write(&file, e))?;
         self.unlock();
@@ -375,14 +380,24 @@ impl Tiles {
         let pending = self.made.iter().flat_map(|m| m.pending.iter().map(|place| (m.done, *place)));
         for (done, place) in pending {
             let (from, to) = (staged.join(staged_name(done, place)), self.folder.join(self.name(place)));
-            if from.exists() {
-                let parent = to.parent().unwrap_or(&self.folder);
-                let moved = fs::create_dir_all(parent).and_then(|()| fs::rename(&from, &to));
-                moved.map_err(|e| FileError::write(&to, e))?;
+            if fs::symlink_metadata(&from).is_ok_and(|there| there.is_file()) {
+                own_way(&self.folder, &to)?;
+                fs::rename(&from, &to).map_err(|e| FileError::write(&to, e))?;
             }
         }
+        self.empty_staged()
+    }
+
+    /// Removes staged tiles that do not count, and nothing else.
+    fn empty_staged(&self) -> Result<(), HologramError> {
+        let staged = self.folder.join(STAGED);
+        if !fs::symlink_metadata(&staged).is_ok_and(|there| there.is_dir()) {
+            return Ok(());
+        }
         for left in fs::read_dir(&staged).into_iter().flatten().flatten() {
-            fs::remove_file(left.path()).map_err(|e| FileError::write(&left.path(), e))?;
+            if left.file_name().to_str().is_some_and(is_staged) && left.file_type().is_ok_and(|kind| kind.is_file()) {
+                fs::remove_file(left.path()).map_err(|e| FileError::write(&left.path(), e))?;
+            }
         }
         Ok(())
     }
@@ -390,7 +405,9 @@ impl Tiles {
     fn stage(&self, done: u64, place: [usize; 3], tile: &[f32]) -> Result<(), HologramError> {
         let file = self.folder.join(STAGED).join(staged_name(done, place));
         let write = || {
-            let mut out = BufWriter::new(File::create(&file)?);
+            // Of this name there is none that counts; what stands there may be a link.
+            let _ = fs::remove_file(&file);
+            let mut out = BufWriter::new(File::create_new(&file)?);
             write_chunk(&mut out, tile)?;
             out.into_inner().map_err(std::io::IntoInnerError::into_error)?.sync_all()
         };
@@ -440,7 +457,7 @@ fn staged_name(done: u64, [color, row, column]: [usize; 3]) -> String {
 }
 
 fn to_json(made: &Made) -> Vec<u8> {
-    serde_json::to_vec(made).expect("numbers and text")
+    document::sealed(serde_json::to_value(made).expect("numbers and text"))
 }
 
 /// Reads all tiles of one colour of a finished hologram.

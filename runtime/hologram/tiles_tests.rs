@@ -176,10 +176,69 @@ fn a_draft_of_the_progress_does_not_stay() {
         Err(std::io::ErrorKind::Interrupted.into())
     });
     assert!(cut.is_err());
-    fs::write(path.join(STAGED).join(".tmpABCDEF"), "{").unwrap();
+    fs::write(path.join(STAGED).join(".eyebox-ABCDEF.part"), "{").unwrap();
     tiles.commit(1, 0, [0, 0], [32, 32], &[0.5; 1024]).unwrap();
     drop(tiles);
-    fs::write(path.join(STAGED).join(".tmpABCDEF"), "{").unwrap();
+    fs::write(path.join(STAGED).join(".eyebox-ABCDEF.part"), "{").unwrap();
     Tiles::resume(&path).unwrap().finish().unwrap();
     assert!(is_hologram(&path) && fs::read_dir(&path).unwrap().count() == 2);
+}
+
+/// A sealed shape that no memory holds is answered, and nothing is taken for it.
+#[test]
+fn a_shape_that_lies_costs_nothing() {
+    let here = tempfile::tempdir().unwrap();
+    let path = here.path().join("h.zarr");
+    drop(Tiles::create(&path, &about(1, 64, 64), 32, Value::Null).unwrap());
+    for (frames, side) in [(1 << 40, 32), (1 << 61, 32), (usize::MAX, 1 << 14)] {
+        fs::write(path.join(ARRAY), document::array([1, frames, 64, 64], Some(side))).unwrap();
+        for error in [Tiles::open(&path).map(drop), Hologram::load(&path).map(drop)].map(Result::unwrap_err) {
+            assert!(matches!(error, HologramError::Memory(_)), "{error}");
+        }
+    }
+}
+
+#[test]
+fn progress_is_sealed_and_older_progress_is_read() {
+    let here = tempfile::tempdir().unwrap();
+    let path = here.path().join("h.zarr");
+    let mut tiles = Tiles::create(&path, &about(1, 64, 64), 32, Value::Null).unwrap();
+    tiles.commit(2, 0, [0, 0], [32, 32], &[0.5; 1024]).unwrap();
+    drop(tiles);
+    let whole = fs::read_to_string(path.join(PROGRESS)).unwrap();
+    fs::write(path.join(PROGRESS), whole.replace("\"done\": 2", "\"done\": 9")).unwrap();
+    let error = Tiles::resume(&path).unwrap_err().to_string();
+    assert!(error.contains("progress.json") && error.contains("checksum"), "{error}");
+    fs::write(path.join(PROGRESS), r#"{"done":2,"job":null,"pending":[]}"#).unwrap();
+    assert_eq!(Tiles::resume(&path).unwrap().made().unwrap().done, 2);
+}
+
+/// A link in the place of a folder of the hologram's leads nowhere that is emptied or written to, and a hologram's folder
+/// that holds something else is not replaced.
+#[cfg(unix)]
+#[test]
+fn nothing_of_others_is_removed_or_written() {
+    use std::os::unix::fs::symlink;
+    let here = tempfile::tempdir().unwrap();
+    let (path, data) = (here.path().join("h.zarr"), here.path().join("data"));
+    fs::create_dir(&data).unwrap();
+    fs::write(data.join("1.0.0.0"), "mine").unwrap();
+    let mut tiles = Tiles::create(&path, &about(1, 64, 64), 32, Value::Null).unwrap();
+    symlink(&data, path.join(STAGED)).unwrap();
+    let phases = vec![0.5; 32 * 32];
+    assert!(matches!(tiles.commit(1, 0, [0, 0], [32, 32], &phases), Err(HologramError::Damaged { .. })));
+    drop(tiles);
+    drop(Tiles::resume(&path).unwrap());
+    fs::remove_file(path.join(STAGED)).unwrap();
+    fs::create_dir_all(path.join("phases/c")).unwrap();
+    symlink(&data, path.join("phases/c/0")).unwrap();
+    let mut tiles = Tiles::resume(&path).unwrap();
+    assert!(matches!(tiles.commit(1, 0, [0, 0], [32, 32], &phases), Err(HologramError::Damaged { .. })));
+    drop(tiles);
+    assert_eq!((fs::read(data.join("1.0.0.0")).unwrap(), fs::read_dir(&data).unwrap().count()), (b"mine".to_vec(), 1));
+    fs::remove_file(path.join("phases/c/0")).unwrap();
+    fs::write(path.join("phases/notes.txt"), "mine").unwrap();
+    let error = Tiles::create(&path, &about(1, 64, 64), 32, Value::Null).unwrap_err();
+    assert!(matches!(error, HologramError::File(FileError::Taken { .. })), "{error}");
+    assert!(path.join("phases/notes.txt").exists());
 }

@@ -3,8 +3,10 @@
 use super::PresentError;
 use crate::files::FileError;
 use std::fs::{File, OpenOptions};
-use std::io::{self, BufWriter, Seek, SeekFrom, Write};
+use std::io::{self, BufWriter, ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
 
 /// Takes every video frame.
 #[derive(Debug)]
@@ -14,7 +16,7 @@ pub enum Sink {
         /// The file.
         file: PathBuf,
         /// It, opened.
-        out: BufWriter<File>,
+        out: BufWriter<Patient>,
     },
     /// The newest, in a file that others map: in `/dev/shm` that is memory. 64 bytes of header, all numbers
     /// little-endian, and the picture:
@@ -38,27 +40,126 @@ pub enum Sink {
 }
 
 const HEADER: u64 = 64;
+const MAGIC: &[u8; 8] = b"eyebox-1";
+
+/// How long a pipe may take nothing, and wait for its reader.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// How often it is asked again.
+const PAUSE: Duration = Duration::from_millis(1);
+
+/// A file, or a pipe that is given up when it takes nothing for [`PATIENCE`].
+#[derive(Debug)]
+pub struct Patient(File);
+
+impl Patient {
+    fn wait<T>(mut attempt: impl FnMut() -> io::Result<T>, waits: impl Fn(&io::Error) -> bool) -> io::Result<T> {
+        let begun = Instant::now();
+        loop {
+            match attempt() {
+                Err(e) if waits(&e) && begun.elapsed() < PATIENCE => sleep(PAUSE),
+                Err(e) if waits(&e) => {
+                    let why = format!("nobody reads it: nothing was taken for {} s", PATIENCE.as_secs());
+                    return Err(io::Error::new(ErrorKind::TimedOut, why));
+                }
+                other => return other,
+            }
+        }
+    }
+}
+
+impl Write for Patient {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        Self::wait(|| self.0.write(bytes), |e| e.kind() == ErrorKind::WouldBlock)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.0.flush()
+    }
+}
+
+/// Options that follow no link and wait for no reader.
+fn carefully() -> OpenOptions {
+    let mut options = File::options();
+    options.write(true);
+    #[cfg(unix)]
+    {
+        use rustix::fs::OFlags;
+        use std::os::unix::fs::OpenOptionsExt;
+        options.custom_flags((OFlags::NONBLOCK | OFlags::NOFOLLOW).bits() as i32);
+    }
+    options
+}
+
+/// A new file; or a pipe or device that is there. What else is there is somebody's, and stays.
+fn raw_file(file: &Path) -> Result<File, FileError> {
+    let failed = |e| FileError::write(file, e);
+    match std::fs::metadata(file) {
+        Ok(there) if there.is_file() => Err(FileError::Taken {
+            path: file.display().to_string(),
+            reason: "is there already, and is left alone: remove it or give another name".into(),
+        }),
+        // Opened for writing without waiting, a pipe without a reader is no such device.
+        #[cfg(unix)]
+        Ok(_) => {
+            let mut options = File::options();
+            std::os::unix::fs::OpenOptionsExt::custom_flags(
+                options.write(true),
+                rustix::fs::OFlags::NONBLOCK.bits() as i32,
+            );
+            let no_reader = Some(rustix::io::Errno::NXIO.raw_os_error());
+            Patient::wait(|| options.open(file), |e| e.raw_os_error() == no_reader).map_err(failed)
+        }
+        #[cfg(not(unix))]
+        Ok(_) => carefully().open(file).map_err(failed),
+        Err(_) => carefully().create_new(true).open(file).map_err(failed),
+    }
+}
+
+/// A file for others to map, of this length: a new one, or one of ours. One of another length is replaced and not cut, for
+/// somebody may still have it mapped.
+fn shared_file(file: &Path, length: u64) -> Result<File, FileError> {
+    let failed = |e| FileError::write(file, e);
+    let new = || carefully().read(true).create_new(true).open(file);
+    match std::fs::symlink_metadata(file) {
+        Err(_) => new().map_err(failed),
+        Ok(there) => {
+            let mut begins = [0; MAGIC.len()];
+            let opened = if there.is_file() { carefully().read(true).open(file).ok() } else { None };
+            let ours = opened.filter(|mut f| f.read_exact(&mut begins).is_ok() && begins == *MAGIC);
+            match ours {
+                Some(ours) if ours.metadata().is_ok_and(|m| m.len() == length) => Ok(ours),
+                Some(_) => std::fs::remove_file(file).and_then(|()| new()).map_err(failed),
+                None => Err(FileError::Taken {
+                    path: file.display().to_string(),
+                    reason: "is there already and was not made by eyebox, or is a link: remove it or give another name"
+                        .into(),
+                }),
+            }
+        }
+    }
+}
 
 impl Sink {
-    /// Appends to a new file, or writes to a pipe that is there.
+    /// Into a new file, or into a pipe that is there: one that takes nothing for 5 s, or has no reader for so long, is given
+    /// up.
     ///
     /// # Errors
-    /// [`PresentError::File`].
+    /// [`PresentError::File`]; [`FileError::Taken`] in it for a file that is there.
     pub fn raw(file: &Path) -> Result<Self, PresentError> {
-        let out = File::create(file).map_err(|e| FileError::write(file, e))?;
-        Ok(Self::Raw { file: file.into(), out: BufWriter::new(out) })
+        Ok(Self::Raw { file: file.into(), out: BufWriter::new(Patient(raw_file(file)?)) })
     }
 
     /// For pictures of (rows, columns, channels).
     ///
     /// # Errors
-    /// [`PresentError::File`].
+    /// [`PresentError::File`]; [`FileError::Taken`] in it for what is there and is not such a file.
     pub fn shared(file: &Path, [rows, columns, channels]: [usize; 3]) -> Result<Self, PresentError> {
         let failed = |e| FileError::write(file, e);
-        let out = OpenOptions::new().read(true).write(true).create(true).truncate(true).open(file).map_err(failed)?;
-        out.set_len(HEADER + (rows * columns * channels) as u64).map_err(failed)?;
+        let length = HEADER + (rows * columns * channels) as u64;
+        let out = shared_file(file, length)?;
+        out.set_len(length).map_err(failed)?;
         let mut header = [0u8; HEADER as usize];
-        header[..8].copy_from_slice(b"eyebox-1");
+        header[..8].copy_from_slice(MAGIC);
         for (place, value) in header[16..28].chunks_exact_mut(4).zip([rows, columns, channels]) {
             place.copy_from_slice(&(value as u32).to_le_bytes());
         }
@@ -121,6 +222,24 @@ impl Sink {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn what_is_somebodys_stays_and_a_map_that_is_held_is_not_cut() {
+        let here = tempfile::tempdir().unwrap();
+        let at = |name: &str| here.path().join(name);
+        std::fs::write(at("notes"), "mine").unwrap();
+        std::os::unix::fs::symlink(at("notes"), at("link")).unwrap();
+        for name in ["notes", "link"] {
+            let errors = [Sink::raw(&at(name)).unwrap_err(), Sink::shared(&at(name), [2, 3, 1]).unwrap_err()];
+            assert!(errors.iter().all(|e| e.to_string().contains("already")), "{errors:?}");
+        }
+        assert_eq!(std::fs::read(at("notes")).unwrap(), b"mine");
+        drop(Sink::shared(&at("s"), [2, 3, 1]).unwrap());
+        let held = File::open(at("s")).unwrap();
+        drop(Sink::shared(&at("s"), [2, 2, 1]).unwrap());
+        assert_eq!((held.metadata().unwrap().len(), std::fs::metadata(at("s")).unwrap().len()), (70, 68));
+    }
 
     #[test]
     fn raw_is_all_and_shared_is_the_newest() {

@@ -5,10 +5,12 @@ use super::colors::solve_colors;
 use super::job::{SceneEvent, SceneJob};
 use super::sequence::{self, SolvedSequence};
 use super::tiles::{self, SolvedTiles};
-use crate::engine::Engine;
+use crate::engine::{Engine, Memory};
 use crate::hologram::Hologram;
+use crate::memory;
 use crate::optics::Color;
 use crate::quality::Subject;
+use crate::scene::SceneError;
 use crate::solve::{Flow, Levels, ScenePlan, Settings, Solution};
 use std::path::Path;
 
@@ -86,7 +88,14 @@ fn one(
     engine: &mut dyn Engine,
     observe: &mut dyn FnMut(&SceneEvent) -> Flow,
 ) -> Result<SolvedHologram, ProduceError> {
-    let (display, field) = (job.display, job.load(0)?);
+    let display = job.display;
+    // Before the scene is loaded, which takes long where it is large.
+    if engine.memory() != Memory::Device {
+        let bytes = memory::bytes_of(&[job.settings.frames, display.height, display.width, 6], 4);
+        let what = || format!("{} sub-frames of {} x {}", job.settings.frames, display.height, display.width);
+        memory::promise(what, bytes, "take fewer --frames or a smaller --size").map_err(SceneError::from)?;
+    }
+    let field = job.load(0)?;
     let plan = job.plan(&field)?;
     // What the hologram's file remembers of its scene is the scene as it is, not what the plan leaves of it.
     let (views, cell) = (field.grid, field.cell(display));

@@ -1,11 +1,15 @@
 //! What can be wrong with a scene.
 
+use crate::memory::TooLarge;
 use crate::optics::OpticsError;
 use std::{io, path::Path};
 
 /// A scene that cannot be loaded: every variant names the file or folder.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SceneError {
+    /// Views that memory does not hold.
+    #[error(transparent)]
+    Memory(#[from] TooLarge),
     /// Neither a file nor a folder.
     #[error("{path}: no such {what}")]
     NotFound {

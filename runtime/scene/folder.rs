@@ -2,6 +2,7 @@
 
 use super::resize::{Fit, Resize};
 use super::{LightField, SceneError, names, picture, settings};
+use crate::memory;
 use crate::optics::Color;
 use rayon::prelude::*;
 use std::{
@@ -16,6 +17,10 @@ use std::{
 /// Every [`SceneError`] that a file can cause; it names the file.
 pub(super) fn load(folder: &Path, colors: &[Color], size: Option<[usize; 2]>) -> Result<LightField, SceneError> {
     let Listed { all, stated, views, paths, size: own } = list(folder)?;
+    let [height, width] = size.unwrap_or(own);
+    let counts = [paths.len(), colors.len(), height, width];
+    let what = || format!("{} views of {height} x {width} pixels", paths.len());
+    memory::promise(what, memory::bytes_of(&counts, 4), "take a smaller --size, or fewer views")?;
     let resize = size.filter(|size| *size != own).map(|size| Resize::new(own, size, Fit::default()));
     let read = |path: &PathBuf| -> Result<Vec<Vec<f32>>, SceneError> {
         let planes = picture::read(path, colors, stated.transfer)?.planes;
@@ -25,7 +30,8 @@ pub(super) fn load(folder: &Path, colors: &[Color], size: Option<[usize; 2]>) ->
         })
     };
     // One picture per task: their order in time does not matter, the first error in order is reported.
-    let read: Vec<_> = paths.par_iter().map(read).collect();
+    let one_by_one = own[0] * own[1] > picture::MANY_PIXELS;
+    let read: Vec<_> = if one_by_one { paths.iter().map(read).collect() } else { paths.par_iter().map(read).collect() };
     let mut planes: Vec<Vec<Vec<f32>>> = colors.iter().map(|_| Vec::with_capacity(paths.len())).collect();
     for picture in read {
         for (plane, views) in picture?.into_iter().zip(&mut planes) {
@@ -38,7 +44,6 @@ pub(super) fn load(folder: &Path, colors: &[Color], size: Option<[usize; 2]>) ->
     };
     let scaled = |range: Option<[f64; 2]>| range.map(|r| resize.as_ref().map_or(r, |resize| resize.scale_range(r)));
     let name = folder.canonicalize().unwrap_or(folder.into());
-    let [height, width] = size.unwrap_or(own);
     Ok(LightField {
         name: name.file_name().map_or("light field".into(), |n| n.to_string_lossy().into_owned()),
         grid: views.grid,

@@ -23,14 +23,30 @@ fn corrupt(path: &Path, e: impl ToString) -> SceneError {
     SceneError::Corrupt { file: path.display().to_string(), reason: e.to_string().replace('\n', " ") }
 }
 
+/// Pixels of the largest picture that is read: 8K, and 24 megapixels of a camera. It is in memory as a whole, and as light.
+const MOST_PIXELS: u64 = 1 << 25;
+/// Pixels of a picture that is read together with others; larger ones are read one at a time.
+pub(super) const MANY_PIXELS: usize = 1 << 22;
+
 /// Rows and columns, from the header alone.
 pub(super) fn size(path: &Path) -> Result<[usize; 2], SceneError> {
     let (width, height) = open(path)?.into_dimensions().map_err(|e| corrupt(path, e))?;
+    let pixels = u64::from(height) * u64::from(width);
+    if pixels > MOST_PIXELS {
+        let most = MOST_PIXELS >> 20;
+        return Err(corrupt(
+            path,
+            format!(
+                "it has {height} x {width} pixels: at most {most} Mpx are read; scale it down to what the display shows"
+            ),
+        ));
+    }
     Ok([height as usize, width as usize])
 }
 
 /// Decodes a file; nothing is converted yet.
 fn decode(path: &Path) -> Result<DynamicImage, SceneError> {
+    size(path)?;
     let reader = open(path)?;
     if reader.format() == Some(ImageFormat::Jpeg) && !jpeg_ends(path)? {
         return Err(corrupt(path, "the file is cut short: a JPEG must reach its end marker"));

@@ -1,6 +1,7 @@
 //! What is wanted of a scene.
 
 use super::SceneError;
+use crate::memory;
 use crate::optics::{Color, Display};
 use std::path::Path;
 
@@ -48,6 +49,9 @@ impl<'a> Request<'a> {
         if !(1..=65536).contains(&height) || !(1..=65536).contains(&width) {
             return wrong("the display's size", format!("{height}x{width}"), "1 to 65536 pixels on each axis");
         }
-        Ok(())
+        // Of one colour they are held twice more: as levels of detail, and while these are made.
+        let counts = [self.views, self.views, self.colors.len() + 2, height, width];
+        let what = || format!("{0} x {0} views of {height} x {width} pixels", self.views);
+        Ok(memory::promise(what, memory::bytes_of(&counts, 4), "take a smaller --size or fewer --views")?)
     }
 }

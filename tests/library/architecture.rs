@@ -5,8 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// A room imports only rooms before it.
-const ROOMS: [&str; 20] = [
-    "mailbox", "files", "optics", "scene", "plan", "gpu", "engine", "evaluate", "solve", "hologram", "tiled",
+const ROOMS: [&str; 21] = [
+    "mailbox", "memory", "files", "optics", "scene", "plan", "gpu", "engine", "evaluate", "solve", "hologram", "tiled",
     "quality", "produce", "encode", "trackers", "gaze", "present", "session", "preview", "report",
 ];
 

@@ -17,6 +17,8 @@ pub fn listen(verbose: u8) {
     let targets = stated.and_then(Result::ok).unwrap_or_else(|| Targets::new().with_target("eyebox", level));
     let lines = tracing_subscriber::fmt::layer()
         .with_writer(std::io::stderr)
+        // Nobody is left to be told that nobody listens.
+        .log_internal_errors(false)
         .with_ansi(false)
         .with_level(verbose > 0)
         .with_target(verbose > 0)

@@ -6,6 +6,10 @@
 //! belongs in the runtime. Errors are one line on standard error and exit code 2 (3 where a display was lost);
 //! nothing half-written stays behind. What takes long ends well on ctrl-C, and at once, with 130, on a second one.
 
+// Before all that print.
+#[macro_use]
+mod talk;
+
 mod args;
 mod bench;
 mod calibrate;
@@ -30,6 +34,7 @@ mod quality;
 mod score;
 mod session;
 mod settings;
+mod signals;
 mod solve;
 mod trackers;
 mod tradeoff;
@@ -48,6 +53,7 @@ fn main() -> ExitCode {
         Err(error) => return usage(&error),
     };
     log::listen(cli.verbose);
+    signals::outlive_file_limits();
     let done = match &cli.command {
         Command::Demo(args) => demo::run(args),
         Command::Solve(args) => solve::run(args),
@@ -75,7 +81,8 @@ fn main() -> ExitCode {
         },
     };
     match done {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(()) if talk::finish() => ExitCode::SUCCESS,
+        Ok(()) => ExitCode::from(2),
         Err(failure) => {
             eprintln!("eyebox: {failure}");
             ExitCode::from(failure.code())

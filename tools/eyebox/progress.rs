@@ -1,38 +1,13 @@
-//! The progress bar, the lines in its place where there is no terminal, and ctrl-C.
+//! The progress bar, the lines in its place where there is no terminal; and whether ctrl-C was pressed.
 
+pub use crate::signals::{catch_interrupt, interrupted};
 use eyebox::solve::{Flow, Progress};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
-
-static ASKED_TO_STOP: AtomicBool = AtomicBool::new(false);
-
-/// Exit code of a process that ctrl-C ends, as a shell has it.
-const INTERRUPTED: i32 = 130;
-
-/// From now on ctrl-C (and SIGTERM) asks what runs to stop with what it has; the second one ends the process at once.
-pub fn catch_interrupt() {
-    static ONCE: OnceLock<()> = OnceLock::new();
-    ONCE.get_or_init(|| {
-        let handler = || {
-            if ASKED_TO_STOP.swap(true, Ordering::SeqCst) {
-                std::process::exit(INTERRUPTED);
-            }
-        };
-        if let Err(error) = ctrlc::set_handler(handler) {
-            eprintln!("eyebox: ctrl-C will not be caught: {error}");
-        }
-    });
-}
-
-/// Whether ctrl-C was pressed.
-pub fn interrupted() -> bool {
-    ASKED_TO_STOP.load(Ordering::SeqCst)
-}
 
 /// From one line to the next where standard error is no terminal.
 pub const EVERY: Duration = Duration::from_secs(10);

@@ -2,6 +2,7 @@
 
 use super::super::{
     Buffer, Engine, EngineError, Kernel, Memory, PupilPass, Purpose, Resource, Shape, Step, Storage, Timing, misfit,
+    promise,
 };
 use super::check::check;
 use super::fft::Transform;
@@ -230,6 +231,9 @@ impl Engine for VulkanEngine {
     }
 
     fn load(&mut self, shape: &Shape, views: Option<Arc<Pyramid>>) -> Result<(), EngineError> {
+        if self.memory() != Memory::Device {
+            promise(shape, shape.storage.bytes() as u64)?;
+        }
         // What was there goes first: both may not fit.
         (self.stacks, self.arenas, self.views) = (Stacks::default(), Arenas::default(), None);
         self.slots.clear();

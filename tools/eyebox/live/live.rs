@@ -86,6 +86,7 @@ pub fn run(args: &Live) -> Result<(), Failure> {
     options.gpu = gpu;
     options.duration = args.duration.map(|s| Duration::from_secs_f64(s.min(1e9)));
     (options.record, options.trace) = (args.record.clone(), args.trace.clone());
+    [&args.stats, &args.trace].into_iter().flatten().try_for_each(|file| eyebox::files::check_place(file))?;
     progress::catch_interrupt();
     let session = Session::start(live, args.shown.output(false, None), options)?;
     let shown = session.about();

@@ -35,6 +35,7 @@ pub fn run(args: &Play) -> Result<(), Failure> {
     play.device = gpu.clone().filter(|_| encodes);
     let [_, _, height, width] = play.sequence.shape();
     let (count, rate) = (play.sequence.count(), play.rate);
+    [&args.stats, &args.trace].into_iter().flatten().try_for_each(|file| eyebox::files::check_place(file))?;
     progress::catch_interrupt();
     let mut options = args.options();
     options.gpu = gpu;

@@ -1,0 +1,89 @@
+//! What memory there is: it is promised before it is taken, so that nothing that is read or asked for ends in an abort.
+
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+/// More memory than there is.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{what} would take {} of memory, and {} are there: {remedy}", amount(*bytes), amount(*available))]
+pub struct TooLarge {
+    /// What it is for.
+    pub what: String,
+    /// Bytes that it would take.
+    pub bytes: u64,
+    /// Bytes that can be had.
+    pub available: u64,
+    /// What would fit.
+    pub remedy: &'static str,
+}
+
+/// Bytes that were allowed; 0 for what the machine has.
+static LIMIT: AtomicU64 = AtomicU64::new(0);
+
+/// Keeps this process to so many bytes more than it has now.
+pub fn limit(bytes: u64) {
+    LIMIT.store(bytes.max(1), Relaxed);
+}
+
+/// Bytes that this process can still have: what was allowed, what its control group leaves it, what the machine has; none
+/// where the system does not say.
+pub fn available() -> Option<u64> {
+    let allowed = Some(LIMIT.load(Relaxed)).filter(|limit| *limit > 0);
+    [allowed, machine(), control_group()].into_iter().flatten().min()
+}
+
+/// Refuses what would take more than there is.
+///
+/// # Errors
+/// [`TooLarge`].
+pub fn promise(what: impl FnOnce() -> String, bytes: u64, remedy: &'static str) -> Result<(), TooLarge> {
+    match available() {
+        Some(available) if bytes > available => Err(TooLarge { what: what(), bytes, available, remedy }),
+        _ => Ok(()),
+    }
+}
+
+/// Of `count` values of `size` bytes each; what no number holds is the largest.
+pub fn bytes_of(counts: &[usize], size: usize) -> u64 {
+    counts.iter().fold(size as u64, |n, m| n.saturating_mul(*m as u64))
+}
+
+fn machine() -> Option<u64> {
+    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
+    let line = text.lines().find_map(|l| l.strip_prefix("MemAvailable:"))?;
+    line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
+}
+
+/// What is left to the control group that this process is in, of the second version.
+fn control_group() -> Option<u64> {
+    let groups = std::fs::read_to_string("/proc/self/cgroup").ok()?;
+    let path = groups.lines().find_map(|l| l.strip_prefix("0::"))?.trim();
+    let number = |name: &str| {
+        let file = format!("/sys/fs/cgroup{}/{name}", if path == "/" { "" } else { path });
+        std::fs::read_to_string(file).ok()?.trim().parse::<u64>().ok()
+    };
+    Some(number("memory.max")?.saturating_sub(number("memory.current")?))
+}
+
+fn amount(bytes: u64) -> String {
+    let gib = bytes as f64 / (1u64 << 30) as f64;
+    if gib >= 1.0 { format!("{gib:.1} GiB") } else { format!("{:.1} MiB", bytes as f64 / (1u64 << 20) as f64) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_no_machine_has_is_refused_with_both_numbers() {
+        promise(String::new, 1, "").expect("a byte is there");
+        let bytes = bytes_of(&[usize::MAX, 8], 4);
+        assert_eq!(bytes, u64::MAX, "no number holds it");
+        if available().is_some() {
+            let error = promise(|| "a hologram".into(), bytes, "take less").unwrap_err();
+            assert!(
+                error.to_string().contains("17179869184.0 GiB") && error.to_string().ends_with("take less"),
+                "{error}"
+            );
+        }
+    }
+}

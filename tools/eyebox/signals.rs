@@ -1,0 +1,63 @@
+//! Signals: ctrl-C, and its kin.
+
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::flag;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
+
+/// Exit code of a process that ctrl-C ends, as a shell has it.
+const INTERRUPTED: i32 = 130;
+
+fn asked() -> &'static Arc<AtomicBool> {
+    static ASKED_TO_STOP: OnceLock<Arc<AtomicBool>> = OnceLock::new();
+    ASKED_TO_STOP.get_or_init(Arc::default)
+}
+
+/// From now on ctrl-C, SIGTERM and a terminal that goes away (SIGHUP; not under nohup, which has it ignored) ask what runs to
+/// stop with what it has; the second one ends the process at once.
+pub fn catch_interrupt() {
+    static ONCE: OnceLock<()> = OnceLock::new();
+    ONCE.get_or_init(|| {
+        let caught = |signal| {
+            // Handlers run in this order: the second signal finds the flag set by the first.
+            flag::register_conditional_shutdown(signal, INTERRUPTED, Arc::clone(asked()))?;
+            flag::register(signal, Arc::clone(asked()))
+        };
+        for signal in signals() {
+            if let Err(error) = caught(signal) {
+                eprintln!("eyebox: signal {signal} will not be caught: {error}");
+            }
+        }
+    });
+}
+
+/// Whether ctrl-C was pressed.
+pub fn interrupted() -> bool {
+    asked().load(Ordering::SeqCst)
+}
+
+#[cfg(unix)]
+fn signals() -> Vec<i32> {
+    use signal_hook::consts::SIGHUP;
+    [SIGINT, SIGTERM].into_iter().chain((!is_ignored(SIGHUP)).then_some(SIGHUP)).collect()
+}
+
+#[cfg(not(unix))]
+fn signals() -> Vec<i32> {
+    vec![SIGINT, SIGTERM]
+}
+
+/// Whether whoever started this process had it ignore a signal.
+#[cfg(unix)]
+fn is_ignored(signal: i32) -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let ignored =
+        status.lines().find_map(|l| l.strip_prefix("SigIgn:")).map(|mask| u64::from_str_radix(mask.trim(), 16));
+    matches!(ignored, Some(Ok(mask)) if mask >> (signal - 1) & 1 == 1)
+}
+
+/// A file that grows over the limit that the process has is an error like any other, and not the end.
+pub fn outlive_file_limits() {
+    #[cfg(unix)]
+    let _ = flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
+}

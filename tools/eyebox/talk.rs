@@ -1,0 +1,68 @@
+//! The one place that prints. A reader that went away ends talking, never computing: what was being made is finished and
+//! written, and the exit code says how that went. So does a terminal that was closed.
+//!
+//! The macros take the places of the standard ones, which panic where nobody reads.
+
+use std::fmt::Arguments;
+use std::io::{self, Write};
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+
+macro_rules! println {
+    () => { $crate::talk::say(format_args!("")) };
+    ($($text:tt)*) => { $crate::talk::say(format_args!($($text)*)) };
+}
+macro_rules! eprintln {
+    ($($text:tt)*) => { $crate::talk::note(format_args!($($text)*)) };
+}
+macro_rules! eprint {
+    ($($text:tt)*) => { $crate::talk::write_note(format_args!($($text)*)) };
+}
+
+/// Whether nobody reads standard output any more.
+static CLOSED: AtomicBool = AtomicBool::new(false);
+/// Whether something that was to be printed could not be.
+static LOST: AtomicBool = AtomicBool::new(false);
+
+/// A line on standard output.
+pub fn say(text: Arguments<'_>) {
+    if CLOSED.load(Relaxed) {
+        return;
+    }
+    let mut out = io::stdout().lock();
+    if let Err(error) = out.write_fmt(format_args!("{text}\n")) {
+        drop(out);
+        close(&error);
+    }
+}
+
+/// A line on standard error; nothing where nobody reads it.
+pub fn note(text: Arguments<'_>) {
+    write_note(format_args!("{text}\n"));
+}
+
+/// Part of a line on standard error.
+pub fn write_note(text: Arguments<'_>) {
+    let _ = io::stderr().write_fmt(text);
+}
+
+/// Standard output takes no more. That a reader ended is what the user wanted; anything else is a loss, and is said.
+fn close(error: &io::Error) {
+    CLOSED.store(true, Relaxed);
+    if !gone(error) {
+        LOST.store(true, Relaxed);
+        note(format_args!("eyebox: standard output cannot be written, what it was to say is lost: {error}"));
+    }
+}
+
+/// Whether the reader of a pipe, or the terminal, has gone.
+fn gone(error: &io::Error) -> bool {
+    error.kind() == io::ErrorKind::BrokenPipe || error.raw_os_error() == Some(5)
+}
+
+/// Writes out what is still held; whether everything that was to be said was.
+pub fn finish() -> bool {
+    if let (false, Err(error)) = (CLOSED.load(Relaxed), io::stdout().flush()) {
+        close(&error);
+    }
+    !LOST.load(Relaxed)
+}
