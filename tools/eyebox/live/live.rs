@@ -1,7 +1,7 @@
 //! `eyebox live`: a hologram on a display, refined for where the eye is while it is shown.
 
 use super::args::PolicyArgs;
-use super::subject::{self, SubjectArgs};
+use super::subject::{self, Steered, SubjectArgs};
 use super::tracking::{TrackerArgs, tracking};
 use super::viewing::Viewing;
 use crate::common::Engines;
@@ -10,6 +10,7 @@ use crate::session::{attend, conclude, ended_by};
 use crate::values::{not_negative, positive};
 use crate::{Failure, common, progress};
 use clap::Args;
+use eyebox::gaze::Eyepiece;
 use eyebox::gpu::Options as VulkanOptions;
 use eyebox::session::{self, Histogram, Session, Stage, Statistics, Status};
 use serde_json::json;
@@ -64,7 +65,7 @@ pub fn run(args: &Live) -> Result<(), Failure> {
         gpu => gpu,
     };
     let steered = subject::load(&args.subject, &engines)?;
-    let (mouse, tracking) = tracking(&args.tracker, args.view)?;
+    let (mouse, tracking) = tracking(&args.tracker, args.view, eyepiece(&steered))?;
     let about = tracking.describe();
     eprintln!(
         "{}: {} sub-frames of {} colours, {}x{}; {}",
@@ -95,6 +96,13 @@ pub fn run(args: &Live) -> Result<(), Failure> {
     summary(&ended.statistics);
     let memory = common::memory_kib("VmRSS").map(|kib| kib / 1024);
     conclude(ended, args.stats.as_deref(), &json!({ "engine": steered.engine, "memory_mib": memory }))
+}
+
+/// What a tracker's dioptres are before the hologram that is shown.
+fn eyepiece(steered: &Steered) -> Option<Eyepiece> {
+    let focal_length = steered.parts.first()?.problem.optics.focal_length;
+    let depths = steered.hologram.metadata.solve.as_ref().map_or([f64::NEG_INFINITY, f64::INFINITY], |s| s.depth);
+    Some(Eyepiece { focal_length, depths })
 }
 
 fn summary(statistics: &Statistics) {

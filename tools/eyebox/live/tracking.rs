@@ -4,7 +4,7 @@ use crate::Failure;
 use crate::trackers::EyeName;
 use crate::values::{not_negative, positive};
 use clap::Args;
-use eyebox::gaze::{Calibration, Estimator, Settings};
+use eyebox::gaze::{Calibration, Estimator, Eyepiece, Settings};
 use eyebox::session::Tracking;
 use eyebox::trackers::mouse::MouseHandle;
 use eyebox::trackers::{Options, Spec, TrackerError};
@@ -32,16 +32,21 @@ pub struct TrackerArgs {
     /// Whose pupil
     #[arg(long, value_enum, default_value = "mean")]
     pub eye: EyeName,
-    /// Where the eye focuses, mm
+    /// Where the eye focuses, where the tracker does not measure it, mm
     #[arg(long, value_name = "MM", default_value_t = 0.0, allow_hyphen_values = true)]
     pub focus: f64,
 }
 
-/// Opens it, and says where a mouse is told, if that is the tracker; `view` says whether there is a window for one.
-pub fn tracking(args: &TrackerArgs, view: bool) -> Result<(Option<MouseHandle>, Tracking), Failure> {
+/// Opens it, and says where a mouse is told, if that is the tracker; `view` says whether there is a window for one, `eyepiece`
+/// what dioptres are.
+pub fn tracking(
+    args: &TrackerArgs,
+    view: bool,
+    eyepiece: Option<Eyepiece>,
+) -> Result<(Option<MouseHandle>, Tracking), Failure> {
     let spec: Spec = args.tracker.parse()?;
     let calibration = args.calibration.as_deref().map(Calibration::load).transpose()?;
-    let settings = Settings { eye: args.eye.into(), focus: [args.focus * 1e-3; 2], ..Settings::default() };
+    let settings = Settings { eye: args.eye.into(), focus: [args.focus * 1e-3; 2], eyepiece, ..Settings::default() };
     let estimator = Estimator::new(settings, calibration)?;
     let options = Options {
         latency: Duration::from_secs_f64((args.tracker_latency * 1e-3).min(1e6)),
