@@ -72,12 +72,11 @@ struct Met {
 }
 
 impl Interpolator {
-    /// Of the colours of a light field before a display. Disparities are sought in the range that it states, or else within
-    /// two pixels.
+    /// Of the colours of a light field before a display. Disparities are sought in the range that it states or that is found
+    /// ([`LightField::disparities_sought`]).
     pub fn new(field: LightField, display: &Display) -> Self {
         let cell = field.cell(display);
-        let per_pixel = display.focal_length * display.picture_pixel() / cell;
-        let range = field.depth_range(display).map_or([-2.0, 2.0], |d| [d[0] / per_pixel, d[1] / per_pixel]);
+        let range = field.disparities_sought(display).range;
         let grid = ViewGrid { rows: field.grid[0], columns: field.grid[1], cell };
         let size = [field.height, field.width];
         // What moves by more than a picture is seen by no two views.

@@ -61,14 +61,6 @@ impl LightField {
         self.depth.or_else(|| self.disparity.map(|d| d.map(|delta| delta * per_pixel)))
     }
 
-    /// The depths that matter on `display`, farthest first, metres: as asked, as the scene says, or what a disparity of two
-    /// pixels means.
-    pub fn depths(&self, display: &Display, asked: Option<[f64; 2]>) -> [f64; 2] {
-        let assumed = || 2.0 * display.focal_length * display.picture_pixel() / self.cell(display);
-        let [a, b] = asked.or_else(|| self.depth_range(display)).unwrap_or_else(|| [-assumed(), assumed()]);
-        [a.min(b), a.max(b)]
-    }
-
     /// Side of a view's square cell in the pupil plane, metres: the stated view pitch, or the eyebox that all of the
     /// display's colours serve divided by the number of views along the longer axis.
     pub fn cell(&self, display: &Display) -> f64 {

@@ -54,12 +54,14 @@ mod photograph;
 #[cfg_attr(not(feature = "image-formats"), path = "no_picture.rs")]
 mod picture;
 mod pyramid;
+mod range;
 mod reproject;
 mod request;
 mod resize;
 mod settings;
 mod single;
 mod survey;
+mod sweep;
 
 #[cfg(test)]
 mod tests;

@@ -1,6 +1,7 @@
 //! What a scene holds: where its light is, and how deep it reaches.
 
-use super::{LightField, central_depth};
+use super::LightField;
+use super::depth::central_depth_within;
 use crate::optics::{Color, Display};
 use rayon::prelude::*;
 
@@ -33,8 +34,10 @@ pub struct Black {
 pub enum DepthSource {
     /// The scene, or the file beside it, states it.
     Stated,
-    /// Measured in the central view: [`central_depth`].
+    /// Measured in the central view: [`central_depth`](super::central_depth).
     Measured,
+    /// Measured, and not to be trusted: only so many per cent of its detail are found again in the neighbouring views.
+    Doubtful(u8),
 }
 
 /// Light below this share of the brightest is none: a view is stored in 65535 steps.
@@ -119,11 +122,13 @@ impl LightField {
         let root = |i: usize| view.get(i).map_or(0.0, |v| v.max(0.0).sqrt());
         let slope = |i: usize| (root(i + 1) - root(i)).abs() + (root(i + self.width) - root(i)).abs();
         let mean = (0..view.len()).map(slope).sum::<f32>() / view.len().max(1) as f32;
-        let depths = central_depth(self, display).into_iter().enumerate();
+        let sought = self.disparities_sought(display);
+        let source = sought.doubt.map_or(DepthSource::Measured, |sure| DepthSource::Doubtful((100.0 * sure) as u8));
+        let depths = central_depth_within(self, display, sought.range).into_iter().enumerate();
         let mut depths: Vec<f32> = depths.filter(|(i, _)| slope(*i) > mean).map(|(_, d)| d).collect();
         depths.sort_by(f32::total_cmp);
         let at = |share: f64| depths.get((share * depths.len() as f64) as usize).map_or(0.0, |d| f64::from(*d));
-        ([at(0.02), at(0.98)], DepthSource::Measured)
+        ([at(0.02), at(0.98)], source)
     }
 }
 

@@ -126,7 +126,7 @@ impl ScenePlan {
             choices: Vec::new(),
         };
         plan.choose_colors(field, request);
-        plan.choose_depth(field, display, request);
+        plan.choose_depth(field, display, request)?;
         plan.choose_views(field, display, request)?;
         plan.choose_padding(field, display, request)?;
         let padded = plan.padding != Padding::default();
@@ -197,7 +197,7 @@ impl ScenePlan {
         );
     }
 
-    fn choose_depth(&mut self, field: &LightField, display: &Display, request: &PlanRequest) {
+    fn choose_depth(&mut self, field: &LightField, display: &Display, request: &PlanRequest) -> Result<(), SolveError> {
         let mm = |[a, b]: [f64; 2]| format!("{:.2}..{:.2} mm", a * 1e3, b * 1e3);
         let (depth, why) = match request.depth {
             Some([a, b]) => ([a.min(b), a.max(b)], "as asked".to_owned()),
@@ -206,12 +206,23 @@ impl ScenePlan {
                 (depth, DepthSource::Measured) => {
                     (depth, "measured in the central view: the scene does not say".into())
                 }
+                (depth, DepthSource::Doubtful(percent)) => {
+                    return Err(SolveError::Setting {
+                        what: "the depth of the scene",
+                        value: format!(
+                            "measured as {}, though only {percent} % of its detail is found again in neighbouring views",
+                            mm(depth)
+                        ),
+                        right: "given: by --depth MIN..MAX, or by depth_mm in lightfield.toml",
+                    });
+                }
             },
         };
         self.settings.depth = depth;
         let flat = depth[0] == depth[1];
         let why = if flat { format!("{why}; one plane: no eye has to focus elsewhere") } else { why };
         self.say("depth", mm(depth), why);
+        Ok(())
     }
 
     fn choose_views(&mut self, field: &LightField, display: &Display, request: &PlanRequest) -> Result<(), SolveError> {
