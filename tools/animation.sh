@@ -25,15 +25,21 @@ python3 - "$root/docs/steered.gif" <<'PYTHON'
 import sys
 from PIL import Image, ImageDraw, ImageFont
 
-frames, times = [], []
+pictures, times = [], []
 for pupil, about in [("-6,3,4,2", "6 mm left, near"), ("6,-3,4,-2.5", "6 mm right, far")]:
-    for steps in [0, 1, 2, 4, 8, 16]:
-        picture = Image.open(f"{pupil}.{steps}.png").convert("RGB").resize((384, 384), Image.LANCZOS)
+    for steps in [0, 1, 2, 4, 16]:
+        picture = Image.open(f"{pupil}.{steps}.png").convert("RGB").resize((352, 352), Image.LANCZOS)
         says = "not steered" if steps == 0 else f"{steps} step{'s' if steps > 1 else ''}"
         draw = ImageDraw.Draw(picture)
-        draw.rectangle((0, 360, 384, 384), fill=(16, 18, 20))
-        draw.text((8, 363), f"{about}: {says}", fill=(235, 235, 230), font=ImageFont.load_default(15))
-        frames.append(picture.quantize(96, dither=Image.Dither.NONE))
-        times.append(1600 if steps in (0, 16) else 450)
+        draw.rectangle((0, 330, 352, 352), fill=(16, 18, 20))
+        draw.text((8, 333), f"{about}: {says}", fill=(235, 235, 230), font=ImageFont.load_default(14))
+        pictures.append(picture)
+        times.append(1600 if steps in (0, 16) else 500)
+# One palette for all, so that no colour changes from frame to frame.
+both = Image.new("RGB", (704, 352))
+both.paste(pictures[4], (0, 0))
+both.paste(pictures[9], (352, 0))
+palette = both.quantize(80)
+frames = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
 frames[0].save(sys.argv[1], save_all=True, append_images=frames[1:], duration=times, loop=0, optimize=True)
 PYTHON

@@ -32,7 +32,13 @@ pub fn figures(results: &Results) -> Vec<(String, Plot)> {
     all.push(("psnr against focus".into(), focus(results).with_legend(series())));
     all.extend(frames(results).map(|plot| ("psnr against sub-frames".into(), plot.with_legend(series()))));
     all.push(("light over the eyebox".into(), variation(results)));
-    let speckles = results.speckle.iter().map(|s| (format!("speckle {}", s.method), speckle(results, s)));
+    let speckles = results.speckle.iter().map(|s| {
+        let class = color(results, &s.method);
+        let names = ["optimised together", "independent frames", "1 / root of their number"];
+        let classes = [class.clone(), format!("{class} alone"), "root".into()];
+        let legend = classes.into_iter().zip(names.map(String::from));
+        (format!("speckle {}", s.method), speckle(results, s).with_legend(legend))
+    });
     all.extend(speckles);
     all.extend(colors(results).map(|plot| ("color error".into(), plot)));
     all
