@@ -28,7 +28,8 @@ const MOST_AXES: usize = 8;
 const LONGEST_HEADER: usize = 65536;
 const MAGIC: &[u8] = b"\x93NUMPY";
 
-/// Reads an `.npy` of float32, float64 (rounded to float32), u8 or u16, little- or big-endian, C or Fortran order.
+/// Reads an `.npy` of float32, float64 or integers of up to 64 bits (rounded to float32), little- or big-endian, C or
+/// Fortran order.
 ///
 /// # Errors
 /// [`FileError::Read`]; [`FileError::Content`] for another format or element type, a file cut short or too long, and
@@ -115,13 +116,21 @@ fn parse(from: &mut dyn Read, length: u64) -> Result<Npy, Wrong> {
         format!("has a header that cannot be understood: {text}")
     })?;
     let element: (usize, fn(&[u8]) -> f32) = match header.descr.get(1..) {
-        Some("f4") => (4, |b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])),
-        Some("f8") => (8, |b| f64::from_le_bytes([b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]]) as f32),
-        Some("u1") => (1, |b| f32::from(b[0])),
-        Some("u2") => (2, |b| f32::from(u16::from_le_bytes([b[0], b[1]]))),
-        _ => {
-            let known = "float32 ('<f4'), float64 ('<f8') or unsigned 8 or 16 bits ('|u1', '<u2')";
-            return Err(format!("holds '{}': {known} is wanted", header.descr).into());
+        Some("f4") => (4, |b| f32::from_le_bytes(first(b))),
+        Some("f8") => (8, |b| f64::from_le_bytes(first(b)) as f32),
+        Some("u1" | "b1") => (1, |b| f32::from(b[0])),
+        Some("i1") => (1, |b| f32::from(b[0] as i8)),
+        Some("u2") => (2, |b| f32::from(u16::from_le_bytes(first(b)))),
+        Some("i2") => (2, |b| f32::from(i16::from_le_bytes(first(b)))),
+        Some("u4") => (4, |b| u32::from_le_bytes(first(b)) as f32),
+        Some("i4") => (4, |b| i32::from_le_bytes(first(b)) as f32),
+        Some("u8") => (8, |b| u64::from_le_bytes(first(b)) as f32),
+        Some("i8") => (8, |b| i64::from_le_bytes(first(b)) as f32),
+        kind => {
+            let known = "float32 ('<f4'), float64 ('<f8') or integers ('|u1', '<u2', '<i8' and the like)";
+            let complex = kind.is_some_and(|k| k.starts_with('c'));
+            let hint = if complex { "; of complex numbers save numpy.angle(...)" } else { "" };
+            return Err(format!("holds '{}': {known} are read{hint}", header.descr).into());
         }
     };
     let big = match header.descr.as_bytes()[0] {
@@ -160,7 +169,7 @@ fn parse(from: &mut dyn Read, length: u64) -> Result<Npy, Wrong> {
         let index = index_of(&header.shape, at);
         return Err(format!("has {} at index {index:?}: every value must be a finite float32", values[at]).into());
     }
-    let integers = header.descr.contains('u');
+    let integers = !header.descr[1..].starts_with('f');
     Ok(Npy { shape: header.shape, values, integers })
 }
 
@@ -169,6 +178,11 @@ fn fill(from: &mut dyn Read, to: &mut [u8]) -> Result<(), Wrong> {
         io::ErrorKind::UnexpectedEof => Wrong::Content("is cut short".into()),
         _ => Wrong::Io(e),
     })
+}
+
+/// The first bytes, of which there are enough.
+fn first<const N: usize>(bytes: &[u8]) -> [u8; N] {
+    bytes[..N].try_into().expect("as many bytes as the element has")
 }
 
 fn index_of(shape: &[usize], mut at: usize) -> Vec<usize> {
@@ -333,6 +347,9 @@ mod tests {
         let columns: Vec<u8> = [0, 3, 1, 4, 2, 5].iter().flat_map(|&i: &usize| values[i].to_le_bytes()).collect();
         let u2 = read(&npy(&format!("{{'descr': '>u2', {c}"), &[0, 1, 1, 0, 0, 3, 0, 4, 0, 5, 255, 255])).unwrap();
         assert_eq!((&u2.values[..], u2.integers), (&[1.0, 256.0, 3.0, 4.0, 5.0, 65535.0][..], true));
+        let i8: Vec<u8> = [-3i64, 0, 1, 2, 3, 255].iter().flat_map(|v| v.to_le_bytes()).collect();
+        let i8 = read(&npy(&format!("{{'descr': '<i8', {c}"), &i8)).unwrap();
+        assert_eq!((&i8.values[..], i8.integers), (&[-3.0, 0.0, 1.0, 2.0, 3.0, 255.0][..], true));
         let f = "{\"shape\": (2L, 3L), 'fortran_order': True, 'descr': '<f4'}";
         assert_eq!(read(&npy(f, &columns)).unwrap(), expected);
     }

@@ -155,13 +155,13 @@ fn phases_travel_as_npy_and_as_pictures() {
     let here = tempfile::tempdir().unwrap();
     let (npy, pngs) = (here.path().join("x.npy"), here.path().join("pngs"));
     small().save(&npy).unwrap();
-    let phases = load_phases(&npy).unwrap();
+    let phases = load_phases(&npy, None).unwrap();
     assert_eq!((phases.frames, phases.height, phases.width), (2, 3, 5));
     assert_eq!(phases.colors, small().colors.iter().map(|c| (None, c.phases.clone())).collect::<Vec<_>>());
 
     small().save_pngs(&pngs).unwrap();
     small().save_pngs(&pngs).unwrap();
-    let seen = load_phases(&pngs).unwrap();
+    let seen = load_phases(&pngs, None).unwrap();
     assert_eq!(seen.colors.iter().map(|c| c.0).collect::<Vec<_>>(), [Some(Color::Red), Some(Color::Blue)]);
     for ((_, seen), c) in seen.colors.iter().zip(&small().colors) {
         for (a, b) in seen.iter().zip(&c.phases) {
@@ -169,18 +169,18 @@ fn phases_travel_as_npy_and_as_pictures() {
         }
     }
     fs::remove_file(pngs.join("blue-00.png")).unwrap();
-    assert!(load_phases(&pngs).unwrap_err().to_string().contains("blue-00.png is missing"));
+    assert!(load_phases(&pngs, None).unwrap_err().to_string().contains("blue-00.png is missing"));
     fs::write(pngs.join("mine.txt"), "").unwrap();
     assert!(small().save_pngs(&pngs).is_err());
 
-    write_npy(&npy, &[2, 2], &[0.0, 7.0, -7.0, 100.0]).unwrap();
-    let one = load_phases(&npy).unwrap();
+    write_npy(&npy, &[2, 2], &[0.5, 7.0, -7.0, 10.0]).unwrap();
+    let one = load_phases(&npy, None).unwrap();
     assert_eq!((one.frames, one.height, one.width), (1, 2, 2));
     assert_eq!(one.colors[0].1[1], wrap_phase(7.0));
     write_npy(&npy, &[4], &[0.0; 4]).unwrap();
-    assert!(load_phases(&npy).unwrap_err().to_string().contains("[4]"));
+    assert!(load_phases(&npy, None).unwrap_err().to_string().contains("[4]"));
     write_npy(&npy, &[0, 4, 4], &[]).unwrap();
-    assert!(load_phases(&npy).is_err());
+    assert!(load_phases(&npy, None).is_err());
 }
 
 /// Loading what a random change made of a file is an answer or an error, never a panic.

@@ -1,17 +1,22 @@
 //! Bare phases, for other programs: `.npy`, and a folder of 8-bit grey PNGs.
 //!
-//! `.npy` is float32 radians, (sub-frame, row, column) for one colour and (colour, sub-frame, row, column) for more.
+//! `.npy` is written as float32 radians, (sub-frame, row, column) for one colour and (colour, sub-frame, row, column) for
+//! more; floats and integers in any [`PhaseUnit`] are read.
 //! A PNG folder has one picture per colour and sub-frame, `green-00.png`, level = round(phase / 2 pi x 256) mod 256;
 //! a colour without a name is called by its number, `0-00.png`.
 
 use super::{ColorHologram, Hologram, HologramError, Metadata, level_of_phase, phase_of_level, wrap_phase};
-use crate::files::{FileError, FolderDraft, encode_grey8, read_grey8, read_npy, write_npy};
+use crate::files::{FileError, FolderDraft, Npy, encode_grey8, read_grey8, read_npy, write_npy};
 use crate::optics::{Color, Display, Geometry};
-use std::{collections::BTreeMap, fs, path::Path};
+use std::f64::consts::TAU;
+use std::path::{Path, PathBuf};
+use std::{collections::BTreeMap, fs};
 
 /// Phases without their optics.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Phases {
+    /// Where they were read from.
+    pub file: PathBuf,
     /// Sub-frames.
     pub frames: usize,
     /// Rows.
@@ -22,12 +27,46 @@ pub struct Phases {
     pub colors: Vec<(Option<Color>, Vec<f32>)>,
 }
 
+/// What the numbers of a file of phases mean.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum PhaseUnit {
+    /// Radians.
+    Radians,
+    /// Full turns.
+    Turns,
+    /// Degrees.
+    Degrees,
+    /// Levels, so many of which are a full turn.
+    Levels(f64),
+}
+
+impl PhaseUnit {
+    /// A full turn in this unit.
+    fn turn(self) -> f64 {
+        match self {
+            Self::Radians => TAU,
+            Self::Turns => 1.0,
+            Self::Degrees => 360.0,
+            Self::Levels(levels) => levels,
+        }
+    }
+
+    /// Radians in [-pi, pi).
+    fn radians(self, value: f32) -> f32 {
+        match self {
+            Self::Radians => wrap_phase(value),
+            unit => wrap_phase(((f64::from(value) / unit.turn()).rem_euclid(1.0) * TAU) as f32),
+        }
+    }
+}
+
 impl Phases {
     /// The hologram that they are for optics given beside them: pitch, focal length and wavelengths in metres, one wavelength
-    /// a colour. Its exposures are 1.
+    /// a colour. Its exposures are not known.
     ///
     /// # Errors
-    /// [`HologramError::Inconsistent`] for another number of wavelengths, and for optics that cannot be.
+    /// [`HologramError::NotAHologram`] for another number of wavelengths, [`HologramError::Inconsistent`] for optics that
+    /// cannot be.
     pub fn with_optics(
         self,
         pitch: f64,
@@ -37,17 +76,11 @@ impl Phases {
     ) -> Result<Hologram, HologramError> {
         if self.colors.len() != wavelengths.len() {
             let (has, given) = (self.colors.len(), wavelengths.len());
-            return Err(HologramError::Inconsistent(format!("it has {has} colours, {given} wavelengths were given")));
+            return Err(none(&self.file, format!("it has {has} colours, {given} wavelengths were given")));
         }
-        let Self { frames, height, width, colors } = self;
+        let Self { frames, height, width, colors, .. } = self;
         let colors = (colors.into_iter().zip(wavelengths))
-            .map(|((color, phases), &wavelength)| ColorHologram {
-                color,
-                wavelength,
-                exposure: 1.0,
-                efficiency: 1.0,
-                phases,
-            })
+            .map(|((color, phases), &wavelength)| ColorHologram::bare(color, wavelength, phases))
             .collect();
         let hologram = Hologram {
             frames,
@@ -62,30 +95,73 @@ impl Phases {
             display: String::new(),
             display_wavelengths: Vec::new(),
             scene: String::new(),
-            metadata: Metadata::default(),
+            metadata: Metadata { exposure_assumed: true, ..Metadata::default() },
         };
-        hologram.check()?;
+        hologram.check().map_err(|e| none(&self.file, e.to_string()))?;
         Ok(hologram)
     }
 
-    /// The hologram that they are on a display, in some of its colours; the SLM has as many pixels as they. Exposures are 1.
+    /// The hologram that they are on a display, which has as many pixels as they. Phases of one colour are for `color`, or
+    /// for the only colour that the display has; of those of several, all of the display's in its order, `color` alone is
+    /// taken. Its exposures are not known.
     ///
     /// # Errors
-    /// [`HologramError::Inconsistent`] for another number of colours; [`HologramError::Optics`].
-    pub fn on(self, display: &Display, colors: &[Color]) -> Result<Hologram, HologramError> {
-        if self.colors.len() != colors.len() {
-            let (has, given) = (self.colors.len(), colors.len());
-            return Err(HologramError::Inconsistent(format!("it has {has} colours, the display has {given}")));
+    /// [`HologramError::Doubtful`] where nothing says which colours they are for, and for phases that lie across the
+    /// display; [`HologramError::NotAHologram`] for colours that the display, or the file, does not have;
+    /// [`HologramError::Optics`].
+    pub fn on(self, display: &Display, color: Option<Color>) -> Result<Hologram, HologramError> {
+        let names = self.names(display, color)?;
+        let turned = !display.encoding.rotation_deg.is_multiple_of(180);
+        let (height, width) = if turned { (display.width, display.height) } else { (display.height, display.width) };
+        if height != width && (self.height, self.width) == (width, height) {
+            let (h, w) = (self.height, self.width);
+            let found = format!("its {h} rows and {w} columns lie across the display '{}'", display.name);
+            let decide = format!("give (row, column) = ({height}, {width}), or --size {height}x{width} as it is meant");
+            return Err(HologramError::doubtful(&self.file, found, &decide));
         }
         let display = Display { height: self.height, width: self.width, ..display.clone() };
-        let of = |(&color, (_, phases)): (&Color, (_, Vec<f32>))| {
-            let wavelength = display.optics(color)?.wavelength;
-            Ok(ColorHologram { color: Some(color), wavelength, exposure: 1.0, efficiency: 1.0, phases })
+        let of = |(name, (_, phases)): (Color, (_, Vec<f32>))| {
+            Ok(ColorHologram::bare(Some(name), display.optics(name)?.wavelength, phases))
         };
-        let solved = colors.iter().zip(self.colors).map(of).collect::<Result<_, HologramError>>()?;
-        let hologram = Hologram::on(&display, self.frames, solved);
-        hologram.check()?;
+        let wanted = names.into_iter().zip(self.colors).filter(|(name, _)| color.is_none_or(|c| c == *name));
+        let colors = wanted.map(of).collect::<Result<Vec<_>, HologramError>>()?;
+        if let (Some(color), true) = (color, colors.is_empty()) {
+            return Err(none(&self.file, format!("it has no {color} part")));
+        }
+        let mut hologram = Hologram::on(&display, self.frames, colors);
+        hologram.metadata.exposure_assumed = true;
+        hologram.check().map_err(|e| none(&self.file, e.to_string()))?;
         Ok(hologram)
+    }
+
+    /// Which of a display's colours each of theirs is for.
+    fn names(&self, display: &Display, color: Option<Color>) -> Result<Vec<Color>, HologramError> {
+        let known: Vec<Color> = display.wavelengths.iter().map(|w| w.color).collect();
+        let has = self.colors.len();
+        let named: Option<Vec<Color>> = self.colors.iter().map(|c| c.0).collect();
+        match (named, color) {
+            (Some(names), _) => Ok(names),
+            (None, Some(color)) if has == 1 => Ok(vec![color]),
+            (None, _) if has == known.len() => Ok(known),
+            _ => {
+                let all = known.iter().map(Color::to_string).collect::<Vec<_>>().join(", ");
+                let (name, f, h, w) = (&display.name, self.frames, self.height, self.width);
+                let found = match has {
+                    1 => format!("it has one colour, {f} sub-frames, and the display '{name}' has {all}"),
+                    _ => format!("it has {has} colours, and the display '{name}' has {all}"),
+                };
+                let n = known.len();
+                let decide = format!("say which one with --color, or give ({n}, sub-frame, {h}, {w}) for all of them");
+                Err(HologramError::doubtful(&self.file, found, &decide))
+            }
+        }
+    }
+}
+
+impl ColorHologram {
+    /// Phases of which nobody knows the exposure: 1 is as good as another.
+    fn bare(color: Option<Color>, wavelength: f64, phases: Vec<f32>) -> Self {
+        Self { color, wavelength, exposure: 1.0, efficiency: 1.0, phases }
     }
 }
 
@@ -100,32 +176,69 @@ pub fn save_phases(hologram: &Hologram, file: &Path) -> Result<(), HologramError
     Ok(write_npy(file, shape, &values)?)
 }
 
-/// Reads phases from an `.npy` (any phase is wrapped; (row, column) is one sub-frame) or from a folder of PNGs.
+/// Reads phases from an `.npy` (any phase is wrapped; (row, column) is one sub-frame) or from a folder of PNGs. Numbers mean
+/// what `unit` says; without it radians in an `.npy`, where they can be that, and 256 levels a turn in pictures.
 ///
 /// # Errors
 /// [`HologramError::File`]; [`HologramError::NotAHologram`] for an array of other than two to four axes, an empty one,
-/// and a folder whose pictures are not one per colour and sub-frame, all of one size.
-pub fn load_phases(path: &Path) -> Result<Phases, HologramError> {
+/// one whose last axis is no row of pixels, and a folder whose pictures are not one per colour and sub-frame, all of one
+/// size; [`HologramError::Doubtful`] for numbers that may well be something else than radians.
+pub fn load_phases(path: &Path, unit: Option<PhaseUnit>) -> Result<Phases, HologramError> {
+    if unit.is_some_and(|u| !(u.turn() > 0.0 && u.turn().is_finite())) {
+        return Err(none(path, "a turn must have a positive number of levels".into()));
+    }
     if fs::metadata(path).map_err(|e| FileError::read(path, e))?.is_dir() {
-        return load_pngs(path);
+        return load_pngs(path, unit);
     }
     let array = read_npy(path)?;
-    if array.integers {
-        return Err(none(path, "it holds integers, and phases are floats, in radians".into()));
-    }
     let (colors, frames, height, width) = match array.shape[..] {
         [h, w] => (1, 1, h, w),
         [f, h, w] => (1, f, h, w),
         [c, f, h, w] => (c, f, h, w),
         _ => (0, 0, 0, 0),
     };
+    let wrong = |why: &str| {
+        let shape = &array.shape;
+        let right = "(row, column), (sub-frame, row, column) or (colour, sub-frame, row, column)";
+        Err(none(path, format!("its shape is {shape:?}{why}, not {right}")))
+    };
     if array.values.is_empty() || colors == 0 {
-        let reason =
-            format!("its shape is {:?}, not (sub-frame, row, column), optionally with colours first", array.shape);
-        return Err(none(path, reason));
+        return wrong("");
     }
-    let wrap = |part: &[f32]| (None, part.iter().map(|&p| wrap_phase(p)).collect());
-    Ok(Phases { frames, height, width, colors: array.values.chunks(frames * height * width).map(wrap).collect() })
+    if array.shape.len() > 2 && width <= 4 && height >= 16 * width {
+        return wrong(", as if colours or sub-frames came last");
+    }
+    let unit = match unit {
+        Some(unit) => unit,
+        None => match doubt(&array) {
+            Some(found) => return Err(HologramError::doubtful(path, found, UNITS)),
+            None => PhaseUnit::Radians,
+        },
+    };
+    let wrap = |part: &[f32]| (None, part.iter().map(|&p| unit.radians(p)).collect());
+    let colors = array.values.chunks(frames * height * width).map(wrap).collect();
+    Ok(Phases { file: path.into(), frames, height, width, colors })
+}
+
+/// What decides.
+const UNITS: &str =
+    "say what its numbers are with --phase-unit: rad, turns, deg, or how many levels are a turn, such as 256";
+/// Turns beyond which numbers are hardly radians: levels, degrees.
+const MANY_TURNS: f32 = 8.0;
+
+/// Why an array's numbers may not be radians.
+fn doubt(array: &Npy) -> Option<String> {
+    let values = &array.values;
+    let (low, high) = values.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), &v| (l.min(v), h.max(v)));
+    let from = format!("from {low} to {high}");
+    if array.integers || (high > low && values.iter().all(|v| v.fract() == 0.0)) {
+        return Some(format!("it holds whole numbers {from}"));
+    }
+    if low.abs().max(high.abs()) > MANY_TURNS * TAU as f32 {
+        return Some(format!("its values go {from}, far outside a turn in radians"));
+    }
+    let fills = |a: f32, b: f32| low >= a && high <= b && high - low > 0.9 * (b - a) && values.len() >= 64;
+    (fills(0.0, 1.0) || fills(-0.5, 0.5)).then(|| format!("its values go {from}, which looks like turns, not radians"))
 }
 
 impl Hologram {
@@ -167,7 +280,7 @@ fn parse_name(name: &str) -> Option<(Key, usize)> {
     Some((key, frame.parse().ok()?))
 }
 
-fn load_pngs(folder: &Path) -> Result<Phases, HologramError> {
+fn load_pngs(folder: &Path, unit: Option<PhaseUnit>) -> Result<Phases, HologramError> {
     let mut found: BTreeMap<Key, BTreeMap<usize, String>> = BTreeMap::new();
     for entry in fs::read_dir(folder).map_err(|e| FileError::read(folder, e))? {
         let name = entry.map_err(|e| FileError::read(folder, e))?.file_name().to_string_lossy().into_owned();
@@ -194,12 +307,15 @@ fn load_pngs(folder: &Path) -> Result<Phases, HologramError> {
             if (h, w) != (height, width) {
                 return Err(none(&file, format!("it is {height}x{width} pixels, the others {h}x{w}")));
             }
-            phases.extend(levels.into_iter().map(phase_of_level));
+            phases.extend(levels.into_iter().map(|level| match unit {
+                None => phase_of_level(level),
+                Some(unit) => unit.radians(f32::from(level)),
+            }));
         }
         colors.push((color, phases));
     }
     let (height, width) = size.expect("there is at least one picture");
-    Ok(Phases { frames, height, width, colors })
+    Ok(Phases { file: folder.into(), frames, height, width, colors })
 }
 
 fn none(path: &Path, reason: String) -> HologramError {

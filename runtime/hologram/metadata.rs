@@ -40,12 +40,20 @@ pub struct Metadata {
     /// Seconds that the solve took.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seconds: Option<f64>,
+    /// Whether its exposures are made up, for phases of which nothing else is known.
+    #[serde(skip_serializing_if = "is_false")]
+    pub exposure_assumed: bool,
     /// Where it was refined for afterwards.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub refined: Option<Refined>,
     /// What other versions and programs wrote: kept, so that a copy loses nothing.
     #[serde(flatten)]
     pub other: Map<String, Value>,
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
+fn is_false(value: &bool) -> bool {
+    !value
 }
 
 /// A refinement for where the eye was.

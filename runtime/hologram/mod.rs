@@ -29,7 +29,9 @@
 mod chunks;
 mod document;
 mod exchange;
+mod exposure;
 mod metadata;
+mod open;
 mod phase;
 mod refine;
 mod scene_source;
@@ -48,8 +50,9 @@ mod old_files_tests;
 #[cfg(test)]
 mod sequence_tests;
 
-pub use exchange::{Phases, load_phases, save_phases};
+pub use exchange::{PhaseUnit, Phases, load_phases, save_phases};
 pub use metadata::{Metadata, Refined, Start};
+pub use open::{BareOptics, Opening};
 pub use phase::{level_of_phase, phase_of_level, wrap_phase};
 pub use refine::Refinement;
 pub use scene_source::SceneSource;
@@ -68,6 +71,7 @@ use crate::{
     scene::SceneError,
     solve::SolveError,
 };
+use std::path::Path;
 
 /// What can be wrong with a hologram or its file.
 #[derive(Debug, thiserror::Error)]
@@ -90,6 +94,24 @@ pub enum HologramError {
         path: String,
         /// What is there, and what would be right.
         reason: String,
+    },
+    /// It can be read in more than one way.
+    #[error("{path}: {found}: {decide}")]
+    Doubtful {
+        /// The place.
+        path: String,
+        /// What was found.
+        found: String,
+        /// What decides.
+        decide: String,
+    },
+    /// Phases without optics.
+    #[error(
+        "{path}: bare phases do not say their optics: give --display and --color, or --pitch, --wavelength and --focal-length"
+    )]
+    NoOptics {
+        /// The place.
+        path: String,
     },
     /// Phases that memory does not hold.
     #[error(transparent)]
@@ -145,6 +167,12 @@ pub enum HologramError {
         /// Why.
         source: OpticsError,
     },
+}
+
+impl HologramError {
+    fn doubtful(path: &Path, found: String, decide: &str) -> Self {
+        Self::Doubtful { path: path.display().to_string(), found, decide: decide.into() }
+    }
 }
 
 /// The phases of one colour.

@@ -22,6 +22,8 @@ pub struct Sequence {
     count: u64,
     complete: bool,
     notes: Vec<String>,
+    /// A single hologram that is not read from a folder of its own.
+    here: Option<Hologram>,
     // Kept, so that reading allocates nothing.
     file: PathBuf,
     name: String,
@@ -80,6 +82,7 @@ impl Sequence {
             count: 1,
             complete: true,
             notes: Vec::new(),
+            here: None,
             file: base,
             name: String::with_capacity(64),
         };
@@ -87,6 +90,25 @@ impl Sequence {
             opened.count_frames(&array);
         }
         Ok(opened)
+    }
+
+    /// A hologram in memory, read from `path`, as a sequence of one.
+    pub(super) fn single(path: &Path, hologram: Hologram) -> Self {
+        let shape = [hologram.colors.len(), hologram.frames, hologram.height, hologram.width];
+        let mut about = hologram.clone();
+        about.colors.iter_mut().for_each(|c| c.phases = Vec::new());
+        Self {
+            path: path.to_path_buf(),
+            about,
+            attributes: SequenceAttributes { rate: [1, 1], shape, planned: Some(1) },
+            single: true,
+            count: 1,
+            complete: true,
+            notes: Vec::new(),
+            here: Some(hologram),
+            file: PathBuf::new(),
+            name: String::new(),
+        }
     }
 
     /// Whether a sequence stands at `path`, damaged or not; not a single hologram.
@@ -218,6 +240,11 @@ impl Sequence {
             return self.with_file(index, |file| read_checked(file, phases));
         }
         let [_, frames, height, width] = self.attributes.shape;
+        if let Some(hologram) = &self.here {
+            let parts = phases.chunks_exact_mut(frames * height * width);
+            parts.zip(&hologram.colors).for_each(|(part, color)| part.copy_from_slice(&color.phases));
+            return Ok(());
+        }
         for (i, part) in phases.chunks_exact_mut(height * width).enumerate() {
             read_checked(&self.path.join(chunk_name(i / frames, i % frames)), part)?;
         }
@@ -237,6 +264,9 @@ impl Sequence {
         // As long as it must be, before memory is taken for it.
         if !self.single && !self.is_whole(index) {
             self.with_file(index, |file| Err(damaged(file, "it is missing, or not as long as it must be")))?;
+        }
+        if let Some(hologram) = &self.here {
+            return Ok(hologram.clone());
         }
         if self.single {
             return Hologram::load(&self.path);

@@ -52,11 +52,18 @@ impl Play {
     /// Opens a file for a display, to be played from its beginning as it was made.
     ///
     /// # Errors
-    /// [`SessionError::Hologram`]; [`SessionError::Encode`]; [`SessionError::Setting`] for holograms that do not have the
-    /// display's size or do not name their colours.
+    /// [`SessionError::Hologram`]; those of [`new`](Self::new).
     pub fn open(file: &Path, display: &Display) -> Result<Self, SessionError> {
-        let sequence = Sequence::open(file)?;
-        let (what, about) = (file.display(), sequence.about());
+        Self::new(Sequence::open(file)?, display)
+    }
+
+    /// A sequence on a display, to be played from its beginning as it was made.
+    ///
+    /// # Errors
+    /// [`SessionError::Encode`]; [`SessionError::Setting`] for holograms that do not have the display's size or do not name
+    /// their colours.
+    pub fn new(sequence: Sequence, display: &Display) -> Result<Self, SessionError> {
+        let (what, about) = (sequence.path().display(), sequence.about());
         let named = |c: &ColorHologram| {
             c.color.ok_or_else(|| SessionError::Setting(format!("{what}: its colours are not named")))
         };

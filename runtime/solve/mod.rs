@@ -16,6 +16,7 @@ mod levels;
 mod method;
 mod optimizer;
 mod outcome;
+mod pace;
 mod problem;
 mod rates;
 mod run;

@@ -2,6 +2,7 @@
 //! that a sudden look elsewhere never meets the dark.
 
 use super::error::SolveError;
+use super::pace::Pace;
 use super::problem::Problem;
 use super::sampling::{Points, Sequence};
 use super::step::{Update, take};
@@ -105,8 +106,8 @@ pub struct Refiner {
     used: usize,
     /// Steps since phases or aim were set anew: Adam's corrections count them.
     since: usize,
-    /// Seconds that a step is expected to take.
-    expected: f64,
+    /// What steps take that draw pupils, and those that use the pupils of the step before.
+    paces: [Pace; 2],
 }
 
 impl Refiner {
@@ -145,7 +146,7 @@ impl Refiner {
         let centre = problem.optics.center();
         let aim = PupilDistribution { centre, spread: half, diameter, focus: [0.0, 0.0], elsewhere: 1.0 };
         let points = Points::new(Sequence::Sobol, steering.seed ^ 0x0073_7465_6572);
-        let (pupil_passes, expected) = (Vec::new(), 0.0);
+        let (pupil_passes, paces) = (Vec::new(), Default::default());
         let mut refiner = Self {
             problem,
             planner,
@@ -159,7 +160,7 @@ impl Refiner {
             pupil_passes,
             used: 0,
             since: 0,
-            expected,
+            paces,
         };
         refiner.restart(phases)?;
         Ok(refiner)
@@ -218,10 +219,20 @@ impl Refiner {
         pupils
     }
 
+    /// Whether the next step draws pupils.
+    fn is_fresh(&self) -> bool {
+        self.pupil_passes.is_empty() || self.used >= self.steering.repeats.max(1)
+    }
+
+    /// Which of the paces the next step has.
+    fn kind(&self) -> usize {
+        usize::from(!self.is_fresh())
+    }
+
     /// The next step, and the part of its list that has to run: what depends on the pupils alone is left out where they
     /// are those of the step before.
     fn next(&mut self) -> (Step, Vec<Range<usize>>) {
-        let fresh = self.pupil_passes.is_empty() || self.used >= self.steering.repeats.max(1);
+        let fresh = self.is_fresh();
         self.since += 1;
         let update = self.steering.strategy.update(self.since);
         if fresh {
@@ -248,16 +259,14 @@ impl Refiner {
     /// # Errors
     /// Those of the engine.
     pub fn step(&mut self) -> Result<f64, EngineError> {
-        let start = Instant::now();
+        let (start, kind) = (Instant::now(), self.kind());
         let (step, parts) = self.next();
         let loss = take(self.engine.as_mut(), &step, &parts)?;
         if !loss.is_finite() {
             self.pupil_passes.clear();
             return Ok(loss);
         }
-        let seconds = start.elapsed().as_secs_f64();
-        // Slow to hope, quick to fear: a step that takes longer counts at once.
-        self.expected = if seconds > self.expected { seconds } else { 0.8 * self.expected + 0.2 * seconds };
+        self.paces[kind].took(start.elapsed().as_secs_f64());
         Ok(loss)
     }
 
@@ -266,18 +275,23 @@ impl Refiner {
         self.exposure
     }
 
-    /// What a step is expected to take: the longest lately.
+    /// What the next step is expected to take: the longest lately, without those that something else held up.
     pub fn expected(&self) -> Duration {
-        Duration::from_secs_f64(self.expected)
+        Duration::from_secs_f64(self.paces[self.kind()].expected())
     }
 
-    /// As many steps as are expected to end before `deadline`, `most` at most; how many were taken.
+    /// As many steps as are expected to end before `deadline`, `most` at most; how many were taken. Where none is, deadline
+    /// after deadline, less is expected, until one is tried.
     ///
     /// # Errors
     /// Those of the engine.
     pub fn refine_until(&mut self, deadline: Instant, most: usize) -> Result<usize, EngineError> {
         let mut taken = 0;
-        while taken < most && Instant::now() + Duration::from_secs_f64(self.expected) <= deadline {
+        while taken < most {
+            let (left, kind) = (deadline.saturating_duration_since(Instant::now()), self.kind());
+            if !self.paces[kind].may_begin(left.as_secs_f64(), taken) {
+                break;
+            }
             self.step()?;
             taken += 1;
         }

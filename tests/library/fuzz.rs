@@ -302,7 +302,7 @@ fn bare_phases() {
     let whole = fs::read(&file).expect("there");
     fuzz("bare phases", prop::collection::vec(edit(), 1..6), |edits| {
         fs::write(&file, damage(whole.clone(), &edits)).expect("written");
-        if let Ok(phases) = hologram::load_phases(&file) {
+        if let Ok(phases) = hologram::load_phases(&file, None) {
             prop_assert!(phases.colors.iter().flat_map(|c| &c.1).all(|p| p.is_finite()));
         }
         Ok(())

@@ -1,5 +1,6 @@
 //! The arguments of commands, and those that they share: millimetres, micrometres and nanometres in, metres out.
 
+use crate::phases::{PhaseArgs, PhaseUnitArgs};
 use crate::quality::QualityArgs;
 use crate::values::{
     Names, contrast, depths, full, memory, method, one_of, positive, pupil, range, rate, share, size, storage, window,
@@ -52,8 +53,9 @@ pub struct EngineArgs {
 #[derive(Args)]
 pub struct DisplayArgs {
     /// Display: paper, plm, small, grey8, fields, planes8, planes24, far-field, far-field-16k, or a TOML file
-    #[arg(long, default_value = "paper", value_name = "PRESET|FILE")]
-    pub display: String,
+    /// [default: paper]
+    #[arg(long, value_name = "PRESET|FILE")]
+    pub display: Option<String>,
     /// Resolution instead of the display's own, rows x columns
     #[arg(long, value_name = "HxW", value_parser = size)]
     pub size: Option<[usize; 2]>,
@@ -80,6 +82,13 @@ pub struct SceneArgs {
     /// mean (MAX..MIN where dark is near)
     #[arg(long, value_name = "MIN..MAX", value_parser = depths, allow_hyphen_values = true)]
     pub depth: Option<[f64; 2]>,
+}
+
+impl SceneArgs {
+    /// A scene of which nothing else is said.
+    pub fn of(scene: &str) -> Self {
+        Self { scene: scene.into(), depth_map: None, view_pitch: None, views: None, depth: None }
+    }
 }
 
 /// `eyebox demo`
@@ -246,7 +255,7 @@ pub struct Solve {
 /// `eyebox export`
 #[derive(Args)]
 pub struct Export {
-    /// NAME.zarr
+    /// NAME.zarr, or phases: NAME.npy or a folder of PNGs
     pub hologram: PathBuf,
     /// Which hologram of a sequence, from 0
     #[arg(long, value_name = "N")]
@@ -254,6 +263,9 @@ pub struct Export {
     /// NAME.npy (float32 radians), or a folder for one 8-bit grey PNG per colour and sub-frame
     #[arg(short, long, value_name = "FILE.npy|FOLDER")]
     pub out: PathBuf,
+    /// Bare phases
+    #[command(flatten)]
+    pub phases: PhaseArgs,
 }
 
 /// `eyebox encode`
@@ -267,6 +279,9 @@ pub struct Encode {
     /// Display
     #[command(flatten)]
     pub display: DisplayArgs,
+    /// Bare phases
+    #[command(flatten)]
+    pub unit: PhaseUnitArgs,
     /// Which engine computes
     #[arg(long, value_enum, default_value = "auto")]
     pub engine: EngineName,
@@ -303,41 +318,15 @@ pub struct View {
     /// The picture (PNG), or the intensity (.npy, float32, no exposure)
     #[arg(short, long, value_name = "FILE")]
     pub out: PathBuf,
-    /// Optics of bare phases
+    /// Bare phases
     #[command(flatten)]
-    pub optics: PhaseOptics,
+    pub phases: PhaseArgs,
+    /// Exposure of the PNG [default: the hologram's; where it is not known, the 99th percentile becomes white]
+    #[arg(long, value_parser = positive)]
+    pub exposure: Option<f64>,
     /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,
-}
-
-/// Where an SLM stands, by name.
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum GeometryName {
-    /// Behind a 4f relay
-    Relay,
-    /// In the pupil plane
-    FarField,
-}
-
-/// Optics of phases that come without.
-#[derive(Args)]
-pub struct PhaseOptics {
-    /// Pixel pitch, um (phases without optics)
-    #[arg(long, value_name = "UM")]
-    pub pitch: Option<f64>,
-    /// Wavelength, nm; one per colour (phases without optics)
-    #[arg(long, value_name = "NM", value_delimiter = ',')]
-    pub wavelength: Vec<f64>,
-    /// Focal length, mm (phases without optics)
-    #[arg(long, value_name = "MM")]
-    pub focal_length: Option<f64>,
-    /// Where the SLM stands (phases without optics)
-    #[arg(long, value_enum, default_value_t = GeometryName::Relay)]
-    pub geometry: GeometryName,
-    /// Exposure of the PNG [default: the hologram's; for bare phases, the 99th percentile becomes white]
-    #[arg(long, value_parser = positive)]
-    pub exposure: Option<f64>,
 }
 
 /// `eyebox photograph`
@@ -377,9 +366,9 @@ pub struct Score {
     /// Seed of random pupils
     #[arg(long, default_value_t = 1000, value_name = "S")]
     pub seed: u64,
-    /// Display of bare phases
+    /// Bare phases
     #[command(flatten)]
-    pub display: DisplayArgs,
+    pub phases: PhaseArgs,
     /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,

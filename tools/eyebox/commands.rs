@@ -78,6 +78,11 @@ pub enum Command {
         after_help = "Examples:\n  eyebox export still-life.zarr -o phases.npy\n  eyebox export still-life.zarr -o frames"
     )]
     Export(Export),
+    /// Make a hologram of phases from any program: an array, or grey pictures
+    #[command(
+        after_help = "Examples:\n  eyebox import phases.npy --display bench.toml --color green -o mine.zarr\n  eyebox import phases.npy --display bench.toml --color green --scene lightfield/ -o mine.zarr\n  eyebox import frames --display bench.toml -o mine.zarr\n\nA .npy is (row, column), (sub-frame, row, column) or (colour, sub-frame, row, column); colours come in the order red, green, blue."
+    )]
+    Import(crate::import::Import),
     /// Write what a display receives: video frames with levels or bit-planes, as PNG
     #[command(
         after_help = "Examples:\n  eyebox encode still-life.zarr --display planes24 --size 256x256 -o frames\n  \

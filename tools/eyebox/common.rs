@@ -17,8 +17,13 @@ use std::path::Path;
 
 /// The display, resized if asked.
 pub fn display(args: &DisplayArgs) -> Result<Display, Failure> {
-    let mut display = Display::load(&args.display)?;
-    if let Some([height, width]) = args.size {
+    display_of_size(args.display.as_deref().unwrap_or("paper"), args.size)
+}
+
+/// A display by its name, resized if asked.
+pub fn display_of_size(name: &str, size: Option<[usize; 2]>) -> Result<Display, Failure> {
+    let mut display = Display::load(name)?;
+    if let Some([height, width]) = size {
         (display.height, display.width) = (height, width);
     }
     Ok(display)
@@ -199,11 +204,6 @@ pub fn write_image(
     }
     files::write_png(out, height, width, &rgb)?;
     Ok(())
-}
-
-/// Whether a path is meant as a hologram, with its optics, and not as bare phases.
-pub fn is_hologram(path: &Path) -> bool {
-    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("zarr"))
 }
 
 /// Largest resident set so far, as Linux tells it.

@@ -6,8 +6,8 @@ use crate::common;
 use eyebox::encode::{Encoder, PhaseSet, VideoFrames};
 use eyebox::engine::vulkan::VulkanEncoder;
 use eyebox::gpu::{Gpu, Options};
-use eyebox::hologram::{self, Hologram};
-use eyebox::optics::{Color, Display, Packing};
+use eyebox::hologram::{ColorHologram, Hologram};
+use eyebox::optics::{Color, Display};
 use serde_json::{Value, json};
 
 /// The phases that are encoded.
@@ -61,63 +61,16 @@ pub fn run(args: &Encode) -> Result<(), Failure> {
 
 /// The hologram's colours that were asked for, each with its name.
 fn load(args: &Encode, display: &Display) -> Result<Input, Failure> {
-    let asked = args.display.color.one();
-    let what = args.hologram.display();
-    if common::is_hologram(&args.hologram) {
-        let hologram = Hologram::load(&args.hologram)?;
-        let notes = differences(&hologram, display);
-        let size = [hologram.height, hologram.width];
-        let mut colors = Vec::new();
-        for c in hologram.colors {
-            let name = c.color.ok_or_else(|| Failure::Asked(format!("{what}: its colours are not named")))?;
-            if asked.is_none_or(|a| a == name) {
-                colors.push((name, c.phases));
-            }
-        }
-        if let (Some(color), true) = (asked, colors.is_empty()) {
-            return Err(Failure::Asked(format!("{what}: it has no {color} part")));
-        }
-        return Ok(Input { frames: hologram.frames, size, colors, notes });
-    }
-    let phases = hologram::load_phases(&args.hologram)?;
-    let has = phases.colors.len();
-    let known: Vec<Color> = display.wavelengths.iter().map(|w| w.color).collect();
-    let named: Option<Vec<Color>> = phases.colors.iter().map(|c| c.0).collect();
-    let names = match (named, asked) {
-        (Some(names), _) => names,
-        (None, Some(color)) if has == 1 => vec![color],
-        (None, None) if has == known.len() => known.clone(),
-        // Which one it is changes nothing.
-        (None, None) if has == 1 && !tells_colors(display) => vec![known[0]],
-        (None, _) if has == known.len() => known.clone(),
-        (None, _) => {
-            let all = known.iter().map(Color::to_string).collect::<Vec<_>>().join(", ");
-            return Err(Failure::Asked(format!(
-                "{what}: it has {has} colours without names, and the display '{}' has {} ({all}): give as many, or one \
-                 and say which with --color",
-                display.name,
-                known.len()
-            )));
-        }
+    let opening = args.unit.opening(Some(display), args.display.color.one());
+    let hologram = opening.hologram(&args.hologram)?;
+    let notes = differences(&hologram, display);
+    let named = |c: ColorHologram| match c.color {
+        Some(color) => Ok((color, c.phases)),
+        None => Err(Failure::Asked(format!("{}: its colours are not named", args.hologram.display()))),
     };
-    let colors: Vec<_> = (names.into_iter().zip(phases.colors))
-        .map(|(name, c)| (name, c.1))
-        .filter(|c| asked.is_none_or(|a| a == c.0))
-        .collect();
-    if let (Some(color), true) = (asked, colors.is_empty()) {
-        return Err(Failure::Asked(format!("{what}: it has no {color} part")));
-    }
-    Ok(Input { frames: phases.frames, size: [phases.height, phases.width], colors, notes: Vec::new() })
-}
-
-/// Whether it matters to the display which colour a phase is for.
-fn tells_colors(display: &Display) -> bool {
-    let e = &display.encoding;
-    matches!(e.packing, Packing::Fields | Packing::Map)
-        || !e.look_up.is_empty()
-        || matches!(e.two_pi_level, Some(eyebox::optics::TwoPi::Each(_)))
-        || e.correction.iter().any(|c| c.color.is_some())
-        || e.grating.iter().any(|g| g.color.is_some())
+    let (frames, size) = (hologram.frames, [hologram.height, hologram.width]);
+    let colors = hologram.colors.into_iter().map(named).collect::<Result<_, _>>()?;
+    Ok(Input { frames, size, colors, notes })
 }
 
 /// Where the display is not the one that the hologram was made for.
@@ -165,7 +118,7 @@ fn report(args: &Encode, display: &Display, encoder: &Encoder, frames: &VideoFra
     let all: Vec<Value> =
         (0..frames.count()).map(|i| json!({ "file": VideoFrames::file_name(i), "holds": holds(i) })).collect();
     json!({
-        "folder": args.out,
+        "folder": args.out.display().to_string(),
         "display": display.name,
         "height": frames.height,
         "width": frames.width,

@@ -3,14 +3,11 @@
 use crate::Failure;
 use crate::args::Export;
 use crate::common::{self, Form};
-use eyebox::hologram::{self, Hologram};
+use eyebox::hologram;
 
 /// Writes the phases as one array, or as a folder of grey pictures.
 pub fn run(args: &Export) -> Result<(), Failure> {
-    if !common::is_hologram(&args.hologram) {
-        return Err(Failure::Asked(format!("{}: a hologram's name ends in .zarr", args.hologram.display())));
-    }
-    let hologram = Hologram::load_at(&args.hologram, args.at)?;
+    let hologram = args.phases.opening(&args.hologram, args.at)?.hologram(&args.hologram)?;
     let count = hologram.colors.len() * hologram.frames;
     if args.out.extension().is_some() {
         common::form(&args.out, &[Form::Npy])?;

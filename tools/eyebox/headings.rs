@@ -110,7 +110,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
     ),
     ("Calibration", &["calibrate", "targets", "trackers.calibration", "trackers.eye"]),
     ("Window", &["preview.window", "zoom", "save_to", "live.view"]),
-    ("Optics of bare phases", &["pitch", "wavelength", "focal_length", "geometry", "exposure"]),
+    ("Bare phases", &["phase_unit", "pitch", "wavelength", "focal_length", "geometry", "exposure"]),
     ("Engine", &["engine", "vulkan_from", "rounds", "beside", "time_again"]),
     ("Output", &["out", "json", "timings", "stats", "record", "trace", "raw", "shared", "at"]),
 ];

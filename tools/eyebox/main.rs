@@ -1,5 +1,5 @@
 //! The `eyebox` command: `demo`, `solve`, `plan`, `view`, `photograph`, `refine`, `study`, `live`, `score`, `tradeoff`,
-//! `evaluate`, `export`, `encode`, `play`, `preview`, `monitors`, `bench`, `devices`, `trackers`, `completions`,
+//! `evaluate`, `export`, `import`, `encode`, `play`, `preview`, `monitors`, `bench`, `devices`, `trackers`, `completions`,
 //! `man`.
 //!
 //! This room reads arguments, calls the runtime, and shows what came of it. Anything that a program would want to call
@@ -23,8 +23,10 @@ mod export;
 mod failure;
 mod generate;
 mod headings;
+mod import;
 mod live;
 mod log;
+mod phases;
 mod photograph;
 mod plan;
 mod play;
@@ -54,6 +56,7 @@ fn main() -> ExitCode {
     };
     log::listen(cli.verbose);
     signals::outlive_file_limits();
+    eyebox::engine::prepare_threads();
     let done = match &cli.command {
         Command::Demo(args) => demo::run(args),
         Command::Solve(args) => solve::run(args),
@@ -67,6 +70,7 @@ fn main() -> ExitCode {
         Command::Tradeoff(args) => tradeoff::run(args),
         Command::Evaluate(args) => evaluate::run(args),
         Command::Export(args) => export::run(args),
+        Command::Import(args) => import::run(args),
         Command::Encode(args) => encode::run(args),
         Command::Play(args) => play::run(args),
         Command::Preview(args) => preview::run(args),

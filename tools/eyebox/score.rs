@@ -4,7 +4,7 @@ use crate::Failure;
 use crate::args::{SceneArgs, Score};
 use crate::common;
 use crate::progress::JobBar;
-use eyebox::hologram::{self, Hologram, HologramScores, PhaseSource, PupilScore, SceneSource};
+use eyebox::hologram::{Hologram, HologramScores, PhaseSource, PupilScore, SceneSource};
 use eyebox::optics::{Display, Pupil};
 use eyebox::solve::{Diameters, PupilRange, Sampler, Sequence};
 use serde_json::{Value, json};
@@ -91,33 +91,16 @@ pub fn as_solved(args: &SceneArgs, hologram: &Hologram) -> SceneArgs {
     args
 }
 
-/// A hologram, and the display that it was made for.
-pub fn with_display(file: &Path) -> Result<(Hologram, Display), Failure> {
-    let hologram = Hologram::load(file)?;
-    let display = display_of(file, &hologram)?;
-    Ok((hologram, display))
-}
-
 /// The display that a hologram, read from `file`, was made for.
 pub fn display_of(file: &Path, hologram: &Hologram) -> Result<Display, Failure> {
     hologram.made_for().map_err(|e| Failure::Asked(format!("{}: {e}", file.display())))
 }
 
-/// The hologram, and the display that its own optics make (or, for bare phases, that the flags say).
+/// The hologram, and the display that it is for.
 fn load(args: &Score) -> Result<(PhaseSource<'static>, Display), Failure> {
-    if common::is_hologram(&args.hologram) {
-        let source = PhaseSource::open(&args.hologram, None)?;
-        let display = display_of(&args.hologram, source.about())?;
-        return Ok((source, display));
-    }
-    let phases = hologram::load_phases(&args.hologram)?;
-    let display = common::display(&args.display)?;
-    let colors = common::colors(&args.display, &display)?;
-    let hologram = phases.on(&display, &colors);
-    let hologram =
-        hologram.map_err(|e| Failure::Asked(format!("{}: {e}: choose with --color", args.hologram.display())))?;
-    let display = Display { height: hologram.height, width: hologram.width, ..display };
-    Ok((hologram.into(), display))
+    let source = args.phases.opening(&args.hologram, None)?.source(&args.hologram)?;
+    let display = display_of(&args.hologram, source.about())?;
+    Ok((source, display))
 }
 
 /// `random:N`, or a JSON list of [x, y, diameter, focus] in mm.
@@ -179,11 +162,11 @@ mod tests {
             phases: vec![0.5; 6],
         };
         let hologram = Hologram { height: 2, width: 3, ..Hologram::on(&display, 1, vec![color]) };
-        for name in ["x.zarr", "x.npy"] {
+        for (name, display) in [("x.zarr", &[][..]), ("x.npy", &["--display", "paper"])] {
             let path = here.path().join(name);
             hologram.save(&path).unwrap();
             let words = ["eyebox", "score", path.to_str().unwrap(), "builtin:plane", "--color", "green"];
-            let Command::Score(args) = Cli::parse_from(words).command else { panic!("not score") };
+            let Command::Score(args) = Cli::parse_from([&words, display].concat()).command else { panic!("not score") };
             let (loaded, found) = load(&args).unwrap();
             assert_eq!(loaded.about().colors.len(), 1);
             assert!((found.eyebox_min() - 22e-3).abs() < 1e-9, "{name}: {}", found.eyebox_min());

@@ -101,7 +101,7 @@ fn say_hologram(args: &Solve, solved: &SolvedHologram, engine: &dyn Engine, star
         let colors: Vec<_> = solved.solutions.iter().map(report).collect();
         let padding = solved.plan.padding;
         let out = json!({
-            "out": args.out, "engine": engine.describe(), "seconds": seconds, "colors": colors,
+            "out": args.out.display().to_string(), "engine": engine.describe(), "seconds": seconds, "colors": colors,
             "settings": solved.settings, "padding": [padding.rows, padding.columns], "plan": solved.plan.choices,
             "timings": timings(engine), "peak_memory_mib": common::peak_memory_mib(),
         });
@@ -150,7 +150,10 @@ fn say_sequence(
     if solved == 0 {
         println!("{out} is complete: {count} holograms");
     } else if args.json {
-        println!("{}", json!({ "out": args.out, "engine": engine.describe(), "seconds": seconds, "frames": frames }));
+        println!(
+            "{}",
+            json!({ "out": args.out.display().to_string(), "engine": engine.describe(), "seconds": seconds, "frames": frames })
+        );
     } else {
         println!("wrote {out}: {count} holograms after {seconds:.1} s");
     }
@@ -167,7 +170,7 @@ fn say_tiles(args: &Solve, solved: &SolvedTiles, colors: usize, engine: &dyn Eng
     if args.json {
         let row = |s: &eyebox::hologram::PupilScore| json!({ "pupil_mm": s.pupil.to_mm(), "psnr_db": s.psnr });
         let out = json!({
-            "out": args.out, "engine": engine.describe(), "solve_seconds": solved.seconds, "seconds": seconds,
+            "out": args.out.display().to_string(), "engine": engine.describe(), "solve_seconds": solved.seconds, "seconds": seconds,
             "psnr_mean_db": summary.mean, "psnr_worst_db": summary.worst,
             "pupils": scores.pupils.iter().map(row).collect::<Vec<_>>(), "visits": plan.visits * colors,
             "pupils_solved": solved.pupils, "region": [plan.region.rows, plan.region.columns],

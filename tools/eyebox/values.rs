@@ -1,6 +1,7 @@
 //! Values on the command line: what people write, and what it means inside.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use eyebox::hologram::PhaseUnit;
 use eyebox::optics::{Pupil, WindowFactor};
 use eyebox::plan::Storage;
 use eyebox::present::Rate;
@@ -87,6 +88,18 @@ pub fn targets(text: &str) -> Result<Targets, String> {
         return Err("an eye turns 60 degrees at most".into());
     }
     if (3..=64).contains(&all.len()) { Ok(Targets(all)) } else { Err(format!("expected 3 to 64 targets: {form}")) }
+}
+
+/// What numbers of bare phases are.
+pub fn phase_unit(text: &str) -> Result<PhaseUnit, String> {
+    match text {
+        "rad" => Ok(PhaseUnit::Radians),
+        "turns" => Ok(PhaseUnit::Turns),
+        "deg" => Ok(PhaseUnit::Degrees),
+        levels => positive(levels)
+            .map(PhaseUnit::Levels)
+            .map_err(|_| "expected rad, turns, deg, or how many levels are a full turn, such as 256".into()),
+    }
 }
 
 /// Hertz, or a fraction.

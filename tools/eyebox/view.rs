@@ -1,24 +1,22 @@
 //! `eyebox view`.
 
 use crate::Failure;
-use crate::args::{GeometryName, PhaseOptics, View};
+use crate::args::View;
 use crate::common::{self, Form};
 use eyebox::evaluate::Plane;
-use eyebox::hologram::{self, Hologram, PhaseSource};
-use eyebox::optics::Geometry;
-use std::path::Path;
+use eyebox::hologram::{Hologram, PhaseSource};
 
 /// Shows one pupil.
 pub fn run(args: &View) -> Result<(), Failure> {
     let form = common::form(&args.out, &[Form::Png, Form::Npy])?;
-    let (source, known) = load(&args.hologram, args.at, &args.optics)?;
+    let source = args.phases.opening(&args.hologram, args.at)?.source(&args.hologram)?;
     let about = source.about();
     for i in 0..about.colors.len() {
         args.pupil.check_within(&about.optics(i)?)?;
     }
     let mut engine = common::engine(&args.engine)?;
     let planes = source.look(None, &args.pupil, engine.as_mut())?;
-    let exposures = exposures(about, known, &args.optics, &planes);
+    let exposures = exposures(about, args.exposure, &planes);
     let colors: Vec<_> = about.colors.iter().map(|c| c.color).collect();
     common::write_image(&args.out, form, &planes, &colors, &exposures)?;
     let [x, y, d, z] = args.pupil.to_mm();
@@ -35,42 +33,12 @@ pub fn run(args: &View) -> Result<(), Failure> {
 
 /// What a picture of these planes is multiplied by: as asked, the hologram's own where it is known, else what makes them
 /// bright.
-pub fn exposures(hologram: &Hologram, known: bool, optics: &PhaseOptics, planes: &[Plane]) -> Vec<f64> {
-    match (optics.exposure, known) {
+pub fn exposures(hologram: &Hologram, asked: Option<f64>, planes: &[Plane]) -> Vec<f64> {
+    match (asked, hologram.metadata.exposure_assumed) {
         (Some(exposure), _) => vec![exposure; planes.len()],
-        (None, true) => hologram.colors.iter().map(|c| c.exposure).collect(),
-        (None, false) => vec![1.0 / percentile(planes, 0.99); planes.len()],
+        (None, false) => hologram.colors.iter().map(|c| c.exposure).collect(),
+        (None, true) => vec![1.0 / percentile(planes, 0.99); planes.len()],
     }
-}
-
-/// A hologram holds its own optics: none may be given.
-pub fn no_optics(file: &Path, optics: &PhaseOptics) -> Result<(), Failure> {
-    if optics.pitch.is_none() && optics.wavelength.is_empty() && optics.focal_length.is_none() {
-        return Ok(());
-    }
-    let what = file.display();
-    Err(Failure::Asked(format!("{what} holds its own optics: leave out --pitch, --wavelength and --focal-length")))
-}
-
-/// A hologram, or bare phases with the optics given; and whether its exposure is known.
-pub fn load(file: &Path, at: Option<u64>, optics: &PhaseOptics) -> Result<(PhaseSource<'static>, bool), Failure> {
-    if common::is_hologram(file) {
-        no_optics(file, optics)?;
-        return Ok((PhaseSource::open(file, at)?, true));
-    }
-    let (Some(pitch), Some(focal_length), [_, ..]) = (optics.pitch, optics.focal_length, &optics.wavelength[..]) else {
-        let what = file.display();
-        return Err(Failure::Asked(format!("{what}: bare phases need --pitch, --wavelength and --focal-length")));
-    };
-    let wavelengths: Vec<f64> = optics.wavelength.iter().map(|nm| nm * 1e-9).collect();
-    let geometry = match optics.geometry {
-        GeometryName::Relay => Geometry::Relay,
-        GeometryName::FarField => Geometry::FarField,
-    };
-    let phases = hologram::load_phases(file)?;
-    let hologram = phases.with_optics(pitch * 1e-6, focal_length * 1e-3, geometry, &wavelengths);
-    let hologram = hologram.map_err(|e| Failure::Asked(format!("{}: {e}", file.display())))?;
-    Ok((hologram.into(), false))
 }
 
 fn percentile(planes: &[Plane], share: f64) -> f64 {

@@ -67,16 +67,15 @@ impl Candidate {
 }
 
 impl Given {
-    /// Reads a hologram that goes by this name. Of several scenes it has to say which one it shows.
+    /// A hologram that was read from `file` and goes by this name. Of several scenes it has to say which one it shows.
     ///
     /// # Errors
-    /// [`QualityError`]: the file, or that the hologram cannot be compared.
-    pub fn read(name: &str, file: PathBuf, scenes: &[String]) -> Result<Self, QualityError> {
+    /// [`QualityError`]: that it cannot be compared.
+    pub fn new(name: &str, file: PathBuf, hologram: Hologram, scenes: &[String]) -> Result<Self, QualityError> {
         let wrong = |reason: String| QualityError::Input { what: file.display().to_string(), reason };
         if Method::by_name(name).is_some() {
             return Err(wrong(format!("'{name}' is the name of a method: give the hologram another")));
         }
-        let hologram = Hologram::load(&file)?;
         if hologram.colors.iter().any(|c| c.color.is_none()) || hologram.display_wavelengths.is_empty() {
             return Err(wrong("its colours are not named, or its display is not known".into()));
         }

@@ -1,6 +1,7 @@
 //! The arguments of `eyebox evaluate`.
 
 use crate::args::{DisplayArgs, EngineArgs, SceneArgs};
+use crate::phases::PhaseUnitArgs;
 use crate::quality::QualityArgs;
 use crate::values::{depths, positive, range};
 use clap::Args;
@@ -21,8 +22,8 @@ pub struct Evaluate {
     /// Sub-frames; several numbers compare them
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "8")]
     pub frames: Vec<usize>,
-    /// A hologram that exists, under the name that the report gives it; may be repeated
-    #[arg(long, value_name = "NAME=FILE.zarr", value_parser = named)]
+    /// A hologram that exists, or phases (.npy) for --display, under the name that the report gives it; may be repeated
+    #[arg(long, value_name = "NAME=FILE", value_parser = named)]
     pub hologram: Vec<(String, PathBuf)>,
     /// Published numbers to draw beside the measured ones: columns method,category,n,mean,median,q25,q75,min,max,std
     #[arg(long, value_name = "CSV")]
@@ -30,6 +31,9 @@ pub struct Evaluate {
     /// Display
     #[command(flatten)]
     pub display: DisplayArgs,
+    /// Bare phases
+    #[command(flatten)]
+    pub unit: PhaseUnitArgs,
     /// Depth or disparity map of a picture (PNG, PFM or .npy)
     #[arg(long, value_name = "FILE")]
     pub depth_map: Option<PathBuf>,
@@ -85,6 +89,6 @@ impl Evaluate {
 fn named(text: &str) -> Result<(String, PathBuf), String> {
     match text.split_once('=') {
         Some((name, file)) if !name.trim().is_empty() && !file.is_empty() => Ok((name.trim().into(), file.into())),
-        _ => Err("expected NAME=FILE.zarr".into()),
+        _ => Err("expected NAME=FILE".into()),
     }
 }

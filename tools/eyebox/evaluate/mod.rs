@@ -16,7 +16,7 @@ use eyebox::quality::writable;
 use eyebox::report;
 use eyebox::scene;
 use eyebox::solve::{Method, Settings};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The methods that are compared where nothing else is asked for.
 const DEFAULT: [Method; 5] = [Method::Slfh, Method::Lf2fs, Method::Stft, Method::Smooth, Method::Dpac];
@@ -131,7 +131,10 @@ fn job(args: &Evaluate) -> Result<Comparison, Failure> {
         None if args.hologram.is_empty() => DEFAULT.to_vec(),
         None => Vec::new(),
     };
-    let read = |(name, file): &(String, _)| Given::read(name, std::path::PathBuf::clone(file), &args.scenes);
+    let opening = args.unit.chosen(&args.display)?;
+    let read = |(name, file): &(String, PathBuf)| -> Result<Given, Failure> {
+        Ok(Given::new(name, file.clone(), opening.hologram(file)?, &args.scenes)?)
+    };
     let given: Vec<Given> = args.hologram.iter().map(read).collect::<Result<_, _>>()?;
     let (display, colors) = optics(args, methods.is_empty().then_some(()).and(given.first()))?;
     for hologram in &given {

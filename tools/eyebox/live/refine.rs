@@ -4,6 +4,7 @@ use super::args::SteeringArgs;
 use crate::Failure;
 use crate::args::{EngineArgs, SceneArgs};
 use crate::common::{self, Form};
+use crate::phases::PhaseArgs;
 use crate::progress::{self, JobBar};
 use crate::score;
 use crate::values::{not_negative, pupil, range};
@@ -20,7 +21,7 @@ use std::time::Instant;
 /// `eyebox refine`
 #[derive(Args)]
 pub struct Refine {
-    /// NAME.zarr, solved for the whole eyebox
+    /// NAME.zarr, solved for the whole eyebox; or phases: NAME.npy or a folder of PNGs
     pub hologram: PathBuf,
     /// Scene
     #[command(flatten)]
@@ -40,6 +41,9 @@ pub struct Refine {
     /// How the phases follow
     #[command(flatten)]
     pub steering: SteeringArgs,
+    /// Bare phases
+    #[command(flatten)]
+    pub phases: PhaseArgs,
     /// Where the refined hologram goes: NAME.zarr
     #[arg(short, long, value_name = "FILE")]
     pub out: Option<PathBuf>,
@@ -76,11 +80,15 @@ pub fn run(args: &Refine) -> Result<(), Failure> {
         common::form(out, &[Form::Zarr])?;
     }
     if Tiles::is_tiled(&args.hologram) {
+        // It holds its own optics.
+        args.phases.opening(&args.hologram, None)?;
         return tiled(args);
     }
-    let (mut hologram, display) = score::with_display(&args.hologram)?;
+    let mut hologram = args.phases.opening(&args.hologram, None)?.hologram(&args.hologram)?;
+    let display = score::display_of(&args.hologram, &hologram)?;
     let colors: Vec<_> = hologram.colors.iter().filter_map(|c| c.color).collect();
     let field = common::scene(&score::as_solved(&args.scene, &hologram), &display, &colors)?;
+    hologram.fit_exposure(&field, common::engine(&args.engine)?.as_mut())?;
     let aim = args.aim();
     let padding = hologram.metadata.padding();
     progress::catch_interrupt();
@@ -218,7 +226,7 @@ fn report(args: &Refine, all: &[Vec<Row>], frames: usize, engine: &str, [key, wo
         let row = |r: &Row| json!({ "steps": r.steps, "ms": r.ms, "eye_db": r.eye, key: r.wide });
         let mut said = json!({
             "engine": engine, "aim": args.aim(), "steering": args.steering.steering(),
-            "rows": rows.iter().map(row).collect::<Vec<_>>(), "out": args.out,
+            "rows": rows.iter().map(row).collect::<Vec<_>>(), "out": args.out.as_ref().map(|out| out.display().to_string()),
         });
         if !place.is_null() {
             said["piece"] = place.clone();

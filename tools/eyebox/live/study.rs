@@ -128,7 +128,7 @@ pub fn run(args: &Study) -> Result<(), Failure> {
     let title = format!("Steering {}", subject.hologram.scene);
     report::write_study(&title, &subject.engine, &study, &args.out)?;
     if args.json {
-        println!("{}", json!({ "summary": summary, "out": args.out }));
+        println!("{}", json!({ "summary": summary, "out": args.out.display().to_string() }));
         return Ok(());
     }
     print(&study);

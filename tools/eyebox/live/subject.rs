@@ -2,12 +2,13 @@
 
 use crate::args::{DisplayArgs, EngineArgs, SceneArgs};
 use crate::common::{self, Engines};
+use crate::phases::PhaseUnitArgs;
 use crate::quality::QualityArgs;
 use crate::solve::Watch;
 use crate::{Failure, progress, score};
 use clap::Args;
 use eyebox::encode::Encoder;
-use eyebox::hologram::{ColorHologram, Hologram};
+use eyebox::hologram::{ColorHologram, Hologram, Phases};
 use eyebox::optics::{Color, Display, Padding};
 use eyebox::produce::solve_colors;
 use eyebox::quality::Subject;
@@ -19,7 +20,7 @@ use std::path::{Path, PathBuf};
 /// What is steered, in every command that does.
 #[derive(Args)]
 pub struct SubjectArgs {
-    /// NAME.zarr, solved for the whole eyebox; or a scene, which is solved first
+    /// NAME.zarr, solved for the whole eyebox; NAME.npy, phases with --scene; or a scene, which is solved first
     pub what: String,
     /// With a hologram: its scene [default: the one it was solved from]
     #[arg(long, value_name = "SCENE")]
@@ -27,9 +28,12 @@ pub struct SubjectArgs {
     /// Depth or disparity map of a picture (PNG, PFM or .npy)
     #[arg(long, value_name = "FILE")]
     pub depth_map: Option<PathBuf>,
-    /// Display that is encoded for, and, with a scene, solved for
+    /// Display that is encoded for, and, with a scene, solved for; bare phases are for it
     #[command(flatten)]
     pub display: DisplayArgs,
+    /// Bare phases
+    #[command(flatten)]
+    pub unit: PhaseUnitArgs,
     /// With a scene: quality of the hologram for the whole eyebox
     #[command(flatten)]
     pub quality: QualityArgs,
@@ -55,21 +59,18 @@ pub struct Steered {
 /// Loads or solves it.
 pub fn load(args: &SubjectArgs, engines: &Engines) -> Result<Steered, Failure> {
     let path = Path::new(&args.what);
-    let scene = |scene: &str| SceneArgs {
-        scene: scene.into(),
-        depth_map: args.depth_map.clone(),
-        view_pitch: None,
-        views: None,
-        depth: None,
-    };
-    let (hologram, optics, field) = if common::is_hologram(path) && !path.join("views").exists() {
-        let (hologram, optics) = score::with_display(path)?;
+    let scene = |scene: &str| SceneArgs { depth_map: args.depth_map.clone(), ..SceneArgs::of(scene) };
+    let phases = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy"));
+    let (hologram, optics, field) = if phases || (!Phases::are_at(path) && !path.join("views").exists()) {
+        let mut hologram = args.unit.chosen(&args.display)?.hologram(path)?;
+        let optics = score::display_of(path, &hologram)?;
         let name = args.scene.as_deref().unwrap_or(&hologram.scene);
         if name.is_empty() {
             return Err(Failure::Asked(format!("{}: it does not say of which scene it is: give --scene", args.what)));
         }
         let colors: Vec<Color> = hologram.colors.iter().filter_map(|c| c.color).collect();
         let field = common::scene(&score::as_solved(&scene(name), &hologram), &optics, &colors)?;
+        hologram.fit_exposure(&field, engines.open()?.as_mut())?;
         (hologram, optics, field)
     } else {
         if args.scene.is_some() {

@@ -1,6 +1,7 @@
 //! The arguments of `eyebox play`.
 
-use crate::args::EngineName;
+use crate::args::{Colors, EngineName};
+use crate::phases::PhaseUnitArgs;
 use crate::values::{mark, not_negative, positive, rate, size};
 use clap::{Args, ValueEnum};
 use eyebox::present::Rate;
@@ -67,7 +68,7 @@ impl OutputArgs {
 /// `eyebox play`
 #[derive(Args)]
 pub struct Play {
-    /// NAME.zarr: a sequence, or a single hologram
+    /// NAME.zarr: a sequence, or a single hologram; or phases: NAME.npy or a folder of PNGs
     pub file: PathBuf,
     /// Display: paper, plm, small, grey8, fields, planes8, planes24, or a TOML file
     #[arg(long, default_value = "paper", value_name = "PRESET|FILE")]
@@ -75,6 +76,12 @@ pub struct Play {
     /// Resolution instead of the display's own, rows x columns
     #[arg(long, value_name = "HxW", value_parser = size)]
     pub size: Option<[usize; 2]>,
+    /// Colours; bare phases of one colour are for this one
+    #[arg(long, value_enum, default_value = "all")]
+    pub color: Colors,
+    /// Bare phases
+    #[command(flatten)]
+    pub unit: PhaseUnitArgs,
     /// Where
     #[command(flatten)]
     pub shown: OutputArgs,

@@ -10,18 +10,15 @@ use crate::args::EngineName;
 use crate::session::{attend, conclude, ended_by};
 use crate::{Failure, common, progress};
 use args::ClockName;
-use eyebox::optics::Display;
 use eyebox::session::{self, Output, Session, SessionOptions, SinkFile, Statistics, Status};
 use serde_json::json;
 use std::time::{Duration, UNIX_EPOCH};
 
 /// Plays a hologram or a sequence, and says what was shown.
 pub fn run(args: &Play) -> Result<(), Failure> {
-    let mut display = Display::load(&args.display)?;
-    if let Some([height, width]) = args.size {
-        (display.height, display.width) = (height, width);
-    }
-    let mut play = session::Play::open(&args.file, &display)?;
+    let display = common::display_of_size(&args.display, args.size)?;
+    let sequence = args.unit.opening(Some(&display), args.color.one()).sequence(&args.file)?;
+    let mut play = session::Play::new(sequence, &display)?;
     let output = output(args, args.looped || play.looped)?;
     play.rate = args.rate.unwrap_or(play.rate);
     play.speed = args.speed;

@@ -1,6 +1,7 @@
 //! The arguments of `eyebox preview`.
 
-use crate::args::{EngineArgs, PhaseOptics};
+use crate::args::EngineArgs;
+use crate::phases::PhaseArgs;
 use crate::values::{positive, pupil, rate, size};
 use clap::Args;
 use eyebox::optics::Pupil;
@@ -36,9 +37,13 @@ pub struct Preview {
     /// Where the key s puts its PNGs
     #[arg(long, value_name = "DIR", default_value = ".")]
     pub save_to: PathBuf,
-    /// Optics of bare phases
+    /// Bare phases
     #[command(flatten)]
-    pub optics: PhaseOptics,
+    pub phases: PhaseArgs,
+    /// Exposure of the picture [default: the hologram's; where it is not known, the 99th percentile of the first becomes
+    /// white]
+    #[arg(long, value_parser = positive)]
+    pub exposure: Option<f64>,
     /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,

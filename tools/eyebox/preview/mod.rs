@@ -29,14 +29,14 @@ const ROOM: f64 = 0.85;
 
 /// Shows what an eye sees, live.
 pub fn run(args: &Preview) -> Result<(), Failure> {
-    let Opened { hologram, known, playing, tiles } = open(args)?;
+    let Opened { hologram, playing, tiles } = open(args)?;
     for i in 0..hologram.colors.len() {
         args.pupil.check_within(&hologram.optics(i)?)?;
     }
     // Nobody waits for a scene to be told that there is no window.
     let mut desktop = Desktop::open()?;
     let opener = common::opener(&args.engine)?;
-    let hologram = expose(args, hologram, known)?;
+    let hologram = expose(args, hologram)?;
     let scene = scene(args, &hologram, playing.is_some(), tiles.is_some())?;
     let colors: Vec<Option<Color>> = hologram.colors.iter().map(|c| c.color).collect();
     let size = hologram.picture_size().into();
@@ -46,7 +46,7 @@ pub fn run(args: &Preview) -> Result<(), Failure> {
         rate: playing.as_ref().map_or(1.0, |p| p.1),
         playing: playing.map(|p| p.0),
         padding: hologram.metadata.padding(),
-        exposure: args.optics.exposure,
+        exposure: args.exposure,
         index: 0,
         contents: 0,
         colors,
@@ -78,8 +78,6 @@ pub fn run(args: &Preview) -> Result<(), Failure> {
 struct Opened {
     /// What is shown first; of tiles, everything but the phases.
     hologram: Hologram,
-    /// Whether its exposure is known.
-    known: bool,
     /// The sequence that goes on from there at its rate.
     playing: Option<(Playing, f64)>,
     /// Where the phases stay.
@@ -87,31 +85,31 @@ struct Opened {
 }
 
 fn open(args: &Preview) -> Result<Opened, Failure> {
-    if common::is_hologram(&args.file) && args.at.is_none() && Sequence::is_at(&args.file) {
-        view::no_optics(&args.file, &args.optics)?;
-        let mut sequence = Sequence::open(&args.file)?;
+    let opening = args.phases.opening(&args.file, args.at)?;
+    if args.at.is_none() && Sequence::is_at(&args.file) {
+        let mut sequence = opening.sequence(&args.file)?;
         let [numerator, denominator] = sequence.rate();
         let hz = args.rate.map_or(f64::from(numerator) / f64::from(denominator), |rate| rate.hz());
         let hologram = sequence.load(0)?;
-        return Ok(Opened { hologram, known: true, playing: Some((Playing::new(sequence, hz)?, hz)), tiles: None });
+        return Ok(Opened { hologram, playing: Some((Playing::new(sequence, hz)?, hz)), tiles: None });
     }
-    let (source, known) = view::load(&args.file, args.at, &args.optics)?;
+    let source = opening.source(&args.file)?;
     let hologram = source.about().clone();
     let tiles = match source {
         PhaseSource::Whole(_) => None,
         PhaseSource::Tiled(tiles) => Some(tiles),
     };
-    Ok(Opened { hologram, known, playing: None, tiles })
+    Ok(Opened { hologram, playing: None, tiles })
 }
 
 /// One exposure for the whole session: as asked, the hologram's own, or what makes the first picture bright.
-fn expose(args: &Preview, mut hologram: Hologram, known: bool) -> Result<Hologram, Failure> {
-    let exposures = match (args.optics.exposure, known) {
+fn expose(args: &Preview, mut hologram: Hologram) -> Result<Hologram, Failure> {
+    let exposures = match (args.exposure, hologram.metadata.exposure_assumed) {
         (Some(exposure), _) => vec![exposure; hologram.colors.len()],
-        (None, true) => return Ok(hologram),
-        (None, false) => {
+        (None, false) => return Ok(hologram),
+        (None, true) => {
             let planes = hologram.look(&args.pupil, common::engine(&args.engine)?.as_mut())?;
-            view::exposures(&hologram, known, &args.optics, &planes)
+            view::exposures(&hologram, None, &planes)
         }
     };
     hologram.colors.iter_mut().zip(exposures).for_each(|(color, exposure)| color.exposure = exposure);
@@ -128,13 +126,7 @@ fn scene(args: &Preview, hologram: &Hologram, moves: bool, tiled: bool) -> Resul
     }
     let display = score::display_of(&args.file, hologram)?;
     let colors: Vec<Color> = hologram.colors.iter().filter_map(|c| c.color).collect();
-    let asked = SceneArgs {
-        scene: scene.clone(),
-        depth_map: args.depth_map.clone(),
-        view_pitch: None,
-        views: None,
-        depth: None,
-    };
+    let asked = SceneArgs { depth_map: args.depth_map.clone(), ..SceneArgs::of(scene) };
     let asked = score::as_solved(&asked, hologram);
     if tiled {
         return common::scene_around(&asked, &display, &colors);

@@ -111,7 +111,7 @@ fn a_folder_of_frames_is_replaced_and_any_other_left_alone() {
     let at = temp.path();
     phases(at, "p.npy", &[3, 4, 6]);
     phases(at, "q.npy", &[1, 4, 6]);
-    let args = |input| ["encode", input, "--display", "grey8", "--size", "4x6", "-o", "f"];
+    let args = |input| ["encode", input, "--display", "grey8", "--color", "green", "--size", "4x6", "-o", "f"];
     done(at, &args("p.npy"));
     done(at, &args("q.npy"));
     assert_eq!(std::fs::read_dir(at.join("f")).unwrap().count(), 1, "nothing of the longer one is left");
@@ -128,11 +128,12 @@ fn mistakes_are_one_line() {
     phases(at, "p.npy", &[8, 4, 6]);
     phases(at, "three.npy", &[3, 8, 4, 6]);
     phases(at, "flat.npy", &[24]);
-    let encode = |input, display, size| ["encode", input, "--display", display, "--size", size, "-o", "x"];
-    refused(at, &["encode", "p.npy", "--display", "grey8", "-o", "x"], "--size 4x6");
+    let encode =
+        |input, display, size| ["encode", input, "--display", display, "--color", "green", "--size", size, "-o", "x"];
+    refused(at, &["encode", "p.npy", "--display", "grey8", "--color", "green", "-o", "x"], "--size 4x6");
     refused(at, &encode("p.npy", "grey8", "4x5"), "takes 4x5");
     refused(at, &encode("p.npy", "planes24", "4x6"), "24 sub-frames would be right");
-    refused(at, &encode("p.npy", "fields", "4x6"), "--color");
+    refused(at, &["encode", "p.npy", "--display", "fields", "--size", "4x6", "-o", "x"], "--color");
     refused(at, &encode("flat.npy", "grey8", "4x6"), "sub-frame, row, column");
     refused(at, &encode("none.npy", "grey8", "4x6"), "none.npy");
     refused(at, &encode("p.npy", "none", "4x6"), "planes24");
@@ -166,5 +167,9 @@ fn mistakes_are_one_line() {
         refused(at, &["encode", "three.npy", "--display", "bench.toml", "-o", "x"], what);
     }
     std::fs::write(at.join("file"), "").unwrap();
-    refused_at(at, &["encode", "p.npy", "--display", "grey8", "--size", "4x6", "-o", "file"], "is a file");
+    refused_at(
+        at,
+        &["encode", "p.npy", "--display", "grey8", "--color", "red", "--size", "4x6", "-o", "file"],
+        "is a file",
+    );
 }

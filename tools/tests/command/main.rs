@@ -12,6 +12,7 @@ mod play;
 #[cfg(target_os = "linux")]
 mod preview;
 mod refine;
+mod reliability;
 mod tiled;
 mod trackers;
 mod tradeoff;

@@ -1,0 +1,120 @@
+//! One way to open whatever holds phases: a hologram, one of a sequence, or bare phases with what they do not say.
+
+use super::chunks::GROUP;
+use super::{Hologram, HologramError, PhaseSource, PhaseUnit, Phases, Sequence, load_phases};
+use crate::optics::{Color, Display, Geometry};
+use std::path::Path;
+
+/// What is said beside a file of phases. Where it is a hologram, `bare` and `unit` say nothing.
+#[derive(Debug, Clone, Default)]
+pub struct Opening {
+    /// Which hologram of a sequence, from 0.
+    pub at: Option<u64>,
+    /// The colour that is taken, and the one that bare phases of one colour are for; none for all.
+    pub color: Option<Color>,
+    /// The optics of bare phases.
+    pub bare: Option<BareOptics>,
+    /// What the numbers of bare phases are.
+    pub unit: Option<PhaseUnit>,
+}
+
+/// Optics of phases that come without.
+#[derive(Debug, Clone)]
+pub enum BareOptics {
+    /// A display's, which has as many pixels as they.
+    Display(Box<Display>),
+    /// In metres, one wavelength a colour.
+    Values {
+        /// Pixel pitch.
+        pitch: f64,
+        /// Focal length.
+        focal_length: f64,
+        /// Where the SLM stands.
+        geometry: Geometry,
+        /// Wavelengths.
+        wavelengths: Vec<f64>,
+    },
+}
+
+impl Opening {
+    /// The hologram at `path`, with all of its phases.
+    ///
+    /// # Errors
+    /// Those of [`Hologram::load_at`]; those of [`load_phases`], [`Phases::on`] and [`Phases::with_optics`], and
+    /// [`HologramError::NoOptics`]; [`HologramError::NotAHologram`] where it has no part in the colour.
+    pub fn hologram(&self, path: &Path) -> Result<Hologram, HologramError> {
+        let bare = Phases::are_at(path);
+        let mut hologram = if bare { self.bare_hologram(path)? } else { Hologram::load_at(path, self.at)? };
+        if let (Some(color), false) = (self.color, bare) {
+            hologram.colors.retain(|c| c.color == Some(color));
+            if hologram.colors.is_empty() {
+                return Err(no(path, format!("it has no {color} part")));
+            }
+        }
+        Ok(hologram)
+    }
+
+    /// The same, where phases in tiles stay on the disk.
+    ///
+    /// # Errors
+    /// Those of [`hologram`](Self::hologram) and [`PhaseSource::open`].
+    pub fn source(&self, path: &Path) -> Result<PhaseSource<'static>, HologramError> {
+        if Phases::are_at(path) || self.at.is_some() {
+            return Ok(self.hologram(path)?.into());
+        }
+        match (PhaseSource::open(path, None)?, self.color) {
+            (PhaseSource::Whole(_), Some(_)) => Ok(self.hologram(path)?.into()),
+            (PhaseSource::Tiled(tiles), Some(color)) if tiles.about().named_colors() != [color] => {
+                Err(no(path, "it is stored in tiles, all colours of which are read: leave out --color".into()))
+            }
+            (source, _) => Ok(source),
+        }
+    }
+
+    /// The sequence at `path`, or what is there as a sequence of one.
+    ///
+    /// # Errors
+    /// Those of [`Sequence::open`] and of [`hologram`](Self::hologram).
+    pub fn sequence(&self, path: &Path) -> Result<Sequence, HologramError> {
+        if Phases::are_at(path) {
+            return Ok(Sequence::single(path, self.hologram(path)?));
+        }
+        let sequence = Sequence::open(path)?;
+        match self.color {
+            Some(color) if sequence.about().named_colors() != [color] => {
+                if !sequence.is_single() {
+                    return Err(no(path, "all colours of a sequence are shown: leave out --color".into()));
+                }
+                Ok(Sequence::single(path, self.hologram(path)?))
+            }
+            _ => Ok(sequence),
+        }
+    }
+
+    fn bare_hologram(&self, path: &Path) -> Result<Hologram, HologramError> {
+        if self.at.is_some() {
+            return Err(no(path, "bare phases are one hologram, not a sequence: leave out --at".into()));
+        }
+        let missing = || HologramError::NoOptics { path: path.display().to_string() };
+        let optics = self.bare.as_ref().ok_or_else(missing)?;
+        let phases = load_phases(path, self.unit)?;
+        match optics {
+            BareOptics::Display(display) => phases.on(display, self.color),
+            BareOptics::Values { pitch, focal_length, geometry, wavelengths } => {
+                phases.with_optics(*pitch, *focal_length, *geometry, wavelengths)
+            }
+        }
+    }
+}
+
+impl Phases {
+    /// Whether there are phases without optics at `path`, or nothing that is a hologram.
+    pub fn are_at(path: &Path) -> bool {
+        let named = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("zarr"));
+        !named && !path.join(GROUP).exists()
+    }
+}
+
+fn no(path: &Path, reason: String) -> HologramError {
+    HologramError::NotAHologram { path: path.display().to_string(), reason }
+}

@@ -1,0 +1,72 @@
+//! `eyebox import`: the reverse of `eyebox export`.
+
+use crate::args::{EngineArgs, SceneArgs};
+use crate::common::{self, Form};
+use crate::phases::PhaseArgs;
+use crate::values::positive;
+use crate::{Failure, score};
+use clap::Args;
+use eyebox::hologram::Phases;
+use std::path::PathBuf;
+
+/// `eyebox import`
+#[derive(Args)]
+pub struct Import {
+    /// Phases: NAME.npy, or a folder of PNGs
+    pub file: PathBuf,
+    /// The hologram: NAME.zarr
+    #[arg(short, long, value_name = "FILE.zarr")]
+    pub out: PathBuf,
+    /// Bare phases
+    #[command(flatten)]
+    pub phases: PhaseArgs,
+    /// The scene that they show: it is named in the hologram, and decides the exposures
+    #[arg(long, value_name = "SCENE")]
+    pub scene: Option<String>,
+    /// Depth or disparity map of a scene that is a picture (PNG, PFM or .npy)
+    #[arg(long, value_name = "FILE", requires = "scene")]
+    pub depth_map: Option<PathBuf>,
+    /// The exposure that they were made for [default: with --scene, what fits it best; else not known]
+    #[arg(long, value_parser = positive, conflicts_with = "scene")]
+    pub exposure: Option<f64>,
+    /// Engine
+    #[command(flatten)]
+    pub engine: EngineArgs,
+}
+
+/// Makes a hologram of bare phases.
+pub fn run(args: &Import) -> Result<(), Failure> {
+    common::form(&args.out, &[Form::Zarr])?;
+    let what = args.file.display();
+    if !Phases::are_at(&args.file) {
+        return Err(Failure::Asked(format!("{what} is a hologram already")));
+    }
+    let mut hologram = args.phases.opening(&args.file, None)?.hologram(&args.file)?;
+    hologram.version = env!("CARGO_PKG_VERSION").into();
+    let exposures = if let Some(scene) = &args.scene {
+        let display = score::display_of(&args.file, &hologram)?;
+        let asked = SceneArgs { depth_map: args.depth_map.clone(), ..SceneArgs::of(scene) };
+        let field = common::scene(&asked, &display, &hologram.named_colors())?;
+        hologram.fit_exposure(&field, common::engine(&args.engine)?.as_mut())?;
+        hologram.scene.clone_from(&field.name);
+        hologram.metadata.views = Some(field.grid);
+        hologram.metadata.view_pitch_mm = Some(field.cell(&display) * 1e3);
+        "fitted to the scene"
+    } else if let Some(exposure) = args.exposure {
+        hologram.colors.iter_mut().for_each(|c| c.exposure = exposure);
+        hologram.metadata.exposure_assumed = false;
+        "as given"
+    } else {
+        "not known"
+    };
+    hologram.save(&args.out)?;
+    let (colors, frames, h, w) = (hologram.colors.len(), hologram.frames, hologram.height, hologram.width);
+    let each: Vec<String> = hologram.colors.iter().map(|c| format!("{:.4}", c.exposure)).collect();
+    let each = if hologram.metadata.exposure_assumed { String::new() } else { format!(" ({})", each.join(", ")) };
+    eprintln!(
+        "wrote {}: {colors} colour{}, {frames} sub-frames of {h}x{w}; exposure {exposures}{each}",
+        args.out.display(),
+        if colors == 1 { "" } else { "s" }
+    );
+    Ok(())
+}
