@@ -20,6 +20,10 @@ pub fn page(tuned: &Tuned) -> String {
         ("Colour", tuned.color.to_string()),
         ("Sub-frames shown", tuned.frames.to_string()),
         ("Levels", tuned.slm_levels.map_or("any phase".into(), |n| n.to_string())),
+        (
+            "Ceiling",
+            tuned.ceiling.map_or("none".into(), |[mean, worst]| format!("{mean:.1} dB mean, {worst:.1} dB worst")),
+        ),
         ("Engine", tuned.device.clone()),
         ("Trials", tuned.trials.len().to_string()),
         ("Time", format!("{:.0} of {:.0} s", tuned.spent_s, tuned.budget_s)),
@@ -96,6 +100,9 @@ fn recommended(tuned: &Tuned) -> Markup {
     section("three", "Three settings", body)
 }
 
+/// How far above the best trial a ceiling is drawn, dB.
+const ABOVE: f64 = 10.0;
+
 /// A number of a trial.
 type Number = fn(&Trial) -> f64;
 
@@ -107,6 +114,7 @@ fn front(
     [x, y]: [Axis; 2],
     [cost, good]: [Number; 2],
     front: &[&Trial],
+    ceiling: Option<f64>,
 ) -> Plot {
     // What is far below the front, a few per cent of the trials, stands on the lower edge.
     let (worst, best) = (front.first().map_or(0.0, |t| good(t)), front.last().map_or(1.0, |t| good(t)));
@@ -125,6 +133,13 @@ fn front(
         // Up to here, the one before is the best.
         line.extend(line.last().map(|before| [cost(trial), before[1]]));
         line.push(at(trial));
+    }
+    // Up to where it is of interest: above, it hinders nobody.
+    if let Some(ceiling) = ceiling.filter(|db| *db <= best + ABOVE) {
+        let costs = tuned.trials.iter().map(cost);
+        let [from, to] = costs.fold([f64::INFINITY, 0.0], |[a, b], v| [v.min(a), v.max(b)]);
+        plot.line("root line", vec![[from, ceiling], [to, ceiling]]);
+        plot.text("small", [from, ceiling], [2.0, -4.0], "start", &format!("ceiling {ceiling:.1}"));
     }
     plot.line(&format!("{class} line"), line);
     for trial in front {
@@ -149,11 +164,13 @@ pub fn figures(tuned: &Tuned) -> [(&'static str, Plot); 3] {
     let [mean_db, worst_db] = ["mean PSNR, dB", "worst PSNR, dB"].map(|name| move || Axis::linear(name));
     let (ms, mean, worst): (Number, Number, Number) = (|t| t.milliseconds, |t| t.mean, |t| t.worst);
     let memory = Axis::log("memory, MiB");
+    let [most_mean, most_worst] = [0, 1].map(|i| tuned.ceiling.map(|c| c[i]));
     let [a, b, c] = ["Mean quality against time", "Worst quality against time", "Mean quality against memory"];
+    let (x, y) = (milliseconds, [mebibytes, mean]);
     [
-        ("time and mean", front(tuned, a, "m0", [milliseconds(), mean_db()], [ms, mean], &tuned.by_mean())),
-        ("time and worst", front(tuned, b, "m1", [milliseconds(), worst_db()], [ms, worst], &tuned.by_worst())),
-        ("memory and mean", front(tuned, c, "m2", [memory, mean_db()], [mebibytes, mean], &tuned.by_memory())),
+        ("time and mean", front(tuned, a, "m0", [x(), mean_db()], [ms, mean], &tuned.by_mean(), most_mean)),
+        ("time and worst", front(tuned, b, "m1", [x(), worst_db()], [ms, worst], &tuned.by_worst(), most_worst)),
+        ("memory and mean", front(tuned, c, "m2", [memory, mean_db()], y, &tuned.by_memory(), most_mean)),
     ]
 }
 
@@ -161,7 +178,9 @@ fn fronts(tuned: &Tuned) -> Markup {
     let [(_, by_mean), (_, by_worst), (_, by_memory)] = figures(tuned);
     let body = html! {
         p {
-            "One dot a trial; what it did is under the mouse, and in the table below. Time and memory are logarithmic."
+            "One dot a trial; what it did is under the mouse, and in the table below. Time and memory are logarithmic. The \
+             dashed line, where it is near, is the ceiling: what diffraction at the pupils leaves of the photographs at most, \
+             whatever is tried."
         }
         div.plots {
             (figure(&by_mean, "Time and mean", "the mean over all pupils"))

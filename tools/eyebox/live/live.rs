@@ -99,10 +99,10 @@ pub fn run(args: &Live) -> Result<(), Failure> {
 }
 
 /// What a tracker's dioptres are before the hologram that is shown.
-fn eyepiece(steered: &Steered) -> Option<Eyepiece> {
-    let focal_length = steered.parts.first()?.problem.optics.focal_length;
-    let depths = steered.hologram.metadata.solve.as_ref().map_or([f64::NEG_INFINITY, f64::INFINITY], |s| s.depth);
-    Some(Eyepiece { focal_length, depths })
+fn eyepiece(steered: &Steered) -> Eyepiece {
+    let hologram = &steered.hologram;
+    let depths = hologram.metadata.solve.as_ref().map_or([f64::NEG_INFINITY, f64::INFINITY], |s| s.depth);
+    Eyepiece { focal_length: hologram.focal_length, depths }
 }
 
 fn summary(statistics: &Statistics) {

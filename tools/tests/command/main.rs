@@ -16,6 +16,7 @@ mod reliability;
 mod tiled;
 mod trackers;
 mod tradeoff;
+mod units;
 #[cfg(target_os = "linux")]
 mod window;
 #[cfg(target_os = "linux")]
