@@ -27,9 +27,10 @@
 //! Field Benchmark gives the number of views and the disparities, or a `gt_disp*.pfm` the disparities. PNG and JPEG
 //! are decoded by the sRGB curve, EXR is linear light already.
 //!
-//! **Pictures with a map.** An 8- or 16-bit picture as a map is bright where it is near; its smallest and largest value
-//! mean the ends of [`Request::depth`]. A `.pfm` or `.npy` map holds disparities, in pixels between neighbouring views
-//! at the picture's own resolution, if its name contains `disp`; else it counts like a picture, larger being nearer.
+//! **Pictures with a map.** The smallest and the largest value of a map mean the ends of [`Request::depth`], and
+//! [`Request::near`] says which of them is near. Left out, an 8- or 16-bit picture is bright where it is near; a `.pfm`, `.npy`
+//! or EXR map holds disparities, in pixels between neighbouring views at the picture's own resolution, if its name contains
+//! `disp`, and distances, the small near, if its name says so; else it is refused.
 //!
 //! **Anywhere.** Where the views of all of an eyebox would be too many or too far apart, a scene is seen from a few places at
 //! a time: a [`Stage`] renders a built-in scene there, an [`Interpolator`] makes views between those of a folder, and a
@@ -47,8 +48,12 @@ mod interpolate_tests;
 mod light;
 mod light_field;
 mod map;
+#[cfg(test)]
+mod map_tests;
+mod maps;
 mod merge;
 mod names;
+mod near;
 mod pfm;
 mod photograph;
 #[cfg_attr(not(feature = "image-formats"), path = "no_picture.rs")]
@@ -73,6 +78,8 @@ pub use error::SceneError;
 pub use interpolate::Interpolator;
 pub use light::srgb_to_linear;
 pub use light_field::LightField;
+pub use maps::depth_maps;
+pub use near::Near;
 pub use photograph::ViewGrid;
 pub use pyramid::{Level, Pyramid};
 pub use request::Request;
