@@ -12,7 +12,7 @@ use eyebox::hologram::Start;
 use eyebox::optics::{Color, Depth, Display, WindowFactor};
 use eyebox::plan::Storage;
 use eyebox::present::Rate;
-use eyebox::scene::Near;
+use eyebox::scene::{Near, Order};
 use eyebox::solve::{Diameters, Full, Method, Optimizer, PaddingRule, Sequence};
 use std::path::PathBuf;
 
@@ -98,6 +98,10 @@ pub struct SceneArgs {
     /// that its values reach
     #[arg(long, value_name = "MIN..MAX", value_parser = depths, allow_hyphen_values = true)]
     pub depth: Option<[Depth; 2]>,
+    /// How the views of a folder really stand: as-named, or transpose, flip-rows, flip-columns with commas between [default:
+    /// what its lightfield.toml says; else as named, refused where the pictures clearly show another]
+    #[arg(long, value_name = "ORDER")]
+    pub order: Option<Order>,
 }
 
 impl SceneArgs {
@@ -108,7 +112,15 @@ impl SceneArgs {
 
     /// A scene of which nothing else is said.
     pub fn of(scene: &str) -> Self {
-        Self { scene: scene.into(), depth_map: Vec::new(), near: None, view_pitch: None, views: None, depth: None }
+        Self {
+            scene: scene.into(),
+            depth_map: Vec::new(),
+            near: None,
+            view_pitch: None,
+            views: None,
+            depth: None,
+            order: None,
+        }
     }
 }
 

@@ -88,6 +88,7 @@ impl Evaluate {
             view_pitch: self.view_pitch,
             views: Some(self.views),
             depth: self.depth,
+            order: None,
         }
     }
 }

@@ -6,6 +6,7 @@ mod depth_maps;
 mod encode;
 mod evaluate;
 mod generate;
+mod inspect;
 #[cfg(target_os = "linux")]
 mod live;
 mod plan;
