@@ -118,7 +118,8 @@ fn one(
     hologram.metadata.views = Some(views);
     hologram.metadata.order = job.order;
     hologram.metadata.view_pitch_mm = Some(cell * 1e3);
-    if job.depth_map.is_some() {
+    hologram.metadata.near = job.near;
+    if !job.depth_maps.is_empty() {
         // In the order of the map's values, which the range of depths does not keep.
         hologram.metadata.depth_map_mm = job.depth.map(|d| d.map(|metres| metres * 1e3));
     }

@@ -118,6 +118,24 @@ pub enum SceneError {
         /// The picture.
         file: String,
     },
+    /// A depth map of which nothing says what is near.
+    #[error("{file}: {found}: give {decides}")]
+    Ambiguous {
+        /// The map.
+        file: String,
+        /// What was found.
+        found: String,
+        /// What decides.
+        decides: &'static str,
+    },
+    /// Depth maps that do not belong to the pictures one by one.
+    #[error(
+        "{what}: give --depth-map once for each picture, in their order, or a folder of maps with their names or numbers"
+    )]
+    Maps {
+        /// What was found.
+        what: String,
+    },
     /// No built-in scene of that name, or a parameter that it does not take.
     #[error("{name}: {reason}; the built-in scenes are {known}")]
     Builtin {

@@ -32,9 +32,10 @@
 //! Field Benchmark gives the number of views and the disparities, or a `gt_disp*.pfm` the disparities. PNG and JPEG
 //! are decoded by the sRGB curve, EXR is linear light already.
 //!
-//! **Pictures with a map.** An 8- or 16-bit picture as a map is bright where it is near; its smallest and largest value
-//! mean the ends of [`Request::depth`]. A `.pfm` or `.npy` map holds disparities, in pixels between neighbouring views
-//! at the picture's own resolution, if its name contains `disp`; else it counts like a picture, larger being nearer.
+//! **Pictures with a map.** The smallest and the largest value of a map mean the ends of [`Request::depth`], and
+//! [`Request::near`] says which of them is near. Left out, an 8- or 16-bit picture is bright where it is near; a `.pfm`, `.npy`
+//! or EXR map holds disparities, in pixels between neighbouring views at the picture's own resolution, if its name contains
+//! `disp`, and distances, the small near, if its name says so; else it is refused.
 //!
 //! **Anywhere.** Where the views of all of an eyebox would be too many or too far apart, a scene is seen from a few places at
 //! a time: a [`Stage`] renders a built-in scene there, an [`Interpolator`] makes views between those of a folder, and a
@@ -53,8 +54,12 @@ mod interpolate_tests;
 mod light;
 mod light_field;
 mod map;
+#[cfg(test)]
+mod map_tests;
+mod maps;
 mod merge;
 mod names;
+mod near;
 mod numbers;
 mod order;
 mod parallax;
@@ -86,6 +91,8 @@ pub use inspect::{Exposure, Inspection, contact_sheet, inspect};
 pub use interpolate::Interpolator;
 pub use light::srgb_to_linear;
 pub use light_field::LightField;
+pub use maps::depth_maps;
+pub use near::Near;
 pub use order::{Order, OrderFound};
 pub use parallax::Parallax;
 pub use photograph::ViewGrid;

@@ -92,10 +92,11 @@ pub fn as_solved(args: &SceneArgs, hologram: &Hologram) -> SceneArgs {
     args.view_pitch = args.view_pitch.or(known.view_pitch_mm);
     args.order = args.order.or(known.order);
     args.views = args.views.or(known.views.map(|v| v[0]));
+    args.near = args.near.or(known.near);
     // What a depth map's values mean has an order; other scenes have a range.
-    args.depth = args.depth.or_else(|| match args.depth_map {
-        Some(_) => known.depth_map_mm.map(|d| d.map(|mm| Depth::Metres(mm * 1e-3))),
-        None => known.solve.as_ref().map(|s| s.depth.map(Depth::Metres)),
+    args.depth = args.depth.or_else(|| match args.depth_map[..] {
+        [_, ..] => known.depth_map_mm.map(|d| d.map(|mm| Depth::Metres(mm * 1e-3))),
+        [] => known.solve.as_ref().map(|s| s.depth.map(Depth::Metres)),
     });
     args
 }

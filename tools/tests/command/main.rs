@@ -2,6 +2,7 @@
 
 mod basics;
 mod common;
+mod depth_maps;
 mod encode;
 mod evaluate;
 mod generate;
