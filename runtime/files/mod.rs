@@ -9,6 +9,7 @@ mod cache;
 #[cfg_attr(not(feature = "image-formats"), path = "no_codec.rs")]
 mod codec;
 mod npy;
+mod os;
 mod picture;
 pub mod read;
 mod whole;

@@ -47,17 +47,19 @@ fn write(path: &Path, values: &[f32]) {
     }
 }
 
+/// A file's name, what is near by the flag, its values; which side is near, or what the line says.
+type Row = (&'static str, Option<Near>, Vec<f32>, Result<&'static str, &'static str>);
+
 #[test]
 fn each_map_is_read_the_right_way_round_or_refused() {
     use Near::{Large, Small};
-    // What is near, or what the line says.
     const RIGHT: Result<&str, &str> = Ok("right");
     const LEFT: Result<&str, &str> = Ok("left");
     let holes = [(3, f32::NAN), (40, f32::INFINITY), (77, 0.0), (78, 0.0)];
     let unknown: Vec<(usize, f32)> = (16..40).map(|i| (i, 0.0)).collect();
     let most: Vec<(usize, f32)> = (0..200).map(|i| (i, f32::NAN)).collect();
     let decides = Err("give --near small (distances) or --near large");
-    let rows: [(&str, Option<Near>, Vec<f32>, Result<&str, &str>); 22] = [
+    let rows: [Row; 22] = [
         ("map.png", None, ramp(0.0, 255.0, &[]), RIGHT),
         ("map.png", Some(Large), ramp(0.0, 255.0, &[]), RIGHT),
         ("map.png", Some(Small), ramp(0.0, 255.0, &[]), LEFT),
