@@ -73,7 +73,8 @@ pub struct Exposure {
 /// Those of [`super::load`], but for an order that the pictures contradict.
 pub fn inspect(source: &str, request: &Request) -> Result<(Inspection, LightField), SceneError> {
     let path = Path::new(source);
-    let (field, found_by, own_size, transfer, order, says) = if !source.starts_with("builtin:") && path.is_dir() {
+    let is_folder = !source.starts_with("builtin:") && path.is_dir() && request.depth_map.is_none();
+    let (field, found_by, own_size, transfer, order, says) = if is_folder {
         request.check()?;
         let read = folder::read(path, request)?;
         let doubt = order::check(source, &read.order_found).err().map(|e| e.to_string());

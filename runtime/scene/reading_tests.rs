@@ -156,8 +156,11 @@ fn every_way_of_naming_is_read_right_or_refused() {
     }
 }
 
+/// A view's name by the row and the column that it says.
+type Naming = dyn Fn(usize, usize) -> String;
+
 /// Writes a light field under names, in an order that the names do not tell.
-fn save(field: &LightField, order: &str, name: &dyn Fn(usize, usize) -> String) -> tempfile::TempDir {
+fn save(field: &LightField, order: &str, name: &Naming) -> tempfile::TempDir {
     let temp = tempfile::tempdir().unwrap();
     let (_, places) = order.parse::<Order>().unwrap().places(field.grid);
     let columns = field.grid[1];
@@ -178,7 +181,7 @@ fn ten_light_fields_are_none_of_them_inside_out() {
     let fields = [render(5, 1.1), render(9, 1.1), render(3, 0.55)];
     let coordinates =
         |r: usize, c: usize| format!("out_{:.4}_{:.4}.png", 48.3 * r as f64 - 96.0, 48.3 * c as f64 + 0.01 * r as f64);
-    let cases: [(usize, &str, &dyn Fn(usize, usize) -> String); 10] = [
+    let cases: [(usize, &str, &Naming); 10] = [
         (1, "as-named", &|r, c| format!("input_Cam{:03}.png", r * 9 + c)),
         (0, "as-named", &|r, c| format!("out_{r:02}_{c:02}_{:.3}_{:.3}_.png", r as f64 * 9.5, c as f64 * 9.5)),
         (0, "flip-rows", &|r, c| format!("view-{r}-{c}.png")),

@@ -35,8 +35,7 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
     }
     let display = common::display(&args.display)?;
     let colors = common::colors(&args.display, &display)?;
-    let maps = common::maps_of(&args.scene)?;
-    let (found, field) = scene::inspect(&args.scene.scene, &common::request(&args.scene, &maps, &display, &colors))?;
+    let (found, field) = common::inspect(&args.scene, &display, &colors)?;
     if args.json {
         let text = serde_json::to_string(&found).map_err(|e| Failure::Asked(format!("no JSON: {e}")))?;
         println!("{text}");
