@@ -1,5 +1,6 @@
 //! The arguments of commands, and those that they share: millimetres, micrometres and nanometres in, metres out.
 
+use crate::Failure;
 use crate::phases::{PhaseArgs, PhaseUnitArgs};
 use crate::quality::QualityArgs;
 use crate::values::{
@@ -7,12 +8,12 @@ use crate::values::{
 };
 use clap::builder::TypedValueParser;
 use clap::{Args, ValueEnum};
-use eyebox::hologram::Start;
+use eyebox::hologram::{Hologram, Start};
 use eyebox::optics::{Color, Pupil, WindowFactor};
 use eyebox::plan::Storage;
 use eyebox::present::Rate;
 use eyebox::solve::{Diameters, Full, Method, Optimizer, PaddingRule, Sequence};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Which engine computes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -82,6 +83,22 @@ pub struct SceneArgs {
     /// mean (MAX..MIN where dark is near)
     #[arg(long, value_name = "MIN..MAX", value_parser = depths, allow_hyphen_values = true)]
     pub depth: Option<[f64; 2]>,
+}
+
+/// A hologram beside a scene.
+#[derive(Args, Clone, Copy)]
+pub struct OtherSceneArgs {
+    /// Take the scene though the hologram says that it shows another
+    #[arg(long)]
+    pub other_scene: bool,
+}
+
+impl OtherSceneArgs {
+    /// Refuses another scene than the hologram's, unless it is meant.
+    pub fn check(self, file: &Path, hologram: &Hologram, scene: &str) -> Result<(), Failure> {
+        let checked = if self.other_scene { Ok(()) } else { hologram.check_scene(scene) };
+        checked.map_err(|e| Failure::Asked(format!("{}: {e}", file.display())))
+    }
 }
 
 impl SceneArgs {
@@ -357,6 +374,9 @@ pub struct Score {
     /// Scene
     #[command(flatten)]
     pub scene: SceneArgs,
+    /// A scene that the hologram was not made of
+    #[command(flatten)]
+    pub other: OtherSceneArgs,
     /// random:N, or a JSON file with a list of [x, y, diameter, focus] in mm
     #[arg(long, default_value = "random:16", value_name = "random:N|FILE.json")]
     pub pupils: String,

@@ -7,6 +7,7 @@ mod evaluate;
 mod generate;
 #[cfg(target_os = "linux")]
 mod live;
+mod phases;
 mod plan;
 mod play;
 #[cfg(target_os = "linux")]
