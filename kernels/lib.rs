@@ -308,6 +308,9 @@ pub const SUM_WIDTH: u32 = 128;
 /// A complex number in float32, as all field buffers hold it: (re, im).
 pub type Complex32 = num_complex::Complex32;
 
+/// The same in float64, for what is made once.
+pub type Complex64 = num_complex::Complex64;
+
 /// Complex zero.
 pub const ZERO: Complex32 = Complex32::new(0.0, 0.0);
 

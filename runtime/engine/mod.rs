@@ -9,6 +9,7 @@
 mod choose;
 pub mod cpu;
 mod handover;
+mod threads;
 #[cfg(feature = "vulkan")]
 pub mod vulkan;
 
@@ -18,6 +19,7 @@ pub use crate::plan::{
 };
 pub use choose::{Backend, Choice, open, reason};
 pub use handover::{At, Handover};
+pub use threads::prepare_threads;
 
 use crate::scene::Pyramid;
 use std::sync::Arc;

@@ -11,10 +11,13 @@
 //! all pupils together, and PSNR follows pupil by pupil ([`Scores`], and with [`ssim`] [`compare`]). Their [`Summary`]: worst,
 //! median and spread say more than the mean. [`members`] are the groups of pupils that the paper compares methods with.
 //!
+//! What a hologram scores stands beside the most that any could: the [`Ceiling`] that diffraction at the pupil sets.
+//!
 //! What else an eye would notice: parallax that breaks ([`sweep`]), light that is not everywhere in the eyebox
 //! ([`energy`], [`passed`]), grain ([`contrast`]) and colours that come apart at edges ([`color_difference`]).
 
 mod around;
+mod ceiling;
 mod color;
 mod energy;
 mod epipolar;
@@ -29,6 +32,7 @@ mod sums;
 
 pub(crate) use around::MOST_VIEWS;
 pub use around::Views;
+pub use ceiling::Ceiling;
 pub use color::{color_difference, edges, pool_mask};
 pub use energy::{energy, passed, variation};
 pub use epipolar::{POSITIONS, RowFinder, sweep};

@@ -113,26 +113,39 @@ impl FolderDraft {
         for folder in folders_of(new).map_err(failed)? {
             sync_folder(&folder).map_err(failed)?;
         }
-        if !place.exists() || is_empty(&place) {
-            // Renaming onto an empty folder replaces it.
-            fs::rename(new, &place).map_err(failed)?;
-            let _ = draft.keep(); // It is no longer where the draft was.
-        } else if exchange(new, &place).is_err() {
-            let aside = builder(0o777).tempdir_in(parent(&place)).map_err(failed)?;
-            fs::rename(&place, aside.path()).map_err(failed)?;
-            if let Err(e) = fs::rename(new, &place) {
-                if fs::rename(aside.path(), &place).is_err() {
-                    // Whatever happens, the old one is not deleted.
-                    let kept = aside.keep();
-                    return Err(taken(&place, &format!("could not be replaced ({e}); it now is {}", kept.display())));
+        // Renaming onto an empty folder replaces it. Where another program has put one there meanwhile, that one is replaced.
+        let free = !place.exists() || is_empty(&place);
+        let moved = if free { fs::rename(new, &place) } else { Err(io::ErrorKind::DirectoryNotEmpty.into()) };
+        match moved {
+            // It is no longer where the draft was.
+            Ok(()) => drop(draft.keep()),
+            Err(e) if matches!(e.kind(), io::ErrorKind::DirectoryNotEmpty | io::ErrorKind::AlreadyExists) => {
+                if exchange(new, &place).is_err() {
+                    replace(new, &place)?;
+                    drop(draft.keep());
                 }
-                return Err(failed(e));
             }
-            let _ = draft.keep();
+            Err(e) => return Err(failed(e)),
         }
         // After an exchange the draft's name holds the old folder, and dropping the draft removes it.
         sync_folder(parent(&place)).map_err(failed)
     }
+}
+
+/// Where two names cannot be exchanged at once: the old folder is moved aside first.
+fn replace(new: &Path, place: &Path) -> Result<(), FileError> {
+    let failed = |e| FileError::write(place, e);
+    let aside = builder(0o777).tempdir_in(parent(place)).map_err(failed)?;
+    fs::rename(place, aside.path()).map_err(failed)?;
+    if let Err(e) = fs::rename(new, place) {
+        if fs::rename(aside.path(), place).is_err() {
+            // Whatever happens, the old one is not deleted.
+            let kept = aside.keep();
+            return Err(taken(place, &format!("could not be replaced ({e}); it now is {}", kept.display())));
+        }
+        return Err(failed(e));
+    }
+    Ok(())
 }
 
 #[cfg(target_os = "linux")]
@@ -259,6 +272,23 @@ mod tests {
         assert_eq!(fs::read(place.join("deep/er")).unwrap(), b"2");
         fs::write(here.path().join("file"), b"").unwrap();
         assert!(matches!(FolderDraft::new(&here.path().join("file"), |_| true), Err(FileError::Taken { .. })));
+    }
+
+    /// Whoever is last stands; nobody fails, and nothing is left beside it.
+    #[test]
+    fn writers_of_one_folder_do_not_stop_each_other() {
+        let here = tempfile::tempdir().unwrap();
+        let place = here.path().join("f");
+        let write = |i: usize| {
+            let draft = FolderDraft::new(&place, |_| true).unwrap();
+            draft.write("a", |w| write!(w, "{i}")).unwrap();
+            draft.write("b", |w| write!(w, "{i}")).unwrap();
+            draft.put().unwrap();
+        };
+        std::thread::scope(|scope| (0..8).for_each(|i| drop(scope.spawn(move || (0..20).for_each(|_| write(i))))));
+        let read = |name| fs::read(place.join(name)).unwrap();
+        assert_eq!(read("a"), read("b"), "one writer's, whole");
+        assert_eq!(names(here.path()), ["f"]);
     }
 
     #[cfg(unix)]

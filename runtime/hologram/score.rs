@@ -2,7 +2,7 @@
 
 use super::{Hologram, HologramError, PhaseSource, Sampling, SceneSource};
 use crate::engine::Engine;
-use crate::evaluate::{EvaluateError, Plane, Summary, Sums, ssim};
+use crate::evaluate::{Ceiling, EvaluateError, Plane, Summary, Sums, ssim};
 use crate::optics::Pupil;
 
 /// What one pupil scored, over all colours.
@@ -12,6 +12,11 @@ pub struct PupilScore {
     pub pupil: Pupil,
     /// PSNR over all colours, every pixel counting the same, dB.
     pub psnr: f64,
+    /// The most that any hologram could have there ([`Ceiling`]), dB, infinite where diffraction takes nothing; none where
+    /// it is not known: in tiles, and where the picture is a part of the field of view.
+    pub ceiling: Option<f64>,
+    /// The finest detail that all colours can have there, cycles a degree.
+    pub finest_cycles_per_degree: f64,
     /// Mean SSIM over the colours; none where the picture is smaller than SSIM's window.
     pub ssim: Option<f64>,
 }
@@ -49,9 +54,11 @@ impl PhaseSource<'_> {
         if has != given {
             return Err(HologramError::Inconsistent(format!("it has {has} colours, and the scene {given}")));
         }
+        let optics = (0..has).map(|color| self.about().optics(color)).collect::<Result<Vec<_>, _>>()?;
         let mut exposures = Vec::with_capacity(has);
         let mut sums: Vec<Vec<(Sums, f64)>> = vec![Vec::with_capacity(has); pupils.len()];
         let mut ssims: Vec<Option<f64>> = vec![Some(0.0); pupils.len()];
+        let mut ceilings: Vec<Vec<Ceiling>> = vec![Vec::with_capacity(has); pupils.len()];
         for color in 0..has {
             let pooled = |planes: Vec<Plane>| planes.iter().map(Plane::pooled).collect::<Vec<_>>();
             let wanted = pooled(scene.photographs(color, pupils, Sampling::Pupil, engine)?);
@@ -60,7 +67,9 @@ impl PhaseSource<'_> {
             let of_color =
                 pairs().map(|(s, w)| Sums::of_images(&s.values, &w.values)).collect::<Result<Vec<_>, _>>()?;
             let exposure = Sums::fit_exposure(&of_color)?;
+            let whole = optics.get(color).filter(|_| self.shows_whole_pictures(color));
             for (i, (seen, wanted)) in pairs().enumerate() {
+                ceilings[i].extend(whole.map(|optics| Ceiling::new(optics, &pupils[i], wanted)));
                 sums[i].push((of_color[i], exposure));
                 let exposed: Vec<f32> = seen.values.iter().map(|v| v * exposure as f32).collect();
                 ssims[i] = match ssim(&exposed, &wanted.values, seen.rows, seen.columns) {
@@ -71,12 +80,21 @@ impl PhaseSource<'_> {
             }
             exposures.push(exposure);
         }
+        let finest = |d: f64| optics.iter().map(|o| o.finest_cycles_per_degree(d)).fold(f64::INFINITY, f64::min);
         let score = |(i, pupil): (usize, &Pupil)| PupilScore {
             pupil: *pupil,
             psnr: Sums::psnr_of_colors(&sums[i]),
+            ceiling: (ceilings[i].len() == has).then(|| Ceiling::decibels(&ceilings[i])),
+            finest_cycles_per_degree: finest(pupil.diameter),
             ssim: ssims[i].map(|sum| sum / has as f64),
         };
         Ok(HologramScores { pupils: pupils.iter().enumerate().map(score).collect(), exposures })
+    }
+
+    /// Whether a picture of this colour is all that the SLM's own frequencies make.
+    fn shows_whole_pictures(&self, color: usize) -> bool {
+        let about = self.about();
+        matches!(self, Self::Whole(_)) && about.picture_share(color) == 1.0
     }
 }
 

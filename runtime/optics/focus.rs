@@ -21,7 +21,14 @@ pub fn depth_in_words(depth: f64, focal_length: f64) -> String {
     format!("{:.2} mm ({})", depth * 1e3, dioptres_in_words(depth, focal_length))
 }
 
-/// Its second half: `0.009 D`.
+/// A range of depths (metres) in both units: `-3.00..3.25 mm (-0.019..0.020 D)`.
+pub fn depths_in_words(depths: [f64; 2], focal_length: f64) -> String {
+    let [far, near] = depths.map(|z| z * 1e3);
+    let [from, to] = depths.map(|z| dioptres_in_words(z, focal_length).trim_end_matches(" D").to_owned());
+    format!("{far:.2}..{near:.2} mm ({from}..{to} D)")
+}
+
+/// A depth (metres) in dioptres: `0.009 D`.
 pub fn dioptres_in_words(depth: f64, focal_length: f64) -> String {
     let value = dioptres(depth, focal_length);
     // Three digits after the point are 160 um behind a lens of 400 mm; nothing is -0.
@@ -113,6 +120,7 @@ mod tests {
         assert!((dioptres(0.16, 0.4) - 1.0).abs() < 1e-12 && dioptres(-0.16, 0.4) < 0.0);
         assert!((depth_of_dioptres(dioptres(3e-3, 0.4), 0.4) - 3e-3).abs() < 1e-15);
         assert_eq!(depth_in_words(1.5e-3, 0.4), "1.50 mm (0.009 D)");
+        assert_eq!(depths_in_words([-3e-3, 3.25e-3], 0.4), "-3.00..3.25 mm (-0.019..0.020 D)");
         assert_eq!(dioptres_in_words(-1e-6, 0.4), "0.000 D");
     }
 

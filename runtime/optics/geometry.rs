@@ -213,6 +213,13 @@ impl Optics {
         }
     }
 
+    /// The finest detail that an intensity through a pupil of this diameter (metres) can have, cycles per degree: `d /
+    /// wavelength` a radian, or the pixels' own.
+    pub fn finest_cycles_per_degree(&self, diameter: f64) -> f64 {
+        let pixels = self.focal_length / (2.0 * self.image_pixel());
+        (diameter.min(self.eyebox()) / self.wavelength).min(pixels).to_radians()
+    }
+
     /// Depth at which content moves by `disparity` pixels between views `view_pitch` metres apart (OPTICS 3).
     pub fn depth_of_disparity(&self, disparity: f64, view_pitch: f64) -> f64 {
         disparity * self.focal_length * self.image_pixel() / view_pitch
@@ -238,6 +245,14 @@ mod tests {
     fn eyebox_of_the_papers_setup() {
         let w = |nm: f64| Optics::new(8, 8, 8e-6, nm * 1e-9, 0.4).unwrap().eyebox() * 1e3;
         assert!((w(440.0) - 22.0).abs() < 1e-9 && (w(520.0) - 26.0).abs() < 1e-9 && (w(660.0) - 33.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn details_are_as_fine_as_the_pupil_is_wide() {
+        let optics = Optics::new(8, 8, 8e-6, 520e-9, 0.4).unwrap();
+        // 4 mm of green: 134 cycles a degree, 6.5 pixels of 8 um each; a wide pupil is left with two pixels a cycle.
+        assert!((optics.finest_cycles_per_degree(4e-3) - 134.26).abs() < 0.01);
+        assert!((optics.finest_cycles_per_degree(20e-3) - 436.33).abs() < 0.01);
     }
 
     #[test]

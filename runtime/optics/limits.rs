@@ -4,6 +4,8 @@
 use super::units::{DIAMETER, FOCAL_LENGTH, PITCH, WAVELENGTH, in_words, meant};
 use super::{Color, Display, Optics, OpticsError, Pupil};
 
+/// Rows to columns above which a display is taken for one with its axes exchanged: the squarest SLMs are 5 to 4.
+const PORTRAIT: [usize; 2] = [6, 5];
 /// A pupil may be as wide as the eyebox; people round.
 const ROUNDED: f64 = 1.01;
 
@@ -21,7 +23,7 @@ impl Optics {
 
 impl Display {
     /// Whether it is such as displays are: [`Optics::check_usual`] of every colour, colours in the order of their
-    /// wavelengths, and rows and columns not exchanged: higher than wide only where it says that it is a portrait.
+    /// wavelengths, and rows and columns not exchanged: clearly higher than wide only where it says that it is a portrait.
     ///
     /// # Errors
     /// [`OpticsError::Unusual`]; those of [`optics`](Self::optics).
@@ -37,7 +39,7 @@ impl Display {
             return Err(OpticsError::Unusual { given, probably });
         }
         let Self { height, width, .. } = *self;
-        if height > width && !self.portrait {
+        if height * PORTRAIT[1] > width * PORTRAIT[0] && !self.portrait {
             let given = format!("{height} rows x {width} columns is higher than wide");
             let probably = format!(
                 "rows come first, probably {width}x{height} is meant; `portrait = true` in a display file of one"
@@ -66,7 +68,10 @@ impl Pupil {
 /// # Errors
 /// [`OpticsError::Unusual`].
 pub fn check_usual_diameters([least, most]: [f64; 2], eyebox: f64) -> Result<(), OpticsError> {
-    DIAMETER.check(least * 1e3)?;
+    // Nothing at all is not a matter of units: whoever draws pupils says so.
+    if least > 0.0 {
+        DIAMETER.check(least * 1e3)?;
+    }
     if most <= eyebox * ROUNDED {
         return Ok(());
     }

@@ -22,7 +22,7 @@ mod window;
 pub use color::Color;
 pub use display::{Display, PRESETS, Wavelength};
 pub use encoding::{Channel, ChannelOrder, Correction, Encoding, Flip, Grating, Orientation, Packing, Place, TwoPi};
-pub use focus::{Depth, depth_in_words, depth_of_dioptres, dioptres, dioptres_in_words};
+pub use focus::{Depth, depth_in_words, depth_of_dioptres, depths_in_words, dioptres, dioptres_in_words};
 pub use geometry::{Geometry, Optics, frequency_bin};
 pub use limits::check_usual_diameters;
 pub use padding::{Padding, walk_off};

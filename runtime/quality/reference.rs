@@ -3,6 +3,7 @@
 
 use super::{QualityError, Subject};
 use crate::engine::{Buffer, Engine};
+use crate::evaluate::{self, Ceiling, Plane};
 use crate::optics::{Pupil, WindowFactor};
 use crate::plan::{Planner, Purpose, Viewpoint};
 use crate::solve::{Diameters, Levels, Problem, PupilRange, Sampler, Sequence, Settings, ValidationScore, Validator};
@@ -64,6 +65,28 @@ impl Reference {
         }
         engine.write(Buffer::Phases, phases)?;
         Ok(self.validator.score(engine, &planner)?.in_units_of(self.unit))
+    }
+
+    /// Mean and worst dB that any hologram could have ([`Ceiling`]); none where it is not known, where the picture is a part
+    /// of the field of view, or where diffraction takes nothing through some pupil.
+    ///
+    /// # Errors
+    /// Those of the engine.
+    pub fn ceiling(&self, engine: &mut dyn Engine) -> Result<Option<[f64; 2]>, QualityError> {
+        let (problem, planner) = (&self.problem, self.problem.planner(1, WindowFactor::Full));
+        if planner.share < 1.0 {
+            return Ok(None);
+        }
+        engine.load(&planner.shape(Purpose::View), Some(Arc::clone(&problem.pyramid)))?;
+        let (rows, columns) = planner.slm.image_size();
+        let of = |(pupil, values): (&Pupil, Vec<f32>)| {
+            let photograph = Plane { rows, columns, values }.pooled();
+            Ceiling::decibels([&Ceiling::new(&planner.slm, pupil, &photograph)])
+        };
+        let photographs = evaluate::photographs(engine, &planner, &self.pupils)?;
+        let all: Vec<f64> = self.pupils.iter().zip(photographs).map(of).collect();
+        let mean = all.iter().sum::<f64>() / all.len() as f64;
+        Ok(mean.is_finite().then(|| [mean, all.iter().copied().fold(mean, f64::min)]))
     }
 
     /// The pupils that it looks through.

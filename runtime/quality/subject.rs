@@ -246,6 +246,13 @@ mod tests {
         }
         let other = Reference::new(&subject, 8, &mut engine).unwrap();
         assert_ne!(other.pupils(), pupils, "another seed, other pupils");
+        // Through wide pupils diffraction takes nothing; through narrow ones no trial has more than it leaves.
+        assert_eq!(reference.ceiling(&mut engine).unwrap(), None);
+        let base = Settings { diameter: [2e-3, 4e-3], ..subject.base.clone() };
+        let narrow = Reference::new(&Subject { base, ..scene.subject() }, 7, &mut engine).unwrap();
+        let [mean, worst] = narrow.ceiling(&mut engine).unwrap().expect("a ceiling");
+        let scored = narrow.score(&solved.solution.phases, &mut engine).unwrap();
+        assert!(worst < mean && scored.mean() < mean && scored.worst() < worst, "{mean} {worst} {scored:?}");
     }
 
     #[test]

@@ -95,6 +95,7 @@ impl<'a> Tuning<'a> {
             frames: base.frames,
             slm_levels: levels.given().map(<[f64]>::len),
             seed: self.seed,
+            ceiling: None,
             budget_s: self.budget,
             spent_s: 0.0,
             interrupted: false,
@@ -108,7 +109,7 @@ impl<'a> Tuning<'a> {
         let state: State = keep.load("trials", &made_by).unwrap_or_default();
         let (before, what) = (state.spent_s, String::new());
         let mut work = Work { tuning: self, engine, observe, keep, made_by, before, what, stopped: false, state };
-        work.all()?;
+        tuned.ceiling = work.all()?;
         tuned.interrupted = work.stopped;
         let State { spent_s, trials, levels, levels_recipe, .. } = work.state;
         (tuned.spent_s, tuned.trials, tuned.levels, tuned.levels_recipe) = (spent_s, trials, levels, levels_recipe);
@@ -135,9 +136,11 @@ impl Work<'_, '_> {
         Ok(self.keep.save("trials", &self.made_by, &self.state)?)
     }
 
-    fn all(&mut self) -> Result<(), QualityError> {
+    /// Tries everything; says the ceiling of the scores.
+    fn all(&mut self) -> Result<Option<[f64; 2]>, QualityError> {
         self.what = "photographs".into();
         let reference = Reference::new(&self.tuning.subject, self.tuning.seed, self.engine)?;
+        let ceiling = reference.ceiling(self.engine)?;
         let warm = self.warm_up()?;
         let checked: Vec<Settings> = self.tuning.check.iter().map(|c| c.trial.recipe.clone()).collect();
         for recipe in checked.into_iter().filter(|r| !self.tried(r)).collect::<Vec<_>>() {
@@ -150,7 +153,8 @@ impl Work<'_, '_> {
         }
         self.levels(reference)?;
         self.time_again()?;
-        self.save()
+        self.save()?;
+        Ok(ceiling)
     }
 
     fn tried(&self, recipe: &Settings) -> bool {

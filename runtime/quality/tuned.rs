@@ -28,6 +28,10 @@ pub struct Tuned {
     pub slm_levels: Option<usize>,
     /// The seed.
     pub seed: u64,
+    /// Mean and worst dB that any hologram could have through the pupils of the score; none where it is not known, or
+    /// diffraction takes nothing.
+    #[serde(default)]
+    pub ceiling: Option<[f64; 2]>,
     /// Seconds that it might take, and took, over all runs into this folder.
     pub budget_s: f64,
     /// See `budget_s`.

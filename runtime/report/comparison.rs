@@ -4,7 +4,7 @@ use super::findings::findings;
 use super::page::{document, figure, row, section, statements, table};
 use super::{pictures, plots};
 use crate::evaluate::{Group, Summary};
-use crate::quality::comparison::{Results, Series, mean};
+use crate::quality::comparison::{Results, SceneFigures, Series, mean};
 use maud::{Markup, html};
 
 /// All of it.
@@ -47,7 +47,8 @@ fn facts(results: &Results) -> Vec<(&'static str, String)> {
         ("Pixels", format!("{} × {}", a.size[0], a.size[1])),
         ("Sub-frames", list(a.frames.iter().map(usize::to_string).collect())),
         ("Colours", list(a.colors.iter().map(|c| c.to_string()).collect())),
-        ("Eyebox", format!("{:.1} mm", a.eyebox_mm)),
+        ("Display shows", a.reach.clone()),
+        ("Depth", list(results.scenes.iter().map(SceneFigures::depths_in_words).collect())),
         ("Steps", format!("{}, of {} pupils each", a.steps, a.pupils)),
         ("Engine", a.engine.clone()),
     ]
@@ -101,7 +102,9 @@ fn scores(results: &Results) -> Markup {
             "PSNR of every view against the photograph of the scene, after averaging over 2 × 2 pixels. Each hologram and \
              colour has one exposure for all pupils, set as a photographer would: through the widest one, over the focal \
              stack. Boxes hold the middle half, whiskers reach from the worst to the best, the thick line is the median, the \
-             ring the mean; pupils of all colours and scenes count alike. What lies below 0 dB is drawn at 0."
+             ring the mean; pupils of all colours and scenes count alike. What lies below 0 dB is drawn at 0. The dashed line \
+             is the ceiling, the mean of what diffraction at the pupil leaves of each photograph at most: no hologram, however \
+             solved, scores more. Where it is far to the right of the axis it is not drawn, and hinders nobody."
             @if !results.published.is_empty() {
                 " Dashed boxes are the published numbers that were given: from other scenes, with their own count of scores \
                  (under the mouse), so read them as company and not as a target."
@@ -127,6 +130,7 @@ fn over_pupils(results: &Results) -> Markup {
                 @for series in results.leading() {
                     li class=(plots::color(results, &series.method)) { i {} (results.title(&series.method)) }
                 }
+                li { i.line {} "ceiling: what diffraction at the pupil leaves at most" }
             }
             div.plots {
                 (figure(&plots::aperture(results), "Aperture", "centred, focused at the middle of the scene"))

@@ -212,6 +212,7 @@ mod tests {
             size: [4, 4],
             pitch_um: 8.0,
             eyebox_mm: 22.0,
+            reach: String::new(),
             colors: vec![Color::Blue],
             frames: vec![8],
             steps: 1,
@@ -238,6 +239,7 @@ mod tests {
             name: "a".into(),
             views: [9, 9],
             depth_mm: [-1.0, 1.0],
+            depth_dioptres: [-6.25e-3, 6.25e-3],
             row: 0,
             pictures: Pictures::default(),
         });
@@ -247,7 +249,8 @@ mod tests {
                 let index = rows.iter().filter(|r| r.group == member.group).count();
                 let psnr = psnr(method, member.group, &member.pupil);
                 let (color, group, pupil_mm) = (Color::Blue, member.group, member.pupil.to_mm());
-                rows.push(Row { color, group, index, pupil_mm, psnr, ssim: None });
+                let (focus_dioptres, ceiling) = (pupil_mm[3] / 160.0, Some(psnr + 10.0));
+                rows.push(Row { color, group, index, pupil_mm, focus_dioptres, psnr, ceiling, ssim: None });
             }
             report.runs.push(Run {
                 scene: "a".into(),

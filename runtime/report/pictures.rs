@@ -41,7 +41,9 @@ pub fn views(results: &Results, scene: &SceneFigures) -> Markup {
     let place = |group, index| {
         let row = runs.iter().find_map(|(_, r)| r.rows.iter().find(|r| r.group == group && r.index == index))?;
         let [x, y, d, z] = row.pupil_mm.map(|v| if v.abs() < 0.005 { 0.0 } else { v });
-        Some(format!("at ({x:.1}, {y:.1}) mm, {d:.1} mm wide, focused at {z:.2} mm"))
+        let ceiling = results.ceiling_at(group, index).map_or(String::new(), |db| format!("; ceiling {db:.1} dB"));
+        let focus = format!("{z:.2} mm ({:.3} D)", row.focus_dioptres);
+        Some(format!("at ({x:.1}, {y:.1}) mm, {d:.1} mm wide, focused at {focus}{ceiling}"))
     };
     html! {
         @for (i, shown) in SHOWN.iter().enumerate() {
@@ -80,9 +82,11 @@ pub fn views(results: &Results, scene: &SceneFigures) -> Markup {
 
 /// The eye focuses through the scene.
 pub fn strips(results: &Results, scene: &SceneFigures) -> Markup {
-    let [far, near] = scene.depth_mm;
     let count = scene.pictures.strip.len();
-    let depth = |i: usize| far + (near - far) * i as f64 / (count.max(2) - 1) as f64;
+    let depth = |i: usize| {
+        let at = |[far, near]: [f64; 2]| far + (near - far) * i as f64 / (count.max(2) - 1) as f64;
+        format!("{:.2} mm ({:.3} D)", at(scene.depth_mm), at(scene.depth_dioptres))
+    };
     let end = |i: usize| match i {
         0 => "far, ",
         i if i + 1 == count => "near, ",
@@ -93,13 +97,13 @@ pub fn strips(results: &Results, scene: &SceneFigures) -> Markup {
         div.strips tabindex="0" role="region" aria-label="Focal strips" {
             div.strip {
                 span {}
-                @for i in 0..count { span.col { (end(i)) (format!("{:.2} mm", depth(i))) } }
+                @for i in 0..count { span.col { (end(i)) (depth(i)) } }
             }
             @for (name, pictures) in std::iter::once(("Photograph".to_string(), &scene.pictures.strip)).chain(seen) {
                 div.strip {
                     span { (name) }
                     @for (i, picture) in pictures.iter().enumerate() {
-                        (img(picture, &format!("{name}, {} focused at {:.2} mm", scene.name, depth(i)), None))
+                        (img(picture, &format!("{name}, {} focused at {}", scene.name, depth(i)), None))
                     }
                 }
             }
@@ -114,8 +118,8 @@ pub fn epipolar(results: &Results, scene: &SceneFigures) -> Markup {
         shot(Some("slice"), img(picture, &alt, None), name, html! { (under) })
     };
     html! {
-        @for (i, (end, z)) in [("near", scene.depth_mm[1]), ("far", scene.depth_mm[0])].into_iter().enumerate() {
-            p.case { b { "Focused at the " (end) " end" } " " span.note { (format!("{z:.2} mm")) } }
+        @for (i, (end, z)) in [("near", 1), ("far", 0)].into_iter().enumerate() {
+            p.case { b { "Focused at the " (end) " end" } " " span.note { (format!("{:.2} mm ({:.3} D)", scene.depth_mm[z], scene.depth_dioptres[z])) } }
             div.pair {
                 @if let Some(picture) = scene.pictures.epipolar.get(i) {
                     (slice(picture, "Photographs", String::new(), end))

@@ -2,7 +2,7 @@
 
 use super::plot::{Axis, Plot};
 use crate::evaluate::{Group, Summary};
-use crate::quality::comparison::{Published, Results, Series, SpeckleFigures};
+use crate::quality::comparison::{Published, Results, Series, SpeckleFigures, mean};
 
 /// Class of a method's colour.
 pub fn color(results: &Results, method: &str) -> String {
@@ -54,6 +54,12 @@ pub fn boxes(results: &Results, group: Group) -> Plot {
             plot.boxes(&format!("{color} box out"), [row + 0.76, 0.18], five, None, &hover);
         }
     }
+    let ceilings: Option<Vec<f64>> =
+        all.first().and_then(|s| results.rows(s, None, group).map(|r| r.ceiling).collect());
+    if let Some(ceiling) = ceilings.and_then(|c| mean(c.into_iter())).filter(|db| *db <= highest(results) + ABOVE) {
+        plot.line("root line", vec![[ceiling, 0.0], [ceiling, all.len() as f64]]);
+        plot.text("small", [ceiling, 0.0], [-4.0, -3.0], "end", &format!("ceiling {ceiling:.1}"));
+    }
     plot
 }
 
@@ -80,8 +86,11 @@ pub fn scatter(results: &Results) -> Plot {
             let at = [r.psnr, middle + ((k as f64 * 0.618_034).fract() - 0.5) * 0.62];
             let [x, y, d, z] = r.pupil_mm;
             let hover = format!(
-                "{title}: {:.1} dB, {}, pupil at ({x:.1}, {y:.1}) mm, {d:.1} mm wide, focus {z:.2} mm",
-                r.psnr, r.color
+                "{title}: {:.1} dB of {}, {}, pupil at ({x:.1}, {y:.1}) mm, {d:.1} mm wide, focus {z:.2} mm ({:.3} D)",
+                r.psnr,
+                r.ceiling.map_or("no ceiling".into(), |db| format!("{db:.1} at most")),
+                r.color,
+                r.focus_dioptres
             );
             plot.dot(&format!("{color} speck"), at, 2.1, &hover);
             if r.psnr == summary.worst {
@@ -104,6 +113,24 @@ fn over_group(results: &Results, plot: &mut Plot, group: Group, x: impl Fn(usize
         let points: Vec<[f64; 2]> = (0..).map_while(place).collect();
         plot.series(&color(results, &series.method), &results.title(&series.method), &points);
     }
+    let highest = highest(results) + ABOVE;
+    let Some(leading) = results.leading().into_iter().next() else { return };
+    let place = |index: usize| {
+        let row = results.rows(&leading, None, group).find(|r| r.index == index)?;
+        Some(results.ceiling_at(group, index).map(|db| [x(index, &row.pupil_mm), db]))
+    };
+    // Up to where it is of interest: above, it hinders nobody.
+    let points: Vec<[f64; 2]> = (0..).map_while(place).map_while(|p| p.filter(|p| p[1] <= highest)).collect();
+    plot.line("root line", points);
+}
+
+/// How far above the best score a ceiling is drawn, dB.
+const ABOVE: f64 = 10.0;
+
+/// The best mean score of any method at any place.
+fn highest(results: &Results) -> f64 {
+    let best = |s: Series| Group::ALL.map(|g| results.psnr(&s, None, g).map_or(0.0, |p| p.best));
+    results.leading().into_iter().flat_map(best).fold(0.0, f64::max)
 }
 
 /// Mean PSNR against the diameter of a centred pupil.
@@ -121,7 +148,11 @@ pub fn focus(results: &Results) -> Plot {
     let last = places.max().unwrap_or(1).max(1);
     let ticks = [(0.0, "far"), (0.5, "middle"), (1.0, "near")].map(|(share, name)| (share, name.to_string()));
     let title = "Mean PSNR against the focus of a centred pupil as wide as the eyebox";
-    let mut plot = Plot::new(title, Axis::linear("focus").ticks(ticks), decibels());
+    let depths = match &results.scenes[..] {
+        [one] => format!("focus, {}", one.depths_in_words()),
+        _ => "focus".into(),
+    };
+    let mut plot = Plot::new(title, Axis::linear(&depths).ticks(ticks), decibels());
     over_group(results, &mut plot, Group::FocalStack, |index, _| index as f64 / last as f64);
     plot
 }

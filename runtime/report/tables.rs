@@ -2,7 +2,7 @@
 
 use super::findings::findings;
 use crate::evaluate::{Group, Summary};
-use crate::quality::comparison::{Results, Series};
+use crate::quality::comparison::{Results, SceneFigures, Series};
 use serde_json::{Map, Value, json};
 
 /// A CSV file of these lines.
@@ -15,7 +15,8 @@ pub fn csv(head: &[&str], lines: impl IntoIterator<Item = Vec<String>>) -> Vec<u
 
 /// Every score: one line per method, scene, colour and pupil.
 pub fn scores(results: &Results) -> Vec<u8> {
-    let head = "method,frames,scene,color,group,pupil,x_mm,y_mm,diameter_mm,focus_mm,psnr_db,ssim";
+    let head =
+        "method,frames,scene,color,group,pupil,x_mm,y_mm,diameter_mm,focus_mm,psnr_db,ssim,focus_dioptres,ceiling_db";
     let rows = results.runs.iter().flat_map(|run| run.rows.iter().map(move |row| (run, row)));
     let lines = rows.map(|(run, row)| {
         let mut line = vec![
@@ -29,6 +30,8 @@ pub fn scores(results: &Results) -> Vec<u8> {
         line.extend(row.pupil_mm.map(|v| format!("{v:.6}")));
         line.push(format!("{:.4}", row.psnr));
         line.push(row.ssim.map_or(String::new(), |s| format!("{s:.6}")));
+        line.push(format!("{:.6}", row.focus_dioptres));
+        line.push(row.ceiling.map_or(String::new(), |db| format!("{db:.4}")));
         line
     });
     csv(&head.split(',').collect::<Vec<_>>(), lines)
@@ -84,10 +87,13 @@ pub fn json(results: &Results) -> Value {
     });
     let of_series =
         |s: &Series| json!({ "method": s.method, "frames": s.frames, "groups": groups(&s.method, s.frames, None) });
-    let scenes = results
-        .scenes
-        .iter()
-        .map(|s| json!({ "name": s.name, "views": s.views, "depth_mm": s.depth_mm, "epipolar_row": s.row }));
+    let scene = |s: &SceneFigures| {
+        json!({
+            "name": s.name, "views": s.views, "depth_mm": s.depth_mm, "depth_dioptres": s.depth_dioptres,
+            "epipolar_row": s.row,
+        })
+    };
+    let scenes = results.scenes.iter().map(scene);
     let claims = findings(results)
         .into_iter()
         .map(|f| json!({ "claim": f.title, "verdict": f.words(), "numbers": f.numbers, "note": f.note }));

@@ -20,6 +20,10 @@ pub fn page(tuned: &Tuned) -> String {
         ("Colour", tuned.color.to_string()),
         ("Sub-frames shown", tuned.frames.to_string()),
         ("Levels", tuned.slm_levels.map_or("any phase".into(), |n| n.to_string())),
+        (
+            "Ceiling",
+            tuned.ceiling.map_or("none".into(), |[mean, worst]| format!("{mean:.1} dB mean, {worst:.1} dB worst")),
+        ),
         ("Engine", tuned.device.clone()),
         ("Trials", tuned.trials.len().to_string()),
         ("Time", format!("{:.0} of {:.0} s", tuned.spent_s, tuned.budget_s)),
@@ -96,11 +100,22 @@ fn recommended(tuned: &Tuned) -> Markup {
     section("three", "Three settings", body)
 }
 
+/// How far above the best trial a ceiling is drawn, dB.
+const ABOVE: f64 = 10.0;
+
 /// A number of a trial.
 type Number = fn(&Trial) -> f64;
 
 /// Every trial as a dot, what none beats as a line, the recommended ones ringed and named.
-fn front(tuned: &Tuned, class: &str, x: Axis, y: &str, [cost, good]: [Number; 2], front: &[&Trial]) -> Plot {
+fn front(
+    tuned: &Tuned,
+    class: &str,
+    x: Axis,
+    y: &str,
+    [cost, good]: [Number; 2],
+    front: &[&Trial],
+    ceiling: Option<f64>,
+) -> Plot {
     // What is far below the front, a few per cent of the trials, stands on the lower edge.
     let (worst, best) = (front.first().map_or(0.0, |t| good(t)), front.last().map_or(1.0, |t| good(t)));
     let y = Axis::linear(y).floor(worst - 0.5 * (best - worst).max(1.0));
@@ -118,6 +133,13 @@ fn front(tuned: &Tuned, class: &str, x: Axis, y: &str, [cost, good]: [Number; 2]
         // Up to here, the one before is the best.
         line.extend(line.last().map(|before| [cost(trial), before[1]]));
         line.push(at(trial));
+    }
+    // Up to where it is of interest: above, it hinders nobody.
+    if let Some(ceiling) = ceiling.filter(|db| *db <= best + ABOVE) {
+        let costs = tuned.trials.iter().map(cost);
+        let [from, to] = costs.fold([f64::INFINITY, 0.0], |[a, b], v| [v.min(a), v.max(b)]);
+        plot.line("root line", vec![[from, ceiling], [to, ceiling]]);
+        plot.text("small", [from, ceiling], [2.0, -4.0], "start", &format!("ceiling {ceiling:.1}"));
     }
     plot.line(&format!("{class} line"), line);
     for trial in front {
@@ -139,13 +161,24 @@ fn fronts(tuned: &Tuned) -> Markup {
         Axis::log("time of a solve").text(|ms| if ms < 1000.0 { format!("{ms} ms") } else { format!("{} s", ms / 1e3) })
     };
     let (ms, mean, worst): (Number, Number, Number) = (|t| t.milliseconds, |t| t.mean, |t| t.worst);
-    let by_mean = front(tuned, "m0", milliseconds(), "mean PSNR, dB", [ms, mean], &tuned.by_mean());
-    let by_worst = front(tuned, "m1", milliseconds(), "worst PSNR, dB", [ms, worst], &tuned.by_worst());
+    let most = tuned.ceiling.map(|c| c[0]);
+    let by_mean = front(tuned, "m0", milliseconds(), "mean PSNR, dB", [ms, mean], &tuned.by_mean(), most);
+    let by_worst = front(
+        tuned,
+        "m1",
+        milliseconds(),
+        "worst PSNR, dB",
+        [ms, worst],
+        &tuned.by_worst(),
+        tuned.ceiling.map(|c| c[1]),
+    );
     let memory = Axis::log("memory, MiB");
-    let by_memory = front(tuned, "m2", memory, "mean PSNR, dB", [mebibytes, mean], &tuned.by_memory());
+    let by_memory = front(tuned, "m2", memory, "mean PSNR, dB", [mebibytes, mean], &tuned.by_memory(), most);
     let body = html! {
         p {
-            "One dot a trial; what it did is under the mouse, and in the table below. Time and memory are logarithmic."
+            "One dot a trial; what it did is under the mouse, and in the table below. Time and memory are logarithmic. The \
+             dashed line, where it is near, is the ceiling: what diffraction at the pupils leaves of the photographs at most, \
+             whatever is tried."
         }
         div.plots {
             (figure(&by_mean, "Time and mean", "the mean over all pupils"))

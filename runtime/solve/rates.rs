@@ -85,6 +85,9 @@ impl Rates {
             return Ok(rates);
         }
         measuring(&name);
+        if file.is_none() {
+            tracing::warn!("there is no folder for caches, so that this is measured each time: set XDG_CACHE_HOME");
+        }
         let rates = Self::measure(engine, storage)?;
         let kept = Kept { engine: name, version: env!("CARGO_PKG_VERSION").into(), rates };
         if let Some(file) = file {

@@ -11,7 +11,7 @@ use super::viewpoints::Viewpoints;
 use crate::engine::Engine;
 use crate::engine::cpu::CpuEngine;
 use crate::evaluate;
-use crate::optics::{Color, Display, Padding, Pupil, Window, WindowFactor, walk_off};
+use crate::optics::{Color, Display, Padding, Pupil, Window, WindowFactor, depths_in_words, walk_off};
 use crate::plan::{Planner, Purpose, Storage, Viewpoint};
 use crate::scene::{DARK, DepthSource, LightField, ViewGrid};
 use serde::{Deserialize, Serialize};
@@ -198,7 +198,6 @@ impl ScenePlan {
     }
 
     fn choose_depth(&mut self, field: &LightField, display: &Display, request: &PlanRequest) -> Result<(), SolveError> {
-        let mm = |[a, b]: [f64; 2]| format!("{:.2}..{:.2} mm", a * 1e3, b * 1e3);
         let (depth, why) = match request.depth {
             Some([a, b]) => ([a.min(b), a.max(b)], "as asked".to_owned()),
             None => match field.reach(display) {
@@ -211,7 +210,7 @@ impl ScenePlan {
                         what: "the depth of the scene",
                         value: format!(
                             "measured as {}, though only {percent} % of its detail is found again in neighbouring views",
-                            mm(depth)
+                            depths_in_words(depth, display.focal_length)
                         ),
                         right: "given: by --depth MIN..MAX, or by depth_mm in lightfield.toml",
                     });
@@ -221,7 +220,7 @@ impl ScenePlan {
         self.settings.depth = depth;
         let flat = depth[0] == depth[1];
         let why = if flat { format!("{why}; one plane: no eye has to focus elsewhere") } else { why };
-        self.say("depth", mm(depth), why);
+        self.say("depth", depths_in_words(depth, display.focal_length), why);
         Ok(())
     }
 

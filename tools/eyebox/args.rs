@@ -4,12 +4,13 @@ use crate::Failure;
 use crate::phases::{PhaseArgs, PhaseUnitArgs};
 use crate::quality::QualityArgs;
 use crate::values::{
-    Names, contrast, depths, full, memory, method, one_of, positive, pupil, range, rate, share, size, storage, window,
+    GivenPupil, Names, contrast, depths, full, memory, method, one_of, positive, pupil, range, rate, share, size,
+    storage, window,
 };
 use clap::builder::TypedValueParser;
 use clap::{Args, ValueEnum};
 use eyebox::hologram::{Hologram, Start};
-use eyebox::optics::{Color, Pupil, WindowFactor};
+use eyebox::optics::{Color, Depth, Display, WindowFactor};
 use eyebox::plan::Storage;
 use eyebox::present::Rate;
 use eyebox::solve::{Diameters, Full, Method, Optimizer, PaddingRule, Sequence};
@@ -63,6 +64,9 @@ pub struct DisplayArgs {
     /// Colours
     #[arg(long, value_enum, default_value = "all")]
     pub color: Colors,
+    /// Take sizes, wavelengths and pupils that look like a mistake as they are
+    #[arg(long)]
+    pub force: bool,
 }
 
 /// The scene, in every command that takes one.
@@ -79,10 +83,10 @@ pub struct SceneArgs {
     /// Views per axis of scenes that are rendered or reprojected [default: 9; in score, what the hologram was solved for]
     #[arg(long, value_name = "N")]
     pub views: Option<usize>,
-    /// Depths that matter, mm [default: what the scene says]; of a depth map, what its smallest and its largest value
-    /// mean (MAX..MIN where dark is near)
+    /// Depths that matter, mm, or dioptres as in -0.02D..0.02D [default: what the scene says]; of a depth map, what its
+    /// smallest and its largest value mean (MAX..MIN where dark is near)
     #[arg(long, value_name = "MIN..MAX", value_parser = depths, allow_hyphen_values = true)]
-    pub depth: Option<[f64; 2]>,
+    pub depth: Option<[Depth; 2]>,
 }
 
 /// A hologram beside a scene.
@@ -102,6 +106,11 @@ impl OtherSceneArgs {
 }
 
 impl SceneArgs {
+    /// The depths that matter, metres.
+    pub fn depth_before(&self, display: &Display) -> Option<[f64; 2]> {
+        self.depth.map(|both| both.map(|depth| depth.metres(display.focal_length)))
+    }
+
     /// A scene of which nothing else is said.
     pub fn of(scene: &str) -> Self {
         Self { scene: scene.into(), depth_map: None, view_pitch: None, views: None, depth: None }
@@ -329,9 +338,9 @@ pub struct View {
     /// Which hologram of a sequence, from 0
     #[arg(long, value_name = "N")]
     pub at: Option<u64>,
-    /// Pupil: x,y,diameter,focus in mm
+    /// Pupil: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
     #[arg(long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true)]
-    pub pupil: Pupil,
+    pub pupil: GivenPupil,
     /// The picture (PNG), or the intensity (.npy, float32, no exposure)
     #[arg(short, long, value_name = "FILE")]
     pub out: PathBuf,
@@ -352,9 +361,9 @@ pub struct Photograph {
     /// Scene
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// Pupil: x,y,diameter,focus in mm
+    /// Pupil: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
     #[arg(long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true)]
-    pub pupil: Pupil,
+    pub pupil: GivenPupil,
     /// The picture (PNG), or linear light (.npy, float32)
     #[arg(short, long, value_name = "FILE")]
     pub out: PathBuf,
@@ -377,7 +386,7 @@ pub struct Score {
     /// A scene that the hologram was not made of
     #[command(flatten)]
     pub other: OtherSceneArgs,
-    /// random:N, or a JSON file with a list of [x, y, diameter, focus] in mm
+    /// random:N, or a JSON file with a list of [x, y, diameter, focus] in mm, or the focus as "0.5D"
     #[arg(long, default_value = "random:16", value_name = "random:N|FILE.json")]
     pub pupils: String,
     /// Diameters of random pupils, mm [default: 2..20, or what fits the eyebox]
@@ -400,6 +409,12 @@ pub struct Score {
 /// `eyebox devices`
 #[derive(Args)]
 pub struct Devices {
+    /// Say what this display can show: a preset or a TOML file
+    #[arg(long, value_name = "PRESET|FILE")]
+    pub display: Option<String>,
+    /// Take a display that looks like a mistake as it is
+    #[arg(long)]
+    pub force: bool,
     /// One JSON object on standard output
     #[arg(long)]
     pub json: bool,

@@ -2,12 +2,13 @@
 
 use crate::Failure;
 use crate::args::{DisplayArgs, EngineArgs, SceneArgs};
+use crate::values::GivenPupil;
 use eyebox::engine::{self, Backend, Engine, EngineError};
 use eyebox::evaluate::Plane;
 use eyebox::files;
 use eyebox::gpu::{Gpu, Options};
 use eyebox::hologram::SceneSource;
-use eyebox::optics::{Color, Display};
+use eyebox::optics::{Color, Display, Optics, OpticsError, Pupil, check_usual_diameters};
 use eyebox::preview::Opener;
 use eyebox::produce::{TilesRequest, load_around};
 use eyebox::scene::{self, LightField};
@@ -15,18 +16,45 @@ use eyebox::session::EngineSource;
 use eyebox::solve::PupilRange;
 use std::path::Path;
 
-/// The display, resized if asked.
+/// The display, resized if asked, and checked for what is most likely a mistake.
 pub fn display(args: &DisplayArgs) -> Result<Display, Failure> {
-    display_of_size(args.display.as_deref().unwrap_or("paper"), args.size)
+    display_of_size(args.display.as_deref().unwrap_or("paper"), args.size, args.force)
 }
 
-/// A display by its name, resized if asked.
-pub fn display_of_size(name: &str, size: Option<[usize; 2]>) -> Result<Display, Failure> {
+/// A display by its name, the same way.
+pub fn display_of_size(name: &str, size: Option<[usize; 2]>, force: bool) -> Result<Display, Failure> {
     let mut display = Display::load(name)?;
     if let Some([height, width]) = size {
         (display.height, display.width) = (height, width);
     }
+    usual(force, display.check_usual())?;
     Ok(display)
+}
+
+/// Refuses what is most likely a mistake, unless it is said to be meant.
+pub fn usual(force: bool, checked: Result<(), OpticsError>) -> Result<(), Failure> {
+    match checked {
+        Err(OpticsError::Unusual { .. } | OpticsError::OutsideEyebox { .. }) if force => Ok(()),
+        Err(e @ (OpticsError::Unusual { .. } | OpticsError::OutsideEyebox { .. })) => {
+            Err(Failure::Asked(format!("{e}; --force takes it as it is")))
+        }
+        checked => Ok(checked?),
+    }
+}
+
+/// A pupil as it is given, before the optics of every colour, checked as [`usual`] says.
+pub fn pupil(
+    given: &GivenPupil,
+    optics: impl IntoIterator<Item = Result<Optics, OpticsError>>,
+    force: bool,
+) -> Result<Pupil, Failure> {
+    let mut pupil = given.before(0.0);
+    for optics in optics {
+        let optics = optics?;
+        pupil = given.before(optics.focal_length);
+        usual(force, pupil.check_usual(&optics).map(drop))?;
+    }
+    Ok(pupil)
 }
 
 /// The colours asked for, that the display has.
@@ -47,7 +75,7 @@ pub fn request<'a>(args: &'a SceneArgs, display: &'a Display, colors: &'a [Color
         view_pitch: args.view_pitch.map(|mm| mm * 1e-3),
         views: args.views.unwrap_or(default.views),
         depth_map: args.depth_map.as_deref(),
-        depth: args.depth,
+        depth: args.depth_before(display),
         ..default
     }
 }
@@ -64,12 +92,14 @@ pub fn scene_around(args: &SceneArgs, display: &Display, colors: &[Color]) -> Re
 
 /// The depths that matter.
 pub fn depths(args: &SceneArgs, field: &LightField, display: &Display) -> [f64; 2] {
-    field.depths(display, args.depth)
+    field.depths(display, args.depth_before(display))
 }
 
-/// Pupil diameters from 2 mm to most of the eyebox.
-pub fn diameters(asked: Option<[f64; 2]>, display: &Display) -> [f64; 2] {
-    asked.unwrap_or_else(|| PupilRange::usual_diameter(display.eyebox_min()))
+/// Pupil diameters as asked, checked as [`usual`] says, or from 2 mm to most of the eyebox.
+pub fn diameters(asked: Option<[f64; 2]>, display: &Display, force: bool) -> Result<[f64; 2], Failure> {
+    let Some(asked) = asked else { return Ok(PupilRange::usual_diameter(display.eyebox_min())) };
+    usual(force, check_usual_diameters(asked, display.eyebox_min()))?;
+    Ok(asked)
 }
 
 /// Which engine is asked for.

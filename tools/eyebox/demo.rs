@@ -10,7 +10,7 @@ use crate::solve::Watch;
 use eyebox::engine::Engine;
 use eyebox::files;
 use eyebox::hologram::{Hologram, SceneSource};
-use eyebox::optics::{Color, Display, Padding, Pupil};
+use eyebox::optics::{Color, Display, Padding, Pupil, dioptres_in_words};
 use eyebox::produce::solve_colors;
 use eyebox::quality::Subject;
 use eyebox::quality::comparison::{Comparison, candidates};
@@ -37,7 +37,8 @@ pub fn run(args: &Demo) -> Result<(), Failure> {
     eprintln!("rendering {SCENE}: 9 x 9 views of {0}x{0} pixels", args.size);
     let field = scene::load(SCENE, &scene::Request::new(&display, &colors))?;
     let [far, near] = field.depth_range(&display).unwrap_or([-3e-3, 3e-3]);
-    let base = Settings { depth: [far, near], diameter: common::diameters(None, &display), ..Settings::default() };
+    let base =
+        Settings { depth: [far, near], diameter: common::diameters(None, &display, false)?, ..Settings::default() };
     let settings = match args.quality.choose(engine.as_ref(), [args.size; 2], base.frames, colors.len())? {
         Some(chosen) => {
             eprintln!("{}", chosen.about);
@@ -97,12 +98,12 @@ pub fn run(args: &Demo) -> Result<(), Failure> {
     files::write_png(&args.out.join("all.png"), sheet[0].len() / wide, wide, &[&sheet[0], &sheet[1], &sheet[2]])?;
 
     println!("\n  what the eye sees of the hologram, against the photograph of the scene:");
-    println!("  pupil        x      y      d  focus mm   PSNR dB    SSIM   picture");
+    println!("  pupil        x      y      d  focus mm        D   PSNR dB    SSIM   picture");
     for ((name, pupil), score) in pupils.iter().zip(&scores.pupils) {
         let [x, y, d, z] = pupil.to_mm();
-        let ssim = score::similarity(score);
+        let (ssim, focus) = (score::similarity(score), dioptres_in_words(pupil.depth, display.focal_length));
         println!(
-            "  {name:6} {x:7.1} {y:6.1} {d:6.1} {z:7.2}  {:9.2}  {ssim}   {}",
+            "  {name:6} {x:7.1} {y:6.1} {d:6.1} {z:7.2} {focus:>10} {:9.2}  {ssim}   {}",
             score.psnr,
             args.out.join(format!("{name}.png")).display()
         );
@@ -133,7 +134,7 @@ fn comparison(
     let side = args.size.min(COMPARED);
     let display = Display { height: side, width: side, ..display.clone() };
     let folder = args.out.join("report");
-    let settings = Settings { diameter: common::diameters(None, &display), ..Settings::default() };
+    let settings = Settings { diameter: common::diameters(None, &display, false)?, ..Settings::default() };
     let mut load = |_| -> Result<_, Failure> {
         let field = scene::load(SCENE, &scene::Request::new(&display, colors))?;
         let depth = field.depth_range(&display).unwrap_or(settings.depth);

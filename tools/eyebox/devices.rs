@@ -2,12 +2,14 @@
 
 use crate::Failure;
 use crate::args::Devices;
+use crate::common;
 use eyebox::engine::{self, Engine, cpu::CpuEngine};
 use eyebox::gpu::{self, DeviceReport};
 use serde_json::json;
 
 /// Lists engines and devices, and what `auto` takes and why.
 pub fn run(args: &Devices) -> Result<(), Failure> {
+    let display = args.display.as_deref().map(|name| common::display_of_size(name, None, args.force)).transpose()?;
     let cpu = CpuEngine::new().describe();
     let found = gpu::devices();
     let (_, auto) = engine::reason(&found);
@@ -22,10 +24,13 @@ pub fn run(args: &Devices) -> Result<(), Failure> {
             })
         };
         let vulkan: Vec<_> = devices.iter().map(device).collect();
-        println!(
-            "{}",
-            json!({ "cpu": cpu, "vulkan": vulkan, "no_vulkan": found.as_ref().err().map(ToString::to_string), "auto": auto })
-        );
+        let mut all = json!({
+            "cpu": cpu, "vulkan": vulkan, "no_vulkan": found.as_ref().err().map(ToString::to_string), "auto": auto,
+        });
+        if let Some(display) = &display {
+            all["display"] = json!({ "name": display.name, "reach": display.reach() });
+        }
+        println!("{all}");
         return Ok(());
     }
     println!("cpu      {cpu}");
@@ -51,5 +56,8 @@ pub fn run(args: &Devices) -> Result<(), Failure> {
         println!("vulkan   {error}");
     }
     println!("auto     takes {auto}");
+    if let Some(display) = &display {
+        println!("display  {}, {}x{}: {}", display.name, display.height, display.width, display.reach());
+    }
     Ok(())
 }

@@ -118,7 +118,7 @@ fn report(args: &Encode, display: &Display, encoder: &Encoder, frames: &VideoFra
     let all: Vec<Value> =
         (0..frames.count()).map(|i| json!({ "file": VideoFrames::file_name(i), "holds": holds(i) })).collect();
     json!({
-        "folder": args.out,
+        "folder": args.out.display().to_string(),
         "display": display.name,
         "height": frames.height,
         "width": frames.width,

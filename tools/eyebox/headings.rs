@@ -8,7 +8,10 @@ const HEADINGS: &[(&str, &[&str])] = &[
         "Scene",
         &["scene", "depth_map", "view_pitch", "views", "depth", "other_scene", "reference", "hologram", "methods"],
     ),
-    ("Display", &["display", "size", "color", "output", "monitor", "display_rate", "display_latency", "validation"]),
+    (
+        "Display",
+        &["display", "size", "color", "force", "output", "monitor", "display_rate", "display_latency", "validation"],
+    ),
     (
         "Quality",
         &[

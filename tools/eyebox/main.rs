@@ -56,6 +56,7 @@ fn main() -> ExitCode {
     };
     log::listen(cli.verbose);
     signals::outlive_file_limits();
+    eyebox::engine::prepare_threads();
     let done = match &cli.command {
         Command::Demo(args) => demo::run(args),
         Command::Solve(args) => solve::run(args),

@@ -6,7 +6,7 @@ use crate::common;
 use crate::values::{phase_unit, size};
 use clap::{Args, ValueEnum};
 use eyebox::hologram::{BareOptics, Opening, PhaseUnit, Phases};
-use eyebox::optics::{Color, Display, Geometry};
+use eyebox::optics::{Color, Display, Geometry, Optics};
 use std::path::Path;
 
 /// Where an SLM stands, by name.
@@ -54,6 +54,9 @@ pub struct PhaseArgs {
     /// Without --display: where the SLM stands
     #[arg(long, value_enum, default_value_t = GeometryName::Relay, conflicts_with = "display")]
     pub geometry: GeometryName,
+    /// Take sizes, wavelengths and pupils that look like a mistake as they are
+    #[arg(long)]
+    pub force: bool,
 }
 
 impl PhaseArgs {
@@ -74,19 +77,22 @@ impl PhaseArgs {
 
     fn optics(&self, what: &str) -> Result<Option<BareOptics>, Failure> {
         if let Some(name) = &self.display {
-            return Ok(Some(BareOptics::Display(Box::new(common::display_of_size(name, self.size)?))));
+            return Ok(Some(BareOptics::Display(Box::new(common::display_of_size(name, self.size, self.force)?))));
         }
         match (self.pitch, self.focal_length, &self.wavelength[..]) {
             (None, None, []) => Ok(None),
-            (Some(pitch), Some(focal_length), [_, ..]) => Ok(Some(BareOptics::Values {
-                pitch: pitch * 1e-6,
-                focal_length: focal_length * 1e-3,
-                geometry: match self.geometry {
+            (Some(pitch), Some(focal_length), [_, ..]) => {
+                let (pitch, focal_length) = (pitch * 1e-6, focal_length * 1e-3);
+                let wavelengths: Vec<f64> = self.wavelength.iter().map(|nm| nm * 1e-9).collect();
+                for wavelength in &wavelengths {
+                    common::usual(self.force, Optics::new(1, 1, pitch, *wavelength, focal_length)?.check_usual())?;
+                }
+                let geometry = match self.geometry {
                     GeometryName::Relay => Geometry::Relay,
                     GeometryName::FarField => Geometry::FarField,
-                },
-                wavelengths: self.wavelength.iter().map(|nm| nm * 1e-9).collect(),
-            })),
+                };
+                Ok(Some(BareOptics::Values { pitch, focal_length, geometry, wavelengths }))
+            }
             _ => Err(Failure::Asked(format!("{what}: --pitch, --wavelength and --focal-length go together"))),
         }
     }

@@ -4,6 +4,7 @@ use crate::Failure;
 use crate::args::Photograph;
 use crate::common::{self, Form};
 use eyebox::hologram::{Sampling, SceneSource};
+use eyebox::optics::depth_in_words;
 use eyebox::produce::is_larger_than_memory;
 
 /// Takes one photograph of a scene.
@@ -11,9 +12,7 @@ pub fn run(args: &Photograph) -> Result<(), Failure> {
     let form = common::form(&args.out, &[Form::Png, Form::Npy])?;
     let display = common::display(&args.display)?;
     let colors = common::colors(&args.display, &display)?;
-    for &color in &colors {
-        args.pupil.check_within(&display.optics(color)?)?;
-    }
+    let pupil = common::pupil(&args.pupil, colors.iter().map(|c| display.optics(*c)), args.display.force)?;
     let mut engine = common::engine(&args.engine)?;
     let scene = match is_larger_than_memory(&display, 1) {
         true => common::scene_around(&args.scene, &display, &colors)?,
@@ -21,11 +20,11 @@ pub fn run(args: &Photograph) -> Result<(), Failure> {
     };
     let mut planes = Vec::new();
     for color in 0..scene.colors() {
-        planes.append(&mut scene.photographs(color, &[args.pupil], Sampling::Pupil, engine.as_mut())?);
+        planes.append(&mut scene.photographs(color, &[pupil], Sampling::Pupil, engine.as_mut())?);
     }
     let names: Vec<_> = colors.iter().map(|c| Some(*c)).collect();
     common::write_image(&args.out, form, &planes, &names, &vec![1.0; planes.len()])?;
-    let [x, y, d, z] = args.pupil.to_mm();
-    eprintln!("wrote {}: the photograph from ({x}, {y}) mm through {d} mm, focused at {z} mm", args.out.display());
+    let ([x, y, d, _], focus) = (pupil.to_mm(), depth_in_words(pupil.depth, display.focal_length));
+    eprintln!("wrote {}: the photograph from ({x}, {y}) mm through {d} mm, focused at {focus}", args.out.display());
     Ok(())
 }

@@ -4,7 +4,7 @@ use crate::Failure;
 use crate::args::{SceneArgs, Score};
 use crate::common;
 use eyebox::hologram::{Hologram, HologramScores, PhaseSource, PupilScore, SceneSource};
-use eyebox::optics::{Display, Pupil};
+use eyebox::optics::{Depth, Display, Pupil, dioptres, dioptres_in_words};
 use eyebox::solve::{Diameters, PupilRange, Sampler, Sequence};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -27,11 +27,12 @@ pub fn run(args: &Score) -> Result<(), Failure> {
         PhaseSource::Tiled(_) => {
             let scene = common::scene_around(&asked, &display, &colors)?;
             diameter = diameter.or(about.metadata.solve.as_ref().map(|s| s.diameter));
-            let depth = asked.depth.or(scene.depth()).unwrap_or([0.0, 0.0]);
+            let depth = asked.depth_before(&display).or(scene.depth()).unwrap_or([0.0, 0.0]);
             (scene, depth)
         }
     };
-    let pupils = pupils(&args.pupils, args.seed, &display, common::diameters(diameter, &display), depth)?;
+    let diameter = common::diameters(diameter, &display, args.phases.force)?;
+    let pupils = pupils(args, &display, diameter, depth)?;
     let scores = source.score(&scene, &pupils, engine.as_mut())?;
     let psnr = scores.summary().ok_or_else(|| Failure::Asked("there is no pupil to score".into()))?;
     if args.json {
@@ -39,11 +40,11 @@ pub fn run(args: &Score) -> Result<(), Failure> {
             json!({ "mean": psnr.mean, "median": psnr.median, "worst": psnr.worst, "best": psnr.best, "sd": psnr.sd });
         let exposures: serde_json::Map<_, _> =
             colors.iter().zip(&scores.exposures).map(|(c, e)| (c.to_string(), json!(e))).collect();
-        let rows: Vec<Value> = scores.pupils.iter().map(row).collect();
+        let rows: Vec<Value> = scores.pupils.iter().map(|score| row(score, &display)).collect();
         println!("{}", json!({ "psnr_db": summary, "exposure": exposures, "pupils": rows }));
         return Ok(());
     }
-    print_table(&scores);
+    print_table(&scores, &display);
     println!(
         "PSNR over {} pupils: mean {:.2}, median {:.2}, worst {:.2}, spread {:.2} dB",
         scores.pupils.len(),
@@ -58,12 +59,19 @@ pub fn run(args: &Score) -> Result<(), Failure> {
 }
 
 /// One line per pupil.
-fn print_table(scores: &HologramScores) {
-    println!("      x       y       d   focus mm     PSNR dB    SSIM");
+fn print_table(scores: &HologramScores, display: &Display) {
+    println!("      x       y       d   focus mm           D   PSNR dB  ceiling dB    SSIM   finest cycles/degree");
     for score in &scores.pupils {
-        let [x, y, d, z] = score.pupil.to_mm();
-        println!("{x:7.2} {y:7.2} {d:7.2} {z:7.2}    {:9.2}  {}", score.psnr, similarity(score));
+        let ([x, y, d, z], focus) = (score.pupil.to_mm(), dioptres_in_words(score.pupil.depth, display.focal_length));
+        let ceiling =
+            score.ceiling.map_or("-".into(), |db| if db.is_finite() { format!("{db:.2}") } else { "none".into() });
+        let similarity = similarity(score);
+        println!(
+            "{x:7.2} {y:7.2} {d:7.2}   {z:8.2} {focus:>11} {:9.2}  {ceiling:>10}  {similarity}   {:20.0}",
+            score.psnr, score.finest_cycles_per_degree
+        );
     }
+    println!("ceiling: what diffraction at the pupil leaves of the photograph at most, whatever the hologram");
 }
 
 /// SSIM as a table has it.
@@ -71,8 +79,12 @@ pub fn similarity(score: &PupilScore) -> String {
     score.ssim.map_or("      -".into(), |s| format!("{s:7.4}"))
 }
 
-fn row(score: &PupilScore) -> Value {
-    json!({ "pupil_mm": score.pupil.to_mm(), "psnr_db": score.psnr, "ssim": score.ssim })
+fn row(score: &PupilScore, display: &Display) -> Value {
+    json!({
+        "pupil_mm": score.pupil.to_mm(), "focus_dioptres": dioptres(score.pupil.depth, display.focal_length),
+        "psnr_db": score.psnr, "ceiling_db": score.ceiling, "ssim": score.ssim,
+        "finest_cycles_per_degree": score.finest_cycles_per_degree,
+    })
 }
 
 /// What was said of the scene when it was solved holds, where nothing else is said now.
@@ -82,8 +94,8 @@ pub fn as_solved(args: &SceneArgs, hologram: &Hologram) -> SceneArgs {
     args.views = args.views.or(known.views.map(|v| v[0]));
     // What a depth map's values mean has an order; other scenes have a range.
     args.depth = args.depth.or_else(|| match args.depth_map {
-        Some(_) => known.depth_map_mm.map(|d| d.map(|mm| mm * 1e-3)),
-        None => known.solve.as_ref().map(|s| s.depth),
+        Some(_) => known.depth_map_mm.map(|d| d.map(|mm| Depth::Metres(mm * 1e-3))),
+        None => known.solve.as_ref().map(|s| s.depth.map(Depth::Metres)),
     });
     args
 }
@@ -100,38 +112,33 @@ fn load(args: &Score) -> Result<(PhaseSource<'static>, Display), Failure> {
     Ok((source, display))
 }
 
-/// `random:N`, or a JSON list of [x, y, diameter, focus] in mm.
-pub fn pupils(
-    text: &str,
-    seed: u64,
-    display: &Display,
-    diameter: [f64; 2],
-    depth: [f64; 2],
-) -> Result<Vec<Pupil>, Failure> {
+/// `random:N`, or a JSON list of [x, y, diameter, focus] in mm, the focus perhaps in dioptres.
+fn pupils(args: &Score, display: &Display, diameter: [f64; 2], depth: [f64; 2]) -> Result<Vec<Pupil>, Failure> {
+    let text = &args.pupils;
     if let Some(count) = text.strip_prefix("random:") {
         let count = count.parse::<usize>().ok().filter(|n| (1..=100_000).contains(n));
         let count = count
             .ok_or_else(|| Failure::Asked(format!("--pupils {text}: expected random:N with N from 1 to 100000")))?;
         let range = PupilRange { eyebox: display.eyebox_min(), diameter, depth, diameters: Diameters::Uniform };
-        let mut sampler = Sampler::new(range, Sequence::Random, seed);
+        let mut sampler = Sampler::new(range, Sequence::Random, args.seed);
         return Ok((0..count).map(|_| sampler.draw()).collect());
     }
     let wrong = |reason: String| {
         Failure::Asked(format!(
-            "{text}: {reason}; expected random:N or a JSON file such as [[0, 0, 4, 1.5], [2, -1, 6, 0]]"
+            "{text}: {reason}; expected random:N or a JSON file such as [[0, 0, 4, 1.5], [2, -1, 6, \"0.01D\"]]"
         ))
     };
-    let read =
-        eyebox::files::read::text(Path::new(text), eyebox::files::read::TABLE).map_err(|e| wrong(e.to_string()))?;
-    let rows: Vec<[f64; 4]> = serde_json::from_str(&read).map_err(|e| wrong(e.to_string()))?;
+    let read = std::fs::read_to_string(Path::new(text)).map_err(|e| wrong(e.to_string()))?;
+    let rows: Vec<(f64, f64, f64, Depth)> = serde_json::from_str(&read).map_err(|e| wrong(e.to_string()))?;
     if rows.is_empty() {
         return Err(wrong("it lists no pupil".into()));
     }
     let mut pupils = Vec::new();
-    for row in rows {
-        let pupil = Pupil::from_mm(row);
+    for (x, y, diameter, focus) in rows {
+        let depth = focus.metres(display.focal_length);
+        let pupil = Pupil { depth, ..Pupil::from_mm([x, y, diameter, 0.0]) };
         for w in &display.wavelengths {
-            pupil.check_within(&display.optics(w.color)?)?;
+            common::usual(args.phases.force, pupil.check_usual(&display.optics(w.color)?).map(drop))?;
         }
         pupils.push(pupil);
     }

@@ -18,7 +18,7 @@ pub fn settings_of(
     depth: [f64; 2],
     colors: usize,
 ) -> Result<(Settings, Option<String>), Failure> {
-    let base = base_of(args, display, depth);
+    let base = base_of(args, display, depth)?;
     let chosen = args.quality.choose(engine, [display.height, display.width], base.frames, colors)?;
     let adam = |optimizer: &Optimizer| matches!(optimizer, Optimizer::Adam { .. });
     let asked = args.optimizer.map(|o| if adam(&o) { Settings::adam(200, 8) } else { Settings::default() });
@@ -49,14 +49,14 @@ pub fn settings_of(
 }
 
 /// The settings of a solve in tiles: no quality decides them.
-pub fn of_tiles(args: &Solve, display: &Display) -> Settings {
-    let base = base_of(args, display, [0.0, 0.0]);
-    Settings {
+pub fn of_tiles(args: &Solve, display: &Display) -> Result<Settings, Failure> {
+    let base = base_of(args, display, [0.0, 0.0])?;
+    Ok(Settings {
         steps: args.steps.unwrap_or(TilesRequest::STEPS),
         window: args.window.unwrap_or(base.window),
         diameters: args.diameters.unwrap_or(base.diameters),
         ..base
-    }
+    })
 }
 
 /// The job that the arguments mean, with the settings that were chosen for it.
@@ -74,7 +74,7 @@ pub fn job_of<'a>(
         view_pitch_mm: args.scene.view_pitch,
         views: args.scene.views,
         depth_map: args.scene.depth_map.as_deref(),
-        depth: args.scene.depth,
+        depth: args.scene.depth_before(display),
         diameter: args.pupil_diameter,
         settings: Settings { seconds: args.seconds, ..settings },
         full: args.full.unwrap_or_default(),
@@ -92,8 +92,8 @@ pub fn plan_of(args: &Solve, settings: &Settings, field: &LightField, display: &
 }
 
 /// What is no matter of quality and time, for depths in metres.
-pub fn base_of(args: &Solve, display: &Display, depth: [f64; 2]) -> Settings {
-    Settings {
+pub fn base_of(args: &Solve, display: &Display, depth: [f64; 2]) -> Result<Settings, Failure> {
+    Ok(Settings {
         frames: args.frames.unwrap_or(Settings::default().frames),
         method: args.method,
         stft_filter: args.stft_filter,
@@ -102,12 +102,12 @@ pub fn base_of(args: &Solve, display: &Display, depth: [f64; 2]) -> Settings {
         patches: args.patches,
         psnr: args.psnr,
         efficiency: args.efficiency,
-        diameter: common::diameters(args.pupil_diameter, display),
+        diameter: common::diameters(args.pupil_diameter, display, args.display.force)?,
         depth,
         sequence: args.sequence,
         seed: args.seed,
         ..Settings::default()
-    }
+    })
 }
 
 /// Levels by their number, or from a file.

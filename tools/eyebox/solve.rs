@@ -8,9 +8,11 @@ use crate::args::Solve;
 use crate::common::{self, Form};
 use crate::settings::{self, job_of};
 use eyebox::engine::Engine;
-use eyebox::optics::{Color, Display};
+use eyebox::hologram::PupilScore;
+use eyebox::optics::{Color, Display, depth_in_words, dioptres};
 use eyebox::produce::{
-    SceneSolution, SolvedHologram, SolvedSequence, SolvedTiles, TilesRequest, is_larger_than_memory, solve_scene,
+    SceneJob, SceneSolution, SolvedHologram, SolvedSequence, SolvedTiles, TilesRequest, is_larger_than_memory,
+    solve_scene,
 };
 use eyebox::solve::{Method, Optimizer, Settings, Solution, Stop};
 use eyebox::tiled::MemoryLimit;
@@ -30,7 +32,7 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     // The engine first: where there is none, nothing needs to be loaded.
     let mut engine = common::engine(&args.engine)?;
     let (settings, chosen) = match tiles {
-        Some(_) => (settings::of_tiles(args, &display), None),
+        Some(_) => (settings::of_tiles(args, &display)?, None),
         None => settings::settings_of(args, engine.as_ref(), &display, [0.0, 0.0], colors.len())?,
     };
     let job = job_of(args, &display, scenes, colors, settings, tiles);
@@ -38,9 +40,9 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     let solved = solve_scene(&job, Some(&args.out), engine.as_mut(), &mut |event| watch.see(event))?;
     let engine = engine.as_ref();
     match solved {
-        SceneSolution::Hologram(solved) => say_hologram(args, &solved, engine, start),
+        SceneSolution::Hologram(solved) => say_hologram(args, &solved, &display, engine, start),
         SceneSolution::Sequence(solved) => say_sequence(args, &solved, watch.frames(), engine, start)?,
-        SceneSolution::Tiles(solved) => say_tiles(args, &solved, job.colors.len(), engine, start),
+        SceneSolution::Tiles(solved) => say_tiles(args, &solved, &job, engine, start),
         _ => {}
     }
     Ok(())
@@ -88,7 +90,7 @@ fn timings(engine: &dyn Engine) -> Vec<Value> {
     engine.timings().iter().map(one).collect()
 }
 
-fn say_hologram(args: &Solve, solved: &SolvedHologram, engine: &dyn Engine, start: Instant) {
+fn say_hologram(args: &Solve, solved: &SolvedHologram, display: &Display, engine: &dyn Engine, start: Instant) {
     let seconds = start.elapsed().as_secs_f64();
     if args.json {
         let report = |(color, s): &(Color, Solution)| {
@@ -101,9 +103,11 @@ fn say_hologram(args: &Solve, solved: &SolvedHologram, engine: &dyn Engine, star
         let colors: Vec<_> = solved.solutions.iter().map(report).collect();
         let padding = solved.plan.padding;
         let out = json!({
-            "out": args.out, "engine": engine.describe(), "seconds": seconds, "colors": colors,
+            "out": args.out.display().to_string(), "engine": engine.describe(), "seconds": seconds, "colors": colors,
             "settings": solved.settings, "padding": [padding.rows, padding.columns], "plan": solved.plan.choices,
-            "timings": timings(engine), "peak_memory_mib": common::peak_memory_mib(),
+            "timings": timings(engine), "peak_memory_mib": common::peak_memory_mib(), "reach": display.reach(),
+            "depth_mm": solved.settings.depth.map(|z| z * 1e3),
+            "depth_dioptres": solved.settings.depth.map(|z| dioptres(z, display.focal_length)),
         });
         println!("{out}");
         return;
@@ -150,36 +154,43 @@ fn say_sequence(
     if solved == 0 {
         println!("{out} is complete: {count} holograms");
     } else if args.json {
-        println!("{}", json!({ "out": args.out, "engine": engine.describe(), "seconds": seconds, "frames": frames }));
+        println!(
+            "{}",
+            json!({ "out": args.out.display().to_string(), "engine": engine.describe(), "seconds": seconds, "frames": frames })
+        );
     } else {
         println!("wrote {out}: {count} holograms after {seconds:.1} s");
     }
     Ok(())
 }
 
-fn say_tiles(args: &Solve, solved: &SolvedTiles, colors: usize, engine: &dyn Engine, start: Instant) {
-    let (plan, peak) = (&solved.plan, common::peak_memory_mib());
+fn say_tiles(args: &Solve, solved: &SolvedTiles, job: &SceneJob, engine: &dyn Engine, start: Instant) {
+    let (plan, peak, display, colors) = (&solved.plan, common::peak_memory_mib(), job.display, job.colors.len());
     let Some((scores, summary)) = solved.scores.as_ref().and_then(|s| Some((s, s.summary()?))) else {
         eprintln!("interrupted; the same command goes on from here");
         return;
     };
     let ([read, written], [_, held], seconds) = (solved.moved, plan.memory, start.elapsed().as_secs_f64());
     if args.json {
-        let row = |s: &eyebox::hologram::PupilScore| json!({ "pupil_mm": s.pupil.to_mm(), "psnr_db": s.psnr });
+        let focus = |s: &PupilScore| dioptres(s.pupil.depth, display.focal_length);
+        let row =
+            |s: &PupilScore| json!({ "pupil_mm": s.pupil.to_mm(), "focus_dioptres": focus(s), "psnr_db": s.psnr });
         let out = json!({
-            "out": args.out, "engine": engine.describe(), "solve_seconds": solved.seconds, "seconds": seconds,
+            "out": args.out.display().to_string(), "engine": engine.describe(), "solve_seconds": solved.seconds, "seconds": seconds,
             "psnr_mean_db": summary.mean, "psnr_worst_db": summary.worst,
             "pupils": scores.pupils.iter().map(row).collect::<Vec<_>>(), "visits": plan.visits * colors,
             "pupils_solved": solved.pupils, "region": [plan.region.rows, plan.region.columns],
             "planned_memory_mib": (plan.region.bytes + held) >> 20, "peak_memory_mib": peak, "read_mib": read >> 20,
-            "written_mib": written >> 20, "settings": plan.settings, "timings": timings(engine),
+            "written_mib": written >> 20, "settings": plan.settings, "timings": timings(engine), "reach": display.reach(),
+            "depth_mm": plan.settings.depth.map(|z| z * 1e3),
+            "depth_dioptres": plan.settings.depth.map(|z| dioptres(z, display.focal_length)),
         });
         println!("{out}");
         return;
     }
     for score in &scores.pupils {
-        let [x, y, d, z] = score.pupil.to_mm();
-        println!("({x:6.2}, {y:6.2}) mm, {d:.2} mm wide, focused at {z:7.1} mm: {:.2} dB", score.psnr);
+        let ([x, y, d, _], focus) = (score.pupil.to_mm(), depth_in_words(score.pupil.depth, display.focal_length));
+        println!("({x:6.2}, {y:6.2}) mm, {d:.2} mm wide, focused at {focus}: {:.2} dB", score.psnr);
     }
     println!(
         "{:.2} dB mean, {:.2} dB worst of {} places; {} pupils in {:.1} s; read {} MiB, wrote {} MiB; peak {} MiB",

@@ -2,7 +2,7 @@
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use eyebox::hologram::PhaseUnit;
-use eyebox::optics::{Pupil, WindowFactor};
+use eyebox::optics::{Depth, Pupil, WindowFactor};
 use eyebox::plan::Storage;
 use eyebox::present::Rate;
 use eyebox::solve::{Full, Method};
@@ -14,9 +14,32 @@ fn numbers<const N: usize>(parts: Vec<&str>, form: &str) -> Result<[f64; N], Str
     values.try_into().map_err(|_| format!("{count} numbers: expected {form}"))
 }
 
-pub fn pupil(text: &str) -> Result<Pupil, String> {
-    let values = numbers::<4>(text.split(',').collect(), "x,y,diameter,focus in mm, such as 2,-1,4,1.5")?;
-    Pupil::from_mm(values).check().map_err(|e| e.to_string())
+/// A pupil as it is given: its focus, in mm or dioptres, is a depth only before a display.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GivenPupil {
+    /// Focused at 0.
+    place: Pupil,
+    focus: Depth,
+}
+
+impl GivenPupil {
+    /// The pupil before a display of this focal length (metres).
+    pub fn before(&self, focal_length: f64) -> Pupil {
+        Pupil { depth: self.focus.metres(focal_length), ..self.place }
+    }
+}
+
+pub fn pupil(text: &str) -> Result<GivenPupil, String> {
+    let form = "x,y,diameter,focus in mm, such as 2,-1,4,1.5, or with the focus in dioptres, 2,-1,4,0.5D";
+    let (place, focus) = text.rsplit_once(',').ok_or_else(|| format!("expected {form}"))?;
+    let [x, y, diameter] = numbers::<3>(place.split(',').collect(), form)?;
+    let place = Pupil::from_mm([x, y, diameter, 0.0]).check().map_err(|e| e.to_string())?;
+    Ok(GivenPupil { place, focus: focus.parse()? })
+}
+
+/// A depth: mm, or dioptres with a D behind.
+pub fn depth(text: &str) -> Result<Depth, String> {
+    text.parse()
 }
 
 pub fn size(text: &str) -> Result<[usize; 2], String> {
@@ -52,16 +75,12 @@ pub fn range(text: &str) -> Result<[f64; 2], String> {
     }
 }
 
-/// Millimetres in, metres out; either order.
-pub fn depths(text: &str) -> Result<[f64; 2], String> {
-    match range(text) {
-        Ok(range) => Ok(range),
-        Err(reason) => {
-            let reversed: Vec<&str> = text.split("..").collect();
-            let [low, high] = reversed[..] else { return Err(reason) };
-            range(&format!("{high}..{low}")).map(|[low, high]| [high, low]).map_err(|_| reason)
-        }
-    }
+/// Two depths in either order, each in mm or dioptres.
+pub fn depths(text: &str) -> Result<[Depth; 2], String> {
+    let form = "expected MIN..MAX in mm, such as -3..3.5, or in dioptres, such as -0.02D..0.02D";
+    let (first, last) = text.split_once("..").ok_or(form)?;
+    let read = |text: &str| text.parse::<Depth>().map_err(|_| form.to_owned());
+    Ok([read(first)?, read(last)?])
 }
 
 pub fn positive(text: &str) -> Result<f64, String> {
@@ -175,10 +194,13 @@ mod tests {
     #[test]
     fn values_are_read_in_human_units() {
         assert_eq!(range("-3..3.5"), Ok([-3e-3, 3.5e-3]));
-        assert_eq!(depths("3..-3"), Ok([3e-3, -3e-3]));
+        assert_eq!(depths("3..-3"), Ok([Depth::Metres(3e-3), Depth::Metres(-3e-3)]));
+        assert_eq!(depths("-0.5D..2D"), Ok([Depth::Dioptres(-0.5), Depth::Dioptres(2.0)]));
         assert!(depths("3..x").is_err() && depths("3").is_err());
         assert_eq!(size("45x64"), Ok([45, 64]));
-        assert_eq!(pupil("2,-1,6,3").unwrap().to_mm().map(|v| v.round()), [2.0, -1.0, 6.0, 3.0]);
+        let read = |text| pupil(text).unwrap().before(0.4).to_mm().map(|v| v.round());
+        assert_eq!(read("2,-1,6,3"), [2.0, -1.0, 6.0, 3.0]);
+        assert_eq!(read("2,-1,6,0.5D"), [2.0, -1.0, 6.0, 80.0]);
         for bad in ["", "1,2,3", "1,2,3,4,5", "a,b,c,d", "0,0,0,0", "0,0,-1,0", "nan,0,1,0", "0,0,inf,0"] {
             assert!(pupil(bad).is_err(), "{bad}");
         }

@@ -5,21 +5,20 @@ use crate::args::View;
 use crate::common::{self, Form};
 use eyebox::evaluate::Plane;
 use eyebox::hologram::{Hologram, PhaseSource};
+use eyebox::optics::depth_in_words;
 
 /// Shows one pupil.
 pub fn run(args: &View) -> Result<(), Failure> {
     let form = common::form(&args.out, &[Form::Png, Form::Npy])?;
     let source = args.phases.opening(&args.hologram, args.at)?.source(&args.hologram)?;
     let about = source.about();
-    for i in 0..about.colors.len() {
-        args.pupil.check_within(&about.optics(i)?)?;
-    }
+    let pupil = common::pupil(&args.pupil, (0..about.colors.len()).map(|i| about.optics(i)), args.phases.force)?;
     let mut engine = common::engine(&args.engine)?;
-    let planes = source.look(None, &args.pupil, engine.as_mut())?;
+    let planes = source.look(None, &pupil, engine.as_mut())?;
     let exposures = exposures(about, args.exposure, &planes);
     let colors: Vec<_> = about.colors.iter().map(|c| c.color).collect();
     common::write_image(&args.out, form, &planes, &colors, &exposures)?;
-    let [x, y, d, z] = args.pupil.to_mm();
+    let ([x, y, d, _], focus) = (pupil.to_mm(), depth_in_words(pupil.depth, about.focal_length));
     let cost = match &source {
         PhaseSource::Whole(_) => String::new(),
         PhaseSource::Tiled(tiles) => {
@@ -27,7 +26,7 @@ pub fn run(args: &View) -> Result<(), Failure> {
             format!("; read {read} MiB, peak {peak} MiB")
         }
     };
-    eprintln!("wrote {}: the view from ({x}, {y}) mm through {d} mm, focused at {z} mm{cost}", args.out.display());
+    eprintln!("wrote {}: the view from ({x}, {y}) mm through {d} mm, focused at {focus}{cost}", args.out.display());
     Ok(())
 }
 

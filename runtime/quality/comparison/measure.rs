@@ -4,9 +4,9 @@ use super::picture;
 use super::pupils::{Pupils, SHOWN};
 use super::results::{ColorError, ColorFigures, EnergyMap, Picture, Pictures, Row, Run, SceneFigures};
 use crate::engine::{Buffer, Engine};
-use crate::evaluate::{self, Group, RowFinder};
+use crate::evaluate::{self, Ceiling, Group, Member, Plane, RowFinder};
 use crate::hologram::Hologram;
-use crate::optics::{Color, Display, Padding, Pupil, WindowFactor};
+use crate::optics::{Color, Display, Padding, Pupil, WindowFactor, dioptres};
 use crate::plan::{Planner, Purpose};
 use crate::quality::QualityError;
 use crate::scene::{LightField, central_depth};
@@ -37,6 +37,8 @@ struct Looks {
     strip: Vec<Vec<f32>>,
     /// The row of each sweep, after 2 x 2 averaging: (places, half the width).
     slices: [Vec<f32>; 2],
+    /// Of photographs: what diffraction leaves of each member of the groups; empty where it is not known.
+    ceilings: Vec<Ceiling>,
 }
 
 /// What is to be seen of a scene.
@@ -81,7 +83,7 @@ impl Looks {
                 }
             }
         }
-        Ok(Self { color, pooled, chosen: shown, strip, slices })
+        Ok(Self { color, pooled, chosen: shown, strip, slices, ceilings: Vec::new() })
     }
 }
 
@@ -115,7 +117,9 @@ pub fn wanted(
     for &color in &field.colors {
         let planner = load_views(field, color, display, engine)?;
         let mut take = |some: &[Pupil]| Ok(evaluate::photographs(engine, &planner, some)?);
-        looks.push(Looks::of(color, pupils, size, row, &mut take)?);
+        let mut look = Looks::of(color, pupils, size, row, &mut take)?;
+        look.ceilings = ceilings(&look, display, pupils, pooled)?;
+        looks.push(look);
     }
     let step = EDGE_STEP * (depth[1] - depth[0]);
     let depths = central_depth(field, display);
@@ -124,6 +128,23 @@ pub fn wanted(
         evaluate::pool_mask(&near, size[0], size[1])
     });
     Ok(Wanted { looks, size, pooled, edges, row, longest })
+}
+
+/// What diffraction leaves of one colour's photographs, where they are whole pictures of the SLM.
+fn ceilings(
+    look: &Looks,
+    display: &Display,
+    pupils: &Pupils,
+    [rows, columns]: [usize; 2],
+) -> Result<Vec<Ceiling>, QualityError> {
+    let optics = display.optics(look.color)?;
+    if display.picture_share(optics.wavelength) < 1.0 {
+        return Ok(Vec::new());
+    }
+    let of = |(member, values): (&Member, &Vec<f32>)| {
+        Ceiling::new(&optics, &member.pupil, &Plane { rows, columns, values: values.clone() })
+    };
+    Ok(pupils.members.iter().zip(&look.pooled).map(of).collect())
 }
 
 fn load_views(
@@ -144,7 +165,13 @@ pub fn leading(colors: &[Color]) -> Color {
 }
 
 /// What a report says of the scene itself.
-pub fn scene_figures(name: &str, field: &LightField, depth: [f64; 2], wanted: &Wanted) -> SceneFigures {
+pub fn scene_figures(
+    name: &str,
+    field: &LightField,
+    depth: [f64; 2],
+    display: &Display,
+    wanted: &Wanted,
+) -> SceneFigures {
     let exposures = vec![1.0; wanted.looks.len()];
     let [height, width] = wanted.size;
     let views = (0..SHOWN.len()).map(|i| {
@@ -155,6 +182,7 @@ pub fn scene_figures(name: &str, field: &LightField, depth: [f64; 2], wanted: &W
         name: name.into(),
         views: field.grid,
         depth_mm: depth.map(|z| z * 1e3),
+        depth_dioptres: depth.map(|z| dioptres(z, display.focal_length)),
         row: 2 * wanted.row,
         pictures: Pictures {
             views: views.collect(),
@@ -224,7 +252,7 @@ pub fn measure(
     }
     let (mut rows, mut colors) = (Vec::new(), Vec::new());
     for ((look, wanted_look), energy) in looks.iter().zip(&wanted.looks).zip(&energies) {
-        let exposure = score(look, wanted_look, pupils, wanted.pooled, &mut rows)?;
+        let exposure = score(look, wanted_look, pupils, display, wanted.pooled, &mut rows)?;
         let exposed = |s: &Vec<f32>| s.iter().map(|v| v * exposure as f32).collect::<Vec<_>>();
         let slice = |i: usize| finite(evaluate::psnr(&exposed(&look.slices[i]), &wanted_look.slices[i])?);
         let epipolar = [slice(0)?, slice(1)?];
@@ -248,6 +276,7 @@ fn score(
     look: &Looks,
     wanted: &Looks,
     pupils: &Pupils,
+    display: &Display,
     [h, w]: [usize; 2],
     rows: &mut Vec<Row>,
 ) -> Result<f64, QualityError> {
@@ -260,7 +289,10 @@ fn score(
     for (i, (member, score)) in pupils.members.iter().zip(&scores).enumerate() {
         index = if i > 0 && pupils.members[i - 1].group == member.group { index + 1 } else { 0 };
         let (color, group, pupil_mm) = (look.color, member.group, member.pupil.to_mm());
-        rows.push(Row { color, group, index, pupil_mm, psnr: finite(score.psnr)?, ssim: score.ssim });
+        let focus_dioptres = dioptres(member.pupil.depth, display.focal_length);
+        let ceiling = wanted.ceilings.get(i).map(|c| Ceiling::decibels([c])).filter(|db| *db < HIGHEST_DB);
+        let (psnr, ssim) = (finite(score.psnr)?, score.ssim);
+        rows.push(Row { color, group, index, pupil_mm, focus_dioptres, psnr, ceiling, ssim });
     }
     Ok(exposure)
 }

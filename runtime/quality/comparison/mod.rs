@@ -33,7 +33,7 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 
 /// The form of the results: a new one when a measure changes its meaning.
-const FORMAT: u32 = 2;
+const FORMAT: u32 = 3;
 /// About how long the parts take, one to the other.
 const PHOTOGRAPHS: f64 = 3.0;
 const SOLVE: f64 = 1.0;
@@ -106,6 +106,7 @@ impl Comparison {
                 size: [display.height, display.width],
                 pitch_um: display.pitch * 1e6,
                 eyebox_mm: display.eyebox_min() * 1e3,
+                reach: display.reach().to_string(),
                 colors: self.colors.clone(),
                 frames: self.frames.clone(),
                 steps: settings.steps,
@@ -282,6 +283,7 @@ impl<'a> OfScene<'a> {
 
     /// Everything that is not there yet.
     fn run(&self, work: &mut Work, engine: &mut dyn Engine, results: &mut Results) -> Result<(), QualityError> {
+        let display = &self.job.display;
         let mut done: Vec<Option<Run>> =
             self.tasks.iter().map(|t| work.results.load(&t.name, &self.shown(&t.made_by))).collect();
         let mut figures: Option<SceneFigures> = work.results.load(&self.name, &self.shown(&self.made_by));
@@ -289,8 +291,8 @@ impl<'a> OfScene<'a> {
         if done.iter().any(Option::is_none) || figures.is_none() {
             work.say(&format!("{}: photographs", self.label()));
             let longest = self.job.longest();
-            let taken = measure::wanted(self.field, &self.job.display, &self.pupils, self.depth, longest, engine)?;
-            let made = measure::scene_figures(self.label(), self.field, self.depth, &taken);
+            let taken = measure::wanted(self.field, display, &self.pupils, self.depth, longest, engine)?;
+            let made = measure::scene_figures(self.label(), self.field, self.depth, display, &taken);
             work.results.save(&self.name, &self.shown(&self.made_by), &made)?;
             (figures, wanted) = (Some(made), Some(taken));
         }
@@ -300,7 +302,7 @@ impl<'a> OfScene<'a> {
             let Some((hologram, seconds)) = self.hologram(task, work, engine)? else { break };
             work.pass(SOLVE);
             work.say(&format!("{}: looking at {}", self.label(), task.candidate.name));
-            let mut run = measure::measure(&hologram, &self.job.display, &self.pupils, wanted, engine)?;
+            let mut run = measure::measure(&hologram, display, &self.pupils, wanted, engine)?;
             work.pass(LOOK);
             (run.scene, run.method, run.seconds) = (self.label().into(), task.candidate.name.clone(), seconds);
             work.results.save(&task.name, &self.shown(&task.made_by), &run)?;

@@ -57,8 +57,12 @@ pub struct Row {
     pub index: usize,
     /// x, y, diameter, focus, mm.
     pub pupil_mm: [f64; 4],
+    /// The focus, dioptres.
+    pub focus_dioptres: f64,
     /// dB.
     pub psnr: f64,
+    /// The most that any hologram could have there, dB; none where diffraction takes nothing, or where it is not known.
+    pub ceiling: Option<f64>,
     /// None for pictures smaller than its window.
     pub ssim: Option<f64>,
 }
@@ -117,10 +121,20 @@ pub struct SceneFigures {
     pub views: [usize; 2],
     /// Farthest and nearest focus, mm.
     pub depth_mm: [f64; 2],
+    /// The same in dioptres.
+    pub depth_dioptres: [f64; 2],
     /// Row of the picture whose epipolar slices are shown.
     pub row: usize,
     /// Photographs.
     pub pictures: Pictures,
+}
+
+impl SceneFigures {
+    /// Its depths in both units.
+    pub fn depths_in_words(&self) -> String {
+        let ([far, near], [least, most]) = (self.depth_mm, self.depth_dioptres);
+        format!("{far:.2} to {near:.2} mm ({least:.3} to {most:.3} D)")
+    }
 }
 
 /// Speckle of an even plane.
@@ -153,6 +167,8 @@ pub struct About {
     pub pitch_um: f64,
     /// Side of the eyebox that all colours serve, mm.
     pub eyebox_mm: f64,
+    /// What the display can show, in words.
+    pub reach: String,
     /// Colours.
     pub colors: Vec<Color>,
     /// Sub-frames that were compared.
@@ -324,6 +340,14 @@ impl Results {
     /// Mean PSNR of the pupil at one place of a group, over colours and scenes, dB.
     pub fn at(&self, series: &Series, scene: Option<&str>, group: Group, index: usize) -> Option<f64> {
         mean(self.rows(series, scene, group).filter(|r| r.index == index).map(|r| r.psnr))
+    }
+
+    /// Mean ceiling of the pupil at one place of a group, over colours and scenes, dB; none where any has none.
+    pub fn ceiling_at(&self, group: Group, index: usize) -> Option<f64> {
+        let series = self.leading().into_iter().next()?;
+        let all: Option<Vec<f64>> =
+            self.rows(&series, None, group).filter(|r| r.index == index).map(|r| r.ceiling).collect();
+        mean(all?.into_iter())
     }
 
     /// Mean over colours and scenes of a figure of the colours.

@@ -5,6 +5,7 @@ use crate::phases::PhaseUnitArgs;
 use crate::quality::QualityArgs;
 use crate::values::{depths, positive, range};
 use clap::Args;
+use eyebox::optics::Depth;
 use std::path::PathBuf;
 
 /// `eyebox evaluate`
@@ -46,9 +47,9 @@ pub struct Evaluate {
     /// Views per axis of scenes that are rendered or reprojected
     #[arg(long, default_value_t = 9, value_name = "N")]
     pub views: usize,
-    /// Depths that matter, mm [default: what the scene says]
+    /// Depths that matter, mm, or dioptres as in -0.02D..0.02D [default: what the scene says]
     #[arg(long, value_name = "MIN..MAX", value_parser = depths, allow_hyphen_values = true)]
-    pub depth: Option<[f64; 2]>,
+    pub depth: Option<[Depth; 2]>,
     /// Quality: decides steps, pupils, their diameters, window and optimiser of every iterative method; all views and
     /// sub-frames stay
     #[command(flatten)]

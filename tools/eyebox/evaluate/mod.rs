@@ -153,7 +153,7 @@ fn job(args: &Evaluate) -> Result<Comparison, Failure> {
     let settings = Settings {
         steps,
         pupils,
-        diameter: common::diameters(args.pupil_diameter, &display),
+        diameter: common::diameters(args.pupil_diameter, &display, args.display.force)?,
         seed: args.seed,
         ..defaults
     };

@@ -64,7 +64,7 @@ pub fn run(args: &Live) -> Result<(), Failure> {
         gpu => gpu,
     };
     let steered = subject::load(&args.subject, &engines)?;
-    let (mouse, tracking) = tracking(&args.tracker, args.view)?;
+    let (mouse, tracking) = tracking(&args.tracker, args.view, steered.hologram.focal_length)?;
     let about = tracking.describe();
     eprintln!(
         "{}: {} sub-frames of {} colours, {}x{}; {}",

@@ -5,12 +5,12 @@ use crate::args::{EngineArgs, OtherSceneArgs, SceneArgs};
 use crate::common::{self, Form};
 use crate::phases::PhaseArgs;
 use crate::score;
-use crate::values::{not_negative, pupil, range};
+use crate::values::{GivenPupil, not_negative, pupil, range};
 use crate::{Failure, progress};
 use clap::Args;
 use eyebox::evaluate::Sums;
-use eyebox::hologram::{Metadata, Patch, Refined, SceneSource, Tiles};
-use eyebox::optics::{Pupil, PupilDistribution};
+use eyebox::hologram::{Hologram, Metadata, Patch, Refined, SceneSource, Tiles};
+use eyebox::optics::{Pupil, PupilDistribution, depth_in_words, dioptres};
 use eyebox::solve::{Diameters, Problem, PupilRange, Refiner, Sampler, Sequence, pupils_of};
 use eyebox::tiled::Piece;
 use serde_json::{Value, json};
@@ -25,9 +25,9 @@ pub struct Refine {
     /// Scene
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// Where the eye is: x,y,diameter,focus in mm
+    /// Where the eye is: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
     #[arg(long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true)]
-    pub pupil: Pupil,
+    pub pupil: GivenPupil,
     /// Standard deviation of where it is, mm
     #[arg(long, value_name = "MM", default_value_t = 0.25, value_parser = not_negative)]
     pub spread: f64,
@@ -90,9 +90,10 @@ pub fn run(args: &Refine) -> Result<(), Failure> {
     let display = score::display_of(&args.hologram, &hologram)?;
     args.other.check(&args.hologram, &hologram, &args.scene.scene)?;
     let colors: Vec<_> = hologram.colors.iter().filter_map(|c| c.color).collect();
+    common::pupil(&args.pupil, (0..colors.len()).map(|i| hologram.optics(i)), args.phases.force)?;
     let field = common::scene(&score::as_solved(&args.scene, &hologram), &display, &colors)?;
     hologram.fit_exposure(&field, common::engine(&args.engine)?.as_mut())?;
-    let aim = args.aim();
+    let aim = args.aim(display.focal_length);
     let padding = hologram.metadata.padding();
     progress::catch_interrupt();
     let mut all: Vec<Vec<Row>> = Vec::new();
@@ -106,10 +107,10 @@ pub fn run(args: &Refine) -> Result<(), Failure> {
         all.push(rows);
     }
     if let Some(out) = &args.out {
-        hologram.metadata.refined = Some(args.refined());
+        hologram.metadata.refined = Some(args.refined(aim));
         hologram.save(out)?;
     }
-    report(args, &all, hologram.frames, &described, EYEBOX, &Value::Null);
+    report(args, &all, &hologram, &described, EYEBOX, &Value::Null);
     Ok(())
 }
 
@@ -127,11 +128,9 @@ fn tiled(args: &Refine) -> Result<(), Failure> {
     let display = score::display_of(&args.hologram, about)?;
     args.other.check(&args.hologram, about, &args.scene.scene)?;
     let colors: Vec<_> = about.colors.iter().filter_map(|c| c.color).collect();
-    for i in 0..colors.len() {
-        args.pupil.check_within(&about.optics(i)?)?;
-    }
+    common::pupil(&args.pupil, (0..colors.len()).map(|i| about.optics(i)), args.phases.force)?;
     let scene = common::scene_around(&score::as_solved(&args.scene, about), &display, &colors)?;
-    let aim = args.aim();
+    let aim = args.aim(display.focal_length);
     progress::catch_interrupt();
     let (mut all, mut patches, mut described, mut place) = (Vec::new(), Vec::new(), String::new(), Value::Null);
     let SceneSource::Around(scene) = scene else { unreachable!("made around pupils") };
@@ -153,25 +152,25 @@ fn tiled(args: &Refine) -> Result<(), Failure> {
         all.push(rows);
     }
     if let Some(out) = &args.out {
-        let metadata = Metadata { refined: Some(args.refined()), ..about.metadata.clone() };
+        let metadata = Metadata { refined: Some(args.refined(aim)), ..about.metadata.clone() };
         tiles.copy(out, &metadata, &patches)?;
     }
-    report(args, &all, about.frames, &described, PIECE, &place);
+    report(args, &all, about, &described, PIECE, &place);
     Ok(())
 }
 
 impl Refine {
     /// Where the eye is believed to be.
-    fn aim(&self) -> PupilDistribution {
-        let Pupil { x, y, diameter, depth } = self.pupil;
+    fn aim(&self, focal_length: f64) -> PupilDistribution {
+        let Pupil { x, y, diameter, depth } = self.pupil.before(focal_length);
         let half = 0.5e-3f64.min(diameter / 2.0);
         let diameter = self.diameter.unwrap_or([diameter - half, diameter + half]);
         PupilDistribution { centre: [x, y], spread: self.spread * 1e-3, diameter, focus: [depth; 2], elsewhere: 0.0 }
     }
 
     /// What the file says of it.
-    fn refined(&self) -> Refined {
-        Refined { aim: self.aim(), steering: self.steering.steering(), steps: self.steps }
+    fn refined(&self, aim: PupilDistribution) -> Refined {
+        Refined { aim, steering: self.steering.steering(), steps: self.steps }
     }
 }
 
@@ -184,7 +183,8 @@ fn steps(
     exposure: f64,
     anywhere: PupilRange,
 ) -> Result<(Vec<Row>, Vec<f32>, String), Failure> {
-    let (engine, steering, aim) = (common::engine(&args.engine)?, args.steering.steering(), args.aim());
+    let (engine, steering) = (common::engine(&args.engine)?, args.steering.steering());
+    let aim = args.aim(problem.optics.focal_length);
     let described = engine.describe();
     let (at_eye, anywhere) = judged(anywhere, problem.optics.center(), &aim, steering.seed);
     let mut refiner = Refiner::new(problem, phases, exposure, steering, engine)?;
@@ -211,9 +211,11 @@ fn steps(
 }
 
 /// Says what each step gained, over all colours; `place`: the piece that was refined.
-fn report(args: &Refine, all: &[Vec<Row>], frames: usize, engine: &str, [key, words]: [&str; 2], place: &Value) {
+fn report(args: &Refine, all: &[Vec<Row>], about: &Hologram, engine: &str, [key, words]: [&str; 2], place: &Value) {
     // Colours, side by side: an interruption may have left some with fewer rows.
     let count = all.iter().map(Vec::len).min().unwrap_or(0);
+    let f = about.focal_length;
+    let focus = args.pupil.before(f).depth;
     let mean = |i: usize, of: &dyn Fn(&Row) -> f64| all.iter().map(|r| of(&r[i])).sum::<f64>() / all.len() as f64;
     let rows: Vec<Row> = (0..count)
         .map(|i| Row {
@@ -226,8 +228,9 @@ fn report(args: &Refine, all: &[Vec<Row>], frames: usize, engine: &str, [key, wo
     if args.json {
         let row = |r: &Row| json!({ "steps": r.steps, "ms": r.ms, "eye_db": r.eye, key: r.wide });
         let mut said = json!({
-            "engine": engine, "aim": args.aim(), "steering": args.steering.steering(),
-            "rows": rows.iter().map(row).collect::<Vec<_>>(), "out": args.out,
+            "engine": engine, "aim": args.aim(f), "focus_mm": focus * 1e3, "focus_dioptres": dioptres(focus, f),
+            "steering": args.steering.steering(), "rows": rows.iter().map(row).collect::<Vec<_>>(),
+            "out": args.out.as_ref().map(|out| out.display().to_string()),
         });
         if !place.is_null() {
             said["piece"] = place.clone();
@@ -236,7 +239,7 @@ fn report(args: &Refine, all: &[Vec<Row>], frames: usize, engine: &str, [key, wo
         println!("{said}");
         return;
     }
-    println!("{engine}; {frames} sub-frames, {} colours", all.len());
+    println!("{engine}; {} sub-frames, {} colours; focused at {}", about.frames, all.len(), depth_in_words(focus, f));
     if let (Some(first), Some(size)) = (place["first"].as_array(), place["size"].as_array()) {
         println!("the piece of {}x{} pixels from row {}, column {}", size[0], size[1], first[0], first[1]);
     }

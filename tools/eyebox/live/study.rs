@@ -3,11 +3,12 @@
 use super::args::PolicyArgs;
 use super::subject::{self, Steered, SubjectArgs};
 use crate::common::Engines;
-use crate::values::{not_negative, positive};
+use crate::values::{depth, not_negative, positive};
 use crate::{Failure, progress};
 use clap::Args;
 use eyebox::files;
 use eyebox::gpu::Options as VulkanOptions;
+use eyebox::optics::{Depth, depth_in_words, dioptres};
 use eyebox::report;
 use eyebox::session::{self, Cost, SetTiming, Study as Result_, StudySettings};
 use eyebox::trackers::simulated;
@@ -52,9 +53,9 @@ pub struct Study {
     /// One seed, one eye
     #[arg(long, default_value_t = 0, value_name = "S")]
     pub eye_seed: u64,
-    /// Where the eye focuses, mm
-    #[arg(long, default_value_t = 0.0, value_name = "MM", allow_hyphen_values = true)]
-    pub focus: f64,
+    /// Where the eye focuses, mm, or dioptres as in 0.5D
+    #[arg(long, default_value = "0", value_name = "MM|D", value_parser = depth, allow_hyphen_values = true)]
+    pub focus: Depth,
     /// What a step of one colour takes, ms, for one result on every machine [default: what it takes on this one]
     #[arg(long, value_name = "MS", value_parser = positive)]
     pub step_time: Option<f64>,
@@ -70,7 +71,7 @@ pub struct Study {
 }
 
 impl Study {
-    fn settings(&self) -> StudySettings {
+    fn settings(&self, focal_length: f64) -> StudySettings {
         let mut settings = StudySettings { seconds: self.duration, ..StudySettings::default() };
         settings.period_ns = (1e9 / self.rate) as i64;
         settings.lead_ns = SetTiming::usual_lead_ns(settings.period_ns);
@@ -89,7 +90,7 @@ impl Study {
         if let Some(step) = self.step_time {
             settings.cost = Cost::Fixed { step: time(step), encode: time(self.encode_time) };
         }
-        settings.gaze.focus = [self.focus * 1e-3; 2];
+        settings.gaze.focus = [self.focus.metres(focal_length); 2];
         settings
     }
 }
@@ -98,15 +99,18 @@ impl Study {
 pub fn run(args: &Study) -> Result<(), Failure> {
     let engines = Engines::new(&args.subject.engine, &VulkanOptions::default())?;
     let subject = subject::load(&args.subject, &engines)?;
-    let settings = args.settings();
+    let focal_length = subject.hologram.focal_length;
+    let settings = args.settings(focal_length);
+    let focus = settings.gaze.focus[0];
     if !args.json {
         eprintln!(
-            "{}: {} sub-frames, {} colours, {}x{}; {}",
+            "{}: {} sub-frames, {} colours, {}x{}, the eye focused at {}; {}",
             subject.hologram.scene,
             subject.hologram.frames,
             subject.colors.len(),
             subject.hologram.height,
             subject.hologram.width,
+            depth_in_words(focus, focal_length),
             subject.engine
         );
     }
@@ -119,15 +123,16 @@ pub fn run(args: &Study) -> Result<(), Failure> {
         "colors": subject.colors, "size": [subject.hologram.height, subject.hologram.width],
         "frames": subject.hologram.frames, "policy": policy, "summary": summary, "study": study,
         "eye": { "seed": args.eye_seed, "rate_hz": args.tracker_rate, "delay_ms": args.tracker_delay,
-                 "noise_mm": args.tracker_noise, "fixation_ms": args.fixation, "sets_per_second": args.rate },
+                 "noise_mm": args.tracker_noise, "fixation_ms": args.fixation, "sets_per_second": args.rate,
+                 "focus_mm": focus * 1e3, "focus_dioptres": dioptres(focus, focal_length) },
     });
     let file = args.out.join("study.json");
     files::write_file(&file, |out| writeln!(out, "{all:#}"))?;
     let page = args.out.join("study.html");
-    let title = format!("Steering {}", subject.hologram.scene);
+    let title = format!("Steering {}, focused at {}", subject.hologram.scene, depth_in_words(focus, focal_length));
     files::write_file(&page, |out| out.write_all(report::study_page(&title, &subject.engine, &study).as_bytes()))?;
     if args.json {
-        println!("{}", json!({ "summary": summary, "out": args.out }));
+        println!("{}", json!({ "summary": summary, "out": args.out.display().to_string() }));
         return Ok(());
     }
     print(&study);

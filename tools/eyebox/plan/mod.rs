@@ -8,7 +8,7 @@ pub use args::Plan;
 use crate::settings::{plan_of, settings_of};
 use crate::{Failure, common};
 use eyebox::engine::Engine;
-use eyebox::optics::{Color, Display};
+use eyebox::optics::{Color, Display, dioptres};
 use eyebox::plan::Group;
 use eyebox::scene::LightField;
 use eyebox::solve::{Forecast, Loaded, Problem, Rates, ScenePlan, forecast};
@@ -38,6 +38,7 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
     let forecasts = forecasts(&plan, &field, &display, [program, loading], engine.as_ref(), &rates)?;
     if !solve.json {
         println!("{} on {}, {}x{}", field.name, display.name, display.height, display.width);
+        println!("shows {}", display.reach());
         println!("{}\n", engine.describe());
         chosen.iter().for_each(|about| println!("{about}\n"));
         say(&plan, &forecasts);
@@ -60,7 +61,9 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
             "colors": plan.colors, "dark": plan.dark, "choices": plan.choices,
             "views_left_out": plan.outer, "views_merged": plan.merge, "padding": [plan.padding.rows, plan.padding.columns],
             "settings": plan.settings, "forecast": forecasts.iter().map(forecast).collect::<Vec<_>>(),
-            "check": check,
+            "depth_mm": plan.settings.depth.map(|z| z * 1e3),
+            "depth_dioptres": plan.settings.depth.map(|z| dioptres(z, display.focal_length)),
+            "reach": display.reach(), "check": check,
         });
         println!("{out}");
     }

@@ -76,6 +76,9 @@ pub struct Play {
     /// Resolution instead of the display's own, rows x columns
     #[arg(long, value_name = "HxW", value_parser = size)]
     pub size: Option<[usize; 2]>,
+    /// Take sizes and wavelengths that look like a mistake as they are
+    #[arg(long)]
+    pub force: bool,
     /// Colours; bare phases of one colour are for this one
     #[arg(long, value_enum, default_value = "all")]
     pub color: Colors,

@@ -16,7 +16,7 @@ use std::time::{Duration, UNIX_EPOCH};
 
 /// Plays a hologram or a sequence, and says what was shown.
 pub fn run(args: &Play) -> Result<(), Failure> {
-    let display = common::display_of_size(&args.display, args.size)?;
+    let display = common::display_of_size(&args.display, args.size, args.force)?;
     let sequence = args.unit.opening(Some(&display), args.color.one()).sequence(&args.file)?;
     let mut play = session::Play::new(sequence, &display)?;
     let output = output(args, args.looped || play.looped)?;

@@ -2,9 +2,8 @@
 
 use crate::args::{EngineArgs, OtherSceneArgs};
 use crate::phases::PhaseArgs;
-use crate::values::{positive, pupil, rate, size};
+use crate::values::{GivenPupil, positive, pupil, rate, size};
 use clap::Args;
-use eyebox::optics::Pupil;
 use eyebox::present::Rate;
 use std::path::PathBuf;
 
@@ -16,9 +15,9 @@ pub struct Preview {
     /// This hologram of a sequence alone, from 0
     #[arg(long, visible_alias = "frame", value_name = "N")]
     pub at: Option<u64>,
-    /// Pupil to begin with: x,y,diameter,focus in mm
+    /// Pupil to begin with: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
     #[arg(long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true, default_value = "0,0,4,0")]
-    pub pupil: Pupil,
+    pub pupil: GivenPupil,
     /// The scene of the hologram, for its photograph and the PSNR: a folder of views, a picture, or builtin:NAME
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<String>,

@@ -10,7 +10,7 @@ use crate::common::{self, Form};
 use crate::{Failure, progress, score, view};
 use eyebox::evaluate::Plane;
 use eyebox::hologram::{Hologram, PhaseSource, SceneSource, Sequence, Tiles};
-use eyebox::optics::{Color, Padding};
+use eyebox::optics::{Color, Padding, Pupil};
 use eyebox::present::{Desktop, Monitor, PresentError, WindowEvent};
 use eyebox::preview::{
     Action, Controls, Look, Picture, PreviewError, PreviewWindow, Seen, Showing, Side, Viewer, places,
@@ -30,13 +30,12 @@ const ROOM: f64 = 0.85;
 /// Shows what an eye sees, live.
 pub fn run(args: &Preview) -> Result<(), Failure> {
     let Opened { hologram, playing, tiles } = open(args)?;
-    for i in 0..hologram.colors.len() {
-        args.pupil.check_within(&hologram.optics(i)?)?;
-    }
+    let optics = (0..hologram.colors.len()).map(|i| hologram.optics(i));
+    let pupil = common::pupil(&args.pupil, optics, args.phases.force)?;
     // Nobody waits for a scene to be told that there is no window.
     let mut desktop = Desktop::open()?;
     let opener = common::opener(&args.engine)?;
-    let hologram = expose(args, hologram)?;
+    let hologram = expose(args, hologram, &pupil)?;
     let scene = scene(args, &hologram, playing.is_some(), tiles.is_some())?;
     let colors: Vec<Option<Color>> = hologram.colors.iter().map(|c| c.color).collect();
     let size = hologram.picture_size().into();
@@ -56,7 +55,7 @@ pub fn run(args: &Preview) -> Result<(), Failure> {
     let mut showing = Showing::new(hologram, shown.padding)?;
     showing.tiles = tiles;
     let showing = Arc::new(showing);
-    let controls = Controls::new(&showing, args.pupil, !scene.is_empty(), shown.playing.is_some());
+    let controls = Controls::new(&showing, pupil, !scene.is_empty(), shown.playing.is_some());
     let mut viewer = Viewer::start(opener, scene)?;
     let gpu = common::display_gpu(args.validation)?;
     let messages = gpu.messages();
@@ -103,12 +102,12 @@ fn open(args: &Preview) -> Result<Opened, Failure> {
 }
 
 /// One exposure for the whole session: as asked, the hologram's own, or what makes the first picture bright.
-fn expose(args: &Preview, mut hologram: Hologram) -> Result<Hologram, Failure> {
+fn expose(args: &Preview, mut hologram: Hologram, pupil: &Pupil) -> Result<Hologram, Failure> {
     let exposures = match (args.exposure, hologram.metadata.exposure_assumed) {
         (Some(exposure), _) => vec![exposure; hologram.colors.len()],
         (None, false) => return Ok(hologram),
         (None, true) => {
-            let planes = hologram.look(&args.pupil, common::engine(&args.engine)?.as_mut())?;
+            let planes = hologram.look(pupil, common::engine(&args.engine)?.as_mut())?;
             view::exposures(&hologram, None, &planes)
         }
     };

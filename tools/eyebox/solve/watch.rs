@@ -1,7 +1,7 @@
 //! What a user sees of a solve while it runs.
 
 use crate::progress::{self, Bar};
-use eyebox::optics::{Color, Padding};
+use eyebox::optics::{Color, Padding, depths_in_words};
 use eyebox::produce::{SceneEvent, SceneJob, TilesPlan};
 use eyebox::solve::{Flow, Solution};
 use serde_json::{Value, json};
@@ -96,11 +96,10 @@ impl<'a> Watch<'a> {
         let Some(About { job, engine, chosen }) = self.about.as_ref().filter(|_| !self.quiet) else { return };
         let display = job.display;
         let [height, width] = [display.height, display.width];
-        let mm = |[a, b]: [f64; 2]| [a * 1e3, b * 1e3];
         match event {
             SceneEvent::Planned { field, views: [rows, columns], plan, settings } => {
-                let [far, near] = mm(settings.depth);
-                eprintln!("{}: {rows} x {columns} views, {height}x{width}, depth {far:.2}..{near:.2} mm", field.name);
+                let depth = depths_in_words(settings.depth, display.focal_length);
+                eprintln!("{}: {rows} x {columns} views, {height}x{width}, depth {depth}", field.name);
                 let padded = plan.padding != Padding::default();
                 for choice in plan.choices.iter().filter(|c| c.saves || (c.what == "padding" && padded)) {
                     eprintln!("{}: {} ({})", choice.what, choice.value, choice.why);
@@ -113,6 +112,7 @@ impl<'a> Watch<'a> {
             SceneEvent::Tiles(plan) => begin_tiles(job, plan),
             _ => {}
         }
+        eprintln!("{} shows {}", display.name, display.reach());
         eprintln!("engine: {engine}");
         chosen.iter().for_each(|about| eprintln!("{about}"));
     }
@@ -137,9 +137,9 @@ impl<'a> Watch<'a> {
 fn begin_tiles(job: &SceneJob, plan: &TilesPlan) {
     let (display, settings) = (job.display, &plan.settings);
     let [small, large] = settings.diameter.map(|d| d * 1e3);
-    let [far, near] = settings.depth.map(|z| z * 1e3);
+    let depth = depths_in_words(settings.depth, display.focal_length);
     eprintln!(
-        "{} on {}: {}x{}, {} sub-frames, pupils of {small:.2} to {large:.2} mm, depth {far:.1}..{near:.1} mm",
+        "{} on {}: {}x{}, {} sub-frames, pupils of {small:.2} to {large:.2} mm, depth {depth}",
         job.scenes[0], display.name, display.height, display.width, settings.frames
     );
     let [memory, held] = plan.memory;

@@ -24,7 +24,7 @@ pub fn run(args: &Tradeoff) -> Result<(), Failure> {
     let display = common::display(&args.display)?;
     let color = leading(&common::colors(&args.display, &display)?);
     let mut base = Settings { frames: args.frames, seed: args.seed, ..Settings::default() };
-    base.diameter = common::diameters(args.pupil_diameter, &display);
+    base.diameter = common::diameters(args.pupil_diameter, &display, args.display.force)?;
     let levels = levels_of(args.levels.as_deref(), &display)?;
     Settings { levels: levels.clone(), ..base.clone() }.check()?;
     let mut engine = common::engine(&args.engine)?;

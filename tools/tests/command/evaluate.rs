@@ -224,11 +224,11 @@ fn mistakes_are_one_line_and_leave_nothing() {
     refused(at, &zero, "--steps 0");
     // Folders of pictures of different sizes, with nothing said of what they are fitted to.
     views(at, "wide", "20x40");
-    views(at, "tall", "40x20");
+    views(at, "tall", "40x36");
     refused(
         at,
         &["evaluate", "wide", "tall", "--engine", "cpu", "-o", "out"],
-        "tall: 40 x 20 pixels, but wide has 20 x 40",
+        "tall: 40 x 36 pixels, but wide has 20 x 40",
     );
     // A view that is missing is found before anything is written.
     std::fs::remove_file(at.join("wide/view_02.png")).unwrap();

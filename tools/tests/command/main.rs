@@ -13,9 +13,11 @@ mod play;
 #[cfg(target_os = "linux")]
 mod preview;
 mod refine;
+mod reliability;
 mod tiled;
 mod trackers;
 mod tradeoff;
+mod units;
 #[cfg(target_os = "linux")]
 mod window;
 #[cfg(target_os = "linux")]

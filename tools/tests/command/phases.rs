@@ -206,9 +206,11 @@ fn every_command_takes_phases_as_it_takes_their_hologram() {
     let refine =
         ["refine", "IN", "builtin:plane", "--views", "3", "--depth=-0.1..0.1", "--pupil=0,0,5,0", "--steps", "1"];
     let gains = both(&[&refine[..], &["--engine", "cpu", "--json"]].concat(), &GREEN);
-    let [own, bare] =
-        gains.map(|said| serde_json::from_str::<Value>(&said).unwrap()["rows"][1]["eye_db"].as_f64().unwrap());
-    assert!((own - bare).abs() < 1.0, "{own} {bare} dB");
+    let gains = gains.map(|said| {
+        let said: Value = serde_json::from_str(&said).unwrap();
+        [0, 1].map(|row: usize| said["rows"][row]["eye_db"].as_f64().unwrap())
+    });
+    assert!((gains[0][0] - gains[1][0]).abs() < 0.01 && gains[1][1] > 10.0, "{gains:?} dB");
     let evaluate =
         ["evaluate", "builtin:plane", "--views", "3", "--no-speckle", "--hologram", "mine=p.npy", "--size", "36x48"];
     done(at, &[&evaluate[..], &GREEN, &["--engine", "cpu", "-o", "report"]].concat());

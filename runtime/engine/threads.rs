@@ -1,0 +1,32 @@
+//! The threads that compute: one pool for the process.
+
+use rayon::ThreadPoolBuilder;
+
+/// More threads than any machine's cores; more asked for is a mistake that would take minutes to start.
+const MOST: usize = 512;
+
+/// Makes the pool, of as many threads as `RAYON_NUM_THREADS` says or there are cores; where the system does not give so many,
+/// of fewer, with a warning. Programs may call it first thing; what was made before stays.
+pub fn prepare_threads() {
+    let stated = std::env::var("RAYON_NUM_THREADS").ok().and_then(|text| text.parse::<usize>().ok());
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let wanted = stated.filter(|n| *n > 0).unwrap_or(cores);
+    let mut count = wanted.min(MOST);
+    if count < wanted {
+        tracing::warn!("{wanted} threads were asked for: {count} are made");
+    }
+    while let Err(error) = ThreadPoolBuilder::new().num_threads(count).build_global() {
+        // Made before, by whoever computed something.
+        if std::error::Error::source(&error).is_none() {
+            return;
+        }
+        if count == 1 {
+            // This thread alone then: it needs nothing of the system.
+            let _ = ThreadPoolBuilder::new().num_threads(1).use_current_thread().build_global();
+            tracing::warn!("the system gives no threads ({error}): one computes");
+            return;
+        }
+        count /= 2;
+        tracing::warn!("the system does not give so many threads ({error}): {count} are tried");
+    }
+}

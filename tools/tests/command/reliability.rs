@@ -1,0 +1,182 @@
+//! Nothing that is read is believed, nothing that was made is lost: files that are no files, sizes that no machine holds,
+//! readers that go away.
+
+use crate::common::{command, done, eyebox, folder, refused, text};
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+const SMALL: [&str; 8] = ["--size", "40x48", "--steps", "2", "--color", "green", "--engine", "cpu"];
+
+fn solve<'a>(scenes: &[&'a str], out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+    [&["solve"], scenes, &["-o", out], &SMALL, more].concat()
+}
+
+fn mkfifo(file: &Path) {
+    assert!(Command::new("mkfifo").arg(file).status().expect("mkfifo").success());
+}
+
+#[test]
+fn sizes_that_no_machine_holds_are_refused_with_what_they_take() {
+    let temp = folder();
+    let at = temp.path();
+    let huge = ["--size", "65536x65536"];
+    let commands: [&[&str]; 4] = [
+        &["solve", "builtin:still-life", "-o", "x.zarr"],
+        &["photograph", "builtin:still-life", "--pupil=0,0,4,0", "-o", "x.png"],
+        &["tradeoff", "builtin:still-life", "-o", "y"],
+        &["solve", "builtin:still-life", "--views", "1", "-o", "x.zarr"],
+    ];
+    for args in commands {
+        let answer = eyebox(at, &[args, &huge].concat());
+        let said = text(&answer.stderr);
+        assert_eq!(answer.status.code(), Some(2), "{args:?}: {said}");
+        assert!(said.contains("GiB of memory") && said.contains("--size"), "{args:?}: {said}");
+        assert!(!at.join("x.zarr").exists() && !at.join("x.png").exists());
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn files_that_are_no_files_are_refused_at_once() {
+    let temp = folder();
+    let at = temp.path();
+    done(at, &solve(&["builtin:plane"], "h.zarr", &[]));
+    mkfifo(&at.join("pipe"));
+    std::fs::create_dir(at.join("views")).unwrap();
+    mkfifo(&at.join("views/lightfield.toml"));
+    for file in ["pipe", "/dev/zero"] {
+        refused(at, &["solve", "builtin:plane", "--display", file, "-o", "x"], "x", "only regular files");
+        refused(at, &["score", "h.zarr", "builtin:plane", "--pupils", file], "x", "only regular files");
+    }
+    for inside in ["zarr.json", "phases/zarr.json", "phases/c/0/0/0/0"] {
+        let (file, kept) = (at.join("h.zarr").join(inside), at.join("kept"));
+        std::fs::rename(&file, &kept).unwrap();
+        mkfifo(&file);
+        let begun = Instant::now();
+        for args in
+            [&["view", "h.zarr", "--pupil=0,0,4,0", "-o", "x.png"][..], &["play", "h.zarr", "--output", "offscreen"]]
+        {
+            let answer = eyebox(at, args);
+            assert_eq!(answer.status.code(), Some(2), "{inside}: {args:?}: {}", text(&answer.stderr));
+        }
+        assert!(begun.elapsed() < Duration::from_secs(20), "{inside} was waited for");
+        std::fs::remove_file(&file).unwrap();
+        std::fs::rename(&kept, &file).unwrap();
+    }
+    // A file of 3 GB that is not there.
+    std::fs::File::create(at.join("sparse.toml")).unwrap().set_len(3 << 30).unwrap();
+    refused(at, &["solve", "builtin:plane", "--display", "sparse.toml", "-o", "x"], "x", "3221225472 bytes long");
+}
+
+/// A PNG's first bytes say how large it is: nothing is decoded of one that is too large.
+#[test]
+fn a_picture_that_is_too_large_is_refused_by_its_header() {
+    let temp = folder();
+    let at = temp.path();
+    std::fs::create_dir(at.join("views")).unwrap();
+    let mut png = b"\x89PNG\r\n\x1a\n".to_vec();
+    let chunk = |kind: &[u8; 4], data: &[u8]| {
+        let body = [kind, data].concat();
+        let sum = body.iter().fold(u32::MAX, |sum, byte| {
+            (0..8).fold(sum ^ u32::from(*byte), |s, _| (s >> 1) ^ (0xedb8_8320 & 0u32.wrapping_sub(s & 1)))
+        });
+        [&(data.len() as u32).to_be_bytes()[..], &body, &(!sum).to_be_bytes()].concat()
+    };
+    let header = [&16000u32.to_be_bytes()[..], &16000u32.to_be_bytes(), &[8, 0, 0, 0, 0]].concat();
+    png.extend([chunk(b"IHDR", &header), chunk(b"IDAT", &[]), chunk(b"IEND", &[])].concat());
+    (0..9).for_each(|i| std::fs::write(at.join(format!("views/view_{i:02}.png")), &png).unwrap());
+    refused(at, &solve(&["views"], "x.zarr", &[]), "x.zarr", "16000 x 16000 pixels");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_reader_that_goes_away_ends_talking_and_not_the_work() {
+    let temp = folder();
+    let at = temp.path();
+    let scenes = ["builtin:plane?depth=-1", "builtin:plane?depth=0", "builtin:plane?depth=1"];
+    for (streams, out) in [("| true", "a.zarr"), ("2>&1 | true", "b.zarr"), (">&- 2>&-", "c.zarr")] {
+        let args = solve(&scenes, out, &[]);
+        let words: Vec<String> = args.iter().map(|a| format!("'{a}'")).collect();
+        let script =
+            format!("(sleep 0.2; '{}' {}; echo $? > code) {streams}", env!("CARGO_BIN_EXE_eyebox"), words.join(" "));
+        assert!(Command::new("sh").args(["-c", &script]).current_dir(at).status().unwrap().success());
+        assert_eq!(std::fs::read_to_string(at.join("code")).unwrap().trim(), "0", "{streams}");
+        let said = done(at, &["view", out, "--at", "2", "--pupil=0,0,4,0", "-o", "seen.png"]);
+        assert!(at.join("seen.png").exists(), "{streams}: {said}");
+        std::fs::remove_file(at.join("seen.png")).unwrap();
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn what_a_full_disk_keeps_from_being_said_is_a_loss_and_is_told() {
+    let temp = folder();
+    let at = temp.path();
+    let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let answer = command(at, &solve(&["builtin:plane"], "h.zarr", &["--json"])).stdout(full).output().unwrap();
+    assert_eq!(answer.status.code(), Some(2));
+    assert!(text(&answer.stderr).contains("standard output cannot be written"), "{}", text(&answer.stderr));
+    done(at, &["view", "h.zarr", "--pupil=0,0,4,0", "-o", "seen.png"]);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_terminal_that_goes_away_asks_to_stop_and_under_nohup_it_does_not() {
+    let temp = folder();
+    let at = temp.path();
+    // So many steps that they are not done before the signal comes, and a limit in case it never does.
+    for (before, stops) in [("", true), ("trap '' HUP;", false)] {
+        let steps = if stops { "100000" } else { "60" };
+        let args = ["solve", "builtin:plane", "-o", "h.zarr", "--size", "64x64", "--color", "green", "--engine", "cpu"];
+        let script =
+            format!("{before} exec '{}' {} --steps {steps} --seconds 60", env!("CARGO_BIN_EXE_eyebox"), args.join(" "));
+        let mut child =
+            Command::new("sh").args(["-c", &script]).current_dir(at).stderr(Stdio::piped()).spawn().unwrap();
+        let id = child.id();
+        // Until it catches ctrl-C, or has ended.
+        let caught = |status: &str| {
+            let mask = status.lines().find_map(|l| l.strip_prefix("SigCgt:")).map(str::trim);
+            mask.and_then(|mask| u64::from_str_radix(mask, 16).ok()).is_some_and(|mask| mask & 2 != 0)
+        };
+        let status = || std::fs::read_to_string(format!("/proc/{id}/status")).unwrap_or_default();
+        while !caught(&status()) && child.try_wait().unwrap().is_none() {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        let _ = Command::new("kill").args(["-HUP", &id.to_string()]).status();
+        let answer = child.wait_with_output().unwrap();
+        assert!(answer.status.success(), "{before}: {:?}: {}", answer.status, text(&answer.stderr));
+        done(at, &["view", "h.zarr", "--pupil=0,0,4,0", "-o", "seen.png"]);
+        std::fs::remove_dir_all(at.join("h.zarr")).unwrap();
+    }
+}
+
+#[test]
+fn places_that_cannot_be_written_are_found_before_the_work() {
+    let temp = folder();
+    let at = temp.path();
+    done(at, &solve(&["builtin:plane"], "h.zarr", &[]));
+    let play =
+        ["play", "h.zarr", "--display", "planes8", "--size", "40x48", "--output", "offscreen", "--duration", "60"];
+    for flag in ["--stats", "--trace"] {
+        let begun = Instant::now();
+        refused(at, &[&play[..], &[flag, "none/x.json"]].concat(), "none", "none");
+        assert!(begun.elapsed() < Duration::from_secs(30), "{flag}: it was noticed when the run was over");
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn absurd_numbers_of_threads_are_clamped_and_names_need_not_be_text() {
+    use std::os::unix::ffi::OsStrExt;
+    let temp = folder();
+    let at = temp.path();
+    let mut many = command(at, &solve(&["builtin:plane"], "h.zarr", &["--json"]));
+    let answer = many.env("RAYON_NUM_THREADS", "100000").output().unwrap();
+    assert!(answer.status.success() && text(&answer.stderr).contains("512 are made"), "{}", text(&answer.stderr));
+    let name = std::ffi::OsStr::from_bytes(b"\xff.zarr");
+    let args = solve(&["builtin:plane"], "OUT", &["--json"]);
+    let mut odd = command(at, &args[..2]);
+    let answer = odd.arg("-o").arg(name).args(&args[4..]).output().unwrap();
+    assert!(answer.status.success() && at.join(name).exists(), "{}", text(&answer.stderr));
+}

@@ -1,0 +1,186 @@
+//! People's units: dioptres and degrees beside millimetres, what diffraction leaves, and mistakes that are refused.
+
+use crate::common::{done, folder, refused};
+use eyebox::hologram::Hologram;
+use serde_json::Value;
+use std::path::Path;
+
+fn json(at: &Path, args: &[&str]) -> Value {
+    serde_json::from_str(&done(at, args)).expect("one JSON object")
+}
+
+/// Both ends of a range.
+fn ends(of: &Value) -> [f64; 2] {
+    [0, 1].map(|i| of[i].as_f64().expect("a number"))
+}
+
+#[test]
+fn depths_and_displays_are_said_in_people_s_units() {
+    let temp = folder();
+    let at = temp.path();
+    // How deep the still life is nobody was told.
+    let plan =
+        json(at, &["plan", "builtin:still-life", "--size", "512x512", "--color", "green", "--views", "3", "--json"]);
+    let ([far, near], [least, most]) = (ends(&plan["depth_mm"]), ends(&plan["depth_dioptres"]));
+    assert!((0.035..0.045).contains(&(most - least)), "{least} to {most} D");
+    assert!((least - far / 160.0).abs() < 1e-9 && (most - near / 160.0).abs() < 1e-9, "f is 400 mm");
+    assert!((plan["reach"]["pixels_per_degree"].as_f64().unwrap() - 872.66).abs() < 0.01, "{plan}");
+    let reach = &json(at, &["devices", "--display", "paper", "--json"])["display"]["reach"];
+    let degrees = ends(&reach["field_of_view_degrees"]);
+    assert!((degrees[0] - 1.2377).abs() < 1e-3 && (degrees[1] - 2.2003).abs() < 1e-3, "{degrees:?}");
+    assert!((reach["eyebox_mm"].as_f64().unwrap() - 22.0).abs() < 1e-9);
+    assert!((reach["eyebox_mm_by_color"]["red"].as_f64().unwrap() - 33.0).abs() < 1e-9);
+    let said = done(at, &["devices", "--display", "paper"]);
+    let line = said.lines().find(|l| l.starts_with("display  paper, 1080x1920: ")).expect("a line on the display");
+    for part in ["2.20 degrees wide", "873 pixels a degree", "eyebox 22.0 mm", "-157.1 to 157.1 mm", "-0.98 to 0.98 D"]
+    {
+        assert!(line.contains(part), "{line}");
+    }
+    let devices = json(at, &["devices", "--display", "far-field", "--json"]);
+    assert!((devices["display"]["reach"]["eyebox_mm"].as_f64().unwrap() - 4.096).abs() < 1e-9);
+}
+
+#[test]
+fn dioptres_are_taken_where_millimetres_are() {
+    let temp = folder();
+    let at = temp.path();
+    let small = ["--size", "48x48", "--color", "green", "--views", "3"];
+    let solve = |depth: &str, out: &str| {
+        let args = ["solve", "builtin:plane", depth, "--frames", "1", "--steps", "2", "--json", "-o", out];
+        json(at, &[&args[..], &small].concat())
+    };
+    // f^2 is 160 mm a dioptre.
+    let solved = solve("--depth=-0.01D..0.02D", "d.zarr");
+    solve("--depth=-1.6..3.2", "mm.zarr");
+    let phases = |name: &str| Hologram::load(&at.join(name)).unwrap().colors.remove(0).phases;
+    assert_eq!(phases("d.zarr"), phases("mm.zarr"));
+    let (mm, dioptres) = (ends(&solved["depth_mm"]), ends(&solved["depth_dioptres"]));
+    assert!((mm[0] + 1.6).abs() < 1e-9 && (mm[1] - 3.2).abs() < 1e-9, "{mm:?}");
+    assert!((dioptres[0] + 0.01).abs() < 1e-12 && (dioptres[1] - 0.02).abs() < 1e-12, "{dioptres:?}");
+    let picture = |command: &[&str], pupil: &str, out: &str| {
+        done(at, &[command, &[pupil, "-o", out]].concat());
+        std::fs::read(at.join(out)).unwrap()
+    };
+    let photograph = [&["photograph", "builtin:plane"][..], &small].concat();
+    for command in [&["view", "d.zarr"][..], &photograph] {
+        let in_mm = picture(command, "--pupil=1,2,4,1.6", "mm.npy");
+        assert_eq!(in_mm, picture(command, "--pupil=1,2,4,0.01D", "d.npy"));
+        assert_ne!(in_mm, picture(command, "--pupil=1,2,4,0", "0.npy"));
+    }
+    std::fs::write(at.join("pupils.json"), r#"[[1, 2, 4, 1.6], [1, 2, 4, "0.01D"]]"#).unwrap();
+    let scored = json(at, &["score", "d.zarr", "builtin:plane", "--pupils", "pupils.json", "--json"]);
+    let [first, second] = [&scored["pupils"][0], &scored["pupils"][1]];
+    assert_eq!(first["psnr_db"], second["psnr_db"]);
+    assert!((first["focus_dioptres"].as_f64().unwrap() - 0.01).abs() < 1e-9);
+    let judged = ["refine", "d.zarr", "builtin:plane", "--pupil=1,2,4,0.01D", "--steps", "1", "--json"];
+    let refined = json(at, &judged);
+    assert!((refined["focus_mm"].as_f64().unwrap() - 1.6).abs() < 1e-9);
+    assert!((refined["focus_dioptres"].as_f64().unwrap() - 0.01).abs() < 1e-9);
+    refused(at, &["view", "d.zarr", "--pupil=1,2,4,1.6 m", "-o", "x.png"], "x.png", "0.5D");
+}
+
+#[test]
+fn scores_stand_beside_what_diffraction_leaves() {
+    let temp = folder();
+    let at = temp.path();
+    let small = ["--size", "64x64", "--color", "green", "--frames", "2", "--steps", "4", "--views", "3"];
+    done(at, &[&["solve", "builtin:chart", "-o", "c.zarr"][..], &small].concat());
+    std::fs::write(at.join("pupils.json"), "[[0, 0, 2, 0], [3, -2, 4, 0], [0, 0, 20, 0]]").unwrap();
+    let scored = json(at, &["score", "c.zarr", "builtin:chart", "--pupils", "pupils.json", "--json"]);
+    let pupils = scored["pupils"].as_array().unwrap();
+    let number = |i: usize, key: &str| pupils[i][key].as_f64();
+    let (narrow, usual) = (number(0, "ceiling_db").unwrap(), number(1, "ceiling_db").unwrap());
+    assert!(narrow < usual, "a wider pupil shows more: {narrow}, {usual}");
+    assert!((0..2).all(|i| number(i, "psnr_db") <= number(i, "ceiling_db")), "{pupils:?}");
+    // The widest passes the difference of any two frequencies: diffraction takes nothing.
+    assert!(pupils[2]["ceiling_db"].is_null(), "{pupils:?}");
+    assert!((number(1, "finest_cycles_per_degree").unwrap() - 134.26).abs() < 0.1, "4 mm of green");
+    let table = done(at, &["score", "c.zarr", "builtin:chart", "--pupils", "pupils.json"]);
+    assert!(
+        table.contains("ceiling dB") && table.contains(&format!("{narrow:.2}")) && table.contains("none"),
+        "{table}"
+    );
+}
+
+#[test]
+fn what_is_most_likely_a_mistake_is_refused_and_taken_with_force() {
+    let temp = folder();
+    let at = temp.path();
+    let photograph = |more: &[&'static str]| {
+        [&["photograph", "builtin:plane", "--color", "green", "--views", "1", "-o", "x.png"][..], more].concat()
+    };
+    let small = ["--size", "40x48"];
+    let file = |name: &str, size: &str, pitch: &str, focal_length: &str, colors: &str| {
+        let rest = format!("pitch_um = {pitch}\nfocal_length_mm = {focal_length}\nwavelengths_nm = {{ {colors} }}\n");
+        std::fs::write(at.join(name), format!("resolution = {size}\n{rest}")).unwrap();
+    };
+    file("upright.toml", "[60, 40]", "8.0", "400", "green = 520");
+    file("pitch.toml", "[40, 60]", "0.008", "400", "green = 520");
+    file("focal.toml", "[40, 60]", "8.0", "0.4", "green = 520");
+    file("nm.toml", "[40, 60]", "8.0", "400", "green = 52000");
+    file("um.toml", "[40, 60]", "8.0", "400", "green = 0.52");
+    file("colors.toml", "[40, 60]", "8.0", "400", "red = 440, green = 520, blue = 660");
+    let pupil = ["--pupil=0,0,4,0"];
+    let with = |parts: &[&[&'static str]]| photograph(&parts.concat());
+    let mistakes = [
+        (with(&[&small, &["--pupil=0,0,0.004,0"]]), ["0.004 mm", "probably 4 mm"]),
+        (with(&[&small, &["--pupil=0,0,30,0"]]), ["30 mm wide", "26.00 mm"]),
+        (with(&[&small, &["--pupil=14,0,4,0"]]), ["outside", "13.00 mm"]),
+        (with(&[&["--size", "60x40"], &pupil]), ["60 rows x 40 columns", "probably 40x60"]),
+        (with(&[&["--display", "upright.toml"], &pupil]), ["60 rows x 40 columns", "portrait = true"]),
+        (with(&[&["--display", "pitch.toml"], &pupil]), ["0.008 um", "probably 8 um"]),
+        (with(&[&["--display", "focal.toml"], &pupil]), ["0.4 mm", "probably 400 mm"]),
+        (with(&[&["--display", "nm.toml"], &pupil]), ["52000 nm", "380 to 1100 nm"]),
+        (with(&[&["--display", "colors.toml"], &pupil]), ["red is 440 nm", "exchanged"]),
+    ];
+    for (i, (args, words)) in mistakes.iter().enumerate() {
+        for word in words.iter().chain(&["--force"]) {
+            refused(at, args, "x.png", word);
+        }
+        // Optics so far from any display's make nothing to look at: there it is enough that the check lets them pass.
+        if i < 5 || i == 8 {
+            done(at, &[&args[..], &["--force"]].concat());
+            std::fs::remove_file(at.join("x.png")).unwrap();
+        }
+    }
+    // What no number can be is refused whoever insists, with what is probably meant.
+    refused(at, &with(&[&["--display", "um.toml", "--force"], &pupil]), "x.png", "probably 520 is meant");
+    // A portrait that says so is taken.
+    let upright = std::fs::read_to_string(at.join("upright.toml")).unwrap();
+    std::fs::write(at.join("upright.toml"), format!("portrait = true\n{upright}")).unwrap();
+    done(at, &with(&[&["--display", "upright.toml"], &pupil]));
+    // Every command that computes asks the same.
+    let scene = "builtin:plane";
+    for command in ["solve", "plan", "tradeoff", "evaluate", "bench", "live", "study"] {
+        let mut args = vec![command, scene, "--size", "60x40"];
+        args.extend(if ["plan", "bench", "live"].contains(&command) { vec![] } else { vec!["-o", "y.zarr"] });
+        refused(at, &args, "y.zarr", "probably 40x60");
+    }
+    refused(at, &["solve", scene, "--pupil-diameter", "0.002..0.02", "-o", "y.zarr"], "y.zarr", "probably 2 mm");
+    refused(at, &["solve", scene, "--pupil-diameter", "2..60", "-o", "y.zarr"], "y.zarr", "60 mm wide");
+    refused(at, &["devices", "--display", "pitch.toml"], "x", "probably 8 um");
+    let phases = ["export", "h.zarr", "-o", "h.npy"];
+    done(at, &["solve", scene, "--size", "40x48", "--color", "green", "--views", "1", "--steps", "1", "-o", "h.zarr"]);
+    done(at, &phases);
+    for (pitch, wavelength, focal_length, what) in
+        [("0.008", "520", "400", "probably 8 um"), ("8", "520", "0.4", "probably 400 mm"), ("8", "52000", "400", "nm")]
+    {
+        let optics = ["--pitch", pitch, "--wavelength", wavelength, "--focal-length", focal_length];
+        refused(at, &[&["view", "h.npy", "--pupil=0,0,4,0", "-o", "v.png"][..], &optics].concat(), "v.png", what);
+    }
+    for args in [
+        &["view", "h.zarr", "--pupil=0,0,0.004,0", "-o", "v.png"][..],
+        &["refine", "h.zarr", scene, "--pupil=0,0,0.004,0"],
+    ] {
+        refused(at, args, "v.png", "probably 4 mm");
+    }
+    std::fs::write(at.join("p.json"), "[[0, 0, 0.004, 0]]").unwrap();
+    refused(at, &["score", "h.zarr", scene, "--pupils", "p.json"], "x", "probably 4 mm");
+    refused(
+        at,
+        &["encode", "h.npy", "--display", "paper", "--size", "60x40", "--color", "green", "-o", "f"],
+        "f",
+        "probably 40x60",
+    );
+    refused(at, &["play", "h.zarr", "--size", "60x40"], "x", "probably 40x60");
+}
