@@ -1,7 +1,7 @@
 //! `eyebox refine`: a hologram refined for where the eye is, and what each step gains.
 
 use super::args::SteeringArgs;
-use crate::args::{EngineArgs, SceneArgs};
+use crate::args::{EngineArgs, OtherSceneArgs, SceneArgs};
 use crate::common::{self, Form};
 use crate::phases::PhaseArgs;
 use crate::score;
@@ -40,6 +40,9 @@ pub struct Refine {
     /// How the phases follow
     #[command(flatten)]
     pub steering: SteeringArgs,
+    /// A scene that the hologram was not made of
+    #[command(flatten)]
+    pub other: OtherSceneArgs,
     /// Bare phases
     #[command(flatten)]
     pub phases: PhaseArgs,
@@ -85,6 +88,7 @@ pub fn run(args: &Refine) -> Result<(), Failure> {
     }
     let mut hologram = args.phases.opening(&args.hologram, None)?.hologram(&args.hologram)?;
     let display = score::display_of(&args.hologram, &hologram)?;
+    args.other.check(&args.hologram, &hologram, &args.scene.scene)?;
     let colors: Vec<_> = hologram.colors.iter().filter_map(|c| c.color).collect();
     common::pupil(&args.pupil, (0..colors.len()).map(|i| hologram.optics(i)), args.phases.force)?;
     let field = common::scene(&score::as_solved(&args.scene, &hologram), &display, &colors)?;
@@ -122,6 +126,7 @@ fn tiled(args: &Refine) -> Result<(), Failure> {
         )));
     }
     let display = score::display_of(&args.hologram, about)?;
+    args.other.check(&args.hologram, about, &args.scene.scene)?;
     let colors: Vec<_> = about.colors.iter().filter_map(|c| c.color).collect();
     common::pupil(&args.pupil, (0..colors.len()).map(|i| about.optics(i)), args.phases.force)?;
     let scene = common::scene_around(&score::as_solved(&args.scene, about), &display, &colors)?;
