@@ -3,6 +3,7 @@
 use crate::Failure;
 use crate::args::{SceneArgs, Score};
 use crate::common;
+use crate::progress::JobBar;
 use eyebox::hologram::{Hologram, HologramScores, PhaseSource, PupilScore, SceneSource};
 use eyebox::optics::{Depth, Display, Pupil, dioptres, dioptres_in_words};
 use eyebox::solve::{Diameters, PupilRange, Sampler, Sequence};
@@ -33,7 +34,10 @@ pub fn run(args: &Score) -> Result<(), Failure> {
     };
     let diameter = common::diameters(diameter, &display, args.phases.force)?;
     let pupils = pupils(args, &display, diameter, depth)?;
+    let bar = JobBar::new(true);
+    bar.show(&format!("looking through {} pupils", pupils.len()), 0.0);
     let scores = source.score(&scene, &pupils, engine.as_mut())?;
+    bar.finish();
     let psnr = scores.summary().ok_or_else(|| Failure::Asked("there is no pupil to score".into()))?;
     if args.json {
         let summary =
