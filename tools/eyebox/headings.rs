@@ -6,7 +6,18 @@ use clap::{Command, CommandFactory};
 const HEADINGS: &[(&str, &[&str])] = &[
     (
         "Scene",
-        &["scene", "depth_map", "view_pitch", "views", "depth", "other_scene", "reference", "hologram", "methods"],
+        &[
+            "scene",
+            "depth_map",
+            "near",
+            "view_pitch",
+            "views",
+            "depth",
+            "other_scene",
+            "reference",
+            "hologram",
+            "methods",
+        ],
     ),
     (
         "Display",
