@@ -1,5 +1,6 @@
 //! The arguments of commands, and those that they share: millimetres, micrometres and nanometres in, metres out.
 
+use crate::Failure;
 use crate::phases::{EncodedArgs, PhaseArgs, PhaseUnitArgs};
 use crate::quality::QualityArgs;
 use crate::values::{
@@ -8,13 +9,13 @@ use crate::values::{
 };
 use clap::builder::TypedValueParser;
 use clap::{Args, ValueEnum};
-use eyebox::hologram::Start;
+use eyebox::hologram::{Hologram, Start};
 use eyebox::optics::{Color, Depth, Display, WindowFactor};
 use eyebox::plan::Storage;
 use eyebox::present::Rate;
 use eyebox::scene::{Near, Order};
 use eyebox::solve::{Diameters, Full, Method, Optimizer, PaddingRule, Sequence};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Which engine computes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -101,6 +102,22 @@ pub struct SceneArgs {
     /// what its lightfield.toml says; else as named, refused where the pictures clearly show another]
     #[arg(long, value_name = "ORDER")]
     pub order: Option<Order>,
+}
+
+/// A hologram beside a scene.
+#[derive(Args, Clone, Copy)]
+pub struct OtherSceneArgs {
+    /// Take the scene though the hologram says that it shows another
+    #[arg(long)]
+    pub other_scene: bool,
+}
+
+impl OtherSceneArgs {
+    /// Refuses another scene than the hologram's, unless it is meant.
+    pub fn check(self, file: &Path, hologram: &Hologram, scene: &str) -> Result<(), Failure> {
+        let checked = if self.other_scene { Ok(()) } else { hologram.check_scene(scene) };
+        checked.map_err(|e| Failure::Asked(format!("{}: {e}", file.display())))
+    }
 }
 
 impl SceneArgs {
@@ -392,6 +409,9 @@ pub struct Score {
     /// Scene
     #[command(flatten)]
     pub scene: SceneArgs,
+    /// A scene that the hologram was not made of
+    #[command(flatten)]
+    pub other: OtherSceneArgs,
     /// random:N, or a JSON file with a list of [x, y, diameter, focus] in mm, or the focus as "0.5D"
     #[arg(long, default_value = "random:16", value_name = "random:N|FILE.json")]
     pub pupils: String,

@@ -4,7 +4,21 @@ use clap::{Command, CommandFactory};
 
 /// Each heading with its options; `COMMAND.OPTION` is for one command alone, and wins.
 const HEADINGS: &[(&str, &[&str])] = &[
-    ("Scene", &["scene", "depth_map", "near", "view_pitch", "views", "depth", "reference", "hologram", "methods"]),
+    (
+        "Scene",
+        &[
+            "scene",
+            "depth_map",
+            "near",
+            "view_pitch",
+            "views",
+            "depth",
+            "other_scene",
+            "reference",
+            "hologram",
+            "methods",
+        ],
+    ),
     (
         "Display",
         &["display", "size", "color", "force", "output", "monitor", "display_rate", "display_latency", "validation"],

@@ -14,6 +14,7 @@ use std::path::Path;
 pub fn run(args: &Score) -> Result<(), Failure> {
     let (source, display) = load(args)?;
     let about = source.about();
+    args.other.check(&args.hologram, about, &args.scene.scene)?;
     let colors = about.named_colors();
     let mut engine = common::engine(&args.engine)?;
     let asked = as_solved(&args.scene, about);

@@ -2,7 +2,7 @@
 
 use super::args::SteeringArgs;
 use crate::Failure;
-use crate::args::{EngineArgs, SceneArgs};
+use crate::args::{EngineArgs, OtherSceneArgs, SceneArgs};
 use crate::common::{self, Form};
 use crate::phases::PhaseArgs;
 use crate::progress::{self, JobBar};
@@ -41,6 +41,9 @@ pub struct Refine {
     /// How the phases follow
     #[command(flatten)]
     pub steering: SteeringArgs,
+    /// A scene that the hologram was not made of
+    #[command(flatten)]
+    pub other: OtherSceneArgs,
     /// Bare phases
     #[command(flatten)]
     pub phases: PhaseArgs,
@@ -86,6 +89,7 @@ pub fn run(args: &Refine) -> Result<(), Failure> {
     }
     let mut hologram = args.phases.opening(&args.hologram, None)?.hologram(&args.hologram)?;
     let display = score::display_of(&args.hologram, &hologram)?;
+    args.other.check(&args.hologram, &hologram, &args.scene.scene)?;
     let colors: Vec<_> = hologram.colors.iter().filter_map(|c| c.color).collect();
     common::pupil(&args.pupil, (0..colors.len()).map(|i| hologram.optics(i)), args.phases.force)?;
     let field = common::scene(&score::as_solved(&args.scene, &hologram), &display, &colors)?;
@@ -123,6 +127,7 @@ fn tiled(args: &Refine) -> Result<(), Failure> {
         )));
     }
     let display = score::display_of(&args.hologram, about)?;
+    args.other.check(&args.hologram, about, &args.scene.scene)?;
     let colors: Vec<_> = about.colors.iter().filter_map(|c| c.color).collect();
     common::pupil(&args.pupil, (0..colors.len()).map(|i| about.optics(i)), args.phases.force)?;
     let scene = common::scene_around(&score::as_solved(&args.scene, about), &display, &colors)?;

@@ -1,6 +1,6 @@
 //! The arguments of `eyebox preview`.
 
-use crate::args::{EngineArgs, NEAR};
+use crate::args::{EngineArgs, NEAR, OtherSceneArgs};
 use crate::phases::{EncodedArgs, PhaseArgs};
 use crate::values::{GivenPupil, one_of, positive, pupil, rate, size};
 use clap::Args;
@@ -22,6 +22,9 @@ pub struct Preview {
     /// The scene of the hologram, for its photograph and the PSNR: a folder of views, a picture, or builtin:NAME
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<String>,
+    /// A scene that the hologram was not made of
+    #[command(flatten)]
+    pub other: OtherSceneArgs,
     /// Depth or disparity map of a scene that is a picture (PNG, PFM or .npy)
     #[arg(long, value_name = "FILE", requires = "scene")]
     pub depth_map: Option<PathBuf>,

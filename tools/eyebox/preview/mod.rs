@@ -122,6 +122,7 @@ fn scene(args: &Preview, hologram: &Hologram, moves: bool, tiled: bool) -> Resul
             "--scene is the scene of one hologram, and a sequence has many: choose with --at".into(),
         ));
     }
+    args.other.check(&args.file, hologram, scene)?;
     let display = score::display_of(&args.file, hologram)?;
     let colors: Vec<Color> = hologram.colors.iter().filter_map(|c| c.color).collect();
     let asked =
