@@ -3,7 +3,7 @@
 use super::ProduceError;
 use crate::hologram::Start;
 use crate::optics::{Color, Display};
-use crate::scene::{self, LightField, Near, Request};
+use crate::scene::{self, LightField, Near, Order, Request};
 use crate::solve::{Full, PlanRequest, Progress, PupilRange, ScenePlan, Settings, Solution};
 use crate::tiled::{self, RegionSize};
 use std::path::{Path, PathBuf};
@@ -27,6 +27,8 @@ pub struct SceneJob<'a> {
     pub near: Option<Near>,
     /// Depths that matter, metres; of a depth map, those that its values reach; none for what the scene says.
     pub depth: Option<[f64; 2]>,
+    /// How the views of folders really stand; none for what the folders say.
+    pub order: Option<Order>,
     /// Pupil diameters drawn, metres; none for what fits the eyebox.
     pub diameter: Option<[f64; 2]>,
     /// Everything else that decides the solve. `depth` and `diameter` above take the place of its own; its `seconds` are
@@ -167,6 +169,7 @@ impl<'a> SceneJob<'a> {
             depth_maps: Vec::new(),
             near: None,
             depth: None,
+            order: None,
             diameter: None,
             settings: Settings::default(),
             full: Full::default(),
@@ -185,6 +188,7 @@ impl<'a> SceneJob<'a> {
             depth_map,
             near: self.near,
             depth: self.depth,
+            order: self.order,
             ..default
         }
     }

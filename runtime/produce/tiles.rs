@@ -190,6 +190,7 @@ fn about(
         // What was said of the scene, for those who compare with it.
         view_pitch_mm: job.view_pitch_mm,
         views: job.views.map(|views| [views, views]),
+        order: job.order,
         near: job.near,
         depth_map_mm: job.depth.filter(|_| !job.depth_maps.is_empty()).map(|d| d.map(|metres| metres * 1e3)),
         ..Metadata::default()

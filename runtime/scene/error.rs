@@ -52,6 +52,20 @@ pub enum SceneError {
         /// Columns of the grid.
         columns: usize,
     },
+    /// Views that stand in another order than their names say.
+    #[error(
+        "{folder}: {reason}: {flags} (or {keys} in lightfield.toml) reads them so, --order as-named leaves them as their names have them"
+    )]
+    Order {
+        /// The folder.
+        folder: String,
+        /// What is seen.
+        reason: String,
+        /// The flags that read them right.
+        flags: String,
+        /// The keys that do.
+        keys: String,
+    },
     /// Two pictures of one size were expected.
     #[error("{file}: {height} x {width} pixels, but {other} has {other_height} x {other_width}")]
     Size {

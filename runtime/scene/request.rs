@@ -1,6 +1,6 @@
 //! What is wanted of a scene.
 
-use super::{Near, SceneError};
+use super::{Near, Order, SceneError};
 use crate::memory;
 use crate::optics::{Color, Display};
 use std::path::Path;
@@ -23,12 +23,15 @@ pub struct Request<'a> {
     /// Metres: the farthest and the nearest depth of a depth map. The nearer first says that small values are near.
     /// Left out: as deep as the built-in scenes.
     pub depth: Option<[f64; 2]>,
+    /// How the views of a folder really stand, instead of what the folder says; none refuses those whose pictures clearly
+    /// show another order than that of their names.
+    pub order: Option<Order>,
 }
 
 impl<'a> Request<'a> {
     /// 9 x 9 views of these colours, nothing else stated.
     pub fn new(display: &'a Display, colors: &'a [Color]) -> Self {
-        Self { display, colors, view_pitch: None, views: 9, depth_map: None, near: None, depth: None }
+        Self { display, colors, view_pitch: None, views: 9, depth_map: None, near: None, depth: None, order: None }
     }
 
     pub(super) fn check(&self) -> Result<(), SceneError> {

@@ -11,7 +11,7 @@ use eyebox::hologram::SceneSource;
 use eyebox::optics::{Color, Display, Optics, OpticsError, Pupil, check_usual_diameters};
 use eyebox::preview::Opener;
 use eyebox::produce::{TilesRequest, load_around};
-use eyebox::scene::{self, LightField};
+use eyebox::scene::{self, Inspection, LightField};
 use eyebox::session::EngineSource;
 use eyebox::solve::PupilRange;
 use std::path::{Path, PathBuf};
@@ -69,7 +69,7 @@ pub fn colors(args: &DisplayArgs, display: &Display) -> Result<Vec<Color>, Failu
 }
 
 /// What is asked of a scene with this map, if any.
-fn request<'a>(
+pub fn request<'a>(
     args: &'a SceneArgs,
     maps: &'a [PathBuf],
     display: &'a Display,
@@ -82,12 +82,13 @@ fn request<'a>(
         depth_map: maps.first().map(PathBuf::as_path),
         near: args.near,
         depth: args.depth_before(display),
+        order: args.order,
         ..default
     }
 }
 
 /// The depth map of the one scene.
-fn maps_of(args: &SceneArgs) -> Result<Vec<PathBuf>, Failure> {
+pub fn maps_of(args: &SceneArgs) -> Result<Vec<PathBuf>, Failure> {
     Ok(scene::depth_maps(std::slice::from_ref(&args.scene), &args.depth_map)?)
 }
 
@@ -95,6 +96,12 @@ fn maps_of(args: &SceneArgs) -> Result<Vec<PathBuf>, Failure> {
 pub fn scene(args: &SceneArgs, display: &Display, colors: &[Color]) -> Result<LightField, Failure> {
     let maps = maps_of(args)?;
     Ok(scene::load(&args.scene, &request(args, &maps, display, colors))?)
+}
+
+/// What the scene is as it is read, whatever its order, and the scene.
+pub fn inspect(args: &SceneArgs, display: &Display, colors: &[Color]) -> Result<(Inspection, LightField), Failure> {
+    let maps = maps_of(args)?;
+    Ok(scene::inspect(&args.scene, &request(args, &maps, display, colors))?)
 }
 
 /// The scene for a far field larger than memory, as what an eye sees is compared with it.
