@@ -120,21 +120,26 @@ pub(super) fn promise(path: &Path, shape: &[usize]) -> Result<(), HologramError>
     Ok(memory::promise(what, memory::bytes_of(shape, 4), "free some, or take a smaller hologram")?)
 }
 
-pub(super) fn check_length(file: &PathBuf, pixels: usize) -> Result<(), HologramError> {
-    let (length, expected) = (fs::metadata(file).map_err(|e| unreadable(file, e))?.len(), 4 * pixels as u64 + 4);
+/// `summed`: whether it ends in its checksum.
+pub(super) fn check_length(file: &PathBuf, pixels: usize, summed: bool) -> Result<(), HologramError> {
+    let length = fs::metadata(file).map_err(|e| unreadable(file, e))?.len();
+    let expected = 4 * (pixels as u64 + u64::from(summed));
     if length != expected {
         return Err(damaged(file, format!("it is {length} bytes long, not {expected}")));
     }
     Ok(())
 }
 
-pub(super) fn read_chunk(file: &Path, pixels: usize, phases: &mut Vec<f32>) -> Result<(), HologramError> {
-    let mut bytes = vec![0; 4 * pixels + 4];
+/// `summed`: whether it ends in its checksum.
+pub(super) fn read_chunk(file: &Path, pixels: usize, summed: bool, phases: &mut Vec<f32>) -> Result<(), HologramError> {
+    let mut bytes = vec![0; 4 * (pixels + usize::from(summed))];
     read::open(file).and_then(|mut f| f.read_exact(&mut bytes)).map_err(|e| unreadable(file, e))?;
     let (values, sum) = bytes.split_at(4 * pixels);
-    let (stated, found) = (u32::from_le_bytes([sum[0], sum[1], sum[2], sum[3]]), crc32c::crc32c(values));
-    if stated != found {
-        return Err(damaged(file, format!("its checksum is {found:08x}, and it states {stated:08x}")));
+    if let Ok(stated) = sum.try_into().map(u32::from_le_bytes) {
+        let found = crc32c::crc32c(values);
+        if stated != found {
+            return Err(damaged(file, format!("its checksum is {found:08x}, and it states {stated:08x}")));
+        }
     }
     phases.extend(values.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])));
     Ok(())
@@ -142,9 +147,9 @@ pub(super) fn read_chunk(file: &Path, pixels: usize, phases: &mut Vec<f32>) -> R
 
 /// One chunk by itself.
 pub(super) fn read_tile(file: &Path, values: usize) -> Result<Vec<f32>, HologramError> {
-    check_length(&file.to_path_buf(), values)?;
+    check_length(&file.to_path_buf(), values, true)?;
     let mut phases = Vec::with_capacity(values);
-    read_chunk(file, values, &mut phases)?;
+    read_chunk(file, values, true, &mut phases)?;
     if let Some(at) = phases.iter().position(|p| !p.is_finite()) {
         return Err(damaged(file, format!("phase {at} is {}", phases[at])));
     }

@@ -195,8 +195,11 @@ fn random_documents_do_not_panic() {
             let mut bytes = if text.is_empty() { document::group(&small()) } else { text.into_bytes() };
             let length = bytes.len();
             changes.iter().for_each(|&(at, to)| bytes[at % length] = to);
-            let read =
-                if group { document::read_group(&bytes).map(drop) } else { document::read_array(&bytes).map(drop) };
+            let read = if group {
+                document::read_group(&bytes).map(drop)
+            } else {
+                document::read_array(&bytes, true).map(drop)
+            };
             prop_assert!(read.is_err() || bytes == document::group(&small()));
             Ok(())
         })

@@ -20,6 +20,8 @@ const BLANK: &[u8; 8] = b"00000000";
 #[derive(Serialize, Deserialize)]
 struct Attributes {
     format: u64,
+    /// None where another program wrote it.
+    #[serde(default)]
     version: String,
     pitch_um: f64,
     focal_length_mm: f64,
@@ -27,11 +29,16 @@ struct Attributes {
     #[serde(default, skip_serializing_if = "Geometry::is_relay")]
     geometry: Geometry,
     colors: Vec<ColorAttributes>,
+    #[serde(default)]
     seed: u64,
+    #[serde(default)]
     display: String,
+    #[serde(default)]
     display_wavelengths_nm: BTreeMap<Color, f64>,
+    #[serde(default)]
     scene: String,
     /// Null where nothing is known.
+    #[serde(default)]
     settings: Option<Metadata>,
     /// Of format 2.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -51,10 +58,25 @@ pub(super) struct SequenceAttributes {
 
 #[derive(Serialize, Deserialize)]
 struct ColorAttributes {
+    #[serde(default)]
     color: Option<Color>,
     wavelength_nm: f64,
-    exposure: f64,
-    efficiency: f64,
+    /// None where nobody knows it.
+    #[serde(default)]
+    exposure: Option<f64>,
+    #[serde(default)]
+    efficiency: Option<f64>,
+}
+
+/// What the array's document says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Array {
+    /// Colours, sub-frames, rows, columns.
+    pub(super) shape: [usize; 4],
+    /// Side of its tiles, where it has tiles.
+    pub(super) side: Option<usize>,
+    /// Whether chunks end in their checksum.
+    pub(super) summed: bool,
 }
 
 /// The group's document of one hologram.
@@ -78,8 +100,8 @@ pub(super) fn group_of(hologram: &Hologram, sequence: Option<SequenceAttributes>
             .map(|c| ColorAttributes {
                 color: c.color,
                 wavelength_nm: in_unit(c.wavelength, 1e9),
-                exposure: c.exposure,
-                efficiency: c.efficiency,
+                exposure: Some(c.exposure),
+                efficiency: Some(c.efficiency),
             })
             .collect(),
         seed: hologram.seed,
@@ -139,7 +161,7 @@ pub(super) fn read_sequence_array(bytes: &[u8], shape: [usize; 4]) -> Result<(u6
     let found = unseal(bytes)?;
     let count = found["shape"][0].as_u64().ok_or("its shape does not begin with a number")?;
     let complete = found["attributes"]["complete"].as_bool().ok_or("it does not say whether it is complete")?;
-    expect_like(&found, &sequence_array(count, shape, complete))?;
+    expect_like(&found, &sequence_array(count, shape, complete), &[])?;
     Ok((count, complete))
 }
 
@@ -157,7 +179,7 @@ pub(super) fn read_group(bytes: &[u8]) -> Result<Hologram, String> {
 
 /// Reads the group's document of a hologram or of a sequence. Says what is wrong.
 pub(super) fn read_any_group(bytes: &[u8]) -> Result<(Hologram, Option<SequenceAttributes>), String> {
-    let document = unseal(bytes)?;
+    let document = read(bytes, false)?;
     let attributes = &document["attributes"]["eyebox"];
     // A newer layout is told by its number before anything else in it is judged.
     let format = match attributes["format"].as_u64() {
@@ -176,8 +198,20 @@ pub(super) fn read_any_group(bytes: &[u8]) -> Result<(Hologram, Option<SequenceA
     if format < GEOMETRY_FORMAT && read.sequence.is_some() != (format == SEQUENCE_FORMAT) {
         return Err(format!("it has format {format}, and {SEQUENCE_FORMAT} has `sequence`, {FORMAT} has not"));
     }
+    if !read.version.is_empty() && !is_sealed(bytes) {
+        let version = read.version;
+        return Err(format!(
+            "it carries no document_crc32c, and eyebox {version}, which wrote it by its `version`, has one"
+        ));
+    }
     let sequence = read.sequence;
-    let metadata = read.settings.unwrap_or_default();
+    let mut metadata = read.settings.unwrap_or_default();
+    metadata.exposure_assumed |= read.colors.iter().any(|c| c.exposure.is_none());
+    let known = |c: &ColorAttributes| Some((c.color?, c.wavelength_nm));
+    let wavelengths = match read.display_wavelengths_nm.is_empty() {
+        true if !is_sealed(bytes) => read.colors.iter().filter_map(known).collect(),
+        _ => read.display_wavelengths_nm,
+    };
     metadata.check().map_err(|e| format!("attributes.eyebox.settings: {e}"))?;
     let hologram = Hologram {
         frames: 0,
@@ -190,15 +224,15 @@ pub(super) fn read_any_group(bytes: &[u8]) -> Result<(Hologram, Option<SequenceA
             .map(|c| ColorHologram {
                 color: c.color,
                 wavelength: c.wavelength_nm / 1e9,
-                exposure: c.exposure,
-                efficiency: c.efficiency,
+                exposure: c.exposure.unwrap_or(1.0),
+                efficiency: c.efficiency.unwrap_or(1.0),
                 phases: Vec::new(),
             })
             .collect(),
         seed: read.seed,
         version: read.version,
         display: read.display,
-        display_wavelengths: (read.display_wavelengths_nm.into_iter())
+        display_wavelengths: (wavelengths.into_iter())
             .map(|(color, nm)| Wavelength { color, wavelength: nm / 1e9 })
             .collect(),
         scene: read.scene,
@@ -207,31 +241,41 @@ pub(super) fn read_any_group(bytes: &[u8]) -> Result<(Hologram, Option<SequenceA
     Ok((hologram, sequence))
 }
 
-/// Reads the array's document: its shape, and the side of its tiles where it has tiles. Says what is wrong.
-pub(super) fn read_array(bytes: &[u8]) -> Result<([usize; 4], Option<usize>), String> {
-    let found = unseal(bytes)?;
+/// Reads the array's document, which is sealed where the group's is. Without a seal, another program wrote it, and what
+/// has no meaning here may be missing. Says what is wrong.
+pub(super) fn read_array(bytes: &[u8], sealed: bool) -> Result<Array, String> {
+    let mut found = read(bytes, sealed)?;
     let shape: [usize; 4] =
         Deserialize::deserialize(&found["shape"]).map_err(|e| format!("its shape is not four lengths: {e}"))?;
     let chunk = &found["chunk_grid"]["configuration"]["chunk_shape"];
     // The whole of a single sub-frame is both.
     let whole = *chunk == json!([1, 1, shape[2], shape[3]]);
     let side = chunk[2].as_u64().filter(|side| !whole && (1..=1 << 14).contains(side)).map(|side| side as usize);
-    expect_like(&found, &array(shape, side))?;
-    Ok((shape, side))
+    if is_sealed(bytes) {
+        expect_like(&found, &array(shape, side), &[])?;
+        return Ok(Array { shape, side, summed: true });
+    }
+    // The separator that Zarr takes where none is said.
+    let keys = &mut found["chunk_key_encoding"];
+    if *keys == json!({ "name": "default" }) {
+        *keys = json!({ "name": "default", "configuration": { "separator": "/" } });
+    }
+    let summed = found["codecs"].as_array().is_none_or(|codecs| codecs.len() != 1);
+    if let (false, Some(codecs)) = (summed, found["codecs"].as_array_mut()) {
+        codecs.push(json!({ "name": "crc32c" }));
+    }
+    expect_like(&found, &array(shape, side), &["fill_value", "dimension_names"])?;
+    Ok(Array { shape, side, summed })
 }
 
-/// There is one way to say everything but the attributes, so documents are compared as a whole.
-fn expect_like(found: &Value, expected: &[u8]) -> Result<(), String> {
-    let expected = unseal(expected).expect("what is written here can be read");
-    match expected
-        .as_object()
-        .expect("an object")
-        .iter()
-        .find(|(key, value)| *key != "attributes" && found.get(key.as_str()) != Some(value))
-    {
-        Some((key, value)) => Err(format!("its {key} is {}, not {value}", found[key.as_str()])),
-        None => Ok(()),
-    }
+/// There is one way to say everything but the attributes and what is `free`, so documents are compared as a whole.
+fn expect_like(found: &Value, expected: &[u8], free: &[&str]) -> Result<(), String> {
+    let expected: Value = serde_json::from_slice(expected).expect("what is written here can be read");
+    let mut keys = expected.as_object().expect("an object").iter();
+    let differs = |(key, value): &(&String, &Value)| {
+        *key != "attributes" && !free.contains(&key.as_str()) && found.get(key.as_str()) != Some(value)
+    };
+    keys.find(differs).map_or(Ok(()), |(key, value)| Err(format!("its {key} is {}, not {value}", found[key.as_str()])))
 }
 
 /// The number in the unit of people that, divided by `per`, gives back exactly `value`; the shortest such.
@@ -266,6 +310,23 @@ pub(super) fn read_sealed(bytes: &[u8]) -> Result<Value, String> {
         return unseal(bytes);
     }
     serde_json::from_slice(bytes).map_err(|e| format!("it is no JSON: {e}"))
+}
+
+/// Whether a document carries a checksum.
+pub(super) fn is_sealed(bytes: &[u8]) -> bool {
+    seal_place(bytes).is_some()
+}
+
+/// Reads a document that another program may have written, without a seal, unless it must be `sealed`.
+fn read(bytes: &[u8], sealed: bool) -> Result<Value, String> {
+    if sealed || is_sealed(bytes) {
+        return unseal(bytes);
+    }
+    let document: Value = serde_json::from_slice(bytes).map_err(|e| format!("it is no JSON: {e}"))?;
+    match &document["attributes"]["document_crc32c"] {
+        Value::Null => Ok(document),
+        _ => Err("its document_crc32c is not written as `\"document_crc32c\": \"` and eight digits".into()),
+    }
 }
 
 fn unseal(bytes: &[u8]) -> Result<Value, String> {

@@ -205,7 +205,7 @@ pub fn load_phases(path: &Path, unit: Option<PhaseUnit>) -> Result<Phases, Holog
     if array.values.is_empty() || colors == 0 {
         return wrong("");
     }
-    if array.shape.len() > 2 && width <= 4 && height >= 16 * width {
+    if array.shape.len() > 2 && width <= 4 && height >= 4 * width {
         return wrong(", as if colours or sub-frames came last");
     }
     let unit = match unit {
@@ -226,16 +226,26 @@ const UNITS: &str =
 /// Turns beyond which numbers are hardly radians: levels, degrees.
 const MANY_TURNS: f32 = 8.0;
 
+fn ends(values: &[f32]) -> [f32; 2] {
+    values.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[l, h], &v| [l.min(v), h.max(v)])
+}
+
+/// Numbers that are hardly radians.
+pub(super) fn far_outside(values: &[f32]) -> Option<String> {
+    let [low, high] = ends(values);
+    let far = low.abs().max(high.abs()) > MANY_TURNS * TAU as f32;
+    far.then(|| format!("its values go from {low} to {high}, far outside a turn in radians"))
+}
+
 /// Why an array's numbers may not be radians.
 fn doubt(array: &Npy) -> Option<String> {
-    let values = &array.values;
-    let (low, high) = values.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), &v| (l.min(v), h.max(v)));
+    let (values, [low, high]) = (&array.values, ends(&array.values));
     let from = format!("from {low} to {high}");
     if array.integers || (high > low && values.iter().all(|v| v.fract() == 0.0)) {
         return Some(format!("it holds whole numbers {from}"));
     }
-    if low.abs().max(high.abs()) > MANY_TURNS * TAU as f32 {
-        return Some(format!("its values go {from}, far outside a turn in radians"));
+    if let Some(found) = far_outside(values) {
+        return Some(found);
     }
     let fills = |a: f32, b: f32| low >= a && high <= b && high - low > 0.9 * (b - a) && values.len() >= 64;
     (fills(0.0, 1.0) || fills(-0.5, 0.5)).then(|| format!("its values go {from}, which looks like turns, not radians"))

@@ -159,6 +159,14 @@ pub enum HologramError {
     /// Its colours are not named, or are not those of its display.
     #[error("its colours are not named, or not those of its display: what it was made for is not known")]
     NoDisplay,
+    /// It shows another scene than it is compared with.
+    #[error("it shows '{shows}', and '{given}' is another scene: give that one, or --other-scene if it is meant")]
+    OtherScene {
+        /// The scene that it names.
+        shows: String,
+        /// The one that was given.
+        given: String,
+    },
     /// Its file's optics cannot be.
     #[error("{file}: {source}")]
     FileOptics {
@@ -262,9 +270,21 @@ impl Hologram {
             geometry: self.geometry,
             wavelengths: self.display_wavelengths.clone(),
             levels: 256,
+            rate_hz: None,
             portrait: self.height > self.width,
             encoding: Default::default(),
         })
+    }
+
+    /// Refuses another scene than the one that it shows, by their names; one that names none may show any.
+    ///
+    /// # Errors
+    /// [`HologramError::OtherScene`].
+    pub fn check_scene(&self, source: &str) -> Result<(), HologramError> {
+        if self.scene.is_empty() || crate::scene::is_named(source, &self.scene) {
+            return Ok(());
+        }
+        Err(HologramError::OtherScene { shows: self.scene.clone(), given: source.into() })
     }
 
     /// The names of its colours; those that have none are left out.

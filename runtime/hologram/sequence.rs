@@ -49,13 +49,18 @@ impl Sequence {
             Ok(_) => {}
         }
         let file = path.join(GROUP);
-        let (mut about, sequence) = document::read_any_group(&read_document(&file)?).map_err(|e| damaged(&file, e))?;
+        let group = read_document(&file)?;
+        let (mut about, sequence) = document::read_any_group(&group).map_err(|e| damaged(&file, e))?;
+        if sequence.is_none() && !document::is_sealed(&group) {
+            return Ok(Self::single(path, Hologram::load(path)?));
+        }
         let array = path.join(ARRAY);
         let single = sequence.is_none();
         let attributes = match sequence {
             Some(attributes) => attributes,
             None => {
-                let (shape, side) = document::read_array(&read_document(&array)?).map_err(|e| damaged(&array, e))?;
+                let read = document::read_array(&read_document(&array)?, true).map_err(|e| damaged(&array, e))?;
+                let document::Array { shape, side, .. } = read;
                 if side.is_some() {
                     return Err(no("it is stored in tiles, and cannot be streamed: export it first"));
                 }
@@ -274,6 +279,11 @@ impl Sequence {
         let mut phases = vec![0.0; self.values()];
         self.read_into(index, &mut phases)?;
         let mut hologram = self.about.clone();
+        // The scenes of all of them, one after the other.
+        let scenes: Vec<&str> = self.about.scene.split(", ").collect();
+        if scenes.len() as u64 == self.attributes.planned.unwrap_or(self.count) {
+            hologram.scene = scenes[index as usize].to_owned();
+        }
         let each = phases.len() / hologram.colors.len();
         for (c, part) in hologram.colors.iter_mut().zip(phases.chunks_exact(each)) {
             c.phases = part.to_vec();

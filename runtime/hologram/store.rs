@@ -3,8 +3,9 @@
 use super::chunks::{
     ARRAY, GROUP, check_length, chunk_name, damaged, is_hologram, promise, read_chunk, read_document, write_chunk,
 };
+use super::exchange::far_outside;
 use super::tiles::{self, Tiles};
-use super::{Hologram, HologramError, document, save_phases};
+use super::{Hologram, HologramError, document, save_phases, wrap_phase};
 use crate::files::{FileError, FolderDraft};
 use std::{fs, path::Path};
 
@@ -59,9 +60,16 @@ impl Hologram {
             Ok(_) => {}
         }
         let file = path.join(GROUP);
-        let mut hologram = document::read_group(&read_document(&file)?).map_err(|e| damaged(&file, e))?;
+        let group = read_document(&file)?;
+        let sealed = document::is_sealed(&group);
+        let mut hologram = document::read_group(&group).map_err(|e| damaged(&file, e))?;
         let file = path.join(ARRAY);
-        let (shape, side) = document::read_array(&read_document(&file)?).map_err(|e| damaged(&file, e))?;
+        let array = document::read_array(&read_document(&file)?, sealed).map_err(|e| damaged(&file, e))?;
+        let document::Array { shape, side, summed } = array;
+        if !(sealed && summed) {
+            let path = path.display();
+            tracing::debug!("{path}: another program wrote it, with no checksum of its documents or phases to check");
+        }
         if side.is_some() {
             Tiles::open(path)?.check()?;
             return tiles::read_all(path);
@@ -81,17 +89,25 @@ impl Hologram {
         let pixels = height * width;
         for color in 0..colors {
             for frame in 0..frames {
-                check_length(&path.join(chunk_name(color, frame)), pixels)?;
+                check_length(&path.join(chunk_name(color, frame)), pixels, summed)?;
             }
         }
         promise(path, &shape)?;
         for (color, c) in hologram.colors.iter_mut().enumerate() {
             c.phases.reserve_exact(frames * pixels);
             for frame in 0..frames {
-                read_chunk(&path.join(chunk_name(color, frame)), pixels, &mut c.phases)?;
+                read_chunk(&path.join(chunk_name(color, frame)), pixels, summed, &mut c.phases)?;
             }
         }
         hologram.check().map_err(|e| damaged(path, e.to_string()))?;
+        if !sealed {
+            for c in &mut hologram.colors {
+                if let Some(found) = far_outside(&c.phases) {
+                    return Err(no(&format!("{found}: its phases must be radians")));
+                }
+                c.phases.iter_mut().for_each(|p| *p = wrap_phase(*p));
+            }
+        }
         Ok(hologram)
     }
 }

@@ -144,8 +144,8 @@ impl Tiles {
         }
         let mut about = document::read_group(&read_document(&file)?).map_err(|e| damaged(&file, e))?;
         let file = path.join(ARRAY);
-        let (shape, side) = document::read_array(&read_document(&file)?).map_err(|e| damaged(&file, e))?;
-        let Some(side) = side else {
+        let array = document::read_array(&read_document(&file)?, true).map_err(|e| damaged(&file, e))?;
+        let (shape, Some(side)) = (array.shape, array.side) else {
             let (path, reason) = (path.display().to_string(), "it is not stored in tiles".to_owned());
             return Err(HologramError::NotAHologram { path, reason });
         };
@@ -189,7 +189,7 @@ impl Tiles {
     /// Whether a folder is a hologram in tiles.
     pub fn is_tiled(path: &Path) -> bool {
         let document = read_document(&path.join(ARRAY));
-        document.is_ok_and(|bytes| document::read_array(&bytes).is_ok_and(|(_, side)| side.is_some()))
+        document.is_ok_and(|bytes| document::read_array(&bytes, true).is_ok_and(|array| array.side.is_some()))
     }
 
     /// Everything but the phases.

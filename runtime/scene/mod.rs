@@ -122,6 +122,18 @@ pub fn native_size(source: &str) -> Result<Option<[usize; 2]>, SceneError> {
     if path.is_dir() { folder::list(path).map(|l| Some(l.size)) } else { picture::size(path).map(Some) }
 }
 
+/// Whether `source` is, by its name alone, the scene that `known` names: a source, or the name of a light field.
+pub fn is_named(source: &str, known: &str) -> bool {
+    if let (Some(source), Some(known)) = (source.strip_prefix("builtin:"), known.strip_prefix("builtin:")) {
+        return builtin::same(source, known);
+    }
+    let last = |path: &Path| path.file_name().map(|n| n.to_string_lossy().into_owned());
+    let [own, other] = [source, known].map(Path::new);
+    let whole = own.canonicalize().ok();
+    let names = [last(own), whole.as_deref().and_then(last), own.file_stem().map(|n| n.to_string_lossy().into_owned())];
+    source == known || names.iter().flatten().any(|name| name == known || Some(name) == last(other).as_ref())
+}
+
 /// Loads a scene and fits it to the display ([`Fit::Contain`]).
 ///
 /// # Errors

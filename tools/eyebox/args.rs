@@ -1,6 +1,7 @@
 //! The arguments of commands, and those that they share: millimetres, micrometres and nanometres in, metres out.
 
-use crate::phases::{PhaseArgs, PhaseUnitArgs};
+use crate::Failure;
+use crate::phases::{EncodedArgs, PhaseArgs, PhaseUnitArgs};
 use crate::quality::QualityArgs;
 use crate::values::{
     GivenPupil, Names, contrast, depths, full, memory, method, one_of, positive, pupil, range, rate, share, size,
@@ -8,13 +9,13 @@ use crate::values::{
 };
 use clap::builder::TypedValueParser;
 use clap::{Args, ValueEnum};
-use eyebox::hologram::Start;
+use eyebox::hologram::{Hologram, Start};
 use eyebox::optics::{Color, Depth, Display, WindowFactor};
 use eyebox::plan::Storage;
 use eyebox::present::Rate;
 use eyebox::scene::{Near, Order};
 use eyebox::solve::{Diameters, Full, Method, Optimizer, PaddingRule, Sequence};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Which engine computes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -54,8 +55,7 @@ pub struct EngineArgs {
 /// The display, in every command that needs one.
 #[derive(Args)]
 pub struct DisplayArgs {
-    /// Display: paper, plm, small, grey8, fields, planes8, planes24, far-field, far-field-16k, or a TOML file
-    /// [default: paper]
+    /// Display: a preset (eyebox displays lists them), or a TOML file [default: paper]
     #[arg(long, value_name = "PRESET|FILE")]
     pub display: Option<String>,
     /// Resolution instead of the display's own, rows x columns
@@ -102,6 +102,22 @@ pub struct SceneArgs {
     /// what its lightfield.toml says; else as named, refused where the pictures clearly show another]
     #[arg(long, value_name = "ORDER")]
     pub order: Option<Order>,
+}
+
+/// A hologram beside a scene.
+#[derive(Args, Clone, Copy)]
+pub struct OtherSceneArgs {
+    /// Take the scene though the hologram says that it shows another
+    #[arg(long)]
+    pub other_scene: bool,
+}
+
+impl OtherSceneArgs {
+    /// Refuses another scene than the hologram's, unless it is meant.
+    pub fn check(self, file: &Path, hologram: &Hologram, scene: &str) -> Result<(), Failure> {
+        let checked = if self.other_scene { Ok(()) } else { hologram.check_scene(scene) };
+        checked.map_err(|e| Failure::Asked(format!("{}: {e}", file.display())))
+    }
 }
 
 impl SceneArgs {
@@ -340,7 +356,7 @@ pub struct Bench {
 /// `eyebox view`
 #[derive(Args)]
 pub struct View {
-    /// NAME.zarr, or phases: NAME.npy or a folder of PNGs
+    /// NAME.zarr; phases: NAME.npy or a folder of PNGs; or the folder of encode
     pub hologram: PathBuf,
     /// Which hologram of a sequence, from 0
     #[arg(long, value_name = "N")]
@@ -354,6 +370,9 @@ pub struct View {
     /// Bare phases
     #[command(flatten)]
     pub phases: PhaseArgs,
+    /// Video frames
+    #[command(flatten)]
+    pub encoded: EncodedArgs,
     /// Exposure of the PNG [default: the hologram's; where it is not known, the 99th percentile becomes white]
     #[arg(long, value_parser = positive)]
     pub exposure: Option<f64>,
@@ -385,11 +404,14 @@ pub struct Photograph {
 /// `eyebox score`
 #[derive(Args)]
 pub struct Score {
-    /// NAME.zarr, or phases: NAME.npy or a folder of PNGs (with --display)
+    /// NAME.zarr; phases: NAME.npy or a folder of PNGs (with --display); or the folder of encode
     pub hologram: PathBuf,
     /// Scene
     #[command(flatten)]
     pub scene: SceneArgs,
+    /// A scene that the hologram was not made of
+    #[command(flatten)]
+    pub other: OtherSceneArgs,
     /// random:N, or a JSON file with a list of [x, y, diameter, focus] in mm, or the focus as "0.5D"
     #[arg(long, default_value = "random:16", value_name = "random:N|FILE.json")]
     pub pupils: String,
@@ -402,6 +424,9 @@ pub struct Score {
     /// Bare phases
     #[command(flatten)]
     pub phases: PhaseArgs,
+    /// Video frames
+    #[command(flatten)]
+    pub encoded: EncodedArgs,
     /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,

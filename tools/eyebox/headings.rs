@@ -4,7 +4,21 @@ use clap::{Command, CommandFactory};
 
 /// Each heading with its options; `COMMAND.OPTION` is for one command alone, and wins.
 const HEADINGS: &[(&str, &[&str])] = &[
-    ("Scene", &["scene", "depth_map", "view_pitch", "views", "depth", "reference", "hologram", "methods"]),
+    (
+        "Scene",
+        &[
+            "scene",
+            "depth_map",
+            "near",
+            "view_pitch",
+            "views",
+            "depth",
+            "other_scene",
+            "reference",
+            "hologram",
+            "methods",
+        ],
+    ),
     (
         "Display",
         &["display", "size", "color", "force", "output", "monitor", "display_rate", "display_latency", "validation"],
@@ -98,21 +112,37 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "clock",
         ],
     ),
-    ("Samples", &["watch", "latency", "real_time", "trackers.rate", "trackers.pupil", "trackers.duration", "describe"]),
+    (
+        "Samples",
+        &[
+            "watch",
+            "latency",
+            "real_time",
+            "trackers.rate",
+            "trackers.pupil",
+            "trackers.duration",
+            "trackers.focal_length",
+            "describe",
+        ],
+    ),
     ("Calibration", &["calibrate", "targets", "trackers.calibration", "trackers.eye"]),
     ("Window", &["preview.window", "zoom", "save_to", "live.view"]),
     ("Bare phases", &["phase_unit", "pitch", "wavelength", "focal_length", "geometry", "exposure"]),
+    ("Video frames", &["encoded", "as_shown"]),
     ("Engine", &["engine", "vulkan_from", "rounds", "beside", "time_again"]),
     ("Output", &["out", "json", "timings", "stats", "record", "trace", "raw", "shared", "at"]),
 ];
 
+/// Above options that are in no row.
+const OTHERS: &str = "More";
+
 /// Commands with fewer options than this show them in one list.
 const MANY: usize = 10;
 
-fn heading(command: &str, option: &str) -> Option<&'static str> {
+fn heading(command: &str, option: &str) -> &'static str {
     let own = format!("{command}.{option}");
     let of = |name: &str| HEADINGS.iter().find(|(_, options)| options.contains(&name)).map(|h| h.0);
-    of(&own).or_else(|| of(option))
+    of(&own).or_else(|| of(option)).unwrap_or(OTHERS)
 }
 
 /// The command line of `C`, its options under headings.
@@ -122,9 +152,12 @@ pub fn command<C: CommandFactory>() -> Command {
         if sub.get_opts().count() < MANY {
             return sub;
         }
-        sub.mut_args(|option| match heading(&name, option.get_id().as_str()) {
-            Some(heading) if !option.is_positional() => option.help_heading(heading),
-            _ => option,
+        sub.mut_args(|option| match option.is_positional() {
+            true => option,
+            false => {
+                let heading = heading(&name, option.get_id().as_str());
+                option.help_heading(heading)
+            }
         })
     })
 }

@@ -3,6 +3,7 @@
 use crate::Failure;
 use crate::args::{SceneArgs, Score};
 use crate::common;
+use crate::progress::JobBar;
 use eyebox::hologram::{Hologram, HologramScores, PhaseSource, PupilScore, SceneSource};
 use eyebox::optics::{Depth, Display, Pupil, dioptres, dioptres_in_words};
 use eyebox::solve::{Diameters, PupilRange, Sampler, Sequence};
@@ -13,6 +14,7 @@ use std::path::Path;
 pub fn run(args: &Score) -> Result<(), Failure> {
     let (source, display) = load(args)?;
     let about = source.about();
+    args.other.check(&args.hologram, about, &args.scene.scene)?;
     let colors = about.named_colors();
     let mut engine = common::engine(&args.engine)?;
     let asked = as_solved(&args.scene, about);
@@ -32,7 +34,10 @@ pub fn run(args: &Score) -> Result<(), Failure> {
     };
     let diameter = common::diameters(diameter, &display, args.phases.force)?;
     let pupils = pupils(args, &display, diameter, depth)?;
+    let bar = JobBar::new(true);
+    bar.show(&format!("looking through {} pupils", pupils.len()), 0.0);
     let scores = source.score(&scene, &pupils, engine.as_mut())?;
+    bar.finish();
     let psnr = scores.summary().ok_or_else(|| Failure::Asked("there is no pupil to score".into()))?;
     if args.json {
         let summary =
@@ -108,7 +113,7 @@ pub fn display_of(file: &Path, hologram: &Hologram) -> Result<Display, Failure> 
 
 /// The hologram, and the display that it is for.
 fn load(args: &Score) -> Result<(PhaseSource<'static>, Display), Failure> {
-    let source = args.phases.opening(&args.hologram, None)?.source(&args.hologram)?;
+    let source = args.encoded.source(&args.phases, &args.hologram, None)?;
     let display = display_of(&args.hologram, source.about())?;
     Ok((source, display))
 }

@@ -67,11 +67,18 @@ impl Candidate {
 }
 
 impl Given {
-    /// A hologram that was read from `file` and goes by this name. Of several scenes it has to say which one it shows.
+    /// A hologram that was read from `file` and goes by this name. Of several scenes it has to say which one it shows; of
+    /// one, it must not show another, unless `other_scene`.
     ///
     /// # Errors
     /// [`QualityError`]: that it cannot be compared.
-    pub fn new(name: &str, file: PathBuf, hologram: Hologram, scenes: &[String]) -> Result<Self, QualityError> {
+    pub fn new(
+        name: &str,
+        file: PathBuf,
+        hologram: Hologram,
+        scenes: &[String],
+        other_scene: bool,
+    ) -> Result<Self, QualityError> {
         let wrong = |reason: String| QualityError::Input { what: file.display().to_string(), reason };
         if Method::by_name(name).is_some() {
             return Err(wrong(format!("'{name}' is the name of a method: give the hologram another")));
@@ -79,13 +86,17 @@ impl Given {
         if hologram.colors.iter().any(|c| c.color.is_none()) || hologram.display_wavelengths.is_empty() {
             return Err(wrong("its colours are not named, or its display is not known".into()));
         }
-        let shows = |source: &String| {
-            let last = std::path::Path::new(source).canonicalize().ok();
-            let last = last.as_ref().and_then(|p| p.file_name()).map(|n| n.to_string_lossy().into_owned());
-            *source == hologram.scene || last.is_some_and(|l| l == hologram.scene)
+        let scene = match scenes {
+            [one] => {
+                let checked = if other_scene { Ok(()) } else { hologram.check_scene(one) };
+                checked.map(|()| 0).map_err(|e| wrong(e.to_string()))?
+            }
+            _ if hologram.scene.is_empty() => return Err(wrong("it does not say which of the scenes it shows".into())),
+            _ => scenes
+                .iter()
+                .position(|s| hologram.check_scene(s).is_ok())
+                .ok_or_else(|| wrong(format!("it shows '{}', which is none of the scenes given", hologram.scene)))?,
         };
-        let none = || wrong(format!("it shows '{}', which is none of the scenes given", hologram.scene));
-        let scene = if scenes.len() == 1 { 0 } else { scenes.iter().position(shows).ok_or_else(none)? };
         Ok(Self { name: name.into(), file, hologram, scene })
     }
 

@@ -56,6 +56,7 @@ pub(super) fn half_span(display: &Display) -> f64 {
     pixels * display.focal_length * display.picture_pixel() / display.eyebox_min()
 }
 
+#[derive(PartialEq)]
 struct Parameters {
     brightness: f32,
     span: Option<f64>,
@@ -97,6 +98,11 @@ fn parse(source: &str) -> Result<(&'static str, Parameters), SceneError> {
 /// [`SceneError::Builtin`].
 pub(super) fn check(source: &str) -> Result<(), SceneError> {
     parse(source).map(|_| ())
+}
+
+/// Whether both are one scene.
+pub(super) fn same(a: &str, b: &str) -> bool {
+    matches!((parse(a), parse(b)), (Ok(a), Ok(b)) if a == b)
 }
 
 /// What a scene is made of, in scene units; `unit` is the depth of one.

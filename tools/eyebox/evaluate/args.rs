@@ -1,6 +1,6 @@
 //! The arguments of `eyebox evaluate`.
 
-use crate::args::{DisplayArgs, EngineArgs, NEAR, SceneArgs};
+use crate::args::{DisplayArgs, EngineArgs, NEAR, OtherSceneArgs, SceneArgs};
 use crate::phases::PhaseUnitArgs;
 use crate::quality::QualityArgs;
 use crate::values::{depths, one_of, positive, range};
@@ -33,6 +33,9 @@ pub struct Evaluate {
     /// Display
     #[command(flatten)]
     pub display: DisplayArgs,
+    /// A scene that the holograms were not made of
+    #[command(flatten)]
+    pub other: OtherSceneArgs,
     /// Bare phases
     #[command(flatten)]
     pub unit: PhaseUnitArgs,

@@ -133,7 +133,7 @@ fn job(args: &Evaluate) -> Result<Comparison, Failure> {
     };
     let opening = args.unit.chosen(&args.display)?;
     let read = |(name, file): &(String, PathBuf)| -> Result<Given, Failure> {
-        Ok(Given::new(name, file.clone(), opening.hologram(file)?, &args.scenes)?)
+        Ok(Given::new(name, file.clone(), opening.hologram(file)?, &args.scenes, args.other.other_scene)?)
     };
     let given: Vec<Given> = args.hologram.iter().map(read).collect::<Result<_, _>>()?;
     let (display, colors) = optics(args, methods.is_empty().then_some(()).and(given.first()))?;

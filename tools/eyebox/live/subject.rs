@@ -1,6 +1,6 @@
 //! What is steered: a hologram with its scene, or a scene that is solved first.
 
-use crate::args::{DisplayArgs, EngineArgs, NEAR, SceneArgs};
+use crate::args::{DisplayArgs, EngineArgs, NEAR, OtherSceneArgs, SceneArgs};
 use crate::common::{self, Engines};
 use crate::phases::PhaseUnitArgs;
 use crate::quality::QualityArgs;
@@ -26,6 +26,9 @@ pub struct SubjectArgs {
     /// With a hologram: its scene [default: the one it was solved from]
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<String>,
+    /// A scene that the hologram was not made of
+    #[command(flatten)]
+    pub other: OtherSceneArgs,
     /// Depth or disparity map of a picture (PNG, PFM or .npy)
     #[arg(long, value_name = "FILE")]
     pub depth_map: Option<PathBuf>,
@@ -76,6 +79,7 @@ pub fn load(args: &SubjectArgs, engines: &Engines) -> Result<Steered, Failure> {
         if name.is_empty() {
             return Err(Failure::Asked(format!("{}: it does not say of which scene it is: give --scene", args.what)));
         }
+        args.other.check(path, &hologram, name)?;
         let colors: Vec<Color> = hologram.colors.iter().filter_map(|c| c.color).collect();
         let field = common::scene(&score::as_solved(&scene(name), &hologram), &optics, &colors)?;
         hologram.fit_exposure(&field, engines.open()?.as_mut())?;

@@ -1,7 +1,7 @@
 //! The arguments of `eyebox preview`.
 
-use crate::args::{EngineArgs, NEAR};
-use crate::phases::PhaseArgs;
+use crate::args::{EngineArgs, NEAR, OtherSceneArgs};
+use crate::phases::{EncodedArgs, PhaseArgs};
 use crate::values::{GivenPupil, one_of, positive, pupil, rate, size};
 use clap::Args;
 use eyebox::present::Rate;
@@ -22,6 +22,9 @@ pub struct Preview {
     /// The scene of the hologram, for its photograph and the PSNR: a folder of views, a picture, or builtin:NAME
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<String>,
+    /// A scene that the hologram was not made of
+    #[command(flatten)]
+    pub other: OtherSceneArgs,
     /// Depth or disparity map of a scene that is a picture (PNG, PFM or .npy)
     #[arg(long, value_name = "FILE", requires = "scene")]
     pub depth_map: Option<PathBuf>,
@@ -43,6 +46,9 @@ pub struct Preview {
     /// Bare phases
     #[command(flatten)]
     pub phases: PhaseArgs,
+    /// Video frames
+    #[command(flatten)]
+    pub encoded: EncodedArgs,
     /// Exposure of the picture [default: the hologram's; where it is not known, the 99th percentile of the first becomes
     /// white]
     #[arg(long, value_parser = positive)]

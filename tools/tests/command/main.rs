@@ -3,12 +3,15 @@
 mod basics;
 mod common;
 mod depth_maps;
+mod displays;
 mod encode;
+mod encoded;
 mod evaluate;
 mod generate;
 mod inspect;
 #[cfg(target_os = "linux")]
 mod live;
+mod phases;
 mod plan;
 mod play;
 #[cfg(target_os = "linux")]

@@ -175,7 +175,8 @@ fn a_sparse_light_field_is_solved_from_between_its_views() {
     done(at, &words("cut.zarr"));
     assert_eq!(contents(&at.join("whole.zarr")), contents(&at.join("cut.zarr")));
     let score = |scene: &str| -> f64 {
-        let words = ["score", "whole.zarr", scene, "--pupils", "random:6", "--engine", "cpu", "--json"];
+        let words =
+            ["score", "whole.zarr", scene, "--other-scene", "--pupils", "random:6", "--engine", "cpu", "--json"];
         let said: Value = serde_json::from_str(&done(at, &words)).unwrap();
         said["psnr_db"]["mean"].as_f64().unwrap()
     };

@@ -1,0 +1,317 @@
+//! Phases of other programs, in every command that takes a hologram.
+
+use crate::common::{done, eyebox, folder, refused, text};
+use eyebox::files::{Npy, read_npy};
+use serde_json::Value;
+use std::f32::consts::{PI, TAU};
+use std::path::Path;
+
+/// Rows and columns of the display `bench.toml`.
+const SIZE: [usize; 2] = [12, 20];
+const BENCH: &str = "resolution = [12, 20]\npitch_um = 8.0\nfocal_length_mm = 400.0\n\
+                     wavelengths_nm = { red = 660, green = 520, blue = 440 }\n";
+
+/// Element of an array.
+#[derive(Clone, Copy)]
+struct Element {
+    descr: &'static str,
+    bytes: fn(f32) -> Vec<u8>,
+}
+
+const F4: Element = Element { descr: "<f4", bytes: |v| v.to_le_bytes().to_vec() };
+const F4_BIG: Element = Element { descr: ">f4", bytes: |v| v.to_be_bytes().to_vec() };
+const F8: Element = Element { descr: "<f8", bytes: |v| f64::from(v).to_le_bytes().to_vec() };
+const U1: Element = Element { descr: "|u1", bytes: |v| vec![v as u8] };
+const I8: Element = Element { descr: "<i8", bytes: |v| (v as i64).to_le_bytes().to_vec() };
+const C8: Element = Element { descr: "<c8", bytes: |v| [v.cos(), v.sin()].map(f32::to_le_bytes).concat() };
+
+/// An `.npy` as NumPy writes it.
+fn npy(at: &Path, name: &str, shape: &[usize], element: Element, fortran: bool, values: &[f32]) {
+    let count: usize = shape.iter().product();
+    let place = |mut i: usize| {
+        // The place in C order of what comes `i`-th in the file.
+        let order: Vec<usize> = if fortran { (0..shape.len()).collect() } else { (0..shape.len()).rev().collect() };
+        let mut index = vec![0; shape.len()];
+        for axis in order {
+            (index[axis], i) = (i % shape[axis], i / shape[axis]);
+        }
+        index.iter().zip(shape).fold(0, |at, (i, n)| at * n + i)
+    };
+    let axes: String = shape.iter().map(|n| format!("{n},")).collect();
+    let fortran = if fortran { "True" } else { "False" };
+    let mut header = format!("{{'descr': '{}', 'fortran_order': {fortran}, 'shape': ({axes}), }}", element.descr);
+    header.extend(std::iter::repeat_n(' ', 63 - (10 + header.len()) % 64));
+    header.push('\n');
+    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+    bytes.extend((header.len() as u16).to_le_bytes());
+    bytes.extend(header.as_bytes());
+    (0..count).for_each(|i| bytes.extend((element.bytes)(values[place(i)])));
+    std::fs::write(at.join(name), bytes).unwrap();
+}
+
+/// Radians, another in every pixel; so many turns.
+fn radians(count: usize, turns: f32) -> Vec<f32> {
+    (0..count).map(|i| ((i * 7919 % 10007) as f32 / 10007.0 - 0.5) * TAU * turns).collect()
+}
+
+fn wrapped(phase: f32) -> f32 {
+    (phase + PI).rem_euclid(TAU) - PI
+}
+
+/// How an array is given, and what is read: the wanted phases, from and to, or a line.
+struct Way<'a> {
+    shape: &'a [usize],
+    element: Element,
+    fortran: bool,
+    /// What a turn is in the file.
+    turn: f32,
+    turns: f32,
+    more: &'a [&'a str],
+    read: Result<[usize; 2], &'a str>,
+}
+
+#[test]
+fn every_way_to_give_phases_is_read_right_or_refused() {
+    let here = folder();
+    let at = here.path();
+    std::fs::write(at.join("bench.toml"), BENCH).unwrap();
+    let [h, w] = SIZE;
+    let one = h * w;
+    let green: &[&str] = &["--display", "bench.toml", "--color", "green"];
+    let all: &[&str] = &["--display", "bench.toml"];
+    let plain = Way {
+        shape: &[2, h, w],
+        element: F4,
+        fortran: false,
+        turn: TAU,
+        turns: 1.0,
+        more: green,
+        read: Ok([0, 2 * one]),
+    };
+    let with = |unit: &'static str| ["--display", "bench.toml", "--color", "green", "--phase-unit", unit];
+    let (levels, turns, degrees, rad) = (with("256"), with("turns"), with("deg"), with("rad"));
+    let ways = [
+        // Shapes.
+        Way { shape: &[h, w], read: Ok([0, one]), ..plain },
+        Way { ..plain },
+        Way { shape: &[3, 2, h, w], more: all, read: Ok([0, 6 * one]), ..plain },
+        Way {
+            shape: &[3, 2, h, w],
+            more: &["--display", "bench.toml", "--color", "blue"],
+            read: Ok([4 * one, 6 * one]),
+            ..plain
+        },
+        Way { shape: &[1, 2, h, w], ..plain },
+        Way {
+            shape: &[2, 2, h, w],
+            more: all,
+            read: Err("2 colours, and the display 'bench' has red, green, blue"),
+            ..plain
+        },
+        Way { shape: &[2 * one], read: Err("not (row, column), (sub-frame, row, column)"), ..plain },
+        Way { shape: &[64, 20, 2], read: Err("as if colours or sub-frames came last"), ..plain },
+        Way { shape: &[w, h], read: Err("lie across the display"), ..plain },
+        // What nothing says.
+        Way { more: all, read: Err("--color"), ..plain },
+        Way { more: &[], read: Err("--display and --color"), ..plain },
+        Way { more: &["--pitch", "8"], read: Err("go together"), ..plain },
+        Way { more: &["--display", "bench.toml", "--color", "green", "--at", "0"], read: Err("--at"), ..plain },
+        // Elements and orders.
+        Way { element: F8, ..plain },
+        Way { element: F4_BIG, ..plain },
+        Way { fortran: true, ..plain },
+        Way { element: C8, read: Err("numpy.angle"), ..plain },
+        // Units.
+        Way { turns: 6.0, ..plain },
+        Way { element: U1, turn: 256.0, more: &levels, ..plain },
+        Way { element: I8, turn: 256.0, more: &levels, ..plain },
+        Way { turn: 1.0, more: &turns, ..plain },
+        Way { turn: 360.0, more: &degrees, ..plain },
+        Way { turns: 20.0, more: &rad, ..plain },
+        Way { element: U1, turn: 256.0, read: Err("whole numbers from 0 to 255"), ..plain },
+        Way { turn: 1.0, read: Err("looks like turns"), ..plain },
+        Way { turn: 360.0, read: Err("far outside a turn"), ..plain },
+        Way { turns: 20.0, read: Err("--phase-unit"), ..plain },
+    ];
+    for (number, way) in ways.iter().enumerate() {
+        let count: usize = way.shape.iter().product();
+        let mut phases = radians(count, way.turns);
+        let whole = matches!(way.element.descr, "|u1" | "<i8");
+        if whole {
+            phases.iter_mut().for_each(|p| *p = ((*p / TAU + 0.5) * 255.9).floor() / 256.0 * TAU);
+        }
+        let stored: Vec<f32> = match (way.turn == TAU, whole) {
+            (true, _) => phases.clone(),
+            (false, true) => phases.iter().map(|p| (p / TAU * way.turn).round()).collect(),
+            (false, false) => phases.iter().map(|p| p / TAU * way.turn).collect(),
+        };
+        npy(at, "p.npy", way.shape, way.element, way.fortran, &stored);
+        let args = [&["export", "p.npy", "-o", "x.npy"], way.more].concat();
+        match &way.read {
+            Err(line) => refused(at, &args, "x.npy", line),
+            Ok([from, to]) => {
+                done(at, &args);
+                let Npy { values, .. } = read_npy(&at.join("x.npy")).unwrap();
+                assert_eq!(values.len(), to - from, "way {number}");
+                let worst =
+                    (values.iter().zip(&phases[*from..*to])).map(|(a, b)| wrapped(a - b).abs()).fold(0.0f32, f32::max);
+                assert!(worst < 2e-4, "way {number}: {worst} rad");
+                std::fs::remove_file(at.join("x.npy")).unwrap();
+            }
+        }
+    }
+}
+
+/// A small hologram, and its phases alone.
+fn solved(at: &Path) {
+    let solve =
+        ["solve", "builtin:plane", "--display", "small", "--size", "36x48", "--color", "green", "--frames", "2"];
+    done(at, &[&solve[..], &["--steps", "3", "--views", "3", "--engine", "cpu", "-o", "h.zarr"]].concat());
+    done(at, &["export", "h.zarr", "-o", "p.npy"]);
+}
+
+const GREEN: [&str; 4] = ["--display", "small", "--color", "green"];
+
+#[test]
+fn every_command_takes_phases_as_it_takes_their_hologram() {
+    let here = folder();
+    let at = here.path();
+    solved(at);
+    let both = |args: &[&str], more: &[&str]| {
+        let (own, bare) =
+            (args.iter().map(|a| a.replace("IN", "h.zarr")), args.iter().map(|a| a.replace("IN", "p.npy")));
+        let (own, bare): (Vec<_>, Vec<_>) = (own.collect(), bare.collect());
+        let words = |args: &[String], more: &[&str]| {
+            let args: Vec<&str> = args.iter().map(String::as_str).chain(more.iter().copied()).collect();
+            done(at, &args)
+        };
+        [words(&own, &[]), words(&bare, more)]
+    };
+    let read = |name: &str| std::fs::read(at.join(name)).unwrap();
+
+    both(&["view", "IN", "--pupil=1,0,5,0", "--engine", "cpu", "-o", "IN.view.npy"], &GREEN);
+    assert_eq!(read("h.zarr.view.npy"), read("p.npy.view.npy"));
+    let scene = ["--views", "3", "--depth=-0.1..0.1", "--pupils", "random:3", "--engine", "cpu", "--json"];
+    let [own, bare] = both(&[&["score", "IN", "builtin:plane"], &scene[..]].concat(), &GREEN);
+    assert_eq!(own, bare);
+    let encode = ["encode", "IN", "--display", "grey8", "--size", "36x48", "-o", "IN.frames"];
+    both(&encode, &["--color", "green"]);
+    assert_eq!(read("h.zarr.frames/frame-00001.png"), read("p.npy.frames/frame-00001.png"));
+    let play = ["play", "IN", "--display", "grey8", "--size", "36x48", "--duration", "0.1", "--record", "IN.shown"];
+    both(&play, &["--color", "green"]);
+    assert_eq!(read("h.zarr.shown/set-000000-00.png"), read("p.npy.shown/set-000000-00.png"));
+    refused(at, &["play", "p.npy", "--display", "grey8", "--size", "36x48", "--record", "x"], "x", "--color");
+
+    // Exposures are not known: they are fitted to the scene.
+    let refine =
+        ["refine", "IN", "builtin:plane", "--views", "3", "--depth=-0.1..0.1", "--pupil=0,0,5,0", "--steps", "1"];
+    let gains = both(&[&refine[..], &["--engine", "cpu", "--json"]].concat(), &GREEN);
+    let gains = gains.map(|said| {
+        let said: Value = serde_json::from_str(&said).unwrap();
+        [0, 1].map(|row: usize| said["rows"][row]["eye_db"].as_f64().unwrap())
+    });
+    assert!((gains[0][0] - gains[1][0]).abs() < 0.01 && gains[1][1] > 10.0, "{gains:?} dB");
+    let evaluate =
+        ["evaluate", "builtin:plane", "--views", "3", "--no-speckle", "--hologram", "mine=p.npy", "--size", "36x48"];
+    done(at, &[&evaluate[..], &GREEN, &["--engine", "cpu", "-o", "report"]].concat());
+    assert!(at.join("report/report.html").exists());
+    let live =
+        ["live", "p.npy", "--scene", "builtin:plane", "--display", "grey8", "--size", "36x48", "--color", "green"];
+    let live = [&live[..], &["--engine", "cpu", "--duration", "0.1", "--stats", "live.json"]].concat();
+    done(at, &live);
+    assert!(at.join("live.json").exists());
+}
+
+#[test]
+fn phases_are_imported_with_what_is_known_of_them() {
+    let here = folder();
+    let at = here.path();
+    solved(at);
+    let import = |more: &[&str], out: &'static str| {
+        let args = [&["import"], more, &["--engine", "cpu", "-o", out]].concat();
+        text(&eyebox(at, &args).stderr)
+    };
+    let attributes = |name: &str| -> Value {
+        let document = std::fs::read(at.join(name).join("zarr.json")).unwrap();
+        serde_json::from_slice::<Value>(&document).unwrap()["attributes"]["eyebox"].take()
+    };
+    // From pictures as from arrays; names of colours come with them.
+    done(at, &["export", "h.zarr", "-o", "frames"]);
+    assert!(import(&["frames", "--display", "small"], "f.zarr").contains("exposure not known"));
+    let known = attributes("f.zarr");
+    assert_eq!((&known["colors"][0]["color"], &known["display"]), (&"green".into(), &"small".into()));
+    assert_eq!(known["settings"]["exposure_assumed"], true);
+    // Fitted to the scene, that of the solve comes back.
+    let said = import(&[&["p.npy", "--scene", "builtin:plane"], &GREEN[..]].concat(), "s.zarr");
+    assert!(said.contains("fitted to the scene"), "{said}");
+    let (own, fitted) = (attributes("h.zarr"), attributes("s.zarr"));
+    let exposure = |v: &Value| v["colors"][0]["exposure"].as_f64().unwrap();
+    assert!((exposure(&own) / exposure(&fitted)).ln().abs() < 0.5, "{} {}", exposure(&own), exposure(&fitted));
+    assert_eq!((&fitted["scene"], &fitted["settings"]["exposure_assumed"]), (&"builtin:plane".into(), &Value::Null));
+    // And back.
+    done(at, &["export", "s.zarr", "-o", "again.npy"]);
+    assert_eq!(std::fs::read(at.join("again.npy")).unwrap(), std::fs::read(at.join("p.npy")).unwrap());
+    refused(at, &["import", "h.zarr", "-o", "x.zarr"], "x.zarr", "already");
+    refused(at, &["import", "p.npy", "-o", "x.zarr"], "x.zarr", "--display");
+    refused(at, &["import", "none.npy", "--display", "small", "-o", "x.zarr"], "x.zarr", "none.npy");
+    refused(at, &["import", "p.npy", "--display", "small", "-o", "x.npy"], "x.npy", ".zarr");
+}
+
+#[test]
+fn a_hologram_is_not_measured_against_another_scene() {
+    let here = folder();
+    let at = here.path();
+    solved(at);
+    let shows = "it shows 'builtin:plane', and 'builtin:points' is another scene";
+    let score = ["score", "h.zarr", "builtin:points", "--pupils", "random:1", "--engine", "cpu"];
+    refused(at, &score, "x", shows);
+    done(at, &[&score[..], &["--other-scene"]].concat());
+    done(at, &["score", "h.zarr", "builtin:plane?brightness=1", "--pupils", "random:1", "--engine", "cpu"]);
+    refused(at, &["refine", "h.zarr", "builtin:points", "--pupil=0,0,5,0", "-o", "x.zarr"], "x.zarr", shows);
+    refused(at, &["evaluate", "builtin:points", "--hologram", "mine=h.zarr", "-o", "x"], "x", shows);
+    let live = ["live", "h.zarr", "--scene", "builtin:points", "--display", "grey8", "--duration", "0.1"];
+    refused(at, &live, "x", shows);
+}
+
+/// What docs/hologram-format.md says is all that a program in Python needs, is.
+#[test]
+#[cfg(target_os = "linux")]
+fn the_documents_python_writes_a_hologram() {
+    let here = folder();
+    let at = here.path();
+    let document = include_str!("../../../docs/hologram-format.md");
+    let section = document.split("## Written from Python").nth(1).expect("the section");
+    let program = section.split("```").nth(1).and_then(|p| p.strip_prefix("python\n")).expect("the program");
+    assert!(program.lines().filter(|l| !l.trim().is_empty()).count() <= 25, "short enough to be read");
+    let run = |program: &str| {
+        let ran = std::process::Command::new("python3").args(["-c", program]).current_dir(at).output();
+        let ran = ran.expect("python3 is missing: install it (Debian, Ubuntu: apt-get install python3)");
+        assert!(ran.status.success(), "{}", text(&ran.stderr));
+    };
+    run(program);
+    let told = eyebox(at, &["-v", "export", "grating.zarr", "-o", "p.npy"]);
+    assert!(told.status.success() && text(&told.stderr).contains("no checksum"), "{}", text(&told.stderr));
+    let Npy { shape, values, .. } = read_npy(&at.join("p.npy")).unwrap();
+    assert_eq!(shape, [1, 48, 64]);
+    assert!(values.iter().enumerate().all(|(i, v)| (v - wrapped(0.1 * (i % 64) as f32)).abs() < 1e-5));
+    // Seen, scored, encoded, made a hologram of this program.
+    done(at, &["view", "grating.zarr", "--pupil=0,0,5,0", "--engine", "cpu", "-o", "seen.png"]);
+    done(at, &["score", "grating.zarr", "builtin:plane", "--pupils", "random:2", "--engine", "cpu"]);
+    done(at, &["encode", "grating.zarr", "--display", "grey8", "--size", "48x64", "-o", "frames"]);
+
+    // What is wrong in it is said.
+    let wrong = |from: &str, to: &str, what: &str| {
+        assert!(program.contains(from), "{from}");
+        let _ = std::fs::remove_dir_all(at.join("grating.zarr"));
+        run(&program.replace(from, to));
+        refused(at, &["export", "grating.zarr", "-o", "x.npy"], "x.npy", what);
+    };
+    wrong("\"format\": 1, ", "", "it states no format");
+    wrong("\"float32\"", "\"float64\"", "data_type");
+    wrong("[1, 1, rows, columns]", "[1, 1, 1, columns]", "chunk");
+    wrong("{\"endian\": \"little\"}", "{\"endian\": \"big\"}", "codecs");
+    wrong("\"wavelength_nm\": nm", "\"wavelength\": nm", "wavelength_nm");
+    wrong("display=\"bench\"", "version=\"1.0\"", "document_crc32c");
+    wrong("0.1 * column", "float(column)", "radians");
+    wrong("for row in frame)", "for row in frame[1:])", "bytes long");
+}
