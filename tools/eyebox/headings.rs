@@ -4,7 +4,10 @@ use clap::{Command, CommandFactory};
 
 /// Each heading with its options; `COMMAND.OPTION` is for one command alone, and wins.
 const HEADINGS: &[(&str, &[&str])] = &[
-    ("Scene", &["scene", "depth_map", "view_pitch", "views", "depth", "reference", "hologram", "methods"]),
+    (
+        "Scene",
+        &["scene", "depth_map", "near", "order", "view_pitch", "views", "depth", "reference", "hologram", "methods"],
+    ),
     (
         "Display",
         &["display", "size", "color", "force", "output", "monitor", "display_rate", "display_latency", "validation"],
