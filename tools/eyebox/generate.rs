@@ -1,8 +1,7 @@
 //! `eyebox completions` and `eyebox man`: what shells and manuals want to know of the command line.
 
-use crate::commands::Cli;
-use crate::{Failure, headings};
-use clap::Args;
+use crate::Failure;
+use clap::{Args, Command};
 use eyebox::files;
 use eyebox::quality::writable;
 use std::path::PathBuf;
@@ -23,17 +22,16 @@ pub struct Man {
     pub out: PathBuf,
 }
 
-/// Prints what the shell completes by.
-pub fn completions(args: &Completions) -> Result<(), Failure> {
+/// Prints what the shell completes by, of this command line.
+pub fn completions(args: &Completions, mut command: Command) -> Result<(), Failure> {
     let mut text = Vec::new();
-    clap_complete::generate(args.shell, &mut headings::command::<Cli>(), "eyebox", &mut text);
+    clap_complete::generate(args.shell, &mut command, "eyebox", &mut text);
     println!("{}", String::from_utf8_lossy(&text).trim_end());
     Ok(())
 }
 
 /// Writes the pages of the manual.
-pub fn man(args: &Man) -> Result<(), Failure> {
-    let mut command = headings::command::<Cli>();
+pub fn man(args: &Man, mut command: Command) -> Result<(), Failure> {
     command.build();
     writable(&args.out)?;
     let pages = std::iter::once(&command).chain(command.get_subcommands().filter(|s| s.get_name() != "help"));

@@ -6,18 +6,7 @@ use clap::{Command, CommandFactory};
 const HEADINGS: &[(&str, &[&str])] = &[
     (
         "Scene",
-        &[
-            "scene",
-            "depth_map",
-            "near",
-            "view_pitch",
-            "views",
-            "depth",
-            "other_scene",
-            "reference",
-            "hologram",
-            "methods",
-        ],
+        &["scene", "depth_map", "near", "order", "view_pitch", "views", "depth", "other_scene", "reference", "hologram", "methods"],
     ),
     (
         "Display",

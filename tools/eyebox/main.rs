@@ -81,8 +81,8 @@ fn main() -> ExitCode {
         Command::Bench(args) => bench::run(args),
         Command::Devices(args) => devices::run(args),
         Command::Displays(args) => displays::run(args),
-        Command::Completions(args) => generate::completions(args),
-        Command::Man(args) => generate::man(args),
+        Command::Completions(args) => generate::completions(args, headings::command::<Cli>()),
+        Command::Man(args) => generate::man(args, headings::command::<Cli>()),
         Command::Trackers(args) => match &args.calibrate {
             Some(file) if args.describe.is_none() => calibrate::run(args, file),
             _ => trackers::run(args),
