@@ -120,6 +120,7 @@ pub mod scene;
 #[cfg(feature = "window")]
 pub mod session;
 pub mod solve;
+mod steady;
 pub mod tiled;
 pub mod trackers;
 

@@ -22,6 +22,9 @@ EYEBOX=$target/release/eyebox tools/readme.sh
 stage "what a plan leaves out"
 EYEBOX=$target/release/eyebox tools/savings.sh
 
+stage "Windows, under Wine"
+tools/windows.sh
+
 stage "tests, at the ends of every range and for ten minutes of playing"
 EYEBOX_EXTREMES=full EYEBOX_SOAK=full EYEBOX_MUTATIONS=10000 cargo test --release --workspace
 

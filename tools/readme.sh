@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Runs the commands that the README and docs/guide.md show, in a folder and with a cache of their own, with the program $EYEBOX.
+# Runs the commands that the README and docs/guide.md show, in a folder and with a cache of their own, with the program $EYEBOX:
+# lines that start with 'eyebox ' in the README, and with 'cargo run --release -- ' in both.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 eyebox=${EYEBOX:?set EYEBOX to the program to run them with, such as target/release/eyebox}
@@ -9,11 +10,12 @@ trap 'rm -rf "$work"' EXIT
 count=0
 while IFS= read -r command; do
     echo "\$ $command"
-    (cd "$work" && XDG_CACHE_HOME="$work/cache" eval "\"\$eyebox\" ${command#cargo run --release -- }") </dev/null
+    arguments=${command#cargo run --release -- }
+    (cd "$work" && XDG_CACHE_HOME="$work/cache" eval "\"\$eyebox\" ${arguments#eyebox }") </dev/null
     count=$((count + 1))
-done < <(grep -h '^cargo run --release -- ' "$root/README.md" "$root/docs/guide.md")
-if ((count == 0)); then
-    echo "the README and the guide show no command: expected lines that start with 'cargo run --release -- '" >&2
+done < <(grep -hE '^(cargo run --release --|eyebox) ' "$root/README.md"; grep -h '^cargo run --release -- ' "$root/docs/guide.md")
+if ((count < 10)); then
+    echo "the README and the guide show too few commands: expected lines that start with 'eyebox ' or 'cargo run --release -- '" >&2
     exit 1
 fi
 echo "all $count commands of the README and the guide ran"

@@ -25,6 +25,13 @@ cargo clippy --workspace --all-targets --quiet -- -D warnings
 stage "the library without its features"
 cargo clippy --package eyebox --no-default-features --quiet -- -D warnings
 
+stage "lints for Windows"
+# Checked, not linked: cargo needs nothing of Windows for it. tools/windows.sh builds and runs it.
+if command -v rustup >/dev/null; then
+    rustup target add x86_64-pc-windows-gnu 2>/dev/null
+fi
+cargo clippy --target x86_64-pc-windows-gnu --package eyebox-tools --bins --quiet -- -D warnings
+
 stage "documentation"
 # The command's pages are checked, then the library's take their place: both are called eyebox.
 export RUSTDOCFLAGS="-D warnings"

@@ -2,10 +2,7 @@
 
 use std::path::PathBuf;
 
-/// `$XDG_CACHE_HOME/eyebox` or `~/.cache/eyebox`; nowhere without either.
+/// The folder `eyebox` in `$XDG_CACHE_HOME` or `~/.cache`, on Windows in `%LOCALAPPDATA%`; nowhere without any.
 pub fn cache_folder() -> Option<PathBuf> {
-    let set = |name| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
-    // The specification of these folders has relative paths ignored.
-    let base = set("XDG_CACHE_HOME").filter(|p| p.is_absolute()).or_else(|| Some(set("HOME")?.join(".cache")))?;
-    Some(base.join("eyebox"))
+    Some(super::os::cache_base()?.join("eyebox"))
 }

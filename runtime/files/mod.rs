@@ -9,12 +9,14 @@ mod cache;
 #[cfg_attr(not(feature = "image-formats"), path = "no_codec.rs")]
 mod codec;
 mod npy;
+mod os;
 mod picture;
 pub mod read;
 mod whole;
 
 pub use cache::cache_folder;
 pub use codec::{encode_jpeg8, read_grey, read_grey8};
+pub(crate) use npy::read_npy_with_gaps;
 pub use npy::{Npy, read_npy, write_npy};
 pub use picture::{encode_grey8, encode_rgb8, linear_to_srgb, write_png};
 pub use whole::{FolderDraft, check_place, write_file, write_file_by_way_of};

@@ -11,7 +11,7 @@ use std::{
     path::Path,
 };
 
-/// An array of finite float32.
+/// An array of float32.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Npy {
     /// Length of each axis, slowest first.
@@ -35,6 +35,13 @@ const MAGIC: &[u8] = b"\x93NUMPY";
 /// [`FileError::Read`]; [`FileError::Content`] for another format or element type, a file cut short or too long, and
 /// a value that is not finite (with its index).
 pub fn read_npy(file: &Path) -> Result<Npy, FileError> {
+    let array = read_npy_with_gaps(file)?;
+    array.finite().map_err(|reason| FileError::content(file, reason))?;
+    Ok(array)
+}
+
+/// The same, with values that are not finite, as where a depth is not known.
+pub(crate) fn read_npy_with_gaps(file: &Path) -> Result<Npy, FileError> {
     let open = || {
         let opened = read::open(file)?;
         let length = opened.metadata()?.len();
@@ -89,6 +96,15 @@ enum Wrong {
 impl From<String> for Wrong {
     fn from(reason: String) -> Self {
         Self::Content(reason)
+    }
+}
+
+impl Npy {
+    /// Refuses values that are not finite, in words.
+    fn finite(&self) -> Result<(), String> {
+        let Some(at) = self.values.iter().position(|v| !v.is_finite()) else { return Ok(()) };
+        let index = index_of(&self.shape, at);
+        Err(format!("has {} at index {index:?}: every value must be a finite float32", self.values[at]))
     }
 }
 
@@ -164,10 +180,6 @@ fn parse(from: &mut dyn Read, length: u64) -> Result<Npy, Wrong> {
     }
     if header.fortran_order {
         values = from_fortran(&header.shape, &values);
-    }
-    if let Some(at) = values.iter().position(|v| !v.is_finite()) {
-        let index = index_of(&header.shape, at);
-        return Err(format!("has {} at index {index:?}: every value must be a finite float32", values[at]).into());
     }
     let integers = !header.descr[1..].starts_with('f');
     Ok(Npy { shape: header.shape, values, integers })
@@ -312,10 +324,11 @@ mod tests {
     }
 
     fn read(bytes: &[u8]) -> Result<Npy, String> {
-        parse(&mut &bytes[..], bytes.len() as u64).map_err(|e| match e {
+        let array = parse(&mut &bytes[..], bytes.len() as u64).map_err(|e| match e {
             Wrong::Io(e) => panic!("{e}"),
             Wrong::Content(reason) => reason,
-        })
+        })?;
+        array.finite().map(|()| array)
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Files and folders that appear whole or not at all.
 
 use super::FileError;
+use super::os::{canonical, exchange, permit, sync_folder};
 use std::{
     fs::{self, File},
     io::{self, BufWriter, Write},
@@ -74,7 +75,7 @@ impl FolderDraft {
     /// [`FileError::Taken`] where something else stands, [`FileError::Write`], [`FileError::Full`].
     pub fn new(place: &Path, ours: impl FnOnce(&Path) -> bool) -> Result<Self, FileError> {
         // A link is followed, so that the folder it points to is replaced and not the link.
-        let place = fs::canonicalize(place).unwrap_or_else(|_| place.to_path_buf());
+        let place = canonical(place).unwrap_or_else(|_| place.to_path_buf());
         match fs::metadata(&place) {
             Ok(there) if !there.is_dir() => return Err(taken(&place, "is a file: a folder cannot replace it")),
             Ok(_) if !is_empty(&place) && !ours(&place) => {
@@ -115,6 +116,10 @@ impl FolderDraft {
         }
         // Renaming onto an empty folder replaces it. Where another program has put one there meanwhile, that one is replaced.
         let free = !place.exists() || is_empty(&place);
+        if free && cfg!(not(unix)) {
+            // It is replaced on Unix alone.
+            let _ = fs::remove_dir(&place);
+        }
         let moved = if free { fs::rename(new, &place) } else { Err(io::ErrorKind::DirectoryNotEmpty.into()) };
         match moved {
             // It is no longer where the draft was.
@@ -136,27 +141,18 @@ impl FolderDraft {
 fn replace(new: &Path, place: &Path) -> Result<(), FileError> {
     let failed = |e| FileError::write(place, e);
     let aside = builder(0o777).tempdir_in(parent(place)).map_err(failed)?;
-    fs::rename(place, aside.path()).map_err(failed)?;
+    // Into that folder and not onto it: only Unix replaces an empty one.
+    let old = aside.path().join("old");
+    fs::rename(place, &old).map_err(failed)?;
     if let Err(e) = fs::rename(new, place) {
-        if fs::rename(aside.path(), place).is_err() {
+        if fs::rename(&old, place).is_err() {
             // Whatever happens, the old one is not deleted.
-            let kept = aside.keep();
-            return Err(taken(place, &format!("could not be replaced ({e}); it now is {}", kept.display())));
+            let _ = aside.keep();
+            return Err(taken(place, &format!("could not be replaced ({e}); it now is {}", old.display())));
         }
         return Err(failed(e));
     }
     Ok(())
-}
-
-#[cfg(target_os = "linux")]
-fn exchange(a: &Path, b: &Path) -> io::Result<()> {
-    use rustix::fs::{CWD, RenameFlags, renameat_with};
-    Ok(renameat_with(CWD, a, CWD, b, RenameFlags::EXCHANGE)?)
-}
-
-#[cfg(not(target_os = "linux"))]
-fn exchange(_: &Path, _: &Path) -> io::Result<()> {
-    Err(io::ErrorKind::Unsupported.into())
 }
 
 fn taken(place: &Path, reason: &str) -> FileError {
@@ -182,19 +178,6 @@ fn folders_of(root: &Path) -> io::Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// Makes names in a folder last through a power cut; only Unix has it.
-fn sync_folder(folder: &Path) -> io::Result<()> {
-    if cfg!(unix) {
-        match File::open(folder)?.sync_all() {
-            // Some network file systems cannot, and say so.
-            Err(e) if e.kind() == io::ErrorKind::InvalidInput || e.kind() == io::ErrorKind::Unsupported => Ok(()),
-            other => other,
-        }
-    } else {
-        Ok(())
-    }
-}
-
 fn parent(file: &Path) -> &Path {
     file.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
@@ -203,10 +186,7 @@ fn parent(file: &Path) -> &Path {
 fn builder(mode: u32) -> tempfile::Builder<'static, 'static> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(".eyebox-").suffix(".part");
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(mode));
-    #[cfg(not(unix))]
-    let _ = mode;
+    permit(&mut builder, mode);
     builder
 }
 

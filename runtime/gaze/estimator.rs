@@ -4,7 +4,7 @@ use super::one_euro::OneEuro;
 use super::place::{Placed, Placer, Refusal};
 use super::saccade::{Jump, Point, slope};
 use super::{Calibration, GazeError, Settings};
-use crate::optics::PupilDistribution;
+use crate::optics::{PupilDistribution, depth_of_dioptres};
 use crate::trackers::Sample;
 use serde::Serialize;
 use std::collections::VecDeque;
@@ -65,6 +65,8 @@ pub struct Estimator {
     noise_count: u32,
     bias: f64,
     diameter: Option<(f64, f64)>,
+    /// Of what the eyes focus at, dioptres: mean and variance.
+    focus: Option<(f64, f64)>,
     /// Of the last believed measurement.
     last_ns: u64,
 }
@@ -107,6 +109,7 @@ impl Estimator {
             noise_count: 10,
             bias: 0.0,
             diameter: None,
+            focus: None,
             last_ns: 0,
         })
     }
@@ -114,6 +117,9 @@ impl Estimator {
     /// Takes the next sample.
     pub fn update(&mut self, sample: &Sample) -> Stages {
         let placed = self.placer.place(sample, self.noise.sqrt());
+        if let (Ok(_), Some(focus)) = (&placed, sample.focus_dioptres) {
+            self.focus = Some(averaged(self.focus, focus));
+        }
         match &placed {
             Ok(placed) => self.seen(placed),
             Err(Refusal::NotSeen | Refusal::Confidence | Refusal::NoMap)
@@ -158,9 +164,7 @@ impl Estimator {
         self.last_ns = time;
         self.bias = placed.bias;
         if let Some(d) = placed.diameter.filter(|d| (0.5e-3..12e-3).contains(d)) {
-            let (mean, square) = self.diameter.unwrap_or((d, 0.0));
-            let off = d - mean;
-            self.diameter = Some((mean + 0.1 * off, square + 0.1 * (off * off - square)));
+            self.diameter = Some(averaged(self.diameter, d));
         }
         self.recent.push_back((time, position));
         while self.recent.len() > REMEMBERED
@@ -357,9 +361,21 @@ impl Estimator {
             let off = 2.0 * square.sqrt() + 0.05 * mean;
             [(mean - off).max(0.5e-3), mean + off]
         });
+        let focus = self.focus.zip(s.eyepiece).map_or(s.focus, |((mean, square), eyepiece)| {
+            let off = 2.0 * square.sqrt();
+            let [low, high] = eyepiece.depths;
+            [mean - off, mean + off].map(|d| depth_of_dioptres(d, eyepiece.focal_length).clamp(low, high))
+        });
         let elsewhere = elsewhere.clamp(0.0, 1.0);
-        PupilDistribution { centre: centre.map(reach), spread, diameter, focus: s.focus, elsewhere }
+        PupilDistribution { centre: centre.map(reach), spread, diameter, focus, elsewhere }
     }
+}
+
+/// Mean and variance over about ten values, after one more.
+fn averaged(before: Option<(f64, f64)>, value: f64) -> (f64, f64) {
+    let (mean, square) = before.unwrap_or((value, 0.0));
+    let off = value - mean;
+    (mean + 0.1 * off, square + 0.1 * (off * off - square))
 }
 
 fn mean<'a>(points: impl Iterator<Item = &'a Point>) -> Option<([f64; 2], u32)> {

@@ -24,7 +24,7 @@ mod tests;
 
 pub use calibration::{Affine, Calibration, Fit, Pair};
 pub use estimator::{Estimator, Phase, Stages};
-pub use settings::{Eye, Settings};
+pub use settings::{Eye, Eyepiece, Settings};
 
 /// What can be wrong with a calibration or a setting.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

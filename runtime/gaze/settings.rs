@@ -54,8 +54,19 @@ pub struct Settings {
     pub unknown: f64,
     /// Diameters where the tracker measures none, smallest and largest.
     pub diameter: [f64; 2],
-    /// Where the eye may focus, nearest and farthest.
+    /// Depths that the eye may focus at, smallest and largest, where the source measures none.
     pub focus: [f64; 2],
+    /// What makes depths of the dioptres that a source measures; without, its focus is passed over.
+    pub eyepiece: Option<Eyepiece>,
+}
+
+/// What the eye looks at the hologram through.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Eyepiece {
+    /// Focal length, metres: D dioptres are the depth D times its square.
+    pub focal_length: f64,
+    /// Depths of the content, smallest and largest: what focuses beyond is taken to focus at its end.
+    pub depths: [f64; 2],
 }
 
 impl Default for Settings {
@@ -80,6 +91,7 @@ impl Default for Settings {
             unknown: 4e-3,
             diameter: [3e-3, 5e-3],
             focus: [0.0, 0.0],
+            eyepiece: None,
         }
     }
 }
@@ -122,6 +134,15 @@ impl Settings {
         for (name, value) in not_negative {
             if !(value.is_finite() && value >= 0.0) {
                 return wrong(name, value, "finite and not negative");
+            }
+        }
+        if let Some(eyepiece) = self.eyepiece {
+            let (f, [low, high]) = (eyepiece.focal_length, eyepiece.depths);
+            if !(f.is_finite() && f > 0.0) {
+                return wrong("the eyepiece's focal length", f, "positive and finite");
+            }
+            if low.is_nan() || high.is_nan() || low > high {
+                return wrong("the depth of the content", high, "a range, the smallest first");
             }
         }
         let ranges =

@@ -7,11 +7,12 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 /// What windows of desktops, and displays that no desktop drives, need.
-const SURFACES: [&CStr; 8] = [
+const SURFACES: [&CStr; 9] = [
     khr::surface::NAME,
     khr::xcb_surface::NAME,
     khr::xlib_surface::NAME,
     khr::wayland_surface::NAME,
+    khr::win32_surface::NAME,
     khr::display::NAME,
     ext::direct_mode_display::NAME,
     ext::acquire_drm_display::NAME,

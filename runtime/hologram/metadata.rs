@@ -2,6 +2,7 @@
 
 use super::HologramError;
 use crate::optics::{Padding, PupilDistribution};
+use crate::scene::{Near, Order};
 use crate::solve::{Settings, Steering};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 use serde_json::{Map, Value};
@@ -31,6 +32,12 @@ pub struct Metadata {
     /// What the smallest and the largest value of the scene's depth map mean, millimetres.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub depth_map_mm: Option<[f64; 2]>,
+    /// How the views of its scene really stand, where it was said.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub order: Option<Order>,
+    /// Which values of the scene's depth map were said to be near.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub near: Option<Near>,
     /// Where each hologram of a sequence began but the first.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub warm_start: Option<Start>,

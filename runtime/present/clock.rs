@@ -1,5 +1,6 @@
 //! Time, real and simulated.
 
+use crate::steady;
 use std::cell::Cell;
 use std::time::{Duration, Instant};
 
@@ -24,7 +25,7 @@ pub struct RealClock {
 impl RealClock {
     /// It is 0 now.
     pub fn start() -> Self {
-        Self { origin: Instant::now(), origin_monotonic_ns: monotonic_ns() }
+        Self { origin: Instant::now(), origin_monotonic_ns: steady::now_ns() }
     }
 
     /// What it said when the system's monotonic clock said `time_ns`.
@@ -44,17 +45,6 @@ impl RealClock {
             None => -i64::try_from(self.origin.duration_since(instant).as_nanos()).unwrap_or(i64::MAX),
         }
     }
-}
-
-#[cfg(unix)]
-fn monotonic_ns() -> u64 {
-    let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
-    u64::try_from(now.tv_sec).unwrap_or(0) * 1_000_000_000 + u64::try_from(now.tv_nsec).unwrap_or(0)
-}
-
-#[cfg(not(unix))]
-fn monotonic_ns() -> u64 {
-    0
 }
 
 impl Clock for RealClock {

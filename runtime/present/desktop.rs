@@ -5,19 +5,17 @@
 //! bypass it.
 
 use super::window::{OrdinaryWindow, Windows};
-use super::{Event, Monitor, PresentError, no_desktop, x_server};
+use super::{Event, Monitor, PresentError, no_desktop, system};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use winit::application::ApplicationHandler;
 use winit::dpi::{PhysicalPosition, PhysicalSize};
 use winit::event::{ElementState, WindowEvent};
-use winit::event_loop::{ActiveEventLoop, EventLoop, EventLoopBuilder};
+use winit::event_loop::{ActiveEventLoop, EventLoop};
 use winit::keyboard::{Key, NamedKey};
 use winit::monitor::MonitorHandle;
 use winit::platform::pump_events::{EventLoopExtPumpEvents, PumpStatus};
-#[cfg(target_os = "linux")]
-use winit::platform::{wayland::EventLoopBuilderExtWayland, x11::EventLoopBuilderExtX11};
 use winit::window::{Fullscreen, Window as SystemWindow, WindowId};
 
 /// How long a window may take to come up with its size.
@@ -122,22 +120,11 @@ impl ApplicationHandler for Handler {
     }
 }
 
-/// The desktop: its monitors, and windows on them. One at a time in a process. On Linux, any thread may open it and has to
-/// stay with it; elsewhere only the main one.
+/// The desktop: its monitors, and windows on them. One at a time in a process. Any thread may open it and has to
+/// stay with it; on macOS only the main one.
 pub struct Desktop {
     event_loop: EventLoop<()>,
     handler: Handler,
-}
-
-/// X11 and Wayland have no main thread: who presents owns the desktop.
-fn builder() -> EventLoopBuilder<()> {
-    let mut builder = EventLoop::builder();
-    #[cfg(target_os = "linux")]
-    {
-        EventLoopBuilderExtX11::with_any_thread(&mut builder, true);
-        EventLoopBuilderExtWayland::with_any_thread(&mut builder, true);
-    }
-    builder
 }
 
 impl Desktop {
@@ -146,14 +133,14 @@ impl Desktop {
     /// # Errors
     /// [`PresentError::Display`] where there is none.
     pub fn open() -> Result<Self, PresentError> {
-        let event_loop = builder().build().map_err(|e| {
+        let event_loop = system::event_loop().build().map_err(|e| {
             // The library says where in its own source it failed: nobody's business here.
             let text = e.to_string();
             let why = text.rsplit(".rs:").next().and_then(|t| t.split_once(": ")).map_or(text.as_str(), |(_, why)| why);
             let why = why.trim_end_matches([')', '.']);
-            no_desktop(format!("there is none to open a window on ({why}): set DISPLAY or WAYLAND_DISPLAY"))
+            no_desktop(format!("there is none to open a window on ({why}): {}", system::MISSING))
         })?;
-        x_server::survive(&event_loop);
+        system::survive(&event_loop);
         let mut desktop = Self { event_loop, handler: Handler::default() };
         desktop.pump()?;
         Ok(desktop)
@@ -232,11 +219,11 @@ impl Desktop {
     /// [`PresentError::Display`] when the desktop is gone.
     pub fn pump_for(&mut self, most: Duration) -> Result<(), PresentError> {
         let gone = || no_desktop("the connection to it is gone: its server ended".into());
-        if x_server::is_gone() {
+        if system::is_gone() {
             return Err(gone());
         }
         match self.event_loop.pump_app_events(Some(most), &mut self.handler) {
-            PumpStatus::Continue if !x_server::is_gone() => Ok(()),
+            PumpStatus::Continue if !system::is_gone() => Ok(()),
             _ => Err(gone()),
         }
     }
@@ -251,7 +238,7 @@ pub(super) struct OnDesktop {
 impl OnDesktop {
     /// Whether anything can be shown; else what happened.
     pub(super) fn check(&mut self) -> Result<(), PresentError> {
-        if x_server::is_gone() {
+        if system::is_gone() {
             self.desktop.pump()?;
         }
         match &self.desktop.handler.lost {

@@ -12,6 +12,7 @@ use super::connectors::{Connector, connectors};
 use super::modes::{DirectDisplay, DirectMode, choose};
 use super::surface::{TakenDisplay, Target};
 use super::swapchain::{Policy, Swapchain};
+use super::system::card_number;
 use super::{DisplayPresenter, PresentError, Rate, RealClock};
 use crate::gpu::{EngineError, Gpu, Instance, has};
 use ash::{ext, khr, vk};
@@ -21,16 +22,6 @@ use std::sync::Arc;
 
 fn refused(reason: impl ToString) -> PresentError {
     PresentError::display("direct display", reason)
-}
-
-#[cfg(unix)]
-fn number(card: &File) -> i32 {
-    std::os::fd::AsRawFd::as_raw_fd(card)
-}
-
-#[cfg(not(unix))]
-fn number(_: &File) -> i32 {
-    -1
 }
 
 struct Handles {
@@ -127,7 +118,7 @@ impl Displays {
             let (Some(acquire), Some(id)) = (&self.acquire, connector.id) else { continue };
             let Ok(card) = OpenOptions::new().read(true).write(true).open(&connector.card) else { continue };
             // SAFETY: the card is open; a driver that does not drive it answers with an error.
-            let display = unsafe { acquire.get_drm_display(physical, number(&card), id) };
+            let display = unsafe { acquire.get_drm_display(physical, card_number(&card), id) };
             let Some(display) = display.ok().filter(|d| *d != vk::DisplayKHR::null()) else { continue };
             seen.push(display);
             let found = (connector.name.clone(), connector.monitor.clone(), device.clone());
@@ -171,7 +162,7 @@ impl Displays {
         let Handles { physical, display, modes, card } = handles;
         if let (Some(acquire), Some(card)) = (&self.acquire, &card) {
             // SAFETY: the card is open and stays open as long as the display is used.
-            unsafe { acquire.acquire_drm_display(physical, number(card), display) }.map_err(|e| {
+            unsafe { acquire.acquire_drm_display(physical, card_number(card), display) }.map_err(|e| {
                 refused(format!(
                     "it could not be taken ({e:?}): another program drives its card, such as a desktop, or this one may \
                      not; leave the desktop, or take the connector from it"

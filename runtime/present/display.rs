@@ -1,8 +1,8 @@
 //! The display as a presenter: a window over a monitor, or a display that no desktop drives.
 
 use super::desktop::{Desktop, OnDesktop};
-use super::handle::handle_of;
 use super::swapchain::{Policy, Swapchain};
+use super::system::handle_of;
 use super::timing::PresentTiming;
 use super::{Event, Feedback, Monitor, PresentError, Presenter, Rate, RealClock};
 use crate::gpu::{EngineError, Gpu, Pictures, PixelOrder};

@@ -7,7 +7,7 @@
 //!
 //! `surface` is what a swapchain is on; `slot` a picture under way and `copy` how it gets into an image; `recreate` what happens when it is no longer
 //! right; `timing` says when pictures lit up. `direct` takes displays, by their `modes` and the system's `connectors`;
-//! `monitor` says which of a desktop's is meant; `x_server` what happens when an X server goes away. `clock` is real or
+//! `monitor` says which of a desktop's is meant; `system` what desktops do differently, `x_server` what happens when an X server goes away. `clock` is real or
 //! simulated, `rate` says how often, exactly. Every time carries its unit and its meaning in its name.
 //! This room imports `files` and `gpu`.
 
@@ -19,7 +19,6 @@ mod desktop;
 #[cfg(feature = "direct-display")]
 mod direct;
 mod display;
-mod handle;
 #[cfg(feature = "direct-display")]
 mod modes;
 mod monitor;
@@ -33,8 +32,13 @@ mod surface;
 mod swapchain;
 #[cfg(all(test, target_os = "linux"))]
 mod swapchain_tests;
+#[cfg_attr(windows, path = "system_windows.rs")]
+#[cfg_attr(not(any(unix, windows)), path = "system_other.rs")]
+#[cfg_attr(target_vendor = "apple", path = "system_other.rs")]
+mod system;
 mod timing;
 mod window;
+#[cfg(all(unix, not(target_vendor = "apple")))]
 mod x_server;
 
 pub use clock::{Clock, RealClock, SimulatedClock};

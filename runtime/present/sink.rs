@@ -149,12 +149,17 @@ impl Sink {
         Ok(Self::Raw { file: file.into(), out: BufWriter::new(Patient(raw_file(file)?)) })
     }
 
-    /// For pictures of (rows, columns, channels).
+    /// For pictures of (rows, columns, channels). Not on Windows, where a file that is written and one that is mapped need
+    /// not be the same at every moment.
     ///
     /// # Errors
     /// [`PresentError::File`]; [`FileError::Taken`] in it for what is there and is not such a file.
     pub fn shared(file: &Path, [rows, columns, channels]: [usize; 3]) -> Result<Self, PresentError> {
         let failed = |e| FileError::write(file, e);
+        if cfg!(windows) {
+            let reason = "Windows does not share memory through files: take `--raw` into a file or a pipe";
+            return Err(failed(io::Error::new(io::ErrorKind::Unsupported, reason)).into());
+        }
         let length = HEADER + (rows * columns * channels) as u64;
         let out = shared_file(file, length)?;
         out.set_len(length).map_err(failed)?;
@@ -223,6 +228,14 @@ impl Sink {
 mod tests {
     use super::*;
 
+    #[cfg(windows)]
+    #[test]
+    fn shared_memory_is_refused() {
+        let here = tempfile::tempdir().unwrap();
+        let error = Sink::shared(&here.path().join("s"), [2, 3, 1]).unwrap_err().to_string();
+        assert!(error.contains("--raw") && !here.path().join("s").exists(), "{error}");
+    }
+
     #[cfg(unix)]
     #[test]
     fn what_is_somebodys_stays_and_a_map_that_is_held_is_not_cut() {
@@ -241,6 +254,7 @@ mod tests {
         assert_eq!((held.metadata().unwrap().len(), std::fs::metadata(at("s")).unwrap().len()), (70, 68));
     }
 
+    #[cfg(not(windows))]
     #[test]
     fn raw_is_all_and_shared_is_the_newest() {
         let here = tempfile::tempdir().unwrap();

@@ -33,6 +33,13 @@ pub enum WindowHandle {
         /// `wl_surface *`.
         surface: *mut c_void,
     },
+    /// Of Windows.
+    Win32 {
+        /// `HINSTANCE`.
+        instance: *mut c_void,
+        /// `HWND`.
+        window: *mut c_void,
+    },
 }
 
 /// A display that was taken; given back when it is dropped, before its instance.
@@ -78,6 +85,7 @@ impl Target {
             Self::Window(WindowHandle::Xcb { .. }) => khr::xcb_surface::NAME,
             Self::Window(WindowHandle::Xlib { .. }) => khr::xlib_surface::NAME,
             Self::Window(WindowHandle::Wayland { .. }) => khr::wayland_surface::NAME,
+            Self::Window(WindowHandle::Win32 { .. }) => khr::win32_surface::NAME,
             Self::Direct(_) => khr::display::NAME,
         }
     }
@@ -102,6 +110,10 @@ impl Target {
                     let info =
                         vk::WaylandSurfaceCreateInfoKHR::default().display(display.cast()).surface(surface.cast());
                     khr::wayland_surface::Instance::new(entry, raw).create_wayland_surface(&info, None)
+                }
+                Self::Window(WindowHandle::Win32 { instance, window }) => {
+                    let info = vk::Win32SurfaceCreateInfoKHR::default().hinstance(*instance as _).hwnd(*window as _);
+                    khr::win32_surface::Instance::new(entry, raw).create_win32_surface(&info, None)
                 }
             }
         }

@@ -7,6 +7,7 @@
 
 #![allow(unsafe_code)]
 
+use crate::steady;
 use ash::{ext, google, khr, vk};
 use std::collections::VecDeque;
 use std::ffi::CStr;
@@ -55,7 +56,8 @@ pub(super) enum TimingMethod {
 impl TimingMethod {
     /// The best of what is on. `direct`: the display is one that no desktop drives.
     pub(super) fn best(is_on: impl Fn(&CStr) -> bool, direct: bool) -> Self {
-        if is_on(google::display_timing::NAME) {
+        // Its times are of the clock that all programs share.
+        if steady::IS_SYSTEM_WIDE && is_on(google::display_timing::NAME) {
             Self::DisplayTiming
         } else if is_on(khr::present_id::NAME) && is_on(khr::present_wait::NAME) {
             Self::PresentWait
@@ -245,7 +247,7 @@ impl TimingSource {
     }
 
     /// Waits for pictures by another function than the driver's.
-    #[cfg(test)]
+    #[cfg(all(test, target_os = "linux"))]
     pub(super) fn pretend_present_wait(&mut self, wait: vk::PFN_vkWaitForPresentKHR) {
         (self.method, self.calls) = (TimingMethod::PresentWait, Calls::PresentWait(wait));
     }

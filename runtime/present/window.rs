@@ -4,8 +4,8 @@
 //! whoever pumps it.
 
 use super::PresentError;
-use super::handle::handle_of;
 use super::surface::WindowHandle;
+use super::system::handle_of;
 use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::rc::Rc;

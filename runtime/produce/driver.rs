@@ -97,6 +97,14 @@ fn one(
     }
     let field = job.load(0)?;
     let plan = job.plan(&field)?;
+    let aliasing = field.aliasing(display, plan.settings.depth);
+    if aliasing > 1.0 {
+        let views = field.views_without_aliasing(display, plan.settings.depth);
+        tracing::warn!(
+            "near and far content part by {aliasing:.1} pixels from view to view: wide pupils see ghosts out of focus; \
+             {views} x {views} views would not (--views, where they are rendered or made from a depth map)"
+        );
+    }
     // What the hologram's file remembers of its scene is the scene as it is, not what the plan leaves of it.
     let (views, cell) = (field.grid, field.cell(display));
     let field = plan.reduce(field, display);
@@ -108,8 +116,10 @@ fn one(
     let solutions = solve_colors(&subject, &plan.colors, &settings, engine, observe)?;
     let mut hologram = Hologram::from_solutions(&field, display, &settings, plan.padding, &solutions)?;
     hologram.metadata.views = Some(views);
+    hologram.metadata.order = job.order;
     hologram.metadata.view_pitch_mm = Some(cell * 1e3);
-    if job.depth_map.is_some() {
+    hologram.metadata.near = job.near;
+    if !job.depth_maps.is_empty() {
         // In the order of the map's values, which the range of depths does not keep.
         hologram.metadata.depth_map_mm = job.depth.map(|d| d.map(|metres| metres * 1e3));
     }

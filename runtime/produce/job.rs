@@ -3,10 +3,10 @@
 use super::ProduceError;
 use crate::hologram::Start;
 use crate::optics::{Color, Display};
-use crate::scene::{self, LightField, Request};
+use crate::scene::{self, LightField, Near, Order, Request};
 use crate::solve::{Full, PlanRequest, Progress, PupilRange, ScenePlan, Settings, Solution};
 use crate::tiled::{self, RegionSize};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Scenes that are to become a hologram, or a sequence of holograms.
 #[derive(Debug, Clone)]
@@ -21,11 +21,14 @@ pub struct SceneJob<'a> {
     pub view_pitch_mm: Option<f64>,
     /// Views per axis of scenes that are rendered or reprojected; none for 9.
     pub views: Option<usize>,
-    /// The depth map of a picture.
-    pub depth_map: Option<&'a Path>,
-    /// Depths that matter, metres, or what the smallest and the largest value of the depth map mean; none for what the scene
-    /// says.
+    /// The depth maps of pictures, as [`scene::depth_maps`] takes them.
+    pub depth_maps: Vec<PathBuf>,
+    /// Which values of a depth map are near; none for what its file tells.
+    pub near: Option<Near>,
+    /// Depths that matter, metres; of a depth map, those that its values reach; none for what the scene says.
     pub depth: Option<[f64; 2]>,
+    /// How the views of folders really stand; none for what the folders say.
+    pub order: Option<Order>,
     /// Pupil diameters drawn, metres; none for what fits the eyebox.
     pub diameter: Option<[f64; 2]>,
     /// Everything else that decides the solve. `depth` and `diameter` above take the place of its own; its `seconds` are
@@ -163,8 +166,10 @@ impl<'a> SceneJob<'a> {
             colors: display.wavelengths.iter().map(|w| w.color).collect(),
             view_pitch_mm: None,
             views: None,
-            depth_map: None,
+            depth_maps: Vec::new(),
+            near: None,
             depth: None,
+            order: None,
             diameter: None,
             settings: Settings::default(),
             full: Full::default(),
@@ -174,14 +179,16 @@ impl<'a> SceneJob<'a> {
         }
     }
 
-    /// What is loaded of its scenes.
-    pub fn request(&self) -> Request<'_> {
+    /// What is loaded of its scenes; the map is that of one of them.
+    pub fn request<'r>(&'r self, depth_map: Option<&'r Path>) -> Request<'r> {
         let default = Request::new(self.display, &self.colors);
         Request {
             view_pitch: self.view_pitch_mm.map(|mm| mm * 1e-3),
             views: self.views.unwrap_or(default.views),
-            depth_map: self.depth_map,
+            depth_map,
+            near: self.near,
             depth: self.depth,
+            order: self.order,
             ..default
         }
     }
@@ -189,9 +196,10 @@ impl<'a> SceneJob<'a> {
     /// Loads one of its scenes.
     ///
     /// # Errors
-    /// Those of [`scene::load`].
+    /// Those of [`scene::load`] and of [`scene::depth_maps`].
     pub fn load(&self, index: usize) -> Result<LightField, ProduceError> {
-        Ok(scene::load(&self.scenes[index], &self.request())?)
+        let maps = scene::depth_maps(&self.scenes, &self.depth_maps)?;
+        Ok(scene::load(&self.scenes[index], &self.request(maps.get(index).map(PathBuf::as_path)))?)
     }
 
     /// Decides what of a scene is solved.

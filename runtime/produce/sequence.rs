@@ -103,6 +103,7 @@ impl<'a> Common<'a> {
         let mut like = Hologram::from_solutions(first, job.display, &self.settings, self.padding, &[])?;
         like.colors = job.colors.iter().map(color).collect::<Result<_, ProduceError>>()?;
         like.scene = job.scenes.join(", ");
+        like.metadata.near = job.near;
         like.metadata.warm_start = Some(job.sequence.start);
         Ok(like)
     }

@@ -6,11 +6,11 @@ use crate::engine::Engine;
 use crate::evaluate::Views;
 use crate::hologram::{ColorHologram, Hologram, HologramScores, Metadata, PhaseSource, SceneSource, Tiles};
 use crate::optics::{Display, Geometry, Pupil};
-use crate::scene::Request;
+use crate::scene::{self, Request};
 use crate::solve::{Flow, Settings};
 use crate::tiled::{self, Job, MemoryLimit, RegionSize, Schedule, TiledError};
 use serde_json::{Value, json};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -59,7 +59,10 @@ pub(super) fn solve(
     let start = Instant::now();
     let SceneJob { display, colors, .. } = job;
     let picture = request.picture.min(display.picture_size().0);
-    let views = Views::of_colors(&job.scenes[0], &job.request(), picture)?;
+    let views = {
+        let maps = scene::depth_maps(&job.scenes[..1], &job.depth_maps)?;
+        Views::of_colors(&job.scenes[0], &job.request(maps.first().map(PathBuf::as_path)), picture)?
+    };
     let (mut plan, schedule) = plan(job, request, &views)?;
     let settings = plan.settings.clone();
     let work = work(job, request, &plan, picture, engine);
@@ -132,8 +135,11 @@ fn work(job: &SceneJob, request: &TilesRequest, plan: &TilesPlan, picture: usize
         "display": job.display.to_toml(), "colors": job.colors, "settings": plan.settings, "passes": request.passes.max(1),
         "tile": tile_side(job.display), "region": [plan.region.rows, plan.region.columns], "engine": engine.describe(),
     });
-    if let Some(map) = job.depth_map {
+    if let Some(map) = job.depth_maps.first() {
         work["depth_map"] = json!([map.display().to_string(), job.depth]);
+    }
+    if let Some(near) = job.near {
+        work["near"] = json!(near);
     }
     work
 }
@@ -184,7 +190,9 @@ fn about(
         // What was said of the scene, for those who compare with it.
         view_pitch_mm: job.view_pitch_mm,
         views: job.views.map(|views| [views, views]),
-        depth_map_mm: job.depth.filter(|_| job.depth_map.is_some()).map(|d| d.map(|metres| metres * 1e3)),
+        order: job.order,
+        near: job.near,
+        depth_map_mm: job.depth.filter(|_| !job.depth_maps.is_empty()).map(|d| d.map(|metres| metres * 1e3)),
         ..Metadata::default()
     };
     Ok(Hologram {

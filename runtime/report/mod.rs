@@ -5,6 +5,7 @@
 //! `reports`.
 
 mod comparison;
+mod drawing;
 mod findings;
 mod page;
 mod pictures;
@@ -13,15 +14,16 @@ mod plots;
 #[cfg(feature = "window")]
 mod study;
 mod tables;
+mod text;
 mod tradeoff;
 
 pub use plot::{Axis, Plot};
-#[cfg(feature = "window")]
-pub use study::page as study_page;
 
 use crate::files::{FileError, write_file};
 use crate::quality::Tuned;
 use crate::quality::comparison::Results;
+#[cfg(feature = "window")]
+use crate::session::Study;
 use serde_json::Value;
 use std::path::Path;
 
@@ -31,11 +33,12 @@ pub fn comparison_json(results: &Results) -> Value {
 }
 
 /// Writes `report.html`, `scores.csv`, `summary.csv` and `report.json` of a comparison of methods into a folder, each whole
-/// or not at all.
+/// or not at all; and its plots, each by itself as SVG and as PDF, into `figures/`.
 ///
 /// # Errors
 /// [`FileError`].
 pub fn write_comparison(results: &Results, folder: &Path) -> Result<(), FileError> {
+    write_figures(folder, plots::figures(results))?;
     write(
         folder,
         [
@@ -52,11 +55,13 @@ pub fn tuned_json(tuned: &Tuned) -> Value {
     tradeoff::json(tuned)
 }
 
-/// Writes `index.html`, `trials.csv` and `tradeoff.json` of a tuning into a folder, each whole or not at all.
+/// Writes `index.html`, `trials.csv` and `tradeoff.json` of a tuning into a folder, each whole or not at all; and its plots,
+/// each by itself as SVG and as PDF, into `figures/`.
 ///
 /// # Errors
 /// [`FileError`].
 pub fn write_tuned(tuned: &Tuned, folder: &Path) -> Result<(), FileError> {
+    write_figures(folder, tradeoff::figures(tuned))?;
     write(
         folder,
         [
@@ -65,6 +70,31 @@ pub fn write_tuned(tuned: &Tuned, folder: &Path) -> Result<(), FileError> {
             ("index.html", tradeoff::page(tuned).into_bytes()),
         ],
     )
+}
+
+/// Writes `study.html`, the page of a study of steering, into a folder, whole or not at all; and its plots, each by itself as
+/// SVG and as PDF, into `figures/`. `engine` is what computed it.
+///
+/// # Errors
+/// [`FileError`].
+#[cfg(feature = "window")]
+pub fn write_study(title: &str, engine: &str, study: &Study, folder: &Path) -> Result<(), FileError> {
+    write_figures(folder, study::figures(study))?;
+    write(folder, [("study.html", study::page(title, engine, study).into_bytes())])
+}
+
+/// Each plot by itself, under its name with dashes.
+fn write_figures(folder: &Path, figures: impl IntoIterator<Item = (impl AsRef<str>, Plot)>) -> Result<(), FileError> {
+    let folder = folder.join("figures");
+    std::fs::create_dir_all(&folder).map_err(|e| FileError::write(&folder, e))?;
+    for (name, plot) in figures {
+        let words = name.as_ref().to_lowercase();
+        let words: Vec<&str> = words.split(|c: char| !c.is_ascii_alphanumeric()).filter(|w| !w.is_empty()).collect();
+        let name = words.join("-");
+        write_file(&folder.join(format!("{name}.svg")), |out| out.write_all(plot.file().as_bytes()))?;
+        write_file(&folder.join(format!("{name}.pdf")), |out| out.write_all(&plot.pdf()))?;
+    }
+    Ok(())
 }
 
 fn write<const N: usize>(folder: &Path, files: [(&str, Vec<u8>); N]) -> Result<(), FileError> {

@@ -24,6 +24,7 @@ pub fn document(title: &str, lead: &str, facts: &[(&str, String)], body: Markup)
                         dl.facts { @for (name, value) in facts { div { dt { (name) } dd { (value) } } } }
                     }
                     (body)
+                    p.note { "Every plot here is in the folder " code { "figures" } " too, by itself, as SVG and as PDF." }
                 }
             }
         }

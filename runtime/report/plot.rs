@@ -1,7 +1,8 @@
 //! The one type of plot: marks in the units of its axes, drawn as SVG. Colours are CSS variables of the style sheet, so that
 //! light and dark both read well; the classes `m0`, `m1`, ... are the colours of series.
 
-use maud::{Markup, PreEscaped, html};
+use super::drawing::{self, Drawing, Element};
+use maud::Markup;
 
 /// Width of a plot unless it says otherwise: it is shown at this size, or at a phone's width.
 const WIDTH: f64 = 370.0;
@@ -9,6 +10,9 @@ const WIDTH: f64 = 370.0;
 const NUMBERS: f64 = 44.0;
 const NAMES: f64 = 112.0;
 const BELOW: f64 = 38.0;
+/// At the right, and where series are named there.
+const MARGIN: f64 = 16.0;
+const LEGEND: f64 = 170.0;
 /// Marks of an axis, at most.
 const MOST: usize = 7;
 /// The rules of the style sheet that drawings need.
@@ -247,64 +251,66 @@ impl Plot {
         self.legend.push((class.into(), name.into()));
     }
 
+    /// As wide as before, and the names of all series at its right.
+    pub fn with_legend(mut self, series: impl IntoIterator<Item = (String, String)>) -> Self {
+        self.legend.extend(series);
+        self.width += LEGEND - MARGIN;
+        self
+    }
+
     /// The drawing as an element of a page.
     pub fn svg(&self) -> Markup {
-        self.drawing("", 0.0)
+        self.laid_out().markup()
     }
 
-    /// The drawing as a file by itself, with its title.
+    /// The drawing as an SVG file by itself, with its title, in fixed colours on white.
     pub fn file(&self) -> String {
-        self.drawing(STYLE, 30.0).into_string()
+        self.laid_out().svg_file()
     }
 
-    fn drawing(&self, style: &str, head: f64) -> Markup {
+    /// The drawing as a PDF of one page, with its title, in fixed colours on white.
+    pub fn pdf(&self) -> Vec<u8> {
+        self.laid_out().pdf_file()
+    }
+
+    fn laid_out(&self) -> Drawing {
         let is_rows = matches!(self.y.kind, Kind::Rows(_));
         let along = |k: usize| self.marks.iter().flat_map(move |m| m.shape.values(k));
         let ((x_ticks, x_range), (y_ticks, y_range)) = (self.x.laid_out(along(0)), self.y.laid_out(along(1)));
-        let (left, top) = (if is_rows { NAMES } else { NUMBERS }, head + if is_rows { 4.0 } else { 22.0 });
-        let right = self.width - if self.legend.is_empty() { 16.0 } else { 170.0 };
+        let (left, top) = if is_rows { (NAMES, 4.0) } else { (NUMBERS, 22.0) };
+        let right = self.width - if self.legend.is_empty() { MARGIN } else { LEGEND };
         let bottom = top + if is_rows { self.height * y_range[1] } else { self.height };
         let pixels = if is_rows { [top, bottom] } else { [bottom, top] };
         let x = Scale { range: x_range, pixels: [left, right], is_log: self.x.kind == Kind::Log };
         let y = Scale { range: y_range, pixels, is_log: self.y.kind == Kind::Log };
-        let mut taken = Vec::new();
-        let height = bottom + BELOW;
-        html! {
-            svg viewBox={ "0 0 " (self.width) " " (height) } role="img" aria-label=(self.title)
-                xmlns="http://www.w3.org/2000/svg" {
-                @if head > 0.0 {
-                    title { (self.title) }
-                    style { (PreEscaped(style)) }
-                    rect.paper width=(self.width) height=(height) {}
-                    text.title x="12" y="22" { (self.title) }
-                }
-                @for (value, text) in &x_ticks {
-                    line.grid x1=(p(x.at(*value))) x2=(p(x.at(*value))) y1=(p(top)) y2=(p(bottom)) {}
-                    text.tick text-anchor="middle" x=(p(x.at(*value))) y=(p(bottom + 15.0)) { (text) }
-                }
-                @for (value, text) in &y_ticks {
-                    line.grid x1=(p(left)) x2=(p(right)) y1=(p(y.at(*value))) y2=(p(y.at(*value))) {}
-                    text.tick text-anchor="end" x=(p(left - 6.0)) y=(p(y.at(*value) + 4.0)) { (text) }
-                }
-                @if let Kind::Rows(names) = &self.y.kind {
-                    @for (i, name) in names.iter().enumerate() {
-                        text.name text-anchor="end" x=(p(left - 10.0)) y=(p(y.at(i as f64 + 0.5) + 4.0)) { (name) }
-                    }
-                }
-                text.axis text-anchor="start" x="4" y=(p(head + 11.0)) { (self.y.name) }
-                text.axis text-anchor="end" x=(p(right)) y=(p(bottom + 31.0)) { (self.x.name) }
-                @for mark in &self.marks { (mark.drawn(&x, &y, &mut taken)) }
-                @for (i, (class, name)) in self.legend.iter().enumerate() {
-                    text class={ (class) " label" } x=(p(right + 12.0)) y=(p(top + 10.0 + 16.0 * i as f64)) { (name) }
-                }
+        let mut elements = Vec::new();
+        let mut add = |class: &str, shape| elements.push(Element { class: class.into(), hover: String::new(), shape });
+        let text = |at, anchor, text: &str| drawing::Shape::Text(at, anchor, text.into());
+        for (value, name) in &x_ticks {
+            let at = x.at(*value);
+            add("grid", drawing::Shape::Line(vec![[at, top], [at, bottom]]));
+            add("tick", text([at, bottom + 15.0], "middle", name));
+        }
+        for (value, name) in &y_ticks {
+            let at = y.at(*value);
+            add("grid", drawing::Shape::Line(vec![[left, at], [right, at]]));
+            add("tick", text([left - 6.0, at + 4.0], "end", name));
+        }
+        if let Kind::Rows(names) = &self.y.kind {
+            for (i, name) in names.iter().enumerate() {
+                add("name", text([left - 10.0, y.at(i as f64 + 0.5) + 4.0], "end", name));
             }
         }
+        add("axis", text([4.0, 11.0], "start", &self.y.name));
+        add("axis", text([right, bottom + 31.0], "end", &self.x.name));
+        let mut taken = Vec::new();
+        elements.extend(self.marks.iter().map(|mark| mark.laid_out(&x, &y, &mut taken)));
+        for (i, (class, name)) in self.legend.iter().enumerate() {
+            let shape = text([right + 12.0, top + 10.0 + 16.0 * i as f64], "start", name);
+            elements.push(Element { class: format!("{class} label"), hover: String::new(), shape });
+        }
+        Drawing { title: self.title.clone(), width: self.width, height: bottom + BELOW, elements }
     }
-}
-
-/// Pixels as they are written.
-fn p(pixels: f64) -> String {
-    format!("{pixels:.1}")
 }
 
 impl Shape {
@@ -321,33 +327,26 @@ impl Shape {
 
 impl Mark {
     /// `taken` are the places of the texts so far.
-    fn drawn(&self, x: &Scale, y: &Scale, taken: &mut Vec<[f64; 2]>) -> Markup {
-        let class = &self.class;
-        let hover = html! { @if !self.hover.is_empty() { title { (self.hover) } } };
-        match &self.shape {
-            Shape::Line(points) => {
-                let all: Vec<String> = points.iter().map(|[a, b]| format!("{:.1},{:.1}", x.at(*a), y.at(*b))).collect();
-                html! { polyline class=(class) points=(all.join(" ")) {} }
+    fn laid_out(&self, x: &Scale, y: &Scale, taken: &mut Vec<[f64; 2]>) -> Element {
+        let at = |[a, b]: [f64; 2]| [x.at(a), y.at(b)];
+        let shape = match &self.shape {
+            Shape::Line(points) => drawing::Shape::Line(points.iter().map(|p| at(*p)).collect()),
+            Shape::Dot(place, radius) => drawing::Shape::Circle(at(*place), *radius),
+            Shape::Rect(from, to) => {
+                let ([x0, y0], [x1, y1]) = (at(*from), at(*to));
+                drawing::Shape::Rect([x0.min(x1), y0.min(y1)], [(x1 - x0).abs(), (y1 - y0).abs()])
             }
-            Shape::Dot([a, b], radius) => {
-                html! { circle class=(class) cx=(p(x.at(*a))) cy=(p(y.at(*b))) r=(radius) { (hover) } }
-            }
-            Shape::Rect([a, b], [c, d]) => {
-                let ([x0, x1], [y0, y1]) = ([x.at(*a), x.at(*c)], [y.at(*b), y.at(*d)]);
-                html! {
-                    rect class=(class) x=(p(x0.min(x1))) y=(p(y0.min(y1))) width=(p((x1 - x0).abs()))
-                        height=(p((y1 - y0).abs())) rx="1.5" { (hover) }
-                }
-            }
-            Shape::Text([a, b], [dx, dy], anchor, text) => {
-                let mut at = [x.at(*a) + dx, y.at(*b) + dy];
+            Shape::Text(place, [dx, dy], anchor, text) => {
+                let [a, b] = at(*place);
+                let mut at = [a + dx, b + dy];
                 while taken.iter().any(|[u, v]| (u - at[0]).abs() < 62.0 && (v - at[1]).abs() < 9.0) {
                     at[1] += 3.0;
                 }
                 taken.push(at);
-                html! { text class=(class) text-anchor=(anchor) x=(p(at[0])) y=(p(at[1])) { (text) } }
+                drawing::Shape::Text(at, anchor, text.clone())
             }
-        }
+        };
+        Element { class: self.class.clone(), hover: self.hover.clone(), shape }
     }
 }
 

@@ -22,6 +22,28 @@ fn published<'a>(results: &'a Results, series: &Series, group: Group) -> Option<
     results.published.iter().find(|p| p.is_of(&series.method, group))
 }
 
+/// Every plot of the page, each complete in itself, and the name of its file.
+pub fn figures(results: &Results) -> Vec<(String, Plot)> {
+    let series = || results.leading().into_iter().map(|s| (color(results, &s.method), results.title(&s.method)));
+    let mut all: Vec<(String, Plot)> =
+        Group::ALL.map(|group| (format!("psnr {}", group.name()), boxes(results, group))).into();
+    all.push(("psnr every random pupil".into(), scatter(results)));
+    all.push(("psnr against aperture".into(), aperture(results).with_legend(series())));
+    all.push(("psnr against focus".into(), focus(results).with_legend(series())));
+    all.extend(frames(results).map(|plot| ("psnr against sub-frames".into(), plot.with_legend(series()))));
+    all.push(("light over the eyebox".into(), variation(results)));
+    let speckles = results.speckle.iter().map(|s| {
+        let class = color(results, &s.method);
+        let names = ["optimised together", "independent frames", "1 / root of their number"];
+        let classes = [class.clone(), format!("{class} alone"), "root".into()];
+        let legend = classes.into_iter().zip(names.map(String::from));
+        (format!("speckle {}", s.method), speckle(results, s).with_legend(legend))
+    });
+    all.extend(speckles);
+    all.extend(colors(results).map(|plot| ("color error".into(), plot)));
+    all
+}
+
 /// What box plots of all groups reach from and to: their axis is the same.
 fn extremes(results: &Results) -> Vec<f64> {
     let mut values = Vec::new();

@@ -9,7 +9,7 @@ use maud::html;
 const BIN_MS: f64 = 20.0;
 
 /// The page: gain since landing, quality over time, and the numbers. `engine` is what computed it.
-pub fn page(title: &str, engine: &str, study: &Study) -> String {
+pub(super) fn page(title: &str, engine: &str, study: &Study) -> String {
     let [end, soon] = [study.at_the_end_db(), study.within_db(50.0)].map(|all| {
         let mean = all.iter().sum::<f64>() / all.len() as f64;
         let least = all.iter().copied().fold(f64::INFINITY, f64::min);
@@ -25,19 +25,29 @@ pub fn page(title: &str, engine: &str, study: &Study) -> String {
         ("A step of one colour", format!("{:.2} ms", study.step_ms)),
         ("Engine", engine.into()),
     ];
+    let [(_, gain), (_, time)] = figures(study);
     let body = html! {
         (section("landing", "Gain since the eye landed", figure(
-            &since_landing(&study.moments),
+            &gain,
             "Each dot is a set at its light;",
             "the line is their mean over 20 ms. Time runs from the end of the saccade to the middle of the set's light.",
         )))
         (section("time", "Over time", figure(
-            &over_time(&study.moments),
+            &time,
             "PSNR at the eye,",
             "mean over the colours: steered, and the same hologram unsteered (pale). The shaded times are saccades.",
         )))
     };
     document(title, lead, &facts, body)
+}
+
+/// The plots of the page, and the names of their files.
+pub(super) fn figures(study: &Study) -> [(&'static str, Plot); 2] {
+    let steered = [("m0", "steered"), ("m1 alone", "unsteered")].map(|(class, name)| (class.into(), name.into()));
+    [
+        ("gain since landing", since_landing(&study.moments)),
+        ("psnr over time", over_time(&study.moments).with_legend(steered)),
+    ]
 }
 
 fn wide(title: &str, x: &str, y: &str) -> Plot {

@@ -109,17 +109,17 @@ type Number = fn(&Trial) -> f64;
 /// Every trial as a dot, what none beats as a line, the recommended ones ringed and named.
 fn front(
     tuned: &Tuned,
+    title: &str,
     class: &str,
-    x: Axis,
-    y: &str,
+    [x, y]: [Axis; 2],
     [cost, good]: [Number; 2],
     front: &[&Trial],
     ceiling: Option<f64>,
 ) -> Plot {
     // What is far below the front, a few per cent of the trials, stands on the lower edge.
     let (worst, best) = (front.first().map_or(0.0, |t| good(t)), front.last().map_or(1.0, |t| good(t)));
-    let y = Axis::linear(y).floor(worst - 0.5 * (best - worst).max(1.0));
-    let mut plot = Plot::new("Quality against cost", x, y).sized(370.0, 234.0);
+    let y = y.floor(worst - 0.5 * (best - worst).max(1.0));
+    let mut plot = Plot::new(title, x, y).sized(370.0, 234.0);
     let at = |t: &Trial| [cost(t), good(t)];
     let hover = |t: &Trial| {
         let (took, mib) = (time(t.milliseconds), mebibytes(t));
@@ -156,24 +156,26 @@ fn front(
     plot
 }
 
-fn fronts(tuned: &Tuned) -> Markup {
+/// The plots of the page, and the names of their files.
+pub fn figures(tuned: &Tuned) -> [(&'static str, Plot); 3] {
     let milliseconds = || {
         Axis::log("time of a solve").text(|ms| if ms < 1000.0 { format!("{ms} ms") } else { format!("{} s", ms / 1e3) })
     };
+    let [mean_db, worst_db] = ["mean PSNR, dB", "worst PSNR, dB"].map(|name| move || Axis::linear(name));
     let (ms, mean, worst): (Number, Number, Number) = (|t| t.milliseconds, |t| t.mean, |t| t.worst);
-    let most = tuned.ceiling.map(|c| c[0]);
-    let by_mean = front(tuned, "m0", milliseconds(), "mean PSNR, dB", [ms, mean], &tuned.by_mean(), most);
-    let by_worst = front(
-        tuned,
-        "m1",
-        milliseconds(),
-        "worst PSNR, dB",
-        [ms, worst],
-        &tuned.by_worst(),
-        tuned.ceiling.map(|c| c[1]),
-    );
     let memory = Axis::log("memory, MiB");
-    let by_memory = front(tuned, "m2", memory, "mean PSNR, dB", [mebibytes, mean], &tuned.by_memory(), most);
+    let [most_mean, most_worst] = [0, 1].map(|i| tuned.ceiling.map(|c| c[i]));
+    let [a, b, c] = ["Mean quality against time", "Worst quality against time", "Mean quality against memory"];
+    let (x, y) = (milliseconds, [mebibytes, mean]);
+    [
+        ("time and mean", front(tuned, a, "m0", [x(), mean_db()], [ms, mean], &tuned.by_mean(), most_mean)),
+        ("time and worst", front(tuned, b, "m1", [x(), worst_db()], [ms, worst], &tuned.by_worst(), most_worst)),
+        ("memory and mean", front(tuned, c, "m2", [memory, mean_db()], y, &tuned.by_memory(), most_mean)),
+    ]
+}
+
+fn fronts(tuned: &Tuned) -> Markup {
+    let [(_, by_mean), (_, by_worst), (_, by_memory)] = figures(tuned);
     let body = html! {
         p {
             "One dot a trial; what it did is under the mouse, and in the table below. Time and memory are logarithmic. The \

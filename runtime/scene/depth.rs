@@ -1,6 +1,7 @@
 //! The depth of a view, measured from the light field itself: a plane sweep over the views of its row and column.
 
 use super::map::Map;
+use super::near::Meaning;
 use super::range::{USUAL, mean_light};
 use super::resize::Resize;
 use super::sweep::{MOST, Sweep, reach_within};
@@ -76,7 +77,7 @@ pub(super) fn view_disparities(
         Sweep::around(counts, at, reach_within(range, NEAR), [rows, columns], |view| shrink.apply(&light(view)));
     let found = sweep.disparities(range);
     let values = found.into_iter().map(|d| (f64::from(d) / scale) as f32).collect();
-    Map { height: rows, width: columns, values, is_disparity: true }.resize(height, width, 1.0)
+    Map { height: rows, width: columns, values, meaning: Meaning::Disparity }.resize(height, width, 1.0)
 }
 
 #[cfg(test)]

@@ -52,6 +52,20 @@ pub enum SceneError {
         /// Columns of the grid.
         columns: usize,
     },
+    /// Views that stand in another order than their names say.
+    #[error(
+        "{folder}: {reason}: {flags} (or {keys} in lightfield.toml) reads them so, --order as-named leaves them as their names have them"
+    )]
+    Order {
+        /// The folder.
+        folder: String,
+        /// What is seen.
+        reason: String,
+        /// The flags that read them right.
+        flags: String,
+        /// The keys that do.
+        keys: String,
+    },
     /// Two pictures of one size were expected.
     #[error("{file}: {height} x {width} pixels, but {other} has {other_height} x {other_width}")]
     Size {
@@ -103,6 +117,24 @@ pub enum SceneError {
     NoDepthMap {
         /// The picture.
         file: String,
+    },
+    /// A depth map of which nothing says what is near.
+    #[error("{file}: {found}: give {decides}")]
+    Ambiguous {
+        /// The map.
+        file: String,
+        /// What was found.
+        found: String,
+        /// What decides.
+        decides: &'static str,
+    },
+    /// Depth maps that do not belong to the pictures one by one.
+    #[error(
+        "{what}: give --depth-map once for each picture, in their order, or a folder of maps with their names or numbers"
+    )]
+    Maps {
+        /// What was found.
+        what: String,
     },
     /// No built-in scene of that name, or a parameter that it does not take.
     #[error("{name}: {reason}; the built-in scenes are {known}")]

@@ -1,26 +1,55 @@
 //! A folder of views.
 
+use super::light::Transfer;
 use super::resize::{Fit, Resize};
-use super::{LightField, SceneError, names, picture, settings};
+use super::shape::shape;
+use super::{LightField, Order, OrderFound, Parallax, Request, SceneError, names, order, picture, settings};
 use crate::memory;
-use crate::optics::Color;
 use rayon::prelude::*;
 use std::{
     fs,
     path::{Path, PathBuf},
 };
 
-/// Loads the views of `colors`, decoding in parallel, at their own resolution or, each as soon as it is read, at another:
-/// no more than a few views are ever held at their own.
+/// A folder's views, and how they were read.
+pub(super) struct Read {
+    pub field: LightField,
+    /// How their places were found.
+    pub how: String,
+    /// The order that is stated, or that of the names.
+    pub order: Order,
+    /// What the pictures say of it.
+    pub order_found: OrderFound,
+    pub parallax: Option<Parallax>,
+    /// Rows and columns of the pictures as they are.
+    pub size: [usize; 2],
+    /// How their values become light.
+    pub transfer: String,
+}
+
+/// Loads the views; those whose pictures contradict the order of their names, where nothing else is stated, are refused.
 ///
 /// # Errors
 /// Every [`SceneError`] that a file can cause; it names the file.
-pub(super) fn load(folder: &Path, colors: &[Color], size: Option<[usize; 2]>) -> Result<LightField, SceneError> {
-    let Listed { all, stated, views, paths, size: own } = list(folder)?;
-    let [height, width] = size.unwrap_or(own);
+pub(super) fn load(folder: &Path, request: &Request) -> Result<LightField, SceneError> {
+    let read = read(folder, request)?;
+    order::check(&folder.display().to_string(), &read.order_found)?;
+    Ok(read.field)
+}
+
+/// Loads the views in whatever order, decoding in parallel, each scaled to the display as soon as it is read: no more than a
+/// few are ever held at their own resolution.
+///
+/// # Errors
+/// As [`load`].
+pub(super) fn read(folder: &Path, request: &Request) -> Result<Read, SceneError> {
+    let colors = request.colors;
+    let Listed { all, stated, mut views, paths, size: own } = list(folder)?;
+    let (height, width) = request.display.picture_size();
     let counts = [paths.len(), colors.len(), height, width];
     let what = || format!("{} views of {height} x {width} pixels", paths.len());
     memory::promise(what, memory::bytes_of(&counts, 4), "take a smaller --size, or fewer views")?;
+    let size = Some([height, width]);
     let resize = size.filter(|size| *size != own).map(|size| Resize::new(own, size, Fit::default()));
     let read = |path: &PathBuf| -> Result<Vec<Vec<f32>>, SceneError> {
         let planes = picture::read(path, colors, stated.transfer)?.planes;
@@ -44,7 +73,7 @@ pub(super) fn load(folder: &Path, colors: &[Color], size: Option<[usize; 2]>) ->
     };
     let scaled = |range: Option<[f64; 2]>| range.map(|r| resize.as_ref().map_or(r, |resize| resize.scale_range(r)));
     let name = folder.canonicalize().unwrap_or(folder.into());
-    Ok(LightField {
+    let mut field = LightField {
         name: name.file_name().map_or("light field".into(), |n| n.to_string_lossy().into_owned()),
         grid: views.grid,
         height,
@@ -54,7 +83,60 @@ pub(super) fn load(folder: &Path, colors: &[Color], size: Option<[usize; 2]>) ->
         view_pitch: stated.view_pitch,
         disparity: scaled(disparity),
         depth: scaled(stated.depth),
-    })
+    };
+    if views.running {
+        field.grid = rows_and_columns(folder, &field, &mut views)?;
+    }
+    if let Some(times) = views.proportion.filter(|p| !(0.9..1.1).contains(p)) {
+        tracing::warn!(
+            "{}: by the coordinates in the names rows of views stand {times:.2} times as far apart as columns: they count as \
+             equally far, and depths along rows and columns differ",
+            folder.display()
+        );
+    }
+    let asked = request.order.or(stated.order);
+    let field = asked.unwrap_or_default().apply(field);
+    let parallax = Parallax::of(&field);
+    let mut order_found = parallax.as_ref().map_or(OrderFound::Unknown, order::judge);
+    if asked.is_some()
+        && let OrderFound::Other { reason, .. } = &order_found
+    {
+        tracing::warn!("{}: the order of the views is as stated, though in it {reason}", folder.display());
+        order_found = OrderFound::Unknown;
+    }
+    let transfer = match stated.transfer {
+        Some(Transfer::Linear) => "linear, as stated",
+        Some(Transfer::Srgb) => "sRGB, as stated",
+        None if views.files[0].to_lowercase().ends_with("exr") => "linear (EXR)",
+        None => "sRGB",
+    };
+    let order = asked.unwrap_or_default();
+    Ok(Read { field, how: views.how, order, order_found, parallax, size: own, transfer: transfer.into() })
+}
+
+/// The grid of views that have one running number: a square, unless the pictures show another.
+fn rows_and_columns(
+    folder: &Path,
+    field: &LightField,
+    views: &mut names::Arrangement,
+) -> Result<[usize; 2], SceneError> {
+    let refuse = |reason| Err(SceneError::NotAGrid { folder: folder.display().to_string(), reason });
+    let [rows, columns] = views.grid;
+    match shape(field) {
+        Some(shown) if views.doubt.is_empty() && shown != views.grid => refuse(format!(
+            "{} views with a running number would be {rows} x {columns}, but their pictures change as in {} x {}: \
+             `grid = [rows, columns]` in lightfield.toml decides",
+            rows * columns,
+            shown[0],
+            shown[1]
+        )),
+        Some(shown) => {
+            views.how += &format!("; their pictures change as in {} x {}", shown[0], shown[1]);
+            Ok(shown)
+        }
+        None if views.doubt.is_empty() => Ok(views.grid),
+        None => refuse(views.doubt.clone()),
+    }
 }
 
 /// What a folder holds, by names and headers alone.
@@ -85,7 +167,7 @@ pub(super) fn list(folder: &Path) -> Result<Listed, SceneError> {
     files.sort();
     let all: Vec<String> = files.iter().map(|(name, _)| name.clone()).collect();
     let stated = settings::read(folder, &all)?;
-    let views = names::arrange(folder, &files, stated.grid)?;
+    let views = names::arrange(folder, &files, stated.grid, stated.files.as_deref())?;
 
     // Headers first: a view of another size is found before anything is decoded.
     let paths: Vec<_> = views.files.iter().map(|name| folder.join(name)).collect();

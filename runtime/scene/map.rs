@@ -1,6 +1,7 @@
 //! Depth and disparity maps of a single picture.
 
-use super::{SceneError, light, pfm, picture};
+use super::near::{self, Kind, Meaning, Near};
+use super::{SceneError, pfm, picture};
 use crate::files::{self, FileError};
 use std::path::Path;
 
@@ -10,28 +11,26 @@ pub(super) struct Map {
     pub height: usize,
     pub width: usize,
     pub values: Vec<f32>,
-    /// Whether the values are disparities, pixels between neighbouring views; else only their order and their
-    /// proportions count.
-    pub is_disparity: bool,
+    pub meaning: Meaning,
 }
 
-/// Reads a map: `.pfm`, `.npy` (two axes), or any picture (its first channel). Float maps whose name contains `disp`
-/// hold disparities.
+/// Reads a map: `.pfm`, `.npy` (two axes), or any picture (its first channel), of which the values `near` are near, or
+/// what its file tells. Pixels without a value are filled.
 ///
 /// # Errors
-/// [`SceneError::NotFound`], [`SceneError::Corrupt`], [`SceneError::Value`].
-pub(super) fn read(path: &Path) -> Result<Map, SceneError> {
+/// [`SceneError::NotFound`], [`SceneError::Corrupt`], [`SceneError::Ambiguous`].
+pub(super) fn read(path: &Path, near: Option<Near>) -> Result<Map, SceneError> {
     let name = path.file_name().map_or(String::new(), |n| n.to_string_lossy().to_lowercase());
     let corrupt = |reason: String| SceneError::Corrupt { file: path.display().to_string(), reason };
     if path.is_dir() {
         return Err(corrupt("a folder, not a depth map".into()));
     }
     let bytes = || files::read::bytes(path, files::read::PICTURE).map_err(|e| SceneError::unreadable(path, &e));
-    let map = if name.ends_with(".pfm") {
+    let (height, width, kind, mut values) = if name.ends_with(".pfm") {
         let map = pfm::parse(&bytes()?).map_err(corrupt)?;
-        Map { height: map.height, width: map.width, values: map.values, is_disparity: name.contains("disp") }
+        (map.height, map.width, Kind::Floats, map.values)
     } else if name.ends_with(".npy") {
-        let array = files::read_npy(path).map_err(|e| match e {
+        let array = files::read_npy_with_gaps(path).map_err(|e| match e {
             FileError::Content { reason, .. } => corrupt(reason),
             other => SceneError::Unreadable { path: path.display().to_string(), reason: other.to_string() },
         })?;
@@ -41,13 +40,13 @@ pub(super) fn read(path: &Path) -> Result<Map, SceneError> {
                 array.shape
             )));
         };
-        Map { height, width, values: array.values, is_disparity: name.contains("disp") }
+        (height, width, Kind::Floats, array.values)
     } else {
-        let (height, width, values) = picture::stored(path)?;
-        Map { height, width, values, is_disparity: false }
+        picture::stored(path)?
     };
-    light::check(path, &map.values, map.width, f32::is_finite, "a finite number")?;
-    Ok(map)
+    let meaning = near::meaning(path, kind, &values, near)?;
+    near::fill(path, kind, meaning, &mut values, width).map_err(corrupt)?;
+    Ok(Map { height, width, values, meaning })
 }
 
 impl Map {

@@ -11,12 +11,17 @@
 //! | a picture | with a depth or disparity map ([`Request::depth_map`]): views by reprojection |
 //! | `builtin:NAME` | a scene rendered at any resolution and number of views: see [`BUILTINS`] |
 //!
-//! **Folders.** Names with a running number (`input_Cam000.png`) fill a square grid in row-major order; names with row
-//! and column (`2067_03_07.png`, `LF_3_7.png`, `view-3-7.jpg`) fill any grid. Files that are not of the largest such
-//! family are passed over. Beside the views, `lightfield.toml` may state (all keys are optional, others are refused)
+//! **Folders.** Names that differ in their numbers alone are the views, read as row and column, as coordinates, or as a running
+//! number (`input_Cam000.png`, row by row; a square, unless the pictures show another grid): what fills a grid without holes
+//! and doubles. Pictures that clearly show another order are refused ([`SceneError::Order`]) unless one is stated. Beside the
+//! views, `lightfield.toml` may state (all keys are optional, others are refused)
 //!
 //! ```toml
 //! grid = [9, 9]             # rows, columns of views
+//! files = "out_*"           # which pictures are the views
+//! transpose = true          # what the names call the row is the column
+//! flip_rows = true          # the first row is the lowest
+//! flip_columns = true       # the first column is the rightmost
 //! view_pitch_mm = 2.4       # between neighbouring views, in the pupil plane
 //! disparity = [-1.8, 2.1]   # pixels between neighbouring views, positive towards the camera
 //! depth_mm = [-3.0, 3.5]    # farthest, nearest
@@ -27,9 +32,10 @@
 //! Field Benchmark gives the number of views and the disparities, or a `gt_disp*.pfm` the disparities. PNG and JPEG
 //! are decoded by the sRGB curve, EXR is linear light already.
 //!
-//! **Pictures with a map.** An 8- or 16-bit picture as a map is bright where it is near; its smallest and largest value
-//! mean the ends of [`Request::depth`]. A `.pfm` or `.npy` map holds disparities, in pixels between neighbouring views
-//! at the picture's own resolution, if its name contains `disp`; else it counts like a picture, larger being nearer.
+//! **Pictures with a map.** The smallest and the largest value of a map mean the ends of [`Request::depth`], and
+//! [`Request::near`] says which of them is near. Left out, an 8- or 16-bit picture is bright where it is near; a `.pfm`, `.npy`
+//! or EXR map holds disparities, in pixels between neighbouring views at the picture's own resolution, if its name contains
+//! `disp`, and distances, the small near, if its name says so; else it is refused.
 //!
 //! **Anywhere.** Where the views of all of an eyebox would be too many or too far apart, a scene is seen from a few places at
 //! a time: a [`Stage`] renders a built-in scene there, an [`Interpolator`] makes views between those of a folder, and a
@@ -41,14 +47,22 @@ mod builtin;
 mod depth;
 mod error;
 mod folder;
+mod inspect;
 mod interpolate;
 #[cfg(test)]
 mod interpolate_tests;
 mod light;
 mod light_field;
 mod map;
+#[cfg(test)]
+mod map_tests;
+mod maps;
 mod merge;
 mod names;
+mod near;
+mod numbers;
+mod order;
+mod parallax;
 mod pfm;
 mod photograph;
 #[cfg_attr(not(feature = "image-formats"), path = "no_picture.rs")]
@@ -59,10 +73,13 @@ mod reproject;
 mod request;
 mod resize;
 mod settings;
+mod shape;
 mod single;
 mod survey;
 mod sweep;
 
+#[cfg(test)]
+mod reading_tests;
 #[cfg(test)]
 mod tests;
 
@@ -70,9 +87,14 @@ pub use builtin::{BUILTINS, Builtin, Stage};
 pub use depth::central_depth;
 pub(crate) use depth::central_view;
 pub use error::SceneError;
+pub use inspect::{Exposure, Inspection, contact_sheet, inspect};
 pub use interpolate::Interpolator;
 pub use light::srgb_to_linear;
 pub use light_field::LightField;
+pub use maps::depth_maps;
+pub use near::Near;
+pub use order::{Order, OrderFound};
+pub use parallax::Parallax;
 pub use photograph::ViewGrid;
 pub use pyramid::{Level, Pyramid};
 pub use request::Request;
@@ -119,7 +141,6 @@ pub fn is_named(source: &str, known: &str) -> bool {
 pub fn load(source: &str, request: &Request) -> Result<LightField, SceneError> {
     request.check()?;
     tracing::debug!("loading {source}");
-    let display = request.display;
     let built_in = source.strip_prefix("builtin:");
     let path = Path::new(source);
     if let (Some(map), true) = (request.depth_map, built_in.is_some() || path.is_dir()) {
@@ -138,6 +159,6 @@ pub fn load(source: &str, request: &Request) -> Result<LightField, SceneError> {
     if !path.is_dir() {
         return single::load(path, request);
     }
-    let field = folder::load(path, request.colors, Some(display.picture_size().into()))?;
+    let field = folder::load(path, request)?;
     Ok(LightField { view_pitch: request.view_pitch.or(field.view_pitch), ..field })
 }

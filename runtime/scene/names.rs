@@ -1,41 +1,29 @@
 //! Which files of a folder are the views, and where each stands in the grid.
 //!
-//! A family is a set of names that differ in one number (a running number, row-major) or in two (row and column).
-//! The largest family wins; names that say they are something else (ground truth, depth, thumbnails) come last.
+//! Names that differ in their numbers alone are a *family*. Every number of its names may be the row, the column, a running
+//! number or a coordinate: what fills a grid without holes and doubles counts. What fits in two ways, or in none, is refused
+//! with what was found.
 
 use super::SceneError;
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    path::Path,
-};
-
-/// Numbers looked at in a name, from its end.
-const NUMBERS: usize = 4;
+use super::numbers::{self, Name};
+use std::{collections::BTreeMap, path::Path};
 
 /// A file name and its size in bytes.
 pub(super) type Named = (String, u64);
 
 /// The views of a folder: file names in row-major order.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Arrangement {
     pub grid: [usize; 2],
     pub files: Vec<String>,
-}
-
-/// One name that belongs to a family: its numbers (row and column, or zero and the running number), as written.
-struct Member<'a> {
-    at: [u64; 2],
-    name: &'a str,
-    bytes: u64,
-}
-
-#[derive(Default)]
-struct Family<'a> {
-    running: bool,
-    members: Vec<Member<'a>>,
-    /// Parts of the name around the numbers, and how many digits these have at least.
-    parts: Vec<String>,
-    digits: Vec<usize>,
+    /// How they were found, for people.
+    pub how: String,
+    /// Whether their order is that of one running number and nothing states the grid: then the pictures have a say.
+    pub running: bool,
+    /// What is said where such a number makes no square and the pictures show no grid.
+    pub doubt: String,
+    /// Distance of neighbouring rows over that of columns, where the names hold coordinates.
+    pub proportion: Option<f64>,
 }
 
 /// Ends of names that can be views.
@@ -49,287 +37,337 @@ fn is_auxiliary(name: &str) -> bool {
     name.starts_with("gt_") || ["thumb", "depth", "disp", "mask", "normal", "preview"].iter().any(|w| name.contains(w))
 }
 
-/// Finds the views among `names`; `stated` is a grid (rows, columns) that a file beside them states.
+/// Whether `name` is what `pattern` means, in which `*` stands for anything.
+fn matches(pattern: &str, name: &str) -> bool {
+    match pattern.split_once('*') {
+        None => pattern == name,
+        Some((start, rest)) => {
+            let Some(end) = name.strip_prefix(start) else { return false };
+            end.char_indices().map(|(i, _)| i).chain([end.len()]).any(|i| matches(rest, &end[i..]))
+        }
+    }
+}
+
+/// Names that differ in their numbers alone.
+struct Family<'a> {
+    names: Vec<Name<'a>>,
+    bytes: u64,
+}
+
+/// One way to read a family's numbers.
+struct Reading {
+    /// The numbers (from 0) that are row and column, or the running number alone.
+    fields: Vec<usize>,
+    /// Their values, one a line of the grid.
+    lines: Vec<Vec<f64>>,
+    /// For each name, the line of each.
+    at: Vec<Vec<usize>>,
+    /// Smaller is more likely: consecutive numbers, whole numbers, coordinates.
+    kind: u8,
+}
+
+/// Finds the views among `names`; `stated` is a grid (rows, columns) and `files` a pattern that a file beside them states.
 ///
 /// # Errors
 /// [`SceneError::Empty`], [`SceneError::NotAGrid`], [`SceneError::MissingView`].
-pub(super) fn arrange(folder: &Path, names: &[Named], stated: Option<[usize; 2]>) -> Result<Arrangement, SceneError> {
-    let families = families(names);
-    let best = families.values().max_by_key(|f| f.rank());
-    let best = best.ok_or_else(|| SceneError::Empty { folder: folder.display().to_string() })?;
-    best.arrange(folder, stated)
-}
-
-/// Splits a name into the text around its numbers and the numbers themselves, as written.
-fn split(stem: &str) -> (Vec<&str>, Vec<&str>) {
-    let (mut texts, mut numbers) = (Vec::new(), Vec::new());
-    let mut rest = stem;
-    loop {
-        let Some(start) = rest.find(|c: char| c.is_ascii_digit()) else {
-            texts.push(rest);
-            return (texts, numbers);
-        };
-        let end = rest[start..].find(|c: char| !c.is_ascii_digit()).map_or(rest.len(), |n| start + n);
-        texts.push(&rest[..start]);
-        numbers.push(&rest[start..end]);
-        rest = &rest[end..];
+pub(super) fn arrange(
+    folder: &Path,
+    names: &[Named],
+    stated: Option<[usize; 2]>,
+    files: Option<&str>,
+) -> Result<Arrangement, SceneError> {
+    let not_a_grid = |reason| SceneError::NotAGrid { folder: folder.display().to_string(), reason };
+    let wanted = |(name, _): &&Named| is_picture(name) && files.is_none_or(|pattern| matches(pattern, name));
+    let mut pictures: Vec<&Named> = names.iter().filter(wanted).collect();
+    if pictures.iter().any(|(name, _)| !is_auxiliary(name)) && files.is_none() {
+        pictures.retain(|(name, _)| !is_auxiliary(name));
     }
-}
-
-fn families(names: &[Named]) -> BTreeMap<String, Family<'_>> {
-    let mut families: BTreeMap<String, Family> = BTreeMap::new();
-    for (name, bytes) in names.iter().filter(|(name, _)| is_picture(name)) {
-        let Some((stem, end)) = name.rsplit_once('.') else { continue };
-        let (texts, numbers) = split(stem);
-        let first = numbers.len().saturating_sub(NUMBERS);
-        for i in first..numbers.len() {
-            for j in (i..numbers.len()).rev() {
-                // i == j: one number runs. Else: i is the row, j the column.
-                let varying = if i == j { vec![i] } else { vec![i, j] };
-                let Ok(values) = varying.iter().map(|&k| numbers[k].parse::<u64>()).collect::<Result<Vec<_>, _>>()
-                else {
-                    continue;
-                };
-                let mut parts = vec![String::new()];
-                for k in 0..numbers.len() {
-                    parts.last_mut().expect("there is one").push_str(texts[k]);
-                    if varying.contains(&k) {
-                        parts.push(String::new());
-                    } else {
-                        parts.last_mut().expect("there is one").push_str(numbers[k]);
-                    }
-                }
-                let last = parts.last_mut().expect("there is one");
-                last.push_str(texts[numbers.len()]);
-                last.push('.');
-                last.push_str(&end.to_ascii_lowercase());
-                let family = families.entry(parts.join("\0")).or_default();
-                let at = if i == j { [0, values[0]] } else { [values[0], values[1]] };
-                let digits = varying.iter().map(|&k| numbers[k].len());
-                family.digits = if family.members.is_empty() {
-                    digits.collect()
-                } else {
-                    family.digits.iter().zip(digits).map(|(&a, b)| a.min(b)).collect()
-                };
-                family.running = i == j;
-                family.parts = parts;
-                family.members.push(Member { at, name, bytes: *bytes });
-            }
+    if pictures.is_empty() && files.is_some() {
+        return Err(not_a_grid(format!("no picture is called {}", files.unwrap_or_default())));
+    }
+    // Numbers with sign and point first; where they make no grid, digits alone.
+    let mut first = None;
+    for signed in [true, false] {
+        match family(&pictures, signed).map_err(&not_a_grid)?.map(|f| f.arrange(folder, stated)) {
+            Some(Ok(found)) => return Ok(found),
+            Some(Err(error)) => first = first.or(Some(error)),
+            None => {}
         }
     }
-    families
+    Err(first.unwrap_or(SceneError::Empty { folder: folder.display().to_string() }))
+}
+
+/// The largest family; refused where others are as large, or where most pictures belong to none.
+fn family<'a>(pictures: &[&'a Named], signed: bool) -> Result<Option<Family<'a>>, String> {
+    let mut families: BTreeMap<String, BTreeMap<String, Family>> = BTreeMap::new();
+    for (name, bytes) in pictures.iter().copied() {
+        let Some(read) = Name::read(name, signed) else { continue };
+        let ends = families.entry(read.texts.join("\0")).or_default();
+        let family = ends.entry(read.end.clone()).or_insert(Family { names: Vec::new(), bytes: 0 });
+        family.names.push(read);
+        family.bytes = family.bytes.saturating_add(*bytes);
+    }
+    // The same views as PNG and as JPEG: the larger files are the better ones.
+    let best = |ends: BTreeMap<String, Family<'a>>| ends.into_values().max_by_key(|f| (f.names.len(), f.bytes));
+    let mut families: Vec<Family> = families.into_values().filter_map(best).collect();
+    families.sort_by_key(|f| std::cmp::Reverse(f.names.len()));
+    let others: usize = families.iter().skip(1).map(|f| f.names.len()).sum();
+    let mut families = families.into_iter();
+    let Some(first) = families.next() else { return Ok(None) };
+    if 2 * others > first.names.len() {
+        let second = families.next().map_or("", |f| f.names[0].name);
+        let (count, one) = (first.names.len(), first.names[0].name);
+        return Err(format!(
+            "{} pictures are named in several ways, {count} like {one}, others like {second}: \
+             `files = \"PATTERN*\"` in lightfield.toml says which are the views",
+            count + others
+        ));
+    }
+    Ok(Some(first))
 }
 
 impl Family<'_> {
-    fn axis(&self, k: usize) -> BTreeSet<u64> {
-        self.members.iter().map(|m| m.at[k]).collect()
-    }
-
-    /// Larger is better.
-    fn rank(&self) -> (bool, usize, u8, u64) {
-        let views = !self.members.iter().all(|m| is_auxiliary(m.name));
-        let kind = if self.running {
-            // A running number needs a square.
-            if square(self.members.len()).is_some() { 2 } else { 1 }
-        } else {
-            // A single row or column: either that, or a fixed number in front of a running one.
-            let lines = [self.axis(0), self.axis(1)];
-            let fixed = lines.iter().find(|l| l.len() == 1).and_then(|l| l.first());
-            match fixed {
-                None => 3,
-                Some(0 | 1) if self.digits[0] == self.digits[1] => 3,
-                Some(_) if square(self.members.len()).is_none() => 1,
-                Some(_) => 0,
-            }
-        };
-        (views, self.members.len(), kind, self.members.iter().map(|m| m.bytes).fold(0, u64::saturating_add))
-    }
-
-    /// The name that a view at `at` would have.
-    fn name(&self, at: [u64; 2]) -> String {
-        let values = if self.running { &at[1..] } else { &at[..] };
-        let mut name = self.parts[0].clone();
-        for ((value, digits), part) in values.iter().zip(&self.digits).zip(&self.parts[1..]) {
-            name.push_str(&format!("{value:0digits$}{part}"));
-        }
-        name
-    }
-
     fn arrange(&self, folder: &Path, stated: Option<[usize; 2]>) -> Result<Arrangement, SceneError> {
         let not_a_grid = |reason| SceneError::NotAGrid { folder: folder.display().to_string(), reason };
-        let mut at = BTreeMap::new();
-        for member in &self.members {
-            if let Some(other) = at.insert(member.at, member.name) {
-                return Err(not_a_grid(format!("{other} and {} have the same number", member.name)));
+        let count = self.names.len();
+        let changing: Vec<usize> = (0..self.names[0].numbers.len())
+            .filter(|&k| self.names.iter().any(|n| n.numbers[k].value != self.names[0].numbers[k].value))
+            .collect();
+        let mut pairs = self.pairs(&changing);
+        // Most views of a grid without doubles first, then the likeliest numbers, then the first of them.
+        pairs.sort_by(|a, b| b.fill(count).total_cmp(&a.fill(count)).then(a.kind.cmp(&b.kind)));
+        let fits = |r: &&Reading| r.fill(count) == 1.0 && stated.is_none_or(|g| g == r.grid());
+        if let Some(pair) = pairs.iter().find(fits) {
+            return self.grid(folder, pair, stated, &changing);
+        }
+        if let Some(running) = self.running(&changing) {
+            return self.row_major(folder, &running, stated);
+        }
+        let holes = pairs.iter().find(|r| r.fill(count) >= 0.5);
+        if let Some(pair) = holes {
+            let grid = pair.grid();
+            if let (Some([rows, columns]), true) = (stated, pair.fill(count) == 1.0) {
+                let found = format!("the names make {} x {}", grid[0], grid[1]);
+                return Err(not_a_grid(format!("{found}, but a grid of {rows} x {columns} is stated")));
+            }
+            let is_there = |r, c| pair.at.iter().any(|at| at[..] == [r, c]);
+            let places = (0..grid[0]).flat_map(|r| (0..grid[1]).map(move |c| [r, c]));
+            let missing: Vec<_> = places.filter(|&[r, c]| !is_there(r, c)).collect();
+            let values = [0, 1].map(|k| pair.lines[k][missing[0][k]]);
+            return Err(self.missing(folder, &pair.fields, &values, missing.len(), grid));
+        }
+        if changing.is_empty() && count == 1 {
+            let files = vec![self.names[0].name.to_owned()];
+            return Ok(Arrangement { grid: [1, 1], files, how: "one picture".into(), ..Arrangement::default() });
+        }
+        Err(not_a_grid(self.why_not(&changing)))
+    }
+
+    /// Why numbers without a reading make no grid.
+    fn why_not(&self, changing: &[usize]) -> String {
+        let count = self.names.len();
+        let [first, last] = [&self.names[0], &self.names[count - 1]].map(|n| n.name);
+        let says = "`files = \"PATTERN*\"` in lightfield.toml says which are the views";
+        for (i, one) in self.names.iter().enumerate() {
+            if let Some(other) = self.names[..i].iter().find(|other| one.same(other)) {
+                return format!("{} and {} have the same number", other.name, one.name);
             }
         }
-        let missing = |place: [u64; 2], [rows, columns]: [usize; 2]| SceneError::MissingView {
-            file: folder.join(self.name(place)).display().to_string(),
-            rows,
-            columns,
+        // Several light fields in one folder?
+        let sets = |&k: &usize| {
+            let mut sets: BTreeMap<u64, usize> = BTreeMap::new();
+            self.names.iter().for_each(|n| *sets.entry(n.numbers[k].value.to_bits()).or_default() += 1);
+            let size = sets.values().next().copied().unwrap_or(0);
+            (size > 1 && sets.values().all(|n| *n == size)).then_some((sets.len(), size))
         };
-        let files = at.values().map(|name| name.to_string()).collect::<Vec<_>>();
-        let count = files.len();
-        if self.running {
-            let numbers: Vec<u64> = at.keys().map(|k| k[1]).collect();
-            if let Some(gap) = numbers.windows(2).find(|w| w[1] != w[0] + 1) {
-                let all = (numbers[count - 1] - numbers[0]).saturating_add(1);
-                let side = square(usize::try_from(all).unwrap_or(usize::MAX)).map_or([1, count], |n| [n, n]);
-                return Err(missing([0, gap[0] + 1], stated.unwrap_or(side)));
+        if let Some((sets, size)) = changing.iter().find_map(sets) {
+            return format!("{count} pictures ({first} to {last}) are {sets} sets of {size}: {says}");
+        }
+        format!(
+            "the numbers in the names of {count} pictures ({first} to {last}) fill none, neither as row and column nor as a \
+             running number: {says}, `grid` their rows and columns"
+        )
+    }
+
+    /// Readings as row and column, in the order of the numbers; without doubles.
+    fn pairs(&self, changing: &[usize]) -> Vec<Reading> {
+        let mut found = Vec::new();
+        for (i, &row) in changing.iter().enumerate() {
+            for &column in &changing[i + 1..] {
+                let fields = if numbers::is_column_first(&self.names[0], row, column) {
+                    vec![column, row]
+                } else {
+                    vec![row, column]
+                };
+                found.extend(self.reading(fields));
             }
-            let ends = format!("{} to {}", files[0], files[count - 1]);
-            if let Some([rows, columns]) = stated {
-                if rows.checked_mul(columns) == Some(count) {
-                    return Ok(Arrangement { grid: [rows, columns], files });
-                }
-                return Err(not_a_grid(format!("{count} views ({ends}), but a grid of {rows} x {columns} is stated")));
-            }
-            return match square(count) {
-                Some(n) => Ok(Arrangement { grid: [n, n], files }),
-                None => {
-                    let side = (count as f64).sqrt().ceil() as usize;
-                    let next = self.name([0, numbers[count - 1].saturating_add(1)]);
-                    let before =
-                        numbers[0].checked_sub(1).map_or(String::new(), |n| format!("{} or ", self.name([0, n])));
-                    Err(not_a_grid(format!(
-                        "{count} views ({ends}) are not a square; {side} x {side} would be {}: is {before}{next} missing? \
-                         (a lightfield.toml can state `grid = [rows, columns]`)",
-                        side * side
-                    )))
-                }
+        }
+        // One row, or one column: a number that never changes beside one that does.
+        if let [only] = changing[..] {
+            let same = |k: usize| {
+                let (a, b) = (&self.names[0].numbers[k], &self.names[0].numbers[only]);
+                matches!(a.value, 0.0 | 1.0) && a.digits == b.digits && k.abs_diff(only) == 1
             };
+            let beside = (0..self.names[0].numbers.len()).find(|&k| k != only && same(k));
+            let fields = beside.map(|k| if k < only { vec![k, only] } else { vec![only, k] });
+            found.extend(fields.and_then(|fields| self.reading(fields)));
         }
-        let lines = [0, 1].map(|k| self.axis(k).into_iter().collect::<Vec<_>>());
-        let grid = [lines[0].len(), lines[1].len()];
-        // Rows and columns may skip numbers, but evenly.
-        for (k, line) in lines.iter().enumerate() {
-            let step = line.windows(2).map(|w| w[1] - w[0]).min().unwrap_or(1);
-            if let Some(gap) = line.windows(2).find(|w| w[1] - w[0] != step) {
-                let mut place = [lines[0][0], lines[1][0]];
-                place[k] = gap[0] + step;
-                return Err(missing(place, grid));
+        found
+    }
+
+    fn running(&self, changing: &[usize]) -> Option<Reading> {
+        let mut found: Vec<Reading> = changing.iter().filter_map(|&k| self.reading(vec![k])).collect();
+        found.retain(|r| r.kind < 2);
+        found.sort_by_key(|r| r.kind);
+        found.into_iter().next()
+    }
+
+    /// The lines of these numbers; none where two names would stand in one place.
+    fn reading(&self, fields: Vec<usize>) -> Option<Reading> {
+        let values = |&k: &usize| self.names.iter().map(|n| n.numbers[k].value).collect::<Vec<_>>();
+        let whole = fields.iter().all(|&k| self.names.iter().all(|n| n.numbers[k].whole));
+        let (lines, places): (Vec<_>, Vec<_>) = fields.iter().map(|k| numbers::lines(&values(k), whole)).unzip();
+        let at: Vec<Vec<usize>> =
+            (0..self.names.len()).map(|i| places.iter().map(|p: &Vec<usize>| p[i]).collect()).collect();
+        let mut seen: Vec<&Vec<usize>> = at.iter().collect();
+        seen.sort();
+        if seen.windows(2).any(|w| w[0] == w[1]) {
+            return None;
+        }
+        let consecutive = |l: &Vec<f64>| l.windows(2).all(|w| w[1] - w[0] == 1.0);
+        let kind = if lines.iter().all(consecutive) { 0 } else { 2 - u8::from(whole) };
+        Some(Reading { fields, lines, at, kind })
+    }
+
+    fn missing(
+        &self,
+        folder: &Path,
+        fields: &[usize],
+        values: &[f64],
+        count: usize,
+        [rows, columns]: [usize; 2],
+    ) -> SceneError {
+        let name = folder.join(self.names[0].with(fields, values, &self.names)).display().to_string();
+        let file = if count > 1 { format!("{name} (and {} more)", count - 1) } else { name };
+        SceneError::MissingView { file, rows, columns }
+    }
+
+    /// A grid by row and column; lines may skip numbers, but evenly.
+    fn grid(
+        &self,
+        folder: &Path,
+        pair: &Reading,
+        stated: Option<[usize; 2]>,
+        changing: &[usize],
+    ) -> Result<Arrangement, SceneError> {
+        let grid = pair.grid();
+        for k in 0..2 {
+            if let Some(gap) = numbers::gap(&pair.lines[k], pair.kind < 2) {
+                let mut values = [pair.lines[0][0], pair.lines[1][0]];
+                values[k] = gap;
+                return Err(self.missing(folder, &pair.fields, &values, 1, grid));
             }
         }
-        if let Some([rows, columns]) = stated
-            && grid != [rows, columns]
-        {
-            let found = format!("the names make {} x {}", grid[0], grid[1]);
-            return Err(not_a_grid(format!("{found}, but a grid of {rows} x {columns} is stated")));
+        let [few, many] = [grid[0].min(grid[1]), grid[0].max(grid[1])];
+        if stated.is_none() && few > 1 && square(many).is_some_and(|side| side > 3 && few < side) {
+            let side = square(many).unwrap_or(1);
+            return Err(SceneError::NotAGrid {
+                folder: folder.display().to_string(),
+                reason: format!(
+                    "{} x {} views, or {few} light fields of {side} x {side}: `grid` in lightfield.toml says the one, \
+                     `files = \"PATTERN*\"` the other",
+                    grid[0], grid[1]
+                ),
+            });
         }
-        for &row in &lines[0] {
-            for &column in &lines[1] {
-                if !at.contains_key(&[row, column]) {
-                    return Err(missing([row, column], grid));
-                }
+        let mut order: Vec<usize> = (0..self.names.len()).collect();
+        order.sort_by(|&a, &b| pair.at[a].cmp(&pair.at[b]));
+        let ordinal = |k: usize| ["1st", "2nd", "3rd"].get(k).map_or(format!("{}th", k + 1), |s| (*s).to_owned());
+        let what = if pair.kind == 2 { "coordinates" } else { "numbers" };
+        let how = format!(
+            "{what}: the {} of the names is the row, the {} the column",
+            ordinal(pair.fields[0]),
+            ordinal(pair.fields[1])
+        );
+        let proportion = self.proportion(pair, changing);
+        let files = order.into_iter().map(|i| self.names[i].name.to_owned()).collect();
+        Ok(Arrangement { grid, files, how, proportion, ..Arrangement::default() })
+    }
+
+    /// Distance of rows over that of columns by the coordinates in the names: a number that changes with the row alone, and
+    /// one that changes with the column alone, not whole both.
+    fn proportion(&self, pair: &Reading, changing: &[usize]) -> Option<f64> {
+        let pitch = |axis: usize, k: usize| {
+            let values: Vec<f64> = self.names.iter().map(|n| n.numbers[k].value).collect();
+            let (lines, at) = numbers::lines(&values, false);
+            let follows = lines.len() == pair.lines[axis].len()
+                && lines.len() > 1
+                && (at.iter().zip(&pair.at).all(|(a, b)| *a == b[axis])
+                    || at.iter().zip(&pair.at).all(|(a, b)| lines.len() - 1 - a == b[axis]));
+            follows.then(|| (lines[lines.len() - 1] - lines[0]) / (lines.len() - 1) as f64)
+        };
+        let decimal: Vec<usize> =
+            changing.iter().copied().filter(|&k| !self.names.iter().all(|n| n.numbers[k].whole)).collect();
+        let [rows, columns] = [0, 1].map(|axis| decimal.iter().find_map(|&k| pitch(axis, k)));
+        Some(rows? / columns?)
+    }
+
+    fn row_major(
+        &self,
+        folder: &Path,
+        running: &Reading,
+        stated: Option<[usize; 2]>,
+    ) -> Result<Arrangement, SceneError> {
+        let not_a_grid = |reason| SceneError::NotAGrid { folder: folder.display().to_string(), reason };
+        let mut order: Vec<usize> = (0..self.names.len()).collect();
+        order.sort_by_key(|&i| running.at[i][0]);
+        let files: Vec<String> = order.into_iter().map(|i| self.names[i].name.to_owned()).collect();
+        let (count, numbers) = (files.len(), &running.lines[0]);
+        let [first, last] = [numbers[0], numbers[count - 1]];
+        let ends = format!("{} to {}", files[0], files[count - 1]);
+        let how = format!("a running number, {first} to {last}, row by row");
+        if let Some([rows, columns]) = stated {
+            if rows.checked_mul(columns) == Some(count) {
+                return Ok(Arrangement { grid: [rows, columns], files, how, ..Arrangement::default() });
             }
+            return Err(not_a_grid(format!("{count} views ({ends}), but a grid of {rows} x {columns} is stated")));
         }
-        Ok(Arrangement { grid, files })
+        if let Some(gap) = numbers.windows(2).find(|w| w[1] != w[0] + 1.0) {
+            let all = last - first + 1.0;
+            let side = square(all as usize).map_or([1, count], |n| [n, n]);
+            let lacking = if all < 1e6 { (all as usize).saturating_sub(count) } else { 1 };
+            return Err(self.missing(folder, &running.fields, &[gap[0] + 1.0], lacking, side));
+        }
+        let side = (count as f64).sqrt().ceil() as usize;
+        let name = |n: f64| self.names[0].with(&running.fields, &[n], &self.names);
+        let before = if first > 0.0 { format!("{} or ", name(first - 1.0)) } else { String::new() };
+        let doubt = format!(
+            "{count} views ({ends}) are not a square; {side} x {side} would be {}: is {before}{} missing? \
+             (a lightfield.toml can state `grid = [rows, columns]`)",
+            side * side,
+            name(last + 1.0)
+        );
+        let (grid, doubt) = square(count).map_or(([1, count], doubt), |n| ([n, n], String::new()));
+        Ok(Arrangement { grid, files, how, running: true, doubt, proportion: None })
     }
 }
 
-fn square(count: usize) -> Option<usize> {
+impl Reading {
+    fn grid(&self) -> [usize; 2] {
+        [self.lines[0].len(), self.lines[1].len()]
+    }
+
+    /// Share of the grid that is there.
+    fn fill(&self, count: usize) -> f64 {
+        count as f64 / self.lines.iter().map(|l| l.len() as f64).product::<f64>()
+    }
+}
+
+pub(super) fn square(count: usize) -> Option<usize> {
     let side = (count as f64).sqrt().round() as usize;
     (side.checked_mul(side) == Some(count) && count > 0).then_some(side)
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    fn found(names: &[String]) -> Result<Arrangement, SceneError> {
-        let mut names: Vec<Named> = names.iter().map(|n| (n.clone(), 10)).collect();
-        names.reverse();
-        arrange(Path::new("folder"), &names, None)
-    }
-
-    fn grid_of(rows: usize, columns: usize, name: impl Fn(usize, usize) -> String) -> Vec<String> {
-        (0..rows * columns).map(|i| name(i / columns, i % columns)).collect()
-    }
-
-    #[test]
-    fn rows_and_columns_are_found_in_every_style() {
-        let styles: [&dyn Fn(usize, usize) -> String; 4] = [
-            &|r, c| format!("2067_{r:02}_{c:02}.png"),
-            &|r, c| format!("LF_{r}_{c}.png"),
-            &|r, c| format!("view-{}-{}.jpg", r + 1, c + 1),
-            &|r, c| format!("cam7_2023-11-05_{r}_{c}.EXR"),
-        ];
-        for style in styles {
-            let names = grid_of(5, 12, style);
-            assert_eq!(found(&names).unwrap(), Arrangement { grid: [5, 12], files: names });
-        }
-        assert_eq!(found(&grid_of(1, 9, |r, c| format!("view-{r}-{c}.png"))).unwrap().grid, [1, 9]);
-    }
-
-    #[test]
-    fn running_numbers_make_a_square_whatever_stands_in_front() {
-        for prefix in ["input_Cam", "scene1_", "2023_", ""] {
-            let mut names = grid_of(9, 9, |r, c| format!("{prefix}{:03}.png", r * 9 + c));
-            let right = Arrangement { grid: [9, 9], files: names.clone() };
-            names.extend((0..81).map(|i| format!("gt_disp_{i:03}.png")));
-            names.extend(["thumbnail1.png", "objectids.png", "notes.txt", "gt_disp_lowres.pfm"].map(String::from));
-            assert_eq!(found(&names).unwrap(), right, "{prefix}");
-        }
-        // Without leading zeros, 10 still comes after 9.
-        let names = grid_of(4, 4, |r, c| format!("v{}.png", r * 4 + c));
-        assert_eq!(found(&names).unwrap().files, names);
-    }
-
-    #[test]
-    fn what_is_missing_is_named() {
-        let mut names = grid_of(9, 9, |r, c| format!("input_Cam{:03}.png", r * 9 + c));
-        names.remove(34);
-        assert!(found(&names).unwrap_err().to_string().contains("folder/input_Cam034.png"));
-        let mut names = grid_of(9, 9, |r, c| format!("input_Cam{:03}.png", r * 9 + c));
-        names.pop();
-        let text = found(&names).unwrap_err().to_string();
-        assert!(text.contains("80 views") && text.contains("input_Cam080.png missing"), "{text}");
-        let mut names = grid_of(4, 5, |r, c| format!("LF_{r}_{c}.png"));
-        names.remove(7);
-        assert_eq!(
-            found(&names).unwrap_err(),
-            SceneError::MissingView { file: "folder/LF_1_2.png".into(), rows: 4, columns: 5 }
-        );
-        let names: Vec<_> =
-            grid_of(4, 5, |r, c| format!("LF_{r}_{c}.png")).drain(..).filter(|n| !n.contains("_2_")).collect();
-        assert!(found(&names).unwrap_err().to_string().contains("LF_2_0.png"));
-        assert!(matches!(found(&[]).unwrap_err(), SceneError::Empty { .. }));
-        assert!(matches!(found(&["a.png".into()]).unwrap_err(), SceneError::Empty { .. }));
-        let twice = ["v0.png", "v1.png", "v01.png", "v2.png"].map(String::from);
-        assert!(found(&twice).unwrap_err().to_string().contains("same number"));
-    }
-
-    #[test]
-    fn a_stated_grid_decides() {
-        let names: Vec<Named> = (0..6).map(|i| (format!("v{i}.png"), 1)).collect();
-        assert_eq!(arrange(Path::new("f"), &names, Some([2, 3])).unwrap().grid, [2, 3]);
-        assert!(arrange(Path::new("f"), &names, Some([2, 4])).is_err());
-        assert!(arrange(Path::new("f"), &names, Some([usize::MAX, 4])).is_err());
-    }
-
-    proptest! {
-        #[test]
-        fn any_names_are_arranged_or_refused(names in prop::collection::vec("[a-z0-9_.éß-]{0,12}\\.(png|JPG|exr)", 0..20)) {
-            let unique: BTreeSet<String> = names.into_iter().collect();
-            let count = unique.len();
-            if let Ok(found) = found(&unique.into_iter().collect::<Vec<_>>()) {
-                prop_assert_eq!(found.files.len(), found.grid[0] * found.grid[1]);
-                prop_assert!(found.files.len() <= count);
-            }
-        }
-
-        #[test]
-        fn long_numbers_do_no_harm(numbers in prop::collection::vec("[0-9]{1,30}", 1..9)) {
-            let names: BTreeSet<String> = numbers.iter().map(|n| format!("v{n}.png")).collect();
-            let _ = found(&names.into_iter().collect::<Vec<_>>());
-        }
-
-        #[test]
-        fn grids_come_back_in_order(rows in 2usize..7, columns in 2usize..7, first in 0usize..3, prefix in "[a-z]{0,3}[0-9]{0,4}_") {
-            let names = grid_of(rows, columns, |r, c| format!("{prefix}{}_{}.png", r + first, c + first));
-            let right = Arrangement { grid: [rows, columns], files: names.clone() };
-            prop_assert_eq!(found(&names).unwrap(), right);
-        }
-    }
-}
+#[path = "names_tests.rs"]
+mod tests;

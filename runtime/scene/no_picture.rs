@@ -2,6 +2,7 @@
 
 use super::SceneError;
 use super::light::{Picture, Transfer};
+use super::near::Kind;
 use crate::optics::Color;
 use std::path::Path;
 
@@ -21,6 +22,6 @@ pub(super) fn read(path: &Path, _: &[Color], _: Option<Transfer>) -> Result<Pict
 }
 
 /// Reads the stored values of a picture's first channel, row by row; its rows and columns.
-pub(super) fn stored(path: &Path) -> Result<(usize, usize, Vec<f32>), SceneError> {
+pub(super) fn stored(path: &Path) -> Result<(usize, usize, Kind, Vec<f32>), SceneError> {
     absent(path)
 }

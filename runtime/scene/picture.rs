@@ -2,6 +2,7 @@
 
 use super::SceneError;
 use super::light::{Picture, Transfer, check, srgb_to_linear};
+use super::near::Kind;
 use crate::files::read;
 use crate::optics::Color;
 use image::{DynamicImage, ImageFormat, ImageReader, Limits};
@@ -110,17 +111,22 @@ pub(super) fn read(path: &Path, colors: &[Color], transfer: Option<Transfer>) ->
 }
 
 /// Reads the stored values of a picture's first channel, row by row; its rows and columns.
-pub(super) fn stored(path: &Path) -> Result<(usize, usize, Vec<f32>), SceneError> {
+pub(super) fn stored(path: &Path) -> Result<(usize, usize, Kind, Vec<f32>), SceneError> {
     let image = decode(path)?;
     let channels = usize::from(image.color().channel_count());
-    let values = if let Some(v) = samples8(&image) {
-        v.iter().step_by(channels).map(|&v| f32::from(v)).collect()
+    let (kind, values) = if let Some(v) = samples8(&image) {
+        (Kind::Bytes, v.iter().step_by(channels).map(|&v| f32::from(v)).collect())
     } else if let Some(v) = samples16(&image) {
-        v.iter().step_by(channels).map(|&v| f32::from(v)).collect()
+        (Kind::Words, v.iter().step_by(channels).map(|&v| f32::from(v)).collect())
     } else {
-        return Err(corrupt(path, "a depth map must be an 8- or 16-bit picture, a .pfm or a .npy file"));
+        let float = match &image {
+            DynamicImage::ImageRgb32F(p) => p.as_raw(),
+            DynamicImage::ImageRgba32F(p) => p.as_raw(),
+            other => return Err(corrupt(path, format!("pixels of type {:?} are not supported", other.color()))),
+        };
+        (Kind::Floats, float.iter().step_by(channels).copied().collect())
     };
-    Ok((image.height() as usize, image.width() as usize, values))
+    Ok((image.height() as usize, image.width() as usize, kind, values))
 }
 
 /// The samples of an 8-bit image, interleaved.

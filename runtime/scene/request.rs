@@ -1,6 +1,6 @@
 //! What is wanted of a scene.
 
-use super::SceneError;
+use super::{Near, Order, SceneError};
 use crate::memory;
 use crate::optics::{Color, Display};
 use std::path::Path;
@@ -18,15 +18,20 @@ pub struct Request<'a> {
     pub views: usize,
     /// The depth or disparity map of a single picture.
     pub depth_map: Option<&'a Path>,
-    /// Metres: the depths that the smallest and the largest value of a depth map mean. A map that is dark where it is
-    /// near takes the nearer depth first. Left out: as deep as the built-in scenes, white near.
+    /// Which values of the depth map are near; none for what its file tells.
+    pub near: Option<Near>,
+    /// Metres: the farthest and the nearest depth of a depth map. The nearer first says that small values are near.
+    /// Left out: as deep as the built-in scenes.
     pub depth: Option<[f64; 2]>,
+    /// How the views of a folder really stand, instead of what the folder says; none refuses those whose pictures clearly
+    /// show another order than that of their names.
+    pub order: Option<Order>,
 }
 
 impl<'a> Request<'a> {
     /// 9 x 9 views of these colours, nothing else stated.
     pub fn new(display: &'a Display, colors: &'a [Color]) -> Self {
-        Self { display, colors, view_pitch: None, views: 9, depth_map: None, depth: None }
+        Self { display, colors, view_pitch: None, views: 9, depth_map: None, near: None, depth: None, order: None }
     }
 
     pub(super) fn check(&self) -> Result<(), SceneError> {

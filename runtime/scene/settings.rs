@@ -1,7 +1,7 @@
 //! What a folder says about its views: `lightfield.toml`, or the `parameters.cfg` of the 4D Light Field Benchmark, or
 //! a ground-truth disparity map.
 
-use super::{SceneError, light::Transfer, pfm};
+use super::{Order, SceneError, light::Transfer, pfm};
 use crate::files::read;
 use serde::Deserialize;
 use std::path::Path;
@@ -10,6 +10,10 @@ use std::path::Path;
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Settings {
     pub grid: Option<[usize; 2]>,
+    /// A pattern for the names of the views.
+    pub files: Option<String>,
+    /// How the views really stand, where it says so.
+    pub order: Option<Order>,
     pub view_pitch: Option<f64>,
     pub disparity: Option<[f64; 2]>,
     pub depth: Option<[f64; 2]>,
@@ -21,6 +25,10 @@ pub(super) struct Settings {
 #[serde(deny_unknown_fields)]
 struct Toml {
     grid: Option<[usize; 2]>,
+    files: Option<String>,
+    transpose: Option<bool>,
+    flip_rows: Option<bool>,
+    flip_columns: Option<bool>,
     view_pitch_mm: Option<f64>,
     disparity: Option<[f64; 2]>,
     depth_mm: Option<[f64; 2]>,
@@ -87,8 +95,16 @@ fn from_toml(text: &str) -> Result<Settings, String> {
     {
         return Err(format!("grid is [{rows}, {columns}]: it must be rows and columns of at least 1"));
     }
+    let says_order = [read.transpose, read.flip_rows, read.flip_columns].iter().any(Option::is_some);
+    let order = Order {
+        transpose: read.transpose.unwrap_or(false),
+        flip_rows: read.flip_rows.unwrap_or(false),
+        flip_columns: read.flip_columns.unwrap_or(false),
+    };
     Ok(Settings {
         grid: read.grid,
+        files: read.files,
+        order: says_order.then_some(order),
         view_pitch: read.view_pitch_mm.map(|p| p * 1e-3),
         disparity: range("disparity", read.disparity, 1.0)?,
         depth: range("depth_mm", read.depth_mm, 1e-3)?,
@@ -129,6 +145,9 @@ mod tests {
 
     #[test]
     fn toml_is_read_and_unknown_keys_are_named() {
+        assert_eq!(from_toml("files = \"a*\"").unwrap().order, None);
+        let order = from_toml("flip_rows = false\ntranspose = true").unwrap().order;
+        assert_eq!(order, Some(Order { transpose: true, ..Order::default() }));
         let text = "view_pitch_mm = 2.5\ndisparity = [-1, 1.5]\ndepth_mm = [-2.0, 3.0]\ntransfer = \"linear\"\ngrid = [3, 4]\n";
         let read = from_toml(text).unwrap();
         assert_eq!(read.view_pitch, Some(2.5e-3));

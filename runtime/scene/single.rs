@@ -3,6 +3,7 @@
 use super::{
     Fit, LightField, Request, SceneError, builtin,
     map::{self, Map},
+    near::{Meaning, Near},
     picture,
     reproject::{Relief, relief},
     resize::Resize,
@@ -28,7 +29,7 @@ impl Reprojection {
     /// The picture and its map ([`Request::depth_map`]) at the display's size.
     ///
     /// # Errors
-    /// [`SceneError::NoDepthMap`], [`SceneError::Size`] when the map is not the picture's, [`SceneError::Request`] when the
+    /// [`SceneError::NoDepthMap`], [`SceneError::Ambiguous`], [`SceneError::Size`] when the map is not the picture's, [`SceneError::Request`] when the
     /// depths displace content too far, and those of reading the files.
     pub fn new(path: &Path, request: &Request) -> Result<Self, SceneError> {
         request.check()?;
@@ -38,7 +39,15 @@ impl Reprojection {
     /// To be seen from no farther than `reach` cells from the middle.
     fn with_reach(path: &Path, request: &Request, reach: f64) -> Result<Self, SceneError> {
         let map_path = request.depth_map.ok_or_else(|| SceneError::NoDepthMap { file: path.display().to_string() })?;
-        let map = map::read(map_path)?;
+        let reversed = request.depth.is_some_and(|[a, b]| a > b);
+        if reversed && request.near == Some(Near::Large) {
+            return Err(SceneError::Request {
+                what: "the depth range (mm)",
+                value: format!("{:?}, nearest first", request.depth.unwrap_or_default().map(|z| z * 1e3)),
+                must: "farthest first where large or bright values are near",
+            });
+        }
+        let map = map::read(map_path, request.near.or(reversed.then_some(Near::Small)))?;
         let picture = picture::read(path, &[Color::Red, Color::Green, Color::Blue], None)?;
         if (map.height, map.width) != (picture.height, picture.width) {
             return Err(SceneError::Size {
@@ -59,10 +68,13 @@ impl Reprojection {
         let [height, width] = [map.height, map.width].map(|n| ((n as f64 * scale).round() as usize).max(1));
         let resize = Resize::new([map.height, map.width], [height, width], Fit::Stretch);
         let planes: Vec<Vec<f32>> = picture.planes.par_iter().map(|plane| resize.apply(plane)).collect();
-        let range = request.depth.unwrap_or_else(|| {
-            let half = builtin::half_span(display);
-            [-half, half]
-        });
+        let range = request.depth.map_or_else(
+            || {
+                let half = builtin::half_span(display);
+                [-half, half]
+            },
+            |[a, b]| [a.min(b), a.max(b)],
+        );
         let (disparity, ends) = disparities(&map, [height, width], scale, reach, range, cell, display);
         let parallax = ends[0].abs().max(ends[1].abs()) * reach;
         if parallax > (height.min(width) as f64 / 4.0).max(2.0) {
@@ -155,11 +167,13 @@ fn disparities(
     let ends = |v: &[f32]| v.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |e, &v| [e[0].min(v), e[1].max(v)]);
     let [low, high] = ends(&map.values).map(f64::from);
     // value -> disparity: first + (value - low) * gain
-    let (first, gain) = if map.is_disparity {
-        (low * scale, scale)
-    } else {
-        let [from, to] = range.map(|z| z * cell / (display.focal_length * display.picture_pixel()));
+    let (first, gain) = if let Meaning::Relative(near) = map.meaning {
+        let [far, nearest] = range;
+        let ends = if near == Near::Large { [far, nearest] } else { [nearest, far] };
+        let [from, to] = ends.map(|z| z * cell / (display.focal_length * display.picture_pixel()));
         if high > low { (from, (to - from) / (high - low)) } else { ((from + to) / 2.0, 0.0) }
+    } else {
+        (low * scale, scale)
     };
     // What opens more than a pixel and a half in the outermost view is an edge, and is not smoothed over.
     let apart =

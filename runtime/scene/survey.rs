@@ -111,6 +111,23 @@ impl LightField {
         views.par_iter().map(|v| v.iter().copied().fold(0.0, f32::max)).reduce(|| 0.0, f32::max)
     }
 
+    /// Pixels of `display` by which the ends of `depth` (metres) move against each other from view to view: beyond one, wide
+    /// pupils see each edge out of focus as often as there are views (OPTICS 14).
+    pub fn aliasing(&self, display: &Display, [far, near]: [f64; 2]) -> f64 {
+        let views = self.grid[0].max(self.grid[1]);
+        if views < 2 {
+            0.0
+        } else {
+            (near - far).abs() * self.cell(display) / (display.focal_length * display.picture_pixel())
+        }
+    }
+
+    /// Views per axis, over the same places of the pupil plane, that would keep [`aliasing`](Self::aliasing) to one pixel.
+    pub fn views_without_aliasing(&self, display: &Display, depth: [f64; 2]) -> usize {
+        let views = self.grid[0].max(self.grid[1]);
+        (views as f64 * self.aliasing(display, depth).max(1.0)).min(1e6).ceil() as usize
+    }
+
     /// Farthest and nearest depth on `display`, metres: what the scene states, else what is measured where the central
     /// view has detail (from the 2nd to the 98th percentile).
     pub fn reach(&self, display: &Display) -> ([f64; 2], DepthSource) {

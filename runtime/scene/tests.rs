@@ -5,18 +5,18 @@ use crate::optics::{Color, Display};
 use image::{ImageBuffer, Luma, Rgb};
 use std::{fs, path::PathBuf};
 
-const GREEN: [Color; 1] = [Color::Green];
+pub(super) const GREEN: [Color; 1] = [Color::Green];
 const ALL: [Color; 3] = [Color::Red, Color::Green, Color::Blue];
 
-fn display(height: usize, width: usize) -> Display {
+pub(super) fn display(height: usize, width: usize) -> Display {
     Display { height, width, ..Display::preset("small").unwrap() }
 }
 
-fn get(source: &str, request: &Request) -> LightField {
+pub(super) fn get(source: &str, request: &Request) -> LightField {
     load(source, request).unwrap_or_else(|e| panic!("{source}: {e}"))
 }
 
-fn fails(source: &str, request: &Request) -> String {
+pub(super) fn fails(source: &str, request: &Request) -> String {
     match load(source, request) {
         Ok(field) => panic!("{} must be refused", field.name),
         Err(e) => e.to_string(),
@@ -351,7 +351,7 @@ fn exr_is_linear_light_and_must_be_light() {
 // Pictures with a map.
 
 /// A picture and its map in a folder: `color` and `depth` of (row, column), depth 0..=255.
-fn picture_with_map(
+pub(super) fn picture_with_map(
     height: u32,
     width: u32,
     color: impl Fn(u32, u32) -> [u8; 3],
@@ -364,7 +364,7 @@ fn picture_with_map(
     (folder, picture.display().to_string(), map)
 }
 
-fn speckle(y: u32, x: u32) -> u8 {
+pub(super) fn speckle(y: u32, x: u32) -> u8 {
     (((x / 2).wrapping_mul(73) ^ (y / 2).wrapping_mul(151)).wrapping_mul(2_654_435_761) >> 24) as u8
 }
 
@@ -440,60 +440,4 @@ fn a_slanted_surface_has_no_cracks() {
     let darkest = field.planes[0].iter().flatten().fold(1.0f32, |a, &v| a.min(v));
     assert!(darkest > 0.999, "{darkest}");
     assert!((field.depth.unwrap()[1] - builtin::half_span(&display)).abs() < 1e-8);
-}
-
-#[test]
-fn maps_of_every_kind_mean_what_they_say() {
-    let display = display(16, 16);
-    let (folder, picture, png) = picture_with_map(16, 16, |y, x| [speckle(y, x); 3], |_, x| (x * 17) as u8);
-    let request = Request { views: 3, ..Request::new(&display, &GREEN) };
-    let range = |map: &Path, depth| get(&picture, &Request { depth_map: Some(map), depth, ..request });
-    let mut pfm = b"Pf 16 16 -1\n".to_vec();
-    (0..256).for_each(|i| pfm.extend((-0.5 + (i % 16) as f32 / 15.0).to_le_bytes()));
-    let write = |name: &str, bytes: &[u8]| {
-        let path = folder.path().join(name);
-        fs::write(&path, bytes).unwrap();
-        path
-    };
-    let disparities = write("disp.pfm", &pfm);
-    let relative = write("depth.pfm", &pfm);
-    let header = "{'descr': '<f8', 'fortran_order': True, 'shape': (16, 16), }";
-    let mut npy = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
-    npy.extend(format!("{header:<117}\n").bytes());
-    // Columns first: value = column.
-    (0..256).for_each(|i| npy.extend((-0.5 + f64::from(i / 16) / 15.0).to_le_bytes()));
-    let array = write("depth.npy", &npy);
-
-    let field = range(&disparities, None);
-    let [low, high] = field.disparity.unwrap();
-    assert!((low + 0.5).abs() < 1e-6 && (high - 0.5).abs() < 1e-6);
-    let wanted = Some([-0.2e-3, 0.4e-3]);
-    let from_png = range(&png, wanted);
-    let ends = from_png.depth.unwrap();
-    assert!((ends[0] + 0.2e-3).abs() < 1e-9 && (ends[1] - 0.4e-3).abs() < 1e-9, "{ends:?}");
-    for other in [&relative, &array] {
-        let field = range(other, wanted);
-        let views = field.planes[0].iter().flatten().zip(from_png.planes[0].iter().flatten());
-        assert!(views.fold(0.0f32, |a, (x, y)| a.max((x - y).abs())) < 1e-3, "{}", other.display());
-    }
-    // Reversed, black is near: the views run the other way.
-    let reversed = range(&png, Some([0.4e-3, -0.2e-3]));
-    assert_eq!(reversed.depth.unwrap().map(|z| (z * 1e7).round()), ends.map(|z| (z * 1e7).round()));
-    assert_ne!(reversed.planes, from_png.planes);
-
-    assert!(fails(&picture, &request).contains("needs a depth map"));
-    let refused = |map: &Path, depth| fails(&picture, &Request { depth_map: Some(map), depth, ..request });
-    assert!(refused(&folder.path().join("none.png"), None).contains("none.png"));
-    assert!(refused(folder.path(), None).contains("folder"));
-    let mut small = b"Pf 15 16 -1\n".to_vec();
-    small.extend([0; 15 * 16 * 4]);
-    let error = refused(&write("small.pfm", &small), None);
-    assert!(error.contains("small.pfm") && error.contains("16 x 15") && error.contains("picture.png"), "{error}");
-    pfm[12 + 4..12 + 8].copy_from_slice(&f32::NAN.to_le_bytes());
-    let error = refused(&write("nan.pfm", &pfm), None);
-    assert!(error.contains("nan.pfm") && error.contains("row 15, column 1"), "{error}");
-    assert!(refused(&write("cut.npy", &npy[..npy.len() - 8]), None).contains("cut.npy"));
-    assert!(refused(&write("long.npy", b"\x93NUMPY\x02\x00\xff\xff\xff\xffxx"), None).contains("header"));
-    assert!(refused(&write("not.npy", b"hello"), None).contains("not.npy"));
-    assert!(refused(&png, Some([-1.0, 1.0])).contains("quarter"));
 }

@@ -45,6 +45,14 @@ pub enum SessionError {
         /// What happened to it.
         reason: String,
     },
+    /// Nothing was ever known of the eye that a live hologram was to follow.
+    #[error("{tracker}: {reason}: the hologram followed nothing")]
+    NotFollowed {
+        /// The tracker.
+        tracker: String,
+        /// What it said, or did not.
+        reason: String,
+    },
     /// A window beside the display.
     #[error("the window beside the display: {0}")]
     Companion(String),

@@ -1,10 +1,11 @@
 //! A live hologram that is shown, as the present thread has it: what becomes of every set.
 
 use super::companion::{Asked, Companion, Now};
+use super::error::SessionError;
 use super::latency::{Histogram, Latency, Stage};
 use super::notes::Notes;
 use super::output::OpenDisplay;
-use super::pupil_tracker::PupilTracker;
+use super::pupil_tracker::{Heard, PupilTracker};
 use super::refine::Refinement;
 use super::set_timing::SetTiming;
 use super::sets::LiveSource;
@@ -31,8 +32,10 @@ pub struct LiveStatus {
     pub steps: u64,
     /// How often it began again with the hologram for the whole eyebox.
     pub restarts: u64,
-    /// From the sample to the light, ms: the median.
+    /// From a new sample to its first light, ms: the median.
     pub sample_to_light_ms: Option<f64>,
+    /// How old the newest sample was at the newest light, ms.
+    pub sample_age_ms: Option<f64>,
     /// How far the pupil was from where it was expected, mm: the median.
     pub pupil_error_mm: Option<f64>,
 }
@@ -47,6 +50,7 @@ pub(super) struct Following {
     pub(super) refinement: Refinement,
     pub(super) tracker: Arc<PupilTracker>,
     pub(super) name: String,
+    pub(super) is_mouse: bool,
     pub(super) policy: Policy,
     pub(super) truth: Option<simulated::Eye>,
     pub(super) timing: Arc<AtomicCell<SetTiming>>,
@@ -148,7 +152,22 @@ impl Following {
     pub(super) fn status(&self) -> LiveStatus {
         let ([sets_new, sets_repeated], [restarts, steps]) = (self.source.counts(), self.refinement.counts());
         let [sample_to_light_ms, pupil_error_mm] = self.medians;
-        LiveStatus { sets_new, sets_repeated, steps, restarts, sample_to_light_ms, pupil_error_mm }
+        let sample_age_ms = self.latency.sample_age_ms();
+        LiveStatus { sets_new, sets_repeated, steps, restarts, sample_to_light_ms, sample_age_ms, pupil_error_mm }
+    }
+
+    /// Why there was nothing to follow, where there was not. A mouse need not have come over its window.
+    pub(super) fn followed(&self) -> Result<(), SessionError> {
+        let reason = match self.tracker.heard() {
+            Heard { believed: 1.., .. } => return Ok(()),
+            _ if self.is_mouse => return Ok(()),
+            Heard { samples: 0, .. } => "no sample came".to_string(),
+            Heard { samples, refusal, .. } => {
+                let why = refusal.map_or(String::new(), |refusal| format!(" ({refusal})"));
+                format!("none of {samples} samples told where the pupil is{why}")
+            }
+        };
+        Err(SessionError::NotFollowed { tracker: self.name.clone(), reason })
     }
 
     /// Ends the threads: what came of it, and what they did.

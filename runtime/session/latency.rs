@@ -40,15 +40,18 @@ pub enum Stage {
     HandOver,
     /// From there until it was lit, in the middle of its first showing.
     Display,
-    /// From the sample to the light: all of these.
+    /// From the sample to the light: all of these, of sets that are the first to follow their sample. A tracker that has
+    /// nothing new to say makes no latency.
     SampleToLight,
+    /// How old the newest sample was at the light of any set.
+    SampleAge,
     /// All refinement for the set: it looks again at the eye meanwhile.
     AllRefinement,
 }
 
 impl Stage {
     /// All of them.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Tracker,
         Self::Filter,
         Self::Waiting,
@@ -57,6 +60,7 @@ impl Stage {
         Self::HandOver,
         Self::Display,
         Self::SampleToLight,
+        Self::SampleAge,
         Self::AllRefinement,
     ];
 
@@ -71,6 +75,7 @@ impl Stage {
             Self::HandOver => "hand_over",
             Self::Display => "display",
             Self::SampleToLight => "sample_to_light",
+            Self::SampleAge => "sample_age",
             Self::AllRefinement => "all_refinement",
         }
     }
@@ -111,7 +116,7 @@ impl Histogram {
         self.count
     }
 
-    /// The value that this share of all is not above; none where there is nothing.
+    /// The value that this share of all is not above; none where there is nothing. In the last bin, the largest of all.
     pub fn percentile(&self, share: f64) -> Option<f64> {
         let wanted = (share.clamp(0.0, 1.0) * self.count as f64).ceil().max(1.0) as u64;
         let mut seen = 0;
@@ -119,6 +124,9 @@ impl Histogram {
             seen += u64::from(*c);
             seen >= wanted
         })?;
+        if bin + 1 == self.counts.len() {
+            return Some(self.largest);
+        }
         Some(((bin as f64 + 0.5) * self.bin).min(self.largest))
     }
 
@@ -137,11 +145,16 @@ impl Histogram {
 pub struct Latency {
     stages: Vec<Histogram>,
     error_mm: Histogram,
+    /// What the set before followed.
+    sample_ns: Option<i64>,
+    /// How old the newest sample was at the newest light, ms.
+    age_ms: Option<f64>,
 }
 
 impl Default for Latency {
     fn default() -> Self {
-        Self { stages: vec![Histogram::new(0.05, 20_000); Stage::ALL.len()], error_mm: Histogram::new(0.01, 3_000) }
+        let stages = vec![Histogram::new(0.05, 20_000); Stage::ALL.len()];
+        Self { stages, error_mm: Histogram::new(0.01, 3_000), sample_ns: None, age_ms: None }
     }
 }
 
@@ -151,15 +164,20 @@ impl Latency {
         let ms = |from: i64, to: i64| to.saturating_sub(from) as f64 * 1e-6;
         let since = |from: Option<i64>, to: Option<i64>| from.zip(to).map(|(from, to)| ms(from, to));
         let aimed = Some(timestamps.aimed_ns);
+        // What an earlier set has followed already did not wait for this one.
+        let fresh = Some(*timestamps).filter(|t| t.sample_ns != self.sample_ns).unwrap_or_default();
+        self.sample_ns = timestamps.sample_ns;
+        self.age_ms = since(timestamps.sample_ns, Some(light_ns));
         let values = [
-            (Stage::Tracker, since(timestamps.sample_ns, timestamps.decoded_ns)),
-            (Stage::Filter, since(timestamps.decoded_ns, timestamps.filtered_ns)),
-            (Stage::Waiting, since(timestamps.filtered_ns, aimed)),
+            (Stage::Tracker, since(fresh.sample_ns, fresh.decoded_ns)),
+            (Stage::Filter, since(fresh.decoded_ns, fresh.filtered_ns)),
+            (Stage::Waiting, since(fresh.filtered_ns, aimed)),
             (Stage::Refinement, since(aimed, Some(timestamps.refine_end_ns))),
             (Stage::Encoding, since(Some(timestamps.refine_end_ns), Some(timestamps.handed_over_ns))),
             (Stage::HandOver, since(Some(timestamps.handed_over_ns), Some(presented_ns))),
             (Stage::Display, since(Some(presented_ns), Some(light_ns))),
-            (Stage::SampleToLight, since(timestamps.sample_ns, Some(light_ns))),
+            (Stage::SampleToLight, since(fresh.sample_ns, Some(light_ns))),
+            (Stage::SampleAge, self.age_ms),
             (Stage::AllRefinement, since(Some(timestamps.refine_start_ns), Some(timestamps.refine_end_ns))),
         ];
         for (stage, value) in values {
@@ -182,6 +200,11 @@ impl Latency {
     /// How far the pupil was from where it was expected, millimetres.
     pub fn error_mm(&self) -> &Histogram {
         &self.error_mm
+    }
+
+    /// How old the newest sample was at the newest light, milliseconds.
+    pub fn sample_age_ms(&self) -> Option<f64> {
+        self.age_ms
     }
 
     /// For programs.
@@ -209,7 +232,26 @@ mod tests {
         histogram.add(1e9);
         histogram.add(-1.0);
         assert_eq!(histogram.count(), 1002);
-        assert!((histogram.percentile(1.0).unwrap() - 99.95).abs() < 1e-9, "the last bin");
+        assert_eq!(histogram.percentile(1.0), Some(1e9), "what no bin holds is not made smaller");
+    }
+
+    /// A mouse that rests: its last sample is followed by set after set.
+    #[test]
+    fn a_sample_that_grows_old_is_no_latency() {
+        let mut latency = Latency::default();
+        let ms = 1_000_000;
+        for set in 0..1000 {
+            // It moves for ten sets, and rests.
+            let sample = 16 * ms * set.min(10);
+            let timestamps = Timestamps { sample_ns: Some(sample), decoded_ns: Some(sample), ..Timestamps::default() };
+            latency.shown(&timestamps, 16 * ms * set + 20 * ms, 16 * ms * set + 30 * ms);
+        }
+        let light = latency.of(Stage::SampleToLight);
+        assert_eq!(light.count(), 11);
+        assert!((light.percentile(1.0).unwrap() - 30.0).abs() < 0.05, "{light:?}");
+        assert_eq!(latency.of(Stage::SampleAge).count(), 1000);
+        assert_eq!(latency.sample_age_ms(), Some(f64::from(16 * 989 + 30)));
+        assert_eq!(latency.of(Stage::SampleAge).percentile(1.0), latency.sample_age_ms());
     }
 
     #[test]

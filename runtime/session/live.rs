@@ -165,7 +165,7 @@ impl Live {
             keep_phase: false,
         };
         let sub_frames = colors.iter().map(SteeredColor::frames).sum::<usize>() as u64;
-        let name = tracking.describe();
+        let (name, is_mouse) = (tracking.describe(), tracking.source.about().kind == "mouse");
         let stream = Stream::start(tracking.source)?;
         let tracker = PupilTracker::start(stream, tracking.estimator, notes.clone(), trace.track("gaze"))?;
         let tracker = Arc::new(tracker);
@@ -201,6 +201,7 @@ impl Live {
             refinement,
             tracker,
             name,
+            is_mouse,
             policy,
             truth: tracking.truth,
             timing,

@@ -185,6 +185,7 @@ impl PresentThread {
         match self.running {
             Running::Play(stream) => tracks.extend(stream.stop()),
             Running::Live(following) => {
+                result = result.and(following.followed());
                 let (live, more) = following.stop();
                 statistics.live = Some(live);
                 tracks.extend(more);

@@ -4,6 +4,7 @@ use super::error::SessionError;
 use super::notes::Notes;
 use super::trace::Track;
 use crate::gaze::Estimator;
+use crate::gaze::place::Refusal;
 use crate::optics::PupilDistribution;
 use crate::trackers::{Sample, Stream, now_ns};
 use std::collections::VecDeque;
@@ -21,8 +22,20 @@ pub struct PupilEstimate {
     pub sample_ns: Option<[u64; 3]>,
 }
 
+/// What a tracker has said so far.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Heard {
+    /// How many samples.
+    pub samples: u64,
+    /// How many of them told where the pupil is.
+    pub believed: u64,
+    /// Why the newest of the others did not.
+    pub refusal: Option<Refusal>,
+}
+
 struct State {
     estimator: Estimator,
+    heard: Heard,
     newest: Option<[u64; 3]>,
     /// Where the pupil was measured, for looking back: (time, position).
     places: VecDeque<(u64, [f64; 2])>,
@@ -57,7 +70,7 @@ impl PupilTracker {
         mut track: Track,
     ) -> Result<Self, SessionError> {
         let places = VecDeque::with_capacity(REMEMBERED);
-        let state = Arc::new(Mutex::new(State { estimator, newest: None, places }));
+        let state = Arc::new(Mutex::new(State { estimator, heard: Heard::default(), newest: None, places }));
         let stop = Arc::new(AtomicBool::new(false));
         let (theirs, stopped) = (Arc::clone(&state), Arc::clone(&stop));
         let thread = std::thread::Builder::new()
@@ -113,6 +126,11 @@ impl PupilTracker {
         })
     }
 
+    /// What the tracker has said so far.
+    pub(super) fn heard(&self) -> Heard {
+        locked(&self.state).heard
+    }
+
     /// Whether what was measured reaches this time.
     pub fn reaches(&self, time_ns: u64) -> bool {
         locked(&self.state).places.back().is_some_and(|p| p.0 >= time_ns)
@@ -134,6 +152,11 @@ impl Drop for PupilTracker {
 impl State {
     fn take(&mut self, sample: &Sample) {
         let stages = self.estimator.update(sample);
+        self.heard.samples += 1;
+        match &stages.placed {
+            Ok(_) => self.heard.believed += 1,
+            Err(refusal) => self.heard.refusal = Some(*refusal),
+        }
         if let Ok(placed) = &stages.placed {
             // A clock that went back begins a new memory.
             if self.places.back().is_some_and(|p| p.0 >= placed.time_ns) {

@@ -128,6 +128,7 @@ impl ScenePlan {
         plan.choose_colors(field, request);
         plan.choose_depth(field, display, request)?;
         plan.choose_views(field, display, request)?;
+        plan.say_aliasing(field, display);
         plan.choose_padding(field, display, request)?;
         let padded = plan.padding != Padding::default();
         plan.settings.padding = if padded { PaddingRule::Always } else { PaddingRule::Never };
@@ -310,6 +311,17 @@ impl ScenePlan {
         };
         // A method that looks through no pupil has views of its own: none may go.
         Ok(all.iter().zip(&few).map(one).reduce(f64::min).unwrap_or(f64::NEG_INFINITY))
+    }
+
+    fn say_aliasing(&mut self, field: &LightField, display: &Display) {
+        let pixels = field.aliasing(display, self.settings.depth);
+        let why = if pixels > 1.0 {
+            let views = field.views_without_aliasing(display, self.settings.depth);
+            format!("wide pupils see ghosts out of focus; {views} x {views} views would not")
+        } else {
+            "wide pupils see no ghosts out of focus".into()
+        };
+        self.say("aliasing", format!("{pixels:.1} pixels from view to view"), why);
     }
 
     fn choose_padding(

@@ -1,21 +1,6 @@
-//! The steady clock, and what a tracker's own clock says on it.
+//! What a tracker's own clock says on the steady clock.
 
 use std::collections::VecDeque;
-
-/// Nanoseconds of the system's monotonic clock, which never steps; on Unix `CLOCK_MONOTONIC`, the same in every program.
-pub fn now_ns() -> u64 {
-    #[cfg(unix)]
-    {
-        let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
-        u64::try_from(now.tv_sec).unwrap_or(0) * 1_000_000_000 + u64::try_from(now.tv_nsec).unwrap_or(0)
-    }
-    #[cfg(not(unix))]
-    {
-        use std::{sync::OnceLock, time::Instant};
-        static START: OnceLock<Instant> = OnceLock::new();
-        u64::try_from(START.get_or_init(Instant::now).elapsed().as_nanos()).unwrap_or(u64::MAX)
-    }
-}
 
 /// Slices of time whose quickest arrivals are remembered.
 const SLICES: usize = 8;

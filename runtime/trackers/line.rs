@@ -8,7 +8,8 @@
 //! `t` is the sender's time in seconds, of any clock that is steady; without it the arrival counts. A position has `x`
 //! and `y`, and may have `z`, `unit` (`mm`, `deg`, `normalized`, `counts`; default `mm`), `what` (`pupil` or `gaze`;
 //! default `pupil`), `diameter` (mm), `confidence` (0 to 1) and `valid`. It stands at the top, or under `left`, `right`
-//! and `combined`. What else an object has is ignored.
+//! and `combined`. Beside it, at the top, `focus_d` is what the eyes focus at, dioptres; without it, `ipd_mm`, the distance
+//! between the eyes, makes a focus of where both look (`what` `gaze`, `unit` `deg`). What else an object has is ignored.
 
 use super::{About, Event, Quantity, Reading, Sample, Source, TrackerError, Unit, now_ns};
 use serde::{Deserialize, Serialize};
@@ -63,6 +64,10 @@ struct SampleText {
     received: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     tracker_ns: Option<u64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    focus_d: Option<f64>,
+    #[serde(skip_serializing)]
+    ipd_mm: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     left: Option<ReadingText>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -136,6 +141,29 @@ pub struct Line {
     pub received: Option<f64>,
     /// Left, right, combined.
     pub readings: [Option<Reading>; 3],
+    /// What the eyes focus at, dioptres.
+    pub focus_dioptres: Option<f64>,
+}
+
+impl Line {
+    /// The sample that it is, with its times.
+    pub(super) fn sample(self, time_ns: u64, received_ns: u64, tracker_ns: Option<u64>) -> Sample {
+        let [left, right, combined] = self.readings;
+        Sample { time_ns, received_ns, tracker_ns, left, right, combined, focus_dioptres: self.focus_dioptres }
+    }
+}
+
+/// Dioptres that eyes focus at; what is beyond is a mistake of the tracker.
+const FOCUS: std::ops::RangeInclusive<f64> = -10.0..=30.0;
+/// Distances between eyes, mm.
+const BETWEEN_EYES: std::ops::RangeInclusive<f64> = 40.0..=85.0;
+
+/// What two eyes that are so far apart (mm) focus at, dioptres, where they look at one point: the difference of the tangents
+/// of their directions, over their distance.
+fn vergence(left: Option<Reading>, right: Option<Reading>, apart_mm: f64) -> Option<f64> {
+    let is_direction = |r: &Reading| r.valid && r.quantity == Quantity::Gaze && r.unit == Unit::Radians;
+    let (left, right) = (left.filter(is_direction)?, right.filter(is_direction)?);
+    Some((left.position[0].tan() - right.position[0].tan()) / (apart_mm * 1e-3))
 }
 
 /// Reads one line.
@@ -156,8 +184,13 @@ pub fn parse(line: &[u8]) -> Result<Line, String> {
     if readings.iter().all(Option::is_none) {
         return Err("no position: expected x and y, at the top or under left, right or combined".into());
     }
+    if let Some(apart) = text.ipd_mm.filter(|apart| !BETWEEN_EYES.contains(apart)) {
+        return Err(format!("ipd_mm is {apart}: eyes are {} to {} mm apart", BETWEEN_EYES.start(), BETWEEN_EYES.end()));
+    }
+    let focus = text.focus_d.or_else(|| vergence(readings[0], readings[1], text.ipd_mm?));
+    let focus_dioptres = focus.filter(|focus| FOCUS.contains(focus));
     let time = |t: Option<f64>| t.filter(|t| (0.0..1e10).contains(t));
-    Ok(Line { seconds: time(text.t), received: time(text.received), readings })
+    Ok(Line { seconds: time(text.t), received: time(text.received), readings, focus_dioptres })
 }
 
 /// Writes a sample as one line, without its end.
@@ -167,6 +200,8 @@ pub fn write(sample: &Sample) -> String {
         t: Some(seconds(sample.time_ns)),
         received: Some(seconds(sample.received_ns)),
         tracker_ns: sample.tracker_ns,
+        focus_d: sample.focus_dioptres,
+        ipd_mm: None,
         left: sample.left.as_ref().map(ReadingText::of),
         right: sample.right.as_ref().map(ReadingText::of),
         combined: sample.combined.as_ref().map(ReadingText::of),
@@ -236,10 +271,9 @@ impl Source for LineSource {
                 return Ok(Event::Nothing);
             }
         }
-        let [left, right, combined] = line.readings;
+        let sample = line.sample(time.saturating_sub(self.latency_ns), received, None);
         self.lines.pop_front();
-        let time_ns = time.saturating_sub(self.latency_ns);
-        Ok(Event::Sample(Sample { time_ns, received_ns: received, tracker_ns: None, left, right, combined }, None))
+        Ok(Event::Sample(sample, None))
     }
 }
 
@@ -271,12 +305,33 @@ mod tests {
     }
 
     #[test]
+    fn the_focus_is_said_or_follows_from_where_both_eyes_look() {
+        let focus = |text: &str| parse(text.as_bytes()).unwrap().focus_dioptres;
+        assert_eq!(focus(r#"{"x": 1, "y": 2, "focus_d": 1.5}"#), Some(1.5));
+        assert_eq!(focus(r#"{"x": 1, "y": 2}"#), None);
+        assert_eq!(focus(r#"{"x": 1, "y": 2, "focus_d": 500}"#), None, "no eye does");
+        // Both look at a point half a metre away and 0.1 m to the right, 64 mm apart: 2 dioptres.
+        let degrees = |x: f64| (x / 0.5).atan().to_degrees();
+        let eyes = |left: f64, right: f64, rest: &str| {
+            let eye = |x: f64| format!(r#"{{"what": "gaze", "unit": "deg", "x": {x}, "y": 3}}"#);
+            format!(r#"{{"left": {}, "right": {}{rest}}}"#, eye(degrees(left)), eye(degrees(right)))
+        };
+        let found = focus(&eyes(0.132, 0.068, r#", "ipd_mm": 64"#)).unwrap();
+        assert!((found - 2.0).abs() < 1e-9, "{found}");
+        assert_eq!(focus(&eyes(0.132, 0.068, "")), None, "not asked for");
+        assert_eq!(focus(&eyes(0.132, 0.068, r#", "ipd_mm": 64, "focus_d": 0.5"#)), Some(0.5), "what is said wins");
+        assert!(parse(eyes(0.1, 0.1, r#", "ipd_mm": 0.064"#).as_bytes()).unwrap_err().contains("40 to 85 mm"));
+    }
+
+    #[test]
     fn what_is_written_is_read_again() {
         let mut sample = Sample::empty(5_000_000_000);
         sample.time_ns = 4_990_000_000;
         let reading = Reading::new(Quantity::Gaze, Unit::Radians, [0.25, -0.5]);
         sample.left = Some(Reading { diameter: Some(3e-3), confidence: 0.5, distance: Some(1.0), ..reading });
+        sample.focus_dioptres = Some(0.75);
         let line = parse(write(&sample).as_bytes()).unwrap();
+        assert_eq!(line.focus_dioptres, Some(0.75));
         let again = line.readings[0].unwrap();
         assert!((again.position[0] - 0.25).abs() < 1e-10 && (again.diameter.unwrap() - 3e-3).abs() < 1e-12);
         assert_eq!((again.confidence, again.quantity, line.received), (0.5, Quantity::Gaze, Some(5.0)));

@@ -32,7 +32,8 @@ mod sample;
 mod source;
 mod stream;
 
-pub use clock::{ClockOffset, Unwrap, now_ns};
+pub use crate::steady::now_ns;
+pub use clock::{ClockOffset, Unwrap};
 pub use error::TrackerError;
 pub use open::{Options, Spec, open};
 pub use sample::{Quantity, Reading, Sample, Unit};

@@ -85,12 +85,15 @@ pub struct Sample {
     pub right: Option<Reading>,
     /// Of both eyes, or of one without a name.
     pub combined: Option<Reading>,
+    /// What the eyes focus at, dioptres (1 / metres), from sources that measure it.
+    pub focus_dioptres: Option<f64>,
 }
 
 impl Sample {
     /// A sample without readings, seen as it arrived.
     pub fn empty(received_ns: u64) -> Self {
-        Self { time_ns: received_ns, received_ns, tracker_ns: None, left: None, right: None, combined: None }
+        let (tracker_ns, left, right, combined, focus_dioptres) = (None, None, None, None, None);
+        Self { time_ns: received_ns, received_ns, tracker_ns, left, right, combined, focus_dioptres }
     }
 
     /// Left, right, combined: those that there are.
@@ -144,6 +147,9 @@ impl std::fmt::Display for Sample {
         }
         if self.readings().next().is_none() {
             f.write_str("  nothing")?;
+        }
+        if let Some(focus) = self.focus_dioptres {
+            write!(f, "  focus {focus:.2} D")?;
         }
         Ok(())
     }

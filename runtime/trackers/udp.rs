@@ -88,9 +88,8 @@ impl UdpSource {
                 Ok(line) => {
                     let tracker_ns = line.seconds.map(|s| (s * 1e9) as u64);
                     let arrival = tracker_ns.map_or(now, |t| self.offset.arrival(t, now));
-                    let [left, right, combined] = line.readings;
                     let time_ns = arrival.saturating_sub(self.latency_ns);
-                    self.waiting.push_back(Sample { time_ns, received_ns: now, tracker_ns, left, right, combined });
+                    self.waiting.push_back(line.sample(time_ns, now, tracker_ns));
                 }
                 Err(reason) => wrong = Some(format!("a line that makes no sense: {reason}")),
             }

@@ -125,13 +125,21 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
 
 /// Seconds by the clock, and of the processor over all threads.
 fn time(work: impl FnOnce()) -> (f64, f64) {
-    let busy = || {
-        let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
-        time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
-    };
     let before = busy();
     let (seconds, ()) = timed(work);
     (seconds, busy() - before)
+}
+
+#[cfg(unix)]
+fn busy() -> f64 {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+    time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
+}
+
+/// It is not known.
+#[cfg(not(unix))]
+fn busy() -> f64 {
+    f64::NAN
 }
 
 /// Reads all of it, as fast as memory gives it.

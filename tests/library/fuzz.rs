@@ -195,6 +195,7 @@ fn pictures_with_maps() {
         let request = Request {
             views: 3,
             depth_map: Some(&map),
+            near: Some(eyebox::scene::Near::Large),
             depth: Some([-1e-3, 1e-3]),
             ..Request::new(&display, &[Color::Red])
         };

@@ -13,6 +13,7 @@ use eyebox::hologram::{Hologram, Start};
 use eyebox::optics::{Color, Depth, Display, WindowFactor};
 use eyebox::plan::Storage;
 use eyebox::present::Rate;
+use eyebox::scene::{Near, Order};
 use eyebox::solve::{Diameters, Full, Method, Optimizer, PaddingRule, Sequence};
 use std::path::{Path, PathBuf};
 
@@ -69,24 +70,39 @@ pub struct DisplayArgs {
     pub force: bool,
 }
 
+/// Which values of a depth map are near.
+pub const NEAR: Names<Near, 4> = [
+    ("bright", "The bright ones of a picture", Near::Large),
+    ("dark", "The dark ones of a picture", Near::Small),
+    ("large", "The large ones, as of disparities", Near::Large),
+    ("small", "The small ones, as of distances", Near::Small),
+];
+
 /// The scene, in every command that takes one.
 #[derive(Args, Clone)]
 pub struct SceneArgs {
     /// A folder of views, a picture (with --depth-map), or builtin:NAME
     pub scene: String,
-    /// Depth or disparity map of a picture (PNG, PFM or .npy)
-    #[arg(long, value_name = "FILE")]
-    pub depth_map: Option<PathBuf>,
+    /// Depth or disparity map of a picture (PNG, EXR, PFM or .npy): of several, one for each, or the folder of their maps
+    #[arg(long, value_name = "FILE|FOLDER")]
+    pub depth_map: Vec<PathBuf>,
+    /// Which values of the depth map are near [default: what its file tells; the bright ones of a picture]
+    #[arg(long, value_parser = one_of(&NEAR), value_name = "WHICH")]
+    pub near: Option<Near>,
     /// Distance of neighbouring views in the pupil plane, mm [default: what the scene says, else eyebox / views]
     #[arg(long, value_name = "MM", value_parser = positive)]
     pub view_pitch: Option<f64>,
     /// Views per axis of scenes that are rendered or reprojected [default: 9; in score, what the hologram was solved for]
     #[arg(long, value_name = "N")]
     pub views: Option<usize>,
-    /// Depths that matter, mm, or dioptres as in -0.02D..0.02D [default: what the scene says]; of a depth map, what its
-    /// smallest and its largest value mean (MAX..MIN where dark is near)
+    /// Depths that matter, mm, or dioptres as in -0.02D..0.02D [default: what the scene says]; of a depth map, the depths
+    /// that its values reach
     #[arg(long, value_name = "MIN..MAX", value_parser = depths, allow_hyphen_values = true)]
     pub depth: Option<[Depth; 2]>,
+    /// How the views of a folder really stand: as-named, or transpose, flip-rows, flip-columns with commas between [default:
+    /// what its lightfield.toml says; else as named, refused where the pictures clearly show another]
+    #[arg(long, value_name = "ORDER")]
+    pub order: Option<Order>,
 }
 
 /// A hologram beside a scene.
@@ -113,7 +129,15 @@ impl SceneArgs {
 
     /// A scene of which nothing else is said.
     pub fn of(scene: &str) -> Self {
-        Self { scene: scene.into(), depth_map: None, view_pitch: None, views: None, depth: None }
+        Self {
+            scene: scene.into(),
+            depth_map: Vec::new(),
+            near: None,
+            view_pitch: None,
+            views: None,
+            depth: None,
+            order: None,
+        }
     }
 }
 

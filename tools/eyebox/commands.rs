@@ -35,6 +35,11 @@ pub enum Command {
         after_help = "Examples:\n  eyebox plan builtin:still-life --size 512x512\n  eyebox plan lightfield/ --size 512x512 --json\n  eyebox plan builtin:plane --size 256x256 --check\n\nIt takes the arguments of solve. The first plan on a machine times its engine for a few seconds; the rates are kept in\n$XDG_CACHE_HOME/eyebox, else ~/.cache/eyebox."
     )]
     Plan(Box<crate::plan::Plan>),
+    /// Say what a scene is as it is read: grid, order, parallax, depth, light; with a picture of all views
+    #[command(
+        after_help = "Examples:\n  eyebox inspect lightfield/ -o views.png\n  eyebox inspect lightfield/ --order flip-rows --json"
+    )]
+    Inspect(Box<crate::inspect::Inspect>),
     /// Show what an eye sees of a hologram through one pupil
     #[command(after_help = "Examples:\n  eyebox view still-life.zarr --pupil=4,0,4,1.5 -o view.png\n  \
                       eyebox view phases.npy --pupil=0,0,6,0 --pitch 8 --wavelength 520 --focal-length 400 -o view.npy")]

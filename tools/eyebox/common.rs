@@ -11,10 +11,10 @@ use eyebox::hologram::SceneSource;
 use eyebox::optics::{Color, Display, Optics, OpticsError, Pupil, check_usual_diameters};
 use eyebox::preview::Opener;
 use eyebox::produce::{TilesRequest, load_around};
-use eyebox::scene::{self, LightField};
+use eyebox::scene::{self, Inspection, LightField};
 use eyebox::session::EngineSource;
 use eyebox::solve::PupilRange;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The display, resized if asked, and checked for what is most likely a mistake.
 pub fn display(args: &DisplayArgs) -> Result<Display, Failure> {
@@ -68,26 +68,46 @@ pub fn colors(args: &DisplayArgs, display: &Display) -> Result<Vec<Color>, Failu
     }
 }
 
-/// What is asked of a scene.
-pub fn request<'a>(args: &'a SceneArgs, display: &'a Display, colors: &'a [Color]) -> scene::Request<'a> {
+/// What is asked of a scene with this map, if any.
+fn request<'a>(
+    args: &'a SceneArgs,
+    maps: &'a [PathBuf],
+    display: &'a Display,
+    colors: &'a [Color],
+) -> scene::Request<'a> {
     let default = scene::Request::new(display, colors);
     scene::Request {
         view_pitch: args.view_pitch.map(|mm| mm * 1e-3),
         views: args.views.unwrap_or(default.views),
-        depth_map: args.depth_map.as_deref(),
+        depth_map: maps.first().map(PathBuf::as_path),
+        near: args.near,
         depth: args.depth_before(display),
+        order: args.order,
         ..default
     }
 }
 
+/// The depth map of the one scene.
+fn maps_of(args: &SceneArgs) -> Result<Vec<PathBuf>, Failure> {
+    Ok(scene::depth_maps(std::slice::from_ref(&args.scene), &args.depth_map)?)
+}
+
 /// The scene, fitted to the display.
 pub fn scene(args: &SceneArgs, display: &Display, colors: &[Color]) -> Result<LightField, Failure> {
-    Ok(scene::load(&args.scene, &request(args, display, colors))?)
+    let maps = maps_of(args)?;
+    Ok(scene::load(&args.scene, &request(args, &maps, display, colors))?)
+}
+
+/// What the scene is as it is read, whatever its order, and the scene.
+pub fn inspect(args: &SceneArgs, display: &Display, colors: &[Color]) -> Result<(Inspection, LightField), Failure> {
+    let maps = maps_of(args)?;
+    Ok(scene::inspect(&args.scene, &request(args, &maps, display, colors))?)
 }
 
 /// The scene for a far field larger than memory, as what an eye sees is compared with it.
 pub fn scene_around(args: &SceneArgs, display: &Display, colors: &[Color]) -> Result<SceneSource, Failure> {
-    Ok(load_around(&args.scene, &request(args, display, colors), TilesRequest::default().picture)?)
+    let maps = maps_of(args)?;
+    Ok(load_around(&args.scene, &request(args, &maps, display, colors), TilesRequest::default().picture)?)
 }
 
 /// The depths that matter.

@@ -5,7 +5,6 @@ use crate::{Failure, headings};
 use clap::Args;
 use eyebox::files;
 use eyebox::quality::writable;
-use std::io::Write;
 use std::path::PathBuf;
 
 /// `eyebox completions`
@@ -28,8 +27,7 @@ pub struct Man {
 pub fn completions(args: &Completions) -> Result<(), Failure> {
     let mut text = Vec::new();
     clap_complete::generate(args.shell, &mut headings::command::<Cli>(), "eyebox", &mut text);
-    // A reader that has seen enough is no failure.
-    let _ = std::io::stdout().write_all(&text);
+    println!("{}", String::from_utf8_lossy(&text).trim_end());
     Ok(())
 }
 

@@ -6,7 +6,18 @@ use clap::{Command, CommandFactory};
 const HEADINGS: &[(&str, &[&str])] = &[
     (
         "Scene",
-        &["scene", "depth_map", "view_pitch", "views", "depth", "other_scene", "reference", "hologram", "methods"],
+        &[
+            "scene",
+            "depth_map",
+            "near",
+            "view_pitch",
+            "views",
+            "depth",
+            "other_scene",
+            "reference",
+            "hologram",
+            "methods",
+        ],
     ),
     (
         "Display",
@@ -101,7 +112,19 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "clock",
         ],
     ),
-    ("Samples", &["watch", "latency", "real_time", "trackers.rate", "trackers.pupil", "trackers.duration", "describe"]),
+    (
+        "Samples",
+        &[
+            "watch",
+            "latency",
+            "real_time",
+            "trackers.rate",
+            "trackers.pupil",
+            "trackers.duration",
+            "trackers.focal_length",
+            "describe",
+        ],
+    ),
     ("Calibration", &["calibrate", "targets", "trackers.calibration", "trackers.eye"]),
     ("Window", &["preview.window", "zoom", "save_to", "live.view"]),
     ("Bare phases", &["phase_unit", "pitch", "wavelength", "focal_length", "geometry", "exposure"]),
@@ -109,13 +132,16 @@ const HEADINGS: &[(&str, &[&str])] = &[
     ("Output", &["out", "json", "timings", "stats", "record", "trace", "raw", "shared", "at"]),
 ];
 
+/// Above options that are in no row.
+const OTHERS: &str = "More";
+
 /// Commands with fewer options than this show them in one list.
 const MANY: usize = 10;
 
-fn heading(command: &str, option: &str) -> Option<&'static str> {
+fn heading(command: &str, option: &str) -> &'static str {
     let own = format!("{command}.{option}");
     let of = |name: &str| HEADINGS.iter().find(|(_, options)| options.contains(&name)).map(|h| h.0);
-    of(&own).or_else(|| of(option))
+    of(&own).or_else(|| of(option)).unwrap_or(OTHERS)
 }
 
 /// The command line of `C`, its options under headings.
@@ -125,9 +151,12 @@ pub fn command<C: CommandFactory>() -> Command {
         if sub.get_opts().count() < MANY {
             return sub;
         }
-        sub.mut_args(|option| match heading(&name, option.get_id().as_str()) {
-            Some(heading) if !option.is_positional() => option.help_heading(heading),
-            _ => option,
+        sub.mut_args(|option| match option.is_positional() {
+            true => option,
+            false => {
+                let heading = heading(&name, option.get_id().as_str());
+                option.help_heading(heading)
+            }
         })
     })
 }

@@ -1,12 +1,13 @@
 //! `eyebox import`: the reverse of `eyebox export`.
 
-use crate::args::{EngineArgs, SceneArgs};
+use crate::args::{EngineArgs, NEAR, SceneArgs};
 use crate::common::{self, Form};
 use crate::phases::PhaseArgs;
-use crate::values::positive;
+use crate::values::{one_of, positive};
 use crate::{Failure, score};
 use clap::Args;
 use eyebox::hologram::Phases;
+use eyebox::scene::Near;
 use std::path::PathBuf;
 
 /// `eyebox import`
@@ -26,6 +27,9 @@ pub struct Import {
     /// Depth or disparity map of a scene that is a picture (PNG, PFM or .npy)
     #[arg(long, value_name = "FILE", requires = "scene")]
     pub depth_map: Option<PathBuf>,
+    /// Which values of the depth map are near [default: what its file tells; the bright ones of a picture]
+    #[arg(long, value_parser = one_of(&NEAR), value_name = "WHICH", requires = "scene")]
+    pub near: Option<Near>,
     /// The exposure that they were made for [default: with --scene, what fits it best; else not known]
     #[arg(long, value_parser = positive, conflicts_with = "scene")]
     pub exposure: Option<f64>,
@@ -45,10 +49,12 @@ pub fn run(args: &Import) -> Result<(), Failure> {
     hologram.version = env!("CARGO_PKG_VERSION").into();
     let exposures = if let Some(scene) = &args.scene {
         let display = score::display_of(&args.file, &hologram)?;
-        let asked = SceneArgs { depth_map: args.depth_map.clone(), ..SceneArgs::of(scene) };
+        let asked =
+            SceneArgs { depth_map: args.depth_map.iter().cloned().collect(), near: args.near, ..SceneArgs::of(scene) };
         let field = common::scene(&asked, &display, &hologram.named_colors())?;
         hologram.fit_exposure(&field, common::engine(&args.engine)?.as_mut())?;
         hologram.scene.clone_from(&field.name);
+        hologram.metadata.near = args.near;
         hologram.metadata.views = Some(field.grid);
         hologram.metadata.view_pitch_mm = Some(field.cell(&display) * 1e3);
         "fitted to the scene"

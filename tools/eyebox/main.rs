@@ -1,4 +1,4 @@
-//! The `eyebox` command: `demo`, `solve`, `plan`, `view`, `photograph`, `refine`, `study`, `live`, `score`, `tradeoff`,
+//! The `eyebox` command: `demo`, `solve`, `plan`, `inspect`, `view`, `photograph`, `refine`, `study`, `live`, `score`, `tradeoff`,
 //! `evaluate`, `export`, `import`, `encode`, `play`, `preview`, `monitors`, `bench`, `devices`, `trackers`, `completions`,
 //! `man`.
 //!
@@ -24,6 +24,7 @@ mod failure;
 mod generate;
 mod headings;
 mod import;
+mod inspect;
 mod live;
 mod log;
 mod phases;
@@ -63,6 +64,7 @@ fn main() -> ExitCode {
         Command::Plan(args) => plan::run(args),
         Command::View(args) => view::run(args),
         Command::Photograph(args) => photograph::run(args),
+        Command::Inspect(args) => inspect::run(args),
         Command::Refine(args) => live::refine(args),
         Command::Study(args) => live::study(args),
         Command::Live(args) => live::live(args),

@@ -3,6 +3,7 @@
 use crate::Failure;
 use crate::args::{SceneArgs, Score};
 use crate::common;
+use crate::progress::JobBar;
 use eyebox::hologram::{Hologram, HologramScores, PhaseSource, PupilScore, SceneSource};
 use eyebox::optics::{Depth, Display, Pupil, dioptres, dioptres_in_words};
 use eyebox::solve::{Diameters, PupilRange, Sampler, Sequence};
@@ -33,7 +34,10 @@ pub fn run(args: &Score) -> Result<(), Failure> {
     };
     let diameter = common::diameters(diameter, &display, args.phases.force)?;
     let pupils = pupils(args, &display, diameter, depth)?;
+    let bar = JobBar::new(true);
+    bar.show(&format!("looking through {} pupils", pupils.len()), 0.0);
     let scores = source.score(&scene, &pupils, engine.as_mut())?;
+    bar.finish();
     let psnr = scores.summary().ok_or_else(|| Failure::Asked("there is no pupil to score".into()))?;
     if args.json {
         let summary =
@@ -91,11 +95,13 @@ fn row(score: &PupilScore, display: &Display) -> Value {
 pub fn as_solved(args: &SceneArgs, hologram: &Hologram) -> SceneArgs {
     let (mut args, known) = (args.clone(), &hologram.metadata);
     args.view_pitch = args.view_pitch.or(known.view_pitch_mm);
+    args.order = args.order.or(known.order);
     args.views = args.views.or(known.views.map(|v| v[0]));
+    args.near = args.near.or(known.near);
     // What a depth map's values mean has an order; other scenes have a range.
-    args.depth = args.depth.or_else(|| match args.depth_map {
-        Some(_) => known.depth_map_mm.map(|d| d.map(|mm| Depth::Metres(mm * 1e-3))),
-        None => known.solve.as_ref().map(|s| s.depth.map(Depth::Metres)),
+    args.depth = args.depth.or_else(|| match args.depth_map[..] {
+        [_, ..] => known.depth_map_mm.map(|d| d.map(|mm| Depth::Metres(mm * 1e-3))),
+        [] => known.solve.as_ref().map(|s| s.depth.map(Depth::Metres)),
     });
     args
 }

@@ -40,6 +40,9 @@ pub fn attend(session: Session, line: impl Fn(&Status, &Status, f64) -> String) 
             eprint!("\r\x1b[K{}", line(&now, &before, passed));
             let _ = std::io::stderr().flush();
             before = now;
+        } else if !terminal && passed >= progress::EVERY.as_secs_f64() {
+            eprintln!("{}", line(&now, &before, passed));
+            before = now;
         }
     }
     clear();

@@ -5,7 +5,7 @@ use crate::progress;
 use crate::values::{Targets, not_negative, positive, targets};
 use clap::{Args, ValueEnum};
 use eyebox::files;
-use eyebox::gaze::{Calibration, Estimator, Settings};
+use eyebox::gaze::{Calibration, Estimator, Eyepiece, Settings};
 use eyebox::trackers::hid::{self, Description, DeviceFile};
 use eyebox::trackers::recording::{self, Head, Recording};
 use eyebox::trackers::{Event, Options, Sample, Source, Spec, Stream, TrackerError, line, open};
@@ -67,6 +67,9 @@ pub struct Trackers {
     /// so many ms
     #[arg(long, value_name = "MS", num_args = 0..=1, default_missing_value = "20", value_parser = not_negative)]
     pub pupil: Option<f64>,
+    /// With --pupil: focal length of the display's eyepiece, mm, which makes depths of a focus in dioptres
+    #[arg(long, value_name = "MM", value_parser = positive, requires = "pupil")]
+    pub focal_length: Option<f64>,
     /// Calibrate the source that is watched for a user: asks to look at each target, and writes the user's file
     #[arg(long, value_name = "FILE.toml", conflicts_with_all = ["pupil", "record", "duration", "describe"])]
     pub calibrate: Option<PathBuf>,
@@ -323,7 +326,9 @@ fn watch(args: &Trackers, source: &str) -> Result<(), Failure> {
 /// The way from sample to pupil.
 fn estimator(args: &Trackers) -> Result<Estimator, Failure> {
     let calibration = args.calibration.as_deref().map(Calibration::load).transpose()?;
-    Ok(Estimator::new(Settings { eye: args.eye.into(), ..Settings::default() }, calibration)?)
+    let depths = [f64::NEG_INFINITY, f64::INFINITY];
+    let eyepiece = args.focal_length.map(|mm| Eyepiece { focal_length: mm * 1e-3, depths });
+    Ok(Estimator::new(Settings { eye: args.eye.into(), eyepiece, ..Settings::default() }, calibration)?)
 }
 
 /// What became of a sample, and the pupil so many milliseconds after its arrival.
@@ -389,6 +394,10 @@ fn show(args: &Trackers, feed: &mut Feed, stored: bool, mut recorder: Option<&mu
             Event::Nothing => {}
             Event::End => break,
         }
+    }
+    if first_ns.is_none() {
+        let source = args.watch.as_deref().unwrap_or_default();
+        return Err(Failure::Asked(format!("{source}: no sample came in {:.1} s", start.elapsed().as_secs_f64())));
     }
     Ok(())
 }

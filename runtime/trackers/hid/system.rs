@@ -1,4 +1,4 @@
-//! The machine's own HID devices: hidraw through hidapi, on Linux.
+//! The machine's own HID devices, through hidapi: hidraw on Linux, the HID class driver on Windows.
 
 use super::HidError;
 use super::device::Bus;
@@ -6,33 +6,42 @@ use super::device::Bus;
 /// The bus of this machine.
 ///
 /// # Errors
-/// [`HidError::System`] where hidapi does not start, and on systems other than Linux.
-#[cfg(all(target_os = "linux", feature = "trackers"))]
+/// [`HidError::System`] where hidapi does not start, on systems other than Linux and Windows, and in a build without the
+/// feature `trackers`.
 pub fn system_bus() -> Result<Box<dyn Bus>, HidError> {
-    let api = hidapi::HidApi::new().map_err(|e| HidError::System(format!("HID devices: {e}")))?;
-    Ok(Box::new(linux::HidapiBus(api)))
+    open()
 }
 
-/// The bus of this machine.
-///
-/// # Errors
-/// [`HidError::System`]: only Linux has one, and only a build with the feature `trackers` reads it.
-#[cfg(not(all(target_os = "linux", feature = "trackers")))]
-pub fn system_bus() -> Result<Box<dyn Bus>, HidError> {
-    Err(HidError::System(match cfg!(target_os = "linux") {
+#[cfg(all(any(target_os = "linux", windows), feature = "trackers"))]
+use hid::open;
+
+#[cfg(not(all(any(target_os = "linux", windows), feature = "trackers")))]
+fn open() -> Result<Box<dyn Bus>, HidError> {
+    Err(HidError::System(match cfg!(any(target_os = "linux", windows)) {
         true => "this program was built without the feature `trackers`: use udp:// or a recording".into(),
-        false => "HID trackers are read through Linux's hidraw: on this system use udp:// or pupil://".into(),
+        false => "HID trackers are read on Linux and Windows: on this system use udp:// or pupil://".into(),
     }))
 }
 
-#[cfg(all(target_os = "linux", feature = "trackers"))]
-mod linux {
-    use super::super::descriptor::LONGEST_DESCRIPTOR;
+#[cfg(all(any(target_os = "linux", windows), feature = "trackers"))]
+mod hid {
+    use super::super::descriptor::{LONGEST_DESCRIPTOR, LONGEST_REPORT};
     use super::super::device::{Bus, Info, Port};
     use super::HidError;
     use std::{ffi::CString, time::Duration};
 
-    pub struct HidapiBus(pub hidapi::HidApi);
+    /// What a user can do who may not read a device.
+    const REFUSED: &str = match cfg!(windows) {
+        true => "another program may hold it",
+        false => "a udev rule with TAG+=\"uaccess\" lets users read it",
+    };
+
+    pub fn open() -> Result<Box<dyn Bus>, HidError> {
+        let api = hidapi::HidApi::new().map_err(|e| HidError::System(format!("HID devices: {e}")))?;
+        Ok(Box::new(HidapiBus(api)))
+    }
+
+    struct HidapiBus(hidapi::HidApi);
 
     struct HidapiPort(hidapi::HidDevice);
 
@@ -63,9 +72,8 @@ mod linux {
         fn open(&mut self, info: &Info) -> Result<Box<dyn Port>, HidError> {
             let path =
                 CString::new(info.path.as_str()).map_err(|_| HidError::Port("its path has a zero byte".into()))?;
-            let device = self.0.open_path(&path).map_err(|e| {
-                HidError::Port(format!("{}: {e} (a udev rule with TAG+=\"uaccess\" lets users read it)", info.path))
-            })?;
+            let device =
+                self.0.open_path(&path).map_err(|e| HidError::Port(format!("{}: {e} ({REFUSED})", info.path)))?;
             Ok(Box::new(HidapiPort(device)))
         }
     }
@@ -84,7 +92,14 @@ mod linux {
         }
 
         fn get_feature(&mut self, report: &mut [u8]) -> Result<usize, HidError> {
-            self.0.get_feature_report(report).map_err(gone)
+            let mut whole = report.to_vec();
+            if cfg!(windows) {
+                // It refuses buffers that are shorter than the device's longest feature report.
+                whole.resize(report.len().max(1 + LONGEST_REPORT), 0);
+            }
+            let length = self.0.get_feature_report(&mut whole).map_err(gone)?.min(report.len());
+            report.copy_from_slice(&whole[..report.len()]);
+            Ok(length)
         }
 
         fn set_feature(&mut self, report: &[u8]) -> Result<(), HidError> {

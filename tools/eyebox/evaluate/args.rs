@@ -1,11 +1,12 @@
 //! The arguments of `eyebox evaluate`.
 
-use crate::args::{DisplayArgs, EngineArgs, OtherSceneArgs, SceneArgs};
+use crate::args::{DisplayArgs, EngineArgs, NEAR, OtherSceneArgs, SceneArgs};
 use crate::phases::PhaseUnitArgs;
 use crate::quality::QualityArgs;
-use crate::values::{depths, positive, range};
+use crate::values::{depths, one_of, positive, range};
 use clap::Args;
 use eyebox::optics::Depth;
+use eyebox::scene::Near;
 use std::path::PathBuf;
 
 /// `eyebox evaluate`
@@ -41,6 +42,9 @@ pub struct Evaluate {
     /// Depth or disparity map of a picture (PNG, PFM or .npy)
     #[arg(long, value_name = "FILE")]
     pub depth_map: Option<PathBuf>,
+    /// Which values of the depth map are near [default: what its file tells; the bright ones of a picture]
+    #[arg(long, value_parser = one_of(&NEAR), value_name = "WHICH")]
+    pub near: Option<Near>,
     /// Distance of neighbouring views in the pupil plane, mm [default: what the scene says, else eyebox / views]
     #[arg(long, value_name = "MM", value_parser = positive)]
     pub view_pitch: Option<f64>,
@@ -82,10 +86,12 @@ impl Evaluate {
     pub fn scene(&self, index: usize) -> SceneArgs {
         SceneArgs {
             scene: self.scenes[index].clone(),
-            depth_map: self.depth_map.clone(),
+            depth_map: self.depth_map.iter().cloned().collect(),
+            near: self.near,
             view_pitch: self.view_pitch,
             views: Some(self.views),
             depth: self.depth,
+            order: None,
         }
     }
 }

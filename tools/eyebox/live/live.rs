@@ -1,7 +1,7 @@
 //! `eyebox live`: a hologram on a display, refined for where the eye is while it is shown.
 
 use super::args::PolicyArgs;
-use super::subject::{self, SubjectArgs};
+use super::subject::{self, Steered, SubjectArgs};
 use super::tracking::{TrackerArgs, tracking};
 use super::viewing::Viewing;
 use crate::common::Engines;
@@ -10,6 +10,7 @@ use crate::session::{attend, conclude, ended_by};
 use crate::values::{not_negative, positive};
 use crate::{Failure, common, progress};
 use clap::Args;
+use eyebox::gaze::Eyepiece;
 use eyebox::gpu::Options as VulkanOptions;
 use eyebox::session::{self, Histogram, Session, Stage, Statistics, Status};
 use serde_json::json;
@@ -64,7 +65,7 @@ pub fn run(args: &Live) -> Result<(), Failure> {
         gpu => gpu,
     };
     let steered = subject::load(&args.subject, &engines)?;
-    let (mouse, tracking) = tracking(&args.tracker, args.view, steered.hologram.focal_length)?;
+    let (mouse, tracking) = tracking(&args.tracker, args.view, eyepiece(&steered))?;
     let about = tracking.describe();
     eprintln!(
         "{}: {} sub-frames of {} colours, {}x{}; {}",
@@ -97,6 +98,13 @@ pub fn run(args: &Live) -> Result<(), Failure> {
     conclude(ended, args.stats.as_deref(), &json!({ "engine": steered.engine, "memory_mib": memory }))
 }
 
+/// What a tracker's dioptres are before the hologram that is shown.
+fn eyepiece(steered: &Steered) -> Eyepiece {
+    let hologram = &steered.hologram;
+    let depths = hologram.metadata.solve.as_ref().map_or([f64::NEG_INFINITY, f64::INFINITY], |s| s.depth);
+    Eyepiece { focal_length: hologram.focal_length, depths }
+}
+
 fn summary(statistics: &Statistics) {
     let Some(live) = &statistics.live else { return };
     let (report, a) = (&statistics.report, &statistics.report.account);
@@ -113,11 +121,12 @@ fn summary(statistics: &Statistics) {
     let at = |h: &Histogram, share| h.percentile(share).map_or("-".into(), |v| format!("{v:.2}"));
     let light = live.latency.of(Stage::SampleToLight);
     eprintln!(
-        "{} steps, {} restarts; sample to light p50 {} ms, p99 {} ms; pupil error p50 {} mm, p90 {} mm",
+        "{} steps, {} restarts; sample to light p50 {} ms, p99 {} ms; the newest sample {} ms old at its light; pupil error p50 {} mm, p90 {} mm",
         live.steps,
         live.restarts,
         at(light, 0.5),
         at(light, 0.99),
+        live.latency.sample_age_ms().map_or("-".into(), |ms| format!("{ms:.0}")),
         at(live.latency.error_mm(), 0.5),
         at(live.latency.error_mm(), 0.9)
     );
@@ -128,10 +137,11 @@ fn line(now: &Status, before: &Status, seconds: f64) -> String {
     let (a, b) = (now.live.unwrap_or_default(), before.live.unwrap_or_default());
     let at = |value: Option<f64>| value.map_or("-".into(), |v| format!("{v:.2}"));
     format!(
-        "{:.1} new sets/s, {:.0} steps/s, sample to light p50 {} ms, pupil error p50 {} mm",
+        "{:.1} new sets/s, {:.0} steps/s, sample to light p50 {} ms, newest sample {} ms old, pupil error p50 {} mm",
         (a.sets_new - b.sets_new) as f64 / seconds,
         (a.steps - b.steps) as f64 / seconds,
         at(a.sample_to_light_ms),
+        a.sample_age_ms.map_or("-".into(), |ms| format!("{ms:.0}")),
         at(a.pupil_error_mm)
     )
 }

@@ -1,17 +1,18 @@
 //! `eyebox refine`: a hologram refined for where the eye is, and what each step gains.
 
 use super::args::SteeringArgs;
+use crate::Failure;
 use crate::args::{EngineArgs, OtherSceneArgs, SceneArgs};
 use crate::common::{self, Form};
 use crate::phases::PhaseArgs;
+use crate::progress::{self, JobBar};
 use crate::score;
 use crate::values::{GivenPupil, not_negative, pupil, range};
-use crate::{Failure, progress};
 use clap::Args;
 use eyebox::evaluate::Sums;
 use eyebox::hologram::{Hologram, Metadata, Patch, Refined, SceneSource, Tiles};
 use eyebox::optics::{Pupil, PupilDistribution, depth_in_words, dioptres};
-use eyebox::solve::{Diameters, Problem, PupilRange, Refiner, Sampler, Sequence, pupils_of};
+use eyebox::solve::{Diameters, Flow, Problem, PupilRange, Refiner, Sampler, Sequence, pupils_of};
 use eyebox::tiled::Piece;
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -195,6 +196,7 @@ fn steps(
     let mean = |sums: &[Sums]| sums.iter().map(|s| s.psnr(exposure)).sum::<f64>() / sums.len() as f64;
     let mut rows = vec![Row { steps: 0, ms: 0.0, eye: mean(&before[0]), wide: mean(&before[1]) }];
     let mut ms = 0.0;
+    let bar = JobBar::new(args.json);
     for steps in 1..=args.steps {
         let start = Instant::now();
         refiner.step()?;
@@ -203,10 +205,12 @@ fn steps(
             let (eye, wide) = (mean(&refiner.look(&at_eye)?), mean(&refiner.look(&anywhere)?));
             rows.push(Row { steps, ms, eye, wide });
         }
-        if progress::interrupted() {
+        let done = format!("{steps} of {} steps for this colour", args.steps);
+        if bar.show(&done, steps as f64 / args.steps as f64) == Flow::Stop {
             break;
         }
     }
+    bar.finish();
     Ok((rows, refiner.phases()?, described))
 }
 

@@ -2,17 +2,18 @@
 
 use super::args::PolicyArgs;
 use super::subject::{self, Steered, SubjectArgs};
+use crate::Failure;
 use crate::common::Engines;
+use crate::progress::{self, JobBar};
 use crate::values::{depth, not_negative, positive};
-use crate::{Failure, progress};
 use clap::Args;
 use eyebox::files;
 use eyebox::gpu::Options as VulkanOptions;
 use eyebox::optics::{Depth, depth_in_words, dioptres};
 use eyebox::report;
 use eyebox::session::{self, Cost, SetTiming, Study as Result_, StudySettings};
+use eyebox::solve::Flow;
 use eyebox::trackers::simulated;
-use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -130,7 +131,7 @@ pub fn run(args: &Study) -> Result<(), Failure> {
     files::write_file(&file, |out| writeln!(out, "{all:#}"))?;
     let page = args.out.join("study.html");
     let title = format!("Steering {}, focused at {}", subject.hologram.scene, depth_in_words(focus, focal_length));
-    files::write_file(&page, |out| out.write_all(report::study_page(&title, &subject.engine, &study).as_bytes()))?;
+    report::write_study(&title, &subject.engine, &study, &args.out)?;
     if args.json {
         println!("{}", json!({ "summary": summary, "out": args.out.display().to_string() }));
         return Ok(());
@@ -148,8 +149,7 @@ fn study(
     quiet: bool,
 ) -> Result<Result_, Failure> {
     progress::catch_interrupt();
-    let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(1000) };
-    bar.set_style(ProgressStyle::with_template("steering {bar:30} {msg}  {eta} left").expect("a sound template"));
+    let bar = JobBar::new(quiet);
     let mut open = || engines.open();
     let result = session::study(
         &subject.parts,
@@ -158,12 +158,11 @@ fn study(
         settings,
         &mut open,
         &mut |moment, _, share| {
-            bar.set_position((1000.0 * share) as u64);
-            bar.set_message(format!("{:+.1} dB", moment.gain_db()));
-            !progress::interrupted()
+            let what = format!("steering gains {:+.1} dB", moment.gain_db());
+            matches!(bar.show(&what, share), Flow::Continue)
         },
     );
-    bar.finish_and_clear();
+    bar.finish();
     Ok(result?)
 }
 

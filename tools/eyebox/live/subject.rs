@@ -1,10 +1,11 @@
 //! What is steered: a hologram with its scene, or a scene that is solved first.
 
-use crate::args::{DisplayArgs, EngineArgs, OtherSceneArgs, SceneArgs};
+use crate::args::{DisplayArgs, EngineArgs, NEAR, OtherSceneArgs, SceneArgs};
 use crate::common::{self, Engines};
 use crate::phases::PhaseUnitArgs;
 use crate::quality::QualityArgs;
 use crate::solve::Watch;
+use crate::values::one_of;
 use crate::{Failure, progress, score};
 use clap::Args;
 use eyebox::encode::Encoder;
@@ -12,7 +13,7 @@ use eyebox::hologram::{ColorHologram, Hologram, Phases};
 use eyebox::optics::{Color, Display, Padding};
 use eyebox::produce::solve_colors;
 use eyebox::quality::Subject;
-use eyebox::scene::LightField;
+use eyebox::scene::{LightField, Near};
 use eyebox::session::SteeredColor;
 use eyebox::solve::{Levels, PaddingRule, Problem, Settings};
 use std::path::{Path, PathBuf};
@@ -31,6 +32,9 @@ pub struct SubjectArgs {
     /// Depth or disparity map of a picture (PNG, PFM or .npy)
     #[arg(long, value_name = "FILE")]
     pub depth_map: Option<PathBuf>,
+    /// Which values of the depth map are near [default: what its file tells; the bright ones of a picture]
+    #[arg(long, value_parser = one_of(&NEAR), value_name = "WHICH")]
+    pub near: Option<Near>,
     /// Display that is encoded for, and, with a scene, solved for; bare phases are for it
     #[command(flatten)]
     pub display: DisplayArgs,
@@ -62,7 +66,11 @@ pub struct Steered {
 /// Loads or solves it.
 pub fn load(args: &SubjectArgs, engines: &Engines) -> Result<Steered, Failure> {
     let path = Path::new(&args.what);
-    let scene = |scene: &str| SceneArgs { depth_map: args.depth_map.clone(), ..SceneArgs::of(scene) };
+    let scene = |scene: &str| SceneArgs {
+        depth_map: args.depth_map.iter().cloned().collect(),
+        near: args.near,
+        ..SceneArgs::of(scene)
+    };
     let phases = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy"));
     let (hologram, optics, field) = if phases || (!Phases::are_at(path) && !path.join("views").exists()) {
         let mut hologram = args.unit.chosen(&args.display)?.hologram(path)?;

@@ -4,7 +4,7 @@ use crate::Failure;
 use crate::trackers::EyeName;
 use crate::values::{depth, not_negative, positive};
 use clap::Args;
-use eyebox::gaze::{Calibration, Estimator, Settings};
+use eyebox::gaze::{Calibration, Estimator, Eyepiece, Settings};
 use eyebox::optics::Depth;
 use eyebox::session::Tracking;
 use eyebox::trackers::mouse::MouseHandle;
@@ -33,18 +33,22 @@ pub struct TrackerArgs {
     /// Whose pupil
     #[arg(long, value_enum, default_value = "mean")]
     pub eye: EyeName,
-    /// Where the eye focuses, mm, or dioptres as in 0.5D
+    /// Where the eye focuses, where the tracker does not measure it, mm, or dioptres as in 0.5D
     #[arg(long, value_name = "MM|D", default_value = "0", value_parser = depth, allow_hyphen_values = true)]
     pub focus: Depth,
 }
 
-/// Opens it, and says where a mouse is told, if that is the tracker; `view` says whether there is a window for one, and
-/// `focal_length` (metres) what dioptres of focus are before the display.
-pub fn tracking(args: &TrackerArgs, view: bool, focal_length: f64) -> Result<(Option<MouseHandle>, Tracking), Failure> {
+/// Opens it, and says where a mouse is told, if that is the tracker; `view` says whether there is a window for one, `eyepiece`
+/// what dioptres of focus are before the display.
+pub fn tracking(
+    args: &TrackerArgs,
+    view: bool,
+    eyepiece: Eyepiece,
+) -> Result<(Option<MouseHandle>, Tracking), Failure> {
     let spec: Spec = args.tracker.parse()?;
     let calibration = args.calibration.as_deref().map(Calibration::load).transpose()?;
-    let settings =
-        Settings { eye: args.eye.into(), focus: [args.focus.metres(focal_length); 2], ..Settings::default() };
+    let focus = [args.focus.metres(eyepiece.focal_length); 2];
+    let settings = Settings { eye: args.eye.into(), focus, eyepiece: Some(eyepiece), ..Settings::default() };
     let estimator = Estimator::new(settings, calibration)?;
     let options = Options {
         latency: Duration::from_secs_f64((args.tracker_latency * 1e-3).min(1e6)),

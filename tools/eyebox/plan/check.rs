@@ -2,6 +2,7 @@
 
 use super::args::Plan;
 use crate::Failure;
+use crate::progress::JobBar;
 use eyebox::optics::Color;
 use eyebox::solve::Forecast;
 use serde_json::{Value, json};
@@ -22,11 +23,15 @@ fn solve(out: &Path) -> Result<Value, Failure> {
         }
     }
     let program = std::env::current_exe().map_err(|e| asked(format!("this program cannot be found again: {e}")))?;
+    let bar = JobBar::new(true);
+    bar.show("solving what is planned", 0.0);
     let answer =
         Command::new(program).args(&kept).output().map_err(|e| asked(format!("solve cannot be started: {e}")))?;
     if !answer.status.success() {
         let said = String::from_utf8_lossy(&answer.stderr);
-        return Err(asked(said.trim().trim_start_matches("eyebox: ").to_owned()));
+        // Before it there may be lines of its progress.
+        let last = said.trim().lines().last().unwrap_or_default();
+        return Err(asked(last.trim_start_matches("eyebox: ").to_owned()));
     }
     serde_json::from_slice(&answer.stdout).map_err(|e| asked(format!("solve answered no JSON: {e}")))
 }

@@ -1,10 +1,11 @@
 //! The arguments of `eyebox preview`.
 
-use crate::args::{EngineArgs, OtherSceneArgs};
+use crate::args::{EngineArgs, NEAR, OtherSceneArgs};
 use crate::phases::PhaseArgs;
-use crate::values::{GivenPupil, positive, pupil, rate, size};
+use crate::values::{GivenPupil, one_of, positive, pupil, rate, size};
 use clap::Args;
 use eyebox::present::Rate;
+use eyebox::scene::Near;
 use std::path::PathBuf;
 
 /// `eyebox preview`
@@ -27,6 +28,9 @@ pub struct Preview {
     /// Depth or disparity map of a scene that is a picture (PNG, PFM or .npy)
     #[arg(long, value_name = "FILE", requires = "scene")]
     pub depth_map: Option<PathBuf>,
+    /// Which values of the depth map are near [default: what its file tells; the bright ones of a picture]
+    #[arg(long, value_parser = one_of(&NEAR), value_name = "WHICH")]
+    pub near: Option<Near>,
     /// Inside of the window, rows x columns [default: what suits the hologram and the monitor]
     #[arg(long, value_name = "HxW", value_parser = size, conflicts_with = "zoom")]
     pub window: Option<[usize; 2]>,

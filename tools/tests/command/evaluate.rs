@@ -64,6 +64,7 @@ fn a_report_is_one_page_and_the_same_numbers_as_csv_and_json() {
     assert!((mean - random.iter().sum::<f64>() / 72.0).abs() < 1e-3, "{line}");
     assert!(summary.lines().any(|l| l.starts_with("dpac,1,all scenes,Focal stack,54,")));
 
+    common::figures_of(&at.join("out"), "report.html");
     let page = read(at, "report.html");
     assert!(page.starts_with("<!DOCTYPE html>") && page.trim_end().ends_with("</html>"));
     for outside in ["<script", "<link", "src=\"http", "url(", "href=\"http", "@import"] {

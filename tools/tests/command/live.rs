@@ -40,6 +40,7 @@ fn a_study_says_what_steering_gains_and_shows_it() {
     let page = std::fs::read_to_string(at.join("out/study.html")).unwrap();
     assert!(page.matches("<svg").count() == 2 && page.contains("At the end of a fixation"));
     assert!(page.matches("<circle").count() > 20);
+    common::figures_of(&at.join("out"), "study.html");
 }
 
 #[test]
@@ -86,6 +87,33 @@ fn mistakes_are_one_line() {
     refused(at, &["live", "missing.zarr"], "x", "missing.zarr");
     refused(at, &["study", "h.zarr", "--scene", "builtin:nothing", "-o", "x"], "x", "nothing");
     refused(at, &["study", "h.zarr", "--display", "planes8", "--duration", "0", "-o", "x"], "x", "--duration");
+}
+
+/// What follows nothing says so, and does not end as if it had.
+#[test]
+fn a_tracker_that_says_nothing_or_nothing_of_use_ends_with_a_line_and_2() {
+    let temp = folder();
+    let at = temp.path();
+    solved(at);
+    let free = std::net::UdpSocket::bind("127.0.0.1:0").and_then(|s| s.local_addr()).expect("a free port").port();
+    let silent = format!("udp://:{free}");
+    // Counts of a device mean nothing without a calibration.
+    let lines: String =
+        (0..20).map(|i| format!("{{\"t\": 0.0{i:02}, \"x\": 1, \"y\": 2, \"unit\": \"counts\"}}\n")).collect();
+    std::fs::write(at.join("counts.jsonl"), lines).unwrap();
+    let live = ["live", "h.zarr", "--display", "planes8", "--engine", "cpu", "--duration", "0.3", "--stats", "s.json"];
+    for (tracker, what) in [(&*silent, "no sample came"), ("counts.jsonl", "needs a calibration")] {
+        let answer = common::eyebox(at, &[&live[..], &["--tracker", tracker]].concat());
+        let said = text(&answer.stderr);
+        let last = said.trim().lines().last().unwrap_or_default();
+        assert_eq!(answer.status.code(), Some(2), "{said}");
+        assert!(last.starts_with("eyebox: ") && last.contains(what) && last.contains("followed nothing"), "{said}");
+        // What was shown is accounted for all the same.
+        assert_eq!(json(&at.join("s.json"))["ended_by"], "the duration");
+    }
+    let watched = common::eyebox(at, &["trackers", "--watch", &silent, "--duration", "0.1"]);
+    assert_eq!(watched.status.code(), Some(2));
+    assert!(text(&watched.stderr).contains("no sample came"), "{}", text(&watched.stderr));
 }
 
 fn start(at: &Path, desk: &Desk, more: &[&str]) -> Child {

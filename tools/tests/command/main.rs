@@ -2,9 +2,11 @@
 
 mod basics;
 mod common;
+mod depth_maps;
 mod encode;
 mod evaluate;
 mod generate;
+mod inspect;
 #[cfg(target_os = "linux")]
 mod live;
 mod phases;

@@ -202,6 +202,43 @@ fn what_is_connected_is_listed() {
     assert!(json["hid"].is_array());
 }
 
+/// The senders beside the command say what docs/trackers.md says, and the focus reaches the pupil: 1 dioptre before an eyepiece of
+/// 300 mm is 90 mm.
+#[test]
+fn senders_are_heard_and_the_focus_reaches_the_pupil() {
+    let temp = common::folder();
+    let at = temp.path();
+    let senders = Path::new(env!("CARGO_MANIFEST_DIR")).join("senders");
+    let has_python = Command::new("python3").arg("--version").output().is_ok_and(|o| o.status.success());
+    if !has_python {
+        return eprintln!("no python3: the senders were not run");
+    }
+    for (sender, focus_mm) in [("tobii.py", 90.0), ("openxr.py", 90.0)] {
+        let free = UdpSocket::bind("127.0.0.1:0").and_then(|s| s.local_addr()).expect("a free port");
+        let source = format!("udp://:{}", free.port());
+        let watch = ["--watch", &source, "--pupil", "--focal-length", "300", "--json", "--duration", "60"];
+        let mut watched = trackers(at, &watch).stdout(Stdio::piped()).spawn().expect("it starts");
+        let to = free.to_string();
+        let mut sending = Command::new("python3")
+            .arg("-B")
+            .arg(senders.join(sender))
+            .args(["--simulate", "--to", &to])
+            .spawn()
+            .expect("python3 starts");
+        let mut lines = BufReader::new(watched.stdout.take().expect("a pipe")).lines();
+        let seen = lines.find_map(|line| {
+            let line: serde_json::Value = serde_json::from_str(&line.expect("text")).expect("JSON");
+            line["stages"]["placed"]["Ok"].is_object().then_some(line)
+        });
+        sending.kill().and_then(|()| sending.wait()).expect("it ends");
+        watched.kill().and_then(|()| watched.wait()).expect("it ends");
+        let focus = &seen.expect("a believed sample")["pupil"]["focus"];
+        for end in focus.as_array().expect("a range") {
+            assert!((end.as_f64().unwrap() * 1e3 - focus_mm).abs() < 1e-6, "{sender}: {focus}");
+        }
+    }
+}
+
 #[test]
 fn mistakes_are_one_line() {
     let temp = tempfile::tempdir().unwrap();
@@ -229,7 +266,7 @@ fn mistakes_are_one_line() {
     refused(at, &["--watch", "a.hid", "--duration=-1"], "positive");
     refused(at, &["--watch", "simulated", "--calibrate", "x.toml", "--targets", "0,0;1,1"], "3 to 64 targets");
     refused(at, &["--watch", "simulated", "--calibrate", "x.toml", "--targets", "0,0;1,1;90,0"], "60 degrees");
-    refused(at, &["--watch", "hid", "--record", "c.hid", "--duration", "0.2"], "no report has come");
+    refused(at, &["--watch", "hid", "--record", "c.hid", "--duration", "0.2"], "no sample came");
     assert!(
         !at.join("x.toml").exists()
             && !at.join("b.txt").exists()

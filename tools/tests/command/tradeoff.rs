@@ -69,6 +69,7 @@ fn a_sweep_is_a_page_and_the_same_numbers_and_goes_on() {
     let best = trials.iter().map(|t| number(t, "mean")).fold(f64::MIN, f64::max);
     assert!(number(&found["recommended"][2]["trial"], "mean") >= best - 0.011);
 
+    common::figures_of(&at.join("out"), "index.html");
     let page = read(at, "index.html");
     assert!(page.starts_with("<!DOCTYPE html>") && page.trim_end().ends_with("</html>"));
     for outside in ["<script", "<link", "src=\"http", "url(", "href=\"http", "@import", "NaN", "inf"] {

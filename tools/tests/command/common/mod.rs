@@ -49,6 +49,23 @@ pub fn refused(folder: &Path, args: &[&str], out: &str, what: &str) {
     assert!(!std::fs::read_dir(folder).unwrap().any(part), "{args:?} left something half-written");
 }
 
+/// Every plot of a report's page is in `figures/` too, whole, as an SVG that needs no style sheet and as a PDF.
+pub fn figures_of(report: &Path, page: &str) {
+    let page = std::fs::read_to_string(report.join(page)).expect("a page");
+    let files = std::fs::read_dir(report.join("figures")).expect("figures").map(|e| e.expect("an entry").path());
+    let (svg, pdf): (Vec<_>, Vec<_>) = files.partition(|f| f.extension().is_some_and(|e| e == "svg"));
+    assert_eq!([svg.len(), pdf.len()], [page.matches("<svg").count(); 2], "{svg:?}");
+    for file in svg {
+        let text = std::fs::read_to_string(&file).expect("text");
+        let complete = text.starts_with("<svg") && text.contains("fill=\"#ffffff\"") && text.ends_with("</svg>");
+        assert!(complete && !text.contains("class=") && !text.contains("var("), "{file:?}: {text}");
+    }
+    for file in pdf {
+        let bytes = std::fs::read(&file).expect("bytes");
+        assert!(bytes.starts_with(b"%PDF-1.") && bytes.trim_ascii_end().ends_with(b"%%EOF"), "{file:?}");
+    }
+}
+
 /// A folder of the test's own.
 pub fn folder() -> tempfile::TempDir {
     tempfile::tempdir().expect("a temporary folder")

@@ -1,11 +1,33 @@
-//! What Vulkan makes a surface of, of a window that winit made.
+//! What desktops do differently: here those of X11 and Wayland; `system_windows` and `system_other` have the same functions.
 
 use super::surface::WindowHandle;
+pub(super) use super::x_server::{is_gone, survive};
 use super::{PresentError, no_desktop};
+#[cfg(feature = "direct-display")]
+use std::fs::File;
+use winit::event_loop::{EventLoop, EventLoopBuilder};
+use winit::platform::{wayland::EventLoopBuilderExtWayland, x11::EventLoopBuilderExtX11};
 use winit::raw_window_handle::{HasDisplayHandle, HasWindowHandle, RawDisplayHandle, RawWindowHandle};
 use winit::window::Window as SystemWindow;
 
-/// It is good for as long as the window lives.
+/// What to set where there is no desktop.
+pub(super) const MISSING: &str = "set DISPLAY or WAYLAND_DISPLAY";
+
+/// X11 and Wayland have no main thread: who presents owns the desktop.
+pub(super) fn event_loop() -> EventLoopBuilder<()> {
+    let mut builder = EventLoop::builder();
+    EventLoopBuilderExtX11::with_any_thread(&mut builder, true);
+    EventLoopBuilderExtWayland::with_any_thread(&mut builder, true);
+    builder
+}
+
+/// An open graphics card, as drivers take it.
+#[cfg(feature = "direct-display")]
+pub(super) fn card_number(card: &File) -> i32 {
+    std::os::fd::AsRawFd::as_raw_fd(card)
+}
+
+/// What Vulkan makes a surface of. It is good for as long as the window lives.
 pub(super) fn handle_of(window: &SystemWindow) -> Result<WindowHandle, PresentError> {
     let gone = |e: winit::raw_window_handle::HandleError| no_desktop(format!("the window has no handle ({e})"));
     let (window, display) = (window.window_handle().map_err(gone)?, window.display_handle().map_err(gone)?);

@@ -1,0 +1,67 @@
+//! What the systems do differently about files.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Where the user keeps what can be made again: `XDG_CACHE_HOME` where it is set, `LOCALAPPDATA` on Windows, else
+/// `~/.cache`; nowhere without any.
+pub(super) fn cache_base() -> Option<PathBuf> {
+    let set = |name| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
+    let own = || if cfg!(windows) { set("LOCALAPPDATA") } else { Some(set("HOME")?.join(".cache")) };
+    // The specification of these folders has relative paths ignored.
+    set("XDG_CACHE_HOME").filter(|p| p.is_absolute()).or_else(own)
+}
+
+/// A path without links and dots.
+#[cfg(not(windows))]
+pub(super) fn canonical(path: &Path) -> io::Result<PathBuf> {
+    path.canonicalize()
+}
+
+/// A path without links and dots, and without the mark of Windows for paths whose `/` separates nothing.
+#[cfg(windows)]
+pub(super) fn canonical(path: &Path) -> io::Result<PathBuf> {
+    let marked = path.canonicalize()?;
+    let text = marked.to_str().and_then(|text| text.strip_prefix(r"\\?\"));
+    Ok(match text.map(|text| (text, text.strip_prefix(r"UNC\"))) {
+        Some((_, Some(share))) => format!(r"\\{share}").into(),
+        Some((text, None)) => text.into(),
+        None => marked,
+    })
+}
+
+/// Exchanges two names at once.
+#[cfg(target_os = "linux")]
+pub(super) fn exchange(a: &Path, b: &Path) -> io::Result<()> {
+    use rustix::fs::{CWD, RenameFlags, renameat_with};
+    Ok(renameat_with(CWD, a, CWD, b, RenameFlags::EXCHANGE)?)
+}
+
+#[cfg(not(target_os = "linux"))]
+pub(super) fn exchange(_: &Path, _: &Path) -> io::Result<()> {
+    Err(io::ErrorKind::Unsupported.into())
+}
+
+/// Makes names in a folder last through a power cut; only Unix has it.
+#[cfg(unix)]
+pub(super) fn sync_folder(folder: &Path) -> io::Result<()> {
+    match std::fs::File::open(folder)?.sync_all() {
+        // Some network file systems cannot, and say so.
+        Err(e) if e.kind() == io::ErrorKind::InvalidInput || e.kind() == io::ErrorKind::Unsupported => Ok(()),
+        other => other,
+    }
+}
+
+#[cfg(not(unix))]
+pub(super) fn sync_folder(_: &Path) -> io::Result<()> {
+    Ok(())
+}
+
+/// Gives temporary names these permissions, of which the umask takes away, instead of the owner's alone.
+#[cfg(unix)]
+pub(super) fn permit(builder: &mut tempfile::Builder<'_, '_>, mode: u32) {
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(mode));
+}
+
+#[cfg(not(unix))]
+pub(super) fn permit(_: &mut tempfile::Builder<'_, '_>, _: u32) {}

@@ -1,0 +1,170 @@
+//! What a scene is, as it is read: for people who want to know before they compute.
+
+use super::order::{self, Order, OrderFound};
+use super::resize::{Fit, Resize};
+use super::{DepthSource, LightField, Parallax, Request, SceneError, folder};
+use crate::optics::{Color, dioptres};
+use serde::Serialize;
+use std::path::Path;
+
+/// A scene, as it is read. Lengths in metres unless the name says otherwise.
+#[derive(Debug, Clone, Serialize)]
+#[non_exhaustive]
+pub struct Inspection {
+    /// Its name.
+    pub name: String,
+    /// Rows and columns of views.
+    pub grid: [usize; 2],
+    /// How they were found.
+    pub found_by: String,
+    /// Rows and columns of pixels of its own pictures; none where they are made for the display.
+    pub own_size: Option<[usize; 2]>,
+    /// Rows and columns of pixels on the display.
+    pub size: [usize; 2],
+    /// How stored values become light.
+    pub transfer: String,
+    /// The order in which the views are read.
+    pub order: Order,
+    /// What the pictures say of it: nothing against it, or the line with which other commands refuse it.
+    pub doubt: Option<String>,
+    /// Whether the pictures confirm it: none where they do not tell.
+    pub order_confirmed: Option<bool>,
+    /// Smallest and largest movement from column to column, and from row to row, pixels of the display, each measured by
+    /// itself; none where nothing moves, or nothing tells.
+    pub parallax_px: [Option<[f64; 2]>; 2],
+    /// Smallest and largest disparity, pixels of the display between neighbouring views.
+    pub disparity_px: [f64; 2],
+    /// Farthest and nearest depth, millimetres.
+    pub depth_mm: [f64; 2],
+    /// The same in dioptres.
+    pub depth_dioptres: [f64; 2],
+    /// Whether the scene states its depths; else they are measured.
+    pub depth_is_stated: bool,
+    /// Distance of neighbouring views in the pupil plane, millimetres.
+    pub view_pitch_mm: f64,
+    /// Pixels by which the nearest and the farthest content move against each other from view to view: beyond one, wide pupils
+    /// see ghosts.
+    pub aliasing_px: f64,
+    /// Views per axis that would keep it to one.
+    pub views_without_aliasing: usize,
+    /// Light, per colour.
+    pub exposure: Vec<Exposure>,
+}
+
+/// The light of one colour, linear.
+#[derive(Debug, Clone, Copy, Serialize)]
+#[non_exhaustive]
+pub struct Exposure {
+    /// The colour.
+    pub color: Color,
+    /// The brightest value; 1 is full scale.
+    pub brightest: f64,
+    /// Mean.
+    pub mean: f64,
+    /// Share of the pixels that are black (below 1/4096 of full scale).
+    pub black: f64,
+    /// Share of the pixels at full scale or beyond it.
+    pub clipped: f64,
+}
+
+/// Loads a scene whatever its order, and says what it is.
+///
+/// # Errors
+/// Those of [`super::load`], but for an order that the pictures contradict.
+pub fn inspect(source: &str, request: &Request) -> Result<(Inspection, LightField), SceneError> {
+    let path = Path::new(source);
+    let is_folder = !source.starts_with("builtin:") && path.is_dir() && request.depth_map.is_none();
+    let (field, found_by, own_size, transfer, order, says) = if is_folder {
+        request.check()?;
+        let read = folder::read(path, request)?;
+        let doubt = order::check(source, &read.order_found).err().map(|e| e.to_string());
+        let confirmed = match read.order_found {
+            OrderFound::AsNamed => Some(true),
+            OrderFound::Unknown => None,
+            OrderFound::Other { .. } => Some(false),
+        };
+        let field = LightField { view_pitch: request.view_pitch.or(read.field.view_pitch), ..read.field };
+        (field, read.how, Some(read.size), read.transfer, read.order, (doubt, confirmed, read.parallax))
+    } else {
+        let field = super::load(source, request)?;
+        let parallax = Parallax::of(&field);
+        let (how, transfer) =
+            if path.is_file() { ("a picture with a depth map", "sRGB") } else { ("built in", "linear") };
+        (
+            field,
+            how.into(),
+            super::native_size(source)?,
+            transfer.into(),
+            Order::default(),
+            (None, Some(true), parallax),
+        )
+    };
+    let display = request.display;
+    let (depth, source) = match request.depth.filter(|_| request.depth_map.is_none()) {
+        Some([a, b]) => ([a.min(b), a.max(b)], DepthSource::Stated),
+        None => field.reach(display),
+    };
+    let per_pixel = display.focal_length * display.picture_pixel() / field.cell(display);
+    let (doubt, order_confirmed, parallax) = says;
+    let inspection = Inspection {
+        name: field.name.clone(),
+        grid: field.grid,
+        found_by,
+        own_size,
+        size: [field.height, field.width],
+        transfer,
+        order,
+        doubt,
+        order_confirmed,
+        parallax_px: parallax.map_or([None; 2], |p| p.movement),
+        disparity_px: depth.map(|z| z / per_pixel),
+        depth_mm: depth.map(|z| z * 1e3),
+        depth_dioptres: depth.map(|z| dioptres(z, display.focal_length)),
+        depth_is_stated: source == DepthSource::Stated,
+        view_pitch_mm: field.cell(display) * 1e3,
+        aliasing_px: field.aliasing(display, depth),
+        views_without_aliasing: field.views_without_aliasing(display, depth),
+        exposure: exposure(&field),
+    };
+    Ok((inspection, field))
+}
+
+fn exposure(field: &LightField) -> Vec<Exposure> {
+    let light = field.light().into_iter().zip(&field.planes);
+    let one = |(light, views): (super::Light, &Vec<Vec<f32>>)| {
+        let count = views.iter().map(Vec::len).sum::<usize>().max(1) as f64;
+        let share = |is: &dyn Fn(f32) -> bool| views.iter().flatten().filter(|v| is(**v)).count() as f64 / count;
+        Exposure {
+            color: light.color,
+            brightest: light.brightest,
+            mean: light.mean,
+            black: share(&|v| v < 1.0 / 4096.0),
+            clipped: share(&|v| v >= 0.9995),
+        }
+    };
+    light.map(one).collect()
+}
+
+/// All views beside each other as they are read, in at most `most` pixels along each axis: rows and columns of pixels, and one
+/// plane of linear light per colour.
+pub fn contact_sheet(field: &LightField, most: usize) -> ([usize; 2], Vec<Vec<f32>>) {
+    const GAP: usize = 2;
+    let [rows, columns] = field.grid;
+    let times = ((field.height + GAP) * rows).max((field.width + GAP) * columns) as f64 / most.max(1) as f64;
+    let small =
+        [field.height, field.width].map(|n| (((n + GAP) as f64 / times.max(1.0)) as usize).saturating_sub(GAP).max(1));
+    let resize = Resize::new([field.height, field.width], small, Fit::Contain);
+    let [high, wide] = [rows * (small[0] + GAP) - GAP, columns * (small[1] + GAP) - GAP];
+    let sheet = |views: &Vec<Vec<f32>>| {
+        let mut sheet = vec![0.25f32; high * wide];
+        for (i, view) in views.iter().enumerate() {
+            let view = resize.apply(view);
+            let at = i / columns * (small[0] + GAP) * wide + i % columns * (small[1] + GAP);
+            for (y, row) in view.chunks_exact(small[1]).enumerate() {
+                sheet[at + y * wide..][..small[1]].copy_from_slice(row);
+            }
+        }
+        sheet
+    };
+    ([high, wide], field.planes.iter().map(sheet).collect())
+}

@@ -1,0 +1,131 @@
+//! The numbers in a file's name, and the lines of a grid that such numbers fall into.
+
+/// A number as a name has it.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Number {
+    pub value: f64,
+    /// Digits before the point, without the sign.
+    pub digits: usize,
+    /// Whether it has no point.
+    pub whole: bool,
+}
+
+/// A file's name: numbers, and the text around them.
+#[derive(Debug, Clone)]
+pub(super) struct Name<'a> {
+    pub name: &'a str,
+    /// One more than there are numbers.
+    pub texts: Vec<String>,
+    pub numbers: Vec<Number>,
+    /// What follows the last point, in small letters.
+    pub end: String,
+}
+
+/// Numbers of a name beyond this make no grid.
+const NUMBERS: usize = 12;
+
+impl<'a> Name<'a> {
+    /// Reads the numbers of a name: runs of digits, or, where `signed`, with a point between digits and a minus that follows
+    /// no digit, nor a letter unless there is a point. None where there is no number, or one too long to be one.
+    pub fn read(name: &'a str, signed: bool) -> Option<Self> {
+        let (stem, end) = name.rsplit_once('.')?;
+        let bytes = stem.as_bytes();
+        let digit = |i: usize| bytes.get(i).is_some_and(u8::is_ascii_digit);
+        let (mut texts, mut numbers, mut start, mut i) = (Vec::new(), Vec::new(), 0, 0);
+        while i < bytes.len() {
+            let alone = i == 0 || !(bytes[i - 1].is_ascii_alphanumeric() || bytes[i - 1] >= 0x80);
+            let mut after = i + 1;
+            while digit(after) {
+                after += 1;
+            }
+            // Behind a letter only before a number with a point: view-3 is 3, y-4.5 is -4.5.
+            let decimal = bytes.get(after) == Some(&b'.') && digit(after + 1) && i > 0 && !digit(i - 1);
+            let minus = signed && bytes[i] == b'-' && digit(i + 1) && (alone || decimal);
+            if !minus && !digit(i) {
+                i += 1;
+                continue;
+            }
+            let from = i;
+            i += usize::from(minus);
+            while digit(i) {
+                i += 1;
+            }
+            let digits = i - from - usize::from(minus);
+            let point = signed && bytes.get(i) == Some(&b'.') && digit(i + 1);
+            if point {
+                i += 1;
+                while digit(i) {
+                    i += 1;
+                }
+            }
+            // Beyond this, whole numbers of float64 are not told apart.
+            if digits > 15 || numbers.len() == NUMBERS {
+                return None;
+            }
+            texts.push(stem[start..from].to_owned());
+            numbers.push(Number { value: stem[from..i].parse().ok()?, digits, whole: !point });
+            start = i;
+        }
+        texts.push(stem[start..].to_owned());
+        (!numbers.is_empty()).then(|| Self { name, texts, numbers, end: end.to_ascii_lowercase() })
+    }
+
+    /// Whether the numbers are all the same.
+    pub fn same(&self, other: &Self) -> bool {
+        self.numbers.iter().zip(&other.numbers).all(|(a, b)| a.value == b.value)
+    }
+
+    /// The name with these values for these numbers, as `family` writes them; a star for others that change.
+    pub fn with(&self, fields: &[usize], values: &[f64], family: &[Name]) -> String {
+        let mut name = self.texts[0].clone();
+        for (k, number) in self.numbers.iter().enumerate() {
+            let digits = family.iter().map(|n| n.numbers[k].digits).min().unwrap_or(1);
+            match fields.iter().position(|f| *f == k) {
+                Some(i) if values[i] < 0.0 => name += &format!("-{:0digits$}", -values[i]),
+                Some(i) => name += &format!("{:0digits$}", values[i]),
+                None if family.iter().any(|n| n.numbers[k].value != number.value) => name.push('*'),
+                None => name += &format!("{:0width$}", number.value, width = number.digits),
+            }
+            name += &self.texts[k + 1];
+        }
+        format!("{name}.{}", self.name.rsplit_once('.').map_or("", |(_, end)| end))
+    }
+}
+
+/// Whether the words before two numbers say that the first is the column: x and y, c and r, column and row, u and v, s and t.
+pub(super) fn is_column_first(name: &Name, first: usize, second: usize) -> bool {
+    let word = |k: usize| {
+        let text = name.texts[k].trim_end_matches(|c: char| !c.is_alphabetic()).to_lowercase();
+        let start = text.char_indices().rev().take_while(|(_, c)| c.is_alphabetic()).last().map_or(0, |(i, _)| i);
+        text[start..].to_owned()
+    };
+    let pairs = [("x", "y"), ("c", "r"), ("col", "row"), ("column", "row"), ("cols", "rows"), ("u", "v"), ("s", "t")];
+    pairs.contains(&(word(first).as_str(), word(second).as_str()))
+}
+
+/// The different values in ascending order, and for each value which of them it is. Coordinates that are measured scatter
+/// around their line: what lies closer than a third of the widest distance is one.
+pub(super) fn lines(values: &[f64], whole: bool) -> (Vec<f64>, Vec<usize>) {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.dedup();
+    let widest = sorted.windows(2).map(|w| w[1] - w[0]).fold(0.0, f64::max);
+    let apart = if whole { 0.0 } else { widest / 3.0 };
+    let mut groups: Vec<Vec<f64>> = Vec::new();
+    for value in sorted {
+        match groups.last_mut() {
+            Some(group) if value - group[group.len() - 1] <= apart => group.push(value),
+            _ => groups.push(vec![value]),
+        }
+    }
+    let place = |v: &f64| groups.partition_point(|g| g[g.len() - 1] < *v);
+    let at = values.iter().map(place).collect();
+    (groups.iter().map(|g| g.iter().sum::<f64>() / g.len() as f64).collect(), at)
+}
+
+/// The first value that is missing among evenly spaced ones; coordinates are even within half a step.
+pub(super) fn gap(lines: &[f64], whole: bool) -> Option<f64> {
+    let step = lines.windows(2).map(|w| w[1] - w[0]).fold(f64::INFINITY, f64::min);
+    let most = if whole { step } else { 1.5 * step };
+    lines.windows(2).find(|w| w[1] - w[0] > most).map(|w| w[0] + step)
+}

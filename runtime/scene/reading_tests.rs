@@ -1,0 +1,253 @@
+//! Light fields as people bring them: names, orders and holes, each read right or refused with a line that helps.
+
+use super::*;
+use crate::files::write_png;
+use crate::optics::{Color, Display};
+use image::{ImageBuffer, Luma};
+use std::{fs, path::PathBuf};
+
+const GREEN: [Color; 1] = [Color::Green];
+
+fn display(size: usize) -> Display {
+    Display { height: size, width: size, ..Display::preset("small").unwrap() }
+}
+
+/// A number that tells views apart, and no running number by its steps.
+fn mark(r: usize, c: usize) -> u8 {
+    ((r * 37 + c) * 7919 % 251) as u8
+}
+
+/// Writes a small view for each name; `at` is where it stands.
+fn write(folder: &Path, names: &[(String, [usize; 2])]) {
+    for (name, [r, c]) in names {
+        ImageBuffer::from_pixel(8, 8, Luma([mark(*r, *c)])).save(folder.join(name)).unwrap();
+    }
+}
+
+fn grid(rows: usize, columns: usize, name: impl Fn(usize, usize) -> String) -> Vec<(String, [usize; 2])> {
+    (0..rows * columns).map(|i| (name(i / columns, i % columns), [i / columns, i % columns])).collect()
+}
+
+fn without(mut names: Vec<(String, [usize; 2])>, i: usize) -> Vec<(String, [usize; 2])> {
+    names.remove(i);
+    names
+}
+
+fn and(mut names: Vec<(String, [usize; 2])>, more: &[&str]) -> Vec<(String, [usize; 2])> {
+    names.extend(more.iter().map(|m| ((*m).to_owned(), [0, 0])));
+    names
+}
+
+type Row = (&'static str, Vec<(String, [usize; 2])>, &'static str, Result<[usize; 2], &'static [&'static str]>);
+
+/// What the folder is, its files, its lightfield.toml, and how it is read, or what the line says.
+fn ways() -> Vec<Row> {
+    let lytro = |r: usize, c: usize| format!("IMG_2067_eslf_{r:02}_{c:02}.png");
+    let hci = |r: usize, c: usize| format!("input_Cam{:03}.png", r * 9 + c);
+    let stanford = |r: usize, c: usize| {
+        let (y, x) = (-776.880371 + 48.3 * r as f64 + 0.7 * c as f64, 1533.135620 - 48.6 * c as f64 + 0.3 * r as f64);
+        format!("out_{r:02}_{c:02}_{y:.6}_{x:.6}_.png")
+    };
+    let coordinates = |r: usize, c: usize| {
+        let (x, y) = (2.5 * c as f64 - 5.0 + 0.01 * r as f64, 2.5 * r as f64 - 5.0 + 0.013 * c as f64);
+        format!("cam_x{x:.3}_y{y:.3}.png")
+    };
+    vec![
+        ("Stanford archive, decimal and negative coordinates", grid(17, 17, stanford), "", Ok([17, 17])),
+        (
+            "4D Light Field Benchmark",
+            and(grid(9, 9, hci), &["objectids_highres.png", "gt_depth_lowres.png"]),
+            "",
+            Ok([9, 9]),
+        ),
+        ("old HCI, exported", grid(9, 9, |r, c| format!("lf_{r}_{c}.png")), "", Ok([9, 9])),
+        (
+            "Technicolor, sixteen cameras of a frame",
+            grid(4, 4, |r, c| format!("Birthday_undist_00042_{:02}.png", r * 4 + c)),
+            "",
+            Ok([4, 4]),
+        ),
+        ("Lytro export", grid(14, 14, lytro), "", Ok([14, 14])),
+        ("EPFL, one-based", grid(13, 13, |r, c| format!("{:03}_{:03}.png", r + 1, c + 1)), "", Ok([13, 13])),
+        ("MPI, one row", grid(1, 101, |_, c| format!("{c:04}.png")), "grid = [1, 101]", Ok([1, 101])),
+        ("Blender frames, one-based", grid(5, 5, |r, c| format!("{:04}.png", r * 5 + c + 1)), "", Ok([5, 5])),
+        ("view-3-7", grid(4, 7, |r, c| format!("view-{r}-{c}.png")), "", Ok([4, 7])),
+        ("x before y", grid(3, 5, |r, c| format!("cam_x{c}_y{r}.png")), "", Ok([3, 5])),
+        ("r3c7, one-based", grid(5, 4, |r, c| format!("r{}c{}.png", r + 1, c + 1)), "", Ok([5, 4])),
+        ("columns first by name", grid(3, 4, |r, c| format!("col{c:02}row{r:02}.png")), "", Ok([3, 4])),
+        ("signed indices", grid(5, 5, |r, c| format!("v_{}_{}.png", r as i32 - 2, c as i32 - 2)), "", Ok([5, 5])),
+        ("coordinates alone", grid(5, 5, coordinates), "", Ok([5, 5])),
+        ("running number and indices", grid(3, 3, |r, c| format!("{:02}_r{r}_c{c}.png", 3 * r + c)), "", Ok([3, 3])),
+        ("indices with a point between", grid(3, 3, |r, c| format!("lf{r}.{c}.png")), "", Ok([3, 3])),
+        ("one missing", without(grid(4, 5, |r, c| format!("LF_{r}_{c}.png")), 7), "", Err(&["LF_1_2.png", "missing"])),
+        ("one of the archive's missing", without(grid(5, 5, stanford), 8), "", Err(&["out_01_03_*_*_.png", "missing"])),
+        ("one of a running number missing", without(grid(9, 9, hci), 40), "", Err(&["input_Cam040.png", "missing"])),
+        ("the last missing", without(grid(9, 9, hci), 80), "", Err(&["80 views", "input_Cam080.png", "grid"])),
+        (
+            "two light fields",
+            and(
+                grid(3, 3, |r, c| format!("a_{r}_{c}.png")),
+                &["b_0_0.png", "b_0_1.png", "b_1_0.png", "b_1_1.png", "b_2_2.png"],
+            ),
+            "",
+            Err(&["named in several ways", "files"]),
+        ),
+        (
+            "one of two, stated",
+            and(
+                grid(3, 3, |r, c| format!("a_{r}_{c}.png")),
+                &["b_0_0.png", "b_0_1.png", "b_1_0.png", "b_1_1.png", "b_2_2.png"],
+            ),
+            "files = \"a_*\"",
+            Ok([3, 3]),
+        ),
+        (
+            "frames of a light field",
+            grid(6, 3, |r, c| format!("t{}_{}_{c}.png", r / 3, r % 3)),
+            "",
+            Err(&["2 sets of 9", "files"]),
+        ),
+        (
+            "two times nine by nine",
+            grid(2, 81, |r, c| format!("s{r}_{c:03}.png")),
+            "",
+            Err(&["2 light fields of 9 x 9", "grid", "files"]),
+        ),
+        (
+            "another grid than is stated",
+            grid(3, 4, |r, c| format!("v_{r}_{c}.png")),
+            "grid = [4, 3]",
+            Err(&["3 x 4", "4 x 3"]),
+        ),
+        (
+            "names without a pattern",
+            vec![("a1b.png".into(), [0, 0]), ("c2d.png".into(), [0, 1]), ("e3f.png".into(), [0, 2])],
+            "",
+            Err(&["named in several ways"]),
+        ),
+    ]
+}
+
+#[test]
+fn every_way_of_naming_is_read_right_or_refused() {
+    let small = display(8);
+    for (what, names, toml, right) in ways() {
+        let temp = tempfile::tempdir().unwrap();
+        write(temp.path(), &names);
+        if !toml.is_empty() {
+            fs::write(temp.path().join("lightfield.toml"), toml).unwrap();
+        }
+        let read = load(temp.path().to_str().unwrap(), &Request::new(&small, &GREEN));
+        match (read, right) {
+            (Ok(field), Ok(grid)) => {
+                assert_eq!(field.grid, grid, "{what}");
+                for (i, view) in field.planes[0].iter().enumerate() {
+                    let light = srgb_to_linear(f64::from(mark(i / grid[1], i % grid[1])) / 255.0) as f32;
+                    assert!((view[0] - light).abs() < 1e-5, "{what}: view {i}");
+                }
+            }
+            (Err(error), Err(words)) => {
+                let line = error.to_string();
+                assert!(words.iter().all(|w| line.contains(w)) && !line.contains('\n'), "{what}: {line}");
+            }
+            (Ok(field), Err(_)) => panic!("{what}: read as {:?}", field.grid),
+            (Err(error), Ok(_)) => panic!("{what}: {error}"),
+        }
+    }
+}
+
+/// A view's name by the row and the column that it says.
+type Naming = dyn Fn(usize, usize) -> String;
+
+/// Writes a light field under names, in an order that the names do not tell.
+fn save(field: &LightField, order: &str, name: &Naming) -> tempfile::TempDir {
+    let temp = tempfile::tempdir().unwrap();
+    let (_, places) = order.parse::<Order>().unwrap().places(field.grid);
+    let columns = field.grid[1];
+    for (view, named) in field.planes[0].iter().zip(places) {
+        let file: PathBuf = temp.path().join(name(named / columns, named % columns));
+        write_png(&file, field.height, field.width, &[view]).unwrap();
+    }
+    temp
+}
+
+/// Every order, naming and sparsity: the depths are right or the line says what makes them so; none are inside out.
+#[test]
+fn ten_light_fields_are_none_of_them_inside_out() {
+    let display = display(96);
+    let render = |views: usize, span: f64| {
+        load(&format!("builtin:still-life?span={span}"), &Request { views, ..Request::new(&display, &GREEN) }).unwrap()
+    };
+    let fields = [render(5, 1.1), render(9, 1.1), render(3, 0.55)];
+    let coordinates =
+        |r: usize, c: usize| format!("out_{:.4}_{:.4}.png", 48.3 * r as f64 - 96.0, 48.3 * c as f64 + 0.01 * r as f64);
+    let cases: [(usize, &str, &Naming); 10] = [
+        (1, "as-named", &|r, c| format!("input_Cam{:03}.png", r * 9 + c)),
+        (0, "as-named", &|r, c| format!("out_{r:02}_{c:02}_{:.3}_{:.3}_.png", r as f64 * 9.5, c as f64 * 9.5)),
+        (0, "flip-rows", &|r, c| format!("view-{r}-{c}.png")),
+        (0, "flip-columns", &|r, c| format!("r{r}c{c}.png")),
+        (0, "flip-rows,flip-columns", &|r, c| format!("LF_{r:02}_{c:02}.png")),
+        (0, "transpose", &|r, c| format!("{:03}_{:03}.png", r + 1, c + 1)),
+        (1, "flip-rows,flip-columns", &|r, c| format!("{:04}.png", r * 9 + c + 1)),
+        (2, "as-named", &|r, c| format!("cam_x{c}_y{r}.png")),
+        (0, "flip-rows", &coordinates),
+        (2, "transpose,flip-rows", &|r, c| format!("Frame{}_{}.png", r + 1, c + 1)),
+    ];
+    let mut wrong = Vec::new();
+    for (which, order, name) in cases {
+        let truth = &fields[which];
+        let temp = save(truth, order, name);
+        let source = temp.path().to_str().unwrap();
+        let request = Request::new(&display, &GREEN);
+        let field = match load(source, &request) {
+            Ok(field) => field,
+            Err(SceneError::Order { flags, .. }) => {
+                assert!(order != "as-named", "{}: {flags}", name(0, 0));
+                let right = flags.split(" or ").any(|flag| flag == format!("--order {order}"));
+                if !right {
+                    wrong.push(format!("{order} {}: {flags}", name(0, 0)));
+                }
+                load(source, &Request { order: Some(order.parse().unwrap()), ..request }).unwrap()
+            }
+            Err(other) => panic!("{}: {other}", name(0, 0)),
+        };
+        // The same views in the same places, to the 8 bits of a file.
+        let off = field.planes[0].iter().zip(&truth.planes[0]).flat_map(|(a, b)| a.iter().zip(b));
+        let off = off.map(|(a, b)| (a - b.min(1.0)).abs()).fold(0.0, f32::max);
+        if off >= 0.01 {
+            wrong.push(format!("{order} {}: {:?}", name(0, 0), Parallax::of(&field)));
+            continue;
+        }
+        let [far, near] = truth.depth.unwrap();
+        let ([low, high], _) = LightField { view_pitch: truth.view_pitch, ..field }.reach(&display);
+        let most = 0.1 * (near - far);
+        if !(low > far - most && high < near + most && high - low > 0.5 * (near - far)) {
+            wrong.push(format!("{order} {}: {low} to {high} of {far} to {near}", name(0, 0)));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn what_shows_nothing_is_not_doubted() {
+    let display = display(64);
+    for scene in ["builtin:plane", "builtin:points", "builtin:dense-grass", "builtin:chart"] {
+        let field = load(scene, &Request { views: 5, ..Request::new(&display, &GREEN) }).unwrap();
+        let temp = save(&field, "as-named", &|r, c| format!("v_{r}_{c}.png"));
+        let read = load(temp.path().to_str().unwrap(), &Request::new(&display, &GREEN));
+        assert!(read.is_ok(), "{scene}: {}", read.unwrap_err());
+    }
+}
+
+#[test]
+fn one_row_is_told_from_a_square() {
+    let display = display(64);
+    let field = load("builtin:still-life?span=1", &Request { views: 9, ..Request::new(&display, &GREEN) }).unwrap();
+    let row = LightField { grid: [1, 9], planes: vec![field.planes[0][36..45].to_vec()], ..field };
+    let temp = save(&row, "as-named", &|_, c| format!("{c:04}.png"));
+    let source = temp.path().to_str().unwrap();
+    let line = load(source, &Request::new(&display, &GREEN)).unwrap_err().to_string();
+    assert!(line.contains("3 x 3") && line.contains("1 x 9") && line.contains("grid"), "{line}");
+    fs::write(temp.path().join("lightfield.toml"), "grid = [1, 9]").unwrap();
+    assert_eq!(load(source, &Request::new(&display, &GREEN)).unwrap().grid, [1, 9]);
+}

@@ -1,0 +1,56 @@
+"""What the senders in this folder share: samples go as lines of JSON in UDP datagrams to eyebox.
+
+The keys are those of docs/trackers.md: angles in degrees, to the right and down, as seen from the eye; diameters in
+millimetres; focus_d, the distance the eyes focus at, in dioptres (1 / metres).
+"""
+
+import argparse, json, math, socket, time
+
+
+def arguments(about):
+    """The command line that every sender has."""
+    parser = argparse.ArgumentParser(description=about)
+    parser.add_argument("--to", default="127.0.0.1:9123", metavar="HOST:PORT", help="where eyebox listens")
+    parser.add_argument("--simulate", action="store_true", help="send a made-up eye, without the tracker's software")
+    parser.add_argument("--count", type=int, default=0, metavar="N", help="stop after so many samples")
+    return parser.parse_args()
+
+
+class Sender:
+    """Sends samples to eyebox."""
+
+    def __init__(self, args):
+        host, port = args.to.rsplit(":", 1)
+        self.socket, self.to = socket.socket(socket.AF_INET, socket.SOCK_DGRAM), (host, int(port))
+        self.left = args.count or math.inf
+
+    def send(self, sample):
+        """Sends one sample; False once all that were asked for are sent."""
+        self.socket.sendto(json.dumps(sample).encode(), self.to)
+        self.left -= 1
+        return self.left > 0
+
+
+def gaze(direction, valid=True, diameter=None):
+    """One eye that looks along (right, up, forward), of any length."""
+    right, up, forward = direction
+    eye = {"what": "gaze", "unit": "deg", "valid": bool(valid and forward > 0)}
+    if eye["valid"]:
+        eye["x"], eye["y"] = math.degrees(math.atan2(right, forward)), math.degrees(math.atan2(-up, forward))
+    if diameter is not None and diameter > 0:
+        eye["diameter"] = diameter
+    return eye
+
+
+def simulate(send, both=True):
+    """An eye that looks around at 1 dioptre, 100 times a second."""
+    begun = time.monotonic()
+    while True:
+        now = time.monotonic()
+        x, y = 0.1 * math.sin(now - begun), 0.05 * math.sin(2 * (now - begun))
+        half = 0.063 / 2
+        eyes = {"left": gaze((x + half, y, 1), True, 4.0), "right": gaze((x - half, y, 1), True, 4.0)}
+        sample = {"t": now, "focus_d": 1.0, **(eyes if both else gaze((x, y, 1)))}
+        if not send(sample):
+            return
+        time.sleep(0.01)

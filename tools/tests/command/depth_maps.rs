@@ -1,0 +1,80 @@
+//! Pictures with depth maps: which end is near, and which map belongs to which picture of a sequence.
+
+use crate::common::{done, eyebox, folder, refused, text};
+use std::path::Path;
+
+const SMALL: [&str; 12] =
+    ["--size", "40x48", "--views", "3", "--steps", "2", "--frames", "1", "--color", "green", "--engine", "cpu"];
+
+/// Photographs a.png and b.png, and as maps of them the same two in green.
+fn pictures(at: &Path) {
+    for (name, scene) in [("a", "builtin:still-life"), ("b", "builtin:still-life?camera=5")] {
+        let photograph = ["photograph", scene, "--size", "40x48", "--views", "3", "--pupil=0,0,2,0"];
+        std::fs::create_dir_all(at.join("maps")).unwrap();
+        done(at, &[&photograph[..], &["-o", &format!("{name}.png")]].concat());
+        done(at, &[&photograph[..], &["--color", "green", "-o", &format!("maps/{name}.png")]].concat());
+    }
+}
+
+#[test]
+fn what_is_near_is_said_and_remembered() {
+    let temp = folder();
+    let at = temp.path();
+    pictures(at);
+    let solve = |out, more: &[&'static str]| [&["solve", "a.png", "-o", out][..], &SMALL, more].concat();
+    let answer = eyebox(at, &solve("bright.zarr", &["--depth-map", "maps/a.png"]));
+    let said = text(&answer.stderr);
+    assert!(answer.status.success() && said.contains("bright is near (--near dark if not)"), "{said}");
+    done(at, &solve("dark.zarr", &["--depth-map", "maps/a.png", "--near", "dark"]));
+    let score = |hologram, more: &[&'static str]| {
+        let words = ["score", hologram, "a.png", "--depth-map", "maps/a.png", "--pupils", "random:4", "--json"];
+        done(at, &[&words[..], more].concat())
+    };
+    let remembered = score("dark.zarr", &[]);
+    assert_eq!(remembered, score("dark.zarr", &["--near", "small"]));
+    assert_ne!(remembered, score("dark.zarr", &["--near", "bright"]));
+    assert_eq!(score("bright.zarr", &[]), score("bright.zarr", &["--near", "large"]));
+
+    let header = "{'descr': '|u1', 'fortran_order': False, 'shape': (40, 48), }";
+    let mut npy = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
+    npy.extend(format!("{header:<117}\n").bytes());
+    npy.extend((0..40 * 48).map(|i| (i % 48) as u8 + 1));
+    for name in ["map.npy", "depth.npy"] {
+        std::fs::write(at.join(name), &npy).unwrap();
+    }
+    refused(
+        at,
+        &solve("x.zarr", &["--depth-map", "map.npy"]),
+        "x.zarr",
+        "give --near small (distances) or --near large",
+    );
+    let answer = eyebox(at, &solve("x.zarr", &["--depth-map", "depth.npy"]));
+    let said = text(&answer.stderr);
+    assert!(answer.status.success() && said.contains("small values are near (--near large if not)"), "{said}");
+}
+
+#[test]
+fn each_picture_of_a_sequence_has_its_own_map() {
+    let temp = folder();
+    let at = temp.path();
+    pictures(at);
+    let solve = |out, maps: &[&'static str]| {
+        let mut words = [&["solve", "a.png", "b.png", "-o", out][..], &SMALL].concat();
+        maps.iter().for_each(|map| words.extend(["--depth-map", *map]));
+        words
+    };
+    refused(at, &solve("x.zarr", &["maps/a.png"]), "x.zarr", "maps/a.png is one map of 2 different pictures");
+    refused(at, &solve("x.zarr", &["maps/a.png"; 3]), "x.zarr", "3 maps are given for 2 pictures");
+    done(at, &solve("folder.zarr", &["maps"]));
+    done(at, &solve("each.zarr", &["maps/a.png", "maps/b.png"]));
+    done(at, &solve("same.zarr", &["maps/a.png", "maps/a.png"]));
+    let second = |sequence: &str| {
+        done(at, &["export", sequence, "--at", "1", "-o", "phases.npy"]);
+        std::fs::read(at.join("phases.npy")).unwrap()
+    };
+    let wanted = second("each.zarr");
+    assert_eq!(second("folder.zarr"), wanted);
+    assert_ne!(second("same.zarr"), wanted);
+    std::fs::remove_file(at.join("maps/b.png")).unwrap();
+    refused(at, &solve("x.zarr", &["maps"]), "x.zarr", "b.png: 0 maps in maps have its name or number");
+}

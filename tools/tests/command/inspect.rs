@@ -1,0 +1,46 @@
+//! `eyebox inspect`, and the order of views, as a user meets them.
+
+use crate::common::{done, folder, refused};
+use serde_json::Value;
+
+const SIZE: [&str; 4] = ["--size", "64x64", "--color", "green"];
+
+#[test]
+fn a_scene_is_inspected_and_a_reversed_axis_is_refused_until_it_is_stated() {
+    let temp = folder();
+    let at = temp.path();
+    std::fs::create_dir(at.join("views")).unwrap();
+    // Rows run upwards.
+    for i in 0..9 {
+        let (x, y) = ((i % 3 - 1) * 7, (1 - i / 3) * 7);
+        let (pupil, out) = (format!("--pupil={x},{y},2,0"), format!("views/view_{}_{}.png", i / 3, i % 3));
+        let scene =
+            ["photograph", "builtin:still-life?span=0.7", "--views", "3", &pupil, "-o", &out, "--engine", "cpu"];
+        done(at, &[&scene[..], &SIZE].concat());
+    }
+    let inspect = |more: &[&str]| done(at, &[&["inspect", "views"][..], &SIZE, more].concat());
+    let read = |text: &str| serde_json::from_str::<Value>(text).unwrap();
+    let doubted = read(&inspect(&["--json"]));
+    assert_eq!(
+        (&doubted["grid"], &doubted["order_confirmed"]),
+        (&Value::from(vec![3, 3]), &Value::from(false)),
+        "{doubted}"
+    );
+    assert!(doubted["doubt"].as_str().unwrap().contains("--order flip-"), "{doubted}");
+    let solve = [&["solve", "views", "-o", "x.zarr", "--steps", "1", "--engine", "cpu"][..], &SIZE].concat();
+    refused(at, &solve, "x.zarr", "lightfield.toml");
+
+    let text = inspect(&["--order", "flip-rows", "-o", "sheet.png"]);
+    for what in ["grid", "pixels", "order", "parallax", "disparity", "depth", "aliasing", "green"] {
+        assert!(text.lines().any(|l| l.trim_start().starts_with(what)), "{what}: {text}");
+    }
+    let sheet = image::image_dimensions(at.join("sheet.png")).unwrap();
+    assert_eq!(sheet, (3 * 66 - 2, 3 * 66 - 2));
+    // A hologram remembers what was said.
+    done(at, &[&solve[..], &["--order", "flip-rows"]].concat());
+    done(at, &["score", "x.zarr", "views", "--pupils", "random:1", "--engine", "cpu"]);
+    // Stated in the folder, it needs no flag.
+    std::fs::write(at.join("views/lightfield.toml"), "flip_rows = true\n").unwrap();
+    assert_eq!(read(&inspect(&["--json"]))["order"], "flip-rows");
+    refused(at, &[&solve[..], &["--order", "backwards"]].concat(), "none", "as-named");
+}

@@ -1,0 +1,62 @@
+#!/usr/bin/env bash
+# Builds the command and the library's tests for Windows and runs them under Wine, on the CPU: tools/windows.sh
+# EYEBOX=PROGRAM.exe tries that program alone. Wants MinGW's linker and Wine: apt-get install gcc-mingw-w64-x86-64 wine64
+set -euo pipefail
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+program=${EYEBOX:+$(realpath "$EYEBOX")}
+cd "$root"
+target=x86_64-pc-windows-gnu
+
+export PATH=$PATH:/usr/lib/wine # Where Debian has it.
+wine=$(command -v wine64 || command -v wine || true)
+if [[ -z $wine ]]; then
+    echo "Wine was not found: apt-get install wine64" >&2
+    exit 1
+fi
+work=$(mktemp -d)
+export WINEPREFIX=$work/wine WINEDEBUG=-all
+# Its server goes on after the last program: it has to end before its folder goes.
+trap 'wineserver -k || true; wineserver -w || true; rm -rf "$work"' EXIT
+# No desktop, and no questions for what a browser would need.
+export WINEDLLOVERRIDES="mscoree,mshtml=" DISPLAY=
+# Debian's Wine 8 lacks the one function by which Rust asks Windows for random numbers.
+mkdir "$work/library"
+x86_64-w64-mingw32-gcc -shared -x c - -o "$work/library/bcryptprimitives.dll" <<'END'
+#include <windows.h>
+#include <ntsecapi.h>
+__declspec(dllexport) BOOL WINAPI ProcessPrng(PBYTE data, SIZE_T length) { return RtlGenRandom(data, length); }
+END
+export WINEPATH=Z:${work//\//\\}\\library
+run() {
+    echo "+ $*"
+    "$wine" "$@"
+}
+
+if [[ -z $program ]]; then
+    rustup target add "$target" 2>/dev/null
+    cargo build --quiet --target "$target" --package eyebox-tools --bin eyebox
+    built=$(cargo metadata --format-version 1 --no-deps | sed 's/.*"target_directory":"\([^"]*\)".*/\1/')
+    program=$built/$target/debug/eyebox.exe
+fi
+
+here=$work/here
+mkdir "$here"
+cd "$here"
+run "$program" --version
+run "$program" demo --engine cpu --size 64 --out demo
+run "$program" solve builtin:still-life --engine cpu --size 64x64 --color green --steps 2 -o still-life.zarr
+# Once more: what stands there is replaced.
+run "$program" solve builtin:still-life --engine cpu --size 64x64 --color green --steps 2 -o still-life.zarr
+run "$program" view still-life.zarr --engine cpu --pupil=4,0,4,1.5 -o seen.png
+run "$program" encode still-life.zarr --display grey8 --size 64x64 -o frames
+for made in demo/still-life.zarr/zarr.json still-life.zarr/zarr.json seen.png frames; do
+    [[ -e $made ]] || { echo "$made was not made" >&2; exit 1; }
+done
+if compgen -G '.eyebox-*' >/dev/null; then
+    echo "a draft stayed behind:" .eyebox-* >&2
+    exit 1
+fi
+cd "$root"
+[[ -z ${EYEBOX:-} ]] || exit 0
+
+CARGO_TARGET_X86_64_PC_WINDOWS_GNU_RUNNER=$wine cargo test --quiet --target "$target" --package eyebox --lib
