@@ -1,117 +1,358 @@
-//! The phase of every level, from a CSV table.
+//! The phase of every level, from a table as laboratories write them.
 
 use super::EncodeError;
 use crate::files::FileError;
 use crate::files::read;
 use std::path::Path;
 
-/// Reads (level, turns) from lines `level,phase`; commas, semicolons or tabs.
+/// Turns that a calibrated SLM reaches, at least and at most: what a named unit has to give.
+const REACH: [f64; 2] = [1.0 / 6.0, 8.0];
+/// The same where no unit is named: narrower, so that few numbers can mean two things.
+const USUAL_REACH: [f64; 2] = [0.75, 2.5];
+const FORMS: &str = "a table has two columns, level and phase, in either order, with commas, semicolons, tabs or blanks between them \
+                     (decimal commas but with commas), under a first line such as 'level,phase_rad', 'Gray level;Phase [pi]' or \
+                     'Phase (deg), Grey level'; units are rad, pi, turns and deg; lines that begin with # or % are comments";
+
+/// What phases are counted in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Unit {
+    Radians,
+    Pi,
+    Turns,
+    Degrees,
+}
+
+impl Unit {
+    const ALL: [Self; 4] = [Self::Radians, Self::Pi, Self::Turns, Self::Degrees];
+
+    /// One of it.
+    fn turns(self) -> f64 {
+        match self {
+            Self::Radians => 0.5 / std::f64::consts::PI,
+            Self::Pi => 0.5,
+            Self::Turns => 1.0,
+            Self::Degrees => 1.0 / 360.0,
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Radians => "radians",
+            Self::Pi => "units of pi",
+            Self::Turns => "turns",
+            Self::Degrees => "degrees",
+        }
+    }
+
+    /// From a word of a column's name.
+    fn of(word: &str) -> Option<Self> {
+        match word {
+            "rad" | "rads" | "radian" | "radians" => Some(Self::Radians),
+            "pi" | "\u{3c0}" => Some(Self::Pi),
+            "turn" | "turns" | "wave" | "waves" | "cycle" | "cycles" | "2pi" | "2\u{3c0}" | "\u{3bb}" | "lambda" => {
+                Some(Self::Turns)
+            }
+            "deg" | "degs" | "degree" | "degrees" | "\u{b0}" => Some(Self::Degrees),
+            _ => None,
+        }
+    }
+}
+
+/// What a column's name says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Column {
+    Level,
+    Phase(Option<Unit>),
+}
+
+/// Which column is which.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Head {
+    level: usize,
+    phase: usize,
+    unit: Option<Unit>,
+}
+
+/// What is between columns.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Separator {
+    Char(char),
+    Blanks,
+}
+
+impl Separator {
+    const ALL: [Self; 4] = [Self::Char('\t'), Self::Char(';'), Self::Char(','), Self::Blanks];
+
+    fn split(self, row: &str) -> Vec<&str> {
+        match self {
+            Self::Char(c) => row.split(c).map(|cell| cell.trim().trim_matches('"').trim()).collect(),
+            Self::Blanks => row.split_whitespace().map(|cell| cell.trim_matches('"')).collect(),
+        }
+    }
+
+    /// A number; with a decimal comma where commas are not between columns.
+    fn number(self, cell: &str) -> Option<f64> {
+        match self != Self::Char(',') && cell.matches(',').count() == 1 && !cell.contains('.') {
+            true => cell.replace(',', ".").parse().ok(),
+            false => cell.parse().ok(),
+        }
+    }
+
+    /// The one that makes columns of numbers of this row.
+    fn of(row: &str) -> Option<Self> {
+        let numbers = |s: &Self| {
+            let cells = s.split(row);
+            cells.len() > 1 && cells.iter().all(|cell| s.number(cell).is_some())
+        };
+        Self::ALL.into_iter().find(numbers)
+    }
+}
+
+/// Reads (level, turns) from a table of a level and its phase a line, as laboratories write them.
 ///
-/// Phases are radians, or what a first line says: `level,phase_rad`, `phase_pi`, `phase_turns` or `phase_deg`. Empty
-/// lines and those that start with # are passed over. Levels may come in any order, and phases need not rise.
+/// A first line names the columns, which may be a comment, and the phase's unit. Where it names no unit phases are radians, if
+/// they can be nothing else. Empty lines and comments (# or %) are passed over. Levels may come in any order, and phases
+/// need not rise.
 ///
 /// # Errors
-/// [`EncodeError::File`]; [`EncodeError::Table`] naming the line that is wrong.
-pub(super) fn read(file: &Path, levels: u32) -> Result<Vec<(u8, f64)>, EncodeError> {
-    let text = read::text(file, read::TEXT).map_err(|e| FileError::read(file, e))?;
+/// [`EncodeError::File`]; [`EncodeError::Table`] naming the line that is wrong, and where phases fit no unit, or two.
+pub(super) fn read_table(file: &Path, levels: u32) -> Result<Vec<(u8, f64)>, EncodeError> {
+    let bytes = read::bytes(file, read::TEXT).map_err(|e| FileError::read(file, e))?;
+    let text = String::from_utf8(bytes).or_else(|e| latin1(e.into_bytes()));
+    let text = text.map_err(|()| FileError::content(file, "is no text: a CSV table is wanted"))?;
     parse(&text, levels).map_err(|(line, reason)| EncodeError::Table { file: file.display().to_string(), line, reason })
 }
 
+/// Text of older programs, in which a degree sign is one byte.
+fn latin1(bytes: Vec<u8>) -> Result<String, ()> {
+    let text = bytes.iter().all(|b| *b >= 0xa0 || (0x20..0x7f).contains(b) || b"\t\r\n".contains(b));
+    if text { Ok(bytes.into_iter().map(char::from).collect()) } else { Err(()) }
+}
+
 fn parse(text: &str, levels: u32) -> Result<Vec<(u8, f64)>, (usize, String)> {
-    let mut found: Vec<(u8, f64)> = Vec::new();
-    // Turns in the unit of the phases.
-    let mut unit = 0.5 / std::f64::consts::PI;
-    let mut first = true;
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+    let (mut head, mut separator) = (None, None);
+    let mut rows: Vec<(usize, Vec<&str>)> = Vec::new();
+    let data = text.lines().map(str::trim).find_map(|row| if is_comment(row) { None } else { Separator::of(row) });
     for (line, row) in (1..).zip(text.lines()) {
+        // A tab at the end of a line is not between columns.
         let row = row.trim();
-        if row.is_empty() || row.starts_with('#') {
+        if row.is_empty() {
             continue;
         }
-        let cells: Vec<&str> = row.split([',', ';', '\t']).map(|c| c.trim().trim_matches('"')).collect();
-        let [level, phase] = cells[..] else {
-            return Err((line, format!("has {} columns: level and phase are wanted", cells.len())));
-        };
-        let heads = std::mem::replace(&mut first, false);
-        if heads && level.eq_ignore_ascii_case("level") {
-            unit = match phase.to_ascii_lowercase().as_str() {
-                "phase" | "phase_rad" => unit,
-                "phase_pi" => 0.5,
-                "phase_turns" => 1.0,
-                "phase_deg" => 1.0 / 360.0,
-                other => {
-                    let known = "phase_rad, phase_pi, phase_turns or phase_deg";
-                    return Err((line, format!("calls the second column '{other}': {known} is wanted")));
-                }
-            };
+        if is_comment(row) {
+            // What names both columns is a first line, comment or not.
+            let named = row.trim_start_matches(['#', '%', '/', ' ', '\t']);
+            if rows.is_empty() {
+                head = head.or_else(|| header(named, data).ok());
+            }
             continue;
         }
-        let level =
-            level.parse::<u32>().ok().filter(|l| *l < levels.min(256)).ok_or_else(|| {
-                (line, format!("has the level '{level}': a number from 0 to {} is wanted", levels - 1))
-            })?;
-        let turns = phase.parse::<f64>().ok().map(|p| p * unit).filter(|t| t.abs() <= 1000.0);
+        if rows.is_empty() && head.is_none() && has_no_number(row) {
+            head = Some(header(row, data).map_err(|reason| (line, reason))?);
+            continue;
+        }
+        let by: Separator =
+            *separator.get_or_insert(data.or_else(|| Separator::of(row)).unwrap_or(Separator::Char(',')));
+        rows.push((line, by.split(row)));
+    }
+    let last = text.lines().count().max(1);
+    if rows.len() < 2 {
+        return Err((
+            last,
+            format!("is the last, and there are {} levels: at least two are wanted; {FORMS}", rows.len()),
+        ));
+    }
+    let columns = rows[0].1.len();
+    if let Some((line, cells)) = rows.iter().find(|r| r.1.len() != columns || r.1.len() < 2) {
+        return Err((*line, format!("has {} columns: level and phase are wanted; {FORMS}", cells.len())));
+    }
+    let separator = separator.unwrap_or(Separator::Char(','));
+    let head = match head {
+        Some(head) => head,
+        None => unnamed(&rows, separator, levels)?,
+    };
+    let unit_of = head.unit.unwrap_or(Unit::Radians);
+    let found = values(&rows, separator, head, levels, unit_of)?;
+    check_unit(&found, head.unit, unit_of).map_err(|reason| (last, reason))?;
+    Ok(found)
+}
+
+fn is_comment(row: &str) -> bool {
+    row.starts_with(['#', '%']) || row.starts_with("//")
+}
+
+fn has_no_number(row: &str) -> bool {
+    let no_number = |s: Separator| s.split(row).iter().all(|cell| s.number(cell).is_none());
+    Separator::ALL[..3].iter().all(|s| no_number(*s)) && !row.starts_with(|c: char| c.is_ascii_digit())
+}
+
+/// (level, turns) of every row.
+fn values(
+    rows: &[(usize, Vec<&str>)],
+    separator: Separator,
+    head: Head,
+    levels: u32,
+    unit: Unit,
+) -> Result<Vec<(u8, f64)>, (usize, String)> {
+    let mut found: Vec<(u8, f64)> = Vec::new();
+    for (line, cells) in rows {
+        let (line, count) = (*line, cells.len());
+        if count <= head.level.max(head.phase) {
+            return Err((line, format!("has {count} columns: level and phase are wanted")));
+        }
+        let (level, phase) = (cells[head.level], cells[head.phase]);
+        let level = level_of(separator, level, levels).ok_or_else(|| {
+            (line, format!("has the level '{level}': a number from 0 to {} is wanted", levels.min(256) - 1))
+        })?;
+        let turns = separator.number(phase).map(|p| p * unit.turns()).filter(|t| t.abs() <= 1000.0);
         let turns = turns.ok_or_else(|| {
             (line, format!("has the phase '{phase}': a finite number of at most 1000 turns is wanted"))
         })?;
-        if found.iter().any(|l| u32::from(l.0) == level) {
+        if found.iter().any(|l| l.0 == level) {
             return Err((line, format!("has level {level} a second time")));
         }
-        found.push((level as u8, turns));
-    }
-    if found.len() < 2 {
-        return Err((
-            text.lines().count().max(1),
-            format!("is the last, and there are {} levels: at least two are wanted", found.len()),
-        ));
+        found.push((level, turns));
     }
     Ok(found)
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
+/// A level, which some programs write as 1.8e1.
+fn level_of(separator: Separator, cell: &str, levels: u32) -> Option<u8> {
+    let level = separator.number(cell)?;
+    (level.fract() == 0.0 && (0.0..f64::from(levels.min(256))).contains(&level)).then_some(level as u8)
+}
 
-    #[test]
-    fn units_headers_and_separators() {
-        for (text, last) in [
-            ("0,0\n1,3.14159265358979", 0.5),
-            ("level,phase_pi\n0,0\n1,1.0\n", 0.5),
-            ("# bench, May\nLevel;phase_turns\n\n0;0\r\n1;0.25\r\n", 0.25),
-            ("\u{feff}level\tphase_deg\n1\t90\n0\t0", 0.25),
-        ] {
-            let table = parse(text, 256).unwrap();
-            let turns = table.iter().find(|l| l.0 == 1).unwrap().1;
-            assert!(table.len() == 2 && (turns - last).abs() < 1e-12, "{text}: {turns}");
-        }
+/// Which column is which where no line says so: levels are the whole numbers.
+fn unnamed(rows: &[(usize, Vec<&str>)], separator: Separator, levels: u32) -> Result<Head, (usize, String)> {
+    let (line, columns) = (rows[0].0, rows[0].1.len());
+    if columns != 2 {
+        return Err((line, format!("has {columns} columns, and no line before it names them; {FORMS}")));
     }
-
-    #[test]
-    fn the_wrong_line_is_named() {
-        for (text, line, what) in [
-            ("0,0\n1,x\n", 2, "phase 'x'"),
-            ("0,0\n1\n", 2, "columns"),
-            ("0,0\n\n#\n256,1\n", 4, "0 to 255"),
-            ("0,0\n0,1\n", 2, "second time"),
-            ("level,phase_mm\n0,0\n", 1, "phase_mm"),
-            ("0,nan\n1,2", 1, "nan"),
-            ("0,0\n1,inf", 2, "inf"),
-            ("0,0\n", 1, "at least two"),
-            ("", 1, "at least two"),
-            ("0,0\nlevel,phase\n", 2, "level"),
-        ] {
-            let (at, reason) = parse(text, 256).unwrap_err();
-            assert!(at == line && reason.contains(what), "{text:?}: line {at}: {reason}");
-        }
-    }
-
-    proptest! {
-        #[test]
-        fn any_text_is_read_or_refused(text in "[0-9,;.\\-e\n#a-z\t ]{0,200}", levels in 2u32..=300) {
-            if let Ok(table) = parse(&text, levels) {
-                prop_assert!(table.len() >= 2 && table.iter().all(|l| u32::from(l.0) < levels && l.1.is_finite()));
-            }
-        }
+    let whole = |column: usize| {
+        let level =
+            |cells: &Vec<&str>| cells.get(column).is_none_or(|cell| level_of(separator, cell, levels).is_some());
+        rows.iter().all(|(_, cells)| level(cells))
+    };
+    match (whole(0), whole(1)) {
+        (true, true) => Err((line, format!("and those after it could be levels in either column: name them; {FORMS}"))),
+        (false, true) => Ok(Head { level: 1, phase: 0, unit: None }),
+        _ => Ok(Head { level: 0, phase: 1, unit: None }),
     }
 }
+
+/// What a first line says.
+fn header(row: &str, data: Option<Separator>) -> Result<Head, String> {
+    let between = [data, Some(Separator::Char('\t')), Some(Separator::Char(';')), Some(Separator::Char(','))];
+    let between = between.into_iter().flatten().filter(|s| *s != Separator::Blanks);
+    let cells = between.map(|s| s.split(row)).find(|cells| cells.len() > 1).unwrap_or_else(|| two_names(row));
+    let mut named = Vec::new();
+    for (i, cell) in cells.iter().enumerate() {
+        if let Some(column) = column_of(cell)? {
+            named.push((i, column));
+        }
+    }
+    let levels: Vec<usize> = named.iter().filter(|c| c.1 == Column::Level).map(|c| c.0).collect();
+    let phases: Vec<_> =
+        named.iter().filter_map(|&(i, c)| if let Column::Phase(unit) = c { Some((i, unit)) } else { None }).collect();
+    match (&levels[..], &phases[..]) {
+        (&[level], &[(phase, unit)]) => Ok(Head { level, phase, unit }),
+        _ => Err(format!("'{row}' does not name one column of levels and one of phases; {FORMS}")),
+    }
+}
+
+/// Two names of several words, with blanks between all of them: the second begins at its own word.
+fn two_names(row: &str) -> Vec<&str> {
+    let starts = |is: fn(&str) -> bool| {
+        let words = row.split(|c: char| !c.is_alphanumeric()).filter(|w| !w.is_empty());
+        words.filter(|w| is(&w.to_lowercase())).map(|w| w.as_ptr() as usize - row.as_ptr() as usize).next()
+    };
+    match (starts(is_level), starts(is_phase)) {
+        (Some(level), Some(phase)) => {
+            let (first, second) = row.split_at(level.max(phase));
+            vec![first, second]
+        }
+        _ => vec![row],
+    }
+}
+
+fn is_level(word: &str) -> bool {
+    ["level", "levels", "gray", "grey", "graylevel", "greylevel", "gl"].contains(&word)
+}
+
+fn is_phase(word: &str) -> bool {
+    ["phase", "phases", "phi", "\u{3c6}", "\u{3d5}", "retardance", "retardation"].contains(&word)
+}
+
+/// What a name says, if it names one of the two.
+fn column_of(name: &str) -> Result<Option<Column>, String> {
+    let name = name.to_lowercase();
+    let words: Vec<&str> =
+        name.split(|c: char| !c.is_alphanumeric() && c != '\u{b0}').filter(|w| !w.is_empty()).collect();
+    if words.iter().any(|w| is_level(w)) && !words.iter().any(|w| is_phase(w)) {
+        return Ok(Some(Column::Level));
+    }
+    if !words.iter().any(|w| is_phase(w)) && (words.is_empty() || words.iter().any(|w| Unit::of(w).is_none())) {
+        return Ok(None);
+    }
+    // The unit stands in brackets, or after the name.
+    let bracketed = name.split_once(['(', '[']).and_then(|(_, rest)| rest.split_once([')', ']'])).map(|(unit, _)| unit);
+    let unit: Vec<&str> = match bracketed {
+        Some(unit) => unit.split(|c: char| !c.is_alphanumeric() && c != '\u{b0}').filter(|w| !w.is_empty()).collect(),
+        None => words.into_iter().filter(|w| !is_phase(w)).collect(),
+    };
+    let plain = ["in", "of", "x", "unit", "units", "shift", "modulation", "delay"];
+    let mut found: Vec<Unit> = Vec::new();
+    for word in unit.iter().filter(|w| !plain.contains(w)) {
+        // "2 pi" is one word more.
+        let known = if *word == "2" && unit.iter().any(|w| Unit::of(w) == Some(Unit::Pi)) {
+            Some(Unit::Turns)
+        } else {
+            Unit::of(word)
+        };
+        let known =
+            known.ok_or_else(|| format!("calls a column '{name}', and '{word}' is no unit of phase; {FORMS}"))?;
+        found.push(known);
+    }
+    // "pi rad" is pi, "2 pi" is a turn, and "2 pi rad" too.
+    let strongest = [Unit::Turns, Unit::Pi].into_iter().find(|u| found.contains(u));
+    if found.contains(&Unit::Degrees) && found.iter().any(|u| *u != Unit::Degrees) {
+        return Err(format!("calls a column '{name}', which names two units of phase; {FORMS}"));
+    }
+    Ok(Some(Column::Phase(strongest.or(found.first().copied()))))
+}
+
+/// Refuses phases that no SLM has in their unit and, where none is named, those that are no radians or could be something
+/// else too.
+fn check_unit(found: &[(u8, f64)], named: Option<Unit>, unit: Unit) -> Result<(), String> {
+    let largest = found.iter().map(|l| l.1).fold(f64::NEG_INFINITY, f64::max);
+    let smallest = found.iter().map(|l| l.1).fold(f64::INFINITY, f64::min);
+    let (turns, span) = (largest - smallest, (largest - smallest) / unit.turns());
+    let fits = |unit: Unit, [least, most]: [f64; 2]| (least..=most).contains(&(span * unit.turns()));
+    let readings = |reach: [f64; 2]| -> Vec<String> {
+        let fitting = Unit::ALL.into_iter().filter(|u| fits(*u, reach));
+        fitting.map(|u| format!("{:.3} turns in {}", span * u.turns(), u.name())).collect()
+    };
+    if named.is_some() {
+        if fits(unit, REACH) {
+            return Ok(());
+        }
+        let others = readings(USUAL_REACH);
+        let others = if others.is_empty() { String::new() } else { format!(" (it would be {})", others.join(" or ")) };
+        return Err(format!(
+            "is the last, and the table spans {span:.4} {}, {turns:.3} turns: an SLM reaches 1/6 to 8{others}; {FORMS}",
+            unit.name()
+        ));
+    }
+    let fitting: Vec<Unit> = Unit::ALL.into_iter().filter(|u| fits(*u, USUAL_REACH)).collect();
+    if fitting == [Unit::Radians] {
+        return Ok(());
+    }
+    let readings = readings(if fitting.is_empty() { REACH } else { USUAL_REACH });
+    let could = if readings.is_empty() { "no unit that is known".into() } else { readings.join(" or ") };
+    Err(format!("is the last, and the table spans {span:.4} and names no unit: it could be {could}; {FORMS}"))
+}
+
+#[cfg(test)]
+#[path = "calibration_tests.rs"]
+mod tests;

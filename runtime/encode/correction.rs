@@ -42,7 +42,7 @@ pub(super) fn offsets(display: &Display, color: Color, turning: &Turning) -> Res
 }
 
 /// A number of turns in 2^-32 turns, wrapped.
-fn units(turns: f64) -> u32 {
+pub(super) fn units(turns: f64) -> u32 {
     ((turns - turns.floor()) * 4_294_967_296.0).round() as u64 as u32
 }
 

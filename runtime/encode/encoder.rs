@@ -10,7 +10,7 @@ use rayon::prelude::*;
 /// Turns multiplex sets of one shape into video frames of one display.
 #[derive(Debug, Clone)]
 pub struct Encoder {
-    display: String,
+    pub(super) display: Display,
     colors: Vec<Color>,
     packed: Packed,
     hologram: [usize; 2],
@@ -83,12 +83,17 @@ impl Encoder {
             return Err(wrong(format!("{} video frames of that size fit no memory", packed.video_frames)));
         }
         let plan = Plan { args, colors: of_colors, video_frames, sub_frames };
-        Ok(Self { display: name(), colors: colors.to_vec(), packed, hologram: turning.hologram, plan, notes })
+        Ok(Self { display: display.clone(), colors: colors.to_vec(), packed, hologram: turning.hologram, plan, notes })
     }
 
     /// Rows and columns of the holograms that it takes: the SLM's, turned back.
     pub fn hologram_size(&self) -> [usize; 2] {
         self.hologram
+    }
+
+    /// The display that it encodes for.
+    pub fn display(&self) -> &Display {
+        &self.display
     }
 
     /// What the kernel takes.
@@ -155,7 +160,7 @@ impl Encoder {
     /// # Errors
     /// [`EncodeError::Mismatch`].
     pub fn check(&self, phases: &PhaseSet<'_>, frames: &VideoFrames) -> Result<(), EncodeError> {
-        let wrong = |reason| Err(EncodeError::Mismatch { display: self.display.clone(), reason });
+        let wrong = |reason| Err(EncodeError::Mismatch { display: self.display.name.clone(), reason });
         let phases = phases.colors();
         if phases.len() != self.colors.len() {
             return wrong(format!("it has {} colours, not {}", phases.len(), self.colors.len()));
@@ -166,19 +171,28 @@ impl Encoder {
             let count = self.plan.sub_frames;
             return wrong(format!("colour {i} has {} phases, not {count} x {height} x {width}", p.len()));
         }
+        self.check_frames(frames)
+    }
+
+    /// Whether frames are of this encoder's shape.
+    ///
+    /// # Errors
+    /// [`EncodeError::Mismatch`].
+    pub(super) fn check_frames(&self, frames: &VideoFrames) -> Result<(), EncodeError> {
         let args = &self.plan.args;
         let size = (args.video_height(), args.video_width(), self.packed.channels);
         let count = self.packed.video_frames;
         if (frames.height, frames.width, frames.channels) != size || frames.bytes.len() != count * frames.frame_bytes()
         {
-            return wrong("the video frames were made for another encoder".into());
+            let reason = "the video frames were made for another encoder".into();
+            return Err(EncodeError::Mismatch { display: self.display.name.clone(), reason });
         }
         Ok(())
     }
 }
 
 /// The phases of the levels at one colour.
-fn scale(display: &Display, color: Color) -> Result<Scale, EncodeError> {
+pub(super) fn scale(display: &Display, color: Color) -> Result<Scale, EncodeError> {
     let wrong = |reason| EncodeError::Display { display: display.name.clone(), reason };
     let (encoding, levels) = (&display.encoding, display.levels);
     let given = [!encoding.look_up.is_empty(), !encoding.phases_turns.is_empty(), encoding.two_pi_level.is_some()];
@@ -191,7 +205,7 @@ fn scale(display: &Display, color: Color) -> Result<Scale, EncodeError> {
     let missing = |what: &str| wrong(format!("it has {what} for other colours, and none for {color}"));
     if !encoding.look_up.is_empty() {
         let file = encoding.look_up.get(&color).ok_or_else(|| missing("a look_up table"))?;
-        return Ok(Scale::Listed(calibration::read(file, levels)?));
+        return Ok(Scale::Listed(calibration::read_table(file, levels)?));
     }
     if !encoding.phases_turns.is_empty() {
         return Ok(Scale::Listed((0..=255).zip(encoding.phases_turns.iter().copied()).collect()));

@@ -1,10 +1,8 @@
 //! What goes in and what comes out: phases that are known to be phases, and video frames.
 
 use super::EncodeError;
-use crate::files::{FileError, FolderDraft, encode_grey8, encode_rgb8};
 use eyebox_kernels::encode::LARGEST_PHASE;
 use rayon::prelude::*;
-use std::path::Path;
 
 /// The phases of a multiplex set: (sub-frame, row, column) per colour, radians.
 #[derive(Debug, Clone, Copy)]
@@ -96,25 +94,5 @@ impl VideoFrames {
     /// The name of a frame's file.
     pub fn file_name(index: usize) -> String {
         format!("frame-{index:05}.png")
-    }
-
-    /// Writes each as a PNG into `folder`, which appears whole. A folder of such frames is replaced; any other that is
-    /// not empty is left alone.
-    ///
-    /// # Errors
-    /// Those of [`FolderDraft`].
-    pub fn save(&self, folder: &Path) -> Result<(), FileError> {
-        let ours = |name: &str| name.starts_with("frame-") && name.ends_with(".png");
-        let draft = FolderDraft::new(folder, |there| {
-            std::fs::read_dir(there)
-                .is_ok_and(|mut all| all.all(|e| e.is_ok_and(|e| e.file_name().to_str().is_some_and(ours))))
-        })?;
-        (0..self.count()).into_par_iter().try_for_each(|i| {
-            draft.write(&Self::file_name(i), |out| match self.channels {
-                1 => encode_grey8(out, self.height, self.width, self.frame(i)),
-                _ => encode_rgb8(out, self.height, self.width, self.frame(i)),
-            })
-        })?;
-        draft.put()
     }
 }

@@ -15,6 +15,20 @@ pub(super) enum Scale {
     Listed(Vec<(u8, f64)>),
 }
 
+/// The phase of every code that the memory may hold, turns; none for what no level is.
+pub(super) fn phases(scale: &Scale, codes: &[u8]) -> [Option<f64>; 256] {
+    let listed = match scale {
+        Scale::Even { two_pi, levels } => (0..*levels).map(|level| (level as u8, f64::from(level) / two_pi)).collect(),
+        Scale::Listed(listed) => listed.clone(),
+    };
+    let mut phases = [None; 256];
+    for (level, turns) in listed {
+        let code = codes.get(usize::from(level)).copied().unwrap_or(level);
+        phases[usize::from(code)].get_or_insert(turns);
+    }
+    phases
+}
+
 /// The levels of one colour, and what has to be said about them, if anything.
 ///
 /// `codes` is what the memory holds for each level; empty, where that is the level.

@@ -9,11 +9,16 @@
 //! `packing` decides which bits that is, `turning` which pixel shows which phase, `levels` which level a phase becomes,
 //! `calibration` and `correction` read files. All of it is decided before a phase is seen, as a [`Plan`] for the
 //! kernel `encode`; this room runs it on the CPU, the Vulkan engine on a device,
-//! and both give the same bytes. This room imports [`optics`](crate::optics) and [`files`](crate::files).
+//! and both give the same bytes. A [`Decoder`] is its inverse: video frames to the phases that they show, of a folder that this
+//! program wrote or of pictures of any origin ([`Encoded`]).
+//! This room imports [`optics`](crate::optics), [`files`](crate::files) and [`hologram`](crate::hologram).
 
 mod calibration;
 mod correction;
+mod decoder;
 mod encoder;
+mod flicker;
+mod folder;
 mod frames;
 mod hologram;
 mod levels;
@@ -23,8 +28,11 @@ mod turning;
 #[cfg(test)]
 mod tests;
 
+pub use decoder::{AsShown, Decoder};
 pub use encoder::Encoder;
 pub use eyebox_kernels::encode::Plan;
+pub use flicker::{FUSION_HZ, USUAL_RATE_HZ, flicker};
+pub use folder::{Encoded, FrameContents, is_encoded};
 pub use frames::{PhaseSet, VideoFrames};
 pub use packing::{Packed, PackedSlot};
 
@@ -60,6 +68,14 @@ pub enum EncodeError {
         /// The display's name.
         display: String,
         /// What is there, and what would be right.
+        reason: String,
+    },
+    /// Video frames that no encoder makes for this display.
+    #[error("{frame}: {reason}")]
+    Frame {
+        /// The frame's file, or its number.
+        frame: String,
+        /// What is wrong with it, where, and what would be right.
         reason: String,
     },
     /// A phase that is none.

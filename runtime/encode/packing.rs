@@ -1,6 +1,6 @@
 //! Packings: a map (colour, sub-frame) -> (video frame, channel, bits), as data.
 
-use crate::optics::{Channel, Color, Encoding, Packing};
+use crate::optics::{Channel, Color, Encoding, Packing, Place};
 
 /// Where the levels of one sub-frame go.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -62,6 +62,39 @@ impl Packed {
             })
         });
         Ok(Self { sub_frames, video_frames: sets * one.video_frames, channels: one.channels, slots: slots.collect() })
+    }
+
+    /// What a video frame holds, as a display file's map says it: bits of one channel, or of the whole word.
+    pub(super) fn places(&self, colors: &[Color], video_frame: usize) -> Vec<Place> {
+        let place = |s: &PackedSlot| {
+            let one = s.bits.iter().all(|b| b / 8 == s.bits[0] / 8);
+            let channel = match (self.channels, one, s.bits[0] / 8) {
+                (1, ..) => Channel::Grey,
+                (_, false, _) => Channel::Rgb,
+                (_, true, 0) => Channel::Red,
+                (_, true, 1) => Channel::Green,
+                _ => Channel::Blue,
+            };
+            let bits = s.bits.iter().map(|b| if one { b % 8 } else { *b }).collect();
+            let [sub_frame, video_frame] = [s.sub_frame, s.video_frame].map(|n| n as u32);
+            Place { color: colors[s.color], sub_frame, video_frame, channel, bits }
+        };
+        self.slots.iter().filter(|s| s.video_frame == video_frame).map(place).collect()
+    }
+
+    /// The packing of so many video frames that hold these colours. Says what would be right if they hold no whole sets.
+    pub fn of_video_frames(encoding: &Encoding, colors: &[Color], video_frames: usize) -> Result<Self, String> {
+        let one = Self::set(encoding, colors)?;
+        if video_frames == 0 || !video_frames.is_multiple_of(one.video_frames) {
+            let names: Vec<_> = colors.iter().map(Color::to_string).collect();
+            return Err(format!(
+                "there are {video_frames} video frames, and a set of {} takes {}: give whole sets, or say with --color \
+                 which colour they are",
+                names.join(", "),
+                one.video_frames
+            ));
+        }
+        Self::new(encoding, colors, video_frames / one.video_frames * one.sub_frames)
     }
 
     /// The shortest run of sub-frames that fills whole video frames.

@@ -2,6 +2,7 @@
 //! levels by float64.
 
 mod calibrated;
+mod decoded;
 mod turned;
 
 use super::*;

@@ -52,6 +52,39 @@ pub fn read_grey8(file: &Path) -> Result<(usize, usize, Vec<u8>), FileError> {
     }
 }
 
+/// Reads an 8-bit PNG as it is stored, grey or coloured: (height, width, channels, bytes), 1 or 3 channels.
+///
+/// # Errors
+/// [`FileError::Read`]; [`FileError::Content`] for what is no whole PNG, for 16 bits a channel, and for pixels that are
+/// not opaque.
+pub fn read_png8(file: &Path) -> Result<(usize, usize, usize, Vec<u8>), FileError> {
+    use image::DynamicImage as Image;
+    let opened = read::open(file).map_err(|e| FileError::read(file, e))?;
+    let reader = ImageReader::with_format(BufReader::new(opened), image::ImageFormat::Png);
+    let image = reader
+        .decode()
+        .map_err(|e| FileError::content(file, format!("is no whole PNG: {}", e.to_string().replace('\n', " "))))?;
+    let (height, width) = (image.height() as usize, image.width() as usize);
+    let opaque = match &image {
+        Image::ImageLumaA8(i) => i.pixels().all(|p| p[1] == 255),
+        Image::ImageRgba8(i) => i.pixels().all(|p| p[3] == 255),
+        _ => true,
+    };
+    if !opaque {
+        return Err(FileError::content(
+            file,
+            "has pixels that are not opaque: what a display shows of them is not known",
+        ));
+    }
+    match image {
+        Image::ImageLuma8(_) | Image::ImageLumaA8(_) => Ok((height, width, 1, image.into_luma8().into_raw())),
+        Image::ImageRgb8(_) | Image::ImageRgba8(_) => Ok((height, width, 3, image.into_rgb8().into_raw())),
+        other => {
+            Err(FileError::content(file, format!("holds {:?} pixels: 8 bits a channel are wanted", other.color())))
+        }
+    }
+}
+
 /// Reads the grey levels of an 8- or 16-bit PNG or BMP as they are stored, if the picture has this many rows and
 /// columns; else answers how many it has. A coloured format will do where all pixels are grey.
 ///

@@ -15,7 +15,7 @@ pub mod read;
 mod whole;
 
 pub use cache::cache_folder;
-pub use codec::{encode_jpeg8, read_grey, read_grey8};
+pub use codec::{encode_jpeg8, read_grey, read_grey8, read_png8};
 pub(crate) use npy::read_npy_with_gaps;
 pub use npy::{Npy, read_npy, write_npy};
 pub use picture::{encode_grey8, encode_rgb8, linear_to_srgb, write_png};

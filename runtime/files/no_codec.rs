@@ -29,6 +29,14 @@ pub fn read_grey8(file: &Path) -> Result<(usize, usize, Vec<u8>), FileError> {
     Err(FileError::content(file, WHY))
 }
 
+/// Reads an 8-bit PNG: (height, width, channels, bytes).
+///
+/// # Errors
+/// [`FileError::Content`], always.
+pub fn read_png8(file: &Path) -> Result<(usize, usize, usize, Vec<u8>), FileError> {
+    Err(FileError::content(file, WHY))
+}
+
 /// Reads the grey levels of an 8- or 16-bit PNG or BMP.
 ///
 /// # Errors

@@ -117,7 +117,7 @@ impl FolderDraft {
         // Renaming onto an empty folder replaces it. Where another program has put one there meanwhile, that one is replaced.
         let free = !place.exists() || is_empty(&place);
         if free && cfg!(not(unix)) {
-            // It is replaced on Unix alone.
+            // An empty folder is replaced on Unix alone.
             let _ = fs::remove_dir(&place);
         }
         let moved = if free { fs::rename(new, &place) } else { Err(io::ErrorKind::DirectoryNotEmpty.into()) };
@@ -243,7 +243,7 @@ mod tests {
 
         let draft = FolderDraft::new(&place, |_| true).unwrap();
         let full = draft.write("x", |_| Err(io::ErrorKind::StorageFull.into())).unwrap_err();
-        assert!(full.to_string().contains("f/x"), "{full}");
+        assert!(full.to_string().replace('\\', "/").contains("f/x"), "{full}");
         drop(draft);
         assert_eq!((names(here.path()), names(&place)), (vec!["f".into()], vec!["deep".into(), "mark".into()]));
 
@@ -254,7 +254,8 @@ mod tests {
         assert!(matches!(FolderDraft::new(&here.path().join("file"), |_| true), Err(FileError::Taken { .. })));
     }
 
-    /// Whoever is last stands; nobody fails, and nothing is left beside it.
+    /// Whoever is last stands; nobody fails, and nothing is left beside it. Elsewhere names cannot be exchanged at once.
+    #[cfg(target_os = "linux")]
     #[test]
     fn writers_of_one_folder_do_not_stop_each_other() {
         let here = tempfile::tempdir().unwrap();

@@ -270,6 +270,7 @@ impl Hologram {
             geometry: self.geometry,
             wavelengths: self.display_wavelengths.clone(),
             levels: 256,
+            rate_hz: None,
             portrait: self.height > self.width,
             encoding: Default::default(),
         })

@@ -3,7 +3,6 @@
 use super::color::Color;
 use super::encoding::Encoding;
 use super::{Geometry, Optics, OpticsError};
-use crate::files::read;
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, path::Path};
 
@@ -25,6 +24,7 @@ pub struct Wavelength {
 /// focal_length_mm = 400.0
 /// wavelengths_nm = { red = 660, green = 520, blue = 440 }
 /// levels = 256                   # grey levels of the SLM
+/// rate_hz = 60                   # video frames a second, where it is known
 /// geometry = "relay"             # or "far-field": the SLM in the pupil plane
 /// portrait = false               # true for one that is higher than wide
 ///
@@ -50,6 +50,8 @@ pub struct Display {
     pub wavelengths: Vec<Wavelength>,
     /// Phase levels of the SLM.
     pub levels: u32,
+    /// Video frames that it takes a second, where it is known.
+    pub rate_hz: Option<f64>,
     /// Whether it is meant to be higher than wide ([`check_usual`](Self::check_usual)).
     pub portrait: bool,
     /// How it takes its phases.
@@ -67,6 +69,8 @@ struct File {
     wavelengths_nm: BTreeMap<Color, f64>,
     #[serde(default = "levels_default")]
     levels: u32,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    rate_hz: Option<f64>,
     #[serde(default, skip_serializing_if = "Geometry::is_relay")]
     geometry: Geometry,
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
@@ -75,66 +79,20 @@ struct File {
     encoding: Encoding,
 }
 
+/// The shortest number that, in so many metres, is this length as nearly as any.
+fn in_unit(metres: f64, unit: f64) -> f64 {
+    let plain = metres / unit;
+    (0..17)
+        .filter_map(|digits| format!("{plain:.digits$e}").parse().ok())
+        .find(|v: &f64| (v * unit / metres - 1.0).abs() < 1e-15)
+        .unwrap_or(plain)
+}
+
 fn levels_default() -> u32 {
     256
 }
 
-/// The built-in displays, by name; the first is the default.
-pub const PRESETS: [&str; 9] =
-    ["paper", "plm", "small", "grey8", "fields", "planes8", "planes24", "far-field", "far-field-16k"];
-
 impl Display {
-    /// A preset or a TOML file.
-    ///
-    /// # Errors
-    /// [`OpticsError::UnknownDisplay`], [`OpticsError::DisplayFile`] and those of [`Optics::new`].
-    pub fn load(name: &str) -> Result<Self, OpticsError> {
-        if let Some(display) = Self::preset(name) {
-            return Ok(display);
-        }
-        let text = read::text(Path::new(name), read::TEXT).map_err(|e| OpticsError::UnknownDisplay {
-            name: name.into(),
-            presets: PRESETS.join(", "),
-            reason: e.to_string(),
-        })?;
-        Self::from_toml(&text, name)
-    }
-
-    /// A preset by name.
-    pub fn preset(name: &str) -> Option<Self> {
-        let (height, width, pitch, levels) = match name {
-            // Schiffers et al. 2023: 8 um, 660/520/440 nm, 400 mm.
-            "paper" => (1080, 1920, 8e-6, 256),
-            // TI PLM, 0.67 in: 1358 x 800 mirrors of 10.8 um, 16 levels.
-            "plm" => (800, 1358, 10.8e-6, 16),
-            "small" => (256, 256, 8e-6, 256),
-            // An LCoS of 8 bits, one image or three fields a video frame; a ferroelectric one of one bit.
-            "grey8" | "fields" => (1080, 1920, 8e-6, 256),
-            "planes8" | "planes24" => (1080, 1920, 8e-6, 2),
-            // The SLM in the pupil plane: one for development, whose eyebox is 4 mm, and Schiffers et al.'s largest.
-            "far-field" => (512, 512, 8e-6, 256),
-            "far-field-16k" => (16384, 16384, 1e-6, 256),
-            _ => return None,
-        };
-        let geometry = if name.starts_with("far-field") { Geometry::FarField } else { Geometry::Relay };
-        let wavelengths = [(Color::Red, 660e-9), (Color::Green, 520e-9), (Color::Blue, 440e-9)];
-        let wavelengths = wavelengths.map(|(color, wavelength)| Wavelength { color, wavelength }).to_vec();
-        let encoding = Encoding::preset(name);
-        let name = name.to_owned();
-        Some(Self {
-            name,
-            height,
-            width,
-            pitch,
-            focal_length: 0.4,
-            geometry,
-            wavelengths,
-            levels,
-            portrait: false,
-            encoding,
-        })
-    }
-
     /// Reads the text of a display file; `file` names it in errors.
     ///
     /// # Errors
@@ -150,6 +108,9 @@ impl Display {
         }
         if !(2..=65536).contains(&read.levels) {
             return Err(wrong(format!("levels is {}: it must be 2 to 65536", read.levels)));
+        }
+        if let Some(hz) = read.rate_hz.filter(|hz| !(1.0..=100_000.0).contains(hz)) {
+            return Err(wrong(format!("rate_hz is {hz}: it must be 1 to 100000 video frames a second")));
         }
         read.encoding.check(read.levels).map_err(&wrong)?;
         // Files that it names lie beside it.
@@ -172,6 +133,7 @@ impl Display {
                 .map(|(color, nm)| Wavelength { color, wavelength: nm * 1e-9 })
                 .collect(),
             levels: read.levels,
+            rate_hz: read.rate_hz,
             portrait: read.portrait,
             encoding,
         };
@@ -186,11 +148,12 @@ impl Display {
         let file = File {
             name: Some(self.name.clone()),
             resolution: [self.height, self.width],
-            pitch_um: self.pitch * 1e6,
-            focal_length_mm: self.focal_length * 1e3,
+            pitch_um: in_unit(self.pitch, 1e-6),
+            focal_length_mm: in_unit(self.focal_length, 1e-3),
             geometry: self.geometry,
-            wavelengths_nm: self.wavelengths.iter().map(|w| (w.color, w.wavelength * 1e9)).collect(),
+            wavelengths_nm: self.wavelengths.iter().map(|w| (w.color, in_unit(w.wavelength, 1e-9))).collect(),
             levels: self.levels,
+            rate_hz: self.rate_hz,
             portrait: self.portrait,
             encoding: self.encoding.clone(),
         };
@@ -252,23 +215,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn presets_exist_and_survive_their_own_file() {
-        for name in PRESETS {
-            let display = Display::preset(name).unwrap();
-            let again = Display::from_toml(&display.to_toml(), "x.toml").unwrap();
-            assert_eq!((again.height, again.width, again.levels), (display.height, display.width, display.levels));
-            assert_eq!(again.encoding, display.encoding);
-            assert!((again.eyebox_min() - display.eyebox_min()).abs() < 1e-12);
-        }
-    }
-
-    #[test]
     fn errors_say_which_line_and_key() {
         let text = "resolution = [8, 8]\npitch_um = 8.0\npich = 1\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
         let error = Display::from_toml(text, "bench.toml").unwrap_err().to_string();
         assert!(error.contains("bench.toml") && error.contains("line 3") && error.contains("pich"), "{error}");
         let zero = text.replace("pich = 1\n", "").replace("520", "0");
         assert!(Display::from_toml(&zero, "b").unwrap_err().to_string().contains("wavelength"));
-        assert!(Display::load("no-such-display").unwrap_err().to_string().contains("paper"));
     }
 }

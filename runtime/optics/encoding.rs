@@ -11,8 +11,10 @@ pub struct Encoding {
     /// Which sub-frame goes where in the video frames.
     pub packing: Packing,
     /// Channel of packings that fill one.
+    #[serde(skip_serializing_if = "is_default")]
     pub channel: Channel,
     /// Order in which the display shows the channels, of packings that fill all three.
+    #[serde(skip_serializing_if = "is_default")]
     pub channel_order: ChannelOrder,
     /// The user's own packing.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -33,12 +35,16 @@ pub struct Encoding {
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub cells: Vec<Vec<u8>>,
     /// Flips the video frame, after everything else.
+    #[serde(skip_serializing_if = "is_default")]
     pub flip_video: Flip,
     /// Flips the hologram.
+    #[serde(skip_serializing_if = "is_default")]
     pub flip: Flip,
     /// Turns it clockwise, after the flip, by a multiple of 90 degrees.
+    #[serde(skip_serializing_if = "is_default")]
     pub rotation_deg: u16,
     /// Moves it down and to the right, after the turn; what leaves at one edge enters at the other.
+    #[serde(skip_serializing_if = "is_default")]
     pub offset_px: [i32; 2],
     /// Phase images that are added or taken away.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -46,6 +52,10 @@ pub struct Encoding {
     /// Blazed gratings that are added.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub grating: Vec<Grating>,
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 impl Default for Encoding {
@@ -88,10 +98,11 @@ pub enum Packing {
 }
 
 /// A channel of a video frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Channel {
     /// The one channel of a grey frame.
+    #[default]
     Grey,
     /// Of an RGB frame.
     Red,
@@ -104,10 +115,11 @@ pub enum Channel {
 }
 
 /// Order in which a display shows the channels of a video frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[allow(missing_docs)]
 pub enum ChannelOrder {
+    #[default]
     Rgb,
     Rbg,
     Grb,
@@ -157,10 +169,11 @@ pub enum TwoPi {
 }
 
 /// Left-right, up-down.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Flip {
     /// As it is.
+    #[default]
     None,
     /// Left-right.
     Horizontal,

@@ -1,7 +1,7 @@
 //! The arguments of commands, and those that they share: millimetres, micrometres and nanometres in, metres out.
 
 use crate::Failure;
-use crate::phases::{PhaseArgs, PhaseUnitArgs};
+use crate::phases::{EncodedArgs, PhaseArgs, PhaseUnitArgs};
 use crate::quality::QualityArgs;
 use crate::values::{
     GivenPupil, Names, contrast, depths, full, memory, method, one_of, positive, pupil, range, rate, share, size,
@@ -55,8 +55,7 @@ pub struct EngineArgs {
 /// The display, in every command that needs one.
 #[derive(Args)]
 pub struct DisplayArgs {
-    /// Display: paper, plm, small, grey8, fields, planes8, planes24, far-field, far-field-16k, or a TOML file
-    /// [default: paper]
+    /// Display: a preset (eyebox displays lists them), or a TOML file [default: paper]
     #[arg(long, value_name = "PRESET|FILE")]
     pub display: Option<String>,
     /// Resolution instead of the display's own, rows x columns
@@ -357,7 +356,7 @@ pub struct Bench {
 /// `eyebox view`
 #[derive(Args)]
 pub struct View {
-    /// NAME.zarr, or phases: NAME.npy or a folder of PNGs
+    /// NAME.zarr; phases: NAME.npy or a folder of PNGs; or the folder of encode
     pub hologram: PathBuf,
     /// Which hologram of a sequence, from 0
     #[arg(long, value_name = "N")]
@@ -371,6 +370,9 @@ pub struct View {
     /// Bare phases
     #[command(flatten)]
     pub phases: PhaseArgs,
+    /// Video frames
+    #[command(flatten)]
+    pub encoded: EncodedArgs,
     /// Exposure of the PNG [default: the hologram's; where it is not known, the 99th percentile becomes white]
     #[arg(long, value_parser = positive)]
     pub exposure: Option<f64>,
@@ -402,7 +404,7 @@ pub struct Photograph {
 /// `eyebox score`
 #[derive(Args)]
 pub struct Score {
-    /// NAME.zarr, or phases: NAME.npy or a folder of PNGs (with --display)
+    /// NAME.zarr; phases: NAME.npy or a folder of PNGs (with --display); or the folder of encode
     pub hologram: PathBuf,
     /// Scene
     #[command(flatten)]
@@ -422,6 +424,9 @@ pub struct Score {
     /// Bare phases
     #[command(flatten)]
     pub phases: PhaseArgs,
+    /// Video frames
+    #[command(flatten)]
+    pub encoded: EncodedArgs,
     /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,

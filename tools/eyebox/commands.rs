@@ -42,7 +42,8 @@ pub enum Command {
     Inspect(Box<crate::inspect::Inspect>),
     /// Show what an eye sees of a hologram through one pupil
     #[command(after_help = "Examples:\n  eyebox view still-life.zarr --pupil=4,0,4,1.5 -o view.png\n  \
-                      eyebox view phases.npy --pupil=0,0,6,0 --pitch 8 --wavelength 520 --focal-length 400 -o view.npy")]
+                      eyebox view phases.npy --pupil=0,0,6,0 --pitch 8 --wavelength 520 --focal-length 400 -o view.npy\n  \
+                      eyebox view --encoded frames --display bench.toml --pupil=0,0,4,0 -o view.png")]
     View(View),
     /// Show what an eye should see of a scene through one pupil
     #[command(
@@ -118,6 +119,11 @@ pub enum Command {
         after_help = "Example:\n  eyebox devices --json\n\nWhat a Vulkan driver compiled is kept in $XDG_CACHE_HOME/eyebox, else ~/.cache/eyebox."
     )]
     Devices(Devices),
+    /// List the displays that are built in, show one, or begin a file of your own from it
+    #[command(
+        after_help = "Examples:\n  eyebox displays\n  eyebox displays show holoeye-pluto-2.1\n  eyebox displays new holoeye-pluto-2.1 -o bench.toml"
+    )]
+    Displays(crate::displays::Displays),
     /// List eye trackers, explain a report descriptor, or show and record what a tracker says
     #[command(after_help = "Examples:\n  eyebox trackers\n  eyebox trackers --describe descriptor.bin --json\n  \
                       eyebox trackers --watch hid --duration 10 --record session.hid\n  \

@@ -69,7 +69,7 @@ pub fn colors(args: &DisplayArgs, display: &Display) -> Result<Vec<Color>, Failu
 }
 
 /// What is asked of a scene with this map, if any.
-fn request<'a>(
+pub fn request<'a>(
     args: &'a SceneArgs,
     maps: &'a [PathBuf],
     display: &'a Display,
@@ -88,7 +88,7 @@ fn request<'a>(
 }
 
 /// The depth map of the one scene.
-fn maps_of(args: &SceneArgs) -> Result<Vec<PathBuf>, Failure> {
+pub fn maps_of(args: &SceneArgs) -> Result<Vec<PathBuf>, Failure> {
     Ok(scene::depth_maps(std::slice::from_ref(&args.scene), &args.depth_map)?)
 }
 

@@ -3,7 +3,7 @@
 use crate::Failure;
 use crate::args::{Encode, EngineName};
 use crate::common;
-use eyebox::encode::{Encoder, PhaseSet, VideoFrames};
+use eyebox::encode::{self, Encoder, PhaseSet, USUAL_RATE_HZ, VideoFrames};
 use eyebox::engine::vulkan::VulkanEncoder;
 use eyebox::gpu::{Gpu, Options};
 use eyebox::hologram::{ColorHologram, Hologram};
@@ -16,6 +16,8 @@ struct Input {
     size: [usize; 2],
     colors: Vec<(Color, Vec<f32>)>,
     notes: Vec<String>,
+    /// What the phases are of, without them.
+    hologram: Hologram,
 }
 
 /// Encodes one hologram and writes its video frames.
@@ -47,11 +49,12 @@ pub fn run(args: &Encode) -> Result<(), Failure> {
             frames
         }
     };
-    frames.save(&args.out)?;
-    let notes: Vec<&String> = input.notes.iter().chain(encoder.notes()).collect();
-    input.notes.iter().for_each(|note| tracing::warn!("{note}"));
+    encoder.save(&frames, Some(&input.hologram), &args.out)?;
+    let slow = encode::flicker(&display, &colors, input.frames, display.rate_hz.unwrap_or(USUAL_RATE_HZ));
+    let notes: Vec<&String> = input.notes.iter().chain(&slow).chain(encoder.notes()).collect();
+    input.notes.iter().chain(&slow).for_each(|note| tracing::warn!("{note}"));
     if args.json {
-        println!("{}", report(args, &display, &encoder, &frames, &notes));
+        println!("{}", report(args, &encoder, &frames, &notes));
     }
     let (count, height, width) = (frames.count(), frames.height, frames.width);
     let kind = if frames.channels == 1 { "grey" } else { "RGB" };
@@ -62,15 +65,15 @@ pub fn run(args: &Encode) -> Result<(), Failure> {
 /// The hologram's colours that were asked for, each with its name.
 fn load(args: &Encode, display: &Display) -> Result<Input, Failure> {
     let opening = args.unit.opening(Some(display), args.display.color.one());
-    let hologram = opening.hologram(&args.hologram)?;
+    let mut hologram = opening.hologram(&args.hologram)?;
     let notes = differences(&hologram, display);
-    let named = |c: ColorHologram| match c.color {
-        Some(color) => Ok((color, c.phases)),
+    let named = |c: &mut ColorHologram| match c.color {
+        Some(color) => Ok((color, std::mem::take(&mut c.phases))),
         None => Err(Failure::Asked(format!("{}: its colours are not named", args.hologram.display()))),
     };
     let (frames, size) = (hologram.frames, [hologram.height, hologram.width]);
-    let colors = hologram.colors.into_iter().map(named).collect::<Result<_, _>>()?;
-    Ok(Input { frames, size, colors, notes })
+    let colors = hologram.colors.iter_mut().map(named).collect::<Result<_, _>>()?;
+    Ok(Input { frames, size, colors, notes, hologram })
 }
 
 /// Where the display is not the one that the hologram was made for.
@@ -95,35 +98,14 @@ fn differences(hologram: &Hologram, display: &Display) -> Vec<String> {
 }
 
 /// What each frame holds.
-fn report(args: &Encode, display: &Display, encoder: &Encoder, frames: &VideoFrames, notes: &[&String]) -> Value {
-    let packed = encoder.packed();
-    let name = |channel: u8| if packed.channels == 1 { "grey" } else { ["red", "green", "blue"][usize::from(channel)] };
-    let holds = |index: usize| -> Vec<Value> {
-        (packed.slots.iter().filter(|s| s.video_frame == index))
-            .map(|s| {
-                // As the display file's map says it, with bits of one channel or of the whole word.
-                let channel = s.bits[0] / 8;
-                let one = s.bits.iter().all(|b| b / 8 == channel);
-                let bits: Vec<u8> = s.bits.iter().map(|b| if one { b % 8 } else { *b }).collect();
-                let channel = if one { name(channel) } else { "rgb" };
-                json!({
-                    "color": encoder.colors()[s.color],
-                    "sub_frame": s.sub_frame,
-                    "channel": channel,
-                    "bits": bits,
-                })
-            })
-            .collect()
-    };
-    let all: Vec<Value> =
-        (0..frames.count()).map(|i| json!({ "file": VideoFrames::file_name(i), "holds": holds(i) })).collect();
+fn report(args: &Encode, encoder: &Encoder, frames: &VideoFrames, notes: &[&String]) -> Value {
     json!({
         "folder": args.out.display().to_string(),
-        "display": display.name,
+        "display": encoder.display().name,
         "height": frames.height,
         "width": frames.width,
         "channels": frames.channels,
-        "frames": all,
+        "frames": encoder.contents(),
         "notes": notes,
     })
 }

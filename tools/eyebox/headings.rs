@@ -128,6 +128,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
     ("Calibration", &["calibrate", "targets", "trackers.calibration", "trackers.eye"]),
     ("Window", &["preview.window", "zoom", "save_to", "live.view"]),
     ("Bare phases", &["phase_unit", "pitch", "wavelength", "focal_length", "geometry", "exposure"]),
+    ("Video frames", &["encoded", "as_shown"]),
     ("Engine", &["engine", "vulkan_from", "rounds", "beside", "time_again"]),
     ("Output", &["out", "json", "timings", "stats", "record", "trace", "raw", "shared", "at"]),
 ];

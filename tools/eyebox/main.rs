@@ -1,6 +1,6 @@
 //! The `eyebox` command: `demo`, `solve`, `plan`, `inspect`, `view`, `photograph`, `refine`, `study`, `live`, `score`, `tradeoff`,
-//! `evaluate`, `export`, `import`, `encode`, `play`, `preview`, `monitors`, `bench`, `devices`, `trackers`, `completions`,
-//! `man`.
+//! `evaluate`, `export`, `import`, `encode`, `play`, `preview`, `monitors`, `bench`, `devices`, `displays`, `trackers`,
+//! `completions`, `man`.
 //!
 //! This room reads arguments, calls the runtime, and shows what came of it. Anything that a program would want to call
 //! belongs in the runtime. Errors are one line on standard error and exit code 2 (3 where a display was lost);
@@ -17,6 +17,7 @@ mod commands;
 mod common;
 mod demo;
 mod devices;
+mod displays;
 mod encode;
 mod evaluate;
 mod export;
@@ -79,6 +80,7 @@ fn main() -> ExitCode {
         Command::Monitors(args) => play::monitors(args),
         Command::Bench(args) => bench::run(args),
         Command::Devices(args) => devices::run(args),
+        Command::Displays(args) => displays::run(args),
         Command::Completions(args) => generate::completions(args),
         Command::Man(args) => generate::man(args),
         Command::Trackers(args) => match &args.calibrate {

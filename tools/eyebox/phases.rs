@@ -3,9 +3,10 @@
 use crate::Failure;
 use crate::args::{Colors, DisplayArgs};
 use crate::common;
-use crate::values::{phase_unit, size};
+use crate::values::{as_shown, phase_unit, size};
 use clap::{Args, ValueEnum};
-use eyebox::hologram::{BareOptics, Opening, PhaseUnit, Phases};
+use eyebox::encode::{AsShown, Encoded, is_encoded};
+use eyebox::hologram::{BareOptics, Opening, PhaseSource, PhaseUnit, Phases};
 use eyebox::optics::{Color, Display, Geometry, Optics};
 use std::path::Path;
 
@@ -57,6 +58,40 @@ pub struct PhaseArgs {
     /// Take sizes, wavelengths and pupils that look like a mistake as they are
     #[arg(long)]
     pub force: bool,
+}
+
+/// Video frames in the place of a hologram.
+#[derive(Args)]
+pub struct EncodedArgs {
+    /// What is given are video frames: PNGs of any origin, for --display; a folder of encode is known without
+    #[arg(long)]
+    pub encoded: bool,
+    /// Of video frames: leave gratings, corrections, turns, or all, as the SLM shows them, where they would be undone
+    #[arg(long, value_name = "PARTS", num_args = 0..=1, require_equals = true, default_missing_value = "all", value_parser = as_shown)]
+    pub as_shown: Option<AsShown>,
+}
+
+impl EncodedArgs {
+    /// What `file` shows: video frames are decoded, everything else is opened as `phases` say.
+    pub fn source(&self, phases: &PhaseArgs, file: &Path, at: Option<u64>) -> Result<PhaseSource<'static>, Failure> {
+        let wrong = |reason: &str| Err(Failure::Asked(format!("{}: {reason}", file.display())));
+        if !self.encoded && !is_encoded(file) {
+            if self.as_shown.is_some() {
+                return wrong("--as-shown is for video frames: give --encoded if it holds some");
+            }
+            return Ok(phases.opening(file, at)?.source(file)?);
+        }
+        let stray = at.is_some() || phases.unit.phase_unit.is_some() || phases.pitch.is_some();
+        if stray || phases.focal_length.is_some() || !phases.wavelength.is_empty() {
+            return wrong("video frames take --display, --size and --color alone");
+        }
+        let display =
+            phases.display.as_ref().map(|name| common::display_of_size(name, phases.size, phases.force)).transpose()?;
+        let encoded = Encoded::open(file, display.as_ref(), phases.color.one())?;
+        let hologram = encoded.decode(self.as_shown.unwrap_or_default())?;
+        eprintln!("{}: {}", file.display(), encoded.describe());
+        Ok(hologram.into())
+    }
 }
 
 impl PhaseArgs {

@@ -113,7 +113,7 @@ pub fn display_of(file: &Path, hologram: &Hologram) -> Result<Display, Failure> 
 
 /// The hologram, and the display that it is for.
 fn load(args: &Score) -> Result<(PhaseSource<'static>, Display), Failure> {
-    let source = args.phases.opening(&args.hologram, None)?.source(&args.hologram)?;
+    let source = args.encoded.source(&args.phases, &args.hologram, None)?;
     let display = display_of(&args.hologram, source.about())?;
     Ok((source, display))
 }

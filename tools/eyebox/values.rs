@@ -1,6 +1,7 @@
 //! Values on the command line: what people write, and what it means inside.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use eyebox::encode::AsShown;
 use eyebox::hologram::PhaseUnit;
 use eyebox::optics::{Depth, Pupil, WindowFactor};
 use eyebox::plan::Storage;
@@ -161,6 +162,15 @@ pub fn full(text: &str) -> Result<Full, String> {
     match text.split(',').find(|name| !full.keep(name.trim())) {
         None => Ok(full),
         Some(wrong) => Err(format!("'{wrong}' is no part of the model: there are {} and all", Full::PARTS.join(", "))),
+    }
+}
+
+/// Parts of what an SLM shows, separated by commas.
+pub fn as_shown(text: &str) -> Result<AsShown, String> {
+    let mut left = AsShown::default();
+    match text.split(',').find(|part| !left.leave(part.trim())) {
+        None => Ok(left),
+        Some(wrong) => Err(format!("'{wrong}' is nothing to leave: there are {} and all", AsShown::PARTS.join(", "))),
     }
 }
 

@@ -10,7 +10,7 @@ use eyebox::optics::depth_in_words;
 /// Shows one pupil.
 pub fn run(args: &View) -> Result<(), Failure> {
     let form = common::form(&args.out, &[Form::Png, Form::Npy])?;
-    let source = args.phases.opening(&args.hologram, args.at)?.source(&args.hologram)?;
+    let source = args.encoded.source(&args.phases, &args.hologram, args.at)?;
     let about = source.about();
     let pupil = common::pupil(&args.pupil, (0..about.colors.len()).map(|i| about.optics(i)), args.phases.force)?;
     let mut engine = common::engine(&args.engine)?;

@@ -10,6 +10,7 @@ use crate::session::{attend, conclude, ended_by};
 use crate::values::{not_negative, positive};
 use crate::{Failure, common, progress};
 use clap::Args;
+use eyebox::encode;
 use eyebox::gaze::Eyepiece;
 use eyebox::gpu::Options as VulkanOptions;
 use eyebox::session::{self, Histogram, Session, Stage, Statistics, Status};
@@ -80,6 +81,7 @@ pub fn run(args: &Live) -> Result<(), Failure> {
         Some(gpu) => Some(Viewing::new(&steered, engines.opener(), mouse)?.opener(gpu)),
         None => None,
     };
+    let display = steered.encoder.display().clone();
     let mut live = session::Live::new(steered.parts, steered.encoder, engines.source(), tracking);
     (live.policy, live.steered, live.companion) = (args.policy.policy(), !args.unsteered, companion);
     live.display_latency = Duration::from_secs_f64((args.display_latency * 1e-3).min(10.0));
@@ -92,6 +94,8 @@ pub fn run(args: &Live) -> Result<(), Failure> {
     let session = Session::start(live, args.shown.output(false, None), options)?;
     let shown = session.about();
     eprintln!("{about}; {}: {:.2} sets a second", shown.presenter, shown.sets_per_second());
+    let slow = encode::flicker(&display, &steered.colors, steered.hologram.frames, shown.display_rate.hz());
+    slow.inspect(|slow| tracing::warn!("{slow}"));
     let ended = attend(session, line);
     summary(&ended.statistics);
     let memory = common::memory_kib("VmRSS").map(|kib| kib / 1024);

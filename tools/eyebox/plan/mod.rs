@@ -7,6 +7,7 @@ pub use args::Plan;
 
 use crate::settings::{plan_of, settings_of};
 use crate::{Failure, common};
+use eyebox::encode;
 use eyebox::engine::Engine;
 use eyebox::optics::{Color, Display, dioptres};
 use eyebox::plan::Group;
@@ -29,6 +30,8 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
     let depth = common::depths(&solve.scene, &field, &display);
     let (settings, chosen) = settings_of(solve, engine.as_ref(), &display, depth, colors.len())?;
     let plan = plan_of(solve, &settings, &field, &display)?;
+    let slow =
+        encode::flicker(&display, &plan.colors, plan.settings.frames, display.rate_hz.unwrap_or(encode::USUAL_RATE_HZ));
     let timing = |name: &str| {
         if !solve.json {
             eprintln!("timing {name}: a few seconds, once");
@@ -42,6 +45,7 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
         println!("{}\n", engine.describe());
         chosen.iter().for_each(|about| println!("{about}\n"));
         say(&plan, &forecasts);
+        slow.iter().for_each(|slow| println!("  {:13}  {slow}", "flicker"));
     }
     drop(engine);
     let check = args.check.then(|| check::run(args, &forecasts)).transpose()?;
@@ -63,7 +67,7 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
             "settings": plan.settings, "forecast": forecasts.iter().map(forecast).collect::<Vec<_>>(),
             "depth_mm": plan.settings.depth.map(|z| z * 1e3),
             "depth_dioptres": plan.settings.depth.map(|z| dioptres(z, display.focal_length)),
-            "reach": display.reach(), "check": check,
+            "reach": display.reach(), "flicker": slow, "check": check,
         });
         println!("{out}");
     }

@@ -70,7 +70,7 @@ impl OutputArgs {
 pub struct Play {
     /// NAME.zarr: a sequence, or a single hologram; or phases: NAME.npy or a folder of PNGs
     pub file: PathBuf,
-    /// Display: paper, plm, small, grey8, fields, planes8, planes24, or a TOML file
+    /// Display: a preset (eyebox displays lists them), or a TOML file
     #[arg(long, default_value = "paper", value_name = "PRESET|FILE")]
     pub display: String,
     /// Resolution instead of the display's own, rows x columns

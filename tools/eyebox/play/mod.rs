@@ -10,6 +10,7 @@ use crate::args::EngineName;
 use crate::session::{attend, conclude, ended_by};
 use crate::{Failure, common, progress};
 use args::ClockName;
+use eyebox::encode;
 use eyebox::session::{self, Output, Session, SessionOptions, SinkFile, Statistics, Status};
 use serde_json::json;
 use std::time::{Duration, UNIX_EPOCH};
@@ -30,7 +31,8 @@ pub fn run(args: &Play) -> Result<(), Failure> {
     let shows = args.shown.output != OutputName::Offscreen;
     let gpu = if encodes || shows { Some(common::display_gpu(args.shown.validation)?) } else { None };
     play.device = gpu.clone().filter(|_| encodes);
-    let [_, _, height, width] = play.sequence.shape();
+    let [_, frames, height, width] = play.sequence.shape();
+    let colors = play.sequence.about().named_colors();
     let (count, rate) = (play.sequence.count(), play.rate);
     [&args.stats, &args.trace].into_iter().flatten().try_for_each(|file| eyebox::files::check_place(file))?;
     progress::catch_interrupt();
@@ -48,6 +50,7 @@ pub fn run(args: &Play) -> Result<(), Failure> {
         if set_frames == 1 { "" } else { "s" },
         sets * sub_frames as f64
     );
+    encode::flicker(&display, &colors, frames, about.display_rate.hz()).inspect(|slow| tracing::warn!("{slow}"));
     let ended = attend(session, |now, before, seconds| line(now, before, seconds, sub_frames));
     summary(&ended.statistics);
     conclude(ended, args.stats.as_deref(), &json!({}))

@@ -1,7 +1,7 @@
 //! The arguments of `eyebox preview`.
 
 use crate::args::{EngineArgs, NEAR, OtherSceneArgs};
-use crate::phases::PhaseArgs;
+use crate::phases::{EncodedArgs, PhaseArgs};
 use crate::values::{GivenPupil, one_of, positive, pupil, rate, size};
 use clap::Args;
 use eyebox::present::Rate;
@@ -46,6 +46,9 @@ pub struct Preview {
     /// Bare phases
     #[command(flatten)]
     pub phases: PhaseArgs,
+    /// Video frames
+    #[command(flatten)]
+    pub encoded: EncodedArgs,
     /// Exposure of the picture [default: the hologram's; where it is not known, the 99th percentile of the first becomes
     /// white]
     #[arg(long, value_parser = positive)]

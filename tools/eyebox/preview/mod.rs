@@ -84,15 +84,14 @@ struct Opened {
 }
 
 fn open(args: &Preview) -> Result<Opened, Failure> {
-    let opening = args.phases.opening(&args.file, args.at)?;
-    if args.at.is_none() && Sequence::is_at(&args.file) {
-        let mut sequence = opening.sequence(&args.file)?;
+    if args.at.is_none() && !args.encoded.encoded && Sequence::is_at(&args.file) {
+        let mut sequence = args.phases.opening(&args.file, args.at)?.sequence(&args.file)?;
         let [numerator, denominator] = sequence.rate();
         let hz = args.rate.map_or(f64::from(numerator) / f64::from(denominator), |rate| rate.hz());
         let hologram = sequence.load(0)?;
         return Ok(Opened { hologram, playing: Some((Playing::new(sequence, hz)?, hz)), tiles: None });
     }
-    let source = opening.source(&args.file)?;
+    let source = args.encoded.source(&args.phases, &args.file, args.at)?;
     let hologram = source.about().clone();
     let tiles = match source {
         PhaseSource::Whole(_) => None,

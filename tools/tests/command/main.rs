@@ -3,7 +3,9 @@
 mod basics;
 mod common;
 mod depth_maps;
+mod displays;
 mod encode;
+mod encoded;
 mod evaluate;
 mod generate;
 mod inspect;

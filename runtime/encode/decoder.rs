@@ -1,0 +1,205 @@
+//! The encoder's inverse: video frames to the phases that the SLM shows, or to those of the hologram that was encoded.
+
+use super::encoder::scale;
+use super::turning::Turning;
+use super::{EncodeError, Encoder, PackedSlot, VideoFrames, correction, levels};
+use crate::hologram::wrap_phase;
+use crate::optics::{Color, Display};
+use rayon::prelude::*;
+
+/// What is left in decoded phases as the SLM shows it. The default undoes everything: what comes out is the hologram that
+/// was encoded, in the SLM's levels.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct AsShown {
+    /// Gratings stay: the image is where they move it.
+    pub gratings: bool,
+    /// Wavefront corrections stay: what an SLM would show that is flat already.
+    pub corrections: bool,
+    /// Flip, rotation and offset stay: phases lie as the SLM's pixels do.
+    pub turns: bool,
+}
+
+impl AsShown {
+    /// The names of its parts.
+    pub const PARTS: [&'static str; 3] = ["gratings", "corrections", "turns"];
+
+    /// Leaves a part by its name, or `all`; says whether there is such a part.
+    pub fn leave(&mut self, part: &str) -> bool {
+        match part {
+            "gratings" => self.gratings = true,
+            "corrections" => self.corrections = true,
+            "turns" => self.turns = true,
+            "all" => *self = Self { gratings: true, corrections: true, turns: true },
+            _ => return false,
+        }
+        true
+    }
+}
+
+/// Turns video frames of one display back into phases.
+#[derive(Debug, Clone)]
+pub struct Decoder {
+    encoder: Encoder,
+    turning: Turning,
+    keeps_turns: bool,
+    of_colors: Vec<OfColor>,
+}
+
+/// How one colour is decoded.
+#[derive(Debug, Clone)]
+struct OfColor {
+    /// The phase of every code, 2^-32 turns.
+    phases: Box<[Option<u32>; 256]>,
+    /// Taken away from every pixel of the SLM, 2^-32 turns; empty where nothing is.
+    undone: Vec<u32>,
+}
+
+/// A bit of a level's code, and where a pixel of the video frame holds it.
+struct Bit {
+    cell: [usize; 2],
+    channel: usize,
+    to: u8,
+    of_code: u8,
+}
+
+impl Decoder {
+    /// A decoder of sets of these colours, `sub_frames` of each. Reads the display's calibration.
+    ///
+    /// # Errors
+    /// Those of [`Encoder::new`].
+    pub fn new(display: &Display, colors: &[Color], sub_frames: usize, left: AsShown) -> Result<Self, EncodeError> {
+        let encoder = Encoder::new(display, colors, sub_frames)?;
+        let turning = Turning::new(&display.encoding, display.height, display.width);
+        let mut undone = display.clone();
+        if left.gratings {
+            undone.encoding.grating.clear();
+        }
+        if left.corrections {
+            undone.encoding.correction.clear();
+        }
+        let of_color = |&color: &Color| {
+            let phases = levels::phases(&scale(display, color)?, &display.encoding.codes);
+            let phases = Box::new(phases.map(|turns| turns.map(correction::units)));
+            Ok(OfColor { phases, undone: correction::offsets(&undone, color, &turning)? })
+        };
+        let of_colors = colors.iter().map(of_color).collect::<Result<_, EncodeError>>()?;
+        Ok(Self { encoder, turning, keeps_turns: left.turns, of_colors })
+    }
+
+    /// The encoder whose inverse it is: how many frames it makes, of which size, and what they hold.
+    pub fn encoder(&self) -> &Encoder {
+        &self.encoder
+    }
+
+    /// Rows and columns of what is decoded: the hologram's, or the SLM's where it stays turned.
+    pub fn size(&self) -> [usize; 2] {
+        let display = &self.encoder.display;
+        if self.keeps_turns { [display.height, display.width] } else { self.encoder.hologram_size() }
+    }
+
+    /// The phases of a set, (sub-frame, row, column) per colour, radians in [-pi, pi). `name` says what a frame is called
+    /// in errors.
+    ///
+    /// # Errors
+    /// [`EncodeError::Mismatch`] for frames of another shape; [`EncodeError::Frame`] where a frame holds what no level of
+    /// the display is, or light in bits that its packing leaves black.
+    pub fn decode(
+        &self,
+        frames: &VideoFrames,
+        name: impl Fn(usize) -> String + Sync,
+    ) -> Result<Vec<Vec<f32>>, EncodeError> {
+        self.encoder.check_frames(frames)?;
+        let packed = self.encoder.packed();
+        for index in 0..packed.video_frames {
+            self.check_unused(frames, index).map_err(|reason| EncodeError::Frame { frame: name(index), reason })?;
+        }
+        let [height, width] = self.size();
+        let decoded: Result<Vec<_>, EncodeError> = (packed.slots.par_iter())
+            .map(|slot| {
+                let wrong = |reason| EncodeError::Frame { frame: name(slot.video_frame), reason };
+                self.slot(slot, frames.frame(slot.video_frame)).map_err(wrong)
+            })
+            .collect();
+        let mut phases = vec![vec![0.0; packed.sub_frames * height * width]; self.of_colors.len()];
+        for (slot, decoded) in packed.slots.iter().zip(decoded?) {
+            phases[slot.color][slot.sub_frame * height * width..][..height * width].copy_from_slice(&decoded);
+        }
+        Ok(phases)
+    }
+
+    /// One sub-frame.
+    fn slot(&self, slot: &PackedSlot, frame: &[u8]) -> Result<Vec<f32>, String> {
+        let OfColor { phases, undone } = &self.of_colors[slot.color];
+        let bits = self.bits(slot);
+        let (height, width) = (self.encoder.display.height, self.encoder.display.width);
+        let columns = self.size()[1];
+        let mut out = vec![0.0; height * width];
+        for y in 0..height {
+            for x in 0..width {
+                let bit = |b: &Bit| (frame[self.byte([y, x], b.cell, b.channel)] >> b.to & 1) << b.of_code;
+                let code = bits.iter().fold(0, |code, b| code | bit(b));
+                let units = phases[usize::from(code)].ok_or_else(|| self.no_level(slot, code, [y, x]))?;
+                let units = units.wrapping_sub(undone.get(y * width + x).copied().unwrap_or(0));
+                let [row, column] = if self.keeps_turns { [y, x] } else { self.turning.source(y, x) };
+                // The upper half of a turn is its negative half.
+                let turns = f64::from(units as i32) / 4_294_967_296.0;
+                out[row * columns + column] = wrap_phase((turns * std::f64::consts::TAU) as f32);
+            }
+        }
+        Ok(out)
+    }
+
+    fn no_level(&self, slot: &PackedSlot, code: u8, [y, x]: [usize; 2]) -> String {
+        let (color, display) = (self.encoder.colors()[slot.color], &self.encoder.display);
+        format!(
+            "{color} sub-frame {} holds {code} at the SLM's row {y}, column {x}, which is no level of the display '{}': give \
+             the display that it was encoded for with --display",
+            slot.sub_frame, display.name
+        )
+    }
+
+    /// Where a slot's bits are.
+    fn bits(&self, slot: &PackedSlot) -> Vec<Bit> {
+        let place = |cell, bit: u8, of_code| Bit { cell, channel: usize::from(bit / 8), to: bit % 8, of_code };
+        let cells = &self.encoder.display.encoding.cells;
+        if cells.is_empty() {
+            return slot.bits.iter().zip(0..).map(|(&bit, of_code)| place([0, 0], bit, of_code)).collect();
+        }
+        let row = |(dy, row): (usize, &Vec<u8>)| {
+            let cell = |(dx, of_code): (usize, &u8)| place([dy, dx], slot.bits[0], *of_code);
+            row.iter().enumerate().map(cell).collect::<Vec<_>>()
+        };
+        cells.iter().enumerate().flat_map(row).collect()
+    }
+
+    /// Index of a byte of the video frame: a cell of the SLM's pixel, and a channel of it.
+    fn byte(&self, [y, x]: [usize; 2], [dy, dx]: [usize; 2], channel: usize) -> usize {
+        let (args, flip) = (&self.encoder.plan().args, self.encoder.display.encoding.flip_video);
+        let (height, width) = (args.video_height(), args.video_width());
+        let (row, column) = (y * args.cell_rows as usize + dy, x * args.cell_columns as usize + dx);
+        let row = if flip.overturns() { height - 1 - row } else { row };
+        let column = if flip.mirrors() { width - 1 - column } else { column };
+        (row * width + column) * args.channels as usize + channel
+    }
+
+    /// Refuses light in bits that the packing leaves black: then it is another packing, or another display's frame.
+    fn check_unused(&self, frames: &VideoFrames, index: usize) -> Result<(), String> {
+        let mut used = vec![0u8; frames.channels];
+        for bit in self.encoder.packed().slots.iter().filter(|s| s.video_frame == index).flat_map(|s| &s.bits) {
+            used[usize::from(bit / 8)] |= 1 << (bit % 8);
+        }
+        let lit = frames.frame(index).chunks_exact(frames.channels).enumerate();
+        let mut stray =
+            lit.flat_map(|(i, pixel)| pixel.iter().zip(&used).enumerate().map(move |(c, (b, u))| (i, c, b & !u)));
+        let Some((at, channel, bits)) = stray.find(|(_, _, bits)| *bits != 0) else { return Ok(()) };
+        let channel = if frames.channels == 1 { "grey" } else { ["red", "green", "blue"][channel] };
+        let (row, column) = (at / frames.width, at % frames.width);
+        Err(format!(
+            "bit {} of {channel} is lit at row {row}, column {column}, and the packing of the display '{}' leaves it black: \
+             give the display that it was encoded for with --display",
+            bits.trailing_zeros(),
+            self.encoder.display.name
+        ))
+    }
+}

@@ -1,0 +1,311 @@
+//! Video frames on the disk: a folder that says its display and what its frames hold, and pictures of any origin.
+
+use super::{AsShown, Decoder, EncodeError, Encoder, Packed, VideoFrames};
+use crate::files::{FileError, FolderDraft, encode_grey8, encode_rgb8, read, read_png8};
+use crate::hologram::{ColorHologram, Hologram, Metadata};
+use crate::optics::{Color, Display, Place};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// What the frames are.
+const DOCUMENT: &str = "frames.json";
+/// The display, as a file that `--display` takes.
+const DISPLAY: &str = "display.toml";
+/// Beginnings of the names of calibration files that are kept beside it.
+const CALIBRATION: [&str; 2] = ["look-up-", "correction-"];
+const FORMAT: u32 = 1;
+
+/// Whether there is a folder of video frames that says its display and what they hold.
+pub fn is_encoded(path: &Path) -> bool {
+    path.join(DOCUMENT).is_file()
+}
+
+/// A video frame's file, and where what is in it.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FrameContents {
+    /// Name of the file.
+    pub file: String,
+    /// The sub-frames, as a display file's map says them.
+    pub holds: Vec<Place>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Document {
+    format: u32,
+    colors: Vec<Color>,
+    sub_frames: usize,
+    frames: Vec<FrameContents>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    hologram: Option<Origin>,
+}
+
+/// What was encoded, but for the phases.
+#[derive(Serialize, Deserialize)]
+struct Origin {
+    scene: String,
+    seed: u64,
+    version: String,
+    exposures: BTreeMap<Color, f64>,
+    efficiencies: BTreeMap<Color, f64>,
+    settings: Metadata,
+}
+
+impl Encoder {
+    /// What each video frame holds.
+    pub fn contents(&self) -> Vec<FrameContents> {
+        let holds = |index| self.packed().places(self.colors(), index);
+        let one = |index| FrameContents { file: VideoFrames::file_name(index), holds: holds(index) };
+        (0..self.packed().video_frames).map(one).collect()
+    }
+
+    /// Writes video frames as PNGs into `folder`, which appears whole, with the display, its calibration, and what the
+    /// frames hold: all that [`Encoded`] needs. `of` is the hologram that they show, where it is known. A folder of such
+    /// frames is replaced; any other that is not empty is left alone.
+    ///
+    /// # Errors
+    /// [`EncodeError::File`].
+    pub fn save(&self, frames: &VideoFrames, of: Option<&Hologram>, folder: &Path) -> Result<(), EncodeError> {
+        let ours = |name: &str| {
+            name.starts_with("frame-") && name.ends_with(".png")
+                || [DOCUMENT, DISPLAY].contains(&name)
+                || CALIBRATION.iter().any(|begins| name.starts_with(begins))
+        };
+        let draft = FolderDraft::new(folder, |there| {
+            fs::read_dir(there)
+                .is_ok_and(|mut all| all.all(|e| e.is_ok_and(|e| e.file_name().to_str().is_some_and(ours))))
+        })?;
+        let mut display = self.display.clone();
+        let encoding = &mut display.encoding;
+        for (color, file) in &mut encoding.look_up {
+            *file = keep(&draft, file, &format!("{}{color}", CALIBRATION[0]))?;
+        }
+        for (i, correction) in encoding.correction.iter_mut().enumerate() {
+            correction.file = keep(&draft, &correction.file, &format!("{}{i}", CALIBRATION[1]))?;
+        }
+        draft.write(DISPLAY, |out| out.write_all(display.to_toml().as_bytes()))?;
+        let document = Document {
+            format: FORMAT,
+            colors: self.colors().to_vec(),
+            sub_frames: self.packed().sub_frames,
+            frames: self.contents(),
+            hologram: of.map(Origin::of),
+        };
+        draft.write(DOCUMENT, |out| Ok(serde_json::to_writer_pretty(out, &document)?))?;
+        (0..frames.count()).into_par_iter().try_for_each(|i| {
+            draft.write(&VideoFrames::file_name(i), |out| match frames.channels {
+                1 => encode_grey8(out, frames.height, frames.width, frames.frame(i)),
+                _ => encode_rgb8(out, frames.height, frames.width, frames.frame(i)),
+            })
+        })?;
+        Ok(draft.put()?)
+    }
+}
+
+/// Keeps a calibration file in the folder; answers its name there.
+fn keep(draft: &FolderDraft, file: &Path, stem: &str) -> Result<PathBuf, EncodeError> {
+    let bytes = read::bytes(file, read::PICTURE).map_err(|e| FileError::read(file, e))?;
+    let ending = file.extension().map_or(String::new(), |e| format!(".{}", e.to_string_lossy()));
+    let name = format!("{stem}{ending}");
+    draft.write(&name, |out| out.write_all(&bytes))?;
+    Ok(name.into())
+}
+
+impl Origin {
+    fn of(hologram: &Hologram) -> Self {
+        let each = |value: fn(&ColorHologram) -> f64| {
+            hologram.colors.iter().filter_map(|c| Some((c.color?, value(c)))).collect()
+        };
+        Self {
+            scene: hologram.scene.clone(),
+            seed: hologram.seed,
+            version: hologram.version.clone(),
+            exposures: each(|c| c.exposure),
+            efficiencies: each(|c| c.efficiency),
+            settings: hologram.metadata.clone(),
+        }
+    }
+}
+
+/// Video frames on the disk, and the display that they are for.
+pub struct Encoded {
+    display: Display,
+    colors: Vec<Color>,
+    sub_frames: usize,
+    files: Vec<PathBuf>,
+    hologram: Option<Origin>,
+}
+
+impl Encoded {
+    /// The video frames at `path`: a folder of this program's, a folder of PNGs of any origin in the order of the numbers
+    /// in their names, or one PNG. `display` is what they are seen with: the folder's own where there is none. `color` says
+    /// which colour frames of any origin are; all of the display's without.
+    ///
+    /// # Errors
+    /// [`EncodeError::File`] for what cannot be read; [`EncodeError::Frame`] where there are no frames, where nobody says
+    /// for which display they are, and where they are no whole sets.
+    pub fn open(path: &Path, display: Option<&Display>, color: Option<Color>) -> Result<Self, EncodeError> {
+        let wrong = |reason: String| EncodeError::Frame { frame: path.display().to_string(), reason };
+        if is_encoded(path) {
+            let file = path.join(DOCUMENT);
+            let bytes = read::bytes(&file, read::TABLE).map_err(|e| FileError::read(&file, e))?;
+            let damaged = |e: serde_json::Error| FileError::content(&file, format!("is damaged: {e}"));
+            let Document { format, colors, sub_frames, frames, hologram } =
+                serde_json::from_slice(&bytes).map_err(damaged)?;
+            if format != FORMAT {
+                return Err(FileError::content(&file, format!("has the format {format}: {FORMAT} is known")).into());
+            }
+            if let Some(asked) = color.filter(|c| colors != [*c]) {
+                let has: Vec<_> = colors.iter().map(Color::to_string).collect();
+                return Err(wrong(format!("it holds {}, not {asked} alone: leave out --color", has.join(", "))));
+            }
+            if let Some(outside) = frames.iter().find(|f| Path::new(&f.file).components().count() != 1) {
+                return Err(FileError::content(&file, format!("names {}, which is not beside it", outside.file)).into());
+            }
+            let own = || {
+                let own = path.join(DISPLAY);
+                let text = read::text(&own, read::TEXT).map_err(|e| FileError::read(&own, e))?;
+                let display = Display::from_toml(&text, &own.display().to_string());
+                display.map_err(|e| EncodeError::from(FileError::content(&own, e.to_string())))
+            };
+            let display = display.map_or_else(own, |d| Ok(d.clone()))?;
+            let files = frames.iter().map(|f| path.join(&f.file)).collect();
+            return Ok(Self { display, colors, sub_frames, files, hologram });
+        }
+        let files = pictures(path)?;
+        if files.is_empty() {
+            return Err(wrong("it holds no PNG: video frames are wanted".into()));
+        }
+        let display = display.ok_or_else(|| {
+            wrong(format!("it does not say for which display its frames are (it has no {DOCUMENT}): give --display"))
+        })?;
+        let colors = color.map_or_else(|| display.wavelengths.iter().map(|w| w.color).collect(), |c| vec![c]);
+        let packed = Packed::of_video_frames(&display.encoding, &colors, files.len()).map_err(wrong)?;
+        Ok(Self { display: display.clone(), colors, sub_frames: packed.sub_frames, files, hologram: None })
+    }
+
+    /// What it is taken for, in a sentence.
+    pub fn describe(&self) -> String {
+        let (files, sub_frames, name) = (self.files.len(), self.sub_frames, &self.display.name);
+        let colors: Vec<_> = self.colors.iter().map(Color::to_string).collect();
+        let s = |n: usize| if n == 1 { "" } else { "s" };
+        format!(
+            "{files} video frame{} for the display '{name}': {sub_frames} sub-frame{} of {}",
+            s(files),
+            s(sub_frames),
+            colors.join(", ")
+        )
+    }
+
+    /// The hologram that the frames show, with its phases in the SLM's levels: what was encoded, but for what is `left` as
+    /// the SLM shows it.
+    ///
+    /// # Errors
+    /// Those of [`Decoder::new`] and [`Decoder::decode`]; [`EncodeError::File`] for pictures that cannot be read;
+    /// [`EncodeError::Frame`] for those of another size or kind than the display's.
+    pub fn decode(&self, left: AsShown) -> Result<Hologram, EncodeError> {
+        let decoder = Decoder::new(&self.display, &self.colors, self.sub_frames, left)?;
+        let mut frames = decoder.encoder().frames();
+        if frames.count() != self.files.len() {
+            let (display, n) = (self.display.name.clone(), self.files.len());
+            let reason = format!("there are {n} video frames, and its packing takes {}", frames.count());
+            return Err(EncodeError::Mismatch { display, reason });
+        }
+        let (size, channels, bytes) = ([frames.height, frames.width], frames.channels, frames.frame_bytes());
+        let read = |(file, out): (&PathBuf, &mut [u8])| self.read(file, size, channels, out);
+        self.files.par_iter().zip(frames.bytes.par_chunks_exact_mut(bytes)).try_for_each(read)?;
+        let phases = decoder.decode(&frames, |i| self.files[i].display().to_string())?;
+        let [height, width] = decoder.size();
+        let display = Display { height, width, ..self.display.clone() };
+        let known = |of: fn(&Origin) -> &BTreeMap<Color, f64>, color: Color| {
+            self.hologram.as_ref().and_then(|o| of(o).get(&color)).copied().unwrap_or(1.0)
+        };
+        let wavelength = |color| display.wavelengths.iter().find(|w| w.color == color).map_or(0.0, |w| w.wavelength);
+        let colors = (self.colors.iter().zip(phases))
+            .map(|(&color, phases)| ColorHologram {
+                color: Some(color),
+                wavelength: wavelength(color),
+                exposure: known(|o| &o.exposures, color),
+                efficiency: known(|o| &o.efficiencies, color),
+                phases,
+            })
+            .collect();
+        let mut hologram = Hologram::on(&display, self.sub_frames, colors);
+        hologram.metadata.exposure_assumed = self.hologram.is_none();
+        if let Some(origin) = &self.hologram {
+            (hologram.scene, hologram.version) = (origin.scene.clone(), origin.version.clone());
+            (hologram.seed, hologram.metadata) = (origin.seed, origin.settings.clone());
+            if left.turns && self.display.encoding.rotation_deg % 180 == 90 {
+                hologram.metadata.padded = hologram.metadata.padded.map(|[rows, columns]| [columns, rows]);
+            }
+        }
+        let damaged = |e| EncodeError::Mismatch { display: display.name.clone(), reason: format!("{e}") };
+        hologram.check().map_err(damaged)?;
+        Ok(hologram)
+    }
+
+    /// One frame. A grey picture is what a display of three channels shows as equal ones, and the other way round.
+    fn read(
+        &self,
+        file: &Path,
+        [height, width]: [usize; 2],
+        channels: usize,
+        out: &mut [u8],
+    ) -> Result<(), EncodeError> {
+        let (h, w, has, bytes) = read_png8(file)?;
+        let wrong = |reason: String| Err(FileError::content(file, reason).into());
+        if [h, w] != [height, width] {
+            let [cell_rows, cell_columns] = [height / self.display.height, width / self.display.width];
+            let (name, [sh, sw]) = (&self.display.name, [h / cell_rows.max(1), w / cell_columns.max(1)]);
+            return wrong(format!(
+                "it is {h}x{w} pixels, and a video frame of the display '{name}' is {height}x{width}: give --size {sh}x{sw}, or \
+                 the display that it was made for"
+            ));
+        }
+        match (has, channels) {
+            (1, 3) => out.iter_mut().zip(bytes.iter().flat_map(|b| [b; 3])).for_each(|(to, from)| *to = *from),
+            (3, 1) => {
+                if let Some(at) = bytes.chunks_exact(3).position(|p| p[0] != p[1] || p[1] != p[2]) {
+                    let (row, column, name) = (at / w, at % w, &self.display.name);
+                    return wrong(format!(
+                        "it is coloured at row {row}, column {column}, and the display '{name}' takes grey video frames"
+                    ));
+                }
+                out.iter_mut().zip(bytes.iter().step_by(3)).for_each(|(to, from)| *to = *from);
+            }
+            _ => out.copy_from_slice(&bytes),
+        }
+        Ok(())
+    }
+}
+
+/// The PNGs of a folder in the order of the numbers in their names; or the one.
+fn pictures(path: &Path) -> Result<Vec<PathBuf>, EncodeError> {
+    let is_png = |file: &Path| file.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
+    if !fs::metadata(path).map_err(|e| FileError::read(path, e))?.is_dir() {
+        return Ok(if is_png(path) { vec![path.into()] } else { Vec::new() });
+    }
+    let entries = fs::read_dir(path).and_then(|all| all.map(|e| Ok(e?.path())).collect::<Result<Vec<_>, _>>());
+    let mut files: Vec<_> = entries.map_err(|e| FileError::read(path, e))?.into_iter().filter(|f| is_png(f)).collect();
+    files.sort_by_cached_key(|file| numbers_in(&file.file_name().unwrap_or_default().to_string_lossy()));
+    Ok(files)
+}
+
+/// A name by which files are in the order of their numbers: digits with so many zeros before them that all are as long.
+fn numbers_in(name: &str) -> String {
+    let (mut out, mut digits) = (String::new(), String::new());
+    for c in name.chars().chain(['\0']) {
+        if c.is_ascii_digit() {
+            digits.push(c);
+        } else {
+            if !digits.is_empty() {
+                out += &format!("{digits:0>20}");
+                digits.clear();
+            }
+            out.push(c);
+        }
+    }
+    out
+}

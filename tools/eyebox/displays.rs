@@ -1,0 +1,101 @@
+//! `eyebox displays`: the presets, and display files begun from them.
+
+use crate::Failure;
+use clap::{Args, Subcommand};
+use eyebox::files;
+use eyebox::optics::{Display, PRESETS, display_template, preset_about, preset_text};
+use serde_json::{Value, json};
+use std::path::PathBuf;
+
+/// `eyebox displays`
+#[derive(Args)]
+#[command(args_conflicts_with_subcommands = true)]
+pub struct Displays {
+    /// What to do; without, all presets are listed
+    #[command(subcommand)]
+    pub action: Option<Action>,
+    /// One JSON object on standard output
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// What is done with one.
+#[derive(Subcommand)]
+pub enum Action {
+    /// Print a display as its file, with its source
+    Show {
+        /// A preset or a TOML file
+        #[arg(value_name = "PRESET|FILE")]
+        display: String,
+    },
+    /// Begin a display file of your own from a preset, with what may be added as comments
+    New {
+        /// A preset
+        #[arg(value_name = "PRESET")]
+        preset: String,
+        /// The file, which must not be there yet
+        #[arg(short, long, value_name = "FILE.toml")]
+        out: PathBuf,
+    },
+}
+
+/// Lists, shows, or begins a file.
+pub fn run(args: &Displays) -> Result<(), Failure> {
+    match &args.action {
+        None => list(args.json),
+        Some(Action::Show { display }) => {
+            print!("{}", preset_text(display).map_or_else(|| Ok::<_, Failure>(Display::load(display)?.to_toml()), Ok)?);
+            Ok(())
+        }
+        Some(Action::New { preset, out }) => {
+            let Some(text) = display_template(preset) else {
+                let all = PRESETS.join(", ");
+                return Err(Failure::Asked(format!("no preset is called '{preset}': there are {all}")));
+            };
+            if out.extension().is_none_or(|e| e != "toml") {
+                return Err(Failure::Asked(format!("{}: the name must end in .toml", out.display())));
+            }
+            if out.exists() {
+                return Err(Failure::Asked(format!("{}: it is there already, and left alone", out.display())));
+            }
+            files::write_file(out, |to| to.write_all(text.as_bytes()))?;
+            eprintln!("wrote {}: give it as --display {}", out.display(), out.display());
+            Ok(())
+        }
+    }
+}
+
+fn list(as_json: bool) -> Result<(), Failure> {
+    let presets: Vec<(&str, Display)> =
+        PRESETS.iter().filter_map(|name| Some((*name, Display::preset(name)?))).collect();
+    if as_json {
+        let one = |(name, d): &(&str, Display)| -> Value {
+            let wavelengths: serde_json::Map<_, _> = d
+                .wavelengths
+                .iter()
+                .map(|w| (w.color.to_string(), json!((w.wavelength * 1e12).round() / 1e3)))
+                .collect();
+            json!({
+                "name": name, "about": preset_about(name), "resolution": [d.height, d.width],
+                "pitch_um": (d.pitch * 1e9).round() / 1e3, "focal_length_mm": (d.focal_length * 1e6).round() / 1e3,
+                "wavelengths_nm": wavelengths, "levels": d.levels, "rate_hz": d.rate_hz, "geometry": d.geometry.name(),
+                "packing": d.encoding.packing,
+            })
+        };
+        println!("{}", json!({ "displays": presets.iter().map(one).collect::<Vec<_>>() }));
+        return Ok(());
+    }
+    println!("{:20} {:>13} {:>8} {:>7}  packing   what it is", "name", "rows x cols", "pitch um", "levels");
+    for (name, d) in presets {
+        let packing = json!(d.encoding.packing);
+        println!(
+            "{name:20} {:>13} {:8.2} {:7}  {:9} {}",
+            format!("{} x {}", d.height, d.width),
+            d.pitch * 1e6,
+            d.levels,
+            packing.as_str().unwrap_or_default(),
+            preset_about(name).unwrap_or_default()
+        );
+    }
+    Ok(())
+}

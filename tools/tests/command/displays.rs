@@ -1,0 +1,89 @@
+//! `eyebox displays`, and display files begun from it.
+
+use crate::common::{done, eyebox, folder, refused, text};
+
+#[test]
+fn presets_are_listed_and_shown_with_their_sources() {
+    let temp = folder();
+    let at = temp.path();
+    let listed = done(at, &["displays"]);
+    for name in ["paper", "plm", "holoeye-pluto-2.1", "thorlabs-exulus-4k1", "hamamatsu-x15213"] {
+        assert!(listed.lines().any(|line| line.starts_with(name)), "{name}: {listed}");
+    }
+    let json: serde_json::Value = serde_json::from_str(&done(at, &["displays", "--json"])).expect("JSON");
+    let all = json["displays"].as_array().expect("displays");
+    assert_eq!(all.len(), listed.lines().count() - 1);
+    let pluto = all.iter().find(|d| d["name"] == "holoeye-pluto-2.1").expect("it is there");
+    assert_eq!(
+        (&pluto["resolution"][1], &pluto["pitch_um"], &pluto["rate_hz"]),
+        (&1920.into(), &8.0.into(), &60.0.into())
+    );
+    let shown = done(at, &["displays", "show", "holoeye-pluto-2.1"]);
+    assert!(shown.contains("# Source: https://holoeye.com/"), "{shown}");
+    let again = done(at, &["displays", "show", "plm"]);
+    std::fs::write(at.join("plm.toml"), &again).unwrap();
+    assert!(again.ends_with(&done(at, &["displays", "show", "plm.toml"])));
+    refused(at, &["displays", "show", "none"], "x", "holoeye-pluto-2.1");
+}
+
+#[test]
+fn a_file_begun_from_a_preset_is_taken_as_a_display() {
+    let temp = folder();
+    let at = temp.path();
+    done(at, &["displays", "new", "holoeye-pluto-2.1", "-o", "bench.toml"]);
+    let begun = std::fs::read_to_string(at.join("bench.toml")).unwrap();
+    let measured = begun.replace("#two_pi_level", "two_pi_level").replace("green = 256", "green = 218");
+    std::fs::write(at.join("bench.toml"), measured).unwrap();
+    ::eyebox::files::write_npy(&at.join("p.npy"), &[1, 2, 3], &[0.0, 1.0, 2.0, 3.0, -1.0, -0.02]).unwrap();
+    let encode =
+        ["encode", "p.npy", "--display", "bench.toml", "--color", "green", "--size", "2x3", "-o", "x", "--json"];
+    let report: serde_json::Value = serde_json::from_str(&done(at, &encode)).expect("JSON");
+    assert_eq!(report["display"], "bench");
+    let frame = image::open(at.join("x/frame-00000.png")).unwrap().into_luma8().into_raw();
+    assert_eq!(frame, [0, 35, 69, 104, 183, 217]);
+    refused(at, &["displays", "new", "paper", "-o", "bench.toml"], "none", "left alone");
+    refused(at, &["displays", "new", "none", "-o", "y.toml"], "y.toml", "no preset is called");
+    refused(at, &["displays", "new", "paper", "-o", "y.txt"], "y.txt", ".toml");
+}
+
+/// A set of eight grey frames takes an eighth of a 60 Hz display's rate: that is said wherever such a set is made.
+#[test]
+fn a_set_that_flickers_is_said() {
+    let temp = folder();
+    let at = temp.path();
+    ::eyebox::files::write_npy(&at.join("p.npy"), &[8, 4, 6], &[0.5; 192]).unwrap();
+    let encode = |display| ["encode", "p.npy", "--display", display, "--color", "green", "--size", "4x6", "-o", "x"];
+    let said = text(&eyebox(at, &encode("grey8")).stderr);
+    assert!(said.contains("7.50 sets a second") && said.contains("bit-planes"), "{said}");
+    let said = text(&eyebox(at, &encode("planes8")).stderr);
+    assert!(said.contains("wrote x") && !said.contains("sets a second"), "{said}");
+    // What the display's file says counts.
+    let fast = done(at, &["displays", "show", "grey8"]).replace("levels = 256", "levels = 256\nrate_hz = 480");
+    std::fs::write(at.join("fast.toml"), fast).unwrap();
+    let said = text(&eyebox(at, &encode("fast.toml")).stderr);
+    assert!(said.contains("wrote x") && !said.contains("sets a second"), "{said}");
+    let plan = ["plan", "builtin:plane", "--size", "32x32", "--color", "green", "--engine", "cpu"];
+    let said = done(at, &plan);
+    assert!(
+        said.lines().any(|line| line.trim().starts_with("flicker") && line.contains("7.50 sets a second")),
+        "{said}"
+    );
+    let solve = [
+        "solve",
+        "builtin:plane",
+        "-o",
+        "h.zarr",
+        "--size",
+        "32x32",
+        "--steps",
+        "1",
+        "--color",
+        "green",
+        "--engine",
+        "cpu",
+    ];
+    done(at, &solve);
+    let play = ["play", "h.zarr", "--display", "grey8", "--size", "32x32", "--clock", "simulated", "--duration", "0.5"];
+    let said = text(&eyebox(at, &play).stderr);
+    assert!(said.contains("an eye sees flicker below about 50"), "{said}");
+}
