@@ -1,144 +1,19 @@
-//! The arguments of commands, and those that they share: millimetres, micrometres and nanometres in, metres out.
+//! The arguments of commands: millimetres, micrometres and nanometres in, metres out.
 
-use crate::Failure;
+pub use crate::groups::{Colors, DisplayArgs, EngineArgs, EngineName, NEAR, OtherSceneArgs, SceneArgs};
 use crate::phases::{EncodedArgs, PhaseArgs, PhaseUnitArgs};
 use crate::quality::QualityArgs;
 use crate::values::{
-    GivenPupil, Names, contrast, depths, full, memory, method, one_of, positive, pupil, range, rate, share, size,
-    storage, window,
+    GivenPupil, Names, contrast, full, memory, method, one_of, positive, pupil, range, rate, share, storage, window,
 };
+use clap::Args;
 use clap::builder::TypedValueParser;
-use clap::{Args, ValueEnum};
-use eyebox::hologram::{Hologram, Start};
-use eyebox::optics::{Color, Depth, Display, WindowFactor};
+use eyebox::hologram::Start;
+use eyebox::optics::{Color, WindowFactor};
 use eyebox::plan::Storage;
 use eyebox::present::Rate;
-use eyebox::scene::{Near, Order};
 use eyebox::solve::{Diameters, Full, Method, Optimizer, PaddingRule, Sequence};
-use std::path::{Path, PathBuf};
-
-/// Which engine computes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum EngineName {
-    /// A real GPU where there is one, else the CPU
-    Auto,
-    /// All cores of the CPU
-    Cpu,
-    /// Vulkan, a software device included
-    Vulkan,
-}
-
-/// Which colours.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Colors {
-    /// The longest wavelength
-    Red,
-    /// The middle one
-    Green,
-    /// The shortest
-    Blue,
-    /// All that the display has
-    All,
-}
-
-/// The engine, in every command that computes.
-#[derive(Args)]
-pub struct EngineArgs {
-    /// Which engine computes
-    #[arg(long, value_enum, default_value = "auto")]
-    pub engine: EngineName,
-    /// With --engine vulkan: run the list of kernels on the CPU up to this kernel, and on Vulkan from it on
-    #[arg(long, value_name = "KERNEL")]
-    pub vulkan_from: Option<String>,
-}
-
-/// The display, in every command that needs one.
-#[derive(Args)]
-pub struct DisplayArgs {
-    /// Display: a preset (eyebox displays lists them), or a TOML file [default: paper]
-    #[arg(long, value_name = "PRESET|FILE")]
-    pub display: Option<String>,
-    /// Resolution instead of the display's own, rows x columns
-    #[arg(long, value_name = "HxW", value_parser = size)]
-    pub size: Option<[usize; 2]>,
-    /// Colours
-    #[arg(long, value_enum, default_value = "all")]
-    pub color: Colors,
-    /// Take sizes, wavelengths and pupils that look like a mistake as they are
-    #[arg(long)]
-    pub force: bool,
-}
-
-/// Which values of a depth map are near.
-pub const NEAR: Names<Near, 4> = [
-    ("bright", "The bright ones of a picture", Near::Large),
-    ("dark", "The dark ones of a picture", Near::Small),
-    ("large", "The large ones, as of disparities", Near::Large),
-    ("small", "The small ones, as of distances", Near::Small),
-];
-
-/// The scene, in every command that takes one.
-#[derive(Args, Clone)]
-pub struct SceneArgs {
-    /// A folder of views, a picture (with --depth-map), or builtin:NAME
-    pub scene: String,
-    /// Depth or disparity map of a picture (PNG, EXR, PFM or .npy): of several, one for each, or the folder of their maps
-    #[arg(long, value_name = "FILE|FOLDER")]
-    pub depth_map: Vec<PathBuf>,
-    /// Which values of the depth map are near [default: what its file tells; the bright ones of a picture]
-    #[arg(long, value_parser = one_of(&NEAR), value_name = "WHICH")]
-    pub near: Option<Near>,
-    /// Distance of neighbouring views in the pupil plane, mm [default: what the scene says, else eyebox / views]
-    #[arg(long, value_name = "MM", value_parser = positive)]
-    pub view_pitch: Option<f64>,
-    /// Views per axis of scenes that are rendered or reprojected [default: 9; in score, what the hologram was solved for]
-    #[arg(long, value_name = "N")]
-    pub views: Option<usize>,
-    /// Depths that matter, mm, or dioptres as in -0.02D..0.02D [default: what the scene says]; of a depth map, the depths
-    /// that its values reach
-    #[arg(long, value_name = "MIN..MAX", value_parser = depths, allow_hyphen_values = true)]
-    pub depth: Option<[Depth; 2]>,
-    /// How the views of a folder really stand: as-named, or transpose, flip-rows, flip-columns with commas between [default:
-    /// what its lightfield.toml says; else as named, refused where the pictures clearly show another]
-    #[arg(long, value_name = "ORDER")]
-    pub order: Option<Order>,
-}
-
-/// A hologram beside a scene.
-#[derive(Args, Clone, Copy)]
-pub struct OtherSceneArgs {
-    /// Take the scene though the hologram says that it shows another
-    #[arg(long)]
-    pub other_scene: bool,
-}
-
-impl OtherSceneArgs {
-    /// Refuses another scene than the hologram's, unless it is meant.
-    pub fn check(self, file: &Path, hologram: &Hologram, scene: &str) -> Result<(), Failure> {
-        let checked = if self.other_scene { Ok(()) } else { hologram.check_scene(scene) };
-        checked.map_err(|e| Failure::Asked(format!("{}: {e}", file.display())))
-    }
-}
-
-impl SceneArgs {
-    /// The depths that matter, metres.
-    pub fn depth_before(&self, display: &Display) -> Option<[f64; 2]> {
-        self.depth.map(|both| both.map(|depth| depth.metres(display.focal_length)))
-    }
-
-    /// A scene of which nothing else is said.
-    pub fn of(scene: &str) -> Self {
-        Self {
-            scene: scene.into(),
-            depth_map: Vec::new(),
-            near: None,
-            view_pitch: None,
-            views: None,
-            depth: None,
-            order: None,
-        }
-    }
-}
+use std::path::PathBuf;
 
 /// `eyebox demo`
 #[derive(Args)]

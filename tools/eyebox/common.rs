@@ -1,7 +1,7 @@
 //! What commands share: display, scene, engine, names of files.
 
 use crate::Failure;
-use crate::args::{DisplayArgs, EngineArgs, SceneArgs};
+use crate::groups::{DisplayArgs, EngineArgs, SceneArgs};
 use crate::values::GivenPupil;
 use eyebox::engine::{self, Backend, Engine, EngineError};
 use eyebox::evaluate::Plane;
@@ -125,9 +125,9 @@ pub fn diameters(asked: Option<[f64; 2]>, display: &Display, force: bool) -> Res
 /// Which engine is asked for.
 pub fn engine_choice(args: &EngineArgs) -> engine::Choice {
     match args.engine {
-        crate::args::EngineName::Auto => engine::Choice::Auto,
-        crate::args::EngineName::Cpu => engine::Choice::Cpu,
-        crate::args::EngineName::Vulkan => engine::Choice::Vulkan,
+        crate::groups::EngineName::Auto => engine::Choice::Auto,
+        crate::groups::EngineName::Cpu => engine::Choice::Cpu,
+        crate::groups::EngineName::Vulkan => engine::Choice::Vulkan,
     }
 }
 

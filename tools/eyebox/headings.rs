@@ -6,7 +6,19 @@ use clap::{Command, CommandFactory};
 const HEADINGS: &[(&str, &[&str])] = &[
     (
         "Scene",
-        &["scene", "depth_map", "near", "order", "view_pitch", "views", "depth", "other_scene", "reference", "hologram", "methods"],
+        &[
+            "scene",
+            "depth_map",
+            "near",
+            "order",
+            "view_pitch",
+            "views",
+            "depth",
+            "other_scene",
+            "reference",
+            "hologram",
+            "methods",
+        ],
     ),
     (
         "Display",

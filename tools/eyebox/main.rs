@@ -23,6 +23,7 @@ mod evaluate;
 mod export;
 mod failure;
 mod generate;
+mod groups;
 mod headings;
 mod import;
 mod inspect;

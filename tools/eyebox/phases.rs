@@ -1,8 +1,8 @@
 //! Bare phases on the command line: what they do not say of themselves.
 
 use crate::Failure;
-use crate::args::{Colors, DisplayArgs};
 use crate::common;
+use crate::groups::{Colors, DisplayArgs};
 use crate::values::{as_shown, phase_unit, size};
 use clap::{Args, ValueEnum};
 use eyebox::encode::{AsShown, Encoded, is_encoded};
