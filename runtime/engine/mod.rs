@@ -113,7 +113,7 @@ pub(crate) fn promise(shape: &Shape, complex: u64) -> Result<(), EngineError> {
     match crate::memory::available() {
         Some(available) if bytes > available => Err(EngineError::OutOfMemory {
             device: "the machine's".into(),
-            what: format!("{} sub-frames of {} pixels", shape.frames, shape.pixels()),
+            what: format!("phases and fields of {} sub-frames of {} pixels", shape.frames, shape.pixels()),
             wanted: Some(bytes),
         }),
         _ => Ok(()),

@@ -134,7 +134,8 @@ fn pupils(args: &Score, display: &Display, diameter: [f64; 2], depth: [f64; 2]) 
             "{text}: {reason}; expected random:N or a JSON file such as [[0, 0, 4, 1.5], [2, -1, 6, \"0.01D\"]]"
         ))
     };
-    let read = std::fs::read_to_string(Path::new(text)).map_err(|e| wrong(e.to_string()))?;
+    let read =
+        eyebox::files::read::text(Path::new(text), eyebox::files::read::TABLE).map_err(|e| wrong(e.to_string()))?;
     let rows: Vec<(f64, f64, f64, Depth)> = serde_json::from_str(&read).map_err(|e| wrong(e.to_string()))?;
     if rows.is_empty() {
         return Err(wrong("it lists no pupil".into()));

@@ -89,8 +89,8 @@ impl Playing {
         for noise in ["panicked", "XIO", "X connection", "validation:"] {
             assert!(!text.contains(noise), "{text}");
         }
-        // What is played, where, two lines of what came of it, and, where it did not end well, why.
-        let expected = if code == 0 { 4 } else { 5 };
+        // What is played, where, that it flickers, two lines of what came of it, and, where it did not end well, why.
+        let expected = if code == 0 { 5 } else { 6 };
         assert_eq!(text.lines().count(), expected, "{text}");
         stats(folder.path())
     }
