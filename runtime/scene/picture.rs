@@ -26,8 +26,6 @@ fn corrupt(path: &Path, e: impl ToString) -> SceneError {
 
 /// Pixels of the largest picture that is read: 8K, and 24 megapixels of a camera. It is in memory as a whole, and as light.
 const MOST_PIXELS: u64 = 1 << 25;
-/// Pixels of a picture that is read together with others; larger ones are read one at a time.
-pub(super) const MANY_PIXELS: usize = 1 << 22;
 
 /// Rows and columns, from the header alone.
 pub(super) fn size(path: &Path) -> Result<[usize; 2], SceneError> {
