@@ -12,7 +12,7 @@ use rayon::prelude::*;
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct AsShown {
-    /// Gratings stay: the image is where they move it.
+    /// Gratings stay: the light goes where they send it, which in a relay is another part of the eyebox.
     pub gratings: bool,
     /// Wavefront corrections stay: what an SLM would show that is flat already.
     pub corrections: bool,

@@ -11,6 +11,9 @@ use std::{
     path::{Path, PathBuf},
 };
 
+/// Pixels of a picture that is read together with others; larger ones are read one at a time.
+const MANY_PIXELS: usize = 1 << 22;
+
 /// A folder's views, and how they were read.
 pub(super) struct Read {
     pub field: LightField,
@@ -59,7 +62,7 @@ pub(super) fn read(folder: &Path, request: &Request) -> Result<Read, SceneError>
         })
     };
     // One picture per task: their order in time does not matter, the first error in order is reported.
-    let one_by_one = own[0] * own[1] > picture::MANY_PIXELS;
+    let one_by_one = own[0] * own[1] > MANY_PIXELS;
     let read: Vec<_> = if one_by_one { paths.iter().map(read).collect() } else { paths.par_iter().map(read).collect() };
     let mut planes: Vec<Vec<Vec<f32>>> = colors.iter().map(|_| Vec::with_capacity(paths.len())).collect();
     for picture in read {

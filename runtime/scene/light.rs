@@ -27,6 +27,7 @@ pub fn srgb_to_linear(v: f64) -> f64 {
 }
 
 /// The first pixel that is not as it must be is an error.
+#[cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "pictures use all of it"))]
 pub(super) fn check(
     path: &Path,
     plane: &[f32],

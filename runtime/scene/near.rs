@@ -15,6 +15,7 @@ pub enum Near {
 }
 
 /// How a map's file keeps its values.
+#[cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "pictures use all of it"))]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     /// A picture of 8 bits.
