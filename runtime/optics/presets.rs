@@ -93,7 +93,7 @@ impl Display {
     /// A preset or a TOML file.
     ///
     /// # Errors
-    /// [`OpticsError::UnknownDisplay`], [`OpticsError::DisplayFile`] and those of [`Optics::new`].
+    /// [`OpticsError::UnknownDisplay`], [`OpticsError::DisplayFile`] and those of [`Optics::new`](super::Optics::new).
     pub fn load(name: &str) -> Result<Self, OpticsError> {
         if let Some(display) = Self::preset(name) {
             return Ok(display);

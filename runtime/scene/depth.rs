@@ -14,7 +14,7 @@ const LARGEST: usize = 512;
 const NEAR: usize = 3;
 
 /// Depth of each pixel of the central view, (height, width), metres: where the central row and column of views agree
-/// best, in the range that the scene states or that is found ([`LightField::disparities_sought`]).
+/// best, in the range that the scene states or that is found (see `LightField::disparities_sought`).
 pub fn central_depth(field: &LightField, display: &Display) -> Vec<f32> {
     central_depth_within(field, display, field.disparities_sought(display).range)
 }

@@ -73,7 +73,7 @@ struct Met {
 
 impl Interpolator {
     /// Of the colours of a light field before a display. Disparities are sought in the range that it states or that is found
-    /// ([`LightField::disparities_sought`]).
+    /// (`LightField::disparities_sought`).
     pub fn new(field: LightField, display: &Display) -> Self {
         let cell = field.cell(display);
         let range = field.disparities_sought(display).range;
