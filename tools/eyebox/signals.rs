@@ -39,7 +39,8 @@ pub fn interrupted() -> bool {
 #[cfg(unix)]
 fn signals() -> Vec<i32> {
     use signal_hook::consts::SIGHUP;
-    [SIGINT, SIGTERM].into_iter().chain((!is_ignored(SIGHUP)).then_some(SIGHUP)).collect()
+    // ctrl-C last: who sees that it is caught knows that all are.
+    (!is_ignored(SIGHUP)).then_some(SIGHUP).into_iter().chain([SIGTERM, SIGINT]).collect()
 }
 
 #[cfg(not(unix))]
