@@ -1,7 +1,5 @@
 //! What memory there is: it is promised before it is taken, so that nothing that is read or asked for ends in an abort.
 
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-
 /// More memory than there is.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{what} would take {} of memory, and {} are there: {remedy}", amount(*bytes), amount(*available))]
@@ -16,19 +14,10 @@ pub struct TooLarge {
     pub remedy: &'static str,
 }
 
-/// Bytes that were allowed; 0 for what the machine has.
-static LIMIT: AtomicU64 = AtomicU64::new(0);
-
-/// Keeps this process to so many bytes more than it has now.
-pub fn limit(bytes: u64) {
-    LIMIT.store(bytes.max(1), Relaxed);
-}
-
-/// Bytes that this process can still have: what was allowed, what its control group leaves it, what the machine has; none
-/// where the system does not say.
+/// Bytes that this process can still have: what its control group leaves it, what the machine has; none where the system does
+/// not say.
 pub fn available() -> Option<u64> {
-    let allowed = Some(LIMIT.load(Relaxed)).filter(|limit| *limit > 0);
-    [allowed, machine(), control_group()].into_iter().flatten().min()
+    [machine(), control_group()].into_iter().flatten().min()
 }
 
 /// Refuses what would take more than there is.

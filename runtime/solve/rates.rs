@@ -57,11 +57,7 @@ const LARGEST: u64 = 1 << 20;
 impl Kept {
     /// What a file keeps of this engine, if it does: a file that cannot be read, is damaged or is another's is none.
     fn load(file: &Path, engine: &str) -> Option<Rates> {
-        if std::fs::metadata(file).ok()?.len() > LARGEST {
-            return None;
-        }
-        let kept: Self =
-            serde_json::from_slice(&crate::files::read::bytes(file, crate::files::read::TEXT).ok()?).ok()?;
+        let kept: Self = serde_json::from_slice(&crate::files::read::bytes(file, LARGEST).ok()?).ok()?;
         let ours = kept.engine == engine && kept.version == env!("CARGO_PKG_VERSION") && kept.rates.is_sound();
         ours.then_some(kept.rates)
     }
