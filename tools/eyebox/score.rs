@@ -22,7 +22,7 @@ pub fn run(args: &Score) -> Result<(), Failure> {
     let (scene, depth) = match &source {
         PhaseSource::Whole(_) => {
             let field = common::scene(&asked, &display, &colors)?;
-            let depth = common::depths(&asked, &field, &display);
+            let depth = common::depths(&asked, &field, &display)?;
             (SceneSource::new(field, &display)?, depth)
         }
         PhaseSource::Tiled(_) => {

@@ -38,7 +38,7 @@ pub fn run(args: &Evaluate) -> Result<(), Failure> {
     let mut load = |index: usize| -> Result<_, Failure> {
         let scene = args.scene(index);
         let field = common::scene(&scene, &job.display, &job.colors)?;
-        let depth = common::depths(&scene, &field, &job.display);
+        let depth = common::depths(&scene, &field, &job.display)?;
         Ok((field, depth))
     };
     let mut results = compare(&job, &args.out, &mut load, engine.as_mut(), args.json)?;

@@ -92,7 +92,7 @@ pub fn load(args: &SubjectArgs, engines: &Engines) -> Result<Steered, Failure> {
         let colors = common::colors(&args.display, &display)?;
         let mut engine = engines.open()?;
         let field = common::scene(&scene(&args.what), &display, &colors)?;
-        let depth = common::depths(&scene(&args.what), &field, &display);
+        let depth = common::depths(&scene(&args.what), &field, &display)?;
         let base = Settings { depth, diameter: common::diameters(None, &display, false)?, ..Settings::default() };
         let chosen =
             args.quality.choose(engine.as_ref(), [display.height, display.width], base.frames, colors.len())?;
