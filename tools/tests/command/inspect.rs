@@ -61,11 +61,21 @@ fn depths_that_the_views_do_not_show_are_asked_for() {
     let inspect = done(at, &[&["inspect", "views"][..], &SIZE].concat());
     assert!(inspect.lines().any(|l| l.trim_start().starts_with("refused") && l.contains(asks)), "{inspect}");
     let steps = ["--steps", "1", "--frames", "1", "--engine", "cpu"];
-    refused(at, &[&["solve", "views", "-o", "x.zarr"][..], &SIZE, &steps].concat(), "x.zarr", asks);
-    refused(at, &[&["solve", "views", "builtin:plane", "-o", "x.zarr"][..], &SIZE, &steps].concat(), "x.zarr", asks);
     refused(
         at,
-        &[&["evaluate", "views", "-o", "report", "--methods", "dpac"][..], &SIZE].concat(),
+        &[&["solve", "views", "-o", "x.zarr", "--order", "as-named"][..], &SIZE, &steps].concat(),
+        "x.zarr",
+        asks,
+    );
+    refused(
+        at,
+        &[&["solve", "views", "builtin:plane", "--order", "as-named", "-o", "x.zarr"][..], &SIZE, &steps].concat(),
+        "x.zarr",
+        asks,
+    );
+    refused(
+        at,
+        &[&["evaluate", "views", "-o", "report", "--methods", "dpac", "--order", "as-named"][..], &SIZE].concat(),
         "report/report.html",
         asks,
     );
