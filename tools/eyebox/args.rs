@@ -1,6 +1,6 @@
 //! The arguments of commands: millimetres, micrometres and nanometres in, metres out.
 
-pub use crate::groups::{Colors, DisplayArgs, EngineArgs, EngineName, NEAR, OtherSceneArgs, SceneArgs};
+pub use crate::groups::{Colors, DisplayArgs, EngineArgs, EngineName, NEAR, OrderArgs, OtherSceneArgs, SceneArgs};
 use crate::phases::{EncodedArgs, PhaseArgs, PhaseUnitArgs};
 use crate::quality::QualityArgs;
 use crate::values::{

@@ -82,7 +82,7 @@ pub fn request<'a>(
         depth_map: maps.first().map(PathBuf::as_path),
         near: args.near,
         depth: args.depth_before(display),
-        order: args.order,
+        order: args.order.order,
         ..default
     }
 }
