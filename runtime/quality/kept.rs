@@ -18,13 +18,14 @@ struct Kept<S, T> {
 /// A folder of results.
 pub(super) struct Keep {
     folder: PathBuf,
+    _made: files::MadeFolder,
 }
 
 impl Keep {
     /// In this folder, which is made if it is not there.
     pub fn new(folder: PathBuf) -> Result<Self, FileError> {
-        std::fs::create_dir_all(&folder).map_err(|e| FileError::write(&folder, e))?;
-        Ok(Self { folder })
+        let _made = files::MadeFolder::new(&folder)?;
+        Ok(Self { folder, _made })
     }
 
     /// The result of this name, if it was made by exactly this.

@@ -1,6 +1,7 @@
 //! What came of a case, and what may come of it.
 
 use std::fmt;
+use std::os::unix::process::ExitStatusExt;
 use std::process::ExitStatus;
 
 /// How a case ended.
@@ -34,7 +35,12 @@ const NEVER: [&str; 5] =
 /// What is wrong with an end, or how it was. `said`: standard error, where it could be kept.
 pub fn judge(status: ExitStatus, interrupted: bool, said: Option<&str>, starved: bool) -> Result<Answer, String> {
     let quoted = said.map_or(String::new(), |s| format!(": {}", s.chars().take(600).collect::<String>()));
-    let Some(code) = status.code() else { return Err(format!("it ended by {status}{quoted}")) };
+    let code = match (status.code(), status.signal()) {
+        (Some(code), _) => code,
+        // What does not catch ctrl-C ends by it: 130, to a shell.
+        (None, Some(2)) if interrupted => return Ok(Answer::Interrupted),
+        _ => return Err(format!("it ended by {status}{quoted}")),
+    };
     if let Some(word) = NEVER.iter().find(|word| quoted.contains(*word)) {
         return Err(format!("it said '{word}'{quoted}"));
     }

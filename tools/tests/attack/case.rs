@@ -5,9 +5,11 @@ use crate::ground::{self, Place};
 use std::ffi::OsString;
 use std::fmt;
 use std::fs::{self, File};
+use std::io::Read;
 use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// Address space of every case, KiB: no case comes near it unless it takes memory that it should not.
@@ -17,6 +19,11 @@ const MEMORY_KIB: u64 = 512 << 10;
 /// How long a case may run before it is asked to stop, and how long it may take to.
 const PATIENCE: Duration = Duration::from_millis(1500);
 const TO_STOP: Duration = Duration::from_secs(5);
+
+/// The program that is attacked: the one that was built, or that of `EYEBOX`.
+pub fn program() -> String {
+    std::env::var("EYEBOX").unwrap_or_else(|_| env!("CARGO_BIN_EXE_eyebox").into())
+}
 
 /// Something that lies in the case's folder `in` when it begins.
 #[derive(Clone)]
@@ -68,10 +75,10 @@ pub struct Case {
     pub limits: Vec<String>,
     /// Of the environment.
     pub env: Vec<(&'static str, String)>,
-    /// It may find out that there is no memory by asking for it, and what it began may stay.
+    /// It may find out that there is no memory by asking for it, and its drafts may stay.
     pub starved: bool,
-    /// Something stands where results go.
-    pub stands: bool,
+    /// What it had done when it failed may stay: whole files.
+    pub keeps: bool,
 }
 
 impl Case {
@@ -96,19 +103,19 @@ impl Case {
             put(&at.join(name), what, at);
         }
         let mut watched = Watched::new(self.command(at).spawn().expect("sh starts"), self.streams);
-        let end = watched.wait()?;
-        let said = fs::read(at.join("stderr")).unwrap_or_default();
-        let said = String::from_utf8_lossy(&said);
-        let said = (self.streams[1] == Stream::Kept).then_some(said.as_ref());
+        let end = watched.wait();
+        let said = watched.heard();
+        let (end, said) = (end?, said.as_deref());
         let answer = answer::judge(end, watched.asked.is_some(), said, self.starved)?;
         if watched.peak > MEMORY_KIB {
             return Err(format!("it took {} MiB", watched.peak >> 10));
         }
-        if answer == Answer::Refused
-            && !(self.starved || self.stands)
-            && let Some(left) = ground::files(&at.join("out")).first()
-        {
-            return Err(format!("it failed and left {}: {}", left.display(), said.unwrap_or_default()));
+        let left = ground::files(&at.join("out"));
+        let draft = left.iter().find(|file| file.extension().is_some_and(|end| end == "part"));
+        let left =
+            if answer == Answer::Refused && !self.keeps { left.first() } else { draft.filter(|_| !self.starved) };
+        if let Some(left) = left {
+            return Err(format!("it left {}: {}", left.display(), said.unwrap_or_default()));
         }
         place.check().map_err(|what| format!("it changed {what}"))?;
         Ok(answer)
@@ -124,16 +131,20 @@ impl Case {
             .join(" ");
         let script = format!("ulimit -v {ADDRESSES_KIB}; {limits}exec \"$0\" \"$@\" {closed}");
         let mut command = Command::new("sh");
-        command.args(["-c", &script, env!("CARGO_BIN_EXE_eyebox")]).args(&self.args).current_dir(at);
+        command.args(["-c", &script, &program()]).args(&self.args).current_dir(at);
         command.env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").env("XDG_CACHE_HOME", at.join("cache"));
         // One arena: address space is memory then.
-        command.env("MALLOC_ARENA_MAX", "1").envs(self.env.iter().map(|(k, v)| (k, v))).stdin(Stdio::null());
-        let stream = |stream: Stream, name: &str| match stream {
-            Stream::Kept | Stream::Closed => Stdio::from(File::create(at.join(name)).expect("a file")),
+        command
+            .env("MALLOC_ARENA_MAX", "1")
+            .env("RUST_BACKTRACE", "0")
+            .envs(self.env.iter().map(|(k, v)| (k, v)))
+            .stdin(Stdio::null());
+        let [out, err] = self.streams.map(|stream| match stream {
             Stream::Full => Stdio::from(File::options().write(true).open("/dev/full").expect("a full disk")),
-            Stream::Gone | Stream::Stuck => Stdio::piped(),
-        };
-        command.stdout(stream(self.streams[0], "stdout")).stderr(stream(self.streams[1], "stderr"));
+            Stream::Closed => Stdio::null(),
+            Stream::Kept | Stream::Gone | Stream::Stuck => Stdio::piped(),
+        });
+        command.stdout(out).stderr(err);
         command
     }
 }
@@ -195,6 +206,8 @@ fn put(at: &Path, what: &Put, place: &Path) {
 /// A run that is watched until it ends.
 struct Watched {
     child: Child,
+    /// Read standard output and error.
+    readers: [Option<JoinHandle<Vec<u8>>>; 2],
     /// When it was asked to stop.
     asked: Option<Instant>,
     /// Most memory it had, KiB.
@@ -204,13 +217,24 @@ struct Watched {
 impl Watched {
     fn new(mut child: Child, streams: [Stream; 2]) -> Self {
         // A pipe that is dropped has no reader; one that is kept has one that never reads.
-        if streams[0] == Stream::Gone {
-            drop(child.stdout.take());
+        let mut readers = [None, None];
+        match streams[0] {
+            Stream::Kept => readers[0] = child.stdout.take().map(read),
+            Stream::Gone => drop(child.stdout.take()),
+            _ => {}
         }
-        if streams[1] == Stream::Gone {
-            drop(child.stderr.take());
+        match streams[1] {
+            Stream::Kept => readers[1] = child.stderr.take().map(read),
+            Stream::Gone => drop(child.stderr.take()),
+            _ => {}
         }
-        Self { child, asked: None, peak: 0 }
+        Self { child, readers, asked: None, peak: 0 }
+    }
+
+    /// What it said on standard error, where somebody listened.
+    fn heard(&mut self) -> Option<String> {
+        let [_, said] = self.readers.each_mut().map(|reader| Some(reader.take()?.join().expect("read")));
+        said.map(|said| String::from_utf8_lossy(&said).into_owned())
     }
 
     fn wait(&mut self) -> Result<ExitStatus, String> {
@@ -239,6 +263,15 @@ impl Watched {
     fn signal(&self, name: &str) {
         let _ = Command::new("kill").args([format!("-{name}"), self.child.id().to_string()]).status();
     }
+}
+
+/// Reads a pipe to its end, beside.
+fn read(mut pipe: impl Read + Send + 'static) -> JoinHandle<Vec<u8>> {
+    std::thread::spawn(move || {
+        let mut bytes = Vec::new();
+        pipe.read_to_end(&mut bytes).expect("read");
+        bytes
+    })
 }
 
 /// The most memory that a process had, KiB.

@@ -1,4 +1,4 @@
-//! Limits that the system sets: memory, the length of files, open files, processes, the stack, threads.
+//! Limits that the system sets: memory, the length of files, open files, processes, threads.
 
 use crate::case::Case;
 use crate::ground::Ground;
@@ -8,16 +8,19 @@ use crate::options::sound;
 pub fn case(_: &Ground, rng: &mut fastrand::Rng) -> Case {
     let mut case = Case::of(&sound(rng));
     // The program itself, its libraries and first threads take less than 80 MiB.
-    let limit = match rng.u8(..6) {
+    let limit = match rng.u8(..5) {
         0 => {
-            case.starved = true;
+            (case.starved, case.keeps) = (true, true);
             format!("-v {}", rng.u32(80 << 10..300 << 10))
         }
-        1 => format!("-f {}", rng.u32(..12)),
+        1 => {
+            // Of several files the first ones may have been written.
+            case.keeps = true;
+            format!("-f {}", rng.u32(..12))
+        }
         2 => format!("-n {}", rng.u32(8..24)),
         // Root has none.
         3 => format!("-u {}", rng.u32(1..40)),
-        4 => format!("-s {}", rng.u32(256..2048)),
         _ => "-c 0".into(),
     };
     if limit == "-c 0" {

@@ -51,8 +51,13 @@ fn elsewhere(run: Vec<&str>, rng: &mut fastrand::Rng) -> Case {
     match run.iter().find(|arg| arg.starts_with("out/")) {
         // What stands there may be taken for a result of before, or is refused: nothing is half-written.
         Some(out) if rng.bool() => {
-            let mut case = case.put(out, odd(rng));
-            case.stands = true;
+            // A link to a folder is what was asked for.
+            let odd = match odd(rng) {
+                Put::Link(to) if to.starts_with('.') => Put::Link("loop".into()),
+                odd => odd,
+            };
+            let mut case = case.put(out, odd);
+            case.keeps = true;
             case
         }
         _ => {
