@@ -16,12 +16,15 @@ pub mod read;
 mod whole;
 
 pub use cache::cache_folder;
-pub use codec::{encode_jpeg8, read_grey, read_grey8, read_png8};
+pub use codec::encode_jpeg8;
+pub(crate) use codec::{read_grey, read_grey8, read_png8};
 pub use made::MadeFolder;
 pub(crate) use npy::read_npy_with_gaps;
 pub use npy::{Npy, read_npy, write_npy};
-pub use picture::{encode_grey8, encode_rgb8, linear_to_srgb, write_png};
-pub use whole::{FolderDraft, check_place, write_file, write_file_by_way_of};
+pub(crate) use picture::{encode_grey8, encode_rgb8};
+pub use picture::{linear_to_srgb, write_png};
+pub(crate) use whole::write_file_by_way_of;
+pub use whole::{FolderDraft, check_place, write_file};
 
 use std::{io, path::Path};
 
@@ -36,6 +39,7 @@ pub struct Grey {
 
 /// What can be wrong with a file.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum FileError {
     /// It could not be read.
     #[error("{file}: cannot be read: {source}")]

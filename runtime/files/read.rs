@@ -15,7 +15,7 @@ pub const TABLE: u64 = 16 << 20;
 /// Longest file that is kept to save time, and longest results; bytes.
 pub const RESULTS: u64 = 256 << 20;
 /// Longest picture or map, bytes.
-pub const PICTURE: u64 = 1 << 30;
+pub(crate) const PICTURE: u64 = 1 << 30;
 
 /// Opens a regular file. Anything else is refused, after opening it and without waiting for it.
 ///

@@ -24,7 +24,7 @@ pub fn write_file(file: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<(
 ///
 /// # Errors
 /// As [`write_file`].
-pub fn write_file_by_way_of(
+pub(crate) fn write_file_by_way_of(
     drafts: &Path,
     file: &Path,
     fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,

@@ -18,7 +18,7 @@ pub struct Affine {
 
 impl Affine {
     /// Where a point goes.
-    pub fn apply(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+    pub(crate) fn apply(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         [self.x, self.y].map(|row| row[0] * x + row[1] * y + row[2])
     }
 }

@@ -45,16 +45,18 @@ impl Keep {
     }
 }
 
-/// Refuses a folder that nothing can be written into, before anything is computed. It is made if it is not there.
+/// Refuses a folder that nothing can be written into, before anything is computed. It is made if it is not there, and gone
+/// again with what is returned if nothing came to be in it.
 ///
 /// # Errors
 /// [`FileError`].
-pub fn writable(folder: &Path) -> Result<(), FileError> {
+pub fn writable(folder: &Path) -> Result<files::MadeFolder, FileError> {
     let failed = |e| FileError::write(folder, e);
-    std::fs::create_dir_all(folder).map_err(failed)?;
+    let made = files::MadeFolder::new(folder)?;
     let probe = folder.join(format!(".eyebox-{}", std::process::id()));
     File::create(&probe).map_err(failed)?;
-    std::fs::remove_file(&probe).map_err(failed)
+    std::fs::remove_file(&probe).map_err(failed)?;
+    Ok(made)
 }
 
 /// Changes with any pixel of any view.

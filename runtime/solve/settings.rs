@@ -12,6 +12,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 /// Whether the SLM is padded where the scene requires it.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum PaddingRule {
     /// Never: the edges see a little of what walks off on the other side.
     #[default]

@@ -18,6 +18,7 @@ use std::time::{Duration, Instant};
 /// How the phases follow.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", tag = "kind")]
+#[non_exhaustive]
 pub enum Strategy {
     /// Pupil-wise projection (OPTICS 6b).
     Projection {

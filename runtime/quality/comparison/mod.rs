@@ -12,7 +12,7 @@ mod results;
 mod speckle;
 
 pub use candidate::{Candidate, Given, Source, candidates};
-pub use measure::{DECADES, ERROR_GAIN};
+pub(crate) use measure::{DECADES, ERROR_GAIN};
 pub use pupils::{SHOWN, Shown};
 pub use results::{
     About, ColorError, ColorFigures, EnergyMap, MethodAbout, Picture, Pictures, Published, Results, Row, Run,
