@@ -197,7 +197,7 @@ fn put(at: &Path, what: &Put, place: &Path) {
         Put::Sparse(bytes) => File::create(at).and_then(|f| f.set_len(*bytes)).expect("a file"),
         Put::Locked => {
             fs::write(at, "locked").expect("a file");
-            fs::set_permissions(at, std::os::unix::fs::PermissionsExt::from_mode(0)).expect("a mode");
+            fs::set_permissions(at, std::os::unix::fs::PermissionsExt::from_mode(0o000)).expect("a mode");
         }
         Put::Gone => {}
     }
