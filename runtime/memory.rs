@@ -16,7 +16,7 @@ pub struct TooLarge {
 
 /// Bytes that this process can still have: what its control group leaves it, what the machine has; none where the system does
 /// not say.
-pub fn available() -> Option<u64> {
+pub(crate) fn available() -> Option<u64> {
     [machine(), control_group()].into_iter().flatten().min()
 }
 
@@ -24,7 +24,7 @@ pub fn available() -> Option<u64> {
 ///
 /// # Errors
 /// [`TooLarge`].
-pub fn promise(what: impl FnOnce() -> String, bytes: u64, remedy: &'static str) -> Result<(), TooLarge> {
+pub(crate) fn promise(what: impl FnOnce() -> String, bytes: u64, remedy: &'static str) -> Result<(), TooLarge> {
     match available() {
         Some(available) if bytes > available => Err(TooLarge { what: what(), bytes, available, remedy }),
         _ => Ok(()),
@@ -32,7 +32,7 @@ pub fn promise(what: impl FnOnce() -> String, bytes: u64, remedy: &'static str) 
 }
 
 /// Of `count` values of `size` bytes each; what no number holds is the largest.
-pub fn bytes_of(counts: &[usize], size: usize) -> u64 {
+pub(crate) fn bytes_of(counts: &[usize], size: usize) -> u64 {
     counts.iter().fold(size as u64, |n, m| n.saturating_mul(*m as u64))
 }
 

@@ -41,7 +41,7 @@ fn plain(error: image::ImageError) -> io::Error {
 ///
 /// # Errors
 /// [`FileError::Read`]; [`FileError::Content`] for anything but a whole 8-bit grey PNG.
-pub fn read_grey8(opened: File, file: &Path) -> Result<(usize, usize, Vec<u8>), FileError> {
+pub(crate) fn read_grey8(opened: File, file: &Path) -> Result<(usize, usize, Vec<u8>), FileError> {
     let reader = ImageReader::with_format(BufReader::new(opened), image::ImageFormat::Png);
     match reader.decode() {
         Ok(image::DynamicImage::ImageLuma8(image)) => {
@@ -57,7 +57,7 @@ pub fn read_grey8(opened: File, file: &Path) -> Result<(usize, usize, Vec<u8>), 
 /// # Errors
 /// [`FileError::Read`]; [`FileError::Content`] for what is no whole PNG, for 16 bits a channel, and for pixels that are
 /// not opaque.
-pub fn read_png8(opened: File, file: &Path) -> Result<(usize, usize, usize, Vec<u8>), FileError> {
+pub(crate) fn read_png8(opened: File, file: &Path) -> Result<(usize, usize, usize, Vec<u8>), FileError> {
     use image::DynamicImage as Image;
     let reader = ImageReader::with_format(BufReader::new(opened), image::ImageFormat::Png);
     let image = reader
@@ -89,7 +89,7 @@ pub fn read_png8(opened: File, file: &Path) -> Result<(usize, usize, usize, Vec<
 ///
 /// # Errors
 /// [`FileError::Read`]; [`FileError::Content`] for what is no whole PNG or BMP, and for colours.
-pub fn read_grey(file: &Path, size: [usize; 2]) -> Result<Result<Grey, [usize; 2]>, FileError> {
+pub(crate) fn read_grey(file: &Path, size: [usize; 2]) -> Result<Result<Grey, [usize; 2]>, FileError> {
     let reader = || {
         let reader = read::open(file).and_then(|f| ImageReader::new(BufReader::new(f)).with_guessed_format());
         let reader = reader.map_err(|e| FileError::read(file, e))?;

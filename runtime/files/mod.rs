@@ -13,6 +13,7 @@ mod entry;
 mod folder;
 #[cfg_attr(not(unix), path = "held_path.rs")]
 mod held;
+mod made;
 mod npy;
 mod os;
 mod picture;
@@ -20,13 +21,16 @@ pub mod read;
 mod whole;
 
 pub use cache::cache_folder;
-pub use codec::{encode_jpeg8, read_grey, read_grey8, read_png8};
+pub use codec::encode_jpeg8;
+pub(crate) use codec::{read_grey, read_grey8, read_png8};
 pub(crate) use drafts::is_draft;
 pub(crate) use entry::Kind;
 pub(crate) use folder::Folder;
+pub use made::MadeFolder;
 pub(crate) use npy::read_npy_with_gaps;
 pub use npy::{Npy, read_npy, write_npy};
-pub use picture::{encode_grey8, encode_rgb8, linear_to_srgb, write_png};
+pub(crate) use picture::{encode_grey8, encode_rgb8};
+pub use picture::{linear_to_srgb, write_png};
 pub use whole::{FolderDraft, check_place, write_file};
 
 use std::{io, path::Path};
@@ -42,6 +46,7 @@ pub struct Grey {
 
 /// What can be wrong with a file.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum FileError {
     /// It could not be read.
     #[error("{file}: cannot be read: {source}")]

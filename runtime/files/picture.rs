@@ -37,7 +37,7 @@ pub fn write_png(file: &Path, height: usize, width: usize, planes: &[&[f32]]) ->
 ///
 /// # Errors
 /// Those of `out`.
-pub fn encode_grey8(out: &mut dyn Write, height: usize, width: usize, levels: &[u8]) -> io::Result<()> {
+pub(crate) fn encode_grey8(out: &mut dyn Write, height: usize, width: usize, levels: &[u8]) -> io::Result<()> {
     encode_png(out, height, width, 1, levels)
 }
 
@@ -45,7 +45,7 @@ pub fn encode_grey8(out: &mut dyn Write, height: usize, width: usize, levels: &[
 ///
 /// # Errors
 /// Those of `out`.
-pub fn encode_rgb8(out: &mut dyn Write, height: usize, width: usize, levels: &[u8]) -> io::Result<()> {
+pub(crate) fn encode_rgb8(out: &mut dyn Write, height: usize, width: usize, levels: &[u8]) -> io::Result<()> {
     encode_png(out, height, width, 3, levels)
 }
 

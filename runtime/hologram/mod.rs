@@ -62,7 +62,7 @@ pub use score::{HologramScores, PupilScore};
 pub use sequence::Sequence;
 pub use sequence_writer::SequenceWriter;
 pub use source::{PhaseSource, Sampling};
-pub use tiles::{Made, Patch, Tiles, first_phase};
+pub use tiles::{Made, Patch, Tiles};
 
 use crate::memory::TooLarge;
 use crate::{
@@ -77,6 +77,7 @@ use std::path::Path;
 
 /// What can be wrong with a hologram or its file.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum HologramError {
     /// Reading or writing failed.
     #[error(transparent)]

@@ -66,7 +66,7 @@ pub struct Patch {
 }
 
 /// The first phase of a pixel: uniform in [-pi, pi), a function of seed and place alone.
-pub fn first_phase(seed: u64, color: usize, frame: usize, row: usize, column: usize) -> f32 {
+pub(crate) fn first_phase(seed: u64, color: usize, frame: usize, row: usize, column: usize) -> f32 {
     // Two rounds of a bijective mixer (Steele, Lea and Flood 2014) over what tells pixels apart.
     let mix = |z: u64| {
         let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 
 /// Takes every video frame.
 #[derive(Debug)]
+#[non_exhaustive]
 pub enum Sink {
     /// One after the other, (row, column, channel), into a file or a pipe.
     Raw {

@@ -266,7 +266,7 @@ impl Swapchain {
     }
 
     /// In which order [`take`](Self::take) wants the colours of a pixel.
-    pub fn pixel_order(&self) -> PixelOrder {
+    pub(crate) fn pixel_order(&self) -> PixelOrder {
         if self.format == vk::Format::B8G8R8A8_UNORM { PixelOrder::Bgra } else { PixelOrder::Rgba }
     }
 
@@ -323,7 +323,7 @@ impl Swapchain {
     ///
     /// # Errors
     /// The window is gone; a lost device; [`EngineError::Mismatch`].
-    pub fn show_newest(&mut self, rgb: &[u8], size: [usize; 2]) -> Result<bool, EngineError> {
+    pub(crate) fn show_newest(&mut self, rgb: &[u8], size: [usize; 2]) -> Result<bool, EngineError> {
         if rgb.len() != 3 * size[0] * size[1] {
             let reason = format!("a picture of {}x{} has {} bytes", size[0], size[1], rgb.len());
             return Err(EngineError::Mismatch { reason });

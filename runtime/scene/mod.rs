@@ -123,7 +123,7 @@ pub fn native_size(source: &str) -> Result<Option<[usize; 2]>, SceneError> {
 }
 
 /// Whether `source` is, by its name alone, the scene that `known` names: a source, or the name of a light field.
-pub fn is_named(source: &str, known: &str) -> bool {
+pub(crate) fn is_named(source: &str, known: &str) -> bool {
     if let (Some(source), Some(known)) = (source.strip_prefix("builtin:"), known.strip_prefix("builtin:")) {
         return builtin::same(source, known);
     }

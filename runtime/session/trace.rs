@@ -28,7 +28,7 @@ impl Trace {
     }
 
     /// A track for a thread.
-    pub fn track(&self, name: &'static str) -> Track {
+    pub(crate) fn track(&self, name: &'static str) -> Track {
         Track { name, origin: self.origin, spans: Vec::with_capacity(self.spans), lost: 0 }
     }
 

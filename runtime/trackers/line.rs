@@ -19,7 +19,7 @@ use std::path::Path;
 use std::time::Duration;
 
 /// Longest line, bytes.
-pub const LONGEST_LINE: usize = 2048;
+pub(crate) const LONGEST_LINE: usize = 2048;
 
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]

@@ -12,6 +12,7 @@ mod inspect;
 mod kept;
 #[cfg(target_os = "linux")]
 mod live;
+mod odd_values;
 mod phases;
 mod plan;
 mod play;
