@@ -32,7 +32,7 @@ enum Phases {
     /// Read from the folder, whatever comes to stand in its place.
     In(Folder),
     /// Of a single hologram that is in memory.
-    Here(Hologram),
+    Here(Box<Hologram>),
 }
 
 impl Sequence {
@@ -119,7 +119,7 @@ impl Sequence {
             count: 1,
             complete: true,
             notes: Vec::new(),
-            phases: Phases::Here(hologram),
+            phases: Phases::Here(Box::new(hologram)),
             name: String::new(),
         }
     }
@@ -283,7 +283,7 @@ impl Sequence {
             })?;
         }
         match &self.phases {
-            Phases::Here(hologram) => return Ok(hologram.clone()),
+            Phases::Here(hologram) => return Ok(Hologram::clone(hologram)),
             Phases::In(folder) if self.single => return Hologram::load_from(folder),
             Phases::In(_) => {}
         }
