@@ -1,7 +1,7 @@
 //! The arguments of commands: millimetres, micrometres and nanometres in, metres out.
 
 pub use crate::groups::{Colors, DisplayArgs, EngineArgs, EngineName, NEAR, OtherSceneArgs, SceneArgs};
-use crate::phases::{EncodedArgs, PhaseArgs, PhaseUnitArgs};
+use crate::phases::{EncodedArgs, PhaseArgs, PhaseUnitArgs, UnfinishedArgs};
 use crate::quality::QualityArgs;
 use crate::values::{
     GivenPupil, Names, contrast, decibels, diameters, full, memory, method, one_of, positive, pupil, rate, share,
@@ -188,6 +188,9 @@ pub struct Export {
     /// NAME.npy (float32 radians), or a folder for one 8-bit grey PNG per colour and sub-frame
     #[arg(short, long, value_name = "FILE.npy|FOLDER")]
     pub out: PathBuf,
+    /// What is not finished
+    #[command(flatten)]
+    pub unfinished: UnfinishedArgs,
     /// Bare phases
     #[command(flatten)]
     pub phases: PhaseArgs,
@@ -207,6 +210,9 @@ pub struct Encode {
     /// Bare phases
     #[command(flatten)]
     pub unit: PhaseUnitArgs,
+    /// What is not finished
+    #[command(flatten)]
+    pub unfinished: UnfinishedArgs,
     /// Which engine computes
     #[arg(long, value_enum, default_value = "auto")]
     pub engine: EngineName,

@@ -123,6 +123,7 @@ pub fn run(args: &Study) -> Result<(), Failure> {
         "what": args.subject.what, "scene": subject.hologram.scene, "engine": subject.engine,
         "colors": subject.colors, "size": [subject.hologram.height, subject.hologram.width],
         "frames": subject.hologram.frames, "policy": policy, "summary": summary, "study": study,
+        "unfinished": subject.unfinished,
         "eye": { "seed": args.eye_seed, "rate_hz": args.tracker_rate, "delay_ms": args.tracker_delay,
                  "noise_mm": args.tracker_noise, "fixation_ms": args.fixation, "sets_per_second": args.rate,
                  "focus_mm": focus * 1e3, "focus_dioptres": dioptres(focus, focal_length) },
