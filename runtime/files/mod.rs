@@ -11,6 +11,7 @@ mod codec;
 mod drafts;
 mod entry;
 mod folder;
+mod growing;
 #[cfg_attr(not(unix), path = "held_path.rs")]
 mod held;
 mod made;
@@ -26,6 +27,7 @@ pub(crate) use codec::{read_grey, read_grey8, read_png8};
 pub(crate) use drafts::is_draft;
 pub(crate) use entry::Kind;
 pub(crate) use folder::Folder;
+pub use growing::GrowingFile;
 pub use made::MadeFolder;
 pub(crate) use npy::read_npy_with_gaps;
 pub use npy::{Npy, read_npy, write_npy};

@@ -6,6 +6,7 @@ use ::eyebox::optics::Display;
 use serde_json::{Value, json};
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
 
 const SMALL: [&str; 10] = ["--size", "40x48", "--steps", "2", "--color", "green", "--engine", "cpu", "--views", "3"];
 
@@ -191,4 +192,49 @@ fn every_look_at_an_unfinished_sequence_says_how_far_it_is() {
     writer.finish().unwrap();
     assert!(!told(at, &view).1.contains("unfinished"));
     done(at, &play);
+}
+
+/// Ended by force or by a terminal that is closed, a recording has all that came up to the last second, and is read.
+#[cfg(unix)]
+#[test]
+fn a_recording_survives_whatever_ends_it() {
+    let temp = folder();
+    let at = temp.path();
+    for (signal, code) in [("-KILL", None), ("-HUP", Some(0))] {
+        let args = ["trackers", "--watch", "simulated:3", "--rate", "200", "--record", "r.jsonl"];
+        let mut child = command(at, &args).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        let lines = || std::fs::read_to_string(at.join("r.jsonl")).unwrap_or_default().lines().count();
+        let begun = Instant::now();
+        while lines() < 50 && begun.elapsed() < Duration::from_secs(60) {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        assert!(child.try_wait().unwrap().is_none(), "it still records");
+        let there = lines();
+        assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
+        assert_eq!(child.wait().unwrap().code(), code, "{signal}");
+        assert_eq!(names(at), ["r.jsonl"], "{signal}");
+        assert!(done(at, &["trackers", "--watch", "r.jsonl"]).lines().count() >= there, "{signal}");
+        std::fs::remove_file(at.join("r.jsonl")).unwrap();
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_ends_a_recording_and_nothing_else() {
+    let temp = folder();
+    let at = temp.path();
+    let args = ["trackers", "--watch", "simulated:3", "--rate", "200", "--duration", "2", "--record", "r.jsonl"];
+    let answer = after(at, "ulimit -f 8", &args);
+    let said = text(&answer.stderr);
+    assert_eq!((answer.status.code(), said.lines().count()), (Some(2), 1), "{said}");
+    assert!(said.contains("r.jsonl: cannot be written, the disk is full"), "{said}");
+    assert!(text(&answer.stdout).lines().count() > 390, "it was watched to the end");
+    let kept = std::fs::read_to_string(at.join("r.jsonl")).unwrap();
+    assert!(kept.ends_with("}\n") && kept.len() > 7000, "{} bytes", kept.len());
+    let read = done(at, &["trackers", "--watch", "r.jsonl"]);
+    assert_eq!(read.lines().count(), kept.lines().count());
+    // Cut in a line, as by a copy that stopped, it is read up to there, and that is said.
+    std::fs::write(at.join("cut.jsonl"), &kept[..kept.len() - 9]).unwrap();
+    let (read, said) = told(at, &["trackers", "--watch", "cut.jsonl"]);
+    assert_eq!((read.lines().count(), said.contains("cut off in line")), (kept.lines().count() - 1, true), "{said}");
 }
