@@ -17,6 +17,7 @@ mod held;
 mod made;
 mod npy;
 mod os;
+mod own;
 mod picture;
 pub mod read;
 mod whole;
@@ -31,8 +32,9 @@ pub use growing::GrowingFile;
 pub use made::MadeFolder;
 pub(crate) use npy::read_npy_with_gaps;
 pub use npy::{Npy, read_npy, write_npy};
+pub use own::OwnFolder;
 pub(crate) use picture::{encode_grey8, encode_rgb8};
-pub use picture::{linear_to_srgb, write_png};
+pub use picture::{encode_png, linear_to_srgb, write_png};
 pub use whole::{FolderDraft, check_place, write_file};
 
 use std::{io, path::Path};

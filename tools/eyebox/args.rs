@@ -1,6 +1,6 @@
 //! The arguments of commands: millimetres, micrometres and nanometres in, metres out.
 
-pub use crate::groups::{Colors, DisplayArgs, EngineArgs, EngineName, NEAR, OtherSceneArgs, SceneArgs};
+pub use crate::groups::{Colors, DisplayArgs, EngineArgs, EngineName, NEAR, OtherSceneArgs, OverwriteArgs, SceneArgs};
 use crate::phases::{EncodedArgs, PhaseArgs, PhaseUnitArgs, UnfinishedArgs};
 use crate::quality::QualityArgs;
 use crate::values::{
@@ -22,6 +22,9 @@ pub struct Demo {
     /// Where the hologram and the pictures go
     #[arg(long, default_value = "demo", value_name = "DIR")]
     pub out: PathBuf,
+    /// Files of others
+    #[command(flatten)]
+    pub overwrite: OverwriteArgs,
     /// Rows and columns of the hologram
     #[arg(long, default_value_t = 512, value_name = "N")]
     pub size: usize,

@@ -238,3 +238,32 @@ fn a_full_disk_ends_a_recording_and_nothing_else() {
     let (read, said) = told(at, &["trackers", "--watch", "cut.jsonl"]);
     assert_eq!((read.lines().count(), said.contains("cut off in line")), (kept.lines().count() - 1, true), "{said}");
 }
+
+#[test]
+fn files_of_others_where_a_report_goes_are_left_alone() {
+    let temp = folder();
+    let at = temp.path();
+    std::fs::create_dir_all(at.join("mine/figures")).unwrap();
+    let commands: [(&[&str], &str); 6] = [
+        (&["evaluate", "builtin:plane"], "report.html"),
+        (&["evaluate", "builtin:plane"], "figures/drawing.svg"),
+        (&["tradeoff", "builtin:plane"], "index.html"),
+        (&["study", "builtin:plane"], "study.json"),
+        (&["demo"], "far.png"),
+        (&["demo"], "still-life.zarr"),
+    ];
+    for (args, file) in commands {
+        std::fs::write(at.join("mine").join(file), "mine").unwrap();
+        refused(at, &[args, &["--out", "mine"]].concat(), "none", file);
+        assert_eq!(std::fs::read(at.join("mine").join(file)).unwrap(), b"mine");
+        assert_eq!(names(&at.join("mine")).len(), if file.contains('/') { 1 } else { 2 }, "nothing else came");
+        std::fs::remove_file(at.join("mine").join(file)).unwrap();
+    }
+    // What was written here is written again; what was changed since is not.
+    let demo = ["demo", "--out", "d", "--size", "32", "--engine", "cpu", "--quality", "fast"];
+    done(at, &demo);
+    done(at, &demo);
+    std::fs::write(at.join("d/far.png"), "mine").unwrap();
+    refused(at, &demo, "none", "far.png");
+    done(at, &[&demo[..], &["--overwrite"]].concat());
+}
