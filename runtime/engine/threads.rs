@@ -4,6 +4,8 @@ use rayon::ThreadPoolBuilder;
 
 /// More threads than any machine's cores; more asked for is a mistake that would take minutes to start.
 const MOST: usize = 512;
+/// More than this for each core only stand in each other's way.
+const A_CORE: usize = 16;
 
 /// Makes the pool, of as many threads as `RAYON_NUM_THREADS` says or there are cores; where the system does not give so many,
 /// of fewer, with a warning. Programs may call it first thing; what was made before stays.
@@ -11,7 +13,7 @@ pub fn prepare_threads() {
     let stated = std::env::var("RAYON_NUM_THREADS").ok().and_then(|text| text.parse::<usize>().ok());
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let wanted = stated.filter(|n| *n > 0).unwrap_or(cores);
-    let mut count = wanted.min(MOST);
+    let mut count = wanted.min(MOST).min(A_CORE * cores);
     if count < wanted {
         tracing::warn!("{wanted} threads were asked for: {count} are made");
     }

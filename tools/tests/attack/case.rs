@@ -129,7 +129,8 @@ impl Case {
             .map(|(_, s)| s)
             .collect::<Vec<_>>()
             .join(" ");
-        let script = format!("ulimit -v {ADDRESSES_KIB}; {limits}exec \"$0\" \"$@\" {closed}");
+        // A shell that runs this in the background has ctrl-C ignored.
+        let script = format!("ulimit -v {ADDRESSES_KIB}; {limits}exec env --default-signal=INT \"$0\" \"$@\" {closed}");
         let mut command = Command::new("sh");
         command.args(["-c", &script, &program()]).args(&self.args).current_dir(at);
         command.env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").env("XDG_CACHE_HOME", at.join("cache"));
