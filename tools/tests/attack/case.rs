@@ -112,8 +112,9 @@ impl Case {
         }
         let left = ground::files(&at.join("out"));
         let draft = left.iter().find(|file| file.extension().is_some_and(|end| end == "part"));
-        let left =
-            if answer == Answer::Refused && !self.keeps { left.first() } else { draft.filter(|_| !self.starved) };
+        // What was stopped may go on from there.
+        let keeps = self.keeps || watched.asked.is_some();
+        let left = if answer == Answer::Refused && !keeps { left.first() } else { draft.filter(|_| !self.starved) };
         if let Some(left) = left {
             return Err(format!("it left {}: {}", left.display(), said.unwrap_or_default()));
         }
