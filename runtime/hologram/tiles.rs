@@ -32,7 +32,7 @@ const LOCK: &str = "progress.lock";
 pub struct Made {
     /// Parts of the job that are done.
     pub done: u64,
-    /// What the job is: a hologram is gone on with by the same job alone.
+    /// What the job is: a hologram is resumed by the same job alone.
     pub job: Value,
     /// Tiles (colour, row, column) that were staged with it.
     pending: Vec<[usize; 3]>,

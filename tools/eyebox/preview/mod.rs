@@ -21,7 +21,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 /// How long the window may go without looking for a new picture.
-const BEAT: Duration = Duration::from_millis(8);
+const PUMP_EVERY: Duration = Duration::from_millis(8);
 /// What windows are that nobody chose the size of: pixels along the longer side.
 const USUAL: [f64; 2] = [640.0, 1280.0];
 /// The share of a monitor that such a window may take.
@@ -236,7 +236,7 @@ fn watch(
     let (mut asked, mut seen): (Option<Look>, Option<Seen>) = (None, None);
     let (mut save, mut drawn) = (false, None);
     loop {
-        desktop.pump_for(BEAT).map_err(lost)?;
+        desktop.pump_for(PUMP_EVERY).map_err(lost)?;
         let mut draw = false;
         while let Some(event) = window.event() {
             let at = places(window.size(), shown.size, controls.count());
