@@ -226,6 +226,12 @@ pub struct Bench {
     /// A command to run in turn with each round
     #[arg(long, value_name = "COMMAND")]
     pub beside: Option<String>,
+    /// Record the steps and run none: dispatches, barriers, bytes, submissions, and what GPUs would take
+    #[arg(long, conflicts_with = "beside")]
+    pub dry: bool,
+    /// With --dry: the steps of a refinement for this pupil: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
+    #[arg(long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true, requires = "dry")]
+    pub pupil: Option<GivenPupil>,
 }
 
 /// `eyebox view`
