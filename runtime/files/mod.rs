@@ -8,6 +8,7 @@
 mod cache;
 #[cfg_attr(not(feature = "image-formats"), path = "no_codec.rs")]
 mod codec;
+mod made;
 mod npy;
 mod os;
 mod picture;
@@ -17,6 +18,7 @@ mod whole;
 pub use cache::cache_folder;
 pub use codec::encode_jpeg8;
 pub(crate) use codec::{read_grey, read_grey8, read_png8};
+pub use made::MadeFolder;
 pub(crate) use npy::read_npy_with_gaps;
 pub use npy::{Npy, read_npy, write_npy};
 pub(crate) use picture::{encode_grey8, encode_rgb8};

@@ -3,6 +3,7 @@
 //! A pipe, a terminal or a device in the place of a file would block for ever or never end; a file of 3 GB in the place of a
 //! table would be read to its last byte. Both are answered before a byte is read.
 
+use serde::de::DeserializeOwned;
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
@@ -65,6 +66,19 @@ pub fn text(file: &Path, most: u64) -> io::Result<String> {
     String::from_utf8(bytes(file, most)?).map_err(|_| no_text())
 }
 
+/// What a person wrote, as TOML; says which line is wrong, and what.
+pub(crate) fn toml<T: DeserializeOwned>(text: &str) -> Result<T, String> {
+    let one_line = |message: &str| message.trim().replace('\n', " ");
+    let read = toml::from_str(text).map_err(|e| {
+        let line = e.span().map_or(0, |s| text[..s.start.min(text.len())].matches('\n').count() + 1);
+        format!("line {line}: {}", one_line(e.message()))
+    })?;
+    // A list that is too long for its key is noticed on this way alone.
+    let table: toml::Value = toml::from_str(text).map_err(|e| one_line(e.message()))?;
+    T::deserialize(table).map_err(|e| one_line(&e.to_string()))?;
+    Ok(read)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -82,6 +96,19 @@ mod tests {
         // A file that is longer than memory costs nothing.
         std::fs::File::create(&file).unwrap().set_len(1 << 40).unwrap();
         assert!(bytes(&file, PICTURE).unwrap_err().to_string().contains("1099511627776"));
+    }
+
+    #[test]
+    fn lists_that_are_too_long_are_refused() {
+        #[derive(serde::Deserialize, Debug)]
+        #[allow(dead_code)]
+        struct Read {
+            resolution: [usize; 2],
+        }
+        assert_eq!(toml::<Read>("resolution = [1, 2]").unwrap().resolution, [1, 2]);
+        let error = toml::<Read>("resolution = [1, 2, 3]").unwrap_err();
+        assert!(error.contains("resolution") && !error.contains('\n'), "{error}");
+        assert!(toml::<Read>("\nresolution = [1]").unwrap_err().contains("line 2"));
     }
 
     #[cfg(unix)]

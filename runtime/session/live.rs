@@ -213,6 +213,8 @@ impl Live {
             notes: notes.clone(),
             latency: Latency::default(),
             pupil: None,
+            focus: None,
+            focused: None,
             open: VecDeque::with_capacity(OPEN),
             medians: [None; 2],
             medians_at_ns: i64::MIN,

@@ -123,7 +123,15 @@ fn made(sender: &SetSender, number: u64) -> FinishedSet {
     let mut buffer = sender.buffer().expect("there is always a buffer");
     // Every byte says which set it is of.
     buffer.frames.bytes_mut().fill((number % 251) as u8);
-    FinishedSet { number, buffer, timestamps: Timestamps::default(), pupil: [0.0; 2], steps: 1, phases: None }
+    FinishedSet {
+        number,
+        buffer,
+        timestamps: Timestamps::default(),
+        pupil: [0.0; 2],
+        focus: None,
+        steps: 1,
+        phases: None,
+    }
 }
 
 #[test]

@@ -4,7 +4,8 @@ pub use crate::groups::{Colors, DisplayArgs, EngineArgs, EngineName, NEAR, Other
 use crate::phases::{EncodedArgs, PhaseArgs, PhaseUnitArgs};
 use crate::quality::QualityArgs;
 use crate::values::{
-    GivenPupil, Names, contrast, full, memory, method, one_of, positive, pupil, range, rate, share, storage, window,
+    GivenPupil, Names, contrast, decibels, diameters, full, memory, method, one_of, positive, pupil, rate, share,
+    storage, window,
 };
 use clap::Args;
 use clap::builder::TypedValueParser;
@@ -125,7 +126,7 @@ pub struct Solve {
     #[arg(long, value_name = "S", value_parser = positive)]
     pub seconds: Option<f64>,
     /// Stop at this mean PSNR over validation pupils, dB
-    #[arg(long, value_name = "DB")]
+    #[arg(long, value_name = "DB", value_parser = decibels, allow_hyphen_values = true)]
     pub psnr: Option<f64>,
     /// Spectrum per pupil: 1 or 2 times the pupil, or all of it [default: 1]
     #[arg(long, value_parser = window, value_name = "1|2|full")]
@@ -134,7 +135,7 @@ pub struct Solve {
     #[arg(long, value_parser = storage, value_name = "fp32|fp16")]
     pub storage: Option<Storage>,
     /// Pupil diameters drawn, mm [default: 2..20, or what fits the eyebox]
-    #[arg(long, value_name = "MIN..MAX", value_parser = range)]
+    #[arg(long, value_name = "MIN..MAX", value_parser = diameters)]
     pub pupil_diameter: Option<[f64; 2]>,
     /// Distribution of diameters [default: log; adam uniform]
     #[arg(long, value_parser = one_of(&DIAMETERS))]
@@ -297,7 +298,7 @@ pub struct Score {
     #[arg(long, default_value = "random:16", value_name = "random:N|FILE.json")]
     pub pupils: String,
     /// Diameters of random pupils, mm [default: 2..20, or what fits the eyebox]
-    #[arg(long, value_name = "MIN..MAX", value_parser = range)]
+    #[arg(long, value_name = "MIN..MAX", value_parser = diameters)]
     pub pupil_diameter: Option<[f64; 2]>,
     /// Seed of random pupils
     #[arg(long, default_value_t = 1000, value_name = "S")]

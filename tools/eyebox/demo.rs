@@ -28,7 +28,6 @@ pub fn run(args: &Demo) -> Result<(), Failure> {
     if !(16..=4096).contains(&args.size) {
         return Err(Failure::Asked(format!("--size {}: a demo has 16 to 4096 pixels a side", args.size)));
     }
-    std::fs::create_dir_all(&args.out).map_err(|e| Failure::Asked(format!("{}: {e}", args.out.display())))?;
     let mut display = Display::load("paper")?;
     (display.height, display.width) = (args.size, args.size);
     let colors: Vec<Color> = display.wavelengths.iter().map(|w| w.color).collect();
@@ -49,6 +48,7 @@ pub fn run(args: &Demo) -> Result<(), Failure> {
     let levels = Levels::of(&display);
     let subject = Subject { field: &field, color: colors[0], display: &display, base, levels };
     let padding = if settings.padding != PaddingRule::Never { subject.required_padding()? } else { Padding::default() };
+    let _made = files::MadeFolder::new(&args.out)?;
     progress::catch_interrupt();
     let mut watch = Watch::new(false);
     let solved = solve_colors(&subject, &colors, &settings, engine.as_mut(), &mut |event| watch.see(event))?;

@@ -3,7 +3,7 @@
 use crate::args::{DisplayArgs, EngineArgs, NEAR, OtherSceneArgs, SceneArgs};
 use crate::phases::PhaseUnitArgs;
 use crate::quality::QualityArgs;
-use crate::values::{depths, one_of, positive, range};
+use crate::values::{depths, diameters, one_of, positive};
 use clap::Args;
 use eyebox::optics::Depth;
 use eyebox::scene::Near;
@@ -65,7 +65,7 @@ pub struct Evaluate {
     #[arg(long, value_name = "B")]
     pub pupils: Option<usize>,
     /// Pupil diameters of random pupils, mm [default: 2..20, or what fits the eyebox]
-    #[arg(long, value_name = "MIN..MAX", value_parser = range)]
+    #[arg(long, value_name = "MIN..MAX", value_parser = diameters)]
     pub pupil_diameter: Option<[f64; 2]>,
     /// Seed of first phases and of the pupils drawn
     #[arg(long, default_value_t = 0, value_name = "S")]

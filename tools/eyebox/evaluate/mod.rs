@@ -30,7 +30,7 @@ pub fn run(args: &Evaluate) -> Result<(), Failure> {
     for scene in &args.scenes {
         scene::native_size(scene)?;
     }
-    writable(&args.out)?;
+    let _made = writable(&args.out)?;
     if !args.json {
         eprintln!("engine: {}", engine.describe());
         chosen.iter().for_each(|about| eprintln!("{about}"));

@@ -7,7 +7,7 @@ use crate::common::{self, Form};
 use crate::phases::PhaseArgs;
 use crate::progress::{self, JobBar};
 use crate::score;
-use crate::values::{GivenPupil, not_negative, pupil, range};
+use crate::values::{GivenPupil, diameters, not_negative, pupil};
 use clap::Args;
 use eyebox::evaluate::Sums;
 use eyebox::hologram::{Hologram, Metadata, Patch, Refined, SceneSource, Tiles};
@@ -33,7 +33,7 @@ pub struct Refine {
     #[arg(long, value_name = "MM", default_value_t = 0.25, value_parser = not_negative)]
     pub spread: f64,
     /// Its diameter, mm [default: half a millimetre about the pupil's]
-    #[arg(long, value_name = "MIN..MAX", value_parser = range)]
+    #[arg(long, value_name = "MIN..MAX", value_parser = diameters)]
     pub diameter: Option<[f64; 2]>,
     /// Steps
     #[arg(long, default_value_t = 16, value_name = "N")]

@@ -5,7 +5,7 @@ use super::subject::{self, Steered, SubjectArgs};
 use crate::Failure;
 use crate::common::Engines;
 use crate::progress::{self, JobBar};
-use crate::values::{depth, not_negative, positive};
+use crate::values::{depth, not_negative, positive, share};
 use clap::Args;
 use eyebox::files;
 use eyebox::gpu::Options as VulkanOptions;
@@ -37,7 +37,7 @@ pub struct Study {
     #[arg(long, default_value_t = 300.0, value_name = "MS", value_parser = positive)]
     pub fixation: f64,
     /// Share of fixations that become a pursuit
-    #[arg(long, default_value_t = 0.0, value_name = "SHARE", value_parser = not_negative)]
+    #[arg(long, default_value_t = 0.0, value_name = "SHARE", value_parser = share)]
     pub pursuit: f64,
     /// Blinks a minute
     #[arg(long, default_value_t = 0.0, value_name = "N", value_parser = not_negative)]
@@ -117,7 +117,7 @@ pub fn run(args: &Study) -> Result<(), Failure> {
     }
     let study = study(args, &subject, &engines, &settings, args.json)?;
     let summary = summary(&study);
-    std::fs::create_dir_all(&args.out).map_err(|e| Failure::Asked(format!("{}: {e}", args.out.display())))?;
+    let _made = files::MadeFolder::new(&args.out)?;
     let policy = args.policy.policy();
     let all = json!({
         "what": args.subject.what, "scene": subject.hologram.scene, "engine": subject.engine,

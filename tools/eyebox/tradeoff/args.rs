@@ -1,7 +1,7 @@
 //! The arguments of `eyebox tradeoff`.
 
 use crate::args::{DisplayArgs, EngineArgs, SceneArgs};
-use crate::values::{positive, range};
+use crate::values::{diameters, positive};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -27,7 +27,7 @@ pub struct Tradeoff {
     #[arg(long, value_name = "N|FILE")]
     pub levels: Option<String>,
     /// Pupil diameters, mm [default: 2..20, or what fits the eyebox]
-    #[arg(long, value_name = "MIN..MAX", value_parser = range)]
+    #[arg(long, value_name = "MIN..MAX", value_parser = diameters)]
     pub pupil_diameter: Option<[f64; 2]>,
     /// Seed of first phases, of the pupils drawn, and of the pupils that judge
     #[arg(long, default_value_t = 0, value_name = "S")]

@@ -30,7 +30,7 @@ pub fn run(args: &Tradeoff) -> Result<(), Failure> {
     let mut engine = common::engine(&args.engine)?;
     let field = common::scene(&args.scene, &display, &[color])?;
     base.depth = common::depths(&args.scene, &field, &display);
-    writable(&args.out)?;
+    let _made = writable(&args.out)?;
     if !args.json {
         eprintln!("engine: {}", engine.describe());
         eprintln!(

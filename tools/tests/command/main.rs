@@ -11,6 +11,7 @@ mod generate;
 mod inspect;
 #[cfg(target_os = "linux")]
 mod live;
+mod odd_values;
 mod phases;
 mod plan;
 mod play;
