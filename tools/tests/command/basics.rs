@@ -35,7 +35,7 @@ fn mistakes_in_arguments_are_one_line() {
     refused(at, &solve("builtin:plane", "x.zarr", &["--efficiency", "2"]), "x.zarr", "efficiency");
     refused(at, &solve("builtin:plane", "x.zarr", &["--frames", "0"]), "x.zarr", "sub-frames");
     refused(at, &solve("builtin:plane", "x.zarr", &["--pupils", "0"]), "x.zarr", "pupils");
-    refused(at, &solve("builtin:plane", "x.zarr", &["--pupil-diameter", "0..2"]), "x.zarr", "diameters");
+    refused(at, &solve("builtin:plane", "x.zarr", &["--pupil-diameter", "0..2"]), "x.zarr", "smallest first");
     refused(at, &solve("builtin:plane", "x.zarr", &["--vulkan-from", "none"]), "x.zarr", "modulate");
     refused(at, &["solve", "builtin:plane", "-o", "x.zarr", "--size", "0x8"], "x.zarr", "1 to 65536");
     refused(at, &["solve", "builtin:plane", "-o", "x.zarr", "--display", "none"], "x.zarr", "paper, plm, small");
