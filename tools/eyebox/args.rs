@@ -1,6 +1,6 @@
 //! The arguments of commands: millimetres, micrometres and nanometres in, metres out.
 
-pub use crate::groups::{Colors, DisplayArgs, EngineArgs, EngineName, NEAR, OtherSceneArgs, SceneArgs};
+pub use crate::groups::{Colors, DeviceArgs, DisplayArgs, EngineArgs, EngineName, NEAR, OtherSceneArgs, SceneArgs};
 use crate::phases::{EncodedArgs, PhaseArgs, PhaseUnitArgs};
 use crate::quality::QualityArgs;
 use crate::values::{
@@ -210,6 +210,9 @@ pub struct Encode {
     /// Which engine computes
     #[arg(long, value_enum, default_value = "auto")]
     pub engine: EngineName,
+    /// Device
+    #[command(flatten)]
+    pub device: DeviceArgs,
     /// One JSON object on standard output: what each frame holds
     #[arg(long)]
     pub json: bool,

@@ -13,7 +13,8 @@ const SPREAD: f64 = 0.3e-3;
 
 /// Records steps of a solve, or of a refinement for a pupil where one is given.
 pub fn run(args: &Bench, problem: Problem, settings: &Settings) -> Result<(), Failure> {
-    let gpu = Gpu::open(&Options { allow_cpu: true, record_only: true, ..Options::default() })?;
+    let device = args.solve.engine.device.device.clone();
+    let gpu = Gpu::open(&Options { device, allow_cpu: true, record_only: true, ..Options::default() })?;
     let count = args.solve.steps.unwrap_or(8).max(2);
     let rehearsal = match &args.pupil {
         Some(pupil) => {

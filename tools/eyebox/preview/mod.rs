@@ -57,7 +57,7 @@ pub fn run(args: &Preview) -> Result<(), Failure> {
     let showing = Arc::new(showing);
     let controls = Controls::new(&showing, pupil, !scene.is_empty(), shown.playing.is_some());
     let mut viewer = Viewer::start(opener, scene)?;
-    let gpu = common::display_gpu(args.validation)?;
+    let gpu = common::display_gpu(&args.engine.device, args.validation)?;
     let messages = gpu.messages();
     let mut window = PreviewWindow::open(&gpu, &mut desktop, &shown.name, window)?;
     drop(gpu);
