@@ -65,3 +65,32 @@ pub(super) fn permit(builder: &mut tempfile::Builder<'_, '_>, mode: u32) {
 
 #[cfg(not(unix))]
 pub(super) fn permit(_: &mut tempfile::Builder<'_, '_>, _: u32) {}
+
+/// Whether a path stands for what is open.
+#[cfg(unix)]
+pub(super) fn is_same(open: &std::fs::File, path: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let id = |there: std::fs::Metadata| (there.dev(), there.ino());
+    open.metadata().is_ok_and(|open| std::fs::symlink_metadata(path).is_ok_and(|there| id(open) == id(there)))
+}
+
+#[cfg(not(unix))]
+pub(super) fn is_same(_: &std::fs::File, path: &Path) -> bool {
+    path.exists()
+}
+
+/// Opens a file or folder of the same user as `mine`, and no link.
+#[cfg(unix)]
+pub(super) fn open_own(path: &Path, mine: &std::fs::File) -> io::Result<std::fs::File> {
+    use rustix::fs::OFlags;
+    use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+    let flags = (OFlags::NOFOLLOW | OFlags::NONBLOCK).bits() as i32;
+    let open = std::fs::File::options().read(true).custom_flags(flags).open(path)?;
+    let own = open.metadata()?.uid() == mine.metadata()?.uid();
+    if own { Ok(open) } else { Err(io::ErrorKind::PermissionDenied.into()) }
+}
+
+#[cfg(not(unix))]
+pub(super) fn open_own(_: &Path, _: &std::fs::File) -> io::Result<std::fs::File> {
+    Err(io::ErrorKind::Unsupported.into())
+}

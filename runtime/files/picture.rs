@@ -54,6 +54,10 @@ mod tests {
     use super::super::{encode_jpeg8, read_grey8};
     use super::*;
 
+    fn grey8(file: &Path) -> Result<(usize, usize, Vec<u8>), FileError> {
+        read_grey8(std::fs::File::open(file).map_err(|e| FileError::read(file, e))?, file)
+    }
+
     #[test]
     fn the_curve_has_its_published_values() {
         // 18 % grey is level 118; the ends and the knee are exact.
@@ -76,10 +80,10 @@ mod tests {
         write_png(&file, 1, 2, &[&r, &g, &b]).unwrap();
         let image = image::open(&file).unwrap().into_rgb8();
         assert_eq!(image.into_raw(), [255, 118, 0, 0, 0, 255]);
-        assert!(matches!(read_grey8(&file), Err(FileError::Content { .. })));
+        assert!(matches!(grey8(&file), Err(FileError::Content { .. })));
 
         write_file(&file, |out| encode_grey8(out, 2, 3, &[0, 1, 2, 3, 4, 255])).unwrap();
-        assert_eq!(read_grey8(&file).unwrap(), (2, 3, vec![0, 1, 2, 3, 4, 255]));
+        assert_eq!(grey8(&file).unwrap(), (2, 3, vec![0, 1, 2, 3, 4, 255]));
 
         let (mut png, mut jpeg) = (Vec::new(), Vec::new());
         let levels: Vec<u8> = [200, 40, 90].repeat(64);
@@ -91,7 +95,7 @@ mod tests {
 
         let whole = std::fs::read(&file).unwrap();
         std::fs::write(&file, &whole[..whole.len() - 20]).unwrap();
-        assert!(matches!(read_grey8(&file), Err(FileError::Content { .. })));
-        assert!(matches!(read_grey8(&here.path().join("none")), Err(FileError::Read { .. })));
+        assert!(matches!(grey8(&file), Err(FileError::Content { .. })));
+        assert!(matches!(grey8(&here.path().join("none")), Err(FileError::Read { .. })));
     }
 }

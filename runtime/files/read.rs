@@ -27,7 +27,11 @@ pub fn open(file: &Path) -> io::Result<File> {
     // Opening a pipe waits for its writer; with this flag, which regular files ignore, it does not.
     #[cfg(unix)]
     std::os::unix::fs::OpenOptionsExt::custom_flags(&mut options, rustix::fs::OFlags::NONBLOCK.bits() as i32);
-    let opened = options.open(file)?;
+    regular(options.open(file)?)
+}
+
+/// What was opened, if it is a regular file.
+pub(super) fn regular(opened: File) -> io::Result<File> {
     let kind = opened.metadata()?.file_type();
     if kind.is_file() {
         return Ok(opened);
@@ -41,7 +45,12 @@ pub fn open(file: &Path) -> io::Result<File> {
 /// # Errors
 /// As [`open`]; [`io::ErrorKind::InvalidData`] for longer ones, [`io::ErrorKind::OutOfMemory`].
 pub fn bytes(file: &Path, most: u64) -> io::Result<Vec<u8>> {
-    let opened = open(file)?;
+    all(open(file)?, most)
+}
+
+/// All bytes of what was opened, a regular file of at most `most` bytes.
+pub(super) fn all(opened: File, most: u64) -> io::Result<Vec<u8>> {
+    let opened = regular(opened)?;
     let length = opened.metadata()?.len();
     let too_long = |n: u64| {
         let why = format!("it is {n} bytes long, and at most {most} are read of such a file");

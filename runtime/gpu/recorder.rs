@@ -7,6 +7,7 @@ use super::counters::add;
 use super::device::Device;
 use super::error::EngineError;
 use super::pipelines::{PUSH_BYTES, Pipeline};
+use crate::plan::{Entry, Move};
 use ash::{khr, vk};
 use std::sync::Arc;
 
@@ -203,7 +204,13 @@ impl Recorder {
             }
             raw.cmd_dispatch(self.command, groups[0], groups[1], groups[2]);
         }
+        self.device.record(|r| r.push(Entry::Work { moves: Vec::new(), dispatch: true }));
         Ok(())
+    }
+
+    /// Says what the last dispatch moves, to a device that only records.
+    pub(crate) fn moved(&self, moves: impl FnOnce() -> Vec<Move>) {
+        self.device.record(|r| r.moved(moves()));
     }
 
     /// What was recorded before is finished, and seen, before what follows starts.
@@ -212,6 +219,9 @@ impl Recorder {
     }
 
     fn wait(&mut self, host: bool) {
+        if !host {
+            self.device.record(|r| r.push(Entry::Barrier));
+        }
         let raw = &self.device.raw;
         if let Some(modern) = &self.modern {
             use vk::{AccessFlags2 as Access, PipelineStageFlags2 as Stage};
@@ -250,6 +260,7 @@ impl Recorder {
     pub(crate) fn clear(&mut self, range: Range<'_>) {
         // SAFETY: the command buffer is being recorded; offset and size are multiples of 4.
         unsafe { self.device.raw.cmd_fill_buffer(self.command, range.block.raw, range.offset, range.size, 0) };
+        self.device.record(|r| r.push(Entry::Work { moves: vec![range.writes(range.size)], dispatch: false }));
     }
 
     /// Copies pieces.
@@ -260,12 +271,16 @@ impl Recorder {
         if !self.regions.is_empty() {
             // SAFETY: the command buffer is being recorded; the pieces lie inside the blocks.
             unsafe { self.device.raw.cmd_copy_buffer(self.command, from.raw, to.raw, &self.regions) };
+            let bytes = self.regions.iter().map(|r| r.size).sum();
+            let moves = || vec![from.all().reads(bytes), to.all().writes(bytes)];
+            self.device.record(|r| r.push(Entry::Work { moves: moves(), dispatch: false }));
         }
     }
 
     /// The time since the mark before belongs to `label`.
     pub(crate) fn mark(&mut self, label: usize) {
         self.marks.push(label);
+        self.device.record(|r| r.push(Entry::Mark(label)));
         if self.has_timestamps() {
             debug_assert!((self.marks.len() as u32) < self.capacity);
             let (stage, at) = (vk::PipelineStageFlags::BOTTOM_OF_PIPE, self.marks.len() as u32);
@@ -293,6 +308,12 @@ impl Recorder {
         // SAFETY: the queue is locked while it is submitted to; all that was recorded lives until the wait is over.
         unsafe {
             raw.end_command_buffer(self.command).map_err(error("vkEndCommandBuffer"))?;
+            if device.record_only {
+                device.record(|r| r.push(Entry::Submit));
+                add(&device.counters.submissions, 1);
+                self.times.clear();
+                return Ok(&self.times);
+            }
             let submitted = (self.queue_submit)(*device.compute.lock(), 1, info.as_ptr(), vk::Fence::null());
             submitted.result().map_err(error("vkQueueSubmit"))?;
             self.submitted += 1;
@@ -347,6 +368,7 @@ impl Recorder {
             // SAFETY: `info` is valid for the call.
             let pool = unsafe { raw.create_descriptor_pool(&info, None) }.map_err(error("vkCreateDescriptorPool"))?;
             self.sets.push(pool);
+            add(&device.counters.pools, 1);
         }
         let layouts = [layout];
         let info =

@@ -47,6 +47,8 @@ mod tiles;
 mod damage_tests;
 #[cfg(test)]
 mod old_files_tests;
+#[cfg(all(test, target_os = "linux"))]
+mod replaced_tests;
 #[cfg(test)]
 mod sequence_tests;
 
@@ -128,6 +130,12 @@ pub enum HologramError {
     /// It is being made, by someone else.
     #[error("{path}: another program is solving this hologram: wait for it, or end it and go on from where it was")]
     Busy {
+        /// The hologram.
+        path: String,
+    },
+    /// It was replaced, or moved, again and again while it was read, or since it was opened.
+    #[error("{path}: another program replaced it while it was read: do it again")]
+    Replaced {
         /// The hologram.
         path: String,
     },

@@ -1,8 +1,11 @@
 //! Tiles on the disk: what is committed, what was cut off, who may write.
 
+use super::super::chunks::is_hologram;
 use super::*;
+use crate::files::FileError;
 use crate::hologram::ColorHologram;
 use crate::optics::{Color, Geometry};
+use std::fs;
 
 fn about(frames: usize, height: usize, width: usize) -> Hologram {
     let color =
@@ -168,8 +171,7 @@ fn a_draft_of_the_progress_does_not_stay() {
     fs::create_dir_all(path.join(STAGED)).unwrap();
     let before = names();
     // As `count` writes it, cut off in the middle.
-    let file = path.join(PROGRESS);
-    let cut = crate::files::write_file_by_way_of(&path.join(STAGED), &file, |out| {
+    let cut = tiles.folder.replace(DRAFT, PROGRESS, |out| {
         out.write_all(b"{")?;
         assert_eq!(names(), before, "the draft is not beside the rest");
         assert_eq!(fs::read_dir(path.join(STAGED))?.count(), 1);

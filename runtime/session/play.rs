@@ -73,9 +73,15 @@ impl Play {
     /// A sequence on a display, to be played from its beginning as it was made.
     ///
     /// # Errors
-    /// [`SessionError::Encode`]; [`SessionError::Setting`] for holograms that do not have the display's size or do not name
+    /// [`SessionError::Hologram`] for a single hologram that is damaged; [`SessionError::Encode`];
+    /// [`SessionError::Setting`] for holograms that do not have the display's size or do not name
     /// their colours.
-    pub fn new(sequence: Sequence, display: &Display) -> Result<Self, SessionError> {
+    pub fn new(mut sequence: Sequence, display: &Display) -> Result<Self, SessionError> {
+        if sequence.is_single() {
+            // Of a sequence what is damaged is left out; of one hologram there would be nothing.
+            let mut phases = vec![0.0; sequence.values()];
+            sequence.read_into(0, &mut phases)?;
+        }
         let (what, about) = (sequence.path().display(), sequence.about());
         let named = |c: &ColorHologram| {
             c.color.ok_or_else(|| SessionError::Setting(format!("{what}: its colours are not named")))

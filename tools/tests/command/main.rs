@@ -9,6 +9,7 @@ mod encoded;
 mod evaluate;
 mod generate;
 mod inspect;
+mod kept;
 #[cfg(target_os = "linux")]
 mod live;
 mod odd_values;
