@@ -69,10 +69,9 @@ impl FromStr for Depth {
             None => (text.strip_suffix("mm").unwrap_or(text).trim_end(), false),
         };
         match number.parse::<f64>() {
-            Ok(value) if !(value.abs() <= FARTHEST) => Err(format!("'{text}' is no depth: 1e9 at most")),
-            Ok(value) if in_dioptres => Ok(Self::Dioptres(value)),
-            Ok(value) => Ok(Self::Metres(value * 1e-3)),
-            _ => Err(format!("'{text}' is no depth: expected mm, such as 1.5, or dioptres, such as 0.5D")),
+            Ok(value) if value.abs() <= FARTHEST && in_dioptres => Ok(Self::Dioptres(value)),
+            Ok(value) if value.abs() <= FARTHEST => Ok(Self::Metres(value * 1e-3)),
+            _ => Err(format!("'{text}' is no depth: expected mm, such as 1.5, or dioptres, such as 0.5D, 1e9 at most")),
         }
     }
 }
