@@ -4,14 +4,33 @@ use rayon::ThreadPoolBuilder;
 
 /// More threads than any machine's cores; more asked for is a mistake that would take minutes to start.
 const MOST: usize = 512;
+/// More than this for each core only stand in each other's way.
+const A_CORE: usize = 16;
+
+/// As many threads as `RAYON_NUM_THREADS` says or there are cores, within reason; and how many were asked for.
+fn usual() -> (usize, usize) {
+    let stated = std::env::var("RAYON_NUM_THREADS").ok().and_then(|text| text.parse::<usize>().ok());
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let wanted = stated.filter(|n| *n > 0).unwrap_or(cores);
+    (wanted.min(MOST).min(A_CORE * cores), wanted)
+}
+
+/// A pool of so many threads, 0 for the usual number; of fewer where the system does not give so many.
+#[cfg(feature = "window")]
+pub(crate) fn pool(threads: usize) -> Result<rayon::ThreadPool, rayon::ThreadPoolBuildError> {
+    let mut count = if threads > 0 { threads } else { usual().0 };
+    loop {
+        match ThreadPoolBuilder::new().num_threads(count).build() {
+            Err(_) if count > 1 => count /= 2,
+            made => return made,
+        }
+    }
+}
 
 /// Makes the pool, of as many threads as `RAYON_NUM_THREADS` says or there are cores; where the system does not give so many,
 /// of fewer, with a warning. Programs may call it first thing; what was made before stays.
 pub fn prepare_threads() {
-    let stated = std::env::var("RAYON_NUM_THREADS").ok().and_then(|text| text.parse::<usize>().ok());
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let wanted = stated.filter(|n| *n > 0).unwrap_or(cores);
-    let mut count = wanted.min(MOST);
+    let (mut count, wanted) = usual();
     if count < wanted {
         tracing::warn!("{wanted} threads were asked for: {count} are made");
     }

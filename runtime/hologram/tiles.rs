@@ -32,7 +32,7 @@ const DRAFT: &str = "staged/.eyebox-progress.part";
 pub struct Made {
     /// Parts of the job that are done.
     pub done: u64,
-    /// What the job is: a hologram is gone on with by the same job alone.
+    /// What the job is: a hologram is resumed by the same job alone.
     pub job: Value,
     /// How many parts it has, where that was said.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -1,6 +1,8 @@
 //! The arguments of commands: millimetres, micrometres and nanometres in, metres out.
 
-pub use crate::groups::{Colors, DisplayArgs, EngineArgs, EngineName, NEAR, OtherSceneArgs, OverwriteArgs, SceneArgs};
+pub use crate::groups::{
+    Colors, DeviceArgs, DisplayArgs, EngineArgs, EngineName, NEAR, OtherSceneArgs, OverwriteArgs, SceneArgs,
+};
 use crate::phases::{EncodedArgs, PhaseArgs, PhaseUnitArgs, UnfinishedArgs};
 use crate::quality::QualityArgs;
 use crate::values::{
@@ -219,6 +221,9 @@ pub struct Encode {
     /// Which engine computes
     #[arg(long, value_enum, default_value = "auto")]
     pub engine: EngineName,
+    /// Device
+    #[command(flatten)]
+    pub device: DeviceArgs,
     /// One JSON object on standard output: what each frame holds
     #[arg(long)]
     pub json: bool,
@@ -236,6 +241,12 @@ pub struct Bench {
     /// A command to run in turn with each round
     #[arg(long, value_name = "COMMAND")]
     pub beside: Option<String>,
+    /// Record the steps and run none: dispatches, barriers, bytes, submissions, and what GPUs would take
+    #[arg(long, conflicts_with = "beside")]
+    pub dry: bool,
+    /// With --dry: the steps of a refinement for this pupil: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
+    #[arg(long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true, requires = "dry")]
+    pub pupil: Option<GivenPupil>,
 }
 
 /// `eyebox view`

@@ -18,6 +18,7 @@ mod common;
 mod demo;
 mod devices;
 mod displays;
+mod dry;
 mod encode;
 mod evaluate;
 mod export;

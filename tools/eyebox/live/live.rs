@@ -63,7 +63,7 @@ pub fn run(args: &Live) -> Result<(), Failure> {
     let vulkan = VulkanOptions { present: shows, validation: args.shown.validation, ..VulkanOptions::default() };
     let engines = Engines::new(&args.subject.engine, &vulkan)?;
     let gpu = match engines.gpu()? {
-        None if shows => Some(common::display_gpu(args.shown.validation)?),
+        None if shows => Some(common::display_gpu(&args.subject.engine.device, args.shown.validation)?),
         gpu => gpu,
     };
     let steered = subject::load(&args.subject, &engines)?;

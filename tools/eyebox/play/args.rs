@@ -1,6 +1,6 @@
 //! The arguments of `eyebox play`.
 
-use crate::args::{Colors, EngineName};
+use crate::args::{Colors, DeviceArgs, EngineName};
 use crate::phases::{PhaseUnitArgs, UnfinishedArgs};
 use crate::values::{mark, not_negative, positive, rate, size};
 use clap::{Args, ValueEnum};
@@ -127,6 +127,9 @@ pub struct Play {
     /// Which engine encodes
     #[arg(long, value_enum, default_value = "auto")]
     pub engine: EngineName,
+    /// Device
+    #[command(flatten)]
+    pub device: DeviceArgs,
     /// Whose time [default: real; simulated with --record]
     #[arg(long, value_enum)]
     pub clock: Option<ClockName>,

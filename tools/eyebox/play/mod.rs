@@ -31,9 +31,9 @@ pub fn run(args: &Play) -> Result<(), Failure> {
     (play.follow, play.first, play.ahead) = (args.follow, args.first, args.ahead);
     play.start_at = args.start_at.map(|unix| UNIX_EPOCH + Duration::from_secs_f64(unix.min(1e12)));
     (play.sync_s, play.mark, play.keep_phase) = (args.sync, args.mark, args.keep_phase);
-    let encodes = args.engine == EngineName::Vulkan;
+    let encodes = args.device.engine(args.engine)? == EngineName::Vulkan;
     let shows = args.shown.output != OutputName::Offscreen;
-    let gpu = if encodes || shows { Some(common::display_gpu(args.shown.validation)?) } else { None };
+    let gpu = if encodes || shows { Some(common::display_gpu(&args.device, args.shown.validation)?) } else { None };
     play.device = gpu.clone().filter(|_| encodes);
     let [_, frames, height, width] = play.sequence.shape();
     let colors = play.sequence.about().named_colors();

@@ -22,7 +22,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 /// How long the window may go without looking for a new picture.
-const BEAT: Duration = Duration::from_millis(8);
+const PUMP_EVERY: Duration = Duration::from_millis(8);
 /// What windows are that nobody chose the size of: pixels along the longer side.
 const USUAL: [f64; 2] = [640.0, 1280.0];
 /// The share of a monitor that such a window may take.
@@ -58,7 +58,7 @@ pub fn run(args: &Preview) -> Result<(), Failure> {
     let showing = Arc::new(showing);
     let controls = Controls::new(&showing, pupil, !scene.is_empty(), shown.playing.is_some());
     let mut viewer = Viewer::start(opener, scene)?;
-    let gpu = common::display_gpu(args.validation)?;
+    let gpu = common::display_gpu(&args.engine.device, args.validation)?;
     let messages = gpu.messages();
     let mut window = PreviewWindow::open(&gpu, &mut desktop, &shown.name, window)?;
     drop(gpu);
@@ -239,7 +239,7 @@ fn watch(
     let (mut asked, mut seen): (Option<Look>, Option<Seen>) = (None, None);
     let (mut save, mut drawn) = (false, None);
     loop {
-        desktop.pump_for(BEAT).map_err(lost)?;
+        desktop.pump_for(PUMP_EVERY).map_err(lost)?;
         let mut draw = false;
         while let Some(event) = window.event() {
             let at = places(window.size(), shown.size, controls.count());
