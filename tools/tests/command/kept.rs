@@ -267,3 +267,21 @@ fn files_of_others_where_a_report_goes_are_left_alone() {
     refused(at, &demo, "none", "far.png");
     done(at, &[&demo[..], &["--overwrite"]].concat());
 }
+
+/// Without a home folder, what the machine takes is measured once all the same, where the system keeps things for the user.
+#[cfg(target_os = "linux")]
+#[test]
+fn without_a_home_the_machine_is_not_timed_again() {
+    let temp = folder();
+    let at = temp.path();
+    let plan = ["plan", "builtin:plane", "--size", "48x40", "--engine", "cpu", "--color", "green"];
+    done(at, &plan);
+    std::fs::create_dir(at.join("run")).unwrap();
+    let cache = std::env::temp_dir().join("eyebox-tests/eyebox");
+    let copied = Command::new("cp").arg("-r").arg(cache).arg(at.join("run")).status().unwrap();
+    assert!(copied.success());
+    let mut homeless = command(at, &plan);
+    homeless.env_remove("HOME").env_remove("XDG_CACHE_HOME").env("XDG_RUNTIME_DIR", at.join("run"));
+    let answer = homeless.output().unwrap();
+    assert!(answer.status.success() && !text(&answer.stderr).contains("timing"), "{}", text(&answer.stderr));
+}
