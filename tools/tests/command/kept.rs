@@ -285,3 +285,37 @@ fn without_a_home_the_machine_is_not_timed_again() {
     let answer = homeless.output().unwrap();
     assert!(answer.status.success() && !text(&answer.stderr).contains("timing"), "{}", text(&answer.stderr));
 }
+
+/// Ended by force, what is played has left its statistics and its trace up to the last second; a full disk ends neither the
+/// playing nor what there is of them.
+#[cfg(target_os = "linux")]
+#[test]
+fn statistics_and_traces_survive_whatever_ends_a_session() {
+    let temp = folder();
+    let at = temp.path();
+    done(at, &solve(&["builtin:plane"], "h.zarr", &[]));
+    let play = ["play", "h.zarr", "--display", "planes8", "--size", "40x48", "--stats", "s.json", "--trace", "t.json"];
+    let mut child = command(at, &play).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let stats = || serde_json::from_slice::<Value>(&std::fs::read(at.join("s.json")).ok()?).ok();
+    let begun = Instant::now();
+    while stats().is_none_or(|s| s["sets"].as_u64() < Some(1)) && begun.elapsed() < Duration::from_secs(60) {
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let stats = stats().expect("statistics");
+    assert!(stats["seconds"].as_f64() > Some(0.5) && stats["ended_by"].is_null(), "{stats}");
+    let trace = std::fs::read_to_string(at.join("t.json")).unwrap();
+    let whole = &trace[..trace.rfind("},\n").unwrap() + 1];
+    let events: Vec<Value> = serde_json::from_str(&format!("{whole}]")).unwrap();
+    assert!(events.iter().any(|e| e["name"] == "decode"), "{trace}");
+
+    let limited = [&play[..], &["--duration", "3", "--clock", "simulated"]].concat();
+    let answer = after(at, "ulimit -f 8", &limited);
+    let said = text(&answer.stderr);
+    assert_eq!(answer.status.code(), Some(2), "{said}");
+    assert_eq!(said.matches("the disk is full").count(), 1, "{said}");
+    assert!(said.contains("t.json") && said.contains("ended by the duration after 3.0"), "{said}");
+    let trace = std::fs::read_to_string(at.join("t.json")).unwrap();
+    assert!(serde_json::from_str::<Vec<Value>>(&format!("{}]", trace.trim_end().trim_end_matches(','))).is_ok());
+}
