@@ -26,6 +26,9 @@ const COUNTS: [&str; 16] = [
 /// Sub-frames: more of them make steps that take longer than ctrl-C may.
 const FRAMES: [&str; 7] = ["0", "1", "2", "5", "17", "5000", "18446744073709551615"];
 
+/// Sides, where many holograms are made of them.
+const SMALL: [&str; 8] = ["0", "1", "2", "3", "17", "64", "200000", "4294967296"];
+
 fn count(rng: &mut fastrand::Rng) -> &'static str {
     COUNTS[rng.usize(..COUNTS.len())]
 }
@@ -39,8 +42,8 @@ const RUNS: [&str; 12] = [
     "solve base/views --size 16x{} --steps 1 --frames {f} --engine cpu -o out/x.zarr",
     "photograph builtin:plane --size {}x{} --color green --pupil=0,0,1,0 --engine cpu -o out/x.png",
     "plan builtin:plane --size {}x{} --color green --engine cpu",
-    "evaluate builtin:plane --size {}x{} --color green --frames 1 --steps 1 --methods dpac --views 2 --no-speckle --engine cpu -o out/e",
-    "tradeoff builtin:plane --size {}x{} --color green --frames {f} --budget 0.01 --no-store --engine cpu -o out/t",
+    "evaluate builtin:plane --size {s}x{s} --color green --frames 1 --steps 1 --methods dpac --views 2 --no-speckle --engine cpu -o out/e",
+    "tradeoff builtin:plane --size {s}x{s} --color green --frames {f} --budget 0.01 --no-store --engine cpu -o out/t",
     "score base/h.zarr builtin:plane --pupils random:{} --engine cpu",
     "solve builtin:plane --display base/far.toml --size {}x{} --frames 1 --memory 300MiB --picture {} --passes 1 --steps 1 --engine cpu -o out/x.zarr",
     "demo --size {} --engine cpu --out out/demo",
@@ -90,6 +93,9 @@ pub fn case(ground: &Ground, rng: &mut fastrand::Rng) -> Case {
         _ => {
             let mut run = RUNS[rng.usize(..RUNS.len())].to_string();
             run = run.replace("{f}", FRAMES[rng.usize(..FRAMES.len())]);
+            while run.contains("{s}") {
+                run = run.replacen("{s}", SMALL[rng.usize(..SMALL.len())], 1);
+            }
             while run.contains("{}") {
                 run = run.replacen("{}", count(rng), 1);
             }
