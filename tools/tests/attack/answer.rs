@@ -52,9 +52,8 @@ pub fn judge(status: ExitStatus, interrupted: bool, said: Option<&str>, starved:
         0 if interrupted => Ok(Answer::Interrupted),
         0 => Ok(Answer::Done),
         2 => {
-            let last = said.map(|s| s.trim_end().lines().last().unwrap_or_default());
-            if last.is_some_and(|line| !line.starts_with("eyebox: ") && !starved) {
-                return Err(format!("its last line does not say what was wrong{quoted}"));
+            if said.is_some_and(|said| !starved && !said.lines().any(|line| line.starts_with("eyebox: "))) {
+                return Err(format!("no line says what was wrong{quoted}"));
             }
             Ok(Answer::Refused)
         }
