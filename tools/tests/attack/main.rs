@@ -16,6 +16,7 @@ mod ground;
 mod limits;
 mod options;
 mod sizes;
+mod soak;
 mod special;
 mod streams;
 
