@@ -29,8 +29,7 @@ impl fmt::Display for Answer {
 }
 
 /// What no run may say.
-const NEVER: [&str; 5] =
-    ["panicked at", "has overflowed its stack", "RUST_BACKTRACE", "internal error", "unreachable code"];
+const NEVER: [&str; 4] = ["panicked at", "has overflowed its stack", "internal error", "unreachable code"];
 
 /// What is wrong with an end, or how it was. `said`: standard error, where it could be kept.
 pub fn judge(status: ExitStatus, interrupted: bool, said: Option<&str>, starved: bool) -> Result<Answer, String> {
