@@ -22,7 +22,10 @@ EYEBOX=$target/release/eyebox tools/readme.sh
 stage "what a plan leaves out"
 EYEBOX=$target/release/eyebox tools/savings.sh
 
-stage "Windows, under Wine"
+stage "Windows: lints, and under Wine"
+tools/setup.sh windows
+rustup target add x86_64-pc-windows-gnu 2>/dev/null || true
+cargo clippy --target x86_64-pc-windows-gnu --package eyebox-tools --bins --quiet -- -D warnings
 tools/windows.sh
 
 stage "tests, at the ends of every range and for ten minutes of playing"
