@@ -29,7 +29,7 @@ cargo clippy --target x86_64-pc-windows-gnu --package eyebox-tools --bins --quie
 tools/windows.sh
 
 stage "tests, at the ends of every range and for ten minutes of playing"
-EYEBOX_EXTREMES=full EYEBOX_SOAK=full EYEBOX_MUTATIONS=10000 cargo test --release --workspace
+EYEBOX_EXTREMES=full EYEBOX_SOAK=full EYEBOX_MUTATIONS=10000 EYEBOX_KILLS=200 cargo test --release --workspace
 
 stage "fuzzing"
 EYEBOX_FUZZ_SECONDS=$seconds cargo test --release --workspace --test library -- fuzz::

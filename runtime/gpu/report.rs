@@ -16,6 +16,9 @@ pub struct Options {
     pub cache: Option<PathBuf>,
     /// Whether pictures are to be presented from it, in windows or on displays, where it can do that.
     pub present: bool,
+    /// Whether all is recorded and nothing is run: results are whatever memory held, losses are 0. See
+    /// [`Gpu::recorded`](super::Gpu).
+    pub record_only: bool,
 }
 
 /// Kinds of device, best first.

@@ -275,7 +275,7 @@ impl Encoding {
             }
         }
         for g in &self.grating {
-            if !(g.period_px.abs() >= 2.0 && g.period_px.is_finite() && g.direction_deg.is_finite()) {
+            if !((2.0..=1e9).contains(&g.period_px) && g.direction_deg.is_finite()) {
                 let (period, direction) = (g.period_px, g.direction_deg);
                 return Err(format!(
                     "a grating has period_px {period} and direction_deg {direction}: give a period of at least two \

@@ -32,6 +32,9 @@ impl Session {
     /// All of [`SessionError`]: before anything is shown.
     pub fn start(content: impl Into<Content>, output: Output, options: SessionOptions) -> Result<Self, SessionError> {
         let content = content.into();
+        if let Content::Play(play) = &content {
+            play.check()?;
+        }
         let steered = matches!(&content, Content::Live(live) if live.steered);
         let shared = Arc::new(Shared {
             stop: AtomicBool::new(false),

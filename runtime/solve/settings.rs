@@ -201,6 +201,9 @@ impl Settings {
         if !(1..=eyebox_kernels::energy::MOST as usize).contains(&self.patches) {
             return wrong("the number of patches along the eyebox", self.patches.to_string(), "1 to 16");
         }
+        if let Some(psnr) = self.psnr.filter(|db| !db.is_finite()) {
+            return wrong("the PSNR to stop at (dB)", psnr.to_string(), "a finite number, such as 30");
+        }
         if let Some(levels) = self.levels.given() {
             if !(1..=eyebox_kernels::quantise::MOST).contains(&levels.len()) {
                 return wrong("the number of phase levels", levels.len().to_string(), "1 to 256");

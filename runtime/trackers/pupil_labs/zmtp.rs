@@ -225,13 +225,13 @@ impl Socket {
         self.stream.write_all(&bytes)
     }
 
-    /// A SUB socket's wish for all topics that start with `prefix`.
+    /// A SUB socket's subscription to all topics that start with `prefix`.
     ///
     /// # Errors
     /// Those of the network.
     pub(crate) fn subscribe(&mut self, prefix: &str) -> io::Result<()> {
-        let wish = [&[1], prefix.as_bytes()].concat();
-        self.send(&[&wish])
+        let message = [&[1], prefix.as_bytes()].concat();
+        self.send(&[&message])
     }
 
     /// A REQ socket's question, and the first part of its answer; `None`: none within the time.
