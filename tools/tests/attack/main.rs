@@ -13,6 +13,7 @@ mod bombs;
 mod case;
 mod fields;
 mod ground;
+mod kills;
 mod limits;
 mod options;
 mod sizes;

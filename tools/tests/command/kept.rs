@@ -267,3 +267,55 @@ fn files_of_others_where_a_report_goes_are_left_alone() {
     refused(at, &demo, "none", "far.png");
     done(at, &[&demo[..], &["--overwrite"]].concat());
 }
+
+/// Without a home folder, what the machine takes is measured once all the same, where the system keeps things for the user.
+#[cfg(target_os = "linux")]
+#[test]
+fn without_a_home_the_machine_is_not_timed_again() {
+    let temp = folder();
+    let at = temp.path();
+    let plan = ["plan", "builtin:plane", "--size", "48x40", "--engine", "cpu", "--color", "green"];
+    done(at, &plan);
+    std::fs::create_dir(at.join("run")).unwrap();
+    let cache = std::env::temp_dir().join("eyebox-tests/eyebox");
+    let copied = Command::new("cp").arg("-r").arg(cache).arg(at.join("run")).status().unwrap();
+    assert!(copied.success());
+    let mut homeless = command(at, &plan);
+    homeless.env_remove("HOME").env_remove("XDG_CACHE_HOME").env("XDG_RUNTIME_DIR", at.join("run"));
+    let answer = homeless.output().unwrap();
+    assert!(answer.status.success() && !text(&answer.stderr).contains("timing"), "{}", text(&answer.stderr));
+}
+
+/// Ended by force, what is played has left its statistics and its trace up to the last second; a full disk ends neither the
+/// playing nor what there is of them.
+#[cfg(target_os = "linux")]
+#[test]
+fn statistics_and_traces_survive_whatever_ends_a_session() {
+    let temp = folder();
+    let at = temp.path();
+    done(at, &solve(&["builtin:plane"], "h.zarr", &[]));
+    let play = ["play", "h.zarr", "--display", "planes8", "--size", "40x48", "--stats", "s.json", "--trace", "t.json"];
+    let mut child = command(at, &play).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let stats = || serde_json::from_slice::<Value>(&std::fs::read(at.join("s.json")).ok()?).ok();
+    let begun = Instant::now();
+    while stats().is_none_or(|s| s["sets"].as_u64() < Some(1)) && begun.elapsed() < Duration::from_secs(60) {
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let stats = stats().expect("statistics");
+    assert!(stats["seconds"].as_f64() > Some(0.5) && stats["ended_by"].is_null(), "{stats}");
+    let trace = std::fs::read_to_string(at.join("t.json")).unwrap();
+    let whole = &trace[..trace.rfind("},\n").unwrap() + 1];
+    let events: Vec<Value> = serde_json::from_str(&format!("{whole}]")).unwrap();
+    assert!(events.iter().any(|e| e["name"] == "decode"), "{trace}");
+
+    let limited = [&play[..], &["--duration", "3", "--clock", "simulated"]].concat();
+    let answer = after(at, "ulimit -f 8", &limited);
+    let said = text(&answer.stderr);
+    assert_eq!(answer.status.code(), Some(2), "{said}");
+    assert_eq!(said.matches("the disk is full").count(), 1, "{said}");
+    assert!(said.contains("t.json") && said.contains("ended by the duration after 3.0"), "{said}");
+    let trace = std::fs::read_to_string(at.join("t.json")).unwrap();
+    assert!(serde_json::from_str::<Vec<Value>>(&format!("{}]", trace.trim_end().trim_end_matches(','))).is_ok());
+}
