@@ -2,7 +2,7 @@
 
 /// Whether other programs and drivers count from the same beginning.
 #[cfg_attr(not(feature = "window"), allow(dead_code, reason = "displays ask"))]
-pub const IS_SYSTEM_WIDE: bool = cfg!(unix);
+pub(crate) const IS_SYSTEM_WIDE: bool = cfg!(unix);
 
 /// Nanoseconds of the system's monotonic clock; on Unix `CLOCK_MONOTONIC`, the same in every program.
 #[cfg(unix)]

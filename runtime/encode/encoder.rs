@@ -107,7 +107,7 @@ impl Encoder {
     }
 
     /// Where every sub-frame goes.
-    pub fn packed(&self) -> &Packed {
+    pub(crate) fn packed(&self) -> &Packed {
         &self.packed
     }
 

@@ -4,7 +4,7 @@ use super::Packed;
 use crate::optics::{Color, Display, Encoding, Packing};
 
 /// Sets a second from which an eye sees no flicker: what is bright and wide flickers longest, up to about 60 Hz.
-pub const FUSION_HZ: f64 = 50.0;
+pub(crate) const FUSION_HZ: f64 = 50.0;
 /// What a display takes whose file names no rate, hertz.
 pub const USUAL_RATE_HZ: f64 = 60.0;
 

@@ -1,7 +1,7 @@
 //! Video frames on the disk: a folder that says its display and what its frames hold, and pictures of any origin.
 
 use super::{AsShown, Decoder, EncodeError, Encoder, Packed, VideoFrames};
-use crate::files::{FileError, FolderDraft, encode_grey8, encode_rgb8, read, read_png8};
+use crate::files::{FileError, Folder, FolderDraft, encode_grey8, encode_rgb8, read, read_png8};
 use crate::hologram::{ColorHologram, Hologram, Metadata};
 use crate::optics::{Color, Display, Place};
 use rayon::prelude::*;
@@ -68,15 +68,7 @@ impl Encoder {
     /// # Errors
     /// [`EncodeError::File`].
     pub fn save(&self, frames: &VideoFrames, of: Option<&Hologram>, folder: &Path) -> Result<(), EncodeError> {
-        let ours = |name: &str| {
-            name.starts_with("frame-") && name.ends_with(".png")
-                || [DOCUMENT, DISPLAY].contains(&name)
-                || CALIBRATION.iter().any(|begins| name.starts_with(begins))
-        };
-        let draft = FolderDraft::new(folder, |there| {
-            fs::read_dir(there)
-                .is_ok_and(|mut all| all.all(|e| e.is_ok_and(|e| e.file_name().to_str().is_some_and(ours))))
-        })?;
+        let draft = FolderDraft::new(folder, holds_only_frames)?;
         let mut display = self.display.clone();
         let encoding = &mut display.encoding;
         for (color, file) in &mut encoding.look_up {
@@ -102,6 +94,16 @@ impl Encoder {
         })?;
         Ok(draft.put()?)
     }
+}
+
+/// Whether a folder holds nothing but what [`Encoder::save`] writes.
+fn holds_only_frames(folder: &Path) -> bool {
+    let ours = |name: &str| {
+        name.starts_with("frame-") && name.ends_with(".png")
+            || [DOCUMENT, DISPLAY].contains(&name)
+            || CALIBRATION.iter().any(|begins| name.starts_with(begins))
+    };
+    fs::read_dir(folder).is_ok_and(|mut all| all.all(|e| e.is_ok_and(|e| e.file_name().to_str().is_some_and(ours))))
 }
 
 /// Keeps a calibration file in the folder; answers its name there.
@@ -136,6 +138,8 @@ pub struct Encoded {
     sub_frames: usize,
     files: Vec<PathBuf>,
     hologram: Option<Origin>,
+    /// The folder that they are in, to know it again.
+    folder: Option<Folder>,
 }
 
 impl Encoded {
@@ -148,6 +152,7 @@ impl Encoded {
     /// for which display they are, and where they are no whole sets.
     pub fn open(path: &Path, display: Option<&Display>, color: Option<Color>) -> Result<Self, EncodeError> {
         let wrong = |reason: String| EncodeError::Frame { frame: path.display().to_string(), reason };
+        let folder = Folder::open(path).ok();
         if is_encoded(path) {
             let file = path.join(DOCUMENT);
             let bytes = read::bytes(&file, read::TABLE).map_err(|e| FileError::read(&file, e))?;
@@ -172,7 +177,7 @@ impl Encoded {
             };
             let display = display.map_or_else(own, |d| Ok(d.clone()))?;
             let files = frames.iter().map(|f| path.join(&f.file)).collect();
-            return Ok(Self { display, colors, sub_frames, files, hologram });
+            return Ok(Self { display, colors, sub_frames, files, hologram, folder });
         }
         let files = pictures(path)?;
         if files.is_empty() {
@@ -183,7 +188,7 @@ impl Encoded {
         })?;
         let colors = color.map_or_else(|| display.wavelengths.iter().map(|w| w.color).collect(), |c| vec![c]);
         let packed = Packed::of_video_frames(&display.encoding, &colors, files.len()).map_err(wrong)?;
-        Ok(Self { display: display.clone(), colors, sub_frames: packed.sub_frames, files, hologram: None })
+        Ok(Self { display: display.clone(), colors, sub_frames: packed.sub_frames, files, hologram: None, folder })
     }
 
     /// What it is taken for, in a sentence.
@@ -216,6 +221,10 @@ impl Encoded {
         let (size, channels, bytes) = ([frames.height, frames.width], frames.channels, frames.frame_bytes());
         let read = |(file, out): (&PathBuf, &mut [u8])| self.read(file, size, channels, out);
         self.files.par_iter().zip(frames.bytes.par_chunks_exact_mut(bytes)).try_for_each(read)?;
+        if let Some(folder) = self.folder.as_ref().filter(|folder| folder.is_replaced()) {
+            let reason = "another program replaced it while it was read: do it again".into();
+            return Err(EncodeError::Frame { frame: folder.path().display().to_string(), reason });
+        }
         let phases = decoder.decode(&frames, |i| self.files[i].display().to_string())?;
         let [height, width] = decoder.size();
         let display = Display { height, width, ..self.display.clone() };
@@ -254,7 +263,7 @@ impl Encoded {
         channels: usize,
         out: &mut [u8],
     ) -> Result<(), EncodeError> {
-        let (h, w, has, bytes) = read_png8(file)?;
+        let (h, w, has, bytes) = read_png8(read::open(file).map_err(|e| FileError::read(file, e))?, file)?;
         let wrong = |reason: String| Err(FileError::content(file, reason).into());
         if [h, w] != [height, width] {
             let [cell_rows, cell_columns] = [height / self.display.height, width / self.display.width];

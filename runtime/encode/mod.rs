@@ -31,7 +31,7 @@ mod tests;
 pub use decoder::{AsShown, Decoder};
 pub use encoder::Encoder;
 pub use eyebox_kernels::encode::Plan;
-pub use flicker::{FUSION_HZ, USUAL_RATE_HZ, flicker};
+pub use flicker::{USUAL_RATE_HZ, flicker};
 pub use folder::{Encoded, FrameContents, is_encoded};
 pub use frames::{PhaseSet, VideoFrames};
 pub use packing::{Packed, PackedSlot};
@@ -40,6 +40,7 @@ use crate::files::FileError;
 
 /// What can be wrong with an encoding, its calibration, or the phases given to it.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum EncodeError {
     /// A calibration file could not be read, or video frames not be written.
     #[error(transparent)]

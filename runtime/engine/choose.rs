@@ -43,11 +43,14 @@ pub struct Backend {
 }
 
 impl Backend {
-    /// Opens what is asked for. `options` say how a device is opened; a software one is taken for [`Choice::Vulkan`] alone.
+    /// Opens what is asked for. `options` say how a device is opened; a software one is taken for [`Choice::Vulkan`] alone,
+    /// and for one that the options name.
     ///
     /// # Errors
     /// [`EngineError::NoDevice`] and other answers of Vulkan's, where Vulkan was asked for by name.
     pub fn open(choice: Choice, options: &Options) -> Result<Self, EngineError> {
+        // Who names a device wants it, whatever else there is.
+        let choice = if choice == Choice::Auto && options.device.is_some() { Choice::Vulkan } else { choice };
         let options = Options { allow_cpu: choice == Choice::Vulkan, ..options.clone() };
         let (gpu, reason) = match choice {
             Choice::Cpu => (None, "the CPU: it was asked for".into()),

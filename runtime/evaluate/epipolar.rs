@@ -4,7 +4,7 @@
 use crate::optics::Pupil;
 
 /// Places of the sweep.
-pub const POSITIONS: usize = 31;
+pub(crate) const POSITIONS: usize = 31;
 
 /// A pupil of 1/8 of the eyebox that goes from its left edge to its right, focused at `depth`; metres.
 pub fn sweep(eyebox: f64, depth: f64) -> Vec<Pupil> {

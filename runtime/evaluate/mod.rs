@@ -35,7 +35,7 @@ pub use around::Views;
 pub use ceiling::Ceiling;
 pub use color::{color_difference, edges, pool_mask};
 pub use energy::{energy, passed, variation};
-pub use epipolar::{POSITIONS, RowFinder, sweep};
+pub use epipolar::{RowFinder, sweep};
 pub use groups::{Group, Member, members, places};
 #[cfg(feature = "preview")]
 pub(crate) use look::crop;
@@ -49,6 +49,7 @@ pub use sums::{Sums, sums};
 
 /// Why there is no number.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum EvaluateError {
     /// Two images that cannot be compared.
     #[error("an image of {one} pixels cannot be compared with one of {other}")]

@@ -15,7 +15,7 @@ pub struct Plane {
 
 impl Plane {
     /// The mean of every block of 2 x 2 pixels ([`pool2`]).
-    pub fn pooled(&self) -> Self {
+    pub(crate) fn pooled(&self) -> Self {
         let values = pool2(&self.values, self.rows, self.columns);
         if self.rows < 2 || self.columns < 2 {
             return Self { values, ..*self };

@@ -22,7 +22,7 @@ pub struct Sums {
 
 impl Sums {
     /// From the parts that the kernel `exposure` leaves.
-    pub fn of_parts(parts: &[f32], pixels: usize) -> Self {
+    pub(crate) fn of_parts(parts: &[f32], pixels: usize) -> Self {
         let sum = |k: usize| parts.chunks_exact(PART).map(|p| f64::from(p[2 * k]) + f64::from(p[2 * k + 1])).sum();
         Self { with_target: sum(0), with_itself: sum(1), of_target: sum(2), pixels }
     }

@@ -3,6 +3,7 @@
 use super::{FileError, Grey, read};
 use image::{ExtendedColorType, ImageEncoder, ImageReader, codecs::jpeg::JpegEncoder, codecs::png::PngEncoder};
 use std::{
+    fs::File,
     io::{self, BufReader, Write},
     path::Path,
 };
@@ -36,12 +37,11 @@ fn plain(error: image::ImageError) -> io::Error {
     }
 }
 
-/// Reads an 8-bit grey PNG: (height, width, levels).
+/// Reads an 8-bit grey PNG, `file`, that is open: (height, width, levels).
 ///
 /// # Errors
 /// [`FileError::Read`]; [`FileError::Content`] for anything but a whole 8-bit grey PNG.
-pub fn read_grey8(file: &Path) -> Result<(usize, usize, Vec<u8>), FileError> {
-    let opened = read::open(file).map_err(|e| FileError::read(file, e))?;
+pub(crate) fn read_grey8(opened: File, file: &Path) -> Result<(usize, usize, Vec<u8>), FileError> {
     let reader = ImageReader::with_format(BufReader::new(opened), image::ImageFormat::Png);
     match reader.decode() {
         Ok(image::DynamicImage::ImageLuma8(image)) => {
@@ -52,14 +52,13 @@ pub fn read_grey8(file: &Path) -> Result<(usize, usize, Vec<u8>), FileError> {
     }
 }
 
-/// Reads an 8-bit PNG as it is stored, grey or coloured: (height, width, channels, bytes), 1 or 3 channels.
+/// Reads an 8-bit PNG, `file`, that is open, as it is stored, grey or coloured: (height, width, channels, bytes), 1 or 3 channels.
 ///
 /// # Errors
 /// [`FileError::Read`]; [`FileError::Content`] for what is no whole PNG, for 16 bits a channel, and for pixels that are
 /// not opaque.
-pub fn read_png8(file: &Path) -> Result<(usize, usize, usize, Vec<u8>), FileError> {
+pub(crate) fn read_png8(opened: File, file: &Path) -> Result<(usize, usize, usize, Vec<u8>), FileError> {
     use image::DynamicImage as Image;
-    let opened = read::open(file).map_err(|e| FileError::read(file, e))?;
     let reader = ImageReader::with_format(BufReader::new(opened), image::ImageFormat::Png);
     let image = reader
         .decode()
@@ -90,7 +89,7 @@ pub fn read_png8(file: &Path) -> Result<(usize, usize, usize, Vec<u8>), FileErro
 ///
 /// # Errors
 /// [`FileError::Read`]; [`FileError::Content`] for what is no whole PNG or BMP, and for colours.
-pub fn read_grey(file: &Path, size: [usize; 2]) -> Result<Result<Grey, [usize; 2]>, FileError> {
+pub(crate) fn read_grey(file: &Path, size: [usize; 2]) -> Result<Result<Grey, [usize; 2]>, FileError> {
     let reader = || {
         let reader = read::open(file).and_then(|f| ImageReader::new(BufReader::new(f)).with_guessed_format());
         let reader = reader.map_err(|e| FileError::read(file, e))?;

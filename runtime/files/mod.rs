@@ -8,18 +8,36 @@
 mod cache;
 #[cfg_attr(not(feature = "image-formats"), path = "no_codec.rs")]
 mod codec;
+mod drafts;
+mod entry;
+mod folder;
+mod growing;
+#[cfg_attr(not(unix), path = "held_path.rs")]
+mod held;
+mod made;
 mod npy;
 mod os;
+mod own;
+mod patient;
 mod picture;
 pub mod read;
 mod whole;
 
 pub use cache::cache_folder;
-pub use codec::{encode_jpeg8, read_grey, read_grey8, read_png8};
+pub use codec::encode_jpeg8;
+pub(crate) use codec::{read_grey, read_grey8, read_png8};
+pub(crate) use drafts::is_draft;
+pub(crate) use entry::Kind;
+pub(crate) use folder::Folder;
+pub use growing::GrowingFile;
+pub use made::MadeFolder;
 pub(crate) use npy::read_npy_with_gaps;
 pub use npy::{Npy, read_npy, write_npy};
-pub use picture::{encode_grey8, encode_rgb8, linear_to_srgb, write_png};
-pub use whole::{FolderDraft, check_place, write_file, write_file_by_way_of};
+pub use own::OwnFolder;
+pub(crate) use patient::Patient;
+pub(crate) use picture::{encode_grey8, encode_rgb8};
+pub use picture::{encode_png, linear_to_srgb, write_png};
+pub use whole::{FolderDraft, check_place, write_file};
 
 use std::{io, path::Path};
 
@@ -34,6 +52,7 @@ pub struct Grey {
 
 /// What can be wrong with a file.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum FileError {
     /// It could not be read.
     #[error("{file}: cannot be read: {source}")]

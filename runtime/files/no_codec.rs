@@ -2,6 +2,7 @@
 
 use super::{FileError, Grey};
 use std::{
+    fs::File,
     io::{self, Write},
     path::Path,
 };
@@ -25,7 +26,7 @@ pub fn encode_jpeg8(_: &mut dyn Write, _: usize, _: usize, _: &[u8], _: u8) -> i
 ///
 /// # Errors
 /// [`FileError::Content`], always.
-pub fn read_grey8(file: &Path) -> Result<(usize, usize, Vec<u8>), FileError> {
+pub fn read_grey8(_: File, file: &Path) -> Result<(usize, usize, Vec<u8>), FileError> {
     Err(FileError::content(file, WHY))
 }
 
@@ -33,7 +34,7 @@ pub fn read_grey8(file: &Path) -> Result<(usize, usize, Vec<u8>), FileError> {
 ///
 /// # Errors
 /// [`FileError::Content`], always.
-pub fn read_png8(file: &Path) -> Result<(usize, usize, usize, Vec<u8>), FileError> {
+pub fn read_png8(_: File, file: &Path) -> Result<(usize, usize, usize, Vec<u8>), FileError> {
     Err(FileError::content(file, WHY))
 }
 

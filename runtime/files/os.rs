@@ -4,12 +4,14 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 /// Where the user keeps what can be made again: `XDG_CACHE_HOME` where it is set, `LOCALAPPDATA` on Windows, else
-/// `~/.cache`; nowhere without any.
+/// `~/.cache`. Without any, what the system keeps for this user alone until he logs out (`XDG_RUNTIME_DIR`); nowhere without
+/// that. Folders that others may write to are not taken.
 pub(super) fn cache_base() -> Option<PathBuf> {
     let set = |name| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
     let own = || if cfg!(windows) { set("LOCALAPPDATA") } else { Some(set("HOME")?.join(".cache")) };
     // The specification of these folders has relative paths ignored.
-    set("XDG_CACHE_HOME").filter(|p| p.is_absolute()).or_else(own)
+    let absolute = |name| set(name).filter(|p| p.is_absolute());
+    absolute("XDG_CACHE_HOME").or_else(own).or_else(|| absolute("XDG_RUNTIME_DIR"))
 }
 
 /// A path without links and dots.
@@ -65,3 +67,32 @@ pub(super) fn permit(builder: &mut tempfile::Builder<'_, '_>, mode: u32) {
 
 #[cfg(not(unix))]
 pub(super) fn permit(_: &mut tempfile::Builder<'_, '_>, _: u32) {}
+
+/// Whether a path stands for what is open.
+#[cfg(unix)]
+pub(super) fn is_same(open: &std::fs::File, path: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let id = |there: std::fs::Metadata| (there.dev(), there.ino());
+    open.metadata().is_ok_and(|open| std::fs::symlink_metadata(path).is_ok_and(|there| id(open) == id(there)))
+}
+
+#[cfg(not(unix))]
+pub(super) fn is_same(_: &std::fs::File, path: &Path) -> bool {
+    path.exists()
+}
+
+/// Opens a file or folder of the same user as `mine`, and no link.
+#[cfg(unix)]
+pub(super) fn open_own(path: &Path, mine: &std::fs::File) -> io::Result<std::fs::File> {
+    use rustix::fs::OFlags;
+    use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+    let flags = (OFlags::NOFOLLOW | OFlags::NONBLOCK).bits() as i32;
+    let open = std::fs::File::options().read(true).custom_flags(flags).open(path)?;
+    let own = open.metadata()?.uid() == mine.metadata()?.uid();
+    if own { Ok(open) } else { Err(io::ErrorKind::PermissionDenied.into()) }
+}
+
+#[cfg(not(unix))]
+pub(super) fn open_own(_: &Path, _: &std::fs::File) -> io::Result<std::fs::File> {
+    Err(io::ErrorKind::Unsupported.into())
+}

@@ -1,7 +1,6 @@
 //! PNG: pictures for people (linear light in, sRGB out) and grey levels for SLMs.
 
-use super::codec::encode_png;
-use super::{FileError, write_file};
+use super::{FileError, codec, write_file};
 use std::{
     io::{self, Write},
     path::Path,
@@ -23,6 +22,17 @@ pub fn linear_to_srgb(v: f64) -> f64 {
 /// # Panics
 /// If there are not one or three planes, or one has another size: the caller's mistake.
 pub fn write_png(file: &Path, height: usize, width: usize, planes: &[&[f32]]) -> Result<(), FileError> {
+    write_file(file, |out| encode_png(out, height, width, planes))
+}
+
+/// Encodes the same.
+///
+/// # Errors
+/// Those of `out`.
+///
+/// # Panics
+/// As [`write_png`].
+pub fn encode_png(out: &mut dyn Write, height: usize, width: usize, planes: &[&[f32]]) -> io::Result<()> {
     assert!(matches!(planes.len(), 1 | 3), "a picture has one or three planes, not {}", planes.len());
     assert!(planes.iter().all(|p| p.len() == height * width), "every plane is {height} x {width}");
     let mut bytes = Vec::with_capacity(planes.len() * height * width);
@@ -30,29 +40,33 @@ pub fn write_png(file: &Path, height: usize, width: usize, planes: &[&[f32]]) ->
         // A cast from float saturates, and takes NaN to 0.
         bytes.extend(planes.iter().map(|p| (linear_to_srgb(f64::from(p[i])) * 255.0).round() as u8));
     }
-    write_file(file, |out| encode_png(out, height, width, planes.len(), &bytes))
+    codec::encode_png(out, height, width, planes.len(), &bytes)
 }
 
 /// Encodes grey levels as they are, `height` x `width` of them, as an 8-bit PNG.
 ///
 /// # Errors
 /// Those of `out`.
-pub fn encode_grey8(out: &mut dyn Write, height: usize, width: usize, levels: &[u8]) -> io::Result<()> {
-    encode_png(out, height, width, 1, levels)
+pub(crate) fn encode_grey8(out: &mut dyn Write, height: usize, width: usize, levels: &[u8]) -> io::Result<()> {
+    codec::encode_png(out, height, width, 1, levels)
 }
 
 /// Encodes 8-bit red, green, blue as they are, `height` x `width` of them, as a PNG.
 ///
 /// # Errors
 /// Those of `out`.
-pub fn encode_rgb8(out: &mut dyn Write, height: usize, width: usize, levels: &[u8]) -> io::Result<()> {
-    encode_png(out, height, width, 3, levels)
+pub(crate) fn encode_rgb8(out: &mut dyn Write, height: usize, width: usize, levels: &[u8]) -> io::Result<()> {
+    codec::encode_png(out, height, width, 3, levels)
 }
 
 #[cfg(all(test, feature = "image-formats"))]
 mod tests {
     use super::super::{encode_jpeg8, read_grey8};
     use super::*;
+
+    fn grey8(file: &Path) -> Result<(usize, usize, Vec<u8>), FileError> {
+        read_grey8(std::fs::File::open(file).map_err(|e| FileError::read(file, e))?, file)
+    }
 
     #[test]
     fn the_curve_has_its_published_values() {
@@ -76,10 +90,10 @@ mod tests {
         write_png(&file, 1, 2, &[&r, &g, &b]).unwrap();
         let image = image::open(&file).unwrap().into_rgb8();
         assert_eq!(image.into_raw(), [255, 118, 0, 0, 0, 255]);
-        assert!(matches!(read_grey8(&file), Err(FileError::Content { .. })));
+        assert!(matches!(grey8(&file), Err(FileError::Content { .. })));
 
         write_file(&file, |out| encode_grey8(out, 2, 3, &[0, 1, 2, 3, 4, 255])).unwrap();
-        assert_eq!(read_grey8(&file).unwrap(), (2, 3, vec![0, 1, 2, 3, 4, 255]));
+        assert_eq!(grey8(&file).unwrap(), (2, 3, vec![0, 1, 2, 3, 4, 255]));
 
         let (mut png, mut jpeg) = (Vec::new(), Vec::new());
         let levels: Vec<u8> = [200, 40, 90].repeat(64);
@@ -91,7 +105,7 @@ mod tests {
 
         let whole = std::fs::read(&file).unwrap();
         std::fs::write(&file, &whole[..whole.len() - 20]).unwrap();
-        assert!(matches!(read_grey8(&file), Err(FileError::Content { .. })));
-        assert!(matches!(read_grey8(&here.path().join("none")), Err(FileError::Read { .. })));
+        assert!(matches!(grey8(&file), Err(FileError::Content { .. })));
+        assert!(matches!(grey8(&here.path().join("none")), Err(FileError::Read { .. })));
     }
 }

@@ -3,6 +3,7 @@
 //! A pipe, a terminal or a device in the place of a file would block for ever or never end; a file of 3 GB in the place of a
 //! table would be read to its last byte. Both are answered before a byte is read.
 
+use serde::de::DeserializeOwned;
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
@@ -14,7 +15,7 @@ pub const TABLE: u64 = 16 << 20;
 /// Longest file that is kept to save time, and longest results; bytes.
 pub const RESULTS: u64 = 256 << 20;
 /// Longest picture or map, bytes.
-pub const PICTURE: u64 = 1 << 30;
+pub(crate) const PICTURE: u64 = 1 << 30;
 
 /// Opens a regular file. Anything else is refused, after opening it and without waiting for it.
 ///
@@ -26,7 +27,11 @@ pub fn open(file: &Path) -> io::Result<File> {
     // Opening a pipe waits for its writer; with this flag, which regular files ignore, it does not.
     #[cfg(unix)]
     std::os::unix::fs::OpenOptionsExt::custom_flags(&mut options, rustix::fs::OFlags::NONBLOCK.bits() as i32);
-    let opened = options.open(file)?;
+    regular(options.open(file)?)
+}
+
+/// What was opened, if it is a regular file.
+pub(super) fn regular(opened: File) -> io::Result<File> {
     let kind = opened.metadata()?.file_type();
     if kind.is_file() {
         return Ok(opened);
@@ -40,7 +45,12 @@ pub fn open(file: &Path) -> io::Result<File> {
 /// # Errors
 /// As [`open`]; [`io::ErrorKind::InvalidData`] for longer ones, [`io::ErrorKind::OutOfMemory`].
 pub fn bytes(file: &Path, most: u64) -> io::Result<Vec<u8>> {
-    let opened = open(file)?;
+    all(open(file)?, most)
+}
+
+/// All bytes of what was opened, a regular file of at most `most` bytes.
+pub(super) fn all(opened: File, most: u64) -> io::Result<Vec<u8>> {
+    let opened = regular(opened)?;
     let length = opened.metadata()?.len();
     let too_long = |n: u64| {
         let why = format!("it is {n} bytes long, and at most {most} are read of such a file");
@@ -65,6 +75,19 @@ pub fn text(file: &Path, most: u64) -> io::Result<String> {
     String::from_utf8(bytes(file, most)?).map_err(|_| no_text())
 }
 
+/// What a person wrote, as TOML; says which line is wrong, and what.
+pub(crate) fn toml<T: DeserializeOwned>(text: &str) -> Result<T, String> {
+    let one_line = |message: &str| message.trim().replace('\n', " ");
+    let read = toml::from_str(text).map_err(|e| {
+        let line = e.span().map_or(0, |s| text[..s.start.min(text.len())].matches('\n').count() + 1);
+        format!("line {line}: {}", one_line(e.message()))
+    })?;
+    // A list that is too long for its key is noticed on this way alone.
+    let table: toml::Value = toml::from_str(text).map_err(|e| one_line(e.message()))?;
+    T::deserialize(table).map_err(|e| one_line(&e.to_string()))?;
+    Ok(read)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -82,6 +105,19 @@ mod tests {
         // A file that is longer than memory costs nothing.
         std::fs::File::create(&file).unwrap().set_len(1 << 40).unwrap();
         assert!(bytes(&file, PICTURE).unwrap_err().to_string().contains("1099511627776"));
+    }
+
+    #[test]
+    fn lists_that_are_too_long_are_refused() {
+        #[derive(serde::Deserialize, Debug)]
+        #[allow(dead_code)]
+        struct Read {
+            resolution: [usize; 2],
+        }
+        assert_eq!(toml::<Read>("resolution = [1, 2]").unwrap().resolution, [1, 2]);
+        let error = toml::<Read>("resolution = [1, 2, 3]").unwrap_err();
+        assert!(error.contains("resolution") && !error.contains('\n'), "{error}");
+        assert!(toml::<Read>("\nresolution = [1]").unwrap_err().contains("line 2"));
     }
 
     #[cfg(unix)]

@@ -1,7 +1,8 @@
 //! Files and folders that appear whole or not at all.
 
-use super::FileError;
-use super::os::{canonical, exchange, permit, sync_folder};
+use super::os::{canonical, exchange, is_same, sync_folder};
+use super::patient::Patient;
+use super::{FileError, drafts};
 use std::{
     fs::{self, File},
     io::{self, BufWriter, Write},
@@ -11,35 +12,22 @@ use std::{
 /// Writes `file` through `fill`: beside it first, then to the disk, then renamed into place.
 ///
 /// A destination that exists and is no ordinary file (a pipe, a device) is written to directly, for renaming over it
-/// would replace the device.
+/// would replace the device; a pipe that nobody reads is given up.
 ///
 /// # Errors
 /// [`FileError::Full`] and [`FileError::Write`]; then `file` is as it was.
 pub fn write_file(file: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), FileError> {
-    write_file_by_way_of(parent(file), file, fill)
-}
-
-/// The same, written in another folder of the same file system until it is whole: one that is emptied where a program was
-/// killed.
-///
-/// # Errors
-/// As [`write_file`].
-pub fn write_file_by_way_of(
-    drafts: &Path,
-    file: &Path,
-    fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
-) -> Result<(), FileError> {
     let failed = |e| FileError::write(file, e);
     if let Ok(there) = fs::metadata(file) {
         if there.is_dir() {
             return Err(taken(file, "is a folder: a file cannot replace it"));
         }
         if !there.is_file() {
-            let mut out = BufWriter::new(File::options().write(true).open(file).map_err(failed)?);
+            let mut out = BufWriter::new(Patient::open(file).map_err(failed)?);
             return fill(&mut out).and_then(|()| out.flush()).map_err(failed);
         }
     }
-    let draft = builder(0o666).tempfile_in(drafts).map_err(failed)?;
+    let draft = drafts::file(parent(file)).map_err(failed)?;
     let mut out = BufWriter::new(draft.as_file());
     fill(&mut out).and_then(|()| out.flush()).map_err(failed)?;
     drop(out);
@@ -56,24 +44,26 @@ pub fn check_place(file: &Path) -> Result<(), FileError> {
     match fs::metadata(file) {
         Ok(there) if there.is_dir() => Err(taken(file, "is a folder: a file cannot replace it")),
         Ok(there) if !there.is_file() => Ok(()),
-        _ => builder(0o666).tempfile_in(parent(file)).map(drop).map_err(|e| FileError::write(file, e)),
+        _ => drafts::file(parent(file)).map(drop).map_err(|e| FileError::write(file, e)),
     }
 }
 
 /// A folder in the making, beside the place that it is meant for; gone with the value unless [put](Self::put) there.
 pub struct FolderDraft {
     draft: tempfile::TempDir,
+    _lock: Option<File>,
     place: PathBuf,
+    ours: fn(&Path) -> bool,
 }
 
 impl FolderDraft {
     /// Starts a folder that will stand at `place`.
     ///
-    /// `ours` says whether a folder that stands there already may be replaced.
+    /// `ours` says whether a folder that stands there may be replaced; it is asked now, and again before that one is removed.
     ///
     /// # Errors
     /// [`FileError::Taken`] where something else stands, [`FileError::Write`], [`FileError::Full`].
-    pub fn new(place: &Path, ours: impl FnOnce(&Path) -> bool) -> Result<Self, FileError> {
+    pub fn new(place: &Path, ours: fn(&Path) -> bool) -> Result<Self, FileError> {
         // A link is followed, so that the folder it points to is replaced and not the link.
         let place = canonical(place).unwrap_or_else(|_| place.to_path_buf());
         match fs::metadata(&place) {
@@ -83,8 +73,8 @@ impl FolderDraft {
             }
             _ => {}
         }
-        let draft = builder(0o777).tempdir_in(parent(&place)).map_err(|e| FileError::write(&place, e))?;
-        Ok(Self { draft, place })
+        let (draft, lock) = drafts::folder(parent(&place)).map_err(|e| FileError::write(&place, e))?;
+        Ok(Self { draft, _lock: lock, place, ours })
     }
 
     /// Writes a file of the folder, `name` relative to it, making the folders on its way.
@@ -106,41 +96,73 @@ impl FolderDraft {
     /// empty where the file system can exchange two names at once (ext4, xfs, btrfs, tmpfs, overlayfs).
     ///
     /// # Errors
-    /// [`FileError::Write`]; then what stood there stands there still.
+    /// [`FileError::Write`]; [`FileError::Taken`] where something else stands there by now; then what stood there stands
+    /// there still.
     pub fn put(self) -> Result<(), FileError> {
-        let Self { draft, place } = self;
+        let Self { draft, _lock, place, ours } = self;
         let failed = |e| FileError::write(&place, e);
         let new = draft.path();
         for folder in folders_of(new).map_err(failed)? {
             sync_folder(&folder).map_err(failed)?;
         }
-        // Renaming onto an empty folder replaces it. Where another program has put one there meanwhile, that one is replaced.
-        let free = !place.exists() || is_empty(&place);
-        if free && cfg!(not(unix)) {
-            // An empty folder is replaced on Unix alone.
-            let _ = fs::remove_dir(&place);
-        }
-        let moved = if free { fs::rename(new, &place) } else { Err(io::ErrorKind::DirectoryNotEmpty.into()) };
-        match moved {
-            // It is no longer where the draft was.
-            Ok(()) => drop(draft.keep()),
-            Err(e) if matches!(e.kind(), io::ErrorKind::DirectoryNotEmpty | io::ErrorKind::AlreadyExists) => {
-                if exchange(new, &place).is_err() {
-                    replace(new, &place)?;
-                    drop(draft.keep());
-                }
+        loop {
+            // Writers of one place take turns: none removes what another looks at.
+            let there = File::open(&place).ok().filter(|there| there.lock().is_ok());
+            if there.as_ref().is_some_and(|there| !is_same(there, &place)) {
+                continue;
             }
-            Err(e) => return Err(failed(e)),
+            // Renaming onto an empty folder replaces it. Where another program has put one there meanwhile, that one is
+            // replaced.
+            let free = !place.exists() || is_empty(&place);
+            if free && cfg!(not(unix)) {
+                // An empty folder is replaced on Unix alone.
+                let _ = fs::remove_dir(&place);
+            }
+            let moved = if free { fs::rename(new, &place) } else { Err(io::ErrorKind::DirectoryNotEmpty.into()) };
+            match moved {
+                // It is no longer where the draft was.
+                Ok(()) => drop(draft.keep()),
+                Err(e) if !matches!(e.kind(), io::ErrorKind::DirectoryNotEmpty | io::ErrorKind::AlreadyExists) => {
+                    return Err(failed(e));
+                }
+                Err(_) if free && cfg!(unix) => continue,
+                Err(_) => replace(draft, &place, ours)?,
+            }
+            return sync_folder(parent(&place)).map_err(failed);
         }
-        // After an exchange the draft's name holds the old folder, and dropping the draft removes it.
-        sync_folder(parent(&place)).map_err(failed)
     }
 }
 
+/// Puts a folder in the place of one that `ours` says may be replaced, which is removed.
+fn replace(draft: tempfile::TempDir, place: &Path, ours: fn(&Path) -> bool) -> Result<(), FileError> {
+    let changed = |path: &Path| {
+        let left = "something else was put there meanwhile: it is left alone; give another place or remove it";
+        taken(path, left)
+    };
+    let new = draft.path();
+    if !ours(place) {
+        return Err(changed(place));
+    }
+    if exchange(new, place).is_err() {
+        move_aside(new, place)?;
+        drop(draft.keep());
+    } else if !ours(new) {
+        // Something was put into the old folder after it had been looked at.
+        if exchange(new, place).is_err() {
+            let (kept, old) = (draft.path(), draft.path().with_extension("old"));
+            fs::rename(kept, &old).map_err(|e| FileError::write(&old, e))?;
+            return Err(changed(&old));
+        }
+        return Err(changed(place));
+    }
+    // After an exchange the draft's name holds the old folder, and dropping the draft removes it.
+    Ok(())
+}
+
 /// Where two names cannot be exchanged at once: the old folder is moved aside first.
-fn replace(new: &Path, place: &Path) -> Result<(), FileError> {
+fn move_aside(new: &Path, place: &Path) -> Result<(), FileError> {
     let failed = |e| FileError::write(place, e);
-    let aside = builder(0o777).tempdir_in(parent(place)).map_err(failed)?;
+    let aside = drafts::aside(parent(place)).map_err(failed)?;
     // Into that folder and not onto it: only Unix replaces an empty one.
     let old = aside.path().join("old");
     fs::rename(place, &old).map_err(failed)?;
@@ -178,16 +200,8 @@ fn folders_of(root: &Path) -> io::Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-fn parent(file: &Path) -> &Path {
+pub(super) fn parent(file: &Path) -> &Path {
     file.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
-}
-
-/// Temporary names, with the permissions that any new file gets (the umask applies) instead of the owner's alone.
-fn builder(mode: u32) -> tempfile::Builder<'static, 'static> {
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".eyebox-").suffix(".part");
-    permit(&mut builder, mode);
-    builder
 }
 
 #[cfg(test)]

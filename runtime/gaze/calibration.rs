@@ -18,7 +18,7 @@ pub struct Affine {
 
 impl Affine {
     /// Where a point goes.
-    pub fn apply(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+    pub(crate) fn apply(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         [self.x, self.y].map(|row| row[0] * x + row[1] * y + row[2])
     }
 }
@@ -210,10 +210,7 @@ impl Calibration {
     /// # Errors
     /// What is wrong, with its line or key.
     pub fn from_toml(text: &str) -> Result<Self, String> {
-        let file: File = toml::from_str(text).map_err(|e| {
-            let line = e.span().map_or(0, |s| text[..s.start.min(text.len())].matches('\n').count() + 1);
-            format!("line {line}: {}", e.message().replace('\n', " "))
-        })?;
+        let file: File = crate::files::read::toml(text)?;
         let fit = |name: &str, text: Option<FitText>| -> Result<Option<Fit>, String> {
             let Some(text) = text else { return Ok(None) };
             let numbers = text.x_mm.iter().chain(&text.y_mm).chain([&text.residual_mm]);

@@ -28,6 +28,7 @@ pub use settings::{Eye, Eyepiece, Settings};
 
 /// What can be wrong with a calibration or a setting.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum GazeError {
     /// Too few fixations, or all on a line.
     #[error("a calibration needs at least 3 fixations that are not on a line{0}")]

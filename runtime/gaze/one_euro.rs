@@ -85,7 +85,7 @@ impl OneEuro {
 
     /// The velocity, less what measurements of variance `noise` would show at rest (after James and Stein 1961, but
     /// stricter: a prediction that trembles is worse than one that is slow to believe in a slow pursuit).
-    pub fn calm_velocity(&self, noise: f64) -> [f64; 2] {
+    pub(crate) fn calm_velocity(&self, noise: f64) -> [f64; 2] {
         let square = self.velocity[0].powi(2) + self.velocity[1].powi(2);
         let expected = STRICT * 2.0 * noise * self.velocity_gain;
         let keep = if square > 0.0 { (1.0 - expected / square).max(0.0) } else { 0.0 };

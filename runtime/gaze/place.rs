@@ -20,6 +20,7 @@ pub struct Placed {
 /// Why a sample is not believed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Refusal {
     /// The eye was not seen.
     NotSeen,
@@ -244,7 +245,7 @@ fn diameter(reading: &Option<Reading>) -> Option<f64> {
 ///
 /// Positions in the plane are taken as they are; directions and gaze points turn the eye; of an eye in space, the
 /// direction to the gaze point turns it, where there is one.
-pub fn rotation(reading: &Reading, gaze: Option<&Reading>, settings: &Settings) -> Option<[f64; 2]> {
+pub(crate) fn rotation(reading: &Reading, gaze: Option<&Reading>, settings: &Settings) -> Option<[f64; 2]> {
     let turned = |angles: [f64; 2]| angles.map(|a| settings.radius * a.sin());
     let towards = |point: [f64; 2], distance: f64| turned(point.map(|p| p.atan2(distance)));
     Some(match (reading.quantity, reading.unit) {

@@ -1,8 +1,10 @@
 //! Memory of a device, as buffers that are given back when they are dropped.
 
+use super::counters::add;
 use super::device::Device;
 use super::error::EngineError;
-use ash::vk;
+use crate::plan::Move;
+use ash::vk::{self, Handle};
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
 use gpu_allocator::{AllocationError, MemoryLocation};
 use std::sync::Arc;
@@ -22,6 +24,18 @@ pub(crate) struct Range<'a> {
     pub(crate) block: &'a Block,
     pub(crate) offset: u64,
     pub(crate) size: u64,
+}
+
+impl Range<'_> {
+    /// So many bytes of it, or behind its start, read.
+    pub(crate) fn reads(&self, bytes: u64) -> Move {
+        Move { place: (self.block.raw.as_raw(), self.offset), bytes, write: false }
+    }
+
+    /// The same, written.
+    pub(crate) fn writes(&self, bytes: u64) -> Move {
+        Move { write: true, ..self.reads(bytes) }
+    }
 }
 
 /// Blocks from this size on have memory of their own.
@@ -59,6 +73,7 @@ impl Block {
             }
         };
         let raw = raw.map_err(refused("vkCreateBuffer"))?;
+        add(&device.counters.blocks, 1);
         let mut block = Self { raw, size, allocation: None, device: Arc::clone(device) };
         // SAFETY: the buffer was made just now.
         let requirements = unsafe { device.raw.get_buffer_memory_requirements(raw) };
@@ -121,6 +136,9 @@ impl Block {
 
 impl Drop for Block {
     fn drop(&mut self) {
+        if self.device.is_stuck() {
+            return;
+        }
         // SAFETY: recordings that use the block are waited for before anything that they use is dropped.
         unsafe { self.device.raw.destroy_buffer(self.raw, None) };
         if let Some(allocation) = self.allocation.take() {

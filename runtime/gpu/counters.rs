@@ -13,6 +13,27 @@ pub struct Counts {
     pub read_back: u64,
     /// Bytes of phases among those.
     pub phases_read_back: u64,
+    /// Blocks of memory that were made.
+    pub blocks: u64,
+    /// Pipelines that were made.
+    pub pipelines: u64,
+    /// Pools of descriptors that were made.
+    pub pools: u64,
+}
+
+impl Counts {
+    /// What was done after `before`.
+    pub fn since(self, before: Self) -> Self {
+        Self {
+            submissions: self.submissions - before.submissions,
+            uploaded: self.uploaded - before.uploaded,
+            read_back: self.read_back - before.read_back,
+            phases_read_back: self.phases_read_back - before.phases_read_back,
+            blocks: self.blocks - before.blocks,
+            pipelines: self.pipelines - before.pipelines,
+            pools: self.pools - before.pools,
+        }
+    }
 }
 
 #[derive(Default)]
@@ -21,6 +42,9 @@ pub(crate) struct Counters {
     pub(crate) uploaded: AtomicU64,
     pub(crate) read_back: AtomicU64,
     pub(crate) phases_read_back: AtomicU64,
+    pub(crate) blocks: AtomicU64,
+    pub(crate) pipelines: AtomicU64,
+    pub(crate) pools: AtomicU64,
 }
 
 impl Counters {
@@ -30,6 +54,9 @@ impl Counters {
             uploaded: self.uploaded.load(Ordering::Relaxed),
             read_back: self.read_back.load(Ordering::Relaxed),
             phases_read_back: self.phases_read_back.load(Ordering::Relaxed),
+            blocks: self.blocks.load(Ordering::Relaxed),
+            pipelines: self.pipelines.load(Ordering::Relaxed),
+            pools: self.pools.load(Ordering::Relaxed),
         }
     }
 }

@@ -5,7 +5,8 @@ use super::devices::Candidate;
 use super::error::EngineError;
 use super::instance::{Instance, has};
 use super::pipelines::{Pipeline, Pipelines};
-use super::report::DeviceReport;
+use super::report::{DeviceKind, DeviceReport, Options};
+use crate::plan::Recording;
 use ash::{ext, google, khr, vk};
 use eyebox_spirv::Module;
 use gpu_allocator::AllocationSizes;
@@ -43,6 +44,8 @@ pub(crate) struct Made {
     pub(crate) extensions: Vec<CString>,
     /// Whether it is destroyed at the end.
     pub(crate) owned: bool,
+    /// Whether all is recorded and nothing is run.
+    pub(crate) record_only: bool,
 }
 
 /// Shared by everything that lives on the device, so that it goes last.
@@ -58,7 +61,13 @@ pub(crate) struct Device {
     pub(crate) synchronization2: Option<khr::synchronization2::Device>,
     pub(crate) report: DeviceReport,
     pub(crate) counters: Counters,
+    /// Whether all is recorded and nothing is run.
+    pub(crate) record_only: bool,
+    /// What is recorded, while somebody wants to know.
+    pub(crate) recording: Mutex<Option<Recording>>,
     lost: AtomicBool,
+    /// It does not answer, and may still be at what it was given.
+    stuck: AtomicBool,
     extensions: Vec<CString>,
     pipelines: Mutex<Option<Pipelines>>,
     allocator: Mutex<Option<Allocator>>,
@@ -68,11 +77,11 @@ pub(crate) struct Device {
 }
 
 impl Device {
-    /// Makes the chosen one. `cache`: folder of compiled pipelines.
+    /// Makes the chosen one.
     pub(crate) fn new(
         instance: &Arc<Instance>,
         chosen: Candidate,
-        cache: Option<&Path>,
+        Options { cache, record_only, .. }: &Options,
     ) -> Result<Arc<Self>, EngineError> {
         let (name, physical) = (chosen.report.name.clone(), chosen.raw);
         let mut extensions: Vec<&CStr> = Vec::new();
@@ -119,7 +128,8 @@ impl Device {
         };
         let other = Some(other).filter(|_| present != (family, 0));
         let extensions = extensions.into_iter().map(CStr::to_owned).collect();
-        Self::of(instance, Made { raw, physical, compute, other, extensions, owned: true }, chosen.report, cache)
+        let made = Made { raw, physical, compute, other, extensions, owned: true, record_only: *record_only };
+        Self::of(instance, made, chosen.report, cache.as_deref())
     }
 
     /// What is shared, around a device that was made here or elsewhere.
@@ -129,7 +139,7 @@ impl Device {
         report: DeviceReport,
         cache: Option<&Path>,
     ) -> Result<Arc<Self>, EngineError> {
-        let Made { raw, physical, compute, other, extensions, owned } = made;
+        let Made { raw, physical, compute, other, extensions, owned, record_only } = made;
         let mut families = vec![compute.family];
         families.extend(other.as_ref().map(|q| q.family).filter(|f| *f != compute.family));
         // SAFETY: the device is of this instance.
@@ -147,7 +157,10 @@ impl Device {
             synchronization2,
             report,
             counters: Counters::default(),
+            record_only,
+            recording: Mutex::default(),
             lost: AtomicBool::new(false),
+            stuck: AtomicBool::new(false),
             extensions,
             pipelines: Mutex::new(None),
             allocator: Mutex::new(None),
@@ -203,7 +216,7 @@ impl Device {
     ) -> Result<Pipeline, EngineError> {
         let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
         let gone = || EngineError::Mismatch { reason: "the device is being closed".into() };
-        pipelines.as_mut().ok_or_else(gone)?.get(module, bindings, constants)
+        pipelines.as_mut().ok_or_else(gone)?.get(module, bindings, constants, &self.counters.pipelines)
     }
 
     /// Number of allocations alive.
@@ -212,9 +225,37 @@ impl Device {
         self.allocator().as_ref().map_or(0, |a| a.generate_report().allocations.len())
     }
 
+    /// Says what was recorded, where nothing is run and somebody wants to know.
+    pub(crate) fn record(&self, say: impl FnOnce(&mut Recording)) {
+        if self.record_only
+            && let Some(recording) = self.recording.lock().unwrap_or_else(PoisonError::into_inner).as_mut()
+        {
+            say(recording);
+        }
+    }
+
     /// Whether it stopped answering: nothing runs on it any more.
     pub(crate) fn is_lost(&self) -> bool {
         self.lost.load(Ordering::Relaxed)
+    }
+
+    /// Whether it was given up while it may still have been at work: nothing that it was given may be destroyed.
+    pub(crate) fn is_stuck(&self) -> bool {
+        self.stuck.load(Ordering::Relaxed)
+    }
+
+    /// Gives it up: it did not answer in time. What lives on it stays until the process ends, itself included.
+    pub(crate) fn give_up(self: &Arc<Self>, call: &'static str, during: &str) -> EngineError {
+        if !self.stuck.swap(true, Ordering::Relaxed) {
+            std::mem::forget(Arc::clone(self));
+        }
+        self.error(call, during, vk::Result::ERROR_DEVICE_LOST)
+    }
+
+    /// How long a submission may take, nanoseconds: drivers reset hardware that takes longer, and software takes its time.
+    pub(crate) fn patience_ns(&self) -> u64 {
+        const SECOND: u64 = 1_000_000_000;
+        if self.report.kind == DeviceKind::Cpu { 600 * SECOND } else { 30 * SECOND }
     }
 
     /// An answer of Vulkan's as an error: `call` names the call, `during` the kernel, the transfer or the buffer.

@@ -5,6 +5,7 @@ use ash::vk;
 
 /// What an engine can answer instead of a result.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum EngineError {
     /// No device, no driver or no loader.
     #[error("there is no Vulkan device: {reason}; on Debian or Ubuntu, `tools/setup.sh` installs a software one")]

@@ -10,7 +10,7 @@
 //! and `cache` compile; `recorder` records and submits; `commands` joins these for one user; `pictures` is what
 //! users pass to each other without the host; `open` makes the handle, of a
 //! device of its own or of one that a program brings.
-//! This room imports `files` (the folder of caches) alone.
+//! This room imports `files` (the folder of caches) and of `plan` what a recording is written down as.
 
 #![allow(unsafe_code)]
 

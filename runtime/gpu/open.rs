@@ -6,10 +6,11 @@ use super::devices::{Candidate, candidates, choose, inspect};
 use super::error::EngineError;
 use super::instance::{Instance, Messages};
 use super::report::{DeviceReport, Options};
+use crate::plan::Recording;
 use ash::vk;
 use std::ffi::CString;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError};
 
 /// An open Vulkan device: a handle, whose clones share the device.
 #[derive(Clone)]
@@ -52,7 +53,7 @@ impl Gpu {
     }
 
     fn on(instance: &Arc<Instance>, chosen: Candidate, options: &Options) -> Result<Self, EngineError> {
-        let device = Device::new(instance, chosen, options.cache.as_deref())?;
+        let device = Device::new(instance, chosen, options)?;
         tracing::debug!(
             "{}: opened, driver {}, Vulkan {}",
             device.report.name,
@@ -85,7 +86,8 @@ impl Gpu {
         // SAFETY: as above.
         let raw = unsafe { ash::Device::load(instance.raw.fp_v1_0(), device) };
         let compute = Queue::new(family, queue);
-        let made = Made { raw, physical, compute, other: None, extensions: device_extensions, owned: false };
+        let extensions = device_extensions;
+        let made = Made { raw, physical, compute, other: None, extensions, owned: false, record_only: false };
         let device = Device::of(&Arc::new(instance), made, report, cache)?;
         let options =
             Options { cache: cache.map(Path::to_owned), present: true, allow_cpu: true, ..Options::default() };
@@ -131,6 +133,15 @@ impl Gpu {
     /// What was done on the device so far.
     pub fn counts(&self) -> Counts {
         self.device.counters.now()
+    }
+
+    /// Calls `with` and gives what it recorded, on a device that only records ([`Options::record_only`]); on others,
+    /// nothing.
+    pub fn recorded<R>(&self, with: impl FnOnce() -> R) -> (R, Recording) {
+        let recording = || self.device.recording.lock().unwrap_or_else(PoisonError::into_inner);
+        *recording() = Some(Recording::default());
+        let result = with();
+        (result, recording().take().unwrap_or_default())
     }
 
     /// Calls `with` with the queue that kernels run on, of which nobody else makes use until it returns.

@@ -1,11 +1,13 @@
 //! Compute pipelines by module and specialisation constants, made when first asked for and kept.
 
 use super::cache;
+use super::counters::add;
 use super::error::EngineError;
 use ash::vk;
 use eyebox_spirv::Module;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicU64;
 
 /// Bytes of push constants that every device has; all layouts take them whole.
 pub(crate) const PUSH_BYTES: u32 = 128;
@@ -61,10 +63,12 @@ impl Pipelines {
         module: &'static Module,
         bindings: u32,
         constants: &[u32],
+        made: &AtomicU64,
     ) -> Result<Pipeline, EngineError> {
         if let Some(pipeline) = self.made.get(&(module.name, constants.to_vec())) {
             return Ok(*pipeline);
         }
+        add(made, 1);
         let (set_layout, layout) = self.layout(bindings)?;
         let device = &self.device;
         let error = |call, e| EngineError::vulkan(&self.name, call, module.name, e);

@@ -7,6 +7,7 @@ use super::counters::add;
 use super::device::Device;
 use super::error::EngineError;
 use super::pipelines::{PUSH_BYTES, Pipeline};
+use crate::plan::{Entry, Move};
 use ash::{khr, vk};
 use std::sync::Arc;
 
@@ -38,6 +39,9 @@ impl Timeline {
 
 impl Drop for Timeline {
     fn drop(&mut self) {
+        if self.device.is_stuck() {
+            return;
+        }
         // SAFETY: the recorder that signals it waited for its submissions, and who waits for it holds it; destroyed once.
         unsafe { self.device.raw.destroy_semaphore(self.raw, None) };
     }
@@ -52,6 +56,8 @@ pub(crate) struct Recorder {
     /// What a test's driver says from a number of submissions on.
     #[cfg(test)]
     pub(crate) fails_from: Option<(u64, vk::Result)>,
+    /// How long a submission may take, nanoseconds.
+    pub(crate) patience_ns: u64,
     sets: Vec<vk::DescriptorPool>,
     /// The pool in use, and how many sets it gave.
     used: (usize, u32),
@@ -79,6 +85,7 @@ impl Recorder {
             submitted: 0,
             #[cfg(test)]
             fails_from: None,
+            patience_ns: device.patience_ns(),
             sets: Vec::new(),
             used: (0, 0),
             queries: vk::QueryPool::null(),
@@ -122,6 +129,9 @@ impl Recorder {
     pub(crate) fn begin(&mut self, marks: usize) -> Result<(), EngineError> {
         let device = &self.device;
         let error = |call| move |e| device.error(call, "recording", e);
+        if device.is_stuck() {
+            return Err(device.give_up("vkBeginCommandBuffer", "recording"));
+        }
         let raw = &self.device.raw;
         let wanted = marks as u32 + 1;
         // SAFETY: what was submitted before has been waited for, so pools may be reset and queries replaced.
@@ -194,7 +204,13 @@ impl Recorder {
             }
             raw.cmd_dispatch(self.command, groups[0], groups[1], groups[2]);
         }
+        self.device.record(|r| r.push(Entry::Work { moves: Vec::new(), dispatch: true }));
         Ok(())
+    }
+
+    /// Says what the last dispatch moves, to a device that only records.
+    pub(crate) fn moved(&self, moves: impl FnOnce() -> Vec<Move>) {
+        self.device.record(|r| r.moved(moves()));
     }
 
     /// What was recorded before is finished, and seen, before what follows starts.
@@ -203,6 +219,9 @@ impl Recorder {
     }
 
     fn wait(&mut self, host: bool) {
+        if !host {
+            self.device.record(|r| r.push(Entry::Barrier));
+        }
         let raw = &self.device.raw;
         if let Some(modern) = &self.modern {
             use vk::{AccessFlags2 as Access, PipelineStageFlags2 as Stage};
@@ -241,6 +260,7 @@ impl Recorder {
     pub(crate) fn clear(&mut self, range: Range<'_>) {
         // SAFETY: the command buffer is being recorded; offset and size are multiples of 4.
         unsafe { self.device.raw.cmd_fill_buffer(self.command, range.block.raw, range.offset, range.size, 0) };
+        self.device.record(|r| r.push(Entry::Work { moves: vec![range.writes(range.size)], dispatch: false }));
     }
 
     /// Copies pieces.
@@ -251,12 +271,16 @@ impl Recorder {
         if !self.regions.is_empty() {
             // SAFETY: the command buffer is being recorded; the pieces lie inside the blocks.
             unsafe { self.device.raw.cmd_copy_buffer(self.command, from.raw, to.raw, &self.regions) };
+            let bytes = self.regions.iter().map(|r| r.size).sum();
+            let moves = || vec![from.all().reads(bytes), to.all().writes(bytes)];
+            self.device.record(|r| r.push(Entry::Work { moves: moves(), dispatch: false }));
         }
     }
 
     /// The time since the mark before belongs to `label`.
     pub(crate) fn mark(&mut self, label: usize) {
         self.marks.push(label);
+        self.device.record(|r| r.push(Entry::Mark(label)));
         if self.has_timestamps() {
             debug_assert!((self.marks.len() as u32) < self.capacity);
             let (stage, at) = (vk::PipelineStageFlags::BOTTOM_OF_PIPE, self.marks.len() as u32);
@@ -265,7 +289,8 @@ impl Recorder {
         }
     }
 
-    /// Runs what was recorded and waits. Returns (label, seconds) per mark; `during` is what an error names.
+    /// Runs what was recorded and waits, for a while: a device that does not answer is lost. Returns (label, seconds) per mark;
+    /// `during` is what an error names.
     pub(crate) fn submit(&mut self, during: &str) -> Result<&[(usize, f64)], EngineError> {
         self.wait(true);
         self.recording = false;
@@ -283,6 +308,12 @@ impl Recorder {
         // SAFETY: the queue is locked while it is submitted to; all that was recorded lives until the wait is over.
         unsafe {
             raw.end_command_buffer(self.command).map_err(error("vkEndCommandBuffer"))?;
+            if device.record_only {
+                device.record(|r| r.push(Entry::Submit));
+                add(&device.counters.submissions, 1);
+                self.times.clear();
+                return Ok(&self.times);
+            }
             let submitted = (self.queue_submit)(*device.compute.lock(), 1, info.as_ptr(), vk::Fence::null());
             submitted.result().map_err(error("vkQueueSubmit"))?;
             self.submitted += 1;
@@ -292,7 +323,10 @@ impl Recorder {
                 let _ = raw.wait_semaphores(&wait, u64::MAX);
                 return Err(device.error("vkQueueSubmit", during, fault));
             }
-            raw.wait_semaphores(&wait, u64::MAX).map_err(error("vkWaitSemaphores"))?;
+            match raw.wait_semaphores(&wait, self.patience_ns) {
+                Err(vk::Result::TIMEOUT) => return Err(device.give_up("vkWaitSemaphores", during)),
+                other => other.map_err(error("vkWaitSemaphores"))?,
+            }
         }
         self.read_times().map_err(|e| self.device.error("vkGetQueryPoolResults", during, e))?;
         Ok(&self.times)
@@ -334,6 +368,7 @@ impl Recorder {
             // SAFETY: `info` is valid for the call.
             let pool = unsafe { raw.create_descriptor_pool(&info, None) }.map_err(error("vkCreateDescriptorPool"))?;
             self.sets.push(pool);
+            add(&device.counters.pools, 1);
         }
         let layouts = [layout];
         let info =
@@ -350,6 +385,9 @@ impl Recorder {
 
 impl Drop for Recorder {
     fn drop(&mut self) {
+        if self.device.is_stuck() {
+            return;
+        }
         let raw = &self.device.raw;
         let (semaphores, values) = ([self.done.raw], [self.submitted]);
         let wait = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);

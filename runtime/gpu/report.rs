@@ -16,10 +16,14 @@ pub struct Options {
     pub cache: Option<PathBuf>,
     /// Whether pictures are to be presented from it, in windows or on displays, where it can do that.
     pub present: bool,
+    /// Whether all is recorded and nothing is run: results are whatever memory held, losses are 0. See
+    /// [`Gpu::recorded`](super::Gpu).
+    pub record_only: bool,
 }
 
 /// Kinds of device, best first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[non_exhaustive]
 pub enum DeviceKind {
     /// A GPU with memory of its own.
     Discrete,

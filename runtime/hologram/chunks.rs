@@ -2,17 +2,18 @@
 
 use super::HologramError;
 use super::wrap_phase;
-use crate::files::FileError;
-use crate::files::read;
+use crate::files::{FileError, Folder, FolderDraft, Kind, is_draft};
 use crate::memory;
-use std::{
-    fs,
-    io::{self, Read, Write},
-    path::{Path, PathBuf},
-};
+use std::fs::File;
+use std::io::{self, Read, Write};
+use std::path::Path;
 
 pub(super) const GROUP: &str = "zarr.json";
 pub(super) const ARRAY: &str = "phases/zarr.json";
+/// Locked by the program that makes a sequence or tiles.
+pub(super) const LOCK: &str = "progress.lock";
+/// How often a hologram is opened anew that is replaced while it is read.
+const ATTEMPTS: usize = 100;
 /// No document of this format comes near it; it bounds what a wrong file can make us read.
 const LONGEST_DOCUMENT: u64 = 16 << 20;
 
@@ -24,44 +25,97 @@ pub(super) fn chunk_file(color: usize, frame: usize, row: usize, column: usize) 
     format!("phases/c/{color}/{frame}/{row}/{column}")
 }
 
-/// Whether a folder is a hologram, whole or damaged, and nothing else.
-pub(super) fn is_hologram(folder: &Path) -> bool {
-    holds_only_ours(folder)
-        && read_document(&folder.join(GROUP))
-            .ok()
-            .and_then(|bytes| serde_json::from_slice::<serde_json::Value>(&bytes).ok())
-            .is_some_and(|document| document["attributes"]["eyebox"].is_object())
+/// Opens a hologram's folder.
+pub(super) fn open_folder(path: &Path) -> Result<Folder, HologramError> {
+    Folder::open(path).map_err(|e| match e.kind() {
+        io::ErrorKind::NotADirectory => {
+            let reason =
+                "it is a file, and a hologram is a .zarr folder; bare phases (.npy) need the optics too".into();
+            HologramError::NotAHologram { path: path.display().to_string(), reason }
+        }
+        _ => FileError::read(path, e).into(),
+    })
+}
+
+/// Reads what stands at `path` through one open folder: all of the old or all of the new where it is replaced meanwhile.
+pub(super) fn read_whole<T>(
+    path: &Path,
+    read: impl Fn(&Folder) -> Result<T, HologramError>,
+) -> Result<T, HologramError> {
+    for _ in 0..ATTEMPTS {
+        let folder = open_folder(path)?;
+        match read(&folder) {
+            Err(HologramError::Replaced { .. }) => {}
+            // Without descriptors of folders names may have led into either.
+            Ok(_) if cfg!(not(unix)) && folder.is_replaced() => {}
+            other => return other,
+        }
+    }
+    Err(HologramError::Replaced { path: path.display().to_string() })
+}
+
+/// Refuses a folder that is no hologram's.
+pub(super) fn check_is_one(folder: &Folder) -> Result<(), HologramError> {
+    if folder.has(GROUP) || folder.has("phases") {
+        return Ok(());
+    }
+    let path = folder.path().display().to_string();
+    Err(match folder.is_replaced() {
+        true => HologramError::Replaced { path },
+        false => HologramError::NotAHologram { path, reason: "the folder has no zarr.json".into() },
+    })
+}
+
+/// Starts a hologram that will stand at `path`: in the place of one that nobody is making, or where there is nothing.
+pub(super) fn draft(path: &Path) -> Result<FolderDraft, HologramError> {
+    draft_in_place_of(path, is_hologram)
+}
+
+/// The same, in the place of what `ours` allows.
+pub(super) fn draft_in_place_of(path: &Path, ours: fn(&Path) -> bool) -> Result<FolderDraft, HologramError> {
+    if Folder::open(path).is_ok_and(|there| there.is_locked(LOCK)) {
+        return Err(HologramError::Busy { path: path.display().to_string() });
+    }
+    Ok(FolderDraft::new(path, ours)?)
+}
+
+/// Takes the lock of a hologram in the making.
+pub(super) fn lock(folder: &Folder) -> Result<File, HologramError> {
+    let locked = folder.lock(LOCK).map_err(|e| FileError::write(&folder.path().join(LOCK), e))?;
+    locked.ok_or_else(|| HologramError::Busy { path: folder.path().display().to_string() })
+}
+
+/// Whether a folder is a hologram, whole or damaged, and nothing else, and nobody is making it.
+pub(super) fn is_hologram(path: &Path) -> bool {
+    let Ok(folder) = Folder::open(path) else { return false };
+    let document = || serde_json::from_slice::<serde_json::Value>(&read_document(&folder, GROUP).ok()?).ok();
+    holds_only_ours(&folder)
+        && document().is_some_and(|document| document["attributes"]["eyebox"].is_object())
+        && !folder.is_locked(LOCK)
 }
 
 /// Whether everything in a hologram's folder, down to the last file, was written by this program. Links are not.
-fn holds_only_ours(folder: &Path) -> bool {
-    const TOP: [&str; 5] = ["zarr.json", "phases", "progress.json", "progress.lock", "staged"];
-    let mut left = vec![(folder.to_path_buf(), 0)];
+fn holds_only_ours(folder: &Folder) -> bool {
+    const TOP: [&str; 5] = [GROUP, "phases", "progress.json", LOCK, "staged"];
+    let mut left = vec![(String::new(), 0)];
     while let Some((at, depth)) = left.pop() {
-        let Ok(entries) = fs::read_dir(&at) else { return false };
-        for entry in entries {
-            let Ok(entry) = entry else { return false };
-            let (name, Ok(kind)) = (entry.file_name(), entry.file_type()) else { return false };
+        let Ok(entries) = folder.entries(&at) else { return false };
+        for (name, kind) in entries {
             let Some(name) = name.to_str() else { return false };
             let ours = match depth {
                 0 => TOP.contains(&name),
-                1 => ["zarr.json", "c"].contains(&name) || is_staged(name),
+                1 => [GROUP, "c"].contains(&name) || is_staged(name),
                 _ => name.bytes().all(|b| b.is_ascii_digit()),
             };
-            if kind.is_symlink() || !(ours || is_draft(name)) {
+            if kind == Kind::Other || !(ours || is_draft(name)) {
                 return false;
             }
-            if kind.is_dir() {
-                left.push((entry.path(), depth + 1));
+            if kind == Kind::Folder {
+                left.push((format!("{at}/{name}").trim_start_matches('/').to_owned(), depth + 1));
             }
         }
     }
     true
-}
-
-/// A draft that a program left when it was killed.
-fn is_draft(name: &str) -> bool {
-    name.starts_with(".eyebox-") && name.ends_with(".part")
 }
 
 /// The name of a staged tile, or of a draft beside it.
@@ -69,42 +123,34 @@ pub(super) fn is_staged(name: &str) -> bool {
     is_draft(name) || (name.split('.').count() == 4 && name.bytes().all(|b| b.is_ascii_digit() || b == b'.'))
 }
 
-/// A folder inside a hologram, which is made if it is not there; a link in its place is not followed.
-pub(super) fn own_folder(folder: &Path) -> Result<(), HologramError> {
-    match fs::symlink_metadata(folder) {
-        Ok(there) if there.is_dir() => Ok(()),
-        Ok(_) => Err(damaged(
-            folder,
-            "it is a link or a file, and a folder of the hologram's is wanted: nothing was changed",
-        )),
-        Err(_) => fs::create_dir(folder).map_err(|e| FileError::write(folder, e).into()),
-    }
-}
-
-/// The folders on the way from a hologram to a file in it, made if they are not there; links are not followed.
-pub(super) fn own_way(hologram: &Path, file: &Path) -> Result<(), HologramError> {
-    let inside = file.strip_prefix(hologram).unwrap_or(file);
-    let mut at = hologram.to_path_buf();
-    for part in inside.parent().into_iter().flat_map(Path::components) {
-        at.push(part);
-        own_folder(&at)?;
-    }
-    Ok(())
-}
-
 pub(super) fn damaged(file: &Path, reason: impl Into<String>) -> HologramError {
     HologramError::Damaged { file: file.display().to_string(), reason: reason.into() }
 }
 
-pub(super) fn unreadable(file: &Path, e: io::Error) -> HologramError {
+/// A file of a hologram that cannot be read: it is missing there, or the hologram was replaced and all of it is gone.
+pub(super) fn unreadable(folder: &Folder, name: &str, e: io::Error) -> HologramError {
+    let file = folder.path().join(name);
     match e.kind() {
-        io::ErrorKind::NotFound => damaged(file, "it is missing"),
-        _ => FileError::read(file, e).into(),
+        io::ErrorKind::NotFound if folder.is_replaced() => {
+            HologramError::Replaced { path: folder.path().display().to_string() }
+        }
+        io::ErrorKind::NotFound => damaged(&file, "it is missing"),
+        _ => FileError::read(&file, e).into(),
     }
 }
 
-pub(super) fn read_document(file: &Path) -> Result<Vec<u8>, HologramError> {
-    read::bytes(file, LONGEST_DOCUMENT).map_err(|e| unreadable(file, e))
+/// A file of a hologram that cannot be written.
+pub(super) fn unwritable(folder: &Folder, name: &str, e: io::Error) -> HologramError {
+    let file = folder.path().join(name);
+    match e.kind() {
+        // What stands in its way is a link, or no file.
+        io::ErrorKind::InvalidInput => damaged(&file, format!("{e}: nothing was changed")),
+        _ => FileError::write(&file, e).into(),
+    }
+}
+
+pub(super) fn read_document(folder: &Folder, name: &str) -> Result<Vec<u8>, HologramError> {
+    folder.bytes(name, LONGEST_DOCUMENT).map_err(|e| unreadable(folder, name, e))
 }
 
 /// Zarr's codecs `bytes` (little-endian) and `crc32c`: the values, then the sum of their bytes.
@@ -121,24 +167,31 @@ pub(super) fn promise(path: &Path, shape: &[usize]) -> Result<(), HologramError>
 }
 
 /// `summed`: whether it ends in its checksum.
-pub(super) fn check_length(file: &PathBuf, pixels: usize, summed: bool) -> Result<(), HologramError> {
-    let length = fs::metadata(file).map_err(|e| unreadable(file, e))?.len();
+pub(super) fn check_length(folder: &Folder, name: &str, pixels: usize, summed: bool) -> Result<(), HologramError> {
+    let length = folder.length(name).map_err(|e| unreadable(folder, name, e))?;
     let expected = 4 * (pixels as u64 + u64::from(summed));
     if length != expected {
-        return Err(damaged(file, format!("it is {length} bytes long, not {expected}")));
+        return Err(damaged(&folder.path().join(name), format!("it is {length} bytes long, not {expected}")));
     }
     Ok(())
 }
 
 /// `summed`: whether it ends in its checksum.
-pub(super) fn read_chunk(file: &Path, pixels: usize, summed: bool, phases: &mut Vec<f32>) -> Result<(), HologramError> {
+pub(super) fn read_chunk(
+    folder: &Folder,
+    name: &str,
+    pixels: usize,
+    summed: bool,
+    phases: &mut Vec<f32>,
+) -> Result<(), HologramError> {
     let mut bytes = vec![0; 4 * (pixels + usize::from(summed))];
-    read::open(file).and_then(|mut f| f.read_exact(&mut bytes)).map_err(|e| unreadable(file, e))?;
+    folder.file(name).and_then(|mut f| f.read_exact(&mut bytes)).map_err(|e| unreadable(folder, name, e))?;
     let (values, sum) = bytes.split_at(4 * pixels);
     if let Ok(stated) = sum.try_into().map(u32::from_le_bytes) {
         let found = crc32c::crc32c(values);
         if stated != found {
-            return Err(damaged(file, format!("its checksum is {found:08x}, and it states {stated:08x}")));
+            let file = folder.path().join(name);
+            return Err(damaged(&file, format!("its checksum is {found:08x}, and it states {stated:08x}")));
         }
     }
     phases.extend(values.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])));
@@ -146,12 +199,12 @@ pub(super) fn read_chunk(file: &Path, pixels: usize, summed: bool, phases: &mut 
 }
 
 /// One chunk by itself.
-pub(super) fn read_tile(file: &Path, values: usize) -> Result<Vec<f32>, HologramError> {
-    check_length(&file.to_path_buf(), values, true)?;
+pub(super) fn read_tile(folder: &Folder, name: &str, values: usize) -> Result<Vec<f32>, HologramError> {
+    check_length(folder, name, values, true)?;
     let mut phases = Vec::with_capacity(values);
-    read_chunk(file, values, true, &mut phases)?;
+    read_chunk(folder, name, values, true, &mut phases)?;
     if let Some(at) = phases.iter().position(|p| !p.is_finite()) {
-        return Err(damaged(file, format!("phase {at} is {}", phases[at])));
+        return Err(damaged(&folder.path().join(name), format!("phase {at} is {}", phases[at])));
     }
     Ok(phases)
 }

@@ -5,8 +5,9 @@
 //! A PNG folder has one picture per colour and sub-frame, `green-00.png`, level = round(phase / 2 pi x 256) mod 256;
 //! a colour without a name is called by its number, `0-00.png`.
 
+use super::chunks::{read_whole, unreadable};
 use super::{ColorHologram, Hologram, HologramError, Metadata, level_of_phase, phase_of_level, wrap_phase};
-use crate::files::{FileError, FolderDraft, Npy, encode_grey8, read_grey8, read_npy, write_npy};
+use crate::files::{FileError, Folder, FolderDraft, Npy, encode_grey8, read_grey8, read_npy, write_npy};
 use crate::optics::{Color, Display, Geometry};
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
@@ -188,7 +189,7 @@ pub fn load_phases(path: &Path, unit: Option<PhaseUnit>) -> Result<Phases, Holog
         return Err(none(path, "a turn must have a positive number of levels".into()));
     }
     if fs::metadata(path).map_err(|e| FileError::read(path, e))?.is_dir() {
-        return load_pngs(path, unit);
+        return read_whole(path, |folder| load_pngs(folder, unit));
     }
     let array = read_npy(path)?;
     let (colors, frames, height, width) = match array.shape[..] {
@@ -290,14 +291,19 @@ fn parse_name(name: &str) -> Option<(Key, usize)> {
     Some((key, frame.parse().ok()?))
 }
 
-fn load_pngs(folder: &Path, unit: Option<PhaseUnit>) -> Result<Phases, HologramError> {
+fn load_pngs(opened: &Folder, unit: Option<PhaseUnit>) -> Result<Phases, HologramError> {
+    let folder = opened.path();
     let mut found: BTreeMap<Key, BTreeMap<usize, String>> = BTreeMap::new();
-    for entry in fs::read_dir(folder).map_err(|e| FileError::read(folder, e))? {
-        let name = entry.map_err(|e| FileError::read(folder, e))?.file_name().to_string_lossy().into_owned();
+    for (name, _) in opened.entries("").map_err(|e| FileError::read(folder, e))? {
+        let name = name.to_string_lossy().into_owned();
         let Some((key, frame)) = parse_name(&name) else { continue };
         if let Some(other) = found.entry(key).or_default().insert(frame, name.clone()) {
             return Err(none(folder, format!("{other} and {name} are the same sub-frame")));
         }
+    }
+    if opened.is_replaced() {
+        // Some may have been gone when they were listed.
+        return Err(HologramError::Replaced { path: folder.display().to_string() });
     }
     let Some(frames) = found.values().map(BTreeMap::len).max() else {
         return Err(none(folder, "it holds no pictures named like green-00.png or 0-00.png".into()));
@@ -312,7 +318,8 @@ fn load_pngs(folder: &Path, unit: Option<PhaseUnit>) -> Result<Phases, HologramE
                 return Err(none(folder, format!("{color}-{frame:02}.png is missing of {frames} sub-frames a colour")));
             };
             let file = folder.join(name);
-            let (height, width, levels) = read_grey8(&file)?;
+            let open = opened.file(name).map_err(|e| unreadable(opened, name, e))?;
+            let (height, width, levels) = read_grey8(open, &file)?;
             let (h, w) = *size.get_or_insert((height, width));
             if (h, w) != (height, width) {
                 return Err(none(&file, format!("it is {height}x{width} pixels, the others {h}x{w}")));

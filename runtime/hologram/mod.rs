@@ -42,11 +42,14 @@ mod solved;
 mod source;
 mod store;
 mod tiles;
+mod unfinished;
 
 #[cfg(test)]
 mod damage_tests;
 #[cfg(test)]
 mod old_files_tests;
+#[cfg(all(test, target_os = "linux"))]
+mod replaced_tests;
 #[cfg(test)]
 mod sequence_tests;
 
@@ -60,7 +63,8 @@ pub use score::{HologramScores, PupilScore};
 pub use sequence::Sequence;
 pub use sequence_writer::SequenceWriter;
 pub use source::{PhaseSource, Sampling};
-pub use tiles::{Made, Patch, Tiles, first_phase};
+pub use tiles::{Made, Patch, Tiles};
+pub use unfinished::Unfinished;
 
 use crate::memory::TooLarge;
 use crate::{
@@ -75,6 +79,7 @@ use std::path::Path;
 
 /// What can be wrong with a hologram or its file.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum HologramError {
     /// Reading or writing failed.
     #[error(transparent)]
@@ -127,6 +132,22 @@ pub enum HologramError {
     /// It is being made, by someone else.
     #[error("{path}: another program is solving this hologram: wait for it, or end it and go on from where it was")]
     Busy {
+        /// The hologram.
+        path: String,
+    },
+    /// It is still being made, and was not asked for as it is.
+    #[error(
+        "{path}: it is unfinished: {how_far}: repeat the command that makes it, or take it as it is with --unfinished"
+    )]
+    Unfinished {
+        /// The hologram.
+        path: String,
+        /// How far it is.
+        how_far: Unfinished,
+    },
+    /// It was replaced, or moved, again and again while it was read, or since it was opened.
+    #[error("{path}: another program replaced it while it was read: do it again")]
+    Replaced {
         /// The hologram.
         path: String,
     },

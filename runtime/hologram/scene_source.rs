@@ -9,6 +9,7 @@ use crate::solve::Problem;
 use std::sync::Arc;
 
 /// A scene before a display, in some of its colours.
+#[non_exhaustive]
 pub enum SceneSource {
     /// All views of its light field, colour by colour.
     Whole(Vec<Problem>),

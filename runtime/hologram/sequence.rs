@@ -1,12 +1,12 @@
 //! Reading a sequence of holograms, one at a time, while it may still grow.
 
-use super::chunks::{ARRAY, GROUP, chunk_name, damaged, promise, read_document, unreadable};
+use super::chunks::{
+    ARRAY, GROUP, check_is_one, chunk_name, damaged, open_folder, promise, read_document, read_whole, unreadable,
+};
 use super::document::{self, SequenceAttributes};
 use super::{Hologram, HologramError};
-use crate::files::FileError;
-use crate::files::read;
+use crate::files::Folder;
 use std::fmt::Write as _;
-use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -22,11 +22,17 @@ pub struct Sequence {
     count: u64,
     complete: bool,
     notes: Vec<String>,
-    /// A single hologram that is not read from a folder of its own.
-    here: Option<Hologram>,
+    phases: Phases,
     // Kept, so that reading allocates nothing.
-    file: PathBuf,
     name: String,
+}
+
+#[derive(Debug)]
+enum Phases {
+    /// Read from the folder, whatever comes to stand in its place.
+    In(Folder),
+    /// Of a single hologram that is in memory.
+    Here(Box<Hologram>),
 }
 
 impl Sequence {
@@ -39,27 +45,32 @@ impl Sequence {
     /// [`HologramError::NotAHologram`]; [`HologramError::Damaged`] for the group's document;
     /// [`HologramError::FileOptics`]; [`HologramError::File`].
     pub fn open(path: &Path) -> Result<Self, HologramError> {
+        let opened = Self::open_quietly(path)?;
+        opened.notes.iter().for_each(|note| tracing::warn!("{note}"));
+        Ok(opened)
+    }
+
+    pub(super) fn open_quietly(path: &Path) -> Result<Self, HologramError> {
+        read_whole(path, Self::open_in)
+    }
+
+    fn open_in(folder: &Folder) -> Result<Self, HologramError> {
+        let path = folder.path();
         let no = |reason: &str| HologramError::NotAHologram { path: path.display().to_string(), reason: reason.into() };
-        match fs::metadata(path) {
-            Err(e) => return Err(FileError::read(path, e).into()),
-            Ok(there) if !there.is_dir() => return Err(no("it is a file, and a hologram is a .zarr folder")),
-            Ok(_) if !path.join(GROUP).exists() && !path.join("phases").exists() => {
-                return Err(no("the folder has no zarr.json"));
-            }
-            Ok(_) => {}
-        }
+        check_is_one(folder)?;
         let file = path.join(GROUP);
-        let group = read_document(&file)?;
+        let group = read_document(folder, GROUP)?;
         let (mut about, sequence) = document::read_any_group(&group).map_err(|e| damaged(&file, e))?;
         if sequence.is_none() && !document::is_sealed(&group) {
-            return Ok(Self::single(path, Hologram::load(path)?));
+            return Ok(Self::single(path, Hologram::load_from(folder)?));
         }
         let array = path.join(ARRAY);
         let single = sequence.is_none();
         let attributes = match sequence {
             Some(attributes) => attributes,
             None => {
-                let read = document::read_array(&read_document(&array)?, true).map_err(|e| damaged(&array, e))?;
+                let read =
+                    document::read_array(&read_document(folder, ARRAY)?, true).map_err(|e| damaged(&array, e))?;
                 let document::Array { shape, side, .. } = read;
                 if side.is_some() {
                     return Err(no("it is stored in tiles, and cannot be streamed: export it first"));
@@ -78,7 +89,6 @@ impl Sequence {
             about.optics(i).map_err(|source| HologramError::FileOptics { file, source })?;
         }
         promise(path, &[colors, frames, height, width])?;
-        let base = path.join("phases").join("c");
         let mut opened = Self {
             path: path.to_path_buf(),
             about,
@@ -87,12 +97,15 @@ impl Sequence {
             count: 1,
             complete: true,
             notes: Vec::new(),
-            here: None,
-            file: base,
+            phases: Phases::In(folder.clone()),
             name: String::with_capacity(64),
         };
         if !single {
-            opened.count_frames(&array);
+            opened.count_frames(folder);
+            if !opened.notes.is_empty() && folder.is_replaced() {
+                // What is missing went with all of it.
+                return Err(HologramError::Replaced { path: path.display().to_string() });
+            }
         }
         Ok(opened)
     }
@@ -110,27 +123,27 @@ impl Sequence {
             count: 1,
             complete: true,
             notes: Vec::new(),
-            here: Some(hologram),
-            file: PathBuf::new(),
+            phases: Phases::Here(Box::new(hologram)),
             name: String::new(),
         }
     }
 
     /// Whether a sequence stands at `path`, damaged or not; not a single hologram.
     pub fn is_at(path: &Path) -> bool {
-        let read = || read_document(&path.join(GROUP)).ok().and_then(|bytes| document::read_any_group(&bytes).ok());
-        matches!(read(), Some((_, Some(_))))
+        let document = || read_document(&open_folder(path).ok()?, GROUP).ok();
+        matches!(document().and_then(|bytes| document::read_any_group(&bytes).ok()), Some((_, Some(_))))
     }
 
     /// How many are whole, as far as their files' lengths tell.
-    fn count_frames(&mut self, array: &Path) {
-        let stated = read_document(array).and_then(|bytes| {
-            document::read_sequence_array(&bytes, self.attributes.shape).map_err(|e| damaged(array, e))
+    fn count_frames(&mut self, folder: &Folder) {
+        let stated = read_document(folder, ARRAY).and_then(|bytes| {
+            let read = document::read_sequence_array(&bytes, self.attributes.shape);
+            read.map_err(|e| damaged(&folder.path().join(ARRAY), e))
         });
         (self.count, self.complete) = match stated {
             Ok((count, complete)) => (count, complete),
             Err(error) => {
-                self.note(format!("{error}; the holograms are counted by their files"));
+                self.notes.push(format!("{error}; the holograms are counted by their files"));
                 (0, false)
             }
         };
@@ -146,18 +159,13 @@ impl Sequence {
             while self.is_whole(self.count) {
                 self.count += 1;
             }
-            self.note(format!(
+            self.notes.push(format!(
                 "{}: the sequence is cut off: {} of its {said} holograms are there",
                 self.path.display(),
                 self.count
             ));
         }
         self.refresh();
-    }
-
-    fn note(&mut self, note: String) {
-        tracing::warn!("{note}");
-        self.notes.push(note);
     }
 
     /// Looks whether it has grown: the number of holograms, from now on.
@@ -173,9 +181,11 @@ impl Sequence {
     /// Whether there will be no more; a sequence under way is asked again.
     pub fn is_complete(&mut self) -> bool {
         if !self.complete {
-            let stated = read_document(&self.path.join(ARRAY))
-                .ok()
-                .and_then(|bytes| document::read_sequence_array(&bytes, self.attributes.shape).ok());
+            let document = match &self.phases {
+                Phases::In(folder) => read_document(folder, ARRAY).ok(),
+                Phases::Here(_) => None,
+            };
+            let stated = document.and_then(|bytes| document::read_sequence_array(&bytes, self.attributes.shape).ok());
             if stated == Some((self.refresh(), true)) {
                 self.complete = true;
             }
@@ -242,16 +252,19 @@ impl Sequence {
             )));
         }
         if !self.single {
-            return self.with_file(index, |file| read_checked(file, phases));
+            return self.with_file(index, |folder, name| read_checked(folder, name, phases));
         }
         let [_, frames, height, width] = self.attributes.shape;
-        if let Some(hologram) = &self.here {
-            let parts = phases.chunks_exact_mut(frames * height * width);
-            parts.zip(&hologram.colors).for_each(|(part, color)| part.copy_from_slice(&color.phases));
-            return Ok(());
-        }
-        for (i, part) in phases.chunks_exact_mut(height * width).enumerate() {
-            read_checked(&self.path.join(chunk_name(i / frames, i % frames)), part)?;
+        match &self.phases {
+            Phases::Here(hologram) => {
+                let parts = phases.chunks_exact_mut(frames * height * width);
+                parts.zip(&hologram.colors).for_each(|(part, color)| part.copy_from_slice(&color.phases));
+            }
+            Phases::In(folder) => {
+                for (i, part) in phases.chunks_exact_mut(height * width).enumerate() {
+                    read_checked(folder, &chunk_name(i / frames, i % frames), part)?;
+                }
+            }
         }
         Ok(())
     }
@@ -268,13 +281,15 @@ impl Sequence {
         }
         // As long as it must be, before memory is taken for it.
         if !self.single && !self.is_whole(index) {
-            self.with_file(index, |file| Err(damaged(file, "it is missing, or not as long as it must be")))?;
+            self.with_file(index, |folder, name| {
+                folder.length(name).map_err(|e| unreadable(folder, name, e))?;
+                Err(damaged(&folder.path().join(name), "it is not as long as it must be"))
+            })?;
         }
-        if let Some(hologram) = &self.here {
-            return Ok(hologram.clone());
-        }
-        if self.single {
-            return Hologram::load(&self.path);
+        match &self.phases {
+            Phases::Here(hologram) => return Ok(Hologram::clone(hologram)),
+            Phases::In(folder) if self.single => return Hologram::load_from(folder),
+            Phases::In(_) => {}
         }
         let mut phases = vec![0.0; self.values()];
         self.read_into(index, &mut phases)?;
@@ -294,41 +309,46 @@ impl Sequence {
 
     fn is_whole(&mut self, index: u64) -> bool {
         let expected = 4 * self.values() as u64 + 4;
-        self.with_file(index, |file| fs::metadata(file).is_ok_and(|m| m.is_file() && m.len() == expected))
+        let length = |folder: &Folder, name: &str| folder.length(name).map_err(|e| unreadable(folder, name, e));
+        self.with_file(index, length).is_ok_and(|length| length == expected)
     }
 
-    fn with_file<T>(&mut self, index: u64, run: impl FnOnce(&Path) -> T) -> T {
+    /// What `run` answers of a hologram's file.
+    fn with_file<T>(
+        &mut self,
+        index: u64,
+        run: impl FnOnce(&Folder, &str) -> Result<T, HologramError>,
+    ) -> Result<T, HologramError> {
         sequence_chunk(&mut self.name, index);
-        self.file.push(&self.name);
-        let done = run(&self.file);
-        // One name pushed, of five parts.
-        for _ in 0..5 {
-            self.file.pop();
+        match &self.phases {
+            Phases::In(folder) => run(folder, &self.name),
+            Phases::Here(_) => Err(damaged(&self.path, "it is one hologram, and in memory")),
         }
-        done
     }
 }
 
-/// The name of a hologram's file, under `phases/c`.
+/// The name of a hologram's file.
 pub(super) fn sequence_chunk(name: &mut String, index: u64) {
     name.clear();
     // Writing to a string does not fail.
-    let _ = write!(name, "{index}/0/0/0/0");
+    let _ = write!(name, "phases/c/{index}/0/0/0/0");
 }
 
 /// Values, then the sum of their bytes.
-fn read_checked(file: &Path, values: &mut [f32]) -> Result<(), HologramError> {
-    let mut opened = read::open(file).map_err(|e| unreadable(file, e))?;
-    let (length, expected) = (opened.metadata().map_err(|e| unreadable(file, e))?.len(), 4 * values.len() as u64 + 4);
+fn read_checked(folder: &Folder, name: &str, values: &mut [f32]) -> Result<(), HologramError> {
+    let unreadable = |e| unreadable(folder, name, e);
+    let damaged = |reason| damaged(&folder.path().join(name), reason);
+    let mut opened = folder.file(name).map_err(unreadable)?;
+    let (length, expected) = (opened.metadata().map_err(unreadable)?.len(), 4 * values.len() as u64 + 4);
     if length != expected {
-        return Err(damaged(file, format!("it is {length} bytes long, not {expected}")));
+        return Err(damaged(format!("it is {length} bytes long, not {expected}")));
     }
     let bytes: &mut [u8] = bytemuck::cast_slice_mut(values);
     let mut sum = [0; 4];
-    opened.read_exact(bytes).and_then(|()| opened.read_exact(&mut sum)).map_err(|e| unreadable(file, e))?;
+    opened.read_exact(bytes).and_then(|()| opened.read_exact(&mut sum)).map_err(unreadable)?;
     let (stated, found) = (u32::from_le_bytes(sum), crc32c::crc32c(bytes));
     if stated != found {
-        return Err(damaged(file, format!("its checksum is {found:08x}, and it states {stated:08x}")));
+        return Err(damaged(format!("its checksum is {found:08x}, and it states {stated:08x}")));
     }
     if cfg!(target_endian = "big") {
         values.iter_mut().for_each(|v| *v = f32::from_bits(v.to_bits().swap_bytes()));

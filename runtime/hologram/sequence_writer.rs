@@ -1,21 +1,27 @@
 //! Writing a sequence, hologram by hologram.
 
-use super::chunks::{ARRAY, GROUP};
+use super::chunks::{ARRAY, GROUP, LOCK, draft_in_place_of, lock, open_folder, unwritable};
 use super::document::{self, SequenceAttributes};
 use super::sequence::sequence_chunk;
 use super::{Hologram, HologramError, Sequence, wrap_phase};
-use crate::files::{FileError, FolderDraft, write_file};
-use std::fs;
-use std::path::{Path, PathBuf};
+use crate::files::Folder;
+use std::fs::File;
+use std::io::{self, Write};
+use std::path::Path;
+
+/// What is written of it lies here until it is whole: killed, it is written over by who goes on.
+const DRAFT: &str = ".eyebox-next.part";
 
 /// A sequence under way. Each hologram is complete and on the disk, and in the array's document, when
 /// [`append`](Self::append) returns; whatever interrupts the next leaves it so.
 #[derive(Debug)]
 pub struct SequenceWriter {
-    path: PathBuf,
+    folder: Folder,
     about: Hologram,
     attributes: SequenceAttributes,
     count: u64,
+    /// One program at a time writes it.
+    _lock: File,
 }
 
 impl SequenceWriter {
@@ -23,7 +29,8 @@ impl SequenceWriter {
     /// shown `rate` (a fraction) a second.
     ///
     /// # Errors
-    /// [`HologramError::Inconsistent`]; [`FileError::Taken`] where something stands; [`HologramError::File`].
+    /// [`HologramError::Inconsistent`]; [`HologramError::Busy`] where another program writes one; [`HologramError::File`], with
+    /// [`FileError::Taken`](crate::files::FileError::Taken) where something else stands.
     pub fn create(path: &Path, like: &Hologram, rate: [u32; 2], planned: Option<u64>) -> Result<Self, HologramError> {
         like.check()?;
         if rate.contains(&0) {
@@ -32,13 +39,15 @@ impl SequenceWriter {
         let mut about = like.clone();
         about.colors.iter_mut().for_each(|c| c.phases = Vec::new());
         let shape = [like.colors.len(), like.frames, like.height, like.width];
-        let writer =
-            Self { path: path.to_path_buf(), about, attributes: SequenceAttributes { rate, shape, planned }, count: 0 };
-        let draft = FolderDraft::new(path, |_| false)?;
-        draft.write(GROUP, |out| out.write_all(&writer.group()))?;
+        let attributes = SequenceAttributes { rate, shape, planned };
+        let draft = draft_in_place_of(path, |_| false)?;
+        draft.write(GROUP, |out| out.write_all(&document::group_of(&about, Some(attributes))))?;
         draft.write(ARRAY, |out| out.write_all(&document::sequence_array(0, shape, false)))?;
-        draft.put()?;
-        Ok(writer)
+        // Whoever began at the same time was quicker.
+        let busy = || HologramError::Busy { path: path.display().to_string() };
+        draft.put().map_err(|e| if Sequence::is_at(path) { busy() } else { e.into() })?;
+        let folder = open_folder(path)?;
+        Ok(Self { about, attributes, count: 0, _lock: lock(&folder)?, folder })
     }
 
     /// Goes on with a sequence that was interrupted: one with these `settings`, scene, display, rate and number.
@@ -47,7 +56,8 @@ impl SequenceWriter {
     /// sequence is complete.
     ///
     /// # Errors
-    /// [`HologramError::OtherSequence`] where another one stands there; those of [`Sequence::open`].
+    /// [`HologramError::OtherSequence`] where another one stands there; [`HologramError::Busy`] where another program writes
+    /// it; those of [`Sequence::open`].
     pub fn resume(
         path: &Path,
         like: &Hologram,
@@ -88,10 +98,17 @@ impl SequenceWriter {
         if there.is_complete() {
             return Ok(None);
         }
+        let folder = open_folder(path)?;
+        let _lock = lock(&folder)?;
+        // Whoever held it a moment ago may have gone on.
+        there = Sequence::open(path)?;
+        if there.is_complete() {
+            return folder.remove(LOCK).map(|()| None).map_err(|e| unwritable(&folder, LOCK, e));
+        }
         let mut phases = vec![0.0; there.values()];
         let whole = (0..there.count()).take_while(|i| there.read_into(*i, &mut phases).is_ok()).count() as u64;
         about.colors.iter_mut().for_each(|c| c.phases = Vec::new());
-        let writer = Self { path: path.to_path_buf(), about, attributes, count: whole };
+        let writer = Self { folder, about, attributes, count: whole, _lock };
         writer.state(false)?;
         Ok(Some(writer))
     }
@@ -132,10 +149,7 @@ impl SequenceWriter {
         }
         let mut name = String::new();
         sequence_chunk(&mut name, self.count);
-        let file = self.path.join("phases").join("c").join(name);
-        let folder = file.parent().unwrap_or(&self.path);
-        fs::create_dir_all(folder).map_err(|e| FileError::write(&file, e))?;
-        write_file(&file, |out| {
+        self.write(&name, |out| {
             let mut sum = 0;
             let mut bytes = Vec::new();
             for color in 0..hologram.colors.len() {
@@ -157,16 +171,17 @@ impl SequenceWriter {
     /// # Errors
     /// [`HologramError::File`].
     pub fn finish(self) -> Result<(), HologramError> {
-        self.state(true)
+        self.state(true)?;
+        self.folder.remove(LOCK).map_err(|e| unwritable(&self.folder, LOCK, e))
     }
 
     fn state(&self, complete: bool) -> Result<(), HologramError> {
         let document = document::sequence_array(self.count, self.attributes.shape, complete);
-        Ok(write_file(&self.path.join(ARRAY), |out| out.write_all(&document))?)
+        self.write(ARRAY, |out| out.write_all(&document))
     }
 
-    fn group(&self) -> Vec<u8> {
-        document::group_of(&self.about, Some(self.attributes))
+    fn write(&self, name: &str, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), HologramError> {
+        self.folder.replace(DRAFT, name, fill).map_err(|e| unwritable(&self.folder, name, e))
     }
 }
 

@@ -1,13 +1,14 @@
 //! The hologram's own file: a Zarr v3 folder.
 
 use super::chunks::{
-    ARRAY, GROUP, check_length, chunk_name, damaged, is_hologram, promise, read_chunk, read_document, write_chunk,
+    ARRAY, GROUP, check_is_one, check_length, chunk_name, damaged, draft, promise, read_chunk, read_document,
+    read_whole, write_chunk,
 };
 use super::exchange::far_outside;
-use super::tiles::{self, Tiles};
+use super::tiles::Tiles;
 use super::{Hologram, HologramError, document, save_phases, wrap_phase};
-use crate::files::{FileError, FolderDraft};
-use std::{fs, path::Path};
+use crate::files::Folder;
+use std::path::Path;
 
 impl Hologram {
     /// Saves by the ending of `path`: `.zarr` is the whole hologram, `.npy` its phases alone.
@@ -28,7 +29,7 @@ impl Hologram {
     }
 
     fn save_zarr(&self, path: &Path) -> Result<(), HologramError> {
-        let draft = FolderDraft::new(path, is_hologram)?;
+        let draft = draft(path)?;
         draft.write(GROUP, |out| out.write_all(&document::group(self)))?;
         let shape = [self.colors.len(), self.frames, self.height, self.width];
         draft.write(ARRAY, |out| out.write_all(&document::array(shape, None)))?;
@@ -40,39 +41,34 @@ impl Hologram {
         Ok(draft.put()?)
     }
 
-    /// Loads a hologram folder, checking every byte of it.
+    /// Loads a hologram folder, checking every byte of it. Of one that is replaced meanwhile it is the old or the new, whole.
     ///
     /// # Errors
     /// [`HologramError::NotAHologram`]; [`HologramError::Damaged`] naming the file that is missing, cut short or
-    /// changed; [`HologramError::FileOptics`]; [`HologramError::File`].
+    /// changed; [`HologramError::FileOptics`]; [`HologramError::File`]; [`HologramError::Unfinished`];
+    /// [`HologramError::Replaced`].
     pub fn load(path: &Path) -> Result<Self, HologramError> {
+        read_whole(path, Self::load_from)
+    }
+
+    pub(super) fn load_from(folder: &Folder) -> Result<Self, HologramError> {
+        let path = folder.path();
         let no = |reason: &str| HologramError::NotAHologram { path: path.display().to_string(), reason: reason.into() };
-        match fs::metadata(path) {
-            Err(e) => return Err(FileError::read(path, e).into()),
-            Ok(there) if !there.is_dir() => {
-                return Err(no(
-                    "it is a file, and a hologram is a .zarr folder; bare phases (.npy) need the optics too",
-                ));
-            }
-            Ok(_) if !path.join(GROUP).exists() && !path.join("phases").exists() => {
-                return Err(no("the folder has no zarr.json"));
-            }
-            Ok(_) => {}
-        }
+        check_is_one(folder)?;
         let file = path.join(GROUP);
-        let group = read_document(&file)?;
+        let group = read_document(folder, GROUP)?;
         let sealed = document::is_sealed(&group);
         let mut hologram = document::read_group(&group).map_err(|e| damaged(&file, e))?;
         let file = path.join(ARRAY);
-        let array = document::read_array(&read_document(&file)?, sealed).map_err(|e| damaged(&file, e))?;
+        let array = document::read_array(&read_document(folder, ARRAY)?, sealed).map_err(|e| damaged(&file, e))?;
         let document::Array { shape, side, summed } = array;
         if !(sealed && summed) {
             let path = path.display();
             tracing::debug!("{path}: another program wrote it, with no checksum of its documents or phases to check");
         }
         if side.is_some() {
-            Tiles::open(path)?.check()?;
-            return tiles::read_all(path);
+            let tiles = Tiles::of_folder(folder)?;
+            return tiles.unfinished().map_or_else(|| tiles.into_hologram(), |how_far| Err(how_far.refuse(path)));
         }
         let [colors, frames, height, width] = shape;
         if colors != hologram.colors.len() || colors == 0 || frames == 0 {
@@ -89,14 +85,14 @@ impl Hologram {
         let pixels = height * width;
         for color in 0..colors {
             for frame in 0..frames {
-                check_length(&path.join(chunk_name(color, frame)), pixels, summed)?;
+                check_length(folder, &chunk_name(color, frame), pixels, summed)?;
             }
         }
         promise(path, &shape)?;
         for (color, c) in hologram.colors.iter_mut().enumerate() {
             c.phases.reserve_exact(frames * pixels);
             for frame in 0..frames {
-                read_chunk(&path.join(chunk_name(color, frame)), pixels, summed, &mut c.phases)?;
+                read_chunk(folder, &chunk_name(color, frame), pixels, summed, &mut c.phases)?;
             }
         }
         hologram.check().map_err(|e| damaged(path, e.to_string()))?;

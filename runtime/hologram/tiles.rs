@@ -9,31 +9,34 @@
 //! at a time makes a hologram, and holds a lock; others may look at it meanwhile ([`open`](Tiles::open)) and change nothing.
 
 use super::chunks::{
-    ARRAY, GROUP, chunk_file, damaged, is_hologram, is_staged, own_folder, own_way, promise, read_document, read_tile,
-    unreadable, write_chunk,
+    ARRAY, GROUP, LOCK, check_is_one, check_length, chunk_file, damaged, draft, is_staged, lock, open_folder, promise,
+    read_document, read_tile, read_whole, unreadable, unwritable, write_chunk,
 };
 use super::{Hologram, HologramError, Metadata, document};
-use crate::files::read;
-use crate::files::{FileError, FolderDraft, write_file_by_way_of};
+use crate::files::{Folder, Kind};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
-use std::fs::{self, File, TryLockError};
-use std::io::BufWriter;
-use std::path::{Path, PathBuf};
+use std::fs::File;
+use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 const PROGRESS: &str = "progress.json";
 const STAGED: &str = "staged";
-const LOCK: &str = "progress.lock";
+/// Where the progress is written until it is whole: killed on the way, it leaves this where everything that does not count is
+/// removed.
+const DRAFT: &str = "staged/.eyebox-progress.part";
 
 /// How far a hologram in the making is.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Made {
     /// Parts of the job that are done.
     pub done: u64,
-    /// What the job is: a hologram is gone on with by the same job alone.
+    /// What the job is: a hologram is resumed by the same job alone.
     pub job: Value,
+    /// How many parts it has, where that was said.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub total: Option<u64>,
     /// Tiles (colour, row, column) that were staged with it.
     pending: Vec<[usize; 3]>,
 }
@@ -41,7 +44,8 @@ pub struct Made {
 /// A hologram in tiles.
 #[derive(Debug)]
 pub struct Tiles {
-    folder: PathBuf,
+    /// Held open: whatever comes to stand in its place, tiles are of this one.
+    folder: Folder,
     about: Hologram,
     side: usize,
     made: Option<Made>,
@@ -65,7 +69,7 @@ pub struct Patch {
 }
 
 /// The first phase of a pixel: uniform in [-pi, pi), a function of seed and place alone.
-pub fn first_phase(seed: u64, color: usize, frame: usize, row: usize, column: usize) -> f32 {
+pub(crate) fn first_phase(seed: u64, color: usize, frame: usize, row: usize, column: usize) -> f32 {
     // Two rounds of a bijective mixer (Steele, Lea and Flood 2014) over what tells pixels apart.
     let mix = |z: u64| {
         let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -79,19 +83,19 @@ pub fn first_phase(seed: u64, color: usize, frame: usize, row: usize, column: us
 }
 
 impl Tiles {
-    /// A new hologram: what `about` says (its phases are not looked at), in tiles of `side` x `side` pixels. One that
-    /// stands at `path` is replaced.
+    /// A new hologram: what `about` says (its phases are not looked at), in tiles of `side` x `side` pixels, made by a `job`
+    /// of `total` parts. One that stands at `path` is replaced.
     ///
     /// # Errors
     /// [`HologramError::Inconsistent`]; [`HologramError::File`].
-    pub fn create(path: &Path, about: &Hologram, side: usize, job: Value) -> Result<Self, HologramError> {
+    pub fn create(path: &Path, about: &Hologram, side: usize, job: Value, total: u64) -> Result<Self, HologramError> {
         let mut side = side.clamp(1, 1 << 14);
         // One tile that is the whole of one sub-frame would be told from no tiles by nothing.
         if (about.frames, about.height, about.width) == (1, side, side) && side > 1 {
             side = side.div_ceil(2);
         }
-        let made = Made { done: 0, job, pending: Vec::new() };
-        let draft = FolderDraft::new(path, is_hologram)?;
+        let made = Made { done: 0, job, total: Some(total), pending: Vec::new() };
+        let draft = draft(path)?;
         let shape = [about.colors.len(), about.frames, about.height, about.width];
         for i in 0..about.colors.len() {
             about.optics(i).map_err(|e| HologramError::Inconsistent(e.to_string()))?;
@@ -113,17 +117,9 @@ impl Tiles {
         if tiles.made.is_none() {
             return Ok(tiles);
         }
-        let file = path.join(LOCK);
-        let lock = File::options().create(true).append(true).open(&file).map_err(|e| FileError::write(&file, e))?;
-        match lock.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => return Err(HologramError::Busy { path: path.display().to_string() }),
-            // A file system without locks.
-            Err(TryLockError::Error(e)) if e.kind() == std::io::ErrorKind::Unsupported => {}
-            Err(TryLockError::Error(e)) => return Err(FileError::write(&file, e).into()),
-        }
+        let lock = lock(&tiles.folder)?;
         // Whoever held it a moment ago may have gone on.
-        let tiles = Self { lock: Some(lock), ..Self::open(path)? };
+        let tiles = Self { lock: Some(lock), ..Self::of_folder(&tiles.folder)? };
         if tiles.made.is_some() {
             tiles.settle()?;
         } else {
@@ -137,14 +133,16 @@ impl Tiles {
     /// # Errors
     /// [`HologramError::NotAHologram`] where it is none in tiles; [`HologramError::Damaged`].
     pub fn open(path: &Path) -> Result<Self, HologramError> {
+        read_whole(path, Self::of_folder)
+    }
+
+    pub(super) fn of_folder(folder: &Folder) -> Result<Self, HologramError> {
+        let path = folder.path();
+        check_is_one(folder)?;
         let file = path.join(GROUP);
-        if !file.exists() {
-            let (path, reason) = (path.display().to_string(), "there is no zarr.json".to_owned());
-            return Err(HologramError::NotAHologram { path, reason });
-        }
-        let mut about = document::read_group(&read_document(&file)?).map_err(|e| damaged(&file, e))?;
+        let mut about = document::read_group(&read_document(folder, GROUP)?).map_err(|e| damaged(&file, e))?;
         let file = path.join(ARRAY);
-        let array = document::read_array(&read_document(&file)?, true).map_err(|e| damaged(&file, e))?;
+        let array = document::read_array(&read_document(folder, ARRAY)?, true).map_err(|e| damaged(&file, e))?;
         let (shape, Some(side)) = (array.shape, array.side) else {
             let (path, reason) = (path.display().to_string(), "it is not stored in tiles".to_owned());
             return Err(HologramError::NotAHologram { path, reason });
@@ -160,20 +158,19 @@ impl Tiles {
             let file = path.join(GROUP).display().to_string();
             about.optics(i).map_err(|source| HologramError::FileOptics { file, source })?;
         }
-        let file = path.join(PROGRESS);
-        let made = if file.exists() {
-            let made = document::read_sealed(&read_document(&file)?);
+        let made = if folder.has(PROGRESS) {
+            let made = document::read_sealed(&read_document(folder, PROGRESS)?);
             let made = made.and_then(|value| Made::deserialize(value).map_err(|e| e.to_string()));
-            Some(made.map_err(|e| damaged(&file, e))?)
+            Some(made.map_err(|e| damaged(&path.join(PROGRESS), e))?)
         } else {
             None
         };
-        let folder = path.to_path_buf();
-        Ok(Self { folder, about, side, made, lock: None, read: AtomicU64::new(0), written: AtomicU64::new(0) })
+        let (read, written) = (AtomicU64::new(0), AtomicU64::new(0));
+        Ok(Self { folder: folder.clone(), about, side, made, lock: None, read, written })
     }
 
     fn unlock(&self) {
-        let _ = fs::remove_file(self.folder.join(LOCK));
+        let _ = self.folder.remove(LOCK);
     }
 
     /// Only one that was created or resumed is written to.
@@ -188,7 +185,7 @@ impl Tiles {
 
     /// Whether a folder is a hologram in tiles.
     pub fn is_tiled(path: &Path) -> bool {
-        let document = read_document(&path.join(ARRAY));
+        let document = open_folder(path).and_then(|folder| read_document(&folder, ARRAY));
         document.is_ok_and(|bytes| document::read_array(&bytes, true).is_ok_and(|array| array.side.is_some()))
     }
 
@@ -220,7 +217,7 @@ impl Tiles {
     /// # Panics
     /// If the rectangle is not inside the hologram: the caller's mistake.
     pub fn read(&self, color: usize, at: [usize; 2], size: [usize; 2]) -> Result<Vec<f32>, HologramError> {
-        promise(&self.folder, &[self.about.frames, size[0], size[1]])?;
+        promise(self.folder.path(), &[self.about.frames, size[0], size[1]])?;
         let (mut out, pixels) = (vec![0.0f32; self.about.frames * size[0] * size[1]], size[0] * size[1]);
         assert!(at[0] + size[0] <= self.about.height && at[1] + size[1] <= self.about.width, "inside the hologram");
         // One row of tiles at a time is in memory beside the result.
@@ -266,7 +263,7 @@ impl Tiles {
         let [rows, columns] = self.range(at, size);
         let pending: Vec<[usize; 3]> =
             rows.flat_map(|row| columns.clone().map(move |column| [color, row, column])).collect();
-        own_folder(&self.folder.join(STAGED))?;
+        self.folder.make(STAGED).map_err(|e| unwritable(&self.folder, STAGED, e))?;
         pending.par_iter().try_for_each(|&[color, row, column]| {
             let tile = self.cut(at, size, phases, [row, column]);
             self.stage(done, [color, row, column], &tile)
@@ -289,7 +286,7 @@ impl Tiles {
             ));
         }
         let about = Hologram { metadata: metadata.clone(), ..self.about.clone() };
-        let draft = FolderDraft::new(path, is_hologram)?;
+        let draft = draft(path)?;
         let shape = [about.colors.len(), about.frames, about.height, about.width];
         draft.write(GROUP, |out| out.write_all(&document::group(&about)))?;
         draft.write(ARRAY, |out| out.write_all(&document::array(shape, Some(self.side))))?;
@@ -308,8 +305,7 @@ impl Tiles {
                         self.written.fetch_add(4 * tile.len() as u64 + 4, Relaxed);
                     }
                     None => {
-                        let file = self.folder.join(&name);
-                        let mut from = read::open(&file).map_err(|e| unreadable(&file, e))?;
+                        let mut from = self.folder.file(&name).map_err(|e| unreadable(&self.folder, &name, e))?;
                         let copied = |out: &mut dyn std::io::Write| std::io::copy(&mut from, out).map(|_| ());
                         draft.write(&name, copied)?;
                     }
@@ -347,17 +343,16 @@ impl Tiles {
         let [rows, columns] = self.range([0, 0], [self.about.height, self.about.width]);
         for color in 0..self.about.colors.len() {
             for row in rows.clone() {
-                let lacks = |column: &usize| !self.folder.join(self.name([color, row, *column])).exists();
+                let lacks = |column: &usize| !self.folder.has(&self.name([color, row, *column]));
                 let pending: Vec<[usize; 3]> = columns.clone().filter(lacks).map(|c| [color, row, c]).collect();
-                own_folder(&self.folder.join(STAGED))?;
+                self.folder.make(STAGED).map_err(|e| unwritable(&self.folder, STAGED, e))?;
                 pending.par_iter().try_for_each(|&place| self.stage(made.done, place, &self.first(place)))?;
                 self.count(made.done, pending)?;
             }
         }
         self.empty_staged()?;
-        let _ = fs::remove_dir(self.folder.join(STAGED));
-        let file = self.folder.join(PROGRESS);
-        fs::remove_file(&file).map_err(|e| FileError::write(&file, e))?;
+        let _ = self.folder.remove_folder(STAGED);
+        self.folder.remove(PROGRESS).map_err(|e| unwritable(&self.folder, PROGRESS, e))?;
         self.unlock();
         (self.made, self.lock) = (None, None);
         Ok(())
@@ -365,24 +360,22 @@ impl Tiles {
 
     /// Makes staged tiles count.
     fn count(&mut self, done: u64, pending: Vec<[usize; 3]>) -> Result<(), HologramError> {
-        let job = self.made.as_ref().map_or(Value::Null, |m| m.job.clone());
-        let made = Made { done, job, pending };
-        // Killed on the way, it leaves its draft where everything that does not count is removed.
-        let (drafts, file) = (self.folder.join(STAGED), self.folder.join(PROGRESS));
-        write_file_by_way_of(&drafts, &file, |out| out.write_all(&to_json(&made)))?;
+        let (job, total) = self.made.as_ref().map_or((Value::Null, None), |m| (m.job.clone(), m.total));
+        let made = Made { done, job, total, pending };
+        let written = self.folder.replace(DRAFT, PROGRESS, |out| out.write_all(&to_json(&made)));
+        written.map_err(|e| unwritable(&self.folder, PROGRESS, e))?;
         self.made = Some(made);
         self.settle()
     }
 
     /// Moves the staged tiles that count into place, and removes the others.
     fn settle(&self) -> Result<(), HologramError> {
-        let staged = self.folder.join(STAGED);
         let pending = self.made.iter().flat_map(|m| m.pending.iter().map(|place| (m.done, *place)));
         for (done, place) in pending {
-            let (from, to) = (staged.join(staged_name(done, place)), self.folder.join(self.name(place)));
-            if fs::symlink_metadata(&from).is_ok_and(|there| there.is_file()) {
-                own_way(&self.folder, &to)?;
-                fs::rename(&from, &to).map_err(|e| FileError::write(&to, e))?;
+            let (from, to) = (staged_name(done, place), self.name(place));
+            // A link in the place of the folder has no file in it.
+            if self.folder.file(&from).is_ok() {
+                self.folder.rename(&from, &to).map_err(|e| unwritable(&self.folder, &to, e))?;
             }
         }
         self.empty_staged()
@@ -390,28 +383,20 @@ impl Tiles {
 
     /// Removes staged tiles that do not count, and nothing else.
     fn empty_staged(&self) -> Result<(), HologramError> {
-        let staged = self.folder.join(STAGED);
-        if !fs::symlink_metadata(&staged).is_ok_and(|there| there.is_dir()) {
-            return Ok(());
-        }
-        for left in fs::read_dir(&staged).into_iter().flatten().flatten() {
-            if left.file_name().to_str().is_some_and(is_staged) && left.file_type().is_ok_and(|kind| kind.is_file()) {
-                fs::remove_file(left.path()).map_err(|e| FileError::write(&left.path(), e))?;
+        for (name, kind) in self.folder.entries(STAGED).unwrap_or_default() {
+            if let (Some(name), Kind::File) = (name.to_str().filter(|name| is_staged(name)), kind) {
+                let name = format!("{STAGED}/{name}");
+                self.folder.remove(&name).map_err(|e| unwritable(&self.folder, &name, e))?;
             }
         }
         Ok(())
     }
 
     fn stage(&self, done: u64, place: [usize; 3], tile: &[f32]) -> Result<(), HologramError> {
-        let file = self.folder.join(STAGED).join(staged_name(done, place));
-        let write = || {
-            // Of this name there is none that counts; what stands there may be a link.
-            let _ = fs::remove_file(&file);
-            let mut out = BufWriter::new(File::create_new(&file)?);
-            write_chunk(&mut out, tile)?;
-            out.into_inner().map_err(std::io::IntoInnerError::into_error)?.sync_all()
-        };
-        write().map_err(|e| FileError::write(&file, e))?;
+        // Of this name there is none that counts.
+        let name = staged_name(done, place);
+        let written = self.folder.write(&name, |out| write_chunk(out, tile));
+        written.map_err(|e| unwritable(&self.folder, &name, e))?;
         self.written.fetch_add(4 * tile.len() as u64 + 4, Relaxed);
         Ok(())
     }
@@ -419,16 +404,22 @@ impl Tiles {
     /// One tile: (frames, side, side); beyond the hologram's edge, zeros.
     fn tile(&self, color: usize, row: usize, column: usize) -> Result<Vec<f32>, HologramError> {
         let place = [color, row, column];
-        let (file, values) = (self.folder.join(self.name(place)), self.about.frames * self.side * self.side);
+        let (name, values) = (self.name(place), self.about.frames * self.side * self.side);
+        let has = |name: &str| self.folder.has(name);
         // What counts already and was not moved yet: whoever looks does not move it, and it may be moved meanwhile.
         let staged = self.made.as_ref().filter(|made| made.pending.contains(&place));
-        let staged = staged.map(|made| self.folder.join(STAGED).join(staged_name(made.done, place)));
-        let staged = staged.filter(|file| file.exists()).and_then(|file| read_tile(&file, values).ok());
-        if staged.is_none() && !file.exists() && self.made.is_some() {
-            return Ok(self.first(place));
+        let staged = staged.map(|made| staged_name(made.done, place)).filter(|name| has(name));
+        let staged =
+            staged.and_then(|name| Some(read_tile(&self.folder, &name, values)).filter(|r| r.is_ok() || has(&name)));
+        if staged.is_none() && self.made.is_some() && !has(&name) {
+            // Nothing is there, for it was never touched, or because all of the hologram is gone.
+            return match self.folder.is_replaced() {
+                true => Err(HologramError::Replaced { path: self.folder.path().display().to_string() }),
+                false => Ok(self.first(place)),
+            };
         }
         self.read.fetch_add(4 * values as u64 + 4, Relaxed);
-        staged.map_or_else(|| read_tile(&file, values), Ok)
+        staged.unwrap_or_else(|| read_tile(&self.folder, &name, values))
     }
 
     fn first(&self, [color, row, column]: [usize; 3]) -> Vec<f32> {
@@ -451,43 +442,33 @@ impl Tiles {
     }
 }
 
-/// The commit is part of the name: a tile that the next one had staged when it was cut off must not count for this one.
+/// Where a tile is staged. The commit is part of the name: a tile that the next one had staged when it was cut off must not count for this one.
 fn staged_name(done: u64, [color, row, column]: [usize; 3]) -> String {
-    format!("{done}.{color}.{row}.{column}")
+    format!("{STAGED}/{done}.{color}.{row}.{column}")
 }
 
 fn to_json(made: &Made) -> Vec<u8> {
     document::sealed(serde_json::to_value(made).expect("numbers and text"))
 }
 
-/// Reads all tiles of one colour of a finished hologram.
-pub(super) fn read_all(path: &Path) -> Result<Hologram, HologramError> {
-    let tiles = Tiles::open(path)?;
-    let mut hologram = tiles.about.clone();
-    for color in 0..hologram.colors.len() {
-        hologram.colors[color].phases = tiles.read(color, [0, 0], [hologram.height, hologram.width])?;
-    }
-    Ok(hologram)
-}
-
 impl Tiles {
-    /// That every tile of a finished hologram is there, and as long as it must be: nothing is read.
-    pub(super) fn check(&self) -> Result<(), HologramError> {
-        if self.made.is_some() {
-            return Ok(());
-        }
-        let [rows, columns] = self.range([0, 0], [self.about.height, self.about.width]);
-        let expected = 4 * (self.about.frames * self.side * self.side) as u64 + 4;
-        for color in 0..self.about.colors.len() {
-            for (row, column) in rows.clone().flat_map(|r| columns.clone().map(move |c| (r, c))) {
-                let file = self.folder.join(self.name([color, row, column]));
-                let length = fs::metadata(&file).map_err(|e| unreadable(&file, e))?.len();
-                if length != expected {
-                    return Err(damaged(&file, format!("it is {length} bytes long, not {expected}")));
+    /// All of it in memory; that every tile of a finished one is there, and as long as it must be, is known before any is read.
+    pub(super) fn into_hologram(self) -> Result<Hologram, HologramError> {
+        let size = [self.about.height, self.about.width];
+        if self.made.is_none() {
+            let [rows, columns] = self.range([0, 0], size);
+            let values = self.about.frames * self.side * self.side;
+            for color in 0..self.about.colors.len() {
+                for (row, column) in rows.clone().flat_map(|r| columns.clone().map(move |c| (r, c))) {
+                    check_length(&self.folder, &self.name([color, row, column]), values, true)?;
                 }
             }
         }
-        Ok(())
+        let mut hologram = self.about.clone();
+        for (color, of) in hologram.colors.iter_mut().enumerate() {
+            of.phases = self.read(color, [0, 0], size)?;
+        }
+        Ok(hologram)
     }
 }
 

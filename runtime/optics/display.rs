@@ -99,10 +99,7 @@ impl Display {
     /// [`OpticsError::DisplayFile`] and those of [`Optics::new`].
     pub fn from_toml(text: &str, file: &str) -> Result<Self, OpticsError> {
         let wrong = |reason: String| OpticsError::DisplayFile { file: file.into(), reason };
-        let read: File = toml::from_str(text).map_err(|e| {
-            let line = e.span().map_or(0, |s| text[..s.start.min(text.len())].matches('\n').count() + 1);
-            wrong(format!("line {line}: {}", e.message().replace('\n', " ")))
-        })?;
+        let read: File = crate::files::read::toml(text).map_err(wrong)?;
         if read.wavelengths_nm.is_empty() {
             return Err(wrong("wavelengths_nm names no colour: give one to three of red, green, blue".into()));
         }

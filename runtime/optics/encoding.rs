@@ -83,6 +83,7 @@ impl Default for Encoding {
 /// A packing: a map (colour, sub-frame) -> (video frame, channel, bits).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Packing {
     /// One grey image a video frame; of each sub-frame the colours in turn.
     Grey8,
@@ -161,6 +162,7 @@ pub struct Place {
 /// Grey level of 2 pi.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
+#[non_exhaustive]
 pub enum TwoPi {
     /// For all colours.
     One(f64),
@@ -190,7 +192,7 @@ impl Flip {
     }
 
     /// Whether up and down do.
-    pub fn overturns(self) -> bool {
+    pub(crate) fn overturns(self) -> bool {
         matches!(self, Self::Vertical | Self::Both)
     }
 }
@@ -246,14 +248,6 @@ impl Encoding {
             "fields" => Self { packing: Packing::Fields, ..plain },
             "planes8" => Self { packing: Packing::Planes8, ..plain },
             "planes24" => Self { packing: Packing::Planes24, ..plain },
-            "plm" => Self {
-                packing: Packing::Planes24,
-                phases_turns: PLM_DISPLACEMENT.map(|percent| percent * 15.0 / 1600.0).to_vec(),
-                codes: vec![3, 2, 1, 7, 0, 6, 5, 4, 11, 10, 9, 8, 15, 14, 13, 12],
-                cells: vec![vec![1, 3], vec![0, 2]],
-                flip_video: Flip::Horizontal,
-                ..plain
-            },
             _ => plain,
         }
     }
@@ -281,7 +275,7 @@ impl Encoding {
             }
         }
         for g in &self.grating {
-            if !(g.period_px.abs() >= 2.0 && g.period_px.is_finite() && g.direction_deg.is_finite()) {
+            if !((2.0..=1e9).contains(&g.period_px) && g.direction_deg.is_finite()) {
                 let (period, direction) = (g.period_px, g.direction_deg);
                 return Err(format!(
                     "a grating has period_px {period} and direction_deg {direction}: give a period of at least two \
@@ -310,7 +304,3 @@ impl Encoding {
         Ok(())
     }
 }
-
-/// TI PLM: displacement of a mirror at each level, per cent of the largest; the largest is 15/16 of a turn.
-const PLM_DISPLACEMENT: [f64; 16] =
-    [0.0, 1.07, 2.19, 4.50, 5.98, 7.75, 12.06, 18.5, 36.55, 39.55, 45.1, 52.44, 63.93, 71.16, 85.02, 100.0];

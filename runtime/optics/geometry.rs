@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 /// Where the SLM stands.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Geometry {
     /// In an image plane; a 4f relay puts its Fourier plane where the pupil is (OPTICS 1).
     #[default]

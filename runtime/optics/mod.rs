@@ -26,9 +26,11 @@ pub use encoding::{Channel, ChannelOrder, Correction, Encoding, Flip, Grating, O
 pub use focus::{Depth, depth_in_words, depth_of_dioptres, depths_in_words, dioptres, dioptres_in_words};
 pub use geometry::{Geometry, Optics, frequency_bin};
 pub use limits::check_usual_diameters;
-pub use padding::{Padding, walk_off};
+pub use padding::Padding;
+pub(crate) use padding::walk_off;
 pub use presets::{PRESETS, display_template, preset_about, preset_text};
-pub use propagation::{aperture, propagation_turns, transfer};
+pub(crate) use propagation::aperture;
+pub use propagation::transfer;
 pub use pupil::Pupil;
 pub use pupil_distribution::PupilDistribution;
 pub use reach::Reach;
@@ -36,6 +38,7 @@ pub use window::{Window, WindowFactor, fast_size};
 
 /// What can be wrong with a display, a pupil or a grid.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum OpticsError {
     /// A number that has to be positive and finite is not.
     #[error("{what} is {value}: it must be a positive, finite number{hint}")]

@@ -13,7 +13,7 @@ pub struct Padding {
 
 /// How far light moves sideways inside a pupil at distance `offset` from the axis, metres:
 /// `|z| (|s| + d/2) / f` (OPTICS 2). The caller gives `reach = |s| + d/2`.
-pub fn walk_off(optics: &Optics, depth: f64, reach: f64) -> f64 {
+pub(crate) fn walk_off(optics: &Optics, depth: f64, reach: f64) -> f64 {
     depth.abs() * reach.abs() / optics.focal_length
 }
 

@@ -5,7 +5,7 @@ use crate::files::read;
 use std::path::Path;
 
 /// The built-in displays, by name; the first is the default.
-pub const PRESETS: [&str; 16] = [
+pub const PRESETS: [&str; 21] = [
     "paper",
     "plm",
     "small",
@@ -21,28 +21,32 @@ pub const PRESETS: [&str; 16] = [
     "thorlabs-exulus-hd1",
     "thorlabs-exulus-hd2",
     "thorlabs-exulus-4k1",
+    "hamamatsu-x13138",
     "hamamatsu-x15213",
+    "meadowlark-1920x1152",
+    "meadowlark-e19x12",
+    "santec-slm-200",
+    "ti-plm-0.47",
 ];
 
-/// What the file of an SLM says.
+/// What the file of an SLM says: name and text, where each number has its source.
+macro_rules! devices {
+    ($($name:literal)*) => { [$(($name, include_str!(concat!("presets/", $name, ".toml")))),*] };
+}
+const DEVICES: [(&str, &str); 13] = devices! {
+    "plm" "holoeye-pluto-2.1" "holoeye-leto-3" "holoeye-gaea-2" "thorlabs-exulus-hd1" "thorlabs-exulus-hd2"
+    "thorlabs-exulus-4k1" "hamamatsu-x13138" "hamamatsu-x15213" "meadowlark-1920x1152" "meadowlark-e19x12"
+    "santec-slm-200" "ti-plm-0.47"
+};
+
 fn device(name: &str) -> Option<&'static str> {
-    Some(match name {
-        "holoeye-pluto-2.1" => include_str!("presets/holoeye-pluto-2.1.toml"),
-        "holoeye-leto-3" => include_str!("presets/holoeye-leto-3.toml"),
-        "holoeye-gaea-2" => include_str!("presets/holoeye-gaea-2.toml"),
-        "thorlabs-exulus-hd1" => include_str!("presets/thorlabs-exulus-hd1.toml"),
-        "thorlabs-exulus-hd2" => include_str!("presets/thorlabs-exulus-hd2.toml"),
-        "thorlabs-exulus-4k1" => include_str!("presets/thorlabs-exulus-4k1.toml"),
-        "hamamatsu-x15213" => include_str!("presets/hamamatsu-x15213.toml"),
-        _ => return None,
-    })
+    DEVICES.iter().find(|d| d.0 == name).map(|d| d.1)
 }
 
 /// What a model is, in a line.
 fn model(name: &str) -> Option<&'static str> {
     Some(match name {
         "paper" => "Schiffers et al. 2023: an 8-bit LCoS behind a 4f relay",
-        "plm" => "TI 0.67 in PLM (DLP6750Q1EVM): mirrors of 16 heights, 24 bit-planes a video frame",
         "small" => "a small 8-bit SLM, for trying things out",
         "grey8" => "an 8-bit LCoS, one grey image a video frame",
         "fields" => "an 8-bit LCoS that shows R, G and B of a video frame in turn",
@@ -85,8 +89,14 @@ pub fn preset_about(name: &str) -> Option<&'static str> {
 /// The beginning of a display file of one's own: a preset without its name, with what may be added as comments.
 pub fn display_template(name: &str) -> Option<String> {
     let text = preset_text(name)?;
+    // What it says already is not to be added once more.
+    fn key(line: &str) -> Option<&str> {
+        Some(line.trim_start_matches('#').split_once(" = ")?.0)
+    }
+    let said: Vec<_> = text.lines().filter(|line| !line.starts_with('#')).filter_map(key).collect();
+    let more = MORE.lines().filter(|line| key(line).is_none_or(|key| !said.contains(&key)));
     let lines = text.lines().filter(|line| !line.starts_with("name = "));
-    Some(lines.flat_map(|line| [line, "\n"]).collect::<String>() + MORE)
+    Some(lines.chain(more).flat_map(|line| [line, "\n"]).collect())
 }
 
 impl Display {
@@ -111,8 +121,6 @@ impl Display {
         let (height, width, pitch, levels) = match name {
             // Schiffers et al. 2023: 8 um, 660/520/440 nm, 400 mm.
             "paper" => (1080, 1920, 8e-6, 256),
-            // TI PLM, 0.67 in: 1358 x 800 mirrors of 10.8 um, 16 levels.
-            "plm" => (800, 1358, 10.8e-6, 16),
             "small" => (256, 256, 8e-6, 256),
             // An LCoS of 8 bits, one image or three fields a video frame; a ferroelectric one of one bit.
             "grey8" | "fields" => (1080, 1920, 8e-6, 256),
@@ -186,9 +194,35 @@ mod tests {
     }
 
     #[test]
-    fn every_device_says_its_source() {
-        for text in PRESETS.iter().filter_map(|name| device(name)) {
-            assert!(text.lines().nth(1).is_some_and(|line| line.starts_with("# Source: https://")), "{text}");
+    fn every_number_of_a_device_says_its_source_and_fits_the_active_area() {
+        for (name, text) in DEVICES {
+            let says = |key: &str| text.lines().find_map(|line| line.strip_prefix(key));
+            let sources = (1..).take_while(|n| says(&format!("# Source {n}: ")).is_some()).count();
+            assert!(sources > 0, "{name}");
+            for key in ["resolution =", "pitch_um =", "levels =", "rate_hz ="] {
+                let Some(line) = says(key) else {
+                    assert_eq!(key, "rate_hz =", "{name}");
+                    assert!(
+                        text.replace("\n# ", " ").contains("s a second."),
+                        "{name} does not say that no rate was found"
+                    );
+                    continue;
+                };
+                let why = line.split_once("# ").unwrap_or_else(|| panic!("{name}: {key} has no source")).1;
+                let known =
+                    (1..=sources).any(|n| why == format!("source {n}") || why.starts_with(&format!("source {n}:")));
+                assert!(known || why.starts_with("unverified"), "{name}: {key} {why}");
+            }
+            let area = says("# Active area: ").unwrap_or_else(|| panic!("{name}: no active area"));
+            let stated: Vec<f64> =
+                area.split(" (").take(1).flat_map(|a| a.split(' ')).filter_map(|word| word.parse().ok()).collect();
+            let display = Display::from_toml(text, name).unwrap();
+            // Width and height, or the height alone.
+            let sides = [display.width, display.height].map(|n| n as f64 * display.pitch * 1e3);
+            assert!(area.starts_with("not found") || stated.len() == if area.starts_with("height") { 1 } else { 2 });
+            for (is, says) in sides[2 - stated.len()..].iter().zip(&stated) {
+                assert!((is / says - 1.0).abs() < 0.01, "{name}: {is} mm by its pitch, {says} mm as stated");
+            }
         }
     }
 }

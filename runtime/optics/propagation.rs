@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 /// Whether the light of bin (`ky`, `kx`) passes the pupil: inside the disc, a true DFT bin, and propagating.
 ///
 /// Bins beyond the grid do not exist: they are where a window hangs over the edge of the eyebox.
-pub fn aperture(optics: &Optics, pupil: &Pupil, ky: i64, kx: i64) -> bool {
+pub(crate) fn aperture(optics: &Optics, pupil: &Pupil, ky: i64, kx: i64) -> bool {
     if !optics.has_bin(ky, kx) {
         return false;
     }
@@ -19,7 +19,7 @@ pub fn aperture(optics: &Optics, pupil: &Pupil, ky: i64, kx: i64) -> bool {
 /// Phase of H(q; z) in turns, for `a = (wavelength |q|)^2 < 1`: `-(z / wavelength) a / (1 + sqrt(1 - a))`.
 ///
 /// The form without cancellation; thousands of turns at 1 m, so reduce to a fraction before any float32 sine.
-pub fn propagation_turns(a: f64, depth: f64, wavelength: f64) -> f64 {
+pub(crate) fn propagation_turns(a: f64, depth: f64, wavelength: f64) -> f64 {
     -(depth / wavelength) * (a / (1.0 + (1.0 - a).max(0.0).sqrt()))
 }
 

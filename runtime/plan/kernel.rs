@@ -20,7 +20,7 @@ pub enum Scope {
 
 impl Scope {
     /// Whether pupils go through such kernels one by one.
-    pub fn is_per_pupil(self) -> bool {
+    pub(crate) fn is_per_pupil(self) -> bool {
         matches!(self, Self::Windows | Self::PupilPasses)
     }
 }
@@ -166,7 +166,7 @@ impl Kernel {
     }
 
     /// What the CPU engine runs it over.
-    pub fn scope(self) -> Scope {
+    pub(crate) fn scope(self) -> Scope {
         self.row().scope
     }
 
@@ -176,7 +176,7 @@ impl Kernel {
     }
 
     /// What it reads and writes, in the order of its shader's bindings.
-    pub fn binds(self) -> &'static [(Access, Resource)] {
+    pub(crate) fn binds(self) -> &'static [(Access, Resource)] {
         self.row().binds
     }
 
@@ -186,7 +186,7 @@ impl Kernel {
     }
 
     /// Whether it looks at the pupil passes of its dispatch.
-    pub fn takes_pupil_passes(self) -> bool {
+    pub(crate) fn takes_pupil_passes(self) -> bool {
         self.binds().iter().any(|(_, resource)| resource.is_per_pupil())
     }
 

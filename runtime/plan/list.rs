@@ -161,12 +161,12 @@ impl Resource {
     }
 
     /// Whether it is a buffer of the shape.
-    pub fn is_shared(self) -> bool {
+    pub(crate) fn is_shared(self) -> bool {
         Self::OF_SHAPE.contains(&self)
     }
 
     /// Whether each pupil pass has its own.
-    pub fn is_per_pupil(self) -> bool {
+    pub(crate) fn is_per_pupil(self) -> bool {
         !self.is_shared() && self != Self::NotFinite
     }
 
@@ -369,7 +369,7 @@ impl PupilPass {
     }
 
     /// Its columns as columns of the grid.
-    pub fn grid_columns(&self) -> Columns {
+    pub(crate) fn grid_columns(&self) -> Columns {
         let width = self.pass.grid_width as usize;
         Columns { first: (self.pass.x0 as usize + self.columns.first) % width, count: self.columns.count.min(width) }
     }

@@ -114,7 +114,7 @@ impl Planner {
 
     /// The field on the SLM of content at several depths: `ReturnPupil` adds the spectrum of each pupil pass's `Window`,
     /// which the caller writes before entries `3 i .. 3 i + 3` run, and the rest of the list leaves the field in `Change`.
-    pub fn layers_step(&self, pupil_passes: Vec<PupilPass>) -> Step {
+    pub(crate) fn layers_step(&self, pupil_passes: Vec<PupilPass>) -> Step {
         let mut step = self.empty(pupil_passes);
         for i in 0..step.pupil_passes.len() {
             let kernels = [Kernel::Transfer, Kernel::WindowForward, Kernel::ReturnPupil];
@@ -139,7 +139,7 @@ impl Planner {
     }
 
     /// What each viewpoint shows, what it should show, and the sums of both, left in `Sums` of slots 0, 1, ...
-    pub fn exposure_step(&self, pupil_passes: Vec<PupilPass>) -> Step {
+    pub(crate) fn exposure_step(&self, pupil_passes: Vec<PupilPass>) -> Step {
         let all = 0..pupil_passes.len();
         let mut step = self.view_step(pupil_passes);
         step.over_pupil_passes(all, &[Kernel::Photograph, Kernel::Resample, Kernel::Exposure]);
@@ -237,7 +237,7 @@ impl Step {
 
     /// The same, one pupil pass after the other, each in slot 0: at full size one pupil pass holds as much memory as the field.
     /// After the shared entries each pupil pass has as many as the others.
-    pub fn pass_by_pass(mut self) -> Self {
+    pub(crate) fn pass_by_pass(mut self) -> Self {
         let kernels: Vec<_> = self.list.drain(self.shared()..).map(|d| d.kernel).collect();
         for i in 0..self.pupil_passes.len() {
             self.list.extend(kernels.iter().map(|&kernel| Dispatch { kernel, pupil_passes: i..i + 1 }));

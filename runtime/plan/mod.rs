@@ -4,17 +4,27 @@
 //! May import `optics` and `scene`.
 
 mod cost;
+#[cfg(feature = "vulkan")]
+mod device_model;
 mod kernel;
 mod list;
 mod lists;
 mod pupil_pass;
 mod scales;
 mod storage;
+#[cfg(feature = "vulkan")]
+mod traffic;
 mod viewpoint;
 
 pub(crate) use cost::{Slots, pupil_pass_bytes, shared_bytes, work};
+#[cfg(feature = "vulkan")]
+pub use device_model::{DEVICES, DeviceModel, Estimate};
 pub use kernel::{Access, Dispatch, Group, Kernel, Scope, Step, Timing};
 pub use list::{Buffer, Extent, PerFrame, PupilPass, Purpose, Resource, Shape, Shot};
 pub use pupil_pass::{Comparison, Planner, ViewLayout};
 pub use storage::Storage;
+#[cfg(feature = "vulkan")]
+pub(crate) use traffic::{Entry, moved};
+#[cfg(feature = "vulkan")]
+pub use traffic::{Move, Recording};
 pub use viewpoint::Viewpoint;

@@ -6,6 +6,7 @@ use std::f64::consts::PI;
 
 /// What one comparison looks through.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Viewpoint {
     /// An eye's pupil: the exact disc on the wave, and the photograph that the light field gives through the same disc.
     Pupil(Pupil),

@@ -1,4 +1,4 @@
-//! A display that is memory: video frames light up on the beat of a clock, and nowhere else.
+//! A display that is memory: video frames light up at the ticks of a clock, and nowhere else.
 
 use super::{Clock, Feedback, PresentError, Presenter, Rate, Sink};
 use std::collections::VecDeque;
@@ -61,7 +61,7 @@ impl Presenter for Offscreen {
         }
         let now = self.clock.now_ns();
         let first = *self.first_time_ns.get_or_insert(now.max(desired_present_time_ns));
-        // The next beat that is not over yet.
+        // The next tick that is not over yet.
         while first.saturating_add(self.rate.time_of_ns(self.next)) < now {
             self.next += 1;
         }

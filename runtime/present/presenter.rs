@@ -14,6 +14,7 @@ pub struct Feedback {
 
 /// What a user did to a presenter.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Event {
     /// Closed it.
     Close,

@@ -15,6 +15,7 @@ use std::time::{Duration, Instant};
 
 /// When a picture lit up, as far as it is known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum PresentTiming {
     /// By the display's own clock: nanoseconds of the system's monotonic clock.
     Monotonic {

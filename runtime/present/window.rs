@@ -23,6 +23,7 @@ const MOST: usize = 1024;
 
 /// A key of the keyboard.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum WindowKey {
     /// What it writes, the space bar included.
     Character(char),
@@ -36,6 +37,7 @@ pub enum WindowKey {
 
 /// What happened to a window.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum WindowEvent {
     /// It is to be closed, or is gone.
     Close,

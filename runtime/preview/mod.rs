@@ -33,8 +33,8 @@ mod window;
 pub use controls::{Action, Controls};
 pub use eye::{Eye, Opener};
 pub use overlay::{Overlay, draw_overlay};
-pub use picture::{Detail, Picture, develop};
-pub use place::{Rect, focus_step, places, pupil_at};
+pub use picture::{Detail, Picture};
+pub use place::{Rect, places, pupil_at};
 pub use reader::{ReadHologram, Reader};
 pub use showing::{Showing, Shown};
 pub use viewer::{Look, Seen, Side, Viewer};
@@ -47,6 +47,7 @@ use crate::present::PresentError;
 
 /// Why there is nothing to see.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum PreviewError {
     /// The desktop.
     #[error(transparent)]

@@ -126,7 +126,7 @@ impl Plane {
 /// or grey where there is one plane, as `eyebox view` writes it.
 ///
 /// Light is resized before it is encoded: speckle keeps its brightness.
-pub fn develop(
+pub(crate) fn develop(
     planes: &[Plane],
     colors: &[Option<Color>],
     exposures: &[f64],

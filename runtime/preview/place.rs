@@ -49,7 +49,7 @@ pub fn pupil_at(position: [f64; 2], pictures: &[Rect], eyebox: f64) -> [f64; 2] 
 }
 
 /// A step of focus that can just be seen, metres: it moves what the pupil's edge sees by an eighth of a pixel (OPTICS 2).
-pub fn focus_step(optics: &Optics, pupil: &Pupil) -> f64 {
+pub(crate) fn focus_step(optics: &Optics, pupil: &Pupil) -> f64 {
     optics.pitch / 8.0 * optics.focal_length / (pupil.diameter / 2.0)
 }
 

@@ -7,6 +7,7 @@ use crate::evaluate::{self, Plane};
 use crate::hologram::{ColorHologram, Hologram};
 use crate::optics::{Color, Display, Geometry, Padding, Pupil, WindowFactor};
 use crate::plan::Planner;
+use crate::preview::picture::develop;
 use crate::scene;
 use crate::solve::Problem;
 use std::sync::{Arc, mpsc};

@@ -4,11 +4,11 @@ use super::{Quality, Trial, front};
 use serde::{Deserialize, Serialize};
 
 /// Balanced: so many decibels from accurate, at most.
-pub const BALANCED_DB: f64 = 0.5;
+pub(crate) const BALANCED_DB: f64 = 0.5;
 /// Balanced: so much of accurate's time, at most.
-pub const BALANCED_SHARE: f64 = 1.0 / 5.0;
+pub(crate) const BALANCED_SHARE: f64 = 1.0 / 5.0;
 /// Fast: so much of accurate's time, at most.
-pub const FAST_SHARE: f64 = 1.0 / 20.0;
+pub(crate) const FAST_SHARE: f64 = 1.0 / 20.0;
 /// Mean PSNRs closer than this are alike: the worst pupil decides, dB.
 const ALIKE_DB: f64 = 0.01;
 

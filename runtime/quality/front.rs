@@ -62,7 +62,7 @@ pub fn front(trials: &[Trial], cost: impl Fn(&Trial) -> f64, good: impl Fn(&Tria
 
 /// How many decibels of mean PSNR something of this cost and quality falls short of the trials that cost no more; 0 on
 /// their front and beyond it.
-pub fn short_of(trials: &[Trial], milliseconds: f64, mean: f64) -> f64 {
+pub(crate) fn short_of(trials: &[Trial], milliseconds: f64, mean: f64) -> f64 {
     let cheaper = trials.iter().filter(|t| t.milliseconds <= milliseconds).map(|t| t.mean);
     (cheaper.fold(mean, f64::max) - mean).max(0.0)
 }

@@ -6,7 +6,6 @@
 use crate::files::{self, FileError};
 use crate::scene::LightField;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
-use std::fs::File;
 use std::path::{Path, PathBuf};
 
 #[derive(Serialize, Deserialize)]
@@ -18,13 +17,14 @@ struct Kept<S, T> {
 /// A folder of results.
 pub(super) struct Keep {
     folder: PathBuf,
+    _made: files::MadeFolder,
 }
 
 impl Keep {
     /// In this folder, which is made if it is not there.
     pub fn new(folder: PathBuf) -> Result<Self, FileError> {
-        std::fs::create_dir_all(&folder).map_err(|e| FileError::write(&folder, e))?;
-        Ok(Self { folder })
+        let _made = files::MadeFolder::new(&folder)?;
+        Ok(Self { folder, _made })
     }
 
     /// The result of this name, if it was made by exactly this.
@@ -44,16 +44,15 @@ impl Keep {
     }
 }
 
-/// Refuses a folder that nothing can be written into, before anything is computed. It is made if it is not there.
+/// Refuses a folder that nothing can be written into, before anything is computed. It is made if it is not there, and gone
+/// again with what is returned if nothing came to be in it.
 ///
 /// # Errors
 /// [`FileError`].
-pub fn writable(folder: &Path) -> Result<(), FileError> {
-    let failed = |e| FileError::write(folder, e);
-    std::fs::create_dir_all(folder).map_err(failed)?;
-    let probe = folder.join(format!(".eyebox-{}", std::process::id()));
-    File::create(&probe).map_err(failed)?;
-    std::fs::remove_file(&probe).map_err(failed)
+pub fn writable(folder: &Path) -> Result<files::MadeFolder, FileError> {
+    let made = files::MadeFolder::new(folder)?;
+    files::check_place(&folder.join("report"))?;
+    Ok(made)
 }
 
 /// Changes with any pixel of any view.

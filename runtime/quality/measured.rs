@@ -15,6 +15,7 @@ const LARGEST: u64 = 8 << 20;
 
 /// Why a file of measured settings is not used.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum MeasuredError {
     /// It could not be read or written.
     #[error(transparent)]

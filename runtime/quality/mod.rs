@@ -23,7 +23,8 @@ mod tune;
 mod tuned;
 
 pub use choice::{Recommended, recommend, within};
-pub use front::{Trial, front, short_of};
+pub(crate) use front::short_of;
+pub use front::{Trial, front};
 pub use kept::writable;
 pub use measured::{Measured, MeasuredError};
 pub use reference::{PUPILS as REFERENCE_PUPILS, Reference};
@@ -42,6 +43,7 @@ use serde::{Deserialize, Serialize};
 /// How much time quality may take.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Quality {
     /// At least twenty times faster than accurate.
     Fast,

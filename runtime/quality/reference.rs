@@ -48,7 +48,7 @@ impl Reference {
     }
 
     /// The same, for an SLM of other levels.
-    pub fn with_levels(self, levels: Levels) -> Self {
+    pub(crate) fn with_levels(self, levels: Levels) -> Self {
         Self { levels, ..self }
     }
 

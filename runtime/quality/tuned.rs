@@ -90,7 +90,7 @@ impl Checked {
 
 impl Tuned {
     /// Mean PSNR against time: what none beats.
-    pub fn by_mean(&self) -> Vec<&Trial> {
+    pub(crate) fn by_mean(&self) -> Vec<&Trial> {
         front(&self.trials, |t| t.milliseconds, |t| t.mean)
     }
 

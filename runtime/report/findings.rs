@@ -136,7 +136,7 @@ fn beside_the_middle(results: &Results, series: &Series, scene: &str) -> Option<
 }
 
 /// All findings, in the order of the paper.
-pub fn findings(results: &Results) -> Vec<Finding> {
+pub(crate) fn findings(results: &Results) -> Vec<Finding> {
     let mut all: Vec<Finding> = STATEMENTS.iter().map(|s| compared(results, s)).collect();
     all.push(collapse(results));
     all.push(speckle(results));

@@ -38,7 +38,7 @@ pub fn section(id: &str, title: &str, body: Markup) -> Markup {
 }
 
 /// A plot with what it is called and what it shows.
-pub fn figure(plot: &Plot, name: &str, about: &str) -> Markup {
+pub(crate) fn figure(plot: &Plot, name: &str, about: &str) -> Markup {
     html! { figure { figcaption { b { (name) } " " span { (about) } } (plot.svg()) } }
 }
 
@@ -61,7 +61,7 @@ pub fn row(name: &str, cells: impl IntoIterator<Item = String>) -> Markup {
 }
 
 /// Statements with what came of each: class (`holds`, `partly`, `fails` or `open`), title, tag, numbers, and a note.
-pub fn statements<'a>(all: impl IntoIterator<Item = (&'a str, String, &'a str, Vec<String>, String)>) -> Markup {
+pub(crate) fn statements<'a>(all: impl IntoIterator<Item = (&'a str, String, &'a str, Vec<String>, String)>) -> Markup {
     html! {
         ul.claims {
             @for (class, title, tag, numbers, note) in all {

@@ -81,7 +81,7 @@ pub fn views(results: &Results, scene: &SceneFigures) -> Markup {
 }
 
 /// The eye focuses through the scene.
-pub fn strips(results: &Results, scene: &SceneFigures) -> Markup {
+pub(crate) fn strips(results: &Results, scene: &SceneFigures) -> Markup {
     let count = scene.pictures.strip.len();
     let depth = |i: usize| {
         let at = |[far, near]: [f64; 2]| far + (near - far) * i as f64 / (count.max(2) - 1) as f64;
@@ -112,7 +112,7 @@ pub fn strips(results: &Results, scene: &SceneFigures) -> Markup {
 }
 
 /// One row of the picture while the eye sweeps sideways.
-pub fn epipolar(results: &Results, scene: &SceneFigures) -> Markup {
+pub(crate) fn epipolar(results: &Results, scene: &SceneFigures) -> Markup {
     let slice = |picture: &Picture, name: &str, under: String, end: &str| {
         let alt = format!("epipolar slice of {}, {name}, {end} focus", scene.name);
         shot(Some("slice"), img(picture, &alt, None), name, html! { (under) })

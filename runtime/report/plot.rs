@@ -67,7 +67,7 @@ impl Axis {
     }
 
     /// The axis reaches these values too.
-    pub fn covering(self, values: impl IntoIterator<Item = f64>) -> Self {
+    pub(crate) fn covering(self, values: impl IntoIterator<Item = f64>) -> Self {
         Self { covered: values.into_iter().collect(), ..self }
     }
 
@@ -207,7 +207,7 @@ impl Plot {
     }
 
     /// A rectangle between two corners; what is infinite ends at the edge.
-    pub fn rect(&mut self, class: &str, from: [f64; 2], to: [f64; 2], hover: &str) {
+    pub(crate) fn rect(&mut self, class: &str, from: [f64; 2], to: [f64; 2], hover: &str) {
         self.add(class, hover, Shape::Rect(from, to));
     }
 
@@ -227,7 +227,14 @@ impl Plot {
 
     /// A box plot along x: the lowest value, quartile, median, quartile and highest value, and where there is one, the mean.
     /// Its middle and height are in rows.
-    pub fn boxes(&mut self, class: &str, [middle, tall]: [f64; 2], five: [f64; 5], mean: Option<f64>, hover: &str) {
+    pub(crate) fn boxes(
+        &mut self,
+        class: &str,
+        [middle, tall]: [f64; 2],
+        five: [f64; 5],
+        mean: Option<f64>,
+        hover: &str,
+    ) {
         let [low, q25, median, q75, high] = five;
         let across = |x: f64, part: f64| vec![[x, middle - part * tall], [x, middle + part * tall]];
         self.line(class, vec![[low, middle], [high, middle]]);
@@ -252,7 +259,7 @@ impl Plot {
     }
 
     /// As wide as before, and the names of all series at its right.
-    pub fn with_legend(mut self, series: impl IntoIterator<Item = (String, String)>) -> Self {
+    pub(crate) fn with_legend(mut self, series: impl IntoIterator<Item = (String, String)>) -> Self {
         self.legend.extend(series);
         self.width += LEGEND - MARGIN;
         self

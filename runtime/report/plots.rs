@@ -57,7 +57,7 @@ fn extremes(results: &Results) -> Vec<f64> {
 }
 
 /// Box plots of one group: a row per method, published numbers under the measured ones.
-pub fn boxes(results: &Results, group: Group) -> Plot {
+pub(crate) fn boxes(results: &Results, group: Group) -> Plot {
     let all = results.leading();
     let several = all.iter().any(|s| published(results, s, group).is_some());
     let (tall, middle, height) = if several { (38.0, 0.34, 0.37) } else { (28.0, 0.5, 0.5) };
@@ -92,7 +92,7 @@ fn said(what: &str, mean: f64, [worst, q25, median, q75, best]: [f64; 5]) -> Str
 }
 
 /// Every random pupil as a dot, the worst one ringed.
-pub fn scatter(results: &Results) -> Plot {
+pub(crate) fn scatter(results: &Results) -> Plot {
     let all = results.leading();
     let rows = names(results, &all);
     let mut plot = Plot::new("PSNR of every random pupil, by method", decibels(), rows).sized(370.0, 46.0);
@@ -156,7 +156,7 @@ fn highest(results: &Results) -> f64 {
 }
 
 /// Mean PSNR against the diameter of a centred pupil.
-pub fn aperture(results: &Results) -> Plot {
+pub(crate) fn aperture(results: &Results) -> Plot {
     let title = "Mean PSNR against the diameter of a centred pupil";
     let mut plot = Plot::new(title, Axis::log("diameter, mm"), decibels());
     over_group(results, &mut plot, Group::VaryingAperture, |_, pupil| pupil[2]);

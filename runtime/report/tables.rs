@@ -96,7 +96,7 @@ pub fn json(results: &Results) -> Value {
     let scenes = results.scenes.iter().map(scene);
     let claims = findings(results)
         .into_iter()
-        .map(|f| json!({ "claim": f.title, "verdict": f.words(), "numbers": f.numbers, "note": f.note }));
+        .map(|f| json!({ "claim": f.title, "outcome": f.words(), "numbers": f.numbers, "note": f.note }));
     json!({
         "about": results.about, "missing": results.missing, "methods": results.methods,
         "scenes": scenes.collect::<Vec<_>>(), "over_scenes": results.series().iter().map(of_series).collect::<Vec<_>>(),

@@ -6,6 +6,7 @@ use std::{io, path::Path};
 
 /// A scene that cannot be loaded: every variant names the file or folder.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum SceneError {
     /// Views that memory does not hold.
     #[error(transparent)]

@@ -126,7 +126,7 @@ pub fn native_size(source: &str) -> Result<Option<[usize; 2]>, SceneError> {
 }
 
 /// Whether `source` is, by its name alone, the scene that `known` names: a source, or the name of a light field.
-pub fn is_named(source: &str, known: &str) -> bool {
+pub(crate) fn is_named(source: &str, known: &str) -> bool {
     if let (Some(source), Some(known)) = (source.strip_prefix("builtin:"), known.strip_prefix("builtin:")) {
         return builtin::same(source, known);
     }
@@ -135,6 +135,18 @@ pub fn is_named(source: &str, known: &str) -> bool {
     let whole = own.canonicalize().ok();
     let names = [last(own), whole.as_deref().and_then(last), own.file_stem().map(|n| n.to_string_lossy().into_owned())];
     source == known || names.iter().flatten().any(|name| name == known || Some(name) == last(other).as_ref())
+}
+
+/// Refuses a depth map for what is no single picture.
+pub(crate) fn check_map(source: &str, request: &Request) -> Result<(), SceneError> {
+    match request.depth_map {
+        Some(map) if source.starts_with("builtin:") || Path::new(source).is_dir() => Err(SceneError::Request {
+            what: "the depth map",
+            value: map.display().to_string(),
+            must: "left out: this scene has views of its own; a map belongs to a single picture",
+        }),
+        _ => Ok(()),
+    }
 }
 
 /// Loads a scene and fits it to the display ([`Fit::Contain`]).
@@ -146,13 +158,7 @@ pub fn load(source: &str, request: &Request) -> Result<LightField, SceneError> {
     tracing::debug!("loading {source}");
     let built_in = source.strip_prefix("builtin:");
     let path = Path::new(source);
-    if let (Some(map), true) = (request.depth_map, built_in.is_some() || path.is_dir()) {
-        return Err(SceneError::Request {
-            what: "the depth map",
-            value: map.display().to_string(),
-            must: "left out: this scene has views of its own; a map belongs to a single picture",
-        });
-    }
+    check_map(source, request)?;
     if let Some(name) = built_in {
         return builtin::load(name, request);
     }

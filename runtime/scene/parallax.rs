@@ -377,11 +377,11 @@ impl Parallax {
         let (mut pixels, mut step, mut most) = (longest.min(SMALL), 1, None::<f64>);
         loop {
             let small = Small::new(field, pixels);
-            let detail = small.detail();
-            let usual = (REACH * pixels as f64).max(2.0);
             if small.size.iter().any(|n| *n < 8) {
                 return None;
             }
+            let detail = small.detail();
+            let usual = (REACH * pixels as f64).max(2.0);
             loop {
                 let sought = most.map_or(usual, |m| m.min(usual)).ceil() as usize;
                 let (look, volumes) = Look::at(&small, step, &detail, sought)?;

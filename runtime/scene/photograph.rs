@@ -65,7 +65,7 @@ impl ViewGrid {
     }
 
     /// The same for views whose common centre is at `center` (x, y) of the pupil plane, metres.
-    pub fn taps_around(
+    pub(crate) fn taps_around(
         &self,
         center: [f64; 2],
         optics: &Optics,

@@ -74,11 +74,6 @@ impl Pyramid {
         Self { scale, count: views.len(), levels }
     }
 
-    /// The smallest level that has at least this many rows and columns.
-    pub fn level_for(&self, rows: usize, columns: usize) -> usize {
-        self.levels.iter().rposition(|l| l.height >= rows && l.width >= columns).unwrap_or(0)
-    }
-
     /// Bytes of all levels.
     pub fn bytes(&self) -> usize {
         self.levels.iter().map(|l| 2 * self.count * l.height * l.width).sum()

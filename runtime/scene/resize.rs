@@ -44,13 +44,13 @@ impl Resize {
     }
 
     /// A range of lengths in pixels, scaled: it covers both axes.
-    pub fn scale_range(&self, [low, high]: [f64; 2]) -> [f64; 2] {
+    pub(crate) fn scale_range(&self, [low, high]: [f64; 2]) -> [f64; 2] {
         let [a, b] = self.scale;
         [(low * a).min(low * b), (high * a).max(high * b)]
     }
 
     /// Resizes one plane.
-    pub fn apply(&self, plane: &[f32]) -> Vec<f32> {
+    pub(crate) fn apply(&self, plane: &[f32]) -> Vec<f32> {
         let (height, width) = (self.rows.len(), self.columns.len());
         assert_eq!(plane.len(), self.rows.source * self.columns.source, "a plane of another size than planned");
         if self.rows.is_identity() && self.columns.is_identity() {

@@ -81,10 +81,7 @@ fn range(key: &str, value: Option<[f64; 2]>, unit: f64) -> Result<Option<[f64; 2
 }
 
 fn from_toml(text: &str) -> Result<Settings, String> {
-    let read: Toml = toml::from_str(text).map_err(|e| {
-        let line = e.span().map_or(0, |s| text[..s.start.min(text.len())].matches('\n').count() + 1);
-        format!("line {line}: {}", e.message().replace('\n', " "))
-    })?;
+    let read: Toml = crate::files::read::toml(text)?;
     if let Some(pitch) = read.view_pitch_mm
         && !(pitch.is_finite() && pitch > 0.0)
     {

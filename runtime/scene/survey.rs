@@ -30,6 +30,7 @@ pub struct Black {
 
 /// Where a range of depths comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum DepthSource {
     /// The scene, or the file beside it, states it.
     Stated,
@@ -86,7 +87,7 @@ impl LightField {
 
     /// Mean square of the light in the outermost `pixels` rows and columns of all views, over the whole picture: what
     /// would come in again on the other side if all of it walked off, as an error power. The brightest is 1.
-    pub fn edge_power(&self, pixels: usize) -> f64 {
+    pub(crate) fn edge_power(&self, pixels: usize) -> f64 {
         let (h, w) = (self.height, self.width);
         let brightest = self.brightest();
         if brightest <= 0.0 || pixels == 0 {

@@ -5,6 +5,7 @@ use serde::Serialize;
 /// Why a content frame was dropped, or a set came late.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Cause {
     /// Content is faster than the sets: nobody's fault.
     Rates,

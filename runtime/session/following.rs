@@ -38,6 +38,8 @@ pub struct LiveStatus {
     pub sample_age_ms: Option<f64>,
     /// How far the pupil was from where it was expected, mm: the median.
     pub pupil_error_mm: Option<f64>,
+    /// Depth that the set on the screen was made for, metres; none where that is for the whole eyebox.
+    pub focus: Option<f64>,
 }
 
 /// Lights that wait for the tracker at most.
@@ -62,6 +64,9 @@ pub(super) struct Following {
     pub(super) latency: Latency,
     /// Where the pupil was expected for the set on the screen.
     pub(super) pupil: Option<[f64; 2]>,
+    /// Depth that it was made for, and the smallest and the largest of all sets, metres.
+    pub(super) focus: Option<f64>,
+    pub(super) focused: Option<[f64; 2]>,
     /// Lights whose pupil is not known yet: time on the trackers' clock, where it was expected.
     pub(super) open: VecDeque<(u64, [f64; 2])>,
     /// Medians for the status, and when they were taken.
@@ -117,6 +122,11 @@ impl Following {
         if let Some(set) = self.source.newly_shown() {
             self.latency.shown(&set.timestamps, self.clock.now_ns(), light_ns);
             self.pupil = set.timestamps.sample_ns.map(|_| set.pupil);
+            self.focus = set.focus;
+            if let Some(z) = set.focus {
+                let [low, high] = self.focused.unwrap_or([z; 2]);
+                self.focused = Some([low.min(z), high.max(z)]);
+            }
             if let Some(companion) = &mut self.companion {
                 companion.shown(set);
             }
@@ -153,7 +163,17 @@ impl Following {
         let ([sets_new, sets_repeated], [restarts, steps]) = (self.source.counts(), self.refinement.counts());
         let [sample_to_light_ms, pupil_error_mm] = self.medians;
         let sample_age_ms = self.latency.sample_age_ms();
-        LiveStatus { sets_new, sets_repeated, steps, restarts, sample_to_light_ms, sample_age_ms, pupil_error_mm }
+        let focus = self.focus;
+        LiveStatus {
+            sets_new,
+            sets_repeated,
+            steps,
+            restarts,
+            sample_to_light_ms,
+            sample_age_ms,
+            pupil_error_mm,
+            focus,
+        }
     }
 
     /// Why there was nothing to follow, where there was not. A mouse need not have come over its window.
@@ -177,8 +197,8 @@ impl Following {
         if let Some(mut tracker) = Arc::into_inner(self.tracker) {
             tracks.extend(tracker.stop());
         }
-        let (latency, policy) = (self.latency, self.policy);
-        let live = LiveStatistics { tracker: self.name, policy, sets_new, sets_repeated, steps, restarts, latency };
+        let (tracker, latency, policy, focus) = (self.name, self.latency, self.policy, self.focused);
+        let live = LiveStatistics { tracker, policy, sets_new, sets_repeated, steps, restarts, focus, latency };
         (live, tracks)
     }
 }

@@ -32,6 +32,16 @@ impl Session {
     /// All of [`SessionError`]: before anything is shown.
     pub fn start(content: impl Into<Content>, output: Output, options: SessionOptions) -> Result<Self, SessionError> {
         let content = content.into();
+        if let Content::Play(play) = &content {
+            play.check()?;
+        }
+        // As a display file has it; a session hears of its end at the next video frame.
+        if let Some(rate) = options.display_rate.filter(|rate| !(1.0..=100_000.0).contains(&rate.hz())) {
+            let hz = rate.hz();
+            return Err(SessionError::Setting(format!(
+                "--display-rate {hz}: it must be 1 to 100000 video frames a second"
+            )));
+        }
         let steered = matches!(&content, Content::Live(live) if live.steered);
         let shared = Arc::new(Shared {
             stop: AtomicBool::new(false),

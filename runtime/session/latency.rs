@@ -25,6 +25,7 @@ pub struct Timestamps {
 
 /// A stage, or a sum of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Stage {
     /// From the sample to its arrival.
     Tracker,
@@ -188,7 +189,7 @@ impl Latency {
     }
 
     /// At a set's light the pupil was so far from where the set was made for, metres.
-    pub fn missed_by(&mut self, error: f64) {
+    pub(crate) fn missed_by(&mut self, error: f64) {
         self.error_mm.add(error * 1e3);
     }
 

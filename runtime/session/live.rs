@@ -71,6 +71,7 @@ impl Tracking {
 pub type EngineOpener = Box<dyn FnMut() -> Result<Box<dyn Engine>, EngineError> + Send>;
 
 /// Where engines come from.
+#[non_exhaustive]
 pub enum EngineSource {
     /// All of them from one place: the CPU, or a device that they share.
     Backend(Backend),
@@ -212,6 +213,8 @@ impl Live {
             notes: notes.clone(),
             latency: Latency::default(),
             pupil: None,
+            focus: None,
+            focused: None,
             open: VecDeque::with_capacity(OPEN),
             medians: [None; 2],
             medians_at_ns: i64::MIN,

@@ -37,6 +37,7 @@ pub enum Output {
 
 /// A file that takes video frames ([`Sink`]).
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub enum SinkFile {
     /// All of them, one after the other.
     Raw(PathBuf),

@@ -62,7 +62,7 @@ impl Pacer {
     }
 
     /// The margin between waking and what has to be done.
-    pub fn margin_ns(&self) -> i64 {
+    pub(crate) fn margin_ns(&self) -> i64 {
         self.margin_ns
     }
 
@@ -90,7 +90,7 @@ impl Pacer {
     }
 
     /// A video frame was handed over, `compute_ns` after waking for it. `id` rises.
-    pub fn submitted(&mut self, id: u64, vblank: u64, compute_ns: i64) {
+    pub(crate) fn submitted(&mut self, id: u64, vblank: u64, compute_ns: i64) {
         self.last = Some(vblank);
         // A maximum that is forgotten in some tens of frames.
         self.compute_ns = (self.compute_ns - self.compute_ns / 32).max(compute_ns.clamp(0, self.rate.period_ns()));

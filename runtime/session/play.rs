@@ -15,7 +15,20 @@ use crate::hologram::{ColorHologram, Sequence};
 use crate::optics::{Color, Display};
 use crate::present::{Rate, SECOND_NS};
 use std::path::Path;
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::SystemTime;
+
+/// Longest sync picture, seconds.
+const LONGEST_SYNC_S: f64 = 86400.0;
+/// Most sets that are encoded ahead.
+const MOST_AHEAD: usize = 64;
+/// How far away the start of a playback may be, seconds: a year and a day.
+const FARTHEST_START_S: f64 = 366.0 * 86400.0;
+
+/// Seconds from now on; less than none of a time that has passed.
+fn seconds_until(at: SystemTime) -> f64 {
+    let now = SystemTime::now();
+    at.duration_since(now).map_or_else(|past| -past.duration().as_secs_f64(), |left| left.as_secs_f64())
+}
 
 /// A sequence, and how it is played. A single hologram begins again and again.
 #[non_exhaustive]
@@ -60,9 +73,15 @@ impl Play {
     /// A sequence on a display, to be played from its beginning as it was made.
     ///
     /// # Errors
-    /// [`SessionError::Encode`]; [`SessionError::Setting`] for holograms that do not have the display's size or do not name
+    /// [`SessionError::Hologram`] for a single hologram that is damaged; [`SessionError::Encode`];
+    /// [`SessionError::Setting`] for holograms that do not have the display's size or do not name
     /// their colours.
-    pub fn new(sequence: Sequence, display: &Display) -> Result<Self, SessionError> {
+    pub fn new(mut sequence: Sequence, display: &Display) -> Result<Self, SessionError> {
+        if sequence.is_single() {
+            // Of a sequence what is damaged is left out; of one hologram there would be nothing.
+            let mut phases = vec![0.0; sequence.values()];
+            sequence.read_into(0, &mut phases)?;
+        }
         let (what, about) = (sequence.path().display(), sequence.about());
         let named = |c: &ColorHologram| {
             c.color.ok_or_else(|| SessionError::Setting(format!("{what}: its colours are not named")))
@@ -96,16 +115,32 @@ impl Play {
         })
     }
 
+    /// Refuses what cannot be, before anything is opened for it.
+    pub(super) fn check(&self) -> Result<(), SessionError> {
+        let wrong = |why: String| Err(SessionError::Setting(why));
+        let (what, count, first) = (self.sequence.path().display(), self.sequence.count(), self.first);
+        if first >= count.max(1) && !self.follow {
+            return wrong(format!("{what}: it has {count} holograms, the first is 0: --first {first}"));
+        }
+        if Speed::new(self.speed).is_none() {
+            return wrong(format!("--speed {}: it must be 0.001 to 1000", self.speed));
+        }
+        if !(0.0..=LONGEST_SYNC_S).contains(&self.sync_s) {
+            return wrong(format!("--sync {}: it must be 0 to {LONGEST_SYNC_S} seconds", self.sync_s));
+        }
+        if !(1..=MOST_AHEAD).contains(&self.ahead) {
+            return wrong(format!("--ahead {}: it must be 1 to {MOST_AHEAD} sets", self.ahead));
+        }
+        if let Some(left) = self.start_at.map(seconds_until).filter(|left| left.abs() > FARTHEST_START_S) {
+            let (days, when) = (left.abs() / 86400.0, if left > 0.0 { "from now" } else { "ago" });
+            return wrong(format!("--start-at is {days:.0} days {when}: a year at most, in seconds since 1970"));
+        }
+        Ok(())
+    }
+
     /// Starts reading and encoding.
     pub(super) fn start(self, display: &OpenDisplay, notes: Notes, trace: Trace) -> Result<Setup, SessionError> {
         let Self { sequence, encoder, .. } = self;
-        let count = sequence.count();
-        if self.first >= count.max(1) && !self.follow {
-            let (what, first) = (sequence.path().display(), self.first);
-            return Err(SessionError::Setting(format!(
-                "{what}: it has {count} holograms, the first is 0: --first {first}"
-            )));
-        }
         let shape = sequence.shape();
         let set_frames = encoder.packed().video_frames as u64;
         let set_rate = display.rate.hz() / set_frames as f64;
@@ -114,9 +149,8 @@ impl Play {
         let start = match self.start_at {
             None => Start::WhenReady { idle_sets },
             Some(at) => {
-                let seconds = |t: SystemTime| t.duration_since(UNIX_EPOCH).map_or(0.0, |d| d.as_secs_f64());
-                let left_s = seconds(at) - seconds(SystemTime::now());
-                Start::At { display_time_ns: display.clock.now_ns() + (left_s * SECOND_NS as f64) as i64 }
+                let left_ns = (seconds_until(at) * SECOND_NS as f64) as i64;
+                Start::At { display_time_ns: display.clock.now_ns() + left_ns }
             }
         };
         let speed = Speed::new(self.speed)

@@ -13,6 +13,7 @@ use super::trace::Track;
 use crate::encode::{Encoder, PhaseSet};
 use crate::engine::vulkan::VulkanEncoder;
 use crate::gpu::{Gpu, PixelOrder};
+use crate::optics::PupilDistribution;
 use crate::present::{Clock, RealClock};
 use crossbeam_utils::atomic::AtomicCell;
 use std::sync::Arc;
@@ -83,8 +84,8 @@ impl Refinement {
         let mut refining =
             Refining { steerer, device, encoder, tracker, options, sender, shared: theirs, number: 0, encoding };
         // Twice: the first time takes longer than any other.
-        refining.hand_over(Timestamps::default(), [0.0; 2], 0)?;
-        refining.hand_over(Timestamps::default(), [0.0; 2], 0)?;
+        refining.hand_over(Timestamps::default(), None, 0)?;
+        refining.hand_over(Timestamps::default(), None, 0)?;
         let thread = std::thread::Builder::new()
             .name("eyebox refines".into())
             .spawn(move || refining.live())
@@ -186,7 +187,7 @@ impl Refining {
                     predicted_light_ns: target.start_ns + as_ns(self.options.light_after),
                     ..Timestamps::default()
                 };
-                self.hand_over(timestamps, [0.0; 2], 0)?;
+                self.hand_over(timestamps, None, 0)?;
                 whole = true;
             }
             // Nothing to do but to look again in a while.
@@ -237,10 +238,16 @@ impl Refining {
             handed_over_ns: 0,
             predicted_light_ns: light_ns,
         };
-        self.hand_over(timestamps, expected.pupil.centre, steps)
+        self.hand_over(timestamps, Some(expected.pupil), steps)
     }
 
-    fn hand_over(&mut self, timestamps: Timestamps, pupil: [f64; 2], steps: u32) -> Result<(), SessionError> {
+    /// Encodes what there is, refined for `aim`, and hands it over.
+    fn hand_over(
+        &mut self,
+        timestamps: Timestamps,
+        aim: Option<PupilDistribution>,
+        steps: u32,
+    ) -> Result<(), SessionError> {
         let begun = Instant::now();
         let Some(mut buffer) = self.sender.buffer() else { return Ok(()) };
         match (&mut self.device, self.steerer.phases_on_device()) {
@@ -254,11 +261,13 @@ impl Refining {
             _ => self.encoder.encode_into(&PhaseSet::trusted(&self.steerer.phases()?), &mut buffer.frames)?,
         }
         let timestamps = Timestamps { handed_over_ns: self.options.clock.now_ns(), ..timestamps };
+        let pupil = aim.map_or([0.0; 2], |aim| aim.centre);
+        let focus = aim.map(|PupilDistribution { focus: [low, high], .. }| 0.5 * (low + high));
         let phases = match self.options.with_phases {
             true => Some(self.steerer.phases()?.iter().map(|p| Arc::new(p.to_vec())).collect()),
             false => None,
         };
-        self.sender.send(FinishedSet { number: self.number, buffer, timestamps, pupil, steps, phases });
+        self.sender.send(FinishedSet { number: self.number, buffer, timestamps, pupil, focus, steps, phases });
         self.options.track.span("encode", self.number, begun);
         self.number += 1;
         let took = begun.elapsed();

@@ -41,7 +41,7 @@ impl Timing {
     }
 
     /// Video frames a second as they came; none before there were two.
-    pub fn measured_hz(&self) -> Option<f64> {
+    pub(crate) fn measured_hz(&self) -> Option<f64> {
         let ((v0, t0), (v1, t1)) = (self.first?, self.last?);
         (t1 > t0).then(|| (v1 - v0) as f64 * 1e9 / (t1 - t0) as f64)
     }

@@ -158,7 +158,7 @@ impl Scheduler {
 
     /// The oldest position that a set starting at `predicted_display_time_ns` would still show; readers may leave out
     /// what is older.
-    pub fn useful_from(&self, predicted_display_time_ns: i64) -> u64 {
+    pub(crate) fn useful_from(&self, predicted_display_time_ns: i64) -> u64 {
         let due = self.due(predicted_display_time_ns).unwrap_or(0);
         due.max(self.shown.map_or(0, |s| s + 1))
     }

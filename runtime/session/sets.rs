@@ -20,6 +20,9 @@ pub struct FinishedSet {
     pub timestamps: Timestamps,
     /// Where the pupil is expected at its light, metres.
     pub pupil: [f64; 2],
+    /// Depth that the eye is expected to focus at then, metres, the middle of where it may be; none of the hologram for the
+    /// whole eyebox.
+    pub focus: Option<f64>,
     /// Steps that were taken for it, over all colours.
     pub steps: u32,
     /// Its phases, colour by colour, where somebody looks at them too.

@@ -48,7 +48,7 @@ impl Panel {
         self.phase_ns += by_ns;
     }
 
-    pub fn time_of_ns(&self, timing: i64) -> i64 {
+    pub(crate) fn time_of_ns(&self, timing: i64) -> i64 {
         self.phase_ns + self.rate.time_of_ns(timing)
     }
 }
@@ -186,18 +186,18 @@ impl Simulation {
             Rc::<SimulatedClock>::clone(&clock) as Rc<dyn Clock>,
             Scheduler::new(schedule),
             idle,
-            Trace::new(0).track(""),
+            Trace::none().track(""),
         );
         Self { clock, panel, producer, player }
     }
 
     /// Begins later.
-    pub fn clock_to(&mut self, time_ns: i64) {
+    pub(crate) fn clock_to(&mut self, time_ns: i64) {
         self.clock.wait_until_ns(time_ns);
     }
 
     /// Plays until a time or the end.
-    pub fn run_until(&mut self, time_ns: i64) -> Flow {
+    pub(crate) fn run_until(&mut self, time_ns: i64) -> Flow {
         while self.clock.now_ns() < time_ns {
             let flow = self.player.tick(&mut self.panel, &mut self.producer, &mut |_| Ok(())).expect("no faults");
             if flow != Flow::Continue {

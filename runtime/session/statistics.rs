@@ -96,6 +96,9 @@ pub struct LiveStatistics {
     pub steps: u64,
     /// How often it began again with the hologram for the whole eyebox.
     pub restarts: u64,
+    /// The smallest and the largest depth that sets on the screen were made for, metres; none where all were for the whole
+    /// eyebox.
+    pub focus: Option<[f64; 2]>,
     /// From the sample to the light.
     pub latency: Latency,
 }
@@ -108,6 +111,7 @@ impl Statistics {
             all = json!({
                 "playback": all, "tracker": live.tracker, "sets_new": live.sets_new,
                 "sets_repeated": live.sets_repeated, "steps": live.steps, "restarts": live.restarts,
+                "focus_mm": live.focus.map(|depths| depths.map(|z| z * 1e3)),
                 "latency": live.latency.to_json(), "policy": live.policy,
             });
         }

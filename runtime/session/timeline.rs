@@ -11,7 +11,7 @@ pub struct Speed {
 
 impl Speed {
     /// As it was made.
-    pub const ONE: Self = Self { numerator: 1, denominator: 1 };
+    pub(crate) const ONE: Self = Self { numerator: 1, denominator: 1 };
 
     /// From a factor; thousandths count. None unless it is 0.001 to 1000.
     pub fn new(factor: f64) -> Option<Self> {

@@ -41,7 +41,7 @@ impl BrightEnd {
     }
 
     /// A first guess.
-    pub fn guess(&self) -> f64 {
+    pub(crate) fn guess(&self) -> f64 {
         self.contrast.max(self.mean)
     }
 

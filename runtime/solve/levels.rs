@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 /// Which phases a solve may end in.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(from = "Option<Stored>", into = "Option<Stored>")]
+#[non_exhaustive]
 pub enum Levels {
     /// Any.
     #[default]

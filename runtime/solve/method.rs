@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 /// How a hologram is made.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Method {
     /// Random pupils (Schiffers et al. 2023).
     #[default]

@@ -19,6 +19,8 @@ mod outcome;
 mod pace;
 mod problem;
 mod rates;
+#[cfg(feature = "vulkan")]
+mod rehearsal;
 mod run;
 mod sampling;
 mod scene_plan;
@@ -41,6 +43,8 @@ pub(crate) use optimizer::cosine;
 pub use outcome::{Flow, Progress, Solution, Stop, Warm};
 pub use problem::Problem;
 pub use rates::Rates;
+#[cfg(feature = "vulkan")]
+pub use rehearsal::{Rehearsal, RehearsedStep};
 pub use sampling::{Diameters, PupilRange, Sampler, Sequence, SplitMix, pupils_of, random_phases};
 pub use scene_plan::{Decision, Full, PlanRequest, ScenePlan};
 pub use settings::{PaddingRule, Settings};

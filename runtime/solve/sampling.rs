@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 /// How diameters are distributed between their limits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Diameters {
     /// Uniform in d: the paper's.
     Uniform,
@@ -18,6 +19,7 @@ pub enum Diameters {
 /// What fills the four dimensions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Sequence {
     /// Independent pseudo-random numbers: the paper's.
     Random,

@@ -12,6 +12,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 /// Whether the SLM is padded where the scene requires it.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum PaddingRule {
     /// Never: the edges see a little of what walks off on the other side.
     #[default]
@@ -199,6 +200,9 @@ impl Settings {
         }
         if !(1..=eyebox_kernels::energy::MOST as usize).contains(&self.patches) {
             return wrong("the number of patches along the eyebox", self.patches.to_string(), "1 to 16");
+        }
+        if let Some(psnr) = self.psnr.filter(|db| !db.is_finite()) {
+            return wrong("the PSNR to stop at (dB)", psnr.to_string(), "a finite number, such as 30");
         }
         if let Some(levels) = self.levels.given() {
             if !(1..=eyebox_kernels::quantise::MOST).contains(&levels.len()) {

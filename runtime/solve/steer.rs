@@ -18,6 +18,7 @@ use std::time::{Duration, Instant};
 /// How the phases follow.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", tag = "kind")]
+#[non_exhaustive]
 pub enum Strategy {
     /// Pupil-wise projection (OPTICS 6b).
     Projection {
@@ -40,6 +41,28 @@ pub enum Strategy {
 }
 
 impl Strategy {
+    /// Refuses what only makes phases that are no numbers.
+    fn check(self) -> Result<(), SolveError> {
+        let wrong = |what, value: f64, right| Err(SolveError::Setting { what, value: value.to_string(), right });
+        let gain = |gain: &f64| (0.0..=1e6).contains(gain);
+        match self {
+            Self::Projection { gain: g, settled: s, .. } if !(gain(&g) && gain(&s)) => {
+                wrong("a gain", if gain(&g) { s } else { g }, "0 to 1e6")
+            }
+            Self::Projection { momentum, .. } if !(0.0..=1.0).contains(&momentum) => {
+                wrong("the momentum", momentum, "0 to 1, the share of the velocity that is kept")
+            }
+            Self::Projection { overlap_power, .. } if !(0.0..=16.0).contains(&overlap_power) => {
+                wrong("the power of the overlap", overlap_power, "0 to 16")
+            }
+            Self::Projection { settling, .. } if settling.is_nan() => {
+                wrong("the steps to settle in", settling, "a number")
+            }
+            Self::Adam { rate } if !gain(&rate) => wrong("Adam's rate (rad)", rate, "0 to 1e6"),
+            _ => Ok(()),
+        }
+    }
+
     /// The `step`-th step since phases or aim were set anew, from 1.
     fn update(self, step: usize) -> Update {
         match self {
@@ -134,6 +157,7 @@ impl Refiner {
         if !(0.0..=64.0).contains(&steering.elsewhere) {
             return wrong("the pupils elsewhere a step", steering.elsewhere.to_string(), "0 to 64");
         }
+        steering.strategy.check()?;
         if !(exposure > 0.0 && exposure.is_finite()) {
             return wrong("the exposure", exposure.to_string(), "a positive, finite number");
         }

@@ -27,7 +27,7 @@ impl Validator {
     }
 
     /// The bright end of the photographs.
-    pub fn bright_end(&self) -> BrightEnd {
+    pub(crate) fn bright_end(&self) -> BrightEnd {
         self.bright_end
     }
 

@@ -5,6 +5,7 @@ use std::path::Path;
 
 /// A source that cannot be opened or has failed for good.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum TrackerError {
     /// No source has such a name.
     #[error(

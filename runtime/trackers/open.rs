@@ -16,6 +16,7 @@ const PUPIL_REMOTE_PORT: u16 = 50020;
 
 /// A source by name, as the command line writes it.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Spec {
     /// `hid`
     Hid,

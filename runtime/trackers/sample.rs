@@ -5,6 +5,7 @@ use serde::Serialize;
 /// What a position is measured in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Unit {
     /// Metres.
     Metres,
@@ -19,6 +20,7 @@ pub enum Unit {
 /// What a position tells.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Quantity {
     /// Where the eye looks: a point on a screen, or a direction.
     Gaze,

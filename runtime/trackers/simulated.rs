@@ -58,6 +58,7 @@ impl Default for Settings {
 
 /// What the eye is doing.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Doing {
     /// It rests, but for drift and tremor.
     Fixation,

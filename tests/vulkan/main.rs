@@ -4,4 +4,5 @@ mod encode;
 mod fft;
 mod kernels;
 mod one_device;
+mod rehearsal;
 mod steps;

@@ -1,10 +1,13 @@
 //! The arguments of commands: millimetres, micrometres and nanometres in, metres out.
 
-pub use crate::groups::{Colors, DisplayArgs, EngineArgs, EngineName, NEAR, OrderArgs, OtherSceneArgs, SceneArgs};
-use crate::phases::{EncodedArgs, PhaseArgs, PhaseUnitArgs};
+pub use crate::groups::{
+    Colors, DeviceArgs, DisplayArgs, EngineArgs, EngineName, NEAR, OrderArgs, OtherSceneArgs, OverwriteArgs, SceneArgs,
+};
+use crate::phases::{EncodedArgs, PhaseArgs, PhaseUnitArgs, UnfinishedArgs};
 use crate::quality::QualityArgs;
 use crate::values::{
-    GivenPupil, Names, contrast, full, memory, method, one_of, positive, pupil, range, rate, share, storage, window,
+    GivenPupil, Names, contrast, decibels, diameters, full, memory, method, one_of, positive, pupil, rate, share,
+    storage, window,
 };
 use clap::Args;
 use clap::builder::TypedValueParser;
@@ -21,6 +24,9 @@ pub struct Demo {
     /// Where the hologram and the pictures go
     #[arg(long, default_value = "demo", value_name = "DIR")]
     pub out: PathBuf,
+    /// Files of others
+    #[command(flatten)]
+    pub overwrite: OverwriteArgs,
     /// Rows and columns of the hologram
     #[arg(long, default_value_t = 512, value_name = "N")]
     pub size: usize,
@@ -125,7 +131,7 @@ pub struct Solve {
     #[arg(long, value_name = "S", value_parser = positive)]
     pub seconds: Option<f64>,
     /// Stop at this mean PSNR over validation pupils, dB
-    #[arg(long, value_name = "DB")]
+    #[arg(long, value_name = "DB", value_parser = decibels, allow_hyphen_values = true)]
     pub psnr: Option<f64>,
     /// Spectrum per pupil: 1 or 2 times the pupil, or all of it [default: 1]
     #[arg(long, value_parser = window, value_name = "1|2|full")]
@@ -134,7 +140,7 @@ pub struct Solve {
     #[arg(long, value_parser = storage, value_name = "fp32|fp16")]
     pub storage: Option<Storage>,
     /// Pupil diameters drawn, mm [default: 2..20, or what fits the eyebox]
-    #[arg(long, value_name = "MIN..MAX", value_parser = range)]
+    #[arg(long, value_name = "MIN..MAX", value_parser = diameters)]
     pub pupil_diameter: Option<[f64; 2]>,
     /// Distribution of diameters [default: log; adam uniform]
     #[arg(long, value_parser = one_of(&DIAMETERS))]
@@ -187,6 +193,9 @@ pub struct Export {
     /// NAME.npy (float32 radians), or a folder for one 8-bit grey PNG per colour and sub-frame
     #[arg(short, long, value_name = "FILE.npy|FOLDER")]
     pub out: PathBuf,
+    /// What is not finished
+    #[command(flatten)]
+    pub unfinished: UnfinishedArgs,
     /// Bare phases
     #[command(flatten)]
     pub phases: PhaseArgs,
@@ -206,9 +215,15 @@ pub struct Encode {
     /// Bare phases
     #[command(flatten)]
     pub unit: PhaseUnitArgs,
+    /// What is not finished
+    #[command(flatten)]
+    pub unfinished: UnfinishedArgs,
     /// Which engine computes
     #[arg(long, value_enum, default_value = "auto")]
     pub engine: EngineName,
+    /// Device
+    #[command(flatten)]
+    pub device: DeviceArgs,
     /// One JSON object on standard output: what each frame holds
     #[arg(long)]
     pub json: bool,
@@ -226,6 +241,12 @@ pub struct Bench {
     /// A command to run in turn with each round
     #[arg(long, value_name = "COMMAND")]
     pub beside: Option<String>,
+    /// Record the steps and run none: dispatches, barriers, bytes, submissions, and what GPUs would take
+    #[arg(long, conflicts_with = "beside")]
+    pub dry: bool,
+    /// With --dry: the steps of a refinement for this pupil: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
+    #[arg(long, value_name = "X,Y,D,Z", value_parser = pupil, allow_hyphen_values = true, requires = "dry")]
+    pub pupil: Option<GivenPupil>,
 }
 
 /// `eyebox view`
@@ -291,7 +312,7 @@ pub struct Score {
     #[arg(long, default_value = "random:16", value_name = "random:N|FILE.json")]
     pub pupils: String,
     /// Diameters of random pupils, mm [default: 2..20, or what fits the eyebox]
-    #[arg(long, value_name = "MIN..MAX", value_parser = range)]
+    #[arg(long, value_name = "MIN..MAX", value_parser = diameters)]
     pub pupil_diameter: Option<[f64; 2]>,
     /// Seed of random pupils
     #[arg(long, default_value_t = 1000, value_name = "S")]

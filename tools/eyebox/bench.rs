@@ -2,8 +2,8 @@
 
 use crate::Failure;
 use crate::args::Bench;
-use crate::common;
 use crate::settings::settings_of;
+use crate::{common, dry};
 use eyebox::quality::{Prepared, Subject};
 use eyebox::solve::{self, Flow, Levels};
 use serde_json::json;
@@ -26,6 +26,9 @@ pub fn run(args: &Bench) -> Result<(), Failure> {
     settings.check()?;
     let loading = begun.elapsed().as_secs_f64();
     drop(field);
+    if args.dry {
+        return dry::run(args, problem, &settings);
+    }
     println!(
         "{}; {} {}x{}, {} sub-frames, {} pupils a step",
         engine.describe(),

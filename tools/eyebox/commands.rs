@@ -28,7 +28,7 @@ pub enum Command {
                       eyebox solve builtin:still-life --size 512x512 --quality accurate -o still-life.zarr\n  \
                       eyebox solve builtin:still-life --display far-field-16k --color green --frames 1 --memory 4GiB -o large.zarr\n  \
                       eyebox solve photo.png --depth-map depth.png --depth=-3..3 -o photo.npy\n  \
-                      eyebox solve frame-00/ frame-01/ frame-02/ --size 512x512 --rate 30 -o moving.zarr\n\nSeveral scenes, or a folder of light-field folders, make a sequence; one that was interrupted is gone on with by the same command.\nBuilt-in scenes: still-life, still-life-dark, still-life-bright, dense-grass, points, plane, chart; as a camera sees them that\nstands so many mm to the right: builtin:still-life?camera=2")]
+                      eyebox solve frame-00/ frame-01/ frame-02/ --size 512x512 --rate 30 -o moving.zarr\n\nSeveral scenes, or a folder of light-field folders, make a sequence; one that was interrupted is resumed by the same command.\nBuilt-in scenes: still-life, still-life-dark, still-life-bright, dense-grass, points, plane, chart; as a camera sees them that\nstands so many mm to the right: builtin:still-life?camera=2")]
     Solve(Solve),
     /// Say what of a scene will be computed and why, and what time and memory it will take
     #[command(

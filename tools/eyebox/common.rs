@@ -1,7 +1,7 @@
 //! What commands share: display, scene, engine, names of files.
 
 use crate::Failure;
-use crate::groups::{DisplayArgs, EngineArgs, SceneArgs};
+use crate::groups::{DeviceArgs, DisplayArgs, EngineArgs, SceneArgs};
 use crate::values::GivenPupil;
 use eyebox::engine::{self, Backend, Engine, EngineError};
 use eyebox::evaluate::Plane;
@@ -123,12 +123,12 @@ pub fn diameters(asked: Option<[f64; 2]>, display: &Display, force: bool) -> Res
 }
 
 /// Which engine is asked for.
-pub fn engine_choice(args: &EngineArgs) -> engine::Choice {
-    match args.engine {
+pub fn engine_choice(args: &EngineArgs) -> Result<engine::Choice, Failure> {
+    Ok(match args.device.engine(args.engine)? {
         crate::groups::EngineName::Auto => engine::Choice::Auto,
         crate::groups::EngineName::Cpu => engine::Choice::Cpu,
         crate::groups::EngineName::Vulkan => engine::Choice::Vulkan,
-    }
+    })
 }
 
 /// The engine asked for.
@@ -157,8 +157,9 @@ impl Engines {
                 .ok_or_else(|| Failure::Asked(format!("no kernel is called '{name}': there are {}", names())))
         };
         let from = args.vulkan_from.as_ref().map(known).transpose()?;
-        let choice = if from.is_some() { engine::Choice::Vulkan } else { engine_choice(args) };
-        Ok(Self { backend: Backend::open(choice, options)?, from })
+        let choice = if from.is_some() { engine::Choice::Vulkan } else { engine_choice(args)? };
+        let options = Options { device: args.device.device.clone(), ..options.clone() };
+        Ok(Self { backend: Backend::open(choice, &options)?, from })
     }
 
     /// One more.
@@ -183,9 +184,10 @@ impl Engines {
     }
 }
 
-/// A device that shows pictures, a software one if there is no other.
-pub fn display_gpu(validation: bool) -> Result<Gpu, Failure> {
-    Ok(Gpu::open(&Options { allow_cpu: true, present: true, validation, ..Options::default() })?)
+/// A device that shows pictures: the one asked for, or the best one, a software one if there is no other.
+pub fn display_gpu(args: &DeviceArgs, validation: bool) -> Result<Gpu, Failure> {
+    let device = args.device.clone();
+    Ok(Gpu::open(&Options { device, allow_cpu: true, present: true, validation, ..Options::default() })?)
 }
 
 /// Where a result goes.

@@ -6,7 +6,7 @@ use crate::common;
 use eyebox::encode::{self, Encoder, PhaseSet, USUAL_RATE_HZ, VideoFrames};
 use eyebox::engine::vulkan::VulkanEncoder;
 use eyebox::gpu::{Gpu, Options};
-use eyebox::hologram::{ColorHologram, Hologram};
+use eyebox::hologram::{ColorHologram, Hologram, Opening};
 use eyebox::optics::{Color, Display};
 use serde_json::{Value, json};
 
@@ -39,11 +39,12 @@ pub fn run(args: &Encode) -> Result<(), Failure> {
     }
     let slices: Vec<&[f32]> = input.colors.iter().map(|c| &c.1[..]).collect();
     let phases = PhaseSet::new(&slices, input.size)?;
-    let frames = match args.engine {
+    let frames = match args.device.engine(args.engine)? {
         // Reading and writing files takes longer than the CPU needs.
         EngineName::Auto | EngineName::Cpu => encoder.encode(&phases)?,
         EngineName::Vulkan => {
-            let options = Options { allow_cpu: true, ..Options::default() };
+            let device = args.device.device.clone();
+            let options = Options { device, allow_cpu: true, ..Options::default() };
             let mut frames = encoder.frames();
             VulkanEncoder::new(&Gpu::open(&options)?, encoder.plan())?.encode(phases.colors(), frames.bytes_mut())?;
             frames
@@ -65,6 +66,7 @@ pub fn run(args: &Encode) -> Result<(), Failure> {
 /// The hologram's colours that were asked for, each with its name.
 fn load(args: &Encode, display: &Display) -> Result<Input, Failure> {
     let opening = args.unit.opening(Some(display), args.display.color.one());
+    let opening = Opening { unfinished: args.unfinished.unfinished, ..opening };
     let mut hologram = opening.hologram(&args.hologram)?;
     let notes = differences(&hologram, display);
     let named = |c: &mut ColorHologram| match c.color {

@@ -33,7 +33,7 @@ pub fn completions(args: &Completions, mut command: Command) -> Result<(), Failu
 /// Writes the pages of the manual.
 pub fn man(args: &Man, mut command: Command) -> Result<(), Failure> {
     command.build();
-    writable(&args.out)?;
+    let _made = writable(&args.out)?;
     let pages = std::iter::once(&command).chain(command.get_subcommands().filter(|s| s.get_name() != "help"));
     for page in pages {
         let name = page.get_display_name().unwrap_or("eyebox").to_owned();

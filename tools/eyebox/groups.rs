@@ -41,6 +41,30 @@ pub struct EngineArgs {
     /// With --engine vulkan: run the list of kernels on the CPU up to this kernel, and on Vulkan from it on
     #[arg(long, value_name = "KERNEL")]
     pub vulkan_from: Option<String>,
+    /// Device
+    #[command(flatten)]
+    pub device: DeviceArgs,
+}
+
+/// The Vulkan device, in every command that uses one.
+#[derive(Args)]
+pub struct DeviceArgs {
+    /// The Vulkan device: its number or a part of its name, as eyebox devices lists them [default: the best one]
+    #[arg(long, value_name = "N|NAME")]
+    pub device: Option<String>,
+}
+
+impl DeviceArgs {
+    /// The engine asked for: who names a device wants Vulkan.
+    pub fn engine(&self, asked: EngineName) -> Result<EngineName, Failure> {
+        match (&self.device, asked) {
+            (Some(_), EngineName::Auto) => Ok(EngineName::Vulkan),
+            (Some(device), EngineName::Cpu) => Err(Failure::Asked(format!(
+                "--device {device} is a device for Vulkan, and --engine cpu uses none: leave out one of them"
+            ))),
+            _ => Ok(asked),
+        }
+    }
 }
 
 /// The display, in every command that needs one.
@@ -137,4 +161,12 @@ impl SceneArgs {
             order: OrderArgs::default(),
         }
     }
+}
+
+/// Files of others where a report goes.
+#[derive(Args, Clone, Copy)]
+pub struct OverwriteArgs {
+    /// Replace files in the folder that eyebox did not write, or that were changed since
+    #[arg(long)]
+    pub overwrite: bool,
 }

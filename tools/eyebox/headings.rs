@@ -130,7 +130,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
     ("Window", &["preview.window", "zoom", "save_to", "live.view"]),
     ("Bare phases", &["phase_unit", "pitch", "wavelength", "focal_length", "geometry", "exposure"]),
     ("Video frames", &["encoded", "as_shown"]),
-    ("Engine", &["engine", "vulkan_from", "rounds", "beside", "time_again"]),
+    ("Engine", &["engine", "device", "vulkan_from", "rounds", "beside", "dry", "time_again"]),
     ("Output", &["out", "json", "timings", "stats", "record", "trace", "raw", "shared", "at"]),
 ];
 

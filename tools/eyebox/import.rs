@@ -52,8 +52,12 @@ pub fn run(args: &Import) -> Result<(), Failure> {
     hologram.version = env!("CARGO_PKG_VERSION").into();
     let exposures = if let Some(scene) = &args.scene {
         let display = score::display_of(&args.file, &hologram)?;
-        let asked =
-            SceneArgs { depth_map: args.depth_map.iter().cloned().collect(), near: args.near, order: args.order, ..SceneArgs::of(scene) };
+        let asked = SceneArgs {
+            depth_map: args.depth_map.iter().cloned().collect(),
+            near: args.near,
+            order: args.order,
+            ..SceneArgs::of(scene)
+        };
         let field = common::scene(&asked, &display, &hologram.named_colors())?;
         hologram.fit_exposure(&field, common::engine(&args.engine)?.as_mut())?;
         hologram.scene.clone_from(&field.name);

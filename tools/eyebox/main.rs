@@ -18,6 +18,7 @@ mod common;
 mod demo;
 mod devices;
 mod displays;
+mod dry;
 mod encode;
 mod evaluate;
 mod export;
@@ -58,7 +59,7 @@ fn main() -> ExitCode {
         Err(error) => return usage(&error),
     };
     log::listen(cli.verbose);
-    signals::outlive_file_limits();
+    signals::outlive_limits();
     eyebox::engine::prepare_threads();
     let done = match &cli.command {
         Command::Demo(args) => demo::run(args),

@@ -65,14 +65,14 @@ pub fn memory(text: &str) -> Result<u64, String> {
     if (1.0..1e18).contains(&bytes) { Ok(bytes as u64) } else { Err(form.into()) }
 }
 
-/// Millimetres in, metres out.
-pub fn range(text: &str) -> Result<[f64; 2], String> {
-    let form = "MIN..MAX in mm, such as -3..3.5";
+/// Diameters of pupils, metres, given in millimetres.
+pub fn diameters(text: &str) -> Result<[f64; 2], String> {
+    let form = "MIN..MAX in mm, such as 2..6.5";
     let [low, high] = numbers::<2>(text.split("..").collect(), form)?;
-    if low <= high && low.is_finite() && high.is_finite() {
+    if low > 0.0 && low <= high && high <= 1e6 {
         Ok([low * 1e-3, high * 1e-3])
     } else {
-        Err(format!("expected {form}, smallest first"))
+        Err(format!("expected {form}, positive, smallest first"))
     }
 }
 
@@ -84,10 +84,29 @@ pub fn depths(text: &str) -> Result<[Depth; 2], String> {
     Ok([read(first)?, read(last)?])
 }
 
+/// Most that a number can mean here, in whatever unit; its inverse is the least. Nothing computed of such is beyond floats.
+const MOST: f64 = 1e12;
+
 pub fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
-        Ok(v) if v.is_finite() && v > 0.0 => Ok(v),
-        _ => Err("expected a positive number".into()),
+        Ok(v) if (1.0 / MOST..=MOST).contains(&v) => Ok(v),
+        _ => Err("expected a positive number, 1e12 at most".into()),
+    }
+}
+
+/// A power ratio.
+pub fn decibels(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(v) if (-100.0..=1000.0).contains(&v) => Ok(v),
+        _ => Err("expected decibels, -100 to 1000, such as 30".into()),
+    }
+}
+
+/// An exponent.
+pub fn power(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(v) if (0.0..=16.0).contains(&v) => Ok(v),
+        _ => Err("expected a power, 0 to 16".into()),
     }
 }
 
@@ -142,8 +161,8 @@ pub fn share(text: &str) -> Result<f64, String> {
 
 pub fn not_negative(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
-        Ok(v) if v.is_finite() && v >= 0.0 => Ok(v),
-        _ => Err("expected a number, 0 or more".into()),
+        Ok(v) if (0.0..=MOST).contains(&v) => Ok(v),
+        _ => Err("expected a number, 0 to 1e12".into()),
     }
 }
 
@@ -203,7 +222,7 @@ mod tests {
 
     #[test]
     fn values_are_read_in_human_units() {
-        assert_eq!(range("-3..3.5"), Ok([-3e-3, 3.5e-3]));
+        assert_eq!(diameters("3..3.5"), Ok([3e-3, 3.5e-3]));
         assert_eq!(depths("3..-3"), Ok([Depth::Metres(3e-3), Depth::Metres(-3e-3)]));
         assert_eq!(depths("-0.5D..2D"), Ok([Depth::Dioptres(-0.5), Depth::Dioptres(2.0)]));
         assert!(depths("3..x").is_err() && depths("3").is_err());
@@ -217,6 +236,12 @@ mod tests {
         for bad in ["0x8", "8", "x", "8x", "-1x4", "99999999x4"] {
             assert!(size(bad).is_err(), "{bad}");
         }
-        assert!(range("3..1").is_err() && range("1").is_err() && range("nan..1").is_err());
+        for bad in ["3..1", "1", "nan..1", "-5..5", "0..1", "1..inf"] {
+            assert!(diameters(bad).is_err(), "{bad}");
+        }
+        for bad in ["nan", "inf", "1e308", "1e-320", "-1", "0", ""] {
+            assert!(positive(bad).is_err(), "{bad}");
+        }
+        assert!(not_negative("1e308").is_err() && decibels("nan").is_err() && power("-1").is_err());
     }
 }

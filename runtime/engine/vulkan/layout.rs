@@ -75,6 +75,11 @@ impl Layout {
         (largest / self.step().max(1)) as usize
     }
 
+    /// Frames in so many bytes.
+    pub(super) fn frames_in(&self, bytes: u64) -> usize {
+        (bytes / self.step().max(1)) as usize
+    }
+
     /// Pieces from the packed data to the block.
     pub(super) fn pieces(&self) -> impl Iterator<Item = Piece> + use<> {
         let (layout, bytes) = (*self, self.frame_bytes() as u64);

@@ -22,9 +22,9 @@ const EDGE_REACH: usize = 3;
 /// A step in depth, as a share of the scene's range.
 const EDGE_STEP: f64 = 0.1;
 /// What the error pictures are multiplied by.
-pub const ERROR_GAIN: f64 = 4.0;
+pub(crate) const ERROR_GAIN: f64 = 4.0;
 /// Decades of the energy maps, below and above an even eyebox.
-pub const DECADES: [f64; 2] = [-2.0, 2.0];
+pub(crate) const DECADES: [f64; 2] = [-2.0, 2.0];
 
 /// What one colour looks like through every pupil; linear light. Nothing here has an exposure yet.
 struct Looks {
@@ -165,7 +165,7 @@ pub fn leading(colors: &[Color]) -> Color {
 }
 
 /// What a report says of the scene itself.
-pub fn scene_figures(
+pub(crate) fn scene_figures(
     name: &str,
     field: &LightField,
     depth: [f64; 2],

@@ -12,7 +12,7 @@ mod results;
 mod speckle;
 
 pub use candidate::{Candidate, Given, Source, candidates};
-pub use measure::{DECADES, ERROR_GAIN};
+pub(crate) use measure::{DECADES, ERROR_GAIN};
 pub use pupils::{SHOWN, Shown};
 pub use results::{
     About, ColorError, ColorFigures, EnergyMap, MethodAbout, Picture, Pictures, Published, Results, Row, Run,
@@ -22,7 +22,7 @@ pub use results::{
 use super::QualityError;
 use super::kept::{Keep, append, checksum};
 use crate::engine::Engine;
-use crate::files::FileError;
+use crate::files::MadeFolder;
 use crate::hologram::Hologram;
 use crate::optics::{Color, Display, Padding};
 use crate::scene::LightField;
@@ -178,6 +178,8 @@ impl Comparison {
 
 /// A run under way.
 struct Work<'a, 'b> {
+    // Gone before the folder of both.
+    _made: MadeFolder,
     results: Keep,
     holograms: PathBuf,
     observe: &'a mut Observe<'b>,
@@ -190,12 +192,12 @@ impl<'a, 'b> Work<'a, 'b> {
     fn new(job: &Comparison, folder: &Path, observe: &'a mut Observe<'b>) -> Result<Self, QualityError> {
         let results = Keep::new(folder.join("results"))?;
         let holograms = folder.join("holograms");
-        std::fs::create_dir_all(&holograms).map_err(|e| FileError::write(&holograms, e))?;
+        let _made = MadeFolder::new(&holograms)?;
         let runs: usize = (0..job.scenes.len()).map(|i| job.runs(i).count()).sum();
         let all = PHOTOGRAPHS * job.scenes.len() as f64
             + (SOLVE + LOOK) * runs as f64
             + SPECKLE * job.speckled().count() as f64;
-        Ok(Self { results, holograms, observe, done: 0.0, all: all.max(1.0), stopped: false })
+        Ok(Self { results, holograms, _made, observe, done: 0.0, all: all.max(1.0), stopped: false })
     }
 
     /// So much is done.

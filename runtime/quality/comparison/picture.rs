@@ -23,7 +23,7 @@ pub fn light(planes: &[(Color, &[f32])], height: usize, width: usize, longest: u
 }
 
 /// The same, pixel for pixel.
-pub fn light_exact(planes: &[(Color, &[f32])], height: usize, width: usize) -> Picture {
+pub(crate) fn light_exact(planes: &[(Color, &[f32])], height: usize, width: usize) -> Picture {
     let (rgb, height, width) = composed(planes, height, width, usize::MAX);
     png(&rgb, height, width)
 }
@@ -49,7 +49,7 @@ pub fn map(values: &[f64], height: usize, width: usize) -> Picture {
 }
 
 /// A dark-to-light ramp of even steps in lightness, so that it reads the same without colour.
-pub fn ramp(value: f64) -> [u8; 3] {
+pub(crate) fn ramp(value: f64) -> [u8; 3] {
     const STOPS: [[f64; 3]; 7] = [
         [0.0, 0.0, 4.0],
         [40.0, 17.0, 89.0],
@@ -65,7 +65,7 @@ pub fn ramp(value: f64) -> [u8; 3] {
 }
 
 /// Area average, so that neither side is longer than `longest`: (height, width, values).
-pub fn shrink(values: &[f64], height: usize, width: usize, longest: usize) -> (usize, usize, Vec<f64>) {
+pub(crate) fn shrink(values: &[f64], height: usize, width: usize, longest: usize) -> (usize, usize, Vec<f64>) {
     let scale = longest as f64 / height.max(width) as f64;
     if scale >= 1.0 {
         return (height, width, values.to_vec());

@@ -245,7 +245,7 @@ impl Published {
     }
 
     /// Whether it is about this method and group.
-    pub fn is_of(&self, method: &str, group: Group) -> bool {
+    pub(crate) fn is_of(&self, method: &str, group: Group) -> bool {
         self.method.eq_ignore_ascii_case(method) && self.category.eq_ignore_ascii_case(group.name())
     }
 }
@@ -312,7 +312,11 @@ impl Results {
     }
 
     /// Results of a series, of one scene or of all.
-    pub fn runs_of<'a>(&'a self, series: &'a Series, scene: Option<&'a str>) -> impl Iterator<Item = &'a Run> + Clone {
+    pub(crate) fn runs_of<'a>(
+        &'a self,
+        series: &'a Series,
+        scene: Option<&'a str>,
+    ) -> impl Iterator<Item = &'a Run> + Clone {
         let same = |r: &&Run| r.method == series.method && r.frames == series.frames;
         self.runs.iter().filter(same).filter(move |r| scene.is_none_or(|s| r.scene == s))
     }
@@ -343,7 +347,7 @@ impl Results {
     }
 
     /// Mean ceiling of the pupil at one place of a group, over colours and scenes, dB; none where any has none.
-    pub fn ceiling_at(&self, group: Group, index: usize) -> Option<f64> {
+    pub(crate) fn ceiling_at(&self, group: Group, index: usize) -> Option<f64> {
         let series = self.leading().into_iter().next()?;
         let all: Option<Vec<f64>> =
             self.rows(&series, None, group).filter(|r| r.index == index).map(|r| r.ceiling).collect();
@@ -351,12 +355,12 @@ impl Results {
     }
 
     /// Mean over colours and scenes of a figure of the colours.
-    pub fn mean_of(&self, series: &Series, figure: impl Fn(&ColorFigures) -> f64) -> Option<f64> {
+    pub(crate) fn mean_of(&self, series: &Series, figure: impl Fn(&ColorFigures) -> f64) -> Option<f64> {
         mean(self.runs_of(series, None).flat_map(|r| &r.colors).map(figure))
     }
 
     /// Mean colour error near edges in depth, and elsewhere, over scenes.
-    pub fn color_error(&self, series: &Series) -> [Option<f64>; 2] {
+    pub(crate) fn color_error(&self, series: &Series) -> [Option<f64>; 2] {
         let errors = || self.runs_of(series, None).filter_map(|r| r.color_error);
         [mean(errors().filter_map(|e| e.edges)), mean(errors().filter_map(|e| e.elsewhere))]
     }

@@ -12,7 +12,7 @@ use crate::scene::LightField;
 use crate::solve::{self, Flow, Method, Problem, Settings};
 
 /// Sub-frames.
-pub const COUNTS: [usize; 5] = [1, 2, 4, 8, 16];
+pub(crate) const COUNTS: [usize; 5] = [1, 2, 4, 8, 16];
 /// Independent groups of as many frames as the largest count: the curve is then a property and not luck.
 const GROUPS: usize = 4;
 /// Joint solves per count.
@@ -25,10 +25,10 @@ const GREY: f32 = 0.5;
 const EFFICIENCY: f64 = 0.4;
 
 /// Solves that one method takes.
-pub const SOLVES: usize = GROUPS * COUNTS[COUNTS.len() - 1] + REPEATS * COUNTS.len();
+pub(crate) const SOLVES: usize = GROUPS * COUNTS[COUNTS.len() - 1] + REPEATS * COUNTS.len();
 
 /// Whether a method's frames differ from seed to seed: smooth phase has no speckle to average.
-pub fn has_speckle(method: Method) -> bool {
+pub(crate) fn has_speckle(method: Method) -> bool {
     !matches!(method, Method::Smooth | Method::Dpac)
 }
 

@@ -31,7 +31,7 @@ pub(super) enum Item {
 
 impl Item {
     /// Multiplies its light.
-    pub fn brighten(&mut self, factor: f32) {
+    pub(crate) fn brighten(&mut self, factor: f32) {
         match self {
             Self::Surface { texture, .. } if factor != 1.0 => {
                 let inner = std::mem::replace(texture, Box::new(|_, _| [0.0; 4]));
@@ -170,7 +170,7 @@ pub(super) struct Skins<const N: usize>(Vec<Option<Skin<N>>>);
 
 impl<const N: usize> Skins<N> {
     /// For views tilted by at most `tilt`, of these channels (N - 1 of them).
-    pub fn bake(canvas: Canvas, items: &[Item], tilt: f32, channels: &[usize]) -> Self {
+    pub(crate) fn bake(canvas: Canvas, items: &[Item], tilt: f32, channels: &[usize]) -> Self {
         // How far the largest tilt moves content at the ends of the depth span.
         let margin = tilt * 1.1;
         let bake = |item: &Item| match item {

@@ -88,12 +88,12 @@ impl Field {
     }
 
     /// Whether each element has a usage of its own, and not a value that selects one.
-    pub fn variable(&self) -> bool {
+    pub(crate) fn variable(&self) -> bool {
         self.flags & 2 != 0
     }
 
     /// Bits of all elements.
-    pub fn total_bits(&self) -> usize {
+    pub(crate) fn total_bits(&self) -> usize {
         self.bits as usize * self.count as usize
     }
 

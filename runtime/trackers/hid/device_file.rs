@@ -119,10 +119,7 @@ impl DeviceFile {
     /// # Errors
     /// What is wrong, with its line or key.
     pub fn from_toml(text: &str) -> Result<Self, String> {
-        let file: File = toml::from_str(text).map_err(|e| {
-            let line = e.span().map_or(0, |s| text[..s.start.min(text.len())].matches('\n').count() + 1);
-            format!("line {line}: {}", e.message().replace('\n', " "))
-        })?;
+        let file: File = crate::files::read::toml(text)?;
         let first = usize::from(file.report_id != 0);
         let longest = super::descriptor::LONGEST_REPORT;
         if !(first + 1..=longest).contains(&file.bytes) {

@@ -28,6 +28,7 @@ pub struct Slot {
 /// Whose position it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Role {
     /// Where both eyes look, on the screen.
     Gaze,
@@ -132,7 +133,7 @@ pub struct Layout {
 }
 
 /// Bits of the Device Mode Request: gaze and eye positions.
-pub const MODE_GAZE_AND_EYES: i64 = 3;
+pub(crate) const MODE_GAZE_AND_EYES: i64 = 3;
 const EYE_TRACKER: Usage = Usage { page: EYE_PAGE, id: 0x01 };
 const HEAD_TRACKER: Usage = Usage { page: EYE_PAGE, id: 0x02 };
 
@@ -375,7 +376,7 @@ fn slot(field: &Field, index: u32, scale: f64) -> Option<Slot> {
 }
 
 /// Names of the application collections.
-pub fn applications(descriptor: &Descriptor) -> Vec<String> {
+pub(crate) fn applications(descriptor: &Descriptor) -> Vec<String> {
     let named = |c: &super::descriptor::Collection| c.usage.map_or("without a name".into(), usage_name);
     descriptor.collections.iter().filter(|c| c.kind == 1).map(named).collect()
 }

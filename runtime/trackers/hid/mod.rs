@@ -28,6 +28,7 @@ pub use system::system_bus;
 
 /// What can be wrong with a HID device.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum HidError {
     /// A report descriptor that cannot be read.
     #[error("the report descriptor, at byte {at}: {reason}")]

@@ -3,7 +3,7 @@
 use super::descriptor::Usage;
 
 /// The page of eye and head trackers (HUTRR74).
-pub const EYE_PAGE: u16 = 0x12;
+pub(crate) const EYE_PAGE: u16 = 0x12;
 
 /// A usage page by name.
 fn page(page: u16) -> Option<&'static str> {
@@ -98,7 +98,7 @@ fn name(usage: Usage) -> Option<&'static str> {
 }
 
 /// A usage for people: its name, else its numbers with the page's name.
-pub fn usage_name(usage: Usage) -> String {
+pub(crate) fn usage_name(usage: Usage) -> String {
     match (name(usage), page(usage.page)) {
         (Some(name), _) => name.into(),
         (None, Some(page)) => format!("{page} 0x{:02x}", usage.id),
@@ -107,7 +107,7 @@ pub fn usage_name(usage: Usage) -> String {
 }
 
 /// The kind of a collection for people.
-pub fn collection_kind(kind: u8) -> &'static str {
+pub(crate) fn collection_kind(kind: u8) -> &'static str {
     match kind {
         0 => "physical",
         1 => "application",
@@ -122,6 +122,7 @@ pub fn collection_kind(kind: u8) -> &'static str {
 
 /// What a unit code and its exponent make of a number.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Dimension {
     /// No unit.
     None,
@@ -139,7 +140,7 @@ pub enum Dimension {
 
 /// Reads a HID unit: four bits for the system, then four in two's complement for each power of length, mass, time,
 /// temperature, current, luminous intensity.
-pub fn dimension(unit: u32, exponent: i32) -> Dimension {
+pub(crate) fn dimension(unit: u32, exponent: i32) -> Dimension {
     let power = |place: u32| ((unit >> (4 * place) & 0xf) as i32 ^ 8) - 8;
     let powers: [i32; 6] = std::array::from_fn(|i| power(i as u32 + 1));
     let ten = 10f64.powi(exponent);
@@ -156,7 +157,7 @@ pub fn dimension(unit: u32, exponent: i32) -> Dimension {
 }
 
 /// A unit for people: `um`, `us`, `Hz`; empty where there is none.
-pub fn unit_name(unit: u32, exponent: i32) -> String {
+pub(crate) fn unit_name(unit: u32, exponent: i32) -> String {
     let prefixed = |scale: f64, base: &str| {
         let power = scale.log10().round() as i32;
         let exact = (scale / 10f64.powi(power) - 1.0).abs() < 1e-9;

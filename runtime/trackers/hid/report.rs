@@ -5,7 +5,7 @@ use crate::trackers::clock::{ClockOffset, Unwrap};
 use crate::trackers::{Reading, Sample};
 
 /// The `bits` (1 to 64) from `bit` on, the lowest first; `None` beyond the end.
-pub fn extract(payload: &[u8], bit: usize, bits: u32, signed: bool) -> Option<i64> {
+pub(crate) fn extract(payload: &[u8], bit: usize, bits: u32, signed: bool) -> Option<i64> {
     if !(1..=64).contains(&bits) {
         return None;
     }

@@ -61,9 +61,9 @@ fn peer(messages: Vec<Vec<u8>>, ahead: u64) -> (u16, JoinHandle<()>) {
     let publisher = std::thread::spawn(move || {
         let (mut stream, _) = data.accept().unwrap();
         shake(&mut stream, "PUB");
-        let mut wish = [0; 9];
-        stream.read_exact(&mut wish).unwrap();
-        assert_eq!(&wish, b"\0\x07\x01pupil.");
+        let mut message = [0; 9];
+        stream.read_exact(&mut message).unwrap();
+        assert_eq!(&message, b"\0\x07\x01pupil.");
         stream.write_all(&frame(b"\x04PING\0\0abc", 4)).unwrap();
         let mut pong = [0; 10];
         stream.read_exact(&mut pong).unwrap();

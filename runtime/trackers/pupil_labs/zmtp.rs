@@ -6,9 +6,9 @@ use std::net::{TcpStream, ToSocketAddrs};
 use std::time::{Duration, Instant};
 
 /// Longest message, all its parts together, bytes.
-pub const LONGEST_MESSAGE: usize = 256 << 10;
+pub(crate) const LONGEST_MESSAGE: usize = 256 << 10;
 /// Most parts of a message.
-pub const MOST_PARTS: usize = 16;
+pub(crate) const MOST_PARTS: usize = 16;
 const GREETING: usize = 64;
 const MORE: u8 = 1;
 const LONG: u8 = 2;
@@ -89,7 +89,7 @@ pub fn frame(body: &[u8], flags: u8) -> Vec<u8> {
 }
 
 /// The 64 bytes that open a connection.
-pub fn greeting() -> [u8; GREETING] {
+pub(crate) fn greeting() -> [u8; GREETING] {
     let mut bytes = [0; GREETING];
     bytes[0] = 0xff;
     bytes[9] = 0x7f;
@@ -225,13 +225,13 @@ impl Socket {
         self.stream.write_all(&bytes)
     }
 
-    /// A SUB socket's wish for all topics that start with `prefix`.
+    /// A SUB socket's subscription to all topics that start with `prefix`.
     ///
     /// # Errors
     /// Those of the network.
-    pub fn subscribe(&mut self, prefix: &str) -> io::Result<()> {
-        let wish = [&[1], prefix.as_bytes()].concat();
-        self.send(&[&wish])
+    pub(crate) fn subscribe(&mut self, prefix: &str) -> io::Result<()> {
+        let message = [&[1], prefix.as_bytes()].concat();
+        self.send(&[&message])
     }
 
     /// A REQ socket's question, and the first part of its answer; `None`: none within the time.

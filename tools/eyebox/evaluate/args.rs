@@ -1,9 +1,9 @@
 //! The arguments of `eyebox evaluate`.
 
-use crate::args::{DisplayArgs, EngineArgs, NEAR, OrderArgs, OtherSceneArgs, SceneArgs};
+use crate::args::{DisplayArgs, EngineArgs, NEAR, OrderArgs, OtherSceneArgs, OverwriteArgs, SceneArgs};
 use crate::phases::PhaseUnitArgs;
 use crate::quality::QualityArgs;
-use crate::values::{depths, one_of, positive, range};
+use crate::values::{depths, diameters, one_of, positive};
 use clap::Args;
 use eyebox::optics::Depth;
 use eyebox::scene::Near;
@@ -18,6 +18,9 @@ pub struct Evaluate {
     /// The report and everything that it is made from; what is there already is not computed again
     #[arg(short, long, value_name = "DIR")]
     pub out: PathBuf,
+    /// Files of others
+    #[command(flatten)]
+    pub overwrite: OverwriteArgs,
     /// Methods to solve with [default: slfh,lf2fs,stft,smooth,dpac; with --hologram, none]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub methods: Option<Vec<String>>,
@@ -68,7 +71,7 @@ pub struct Evaluate {
     #[arg(long, value_name = "B")]
     pub pupils: Option<usize>,
     /// Pupil diameters of random pupils, mm [default: 2..20, or what fits the eyebox]
-    #[arg(long, value_name = "MIN..MAX", value_parser = range)]
+    #[arg(long, value_name = "MIN..MAX", value_parser = diameters)]
     pub pupil_diameter: Option<[f64; 2]>,
     /// Seed of first phases and of the pupils drawn
     #[arg(long, default_value_t = 0, value_name = "S")]

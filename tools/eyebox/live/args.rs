@@ -1,6 +1,6 @@
 //! Arguments that the commands which steer share.
 
-use crate::values::{not_negative, positive, window};
+use crate::values::{not_negative, positive, power, share, window};
 use clap::{Args, ValueEnum};
 use eyebox::optics::WindowFactor;
 use eyebox::session::Policy;
@@ -43,10 +43,10 @@ pub struct SteeringArgs {
     #[arg(long, default_value_t = 8.0, value_name = "N", value_parser = positive)]
     pub settling: f64,
     /// Share of the projection's velocity that is kept
-    #[arg(long, default_value_t = 0.5, value_name = "SHARE", value_parser = not_negative)]
+    #[arg(long, default_value_t = 0.5, value_name = "SHARE", value_parser = share)]
     pub momentum: f64,
     /// The projection's change is divided by the overlap to this power
-    #[arg(long, default_value_t = 1.0, value_name = "P", value_parser = not_negative)]
+    #[arg(long, default_value_t = 1.0, value_name = "P", value_parser = power)]
     pub overlap_power: f64,
     /// Adam's rate, radians
     #[arg(long, default_value_t = 0.05, value_name = "R", value_parser = positive)]

@@ -13,6 +13,7 @@ use clap::Args;
 use eyebox::encode;
 use eyebox::gaze::Eyepiece;
 use eyebox::gpu::Options as VulkanOptions;
+use eyebox::optics::{depth_in_words, depths_in_words, dioptres};
 use eyebox::session::{self, Histogram, Session, Stage, Statistics, Status};
 use serde_json::json;
 use std::path::PathBuf;
@@ -62,7 +63,7 @@ pub fn run(args: &Live) -> Result<(), Failure> {
     let vulkan = VulkanOptions { present: shows, validation: args.shown.validation, ..VulkanOptions::default() };
     let engines = Engines::new(&args.subject.engine, &vulkan)?;
     let gpu = match engines.gpu()? {
-        None if shows => Some(common::display_gpu(args.shown.validation)?),
+        None if shows => Some(common::display_gpu(&args.subject.engine.device, args.shown.validation)?),
         gpu => gpu,
     };
     let steered = subject::load(&args.subject, &engines)?;
@@ -89,17 +90,26 @@ pub fn run(args: &Live) -> Result<(), Failure> {
     options.gpu = gpu;
     options.duration = args.duration.map(|s| Duration::from_secs_f64(s.min(1e9)));
     (options.record, options.trace) = (args.record.clone(), args.trace.clone());
-    [&args.stats, &args.trace].into_iter().flatten().try_for_each(|file| eyebox::files::check_place(file))?;
+    args.stats.iter().try_for_each(|file| eyebox::files::check_place(file))?;
     progress::catch_interrupt();
     let session = Session::start(live, args.shown.output(false, None), options)?;
     let shown = session.about();
     eprintln!("{about}; {}: {:.2} sets a second", shown.presenter, shown.sets_per_second());
     let slow = encode::flicker(&display, &steered.colors, steered.hologram.frames, shown.display_rate.hz());
     slow.inspect(|slow| tracing::warn!("{slow}"));
-    let ended = attend(session, line);
-    summary(&ended.statistics);
+    let focal_length = steered.hologram.focal_length;
+    let ended = attend(session, args.stats.as_deref(), |now, before, seconds| line(now, before, seconds, focal_length));
+    summary(&ended.statistics, focal_length);
+    let focus = ended.statistics.live.as_ref().and_then(|live| live.focus);
+    let focus = focus.map(|depths| depths.map(|z| dioptres(z, focal_length)));
     let memory = common::memory_kib("VmRSS").map(|kib| kib / 1024);
-    conclude(ended, args.stats.as_deref(), &json!({ "engine": steered.engine, "memory_mib": memory }))
+    conclude(
+        ended,
+        args.stats.as_deref(),
+        &json!({
+            "engine": steered.engine, "memory_mib": memory, "focus_dioptres": focus, "unfinished": steered.unfinished,
+        }),
+    )
 }
 
 /// What a tracker's dioptres are before the hologram that is shown.
@@ -109,7 +119,7 @@ fn eyepiece(steered: &Steered) -> Eyepiece {
     Eyepiece { focal_length: hologram.focal_length, depths }
 }
 
-fn summary(statistics: &Statistics) {
+fn summary(statistics: &Statistics, focal_length: f64) {
     let Some(live) = &statistics.live else { return };
     let (report, a) = (&statistics.report, &statistics.report.account);
     eprintln!(
@@ -125,27 +135,29 @@ fn summary(statistics: &Statistics) {
     let at = |h: &Histogram, share| h.percentile(share).map_or("-".into(), |v| format!("{v:.2}"));
     let light = live.latency.of(Stage::SampleToLight);
     eprintln!(
-        "{} steps, {} restarts; sample to light p50 {} ms, p99 {} ms; the newest sample {} ms old at its light; pupil error p50 {} mm, p90 {} mm",
+        "{} steps, {} restarts; sample to light p50 {} ms, p99 {} ms; the newest sample {} ms old at its light; pupil error p50 {} mm, p90 {} mm{}",
         live.steps,
         live.restarts,
         at(light, 0.5),
         at(light, 0.99),
         live.latency.sample_age_ms().map_or("-".into(), |ms| format!("{ms:.0}")),
         at(live.latency.error_mm(), 0.5),
-        at(live.latency.error_mm(), 0.9)
+        at(live.latency.error_mm(), 0.9),
+        live.focus.map_or(String::new(), |z| format!("; focused at {}", depths_in_words(z, focal_length)))
     );
 }
 
 /// The line that is written over while it is shown.
-fn line(now: &Status, before: &Status, seconds: f64) -> String {
+fn line(now: &Status, before: &Status, seconds: f64, focal_length: f64) -> String {
     let (a, b) = (now.live.unwrap_or_default(), before.live.unwrap_or_default());
     let at = |value: Option<f64>| value.map_or("-".into(), |v| format!("{v:.2}"));
     format!(
-        "{:.1} new sets/s, {:.0} steps/s, sample to light p50 {} ms, newest sample {} ms old, pupil error p50 {} mm",
+        "{:.1} new sets/s, {:.0} steps/s, sample to light p50 {} ms, newest sample {} ms old, pupil error p50 {} mm, focus {}",
         (a.sets_new - b.sets_new) as f64 / seconds,
         (a.steps - b.steps) as f64 / seconds,
         at(a.sample_to_light_ms),
         a.sample_age_ms.map_or("-".into(), |ms| format!("{ms:.0}")),
-        at(a.pupil_error_mm)
+        at(a.pupil_error_mm),
+        a.focus.map_or("-".into(), |z| depth_in_words(z, focal_length))
     )
 }

@@ -109,9 +109,9 @@ impl View {
             let steered = if now.steered { "steered" } else { "not steered" };
             let db = new.psnr_db.map_or(String::new(), |db| format!(", {db:.1} dB"));
             let pupil = new.look.pupil;
-            let [x, y, diameter] = [pupil.x, pupil.y, pupil.diameter].map(|v| v * 1e3);
+            let [x, y, diameter, focus] = [pupil.x, pupil.y, pupil.diameter, pupil.depth].map(|v| v * 1e3);
             self.window.title(&format!(
-                "{steered}{db}; pupil {x:.1}, {y:.1} mm, {diameter:.1} mm wide; {:.0} sets a second",
+                "{steered}{db}; pupil {x:.1}, {y:.1} mm, {diameter:.1} mm wide, focused at {focus:.2} mm; {:.0} sets a second",
                 now.sets_per_second
             ));
             let map = [pupil.x, pupil.y, pupil.diameter].map(|v| v / self.eyebox);

@@ -11,6 +11,7 @@ use crate::session::{attend, conclude, ended_by};
 use crate::{Failure, common, progress};
 use args::ClockName;
 use eyebox::encode;
+use eyebox::hologram::Opening;
 use eyebox::session::{self, Output, Session, SessionOptions, SinkFile, Statistics, Status};
 use serde_json::json;
 use std::time::{Duration, UNIX_EPOCH};
@@ -18,7 +19,10 @@ use std::time::{Duration, UNIX_EPOCH};
 /// Plays a hologram or a sequence, and says what was shown.
 pub fn run(args: &Play) -> Result<(), Failure> {
     let display = common::display_of_size(&args.display, args.size, args.force)?;
-    let sequence = args.unit.opening(Some(&display), args.color.one()).sequence(&args.file)?;
+    // Who waits for the rest takes what there is.
+    let unfinished = args.unfinished.unfinished || args.follow;
+    let opening = Opening { unfinished, ..args.unit.opening(Some(&display), args.color.one()) };
+    let sequence = opening.sequence(&args.file)?;
     let mut play = session::Play::new(sequence, &display)?;
     let output = output(args, args.looped || play.looped)?;
     play.rate = args.rate.unwrap_or(play.rate);
@@ -27,14 +31,14 @@ pub fn run(args: &Play) -> Result<(), Failure> {
     (play.follow, play.first, play.ahead) = (args.follow, args.first, args.ahead);
     play.start_at = args.start_at.map(|unix| UNIX_EPOCH + Duration::from_secs_f64(unix.min(1e12)));
     (play.sync_s, play.mark, play.keep_phase) = (args.sync, args.mark, args.keep_phase);
-    let encodes = args.engine == EngineName::Vulkan;
+    let encodes = args.device.engine(args.engine)? == EngineName::Vulkan;
     let shows = args.shown.output != OutputName::Offscreen;
-    let gpu = if encodes || shows { Some(common::display_gpu(args.shown.validation)?) } else { None };
+    let gpu = if encodes || shows { Some(common::display_gpu(&args.device, args.shown.validation)?) } else { None };
     play.device = gpu.clone().filter(|_| encodes);
     let [_, frames, height, width] = play.sequence.shape();
     let colors = play.sequence.about().named_colors();
     let (count, rate) = (play.sequence.count(), play.rate);
-    [&args.stats, &args.trace].into_iter().flatten().try_for_each(|file| eyebox::files::check_place(file))?;
+    args.stats.iter().try_for_each(|file| eyebox::files::check_place(file))?;
     progress::catch_interrupt();
     let mut options = args.options();
     options.gpu = gpu;
@@ -51,7 +55,7 @@ pub fn run(args: &Play) -> Result<(), Failure> {
         sets * sub_frames as f64
     );
     encode::flicker(&display, &colors, frames, about.display_rate.hz()).inspect(|slow| tracing::warn!("{slow}"));
-    let ended = attend(session, |now, before, seconds| line(now, before, seconds, sub_frames));
+    let ended = attend(session, args.stats.as_deref(), |now, before, seconds| line(now, before, seconds, sub_frames));
     summary(&ended.statistics);
     conclude(ended, args.stats.as_deref(), &json!({}))
 }

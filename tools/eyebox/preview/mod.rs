@@ -7,9 +7,10 @@ pub use args::Preview;
 
 use crate::args::SceneArgs;
 use crate::common::{self, Form};
+use crate::phases::tell_unfinished;
 use crate::{Failure, progress, score, view};
 use eyebox::evaluate::Plane;
-use eyebox::hologram::{Hologram, PhaseSource, SceneSource, Sequence, Tiles};
+use eyebox::hologram::{Hologram, Opening, PhaseSource, SceneSource, Sequence, Tiles};
 use eyebox::optics::{Color, Padding, Pupil};
 use eyebox::present::{Desktop, Monitor, PresentError, WindowEvent};
 use eyebox::preview::{
@@ -21,7 +22,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 /// How long the window may go without looking for a new picture.
-const BEAT: Duration = Duration::from_millis(8);
+const PUMP_EVERY: Duration = Duration::from_millis(8);
 /// What windows are that nobody chose the size of: pixels along the longer side.
 const USUAL: [f64; 2] = [640.0, 1280.0];
 /// The share of a monitor that such a window may take.
@@ -57,7 +58,7 @@ pub fn run(args: &Preview) -> Result<(), Failure> {
     let showing = Arc::new(showing);
     let controls = Controls::new(&showing, pupil, !scene.is_empty(), shown.playing.is_some());
     let mut viewer = Viewer::start(opener, scene)?;
-    let gpu = common::display_gpu(args.validation)?;
+    let gpu = common::display_gpu(&args.engine.device, args.validation)?;
     let messages = gpu.messages();
     let mut window = PreviewWindow::open(&gpu, &mut desktop, &shown.name, window)?;
     drop(gpu);
@@ -85,7 +86,9 @@ struct Opened {
 
 fn open(args: &Preview) -> Result<Opened, Failure> {
     if args.at.is_none() && !args.encoded.encoded && Sequence::is_at(&args.file) {
-        let mut sequence = args.phases.opening(&args.file, args.at)?.sequence(&args.file)?;
+        tell_unfinished(&args.file)?;
+        let opening = Opening { unfinished: true, ..args.phases.opening(&args.file, args.at)? };
+        let mut sequence = opening.sequence(&args.file)?;
         let [numerator, denominator] = sequence.rate();
         let hz = args.rate.map_or(f64::from(numerator) / f64::from(denominator), |rate| rate.hz());
         let hologram = sequence.load(0)?;
@@ -125,8 +128,12 @@ fn scene(args: &Preview, hologram: &Hologram, moves: bool, tiled: bool) -> Resul
     args.other.check(&args.file, hologram, scene)?;
     let display = score::display_of(&args.file, hologram)?;
     let colors: Vec<Color> = hologram.colors.iter().filter_map(|c| c.color).collect();
-    let asked =
-        SceneArgs { depth_map: args.depth_map.iter().cloned().collect(), near: args.near, order: args.order, ..SceneArgs::of(scene) };
+    let asked = SceneArgs {
+        depth_map: args.depth_map.iter().cloned().collect(),
+        near: args.near,
+        order: args.order,
+        ..SceneArgs::of(scene)
+    };
     let asked = score::as_solved(&asked, hologram);
     if tiled {
         return common::scene_around(&asked, &display, &colors);
@@ -236,7 +243,7 @@ fn watch(
     let (mut asked, mut seen): (Option<Look>, Option<Seen>) = (None, None);
     let (mut save, mut drawn) = (false, None);
     loop {
-        desktop.pump_for(BEAT).map_err(lost)?;
+        desktop.pump_for(PUMP_EVERY).map_err(lost)?;
         let mut draw = false;
         while let Some(event) = window.event() {
             let at = places(window.size(), shown.size, controls.count());

@@ -1,7 +1,7 @@
 //! The arguments of `eyebox tradeoff`.
 
-use crate::args::{DisplayArgs, EngineArgs, SceneArgs};
-use crate::values::{positive, range};
+use crate::args::{DisplayArgs, EngineArgs, OverwriteArgs, SceneArgs};
+use crate::values::{diameters, positive};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -14,6 +14,9 @@ pub struct Tradeoff {
     /// The page, the numbers, and what a run that was stopped goes on from
     #[arg(short, long, value_name = "DIR")]
     pub out: PathBuf,
+    /// Files of others
+    #[command(flatten)]
+    pub overwrite: OverwriteArgs,
     /// Seconds for all of it
     #[arg(long, value_name = "SECONDS", value_parser = positive, default_value_t = 250.0)]
     pub budget: f64,
@@ -27,7 +30,7 @@ pub struct Tradeoff {
     #[arg(long, value_name = "N|FILE")]
     pub levels: Option<String>,
     /// Pupil diameters, mm [default: 2..20, or what fits the eyebox]
-    #[arg(long, value_name = "MIN..MAX", value_parser = range)]
+    #[arg(long, value_name = "MIN..MAX", value_parser = diameters)]
     pub pupil_diameter: Option<[f64; 2]>,
     /// Seed of first phases, of the pupils drawn, and of the pupils that judge
     #[arg(long, default_value_t = 0, value_name = "S")]

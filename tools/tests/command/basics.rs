@@ -35,8 +35,11 @@ fn mistakes_in_arguments_are_one_line() {
     refused(at, &solve("builtin:plane", "x.zarr", &["--efficiency", "2"]), "x.zarr", "efficiency");
     refused(at, &solve("builtin:plane", "x.zarr", &["--frames", "0"]), "x.zarr", "sub-frames");
     refused(at, &solve("builtin:plane", "x.zarr", &["--pupils", "0"]), "x.zarr", "pupils");
-    refused(at, &solve("builtin:plane", "x.zarr", &["--pupil-diameter", "0..2"]), "x.zarr", "diameters");
+    refused(at, &solve("builtin:plane", "x.zarr", &["--pupil-diameter", "0..2"]), "x.zarr", "smallest first");
     refused(at, &solve("builtin:plane", "x.zarr", &["--vulkan-from", "none"]), "x.zarr", "modulate");
+    refused(at, &solve("builtin:plane", "x.zarr", &["--device", "0"]), "x.zarr", "--engine cpu uses none");
+    let nowhere = ["solve", "builtin:plane", "-o", "x.zarr", "--size", "8x8", "--device", "nowhere"];
+    refused(at, &nowhere, "x.zarr", "there is no Vulkan device: none is called \"nowhere\"");
     refused(at, &["solve", "builtin:plane", "-o", "x.zarr", "--size", "0x8"], "x.zarr", "1 to 65536");
     refused(at, &["solve", "builtin:plane", "-o", "x.zarr", "--display", "none"], "x.zarr", "paper, plm, small");
     let photograph = |pupil| ["photograph", "builtin:plane", "--size", "40x48", pupil, "-o", "x.png"];

@@ -214,7 +214,7 @@ fn mistakes_are_one_line_and_leave_nothing() {
     refused(at, &evaluate(&["builtin:plane", "builtin:plane"], &[]), "twice");
     refused(at, &evaluate(&["builtin:plane"], &["--frames", "0"]), "sub-frames");
     refused(at, &evaluate(&["builtin:plane"], &["--pupils", "0"]), "pupils");
-    refused(at, &evaluate(&["builtin:plane"], &["--pupil-diameter", "0..2"]), "diameters");
+    refused(at, &evaluate(&["builtin:plane"], &["--pupil-diameter", "0..2"]), "smallest first");
     refused(at, &evaluate(&["builtin:plane"], &["--display", "none"]), "paper, plm, small");
     refused(at, &evaluate(&["builtin:plane", "builtin:chart"], &["--depth-map", "d.png"]), "one scene");
     refused(at, &evaluate(&["builtin:plane"], &["--reference", "none.csv"]), "none.csv");

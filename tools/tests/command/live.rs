@@ -63,7 +63,7 @@ fn a_scene_is_solved_and_followed_and_every_set_accounted_for() {
     // Half a set's time lies between a set's beginning and the middle of its light.
     assert!(light["p50"].as_f64().is_none_or(|ms| ms > 8.0), "{light}");
     let trace = json(&at.join("t.json"));
-    let names: Vec<&str> = trace["traceEvents"].as_array().unwrap().iter().filter_map(|e| e["name"].as_str()).collect();
+    let names: Vec<&str> = trace.as_array().unwrap().iter().filter_map(|e| e["name"].as_str()).collect();
     for name in ["filter", "encode", "upload", "submit", "present"] {
         assert!(names.contains(&name), "{name}");
     }
@@ -71,6 +71,53 @@ fn a_scene_is_solved_and_followed_and_every_set_accounted_for() {
         .unwrap()
         .filter(|e| e.as_ref().is_ok_and(|e| e.path().extension().is_some_and(|x| x == "png")));
     assert!(pictures.count() >= 1);
+}
+
+/// A recorded eye that focuses near, as its tracker says, and then far, as both eyes' directions say: each set on the display is
+/// sharp where the eye focuses at that time.
+#[test]
+fn the_hologram_follows_a_focus_that_changes() {
+    let temp = folder();
+    let at = temp.path();
+    let bench = done(at, &["displays", "show", "grey8"]).replace("focal_length_mm = 400", "focal_length_mm = 100");
+    std::fs::write(at.join("bench.toml"), bench).unwrap();
+    let optics = ["--display", "bench.toml", "--size", "64x72", "--color", "green", "--engine", "cpu"];
+    let scene = "builtin:still-life?span=4";
+    let solve = ["solve", scene, "--frames", "1", "--steps", "4", "-o", "h.zarr"];
+    done(at, &[&solve[..], &optics].concat());
+    // Behind 100 mm, 0.14 dioptres are 1.4 mm.
+    let degrees = (0.5 * 0.14 * 0.064_f64).atan().to_degrees();
+    let line = |i: u32| {
+        let (left, more) = if i < 100 { (0.0, "\"focus_d\": 0.14") } else { (-degrees, "\"ipd_mm\": 64") };
+        let eye = |x: f64| format!("{{\"x\": {x}, \"y\": 0, \"unit\": \"deg\", \"what\": \"gaze\", \"diameter\": 4}}");
+        let (left, right) = (eye(left), eye(-left));
+        format!("{{\"t\": {}, \"left\": {left}, \"right\": {right}, {more}}}\n", f64::from(i) / 100.0)
+    };
+    std::fs::write(at.join("eye.jsonl"), (0..200).map(line).collect::<String>()).unwrap();
+    let live =
+        ["live", "h.zarr", "--tracker", "eye.jsonl", "--duration", "2.5", "--stats", "s.json", "--record", "kept"];
+    done(at, &[&live[..], &optics].concat());
+    let stats = json(&at.join("s.json"));
+    for (key, nearest) in [("focus_mm", 1.4), ("focus_dioptres", 0.14)] {
+        let [far, near] = [0, 1].map(|i| stats[key][i].as_f64().expect("a depth"));
+        assert!((near / nearest - 1.0).abs() < 1e-3 && (far / nearest + 1.0).abs() < 0.02, "{key}: {far} to {near}");
+    }
+    let shown = std::fs::read_to_string(at.join("kept/shown.csv")).unwrap();
+    let rows: Vec<Vec<&str>> = shown.lines().skip(1).map(|row| row.split(',').collect()).collect();
+    let time = |row: &Vec<&str>| row[1].parse::<f64>().unwrap() * 1e-9;
+    let (began, set) = (time(&rows[0]), |row: &&Vec<&str>| row[6].starts_with("set-"));
+    let last = |end: f64| rows.iter().rfind(|row| set(row) && time(row) - began < end).expect("a set")[6];
+    for (picture, focus) in [(last(0.9), 1.4), (last(9.0), -1.4)] {
+        let psnr = |focus: f64| {
+            std::fs::write(at.join("pupils.json"), format!("[[0, 0, 4, {focus}]]")).unwrap();
+            let picture = format!("kept/{picture}");
+            let score = ["score", "--encoded", &picture, scene, "--pupils", "pupils.json", "--json"];
+            let said: Value = serde_json::from_str(&done(at, &[&score[..], &optics].concat())).expect("JSON");
+            said["psnr_db"]["mean"].as_f64().unwrap_or_else(|| panic!("{said}"))
+        };
+        let (here, there) = (psnr(focus), psnr(-focus));
+        assert!(here > there + 3.0, "{picture}: {here} dB where the eye focuses, {there} dB elsewhere");
+    }
 }
 
 #[test]

@@ -9,8 +9,10 @@ mod encoded;
 mod evaluate;
 mod generate;
 mod inspect;
+mod kept;
 #[cfg(target_os = "linux")]
 mod live;
+mod odd_values;
 mod phases;
 mod plan;
 mod play;

@@ -73,6 +73,18 @@ impl Fft {
                     let pipeline = chirp_pipeline(gpu, storage)?;
                     let buffers = [data, long, table.all()];
                     gpu.recorder.dispatch(pipeline, &buffers, bytemuck::bytes_of(&arguments(mode)), groups)?;
+                    let values = u64::from(length) * u64::from(count) * u64::from(frames);
+                    let of = |storage: Storage, n: u64| storage.bytes() as u64 * n;
+                    gpu.recorder.moved(|| match mode {
+                        CHIRP_END => vec![long.reads(of(Storage::F32, values)), data.writes(of(storage, values))],
+                        CHIRP_FILTER => {
+                            [long.reads(of(Storage::F32, values)), long.writes(of(Storage::F32, values))].into()
+                        }
+                        _ => {
+                            let read = of(storage, values / u64::from(m) * u64::from(n));
+                            vec![data.reads(read), long.writes(of(Storage::F32, values))]
+                        }
+                    });
                     fft.mark(gpu, || format!("{:?} of {n}, chirp", work.axis).to_lowercase());
                     Ok::<(), EngineError>(())
                 };

@@ -208,6 +208,8 @@ impl Fft {
         let pipeline = rows_pipeline(gpu, shared, work.storage)?;
         let buffers = [work.data, planned.twiddles.all()];
         gpu.recorder.dispatch(pipeline, &buffers, bytemuck::bytes_of(&arguments), [wide, groups.div_ceil(wide), 1])?;
+        let bytes = work.storage.bytes() as u64 * u64::from(n) * u64::from(rows);
+        gpu.recorder.moved(|| vec![work.data.reads(bytes), work.data.writes(bytes)]);
         self.mark(gpu, || format!("rows of {n} through shared memory"));
         Ok(())
     }
@@ -260,6 +262,9 @@ impl Fft {
                     gpu.pipeline(eyebox_spirv::FFT_PASS.stored(work.storage == Storage::F16), 3, &constants)?;
                 let buffers = [from, to, planned.twiddles.all()];
                 gpu.recorder.dispatch(pipeline, &buffers, bytemuck::bytes_of(&arguments), groups)?;
+                let values = u64::from(n) * u64::from(count) * u64::from(work.frames);
+                let bytes = work.storage.bytes() as u64 * values;
+                gpu.recorder.moved(|| vec![from.reads(bytes), to.writes(bytes)]);
             }
             self.mark(gpu, || format!("{:?} of {n}, radix {}", work.axis, radix.size()).to_lowercase());
             s *= radix.size();

@@ -7,7 +7,7 @@ use super::super::views::Views;
 use super::stacks::Stacks;
 use crate::engine::{Dispatch, EngineError, Kernel, PupilPass, Resource, Shape, Step, Storage};
 use crate::gpu::{Block, Commands, PUSH_BYTES, Range};
-use crate::plan::PerFrame;
+use crate::plan::{PerFrame, moved};
 use bytemuck::Pod;
 use eyebox_kernels::{WIDTH, fft::Direction};
 use eyebox_spirv::Module;
@@ -205,7 +205,25 @@ impl<'a> Call<'_, 'a> {
             return Err(self.work.too_large(format!("a buffer of `{}`", module.name), large.size as usize));
         }
         let pipeline = gpu.pipeline(module, buffers.len() as u32, &[])?;
-        gpu.recorder.dispatch(pipeline, buffers, &push[..length], groups)
+        gpu.recorder.dispatch(pipeline, buffers, &push[..length], groups)?;
+        self.say_moved(buffers);
+        Ok(())
+    }
+
+    /// Says what the last dispatch moves: of frames, as many as its ranges hold.
+    fn say_moved(&self, buffers: &[Range<'_>]) {
+        self.work.gpu.recorder.moved(|| {
+            let pass = self.kernel.takes_pupil_passes().then_some(self.dispatch.pupil_passes.start + self.at);
+            let mut moves = Vec::new();
+            for (range, bound) in buffers.iter().zip(self.kernel.binds()) {
+                let frames = self.layout(bound.1).map_or(1, |layout| layout.frames_in(range.size));
+                let whole = [range.size, 0];
+                let [read, written] = moved(self.kernel, *bound, self.step, self.shape, pass, frames).unwrap_or(whole);
+                moves.extend((read > 0).then(|| range.reads(read)));
+                moves.extend((written > 0).then(|| range.writes(written)));
+            }
+            moves
+        });
     }
 
     /// Transforms what the kernel changes, over the grid.

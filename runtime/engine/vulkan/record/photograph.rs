@@ -33,6 +33,14 @@ impl Call<'_, '_> {
                 let buffers = [level.blocks[part.chunk].all(), tables.range(part.place)?, accumulator];
                 let groups = self.work.rows(args.height.div_ceil(STRIP), args.width, 1);
                 self.run(&buffers, &args, &[level.stride as u32], groups)?;
+                // Two samples of halves a tap, in neighbouring blocks of nine rows.
+                let pixels = u64::from(args.height) * u64::from(args.width);
+                let [views, _, accumulator] = buffers;
+                self.work.gpu.recorder.moved(|| {
+                    let before = if args.accumulate == 0 { 0 } else { 4 * pixels };
+                    let read = 2 * pixels * u64::from(args.taps) * 9 / 8;
+                    vec![views.reads(read), accumulator.reads(before), accumulator.writes(4 * pixels)]
+                });
             }
         }
         Ok(())

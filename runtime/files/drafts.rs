@@ -1,0 +1,120 @@
+//! Drafts: what is written beside its place before it is renamed. Each is locked by the program that writes it, so that the
+//! next one that writes beside it can tell those of programs that are gone, and removes them.
+
+use super::os::{is_same, open_own, permit};
+use std::collections::BTreeSet;
+use std::fs::{self, File, TryLockError};
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use tempfile::{NamedTempFile, TempDir};
+
+const HEAD: &str = ".eyebox-";
+const TAIL: &str = ".part";
+
+/// Whether a file or folder of this name is a draft.
+pub(crate) fn is_draft(name: &str) -> bool {
+    let middle = name.strip_prefix(HEAD).and_then(|rest| rest.strip_suffix(TAIL));
+    middle.is_some_and(|middle| middle.bytes().all(|b| b.is_ascii_alphanumeric()))
+}
+
+/// A new file in `folder`.
+pub(super) fn file(folder: &Path) -> io::Result<NamedTempFile> {
+    loop {
+        let draft = builder(0o666, TAIL).tempfile_in(folder)?;
+        if is_mine(draft.as_file(), draft.path()) {
+            remove_the_dead(folder, draft.as_file());
+            return Ok(draft);
+        }
+    }
+}
+
+/// A new folder in `folder`, and its lock.
+pub(super) fn folder(folder: &Path) -> io::Result<(TempDir, Option<File>)> {
+    loop {
+        let draft = builder(0o777, TAIL).tempdir_in(folder)?;
+        // Only Unix opens folders.
+        let Ok(open) = File::open(draft.path()) else { return Ok((draft, None)) };
+        if is_mine(&open, draft.path()) {
+            remove_the_dead(folder, &open);
+            return Ok((draft, Some(open)));
+        }
+    }
+}
+
+/// A new folder for what is moved aside: nobody removes it but who made it.
+pub(super) fn aside(folder: &Path) -> io::Result<TempDir> {
+    builder(0o777, ".old").tempdir_in(folder)
+}
+
+/// Temporary names, with the permissions that any new file gets (the umask applies) instead of the owner's alone.
+fn builder(mode: u32, suffix: &'static str) -> tempfile::Builder<'static, 'static> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(HEAD).suffix(suffix);
+    permit(&mut builder, mode);
+    builder
+}
+
+/// Locks a draft. Whoever looked for those of the dead may have found it first, and have removed it. A file system without
+/// locks has none that are removed.
+fn is_mine(draft: &File, path: &Path) -> bool {
+    match draft.try_lock() {
+        Err(TryLockError::WouldBlock) => false,
+        Ok(()) if cfg!(unix) => is_same(draft, path),
+        _ => true,
+    }
+}
+
+/// Removes drafts of the user's whose is `mine` and whose programs are gone, once for each folder.
+fn remove_the_dead(folder: &Path, mine: &File) {
+    static LOOKED_AT: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+    let first = |path| LOOKED_AT.lock().is_ok_and(|mut known| known.insert(path));
+    if cfg!(unix) && folder.canonicalize().is_ok_and(first) {
+        remove_unlocked(folder, mine);
+    }
+}
+
+fn remove_unlocked(folder: &Path, mine: &File) {
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let (path, Ok(kind)) = (entry.path(), entry.file_type()) else { continue };
+        if !entry.file_name().to_str().is_some_and(is_draft) || !(kind.is_file() || kind.is_dir()) {
+            continue;
+        }
+        let Ok(open) = open_own(&path, mine) else { continue };
+        // Locked while it is removed: who made it a moment ago finds that it is gone, and makes another.
+        if open.try_lock().is_ok() && is_same(&open, &path) {
+            let _ = if kind.is_dir() { fs::remove_dir_all(&path) } else { fs::remove_file(&path) };
+            tracing::debug!("{}: a draft of a program that is gone was removed", path.display());
+        }
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn drafts_of_the_dead_are_removed_and_nothing_else() {
+        let here = tempfile::tempdir().unwrap();
+        let at = here.path();
+        let (file, (folder, lock)) = (file(at).unwrap(), folder(at).unwrap());
+        fs::create_dir(at.join(".eyebox-DEAD01.part")).unwrap();
+        fs::write(at.join(".eyebox-DEAD01.part/zarr.json"), "{}").unwrap();
+        fs::write(at.join(".eyebox-DEAD02.part"), "").unwrap();
+        let kept = [".eyebox-a-b.part", ".eyebox-DEAD03.old", "eyebox-DEAD04.part", ".eyebox-LINK05.part"];
+        kept[..3].iter().for_each(|name| fs::write(at.join(name), "mine").unwrap());
+        let data = tempfile::tempdir().unwrap();
+        fs::write(data.path().join("x"), "mine").unwrap();
+        std::os::unix::fs::symlink(data.path(), at.join(kept[3])).unwrap();
+        remove_unlocked(at, file.as_file());
+        let left: BTreeSet<PathBuf> = fs::read_dir(at).unwrap().map(|e| e.unwrap().path()).collect();
+        let mine = [file.path(), folder.path()].map(Path::to_path_buf);
+        assert_eq!(left, kept.iter().map(|name| at.join(name)).chain(mine).collect());
+        assert!(data.path().join("x").exists());
+        // Once its writer is gone, so is a draft.
+        let path = folder.keep();
+        drop(lock);
+        remove_unlocked(at, file.as_file());
+        assert!(!path.exists() && file.path().exists());
+    }
+}

@@ -1,0 +1,54 @@
+//! Folders that are made for what is to come, and gone again where nothing came.
+
+use super::FileError;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// A folder that was made, with those on the way to it. When this is dropped, those of them that are empty are removed;
+/// a folder that was there before stays.
+#[derive(Debug)]
+pub struct MadeFolder {
+    made: Vec<PathBuf>,
+}
+
+impl MadeFolder {
+    /// Makes a folder where there is none.
+    ///
+    /// # Errors
+    /// [`FileError::Write`].
+    pub fn new(folder: &Path) -> Result<Self, FileError> {
+        let missing = folder.ancestors().take_while(|at| !at.as_os_str().is_empty() && !at.exists());
+        // The innermost is removed first.
+        let made = Self { made: missing.map(Path::to_path_buf).collect() };
+        fs::create_dir_all(folder).map_err(|e| FileError::write(folder, e))?;
+        Ok(made)
+    }
+}
+
+impl Drop for MadeFolder {
+    fn drop(&mut self) {
+        // What is not empty is not removed.
+        self.made.iter().for_each(|folder| drop(fs::remove_dir(folder)));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn empty_folders_that_were_made_go_and_all_others_stay() {
+        let temp = tempfile::tempdir().unwrap();
+        let at = temp.path();
+        drop(MadeFolder::new(&at.join("a/b")).unwrap());
+        assert!(!at.join("a").exists());
+        fs::create_dir(at.join("mine")).unwrap();
+        drop(MadeFolder::new(&at.join("mine/b")).unwrap());
+        assert!(at.join("mine").exists() && !at.join("mine/b").exists());
+        let made = MadeFolder::new(&at.join("a/b")).unwrap();
+        fs::write(at.join("a/b/c"), "").unwrap();
+        drop(made);
+        assert!(at.join("a/b/c").exists());
+        assert!(MadeFolder::new(&at.join("a/b/c/d")).is_err());
+    }
+}

@@ -1,0 +1,221 @@
+//! What a recorded step would take on a GPU: bytes through a cache, stages and submissions, one after the other.
+//!
+//! Modelled, not measured: the bytes are those of the recording, the rates are of data sheets and a few published
+//! measurements. Right to about 40 %, ratios better.
+
+use super::traffic::{Move, Recording, Stage};
+use std::collections::{BTreeMap, HashMap};
+use std::time::Duration;
+
+/// A device, as far as the model goes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DeviceModel {
+    /// What it is called.
+    pub name: &'static str,
+    /// Bytes a second from and to its memory, as reached.
+    pub bandwidth: f64,
+    /// Bytes of its last cache that a list has to itself.
+    pub cache: u64,
+    /// Bytes a second from and to that cache.
+    pub cache_bandwidth: f64,
+    /// Seconds from the end of a stage's work to the beginning of the next one's.
+    pub stage_s: f64,
+    /// Seconds for each further dispatch in a stage.
+    pub dispatch_s: f64,
+    /// Seconds from the end of a recording to its begin on the device, and back to the host.
+    pub submission_s: f64,
+}
+
+/// The devices that are compared.
+pub const DEVICES: [DeviceModel; 3] = [
+    DeviceModel {
+        name: "H200",
+        bandwidth: 0.85 * 4.8e12,
+        cache: 35_000_000,
+        cache_bandwidth: 8.8e12,
+        stage_s: 2.2e-6,
+        dispatch_s: 0.7e-6,
+        submission_s: 22e-6,
+    },
+    DeviceModel {
+        name: "RTX 4090",
+        bandwidth: 0.88 * 1.008e12,
+        cache: 60_000_000,
+        cache_bandwidth: 4e12,
+        stage_s: 2.2e-6,
+        dispatch_s: 0.7e-6,
+        submission_s: 22e-6,
+    },
+    DeviceModel {
+        name: "Radeon 780M",
+        bandwidth: 0.85 * 90e9,
+        cache: 0,
+        cache_bandwidth: 1e12,
+        stage_s: 4e-6,
+        dispatch_s: 1.2e-6,
+        submission_s: 40e-6,
+    },
+];
+
+/// What a step would take.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Estimate {
+    /// Moving bytes.
+    pub memory: Duration,
+    /// Between stages, and dispatches of one.
+    pub stages: Duration,
+    /// Submitting and waiting.
+    pub submissions: Duration,
+}
+
+impl Estimate {
+    /// All of it, while the host does nothing.
+    pub fn total(self) -> Duration {
+        self.memory + self.stages + self.submissions
+    }
+}
+
+impl DeviceModel {
+    /// What these recordings would take there, each met with a cache that holds what the one before it left: the mean over
+    /// all but the first, which finds it empty.
+    pub fn estimate(&self, recordings: &[&Recording]) -> Estimate {
+        let mut cache = Cache { room: self.cache, ..Cache::default() };
+        let mut sum = Estimate::default();
+        for (i, recording) in recordings.iter().enumerate() {
+            let one = self.one(recording, &mut cache);
+            if i > 0 || recordings.len() == 1 {
+                sum.memory += one.memory;
+                sum.stages += one.stages;
+                sum.submissions += one.submissions;
+            }
+        }
+        let count = recordings.len().saturating_sub(1).max(1) as u32;
+        Estimate { memory: sum.memory / count, stages: sum.stages / count, submissions: sum.submissions / count }
+    }
+
+    fn one(&self, recording: &Recording, cache: &mut Cache) -> Estimate {
+        let (mut memory, mut between) = (0.0, 0.0);
+        for stage in recording.stages() {
+            let moved: u64 = stage.iter().flat_map(|moves| moves.iter()).map(|m| m.bytes).sum();
+            let missed = cache.pass(&stage);
+            memory += f64::max(missed as f64 / self.bandwidth, moved as f64 / self.cache_bandwidth);
+            between += self.stage_s + self.dispatch_s * (stage.len() - 1) as f64;
+        }
+        Estimate {
+            memory: Duration::from_secs_f64(memory),
+            stages: Duration::from_secs_f64(between),
+            submissions: Duration::from_secs_f64(recording.submissions() as f64 * self.submission_s),
+        }
+    }
+}
+
+/// Bytes of a piece of the cache.
+const PIECE: u64 = 1 << 20;
+
+/// A place, and which piece of what lies there.
+type Key = ((u64, u64), u64);
+
+/// A cache that forgets what was not used for longest; what was written goes to memory when it is forgotten.
+#[derive(Default)]
+struct Cache {
+    room: u64,
+    used: u64,
+    clock: u64,
+    /// By place and piece: when it was used, its bytes, whether it was written.
+    held: HashMap<Key, (u64, u64, bool)>,
+    /// Which was used when.
+    order: BTreeMap<u64, Key>,
+}
+
+impl Cache {
+    /// Bytes that go from or to memory in a stage.
+    fn pass(&mut self, stage: &Stage<'_>) -> u64 {
+        stage.iter().flat_map(|moves| moves.iter()).map(|m| self.touch(m)).sum()
+    }
+
+    fn touch(&mut self, by: &Move) -> u64 {
+        if self.room == 0 {
+            return by.bytes;
+        }
+        let mut missed = 0;
+        let pieces = by.bytes.div_ceil(PIECE);
+        for piece in 0..pieces {
+            let bytes = by.bytes / pieces;
+            let key = (by.place, piece);
+            self.clock += 1;
+            let held = self.held.remove(&key);
+            if let Some((when, had, _)) = held {
+                self.order.remove(&when);
+                self.used -= had;
+            } else if !by.write {
+                missed += bytes;
+            }
+            let (had, written) = held.map_or((0, false), |(_, had, written)| (had, written));
+            self.held.insert(key, (self.clock, bytes.max(had), by.write || written));
+            self.order.insert(self.clock, key);
+            self.used += bytes.max(had);
+            while self.used > self.room && self.order.len() > 1 {
+                let Some((_, oldest)) = self.order.pop_first() else { break };
+                let Some((_, bytes, written)) = self.held.remove(&oldest) else { continue };
+                self.used -= bytes;
+                missed += if written { bytes } else { 0 };
+            }
+        }
+        missed
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::traffic::Entry;
+    use super::*;
+
+    fn work(moves: &[(u64, u64, bool)]) -> Entry {
+        let moves = moves.iter().map(|&(at, bytes, write)| Move { place: (at, 0), bytes, write }).collect();
+        Entry::Work { moves, dispatch: true }
+    }
+
+    #[test]
+    fn what_a_cache_holds_is_not_fetched_again() {
+        let room = 8 * PIECE;
+        let mut cache = Cache { room, ..Cache::default() };
+        let of = |at, bytes, write| Move { place: (at, 0), bytes, write };
+        assert_eq!(cache.touch(&of(1, 4 * PIECE, false)), 4 * PIECE);
+        assert_eq!(cache.touch(&of(1, 4 * PIECE, false)), 0);
+        // Written: costs nothing until it has to make room.
+        assert_eq!(cache.touch(&of(2, 4 * PIECE, true)), 0);
+        assert_eq!(cache.touch(&of(3, 4 * PIECE, false)), 4 * PIECE);
+        assert_eq!(cache.touch(&of(4, 4 * PIECE, false)), 8 * PIECE);
+        assert!(cache.used <= room);
+    }
+
+    #[test]
+    fn an_estimate_is_bytes_by_bandwidth_and_what_lies_between() {
+        let device = DeviceModel {
+            cache: 0,
+            bandwidth: 1e9,
+            cache_bandwidth: 1e15,
+            stage_s: 1e-3,
+            dispatch_s: 1e-4,
+            submission_s: 0.5,
+            name: "",
+        };
+        let mut recording = Recording::default();
+        for entry in [
+            work(&[(1, 500_000_000, false)]),
+            work(&[(2, 500_000_000, true)]),
+            Entry::Barrier,
+            Entry::Barrier,
+            work(&[(1, 1_000_000_000, false)]),
+            Entry::Submit,
+        ] {
+            recording.push(entry);
+        }
+        assert_eq!((recording.dispatches(), recording.barriers(), recording.stage_count()), (3, 2, 2));
+        assert_eq!(recording.bytes(), [1_500_000_000, 500_000_000]);
+        let estimate = device.estimate(&[&recording]);
+        assert!((estimate.memory.as_secs_f64() - 2.0).abs() < 1e-9);
+        assert!((estimate.stages.as_secs_f64() - 2.1e-3).abs() < 1e-9);
+        assert!((estimate.total().as_secs_f64() - 2.5021).abs() < 1e-9);
+    }
+}

@@ -1,0 +1,106 @@
+//! Steps that are recorded and not run: what they ask of a device, and of the host that records them.
+
+use super::error::SolveError;
+use super::problem::Problem;
+use super::settings::Settings;
+use super::steer::{Refiner, Steering};
+use super::step::{Steps, take};
+use crate::engine::Engine;
+use crate::engine::vulkan::VulkanEngine;
+use crate::gpu::{Counts, EngineError, Gpu};
+use crate::optics::PupilDistribution;
+use crate::plan::{DeviceModel, Estimate, Recording};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// A step that was recorded, and what was made for it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RehearsedStep {
+    /// What it records.
+    pub recording: Recording,
+    /// What was done for it beside.
+    pub counts: Counts,
+}
+
+/// Steps that were recorded, one after the other.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Rehearsal {
+    /// The steps; pipelines and memory are made for the first ones.
+    pub steps: Vec<RehearsedStep>,
+    /// What the host takes to make, check and record a step: the median of as many further ones.
+    pub host: Duration,
+}
+
+impl Rehearsal {
+    /// Of the steps of a solve, on a device that [only records](crate::gpu::Options::record_only).
+    ///
+    /// # Errors
+    /// Those of the settings and of the device.
+    pub fn of_solve(problem: &Problem, settings: &Settings, gpu: &Gpu, count: usize) -> Result<Self, SolveError> {
+        settings.check()?;
+        let planner = problem.planner_of(settings);
+        let mut engine = VulkanEngine::new(gpu)?;
+        engine.load(&planner.shape(settings.optimizer.purpose()), Some(Arc::clone(&problem.pyramid)))?;
+        let mut steps = Steps::new(problem, &planner, settings, 1.0);
+        rehearse(gpu, count, || {
+            let step = steps.next(0.5);
+            take(&mut engine, &step, std::slice::from_ref(&(0..step.list.len()))).map(drop)
+        })
+    }
+
+    /// Of the steps of a refinement for pupils of `aim`.
+    ///
+    /// # Errors
+    /// Those of the settings and of the device.
+    pub fn of_refinement(
+        problem: Problem,
+        frames: usize,
+        steering: Steering,
+        aim: PupilDistribution,
+        gpu: &Gpu,
+        count: usize,
+    ) -> Result<Self, SolveError> {
+        let phases = vec![0.0; frames * problem.optics.height * problem.optics.width];
+        let mut refiner = Refiner::new(problem, &phases, 1.0, steering, Box::new(VulkanEngine::new(gpu)?))?;
+        refiner.aim(aim)?;
+        rehearse(gpu, count, || refiner.step().map(drop))
+    }
+
+    /// The later half of the steps, for which most is made already.
+    fn later(&self) -> &[RehearsedStep] {
+        &self.steps[self.steps.len() / 2..]
+    }
+
+    /// What one of the later half of the steps would take on a device, without the host.
+    pub fn estimate(&self, device: &DeviceModel) -> Estimate {
+        device.estimate(&self.later().iter().map(|step| &step.recording).collect::<Vec<_>>())
+    }
+
+    /// The mean of a number over the later half of the steps.
+    pub fn mean(&self, of: impl Fn(&RehearsedStep) -> u64) -> f64 {
+        self.later().iter().map(|step| of(step) as f64).sum::<f64>() / self.later().len().max(1) as f64
+    }
+}
+
+fn rehearse(
+    gpu: &Gpu,
+    count: usize,
+    mut step: impl FnMut() -> Result<(), EngineError>,
+) -> Result<Rehearsal, SolveError> {
+    let mut steps = Vec::with_capacity(count);
+    for _ in 0..count {
+        let before = gpu.counts();
+        let (done, recording) = gpu.recorded(&mut step);
+        done?;
+        steps.push(RehearsedStep { recording, counts: gpu.counts().since(before) });
+    }
+    // Writing down what is recorded takes time as well: the host is timed where nobody asks.
+    let mut times = Vec::with_capacity(count);
+    for _ in 0..count {
+        let begun = Instant::now();
+        step()?;
+        times.push(begun.elapsed());
+    }
+    times.sort();
+    Ok(Rehearsal { steps, host: times.get(times.len() / 2).copied().unwrap_or_default() })
+}

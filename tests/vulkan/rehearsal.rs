@@ -1,0 +1,78 @@
+//! What a step asks of a device at 1080 x 1920 x 8, recorded and not run: budgets that only fall.
+
+use eyebox::gpu::{Gpu, Options};
+use eyebox::optics::{Color, Display, Pupil, PupilDistribution};
+use eyebox::plan::DEVICES;
+use eyebox::scene::LightField;
+use eyebox::solve::{Problem, Rehearsal, RehearsedStep, Settings, Steering};
+use eyebox_tests::both::watched;
+
+/// Nine views: a photograph then moves less than one of 81, everything else the same.
+fn problem() -> Problem {
+    let display = Display { height: 1080, width: 1920, ..Display::preset("paper").expect("a preset") };
+    let view = vec![0.5; 1080 * 1920];
+    let field = LightField {
+        name: "grey".into(),
+        grid: [3, 3],
+        height: 1080,
+        width: 1920,
+        colors: vec![Color::Green],
+        planes: vec![vec![view; 9]],
+        view_pitch: None,
+        disparity: None,
+        depth: Some([-3e-3, 3e-3]),
+    };
+    Problem::new(&field, Color::Green, &display, Default::default()).expect("a problem")
+}
+
+fn gpu() -> Gpu {
+    Gpu::open(&Options { record_only: true, ..watched() }).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// Dispatches, stages and bytes of each step.
+fn asked(rehearsal: &Rehearsal) -> Vec<[u64; 3]> {
+    let of = |s: &RehearsedStep| {
+        let r = &s.recording;
+        [r.dispatches() as u64, r.stage_count() as u64, r.bytes().iter().sum()]
+    };
+    rehearsal.steps.iter().map(of).collect()
+}
+
+#[test]
+fn steps_keep_to_their_budgets() {
+    let (gpu, problem) = (gpu(), problem());
+    let settings = Settings { pupils: 16, ..Settings::default() };
+    let solve = Rehearsal::of_solve(&problem, &settings, &gpu, 3).unwrap();
+    for [dispatches, stages, bytes] in asked(&solve) {
+        assert!(dispatches <= 430 && stages <= 400 && bytes <= 10_600_000_000, "{dispatches} {stages} {bytes}");
+        // Each of 16 windows is passed, seen, compared and returned, whatever is fused.
+        assert!(dispatches >= 8 && bytes >= 3_000_000_000, "{dispatches} {bytes}");
+    }
+    // Nothing of it goes up but tables of transforms, and nothing comes down but losses.
+    assert!(solve.steps.iter().all(|s| s.counts.read_back == 0 && s.counts.uploaded < 1 << 20));
+
+    let aim = PupilDistribution::around(&Pupil { x: 1e-3, y: 0.0, diameter: 4e-3, depth: 1e-3 }, 0.3e-3);
+    let steered = Rehearsal::of_refinement(problem, 8, Steering::default(), aim, &gpu, 4).unwrap();
+    for [dispatches, stages, bytes] in asked(&steered) {
+        assert!(dispatches <= 130 && stages <= 150 && bytes <= 2_900_000_000, "{dispatches} {stages} {bytes}");
+        assert!(bytes >= 500_000_000, "{bytes}");
+    }
+    let [fast, .., slow] = DEVICES.map(|device| steered.estimate(&device).total());
+    assert!(fast < slow);
+    assert!(gpu.messages().lock().unwrap().is_empty(), "{:?}", gpu.messages());
+}
+
+#[test]
+fn what_is_made_for_a_step_is_not_made_again() {
+    let (gpu, problem) = (gpu(), problem());
+    let steering = Steering { repeats: 8, elsewhere: 0.0, ..Steering::default() };
+    let aim = PupilDistribution::around(&Pupil { x: 0.0, y: 0.0, diameter: 3e-3, depth: 0.0 }, 0.0);
+    let steered = Rehearsal::of_refinement(problem, 2, steering, aim, &gpu, 4).unwrap();
+    let made = |s: &RehearsedStep| s.counts.blocks + s.counts.pipelines + s.counts.pools;
+    assert!(made(&steered.steps[0]) > 0);
+    assert!(steered.steps[1..].iter().all(|s| made(s) == 0 && s.counts.uploaded == 0));
+    // Of a repeated step, photographs and propagation kernels stay.
+    let [first, second] = [0, 1].map(|i| steered.steps[i].recording.by_kernel());
+    assert!(first.iter().any(|(kernel, ..)| kernel.name() == "photograph"));
+    assert!(second.iter().all(|(kernel, ..)| kernel.name() != "photograph" && kernel.name() != "transfer"));
+}

@@ -1,0 +1,107 @@
+//! `eyebox bench --dry`: what steps ask of a device, recorded and not run, and what devices would make of them.
+
+use crate::Failure;
+use crate::args::Bench;
+use eyebox::gpu::{Gpu, Options};
+use eyebox::optics::PupilDistribution;
+use eyebox::plan::DEVICES;
+use eyebox::solve::{Problem, Rehearsal, Settings, Steering};
+use serde_json::{Value, json};
+
+/// How well the place of an eye is known, metres.
+const SPREAD: f64 = 0.3e-3;
+
+/// Records steps of a solve, or of a refinement for a pupil where one is given.
+pub fn run(args: &Bench, problem: Problem, settings: &Settings) -> Result<(), Failure> {
+    let device = args.solve.engine.device.device.clone();
+    let gpu = Gpu::open(&Options { device, allow_cpu: true, record_only: true, ..Options::default() })?;
+    let count = args.solve.steps.unwrap_or(8).max(2);
+    let rehearsal = match &args.pupil {
+        Some(pupil) => {
+            let aim = PupilDistribution::around(&pupil.before(problem.optics.focal_length), SPREAD);
+            let steering = Steering { window: settings.window, seed: settings.seed, ..Steering::default() };
+            Rehearsal::of_refinement(problem, settings.frames, steering, aim, &gpu, count)?
+        }
+        None => Rehearsal::of_solve(&problem, settings, &gpu, count)?,
+    };
+    if args.solve.json {
+        println!("{}", as_json(&rehearsal));
+    } else {
+        print(&rehearsal);
+    }
+    Ok(())
+}
+
+/// Numbers of a step: of the first one, and the mean of the later half.
+type Row = (&'static str, u64, f64);
+
+fn rows(rehearsal: &Rehearsal) -> [Row; 11] {
+    let first = &rehearsal.steps[0];
+    let row = |name, of: fn(&eyebox::solve::RehearsedStep) -> u64| (name, of(first), rehearsal.mean(of));
+    [
+        row("dispatches", |s| s.recording.dispatches() as u64),
+        row("barriers", |s| s.recording.barriers() as u64),
+        row("stages", |s| s.recording.stage_count() as u64),
+        row("bytes_read", |s| s.recording.bytes()[0]),
+        row("bytes_written", |s| s.recording.bytes()[1]),
+        row("submissions", |s| s.recording.submissions() as u64),
+        row("bytes_up", |s| s.counts.uploaded),
+        row("bytes_down", |s| s.counts.read_back),
+        row("blocks_made", |s| s.counts.blocks),
+        row("pipelines_made", |s| s.counts.pipelines),
+        row("descriptor_pools_made", |s| s.counts.pools),
+    ]
+}
+
+fn print(rehearsal: &Rehearsal) {
+    println!("{} steps recorded, none run; of the submissions, the host waits for each", rehearsal.steps.len());
+    println!("{:24} {:>14} {:>14}", "a step", "the first", "later half");
+    for (name, first, later) in rows(rehearsal) {
+        println!("{:24} {first:14} {later:14.1}", name.replace('_', " "));
+    }
+    println!("{:24} {:>14} {:14.3}", "host, ms", "", rehearsal.host.as_secs_f64() * 1e3);
+    println!("\n{:24} {:>14} {:>14}", "the last, by kernel", "dispatches", "MB");
+    let last = rehearsal.steps.last().map(|step| step.recording.by_kernel()).unwrap_or_default();
+    for (kernel, dispatches, bytes) in last {
+        println!("{:24} {dispatches:14} {:14.1}", kernel.name(), bytes as f64 / 1e6);
+    }
+    println!("\nModelled, with the host's time in series (right to about 40 %):");
+    println!("{:24} {:>10} {:>10} {:>12} {:>10}", "ms a step", "memory", "stages", "submissions", "in all");
+    for device in &DEVICES {
+        let estimate = rehearsal.estimate(device);
+        let ms = |time: std::time::Duration| time.as_secs_f64() * 1e3;
+        println!(
+            "{:24} {:10.3} {:10.3} {:12.3} {:10.3}",
+            device.name,
+            ms(estimate.memory),
+            ms(estimate.stages),
+            ms(estimate.submissions),
+            ms(estimate.total() + rehearsal.host)
+        );
+    }
+}
+
+fn as_json(rehearsal: &Rehearsal) -> Value {
+    let rows = rows(rehearsal).map(|(name, first, later)| (name.to_owned(), json!({ "first": first, "later": later })));
+    let devices = DEVICES.iter().map(|device| {
+        let estimate = rehearsal.estimate(device);
+        let ms = |time: std::time::Duration| time.as_secs_f64() * 1e3;
+        let parts = json!({
+            "memory_ms": ms(estimate.memory),
+            "stages_ms": ms(estimate.stages),
+            "submissions_ms": ms(estimate.submissions),
+            "with_host_ms": ms(estimate.total() + rehearsal.host),
+        });
+        (device.name.to_owned(), parts)
+    });
+    let kernels = rehearsal.steps.last().map(|step| step.recording.by_kernel()).unwrap_or_default();
+    let kernels = kernels.into_iter().map(|(kernel, dispatches, bytes)| {
+        (kernel.name().to_owned(), json!({ "dispatches": dispatches, "bytes": bytes }))
+    });
+    json!({
+        "step": Value::Object(rows.into_iter().collect()),
+        "host_ms": rehearsal.host.as_secs_f64() * 1e3,
+        "kernels": Value::Object(kernels.collect()),
+        "modelled": Value::Object(devices.collect()),
+    })
+}

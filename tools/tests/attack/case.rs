@@ -1,0 +1,290 @@
+//! One run of the command: what it is given, how it is watched, and what it may leave.
+
+use crate::answer::{self, Answer};
+use crate::ground::{self, Place};
+use std::ffi::OsString;
+use std::fmt;
+use std::fs::{self, File};
+use std::io::Read;
+use std::os::unix::ffi::OsStrExt;
+use std::path::Path;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// Address space of every case, KiB: no case comes near it unless it takes memory that it should not.
+const ADDRESSES_KIB: u64 = 2 << 20;
+/// Most memory that a case may have, KiB.
+const MEMORY_KIB: u64 = 512 << 10;
+/// How long a case may run before it is asked to stop, and how long it may take to.
+const PATIENCE: Duration = Duration::from_millis(1500);
+const TO_STOP: Duration = Duration::from_secs(5);
+
+/// The program that is attacked: the one that was built, or that of `EYEBOX`.
+pub fn program() -> String {
+    std::env::var("EYEBOX").unwrap_or_else(|_| env!("CARGO_BIN_EXE_eyebox").into())
+}
+
+/// Something that lies in the case's folder `in` when it begins.
+#[derive(Clone)]
+pub enum Put {
+    /// A file.
+    Bytes(Vec<u8>),
+    /// A copy of a file or folder of the ground.
+    Copy(String),
+    /// A pipe that nobody writes to.
+    Fifo,
+    /// An empty folder.
+    Folder,
+    /// A link.
+    Link(String),
+    /// A file of so many bytes that takes none.
+    Sparse(u64),
+    /// A file that may not be read.
+    Locked,
+    /// Nothing: what was there is gone.
+    Gone,
+}
+
+/// What a standard stream is connected to.
+#[derive(Clone, Copy, Default, PartialEq, Eq)]
+pub enum Stream {
+    /// A file.
+    #[default]
+    Kept,
+    /// Nothing.
+    Closed,
+    /// A full disk.
+    Full,
+    /// A pipe whose reader has gone.
+    Gone,
+    /// A pipe that nobody reads.
+    Stuck,
+}
+
+/// One run.
+#[derive(Clone, Default)]
+pub struct Case {
+    /// After the program's name. What begins with `in/` is the case's, `base/` the ground's; results go to `out/`.
+    pub args: Vec<OsString>,
+    /// What is put where, from the case's folder; one after the other.
+    pub puts: Vec<(String, Put)>,
+    /// Standard output and error.
+    pub streams: [Stream; 2],
+    /// Limits, as the shell's `ulimit` takes them.
+    pub limits: Vec<String>,
+    /// Of the environment.
+    pub env: Vec<(&'static str, String)>,
+    /// It may find out that there is no memory by asking for it, and its drafts may stay.
+    pub starved: bool,
+    /// What it had done when it failed may stay: whole files.
+    pub keeps: bool,
+}
+
+impl Case {
+    pub fn of(args: &[&str]) -> Self {
+        Self { args: args.iter().map(OsString::from).collect(), ..Self::default() }
+    }
+
+    pub fn put(mut self, at: &str, what: Put) -> Self {
+        self.puts.push((at.into(), what));
+        self
+    }
+
+    /// Runs it, and says what is wrong with how it ended. A case that was slow is tried once more: the machine may have been.
+    pub fn judge(&self, place: &Place) -> Result<Answer, String> {
+        self.run(place).or_else(|why| if why.contains("after ctrl-C") { self.run(place) } else { Err(why) })
+    }
+
+    fn run(&self, place: &Place) -> Result<Answer, String> {
+        let at = place.path();
+        place.clear();
+        for (name, what) in &self.puts {
+            put(&at.join(name), what, at);
+        }
+        let mut watched = Watched::new(self.command(at).spawn().expect("sh starts"), self.streams);
+        let end = watched.wait();
+        let said = watched.heard();
+        let (end, said) = (end?, said.as_deref());
+        let answer = answer::judge(end, watched.asked.is_some(), said, self.starved)?;
+        if watched.peak > MEMORY_KIB {
+            return Err(format!("it took {} MiB", watched.peak >> 10));
+        }
+        let left = ground::files(&at.join("out"));
+        let draft = left.iter().find(|file| file.extension().is_some_and(|end| end == "part"));
+        // What was stopped may go on from there.
+        let keeps = self.keeps || watched.asked.is_some();
+        let left = if answer == Answer::Refused && !keeps { left.first() } else { draft.filter(|_| !self.starved) };
+        if let Some(left) = left {
+            return Err(format!("it left {}: {}", left.display(), said.unwrap_or_default()));
+        }
+        place.check().map_err(|what| format!("it changed {what}"))?;
+        Ok(answer)
+    }
+
+    fn command(&self, at: &Path) -> Command {
+        let limits = self.limits.iter().map(|l| format!("ulimit {l}; ")).collect::<String>();
+        let closed: String = [(0, ">&-"), (1, "2>&-")]
+            .into_iter()
+            .filter(|(i, _)| self.streams[*i] == Stream::Closed)
+            .map(|(_, s)| s)
+            .collect::<Vec<_>>()
+            .join(" ");
+        // A shell that runs this in the background has ctrl-C ignored.
+        let script = format!("ulimit -v {ADDRESSES_KIB}; {limits}exec env --default-signal=INT \"$0\" \"$@\" {closed}");
+        let mut command = Command::new("sh");
+        command.args(["-c", &script, &program()]).args(&self.args).current_dir(at);
+        command.env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").env("XDG_CACHE_HOME", at.join("cache"));
+        // One arena: address space is memory then.
+        command
+            .env("MALLOC_ARENA_MAX", "1")
+            .env("RUST_BACKTRACE", "0")
+            .envs(self.env.iter().map(|(k, v)| (k, v)))
+            .stdin(Stdio::null());
+        let [out, err] = self.streams.map(|stream| match stream {
+            Stream::Full => Stdio::from(File::options().write(true).open("/dev/full").expect("a full disk")),
+            Stream::Closed => Stdio::null(),
+            Stream::Kept | Stream::Gone | Stream::Stuck => Stdio::piped(),
+        });
+        command.stdout(out).stderr(err);
+        command
+    }
+}
+
+impl fmt::Display for Case {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let stream = |s| ["kept", "closed", "full", "gone", "stuck"][s as usize];
+        self.limits.iter().try_for_each(|limit| write!(f, "ulimit {limit}; "))?;
+        self.env.iter().try_for_each(|(name, value)| write!(f, "{name}={value} "))?;
+        write!(f, "eyebox")?;
+        for arg in &self.args {
+            let text = arg.to_string_lossy();
+            write!(f, " '{}'", text.chars().take(120).collect::<String>().escape_debug())?;
+        }
+        if self.streams != [Stream::Kept; 2] {
+            write!(f, " [stdout {}, stderr {}]", stream(self.streams[0]), stream(self.streams[1]))?;
+        }
+        for (name, what) in &self.puts {
+            match what {
+                Put::Bytes(bytes) => write!(f, "\n    {name}: {}", shown(bytes))?,
+                Put::Copy(of) => write!(f, "\n    {name}: copy of {of}")?,
+                Put::Fifo => write!(f, "\n    {name}: a pipe")?,
+                Put::Folder => write!(f, "\n    {name}: a folder")?,
+                Put::Link(to) => write!(f, "\n    {name}: a link to {to}")?,
+                Put::Sparse(bytes) => write!(f, "\n    {name}: {bytes} sparse bytes")?,
+                Put::Locked => write!(f, "\n    {name}: not readable")?,
+                Put::Gone => write!(f, "\n    {name}: not there")?,
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The beginning of a file.
+fn shown(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(&bytes[..bytes.len().min(1500)]).escape_debug().to_string()
+}
+
+fn put(at: &Path, what: &Put, place: &Path) {
+    fs::create_dir_all(at.parent().expect("a folder")).expect("a folder");
+    if at.symlink_metadata().is_ok() {
+        if at.is_dir() { fs::remove_dir_all(at) } else { fs::remove_file(at) }.expect("removed");
+    }
+    match what {
+        Put::Bytes(bytes) => fs::write(at, bytes).expect("a file"),
+        Put::Copy(of) => ground::copy(&place.join(of), at),
+        Put::Fifo => assert!(Command::new("mkfifo").arg(at).status().expect("mkfifo").success()),
+        Put::Folder => fs::create_dir(at).expect("a folder"),
+        Put::Link(to) => std::os::unix::fs::symlink(to, at).expect("a link"),
+        Put::Sparse(bytes) => File::create(at).and_then(|f| f.set_len(*bytes)).expect("a file"),
+        Put::Locked => {
+            fs::write(at, "locked").expect("a file");
+            fs::set_permissions(at, std::os::unix::fs::PermissionsExt::from_mode(0o000)).expect("a mode");
+        }
+        Put::Gone => {}
+    }
+}
+
+/// A run that is watched until it ends.
+struct Watched {
+    child: Child,
+    /// Read standard output and error.
+    readers: [Option<JoinHandle<Vec<u8>>>; 2],
+    /// When it was asked to stop.
+    asked: Option<Instant>,
+    /// Most memory it had, KiB.
+    peak: u64,
+}
+
+impl Watched {
+    fn new(mut child: Child, streams: [Stream; 2]) -> Self {
+        // A pipe that is dropped has no reader; one that is kept has one that never reads.
+        let mut readers = [None, None];
+        match streams[0] {
+            Stream::Kept => readers[0] = child.stdout.take().map(read),
+            Stream::Gone => drop(child.stdout.take()),
+            _ => {}
+        }
+        match streams[1] {
+            Stream::Kept => readers[1] = child.stderr.take().map(read),
+            Stream::Gone => drop(child.stderr.take()),
+            _ => {}
+        }
+        Self { child, readers, asked: None, peak: 0 }
+    }
+
+    /// What it said on standard error, where somebody listened.
+    fn heard(&mut self) -> Option<String> {
+        let [_, said] = self.readers.each_mut().map(|reader| Some(reader.take()?.join().expect("read")));
+        said.map(|said| String::from_utf8_lossy(&said).into_owned())
+    }
+
+    fn wait(&mut self) -> Result<ExitStatus, String> {
+        let begun = Instant::now();
+        loop {
+            if let Some(end) = self.child.try_wait().expect("it is ours") {
+                return Ok(end);
+            }
+            self.peak = self.peak.max(peak(self.child.id()));
+            match self.asked {
+                None if begun.elapsed() > PATIENCE => {
+                    self.signal("INT");
+                    self.asked = Some(Instant::now());
+                }
+                Some(asked) if asked.elapsed() > TO_STOP => {
+                    let _ = self.child.kill();
+                    let _ = self.child.wait();
+                    return Err(format!("it ran on for {} s after ctrl-C", TO_STOP.as_secs()));
+                }
+                _ => {}
+            }
+            std::thread::sleep(Duration::from_millis(if begun.elapsed().as_millis() < 100 { 2 } else { 10 }));
+        }
+    }
+
+    fn signal(&self, name: &str) {
+        let _ = Command::new("kill").args([format!("-{name}"), self.child.id().to_string()]).status();
+    }
+}
+
+/// Reads a pipe to its end, beside.
+fn read(mut pipe: impl Read + Send + 'static) -> JoinHandle<Vec<u8>> {
+    std::thread::spawn(move || {
+        let mut bytes = Vec::new();
+        pipe.read_to_end(&mut bytes).expect("read");
+        bytes
+    })
+}
+
+/// The most memory that a process had, KiB.
+fn peak(id: u32) -> u64 {
+    let status = fs::read(format!("/proc/{id}/status")).unwrap_or_default();
+    let line = status.split(|b| *b == b'\n').find_map(|l| l.strip_prefix(b"VmHWM:"));
+    let text = line.map(|l| String::from_utf8_lossy(l).trim().trim_end_matches(" kB").to_string());
+    text.and_then(|t| t.parse().ok()).unwrap_or(0)
+}
+
+/// A word that need not be text.
+pub fn word(bytes: &[u8]) -> OsString {
+    std::ffi::OsStr::from_bytes(bytes).to_owned()
+}

@@ -1,0 +1,223 @@
+//! Every option of every command, as the command's own help lists them, with values that nobody should give.
+
+use crate::case::{Case, word};
+use crate::ground::Ground;
+use std::collections::BTreeMap;
+use std::process::Command;
+
+/// An option that takes a value, and what the help says of the value.
+#[derive(Clone)]
+pub struct Opt {
+    pub name: String,
+    pub hint: String,
+}
+
+/// Sound runs of every command, each over in a moment: what an attack changes one thing of.
+pub const SOUND: [&str; 38] = [
+    "demo --size 16 --engine cpu --out out/demo",
+    "solve builtin:plane --size 16x16 --steps 1 --frames 1 --color green --engine cpu -o out/x.zarr --json",
+    "solve base/views --size 16x16 --steps 1 --frames 1 --engine cpu -o out/x.npy --order as-named",
+    "solve base/photo.png --depth-map base/depth.png --views 2 --size 16x16 --steps 1 --frames 1 --color green --engine cpu -o out/x.zarr",
+    "solve base/photo.exr --depth-map base/depth.pfm --near large --views 2 --size 16x16 --steps 1 --frames 1 --engine cpu -o out/x.zarr",
+    "solve builtin:plane --display base/far.toml --frames 1 --memory 600MiB --pupil-diameter 0.2..0.4 --picture 32 --passes 1 --steps 1 --engine cpu -o out/far.zarr",
+    "solve builtin:plane builtin:points --size 16x16 --steps 1 --frames 1 --color green --engine cpu -o out/x.zarr",
+    "solve builtin:plane --size 16x16 --steps 2 --frames 2 --optimizer adam --levels base/levels.txt --color green --engine cpu -o out/x.zarr",
+    "plan builtin:plane --size 16x16 --color green --engine cpu",
+    "inspect base/views --size 16x16 -o out/views.png",
+    "view base/h.zarr --pupil=0,0,1,0 --engine cpu -o out/seen.png",
+    "view base/far.zarr --pupil=0,0,0.3,0 --engine cpu -o out/seen.npy",
+    "view base/phases.npy --display small --size 16x16 --color green --pupil=0,0,1,0 --engine cpu -o out/seen.png",
+    "view base/frames --pupil=0,0,1,0 --engine cpu -o out/seen.png",
+    "photograph builtin:plane --size 16x16 --color green --pupil=0,0,1,0 --engine cpu -o out/wanted.png",
+    "refine base/h.zarr builtin:plane --pupil=0,0,1,0 --steps 1 --engine cpu -o out/x.zarr",
+    "live base/h.zarr --display grey8 --size 16x16 --duration 0.05 --engine cpu --stats out/live.json",
+    "live base/h.zarr --display grey8 --size 16x16 --duration 0.05 --engine cpu --tracker base/eye.jsonl --trace out/trace.json",
+    "study base/h.zarr --display grey8 --size 16x16 --duration 0.1 --engine cpu -o out/study",
+    "score base/h.zarr builtin:plane --pupils base/pupils.json --engine cpu --json",
+    "score base/rgb.zarr builtin:plane --pupils random:2 --engine cpu",
+    "tradeoff builtin:plane --size 16x16 --color green --frames 1 --budget 0.01 --no-store --engine cpu -o out/tradeoff",
+    "evaluate builtin:plane --size 16x16 --color green --frames 1 --steps 1 --methods dpac --views 2 --no-speckle --engine cpu -o out/evaluate",
+    "export base/moving.zarr --at 1 -o out/phases.npy",
+    "import base/pictures --display base/bench/bench.toml --color green -o out/x.zarr",
+    "encode base/rgb.zarr --display base/bench/bench.toml --engine cpu -o out/frames",
+    "encode base/h.zarr --display base/planes.toml --engine cpu -o out/frames --json",
+    "play base/moving.zarr --display grey8 --size 16x16 --output offscreen --clock simulated --engine cpu --stats out/played.json",
+    "play base/h.zarr --display grey8 --size 16x16 --output offscreen --duration 0.05 --engine cpu --record out/shown --trace out/trace.json",
+    "play base/h.zarr --display grey8 --size 16x16 --output offscreen --duration 0.05 --engine cpu --raw out/frames.raw",
+    "preview base/h.zarr",
+    "monitors",
+    "bench builtin:plane --size 16x16 --color green --frames 1 --steps 1 --rounds 1 --engine cpu",
+    "devices --display base/bench/bench.toml",
+    "trackers --watch base/eye.jsonl --pupil",
+    "trackers --watch simulated:3 --duration 0.1 --record out/eye.jsonl --calibration base/ada.toml --pupil 20",
+    "trackers --watch base/eye.hid --device-file base/device.toml",
+    "trackers --describe base/descriptor.txt --json",
+];
+
+/// Numbers, words and sizes as nobody writes them.
+const ODD: [&str; 44] = [
+    "nan",
+    "inf",
+    "-inf",
+    "1e308",
+    "-1e308",
+    "-0",
+    "0",
+    "-1",
+    "1",
+    "2",
+    "3",
+    "1e-320",
+    "1e-9",
+    "1e9",
+    "0.5",
+    "1e400",
+    "64",
+    "1000",
+    "100000",
+    "65536",
+    "2147483648",
+    "4294967296",
+    "9223372036854775808",
+    "18446744073709551615",
+    "18446744073709551616",
+    "",
+    " ",
+    "\u{fc}",
+    "\u{202e}\u{0}a",
+    "0x10",
+    "1/0",
+    "1000000000/1",
+    "0/1",
+    "1,2",
+    "..",
+    "--",
+    "cold",
+    "full",
+    "random:100000",
+    "random:0",
+    "0D",
+    "1e308D",
+    "nanGiB",
+    "1e17",
+];
+
+/// The options of every command that take a value, by its help.
+pub fn all() -> BTreeMap<String, Vec<Opt>> {
+    let names = SOUND.iter().map(|line| line.split(' ').next().unwrap_or_default());
+    names.map(|name| (name.to_string(), of(name))).collect()
+}
+
+fn of(command: &str) -> Vec<Opt> {
+    let answer = Command::new(crate::case::program()).args([command, "--help"]).output().expect("the command starts");
+    let text = String::from_utf8(answer.stdout).expect("text");
+    let found = text.lines().filter_map(|line| {
+        let line = line.trim_start();
+        let line = line.strip_prefix("-o, ").unwrap_or(line);
+        let end = line.find(|c: char| !(c.is_ascii_lowercase() || c == '-')).unwrap_or(line.len());
+        let (name, rest) = line.split_at(end);
+        let hint = rest.trim_start_matches(['=', ' ', '[']).strip_prefix('<')?.split('>').next()?;
+        name.strip_prefix("--").map(|name| Opt { name: name.into(), hint: hint.into() })
+    });
+    // What it says is run as a command.
+    let found: Vec<Opt> = found.filter(|opt| opt.name != "beside").collect();
+    assert!(command == "monitors" || !found.is_empty(), "{command} --help lists no options: {text}");
+    found
+}
+
+/// A sound run.
+pub fn sound(rng: &mut fastrand::Rng) -> Vec<&'static str> {
+    SOUND[rng.usize(..SOUND.len())].split(' ').collect()
+}
+
+fn odd(rng: &mut fastrand::Rng) -> String {
+    match rng.u8(..12) {
+        0 => rng.f64().to_string(),
+        1 => (f64::from_bits(rng.u64(..))).to_string(),
+        2 => rng.i64(..).to_string(),
+        3 => rng.i32(-20..20).to_string(),
+        4 => std::iter::repeat_with(|| rng.char(..)).take(5).collect::<String>().replace('\0', " "),
+        _ => ODD[rng.usize(..ODD.len())].replace('\0', " "),
+    }
+}
+
+/// A value of the form that the help shows, of odd parts; or an odd one whatever the form.
+pub fn value(hint: &str, rng: &mut fastrand::Rng) -> String {
+    let parts = |rng: &mut fastrand::Rng, count: usize, between: &str| {
+        (0..count).map(|_| odd(rng)).collect::<Vec<_>>().join(between)
+    };
+    let whole = rng.u8(..4) == 0;
+    match hint {
+        _ if whole => odd(rng),
+        "X,Y,D,Z" => parts(rng, 4, ","),
+        "X,Y;X,Y;..." => (0..3).map(|_| parts(rng, 2, ",")).collect::<Vec<_>>().join(";"),
+        "MIN..MAX" => parts(rng, 2, ".."),
+        "HxW" => parts(rng, 2, "x"),
+        "AMOUNT" => odd(rng) + ["KiB", "MiB", "GiB", "TiB", "B"][rng.usize(..5)],
+        "LIST" => parts(rng, 3, ","),
+        "MM|D" => odd(rng) + "D",
+        "NAME=FILE" => format!("mine=base/{}", ["h.zarr", "views", "eye.hid", "none"][rng.usize(..4)]),
+        hint if hint.contains("SOURCE") => {
+            let sources =
+                ["simulated:", "udp://:", "udp://127.0.0.1:", "pupil://127.0.0.1:", "base/eye.jsonl", "hid", "mouse"];
+            sources[rng.usize(..sources.len())].to_string() + &odd(rng)
+        }
+        // What lies about, in the place of what is wanted; never outside of the case's folder.
+        hint if ["FILE", "DIR", "FOLDER", "CSV", "PRESET"].iter().any(|word| hint.contains(word)) => {
+            let files = [
+                "base",
+                "base/h.zarr",
+                "base/eye.hid",
+                "base/views",
+                "base/photo.jpg",
+                "base/phases.npy",
+                "base/ada.toml",
+                "base/none",
+                "base/h.zarr/zarr.json",
+                "base/bench/bench.toml",
+                "base/frames",
+                "base/depth.pfm",
+                "paper",
+                "-",
+                ".",
+            ];
+            files[rng.usize(..files.len())].into()
+        }
+        hint if hint.contains("random:N") => format!("random:{}", odd(rng)),
+        _ => odd(rng),
+    }
+}
+
+/// A sound run with one to three options of odd values.
+pub fn case(ground: &Ground, rng: &mut fastrand::Rng) -> Case {
+    let mut args = sound(rng).into_iter().map(String::from).collect::<Vec<_>>();
+    let options = &ground.options[&args[0]];
+    if options.is_empty() {
+        return Case::of(&["monitors", "--json"]);
+    }
+    let mut set = BTreeMap::new();
+    for _ in 0..[1, 1, 1, 2, 3][rng.usize(..5)] {
+        let opt = &options[rng.usize(..options.len())];
+        // Results stay in their place: what stands elsewhere is for other kinds.
+        if !["out", "record", "raw", "shared", "stats", "trace", "save-to"].contains(&opt.name.as_str()) {
+            set.insert(opt.name.clone(), value(&opt.hint, rng));
+        }
+    }
+    for (name, value) in &set {
+        let flag = format!("--{name}");
+        if let Some(at) = args.iter().position(|arg| *arg == flag || arg.starts_with(&format!("{flag}="))) {
+            let own_value = args[at] == flag && args.get(at + 1).is_some_and(|next| !next.starts_with("--"));
+            args.drain(at..=at + usize::from(own_value));
+        }
+        args.push(format!("{flag}={value}"));
+    }
+    if rng.u8(..8) == 0 {
+        args.push("--force".into());
+    }
+    let mut case = Case::of(&[]);
+    case.args = args.iter().map(|arg| word(arg.as_bytes())).collect();
+    if rng.u8(..100) == 0 {
+        case.args.push(word(b"\xff\xfe"));
+    }
+    case
+}

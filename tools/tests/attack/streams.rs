@@ -1,0 +1,25 @@
+//! Standard output and error that are closed, full, or whose reader has gone or never reads; and pipes that results go to.
+
+use crate::case::{Case, Put, Stream};
+use crate::ground::Ground;
+use crate::options::sound;
+
+/// A sound run with other streams.
+pub fn case(_: &Ground, rng: &mut fastrand::Rng) -> Case {
+    if rng.u8(..8) == 0 {
+        let run = [
+            "play base/h.zarr --display grey8 --size 16x16 --output offscreen --duration 0.05 --engine cpu --raw in/pipe",
+        ][0];
+        return Case::of(&run.split(' ').collect::<Vec<_>>()).put("in/pipe", Put::Fifo);
+    }
+    let streams = [Stream::Kept, Stream::Closed, Stream::Full, Stream::Gone, Stream::Stuck];
+    let mut run = sound(rng);
+    if rng.u8(..4) == 0 {
+        run.push("-vv");
+    }
+    let mut case = Case::of(&run);
+    // What could not be said is a loss, and the result is there.
+    case.keeps = true;
+    case.streams = [streams[rng.usize(..5)], streams[rng.usize(..5)]];
+    case
+}

@@ -1,0 +1,71 @@
+//! Numbers that no command takes without a word: each is refused, with what would be right, before anything is made.
+
+use crate::common::{done, eyebox, folder, refused, text};
+
+const SMALL: [&str; 8] = ["--size", "16x16", "--steps", "1", "--color", "green", "--engine", "cpu"];
+
+#[test]
+fn options_of_impossible_values_are_refused_with_what_is_possible() {
+    let temp = folder();
+    let at = temp.path();
+    done(at, &[&["solve", "builtin:plane", "-o", "h.zarr"], &SMALL[..]].concat());
+    let solve = [&["solve", "builtin:plane", "-o", "out.zarr"], &SMALL[..]].concat();
+    let refine = ["refine", "h.zarr", "builtin:plane", "--pupil=0,0,1,0", "-o", "out.zarr"];
+    let play = ["play", "h.zarr", "--display", "grey8", "--size", "16x16", "--engine", "cpu", "--raw", "out.zarr"];
+    let live = ["live", "h.zarr", "--display", "grey8", "--size", "16x16", "--duration", "0.1"];
+    let cases: [(&[&str], &str, &str); 18] = [
+        (&solve, "--psnr=nan", "-100 to 1000"),
+        (&solve, "--psnr=inf", "-100 to 1000"),
+        (&solve, "--seconds=1e308", "1e12 at most"),
+        (&solve, "--pupil-diameter=-5..5", "positive, smallest first"),
+        (&solve, "--depth=-3e99..3", "expected MIN..MAX"),
+        (&refine, "--diameter=-5..5", "positive, smallest first"),
+        (&refine, "--momentum=1e308", "0 to 1"),
+        (&refine, "--momentum=nan", "0 to 1"),
+        (&refine, "--gain=1e308", "1e12 at most"),
+        (&refine, "--gain=1e10", "0 to 1e6"),
+        (&refine, "--overlap-power=100", "0 to 16"),
+        (&live, "--momentum=2", "0 to 1"),
+        (&play, "--start-at=1e308", "1e12 at most"),
+        (&play, "--start-at=1e11", "days from now: a year at most"),
+        (&play, "--start-at=1", "days ago: a year at most"),
+        (&play, "--first=9223372036854775808", "it has 1 holograms"),
+        (&play, "--display-rate=0.1", "1 to 100000 video frames"),
+        (&play, "--ahead=1000000", "1 to 64 sets"),
+    ];
+    for (command, option, what) in cases {
+        refused(at, &[command, &[option]].concat(), "out.zarr", what);
+    }
+}
+
+#[test]
+fn display_files_of_impossible_values_are_refused_with_their_key() {
+    let temp = folder();
+    let at = temp.path();
+    let good = "resolution = [16, 16]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n[encoding]\n\
+                offset_px = [1, 2]\n[[encoding.grating]]\nperiod_px = 8\ndirection_deg = 0\n";
+    std::fs::write(at.join("good.toml"), good).unwrap();
+    done(at, &["devices", "--display", "good.toml"]);
+    for (from, to, what) in [
+        ("[16, 16]", "[16, 16, 16]", "resolution"),
+        ("[1, 2]", "[1, 2, 3]", "offset_px"),
+        ("= 8\n", "= -8\n", "period of at least two"),
+        ("= 8\n", "= nan\n", "period of at least two"),
+    ] {
+        std::fs::write(at.join("bad.toml"), good.replace(from, to)).unwrap();
+        refused(at, &["solve", "builtin:plane", "--display", "bad.toml", "-o", "x.zarr"], "x.zarr", what);
+    }
+}
+
+#[test]
+fn a_command_that_fails_leaves_no_folder() {
+    let temp = folder();
+    let at = temp.path();
+    let no_kernel = ["--engine", "cpu", "--vulkan-from", "none"];
+    refused(at, &[&["demo", "--size", "16", "--out", "out"], &no_kernel[..]].concat(), "out", "no kernel");
+    let far =
+        ["--size", "16x16", "--view-pitch", "1e9", "--force", "--engine", "cpu", "--methods", "dpac", "-o", "out"];
+    let answer = eyebox(at, &[&["evaluate", "builtin:still-life"], &far[..]].concat());
+    let said = text(&answer.stderr);
+    assert!(answer.status.code() == Some(2) && said.contains("view pitch") && !at.join("out").exists(), "{said}");
+}
