@@ -1,5 +1,10 @@
 //! What memory there is: it is promised before it is taken, so that nothing that is read or asked for ends in an abort.
 
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+/// Most that this process may have, bytes, where somebody said so.
+static LIMIT: AtomicU64 = AtomicU64::new(u64::MAX);
+
 /// More memory than there is.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{what} would take {} of memory, and {} are there: {remedy}", amount(*bytes), amount(*available))]
@@ -14,10 +19,15 @@ pub struct TooLarge {
     pub remedy: &'static str,
 }
 
-/// Bytes that this process can still have: what its control group leaves it, what the machine has; none where the system does
-/// not say.
+/// From now on nothing is promised that would bring this process beyond so many bytes.
+pub fn limit(bytes: u64) {
+    LIMIT.store(bytes, Relaxed);
+}
+
+/// Bytes that this process can still have: what its control group and its own limits leave it, what the machine has; none
+/// where the system does not say.
 pub(crate) fn available() -> Option<u64> {
-    [machine(), control_group()].into_iter().flatten().min()
+    [machine(), control_group(), address_space(), stated()].into_iter().flatten().min()
 }
 
 /// Refuses what would take more than there is.
@@ -38,8 +48,32 @@ pub(crate) fn bytes_of(counts: &[usize], size: usize) -> u64 {
 
 fn machine() -> Option<u64> {
     let text = std::fs::read_to_string("/proc/meminfo").ok()?;
-    let line = text.lines().find_map(|l| l.strip_prefix("MemAvailable:"))?;
-    line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
+    kib(text.lines().find_map(|l| l.strip_prefix("MemAvailable:"))?)
+}
+
+/// What [`limit`] leaves.
+fn stated() -> Option<u64> {
+    let limit = LIMIT.load(Relaxed);
+    (limit < u64::MAX).then(|| limit.saturating_sub(of_process("VmRSS:").unwrap_or(0)))
+}
+
+/// What `ulimit -v` leaves.
+fn address_space() -> Option<u64> {
+    let limits = std::fs::read_to_string("/proc/self/limits").ok()?;
+    let line = limits.lines().find_map(|l| l.strip_prefix("Max address space"))?;
+    let most = line.split_whitespace().next()?.parse::<u64>().ok()?;
+    Some(most.saturating_sub(of_process("VmSize:")?))
+}
+
+/// A number of bytes that the system says of this process.
+fn of_process(name: &str) -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    kib(status.lines().find_map(|l| l.strip_prefix(name))?)
+}
+
+/// Bytes, where the system writes `123 kB`.
+fn kib(text: &str) -> Option<u64> {
+    text.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
 }
 
 /// What is left to the control group that this process is in, of the second version.

@@ -19,6 +19,8 @@ pub use crate::plan::{
 };
 pub use choose::{Backend, Choice, open, reason};
 pub use handover::{At, Handover};
+#[cfg(feature = "window")]
+pub(crate) use threads::pool;
 pub use threads::prepare_threads;
 
 use crate::scene::Pyramid;

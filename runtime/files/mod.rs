@@ -11,11 +11,13 @@ mod codec;
 mod drafts;
 mod entry;
 mod folder;
+mod growing;
 #[cfg_attr(not(unix), path = "held_path.rs")]
 mod held;
 mod made;
 mod npy;
 mod os;
+mod own;
 mod picture;
 pub mod read;
 mod whole;
@@ -26,11 +28,13 @@ pub(crate) use codec::{read_grey, read_grey8, read_png8};
 pub(crate) use drafts::is_draft;
 pub(crate) use entry::Kind;
 pub(crate) use folder::Folder;
+pub use growing::GrowingFile;
 pub use made::MadeFolder;
 pub(crate) use npy::read_npy_with_gaps;
 pub use npy::{Npy, read_npy, write_npy};
+pub use own::OwnFolder;
 pub(crate) use picture::{encode_grey8, encode_rgb8};
-pub use picture::{linear_to_srgb, write_png};
+pub use picture::{encode_png, linear_to_srgb, write_png};
 pub use whole::{FolderDraft, check_place, write_file};
 
 use std::{io, path::Path};

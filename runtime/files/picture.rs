@@ -1,7 +1,6 @@
 //! PNG: pictures for people (linear light in, sRGB out) and grey levels for SLMs.
 
-use super::codec::encode_png;
-use super::{FileError, write_file};
+use super::{FileError, codec, write_file};
 use std::{
     io::{self, Write},
     path::Path,
@@ -23,6 +22,17 @@ pub fn linear_to_srgb(v: f64) -> f64 {
 /// # Panics
 /// If there are not one or three planes, or one has another size: the caller's mistake.
 pub fn write_png(file: &Path, height: usize, width: usize, planes: &[&[f32]]) -> Result<(), FileError> {
+    write_file(file, |out| encode_png(out, height, width, planes))
+}
+
+/// Encodes the same.
+///
+/// # Errors
+/// Those of `out`.
+///
+/// # Panics
+/// As [`write_png`].
+pub fn encode_png(out: &mut dyn Write, height: usize, width: usize, planes: &[&[f32]]) -> io::Result<()> {
     assert!(matches!(planes.len(), 1 | 3), "a picture has one or three planes, not {}", planes.len());
     assert!(planes.iter().all(|p| p.len() == height * width), "every plane is {height} x {width}");
     let mut bytes = Vec::with_capacity(planes.len() * height * width);
@@ -30,7 +40,7 @@ pub fn write_png(file: &Path, height: usize, width: usize, planes: &[&[f32]]) ->
         // A cast from float saturates, and takes NaN to 0.
         bytes.extend(planes.iter().map(|p| (linear_to_srgb(f64::from(p[i])) * 255.0).round() as u8));
     }
-    write_file(file, |out| encode_png(out, height, width, planes.len(), &bytes))
+    codec::encode_png(out, height, width, planes.len(), &bytes)
 }
 
 /// Encodes grey levels as they are, `height` x `width` of them, as an 8-bit PNG.
@@ -38,7 +48,7 @@ pub fn write_png(file: &Path, height: usize, width: usize, planes: &[&[f32]]) ->
 /// # Errors
 /// Those of `out`.
 pub(crate) fn encode_grey8(out: &mut dyn Write, height: usize, width: usize, levels: &[u8]) -> io::Result<()> {
-    encode_png(out, height, width, 1, levels)
+    codec::encode_png(out, height, width, 1, levels)
 }
 
 /// Encodes 8-bit red, green, blue as they are, `height` x `width` of them, as a PNG.
@@ -46,7 +56,7 @@ pub(crate) fn encode_grey8(out: &mut dyn Write, height: usize, width: usize, lev
 /// # Errors
 /// Those of `out`.
 pub(crate) fn encode_rgb8(out: &mut dyn Write, height: usize, width: usize, levels: &[u8]) -> io::Result<()> {
-    encode_png(out, height, width, 3, levels)
+    codec::encode_png(out, height, width, 3, levels)
 }
 
 #[cfg(all(test, feature = "image-formats"))]

@@ -199,7 +199,7 @@ fn folders_of(root: &Path) -> io::Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-fn parent(file: &Path) -> &Path {
+pub(super) fn parent(file: &Path) -> &Path {
     file.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 

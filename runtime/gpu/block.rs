@@ -136,6 +136,9 @@ impl Block {
 
 impl Drop for Block {
     fn drop(&mut self) {
+        if self.device.is_stuck() {
+            return;
+        }
         // SAFETY: recordings that use the block are waited for before anything that they use is dropped.
         unsafe { self.device.raw.destroy_buffer(self.raw, None) };
         if let Some(allocation) = self.allocation.take() {

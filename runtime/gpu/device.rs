@@ -70,6 +70,8 @@ pub(crate) struct Device {
     /// What is recorded, while somebody wants to know.
     pub(crate) recording: Mutex<Option<Recording>>,
     lost: AtomicBool,
+    /// It does not answer, and may still be at what it was given.
+    stuck: AtomicBool,
     extensions: Vec<CString>,
     pipelines: Mutex<Option<Pipelines>>,
     allocator: Mutex<Option<Allocator>>,
@@ -165,6 +167,7 @@ impl Device {
             record_only,
             recording: Mutex::default(),
             lost: AtomicBool::new(false),
+            stuck: AtomicBool::new(false),
             extensions,
             pipelines: Mutex::new(None),
             allocator: Mutex::new(None),
@@ -241,6 +244,25 @@ impl Device {
     /// Whether it stopped answering: nothing runs on it any more.
     pub(crate) fn is_lost(&self) -> bool {
         self.lost.load(Ordering::Relaxed)
+    }
+
+    /// Whether it was given up while it may still have been at work: nothing that it was given may be destroyed.
+    pub(crate) fn is_stuck(&self) -> bool {
+        self.stuck.load(Ordering::Relaxed)
+    }
+
+    /// Gives it up: it did not answer in time. What lives on it stays until the process ends, itself included.
+    pub(crate) fn give_up(self: &Arc<Self>, call: &'static str, during: &str) -> EngineError {
+        if !self.stuck.swap(true, Ordering::Relaxed) {
+            std::mem::forget(Arc::clone(self));
+        }
+        self.error(call, during, vk::Result::ERROR_DEVICE_LOST)
+    }
+
+    /// How long a submission may take, nanoseconds: drivers reset hardware that takes longer, and software takes its time.
+    pub(crate) fn patience_ns(&self) -> u64 {
+        const SECOND: u64 = 1_000_000_000;
+        if self.report.kind == DeviceKind::Cpu { 600 * SECOND } else { 30 * SECOND }
     }
 
     /// An answer of Vulkan's as an error: `call` names the call, `during` the kernel, the transfer or the buffer.

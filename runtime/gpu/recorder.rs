@@ -39,6 +39,9 @@ impl Timeline {
 
 impl Drop for Timeline {
     fn drop(&mut self) {
+        if self.device.is_stuck() {
+            return;
+        }
         // SAFETY: the recorder that signals it waited for its submissions, and who waits for it holds it; destroyed once.
         unsafe { self.device.raw.destroy_semaphore(self.raw, None) };
     }
@@ -53,6 +56,8 @@ pub(crate) struct Recorder {
     /// What a test's driver says from a number of submissions on.
     #[cfg(test)]
     pub(crate) fails_from: Option<(u64, vk::Result)>,
+    /// How long a submission may take, nanoseconds.
+    pub(crate) patience_ns: u64,
     sets: Vec<vk::DescriptorPool>,
     /// The pool in use, and how many sets it gave.
     used: (usize, u32),
@@ -80,6 +85,7 @@ impl Recorder {
             submitted: 0,
             #[cfg(test)]
             fails_from: None,
+            patience_ns: device.patience_ns(),
             sets: Vec::new(),
             used: (0, 0),
             queries: vk::QueryPool::null(),
@@ -123,6 +129,9 @@ impl Recorder {
     pub(crate) fn begin(&mut self, marks: usize) -> Result<(), EngineError> {
         let device = &self.device;
         let error = |call| move |e| device.error(call, "recording", e);
+        if device.is_stuck() {
+            return Err(device.give_up("vkBeginCommandBuffer", "recording"));
+        }
         let raw = &self.device.raw;
         let wanted = marks as u32 + 1;
         // SAFETY: what was submitted before has been waited for, so pools may be reset and queries replaced.
@@ -280,7 +289,8 @@ impl Recorder {
         }
     }
 
-    /// Runs what was recorded and waits. Returns (label, seconds) per mark; `during` is what an error names.
+    /// Runs what was recorded and waits, for a while: a device that does not answer is lost. Returns (label, seconds) per mark;
+    /// `during` is what an error names.
     pub(crate) fn submit(&mut self, during: &str) -> Result<&[(usize, f64)], EngineError> {
         self.wait(true);
         self.recording = false;
@@ -313,7 +323,10 @@ impl Recorder {
                 let _ = raw.wait_semaphores(&wait, u64::MAX);
                 return Err(device.error("vkQueueSubmit", during, fault));
             }
-            raw.wait_semaphores(&wait, u64::MAX).map_err(error("vkWaitSemaphores"))?;
+            match raw.wait_semaphores(&wait, self.patience_ns) {
+                Err(vk::Result::TIMEOUT) => return Err(device.give_up("vkWaitSemaphores", during)),
+                other => other.map_err(error("vkWaitSemaphores"))?,
+            }
         }
         self.read_times().map_err(|e| self.device.error("vkGetQueryPoolResults", during, e))?;
         Ok(&self.times)
@@ -372,6 +385,9 @@ impl Recorder {
 
 impl Drop for Recorder {
     fn drop(&mut self) {
+        if self.device.is_stuck() {
+            return;
+        }
         let raw = &self.device.raw;
         let (semaphores, values) = ([self.done.raw], [self.submitted]);
         let wait = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);

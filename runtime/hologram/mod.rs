@@ -42,6 +42,7 @@ mod solved;
 mod source;
 mod store;
 mod tiles;
+mod unfinished;
 
 #[cfg(test)]
 mod damage_tests;
@@ -63,6 +64,7 @@ pub use sequence::Sequence;
 pub use sequence_writer::SequenceWriter;
 pub use source::{PhaseSource, Sampling};
 pub use tiles::{Made, Patch, Tiles};
+pub use unfinished::Unfinished;
 
 use crate::memory::TooLarge;
 use crate::{
@@ -132,6 +134,16 @@ pub enum HologramError {
     Busy {
         /// The hologram.
         path: String,
+    },
+    /// It is still being made, and was not asked for as it is.
+    #[error(
+        "{path}: it is unfinished: {how_far}: repeat the command that makes it, or take it as it is with --unfinished"
+    )]
+    Unfinished {
+        /// The hologram.
+        path: String,
+        /// How far it is.
+        how_far: Unfinished,
     },
     /// It was replaced, or moved, again and again while it was read, or since it was opened.
     #[error("{path}: another program replaced it while it was read: do it again")]

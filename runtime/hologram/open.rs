@@ -1,7 +1,7 @@
 //! One way to open whatever holds phases: a hologram, one of a sequence, or bare phases with what they do not say.
 
 use super::chunks::GROUP;
-use super::{Hologram, HologramError, PhaseSource, PhaseUnit, Phases, Sequence, load_phases};
+use super::{Hologram, HologramError, PhaseSource, PhaseUnit, Phases, Sequence, Tiles, Unfinished, load_phases};
 use crate::optics::{Color, Display, Geometry};
 use std::path::Path;
 
@@ -16,6 +16,8 @@ pub struct Opening {
     pub bare: Option<BareOptics>,
     /// What the numbers of bare phases are.
     pub unit: Option<PhaseUnit>,
+    /// Whether a sequence, or a hologram in tiles, that is still being made is taken as it is; else it is refused.
+    pub unfinished: bool,
 }
 
 /// Optics of phases that come without.
@@ -41,10 +43,11 @@ impl Opening {
     ///
     /// # Errors
     /// Those of [`Hologram::load_at`]; those of [`load_phases`], [`Phases::on`] and [`Phases::with_optics`], and
-    /// [`HologramError::NoOptics`]; [`HologramError::NotAHologram`] where it has no part in the colour.
+    /// [`HologramError::NoOptics`]; [`HologramError::NotAHologram`] where it has no part in the colour;
+    /// [`HologramError::Unfinished`].
     pub fn hologram(&self, path: &Path) -> Result<Hologram, HologramError> {
         let bare = Phases::are_at(path);
-        let mut hologram = if bare { self.bare_hologram(path)? } else { Hologram::load_at(path, self.at)? };
+        let mut hologram = if bare { self.bare_hologram(path)? } else { self.whole(path)? };
         if let (Some(color), false) = (self.color, bare) {
             hologram.colors.retain(|c| c.color == Some(color));
             if hologram.colors.is_empty() {
@@ -62,7 +65,9 @@ impl Opening {
         if Phases::are_at(path) || self.at.is_some() {
             return Ok(self.hologram(path)?.into());
         }
-        match (PhaseSource::open(path, None)?, self.color) {
+        let source = PhaseSource::open(path, None)?;
+        self.allow(path, source.unfinished())?;
+        match (source, self.color) {
             (PhaseSource::Whole(_), Some(_)) => Ok(self.hologram(path)?.into()),
             (PhaseSource::Tiled(tiles), Some(color)) if tiles.about().named_colors() != [color] => {
                 Err(no(path, "it is stored in tiles, all colours of which are read: leave out --color".into()))
@@ -79,7 +84,8 @@ impl Opening {
         if Phases::are_at(path) {
             return Ok(Sequence::single(path, self.hologram(path)?));
         }
-        let sequence = Sequence::open(path)?;
+        let mut sequence = Sequence::open(path)?;
+        self.allow(path, sequence.unfinished())?;
         match self.color {
             Some(color) if sequence.about().named_colors() != [color] => {
                 if !sequence.is_single() {
@@ -89,6 +95,20 @@ impl Opening {
             }
             _ => Ok(sequence),
         }
+    }
+
+    /// A hologram with all of its phases, which are not bare.
+    fn whole(&self, path: &Path) -> Result<Hologram, HologramError> {
+        if !self.unfinished {
+            self.allow(path, Unfinished::at(path)?)?;
+        } else if self.at.is_none() && Tiles::is_tiled(path) {
+            return Tiles::open(path)?.into_hologram();
+        }
+        Hologram::load_at(path, self.at)
+    }
+
+    fn allow(&self, path: &Path, unfinished: Option<Unfinished>) -> Result<(), HologramError> {
+        unfinished.filter(|_| !self.unfinished).map_or(Ok(()), |how_far| Err(how_far.refuse(path)))
     }
 
     fn bare_hologram(&self, path: &Path) -> Result<Hologram, HologramError> {

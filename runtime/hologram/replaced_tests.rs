@@ -27,7 +27,7 @@ fn whole(path: &Path, value: f32) {
 
 fn tiles(path: &Path, value: f32) {
     let about = even(value);
-    let mut tiles = Tiles::create(path, &about, 4, Value::Null).unwrap();
+    let mut tiles = Tiles::create(path, &about, 4, Value::Null, 4).unwrap();
     for (color, of) in about.colors.iter().enumerate() {
         tiles.commit(color as u64 + 1, color, [0, 0], [8, 8], &of.phases).unwrap();
     }
@@ -166,7 +166,7 @@ fn a_folder_of_pictures_is_the_old_or_the_new() {
 fn tiles_that_are_gone_are_not_taken_for_such_that_were_never_solved() {
     let here = tempfile::tempdir().unwrap();
     let path = here.path().join("h.zarr");
-    drop(Tiles::create(&path, &even(0.0), 4, Value::Null).unwrap());
+    drop(Tiles::create(&path, &even(0.0), 4, Value::Null, 4).unwrap());
     let looked = Tiles::open(&path).unwrap();
     assert!(looked.read(0, [0, 0], [8, 8]).is_ok());
     whole(&path, 1.0);

@@ -5,6 +5,9 @@ use crate::engine::Engine;
 use crate::evaluate::{Ceiling, EvaluateError, Plane, Summary, Sums, ssim};
 use crate::optics::Pupil;
 
+/// Pupils whose pictures are in memory at once.
+const AT_ONCE: usize = 64;
+
 /// What one pupil scored, over all colours.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PupilScore {
@@ -60,23 +63,33 @@ impl PhaseSource<'_> {
         let mut ssims: Vec<Option<f64>> = vec![Some(0.0); pupils.len()];
         let mut ceilings: Vec<Vec<Ceiling>> = vec![Vec::with_capacity(has); pupils.len()];
         for color in 0..has {
-            let pooled = |planes: Vec<Plane>| planes.iter().map(Plane::pooled).collect::<Vec<_>>();
-            let wanted = pooled(scene.photographs(color, pupils, Sampling::Pupil, engine)?);
-            let seen = pooled(self.look_through(color, None, pupils, Sampling::Pupil, engine)?);
-            let pairs = || seen.iter().zip(&wanted);
-            let of_color =
-                pairs().map(|(s, w)| Sums::of_images(&s.values, &w.values)).collect::<Result<Vec<_>, _>>()?;
-            let exposure = Sums::fit_exposure(&of_color)?;
+            let mut pairs = |pupils: &[Pupil]| -> Result<Vec<(Plane, Plane)>, HologramError> {
+                let wanted = scene.photographs(color, pupils, Sampling::Pupil, engine)?;
+                let seen = self.look_through(color, None, pupils, Sampling::Pupil, engine)?;
+                Ok(seen.iter().map(Plane::pooled).zip(wanted.iter().map(Plane::pooled)).collect())
+            };
             let whole = optics.get(color).filter(|_| self.shows_whole_pictures(color));
-            for (i, (seen, wanted)) in pairs().enumerate() {
-                ceilings[i].extend(whole.map(|optics| Ceiling::new(optics, &pupils[i], wanted)));
-                sums[i].push((of_color[i], exposure));
-                let exposed: Vec<f32> = seen.values.iter().map(|v| v * exposure as f32).collect();
-                ssims[i] = match ssim(&exposed, &wanted.values, seen.rows, seen.columns) {
-                    Ok(value) => ssims[i].map(|sum| sum + value),
-                    Err(EvaluateError::TooSmall { .. }) => None,
-                    Err(other) => return Err(other.into()),
-                };
+            let (mut of_color, mut kept) = (Vec::with_capacity(pupils.len()), Vec::new());
+            for some in pupils.chunks(AT_ONCE) {
+                kept = pairs(some)?;
+                for (pupil, (seen, wanted)) in some.iter().zip(&kept) {
+                    ceilings[of_color.len()].extend(whole.map(|optics| Ceiling::new(optics, pupil, wanted)));
+                    of_color.push(Sums::of_images(&seen.values, &wanted.values)?);
+                }
+            }
+            let exposure = Sums::fit_exposure(&of_color)?;
+            sums.iter_mut().zip(of_color).for_each(|(sums, of_color)| sums.push((of_color, exposure)));
+            // The exposure is known after all pupils: where they are many, their pictures are made once more.
+            for (some, ssims) in pupils.chunks(AT_ONCE).zip(ssims.chunks_mut(AT_ONCE)) {
+                let made = if pupils.len() > AT_ONCE { pairs(some)? } else { std::mem::take(&mut kept) };
+                for ((seen, wanted), sum) in made.iter().zip(ssims) {
+                    let exposed: Vec<f32> = seen.values.iter().map(|v| v * exposure as f32).collect();
+                    *sum = match ssim(&exposed, &wanted.values, seen.rows, seen.columns) {
+                        Ok(value) => sum.map(|sum| sum + value),
+                        Err(EvaluateError::TooSmall { .. }) => None,
+                        Err(other) => return Err(other.into()),
+                    };
+                }
             }
             exposures.push(exposure);
         }

@@ -45,9 +45,13 @@ impl Sequence {
     /// [`HologramError::NotAHologram`]; [`HologramError::Damaged`] for the group's document;
     /// [`HologramError::FileOptics`]; [`HologramError::File`].
     pub fn open(path: &Path) -> Result<Self, HologramError> {
-        let opened = read_whole(path, Self::open_in)?;
+        let opened = Self::open_quietly(path)?;
         opened.notes.iter().for_each(|note| tracing::warn!("{note}"));
         Ok(opened)
+    }
+
+    pub(super) fn open_quietly(path: &Path) -> Result<Self, HologramError> {
+        read_whole(path, Self::open_in)
     }
 
     fn open_in(folder: &Folder) -> Result<Self, HologramError> {

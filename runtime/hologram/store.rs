@@ -45,7 +45,8 @@ impl Hologram {
     ///
     /// # Errors
     /// [`HologramError::NotAHologram`]; [`HologramError::Damaged`] naming the file that is missing, cut short or
-    /// changed; [`HologramError::FileOptics`]; [`HologramError::File`]; [`HologramError::Replaced`].
+    /// changed; [`HologramError::FileOptics`]; [`HologramError::File`]; [`HologramError::Unfinished`];
+    /// [`HologramError::Replaced`].
     pub fn load(path: &Path) -> Result<Self, HologramError> {
         read_whole(path, Self::load_from)
     }
@@ -66,7 +67,8 @@ impl Hologram {
             tracing::debug!("{path}: another program wrote it, with no checksum of its documents or phases to check");
         }
         if side.is_some() {
-            return Tiles::of_folder(folder)?.into_hologram();
+            let tiles = Tiles::of_folder(folder)?;
+            return tiles.unfinished().map_or_else(|| tiles.into_hologram(), |how_far| Err(how_far.refuse(path)));
         }
         let [colors, frames, height, width] = shape;
         if colors != hologram.colors.len() || colors == 0 || frames == 0 {

@@ -34,6 +34,9 @@ pub struct Made {
     pub done: u64,
     /// What the job is: a hologram is resumed by the same job alone.
     pub job: Value,
+    /// How many parts it has, where that was said.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub total: Option<u64>,
     /// Tiles (colour, row, column) that were staged with it.
     pending: Vec<[usize; 3]>,
 }
@@ -80,18 +83,18 @@ pub(crate) fn first_phase(seed: u64, color: usize, frame: usize, row: usize, col
 }
 
 impl Tiles {
-    /// A new hologram: what `about` says (its phases are not looked at), in tiles of `side` x `side` pixels. One that
-    /// stands at `path` is replaced.
+    /// A new hologram: what `about` says (its phases are not looked at), in tiles of `side` x `side` pixels, made by a `job`
+    /// of `total` parts. One that stands at `path` is replaced.
     ///
     /// # Errors
     /// [`HologramError::Inconsistent`]; [`HologramError::File`].
-    pub fn create(path: &Path, about: &Hologram, side: usize, job: Value) -> Result<Self, HologramError> {
+    pub fn create(path: &Path, about: &Hologram, side: usize, job: Value, total: u64) -> Result<Self, HologramError> {
         let mut side = side.clamp(1, 1 << 14);
         // One tile that is the whole of one sub-frame would be told from no tiles by nothing.
         if (about.frames, about.height, about.width) == (1, side, side) && side > 1 {
             side = side.div_ceil(2);
         }
-        let made = Made { done: 0, job, pending: Vec::new() };
+        let made = Made { done: 0, job, total: Some(total), pending: Vec::new() };
         let draft = draft(path)?;
         let shape = [about.colors.len(), about.frames, about.height, about.width];
         for i in 0..about.colors.len() {
@@ -357,8 +360,8 @@ impl Tiles {
 
     /// Makes staged tiles count.
     fn count(&mut self, done: u64, pending: Vec<[usize; 3]>) -> Result<(), HologramError> {
-        let job = self.made.as_ref().map_or(Value::Null, |m| m.job.clone());
-        let made = Made { done, job, pending };
+        let (job, total) = self.made.as_ref().map_or((Value::Null, None), |m| (m.job.clone(), m.total));
+        let made = Made { done, job, total, pending };
         let written = self.folder.replace(DRAFT, PROGRESS, |out| out.write_all(&to_json(&made)));
         written.map_err(|e| unwritable(&self.folder, PROGRESS, e))?;
         self.made = Some(made);

@@ -49,7 +49,7 @@ fn what_is_committed_is_read_and_the_rest_is_as_it_was() {
     let here = tempfile::tempdir().unwrap();
     let path = here.path().join("h.zarr");
     let (height, width) = (70, 90);
-    let mut tiles = Tiles::create(&path, &about(2, height, width), 32, Value::Null).unwrap();
+    let mut tiles = Tiles::create(&path, &about(2, height, width), 32, Value::Null, 4).unwrap();
     let first = tiles.read(0, [0, 0], [height, width]).unwrap();
     assert_eq!(first[height * width + 5 * width + 7], first_phase(5, 0, 1, 5, 7));
     // A rectangle that ends at the edge, over tiles that are not full.
@@ -80,7 +80,7 @@ fn a_copy_differs_where_it_was_patched_alone() {
     let here = tempfile::tempdir().unwrap();
     let [path, other] = ["h.zarr", "other.zarr"].map(|name| here.path().join(name));
     let (height, width) = (70, 90);
-    let mut tiles = Tiles::create(&path, &about(2, height, width), 32, Value::Null).unwrap();
+    let mut tiles = Tiles::create(&path, &about(2, height, width), 32, Value::Null, 4).unwrap();
     let (at, size) = ([32, 64], [38, 26]);
     let phases: Vec<f32> = (0..2 * 38 * 26).map(|i| (i % 100) as f32 / 50.0 - 1.0).collect();
     let patch = [Patch { color: 0, at, size, phases: phases.clone() }];
@@ -108,7 +108,7 @@ fn a_copy_differs_where_it_was_patched_alone() {
 fn a_commit_is_whole_or_not_at_all() {
     let here = tempfile::tempdir().unwrap();
     let path = here.path().join("h.zarr");
-    drop(Tiles::create(&path, &about(1, 64, 64), 32, Value::Null).unwrap());
+    drop(Tiles::create(&path, &about(1, 64, 64), 32, Value::Null, 4).unwrap());
     let state = |tiles: &Tiles| (tiles.made().unwrap().done, tiles.read(0, [0, 0], [64, 32]).unwrap());
     let staged = || fs::read_dir(path.join(STAGED)).unwrap().count();
     let both = |expected: &(u64, Vec<f32>)| {
@@ -127,7 +127,7 @@ fn a_commit_is_whole_or_not_at_all() {
     stage();
     both(&(0, old));
     stage();
-    let made = Made { done: 1, job: Value::Null, pending: vec![[0, 0, 0], [0, 1, 0]] };
+    let made = Made { done: 1, job: Value::Null, total: None, pending: vec![[0, 0, 0], [0, 1, 0]] };
     fs::write(path.join(PROGRESS), to_json(&made)).unwrap();
     // One of the two was moved already.
     fs::create_dir_all(path.join("phases/c/0/0/0")).unwrap();
@@ -142,7 +142,7 @@ fn a_commit_is_whole_or_not_at_all() {
 fn one_program_makes_it_and_others_may_look() {
     let here = tempfile::tempdir().unwrap();
     let path = here.path().join("h.zarr");
-    let mut tiles = Tiles::create(&path, &about(1, 64, 64), 32, Value::Null).unwrap();
+    let mut tiles = Tiles::create(&path, &about(1, 64, 64), 32, Value::Null, 4).unwrap();
     let said = Tiles::resume(&path).unwrap_err().to_string();
     assert!(said.contains("h.zarr: another program"), "{said}");
     let mut looked = Tiles::open(&path).unwrap();
@@ -163,7 +163,7 @@ fn one_program_makes_it_and_others_may_look() {
 fn a_draft_of_the_progress_does_not_stay() {
     let here = tempfile::tempdir().unwrap();
     let path = here.path().join("h.zarr");
-    let mut tiles = Tiles::create(&path, &about(1, 64, 64), 32, Value::Null).unwrap();
+    let mut tiles = Tiles::create(&path, &about(1, 64, 64), 32, Value::Null, 4).unwrap();
     let names = || -> Vec<String> {
         let all = fs::read_dir(&path).unwrap();
         all.map(|e| e.unwrap().file_name().into_string().unwrap()).filter(|n| n != STAGED).collect()
@@ -191,7 +191,7 @@ fn a_draft_of_the_progress_does_not_stay() {
 fn a_shape_that_lies_costs_nothing() {
     let here = tempfile::tempdir().unwrap();
     let path = here.path().join("h.zarr");
-    drop(Tiles::create(&path, &about(1, 64, 64), 32, Value::Null).unwrap());
+    drop(Tiles::create(&path, &about(1, 64, 64), 32, Value::Null, 4).unwrap());
     for (frames, side) in [(1 << 40, 32), (1 << 61, 32), (usize::MAX, 1 << 14)] {
         fs::write(path.join(ARRAY), document::array([1, frames, 64, 64], Some(side))).unwrap();
         for error in [Tiles::open(&path).map(drop), Hologram::load(&path).map(drop)].map(Result::unwrap_err) {
@@ -204,7 +204,7 @@ fn a_shape_that_lies_costs_nothing() {
 fn progress_is_sealed_and_older_progress_is_read() {
     let here = tempfile::tempdir().unwrap();
     let path = here.path().join("h.zarr");
-    let mut tiles = Tiles::create(&path, &about(1, 64, 64), 32, Value::Null).unwrap();
+    let mut tiles = Tiles::create(&path, &about(1, 64, 64), 32, Value::Null, 4).unwrap();
     tiles.commit(2, 0, [0, 0], [32, 32], &[0.5; 1024]).unwrap();
     drop(tiles);
     let whole = fs::read_to_string(path.join(PROGRESS)).unwrap();
@@ -225,7 +225,7 @@ fn nothing_of_others_is_removed_or_written() {
     let (path, data) = (here.path().join("h.zarr"), here.path().join("data"));
     fs::create_dir(&data).unwrap();
     fs::write(data.join("1.0.0.0"), "mine").unwrap();
-    let mut tiles = Tiles::create(&path, &about(1, 64, 64), 32, Value::Null).unwrap();
+    let mut tiles = Tiles::create(&path, &about(1, 64, 64), 32, Value::Null, 4).unwrap();
     symlink(&data, path.join(STAGED)).unwrap();
     let phases = vec![0.5; 32 * 32];
     assert!(matches!(tiles.commit(1, 0, [0, 0], [32, 32], &phases), Err(HologramError::Damaged { .. })));
@@ -240,7 +240,7 @@ fn nothing_of_others_is_removed_or_written() {
     assert_eq!((fs::read(data.join("1.0.0.0")).unwrap(), fs::read_dir(&data).unwrap().count()), (b"mine".to_vec(), 1));
     fs::remove_file(path.join("phases/c/0")).unwrap();
     fs::write(path.join("phases/notes.txt"), "mine").unwrap();
-    let error = Tiles::create(&path, &about(1, 64, 64), 32, Value::Null).unwrap_err();
+    let error = Tiles::create(&path, &about(1, 64, 64), 32, Value::Null, 4).unwrap_err();
     assert!(matches!(error, HologramError::File(FileError::Taken { .. })), "{error}");
     assert!(path.join("phases/notes.txt").exists());
 }

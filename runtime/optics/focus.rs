@@ -56,6 +56,9 @@ impl Depth {
     }
 }
 
+/// Beyond any depth that is meant, mm or dioptres.
+const FARTHEST: f64 = 1e9;
+
 impl FromStr for Depth {
     type Err = String;
 
@@ -66,9 +69,9 @@ impl FromStr for Depth {
             None => (text.strip_suffix("mm").unwrap_or(text).trim_end(), false),
         };
         match number.parse::<f64>() {
-            Ok(value) if value.is_finite() && in_dioptres => Ok(Self::Dioptres(value)),
-            Ok(value) if value.is_finite() => Ok(Self::Metres(value * 1e-3)),
-            _ => Err(format!("'{text}' is no depth: expected mm, such as 1.5, or dioptres, such as 0.5D")),
+            Ok(value) if value.abs() <= FARTHEST && in_dioptres => Ok(Self::Dioptres(value)),
+            Ok(value) if value.abs() <= FARTHEST => Ok(Self::Metres(value * 1e-3)),
+            _ => Err(format!("'{text}' is no depth: expected mm, such as 1.5, or dioptres, such as 0.5D, 1e9 at most")),
         }
     }
 }

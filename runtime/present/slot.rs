@@ -59,11 +59,32 @@ impl Slot {
 
     /// Has room for so many bytes from the host. The device reads nothing of it.
     pub(super) fn reserve(&mut self, device: &Arc<Device>, bytes: u64) -> Result<(), EngineError> {
-        if self.pixels.as_ref().is_none_or(|p| p.size < bytes) {
+        if !self.has_room(bytes) {
             self.pixels = None;
             self.pixels = Some(Block::new(device, bytes, MemoryLocation::CpuToGpu, "a picture")?);
         }
         Ok(())
+    }
+
+    /// Whether there is room for so many bytes from the host.
+    pub(super) fn has_room(&self, bytes: u64) -> bool {
+        self.pixels.as_ref().is_some_and(|p| p.size >= bytes)
+    }
+
+    /// After a submission that failed: what it would have waited for and signalled is made anew; whether it could be. The device
+    /// is at nothing of it.
+    pub(super) fn renew(&mut self, device: &Device) -> bool {
+        let signalled = vk::FenceCreateInfo::default().flags(vk::FenceCreateFlags::SIGNALED);
+        // SAFETY: the device is valid and idle; each handle is destroyed once, and replaced at once.
+        unsafe {
+            let Ok(acquired) = device.raw.create_semaphore(&vk::SemaphoreCreateInfo::default(), None) else {
+                return false;
+            };
+            device.raw.destroy_semaphore(std::mem::replace(&mut self.acquired, acquired), None);
+            let Ok(done) = device.raw.create_fence(&signalled, None) else { return false };
+            device.raw.destroy_fence(std::mem::replace(&mut self.done, done), None);
+        }
+        true
     }
 
     /// Shows a picture that is on the device.

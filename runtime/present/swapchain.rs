@@ -5,6 +5,8 @@
 
 #![allow(unsafe_code)]
 
+mod make;
+
 use super::copy::{fill, record_copy};
 use super::slot::Slot;
 use super::surface::{Surface, Target, WindowHandle};
@@ -43,6 +45,10 @@ pub struct Swapchain {
     pub(super) extent: vk::Extent2D,
     /// The swapchain is not, or could be better: it is made again.
     pub(super) stale: bool,
+    /// A picture lies in the next slot, whose fence is signalled.
+    taken: bool,
+    /// What waited for an image could not be made anew: nothing is shown any more.
+    broken: bool,
     /// It was made again for being less than best, and is no better.
     pub(super) tolerated: bool,
     /// What a test has the driver answer, call by call.
@@ -92,6 +98,8 @@ impl Swapchain {
             format: vk::Format::UNDEFINED,
             extent: vk::Extent2D::default(),
             stale: true,
+            taken: false,
+            broken: false,
             tolerated: false,
             #[cfg(test)]
             pretended: Default::default(),
@@ -135,107 +143,6 @@ impl Swapchain {
         Slot::make(&mut self.slots, count, &self.gpu.device, self.pool)
     }
 
-    /// The size that pictures have on the surface; `wanted` where it leaves the choice. No pixels while a window is
-    /// minimised.
-    pub(super) fn extent_now(
-        &self,
-        wanted: [usize; 2],
-    ) -> Result<(vk::Extent2D, vk::SurfaceCapabilitiesKHR), EngineError> {
-        let can =
-            self.surface.capabilities(self.gpu.device.physical).map_err(|e| self.error("surface capabilities", e))?;
-        let ([height, width], is) = (wanted.map(|n| n as u32), can.current_extent);
-        let extent = match (self.policy, is.width == u32::MAX) {
-            (Policy::Exact(_), false) if (is.height, is.width) != (height, width) => {
-                return Err(self.unsuitable(format!(
-                    "the window is {}x{} pixels, and a video frame has {height}x{width}: nothing is scaled, so they must \
-                     be equal",
-                    is.height, is.width
-                )));
-            }
-            (Policy::Newest, true) => {
-                let (least, most) = (can.min_image_extent, can.max_image_extent);
-                let within = |n: u32, least: u32, most: u32| n.min(most).max(least);
-                vk::Extent2D {
-                    width: within(width, least.width, most.width),
-                    height: within(height, least.height, most.height),
-                }
-            }
-            (Policy::Exact(_), _) => vk::Extent2D { width, height },
-            (Policy::Newest, false) => is,
-        };
-        Ok((extent, can))
-    }
-
-    fn unsuitable(&self, reason: impl Into<String>) -> EngineError {
-        EngineError::Unsuitable { device: self.gpu.device.report.name.clone(), reason: reason.into() }
-    }
-
-    /// Makes the swapchain, or makes it again; false where the window has no pixel now.
-    pub(super) fn make(&mut self, wanted: [usize; 2]) -> Result<bool, EngineError> {
-        let (extent, can) = self.extent_now(wanted)?;
-        if extent.width == 0 || extent.height == 0 {
-            return Ok(false);
-        }
-        let physical = self.gpu.device.physical;
-        let format =
-            self.surface.plain_format(physical).map_err(|e| self.error("surface formats", e))?.ok_or_else(|| {
-                self.unsuitable("the window offers no UNORM format of 8 bits, and others change the levels")
-            })?;
-        if !can.supported_usage_flags.contains(vk::ImageUsageFlags::TRANSFER_DST) {
-            return Err(self.unsuitable("pictures cannot be copied into its window"));
-        }
-        let opaque = [vk::CompositeAlphaFlagsKHR::OPAQUE, vk::CompositeAlphaFlagsKHR::INHERIT];
-        let alpha = opaque.into_iter().find(|a| can.supported_composite_alpha.contains(*a));
-        let alpha = alpha.ok_or_else(|| self.unsuitable("its window cannot be opaque"))?;
-        let most = if can.max_image_count == 0 { u32::MAX } else { can.max_image_count };
-        let info = vk::SwapchainCreateInfoKHR::default()
-            .surface(self.surface.raw)
-            .min_image_count((can.min_image_count + 1).min(most))
-            .image_format(format.format)
-            .image_color_space(format.color_space)
-            .image_extent(extent)
-            .image_array_layers(1)
-            .image_usage(vk::ImageUsageFlags::TRANSFER_DST)
-            .image_sharing_mode(vk::SharingMode::EXCLUSIVE)
-            .pre_transform(can.current_transform)
-            .composite_alpha(alpha)
-            .present_mode(self.present_mode()?)
-            .clipped(true)
-            .old_swapchain(self.raw);
-        (self.format, self.extent) = (format.format, extent);
-        self.wait();
-        self.times.renewed();
-        // SAFETY: nothing of the old swapchain is under way when it is destroyed; all handles are valid.
-        unsafe {
-            let made = self.calls.create_swapchain(&info, None);
-            self.drop_swapchain();
-            self.raw = made.map_err(|e| self.error("vkCreateSwapchainKHR", e))?;
-            let images = self.calls.get_swapchain_images(self.raw);
-            self.images = images.map_err(|e| self.error("vkGetSwapchainImagesKHR", e))?;
-            for _ in 0..self.images.len() {
-                let semaphore = self.gpu.device.raw.create_semaphore(&vk::SemaphoreCreateInfo::default(), None);
-                self.rendered.push(semaphore.map_err(|e| self.error("vkCreateSemaphore", e))?);
-            }
-        }
-        let bytes = 4 * u64::from(extent.width) * u64::from(extent.height);
-        for slot in &mut self.slots {
-            slot.reserve(&self.gpu.device, bytes)?;
-        }
-        self.stale = false;
-        Ok(true)
-    }
-
-    /// MAILBOX may leave a picture out. Where that is wanted, nobody waits; FIFO is what every device has.
-    fn present_mode(&self) -> Result<vk::PresentModeKHR, EngineError> {
-        let fifo = vk::PresentModeKHR::FIFO;
-        if self.policy != Policy::Newest {
-            return Ok(fifo);
-        }
-        let modes = self.surface.present_modes(self.gpu.device.physical).map_err(|e| self.error("present modes", e))?;
-        let newest = [vk::PresentModeKHR::MAILBOX, vk::PresentModeKHR::IMMEDIATE];
-        Ok(newest.into_iter().find(|m| modes.contains(m)).unwrap_or(fifo))
-    }
-
     /// # Safety
     /// Nothing of it is under way.
     pub(super) unsafe fn drop_swapchain(&mut self) {
@@ -262,6 +169,7 @@ impl Swapchain {
         }
         self.wait_for_slot()?;
         self.fill(picture, size, picture.len() / pixels);
+        self.taken = true;
         Ok(())
     }
 
@@ -287,11 +195,13 @@ impl Swapchain {
         }
         self.wait_for_slot()?;
         self.slots[self.next].hold(pictures, index);
+        self.taken = true;
         Ok(())
     }
 
     /// The next slot is free after this, and pictures that were read are let go.
     fn wait_for_slot(&mut self) -> Result<(), EngineError> {
+        self.check_whole()?;
         let (device, done) = (&self.gpu.device, self.slots[self.next].done);
         // SAFETY: the fence is the device's.
         let waited = unsafe { device.raw.wait_for_fences(&[done], true, PATIENCE_NS) };
@@ -299,11 +209,21 @@ impl Swapchain {
         waited.map_err(|e| self.error("vkWaitForFences", e))
     }
 
+    fn check_whole(&self) -> Result<(), EngineError> {
+        let reason = || "a picture failed on its way, and what it waited for could not be made anew".into();
+        let lost = || EngineError::ScreenLost { device: self.gpu.device.report.name.clone(), reason: reason() };
+        if self.broken { Err(lost()) } else { Ok(()) }
+    }
+
     /// Puts the picture taken in last in line. `id` rises.
     ///
     /// # Errors
-    /// The window is gone, or has another size; a lost device.
+    /// The window is gone, or has another size; a lost device; [`EngineError::Mismatch`] where no picture was taken in since
+    /// the last one was put in line.
     pub fn present(&mut self, id: u64) -> Result<(), EngineError> {
+        if !self.taken {
+            return Err(EngineError::Mismatch { reason: "no picture was taken in to be presented".into() });
+        }
         let image = self.next_image()?;
         let presented = self.submit(image, id)?;
         self.times.presented(id);
@@ -324,6 +244,7 @@ impl Swapchain {
     /// # Errors
     /// The window is gone; a lost device; [`EngineError::Mismatch`].
     pub(crate) fn show_newest(&mut self, rgb: &[u8], size: [usize; 2]) -> Result<bool, EngineError> {
+        self.check_whole()?;
         if rgb.len() != 3 * size[0] * size[1] {
             let reason = format!("a picture of {}x{} has {} bytes", size[0], size[1], rgb.len());
             return Err(EngineError::Mismatch { reason });
@@ -371,6 +292,10 @@ impl Swapchain {
         let start = Instant::now();
         // A test's answer comes without the call, which then did nothing.
         self.answered("acquire", Ok(false))?;
+        if self.raw == vk::SwapchainKHR::null() {
+            // It could not be made again the last time.
+            return Err(vk::Result::ERROR_OUT_OF_DATE_KHR);
+        }
         let free = self.slots[self.next].acquired;
         // SAFETY: the semaphore is free, since the slot's fence is signalled.
         let image = unsafe { self.calls.acquire_next_image(self.raw, patience_ns, free, vk::Fence::null()) };
@@ -378,11 +303,28 @@ impl Swapchain {
         image
     }
 
-    /// Copies the next slot's picture into an image that was acquired, and presents it: what the driver answers to that.
+    /// Copies the next slot's picture into an image that was acquired, and presents it: what the driver answers to that. Where
+    /// that fails, the image goes with its swapchain, and the slot is as if it had never been.
     fn submit(&mut self, image: u32, id: u64) -> Result<Result<bool, vk::Result>, EngineError> {
+        self.taken = false;
+        let submitted = self.submit_copy(image, id);
+        if submitted.is_err() {
+            self.wait();
+            // SAFETY: the queue is idle; the image that was acquired was given to nobody.
+            unsafe { self.drop_swapchain() };
+            self.stale = true;
+            self.broken |= !self.slots[self.next].renew(&self.gpu.device);
+        }
+        submitted
+    }
+
+    fn submit_copy(&mut self, image: u32, id: u64) -> Result<Result<bool, vk::Result>, EngineError> {
+        let pretended = self.answered("submit", Ok(true));
         let slot = &self.slots[self.next];
-        let Some((from, offset, ready)) = slot.source() else { return Ok(Ok(true)) };
-        let rendered = [self.rendered[image as usize]];
+        let (Some((from, offset, ready)), Some(rendered)) = (slot.source(), self.rendered.get(image as usize)) else {
+            return Err(EngineError::Mismatch { reason: "there is no picture, or no image to copy it into".into() });
+        };
+        let rendered = [*rendered];
         let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         let (drawn, value) = ready.map_or((vk::Semaphore::null(), 0), |(timeline, value)| (timeline.raw, *value));
         let (wait, values, waits) = ([slot.acquired, drawn], [0, value], 1 + usize::from(ready.is_some()));
@@ -414,12 +356,13 @@ impl Swapchain {
         // device, and everything pointed to lives until the calls return. The wait for the acquired image is at the stage
         // of the first barrier.
         let presented = unsafe {
-            raw.reset_fences(&[slot.done]).map_err(|e| self.error("vkResetFences", e))?;
             raw.begin_command_buffer(slot.commands, &begin).map_err(|e| self.error("vkBeginCommandBuffer", e))?;
             record_copy(raw, slot.commands, (from, offset), self.images[image as usize], self.extent);
             raw.end_command_buffer(slot.commands).map_err(|e| self.error("vkEndCommandBuffer", e))?;
             let queue = self.gpu.device.present().lock();
-            raw.queue_submit(*queue, &[submit], slot.done).map_err(|e| self.error("vkQueueSubmit", e))?;
+            raw.reset_fences(&[slot.done]).map_err(|e| self.error("vkResetFences", e))?;
+            let submitted = pretended.and_then(|_| raw.queue_submit(*queue, &[submit], slot.done));
+            submitted.map_err(|e| self.error("vkQueueSubmit", e))?;
             self.calls.queue_present(*queue, &info)
         };
         self.next = (self.next + 1) % self.slots.len();

@@ -156,6 +156,40 @@ fn what_cannot_be_made_right_is_an_error_that_says_what_happened() {
 }
 
 #[test]
+fn after_a_failure_it_is_refused_or_right_and_never_undefined() {
+    let desk = Desk::new();
+    let mut swapchain = desk.swapchain(true);
+    let put = |swapchain: &mut Swapchain, id: u64| {
+        swapchain.upload(&picture(id as usize)).and_then(|()| swapchain.present(id))
+    };
+    put(&mut swapchain, 0).expect("shown");
+    // Nothing was taken in: commands in flight are not recorded again.
+    for _ in 0..3 {
+        let error = swapchain.present(1).expect_err("no picture").to_string();
+        assert!(error.contains("no picture was taken in"), "{error}");
+    }
+    // A swapchain that could not be made again is made again the next time, and what is shown then is right.
+    let full = Code::ERROR_OUT_OF_DEVICE_MEMORY;
+    swapchain.pretended.extend([("acquire", Code::ERROR_OUT_OF_DATE_KHR), ("create", full)]);
+    assert!(put(&mut swapchain, 2).expect_err("no memory").to_string().contains("OUT_OF_DEVICE_MEMORY"));
+    swapchain.pretended.extend([("create", full)]);
+    assert!(put(&mut swapchain, 3).is_err(), "there is none to present to");
+    put(&mut swapchain, 4).expect("made again");
+    assert!(desk.shows(&picture(4)));
+    // A submission that failed leaves nothing that the next one waits for in vain.
+    for fault in [Code::ERROR_OUT_OF_HOST_MEMORY, full] {
+        swapchain.pretended.extend([("submit", fault)]);
+        assert!(put(&mut swapchain, 5).is_err());
+        assert!(swapchain.present(6).is_err(), "its picture went with it");
+        for id in 7..10 {
+            put(&mut swapchain, id).unwrap_or_else(|e| panic!("{fault:?}: {e}"));
+            assert!(desk.shows(&picture(id as usize)), "{fault:?}: picture {id}");
+        }
+    }
+    quiet(swapchain);
+}
+
+#[test]
 fn a_picture_on_the_device_is_shown_without_the_host() {
     let desk = Desk::new();
     let mut swapchain = desk.swapchain(true);

@@ -38,7 +38,7 @@ fn tiles(path: &Path) -> Arc<Tiles> {
         seed: 7,
         ..Hologram::on(&display, 2, [Color::Green, Color::Blue].map(color).to_vec())
     };
-    let mut tiles = Tiles::create(path, &about, 32, serde_json::Value::Null).unwrap();
+    let mut tiles = Tiles::create(path, &about, 32, serde_json::Value::Null, 4).unwrap();
     tiles.finish().unwrap();
     Arc::new(Tiles::open(path).unwrap())
 }

@@ -70,7 +70,7 @@ pub(super) fn solve(
         Some(tiles) => tiles,
         None => {
             let about = about(job, request, &views, &settings, engine)?;
-            Tiles::create(out, &about, tile_side(display), work)?
+            Tiles::create(out, &about, tile_side(display), work, (colors.len() * plan.visits) as u64)?
         }
     };
     plan.done = tiles.made().map_or(0, |m| m.done);

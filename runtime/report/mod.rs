@@ -19,13 +19,20 @@ mod tradeoff;
 
 pub use plot::{Axis, Plot};
 
-use crate::files::{FileError, write_file};
+use crate::files::{FileError, OwnFolder};
 use crate::quality::Tuned;
 use crate::quality::comparison::Results;
 #[cfg(feature = "window")]
 use crate::session::Study;
 use serde_json::Value;
-use std::path::Path;
+
+/// What [`write_comparison`] writes, as [`OwnFolder::open`] takes it.
+pub const COMPARISON: [&str; 5] = ["report.html", "scores.csv", "summary.csv", "report.json", "figures/"];
+/// What [`write_tuned`] writes.
+pub const TUNED: [&str; 4] = ["index.html", "trials.csv", "tradeoff.json", "figures/"];
+/// What [`write_study`] writes.
+#[cfg(feature = "window")]
+pub const STUDY: [&str; 3] = ["study.html", "study.json", "figures/"];
 
 /// The numbers of a comparison of methods as one JSON object, without its pictures.
 pub fn comparison_json(results: &Results) -> Value {
@@ -37,10 +44,10 @@ pub fn comparison_json(results: &Results) -> Value {
 ///
 /// # Errors
 /// [`FileError`].
-pub fn write_comparison(results: &Results, folder: &Path) -> Result<(), FileError> {
-    write_figures(folder, plots::figures(results))?;
+pub fn write_comparison(results: &Results, folder: &mut OwnFolder) -> Result<(), FileError> {
     write(
         folder,
+        plots::figures(results),
         [
             ("scores.csv", tables::scores(results)),
             ("summary.csv", tables::summary(results)),
@@ -60,10 +67,10 @@ pub fn tuned_json(tuned: &Tuned) -> Value {
 ///
 /// # Errors
 /// [`FileError`].
-pub fn write_tuned(tuned: &Tuned, folder: &Path) -> Result<(), FileError> {
-    write_figures(folder, tradeoff::figures(tuned))?;
+pub fn write_tuned(tuned: &Tuned, folder: &mut OwnFolder) -> Result<(), FileError> {
     write(
         folder,
+        tradeoff::figures(tuned),
         [
             ("trials.csv", tradeoff::csv(tuned)),
             ("tradeoff.json", format!("{:#}\n", tradeoff::json(tuned)).into_bytes()),
@@ -72,31 +79,38 @@ pub fn write_tuned(tuned: &Tuned, folder: &Path) -> Result<(), FileError> {
     )
 }
 
-/// Writes `study.html`, the page of a study of steering, into a folder, whole or not at all; and its plots, each by itself as
-/// SVG and as PDF, into `figures/`. `engine` is what computed it.
+/// Writes `study.html`, the page of a study of steering, and `study.json`, its `numbers`, into a folder, each whole or not at
+/// all; and its plots, each by itself as SVG and as PDF, into `figures/`. `engine` is what computed it.
 ///
 /// # Errors
 /// [`FileError`].
 #[cfg(feature = "window")]
-pub fn write_study(title: &str, engine: &str, study: &Study, folder: &Path) -> Result<(), FileError> {
-    write_figures(folder, study::figures(study))?;
-    write(folder, [("study.html", study::page(title, engine, study).into_bytes())])
+pub fn write_study(
+    title: &str,
+    engine: &str,
+    study: &Study,
+    numbers: &Value,
+    folder: &mut OwnFolder,
+) -> Result<(), FileError> {
+    let numbers = format!("{numbers:#}\n").into_bytes();
+    let page = study::page(title, engine, study).into_bytes();
+    write(folder, study::figures(study), [("study.json", numbers), ("study.html", page)])
 }
 
-/// Each plot by itself, under its name with dashes.
-fn write_figures(folder: &Path, figures: impl IntoIterator<Item = (impl AsRef<str>, Plot)>) -> Result<(), FileError> {
-    let folder = folder.join("figures");
-    std::fs::create_dir_all(&folder).map_err(|e| FileError::write(&folder, e))?;
+/// The files, after each plot by itself, under its name with dashes.
+fn write<const N: usize>(
+    folder: &mut OwnFolder,
+    figures: impl IntoIterator<Item = (impl AsRef<str>, Plot)>,
+    files: [(&str, Vec<u8>); N],
+) -> Result<(), FileError> {
+    let mut all = Vec::new();
     for (name, plot) in figures {
         let words = name.as_ref().to_lowercase();
         let words: Vec<&str> = words.split(|c: char| !c.is_ascii_alphanumeric()).filter(|w| !w.is_empty()).collect();
         let name = words.join("-");
-        write_file(&folder.join(format!("{name}.svg")), |out| out.write_all(plot.file().as_bytes()))?;
-        write_file(&folder.join(format!("{name}.pdf")), |out| out.write_all(&plot.pdf()))?;
+        all.push((format!("figures/{name}.svg"), plot.file().into_bytes()));
+        all.push((format!("figures/{name}.pdf"), plot.pdf()));
     }
-    Ok(())
-}
-
-fn write<const N: usize>(folder: &Path, files: [(&str, Vec<u8>); N]) -> Result<(), FileError> {
-    files.into_iter().try_for_each(|(name, bytes)| write_file(&folder.join(name), |out| out.write_all(&bytes)))
+    all.extend(files.map(|(name, bytes)| (name.to_owned(), bytes)));
+    folder.write(all)
 }

@@ -61,7 +61,7 @@ impl Sweep {
     pub fn disparities(&self, range: [f64; 2]) -> Vec<f32> {
         let span = range[1] - range[0];
         // The outermost view moves by half a pixel from one candidate to the next.
-        let count = ((2.0 * span * self.reach()).ceil() as usize + 1).min(MOST);
+        let count = ((2.0 * span * self.reach()).ceil() as usize).saturating_add(1).min(MOST);
         if count < 2 || !span.is_finite() {
             return vec![(0.5 * (range[0] + range[1])) as f32; self.height * self.width];
         }

@@ -219,6 +219,7 @@ pub struct LineSource {
     start_ns: u64,
     real_time: bool,
     latency_ns: u64,
+    notes: Vec<String>,
 }
 
 impl LineSource {
@@ -229,7 +230,7 @@ impl LineSource {
     pub fn open(file: &Path, real_time: bool, latency_ns: u64) -> Result<Self, TrackerError> {
         let wrong = |reason: String| TrackerError::file(file, reason);
         let mut text = BufReader::new(crate::files::read::open(file).map_err(|e| wrong(e.to_string()))?);
-        let mut lines = VecDeque::new();
+        let (mut lines, mut notes) = (VecDeque::new(), Vec::new());
         let mut line = Vec::new();
         for number in 1.. {
             line.clear();
@@ -237,9 +238,15 @@ impl LineSource {
             if (&mut text).take(most).read_until(b'\n', &mut line).map_err(|e| wrong(e.to_string()))? == 0 {
                 break;
             }
-            let line = line.trim_ascii();
-            if !line.is_empty() {
-                lines.push_back(parse(line).map_err(|e| wrong(format!("line {number}: {e}")))?);
+            let (line, whole) = (line.trim_ascii(), line.ends_with(b"\n"));
+            match parse(line) {
+                _ if line.is_empty() => {}
+                Ok(line) => lines.push_back(line),
+                // What recorded it was ended by force, or its disk was full.
+                Err(_) if !whole && line.len() < LONGEST_LINE && !lines.is_empty() => {
+                    notes.push(format!("the recording is cut off in line {number}, which is left out"));
+                }
+                Err(e) => return Err(wrong(format!("line {number}: {e}"))),
             }
             if lines.len() > 10_000_000 {
                 return Err(wrong("more than ten million lines".into()));
@@ -248,13 +255,14 @@ impl LineSource {
         if lines.is_empty() {
             return Err(wrong("no samples".into()));
         }
-        Ok(Self { name: file.display().to_string(), lines, first: None, start_ns: now_ns(), real_time, latency_ns })
+        let (name, start_ns) = (file.display().to_string(), now_ns());
+        Ok(Self { name, lines, first: None, start_ns, real_time, latency_ns, notes })
     }
 }
 
 impl Source for LineSource {
     fn about(&self) -> About {
-        About { name: self.name.clone(), kind: "recording", rate_hz: None, notes: Vec::new() }
+        About { name: self.name.clone(), kind: "recording", rate_hz: None, notes: self.notes.clone() }
     }
 
     fn next(&mut self, timeout: Duration) -> Result<Event, TrackerError> {

@@ -41,6 +41,8 @@ pub struct Recording {
     pub devices: Vec<Head>,
     /// Its reports, in their order.
     pub reports: Vec<Recorded>,
+    /// What a user should know about it, in sentences.
+    pub notes: Vec<String>,
 }
 
 impl Recording {
@@ -71,8 +73,16 @@ impl Recording {
             if got as u64 == LONGEST_LINE {
                 return Err(format!("line {number}: longer than {LONGEST_LINE} bytes: no recording"));
             }
+            let whole = line.ends_with(b"\n");
             let line = String::from_utf8_lossy(&line);
-            recording.line(line.trim(), &mut device).map_err(|reason| format!("line {number}: {reason}"))?;
+            match recording.line(line.trim(), &mut device) {
+                Ok(()) => {}
+                // What recorded it was ended by force, or its disk was full.
+                Err(_) if !whole && !recording.reports.is_empty() => {
+                    recording.notes.push(format!("the recording is cut off in line {number}, which is left out"));
+                }
+                Err(reason) => return Err(format!("line {number}: {reason}")),
+            }
         }
         if text.limit() == 0 {
             return Err(format!("longer than {} MiB", LONGEST >> 20));
@@ -134,7 +144,8 @@ impl Recording {
 fn bytes(text: &str) -> Result<Vec<u8>, String> {
     let mut words = text.split_whitespace();
     let length: usize = words.next().and_then(|w| w.parse().ok()).ok_or("expected a number of bytes")?;
-    let bytes: Option<Vec<u8>> = words.map(|w| u8::from_str_radix(w, 16).ok()).collect();
+    let byte = |w: &str| u8::from_str_radix(w, 16).ok().filter(|_| w.len() == 2);
+    let bytes: Option<Vec<u8>> = words.map(byte).collect();
     let bytes = bytes.ok_or("expected bytes of two hexadecimal digits")?;
     if bytes.len() == length { Ok(bytes) } else { Err(format!("{} bytes where {length} are announced", bytes.len())) }
 }
@@ -215,7 +226,7 @@ impl RecordingSource {
                     continue;
                 }
             };
-            let notes = layout.notes.clone();
+            let notes = recording.notes.iter().chain(&layout.notes).cloned().collect();
             return Ok(Self {
                 name: head.name.clone(),
                 head: head.clone(),
@@ -286,12 +297,28 @@ mod tests {
         assert_eq!(recording.reports[1], Recorded { time_us: 6_500_000, device: 1, report: vec![] });
     }
 
+    /// Cut anywhere in its last line, as by a full disk: all lines before it are there, and it is said.
+    #[test]
+    fn a_last_line_that_is_cut_off_is_left_out() {
+        let whole = "R: 1 05\nE: 0.000100 2 01 fe\nE: 0.000200 2 03 04";
+        let end = whole.rfind("E:").unwrap();
+        for cut in end + 2..whole.len() {
+            let recording = Recording::read(&whole.as_bytes()[..cut]).unwrap();
+            assert_eq!((recording.reports.len(), recording.notes.len()), (1, 1), "{}", &whole[end..cut]);
+            assert!(recording.notes[0].contains("line 3"));
+        }
+        let recording = Recording::read(whole.as_bytes()).unwrap();
+        assert_eq!((recording.reports.len(), recording.notes.len()), (2, 0));
+    }
+
     #[test]
     fn mistakes_name_their_line() {
         for (text, what) in [
             ("R: 2 05\n", "line 1: 1 bytes where 2"),
             ("R: 1 05\nE: x 1 00\n", "line 2: E: expected a time"),
             ("R: 1 05\nE: 0.1 1 zz\n", "line 2"),
+            ("R: 1 05\nE: 0.1 1 5\n", "two hexadecimal digits"),
+            ("R: 1 05\nE: 0.1 2 00", "line 2"),
             ("R: 1 05\nD: 99999999999\n", "line 2"),
             ("R: 1 05\nD: 999\n", "256 at most"),
             ("R: 1 05\nI: 3 x 1\n", "hexadecimal"),

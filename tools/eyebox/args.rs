@@ -1,7 +1,9 @@
 //! The arguments of commands: millimetres, micrometres and nanometres in, metres out.
 
-pub use crate::groups::{Colors, DeviceArgs, DisplayArgs, EngineArgs, EngineName, NEAR, OtherSceneArgs, SceneArgs};
-use crate::phases::{EncodedArgs, PhaseArgs, PhaseUnitArgs};
+pub use crate::groups::{
+    Colors, DeviceArgs, DisplayArgs, EngineArgs, EngineName, NEAR, OtherSceneArgs, OverwriteArgs, SceneArgs,
+};
+use crate::phases::{EncodedArgs, PhaseArgs, PhaseUnitArgs, UnfinishedArgs};
 use crate::quality::QualityArgs;
 use crate::values::{
     GivenPupil, Names, contrast, decibels, diameters, full, memory, method, one_of, positive, pupil, rate, share,
@@ -22,6 +24,9 @@ pub struct Demo {
     /// Where the hologram and the pictures go
     #[arg(long, default_value = "demo", value_name = "DIR")]
     pub out: PathBuf,
+    /// Files of others
+    #[command(flatten)]
+    pub overwrite: OverwriteArgs,
     /// Rows and columns of the hologram
     #[arg(long, default_value_t = 512, value_name = "N")]
     pub size: usize,
@@ -188,6 +193,9 @@ pub struct Export {
     /// NAME.npy (float32 radians), or a folder for one 8-bit grey PNG per colour and sub-frame
     #[arg(short, long, value_name = "FILE.npy|FOLDER")]
     pub out: PathBuf,
+    /// What is not finished
+    #[command(flatten)]
+    pub unfinished: UnfinishedArgs,
     /// Bare phases
     #[command(flatten)]
     pub phases: PhaseArgs,
@@ -207,6 +215,9 @@ pub struct Encode {
     /// Bare phases
     #[command(flatten)]
     pub unit: PhaseUnitArgs,
+    /// What is not finished
+    #[command(flatten)]
+    pub unfinished: UnfinishedArgs,
     /// Which engine computes
     #[arg(long, value_enum, default_value = "auto")]
     pub engine: EngineName,

@@ -8,7 +8,7 @@ use crate::progress;
 use crate::score;
 use crate::solve::Watch;
 use eyebox::engine::Engine;
-use eyebox::files;
+use eyebox::files::{self, FileError, OwnFolder};
 use eyebox::hologram::{Hologram, SceneSource};
 use eyebox::optics::{Color, Display, Padding, Pupil, dioptres_in_words};
 use eyebox::produce::solve_colors;
@@ -21,6 +21,9 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 const SCENE: &str = "builtin:still-life";
+const HOLOGRAM: &str = "still-life.zarr";
+/// What is written beside the report.
+const MADE: [&str; 7] = [HOLOGRAM, "left.png", "right.png", "near.png", "far.png", "small.png", "all.png"];
 
 /// Builds the still life, solves it, shows and measures it.
 pub fn run(args: &Demo) -> Result<(), Failure> {
@@ -28,6 +31,8 @@ pub fn run(args: &Demo) -> Result<(), Failure> {
     if !(16..=4096).contains(&args.size) {
         return Err(Failure::Asked(format!("--size {}: a demo has 16 to 4096 pixels a side", args.size)));
     }
+    let mut own = OwnFolder::open(&args.out, &MADE, args.overwrite.overwrite)?;
+    let mut compared = OwnFolder::open(&args.out.join("report"), &report::COMPARISON, args.overwrite.overwrite)?;
     let mut display = Display::load("paper")?;
     (display.height, display.width) = (args.size, args.size);
     let colors: Vec<Color> = display.wavelengths.iter().map(|w| w.color).collect();
@@ -53,7 +58,8 @@ pub fn run(args: &Demo) -> Result<(), Failure> {
     let mut watch = Watch::new(false);
     let solved = solve_colors(&subject, &colors, &settings, engine.as_mut(), &mut |event| watch.see(event))?;
     let hologram = Hologram::from_solutions(&field, &display, &subject.settings(&settings), padding, &solved)?;
-    let saved = args.out.join("still-life.zarr");
+    let saved = args.out.join(HOLOGRAM);
+    own.claim(HOLOGRAM)?;
     hologram.save(&saved)?;
 
     let at = |x: f64, y: f64, diameter: f64, depth: f64| Pupil {
@@ -87,7 +93,7 @@ pub fn run(args: &Demo) -> Result<(), Failure> {
                 row[n + gap..].copy_from_slice(&wanted[i].values[y * n..][..n]);
             }
         }
-        files::write_png(&args.out.join(format!("{name}.png")), n, wide, &[&planes[0], &planes[1], &planes[2]])?;
+        save(&mut own, name, [n, wide], &planes)?;
         for (sheet, plane) in sheet.iter_mut().zip(planes) {
             if !sheet.is_empty() {
                 sheet.extend(std::iter::repeat_n(1.0, gap * wide));
@@ -95,7 +101,7 @@ pub fn run(args: &Demo) -> Result<(), Failure> {
             sheet.extend(plane);
         }
     }
-    files::write_png(&args.out.join("all.png"), sheet[0].len() / wide, wide, &[&sheet[0], &sheet[1], &sheet[2]])?;
+    save(&mut own, "all", [sheet[0].len() / wide, wide], &sheet)?;
 
     println!("\n  what the eye sees of the hologram, against the photograph of the scene:");
     println!("  pupil        x      y      d  focus mm        D   PSNR dB    SSIM   picture");
@@ -108,7 +114,7 @@ pub fn run(args: &Demo) -> Result<(), Failure> {
             args.out.join(format!("{name}.png")).display()
         );
     }
-    let report = comparison(args, &display, &colors, engine.as_mut())?;
+    let report = comparison(args, &display, &colors, engine.as_mut(), &mut compared)?;
     println!(
         "\n  hologram: {}   all pictures: {}   {:.1} s in all",
         saved.display(),
@@ -121,6 +127,15 @@ pub fn run(args: &Demo) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Writes a picture of red, green and blue planes.
+fn save(own: &mut OwnFolder, name: &str, [rows, columns]: [usize; 2], planes: &[Vec<f32>]) -> Result<(), Failure> {
+    let (mut png, name) = (Vec::new(), format!("{name}.png"));
+    let planes: Vec<&[f32]> = planes.iter().map(Vec::as_slice).collect();
+    let encoded = files::encode_png(&mut png, rows, columns, &planes);
+    encoded.map_err(|e| FileError::write(&own.path().join(&name), e))?;
+    Ok(own.write(vec![(name, png)])?)
+}
+
 /// Pixels a side of the comparison, at most: small enough for a few seconds.
 const COMPARED: usize = 128;
 
@@ -130,10 +145,11 @@ fn comparison(
     display: &Display,
     colors: &[Color],
     engine: &mut dyn Engine,
+    own: &mut OwnFolder,
 ) -> Result<Option<PathBuf>, Failure> {
     let side = args.size.min(COMPARED);
     let display = Display { height: side, width: side, ..display.clone() };
-    let folder = args.out.join("report");
+    let folder = own.path().to_path_buf();
     let settings = Settings { diameter: common::diameters(None, &display, false)?, ..Settings::default() };
     let mut load = |_| -> Result<_, Failure> {
         let field = scene::load(SCENE, &scene::Request::new(&display, colors))?;
@@ -153,6 +169,6 @@ fn comparison(
     if results.runs.is_empty() {
         return Ok(None);
     }
-    report::write_comparison(&results, &folder)?;
+    report::write_comparison(&results, own)?;
     Ok(Some(folder.join("report.html")))
 }

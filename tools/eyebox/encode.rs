@@ -6,7 +6,7 @@ use crate::common;
 use eyebox::encode::{self, Encoder, PhaseSet, USUAL_RATE_HZ, VideoFrames};
 use eyebox::engine::vulkan::VulkanEncoder;
 use eyebox::gpu::{Gpu, Options};
-use eyebox::hologram::{ColorHologram, Hologram};
+use eyebox::hologram::{ColorHologram, Hologram, Opening};
 use eyebox::optics::{Color, Display};
 use serde_json::{Value, json};
 
@@ -66,6 +66,7 @@ pub fn run(args: &Encode) -> Result<(), Failure> {
 /// The hologram's colours that were asked for, each with its name.
 fn load(args: &Encode, display: &Display) -> Result<Input, Failure> {
     let opening = args.unit.opening(Some(display), args.display.color.one());
+    let opening = Opening { unfinished: args.unfinished.unfinished, ..opening };
     let mut hologram = opening.hologram(&args.hologram)?;
     let notes = differences(&hologram, display);
     let named = |c: &mut ColorHologram| match c.color {

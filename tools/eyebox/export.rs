@@ -3,11 +3,12 @@
 use crate::Failure;
 use crate::args::Export;
 use crate::common::{self, Form};
-use eyebox::hologram;
+use eyebox::hologram::{self, Opening};
 
 /// Writes the phases as one array, or as a folder of grey pictures.
 pub fn run(args: &Export) -> Result<(), Failure> {
-    let hologram = args.phases.opening(&args.hologram, args.at)?.hologram(&args.hologram)?;
+    let opening = args.phases.opening(&args.hologram, args.at)?;
+    let hologram = Opening { unfinished: args.unfinished.unfinished, ..opening }.hologram(&args.hologram)?;
     let count = hologram.colors.len() * hologram.frames;
     if args.out.extension().is_some() {
         common::form(&args.out, &[Form::Npy])?;

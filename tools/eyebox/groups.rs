@@ -154,3 +154,11 @@ impl SceneArgs {
         }
     }
 }
+
+/// Files of others where a report goes.
+#[derive(Args, Clone, Copy)]
+pub struct OverwriteArgs {
+    /// Replace files in the folder that eyebox did not write, or that were changed since
+    #[arg(long)]
+    pub overwrite: bool,
+}

@@ -59,7 +59,7 @@ fn main() -> ExitCode {
         Err(error) => return usage(&error),
     };
     log::listen(cli.verbose);
-    signals::outlive_file_limits();
+    signals::outlive_limits();
     eyebox::engine::prepare_threads();
     let done = match &cli.command {
         Command::Demo(args) => demo::run(args),

@@ -6,7 +6,7 @@ use crate::groups::{Colors, DisplayArgs};
 use crate::values::{as_shown, phase_unit, size};
 use clap::{Args, ValueEnum};
 use eyebox::encode::{AsShown, Encoded, is_encoded};
-use eyebox::hologram::{BareOptics, Opening, PhaseSource, PhaseUnit, Phases};
+use eyebox::hologram::{BareOptics, Opening, PhaseSource, PhaseUnit, Phases, Unfinished};
 use eyebox::optics::{Color, Display, Geometry, Optics};
 use std::path::Path;
 
@@ -60,6 +60,23 @@ pub struct PhaseArgs {
     pub force: bool,
 }
 
+/// What is made of a hologram that is not finished.
+#[derive(Args, Clone, Copy)]
+pub struct UnfinishedArgs {
+    /// Take a sequence, or a hologram in tiles, that is still being made as it is
+    #[arg(long)]
+    pub unfinished: bool,
+}
+
+/// Says how far a hologram is that is not finished; it is looked at all the same.
+pub fn tell_unfinished(file: &Path) -> Result<Option<Unfinished>, Failure> {
+    let unfinished = Unfinished::at(file)?;
+    if let Some(how_far) = unfinished {
+        eprintln!("{}: it is unfinished: {how_far}", file.display());
+    }
+    Ok(unfinished)
+}
+
 /// Video frames in the place of a hologram.
 #[derive(Args)]
 pub struct EncodedArgs {
@@ -72,14 +89,15 @@ pub struct EncodedArgs {
 }
 
 impl EncodedArgs {
-    /// What `file` shows: video frames are decoded, everything else is opened as `phases` say.
+    /// What `file` shows: video frames are decoded, everything else is opened as `phases` say, and how far it is is told.
     pub fn source(&self, phases: &PhaseArgs, file: &Path, at: Option<u64>) -> Result<PhaseSource<'static>, Failure> {
         let wrong = |reason: &str| Err(Failure::Asked(format!("{}: {reason}", file.display())));
         if !self.encoded && !is_encoded(file) {
             if self.as_shown.is_some() {
                 return wrong("--as-shown is for video frames: give --encoded if it holds some");
             }
-            return Ok(phases.opening(file, at)?.source(file)?);
+            tell_unfinished(file)?;
+            return Ok(Opening { unfinished: true, ..phases.opening(file, at)? }.source(file)?);
         }
         let stray = at.is_some() || phases.unit.phase_unit.is_some() || phases.pitch.is_some();
         if stray || phases.focal_length.is_some() || !phases.wavelength.is_empty() {
@@ -107,7 +125,8 @@ impl PhaseArgs {
                 "{what} holds its own optics: leave out --display, --pitch, --wavelength and --focal-length"
             )));
         }
-        Ok(Opening { at, color: self.color.one(), bare: self.optics(&what.to_string())?, unit: self.unit.phase_unit })
+        let (color, bare, unit) = (self.color.one(), self.optics(&what.to_string())?, self.unit.phase_unit);
+        Ok(Opening { at, color, bare, unit, unfinished: false })
     }
 
     fn optics(&self, what: &str) -> Result<Option<BareOptics>, Failure> {
@@ -141,6 +160,7 @@ impl PhaseUnitArgs {
             color,
             bare: display.cloned().map(|d| BareOptics::Display(Box::new(d))),
             unit: self.phase_unit,
+            unfinished: false,
         }
     }
 

@@ -156,7 +156,10 @@ impl JobBar {
             let bar = ProgressBar::new(1000);
             let style = ProgressStyle::with_template("{bar:30} {percent:>3} %  {eta:>4} left  {msg}");
             bar.set_style(style.expect("a sound template"));
-            bar.enable_steady_tick(Duration::from_millis(250));
+            // It ticks by a thread of its own, and without one when something is done.
+            if std::thread::Builder::new().spawn(|| ()).is_ok() {
+                bar.enable_steady_tick(Duration::from_millis(250));
+            }
             bar
         });
         Self { bar, lines: Lines::on_stderr(0.0) }

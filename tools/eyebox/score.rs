@@ -45,7 +45,10 @@ pub fn run(args: &Score) -> Result<(), Failure> {
         let exposures: serde_json::Map<_, _> =
             colors.iter().zip(&scores.exposures).map(|(c, e)| (c.to_string(), json!(e))).collect();
         let rows: Vec<Value> = scores.pupils.iter().map(|score| row(score, &display)).collect();
-        println!("{}", json!({ "psnr_db": summary, "exposure": exposures, "pupils": rows }));
+        println!(
+            "{}",
+            json!({ "psnr_db": summary, "exposure": exposures, "pupils": rows, "unfinished": source.unfinished() })
+        );
         return Ok(());
     }
     print_table(&scores, &display);

@@ -7,6 +7,9 @@ use std::sync::{Arc, OnceLock};
 
 /// Exit code of a process that ctrl-C ends, as a shell has it.
 const INTERRUPTED: i32 = 130;
+/// Of one that failed.
+#[cfg(unix)]
+const FAILED: i32 = 2;
 
 fn asked() -> &'static Arc<AtomicBool> {
     static ASKED_TO_STOP: OnceLock<Arc<AtomicBool>> = OnceLock::new();
@@ -57,8 +60,13 @@ fn is_ignored(signal: i32) -> bool {
     matches!(ignored, Some(Ok(mask)) if mask >> (signal - 1) & 1 == 1)
 }
 
-/// A file that grows over the limit that the process has is an error like any other, and not the end.
-pub fn outlive_file_limits() {
+/// A file that grows over the limit that the process has is an error like any other, and not the end. Memory that runs out
+/// though it was promised ends the process, after the line that says so, as errors do.
+pub fn outlive_limits() {
     #[cfg(unix)]
-    let _ = flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
+    {
+        let _ = flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
+        let always = Arc::new(AtomicBool::new(true));
+        let _ = flag::register_conditional_shutdown(signal_hook::consts::SIGABRT, FAILED, always);
+    }
 }

@@ -51,13 +51,14 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
 /// Whether the holograms of a display are solved region by region: asked for, or larger than memory.
 fn tiles_of(args: &Solve, display: &Display) -> Result<Option<TilesRequest>, Failure> {
     let frames = args.frames.unwrap_or(Settings::default().frames);
-    if display.geometry == eyebox::optics::Geometry::Relay && args.memory.is_some() {
-        let why = "--memory is for far-field displays: in a relay every pupil sees all of the SLM";
-        return Err(Failure::Asked(why.into()));
-    }
-    if args.memory.is_none() && !is_larger_than_memory(display, frames) {
+    let relay = display.geometry == eyebox::optics::Geometry::Relay;
+    // In a relay every pupil sees all of the SLM: it fits, or is refused.
+    args.memory.filter(|_| relay).into_iter().for_each(eyebox::memory::limit);
+    if relay || args.memory.is_none() && !is_larger_than_memory(display, frames) {
         if args.passes.is_some() || args.picture.is_some() {
-            return Err(Failure::Asked("--passes and --picture belong to --memory: this is solved all at once".into()));
+            return Err(Failure::Asked(
+                "--passes and --picture are for far fields with --memory: this is solved all at once".into(),
+            ));
         }
         return Ok(None);
     }

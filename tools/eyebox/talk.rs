@@ -54,8 +54,14 @@ fn close(error: &io::Error) {
     }
 }
 
+/// Says that something which was to be kept is lost: the work goes on, and the exit code tells.
+pub fn lose(text: Arguments<'_>) {
+    LOST.store(true, Relaxed);
+    note(text);
+}
+
 /// Whether the reader of a pipe, or the terminal, has gone.
-fn gone(error: &io::Error) -> bool {
+pub fn gone(error: &io::Error) -> bool {
     error.kind() == io::ErrorKind::BrokenPipe || error.raw_os_error() == Some(5)
 }
 

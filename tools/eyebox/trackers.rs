@@ -2,9 +2,10 @@
 
 use crate::Failure;
 use crate::progress;
+use crate::talk;
 use crate::values::{Targets, not_negative, positive, targets};
 use clap::{Args, ValueEnum};
-use eyebox::files;
+use eyebox::files::{FileError, GrowingFile};
 use eyebox::gaze::{Calibration, Estimator, Eyepiece, Settings};
 use eyebox::trackers::hid::{self, Description, DeviceFile};
 use eyebox::trackers::recording::{self, Head, Recording};
@@ -108,7 +109,7 @@ fn say(line: &str) -> io::Result<()> {
 
 fn said(result: io::Result<()>) -> Result<(), Failure> {
     match result {
-        Err(e) if e.kind() != io::ErrorKind::BrokenPipe => Err(Failure::Asked(format!("standard output: {e}"))),
+        Err(e) if !talk::gone(&e) => Err(Failure::Asked(format!("standard output: {e}"))),
         _ => Ok(()),
     }
 }
@@ -254,33 +255,35 @@ enum Form {
 }
 
 /// Writes samples as they come.
-struct Recorder<'a> {
-    out: &'a mut dyn Write,
+struct Recorder {
+    out: GrowingFile,
     form: Form,
     /// When the first report came.
     first_ns: Option<u64>,
 }
 
-impl Recorder<'_> {
+impl Recorder {
     fn sample(
         &mut self,
         sample: &Sample,
         report: Option<&[u8]>,
         head: impl FnOnce() -> Option<Head>,
-    ) -> io::Result<()> {
+    ) -> Result<(), FileError> {
         if self.form == Form::Lines {
-            return writeln!(self.out, "{}", line::write(sample));
+            return self.out.add(|out| writeln!(out, "{}", line::write(sample)));
         }
         let Some(report) = report else { return Ok(()) };
-        let first = match self.first_ns {
-            Some(first) => first,
-            None => {
-                let Some(head) = head() else { return Ok(()) };
-                recording::write_head(self.out, &head)?;
-                *self.first_ns.insert(sample.received_ns)
-            }
+        let (first, head) = match self.first_ns {
+            Some(first) => (first, None),
+            None => match head() {
+                Some(head) => (*self.first_ns.insert(sample.received_ns), Some(head)),
+                None => return Ok(()),
+            },
         };
-        recording::write_report(self.out, sample.received_ns.saturating_sub(first) / 1000, report)
+        self.out.add(|out| {
+            head.map_or(Ok(()), |head| recording::write_head(out, &head))?;
+            recording::write_report(out, sample.received_ns.saturating_sub(first) / 1000, report)
+        })
     }
 }
 
@@ -303,24 +306,30 @@ fn watch(args: &Trackers, source: &str) -> Result<(), Failure> {
     };
     let form = args.record.as_deref().map(|file| form(file, &spec)).transpose()?;
     let source = open(&spec, &options)?;
+    if matches!(spec, Spec::Recording(_) | Spec::Lines(_)) {
+        source.about().notes.iter().for_each(|note| eprintln!("note: {note}"));
+    }
     let stored = matches!(spec, Spec::Recording(_) | Spec::Lines(_) | Spec::Simulated(_)) && !options.real_time;
     // Says no before a recording begins.
     let _ = args.pupil.map(|_| estimator(args)).transpose()?;
     let mut feed = if stored { Feed::Direct(source) } else { Feed::Thread(Stream::start(source)?) };
     progress::catch_interrupt();
     let (Some(file), Some(form)) = (&args.record, form) else { return show(args, &mut feed, stored, None) };
-    // A failure of the tracker is no failure to write: it is carried past the writer.
-    let mut failed = None;
-    files::write_file(file, |out| {
-        let mut recorder = Recorder { out, form, first_ns: None };
-        failed = show(args, &mut feed, stored, Some(&mut recorder)).err();
-        match (&failed, recorder.first_ns, form) {
-            (Some(_), ..) => Err(io::ErrorKind::Other.into()),
-            (None, None, Form::Hid) => Err(io::Error::other("no report has come")),
-            _ => Ok(()),
-        }
-    })
-    .map_err(|e| failed.take().unwrap_or(e.into()))
+    let mut recorder = Recorder { out: GrowingFile::new(file)?, form, first_ns: None };
+    let shown = show(args, &mut feed, stored, Some(&mut recorder));
+    let empty = recorder.out.is_empty();
+    lost(recorder.out.finish());
+    match shown {
+        Ok(()) if empty => Err(Failure::Asked(format!("{}: no report has come to record", file.display()))),
+        shown => shown,
+    }
+}
+
+/// What cannot be recorded is said, and everything else goes on.
+fn lost(recorded: Result<(), FileError>) {
+    if let Err(error) = recorded {
+        talk::lose(format_args!("eyebox: {error}; what was recorded until then is kept"));
+    }
 }
 
 /// The way from sample to pupil.
@@ -382,16 +391,19 @@ fn show(args: &Trackers, feed: &mut Feed, stored: bool, mut recorder: Option<&mu
                     None => sample.to_string(),
                 };
                 if let Some(recorder) = &mut recorder {
-                    let written = recorder.sample(&sample, report.as_deref(), || feed.head());
-                    written.map_err(|e| Failure::Asked(format!("the recording cannot be written: {e}")))?;
+                    lost(recorder.sample(&sample, report.as_deref(), || feed.head()));
                 }
                 match say(&text) {
-                    Err(e) if e.kind() == io::ErrorKind::BrokenPipe => break,
+                    Err(e) if talk::gone(&e) => break,
                     other => said(other)?,
                 }
             }
             Event::Note(note) => eprintln!("{note}"),
-            Event::Nothing => {}
+            Event::Nothing => {
+                if let Some(recorder) = &mut recorder {
+                    lost(recorder.out.tend());
+                }
+            }
             Event::End => break,
         }
     }

@@ -99,6 +99,20 @@ impl VulkanEngine {
         self.gpu.recorder.queue_submit = lost;
     }
 
+    /// From now on the driver takes every submission and does nothing with it, and patience is short.
+    #[cfg(test)]
+    pub(super) fn pretend_stuck(&mut self) {
+        unsafe extern "system" fn nothing(
+            _: ash::vk::Queue,
+            _: u32,
+            _: *const ash::vk::SubmitInfo<'_>,
+            _: ash::vk::Fence,
+        ) -> ash::vk::Result {
+            ash::vk::Result::SUCCESS
+        }
+        (self.gpu.recorder.queue_submit, self.gpu.recorder.patience_ns) = (nothing, 1_000_000);
+    }
+
     /// Sets barriers as a device without synchronization2 does.
     #[cfg(test)]
     pub(super) fn pretend_old(&mut self) {

@@ -223,6 +223,25 @@ fn a_lost_device_is_an_error_everywhere() {
     assert_eq!(*messages.lock().unwrap(), Vec::<String>::new());
 }
 
+/// A device that never ends what it was given is given up: what lives on it is neither waited for nor destroyed.
+#[test]
+fn a_device_that_does_not_answer_is_lost() {
+    use crate::engine::vulkan::VulkanEngine;
+    use crate::engine::{Buffer, Engine, EngineError};
+    use crate::optics::{Color, Display, WindowFactor};
+    use crate::plan::{Planner, Purpose};
+    let display = Display { height: 8, width: 8, ..Display::preset("small").unwrap() };
+    let planner = Planner::new(display.optics(Color::Green).unwrap(), 1, WindowFactor::Full);
+    let mut engine = VulkanEngine::new(&gpu()).unwrap();
+    engine.load(&planner.shape(Purpose::View), None).unwrap();
+    engine.pretend_stuck();
+    for _ in 0..2 {
+        let error = engine.write(Buffer::Phases, &[0.0; 64]).and_then(|()| engine.read(Buffer::Phases)).unwrap_err();
+        assert!(matches!(error, EngineError::DeviceLost { .. }), "{error}");
+    }
+    assert!(engine.gpu().is_lost());
+}
+
 /// A device whose kernels see only a few sub-frames at once, and that has the old barriers only, encodes the same bytes.
 #[test]
 fn a_smaller_device_encodes_the_same() {

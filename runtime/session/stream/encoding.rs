@@ -40,7 +40,7 @@ impl Encoding {
             }
             Ok(encoder.encode_into(&PhaseSet::trusted(colors), frames)?)
         };
-        let failed = match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
+        let failed = match crate::engine::pool(threads) {
             // On a thread of the pool: calls from outside would allocate.
             Ok(pool) => pool.install(|| {
                 meet();

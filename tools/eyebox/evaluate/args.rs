@@ -1,6 +1,6 @@
 //! The arguments of `eyebox evaluate`.
 
-use crate::args::{DisplayArgs, EngineArgs, NEAR, OtherSceneArgs, SceneArgs};
+use crate::args::{DisplayArgs, EngineArgs, NEAR, OtherSceneArgs, OverwriteArgs, SceneArgs};
 use crate::phases::PhaseUnitArgs;
 use crate::quality::QualityArgs;
 use crate::values::{depths, diameters, one_of, positive};
@@ -18,6 +18,9 @@ pub struct Evaluate {
     /// The report and everything that it is made from; what is there already is not computed again
     #[arg(short, long, value_name = "DIR")]
     pub out: PathBuf,
+    /// Files of others
+    #[command(flatten)]
+    pub overwrite: OverwriteArgs,
     /// Methods to solve with [default: slfh,lf2fs,stft,smooth,dpac; with --hologram, none]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub methods: Option<Vec<String>>,

@@ -10,6 +10,7 @@ use crate::progress::{self, JobBar};
 use crate::quality::Chosen;
 use eyebox::engine::Engine;
 use eyebox::evaluate::Group;
+use eyebox::files::OwnFolder;
 use eyebox::optics::{Color, Display};
 use eyebox::quality::comparison::{Comparison, Given, Published, Results, candidates};
 use eyebox::quality::writable;
@@ -23,6 +24,7 @@ const DEFAULT: [Method; 5] = [Method::Slfh, Method::Lf2fs, Method::Stft, Method:
 
 /// Solves, measures, reports.
 pub fn run(args: &Evaluate) -> Result<(), Failure> {
+    let mut own = OwnFolder::open(&args.out, &report::COMPARISON, args.overwrite.overwrite)?;
     let mut job = job(args)?;
     let published = args.reference.as_deref().map(Published::read).transpose()?.unwrap_or_default();
     let mut engine = common::engine(&args.engine)?;
@@ -43,7 +45,7 @@ pub fn run(args: &Evaluate) -> Result<(), Failure> {
     };
     let mut results = compare(&job, &args.out, &mut load, engine.as_mut(), args.json)?;
     results.published = published;
-    report::write_comparison(&results, &args.out)?;
+    report::write_comparison(&results, &mut own)?;
     if args.json {
         println!("{}", report::comparison_json(&results));
         return Ok(());

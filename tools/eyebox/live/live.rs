@@ -106,7 +106,9 @@ pub fn run(args: &Live) -> Result<(), Failure> {
     conclude(
         ended,
         args.stats.as_deref(),
-        &json!({ "engine": steered.engine, "memory_mib": memory, "focus_dioptres": focus }),
+        &json!({
+            "engine": steered.engine, "memory_mib": memory, "focus_dioptres": focus, "unfinished": steered.unfinished,
+        }),
     )
 }
 

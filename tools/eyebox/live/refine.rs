@@ -4,7 +4,7 @@ use super::args::SteeringArgs;
 use crate::Failure;
 use crate::args::{EngineArgs, OtherSceneArgs, SceneArgs};
 use crate::common::{self, Form};
-use crate::phases::PhaseArgs;
+use crate::phases::{PhaseArgs, tell_unfinished};
 use crate::progress::{self, JobBar};
 use crate::score;
 use crate::values::{GivenPupil, diameters, not_negative, pupil};
@@ -126,6 +126,7 @@ fn tiled(args: &Refine) -> Result<(), Failure> {
             "{file}: it is still being solved: repeat its command, and refine it then"
         )));
     }
+    tell_unfinished(&args.hologram)?;
     let display = score::display_of(&args.hologram, about)?;
     args.other.check(&args.hologram, about, &args.scene.scene)?;
     let colors: Vec<_> = about.colors.iter().filter_map(|c| c.color).collect();
@@ -137,7 +138,7 @@ fn tiled(args: &Refine) -> Result<(), Failure> {
     let SceneSource::Around(scene) = scene else { unreachable!("made around pupils") };
     for (color, views) in scene.iter().enumerate() {
         let Piece { at, size, problem } = Piece::around(&tiles, color, views, &aim)?;
-        place = json!({ "first": at, "size": size });
+        place = json!({ "piece": { "first": at, "size": size }, "unfinished": tiles.unfinished() });
         let anywhere = PupilRange {
             eyebox: problem.eyebox,
             diameter: aim.diameter,
@@ -214,7 +215,7 @@ fn steps(
     Ok((rows, refiner.phases()?, described))
 }
 
-/// Says what each step gained, over all colours; `place`: the piece that was refined.
+/// Says what each step gained, over all colours; `place`: the piece that was refined, and of what.
 fn report(args: &Refine, all: &[Vec<Row>], about: &Hologram, engine: &str, [key, words]: [&str; 2], place: &Value) {
     // Colours, side by side: an interruption may have left some with fewer rows.
     let count = all.iter().map(Vec::len).min().unwrap_or(0);
@@ -237,14 +238,15 @@ fn report(args: &Refine, all: &[Vec<Row>], about: &Hologram, engine: &str, [key,
             "out": args.out.as_ref().map(|out| out.display().to_string()),
         });
         if !place.is_null() {
-            said["piece"] = place.clone();
+            said["piece"] = place["piece"].clone();
+            said["unfinished"] = place["unfinished"].clone();
             said["peak_memory_mib"] = json!(common::peak_memory_mib());
         }
         println!("{said}");
         return;
     }
     println!("{engine}; {} sub-frames, {} colours; focused at {}", about.frames, all.len(), depth_in_words(focus, f));
-    if let (Some(first), Some(size)) = (place["first"].as_array(), place["size"].as_array()) {
+    if let (Some(first), Some(size)) = (place["piece"]["first"].as_array(), place["piece"]["size"].as_array()) {
         println!("the piece of {}x{} pixels from row {}, column {}", size[0], size[1], first[0], first[1]);
     }
     println!("  steps        ms    at the eye dB   {words}");

@@ -3,11 +3,12 @@
 use super::args::PolicyArgs;
 use super::subject::{self, Steered, SubjectArgs};
 use crate::Failure;
+use crate::args::OverwriteArgs;
 use crate::common::Engines;
 use crate::progress::{self, JobBar};
 use crate::values::{depth, not_negative, positive, share};
 use clap::Args;
-use eyebox::files;
+use eyebox::files::{self, OwnFolder};
 use eyebox::gpu::Options as VulkanOptions;
 use eyebox::optics::{Depth, depth_in_words, dioptres};
 use eyebox::report;
@@ -27,6 +28,9 @@ pub struct Study {
     /// Where the plot and the numbers go
     #[arg(short, long, default_value = "study", value_name = "DIR")]
     pub out: PathBuf,
+    /// Files of others
+    #[command(flatten)]
+    pub overwrite: OverwriteArgs,
     /// Seconds of the eye's life
     #[arg(long, default_value_t = 6.0, value_name = "S", value_parser = positive)]
     pub duration: f64,
@@ -98,6 +102,7 @@ impl Study {
 
 /// Studies, and shows what came of it.
 pub fn run(args: &Study) -> Result<(), Failure> {
+    let mut own = OwnFolder::open(&args.out, &report::STUDY, args.overwrite.overwrite)?;
     let engines = Engines::new(&args.subject.engine, &VulkanOptions::default())?;
     let subject = subject::load(&args.subject, &engines)?;
     let focal_length = subject.hologram.focal_length;
@@ -123,15 +128,15 @@ pub fn run(args: &Study) -> Result<(), Failure> {
         "what": args.subject.what, "scene": subject.hologram.scene, "engine": subject.engine,
         "colors": subject.colors, "size": [subject.hologram.height, subject.hologram.width],
         "frames": subject.hologram.frames, "policy": policy, "summary": summary, "study": study,
+        "unfinished": subject.unfinished,
         "eye": { "seed": args.eye_seed, "rate_hz": args.tracker_rate, "delay_ms": args.tracker_delay,
                  "noise_mm": args.tracker_noise, "fixation_ms": args.fixation, "sets_per_second": args.rate,
                  "focus_mm": focus * 1e3, "focus_dioptres": dioptres(focus, focal_length) },
     });
     let file = args.out.join("study.json");
-    files::write_file(&file, |out| writeln!(out, "{all:#}"))?;
     let page = args.out.join("study.html");
     let title = format!("Steering {}, focused at {}", subject.hologram.scene, depth_in_words(focus, focal_length));
-    report::write_study(&title, &subject.engine, &study, &args.out)?;
+    report::write_study(&title, &subject.engine, &study, &all, &mut own)?;
     if args.json {
         println!("{}", json!({ "summary": summary, "out": args.out.display().to_string() }));
         return Ok(());

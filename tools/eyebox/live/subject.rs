@@ -2,14 +2,14 @@
 
 use crate::args::{DisplayArgs, EngineArgs, NEAR, OtherSceneArgs, SceneArgs};
 use crate::common::{self, Engines};
-use crate::phases::PhaseUnitArgs;
+use crate::phases::{PhaseUnitArgs, tell_unfinished};
 use crate::quality::QualityArgs;
 use crate::solve::Watch;
 use crate::values::one_of;
 use crate::{Failure, progress, score};
 use clap::Args;
 use eyebox::encode::Encoder;
-use eyebox::hologram::{ColorHologram, Hologram, Phases};
+use eyebox::hologram::{ColorHologram, Hologram, Opening, Phases, Unfinished};
 use eyebox::optics::{Color, Display, Padding};
 use eyebox::produce::solve_colors;
 use eyebox::quality::Subject;
@@ -61,6 +61,8 @@ pub struct Steered {
     pub encoder: Encoder,
     /// What computes.
     pub engine: String,
+    /// How far the hologram is, where it is not finished.
+    pub unfinished: Option<Unfinished>,
 }
 
 /// Loads or solves it.
@@ -72,8 +74,9 @@ pub fn load(args: &SubjectArgs, engines: &Engines) -> Result<Steered, Failure> {
         ..SceneArgs::of(scene)
     };
     let phases = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy"));
-    let (hologram, optics, field) = if phases || (!Phases::are_at(path) && !path.join("views").exists()) {
-        let mut hologram = args.unit.chosen(&args.display)?.hologram(path)?;
+    let (hologram, optics, field, unfinished) = if phases || (!Phases::are_at(path) && !path.join("views").exists()) {
+        let unfinished = tell_unfinished(path)?;
+        let mut hologram = Opening { unfinished: true, ..args.unit.chosen(&args.display)? }.hologram(path)?;
         let optics = score::display_of(path, &hologram)?;
         let name = args.scene.as_deref().unwrap_or(&hologram.scene);
         if name.is_empty() {
@@ -83,7 +86,7 @@ pub fn load(args: &SubjectArgs, engines: &Engines) -> Result<Steered, Failure> {
         let colors: Vec<Color> = hologram.colors.iter().filter_map(|c| c.color).collect();
         let field = common::scene(&score::as_solved(&scene(name), &hologram), &optics, &colors)?;
         hologram.fit_exposure(&field, engines.open()?.as_mut())?;
-        (hologram, optics, field)
+        (hologram, optics, field, unfinished)
     } else {
         if args.scene.is_some() {
             return Err(Failure::Asked(format!("{} is a scene already: leave out --scene", args.what)));
@@ -106,7 +109,7 @@ pub fn load(args: &SubjectArgs, engines: &Engines) -> Result<Steered, Failure> {
         let padding =
             if settings.padding != PaddingRule::Never { subject.required_padding()? } else { Padding::default() };
         let hologram = Hologram::from_solutions(&field, &display, &subject.settings(&settings), padding, &solved)?;
-        (hologram, display, field)
+        (hologram, display, field, None)
     };
     let mut shown = common::display(&args.display)?;
     if args.display.size.is_none() {
@@ -124,7 +127,7 @@ pub fn load(args: &SubjectArgs, engines: &Engines) -> Result<Steered, Failure> {
     }
     let parts = parts(&hologram, &field, &optics)?;
     let engine = engines.open()?.describe();
-    Ok(Steered { colors, parts, encoder, engine, hologram })
+    Ok(Steered { colors, parts, encoder, engine, hologram, unfinished })
 }
 
 /// What is refined of a hologram of `field`, made for `display`.

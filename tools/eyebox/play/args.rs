@@ -1,7 +1,7 @@
 //! The arguments of `eyebox play`.
 
 use crate::args::{Colors, DeviceArgs, EngineName};
-use crate::phases::PhaseUnitArgs;
+use crate::phases::{PhaseUnitArgs, UnfinishedArgs};
 use crate::values::{mark, not_negative, positive, rate, size};
 use clap::{Args, ValueEnum};
 use eyebox::present::Rate;
@@ -100,6 +100,9 @@ pub struct Play {
     /// Wait for a sequence that is still being written
     #[arg(long)]
     pub follow: bool,
+    /// What is not finished
+    #[command(flatten)]
+    pub unfinished: UnfinishedArgs,
     /// Number of the hologram to begin with, from 0
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub first: u64,

@@ -11,6 +11,7 @@ use crate::session::{attend, conclude, ended_by};
 use crate::{Failure, common, progress};
 use args::ClockName;
 use eyebox::encode;
+use eyebox::hologram::Opening;
 use eyebox::session::{self, Output, Session, SessionOptions, SinkFile, Statistics, Status};
 use serde_json::json;
 use std::time::{Duration, UNIX_EPOCH};
@@ -18,7 +19,10 @@ use std::time::{Duration, UNIX_EPOCH};
 /// Plays a hologram or a sequence, and says what was shown.
 pub fn run(args: &Play) -> Result<(), Failure> {
     let display = common::display_of_size(&args.display, args.size, args.force)?;
-    let sequence = args.unit.opening(Some(&display), args.color.one()).sequence(&args.file)?;
+    // Who waits for the rest takes what there is.
+    let unfinished = args.unfinished.unfinished || args.follow;
+    let opening = Opening { unfinished, ..args.unit.opening(Some(&display), args.color.one()) };
+    let sequence = opening.sequence(&args.file)?;
     let mut play = session::Play::new(sequence, &display)?;
     let output = output(args, args.looped || play.looped)?;
     play.rate = args.rate.unwrap_or(play.rate);

@@ -7,9 +7,10 @@ pub use args::Preview;
 
 use crate::args::SceneArgs;
 use crate::common::{self, Form};
+use crate::phases::tell_unfinished;
 use crate::{Failure, progress, score, view};
 use eyebox::evaluate::Plane;
-use eyebox::hologram::{Hologram, PhaseSource, SceneSource, Sequence, Tiles};
+use eyebox::hologram::{Hologram, Opening, PhaseSource, SceneSource, Sequence, Tiles};
 use eyebox::optics::{Color, Padding, Pupil};
 use eyebox::present::{Desktop, Monitor, PresentError, WindowEvent};
 use eyebox::preview::{
@@ -85,7 +86,9 @@ struct Opened {
 
 fn open(args: &Preview) -> Result<Opened, Failure> {
     if args.at.is_none() && !args.encoded.encoded && Sequence::is_at(&args.file) {
-        let mut sequence = args.phases.opening(&args.file, args.at)?.sequence(&args.file)?;
+        tell_unfinished(&args.file)?;
+        let opening = Opening { unfinished: true, ..args.phases.opening(&args.file, args.at)? };
+        let mut sequence = opening.sequence(&args.file)?;
         let [numerator, denominator] = sequence.rate();
         let hz = args.rate.map_or(f64::from(numerator) / f64::from(denominator), |rate| rate.hz());
         let hologram = sequence.load(0)?;

@@ -1,6 +1,6 @@
 //! The arguments of `eyebox tradeoff`.
 
-use crate::args::{DisplayArgs, EngineArgs, SceneArgs};
+use crate::args::{DisplayArgs, EngineArgs, OverwriteArgs, SceneArgs};
 use crate::values::{diameters, positive};
 use clap::Args;
 use std::path::PathBuf;
@@ -14,6 +14,9 @@ pub struct Tradeoff {
     /// The page, the numbers, and what a run that was stopped goes on from
     #[arg(short, long, value_name = "DIR")]
     pub out: PathBuf,
+    /// Files of others
+    #[command(flatten)]
+    pub overwrite: OverwriteArgs,
     /// Seconds for all of it
     #[arg(long, value_name = "SECONDS", value_parser = positive, default_value_t = 250.0)]
     pub budget: f64,

@@ -9,7 +9,7 @@ use crate::Failure;
 use crate::common;
 use crate::progress::{self, JobBar};
 use crate::settings::levels_of;
-use eyebox::files::cache_folder;
+use eyebox::files::{OwnFolder, cache_folder};
 use eyebox::optics::Color;
 use eyebox::quality::{NEAR_DB, Recommended, Subject, Tuned, Tuning, writable};
 use eyebox::report;
@@ -20,6 +20,7 @@ use std::time::Instant;
 /// Measures, reports, and keeps what is recommended.
 pub fn run(args: &Tradeoff) -> Result<(), Failure> {
     let begun = Instant::now();
+    let mut own = OwnFolder::open(&args.out, &report::TUNED, args.overwrite.overwrite)?;
     let check = args.check.as_deref().map(read_check).transpose()?.unwrap_or_default();
     let display = common::display(&args.display)?;
     let color = leading(&common::colors(&args.display, &display)?);
@@ -47,7 +48,7 @@ pub fn run(args: &Tradeoff) -> Result<(), Failure> {
     if tuned.trials.is_empty() {
         return Err(Failure::Asked("stopped before anything was measured: the same command starts again".into()));
     }
-    report::write_tuned(&tuned, &args.out)?;
+    report::write_tuned(&tuned, &mut own)?;
     let stored = if args.no_store { None } else { store(&tuned) };
     if args.json {
         println!("{}", report::tuned_json(&tuned));

@@ -112,8 +112,9 @@ impl Case {
         }
         let left = ground::files(&at.join("out"));
         let draft = left.iter().find(|file| file.extension().is_some_and(|end| end == "part"));
-        let left =
-            if answer == Answer::Refused && !self.keeps { left.first() } else { draft.filter(|_| !self.starved) };
+        // What was stopped may go on from there.
+        let keeps = self.keeps || watched.asked.is_some();
+        let left = if answer == Answer::Refused && !keeps { left.first() } else { draft.filter(|_| !self.starved) };
         if let Some(left) = left {
             return Err(format!("it left {}: {}", left.display(), said.unwrap_or_default()));
         }
@@ -129,7 +130,8 @@ impl Case {
             .map(|(_, s)| s)
             .collect::<Vec<_>>()
             .join(" ");
-        let script = format!("ulimit -v {ADDRESSES_KIB}; {limits}exec \"$0\" \"$@\" {closed}");
+        // A shell that runs this in the background has ctrl-C ignored.
+        let script = format!("ulimit -v {ADDRESSES_KIB}; {limits}exec env --default-signal=INT \"$0\" \"$@\" {closed}");
         let mut command = Command::new("sh");
         command.args(["-c", &script, &program()]).args(&self.args).current_dir(at);
         command.env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").env("XDG_CACHE_HOME", at.join("cache"));

@@ -6,7 +6,7 @@
 //!
 //! `EYEBOX_ATTACK_CASES=20000 EYEBOX_ATTACK_SEED=7 cargo test --workspace --test attack -- --nocapture` runs so many and prints
 //! the table of what came of them; `EYEBOX_ATTACK_ONLY=options` those of one kind, `EYEBOX_ATTACK_FIRST=1234` from that one on.
-#![cfg(unix)]
+#![cfg(target_os = "linux")]
 
 mod answer;
 mod bombs;

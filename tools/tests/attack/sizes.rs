@@ -23,6 +23,12 @@ const COUNTS: [&str; 16] = [
     "18446744073709551615",
 ];
 
+/// Sub-frames: more of them make steps that take longer than ctrl-C may.
+const FRAMES: [&str; 7] = ["0", "1", "2", "5", "17", "5000", "18446744073709551615"];
+
+/// Sides, where many holograms are made of them.
+const SMALL: [&str; 8] = ["0", "1", "2", "3", "17", "64", "200000", "4294967296"];
+
 fn count(rng: &mut fastrand::Rng) -> &'static str {
     COUNTS[rng.usize(..COUNTS.len())]
 }
@@ -31,13 +37,13 @@ fn count(rng: &mut fastrand::Rng) -> &'static str {
 const RUNS: [&str; 12] = [
     "solve builtin:plane --size {}x{} --steps 1 --frames 1 --color green --engine cpu -o out/x.zarr",
     "solve builtin:plane --size {}x{} --steps 1 --memory 200MiB --engine cpu -o out/x.zarr",
-    "solve builtin:plane --size 16x16 --steps 1 --frames {} --views {} --color green --engine cpu -o out/x.zarr",
+    "solve builtin:plane --size 16x16 --steps 1 --frames {f} --views {} --color green --engine cpu -o out/x.zarr",
     "solve base/photo.png --depth-map base/depth.png --size {}x16 --views {} --steps 1 --frames 1 --engine cpu -o out/x.zarr",
-    "solve base/views --size 16x{} --steps 1 --frames {} --engine cpu -o out/x.zarr",
+    "solve base/views --size 16x{} --steps 1 --frames {f} --engine cpu -o out/x.zarr",
     "photograph builtin:plane --size {}x{} --color green --pupil=0,0,1,0 --engine cpu -o out/x.png",
     "plan builtin:plane --size {}x{} --color green --engine cpu",
-    "evaluate builtin:plane --size {}x{} --color green --frames 1 --steps 1 --methods dpac --views 2 --no-speckle --engine cpu -o out/e",
-    "tradeoff builtin:plane --size {}x{} --color green --frames {} --budget 0.01 --no-store --engine cpu -o out/t",
+    "evaluate builtin:plane --size {s}x{s} --color green --frames 1 --steps 1 --methods dpac --views 2 --no-speckle --engine cpu -o out/e",
+    "tradeoff builtin:plane --size {s}x{s} --color green --frames {f} --budget 0.01 --no-store --engine cpu -o out/t",
     "score base/h.zarr builtin:plane --pupils random:{} --engine cpu",
     "solve builtin:plane --display base/far.toml --size {}x{} --frames 1 --memory 300MiB --picture {} --passes 1 --steps 1 --engine cpu -o out/x.zarr",
     "demo --size {} --engine cpu --out out/demo",
@@ -86,6 +92,10 @@ pub fn case(ground: &Ground, rng: &mut fastrand::Rng) -> Case {
         }
         _ => {
             let mut run = RUNS[rng.usize(..RUNS.len())].to_string();
+            run = run.replace("{f}", FRAMES[rng.usize(..FRAMES.len())]);
+            while run.contains("{s}") {
+                run = run.replacen("{s}", SMALL[rng.usize(..SMALL.len())], 1);
+            }
             while run.contains("{}") {
                 run = run.replacen("{}", count(rng), 1);
             }

@@ -1,8 +1,12 @@
 //! Nothing that was made is lost: several writers of one name, drafts of the dead, disks that are full.
 
-use crate::common::{command, done, eyebox, folder, text};
+use crate::common::{command, done, eyebox, folder, refused, text};
+use ::eyebox::hologram::{ColorHologram, Hologram, HologramError, SequenceWriter, Tiles};
+use ::eyebox::optics::Display;
+use serde_json::{Value, json};
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
 
 const SMALL: [&str; 10] = ["--size", "40x48", "--steps", "2", "--color", "green", "--engine", "cpu", "--views", "3"];
 
@@ -116,4 +120,150 @@ fn a_hologram_that_lacks_a_chunk_is_not_played() {
         assert!(said.contains("phases/c/0/3/0/0") && said.contains(what), "{said}");
         let _ = std::fs::remove_file(&chunk);
     }
+}
+
+const DISPLAY: &str = "name = \"far\"\nresolution = [320, 320]\npitch_um = 4.0\nfocal_length_mm = 400.0\n\
+                       wavelengths_nm = { green = 520 }\ngeometry = \"far-field\"\n";
+
+/// A hologram for [`DISPLAY`], whose phases are random enough.
+fn random() -> Hologram {
+    let display = Display::from_toml(DISPLAY, "far.toml").unwrap();
+    let phases = (0..320 * 320).map(|i| (i % 6007 * i % 6007) as f32 / 1000.0 - 3.0).collect();
+    let wavelength = display.wavelengths[0];
+    let (color, wavelength) = (Some(wavelength.color), wavelength.wavelength);
+    Hologram::on(&display, 1, vec![ColorHologram { color, wavelength, exposure: 0.5, efficiency: 0.5, phases }])
+}
+
+/// What it says, with exit code 0.
+fn told(at: &Path, args: &[&str]) -> (String, String) {
+    let answer = eyebox(at, args);
+    assert!(answer.status.success(), "{args:?}: {}", text(&answer.stderr));
+    (text(&answer.stdout), text(&answer.stderr))
+}
+
+/// No picture of tiles of which none was solved is made without a word.
+#[test]
+fn every_look_at_unfinished_tiles_says_how_far_they_are() {
+    let temp = folder();
+    let at = temp.path();
+    std::fs::write(at.join("far.toml"), DISPLAY).unwrap();
+    drop(Tiles::create(&at.join("h.zarr"), &random(), 32, Value::Null, 9).unwrap());
+    let how_far = "h.zarr: it is unfinished: 0 of 9 visits are done";
+    let pupil = "--pupil=0,0,0.4,0";
+    let (_, said) = told(at, &["view", "h.zarr", pupil, "-o", "x.png", "--engine", "cpu"]);
+    assert!(said.contains(how_far), "{said}");
+    let still = ["h.zarr", "builtin:still-life", "--json", "--engine", "cpu"];
+    let some = ["--pupils", "random:1", "--pupil-diameter", "0.3..0.3"];
+    for args in
+        [&[&["score"], &still[..], &some].concat(), &[&["refine"], &still[..], &[pupil, "--steps", "1"]].concat()]
+    {
+        let (json, said) = told(at, args);
+        assert_eq!(said.matches(how_far).count(), 1, "{args:?}: {said}");
+        let json: Value = serde_json::from_str(&json).unwrap();
+        assert_eq!(json["unfinished"], json!({ "done": 0, "total": 9, "unit": "visits" }), "{args:?}: {json}");
+    }
+    let encode = ["encode", "h.zarr", "--display", "far.toml", "-o", "frames"];
+    for (args, out) in [(&["export", "h.zarr", "-o", "x.npy"][..], "x.npy"), (&encode, "frames")] {
+        refused(at, args, out, "it is unfinished: 0 of 9 visits");
+        done(at, &[args, &["--unfinished"]].concat());
+        assert!(at.join(out).exists());
+    }
+    let evaluated = ["evaluate", "builtin:still-life", "--hologram", "mine=h.zarr", "-o", "report"];
+    refused(at, &evaluated, "report", "it is unfinished: 0 of 9 visits");
+    assert!(matches!(Hologram::load(&at.join("h.zarr")), Err(HologramError::Unfinished { .. })));
+}
+
+#[test]
+fn every_look_at_an_unfinished_sequence_says_how_far_it_is() {
+    let temp = folder();
+    let at = temp.path();
+    std::fs::write(at.join("far.toml"), DISPLAY).unwrap();
+    let mut writer = SequenceWriter::create(&at.join("s.zarr"), &random(), [30, 1], Some(2)).unwrap();
+    writer.append(&random()).unwrap();
+    let how_far = "s.zarr: it is unfinished: 1 of 2 holograms are done";
+    let view = ["view", "s.zarr", "--at", "0", "--pupil=0,0,0.4,0", "-o", "x.png", "--engine", "cpu"];
+    assert!(told(at, &view).1.contains(how_far));
+    let play = ["play", "s.zarr", "--display", "far.toml", "--clock", "simulated"];
+    for (args, out) in [(&["export", "s.zarr", "--at", "0", "-o", "x.npy"][..], "x.npy"), (&play, "none")] {
+        refused(at, args, out, how_far);
+        done(at, &[args, &["--unfinished"]].concat());
+    }
+    writer.append(&random()).unwrap();
+    writer.finish().unwrap();
+    assert!(!told(at, &view).1.contains("unfinished"));
+    done(at, &play);
+}
+
+/// Ended by force or by a terminal that is closed, a recording has all that came up to the last second, and is read.
+#[cfg(unix)]
+#[test]
+fn a_recording_survives_whatever_ends_it() {
+    let temp = folder();
+    let at = temp.path();
+    for (signal, code) in [("-KILL", None), ("-HUP", Some(0))] {
+        let args = ["trackers", "--watch", "simulated:3", "--rate", "200", "--record", "r.jsonl"];
+        let mut child = command(at, &args).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        let lines = || std::fs::read_to_string(at.join("r.jsonl")).unwrap_or_default().lines().count();
+        let begun = Instant::now();
+        while lines() < 50 && begun.elapsed() < Duration::from_secs(60) {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        assert!(child.try_wait().unwrap().is_none(), "it still records");
+        let there = lines();
+        assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
+        assert_eq!(child.wait().unwrap().code(), code, "{signal}");
+        assert_eq!(names(at), ["r.jsonl"], "{signal}");
+        assert!(done(at, &["trackers", "--watch", "r.jsonl"]).lines().count() >= there, "{signal}");
+        std::fs::remove_file(at.join("r.jsonl")).unwrap();
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_ends_a_recording_and_nothing_else() {
+    let temp = folder();
+    let at = temp.path();
+    let args = ["trackers", "--watch", "simulated:3", "--rate", "200", "--duration", "2", "--record", "r.jsonl"];
+    let answer = after(at, "ulimit -f 8", &args);
+    let said = text(&answer.stderr);
+    assert_eq!((answer.status.code(), said.lines().count()), (Some(2), 1), "{said}");
+    assert!(said.contains("r.jsonl: cannot be written, the disk is full"), "{said}");
+    assert!(text(&answer.stdout).lines().count() > 390, "it was watched to the end");
+    let kept = std::fs::read_to_string(at.join("r.jsonl")).unwrap();
+    assert!(kept.ends_with("}\n") && kept.len() > 7000, "{} bytes", kept.len());
+    let read = done(at, &["trackers", "--watch", "r.jsonl"]);
+    assert_eq!(read.lines().count(), kept.lines().count());
+    // Cut in a line, as by a copy that stopped, it is read up to there, and that is said.
+    std::fs::write(at.join("cut.jsonl"), &kept[..kept.len() - 9]).unwrap();
+    let (read, said) = told(at, &["trackers", "--watch", "cut.jsonl"]);
+    assert_eq!((read.lines().count(), said.contains("cut off in line")), (kept.lines().count() - 1, true), "{said}");
+}
+
+#[test]
+fn files_of_others_where_a_report_goes_are_left_alone() {
+    let temp = folder();
+    let at = temp.path();
+    std::fs::create_dir_all(at.join("mine/figures")).unwrap();
+    let commands: [(&[&str], &str); 6] = [
+        (&["evaluate", "builtin:plane"], "report.html"),
+        (&["evaluate", "builtin:plane"], "figures/drawing.svg"),
+        (&["tradeoff", "builtin:plane"], "index.html"),
+        (&["study", "builtin:plane"], "study.json"),
+        (&["demo"], "far.png"),
+        (&["demo"], "still-life.zarr"),
+    ];
+    for (args, file) in commands {
+        std::fs::write(at.join("mine").join(file), "mine").unwrap();
+        refused(at, &[args, &["--out", "mine"]].concat(), "none", file);
+        assert_eq!(std::fs::read(at.join("mine").join(file)).unwrap(), b"mine");
+        assert_eq!(names(&at.join("mine")).len(), if file.contains('/') { 1 } else { 2 }, "nothing else came");
+        std::fs::remove_file(at.join("mine").join(file)).unwrap();
+    }
+    // What was written here is written again; what was changed since is not.
+    let demo = ["demo", "--out", "d", "--size", "32", "--engine", "cpu", "--quality", "fast"];
+    done(at, &demo);
+    done(at, &demo);
+    std::fs::write(at.join("d/far.png"), "mine").unwrap();
+    refused(at, &demo, "none", "far.png");
+    done(at, &[&demo[..], &["--overwrite"]].concat());
 }

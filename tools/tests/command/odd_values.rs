@@ -13,11 +13,12 @@ fn options_of_impossible_values_are_refused_with_what_is_possible() {
     let refine = ["refine", "h.zarr", "builtin:plane", "--pupil=0,0,1,0", "-o", "out.zarr"];
     let play = ["play", "h.zarr", "--display", "grey8", "--size", "16x16", "--engine", "cpu", "--raw", "out.zarr"];
     let live = ["live", "h.zarr", "--display", "grey8", "--size", "16x16", "--duration", "0.1"];
-    let cases: [(&[&str], &str, &str); 16] = [
+    let cases: [(&[&str], &str, &str); 17] = [
         (&solve, "--psnr=nan", "-100 to 1000"),
         (&solve, "--psnr=inf", "-100 to 1000"),
         (&solve, "--seconds=1e308", "1e12 at most"),
         (&solve, "--pupil-diameter=-5..5", "positive, smallest first"),
+        (&solve, "--depth=-3e99..3", "expected MIN..MAX"),
         (&refine, "--diameter=-5..5", "positive, smallest first"),
         (&refine, "--momentum=1e308", "0 to 1"),
         (&refine, "--momentum=nan", "0 to 1"),

@@ -230,7 +230,8 @@ fn an_unfinished_sequence_and_a_damaged_hologram_are_told() {
         "{said}"
     );
     std::fs::write(at.join("s.zarr/phases/c/2/0/0/0/0"), "short").unwrap();
-    let said = done(at, &play);
+    refused(at, &play, "unfinished: 2 of 3 holograms");
+    let said = done(at, &[&play[..], &["--unfinished"]].concat());
     assert!(said.contains("cut off: 2 of its 3") && said.contains("unfinished"), "{said}");
 }
 

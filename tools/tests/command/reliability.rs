@@ -176,10 +176,40 @@ fn absurd_numbers_of_threads_are_clamped_and_names_need_not_be_text() {
     let at = temp.path();
     let mut many = command(at, &solve(&["builtin:plane"], "h.zarr", &["--json"]));
     let answer = many.env("RAYON_NUM_THREADS", "100000").output().unwrap();
-    assert!(answer.status.success() && text(&answer.stderr).contains("512 are made"), "{}", text(&answer.stderr));
+    assert!(answer.status.success() && text(&answer.stderr).contains(" are made"), "{}", text(&answer.stderr));
     let name = std::ffi::OsStr::from_bytes(b"\xff.zarr");
     let args = solve(&["builtin:plane"], "OUT", &["--json"]);
     let mut odd = command(at, &args[..2]);
     let answer = odd.arg("-o").arg(name).args(&args[4..]).output().unwrap();
     assert!(answer.status.success() && at.join(name).exists(), "{}", text(&answer.stderr));
+}
+
+/// Little address space: the stacks of eight threads do not fit it, and the program does.
+#[cfg(target_os = "linux")]
+#[test]
+fn where_the_system_gives_fewer_threads_fewer_compute() {
+    let temp = folder();
+    let at = temp.path();
+    let args = [
+        "solve",
+        "builtin:plane",
+        "-o",
+        "h.zarr",
+        "--size",
+        "16x16",
+        "--steps",
+        "1",
+        "--frames",
+        "1",
+        "--engine",
+        "cpu",
+    ];
+    let fewer = (24..160).step_by(2).any(|mib| {
+        let script = format!("ulimit -v {}; exec '{}' {}", mib << 10, env!("CARGO_BIN_EXE_eyebox"), args.join(" "));
+        let mut command = Command::new("sh");
+        command.args(["-c", &script]).current_dir(at).env("RAYON_NUM_THREADS", "8").env("MALLOC_ARENA_MAX", "1");
+        let answer = command.output().unwrap();
+        answer.status.success() && text(&answer.stderr).contains("threads: ") && at.join("h.zarr").exists()
+    });
+    assert!(fewer, "with little address space it ran with all threads or not at all");
 }
