@@ -1,14 +1,18 @@
 #!/usr/bin/env bash
-# Makes docs/steered.gif: what an eye sees of a hologram while it is refined for it, through two pupils. All that is seen comes from
-# the command; python3 with Pillow puts the pictures together. EYEBOX is the command: EYEBOX=target/release/eyebox tools/animation.sh
+# Makes the README's animations. docs/steered.gif: what an eye sees of a hologram while it is refined for it, through two pupils.
+# docs/live.gif: the window of `eyebox live --view`, on Xvfb, while a recorded eye looks about. All that is seen comes from the command;
+# python3 with Pillow puts the pictures together. EYEBOX is the command: EYEBOX=target/release/eyebox tools/animation.sh [steered|live]
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 eyebox=$(realpath "${EYEBOX:?the command to run, such as target/release/eyebox}")
 work=$(mktemp -d)
-trap 'rm -rf "$work"' EXIT
+desktop=
+trap '[[ -z $desktop ]] || kill "$desktop"; rm -rf "$work"' EXIT
 cd "$work"
 
 "$eyebox" solve builtin:still-life --size 512x512 --seconds 60 -o still-life.zarr
+
+steered() {
 for pupil in -6,3,4,2 6,-3,4,-2.5; do
     from=still-life.zarr
     "$eyebox" view $from --pupil=$pupil -o "$pupil.0.png"
@@ -43,3 +47,55 @@ palette = both.quantize(80)
 frames = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
 frames[0].save(sys.argv[1], save_all=True, append_images=frames[1:], duration=times, loop=0, optimize=True)
 PYTHON
+}
+
+live() {
+# Three fixations of 3 s, near and far in turn.
+python3 - >eye.jsonl <<'PYTHON'
+import json
+for i in range(3 * 360):
+    x, y, focus_d = [(-6, 3, 0.012), (6, -4, -0.012), (-1, -6, 0.012)][i // 360]
+    print(json.dumps({"t": i / 120, "x": x, "y": y, "diameter": 4, "focus_d": focus_d}))
+PYTHON
+mkdir screen
+Xvfb -displayfd 3 -screen 0 512x512x24 -nocursor -fbdir screen 3>number 2>/dev/null &
+desktop=$!
+while [[ ! -s number ]]; do sleep 0.1; done
+WAYLAND_DISPLAY='' DISPLAY=:$(cat number) "$eyebox" live still-life.zarr --size 512x512 --display planes24 --tracker eye.jsonl \
+    --view --duration 10 &
+python3 - "$root/docs/live.gif" <<'PYTHON'
+import struct, sys, time
+from PIL import Image
+
+def screen():
+    """What is on the screen: a dump of the X server's, as `xwd` has it."""
+    dump = open("screen/Xvfb_screen0", "rb").read()
+    head = struct.unpack(">25I", dump[:100])
+    (size, width, height, stride), colors = (head[0], head[4], head[5], head[12]), head[19]
+    return Image.frombytes("RGB", (width, height), dump[size + 12 * colors :], "raw", "BGRX", stride)
+
+until = time.monotonic() + 120
+while screen().getbbox() is None:  # The window comes when the scene is there.
+    assert time.monotonic() < until, "no window"
+    time.sleep(0.05)
+every, seen = 0.36, []
+begun = time.monotonic()
+while len(seen) < 25:
+    seen.append(screen().resize((352, 352), Image.LANCZOS))
+    time.sleep(max(0, begun + len(seen) * every - time.monotonic()))
+# One palette for all, so that no colour changes from frame to frame.
+sheet = Image.new("RGB", (3 * 352, 352))
+for i in range(3):
+    sheet.paste(seen[8 * i + 7], (352 * i, 0))
+palette = sheet.quantize(112, kmeans=2)
+frames = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in seen]
+frames[0].save(sys.argv[1], save_all=True, append_images=frames[1:], duration=int(1000 * every), loop=0, optimize=True)
+PYTHON
+wait %2
+}
+
+case ${1:-all} in
+    all) steered; live ;;
+    steered | live) "$1" ;;
+    *) echo "tools/animation.sh [steered|live]" >&2; exit 1 ;;
+esac

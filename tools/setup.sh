@@ -3,6 +3,7 @@
 # virtual X display and a linker. Installs only what is missing, and says nothing when that is nothing.
 # Debian, Ubuntu and their kin: by apt-get. Elsewhere: says what is missing and exits 1, or 0 if nothing is.
 # Rust itself (cargo) is assumed.
+# tools/setup.sh windows does the same for what builds for Windows and runs it: MinGW's linker and Wine, 1 GB on the disk.
 set -euo pipefail
 
 say() { printf 'setup: %s\n' "$*" >&2; }
@@ -12,16 +13,25 @@ if ! command -v cargo >/dev/null; then
     exit 1
 fi
 
+windows=$([[ ${1:-} != windows ]] || echo yes)
+mingw() { command -v x86_64-w64-mingw32-gcc >/dev/null; }
+wine() { (PATH=$PATH:/usr/lib/wine && command -v wine64 >/dev/null); } # Where Debian has it.
+
 if command -v apt-get >/dev/null && command -v dpkg-query >/dev/null; then
     missing=()
-    # What windows load at run time comes last.
-    for package in libvulkan1 mesa-vulkan-drivers vulkan-validationlayers xvfb \
-        libx11-6 libx11-xcb1 libxcursor1 libxi6 libxkbcommon0 libxkbcommon-x11-0; do
-        status=$(dpkg-query -W -f='${Status}' "$package" 2>/dev/null || true)
-        [[ $status == "install ok installed" ]] || missing+=("$package")
-    done
-    # Rust links through the C compiler's driver.
-    command -v cc >/dev/null || missing+=(gcc libc6-dev)
+    if [[ $windows ]]; then
+        mingw || missing+=(gcc-mingw-w64-x86-64-win32)
+        wine || missing+=(wine64)
+    else
+        # What windows load at run time comes last.
+        for package in libvulkan1 mesa-vulkan-drivers vulkan-validationlayers xvfb \
+            libx11-6 libx11-xcb1 libxcursor1 libxi6 libxkbcommon0 libxkbcommon-x11-0; do
+            status=$(dpkg-query -W -f='${Status}' "$package" 2>/dev/null || true)
+            [[ $status == "install ok installed" ]] || missing+=("$package")
+        done
+        # Rust links through the C compiler's driver.
+        command -v cc >/dev/null || missing+=(gcc libc6-dev)
+    fi
     ((${#missing[@]})) || exit 0
 
     as_root=()
@@ -52,22 +62,27 @@ if command -v apt-get >/dev/null && command -v dpkg-query >/dev/null; then
 fi
 
 missing=()
-libraries=$({ ldconfig -p || /sbin/ldconfig -p; } 2>/dev/null || true)
-[[ $libraries == *libvulkan.so.1* ]] || missing+=("the Vulkan loader (libvulkan.so.1)")
-manifest() {
-    local folder
-    for folder in /usr/share /usr/local/share /etc "${XDG_DATA_HOME:-$HOME/.local/share}"; do
-        compgen -G "$folder/vulkan/$1" >/dev/null && return
+if [[ $windows ]]; then
+    mingw || missing+=("MinGW's linker, x86_64-w64-mingw32-gcc")
+    wine || missing+=("Wine for 64 bits, wine64")
+else
+    libraries=$({ ldconfig -p || /sbin/ldconfig -p; } 2>/dev/null || true)
+    [[ $libraries == *libvulkan.so.1* ]] || missing+=("the Vulkan loader (libvulkan.so.1)")
+    manifest() {
+        local folder
+        for folder in /usr/share /usr/local/share /etc "${XDG_DATA_HOME:-$HOME/.local/share}"; do
+            compgen -G "$folder/vulkan/$1" >/dev/null && return
+        done
+        return 1
+    }
+    manifest 'icd.d/*.json' || missing+=("a Vulkan driver; Mesa's lavapipe runs on any CPU")
+    manifest 'explicit_layer.d/*validation*.json' || missing+=("the Khronos validation layer")
+    command -v Xvfb >/dev/null || missing+=("Xvfb")
+    for library in libX11.so.6 libX11-xcb.so.1 libXcursor.so.1 libXi.so.6 libxkbcommon.so.0 libxkbcommon-x11.so.0; do
+        [[ $libraries == *"$library"* ]] || missing+=("$library, for windows")
     done
-    return 1
-}
-manifest 'icd.d/*.json' || missing+=("a Vulkan driver; Mesa's lavapipe runs on any CPU")
-manifest 'explicit_layer.d/*validation*.json' || missing+=("the Khronos validation layer")
-command -v Xvfb >/dev/null || missing+=("Xvfb")
-for library in libX11.so.6 libX11-xcb.so.1 libXcursor.so.1 libXi.so.6 libxkbcommon.so.0 libxkbcommon-x11.so.0; do
-    [[ $libraries == *"$library"* ]] || missing+=("$library, for windows")
-done
-command -v cc >/dev/null || missing+=("a C linker (cc), which Rust links with")
+    command -v cc >/dev/null || missing+=("a C linker (cc), which Rust links with")
+fi
 ((${#missing[@]})) || exit 0
 say "this system has no apt-get; please install:"
 printf '  - %s\n' "${missing[@]}" >&2

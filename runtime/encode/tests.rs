@@ -242,13 +242,8 @@ fn the_documented_plm_is_the_preset() {
     let block = text.split("```toml\n").last().and_then(|b| b.split("```").next()).expect("a file");
     let head = "resolution = [800, 1358]\npitch_um = 10.8\nfocal_length_mm = 400.0\nlevels = 16\n\
                 wavelengths_nm = { red = 660, green = 520, blue = 440 }\n";
-    let mut read = Display::from_toml(&format!("{head}{block}"), "plm.toml").unwrap().encoding;
-    let preset = Display::preset("plm").unwrap().encoding;
-    for (a, b) in read.phases_turns.iter().zip(&preset.phases_turns) {
-        assert!((a - b).abs() < 1e-12, "{a} is {b}");
-    }
-    read.phases_turns.clone_from(&preset.phases_turns);
-    assert_eq!(read, preset);
+    let read = Display::from_toml(&format!("{head}{block}"), "plm.toml").unwrap().encoding;
+    assert_eq!(read, Display::preset("plm").unwrap().encoding);
 }
 
 /// A display whose encoding is this text.

@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-/// The folder `eyebox` in `$XDG_CACHE_HOME` or `~/.cache`, on Windows in `%LOCALAPPDATA%`; nowhere without any.
+/// The folder `eyebox` in `$XDG_CACHE_HOME` or `~/.cache`, on Windows in `%LOCALAPPDATA%`; without any, in
+/// `$XDG_RUNTIME_DIR`; nowhere without that.
 pub fn cache_folder() -> Option<PathBuf> {
     Some(super::os::cache_base()?.join("eyebox"))
 }

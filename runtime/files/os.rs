@@ -4,12 +4,14 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 /// Where the user keeps what can be made again: `XDG_CACHE_HOME` where it is set, `LOCALAPPDATA` on Windows, else
-/// `~/.cache`; nowhere without any.
+/// `~/.cache`. Without any, what the system keeps for this user alone until he logs out (`XDG_RUNTIME_DIR`); nowhere without
+/// that. Folders that others may write to are not taken.
 pub(super) fn cache_base() -> Option<PathBuf> {
     let set = |name| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
     let own = || if cfg!(windows) { set("LOCALAPPDATA") } else { Some(set("HOME")?.join(".cache")) };
     // The specification of these folders has relative paths ignored.
-    set("XDG_CACHE_HOME").filter(|p| p.is_absolute()).or_else(own)
+    let absolute = |name| set(name).filter(|p| p.is_absolute());
+    absolute("XDG_CACHE_HOME").or_else(own).or_else(|| absolute("XDG_RUNTIME_DIR"))
 }
 
 /// A path without links and dots.

@@ -1,6 +1,6 @@
 //! Folders of results that are written again and again: which of their files are this program's is kept in a list beside them.
 
-use super::{FileError, read, write_file};
+use super::{FileError, is_draft, read, write_file};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -40,8 +40,11 @@ impl OwnFolder {
             };
             match fs::symlink_metadata(folder.join(inside)) {
                 Ok(there) if there.is_dir() => {
-                    for entry in fs::read_dir(folder.join(inside)).into_iter().flatten().flatten() {
-                        own.check(&format!("{name}{}", entry.file_name().to_string_lossy()))?;
+                    let entries = fs::read_dir(folder.join(inside)).into_iter().flatten().flatten();
+                    let files = entries.map(|entry| entry.file_name().to_string_lossy().into_owned());
+                    // A draft of a program that was killed is removed when the next is made.
+                    for file in files.filter(|file| !is_draft(file)) {
+                        own.check(&format!("{name}{file}"))?;
                     }
                 }
                 Ok(_) => own.check(inside)?,
@@ -166,6 +169,7 @@ mod tests {
         let old = fs::read(at.join("a.html")).unwrap();
         OwnFolder::open(at, &[], false).unwrap().write(files("2")).unwrap();
         fs::write(at.join("a.html"), old).unwrap();
+        fs::write(at.join("figures/.eyebox-DEAD01.part"), "2").unwrap();
         let mut own = OwnFolder::open(at, &["a.html", "figures/"], false).unwrap();
         own.write(files("3")).unwrap();
         assert_eq!(fs::read(at.join("a.html")).unwrap(), b"3");

@@ -1,6 +1,7 @@
 //! Files and folders that appear whole or not at all.
 
 use super::os::{canonical, exchange, is_same, sync_folder};
+use super::patient::Patient;
 use super::{FileError, drafts};
 use std::{
     fs::{self, File},
@@ -11,7 +12,7 @@ use std::{
 /// Writes `file` through `fill`: beside it first, then to the disk, then renamed into place.
 ///
 /// A destination that exists and is no ordinary file (a pipe, a device) is written to directly, for renaming over it
-/// would replace the device.
+/// would replace the device; a pipe that nobody reads is given up.
 ///
 /// # Errors
 /// [`FileError::Full`] and [`FileError::Write`]; then `file` is as it was.
@@ -22,7 +23,7 @@ pub fn write_file(file: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<(
             return Err(taken(file, "is a folder: a file cannot replace it"));
         }
         if !there.is_file() {
-            let mut out = BufWriter::new(File::options().write(true).open(file).map_err(failed)?);
+            let mut out = BufWriter::new(Patient::open(file).map_err(failed)?);
             return fill(&mut out).and_then(|()| out.flush()).map_err(failed);
         }
     }

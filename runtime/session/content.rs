@@ -7,7 +7,7 @@ use super::live::Live;
 use super::notes::Notes;
 use super::play::Play;
 use super::player::{Command, PresentedFrame};
-use super::report::Timing;
+use super::report::{Report, Timing};
 use super::statistics::Statistics;
 use crate::gpu::Gpu;
 use crate::mailbox::Mailbox;
@@ -94,6 +94,14 @@ pub struct Status {
     pub timing: Timing,
     /// Of a live hologram.
     pub live: Option<LiveStatus>,
+}
+
+impl Status {
+    /// What came of it so far, on what it shows on; what is pending is not known before the end.
+    pub fn report(&self, about: &About) -> Report {
+        let Self { seconds, account, timing, .. } = *self;
+        Report { account, pending: 0, seconds, planes: about.sub_frames, timing }
+    }
 }
 
 /// Something that happened.

@@ -10,16 +10,12 @@ use super::running::{Running, Setup};
 use super::scheduler::Scheduler;
 use super::set_timing::as_ns;
 use super::statistics::{Ending, Statistics};
-use super::trace::Trace;
+use super::trace::{Trace, Written};
 use crate::gpu::{Gpu, Messages};
 use crate::present::SECOND_NS;
-use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
-
-/// Spans that a trace keeps for each thread: half an hour at 120 Hz.
-const SPANS: usize = 1 << 19;
 
 /// The thread's own.
 pub(super) struct PresentThread {
@@ -28,7 +24,7 @@ pub(super) struct PresentThread {
     player: Player,
     recording: Option<Recording>,
     observer: Option<FrameObserver>,
-    trace: Option<PathBuf>,
+    trace: Option<Written>,
     sub_frames: u64,
     begun_ns: i64,
     /// Content's time, on the display: how long it may be, and since when it is shown.
@@ -47,7 +43,8 @@ impl PresentThread {
         options: SessionOptions,
         shared: Arc<Shared>,
     ) -> Result<Self, SessionError> {
-        let trace = Trace::new(if options.trace.is_some() { SPANS } else { 0 });
+        let written = options.trace.as_deref().map(Trace::write).transpose()?;
+        let trace = written.as_ref().map_or_else(Trace::none, Written::trace);
         let frames = match &content {
             Content::Play(play) => play.encoder.frames(),
             Content::Live(live) => live.encoder.frames(),
@@ -62,10 +59,10 @@ impl PresentThread {
         let mut messages: Vec<Messages> = options.gpu.iter().map(Gpu::messages).collect();
         messages.extend(encoder_gpu.filter(|gpu| !options.gpu.iter().any(|other| gpu.is(other))).map(Gpu::messages));
         let setup = match content {
-            Content::Play(play) => play.start(&display, notes, trace)?,
+            Content::Play(play) => play.start(&display, notes, trace.clone())?,
             Content::Live(live) => {
                 let on_host = options.record.is_some() || options.observer.is_some();
-                live.start(&mut display, on_host, Arc::clone(&shared.steered), &notes, trace)?
+                live.start(&mut display, on_host, Arc::clone(&shared.steered), &notes, trace.clone())?
             }
         };
         let Setup { running, schedule, idle, sub_frames } = setup;
@@ -79,7 +76,7 @@ impl PresentThread {
             player,
             recording,
             observer: options.observer,
-            trace: options.trace,
+            trace: written,
             sub_frames,
             begun_ns: display.clock.now_ns(),
             most_ns: options.duration.map(as_ns),
@@ -191,7 +188,8 @@ impl PresentThread {
                 tracks.extend(more);
             }
         }
-        let written = self.trace.map_or(Ok(()), |file| Trace::write(&file, &tracks));
+        drop(tracks);
+        let written = self.trace.map_or(Ok(()), Written::finish);
         let recorded = self.recording.map_or(Ok(0), Recording::finish).map(|left_out| {
             statistics.pictures_left_out = left_out;
         });

@@ -186,7 +186,7 @@ impl Simulation {
             Rc::<SimulatedClock>::clone(&clock) as Rc<dyn Clock>,
             Scheduler::new(schedule),
             idle,
-            Trace::new(0).track(""),
+            Trace::none().track(""),
         );
         Self { clock, panel, producer, player }
     }

@@ -59,7 +59,7 @@ fn options() -> StreamOptions {
         threads: 2,
         mark: 0,
         notes: Notes::default(),
-        trace: Trace::new(0),
+        trace: Trace::none(),
     }
 }
 
@@ -118,7 +118,7 @@ fn play_stream(
     };
     let idle = encoder.frames();
     let mut offscreen = Offscreen::new(Rc::clone(&clock), display_rate, idle.frame_bytes());
-    let mut player = Player::new(clock, Scheduler::new(schedule), idle, Trace::new(0).track(""));
+    let mut player = Player::new(clock, Scheduler::new(schedule), idle, Trace::none().track(""));
     let (mut log, mut messages, mut flow) = (Log::new(), Vec::new(), Flow::Continue);
     while flow == Flow::Continue && log.len() < most {
         act(log.len(), &mut player, &mut stream);
@@ -255,7 +255,7 @@ fn a_thread_that_fails_leaves_the_idle_picture_and_one_line() {
         let (speed, keep_phase) = (Speed::ONE, false);
         let schedule = Schedule { display_rate: rate, content_rate: rate, speed, set_frames: 1, start, keep_phase };
         let mut offscreen = Offscreen::new(Rc::clone(&clock), rate, idle.frame_bytes());
-        let mut player = Player::new(clock, Scheduler::new(schedule), idle.clone(), Trace::new(0).track(""));
+        let mut player = Player::new(clock, Scheduler::new(schedule), idle.clone(), Trace::none().track(""));
         let ended = loop {
             let shown = offscreen.picture().to_vec();
             if let Err(error) = player.tick(&mut offscreen, &mut stream, &mut |_| Ok(())) {

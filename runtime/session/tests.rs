@@ -250,7 +250,7 @@ fn in_ten_minutes_no_set_is_late_because_of_refinement() {
     let mut presenter = Offscreen::new(Rc::clone(&clock) as Rc<dyn Clock>, rate, frames.frame_bytes());
     let idle = frames.clone();
     let dyn_clock = Rc::clone(&clock) as Rc<dyn Clock>;
-    let mut player = Player::new(dyn_clock, Scheduler::new(schedule), idle, Trace::new(0).track("present"));
+    let mut player = Player::new(dyn_clock, Scheduler::new(schedule), idle, Trace::none().track("present"));
     let (mut last, mut news) = (0, 0u64);
     let ten_minutes = 600 * 1_000_000_000;
     while clock.now_ns() < ten_minutes {

@@ -61,7 +61,7 @@ fn late(received_ns: u64) -> Event {
 fn follow(notes: &Notes, script: impl FnMut(u64) -> Option<Event> + Send + 'static) -> PupilTracker {
     let stream = Stream::start(Box::new(Scripted(Box::new(script), 0))).unwrap();
     let estimator = Estimator::new(GazeSettings::default(), None).unwrap();
-    PupilTracker::start(stream, estimator, notes.clone(), Trace::new(0).track("gaze")).unwrap()
+    PupilTracker::start(stream, estimator, notes.clone(), Trace::none().track("gaze")).unwrap()
 }
 
 fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
@@ -168,7 +168,7 @@ fn options(
         with_phases: true,
         again: Box::new(again),
         notes: Notes::default(),
-        track: Trace::new(0).track("refine"),
+        track: Trace::none().track("refine"),
     }
 }
 

@@ -1,87 +1,173 @@
-//! What each thread did when, in the format of Chrome's tracing (`chrome://tracing`, Perfetto).
+//! What each thread did when, in the format of Chrome's tracing (`chrome://tracing`, Perfetto): an array of events, one a line,
+//! which those read without its end, too. A thread of its own writes it while it grows.
 
 use super::error::SessionError;
-use crate::files::write_file;
-use serde_json::json;
+use crate::files::{FileError, GrowingFile};
+use crate::mailbox::Mailbox;
+use serde_json::{Value, json};
 use std::path::Path;
-use std::time::Instant;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// Spans that wait to be written: a second of thousands.
+const WAITING: usize = 1 << 14;
+/// How often the file is tended where nothing comes.
+const PATIENCE: Duration = Duration::from_millis(200);
 
 #[derive(Debug, Clone, Copy)]
-struct Span {
-    name: &'static str,
-    position: u64,
-    start_ns: u64,
-    duration_ns: u64,
+enum Entry {
+    Track { thread: u64, name: &'static str },
+    Span { thread: u64, name: &'static str, position: u64, start_ns: u64, duration_ns: u64 },
+    End,
 }
 
 /// Hands out tracks of one beginning.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Trace {
     origin: Instant,
-    spans: usize,
+    out: Option<Mailbox<Entry>>,
+    tracks: Arc<AtomicU64>,
+    /// Spans for which there was no room.
+    lost: Arc<AtomicU64>,
+}
+
+/// A trace that is being written.
+#[derive(Debug)]
+pub struct Written {
+    trace: Trace,
+    thread: JoinHandle<Result<(), FileError>>,
 }
 
 impl Trace {
-    /// Lanes that keep so many spans each; none for 0.
-    pub fn new(spans: usize) -> Self {
-        Self { origin: Instant::now(), spans }
+    /// One that keeps nothing.
+    pub fn none() -> Self {
+        Self { origin: Instant::now(), out: None, tracks: Arc::default(), lost: Arc::default() }
+    }
+
+    /// One that is written to a file until [`Written::finish`].
+    ///
+    /// # Errors
+    /// [`SessionError::File`], [`SessionError::Thread`].
+    pub fn write(file: &Path) -> Result<Written, SessionError> {
+        let (out, from) = (GrowingFile::new(file)?, Mailbox::new(WAITING));
+        let trace = Self { out: Some(from.clone()), ..Self::none() };
+        let lost = Arc::clone(&trace.lost);
+        let thread = std::thread::Builder::new().name("eyebox traces".into());
+        let thread = thread
+            .spawn(move || write(out, &from, &lost))
+            .map_err(|e| SessionError::Thread { what: "traces", reason: format!("could not be started ({e})") })?;
+        Ok(Written { trace, thread })
     }
 
     /// A track for a thread.
-    pub(crate) fn track(&self, name: &'static str) -> Track {
-        Track { name, origin: self.origin, spans: Vec::with_capacity(self.spans), lost: 0 }
-    }
-
-    /// Writes tracks to a file.
-    ///
-    /// # Errors
-    /// [`SessionError::File`].
-    pub fn write(file: &Path, tracks: &[Track]) -> Result<(), SessionError> {
-        let micros = |ns: u64| ns as f64 / 1000.0;
-        write_file(file, |out| {
-            write!(out, "{{\"displayTimeUnit\":\"ms\",\"traceEvents\":[")?;
-            let mut comma = "";
-            for (thread, track) in tracks.iter().enumerate() {
-                let name = json!({
-                    "name": "thread_name", "ph": "M", "pid": 1, "tid": thread, "args": { "name": track.name, "lost": track.lost },
-                });
-                write!(out, "{comma}\n{name}")?;
-                comma = ",";
-                for span in &track.spans {
-                    let event = json!({
-                        "name": span.name, "cat": "playback", "ph": "X", "pid": 1, "tid": thread,
-                        "ts": micros(span.start_ns), "dur": micros(span.duration_ns), "args": { "frame": span.position },
-                    });
-                    write!(out, ",\n{event}")?;
-                }
-            }
-            writeln!(out, "\n]}}")
-        })?;
-        Ok(())
+    pub fn track(&self, name: &'static str) -> Track {
+        let track = Track { thread: self.tracks.fetch_add(1, Ordering::Relaxed), trace: self.clone() };
+        track.put(Entry::Track { thread: track.thread, name });
+        track
     }
 }
 
-/// The spans of one thread, in a buffer that is made once: when it is full, further ones are only counted.
+impl Written {
+    /// What hands out its tracks.
+    pub fn trace(&self) -> Trace {
+        self.trace.clone()
+    }
+
+    /// Writes what still waits, and the end.
+    ///
+    /// # Errors
+    /// [`SessionError::File`], of any time; what was written before is whole.
+    pub fn finish(self) -> Result<(), SessionError> {
+        if let Some(out) = &self.trace.out {
+            let _ = out.put_within(Entry::End, Duration::from_secs(5));
+        }
+        let failed = |_| SessionError::Thread { what: "traces", reason: "failed, which is a fault of eyebox".into() };
+        Ok(self.thread.join().map_err(failed)??)
+    }
+}
+
+/// Writes entries until the end; where that fails, the rest is taken all the same.
+fn write(mut out: GrowingFile, from: &Mailbox<Entry>, lost: &AtomicU64) -> Result<(), FileError> {
+    let mut written = out.add(|out| out.write_all(b"[\n"));
+    loop {
+        let added = match from.take_within(PATIENCE) {
+            Some(Entry::End) => break,
+            Some(entry) => out.add(|out| writeln!(out, "{},", event(entry))),
+            None => out.tend(),
+        };
+        written = written.and(added);
+    }
+    let end = json!({
+        "name": "process_name", "ph": "M", "pid": 1, "args": { "name": "eyebox", "lost": lost.load(Ordering::Relaxed) },
+    });
+    written.and(out.add(|out| writeln!(out, "{end}\n]"))).and(out.finish())
+}
+
+fn event(entry: Entry) -> Value {
+    let micros = |ns: u64| ns as f64 / 1000.0;
+    match entry {
+        Entry::Track { thread, name } => {
+            json!({ "name": "thread_name", "ph": "M", "pid": 1, "tid": thread, "args": { "name": name } })
+        }
+        Entry::Span { thread, name, position, start_ns, duration_ns } => json!({
+            "name": name, "cat": "playback", "ph": "X", "pid": 1, "tid": thread,
+            "ts": micros(start_ns), "dur": micros(duration_ns), "args": { "frame": position },
+        }),
+        Entry::End => Value::Null,
+    }
+}
+
+/// The spans of one thread. They wait in a buffer that is made once: where it is full, further ones are only counted.
 #[derive(Debug)]
 pub struct Track {
-    name: &'static str,
-    origin: Instant,
-    spans: Vec<Span>,
-    lost: u64,
+    thread: u64,
+    trace: Trace,
 }
 
 impl Track {
     /// Something that began at `start` and ends now, for a content frame by its number.
     pub fn span(&mut self, name: &'static str, position: u64, start: Instant) {
-        if self.spans.capacity() == 0 {
-            return;
+        let nanoseconds = |d: Duration| u64::try_from(d.as_nanos()).unwrap_or(u64::MAX);
+        let start_ns = nanoseconds(start.saturating_duration_since(self.trace.origin));
+        self.put(Entry::Span {
+            thread: self.thread,
+            name,
+            position,
+            start_ns,
+            duration_ns: nanoseconds(start.elapsed()),
+        });
+    }
+
+    fn put(&self, entry: Entry) {
+        if self.trace.out.as_ref().is_some_and(|out| out.put(entry).is_err()) {
+            self.trace.lost.fetch_add(1, Ordering::Relaxed);
         }
-        if self.spans.len() == self.spans.capacity() {
-            self.lost += 1;
-            return;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_is_readable_while_it_grows_and_whole_at_its_end() {
+        let here = tempfile::tempdir().unwrap();
+        let file = here.path().join("t.json");
+        let written = Trace::write(&file).unwrap();
+        let mut track = written.trace().track("read");
+        track.span("decode", 7, Instant::now());
+        let text = || std::fs::read_to_string(&file).unwrap_or_default();
+        let begun = Instant::now();
+        while !text().contains("decode") && begun.elapsed() < Duration::from_secs(60) {
+            std::thread::sleep(Duration::from_millis(10));
         }
-        let nanoseconds = |d: std::time::Duration| u64::try_from(d.as_nanos()).unwrap_or(u64::MAX);
-        let start_ns = nanoseconds(start.saturating_duration_since(self.origin));
-        self.spans.push(Span { name, position, start_ns, duration_ns: nanoseconds(start.elapsed()) });
+        let now = text();
+        let events: Vec<Value> = serde_json::from_str(&format!("{}]", now.trim_end().trim_end_matches(','))).unwrap();
+        assert_eq!((events.len(), &events[1]["args"]["frame"]), (2, &json!(7)));
+        written.finish().unwrap();
+        let events: Vec<Value> = serde_json::from_str(&text()).unwrap();
+        assert_eq!((events.len(), &events[2]["args"]["lost"]), (3, &json!(0)));
     }
 }

@@ -6,14 +6,14 @@ use eyebox::session::{Ended, Ending, Session, SessionError, SessionEvent, Statis
 use serde_json::{Value, json};
 use std::io::{IsTerminal, Write};
 use std::path::Path;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// How often ctrl-C is looked for.
 const PATIENCE: Duration = Duration::from_millis(50);
 
 /// Tells what happens until a session ends or ctrl-C stops it, and what came of it. `line` is what is written over while it
-/// runs: of how it is, how it was, and the seconds between.
-pub fn attend(session: Session, line: impl Fn(&Status, &Status, f64) -> String) -> Ended {
+/// runs: of how it is, how it was, and the seconds between. `stats` has every second what it came to so far.
+pub fn attend(session: Session, stats: Option<&Path>, line: impl Fn(&Status, &Status, f64) -> String) -> Ended {
     progress::catch_interrupt();
     let terminal = std::io::stderr().is_terminal();
     let clear = || {
@@ -22,6 +22,9 @@ pub fn attend(session: Session, line: impl Fn(&Status, &Status, f64) -> String) 
         }
     };
     let mut before = Status::default();
+    // To a pipe or a device they go once.
+    let grows = |file: &&Path| file.metadata().map_or(true, |there| there.is_file());
+    let mut stats = stats.filter(grows).map(|file| (file, Instant::now()));
     loop {
         match session.event(PATIENCE) {
             Some(SessionEvent::Note(note)) => {
@@ -35,6 +38,16 @@ pub fn attend(session: Session, line: impl Fn(&Status, &Status, f64) -> String) 
             break;
         }
         let now = session.status();
+        if let Some((file, _)) = stats.filter(|(_, written)| written.elapsed() >= Duration::from_secs(1)) {
+            let mut so_far = now.report(session.about()).to_json();
+            if now.live.is_some() {
+                so_far = json!({ "playback": so_far });
+            }
+            so_far["ended_by"] = Value::Null;
+            // Where that fails, it is said once, at the end.
+            let written = files::write_file(file, |out| writeln!(out, "{so_far:#}"));
+            stats = written.ok().map(|()| (file, Instant::now()));
+        }
         let passed = now.seconds - before.seconds;
         if terminal && passed >= 0.5 {
             eprint!("\r\x1b[K{}", line(&now, &before, passed));
@@ -57,6 +70,7 @@ pub fn ended_by(statistics: &Statistics) -> &'static str {
 /// Writes the statistics, with what the command alone knows, and says what was wrong.
 pub fn conclude(ended: Ended, stats: Option<&Path>, more: &Value) -> Result<(), Failure> {
     let Ended { statistics, result } = ended;
+    let mut written = Ok(());
     if let Some(file) = stats {
         let mut all = statistics.to_json();
         for (key, value) in more.as_object().into_iter().flatten() {
@@ -64,7 +78,7 @@ pub fn conclude(ended: Ended, stats: Option<&Path>, more: &Value) -> Result<(), 
         }
         all["ended_by"] = json!(ended_by(&statistics));
         all["peak_memory_mib"] = json!(common::peak_memory_mib());
-        files::write_file(file, |out| writeln!(out, "{all:#}"))?;
+        written = files::write_file(file, |out| writeln!(out, "{all:#}"));
     }
     if statistics.pictures_left_out > 0 {
         let count = statistics.pictures_left_out;
@@ -72,6 +86,7 @@ pub fn conclude(ended: Ended, stats: Option<&Path>, more: &Value) -> Result<(), 
     }
     statistics.validation.iter().for_each(|message| eprintln!("validation: {message}"));
     result.map_err(lost)?;
+    written?;
     match statistics.validation.len() {
         0 => Ok(()),
         count => Err(Failure::Asked(format!("the validation layer found {count} faults, above"))),

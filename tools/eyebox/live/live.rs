@@ -90,7 +90,7 @@ pub fn run(args: &Live) -> Result<(), Failure> {
     options.gpu = gpu;
     options.duration = args.duration.map(|s| Duration::from_secs_f64(s.min(1e9)));
     (options.record, options.trace) = (args.record.clone(), args.trace.clone());
-    [&args.stats, &args.trace].into_iter().flatten().try_for_each(|file| eyebox::files::check_place(file))?;
+    args.stats.iter().try_for_each(|file| eyebox::files::check_place(file))?;
     progress::catch_interrupt();
     let session = Session::start(live, args.shown.output(false, None), options)?;
     let shown = session.about();
@@ -98,7 +98,7 @@ pub fn run(args: &Live) -> Result<(), Failure> {
     let slow = encode::flicker(&display, &steered.colors, steered.hologram.frames, shown.display_rate.hz());
     slow.inspect(|slow| tracing::warn!("{slow}"));
     let focal_length = steered.hologram.focal_length;
-    let ended = attend(session, |now, before, seconds| line(now, before, seconds, focal_length));
+    let ended = attend(session, args.stats.as_deref(), |now, before, seconds| line(now, before, seconds, focal_length));
     summary(&ended.statistics, focal_length);
     let focus = ended.statistics.live.as_ref().and_then(|live| live.focus);
     let focus = focus.map(|depths| depths.map(|z| dioptres(z, focal_length)));

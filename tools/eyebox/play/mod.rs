@@ -38,7 +38,7 @@ pub fn run(args: &Play) -> Result<(), Failure> {
     let [_, frames, height, width] = play.sequence.shape();
     let colors = play.sequence.about().named_colors();
     let (count, rate) = (play.sequence.count(), play.rate);
-    [&args.stats, &args.trace].into_iter().flatten().try_for_each(|file| eyebox::files::check_place(file))?;
+    args.stats.iter().try_for_each(|file| eyebox::files::check_place(file))?;
     progress::catch_interrupt();
     let mut options = args.options();
     options.gpu = gpu;
@@ -55,7 +55,7 @@ pub fn run(args: &Play) -> Result<(), Failure> {
         sets * sub_frames as f64
     );
     encode::flicker(&display, &colors, frames, about.display_rate.hz()).inspect(|slow| tracing::warn!("{slow}"));
-    let ended = attend(session, |now, before, seconds| line(now, before, seconds, sub_frames));
+    let ended = attend(session, args.stats.as_deref(), |now, before, seconds| line(now, before, seconds, sub_frames));
     summary(&ended.statistics);
     conclude(ended, args.stats.as_deref(), &json!({}))
 }

@@ -13,9 +13,11 @@ mod bombs;
 mod case;
 mod fields;
 mod ground;
+mod kills;
 mod limits;
 mod options;
 mod sizes;
+mod soak;
 mod special;
 mod streams;
 

@@ -49,6 +49,29 @@ fn four_solves_to_one_name_all_succeed_and_leave_one_hologram() {
     done(at, &["view", "h.zarr", "--pupil=0,0,4,0", "-o", "seen.png"]);
 }
 
+/// A sequence has one writer at a time: who comes second is refused, or finds it complete.
+#[test]
+fn two_writers_of_a_sequence_do_not_mix() {
+    let temp = folder();
+    let at = temp.path();
+    let scenes = ["builtin:plane?depth=-1", "builtin:plane?depth=0", "builtin:plane?depth=1"];
+    done(at, &solve(&scenes, "alone.zarr", &[]));
+    let begin = || {
+        let args = solve(&scenes, "s.zarr", &[]);
+        command(at, &args).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
+    };
+    for child in [begin(), begin(), begin()] {
+        let answer = child.wait_with_output().unwrap();
+        let said = text(&answer.stderr);
+        let busy = answer.status.code() == Some(2) && said.contains("another program is solving this hologram");
+        assert!(answer.status.success() || busy, "{said}");
+    }
+    done(at, &solve(&scenes, "s.zarr", &[]));
+    let chunk = |of: &str, i: usize| std::fs::read(at.join(of).join(format!("phases/c/{i}/0/0/0/0"))).unwrap();
+    (0..3).for_each(|i| assert!(chunk("s.zarr", i) == chunk("alone.zarr", i), "hologram {i} is another one"));
+    assert_eq!((names(at), names(&at.join("s.zarr")).len()), (vec!["alone.zarr".to_owned(), "s.zarr".to_owned()], 2));
+}
+
 #[cfg(unix)]
 #[test]
 fn drafts_of_a_program_that_was_killed_are_removed_by_the_next_that_writes_there() {
@@ -266,4 +289,58 @@ fn files_of_others_where_a_report_goes_are_left_alone() {
     std::fs::write(at.join("d/far.png"), "mine").unwrap();
     refused(at, &demo, "none", "far.png");
     done(at, &[&demo[..], &["--overwrite"]].concat());
+}
+
+/// Without a home folder, what the machine takes is measured once all the same, where the system keeps things for the user.
+#[cfg(target_os = "linux")]
+#[test]
+fn without_a_home_the_machine_is_not_timed_again() {
+    let temp = folder();
+    let at = temp.path();
+    let plan = ["plan", "builtin:plane", "--size", "48x40", "--engine", "cpu", "--color", "green"];
+    done(at, &plan);
+    std::fs::create_dir(at.join("run")).unwrap();
+    let cache = std::env::temp_dir().join("eyebox-tests/eyebox");
+    let copied = Command::new("cp").arg("-r").arg(cache).arg(at.join("run")).status().unwrap();
+    assert!(copied.success());
+    let mut homeless = command(at, &plan);
+    homeless.env_remove("HOME").env_remove("XDG_CACHE_HOME").env("XDG_RUNTIME_DIR", at.join("run"));
+    let answer = homeless.output().unwrap();
+    assert!(answer.status.success() && !text(&answer.stderr).contains("timing"), "{}", text(&answer.stderr));
+}
+
+/// Ended by force, what is played has left its statistics and its trace up to the last second; a full disk ends neither the
+/// playing nor what there is of them.
+#[cfg(target_os = "linux")]
+#[test]
+fn statistics_and_traces_survive_whatever_ends_a_session() {
+    let temp = folder();
+    let at = temp.path();
+    done(at, &solve(&["builtin:plane"], "h.zarr", &[]));
+    let play = ["play", "h.zarr", "--display", "planes8", "--size", "40x48", "--stats", "s.json", "--trace", "t.json"];
+    let mut child = command(at, &play).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let stats = || serde_json::from_slice::<Value>(&std::fs::read(at.join("s.json")).ok()?).ok();
+    let begun = Instant::now();
+    let traced = || std::fs::read_to_string(at.join("t.json")).is_ok_and(|trace| trace.contains("decode"));
+    let there = || traced() && stats().is_some_and(|s| s["sets"].as_u64() >= Some(1));
+    while !there() && begun.elapsed() < Duration::from_secs(60) {
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let stats = stats().expect("statistics");
+    assert!(stats["seconds"].as_f64() > Some(0.5) && stats["ended_by"].is_null(), "{stats}");
+    let trace = std::fs::read_to_string(at.join("t.json")).unwrap();
+    let whole = &trace[..trace.rfind("},\n").unwrap() + 1];
+    let events: Vec<Value> = serde_json::from_str(&format!("{whole}]")).unwrap();
+    assert!(events.iter().any(|e| e["name"] == "decode"), "{trace}");
+
+    let limited = [&play[..], &["--duration", "3", "--clock", "simulated"]].concat();
+    let answer = after(at, "ulimit -f 8", &limited);
+    let said = text(&answer.stderr);
+    assert_eq!(answer.status.code(), Some(2), "{said}");
+    assert_eq!(said.matches("the disk is full").count(), 1, "{said}");
+    assert!(said.contains("t.json") && said.contains("ended by the duration after 3.0"), "{said}");
+    let trace = std::fs::read_to_string(at.join("t.json")).unwrap();
+    assert!(serde_json::from_str::<Vec<Value>>(&format!("{}]", trace.trim_end().trim_end_matches(','))).is_ok());
 }

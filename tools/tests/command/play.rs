@@ -127,7 +127,7 @@ fn what_is_recorded_is_what_encode_writes() {
     assert_eq!(sets, ["0", "0", "0", "1", "1", "1", "2", "2", "2"]);
     let trace = json(&at.join("t.json"));
     let names: std::collections::BTreeSet<&str> =
-        trace["traceEvents"].as_array().unwrap().iter().map(|e| e["name"].as_str().unwrap()).collect();
+        trace.as_array().unwrap().iter().map(|e| e["name"].as_str().unwrap()).collect();
     for name in ["decode", "upload", "encode", "submit", "present", "thread_name"] {
         assert!(names.contains(name), "{name} in {names:?}");
     }
