@@ -42,7 +42,9 @@ fn a_scene_is_inspected_and_a_reversed_axis_is_refused_until_it_is_stated() {
     // Stated in the folder, it needs no flag.
     std::fs::write(at.join("views/lightfield.toml"), "flip_rows = true\n").unwrap();
     assert_eq!(read(&inspect(&["--json"]))["order"], "flip-rows");
-    refused(at, &[&solve[..], &["--order", "backwards"]].concat(), "none", "as-named");
+    for command in ["solve", "evaluate", "study", "live", "preview", "photograph"] {
+        refused(at, &[command, "views", "--order", "backwards"], "none", "as-named");
+    }
 }
 
 /// Blades that hide each other by pixels from view to view.
