@@ -77,7 +77,8 @@ fn depths_that_the_views_do_not_show_are_asked_for() {
     );
     refused(
         at,
-        &[&["evaluate", "views", "-o", "report", "--methods", "dpac", "--order", "as-named"][..], &SIZE].concat(),
+        &[&["evaluate", "views", "-o", "report", "--methods", "dpac", "--json", "--order", "as-named"][..], &SIZE]
+            .concat(),
         "report/report.html",
         asks,
     );
