@@ -75,9 +75,12 @@ mod resize;
 mod settings;
 mod shape;
 mod single;
+mod subpixel;
 mod survey;
 mod sweep;
 
+#[cfg(test)]
+mod generated_tests;
 #[cfg(test)]
 mod reading_tests;
 #[cfg(test)]
