@@ -1,7 +1,8 @@
 //! How the shaders transform a length: which method, which radices, in what memory. Pure data, chosen without a device.
 //!
-//! Rows that fit a workgroup's shared memory are read once and written once (`fft_rows.comp`). Columns, and rows that
-//! do not fit, take one Stockham pass through global memory per radix (`fft_pass.comp`; Govindaraju et al. 2008).
+//! Rows that fit a workgroup's shared memory are read once and written once (`fft_shared.comp`), and so are columns where
+//! that is worth it ([`Axis::ColumnPairs`]). Other columns, and rows that do not fit, take one Stockham pass through global
+//! memory per radix (`fft_pass.comp`; Govindaraju et al. 2008).
 //! Lengths with a prime factor above 13 are convolutions with a chirp (`fft_chirp.comp`; Bluestein 1970).
 //! Each pass costs a trip through memory, so a plan has as few as the largest radix allows, of radices as equal as can
 //! be. Larger radices than 16 were measured and are slower: more strides than a cache has ways, more values than
@@ -39,7 +40,7 @@ pub const CHIRP_FILTER: u32 = 1;
 /// Its mode: data = work chirp.
 pub const CHIRP_END: u32 = 2;
 
-/// Stages that `fft_rows.comp` has.
+/// Stages that `fft_shared.comp` has.
 const STAGES: usize = 5;
 
 /// Values that an invocation transforms at once: `a b` of them, as transforms of `b` after transforms of `a`.
@@ -80,20 +81,21 @@ impl Radix {
     }
 }
 
-/// Rows through shared memory.
+/// Rows, or columns two by two, through shared memory.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Shared {
     /// Radices, first to last.
     pub radices: Vec<Radix>,
     /// Butterflies (or pairs of them) that an invocation takes, per stage.
     pub counts: Vec<u32>,
-    /// Whether invocations work on neighbouring butterflies two by two, 16 bytes at a time.
+    /// Whether invocations work on neighbouring butterflies of a row two by two, 16 bytes at a time. Of columns they always
+    /// do: on two columns.
     pub pair: bool,
-    /// Invocations per row.
+    /// Invocations per row, or pair of columns.
     pub threads: u32,
-    /// Rows per workgroup.
+    /// Rows, or pairs of columns, per workgroup.
     pub lines: u32,
-    /// Slots of a row, of 16 bytes (pairs) or 8; one in `FREE_SLOT` + 1 stays free.
+    /// Slots of one, of 16 bytes (pairs) or 8; one in `FREE_SLOT` + 1 stays free.
     pub slots: u32,
 }
 
@@ -110,7 +112,7 @@ impl Shared {
 pub enum Method {
     /// A length of 1.
     Nothing,
-    /// Whole rows through shared memory.
+    /// Whole lines through shared memory.
     Shared(Shared),
     /// One pass through global memory per radix.
     Passes {
@@ -143,6 +145,9 @@ pub enum Axis {
     Rows,
     /// Elements are a row apart; neighbouring invocations take neighbouring columns.
     Columns,
+    /// The same of frames of even width, through shared memory where a pair of columns fits. For GPUs: on a device in
+    /// software, whose shared memory is memory like any other, this takes five times as long as the passes.
+    ColumnPairs,
 }
 
 impl Plan {
@@ -162,6 +167,7 @@ impl Plan {
             match axis {
                 Axis::Rows => shared(n, &radices, limits).map(Method::Shared),
                 Axis::Columns => None,
+                Axis::ColumnPairs => tile(n, &radices, limits).map(Method::Shared),
             }
             .unwrap_or_else(|| {
                 let pair = pairs(n, &radices);
@@ -299,9 +305,35 @@ fn search(
 /// Invocations of a workgroup that is neither too small to fill a device nor too large to have neighbours.
 const CROWD: u32 = 64;
 
+/// Pairs of columns of a workgroup at most: 128 bytes of each row.
+const TILE: u32 = 8;
+
+/// Shared memory of a workgroup of columns: two of them fit a multiprocessor of any GPU.
+const TILE_BYTES: u32 = 48 << 10;
+
 fn shared(n: u32, radices: &[u32], limits: &PlanLimits) -> Option<Shared> {
     let pair = pairs(n, radices);
     let (units, unit_bytes) = if pair { (n / 2, 16) } else { (n, 8) };
+    let most = |threads: u32| CROWD / threads;
+    lines(units, unit_bytes, radices, limits, most).map(|shared| Shared { pair, ..shared })
+}
+
+/// Columns two by two: as many pairs as fit, for the wider a tile, the longer what is read of a row.
+fn tile(n: u32, radices: &[u32], limits: &PlanLimits) -> Option<Shared> {
+    let limits = PlanLimits { shared_bytes: limits.shared_bytes.min(TILE_BYTES), ..*limits };
+    let shared = lines(n, 16, radices, &limits, |_| TILE)?;
+    // A power of two, so that what is read of a row is aligned.
+    Some(Shared { lines: 1 << shared.lines.ilog2(), ..shared })
+}
+
+/// Lines of `units` slots each, at most so many as `most` says for the invocations of one.
+fn lines(
+    units: u32,
+    unit_bytes: u32,
+    radices: &[u32],
+    limits: &PlanLimits,
+    most: impl Fn(u32) -> u32,
+) -> Option<Shared> {
     let slots = units + units / FREE_SLOT + 1;
     let line = slots.checked_mul(unit_bytes)?;
     let room = limits.shared_bytes.checked_sub(16)?;
@@ -318,10 +350,10 @@ fn shared(n: u32, radices: &[u32], limits: &PlanLimits) -> Option<Shared> {
     if counts(threads).iter().zip(radices).any(|(c, r)| c * r > 2 * LARGEST_RADIX) {
         return None;
     }
-    let lines = (CROWD / threads).clamp(1, (room / line).min(limits.invocations / threads));
+    let lines = most(threads).clamp(1, (room / line).min(limits.invocations / threads));
     let counts = counts(threads);
     let radices = radices.iter().copied().map(Radix::new).collect::<Option<_>>()?;
-    Some(Shared { radices, counts, pair, threads, lines, slots })
+    Some(Shared { radices, counts, pair: true, threads, lines, slots })
 }
 
 impl fmt::Display for Plan {
@@ -335,7 +367,7 @@ impl fmt::Display for Plan {
             Method::Nothing => f.write_str(" nothing to do"),
             Method::Shared(shared) => write!(
                 f,
-                " in shared memory{}, {} invocations a row, {} rows and {} bytes a workgroup",
+                " in shared memory{}, {} invocations a line, {} lines and {} bytes a workgroup",
                 two_by_two(shared.pair),
                 shared.threads,
                 shared.lines,

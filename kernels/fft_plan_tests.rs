@@ -7,20 +7,22 @@ const SOFTWARE: PlanLimits = PlanLimits { shared_bytes: 32768, invocations: 1024
 const LARGE: PlanLimits = PlanLimits { shared_bytes: 49152, invocations: 1024 };
 const SMALL: PlanLimits = PlanLimits { shared_bytes: 16384, invocations: 128 };
 
-fn check(plan: &Plan, limits: &PlanLimits) {
+fn check(plan: &Plan, axis: Axis, limits: &PlanLimits) {
+    let columns = axis == Axis::ColumnPairs;
     let product = |radices: &[Radix]| radices.iter().map(|r| r.size()).product::<u32>();
     match &plan.method {
         Method::Nothing => assert_eq!(plan.n, 1),
         Method::Shared(Shared { radices, counts, pair, threads, lines, slots }) => {
             assert_eq!(product(radices), plan.n, "{plan}");
-            let units = plan.n / if *pair { 2 } else { 1 };
+            let units = plan.n / if *pair && !columns { 2 } else { 1 };
             assert!(*slots > (units - 1) + (units - 1) / 16, "{plan}");
             for (r, c) in radices.iter().zip(counts) {
                 assert!(threads * c >= units / r.size(), "{plan}");
                 assert!(c * r.size() <= 32, "{plan}: too many registers");
-                assert!(!pair || (plan.n / r.size()).is_multiple_of(2), "{plan}");
+                assert!(columns || !pair || (plan.n / r.size()).is_multiple_of(2), "{plan}");
             }
-            assert!(!pair || radices[0].size().is_multiple_of(2), "{plan}");
+            assert!(columns || !pair || radices[0].size().is_multiple_of(2), "{plan}");
+            assert!(!columns || (*pair && lines.is_power_of_two()), "{plan}");
             assert!(*lines > 0 && threads * lines <= limits.invocations, "{plan}");
             assert!(plan.method_bytes() <= limits.shared_bytes, "{plan}");
         }
@@ -28,7 +30,7 @@ fn check(plan: &Plan, limits: &PlanLimits) {
         Method::Bluestein { inner } => {
             assert!(inner.n >= 2 * plan.n - 1 && inner.n <= 4 * plan.n, "{plan}");
             assert!(!matches!(inner.method, Method::Bluestein { .. }), "{plan}");
-            check(inner, limits);
+            check(inner, axis, limits);
         }
     }
 }
@@ -59,9 +61,9 @@ fn plans_make_up_their_length_within_the_limits() {
         for n in
             (1..700).chain([1080, 1920, 2048, 2160, 2464, 3125, 3840, 4095, 4096, 4160, 8192, 10_007, 32_749, LONGEST])
         {
-            for axis in [Axis::Rows, Axis::Columns] {
+            for axis in [Axis::Rows, Axis::Columns, Axis::ColumnPairs] {
                 let plan = Plan::new(n, axis, &limits).unwrap();
-                check(&plan, &limits);
+                check(&plan, axis, &limits);
                 assert_eq!(prime(n) > 13, matches!(plan.method, Method::Bluestein { .. }), "{plan}");
             }
         }
@@ -105,7 +107,7 @@ fn plans_can_be_read() {
     assert_eq!(text(97, Axis::Columns), "97: a convolution of length 196: 14 14 through global memory");
     assert_eq!(
         text(256, Axis::Rows),
-        "256: 16 16 in shared memory, two by two, 8 invocations a row, 8 rows and 17544 bytes a workgroup"
+        "256: 16 16 in shared memory, two by two, 8 invocations a line, 8 lines and 17544 bytes a workgroup"
     );
 }
 
@@ -160,7 +162,7 @@ fn emulate(plan: &Plan, x: &mut Vec<Complex32>) {
 #[test]
 fn the_passes_are_the_transform() {
     for n in [1, 2, 6, 7, 13, 16, 17, 26, 45, 64, 96, 97, 101, 121, 169, 225, 243, 360, 509, 625, 1080] {
-        for axis in [Axis::Rows, Axis::Columns] {
+        for axis in [Axis::Rows, Axis::Columns, Axis::ColumnPairs] {
             let plan = Plan::new(n, axis, &SOFTWARE).unwrap();
             let value = |i: u32, by: u32| ((i * by) % 1009) as f32 / 504.0 - 1.0;
             let mut x: Vec<Complex32> = (0..n).map(|i| Complex32::new(value(i + 1, 577), value(i + 3, 811))).collect();

@@ -11,7 +11,7 @@ modules! {
     EXPOSURE = "exposure";
     FFT_CHIRP = "fft_chirp", FFT_CHIRP_HALF = "fft_chirp_half";
     FFT_PASS = "fft_pass", FFT_PASS_HALF = "fft_pass_half";
-    FFT_ROWS = "fft_rows", FFT_ROWS_HALF = "fft_rows_half";
+    FFT_SHARED = "fft_shared", FFT_SHARED_HALF = "fft_shared_half";
     INTENSITY = "intensity", INTENSITY_HALF = "intensity_half";
     MODULATE = "modulate", MODULATE_HALF = "modulate_half";
     OVERLAP = "overlap";

@@ -54,6 +54,7 @@ impl Views {
     /// # Errors
     /// Those of loading the scene.
     pub(crate) fn of_colors(source: &str, request: &Request, size: usize) -> Result<Vec<Self>, SceneError> {
+        scene::check_map(source, request)?;
         let display = request.display;
         let of = |color| {
             let optics = display.optics(color)?;

@@ -30,14 +30,7 @@ pub(crate) fn read(path: &Path, properties: &vk::PhysicalDeviceProperties) -> Op
 /// Writes the data beside the file and puts it in its place; says whether it did.
 pub(crate) fn write(path: &Path, data: &[u8]) -> bool {
     let Some(folder) = path.parent() else { return false };
-    let attempt = || -> std::io::Result<()> {
-        std::fs::create_dir_all(folder)?;
-        let mut beside = tempfile::NamedTempFile::new_in(folder)?;
-        std::io::Write::write_all(&mut beside, &pack(data))?;
-        beside.persist(path).map_err(|e| e.error)?;
-        Ok(())
-    };
-    attempt().is_ok()
+    std::fs::create_dir_all(folder).is_ok() && crate::files::write_file(path, |out| out.write_all(&pack(data))).is_ok()
 }
 
 fn pack(data: &[u8]) -> Vec<u8> {

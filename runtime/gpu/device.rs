@@ -46,6 +46,8 @@ pub(crate) struct Made {
     pub(crate) owned: bool,
     /// Whether all is recorded and nothing is run.
     pub(crate) record_only: bool,
+    /// The kind of device that lists are recorded for, if not its own.
+    pub(crate) plan_as: Option<DeviceKind>,
 }
 
 /// Shared by everything that lives on the device, so that it goes last.
@@ -61,6 +63,8 @@ pub(crate) struct Device {
     pub(crate) synchronization2: Option<khr::synchronization2::Device>,
     pub(crate) report: DeviceReport,
     pub(crate) counters: Counters,
+    /// The kind of device that lists are recorded for.
+    pub(crate) planned_as: DeviceKind,
     /// Whether all is recorded and nothing is run.
     pub(crate) record_only: bool,
     /// What is recorded, while somebody wants to know.
@@ -81,7 +85,7 @@ impl Device {
     pub(crate) fn new(
         instance: &Arc<Instance>,
         chosen: Candidate,
-        Options { cache, record_only, .. }: &Options,
+        Options { cache, record_only, plan_as, .. }: &Options,
     ) -> Result<Arc<Self>, EngineError> {
         let (name, physical) = (chosen.report.name.clone(), chosen.raw);
         let mut extensions: Vec<&CStr> = Vec::new();
@@ -128,7 +132,8 @@ impl Device {
         };
         let other = Some(other).filter(|_| present != (family, 0));
         let extensions = extensions.into_iter().map(CStr::to_owned).collect();
-        let made = Made { raw, physical, compute, other, extensions, owned: true, record_only: *record_only };
+        let (record_only, plan_as) = (*record_only, *plan_as);
+        let made = Made { raw, physical, compute, other, extensions, owned: true, record_only, plan_as };
         Self::of(instance, made, chosen.report, cache.as_deref())
     }
 
@@ -139,7 +144,7 @@ impl Device {
         report: DeviceReport,
         cache: Option<&Path>,
     ) -> Result<Arc<Self>, EngineError> {
-        let Made { raw, physical, compute, other, extensions, owned, record_only } = made;
+        let Made { raw, physical, compute, other, extensions, owned, record_only, plan_as } = made;
         let mut families = vec![compute.family];
         families.extend(other.as_ref().map(|q| q.family).filter(|f| *f != compute.family));
         // SAFETY: the device is of this instance.
@@ -148,6 +153,7 @@ impl Device {
             .iter()
             .any(|e| e.as_c_str() == khr::synchronization2::NAME)
             .then(|| khr::synchronization2::Device::new(&instance.raw, &raw));
+        let planned_as = plan_as.unwrap_or(report.kind);
         let mut device = Self {
             raw,
             physical,
@@ -157,6 +163,7 @@ impl Device {
             synchronization2,
             report,
             counters: Counters::default(),
+            planned_as,
             record_only,
             recording: Mutex::default(),
             lost: AtomicBool::new(false),

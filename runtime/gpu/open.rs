@@ -87,7 +87,8 @@ impl Gpu {
         let raw = unsafe { ash::Device::load(instance.raw.fp_v1_0(), device) };
         let compute = Queue::new(family, queue);
         let extensions = device_extensions;
-        let made = Made { raw, physical, compute, other: None, extensions, owned: false, record_only: false };
+        let made =
+            Made { raw, physical, compute, other: None, extensions, owned: false, record_only: false, plan_as: None };
         let device = Device::of(&Arc::new(instance), made, report, cache)?;
         let options =
             Options { cache: cache.map(Path::to_owned), present: true, allow_cpu: true, ..Options::default() };

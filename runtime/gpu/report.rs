@@ -19,6 +19,8 @@ pub struct Options {
     /// Whether all is recorded and nothing is run: results are whatever memory held, losses are 0. See
     /// [`Gpu::recorded`](super::Gpu).
     pub record_only: bool,
+    /// Whether lists are recorded as for a device of this kind, whatever this one is.
+    pub plan_as: Option<DeviceKind>,
 }
 
 /// Kinds of device, best first.

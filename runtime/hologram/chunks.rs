@@ -68,10 +68,15 @@ pub(super) fn check_is_one(folder: &Folder) -> Result<(), HologramError> {
 
 /// Starts a hologram that will stand at `path`: in the place of one that nobody is making, or where there is nothing.
 pub(super) fn draft(path: &Path) -> Result<FolderDraft, HologramError> {
+    draft_in_place_of(path, is_hologram)
+}
+
+/// The same, in the place of what `ours` allows.
+pub(super) fn draft_in_place_of(path: &Path, ours: fn(&Path) -> bool) -> Result<FolderDraft, HologramError> {
     if Folder::open(path).is_ok_and(|there| there.is_locked(LOCK)) {
         return Err(HologramError::Busy { path: path.display().to_string() });
     }
-    Ok(FolderDraft::new(path, is_hologram)?)
+    Ok(FolderDraft::new(path, ours)?)
 }
 
 /// Takes the lock of a hologram in the making.

@@ -22,7 +22,8 @@ impl Hologram {
         let display = self.made_for()?;
         let problem = |color| Problem::new(field, color, &display, Padding::default());
         let problems = self.named_colors().into_iter().map(problem).collect::<Result<Vec<_>, _>>()?;
-        let range = PupilRange::over(display.eyebox_min(), field.depths(&display, None));
+        // Light is much the same at every depth: a doubtful one will do.
+        let range = PupilRange::over(display.eyebox_min(), field.reach(&display).0);
         let mut sampler = Sampler::new(range, Sequence::Sobol, self.seed);
         let pupils: Vec<_> = (0..PUPILS).map(|_| sampler.draw()).collect();
         let means: Vec<f64> = problems.iter().map(|p| p.mean).collect();

@@ -1,10 +1,10 @@
 //! Writing a sequence, hologram by hologram.
 
-use super::chunks::{ARRAY, GROUP, LOCK, lock, open_folder, unwritable};
+use super::chunks::{ARRAY, GROUP, LOCK, draft_in_place_of, lock, open_folder, unwritable};
 use super::document::{self, SequenceAttributes};
 use super::sequence::sequence_chunk;
 use super::{Hologram, HologramError, Sequence, wrap_phase};
-use crate::files::{Folder, FolderDraft};
+use crate::files::Folder;
 use std::fs::File;
 use std::io::{self, Write};
 use std::path::Path;
@@ -29,7 +29,8 @@ impl SequenceWriter {
     /// shown `rate` (a fraction) a second.
     ///
     /// # Errors
-    /// [`HologramError::Inconsistent`]; [`FileError::Taken`] where something stands; [`HologramError::File`].
+    /// [`HologramError::Inconsistent`]; [`HologramError::Busy`] where another program writes one; [`HologramError::File`], with
+    /// [`FileError::Taken`](crate::files::FileError::Taken) where something else stands.
     pub fn create(path: &Path, like: &Hologram, rate: [u32; 2], planned: Option<u64>) -> Result<Self, HologramError> {
         like.check()?;
         if rate.contains(&0) {
@@ -39,10 +40,12 @@ impl SequenceWriter {
         about.colors.iter_mut().for_each(|c| c.phases = Vec::new());
         let shape = [like.colors.len(), like.frames, like.height, like.width];
         let attributes = SequenceAttributes { rate, shape, planned };
-        let draft = FolderDraft::new(path, |_| false)?;
+        let draft = draft_in_place_of(path, |_| false)?;
         draft.write(GROUP, |out| out.write_all(&document::group_of(&about, Some(attributes))))?;
         draft.write(ARRAY, |out| out.write_all(&document::sequence_array(0, shape, false)))?;
-        draft.put()?;
+        // Whoever began at the same time was quicker.
+        let busy = || HologramError::Busy { path: path.display().to_string() };
+        draft.put().map_err(|e| if Sequence::is_at(path) { busy() } else { e.into() })?;
         let folder = open_folder(path)?;
         Ok(Self { about, attributes, count: 0, _lock: lock(&folder)?, folder })
     }

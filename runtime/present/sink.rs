@@ -1,12 +1,10 @@
 //! Where an offscreen display's video frames go besides: a file of bytes, or memory shared with another program.
 
 use super::PresentError;
-use crate::files::FileError;
+use crate::files::{FileError, Patient};
 use std::fs::{File, OpenOptions};
-use std::io::{self, BufWriter, ErrorKind, Read, Seek, SeekFrom, Write};
+use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
-use std::thread::sleep;
-use std::time::{Duration, Instant};
 
 /// Takes every video frame.
 #[derive(Debug)]
@@ -43,41 +41,6 @@ pub enum Sink {
 const HEADER: u64 = 64;
 const MAGIC: &[u8; 8] = b"eyebox-1";
 
-/// How long a pipe may take nothing, and wait for its reader.
-const PATIENCE: Duration = Duration::from_secs(5);
-/// How often it is asked again.
-const PAUSE: Duration = Duration::from_millis(1);
-
-/// A file, or a pipe that is given up when it takes nothing for [`PATIENCE`].
-#[derive(Debug)]
-pub struct Patient(File);
-
-impl Patient {
-    fn wait<T>(mut attempt: impl FnMut() -> io::Result<T>, waits: impl Fn(&io::Error) -> bool) -> io::Result<T> {
-        let begun = Instant::now();
-        loop {
-            match attempt() {
-                Err(e) if waits(&e) && begun.elapsed() < PATIENCE => sleep(PAUSE),
-                Err(e) if waits(&e) => {
-                    let why = format!("nobody reads it: nothing was taken for {} s", PATIENCE.as_secs());
-                    return Err(io::Error::new(ErrorKind::TimedOut, why));
-                }
-                other => return other,
-            }
-        }
-    }
-}
-
-impl Write for Patient {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        Self::wait(|| self.0.write(bytes), |e| e.kind() == ErrorKind::WouldBlock)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        self.0.flush()
-    }
-}
-
 /// Options that follow no link and wait for no reader.
 fn carefully() -> OpenOptions {
     let mut options = File::options();
@@ -92,27 +55,15 @@ fn carefully() -> OpenOptions {
 }
 
 /// A new file; or a pipe or device that is there. What else is there is somebody's, and stays.
-fn raw_file(file: &Path) -> Result<File, FileError> {
+fn raw_file(file: &Path) -> Result<Patient, FileError> {
     let failed = |e| FileError::write(file, e);
     match std::fs::metadata(file) {
         Ok(there) if there.is_file() => Err(FileError::Taken {
             path: file.display().to_string(),
             reason: "is there already, and is left alone: remove it or give another name".into(),
         }),
-        // Opened for writing without waiting, a pipe without a reader is no such device.
-        #[cfg(unix)]
-        Ok(_) => {
-            let mut options = File::options();
-            std::os::unix::fs::OpenOptionsExt::custom_flags(
-                options.write(true),
-                rustix::fs::OFlags::NONBLOCK.bits() as i32,
-            );
-            let no_reader = Some(rustix::io::Errno::NXIO.raw_os_error());
-            Patient::wait(|| options.open(file), |e| e.raw_os_error() == no_reader).map_err(failed)
-        }
-        #[cfg(not(unix))]
-        Ok(_) => carefully().open(file).map_err(failed),
-        Err(_) => carefully().create_new(true).open(file).map_err(failed),
+        Ok(_) => Patient::open(file).map_err(failed),
+        Err(_) => carefully().create_new(true).open(file).map(Patient::new).map_err(failed),
     }
 }
 
@@ -147,7 +98,7 @@ impl Sink {
     /// # Errors
     /// [`PresentError::File`]; [`FileError::Taken`] in it for a file that is there.
     pub fn raw(file: &Path) -> Result<Self, PresentError> {
-        Ok(Self::Raw { file: file.into(), out: BufWriter::new(Patient(raw_file(file)?)) })
+        Ok(Self::Raw { file: file.into(), out: BufWriter::new(raw_file(file)?) })
     }
 
     /// For pictures of (rows, columns, channels). Not on Windows, where a file that is written and one that is mapped need

@@ -118,7 +118,7 @@ impl<'a> Common<'a> {
         observe: &mut dyn FnMut(&SceneEvent) -> Flow,
     ) -> Result<Option<Vec<(Color, Solution)>>, ProduceError> {
         let job = self.job;
-        let depth = field.depths(job.display, job.depth);
+        let depth = field.depths(job.display, job.depth)?;
         let mut solutions = Vec::with_capacity(job.colors.len());
         for (i, &color) in job.colors.iter().enumerate() {
             let problem = Problem::new(field, color, job.display, self.padding)?;

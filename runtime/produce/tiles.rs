@@ -30,6 +30,9 @@ pub struct SolvedTiles {
     pub moved: [u64; 2],
 }
 
+/// Most steps of a visit.
+const STEPS: usize = 1024;
+
 /// Whether all of a far field at once, with 9 x 9 views, takes more than the memory that is taken unasked.
 pub fn is_larger_than_memory(display: &Display, frames: usize) -> bool {
     let pixels = (display.height * display.width) as u64;
@@ -122,6 +125,12 @@ fn plan(job: &SceneJob, request: &TilesRequest, views: &[Views]) -> Result<(Tile
     let [a, b] = job.depth.or(views[0].depth()).unwrap_or([0.0, 0.0]);
     let settings = Settings { diameter, depth: [a.min(b), a.max(b)], ..job.settings.clone() };
     settings.check()?;
+    if !(1..=STEPS).contains(&settings.steps) {
+        return Err(ProduceError::Job(format!(
+            "--steps {}: a visit to a region takes 1 to {STEPS}, for it is done whole or not at all; take more --passes",
+            settings.steps
+        )));
+    }
     let passes = request.passes.max(1);
     let schedule = Schedule::new([display.height, display.width], region, side, passes, settings.seed);
     let memory = [request.memory.0, held];

@@ -6,7 +6,6 @@
 use crate::files::{self, FileError};
 use crate::scene::LightField;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
-use std::fs::File;
 use std::path::{Path, PathBuf};
 
 #[derive(Serialize, Deserialize)]
@@ -51,11 +50,8 @@ impl Keep {
 /// # Errors
 /// [`FileError`].
 pub fn writable(folder: &Path) -> Result<files::MadeFolder, FileError> {
-    let failed = |e| FileError::write(folder, e);
     let made = files::MadeFolder::new(folder)?;
-    let probe = folder.join(format!(".eyebox-{}", std::process::id()));
-    File::create(&probe).map_err(failed)?;
-    std::fs::remove_file(&probe).map_err(failed)?;
+    files::check_place(&folder.join("report"))?;
     Ok(made)
 }
 

@@ -16,11 +16,7 @@ const NEAR: usize = 3;
 /// Depth of each pixel of the central view, (height, width), metres: where the central row and column of views agree
 /// best, in the range that the scene states or that is found (see `LightField::disparities_sought`).
 pub fn central_depth(field: &LightField, display: &Display) -> Vec<f32> {
-    central_depth_within(field, display, field.disparities_sought(display).range)
-}
-
-/// The same, sought in this range of disparities.
-pub(super) fn central_depth_within(field: &LightField, display: &Display, range: [f64; 2]) -> Vec<f32> {
+    let range = field.disparities_sought(display);
     let per_pixel = display.focal_length * display.picture_pixel() / field.cell(display);
     let Some(views) = field.planes.get(field.planes.len() / 2) else { return Vec::new() };
     let (counts, size) = (field.grid, [field.height, field.width]);

@@ -1,7 +1,7 @@
 //! What can be wrong with a scene.
 
 use crate::memory::TooLarge;
-use crate::optics::OpticsError;
+use crate::optics::{Display, OpticsError, depths_in_words};
 use std::{io, path::Path};
 
 /// A scene that cannot be loaded: every variant names the file or folder.
@@ -163,6 +163,18 @@ pub enum SceneError {
 }
 
 impl SceneError {
+    /// Depths that were measured, and not to be trusted: so many per cent of the scene's detail are sure.
+    pub(crate) fn doubtful_depth(depth: [f64; 2], percent: u8, display: &Display) -> Self {
+        let depth = depths_in_words(depth, display.focal_length);
+        Self::Request {
+            what: "the depth of the scene",
+            value: format!(
+                "measured as {depth}, though only {percent} % of its detail is found again in neighbouring views"
+            ),
+            must: "given: by --depth MIN..MAX, or by depth_mm in lightfield.toml",
+        }
+    }
+
     /// What the system said of a file or folder.
     pub(super) fn unreadable(path: &Path, error: &io::Error) -> Self {
         let path = path.display().to_string();

@@ -21,6 +21,8 @@ pub(super) struct Read {
     pub how: String,
     /// The order that is stated, or that of the names.
     pub order: Order,
+    /// Whether it is stated.
+    pub order_stated: bool,
     /// What the pictures say of it.
     pub order_found: OrderFound,
     pub parallax: Option<Parallax>,
@@ -36,7 +38,11 @@ pub(super) struct Read {
 /// Every [`SceneError`] that a file can cause; it names the file.
 pub(super) fn load(folder: &Path, request: &Request) -> Result<LightField, SceneError> {
     let read = read(folder, request)?;
-    order::check(&folder.display().to_string(), &read.order_found)?;
+    let name = folder.display().to_string();
+    order::check(&name, &read.order_found)?;
+    if !read.order_stated && read.field.grid != [1, 1] {
+        order::say(&name, &read.order_found);
+    }
     Ok(read.field)
 }
 
@@ -113,8 +119,8 @@ pub(super) fn read(folder: &Path, request: &Request) -> Result<Read, SceneError>
         None if views.files[0].to_lowercase().ends_with("exr") => "linear (EXR)",
         None => "sRGB",
     };
-    let order = asked.unwrap_or_default();
-    Ok(Read { field, how: views.how, order, order_found, parallax, size: own, transfer: transfer.into() })
+    let (order, order_stated) = (asked.unwrap_or_default(), asked.is_some());
+    Ok(Read { field, how: views.how, order, order_stated, order_found, parallax, size: own, transfer: transfer.into() })
 }
 
 /// The grid of views that have one running number: a square, unless the pictures show another.

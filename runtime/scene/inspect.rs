@@ -25,9 +25,9 @@ pub struct Inspection {
     pub transfer: String,
     /// The order in which the views are read.
     pub order: Order,
-    /// What the pictures say of it: nothing against it, or the line with which other commands refuse it.
+    /// The line with which other commands refuse it: its order, or its depths.
     pub doubt: Option<String>,
-    /// Whether the pictures confirm it: none where they do not tell.
+    /// Whether the pictures confirm the order: none where they do not tell, or tell all but near from far.
     pub order_confirmed: Option<bool>,
     /// Smallest and largest movement from column to column, and from row to row, pixels of the display, each measured by
     /// itself; none where nothing moves, or nothing tells.
@@ -80,7 +80,7 @@ pub fn inspect(source: &str, request: &Request) -> Result<(Inspection, LightFiel
         let doubt = order::check(source, &read.order_found).err().map(|e| e.to_string());
         let confirmed = match read.order_found {
             OrderFound::AsNamed => Some(true),
-            OrderFound::Unknown => None,
+            OrderFound::Unknown | OrderFound::AsNamedOrReversed => None,
             OrderFound::Other { .. } => Some(false),
         };
         let field = LightField { view_pitch: request.view_pitch.or(read.field.view_pitch), ..read.field };
@@ -106,6 +106,10 @@ pub fn inspect(source: &str, request: &Request) -> Result<(Inspection, LightFiel
     };
     let per_pixel = display.focal_length * display.picture_pixel() / field.cell(display);
     let (doubt, order_confirmed, parallax) = says;
+    let doubt = doubt.or_else(|| match source {
+        DepthSource::Doubtful(percent) => Some(SceneError::doubtful_depth(depth, percent, display).to_string()),
+        DepthSource::Stated | DepthSource::Measured => None,
+    });
     let inspection = Inspection {
         name: field.name.clone(),
         grid: field.grid,

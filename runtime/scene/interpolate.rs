@@ -76,7 +76,7 @@ impl Interpolator {
     /// (`LightField::disparities_sought`).
     pub fn new(field: LightField, display: &Display) -> Self {
         let cell = field.cell(display);
-        let range = field.disparities_sought(display).range;
+        let range = field.disparities_sought(display);
         let grid = ViewGrid { rows: field.grid[0], columns: field.grid[1], cell };
         let size = [field.height, field.width];
         // What moves by more than a picture is seen by no two views.

@@ -75,9 +75,12 @@ mod resize;
 mod settings;
 mod shape;
 mod single;
+mod subpixel;
 mod survey;
 mod sweep;
 
+#[cfg(test)]
+mod generated_tests;
 #[cfg(test)]
 mod reading_tests;
 #[cfg(test)]
@@ -134,6 +137,18 @@ pub(crate) fn is_named(source: &str, known: &str) -> bool {
     source == known || names.iter().flatten().any(|name| name == known || Some(name) == last(other).as_ref())
 }
 
+/// Refuses a depth map for what is no single picture.
+pub(crate) fn check_map(source: &str, request: &Request) -> Result<(), SceneError> {
+    match request.depth_map {
+        Some(map) if source.starts_with("builtin:") || Path::new(source).is_dir() => Err(SceneError::Request {
+            what: "the depth map",
+            value: map.display().to_string(),
+            must: "left out: this scene has views of its own; a map belongs to a single picture",
+        }),
+        _ => Ok(()),
+    }
+}
+
 /// Loads a scene and fits it to the display ([`Fit::Contain`]).
 ///
 /// # Errors
@@ -143,13 +158,7 @@ pub fn load(source: &str, request: &Request) -> Result<LightField, SceneError> {
     tracing::debug!("loading {source}");
     let built_in = source.strip_prefix("builtin:");
     let path = Path::new(source);
-    if let (Some(map), true) = (request.depth_map, built_in.is_some() || path.is_dir()) {
-        return Err(SceneError::Request {
-            what: "the depth map",
-            value: map.display().to_string(),
-            must: "left out: this scene has views of its own; a map belongs to a single picture",
-        });
-    }
+    check_map(source, request)?;
     if let Some(name) = built_in {
         return builtin::load(name, request);
     }

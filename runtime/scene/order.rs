@@ -95,6 +95,8 @@ impl From<Order> for String {
 pub enum OrderFound {
     /// It is that of the names, as far as the pictures tell.
     AsNamed,
+    /// It is that of the names or its opposite along both axes, which exchanges near and far: too little covers anything.
+    AsNamedOrReversed,
     /// They show nothing: nothing moves, or too little.
     Unknown,
     /// It is another.
@@ -113,14 +115,20 @@ pub(super) fn judge(found: &Parallax) -> OrderFound {
     // The axis that the comparison turned is the one the names call rows.
     let turned = |rows: bool| Order { transpose: transposed, flip_rows: rows, flip_columns: !rows };
     let both = |flip: bool| Order { transpose: transposed, flip_rows: flip, flip_columns: flip };
+    // Views of one axis alone have nothing that could disagree.
+    let untold = found.disagree.is_none() && found.apart.iter().all(|a| a.is_finite());
+    if untold && !transposed {
+        return OrderFound::Unknown;
+    }
     let orders = match (disagree, found.near_covers) {
+        _ if untold => vec![both(false), turned(true)],
         (true, Some(near)) => vec![turned(near != transposed)],
         (true, None) => vec![turned(true), turned(false)],
         (false, Some(false)) => vec![both(true)],
         (false, _) => vec![both(false)],
     };
     if orders[0] == Order::default() {
-        return OrderFound::AsNamed;
+        return if found.near_covers.is_some() { OrderFound::AsNamed } else { OrderFound::AsNamedOrReversed };
     }
     let mut seen = Vec::new();
     if transposed {
@@ -132,6 +140,19 @@ pub(super) fn judge(found: &Parallax) -> OrderFound {
         seen.push("what moves as far content should covers what moves as near content should");
     }
     OrderFound::Other { orders, reason: seen.join("; ") }
+}
+
+/// Says what the pictures do not tell of an order that nothing states.
+pub(super) fn say(folder: &str, found: &OrderFound) {
+    match found {
+        OrderFound::AsNamed | OrderFound::Other { .. } => {}
+        OrderFound::AsNamedOrReversed => tracing::info!(
+            "{folder}: the pictures do not tell near from far: the views stand as named (--order flip-rows,flip-columns if not)"
+        ),
+        OrderFound::Unknown => {
+            tracing::info!("{folder}: the pictures do not tell the order: as named (--order if not)")
+        }
+    }
 }
 
 /// Refuses views whose pictures clearly show another order than that of their names.

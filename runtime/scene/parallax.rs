@@ -42,8 +42,9 @@ pub struct Parallax {
     /// Whether what moves as near content does covers the other, once they are no longer transposed and, where they
     /// disagree, what the names call rows is reversed. None where nothing tells.
     pub near_covers: Option<bool>,
-    /// From -1 (what moves as far content does covers) to 1: what says so.
-    pub covering: f64,
+    /// Places where one surface comes to lie on another and it can be seen which: those where the one that moves as near
+    /// content does covers, of how many.
+    pub covers: [usize; 2],
     /// Smallest and largest movement from column to column and from row to row, each as measured by itself, pixels of the
     /// light field, positive where near content moves so; none along an axis of one view.
     pub movement: [Option<[f64; 2]>; 2],
@@ -256,8 +257,9 @@ fn share(values: &[f32], detail: &[f32], of: impl Fn(f32) -> f32, share: f64) ->
 }
 
 impl Small {
-    /// From -1 to 1: whether, where two surfaces come to lie on each other, the one of larger movement is seen.
-    /// Only pixels count that know their own movement from the other's, by `cost` of a movement at a pixel.
+    /// In how many places two surfaces come to lie on each other and the one of larger movement is seen, and in how many either
+    /// is: a place is a square of [`PLACE`] pixels along one axis of views, by what most of its pixels in all views say. Only
+    /// pixels count that know their own movement from the other's, by `cost` of a movement at a pixel.
     fn covering(
         &self,
         movement: &[f32],
@@ -265,9 +267,10 @@ impl Small {
         transposed: bool,
         turned: bool,
         cost: &dyn Fn(usize, f32) -> f32,
-    ) -> (f64, usize) {
+    ) -> [usize; 2] {
         let [h, w] = self.size;
-        let (mut votes, mut count) = (0.0, 0);
+        let across = w.div_ceil(PLACE);
+        let mut places = vec![[0.0, 0.0]; 2 * across * h.div_ceil(PLACE)];
         for (axis, arms) in self.arms.iter().enumerate() {
             let x = (axis == 0) != transposed;
             let sign = if axis == 1 && turned { -1.0 } else { 1.0 };
@@ -303,13 +306,17 @@ impl Small {
                     let (a, b) = ((seen - large.1).abs(), (seen - small.1).abs());
                     // What is neither was covered by something else.
                     if a.min(b) < 0.5 * light {
-                        votes += f64::from(((b - a) / light).clamp(-1.0, 1.0));
-                        count += 1;
+                        // Halfway between where both stand in the central view: the same for either order.
+                        let [x, y] =
+                            [large.2 % w + small.2 % w, large.2 / w + small.2 / w].map(|sum| sum / (2 * PLACE));
+                        let place = &mut places[(2 * y + axis) * across + x];
+                        *place = [place[0] + ((b - a) / light).clamp(-1.0, 1.0), place[1] + 1.0];
                     }
                 }
             }
         }
-        (votes / count.max(1) as f64, count)
+        let clear = places.iter().filter(|[votes, count]| votes.abs() > CLEAR * count);
+        clear.fold([0, 0], |[near, all], [votes, _]| [near + usize::from(*votes > 0.0), all + 1])
     }
 }
 
@@ -343,11 +350,20 @@ const MOVES: f64 = 0.9;
 /// How much better one order must be than another.
 const CLEARLY: f64 = 1.25;
 const CLEARLY_REVERSED: f64 = 1.15;
-/// What covers must say so by as much, from at least so many pixels, a share of the picture.
-const COVERS: f64 = 0.16;
-const COVERED: f64 = 0.003;
+/// What covers is believed where so many places agree as, of a fair coin, one in forty throws of all of them would, on either
+/// side: standard deviations. A light field that is refused by such a chance costs a flag.
+const SIGNIFICANT: f64 = 2.0;
+/// Pixels along each side of a place; its pixels agree by as much.
+const PLACE: usize = 6;
+const CLEAR: f32 = 0.2;
 /// A pixel knows its own movement from another that costs as much more.
-const KNOWS: f32 = 0.005;
+const KNOWS: f32 = 0.01;
+
+/// Whether, of `all` places, so many or so few are `near` that it is no accident; none where it may be one.
+fn significant([near, all]: [usize; 2]) -> Option<bool> {
+    let beyond = near.abs_diff(all - near).saturating_sub(1) as f64;
+    (all > 0 && beyond >= SIGNIFICANT * (all as f64).sqrt()).then_some(2 * near > all)
+}
 
 impl Parallax {
     /// Looks at the views of the central row and column: neighbours first, farther ones where too little moves, in more pixels
@@ -402,8 +418,14 @@ impl Look {
         let [a, b] = if transposed == Some(true) { [crossed, both] } else { [as_named, turned] };
         let disagree = clearly(a, b, CLEARLY_REVERSED).filter(|_| transposed.is_some() && b.is_finite());
         let one_axis = !(a.is_finite() && b.is_finite());
-        let mut found =
-            Parallax { transposed, disagree, near_covers: None, covering: 0.0, movement: [None; 2], apart: self.apart };
+        let mut found = Parallax {
+            transposed,
+            disagree,
+            near_covers: None,
+            covers: [0, 0],
+            movement: [None; 2],
+            apart: self.apart,
+        };
         let Some(transposed) = transposed else { return found };
         let pixels = small.size[0] * small.size[1];
         let per_view = small.scale / step as f64;
@@ -429,10 +451,8 @@ impl Look {
                 };
                 one(of_columns, false) + one(of_rows, turned)
             };
-            let (covering, count) = small.covering(&sharp, step, transposed, turned, &cost);
-            let enough = count as f64 > COVERED * pixels as f64 && count > 40;
-            found.covering = covering;
-            found.near_covers = (enough && covering.abs() > COVERS).then_some(covering > 0.0);
+            found.covers = small.covering(&sharp, step, transposed, turned, &cost);
+            found.near_covers = significant(found.covers);
         }
         found
     }

@@ -2,15 +2,17 @@
 //!
 //! Small copies of the central view are compared with its nearest neighbours over every disparity up to a third of the
 //! picture; larger copies, with farther views, over what was found. Only pixels count of which the pictures leave no
-//! doubt: with detail along every axis that has views, alike in the views of both axes, and like at no other disparity.
+//! doubt: alike in the views of both axes, like at no other disparity, and with a small standard error (`subpixel`). The range
+//! ends where enough of them agree; it is doubted where too much of the detail is not among them, for that may lie anywhere.
 
 use super::resize::Resize;
+use super::subpixel::Subpixel;
 use super::sweep::{Sweep, lowest, reach_within};
-use super::{Fit, LightField};
+use super::{DepthSource, Fit, LightField, SceneError};
 use crate::optics::Display;
 use rayon::prelude::*;
 
-/// Where disparities are sought if none beyond is found, pixels between neighbouring views.
+/// Where disparities are sought where nothing shows any, pixels between neighbouring views.
 pub(super) const USUAL: [f64; 2] = [-2.0, 2.0];
 
 /// Pixels along the longer side: coarse, and fine.
@@ -24,52 +26,67 @@ const WINDOW: usize = 2;
 const OFF: f32 = 0.5;
 /// Another disparity is as unlike as this many times its best match, and as this many pixels, at least.
 const UNLIKE: [f32; 2] = [2.0, 0.4];
-/// The share of sure pixels within a pixel that is no accident, and their number.
-const ENOUGH: f64 = 0.006;
+/// Windows whose slopes sum to this much may be sure (5 x 5 pixels of 8 bits that differ from their neighbours by one).
+const SLOPE: f32 = 0.1;
+/// Standard errors of what is sure, pixels between neighbouring views, at most.
+const ERROR: f64 = 0.06;
+/// The share of the sure pixels that is no accident where they lie within as many pixels of each other, and their number.
+const ENOUGH: f64 = 0.005;
 const LEAST: usize = 12;
-/// A range beyond two pixels is trusted where so much of the detail is sure.
-const TRUSTED: f64 = 0.45;
+const TOGETHER: f64 = 0.1;
+/// A range is trusted where so much of the detail is sure.
+const TRUSTED: f64 = 0.7;
 
 /// What the views show.
+#[derive(Debug, Clone, Copy)]
 struct Found {
-    /// Smallest and largest disparity, pixels between neighbouring views.
-    range: [f64; 2],
-    /// The share of detail whose disparity is sure.
-    share: f64,
+    /// Smallest and largest disparity, pixels between neighbouring views; none where nothing is sure.
+    range: Option<[f64; 2]>,
+    /// The share of detail whose disparity is sure; none where there is no detail.
+    share: Option<f64>,
 }
 
-/// Where disparities are sought, pixels between neighbouring views.
-pub(super) struct Sought {
-    /// From the farthest to the nearest.
-    pub range: [f64; 2],
+/// Disparities that were not stated, pixels between neighbouring views at this resolution.
+pub(super) struct Measured {
+    /// From the farthest to the nearest; none where the pictures show nothing.
+    pub range: Option<[f64; 2]>,
     /// The share of detail whose disparity is sure, where that is too little to trust the range.
     pub doubt: Option<f64>,
 }
 
 impl LightField {
-    /// Where disparities are sought, pixels between neighbouring views at this resolution: in the range that the scene
-    /// states on `display`; else within two pixels, or, where the views show content beyond, within what they show.
-    pub(super) fn disparities_sought(&self, display: &Display) -> Sought {
-        let per_pixel = display.focal_length * display.picture_pixel() / self.cell(display);
-        if let Some(stated) = self.depth_range(display) {
-            return Sought { range: stated.map(|z| z / per_pixel), doubt: None };
-        }
-        match found(self) {
-            Some(Found { range: [low, high], share }) if low < USUAL[0] || high > USUAL[1] => {
-                let margin = 0.05 * (high - low) + 0.25;
-                Sought { range: [low - margin, high + margin], doubt: (share < TRUSTED).then_some(share) }
-            }
-            _ => Sought { range: USUAL, doubt: None },
-        }
+    /// What the views show of their disparities, whatever is stated.
+    pub(super) fn measured(&self) -> Measured {
+        let Found { range, share } = found(self);
+        Measured { range, doubt: share.filter(|share| *share < TRUSTED) }
     }
 
-    /// The depths that matter on `display`, farthest first, metres: as asked, as the scene says, or what a disparity of two
-    /// pixels means, or what the views show beyond.
-    pub fn depths(&self, display: &Display, asked: Option<[f64; 2]>) -> [f64; 2] {
+    /// Where disparities are sought, pixels between neighbouring views at this resolution: in the range that the scene
+    /// states on `display`; else a little beyond what the views show.
+    pub(super) fn disparities_sought(&self, display: &Display) -> [f64; 2] {
         let per_pixel = display.focal_length * display.picture_pixel() / self.cell(display);
-        let sought = || self.disparities_sought(display).range.map(|d| d * per_pixel);
-        let [a, b] = asked.or_else(|| self.depth_range(display)).unwrap_or_else(sought);
-        [a.min(b), a.max(b)]
+        if let Some(stated) = self.depth_range(display) {
+            return stated.map(|z| z / per_pixel);
+        }
+        let around = |[low, high]: [f64; 2]| {
+            let margin = 0.05 * (high - low) + 0.25;
+            [low - margin, high + margin]
+        };
+        self.measured().range.map_or(USUAL, around)
+    }
+
+    /// The depths that matter on `display`, farthest first, metres: as asked, as the scene says, or as the views show.
+    ///
+    /// # Errors
+    /// [`SceneError::Request`] where nothing is asked or stated, and the views show too little.
+    pub fn depths(&self, display: &Display, asked: Option<[f64; 2]>) -> Result<[f64; 2], SceneError> {
+        if let Some([a, b]) = asked {
+            return Ok([a.min(b), a.max(b)]);
+        }
+        match self.reach(display) {
+            (depth, DepthSource::Doubtful(percent)) => Err(SceneError::doubtful_depth(depth, percent, display)),
+            (depth, DepthSource::Stated | DepthSource::Measured) => Ok(depth),
+        }
     }
 }
 
@@ -86,8 +103,8 @@ pub(super) fn mean_light(field: &LightField) -> impl Fn(usize) -> Vec<f32> {
     }
 }
 
-/// Smallest and largest disparity that the views show, pixels between neighbouring views; none where no detail tells.
-fn found(field: &LightField) -> Option<Found> {
+/// What the views show, coarse and then fine.
+fn found(field: &LightField) -> Found {
     let longer = field.height.max(field.width);
     let light = mean_light(field);
     let at = |pixels: usize| {
@@ -100,44 +117,54 @@ fn found(field: &LightField) -> Option<Found> {
         let range = range.map(|d| d * scale);
         let middle = field.grid.map(|n| n / 2);
         let sweep = Sweep::around(field.grid, middle, reach_within(range, most), size, |v| shrink.apply(&light(v)));
-        ends(&sweep, range).map(|found| Found { range: found.range.map(|d| d / scale), ..found })
+        let found = ends(&sweep, range);
+        Found { range: found.range.map(|r| r.map(|d| d / scale)), ..found }
     };
     let third = longer as f64 / 3.0;
-    let coarse = within(at(COARSE), [-third, third], 1)?;
-    let [low, high] = coarse.range;
+    let coarse = within(at(COARSE), [-third, third], 1);
+    let Some([low, high]) = coarse.range else { return coarse };
     let margin = (longer as f64 / COARSE as f64).max(1.0) + 0.1 * (high - low);
-    let near = [low - margin, high + margin];
-    within(at(FINE), near, STEPS).or(Some(coarse))
+    let fine = within(at(FINE), [low - margin, high + margin], STEPS);
+    if fine.range.is_some() { fine } else { coarse }
 }
 
 /// The smallest and the largest disparity that enough pixels surely have.
-fn ends(sweep: &Sweep, range: [f64; 2]) -> Option<Found> {
+fn ends(sweep: &Sweep, range: [f64; 2]) -> Found {
     let (h, w, reach) = (sweep.height, sweep.width, sweep.reach());
+    let nothing = Found { range: None, share: None };
     if reach == 0.0 || h.min(w) < 4 * WINDOW {
-        return None;
+        return nothing;
     }
     let step = 0.5 / reach;
     let count = ((range[1] - range[0]) / step).ceil() as usize + 1;
     let slopes = windows(&sweep.slopes(), h, w, 1);
     let costs = windows(&sweep.costs(count, |d| range[0] + d as f64 * step), h, w, count);
-    let least = (slopes.iter().sum::<f32>() / slopes.len() as f32).max(1e-4);
-    let detail = slopes.iter().filter(|slope| **slope > least).count();
+    let mean = (slopes.iter().sum::<f32>() / slopes.len() as f32).max(1e-4);
+    let detail = slopes.iter().filter(|slope| **slope > mean).count();
     // A match's own valley: a pixel and a half to each side.
     let own = (1.5 / step).ceil() as usize;
-    let sure = |(costs, slope): (&[f32], &f32)| {
+    let subpixel = Subpixel::of(sweep);
+    let sure = |(p, costs): (usize, &[f32])| {
+        let slope = slopes[p];
         let best = (0..count).min_by(|&a, &b| costs[a].total_cmp(&costs[b]))?;
-        let alike = costs[best] <= OFF * slope && *slope > least;
+        let alike = costs[best] <= OFF * slope && slope > mean.min(SLOPE);
         let others = (0..count).filter(|d| d.abs_diff(best) > own).map(|d| costs[d]);
         let unlike = others.fold(f32::INFINITY, f32::min);
+        let guess = range[0] + (best as f64 + lowest(costs, best)) * step;
         let sure = alike && unlike >= (UNLIKE[0] * costs[best]).max(UNLIKE[1] * slope);
-        sure.then(|| range[0] + (best as f64 + lowest(costs, best)) * step)
+        let [d, error] = subpixel.refined([p / w, p % w], WINDOW, guess).filter(|_| sure)?;
+        (error < ERROR).then_some((slope > mean, d))
     };
-    let mut all: Vec<f64> = costs.par_chunks_exact(count).zip(slopes.par_iter()).filter_map(sure).collect();
+    let all: Vec<(bool, f64)> = costs.par_chunks_exact(count).enumerate().filter_map(sure).collect();
+    let share = (detail > 0).then(|| all.iter().filter(|(has, _)| *has).count() as f64 / detail as f64);
+    let mut all: Vec<f64> = all.into_iter().map(|(_, d)| d).collect();
     all.sort_by(f64::total_cmp);
     let enough = LEAST.max((ENOUGH * all.len() as f64) as usize);
-    let together = |run: &&[f64]| run[enough - 1] - run[0] <= 2.0 * step;
-    let range = [all.windows(enough).find(together)?[0], all.windows(enough).rfind(together)?[enough - 1]];
-    Some(Found { range, share: all.len() as f64 / detail as f64 })
+    let together = |run: &&[f64]| run[enough - 1] - run[0] <= TOGETHER;
+    // The middle one of the outermost that agree.
+    let low = all.windows(enough).find(together).map(|run| run[enough / 2]);
+    let high = all.windows(enough).rfind(together).map(|run| run[enough / 2]);
+    Found { range: low.zip(high).map(|(a, b)| [a, b]), share }
 }
 
 /// Sums over windows of (height, width, depth).
@@ -172,53 +199,54 @@ mod tests {
         let display = Display { height: 96, width: 112, ..Display::preset("paper").unwrap() };
         let request = Request { views, ..Request::new(&display, &[Color::Green]) };
         let field = load(&format!("builtin:{scene}"), &request).unwrap();
-        let truth = field.disparities_sought(&display).range;
+        let truth = field.disparities_sought(&display);
         (LightField { depth: None, disparity: None, ..field }, truth, display)
     }
 
     #[test]
     fn disparities_are_found_however_far_the_views_stand_apart() {
         for (scene, views) in
-            [("still-life?span=1.5", 5), ("still-life?span=3", 3), ("still-life?span=6", 5), ("plane?depth=2.5", 3)]
+            [("still-life?span=1.5", 5), ("still-life?span=2", 5), ("plane?depth=2.5", 3), ("points?span=1.5", 5)]
         {
             let (field, [low, high], display) = silent(scene, views);
-            let sought = field.disparities_sought(&display);
-            let [a, b] = sought.range;
-            let near = 0.1 * (high - low) + 1.0;
-            assert!(sought.doubt.is_none() && a < low + near && b > high - near, "{scene}: {a} .. {b}");
             let per_pixel = display.focal_length * display.picture_pixel() / field.cell(&display);
             let (reach, source) = field.reach(&display);
-            assert_eq!(source, DepthSource::Measured);
+            assert_eq!(source, DepthSource::Measured, "{scene}");
             let [a, b] = reach.map(|z| z / per_pixel);
-            let near = 0.1 * (high - low) + 0.6;
+            let near = (0.1 * (high - low)).max(0.25);
             assert!((a - low).abs() < near && (b - high).abs() < near, "{scene}: {a} .. {b}, not {low} .. {high}");
+            let [a, b] = field.disparities_sought(&display);
+            assert!(a < low + near && b > high - near, "{scene}: {a} .. {b}");
         }
     }
 
     #[test]
-    fn dense_and_flat_views_are_sought_within_two_pixels() {
+    fn views_that_show_nothing_have_no_depth_and_no_doubt() {
         let (mut field, _, display) = silent("still-life", 9);
-        assert_eq!(field.disparities_sought(&display).range, USUAL);
-        field.planes.iter_mut().flatten().for_each(|view| view.fill(0.3));
-        assert_eq!(field.disparities_sought(&display).range, USUAL);
-        field.planes.iter_mut().flatten().for_each(|view| view.fill(0.0));
-        assert_eq!(field.disparities_sought(&display).range, USUAL);
+        for light in [0.3, 0.0] {
+            field.planes.iter_mut().flatten().for_each(|view| view.fill(light));
+            assert_eq!(field.disparities_sought(&display), USUAL);
+            assert_eq!(field.reach(&display), ([0.0, 0.0], DepthSource::Measured));
+        }
     }
 
     #[test]
     fn one_row_of_views_is_enough() {
-        let (field, [low, high], display) = silent("still-life?span=3", 3);
-        let planes = field.planes.iter().map(|views| views[3..6].to_vec()).collect();
-        let row = LightField { grid: [1, 3], planes, view_pitch: Some(field.cell(&display)), ..field };
-        let [a, b] = row.disparities_sought(&display).range;
-        assert!((a - low).abs() < 2.0 && (b - high).abs() < 2.0, "{a} .. {b}, not {low} .. {high}");
+        let (field, [low, high], display) = silent("still-life?span=1.5", 5);
+        let planes = field.planes.iter().map(|views| views[10..15].to_vec()).collect();
+        let row = LightField { grid: [1, 5], planes, view_pitch: Some(field.cell(&display)), ..field };
+        let [a, b] = row.measured().range.unwrap();
+        let near = 0.1 * (high - low);
+        assert!((a - low).abs() < near && (b - high).abs() < near, "{a} .. {b}, not {low} .. {high}");
     }
 
     /// Thin blades that hide each other by eight pixels from view to view: what is lost is not passed over in silence.
     #[test]
     fn what_neighbouring_views_do_not_show_again_is_doubted() {
         let (field, _, display) = silent("dense-grass?span=6", 5);
-        assert!(field.disparities_sought(&display).doubt.is_some());
-        assert!(matches!(field.reach(&display).1, DepthSource::Doubtful(1..45)));
+        assert!(matches!(field.reach(&display).1, DepthSource::Doubtful(1..65)));
+        let line = field.depths(&display, None).unwrap_err().to_string();
+        assert!(line.contains("--depth MIN..MAX"), "{line}");
+        assert_eq!(field.depths(&display, Some([2e-3, -1e-3])), Ok([-1e-3, 2e-3]));
     }
 }

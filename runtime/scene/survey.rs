@@ -1,7 +1,6 @@
 //! What a scene holds: where its light is, and how deep it reaches.
 
 use super::LightField;
-use super::depth::central_depth_within;
 use crate::optics::{Color, Display};
 use rayon::prelude::*;
 
@@ -35,9 +34,9 @@ pub struct Black {
 pub enum DepthSource {
     /// The scene, or the file beside it, states it.
     Stated,
-    /// Measured in the central view: [`central_depth`](super::central_depth).
+    /// Measured in the central view.
     Measured,
-    /// Measured, and not to be trusted: only so many per cent of its detail are found again in the neighbouring views.
+    /// Measured, and not to be trusted: only so many per cent of its detail are found again for sure in the neighbouring views.
     Doubtful(u8),
 }
 
@@ -138,24 +137,16 @@ impl LightField {
         (views as f64 * self.aliasing(display, depth).max(1.0)).min(1e6).ceil() as usize
     }
 
-    /// Farthest and nearest depth on `display`, metres: what the scene states, else what is measured where the central
-    /// view has detail (from the 2nd to the 98th percentile).
+    /// Farthest and nearest depth on `display`, metres: what the scene states, else what is measured in the central view;
+    /// 0 where nothing is seen in it.
     pub fn reach(&self, display: &Display) -> ([f64; 2], DepthSource) {
         if let Some([a, b]) = self.depth_range(display) {
             return ([a.min(b), a.max(b)], DepthSource::Stated);
         }
-        // Where nothing changes from pixel to pixel, any depth fits: only edges tell.
-        let view = &self.planes[self.planes.len() / 2][self.grid[0] / 2 * self.grid[1] + self.grid[1] / 2];
-        let root = |i: usize| view.get(i).map_or(0.0, |v| v.max(0.0).sqrt());
-        let slope = |i: usize| (root(i + 1) - root(i)).abs() + (root(i + self.width) - root(i)).abs();
-        let mean = (0..view.len()).map(slope).sum::<f32>() / view.len().max(1) as f32;
-        let sought = self.disparities_sought(display);
-        let source = sought.doubt.map_or(DepthSource::Measured, |sure| DepthSource::Doubtful((100.0 * sure) as u8));
-        let depths = central_depth_within(self, display, sought.range).into_iter().enumerate();
-        let mut depths: Vec<f32> = depths.filter(|(i, _)| slope(*i) > mean).map(|(_, d)| d).collect();
-        depths.sort_by(f32::total_cmp);
-        let at = |share: f64| depths.get((share * depths.len() as f64) as usize).map_or(0.0, |d| f64::from(*d));
-        ([at(0.02), at(0.98)], source)
+        let per_pixel = display.focal_length * display.picture_pixel() / self.cell(display);
+        let measured = self.measured();
+        let source = measured.doubt.map_or(DepthSource::Measured, |sure| DepthSource::Doubtful((100.0 * sure) as u8));
+        (measured.range.unwrap_or_default().map(|d| d * per_pixel), source)
     }
 }
 

@@ -24,8 +24,11 @@ pub(super) struct Sweep {
     /// Square root of light.
     pub center: Vec<f32>,
     /// Views left, right, above and below: steps from the centre (rows, columns), square root of light.
-    arms: [Vec<(isize, isize, Vec<f32>)>; 4],
+    pub arms: [Arm; 4],
 }
+
+/// Views on one side.
+pub(super) type Arm = Vec<(isize, isize, Vec<f32>)>;
 
 impl Sweep {
     /// The view at row and column `[r, c]`, with those that are no more than `reach` steps away.
@@ -41,7 +44,7 @@ impl Sweep {
             let near = (0..n).filter(move |i| *i != at && i.abs_diff(at) <= reach);
             near.map(move |i| i as isize - at as isize)
         };
-        let mut arms: [Vec<_>; 4] = Default::default();
+        let mut arms: [Arm; 4] = Default::default();
         for d in along(columns, c) {
             arms[usize::from(d > 0)].push((0, d, root(r * columns + (c as isize + d) as usize)));
         }
@@ -113,14 +116,14 @@ impl Sweep {
     }
 
     /// (height, width): by how much the cost of a match grows with each pixel that it is off, along the axes that have
-    /// views.
+    /// views; no more than a cost does.
     pub fn slopes(&self) -> Vec<f32> {
         let (h, w) = (self.height, self.width);
         let has = |pair: usize| !(self.arms[pair].is_empty() && self.arms[pair + 1].is_empty());
         let (across, down) = (has(0), has(2));
         let slope = |i: usize| {
             let (y, x) = (i / w, i % w);
-            let apart = |a: usize, b: usize| 0.5 * (self.center[a] - self.center[b]).abs();
+            let apart = |a: usize, b: usize| (0.5 * (self.center[a] - self.center[b]).abs()).min(OUTLIER);
             let mut sum = 0.0;
             if across {
                 sum += apart(y * w + (x + 1).min(w - 1), y * w + x.saturating_sub(1));

@@ -35,6 +35,13 @@ impl Session {
         if let Content::Play(play) = &content {
             play.check()?;
         }
+        // As a display file has it; a session hears of its end at the next video frame.
+        if let Some(rate) = options.display_rate.filter(|rate| !(1.0..=100_000.0).contains(&rate.hz())) {
+            let hz = rate.hz();
+            return Err(SessionError::Setting(format!(
+                "--display-rate {hz}: it must be 1 to 100000 video frames a second"
+            )));
+        }
         let steered = matches!(&content, Content::Live(live) if live.steered);
         let shared = Arc::new(Shared {
             stop: AtomicBool::new(false),

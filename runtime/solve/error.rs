@@ -2,6 +2,7 @@
 
 use crate::engine::EngineError;
 use crate::optics::OpticsError;
+use crate::scene::SceneError;
 
 /// Why a solve failed.
 #[derive(Debug, thiserror::Error)]
@@ -17,6 +18,9 @@ pub enum SolveError {
         /// What would be right.
         right: &'static str,
     },
+    /// A scene that does not tell what is needed of it.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
     /// A colour or a size that the display does not have.
     #[error(transparent)]
     Optics(#[from] OpticsError),

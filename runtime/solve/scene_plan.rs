@@ -13,7 +13,7 @@ use crate::engine::cpu::CpuEngine;
 use crate::evaluate;
 use crate::optics::{Color, Display, Padding, Pupil, Window, WindowFactor, depths_in_words, walk_off};
 use crate::plan::{Planner, Purpose, Storage, Viewpoint};
-use crate::scene::{DARK, DepthSource, LightField, ViewGrid};
+use crate::scene::{DARK, DepthSource, LightField, SceneError, ViewGrid};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -208,14 +208,7 @@ impl ScenePlan {
                     (depth, "measured in the central view: the scene does not say".into())
                 }
                 (depth, DepthSource::Doubtful(percent)) => {
-                    return Err(SolveError::Setting {
-                        what: "the depth of the scene",
-                        value: format!(
-                            "measured as {}, though only {percent} % of its detail is found again in neighbouring views",
-                            depths_in_words(depth, display.focal_length)
-                        ),
-                        right: "given: by --depth MIN..MAX, or by depth_mm in lightfield.toml",
-                    });
+                    return Err(SceneError::doubtful_depth(depth, percent, display).into());
                 }
             },
         };

@@ -379,3 +379,33 @@ fn no_file_is_too_long() {
     let long: Vec<_> = paths.iter().map(|p| (p, lines(p))).filter(|(_, n)| *n > LINES).collect();
     assert!(long.is_empty(), "of more than {LINES} lines: {long:?}");
 }
+
+/// Where there is `unsafe`: at Vulkan's edge, and where a window's handle is handed over. Each block says why it holds, which
+/// clippy sees to. Nothing is mapped into memory.
+#[test]
+fn unsafe_is_where_the_page_of_promises_says() {
+    const AT: [&str; 6] = [
+        "runtime/gpu/",
+        "runtime/engine/vulkan/",
+        "runtime/present/",
+        "runtime/preview/window.rs",
+        "runtime/examples/own_vulkan_device.rs",
+        "tests/",
+    ];
+    let page = std::fs::read_to_string(root().join("docs/reliability.md")).expect("the page");
+    let mut paths = Vec::new();
+    rust_files(root(), &mut paths);
+    for path in paths {
+        let text = std::fs::read_to_string(&path).expect("a file");
+        let name = path.strip_prefix(root()).expect("inside").display().to_string();
+        if tokens(&text).contains(&"unsafe") {
+            assert!(AT.iter().any(|at| name.starts_with(at)), "{name} has `unsafe`: it belongs to Vulkan's edge");
+        }
+        assert!(
+            !tokens(&text).iter().any(|word| ["mmap", "Mmap", "memmap2"].contains(word)) || name.starts_with("tests/"),
+            "{name} maps files"
+        );
+    }
+    let missing: Vec<_> = AT.iter().filter(|at| !at.starts_with("tests") && !page.contains(*at)).collect();
+    assert!(missing.is_empty(), "docs/reliability.md does not name {missing:?}");
+}

@@ -3,9 +3,10 @@
 
 use eyebox::engine::Storage;
 use eyebox::engine::vulkan::Transforms;
+use eyebox::gpu::{DeviceKind, Gpu, Options};
 use eyebox_kernels::Complex32;
 use eyebox_kernels::fft::{Columns, Direction, transform_f64};
-use eyebox_tests::both::gpu;
+use eyebox_tests::both::{gpu, watched};
 use eyebox_tests::half_roundings;
 use rustfft::num_complex::Complex64;
 use std::sync::PoisonError;
@@ -133,6 +134,23 @@ fn columns_in_use_may_wrap_and_frames_may_lie_anywhere() {
         ((40, 40), 39, 40),
         ((97, 12), 7, 9),
     ] {
+        let columns = Columns { first, count };
+        compare(&mut transforms, &Case { size, frames: 3, columns, before: 4 * 1000 });
+    }
+}
+
+/// Columns through shared memory, as GPUs have them.
+#[test]
+fn columns_in_one_trip() {
+    let options = Options { plan_as: Some(DeviceKind::Discrete), ..watched() };
+    let mut transforms = Transforms::new(&Gpu::open(&options).unwrap_or_else(|e| panic!("{e}"))).unwrap();
+    assert!(transforms.plans(1080, 96).unwrap()[1].contains("shared memory"));
+    assert!(transforms.plans(1080, 95).unwrap()[1].contains("global memory"));
+    for (h, w) in [(1, 16), (2, 6), (45, 64), (64, 96), (121, 26), (13, 10), (97, 12), (1080, 24), (2160, 8), (4160, 8)]
+    {
+        compare(&mut transforms, &whole(h, w));
+    }
+    for (size, first, count) in [((64, 96), 81, 30), ((45, 64), 11, 17), ((48, 50), 49, 2), ((40, 40), 39, 40)] {
         let columns = Columns { first, count };
         compare(&mut transforms, &Case { size, frames: 3, columns, before: 4 * 1000 });
     }

@@ -18,7 +18,7 @@ pub fn run(args: &Bench) -> Result<(), Failure> {
     let mut engine = common::engine(&args.solve.engine)?;
     let begun = Instant::now();
     let field = common::scene(&args.solve.scene, &display, &[color])?;
-    let depth = common::depths(&args.solve.scene, &field, &display);
+    let depth = common::depths(&args.solve.scene, &field, &display)?;
     let (settings, chosen) = settings_of(&args.solve, engine.as_ref(), &display, depth, 1)?;
     let subject =
         Subject { field: &field, color, display: &display, base: settings.clone(), levels: Levels::of(&display) };

@@ -82,7 +82,7 @@ pub fn request<'a>(
         depth_map: maps.first().map(PathBuf::as_path),
         near: args.near,
         depth: args.depth_before(display),
-        order: args.order,
+        order: args.order.order,
         ..default
     }
 }
@@ -111,8 +111,8 @@ pub fn scene_around(args: &SceneArgs, display: &Display, colors: &[Color]) -> Re
 }
 
 /// The depths that matter.
-pub fn depths(args: &SceneArgs, field: &LightField, display: &Display) -> [f64; 2] {
-    field.depths(display, args.depth_before(display))
+pub fn depths(args: &SceneArgs, field: &LightField, display: &Display) -> Result<[f64; 2], Failure> {
+    Ok(field.depths(display, args.depth_before(display))?)
 }
 
 /// Pupil diameters as asked, checked as [`usual`] says, or from 2 mm to most of the eyebox.

@@ -2,7 +2,7 @@
 
 use crate::Failure;
 use crate::args::Bench;
-use eyebox::gpu::{Gpu, Options};
+use eyebox::gpu::{DeviceKind, Gpu, Options};
 use eyebox::optics::PupilDistribution;
 use eyebox::plan::DEVICES;
 use eyebox::solve::{Problem, Rehearsal, Settings, Steering};
@@ -14,7 +14,9 @@ const SPREAD: f64 = 0.3e-3;
 /// Records steps of a solve, or of a refinement for a pupil where one is given.
 pub fn run(args: &Bench, problem: Problem, settings: &Settings) -> Result<(), Failure> {
     let device = args.solve.engine.device.device.clone();
-    let gpu = Gpu::open(&Options { device, allow_cpu: true, record_only: true, ..Options::default() })?;
+    // Nothing runs, so that any device records what a GPU would get.
+    let plan_as = if device.is_none() { Some(DeviceKind::Discrete) } else { None };
+    let gpu = Gpu::open(&Options { device, allow_cpu: true, record_only: true, plan_as, ..Options::default() })?;
     let count = args.solve.steps.unwrap_or(8).max(2);
     let rehearsal = match &args.pupil {
         Some(pupil) => {

@@ -113,6 +113,14 @@ pub struct SceneArgs {
     /// that its values reach
     #[arg(long, value_name = "MIN..MAX", value_parser = depths, allow_hyphen_values = true)]
     pub depth: Option<[Depth; 2]>,
+    /// Order of views
+    #[command(flatten)]
+    pub order: OrderArgs,
+}
+
+/// How views stand, in every command that loads them.
+#[derive(Args, Clone, Copy, Default)]
+pub struct OrderArgs {
     /// How the views of a folder really stand: as-named, or transpose, flip-rows, flip-columns with commas between [default:
     /// what its lightfield.toml says; else as named, refused where the pictures clearly show another]
     #[arg(long, value_name = "ORDER")]
@@ -150,7 +158,7 @@ impl SceneArgs {
             view_pitch: None,
             views: None,
             depth: None,
-            order: None,
+            order: OrderArgs::default(),
         }
     }
 }

@@ -1,6 +1,6 @@
 //! `eyebox import`: the reverse of `eyebox export`.
 
-use crate::args::{EngineArgs, NEAR, SceneArgs};
+use crate::args::{EngineArgs, NEAR, OrderArgs, SceneArgs};
 use crate::common::{self, Form};
 use crate::phases::PhaseArgs;
 use crate::values::{one_of, positive};
@@ -30,6 +30,9 @@ pub struct Import {
     /// Which values of the depth map are near [default: what its file tells; the bright ones of a picture]
     #[arg(long, value_parser = one_of(&NEAR), value_name = "WHICH", requires = "scene")]
     pub near: Option<Near>,
+    /// Order of views
+    #[command(flatten)]
+    pub order: OrderArgs,
     /// The exposure that they were made for [default: with --scene, what fits it best; else not known]
     #[arg(long, value_parser = positive, conflicts_with = "scene")]
     pub exposure: Option<f64>,
@@ -49,12 +52,17 @@ pub fn run(args: &Import) -> Result<(), Failure> {
     hologram.version = env!("CARGO_PKG_VERSION").into();
     let exposures = if let Some(scene) = &args.scene {
         let display = score::display_of(&args.file, &hologram)?;
-        let asked =
-            SceneArgs { depth_map: args.depth_map.iter().cloned().collect(), near: args.near, ..SceneArgs::of(scene) };
+        let asked = SceneArgs {
+            depth_map: args.depth_map.iter().cloned().collect(),
+            near: args.near,
+            order: args.order,
+            ..SceneArgs::of(scene)
+        };
         let field = common::scene(&asked, &display, &hologram.named_colors())?;
         hologram.fit_exposure(&field, common::engine(&args.engine)?.as_mut())?;
         hologram.scene.clone_from(&field.name);
         hologram.metadata.near = args.near;
+        hologram.metadata.order = args.order.order;
         hologram.metadata.views = Some(field.grid);
         hologram.metadata.view_pitch_mm = Some(field.cell(&display) * 1e3);
         "fitted to the scene"

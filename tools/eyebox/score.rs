@@ -22,7 +22,7 @@ pub fn run(args: &Score) -> Result<(), Failure> {
     let (scene, depth) = match &source {
         PhaseSource::Whole(_) => {
             let field = common::scene(&asked, &display, &colors)?;
-            let depth = common::depths(&asked, &field, &display);
+            let depth = common::depths(&asked, &field, &display)?;
             (SceneSource::new(field, &display)?, depth)
         }
         PhaseSource::Tiled(_) => {
@@ -98,7 +98,7 @@ fn row(score: &PupilScore, display: &Display) -> Value {
 pub fn as_solved(args: &SceneArgs, hologram: &Hologram) -> SceneArgs {
     let (mut args, known) = (args.clone(), &hologram.metadata);
     args.view_pitch = args.view_pitch.or(known.view_pitch_mm);
-    args.order = args.order.or(known.order);
+    args.order.order = args.order.order.or(known.order);
     args.views = args.views.or(known.views.map(|v| v[0]));
     args.near = args.near.or(known.near);
     // What a depth map's values mean has an order; other scenes have a range.

@@ -76,7 +76,7 @@ pub fn job_of<'a>(
         depth_maps: args.scene.depth_map.clone(),
         near: args.scene.near,
         depth: args.scene.depth_before(display),
-        order: args.scene.order,
+        order: args.scene.order.order,
         diameter: args.pupil_diameter,
         settings: Settings { seconds: args.seconds, ..settings },
         full: args.full.unwrap_or_default(),

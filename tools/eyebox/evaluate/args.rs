@@ -1,6 +1,6 @@
 //! The arguments of `eyebox evaluate`.
 
-use crate::args::{DisplayArgs, EngineArgs, NEAR, OtherSceneArgs, OverwriteArgs, SceneArgs};
+use crate::args::{DisplayArgs, EngineArgs, NEAR, OrderArgs, OtherSceneArgs, OverwriteArgs, SceneArgs};
 use crate::phases::PhaseUnitArgs;
 use crate::quality::QualityArgs;
 use crate::values::{depths, diameters, one_of, positive};
@@ -42,9 +42,9 @@ pub struct Evaluate {
     /// Bare phases
     #[command(flatten)]
     pub unit: PhaseUnitArgs,
-    /// Depth or disparity map of a picture (PNG, PFM or .npy)
-    #[arg(long, value_name = "FILE")]
-    pub depth_map: Option<PathBuf>,
+    /// Depth or disparity map of a picture (PNG, PFM or .npy): of several, one for each, or the folder of their maps
+    #[arg(long, value_name = "FILE|FOLDER")]
+    pub depth_map: Vec<PathBuf>,
     /// Which values of the depth map are near [default: what its file tells; the bright ones of a picture]
     #[arg(long, value_parser = one_of(&NEAR), value_name = "WHICH")]
     pub near: Option<Near>,
@@ -57,6 +57,9 @@ pub struct Evaluate {
     /// Depths that matter, mm, or dioptres as in -0.02D..0.02D [default: what the scene says]
     #[arg(long, value_name = "MIN..MAX", value_parser = depths, allow_hyphen_values = true)]
     pub depth: Option<[Depth; 2]>,
+    /// Order of views
+    #[command(flatten)]
+    pub order: OrderArgs,
     /// Quality: decides steps, pupils, their diameters, window and optimiser of every iterative method; all views and
     /// sub-frames stay
     #[command(flatten)]
@@ -85,16 +88,16 @@ pub struct Evaluate {
 }
 
 impl Evaluate {
-    /// One of the scenes, as other commands take it.
-    pub fn scene(&self, index: usize) -> SceneArgs {
+    /// One of the scenes with its depth map, as other commands take it.
+    pub fn scene(&self, index: usize, map: Option<&PathBuf>) -> SceneArgs {
         SceneArgs {
             scene: self.scenes[index].clone(),
-            depth_map: self.depth_map.iter().cloned().collect(),
+            depth_map: map.cloned().into_iter().collect(),
             near: self.near,
             view_pitch: self.view_pitch,
             views: Some(self.views),
             depth: self.depth,
-            order: None,
+            order: self.order,
         }
     }
 }

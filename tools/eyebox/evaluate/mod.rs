@@ -37,10 +37,11 @@ pub fn run(args: &Evaluate) -> Result<(), Failure> {
         eprintln!("engine: {}", engine.describe());
         chosen.iter().for_each(|about| eprintln!("{about}"));
     }
+    let maps = scene::depth_maps(&args.scenes, &args.depth_map)?;
     let mut load = |index: usize| -> Result<_, Failure> {
-        let scene = args.scene(index);
+        let scene = args.scene(index, maps.get(index));
         let field = common::scene(&scene, &job.display, &job.colors)?;
-        let depth = common::depths(&scene, &field, &job.display);
+        let depth = common::depths(&scene, &field, &job.display)?;
         Ok((field, depth))
     };
     let mut results = compare(&job, &args.out, &mut load, engine.as_mut(), args.json)?;
@@ -117,9 +118,6 @@ fn print_table(results: &Results) {
 
 /// What the arguments ask for; nothing is computed or written yet.
 fn job(args: &Evaluate) -> Result<Comparison, Failure> {
-    if args.depth_map.is_some() && args.scenes.len() > 1 {
-        return Err(Failure::Asked("--depth-map belongs to one picture: give one scene".into()));
-    }
     if args.frames.is_empty() || args.frames.iter().any(|f| !(1..=4096).contains(f)) {
         return Err(Failure::Asked("--frames: the numbers of sub-frames must be 1 to 4096".into()));
     }

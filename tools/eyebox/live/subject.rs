@@ -1,16 +1,16 @@
 //! What is steered: a hologram with its scene, or a scene that is solved first.
 
-use crate::args::{DisplayArgs, EngineArgs, NEAR, OtherSceneArgs, SceneArgs};
+use crate::args::{DisplayArgs, EngineArgs, NEAR, OrderArgs, OtherSceneArgs, SceneArgs};
 use crate::common::{self, Engines};
 use crate::phases::{PhaseUnitArgs, tell_unfinished};
 use crate::quality::QualityArgs;
 use crate::solve::Watch;
-use crate::values::one_of;
+use crate::values::{depths, one_of};
 use crate::{Failure, progress, score};
 use clap::Args;
 use eyebox::encode::Encoder;
 use eyebox::hologram::{ColorHologram, Hologram, Opening, Phases, Unfinished};
-use eyebox::optics::{Color, Display, Padding};
+use eyebox::optics::{Color, Depth, Display, Padding};
 use eyebox::produce::solve_colors;
 use eyebox::quality::Subject;
 use eyebox::scene::{LightField, Near};
@@ -35,6 +35,13 @@ pub struct SubjectArgs {
     /// Which values of the depth map are near [default: what its file tells; the bright ones of a picture]
     #[arg(long, value_parser = one_of(&NEAR), value_name = "WHICH")]
     pub near: Option<Near>,
+    /// Order of views
+    #[command(flatten)]
+    pub order: OrderArgs,
+    /// Depths that matter, mm, or dioptres as in -0.02D..0.02D [default: what the scene says]; of a depth map, the depths
+    /// that its values reach
+    #[arg(long, value_name = "MIN..MAX", value_parser = depths, allow_hyphen_values = true)]
+    pub depth: Option<[Depth; 2]>,
     /// Display that is encoded for, and, with a scene, solved for; bare phases are for it
     #[command(flatten)]
     pub display: DisplayArgs,
@@ -71,6 +78,8 @@ pub fn load(args: &SubjectArgs, engines: &Engines) -> Result<Steered, Failure> {
     let scene = |scene: &str| SceneArgs {
         depth_map: args.depth_map.iter().cloned().collect(),
         near: args.near,
+        order: args.order,
+        depth: args.depth,
         ..SceneArgs::of(scene)
     };
     let phases = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy"));
@@ -95,7 +104,7 @@ pub fn load(args: &SubjectArgs, engines: &Engines) -> Result<Steered, Failure> {
         let colors = common::colors(&args.display, &display)?;
         let mut engine = engines.open()?;
         let field = common::scene(&scene(&args.what), &display, &colors)?;
-        let depth = common::depths(&scene(&args.what), &field, &display);
+        let depth = common::depths(&scene(&args.what), &field, &display)?;
         let base = Settings { depth, diameter: common::diameters(None, &display, false)?, ..Settings::default() };
         let chosen =
             args.quality.choose(engine.as_ref(), [display.height, display.width], base.frames, colors.len())?;

@@ -27,7 +27,7 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
     let program = common::memory_kib("VmRSS").map_or(PROGRAM, |kib| kib << 10);
     let field = common::scene(&solve.scene, &display, &colors)?;
     let loading = common::memory_kib("VmHWM").map_or(0, |kib| kib << 10);
-    let depth = common::depths(&solve.scene, &field, &display);
+    let depth = common::depths(&solve.scene, &field, &display)?;
     let (settings, chosen) = settings_of(solve, engine.as_ref(), &display, depth, colors.len())?;
     let plan = plan_of(solve, &settings, &field, &display)?;
     let slow =

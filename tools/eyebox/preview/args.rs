@@ -1,6 +1,6 @@
 //! The arguments of `eyebox preview`.
 
-use crate::args::{EngineArgs, NEAR, OtherSceneArgs};
+use crate::args::{EngineArgs, NEAR, OrderArgs, OtherSceneArgs};
 use crate::phases::{EncodedArgs, PhaseArgs};
 use crate::values::{GivenPupil, one_of, positive, pupil, rate, size};
 use clap::Args;
@@ -31,6 +31,9 @@ pub struct Preview {
     /// Which values of the depth map are near [default: what its file tells; the bright ones of a picture]
     #[arg(long, value_parser = one_of(&NEAR), value_name = "WHICH")]
     pub near: Option<Near>,
+    /// Order of views
+    #[command(flatten)]
+    pub order: OrderArgs,
     /// Inside of the window, rows x columns [default: what suits the hologram and the monitor]
     #[arg(long, value_name = "HxW", value_parser = size, conflicts_with = "zoom")]
     pub window: Option<[usize; 2]>,

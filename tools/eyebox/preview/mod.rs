@@ -128,8 +128,12 @@ fn scene(args: &Preview, hologram: &Hologram, moves: bool, tiled: bool) -> Resul
     args.other.check(&args.file, hologram, scene)?;
     let display = score::display_of(&args.file, hologram)?;
     let colors: Vec<Color> = hologram.colors.iter().filter_map(|c| c.color).collect();
-    let asked =
-        SceneArgs { depth_map: args.depth_map.iter().cloned().collect(), near: args.near, ..SceneArgs::of(scene) };
+    let asked = SceneArgs {
+        depth_map: args.depth_map.iter().cloned().collect(),
+        near: args.near,
+        order: args.order,
+        ..SceneArgs::of(scene)
+    };
     let asked = score::as_solved(&asked, hologram);
     if tiled {
         return common::scene_around(&asked, &display, &colors);

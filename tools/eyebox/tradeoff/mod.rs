@@ -30,7 +30,7 @@ pub fn run(args: &Tradeoff) -> Result<(), Failure> {
     Settings { levels: levels.clone(), ..base.clone() }.check()?;
     let mut engine = common::engine(&args.engine)?;
     let field = common::scene(&args.scene, &display, &[color])?;
-    base.depth = common::depths(&args.scene, &field, &display);
+    base.depth = common::depths(&args.scene, &field, &display)?;
     let _made = writable(&args.out)?;
     if !args.json {
         eprintln!("engine: {}", engine.describe());

@@ -1,7 +1,8 @@
 //! Ended by force at random moments: what is left opens, and the same command goes on from there, to the same bytes where a
 //! seed decides them.
 //!
-//! `EYEBOX_KILLS=200 cargo test --workspace --test attack -- kills --nocapture` takes so many moments of each job.
+//! `EYEBOX_KILLS=200 cargo test --workspace --test attack -- kills --nocapture` takes so many moments of each job,
+//! with `EYEBOX_ATTACK_ONLY=tiles` of one.
 
 use crate::case::program;
 use crate::stated;
@@ -166,7 +167,9 @@ impl Job {
 #[test]
 fn kills_at_random_moments_lose_nothing_that_was_whole() {
     let (moments, seed) = (stated("EYEBOX_KILLS").unwrap_or(2), stated("EYEBOX_ATTACK_SEED").unwrap_or(1));
-    for (i, job) in jobs().into_iter().enumerate() {
+    let only = std::env::var("EYEBOX_ATTACK_ONLY").ok();
+    let meant = |job: &(usize, Job)| only.as_deref().is_none_or(|only| only == job.1.name);
+    for (i, job) in jobs().into_iter().enumerate().filter(meant) {
         let here = job.place();
         let at = here.path();
         let begun = Instant::now();

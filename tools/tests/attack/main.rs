@@ -17,6 +17,7 @@ mod kills;
 mod limits;
 mod options;
 mod sizes;
+mod soak;
 mod special;
 mod streams;
 

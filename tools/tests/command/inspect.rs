@@ -44,3 +44,40 @@ fn a_scene_is_inspected_and_a_reversed_axis_is_refused_until_it_is_stated() {
     assert_eq!(read(&inspect(&["--json"]))["order"], "flip-rows");
     refused(at, &[&solve[..], &["--order", "backwards"]].concat(), "none", "as-named");
 }
+
+/// Blades that hide each other by pixels from view to view.
+#[test]
+fn depths_that_the_views_do_not_show_are_asked_for() {
+    let temp = folder();
+    let at = temp.path();
+    std::fs::create_dir(at.join("views")).unwrap();
+    for i in 0..9 {
+        let (x, y) = ((i % 3 - 1) * 7, (i / 3 - 1) * 7);
+        let (pupil, out) = (format!("--pupil={x},{y},2,0"), format!("views/view_{}_{}.png", i / 3, i % 3));
+        let scene = ["photograph", "builtin:dense-grass?span=2", "--views", "3", &pupil, "-o", &out, "--engine", "cpu"];
+        done(at, &[&scene[..], &SIZE].concat());
+    }
+    let asks = "given: by --depth MIN..MAX, or by depth_mm in lightfield.toml";
+    let inspect = done(at, &[&["inspect", "views"][..], &SIZE].concat());
+    assert!(inspect.lines().any(|l| l.trim_start().starts_with("refused") && l.contains(asks)), "{inspect}");
+    let steps = ["--steps", "1", "--frames", "1", "--engine", "cpu"];
+    refused(
+        at,
+        &[&["solve", "views", "-o", "x.zarr", "--order", "as-named"][..], &SIZE, &steps].concat(),
+        "x.zarr",
+        asks,
+    );
+    refused(
+        at,
+        &[&["solve", "views", "builtin:plane", "--order", "as-named", "-o", "x.zarr"][..], &SIZE, &steps].concat(),
+        "x.zarr",
+        asks,
+    );
+    refused(
+        at,
+        &[&["evaluate", "views", "-o", "report", "--methods", "dpac", "--order", "as-named"][..], &SIZE].concat(),
+        "report/report.html",
+        asks,
+    );
+    done(at, &[&["solve", "views", "--depth=-2..2", "-o", "x.zarr"][..], &SIZE, &steps].concat());
+}

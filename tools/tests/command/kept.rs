@@ -49,6 +49,29 @@ fn four_solves_to_one_name_all_succeed_and_leave_one_hologram() {
     done(at, &["view", "h.zarr", "--pupil=0,0,4,0", "-o", "seen.png"]);
 }
 
+/// A sequence has one writer at a time: who comes second is refused, or finds it complete.
+#[test]
+fn two_writers_of_a_sequence_do_not_mix() {
+    let temp = folder();
+    let at = temp.path();
+    let scenes = ["builtin:plane?depth=-1", "builtin:plane?depth=0", "builtin:plane?depth=1"];
+    done(at, &solve(&scenes, "alone.zarr", &[]));
+    let begin = || {
+        let args = solve(&scenes, "s.zarr", &[]);
+        command(at, &args).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
+    };
+    for child in [begin(), begin(), begin()] {
+        let answer = child.wait_with_output().unwrap();
+        let said = text(&answer.stderr);
+        let busy = answer.status.code() == Some(2) && said.contains("another program is solving this hologram");
+        assert!(answer.status.success() || busy, "{said}");
+    }
+    done(at, &solve(&scenes, "s.zarr", &[]));
+    let chunk = |of: &str, i: usize| std::fs::read(at.join(of).join(format!("phases/c/{i}/0/0/0/0"))).unwrap();
+    (0..3).for_each(|i| assert!(chunk("s.zarr", i) == chunk("alone.zarr", i), "hologram {i} is another one"));
+    assert_eq!((names(at), names(&at.join("s.zarr")).len()), (vec!["alone.zarr".to_owned(), "s.zarr".to_owned()], 2));
+}
+
 #[cfg(unix)]
 #[test]
 fn drafts_of_a_program_that_was_killed_are_removed_by_the_next_that_writes_there() {
@@ -164,12 +187,17 @@ fn every_look_at_unfinished_tiles_says_how_far_they_are() {
     }
     let encode = ["encode", "h.zarr", "--display", "far.toml", "-o", "frames"];
     for (args, out) in [(&["export", "h.zarr", "-o", "x.npy"][..], "x.npy"), (&encode, "frames")] {
-        refused(at, args, out, "it is unfinished: 0 of 9 visits");
+        refused(
+            at,
+            args,
+            out,
+            "0 of 9 visits are done: repeat the command that makes it, or take it as it is with --unfinished",
+        );
         done(at, &[args, &["--unfinished"]].concat());
         assert!(at.join(out).exists());
     }
     let evaluated = ["evaluate", "builtin:still-life", "--hologram", "mine=h.zarr", "-o", "report"];
-    refused(at, &evaluated, "report", "it is unfinished: 0 of 9 visits");
+    refused(at, &evaluated, "report", "0 of 9 visits are done: repeat the command that makes it\n");
     assert!(matches!(Hologram::load(&at.join("h.zarr")), Err(HologramError::Unfinished { .. })));
 }
 
@@ -239,6 +267,24 @@ fn a_full_disk_ends_a_recording_and_nothing_else() {
     assert_eq!((read.lines().count(), said.contains("cut off in line")), (kept.lines().count() - 1, true), "{said}");
 }
 
+/// Pictures that are named as eyebox would name them are still somebody's.
+#[test]
+fn video_frames_of_others_are_left_alone() {
+    let temp = folder();
+    let at = temp.path();
+    done(at, &solve(&["builtin:plane"], "h.zarr", &[]));
+    let encode = ["encode", "h.zarr", "--display", "planes8", "--size", "40x48", "-o", "frames"];
+    done(at, &encode);
+    done(at, &encode);
+    std::fs::create_dir(at.join("film")).unwrap();
+    std::fs::write(at.join("film/frame-0000.png"), "mine").unwrap();
+    std::fs::write(at.join("frames/frame-9999.png"), "mine").unwrap();
+    for out in ["film", "frames"] {
+        refused(at, &[&encode[..7], &[out]].concat(), "none", "holds something else");
+    }
+    assert_eq!(std::fs::read(at.join("film/frame-0000.png")).unwrap(), b"mine");
+}
+
 #[test]
 fn files_of_others_where_a_report_goes_are_left_alone() {
     let temp = folder();
@@ -298,7 +344,9 @@ fn statistics_and_traces_survive_whatever_ends_a_session() {
     let mut child = command(at, &play).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
     let stats = || serde_json::from_slice::<Value>(&std::fs::read(at.join("s.json")).ok()?).ok();
     let begun = Instant::now();
-    while stats().is_none_or(|s| s["sets"].as_u64() < Some(1)) && begun.elapsed() < Duration::from_secs(60) {
+    let traced = || std::fs::read_to_string(at.join("t.json")).is_ok_and(|trace| trace.contains("decode"));
+    let there = || traced() && stats().is_some_and(|s| s["sets"].as_u64() >= Some(1));
+    while !there() && begun.elapsed() < Duration::from_secs(60) {
         std::thread::sleep(Duration::from_millis(20));
     }
     child.kill().unwrap();

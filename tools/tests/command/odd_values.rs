@@ -13,7 +13,7 @@ fn options_of_impossible_values_are_refused_with_what_is_possible() {
     let refine = ["refine", "h.zarr", "builtin:plane", "--pupil=0,0,1,0", "-o", "out.zarr"];
     let play = ["play", "h.zarr", "--display", "grey8", "--size", "16x16", "--engine", "cpu", "--raw", "out.zarr"];
     let live = ["live", "h.zarr", "--display", "grey8", "--size", "16x16", "--duration", "0.1"];
-    let cases: [(&[&str], &str, &str); 17] = [
+    let cases: [(&[&str], &str, &str); 18] = [
         (&solve, "--psnr=nan", "-100 to 1000"),
         (&solve, "--psnr=inf", "-100 to 1000"),
         (&solve, "--seconds=1e308", "1e12 at most"),
@@ -30,6 +30,7 @@ fn options_of_impossible_values_are_refused_with_what_is_possible() {
         (&play, "--start-at=1e11", "days from now: a year at most"),
         (&play, "--start-at=1", "days ago: a year at most"),
         (&play, "--first=9223372036854775808", "it has 1 holograms"),
+        (&play, "--display-rate=0.1", "1 to 100000 video frames"),
         (&play, "--ahead=1000000", "1 to 64 sets"),
     ];
     for (command, option, what) in cases {

@@ -138,7 +138,7 @@ impl Chunks {
         // Columns stand in pairs; rows of even length too.
         let (row, height) = match axis {
             Axis::Rows => (m, lines),
-            Axis::Columns => (lines.next_multiple_of(2), m),
+            Axis::Columns | Axis::ColumnPairs => (lines.next_multiple_of(2), m),
         };
         let frame = (row * height).next_multiple_of(2);
         let frames = ((WORK / (8 * u64::from(frame))) as u32).clamp(1, frames.max(1));
@@ -162,7 +162,7 @@ mod tests {
 
     #[test]
     fn chunks_hold_lines_of_any_length() {
-        for axis in [Axis::Rows, Axis::Columns] {
+        for axis in [Axis::Rows, Axis::Columns, Axis::ColumnPairs] {
             for (m, lines, frames) in [(1, 1, 1), (2048, 1030, 3), (65_536, 3, 5), (65_536, 4159, 1), (196, 0, 2)] {
                 let chunks = Chunks::new(m, lines, frames, axis);
                 assert!(chunks.lines >= 1 && chunks.frames >= 1 && chunks.lines <= lines.max(1));

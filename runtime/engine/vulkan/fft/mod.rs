@@ -1,6 +1,6 @@
 //! Transforms of frames.
 //!
-//! Plans are those of [`eyebox_kernels::fft_plan`]. Rows that fit shared memory are read and written once (`fft_rows`);
+//! Plans are those of [`eyebox_kernels::fft_plan`]. Rows that fit shared memory are read and written once (`fft_shared`);
 //! columns, and rows that are too long, take Stockham passes from the data to a scratch and back, the last of an odd
 //! number in place (`fft_pass`); lengths with a prime factor above 13 are convolutions (`fft_chirp`). The inverse is the
 //! forward transform with re and im swapped. Only columns in use are touched after the rows. Tables come from float64.

@@ -4,7 +4,7 @@ use super::convolution::{Chunks, chirp_pipeline};
 use super::frames::{Frames, Transform};
 use super::state::{Fft, Planned, Work};
 use crate::engine::{EngineError, Storage};
-use crate::gpu::{Block, Commands, Pipeline};
+use crate::gpu::{Block, Commands, DeviceKind, Pipeline};
 use bytemuck::{Pod, Zeroable};
 use eyebox_kernels::fft::{Columns, Direction};
 use eyebox_kernels::fft_plan::{Axis, LONGEST, Method, Plan, PlanLimits, Radix, Shared};
@@ -34,16 +34,17 @@ struct PassArguments {
     to_frame: u32,
 }
 
-/// Push constants of `fft_rows`.
+/// Push constants of `fft_shared`.
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
-struct RowsArguments {
+struct SharedArguments {
     n: u32,
-    height: u32,
-    rows: u32,
+    count: u32,
+    all: u32,
     inverse: u32,
     row: u32,
     frame: u32,
+    first: u32,
 }
 
 impl Fft {
@@ -93,7 +94,7 @@ impl Transform for Fft {
         // Nothing is being recorded, and what was submitted is done.
         self.outgrown.clear();
         self.axis(gpu, width, Axis::Rows, true, storage)?;
-        self.axis(gpu, height, Axis::Columns, width.is_multiple_of(2), storage)
+        self.axis(gpu, height, columns_axis(gpu, width), width.is_multiple_of(2), storage)
     }
 
     fn record(
@@ -104,7 +105,7 @@ impl Transform for Fft {
         columns: Columns,
     ) -> Result<(), EngineError> {
         let (height, width) = (frames.height as u32, frames.width as u32);
-        let axes = [(width, Axis::Rows), (height, Axis::Columns)]
+        let axes = [(width, Axis::Rows), (height, columns_axis(gpu, frames.width))]
             .map(|key| self.axes.get(&key).cloned().map(|planned| (key.1, planned)));
         let [Some(rows), Some(down)] = axes else {
             return Err(EngineError::Mismatch { reason: format!("no transform of {height} x {width} was prepared") });
@@ -116,8 +117,14 @@ impl Transform for Fft {
         let packed = one.next_multiple_of(2);
         let most = if frames.stride.is_multiple_of(2) { frames.count } else { 1 };
         let fit = |bytes: u64, frame: u64| (bytes / frame.max(1)).max(1) as usize;
+        let leaves = |(_, planned): &(Axis, Arc<Planned>)| match &planned.plan.method {
+            Method::Nothing | Method::Shared(_) => false,
+            Method::Passes { radices, .. } => radices.len() > 1,
+            Method::Bluestein { .. } => true,
+        };
+        let spent = if [&rows, &down].into_iter().any(leaves) { SCRATCH } else { u64::MAX };
         let at_once = fit(limits.storage_range, size * frames.stride as u64)
-            .min(fit(SCRATCH.min(limits.storage_range), size * packed))
+            .min(fit(spent.min(limits.storage_range), size * packed))
             .min(limits.groups[2] as usize)
             .min(most);
         let axes = match direction {
@@ -146,7 +153,7 @@ impl Transform for Fft {
             let offset = frames.offset + size * (frames.stride * first) as u64;
             let data = frames.block.range(offset, size * (frames.stride as u64 * (count as u64 - 1) + one));
             for (axis, planned) in &axes {
-                if matches!(planned.plan.method, Method::Nothing) || (*axis == Axis::Columns && columns.count == 0) {
+                if matches!(planned.plan.method, Method::Nothing) || (*axis != Axis::Rows && columns.count == 0) {
                     continue;
                 }
                 if std::mem::replace(&mut begun, true) {
@@ -159,7 +166,10 @@ impl Transform for Fft {
                 };
                 let (first, count_of_lines, wrap) = match axis {
                     Axis::Rows => (0, height, u32::MAX),
-                    Axis::Columns => (columns.first as u32 % width, columns.count as u32, width),
+                    Axis::Columns | Axis::ColumnPairs => {
+                        let (first, count) = outward(columns.first as u32 % width, columns.count as u32, width);
+                        (first, count, width)
+                    }
                 };
                 let work = Work {
                     data,
@@ -187,13 +197,14 @@ impl Fft {
     pub(super) fn lines(&mut self, gpu: &mut Commands, planned: &Planned, work: &Work<'_>) -> Result<(), EngineError> {
         match &planned.plan.method {
             Method::Nothing => Ok(()),
-            Method::Shared(shared) => self.rows(gpu, planned, shared, work),
+            Method::Shared(shared) => self.shared(gpu, planned, shared, work),
             Method::Passes { radices, pair } => self.passes(gpu, planned, radices, *pair, work),
             Method::Bluestein { .. } => self.convolution(gpu, planned, work),
         }
     }
 
-    fn rows(
+    /// Whole rows, or whole columns two by two.
+    fn shared(
         &mut self,
         gpu: &mut Commands,
         planned: &Planned,
@@ -201,16 +212,22 @@ impl Fft {
         work: &Work<'_>,
     ) -> Result<(), EngineError> {
         let (n, rows) = (planned.plan.n, work.count * work.frames);
+        let (all, groups) = if work.axis == Axis::Rows {
+            let groups = rows.div_ceil(shared.lines);
+            let wide = groups.min(gpu.limits().groups[0]);
+            (rows, [wide, groups.div_ceil(wide), 1])
+        } else {
+            (work.wrap, [(work.count / 2).div_ceil(shared.lines), work.frames, 1])
+        };
         let inverse = u32::from(work.inverse);
-        let arguments = RowsArguments { n, height: work.count, rows, inverse, row: work.row, frame: work.frame };
-        let groups = rows.div_ceil(shared.lines);
-        let wide = groups.min(gpu.limits().groups[0]);
-        let pipeline = rows_pipeline(gpu, shared, work.storage)?;
+        let Work { count, row, frame, first, .. } = *work;
+        let arguments = SharedArguments { n, count, all, inverse, row, frame, first };
+        let pipeline = shared_pipeline(gpu, shared, work.axis, work.storage)?;
         let buffers = [work.data, planned.twiddles.all()];
-        gpu.recorder.dispatch(pipeline, &buffers, bytemuck::bytes_of(&arguments), [wide, groups.div_ceil(wide), 1])?;
+        gpu.recorder.dispatch(pipeline, &buffers, bytemuck::bytes_of(&arguments), groups)?;
         let bytes = work.storage.bytes() as u64 * u64::from(n) * u64::from(rows);
         gpu.recorder.moved(|| vec![work.data.reads(bytes), work.data.writes(bytes)]);
-        self.mark(gpu, || format!("rows of {n} through shared memory"));
+        self.mark(gpu, || format!("{:?} of {n} through shared memory", work.axis).to_lowercase());
         Ok(())
     }
 
@@ -225,47 +242,40 @@ impl Fft {
         work: &Work<'_>,
     ) -> Result<(), EngineError> {
         let n = planned.plan.n;
-        let segments = match work.axis {
-            Axis::Rows => [(work.first, work.count, pair), (0, 0, false), (0, 0, false)],
-            Axis::Columns => segments(work.first, work.count, work.wrap),
-        };
+        let (first, count) = (work.first, work.count);
+        let pair = if work.axis == Axis::Rows { pair } else { work.wrap.is_multiple_of(2) };
         let (mut s, mut in_spare) = (1, false);
-        let mut begun = false;
         for (i, radix) in radices.iter().enumerate() {
             let to_spare = !in_spare && i + 1 < radices.len();
             let side = |spare: bool| if spare { (work.spare, work.spare_frame) } else { (work.data, work.frame) };
             let ((from, from_frame), (to, to_frame)) = (side(in_spare), side(to_spare));
             let butterflies = n / radix.size();
-            for (first, count, pair) in segments.into_iter().filter(|s| s.1 > 0) {
-                // Between segments too: they share no column, but Vulkan's rules (and its validation) see buffers.
-                if std::mem::replace(&mut begun, true) {
-                    gpu.recorder.barrier();
-                }
-                let arguments = PassArguments {
-                    n,
-                    s,
-                    inverse_s: 1.0 / s as f32,
-                    table: planned.starts[i],
-                    inverse: u32::from(work.inverse),
-                    count,
-                    first,
-                    wrap: work.wrap,
-                    row: work.row,
-                    from_frame,
-                    to_frame,
-                };
-                let (along, across) = if work.axis == Axis::Rows { (butterflies, count) } else { (count, butterflies) };
-                let along = if pair { along.div_ceil(2) } else { along };
-                let groups = [along.div_ceil(CROWD), across, work.frames];
-                let constants = pass_constants(*radix, work.axis, pair, i == 0);
-                let pipeline =
-                    gpu.pipeline(eyebox_spirv::FFT_PASS.stored(work.storage == Storage::F16), 3, &constants)?;
-                let buffers = [from, to, planned.twiddles.all()];
-                gpu.recorder.dispatch(pipeline, &buffers, bytemuck::bytes_of(&arguments), groups)?;
-                let values = u64::from(n) * u64::from(count) * u64::from(work.frames);
-                let bytes = work.storage.bytes() as u64 * values;
-                gpu.recorder.moved(|| vec![from.reads(bytes), to.writes(bytes)]);
+            if i > 0 {
+                gpu.recorder.barrier();
             }
+            let arguments = PassArguments {
+                n,
+                s,
+                inverse_s: 1.0 / s as f32,
+                table: planned.starts[i],
+                inverse: u32::from(work.inverse),
+                count,
+                first,
+                wrap: work.wrap,
+                row: work.row,
+                from_frame,
+                to_frame,
+            };
+            let (along, across) = if work.axis == Axis::Rows { (butterflies, count) } else { (count, butterflies) };
+            let along = if pair { along.div_ceil(2) } else { along };
+            let groups = [along.div_ceil(CROWD), across, work.frames];
+            let constants = pass_constants(*radix, work.axis, pair, i == 0);
+            let pipeline = gpu.pipeline(eyebox_spirv::FFT_PASS.stored(work.storage == Storage::F16), 3, &constants)?;
+            let buffers = [from, to, planned.twiddles.all()];
+            gpu.recorder.dispatch(pipeline, &buffers, bytemuck::bytes_of(&arguments), groups)?;
+            let values = u64::from(n) * u64::from(count) * u64::from(work.frames);
+            let bytes = work.storage.bytes() as u64 * values;
+            gpu.recorder.moved(|| vec![from.reads(bytes), to.writes(bytes)]);
             self.mark(gpu, || format!("{:?} of {n}, radix {}", work.axis, radix.size()).to_lowercase());
             s *= radix.size();
             in_spare = to_spare;
@@ -274,16 +284,15 @@ impl Fft {
     }
 }
 
-/// Cuts wrapping columns into (first, count, in pairs): pairs start at even columns, so one may be left on either side.
-/// Columns that are not in use are never touched. Of an odd width, whose rows are not aligned, none go in pairs.
-fn segments(first: u32, count: u32, wrap: u32) -> [(u32, u32, bool); 3] {
-    if !wrap.is_multiple_of(2) {
-        return [(first, count, false), (0, 0, false), (0, 0, false)];
+/// Columns that wrap, from an even one on and as many as go in pairs: one more may be transformed on either side. Nobody
+/// reads what becomes of it on the way forward, and it is zero on the way back. Of an odd width, whose rows are not
+/// aligned, none go in pairs.
+fn outward(first: u32, count: u32, width: u32) -> (u32, u32) {
+    if !width.is_multiple_of(2) {
+        return (first, count);
     }
-    let before = (first % 2).min(count);
-    let pairs = (count - before) & !1;
-    let after = count - before - pairs;
-    [(first, before, false), ((first + before) % wrap, pairs, true), ((first + before + pairs) % wrap, after, false)]
+    let even = first & !1;
+    (even, (first - even + count).next_multiple_of(2).min(width))
 }
 
 /// A plan with its tables.
@@ -309,7 +318,7 @@ fn compile(gpu: &mut Commands, plan: &Plan, axis: Axis, even_width: bool, storag
     match &plan.method {
         Method::Nothing => {}
         Method::Shared(shared) => {
-            rows_pipeline(gpu, shared, storage)?;
+            shared_pipeline(gpu, shared, axis, storage)?;
         }
         Method::Passes { radices, pair } => {
             let pair = if axis == Axis::Rows { *pair } else { even_width };
@@ -334,16 +343,24 @@ fn pass_constants(radix: Radix, axis: Axis, pair: bool, first: bool) -> [u32; 7]
     [CROWD, 1, radix.a, radix.b, u32::from(pair), rows, u32::from(first)]
 }
 
-fn rows_pipeline(gpu: &mut Commands, shared: &Shared, storage: Storage) -> Result<Pipeline, EngineError> {
+fn shared_pipeline(gpu: &mut Commands, shared: &Shared, axis: Axis, storage: Storage) -> Result<Pipeline, EngineError> {
     let Shared { radices, counts, pair, threads, lines, slots } = shared;
-    let mut constants = [1; 20];
-    constants[..5].copy_from_slice(&[*threads, *lines, u32::from(*pair), radices.len() as u32, *slots]);
-    for (i, stage) in constants[5..].chunks_exact_mut(3).enumerate() {
+    let mut constants = [1; 21];
+    let [x, y] = if axis == Axis::Rows { [*threads, *lines] } else { [*lines, *threads] };
+    constants[..5].copy_from_slice(&[x, y, u32::from(*pair), radices.len() as u32, *slots]);
+    for (i, stage) in constants[5..20].chunks_exact_mut(3).enumerate() {
         let count = counts.get(i).copied().unwrap_or(0);
         let Radix { a, b } = radices.get(i).copied().unwrap_or(Radix { a: 1, b: 1 });
         stage.copy_from_slice(&[a, b, count]);
     }
-    gpu.pipeline(eyebox_spirv::FFT_ROWS.stored(storage == Storage::F16), 2, &constants)
+    constants[20] = u32::from(axis != Axis::Rows);
+    gpu.pipeline(eyebox_spirv::FFT_SHARED.stored(storage == Storage::F16), 2, &constants)
+}
+
+/// How columns of frames this wide are transformed here.
+pub(super) fn columns_axis(gpu: &Commands, width: usize) -> Axis {
+    let in_software = gpu.device.planned_as == DeviceKind::Cpu;
+    if in_software || !width.is_multiple_of(2) { Axis::Columns } else { Axis::ColumnPairs }
 }
 
 /// What plans must fit on this device.
@@ -357,15 +374,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn segments_hold_the_columns_once_and_pairs_start_even() {
-        for wrap in 1..12 {
-            for (first, count) in (0..wrap).flat_map(|first| (0..=wrap).map(move |count| (first, count))) {
-                let mut held = Vec::new();
-                for (first, count, pair) in segments(first, count, wrap) {
-                    assert!(count == 0 || !pair || (first % 2 == 0 && count % 2 == 0 && wrap % 2 == 0));
-                    held.extend((0..count).map(|i| (first + i) % wrap));
-                }
-                assert_eq!(held, (0..count).map(|i| (first + i) % wrap).collect::<Vec<_>>(), "{first} {count} {wrap}");
+    fn columns_grow_by_one_on_either_side_at_most_and_go_in_pairs() {
+        for width in 1..12 {
+            for (first, count) in (0..width).flat_map(|first| (1..=width).map(move |count| (first, count))) {
+                let (from, many) = outward(first, count, width);
+                let all = |first: u32, count: u32| (0..count).map(move |i| (first + i) % width);
+                assert!(all(first, count).all(|c| all(from, many).any(|d| c == d)), "{first} {count} {width}");
+                assert!(width % 2 == 1 || (from % 2, many % 2) == (0, 0), "{first} {count} {width}");
+                assert!(many <= width && many <= count + 2, "{first} {count} {width}");
             }
         }
     }

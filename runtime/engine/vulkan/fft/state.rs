@@ -1,5 +1,6 @@
 //! What transforms keep: plans with their tables, and scratch.
 
+use super::record::columns_axis;
 use crate::engine::Storage;
 use crate::gpu::{Block, Commands, Range};
 use eyebox_kernels::fft_plan::{Axis, Plan};
@@ -51,10 +52,12 @@ impl Fft {
     }
 
     /// The plans of rows and columns in words, once they are prepared.
-    pub(in super::super) fn plans(&self, height: usize, width: usize) -> [String; 2] {
-        [(width, Axis::Rows), (height, Axis::Columns)].map(|(n, axis)| match self.axes.get(&(n as u32, axis)) {
-            Some(planned) => planned.plan.to_string(),
-            None => String::new(),
+    pub(in super::super) fn plans(&self, gpu: &Commands, height: usize, width: usize) -> [String; 2] {
+        [(width, Axis::Rows), (height, columns_axis(gpu, width))].map(|(n, axis)| {
+            match self.axes.get(&(n as u32, axis)) {
+                Some(planned) => planned.plan.to_string(),
+                None => String::new(),
+            }
         })
     }
 

@@ -51,7 +51,7 @@ impl Transforms {
     /// The device's.
     pub fn plans(&mut self, height: usize, width: usize) -> Result<[String; 2], EngineError> {
         self.fft.prepare(&mut self.gpu, [height, width], self.storage)?;
-        Ok(self.fft.plans(height, width))
+        Ok(self.fft.plans(&self.gpu, height, width))
     }
 
     /// Transforms frames (count, height, width) as [`kernels::fft`](eyebox_kernels::fft) does, `before` bytes into a

@@ -1,0 +1,242 @@
+//! Playing and following the eye while a disk is full, a disk is slow, a machine is busy, a tracker goes mad: nothing torn,
+//! accounts that add up, memory that stays.
+//!
+//! Two seconds of each; `EYEBOX_SOAK_MINUTES=10 cargo test --workspace --test attack soak -- --nocapture` takes ten minutes of each.
+
+use crate::case::program;
+use serde_json::Value;
+use std::fs::File;
+use std::io::Read;
+use std::net::UdpSocket;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::time::{Duration, Instant};
+
+/// Growth of memory between the first half and the end, KiB. Allocators give out pages as they come.
+const FLAT_KIB: u64 = 1 << 10;
+/// Bytes of a video frame: 16 x 16 pixels of 8 bits.
+const FRAME: usize = 256;
+
+fn seconds() -> u64 {
+    crate::stated("EYEBOX_SOAK_MINUTES").map_or(2, |minutes| 60 * minutes)
+}
+
+/// A hologram of two sub-frames in a folder of its own.
+fn place() -> tempfile::TempDir {
+    let temp = tempfile::tempdir().expect("a temporary folder");
+    let args = "solve builtin:plane --size 16x16 --color green --engine cpu --steps 1 --frames 2 -o h.zarr";
+    let answer = Command::new(program()).args(args.split(' ')).current_dir(temp.path()).output().expect("it starts");
+    assert!(answer.status.success(), "{}", String::from_utf8_lossy(&answer.stderr));
+    temp
+}
+
+/// `play` or `live` on a small display in real time, with more arguments and limits.
+fn start(at: &Path, command: &str, more: &str, limits: &str) -> Child {
+    let shown = "h.zarr --display grey8 --size 16x16 --output offscreen --engine cpu";
+    let script = format!(
+        "{limits} exec '{}' {command} {shown} --duration {} --stats {command}.json {more}",
+        program(),
+        seconds()
+    );
+    let mut shell = Command::new("sh");
+    shell.args(["-c", &script]).current_dir(at).env("MALLOC_ARENA_MAX", "1");
+    shell
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(File::create(at.join(format!("{command}.said"))).expect("a file"));
+    shell.spawn().expect("sh starts")
+}
+
+/// What a process has in memory, KiB.
+fn resident(id: u32) -> Option<u64> {
+    let status = std::fs::read_to_string(format!("/proc/{id}/status")).ok()?;
+    status.lines().find_map(|l| l.strip_prefix("VmRSS:"))?.trim().strip_suffix(" kB")?.parse().ok()
+}
+
+/// Waits for a run's end, and checks its memory, its exit code and its account. The account, where it has one.
+fn attend(at: &Path, command: &str, mut child: Child) -> Value {
+    let (begun, half) = (Instant::now(), Duration::from_secs(seconds()) / 2);
+    let (mut early, mut late) = (0, 0);
+    let end = loop {
+        if let Some(end) = child.try_wait().expect("ours") {
+            break end;
+        }
+        let is = resident(child.id()).unwrap_or(0);
+        let most = if begun.elapsed() < half { &mut early } else { &mut late };
+        *most = is.max(*most);
+        assert!(begun.elapsed() < 4 * half + Duration::from_secs(60), "{command} does not end");
+        std::thread::sleep(Duration::from_millis(20));
+    };
+    let said = std::fs::read_to_string(at.join(format!("{command}.said"))).unwrap_or_default();
+    assert!(end.success(), "{command}: {end}: {said}");
+    assert!(!said.contains("panicked"), "{said}");
+    println!("{command}: {} KiB, then {} KiB; {}", early, late, said.lines().last().unwrap_or_default());
+    // Two seconds are over before all that is made once is made.
+    let flat = late <= early + FLAT_KIB || seconds() < 60;
+    assert!(flat, "{command}: memory grew from {early} to {late} KiB");
+    let text = std::fs::read_to_string(at.join(format!("{command}.json"))).unwrap_or_else(|e| panic!("{e}: {said}"));
+    let stats: Value = serde_json::from_str(&text).expect("JSON");
+    let account = if command == "live" { stats["playback"].clone() } else { stats.clone() };
+    let n = |key: &str| account[key].as_u64().unwrap_or_else(|| panic!("{key}: {account}"));
+    let dropped: u64 = account["content_dropped"].as_object().expect("causes").values().filter_map(Value::as_u64).sum();
+    assert_eq!(n("content_due"), n("content_shown") + dropped + n("content_pending"), "{account}");
+    assert!(n("sets") >= n("content_shown") + n("idle_sets"), "{account}");
+    // Two video frames a set; the last may not have come to its end.
+    let frames = 2 * n("sets") + n("missed_presents") + n("held_video_frames");
+    assert!((frames.saturating_sub(1)..=frames).contains(&n("video_frames")), "{account}");
+    stats
+}
+
+/// Both at once.
+fn attend_both(at: &Path, play: Child, live: Child) {
+    std::thread::scope(|scope| {
+        let live = scope.spawn(|| attend(at, "live", live));
+        attend(at, "play", play);
+        live.join().expect("live ends well");
+    });
+}
+
+/// Video frames that a pipe received: each is one of the two of the hologram or the idle picture, whole, and in pairs.
+fn torn(frames: &[u8]) -> Option<String> {
+    let all: Vec<&[u8]> = frames.chunks(FRAME).collect();
+    if all.last().is_some_and(|last| last.len() != FRAME) {
+        return Some("the last video frame is cut".into());
+    }
+    let mut kinds: Vec<&[u8]> = Vec::new();
+    for frame in &all {
+        if !kinds.contains(frame) {
+            kinds.push(frame);
+        }
+    }
+    (kinds.len() > 3).then(|| format!("{} different pictures in {} video frames", kinds.len(), all.len()))
+}
+
+#[test]
+fn a_disk_that_is_full() {
+    let temp = place();
+    let at = temp.path();
+    // Pages of a limited file; what is recorded of live fills them at once.
+    let live = start(at, "live", "--record shown", "ulimit -f 16;");
+    let stats = attend_with_loss(at, "live", live);
+    let play = start(at, "play", "--raw frames.raw", "ulimit -f 16;");
+    let played = attend_with_loss(at, "play", play);
+    assert!(stats.is_some() && played.is_some(), "statistics are there though the disk was full");
+    let raw = std::fs::read(at.join("frames.raw")).expect("what was written before");
+    assert_eq!(torn(&raw[..raw.len() / FRAME * FRAME]), None);
+    for picture in std::fs::read_dir(at.join("shown")).into_iter().flatten().flatten() {
+        if picture.path().extension().is_some_and(|e| e == "png") {
+            image::open(picture.path()).unwrap_or_else(|e| panic!("{}: {e}", picture.path().display()));
+        }
+    }
+}
+
+/// A run that may end with 2 and a line, where what it was to write has no room; its statistics.
+fn attend_with_loss(at: &Path, command: &str, mut child: Child) -> Option<Value> {
+    let end = child.wait().expect("ours");
+    let said = std::fs::read_to_string(at.join(format!("{command}.said"))).unwrap_or_default();
+    assert!(matches!(end.code(), Some(0 | 2)) && !said.contains("panicked"), "{command}: {end}: {said}");
+    assert!(end.success() || said.contains("the disk is full"), "{said}");
+    println!("{command} on a full disk: {end}; {}", said.lines().last().unwrap_or_default());
+    serde_json::from_slice(&std::fs::read(at.join(format!("{command}.json"))).ok()?).ok()
+}
+
+#[test]
+fn a_disk_that_is_slow() {
+    let temp = place();
+    let at = temp.path();
+    assert!(Command::new("mkfifo").arg(at.join("pipe")).status().expect("mkfifo").success());
+    let play = start(at, "play", "--raw pipe", "");
+    let live = start(at, "live", "--record shown", "");
+    let pipe = at.join("pipe");
+    let reader = std::thread::spawn(move || {
+        let (mut file, mut all, mut part) = (File::open(pipe).expect("the pipe"), Vec::new(), vec![0; 10_000]);
+        loop {
+            match file.read(&mut part).expect("read") {
+                0 => return all,
+                n => all.extend(&part[..n]),
+            }
+            // A hundredth of a second for ten kilobytes: 1 MB/s.
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    });
+    attend_both(at, play, live);
+    assert_eq!(torn(&reader.join().expect("the reader")), None);
+}
+
+#[test]
+fn a_machine_that_is_busy() {
+    let temp = place();
+    let at = temp.path();
+    let busy = || Command::new("sh").args(["-c", "while :; do :; done"]).spawn().expect("sh starts");
+    let mut all: Vec<Child> = (0..20).map(|_| busy()).collect();
+    let (play, live) = (start(at, "play", "--raw frames.raw", ""), start(at, "live", "", ""));
+    // What is busy ends whatever comes of it.
+    let seen = std::panic::catch_unwind(|| attend_both(at, play, live));
+    all.iter_mut().for_each(|child| {
+        let _ = child.kill();
+        let _ = child.wait();
+    });
+    seen.expect("both ended well");
+    assert_eq!(torn(&std::fs::read(at.join("frames.raw")).expect("frames")), None);
+}
+
+/// Lines of a tracker that lost its mind.
+fn nonsense(rng: &mut fastrand::Rng, count: u64) -> String {
+    let odd = ["NaN", "1e999", "-1e308", "null", "\"x\"", "[]", "1e-320", "99999999999999999999", "{}"];
+    let number = |rng: &mut fastrand::Rng| match rng.u8(..4) {
+        0 => odd[rng.usize(..odd.len())].to_string(),
+        1 => (f64::from_bits(rng.u64(..))).to_string(),
+        _ => (rng.f64() * 20.0 - 10.0).to_string(),
+    };
+    let time = match rng.u8(..6) {
+        0 => number(rng),
+        // Back, and far ahead.
+        1 => format!("{}", count as f64 * 1e-3 - rng.f64() * 10.0),
+        2 => format!("{}", count as f64 + 1e9 * rng.f64()),
+        _ => format!("{}", count as f64 * 1e-3),
+    };
+    let (x, y, diameter, confidence) = (number(rng), number(rng), number(rng), number(rng));
+    match rng.u8(..8) {
+        0 => std::iter::repeat_with(|| rng.char(..)).take(40).collect(),
+        1 => format!("{{\"t\": {time}, \"left\": {{\"x\": {x}, \"y\": {y}}}, \"ipd_mm\": {diameter}}}"),
+        2 => format!(
+            "{{\"t\": {time}, \"x\": {x}, \"y\": {y}, \"unit\": \"deg\", \"what\": \"gaze\", \"focus_d\": {diameter}}}"
+        ),
+        _ => {
+            format!("{{\"t\": {time}, \"x\": {x}, \"y\": {y}, \"diameter\": {diameter}, \"confidence\": {confidence}}}")
+        }
+    }
+}
+
+#[test]
+fn a_tracker_gone_mad() {
+    let temp = place();
+    let at = temp.path();
+    // A port that was free a moment ago.
+    let port = UdpSocket::bind("127.0.0.1:0").and_then(|s| s.local_addr()).expect("a port").port();
+    let live = start(at, "live", &format!("--tracker udp://:{port}"), "");
+    let stop = AtomicBool::new(false);
+    let stats = std::thread::scope(|scope| {
+        scope.spawn(|| {
+            let (socket, mut rng) = (UdpSocket::bind("127.0.0.1:0").expect("a socket"), fastrand::Rng::with_seed(1));
+            let mut count = 0;
+            while !stop.load(Relaxed) {
+                // Floods, and silence.
+                for _ in 0..rng.usize(..400) {
+                    count += 1;
+                    let _ = socket.send_to(nonsense(&mut rng, count).as_bytes(), ("127.0.0.1", port));
+                }
+                // Now and then an eye, so that something is followed.
+                let sound = format!("{{\"t\": {}, \"x\": 1, \"y\": 1, \"diameter\": 4}}", count as f64 * 1e-3);
+                let _ = socket.send_to(sound.as_bytes(), ("127.0.0.1", port));
+                std::thread::sleep(Duration::from_millis(rng.u64(..20)));
+            }
+        });
+        let stats = std::panic::catch_unwind(|| attend(at, "live", live));
+        stop.store(true, Relaxed);
+        stats
+    });
+    let stats = stats.expect("it ended well");
+    assert!(!stats.to_string().contains("null,\"y\"") && stats["steps"].as_u64().is_some(), "{stats}");
+}
