@@ -1,5 +1,6 @@
 //! Files that grow for as long as something lasts: recordings. What was written up to any end, by force too, is there.
 
+use super::patient::Patient;
 use super::{FileError, drafts};
 use std::fs::File;
 use std::io::{self, Write};
@@ -28,7 +29,7 @@ enum Out {
     Draft(NamedTempFile),
     File(File),
     /// A pipe or a device, of which nothing can be taken back.
-    Stream(File),
+    Stream(Patient),
     /// It failed.
     Ended,
 }
@@ -42,7 +43,7 @@ impl GrowingFile {
         let failed = |e| FileError::write(place, e);
         super::check_place(place)?;
         let out = if std::fs::metadata(place).is_ok_and(|there| !there.is_file()) {
-            Out::Stream(File::options().write(true).open(place).map_err(failed)?)
+            Out::Stream(Patient::open(place).map_err(failed)?)
         } else {
             Out::Draft(drafts::file(super::whole::parent(place)).map_err(failed)?)
         };
@@ -117,7 +118,11 @@ impl GrowingFile {
             self.whole = self.waiting.len() as u64;
             return Ok(());
         }
-        let (Out::File(file) | Out::Stream(file)) = &mut self.out else { return Ok(()) };
+        let file: &mut dyn Write = match &mut self.out {
+            Out::File(file) => file,
+            Out::Stream(stream) => stream,
+            Out::Draft(_) | Out::Ended => return Ok(()),
+        };
         let mut left = &self.waiting[..];
         while !left.is_empty() {
             match file.write(left) {

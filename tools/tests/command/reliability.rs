@@ -48,6 +48,7 @@ fn files_that_are_no_files_are_refused_at_once() {
     for file in ["pipe", "/dev/zero"] {
         refused(at, &["solve", "builtin:plane", "--display", file, "-o", "x"], "x", "only regular files");
         refused(at, &["score", "h.zarr", "builtin:plane", "--pupils", file], "x", "only regular files");
+        refused(at, &solve(&["builtin:plane"], "x.zarr", &["--levels", file]), "x.zarr", "only regular files");
     }
     for inside in ["zarr.json", "phases/zarr.json", "phases/c/0/0/0/0"] {
         let (file, kept) = (at.join("h.zarr").join(inside), at.join("kept"));
