@@ -2,15 +2,15 @@
 
 use super::ProduceError;
 use super::colors::solve_colors;
-use super::job::{SceneEvent, SceneJob};
+use super::job::{SceneEvent, SceneJob, warn_of_aliasing};
 use super::sequence::{self, SolvedSequence};
 use super::tiles::{self, SolvedTiles};
 use crate::engine::{Engine, Memory};
 use crate::hologram::Hologram;
 use crate::memory;
-use crate::optics::{Color, Display};
+use crate::optics::Color;
 use crate::quality::Subject;
-use crate::scene::{LightField, SceneError};
+use crate::scene::SceneError;
 use crate::solve::{Flow, Levels, ScenePlan, Settings, Solution};
 use std::path::Path;
 
@@ -80,15 +80,6 @@ pub fn solve_scene(
             let out = out.ok_or_else(|| needs("a sequence"))?;
             Ok(SceneSolution::Sequence(sequence::solve(job, out, engine, observe)?))
         }
-    }
-}
-
-/// Says where views stand so far apart that pupils see it. (Tiles are seen through views that are made close enough.)
-pub(super) fn warn_of_aliasing(field: &LightField, display: &Display, settings: &Settings) {
-    if let ([pixels, why], true) = field.aliasing_in_words(display, settings.depth, settings.diameter[1]) {
-        tracing::warn!(
-            "near and far content part by {pixels}: {why} (--views, where they are rendered or made from a depth map)"
-        );
     }
 }
 

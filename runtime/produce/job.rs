@@ -234,6 +234,15 @@ impl<'a> SceneJob<'a> {
     }
 }
 
+/// Says where views stand so far apart that pupils see it. (Tiles are seen through views that are made close enough.)
+pub(super) fn warn_of_aliasing(field: &LightField, display: &Display, settings: &Settings) {
+    if let ([pixels, why], true) = field.aliasing_in_words(display, settings.depth, settings.diameter[1]) {
+        tracing::warn!(
+            "near and far content part by {pixels}: {why} (--views, where they are rendered or made from a depth map)"
+        );
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,6 +1,6 @@
 //! Several scenes into a sequence of holograms, each from the one before.
 
-use super::driver::warn_of_aliasing;
+use super::job::warn_of_aliasing;
 use super::{ProduceError, SceneEvent, SceneJob};
 use crate::engine::Engine;
 use crate::hologram::{ColorHologram, Hologram, Sequence, SequenceWriter, Start};

@@ -216,7 +216,11 @@ fn mistakes_are_one_line_and_leave_nothing() {
     refused(at, &evaluate(&["builtin:plane"], &["--pupils", "0"]), "pupils");
     refused(at, &evaluate(&["builtin:plane"], &["--pupil-diameter", "0..2"]), "smallest first");
     refused(at, &evaluate(&["builtin:plane"], &["--display", "none"]), "paper, plm, small");
-    refused(at, &evaluate(&["builtin:plane", "builtin:chart"], &["--depth-map", "d.png"]), "one scene");
+    refused(
+        at,
+        &evaluate(&["builtin:plane", "builtin:chart"], &["--depth-map", "d.png"]),
+        "one map of 2 different pictures",
+    );
     refused(at, &evaluate(&["builtin:plane"], &["--reference", "none.csv"]), "none.csv");
     std::fs::write(at.join("bad.csv"), "method,mean\nslfh,1\n").unwrap();
     refused(at, &evaluate(&["builtin:plane"], &["--reference", "bad.csv"]), "bad.csv");
