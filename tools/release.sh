@@ -61,8 +61,9 @@ fi
 name=eyebox-$version
 fill "$linux" "$work/$name-x86_64-linux"
 fill "$windows" "$work/$name-x86_64-windows"
-cp "$built/$linux/$folder/eyebox" "$work/$name-x86_64-linux/"
-cp "$built/$windows/$folder/eyebox.exe" "$work/$name-x86_64-windows/"
+# Without what a debugger reads, four fifths of it.
+strip --strip-debug -o "$work/$name-x86_64-linux/eyebox" "$built/$linux/$folder/eyebox"
+x86_64-w64-mingw32-strip --strip-debug -o "$work/$name-x86_64-windows/eyebox.exe" "$built/$windows/$folder/eyebox.exe"
 mkdir -p "$dist"
 rm -f "$dist"/*
 tar --sort=name --owner=0 --group=0 --numeric-owner --mtime="@$(git log -1 --format=%ct)" -C "$work" \

@@ -96,12 +96,17 @@ impl Encoder {
     }
 }
 
-/// Whether a folder holds nothing but what [`Encoder::save`] writes.
+/// Whether a folder holds nothing but what [`Encoder::save`] wrote: its document says which frames there are. Where that is
+/// damaged, their names do.
 fn holds_only_frames(folder: &Path) -> bool {
+    let Ok(document) = read::bytes(&folder.join(DOCUMENT), read::TABLE) else { return false };
+    let document = serde_json::from_slice::<Document>(&document).ok();
+    let frame = |name: &str| match &document {
+        Some(document) => document.frames.iter().any(|f| f.file == name),
+        None => name.starts_with("frame-") && name.ends_with(".png"),
+    };
     let ours = |name: &str| {
-        name.starts_with("frame-") && name.ends_with(".png")
-            || [DOCUMENT, DISPLAY].contains(&name)
-            || CALIBRATION.iter().any(|begins| name.starts_with(begins))
+        frame(name) || [DOCUMENT, DISPLAY].contains(&name) || CALIBRATION.iter().any(|begins| name.starts_with(begins))
     };
     fs::read_dir(folder).is_ok_and(|mut all| all.all(|e| e.is_ok_and(|e| e.file_name().to_str().is_some_and(ours))))
 }

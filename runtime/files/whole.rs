@@ -4,10 +4,14 @@ use super::os::{canonical, exchange, is_same, sync_folder};
 use super::patient::Patient;
 use super::{FileError, drafts};
 use std::{
-    fs::{self, File},
+    fs::{self, File, TryLockError},
     io::{self, BufWriter, Write},
     path::{Path, PathBuf},
+    time::{Duration, Instant},
 };
+
+/// How long a writer waits for its turn.
+const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Writes `file` through `fill`: beside it first, then to the disk, then renamed into place.
 ///
@@ -106,8 +110,7 @@ impl FolderDraft {
             sync_folder(&folder).map_err(failed)?;
         }
         loop {
-            // Writers of one place take turns: none removes what another looks at.
-            let there = File::open(&place).ok().filter(|there| there.lock().is_ok());
+            let there = turn(&place);
             if there.as_ref().is_some_and(|there| !is_same(there, &place)) {
                 continue;
             }
@@ -129,6 +132,20 @@ impl FolderDraft {
                 Err(_) => replace(draft, &place, ours)?,
             }
             return sync_folder(parent(&place)).map_err(failed);
+        }
+    }
+}
+
+/// Writers of one place take turns, by a lock on the folder that stands there: none removes what another looks at. Somebody
+/// else's lock is not waited for longer than a writer would take.
+fn turn(place: &Path) -> Option<File> {
+    let there = File::open(place).ok().filter(|_| place.is_dir())?;
+    let begun = Instant::now();
+    loop {
+        match there.try_lock() {
+            Ok(()) => return Some(there),
+            Err(TryLockError::WouldBlock) if begun.elapsed() < PATIENCE => std::thread::sleep(PATIENCE / 1000),
+            Err(_) => return None,
         }
     }
 }

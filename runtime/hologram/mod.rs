@@ -136,9 +136,7 @@ pub enum HologramError {
         path: String,
     },
     /// It is still being made, and was not asked for as it is.
-    #[error(
-        "{path}: it is unfinished: {how_far}: repeat the command that makes it, or take it as it is with --unfinished"
-    )]
+    #[error("{path}: it is unfinished: {how_far}: repeat the command that makes it")]
     Unfinished {
         /// The hologram.
         path: String,

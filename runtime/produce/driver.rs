@@ -8,9 +8,9 @@ use super::tiles::{self, SolvedTiles};
 use crate::engine::{Engine, Memory};
 use crate::hologram::Hologram;
 use crate::memory;
-use crate::optics::Color;
+use crate::optics::{Color, Display};
 use crate::quality::Subject;
-use crate::scene::SceneError;
+use crate::scene::{LightField, SceneError};
 use crate::solve::{Flow, Levels, ScenePlan, Settings, Solution};
 use std::path::Path;
 
@@ -53,7 +53,7 @@ impl SceneSolution {
 /// `observe` is told what happens; answering [`Flow::Stop`] ends it with what there is.
 ///
 /// # Errors
-/// [`ProduceError`]; a file that was there stays as it was, but for what was made of a sequence and of tiles.
+/// [`ProduceError`], first of all where the display or the pupils look like a mistake ([`SceneJob::force`]); a file that was there stays as it was, but for what was made of a sequence and of tiles.
 pub fn solve_scene(
     job: &SceneJob,
     out: Option<&Path>,
@@ -61,6 +61,7 @@ pub fn solve_scene(
     observe: &mut dyn FnMut(&SceneEvent) -> Flow,
 ) -> Result<SceneSolution, ProduceError> {
     let needs = |what: &str| ProduceError::Job(format!("{what} is solved into its file: say where"));
+    job.check_usual()?;
     match (job.scenes.len(), &job.tiles) {
         (0, _) => Err(ProduceError::Job("there is no scene to solve".into())),
         (1, Some(tiles)) => {
@@ -82,6 +83,15 @@ pub fn solve_scene(
     }
 }
 
+/// Says where views stand so far apart that pupils see it. (Tiles are seen through views that are made close enough.)
+pub(super) fn warn_of_aliasing(field: &LightField, display: &Display, settings: &Settings) {
+    if let ([pixels, why], true) = field.aliasing_in_words(display, settings.depth, settings.diameter[1]) {
+        tracing::warn!(
+            "near and far content part by {pixels}: {why} (--views, where they are rendered or made from a depth map)"
+        );
+    }
+}
+
 /// One hologram.
 fn one(
     job: &SceneJob,
@@ -97,14 +107,7 @@ fn one(
     }
     let field = job.load(0)?;
     let plan = job.plan(&field)?;
-    let aliasing = field.aliasing(display, plan.settings.depth);
-    if aliasing > 1.0 {
-        let views = field.views_without_aliasing(display, plan.settings.depth);
-        tracing::warn!(
-            "near and far content part by {aliasing:.1} pixels from view to view: wide pupils see ghosts out of focus; \
-             {views} x {views} views would not (--views, where they are rendered or made from a depth map)"
-        );
-    }
+    warn_of_aliasing(&field, display, &plan.settings);
     // What the hologram's file remembers of its scene is the scene as it is, not what the plan leaves of it.
     let (views, cell) = (field.grid, field.cell(display));
     let field = plan.reduce(field, display);

@@ -2,7 +2,7 @@
 
 use super::ProduceError;
 use crate::hologram::Start;
-use crate::optics::{Color, Display};
+use crate::optics::{Color, Display, check_usual_diameters};
 use crate::scene::{self, LightField, Near, Order, Request};
 use crate::solve::{Full, PlanRequest, Progress, PupilRange, ScenePlan, Settings, Solution};
 use crate::tiled::{self, RegionSize};
@@ -19,7 +19,7 @@ pub struct SceneJob<'a> {
     pub colors: Vec<Color>,
     /// Distance of neighbouring views in the pupil plane, millimetres, instead of what the scene says.
     pub view_pitch_mm: Option<f64>,
-    /// Views per axis of scenes that are rendered or reprojected; none for 9.
+    /// Views per axis of scenes that are rendered or reprojected; none for 9, or as many as a depth map's range needs.
     pub views: Option<usize>,
     /// The depth maps of pictures, as [`scene::depth_maps`] takes them.
     pub depth_maps: Vec<PathBuf>,
@@ -31,6 +31,9 @@ pub struct SceneJob<'a> {
     pub order: Option<Order>,
     /// Pupil diameters drawn, metres; none for what fits the eyebox.
     pub diameter: Option<[f64; 2]>,
+    /// Take a display and diameters as they are that look like a mistake: a unit taken for another, rows and columns exchanged,
+    /// pupils that no eye has or that do not fit the eyebox.
+    pub force: bool,
     /// Everything else that decides the solve. `depth` and `diameter` above take the place of its own; its `seconds` are
     /// shared by the colours.
     pub settings: Settings,
@@ -171,6 +174,7 @@ impl<'a> SceneJob<'a> {
             depth: None,
             order: None,
             diameter: None,
+            force: false,
             settings: Settings::default(),
             full: Full::default(),
             contrast: None,
@@ -179,12 +183,25 @@ impl<'a> SceneJob<'a> {
         }
     }
 
+    /// Refuses what is most likely a mistake, unless it is to be taken as it is.
+    ///
+    /// # Errors
+    /// [`OpticsError::Unusual`](crate::optics::OpticsError::Unusual).
+    pub fn check_usual(&self) -> Result<(), ProduceError> {
+        if self.force {
+            return Ok(());
+        }
+        self.display.check_usual()?;
+        Ok(self.diameter.map_or(Ok(()), |diameter| check_usual_diameters(diameter, self.display.eyebox_min()))?)
+    }
+
     /// What is loaded of its scenes; the map is that of one of them.
     pub fn request<'r>(&'r self, depth_map: Option<&'r Path>) -> Request<'r> {
         let default = Request::new(self.display, &self.colors);
         Request {
             view_pitch: self.view_pitch_mm.map(|mm| mm * 1e-3),
             views: self.views.unwrap_or(default.views),
+            more_views: self.views.is_none(),
             depth_map,
             near: self.near,
             depth: self.depth,
@@ -214,5 +231,30 @@ impl<'a> SceneJob<'a> {
         let mut plan = ScenePlan::new(field, self.display, &request)?;
         plan.settings.seconds = self.settings.seconds.map(|s| s / plan.colors.len() as f64);
         Ok(plan)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::cpu::CpuEngine;
+    use crate::optics::OpticsError;
+    use crate::produce::solve_scene;
+    use crate::solve::Flow;
+
+    #[test]
+    fn what_looks_like_a_mistake_is_refused_unless_it_is_forced() {
+        let display = Display { height: 24, width: 32, ..Display::preset("small").unwrap() };
+        let upright = Display { height: 32, width: 16, ..display.clone() };
+        let metres = SceneJob { diameter: Some([2e-6, 4e-6]), ..SceneJob::new("builtin:plane", &display) };
+        let wide = SceneJob { diameter: Some([2e-3, 0.1]), ..SceneJob::new("builtin:plane", &display) };
+        let portrait = SceneJob::new("builtin:plane", &upright);
+        for job in [metres, wide, portrait.clone()] {
+            let refused = solve_scene(&job, None, &mut CpuEngine::new(), &mut |_| Flow::Continue).err();
+            assert!(matches!(refused, Some(ProduceError::Optics(OpticsError::Unusual { .. }))), "{refused:?}");
+        }
+        let settings = Settings { steps: 1, frames: 1, ..Settings::default() };
+        let forced = SceneJob { force: true, settings, ..portrait };
+        assert!(solve_scene(&forced, None, &mut CpuEngine::new(), &mut |_| Flow::Continue).is_ok());
     }
 }

@@ -1,5 +1,6 @@
 //! Several scenes into a sequence of holograms, each from the one before.
 
+use super::driver::warn_of_aliasing;
 use super::{ProduceError, SceneEvent, SceneJob};
 use crate::engine::Engine;
 use crate::hologram::{ColorHologram, Hologram, Sequence, SequenceWriter, Start};
@@ -120,6 +121,9 @@ impl<'a> Common<'a> {
         let job = self.job;
         let depth = field.depths(job.display, job.depth)?;
         let mut solutions = Vec::with_capacity(job.colors.len());
+        if index == 0 {
+            warn_of_aliasing(field, job.display, &Settings { depth, ..self.settings.clone() });
+        }
         for (i, &color) in job.colors.iter().enumerate() {
             let problem = Problem::new(field, color, job.display, self.padding)?;
             let of_before = before.map(|b| &b.colors[i]);

@@ -127,7 +127,7 @@ pub fn inspect(source: &str, request: &Request) -> Result<(Inspection, LightFiel
         depth_is_stated: source == DepthSource::Stated,
         view_pitch_mm: field.cell(display) * 1e3,
         aliasing_px: field.aliasing(display, depth),
-        views_without_aliasing: field.views_without_aliasing(display, depth),
+        views_without_aliasing: field.views_without_aliasing(display, depth, display.eyebox_min()),
         exposure: exposure(&field),
     };
     Ok((inspection, field))

@@ -16,6 +16,9 @@ pub struct Request<'a> {
     pub view_pitch: Option<f64>,
     /// Views per axis, for scenes that are rendered or reprojected.
     pub views: usize,
+    /// Of a picture with a depth map more views than that, where so many are needed for neighbouring ones to part by no more
+    /// than a pixel.
+    pub more_views: bool,
     /// The depth or disparity map of a single picture.
     pub depth_map: Option<&'a Path>,
     /// Which values of the depth map are near; none for what its file tells.
@@ -31,7 +34,17 @@ pub struct Request<'a> {
 impl<'a> Request<'a> {
     /// 9 x 9 views of these colours, nothing else stated.
     pub fn new(display: &'a Display, colors: &'a [Color]) -> Self {
-        Self { display, colors, view_pitch: None, views: 9, depth_map: None, near: None, depth: None, order: None }
+        Self {
+            display,
+            colors,
+            view_pitch: None,
+            views: 9,
+            more_views: false,
+            depth_map: None,
+            near: None,
+            depth: None,
+            order: None,
+        }
     }
 
     pub(super) fn check(&self) -> Result<(), SceneError> {

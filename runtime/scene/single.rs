@@ -8,6 +8,7 @@ use super::{
     reproject::{Relief, relief},
     resize::Resize,
 };
+use crate::memory;
 use crate::optics::{Color, Display};
 use rayon::prelude::*;
 use std::path::Path;
@@ -19,6 +20,8 @@ pub struct Reprojection {
     /// Lays the letterbox around a finished view.
     place: Resize,
     size: [usize; 2],
+    /// Along each axis, over the eyebox.
+    views: usize,
     cell: f64,
     /// Smallest and largest disparity, pixels from one cell to the next.
     ends: [f64; 2],
@@ -33,11 +36,12 @@ impl Reprojection {
     /// depths displace content too far, and those of reading the files.
     pub fn new(path: &Path, request: &Request) -> Result<Self, SceneError> {
         request.check()?;
-        Self::with_reach(path, request, request.views as f64 / 2.0)
+        // Views are made where they are asked for: none stand too far apart.
+        Self::with_reach(path, &Request { more_views: false, ..*request }, |views| views / 2.0)
     }
 
-    /// To be seen from no farther than `reach` cells from the middle.
-    fn with_reach(path: &Path, request: &Request, reach: f64) -> Result<Self, SceneError> {
+    /// To be seen from no farther than `reach` cells from the middle, of so many views.
+    fn with_reach(path: &Path, request: &Request, reach: impl Fn(f64) -> f64) -> Result<Self, SceneError> {
         let map_path = request.depth_map.ok_or_else(|| SceneError::NoDepthMap { file: path.display().to_string() })?;
         let reversed = request.depth.is_some_and(|[a, b]| a > b);
         if reversed && request.near == Some(Near::Large) {
@@ -60,8 +64,6 @@ impl Reprojection {
             });
         }
         let display = request.display;
-        let cell = request.view_pitch.unwrap_or_else(|| display.eyebox_min() / request.views as f64);
-
         // The picture at its size on the display, without the letterbox: that is laid around the finished views.
         let (rows, columns) = display.picture_size();
         let scale = (rows as f64 / map.height as f64).min(columns as f64 / map.width as f64);
@@ -75,6 +77,12 @@ impl Reprojection {
             },
             |[a, b]| [a.min(b), a.max(b)],
         );
+        let views = match map.meaning {
+            Meaning::Relative(_) if request.more_views => enough_views(path, request, range),
+            _ => request.views,
+        };
+        let cell = request.view_pitch.unwrap_or_else(|| display.eyebox_min() / views as f64);
+        let reach = reach(views as f64);
         let (disparity, ends) = disparities(&map, [height, width], scale, reach, range, cell, display);
         let parallax = ends[0].abs().max(ends[1].abs()) * reach;
         if parallax > (height.min(width) as f64 / 4.0).max(2.0) {
@@ -90,6 +98,7 @@ impl Reprojection {
             relief: relief(&planes, &disparity, size, reach as f32),
             place: Resize::new(size, [rows, columns], Fit::Contain),
             size: [rows, columns],
+            views,
             cell,
             ends,
             per_pixel: display.focal_length * display.picture_pixel() / cell,
@@ -126,8 +135,8 @@ impl Reprojection {
 /// # Errors
 /// As [`Reprojection::new`].
 pub(super) fn load(path: &Path, request: &Request) -> Result<LightField, SceneError> {
-    let n = request.views;
-    let from = Reprojection::with_reach(path, request, (n as f64 - 1.0) / 2.0)?;
+    let from = Reprojection::with_reach(path, request, |views| (views - 1.0) / 2.0)?;
+    let n = from.views;
     let middle = (n as f32 - 1.0) / 2.0;
     let views: Vec<Vec<Vec<f32>>> = (0..n * n)
         .into_par_iter()
@@ -152,6 +161,30 @@ pub(super) fn load(path: &Path, request: &Request) -> Result<LightField, SceneEr
         depth: Some(from.depth()),
         name: from.name,
     })
+}
+
+/// Most that views which nobody asked for may take, bytes.
+const MEMORY: u64 = 2 << 30;
+
+/// Views along each axis of which neighbours part by no more than a pixel over this range of depths (metres), as far as memory
+/// allows; no fewer than are asked for. Says how many.
+fn enough_views(path: &Path, request: &Request, [far, near]: [f64; 2]) -> usize {
+    let display = request.display;
+    let over_eyebox = display.eyebox_min() / (display.focal_length * display.picture_pixel());
+    let needed = ((near - far) * over_eyebox - 1e-6).ceil() as usize;
+    if request.view_pitch.is_some() || needed <= request.views {
+        return request.views;
+    }
+    let (height, width) = display.picture_size();
+    // As `Request::check` counts them.
+    let one = memory::bytes_of(&[request.colors.len() + 2, height, width], 4).max(1);
+    let most = MEMORY.min(memory::available().unwrap_or(MEMORY) / 2);
+    let fit = ((most / one) as f64).sqrt() as usize;
+    let views = needed.min(fit).min(64).max(request.views);
+    let why =
+        if views < needed { "as many as a share of the memory holds" } else { "neighbours part by a pixel at most" };
+    tracing::info!("{}: {views} x {views} views: {why} (--views takes another number)", path.display());
+    views
 }
 
 /// Disparities at the picture's size on the display, and their smallest and largest.

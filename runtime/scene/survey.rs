@@ -40,6 +40,11 @@ pub enum DepthSource {
     Doubtful(u8),
 }
 
+/// Pixels of `display` that a pupil of this diameter (metres) tells apart: those of its window of the spectrum (OPTICS 5).
+pub(super) fn told_apart(display: &Display, diameter: f64) -> f64 {
+    (display.eyebox_min() / diameter.max(1e-9)).max(1.0)
+}
+
 /// Light below this share of the brightest is none: a view is stored in 65535 steps.
 pub(crate) const DARK: f64 = 0.5 / 65535.0;
 
@@ -111,8 +116,8 @@ impl LightField {
         views.par_iter().map(|v| v.iter().copied().fold(0.0, f32::max)).reduce(|| 0.0, f32::max)
     }
 
-    /// Pixels of `display` by which the ends of `depth` (metres) move against each other from view to view: beyond one, wide
-    /// pupils see each edge out of focus as often as there are views (OPTICS 14).
+    /// Pixels of `display` by which the ends of `depth` (metres) move against each other from view to view: beyond what a pupil
+    /// tells apart, it sees each edge out of focus as often as it takes in views (OPTICS 14).
     pub fn aliasing(&self, display: &Display, [far, near]: [f64; 2]) -> f64 {
         let views = self.grid[0].max(self.grid[1]);
         if views < 2 {
@@ -122,19 +127,26 @@ impl LightField {
         }
     }
 
-    /// [`aliasing`](Self::aliasing) for people, and what it does.
-    pub(crate) fn aliasing_in_words(&self, display: &Display, depth: [f64; 2]) -> [String; 2] {
+    /// [`aliasing`](Self::aliasing) for people, what it does to pupils as wide as `widest` (metres), and whether they see it.
+    pub(crate) fn aliasing_in_words(&self, display: &Display, depth: [f64; 2], widest: f64) -> ([String; 2], bool) {
         let pixels = self.aliasing(display, depth);
-        let views = self.views_without_aliasing(display, depth);
-        let ghosts = format!("wide pupils see ghosts out of focus; {views} x {views} views would not");
-        let why = if pixels > 1.0 { ghosts } else { "wide pupils see no ghosts out of focus".into() };
-        [format!("{pixels:.1} pixels from view to view"), why]
+        let least = told_apart(display, widest);
+        let seen = pixels > least;
+        let mm = widest * 1e3;
+        let why = if seen {
+            let views = self.views_without_aliasing(display, depth, widest);
+            format!("pupils of {mm:.1} mm see ghosts out of focus; {views} x {views} views would not")
+        } else {
+            format!("pupils of up to {mm:.1} mm tell apart {least:.1} pixels: they see no ghosts out of focus")
+        };
+        ([format!("{pixels:.1} pixels from view to view"), why], seen)
     }
 
-    /// Views per axis, over the same places of the pupil plane, that would keep [`aliasing`](Self::aliasing) to one pixel.
-    pub fn views_without_aliasing(&self, display: &Display, depth: [f64; 2]) -> usize {
+    /// Views per axis, over the same places of the pupil plane, of which a pupil `widest` metres wide would see no
+    /// [`aliasing`](Self::aliasing).
+    pub fn views_without_aliasing(&self, display: &Display, depth: [f64; 2], widest: f64) -> usize {
         let views = self.grid[0].max(self.grid[1]);
-        (views as f64 * self.aliasing(display, depth).max(1.0)).min(1e6).ceil() as usize
+        (views as f64 * (self.aliasing(display, depth) / told_apart(display, widest)).max(1.0)).min(1e6).ceil() as usize
     }
 
     /// Farthest and nearest depth on `display`, metres: what the scene states, else what is measured in the central view;

@@ -128,7 +128,7 @@ impl ScenePlan {
         plan.choose_colors(field, request);
         plan.choose_depth(field, display, request)?;
         plan.choose_views(field, display, request)?;
-        let [pixels, why] = field.aliasing_in_words(display, plan.settings.depth);
+        let ([pixels, why], _) = field.aliasing_in_words(display, plan.settings.depth, plan.settings.diameter[1]);
         plan.say("aliasing", pixels, why);
         plan.choose_padding(field, display, request)?;
         let padded = plan.padding != Padding::default();

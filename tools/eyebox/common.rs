@@ -79,6 +79,7 @@ pub fn request<'a>(
     scene::Request {
         view_pitch: args.view_pitch.map(|mm| mm * 1e-3),
         views: args.views.unwrap_or(default.views),
+        more_views: args.views.is_none(),
         depth_map: maps.first().map(PathBuf::as_path),
         near: args.near,
         depth: args.depth_before(display),

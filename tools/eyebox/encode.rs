@@ -67,7 +67,7 @@ pub fn run(args: &Encode) -> Result<(), Failure> {
 fn load(args: &Encode, display: &Display) -> Result<Input, Failure> {
     let opening = args.unit.opening(Some(display), args.display.color.one());
     let opening = Opening { unfinished: args.unfinished.unfinished, ..opening };
-    let mut hologram = opening.hologram(&args.hologram)?;
+    let mut hologram = opening.hologram(&args.hologram).map_err(|e| args.unfinished.failure(e))?;
     let notes = differences(&hologram, display);
     let named = |c: &mut ColorHologram| match c.color {
         Some(color) => Ok((color, std::mem::take(&mut c.phases))),

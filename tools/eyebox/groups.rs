@@ -106,7 +106,8 @@ pub struct SceneArgs {
     /// Distance of neighbouring views in the pupil plane, mm [default: what the scene says, else eyebox / views]
     #[arg(long, value_name = "MM", value_parser = positive)]
     pub view_pitch: Option<f64>,
-    /// Views per axis of scenes that are rendered or reprojected [default: 9; in score, what the hologram was solved for]
+    /// Views per axis of scenes that are rendered or reprojected [default: 9, of a depth map as many as its depths need; in
+    /// score, what the hologram was solved for]
     #[arg(long, value_name = "N")]
     pub views: Option<usize>,
     /// Depths that matter, mm, or dioptres as in -0.02D..0.02D [default: what the scene says]; of a depth map, the depths

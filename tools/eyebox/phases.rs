@@ -6,7 +6,7 @@ use crate::groups::{Colors, DisplayArgs};
 use crate::values::{as_shown, phase_unit, size};
 use clap::{Args, ValueEnum};
 use eyebox::encode::{AsShown, Encoded, is_encoded};
-use eyebox::hologram::{BareOptics, Opening, PhaseSource, PhaseUnit, Phases, Unfinished};
+use eyebox::hologram::{BareOptics, HologramError, Opening, PhaseSource, PhaseUnit, Phases, Unfinished};
 use eyebox::optics::{Color, Display, Geometry, Optics};
 use std::path::Path;
 
@@ -66,6 +66,18 @@ pub struct UnfinishedArgs {
     /// Take a sequence, or a hologram in tiles, that is still being made as it is
     #[arg(long)]
     pub unfinished: bool,
+}
+
+impl UnfinishedArgs {
+    /// What failed; the flag that decides is named where it is about that.
+    pub fn failure(self, error: HologramError) -> Failure {
+        match error {
+            HologramError::Unfinished { .. } => {
+                Failure::Asked(format!("{error}, or take it as it is with --unfinished"))
+            }
+            other => other.into(),
+        }
+    }
 }
 
 /// Says how far a hologram is that is not finished; it is looked at all the same.

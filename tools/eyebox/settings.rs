@@ -78,6 +78,7 @@ pub fn job_of<'a>(
         depth: args.scene.depth_before(display),
         order: args.scene.order.order,
         diameter: args.pupil_diameter,
+        force: args.display.force,
         settings: Settings { seconds: args.seconds, ..settings },
         full: args.full.unwrap_or_default(),
         contrast: args.speckle,

@@ -22,7 +22,7 @@ pub fn run(args: &Play) -> Result<(), Failure> {
     // Who waits for the rest takes what there is.
     let unfinished = args.unfinished.unfinished || args.follow;
     let opening = Opening { unfinished, ..args.unit.opening(Some(&display), args.color.one()) };
-    let sequence = opening.sequence(&args.file)?;
+    let sequence = opening.sequence(&args.file).map_err(|e| args.unfinished.failure(e))?;
     let mut play = session::Play::new(sequence, &display)?;
     let output = output(args, args.looped || play.looped)?;
     play.rate = args.rate.unwrap_or(play.rate);

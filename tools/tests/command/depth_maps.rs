@@ -75,6 +75,38 @@ fn each_picture_of_a_sequence_has_its_own_map() {
     let wanted = second("each.zarr");
     assert_eq!(second("folder.zarr"), wanted);
     assert_ne!(second("same.zarr"), wanted);
+    let compare = |maps| {
+        let words =
+            ["evaluate", "a.png", "b.png", "-o", "report", "--depth-map", maps, "--methods", "dpac", "--no-speckle"];
+        [&words[..], &["--size", "40x48", "--views", "3", "--frames", "1", "--color", "green", "--engine", "cpu"]]
+            .concat()
+    };
+    refused(at, &compare("maps/a.png"), "report/report.html", "maps/a.png is one map of 2 different pictures");
+    done(at, &compare("maps"));
     std::fs::remove_file(at.join("maps/b.png")).unwrap();
     refused(at, &solve("x.zarr", &["maps"]), "x.zarr", "b.png: 0 maps in maps have its name or number");
+}
+
+/// So many views of a deep picture that nothing out of focus is dotted, unless another number is asked for.
+#[test]
+fn a_deep_map_gets_as_many_views_as_it_needs() {
+    let temp = folder();
+    let at = temp.path();
+    pictures(at);
+    let solve = |more: &[&'static str]| {
+        let words =
+            ["solve", "a.png", "--depth-map", "maps/a.png", "--near", "bright", "-o", "x.zarr", "--size", "40x48"];
+        let short = ["--steps", "1", "--frames", "1", "--color", "green", "--engine", "cpu"];
+        let answer = eyebox(at, &[&words[..], &short, more].concat());
+        assert!(answer.status.success(), "{}", text(&answer.stderr));
+        text(&answer.stderr)
+    };
+    // 22 mm of eyebox: a millimetre of depth is 6.9 pixels.
+    let deep = solve(&["--depth=-1..1"]);
+    assert!(deep.contains("14 x 14 views: neighbours part by a pixel at most") && !deep.contains("ghosts"), "{deep}");
+    assert!(!solve(&["--depth=-0.5..0.5"]).contains("neighbours part by"));
+    let few = solve(&["--depth=-1..1", "--views", "5"]);
+    assert!(few.contains("see ghosts out of focus; 13 x 13 views would not"), "{few}");
+    // A narrow pupil takes in few views, and tells little apart.
+    assert!(!solve(&["--depth=-1..1", "--views", "5", "--pupil-diameter", "2..4"]).contains("ghosts"));
 }

@@ -42,7 +42,9 @@ fn a_scene_is_inspected_and_a_reversed_axis_is_refused_until_it_is_stated() {
     // Stated in the folder, it needs no flag.
     std::fs::write(at.join("views/lightfield.toml"), "flip_rows = true\n").unwrap();
     assert_eq!(read(&inspect(&["--json"]))["order"], "flip-rows");
-    refused(at, &[&solve[..], &["--order", "backwards"]].concat(), "none", "as-named");
+    for command in ["solve", "evaluate", "study", "live", "preview", "photograph"] {
+        refused(at, &[command, "views", "--order", "backwards"], "none", "as-named");
+    }
 }
 
 /// Blades that hide each other by pixels from view to view.
@@ -75,7 +77,8 @@ fn depths_that_the_views_do_not_show_are_asked_for() {
     );
     refused(
         at,
-        &[&["evaluate", "views", "-o", "report", "--methods", "dpac", "--order", "as-named"][..], &SIZE].concat(),
+        &[&["evaluate", "views", "-o", "report", "--methods", "dpac", "--json", "--order", "as-named"][..], &SIZE]
+            .concat(),
         "report/report.html",
         asks,
     );

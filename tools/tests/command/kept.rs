@@ -187,12 +187,17 @@ fn every_look_at_unfinished_tiles_says_how_far_they_are() {
     }
     let encode = ["encode", "h.zarr", "--display", "far.toml", "-o", "frames"];
     for (args, out) in [(&["export", "h.zarr", "-o", "x.npy"][..], "x.npy"), (&encode, "frames")] {
-        refused(at, args, out, "it is unfinished: 0 of 9 visits");
+        refused(
+            at,
+            args,
+            out,
+            "0 of 9 visits are done: repeat the command that makes it, or take it as it is with --unfinished",
+        );
         done(at, &[args, &["--unfinished"]].concat());
         assert!(at.join(out).exists());
     }
     let evaluated = ["evaluate", "builtin:still-life", "--hologram", "mine=h.zarr", "-o", "report"];
-    refused(at, &evaluated, "report", "it is unfinished: 0 of 9 visits");
+    refused(at, &evaluated, "report", "0 of 9 visits are done: repeat the command that makes it\n");
     assert!(matches!(Hologram::load(&at.join("h.zarr")), Err(HologramError::Unfinished { .. })));
 }
 
@@ -260,6 +265,24 @@ fn a_full_disk_ends_a_recording_and_nothing_else() {
     std::fs::write(at.join("cut.jsonl"), &kept[..kept.len() - 9]).unwrap();
     let (read, said) = told(at, &["trackers", "--watch", "cut.jsonl"]);
     assert_eq!((read.lines().count(), said.contains("cut off in line")), (kept.lines().count() - 1, true), "{said}");
+}
+
+/// Pictures that are named as eyebox would name them are still somebody's.
+#[test]
+fn video_frames_of_others_are_left_alone() {
+    let temp = folder();
+    let at = temp.path();
+    done(at, &solve(&["builtin:plane"], "h.zarr", &[]));
+    let encode = ["encode", "h.zarr", "--display", "planes8", "--size", "40x48", "-o", "frames"];
+    done(at, &encode);
+    done(at, &encode);
+    std::fs::create_dir(at.join("film")).unwrap();
+    std::fs::write(at.join("film/frame-0000.png"), "mine").unwrap();
+    std::fs::write(at.join("frames/frame-9999.png"), "mine").unwrap();
+    for out in ["film", "frames"] {
+        refused(at, &[&encode[..7], &[out]].concat(), "none", "holds something else");
+    }
+    assert_eq!(std::fs::read(at.join("film/frame-0000.png")).unwrap(), b"mine");
 }
 
 #[test]
