@@ -125,3 +125,41 @@ impl Hologram {
         PhaseSource::from(self).score(scene, pupils, engine)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::cpu::CpuEngine;
+    use crate::hologram::ColorHologram;
+    use crate::optics::{Color, Display};
+    use crate::scene::{self, Request};
+
+    /// Pictures of a few pupils are kept, those of many are made twice: the same comes of both.
+    #[test]
+    fn many_pupils_score_as_few_do() {
+        let display = Display { height: 24, width: 24, ..Display::preset("small").unwrap() };
+        let field =
+            scene::load("builtin:plane", &Request { views: 3, ..Request::new(&display, &[Color::Green]) }).unwrap();
+        let scene = SceneSource::new(field, &display).unwrap();
+        let color = ColorHologram {
+            color: Some(Color::Green),
+            wavelength: 520e-9,
+            exposure: 0.4,
+            efficiency: 0.4,
+            phases: (0..576).map(|i| (i * 37 % 100) as f32 * 0.06 - 3.0).collect(),
+        };
+        let hologram = Hologram { height: 24, width: 24, ..Hologram::on(&display, 1, vec![color]) };
+        let few: Vec<Pupil> =
+            (0..7).map(|i| Pupil::from_mm([f64::from(i) - 3.0, 1.0, 4.0 + f64::from(i), 0.0])).collect();
+        let many = few.repeat(AT_ONCE / 3);
+        let mut engine = CpuEngine::new();
+        let [few, many] = [&few, &many].map(|pupils| hologram.score(&scene, pupils, &mut engine).unwrap());
+        let near = |a: f64, b: f64| a == b || (a - b).abs() < 1e-5 * a.abs().max(1.0);
+        assert!(near(few.exposures[0], many.exposures[0]) && many.pupils.len() > AT_ONCE);
+        for (one, other) in few.pupils.iter().cycle().zip(&many.pupils) {
+            let same = one.pupil == other.pupil && near(one.psnr, other.psnr);
+            assert!(same && near(one.ssim.unwrap(), other.ssim.unwrap()), "{one:?} {other:?}");
+            assert!(near(one.ceiling.unwrap(), other.ceiling.unwrap()), "{one:?} {other:?}");
+        }
+    }
+}

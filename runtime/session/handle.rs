@@ -32,8 +32,9 @@ impl Session {
     /// All of [`SessionError`]: before anything is shown.
     pub fn start(content: impl Into<Content>, output: Output, options: SessionOptions) -> Result<Self, SessionError> {
         let content = content.into();
-        if let Content::Play(play) = &content {
-            play.check()?;
+        match &content {
+            Content::Play(play) => play.check()?,
+            Content::Live(live) => live.policy.steering.check()?,
         }
         // As a display file has it; a session hears of its end at the next video frame.
         if let Some(rate) = options.display_rate.filter(|rate| !(1.0..=100_000.0).contains(&rate.hz())) {

@@ -92,6 +92,20 @@ pub struct Steering {
     pub seed: u64,
 }
 
+impl Steering {
+    /// Refuses what cannot be.
+    pub(crate) fn check(&self) -> Result<(), SolveError> {
+        let wrong = |what, value: String, right| Err(SolveError::Setting { what, value, right });
+        if !(1..=4096).contains(&self.pupils) {
+            return wrong("the number of pupils a step", self.pupils.to_string(), "1 to 4096");
+        }
+        if !(0.0..=64.0).contains(&self.elsewhere) {
+            return wrong("the pupils elsewhere a step", self.elsewhere.to_string(), "0 to 64");
+        }
+        self.strategy.check()
+    }
+}
+
 impl Default for Steering {
     fn default() -> Self {
         Self {
@@ -151,13 +165,7 @@ impl Refiner {
         if frames == 0 || frames * pixels != phases.len() || !phases.iter().all(|p| p.is_finite()) {
             return wrong("the number of phases to refine", phases.len().to_string(), "whole sub-frames, all finite");
         }
-        if !(1..=4096).contains(&steering.pupils) {
-            return wrong("the number of pupils a step", steering.pupils.to_string(), "1 to 4096");
-        }
-        if !(0.0..=64.0).contains(&steering.elsewhere) {
-            return wrong("the pupils elsewhere a step", steering.elsewhere.to_string(), "0 to 64");
-        }
-        steering.strategy.check()?;
+        steering.check()?;
         if !(exposure > 0.0 && exposure.is_finite()) {
             return wrong("the exposure", exposure.to_string(), "a positive, finite number");
         }

@@ -13,7 +13,7 @@ fn options_of_impossible_values_are_refused_with_what_is_possible() {
     let refine = ["refine", "h.zarr", "builtin:plane", "--pupil=0,0,1,0", "-o", "out.zarr"];
     let play = ["play", "h.zarr", "--display", "grey8", "--size", "16x16", "--engine", "cpu", "--raw", "out.zarr"];
     let live = ["live", "h.zarr", "--display", "grey8", "--size", "16x16", "--duration", "0.1"];
-    let cases: [(&[&str], &str, &str); 18] = [
+    let cases: [(&[&str], &str, &str); 19] = [
         (&solve, "--psnr=nan", "-100 to 1000"),
         (&solve, "--psnr=inf", "-100 to 1000"),
         (&solve, "--seconds=1e308", "1e12 at most"),
@@ -26,6 +26,7 @@ fn options_of_impossible_values_are_refused_with_what_is_possible() {
         (&refine, "--gain=1e10", "0 to 1e6"),
         (&refine, "--overlap-power=100", "0 to 16"),
         (&live, "--momentum=2", "0 to 1"),
+        (&refine, "--elsewhere=1e9", "0 to 64"),
         (&play, "--start-at=1e308", "1e12 at most"),
         (&play, "--start-at=1e11", "days from now: a year at most"),
         (&play, "--start-at=1", "days ago: a year at most"),
