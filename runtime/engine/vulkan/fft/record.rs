@@ -2,9 +2,9 @@
 
 use super::convolution::{Chunks, chirp_pipeline};
 use super::frames::{Frames, Transform};
-use super::state::{Fft, Planned, Work};
+use super::state::{Fft, Planned, Work, columns_axis};
 use crate::engine::{EngineError, Storage};
-use crate::gpu::{Block, Commands, DeviceKind, Pipeline};
+use crate::gpu::{Block, Commands, Pipeline};
 use bytemuck::{Pod, Zeroable};
 use eyebox_kernels::fft::{Columns, Direction};
 use eyebox_kernels::fft_plan::{Axis, LONGEST, Method, Plan, PlanLimits, Radix, Shared};
@@ -355,12 +355,6 @@ fn shared_pipeline(gpu: &mut Commands, shared: &Shared, axis: Axis, storage: Sto
     }
     constants[20] = u32::from(axis != Axis::Rows);
     gpu.pipeline(eyebox_spirv::FFT_SHARED.stored(storage == Storage::F16), 2, &constants)
-}
-
-/// How columns of frames this wide are transformed here.
-pub(super) fn columns_axis(gpu: &Commands, width: usize) -> Axis {
-    let in_software = gpu.device.planned_as == DeviceKind::Cpu;
-    if in_software || !width.is_multiple_of(2) { Axis::Columns } else { Axis::ColumnPairs }
 }
 
 /// What plans must fit on this device.

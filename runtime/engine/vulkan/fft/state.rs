@@ -1,8 +1,7 @@
 //! What transforms keep: plans with their tables, and scratch.
 
-use super::record::columns_axis;
 use crate::engine::Storage;
-use crate::gpu::{Block, Commands, Range};
+use crate::gpu::{Block, Commands, DeviceKind, Range};
 use eyebox_kernels::fft_plan::{Axis, Plan};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -67,4 +66,10 @@ impl Fft {
             marks.push(name());
         }
     }
+}
+
+/// How columns of frames this wide are transformed here.
+pub(super) fn columns_axis(gpu: &Commands, width: usize) -> Axis {
+    let in_software = gpu.device.planned_as == DeviceKind::Cpu;
+    if in_software || !width.is_multiple_of(2) { Axis::Columns } else { Axis::ColumnPairs }
 }
