@@ -221,7 +221,7 @@ fn a_wrong_file_says_where() {
         ("scale = 0.01 ", "scale = 0 ", "left.confidence: scale"),
         ("[-5000, 5000]", "[5000, -5000]", "range"),
         ("[left]", "[middle]", "middle"),
-        ("offset = 5", "offset = 18446744073709551615", "left.x"),
+        ("offset = 5", "offset = 18446744073709551615", "too large"),
         ("offset = 5", "offset = 9223372036854775807", "left.x"),
         ("bytes = 14", "bytes = 999999", "a report has"),
     ] {
