@@ -17,6 +17,7 @@ pub struct Patient(File);
 
 impl Patient {
     /// A file; a pipe has to be open so that it does not block.
+    #[cfg(feature = "window")]
     pub(crate) fn new(file: File) -> Self {
         Self(file)
     }
