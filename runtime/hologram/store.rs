@@ -18,7 +18,8 @@ impl Hologram {
     ///
     /// # Errors
     /// [`HologramError::Inconsistent`], [`HologramError::UnknownEnding`], and [`HologramError::File`] with
-    /// [`FileError::Full`], [`FileError::Taken`], [`FileError::Write`]; then nothing has changed at `path`.
+    /// [`FileError::Full`](crate::files::FileError::Full), [`Taken`](crate::files::FileError::Taken),
+    /// [`Write`](crate::files::FileError::Write); then nothing has changed at `path`.
     pub fn save(&self, path: &Path) -> Result<(), HologramError> {
         self.check()?;
         match path.extension().and_then(|e| e.to_str()).map(str::to_lowercase).as_deref() {

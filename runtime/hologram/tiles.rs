@@ -247,7 +247,7 @@ impl Tiles {
     /// off. `phases` is (frames, rows, columns).
     ///
     /// # Errors
-    /// [`HologramError::File`], [`FileError::Full`] among it: then what stood there stands there still.
+    /// [`HologramError::File`], [`FileError::Full`](crate::files::FileError::Full) among it: then what stood there stands there still.
     ///
     /// # Panics
     /// If the rectangle is none of whole tiles, or the phases are not as many: the caller's mistake.
