@@ -139,6 +139,13 @@ fn columns_in_use_may_wrap_and_frames_may_lie_anywhere() {
     }
 }
 
+/// Even columns are transformed, one more on either side than are in use: scratch that was made for these alone holds them.
+#[test]
+fn a_convolution_has_scratch_for_the_columns_beside() {
+    let columns = Columns { first: 7, count: 8 };
+    compare(&mut open(), &Case { size: (97, 12), frames: 3, columns, before: 0 });
+}
+
 /// Columns through shared memory, as GPUs have them.
 #[test]
 fn columns_in_one_trip() {

@@ -117,12 +117,12 @@ impl Transform for Fft {
         let packed = one.next_multiple_of(2);
         let most = if frames.stride.is_multiple_of(2) { frames.count } else { 1 };
         let fit = |bytes: u64, frame: u64| (bytes / frame.max(1)).max(1) as usize;
-        let leaves = |(_, planned): &(Axis, Arc<Planned>)| match &planned.plan.method {
+        let leaves = |(_, planned): &&(Axis, Arc<Planned>)| match &planned.plan.method {
             Method::Nothing | Method::Shared(_) => false,
             Method::Passes { radices, .. } => radices.len() > 1,
             Method::Bluestein { .. } => true,
         };
-        let spent = if [&rows, &down].into_iter().any(leaves) { SCRATCH } else { u64::MAX };
+        let spent = if [&rows, &down].iter().any(leaves) { SCRATCH } else { u64::MAX };
         let at_once = fit(limits.storage_range, size * frames.stride as u64)
             .min(fit(spent.min(limits.storage_range), size * packed))
             .min(limits.groups[2] as usize)
@@ -131,14 +131,14 @@ impl Transform for Fft {
             Direction::Forward => [rows, down],
             Direction::Inverse => [down, rows],
         };
-        let need = axes.iter().map(|(axis, planned)| match &planned.plan.method {
-            Method::Nothing | Method::Shared(_) => 0,
-            Method::Passes { radices, .. } if radices.len() < 2 => 0,
-            Method::Passes { .. } => size * packed * at_once as u64,
+        // What is transformed of the columns, for the scratch as for the work.
+        let (first_column, used) = outward(columns.first as u32 % width, columns.count as u32, width);
+        let need = axes.iter().filter(leaves).map(|(axis, planned)| match &planned.plan.method {
             Method::Bluestein { inner } => {
-                let lines = if *axis == Axis::Rows { height } else { columns.count as u32 };
+                let lines = if *axis == Axis::Rows { height } else { used };
                 2 * Chunks::new(inner.n, lines, at_once as u32, *axis).bytes()
             }
+            _ => size * packed * at_once as u64,
         });
         let need = need.max().unwrap_or(0);
         let scratch = if need > 0 { Some(self.scratch(gpu, need)?) } else { None };
@@ -153,7 +153,7 @@ impl Transform for Fft {
             let offset = frames.offset + size * (frames.stride * first) as u64;
             let data = frames.block.range(offset, size * (frames.stride as u64 * (count as u64 - 1) + one));
             for (axis, planned) in &axes {
-                if matches!(planned.plan.method, Method::Nothing) || (*axis != Axis::Rows && columns.count == 0) {
+                if matches!(planned.plan.method, Method::Nothing) || (*axis != Axis::Rows && used == 0) {
                     continue;
                 }
                 if std::mem::replace(&mut begun, true) {
@@ -166,10 +166,7 @@ impl Transform for Fft {
                 };
                 let (first, count_of_lines, wrap) = match axis {
                     Axis::Rows => (0, height, u32::MAX),
-                    Axis::Columns | Axis::ColumnPairs => {
-                        let (first, count) = outward(columns.first as u32 % width, columns.count as u32, width);
-                        (first, count, width)
-                    }
+                    Axis::Columns | Axis::ColumnPairs => (first_column, used, width),
                 };
                 let work = Work {
                     data,
@@ -288,7 +285,7 @@ impl Fft {
 /// reads what becomes of it on the way forward, and it is zero on the way back. Of an odd width, whose rows are not
 /// aligned, none go in pairs.
 fn outward(first: u32, count: u32, width: u32) -> (u32, u32) {
-    if !width.is_multiple_of(2) {
+    if count == 0 || !width.is_multiple_of(2) {
         return (first, count);
     }
     let even = first & !1;
