@@ -1,17 +1,18 @@
 //! The engine: buffers, one recording per part of a list, losses and times back.
 
 use super::super::{
-    Buffer, Engine, EngineError, Kernel, Memory, PupilPass, Purpose, Resource, Shape, Step, Storage, Timing, misfit,
-    promise,
+    Buffer, Dispatch, Engine, EngineError, Kernel, Memory, PupilPass, Purpose, Resource, Shape, Step, Storage, Timing,
+    misfit, promise,
 };
 use super::check::check;
 use super::fft::Transform;
-use super::layout::{Arenas, Layout, Slot, Value, slot_layout, slots};
-use super::record::{Stack, Stacks, Work};
+use super::layout::{Arenas, Layout, Slot, Value, all_slots, slot_layout, slots};
+use super::record::{Hazards, Stack, Stacks, Work};
 use super::tables::Tables;
 use super::views::Views;
 use crate::gpu::{Block, Commands, DeviceKind, Gpu, PhasesOnDevice, add};
 use crate::plan::Extent;
+use crate::plan::fusion::Way;
 use crate::scene::Pyramid;
 use gpu_allocator::MemoryLocation;
 use std::collections::HashMap;
@@ -159,7 +160,7 @@ impl VulkanEngine {
         let mut end = PLACE;
         let place = |pupil_pass: &PupilPass| {
             let at = end;
-            end += (4 * pupil_pass.compare.parts() as u64).next_multiple_of(PLACE);
+            end += (4 * pupil_pass.loss_parts() as u64).next_multiple_of(PLACE);
             at
         };
         let offsets: Vec<u64> = step.pupil_passes.iter().map(place).collect();
@@ -174,23 +175,37 @@ impl VulkanEngine {
     }
 
     fn record(&mut self, step: &Step, part: Range<usize>, offsets: &[u64]) -> Result<Vec<f64>, EngineError> {
-        let list = &step.list[part];
+        let list: &[&Dispatch] = &step.list[part].iter().collect::<Vec<_>>();
         let Self { stacks, arenas, tables, views, losses, transforms, shape, gpu, .. } = self;
         let views = views.as_ref();
         let sums = losses.as_ref().map(|l| (&l.device, offsets));
         let transforms = &mut **transforms;
-        let mut work = Work { gpu, transforms, shape, step, stacks, arenas, tables, views, losses: sums };
+        let mut work = Work {
+            gpu,
+            transforms,
+            shape,
+            step,
+            stacks,
+            arenas,
+            tables,
+            views,
+            losses: sums,
+            hazards: Hazards::default(),
+        };
         work.prepare(list)?;
+        let ways = work.ways(list);
         work.gpu.recorder.begin(list.len())?;
         tables.record(work.gpu);
+        if let Some(losses) = losses.as_ref() {
+            work.gpu.recorder.clear(losses.device.all());
+        }
         let mut group: (Range<usize>, Vec<Slot>) = (0..0, Vec::new());
-        for dispatch in list {
+        for (dispatch, way) in list.iter().zip(ways).filter(|(_, way)| *way != Way::Elsewhere) {
             if !dispatch.pupil_passes.is_empty() && dispatch.pupil_passes != group.0 {
                 group =
                     (dispatch.pupil_passes.clone(), slots(&step.pupil_passes[dispatch.pupil_passes.clone()], shape));
             }
-            work.gpu.recorder.barrier();
-            work.record(dispatch, &group.1)?;
+            work.record(dispatch, way, &group.1)?;
             work.gpu.recorder.mark(dispatch.kernel as usize);
         }
         let answers = |resource| list.iter().filter(move |d| d.kernel.writes().any(|r| r == resource));
@@ -199,7 +214,7 @@ impl VulkanEngine {
         let checked = answers(Resource::NotFinite).next().is_some();
         if let Some(losses) = losses.as_ref() {
             work.gpu.recorder.barrier();
-            let of_pupil_pass = |i: usize| (offsets[i], offsets[i], 4 * step.pupil_passes[i].compare.parts() as u64);
+            let of_pupil_pass = |i: usize| (offsets[i], offsets[i], 4 * step.pupil_passes[i].loss_parts() as u64);
             let pieces = checked.then_some((0, 0, 4)).into_iter().chain(compared().map(of_pupil_pass));
             work.gpu.recorder.copy(&losses.device, &losses.host, pieces);
         }
@@ -217,7 +232,7 @@ impl VulkanEngine {
         if let Some(losses) = self.losses.as_ref().filter(|_| !self.gpu.device.record_only) {
             let bytes = losses.host.bytes();
             for i in compared() {
-                let sums = &bytes[offsets[i] as usize..][..4 * step.pupil_passes[i].compare.parts()];
+                let sums = &bytes[offsets[i] as usize..][..4 * step.pupil_passes[i].loss_parts()];
                 result[i] = bytemuck::pod_collect_to_vec::<u8, f32>(sums).into_iter().map(f64::from).sum();
             }
             if checked && bytes[..4] != [0; 4] {
@@ -314,7 +329,7 @@ impl Engine for VulkanEngine {
             let group = slots(&step.pupil_passes[first.pupil_passes.clone()], &self.shape);
             self.place_written(&group)?;
         }
-        self.tables.pack(&self.gpu, &step.pupil_passes, self.views.as_ref())?;
+        self.tables.pack(&self.gpu, &step.pupil_passes, &all_slots(step, &self.shape), self.views.as_ref())?;
         let offsets = self.place_losses(step)?;
         self.record(step, part, &offsets)
     }
