@@ -41,6 +41,15 @@ fn misfit(buffer: Buffer, has: usize, given: usize) -> EngineError {
     EngineError::Mismatch { reason: format!("{buffer:?} holds {has} values, {given} were given") }
 }
 
+/// What [`Engine::keep`] does not keep.
+fn not_kept(buffer: Buffer) -> EngineError {
+    EngineError::Mismatch { reason: format!("{buffer:?} is not kept, phases and what is shown are") }
+}
+
+fn nothing_kept() -> EngineError {
+    EngineError::Mismatch { reason: "nothing was kept".into() }
+}
+
 /// Runs steps. Times are kept per kernel.
 pub trait Engine: Send {
     /// What it is and what it runs on, in one line.
@@ -73,6 +82,32 @@ pub trait Engine: Send {
     fn phases_on_device(&self) -> Option<PhasesOnDevice<'_>> {
         None
     }
+
+    /// Keeps a copy of [`Buffer::Phases`] or [`Buffer::Shown`] beside the buffers, where they are, in place of the one kept
+    /// before. [`load`](Self::load) forgets it.
+    ///
+    /// # Errors
+    /// A buffer that is neither, or that the shape does not have; out of memory; a lost device.
+    fn keep(&mut self, buffer: Buffer) -> Result<(), EngineError>;
+
+    /// Reads what was kept.
+    ///
+    /// # Errors
+    /// Nothing was kept; a lost device.
+    fn kept(&mut self) -> Result<Vec<f32>, EngineError>;
+
+    /// What was kept becomes the phases again, and the [moments](Self::clear_moments) zero, with nothing passing through the
+    /// host where the buffers are a device's.
+    ///
+    /// # Errors
+    /// Nothing was kept; a lost device.
+    fn restore(&mut self) -> Result<(), EngineError>;
+
+    /// Makes [`Buffer::Momentum`] and [`Buffer::Second`] zero, as far as the shape has them.
+    ///
+    /// # Errors
+    /// A lost device.
+    fn clear_moments(&mut self) -> Result<(), EngineError>;
 
     /// As [`read`](Self::read), into memory that is there already.
     ///

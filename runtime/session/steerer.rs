@@ -46,7 +46,7 @@ impl Default for Policy {
 
 struct OneColor {
     refiner: Refiner,
-    whole: Vec<f32>,
+    /// As they were read last.
     phases: Vec<f32>,
 }
 
@@ -81,7 +81,7 @@ impl Steerer {
         }
         let one = |color: SteeredColor| -> Result<OneColor, SessionError> {
             let refiner = Refiner::new(color.problem, &color.phases, color.exposure, policy.steering, engine()?)?;
-            Ok(OneColor { refiner, phases: color.phases.clone(), whole: color.phases })
+            Ok(OneColor { refiner, phases: Vec::new() })
         };
         let colors = colors.into_iter().map(one).collect::<Result<_, _>>()?;
         Ok(Self { colors, policy, next: 0, aimed: None, restarts: 0, steps: 0 })
@@ -114,7 +114,7 @@ impl Steerer {
     pub fn restart(&mut self) -> Result<(), EngineError> {
         self.aimed = None;
         self.restarts += 1;
-        self.colors.iter_mut().try_for_each(|c| c.refiner.restart(&c.whole))
+        self.colors.iter_mut().try_for_each(|c| c.refiner.begin_again())
     }
 
     /// What one step of every colour is expected to take.
@@ -134,7 +134,7 @@ impl Steerer {
                 return Ok(taken);
             }
             if !color.refiner.step()?.is_finite() {
-                color.refiner.restart(&color.whole)?;
+                color.refiner.begin_again()?;
             }
             self.next = (self.next + 1) % self.colors.len();
             self.steps += 1;

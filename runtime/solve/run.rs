@@ -17,10 +17,9 @@ use crate::plan::Planner;
 use std::slice;
 use std::time::Instant;
 
-/// Phases that were validated.
+/// Phases that were validated: the engine keeps them.
 pub(super) struct Validated {
     pub(super) score: ValidationScore,
-    pub(super) phases: Vec<f32>,
     /// The step after which they were.
     step: usize,
 }
@@ -92,13 +91,8 @@ impl Run<'_> {
     ) -> Result<(Validated, usize, Stop), SolveError> {
         let Self { settings, planner, .. } = *self;
         let pixels = settings.frames * planner.slm.height * planner.slm.width;
-        let zeros = vec![0.0; pixels];
         self.engine.write(Buffer::Phases, &self.first_phases(pixels))?;
-        self.engine.write(Buffer::Momentum, &zeros)?;
-        if matches!(settings.optimizer, Optimizer::Adam { .. }) {
-            self.engine.write(Buffer::Second, &zeros)?;
-        }
-        drop(zeros);
+        self.engine.clear_moments()?;
         let mut schedule = Steps::new(self.problem, planner, settings, self.exposure);
         let limit = settings.seconds.filter(|_| !self.pilot);
         let wanted = settings.psnr.filter(|_| !self.pilot);
@@ -158,7 +152,8 @@ impl Run<'_> {
         }
     }
 
-    /// Scores the engine's phases, and keeps them if they are the best so far. Phases that are not finite never are.
+    /// Scores the engine's phases, which keeps them if they are the best so far. Phases that are not finite never are: what
+    /// they show has no score.
     fn validate(&mut self, step: usize, best: &mut Option<Validated>) -> Result<(), EngineError> {
         let planner = Planner { factor: WindowFactor::Full, ..self.planner.clone() };
         let score = self.validator.score(self.engine, &planner)?.in_units_of(self.unit);
@@ -166,9 +161,10 @@ impl Run<'_> {
         if best.as_ref().is_none_or(better) {
             // What was scored is what the SLM shows.
             let shown = if self.planner.levels > 0 { Buffer::Shown } else { Buffer::Phases };
-            let phases = self.engine.read(shown)?;
-            if best.is_none() || phases.iter().all(|p| p.is_finite()) {
-                *best = Some(Validated { score, phases, step });
+            let finite = |engine: &mut dyn Engine| Ok(engine.read(shown)?.iter().all(|p| p.is_finite()));
+            if best.is_none() || !score.mean().is_nan() || finite(self.engine)? {
+                self.engine.keep(shown)?;
+                *best = Some(Validated { score, step });
             }
         }
         Ok(())

@@ -195,10 +195,21 @@ impl Refiner {
             paces,
         };
         refiner.restart(phases)?;
+        refiner.engine.keep(Buffer::Phases)?;
         Ok(refiner)
     }
 
-    /// Begins again with other phases of the same hologram: after a look elsewhere, those made for the whole eyebox.
+    /// Begins again with the phases that it was made with, those for the whole eyebox: where they are a device's, with nothing
+    /// passing through the host.
+    ///
+    /// # Errors
+    /// Those of the engine.
+    pub fn begin_again(&mut self) -> Result<(), EngineError> {
+        self.since = 0;
+        self.engine.restore()
+    }
+
+    /// Begins again with other phases of the same hologram.
     ///
     /// # Errors
     /// Those of the engine.
@@ -222,12 +233,7 @@ impl Refiner {
 
     fn forget(&mut self) -> Result<(), EngineError> {
         self.since = 0;
-        let zeros = vec![0.0; self.planner.frames * self.planner.slm.height * self.planner.slm.width];
-        self.engine.write(Buffer::Momentum, &zeros)?;
-        if matches!(self.steering.strategy, Strategy::Adam { .. }) {
-            self.engine.write(Buffer::Second, &zeros)?;
-        }
-        Ok(())
+        self.engine.clear_moments()
     }
 
     /// Pupils for the next step: around the eye, and now and then anywhere; the surer that it is there, the rarer.

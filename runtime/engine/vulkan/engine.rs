@@ -2,7 +2,7 @@
 
 use super::super::{
     Buffer, Engine, EngineError, Kernel, Memory, PupilPass, Purpose, Resource, Shape, Step, Storage, Timing, misfit,
-    promise,
+    not_kept, nothing_kept, promise,
 };
 use super::check::check;
 use super::fft::Transform;
@@ -31,6 +31,8 @@ struct Losses {
 pub struct VulkanEngine {
     // Dropped in this order: the device last.
     stacks: Stacks,
+    /// Phases that are kept.
+    kept: Option<Stack>,
     arenas: Arenas,
     tables: Tables,
     views: Option<Views>,
@@ -55,6 +57,7 @@ impl VulkanEngine {
         let place = bytemuck::Zeroable::zeroed();
         Ok(Self {
             stacks: Stacks::default(),
+            kept: None,
             arenas: Arenas::default(),
             tables: Tables::default(),
             views: None,
@@ -132,6 +135,14 @@ impl VulkanEngine {
             });
         }
         Ok(Some(Stack { layout, block: self.gpu.block(layout.bytes(), what)? }))
+    }
+
+    fn fill_moments(&mut self) {
+        for moment in [Buffer::Momentum, Buffer::Second] {
+            if let Ok(stack) = self.stacks.get(moment) {
+                self.gpu.recorder.clear(stack.block.all());
+            }
+        }
     }
 
     /// Puts the pupil pass buffers that were written by hand into the slots of `group`.
@@ -249,7 +260,8 @@ impl Engine for VulkanEngine {
             promise(shape, shape.storage.bytes() as u64)?;
         }
         // What was there goes first: both may not fit.
-        (self.stacks, self.arenas, self.views) = (Stacks::default(), Arenas::default(), None);
+        (self.stacks, self.kept) = (Stacks::default(), None);
+        (self.arenas, self.views) = (Arenas::default(), None);
         self.slots.clear();
         self.written.clear();
         self.shape = *shape;
@@ -297,6 +309,41 @@ impl Engine for VulkanEngine {
             return Ok(Vec::new());
         }
         layout.read(&mut self.gpu, self.arenas.block(resource).ok_or_else(never)?)
+    }
+
+    fn keep(&mut self, buffer: Buffer) -> Result<(), EngineError> {
+        if !matches!(buffer, Buffer::Phases | Buffer::Shown) {
+            return Err(not_kept(buffer));
+        }
+        let layout = self.stacks.get(buffer)?.layout;
+        if self.kept.is_none() {
+            self.kept = self.stack(layout, "phases that are kept")?;
+        }
+        let (Some(kept), from) = (&self.kept, self.stacks.get(buffer)?) else { return Err(nothing_kept()) };
+        self.gpu.recorder.begin(0)?;
+        self.gpu.recorder.copy(&from.block, &kept.block, [(0, 0, layout.bytes())]);
+        self.gpu.recorder.submit("keeping phases").map(drop)
+    }
+
+    fn kept(&mut self) -> Result<Vec<f32>, EngineError> {
+        let Stack { layout, block } = self.kept.as_ref().ok_or_else(nothing_kept)?;
+        add(&self.gpu.device.counters.phases_read_back, layout.bytes());
+        layout.read(&mut self.gpu, block)
+    }
+
+    fn restore(&mut self) -> Result<(), EngineError> {
+        let kept = self.kept.as_ref().ok_or_else(nothing_kept)?;
+        let phases = self.stacks.get(Buffer::Phases)?;
+        self.gpu.recorder.begin(0)?;
+        self.gpu.recorder.copy(&kept.block, &phases.block, [(0, 0, phases.layout.bytes())]);
+        self.fill_moments();
+        self.gpu.recorder.submit("beginning again").map(drop)
+    }
+
+    fn clear_moments(&mut self) -> Result<(), EngineError> {
+        self.gpu.recorder.begin(0)?;
+        self.fill_moments();
+        self.gpu.recorder.submit("forgetting velocities").map(drop)
     }
 
     fn phases_on_device(&self) -> Option<PhasesOnDevice<'_>> {

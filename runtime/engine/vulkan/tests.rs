@@ -175,6 +175,18 @@ fn a_lost_device_is_an_error_everywhere() {
         fn read(&mut self, buffer: Buffer) -> Result<Vec<f32>, EngineError> {
             self.engine.read(buffer)
         }
+        fn keep(&mut self, buffer: Buffer) -> Result<(), EngineError> {
+            self.engine.keep(buffer)
+        }
+        fn kept(&mut self) -> Result<Vec<f32>, EngineError> {
+            self.engine.kept()
+        }
+        fn restore(&mut self) -> Result<(), EngineError> {
+            self.engine.restore()
+        }
+        fn clear_moments(&mut self) -> Result<(), EngineError> {
+            self.engine.clear_moments()
+        }
         fn run_part(&mut self, step: &Step, part: std::ops::Range<usize>) -> Result<Vec<f64>, EngineError> {
             if part.start == 0 && step.list.iter().any(|d| d.kernel == Kernel::Project) {
                 match self.steps_left.checked_sub(1) {
