@@ -115,7 +115,8 @@ impl Tiles {
     /// As [`open`](Self::open); [`HologramError::Busy`] where another program makes it.
     pub fn resume(path: &Path) -> Result<Self, HologramError> {
         let tiles = Self::open(path)?;
-        if tiles.made.is_none() {
+        // Who was killed at its very end left the lock.
+        if tiles.made.is_none() && !tiles.folder.has(LOCK) {
             return Ok(tiles);
         }
         let lock = lock(&tiles.folder)?;
