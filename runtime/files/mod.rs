@@ -34,6 +34,7 @@ pub use made::MadeFolder;
 pub(crate) use npy::read_npy_with_gaps;
 pub use npy::{Npy, read_npy, write_npy};
 pub use own::OwnFolder;
+pub(crate) use own::{holds_only_own, write_listed};
 #[cfg(feature = "window")]
 pub(crate) use patient::Patient;
 pub use patient::asked_to_end;

@@ -90,17 +90,25 @@ impl Run<'_> {
             return Ok(if adam { (ADAM_EXPOSURE * end.guess()).max(end.mean) } else { end.guess() });
         };
         self.pilot = true;
+        let (start, steps, all) = (self.start, self.settings.steps, PILOT_STEPS * candidates.len());
         let mut tried = Vec::new();
         for exposure in candidates {
-            let seconds = self.start.elapsed().as_secs_f64();
-            let progress = Progress { step: 0, steps: self.settings.steps, seconds, loss: f64::NAN, validation: None };
-            let late = self.settings.seconds.is_some_and(|most| seconds > 0.5 * most);
-            if !tried.is_empty() && (late || observe(&progress) == Flow::Stop) {
+            let late = self.settings.seconds.is_some_and(|most| start.elapsed().as_secs_f64() > 0.5 * most);
+            if !tried.is_empty() && late {
                 break;
             }
             self.exposure = exposure;
-            let (best, ..) = self.descend(PILOT_STEPS, &mut |_| Flow::Continue)?;
+            let before = PILOT_STEPS * tried.len();
+            let mut observe = |pilot: &Progress| {
+                let pilot_steps = Some([before + pilot.step, all]);
+                let seconds = start.elapsed().as_secs_f64();
+                observe(&Progress { pilot: pilot_steps, step: 0, steps, seconds, loss: pilot.loss, validation: None })
+            };
+            let (best, _, stop) = self.descend(PILOT_STEPS, &mut observe)?;
             tried.push((exposure, best.score.mean()));
+            if stop == Stop::Asked {
+                break;
+            }
         }
         self.pilot = false;
         let best = (0..tried.len()).max_by(|&i, &j| tried[i].1.total_cmp(&tried[j].1)).unwrap_or(0);
@@ -191,7 +199,7 @@ impl Run<'_> {
         }
         let (steps, seconds) = (descent.steps, self.start.elapsed().as_secs_f64());
         let validation = descent.best.as_ref().map(|b| &b.score);
-        if (descent.observe)(&Progress { step, steps, seconds, loss, validation }) == Flow::Stop {
+        if (descent.observe)(&Progress { pilot: None, step, steps, seconds, loss, validation }) == Flow::Stop {
             return Ok(Some(Stop::Asked));
         }
         let is_good = validation.zip(descent.wanted).is_some_and(|(v, wanted)| v.mean() >= wanted);
