@@ -28,6 +28,7 @@ pub use threads::prepare_threads;
 use crate::scene::Pyramid;
 use std::ops::Range;
 use std::sync::Arc;
+use std::time::Instant;
 
 /// Where an engine's buffers lie.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -151,7 +152,21 @@ pub trait Engine: Send {
     /// # Errors
     /// As [`run_part`](Self::run_part).
     fn begin_step(&mut self, step: &Step, parts: &[Range<usize>]) -> Result<Begun, EngineError> {
-        taking::at_once(self, step, parts)
+        let (start, update) = (Instant::now(), step.before_update());
+        let mut losses = vec![0.0; step.pupil_passes.len()];
+        for part in parts {
+            let before = part.start..part.end.min(update).max(part.start);
+            for (sum, loss) in losses.iter_mut().zip(self.run_part(step, before.clone())?) {
+                *sum += loss;
+            }
+            if part.end > update {
+                if !losses.iter().all(|loss| loss.is_finite()) {
+                    break;
+                }
+                self.run_part(step, before.end..part.end)?;
+            }
+        }
+        Ok(Begun(taking::State::Over(Taken { losses, seconds: start.elapsed().as_secs_f64() })))
     }
 
     /// What came of a step, when it is over.

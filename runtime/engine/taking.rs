@@ -1,10 +1,5 @@
 //! How a step is taken: begun, and ended when its losses are known.
 
-use super::{Engine, EngineError};
-use crate::plan::Step;
-use std::ops::Range;
-use std::time::Instant;
-
 /// What came of a step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Taken {
@@ -14,7 +9,7 @@ pub struct Taken {
     pub seconds: f64,
 }
 
-/// A step that was begun: what [`Engine::end_step`] takes.
+/// A step that was begun: what [`Engine::end_step`](super::Engine::end_step) takes.
 #[derive(Debug)]
 pub struct Begun(pub(super) State);
 
@@ -32,27 +27,4 @@ impl Begun {
     pub fn is_over(&self) -> bool {
         matches!(self.0, State::Over(_))
     }
-}
-
-/// Takes a step on an engine that ends what it is told before it returns.
-pub(super) fn at_once<E: Engine + ?Sized>(
-    engine: &mut E,
-    step: &Step,
-    parts: &[Range<usize>],
-) -> Result<Begun, EngineError> {
-    let (start, update) = (Instant::now(), step.before_update());
-    let mut losses = vec![0.0; step.pupil_passes.len()];
-    for part in parts {
-        let before = part.start..part.end.min(update).max(part.start);
-        for (sum, loss) in losses.iter_mut().zip(engine.run_part(step, before.clone())?) {
-            *sum += loss;
-        }
-        if part.end > update {
-            if !losses.iter().all(|loss| loss.is_finite()) {
-                break;
-            }
-            engine.run_part(step, before.end..part.end)?;
-        }
-    }
-    Ok(Begun(State::Over(Taken { losses, seconds: start.elapsed().as_secs_f64() })))
 }
