@@ -13,6 +13,7 @@ modules! {
     FFT_PASS = "fft_pass", FFT_PASS_HALF = "fft_pass_half";
     FFT_SHARED = "fft_shared", FFT_SHARED_HALF = "fft_shared_half";
     INTENSITY = "intensity", INTENSITY_HALF = "intensity_half";
+    JUDGE = "judge";
     MODULATE = "modulate", MODULATE_HALF = "modulate_half";
     OVERLAP = "overlap";
     PASS_PUPIL = "pass_pupil", PASS_PUPIL_HALF = "pass_pupil_half";

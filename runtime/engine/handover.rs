@@ -155,6 +155,11 @@ impl Engine for Handover {
         Ok(losses)
     }
 
+    fn time_kernels(&mut self, on: bool) {
+        self.first.time_kernels(on);
+        self.second.time_kernels(on);
+    }
+
     fn timings(&self) -> Vec<Timing> {
         let mut all = self.first.timings();
         for timing in self.second.timings() {

@@ -2,6 +2,7 @@
 
 mod encode;
 mod fft;
+mod flight;
 mod kernels;
 mod one_device;
 mod rehearsal;

@@ -35,6 +35,7 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     let colors = common::colors(&args.display, &display)?;
     // The engine first: where there is none, nothing needs to be loaded.
     let mut engine = common::engine(&args.engine)?;
+    engine.time_kernels(args.timings || args.json);
     let (settings, chosen) = match tiles {
         Some(_) => (settings::of_tiles(args, &display)?, None),
         None => settings::settings_of(args, engine.as_ref(), &display, [0.0, 0.0], colors.len())?,

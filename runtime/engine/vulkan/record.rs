@@ -15,7 +15,7 @@ pub(super) use stacks::{Stack, Stacks};
 
 impl Work<'_> {
     /// Makes the plans and tables of all transforms in these entries.
-    pub(super) fn prepare(&mut self, list: &[Dispatch]) -> Result<(), EngineError> {
+    pub(super) fn prepare(&mut self, list: &[&Dispatch]) -> Result<(), EngineError> {
         let grid = [self.shape.place.grid_height as usize, self.shape.place.grid_width as usize];
         let storage = self.shape.storage;
         for dispatch in list {
@@ -47,6 +47,33 @@ impl Work<'_> {
             }
             call.at = at;
             shader(&mut call, pass)?;
+        }
+        Ok(())
+    }
+
+    /// Records what the verdict over losses that end at `end` starts from; `clear`: one that was bad is forgotten. A barrier
+    /// must follow.
+    pub(super) fn prepare_verdict(&mut self, end: u64, clear: bool) {
+        let (Some(guarded), Some((losses, _))) = (&self.guarded, self.losses) else { return };
+        let to = guarded.verdict.groups();
+        self.gpu.recorder.clear(losses.range(0, end));
+        self.gpu.recorder.copy(guarded.groups, to.block, [(0, to.offset, to.size)]);
+        if clear {
+            self.gpu.recorder.clear(guarded.verdict.flag());
+        }
+    }
+
+    /// Judges the losses, if phases depend on it; `at_once`: by the very next dispatch.
+    pub(super) fn judge(&mut self, end: u64, at_once: bool) -> Result<(), EngineError> {
+        let (Some(guarded), Some((losses, _))) = (&self.guarded, self.losses) else { return Ok(()) };
+        let (flag, groups) = (guarded.verdict.flag(), guarded.verdict.groups());
+        let push = [end as u32 / 4, groups.size as u32 / 4];
+        let pipeline = self.gpu.pipeline(&eyebox_spirv::JUDGE, 3, &[])?;
+        let buffers = [losses.range(0, end), flag, groups];
+        self.gpu.recorder.dispatch(pipeline, &buffers, bytemuck::cast_slice(&push), [1, 1, 1])?;
+        self.gpu.recorder.moved(|| vec![buffers[0].reads(end), groups.writes(0)]);
+        if at_once {
+            self.gpu.recorder.barrier();
         }
         Ok(())
     }

@@ -44,13 +44,8 @@ pub(super) struct Tables {
 }
 
 impl Tables {
-    /// Packs the tables of these pupil passes and makes room for them.
-    pub(super) fn pack(
-        &mut self,
-        gpu: &Commands,
-        pupil_passes: &[PupilPass],
-        views: Option<&Views>,
-    ) -> Result<(), EngineError> {
+    /// Packs the tables of these pupil passes.
+    pub(super) fn pack(&mut self, pupil_passes: &[PupilPass], views: Option<&Views>) {
         self.packed.clear();
         self.pupil_passes.clear();
         for pupil_pass in pupil_passes {
@@ -74,7 +69,20 @@ impl Tables {
             }
             self.pupil_passes.push(tables);
         }
-        let need = self.packed.len() as u64;
+    }
+
+    /// Bytes that were packed.
+    pub(super) fn need(&self) -> u64 {
+        self.packed.len() as u64
+    }
+
+    /// Bytes that there is room for.
+    pub(super) fn room(&self) -> u64 {
+        self.block.as_ref().map_or(0, |b| b.size)
+    }
+
+    /// Makes room for so many bytes; nothing of it is in use.
+    pub(super) fn fit(&mut self, gpu: &Commands, need: u64) -> Result<(), EngineError> {
         for (block, location) in
             [(&mut self.stage, MemoryLocation::CpuToGpu), (&mut self.block, MemoryLocation::GpuOnly)]
         {
@@ -83,10 +91,14 @@ impl Tables {
                 *block = Some(Block::new(&gpu.device, need.next_power_of_two(), location, "tables")?);
             }
         }
+        Ok(())
+    }
+
+    /// Puts what was packed where the device fetches it from; there is room for it, and nothing of it is in use.
+    pub(super) fn stage(&mut self) {
         if let Some(stage) = &mut self.stage {
             stage.bytes_mut()[..self.packed.len()].copy_from_slice(&self.packed);
         }
-        Ok(())
     }
 
     fn add(&mut self, bytes: &[u8]) -> Place {

@@ -1,12 +1,13 @@
 //! One kernel over what the device may see at once: bindings in the order of the table, arguments as push constants.
 
 use super::super::fft::{Frames, Transform};
+use super::super::flight::Guarded;
 use super::super::layout::{Arenas, Layout, Slot, Value, slot_layout};
 use super::super::tables::Tables;
 use super::super::views::Views;
 use super::stacks::Stacks;
 use crate::engine::{Dispatch, EngineError, Kernel, PupilPass, Resource, Shape, Step, Storage};
-use crate::gpu::{Block, Commands, PUSH_BYTES, Range};
+use crate::gpu::{Block, Commands, Groups, PUSH_BYTES, Range};
 use crate::plan::{PerFrame, moved};
 use bytemuck::Pod;
 use eyebox_kernels::{WIDTH, fft::Direction};
@@ -25,6 +26,8 @@ pub(in super::super) struct Work<'a> {
     pub(in super::super) arenas: &'a Arenas,
     pub(in super::super) tables: &'a Tables,
     pub(in super::super) views: Option<&'a Views>,
+    /// What changes phases only where losses are finite, if anything does.
+    pub(in super::super) guarded: Option<Guarded<'a>>,
     /// Where what `check_finite` found and each pupil pass's sums of the loss start, bytes.
     pub(in super::super) losses: Option<(&'a Block, &'a [u64])>,
 }
@@ -205,6 +208,13 @@ impl<'a> Call<'_, 'a> {
             return Err(self.work.too_large(format!("a buffer of `{}`", module.name), large.size as usize));
         }
         let pipeline = gpu.pipeline(module, buffers.len() as u32, &[])?;
+        let groups = match &mut self.work.guarded {
+            Some(guarded) if self.kernel.writes().any(|resource| resource == Resource::Phases) => {
+                let full = || EngineError::Mismatch { reason: "too many dispatches change phases".into() };
+                guarded.groups(groups).ok_or_else(full)?
+            }
+            _ => Groups::These(groups),
+        };
         gpu.recorder.dispatch(pipeline, buffers, &push[..length], groups)?;
         self.say_moved(buffers);
         Ok(())
