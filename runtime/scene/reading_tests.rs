@@ -55,7 +55,7 @@ fn ways() -> Vec<Row> {
         format!("cam_x{x:.3}_y{y:.3}.png")
     };
     let by_row = |r: usize, c: usize| format!("row_{r}/view_{c}.png");
-    let serpentine = |r: usize, c: usize| format!("{:03}.png", r * 4 + if r % 2 == 0 { c } else { 3 - c });
+    let serpentine = |r: usize, c: usize| format!("{:03}.png", r * 4 + if r.is_multiple_of(2) { c } else { 3 - c });
     vec![
         ("Stanford archive, decimal and negative coordinates", grid(17, 17, stanford), "", Ok([17, 17])),
         (
@@ -270,7 +270,7 @@ fn rows_that_run_backwards_are_seen() {
         let planes = vec![views];
         let field = LightField { grid: [rows, columns], planes, ..LightField { planes: Vec::new(), ..field.clone() } };
         let temp = save(&field, "as-named", &move |r, c| {
-            format!("{:04}.png", r * columns + if r % 2 == 0 { c } else { columns - 1 - c })
+            format!("{:04}.png", r * columns + if r.is_multiple_of(2) { c } else { columns - 1 - c })
         });
         let read = |toml: &str| {
             fs::write(temp.path().join("lightfield.toml"), toml).unwrap();
@@ -343,7 +343,7 @@ fn the_page_says_what_is_read_and_what_is_refused() {
         said(&folder("hole", &["v_0_0.png", "v_0_1.png", "v_1_0.png"]), &request),
         said(&folder("names", &["a1b.png", "c2d.png", "e3f.png"]), &request),
         said(&folder("rows", &["r0/v0.png", "r0/v1.png", "r1/v0.png", "r1/v1.png"]), &request),
-        depth_maps(&["a.png".into(), "b.png".into()], &[map.clone()]).unwrap_err().to_string(),
+        depth_maps(&["a.png".into(), "b.png".into()], std::slice::from_ref(&map)).unwrap_err().to_string(),
         SceneError::doubtful_depth([0.0, 1.0], 30, &display).to_string(),
         order::check("folder", &other).unwrap_err().to_string(),
     ];
