@@ -1,7 +1,8 @@
 //! Steps in flight: losses are judged on the device, and known a step late.
 
+use eyebox::engine::vulkan::VulkanEngine;
 use eyebox::engine::{Buffer, Engine, EngineError, Step, Storage};
-use eyebox::gpu::Options;
+use eyebox::gpu::{DeviceKind, Gpu, Options};
 use eyebox::optics::{Optics, Pupil, WindowFactor};
 use eyebox::plan::{Comparison, Planner, Purpose, ViewLayout};
 use eyebox::scene::{Pyramid, ViewGrid};
@@ -56,7 +57,13 @@ fn bits(values: Vec<f32>) -> Vec<u32> {
 /// anybody knew; what is begun afterwards moves them again.
 #[test]
 fn a_step_with_a_loss_that_is_no_number_is_not_taken() {
-    let mut engine = vulkan();
+    let as_planned = [DeviceKind::Cpu, DeviceKind::Discrete].map(|kind| Options { plan_as: Some(kind), ..watched() });
+    for options in as_planned {
+        not_taken(VulkanEngine::new(&Gpu::open(&options).unwrap()).unwrap());
+    }
+}
+
+fn not_taken(mut engine: VulkanEngine) {
     for (storage, adam) in [(Storage::F32, false), (Storage::F16, false), (Storage::F32, true)] {
         let case = Case::new(storage);
         let [good, bad] = [1.0, f64::NAN].map(|exposure| case.step(exposure, adam));
@@ -108,10 +115,8 @@ fn steps_in_flight_are_the_steps_that_are_waited_for() {
 fn losses_of_long_ago_are_refused() {
     let case = Case::new(Storage::F32);
     let step = case.step(1.0, false);
-    let mut engine = eyebox::engine::vulkan::VulkanEngine::new(
-        &eyebox::gpu::Gpu::open(&Options { record_only: true, ..watched() }).unwrap(),
-    )
-    .unwrap();
+    let gpu = Gpu::open(&Options { record_only: true, ..watched() }).unwrap();
+    let mut engine = VulkanEngine::new(&gpu).unwrap();
     case.load(&mut engine, false);
     let all = 0..step.list.len();
     let begun = [0, 1, 2].map(|_| engine.begin_step(&step, slice::from_ref(&all)).unwrap());

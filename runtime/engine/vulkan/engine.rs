@@ -230,7 +230,12 @@ impl VulkanEngine {
         flight.is_judged = verdict.is_some();
         let sums = losses.as_ref().map(|l| (l, &flight.offsets[..]));
         let mut groups = flight.groups.take();
-        let guarded = verdict.zip(groups.as_mut()).map(|(verdict, groups)| Guarded { verdict, groups, count: 0 });
+        let guarded = verdict.zip(groups.as_mut()).map(|(verdict, groups)| Guarded {
+            verdict,
+            groups,
+            count: 0,
+            is_judged: false,
+        });
         let mut work = Work {
             gpu,
             transforms: &mut **transforms,
@@ -255,7 +260,7 @@ impl VulkanEngine {
                     (dispatch.pupil_passes.clone(), slots(&step.pupil_passes[dispatch.pupil_passes.clone()], shape));
             }
             work.gpu.recorder.barrier();
-            if i == known {
+            if i >= known {
                 work.judge(flight.end, changes(dispatch))?;
             }
             work.record(dispatch, &group.1)?;

@@ -42,11 +42,16 @@ pub(super) struct Guarded<'a> {
     /// Where the host writes their workgroups.
     pub(super) groups: &'a mut Block,
     pub(super) count: usize,
+    /// Whether the judgement was recorded.
+    pub(super) is_judged: bool,
 }
 
 impl<'a> Guarded<'a> {
-    /// These workgroups, or none; `None` where there is no place for more dispatches.
+    /// These workgroups, or none; `None` where nothing was judged yet, or there is no place for more dispatches.
     pub(super) fn groups(&mut self, groups: [u32; 3]) -> Option<Groups<'a>> {
+        if !self.is_judged {
+            return None;
+        }
         let at = 12 * self.count;
         self.groups.bytes_mut().get_mut(at..at + 12)?.copy_from_slice(bytemuck::cast_slice(&groups));
         self.count += 1;

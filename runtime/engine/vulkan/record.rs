@@ -63,9 +63,13 @@ impl Work<'_> {
         }
     }
 
-    /// Judges the losses, if phases depend on it; `at_once`: by the very next dispatch.
+    /// Judges the losses, once, if phases depend on it; `at_once`: by the very next dispatch. Whatever changes phases comes
+    /// behind it.
     pub(super) fn judge(&mut self, end: u64, at_once: bool) -> Result<(), EngineError> {
-        let (Some(guarded), Some((losses, _))) = (&self.guarded, self.losses) else { return Ok(()) };
+        let (Some(guarded), Some((losses, _))) = (&mut self.guarded, self.losses) else { return Ok(()) };
+        if std::mem::replace(&mut guarded.is_judged, true) {
+            return Ok(());
+        }
         let (flag, groups) = (guarded.verdict.flag(), guarded.verdict.groups());
         let push = [end as u32 / 4, groups.size as u32 / 4];
         let pipeline = self.gpu.pipeline(&eyebox_spirv::JUDGE, 3, &[])?;

@@ -112,8 +112,9 @@ impl Case {
         }
         let left = ground::files(&at.join("out"));
         let draft = left.iter().find(|file| file.extension().is_some_and(|end| end == "part"));
-        // What was stopped may go on from there.
-        let keeps = self.keeps || watched.asked.is_some();
+        // What was stopped may go on from there; what grows while something lasts says how that ended.
+        let grows = |arg: &OsString| ["--trace", "--stats", "--record"].iter().any(|name| arg == name);
+        let keeps = self.keeps || watched.asked.is_some() || self.args.iter().any(grows);
         let left = if answer == Answer::Refused && !keeps { left.first() } else { draft.filter(|_| !self.starved) };
         if let Some(left) = left {
             return Err(format!("it left {}: {}", left.display(), said.unwrap_or_default()));

@@ -210,7 +210,8 @@ impl<'a> Call<'_, 'a> {
         let pipeline = gpu.pipeline(module, buffers.len() as u32, &[])?;
         let groups = match &mut self.work.guarded {
             Some(guarded) if self.kernel.writes().any(|resource| resource == Resource::Phases) => {
-                let full = || EngineError::Mismatch { reason: "too many dispatches change phases".into() };
+                let full =
+                    || EngineError::Mismatch { reason: "phases change before losses are judged, or too often".into() };
                 guarded.groups(groups).ok_or_else(full)?
             }
             _ => Groups::These(groups),
