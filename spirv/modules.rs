@@ -15,6 +15,7 @@ modules! {
     FFT_SHARED = "fft_shared", FFT_SHARED_HALF = "fft_shared_half";
     GATHER_COLUMNS = "gather_columns", GATHER_COLUMNS_HALF = "gather_columns_half";
     INTENSITY = "intensity", INTENSITY_HALF = "intensity_half";
+    JUDGE = "judge";
     MODULATE = "modulate", MODULATE_HALF = "modulate_half";
     MODULATE_ROWS = "modulate_rows", MODULATE_ROWS_HALF = "modulate_rows_half";
     OVERLAP = "overlap";

@@ -16,7 +16,9 @@ pub fn watched() -> Options {
 
 /// Opens a Vulkan device with validation; a software one will do, and where there is none, the test fails.
 pub fn vulkan() -> VulkanEngine {
-    VulkanEngine::new(&gpu()).unwrap_or_else(|e| panic!("{e}"))
+    let mut engine = VulkanEngine::new(&gpu()).unwrap_or_else(|e| panic!("{e}"));
+    engine.time_kernels(true);
+    engine
 }
 
 /// Such a device.

@@ -41,7 +41,8 @@ cargo doc --package eyebox-tools --bins --no-deps --quiet
 cargo doc --workspace --no-deps --quiet
 
 stage "tests"
-cargo test --workspace
+# Generated cases for two minutes.
+EYEBOX_ATTACK_SECONDS=${EYEBOX_ATTACK_SECONDS:-120} cargo test --workspace
 
 # The transforms must not depend on the size of a subgroup: 4 and 16 lanes instead of this machine's 8.
 for width in 128 512; do

@@ -74,7 +74,7 @@ impl CpuEngine {
         let wide = shape.frames < rayon::current_num_threads() && points >= SPLIT;
         let store = storing(shape.storage);
         let size = [shape.place.grid_height as usize, shape.place.grid_width as usize];
-        let Buffers { phases, shown, levels, momentum, second, field, change, hits, energy, slots } = buffers;
+        let Buffers { phases, shown, levels, momentum, second, field, change, hits, energy, slots, .. } = buffers;
         let [mut phases, mut shown, mut momentum, mut second] =
             [phases, shown, momentum, second].map(|buffer| buffer.chunks_exact_mut(pixels));
         let [mut field, mut change] = [field, change].map(|buffer| buffer.chunks_exact_mut(points));
@@ -208,6 +208,25 @@ impl Engine for CpuEngine {
             return Err(misfit(buffer, data.len(), to.len()));
         }
         to.copy_from_slice(data);
+        Ok(())
+    }
+
+    fn keep(&mut self, buffer: Buffer) -> Result<(), EngineError> {
+        self.buffers.keep(buffer)
+    }
+
+    fn kept(&mut self) -> Result<Vec<f32>, EngineError> {
+        self.buffers.kept().map(<[f32]>::to_vec)
+    }
+
+    fn restore(&mut self) -> Result<(), EngineError> {
+        self.buffers.restore()?;
+        self.clear_moments()
+    }
+
+    fn clear_moments(&mut self) -> Result<(), EngineError> {
+        self.buffers.momentum.fill(0.0);
+        self.buffers.second.fill(0.0);
         Ok(())
     }
 

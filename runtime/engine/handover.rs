@@ -2,7 +2,7 @@
 //!
 //! If a step goes wrong on Vulkan and right on the CPU, handing over later and later finds the kernel that is to blame.
 
-use super::{Buffer, Engine, EngineError, Kernel, Memory, Resource, Shape, Step, Timing};
+use super::{Buffer, Engine, EngineError, Kernel, Memory, Resource, Shape, Step, Timing, not_kept, nothing_kept};
 use crate::scene::Pyramid;
 use std::ops::Range;
 use std::sync::Arc;
@@ -25,12 +25,14 @@ pub struct Handover {
     shape: Option<Shape>,
     /// Which engine ran last: only it knows what the kernels wrote.
     last_is_second: Option<bool>,
+    /// Phases that are kept, for both.
+    kept: Option<Vec<f32>>,
 }
 
 impl Handover {
     /// `first` up to `at`, `second` from there on.
     pub fn new(first: Box<dyn Engine>, second: Box<dyn Engine>, at: At) -> Self {
-        Self { first, second, at, shape: None, last_is_second: None }
+        Self { first, second, at, shape: None, last_is_second: None, kept: None }
     }
 
     fn place(&self, step: &Step) -> usize {
@@ -89,7 +91,7 @@ impl Engine for Handover {
     fn load(&mut self, shape: &Shape, views: Option<Arc<Pyramid>>) -> Result<(), EngineError> {
         self.first.load(shape, views.clone())?;
         self.second.load(shape, views)?;
-        (self.shape, self.last_is_second) = (Some(*shape), None);
+        (self.shape, self.last_is_second, self.kept) = (Some(*shape), None, None);
         Ok(())
     }
 
@@ -100,6 +102,29 @@ impl Engine for Handover {
 
     fn read(&mut self, buffer: Buffer) -> Result<Vec<f32>, EngineError> {
         self.last().read(buffer)
+    }
+
+    fn keep(&mut self, buffer: Buffer) -> Result<(), EngineError> {
+        if !matches!(buffer, Buffer::Phases | Buffer::Shown) {
+            return Err(not_kept(buffer));
+        }
+        self.kept = Some(self.read(buffer)?);
+        Ok(())
+    }
+
+    fn kept(&mut self) -> Result<Vec<f32>, EngineError> {
+        self.kept.clone().ok_or_else(nothing_kept)
+    }
+
+    fn restore(&mut self) -> Result<(), EngineError> {
+        let kept = self.kept()?;
+        self.write(Buffer::Phases, &kept)?;
+        self.clear_moments()
+    }
+
+    fn clear_moments(&mut self) -> Result<(), EngineError> {
+        self.first.clear_moments()?;
+        self.second.clear_moments()
     }
 
     fn run_part(&mut self, step: &Step, part: Range<usize>) -> Result<Vec<f64>, EngineError> {
@@ -128,6 +153,11 @@ impl Engine for Handover {
             losses.iter_mut().zip(more).for_each(|(loss, more)| *loss += more);
         }
         Ok(losses)
+    }
+
+    fn time_kernels(&mut self, on: bool) {
+        self.first.time_kernels(on);
+        self.second.time_kernels(on);
     }
 
     fn timings(&self) -> Vec<Timing> {

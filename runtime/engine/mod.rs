@@ -9,6 +9,7 @@
 mod choose;
 pub mod cpu;
 mod handover;
+mod taking;
 mod threads;
 #[cfg(feature = "vulkan")]
 pub mod vulkan;
@@ -19,12 +20,15 @@ pub use crate::plan::{
 };
 pub use choose::{Backend, Choice, open, reason};
 pub use handover::{At, Handover};
+pub use taking::{Begun, Taken};
 #[cfg(feature = "window")]
 pub(crate) use threads::pool;
 pub use threads::prepare_threads;
 
 use crate::scene::Pyramid;
+use std::ops::Range;
 use std::sync::Arc;
+use std::time::Instant;
 
 /// Where an engine's buffers lie.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -39,6 +43,19 @@ pub enum Memory {
 
 fn misfit(buffer: Buffer, has: usize, given: usize) -> EngineError {
     EngineError::Mismatch { reason: format!("{buffer:?} holds {has} values, {given} were given") }
+}
+
+/// What [`Engine::keep`] does not keep.
+fn not_kept(buffer: Buffer) -> EngineError {
+    EngineError::Mismatch { reason: format!("{buffer:?} is not kept, phases and what is shown are") }
+}
+
+fn not_under_way() -> EngineError {
+    EngineError::Mismatch { reason: "the step that is to be ended is not under way".into() }
+}
+
+fn nothing_kept() -> EngineError {
+    EngineError::Mismatch { reason: "nothing was kept".into() }
 }
 
 /// Runs steps. Times are kept per kernel.
@@ -74,6 +91,32 @@ pub trait Engine: Send {
         None
     }
 
+    /// Keeps a copy of [`Buffer::Phases`] or [`Buffer::Shown`] beside the buffers, where they are, in place of the one kept
+    /// before. [`load`](Self::load) forgets it.
+    ///
+    /// # Errors
+    /// A buffer that is neither, or that the shape does not have; out of memory; a lost device.
+    fn keep(&mut self, buffer: Buffer) -> Result<(), EngineError>;
+
+    /// Reads what was kept.
+    ///
+    /// # Errors
+    /// Nothing was kept; a lost device.
+    fn kept(&mut self) -> Result<Vec<f32>, EngineError>;
+
+    /// What was kept becomes the phases again, and the [moments](Self::clear_moments) zero, with nothing passing through the
+    /// host where the buffers are a device's.
+    ///
+    /// # Errors
+    /// Nothing was kept; a lost device.
+    fn restore(&mut self) -> Result<(), EngineError>;
+
+    /// Makes [`Buffer::Momentum`] and [`Buffer::Second`] zero, as far as the shape has them.
+    ///
+    /// # Errors
+    /// A lost device.
+    fn clear_moments(&mut self) -> Result<(), EngineError>;
+
     /// As [`read`](Self::read), into memory that is there already.
     ///
     /// # Errors
@@ -92,7 +135,7 @@ pub trait Engine: Send {
     ///
     /// # Errors
     /// A step that does not fit the loaded shape; a lost device.
-    fn run_part(&mut self, step: &Step, part: std::ops::Range<usize>) -> Result<Vec<f64>, EngineError>;
+    fn run_part(&mut self, step: &Step, part: Range<usize>) -> Result<Vec<f64>, EngineError>;
 
     /// Runs the whole list.
     ///
@@ -102,7 +145,46 @@ pub trait Engine: Send {
         self.run_part(step, 0..step.list.len())
     }
 
-    /// Time and calls per kernel since the last reset, in the order of [`Kernel::ALL`].
+    /// Takes a step, or these parts of its list, in order. All losses are known before phases may change: with one that is no
+    /// finite number they stay as they are, and where steps are under way behind it, through those as well. On a device the
+    /// step may be under way when this returns, one at most; it is ended before another two are begun.
+    ///
+    /// # Errors
+    /// As [`run_part`](Self::run_part).
+    fn begin_step(&mut self, step: &Step, parts: &[Range<usize>]) -> Result<Begun, EngineError> {
+        let (start, update) = (Instant::now(), step.before_update());
+        let mut losses = vec![0.0; step.pupil_passes.len()];
+        for part in parts {
+            let before = part.start..part.end.min(update).max(part.start);
+            for (sum, loss) in losses.iter_mut().zip(self.run_part(step, before.clone())?) {
+                *sum += loss;
+            }
+            if part.end > update {
+                if !losses.iter().all(|loss| loss.is_finite()) {
+                    break;
+                }
+                self.run_part(step, before.end..part.end)?;
+            }
+        }
+        Ok(Begun(taking::State::Over(Taken { losses, seconds: start.elapsed().as_secs_f64() })))
+    }
+
+    /// What came of a step, when it is over.
+    ///
+    /// # Errors
+    /// A step of another engine, or of long ago; a lost device.
+    fn end_step(&mut self, begun: Begun) -> Result<Taken, EngineError> {
+        match begun.0 {
+            taking::State::Over(taken) => Ok(taken),
+            taking::State::UnderWay(_) => Err(not_under_way()),
+        }
+    }
+
+    /// Whether kernels are timed one by one from now on, where that takes time itself.
+    fn time_kernels(&mut self, _on: bool) {}
+
+    /// Time and calls per kernel since the last reset, in the order of [`Kernel::ALL`]; on a device, since kernels are
+    /// [timed](Self::time_kernels).
     fn timings(&self) -> Vec<Timing>;
 
     /// Forgets the times.

@@ -5,26 +5,30 @@ use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
-use std::time::SystemTime;
+
+/// Number of the volume, and of the file or folder on it.
+fn id(path: &Path) -> io::Result<(u64, u64)> {
+    let there = winapi_util::file::information(winapi_util::Handle::from_path_any(path)?)?;
+    Ok((there.volume_serial_number(), there.file_index()))
+}
 
 #[derive(Debug)]
 pub(super) struct Held {
     path: PathBuf,
-    /// When the folder was made: another one of its name is of another time.
-    made: Option<SystemTime>,
+    /// Another one of its name has another.
+    id: (u64, u64),
 }
 
 impl Held {
     pub(super) fn open(path: &Path) -> io::Result<Self> {
-        let there = fs::metadata(path)?;
-        if !there.is_dir() {
+        if !fs::metadata(path)?.is_dir() {
             return Err(io::ErrorKind::NotADirectory.into());
         }
-        Ok(Self { path: path.to_path_buf(), made: there.created().ok() })
+        Ok(Self { path: path.to_path_buf(), id: id(path)? })
     }
 
     pub(super) fn is_at(&self, path: &Path) -> bool {
-        fs::metadata(path).is_ok_and(|there| there.is_dir() && there.created().ok() == self.made)
+        id(path).is_ok_and(|there| there == self.id)
     }
 
     pub(super) fn read(&self, name: &str) -> io::Result<File> {

@@ -34,8 +34,10 @@ pub use made::MadeFolder;
 pub(crate) use npy::read_npy_with_gaps;
 pub use npy::{Npy, read_npy, write_npy};
 pub use own::OwnFolder;
+pub(crate) use own::{holds_only_own, write_listed};
 #[cfg(feature = "window")]
 pub(crate) use patient::Patient;
+pub use patient::asked_to_end;
 pub(crate) use picture::{encode_grey8, encode_rgb8};
 pub use picture::{encode_png, linear_to_srgb, write_png};
 pub use whole::{FolderDraft, check_place, write_file};

@@ -1,6 +1,6 @@
 //! Folders of results that are written again and again: which of their files are this program's is kept in a list beside them.
 
-use super::{FileError, is_draft, read, write_file};
+use super::{FileError, FolderDraft, is_draft, read, write_file};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -117,6 +117,28 @@ impl OwnFolder {
         let regular = fs::symlink_metadata(&path).is_ok_and(|there| there.is_file());
         regular.then(|| read::bytes(&path, read::RESULTS).ok())?.map(|bytes| sum(&bytes))
     }
+}
+
+/// Writes files into a folder that appears whole, with the list by which [`holds_only_own`] knows them.
+pub(crate) fn write_listed<E: From<FileError>>(
+    draft: &FolderDraft,
+    files: impl Iterator<Item = Result<(String, Vec<u8>), E>>,
+) -> Result<(), E> {
+    let mut list = List::default();
+    for file in files {
+        let (name, bytes) = file?;
+        draft.write(&name, |out| out.write_all(&bytes))?;
+        list.files.insert(name, [sum(&bytes)].into());
+    }
+    Ok(draft.write(LIST, |out| Ok(serde_json::to_writer_pretty(out, &list)?))?)
+}
+
+/// Whether a folder holds nothing but what [`write_listed`] wrote, as it wrote it.
+pub(crate) fn holds_only_own(folder: &Path) -> bool {
+    let entries = fs::read_dir(folder).and_then(Iterator::collect::<io::Result<Vec<_>>>).unwrap_or_default();
+    let names: Vec<String> = entries.iter().map(|e| e.file_name().to_string_lossy().into_owned()).collect();
+    let names: Vec<&str> = names.iter().map(String::as_str).filter(|name| *name != LIST).collect();
+    names.len() < entries.len() && OwnFolder::open(folder, &names, false).is_ok()
 }
 
 fn sum(bytes: &[u8]) -> String {

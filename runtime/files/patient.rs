@@ -3,13 +3,24 @@
 use std::fs::File;
 use std::io::{self, ErrorKind, Write};
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 /// How long a pipe may take nothing, and wait for its reader.
 const PATIENCE: Duration = Duration::from_secs(5);
+/// The same once the program was asked to end.
+const TO_END: Duration = Duration::from_secs(1);
 /// How often it is asked again.
 const PAUSE: Duration = Duration::from_millis(1);
+
+/// Whether the program was asked to end. A program that catches ctrl-C sets it from there: a pipe that takes nothing is then given
+/// up after a second and not after five.
+pub fn asked_to_end() -> &'static Arc<AtomicBool> {
+    static ASKED: OnceLock<Arc<AtomicBool>> = OnceLock::new();
+    ASKED.get_or_init(Arc::default)
+}
 
 /// A file, or a pipe that is given up when it takes nothing for [`PATIENCE`].
 #[derive(Debug)]
@@ -43,10 +54,11 @@ impl Patient {
     fn wait<T>(mut attempt: impl FnMut() -> io::Result<T>, waits: impl Fn(&io::Error) -> bool) -> io::Result<T> {
         let begun = Instant::now();
         loop {
+            let patience = if asked_to_end().load(Ordering::Relaxed) { TO_END } else { PATIENCE };
             match attempt() {
-                Err(e) if waits(&e) && begun.elapsed() < PATIENCE => sleep(PAUSE),
+                Err(e) if waits(&e) && begun.elapsed() < patience => sleep(PAUSE),
                 Err(e) if waits(&e) => {
-                    let why = format!("nobody reads it: nothing was taken for {} s", PATIENCE.as_secs());
+                    let why = format!("nobody reads it: nothing was taken for {} s", patience.as_secs());
                     return Err(io::Error::new(ErrorKind::TimedOut, why));
                 }
                 other => return other,

@@ -57,7 +57,7 @@ impl Block {
             return Err(out());
         }
         use vk::BufferUsageFlags as Usage;
-        let usage = Usage::STORAGE_BUFFER | Usage::TRANSFER_SRC | Usage::TRANSFER_DST;
+        let usage = Usage::STORAGE_BUFFER | Usage::INDIRECT_BUFFER | Usage::TRANSFER_SRC | Usage::TRANSFER_DST;
         let families = device.families();
         let mut info = vk::BufferCreateInfo::default().size(size).usage(usage);
         if let [_, _] = families {

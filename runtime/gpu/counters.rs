@@ -7,6 +7,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 pub struct Counts {
     /// Recordings that were submitted.
     pub submissions: u64,
+    /// Waits for the submission made last: the device has nothing to do until the host comes back.
+    pub stalls: u64,
     /// Bytes copied from the host to buffers.
     pub uploaded: u64,
     /// Bytes copied from buffers to the host, without the few of a step's losses.
@@ -26,6 +28,7 @@ impl Counts {
     pub fn since(self, before: Self) -> Self {
         Self {
             submissions: self.submissions - before.submissions,
+            stalls: self.stalls - before.stalls,
             uploaded: self.uploaded - before.uploaded,
             read_back: self.read_back - before.read_back,
             phases_read_back: self.phases_read_back - before.phases_read_back,
@@ -39,6 +42,7 @@ impl Counts {
 #[derive(Default)]
 pub(crate) struct Counters {
     pub(crate) submissions: AtomicU64,
+    pub(crate) stalls: AtomicU64,
     pub(crate) uploaded: AtomicU64,
     pub(crate) read_back: AtomicU64,
     pub(crate) phases_read_back: AtomicU64,
@@ -51,6 +55,7 @@ impl Counters {
     pub(crate) fn now(&self) -> Counts {
         Counts {
             submissions: self.submissions.load(Ordering::Relaxed),
+            stalls: self.stalls.load(Ordering::Relaxed),
             uploaded: self.uploaded.load(Ordering::Relaxed),
             read_back: self.read_back.load(Ordering::Relaxed),
             phases_read_back: self.phases_read_back.load(Ordering::Relaxed),

@@ -270,7 +270,7 @@ impl Device {
     /// How long a submission may take, nanoseconds: drivers reset hardware that takes longer, and software takes its time.
     pub(crate) fn patience_ns(&self) -> u64 {
         const SECOND: u64 = 1_000_000_000;
-        if self.report.kind == DeviceKind::Cpu { 600 * SECOND } else { 30 * SECOND }
+        if self.report.kind == DeviceKind::Cpu { 600 * SECOND } else { 10 * SECOND }
     }
 
     /// An answer of Vulkan's as an error: `call` names the call, `during` the kernel, the transfer or the buffer.

@@ -41,6 +41,8 @@ mod pictures;
 mod pipelines;
 #[cfg(feature = "vulkan")]
 mod recorder;
+#[cfg(feature = "vulkan")]
+mod slot;
 
 #[cfg(not(feature = "vulkan"))]
 pub use absent::{Gpu, PhasesOnDevice, devices};
@@ -74,4 +76,6 @@ pub use pictures::{PhasesOnDevice, Pictures, PixelOrder};
 #[cfg(feature = "vulkan")]
 pub(crate) use pipelines::{PUSH_BYTES, Pipeline};
 #[cfg(feature = "vulkan")]
-pub(crate) use recorder::Piece;
+pub(crate) use recorder::{Groups, Piece};
+#[cfg(feature = "vulkan")]
+pub(crate) use slot::IN_FLIGHT;

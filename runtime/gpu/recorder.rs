@@ -1,12 +1,14 @@
-//! Records one submission: dispatches, copies, barriers and timestamps, then runs it and waits.
+//! Records submissions: dispatches, copies, barriers and timestamps. Two may be in flight: while one runs, the next is
+//! recorded.
 //!
-//! Everything in here is used again: one command buffer, descriptor pools that are reset, a query pool that grows.
+//! Everything in here is used again: command buffers, descriptor pools that are reset, query pools that grow.
 
 use super::block::{Block, Range};
 use super::counters::add;
 use super::device::Device;
 use super::error::EngineError;
 use super::pipelines::{PUSH_BYTES, Pipeline};
+use super::slot::{IN_FLIGHT, Slot, Time};
 use crate::plan::{Entry, Move};
 use ash::{khr, vk};
 use std::sync::Arc;
@@ -14,11 +16,26 @@ use std::sync::Arc;
 /// Buffers that a kernel sees at most.
 const MOST_BUFFERS: usize = 16;
 
+/// The label of a whole recording's time.
+pub(crate) const END: usize = usize::MAX;
+
+/// Workgroups of a dispatch.
+#[derive(Clone, Copy)]
+pub(crate) enum Groups<'a> {
+    /// So many.
+    These([u32; 3]),
+    /// As many as stand there when it comes to it.
+    At(Range<'a>),
+}
+
+impl From<[u32; 3]> for Groups<'_> {
+    fn from(groups: [u32; 3]) -> Self {
+        Self::These(groups)
+    }
+}
+
 /// Bytes to be copied: from where, to where, how many.
 pub(crate) type Piece = (u64, u64, u64);
-
-/// Descriptor sets per pool.
-const SETS: u32 = 512;
 
 /// A semaphore whose value is the number of submissions that are over.
 pub(crate) struct Timeline {
@@ -48,25 +65,22 @@ impl Drop for Timeline {
 }
 
 pub(crate) struct Recorder {
-    commands: vk::CommandPool,
-    command: vk::CommandBuffer,
+    /// What is recorded into, in turn.
+    slots: [Slot; IN_FLIGHT],
+    /// The one that is recorded into, or was last.
+    at: usize,
     /// Rises with every submission that is over.
     done: Arc<Timeline>,
     pub(crate) submitted: u64,
+    /// The last submission that is known to be over.
+    over: u64,
     /// What a test's driver says from a number of submissions on.
     #[cfg(test)]
     pub(crate) fails_from: Option<(u64, vk::Result)>,
     /// How long a submission may take, nanoseconds.
     pub(crate) patience_ns: u64,
-    sets: Vec<vk::DescriptorPool>,
-    /// The pool in use, and how many sets it gave.
-    used: (usize, u32),
-    queries: vk::QueryPool,
-    capacity: u32,
-    marks: Vec<usize>,
-    /// Kept from submission to submission, so that the steady state allocates nothing.
-    ticks: Vec<u64>,
-    times: Vec<(usize, f64)>,
+    /// Times of submissions that are over, for whoever takes them: in the steady state nothing is allocated.
+    pub(crate) times: Vec<Time>,
     regions: Vec<vk::BufferCopy>,
     recording: bool,
     /// The driver's `vkQueueSubmit`: where it first says that the device was lost.
@@ -78,40 +92,22 @@ pub(crate) struct Recorder {
 
 impl Recorder {
     pub(crate) fn new(device: &Arc<Device>) -> Result<Self, EngineError> {
-        let mut recorder = Self {
-            commands: vk::CommandPool::null(),
-            command: vk::CommandBuffer::null(),
+        Ok(Self {
+            slots: [Slot::new(device)?, Slot::new(device)?],
+            at: 0,
             done: Arc::new(Timeline::new(device)?),
             submitted: 0,
+            over: 0,
             #[cfg(test)]
             fails_from: None,
             patience_ns: device.patience_ns(),
-            sets: Vec::new(),
-            used: (0, 0),
-            queries: vk::QueryPool::null(),
-            capacity: 0,
-            marks: Vec::new(),
-            ticks: Vec::new(),
             times: Vec::new(),
             regions: Vec::new(),
             recording: false,
             queue_submit: device.raw.fp_v1_0().queue_submit,
             modern: device.synchronization2.clone(),
             device: Arc::clone(device),
-        };
-        let error = |call| move |e| device.error(call, "setting up", e);
-        let info = vk::CommandPoolCreateInfo::default().queue_family_index(device.compute.family);
-        // SAFETY: the device is valid; what is made is destroyed in `drop`.
-        unsafe {
-            recorder.commands = device.raw.create_command_pool(&info, None).map_err(error("vkCreateCommandPool"))?;
-            let info = vk::CommandBufferAllocateInfo::default()
-                .command_pool(recorder.commands)
-                .level(vk::CommandBufferLevel::PRIMARY)
-                .command_buffer_count(1);
-            let made = device.raw.allocate_command_buffers(&info).map_err(error("vkAllocateCommandBuffers"))?;
-            recorder.command = made[0];
-        }
-        Ok(recorder)
+        })
     }
 
     /// What says that the last submission is over, on any queue.
@@ -122,61 +118,46 @@ impl Recorder {
     /// Number of descriptor pools.
     #[cfg(test)]
     pub(crate) fn pools(&self) -> usize {
-        self.sets.len()
+        self.slots.iter().map(Slot::pools).sum()
     }
 
-    /// Starts a recording with room for `marks` timestamps. A recording that was not submitted is thrown away.
+    /// Starts a recording with room for `marks` timestamps, behind all that is in flight. A recording that was not submitted
+    /// is thrown away.
     pub(crate) fn begin(&mut self, marks: usize) -> Result<(), EngineError> {
-        let device = &self.device;
-        let error = |call| move |e| device.error(call, "recording", e);
-        if device.is_stuck() {
-            return Err(device.give_up("vkBeginCommandBuffer", "recording"));
+        if self.device.is_stuck() {
+            return Err(self.device.give_up("vkBeginCommandBuffer", "recording"));
         }
-        let raw = &self.device.raw;
-        let wanted = marks as u32 + 1;
-        // SAFETY: what was submitted before has been waited for, so pools may be reset and queries replaced.
-        unsafe {
-            raw.reset_command_pool(self.commands, vk::CommandPoolResetFlags::empty())
-                .map_err(error("vkResetCommandPool"))?;
-            for pool in &self.sets {
-                raw.reset_descriptor_pool(*pool, vk::DescriptorPoolResetFlags::empty())
-                    .map_err(error("vkResetDescriptorPool"))?;
-            }
-            self.used = (0, 0);
-            if self.has_timestamps() && wanted > self.capacity {
-                raw.destroy_query_pool(self.queries, None);
-                (self.queries, self.capacity) = (vk::QueryPool::null(), 0);
-                let count = wanted.next_power_of_two().max(64);
-                let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(count);
-                self.queries = raw.create_query_pool(&info, None).map_err(error("vkCreateQueryPool"))?;
-                self.capacity = count;
-            }
-            let once = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
-            raw.begin_command_buffer(self.command, &once).map_err(error("vkBeginCommandBuffer"))?;
-            self.marks.clear();
-            if self.has_timestamps() && marks > 0 {
-                raw.cmd_reset_query_pool(self.command, self.queries, 0, self.capacity);
-                raw.cmd_write_timestamp(self.command, vk::PipelineStageFlags::BOTTOM_OF_PIPE, self.queries, 0);
-            }
-        }
+        let next = (self.at + 1) % IN_FLIGHT;
+        self.wait_for(self.slots[next].submission, "what was submitted before")?;
+        self.at = next;
+        self.slots[next].begin(marks)?;
         self.recording = true;
+        if self.over < self.submitted {
+            self.barrier();
+        }
         Ok(())
     }
 
+    fn command(&self) -> vk::CommandBuffer {
+        self.slots[self.at].command
+    }
+
     /// Runs `groups` workgroups of a pipeline over these buffers. Without a barrier, it may run beside its neighbours.
-    pub(crate) fn dispatch(
+    pub(crate) fn dispatch<'g>(
         &mut self,
         pipeline: Pipeline,
         buffers: &[Range<'_>],
         push: &[u8],
-        groups: [u32; 3],
+        groups: impl Into<Groups<'g>>,
     ) -> Result<(), EngineError> {
         debug_assert!(self.recording && push.len() <= PUSH_BYTES as usize && push.len().is_multiple_of(4));
         debug_assert!(buffers.len() == pipeline.bindings as usize && buffers.len() <= MOST_BUFFERS);
-        if groups.contains(&0) {
+        let groups = groups.into();
+        if matches!(groups, Groups::These(groups) if groups.contains(&0)) {
             return Ok(());
         }
         let set = self.set(pipeline.set_layout)?;
+        let command = self.command();
         let mut infos = [[vk::DescriptorBufferInfo::default()]; MOST_BUFFERS];
         for (info, b) in infos.iter_mut().zip(buffers) {
             debug_assert!(b.offset.is_multiple_of(self.device.report.limits.offset_alignment));
@@ -197,13 +178,16 @@ impl Recorder {
         // SAFETY: the set is fresh from its pool; blocks outlive the submission, which is waited for.
         unsafe {
             raw.update_descriptor_sets(writes, &[]);
-            raw.cmd_bind_pipeline(self.command, vk::PipelineBindPoint::COMPUTE, pipeline.raw);
+            raw.cmd_bind_pipeline(command, vk::PipelineBindPoint::COMPUTE, pipeline.raw);
             let point = vk::PipelineBindPoint::COMPUTE;
-            raw.cmd_bind_descriptor_sets(self.command, point, pipeline.layout, 0, &[set], &[]);
+            raw.cmd_bind_descriptor_sets(command, point, pipeline.layout, 0, &[set], &[]);
             if !push.is_empty() {
-                raw.cmd_push_constants(self.command, pipeline.layout, vk::ShaderStageFlags::COMPUTE, 0, push);
+                raw.cmd_push_constants(command, pipeline.layout, vk::ShaderStageFlags::COMPUTE, 0, push);
             }
-            raw.cmd_dispatch(self.command, groups[0], groups[1], groups[2]);
+            match groups {
+                Groups::These([x, y, z]) => raw.cmd_dispatch(command, x, y, z),
+                Groups::At(at) => raw.cmd_dispatch_indirect(command, at.block.raw, at.offset),
+            }
         }
         self.device.record(|r| r.push(Entry::Work { moves: Vec::new(), dispatch: true }));
         Ok(())
@@ -231,7 +215,8 @@ impl Recorder {
             let (after, read) = if host {
                 (Stage::HOST, Access::HOST_READ)
             } else {
-                (work, written | Access::SHADER_STORAGE_READ | Access::TRANSFER_READ)
+                let read = Access::SHADER_STORAGE_READ | Access::TRANSFER_READ | Access::INDIRECT_COMMAND_READ;
+                (work | Stage::DRAW_INDIRECT, written | read)
             };
             let barrier = [vk::MemoryBarrier2::default()
                 .src_stage_mask(work)
@@ -240,7 +225,7 @@ impl Recorder {
                 .dst_access_mask(read)];
             let info = vk::DependencyInfo::default().memory_barriers(&barrier);
             // SAFETY: the command buffer is being recorded; the feature is on.
-            unsafe { modern.cmd_pipeline_barrier2(self.command, &info) };
+            unsafe { modern.cmd_pipeline_barrier2(self.command(), &info) };
         } else {
             use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
             let work = Stage::COMPUTE_SHADER | Stage::TRANSFER;
@@ -248,19 +233,20 @@ impl Recorder {
             let (after, read) = if host {
                 (Stage::HOST, Access::HOST_READ)
             } else {
-                (work, written | Access::SHADER_READ | Access::TRANSFER_READ)
+                let read = Access::SHADER_READ | Access::TRANSFER_READ | Access::INDIRECT_COMMAND_READ;
+                (work | Stage::DRAW_INDIRECT, written | read)
             };
             let barrier = [vk::MemoryBarrier::default().src_access_mask(written).dst_access_mask(read)];
             let none = vk::DependencyFlags::empty();
             // SAFETY: the command buffer is being recorded.
-            unsafe { raw.cmd_pipeline_barrier(self.command, work, after, none, &barrier, &[], &[]) };
+            unsafe { raw.cmd_pipeline_barrier(self.command(), work, after, none, &barrier, &[], &[]) };
         }
     }
 
     /// Fills a range with zeros.
     pub(crate) fn clear(&mut self, range: Range<'_>) {
         // SAFETY: the command buffer is being recorded; offset and size are multiples of 4.
-        unsafe { self.device.raw.cmd_fill_buffer(self.command, range.block.raw, range.offset, range.size, 0) };
+        unsafe { self.device.raw.cmd_fill_buffer(self.command(), range.block.raw, range.offset, range.size, 0) };
         self.device.record(|r| r.push(Entry::Work { moves: vec![range.writes(range.size)], dispatch: false }));
     }
 
@@ -271,136 +257,123 @@ impl Recorder {
         self.regions.extend(pieces.into_iter().filter(|p| p.2 > 0).map(region));
         if !self.regions.is_empty() {
             // SAFETY: the command buffer is being recorded; the pieces lie inside the blocks.
-            unsafe { self.device.raw.cmd_copy_buffer(self.command, from.raw, to.raw, &self.regions) };
+            unsafe { self.device.raw.cmd_copy_buffer(self.command(), from.raw, to.raw, &self.regions) };
             let bytes = self.regions.iter().map(|r| r.size).sum();
             let moves = || vec![from.all().reads(bytes), to.all().writes(bytes)];
             self.device.record(|r| r.push(Entry::Work { moves: moves(), dispatch: false }));
         }
     }
 
-    /// The time since the mark before belongs to `label`.
+    /// The time since the mark before belongs to `label`, where this recording has timestamps.
     pub(crate) fn mark(&mut self, label: usize) {
-        self.marks.push(label);
         self.device.record(|r| r.push(Entry::Mark(label)));
-        if self.has_timestamps() {
-            debug_assert!((self.marks.len() as u32) < self.capacity);
-            let (stage, at) = (vk::PipelineStageFlags::BOTTOM_OF_PIPE, self.marks.len() as u32);
-            // SAFETY: the query was reset at the start of the recording, and is written once.
-            unsafe { self.device.raw.cmd_write_timestamp(self.command, stage, self.queries, at) };
-        }
+        self.slots[self.at].mark(label);
     }
 
-    /// Runs what was recorded and waits, for a while: a device that does not answer is lost. Returns (label, seconds) per mark;
-    /// `during` is what an error names.
-    pub(crate) fn submit(&mut self, during: &str) -> Result<&[(usize, f64)], EngineError> {
+    /// Says what was recorded since the last such word, and does not time it.
+    pub(crate) fn note(&self, label: usize) {
+        self.device.record(|r| r.push(Entry::Mark(label)));
+    }
+
+    /// The time since the beginning belongs to [`END`].
+    pub(crate) fn mark_end(&mut self) {
+        self.slots[self.at].mark(END);
+    }
+
+    /// Runs what was recorded and waits, for a while: a device that does not answer is lost. `during` is what an error
+    /// names.
+    pub(crate) fn submit(&mut self, during: &str) -> Result<(), EngineError> {
+        let submission = self.send(during)?;
+        self.wait_for(submission, during)
+    }
+
+    /// Runs what was recorded behind all that was before; which submission it is. What it uses stays as it is until it was
+    /// [waited for](Self::wait_for).
+    pub(crate) fn send(&mut self, during: &str) -> Result<u64, EngineError> {
         self.wait(true);
         self.recording = false;
         let raw = &self.device.raw;
         let device = &self.device;
         let error = |call| move |e| device.error(call, during, e);
-        let commands = [self.command];
-        let (semaphores, values) = ([self.done.raw], [self.submitted + 1]);
+        let commands = [self.command()];
+        let next = self.submitted + 1;
+        let (semaphores, values) = ([self.done.raw], [next]);
         let mut timeline = vk::TimelineSemaphoreSubmitInfo::default().signal_semaphore_values(&values);
         let info = [vk::SubmitInfo::default()
             .command_buffers(&commands)
             .signal_semaphores(&semaphores)
             .push_next(&mut timeline)];
-        let wait = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
-        // SAFETY: the queue is locked while it is submitted to; all that was recorded lives until the wait is over.
+        // SAFETY: the queue is locked while it is submitted to; all that was recorded lives until it was waited for.
         unsafe {
-            raw.end_command_buffer(self.command).map_err(error("vkEndCommandBuffer"))?;
+            raw.end_command_buffer(self.command()).map_err(error("vkEndCommandBuffer"))?;
             if device.record_only {
                 device.record(|r| r.push(Entry::Submit));
-                add(&device.counters.submissions, 1);
-                self.times.clear();
-                return Ok(&self.times);
-            }
-            let submitted = (self.queue_submit)(*device.compute.lock(), 1, info.as_ptr(), vk::Fence::null());
-            submitted.result().map_err(error("vkQueueSubmit"))?;
-            self.submitted += 1;
-            add(&device.counters.submissions, 1);
-            #[cfg(test)]
-            if let Some((_, fault)) = self.fails_from.filter(|(from, _)| self.submitted > *from) {
-                let _ = raw.wait_semaphores(&wait, u64::MAX);
-                return Err(device.error("vkQueueSubmit", during, fault));
-            }
-            match raw.wait_semaphores(&wait, self.patience_ns) {
-                Err(vk::Result::TIMEOUT) => return Err(device.give_up("vkWaitSemaphores", during)),
-                other => other.map_err(error("vkWaitSemaphores"))?,
+            } else {
+                let submitted = (self.queue_submit)(*device.compute.lock(), 1, info.as_ptr(), vk::Fence::null());
+                submitted.result().map_err(error("vkQueueSubmit"))?;
             }
         }
-        self.read_times().map_err(|e| self.device.error("vkGetQueryPoolResults", during, e))?;
-        Ok(&self.times)
+        add(&device.counters.submissions, 1);
+        self.submitted = next;
+        self.slots[self.at].submission = next;
+        #[cfg(test)]
+        if let Some((_, fault)) = self.fails_from.filter(|(from, _)| next > *from) {
+            self.wait_for(next, during)?;
+            return Err(self.device.error("vkQueueSubmit", during, fault));
+        }
+        Ok(next)
     }
 
-    fn read_times(&mut self) -> Result<(), vk::Result> {
-        self.times.clear();
-        if self.marks.is_empty() {
-            return Ok(());
+    /// Waits until a submission is over, for a while, and reads its times.
+    pub(crate) fn wait_for(&mut self, submission: u64, during: &str) -> Result<(), EngineError> {
+        let device = &self.device;
+        if submission > self.over {
+            if submission == self.submitted {
+                add(&device.counters.stalls, 1);
+                device.record(|r| r.push(Entry::Stall));
+            }
+            let (semaphores, values) = ([self.done.raw], [submission]);
+            let wait = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
+            if !device.record_only {
+                if device.is_stuck() {
+                    return Err(device.give_up("vkWaitSemaphores", during));
+                }
+                // SAFETY: the semaphore is this recorder's, and the submission that signals it was made.
+                match unsafe { device.raw.wait_semaphores(&wait, self.patience_ns) } {
+                    Err(vk::Result::TIMEOUT) => return Err(device.give_up("vkWaitSemaphores", during)),
+                    other => other.map_err(|e| device.error("vkWaitSemaphores", during, e))?,
+                }
+            }
+            self.over = submission;
         }
-        self.ticks.clear();
-        self.ticks.resize(self.marks.len() + 1, 0);
-        if self.has_timestamps() {
-            let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
-            // SAFETY: these queries were written by the submission that was just waited for.
-            unsafe { self.device.raw.get_query_pool_results(self.queries, 0, &mut self.ticks, flags)? };
-        }
-        let period = f64::from(self.device.report.limits.timestamp_period) * 1e-9;
-        let seconds = self.ticks.windows(2).map(|t| t[1].saturating_sub(t[0]) as f64 * period);
-        self.times.extend(self.marks.iter().copied().zip(seconds));
-        Ok(())
+        let times = &mut self.times;
+        self.slots.iter_mut().filter(|slot| slot.submission <= self.over).try_for_each(|slot| slot.read_times(times))
     }
 
-    fn has_timestamps(&self) -> bool {
-        self.device.report.limits.timestamp_period > 0.0
+    /// Waits until all is over.
+    pub(crate) fn idle(&mut self) -> Result<(), EngineError> {
+        self.wait_for(self.submitted, "what was submitted before")
     }
 
     fn set(&mut self, layout: vk::DescriptorSetLayout) -> Result<vk::DescriptorSet, EngineError> {
-        let raw = &self.device.raw;
-        let device = &self.device;
-        let error = |call| move |e| device.error(call, "descriptor sets", e);
-        if self.used.1 == SETS {
-            self.used = (self.used.0 + 1, 0);
+        if self.slots[self.at].is_used_up() {
+            // One for each, so that the next recording finds what this one needed.
+            self.slots.iter_mut().try_for_each(Slot::add_pool)?;
         }
-        if self.used.0 == self.sets.len() {
-            // Kernels see 4 buffers on average or fewer; some of the transform's see more.
-            let sizes = [vk::DescriptorPoolSize { ty: vk::DescriptorType::STORAGE_BUFFER, descriptor_count: 8 * SETS }];
-            let info = vk::DescriptorPoolCreateInfo::default().max_sets(SETS).pool_sizes(&sizes);
-            // SAFETY: `info` is valid for the call.
-            let pool = unsafe { raw.create_descriptor_pool(&info, None) }.map_err(error("vkCreateDescriptorPool"))?;
-            self.sets.push(pool);
-            add(&device.counters.pools, 1);
-        }
-        let layouts = [layout];
-        let info =
-            vk::DescriptorSetAllocateInfo::default().descriptor_pool(self.sets[self.used.0]).set_layouts(&layouts);
-        let mut set = vk::DescriptorSet::null();
-        // Not through ash, which makes a list of the one.
-        let allocate = raw.fp_v1_0().allocate_descriptor_sets;
-        // SAFETY: the pool has room for this set, and one is asked for.
-        unsafe { allocate(raw.handle(), &info, &mut set) }.result().map_err(error("vkAllocateDescriptorSets"))?;
-        self.used.1 += 1;
-        Ok(set)
+        self.slots[self.at].set(layout)
     }
 }
 
 impl Drop for Recorder {
     fn drop(&mut self) {
-        if self.device.is_stuck() {
+        if self.device.is_stuck() || self.device.record_only {
             return;
         }
-        let raw = &self.device.raw;
         let (semaphores, values) = ([self.done.raw], [self.submitted]);
         let wait = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
-        // SAFETY: what was submitted is over after the wait (or the device lost, when nothing runs either); each is
-        // destroyed once.
+        // SAFETY: what was submitted is over after the wait (or the device lost, when nothing runs either).
         unsafe {
-            let _ = raw.wait_semaphores(&wait, u64::MAX);
-            raw.destroy_query_pool(self.queries, None);
-            for pool in &self.sets {
-                raw.destroy_descriptor_pool(*pool, None);
-            }
-            raw.destroy_command_pool(self.commands, None);
+            let _ = self.device.raw.wait_semaphores(&wait, u64::MAX);
         }
     }
 }

@@ -7,11 +7,14 @@
 
 use super::chunks::{read_whole, unreadable};
 use super::{ColorHologram, Hologram, HologramError, Metadata, level_of_phase, phase_of_level, wrap_phase};
-use crate::files::{FileError, Folder, FolderDraft, Npy, encode_grey8, read_grey8, read_npy, write_npy};
+use crate::files::{
+    FileError, Folder, FolderDraft, Npy, encode_grey8, holds_only_own, read_grey8, read_npy, write_listed, write_npy,
+};
 use crate::optics::{Color, Display, Geometry};
+use std::collections::BTreeMap;
 use std::f64::consts::TAU;
+use std::fs;
 use std::path::{Path, PathBuf};
-use std::{collections::BTreeMap, fs};
 
 /// Phases without their optics.
 #[derive(Debug, Clone, PartialEq)]
@@ -253,26 +256,23 @@ fn doubt(array: &Npy) -> Option<String> {
 }
 
 impl Hologram {
-    /// Writes one 8-bit grey PNG per colour and sub-frame into the folder `folder`, which appears whole. A folder of
-    /// such pictures is replaced; any other that is not empty is left alone.
+    /// Writes one 8-bit grey PNG per colour and sub-frame into the folder `folder`, which appears whole, and a list of them. A
+    /// folder that this made, and nobody changed, is replaced; any other that is not empty is left alone.
     ///
     /// # Errors
     /// [`HologramError::Inconsistent`], [`HologramError::File`].
     pub fn save_pngs(&self, folder: &Path) -> Result<(), HologramError> {
         self.check()?;
-        let draft = FolderDraft::new(folder, |there| {
-            fs::read_dir(there).is_ok_and(|mut entries| {
-                entries.all(|e| e.is_ok_and(|e| e.file_name().to_str().and_then(parse_name).is_some()))
-            })
-        })?;
-        for (i, c) in self.colors.iter().enumerate() {
-            for frame in 0..self.frames {
-                let levels: Vec<u8> = self.frame(i, frame).iter().map(|&p| level_of_phase(p)).collect();
-                let color = c.color.map_or_else(|| i.to_string(), |c| c.to_string());
-                let name = format!("{color}-{frame:02}.png");
-                draft.write(&name, |out| encode_grey8(out, self.height, self.width, &levels))?;
-            }
-        }
+        let draft = FolderDraft::new(folder, holds_only_own)?;
+        let picture = |(i, frame): (usize, usize)| {
+            let levels: Vec<u8> = self.frame(i, frame).iter().map(|&p| level_of_phase(p)).collect();
+            let color = self.colors[i].color.map_or_else(|| i.to_string(), |c| c.to_string());
+            let (name, mut bytes) = (format!("{color}-{frame:02}.png"), Vec::new());
+            let encoded = encode_grey8(&mut bytes, self.height, self.width, &levels);
+            encoded.map(|()| (name.clone(), bytes)).map_err(|e| FileError::write(&folder.join(name), e))
+        };
+        let all = (0..self.colors.len()).flat_map(|i| (0..self.frames).map(move |frame| (i, frame)));
+        write_listed(&draft, all.map(picture))?;
         Ok(draft.put()?)
     }
 }

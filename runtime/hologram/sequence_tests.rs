@@ -77,7 +77,10 @@ fn a_sequence_comes_back_and_grows_while_it_is_read() {
     assert!(matches!(small(0).save(&path), Err(HologramError::Busy { .. })));
     writer.finish().unwrap();
     assert!(sequence.is_complete() && !path.join("progress.lock").exists());
+    // As by somebody who was killed between the two writes of the end.
+    std::fs::write(path.join("progress.lock"), "").unwrap();
     assert!(SequenceWriter::resume(&path, &small(0), RATE, Some(5)).unwrap().is_none());
+    assert!(!path.join("progress.lock").exists(), "the lock of the dead is removed");
     let error = Hologram::load(&path).unwrap_err().to_string();
     assert!(error.contains("sequence"), "{error}");
 }

@@ -95,10 +95,11 @@ impl SequenceWriter {
             let what = difference(&about, &wanted);
             return other(format!("a sequence made otherwise stands there ({what})"));
         }
-        if there.is_complete() {
+        let folder = open_folder(path)?;
+        // Who was killed at its very end left the lock.
+        if there.is_complete() && !folder.has(LOCK) {
             return Ok(None);
         }
-        let folder = open_folder(path)?;
         let _lock = lock(&folder)?;
         // Whoever held it a moment ago may have gone on.
         there = Sequence::open(path)?;

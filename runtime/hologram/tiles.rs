@@ -14,6 +14,7 @@ use super::chunks::{
 };
 use super::{Hologram, HologramError, Metadata, document};
 use crate::files::{Folder, Kind};
+use crate::optics::Geometry;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -114,7 +115,8 @@ impl Tiles {
     /// As [`open`](Self::open); [`HologramError::Busy`] where another program makes it.
     pub fn resume(path: &Path) -> Result<Self, HologramError> {
         let tiles = Self::open(path)?;
-        if tiles.made.is_none() {
+        // Who was killed at its very end left the lock.
+        if tiles.made.is_none() && !tiles.folder.has(LOCK) {
             return Ok(tiles);
         }
         let lock = lock(&tiles.folder)?;
@@ -150,6 +152,12 @@ impl Tiles {
         let [colors, frames, height, width] = shape;
         if colors != about.colors.len() || colors == 0 || frames == 0 {
             return Err(damaged(&file, format!("its shape is {shape:?}, not that of zarr.json")));
+        }
+        if about.geometry != Geometry::FarField {
+            return Err(damaged(
+                &file,
+                "its shape is that of tiles, which hold far fields, and zarr.json is a relay's",
+            ));
         }
         (about.frames, about.height, about.width) = (frames, height, width);
         // A tile is held as a whole.

@@ -40,11 +40,13 @@ impl Window {
             // In the far field a window may hang over on all sides: zeros around what passes are finer samples.
             let relay = optics.geometry == Geometry::Relay;
             let most = if relay { 1.0 } else { 2.0 } * n as f64;
+            // A diameter of just so many bins is so many, whichever way the last digits of a pitch were rounded.
+            let bins = |diameter: f64| (diameter / bin - 1e-6).ceil();
             let wanted = match factor {
                 WindowFactor::Full => n,
                 // One bin more than the disc can hold on a grid that it is not centred on.
-                WindowFactor::One => (pupil.diameter / bin).ceil().min(n as f64) as usize + 2,
-                WindowFactor::Two => (2.0 * pupil.diameter / bin).ceil().min(most) as usize + 2,
+                WindowFactor::One => bins(pupil.diameter).min(n as f64) as usize + 2,
+                WindowFactor::Two => bins(2.0 * pupil.diameter).min(most) as usize + 2,
             };
             let count =
                 if relay || factor == WindowFactor::Full { fast_size(wanted).min(n) } else { fast_size(wanted) };
@@ -123,6 +125,18 @@ mod tests {
         for n in 16..5000 {
             assert!(fast_size(n) as f64 <= 1.28 * n as f64 + 1.0, "{n} -> {}", fast_size(n));
         }
+    }
+
+    #[test]
+    fn the_last_digit_of_a_pitch_does_not_decide() {
+        let size = |pitch: f64| {
+            let optics = Optics::new(64, 64, pitch, 520e-9, 0.4).unwrap().in_geometry(Geometry::FarField);
+            let window = Window::new(&optics, &Pupil::from_mm([0.0, 0.0, 0.2, 0.0]), WindowFactor::One);
+            (window.rows, window.columns)
+        };
+        let pitch = 20e-6f64;
+        assert_eq!(size(pitch), (12, 12));
+        assert_eq!([pitch.next_down(), pitch.next_up()].map(size), [(12, 12); 2]);
     }
 
     proptest! {

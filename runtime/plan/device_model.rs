@@ -64,7 +64,7 @@ pub struct Estimate {
     pub memory: Duration,
     /// Between stages, and dispatches of one.
     pub stages: Duration,
-    /// Submitting and waiting.
+    /// Waiting for the host, which waits for the device.
     pub submissions: Duration,
 }
 
@@ -104,7 +104,7 @@ impl DeviceModel {
         Estimate {
             memory: Duration::from_secs_f64(memory),
             stages: Duration::from_secs_f64(between),
-            submissions: Duration::from_secs_f64(recording.submissions() as f64 * self.submission_s),
+            submissions: Duration::from_secs_f64(recording.stalls() as f64 * self.submission_s),
         }
     }
 }
@@ -208,6 +208,7 @@ mod tests {
             Entry::Barrier,
             work(&[(1, 1_000_000_000, false)]),
             Entry::Submit,
+            Entry::Stall,
         ] {
             recording.push(entry);
         }

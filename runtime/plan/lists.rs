@@ -230,6 +230,19 @@ impl Step {
         self.pupil_passes.iter().any(|pupil_pass| pupil_pass.taper.is_some())
     }
 
+    /// The entry of the list after which phases may change, and before which all losses are known: what comes behind the last
+    /// kernel that runs over pupil passes, and behind `check_finite` where the list has it.
+    pub(crate) fn before_update(&self) -> usize {
+        let known = |d: &Dispatch| d.kernel.scope().is_per_pupil() || d.kernel == Kernel::CheckFinite;
+        self.list.iter().rposition(known).map_or(self.list.len(), |i| i + 1)
+    }
+
+    /// The mean squared difference over the pupils, of the sums that an engine gives.
+    pub(crate) fn mean_loss(&self, losses: &[f64]) -> f64 {
+        let each = losses.iter().zip(&self.pupil_passes).map(|(loss, pupil_pass)| loss / pupil_pass.count() as f64);
+        each.sum::<f64>() / losses.len().max(1) as f64
+    }
+
     /// How many entries, at the start, look at no pupil pass.
     pub fn shared(&self) -> usize {
         self.list.iter().take_while(|d| d.pupil_passes.is_empty()).count()

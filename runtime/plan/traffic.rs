@@ -22,8 +22,10 @@ pub(crate) enum Entry {
     Barrier,
     /// What was recorded since the mark before belongs to this kernel.
     Mark(usize),
-    /// The end of a submission, for which the host waits.
+    /// The end of a submission.
     Submit,
+    /// The host waits for what was submitted last, and the device for the host.
+    Stall,
 }
 
 /// What was recorded, in order.
@@ -61,9 +63,14 @@ impl Recording {
         self.count(|e| *e == Entry::Barrier)
     }
 
-    /// Submissions, for each of which the host waits.
+    /// Submissions.
     pub fn submissions(&self) -> usize {
         self.count(|e| *e == Entry::Submit)
+    }
+
+    /// Waits of the host for what was submitted last: until it comes back the device has nothing to do.
+    pub fn stalls(&self) -> usize {
+        self.count(|e| *e == Entry::Stall)
     }
 
     /// Bytes read and bytes written by everything.
@@ -82,7 +89,7 @@ impl Recording {
             match entry {
                 Entry::Work { moves, .. } => stages.last_mut().expect("there is one").push(moves),
                 Entry::Barrier | Entry::Submit => stages.push(Stage::new()),
-                Entry::Mark(_) => {}
+                Entry::Mark(_) | Entry::Stall => {}
             }
         }
         stages.retain(|stage| !stage.is_empty());
@@ -109,7 +116,7 @@ impl Recording {
                     sums[*kernel].1 += std::mem::take(&mut bytes);
                 }
                 Entry::Submit => (dispatches, bytes) = (0, 0),
-                Entry::Barrier => {}
+                Entry::Barrier | Entry::Stall => {}
             }
         }
         let all = Kernel::ALL.into_iter().zip(sums).map(|(kernel, (dispatches, bytes))| (kernel, dispatches, bytes));

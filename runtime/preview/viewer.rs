@@ -77,6 +77,8 @@ type Answer = Result<Seen, PreviewError>;
 const SLOW: Duration = Duration::from_millis(40);
 /// The mouse rests when nothing new comes for so long.
 const REST: Duration = Duration::from_millis(60);
+/// Where a photograph is to be compared with, no more than one part in so many goes into whole pictures while nothing rests.
+const WHOLE_SHARE: u32 = 5;
 
 /// Looks through the newest pupil at the newest hologram, on a thread of its own that owns the engines. No call waits.
 pub struct Viewer {
@@ -99,7 +101,8 @@ impl Viewer {
         let looked = Arc::new(AtomicU64::new(0));
         let (take, give, count) = (given.clone(), answers.clone(), Arc::clone(&looked));
         let run = move || {
-            let mut looker = Looker { eye: Eye::new(open), scene, cameras: Vec::new(), expected: None };
+            let mut looker =
+                Looker { eye: Eye::new(open), scene, cameras: Vec::new(), expected: None, whole_ended: None };
             let (mut showing, mut look) = (None, None);
             loop {
                 let given = take.wait();
@@ -119,8 +122,8 @@ impl Viewer {
                     let coarse = looker.look(*content, showing, look, Detail::Coarse);
                     let failed = coarse.is_err();
                     publish(coarse);
-                    // The mouse moves on: the next coarse picture counts more than this one's whole.
-                    if failed || take.comes(REST) {
+                    // The mouse moves on: the next coarse picture counts more than this one's whole, but for one now and then.
+                    if failed || (!looker.is_due() && take.comes(REST)) {
                         continue;
                     }
                 }
@@ -179,9 +182,17 @@ struct Looker {
     cameras: Vec<Box<dyn Engine>>,
     /// What a whole picture took.
     expected: Option<Duration>,
+    /// When it was there.
+    whole_ended: Option<Instant>,
 }
 
 impl Looker {
+    /// Whether a whole picture is made though something newer waits: only it is compared with the photograph.
+    fn is_due(&self) -> bool {
+        let (Some(took), Some(ended)) = (self.expected, self.whole_ended) else { return false };
+        !self.scene.is_empty() && ended.elapsed() >= (WHOLE_SHARE - 1) * took
+    }
+
     fn look(&mut self, content: u64, showing: &Showing, look: &Look, detail: Detail) -> Answer {
         let start = Instant::now();
         let whole = detail == Detail::Whole;
@@ -208,7 +219,7 @@ impl Looker {
         let picture = shown.then(|| develop(&photograph, &colors, &vec![1.0; colors.len()], size, look.within));
         let spent = start.elapsed();
         if whole {
-            self.expected = Some(spent);
+            (self.expected, self.whole_ended) = (Some(spent), Some(Instant::now()));
         }
         let milliseconds = spent.as_secs_f64() * 1e3;
         Ok(Seen {

@@ -217,6 +217,7 @@ impl Refining {
             aimed = Instant::now();
             expected = self.tracker.expect(clock.monotonic_ns(light_ns));
         }
+        self.steerer.settle()?;
         self.options.track.span("refine", self.number, begun);
         let after = self.steerer.counts();
         self.shared.restarts.fetch_add(after[0] - before[0], Ordering::Relaxed);

@@ -46,7 +46,7 @@ impl Default for Policy {
 
 struct OneColor {
     refiner: Refiner,
-    whole: Vec<f32>,
+    /// As they were read last.
     phases: Vec<f32>,
 }
 
@@ -81,7 +81,7 @@ impl Steerer {
         }
         let one = |color: SteeredColor| -> Result<OneColor, SessionError> {
             let refiner = Refiner::new(color.problem, &color.phases, color.exposure, policy.steering, engine()?)?;
-            Ok(OneColor { refiner, phases: color.phases.clone(), whole: color.phases })
+            Ok(OneColor { refiner, phases: Vec::new() })
         };
         let colors = colors.into_iter().map(one).collect::<Result<_, _>>()?;
         Ok(Self { colors, policy, next: 0, aimed: None, restarts: 0, steps: 0 })
@@ -114,7 +114,7 @@ impl Steerer {
     pub fn restart(&mut self) -> Result<(), EngineError> {
         self.aimed = None;
         self.restarts += 1;
-        self.colors.iter_mut().try_for_each(|c| c.refiner.restart(&c.whole))
+        self.colors.iter_mut().try_for_each(|c| c.refiner.begin_again())
     }
 
     /// What one step of every colour is expected to take.
@@ -123,23 +123,38 @@ impl Steerer {
     }
 
     /// Steps, colour by colour in turn, one of each at most, while `may_begin` says of each, told what it is expected to
-    /// take, that it may; how many were taken. A colour whose loss is no finite number begins again.
+    /// take and what is under way before it, that it may; how many were taken. A colour whose loss is no finite number begins
+    /// again. On a device the last ones are under way when this returns: [`settle`](Self::settle) waits for them.
     ///
     /// # Errors
     /// Those of the engines.
     pub fn round_while(&mut self, mut may_begin: impl FnMut(Duration) -> bool) -> Result<u32, EngineError> {
         for taken in 0..self.colors.len() as u32 {
+            let backlog: Duration = self.colors.iter().map(|c| c.refiner.backlog()).sum();
             let color = &mut self.colors[self.next];
-            if !may_begin(color.refiner.expected()) {
+            if !may_begin(backlog + color.refiner.expected()) {
                 return Ok(taken);
             }
-            if !color.refiner.step()?.is_finite() {
-                color.refiner.restart(&color.whole)?;
+            if color.refiner.advance()?.is_some_and(|loss| !loss.is_finite()) {
+                color.refiner.begin_again()?;
             }
             self.next = (self.next + 1) % self.colors.len();
             self.steps += 1;
         }
         Ok(self.colors.len() as u32)
+    }
+
+    /// Waits for the steps that are under way.
+    ///
+    /// # Errors
+    /// Those of the engines.
+    pub fn settle(&mut self) -> Result<(), EngineError> {
+        for color in &mut self.colors {
+            if color.refiner.settle()?.is_some_and(|loss| !loss.is_finite()) {
+                color.refiner.begin_again()?;
+            }
+        }
+        Ok(())
     }
 
     /// The phases as they are now, colour by colour: (frames, height, width), radians.

@@ -181,6 +181,7 @@ impl Studying<'_> {
             self.stage.now_ns = time.now_ns() + SLACK_NS;
             return Ok(None);
         }
+        self.steerer.settle()?;
         let refined_ns = time.now_ns();
         let phases = self.steerer.phases()?;
         self.encoder.encode_into(&PhaseSet::trusted(&phases), &mut self.frames)?;

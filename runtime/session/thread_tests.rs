@@ -192,6 +192,22 @@ impl Engine for Fails {
         self.0.read(buffer)
     }
 
+    fn keep(&mut self, buffer: Buffer) -> Result<(), EngineError> {
+        self.0.keep(buffer)
+    }
+
+    fn kept(&mut self) -> Result<Vec<f32>, EngineError> {
+        self.0.kept()
+    }
+
+    fn restore(&mut self) -> Result<(), EngineError> {
+        self.0.restore()
+    }
+
+    fn clear_moments(&mut self) -> Result<(), EngineError> {
+        self.0.clear_moments()
+    }
+
     fn run_part(&mut self, step: &Step, part: std::ops::Range<usize>) -> Result<Vec<f64>, EngineError> {
         if self.1 == 0 {
             return Err(EngineError::DeviceLost { device: "a test".into(), during: "compare".into() });

@@ -1,6 +1,5 @@
 //! Which kernel first gave NaN or an infinity.
 
-use super::step::before_update;
 use crate::engine::{Buffer, Engine, EngineError, Kernel, Step};
 
 /// Runs the step again, kernel by kernel, up to where phases would change, and names the first whose output is not
@@ -12,7 +11,7 @@ pub(super) fn first_fault(engine: &mut dyn Engine, step: &Step) -> Result<Option
     if !finite(&engine.read(Buffer::Phases)?) {
         return Ok(None);
     }
-    for i in 0..before_update(step) {
+    for i in 0..step.before_update() {
         let dispatch = &step.list[i];
         let losses = engine.run_part(step, i..i + 1)?;
         if !losses.iter().all(|l| l.is_finite()) {

@@ -25,7 +25,11 @@ pub enum Stop {
 
 /// What the observer is shown after each step.
 #[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
 pub struct Progress<'a> {
+    /// Steps of the short solves that choose the exposure, taken and in all, while they run; the numbers below are of the
+    /// solve that follows them, but for the loss.
+    pub pilot: Option<[usize; 2]>,
     /// Steps taken.
     pub step: usize,
     /// Steps asked for.

@@ -40,6 +40,8 @@ pub struct Rates {
 const SIDES: [usize; 4] = [128, 256, 512, 1024];
 /// Timed steps of each, in groups and whole.
 const ROUNDS: usize = 4;
+/// What timing takes, bytes a point: views, fields and windows.
+const BYTES: u64 = 800;
 /// A step that takes longer than this is the last to be timed, seconds.
 const LONGEST: f64 = 0.6;
 
@@ -101,7 +103,10 @@ impl Rates {
     /// Those of the engine.
     fn measure(engine: &mut dyn Engine, storage: Storage) -> Result<Self, EngineError> {
         let mut rates = Self { project: Vec::new(), adam: Vec::new() };
-        for side in SIDES {
+        let room = crate::memory::available().unwrap_or(u64::MAX);
+        // The smallest is timed whatever there is.
+        let sides = SIDES.into_iter().enumerate().filter(|(i, side)| *i == 0 || (side * side) as u64 * BYTES < room);
+        for (_, side) in sides {
             let views = noise(side);
             let mut longest = 0.0f64;
             for (optimizer, rates) in
@@ -148,7 +153,7 @@ impl Rates {
 fn noise(side: usize) -> Arc<Pyramid> {
     let phases = random_phases(side * side, 1);
     let view: Vec<f32> = phases.iter().map(|p| p.abs()).collect();
-    Arc::new(Pyramid::new(&vec![view; 81], side, side))
+    Arc::new(Pyramid::new(&[&view[..]; 81], side, side))
 }
 
 /// One size, one optimiser; also the seconds of a whole step.

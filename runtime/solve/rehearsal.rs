@@ -4,7 +4,7 @@ use super::error::SolveError;
 use super::problem::Problem;
 use super::settings::Settings;
 use super::steer::{Refiner, Steering};
-use super::step::{Steps, take};
+use super::step::Steps;
 use crate::engine::Engine;
 use crate::engine::vulkan::VulkanEngine;
 use crate::gpu::{Counts, EngineError, Gpu};
@@ -41,10 +41,11 @@ impl Rehearsal {
         let planner = problem.planner_of(settings);
         let mut engine = VulkanEngine::new(gpu)?;
         engine.load(&planner.shape(settings.optimizer.purpose()), Some(Arc::clone(&problem.pyramid)))?;
-        let mut steps = Steps::new(problem, &planner, settings, 1.0);
+        let (mut steps, mut under_way) = (Steps::new(problem, &planner, settings, 1.0), None);
         rehearse(gpu, count, || {
             let step = steps.next(0.5);
-            take(&mut engine, &step, std::slice::from_ref(&(0..step.list.len()))).map(drop)
+            let begun = engine.begin_step(&step, std::slice::from_ref(&(0..step.list.len())))?;
+            under_way.replace(begun).map_or(Ok(()), |before| engine.end_step(before).map(drop))
         })
     }
 
@@ -63,7 +64,7 @@ impl Rehearsal {
         let phases = vec![0.0; frames * problem.optics.height * problem.optics.width];
         let mut refiner = Refiner::new(problem, &phases, 1.0, steering, Box::new(VulkanEngine::new(gpu)?))?;
         refiner.aim(aim)?;
-        rehearse(gpu, count, || refiner.step().map(drop))
+        rehearse(gpu, count, || refiner.advance().map(drop))
     }
 
     /// The later half of the steps, for which most is made already.

@@ -9,20 +9,47 @@ use super::outcome::{Flow, Progress, Stop, Warm};
 use super::problem::Problem;
 use super::sampling::random_phases;
 use super::settings::Settings;
-use super::step::{Steps, take};
+use super::step::Steps;
 use super::validation::{ValidationScore, Validator};
-use crate::engine::{Buffer, Engine, EngineError};
+use crate::engine::{Begun, Buffer, Engine, EngineError, Step};
 use crate::optics::WindowFactor;
 use crate::plan::Planner;
+use std::collections::VecDeque;
 use std::slice;
 use std::time::Instant;
 
-/// Phases that were validated.
+/// Phases that were validated: the engine keeps them.
 pub(super) struct Validated {
     pub(super) score: ValidationScore,
-    pub(super) phases: Vec<f32>,
     /// The step after which they were.
     step: usize,
+}
+
+/// From first phases to the best.
+struct Descent<'o> {
+    /// Steps at most, and from one verdict to the next.
+    steps: usize,
+    every: usize,
+    /// Quality at which it stops, dB.
+    wanted: Option<f64>,
+    /// Steps that have ended.
+    step: usize,
+    best: Option<Validated>,
+    /// Steps that were begun and have not ended.
+    under_way: VecDeque<(Step, Begun)>,
+    observe: &'o mut dyn FnMut(&Progress) -> Flow,
+}
+
+impl Descent<'_> {
+    fn is_verdict(&self, step: usize) -> bool {
+        step.is_multiple_of(self.every) || step == self.steps
+    }
+
+    /// The step that is to be ended now: all of them, or all but one that is still under way.
+    fn next(&mut self, all: bool) -> Option<(Step, Begun)> {
+        let last_is_over = self.under_way.back().is_some_and(|(_, begun)| begun.is_over());
+        if all || last_is_over || self.under_way.len() > 1 { self.under_way.pop_front() } else { None }
+    }
 }
 
 /// A solve under way.
@@ -63,17 +90,25 @@ impl Run<'_> {
             return Ok(if adam { (ADAM_EXPOSURE * end.guess()).max(end.mean) } else { end.guess() });
         };
         self.pilot = true;
+        let (start, steps, all) = (self.start, self.settings.steps, PILOT_STEPS * candidates.len());
         let mut tried = Vec::new();
         for exposure in candidates {
-            let seconds = self.start.elapsed().as_secs_f64();
-            let progress = Progress { step: 0, steps: self.settings.steps, seconds, loss: f64::NAN, validation: None };
-            let late = self.settings.seconds.is_some_and(|most| seconds > 0.5 * most);
-            if !tried.is_empty() && (late || observe(&progress) == Flow::Stop) {
+            let late = self.settings.seconds.is_some_and(|most| start.elapsed().as_secs_f64() > 0.5 * most);
+            if !tried.is_empty() && late {
                 break;
             }
             self.exposure = exposure;
-            let (best, ..) = self.descend(PILOT_STEPS, &mut |_| Flow::Continue)?;
+            let before = PILOT_STEPS * tried.len();
+            let mut observe = |pilot: &Progress| {
+                let pilot_steps = Some([before + pilot.step, all]);
+                let seconds = start.elapsed().as_secs_f64();
+                observe(&Progress { pilot: pilot_steps, step: 0, steps, seconds, loss: pilot.loss, validation: None })
+            };
+            let (best, _, stop) = self.descend(PILOT_STEPS, &mut observe)?;
             tried.push((exposure, best.score.mean()));
+            if stop == Stop::Asked {
+                break;
+            }
         }
         self.pilot = false;
         let best = (0..tried.len()).max_by(|&i, &j| tried[i].1.total_cmp(&tried[j].1)).unwrap_or(0);
@@ -92,61 +127,83 @@ impl Run<'_> {
     ) -> Result<(Validated, usize, Stop), SolveError> {
         let Self { settings, planner, .. } = *self;
         let pixels = settings.frames * planner.slm.height * planner.slm.width;
-        let zeros = vec![0.0; pixels];
         self.engine.write(Buffer::Phases, &self.first_phases(pixels))?;
-        self.engine.write(Buffer::Momentum, &zeros)?;
-        if matches!(settings.optimizer, Optimizer::Adam { .. }) {
-            self.engine.write(Buffer::Second, &zeros)?;
-        }
-        drop(zeros);
+        self.engine.clear_moments()?;
         let mut schedule = Steps::new(self.problem, planner, settings, self.exposure);
         let limit = settings.seconds.filter(|_| !self.pilot);
         let wanted = settings.psnr.filter(|_| !self.pilot);
         let begun = self.start.elapsed().as_secs_f64();
         let every = interval(steps, wanted.is_some());
         self.durations.clear();
-        let mut best: Option<Validated> = None;
-        let mut step = 0;
+        let mut descent = Descent { steps, every, wanted, step: 0, best: None, under_way: VecDeque::new(), observe };
+        let (mut begun_steps, mut mark) = (0, Instant::now());
         let stop = loop {
             let seconds = self.start.elapsed().as_secs_f64();
-            if step >= steps {
-                break Stop::Steps;
+            let late = limit.is_some_and(|most| seconds >= most).then_some(Stop::Seconds);
+            let end = (begun_steps >= steps).then_some(Stop::Steps).or(late);
+            if end.is_none() {
+                let progress = (begun_steps as f64 / steps as f64)
+                    .max(limit.map_or(0.0, |most| (seconds - begun) / (most - begun).max(1e-9)));
+                let begun_at = self.from.map_or(0.0, |from| from.progress);
+                let next = schedule.next(begun_at + (1.0 - begun_at) * progress);
+                let taken = self.engine.begin_step(&next, slice::from_ref(&(0..next.list.len())))?;
+                begun_steps += 1;
+                descent.under_way.push_back((next, taken));
             }
-            if limit.is_some_and(|most| seconds >= most) {
-                break Stop::Seconds;
+            // On a device one step may be under way while the next is made; verdicts, and the end, wait for it.
+            let waits = end.is_some() || descent.is_verdict(begun_steps);
+            let mut stop = None;
+            while let Some((next, taken)) = descent.next(waits || stop.is_some()) {
+                stop = self.end(&mut descent, &next, taken, &mut mark, stop)?;
             }
-            let progress = (step as f64 / steps as f64)
-                .max(limit.map_or(0.0, |most| (seconds - begun) / (most - begun).max(1e-9)));
-            let taken = Instant::now();
-            let begun_at = self.from.map_or(0.0, |from| from.progress);
-            let next = schedule.next(begun_at + (1.0 - begun_at) * progress);
-            let loss = take(self.engine, &next, slice::from_ref(&(0..next.list.len())))?;
-            step += 1;
-            if !loss.is_finite() {
-                let kernel = fault::first_fault(self.engine, &next)?;
-                if kernel.is_none() && best.is_none() {
-                    self.engine.write(Buffer::Phases, &self.first_phases(pixels))?;
-                }
-                break Stop::NotFinite { step, kernel };
-            }
-            self.durations.push(taken.elapsed().as_secs_f64());
-            if step.is_multiple_of(every) || step == steps {
-                self.validate(step, &mut best)?;
-            }
-            let validation = best.as_ref().map(|b| &b.score);
-            if observe(&Progress { step, steps, seconds: self.start.elapsed().as_secs_f64(), loss, validation })
-                == Flow::Stop
-            {
-                break Stop::Asked;
-            }
-            if validation.zip(wanted).is_some_and(|(v, wanted)| v.mean() >= wanted) {
-                break Stop::Quality;
+            if let Some(stop) = stop.or(end) {
+                break stop;
             }
         };
+        let Descent { step, mut best, .. } = descent;
         if best.as_ref().is_none_or(|b| b.step != step) {
             self.validate(step, &mut best)?;
         }
         Ok((best.expect("it was just validated"), step, stop))
+    }
+
+    /// Ends a step, and says whether the descent stops with it; one that was under way when it was to `stop` is taken as well.
+    fn end(
+        &mut self,
+        descent: &mut Descent<'_>,
+        next: &Step,
+        taken: Begun,
+        mark: &mut Instant,
+        stop: Option<Stop>,
+    ) -> Result<Option<Stop>, SolveError> {
+        let loss = next.mean_loss(&self.engine.end_step(taken)?.losses);
+        descent.step += 1;
+        let step = descent.step;
+        if !loss.is_finite() {
+            // What is under way behind it leaves phases alone.
+            descent.under_way.clear();
+            let kernel = fault::first_fault(self.engine, next)?;
+            if kernel.is_none() && descent.best.is_none() {
+                let pixels = self.settings.frames * self.planner.slm.height * self.planner.slm.width;
+                self.engine.write(Buffer::Phases, &self.first_phases(pixels))?;
+            }
+            return Ok(Some(Stop::NotFinite { step, kernel }));
+        }
+        self.durations.push(mark.elapsed().as_secs_f64());
+        if descent.is_verdict(step) {
+            self.validate(step, &mut descent.best)?;
+        }
+        *mark = Instant::now();
+        if stop.is_some() {
+            return Ok(stop);
+        }
+        let (steps, seconds) = (descent.steps, self.start.elapsed().as_secs_f64());
+        let validation = descent.best.as_ref().map(|b| &b.score);
+        if (descent.observe)(&Progress { pilot: None, step, steps, seconds, loss, validation }) == Flow::Stop {
+            return Ok(Some(Stop::Asked));
+        }
+        let is_good = validation.zip(descent.wanted).is_some_and(|(v, wanted)| v.mean() >= wanted);
+        Ok(is_good.then_some(Stop::Quality))
     }
 
     fn first_phases(&self, pixels: usize) -> Vec<f32> {
@@ -158,7 +215,8 @@ impl Run<'_> {
         }
     }
 
-    /// Scores the engine's phases, and keeps them if they are the best so far. Phases that are not finite never are.
+    /// Scores the engine's phases, which keeps them if they are the best so far. Phases that are not finite never are: what
+    /// they show has no score.
     fn validate(&mut self, step: usize, best: &mut Option<Validated>) -> Result<(), EngineError> {
         let planner = Planner { factor: WindowFactor::Full, ..self.planner.clone() };
         let score = self.validator.score(self.engine, &planner)?.in_units_of(self.unit);
@@ -166,9 +224,10 @@ impl Run<'_> {
         if best.as_ref().is_none_or(better) {
             // What was scored is what the SLM shows.
             let shown = if self.planner.levels > 0 { Buffer::Shown } else { Buffer::Phases };
-            let phases = self.engine.read(shown)?;
-            if best.is_none() || phases.iter().all(|p| p.is_finite()) {
-                *best = Some(Validated { score, phases, step });
+            let finite = |engine: &mut dyn Engine| Ok(engine.read(shown)?.iter().all(|p| p.is_finite()));
+            if best.is_none() || !score.mean().is_nan() || finite(self.engine)? {
+                self.engine.keep(shown)?;
+                *best = Some(Validated { score, step });
             }
         }
         Ok(())

@@ -114,9 +114,10 @@ pub fn solve_from(
     let exposure = run.exposure * unit;
     let (best, steps, stop) = run.descend(settings.steps, observe)?;
     let mut durations = run.durations;
+    let kept = engine.kept()?;
     durations.sort_by(f64::total_cmp);
     Ok(Solution {
-        phases: best.phases.repeat(shown / frames),
+        phases: kept.repeat(shown / frames),
         exposure,
         efficiency: problem.mean / exposure,
         validation: best.score,

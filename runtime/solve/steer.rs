@@ -5,8 +5,8 @@ use super::error::SolveError;
 use super::pace::Pace;
 use super::problem::Problem;
 use super::sampling::{Points, Sequence};
-use super::step::{Update, take};
-use crate::engine::{Buffer, Engine, EngineError, PhasesOnDevice};
+use super::step::Update;
+use crate::engine::{Begun, Buffer, Engine, EngineError, PhasesOnDevice};
 use crate::evaluate::{self, Sums};
 use crate::optics::{Pupil, PupilDistribution, WindowFactor};
 use crate::plan::{Kernel, Planner, PupilPass, Purpose, Step, Viewpoint};
@@ -145,6 +145,17 @@ pub struct Refiner {
     since: usize,
     /// What steps take that draw pupils, and those that use the pupils of the step before.
     paces: [Pace; 2],
+    /// The step that was begun last, if it has not ended.
+    under_way: Option<UnderWay>,
+}
+
+/// A step that was begun.
+struct UnderWay {
+    step: Step,
+    begun: Begun,
+    kind: usize,
+    /// Seconds that the host was at it.
+    host: f64,
 }
 
 impl Refiner {
@@ -193,12 +204,24 @@ impl Refiner {
             used: 0,
             since: 0,
             paces,
+            under_way: None,
         };
         refiner.restart(phases)?;
+        refiner.engine.keep(Buffer::Phases)?;
         Ok(refiner)
     }
 
-    /// Begins again with other phases of the same hologram: after a look elsewhere, those made for the whole eyebox.
+    /// Begins again with the phases that it was made with, those for the whole eyebox: where they are a device's, with nothing
+    /// passing through the host.
+    ///
+    /// # Errors
+    /// Those of the engine.
+    pub fn begin_again(&mut self) -> Result<(), EngineError> {
+        self.since = 0;
+        self.engine.restore()
+    }
+
+    /// Begins again with other phases of the same hologram.
     ///
     /// # Errors
     /// Those of the engine.
@@ -222,12 +245,7 @@ impl Refiner {
 
     fn forget(&mut self) -> Result<(), EngineError> {
         self.since = 0;
-        let zeros = vec![0.0; self.planner.frames * self.planner.slm.height * self.planner.slm.width];
-        self.engine.write(Buffer::Momentum, &zeros)?;
-        if matches!(self.steering.strategy, Strategy::Adam { .. }) {
-            self.engine.write(Buffer::Second, &zeros)?;
-        }
-        Ok(())
+        self.engine.clear_moments()
     }
 
     /// Pupils for the next step: around the eye, and now and then anywhere; the surer that it is there, the rarer.
@@ -291,15 +309,51 @@ impl Refiner {
     /// # Errors
     /// Those of the engine.
     pub fn step(&mut self) -> Result<f64, EngineError> {
+        self.settle()?;
+        let loss = self.advance()?;
+        Ok(self.settle()?.or(loss).unwrap_or(f64::NAN))
+    }
+
+    /// Begins a step. On a device it is under way when this returns, and the loss of the one before is given, if that had not
+    /// ended; elsewhere its own.
+    ///
+    /// # Errors
+    /// Those of the engine.
+    pub fn advance(&mut self) -> Result<Option<f64>, EngineError> {
         let (start, kind) = (Instant::now(), self.kind());
         let (step, parts) = self.next();
-        let loss = take(self.engine.as_mut(), &step, &parts)?;
-        if !loss.is_finite() {
-            self.pupil_passes.clear();
-            return Ok(loss);
+        let begun = self.engine.begin_step(&step, &parts)?;
+        if begun.is_over() {
+            return self.end(UnderWay { step, begun, kind, host: start.elapsed().as_secs_f64() }).map(Some);
         }
-        self.paces[kind].took(start.elapsed().as_secs_f64());
+        let host = start.elapsed().as_secs_f64();
+        let before = self.under_way.replace(UnderWay { step, begun, kind, host });
+        before.map(|before| self.end(before)).transpose()
+    }
+
+    /// Waits for the step that is under way, if there is one; its loss.
+    ///
+    /// # Errors
+    /// Those of the engine.
+    pub fn settle(&mut self) -> Result<Option<f64>, EngineError> {
+        self.under_way.take().map(|step| self.end(step)).transpose()
+    }
+
+    fn end(&mut self, UnderWay { step, begun, kind, host }: UnderWay) -> Result<f64, EngineError> {
+        let taken = self.engine.end_step(begun)?;
+        let loss = step.mean_loss(&taken.losses);
+        if loss.is_finite() {
+            // Steps follow each other as fast as the slower of the two lets them.
+            self.paces[kind].took(taken.seconds.max(host));
+        } else {
+            self.pupil_passes.clear();
+        }
         Ok(loss)
+    }
+
+    /// What the step that is under way is expected to take, at most.
+    pub fn backlog(&self) -> Duration {
+        Duration::from_secs_f64(self.under_way.as_ref().map_or(0.0, |step| self.paces[step.kind].expected()))
     }
 
     /// What the intensities are multiplied by.
@@ -320,13 +374,14 @@ impl Refiner {
     pub fn refine_until(&mut self, deadline: Instant, most: usize) -> Result<usize, EngineError> {
         let mut taken = 0;
         while taken < most {
-            let (left, kind) = (deadline.saturating_duration_since(Instant::now()), self.kind());
+            let (left, kind) = (deadline.saturating_duration_since(Instant::now() + self.backlog()), self.kind());
             if !self.paces[kind].may_begin(left.as_secs_f64(), taken) {
                 break;
             }
-            self.step()?;
+            self.advance()?;
             taken += 1;
         }
+        self.settle()?;
         Ok(taken)
     }
 

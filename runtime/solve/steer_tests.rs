@@ -92,6 +92,10 @@ fn time_is_kept_and_phases_begin_again() {
     assert_eq!(refiner.refine_until(Instant::now() + Duration::from_secs(60), 2).unwrap(), 2);
     refiner.restart(&whole.1).unwrap();
     assert!(refiner.phases().unwrap() == whole.1);
+    refiner.step().unwrap();
+    assert!(refiner.phases().unwrap() != whole.1);
+    refiner.begin_again().unwrap();
+    assert!(refiner.phases().unwrap() == whole.1);
 }
 
 #[test]

@@ -6,7 +6,7 @@ use super::optimizer::{Optimizer, cosine};
 use super::problem::Problem;
 use super::settings::Settings;
 use super::viewpoints::Viewpoints;
-use crate::engine::{Dispatch, Engine, EngineError, Kernel, Step};
+use crate::engine::{Engine, EngineError, Step};
 use crate::plan::{Comparison, Planner, PupilPass, Viewpoint};
 use eyebox_kernels::{Complex32, compare};
 use std::ops::Range;
@@ -113,38 +113,12 @@ impl<'a> Steps<'a> {
     }
 }
 
-/// Takes a step, or these parts of its list, in order; its [loss](mean_loss). All losses are known before phases may
+/// Takes a step, or these parts of its list, in order; its [loss](Step::mean_loss). All losses are known before phases may
 /// change: with a loss that is not a finite number the phases stay as they were.
 ///
 /// # Errors
 /// Those of the engine.
 pub(crate) fn take(engine: &mut dyn Engine, step: &Step, parts: &[Range<usize>]) -> Result<f64, EngineError> {
-    let update = before_update(step);
-    let mut losses = vec![0.0; step.pupil_passes.len()];
-    for part in parts {
-        let before = part.start..part.end.min(update).max(part.start);
-        for (sum, loss) in losses.iter_mut().zip(engine.run_part(step, before.clone())?) {
-            *sum += loss;
-        }
-        if part.end > update {
-            if !mean_loss(&losses, step).is_finite() {
-                break;
-            }
-            engine.run_part(step, before.end..part.end)?;
-        }
-    }
-    Ok(mean_loss(&losses, step))
-}
-
-/// The entry of a step's list after which phases may change, and before which all losses are known: what comes behind
-/// the last kernel that runs over pupil passes, and behind `check_finite` where the list has it.
-pub(super) fn before_update(step: &Step) -> usize {
-    let known = |d: &Dispatch| d.kernel.scope().is_per_pupil() || d.kernel == Kernel::CheckFinite;
-    step.list.iter().rposition(known).map_or(step.list.len(), |i| i + 1)
-}
-
-/// The mean squared difference over a step's pupils, of the sums that an engine gives.
-pub(crate) fn mean_loss(losses: &[f64], step: &Step) -> f64 {
-    let each = losses.iter().zip(&step.pupil_passes).map(|(loss, pupil_pass)| loss / pupil_pass.count() as f64);
-    each.sum::<f64>() / losses.len().max(1) as f64
+    let begun = engine.begin_step(step, parts)?;
+    Ok(step.mean_loss(&engine.end_step(begun)?.losses))
 }

@@ -6,7 +6,7 @@ use crate::hologram::Tiles;
 use crate::optics::{Optics, Pupil, WindowFactor};
 use crate::plan::{Kernel, Planner, Viewpoint};
 use crate::scene::Pyramid;
-use crate::solve::{BrightEnd, Flow, Optimizer, PupilRange, Sampler, Settings, Update, cosine, mean_loss, take};
+use crate::solve::{BrightEnd, Flow, Optimizer, PupilRange, Sampler, Settings, Update, cosine, take};
 use std::slice;
 use std::sync::Arc;
 use std::time::Instant;
@@ -247,7 +247,7 @@ impl<'a> Region<'a> {
             }
         }
         let losses = engine.run(&only(&[Kernel::Photograph, Kernel::Resample, Kernel::Compare]))?;
-        let found = mean_loss(&losses, &whole);
+        let found = whole.mean_loss(&losses);
         if !found.is_finite() {
             return Ok(found);
         }

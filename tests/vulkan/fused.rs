@@ -10,7 +10,9 @@ use eyebox_tests::half_roundings;
 /// Any device, with lists recorded as for a GPU.
 fn fusing() -> VulkanEngine {
     let gpu = Gpu::open(&Options { plan_as: Some(DeviceKind::Discrete), ..watched() });
-    VulkanEngine::new(&gpu.unwrap_or_else(|e| panic!("{e}"))).unwrap_or_else(|e| panic!("{e}"))
+    let mut engine = VulkanEngine::new(&gpu.unwrap_or_else(|e| panic!("{e}"))).unwrap_or_else(|e| panic!("{e}"));
+    engine.time_kernels(true);
+    engine
 }
 
 /// From the same random phases and velocity, in parts of the list that end where `cuts` say: losses, phases, velocity.

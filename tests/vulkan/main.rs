@@ -2,6 +2,7 @@
 
 mod encode;
 mod fft;
+mod flight;
 mod fused;
 mod kernels;
 mod one_device;

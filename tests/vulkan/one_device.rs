@@ -2,11 +2,11 @@
 
 use eyebox::encode::{Encoder, PhaseSet};
 use eyebox::engine::vulkan::{Transforms, VulkanEncoder, VulkanEngine};
-use eyebox::engine::{Backend, Choice};
+use eyebox::engine::{Backend, Buffer, Choice, Engine};
 use eyebox::gpu::{Options, PhasesOnDevice, PixelOrder};
 use eyebox::optics::{Color, Display, Padding};
 use eyebox::scene::{self, Request};
-use eyebox::solve::{Problem, Refiner, Steering};
+use eyebox::solve::{Flow, Problem, Refiner, Settings, Steering, solve};
 use eyebox_tests::both::gpu;
 use std::process::{Command, Output};
 use std::sync::PoisonError;
@@ -79,23 +79,61 @@ fn refining_and_encoding_reads_no_phases_back() {
     let encoder = Encoder::new(&display, &colors, 8).expect("an encoder");
     let mut device = VulkanEncoder::new(&gpu, encoder.plan()).expect("an encoder on the device");
     let mut pictures = device.pictures(PixelOrder::Bgra).expect("pictures");
-    for _ in 0..4 {
+    let loaded = gpu.counts();
+    let first = refiners[0].phases().expect("read");
+    let read = gpu.counts();
+    for round in 0..4 {
+        if round == 2 {
+            // A jump: the phases for the whole eyebox come back from the device's own memory.
+            let before = gpu.counts();
+            refiners.iter_mut().for_each(|r| r.begin_again().expect("phases that are kept"));
+            let jump = gpu.counts().since(before);
+            assert_eq!((jump.uploaded, jump.read_back, jump.submissions, jump.blocks), (0, 0, 3, 0));
+        }
         refiners.iter_mut().for_each(|r| assert!(r.step().expect("a step").is_finite()));
         let phases: Vec<PhasesOnDevice<'_>> =
             refiners.iter().map(|r| r.phases_on_device().expect("on the device")).collect();
         device.encode_on_device(&phases).expect("encoded");
         device.draw(&mut pictures).expect("drawn");
     }
-    assert_eq!(gpu.counts().phases_read_back, 0, "{:?}", gpu.counts());
+    assert_eq!(gpu.counts().phases_read_back, read.phases_read_back, "{:?}", gpu.counts());
+    assert_eq!((loaded.phases_read_back, read.phases_read_back), (0, 4 * first.len() as u64));
     let mut got = encoder.frames();
     device.download(got.bytes_mut()).expect("read");
     let phases: Vec<Vec<f32>> = refiners.iter_mut().map(|r| r.phases().expect("read")).collect();
     let slices: Vec<&[f32]> = phases.iter().map(|p| &p[..]).collect();
     assert!(encoder.encode(&PhaseSet::trusted(&slices)).expect("encoded") == got);
+    assert!(phases[0] != first);
+    refiners[0].begin_again().expect("phases that are kept");
+    assert!(refiners[0].phases().expect("read") == first);
     let messages = gpu.messages();
     drop((refiners, device, pictures, gpu));
     let heard = messages.lock().unwrap_or_else(PoisonError::into_inner);
     assert!(heard.is_empty(), "{heard:?}");
+}
+
+/// Verdicts keep the best phases on the device: they are read once, at the end.
+#[test]
+fn a_solve_reads_its_phases_once() {
+    let gpu = gpu();
+    let display = Display { height: 24, width: 32, ..Display::preset("paper").expect("a preset") };
+    let field = scene::load("builtin:plane", &Request { views: 3, ..Request::new(&display, &[Color::Green]) })
+        .expect("a scene");
+    let problem = Problem::new(&field, Color::Green, &display, Padding::default()).expect("a problem");
+    let settings = Settings { steps: 9, frames: 2, pupils: 2, efficiency: Some(0.5), ..Settings::default() };
+    let mut scores = Vec::new();
+    let mut engine = VulkanEngine::new(&gpu).expect("an engine");
+    let solution = solve(&problem, &settings, &mut engine, &mut |p| {
+        scores.extend(p.validation.map(|v| v.mean()));
+        Flow::Continue
+    });
+    let solution = solution.expect("a solution");
+    scores.dedup();
+    assert!(scores.len() > 1, "one verdict is better than the one before: {scores:?}");
+    assert_eq!(gpu.counts().phases_read_back, 4 * 2 * 24 * 32);
+    // Those that were best, not those of the last step.
+    engine.restore().expect("what was kept");
+    assert!(engine.read(Buffer::Phases).expect("read") == solution.phases);
 }
 
 /// Devices are made in one place of the source.

@@ -72,6 +72,9 @@ fn what_is_made_for_a_step_is_not_made_again() {
     let made = |s: &RehearsedStep| s.counts.blocks + s.counts.pipelines + s.counts.pools;
     assert!(made(&steered.steps[0]) > 0);
     assert!(steered.steps[1..].iter().all(|s| made(s) == 0 && s.counts.uploaded == 0));
+    // One submission a step, and none is waited for before the next is recorded.
+    assert!(steered.steps[1..].iter().all(|s| (s.counts.submissions, s.counts.stalls) == (1, 0)));
+    assert!(steered.steps[1..].iter().all(|s| (s.recording.submissions(), s.recording.stalls()) == (1, 0)));
     // Of a repeated step, photographs and propagation kernels stay.
     let [first, second] = [0, 1].map(|i| steered.steps[i].recording.by_kernel());
     assert!(first.iter().any(|(kernel, ..)| kernel.name() == "photograph"));

@@ -1,7 +1,7 @@
 //! The arguments of commands: millimetres, micrometres and nanometres in, metres out.
 
 pub use crate::groups::{
-    Colors, DeviceArgs, DisplayArgs, EngineArgs, EngineName, NEAR, OrderArgs, OtherSceneArgs, OverwriteArgs, SceneArgs,
+    Colors, DeviceArgs, DisplayArgs, EngineArgs, EngineName, OtherSceneArgs, OverwriteArgs, SceneArgs, SceneOptions,
 };
 use crate::phases::{EncodedArgs, PhaseArgs, PhaseUnitArgs, UnfinishedArgs};
 use crate::quality::QualityArgs;

@@ -16,6 +16,7 @@ pub fn run(args: &Bench) -> Result<(), Failure> {
     let colors = common::colors(&args.solve.display, &display)?;
     let color = colors[0];
     let mut engine = common::engine(&args.solve.engine)?;
+    engine.time_kernels(true);
     let begun = Instant::now();
     let field = common::scene(&args.solve.scene, &display, &[color])?;
     let depth = common::depths(&args.solve.scene, &field, &display)?;

@@ -75,7 +75,7 @@ pub fn request<'a>(
     display: &'a Display,
     colors: &'a [Color],
 ) -> scene::Request<'a> {
-    let default = scene::Request::new(display, colors);
+    let (default, args) = (scene::Request::new(display, colors), &args.options);
     scene::Request {
         view_pitch: args.view_pitch.map(|mm| mm * 1e-3),
         views: args.views.unwrap_or(default.views),
@@ -83,14 +83,14 @@ pub fn request<'a>(
         depth_map: maps.first().map(PathBuf::as_path),
         near: args.near,
         depth: args.depth_before(display),
-        order: args.order.order,
+        order: args.order,
         ..default
     }
 }
 
 /// The depth map of the one scene.
 pub fn maps_of(args: &SceneArgs) -> Result<Vec<PathBuf>, Failure> {
-    Ok(scene::depth_maps(std::slice::from_ref(&args.scene), &args.depth_map)?)
+    Ok(scene::depth_maps(std::slice::from_ref(&args.scene), &args.options.depth_map)?)
 }
 
 /// The scene, fitted to the display.
@@ -113,7 +113,7 @@ pub fn scene_around(args: &SceneArgs, display: &Display, colors: &[Color]) -> Re
 
 /// The depths that matter.
 pub fn depths(args: &SceneArgs, field: &LightField, display: &Display) -> Result<[f64; 2], Failure> {
-    Ok(field.depths(display, args.depth_before(display))?)
+    Ok(field.depths(display, args.options.depth_before(display))?)
 }
 
 /// Pupil diameters as asked, checked as [`usual`] says, or from 2 mm to most of the eyebox.

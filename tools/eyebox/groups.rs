@@ -85,7 +85,7 @@ pub struct DisplayArgs {
 }
 
 /// Which values of a depth map are near.
-pub const NEAR: Names<Near, 4> = [
+const NEAR: Names<Near, 4> = [
     ("bright", "The bright ones of a picture", Near::Large),
     ("dark", "The dark ones of a picture", Near::Small),
     ("large", "The large ones, as of disparities", Near::Large),
@@ -97,6 +97,14 @@ pub const NEAR: Names<Near, 4> = [
 pub struct SceneArgs {
     /// A folder of views, a picture (with --depth-map), or builtin:NAME
     pub scene: String,
+    /// How it is read
+    #[command(flatten)]
+    pub options: SceneOptions,
+}
+
+/// How a scene is read, in every command that loads one.
+#[derive(Args, Clone, Default, PartialEq)]
+pub struct SceneOptions {
     /// Depth or disparity map of a picture (PNG, EXR, PFM or .npy): of several, one for each, or the folder of their maps
     #[arg(long, value_name = "FILE|FOLDER")]
     pub depth_map: Vec<PathBuf>,
@@ -114,14 +122,6 @@ pub struct SceneArgs {
     /// that its values reach
     #[arg(long, value_name = "MIN..MAX", value_parser = depths, allow_hyphen_values = true)]
     pub depth: Option<[Depth; 2]>,
-    /// Order of views
-    #[command(flatten)]
-    pub order: OrderArgs,
-}
-
-/// How views stand, in every command that loads them.
-#[derive(Args, Clone, Copy, Default)]
-pub struct OrderArgs {
     /// How the views of a folder really stand: as-named, or transpose, flip-rows, flip-columns with commas between [default:
     /// what its lightfield.toml says; else as named, refused where the pictures clearly show another]
     #[arg(long, value_name = "ORDER")]
@@ -145,22 +145,26 @@ impl OtherSceneArgs {
 }
 
 impl SceneArgs {
+    /// A scene that is read so.
+    pub fn new(scene: &str, options: &SceneOptions) -> Self {
+        Self { scene: scene.into(), options: options.clone() }
+    }
+}
+
+impl SceneOptions {
     /// The depths that matter, metres.
     pub fn depth_before(&self, display: &Display) -> Option<[f64; 2]> {
         self.depth.map(|both| both.map(|depth| depth.metres(display.focal_length)))
     }
 
-    /// A scene of which nothing else is said.
-    pub fn of(scene: &str) -> Self {
-        Self {
-            scene: scene.into(),
-            depth_map: Vec::new(),
-            near: None,
-            view_pitch: None,
-            views: None,
-            depth: None,
-            order: OrderArgs::default(),
+    /// Refuses them where there is no scene that they could be of.
+    pub fn check(&self, scene: Option<&String>) -> Result<(), Failure> {
+        if scene.is_some() || *self == Self::default() {
+            return Ok(());
         }
+        let line =
+            "--depth-map, --near, --view-pitch, --views, --depth and --order say how a scene is read: give --scene";
+        Err(Failure::Asked(line.into()))
     }
 }
 

@@ -1,13 +1,12 @@
 //! `eyebox import`: the reverse of `eyebox export`.
 
-use crate::args::{EngineArgs, NEAR, OrderArgs, SceneArgs};
+use crate::args::{EngineArgs, SceneArgs, SceneOptions};
 use crate::common::{self, Form};
 use crate::phases::PhaseArgs;
-use crate::values::{one_of, positive};
+use crate::values::positive;
 use crate::{Failure, score};
 use clap::Args;
 use eyebox::hologram::Phases;
-use eyebox::scene::Near;
 use std::path::PathBuf;
 
 /// `eyebox import`
@@ -24,15 +23,9 @@ pub struct Import {
     /// The scene that they show: it is named in the hologram, and decides the exposures
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<String>,
-    /// Depth or disparity map of a scene that is a picture (PNG, PFM or .npy)
-    #[arg(long, value_name = "FILE", requires = "scene")]
-    pub depth_map: Option<PathBuf>,
-    /// Which values of the depth map are near [default: what its file tells; the bright ones of a picture]
-    #[arg(long, value_parser = one_of(&NEAR), value_name = "WHICH", requires = "scene")]
-    pub near: Option<Near>,
-    /// Order of views
+    /// How the scene is read
     #[command(flatten)]
-    pub order: OrderArgs,
+    pub options: SceneOptions,
     /// The exposure that they were made for [default: with --scene, what fits it best; else not known]
     #[arg(long, value_parser = positive, conflicts_with = "scene")]
     pub exposure: Option<f64>,
@@ -44,6 +37,7 @@ pub struct Import {
 /// Makes a hologram of bare phases.
 pub fn run(args: &Import) -> Result<(), Failure> {
     common::form(&args.out, &[Form::Zarr])?;
+    args.options.check(args.scene.as_ref())?;
     let what = args.file.display();
     if !Phases::are_at(&args.file) {
         return Err(Failure::Asked(format!("{what} is a hologram already")));
@@ -52,17 +46,13 @@ pub fn run(args: &Import) -> Result<(), Failure> {
     hologram.version = env!("CARGO_PKG_VERSION").into();
     let exposures = if let Some(scene) = &args.scene {
         let display = score::display_of(&args.file, &hologram)?;
-        let asked = SceneArgs {
-            depth_map: args.depth_map.iter().cloned().collect(),
-            near: args.near,
-            order: args.order,
-            ..SceneArgs::of(scene)
-        };
-        let field = common::scene(&asked, &display, &hologram.named_colors())?;
+        let field = common::scene(&SceneArgs::new(scene, &args.options), &display, &hologram.named_colors())?;
         hologram.fit_exposure(&field, common::engine(&args.engine)?.as_mut())?;
         hologram.scene.clone_from(&field.name);
-        hologram.metadata.near = args.near;
-        hologram.metadata.order = args.order.order;
+        hologram.metadata.near = args.options.near;
+        let depth = args.options.depth_before(&display).filter(|_| !args.options.depth_map.is_empty());
+        hologram.metadata.depth_map_mm = depth.map(|both| both.map(|metres| metres * 1e3));
+        hologram.metadata.order = args.options.order;
         hologram.metadata.views = Some(field.grid);
         hologram.metadata.view_pitch_mm = Some(field.cell(&display) * 1e3);
         "fitted to the scene"

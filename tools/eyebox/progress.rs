@@ -112,19 +112,26 @@ impl Bar {
     /// After a step. Until there is a validation, this step's own pupils stand for it.
     pub fn show(&self, progress: &Progress) -> Flow {
         let psnr = progress.validation.map_or(-10.0 * progress.loss.log10(), |v| v.mean());
-        self.at(progress.step, psnr);
+        match progress.pilot {
+            Some([taken, all]) => self.say(0, &format!("exposure chosen in {taken} of {all} steps")),
+            None => self.at(progress.step, psnr),
+        }
         if interrupted() { Flow::Stop } else { Flow::Continue }
     }
 
     /// So many are done, and it is so good, dB.
     pub fn at(&self, done: usize, psnr: f64) {
+        self.say(done, &format!("{psnr:.1} dB"));
+    }
+
+    fn say(&self, done: usize, message: &str) {
         if let Some(bar) = &self.bar {
-            bar.set_message(format!("{psnr:.1} dB"));
+            bar.set_message(message.to_owned());
             bar.set_position(done as u64);
         }
         if let Some(lines) = &self.lines {
             let ([label, unit], count) = (&self.about, self.count);
-            lines.at(format!("{label}, {done} of {count} {unit}, {psnr:.1} dB"), done as f64 / count.max(1) as f64);
+            lines.at(format!("{label}, {done} of {count} {unit}, {message}"), done as f64 / count.max(1) as f64);
         }
     }
 

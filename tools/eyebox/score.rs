@@ -28,7 +28,7 @@ pub fn run(args: &Score) -> Result<(), Failure> {
         PhaseSource::Tiled(_) => {
             let scene = common::scene_around(&asked, &display, &colors)?;
             diameter = diameter.or(about.metadata.solve.as_ref().map(|s| s.diameter));
-            let depth = asked.depth_before(&display).or(scene.depth()).unwrap_or([0.0, 0.0]);
+            let depth = asked.options.depth_before(&display).or(scene.depth()).unwrap_or([0.0, 0.0]);
             (scene, depth)
         }
     };
@@ -96,9 +96,10 @@ fn row(score: &PupilScore, display: &Display) -> Value {
 
 /// What was said of the scene when it was solved holds, where nothing else is said now.
 pub fn as_solved(args: &SceneArgs, hologram: &Hologram) -> SceneArgs {
-    let (mut args, known) = (args.clone(), &hologram.metadata);
+    let (mut asked, known) = (args.clone(), &hologram.metadata);
+    let args = &mut asked.options;
     args.view_pitch = args.view_pitch.or(known.view_pitch_mm);
-    args.order.order = args.order.order.or(known.order);
+    args.order = args.order.or(known.order);
     args.views = args.views.or(known.views.map(|v| v[0]));
     args.near = args.near.or(known.near);
     // What a depth map's values mean has an order; other scenes have a range.
@@ -106,7 +107,7 @@ pub fn as_solved(args: &SceneArgs, hologram: &Hologram) -> SceneArgs {
         [_, ..] => known.depth_map_mm.map(|d| d.map(|mm| Depth::Metres(mm * 1e-3))),
         [] => known.solve.as_ref().map(|s| s.depth.map(Depth::Metres)),
     });
-    args
+    asked
 }
 
 /// The display that a hologram, read from `file`, was made for.

@@ -39,7 +39,7 @@ pub fn settings_of(
     if args.frames.is_some() || args.speckle.is_some() {
         settings.repeats = 1;
     }
-    if args.scene.views.is_some() {
+    if args.scene.options.views.is_some() {
         settings.views = 1;
     }
     if let Some(text) = &args.levels {
@@ -71,12 +71,12 @@ pub fn job_of<'a>(
     SceneJob {
         scenes,
         colors,
-        view_pitch_mm: args.scene.view_pitch,
-        views: args.scene.views,
-        depth_maps: args.scene.depth_map.clone(),
-        near: args.scene.near,
-        depth: args.scene.depth_before(display),
-        order: args.scene.order.order,
+        view_pitch_mm: args.scene.options.view_pitch,
+        views: args.scene.options.views,
+        depth_maps: args.scene.options.depth_map.clone(),
+        near: args.scene.options.near,
+        depth: args.scene.options.depth_before(display),
+        order: args.scene.options.order,
         diameter: args.pupil_diameter,
         force: args.display.force,
         settings: Settings { seconds: args.seconds, ..settings },

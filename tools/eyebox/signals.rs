@@ -1,8 +1,11 @@
 //! Signals: ctrl-C, and its kin.
 
+use eyebox::files::asked_to_end;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
-use std::sync::atomic::{AtomicBool, Ordering};
+#[cfg(unix)]
+use std::sync::atomic::AtomicBool;
+use std::sync::atomic::Ordering;
 use std::sync::{Arc, OnceLock};
 
 /// Exit code of a process that ctrl-C ends, as a shell has it.
@@ -11,11 +14,6 @@ const INTERRUPTED: i32 = 130;
 #[cfg(unix)]
 const FAILED: i32 = 2;
 
-fn asked() -> &'static Arc<AtomicBool> {
-    static ASKED_TO_STOP: OnceLock<Arc<AtomicBool>> = OnceLock::new();
-    ASKED_TO_STOP.get_or_init(Arc::default)
-}
-
 /// From now on ctrl-C, SIGTERM and a terminal that goes away (SIGHUP; not under nohup, which has it ignored) ask what runs to
 /// stop with what it has; the second one ends the process at once.
 pub fn catch_interrupt() {
@@ -23,8 +21,8 @@ pub fn catch_interrupt() {
     ONCE.get_or_init(|| {
         let caught = |signal| {
             // Handlers run in this order: the second signal finds the flag set by the first.
-            flag::register_conditional_shutdown(signal, INTERRUPTED, Arc::clone(asked()))?;
-            flag::register(signal, Arc::clone(asked()))
+            flag::register_conditional_shutdown(signal, INTERRUPTED, Arc::clone(asked_to_end()))?;
+            flag::register(signal, Arc::clone(asked_to_end()))
         };
         for signal in signals() {
             if let Err(error) = caught(signal) {
@@ -36,7 +34,7 @@ pub fn catch_interrupt() {
 
 /// Whether ctrl-C was pressed.
 pub fn interrupted() -> bool {
-    asked().load(Ordering::SeqCst)
+    asked_to_end().load(Ordering::SeqCst)
 }
 
 #[cfg(unix)]

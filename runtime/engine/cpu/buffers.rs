@@ -1,6 +1,6 @@
 //! The CPU engine's buffers.
 
-use crate::engine::{Buffer, EngineError, Kernel, PupilPass, Resource, Shape, Storage, misfit};
+use crate::engine::{Buffer, EngineError, Kernel, PupilPass, Resource, Shape, Storage, misfit, not_kept, nothing_kept};
 use eyebox_kernels::{Complex32, fft::Store, half};
 
 /// Windows with fewer values in all than this are not worth splitting over threads.
@@ -32,6 +32,8 @@ pub(super) struct Buffers {
     pub(super) hits: Vec<f32>,
     pub(super) energy: Vec<f32>,
     pub(super) slots: Vec<Slot>,
+    /// Phases that are kept; none if it is empty.
+    kept: Vec<f32>,
 }
 
 /// Contents of a buffer.
@@ -79,6 +81,7 @@ impl Buffers {
     /// Makes those of this shape, all zero.
     pub(super) fn load(&mut self, shape: &Shape) -> Result<(), EngineError> {
         self.slots.clear();
+        self.kept = Vec::new();
         for resource in Resource::OF_SHAPE {
             let extent = shape.extent(resource);
             let count = extent.frames * extent.values;
@@ -117,6 +120,28 @@ impl Buffers {
                 }
             }
         }
+        Ok(())
+    }
+
+    pub(super) fn keep(&mut self, buffer: Buffer) -> Result<(), EngineError> {
+        let from = match buffer {
+            Buffer::Phases => &self.phases,
+            Buffer::Shown => &self.shown,
+            _ => return Err(not_kept(buffer)),
+        };
+        self.kept.clone_from(from);
+        Ok(())
+    }
+
+    pub(super) fn kept(&self) -> Result<&[f32], EngineError> {
+        if self.kept.is_empty() { Err(nothing_kept()) } else { Ok(&self.kept) }
+    }
+
+    pub(super) fn restore(&mut self) -> Result<(), EngineError> {
+        if self.kept.is_empty() {
+            return Err(nothing_kept());
+        }
+        self.phases.copy_from_slice(&self.kept);
         Ok(())
     }
 

@@ -274,8 +274,8 @@ impl VulkanEncoder {
             }
         }
         gpu.recorder.mark(0);
-        let times = gpu.recorder.submit("encode")?;
-        self.seconds = times.first().map_or(0.0, |t| t.1);
+        gpu.recorder.submit("encode")?;
+        self.seconds = gpu.recorder.times.drain(..).map(|t| t.seconds).sum();
         Ok(())
     }
 

@@ -1,41 +1,42 @@
 //! The engine: buffers, one recording per part of a list, losses and times back.
 
+use super::super::taking::State;
 use super::super::{
-    Buffer, Dispatch, Engine, EngineError, Kernel, Memory, PupilPass, Purpose, Resource, Shape, Step, Storage, Timing,
-    misfit, promise,
+    Begun, Buffer, Dispatch, Engine, EngineError, Kernel, Memory, Purpose, Resource, Shape, Step, Storage, Taken,
+    Timing, misfit, not_kept, not_under_way, nothing_kept, promise,
 };
 use super::check::check;
 use super::fft::Transform;
+use super::flight::{Flight, Guarded, Verdict};
 use super::layout::{Arenas, Layout, Slot, Value, all_slots, slot_layout, slots};
 use super::record::{Hazards, Stack, Stacks, Work};
-use super::tables::Tables;
 use super::views::Views;
-use crate::gpu::{Block, Commands, DeviceKind, Gpu, PhasesOnDevice, add};
+use crate::gpu::{Block, Commands, DeviceKind, Gpu, IN_FLIGHT, PhasesOnDevice, add};
 use crate::plan::Extent;
 use crate::plan::fusion::Way;
 use crate::scene::Pyramid;
-use gpu_allocator::MemoryLocation;
 use std::collections::HashMap;
+use std::fmt::Write;
 use std::ops::Range;
 use std::sync::Arc;
-
-/// Bytes from one place in `Losses` to the next: any device's alignment.
-const PLACE: u64 = 256;
-
-/// Sums of the loss, on the device and where the host sees them.
-struct Losses {
-    device: Block,
-    host: Block,
-}
+use std::time::Instant;
 
 /// Runs lists of kernels on a Vulkan device.
 pub struct VulkanEngine {
     // Dropped in this order: the device last.
     stacks: Stacks,
+    /// Phases that are kept.
+    kept: Option<Stack>,
     arenas: Arenas,
-    tables: Tables,
+    /// Lists in flight, in turn, and the last of them.
+    flights: [Flight; IN_FLIGHT],
+    at: usize,
+    /// Steps that were begun.
+    begun: u64,
     views: Option<Views>,
-    losses: Option<Losses>,
+    /// Sums of the loss on the device.
+    losses: Option<Block>,
+    verdict: Option<Verdict>,
     transforms: Box<dyn Transform + Send>,
     shape: Shape,
     /// Where the pupil pass buffers of the last step lie.
@@ -43,6 +44,7 @@ pub struct VulkanEngine {
     /// Pupil pass buffers that were written since: they find their place when a step says where.
     written: HashMap<Buffer, Vec<f32>>,
     clock: [(u64, f64); Kernel::ALL.len()],
+    is_timed: bool,
     gpu: Commands,
 }
 
@@ -56,15 +58,20 @@ impl VulkanEngine {
         let place = bytemuck::Zeroable::zeroed();
         Ok(Self {
             stacks: Stacks::default(),
+            kept: None,
             arenas: Arenas::default(),
-            tables: Tables::default(),
+            flights: Default::default(),
+            at: 0,
+            begun: 0,
             views: None,
             losses: None,
+            verdict: None,
             transforms: super::fft::transforms(),
             shape: Shape { frames: 0, place, purpose: Purpose::View, quantised: false, storage: Storage::F32 },
             slots: Vec::new(),
             written: HashMap::new(),
             clock: [(0, 0.0); Kernel::ALL.len()],
+            is_timed: false,
             gpu,
         })
     }
@@ -135,6 +142,14 @@ impl VulkanEngine {
         Ok(Some(Stack { layout, block: self.gpu.block(layout.bytes(), what)? }))
     }
 
+    fn fill_moments(&mut self) {
+        for moment in [Buffer::Momentum, Buffer::Second] {
+            if let Ok(stack) = self.stacks.get(moment) {
+                self.gpu.recorder.clear(stack.block.all());
+            }
+        }
+    }
+
     /// Puts the pupil pass buffers that were written by hand into the slots of `group`.
     fn place_written(&mut self, group: &[Slot]) -> Result<(), EngineError> {
         for (buffer, data) in std::mem::take(&mut self.written) {
@@ -154,95 +169,183 @@ impl VulkanEngine {
         Ok(())
     }
 
-    /// Places for the sums of each pupil pass's loss, behind one for what `check_finite` finds; they are as far apart as the device
-    /// wants.
-    fn place_losses(&mut self, step: &Step) -> Result<Vec<u64>, EngineError> {
-        let mut end = PLACE;
-        let place = |pupil_pass: &PupilPass| {
-            let at = end;
-            end += (4 * pupil_pass.loss_parts() as u64).next_multiple_of(PLACE);
-            at
-        };
-        let offsets: Vec<u64> = step.pupil_passes.iter().map(place).collect();
-        if end > self.losses.as_ref().map_or(0, |l| l.device.size) {
+    /// Makes the losses on the device, what the host sees of them, and the tables large enough for the list that is next; for
+    /// those in flight as well, whose turn comes.
+    fn fit_flights(&mut self) -> Result<(), EngineError> {
+        let end = self.flights[self.at].end;
+        if end > self.losses.as_ref().map_or(0, |l| l.size) {
+            self.gpu.recorder.idle()?;
             self.losses = None;
-            let size = end.next_power_of_two();
-            let device = self.gpu.block(size, "losses")?;
-            let host = Block::new(&self.gpu.device, size, MemoryLocation::GpuToCpu, "losses")?;
-            self.losses = Some(Losses { device, host });
+            self.losses = Some(self.gpu.block(end.next_power_of_two(), "losses")?);
         }
-        Ok(offsets)
+        let size = self.losses.as_ref().map_or(0, |l| l.size);
+        let groups = self.verdict.as_ref().map_or(0, |v| v.groups().size);
+        let tables = self.flights[self.at].tables.need();
+        if self.flights.iter().any(|flight| !flight.fits(size, groups, tables)) {
+            self.gpu.recorder.idle()?;
+            self.flights.iter_mut().try_for_each(|flight| flight.fit(&self.gpu, size, groups, tables))?;
+        }
+        Ok(())
     }
 
-    fn record(&mut self, step: &Step, part: Range<usize>, offsets: &[u64]) -> Result<Vec<f64>, EngineError> {
-        let list: &[&Dispatch] = &step.list[part].iter().collect::<Vec<_>>();
-        let Self { stacks, arenas, tables, views, losses, transforms, shape, gpu, .. } = self;
-        let views = views.as_ref();
-        let sums = losses.as_ref().map(|l| (&l.device, offsets));
-        let transforms = &mut **transforms;
+    /// Runs these parts of a step's list behind what is under way; `judged`: phases change only where all losses are finite.
+    /// What comes of it is in the flight that is last then.
+    fn launch(&mut self, step: &Step, parts: &[Range<usize>], judged: bool) -> Result<(), EngineError> {
+        for part in parts {
+            check(step, part, &self.shape, self.views.as_ref())?;
+        }
+        let next = (self.at + 1) % IN_FLIGHT;
+        let Flight { submission, during, .. } = &mut self.flights[next];
+        if let Some(submission) = submission.take() {
+            self.gpu.recorder.wait_for(submission, during)?;
+        }
+        self.absorb();
+        (self.at, self.flights[next].seconds) = (next, 0.0);
+        let list: Vec<&Dispatch> = parts.iter().flat_map(|part| &step.list[part.clone()]).collect();
+        let flight = &mut self.flights[next];
+        flight.answers.clear();
+        (flight.number, flight.known) = (0, None);
+        (flight.is_checked, flight.is_judged, flight.begun) = (false, false, Some(Instant::now()));
+        if self.shape.frames == 0 || list.is_empty() {
+            return Ok(());
+        }
+        flight.place(&step.pupil_passes);
+        flight.tables.pack(&step.pupil_passes, &all_slots(step, &self.shape), self.views.as_ref());
+        self.fit_flights()?;
+        self.flights[next].tables.stage();
+        self.arenas.fit(&mut self.gpu, step, &self.shape)?;
+        if let Some(first) = list.iter().find(|d| !d.pupil_passes.is_empty()) {
+            let group = slots(&step.pupil_passes[first.pupil_passes.clone()], &self.shape);
+            self.place_written(&group)?;
+        }
+        self.record(step, &list, judged)
+    }
+
+    fn record(&mut self, step: &Step, list: &[&Dispatch], judged: bool) -> Result<(), EngineError> {
+        let Self { stacks, arenas, flights, at, views, losses, verdict, transforms, shape, gpu, is_timed, .. } = self;
+        let flight = &mut flights[*at];
+        let answers = |d: &Dispatch| d.kernel.writes().any(|r| matches!(r, Resource::Losses | Resource::NotFinite));
+        let changes = |d: &Dispatch| d.kernel.writes().any(|r| r == Resource::Phases);
+        let known = list.iter().rposition(|d| answers(d)).map_or(list.len(), |i| i + 1);
+        let verdict = verdict.as_ref().filter(|_| judged && list[known..].iter().any(|d| changes(d)));
+        flight.is_judged = verdict.is_some();
+        let sums = losses.as_ref().map(|l| (l, &flight.offsets[..]));
+        let mut groups = flight.groups.take();
+        let guarded = verdict.zip(groups.as_mut()).map(|(verdict, groups)| Guarded {
+            verdict,
+            groups,
+            count: 0,
+            is_judged: false,
+        });
         let mut work = Work {
             gpu,
-            transforms,
+            transforms: &mut **transforms,
             shape,
             step,
             stacks,
             arenas,
-            tables,
-            views,
+            tables: &flight.tables,
+            views: views.as_ref(),
+            guarded,
             losses: sums,
             hazards: Hazards::default(),
         };
         work.prepare(list)?;
         let ways = work.ways(list);
-        work.gpu.recorder.begin(list.len())?;
-        tables.record(work.gpu);
-        if let Some(losses) = losses.as_ref() {
-            work.gpu.recorder.clear(losses.device.all());
-        }
+        let marks = if *is_timed { list.len() } else { 1 };
+        work.gpu.recorder.begin(marks)?;
+        // What was submitted before may still be at work.
+        work.gpu.recorder.barrier();
+        flight.tables.record(work.gpu);
+        work.prepare_verdict(flight.end, verdict.is_some_and(|v| v.is_bad));
         let mut group: (Range<usize>, Vec<Slot>) = (0..0, Vec::new());
-        for (dispatch, way) in list.iter().zip(ways).filter(|(_, way)| *way != Way::Elsewhere) {
+        let entries = list.iter().zip(ways).enumerate().filter(|(_, (_, way))| *way != Way::Elsewhere);
+        for (i, (dispatch, way)) in entries {
             if !dispatch.pupil_passes.is_empty() && dispatch.pupil_passes != group.0 {
                 group =
                     (dispatch.pupil_passes.clone(), slots(&step.pupil_passes[dispatch.pupil_passes.clone()], shape));
             }
+            if i >= known {
+                work.judge(flight.end)?;
+            }
             work.record(dispatch, way, &group.1)?;
-            work.gpu.recorder.mark(dispatch.kernel as usize);
+            match *is_timed {
+                true => work.gpu.recorder.mark(dispatch.kernel as usize),
+                false => work.gpu.recorder.note(dispatch.kernel as usize),
+            }
         }
-        let answers = |resource| list.iter().filter(move |d| d.kernel.writes().any(|r| r == resource));
-        let compared: Vec<Range<usize>> = answers(Resource::Losses).map(|d| d.pupil_passes.clone()).collect();
-        let compared = || compared.iter().cloned().flatten();
-        let checked = answers(Resource::NotFinite).next().is_some();
+        let compared = list.iter().filter(|d| d.kernel.writes().any(|r| r == Resource::Losses));
+        let parts = |i: usize| step.pupil_passes[i].loss_parts();
+        let places = &flight.offsets;
+        flight.answers.extend(compared.flat_map(|d| d.pupil_passes.clone()).map(|i| (i, places[i], parts(i))));
+        flight.is_checked = list.iter().any(|d| d.kernel.writes().any(|r| r == Resource::NotFinite));
         if let Some(losses) = losses.as_ref() {
             work.gpu.recorder.barrier();
-            let of_pupil_pass = |i: usize| (offsets[i], offsets[i], 4 * step.pupil_passes[i].loss_parts() as u64);
-            let pieces = checked.then_some((0, 0, 4)).into_iter().chain(compared().map(of_pupil_pass));
-            work.gpu.recorder.copy(&losses.device, &losses.host, pieces);
+            flight.copy_back(work.gpu, losses, verdict);
         }
-        let during = list.iter().map(|d| d.kernel.name()).collect::<Vec<_>>();
-        let during = match during[..] {
-            [] => return Ok(vec![0.0; step.pupil_passes.len()]),
-            [one] => one.to_owned(),
-            [first, .., last] => format!("{first} to {last}"),
-        };
-        for &(kernel, seconds) in work.gpu.recorder.submit(&during)? {
-            self.clock[kernel].0 += 1;
-            self.clock[kernel].1 += seconds;
+        if !*is_timed {
+            work.gpu.recorder.mark_end();
         }
-        let mut result = vec![0.0; step.pupil_passes.len()];
-        if let Some(losses) = self.losses.as_ref().filter(|_| !self.gpu.device.record_only) {
-            let bytes = losses.host.bytes();
-            for i in compared() {
-                let sums = &bytes[offsets[i] as usize..][..4 * step.pupil_passes[i].loss_parts()];
-                result[i] = bytemuck::pod_collect_to_vec::<u8, f32>(sums).into_iter().map(f64::from).sum();
-            }
-            if checked && bytes[..4] != [0; 4] {
-                result.fill(f64::NAN);
-            }
+        flight.groups = groups;
+        flight.during.clear();
+        if let [first, .., last] = list {
+            let _ = write!(flight.during, "{} to {}", first.kernel.name(), last.kernel.name());
+        } else {
+            flight.during.extend(list.iter().map(|d| d.kernel.name()));
+        }
+        flight.submission = Some(self.gpu.recorder.send(&flight.during)?);
+        if let Some(verdict) = self.verdict.as_mut().filter(|_| flight.is_judged) {
+            verdict.is_bad = false;
         }
         if !group.1.is_empty() {
             self.slots = group.1;
         }
-        Ok(result)
+        Ok(())
+    }
+
+    /// Takes over what the recorder knows of times.
+    fn absorb(&mut self) {
+        for time in self.gpu.recorder.times.drain(..) {
+            if let Some((calls, seconds)) = self.clock.get_mut(time.label) {
+                *calls += 1;
+                *seconds += time.seconds;
+            }
+            if let Some(flight) = self.flights.iter_mut().find(|f| f.submission == Some(time.submission)) {
+                flight.seconds += time.seconds;
+            }
+        }
+    }
+
+    /// What came of a flight, when it is over, for a step of `count` pupil passes.
+    fn land(&mut self, at: usize, count: usize) -> Result<Taken, EngineError> {
+        let Flight { submission, during, .. } = &self.flights[at];
+        if let Some(submission) = *submission {
+            self.gpu.recorder.wait_for(submission, during)?;
+        }
+        self.absorb();
+        let flight = &mut self.flights[at];
+        flight.submission = None;
+        let waited = flight.begun.take().map_or(0.0, |begun| begun.elapsed().as_secs_f64());
+        let seconds = if flight.seconds > 0.0 { flight.seconds } else { waited };
+        let losses = match flight.known.take() {
+            _ if self.gpu.device.record_only => vec![0.0; count],
+            Some(losses) => losses,
+            None => flight.losses(count),
+        };
+        if flight.is_judged
+            && losses.iter().any(|loss| !loss.is_finite())
+            && let Some(verdict) = &mut self.verdict
+        {
+            verdict.is_bad = true;
+        }
+        Ok(Taken { losses, seconds })
+    }
+}
+
+impl Drop for VulkanEngine {
+    fn drop(&mut self) {
+        // What is under way reads and writes what is given back now.
+        let _ = self.gpu.recorder.idle();
     }
 }
 
@@ -264,7 +367,9 @@ impl Engine for VulkanEngine {
             promise(shape, shape.storage.bytes() as u64)?;
         }
         // What was there goes first: both may not fit.
-        (self.stacks, self.arenas, self.views) = (Stacks::default(), Arenas::default(), None);
+        self.gpu.recorder.idle()?;
+        (self.stacks, self.kept) = (Stacks::default(), None);
+        (self.arenas, self.views) = (Arenas::default(), None);
         self.slots.clear();
         self.written.clear();
         self.shape = *shape;
@@ -275,6 +380,10 @@ impl Engine for VulkanEngine {
             let Extent { frames, values, complex } = shape.extent(resource);
             let value = if complex { Value::Complex(shape.storage) } else { Value::Real };
             self.stacks.0[at] = self.stack(Layout { offset: 0, frames, values, value }, &resource.name())?;
+        }
+        self.verdict = None;
+        if shape.purpose != Purpose::View {
+            self.verdict = Some(Verdict::new(&self.gpu, shape.frames)?);
         }
         self.gpu.recorder.begin(0)?;
         for stack in self.stacks.0.iter().flatten() {
@@ -314,24 +423,71 @@ impl Engine for VulkanEngine {
         layout.read(&mut self.gpu, self.arenas.block(resource).ok_or_else(never)?)
     }
 
+    fn keep(&mut self, buffer: Buffer) -> Result<(), EngineError> {
+        if !matches!(buffer, Buffer::Phases | Buffer::Shown) {
+            return Err(not_kept(buffer));
+        }
+        let layout = self.stacks.get(buffer)?.layout;
+        if self.kept.is_none() {
+            self.kept = self.stack(layout, "phases that are kept")?;
+        }
+        let (Some(kept), from) = (&self.kept, self.stacks.get(buffer)?) else { return Err(nothing_kept()) };
+        self.gpu.recorder.begin(0)?;
+        self.gpu.recorder.copy(&from.block, &kept.block, [(0, 0, layout.bytes())]);
+        self.gpu.recorder.submit("keeping phases").map(drop)
+    }
+
+    fn kept(&mut self) -> Result<Vec<f32>, EngineError> {
+        let Stack { layout, block } = self.kept.as_ref().ok_or_else(nothing_kept)?;
+        add(&self.gpu.device.counters.phases_read_back, layout.bytes());
+        layout.read(&mut self.gpu, block)
+    }
+
+    fn restore(&mut self) -> Result<(), EngineError> {
+        let kept = self.kept.as_ref().ok_or_else(nothing_kept)?;
+        let phases = self.stacks.get(Buffer::Phases)?;
+        self.gpu.recorder.begin(0)?;
+        self.gpu.recorder.copy(&kept.block, &phases.block, [(0, 0, phases.layout.bytes())]);
+        self.fill_moments();
+        self.gpu.recorder.submit("beginning again").map(drop)
+    }
+
+    fn clear_moments(&mut self) -> Result<(), EngineError> {
+        self.gpu.recorder.begin(0)?;
+        self.fill_moments();
+        self.gpu.recorder.submit("forgetting velocities").map(drop)
+    }
+
     fn phases_on_device(&self) -> Option<PhasesOnDevice<'_>> {
         let Stack { layout, block } = self.stacks.get(Buffer::Phases).ok()?;
         Some(PhasesOnDevice { block, frames: layout.frames, values: layout.values })
     }
 
     fn run_part(&mut self, step: &Step, part: Range<usize>) -> Result<Vec<f64>, EngineError> {
-        check(step, &part, &self.shape, self.views.as_ref())?;
-        if self.shape.frames == 0 {
-            return Ok(vec![0.0; step.pupil_passes.len()]);
-        }
-        self.arenas.fit(&self.gpu, step, &self.shape)?;
-        if let Some(first) = step.list[part.clone()].iter().find(|d| !d.pupil_passes.is_empty()) {
-            let group = slots(&step.pupil_passes[first.pupil_passes.clone()], &self.shape);
-            self.place_written(&group)?;
-        }
-        self.tables.pack(&self.gpu, &step.pupil_passes, &all_slots(step, &self.shape), self.views.as_ref())?;
-        let offsets = self.place_losses(step)?;
-        self.record(step, part, &offsets)
+        self.launch(step, &[part], false)?;
+        Ok(self.land(self.at, step.pupil_passes.len())?.losses)
+    }
+
+    fn begin_step(&mut self, step: &Step, parts: &[Range<usize>]) -> Result<Begun, EngineError> {
+        self.launch(step, parts, true)?;
+        let flight = &mut self.flights[self.at];
+        self.begun += 1;
+        (flight.number, flight.pupil_passes) = (self.begun, step.pupil_passes.len());
+        Ok(Begun(State::UnderWay(self.begun)))
+    }
+
+    fn end_step(&mut self, begun: Begun) -> Result<Taken, EngineError> {
+        let number = match begun.0 {
+            State::Over(taken) => return Ok(taken),
+            State::UnderWay(number) => number,
+        };
+        let at = self.flights.iter().position(|f| f.number == number).ok_or_else(not_under_way)?;
+        self.flights[at].number = 0;
+        self.land(at, self.flights[at].pupil_passes)
+    }
+
+    fn time_kernels(&mut self, on: bool) {
+        self.is_timed = on;
     }
 
     fn timings(&self) -> Vec<Timing> {

@@ -160,7 +160,7 @@ pub(super) struct Arenas {
 
 impl Arenas {
     /// Makes room for the largest group of pupil passes of the whole step. What a block held is lost when it grows.
-    pub(super) fn fit(&mut self, gpu: &Commands, step: &Step, shape: &Shape) -> Result<(), EngineError> {
+    pub(super) fn fit(&mut self, gpu: &mut Commands, step: &Step, shape: &Shape) -> Result<(), EngineError> {
         let mut needs = [0u64; KINDS];
         let mut groups: Vec<PupilPasses<usize>> =
             step.list.iter().map(|d| d.pupil_passes.clone()).filter(|l| !l.is_empty()).collect();
@@ -175,6 +175,7 @@ impl Arenas {
         for ((need, block), resource) in needs.into_iter().zip(&mut self.blocks).zip(Resource::OF_SLOT) {
             if need > block.as_ref().map_or(0, |b| b.size) {
                 // The old one goes first: both may not fit.
+                gpu.recorder.idle()?;
                 *block = None;
                 *block = Some(gpu.block(need, &resource.name())?);
             }

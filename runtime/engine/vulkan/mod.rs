@@ -15,6 +15,7 @@ mod check;
 mod encode;
 mod engine;
 mod fft;
+mod flight;
 mod layout;
 mod record;
 mod tables;

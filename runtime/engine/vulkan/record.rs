@@ -11,7 +11,8 @@ mod single;
 mod stacks;
 
 use super::layout::Slot;
-use crate::engine::{Dispatch, EngineError, Kernel};
+use crate::engine::{Dispatch, EngineError, Kernel, Resource};
+use crate::plan::Access;
 use crate::plan::fusion::Way;
 use call::Call;
 pub(super) use call::Work;
@@ -46,7 +47,11 @@ impl Work<'_> {
         if way != Way::Alone {
             return call.fused(way);
         }
-        call.work.before(kernel.binds());
+        let mut binds = kernel.binds().to_vec();
+        if kernel.writes().any(|resource| resource == Resource::Phases) {
+            binds.push((Access::Read, Resource::Losses));
+        }
+        call.work.before(&binds);
         let shader = match shader {
             Shader::Once(shader) => return shader(&mut call),
             Shader::Each(shader) => shader,
@@ -58,6 +63,36 @@ impl Work<'_> {
             call.at = at;
             shader(&mut call, pass)?;
         }
+        Ok(())
+    }
+
+    /// Records what losses, which end at `end`, and the verdict over them start from; `clear`: one that was bad is forgotten.
+    pub(super) fn prepare_verdict(&mut self, end: u64, clear: bool) {
+        let Some((losses, _)) = self.losses else { return };
+        // What a kernel leaves no loss in adds none.
+        self.gpu.recorder.clear(losses.range(0, end));
+        let Some(guarded) = &self.guarded else { return };
+        let to = guarded.verdict.groups();
+        self.gpu.recorder.copy(guarded.groups, to.block, [(0, to.offset, to.size)]);
+        if clear {
+            self.gpu.recorder.clear(guarded.verdict.flag());
+        }
+    }
+
+    /// Judges the losses, once, if phases depend on it. Whatever changes phases comes behind it.
+    pub(super) fn judge(&mut self, end: u64) -> Result<(), EngineError> {
+        let (Some(guarded), Some((losses, _))) = (&mut self.guarded, self.losses) else { return Ok(()) };
+        if std::mem::replace(&mut guarded.is_judged, true) {
+            return Ok(());
+        }
+        let (flag, groups) = (guarded.verdict.flag(), guarded.verdict.groups());
+        // The verdict goes with the losses: who waits for the one waits for the other.
+        self.before(&[(Access::Update, Resource::Losses), (Access::Read, Resource::NotFinite)]);
+        let push = [end as u32 / 4, groups.size as u32 / 4];
+        let pipeline = self.gpu.pipeline(&eyebox_spirv::JUDGE, 3, &[])?;
+        let buffers = [losses.range(0, end), flag, groups];
+        self.gpu.recorder.dispatch(pipeline, &buffers, bytemuck::cast_slice(&push), [1, 1, 1])?;
+        self.gpu.recorder.moved(|| vec![buffers[0].reads(end), groups.writes(0)]);
         Ok(())
     }
 }

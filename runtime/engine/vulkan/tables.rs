@@ -47,14 +47,8 @@ pub(super) struct Tables {
 }
 
 impl Tables {
-    /// Packs the tables of these pupil passes, whose buffers lie in these slots, and makes room for them.
-    pub(super) fn pack(
-        &mut self,
-        gpu: &Commands,
-        pupil_passes: &[PupilPass],
-        slots: &[Slot],
-        views: Option<&Views>,
-    ) -> Result<(), EngineError> {
+    /// Packs the tables of these pupil passes, whose buffers lie in these slots.
+    pub(super) fn pack(&mut self, pupil_passes: &[PupilPass], slots: &[Slot], views: Option<&Views>) {
         self.packed.clear();
         self.pupil_passes.clear();
         for pupil_pass in pupil_passes {
@@ -81,7 +75,20 @@ impl Tables {
         let places: Vec<[u32; 12]> =
             pupil_passes.iter().zip(slots).enumerate().map(|(i, (pass, slot))| self.place(i, pass, slot)).collect();
         self.places = self.add(bytemuck::cast_slice(&places));
-        let need = self.packed.len() as u64;
+    }
+
+    /// Bytes that were packed.
+    pub(super) fn need(&self) -> u64 {
+        self.packed.len() as u64
+    }
+
+    /// Bytes that there is room for.
+    pub(super) fn room(&self) -> u64 {
+        self.block.as_ref().map_or(0, |b| b.size)
+    }
+
+    /// Makes room for so many bytes; nothing of it is in use.
+    pub(super) fn fit(&mut self, gpu: &Commands, need: u64) -> Result<(), EngineError> {
         for (block, location) in
             [(&mut self.stage, MemoryLocation::CpuToGpu), (&mut self.block, MemoryLocation::GpuOnly)]
         {
@@ -90,10 +97,14 @@ impl Tables {
                 *block = Some(Block::new(&gpu.device, need.next_power_of_two(), location, "tables")?);
             }
         }
+        Ok(())
+    }
+
+    /// Puts what was packed where the device fetches it from; there is room for it, and nothing of it is in use.
+    pub(super) fn stage(&mut self) {
         if let Some(stage) = &mut self.stage {
             stage.bytes_mut()[..self.packed.len()].copy_from_slice(&self.packed);
         }
-        Ok(())
     }
 
     /// As `gather_columns.comp` has it; in a step that is too large for that these say nothing.

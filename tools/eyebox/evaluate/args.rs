@@ -1,12 +1,10 @@
 //! The arguments of `eyebox evaluate`.
 
-use crate::args::{DisplayArgs, EngineArgs, NEAR, OrderArgs, OtherSceneArgs, OverwriteArgs, SceneArgs};
+use crate::args::{DisplayArgs, EngineArgs, OtherSceneArgs, OverwriteArgs, SceneArgs, SceneOptions};
 use crate::phases::PhaseUnitArgs;
 use crate::quality::QualityArgs;
-use crate::values::{depths, diameters, one_of, positive};
+use crate::values::diameters;
 use clap::Args;
-use eyebox::optics::Depth;
-use eyebox::scene::Near;
 use std::path::PathBuf;
 
 /// `eyebox evaluate`
@@ -42,24 +40,9 @@ pub struct Evaluate {
     /// Bare phases
     #[command(flatten)]
     pub unit: PhaseUnitArgs,
-    /// Depth or disparity map of a picture (PNG, PFM or .npy): of several, one for each, or the folder of their maps
-    #[arg(long, value_name = "FILE|FOLDER")]
-    pub depth_map: Vec<PathBuf>,
-    /// Which values of the depth map are near [default: what its file tells; the bright ones of a picture]
-    #[arg(long, value_parser = one_of(&NEAR), value_name = "WHICH")]
-    pub near: Option<Near>,
-    /// Distance of neighbouring views in the pupil plane, mm [default: what the scene says, else eyebox / views]
-    #[arg(long, value_name = "MM", value_parser = positive)]
-    pub view_pitch: Option<f64>,
-    /// Views per axis of scenes that are rendered or reprojected
-    #[arg(long, default_value_t = 9, value_name = "N")]
-    pub views: usize,
-    /// Depths that matter, mm, or dioptres as in -0.02D..0.02D [default: what the scene says]
-    #[arg(long, value_name = "MIN..MAX", value_parser = depths, allow_hyphen_values = true)]
-    pub depth: Option<[Depth; 2]>,
-    /// Order of views
+    /// How the scenes are read
     #[command(flatten)]
-    pub order: OrderArgs,
+    pub options: SceneOptions,
     /// Quality: decides steps, pupils, their diameters, window and optimiser of every iterative method; all views and
     /// sub-frames stay
     #[command(flatten)]
@@ -90,15 +73,8 @@ pub struct Evaluate {
 impl Evaluate {
     /// One of the scenes with its depth map, as other commands take it.
     pub fn scene(&self, index: usize, map: Option<&PathBuf>) -> SceneArgs {
-        SceneArgs {
-            scene: self.scenes[index].clone(),
-            depth_map: map.cloned().into_iter().collect(),
-            near: self.near,
-            view_pitch: self.view_pitch,
-            views: Some(self.views),
-            depth: self.depth,
-            order: self.order,
-        }
+        let depth_map = map.cloned().into_iter().collect();
+        SceneArgs::new(&self.scenes[index], &SceneOptions { depth_map, ..self.options.clone() })
     }
 }
 

@@ -26,7 +26,7 @@ const DEFAULT: [Method; 5] = [Method::Slfh, Method::Lf2fs, Method::Stft, Method:
 pub fn run(args: &Evaluate) -> Result<(), Failure> {
     let mut own = OwnFolder::open(&args.out, &report::COMPARISON, args.overwrite.overwrite)?;
     let mut job = job(args)?;
-    let maps = scene::depth_maps(&args.scenes, &args.depth_map)?;
+    let maps = scene::depth_maps(&args.scenes, &args.options.depth_map)?;
     let published = args.reference.as_deref().map(Published::read).transpose()?.unwrap_or_default();
     let mut engine = common::engine(&args.engine)?;
     let chosen = with_quality(&mut job, args, engine.as_ref())?;

@@ -1,22 +1,21 @@
 //! What is steered: a hologram with its scene, or a scene that is solved first.
 
-use crate::args::{DisplayArgs, EngineArgs, NEAR, OrderArgs, OtherSceneArgs, SceneArgs};
+use crate::args::{DisplayArgs, EngineArgs, OtherSceneArgs, SceneArgs, SceneOptions};
 use crate::common::{self, Engines};
 use crate::phases::{PhaseUnitArgs, tell_unfinished};
 use crate::quality::QualityArgs;
 use crate::solve::Watch;
-use crate::values::{depths, one_of};
 use crate::{Failure, progress, score};
 use clap::Args;
 use eyebox::encode::Encoder;
 use eyebox::hologram::{ColorHologram, Hologram, Opening, Phases, Unfinished};
-use eyebox::optics::{Color, Depth, Display, Padding};
+use eyebox::optics::{Color, Display, Padding};
 use eyebox::produce::solve_colors;
 use eyebox::quality::Subject;
-use eyebox::scene::{LightField, Near};
+use eyebox::scene::LightField;
 use eyebox::session::SteeredColor;
 use eyebox::solve::{Levels, PaddingRule, Problem, Settings};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// What is steered, in every command that does.
 #[derive(Args)]
@@ -29,19 +28,9 @@ pub struct SubjectArgs {
     /// A scene that the hologram was not made of
     #[command(flatten)]
     pub other: OtherSceneArgs,
-    /// Depth or disparity map of a picture (PNG, PFM or .npy)
-    #[arg(long, value_name = "FILE")]
-    pub depth_map: Option<PathBuf>,
-    /// Which values of the depth map are near [default: what its file tells; the bright ones of a picture]
-    #[arg(long, value_parser = one_of(&NEAR), value_name = "WHICH")]
-    pub near: Option<Near>,
-    /// Order of views
+    /// How the scene is read
     #[command(flatten)]
-    pub order: OrderArgs,
-    /// Depths that matter, mm, or dioptres as in -0.02D..0.02D [default: what the scene says]; of a depth map, the depths
-    /// that its values reach
-    #[arg(long, value_name = "MIN..MAX", value_parser = depths, allow_hyphen_values = true)]
-    pub depth: Option<[Depth; 2]>,
+    pub options: SceneOptions,
     /// Display that is encoded for, and, with a scene, solved for; bare phases are for it
     #[command(flatten)]
     pub display: DisplayArgs,
@@ -75,13 +64,7 @@ pub struct Steered {
 /// Loads or solves it.
 pub fn load(args: &SubjectArgs, engines: &Engines) -> Result<Steered, Failure> {
     let path = Path::new(&args.what);
-    let scene = |scene: &str| SceneArgs {
-        depth_map: args.depth_map.iter().cloned().collect(),
-        near: args.near,
-        order: args.order,
-        depth: args.depth,
-        ..SceneArgs::of(scene)
-    };
+    let scene = |scene: &str| SceneArgs::new(scene, &args.options);
     let phases = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy"));
     let (hologram, optics, field, unfinished) = if phases || (!Phases::are_at(path) && !path.join("views").exists()) {
         let unfinished = tell_unfinished(path)?;

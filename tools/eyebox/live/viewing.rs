@@ -58,6 +58,7 @@ impl Viewing {
             colors,
             mouse,
             seen: None,
+            compared: None,
             overlay: Overlay::default(),
         })
     }
@@ -74,6 +75,8 @@ struct View {
     colors: Vec<Shown>,
     mouse: Option<MouseHandle>,
     seen: Option<Picture>,
+    /// Whether it was steered when it was last compared with the photograph, and with what result, dB.
+    compared: Option<(bool, f64)>,
     overlay: Overlay,
 }
 
@@ -107,7 +110,11 @@ impl View {
         self.viewer.look(Look { pupil: now.pupil, frame: None, side: Side::Seen, within });
         if let Some(new) = self.viewer.newest()? {
             let steered = if now.steered { "steered" } else { "not steered" };
-            let db = new.psnr_db.map_or(String::new(), |db| format!(", {db:.1} dB"));
+            self.compared = new.psnr_db.map(|db| (now.steered, db)).or(self.compared);
+            let before = if new.psnr_db.is_some() { "" } else { "last " };
+            // What was steered says nothing of what is not.
+            let db = self.compared.filter(|(steered, _)| *steered == now.steered);
+            let db = db.map_or(String::new(), |(_, db)| format!(", {before}{db:.1} dB"));
             let pupil = new.look.pupil;
             let [x, y, diameter, focus] = [pupil.x, pupil.y, pupil.diameter, pupil.depth].map(|v| v * 1e3);
             self.window.title(&format!(

@@ -1,11 +1,10 @@
 //! The arguments of `eyebox preview`.
 
-use crate::args::{EngineArgs, NEAR, OrderArgs, OtherSceneArgs};
+use crate::args::{EngineArgs, OtherSceneArgs, SceneOptions};
 use crate::phases::{EncodedArgs, PhaseArgs};
-use crate::values::{GivenPupil, one_of, positive, pupil, rate, size};
+use crate::values::{GivenPupil, positive, pupil, rate, size};
 use clap::Args;
 use eyebox::present::Rate;
-use eyebox::scene::Near;
 use std::path::PathBuf;
 
 /// `eyebox preview`
@@ -25,15 +24,9 @@ pub struct Preview {
     /// A scene that the hologram was not made of
     #[command(flatten)]
     pub other: OtherSceneArgs,
-    /// Depth or disparity map of a scene that is a picture (PNG, PFM or .npy)
-    #[arg(long, value_name = "FILE", requires = "scene")]
-    pub depth_map: Option<PathBuf>,
-    /// Which values of the depth map are near [default: what its file tells; the bright ones of a picture]
-    #[arg(long, value_parser = one_of(&NEAR), value_name = "WHICH")]
-    pub near: Option<Near>,
-    /// Order of views
+    /// How the scene is read
     #[command(flatten)]
-    pub order: OrderArgs,
+    pub options: SceneOptions,
     /// Inside of the window, rows x columns [default: what suits the hologram and the monitor]
     #[arg(long, value_name = "HxW", value_parser = size, conflicts_with = "zoom")]
     pub window: Option<[usize; 2]>,

@@ -30,6 +30,7 @@ const ROOM: f64 = 0.85;
 
 /// Shows what an eye sees, live.
 pub fn run(args: &Preview) -> Result<(), Failure> {
+    args.options.check(args.scene.as_ref())?;
     let Opened { hologram, playing, tiles } = open(args)?;
     let optics = (0..hologram.colors.len()).map(|i| hologram.optics(i));
     let pupil = common::pupil(&args.pupil, optics, args.phases.force)?;
@@ -128,13 +129,7 @@ fn scene(args: &Preview, hologram: &Hologram, moves: bool, tiled: bool) -> Resul
     args.other.check(&args.file, hologram, scene)?;
     let display = score::display_of(&args.file, hologram)?;
     let colors: Vec<Color> = hologram.colors.iter().filter_map(|c| c.color).collect();
-    let asked = SceneArgs {
-        depth_map: args.depth_map.iter().cloned().collect(),
-        near: args.near,
-        order: args.order,
-        ..SceneArgs::of(scene)
-    };
-    let asked = score::as_solved(&asked, hologram);
+    let asked = score::as_solved(&SceneArgs::new(scene, &args.options), hologram);
     if tiled {
         return common::scene_around(&asked, &display, &colors);
     }

@@ -18,7 +18,11 @@ pub fn case(_: &Ground, rng: &mut fastrand::Rng) -> Case {
             case.keeps = true;
             format!("-f {}", rng.u32(..12))
         }
-        2 => format!("-n {}", rng.u32(8..24)),
+        2 => {
+            // A far field in tiles keeps what it had committed.
+            case.keeps = true;
+            format!("-n {}", rng.u32(8..24))
+        }
         // Root has none.
         3 => format!("-u {}", rng.u32(1..40)),
         _ => "-c 0".into(),

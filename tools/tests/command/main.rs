@@ -13,6 +13,7 @@ mod kept;
 #[cfg(target_os = "linux")]
 mod live;
 mod odd_values;
+mod orders;
 mod phases;
 mod plan;
 mod play;

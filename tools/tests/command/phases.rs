@@ -248,6 +248,19 @@ fn phases_are_imported_with_what_is_known_of_them() {
     let exposure = |v: &Value| v["colors"][0]["exposure"].as_f64().unwrap();
     assert!((exposure(&own) / exposure(&fitted)).ln().abs() < 0.5, "{} {}", exposure(&own), exposure(&fitted));
     assert_eq!((&fitted["scene"], &fitted["settings"]["exposure_assumed"]), (&"builtin:plane".into(), &Value::Null));
+    // Its own folder is replaced; not with a picture of somebody else's in it, nor a set that is all theirs.
+    done(at, &["export", "h.zarr", "-o", "frames"]);
+    let kept = std::fs::read(at.join("frames/green-01.png")).unwrap();
+    std::fs::write(at.join("frames/green-01.png"), std::fs::read(at.join("frames/green-00.png")).unwrap()).unwrap();
+    std::fs::create_dir(at.join("mine")).unwrap();
+    for name in ["green-00.png", "green-01.png"] {
+        std::fs::write(at.join("mine").join(name), &kept).unwrap();
+    }
+    for folder in ["frames", "mine"] {
+        refused(at, &["export", "h.zarr", "-o", folder], "x", "is left alone; give another place or remove it");
+        done(at, &["view", folder, "--display", "small", "--pupil=0,0,5,0", "--engine", "cpu", "-o", "seen.png"]);
+    }
+    assert_eq!(std::fs::read(at.join("mine/green-00.png")).unwrap(), kept);
     // And back.
     done(at, &["export", "s.zarr", "-o", "again.npy"]);
     assert_eq!(std::fs::read(at.join("again.npy")).unwrap(), std::fs::read(at.join("p.npy")).unwrap());

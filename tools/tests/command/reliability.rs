@@ -214,3 +214,33 @@ fn where_the_system_gives_fewer_threads_fewer_compute() {
     });
     assert!(fewer, "with little address space it ran with all threads or not at all");
 }
+
+/// A pipe that nobody reads is waited for, but not by somebody who was asked to end.
+#[cfg(target_os = "linux")]
+#[test]
+fn an_unread_pipe_does_not_keep_what_was_asked_to_end() {
+    use std::io::Write;
+    use std::os::unix::fs::OpenOptionsExt;
+    let temp = folder();
+    let at = temp.path();
+    done(at, &solve(&["builtin:plane"], "h.zarr", &[]));
+    mkfifo(&at.join("pipe"));
+    let mut options = std::fs::File::options();
+    // O_NONBLOCK: it is filled until it takes no more.
+    let mut pipe = options.read(true).write(true).custom_flags(0o4000).open(at.join("pipe")).unwrap();
+    while pipe.write(&[0; 4096]).is_ok() {}
+    let play = ["play", "h.zarr", "--display", "planes8", "--size", "40x48", "--output", "offscreen"];
+    let mut child = command(at, &[&play[..], &["--raw", "pipe", "--trace", "trace.json"]].concat())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // It has begun.
+    while !at.join("trace.json").exists() && child.try_wait().unwrap().is_none() {
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    std::thread::sleep(Duration::from_millis(300));
+    let _ = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    let answer = child.wait_with_output().unwrap();
+    assert!(text(&answer.stderr).contains("nothing was taken for 1 s"), "{}", text(&answer.stderr));
+}

@@ -92,8 +92,11 @@ impl Transform for Fft {
         [height, width]: [usize; 2],
         storage: Storage,
     ) -> Result<(), EngineError> {
-        // Nothing is being recorded, and what was submitted is done.
-        self.outgrown.clear();
+        // Nothing is being recorded; what was submitted may still be under way.
+        if !self.outgrown.is_empty() {
+            gpu.recorder.idle()?;
+            self.outgrown.clear();
+        }
         self.axis(gpu, width, Axis::Rows, true, storage)?;
         self.axis(gpu, height, columns_axis(gpu, width), width.is_multiple_of(2), storage)
     }

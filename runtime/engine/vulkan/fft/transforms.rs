@@ -97,8 +97,9 @@ impl Transforms {
         self.fft.record(&mut self.gpu, work, direction, columns, Along::Both)?;
         let names = self.fft.marks.take().unwrap_or_default();
         let start = Instant::now();
-        let times = self.gpu.recorder.submit("transforms")?.to_vec();
+        self.gpu.recorder.submit("transforms")?;
         let whole = start.elapsed().as_secs_f64();
+        let times: Vec<_> = self.gpu.recorder.times.drain(..).collect();
         let back = pieces().map(|(host, device, bytes)| (device, host, bytes));
         match self.storage {
             Storage::F32 => self.gpu.download(&block, bytemuck::cast_slice_mut(numbers), back)?,
@@ -109,7 +110,7 @@ impl Transforms {
             }
         }
         self.block = Some(block);
-        let passes = times.into_iter().map(|(i, seconds)| (names[i].clone(), seconds)).collect();
+        let passes = times.into_iter().map(|t| (names[t.label].clone(), t.seconds)).collect();
         Ok(Timed { whole, passes })
     }
 }

@@ -1,13 +1,14 @@
 //! One kernel over what the device may see at once: bindings in the order of the table, arguments as push constants.
 
 use super::super::fft::{Along, Frames, Transform};
+use super::super::flight::Guarded;
 use super::super::layout::{Arenas, Layout, Slot, Value, slot_layout};
 use super::super::tables::Tables;
 use super::super::views::Views;
 use super::hazards::Hazards;
 use super::stacks::Stacks;
 use crate::engine::{Dispatch, EngineError, Kernel, PupilPass, Resource, Shape, Step, Storage};
-use crate::gpu::{Block, Commands, PUSH_BYTES, Range};
+use crate::gpu::{Block, Commands, Groups, PUSH_BYTES, Range};
 use crate::plan::{PerFrame, moved};
 use bytemuck::Pod;
 use eyebox_kernels::{WIDTH, fft::Direction};
@@ -26,6 +27,8 @@ pub(in super::super) struct Work<'a> {
     pub(in super::super) arenas: &'a Arenas,
     pub(in super::super) tables: &'a Tables,
     pub(in super::super) views: Option<&'a Views>,
+    /// What changes phases only where losses are finite, if anything does.
+    pub(in super::super) guarded: Option<Guarded<'a>>,
     /// Where what `check_finite` found and each pupil pass's sums of the loss start, bytes.
     pub(in super::super) losses: Option<(&'a Block, &'a [u64])>,
     pub(in super::super) hazards: Hazards,
@@ -207,6 +210,9 @@ impl<'a> Call<'_, 'a> {
             return Err(self.work.too_large(format!("a buffer of `{}`", module.name), large.size as usize));
         }
         let pipeline = gpu.pipeline(module, buffers.len() as u32, &[])?;
+        let changes = self.kernel.writes().any(|resource| resource == Resource::Phases);
+        let groups = self.work.guarded(groups, changes)?;
+        let gpu = &mut *self.work.gpu;
         gpu.recorder.dispatch(pipeline, buffers, &push[..length], groups)?;
         self.say_moved(buffers);
         Ok(())
@@ -259,7 +265,14 @@ impl<'a> Call<'_, 'a> {
     }
 }
 
-impl Work<'_> {
+impl<'a> Work<'a> {
+    /// These workgroups; of what changes phases, none where losses are not finite.
+    pub(super) fn guarded(&mut self, groups: [u32; 3], changes_phases: bool) -> Result<Groups<'a>, EngineError> {
+        let Some(guarded) = self.guarded.as_mut().filter(|_| changes_phases) else { return Ok(Groups::These(groups)) };
+        let full = || EngineError::Mismatch { reason: "phases change before losses are judged, or too often".into() };
+        guarded.groups(groups).ok_or_else(full)
+    }
+
     pub(super) fn too_large(&self, what: impl Into<String>, size: usize) -> EngineError {
         EngineError::Unsuitable {
             device: self.gpu.report().name.clone(),

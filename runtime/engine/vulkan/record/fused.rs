@@ -17,6 +17,7 @@ pub(super) struct Lines<'l> {
     pub(super) module: &'static Module,
     pub(super) constants: &'l [u32],
     pub(super) groups: [u32; 3],
+    pub(super) changes_phases: bool,
 }
 
 impl Work<'_> {
@@ -105,7 +106,8 @@ impl<'a> Call<'_, 'a> {
             }
             Way::ChangeRowsAndProject => {
                 let changes = [(Update, Resource::Phases), (Update, Resource::Momentum)];
-                self.work.before(&[(Read, Resource::Change), (Read, Resource::Shown), changes[0], changes[1]]);
+                let judged = (Read, Resource::Losses);
+                self.work.before(&[(Read, Resource::Change), (Read, Resource::Shown), changes[0], changes[1], judged]);
                 self.project_rows()
             }
         }
@@ -141,9 +143,10 @@ impl<'a> Call<'_, 'a> {
         moves: impl FnOnce() -> Vec<Move>,
     ) -> Result<(), EngineError> {
         let module = lines.module.stored(self.shape.halves());
+        let groups = self.work.guarded(lines.groups, lines.changes_phases)?;
         let gpu = &mut *self.work.gpu;
         let pipeline = gpu.pipeline(module, buffers.len() as u32, lines.constants)?;
-        gpu.recorder.dispatch(pipeline, buffers, bytemuck::bytes_of(args), lines.groups)?;
+        gpu.recorder.dispatch(pipeline, buffers, bytemuck::bytes_of(args), groups)?;
         gpu.recorder.moved(moves);
         Ok(())
     }

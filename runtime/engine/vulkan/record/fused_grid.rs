@@ -65,6 +65,7 @@ impl Call<'_, '_> {
             let lines = Lines {
                 module: &eyebox_spirv::MODULATE_ROWS,
                 constants: &shared_constants(shared, Axis::Rows)[..20],
+                changes_phases: false,
                 groups: self.work.row_groups(shared, all),
             };
             self.dispatch(&lines, &[phases, planned.twiddles.all(), field], &args, || {
@@ -92,6 +93,7 @@ impl Call<'_, '_> {
             let lines = Lines {
                 module: &eyebox_spirv::PROJECT_ROWS,
                 constants: &shared_constants(shared, Axis::Rows)[..20],
+                changes_phases: true,
                 groups: self.work.row_groups(shared, all),
             };
             let buffers = [change, planned.twiddles.all(), shown, phases, velocity];
@@ -139,6 +141,7 @@ impl Call<'_, '_> {
             let lines = Lines {
                 module: &eyebox_spirv::GATHER_COLUMNS,
                 constants: &constants,
+                changes_phases: false,
                 groups: [(columns[1] / 2).div_ceil(shared.lines), count as u32, 1],
             };
             let buffers = [change, planned.twiddles.all(), windows, transfers, tables, places];

@@ -113,6 +113,7 @@ impl Call<'_, '_> {
             let lines = Lines {
                 module: &eyebox_spirv::PASS_COLUMNS,
                 constants: &shared_constants(shared, Axis::ColumnPairs)[..20],
+                changes_phases: false,
                 groups: [(columns[1] / 2).div_ceil(shared.lines), count as u32, 1],
             };
             let used = u64::from(columns[1]) * pass.window.rows as u64;
@@ -162,6 +163,7 @@ impl Call<'_, '_> {
         let dispatch = Lines {
             module: &eyebox_spirv::COMPARE_ROWS,
             constants: &constants,
+            changes_phases: false,
             groups: [pass.window.rows as u32, rounds, 1],
         };
         let used = u64::from(columns[1]) * pass.window.rows as u64;

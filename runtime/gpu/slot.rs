@@ -1,0 +1,194 @@
+//! What one submission is recorded into, used again when it is over: a command buffer, descriptor pools, timestamps.
+
+use super::counters::add;
+use super::device::Device;
+use super::error::EngineError;
+use ash::vk;
+use std::sync::Arc;
+
+/// Submissions of a recorder that may be under way at once.
+pub(crate) const IN_FLIGHT: usize = 2;
+
+/// Descriptor sets per pool.
+const SETS: u32 = 512;
+
+/// Seconds between a mark and the one before it, of the so many-th submission.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Time {
+    pub(crate) submission: u64,
+    pub(crate) label: usize,
+    pub(crate) seconds: f64,
+}
+
+pub(super) struct Slot {
+    commands: vk::CommandPool,
+    pub(super) command: vk::CommandBuffer,
+    /// Which submission made use of it last.
+    pub(super) submission: u64,
+    pools: Vec<vk::DescriptorPool>,
+    /// The pool in use, and how many sets it gave.
+    used: (usize, u32),
+    queries: vk::QueryPool,
+    capacity: u32,
+    /// Labels of the timestamps behind the first.
+    marks: Vec<usize>,
+    timed: bool,
+    ticks: Vec<u64>,
+    device: Arc<Device>,
+}
+
+impl Slot {
+    pub(super) fn new(device: &Arc<Device>) -> Result<Self, EngineError> {
+        let mut slot = Self {
+            commands: vk::CommandPool::null(),
+            command: vk::CommandBuffer::null(),
+            submission: 0,
+            pools: Vec::new(),
+            used: (0, 0),
+            queries: vk::QueryPool::null(),
+            capacity: 0,
+            marks: Vec::new(),
+            timed: false,
+            ticks: Vec::new(),
+            device: Arc::clone(device),
+        };
+        let error = |call| move |e| device.error(call, "setting up", e);
+        let info = vk::CommandPoolCreateInfo::default().queue_family_index(device.compute.family);
+        // SAFETY: the device is valid; what is made is destroyed in `drop`.
+        unsafe {
+            slot.commands = device.raw.create_command_pool(&info, None).map_err(error("vkCreateCommandPool"))?;
+            let info = vk::CommandBufferAllocateInfo::default()
+                .command_pool(slot.commands)
+                .level(vk::CommandBufferLevel::PRIMARY)
+                .command_buffer_count(1);
+            slot.command = device.raw.allocate_command_buffers(&info).map_err(error("vkAllocateCommandBuffers"))?[0];
+        }
+        Ok(slot)
+    }
+
+    #[cfg(test)]
+    pub(super) fn pools(&self) -> usize {
+        self.pools.len()
+    }
+
+    /// Starts a recording with room for `marks` timestamps; what was recorded here before is over.
+    pub(super) fn begin(&mut self, marks: usize) -> Result<(), EngineError> {
+        let device = &self.device;
+        let error = |call| move |e| device.error(call, "recording", e);
+        let raw = &self.device.raw;
+        self.timed = marks > 0 && device.report.limits.timestamp_period > 0.0;
+        self.marks.clear();
+        // SAFETY: what was submitted from here has been waited for, so pools may be reset and queries replaced.
+        unsafe {
+            raw.reset_command_pool(self.commands, vk::CommandPoolResetFlags::empty())
+                .map_err(error("vkResetCommandPool"))?;
+            let touched = self.pools.iter().take(if self.used == (0, 0) { 0 } else { self.used.0 + 1 });
+            for pool in touched {
+                raw.reset_descriptor_pool(*pool, vk::DescriptorPoolResetFlags::empty())
+                    .map_err(error("vkResetDescriptorPool"))?;
+            }
+            self.used = (0, 0);
+            let wanted = marks as u32 + 1;
+            if self.timed && wanted > self.capacity {
+                raw.destroy_query_pool(self.queries, None);
+                (self.queries, self.capacity) = (vk::QueryPool::null(), 0);
+                let count = wanted.next_power_of_two().max(64);
+                let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(count);
+                self.queries = raw.create_query_pool(&info, None).map_err(error("vkCreateQueryPool"))?;
+                self.capacity = count;
+            }
+            let once = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+            raw.begin_command_buffer(self.command, &once).map_err(error("vkBeginCommandBuffer"))?;
+            if self.timed {
+                raw.cmd_reset_query_pool(self.command, self.queries, 0, wanted);
+                raw.cmd_write_timestamp(self.command, vk::PipelineStageFlags::BOTTOM_OF_PIPE, self.queries, 0);
+            }
+        }
+        Ok(())
+    }
+
+    /// The time since the mark before belongs to `label`.
+    pub(super) fn mark(&mut self, label: usize) {
+        if !self.timed {
+            return;
+        }
+        self.marks.push(label);
+        debug_assert!((self.marks.len() as u32) < self.capacity);
+        let (stage, at) = (vk::PipelineStageFlags::BOTTOM_OF_PIPE, self.marks.len() as u32);
+        // SAFETY: the query was reset at the start of the recording, and is written once.
+        unsafe { self.device.raw.cmd_write_timestamp(self.command, stage, self.queries, at) };
+    }
+
+    /// The times of a submission that is over, once.
+    pub(super) fn read_times(&mut self, times: &mut Vec<Time>) -> Result<(), EngineError> {
+        if self.marks.is_empty() || self.device.record_only {
+            return Ok(());
+        }
+        self.ticks.clear();
+        self.ticks.resize(self.marks.len() + 1, 0);
+        let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
+        // SAFETY: these queries were written by a submission that was waited for.
+        let read = unsafe { self.device.raw.get_query_pool_results(self.queries, 0, &mut self.ticks, flags) };
+        read.map_err(|e| self.device.error("vkGetQueryPoolResults", "timestamps", e))?;
+        let period = f64::from(self.device.report.limits.timestamp_period) * 1e-9;
+        let seconds = self.ticks.windows(2).map(|t| t[1].saturating_sub(t[0]) as f64 * period);
+        let submission = self.submission;
+        times.extend(self.marks.iter().zip(seconds).map(|(&label, seconds)| Time { submission, label, seconds }));
+        self.marks.clear();
+        Ok(())
+    }
+
+    /// Whether the next set needs a pool that is not there.
+    pub(super) fn is_used_up(&self) -> bool {
+        self.used.0 + usize::from(self.used.1 == SETS) >= self.pools.len()
+    }
+
+    /// One more pool.
+    pub(super) fn add_pool(&mut self) -> Result<(), EngineError> {
+        let device = &self.device;
+        // Kernels see 4 buffers on average or fewer; some of the transform's see more.
+        let sizes = [vk::DescriptorPoolSize { ty: vk::DescriptorType::STORAGE_BUFFER, descriptor_count: 8 * SETS }];
+        let info = vk::DescriptorPoolCreateInfo::default().max_sets(SETS).pool_sizes(&sizes);
+        // SAFETY: `info` is valid for the call.
+        let pool = unsafe { device.raw.create_descriptor_pool(&info, None) };
+        self.pools.push(pool.map_err(|e| device.error("vkCreateDescriptorPool", "descriptor sets", e))?);
+        add(&device.counters.pools, 1);
+        Ok(())
+    }
+
+    /// A descriptor set; there is a pool for it.
+    pub(super) fn set(&mut self, layout: vk::DescriptorSetLayout) -> Result<vk::DescriptorSet, EngineError> {
+        let device = &self.device;
+        if self.used.1 == SETS {
+            self.used = (self.used.0 + 1, 0);
+        }
+        let layouts = [layout];
+        let info =
+            vk::DescriptorSetAllocateInfo::default().descriptor_pool(self.pools[self.used.0]).set_layouts(&layouts);
+        let mut set = vk::DescriptorSet::null();
+        // Not through ash, which makes a list of the one.
+        let allocate = device.raw.fp_v1_0().allocate_descriptor_sets;
+        // SAFETY: the pool has room for this set, and one is asked for.
+        let made = unsafe { allocate(device.raw.handle(), &info, &mut set) }.result();
+        made.map_err(|e| device.error("vkAllocateDescriptorSets", "descriptor sets", e))?;
+        self.used.1 += 1;
+        Ok(set)
+    }
+}
+
+impl Drop for Slot {
+    fn drop(&mut self) {
+        if self.device.is_stuck() {
+            return;
+        }
+        let raw = &self.device.raw;
+        // SAFETY: the recorder has waited for what was submitted from here; each is destroyed once.
+        unsafe {
+            raw.destroy_query_pool(self.queries, None);
+            for pool in &self.pools {
+                raw.destroy_descriptor_pool(*pool, None);
+            }
+            raw.destroy_command_pool(self.commands, None);
+        }
+    }
+}

@@ -1,0 +1,115 @@
+//! Views in another order than their names say, and their depths, in the commands that steer and show.
+
+#[cfg(target_os = "linux")]
+use crate::common::{command, desk::Desk};
+use crate::common::{done, folder, made, refused};
+use serde_json::Value;
+use std::path::Path;
+#[cfg(target_os = "linux")]
+use std::time::{Duration, Instant};
+
+const STILL_LIFE: &str = "builtin:still-life?span=0.7";
+const SMALL: [&str; 6] = ["--size", "64x64", "--color", "green", "--engine", "cpu"];
+
+/// The same views as they stand, and with rows that run upwards.
+fn both(at: &Path) {
+    made::views(&at.join("right"), STILL_LIFE, |r, c| [r, c]);
+    made::views(&at.join("upwards"), STILL_LIFE, |r, c| [2 - r, c]);
+}
+
+#[test]
+fn a_study_steers_by_views_in_the_order_that_is_stated() {
+    let temp = folder();
+    let at = temp.path();
+    both(at);
+    let solve = ["solve", "right", "-o", "h.zarr", "--steps", "8", "--order", "as-named"];
+    done(at, &[&solve[..], &SMALL].concat());
+    let study = |scene: &[&str], out: &str| -> Value {
+        let words = ["study", "h.zarr", "--display", "planes8", "--other-scene", "--duration", "0.5", "--json"];
+        let time = ["--step-time", "4", "--engine", "cpu", "-o", out, "--scene"];
+        let said: Value = serde_json::from_str(&done(at, &[&words[..], &time, scene].concat())).expect("one object");
+        assert!(said["summary"]["steps"].as_u64().expect("a number") > 0, "{said}");
+        said["summary"].clone()
+    };
+    let right = study(&["right"], "a");
+    assert_eq!(study(&["upwards", "--order", "flip-rows"], "b"), right);
+    assert_ne!(study(&["upwards", "--order", "as-named"], "c"), right);
+}
+
+/// What `live` puts on the display of a scene that it solves first, without steering: one result on every machine.
+fn shown(at: &Path, scene: &[&str], out: &str) -> Vec<u8> {
+    let live =
+        ["live", "--display", "planes8", "--unsteered", "--quality", "fast", "--duration", "0.2", "--record", out];
+    done(at, &[&live[..], &SMALL, scene].concat());
+    let recorded = std::fs::read_to_string(at.join(out).join("shown.csv")).expect("what was shown");
+    let set = recorded.lines().find_map(|row| Some(&row[row.find("set-")?..])).expect("a set");
+    std::fs::read(at.join(out).join(set)).expect("its picture")
+}
+
+#[test]
+fn live_shows_views_in_the_order_that_is_stated() {
+    let temp = folder();
+    let at = temp.path();
+    both(at);
+    let show = |scene: &[&'static str], out| shown(at, &[scene, &["--depth=-1..1"]].concat(), out);
+    let right = show(&["right"], "a");
+    assert_eq!(show(&["upwards", "--order", "flip-rows"], "b"), right);
+    assert_ne!(show(&["upwards", "--order", "as-named"], "c"), right);
+    refused(at, &[&["live", "upwards", "--display", "planes8"][..], &SMALL].concat(), "x", "--order flip-");
+}
+
+/// Blades that hide each other by pixels from view to view: their depths cannot be measured.
+#[test]
+fn live_solves_for_the_depths_that_are_stated() {
+    let temp = folder();
+    let at = temp.path();
+    made::views(&at.join("grass"), "builtin:dense-grass?span=2", |r, c| [r, c]);
+    let asked = [&["live", "grass", "--display", "planes8", "--order", "as-named"][..], &SMALL].concat();
+    refused(at, &asked, "x", "given: by --depth MIN..MAX, or by depth_mm in lightfield.toml");
+    let grass = |more: &[&'static str], out| shown(at, &[&["grass", "--order", "as-named"], more].concat(), out);
+    let [near, far] = [grass(&["--depth=0..2"], "a"), grass(&["--depth=-2..0"], "b")];
+    assert_ne!(near, far);
+    std::fs::write(at.join("grass/lightfield.toml"), "depth_mm = [0, 2]\n").unwrap();
+    assert_eq!(grass(&[], "c"), near);
+}
+
+/// The figure in the title is that of the photograph which the views make as they stand.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_preview_compares_with_views_in_the_order_that_is_stated() {
+    let temp = folder();
+    let at = temp.path();
+    both(at);
+    let solve = ["solve", "right", "-o", "h.zarr", "--steps", "8", "--order", "as-named"];
+    done(at, &[&solve[..], &SMALL].concat());
+    let decibels = |scene: &[&str]| {
+        // A desktop of its own: the window of a program that was ended stays for a moment.
+        let desk = Desk::new(at, [720, 900]);
+        let preview = ["preview", "h.zarr", "--engine", "cpu", "--pupil=0,7,10,0.6", "--other-scene", "--scene"];
+        let mut child = command(at, &[&preview[..], scene].concat())
+            .env("DISPLAY", desk.name())
+            .env_remove("WAYLAND_DISPLAY")
+            .spawn()
+            .expect("it starts");
+        let window = desk.window("pupil");
+        // The mouse moves the pupil: down, where the order of the rows shows.
+        desk.point(window, [520, 320]);
+        let since = Instant::now();
+        let words = loop {
+            let title = desk.title(window);
+            let words: Vec<String> = title.split_whitespace().map(str::to_owned).collect();
+            if title.contains("pupil +0.50, +7.") && title.contains(" dB") {
+                break words;
+            }
+            assert!(since.elapsed() < Duration::from_secs(60), "{title}");
+            std::thread::sleep(Duration::from_millis(20));
+        };
+        child.kill().and_then(|()| child.wait()).expect("its end");
+        let unit = words.iter().position(|word| word.starts_with("dB")).expect("its unit");
+        words[unit - 1].to_owned()
+    };
+    let right = decibels(&["right"]);
+    assert_eq!(decibels(&["upwards", "--order", "flip-rows"]), right);
+    assert_ne!(decibels(&["upwards", "--order", "as-named"]), right);
+    refused(at, &["preview", "h.zarr", "--order", "flip-rows"], "x", "give --scene");
+}
