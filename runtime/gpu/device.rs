@@ -4,7 +4,7 @@ use super::counters::Counters;
 use super::devices::Candidate;
 use super::error::EngineError;
 use super::instance::{Instance, has};
-use super::pipelines::{Pipeline, Pipelines};
+use super::pipelines::{MadePipeline, Pipeline, Pipelines};
 use super::report::{DeviceKind, DeviceReport, Options};
 use crate::plan::Recording;
 use ash::{ext, google, khr, vk};
@@ -232,6 +232,12 @@ impl Device {
         let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
         let gone = || EngineError::Mismatch { reason: "the device is being closed".into() };
         pipelines.as_mut().ok_or_else(gone)?.get(module, bindings, constants, &self.counters.pipelines)
+    }
+
+    /// The pipelines that were made.
+    pub(crate) fn made(&self) -> Vec<MadePipeline> {
+        let pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        pipelines.as_ref().map_or_else(Vec::new, Pipelines::made)
     }
 
     /// Number of allocations alive.

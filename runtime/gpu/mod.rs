@@ -74,6 +74,8 @@ pub(crate) use pictures::Ready;
 #[cfg(feature = "vulkan")]
 pub use pictures::{PhasesOnDevice, Pictures, PixelOrder};
 #[cfg(feature = "vulkan")]
+pub use pipelines::MadePipeline;
+#[cfg(feature = "vulkan")]
 pub(crate) use pipelines::{PUSH_BYTES, Pipeline};
 #[cfg(feature = "vulkan")]
 pub(crate) use recorder::{Groups, Piece};

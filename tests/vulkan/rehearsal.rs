@@ -8,7 +8,7 @@ use eyebox::solve::{Problem, Rehearsal, RehearsedStep, Settings, Steering};
 use eyebox_tests::both::watched;
 
 /// Nine views: a photograph then moves less than one of 81, everything else the same.
-fn problem() -> Problem {
+pub(super) fn problem() -> Problem {
     let display = Display { height: 1080, width: 1920, ..Display::preset("paper").expect("a preset") };
     let view = vec![0.5; 1080 * 1920];
     let field = LightField {
@@ -25,7 +25,7 @@ fn problem() -> Problem {
     Problem::new(&field, Color::Green, &display, Default::default()).expect("a problem")
 }
 
-fn gpu() -> Gpu {
+pub(super) fn gpu() -> Gpu {
     let plan_as = Some(DeviceKind::Discrete);
     Gpu::open(&Options { record_only: true, plan_as, ..watched() }).unwrap_or_else(|e| panic!("{e}"))
 }

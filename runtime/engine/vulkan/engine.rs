@@ -355,6 +355,14 @@ impl Engine for VulkanEngine {
         format!("Vulkan {}, {} ({}), {}", r.api, r.name, r.kind, r.driver)
     }
 
+    fn lists(&self) -> &'static str {
+        // In software shared memory is memory like any other: what goes through it costs more than it saves.
+        match self.gpu.device.planned_as {
+            DeviceKind::Cpu => "kernel by kernel",
+            _ => "fused, transforms with what stands before and behind them",
+        }
+    }
+
     fn memory(&self) -> Memory {
         match self.gpu.report().kind {
             DeviceKind::Cpu | DeviceKind::Integrated => Memory::Shared,
