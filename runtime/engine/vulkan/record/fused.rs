@@ -34,7 +34,7 @@ impl Work<'_> {
                 [(rows, Axis::ColumnPairs), (columns, Axis::Rows)].map(|(n, axis)| self.lines_of(n, axis));
             down.zip(along)
         };
-        let passes = list
+        let mut passes = list
             .iter()
             .filter(|d| d.kernel == Kernel::WindowInverse)
             .flat_map(|d| &self.step.pupil_passes[d.pupil_passes.clone()]);
@@ -50,7 +50,7 @@ impl Work<'_> {
         let arenas = [Resource::Window, Resource::Transfer].map(|r| self.arenas.block(r).map_or(0, |block| block.size));
         Fusable {
             grid: shared([place.grid_height as usize, place.grid_width as usize]).is_some(),
-            windows: passes.map(fits).all(|fits| fits),
+            windows: passes.all(fits),
             gather: arenas.into_iter().all(|size| size <= limit),
         }
     }
