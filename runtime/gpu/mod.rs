@@ -43,6 +43,8 @@ mod pipelines;
 mod recorder;
 #[cfg(feature = "vulkan")]
 mod slot;
+#[cfg(all(test, feature = "vulkan"))]
+pub(crate) mod statistics;
 
 #[cfg(not(feature = "vulkan"))]
 pub use absent::{Gpu, PhasesOnDevice, devices};
@@ -73,8 +75,6 @@ pub use open::{Gpu, RawDevice};
 pub(crate) use pictures::Ready;
 #[cfg(feature = "vulkan")]
 pub use pictures::{PhasesOnDevice, Pictures, PixelOrder};
-#[cfg(feature = "vulkan")]
-pub use pipelines::MadePipeline;
 #[cfg(feature = "vulkan")]
 pub(crate) use pipelines::{PUSH_BYTES, Pipeline};
 #[cfg(feature = "vulkan")]

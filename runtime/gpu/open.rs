@@ -5,7 +5,6 @@ use super::device::{Device, Made, Queue};
 use super::devices::{Candidate, candidates, choose, inspect};
 use super::error::EngineError;
 use super::instance::{Instance, Messages};
-use super::pipelines::MadePipeline;
 use super::report::{DeviceReport, Options};
 use crate::plan::Recording;
 use ash::vk;
@@ -135,11 +134,6 @@ impl Gpu {
     /// What was done on the device so far.
     pub fn counts(&self) -> Counts {
         self.device.counters.now()
-    }
-
-    /// The pipelines that were made on the device so far: for who wants to know what a compiler makes of them.
-    pub fn pipelines(&self) -> Vec<MadePipeline> {
-        self.device.made()
     }
 
     /// Calls `with` and gives what it recorded, on a device that only records ([`Options::record_only`]); on others,

@@ -22,19 +22,6 @@ pub(crate) struct Pipeline {
     pub(crate) bindings: u32,
 }
 
-/// A pipeline that was made, as another compiler could make it.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct MadePipeline {
-    /// Name of its module.
-    pub module: &'static str,
-    /// The module.
-    pub words: &'static [u32],
-    /// Storage buffers at bindings 0, 1, ...
-    pub bindings: u32,
-    /// Specialisation constants 0, 1, ...
-    pub constants: Vec<u32>,
-}
-
 /// Layouts by number of bindings.
 type Layouts = HashMap<u32, (vk::DescriptorSetLayout, vk::PipelineLayout)>;
 
@@ -109,14 +96,9 @@ impl Pipelines {
         Ok(pipeline)
     }
 
-    /// Those that were made so far.
-    pub(crate) fn made(&self) -> Vec<MadePipeline> {
-        let of = |((name, constants), pipeline): (&(&'static str, Vec<u32>), &Pipeline)| {
-            let module = eyebox_spirv::ALL.iter().find(|module| module.name == *name)?;
-            let (words, bindings) = (module.words(), pipeline.bindings);
-            Some(MadePipeline { module: name, words, bindings, constants: constants.clone() })
-        };
-        self.made.iter().filter_map(of).collect()
+    #[cfg(test)]
+    pub(crate) fn keys(&self) -> Vec<super::statistics::Key> {
+        self.made.iter().map(|((name, constants), made)| (name.to_string(), made.bindings, constants.clone())).collect()
     }
 
     fn layout(&mut self, bindings: u32) -> Result<(vk::DescriptorSetLayout, vk::PipelineLayout), EngineError> {

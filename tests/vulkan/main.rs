@@ -6,6 +6,5 @@ mod flight;
 mod fused;
 mod kernels;
 mod one_device;
-mod radv;
 mod rehearsal;
 mod steps;

@@ -1,14 +1,16 @@
 //! What a step asks of a device at 1080 x 1920 x 8, recorded and not run: budgets that only fall.
 
+use eyebox::engine::Engine;
+use eyebox::engine::vulkan::VulkanEngine;
 use eyebox::gpu::{DeviceKind, Gpu, Options};
 use eyebox::optics::{Color, Display, Pupil, PupilDistribution};
-use eyebox::plan::DEVICES;
+use eyebox::plan::{DEVICES, Storage};
 use eyebox::scene::LightField;
 use eyebox::solve::{Problem, Rehearsal, RehearsedStep, Settings, Steering};
 use eyebox_tests::both::watched;
 
 /// Nine views: a photograph then moves less than one of 81, everything else the same.
-pub(super) fn problem() -> Problem {
+fn problem() -> Problem {
     let display = Display { height: 1080, width: 1920, ..Display::preset("paper").expect("a preset") };
     let view = vec![0.5; 1080 * 1920];
     let field = LightField {
@@ -25,7 +27,7 @@ pub(super) fn problem() -> Problem {
     Problem::new(&field, Color::Green, &display, Default::default()).expect("a problem")
 }
 
-pub(super) fn gpu() -> Gpu {
+fn gpu() -> Gpu {
     let plan_as = Some(DeviceKind::Discrete);
     Gpu::open(&Options { record_only: true, plan_as, ..watched() }).unwrap_or_else(|e| panic!("{e}"))
 }
@@ -53,7 +55,8 @@ fn steps_keep_to_their_budgets() {
     assert!(solve.steps.iter().all(|s| s.counts.read_back == 0 && s.counts.uploaded < 1 << 20));
 
     let aim = PupilDistribution::around(&Pupil { x: 1e-3, y: 0.0, diameter: 4e-3, depth: 1e-3 }, 0.3e-3);
-    let steered = Rehearsal::of_refinement(problem, 8, Steering::default(), aim, &gpu, 4).unwrap();
+    let fp32 = Steering { storage: Some(Storage::F32), ..Steering::default() };
+    let steered = Rehearsal::of_refinement(problem, 8, fp32, aim, &gpu, 4).unwrap();
     for [dispatches, stages, bytes] in asked(&steered) {
         assert!(dispatches <= 30 && stages <= 19 && bytes <= 850_000_000, "{dispatches} {stages} {bytes}");
         assert!(bytes >= 500_000_000, "{bytes}");
@@ -79,4 +82,21 @@ fn what_is_made_for_a_step_is_not_made_again() {
     let [first, second] = [0, 1].map(|i| steered.steps[i].recording.by_kernel());
     assert!(first.iter().any(|(kernel, ..)| kernel.name() == "photograph"));
     assert!(second.iter().all(|(kernel, ..)| kernel.name() != "photograph" && kernel.name() != "transfer"));
+}
+
+/// Where bytes are time, fields are halves unless somebody says otherwise; in software they are not.
+#[test]
+fn gpus_store_halves() {
+    let stored = |gpu: &Gpu| VulkanEngine::new(gpu).unwrap().preferred_storage();
+    assert_eq!(stored(&gpu()), Storage::F16);
+    assert_eq!(stored(&Gpu::open(&watched()).unwrap()), Storage::F32);
+    // Fewer bytes for the same step.
+    let aim = PupilDistribution::around(&Pupil { x: 1e-3, y: 0.0, diameter: 4e-3, depth: 1e-3 }, 0.3e-3);
+    let bytes = |storage| {
+        let steering = Steering { storage, ..Steering::default() };
+        let steered = Rehearsal::of_refinement(problem(), 8, steering, aim, &gpu(), 2).unwrap();
+        asked(&steered)[1][2] as f64
+    };
+    let [as_preferred, full] = [None, Some(Storage::F32)].map(bytes);
+    assert!(as_preferred < 0.8 * full, "{as_preferred} {full}");
 }
