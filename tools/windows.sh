@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Builds the command and tests of the library for Windows and runs them under Wine, on the CPU: tools/windows.sh
-# tools/windows.sh command: the command alone; EYEBOX=PROGRAM.exe: that program alone. tools/setup.sh windows installs what it wants.
+# Builds the command and tests for Windows and runs them under Wine, on the CPU: tools/windows.sh
+# tools/windows.sh command: the command, and the CPU engine against float64, without the library's own tests; EYEBOX=PROGRAM.exe:
+# that program alone. tools/setup.sh windows installs what it wants.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 program=${EYEBOX:+$(realpath "$EYEBOX")}
@@ -36,7 +37,9 @@ run() {
 export CARGO_PROFILE_DEV_OPT_LEVEL=0
 if [[ -z $program ]]; then
     rustup target add "$target" 2>/dev/null || true
-    cargo build --quiet --target "$target" --package eyebox-tools --bin eyebox
+    # At once: what the two share is built once.
+    tests=$(cargo build --quiet --target "$target" --package eyebox-tools --package eyebox-tests --bin eyebox --test library \
+        --message-format json-render-diagnostics | sed -n 's/.*"executable":"\([^"]*library-[^"]*\.exe\)".*/\1/p')
     built=$(cargo metadata --format-version 1 --no-deps | sed 's/.*"target_directory":"\([^"]*\)".*/\1/')
     program=$built/$target/debug/eyebox.exe
 fi
@@ -59,8 +62,10 @@ if compgen -G '.eyebox-*' >/dev/null; then
     exit 1
 fi
 cd "$root"
-[[ -z ${EYEBOX:-} && ${1:-} != command ]] || exit 0
-
+[[ -z ${EYEBOX:-} ]] || exit 0
 # Wine has no Vulkan without a display.
+run "$tests" --quiet reference:: far_field:: --skip both_engines
+[[ ${1:-} != command ]] || exit 0
+
 CARGO_TARGET_X86_64_PC_WINDOWS_GNU_RUNNER=$wine cargo test --quiet --target "$target" --package eyebox --lib -- \
     encode:: engine::cpu evaluate:: files:: gaze:: hologram:: optics:: plan:: present:: preview:: produce:: quality:: report:: scene::

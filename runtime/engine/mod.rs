@@ -68,6 +68,11 @@ pub trait Engine: Send {
         Memory::Host
     }
 
+    /// How complex fields are best stored where halves are exact enough: as halves on a GPU, whose time is bytes.
+    fn preferred_storage(&self) -> Storage {
+        Storage::F32
+    }
+
     /// Makes the buffers for this shape, all zero, and takes the views (float32 targets need none).
     ///
     /// # Errors

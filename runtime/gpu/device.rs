@@ -271,6 +271,12 @@ impl Device {
         }
     }
 
+    /// The pipelines that were made.
+    #[cfg(test)]
+    pub(crate) fn pipelines_made(&self) -> Vec<super::statistics::Key> {
+        self.pipelines.lock().unwrap_or_else(PoisonError::into_inner).iter().flat_map(Pipelines::keys).collect()
+    }
+
     /// Number of allocations alive.
     #[cfg(test)]
     pub(crate) fn allocations(&self) -> usize {

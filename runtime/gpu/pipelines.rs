@@ -187,6 +187,11 @@ impl Pipelines {
         }
     }
 
+    #[cfg(test)]
+    pub(crate) fn keys(&self) -> Vec<super::statistics::Key> {
+        self.made.iter().map(|((name, constants), made)| (name.to_string(), made.bindings, constants.clone())).collect()
+    }
+
     fn layout(&mut self, bindings: u32) -> Result<(vk::DescriptorSetLayout, vk::PipelineLayout), EngineError> {
         if let Some(layout) = self.layouts.get(&bindings) {
             return Ok(*layout);

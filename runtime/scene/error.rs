@@ -43,6 +43,21 @@ pub enum SceneError {
         /// How many there are, and what would be a grid.
         reason: String,
     },
+    /// Folders that may be the rows of one light field, or light fields.
+    #[error(
+        "{folder}: {rows} folders of {columns} views each: `files = \"*/*\"` in its lightfield.toml makes them the rows of one light \
+         field, and each named by itself ({first} ...) the frames of a sequence"
+    )]
+    Rows {
+        /// The folder.
+        folder: String,
+        /// How many folders.
+        rows: usize,
+        /// Views in each.
+        columns: usize,
+        /// The first of them.
+        first: String,
+    },
     /// One view of the grid is not there.
     #[error("{file}: this view is missing: the others make a grid of {rows} x {columns}")]
     MissingView {

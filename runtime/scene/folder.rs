@@ -2,8 +2,8 @@
 
 use super::light::Transfer;
 use super::resize::{Fit, Resize};
-use super::shape::shape;
-use super::{LightField, Order, OrderFound, Parallax, Request, SceneError, names, order, picture, settings};
+use super::shape::{is_serpentine, shape};
+use super::{LightField, Order, OrderFound, Parallax, Request, SceneError, frames, names, order, picture, settings};
 use crate::memory;
 use rayon::prelude::*;
 use std::{
@@ -53,7 +53,7 @@ pub(super) fn load(folder: &Path, request: &Request) -> Result<LightField, Scene
 /// As [`load`].
 pub(super) fn read(folder: &Path, request: &Request) -> Result<Read, SceneError> {
     let colors = request.colors;
-    let Listed { all, stated, mut views, paths, size: own } = list(folder)?;
+    let Listed { found: Found { all, stated, mut views }, paths, size: own } = list(folder)?;
     let (height, width) = request.display.picture_size();
     let counts = [paths.len(), colors.len(), height, width];
     let what = || format!("{} views of {height} x {width} pixels", paths.len());
@@ -94,7 +94,13 @@ pub(super) fn read(folder: &Path, request: &Request) -> Result<Read, SceneError>
         depth: scaled(stated.depth),
     };
     if views.running {
-        field.grid = rows_and_columns(folder, &field, &mut views)?;
+        if stated.serpentine.is_none() && is_serpentine(&field, views.grid) {
+            let reason = "every second row runs backwards: `serpentine = true` in lightfield.toml reads them so".into();
+            return Err(SceneError::NotAGrid { folder: folder.display().to_string(), reason });
+        }
+        if stated.grid.is_none() && stated.serpentine.is_none() {
+            field.grid = rows_and_columns(folder, &field, &mut views)?;
+        }
     }
     if let Some(times) = views.proportion.filter(|p| !(0.9..1.1).contains(p)) {
         tracing::warn!(
@@ -148,11 +154,63 @@ fn rows_and_columns(
     }
 }
 
+/// What a folder holds, by names alone.
+pub(super) struct Found {
+    all: Vec<String>,
+    pub stated: settings::Settings,
+    pub views: names::Arrangement,
+}
+
+/// Finds the views by their names.
+///
+/// # Errors
+/// As [`load`].
+pub(super) fn find(folder: &Path) -> Result<Found, SceneError> {
+    let mut files = files(folder, "")?;
+    let all: Vec<String> = files.iter().map(|(name, _)| name.clone()).collect();
+    let stated = settings::read(folder, &all)?;
+    if stated.files.as_ref().is_some_and(|pattern| pattern.contains('/')) {
+        let unreadable = |e: std::io::Error| SceneError::unreadable(folder, &e);
+        for entry in fs::read_dir(folder).map_err(unreadable)? {
+            let entry = entry.map_err(unreadable)?;
+            if let Some(name) = entry.file_name().to_str().filter(|_| entry.path().is_dir()) {
+                files.append(&mut self::files(&entry.path(), &format!("{name}/"))?);
+            }
+        }
+    }
+    let views = names::arrange(folder, &files, stated.grid, stated.files.as_deref());
+    let mut views = views.map_err(|error| frames::explain(folder, error))?;
+    if stated.serpentine == Some(true) {
+        if !(views.running && views.doubt.is_empty()) {
+            let reason =
+                "serpentine = true is for views with a running number that fill a grid: state the `grid`".into();
+            return Err(SceneError::Settings { file: folder.join("lightfield.toml").display().to_string(), reason });
+        }
+        views.files.chunks_mut(views.grid[1]).skip(1).step_by(2).for_each(<[String]>::reverse);
+        views.how += ", every second row backwards";
+    }
+    Ok(Found { all, stated, views })
+}
+
+/// The files of a folder, `before` which stands in front of their names.
+fn files(folder: &Path, before: &str) -> Result<Vec<names::Named>, SceneError> {
+    let unreadable = |e: std::io::Error| SceneError::unreadable(folder, &e);
+    let mut files: Vec<names::Named> = Vec::new();
+    for entry in fs::read_dir(folder).map_err(unreadable)? {
+        let entry = entry.map_err(unreadable)?;
+        // Names that are not text cannot be views; links count as what they lead to.
+        let Ok(name) = entry.file_name().into_string() else { continue };
+        if let Some(found) = fs::metadata(entry.path()).ok().filter(fs::Metadata::is_file) {
+            files.push((format!("{before}{name}"), found.len()));
+        }
+    }
+    files.sort();
+    Ok(files)
+}
+
 /// What a folder holds, by names and headers alone.
 pub(super) struct Listed {
-    all: Vec<String>,
-    stated: settings::Settings,
-    views: names::Arrangement,
+    found: Found,
     paths: Vec<PathBuf>,
     /// Rows and columns of every view.
     pub size: [usize; 2],
@@ -163,23 +221,10 @@ pub(super) struct Listed {
 /// # Errors
 /// As [`load`].
 pub(super) fn list(folder: &Path) -> Result<Listed, SceneError> {
-    let unreadable = |e: std::io::Error| SceneError::unreadable(folder, &e);
-    let mut files: Vec<names::Named> = Vec::new();
-    for entry in fs::read_dir(folder).map_err(unreadable)? {
-        let entry = entry.map_err(unreadable)?;
-        // Names that are not text cannot be views; links count as what they lead to.
-        let Ok(name) = entry.file_name().into_string() else { continue };
-        if let Some(found) = fs::metadata(entry.path()).ok().filter(fs::Metadata::is_file) {
-            files.push((name, found.len()));
-        }
-    }
-    files.sort();
-    let all: Vec<String> = files.iter().map(|(name, _)| name.clone()).collect();
-    let stated = settings::read(folder, &all)?;
-    let views = names::arrange(folder, &files, stated.grid, stated.files.as_deref())?;
-
+    let found = find(folder)?;
     // Headers first: a view of another size is found before anything is decoded.
-    let paths: Vec<_> = views.files.iter().map(|name| folder.join(name)).collect();
+    let files = &found.views.files;
+    let paths: Vec<_> = files.iter().map(|name| folder.join(name)).collect();
     let sizes: Vec<_> = paths.par_iter().map(|path| picture::size(path)).collect::<Result<_, _>>()?;
     let [height, width] = sizes[0];
     if let Some(i) = sizes.iter().position(|&s| s != sizes[0]) {
@@ -187,10 +232,10 @@ pub(super) fn list(folder: &Path) -> Result<Listed, SceneError> {
             file: paths[i].display().to_string(),
             height: sizes[i][0],
             width: sizes[i][1],
-            other: views.files[0].clone(),
+            other: files[0].clone(),
             other_height: height,
             other_width: width,
         });
     }
-    Ok(Listed { all, stated, views, paths, size: [height, width] })
+    Ok(Listed { found, paths, size: [height, width] })
 }

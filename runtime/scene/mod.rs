@@ -47,6 +47,7 @@ mod builtin;
 mod depth;
 mod error;
 mod folder;
+mod frames;
 mod inspect;
 mod interpolate;
 #[cfg(test)]
@@ -90,6 +91,7 @@ pub use builtin::{BUILTINS, Builtin, Stage};
 pub use depth::central_depth;
 pub(crate) use depth::central_view;
 pub use error::SceneError;
+pub use frames::frames;
 pub use inspect::{Exposure, Inspection, contact_sheet, inspect};
 pub use interpolate::Interpolator;
 pub use light::srgb_to_linear;

@@ -18,7 +18,7 @@ pub(super) struct Arrangement {
     pub files: Vec<String>,
     /// How they were found, for people.
     pub how: String,
-    /// Whether their order is that of one running number and nothing states the grid: then the pictures have a say.
+    /// Whether their order is that of one running number: then the pictures have a say.
     pub running: bool,
     /// What is said where such a number makes no square and the pictures show no grid.
     pub doubt: String,
@@ -328,7 +328,7 @@ impl Family<'_> {
         let how = format!("a running number, {first} to {last}, row by row");
         if let Some([rows, columns]) = stated {
             if rows.checked_mul(columns) == Some(count) {
-                return Ok(Arrangement { grid: [rows, columns], files, how, ..Arrangement::default() });
+                return Ok(Arrangement { grid: [rows, columns], files, how, running: true, ..Arrangement::default() });
             }
             return Err(not_a_grid(format!("{count} views ({ends}), but a grid of {rows} x {columns} is stated")));
         }

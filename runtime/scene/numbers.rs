@@ -6,6 +6,8 @@ pub(super) struct Number {
     pub value: f64,
     /// Digits before the point, without the sign.
     pub digits: usize,
+    /// Whether a plus stands before it.
+    pub plus: bool,
     /// Whether it has no point.
     pub whole: bool,
 }
@@ -25,7 +27,7 @@ pub(super) struct Name<'a> {
 const NUMBERS: usize = 12;
 
 impl<'a> Name<'a> {
-    /// Reads the numbers of a name: runs of digits, or, where `signed`, with a point between digits and a minus that follows
+    /// Reads the numbers of a name: runs of digits, or, where `signed`, with a point between digits and a sign that follows
     /// no digit, nor a letter unless there is a point. None where there is no number, or one too long to be one.
     pub fn read(name: &'a str, signed: bool) -> Option<Self> {
         let (stem, end) = name.rsplit_once('.')?;
@@ -40,17 +42,17 @@ impl<'a> Name<'a> {
             }
             // Behind a letter only before a number with a point: view-3 is 3, y-4.5 is -4.5.
             let decimal = bytes.get(after) == Some(&b'.') && digit(after + 1) && i > 0 && !digit(i - 1);
-            let minus = signed && bytes[i] == b'-' && digit(i + 1) && (alone || decimal);
-            if !minus && !digit(i) {
+            let sign = signed && matches!(bytes[i], b'-' | b'+') && digit(i + 1) && (alone || decimal);
+            if !sign && !digit(i) {
                 i += 1;
                 continue;
             }
             let from = i;
-            i += usize::from(minus);
+            i += usize::from(sign);
             while digit(i) {
                 i += 1;
             }
-            let digits = i - from - usize::from(minus);
+            let digits = i - from - usize::from(sign);
             let point = signed && bytes.get(i) == Some(&b'.') && digit(i + 1);
             if point {
                 i += 1;
@@ -63,7 +65,12 @@ impl<'a> Name<'a> {
                 return None;
             }
             texts.push(stem[start..from].to_owned());
-            numbers.push(Number { value: stem[from..i].parse().ok()?, digits, whole: !point });
+            numbers.push(Number {
+                value: stem[from..i].parse().ok()?,
+                digits,
+                plus: bytes[from] == b'+',
+                whole: !point,
+            });
             start = i;
         }
         texts.push(stem[start..].to_owned());
@@ -82,7 +89,10 @@ impl<'a> Name<'a> {
             let digits = family.iter().map(|n| n.numbers[k].digits).min().unwrap_or(1);
             match fields.iter().position(|f| *f == k) {
                 Some(i) if values[i] < 0.0 => name += &format!("-{:0digits$}", -values[i]),
-                Some(i) => name += &format!("{:0digits$}", values[i]),
+                Some(i) => {
+                    let plus = if family.iter().any(|n| n.numbers[k].plus) { "+" } else { "" };
+                    name += &format!("{plus}{:0digits$}", values[i]);
+                }
                 None if family.iter().any(|n| n.numbers[k].value != number.value) => name.push('*'),
                 None => name += &format!("{:0width$}", number.value, width = number.digits),
             }

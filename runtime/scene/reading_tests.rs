@@ -20,7 +20,9 @@ fn mark(r: usize, c: usize) -> u8 {
 /// Writes a small view for each name; `at` is where it stands.
 fn write(folder: &Path, names: &[(String, [usize; 2])]) {
     for (name, [r, c]) in names {
-        ImageBuffer::from_pixel(8, 8, Luma([mark(*r, *c)])).save(folder.join(name)).unwrap();
+        let file = folder.join(name);
+        fs::create_dir_all(file.parent().unwrap()).unwrap();
+        ImageBuffer::from_pixel(8, 8, Luma([mark(*r, *c)])).save(file).unwrap();
     }
 }
 
@@ -52,6 +54,8 @@ fn ways() -> Vec<Row> {
         let (x, y) = (2.5 * c as f64 - 5.0 + 0.01 * r as f64, 2.5 * r as f64 - 5.0 + 0.013 * c as f64);
         format!("cam_x{x:.3}_y{y:.3}.png")
     };
+    let by_row = |r: usize, c: usize| format!("row_{r}/view_{c}.png");
+    let serpentine = |r: usize, c: usize| format!("{:03}.png", r * 4 + if r.is_multiple_of(2) { c } else { 3 - c });
     vec![
         ("Stanford archive, decimal and negative coordinates", grid(17, 17, stanford), "", Ok([17, 17])),
         (
@@ -72,7 +76,24 @@ fn ways() -> Vec<Row> {
         ("MPI, one row", grid(1, 101, |_, c| format!("{c:04}.png")), "grid = [1, 101]", Ok([1, 101])),
         ("Blender frames, one-based", grid(5, 5, |r, c| format!("{:04}.png", r * 5 + c + 1)), "", Ok([5, 5])),
         ("view-3-7", grid(4, 7, |r, c| format!("view-{r}-{c}.png")), "", Ok([4, 7])),
-        ("x before y", grid(3, 5, |r, c| format!("cam_x{c}_y{r}.png")), "", Ok([3, 5])),
+        ("x before y", grid(3, 5, |r, c| format!("x{c}_y{r}.png")), "", Ok([3, 5])),
+        ("signs", grid(5, 5, |r, c| format!("v_{:+}_{:+}.png", r as i32 - 2, c as i32 - 2)), "", Ok([5, 5])),
+        (
+            "coordinates with signs",
+            grid(3, 4, |r, c| format!("y{:+.1}x{:+.1}.png", r as f64 - 1.0, c as f64 - 1.5)),
+            "",
+            Ok([3, 4]),
+        ),
+        ("a folder for each row", grid(4, 5, by_row), "", Err(&["4 folders of 5 views", "*/*", "row_0"])),
+        ("as many as views in each", grid(4, 4, by_row), "", Err(&["4 folders of 4 views", "*/*", "row_0"])),
+        ("a folder for each row, stated", grid(4, 5, by_row), "files = \"row_*/*\"", Ok([4, 5])),
+        ("every second row backwards, stated", grid(5, 4, serpentine), "serpentine = true\ngrid = [5, 4]", Ok([5, 4])),
+        (
+            "letters and numbers",
+            grid(3, 5, |r, c| format!("{}{c}.png", ["a", "b", "c"][r])),
+            "",
+            Err(&["named in several ways"]),
+        ),
         ("r3c7, one-based", grid(5, 4, |r, c| format!("r{}c{}.png", r + 1, c + 1)), "", Ok([5, 4])),
         ("columns first by name", grid(3, 4, |r, c| format!("col{c:02}row{r:02}.png")), "", Ok([3, 4])),
         ("signed indices", grid(5, 5, |r, c| format!("v_{}_{}.png", r as i32 - 2, c as i32 - 2)), "", Ok([5, 5])),
@@ -241,6 +262,35 @@ fn what_shows_nothing_is_not_doubted() {
 }
 
 #[test]
+fn rows_that_run_backwards_are_seen() {
+    let display = display(64);
+    let field = load("builtin:still-life?span=1", &Request { views: 5, ..Request::new(&display, &GREEN) }).unwrap();
+    let fields = [(5, 5, field.planes[0].clone()), (3, 5, field.planes[0][..15].to_vec())];
+    for (rows, columns, views) in fields {
+        let planes = vec![views];
+        let field = LightField { grid: [rows, columns], planes, ..LightField { planes: Vec::new(), ..field.clone() } };
+        let temp = save(&field, "as-named", &move |r, c| {
+            format!("{:04}.png", r * columns + if r.is_multiple_of(2) { c } else { columns - 1 - c })
+        });
+        let read = |toml: &str| {
+            fs::write(temp.path().join("lightfield.toml"), toml).unwrap();
+            load(temp.path().to_str().unwrap(), &Request::new(&display, &GREEN)).map_err(|e| e.to_string())
+        };
+        let grid = format!("grid = [{rows}, {columns}]\n");
+        let line = read(&grid).unwrap_err();
+        assert!(line.contains("every second row runs backwards: `serpentine = true`"), "{line}");
+        // Without the grid, 15 are neither a square nor one row.
+        let line = read("").unwrap_err();
+        assert!(line.contains(if rows == columns { "serpentine = true" } else { "not a square" }), "{line}");
+        let found = read(&format!("{grid}serpentine = true")).unwrap();
+        let apart =
+            |a: &[f32], b: &[f32]| a.iter().zip(b).fold(0.0f32, |most, (a, b)| most.max((a - b.min(1.0)).abs()));
+        assert!(found.planes[0].iter().zip(&field.planes[0]).all(|(a, b)| apart(a, b) < 0.01));
+        assert!(read(&format!("{grid}serpentine = false")).is_ok());
+    }
+}
+
+#[test]
 fn one_row_is_told_from_a_square() {
     let display = display(64);
     let field = load("builtin:still-life?span=1", &Request { views: 9, ..Request::new(&display, &GREEN) }).unwrap();
@@ -251,4 +301,57 @@ fn one_row_is_told_from_a_square() {
     assert!(line.contains("3 x 3") && line.contains("1 x 9") && line.contains("grid"), "{line}");
     fs::write(temp.path().join("lightfield.toml"), "grid = [1, 9]").unwrap();
     assert_eq!(load(source, &Request::new(&display, &GREEN)).unwrap().grid, [1, 9]);
+}
+
+/// The names that docs/scenes.md shows are in the table above, and what it says of refusals is what they say.
+#[test]
+fn the_page_says_what_is_read_and_what_is_refused() {
+    let page = include_str!("../../docs/scenes.md");
+    // A run of digits is any number, and every end is that of a picture.
+    let like = |name: &str| {
+        let mut digits = name.rsplit_once('.').unwrap().0.replace(|c: char| c.is_ascii_digit(), "#");
+        while digits.contains("##") {
+            digits = digits.replace("##", "#");
+        }
+        digits
+    };
+    let known: Vec<String> = ways().iter().flat_map(|(_, names, ..)| names.iter().map(|n| like(&n.0))).collect();
+    let names = page.split_once("So `").unwrap().1.split_once(" are read.").unwrap().0;
+    let named: Vec<&str> = names.split('`').filter(|n| n.contains('.')).collect();
+    assert!(named.len() > 5, "{named:?}");
+    named.iter().for_each(|name| assert!(known.contains(&like(name)), "{name}"));
+
+    let temp = tempfile::tempdir().unwrap();
+    let (at, display) = (temp.path(), display(8));
+    let map = at.join("map.npy");
+    crate::files::write_npy(&map, &[8, 8], &(0..64).map(|i| i as f32).collect::<Vec<_>>()).unwrap();
+    let request = Request::new(&display, &GREEN);
+    let folder = |name: &str, files: &[&str]| {
+        write(&at.join(name), &files.iter().map(|f| ((*f).to_owned(), [0, 0])).collect::<Vec<_>>());
+        at.join(name)
+    };
+    let sizes = folder("sizes", &["v_0_0.png", "v_0_1.png", "v_1_0.png", "v_1_1.png"]);
+    ImageBuffer::from_pixel(9, 8, Luma([7u8])).save(sizes.join("v_1_1.png")).unwrap();
+    let picture = folder("one", &["v.png"]).join("v.png");
+    let said = |path: &Path, request: &Request| load(path.to_str().unwrap(), request).unwrap_err().to_string();
+    let other = OrderFound::Other { orders: vec![Order::default()], reason: "?".into() };
+    let lines = [
+        said(&picture, &request),
+        said(&picture, &Request { depth_map: Some(&map), ..request }),
+        said(Path::new("builtin:none"), &request),
+        said(&sizes, &request),
+        said(&folder("hole", &["v_0_0.png", "v_0_1.png", "v_1_0.png"]), &request),
+        said(&folder("names", &["a1b.png", "c2d.png", "e3f.png"]), &request),
+        said(&folder("rows", &["r0/v0.png", "r0/v1.png", "r1/v0.png", "r1/v1.png"]), &request),
+        depth_maps(&["a.png".into(), "b.png".into()], std::slice::from_ref(&map)).unwrap_err().to_string(),
+        SceneError::doubtful_depth([0.0, 1.0], 30, &display).to_string(),
+        order::check("folder", &other).unwrap_err().to_string(),
+    ];
+    let table = page.split_once("| the line says | what to do |").unwrap().1;
+    let rows: Vec<&str> = table.lines().filter_map(|row| row.strip_prefix("| `")?.split('`').next()).collect();
+    assert_eq!(rows.len(), lines.len());
+    for row in rows {
+        let parts: Vec<&str> = row.split("...").map(str::trim).collect();
+        assert!(lines.iter().any(|line| parts.iter().all(|part| line.contains(part))), "{row}: {lines:#?}");
+    }
 }

@@ -12,6 +12,8 @@ pub(super) struct Settings {
     pub grid: Option<[usize; 2]>,
     /// A pattern for the names of the views.
     pub files: Option<String>,
+    /// Whether every second row of a running number runs backwards, where it says so.
+    pub serpentine: Option<bool>,
     /// How the views really stand, where it says so.
     pub order: Option<Order>,
     pub view_pitch: Option<f64>,
@@ -26,6 +28,7 @@ pub(super) struct Settings {
 struct Toml {
     grid: Option<[usize; 2]>,
     files: Option<String>,
+    serpentine: Option<bool>,
     transpose: Option<bool>,
     flip_rows: Option<bool>,
     flip_columns: Option<bool>,
@@ -101,6 +104,7 @@ fn from_toml(text: &str) -> Result<Settings, String> {
     Ok(Settings {
         grid: read.grid,
         files: read.files,
+        serpentine: read.serpentine,
         order: says_order.then_some(order),
         view_pitch: read.view_pitch_mm.map(|p| p * 1e-3),
         disparity: range("disparity", read.disparity, 1.0)?,

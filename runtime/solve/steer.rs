@@ -9,7 +9,7 @@ use super::step::Update;
 use crate::engine::{Begun, Buffer, Engine, EngineError, Memory, PhasesOnDevice};
 use crate::evaluate::{self, Sums};
 use crate::optics::{Pupil, PupilDistribution, Window, WindowFactor};
-use crate::plan::{Kernel, Planner, PupilPass, Purpose, Step, Viewpoint};
+use crate::plan::{Kernel, Planner, PupilPass, Purpose, Step, Storage, Viewpoint};
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
 use std::ops::Range;
@@ -94,6 +94,9 @@ pub struct Steering {
     pub window: WindowFactor,
     /// Steps over the same pupils before others are drawn: their photographs are made once. At least 1.
     pub repeats: usize,
+    /// How complex fields are stored; none for what the engine [prefers](Engine::preferred_storage): a refined hologram is 20
+    /// to 40 dB from its target, which hides what halves cost.
+    pub storage: Option<Storage>,
     /// Decides the pupils.
     pub seed: u64,
 }
@@ -126,6 +129,7 @@ impl Default for Steering {
             elsewhere: 0.5,
             window: WindowFactor::Two,
             repeats: 1,
+            storage: None,
             seed: 0,
         }
     }
@@ -186,7 +190,8 @@ impl Refiner {
         if !(exposure > 0.0 && exposure.is_finite()) {
             return wrong("the exposure", exposure.to_string(), "a positive, finite number");
         }
-        let planner = problem.planner(frames, steering.window);
+        let storage = steering.storage.unwrap_or_else(|| engine.preferred_storage());
+        let planner = Planner { storage, ..problem.planner(frames, steering.window) };
         let adam = matches!(steering.strategy, Strategy::Adam { .. });
         let purpose = if adam { Purpose::Adam } else { Purpose::Project };
         engine.load(&planner.shape(purpose), Some(Arc::clone(&problem.pyramid)))?;

@@ -1,9 +1,10 @@
 //! What a step asks of a device at 1080 x 1920 x 8, recorded and not run: budgets that only fall.
 
+use eyebox::engine::Engine;
 use eyebox::engine::vulkan::VulkanEngine;
 use eyebox::gpu::{DeviceKind, Gpu, Options};
 use eyebox::optics::{Color, Display, Pupil, PupilDistribution};
-use eyebox::plan::DEVICES;
+use eyebox::plan::{DEVICES, Storage};
 use eyebox::scene::LightField;
 use eyebox::solve::{Problem, Refiner, Rehearsal, RehearsedStep, Settings, Steering};
 use eyebox_tests::both::watched;
@@ -54,7 +55,8 @@ fn steps_keep_to_their_budgets() {
     assert!(solve.steps.iter().all(|s| s.counts.read_back == 0 && s.counts.uploaded < 1 << 20));
 
     let aim = PupilDistribution::around(&Pupil { x: 1e-3, y: 0.0, diameter: 4e-3, depth: 1e-3 }, 0.3e-3);
-    let steered = Rehearsal::of_refinement(problem, 8, Steering::default(), aim, &gpu, 4).unwrap();
+    let fp32 = Steering { storage: Some(Storage::F32), ..Steering::default() };
+    let steered = Rehearsal::of_refinement(problem, 8, fp32, aim, &gpu, 4).unwrap();
     for [dispatches, stages, bytes] in asked(&steered) {
         assert!(dispatches <= 50 && stages <= 60 && bytes <= 2_200_000_000, "{dispatches} {stages} {bytes}");
         assert!(bytes >= 500_000_000, "{bytes}");
@@ -133,4 +135,21 @@ fn nothing_is_made_while_pupils_change() {
     assert_eq!((made.pipelines, made.blocks, made.pools, made.uploaded), (0, 0, 0, 0), "{made:?}");
     assert!(made.submissions >= steps && made.read_back == 0, "{made:?}");
     assert_eq!(made.phases_read_back, 0);
+}
+
+/// Where bytes are time, fields are halves unless somebody says otherwise; in software they are not.
+#[test]
+fn gpus_store_halves() {
+    let stored = |gpu: &Gpu| VulkanEngine::new(gpu).unwrap().preferred_storage();
+    assert_eq!(stored(&gpu()), Storage::F16);
+    assert_eq!(stored(&Gpu::open(&watched()).unwrap()), Storage::F32);
+    // Fewer bytes for the same step.
+    let aim = PupilDistribution::around(&Pupil { x: 1e-3, y: 0.0, diameter: 4e-3, depth: 1e-3 }, 0.3e-3);
+    let bytes = |storage| {
+        let steering = Steering { storage, ..Steering::default() };
+        let steered = Rehearsal::of_refinement(problem(), 8, steering, aim, &gpu(), 2).unwrap();
+        asked(&steered)[1][2] as f64
+    };
+    let [as_preferred, full] = [None, Some(Storage::F32)].map(bytes);
+    assert!(as_preferred < 0.8 * full, "{as_preferred} {full}");
 }

@@ -3,7 +3,9 @@
 use eyebox::files::asked_to_end;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
-use std::sync::atomic::{AtomicBool, Ordering};
+#[cfg(unix)]
+use std::sync::atomic::AtomicBool;
+use std::sync::atomic::Ordering;
 use std::sync::{Arc, OnceLock};
 
 /// Exit code of a process that ctrl-C ends, as a shell has it.

@@ -1,6 +1,5 @@
 //! `eyebox solve`.
 
-mod scenes;
 mod watch;
 
 use crate::Failure;
@@ -14,16 +13,21 @@ use eyebox::produce::{
     SceneJob, SceneSolution, SolvedHologram, SolvedSequence, SolvedTiles, TilesRequest, is_larger_than_memory,
     solve_scene,
 };
+use eyebox::scene;
 use eyebox::solve::{Method, Optimizer, Settings, Solution, Stop};
 use eyebox::tiled::MemoryLimit;
 use serde_json::{Value, json};
+use std::path::Path;
 use std::time::Instant;
 pub use watch::Watch;
 
 /// Solves, saves, and says what came of it.
 pub fn run(args: &Solve) -> Result<(), Failure> {
     let start = Instant::now();
-    let scenes = scenes::of(args);
+    let first = &args.scene.scene;
+    let folder = Path::new(first);
+    let frames = if args.more.is_empty() && folder.is_dir() { scene::frames(folder)? } else { None };
+    let scenes = frames.unwrap_or_else(|| [std::slice::from_ref(first), &args.more].concat());
     let display = common::display(&args.display)?;
     let tiles = if scenes.len() > 1 { None } else { tiles_of(args, &display)? };
     let single = scenes.len() == 1 && tiles.is_none();

@@ -322,6 +322,10 @@ impl Engine for VulkanEngine {
         }
     }
 
+    fn preferred_storage(&self) -> Storage {
+        if self.gpu.device.planned_as == DeviceKind::Cpu { Storage::F32 } else { Storage::F16 }
+    }
+
     fn load(&mut self, shape: &Shape, views: Option<Arc<Pyramid>>) -> Result<(), EngineError> {
         if self.memory() != Memory::Device {
             promise(shape, shape.storage.bytes() as u64)?;

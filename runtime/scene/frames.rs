@@ -1,0 +1,87 @@
+//! A folder of light fields: the frames of a sequence.
+
+use super::names::square;
+use super::{SceneError, folder};
+use std::fs;
+use std::path::Path;
+
+/// The folders in a folder that has no views of its own, in the order of the numbers in their names; none where there are none, or
+/// it is a light field itself.
+///
+/// # Errors
+/// [`SceneError::Rows`] where they may as well be the rows of one light field; those of reading folders.
+pub fn frames(folder: &Path) -> Result<Option<Vec<String>>, SceneError> {
+    match folder::find(folder) {
+        Err(SceneError::Empty { .. }) => Ok(Some(folders(folder)?).filter(|found| !found.is_empty())),
+        Ok(_) => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
+fn folders(folder: &Path) -> Result<Vec<String>, SceneError> {
+    let entries = fs::read_dir(folder).map_err(|e| SceneError::unreadable(folder, &e))?.flatten();
+    let mut found: Vec<String> = entries
+        .filter(|e| e.path().is_dir() && !e.file_name().to_string_lossy().starts_with('.'))
+        .filter_map(|e| e.path().to_str().map(str::to_owned))
+        .collect();
+    found.sort_by_cached_key(|name| natural(name));
+    Ok(found)
+}
+
+/// What is wrong with a folder without views: its folders may be the rows of one light field, with as many views each, in one row by
+/// their names. A running number can be a square as well, which is believed unless there are as many folders as views in each.
+pub(super) fn explain(folder: &Path, error: SceneError) -> SceneError {
+    let found =
+        if matches!(error, SceneError::Empty { .. }) { folders(folder).unwrap_or_default() } else { Vec::new() };
+    let in_one_row = |found: folder::Found| -> Option<usize> {
+        let (views, grid) = (found.views, found.stated.grid);
+        let count = views.files.len();
+        let square = views.running && square(count).is_some();
+        (grid.is_none() && count > 1 && (views.grid.contains(&1) || square)).then_some(count)
+    };
+    let counts =
+        || found.iter().map(|f| folder::find(Path::new(f)).ok().and_then(in_one_row)).collect::<Option<Vec<_>>>();
+    match counts().as_deref() {
+        Some([first, rest @ ..])
+            if !rest.is_empty()
+                && rest.iter().all(|n| n == first)
+                && (square(*first).is_none() || *first == found.len()) =>
+        {
+            let name = folder.display().to_string();
+            SceneError::Rows { folder: name, rows: found.len(), columns: *first, first: found[0].clone() }
+        }
+        _ => error,
+    }
+}
+
+/// A name as pieces of text and numbers: frame-9 comes before frame-10.
+fn natural(name: &str) -> Vec<(String, u64)> {
+    let mut pieces = vec![(String::new(), 0u64)];
+    let mut in_number = false;
+    for c in name.chars() {
+        match (c.to_digit(10), pieces.last_mut()) {
+            (Some(digit), Some(last)) => {
+                last.1 = last.1.saturating_mul(10).saturating_add(u64::from(digit));
+                in_number = true;
+            }
+            (None, Some(last)) if !in_number => last.0.push(c),
+            _ => {
+                pieces.push((c.to_string(), 0));
+                in_number = false;
+            }
+        }
+    }
+    pieces
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_in_the_order_of_their_numbers() {
+        let mut names = ["f10", "f9", "a/2/f1", "f9b2", "f9b10", "f", "f99999999999999999999999"];
+        names.sort_by_cached_key(|n| natural(n));
+        assert_eq!(names, ["a/2/f1", "f", "f9", "f9b2", "f9b10", "f10", "f99999999999999999999999"]);
+    }
+}
