@@ -42,8 +42,8 @@ layout(push_constant) uniform Args {
 };
 
 uint column;
-// Pupils that have one of the columns.
-uint touched;
+// Pupils that have one of the columns, 32 by 32.
+uvec2 touched;
 
 uint place2(uint y) { return (gl_WorkGroupID.y * change_stride + y * grid_width + column) / 2u; }
 
@@ -62,8 +62,15 @@ float share(float hits) {
 vec4 gathered(uint y) {
     vec4 sum = adds == 1u ? LOAD2(change[place2(y)]) : vec4(0.0);
     vec2 hits = vec2(0.0);
-    for (uint rest = touched; rest != 0u; rest &= rest - 1u) {
-        uint i = uint(findLSB(rest));
+    for (uvec2 rest = touched; any(notEqual(rest, uvec2(0u)));) {
+        uint i;
+        if (rest.x != 0u) {
+            i = uint(findLSB(rest.x));
+            rest.x &= rest.x - 1u;
+        } else {
+            i = 32u + uint(findLSB(rest.y));
+            rest.y &= rest.y - 1u;
+        }
         Place p = places[i];
         uint j = from(p.y0, y, grid_height);
         if (j >= p.rows) continue;
@@ -93,11 +100,12 @@ void main() {
     present = 2u * pair < used;
     column = first + 2u * pair;
     if (column >= grid_width) column -= grid_width;
-    touched = 0u;
+    touched = uvec2(0u);
     for (uint i = 0u; i < pupils; i++) {
         Place p = places[i];
         bool one = from(p.x0, column, grid_width) < p.columns || from(p.x0, column + 1u, grid_width) < p.columns;
-        if (one) touched |= 1u << i;
+        if (one && i < 32u) touched.x |= 1u << i;
+        else if (one) touched.y |= 1u << (i - 32u);
     }
     for (uint y = thread(); present && y < n; y += THREADS) {
         vec4 z = gathered(y);

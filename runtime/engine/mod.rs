@@ -190,6 +190,15 @@ pub trait Engine: Send {
         }
     }
 
+    /// Makes what a step over some of these pupil passes needs, `at_once` of them at a time, each by itself in the list: memory,
+    /// pipelines, tables. Nothing is run, and steps find all of it there.
+    ///
+    /// # Errors
+    /// Those of [`run_part`](Self::run_part); out of memory.
+    fn prepare(&mut self, _step: &Step, _at_once: usize) -> Result<(), EngineError> {
+        Ok(())
+    }
+
     /// Whether kernels are timed one by one from now on, where that takes time itself.
     fn time_kernels(&mut self, _on: bool) {}
 

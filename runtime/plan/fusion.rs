@@ -7,7 +7,7 @@
 use super::{Dispatch, Kernel, Step};
 
 /// Pupils whose changes one kernel can gather.
-const MOST_GATHERED: usize = 32;
+const MOST_GATHERED: usize = 64;
 
 /// How an entry of a list is recorded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -6,7 +6,7 @@ use eyebox::gpu::{DeviceKind, Gpu, Options};
 use eyebox::optics::{Color, Display, Pupil, PupilDistribution};
 use eyebox::plan::{DEVICES, Storage};
 use eyebox::scene::LightField;
-use eyebox::solve::{Problem, Rehearsal, RehearsedStep, Settings, Steering};
+use eyebox::solve::{Problem, Refiner, Rehearsal, RehearsedStep, Settings, Steering};
 use eyebox_tests::both::watched;
 
 /// Nine views: a photograph then moves less than one of 81, everything else the same.
@@ -46,6 +46,7 @@ fn steps_keep_to_their_budgets() {
     let (gpu, problem) = (gpu(), problem());
     let settings = Settings { pupils: 16, ..Settings::default() };
     let solve = Rehearsal::of_solve(&problem, &settings, &gpu, 3).unwrap();
+    println!("{:?} {:?}", asked(&solve), solve.steps[2].recording.by_kernel());
     for [dispatches, stages, bytes] in asked(&solve) {
         assert!(dispatches <= 145 && stages <= 80 && bytes <= 4_100_000_000, "{dispatches} {stages} {bytes}");
         // Each of 16 windows is passed, seen, compared and returned, whatever is fused.
@@ -57,6 +58,7 @@ fn steps_keep_to_their_budgets() {
     let aim = PupilDistribution::around(&Pupil { x: 1e-3, y: 0.0, diameter: 4e-3, depth: 1e-3 }, 0.3e-3);
     let fp32 = Steering { storage: Some(Storage::F32), ..Steering::default() };
     let steered = Rehearsal::of_refinement(problem, 8, fp32, aim, &gpu, 4).unwrap();
+    println!("{:?} {:?}", asked(&steered), steered.steps[3].recording.by_kernel());
     for [dispatches, stages, bytes] in asked(&steered) {
         assert!(dispatches <= 30 && stages <= 19 && bytes <= 850_000_000, "{dispatches} {stages} {bytes}");
         assert!(bytes >= 500_000_000, "{bytes}");
@@ -82,6 +84,59 @@ fn what_is_made_for_a_step_is_not_made_again() {
     let [first, second] = [0, 1].map(|i| steered.steps[i].recording.by_kernel());
     assert!(first.iter().any(|(kernel, ..)| kernel.name() == "photograph"));
     assert!(second.iter().all(|(kernel, ..)| kernel.name() != "photograph" && kernel.name() != "transfer"));
+}
+
+/// Of a sweep through all sizes of an eye's pupil, in three colours on one device, nothing is made: not a pipeline, not a block,
+/// not a pool.
+#[test]
+fn nothing_is_made_while_pupils_change() {
+    let folder = tempfile::tempdir().unwrap();
+    let (plan_as, cache) = (Some(DeviceKind::Discrete), Some(folder.path().to_owned()));
+    let gpu = Gpu::open(&Options { record_only: true, plan_as, cache, ..watched() }).unwrap();
+    let display = Display { height: 384, width: 512, ..Display::preset("paper").expect("a preset") };
+    let colors = [Color::Red, Color::Green, Color::Blue];
+    let view = vec![0.5; 384 * 512];
+    let field = LightField {
+        name: "grey".into(),
+        grid: [3, 3],
+        height: 384,
+        width: 512,
+        colors: colors.to_vec(),
+        planes: vec![vec![view; 9]; 3],
+        view_pitch: None,
+        disparity: None,
+        depth: Some([-3e-3, 3e-3]),
+    };
+    let refiner = |color| {
+        let problem = Problem::new(&field, color, &display, Default::default()).expect("a problem");
+        let engine = Box::new(VulkanEngine::new(&gpu).expect("an engine"));
+        Refiner::new(problem, &vec![0.0; 2 * 384 * 512], 1.0, Steering::default(), engine).expect("a refinement")
+    };
+    let mut refiners = colors.map(refiner);
+    // What was compiled is on disk already: a session that is killed loses none of it.
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    // The first steps find what they need, but for room for descriptors.
+    for refiner in &mut refiners {
+        refiner.step().unwrap();
+    }
+    let before = gpu.counts();
+    assert!(before.pipelines > 40, "{before:?}");
+    let mut steps = 0;
+    for i in 0..=60 {
+        let t = f64::from(i) / 60.0;
+        let pupil = Pupil { x: 4e-3 * (t - 0.5), y: 2e-3 * t, diameter: 2e-3 + 6e-3 * t, depth: 1e-3 * t };
+        for refiner in &mut refiners {
+            refiner.aim(PupilDistribution::around(&pupil, 0.2e-3)).unwrap();
+            for _ in 0..2 {
+                refiner.advance().unwrap();
+                steps += 1;
+            }
+        }
+    }
+    let made = gpu.counts().since(before);
+    assert_eq!((made.pipelines, made.blocks, made.pools, made.uploaded), (0, 0, 0, 0), "{made:?}");
+    assert!(made.submissions >= steps && made.read_back == 0, "{made:?}");
+    assert_eq!(made.phases_read_back, 0);
 }
 
 /// Where bytes are time, fields are halves unless somebody says otherwise; in software they are not.
