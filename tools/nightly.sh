@@ -31,6 +31,9 @@ tools/windows.sh
 stage "tests, at the ends of every range and for ten minutes of playing"
 EYEBOX_EXTREMES=full EYEBOX_SOAK=full EYEBOX_MUTATIONS=10000 EYEBOX_KILLS=200 cargo test --release --workspace
 
+stage "what a compiler for real devices makes of every pipeline"
+cargo test --release --workspace --lib -- --include-ignored --nocapture nothing_spills
+
 stage "twenty thousand cases, and ten minutes each of a full disk, a slow one, a busy machine and a mad tracker"
 EYEBOX_ATTACK_CASES=20000 EYEBOX_ATTACK_SEED=$(date +%j) EYEBOX_SOAK_MINUTES=10 cargo test --release --workspace --test attack -- \
     --nocapture --test-threads 1

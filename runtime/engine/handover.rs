@@ -155,6 +155,11 @@ impl Engine for Handover {
         Ok(losses)
     }
 
+    fn prepare(&mut self, step: &Step, at_once: usize) -> Result<(), EngineError> {
+        self.first.prepare(step, at_once)?;
+        self.second.prepare(step, at_once)
+    }
+
     fn time_kernels(&mut self, on: bool) {
         self.first.time_kernels(on);
         self.second.time_kernels(on);

@@ -68,6 +68,11 @@ pub trait Engine: Send {
         Memory::Host
     }
 
+    /// How complex fields are best stored where halves are exact enough: as halves on a GPU, whose time is bytes.
+    fn preferred_storage(&self) -> Storage {
+        Storage::F32
+    }
+
     /// Makes the buffers for this shape, all zero, and takes the views (float32 targets need none).
     ///
     /// # Errors
@@ -178,6 +183,15 @@ pub trait Engine: Send {
             taking::State::Over(taken) => Ok(taken),
             taking::State::UnderWay(_) => Err(not_under_way()),
         }
+    }
+
+    /// Makes what a step over some of these pupil passes needs, `at_once` of them at a time, each by itself in the list: memory,
+    /// pipelines, tables. Nothing is run, and steps find all of it there.
+    ///
+    /// # Errors
+    /// Those of [`run_part`](Self::run_part); out of memory.
+    fn prepare(&mut self, _step: &Step, _at_once: usize) -> Result<(), EngineError> {
+        Ok(())
     }
 
     /// Whether kernels are timed one by one from now on, where that takes time itself.

@@ -5,7 +5,7 @@ use super::counters::add;
 use super::device::Device;
 use super::error::EngineError;
 use super::open::Gpu;
-use super::pipelines::Pipeline;
+use super::pipelines::{Pipeline, Wanted};
 use super::recorder::{Piece, Recorder};
 use super::report::{DeviceReport, Limits};
 use eyebox_spirv::Module;
@@ -24,6 +24,10 @@ pub(crate) struct Commands {
     down: Option<Block>,
     /// Kept from transfer to transfer, so that none allocates.
     batch: Vec<Piece>,
+    /// Pipelines that are only remembered.
+    wanted: Option<Vec<Wanted>>,
+    /// Bytes of the stage that gathered uploads take.
+    gathered: Option<u64>,
     /// The device's limits; a test may make them smaller.
     pub(crate) limits: Limits,
     /// Memory that is the host's too is written and read in place; a test may have it staged all the same.
@@ -37,7 +41,18 @@ impl Commands {
     pub(crate) fn new(gpu: &Gpu) -> Result<Self, EngineError> {
         let (shared, device) = (gpu.clone(), Arc::clone(&gpu.device));
         let (recorder, batch, limits) = (Recorder::new(&device)?, Vec::with_capacity(64), device.report.limits);
-        Ok(Self { recorder, up: None, down: None, batch, limits, in_place: true, device, shared })
+        Ok(Self {
+            recorder,
+            up: None,
+            down: None,
+            batch,
+            wanted: None,
+            gathered: None,
+            limits,
+            in_place: true,
+            device,
+            shared,
+        })
     }
 
     pub(crate) fn limits(&self) -> &Limits {
@@ -67,7 +82,36 @@ impl Commands {
         bindings: u32,
         constants: &[u32],
     ) -> Result<Pipeline, EngineError> {
+        if let Some(wanted) = &mut self.wanted {
+            return Ok(self.device.known_pipeline(module, constants).unwrap_or_else(|| {
+                wanted.push(Wanted { module, bindings, constants: constants.to_vec() });
+                Pipeline::none(bindings)
+            }));
+        }
         self.device.pipeline(module, bindings, constants)
+    }
+
+    /// From now on pipelines that were not made yet are remembered, and what is recorded does without them.
+    pub(crate) fn want(&mut self) {
+        self.wanted = Some(Vec::new());
+    }
+
+    /// Makes all pipelines that were [wanted](Self::want) since, on all cores.
+    pub(crate) fn compile(&mut self) -> Result<(), EngineError> {
+        self.device.compile(self.wanted.take().unwrap_or_default())
+    }
+
+    /// From now on uploads are gathered, until [`send_uploads`](Self::send_uploads): nothing else is recorded meanwhile.
+    pub(crate) fn gather_uploads(&mut self) -> Result<(), EngineError> {
+        self.recorder.begin(0)?;
+        self.gathered = Some(0);
+        Ok(())
+    }
+
+    /// Sends what was gathered, and waits.
+    pub(crate) fn send_uploads(&mut self) -> Result<(), EngineError> {
+        self.gathered = None;
+        self.recorder.submit("an upload")
     }
 
     /// Copies pieces of `data`, multiples of 4 bytes, into a block: by the host where the memory is the host's too, on
@@ -119,14 +163,30 @@ impl Commands {
             None => Block::new(&self.device, STAGE, MemoryLocation::CpuToGpu, "staging")?,
         };
         let result = batches(pieces, &mut self.batch, |batch| {
+            let size: u64 = batch.iter().map(|piece| piece.2).sum();
+            let mut begin = 0;
+            if let Some(gathered) = &mut self.gathered {
+                if *gathered + size > STAGE {
+                    *gathered = 0;
+                    self.recorder.submit("an upload")?;
+                    self.recorder.begin(0)?;
+                }
+                begin = *gathered;
+                *gathered += size;
+            }
             for ((from, _, size), at) in staged(batch) {
                 add(&self.device.counters.uploaded, size);
-                stage.bytes_mut()[at as usize..][..size as usize]
+                stage.bytes_mut()[(begin + at) as usize..][..size as usize]
                     .copy_from_slice(&data[from as usize..][..size as usize]);
             }
+            let pieces = staged(batch).map(|((_, to, size), at)| (begin + at, to, size));
+            if self.gathered.is_some() {
+                self.recorder.copy(&stage, to, pieces);
+                return Ok(());
+            }
             self.recorder.begin(0)?;
-            self.recorder.copy(&stage, to, staged(batch).map(|((_, to, size), at)| (at, to, size)));
-            self.recorder.submit("an upload").map(drop)
+            self.recorder.copy(&stage, to, pieces);
+            self.recorder.submit("an upload")
         });
         self.up = Some(stage);
         result

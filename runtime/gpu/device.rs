@@ -1,16 +1,17 @@
 //! The logical device and what its users share: queues, an allocator, pipelines, counters.
 
-use super::counters::Counters;
+use super::counters::{Counters, add};
 use super::devices::Candidate;
 use super::error::EngineError;
 use super::instance::{Instance, has};
-use super::pipelines::{Pipeline, Pipelines};
+use super::pipelines::{Pipeline, Pipelines, Wanted};
 use super::report::{DeviceKind, DeviceReport, Options};
 use crate::plan::Recording;
 use ash::{ext, google, khr, vk};
 use eyebox_spirv::Module;
 use gpu_allocator::AllocationSizes;
 use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
+use rayon::prelude::*;
 use std::ffi::{CStr, CString};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -224,6 +225,56 @@ impl Device {
         let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
         let gone = || EngineError::Mismatch { reason: "the device is being closed".into() };
         pipelines.as_mut().ok_or_else(gone)?.get(module, bindings, constants, &self.counters.pipelines)
+    }
+
+    /// That pipeline, if it was made.
+    pub(crate) fn known_pipeline(&self, module: &'static Module, constants: &[u32]) -> Option<Pipeline> {
+        let pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        pipelines.as_ref().and_then(|p| p.known(module, constants))
+    }
+
+    /// Makes pipelines on all cores, and writes the cache to disk.
+    pub(crate) fn compile(&self, wanted: Vec<Wanted>) -> Result<(), EngineError> {
+        let gone = || EngineError::Mismatch { reason: "the device is being closed".into() };
+        let lock = || self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        let (missing, maker) = {
+            let mut pipelines = lock();
+            let pipelines = pipelines.as_mut().ok_or_else(gone)?;
+            (pipelines.missing(wanted)?, pipelines.maker())
+        };
+        // Not under the lock: a thread that waits for others takes up other work, which may need it.
+        let make = |(wanted, pipeline): (Wanted, Pipeline)| {
+            let raw = maker.make(wanted.module, pipeline.layout, &wanted.constants)?;
+            Ok((wanted, Pipeline { raw, ..pipeline }))
+        };
+        let made: Vec<Result<(Wanted, Pipeline), EngineError>> = missing.into_par_iter().map(make).collect();
+        let mut pipelines = lock();
+        let pipelines = pipelines.as_mut().ok_or_else(gone)?;
+        let mut all = Ok(());
+        for one in made {
+            match one {
+                Ok((wanted, pipeline)) => {
+                    add(&self.counters.pipelines, 1);
+                    pipelines.insert(wanted, pipeline);
+                }
+                Err(e) => all = Err(e),
+            }
+        }
+        pipelines.save();
+        all
+    }
+
+    /// Writes the cache of pipelines to disk, if it has grown.
+    pub(crate) fn save_pipelines(&self) {
+        if let Some(pipelines) = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner).as_mut() {
+            pipelines.save();
+        }
+    }
+
+    /// The pipelines that were made.
+    #[cfg(test)]
+    pub(crate) fn pipelines_made(&self) -> Vec<super::statistics::Key> {
+        self.pipelines.lock().unwrap_or_else(PoisonError::into_inner).iter().flat_map(Pipelines::keys).collect()
     }
 
     /// Number of allocations alive.

@@ -43,6 +43,8 @@ mod pipelines;
 mod recorder;
 #[cfg(feature = "vulkan")]
 mod slot;
+#[cfg(all(test, feature = "vulkan"))]
+pub(crate) mod statistics;
 
 #[cfg(not(feature = "vulkan"))]
 pub use absent::{Gpu, PhasesOnDevice, devices};

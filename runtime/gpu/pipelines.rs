@@ -6,6 +6,7 @@ use super::error::EngineError;
 use ash::vk;
 use eyebox_spirv::Module;
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicU64;
 
@@ -22,6 +23,14 @@ pub(crate) struct Pipeline {
     pub(crate) bindings: u32,
 }
 
+impl Pipeline {
+    /// None yet: a dispatch of it is left out.
+    pub(crate) fn none(bindings: u32) -> Self {
+        let (raw, layout) = (vk::Pipeline::null(), vk::PipelineLayout::null());
+        Self { raw, layout, set_layout: vk::DescriptorSetLayout::null(), bindings }
+    }
+}
+
 /// Layouts by number of bindings.
 type Layouts = HashMap<u32, (vk::DescriptorSetLayout, vk::PipelineLayout)>;
 
@@ -35,41 +44,31 @@ pub(crate) struct Pipelines {
     /// The device's, for errors.
     name: String,
     properties: vk::PhysicalDeviceProperties,
+    /// Whether all that was made is in the file.
+    is_saved: bool,
 }
 
-impl Pipelines {
-    /// Reads the cache on disk, in `folder` or where the user has it.
-    pub(crate) fn new(
-        device: &ash::Device,
-        name: &str,
-        properties: &vk::PhysicalDeviceProperties,
-        folder: Option<&Path>,
-    ) -> Result<Self, EngineError> {
-        let folder = folder.map(Path::to_owned).or_else(crate::files::cache_folder);
-        let file = folder.map(|f| f.join(cache::name(properties)));
-        let data = file.as_deref().and_then(|f| cache::read(f, properties)).unwrap_or_default();
-        let info = vk::PipelineCacheCreateInfo::default().initial_data(&data);
-        // SAFETY: the data is either empty or what this driver wrote (header and checksum agree).
-        let cache = unsafe { device.create_pipeline_cache(&info, None) }
-            .map_err(|e| EngineError::vulkan(name, "vkCreatePipelineCache", "pipeline cache", e))?;
-        let (made, layouts) = (HashMap::new(), HashMap::new());
-        Ok(Self { made, layouts, cache, file, device: device.clone(), name: name.into(), properties: *properties })
-    }
+/// A pipeline that somebody will ask for.
+pub(crate) struct Wanted {
+    pub(crate) module: &'static Module,
+    pub(crate) bindings: u32,
+    pub(crate) constants: Vec<u32>,
+}
 
-    /// The pipeline of `module` with storage buffers at bindings `0 .. bindings` and the 32-bit specialisation
-    /// constants 0, 1, ...; integers and floats go by their bits.
-    pub(crate) fn get(
-        &mut self,
+/// Makes pipelines: several threads may at once, for drivers guard their caches.
+pub(crate) struct Maker {
+    device: ash::Device,
+    cache: vk::PipelineCache,
+    name: String,
+}
+
+impl Maker {
+    pub(crate) fn make(
+        &self,
         module: &'static Module,
-        bindings: u32,
+        layout: vk::PipelineLayout,
         constants: &[u32],
-        made: &AtomicU64,
-    ) -> Result<Pipeline, EngineError> {
-        if let Some(pipeline) = self.made.get(&(module.name, constants.to_vec())) {
-            return Ok(*pipeline);
-        }
-        add(made, 1);
-        let (set_layout, layout) = self.layout(bindings)?;
+    ) -> Result<vk::Pipeline, EngineError> {
         let device = &self.device;
         let error = |call, e| EngineError::vulkan(&self.name, call, module.name, e);
         let info = vk::ShaderModuleCreateInfo::default().code(module.words());
@@ -90,10 +89,107 @@ impl Pipelines {
         let made = unsafe { device.create_compute_pipelines(self.cache, &info, None) };
         // SAFETY: the pipeline keeps what it needs of the module.
         unsafe { device.destroy_shader_module(shader, None) };
-        let raw = made.map_err(|(_, e)| error("vkCreateComputePipelines", e))?[0];
+        Ok(made.map_err(|(_, e)| error("vkCreateComputePipelines", e))?[0])
+    }
+}
+
+impl Pipelines {
+    /// Reads the cache on disk, in `folder` or where the user has it.
+    pub(crate) fn new(
+        device: &ash::Device,
+        name: &str,
+        properties: &vk::PhysicalDeviceProperties,
+        folder: Option<&Path>,
+    ) -> Result<Self, EngineError> {
+        let folder = folder.map(Path::to_owned).or_else(crate::files::cache_folder);
+        let file = folder.map(|f| f.join(cache::name(properties)));
+        let data = file.as_deref().and_then(|f| cache::read(f, properties)).unwrap_or_default();
+        let info = vk::PipelineCacheCreateInfo::default().initial_data(&data);
+        // SAFETY: the data is either empty or what this driver wrote (header and checksum agree).
+        let cache = unsafe { device.create_pipeline_cache(&info, None) }
+            .map_err(|e| EngineError::vulkan(name, "vkCreatePipelineCache", "pipeline cache", e))?;
+        let (made, layouts) = (HashMap::new(), HashMap::new());
+        let (device, name, properties) = (device.clone(), name.into(), *properties);
+        Ok(Self { made, layouts, cache, file, device, name, properties, is_saved: true })
+    }
+
+    /// The pipeline of `module` with storage buffers at bindings `0 .. bindings` and the 32-bit specialisation
+    /// constants 0, 1, ...; integers and floats go by their bits.
+    pub(crate) fn get(
+        &mut self,
+        module: &'static Module,
+        bindings: u32,
+        constants: &[u32],
+        made: &AtomicU64,
+    ) -> Result<Pipeline, EngineError> {
+        if let Some(pipeline) = self.made.get(&(module.name, constants.to_vec())) {
+            return Ok(*pipeline);
+        }
+        add(made, 1);
+        let (set_layout, layout) = self.layout(bindings)?;
+        let raw = self.maker().make(module, layout, constants)?;
         let pipeline = Pipeline { raw, layout, set_layout, bindings };
         self.made.insert((module.name, constants.to_vec()), pipeline);
+        self.is_saved = false;
         Ok(pipeline)
+    }
+
+    /// That pipeline, if it was made.
+    pub(crate) fn known(&self, module: &'static Module, constants: &[u32]) -> Option<Pipeline> {
+        self.made.get(&(module.name, constants.to_vec())).copied()
+    }
+
+    /// What makes pipelines, on any thread.
+    pub(crate) fn maker(&self) -> Maker {
+        Maker { device: self.device.clone(), cache: self.cache, name: self.name.clone() }
+    }
+
+    /// Those of the wanted that are not there yet, each once, without the pipeline.
+    pub(crate) fn missing(&mut self, wanted: Vec<Wanted>) -> Result<Vec<(Wanted, Pipeline)>, EngineError> {
+        let mut missing: Vec<(Wanted, Pipeline)> = Vec::new();
+        for wanted in wanted {
+            let same =
+                |other: &Wanted| (other.module.name, &other.constants) == (wanted.module.name, &wanted.constants);
+            if self.known(wanted.module, &wanted.constants).is_none() && !missing.iter().any(|(other, _)| same(other)) {
+                let (set_layout, layout) = self.layout(wanted.bindings)?;
+                let pipeline = Pipeline { layout, set_layout, ..Pipeline::none(wanted.bindings) };
+                missing.push((wanted, pipeline));
+            }
+        }
+        Ok(missing)
+    }
+
+    /// Takes over what was made.
+    pub(crate) fn insert(&mut self, wanted: Wanted, pipeline: Pipeline) {
+        self.is_saved = false;
+        match self.made.entry((wanted.module.name, wanted.constants)) {
+            // Somebody made it meanwhile, and may use it: that one stays.
+            // SAFETY: nobody has seen this one.
+            Entry::Occupied(_) => unsafe { self.device.destroy_pipeline(pipeline.raw, None) },
+            Entry::Vacant(place) => {
+                place.insert(pipeline);
+            }
+        }
+    }
+
+    /// Writes the cache to disk, if it has grown.
+    pub(crate) fn save(&mut self) {
+        if std::mem::replace(&mut self.is_saved, true) {
+            return;
+        }
+        // SAFETY: the cache is valid.
+        let data = unsafe { self.device.get_pipeline_cache_data(self.cache) };
+        // What was read already need not be written.
+        if let (Some(file), Ok(data)) = (&self.file, data)
+            && cache::read(file, &self.properties).as_ref() != Some(&data)
+        {
+            cache::write(file, &data);
+        }
+    }
+
+    #[cfg(test)]
+    pub(crate) fn keys(&self) -> Vec<super::statistics::Key> {
+        self.made.iter().map(|((name, constants), made)| (name.to_string(), made.bindings, constants.clone())).collect()
     }
 
     fn layout(&mut self, bindings: u32) -> Result<(vk::DescriptorSetLayout, vk::PipelineLayout), EngineError> {
@@ -131,16 +227,10 @@ impl Pipelines {
 
 impl Drop for Pipelines {
     fn drop(&mut self) {
+        self.save();
         let raw = &self.device;
         // SAFETY: recordings are waited for before the pipelines are dropped; each is destroyed once.
         unsafe {
-            // What was read already, and has not grown, need not be written.
-            if let (Some(file), Ok(data)) = (&self.file, raw.get_pipeline_cache_data(self.cache))
-                && !self.made.is_empty()
-                && cache::read(file, &self.properties).as_ref() != Some(&data)
-            {
-                cache::write(file, &data);
-            }
             for pipeline in self.made.values() {
                 raw.destroy_pipeline(pipeline.raw, None);
             }

@@ -153,6 +153,9 @@ impl Recorder {
         debug_assert!(self.recording && push.len() <= PUSH_BYTES as usize && push.len().is_multiple_of(4));
         debug_assert!(buffers.len() == pipeline.bindings as usize && buffers.len() <= MOST_BUFFERS);
         let groups = groups.into();
+        if pipeline.raw == vk::Pipeline::null() {
+            return Ok(());
+        }
         if matches!(groups, Groups::These(groups) if groups.contains(&0)) {
             return Ok(());
         }
@@ -314,7 +317,7 @@ impl Recorder {
         }
         add(&device.counters.submissions, 1);
         self.submitted = next;
-        self.slots[self.at].submission = next;
+        self.slots[self.at].sent(next);
         #[cfg(test)]
         if let Some((_, fault)) = self.fails_from.filter(|(from, _)| next > *from) {
             self.wait_for(next, during)?;

@@ -33,6 +33,8 @@ pub(super) struct Slot {
     /// Labels of the timestamps behind the first.
     marks: Vec<usize>,
     timed: bool,
+    /// Whether what was recorded last was submitted.
+    is_sent: bool,
     ticks: Vec<u64>,
     device: Arc<Device>,
 }
@@ -49,6 +51,7 @@ impl Slot {
             capacity: 0,
             marks: Vec::new(),
             timed: false,
+            is_sent: false,
             ticks: Vec::new(),
             device: Arc::clone(device),
         };
@@ -78,6 +81,7 @@ impl Slot {
         let raw = &self.device.raw;
         self.timed = marks > 0 && device.report.limits.timestamp_period > 0.0;
         self.marks.clear();
+        self.is_sent = false;
         // SAFETY: what was submitted from here has been waited for, so pools may be reset and queries replaced.
         unsafe {
             raw.reset_command_pool(self.commands, vk::CommandPoolResetFlags::empty())
@@ -119,9 +123,14 @@ impl Slot {
         unsafe { self.device.raw.cmd_write_timestamp(self.command, stage, self.queries, at) };
     }
 
+    /// What was recorded is this submission now.
+    pub(super) fn sent(&mut self, submission: u64) {
+        (self.submission, self.is_sent) = (submission, true);
+    }
+
     /// The times of a submission that is over, once.
     pub(super) fn read_times(&mut self, times: &mut Vec<Time>) -> Result<(), EngineError> {
-        if self.marks.is_empty() || self.device.record_only {
+        if self.marks.is_empty() || !self.is_sent || self.device.record_only {
             return Ok(());
         }
         self.ticks.clear();

@@ -52,6 +52,19 @@ impl Storage {
         Self::ALL.into_iter().find(|s| s.name() == name)
     }
 
+    /// This where an SLM of so many levels of phase hides what it costs, else float32: halves keep 60 dB or more
+    /// (docs/precision.md), and the rounding to levels is 10 dB below that at the least.
+    pub fn for_levels(self, levels: usize) -> Self {
+        if Self::decibels_of_levels(levels) < 50.0 { self } else { Self::F32 }
+    }
+
+    /// What an SLM of so many levels of phase shows of a field, dB: phase errors are even over one level, with the variance
+    /// (2 pi / levels)^2 / 12 of the field's power.
+    pub fn decibels_of_levels(levels: usize) -> f64 {
+        let power = (std::f64::consts::TAU / levels.max(1) as f64).powi(2) / 12.0;
+        -10.0 * power.log10()
+    }
+
     /// Bytes of a complex value on a device.
     pub fn bytes(self) -> usize {
         [8, 4][self as usize]
@@ -79,6 +92,13 @@ impl Storage {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn halves_do_for_few_levels() {
+        assert!((Storage::decibels_of_levels(256) - 43.0).abs() < 0.1);
+        assert_eq!([2, 256, 573, 574, 4096].map(|n| Storage::F16.for_levels(n) as usize), [1, 1, 1, 0, 0]);
+        assert_eq!(Storage::F32.for_levels(2), Storage::F32);
+    }
 
     #[test]
     fn names_are_those_of_the_files() {

@@ -26,6 +26,8 @@ mod sampling;
 mod scene_plan;
 mod settings;
 mod solver;
+#[cfg(all(test, feature = "vulkan"))]
+mod statistics_tests;
 mod steer;
 #[cfg(test)]
 mod steer_tests;

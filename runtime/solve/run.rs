@@ -91,6 +91,15 @@ impl Run<'_> {
         };
         self.pilot = true;
         let (start, steps, all) = (self.start, self.settings.steps, PILOT_STEPS * candidates.len());
+        let at = |taken: usize, loss: f64| {
+            let seconds = start.elapsed().as_secs_f64();
+            Progress { pilot: Some([taken, all]), step: 0, steps, seconds, loss, validation: None }
+        };
+        // Who was asked to stop at an earlier colour tries nothing.
+        if observe(&at(0, f64::NAN)) == Flow::Stop {
+            self.pilot = false;
+            return Ok(end.guess());
+        }
         let mut tried = Vec::new();
         for exposure in candidates {
             let late = self.settings.seconds.is_some_and(|most| start.elapsed().as_secs_f64() > 0.5 * most);
@@ -99,11 +108,7 @@ impl Run<'_> {
             }
             self.exposure = exposure;
             let before = PILOT_STEPS * tried.len();
-            let mut observe = |pilot: &Progress| {
-                let pilot_steps = Some([before + pilot.step, all]);
-                let seconds = start.elapsed().as_secs_f64();
-                observe(&Progress { pilot: pilot_steps, step: 0, steps, seconds, loss: pilot.loss, validation: None })
-            };
+            let mut observe = |pilot: &Progress| observe(&at(before + pilot.step, pilot.loss));
             let (best, _, stop) = self.descend(PILOT_STEPS, &mut observe)?;
             tried.push((exposure, best.score.mean()));
             if stop == Stop::Asked {

@@ -380,11 +380,10 @@ impl ScenePlan {
     }
 
     fn say_precision(&mut self, display: &Display) {
-        // Phase errors are even over one level: variance (2 pi / L)^2 / 12 of the field's power.
         let levels = self.settings.levels.given().map_or(display.levels as usize, <[f64]>::len);
-        let power = (std::f64::consts::TAU / levels as f64).powi(2) / 12.0;
-        let shown = -10.0 * power.log10();
-        let would_do = if shown < 50.0 && self.settings.storage == Storage::F32 { ", which would do" } else { "" };
+        let shown = Storage::decibels_of_levels(levels);
+        let halves_do = Storage::F16.for_levels(levels) == Storage::F16;
+        let would_do = if halves_do && self.settings.storage == Storage::F32 { ", which would do" } else { "" };
         let why = format!(
             "{levels} levels of phase show {shown:.0} dB; fields in fp32 keep 130, in fp16 60 or more{would_do}"
         );

@@ -6,14 +6,20 @@ use super::pace::Pace;
 use super::problem::Problem;
 use super::sampling::{Points, Sequence};
 use super::step::Update;
-use crate::engine::{Begun, Buffer, Engine, EngineError, PhasesOnDevice};
+use crate::engine::{Begun, Buffer, Engine, EngineError, Memory, PhasesOnDevice};
 use crate::evaluate::{self, Sums};
-use crate::optics::{Pupil, PupilDistribution, WindowFactor};
-use crate::plan::{Kernel, Planner, PupilPass, Purpose, Step, Viewpoint};
+use crate::optics::{Pupil, PupilDistribution, Window, WindowFactor};
+use crate::plan::{Kernel, Planner, PupilPass, Purpose, Step, Storage, Viewpoint};
 use serde::{Deserialize, Serialize};
+use std::collections::HashSet;
 use std::ops::Range;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+
+/// Diameters of an eye's pupil, 2 to 8 mm, and half a millimetre around them, as they are drawn, metres; and how many between
+/// are looked at for the windows that they have.
+const EYES: [f64; 2] = [1.5e-3, 8.5e-3];
+const DIAMETERS: u32 = 6000;
 
 /// How the phases follow.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -88,6 +94,9 @@ pub struct Steering {
     pub window: WindowFactor,
     /// Steps over the same pupils before others are drawn: their photographs are made once. At least 1.
     pub repeats: usize,
+    /// How complex fields are stored; none for what the engine [prefers](Engine::preferred_storage): a refined hologram is 20
+    /// to 40 dB from its target, which hides what halves cost.
+    pub storage: Option<Storage>,
     /// Decides the pupils.
     pub seed: u64,
 }
@@ -120,6 +129,7 @@ impl Default for Steering {
             elsewhere: 0.5,
             window: WindowFactor::Two,
             repeats: 1,
+            storage: None,
             seed: 0,
         }
     }
@@ -180,7 +190,8 @@ impl Refiner {
         if !(exposure > 0.0 && exposure.is_finite()) {
             return wrong("the exposure", exposure.to_string(), "a positive, finite number");
         }
-        let planner = problem.planner(frames, steering.window);
+        let storage = steering.storage.unwrap_or_else(|| engine.preferred_storage());
+        let planner = Planner { storage, ..problem.planner(frames, steering.window) };
         let adam = matches!(steering.strategy, Strategy::Adam { .. });
         let purpose = if adam { Purpose::Adam } else { Purpose::Project };
         engine.load(&planner.shape(purpose), Some(Arc::clone(&problem.pyramid)))?;
@@ -208,7 +219,32 @@ impl Refiner {
         };
         refiner.restart(phases)?;
         refiner.engine.keep(Buffer::Phases)?;
+        refiner.prepare()?;
         Ok(refiner)
+    }
+
+    /// Makes what steps over pupils of an eye's size, and of those that are aimed at first, ask a device for: nothing is made
+    /// while it follows.
+    fn prepare(&mut self) -> Result<(), EngineError> {
+        if self.engine.memory() == Memory::Host {
+            return Ok(());
+        }
+        let [low, high] = self.aim.diameter;
+        let (low, high) = (low.min(EYES[0]), high.max(EYES[1]));
+        let [x, y] = self.aim.centre;
+        let mut seen = HashSet::new();
+        let mut viewpoints = Vec::new();
+        for i in 0..=DIAMETERS {
+            let diameter = low + (high - low) * f64::from(i) / f64::from(DIAMETERS);
+            let pupil = Pupil { x, y, diameter, depth: 0.0 };
+            let window = Window::new(&self.planner.grid, &pupil, self.steering.window);
+            if seen.insert((window.rows, window.columns)) {
+                viewpoints.push(Viewpoint::Pupil(pupil));
+            }
+        }
+        let update = self.steering.strategy.update(1);
+        let step = update.step(&self.planner, update.pupil_passes(&self.planner, &viewpoints, self.exposure), 0);
+        self.engine.prepare(&step, self.steering.pupils + self.steering.elsewhere as usize + 1)
     }
 
     /// Begins again with the phases that it was made with, those for the whole eyebox: where they are a device's, with nothing

@@ -1,10 +1,12 @@
 //! What a step asks of a device at 1080 x 1920 x 8, recorded and not run: budgets that only fall.
 
+use eyebox::engine::Engine;
+use eyebox::engine::vulkan::VulkanEngine;
 use eyebox::gpu::{DeviceKind, Gpu, Options};
 use eyebox::optics::{Color, Display, Pupil, PupilDistribution};
-use eyebox::plan::DEVICES;
+use eyebox::plan::{DEVICES, Storage};
 use eyebox::scene::LightField;
-use eyebox::solve::{Problem, Rehearsal, RehearsedStep, Settings, Steering};
+use eyebox::solve::{Problem, Refiner, Rehearsal, RehearsedStep, Settings, Steering};
 use eyebox_tests::both::watched;
 
 /// Nine views: a photograph then moves less than one of 81, everything else the same.
@@ -53,7 +55,8 @@ fn steps_keep_to_their_budgets() {
     assert!(solve.steps.iter().all(|s| s.counts.read_back == 0 && s.counts.uploaded < 1 << 20));
 
     let aim = PupilDistribution::around(&Pupil { x: 1e-3, y: 0.0, diameter: 4e-3, depth: 1e-3 }, 0.3e-3);
-    let steered = Rehearsal::of_refinement(problem, 8, Steering::default(), aim, &gpu, 4).unwrap();
+    let fp32 = Steering { storage: Some(Storage::F32), ..Steering::default() };
+    let steered = Rehearsal::of_refinement(problem, 8, fp32, aim, &gpu, 4).unwrap();
     for [dispatches, stages, bytes] in asked(&steered) {
         assert!(dispatches <= 50 && stages <= 60 && bytes <= 2_200_000_000, "{dispatches} {stages} {bytes}");
         assert!(bytes >= 500_000_000, "{bytes}");
@@ -79,4 +82,74 @@ fn what_is_made_for_a_step_is_not_made_again() {
     let [first, second] = [0, 1].map(|i| steered.steps[i].recording.by_kernel());
     assert!(first.iter().any(|(kernel, ..)| kernel.name() == "photograph"));
     assert!(second.iter().all(|(kernel, ..)| kernel.name() != "photograph" && kernel.name() != "transfer"));
+}
+
+/// Of a sweep through all sizes of an eye's pupil, in three colours on one device, nothing is made: not a pipeline, not a block,
+/// not a pool.
+#[test]
+fn nothing_is_made_while_pupils_change() {
+    let folder = tempfile::tempdir().unwrap();
+    let (plan_as, cache) = (Some(DeviceKind::Discrete), Some(folder.path().to_owned()));
+    let gpu = Gpu::open(&Options { record_only: true, plan_as, cache, ..watched() }).unwrap();
+    let display = Display { height: 384, width: 512, ..Display::preset("paper").expect("a preset") };
+    let colors = [Color::Red, Color::Green, Color::Blue];
+    let view = vec![0.5; 384 * 512];
+    let field = LightField {
+        name: "grey".into(),
+        grid: [3, 3],
+        height: 384,
+        width: 512,
+        colors: colors.to_vec(),
+        planes: vec![vec![view; 9]; 3],
+        view_pitch: None,
+        disparity: None,
+        depth: Some([-3e-3, 3e-3]),
+    };
+    let refiner = |color| {
+        let problem = Problem::new(&field, color, &display, Default::default()).expect("a problem");
+        let engine = Box::new(VulkanEngine::new(&gpu).expect("an engine"));
+        Refiner::new(problem, &vec![0.0; 2 * 384 * 512], 1.0, Steering::default(), engine).expect("a refinement")
+    };
+    let mut refiners = colors.map(refiner);
+    // What was compiled is on disk already: a session that is killed loses none of it.
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    // The first steps find what they need, but for room for descriptors.
+    for refiner in &mut refiners {
+        refiner.step().unwrap();
+    }
+    let before = gpu.counts();
+    assert!(before.pipelines > 40, "{before:?}");
+    let mut steps = 0;
+    for i in 0..=60 {
+        let t = f64::from(i) / 60.0;
+        let pupil = Pupil { x: 4e-3 * (t - 0.5), y: 2e-3 * t, diameter: 2e-3 + 6e-3 * t, depth: 1e-3 * t };
+        for refiner in &mut refiners {
+            refiner.aim(PupilDistribution::around(&pupil, 0.2e-3)).unwrap();
+            for _ in 0..2 {
+                refiner.advance().unwrap();
+                steps += 1;
+            }
+        }
+    }
+    let made = gpu.counts().since(before);
+    assert_eq!((made.pipelines, made.blocks, made.pools, made.uploaded), (0, 0, 0, 0), "{made:?}");
+    assert!(made.submissions >= steps && made.read_back == 0, "{made:?}");
+    assert_eq!(made.phases_read_back, 0);
+}
+
+/// Where bytes are time, fields are halves unless somebody says otherwise; in software they are not.
+#[test]
+fn gpus_store_halves() {
+    let stored = |gpu: &Gpu| VulkanEngine::new(gpu).unwrap().preferred_storage();
+    assert_eq!(stored(&gpu()), Storage::F16);
+    assert_eq!(stored(&Gpu::open(&watched()).unwrap()), Storage::F32);
+    // Fewer bytes for the same step.
+    let aim = PupilDistribution::around(&Pupil { x: 1e-3, y: 0.0, diameter: 4e-3, depth: 1e-3 }, 0.3e-3);
+    let bytes = |storage| {
+        let steering = Steering { storage, ..Steering::default() };
+        let steered = Rehearsal::of_refinement(problem(), 8, steering, aim, &gpu(), 2).unwrap();
+        asked(&steered)[1][2] as f64
+    };
+    let [as_preferred, full] = [None, Some(Storage::F32)].map(bytes);
+    assert!(as_preferred < 0.8 * full, "{as_preferred} {full}");
 }

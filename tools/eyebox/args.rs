@@ -136,7 +136,8 @@ pub struct Solve {
     /// Spectrum per pupil: 1 or 2 times the pupil, or all of it [default: 1]
     #[arg(long, value_parser = window, value_name = "1|2|full")]
     pub window: Option<WindowFactor>,
-    /// How complex fields are stored: fp16 takes half the memory on Vulkan; for comparison only on the CPU [default: fp32]
+    /// How complex fields are stored: fp16 takes half the memory on Vulkan; for comparison only on the CPU [default: fp16 on a
+    /// GPU for an SLM of up to 573 levels, else fp32]
     #[arg(long, value_parser = storage, value_name = "fp32|fp16")]
     pub storage: Option<Storage>,
     /// Pupil diameters drawn, mm [default: 2..20, or what fits the eyebox]

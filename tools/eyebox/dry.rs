@@ -21,7 +21,8 @@ pub fn run(args: &Bench, problem: Problem, settings: &Settings) -> Result<(), Fa
     let rehearsal = match &args.pupil {
         Some(pupil) => {
             let aim = PupilDistribution::around(&pupil.before(problem.optics.focal_length), SPREAD);
-            let steering = Steering { window: settings.window, seed: settings.seed, ..Steering::default() };
+            let (window, seed, storage) = (settings.window, settings.seed, Some(settings.storage));
+            let steering = Steering { window, seed, storage, ..Steering::default() };
             Rehearsal::of_refinement(problem, settings.frames, steering, aim, &gpu, count)?
         }
         None => Rehearsal::of_solve(&problem, settings, &gpu, count)?,

@@ -34,7 +34,10 @@ pub fn settings_of(
     settings.pupils = args.pupils.unwrap_or(settings.pupils);
     settings.window = args.window.unwrap_or(settings.window);
     settings.diameters = args.diameters.unwrap_or(settings.diameters);
-    settings.storage = args.storage.unwrap_or(settings.storage);
+    // What was tuned was tuned as it is stored.
+    let stored =
+        if about.is_some() { settings.storage } else { engine.preferred_storage().for_levels(display.levels as usize) };
+    settings.storage = args.storage.unwrap_or(stored);
     settings.padding = args.padding.unwrap_or(settings.padding);
     if args.frames.is_some() || args.speckle.is_some() {
         settings.repeats = 1;

@@ -44,7 +44,7 @@ pub struct VulkanEngine {
     written: HashMap<Buffer, Vec<f32>>,
     clock: [(u64, f64); Kernel::ALL.len()],
     is_timed: bool,
-    gpu: Commands,
+    pub(super) gpu: Commands,
 }
 
 impl VulkanEngine {
@@ -78,52 +78,6 @@ impl VulkanEngine {
     /// The device.
     pub fn gpu(&self) -> &Gpu {
         &self.gpu.shared
-    }
-
-    /// Makes the largest range that a kernel may see smaller than it is.
-    #[cfg(test)]
-    pub(super) fn pretend_range(&mut self, bytes: u64) {
-        self.gpu.limits.storage_range = bytes;
-    }
-
-    /// Number of allocations alive, and of descriptor pools.
-    #[cfg(test)]
-    pub(super) fn held(&self) -> (usize, usize) {
-        (self.gpu.device.allocations(), self.gpu.recorder.pools())
-    }
-
-    /// From now on the driver answers to every submission that the device was lost.
-    #[cfg(test)]
-    pub(super) fn pretend_lost(&mut self) {
-        unsafe extern "system" fn lost(
-            _: ash::vk::Queue,
-            _: u32,
-            _: *const ash::vk::SubmitInfo<'_>,
-            _: ash::vk::Fence,
-        ) -> ash::vk::Result {
-            ash::vk::Result::ERROR_DEVICE_LOST
-        }
-        self.gpu.recorder.queue_submit = lost;
-    }
-
-    /// From now on the driver takes every submission and does nothing with it, and patience is short.
-    #[cfg(test)]
-    pub(super) fn pretend_stuck(&mut self) {
-        unsafe extern "system" fn nothing(
-            _: ash::vk::Queue,
-            _: u32,
-            _: *const ash::vk::SubmitInfo<'_>,
-            _: ash::vk::Fence,
-        ) -> ash::vk::Result {
-            ash::vk::Result::SUCCESS
-        }
-        (self.gpu.recorder.queue_submit, self.gpu.recorder.patience_ns) = (nothing, 1_000_000);
-    }
-
-    /// Sets barriers as a device without synchronization2 does.
-    #[cfg(test)]
-    pub(super) fn pretend_old(&mut self) {
-        self.gpu.recorder.modern = None;
     }
 
     fn stack(&self, layout: Layout, what: &str) -> Result<Option<Stack>, EngineError> {
@@ -217,10 +171,10 @@ impl VulkanEngine {
             let group = slots(&step.pupil_passes[first.pupil_passes.clone()], &self.shape);
             self.place_written(&group)?;
         }
-        self.record(step, &list, judged)
+        self.record(step, &list, judged, true)
     }
 
-    fn record(&mut self, step: &Step, list: &[&Dispatch], judged: bool) -> Result<(), EngineError> {
+    fn record(&mut self, step: &Step, list: &[&Dispatch], judged: bool, runs: bool) -> Result<(), EngineError> {
         let Self { stacks, arenas, flights, at, views, losses, verdict, transforms, shape, gpu, is_timed, .. } = self;
         let flight = &mut flights[*at];
         let answers = |d: &Dispatch| d.kernel.writes().any(|r| matches!(r, Resource::Losses | Resource::NotFinite));
@@ -248,7 +202,14 @@ impl VulkanEngine {
             guarded,
             losses: sums,
         };
-        work.prepare(list)?;
+        if !runs {
+            work.gpu.gather_uploads()?;
+        }
+        let prepared = work.prepare(list);
+        if !runs {
+            work.gpu.send_uploads()?;
+        }
+        prepared?;
         let marks = if *is_timed { list.len() } else { 1 };
         work.gpu.recorder.begin(marks)?;
         flight.tables.record(work.gpu);
@@ -282,6 +243,9 @@ impl VulkanEngine {
             work.gpu.recorder.mark_end();
         }
         flight.groups = groups;
+        if !runs {
+            return Ok(());
+        }
         flight.during.clear();
         if let [first, .., last] = list {
             let _ = write!(flight.during, "{} to {}", first.kernel.name(), last.kernel.name());
@@ -289,6 +253,7 @@ impl VulkanEngine {
             flight.during.extend(list.iter().map(|d| d.kernel.name()));
         }
         flight.submission = Some(self.gpu.recorder.send(&flight.during)?);
+        self.gpu.device.save_pipelines();
         if let Some(verdict) = self.verdict.as_mut().filter(|_| flight.is_judged) {
             verdict.is_bad = false;
         }
@@ -355,6 +320,10 @@ impl Engine for VulkanEngine {
             DeviceKind::Cpu | DeviceKind::Integrated => Memory::Shared,
             _ => Memory::Device,
         }
+    }
+
+    fn preferred_storage(&self) -> Storage {
+        if self.gpu.device.planned_as == DeviceKind::Cpu { Storage::F32 } else { Storage::F16 }
     }
 
     fn load(&mut self, shape: &Shape, views: Option<Arc<Pyramid>>) -> Result<(), EngineError> {
@@ -479,6 +448,20 @@ impl Engine for VulkanEngine {
         let at = self.flights.iter().position(|f| f.number == number).ok_or_else(not_under_way)?;
         self.flights[at].number = 0;
         self.land(at, self.flights[at].pupil_passes)
+    }
+
+    fn prepare(&mut self, step: &Step, at_once: usize) -> Result<(), EngineError> {
+        check(step, &(0..step.list.len()), &self.shape, self.views.as_ref())?;
+        self.gpu.recorder.idle()?;
+        let flight = &mut self.flights[self.at];
+        flight.place(&step.pupil_passes);
+        flight.tables.pack(&step.pupil_passes, self.views.as_ref());
+        self.fit_flights()?;
+        self.arenas.fit_any(&mut self.gpu, &step.pupil_passes, at_once, &self.shape)?;
+        // Recorded and thrown away: whatever that asks for is made.
+        self.gpu.want();
+        let recorded = self.record(step, &step.list.iter().collect::<Vec<_>>(), true, false);
+        self.gpu.compile().and(recorded)
     }
 
     fn time_kernels(&mut self, on: bool) {

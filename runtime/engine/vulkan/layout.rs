@@ -161,6 +161,27 @@ impl Arenas {
                 }
             }
         }
+        self.grow(gpu, needs)
+    }
+
+    /// Makes room for `at_once` of any of these pupil passes.
+    pub(super) fn fit_any(
+        &mut self,
+        gpu: &mut Commands,
+        pupil_passes: &[PupilPass],
+        at_once: usize,
+        shape: &Shape,
+    ) -> Result<(), EngineError> {
+        let mut needs = [0u64; KINDS];
+        for slot in pupil_passes.iter().flat_map(|pass| slots(std::slice::from_ref(pass), shape)) {
+            for (need, layout) in needs.iter_mut().zip(&slot) {
+                *need = (*need).max(at_once as u64 * layout.bytes());
+            }
+        }
+        self.grow(gpu, needs)
+    }
+
+    fn grow(&mut self, gpu: &mut Commands, needs: [u64; KINDS]) -> Result<(), EngineError> {
         for ((need, block), resource) in needs.into_iter().zip(&mut self.blocks).zip(Resource::OF_SLOT) {
             if need > block.as_ref().map_or(0, |b| b.size) {
                 // The old one goes first: both may not fit.

@@ -17,6 +17,8 @@ mod engine;
 mod fft;
 mod flight;
 mod layout;
+#[cfg(test)]
+mod pretend;
 mod record;
 mod tables;
 #[cfg(test)]

@@ -1,8 +1,9 @@
 //! Arguments that the commands which steer share.
 
-use crate::values::{not_negative, positive, power, share, window};
+use crate::values::{not_negative, positive, power, share, storage, window};
 use clap::{Args, ValueEnum};
 use eyebox::optics::WindowFactor;
+use eyebox::plan::Storage;
 use eyebox::session::Policy;
 use eyebox::solve::{Steering, Strategy};
 
@@ -51,6 +52,9 @@ pub struct SteeringArgs {
     /// Adam's rate, radians
     #[arg(long, default_value_t = 0.05, value_name = "R", value_parser = positive)]
     pub adam_rate: f64,
+    /// How complex fields are stored; fp16 is for comparison only on the CPU [default: fp16 on a GPU, else fp32]
+    #[arg(long, value_parser = storage, value_name = "fp32|fp16")]
+    pub storage: Option<Storage>,
     /// Decides the pupils
     #[arg(long, default_value_t = 0, value_name = "S")]
     pub seed: u64,
@@ -64,8 +68,8 @@ impl SteeringArgs {
             StrategyName::Projection => Strategy::Projection { gain, settled, settling, momentum, overlap_power },
             StrategyName::Adam => Strategy::Adam { rate: self.adam_rate },
         };
-        let Self { pupils, elsewhere, window, repeats, seed, .. } = *self;
-        Steering { strategy, pupils, elsewhere, window, repeats, seed }
+        let Self { pupils, elsewhere, window, repeats, storage, seed, .. } = *self;
+        Steering { strategy, pupils, elsewhere, window, repeats, storage, seed }
     }
 }
 

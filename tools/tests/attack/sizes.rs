@@ -39,7 +39,7 @@ const RUNS: [&str; 12] = [
     "solve builtin:plane --size {}x{} --steps 1 --memory 200MiB --engine cpu -o out/x.zarr",
     "solve builtin:plane --size 16x16 --steps 1 --frames {f} --views {} --color green --engine cpu -o out/x.zarr",
     "solve base/photo.png --depth-map base/depth.png --size {}x16 --views {} --steps 1 --frames 1 --engine cpu -o out/x.zarr",
-    "solve base/views --size 16x{} --steps 1 --frames {f} --engine cpu -o out/x.zarr",
+    "solve base/views --size 16x{} --steps 1 --frames 2 --engine cpu -o out/x.zarr",
     "photograph builtin:plane --size {}x{} --color green --pupil=0,0,1,0 --engine cpu -o out/x.png",
     "plan builtin:plane --size {}x{} --color green --engine cpu",
     "evaluate builtin:plane --size {s}x{s} --color green --frames 1 --steps 1 --methods dpac --views 2 --no-speckle --engine cpu -o out/e",

@@ -1,0 +1,46 @@
+//! What tests have a device pretend.
+
+use super::engine::VulkanEngine;
+
+impl VulkanEngine {
+    /// Makes the largest range that a kernel may see smaller than it is.
+    pub(super) fn pretend_range(&mut self, bytes: u64) {
+        self.gpu.limits.storage_range = bytes;
+    }
+
+    /// Number of allocations alive, and of descriptor pools.
+    pub(super) fn held(&self) -> (usize, usize) {
+        (self.gpu.device.allocations(), self.gpu.recorder.pools())
+    }
+
+    /// From now on the driver answers to every submission that the device was lost.
+    pub(super) fn pretend_lost(&mut self) {
+        unsafe extern "system" fn lost(
+            _: ash::vk::Queue,
+            _: u32,
+            _: *const ash::vk::SubmitInfo<'_>,
+            _: ash::vk::Fence,
+        ) -> ash::vk::Result {
+            ash::vk::Result::ERROR_DEVICE_LOST
+        }
+        self.gpu.recorder.queue_submit = lost;
+    }
+
+    /// From now on the driver takes every submission and does nothing with it, and patience is short.
+    pub(super) fn pretend_stuck(&mut self) {
+        unsafe extern "system" fn nothing(
+            _: ash::vk::Queue,
+            _: u32,
+            _: *const ash::vk::SubmitInfo<'_>,
+            _: ash::vk::Fence,
+        ) -> ash::vk::Result {
+            ash::vk::Result::SUCCESS
+        }
+        (self.gpu.recorder.queue_submit, self.gpu.recorder.patience_ns) = (nothing, 1_000_000);
+    }
+
+    /// Sets barriers as a device without synchronization2 does.
+    pub(super) fn pretend_old(&mut self) {
+        self.gpu.recorder.modern = None;
+    }
+}

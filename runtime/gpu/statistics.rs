@@ -1,0 +1,113 @@
+//! What a compiler makes of pipelines, as drivers tell it (`VK_KHR_pipeline_executable_properties`): for tests. RADV compiles
+//! for devices that are not there (`RADV_FORCE_FAMILY`), which can run nothing and have no memory.
+
+use super::pipelines::PUSH_BYTES;
+use ash::{khr, vk};
+use std::collections::BTreeMap;
+
+/// A pipeline to be compiled: the module's name, how many buffers it is bound to, its constants.
+pub(crate) type Key = (String, u32, Vec<u32>);
+
+/// Numbers by the names that the driver gives them.
+pub(crate) type Statistics = BTreeMap<String, u64>;
+
+/// Compiles each for the first device that the loader finds; the device's name, and what it says of each.
+///
+/// # Errors
+/// What is missing, or failed.
+pub(crate) fn compile(keys: &[Key]) -> Result<(String, Vec<Statistics>), String> {
+    let failed = |what: &'static str| move |e: vk::Result| format!("{what}: {e}");
+    // SAFETY: the loader is a Vulkan loader.
+    let entry = unsafe { ash::Entry::load() }.map_err(|e| e.to_string())?;
+    let about = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_2);
+    let info = vk::InstanceCreateInfo::default().application_info(&about);
+    // SAFETY: what `info` points to lives until the call returns.
+    let instance = unsafe { entry.create_instance(&info, None) }.map_err(failed("vkCreateInstance"))?;
+    // SAFETY: the instance is alive, and is destroyed after all that is made of it.
+    let told = unsafe {
+        let all = instance.enumerate_physical_devices().map_err(failed("vkEnumeratePhysicalDevices"));
+        let told = all.and_then(|all| of_device(&instance, *all.first().ok_or("no device")?, keys));
+        instance.destroy_instance(None);
+        told
+    };
+    drop(entry);
+    told
+}
+
+/// # Safety
+/// The device is the instance's.
+unsafe fn of_device(
+    instance: &ash::Instance,
+    physical: vk::PhysicalDevice,
+    keys: &[Key],
+) -> Result<(String, Vec<Statistics>), String> {
+    // SAFETY: as the caller promises.
+    let properties = unsafe { instance.get_physical_device_properties(physical) };
+    let name = properties.device_name_as_c_str().map_or_else(|_| "?".into(), |n| n.to_string_lossy().into_owned());
+    let mut tells = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default().pipeline_executable_info(true);
+    let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(0).queue_priorities(&[1.0])];
+    let extensions = [khr::pipeline_executable_properties::NAME.as_ptr()];
+    let info = vk::DeviceCreateInfo::default()
+        .queue_create_infos(&queues)
+        .enabled_extension_names(&extensions)
+        .push_next(&mut tells);
+    // SAFETY: what `info` points to lives until the call returns.
+    let device = unsafe { instance.create_device(physical, &info, None) }.map_err(|e| format!("{name}: {e}"))?;
+    let asked = khr::pipeline_executable_properties::Device::new(instance, &device);
+    // SAFETY: the device is alive, and nothing that was made of it is left when it is destroyed.
+    let told: Result<_, String> = keys.iter().map(|key| unsafe { of_pipeline(&device, &asked, key) }).collect();
+    // SAFETY: as above.
+    unsafe { device.destroy_device(None) };
+    Ok((name, told?))
+}
+
+/// # Safety
+/// The device is alive and has the extension.
+unsafe fn of_pipeline(
+    device: &ash::Device,
+    asked: &khr::pipeline_executable_properties::Device,
+    (module, bindings, constants): &Key,
+) -> Result<Statistics, String> {
+    let failed = |what: &'static str| move |e: vk::Result| format!("{module}: {what}: {e}");
+    let words = eyebox_spirv::module(module).ok_or("no such module")?.words();
+    let entries: Vec<_> = (0..constants.len() as u32)
+        .map(|i| vk::SpecializationMapEntry { constant_id: i, offset: 4 * i, size: 4 })
+        .collect();
+    let special = vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(constants));
+    let slot = |i| {
+        let slot = vk::DescriptorSetLayoutBinding::default().binding(i).descriptor_count(1);
+        slot.descriptor_type(vk::DescriptorType::STORAGE_BUFFER).stage_flags(vk::ShaderStageFlags::COMPUTE)
+    };
+    let slots: Vec<_> = (0..*bindings).map(slot).collect();
+    let push = [vk::PushConstantRange::default().stage_flags(vk::ShaderStageFlags::COMPUTE).size(PUSH_BYTES)];
+    // SAFETY: each is made of what lives, and destroyed once, after what is made of it.
+    unsafe {
+        let info = vk::ShaderModuleCreateInfo::default().code(words);
+        let shader = device.create_shader_module(&info, None).map_err(failed("vkCreateShaderModule"))?;
+        let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&slots);
+        let set = device.create_descriptor_set_layout(&info, None).map_err(failed("vkCreateDescriptorSetLayout"))?;
+        let sets = [set];
+        let info = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets).push_constant_ranges(&push);
+        let layout = device.create_pipeline_layout(&info, None).map_err(failed("vkCreatePipelineLayout"))?;
+        let stage = vk::PipelineShaderStageCreateInfo::default()
+            .stage(vk::ShaderStageFlags::COMPUTE)
+            .module(shader)
+            .name(c"main")
+            .specialization_info(&special);
+        let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout);
+        let info = [info.flags(vk::PipelineCreateFlags::CAPTURE_STATISTICS_KHR)];
+        let made = device.create_compute_pipelines(vk::PipelineCache::null(), &info, None);
+        let made = made.map_err(|(_, e)| failed("vkCreateComputePipelines")(e))?[0];
+        let of = vk::PipelineExecutableInfoKHR::default().pipeline(made).executable_index(0);
+        let numbers = asked.get_pipeline_executable_statistics(&of).map_err(failed("its statistics"));
+        device.destroy_pipeline(made, None);
+        device.destroy_pipeline_layout(layout, None);
+        device.destroy_descriptor_set_layout(set, None);
+        device.destroy_shader_module(shader, None);
+        let number = |s: &vk::PipelineExecutableStatisticKHR| {
+            let name = s.name_as_c_str().map_or_else(|_| String::new(), |n| n.to_string_lossy().into_owned());
+            (name, s.value.u64)
+        };
+        Ok(numbers?.iter().map(number).collect())
+    }
+}

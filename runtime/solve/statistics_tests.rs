@@ -1,0 +1,114 @@
+//! What a compiler for real devices makes of the pipelines of a solve and of a refinement: no registers that spill, shared memory
+//! and registers within what lets a device keep busy. RADV compiles for devices that are not there; where it is not installed
+//! (Debian: mesa-vulkan-drivers), nothing is compiled, and a line says so.
+
+use super::{Problem, Rehearsal, Settings, Steering};
+use crate::gpu::statistics::{Key, Statistics, compile};
+use crate::gpu::{DeviceKind, Gpu, Options};
+use crate::optics::{Color, Display, Pupil, PupilDistribution};
+use crate::scene::LightField;
+use std::process::Command;
+
+/// Where the list of pipelines is for the process that compiles them, and where its answer goes.
+const LIST: &str = "EYEBOX_STATISTICS_OF";
+/// RADV's description for the loader, as Debian installs it.
+const RADV: &str = "/usr/share/vulkan/icd.d/radeon_icd.x86_64.json";
+
+/// Pipelines of a step of 16 pupils and of a refinement through an eye's pupil, on a display of this size.
+fn asked_for(height: usize, width: usize) -> Vec<Key> {
+    let plan_as = Some(DeviceKind::Discrete);
+    let options = Options { allow_cpu: true, record_only: true, plan_as, ..Options::default() };
+    let gpu = Gpu::open(&options).unwrap_or_else(|e| panic!("{e}"));
+    let display = Display { height, width, ..Display::preset("paper").expect("a preset") };
+    let problem = || {
+        let field = LightField {
+            name: "grey".into(),
+            grid: [1, 1],
+            height,
+            width,
+            colors: vec![Color::Green],
+            planes: vec![vec![vec![0.5; height * width]]],
+            view_pitch: None,
+            disparity: None,
+            depth: Some([-3e-3, 3e-3]),
+        };
+        Problem::new(&field, Color::Green, &display, Default::default()).expect("a problem")
+    };
+    let settings = Settings { pupils: 16, ..Settings::default() };
+    Rehearsal::of_solve(&problem(), &settings, &gpu, 1).expect("a step");
+    let aim = PupilDistribution::around(&Pupil { x: 1e-3, y: 0.0, diameter: 4e-3, depth: 1e-3 }, 0.3e-3);
+    Rehearsal::of_refinement(problem(), 8, Steering::default(), aim, &gpu, 1).expect("a step");
+    let mut keys = gpu.device.pipelines_made();
+    keys.sort();
+    keys
+}
+
+/// What RADV makes of them for a family of devices; nothing where it is not installed.
+fn compiled(keys: &[Key], family: &str) -> Option<Vec<Statistics>> {
+    if !std::path::Path::new(RADV).exists() {
+        eprintln!("RADV is not installed ({RADV}): nothing was compiled for a real device");
+        return None;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let list = folder.path().join("list.json");
+    std::fs::write(&list, serde_json::to_vec(keys).expect("JSON")).expect("written");
+    let mut child = Command::new(std::env::current_exe().expect("this program"));
+    child.args(["--exact", "solve::statistics_tests::what_a_child_compiles", "--ignored"]).env(LIST, &list);
+    child.env("VK_ICD_FILENAMES", RADV).env("VK_DRIVER_FILES", RADV).env("RADV_FORCE_FAMILY", family);
+    child.env("MESA_SHADER_CACHE_DISABLE", "true").env_remove("VK_INSTANCE_LAYERS");
+    let output = child.output().expect("it starts");
+    let answer = std::fs::read(list.with_extension("answer"));
+    let answer = answer.unwrap_or_else(|_| panic!("{family}: {}", String::from_utf8_lossy(&output.stdout)));
+    Some(serde_json::from_slice(&answer).expect("JSON"))
+}
+
+#[test]
+#[ignore = "run by the tests below, in a process that has one driver"]
+fn what_a_child_compiles() {
+    let Some(list) = std::env::var_os(LIST).map(std::path::PathBuf::from) else { return };
+    let keys: Vec<Key> = serde_json::from_slice(&std::fs::read(&list).expect("a list")).expect("JSON");
+    let (name, told) = compile(&keys).unwrap_or_else(|e| panic!("{e}"));
+    println!("{name}");
+    std::fs::write(list.with_extension("answer"), serde_json::to_vec(&told).expect("JSON")).expect("written");
+}
+
+/// Fails where a pipeline asks for more than a device can keep busy with: fewer than `least` subgroups on one of its units.
+fn check(keys: &[Key], family: &str, least: u64) {
+    let Some(told) = compiled(keys, family) else { return };
+    assert!(told.len() == keys.len() && !keys.is_empty());
+    let (mut registers, mut shared, mut fewest) = (0, 0, u64::MAX);
+    for (key, told) in keys.iter().zip(&told) {
+        let n =
+            |name: &str| *told.get(name).unwrap_or_else(|| panic!("{family}: RADV says nothing of {name}: {told:?}"));
+        assert_eq!([n("Spilled SGPRs"), n("Spilled VGPRs"), n("Scratch size")], [0; 3], "{family}: {key:?} spills");
+        assert!(n("VGPRs") <= 128, "{family}: {key:?} takes {} registers", n("VGPRs"));
+        assert!(n("LDS size") <= 48 << 10, "{family}: {key:?} takes {} bytes of shared memory", n("LDS size"));
+        (registers, shared) = (n("VGPRs").max(registers), n("LDS size").max(shared));
+        let subgroups = n("Subgroups per SIMD");
+        assert!(subgroups >= least, "{family}: of {key:?} {subgroups} subgroups fit a SIMD");
+        fewest = fewest.min(subgroups);
+    }
+    println!(
+        "{family}: {} pipelines, at most {registers} registers, {shared} bytes shared, at least {fewest} subgroups a SIMD",
+        keys.len()
+    );
+}
+
+/// One family, and of the transforms, which take the time, every fourth.
+#[test]
+fn nothing_spills_on_a_real_device() {
+    let keys = asked_for(1080, 1920);
+    let (transforms, others): (Vec<_>, Vec<_>) = keys.into_iter().partition(|(module, ..)| module.starts_with("fft"));
+    let some = others.into_iter().chain(transforms.into_iter().step_by(4)).collect::<Vec<_>>();
+    check(&some, "NAVI21", 4);
+}
+
+#[test]
+#[ignore = "all pipelines for five families take minutes: tools/nightly.sh"]
+fn nothing_spills_on_any_of_five_families() {
+    let keys = asked_for(1080, 1920);
+    // VEGA20 has few registers for as many lanes.
+    for (family, least) in [("NAVI21", 4), ("GFX1100", 4), ("GFX1103_R1", 4), ("VEGA20", 1), ("REMBRANDT", 4)] {
+        check(&keys, family, least);
+    }
+}
