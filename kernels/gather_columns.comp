@@ -29,6 +29,11 @@ layout(std430, binding = 2) readonly buffer Windows { COMPLEX windows[]; };
 layout(std430, binding = 3) readonly buffer Transfers { vec2 transfers[]; };
 layout(std430, binding = 4) readonly buffer Spans { uvec2 spans[]; };
 layout(std430, binding = 5) readonly buffer Places { Place places[]; };
+#ifdef HALF
+// As `check_finite` leaves it: whether what is stored is infinite or NaN. What comes of it behind here is stored nowhere.
+layout(std430, binding = 6) buffer NotFinite { uint found[]; };
+bool overflows(uvec2 z) { return any(equal(z & 0x7c00u, uvec2(0x7c00u))) || any(equal(z & 0x7c000000u, uvec2(0x7c000000u))); }
+#endif
 layout(push_constant) uniform Args {
     uint grid_height, grid_width;
     // Columns in use, of those that wrap.
@@ -90,7 +95,13 @@ vec4 gathered(uint y) {
 }
 
 vec4 fetch4(uint way, uint y) { return shared4[slot(y)]; }
-void put4(uint way, uint y, vec4 z) { change[place2(y)] = STORE2(z); }
+void put4(uint way, uint y, vec4 z) {
+    COMPLEX2 stored = STORE2(z);
+    change[place2(y)] = stored;
+#ifdef HALF
+    if (overflows(stored)) atomicOr(found[0], 1u);
+#endif
+}
 vec2 fetch2(uint way, uint i) { return vec2(0.0); }
 void put2(uint way, uint i, vec2 z) {}
 

@@ -31,7 +31,7 @@ pub(crate) enum Way {
     },
     /// The rows of `change_inverse`.
     ChangeRows,
-    /// And `project`.
+    /// And `project`, at its entry: what judges losses comes before it.
     ChangeRowsAndProject,
 }
 
@@ -108,8 +108,12 @@ fn gather(step: &Step, list: &[&Dispatch], ways: &mut [Way]) {
         }
     }
     ways[inverse] = Way::ChangeRows;
-    if list.get(inverse + 1).is_some_and(|d| d.kernel == Kernel::Project) {
-        (ways[inverse], ways[inverse + 1]) = (Way::ChangeRowsAndProject, Way::Elsewhere);
+    // What is stored of the change is checked where it is gathered.
+    let checks = usize::from(list.get(inverse + 1).is_some_and(|d| d.kernel == Kernel::CheckFinite));
+    let project = inverse + 1 + checks;
+    if list.get(project).is_some_and(|d| d.kernel == Kernel::Project) {
+        ways[inverse..project].fill(Way::Elsewhere);
+        ways[project] = Way::ChangeRowsAndProject;
     }
 }
 
@@ -157,7 +161,7 @@ mod tests {
             alone(Kernel::Resample),
             (Kernel::PassPupil, Way::ThroughWindows),
             (Kernel::ReturnPupil, Way::Gather { adds: false, last: true }),
-            (Kernel::ChangeInverse, Way::ChangeRowsAndProject),
+            (Kernel::Project, Way::ChangeRowsAndProject),
         ];
         assert_eq!(got, want);
         // A device that fuses nothing takes the list as it is.

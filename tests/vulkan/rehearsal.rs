@@ -46,7 +46,6 @@ fn steps_keep_to_their_budgets() {
     let (gpu, problem) = (gpu(), problem());
     let settings = Settings { pupils: 16, ..Settings::default() };
     let solve = Rehearsal::of_solve(&problem, &settings, &gpu, 3).unwrap();
-    println!("{:?} {:?}", asked(&solve), solve.steps[2].recording.by_kernel());
     for [dispatches, stages, bytes] in asked(&solve) {
         assert!(dispatches <= 145 && stages <= 80 && bytes <= 4_100_000_000, "{dispatches} {stages} {bytes}");
         // Each of 16 windows is passed, seen, compared and returned, whatever is fused.
@@ -58,7 +57,6 @@ fn steps_keep_to_their_budgets() {
     let aim = PupilDistribution::around(&Pupil { x: 1e-3, y: 0.0, diameter: 4e-3, depth: 1e-3 }, 0.3e-3);
     let fp32 = Steering { storage: Some(Storage::F32), ..Steering::default() };
     let steered = Rehearsal::of_refinement(problem, 8, fp32, aim, &gpu, 4).unwrap();
-    println!("{:?} {:?}", asked(&steered), steered.steps[3].recording.by_kernel());
     for [dispatches, stages, bytes] in asked(&steered) {
         assert!(dispatches <= 30 && stages <= 19 && bytes <= 850_000_000, "{dispatches} {stages} {bytes}");
         assert!(bytes >= 500_000_000, "{bytes}");

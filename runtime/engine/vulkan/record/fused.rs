@@ -92,12 +92,14 @@ impl<'a> Call<'_, 'a> {
             Way::See => self.windows(false),
             Way::ThroughWindows => self.windows(true),
             Way::Gather { adds, last } => {
-                self.work.before(&[
+                let mut binds = vec![
                     (Read, Resource::Window),
                     (Read, Resource::Transfer),
                     (Read, Resource::Spans),
                     (Update, Resource::Change),
-                ]);
+                ];
+                binds.extend(self.shape.halves().then_some((Update, Resource::NotFinite)));
+                self.work.before(&binds);
                 self.gather_columns(adds, last)
             }
             Way::ChangeRows => {

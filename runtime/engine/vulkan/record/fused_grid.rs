@@ -144,7 +144,10 @@ impl Call<'_, '_> {
                 changes_phases: false,
                 groups: [(columns[1] / 2).div_ceil(shared.lines), count as u32, 1],
             };
-            let buffers = [change, planned.twiddles.all(), windows, transfers, tables, places];
+            let mut buffers = vec![change, planned.twiddles.all(), windows, transfers, tables, places];
+            if self.shape.halves() {
+                buffers.push(self.bound(Resource::NotFinite, 0, 1)?);
+            }
             self.dispatch(&lines, &buffers, &args, || {
                 let whole = size * u64::from(columns[1]) * (height * count) as u64;
                 let mut moves = vec![windows.reads(size * passing * count as u64), transfers.reads(8 * passing)];
