@@ -194,6 +194,11 @@ pub fn load_phases(path: &Path, unit: Option<PhaseUnit>) -> Result<Phases, Holog
     if fs::metadata(path).map_err(|e| FileError::read(path, e))?.is_dir() {
         return read_whole(path, |folder| load_pngs(folder, unit));
     }
+    let ending = path.extension().map(|e| e.to_ascii_lowercase());
+    if ending.is_some_and(|e| ["png", "bmp", "jpg", "jpeg"].iter().any(|picture| e == *picture)) {
+        let lacks = "a picture by itself does not say its colour and sub-frame: a folder of pictures named like green-00.png does";
+        return Err(none(path, lacks.into()));
+    }
     let array = read_npy(path)?;
     let (colors, frames, height, width) = match array.shape[..] {
         [h, w] => (1, 1, h, w),

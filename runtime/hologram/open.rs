@@ -2,6 +2,7 @@
 
 use super::chunks::GROUP;
 use super::{Hologram, HologramError, PhaseSource, PhaseUnit, Phases, Sequence, Tiles, Unfinished, load_phases};
+use crate::files::FileError;
 use crate::optics::{Color, Display, Geometry};
 use std::path::Path;
 
@@ -114,6 +115,12 @@ impl Opening {
     fn bare_hologram(&self, path: &Path) -> Result<Hologram, HologramError> {
         if self.at.is_some() {
             return Err(no(path, "bare phases are one hologram, not a sequence: leave out --at".into()));
+        }
+        // What is not there is no phases that lack something.
+        if let Err(e) = std::fs::metadata(path) {
+            let is_scene = path.to_string_lossy().starts_with("builtin:");
+            let scene = || no(path, "it is a scene: a hologram is first solved of it".into());
+            return Err(if is_scene { scene() } else { FileError::read(path, e).into() });
         }
         let missing = || HologramError::NoOptics { path: path.display().to_string() };
         let optics = self.bare.as_ref().ok_or_else(missing)?;

@@ -1,6 +1,7 @@
 //! A folder of views.
 
 use super::light::Transfer;
+use super::range::Measured;
 use super::resize::{Fit, Resize};
 use super::shape::{is_serpentine, shape};
 use super::{LightField, Order, OrderFound, Parallax, Request, SceneError, frames, names, order, picture, settings};
@@ -119,6 +120,12 @@ pub(super) fn read(folder: &Path, request: &Request) -> Result<Read, SceneError>
         tracing::warn!("{}: the order of the views is as stated, though in it {reason}", folder.display());
         order_found = OrderFound::Unknown;
     }
+    if let (OrderFound::AsNamedOrReversed, None) = (&order_found, asked)
+        && let Some(stated) = stated_disparity(&field, request)
+        && let Measured { range: Some(measured), doubt: None } = field.measured()
+    {
+        order_found = order::by_depths(stated, measured);
+    }
     let transfer = match stated.transfer {
         Some(Transfer::Linear) => "linear, as stated",
         Some(Transfer::Srgb) => "sRGB, as stated",
@@ -127,6 +134,14 @@ pub(super) fn read(folder: &Path, request: &Request) -> Result<Read, SceneError>
     };
     let (order, order_stated) = (asked.unwrap_or_default(), asked.is_some());
     Ok(Read { field, how: views.how, order, order_stated, order_found, parallax, size: own, transfer: transfer.into() })
+}
+
+/// The range of disparities that is stated, as such or as depths, pixels of the light field.
+fn stated_disparity(field: &LightField, request: &Request) -> Option<[f64; 2]> {
+    let cell = request.view_pitch.unwrap_or_else(|| field.cell(request.display));
+    let per_pixel = request.display.focal_length * request.display.picture_pixel() / cell;
+    let depths = request.depth.or(field.depth).map(|[a, b]| [a.min(b) / per_pixel, a.max(b) / per_pixel]);
+    depths.or(field.disparity)
 }
 
 /// The grid of views that have one running number: a square, unless the pictures show another.

@@ -31,8 +31,15 @@ fn folders(folder: &Path) -> Result<Vec<String>, SceneError> {
 /// What is wrong with a folder without views: its folders may be the rows of one light field, with as many views each, in one row by
 /// their names. A running number can be a square as well, which is believed unless there are as many folders as views in each.
 pub(super) fn explain(folder: &Path, error: SceneError) -> SceneError {
-    let found =
-        if matches!(error, SceneError::Empty { .. }) { folders(folder).unwrap_or_default() } else { Vec::new() };
+    if !matches!(error, SceneError::Empty { .. }) {
+        return error;
+    }
+    if folder.join("zarr.json").exists() {
+        let reason =
+            "a hologram, and no scene: that is a folder of views, a picture with a depth map, or builtin:NAME".into();
+        return SceneError::Corrupt { file: folder.display().to_string(), reason };
+    }
+    let found = folders(folder).unwrap_or_default();
     let in_one_row = |found: folder::Found| -> Option<usize> {
         let (views, grid) = (found.views, found.stated.grid);
         let count = views.files.len();

@@ -34,7 +34,11 @@ fn write(path: &Path, values: &[f32]) {
     let word = |x: u32, y: u32| values[y as usize * N + x as usize];
     let n = N as u32;
     let name = path.to_str().unwrap();
-    if name.contains("16") {
+    if name.contains("rgb") {
+        let grey = name.contains("grey");
+        let pixel = |v: u8| Rgb([v, if grey { v } else { v / 2 }, if grey { v } else { 255 - v }]);
+        ImageBuffer::from_fn(n, n, |x, y| pixel(word(x, y) as u8)).save(path).unwrap();
+    } else if name.contains("16") {
         ImageBuffer::from_fn(n, n, |x, y| Luma([word(x, y) as u16])).save(path).unwrap();
     } else if name.ends_with("png") {
         ImageBuffer::from_fn(n, n, |x, y| Luma([word(x, y) as u8])).save(path).unwrap();
@@ -59,10 +63,13 @@ fn each_map_is_read_the_right_way_round_or_refused() {
     let unknown: Vec<(usize, f32)> = (16..40).map(|i| (i, 0.0)).collect();
     let most: Vec<(usize, f32)> = (0..200).map(|i| (i, f32::NAN)).collect();
     let decides = Err("give --near small (distances) or --near large");
-    let rows: [Row; 22] = [
+    let rows: [Row; 25] = [
         ("map.png", None, ramp(0.0, 255.0, &[]), RIGHT),
         ("map.png", Some(Large), ramp(0.0, 255.0, &[]), RIGHT),
         ("map.png", Some(Small), ramp(0.0, 255.0, &[]), LEFT),
+        ("grey-rgb.png", None, ramp(0.0, 255.0, &[]), RIGHT),
+        ("grey-rgb.jpg", None, ramp(0.0, 255.0, &[]), RIGHT),
+        ("jet-rgb.png", None, ramp(0.0, 255.0, &[]), Err("a map is grey")),
         ("depth16.png", None, ramp(0.0, 65535.0, &[]), RIGHT),
         ("depth16.png", Some(Small), ramp(0.0, 65535.0, &[]), LEFT),
         ("kinect16.png", None, ramp(500.0, 4200.0, &unknown), Err("--near small (distances, 0 unknown)")),

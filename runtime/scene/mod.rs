@@ -18,7 +18,8 @@
 //!
 //! ```toml
 //! grid = [9, 9]             # rows, columns of views
-//! files = "out_*"           # which pictures are the views
+//! files = "out_*"           # which pictures are the views; with a `/`, in the folders of the folder
+//! serpentine = true         # of a running number, every second row runs backwards
 //! transpose = true          # what the names call the row is the column
 //! flip_rows = true          # the first row is the lowest
 //! flip_columns = true       # the first column is the rightmost

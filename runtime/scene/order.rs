@@ -142,6 +142,26 @@ pub(super) fn judge(found: &Parallax) -> OrderFound {
     OrderFound::Other { orders, reason: seen.join("; ") }
 }
 
+/// Pixels by which what is measured may lie outside of what is stated, and by which it clearly does.
+const WITHIN: f64 = 0.25;
+const OUTSIDE: f64 = 1.0;
+
+/// Where what covers what tells nothing, from disparities: the opposite order turns the `measured` ones round, and the `stated` ones
+/// may have room for one of both alone.
+pub(super) fn by_depths(stated: [f64; 2], measured: [f64; 2]) -> OrderFound {
+    let outside = |[low, high]: [f64; 2]| (stated[0] - low).max(high - stated[1]);
+    match (outside(measured), outside([-measured[1], -measured[0]])) {
+        (named, reversed) if named <= WITHIN && reversed > OUTSIDE => OrderFound::AsNamed,
+        (named, reversed) if reversed <= WITHIN && named > OUTSIDE => OrderFound::Other {
+            orders: vec![Order { transpose: false, flip_rows: true, flip_columns: true }],
+            reason:
+                "what should be near by the depths that are stated moves as far content does, and the other way round"
+                    .into(),
+        },
+        _ => OrderFound::AsNamedOrReversed,
+    }
+}
+
 /// Says what the pictures do not tell of an order that nothing states.
 pub(super) fn say(folder: &str, found: &OrderFound) {
     match found {

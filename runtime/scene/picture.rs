@@ -108,23 +108,39 @@ pub(super) fn read(path: &Path, colors: &[Color], transfer: Option<Transfer>) ->
     Ok(Picture { height, width, planes })
 }
 
-/// Reads the stored values of a picture's first channel, row by row; its rows and columns.
+/// Reads the stored values of a grey picture, row by row; its rows and columns. In floats, one channel in three may hold them.
 pub(super) fn stored(path: &Path) -> Result<(usize, usize, Kind, Vec<f32>), SceneError> {
     let image = decode(path)?;
     let channels = usize::from(image.color().channel_count());
-    let (kind, values) = if let Some(v) = samples8(&image) {
-        (Kind::Bytes, v.iter().step_by(channels).map(|&v| f32::from(v)).collect())
+    let has_color = image.color().has_color();
+    let (kind, values): (_, Vec<f32>) = if let Some(v) = samples8(&image) {
+        (Kind::Bytes, grey(v, channels, has_color, |a, b| a.abs_diff(b) <= 8))
     } else if let Some(v) = samples16(&image) {
-        (Kind::Words, v.iter().step_by(channels).map(|&v| f32::from(v)).collect())
+        (Kind::Words, grey(v, channels, has_color, |a, b| a.abs_diff(b) <= 8 * 257))
     } else {
         let float = match &image {
             DynamicImage::ImageRgb32F(p) => p.as_raw(),
             DynamicImage::ImageRgba32F(p) => p.as_raw(),
             other => return Err(corrupt(path, format!("pixels of type {:?} are not supported", other.color()))),
         };
-        (Kind::Floats, float.iter().step_by(channels).copied().collect())
+        (Kind::Floats, grey(float, channels, has_color, |a, b| a.to_bits() == b.to_bits() || b == 0.0))
     };
+    if values.is_empty() {
+        return Err(corrupt(
+            path,
+            "its pixels have colours, and nothing says what depth a colour means: a map is grey",
+        ));
+    }
     Ok((image.height() as usize, image.width() as usize, kind, values))
+}
+
+/// The first channel; nothing where another one is not `alike`.
+fn grey<T: Copy + Into<f32>>(v: &[T], channels: usize, has_color: bool, alike: impl Fn(T, T) -> bool) -> Vec<f32> {
+    let pixels = v.chunks_exact(channels);
+    if has_color && !pixels.clone().all(|p| alike(p[0], p[1]) && alike(p[0], p[2])) {
+        return Vec::new();
+    }
+    pixels.map(|p| p[0].into()).collect()
 }
 
 /// The samples of an 8-bit image, interleaved.

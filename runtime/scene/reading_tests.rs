@@ -261,6 +261,31 @@ fn what_shows_nothing_is_not_doubted() {
     }
 }
 
+/// A single surface covers nothing: near and far are told by the depths that are stated, where they have room for one alone.
+#[test]
+fn stated_depths_tell_near_from_far_where_nothing_is_covered() {
+    let display = display(96);
+    let request = Request::new(&display, &GREEN);
+    let field = load("builtin:plane?depth=1", &Request { views: 5, ..request }).unwrap();
+    for (order, toml, wanted) in [
+        ("as-named", "", None),
+        ("flip-rows,flip-columns", "", None),
+        ("as-named", "depth_mm = [0.8, 1.2]", Some(true)),
+        ("flip-rows,flip-columns", "depth_mm = [0.8, 1.2]", Some(false)),
+        ("flip-rows,flip-columns", "depth_mm = [-2, 2]", None),
+    ] {
+        let temp = save(&field, order, &|r, c| format!("v_{r}_{c}.png"));
+        fs::write(temp.path().join("lightfield.toml"), toml).unwrap();
+        let source = temp.path().to_str().unwrap();
+        let (found, _) = inspect(source, &request).unwrap();
+        assert_eq!(found.order_confirmed, wanted, "{order}, {toml}: {found:?}");
+        if wanted == Some(false) {
+            let line = load(source, &request).unwrap_err().to_string();
+            assert!(line.contains("--order flip-rows,flip-columns (or"), "{line}");
+        }
+    }
+}
+
 #[test]
 fn rows_that_run_backwards_are_seen() {
     let display = display(64);

@@ -267,7 +267,7 @@ fn from_a_scene_to_a_score_in_three_colours() {
     refused(at, &["score", "h.zarr", "builtin:still-life", "--pupils", "pupils.json"], "x", "pupils.json");
     done(at, &["export", "h.zarr", "-o", "p.npy"]);
     done(at, &["export", "h.zarr", "-o", "frames"]);
-    assert_eq!(std::fs::read_dir(at.join("frames")).unwrap().count(), 6);
+    assert_eq!(std::fs::read_dir(at.join("frames")).unwrap().count(), 6 + 1, "and the list of them");
     done(
         at,
         &[

@@ -58,6 +58,55 @@ fn live_shows_views_in_the_order_that_is_stated() {
     refused(at, &[&["live", "upwards", "--display", "planes8"][..], &SMALL].concat(), "x", "--order flip-");
 }
 
+/// Rows in folders of their own look like the frames of a sequence.
+#[test]
+fn a_folder_of_rows_is_one_light_field_or_a_sequence_as_is_said() {
+    let temp = folder();
+    let at = temp.path();
+    made::views(&at.join("flat"), STILL_LIFE, |r, c| [r, c]);
+    for i in 0..9 {
+        std::fs::create_dir_all(at.join(format!("rows/row_{}", i / 3))).unwrap();
+        let [from, to] = ["flat/view_{}_{}.png", "rows/row_{}/view_{}.png"]
+            .map(|name| name.replacen("{}", &(i / 3).to_string(), 1).replacen("{}", &(i % 3).to_string(), 1));
+        std::fs::copy(at.join(from), at.join(to)).unwrap();
+    }
+    let solve = |scene: &[&'static str], out| {
+        [
+            &["solve", "-o", out, "--steps", "2", "--frames", "1", "--depth=-1..1", "--order", "as-named"],
+            &SMALL[..],
+            scene,
+        ]
+        .concat()
+    };
+    let phases = |name: &str| {
+        done(at, &["export", name, "-o", "p.npy"]);
+        std::fs::read(at.join("p.npy")).unwrap()
+    };
+    for command in ["solve", "inspect", "plan"] {
+        refused(at, &[&[command, "rows"][..], &SMALL[..4]].concat(), "hologram.zarr", "3 folders of 3 views each");
+    }
+    done(at, &solve(&["flat"], "flat.zarr"));
+    // What is taken for the other.
+    for command in ["solve", "inspect"] {
+        refused(at, &[command, "flat.zarr"], "x.zarr", "flat.zarr: a hologram, and no scene");
+    }
+    refused(at, &["view", "builtin:plane", "--pupil=0,0,4,0", "-o", "x.png"], "x.png", "it is a scene");
+    refused(at, &["view", "none.npy", "--pupil=0,0,4,0", "-o", "x.png"], "x.png", "No such file");
+    std::fs::write(at.join("rows/lightfield.toml"), "files = \"*/*\"\n").unwrap();
+    done(at, &solve(&["rows"], "rows.zarr"));
+    assert_eq!(phases("rows.zarr"), phases("flat.zarr"));
+    // Rows that say that they are light fields are frames.
+    std::fs::remove_file(at.join("rows/lightfield.toml")).unwrap();
+    (0..3).for_each(|r| std::fs::write(at.join(format!("rows/row_{r}/lightfield.toml")), "grid = [1, 3]\n").unwrap());
+    done(at, &[solve(&["rows"], "moving.zarr"), vec!["--rate", "5"]].concat());
+    done(at, &["export", "moving.zarr", "--at", "2", "-o", "p.npy"]);
+    // A view that is missing beside a folder of others is not a sequence of that folder.
+    std::fs::create_dir(at.join("flat/more")).unwrap();
+    std::fs::copy(at.join("flat/view_0_0.png"), at.join("flat/more/view_0_0.png")).unwrap();
+    std::fs::remove_file(at.join("flat/view_1_2.png")).unwrap();
+    refused(at, &solve(&["flat"], "x.zarr"), "x.zarr", "view_1_2.png: this view is missing");
+}
+
 /// Blades that hide each other by pixels from view to view: their depths cannot be measured.
 #[test]
 fn live_solves_for_the_depths_that_are_stated() {

@@ -267,6 +267,8 @@ fn phases_are_imported_with_what_is_known_of_them() {
     refused(at, &["import", "h.zarr", "-o", "x.zarr"], "x.zarr", "already");
     refused(at, &["import", "p.npy", "-o", "x.zarr"], "x.zarr", "--display");
     refused(at, &["import", "none.npy", "--display", "small", "-o", "x.zarr"], "x.zarr", "none.npy");
+    let one = ["view", "frames/green-00.png", "--display", "small", "--pupil=0,0,5,0", "-o", "x.png"];
+    refused(at, &one, "x.png", "a folder of pictures named like green-00.png");
     refused(at, &["import", "p.npy", "--display", "small", "-o", "x.npy"], "x.npy", ".zarr");
 }
 

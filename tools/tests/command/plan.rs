@@ -25,6 +25,7 @@ fn a_plan_says_what_why_and_how_much() {
     {
         assert!(text.lines().any(|l| l.trim_start().starts_with(what)), "{what}: {text}");
     }
+    assert!(text.contains("lists are run neighbouring kernels depth first"), "{text}");
     let deep = json(at, "plan", "builtin:still-life", &[]);
     assert_eq!((&deep["views_merged"], choice(&deep, "views")["saves"].as_bool()), (&Value::from(1), Some(false)));
     let flat = json(at, "plan", "builtin:plane", &[]);
