@@ -99,7 +99,41 @@ pub struct Shared {
     pub slots: u32,
 }
 
+/// Rows of several sub-frames in one workgroup (`compare_rows.comp`).
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Together {
+    /// How, with as many rows as are transformed at once.
+    pub shared: Shared,
+    /// Rows that shared memory holds.
+    pub kept: u32,
+    /// Whether those are all there are.
+    pub whole: bool,
+}
+
+/// Invocations of a workgroup of rows of several sub-frames at most.
+const TOGETHER: u32 = 512;
+
 impl Shared {
+    /// The same row of `frames` sub-frames, with a sum over them for each of its `n` pixels: of all at once if shared memory
+    /// holds them, else of as many as it does.
+    pub fn together(&self, n: u32, frames: u32, limits: &PlanLimits) -> Option<Together> {
+        let room = limits.shared_bytes.min(TILE_BYTES);
+        let area = self.slots * if self.pair { 16 } else { 8 };
+        let most = (TOGETHER.min(limits.invocations) / self.threads).clamp(1, frames.max(1));
+        // Sums, shares of the loss, and the array that is not used.
+        let beside = |lines: u32| 4 * (n + lines * self.threads) + 16;
+        let fits = |kept: u32, lines: u32| kept.saturating_mul(area).saturating_add(beside(lines)) <= room;
+        // Equal rounds, so that few invocations wait in the last.
+        let even = |lines: u32| frames.max(1).div_ceil(frames.max(1).div_ceil(lines));
+        let kept = |lines: u32| lines * frames.max(1).div_ceil(lines);
+        let lines = even(most);
+        if fits(kept(lines), lines) {
+            return Some(Together { shared: Self { lines, ..self.clone() }, kept: kept(lines), whole: true });
+        }
+        let lines = even((1..=most).rev().find(|lines| fits(*lines, *lines))?);
+        Some(Together { shared: Self { lines, ..self.clone() }, kept: lines, whole: false })
+    }
+
     /// Bytes per workgroup.
     pub fn bytes(&self) -> u32 {
         // The array that is not used has one slot.

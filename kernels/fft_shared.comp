@@ -2,145 +2,44 @@
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 
-// Transforms whole rows or whole columns, in place: each is read once and written once, and its stages exchange values
-// through shared memory.
-// Rows: THREADS invocations (x) a row, LINES rows (y) a workgroup. With PAIR, an invocation works on neighbouring
-// butterflies two by two: n / radix is even for all stages, and so is the first radix.
-// Columns: LINES neighbouring pairs of columns (x), THREADS invocations (y) a pair; PAIR is 1.
-
-layout(local_size_x_id = 0, local_size_y_id = 1) in;
-layout(constant_id = 0) const uint X = 64;
-layout(constant_id = 1) const uint Y = 1;
-layout(constant_id = 2) const uint PAIR = 1;
-layout(constant_id = 3) const uint STAGES = 3;
-// Slots of a row or of a pair of columns in shared memory, those left free included.
-layout(constant_id = 4) const uint SLOTS = 1089;
-// Stage i: radix A B; each invocation takes up to C of its butterflies (or pairs).
-layout(constant_id = 5) const uint A0 = 4;
-layout(constant_id = 6) const uint B0 = 4;
-layout(constant_id = 7) const uint C0 = 1;
-layout(constant_id = 8) const uint A1 = 4;
-layout(constant_id = 9) const uint B1 = 4;
-layout(constant_id = 10) const uint C1 = 1;
-layout(constant_id = 11) const uint A2 = 8;
-layout(constant_id = 12) const uint B2 = 1;
-layout(constant_id = 13) const uint C2 = 2;
-layout(constant_id = 14) const uint A3 = 1;
-layout(constant_id = 15) const uint B3 = 1;
-layout(constant_id = 16) const uint C3 = 0;
-layout(constant_id = 17) const uint A4 = 1;
-layout(constant_id = 18) const uint B4 = 1;
-layout(constant_id = 19) const uint C4 = 0;
-layout(constant_id = 20) const uint COLUMNS = 0;
-const uint THREADS = COLUMNS == 1u ? Y : X;
-const uint LINES = COLUMNS == 1u ? X : Y;
-// Butterflies of a line that an invocation works on side by side.
-const uint BESIDE = COLUMNS == 1u ? 1u : 1u + PAIR;
+// Transforms whole rows or whole columns, in place. Of rows, columns that are not in use are neither written on the way
+// forward nor read on the way back, where they are zero.
 
 #include "constants.glsl"
 #include "half.glsl"
-#include "fft_butterfly.glsl"
+#include "fft_lines.glsl"
 
 layout(std430, binding = 0) buffer Data2 { COMPLEX data2[]; };
 layout(std430, binding = 0) buffer Data4 { COMPLEX2 data4[]; };
-// As in fft_pass.comp, one stage after the other.
-layout(std430, binding = 1) readonly buffer Twiddles { vec4 twiddles[]; };
 layout(push_constant) uniform Args {
     // Length; rows of a frame and rows in all, or columns and how many there are before they wrap.
-    uint n, count, all;
-    // Whether re and im swap places, which makes it the inverse.
+    uint points, count, all;
     uint inverse;
     // Values from row to row, from frame to frame.
     uint row, frame;
-    // First column.
-    uint first;
+    // First column, and how many are in use.
+    uint first, used;
 };
 
-shared vec4 shared4[PAIR == 1u ? LINES * SLOTS : 1u];
-shared vec2 shared2[PAIR == 1u ? 1u : LINES * SLOTS];
-
 uint origin;
-bool present;
 
-uint thread() { return COLUMNS == 1u ? gl_LocalInvocationID.y : gl_LocalInvocationID.x; }
-
-// One slot in FFT_FREE_SLOT + 1 is free: invocations that write a radix apart meet different banks. Those of a row lie side
-// by side, those of a pair of columns beside its neighbours'.
-uint slot(uint i) {
-    uint at = i + i / FFT_FREE_SLOT;
-    return COLUMNS == 1u ? at * LINES + gl_LocalInvocationID.x : gl_LocalInvocationID.y * SLOTS + at;
-}
-
-// Which pair of shared memory a value is in, or its half.
-uint unit(uint i) { return COLUMNS == 1u ? i : i / 2u; }
+bool skipped(uint i, uint on_the_way) { return COLUMNS == 0u && inverse == on_the_way && !in_use(i, first, used); }
 
 // Where the pair with value i is.
 uint place2(uint i) { return COLUMNS == 1u ? origin + i * (row / 2u) : (origin + i) / 2u; }
 
-void swap_parts(uint at, uint count) {
-    [[unroll]] for (uint k = 0u; k < count; k++) v[at + k] = v[at + k].yxwz;
+vec4 fetch4(uint way, uint i) { return skipped(i, 1u) ? vec4(0.0) : LOAD2(data4[place2(i)]); }
+vec2 fetch2(uint way, uint i) { return skipped(i, 1u) ? vec2(0.0) : LOAD(data2[origin + i]); }
+void put4(uint way, uint i, vec4 z) {
+    if (!skipped(i, 0u)) data4[place2(i)] = STORE2(z);
 }
-
-// s: product of the radices before; table: where this stage's starts.
-void stage(uint a, uint b, uint c, uint s, uint table, bool begin, bool end) {
-    uint r = a * b, m = n / r;
-    [[unroll]] for (uint i = 0u; i < c; i++) {
-        uint j = (thread() + i * THREADS) * BESIDE, at = i * r;
-        if (j < m) {
-            if (begin) {
-                if (present) {
-                    if (PAIR == 1u) {
-                        [[unroll]] for (uint k = 0u; k < r; k++) v[at + k] = LOAD2(data4[place2(j + k * m)]);
-                    } else {
-                        [[unroll]] for (uint k = 0u; k < r; k++) v[at + k] = LOAD(data2[origin + j + k * m]).xyxy;
-                    }
-                }
-                if (inverse == 1u) swap_parts(at, r);
-            } else {
-                if (PAIR == 1u) {
-                    [[unroll]] for (uint k = 0u; k < r; k++) v[at + k] = shared4[slot(unit(j + k * m))];
-                } else {
-                    [[unroll]] for (uint k = 0u; k < r; k++) v[at + k] = shared2[slot(j + k * m)].xyxy;
-                }
-                uint rest = j % s;
-                vec4 w = twiddles[table + rest], next = w;
-                if (BESIDE == 2u) next = twiddles[table + rest + 1u];
-                twist(at, r, vec4(w.xy, next.xy), vec4(w.zw, next.zw));
-            }
-        }
-        butterfly(a, b, at);
-    }
-    // All have read before any writes.
-    if (!begin && !end) barrier();
-    [[unroll]] for (uint i = 0u; i < c; i++) {
-        uint j = (thread() + i * THREADS) * BESIDE, at = i * r;
-        uint to = j / s * s * r + j % s;
-        if (j < m) {
-            if (end) {
-                if (inverse == 1u) swap_parts(at, r);
-                if (present) {
-                    [[unroll]] for (uint k = 0u; k < r; k++) {
-                        if (PAIR == 1u) data4[place2(to + k * s)] = STORE2(v[at + place(k, a, b)]);
-                        else data2[origin + to + k * s] = STORE(v[at + place(k, a, b)].xy);
-                    }
-                }
-            } else if (PAIR == 0u) {
-                [[unroll]] for (uint k = 0u; k < r; k++) shared2[slot(to + k * s)] = v[at + place(k, a, b)].xy;
-            } else if (begin && COLUMNS == 0u) {
-                [[unroll]] for (uint k = 0u; k < r; k += 2u) {
-                    vec4 p = v[at + place(k, a, b)], q = v[at + place(k + 1u, a, b)];
-                    shared4[slot((to + k) / 2u)] = vec4(p.xy, q.xy);
-                    shared4[slot((to + r + k) / 2u)] = vec4(p.zw, q.zw);
-                }
-            } else {
-                [[unroll]] for (uint k = 0u; k < r; k++) shared4[slot(unit(to + k * s))] = v[at + place(k, a, b)];
-            }
-        }
-    }
-    if (!end) barrier();
+void put2(uint way, uint i, vec2 z) {
+    if (!skipped(i, 0u)) data2[origin + i] = STORE(z);
 }
 
 void main() {
+    n = points;
+    area = gl_LocalInvocationID.y;
     if (COLUMNS == 1u) {
         uint pair = gl_WorkGroupID.x * LINES + gl_LocalInvocationID.x;
         present = 2u * pair < count;
@@ -153,10 +52,5 @@ void main() {
         uint z = line / count;
         origin = z * frame + (line - z * count) * row;
     }
-    const uint S1 = A0 * B0, S2 = S1 * A1 * B1, S3 = S2 * A2 * B2, S4 = S3 * A3 * B3;
-    stage(A0, B0, C0, 1u, 0u, true, STAGES == 1u);
-    if (STAGES > 1u) stage(A1, B1, C1, S1, 0u, false, STAGES == 2u);
-    if (STAGES > 2u) stage(A2, B2, C2, S2, S1, false, STAGES == 3u);
-    if (STAGES > 3u) stage(A3, B3, C3, S3, S1 + S2, false, STAGES == 4u);
-    if (STAGES > 4u) stage(A4, B4, C4, S4, S1 + S2 + S3, false, true);
+    transform(0u, inverse == 1u);
 }

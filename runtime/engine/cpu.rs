@@ -183,6 +183,10 @@ impl Default for CpuEngine {
 }
 
 impl Engine for CpuEngine {
+    fn lists(&self) -> &'static str {
+        "neighbouring kernels depth first"
+    }
+
     fn describe(&self) -> String {
         format!("CPU, {} threads, {}", rayon::current_num_threads(), eyebox_kernels::simd_name())
     }

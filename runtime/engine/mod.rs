@@ -63,6 +63,11 @@ pub trait Engine: Send {
     /// What it is and what it runs on, in one line.
     fn describe(&self) -> String;
 
+    /// How it runs lists: `kernel by kernel`, or what it does together.
+    fn lists(&self) -> &'static str {
+        "kernel by kernel"
+    }
+
     /// Where its buffers lie.
     fn memory(&self) -> Memory {
         Memory::Host

@@ -66,6 +66,8 @@ pub(crate) struct Device {
     pub(crate) counters: Counters,
     /// The kind of device that lists are recorded for.
     pub(crate) planned_as: DeviceKind,
+    /// The largest range that the driver takes: where nothing is run, lists are recorded as if there were larger ones.
+    pub(crate) storage_range: u64,
     /// Whether all is recorded and nothing is run.
     pub(crate) record_only: bool,
     /// What is recorded, while somebody wants to know.
@@ -142,7 +144,7 @@ impl Device {
     pub(crate) fn of(
         instance: &Arc<Instance>,
         made: Made,
-        report: DeviceReport,
+        mut report: DeviceReport,
         cache: Option<&Path>,
     ) -> Result<Arc<Self>, EngineError> {
         let Made { raw, physical, compute, other, extensions, owned, record_only, plan_as } = made;
@@ -155,6 +157,11 @@ impl Device {
             .any(|e| e.as_c_str() == khr::synchronization2::NAME)
             .then(|| khr::synchronization2::Device::new(&instance.raw, &raw));
         let planned_as = plan_as.unwrap_or(report.kind);
+        let storage_range = report.limits.storage_range;
+        if record_only && planned_as != DeviceKind::Cpu {
+            // What every GPU has: ranges of 4 GiB.
+            report.limits.storage_range = storage_range.max(u64::from(u32::MAX));
+        }
         let mut device = Self {
             raw,
             physical,
@@ -165,6 +172,7 @@ impl Device {
             report,
             counters: Counters::default(),
             planned_as,
+            storage_range,
             record_only,
             recording: Mutex::default(),
             lost: AtomicBool::new(false),

@@ -165,7 +165,8 @@ impl Recorder {
         for (info, b) in infos.iter_mut().zip(buffers) {
             debug_assert!(b.offset.is_multiple_of(self.device.report.limits.offset_alignment));
             debug_assert!(b.size <= self.device.report.limits.storage_range);
-            *info = [vk::DescriptorBufferInfo { buffer: b.block.raw, offset: b.offset, range: b.size }];
+            let range = b.size.min(self.device.storage_range);
+            *info = [vk::DescriptorBufferInfo { buffer: b.block.raw, offset: b.offset, range }];
         }
         let mut writes = [vk::WriteDescriptorSet::default(); MOST_BUFFERS];
         for ((i, write), info) in writes.iter_mut().enumerate().zip(&infos) {

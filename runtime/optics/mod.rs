@@ -27,7 +27,7 @@ pub use focus::{Depth, depth_in_words, depth_of_dioptres, depths_in_words, diopt
 pub use geometry::{Geometry, Optics, frequency_bin};
 pub use limits::check_usual_diameters;
 pub use padding::Padding;
-pub(crate) use padding::walk_off;
+pub(crate) use padding::{slow_sides, walk_off};
 pub use presets::{PRESETS, display_template, preset_about, preset_text};
 pub(crate) use propagation::aperture;
 pub use propagation::transfer;

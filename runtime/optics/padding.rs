@@ -17,6 +17,34 @@ pub(crate) fn walk_off(optics: &Optics, depth: f64, reach: f64) -> f64 {
     depth.abs() * reach.abs() / optics.focal_length
 }
 
+/// Prime factors up to this one transform well; sides shorter than this do in any case.
+const LARGEST_PRIME: usize = 13;
+const SHORT: usize = 256;
+
+fn is_slow(n: usize) -> bool {
+    n >= SHORT && largest_prime(n) > LARGEST_PRIME
+}
+
+/// Which sides [`Padding::smooth`] pads, and why, in words.
+pub(crate) fn slow_sides(optics: &Optics) -> String {
+    let sides = [(optics.height, "rows"), (optics.width, "columns")].into_iter().filter(|(n, _)| is_slow(*n));
+    let why = |(n, side): (usize, &str)| format!("{n} {side}, with the prime factor {}", largest_prime(n));
+    format!("{} would transform slowly", sides.map(why).collect::<Vec<_>>().join(" and "))
+}
+
+/// The largest prime factor; 1 has none.
+fn largest_prime(mut n: usize) -> usize {
+    let (mut largest, mut p) = (1, 2);
+    while p * p <= n {
+        if n.is_multiple_of(p) {
+            (largest, n) = (p, n / p);
+        } else {
+            p += 1;
+        }
+    }
+    largest.max(n)
+}
+
 impl Padding {
     /// The padding that circular propagation needs so that nothing wraps into the picture, and no more than the next
     /// grid size that transforms well. None in the far field, where the field of view is what wraps, as the SLM's pixels
@@ -27,6 +55,16 @@ impl Padding {
         }
         let pixels = (walk_off(optics, depth, reach) / optics.pitch).ceil() as usize;
         let grow = |n: usize| if pixels == 0 { 0 } else { fast_size(n + pixels) - n };
+        Self { rows: grow(optics.height), columns: grow(optics.width) }
+    }
+
+    /// The padding without which a side transforms slowly: to the next size that transforms well, where a side of many pixels
+    /// has a large prime factor, as 1358 = 2 x 7 x 97 has. None in the far field.
+    pub fn smooth(optics: &Optics) -> Self {
+        if optics.geometry == Geometry::FarField {
+            return Self::default();
+        }
+        let grow = |n: usize| if is_slow(n) { fast_size(n) - n } else { 0 };
         Self { rows: grow(optics.height), columns: grow(optics.width) }
     }
 
@@ -48,5 +86,20 @@ mod tests {
         let padding = Padding::required(&optics, -3.5e-3, 21e-3);
         assert_eq!(padding.rows, fast_size(512 + 23) - 512);
         assert_eq!(padding.columns, fast_size(300 + 23) - 300);
+    }
+
+    #[test]
+    fn large_prime_factors_are_padded_away() {
+        let smooth = |height, width| {
+            let padding = Padding::smooth(&Optics::new(height, width, 10.8e-6, 520e-9, 0.4).unwrap());
+            [padding.rows, padding.columns]
+        };
+        assert_eq!(smooth(800, 1358), [0, 82]);
+        assert_eq!(smooth(1358, 2 * 7 * 11 * 13), [82, 0]);
+        // Short ones are left alone, whatever they are.
+        assert_eq!(smooth(97, 251), [0, 0]);
+        assert_eq!([1, 2, 1358, 97 * 97, 3600].map(largest_prime), [1, 2, 97, 97, 5]);
+        let far = Optics::new(800, 1358, 10.8e-6, 520e-9, 0.4).unwrap().in_geometry(Geometry::FarField);
+        assert_eq!(Padding::smooth(&far), Padding::default());
     }
 }

@@ -228,7 +228,7 @@ impl Unit<'_> {
 
     /// Bins that the pupil passes.
     fn passing(&self) -> f64 {
-        self.pass.map_or(0.0, |pass| pass.spans.iter().map(|[first, end]| f64::from(end - first)).sum())
+        self.pass.map_or(0.0, |pass| pass.passing() as f64)
     }
 
     /// Pixels of the photograph before it is resampled.

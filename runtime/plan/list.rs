@@ -341,6 +341,16 @@ impl PupilPass {
         self.window.rows * self.window.columns
     }
 
+    /// Bins that it passes.
+    pub(crate) fn passing(&self) -> u64 {
+        self.spans.iter().map(|[first, end]| u64::from(end - first)).sum()
+    }
+
+    /// Parts that a shader may leave the loss in: shares of the window, or its rows.
+    pub(crate) fn loss_parts(&self) -> usize {
+        self.compare.parts().max(self.window.rows)
+    }
+
     /// How large one of its buffers is; no frames for what is no buffer of a pupil pass.
     pub fn extent(&self, resource: Resource, shape: &Shape) -> Extent {
         let (frames, values) = match resource {

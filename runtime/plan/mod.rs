@@ -6,6 +6,8 @@
 mod cost;
 #[cfg(feature = "vulkan")]
 mod device_model;
+#[cfg(feature = "vulkan")]
+pub(crate) mod fusion;
 mod kernel;
 mod list;
 mod lists;

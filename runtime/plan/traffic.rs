@@ -1,6 +1,6 @@
 //! What recorded lists move: dispatches between barriers, each with the bytes that it reads and writes.
 
-use super::{Access, Kernel, Resource, Shape, Step};
+use super::{Access, Kernel, PupilPass, Resource, Shape, Step};
 
 /// Bytes that a dispatch, a fill or a copy reads or writes at one place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -135,7 +135,7 @@ pub(crate) fn moved(
     frames: usize,
 ) -> Option<[u64; 2]> {
     let pass = pass.map(|i| &step.pupil_passes[i]);
-    let passing = || pass.map_or(0, |p| p.spans.iter().map(|[first, end]| u64::from(end - first)).sum::<u64>());
+    let passing = || pass.map_or(0, PupilPass::passing);
     let by_bin = matches!(kernel, Kernel::PassPupil | Kernel::ReturnPupil | Kernel::Overlap);
     let extent = match (resource.is_shared(), pass) {
         (true, _) => {

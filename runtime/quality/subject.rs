@@ -82,8 +82,16 @@ impl Subject<'_> {
         Ok(Cost::new(&problem, &settings, memory, 64))
     }
 
-    fn padding(&self, settings: &Settings) -> Result<Padding, QualityError> {
-        if settings.padding == PaddingRule::Never { Ok(Padding::default()) } else { self.required_padding() }
+    /// What is solved with: the padding that keeps out what walks off, if the settings ask for it and some does, else that
+    /// without which a side transforms slowly.
+    ///
+    /// # Errors
+    /// A colour that the display does not have.
+    pub fn padding(&self, settings: &Settings) -> Result<Padding, QualityError> {
+        let never = settings.padding == PaddingRule::Never;
+        let required = if never { Padding::default() } else { self.required_padding()? };
+        let smooth = Padding::smooth(&self.display.optics(self.color)?);
+        Ok(if required == Padding::default() { smooth } else { required })
     }
 
     /// Makes what is solved with settings of this quality.
@@ -304,5 +312,20 @@ mod tests {
         let problem = subject.prepare(&Settings::default()).unwrap().problem;
         let four = of(Settings { views: 8, ..Settings::default() });
         assert_eq!((start.bytes() - four.bytes()) * 81 / 77, problem.pyramid.bytes() as u64);
+    }
+
+    /// What a plan says that a slow side is padded by is what is solved with.
+    #[test]
+    fn a_slow_side_is_solved_padded() {
+        let display = Display { height: 12, width: 262, ..Display::preset("small").unwrap() };
+        let field = scene::load("builtin:plane", &scene::Request::new(&display, &[Color::Green])).unwrap();
+        let (base, levels) = (Settings { depth: [0.0; 2], ..Settings::default() }, Levels::Any);
+        let subject = Subject { field: &field, color: Color::Green, display: &display, base: base.clone(), levels };
+        for padding in [PaddingRule::Never, PaddingRule::Need, PaddingRule::Always] {
+            let settings = Settings { padding, ..base.clone() };
+            let padding = subject.prepare(&settings).unwrap().problem.padding;
+            assert_eq!(padding, Padding { rows: 0, columns: 26 });
+            assert_eq!(subject.padding(&settings).unwrap(), padding);
+        }
     }
 }

@@ -11,7 +11,7 @@ use super::viewpoints::Viewpoints;
 use crate::engine::Engine;
 use crate::engine::cpu::CpuEngine;
 use crate::evaluate;
-use crate::optics::{Color, Display, Padding, Pupil, Window, WindowFactor, depths_in_words, walk_off};
+use crate::optics::{Color, Display, Padding, Pupil, Window, WindowFactor, depths_in_words, slow_sides, walk_off};
 use crate::plan::{Planner, Purpose, Storage, Viewpoint};
 use crate::scene::{DARK, DepthSource, LightField, SceneError, ViewGrid};
 use serde::{Deserialize, Serialize};
@@ -130,8 +130,7 @@ impl ScenePlan {
         plan.choose_views(field, display, request)?;
         let ([pixels, why], _) = field.aliasing_in_words(display, plan.settings.depth, plan.settings.diameter[1]);
         plan.say("aliasing", pixels, why);
-        plan.choose_padding(field, display, request)?;
-        let padded = plan.padding != Padding::default();
+        let padded = plan.choose_padding(field, display, request)?;
         plan.settings.padding = if padded { PaddingRule::Always } else { PaddingRule::Never };
         plan.choose_window(display, request)?;
         plan.choose_frames(request);
@@ -307,12 +306,13 @@ impl ScenePlan {
         Ok(all.iter().zip(&few).map(one).reduce(f64::min).unwrap_or(f64::NEG_INFINITY))
     }
 
+    /// Whether what walks off is kept out.
     fn choose_padding(
         &mut self,
         field: &LightField,
         display: &Display,
         request: &PlanRequest,
-    ) -> Result<(), SolveError> {
+    ) -> Result<bool, SolveError> {
         let optics = display.optics(self.colors[0])?;
         let [far, near] = self.settings.depth;
         let (depth, reach) = (far.abs().max(near.abs()), display.eyebox_min() / 2.0);
@@ -324,17 +324,23 @@ impl ScenePlan {
         let walks =
             format!("light walks off by up to {pixels:.1} pixels; what comes in again would cost about {loss:.2} dB");
         let always = request.full.padding || request.settings.padding == PaddingRule::Always;
-        if required == Padding::default() {
+        let slow = Padding::smooth(&optics);
+        if required == Padding::default() && slow == required {
             self.say("padding", "none", "light stays where it is");
-        } else if always || (request.settings.padding == PaddingRule::Need && loss > TOLERANCE) {
+        } else if required != Padding::default()
+            && (always || (request.settings.padding == PaddingRule::Need && loss > TOLERANCE))
+        {
             self.padding = required;
             let why = if always { "as asked".to_owned() } else { walks };
             self.say("padding", format!("{} rows, {} columns", required.rows, required.columns), why);
+        } else if slow != Padding::default() {
+            self.padding = slow;
+            self.say("padding", format!("{} rows, {} columns", slow.rows, slow.columns), slow_sides(&optics));
         } else {
             let why = if loss > TOLERANCE { format!("{walks}: --padding keeps it out") } else { walks };
             self.say("padding", "none", why);
         }
-        Ok(())
+        Ok(self.padding == required && required != Padding::default())
     }
 
     fn choose_window(&mut self, display: &Display, request: &PlanRequest) -> Result<(), SolveError> {

@@ -3,6 +3,7 @@
 mod encode;
 mod fft;
 mod flight;
+mod fused;
 mod kernels;
 mod one_device;
 mod rehearsal;

@@ -10,13 +10,13 @@ use crate::solve::Watch;
 use eyebox::engine::Engine;
 use eyebox::files::{self, FileError, OwnFolder};
 use eyebox::hologram::{Hologram, SceneSource};
-use eyebox::optics::{Color, Display, Padding, Pupil, dioptres_in_words};
+use eyebox::optics::{Color, Display, Pupil, dioptres_in_words};
 use eyebox::produce::solve_colors;
 use eyebox::quality::Subject;
 use eyebox::quality::comparison::{Comparison, candidates};
 use eyebox::report;
 use eyebox::scene;
-use eyebox::solve::{Levels, Method, PaddingRule, Settings};
+use eyebox::solve::{Levels, Method, Settings};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -52,7 +52,7 @@ pub fn run(args: &Demo) -> Result<(), Failure> {
     };
     let levels = Levels::of(&display);
     let subject = Subject { field: &field, color: colors[0], display: &display, base, levels };
-    let padding = if settings.padding != PaddingRule::Never { subject.required_padding()? } else { Padding::default() };
+    let padding = subject.padding(&settings)?;
     let _made = files::MadeFolder::new(&args.out)?;
     progress::catch_interrupt();
     let mut watch = Watch::new(false);

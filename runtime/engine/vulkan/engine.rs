@@ -8,11 +8,12 @@ use super::super::{
 use super::check::check;
 use super::fft::Transform;
 use super::flight::{Flight, Guarded, Verdict};
-use super::layout::{Arenas, Layout, Slot, Value, slot_layout, slots};
-use super::record::{Stack, Stacks, Work};
+use super::layout::{Arenas, Layout, Slot, Value, all_slots, slot_layout, slots};
+use super::record::{Hazards, Stack, Stacks, Work};
 use super::views::Views;
 use crate::gpu::{Block, Commands, DeviceKind, Gpu, IN_FLIGHT, PhasesOnDevice, add};
 use crate::plan::Extent;
+use crate::plan::fusion::Way;
 use crate::scene::Pyramid;
 use std::collections::HashMap;
 use std::fmt::Write;
@@ -163,7 +164,7 @@ impl VulkanEngine {
             return Ok(());
         }
         flight.place(&step.pupil_passes);
-        flight.tables.pack(&step.pupil_passes, self.views.as_ref());
+        flight.tables.pack(&step.pupil_passes, &all_slots(step, &self.shape), self.views.as_ref());
         self.fit_flights()?;
         self.flights[next].tables.stage();
         self.arenas.fit(&mut self.gpu, step, &self.shape)?;
@@ -201,6 +202,7 @@ impl VulkanEngine {
             views: views.as_ref(),
             guarded,
             losses: sums,
+            hazards: Hazards::default(),
         };
         if !runs {
             work.gpu.gather_uploads()?;
@@ -210,28 +212,31 @@ impl VulkanEngine {
             work.gpu.send_uploads()?;
         }
         prepared?;
+        let ways = work.ways(list);
         let marks = if *is_timed { list.len() } else { 1 };
         work.gpu.recorder.begin(marks)?;
+        // What was submitted before may still be at work.
+        work.gpu.recorder.barrier();
         flight.tables.record(work.gpu);
         work.prepare_verdict(flight.end, verdict.is_some_and(|v| v.is_bad));
         let mut group: (Range<usize>, Vec<Slot>) = (0..0, Vec::new());
-        for (i, dispatch) in list.iter().enumerate() {
+        let entries = list.iter().zip(ways).enumerate().filter(|(_, (_, way))| *way != Way::Elsewhere);
+        for (i, (dispatch, way)) in entries {
             if !dispatch.pupil_passes.is_empty() && dispatch.pupil_passes != group.0 {
                 group =
                     (dispatch.pupil_passes.clone(), slots(&step.pupil_passes[dispatch.pupil_passes.clone()], shape));
             }
-            work.gpu.recorder.barrier();
             if i >= known {
-                work.judge(flight.end, changes(dispatch))?;
+                work.judge(flight.end)?;
             }
-            work.record(dispatch, &group.1)?;
+            work.record(dispatch, way, &group.1)?;
             match *is_timed {
                 true => work.gpu.recorder.mark(dispatch.kernel as usize),
                 false => work.gpu.recorder.note(dispatch.kernel as usize),
             }
         }
         let compared = list.iter().filter(|d| d.kernel.writes().any(|r| r == Resource::Losses));
-        let parts = |i: usize| step.pupil_passes[i].compare.parts();
+        let parts = |i: usize| step.pupil_passes[i].loss_parts();
         let places = &flight.offsets;
         flight.answers.extend(compared.flat_map(|d| d.pupil_passes.clone()).map(|i| (i, places[i], parts(i))));
         flight.is_checked = list.iter().any(|d| d.kernel.writes().any(|r| r == Resource::NotFinite));
@@ -313,6 +318,13 @@ impl Engine for VulkanEngine {
     fn describe(&self) -> String {
         let r = self.gpu.report();
         format!("Vulkan {}, {} ({}), {}", r.api, r.name, r.kind, r.driver)
+    }
+
+    fn lists(&self) -> &'static str {
+        match self.gpu.device.planned_as {
+            DeviceKind::Cpu => "kernel by kernel", // Its shared memory is memory like any other.
+            _ => "fused, transforms with what stands before and behind them",
+        }
     }
 
     fn memory(&self) -> Memory {
@@ -455,7 +467,7 @@ impl Engine for VulkanEngine {
         self.gpu.recorder.idle()?;
         let flight = &mut self.flights[self.at];
         flight.place(&step.pupil_passes);
-        flight.tables.pack(&step.pupil_passes, self.views.as_ref());
+        flight.tables.pack(&step.pupil_passes, &all_slots(step, &self.shape), self.views.as_ref());
         self.fit_flights()?;
         self.arenas.fit_any(&mut self.gpu, &step.pupil_passes, at_once, &self.shape)?;
         // Recorded and thrown away: whatever that asks for is made.

@@ -99,7 +99,7 @@ impl Flight {
         self.offsets.clear();
         for pass in pupil_passes {
             self.offsets.push(self.end);
-            self.end += (4 * pass.compare.parts() as u64).next_multiple_of(PLACE);
+            self.end += (4 * pass.loss_parts() as u64).next_multiple_of(PLACE);
         }
     }
 

@@ -31,7 +31,7 @@ pub(super) enum Value {
 
 impl Value {
     /// Bytes.
-    fn size(self) -> usize {
+    pub(super) fn size(self) -> usize {
         match self {
             Self::Real => 4,
             Self::Complex(storage) => storage.bytes(),
@@ -139,6 +139,17 @@ pub(super) fn slots(pupil_passes: &[PupilPass], shape: &Shape) -> Vec<Slot> {
         slot
     };
     pupil_passes.iter().map(place).collect()
+}
+
+/// Those of all pupil passes of a step, group by group.
+pub(super) fn all_slots(step: &Step, shape: &Shape) -> Vec<Slot> {
+    let mut all = Vec::with_capacity(step.pupil_passes.len());
+    for group in step.list.iter().map(|d| d.pupil_passes.clone()) {
+        if group.start == all.len() {
+            all.extend(slots(&step.pupil_passes[group], shape));
+        }
+    }
+    all
 }
 
 /// The blocks in which the buffers of pupil passes lie: they only grow.

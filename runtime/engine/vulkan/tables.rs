@@ -1,7 +1,8 @@
 //! The small tables of a step's pupil passes (spans, taps, weights), packed into one block that is copied at the start of
 //! each recording.
 
-use super::super::{EngineError, PupilPass};
+use super::super::{EngineError, PupilPass, Resource};
+use super::layout::{Layout, Slot, slot_layout};
 use super::views::Views;
 use crate::gpu::{Block, Commands, Range};
 use eyebox_kernels::photograph::Tap;
@@ -39,13 +40,15 @@ pub(super) struct PupilPassTables {
 pub(super) struct Tables {
     packed: Vec<u8>,
     pupil_passes: Vec<PupilPassTables>,
+    /// What `gather_columns` knows of each pupil pass.
+    places: Place,
     stage: Option<Block>,
     block: Option<Block>,
 }
 
 impl Tables {
-    /// Packs the tables of these pupil passes.
-    pub(super) fn pack(&mut self, pupil_passes: &[PupilPass], views: Option<&Views>) {
+    /// Packs the tables of these pupil passes, whose buffers lie in these slots.
+    pub(super) fn pack(&mut self, pupil_passes: &[PupilPass], slots: &[Slot], views: Option<&Views>) {
         self.packed.clear();
         self.pupil_passes.clear();
         for pupil_pass in pupil_passes {
@@ -69,6 +72,9 @@ impl Tables {
             }
             self.pupil_passes.push(tables);
         }
+        let places: Vec<[u32; 12]> =
+            pupil_passes.iter().zip(slots).enumerate().map(|(i, (pass, slot))| self.place(i, pass, slot)).collect();
+        self.places = self.add(bytemuck::cast_slice(&places));
     }
 
     /// Bytes that were packed.
@@ -99,6 +105,36 @@ impl Tables {
         if let Some(stage) = &mut self.stage {
             stage.bytes_mut()[..self.packed.len()].copy_from_slice(&self.packed);
         }
+    }
+
+    /// As `gather_columns.comp` has it; in a step that is too large for that these say nothing.
+    fn place(&self, index: usize, pass: &PupilPass, slot: &Slot) -> [u32; 12] {
+        let at = |resource| slot_layout(resource).map(|at| slot[at]);
+        let first = |layout: Option<Layout>| layout.map_or(0, |l| (l.offset / l.value.size() as u64) as u32);
+        let (window, transfer) = (at(Resource::Window), at(Resource::Transfer));
+        let back = &pass.back;
+        let stride = window.map_or(0, |l| l.stride() as u32);
+        let spans = (self.pupil_passes[index].spans.offset / 8) as u32;
+        [
+            back.y0,
+            back.x0,
+            back.rows,
+            back.columns,
+            first(window),
+            stride,
+            first(transfer),
+            spans,
+            back.scale.to_bits(),
+            0,
+            0,
+            0,
+        ]
+    }
+
+    /// All tables, and among them where each pupil pass's buffers lie.
+    pub(super) fn all(&self) -> Result<(Range<'_>, Range<'_>), EngineError> {
+        let places = self.range(self.places)?;
+        Ok((places.block.range(0, self.packed.len() as u64), places))
     }
 
     fn add(&mut self, bytes: &[u8]) -> Place {

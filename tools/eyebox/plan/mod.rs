@@ -42,11 +42,12 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
     if !solve.json {
         println!("{} on {}, {}x{}", field.name, display.name, display.height, display.width);
         println!("shows {}", display.reach());
-        println!("{}\n", engine.describe());
+        println!("{}; lists are run {}\n", engine.describe(), engine.lists());
         chosen.iter().for_each(|about| println!("{about}\n"));
         say(&plan, &forecasts);
         slow.iter().for_each(|slow| println!("  {:13}  {slow}", "flicker"));
     }
+    let lists = engine.lists();
     drop(engine);
     let check = args.check.then(|| check::run(args, &forecasts)).transpose()?;
     if solve.json {
@@ -67,7 +68,7 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
             "settings": plan.settings, "forecast": forecasts.iter().map(forecast).collect::<Vec<_>>(),
             "depth_mm": plan.settings.depth.map(|z| z * 1e3),
             "depth_dioptres": plan.settings.depth.map(|z| dioptres(z, display.focal_length)),
-            "reach": display.reach(), "flicker": slow, "check": check,
+            "reach": display.reach(), "flicker": slow, "check": check, "lists": lists,
         });
         println!("{out}");
     }

@@ -25,6 +25,7 @@ fn a_plan_says_what_why_and_how_much() {
     {
         assert!(text.lines().any(|l| l.trim_start().starts_with(what)), "{what}: {text}");
     }
+    assert!(text.contains("lists are run neighbouring kernels depth first"), "{text}");
     let deep = json(at, "plan", "builtin:still-life", &[]);
     assert_eq!((&deep["views_merged"], choice(&deep, "views")["saves"].as_bool()), (&Value::from(1), Some(false)));
     let flat = json(at, "plan", "builtin:plane", &[]);
@@ -113,4 +114,21 @@ fn rates_are_a_convenience() {
     std::fs::remove_dir_all(&cache).unwrap();
     std::fs::write(&cache, "no folder").unwrap();
     assert!(run().contains("timing"));
+}
+
+/// A side with a large prime factor is padded to one that transforms well, and that is said.
+#[test]
+fn a_side_that_would_transform_slowly_is_padded() {
+    let temp = folder();
+    let at = temp.path();
+    let solved = |out: &str, more: &[&str]| {
+        let args = "solve builtin:plane --steps 2 --frames 1 --pupils 2 --color green --engine cpu --json -o";
+        let args: Vec<&str> = args.split(' ').chain([out]).chain(more.iter().copied()).collect();
+        serde_json::from_str::<Value>(&done(at, &args)).unwrap()
+    };
+    let padded = solved("p.zarr", &["--size", "12x262"]);
+    assert_eq!(padded["padding"], serde_json::json!([0, 26]));
+    assert!(padded["plan"].to_string().contains("262 columns, with the prime factor 131"), "{padded}");
+    done(at, &["view", "p.zarr", "--pupil=0,0,5,0", "-o", "v.png"]);
+    assert_eq!(solved("n.zarr", &["--size", "12x264"])["padding"], serde_json::json!([0, 0]));
 }

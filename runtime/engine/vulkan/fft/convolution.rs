@@ -97,6 +97,7 @@ impl Fft {
                     // A column beside the last one may be transformed with it: nobody reads it.
                     count: if rows { count } else { count.next_multiple_of(2) },
                     wrap: if rows { u32::MAX } else { chunks.row },
+                    columns: if rows { [0, m] } else { [0, count.next_multiple_of(2)] },
                     row: chunks.row,
                     frame: chunks.frame,
                     spare_frame: chunks.frame,

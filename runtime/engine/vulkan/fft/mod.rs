@@ -18,8 +18,10 @@ mod record;
 mod state;
 mod transforms;
 
-pub(super) use frames::{Frames, Transform};
+pub(super) use frames::{Along, Frames, Transform};
+pub(super) use record::{outward, plan_limits, shared_constants};
 use state::Fft;
+pub(super) use state::Planned;
 pub use transforms::{Timed, Transforms};
 
 /// The transforms of this engine.

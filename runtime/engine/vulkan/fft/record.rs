@@ -1,7 +1,7 @@
 //! Records the passes of planned transforms.
 
 use super::convolution::{Chunks, chirp_pipeline};
-use super::frames::{Frames, Transform};
+use super::frames::{Along, Frames, Transform};
 use super::state::{Fft, Planned, Work, columns_axis};
 use crate::engine::{EngineError, Storage};
 use crate::gpu::{Block, Commands, Pipeline};
@@ -45,6 +45,7 @@ struct SharedArguments {
     row: u32,
     frame: u32,
     first: u32,
+    used: u32,
 }
 
 impl Fft {
@@ -100,12 +101,17 @@ impl Transform for Fft {
         self.axis(gpu, height, columns_axis(gpu, width), width.is_multiple_of(2), storage)
     }
 
+    fn planned(&self, n: usize, axis: Axis) -> Option<Arc<Planned>> {
+        self.axes.get(&(u32::try_from(n).ok()?, axis)).cloned()
+    }
+
     fn record(
         &mut self,
         gpu: &mut Commands,
         frames: Frames<'_>,
         direction: Direction,
         columns: Columns,
+        along: Along,
     ) -> Result<(), EngineError> {
         let (height, width) = (frames.height as u32, frames.width as u32);
         let axes = [(width, Axis::Rows), (height, columns_axis(gpu, frames.width))]
@@ -130,9 +136,11 @@ impl Transform for Fft {
             .min(fit(spent.min(limits.storage_range), size * packed))
             .min(limits.groups[2] as usize)
             .min(most);
-        let axes = match direction {
-            Direction::Forward => [rows, down],
-            Direction::Inverse => [down, rows],
+        let axes = match (along, direction) {
+            (Along::Rows, _) => vec![rows],
+            (Along::Columns, _) => vec![down],
+            (Along::Both, Direction::Forward) => vec![rows, down],
+            (Along::Both, Direction::Inverse) => vec![down, rows],
         };
         // What is transformed of the columns, for the scratch as for the work.
         let (first_column, used) = outward(columns.first as u32 % width, columns.count as u32, width);
@@ -178,6 +186,7 @@ impl Transform for Fft {
                     axis: *axis,
                     first,
                     count: count_of_lines,
+                    columns: [first_column, used],
                     wrap,
                     row: width,
                     frame: frames.stride as u32,
@@ -220,13 +229,14 @@ impl Fft {
             (work.wrap, [(work.count / 2).div_ceil(shared.lines), work.frames, 1])
         };
         let inverse = u32::from(work.inverse);
-        let Work { count, row, frame, first, .. } = *work;
-        let arguments = SharedArguments { n, count, all, inverse, row, frame, first };
+        let Work { count, row, frame, columns: [first, used], .. } = *work;
+        let arguments = SharedArguments { n, count, all, inverse, row, frame, first, used };
         let pipeline = shared_pipeline(gpu, shared, work.axis, work.storage)?;
         let buffers = [work.data, planned.twiddles.all()];
         gpu.recorder.dispatch(pipeline, &buffers, bytemuck::bytes_of(&arguments), groups)?;
-        let bytes = work.storage.bytes() as u64 * u64::from(n) * u64::from(rows);
-        gpu.recorder.moved(|| vec![work.data.reads(bytes), work.data.writes(bytes)]);
+        let value = work.storage.bytes() as u64 * u64::from(rows);
+        let of_row = |skips: bool| value * u64::from(if work.axis == Axis::Rows && skips { used } else { n });
+        gpu.recorder.moved(|| vec![work.data.reads(of_row(work.inverse)), work.data.writes(of_row(!work.inverse))]);
         self.mark(gpu, || format!("{:?} of {n} through shared memory", work.axis).to_lowercase());
         Ok(())
     }
@@ -287,7 +297,7 @@ impl Fft {
 /// Columns that wrap, from an even one on and as many as go in pairs: one more may be transformed on either side. Nobody
 /// reads what becomes of it on the way forward, and it is zero on the way back. Of an odd width, whose rows are not
 /// aligned, none go in pairs.
-fn outward(first: u32, count: u32, width: u32) -> (u32, u32) {
+pub(in super::super) fn outward(first: u32, count: u32, width: u32) -> (u32, u32) {
     if count == 0 || !width.is_multiple_of(2) {
         return (first, count);
     }
@@ -344,6 +354,12 @@ fn pass_constants(radix: Radix, axis: Axis, pair: bool, first: bool) -> [u32; 7]
 }
 
 fn shared_pipeline(gpu: &mut Commands, shared: &Shared, axis: Axis, storage: Storage) -> Result<Pipeline, EngineError> {
+    let constants = shared_constants(shared, axis);
+    gpu.pipeline(eyebox_spirv::FFT_SHARED.stored(storage == Storage::F16), 2, &constants)
+}
+
+/// The constants of `fft_lines.glsl`.
+pub(in super::super) fn shared_constants(shared: &Shared, axis: Axis) -> [u32; 21] {
     let Shared { radices, counts, pair, threads, lines, slots } = shared;
     let mut constants = [1; 21];
     let [x, y] = if axis == Axis::Rows { [*threads, *lines] } else { [*lines, *threads] };
@@ -354,11 +370,11 @@ fn shared_pipeline(gpu: &mut Commands, shared: &Shared, axis: Axis, storage: Sto
         stage.copy_from_slice(&[a, b, count]);
     }
     constants[20] = u32::from(axis != Axis::Rows);
-    gpu.pipeline(eyebox_spirv::FFT_SHARED.stored(storage == Storage::F16), 2, &constants)
+    constants
 }
 
 /// What plans must fit on this device.
-fn plan_limits(gpu: &Commands) -> PlanLimits {
+pub(in super::super) fn plan_limits(gpu: &Commands) -> PlanLimits {
     let limits = gpu.limits();
     PlanLimits { shared_bytes: limits.shared_memory, invocations: limits.invocations }
 }

@@ -2,17 +2,24 @@
 
 use crate::engine::Storage;
 use crate::gpu::{Block, Commands, DeviceKind, Range};
-use eyebox_kernels::fft_plan::{Axis, Plan};
+use eyebox_kernels::fft_plan::{Axis, Method, Plan, Shared};
 use std::collections::HashMap;
 use std::sync::Arc;
 
 /// A plan with its tables on the device.
-pub(super) struct Planned {
-    pub(super) plan: Plan,
-    pub(super) twiddles: Block,
+pub(in super::super) struct Planned {
+    pub(in super::super) plan: Plan,
+    pub(in super::super) twiddles: Block,
     pub(super) starts: Vec<u32>,
     /// Of a convolution: chirp and filter, and what transforms its length.
     pub(super) convolution: Option<(Block, Block, Arc<Planned>)>,
+}
+
+impl Planned {
+    /// How its lines go through shared memory, if they do.
+    pub(in super::super) fn shared(&self) -> Option<&Shared> {
+        if let Method::Shared(shared) = &self.plan.method { Some(shared) } else { None }
+    }
 }
 
 /// Plans, tables and scratch of all sizes seen.
@@ -37,6 +44,8 @@ pub(super) struct Work<'a> {
     pub(super) first: u32,
     pub(super) count: u32,
     pub(super) wrap: u32,
+    /// Columns in use, the first and how many: what rows leave or find.
+    pub(super) columns: [u32; 2],
     /// Values from row to row, and from frame to frame in the data and in the spare.
     pub(super) row: u32,
     pub(super) frame: u32,

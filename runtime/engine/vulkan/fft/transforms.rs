@@ -1,6 +1,6 @@
 //! Transforms of the host's frames, by themselves: for comparison with float64 and for measurement.
 
-use super::frames::{Frames, Transform};
+use super::frames::{Along, Frames, Transform};
 use super::state::Fft;
 use crate::engine::{EngineError, Storage};
 use crate::gpu::{Block, Commands, Gpu};
@@ -94,7 +94,7 @@ impl Transforms {
         let work =
             Frames { block: &block, offset, count, height, width, stride: stride as usize, storage: self.storage };
         self.fft.marks = Some(Vec::new());
-        self.fft.record(&mut self.gpu, work, direction, columns)?;
+        self.fft.record(&mut self.gpu, work, direction, columns, Along::Both)?;
         let names = self.fft.marks.take().unwrap_or_default();
         let start = Instant::now();
         self.gpu.recorder.submit("transforms")?;

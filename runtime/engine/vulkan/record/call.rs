@@ -1,10 +1,11 @@
 //! One kernel over what the device may see at once: bindings in the order of the table, arguments as push constants.
 
-use super::super::fft::{Frames, Transform};
+use super::super::fft::{Along, Frames, Transform};
 use super::super::flight::Guarded;
 use super::super::layout::{Arenas, Layout, Slot, Value, slot_layout};
 use super::super::tables::Tables;
 use super::super::views::Views;
+use super::hazards::Hazards;
 use super::stacks::Stacks;
 use crate::engine::{Dispatch, EngineError, Kernel, PupilPass, Resource, Shape, Step, Storage};
 use crate::gpu::{Block, Commands, Groups, PUSH_BYTES, Range};
@@ -30,6 +31,7 @@ pub(in super::super) struct Work<'a> {
     pub(in super::super) guarded: Option<Guarded<'a>>,
     /// Where what `check_finite` found and each pupil pass's sums of the loss start, bytes.
     pub(in super::super) losses: Option<(&'a Block, &'a [u64])>,
+    pub(in super::super) hazards: Hazards,
 }
 
 /// A kernel over the step, or over one of its pupil passes.
@@ -165,7 +167,7 @@ impl<'a> Call<'_, 'a> {
             Resource::RowWeights => Some(table().rows),
             Resource::ColumnWeights => Some(table().columns),
             Resource::Losses => {
-                let parts = self.step.pupil_passes[index].compare.parts() as u64;
+                let parts = self.step.pupil_passes[index].loss_parts() as u64;
                 return Ok(losses.map(|(block, offsets)| block.range(offsets[index], 4 * parts)));
             }
             Resource::NotFinite => return Ok(losses.map(|(block, _)| block.range(0, 4))),
@@ -183,7 +185,7 @@ impl<'a> Call<'_, 'a> {
         place.map(|place| tables.range(place)).transpose()
     }
 
-    fn missing(&self, resource: Resource) -> EngineError {
+    pub(super) fn missing(&self, resource: Resource) -> EngineError {
         EngineError::Mismatch { reason: format!("{} has no {resource:?}", self.kernel.name()) }
     }
 
@@ -208,14 +210,9 @@ impl<'a> Call<'_, 'a> {
             return Err(self.work.too_large(format!("a buffer of `{}`", module.name), large.size as usize));
         }
         let pipeline = gpu.pipeline(module, buffers.len() as u32, &[])?;
-        let groups = match &mut self.work.guarded {
-            Some(guarded) if self.kernel.writes().any(|resource| resource == Resource::Phases) => {
-                let full =
-                    || EngineError::Mismatch { reason: "phases change before losses are judged, or too often".into() };
-                guarded.groups(groups).ok_or_else(full)?
-            }
-            _ => Groups::These(groups),
-        };
+        let changes = self.kernel.writes().any(|resource| resource == Resource::Phases);
+        let groups = self.work.guarded(groups, changes)?;
+        let gpu = &mut *self.work.gpu;
         gpu.recorder.dispatch(pipeline, buffers, &push[..length], groups)?;
         self.say_moved(buffers);
         Ok(())
@@ -244,21 +241,38 @@ impl<'a> Call<'_, 'a> {
         for resource in self.kernel.writes() {
             let stack = self.work.stacks.find(resource).ok_or_else(|| self.missing(resource))?;
             let frames = frames_of(&stack.block, &stack.layout, size);
-            self.work.transforms.record(self.work.gpu, frames, direction, self.step.columns)?;
+            self.work.transforms.record(self.work.gpu, frames, direction, self.step.columns, Along::Both)?;
         }
         Ok(())
     }
 
     /// Transforms a pupil pass's windows.
     pub(super) fn window_transform(&mut self, pass: &PupilPass, direction: Direction) -> Result<(), EngineError> {
+        self.window_lines(pass, direction, Along::Both)
+    }
+
+    /// Or their rows, or columns.
+    pub(super) fn window_lines(
+        &mut self,
+        pass: &PupilPass,
+        direction: Direction,
+        along: Along,
+    ) -> Result<(), EngineError> {
         let layout = self.layout(Resource::Window)?;
         let Some(range) = self.range(Resource::Window, 0, layout.frames)? else { return Ok(()) };
         let frames = frames_of(range.block, &layout, [pass.window.rows, pass.window.columns]);
-        self.work.transforms.record(self.work.gpu, frames, direction, pass.columns)
+        self.work.transforms.record(self.work.gpu, frames, direction, pass.columns, along)
     }
 }
 
-impl Work<'_> {
+impl<'a> Work<'a> {
+    /// These workgroups; of what changes phases, none where losses are not finite.
+    pub(super) fn guarded(&mut self, groups: [u32; 3], changes_phases: bool) -> Result<Groups<'a>, EngineError> {
+        let Some(guarded) = self.guarded.as_mut().filter(|_| changes_phases) else { return Ok(Groups::These(groups)) };
+        let full = || EngineError::Mismatch { reason: "phases change before losses are judged, or too often".into() };
+        guarded.groups(groups).ok_or_else(full)
+    }
+
     pub(super) fn too_large(&self, what: impl Into<String>, size: usize) -> EngineError {
         EngineError::Unsuitable {
             device: self.gpu.report().name.clone(),
@@ -300,7 +314,7 @@ impl Work<'_> {
     }
 }
 
-fn frames_of<'a>(block: &'a Block, layout: &Layout, [height, width]: [usize; 2]) -> Frames<'a> {
+pub(super) fn frames_of<'a>(block: &'a Block, layout: &Layout, [height, width]: [usize; 2]) -> Frames<'a> {
     let storage = if let Value::Complex(storage) = layout.value { storage } else { Storage::F32 };
     Frames { block, offset: layout.offset, count: layout.frames, height, width, stride: layout.stride(), storage }
 }

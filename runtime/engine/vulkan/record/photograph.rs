@@ -15,7 +15,9 @@ impl Call<'_, '_> {
         };
         let rounds = shots().map(|(_, index, _)| tables.pupil_pass(index).taps.len()).max().unwrap_or(0);
         for round in 0..rounds.max(1) {
-            self.work.gpu.recorder.barrier();
+            if round > 0 {
+                self.work.gpu.recorder.barrier();
+            }
             for (at, index, shot) in shots() {
                 self.at = at;
                 let Some(level) = views.and_then(|v| v.levels.get(shot.level)) else { continue };

@@ -1,0 +1,157 @@
+#version 450
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
+
+// One row of a pupil's image, x, in all sub-frames: the rows of the window's inverse transform, and what stands between
+// them and those of the forward transform: `intensity`, `compare` and `apply_factor`. Columns in use in; no retinal field is
+// stored. MODE says how far it goes:
+// LOOK: to the intensity, which is stored.
+// SEE: to the factor, which is stored, and the loss of the row.
+// TURN: from the columns again, times that factor, to those of the forward transform.
+// WHOLE: all of it at once: the row of all sub-frames stays in shared memory.
+
+layout(constant_id = 21) const uint MODE = 0;
+// Rows in shared memory, of different sub-frames; pixels of a row where its image is added up, else 1; the workgroup where
+// losses are, else 1.
+layout(constant_id = 22) const uint KEPT = 1;
+layout(constant_id = 23) const uint PIXELS = 1;
+layout(constant_id = 24) const uint SHARES = 1;
+const uint LOOK = 0, SEE = 1, TURN_BACK = 2, WHOLE = 3;
+const uint DOWN = 0, UP = 1;
+
+#define COLUMNS 0u
+#define AREAS KEPT
+#define FROM_SHARED(way) (way == UP)
+#define TO_SHARED(way) (way == DOWN)
+#include "constants.glsl"
+#include "half.glsl"
+#include "fft_lines.glsl"
+
+layout(std430, binding = 0) buffer Window2 { COMPLEX window2[]; };
+layout(std430, binding = 0) buffer Window4 { COMPLEX2 window4[]; };
+layout(std430, binding = 2) buffer Image { float image[]; };
+layout(std430, binding = 3) readonly buffer Target { float target_image[]; };
+layout(std430, binding = 4) writeonly buffer Losses { float losses[]; };
+layout(push_constant) uniform Args {
+    uint columns, frames;
+    // Columns in use, and values from one frame to the next.
+    uint first, used, window_stride;
+    float gain;
+    // Of `compare`.
+    uint mode;
+    float exposure, weight, low, limit;
+};
+
+// The row of the image, then of this invocation's window.
+shared float factors[PIXELS];
+shared float shares[SHARES];
+
+uint origin;
+
+uint invocation() { return gl_LocalInvocationID.y * X + gl_LocalInvocationID.x; }
+
+// Pixel i of the row in area a.
+vec2 seen_in(uint a, uint i) {
+    if (PAIR == 0u) return shared2[a * SLOTS + i + i / FFT_FREE_SLOT];
+    uint u = i / 2u;
+    vec4 both = shared4[a * SLOTS + u + u / FFT_FREE_SLOT];
+    return (i & 1u) == 0u ? both.xy : both.zw;
+}
+
+float factor_at(uint i) { return MODE == TURN_BACK ? image[gl_WorkGroupID.x * columns + i] : factors[i]; }
+
+vec4 fetch4(uint way, uint i) {
+    if (way == UP) {
+        float a = factor_at(i), b = factor_at(i + 1u);
+        return shared4[slot(i / 2u)] * vec4(a, a, b, b);
+    }
+    return in_use(i, first, used) ? LOAD2(window4[(origin + i) / 2u]) : vec4(0.0);
+}
+vec2 fetch2(uint way, uint i) {
+    if (way == UP) return shared2[slot(i)] * factor_at(i);
+    return in_use(i, first, used) ? LOAD(window2[origin + i]) : vec2(0.0);
+}
+void put4(uint way, uint i, vec4 z) {
+    if (way == DOWN) shared4[slot(i / 2u)] = z;
+    else if (in_use(i, first, used)) window4[(origin + i) / 2u] = STORE2(z);
+}
+void put2(uint way, uint i, vec2 z) {
+    if (way == DOWN) shared2[slot(i)] = z;
+    else if (in_use(i, first, used)) window2[origin + i] = STORE(z);
+}
+
+// As in compare.comp: the factor; the loss is added to `sum`.
+float compared(float intensity, float wanted, inout float sum) {
+    float seen = exposure * intensity;
+    float rest = seen - wanted, factor;
+    if (mode == COMPARE_PROJECTION) {
+        factor = min(sqrt((wanted + low) / (seen + low)), limit) - 1.0;
+    } else if (mode == COMPARE_INTENSITY) {
+        factor = weight * rest;
+    } else {
+        seen = sqrt(seen + low);
+        wanted = sqrt(wanted + low);
+        rest = seen - wanted;
+        factor = 0.5 * weight * (1.0 - wanted / seen);
+    }
+    sum += rest * rest;
+    return factor;
+}
+
+// This invocation's row: that of a sub-frame, in an area of shared memory.
+void take(uint frame, uint in_area) {
+    area = in_area;
+    present = frame < frames;
+    origin = frame * window_stride + gl_WorkGroupID.x * columns;
+}
+
+void main() {
+    n = columns;
+    if (MODE == TURN_BACK) {
+        take(gl_WorkGroupID.y * LINES + gl_LocalInvocationID.y, gl_LocalInvocationID.y);
+        transform(DOWN, true);
+        transform(UP, false);
+        return;
+    }
+    // Sub-frames that are in shared memory at once.
+    const uint held = MODE == WHOLE ? KEPT : LINES;
+    for (uint base = 0u; base < frames; base += held) {
+        for (uint at = 0u; at < held; at += LINES) {
+            take(base + at + gl_LocalInvocationID.y, at + gl_LocalInvocationID.y);
+            transform(DOWN, true);
+        }
+        for (uint i = invocation(); i < n; i += X * Y) {
+            float sum = base == 0u ? 0.0 : factors[i];
+            for (uint a = 0u; a < min(held, frames - base); a++) {
+                vec2 z = seen_in(a, i);
+                sum += gain * dot(z, z);
+            }
+            factors[i] = sum;
+        }
+        barrier();
+    }
+    float loss = 0.0;
+    for (uint i = invocation(); i < n; i += X * Y) {
+        uint at = gl_WorkGroupID.x * columns + i;
+        float value = factors[i];
+        if (MODE != LOOK) value = compared(value, target_image[at], loss);
+        if (MODE == WHOLE) factors[i] = value;
+        else image[at] = value;
+    }
+    if (MODE == LOOK) return;
+    shares[invocation()] = loss;
+    for (uint count = X * Y; count > 1u;) {
+        uint rest = (count + 1u) / 2u;
+        barrier();
+        if (invocation() + rest < count) shares[invocation()] += shares[invocation() + rest];
+        count = rest;
+    }
+    barrier();
+    if (invocation() == 0u) losses[gl_WorkGroupID.x] = shares[0];
+    if (MODE == WHOLE) {
+        for (uint at = 0u; at < KEPT; at += LINES) {
+            take(at + gl_LocalInvocationID.y, at + gl_LocalInvocationID.y);
+            transform(UP, false);
+        }
+    }
+}

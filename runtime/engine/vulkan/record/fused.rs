@@ -1,0 +1,168 @@
+//! Fused kernels: what stands before and behind a transform, done where its lines are read and written.
+
+use super::super::fft::{Along, Frames, Planned, outward, plan_limits};
+use super::call::{Call, Work, frames_of};
+use crate::engine::{Dispatch, EngineError, Kernel, PupilPass, Resource};
+use crate::gpu::Range;
+use crate::plan::fusion::{Fusable, Way, ways};
+use crate::plan::{Access, Move};
+use bytemuck::Pod;
+use eyebox_kernels::fft::{Columns, Direction};
+use eyebox_kernels::fft_plan::{Axis, Shared, Together};
+use eyebox_spirv::Module;
+use std::sync::Arc;
+
+/// A fused kernel over lines.
+pub(super) struct Lines<'l> {
+    pub(super) module: &'static Module,
+    pub(super) constants: &'l [u32],
+    pub(super) groups: [u32; 3],
+    pub(super) changes_phases: bool,
+}
+
+impl Work<'_> {
+    /// How the entries of a part of the step's list are recorded, once their transforms are prepared.
+    pub(in super::super) fn ways(&self, list: &[&Dispatch]) -> Vec<Way> {
+        ways(self.step, list, self.fusable(list))
+    }
+
+    fn fusable(&self, list: &[&Dispatch]) -> Fusable {
+        let place = &self.shape.place;
+        let limit = self.gpu.limits().storage_range;
+        let shared = |[rows, columns]: [usize; 2]| {
+            let [down, along] =
+                [(rows, Axis::ColumnPairs), (columns, Axis::Rows)].map(|(n, axis)| self.lines_of(n, axis));
+            down.zip(along)
+        };
+        let mut passes = list
+            .iter()
+            .filter(|d| d.kernel == Kernel::WindowInverse)
+            .flat_map(|d| &self.step.pupil_passes[d.pupil_passes.clone()]);
+        let frames = self.shape.frames as u64;
+        let fits = |pass: &PupilPass| {
+            let size = self.shape.storage.bytes() as u64 * frames * (pass.count() as u64 + 64);
+            size <= limit
+                && pass.intensity.accumulate == 0
+                && pass.window.rows <= self.gpu.limits().groups[0] as usize
+                && shared([pass.window.rows, pass.window.columns])
+                    .is_some_and(|(_, along)| self.together(&along, pass.window.columns).is_some())
+        };
+        let arenas = [Resource::Window, Resource::Transfer].map(|r| self.arenas.block(r).map_or(0, |block| block.size));
+        Fusable {
+            grid: shared([place.grid_height as usize, place.grid_width as usize]).is_some(),
+            windows: passes.all(fits),
+            gather: arenas.into_iter().all(|size| size <= limit),
+        }
+    }
+
+    pub(super) fn lines_of(&self, n: usize, axis: Axis) -> Option<Arc<Planned>> {
+        self.transforms.planned(n, axis).filter(|planned| planned.shared().is_some())
+    }
+
+    pub(super) fn together(&self, along: &Planned, n: usize) -> Option<Together> {
+        along.shared()?.together(n as u32, self.shape.frames as u32, &plan_limits(self.gpu))
+    }
+
+    /// Columns in use of frames so wide, as transforms round them.
+    pub(super) fn in_use(&self, columns: Columns, width: usize) -> [u32; 2] {
+        let (first, used) = outward((columns.first % width.max(1)) as u32, columns.count as u32, width as u32);
+        [first, used]
+    }
+
+    /// Workgroups for so many rows.
+    pub(super) fn row_groups(&self, shared: &Shared, rows: u32) -> [u32; 3] {
+        let groups = rows.div_ceil(shared.lines);
+        let wide = groups.min(self.gpu.limits().groups[0]);
+        [wide, groups.div_ceil(wide.max(1)), 1]
+    }
+}
+
+impl<'a> Call<'_, 'a> {
+    /// Records the entry, and those that are fused with it.
+    pub(super) fn fused(&mut self, way: Way) -> Result<(), EngineError> {
+        use Access::{Read, Update, Write};
+        match way {
+            Way::Alone | Way::Elsewhere => Ok(()),
+            Way::FieldFromPhases => {
+                self.work.before(&[(Read, Resource::Shown), (Write, Resource::Field)]);
+                self.modulate_rows()?;
+                self.work.before(&[(Update, Resource::Field)]);
+                self.grid_lines(Resource::Field, Direction::Forward, Along::Columns)
+            }
+            Way::See => self.windows(false),
+            Way::ThroughWindows => self.windows(true),
+            Way::Gather { adds, last } => {
+                let mut binds = vec![
+                    (Read, Resource::Window),
+                    (Read, Resource::Transfer),
+                    (Read, Resource::Spans),
+                    (Update, Resource::Change),
+                ];
+                binds.extend(self.shape.halves().then_some((Update, Resource::NotFinite)));
+                self.work.before(&binds);
+                self.gather_columns(adds, last)
+            }
+            Way::ChangeRows => {
+                self.work.before(&[(Update, Resource::Change)]);
+                self.grid_lines(Resource::Change, Direction::Inverse, Along::Rows)
+            }
+            Way::ChangeRowsAndProject => {
+                let changes = [(Update, Resource::Phases), (Update, Resource::Momentum)];
+                let judged = (Read, Resource::Losses);
+                self.work.before(&[(Read, Resource::Change), (Read, Resource::Shown), changes[0], changes[1], judged]);
+                self.project_rows()
+            }
+        }
+    }
+
+    pub(super) fn grid_size(&self) -> [usize; 2] {
+        let place = &self.shape.place;
+        [place.grid_height as usize, place.grid_width as usize]
+    }
+
+    pub(super) fn planned(&self, n: usize, axis: Axis) -> Result<Arc<Planned>, EngineError> {
+        let missing = || EngineError::Mismatch { reason: format!("no transform of {n} was prepared") };
+        self.work.lines_of(n, axis).ok_or_else(missing)
+    }
+
+    /// Rows, or columns, of the grid's transform.
+    pub(super) fn grid_lines(
+        &mut self,
+        resource: Resource,
+        direction: Direction,
+        along: Along,
+    ) -> Result<(), EngineError> {
+        let stack = self.work.stacks.find(resource).ok_or_else(|| self.missing(resource))?;
+        let frames: Frames<'_> = frames_of(&stack.block, &stack.layout, self.grid_size());
+        self.work.transforms.record(self.work.gpu, frames, direction, self.step.columns, along)
+    }
+
+    pub(super) fn dispatch(
+        &mut self,
+        lines: &Lines<'_>,
+        buffers: &[Range<'_>],
+        args: &impl Pod,
+        moves: impl FnOnce() -> Vec<Move>,
+    ) -> Result<(), EngineError> {
+        let module = lines.module.stored(self.shape.halves());
+        let groups = self.work.guarded(lines.groups, lines.changes_phases)?;
+        let gpu = &mut *self.work.gpu;
+        let pipeline = gpu.pipeline(module, buffers.len() as u32, lines.constants)?;
+        gpu.recorder.dispatch(pipeline, buffers, bytemuck::bytes_of(args), groups)?;
+        gpu.recorder.moved(moves);
+        Ok(())
+    }
+
+    /// Frames (first, count) of which these may be seen at once.
+    pub(super) fn frames_at_once(&self, resources: &[Resource]) -> Result<Vec<(usize, usize)>, EngineError> {
+        let mut most = usize::MAX;
+        for resource in resources {
+            most = most.min(self.work.at_once(&self.layout(*resource)?));
+        }
+        Ok(self.work.chunks(self.shape.frames, most).collect())
+    }
+
+    pub(super) fn bound(&self, resource: Resource, first: usize, count: usize) -> Result<Range<'a>, EngineError> {
+        self.range(resource, first, count)?.ok_or_else(|| self.missing(resource))
+    }
+}

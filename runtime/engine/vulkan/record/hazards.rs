@@ -1,0 +1,46 @@
+//! Where barriers go: before what meets something that was written, or will be, since the last one.
+
+use super::call::Work;
+use crate::engine::{Resource, Shape};
+use crate::plan::Access;
+
+/// What runs side by side since the last barrier reads and writes.
+pub(in super::super) struct Hazards {
+    read: Vec<Resource>,
+    written: Vec<Resource>,
+}
+
+impl Default for Hazards {
+    /// At the start of a recording the tables have been copied, and losses cleared.
+    fn default() -> Self {
+        use Resource::{ColumnWeights, Losses, NotFinite, RowWeights, Spans, TaperWeights, Taps};
+        let written = vec![Spans, TaperWeights, Taps, RowWeights, ColumnWeights, Losses, NotFinite];
+        Self { read: Vec::new(), written }
+    }
+}
+
+impl Hazards {
+    /// Adds what is to run; whether it has to wait for what runs.
+    fn meets(&mut self, binds: &[(Access, Resource)], shape: &Shape) -> bool {
+        let alias = |r: Resource| if r == Resource::Shown && !shape.quantised { Resource::Phases } else { r };
+        let binds = binds.iter().map(|(access, resource)| (*access != Access::Read, alias(*resource)));
+        let meets = binds.clone().any(|(writes, r)| self.written.contains(&r) || (writes && self.read.contains(&r)));
+        if meets {
+            self.read.clear();
+            self.written.clear();
+        }
+        for (writes, resource) in binds {
+            if writes { &mut self.written } else { &mut self.read }.push(resource);
+        }
+        meets
+    }
+}
+
+impl Work<'_> {
+    /// A barrier, if what comes next is bound to what the work since the last one changes.
+    pub(in super::super) fn before(&mut self, binds: &[(Access, Resource)]) {
+        if self.hazards.meets(binds, self.shape) {
+            self.gpu.recorder.barrier();
+        }
+    }
+}

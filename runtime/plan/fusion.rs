@@ -1,0 +1,191 @@
+//! Which entries of a list are recorded together, as one kernel that reads and writes once what they hand to each other.
+//!
+//! The list stays what is computed, and its kernels, one by one, what fused ones are compared with. Fused are neighbours on
+//! either side of a transform whose lines go through shared memory: what is before it is done where its values are fetched,
+//! what is behind it where they are put. The CPU engine has no twins of these: it runs neighbours of the list depth first.
+
+use super::{Dispatch, Kernel, Step};
+
+/// Pupils whose changes one kernel can gather.
+const MOST_GATHERED: usize = 64;
+
+/// How an entry of a list is recorded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Way {
+    /// By itself.
+    Alone,
+    /// With another entry.
+    Elsewhere,
+    /// `modulate` and `field_forward`.
+    FieldFromPhases,
+    /// From `pass_pupil` to `intensity`.
+    See,
+    /// From `pass_pupil` to `window_forward`.
+    ThroughWindows,
+    /// `return_pupil`, and the overlap; of the last pupils with `divide_by_overlap` and the columns of `change_inverse`.
+    Gather {
+        /// Whether other pupils were gathered before.
+        adds: bool,
+        /// Whether these are the last.
+        last: bool,
+    },
+    /// The rows of `change_inverse`.
+    ChangeRows,
+    /// And `project`, at its entry: what judges losses comes before it.
+    ChangeRowsAndProject,
+}
+
+/// What a device fuses of a step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct Fusable {
+    /// Transforms of the grid.
+    pub grid: bool,
+    /// Those of all pupils' windows.
+    pub windows: bool,
+    /// The windows of a group in one range, and their propagation kernels.
+    pub gather: bool,
+}
+
+/// One for each of these entries of the step's list.
+pub(crate) fn ways(step: &Step, list: &[&Dispatch], fusable: Fusable) -> Vec<Way> {
+    let mut ways = vec![Way::Alone; list.len()];
+    // Who stops at the intensity leaves no retinal field.
+    let ends_there = step.list.iter().all(|d| d.kernel != Kernel::ApplyFactor);
+    for at in 0..list.len() {
+        let here = |kernels: &[Kernel]| runs(&list[at..], kernels);
+        let window = [
+            Kernel::PassPupil,
+            Kernel::WindowInverse,
+            Kernel::Intensity,
+            Kernel::Compare,
+            Kernel::ApplyFactor,
+            Kernel::WindowForward,
+        ];
+        let (way, count) = if ways[at] != Way::Alone {
+            continue;
+        } else if fusable.grid && here(&[Kernel::Modulate, Kernel::FieldForward]) {
+            (Way::FieldFromPhases, 2)
+        } else if fusable.windows && here(&window) {
+            (Way::ThroughWindows, window.len())
+        } else if fusable.windows && ends_there && here(&window[..3]) {
+            (Way::See, 3)
+        } else {
+            continue;
+        };
+        ways[at..at + count].fill(Way::Elsewhere);
+        ways[at] = way;
+    }
+    if fusable.grid && fusable.gather {
+        gather(step, list, &mut ways);
+    }
+    ways
+}
+
+/// Whether the list starts with these, over the same pupil passes.
+fn runs(list: &[&Dispatch], kernels: &[Kernel]) -> bool {
+    list.len() >= kernels.len()
+        && list.iter().zip(kernels).all(|(d, kernel)| d.kernel == *kernel && d.pupil_passes == list[0].pupil_passes)
+}
+
+/// What is returned to the spectrum, where all of it up to the field's change is in this part: what lies between is in no
+/// buffer.
+fn gather(step: &Step, list: &[&Dispatch], ways: &mut [Way]) {
+    let end = list.iter().rposition(|d| d.kernel == Kernel::ReturnPupil);
+    let inverse = list.iter().position(|d| d.kernel == Kernel::ChangeInverse);
+    let (Some(end), Some(inverse)) = (end, inverse) else { return };
+    let divides = end + 1 < inverse && list[end + 1].kernel == Kernel::DivideByOverlap;
+    let adjacent = inverse == end + 1 + usize::from(divides);
+    if !adjacent || step.pupil_passes.len() > MOST_GATHERED {
+        return;
+    }
+    for at in 0..inverse {
+        match list[at].kernel {
+            Kernel::Clear | Kernel::Overlap | Kernel::DivideByOverlap => ways[at] = Way::Elsewhere,
+            Kernel::ReturnPupil => {
+                ways[at] = Way::Gather { adds: list[at].pupil_passes.start > 0, last: at == end };
+            }
+            _ => {}
+        }
+    }
+    ways[inverse] = Way::ChangeRows;
+    // What is stored of the change is checked where it is gathered.
+    let checks = usize::from(list.get(inverse + 1).is_some_and(|d| d.kernel == Kernel::CheckFinite));
+    let project = inverse + 1 + checks;
+    if list.get(project).is_some_and(|d| d.kernel == Kernel::Project) {
+        ways[inverse..project].fill(Way::Elsewhere);
+        ways[project] = Way::ChangeRowsAndProject;
+    }
+}
+
+/// Whether the step divides by the overlap.
+pub(crate) fn divides(step: &Step) -> bool {
+    step.list.iter().any(|d| d.kernel == Kernel::DivideByOverlap)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::optics::{Optics, Pupil, WindowFactor};
+    use crate::plan::{Comparison, Planner};
+
+    const ALL: Fusable = Fusable { grid: true, windows: true, gather: true };
+
+    fn planner() -> Planner {
+        let optics = Optics::new(40, 64, 8e-6, 520e-9, 0.4).unwrap();
+        Planner::new(optics, 2, WindowFactor::Two)
+    }
+
+    /// A step of two pupils, in one group or in two.
+    fn step(in_flight: usize) -> Step {
+        let pupil = |x| Pupil { x, y: 0.0, diameter: 4e-3, depth: 1e-3 };
+        let passes = [0.0, 2e-3].map(|x| planner().pupil_pass(&pupil(x), &Comparison::default()));
+        planner().project_step(passes.to_vec(), in_flight, 0.5, 1.0, 0.0)
+    }
+
+    /// Kernels that carry something, with how.
+    fn carried(step: &Step, entries: std::ops::Range<usize>, fusable: Fusable) -> Vec<(Kernel, Way)> {
+        let list: Vec<&Dispatch> = step.list[entries].iter().collect();
+        let ways = ways(step, &list, fusable);
+        list.iter().zip(ways).filter(|(_, way)| *way != Way::Elsewhere).map(|(d, way)| (d.kernel, way)).collect()
+    }
+
+    #[test]
+    fn a_whole_step_is_six_entries_beside_photographs() {
+        let step = step(usize::MAX);
+        let got = carried(&step, 0..step.list.len(), ALL);
+        let alone = |kernel| (kernel, Way::Alone);
+        let want = [
+            (Kernel::Modulate, Way::FieldFromPhases),
+            alone(Kernel::Transfer),
+            alone(Kernel::Photograph),
+            alone(Kernel::Resample),
+            (Kernel::PassPupil, Way::ThroughWindows),
+            (Kernel::ReturnPupil, Way::Gather { adds: false, last: true }),
+            (Kernel::Project, Way::ChangeRowsAndProject),
+        ];
+        assert_eq!(got, want);
+        // A device that fuses nothing takes the list as it is.
+        assert!(carried(&step, 0..step.list.len(), Fusable::default()).iter().all(|(_, way)| *way == Way::Alone));
+    }
+
+    #[test]
+    fn groups_add_to_each_other_and_what_is_cut_is_not_fused() {
+        let step = step(1);
+        let gathers = |entries| {
+            let carried = carried(&step, entries, ALL).into_iter();
+            carried.filter(|(_, way)| matches!(way, Way::Gather { .. })).map(|(_, way)| way).collect::<Vec<_>>()
+        };
+        let (first, last) = (Way::Gather { adds: false, last: false }, Way::Gather { adds: true, last: true });
+        assert_eq!(gathers(0..step.list.len()), [first, last]);
+        let at = |kernel| step.list.iter().rposition(|d| d.kernel == kernel).unwrap();
+        assert_eq!(gathers(0..at(Kernel::ReturnPupil)), []);
+        assert_eq!(gathers(0..at(Kernel::ChangeInverse)), []);
+        assert_eq!(gathers(at(Kernel::ReturnPupil)..step.list.len()), [last]);
+        // The retinal field is there for who comes behind.
+        let seen = carried(&step, 0..at(Kernel::Compare), ALL);
+        assert!(seen.contains(&(Kernel::Intensity, Way::Alone)), "{seen:?}");
+        // Who only looks needs none.
+        let view = planner().view_step(step.pupil_passes.clone());
+        assert!(carried(&view, 0..view.list.len(), ALL).contains(&(Kernel::PassPupil, Way::See)));
+    }
+}

@@ -1,0 +1,112 @@
+//! Fused kernels against the list that they stand for, run entry by entry on the same device.
+
+use eyebox::engine::vulkan::VulkanEngine;
+use eyebox::engine::{Buffer, Engine, Kernel, Purpose, Step, Storage};
+use eyebox::gpu::{DeviceKind, Gpu, Options};
+use eyebox_kernels::compare::{AMPLITUDE, INTENSITY, PROJECTION};
+use eyebox_tests::both::{Case, Noise, assert_silent, distance, watched};
+use eyebox_tests::half_roundings;
+
+/// Any device, with lists recorded as for a GPU.
+fn fusing() -> VulkanEngine {
+    let gpu = Gpu::open(&Options { plan_as: Some(DeviceKind::Discrete), ..watched() });
+    let mut engine = VulkanEngine::new(&gpu.unwrap_or_else(|e| panic!("{e}"))).unwrap_or_else(|e| panic!("{e}"));
+    engine.time_kernels(true);
+    engine
+}
+
+/// From the same random phases and velocity, in parts of the list that end where `cuts` say: losses, phases, velocity.
+fn run(
+    engine: &mut VulkanEngine,
+    case: &Case,
+    purpose: Purpose,
+    step: &Step,
+    cuts: &[usize],
+) -> (Vec<f64>, [Vec<f32>; 2]) {
+    case.load(engine, purpose);
+    engine.reset_timings();
+    let shape = case.planner.shape(purpose);
+    let count = shape.frames * shape.pixels();
+    engine.write(Buffer::Phases, &Noise::new(5).between(count, -3.1, 3.1)).unwrap();
+    engine.write(Buffer::Momentum, &Noise::new(6).between(count, -0.1, 0.1)).unwrap();
+    let mut losses = vec![0.0; step.pupil_passes.len()];
+    let mut start = 0;
+    for &end in cuts.iter().chain([&step.list.len()]) {
+        for (sum, loss) in losses.iter_mut().zip(engine.run_part(step, start..end).unwrap()) {
+            *sum += loss;
+        }
+        start = end;
+    }
+    (losses, [Buffer::Phases, Buffer::Momentum].map(|buffer| engine.read(buffer).unwrap()))
+}
+
+/// The step whole, and cut wherever `cuts` say, beside the step entry by entry.
+fn compare(engine: &mut VulkanEngine, case: &Case, purpose: Purpose, step: &Step, cuts: &[usize], what: &str) {
+    let singly: Vec<usize> = (1..step.list.len()).collect();
+    let (want, list) = run(engine, case, purpose, step, &singly);
+    let allowed = match case.planner.storage {
+        Storage::F32 => 1e-12,
+        // What is not stored between is not rounded.
+        Storage::F16 => 20.0 * half_roundings(8),
+    };
+    for cut in [None].into_iter().chain(cuts.iter().map(Some)) {
+        let what = format!("{what}, cut at {cut:?}");
+        let (losses, got) = run(engine, case, purpose, step, &cut.copied().into_iter().collect::<Vec<_>>());
+        if cut.is_none() {
+            let ran: Vec<Kernel> = engine.timings().iter().map(|t| t.kernel).collect();
+            let fused = [Kernel::Clear, Kernel::FieldForward, Kernel::Intensity, Kernel::DivideByOverlap];
+            assert!(fused.iter().all(|kernel| !ran.contains(kernel)), "{what}: {ran:?}");
+        }
+        for (got, want) in losses.iter().zip(&want) {
+            assert!(*want > 0.0 && (got / want - 1.0).abs() < allowed.sqrt(), "{what}: loss {got}, not {want}");
+        }
+        for (buffer, (got, want)) in [Buffer::Phases, Buffer::Momentum].into_iter().zip(got.iter().zip(&list)) {
+            let far = distance(buffer, got, want);
+            assert!(far < allowed, "{what}: {buffer:?} differs by {far:e}");
+        }
+    }
+}
+
+#[test]
+fn fused_steps_are_those_of_the_list() {
+    let mut engine = fusing();
+    for (height, width, padding, frames) in [(44, 64, 0, 3), (40, 36, 4, 2), (64, 64, 0, 8), (45, 60, 0, 1)] {
+        let case = Case::new(height, width, padding, 4e-3, frames);
+        for (purpose, mode) in [(Purpose::Project, PROJECTION), (Purpose::Adam, INTENSITY), (Purpose::Adam, AMPLITUDE)]
+        {
+            for in_flight in [usize::MAX, 3000] {
+                let what = format!("{height} x {width} (+{padding}), {purpose:?}, mode {mode}, {in_flight} in flight");
+                let step = case.step(purpose, mode, 0.5, in_flight);
+                compare(&mut engine, &case, purpose, &step, &[], &what);
+            }
+        }
+    }
+    // Wherever it is cut.
+    let case = Case::new(40, 44, 4, 4e-3, 2);
+    let step = case.step(Purpose::Project, PROJECTION, 1.0, 3000);
+    let cuts: Vec<usize> = (1..step.list.len()).collect();
+    compare(&mut engine, &case, Purpose::Project, &step, &cuts, "cut");
+    assert_silent(engine);
+}
+
+#[test]
+fn fused_steps_with_halves_are_those_of_the_list() {
+    let mut engine = fusing();
+    for (height, width, padding, frames) in [(44, 64, 0, 3), (40, 36, 4, 2), (64, 64, 0, 8)] {
+        let mut case = Case::new(height, width, padding, 4e-3, frames);
+        case.planner.storage = Storage::F16;
+        let step = case.step(Purpose::Project, PROJECTION, 0.5, 3000);
+        compare(&mut engine, &case, Purpose::Project, &step, &[], &format!("{height} x {width} in halves"));
+    }
+    assert_silent(engine);
+}
+
+/// Rows of many sub-frames do not fit shared memory all at once.
+#[test]
+fn rows_that_do_not_fit_go_in_two_kernels() {
+    let mut engine = fusing();
+    let case = Case::new(16, 600, 0, 1e-3, 19);
+    let step = case.step(Purpose::Project, PROJECTION, 1.0, usize::MAX);
+    compare(&mut engine, &case, Purpose::Project, &step, &[], "600 columns");
+    assert_silent(engine);
+}
