@@ -9,7 +9,7 @@ use super::hazards::Hazards;
 use super::stacks::Stacks;
 use crate::engine::{Dispatch, EngineError, Kernel, PupilPass, Resource, Shape, Step, Storage};
 use crate::gpu::{Block, Commands, Groups, PUSH_BYTES, Range};
-use crate::plan::{PerFrame, moved};
+use crate::plan::{Access, PerFrame, moved};
 use bytemuck::Pod;
 use eyebox_kernels::{WIDTH, fft::Direction};
 use eyebox_spirv::Module;
@@ -46,6 +46,15 @@ pub(super) struct Call<'w, 'a> {
     pub(super) slots: &'w [Slot],
     /// Which of the dispatch's pupil passes.
     pub(super) at: usize,
+}
+
+impl Work<'_> {
+    /// A barrier, if what comes next is bound to what the work since the last one changes.
+    pub(in super::super) fn before(&mut self, binds: &[(Access, Resource)]) {
+        if self.hazards.meets(binds, self.shape) {
+            self.gpu.recorder.barrier();
+        }
+    }
 }
 
 /// What a kernel is spread over.

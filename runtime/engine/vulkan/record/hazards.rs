@@ -1,6 +1,5 @@
 //! Where barriers go: before what meets something that was written, or will be, since the last one.
 
-use super::call::Work;
 use crate::engine::{Resource, Shape};
 use crate::plan::Access;
 
@@ -21,7 +20,7 @@ impl Default for Hazards {
 
 impl Hazards {
     /// Adds what is to run; whether it has to wait for what runs.
-    fn meets(&mut self, binds: &[(Access, Resource)], shape: &Shape) -> bool {
+    pub(super) fn meets(&mut self, binds: &[(Access, Resource)], shape: &Shape) -> bool {
         let alias = |r: Resource| if r == Resource::Shown && !shape.quantised { Resource::Phases } else { r };
         let binds = binds.iter().map(|(access, resource)| (*access != Access::Read, alias(*resource)));
         let meets = binds.clone().any(|(writes, r)| self.written.contains(&r) || (writes && self.read.contains(&r)));
@@ -33,14 +32,5 @@ impl Hazards {
             if writes { &mut self.written } else { &mut self.read }.push(resource);
         }
         meets
-    }
-}
-
-impl Work<'_> {
-    /// A barrier, if what comes next is bound to what the work since the last one changes.
-    pub(in super::super) fn before(&mut self, binds: &[(Access, Resource)]) {
-        if self.hazards.meets(binds, self.shape) {
-            self.gpu.recorder.barrier();
-        }
     }
 }
