@@ -281,7 +281,7 @@ impl Device {
 
     /// The pipelines that were made.
     #[cfg(test)]
-    pub(crate) fn pipelines_made(&self) -> Vec<super::statistics::Key> {
+    pub(crate) fn pipelines_made(&self) -> Vec<super::statistics_tests::Key> {
         self.pipelines.lock().unwrap_or_else(PoisonError::into_inner).iter().flat_map(Pipelines::keys).collect()
     }
 

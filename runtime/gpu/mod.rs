@@ -44,7 +44,7 @@ mod recorder;
 #[cfg(feature = "vulkan")]
 mod slot;
 #[cfg(all(test, feature = "vulkan"))]
-pub(crate) mod statistics;
+pub(crate) mod statistics_tests;
 
 #[cfg(not(feature = "vulkan"))]
 pub use absent::{Gpu, PhasesOnDevice, devices};

@@ -188,7 +188,7 @@ impl Pipelines {
     }
 
     #[cfg(test)]
-    pub(crate) fn keys(&self) -> Vec<super::statistics::Key> {
+    pub(crate) fn keys(&self) -> Vec<super::statistics_tests::Key> {
         self.made.iter().map(|((name, constants), made)| (name.to_string(), made.bindings, constants.clone())).collect()
     }
 

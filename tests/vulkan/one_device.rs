@@ -153,6 +153,7 @@ fn devices_are_made_in_one_place() {
     let runtime = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../runtime");
     let mut found = Vec::new();
     search(&runtime, &mut found);
-    found.retain(|f| !f.contains("examples"));
+    // Tests look at what other compilers make of pipelines, on devices that are none.
+    found.retain(|f| !f.contains("examples") && !f.ends_with("tests.rs"));
     assert!(found.len() == 1 && found[0].ends_with("gpu/device.rs"), "{found:?}");
 }
