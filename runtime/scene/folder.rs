@@ -4,7 +4,7 @@ use super::light::Transfer;
 use super::range::Measured;
 use super::resize::{Fit, Resize};
 use super::shape::{is_serpentine, shape};
-use super::{LightField, Order, OrderFound, Parallax, Request, SceneError, frames, names, order, picture, settings};
+use super::{LightField, Order, OrderFound, Parallax, Request, SceneError, names, order, picture, settings};
 use crate::memory;
 use rayon::prelude::*;
 use std::{
@@ -193,8 +193,7 @@ pub(super) fn find(folder: &Path) -> Result<Found, SceneError> {
             }
         }
     }
-    let views = names::arrange(folder, &files, stated.grid, stated.files.as_deref());
-    let mut views = views.map_err(|error| frames::explain(folder, error))?;
+    let mut views = names::arrange(folder, &files, stated.grid, stated.files.as_deref())?;
     if stated.serpentine == Some(true) {
         if !(views.running && views.doubt.is_empty()) {
             let reason =

@@ -11,7 +11,7 @@ use std::path::Path;
 /// # Errors
 /// [`SceneError::Rows`] where they may as well be the rows of one light field; those of reading folders.
 pub fn frames(folder: &Path) -> Result<Option<Vec<String>>, SceneError> {
-    match folder::find(folder) {
+    match folder::find(folder).map_err(|error| explain(folder, error)) {
         Err(SceneError::Empty { .. }) => Ok(Some(folders(folder)?).filter(|found| !found.is_empty())),
         Ok(_) => Ok(None),
         Err(error) => Err(error),

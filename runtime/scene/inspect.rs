@@ -2,7 +2,7 @@
 
 use super::order::{self, Order, OrderFound};
 use super::resize::{Fit, Resize};
-use super::{DepthSource, LightField, Parallax, Request, SceneError, folder};
+use super::{DepthSource, LightField, Parallax, Request, SceneError, folder, frames};
 use crate::optics::{Color, dioptres};
 use serde::Serialize;
 use std::path::Path;
@@ -76,7 +76,7 @@ pub fn inspect(source: &str, request: &Request) -> Result<(Inspection, LightFiel
     let is_folder = !source.starts_with("builtin:") && path.is_dir() && request.depth_map.is_none();
     let (field, found_by, own_size, transfer, order, says) = if is_folder {
         request.check()?;
-        let read = folder::read(path, request)?;
+        let read = folder::read(path, request).map_err(|error| frames::explain(path, error))?;
         let doubt = order::check(source, &read.order_found).err().map(|e| e.to_string());
         let confirmed = match read.order_found {
             OrderFound::AsNamed => Some(true),

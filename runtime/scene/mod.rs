@@ -125,7 +125,10 @@ pub fn native_size(source: &str) -> Result<Option<[usize; 2]>, SceneError> {
     if !path.exists() {
         return Err(SceneError::NotFound { path: source.into(), what: "folder, picture or built-in scene" });
     }
-    if path.is_dir() { folder::list(path).map(|l| Some(l.size)) } else { picture::size(path).map(Some) }
+    if !path.is_dir() {
+        return picture::size(path).map(Some);
+    }
+    folder::list(path).map(|l| Some(l.size)).map_err(|error| frames::explain(path, error))
 }
 
 /// Whether `source` is, by its name alone, the scene that `known` names: a source, or the name of a light field.
@@ -171,6 +174,6 @@ pub fn load(source: &str, request: &Request) -> Result<LightField, SceneError> {
     if !path.is_dir() {
         return single::load(path, request);
     }
-    let field = folder::load(path, request)?;
+    let field = folder::load(path, request).map_err(|error| frames::explain(path, error))?;
     Ok(LightField { view_pitch: request.view_pitch.or(field.view_pitch), ..field })
 }
