@@ -347,6 +347,7 @@ impl PupilPass {
     }
 
     /// Parts that a shader may leave the loss in: shares of the window, or its rows.
+    #[cfg(feature = "vulkan")]
     pub(crate) fn loss_parts(&self) -> usize {
         self.compare.parts().max(self.window.rows)
     }
