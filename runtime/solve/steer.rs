@@ -96,6 +96,7 @@ pub struct Steering {
     pub repeats: usize,
     /// How complex fields are stored; none for what the engine [prefers](Engine::preferred_storage): a refined hologram is 20
     /// to 40 dB from its target, which hides what halves cost.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub storage: Option<Storage>,
     /// Decides the pupils.
     pub seed: u64,

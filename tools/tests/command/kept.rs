@@ -230,7 +230,11 @@ fn a_recording_survives_whatever_ends_it() {
     let at = temp.path();
     for (signal, code) in [("-KILL", None), ("-HUP", Some(0))] {
         let args = ["trackers", "--watch", "simulated:3", "--rate", "200", "--record", "r.jsonl"];
-        let mut child = command(at, &args).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        // Whoever runs the tests may have SIGHUP ignored.
+        let plain = command(at, &args);
+        let mut recorder = Command::new("env");
+        recorder.arg("--default-signal=HUP").arg(plain.get_program()).args(plain.get_args()).current_dir(at);
+        let mut child = recorder.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
         let lines = || std::fs::read_to_string(at.join("r.jsonl")).unwrap_or_default().lines().count();
         let begun = Instant::now();
         while lines() < 50 && begun.elapsed() < Duration::from_secs(60) {
