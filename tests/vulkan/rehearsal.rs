@@ -11,13 +11,17 @@ use eyebox_tests::both::watched;
 
 /// Nine views: a photograph then moves less than one of 81, everything else the same.
 fn problem() -> Problem {
-    let display = Display { height: 1080, width: 1920, ..Display::preset("paper").expect("a preset") };
-    let view = vec![0.5; 1080 * 1920];
+    problem_of(1080, 1920)
+}
+
+fn problem_of(height: usize, width: usize) -> Problem {
+    let display = Display { height, width, ..Display::preset("paper").expect("a preset") };
+    let view = vec![0.5; height * width];
     let field = LightField {
         name: "grey".into(),
         grid: [3, 3],
-        height: 1080,
-        width: 1920,
+        height,
+        width,
         colors: vec![Color::Green],
         planes: vec![vec![view; 9]],
         view_pitch: None,
@@ -149,7 +153,7 @@ fn gpus_store_halves() {
     let aim = PupilDistribution::around(&Pupil { x: 1e-3, y: 0.0, diameter: 4e-3, depth: 1e-3 }, 0.3e-3);
     let bytes = |storage| {
         let steering = Steering { storage, ..Steering::default() };
-        let steered = Rehearsal::of_refinement(problem(), 8, steering, aim, &gpu(), 2).unwrap();
+        let steered = Rehearsal::of_refinement(problem_of(128, 128), 8, steering, aim, &gpu(), 2).unwrap();
         asked(&steered)[1][2] as f64
     };
     let [as_preferred, full] = [None, Some(Storage::F32)].map(bytes);
