@@ -11,6 +11,7 @@ mod encoding;
 mod focus;
 mod geometry;
 mod limits;
+mod model;
 mod padding;
 mod presets;
 mod propagation;
@@ -26,6 +27,7 @@ pub use encoding::{Channel, ChannelOrder, Correction, Encoding, Flip, Grating, O
 pub use focus::{Depth, depth_in_words, depth_of_dioptres, depths_in_words, dioptres, dioptres_in_words};
 pub use geometry::{Geometry, Optics, frequency_bin};
 pub use limits::check_usual_diameters;
+pub use model::{DisplayModel, Iris, Level, ModelOf, ModelSections, ModelTerms, Spread};
 pub use padding::Padding;
 pub(crate) use padding::{slow_sides, walk_off};
 pub use presets::{PRESETS, display_template, preset_about, preset_text};
