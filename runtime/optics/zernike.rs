@@ -9,7 +9,8 @@ pub fn zernike(j: u32, x: f64, y: f64) -> f64 {
     let half = (n - order) / 2;
     let choose = |n: u32, k: u32| (0..k).fold(1.0, |c, i| c * f64::from(n - i) / f64::from(i + 1));
     // R(rho) / rho^|m| in powers of rho^2, the highest first.
-    let coefficient = |k: u32| if k % 2 == 0 { 1.0 } else { -1.0 } * choose(n - k, k) * choose(n - 2 * k, half - k);
+    let coefficient =
+        |k: u32| if k.is_multiple_of(2) { 1.0 } else { -1.0 } * choose(n - k, k) * choose(n - 2 * k, half - k);
     let rho2 = x * x + y * y;
     let radial = (0..=half).fold(0.0, |sum, k| sum * rho2 + coefficient(k));
     // rho^|m| times cosine and sine of |m| theta.
