@@ -5,7 +5,7 @@ use super::{Hologram, HologramError, Sequence};
 use crate::engine::{Buffer, Engine, Purpose};
 use crate::evaluate::{self, Plane, centered};
 use crate::optics::{Pupil, WindowFactor};
-use crate::plan::{Comparison, Kernel, Planner};
+use crate::plan::{Comparison, Kernel, ModelTables, Planner};
 use crate::scene::crop_share;
 use std::borrow::Cow;
 use std::ops::Range;
@@ -134,13 +134,28 @@ impl Hologram {
         PhaseSource::from(self).look(None, pupil, engine)
     }
 
-    /// Plans for what is seen of one of its colours: the whole spectrum, with the padding that it was solved with.
+    /// The same on the ideal display, whatever it was solved for.
+    pub fn on_ideal_display(mut self) -> Self {
+        self.metadata.model.clear();
+        self
+    }
+
+    /// Plans for what is seen of one of its colours: the whole spectrum, with the padding and the display's model that it was
+    /// solved with.
     ///
     /// # Errors
     /// [`HologramError::Optics`] for optics that cannot be.
     pub fn planner(&self, color: usize) -> Result<Planner, HologramError> {
         let plain = Planner::new(self.optics(color)?, self.frames, WindowFactor::Full);
-        Ok(Planner { share: self.picture_share(color), ..plain.with_padding(self.metadata.padding()) })
+        let plain = plain.with_padding(self.metadata.padding());
+        // Only colours that have a name have a model.
+        let model = match self.colors[color].color {
+            Some(name) if !self.metadata.model.is_empty() => {
+                ModelTables::of(&self.made_for()?, name, plain.slm, plain.grid)
+            }
+            _ => None,
+        };
+        Ok(Planner { share: self.picture_share(color), model, ..plain })
     }
 }
 

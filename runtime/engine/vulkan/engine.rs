@@ -55,7 +55,6 @@ impl VulkanEngine {
     /// The device's.
     pub fn new(gpu: &Gpu) -> Result<Self, EngineError> {
         let gpu = Commands::new(gpu)?;
-        let place = bytemuck::Zeroable::zeroed();
         Ok(Self {
             stacks: Stacks::default(),
             kept: None,
@@ -67,7 +66,7 @@ impl VulkanEngine {
             losses: None,
             verdict: None,
             transforms: super::fft::transforms(),
-            shape: Shape { frames: 0, place, purpose: Purpose::View, quantised: false, storage: Storage::F32 },
+            shape: Shape::empty(),
             slots: Vec::new(),
             written: HashMap::new(),
             clock: [(0, 0.0); Kernel::ALL.len()],
@@ -163,6 +162,8 @@ impl VulkanEngine {
         if self.shape.frames == 0 || list.is_empty() {
             return Ok(());
         }
+        self.stacks.hold(&mut self.gpu, step.model.as_ref())?;
+        let flight = &mut self.flights[next];
         flight.place(&step.pupil_passes);
         flight.tables.pack(&step.pupil_passes, &all_slots(step, &self.shape), self.views.as_ref());
         self.fit_flights()?;
@@ -354,7 +355,7 @@ impl Engine for VulkanEngine {
         }
         for (at, resource) in Resource::OF_SHAPE.into_iter().enumerate() {
             let Extent { frames, values, complex } = shape.extent(resource);
-            let value = if complex { Value::Complex(shape.storage) } else { Value::Real };
+            let value = if complex { Value::Complex(resource.stored(shape.storage)) } else { Value::Real };
             self.stacks.0[at] = self.stack(Layout { offset: 0, frames, values, value }, &resource.name())?;
         }
         self.verdict = None;
@@ -489,7 +490,7 @@ impl Engine for VulkanEngine {
     }
 
     fn reset_timings(&mut self) {
-        self.clock = Default::default();
+        self.clock.fill((0, 0.0));
     }
 }
 

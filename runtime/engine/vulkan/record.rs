@@ -9,6 +9,7 @@ mod photograph;
 mod shaders;
 mod single;
 mod stacks;
+mod waves;
 
 use super::layout::Slot;
 use crate::engine::{Dispatch, EngineError, Kernel, Resource};
@@ -28,6 +29,9 @@ impl Work<'_> {
         for dispatch in list {
             match dispatch.kernel {
                 Kernel::FieldForward | Kernel::ChangeInverse => self.transforms.prepare(self.gpu, grid, storage)?,
+                Kernel::WaveForward | Kernel::WaveInverse => {
+                    self.transforms.prepare(self.gpu, grid, Resource::Wave.stored(storage))?;
+                }
                 Kernel::WindowForward | Kernel::WindowInverse => {
                     for pass in &self.step.pupil_passes[dispatch.pupil_passes.clone()] {
                         self.transforms.prepare(self.gpu, [pass.window.rows, pass.window.columns], storage)?;
