@@ -166,7 +166,7 @@ macro_rules! kernels {
                 binds: [Read Spans, Write Transfer],
                 work: |u| 4.0 * u.passing(),
                 twin: |c| $crate::transfer::transfer(&c.pass.transfer, &c.pass.spans, &mut c.slot.transfer),
-                shader: Each |c, p| c.rows(p.transfer.rows, p.transfer.columns, &p.transfer.shader()),
+                shader: Once |c| c.transfer(),
             }
             /// What the pixels' aperture and the relay do to each bin.
             Relay = "relay" {
@@ -202,10 +202,7 @@ macro_rules! kernels {
                 binds: [Read Accumulator, Read RowWeights, Read ColumnWeights, Write Target],
                 work: |u| u.level() + u.window(),
                 twin: |c| c.resample(),
-                shader: Each |c, p| match &p.shot {
-                    Some(shot) => c.rows(shot.resample.height, shot.resample.width, &shot.resample),
-                    None => Ok(()),
-                },
+                shader: Once |c| c.resample(),
             }
             /// Cuts each pupil's window out of the spectrum and propagates it.
             PassPupil = "pass_pupil" {
@@ -391,6 +388,8 @@ macro_rules! kernels {
 
 /// Columns or pixels of a workgroup, as all shaders but those that sum have it.
 pub const WIDTH: u32 = 64;
+/// Pupils of a dispatch at most, of shaders that take several.
+pub const BATCH: usize = 16;
 /// Invocations of a workgroup of shaders that sum.
 pub const SUM_WIDTH: u32 = 128;
 

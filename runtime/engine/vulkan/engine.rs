@@ -164,8 +164,7 @@ impl VulkanEngine {
         }
         self.stacks.hold(&mut self.gpu, step.model.as_ref())?;
         let flight = &mut self.flights[next];
-        flight.place(&step.pupil_passes);
-        flight.tables.pack(&step.pupil_passes, &all_slots(step, &self.shape), self.views.as_ref());
+        flight.pack(&step.pupil_passes, &all_slots(step, &self.shape), self.views.as_ref());
         self.fit_flights()?;
         self.flights[next].tables.stage();
         self.arenas.fit(&mut self.gpu, step, &self.shape)?;
@@ -467,8 +466,7 @@ impl Engine for VulkanEngine {
         check(step, &(0..step.list.len()), &self.shape, self.views.as_ref())?;
         self.gpu.recorder.idle()?;
         let flight = &mut self.flights[self.at];
-        flight.place(&step.pupil_passes);
-        flight.tables.pack(&step.pupil_passes, &all_slots(step, &self.shape), self.views.as_ref());
+        flight.pack(&step.pupil_passes, &all_slots(step, &self.shape), self.views.as_ref());
         self.fit_flights()?;
         self.arenas.fit_any(&mut self.gpu, &step.pupil_passes, at_once, &self.shape)?;
         // Recorded and thrown away: whatever that asks for is made.
