@@ -31,7 +31,7 @@ pub(crate) use entry::Kind;
 pub(crate) use folder::Folder;
 pub use growing::GrowingFile;
 pub use made::MadeFolder;
-pub(crate) use npy::read_npy_with_gaps;
+pub(crate) use npy::{npy_header, read_npy_with_gaps};
 pub use npy::{Npy, read_npy, write_npy};
 pub use own::OwnFolder;
 pub(crate) use own::{holds_only_own, write_listed};
