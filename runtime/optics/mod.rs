@@ -12,6 +12,7 @@ mod focus;
 mod geometry;
 mod limits;
 mod model;
+mod model_tables;
 mod padding;
 mod presets;
 mod propagation;
@@ -20,6 +21,7 @@ mod pupil_distribution;
 mod reach;
 mod units;
 mod window;
+mod zernike;
 
 pub use color::Color;
 pub use display::{Display, Wavelength};
@@ -37,6 +39,7 @@ pub use pupil::Pupil;
 pub use pupil_distribution::PupilDistribution;
 pub use reach::Reach;
 pub use window::{Window, WindowFactor, fast_size};
+pub use zernike::zernike;
 
 /// What can be wrong with a display, a pupil or a grid.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
