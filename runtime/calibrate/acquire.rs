@@ -1,10 +1,11 @@
 //! From a bench to its pictures.
 
+use super::bench::{Bench, Event, FEWEST};
 use super::captures::{Ask, Session, Shot, load, shot_of};
 use super::error::CalibrateError;
 use super::link::Link;
 use super::message::{Answer, Hello};
-use super::{Bench, Event, FEWEST, pattern};
+use super::pattern;
 use crate::optics::{Color, Display, TwoPi};
 use std::path::Path;
 use std::time::Duration;
@@ -73,8 +74,11 @@ fn check(display: &Display, color: Color, hello: &Hello) -> Result<(String, f64)
         && !encoding.flip.mirrors()
         && !encoding.flip.overturns();
     if !plain && !hello.slm.takes.iter().any(|kind| kind == "phases") {
-        return wrong("it takes levels alone, and the display file's encoding is more than levels: a command that takes \
-                      phases has to turn them into what the SLM receives".into());
+        return wrong(
+            "it takes levels alone, and the display file's encoding is more than levels: a command that takes \
+                      phases has to turn them into what the SLM receives"
+                .into(),
+        );
     }
     Ok((color.to_string(), *theirs))
 }
@@ -90,14 +94,17 @@ pub(super) fn take(
         return Err(CalibrateError::Pictures("a folder takes no pictures".into()));
     };
     if most < FEWEST && !quick {
-        return Err(CalibrateError::Pictures(format!("{most} pictures are too few: a calibration takes {FEWEST} at least")));
+        return Err(CalibrateError::Pictures(format!(
+            "{most} pictures are too few: a calibration takes {FEWEST} at least"
+        )));
     }
     tell(Event::At("starting the camera's command", 0.0));
     let mut say = |line: &str| tell(Event::Said(line));
     let (link, hello) = Link::start(command, limit, &mut say)?;
     let named = check(display, color, &hello)?;
     if hello.iris.is_none() {
-        let reason = "it has no iris that moves, and the model's numbers are told apart by what several irises pass".into();
+        let reason =
+            "it has no iris that moves, and the model's numbers are told apart by what several irises pass".into();
         return Err(CalibrateError::Bench { display: display.name.clone(), reason });
     }
     let (optics, two_pi_level) = (display.optics(color)?, two_pi_level(display, color));

@@ -230,7 +230,8 @@ impl<'a> Session<'a> {
         if self.temporary.is_some() {
             return Ok(());
         }
-        let document = Document { protocol: super::message::PROTOCOL, hello: self.hello.clone(), captures: self.taken.clone() };
+        let document =
+            Document { protocol: super::message::PROTOCOL, hello: self.hello.clone(), captures: self.taken.clone() };
         let file = self.folder.join(DOCUMENT);
         let text = serde_json::to_string_pretty(&document).map_err(|e| CalibrateError::Pictures(e.to_string()))?;
         Ok(write_file(&file, |out| out.write_all(text.as_bytes()))?)

@@ -2,8 +2,8 @@
 
 use super::linear::solve;
 use super::map::CameraMap;
-use super::picture::Picture;
 use super::pattern;
+use super::picture::Picture;
 use std::f64::consts::PI;
 
 /// Share of the dots that must be found.
@@ -159,14 +159,11 @@ fn guesses(dots: &[[f64; 2]], spots: &[[f64; 2]], slm: [usize; 2], camera: [usiz
 }
 
 /// Improves a map by the spots nearest to its dots: affine first, then the homography, then with distortion.
-fn refined(
-    dots: &[[f64; 2]],
-    spots: &[[f64; 2]],
-    mut map: CameraMap,
-    spacing: f64,
-) -> Option<(usize, f64, CameraMap)> {
+fn refined(dots: &[[f64; 2]], spots: &[[f64; 2]], mut map: CameraMap, spacing: f64) -> Option<(usize, f64, CameraMap)> {
     let mut last = None;
-    for (round, free) in [&AFFINE[..], &AFFINE, &AFFINE, &ALL[..8], &ALL[..8], &ALL[..9], &ALL[..9]].into_iter().enumerate() {
+    for (round, free) in
+        [&AFFINE[..], &AFFINE, &AFFINE, &ALL[..8], &ALL[..8], &ALL[..9], &ALL[..9]].into_iter().enumerate()
+    {
         let reach = NEAR * spacing * map.zoom() * if round < 3 { 1.5 } else { 1.0 };
         let pairs: Vec<_> = dots
             .iter()

@@ -44,9 +44,8 @@ pub(super) struct Fit {
     pub(super) at: Parameters,
     pub(super) free: Vec<Parameter>,
     pub(super) exposure: Exposure,
-    /// Squared residuals in units of the noise, and how many.
+    /// Squared residuals in units of the noise, on average.
     pub(super) squares: f64,
-    pub(super) count: usize,
     /// Covariance of the free parameters.
     pub(super) covariance: Vec<Vec<f64>>,
 }
@@ -75,8 +74,6 @@ impl Fit {
 
 /// Steps that fail are damped so often before a fit ends.
 const TRIES: usize = 6;
-/// Slopes are taken anew while steps gain more than this share.
-const GAIN: f64 = 1e-3;
 /// A residual of more than so many times the usual counts no more than that.
 const OUTLIER: f64 = 5.0;
 
@@ -153,13 +150,14 @@ impl Pictures {
         (sum, robust, exposure)
     }
 
-    /// Fits the free parameters to these views, in at most so many rounds.
+    /// Fits the free parameters to these views: with so many sub-pixels, in at most so many rounds, until one gains less than
+    /// such a share.
     pub(super) fn fit(
         &self,
         start: &Parameters,
         free: &[Parameter],
         which: &[usize],
-        (subpixels, rounds): (usize, usize),
+        (subpixels, rounds, enough): (usize, usize, f64),
         observe: &mut dyn FnMut(f64),
     ) -> Result<Fit, CalibrateError> {
         let count: usize = which.iter().map(|v| self.views[*v].counts.len()).sum();
@@ -190,31 +188,48 @@ impl Pictures {
                 let expected = expectation(start, &trial, free, scale) - expectation(start, &at, free, scale);
                 if after + expected < before {
                     moved = Some((trial, (before - after) / before));
-                    damping = (damping * 0.2).max(1e-9);
+                    damping = (damping * 0.1).max(1e-12);
                     break;
                 }
-                damping *= 8.0;
+                damping *= 20.0;
             }
-            let covariance = inverse(&normal).map(|c| scaled(c, scale));
+            let covariance = inverse(&normal).map(|c| self.widened(scaled(c, scale), free));
             let covariance = covariance.ok_or_else(|| {
-                CalibrateError::Pictures("the pictures do not tell the model's numbers apart: more of them are needed".into())
+                CalibrateError::Pictures(
+                    "the pictures do not tell the model's numbers apart: more of them are needed".into(),
+                )
             })?;
             let gain = moved.as_ref().map_or(0.0, |m| m.1);
             tracing::debug!("round {round}: {:.4} of the noise's power, gained {gain:.2e}", squares / count as f64);
-            result = Some(Fit { at: at.clone(), free: free.to_vec(), exposure, squares, count, covariance });
+            result = Some(Fit { at: at.clone(), free: free.to_vec(), exposure, squares, covariance });
             match moved {
                 Some((trial, _)) => at = trial,
                 None => break,
             }
-            if gain < GAIN {
+            if gain < enough {
                 break;
             }
         }
         let mut fit = result.ok_or_else(|| CalibrateError::Pictures("there is nothing to fit".into()))?;
         let seen = self.see(&at, subpixels, which, &[]);
         (fit.squares, _, fit.exposure) = self.squares(which, &seen, f64::INFINITY);
+        fit.squares /= count as f64;
         fit.at = at;
         Ok(fit)
+    }
+
+    /// The iris's edge goes from bin to bin: smaller moves than a hundredth of one do not show, however many pictures there are.
+    fn widened(&self, mut covariance: Vec<Vec<f64>>, free: &[Parameter]) -> Vec<Vec<f64>> {
+        let (bin_y, bin_x) = self.optics.bin_size();
+        let unseen = 0.01e3 * bin_y.max(bin_x);
+        for (i, p) in free.iter().enumerate() {
+            covariance[i][i] += match p {
+                Parameter::Iris(2) => (unseen / (0.5e3 * self.optics.eyebox())).powi(2),
+                Parameter::Iris(_) => unseen * unseen,
+                _ => 0.0,
+            };
+        }
+        covariance
     }
 
     /// The normal equations, gain and dark level eliminated.
@@ -236,14 +251,14 @@ impl Pictures {
                 .zip(&view.variance)
                 .map(|(r, v)| (OUTLIER * scale.sqrt() / (r * r / v).sqrt()).min(1.0) / v)
                 .collect();
-            let mut columns: Vec<Vec<f64>> =
-                seen.slopes.iter().map(|s| s.iter().map(|v| v * gain).collect()).collect();
+            let mut columns: Vec<Vec<f64>> = seen.slopes.iter().map(|s| s.iter().map(|v| v * gain).collect()).collect();
             columns.push(seen.intensity.iter().map(|i| i * view.exposure_ms).collect());
             columns.push(vec![1.0; residuals.len()]);
             let weighted: Vec<Vec<f64>> =
                 columns.iter().map(|c| c.iter().zip(&weights).map(|(v, w)| v * w).collect()).collect();
             let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-            let normal: Vec<Vec<f64>> = (0..n).map(|i| (0..=i).map(|j| dot(&weighted[i], &columns[j])).collect()).collect();
+            let normal: Vec<Vec<f64>> =
+                (0..n).map(|i| (0..=i).map(|j| dot(&weighted[i], &columns[j])).collect()).collect();
             let right: Vec<f64> = weighted.iter().map(|w| -dot(w, &residuals)).collect();
             (normal, right)
         };
@@ -253,8 +268,8 @@ impl Pictures {
         for (a, b) in parts {
             for i in 0..n {
                 right[i] += b[i];
-                for j in 0..=i {
-                    normal[i][j] += a[i][j];
+                for (j, v) in a[i].iter().enumerate() {
+                    normal[i][j] += v;
                     normal[j][i] = normal[i][j];
                 }
             }
@@ -264,9 +279,8 @@ impl Pictures {
             for i in 0..last {
                 let factor = normal[i][last] / pivot;
                 right[i] -= factor * right[last];
-                for j in 0..last {
-                    normal[i][j] -= factor * normal[last][j];
-                }
+                let pivot_row = normal[last].clone();
+                normal[i].iter_mut().zip(&pivot_row[..last]).for_each(|(v, p)| *v -= factor * p);
             }
             normal.truncate(last);
             normal.iter_mut().for_each(|row| row.truncate(last));

@@ -8,7 +8,8 @@ pub(super) fn cholesky(matrix: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
         for j in 0..=i {
             let sum: f64 = (0..j).map(|k| lower[i][k] * lower[j][k]).sum();
             let rest = matrix[i][j] - sum;
-            lower[i][j] = if i == j { Some(rest.sqrt()).filter(|v| v.is_finite() && *v > 0.0)? } else { rest / lower[j][j] };
+            lower[i][j] =
+                if i == j { Some(rest.sqrt()).filter(|v| v.is_finite() && *v > 0.0)? } else { rest / lower[j][j] };
         }
     }
     Some(lower)

@@ -41,7 +41,10 @@ enum Trouble {
     Lost(String),
     Stopped,
     /// It said why, and whether to ask again.
-    Failed { text: String, again: bool },
+    Failed {
+        text: String,
+        again: bool,
+    },
 }
 
 /// The link to a bench.

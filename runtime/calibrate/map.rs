@@ -15,7 +15,7 @@ const ROUNDS: usize = 12;
 
 impl CameraMap {
     /// Place in the picture of a place in the SLM's image.
-    pub(super) fn forth(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+    fn forth(self, [x, y]: [f64; 2]) -> [f64; 2] {
         let [a, b, c, d, e, f, g, h, k1, k2] = self.numbers;
         let w = g * x + h * y + 1.0;
         let (u, v) = ((a * x + b * y + c) / w, (d * x + e * y + f) / w);
@@ -25,12 +25,12 @@ impl CameraMap {
     }
 
     /// Camera pixel (x, y) of a pixel of the SLM.
-    pub(super) fn to_camera(&self, at: [f64; 2]) -> [f64; 2] {
+    pub(super) fn to_camera(self, at: [f64; 2]) -> [f64; 2] {
         pixel(self.forth(place(at, self.slm)), self.camera)
     }
 
     /// Pixel of the SLM (x, y) of a camera pixel.
-    pub(super) fn to_slm(&self, at: [f64; 2]) -> [f64; 2] {
+    pub(super) fn to_slm(self, at: [f64; 2]) -> [f64; 2] {
         let [a, b, c, d, e, f, g, h, k1, k2] = self.numbers;
         let [u, v] = place(at, self.camera);
         let (mut x, mut y) = (u, v);
@@ -51,7 +51,7 @@ impl CameraMap {
     }
 
     /// Camera pixels per pixel of the SLM, about its middle.
-    pub(super) fn zoom(&self) -> f64 {
+    pub(super) fn zoom(self) -> f64 {
         let middle = [self.slm[1] as f64 / 2.0, self.slm[0] as f64 / 2.0];
         let at = |dx: f64, dy: f64| self.to_camera([middle[0] + dx, middle[1] + dy]);
         let ([ax, ay], [bx, by], [cx, cy]) = (at(0.0, 0.0), at(1.0, 0.0), at(0.0, 1.0));

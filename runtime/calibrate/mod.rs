@@ -11,6 +11,7 @@
 //! May import `files`, `optics`, and the generator of `solve`.
 
 mod acquire;
+mod bench;
 mod captures;
 mod device;
 mod dots;
@@ -26,50 +27,18 @@ mod pattern;
 mod picture;
 mod report;
 mod seen;
+mod sorted;
 mod stages;
 mod terms;
+mod unseen;
 
+pub use bench::{Bench, Event, FEWEST};
 pub use error::CalibrateError;
 pub use report::{Confused, Fitted, Report};
 
 use crate::optics::{Color, Display};
 use std::cell::RefCell;
-use std::path::Path;
-use std::time::{Duration, Instant};
-
-/// Pictures at least: dots, two of a pattern twice, and patterns to fit.
-pub const FEWEST: usize = 12;
-
-/// Where pictures come from.
-#[derive(Debug, Clone)]
-#[non_exhaustive]
-pub enum Bench<'a> {
-    /// A command that shows patterns and takes pictures.
-    Command {
-        /// Its words, as a POSIX shell splits them; no shell runs it.
-        command: &'a str,
-        /// Where its pictures are kept; those of a calibration that was broken off are not asked for again.
-        keep: Option<&'a Path>,
-        /// Limit for every question, in the place of the protocol's own.
-        limit: Option<Duration>,
-        /// Pictures at most.
-        most: usize,
-        /// A few pictures, for what drifts.
-        quick: bool,
-    },
-    /// A folder that such a calibration kept, or one made by hand.
-    Folder(&'a Path),
-}
-
-/// What happens while a display is calibrated.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[non_exhaustive]
-pub enum Event<'a> {
-    /// A line of the bench, or about it.
-    Said(&'a str),
-    /// What is being done, and the share of everything that is done.
-    At(&'a str, f64),
-}
+use std::time::Instant;
 
 /// A display that was calibrated.
 #[derive(Debug, Clone)]

@@ -66,7 +66,7 @@ impl Parameter {
     /// The step of differences.
     pub(super) fn step(self) -> f64 {
         match self {
-            Self::Crosstalk(_) => 1e-3,
+            Self::Crosstalk(_) => 1e-4,
             Self::Map(_) => 1e-6,
             _ => 1e-5,
         }

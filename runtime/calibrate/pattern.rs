@@ -167,7 +167,8 @@ pub(super) fn plan(hello: &Hello, optics: &Optics, two_pi_level: f64, most: usiz
     };
     // In shares of the eyebox.
     let iris = |[x, y, d]: [f64; 3]| within([x * eyebox, y * eyebox, d * eyebox]);
-    let ring = |i: usize| [[0, 0], [1, 0], [-1, 1], [0, -1], [1, 1], [-1, 0], [1, -1], [0, 1], [-1, -1]][i % 9].map(f64::from);
+    let ring =
+        |i: usize| [[0, 0], [1, 0], [-1, 1], [0, -1], [1, 1], [-1, 0], [1, -1], [0, 1], [-1, -1]][i % 9].map(f64::from);
     let mut shows = Vec::new();
     let mut left = most.saturating_sub(2);
     let mut add = |name: String, pattern: Pattern, irises_mm: Vec<[f64; 3]>, times: usize| {
@@ -195,21 +196,27 @@ pub(super) fn plan(hello: &Hello, optics: &Optics, two_pi_level: f64, most: usiz
         let pattern = random(size, two_pi_level, if i == 1 { frames } else { 1 }, 1000 + i as u64);
         add(format!("held-out-{i}"), pattern, vec![held_out(i)], 2);
     }
-    if frames > 1 {
-        for i in 0..2 {
-            let [x, y] = ring(2 * i).map(|v| v * 0.2);
-            add(format!("set-{i}"), random(size, two_pi_level, frames, 500 + i as u64), vec![iris([x, y, 0.3])], 1);
+    // Several irises a pattern: what leaves the SLM is computed once for them. By turns, so that fewer pictures are fewer of all.
+    for i in 0..5 {
+        let irises = (0..4).map(|j| {
+            let ([x, y], wide) = (ring(4 * i + j), [0.25, 0.32, 0.28, 0.2][(i + j) % 4]);
+            let far = 0.48 - 0.5 * wide - 0.05 * (i % 2) as f64;
+            iris([x * far, y * far, wide])
+        });
+        add(format!("random-{i}"), random(size, two_pi_level, 1, i as u64), irises.collect(), 1);
+        if i < 4 {
+            let irises = [0, 1].map(|j| {
+                let [x, y] = ring(2 * i + j).map(|v| v * 0.06);
+                iris([x, y, 0.3])
+            });
+            add(format!("smooth-{i}"), smooth(size, two_pi_level, i as u64), irises.to_vec(), 1);
         }
-    }
-    // Smooth and random ones by turns, so that fewer pictures are fewer of both.
-    for i in 0..10 {
-        let [x, y] = ring(i).map(|v| v * 0.29);
-        let [u, v] = ring(i + 4).map(|v| v * 0.15);
-        let irises = vec![iris([x, y, 0.25]), iris([u, v, 0.32])];
-        add(format!("random-{i}"), random(size, two_pi_level, 1, i as u64), irises, 1);
-        if i < 6 {
-            let [x, y] = ring(i).map(|v| v * 0.06);
-            add(format!("smooth-{i}"), smooth(size, two_pi_level, i as u64), vec![iris([x, y, 0.3])], 1);
+        if i == 0 && frames > 1 {
+            let irises = [0, 2, 5].map(|j| {
+                let [x, y] = ring(j).map(|v| v * 0.2);
+                iris([x, y, 0.3])
+            });
+            add("set".into(), random(size, two_pi_level, frames, 500), irises.to_vec(), 1);
         }
     }
     shows

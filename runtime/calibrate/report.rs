@@ -1,9 +1,9 @@
 //! What a calibration says of itself.
 
-use super::error::CalibrateError;
 use super::fit::Fit;
-use super::parameters::Parameters;
-use super::stages::{Sorted, exposed, unseen};
+use super::parameters::{Parameter, Parameters};
+use super::sorted::Sorted;
+use super::unseen::{exposed, unseen};
 use serde::Serialize;
 
 /// A number of the model.
@@ -54,16 +54,10 @@ pub struct Report {
     pub warnings: Vec<String>,
 }
 
-/// Shares of the variance of pictures that were not fitted.
-pub(super) struct Unseen {
-    pub(super) left: f64,
-    pub(super) noise: f64,
-    /// Left and noise of each picture.
-    pub(super) by_picture: Vec<[f64; 2]>,
-}
-
 /// Unexplained light of so many times the noise is no fit.
 const TOO_MUCH: f64 = 2.0;
+/// Less noise than this share of the variance is not counted: it is what the prediction itself is good for.
+const LEAST: f64 = 1e-5;
 
 impl Report {
     pub(super) fn new(
@@ -73,12 +67,12 @@ impl Report {
         captures: usize,
         mut warnings: Vec<String>,
         subpixels: usize,
-    ) -> Result<Self, CalibrateError> {
-        let fitted = |p: &super::parameters::Parameter| {
+    ) -> Self {
+        let fitted = |p: &Parameter| {
             let (name, unit) = p.name();
             let (value, error) = (fit.at.get(*p), fit.error(*p));
             match p {
-                super::parameters::Parameter::Crosstalk(_) => {
+                Parameter::Crosstalk(_) => {
                     Fitted { name, value: value.exp(), error: error.map(|e| e * value.exp()), unit }
                 }
                 _ => Fitted { name, value, error, unit },
@@ -98,7 +92,7 @@ impl Report {
             before = Some(unseen(sorted, &old, exposure, subpixels).left);
             unexplained = Some((after.left - after.noise).max(0.0));
             noise = Some(after.noise);
-            if after.left - after.noise > TOO_MUCH * after.noise {
+            if after.left - after.noise > TOO_MUCH * after.noise.max(LEAST) {
                 let share = 100.0 * (after.left - after.noise);
                 warnings.push(format!(
                     "{share:.2} % of the pictures' variance is unexplained, and the camera's noise is {:.2} %: the bench \
@@ -110,7 +104,15 @@ impl Report {
                 tracing::debug!("held-out picture {i}: left {left:.5}, noise {noise:.5}");
             }
         }
+        tracing::debug!("squares of the fit: {:.3} times the noise's", fit.squares);
+        let outside = sorted.pictures.views.iter().filter(|v| !v.look.holds(&fit.at)).count();
+        if outside > 0 {
+            warnings.push(format!(
+                "the iris is so far from where it was asked for that {outside} pictures are not predicted to their edge: \
+                 calibrate once more from the file that was written"
+            ));
+        }
         let camera_rms_px = sorted.map_rms;
-        Ok(Self { captures, seconds: 0.0, parameters, confused, camera_rms_px, before, unexplained, noise, warnings })
+        Self { captures, seconds: 0.0, parameters, confused, camera_rms_px, before, unexplained, noise, warnings }
     }
 }

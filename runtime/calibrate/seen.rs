@@ -62,24 +62,34 @@ impl Look {
         Self { optics, window, pupil, radius, side, pixels }
     }
 
-    /// The bins that an iris passes, with some to spare, and the side of the grid for them.
+    /// The bins that an iris passes, with some to spare for one that is not quite where it was asked for, and the side of the
+    /// grid for them.
     fn frame(optics: &Optics, iris: &Pupil) -> (Window, usize) {
         let (bin_y, bin_x) = optics.bin_size();
-        let bins = |centre: f64, bin: f64| ((centre - iris.diameter / 2.0) / bin).floor() as i64 - 2;
-        let size = (iris.diameter / bin_y.min(bin_x)).ceil() as usize + 6;
-        let first = [bins(iris.y, bin_y), bins(iris.x, bin_x)];
+        let reach = iris.diameter / 2.0 + 0.4e-3 + 0.02 * (iris.x.abs().max(iris.y.abs()) + iris.diameter / 2.0);
+        let size = (2.0 * reach / bin_y.min(bin_x)).ceil() as usize + 4;
         // Bins that do not exist are not carried along.
-        let size = size.min(optics.height.max(optics.width) + 6);
-        let clamp = |first: i64, n: usize| first.max(-(n as i64) / 2 - 3);
-        let first = [clamp(first[0], optics.height), clamp(first[1], optics.width)];
+        let size = size.min(optics.height.max(optics.width) + 2);
+        let first = |centre: f64, bin: f64, n: usize| {
+            let lowest = (centre / bin).round() as i64 - size as i64 / 2;
+            let half = n as i64 / 2 + 1;
+            lowest.clamp(-half, (half - size as i64).max(-half))
+        };
+        let first = [first(iris.y, bin_y, optics.height), first(iris.x, bin_x, optics.width)];
         (Window { first, size }, fast_size(2 * size))
     }
 
-    /// Whether an iris that moved still lies in the window.
+    /// Whether all that the iris passes lies in the window.
     pub(super) fn holds(&self, at: &Parameters) -> bool {
-        let (window, _) = Self::frame(&self.optics, &at.model.true_pupil(&self.pupil));
-        window.first.iter().zip(self.window.first).all(|(a, b)| (a - b).abs() <= 1)
-            && window.size.abs_diff(self.window.size) <= 1
+        let iris = at.model.true_pupil(&self.pupil);
+        let (bin_y, bin_x) = self.optics.bin_size();
+        let inside = |centre: f64, bin: f64, first: i64, n: usize| {
+            let (low, high) = ((centre - iris.diameter / 2.0) / bin, (centre + iris.diameter / 2.0) / bin);
+            let half = n as f64 / 2.0;
+            low.max(-half) >= first as f64 - 0.5 && high.min(half) <= first as f64 + self.window.size as f64 + 0.5
+        };
+        let [y, x] = self.window.first;
+        inside(iris.y, bin_y, y, self.optics.height) && inside(iris.x, bin_x, x, self.optics.width)
     }
 
     /// K R in the window.

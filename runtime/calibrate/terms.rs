@@ -45,8 +45,7 @@ fn shows(fit: &Fit, start: &Parameters, term: &[Parameter]) -> bool {
     let places: Vec<usize> =
         places.into_iter().filter(|p| !matches!(fit.free[*p], Parameter::Undiffracted(2..))).collect();
     let away: Vec<f64> = places.iter().map(off).collect();
-    let among: Vec<Vec<f64>> =
-        places.iter().map(|i| places.iter().map(|j| fit.covariance[*i][*j]).collect()).collect();
+    let among: Vec<Vec<f64>> = places.iter().map(|i| places.iter().map(|j| fit.covariance[*i][*j]).collect()).collect();
     let Some(solved) = solve(&among, &away) else { return true };
     let squares: f64 = away.iter().zip(solved).map(|(a, s)| a * s).sum();
     let n = away.len() as f64;
@@ -63,7 +62,8 @@ fn crosstalk_shows(fit: &Fit) -> bool {
         let places = [0, 1].map(|i| fit.free.iter().position(|p| *p == Parameter::Crosstalk(2 * side + i)));
         let [Some(a), Some(b)] = places else { return false };
         let c = &fit.covariance;
-        let variance = slopes[0] * slopes[0] * c[a][a] + 2.0 * slopes[0] * slopes[1] * c[a][b] + slopes[1] * slopes[1] * c[b][b];
+        let variance =
+            slopes[0] * slopes[0] * c[a][a] + 2.0 * slopes[0] * slopes[1] * c[a][b] + slopes[1] * slopes[1] * c[b][b];
         loss > SHOWS * variance.sqrt()
     })
 }
@@ -77,15 +77,19 @@ pub(super) fn settle(
     subpixels: usize,
 ) -> Result<Fit, CalibrateError> {
     for _ in 0..2 {
-        let hidden: Vec<Parameter> =
-            terms().into_iter().filter(|term| !shows(&fit, start, term)).flatten().filter(|p| fit.free.contains(p)).collect();
+        let hidden: Vec<Parameter> = terms()
+            .into_iter()
+            .filter(|term| !shows(&fit, start, term))
+            .flatten()
+            .filter(|p| fit.free.contains(p))
+            .collect();
         if hidden.is_empty() {
             break;
         }
         let mut at = fit.at.clone();
         at.model = with_terms_of(&at.model, &start.model, &hidden);
         let free: Vec<Parameter> = fit.free.iter().copied().filter(|p| !hidden.contains(p)).collect();
-        fit = pictures.fit(&at, &free, which, (subpixels, 2), &mut |_| ())?;
+        fit = pictures.fit(&at, &free, which, (subpixels, 3, 1e-4), &mut |_| ())?;
     }
     Ok(fit)
 }
@@ -135,9 +139,8 @@ pub(super) fn written(display: &Display, color: Color, start: &Parameters, fit: 
     let fitted = |p: Parameter| fit.free.contains(&p);
     let (model, old) = (&at.model, &start.model);
     if fitted(Parameter::Level(0)) || model.level != old.level {
-        let nodes = |value: &dyn Fn(Parameter) -> f64| {
-            [0, 1, 2].map(|y| [0, 1, 2].map(|x| value(Parameter::Level(3 * y + x))))
-        };
+        let nodes =
+            |value: &dyn Fn(Parameter) -> f64| [0, 1, 2].map(|y| [0, 1, 2].map(|x| value(Parameter::Level(3 * y + x))));
         terms.level = Some(Level::Nodes(nodes(&number)));
         errors.level = Some(Level::Nodes(nodes(&about)));
     }
