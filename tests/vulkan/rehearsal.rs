@@ -90,6 +90,46 @@ fn what_is_made_for_a_step_is_not_made_again() {
     assert!(second.iter().all(|(kernel, ..)| kernel.name() != "photograph" && kernel.name() != "transfer"));
 }
 
+/// No dispatch takes more than 10 ms, and no submission more than 100 ms, on the slowest device that is compared, however large
+/// the display; what is short stays one submission.
+#[test]
+fn long_lists_are_cut() {
+    let slowest = DEVICES[DEVICES.len() - 1];
+    for (height, width, pupils, storage) in [
+        (2160, 3840, 16, Storage::F32),
+        (2160, 3840, 4, Storage::F16),
+        (1080, 1920, 16, Storage::F32),
+        (1080, 1920, 2, Storage::F16),
+    ] {
+        let settings = Settings { pupils, storage, ..Settings::default() };
+        let solve = Rehearsal::of_solve(&problem_of(height, width), &settings, &gpu(), 2).unwrap();
+        for step in &solve.steps {
+            let [dispatch, submission] = slowest.longest(&step.recording).map(|t| t.as_secs_f64() * 1e3);
+            let what = format!("{height} x {width}, {pupils} pupils: {dispatch} and {submission} ms");
+            assert!(dispatch <= 10.0 && submission <= 100.0, "{what}");
+            let all: u64 = step.recording.bytes().iter().sum();
+            let least = (all as f64 / slowest.bandwidth / 0.1).ceil() as usize;
+            let most = (all as f64 / slowest.bandwidth / 0.08).ceil() as usize;
+            let submissions = step.recording.submissions();
+            assert!((least..=most).contains(&submissions), "{what} in {submissions} submissions, {least} to {most}");
+            assert_eq!(submissions as u64, step.counts.submissions, "{what}");
+        }
+    }
+}
+
+/// A solve has made what its steps need before the first of them.
+#[test]
+fn nothing_is_made_while_a_solve_takes_steps() {
+    let settings = Settings { pupils: 5, window_bytes: 1 << 20, ..Settings::default() };
+    let solve = Rehearsal::of_solve(&problem_of(216, 384), &settings, &gpu(), 12).unwrap();
+    for (i, step) in solve.steps.iter().enumerate() {
+        let counts = step.counts;
+        assert_eq!((counts.pipelines, counts.blocks, counts.uploaded), (0, 0, 0), "step {i}: {counts:?}");
+        // But for room for descriptors, which come with the first that are used.
+        assert!(i == 0 || (counts.pools, counts.submissions) == (0, 1), "step {i}: {counts:?}");
+    }
+}
+
 /// Of a sweep through all sizes of an eye's pupil, in three colours on one device, nothing is made: not a pipeline, not a block,
 /// not a pool.
 #[test]

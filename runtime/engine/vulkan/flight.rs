@@ -1,7 +1,9 @@
 //! What a list in flight has for itself while the next is recorded: its tables, and where the host sees its losses.
 
-use super::super::{EngineError, PupilPass};
+use super::super::{EngineError, PupilPass, Shape, Step};
+use super::layout::all_slots;
 use super::tables::Tables;
+use super::views::Views;
 use crate::gpu::{Block, Commands, Groups, Piece, Range};
 use gpu_allocator::MemoryLocation;
 use std::time::Instant;
@@ -94,13 +96,19 @@ pub(super) struct Flight {
 impl Flight {
     /// Finds places for the sums of each pupil pass's loss, behind one for what `check_finite` finds, as far apart as the
     /// device wants.
-    pub(super) fn place(&mut self, pupil_passes: &[PupilPass]) {
+    fn place(&mut self, pupil_passes: &[PupilPass]) {
         self.end = PLACE;
         self.offsets.clear();
         for pass in pupil_passes {
             self.offsets.push(self.end);
             self.end += (4 * pass.loss_parts() as u64).next_multiple_of(PLACE);
         }
+    }
+
+    /// Finds these places, and packs the tables: a photograph goes in parts that move `most` bytes.
+    pub(super) fn lay_out(&mut self, step: &Step, shape: &Shape, views: Option<&Views>, most: u64) {
+        self.place(&step.pupil_passes);
+        self.tables.pack(&step.pupil_passes, &all_slots(step, shape), views, most);
     }
 
     /// Whether what the host sees is large enough.

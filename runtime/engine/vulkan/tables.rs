@@ -47,8 +47,8 @@ pub(super) struct Tables {
 }
 
 impl Tables {
-    /// Packs the tables of these pupil passes, whose buffers lie in these slots.
-    pub(super) fn pack(&mut self, pupil_passes: &[PupilPass], slots: &[Slot], views: Option<&Views>) {
+    /// Packs the tables of these pupil passes, whose buffers lie in these slots. A photograph goes in parts that move `most` bytes.
+    pub(super) fn pack(&mut self, pupil_passes: &[PupilPass], slots: &[Slot], views: Option<&Views>, most: u64) {
         self.packed.clear();
         self.pupil_passes.clear();
         for pupil_pass in pupil_passes {
@@ -63,8 +63,11 @@ impl Tables {
                         let inside = |t: &&Tap| level.chunk_of(t.view as usize) == chunk;
                         let part: Vec<Tap> = shot.taps.iter().filter(inside).copied().collect();
                         let part: Vec<Tap> = part.iter().map(|t| Tap { view: t.view - first as u32, ..*t }).collect();
-                        if !part.is_empty() {
-                            let place = self.add(bytemuck::cast_slice(&part));
+                        // Two samples of halves a tap, as `photograph` says.
+                        let tap_bytes = 3 * u64::from(shot.args.height) * u64::from(shot.args.width);
+                        let at_once = usize::try_from(most / tap_bytes.max(1)).unwrap_or(usize::MAX).max(1);
+                        for part in part.chunks(at_once) {
+                            let place = self.add(bytemuck::cast_slice(part));
                             tables.taps.push(TapPart { chunk, count: part.len(), place });
                         }
                     }

@@ -115,6 +115,7 @@ impl<'a> Call<'_, 'a> {
         // What all sub-frames add to.
         let adds = self.kernel.writes().any(|resource| resource.per_frame().is_none());
         let most = framed.iter().map(|(_, layout)| self.work.at_once(layout)).min().unwrap_or(1);
+        let most = most.min(self.work.in_time(framed.iter().map(|(_, layout)| 2 * layout.step()).sum()));
         for (first, count) in self.work.chunks(frames, most) {
             let mut buffers = Vec::with_capacity(binds.len());
             for (_, resource) in binds {
@@ -292,6 +293,11 @@ impl<'a> Work<'a> {
     /// Frames of a buffer that a kernel may see at once.
     pub(super) fn at_once(&self, layout: &Layout) -> usize {
         layout.at_once(self.gpu.limits().storage_range)
+    }
+
+    /// Frames, or rows, of which each moves so many bytes, that are one dispatch's.
+    pub(super) fn in_time(&self, bytes: u64) -> usize {
+        usize::try_from(self.gpu.dispatch_bytes() / bytes.max(1)).unwrap_or(usize::MAX).max(1)
     }
 
     /// Frames (first, count) of which a kernel may see `most` at once.
