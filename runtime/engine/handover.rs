@@ -155,11 +155,7 @@ impl Engine for Handover {
         Ok(losses)
     }
 
-    fn prepare(
-        &mut self,
-        steps: &mut dyn Iterator<Item = Step>,
-        at_once: Option<usize>,
-    ) -> Result<(), EngineError> {
+    fn prepare(&mut self, steps: &mut dyn Iterator<Item = Step>, at_once: Option<usize>) -> Result<(), EngineError> {
         let steps: Vec<Step> = steps.collect();
         self.first.prepare(&mut steps.iter().cloned(), at_once)?;
         self.second.prepare(&mut steps.into_iter(), at_once)

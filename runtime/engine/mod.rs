@@ -13,6 +13,8 @@ mod taking;
 mod threads;
 #[cfg(feature = "vulkan")]
 pub mod vulkan;
+#[cfg(test)]
+pub(crate) mod watched;
 
 pub use crate::gpu::{EngineError, PhasesOnDevice};
 pub use crate::plan::{

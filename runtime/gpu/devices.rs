@@ -2,8 +2,8 @@
 
 use super::error::EngineError;
 use super::instance::{BASELINE, Instance, has, version_text};
-use super::tested::Record;
 use super::report::{DeviceKind, DeviceReport, Limits};
+use super::tested::Record;
 use ash::{khr, vk};
 
 /// A device with what is needed to open it.
@@ -219,7 +219,16 @@ mod tests {
             memory: 1 << 31,
             timestamp_period: 1.0,
         };
-        DeviceReport { index, name: name.into(), kind, driver: String::new(), api: "1.2.0".into(), limits, usable, tested: None }
+        DeviceReport {
+            index,
+            name: name.into(),
+            kind,
+            driver: String::new(),
+            api: "1.2.0".into(),
+            limits,
+            usable,
+            tested: None,
+        }
     }
 
     #[test]

@@ -55,9 +55,7 @@ impl Recorder {
         groups: Groups<'_>,
     ) -> Result<(), EngineError> {
         let end = |range: &Range<'_>| range.offset + range.size;
-        let meets = |a: &Range<'_>, b: &Range<'_>| {
-            a.block.raw == b.block.raw && a.offset < end(b) && b.offset < end(a)
-        };
+        let meets = |a: &Range<'_>, b: &Range<'_>| a.block.raw == b.block.raw && a.offset < end(b) && b.offset < end(a);
         // Ranges that overlap go together.
         let mut whole: Vec<Range<'_>> = Vec::new();
         for range in buffers {

@@ -72,7 +72,9 @@ impl FloatModes {
             }
             if code == ENTRY_POINT {
                 let entry = instruction[2];
-                made.extend(self.modes.iter().flat_map(|&(_, mode, width)| [4 << 16 | EXECUTION_MODE, entry, mode, width]));
+                made.extend(
+                    self.modes.iter().flat_map(|&(_, mode, width)| [4 << 16 | EXECUTION_MODE, entry, mode, width]),
+                );
             }
         }
         made

@@ -92,6 +92,8 @@ pub(crate) struct Recorder {
     recording: bool,
     /// Whether what is recorded is submitted in parts where it is long, and bytes that were recorded since the last.
     pub(crate) is_cut: bool,
+    /// Bytes from which on it is.
+    pub(crate) most_moved: u64,
     moved: Cell<u64>,
     /// The driver's `vkQueueSubmit`: where it first says that the device was lost.
     pub(crate) queue_submit: vk::PFN_vkQueueSubmit,
@@ -119,6 +121,7 @@ impl Recorder {
             regions: Vec::new(),
             recording: false,
             is_cut: false,
+            most_moved: SUBMISSION_BYTES,
             moved: Cell::new(0),
             queue_submit: device.raw.fp_v1_0().queue_submit,
             modern: device.synchronization2.clone(),
@@ -176,7 +179,7 @@ impl Recorder {
         if matches!(groups, Groups::These(groups) if groups.contains(&0)) {
             return Ok(());
         }
-        if self.is_cut && self.moved.get() > SUBMISSION_BYTES {
+        if self.is_cut && self.moved.get() > self.most_moved {
             self.cut()?;
         }
         #[cfg(test)]

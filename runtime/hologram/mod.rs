@@ -292,6 +292,7 @@ impl Hologram {
             rate_hz: None,
             portrait: self.height > self.width,
             encoding: Default::default(),
+            model: Default::default(),
         })
     }
 

@@ -2,6 +2,7 @@
 
 use super::color::Color;
 use super::encoding::Encoding;
+use super::model::{self, DisplayModel, ModelSections};
 use super::{Geometry, Optics, OpticsError};
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, path::Path};
@@ -31,6 +32,10 @@ pub struct Wavelength {
 /// [encoding]                     # what the SLM receives: docs/displays.md
 /// packing = "grey8"
 /// two_pi_level = { red = 218, green = 190.5, blue = 160 }
+///
+/// [model.green]                  # the display as it is: docs/displays.md
+/// fill = 0.96
+/// lag = 0.05
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Display {
@@ -56,6 +61,8 @@ pub struct Display {
     pub portrait: bool,
     /// How it takes its phases.
     pub encoding: Encoding,
+    /// What is known of it beyond the ideal display.
+    pub model: ModelSections,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -77,6 +84,8 @@ struct File {
     portrait: bool,
     #[serde(default)]
     encoding: Encoding,
+    #[serde(default, skip_serializing_if = "ModelSections::is_empty")]
+    model: ModelSections,
 }
 
 /// The shortest number that, in so many metres, is this length as nearly as any.
@@ -133,7 +142,10 @@ impl Display {
             rate_hz: read.rate_hz,
             portrait: read.portrait,
             encoding,
+            model: read.model,
         };
+        let colors: Vec<Color> = display.wavelengths.iter().map(|w| w.color).collect();
+        model::check(&display.model, &colors).map_err(&wrong)?;
         for w in &display.wavelengths {
             display.optics(w.color).map_err(|e| wrong(e.to_string()))?;
         }
@@ -153,6 +165,7 @@ impl Display {
             rate_hz: self.rate_hz,
             portrait: self.portrait,
             encoding: self.encoding.clone(),
+            model: self.model.clone(),
         };
         toml::to_string(&file).expect("a display has nothing that TOML cannot say")
     }
@@ -169,6 +182,11 @@ impl Display {
         })?;
         let optics = Optics::new(self.height, self.width, self.pitch, found.wavelength, self.focal_length)?;
         Ok(optics.in_geometry(self.geometry))
+    }
+
+    /// What it does to one of its colours.
+    pub fn model(&self, color: Color) -> DisplayModel {
+        model::of_color(&self.model, color)
     }
 
     /// Side of the eyebox that all its colours serve, metres: the shortest wavelength's (OPTICS 1), or the SLM's (OPTICS 9).
@@ -218,5 +236,41 @@ mod tests {
         assert!(error.contains("bench.toml") && error.contains("line 3") && error.contains("pich"), "{error}");
         let zero = text.replace("pich = 1\n", "").replace("520", "0");
         assert!(Display::from_toml(&zero, "b").unwrap_err().to_string().contains("wavelength"));
+    }
+
+    const BENCH: &str =
+        "resolution = [8, 8]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
+
+    #[test]
+    fn a_colour_s_terms_come_before_those_of_all_and_survive_the_file() {
+        let text = format!(
+            "{BENCH}[model.all]\nfill = 0.9\nlag = 0.1\nlevel = 1.05\n[model.green]\nlag = 0.05\niris = [0.1, -0.2, 1.01]\n\
+             wavefront = {{ 4 = 0.03, 12 = -0.01 }}\nfrom = \"40 pictures\"\ndate = \"2026-11-22\"\n\
+             [model.green.errors]\nlag = 0.002\n"
+        );
+        let display = Display::from_toml(&text, "b").unwrap();
+        let model = display.model(Color::Green);
+        assert_eq!((model.fill, model.lag, model.level), (0.9, 0.05, [[1.05; 3]; 3]));
+        assert_eq!((model.iris.x, model.iris.y, model.iris.scale), (0.1e-3, -0.2e-3, 1.01));
+        assert_eq!(model.wavefront, [(4, 0.03), (12, -0.01)].into());
+        assert_eq!(Display::from_toml(&display.to_toml(), "b").unwrap().model, display.model);
+        assert!(Display::from_toml(BENCH, "b").unwrap().model(Color::Green).is_ideal());
+    }
+
+    #[test]
+    fn a_model_that_cannot_be_is_refused_with_its_section() {
+        let cases = [
+            ("[model.red]\nlag = 0.1\n", "[model.red]: wavelengths_nm has no such colour"),
+            ("[model.all]\nwavefront = { 4 = 0.1 }\n", "waves of one colour"),
+            ("[model.green]\nlag = 2\n", "lag has 2: it must be 0 to 0.9"),
+            ("[model.green]\nlagg = 0.1\n", "lagg"),
+            ("[model.green]\nfill = nan\n", "fill has NaN"),
+            ("[model.green]\nwavefront = { tilt = 1 }\n", "ANSI index"),
+            ("[model.cyan]\nlag = 0.1\n", "cyan"),
+        ];
+        for (text, says) in cases {
+            let error = Display::from_toml(&format!("{BENCH}{text}"), "b").unwrap_err().to_string();
+            assert!(error.contains(says), "{error}");
+        }
     }
 }

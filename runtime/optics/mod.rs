@@ -11,6 +11,8 @@ mod encoding;
 mod focus;
 mod geometry;
 mod limits;
+mod model;
+mod model_tables;
 mod padding;
 mod presets;
 mod propagation;
@@ -19,6 +21,7 @@ mod pupil_distribution;
 mod reach;
 mod units;
 mod window;
+mod zernike;
 
 pub use color::Color;
 pub use display::{Display, Wavelength};
@@ -26,6 +29,7 @@ pub use encoding::{Channel, ChannelOrder, Correction, Encoding, Flip, Grating, O
 pub use focus::{Depth, depth_in_words, depth_of_dioptres, depths_in_words, dioptres, dioptres_in_words};
 pub use geometry::{Geometry, Optics, frequency_bin};
 pub use limits::check_usual_diameters;
+pub use model::{DisplayModel, Iris, Level, ModelOf, ModelSections, ModelTerms, Spread};
 pub use padding::Padding;
 pub(crate) use padding::{slow_sides, walk_off};
 pub use presets::{PRESETS, display_template, preset_about, preset_text};
@@ -35,6 +39,7 @@ pub use pupil::Pupil;
 pub use pupil_distribution::PupilDistribution;
 pub use reach::Reach;
 pub use window::{Window, WindowFactor, fast_size};
+pub use zernike::zernike;
 
 /// What can be wrong with a display, a pupil or a grid.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

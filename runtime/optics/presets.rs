@@ -147,6 +147,7 @@ impl Display {
             rate_hz: None,
             portrait: false,
             encoding,
+            model: Default::default(),
         })
     }
 }

@@ -4,6 +4,7 @@
 //! either side of a transform whose lines go through shared memory: what is before it is done where its values are fetched,
 //! what is behind it where they are put. The CPU engine has no twins of these: it runs neighbours of the list depth first.
 
+use super::lists::THROUGH_A_WINDOW;
 use super::{Dispatch, Kernel, Step};
 
 /// Pupils whose changes one kernel can gather.
@@ -53,21 +54,13 @@ pub(crate) fn ways(step: &Step, list: &[&Dispatch], fusable: Fusable) -> Vec<Way
     let ends_there = step.list.iter().all(|d| d.kernel != Kernel::ApplyFactor);
     for at in 0..list.len() {
         let here = |kernels: &[Kernel]| runs(&list[at..], kernels);
-        let window = [
-            Kernel::PassPupil,
-            Kernel::WindowInverse,
-            Kernel::Intensity,
-            Kernel::Compare,
-            Kernel::ApplyFactor,
-            Kernel::WindowForward,
-        ];
         let (way, count) = if ways[at] != Way::Alone {
             continue;
         } else if fusable.grid && here(&[Kernel::Modulate, Kernel::FieldForward]) {
             (Way::FieldFromPhases, 2)
-        } else if fusable.windows && here(&window) {
-            (Way::ThroughWindows, window.len())
-        } else if fusable.windows && ends_there && here(&window[..3]) {
+        } else if fusable.windows && here(&THROUGH_A_WINDOW) {
+            (Way::ThroughWindows, THROUGH_A_WINDOW.len())
+        } else if fusable.windows && ends_there && here(&THROUGH_A_WINDOW[..3]) {
             (Way::See, 3)
         } else {
             continue;

@@ -5,6 +5,16 @@ use crate::optics::Geometry;
 use eyebox_kernels::{adam, divide_by_overlap, energy, equalise_eyebox, fft::Columns, project, quantise};
 use std::ops::Range;
 
+/// What a step does in a pupil's window, from the spectrum to the image and back.
+pub(super) const THROUGH_A_WINDOW: [Kernel; 6] = [
+    Kernel::PassPupil,
+    Kernel::WindowInverse,
+    Kernel::Intensity,
+    Kernel::Compare,
+    Kernel::ApplyFactor,
+    Kernel::WindowForward,
+];
+
 impl Planner {
     /// One step of the projection (OPTICS 6b), `in_flight` values of window at a time.
     pub fn project_step(
@@ -190,22 +200,10 @@ impl Planner {
             if balanced {
                 step.list.push(Dispatch { kernel: Kernel::Overlap, pupil_passes: pupil_passes.clone() });
             }
-            step.over_pupil_passes(
-                pupil_passes,
-                &[
-                    Kernel::Transfer,
-                    Kernel::Taper,
-                    Kernel::Photograph,
-                    Kernel::Resample,
-                    Kernel::PassPupil,
-                    Kernel::WindowInverse,
-                    Kernel::Intensity,
-                    Kernel::Compare,
-                    Kernel::ApplyFactor,
-                    Kernel::WindowForward,
-                    Kernel::ReturnPupil,
-                ],
-            );
+            let target = [Kernel::Transfer, Kernel::Taper, Kernel::Photograph, Kernel::Resample];
+            step.over_pupil_passes(pupil_passes.clone(), &target);
+            step.over_pupil_passes(pupil_passes.clone(), &THROUGH_A_WINDOW);
+            step.over_pupil_passes(pupil_passes, &[Kernel::ReturnPupil]);
         }
         if balanced {
             step.list.push(whole(Kernel::DivideByOverlap));

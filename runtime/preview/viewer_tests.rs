@@ -2,7 +2,8 @@
 
 use super::*;
 use crate::engine::cpu::CpuEngine;
-use crate::engine::{Buffer, Engine, EngineError, Memory, Purpose, Shape, Step, Timing};
+use crate::engine::watched::Watched;
+use crate::engine::{Buffer, Engine, Purpose};
 use crate::evaluate::{self, Plane};
 use crate::hologram::{ColorHologram, Hologram};
 use crate::optics::{Color, Display, Geometry, Padding, Pupil, WindowFactor};
@@ -247,60 +248,6 @@ fn a_scene_is_photographed_through_the_same_pupil() {
     assert!(wait(&viewer, &alone, 2).unwrap_err().to_string().contains("the scene's"));
 }
 
-/// Takes so long that no picture of it is quick.
-struct Slow(CpuEngine);
-
-impl Engine for Slow {
-    fn describe(&self) -> String {
-        self.0.describe()
-    }
-
-    fn memory(&self) -> Memory {
-        self.0.memory()
-    }
-
-    fn load(&mut self, shape: &Shape, views: Option<Arc<scene::Pyramid>>) -> Result<(), EngineError> {
-        self.0.load(shape, views)
-    }
-
-    fn write(&mut self, buffer: Buffer, data: &[f32]) -> Result<(), EngineError> {
-        self.0.write(buffer, data)
-    }
-
-    fn read(&mut self, buffer: Buffer) -> Result<Vec<f32>, EngineError> {
-        self.0.read(buffer)
-    }
-
-    fn keep(&mut self, buffer: Buffer) -> Result<(), EngineError> {
-        self.0.keep(buffer)
-    }
-
-    fn kept(&mut self) -> Result<Vec<f32>, EngineError> {
-        self.0.kept()
-    }
-
-    fn restore(&mut self) -> Result<(), EngineError> {
-        self.0.restore()
-    }
-
-    fn clear_moments(&mut self) -> Result<(), EngineError> {
-        self.0.clear_moments()
-    }
-
-    fn run_part(&mut self, step: &Step, part: std::ops::Range<usize>) -> Result<Vec<f64>, EngineError> {
-        std::thread::sleep(Duration::from_millis(45));
-        self.0.run_part(step, part)
-    }
-
-    fn timings(&self) -> Vec<Timing> {
-        self.0.timings()
-    }
-
-    fn reset_timings(&mut self) {
-        self.0.reset_timings();
-    }
-}
-
 /// What follows an eye changes from set to set: on a slow machine nothing ever rests, and what is seen has its decibels.
 #[test]
 fn what_never_rests_is_compared_now_and_then() {
@@ -308,7 +255,13 @@ fn what_never_rests_is_compared_now_and_then() {
     let request = scene::Request { views: 3, ..scene::Request::new(&display, &COLORS[..1]) };
     let field = scene::load("builtin:still-life", &request).unwrap();
     let problem = Problem::new(&field, COLORS[0], &display, Padding::default()).unwrap();
-    let mut viewer = Viewer::start(Box::new(|| Ok(Box::new(Slow(CpuEngine::new())))), vec![problem]).unwrap();
+    // Takes so long that no picture of it is quick.
+    let slow = || {
+        std::thread::sleep(Duration::from_millis(45));
+        Ok(())
+    };
+    let engine = move || Ok(Box::new(Watched(CpuEngine::new(), slow)) as _);
+    let mut viewer = Viewer::start(Box::new(engine), vec![problem]).unwrap();
     let showing = |salt| {
         let mut one = hologram(salt);
         one.colors.truncate(1);

@@ -9,12 +9,13 @@ use super::tests::{cpu, encoder, part};
 use super::trace::Trace;
 use super::*;
 use crate::encode::Encoder;
-use crate::engine::{Backend, Buffer, Choice, Engine, EngineError, Shape, Step, Timing as EngineTiming};
+use crate::engine::cpu::CpuEngine;
+use crate::engine::watched::Watched;
+use crate::engine::{Backend, Choice, Engine, EngineError};
 use crate::gaze::{Estimator, Settings as GazeSettings};
 use crate::gpu::{Gpu, Options as GpuOptions, PixelOrder};
 use crate::optics::{Color, Display};
 use crate::present::{Clock, RealClock};
-use crate::scene::Pyramid;
 use crate::trackers::{
     About as TrackerAbout, Event, Quantity, Reading, Sample, Source, Stream, TrackerError, Unit, now_ns,
 };
@@ -173,63 +174,21 @@ fn options(
 }
 
 /// An engine that is lost after so many calls.
-struct Fails(Box<dyn Engine>, usize);
-
-impl Engine for Fails {
-    fn describe(&self) -> String {
-        self.0.describe()
-    }
-
-    fn load(&mut self, shape: &Shape, views: Option<Arc<Pyramid>>) -> Result<(), EngineError> {
-        self.0.load(shape, views)
-    }
-
-    fn write(&mut self, buffer: Buffer, data: &[f32]) -> Result<(), EngineError> {
-        self.0.write(buffer, data)
-    }
-
-    fn read(&mut self, buffer: Buffer) -> Result<Vec<f32>, EngineError> {
-        self.0.read(buffer)
-    }
-
-    fn keep(&mut self, buffer: Buffer) -> Result<(), EngineError> {
-        self.0.keep(buffer)
-    }
-
-    fn kept(&mut self) -> Result<Vec<f32>, EngineError> {
-        self.0.kept()
-    }
-
-    fn restore(&mut self) -> Result<(), EngineError> {
-        self.0.restore()
-    }
-
-    fn clear_moments(&mut self) -> Result<(), EngineError> {
-        self.0.clear_moments()
-    }
-
-    fn run_part(&mut self, step: &Step, part: std::ops::Range<usize>) -> Result<Vec<f64>, EngineError> {
-        if self.1 == 0 {
-            return Err(EngineError::DeviceLost { device: "a test".into(), during: "compare".into() });
-        }
-        self.1 -= 1;
-        self.0.run_part(step, part)
-    }
-
-    fn timings(&self) -> Vec<EngineTiming> {
-        self.0.timings()
-    }
-
-    fn reset_timings(&mut self) {
-        self.0.reset_timings();
-    }
+fn failing(calls: usize) -> Box<dyn Engine> {
+    let mut left = calls;
+    let lost = move || {
+        let lost = || EngineError::DeviceLost { device: "a test".into(), during: "compare".into() };
+        left = left.checked_sub(1).ok_or_else(lost)?;
+        Ok(())
+    };
+    Box::new(Watched(CpuEngine::new(), lost))
 }
 
 #[test]
 fn an_engine_that_is_lost_is_made_anew_and_then_given_up() {
     let whole = part();
     let short = move || {
-        let steerer = Steerer::new(vec![whole.clone()], Policy::default(), || Ok(Box::new(Fails(cpu()?, 4)) as _))?;
+        let steerer = Steerer::new(vec![whole.clone()], Policy::default(), || Ok(failing(4)))?;
         Ok((steerer, None))
     };
     let tracker = Arc::new(follow(&Notes::default(), |_| None));

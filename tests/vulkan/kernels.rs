@@ -314,7 +314,9 @@ fn every_subgroup_size() {
         }
         return;
     }
-    for width in ["128", "256", "512"] {
+    // This machine's own is what the other tests run with.
+    let own = (vulkan().gpu().report().limits.subgroup * 32).to_string();
+    for width in ["128", "256", "512"].into_iter().filter(|width| *width != own) {
         let tests = std::env::current_exe().expect("this test's file");
         let output = std::process::Command::new(tests)
             .env(WIDTH, width)

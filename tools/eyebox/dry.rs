@@ -38,7 +38,7 @@ pub fn run(args: &Bench, problem: Problem, settings: &Settings) -> Result<(), Fa
 /// Numbers of a step: of the first one, and the mean of the later half.
 type Row = (&'static str, u64, f64);
 
-fn rows(rehearsal: &Rehearsal) -> [Row; 11] {
+fn rows(rehearsal: &Rehearsal) -> [Row; 12] {
     let first = &rehearsal.steps[0];
     let row = |name, of: fn(&eyebox::solve::RehearsedStep) -> u64| (name, of(first), rehearsal.mean(of));
     [
@@ -48,6 +48,7 @@ fn rows(rehearsal: &Rehearsal) -> [Row; 11] {
         row("bytes_read", |s| s.recording.bytes()[0]),
         row("bytes_written", |s| s.recording.bytes()[1]),
         row("submissions", |s| s.recording.submissions() as u64),
+        row("waits_before_recording", |s| s.recording.stalls() as u64),
         row("bytes_up", |s| s.counts.uploaded),
         row("bytes_down", |s| s.counts.read_back),
         row("blocks_made", |s| s.counts.blocks),
@@ -57,7 +58,7 @@ fn rows(rehearsal: &Rehearsal) -> [Row; 11] {
 }
 
 fn print(rehearsal: &Rehearsal) {
-    println!("{} steps recorded, none run; of the submissions, the host waits for each", rehearsal.steps.len());
+    println!("{} steps recorded, none run", rehearsal.steps.len());
     println!("{:24} {:>14} {:>14}", "a step", "the first", "later half");
     for (name, first, later) in rows(rehearsal) {
         println!("{:24} {first:14} {later:14.1}", name.replace('_', " "));

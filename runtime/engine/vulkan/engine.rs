@@ -169,7 +169,7 @@ impl VulkanEngine {
         if self.shape.frames == 0 || list.is_empty() {
             return Ok(());
         }
-        flight.lay_out(step, &self.shape, self.views.as_ref(), self.gpu.dispatch_bytes());
+        flight.lay_out(step, &self.shape, self.views.as_ref());
         self.fit_flights()?;
         self.flights[next].tables.stage();
         self.arenas.fit(&mut self.gpu, step, &self.shape)?;
@@ -180,7 +180,13 @@ impl VulkanEngine {
         self.record(step, &list, judged, true)
     }
 
-    pub(super) fn record(&mut self, step: &Step, list: &[&Dispatch], judged: bool, runs: bool) -> Result<(), EngineError> {
+    pub(super) fn record(
+        &mut self,
+        step: &Step,
+        list: &[&Dispatch],
+        judged: bool,
+        runs: bool,
+    ) -> Result<(), EngineError> {
         let Self { stacks, arenas, flights, at, views, losses, verdict, transforms, shape, gpu, is_timed, .. } = self;
         let flight = &mut flights[*at];
         let answers = |d: &Dispatch| d.kernel.writes().any(|r| matches!(r, Resource::Losses | Resource::NotFinite));
@@ -469,11 +475,7 @@ impl Engine for VulkanEngine {
         self.land(at, self.flights[at].pupil_passes)
     }
 
-    fn prepare(
-        &mut self,
-        steps: &mut dyn Iterator<Item = Step>,
-        at_once: Option<usize>,
-    ) -> Result<(), EngineError> {
+    fn prepare(&mut self, steps: &mut dyn Iterator<Item = Step>, at_once: Option<usize>) -> Result<(), EngineError> {
         self.prepare_steps(steps, at_once)
     }
 

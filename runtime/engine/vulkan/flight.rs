@@ -105,10 +105,10 @@ impl Flight {
         }
     }
 
-    /// Finds these places, and packs the tables: a photograph goes in parts that move `most` bytes.
-    pub(super) fn lay_out(&mut self, step: &Step, shape: &Shape, views: Option<&Views>, most: u64) {
+    /// Finds these places, and packs the tables.
+    pub(super) fn lay_out(&mut self, step: &Step, shape: &Shape, views: Option<&Views>) {
         self.place(&step.pupil_passes);
-        self.tables.pack(&step.pupil_passes, &all_slots(step, shape), views, most);
+        self.tables.pack(&step.pupil_passes, &all_slots(step, shape), &self.offsets, views);
     }
 
     /// Whether what the host sees is large enough.

@@ -27,7 +27,13 @@ struct Case {
     step: Step,
 }
 
-fn case([height, width, padding]: [usize; 3], frames: usize, levels: usize, purpose: Purpose, storage: Storage) -> Case {
+fn case(
+    [height, width, padding]: [usize; 3],
+    frames: usize,
+    levels: usize,
+    purpose: Purpose,
+    storage: Storage,
+) -> Case {
     let slm = Optics::new(height, width, 8e-6, 520e-9, 0.4).unwrap();
     let mut planner = Planner { storage, levels, ..Planner::new(slm, frames, WindowFactor::Two) };
     if padding > 0 {
@@ -49,8 +55,7 @@ fn case([height, width, padding]: [usize; 3], frames: usize, levels: usize, purp
         Purpose::Adam => planner.adam_step(passes.to_vec(), usize::MAX, 3, 0.1),
         _ => planner.project_step(passes.to_vec(), 3000, 0.5, 2.0, 0.5),
     };
-    let step =
-        if levels > 0 { planner.with_equalised_eyebox(step, 0.8 * slm.eyebox(), 5, 0.4) } else { step };
+    let step = if levels > 0 { planner.with_equalised_eyebox(step, 0.8 * slm.eyebox(), 5, 0.4) } else { step };
     Case { planner, pyramid, purpose, step }
 }
 
@@ -114,6 +119,27 @@ fn every_kernel_keeps_to_its_ranges() {
         let is_written = of(a).chain(of(b)).any(|f| f.is_written);
         assert!(!is_written || of(a).chain(of(b)).all(|f| f.is_aliased), "{name}: bindings {a} and {b} may be one");
     }
+}
+
+/// A list in as many submissions as it has dispatches is the list: results, and times of all of it.
+#[test]
+fn a_list_in_parts_is_the_list() {
+    let case = case([44, 64, 0], 3, 0, Purpose::Project, Storage::F16);
+    let mut whole = VulkanEngine::new(&open(DeviceKind::Discrete)).unwrap();
+    let want = run(&mut whole, &case);
+    let mut cut = VulkanEngine::new(&open(DeviceKind::Discrete)).unwrap();
+    cut.pretend_slow();
+    cut.time_kernels(true);
+    // Whatever is cut once is cut again in the same command buffers.
+    for _ in 0..2 {
+        let before = cut.gpu().counts();
+        assert!(run(&mut cut, &case) == want);
+        assert!(cut.gpu().counts().since(before).submissions > 30, "{:?}", cut.gpu().counts());
+    }
+    assert!(cut.timings().iter().any(|t| t.kernel == crate::engine::Kernel::Project && t.calls == 4));
+    let messages = cut.gpu().messages();
+    drop((whole, cut));
+    assert_eq!(*messages.lock().unwrap(), Vec::<String>::new());
 }
 
 /// One binding that is seen as two kinds of values is two buffers that are one.

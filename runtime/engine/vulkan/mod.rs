@@ -19,9 +19,9 @@ mod flight;
 #[cfg(test)]
 mod guard_tests;
 mod layout;
+mod prepare;
 #[cfg(test)]
 mod pretend;
-mod prepare;
 mod record;
 mod self_test;
 mod tables;
@@ -31,5 +31,5 @@ mod views;
 
 pub use encode::VulkanEncoder;
 pub use engine::VulkanEngine;
-pub(super) use self_test::check as self_test;
 pub use fft::{Timed, Transforms};
+pub(super) use self_test::check as self_test;

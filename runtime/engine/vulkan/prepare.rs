@@ -31,8 +31,7 @@ impl VulkanEngine {
         seen: &mut HashSet<[usize; 2]>,
     ) -> Result<(), EngineError> {
         check(step, &(0..step.list.len()), &self.shape, self.views.as_ref())?;
-        let most = self.gpu.dispatch_bytes();
-        self.flights[self.at].lay_out(step, &self.shape, self.views.as_ref(), most);
+        self.flights[self.at].lay_out(step, &self.shape, self.views.as_ref());
         self.fit_flights()?;
         match at_once {
             Some(count) => self.arenas.fit_any(&mut self.gpu, &step.pupil_passes, count, &self.shape)?,

@@ -55,6 +55,11 @@ impl VulkanEngine {
         self.gpu.recorder.shows_half = true;
     }
 
+    /// From now on lists are cut before every dispatch.
+    pub(super) fn pretend_slow(&mut self) {
+        self.gpu.recorder.most_moved = 0;
+    }
+
     /// Sets barriers as a device without synchronization2 does.
     pub(super) fn pretend_old(&mut self) {
         self.gpu.recorder.modern = None;

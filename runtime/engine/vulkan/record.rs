@@ -1,11 +1,11 @@
 //! From an entry of the list to dispatches.
 
+mod batches;
 mod call;
 mod fused;
 mod fused_grid;
 mod fused_windows;
 mod hazards;
-mod photograph;
 mod shaders;
 mod single;
 mod stacks;

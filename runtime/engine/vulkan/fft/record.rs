@@ -299,12 +299,18 @@ impl Fft {
 /// Columns that wrap, from an even one on and as many as go in pairs: one more may be transformed on either side. Nobody
 /// reads what becomes of it on the way forward, and it is zero on the way back. Of an odd width, whose rows are not
 /// aligned, none go in pairs.
-pub(in super::super) fn outward(first: u32, count: u32, width: u32) -> (u32, u32) {
+fn outward(first: u32, count: u32, width: u32) -> (u32, u32) {
     if count == 0 || !width.is_multiple_of(2) {
         return (first, count);
     }
     let even = first & !1;
     (even, (first - even + count).next_multiple_of(2).min(width))
+}
+
+/// The same of frames so wide: the first, and how many.
+pub(in super::super) fn in_use(columns: Columns, width: usize) -> [u32; 2] {
+    let (first, used) = outward((columns.first % width.max(1)) as u32, columns.count as u32, width as u32);
+    [first, used]
 }
 
 /// A plan with its tables.

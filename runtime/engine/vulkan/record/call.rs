@@ -151,10 +151,21 @@ impl<'a> Call<'_, 'a> {
 
     /// How a buffer lies; where nothing is quantised, the phases are what is shown.
     pub(super) fn layout(&self, resource: Resource) -> Result<Layout, EngineError> {
-        match slot_layout(resource) {
-            Some(at) => self.slots.get(self.at).map(|slot| slot[at]).ok_or_else(|| self.missing(resource)),
-            None => Ok(self.work.stacks.find(self.alias(resource)).ok_or_else(|| self.missing(resource))?.layout),
+        match resource.is_shared() {
+            false => self.layout_of(resource, self.at),
+            true => Ok(self.work.stacks.find(self.alias(resource)).ok_or_else(|| self.missing(resource))?.layout),
         }
+    }
+
+    /// How a buffer of one of the dispatch's pupil passes lies.
+    pub(super) fn layout_of(&self, resource: Resource, at: usize) -> Result<Layout, EngineError> {
+        let slot = slot_layout(resource).zip(self.slots.get(at));
+        slot.map(|(kind, slot)| slot[kind]).ok_or_else(|| self.missing(resource))
+    }
+
+    /// One of the dispatch's pupil passes.
+    pub(super) fn pass(&self, at: usize) -> &'a PupilPass {
+        &self.step.pupil_passes[self.dispatch.pupil_passes.start + at]
     }
 
     fn alias(&self, resource: Resource) -> Resource {
@@ -170,18 +181,15 @@ impl<'a> Call<'_, 'a> {
     ) -> Result<Option<Range<'a>>, EngineError> {
         let Work { stacks, arenas, tables, losses, .. } = &*self.work;
         let index = self.dispatch.pupil_passes.start + self.at;
-        let table = || tables.pupil_pass(index);
-        let place = match resource {
-            Resource::Spans => Some(table().spans),
-            Resource::TaperWeights => table().taper,
-            Resource::RowWeights => Some(table().rows),
-            Resource::ColumnWeights => Some(table().columns),
+        match resource {
+            Resource::Spans | Resource::TaperWeights => tables.bound(index, resource).transpose(),
+            // What kernels over several pupils find in their own tables.
+            Resource::Views | Resource::Taps | Resource::RowWeights | Resource::ColumnWeights => Ok(None),
             Resource::Losses => {
                 let parts = self.step.pupil_passes[index].loss_parts() as u64;
-                return Ok(losses.map(|(block, offsets)| block.range(offsets[index], 4 * parts)));
+                Ok(losses.map(|(block, offsets)| block.range(offsets[index], 4 * parts)))
             }
-            Resource::NotFinite => return Ok(losses.map(|(block, _)| block.range(0, 4))),
-            Resource::Views | Resource::Taps => return Ok(None),
+            Resource::NotFinite => Ok(losses.map(|(block, _)| block.range(0, 4))),
             _ => {
                 let (first, count) = if resource.per_frame().is_some() { (first, count) } else { (0, 1) };
                 if slot_layout(resource).is_some() {
@@ -189,10 +197,9 @@ impl<'a> Call<'_, 'a> {
                     return arenas.frames(resource, slot, first, count).map(Some);
                 }
                 let stack = stacks.find(self.alias(resource)).ok_or_else(|| self.missing(resource))?;
-                return Ok(Some(stack.layout.range(&stack.block, first, count)));
+                Ok(Some(stack.layout.range(&stack.block, first, count)))
             }
-        };
-        place.map(|place| tables.range(place)).transpose()
+        }
     }
 
     pub(super) fn missing(&self, resource: Resource) -> EngineError {

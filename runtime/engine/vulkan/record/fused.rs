@@ -1,13 +1,13 @@
 //! Fused kernels: what stands before and behind a transform, done where its lines are read and written.
 
-use super::super::fft::{Along, Frames, Planned, outward, plan_limits};
+use super::super::fft::{Along, Frames, Planned, plan_limits};
 use super::call::{Call, Work, frames_of};
 use crate::engine::{Dispatch, EngineError, Kernel, PupilPass, Resource};
 use crate::gpu::Range;
 use crate::plan::fusion::{Fusable, Way, ways};
 use crate::plan::{Access, Move};
 use bytemuck::Pod;
-use eyebox_kernels::fft::{Columns, Direction};
+use eyebox_kernels::fft::Direction;
 use eyebox_kernels::fft_plan::{Axis, Shared, Together};
 use eyebox_spirv::Module;
 use std::sync::Arc;
@@ -65,12 +65,6 @@ impl Work<'_> {
 
     pub(super) fn together(&self, along: &Planned, n: usize) -> Option<Together> {
         along.shared()?.together(n as u32, self.shape.frames as u32, &plan_limits(self.gpu))
-    }
-
-    /// Columns in use of frames so wide, as transforms round them.
-    pub(super) fn in_use(&self, columns: Columns, width: usize) -> [u32; 2] {
-        let (first, used) = outward((columns.first % width.max(1)) as u32, columns.count as u32, width as u32);
-        [first, used]
     }
 
     /// Workgroups for so many rows.

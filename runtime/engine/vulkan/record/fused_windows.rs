@@ -1,6 +1,6 @@
 //! The pupils' windows, fused: from the spectrum to the loss, and back to the windows' spectra.
 
-use super::super::fft::{Along, shared_constants};
+use super::super::fft::{Along, in_use, shared_constants};
 use super::call::Call;
 use super::fused::Lines;
 use crate::engine::{EngineError, PupilPass, Resource};
@@ -99,7 +99,7 @@ impl<'a> Call<'_, 'a> {
     fn pass_columns(&mut self, pass: &PupilPass) -> Result<(), EngineError> {
         let planned = self.planned(pass.window.rows, Axis::ColumnPairs)?;
         let Some(shared) = planned.shared() else { return Ok(()) };
-        let columns = self.work.in_use(pass.columns, pass.window.columns);
+        let columns = in_use(pass.columns, pass.window.columns);
         let [spectrum, window] = [Resource::Field, Resource::Window].map(|r| self.layout(r));
         let [spectrum_stride, window_stride] = [spectrum?.stride() as u32, window?.stride() as u32];
         let args = PassArguments { pass: pass.pass, columns, spectrum_stride, window_stride };
@@ -135,7 +135,7 @@ impl<'a> Call<'_, 'a> {
         let Some(together) = self.work.together(&planned, pass.window.columns) else { return Ok(()) };
         let Shared { threads, lines, .. } = together.shared;
         let frames = self.shape.frames as u32;
-        let columns = self.work.in_use(pass.columns, pass.window.columns);
+        let columns = in_use(pass.columns, pass.window.columns);
         let layout = self.layout(Resource::Window)?;
         let compare = &pass.compare;
         let args = CompareArguments {

@@ -1,0 +1,275 @@
+//! The display as it is: what a real SLM and relay do to the light, one model a colour (OPTICS 10).
+
+use super::Color;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// How fast crosstalk between pixels falls off towards one side: its transfer is exp(-(|k| / sigma)^q).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(from = "[f64; 2]", into = "[f64; 2]")]
+pub struct Spread {
+    /// The exponent.
+    pub q: f64,
+    /// Cycles per pixel.
+    pub sigma: f64,
+}
+
+impl From<[f64; 2]> for Spread {
+    fn from([q, sigma]: [f64; 2]) -> Self {
+        Self { q, sigma }
+    }
+}
+
+impl From<Spread> for [f64; 2] {
+    fn from(spread: Spread) -> Self {
+        [spread.q, spread.sigma]
+    }
+}
+
+/// The iris as it is: it stands at `scale` times the place that was asked for, plus (x, y), and is `scale` times as wide.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Iris {
+    /// Offset to the right, metres.
+    pub x: f64,
+    /// Offset down, metres.
+    pub y: f64,
+    /// A factor; an error of the focal length acts the same.
+    pub scale: f64,
+}
+
+/// What a real SLM and its relay do to the light of one colour, by the names of OPTICS 10. The default is the ideal display,
+/// and every term that stands at its default costs nothing.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct DisplayModel {
+    /// Phase at full drive in units of 2 pi, at 3 x 3 nodes (rows from the top, columns from the left), bilinear between.
+    pub level: [[f64; 3]; 3],
+    /// Bend of the look-up table, radians: b1 sin w + b2 (1 - cos w).
+    pub bend: [f64; 2],
+    /// Share h of the sub-frame before that is still seen.
+    pub lag: f64,
+    /// Crosstalk towards -y, +y, -x and +x.
+    pub crosstalk: Option<[Spread; 4]>,
+    /// Linear fill of the pixel, the root of its fill factor; 0 is a point.
+    pub fill: f64,
+    /// ln of the source's amplitude along x, y, x^2, x y, y^2; x and y run from -1 to 1 over the SLM.
+    pub source: [f64; 5],
+    /// Undiffracted light: real and imaginary part of its amplitude; its phase in radians along x, y, x^2 + y^2.
+    pub undiffracted: [f64; 5],
+    /// Wavefront of the relay: ANSI index of a Zernike polynomial and waves of this colour, RMS, over the disc whose radius
+    /// is half the eyebox of the display's shortest wavelength.
+    pub wavefront: BTreeMap<u32, f64>,
+    /// Where the iris is.
+    pub iris: Iris,
+}
+
+impl Default for DisplayModel {
+    fn default() -> Self {
+        Self {
+            level: [[1.0; 3]; 3],
+            bend: [0.0; 2],
+            lag: 0.0,
+            crosstalk: None,
+            fill: 0.0,
+            source: [0.0; 5],
+            undiffracted: [0.0; 5],
+            wavefront: BTreeMap::new(),
+            iris: Iris { x: 0.0, y: 0.0, scale: 1.0 },
+        }
+    }
+}
+
+impl DisplayModel {
+    /// Whether every term is off.
+    pub fn is_ideal(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// What is wrong with it, in words.
+    pub(super) fn check(&self) -> Result<(), String> {
+        let within = |name: &str, values: &[f64], low: f64, high: f64| {
+            let wrong = values.iter().find(|v| !(low..=high).contains(*v));
+            wrong.map_or(Ok(()), |v| Err(format!("{name} has {v}: it must be {low} to {high}")))
+        };
+        within("level", self.level.as_flattened(), 0.2, 3.0)?;
+        within("bend", &self.bend, -1.0, 1.0)?;
+        within("lag", &[self.lag], 0.0, 0.9)?;
+        for spread in self.crosstalk.iter().flatten() {
+            within("crosstalk's q", &[spread.q], 0.3, 4.0)?;
+            within("crosstalk's sigma", &[spread.sigma], 0.1, 100.0)?;
+        }
+        within("fill", &[self.fill], 0.0, 1.0)?;
+        within("source", &self.source, -5.0, 5.0)?;
+        within("undiffracted's amplitude", &self.undiffracted[..2], -0.7, 0.7)?;
+        within("undiffracted's phase", &self.undiffracted[2..], -100.0, 100.0)?;
+        for (j, waves) in &self.wavefront {
+            if *j > 65 {
+                return Err(format!(
+                    "wavefront names polynomial {j}: the ANSI index must be 0 to 65 (the tenth order)"
+                ));
+            }
+            within("wavefront", &[*waves], -20.0, 20.0)?;
+        }
+        within("iris's offset in mm", &[self.iris.x * 1e3, self.iris.y * 1e3], -20.0, 20.0)?;
+        within("iris's scale", &[self.iris.scale], 0.5, 2.0)
+    }
+}
+
+/// Level of 2 pi in a file: one number for the whole SLM, or 3 x 3 nodes.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Level {
+    /// Everywhere the same.
+    Even(f64),
+    /// At the corners, the middles of the sides and the centre.
+    Nodes([[f64; 3]; 3]),
+}
+
+impl Level {
+    /// At 3 x 3 nodes.
+    pub fn nodes(self) -> [[f64; 3]; 3] {
+        match self {
+            Self::Even(level) => [[level; 3]; 3],
+            Self::Nodes(nodes) => nodes,
+        }
+    }
+}
+
+/// A section of `[model]` in a display file: the terms that are known of one colour, or of all.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
+pub struct ModelTerms {
+    /// [`DisplayModel::level`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub level: Option<Level>,
+    /// [`DisplayModel::bend`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bend: Option<[f64; 2]>,
+    /// [`DisplayModel::lag`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lag: Option<f64>,
+    /// [`DisplayModel::crosstalk`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub crosstalk: Option<[Spread; 4]>,
+    /// [`DisplayModel::fill`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fill: Option<f64>,
+    /// [`DisplayModel::source`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub source: Option<[f64; 5]>,
+    /// [`DisplayModel::undiffracted`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub undiffracted: Option<[f64; 5]>,
+    /// [`DisplayModel::wavefront`]; waves of the section's colour, so not of all.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty", with = "indices")]
+    pub wavefront: BTreeMap<u32, f64>,
+    /// [`DisplayModel::iris`]: x and y in millimetres, scale.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub iris: Option<[f64; 3]>,
+    /// Who says so: a data sheet, a fit of so many pictures.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub from: String,
+    /// When, as year-month-day.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub date: String,
+    /// Standard errors of the terms, where they were fitted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub errors: Option<Box<ModelTerms>>,
+}
+
+/// TOML's keys are words.
+mod indices {
+    use serde::{Deserialize, Deserializer, Serializer, de::Error};
+    use std::collections::BTreeMap;
+
+    pub fn serialize<S: Serializer>(terms: &BTreeMap<u32, f64>, to: S) -> Result<S::Ok, S::Error> {
+        to.collect_map(terms.iter().map(|(j, waves)| (j.to_string(), waves)))
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<BTreeMap<u32, f64>, D::Error> {
+        let named = BTreeMap::<String, f64>::deserialize(from)?;
+        let index = |(name, waves): (String, f64)| match name.parse() {
+            Ok(j) => Ok((j, waves)),
+            Err(_) => Err(D::Error::custom(format!("'{name}' is no ANSI index of a Zernike polynomial"))),
+        };
+        named.into_iter().map(index).collect()
+    }
+}
+
+/// Whose a section of `[model]` is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ModelOf {
+    /// Every colour's that has no such term of its own.
+    All,
+    /// The red one's.
+    Red,
+    /// The green one's.
+    Green,
+    /// The blue one's.
+    Blue,
+}
+
+impl From<Color> for ModelOf {
+    fn from(color: Color) -> Self {
+        match color {
+            Color::Red => Self::Red,
+            Color::Green => Self::Green,
+            Color::Blue => Self::Blue,
+        }
+    }
+}
+
+impl ModelTerms {
+    /// Puts the terms that are known here in the place of a model's.
+    fn apply(&self, model: &mut DisplayModel) {
+        fn put<T: Copy>(known: Option<T>, term: &mut T) {
+            *term = known.unwrap_or(*term);
+        }
+        put(self.level.map(Level::nodes), &mut model.level);
+        put(self.bend, &mut model.bend);
+        put(self.lag, &mut model.lag);
+        put(self.crosstalk.map(Some), &mut model.crosstalk);
+        put(self.fill, &mut model.fill);
+        put(self.source, &mut model.source);
+        put(self.undiffracted, &mut model.undiffracted);
+        put(self.iris.map(|[x, y, scale]| Iris { x: x * 1e-3, y: y * 1e-3, scale }), &mut model.iris);
+        if !self.wavefront.is_empty() {
+            model.wavefront.clone_from(&self.wavefront);
+        }
+    }
+}
+
+/// `[model]` of a display file.
+pub type ModelSections = BTreeMap<ModelOf, ModelTerms>;
+
+/// The model of a colour by the sections of a file.
+pub(super) fn of_color(sections: &ModelSections, color: Color) -> DisplayModel {
+    let mut model = DisplayModel::default();
+    for terms in [ModelOf::All, color.into()].iter().filter_map(|of| sections.get(of)) {
+        terms.apply(&mut model);
+    }
+    model
+}
+
+/// What is wrong with the sections of a file that is of these colours, in words.
+pub(super) fn check(sections: &ModelSections, colors: &[Color]) -> Result<(), String> {
+    for (of, terms) in sections {
+        let name = toml::Value::try_from(of).map_or_else(|_| String::new(), |v| v.as_str().unwrap_or_default().into());
+        let wrong = |reason: String| format!("[model.{name}]: {reason}");
+        if *of == ModelOf::All && !terms.wavefront.is_empty() {
+            return Err(wrong("wavefront is in waves of one colour: give it under that colour".into()));
+        }
+        if *of != ModelOf::All && !colors.iter().any(|c| ModelOf::from(*c) == *of) {
+            return Err(wrong("wavelengths_nm has no such colour".into()));
+        }
+        if terms.errors.as_ref().is_some_and(|errors| errors.errors.is_some()) {
+            return Err(wrong("errors have no errors of their own".into()));
+        }
+        let mut model = DisplayModel::default();
+        terms.apply(&mut model);
+        model.check().map_err(wrong)?;
+    }
+    Ok(())
+}

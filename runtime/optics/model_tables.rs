@@ -1,0 +1,232 @@
+//! The terms of a [`DisplayModel`] as numbers per pixel, sub-frame and frequency, in float64 (OPTICS 10).
+
+use super::model::{DisplayModel, Spread};
+use super::{Pupil, zernike};
+use eyebox_kernels::{Complex64, fft};
+use std::f64::consts::PI;
+
+/// Place of a pixel from -1 to 1 over an SLM of `count` pixels along an axis.
+fn place(pixel: usize, count: usize) -> f64 {
+    (2 * pixel + 1) as f64 / count as f64 - 1.0
+}
+
+/// `value(x, y)` at each pixel of `height` x `width`, row-major; x and y run from -1 to 1 over the SLM.
+fn per_pixel<T>(height: usize, width: usize, value: impl Fn(f64, f64) -> T) -> Vec<T> {
+    (0..height * width).map(|i| value(place(i % width, width), place(i / width, height))).collect()
+}
+
+/// `sin(pi x) / (pi x)`.
+fn sinc(x: f64) -> f64 {
+    if x == 0.0 { 1.0 } else { (PI * x).sin() / (PI * x) }
+}
+
+impl DisplayModel {
+    /// Phase at full drive in units of 2 pi, of each pixel: (height, width).
+    pub fn level_map(&self, height: usize, width: usize) -> Vec<f64> {
+        let hat = |at: f64| [-1.0, 0.0, 1.0].map(|node: f64| (1.0 - (at - node).abs()).max(0.0));
+        per_pixel(height, width, |x, y| {
+            let (along_y, along_x) = (hat(y), hat(x));
+            let row = |nodes: &[f64; 3]| nodes.iter().zip(along_x).map(|(node, share)| node * share).sum::<f64>();
+            self.level.iter().zip(along_y).map(|(nodes, share)| row(nodes) * share).sum()
+        })
+    }
+
+    /// Phase w' in radians that a drive of `w` radians in 0 .. 2 pi gives where the level is `level`, and its slope dw'/dw.
+    pub fn look_up(&self, w: f64, level: f64) -> (f64, f64) {
+        let ([b1, b2], (sin, cos)) = (self.bend, w.sin_cos());
+        (level * w + b1 * sin + b2 * (1.0 - cos), level + b1 * cos + b2 * sin)
+    }
+
+    /// Share of the sub-frame `k` before in what is seen of one, for k = 0 .. frames: the steady state of a set of so many
+    /// sub-frames that repeats.
+    pub fn lag_shares(&self, frames: usize) -> Vec<f64> {
+        let h = self.lag;
+        (0..frames as i32).map(|k| (1.0 - h) * h.powi(k) / (1.0 - h.powi(frames as i32))).collect()
+    }
+
+    /// The crosstalk kernel along y and along x of a grid of `height` x `width` pixels of `subpixels` each along an axis:
+    /// `height * subpixels` and `width * subpixels` values in the order of the DFT (sub-pixel 0 first, then those towards
+    /// +, those towards - last), with the sum 1. None without crosstalk.
+    pub fn crosstalk_kernels(&self, height: usize, width: usize, subpixels: usize) -> Option<[Vec<f64>; 2]> {
+        let [up, down, left, right] = self.crosstalk?;
+        Some([kernel(height, subpixels, up, down), kernel(width, subpixels, left, right)])
+    }
+
+    /// Amplitude of the source at each pixel, (height, width): its mean square is 1.
+    pub fn source_amplitude(&self, height: usize, width: usize) -> Vec<f64> {
+        let [cx, cy, cxx, cxy, cyy] = self.source;
+        let amplitude = |x: f64, y: f64| (cx * x + cy * y + cxx * x * x + cxy * x * y + cyy * y * y).exp();
+        let mut all = per_pixel(height, width, amplitude);
+        let root = (all.iter().map(|a| a * a).sum::<f64>() / all.len() as f64).sqrt();
+        all.iter_mut().for_each(|a| *a /= root);
+        all
+    }
+
+    /// `sqrt(1 - |eta|^2)`: the part of the source's amplitude that the pixels modulate.
+    pub fn modulated_share(&self) -> f64 {
+        let [re, im, ..] = self.undiffracted;
+        (1.0 - re * re - im * im).max(0.0).sqrt()
+    }
+
+    /// `eta exp(i psi)` at each pixel, (height, width): the part of the source's amplitude that they do not modulate.
+    pub fn undiffracted_share(&self, height: usize, width: usize) -> Vec<Complex64> {
+        let [re, im, px, py, pr] = self.undiffracted;
+        per_pixel(height, width, |x, y| Complex64::new(re, im) * Complex64::cis(px * x + py * y + pr * (x * x + y * y)))
+    }
+
+    /// Factor of a pixel's aperture along one axis, at `k` cycles per pixel (-0.5 to 0.5), on a field of `subpixels` values
+    /// a pixel: `sinc(b k) / d_P(k) exp(i pi k (P - 1) / P)`. Both axes' factors multiply.
+    ///
+    /// Where the fill is 0 pixels are points, and the sinc is 1.
+    pub fn pixel_aperture(&self, k: f64, subpixels: usize) -> Complex64 {
+        let p = subpixels as f64;
+        Complex64::from_polar(self.pixel_sinc(k, subpixels), PI * k * (p - 1.0) / p)
+    }
+
+    /// The same without the phase, which belongs to a field whose first value stands at the pixel's edge.
+    pub(crate) fn pixel_sinc(&self, k: f64, subpixels: usize) -> f64 {
+        let p = subpixels as f64;
+        let done = if k == 0.0 { 1.0 } else { (PI * k).sin() / (p * (PI * k / p).sin()) };
+        sinc(self.fill * k) / done
+    }
+
+    /// The relay's wavefront at (x, y) metres of the pupil plane, in turns of the model's wavelength; `radius` is half the
+    /// eyebox of the display's shortest wavelength, metres.
+    pub fn wavefront_turns(&self, x: f64, y: f64, radius: f64) -> f64 {
+        self.wavefront.iter().map(|(&j, waves)| waves * zernike(j, x / radius, y / radius)).sum()
+    }
+
+    /// The iris as it really is when `pupil` is asked for: used everywhere, in the share of the eyebox too.
+    pub fn true_pupil(&self, pupil: &Pupil) -> Pupil {
+        let iris = self.iris;
+        Pupil {
+            x: pupil.x * iris.scale + iris.x,
+            y: pupil.y * iris.scale + iris.y,
+            diameter: pupil.diameter * iris.scale,
+            depth: pupil.depth,
+        }
+    }
+}
+
+/// The kernel along one axis. Each half axis' transfer is averaged over a sub-pixel twice: over what drives, and over what is
+/// driven.
+fn kernel(pixels: usize, subpixels: usize, below: Spread, above: Spread) -> Vec<f64> {
+    let (count, p) = (pixels * subpixels, subpixels as f64);
+    let side = |spread: Spread| {
+        // Beyond this many cycles per pixel nothing is left in float64; and never more than 100 orders.
+        let reach = spread.sigma * 40f64.powf(1.0 / spread.q);
+        let orders = (reach / p).ceil().min(100.0) as i64 + 1;
+        let transfer = |i: usize| {
+            let k = super::frequency_bin(i as i64, count) as f64 * p / count as f64;
+            let order = |l: i64| {
+                let l = l as f64;
+                sinc(k / p + l).powi(2) * (-((k + l * p).abs() / spread.sigma).powf(spread.q)).exp()
+            };
+            (-orders..=orders).map(order).sum::<f64>()
+        };
+        let mut line: Vec<Complex64> = (0..count).map(|i| Complex64::new(transfer(i), 0.0)).collect();
+        fft::transform_f64(&mut line, count, fft::Direction::Inverse);
+        line.into_iter().map(|z| z.re / count as f64).collect::<Vec<f64>>()
+    };
+    let (below, above) = (side(below), side(above));
+    let mut kernel: Vec<f64> = (0..count)
+        .map(|i| match super::frequency_bin(i as i64, count) {
+            0 => (below[i] + above[i]) / 2.0,
+            n if n < 0 => below[i],
+            _ => above[i],
+        })
+        .collect();
+    let sum: f64 = kernel.iter().sum();
+    kernel.iter_mut().for_each(|v| *v /= sum);
+    kernel
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::model::Iris;
+    use super::*;
+
+    fn near(got: &[f64], want: &[f64]) {
+        for (i, (got, want)) in got.iter().zip(want).enumerate() {
+            assert!((got - want).abs() < 1e-11, "{i}: {got}, not {want}");
+        }
+    }
+
+    fn spectrum(kernel: &[f64]) -> Vec<Complex64> {
+        let mut line: Vec<Complex64> = kernel.iter().map(|v| Complex64::new(*v, 0.0)).collect();
+        let count = line.len();
+        fft::transform_f64(&mut line, count, fft::Direction::Forward);
+        line
+    }
+
+    /// Numbers of the same definitions in float64 NumPy.
+    #[test]
+    fn tables_are_those_of_the_equations() {
+        let model = DisplayModel {
+            fill: 0.9,
+            level: [[0.9, 1.0, 1.1], [1.0, 1.05, 0.95], [1.2, 1.0, 0.8]],
+            source: [0.1, -0.2, -0.3, 0.05, -0.4],
+            undiffracted: [0.15, 0.1, 0.2, -0.1, 0.3],
+            ..DisplayModel::default()
+        };
+        near(&model.level_map(5, 6)[..7], &[0.935, 0.965, 0.995, 1.02, 1.04, 1.06, 0.9716666666666667]);
+        let source = model.source_amplitude(5, 6);
+        assert!((source.iter().map(|a| a * a).sum::<f64>() / 30.0 - 1.0).abs() < 1e-12);
+        let modulated: Vec<f64> = source.iter().map(|a| a * model.modulated_share()).collect();
+        near(&modulated[..3], &[0.8379372925619094, 0.9767948018169655, 1.0652270711919458]);
+        let rest = model.undiffracted_share(5, 6)[1] * source[1];
+        near(&[rest.re, rest.im], &[0.12015885794389353, 0.13271270880217115]);
+        // Bin 1 of 5 rows, and bin 2 of 6 columns, on 2 x 2 sub-pixels; bin 2 of 5 and bin 1 of 6 on one.
+        let two = model.pixel_aperture(0.2, 2) * model.pixel_aperture(2.0 / 6.0, 2);
+        near(&[two.re, two.im], &[0.6607885435787886, 0.733880026154358]);
+        let one = model.pixel_aperture(0.4, 1) * model.pixel_aperture(1.0 / 6.0, 1);
+        near(&[one.re, one.im], &[0.7707594111456598, 0.0]);
+    }
+
+    #[test]
+    fn crosstalk_is_that_of_the_equations() {
+        let (below, above) = (Spread { q: 1.2, sigma: 2.03 }, Spread { q: 1.5, sigma: 1.1 });
+        let model = DisplayModel { crosstalk: Some([below, above, above, below]), ..DisplayModel::default() };
+        let wants = [
+            (1, [(1.0, 0.0), (0.919836722693, -0.021899046268), (0.785212540083, -0.029220763912)]),
+            (2, [(1.0, 0.0), (0.943117413764, -0.024187958426), (0.845198467386, -0.044617145204)]),
+            (3, [(1.0, 0.0), (0.950255429476, -0.024477785881), (0.868446440102, -0.046927849835)]),
+        ];
+        for (subpixels, want) in wants {
+            let [along_y, along_x] = model.crosstalk_kernels(7, 7, subpixels).unwrap();
+            for (got, (re, im)) in spectrum(&along_y).iter().zip(want) {
+                near(&[got.re, got.im], &[re, im]);
+            }
+            // The sides are the other way round along x; of an even number the last belongs to the side below.
+            if subpixels != 2 {
+                near(&along_x[1..], &along_y[1..].iter().rev().copied().collect::<Vec<_>>());
+            }
+        }
+        assert_eq!(DisplayModel::default().crosstalk_kernels(7, 7, 1), None);
+    }
+
+    #[test]
+    fn the_table_has_its_slope_and_lag_keeps_the_light() {
+        let model = DisplayModel { bend: [0.1, -0.05], lag: 0.2, ..DisplayModel::default() };
+        for w in [0.1, 2.0, 5.5] {
+            let numeric = (model.look_up(w + 1e-6, 1.1).0 - model.look_up(w - 1e-6, 1.1).0) / 2e-6;
+            assert!((model.look_up(w, 1.1).1 - numeric).abs() < 1e-8);
+        }
+        let shares = model.lag_shares(8);
+        assert!((shares.iter().sum::<f64>() - 1.0).abs() < 1e-14 && (shares[1] / shares[0] - 0.2).abs() < 1e-14);
+        assert_eq!(DisplayModel::default().lag_shares(3), [1.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn the_relay_is_where_and_what_it_says() {
+        let model = DisplayModel {
+            wavefront: [(4, 0.5), (7, -0.25)].into(),
+            iris: Iris { x: 1e-3, y: -2e-3, scale: 1.1 },
+            ..DisplayModel::default()
+        };
+        let turns = model.wavefront_turns(3.3e-3, -7.7e-3, 11e-3);
+        assert!((turns - 0.5 * 0.2771281292110202 + 0.25 * 0.5147737367038071).abs() < 1e-12);
+        let mm = model.true_pupil(&Pupil::from_mm([2.0, 3.0, 4.0, 5.0])).to_mm();
+        near(&mm, &[3.2, 1.3, 4.4, 5.0]);
+    }
+}
