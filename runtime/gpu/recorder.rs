@@ -95,6 +95,8 @@ pub(crate) struct Recorder {
     /// Bytes from which on it is.
     pub(crate) most_moved: u64,
     moved: Cell<u64>,
+    /// Whether the next dispatch belongs to what is before it.
+    pub(crate) is_held: bool,
     /// The driver's `vkQueueSubmit`: where it first says that the device was lost.
     pub(crate) queue_submit: vk::PFN_vkQueueSubmit,
     /// The newer barriers, where the device has them.
@@ -123,6 +125,7 @@ impl Recorder {
             is_cut: false,
             most_moved: SUBMISSION_BYTES,
             moved: Cell::new(0),
+            is_held: false,
             queue_submit: device.raw.fp_v1_0().queue_submit,
             modern: device.synchronization2.clone(),
             device: Arc::clone(device),
@@ -151,6 +154,7 @@ impl Recorder {
         self.at = next;
         self.slots[next].begin(marks)?;
         self.moved.set(0);
+        self.is_held = false;
         self.recording = true;
         if self.over < self.submitted {
             self.barrier();
@@ -179,8 +183,8 @@ impl Recorder {
         if matches!(groups, Groups::These(groups) if groups.contains(&0)) {
             return Ok(());
         }
-        if self.is_cut && self.moved.get() > self.most_moved {
-            self.cut()?;
+        if !std::mem::take(&mut self.is_held) {
+            self.cut_if_due()?;
         }
         #[cfg(test)]
         if self.guards.is_some() {
@@ -244,8 +248,11 @@ impl Recorder {
         }
     }
 
-    /// Submits what was recorded since the beginning, or since the last time; the recording goes on.
-    fn cut(&mut self) -> Result<(), EngineError> {
+    /// Submits what was recorded since the beginning, or since the last time, if that is much; the recording goes on.
+    fn cut_if_due(&mut self) -> Result<(), EngineError> {
+        if !self.is_cut || self.moved.get() <= self.most_moved {
+            return Ok(());
+        }
         self.moved.set(0);
         let submission = self.hand_over("a part of a list", Entry::Cut)?;
         self.slots[self.at].go_on(submission)
@@ -350,6 +357,14 @@ impl Recorder {
         let submission = self.hand_over(during, Entry::Submit)?;
         self.slots[self.at].sent(submission);
         Ok(submission)
+    }
+
+    /// Which part of a list is recorded: what the host writes from now on is seen by this part and by those behind it. The next
+    /// dispatch is of this part, too.
+    pub(crate) fn hold_part(&mut self) -> Result<usize, EngineError> {
+        self.cut_if_due()?;
+        self.is_held = true;
+        Ok(self.slots[self.at].part)
     }
 
     /// Ends the command buffer that is recorded into, and submits it.

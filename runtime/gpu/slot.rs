@@ -26,7 +26,7 @@ pub(super) struct Slot {
     pub(super) command: vk::CommandBuffer,
     /// All command buffers, of which a recording in parts takes one after the other, and which of them that is.
     parts: Vec<vk::CommandBuffer>,
-    part: usize,
+    pub(super) part: usize,
     /// Which submission made use of it last.
     pub(super) submission: u64,
     pools: Vec<vk::DescriptorPool>,

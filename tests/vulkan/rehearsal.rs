@@ -1,7 +1,8 @@
 //! What a step asks of a device at 1080 x 1920 x 8, recorded and not run: budgets that only fall.
 
+use eyebox::encode::Encoder;
 use eyebox::engine::Engine;
-use eyebox::engine::vulkan::VulkanEngine;
+use eyebox::engine::vulkan::{VulkanEncoder, VulkanEngine};
 use eyebox::gpu::{DeviceKind, Gpu, Options};
 use eyebox::optics::{Color, Display, Pupil, PupilDistribution};
 use eyebox::plan::{DEVICES, Storage};
@@ -128,6 +129,60 @@ fn nothing_is_made_while_a_solve_takes_steps() {
         // But for room for descriptors, which come with the first that are used.
         assert!(i == 0 || (counts.pools, counts.submissions) == (0, 1), "step {i}: {counts:?}");
     }
+}
+
+/// A live set of three colours brings its video frame to the host and 16 KB beside it, and takes nothing there; a jump neither.
+#[test]
+fn a_live_set_brings_its_video_frame_and_little_else() {
+    let (height, width) = (1080, 1920);
+    let gpu = gpu();
+    let display = Display { height, width, ..Display::preset("planes24").expect("a preset") };
+    let colors = [Color::Red, Color::Green, Color::Blue];
+    let field = LightField {
+        name: "grey".into(),
+        grid: [1, 1],
+        height,
+        width,
+        colors: colors.to_vec(),
+        planes: vec![vec![vec![0.5; height * width]]; 3],
+        view_pitch: None,
+        disparity: None,
+        depth: Some([-3e-3, 3e-3]),
+    };
+    let mut refiners = colors.map(|color| {
+        let problem = Problem::new(&field, color, &display, Default::default()).expect("a problem");
+        let engine = Box::new(VulkanEngine::new(&gpu).expect("an engine"));
+        Refiner::new(problem, &vec![0.0; 8 * height * width], 1.0, Steering::default(), engine).expect("a refinement")
+    });
+    let encoder = Encoder::new(&display, &colors, 8).expect("an encoder");
+    let mut device = VulkanEncoder::new(&gpu, encoder.plan()).expect("an encoder on the device");
+    let mut frames = encoder.frames();
+    let mut set = |refiners: &mut [Refiner; 3], x: f64| {
+        let before = gpu.counts();
+        let aim = PupilDistribution::around(&Pupil { x, y: 0.0, diameter: 4e-3, depth: 0.0 }, 0.2e-3);
+        for refiner in refiners.iter_mut() {
+            refiner.aim(aim).unwrap();
+            refiner.advance().unwrap();
+        }
+        for refiner in refiners.iter_mut() {
+            refiner.settle().unwrap();
+        }
+        let phases: Vec<_> = refiners.iter().map(|r| r.phases_on_device().expect("on the device")).collect();
+        device.encode_on_device(&phases).unwrap();
+        device.download(frames.bytes_mut()).unwrap();
+        let frame = frames.bytes_mut().len() as u64;
+        let moved = gpu.counts().since(before);
+        assert_eq!((moved.read_back, moved.uploaded, moved.phases_read_back), (frame, 0, 0), "{moved:?}");
+        assert!((1..=16 << 10).contains(&moved.losses_read_back), "{moved:?}");
+    };
+    // The encoder's tables and room for descriptors come with the first.
+    for i in 0..4 {
+        set(&mut refiners, 1e-3 * f64::from(i));
+    }
+    let before = gpu.counts();
+    refiners.iter_mut().for_each(|refiner| refiner.begin_again().unwrap());
+    let jump = gpu.counts().since(before);
+    assert_eq!((jump.read_back, jump.uploaded, jump.losses_read_back, jump.blocks), (0, 0, 0, 0), "{jump:?}");
 }
 
 /// Of a sweep through all sizes of an eye's pupil, in three colours on one device, nothing is made: not a pipeline, not a block,

@@ -201,6 +201,7 @@ impl VulkanEngine {
             groups,
             count: 0,
             is_judged: false,
+            part: 0,
         });
         let mut work = Work {
             gpu,

@@ -4,7 +4,7 @@ use super::super::{EngineError, PupilPass, Shape, Step};
 use super::layout::all_slots;
 use super::tables::Tables;
 use super::views::Views;
-use crate::gpu::{Block, Commands, Groups, Piece, Range};
+use crate::gpu::{Block, Commands, Groups, Piece, Range, add};
 use gpu_allocator::MemoryLocation;
 use std::time::Instant;
 
@@ -44,8 +44,9 @@ pub(super) struct Guarded<'a> {
     /// Where the host writes their workgroups.
     pub(super) groups: &'a mut Block,
     pub(super) count: usize,
-    /// Whether the judgement was recorded.
+    /// Whether the judgement was recorded, and in which part of the list the workgroups were copied last.
     pub(super) is_judged: bool,
+    pub(super) part: usize,
 }
 
 impl<'a> Guarded<'a> {
@@ -140,8 +141,11 @@ impl Flight {
         let Some(host) = &self.losses else { return };
         let checked: Option<Piece> = self.is_checked.then_some((0, 0, 4));
         let sums = self.answers.iter().map(|(_, at, parts)| (*at, *at, 4 * *parts as u64));
-        gpu.recorder.copy(losses, host, checked.into_iter().chain(sums));
+        let pieces: Vec<Piece> = checked.into_iter().chain(sums).collect();
+        add(&gpu.device.counters.losses_read_back, pieces.iter().map(|piece| piece.2).sum());
+        gpu.recorder.copy(losses, host, pieces);
         if let Some(verdict) = verdict.filter(|_| self.is_judged) {
+            add(&gpu.device.counters.losses_read_back, VERDICT);
             gpu.recorder.copy(&verdict.block, host, [(0, host.size - PLACE, VERDICT)]);
         }
     }

@@ -8,7 +8,7 @@ use super::super::views::Views;
 use super::hazards::Hazards;
 use super::stacks::Stacks;
 use crate::engine::{Dispatch, EngineError, Kernel, PupilPass, Resource, Shape, Step, Storage};
-use crate::gpu::{Block, Commands, Groups, PUSH_BYTES, Range};
+use crate::gpu::{Block, Commands, PUSH_BYTES, Range};
 use crate::plan::{Access, PerFrame, moved};
 use bytemuck::Pod;
 use eyebox_kernels::{WIDTH, fft::Direction};
@@ -283,13 +283,6 @@ impl<'a> Call<'_, 'a> {
 }
 
 impl<'a> Work<'a> {
-    /// These workgroups; of what changes phases, none where losses are not finite.
-    pub(super) fn guarded(&mut self, groups: [u32; 3], changes_phases: bool) -> Result<Groups<'a>, EngineError> {
-        let Some(guarded) = self.guarded.as_mut().filter(|_| changes_phases) else { return Ok(Groups::These(groups)) };
-        let full = || EngineError::Mismatch { reason: "phases change before losses are judged, or too often".into() };
-        guarded.groups(groups).ok_or_else(full)
-    }
-
     pub(super) fn too_large(&self, what: impl Into<String>, size: usize) -> EngineError {
         EngineError::Unsuitable {
             device: self.gpu.report().name.clone(),
