@@ -95,6 +95,8 @@ pub(crate) struct Recorder {
     /// Bytes from which on it is.
     pub(crate) most_moved: u64,
     moved: Cell<u64>,
+    /// Of which the last dispatch moves these.
+    moved_last: Cell<u64>,
     /// Whether the next dispatch belongs to what is before it.
     pub(crate) is_held: bool,
     /// The driver's `vkQueueSubmit`: where it first says that the device was lost.
@@ -125,6 +127,7 @@ impl Recorder {
             is_cut: false,
             most_moved: SUBMISSION_BYTES,
             moved: Cell::new(0),
+            moved_last: Cell::new(0),
             is_held: false,
             queue_submit: device.raw.fp_v1_0().queue_submit,
             modern: device.synchronization2.clone(),
@@ -174,6 +177,7 @@ impl Recorder {
         push: &[u8],
         groups: impl Into<Groups<'g>>,
     ) -> Result<(), EngineError> {
+        self.moved_last.set(0);
         debug_assert!(self.recording && push.len() <= PUSH_BYTES as usize && push.len().is_multiple_of(4));
         debug_assert!(buffers.len() == pipeline.bindings as usize && buffers.len() <= MOST_BUFFERS);
         let groups = groups.into();
@@ -243,7 +247,9 @@ impl Recorder {
     pub(crate) fn moved(&self, moves: impl FnOnce() -> Vec<Move>) {
         if self.is_cut || self.device.record_only {
             let moves = moves();
-            self.moved.set(self.moved.get() + moves.iter().map(|m| m.bytes).sum::<u64>());
+            // What was said of it before is forgotten.
+            let bytes = moves.iter().map(|m| m.bytes).sum();
+            self.moved.set(self.moved.get() + bytes - self.moved_last.replace(bytes));
             self.device.record(|r| r.moved(moves));
         }
     }

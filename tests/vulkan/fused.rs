@@ -107,7 +107,7 @@ fn fused_steps_with_halves_are_those_of_the_list() {
 fn odd_widths_are_those_of_the_list() {
     let mut engine = fusing();
     for storage in [Storage::F32, Storage::F16] {
-        let mut case = Case::new(30, 31, 1, 4e-3, 2);
+        let mut case = Case::new(30, 31, 2, 4e-3, 2);
         case.planner.storage = storage;
         for purpose in [Purpose::Project, Purpose::Adam] {
             let mode = if purpose == Purpose::Adam { INTENSITY } else { PROJECTION };
