@@ -1,6 +1,7 @@
 // Written by `cargo run -p eyebox-spirv-tool -- build` from shared.rs: change nothing here.
 #define WIDTH 64
 #define SUM_WIDTH 128
+#define BATCH 16
 #define COMPARE_PROJECTION 0
 #define COMPARE_INTENSITY 1
 #define COMPARE_SHARE 2048

@@ -16,19 +16,12 @@ layout(constant_id = 21) const uint LAST = 1;
 #include "half.glsl"
 #include "fft_lines.glsl"
 
-struct Place {
-    uint y0, x0, rows, columns;
-    // Where its windows and its transfer start, values from one frame to the next, where its spans start.
-    uint window, window_stride, transfer, spans;
-    float scale;
-    uint spare0, spare1, spare2;
-};
-
 layout(std430, binding = 0) buffer Change { COMPLEX2 change[]; };
 layout(std430, binding = 2) readonly buffer Windows { COMPLEX windows[]; };
 layout(std430, binding = 3) readonly buffer Transfers { vec2 transfers[]; };
 layout(std430, binding = 4) readonly buffer Spans { uvec2 spans[]; };
-layout(std430, binding = 5) readonly buffer Places { Place places[]; };
+#define PUPILS 5
+#include "pupils.glsl"
 #ifdef HALF
 // As `check_finite` leaves it: whether what is stored is infinite or NaN. What comes of it behind here is stored nowhere.
 layout(std430, binding = 6) buffer NotFinite { uint found[]; };
@@ -39,7 +32,7 @@ layout(push_constant) uniform Args {
     // Columns in use, of those that wrap.
     uint first, used;
     // Pupils in all, and those of this group.
-    uint pupils, begin, end;
+    uint count, begin, end;
     // Whether groups before have left something.
     uint adds;
     float power;
@@ -54,8 +47,8 @@ uint place2(uint y) { return (gl_WorkGroupID.y * change_stride + y * grid_width 
 
 uint from(uint start, uint at, uint size) { return at >= start ? at - start : at + size - start; }
 
-vec2 returned(Place p, uint at) {
-    vec2 v = LOAD(windows[p.window + (frame + gl_WorkGroupID.y) * p.window_stride + at]) * p.scale, t = transfers[p.transfer + at];
+vec2 returned(Pupil p, uint at) {
+    vec2 v = LOAD(windows[p.window + (frame + gl_WorkGroupID.y) * p.window_stride + at]) * p.back_scale, t = transfers[p.transfer + at];
     return vec2(v.x * t.x + v.y * t.y, v.y * t.x - v.x * t.y);
 }
 
@@ -76,7 +69,7 @@ vec4 gathered(uint y) {
             i = 32u + uint(findLSB(rest.y));
             rest.y &= rest.y - 1u;
         }
-        Place p = places[i];
+        Pupil p = pupils[i];
         uint j = from(p.y0, y, grid_height);
         if (j >= p.rows) continue;
         uvec2 span = spans[p.spans + j];
@@ -112,8 +105,8 @@ void main() {
     column = first + 2u * pair;
     if (column >= grid_width) column -= grid_width;
     touched = uvec2(0u);
-    for (uint i = 0u; i < pupils; i++) {
-        Place p = places[i];
+    for (uint i = 0u; i < count; i++) {
+        Pupil p = pupils[i];
         bool one = from(p.x0, column, grid_width) < p.columns || from(p.x0, column + 1u, grid_width) < p.columns;
         if (one && i < 32u) touched.x |= 1u << i;
         else if (one) touched.y |= 1u << (i - 32u);

@@ -109,7 +109,7 @@ macro_rules! kernels {
                 binds: [Read Spans, Write Transfer],
                 work: |u| 4.0 * u.passing(),
                 twin: |c| $crate::transfer::transfer(&c.pass.transfer, &c.pass.spans, &mut c.slot.transfer),
-                shader: Each |c, p| c.rows(p.transfer.rows, p.transfer.columns, &p.transfer.shader()),
+                shader: Once |c| c.transfer(),
             }
             /// Weakens it towards the edges, in pupil passes that are tapered.
             Taper = "taper" {
@@ -137,10 +137,7 @@ macro_rules! kernels {
                 binds: [Read Accumulator, Read RowWeights, Read ColumnWeights, Write Target],
                 work: |u| u.level() + u.window(),
                 twin: |c| c.resample(),
-                shader: Each |c, p| match &p.shot {
-                    Some(shot) => c.rows(shot.resample.height, shot.resample.width, &shot.resample),
-                    None => Ok(()),
-                },
+                shader: Once |c| c.resample(),
             }
             /// Cuts each pupil's window out of the spectrum and propagates it.
             PassPupil = "pass_pupil" {
@@ -302,6 +299,8 @@ macro_rules! kernels {
 
 /// Columns or pixels of a workgroup, as all shaders but those that sum have it.
 pub const WIDTH: u32 = 64;
+/// Pupils of a dispatch at most, of shaders that take several.
+pub const BATCH: usize = 16;
 /// Invocations of a workgroup of shaders that sum.
 pub const SUM_WIDTH: u32 = 128;
 

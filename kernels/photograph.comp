@@ -3,8 +3,8 @@
 #include "constants.glsl"
 
 // accumulator (+)= sum over taps of weight * (view moved down by dy + fy and right by dx + fx), bilinear and periodic.
-// x: column, y: PHOTOGRAPH_STRIP rows (strided). Taps with the same (dy, fy) stand together: their rows are added up first, and each
-// sum serves two rows of the result.
+// x: column, y: PHOTOGRAPH_STRIP rows (strided), z: pupil. Taps with the same (dy, fy) stand together: their rows are added up first,
+// and each sum serves two rows of the result.
 
 struct Tap {
     uint view;
@@ -13,17 +13,26 @@ struct Tap {
     float fy, fx;
 };
 
+// What a pupil has of one block of views.
+struct Shot {
+    uint height, width, begin, end;
+    float scale;
+    uint accumulate;
+    // Where the level starts in the block, and from one view to the next, u16 values; where the accumulator starts.
+    uint views, view_stride, accumulator;
+};
+
 layout(local_size_x = WIDTH) in;
 // Two u16 in a word, the first one low.
 layout(std430, binding = 0) readonly buffer Views { uint views[]; };
 layout(std430, binding = 1) readonly buffer Taps { Tap taps[]; };
 layout(std430, binding = 2) buffer Accumulator { float accumulator[]; };
+layout(std430, binding = 3) readonly buffer Shots { Shot shots[]; };
 layout(push_constant) uniform Args {
-    uint height, width, count;
-    float scale;
-    uint accumulate;
-    // u16 values from one view to the next.
-    uint view_stride;
+    // The first shot of the dispatch; where what is bound starts, in values.
+    uint first, accumulator_base;
+    // Rows of each pupil that are this dispatch's.
+    uint top_row, end_row;
 };
 
 float value(uint at) {
@@ -31,12 +40,14 @@ float value(uint at) {
 }
 
 void main() {
-    uint x = gl_GlobalInvocationID.x;
+    Shot shot = shots[first + gl_WorkGroupID.z];
+    uint x = gl_GlobalInvocationID.x, height = shot.height, width = shot.width;
     if (x >= width) return;
-    for (uint y = gl_WorkGroupID.y * PHOTOGRAPH_STRIP; y < height; y += gl_NumWorkGroups.y * PHOTOGRAPH_STRIP) {
+    uint end = min(height, end_row);
+    for (uint y = top_row + gl_WorkGroupID.y * PHOTOGRAPH_STRIP; y < end; y += gl_NumWorkGroups.y * PHOTOGRAPH_STRIP) {
         float sums[PHOTOGRAPH_STRIP];
         for (uint r = 0; r < PHOTOGRAPH_STRIP; ++r) sums[r] = 0.0;
-        for (uint i = 0; i < count;) {
+        for (uint i = shot.begin; i < shot.end;) {
             uint dy = taps[i].dy % height;
             float fy = taps[i].fy;
             // The row above the strip comes first; a view smaller than the strip comes round again.
@@ -48,22 +59,22 @@ void main() {
                 uint dx = tap.dx % width;
                 uint near_x = x >= dx ? x - dx : x + width - dx;
                 uint far_x = near_x == 0 ? width - 1 : near_x - 1;
-                float far = tap.weight * scale * tap.fx;
-                float near = tap.weight * scale * (1.0 - tap.fx);
+                float far = tap.weight * shot.scale * tap.fx;
+                float near = tap.weight * shot.scale * (1.0 - tap.fx);
                 uint row = top;
                 for (uint r = 0; r <= PHOTOGRAPH_STRIP; ++r) {
-                    uint base = tap.view * view_stride + row * width;
+                    uint base = shot.views + tap.view * shot.view_stride + row * width;
                     lines[r] += near * value(base + near_x) + far * value(base + far_x);
                     row = row + 1 == height ? 0 : row + 1;
                 }
                 ++i;
-            } while (i < count && taps[i].dy % height == dy && taps[i].fy == fy);
+            } while (i < shot.end && taps[i].dy % height == dy && taps[i].fy == fy);
             for (uint r = 0; r < PHOTOGRAPH_STRIP; ++r) sums[r] += (1.0 - fy) * lines[r + 1] + fy * lines[r];
         }
         for (uint r = 0; r < PHOTOGRAPH_STRIP; ++r) {
             if (y + r >= height) break;
-            uint at = (y + r) * width + x;
-            accumulator[at] = accumulate == 0 ? sums[r] : accumulator[at] + sums[r];
+            uint at = shot.accumulator - accumulator_base + (y + r) * width + x;
+            accumulator[at] = shot.accumulate == 0 ? sums[r] : accumulator[at] + sums[r];
         }
     }
 }

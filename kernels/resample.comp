@@ -2,34 +2,39 @@
 #extension GL_GOOGLE_include_directive : require
 #include "constants.glsl"
 
-// target = separable weights over the accumulator, periodic. x: column, y: row (strided).
+// target = separable weights over the accumulator, periodic. x: column, y: row (strided), z: pupil.
 
 layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Input { float values[]; };
-// A table: `first` per output sample, then the bits of `weights`, `taps` per output sample.
-layout(std430, binding = 1) readonly buffer Rows { uint row_table[]; };
-layout(std430, binding = 2) readonly buffer Columns { uint column_table[]; };
-layout(std430, binding = 3) writeonly buffer Output { float result[]; };
+// For each axis `first` per output sample, then the bits of `weights`, `taps` per output sample.
+layout(std430, binding = 1) readonly buffer Tables { uint table[]; };
+layout(std430, binding = 2) writeonly buffer Output { float result[]; };
+#define PUPILS 3
+#include "pupils.glsl"
 layout(push_constant) uniform Args {
-    uint in_height, in_width, height, width, row_taps, column_taps;
+    // What is bound starts there, in values.
+    uint accumulator_base, pixels_base;
+    uint members[BATCH];
 };
 
 void main() {
+    Pupil p = pupils[members[gl_WorkGroupID.z]];
     uint x = gl_GlobalInvocationID.x;
-    if (x >= width) return;
-    uint first_x = column_table[x];
-    for (uint y = gl_WorkGroupID.y; y < height; y += gl_NumWorkGroups.y) {
-        uint first_y = row_table[y];
+    if (x >= p.columns) return;
+    uint from = p.accumulator - accumulator_base, to = p.pixels - pixels_base;
+    uint first_x = table[p.column_weights + x];
+    for (uint y = gl_WorkGroupID.y; y < p.rows; y += gl_NumWorkGroups.y) {
+        uint first_y = table[p.row_weights + y];
         float sum = 0.0;
-        for (uint i = 0; i < column_taps; ++i) {
-            uint from_x = (first_x + i) % in_width;
+        for (uint i = 0; i < p.column_taps; ++i) {
+            uint from_x = (first_x + i) % p.level_width;
             float line = 0.0;
-            for (uint j = 0; j < row_taps; ++j) {
-                float weight = uintBitsToFloat(row_table[height + y * row_taps + j]);
-                line += weight * values[(first_y + j) % in_height * in_width + from_x];
+            for (uint j = 0; j < p.row_taps; ++j) {
+                float weight = uintBitsToFloat(table[p.row_weights + p.rows + y * p.row_taps + j]);
+                line += weight * values[from + (first_y + j) % p.level_height * p.level_width + from_x];
             }
-            sum += uintBitsToFloat(column_table[width + x * column_taps + i]) * line;
+            sum += uintBitsToFloat(table[p.column_weights + p.columns + x * p.column_taps + i]) * line;
         }
-        result[y * width + x] = sum;
+        result[to + y * p.columns + x] = sum;
     }
 }

@@ -1,7 +1,7 @@
 //! Constants that shaders share with Rust: each stands once, in Rust, and reaches GLSL through `constants.glsl`, which
 //! `cargo run -p eyebox-spirv-tool -- build` writes.
 
-use crate::{SUM_WIDTH, WIDTH, compare, encode, energy, equalise_eyebox, exposure, fft_plan, photograph, trig};
+use crate::{BATCH, SUM_WIDTH, WIDTH, compare, encode, energy, equalise_eyebox, exposure, fft_plan, photograph, trig};
 use std::fmt::Write;
 
 /// The text of `kernels/constants.glsl`.
@@ -9,6 +9,7 @@ pub fn glsl() -> String {
     let integers = [
         ("WIDTH", WIDTH),
         ("SUM_WIDTH", SUM_WIDTH),
+        ("BATCH", BATCH as u32),
         ("COMPARE_PROJECTION", compare::PROJECTION),
         ("COMPARE_INTENSITY", compare::INTENSITY),
         ("COMPARE_SHARE", compare::SHARE as u32),

@@ -4,17 +4,19 @@
 #include "trig.glsl"
 #include "pair.glsl"
 
-// K(q; p) on a window: exp(i 2 pi turns) inside the spans, zero outside. x: column, y: row (strided).
+// K(q; p) on the windows of several pupils: exp(i 2 pi turns) inside the spans, zero outside. x: column, y: row (strided),
+// z: pupil.
 // The phase runs to thousands of turns: it is computed in pairs of float32 and reduced to a fraction of one turn first.
 
 layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Spans { uvec2 spans[]; };
 layout(std430, binding = 1) writeonly buffer Transfer { vec2 transfer[]; };
+#define PUPILS 2
+#include "pupils.glsl"
 layout(push_constant) uniform Args {
-    // float64 as (high, low).
-    vec2 slope_y, slope_x, turns;
-    int y0, x0;
-    uint rows, columns;
+    // What is bound starts there, in values.
+    uint transfer_base;
+    uint members[BATCH];
 };
 
 // The square of a bin's number, below 2^16.
@@ -24,14 +26,16 @@ vec2 square(int k) {
 }
 
 void main() {
+    Pupil p = pupils[members[gl_WorkGroupID.z]];
     uint k = gl_GlobalInvocationID.x;
-    if (k >= columns) return;
-    vec2 along = pair_multiply(slope_x, square(x0 + int(k)));
-    for (uint j = gl_WorkGroupID.y; j < rows; j += gl_NumWorkGroups.y) {
+    if (k >= p.columns) return;
+    vec2 slope_y = vec2(p.slope_y, p.slope_y_low), turns = vec2(p.turns, p.turns_low);
+    vec2 along = pair_multiply(vec2(p.slope_x, p.slope_x_low), square(p.bin_x + int(k)));
+    for (uint j = gl_WorkGroupID.y; j < p.rows; j += gl_NumWorkGroups.y) {
         vec2 value = vec2(0.0);
-        uvec2 span = spans[j];
+        uvec2 span = spans[p.spans + j];
         if (k >= span.x && k < span.y) {
-            vec2 a = pair_add(pair_multiply(slope_y, square(y0 + int(j))), along);
+            vec2 a = pair_add(pair_multiply(slope_y, square(p.bin_y + int(j))), along);
             if (a.x >= 1.0) a = vec2(1.0, 0.0);
             // sqrt(1 - a) - 1, without the loss of digits.
             vec2 root = pair_root(pair_add(vec2(1.0, 0.0), -a));
@@ -42,6 +46,6 @@ void main() {
             precise float phase = part * -6.28318531;
             value = cos_sin(phase);
         }
-        transfer[j * columns + k] = value;
+        transfer[p.transfer - transfer_base + j * p.columns + k] = value;
     }
 }

@@ -24,11 +24,10 @@ pub struct Args {
 }
 
 impl Args {
-    /// As the shader takes them: each float64 as a pair of float32 (high, low), by their bits.
-    pub fn shader(&self) -> [u32; 10] {
-        let pair = |x: f64| [x as f32, (x - f64::from(x as f32)) as f32].map(f32::to_bits);
-        let [[a, b], [c, d], [e, f]] = [self.slope_y, self.slope_x, self.turns].map(pair);
-        [a, b, c, d, e, f, self.y0 as u32, self.x0 as u32, self.rows, self.columns]
+    /// The float64 as the shader takes them, slopes and turns: each a pair of float32 (high, low).
+    pub fn pairs(&self) -> [[f32; 2]; 3] {
+        let pair = |x: f64| [x as f32, (x - f64::from(x as f32)) as f32];
+        [self.slope_y, self.slope_x, self.turns].map(pair)
     }
 }
 

@@ -1,10 +1,12 @@
-//! The small tables of a step's pupil passes (spans, taps, weights), packed into one block that is copied at the start of
-//! each recording.
+//! The small tables of a step's pupil passes (spans, taps, weights, arguments), packed into one block that is copied at the
+//! start of each recording.
 
 use super::super::{EngineError, PupilPass, Resource};
+use super::fft::in_use;
 use super::layout::{Layout, Slot, slot_layout};
 use super::views::Views;
 use crate::gpu::{Block, Commands, Range};
+use bytemuck::{Pod, Zeroable};
 use eyebox_kernels::photograph::Tap;
 use eyebox_kernels::resample::Table;
 use gpu_allocator::MemoryLocation;
@@ -16,23 +18,62 @@ pub(super) struct Place {
     size: u64,
 }
 
-/// Taps into one block of views.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct TapPart {
-    /// Which block of the level.
-    pub(super) chunk: usize,
-    pub(super) count: usize,
-    pub(super) place: Place,
+/// What kernels over several pupils know of one: as `pupils.glsl` has it.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+struct Pupil {
+    corner: [u32; 2],
+    size: [u32; 2],
+    used: [u32; 2],
+    window: u32,
+    window_stride: u32,
+    transfer: u32,
+    pixels: u32,
+    accumulator: u32,
+    losses: u32,
+    spans: u32,
+    weights: [u32; 2],
+    taps: [u32; 2],
+    level: [u32; 2],
+    scales: [f32; 2],
+    gain: f32,
+    mode: u32,
+    compare: [f32; 4],
+    propagation: [[f32; 2]; 3],
+    bins: [i32; 2],
 }
 
-/// Where one pupil pass's tables lie.
-#[derive(Debug, Clone, Default)]
-pub(super) struct PupilPassTables {
-    pub(super) spans: Place,
-    pub(super) taper: Option<Place>,
-    pub(super) taps: Vec<TapPart>,
-    pub(super) rows: Place,
-    pub(super) columns: Place,
+/// What a pupil has of one block of views: as `photograph.comp` has it.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+struct Shot {
+    size: [u32; 2],
+    taps: [u32; 2],
+    scale: f32,
+    accumulate: u32,
+    views: u32,
+    view_stride: u32,
+    accumulator: u32,
+}
+
+/// Of which pupil pass a shot is, and of which block of views.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct ShotOf {
+    pub(super) pupil_pass: usize,
+    pub(super) block: usize,
+    /// Taps.
+    pub(super) count: u32,
+    /// Whether it adds to what other blocks gave.
+    pub(super) adds: bool,
+}
+
+/// Where one pupil pass's own tables lie.
+#[derive(Debug, Clone, Copy, Default)]
+struct PupilPassTables {
+    spans: Place,
+    taper: Option<Place>,
+    rows: Place,
+    columns: Place,
 }
 
 /// The block and its stage; both only grow.
@@ -40,41 +81,85 @@ pub(super) struct PupilPassTables {
 pub(super) struct Tables {
     packed: Vec<u8>,
     pupil_passes: Vec<PupilPassTables>,
-    /// What `gather_columns` knows of each pupil pass.
-    places: Place,
+    taps: Vec<Tap>,
+    shots: Vec<Shot>,
+    shots_of: Vec<ShotOf>,
+    pupils: Vec<Pupil>,
+    /// Of all pupil passes.
+    taps_at: Place,
+    shots_at: Place,
+    pupils_at: Place,
     stage: Option<Block>,
     block: Option<Block>,
 }
 
+/// Where a buffer starts, in its values; those of steps that are too large for that wrap, as differences of them do.
+fn start(layout: &Layout) -> u32 {
+    (layout.offset / layout.value.size() as u64) as u32
+}
+
 impl Tables {
-    /// Packs the tables of these pupil passes, whose buffers lie in these slots.
-    pub(super) fn pack(&mut self, pupil_passes: &[PupilPass], slots: &[Slot], views: Option<&Views>) {
+    /// Packs the tables of these pupil passes, whose buffers lie in these slots, and whose losses at these bytes.
+    pub(super) fn pack(&mut self, pupil_passes: &[PupilPass], slots: &[Slot], losses: &[u64], views: Option<&Views>) {
         self.packed.clear();
         self.pupil_passes.clear();
-        for pupil_pass in pupil_passes {
-            let mut tables =
-                PupilPassTables { spans: self.add(bytemuck::cast_slice(&pupil_pass.spans)), ..Default::default() };
-            tables.taper = pupil_pass.taper.as_ref().map(|weights| self.add(bytemuck::cast_slice(weights)));
-            if let Some(shot) = &pupil_pass.shot {
+        self.pupils.clear();
+        for (at, pass) in pupil_passes.iter().enumerate() {
+            let mut tables = PupilPassTables { spans: self.add(&pass.spans), ..Default::default() };
+            tables.taper = pass.taper.as_ref().map(|weights| self.add(weights));
+            if let Some(shot) = &pass.shot {
                 tables.rows = self.add_table(&shot.rows);
                 tables.columns = self.add_table(&shot.columns);
-                if let Some(level) = views.and_then(|v| v.levels.get(shot.level)) {
-                    for (chunk, first) in level.firsts() {
-                        let inside = |t: &&Tap| level.chunk_of(t.view as usize) == chunk;
-                        let part: Vec<Tap> = shot.taps.iter().filter(inside).copied().collect();
-                        let part: Vec<Tap> = part.iter().map(|t| Tap { view: t.view - first as u32, ..*t }).collect();
-                        if !part.is_empty() {
-                            let place = self.add(bytemuck::cast_slice(&part));
-                            tables.taps.push(TapPart { chunk, count: part.len(), place });
-                        }
-                    }
-                }
             }
             self.pupil_passes.push(tables);
+            if let (Some(slot), Some(losses)) = (slots.get(at), losses.get(at)) {
+                self.pupils.push(pupil(pass, &tables, slot, *losses));
+            }
         }
-        let places: Vec<[u32; 12]> =
-            pupil_passes.iter().zip(slots).enumerate().map(|(i, (pass, slot))| self.place(i, pass, slot)).collect();
-        self.places = self.add(bytemuck::cast_slice(&places));
+        self.gather_shots(pupil_passes, slots, views);
+        (self.taps_at, self.shots_at, self.pupils_at) = (
+            add(&mut self.packed, bytemuck::cast_slice(&self.taps)),
+            add(&mut self.packed, bytemuck::cast_slice(&self.shots)),
+            add(&mut self.packed, bytemuck::cast_slice(&self.pupils)),
+        );
+    }
+
+    /// Block by block of views what each pupil pass has of it; those that have nothing of any have nothing of the first.
+    fn gather_shots(&mut self, pupil_passes: &[PupilPass], slots: &[Slot], views: Option<&Views>) {
+        self.taps.clear();
+        self.shots.clear();
+        self.shots_of.clear();
+        let Some(views) = views else { return };
+        let accumulator = slot_layout(Resource::Accumulator);
+        for block in 0..views.blocks.len() {
+            for (pupil_pass, (pass, slot)) in pupil_passes.iter().zip(slots).enumerate() {
+                let Some(shot) = &pass.shot else { continue };
+                let Some(level) = views.levels.get(shot.level) else { continue };
+                let has =
+                    |piece: &super::views::Piece| shot.taps.iter().any(|t| piece.views.contains(&(t.view as usize)));
+                let first = level.pieces.iter().find(|piece| has(piece)).map_or(0, |piece| piece.block);
+                let begin = self.taps.len() as u32;
+                let piece = level.pieces.iter().find(|piece| piece.block == block);
+                if let Some(piece) = piece {
+                    let inside = shot.taps.iter().filter(|t| piece.views.contains(&(t.view as usize)));
+                    self.taps.extend(inside.map(|t| Tap { view: t.view - piece.views.start as u32, ..*t }));
+                }
+                let (end, adds) = (self.taps.len() as u32, block != first);
+                if end == begin && adds {
+                    continue;
+                }
+                self.shots_of.push(ShotOf { pupil_pass, block, count: end - begin, adds });
+                self.shots.push(Shot {
+                    size: [shot.args.height, shot.args.width],
+                    taps: [begin, end],
+                    scale: shot.args.scale,
+                    accumulate: shot.args.accumulate | u32::from(adds),
+                    views: piece.map_or(0, |piece| piece.offset as u32),
+                    view_stride: level.stride as u32,
+                    accumulator: accumulator.map_or(0, |at| start(&slot[at])),
+                });
+            }
+        }
     }
 
     /// Bytes that were packed.
@@ -107,48 +192,15 @@ impl Tables {
         }
     }
 
-    /// As `gather_columns.comp` has it; in a step that is too large for that these say nothing.
-    fn place(&self, index: usize, pass: &PupilPass, slot: &Slot) -> [u32; 12] {
-        let at = |resource| slot_layout(resource).map(|at| slot[at]);
-        let first = |layout: Option<Layout>| layout.map_or(0, |l| (l.offset / l.value.size() as u64) as u32);
-        let (window, transfer) = (at(Resource::Window), at(Resource::Transfer));
-        let back = &pass.back;
-        let stride = window.map_or(0, |l| l.stride() as u32);
-        let spans = (self.pupil_passes[index].spans.offset / 8) as u32;
-        [
-            back.y0,
-            back.x0,
-            back.rows,
-            back.columns,
-            first(window),
-            stride,
-            first(transfer),
-            spans,
-            back.scale.to_bits(),
-            0,
-            0,
-            0,
-        ]
-    }
-
-    /// All tables, and among them where each pupil pass's buffers lie.
-    pub(super) fn all(&self) -> Result<(Range<'_>, Range<'_>), EngineError> {
-        let places = self.range(self.places)?;
-        Ok((places.block.range(0, self.packed.len() as u64), places))
-    }
-
-    fn add(&mut self, bytes: &[u8]) -> Place {
-        // A table that is empty still has a place that can be bound.
-        let offset = self.packed.len();
-        self.packed.extend_from_slice(bytes);
-        self.packed.resize((offset + bytes.len().max(1)).next_multiple_of(256), 0);
-        Place { offset: offset as u64, size: bytes.len().max(4) as u64 }
+    fn add<T: Pod>(&mut self, values: &[T]) -> Place {
+        add(&mut self.packed, bytemuck::cast_slice(values))
     }
 
     fn add_table(&mut self, table: &Table) -> Place {
-        let mut words = table.first.clone();
-        words.extend(table.weights.iter().map(|w| w.to_bits()));
-        self.add(bytemuck::cast_slice(&words))
+        let offset = self.packed.len();
+        self.packed.extend_from_slice(bytemuck::cast_slice(&table.first));
+        let weights = add(&mut self.packed, bytemuck::cast_slice(&table.weights));
+        Place { offset: offset as u64, size: weights.offset - offset as u64 + weights.size }
     }
 
     /// Records the copy to the device; a barrier must follow.
@@ -158,15 +210,78 @@ impl Tables {
         }
     }
 
-    pub(super) fn pupil_pass(&self, index: usize) -> &PupilPassTables {
-        &self.pupil_passes[index]
+    /// What a pupil pass's own tables are bound to.
+    pub(super) fn bound(&self, pupil_pass: usize, resource: Resource) -> Option<Result<Range<'_>, EngineError>> {
+        let tables = self.pupil_passes.get(pupil_pass)?;
+        let place = match resource {
+            Resource::Spans => tables.spans,
+            Resource::TaperWeights => tables.taper?,
+            _ => return None,
+        };
+        Some(self.range(place))
     }
 
-    pub(super) fn range(&self, place: Place) -> Result<Range<'_>, EngineError> {
+    /// All tables, of whatever kind.
+    pub(super) fn all(&self) -> Result<Range<'_>, EngineError> {
+        self.range(Place { offset: 0, size: self.packed.len() as u64 })
+    }
+
+    /// The arguments of all pupil passes.
+    pub(super) fn pupils(&self) -> Result<Range<'_>, EngineError> {
+        self.range(self.pupils_at)
+    }
+
+    /// Taps and shots of all pupil passes.
+    pub(super) fn shots(&self) -> Result<[Range<'_>; 2], EngineError> {
+        Ok([self.range(self.taps_at)?, self.range(self.shots_at)?])
+    }
+
+    /// Of which pupil passes the shots are, in their order: by blocks of views.
+    pub(super) fn shots_of(&self) -> &[ShotOf] {
+        &self.shots_of
+    }
+
+    fn range(&self, place: Place) -> Result<Range<'_>, EngineError> {
         let block = self
             .block
             .as_ref()
             .ok_or_else(|| EngineError::Mismatch { reason: "the step has no pupil_passes".into() })?;
         Ok(block.range(place.offset, place.size))
+    }
+}
+
+fn add(packed: &mut Vec<u8>, bytes: &[u8]) -> Place {
+    // A table that is empty still has a place that can be bound.
+    let offset = packed.len();
+    packed.extend_from_slice(bytes);
+    packed.resize((offset + bytes.len().max(1)).next_multiple_of(256), 0);
+    Place { offset: offset as u64, size: bytes.len().max(4) as u64 }
+}
+
+fn pupil(pass: &PupilPass, tables: &PupilPassTables, slot: &Slot, losses: u64) -> Pupil {
+    let at = |resource| slot_layout(resource).map_or(0, |at| start(&slot[at]));
+    let stride = slot_layout(Resource::Window).map_or(0, |at| slot[at].stride() as u32);
+    let PupilPass { back, compare, transfer, .. } = pass;
+    let resample = pass.shot.as_ref().map(|shot| shot.resample);
+    Pupil {
+        corner: [back.y0, back.x0],
+        size: [back.rows, back.columns],
+        used: in_use(pass.columns, pass.window.columns),
+        window: at(Resource::Window),
+        window_stride: stride,
+        transfer: at(Resource::Transfer),
+        pixels: at(Resource::Image),
+        accumulator: at(Resource::Accumulator),
+        losses: (losses / 4) as u32,
+        spans: (tables.spans.offset / 8) as u32,
+        weights: [tables.rows, tables.columns].map(|place| (place.offset / 4) as u32),
+        taps: resample.map_or([0; 2], |r| [r.row_taps, r.column_taps]),
+        level: resample.map_or([1; 2], |r| [r.in_height, r.in_width]),
+        scales: [pass.pass.scale, back.scale],
+        gain: pass.intensity.gain,
+        mode: compare.mode,
+        compare: [compare.exposure, compare.weight, compare.floor, compare.limit],
+        propagation: transfer.pairs(),
+        bins: [transfer.y0, transfer.x0],
     }
 }

@@ -19,7 +19,7 @@ mod state;
 mod transforms;
 
 pub(super) use frames::{Along, Frames, Transform};
-pub(super) use record::{outward, plan_limits, shared_constants};
+pub(super) use record::{in_use, plan_limits, shared_constants};
 use state::Fft;
 pub(super) use state::Planned;
 pub use transforms::{Timed, Transforms};

@@ -132,9 +132,11 @@ impl Transform for Fft {
             Method::Bluestein { .. } => true,
         };
         let spent = if [&rows, &down].iter().any(leaves) { SCRATCH } else { u64::MAX };
+        let timed = fit(gpu.dispatch_bytes(), 2 * size * one);
         let at_once = fit(limits.storage_range, size * frames.stride as u64)
             .min(fit(spent.min(limits.storage_range), size * packed))
             .min(limits.groups[2] as usize)
+            .min(timed)
             .min(most);
         let axes = match (along, direction) {
             (Along::Rows, _) => vec![rows],
@@ -297,12 +299,18 @@ impl Fft {
 /// Columns that wrap, from an even one on and as many as go in pairs: one more may be transformed on either side. Nobody
 /// reads what becomes of it on the way forward, and it is zero on the way back. Of an odd width, whose rows are not
 /// aligned, none go in pairs.
-pub(in super::super) fn outward(first: u32, count: u32, width: u32) -> (u32, u32) {
+fn outward(first: u32, count: u32, width: u32) -> (u32, u32) {
     if count == 0 || !width.is_multiple_of(2) {
         return (first, count);
     }
     let even = first & !1;
     (even, (first - even + count).next_multiple_of(2).min(width))
+}
+
+/// The same of frames so wide: the first, and how many.
+pub(in super::super) fn in_use(columns: Columns, width: usize) -> [u32; 2] {
+    let (first, used) = outward((columns.first % width.max(1)) as u32, columns.count as u32, width as u32);
+    [first, used]
 }
 
 /// A plan with its tables.

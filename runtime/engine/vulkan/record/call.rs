@@ -8,7 +8,7 @@ use super::super::views::Views;
 use super::hazards::Hazards;
 use super::stacks::Stacks;
 use crate::engine::{Dispatch, EngineError, Kernel, PupilPass, Resource, Shape, Step, Storage};
-use crate::gpu::{Block, Commands, Groups, PUSH_BYTES, Range};
+use crate::gpu::{Block, Commands, PUSH_BYTES, Range};
 use crate::plan::{Access, PerFrame, moved};
 use bytemuck::Pod;
 use eyebox_kernels::{WIDTH, fft::Direction};
@@ -115,6 +115,7 @@ impl<'a> Call<'_, 'a> {
         // What all sub-frames add to.
         let adds = self.kernel.writes().any(|resource| resource.per_frame().is_none());
         let most = framed.iter().map(|(_, layout)| self.work.at_once(layout)).min().unwrap_or(1);
+        let most = most.min(self.work.in_time(framed.iter().map(|(_, layout)| 2 * layout.step()).sum()));
         for (first, count) in self.work.chunks(frames, most) {
             let mut buffers = Vec::with_capacity(binds.len());
             for (_, resource) in binds {
@@ -150,10 +151,21 @@ impl<'a> Call<'_, 'a> {
 
     /// How a buffer lies; where nothing is quantised, the phases are what is shown.
     pub(super) fn layout(&self, resource: Resource) -> Result<Layout, EngineError> {
-        match slot_layout(resource) {
-            Some(at) => self.slots.get(self.at).map(|slot| slot[at]).ok_or_else(|| self.missing(resource)),
-            None => Ok(self.work.stacks.find(self.alias(resource)).ok_or_else(|| self.missing(resource))?.layout),
+        match resource.is_shared() {
+            false => self.layout_of(resource, self.at),
+            true => Ok(self.work.stacks.find(self.alias(resource)).ok_or_else(|| self.missing(resource))?.layout),
         }
+    }
+
+    /// How a buffer of one of the dispatch's pupil passes lies.
+    pub(super) fn layout_of(&self, resource: Resource, at: usize) -> Result<Layout, EngineError> {
+        let slot = slot_layout(resource).zip(self.slots.get(at));
+        slot.map(|(kind, slot)| slot[kind]).ok_or_else(|| self.missing(resource))
+    }
+
+    /// One of the dispatch's pupil passes.
+    pub(super) fn pass(&self, at: usize) -> &'a PupilPass {
+        &self.step.pupil_passes[self.dispatch.pupil_passes.start + at]
     }
 
     fn alias(&self, resource: Resource) -> Resource {
@@ -169,18 +181,15 @@ impl<'a> Call<'_, 'a> {
     ) -> Result<Option<Range<'a>>, EngineError> {
         let Work { stacks, arenas, tables, losses, .. } = &*self.work;
         let index = self.dispatch.pupil_passes.start + self.at;
-        let table = || tables.pupil_pass(index);
-        let place = match resource {
-            Resource::Spans => Some(table().spans),
-            Resource::TaperWeights => table().taper,
-            Resource::RowWeights => Some(table().rows),
-            Resource::ColumnWeights => Some(table().columns),
+        match resource {
+            Resource::Spans | Resource::TaperWeights => tables.bound(index, resource).transpose(),
+            // What kernels over several pupils find in their own tables.
+            Resource::Views | Resource::Taps | Resource::RowWeights | Resource::ColumnWeights => Ok(None),
             Resource::Losses => {
                 let parts = self.step.pupil_passes[index].loss_parts() as u64;
-                return Ok(losses.map(|(block, offsets)| block.range(offsets[index], 4 * parts)));
+                Ok(losses.map(|(block, offsets)| block.range(offsets[index], 4 * parts)))
             }
-            Resource::NotFinite => return Ok(losses.map(|(block, _)| block.range(0, 4))),
-            Resource::Views | Resource::Taps => return Ok(None),
+            Resource::NotFinite => Ok(losses.map(|(block, _)| block.range(0, 4))),
             _ => {
                 let (first, count) = if resource.per_frame().is_some() { (first, count) } else { (0, 1) };
                 if slot_layout(resource).is_some() {
@@ -188,10 +197,9 @@ impl<'a> Call<'_, 'a> {
                     return arenas.frames(resource, slot, first, count).map(Some);
                 }
                 let stack = stacks.find(self.alias(resource)).ok_or_else(|| self.missing(resource))?;
-                return Ok(Some(stack.layout.range(&stack.block, first, count)));
+                Ok(Some(stack.layout.range(&stack.block, first, count)))
             }
-        };
-        place.map(|place| tables.range(place)).transpose()
+        }
     }
 
     pub(super) fn missing(&self, resource: Resource) -> EngineError {
@@ -275,13 +283,6 @@ impl<'a> Call<'_, 'a> {
 }
 
 impl<'a> Work<'a> {
-    /// These workgroups; of what changes phases, none where losses are not finite.
-    pub(super) fn guarded(&mut self, groups: [u32; 3], changes_phases: bool) -> Result<Groups<'a>, EngineError> {
-        let Some(guarded) = self.guarded.as_mut().filter(|_| changes_phases) else { return Ok(Groups::These(groups)) };
-        let full = || EngineError::Mismatch { reason: "phases change before losses are judged, or too often".into() };
-        guarded.groups(groups).ok_or_else(full)
-    }
-
     pub(super) fn too_large(&self, what: impl Into<String>, size: usize) -> EngineError {
         EngineError::Unsuitable {
             device: self.gpu.report().name.clone(),
@@ -292,6 +293,11 @@ impl<'a> Work<'a> {
     /// Frames of a buffer that a kernel may see at once.
     pub(super) fn at_once(&self, layout: &Layout) -> usize {
         layout.at_once(self.gpu.limits().storage_range)
+    }
+
+    /// Frames, or rows, of which each moves so many bytes, that are one dispatch's.
+    pub(super) fn in_time(&self, bytes: u64) -> usize {
+        usize::try_from(self.gpu.dispatch_bytes() / bytes.max(1)).unwrap_or(usize::MAX).max(1)
     }
 
     /// Frames (first, count) of which a kernel may see `most` at once.

@@ -1,13 +1,13 @@
 //! Fused kernels: what stands before and behind a transform, done where its lines are read and written.
 
-use super::super::fft::{Along, Frames, Planned, outward, plan_limits};
+use super::super::fft::{Along, Frames, Planned, plan_limits};
 use super::call::{Call, Work, frames_of};
 use crate::engine::{Dispatch, EngineError, Kernel, PupilPass, Resource};
 use crate::gpu::Range;
 use crate::plan::fusion::{Fusable, Way, ways};
 use crate::plan::{Access, Move};
 use bytemuck::Pod;
-use eyebox_kernels::fft::{Columns, Direction};
+use eyebox_kernels::fft::Direction;
 use eyebox_kernels::fft_plan::{Axis, Shared, Together};
 use eyebox_spirv::Module;
 use std::sync::Arc;
@@ -30,6 +30,10 @@ impl Work<'_> {
         let place = &self.shape.place;
         let limit = self.gpu.limits().storage_range;
         let shared = |[rows, columns]: [usize; 2]| {
+            // Of an odd width no columns go in pairs, though those of another window as high may.
+            if !columns.is_multiple_of(2) {
+                return None;
+            }
             let [down, along] =
                 [(rows, Axis::ColumnPairs), (columns, Axis::Rows)].map(|(n, axis)| self.lines_of(n, axis));
             down.zip(along)
@@ -61,12 +65,6 @@ impl Work<'_> {
 
     pub(super) fn together(&self, along: &Planned, n: usize) -> Option<Together> {
         along.shared()?.together(n as u32, self.shape.frames as u32, &plan_limits(self.gpu))
-    }
-
-    /// Columns in use of frames so wide, as transforms round them.
-    pub(super) fn in_use(&self, columns: Columns, width: usize) -> [u32; 2] {
-        let (first, used) = outward((columns.first % width.max(1)) as u32, columns.count as u32, width as u32);
-        [first, used]
     }
 
     /// Workgroups for so many rows.
@@ -153,13 +151,19 @@ impl<'a> Call<'_, 'a> {
         Ok(())
     }
 
-    /// Frames (first, count) of which these may be seen at once.
-    pub(super) fn frames_at_once(&self, resources: &[Resource]) -> Result<Vec<(usize, usize)>, EngineError> {
-        let mut most = usize::MAX;
+    /// Frames (first, count) of which these may be seen at once, `beside` bytes of other things moving with each.
+    pub(super) fn frames_at_once(
+        &self,
+        resources: &[Resource],
+        beside: u64,
+    ) -> Result<Vec<(usize, usize)>, EngineError> {
+        let (mut most, mut bytes) = (usize::MAX, beside);
         for resource in resources {
-            most = most.min(self.work.at_once(&self.layout(*resource)?));
+            let layout = self.layout(*resource)?;
+            most = most.min(self.work.at_once(&layout));
+            bytes += 2 * layout.step();
         }
-        Ok(self.work.chunks(self.shape.frames, most).collect())
+        Ok(self.work.chunks(self.shape.frames, most.min(self.work.in_time(bytes))).collect())
     }
 
     pub(super) fn bound(&self, resource: Resource, first: usize, count: usize) -> Result<Range<'a>, EngineError> {

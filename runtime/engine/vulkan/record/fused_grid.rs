@@ -1,6 +1,6 @@
 //! The whole frame, fused: from phases to the spectrum, and from what pupils return to phases.
 
-use super::super::fft::shared_constants;
+use super::super::fft::{in_use, shared_constants};
 use super::call::Call;
 use super::fused::Lines;
 use crate::engine::{EngineError, Resource};
@@ -52,12 +52,12 @@ impl Call<'_, '_> {
         let [height, width] = self.grid_size();
         let planned = self.planned(width, Axis::Rows)?;
         let Some(shared) = planned.shared() else { return Ok(()) };
-        let columns = self.work.in_use(self.step.columns, width);
+        let columns = in_use(self.step.columns, width);
         let [phases_stride, field_stride] =
             [self.layout(Resource::Shown)?, self.layout(Resource::Field)?].map(|layout| layout.stride() as u32);
         let (place, scale) = (self.shape.place, self.shape.field_scale());
         let (size, pixels) = (self.shape.storage.bytes() as u64, self.shape.pixels() as u64);
-        for (first, count) in self.frames_at_once(&[Resource::Shown, Resource::Field])? {
+        for (first, count) in self.frames_at_once(&[Resource::Shown, Resource::Field], 0)? {
             let all = (count * height) as u32;
             let args = ModulateArguments { place, columns, all, scale, phases_stride, field_stride };
             let phases = self.bound(Resource::Shown, first, count)?;
@@ -79,13 +79,13 @@ impl Call<'_, '_> {
     pub(super) fn project_rows(&mut self) -> Result<(), EngineError> {
         let planned = self.planned(self.grid_size()[1], Axis::Rows)?;
         let Some(shared) = planned.shared() else { return Ok(()) };
-        let columns = self.work.in_use(self.step.columns, self.grid_size()[1]);
+        let columns = in_use(self.step.columns, self.grid_size()[1]);
         let bound = [Resource::Change, Resource::Shown, Resource::Phases, Resource::Momentum];
         let change_stride = self.layout(Resource::Change)?.stride() as u32;
         let phases_stride = self.layout(Resource::Phases)?.stride() as u32;
         let (size, pixels) = (self.shape.storage.bytes() as u64, self.shape.pixels() as u64);
         let quantised = self.shape.quantised;
-        for (first, count) in self.frames_at_once(&bound)? {
+        for (first, count) in self.frames_at_once(&bound, 0)? {
             let all = count as u32 * self.shape.place.height;
             let args = ProjectArguments { project: self.step.project, columns, all, change_stride, phases_stride };
             let [change, shown, phases, velocity] = bound.map(|resource| self.bound(resource, first, count));
@@ -113,19 +113,19 @@ impl Call<'_, '_> {
         let [height, width] = self.grid_size();
         let planned = self.planned(height, Axis::ColumnPairs)?;
         let Some(shared) = planned.shared() else { return Ok(()) };
-        let columns = self.work.in_use(self.step.columns, width);
+        let columns = in_use(self.step.columns, width);
         let change_stride = self.layout(Resource::Change)?.stride() as u32;
         let group = self.dispatch.pupil_passes.clone();
         let whole = |call: &Self, resource| {
             call.work.arenas.block(resource).map(|block| block.all()).ok_or_else(|| call.missing(resource))
         };
         let (windows, transfers) = (whole(self, Resource::Window)?, whole(self, Resource::Transfer)?);
-        let (tables, places) = self.work.tables.all()?;
+        let (tables, pupils_table) = (self.work.tables.all()?, self.work.tables.pupils()?);
         let size = self.shape.storage.bytes() as u64;
         let passing: u64 = self.step.pupil_passes[group.clone()].iter().map(|pass| pass.passing()).sum();
         let mut constants = shared_constants(shared, Axis::ColumnPairs).to_vec();
         constants.push(u32::from(last));
-        for (first, count) in self.frames_at_once(&[Resource::Change])? {
+        for (first, count) in self.frames_at_once(&[Resource::Change], size * passing)? {
             let args = GatherArguments {
                 grid: [height as u32, width as u32],
                 columns,
@@ -144,7 +144,7 @@ impl Call<'_, '_> {
                 changes_phases: false,
                 groups: [(columns[1] / 2).div_ceil(shared.lines), count as u32, 1],
             };
-            let mut buffers = vec![change, planned.twiddles.all(), windows, transfers, tables, places];
+            let mut buffers = vec![change, planned.twiddles.all(), windows, transfers, tables, pupils_table];
             if self.shape.halves() {
                 buffers.push(self.bound(Resource::NotFinite, 0, 1)?);
             }
