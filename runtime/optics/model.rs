@@ -102,6 +102,24 @@ impl DisplayModel {
         on.into_iter().filter(|(_, on)| *on).map(|(name, _)| name).collect()
     }
 
+    /// The ideal display but for one term of this one, by its name ([`terms`](Self::terms)).
+    pub fn only(&self, term: &str) -> Self {
+        let (mut one, all) = (Self::default(), self.clone());
+        match term {
+            "level" => one.level = all.level,
+            "bend" => one.bend = all.bend,
+            "lag" => one.lag = all.lag,
+            "crosstalk" => one.crosstalk = all.crosstalk,
+            "fill" => one.fill = all.fill,
+            "source" => one.source = all.source,
+            "undiffracted" => one.undiffracted = all.undiffracted,
+            "wavefront" => one.wavefront = all.wavefront,
+            "iris" => one.iris = all.iris,
+            _ => {}
+        }
+        one
+    }
+
     /// What is wrong with it, in words.
     pub(super) fn check(&self) -> Result<(), String> {
         let within = |name: &str, values: &[f64], low: f64, high: f64| {

@@ -9,9 +9,25 @@ use super::solver::PUPILS;
 use super::step::Steps;
 use super::viewpoints::Viewpoints;
 use crate::engine::Memory;
-use crate::optics::{Padding, WindowFactor};
-use crate::plan::{self, Comparison, Group, Planner, Slots};
+use crate::optics::{DisplayModel, Padding, WindowFactor};
+use crate::plan::{self, Comparison, Group, ModelTables, Planner, Slots};
 use serde::Serialize;
+
+/// What the terms of the display's model add to a step's work: each by itself, and all of them (`"all"`), as shares of the step
+/// of an ideal display. None where the display is ideal.
+pub fn model_work(problem: &Problem, settings: &Settings) -> Vec<(&'static str, f64)> {
+    let Some(model) = problem.model.as_ref().map(|tables| tables.model()) else { return Vec::new() };
+    let (slm, grid) = (problem.optics, problem.padding.grid(problem.optics));
+    let step = |model: DisplayModel| {
+        let model = ModelTables::new(model, problem.eyebox / 2.0, slm, grid);
+        let cost = Cost::new(&Problem { model, ..problem.clone() }, settings, Memory::Host, settings.pupils);
+        cost.step.iter().sum::<f64>()
+    };
+    let ideal = step(DisplayModel::default());
+    let share = |model| step(model) / ideal - 1.0;
+    let each = model.terms().into_iter().map(|term| (term, share(model.only(term))));
+    each.chain([("all", share(model.clone()))]).collect()
+}
 
 /// What one colour takes.
 #[derive(Debug, Clone, PartialEq)]

@@ -35,7 +35,7 @@ mod step;
 mod validation;
 mod viewpoints;
 
-pub use cost::{Cost, Forecast, Loaded, forecast};
+pub use cost::{Cost, Forecast, Loaded, forecast, model_work};
 pub use error::SolveError;
 pub(crate) use exposure::BrightEnd;
 pub use levels::{Levels, even_levels};

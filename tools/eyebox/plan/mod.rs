@@ -12,7 +12,7 @@ use eyebox::engine::Engine;
 use eyebox::optics::{Color, Display, dioptres};
 use eyebox::plan::Group;
 use eyebox::scene::LightField;
-use eyebox::solve::{Forecast, Loaded, Problem, Rates, ScenePlan, forecast};
+use eyebox::solve::{Forecast, Loaded, Problem, Rates, ScenePlan, forecast, model_work};
 use serde_json::json;
 
 /// Bytes of the program where the system does not say.
@@ -39,12 +39,14 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
     };
     let rates = Rates::of(engine.as_mut(), plan.settings.storage, args.time_again, timing)?;
     let forecasts = forecasts(&plan, &field, &display, [program, loading], engine.as_ref(), &rates)?;
+    let models = models(&plan, &field, &display)?;
     if !solve.json {
         println!("{} on {}, {}x{}", field.name, display.name, display.height, display.width);
         println!("shows {}", display.reach());
         println!("{}; lists are run {}\n", engine.describe(), engine.lists());
         chosen.iter().for_each(|about| println!("{about}\n"));
         say(&plan, &forecasts);
+        models.iter().for_each(say_model);
         slow.iter().for_each(|slow| println!("  {:13}  {slow}", "flicker"));
     }
     let lists = engine.lists();
@@ -69,10 +71,28 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
             "depth_mm": plan.settings.depth.map(|z| z * 1e3),
             "depth_dioptres": plan.settings.depth.map(|z| dioptres(z, display.focal_length)),
             "reach": display.reach(), "flicker": slow, "check": check, "lists": lists,
+            "model_work": models.iter().map(|(color, work)| json!({ "color": color, "share_of_ideal_step": work })).collect::<Vec<_>>(),
         });
         println!("{out}");
     }
     Ok(())
+}
+
+/// What the terms of the display's model add to a step, colour by colour.
+type ModelWork = (Color, Vec<(&'static str, f64)>);
+
+fn models(plan: &ScenePlan, field: &LightField, display: &Display) -> Result<Vec<ModelWork>, Failure> {
+    let left = plan.left(field, display);
+    let one = |color: &Color| {
+        let problem = Problem::outline(display, *color, plan.padding, left)?;
+        Ok((*color, model_work(&problem, &plan.settings)))
+    };
+    plan.colors.iter().map(one).filter(|of| of.as_ref().map_or(true, |(_, work)| !work.is_empty())).collect()
+}
+
+fn say_model((color, work): &ModelWork) {
+    let terms: Vec<String> = work.iter().map(|(term, share)| format!("{term} {:+.1} %", share * 100.0)).collect();
+    println!("  {:13}  {color}: {} of an ideal display's step", "display model", terms.join(", "));
 }
 
 /// One forecast a colour.

@@ -50,6 +50,28 @@ fn what_a_hologram_is_solved_for_is_what_it_is_looked_at_through() {
     assert!(view("refined.zarr", "c.npy", &[]).1.contains("crosstalk"));
 }
 
+/// A plan says what each term adds to a step's work, and nothing of a display without a model.
+#[test]
+fn a_plan_says_what_each_term_takes() {
+    let dir = folder();
+    let at = dir.path();
+    std::fs::write(at.join("ideal.toml"), BENCH).unwrap();
+    std::fs::write(at.join("real.toml"), format!("{BENCH}{MODEL}")).unwrap();
+    let work = |display: &str| {
+        let plan = ["plan", "builtin:still-life", "--display", display, "--engine", "cpu", "--json"];
+        let said: serde_json::Value = serde_json::from_str(&done(at, &plan)).unwrap();
+        said["model_work"].clone()
+    };
+    assert_eq!(work("ideal.toml"), serde_json::json!([]));
+    let terms = work("real.toml")[0]["share_of_ideal_step"].clone();
+    let share = |name: &str| {
+        let found = terms.as_array().unwrap().iter().find(|t| t[0] == name);
+        found.unwrap_or_else(|| panic!("{terms}"))[1].as_f64().unwrap()
+    };
+    assert!(share("crosstalk") > share("undiffracted") && share("undiffracted") > 0.0, "{terms}");
+    assert!(share("iris").abs() < 0.1 && share("all") >= share("crosstalk"), "{terms}");
+}
+
 /// What makes no sense in the far field is refused, not left out.
 #[test]
 fn a_fill_in_the_far_field_is_refused() {
