@@ -87,9 +87,11 @@ fn what_a_camera_sees_is_the_definitions_sum() {
     // With crosstalk that is none at all, sub-pixels change nothing.
     let none = [[1.2, 1e6]; 4].map(Spread::from);
     let fine = DisplayModel { crosstalk: Some(none), ..at.model.clone() };
+    let most = seen.intensity.iter().copied().fold(0.0, f64::max);
     let seen_finely = &pictures.see(&plain(fine), 2, &[0], &[])[0];
     for (a, b) in seen.intensity.iter().zip(&seen_finely.intensity) {
-        assert!((a / b - 1.0).abs() < 3e-4, "{a}, {b}");
+        // Its transfer is a sum of so many orders and no more.
+        assert!((a - b).abs() < 3e-3 * most, "{a}, {b}");
     }
 }
 
