@@ -3,7 +3,7 @@
 use super::cache;
 use super::counters::add;
 use super::error::EngineError;
-use super::modules::{FloatModes, PRESERVES_HALVES};
+use super::modules::FloatModes;
 use ash::vk;
 use eyebox_spirv::Module;
 use std::collections::HashMap;
@@ -95,11 +95,7 @@ impl Maker {
         // SAFETY: the module was validated when it was built; it is destroyed right after the pipeline is made.
         let shader =
             unsafe { device.create_shader_module(&info, None) }.map_err(|e| error("vkCreateShaderModule", e))?;
-        let ids = (0..constants.len() as u32).chain([PRESERVES_HALVES]).zip(0..);
-        let entries: Vec<vk::SpecializationMapEntry> =
-            ids.map(|(id, i)| vk::SpecializationMapEntry { constant_id: id, offset: 4 * i, size: 4 }).collect();
-        let mut values = constants.to_vec();
-        values.push(u32::from(self.modes.preserves_halves));
+        let (entries, values) = self.modes.specialised(constants);
         let special = vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(&values));
         let stage = vk::PipelineShaderStageCreateInfo::default()
             .stage(vk::ShaderStageFlags::COMPUTE)

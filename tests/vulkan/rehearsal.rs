@@ -16,15 +16,19 @@ fn problem() -> Problem {
 }
 
 fn problem_of(height: usize, width: usize) -> Problem {
+    problem_with([3, 3], height, width)
+}
+
+fn problem_with(grid: [usize; 2], height: usize, width: usize) -> Problem {
     let display = Display { height, width, ..Display::preset("paper").expect("a preset") };
     let view = vec![0.5; height * width];
     let field = LightField {
         name: "grey".into(),
-        grid: [3, 3],
+        grid,
         height,
         width,
         colors: vec![Color::Green],
-        planes: vec![vec![view; 9]],
+        planes: vec![vec![view; grid[0] * grid[1]]],
         view_pitch: None,
         disparity: None,
         depth: Some([-3e-3, 3e-3]),
@@ -103,7 +107,7 @@ fn long_lists_are_cut() {
         (1080, 1920, 2, Storage::F16),
     ] {
         let settings = Settings { pupils, storage, ..Settings::default() };
-        let solve = Rehearsal::of_solve(&problem_of(height, width), &settings, &gpu(), 2).unwrap();
+        let solve = Rehearsal::of_solve(&problem_with([1, 1], height, width), &settings, &gpu(), 2).unwrap();
         for step in &solve.steps {
             let [dispatch, submission] = slowest.longest(&step.recording).map(|t| t.as_secs_f64() * 1e3);
             let what = format!("{height} x {width}, {pupils} pupils: {dispatch} and {submission} ms");
