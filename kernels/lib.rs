@@ -92,7 +92,7 @@ macro_rules! kernels {
                 args: drive: $crate::drive::Args,
                 fits: |step, shape| step.drive.place == shape.place,
                 work: |u| 2.0 * u.pixels(),
-                twin: |c| c.drive(),
+                twin: |c| c.waves.drive(&c.step.drive),
                 shader: Once |c| c.drive(),
             }
             /// The lag of the liquid crystal over the sub-frames.
@@ -100,7 +100,7 @@ macro_rules! kernels {
                 over: Whole, group: Field,
                 binds: [Update Wave],
                 work: |u| u.points(),
-                twin: |c| c.lag(false),
+                twin: |c| c.waves.lag(&c.step.drive, false),
                 shader: Once |c| c.lag(),
             }
             /// The pairs' spectra, all of them.
@@ -108,7 +108,7 @@ macro_rules! kernels {
                 over: Whole, group: Field,
                 binds: [Update Wave],
                 work: |u| 0.5 * u.whole_transform(),
-                twin: |c| c.transform_waves($crate::fft::Direction::Forward),
+                twin: |c| c.waves.transform($crate::fft::Direction::Forward),
                 shader: Once |c| c.grid_transform($crate::fft::Direction::Forward),
             }
             /// Crosstalk between pixels; between an inverse and a forward transform, transposed.
@@ -116,7 +116,7 @@ macro_rules! kernels {
                 over: Whole, group: Field,
                 binds: [Read Crosstalk, Update Wave],
                 work: |u| 0.5 * u.points(),
-                twin: |c| c.crosstalk(),
+                twin: |c| c.waves.crosstalk(),
                 shader: Once |c| c.crosstalk(),
             }
             /// The pairs' spectra back to pairs.
@@ -124,7 +124,7 @@ macro_rules! kernels {
                 over: Whole, group: Field,
                 binds: [Update Wave],
                 work: |u| 0.5 * u.whole_transform(),
-                twin: |c| c.transform_waves($crate::fft::Direction::Inverse),
+                twin: |c| c.waves.transform($crate::fft::Direction::Inverse),
                 shader: Once |c| c.grid_transform($crate::fft::Direction::Inverse),
             }
             /// Pairs to the field, with the source's profile and undiffracted light.
@@ -132,7 +132,7 @@ macro_rules! kernels {
                 over: Whole, group: Field,
                 binds: [Read Wave, Read Pixels, Write Field],
                 work: |u| 3.0 * u.pixels(),
-                twin: |c| c.modulate_waves(),
+                twin: |c| c.waves.modulate(c.field),
                 shader: Once |c| c.modulate_wave(),
             }
             /// The field's spectrum, in the step's columns.
@@ -323,7 +323,7 @@ macro_rules! kernels {
                 over: Whole, group: Update,
                 binds: [Read Pixels, Read Change, Update Wave],
                 work: |u| 3.0 * u.pixels(),
-                twin: |c| c.turn(),
+                twin: |c| c.waves.turn(c.change),
                 shader: Once |c| c.turn(),
             }
             /// The lag, transposed.
@@ -331,7 +331,7 @@ macro_rules! kernels {
                 over: Whole, group: Update,
                 binds: [Update Wave],
                 work: |u| u.points(),
-                twin: |c| c.lag(true),
+                twin: |c| c.waves.lag(&c.step.drive, true),
                 shader: Once |c| c.lag(),
             }
             /// And of the phases, as a change of a field that has nothing but these.
@@ -339,7 +339,7 @@ macro_rules! kernels {
                 over: Whole, group: Update,
                 binds: [Read Pixels, Read Shown, Read Wave, Update Change],
                 work: |u| 3.0 * u.pixels(),
-                twin: |c| c.drive_back(),
+                twin: |c| c.waves.drive_back(&c.step.drive, c.change),
                 shader: Once |c| c.drive_back(),
             }
             /// The projection's step of the phases.

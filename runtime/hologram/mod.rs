@@ -266,7 +266,7 @@ impl Hologram {
             display: display.name.clone(),
             display_wavelengths: display.wavelengths.clone(),
             scene: String::new(),
-            metadata: Metadata::default(),
+            metadata: Metadata { model: display.model.clone(), ..Metadata::default() },
         }
     }
 

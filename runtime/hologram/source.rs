@@ -22,6 +22,18 @@ pub enum PhaseSource<'a> {
 }
 
 impl PhaseSource<'_> {
+    /// The same on an ideal display, whatever the one that it was solved for does to the light.
+    pub fn on_ideal_display(self) -> Self {
+        match self {
+            Self::Whole(hologram) => {
+                let mut hologram = hologram.into_owned();
+                hologram.metadata.model.clear();
+                hologram.into()
+            }
+            tiled @ Self::Tiled(_) => tiled,
+        }
+    }
+
     /// The hologram at `path`, or hologram `at` of a sequence.
     ///
     /// # Errors
@@ -132,12 +144,6 @@ impl Hologram {
     /// Those of [`PhaseSource::look`].
     pub fn look(&self, pupil: &Pupil, engine: &mut dyn Engine) -> Result<Vec<Plane>, HologramError> {
         PhaseSource::from(self).look(None, pupil, engine)
-    }
-
-    /// The same on the ideal display, whatever it was solved for.
-    pub fn on_ideal_display(mut self) -> Self {
-        self.metadata.model.clear();
-        self
     }
 
     /// Plans for what is seen of one of its colours: the whole spectrum, with the padding and the display's model that it was

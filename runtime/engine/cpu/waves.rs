@@ -1,12 +1,11 @@
 //! What stands between phases and field where the display is more than its phases: pairs of sub-frames, all at once.
 
 use super::buffers::SPLIT;
-use super::frames::Whole;
 use crate::engine::Shape;
 use eyebox_kernels::{
     Complex32,
     crosstalk::crosstalk,
-    drive::drive,
+    drive::{Args, drive},
     drive_back::drive_back,
     fft::{Columns, Direction, Plans, Store},
     lag::lag,
@@ -32,38 +31,36 @@ pub(super) struct Waves<'a> {
     pub(super) wave: &'a mut [Complex32],
 }
 
-impl Waves<'_> {
-    fn points(&self) -> usize {
-        self.shape.points().max(1)
-    }
-}
-
 /// Sub-frame `index` of `frames`, each of `length` values; empty if there is none.
 fn frame<T>(frames: &[T], index: usize, length: usize) -> &[T] {
     frames.get(index * length..(index + 1) * length).unwrap_or_default()
 }
 
-impl Whole<'_> {
-    pub(super) fn drive(&mut self) {
-        let (args, points) = (&self.step.drive, self.waves.points());
-        let Waves { shape, shown, pixels, wave, .. } = &mut self.waves;
+impl Waves<'_> {
+    fn points(&self) -> usize {
+        self.shape.points().max(1)
+    }
+
+    pub(super) fn drive(&mut self, args: &Args) {
+        let points = self.points();
+        let Waves { shape, shown, pixels, wave, .. } = self;
         let count = shape.pixels();
         wave.par_chunks_exact_mut(points).enumerate().for_each(|(i, wave)| {
             drive(args, pixels, [2 * i, 2 * i + 1].map(|f| frame(shown, f, count)), wave);
         });
     }
 
-    pub(super) fn lag(&mut self, back: bool) {
-        let (args, frames, points) = (&self.step.drive, self.waves.shape.frames, self.waves.points());
-        let mut parts: Vec<_> = self.waves.wave.chunks_exact_mut(points).map(|pair| pair.chunks_mut(PART)).collect();
+    pub(super) fn lag(&mut self, args: &Args, back: bool) {
+        let (frames, points) = (self.shape.frames, self.points());
+        let mut parts: Vec<_> = self.wave.chunks_exact_mut(points).map(|pair| pair.chunks_mut(PART)).collect();
         let mut together: Vec<Vec<&mut [Complex32]>> =
             (0..points.div_ceil(PART)).map(|_| parts.iter_mut().filter_map(Iterator::next).collect()).collect();
         together.par_iter_mut().for_each(|pairs| lag(args, frames, back, pairs));
     }
 
-    pub(super) fn transform_waves(&mut self, direction: Direction) {
-        let points = self.waves.points();
-        let Waves { shape, plans, wave, .. } = &mut self.waves;
+    pub(super) fn transform(&mut self, direction: Direction) {
+        let points = self.points();
+        let Waves { shape, plans, wave, .. } = self;
         let [rows, columns] = [shape.place.grid_height as usize, shape.place.grid_width as usize];
         let (all, exact): (_, Store) = (Columns::all(columns), |_| {});
         if wave.len() / points < rayon::current_num_threads() && points >= SPLIT {
@@ -77,32 +74,32 @@ impl Whole<'_> {
     }
 
     pub(super) fn crosstalk(&mut self) {
-        let (height, points) = (self.waves.shape.place.grid_height as usize, self.waves.points());
-        let Waves { crosstalk: transfer, wave, .. } = &mut self.waves;
+        let (height, points) = (self.shape.place.grid_height as usize, self.points());
+        let Waves { crosstalk: transfer, wave, .. } = self;
         wave.par_chunks_exact_mut(points).for_each(|pair| crosstalk(height, transfer, pair));
     }
 
-    pub(super) fn modulate_waves(&mut self) {
-        let Waves { shape, store, pixels, wave, .. } = &self.waves;
-        let (points, scale) = (self.waves.points(), shape.field_scale());
-        self.field.par_chunks_exact_mut(points).enumerate().for_each(|(f, field)| {
+    pub(super) fn modulate(&self, field: &mut [Complex32]) {
+        let Waves { shape, store, pixels, wave, .. } = self;
+        let (points, scale) = (self.points(), shape.field_scale());
+        field.par_chunks_exact_mut(points).enumerate().for_each(|(f, field)| {
             modulate_wave(&shape.place, scale, pixels, f % 2 == 1, frame(wave, f / 2, points), field);
             store(field);
         });
     }
 
-    pub(super) fn turn(&mut self) {
-        let (points, change) = (self.waves.points(), &*self.change);
-        let Waves { shape, pixels, wave, .. } = &mut self.waves;
+    pub(super) fn turn(&mut self, change: &[Complex32]) {
+        let points = self.points();
+        let Waves { shape, pixels, wave, .. } = self;
         wave.par_chunks_exact_mut(points).enumerate().for_each(|(i, wave)| {
             turn(&shape.place, pixels, [2 * i, 2 * i + 1].map(|f| frame(change, f, points)), wave);
         });
     }
 
-    pub(super) fn drive_back(&mut self) {
-        let Waves { shape, store, shown, pixels, wave, .. } = &self.waves;
-        let (args, points, count) = (&self.step.drive, self.waves.points(), shape.pixels());
-        self.change.par_chunks_exact_mut(points).enumerate().for_each(|(f, change)| {
+    pub(super) fn drive_back(&self, args: &Args, change: &mut [Complex32]) {
+        let Waves { shape, store, shown, pixels, wave, .. } = self;
+        let (points, count) = (self.points(), shape.pixels());
+        change.par_chunks_exact_mut(points).enumerate().for_each(|(f, change)| {
             drive_back(args, pixels, f % 2 == 1, frame(shown, f, count), frame(wave, f / 2, points), change);
             store(change);
         });
