@@ -193,12 +193,12 @@ pub trait Engine: Send {
         }
     }
 
-    /// Makes what a step over some of these pupil passes needs, `at_once` of them at a time, each by itself in the list: memory,
-    /// pipelines, tables. Nothing is run, and steps find all of it there.
+    /// Makes what these steps need: memory, pipelines, tables. With `at_once` they may be over any of their pupil passes, so many
+    /// at a time; without, they are as they are given. Nothing is run, and steps find all of it there.
     ///
     /// # Errors
     /// Those of [`run_part`](Self::run_part); out of memory.
-    fn prepare(&mut self, _step: &Step, _at_once: usize) -> Result<(), EngineError> {
+    fn prepare(&mut self, _steps: &mut dyn Iterator<Item = Step>, _at_once: Option<usize>) -> Result<(), EngineError> {
         Ok(())
     }
 

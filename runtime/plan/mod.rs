@@ -22,6 +22,8 @@ mod viewpoint;
 pub(crate) use cost::{Slots, pupil_pass_bytes, shared_bytes, work};
 #[cfg(feature = "vulkan")]
 pub use device_model::{DEVICES, DeviceModel, Estimate};
+#[cfg(feature = "vulkan")]
+pub(crate) use device_model::{DISPATCH_BYTES, SUBMISSION_BYTES};
 pub use kernel::{Access, Dispatch, Group, Kernel, Scope, Step, Timing};
 pub use list::{Buffer, Extent, ModelParts, PerFrame, PupilPass, Purpose, Resource, Shape, Shot};
 pub use model::ModelTables;

@@ -41,6 +41,7 @@ impl Rehearsal {
         let planner = problem.planner_of(settings);
         let mut engine = VulkanEngine::new(gpu)?;
         engine.load(&planner.shape(settings.optimizer.purpose()), Some(Arc::clone(&problem.pyramid)))?;
+        Steps::new(problem, &planner, settings, 1.0).prepare(settings.steps.max(2 * count), &mut engine)?;
         let (mut steps, mut under_way) = (Steps::new(problem, &planner, settings, 1.0), None);
         rehearse(gpu, count, || {
             let step = steps.next(0.5);

@@ -245,7 +245,8 @@ impl Refiner {
         }
         let update = self.steering.strategy.update(1);
         let step = update.step(&self.planner, update.pupil_passes(&self.planner, &viewpoints, self.exposure), 0);
-        self.engine.prepare(&step, self.steering.pupils + self.steering.elsewhere as usize + 1)
+        let at_once = self.steering.pupils + self.steering.elsewhere as usize + 1;
+        self.engine.prepare(&mut std::iter::once(step), Some(at_once))
     }
 
     /// Begins again with the phases that it was made with, those for the whole eyebox: where they are a device's, with nothing

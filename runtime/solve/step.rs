@@ -6,7 +6,7 @@ use super::optimizer::{Optimizer, cosine};
 use super::problem::Problem;
 use super::settings::Settings;
 use super::viewpoints::Viewpoints;
-use crate::engine::{Engine, EngineError, Step};
+use crate::engine::{Engine, EngineError, Memory, Step};
 use crate::plan::{Comparison, Planner, PupilPass, Viewpoint};
 use eyebox_kernels::{Complex32, compare};
 use std::ops::Range;
@@ -78,6 +78,20 @@ impl<'a> Steps<'a> {
     pub(super) fn new(problem: &'a Problem, planner: &'a Planner, settings: &'a Settings, exposure: f64) -> Self {
         let viewpoints = Viewpoints::new(problem, settings, settings.seed);
         Self { problem, planner, settings, exposure, viewpoints, taken: 0 }
+    }
+
+    /// Makes what `count` steps from the first on ask a device for, all at once: nothing is made while they are taken. Pupils
+    /// repeat themselves: of many steps the first will do.
+    ///
+    /// # Errors
+    /// Those of the engine.
+    pub(super) fn prepare(mut self, count: usize, engine: &mut dyn Engine) -> Result<(), EngineError> {
+        const PUPILS: usize = 2048;
+        if engine.memory() == Memory::Host {
+            return Ok(());
+        }
+        let count = count.min(PUPILS.div_ceil(self.settings.pupils.max(1)));
+        engine.prepare(&mut (0..count).map(|_| self.next(0.0)), None)
     }
 
     /// The next step, over the next viewpoints, so far along the schedule (0 to 1).

@@ -1,6 +1,6 @@
 //! Where values lie: frames at a stride inside a block, and the buffers of pupil passes inside arenas.
 
-use super::super::{EngineError, PupilPass, Resource, Shape, Step, Storage};
+use super::super::{Buffer, EngineError, PupilPass, Resource, Shape, Step, Storage};
 use crate::gpu::{Block, Commands, Piece, Range};
 use crate::plan::Extent;
 use eyebox_kernels::half;
@@ -46,7 +46,7 @@ impl Layout {
     }
 
     /// Bytes from one frame to the next.
-    fn step(&self) -> u64 {
+    pub(super) fn step(&self) -> u64 {
         (self.stride() * self.value.size()) as u64
     }
 
@@ -118,6 +118,12 @@ const KINDS: usize = Resource::OF_SLOT.len();
 /// The place of a pupil pass buffer in a [`Slot`], if it is one.
 pub(super) fn slot_layout(resource: Resource) -> Option<usize> {
     Resource::OF_SLOT.iter().position(|r| *r == resource)
+}
+
+/// Place in a slot, and slot, of a pupil pass buffer.
+pub(super) fn pupil_pass_buffer(buffer: Buffer) -> Option<(Resource, usize, usize)> {
+    let (resource, slot) = buffer.resource();
+    Some((resource, slot_layout(resource)?, slot?))
 }
 
 /// Where one pupil pass's buffers lie, by kind.

@@ -4,6 +4,7 @@ use super::super::fft::{Along, in_use, shared_constants};
 use super::call::Call;
 use super::fused::Lines;
 use crate::engine::{EngineError, PupilPass, Resource};
+use crate::gpu::Range;
 use crate::plan::Access::{Read, Update, Write};
 use bytemuck::{Pod, Zeroable};
 use eyebox_kernels::fft::Direction;
@@ -42,7 +43,7 @@ struct CompareArguments {
     limit: f32,
 }
 
-impl Call<'_, '_> {
+impl<'a> Call<'_, 'a> {
     /// The pupils of the dispatch side by side, stage by stage: to what they see, or on to the spectra of what they lack.
     pub(super) fn windows(&mut self, back: bool) -> Result<(), EngineError> {
         let step = self.step;
@@ -104,7 +105,7 @@ impl Call<'_, '_> {
         let args = PassArguments { pass: pass.pass, columns, spectrum_stride, window_stride };
         let size = self.shape.storage.bytes() as u64;
         let passing = pass.passing();
-        for (first, count) in self.frames_at_once(&[Resource::Field, Resource::Window])? {
+        for (first, count) in self.frames_at_once(&[Resource::Field, Resource::Window], 0)? {
             let [field, transfer, spans, window] =
                 [Resource::Field, Resource::Transfer, Resource::Spans, Resource::Window]
                     .map(|resource| self.bound(resource, first, count));
@@ -154,26 +155,40 @@ impl Call<'_, '_> {
         let compares = mode == SEE || mode == WHOLE;
         let target = if compares { self.bound(Resource::Target, 0, 1)? } else { image };
         let losses = if compares { self.range(Resource::Losses, 0, 1)?.unwrap_or(image) } else { image };
-        let buffers = [window, planned.twiddles.all(), image, target, losses];
         let mut constants = shared_constants(&together.shared, Axis::Rows).to_vec();
         let kept = if mode == WHOLE { together.kept } else { lines };
         let pixels = if mode == TURN_BACK { 1 } else { pass.window.columns as u32 };
         constants.extend([mode, kept, pixels, if compares { threads * lines } else { 1 }]);
         let rounds = if mode == TURN_BACK { frames.div_ceil(lines) } else { 1 };
-        let dispatch = Lines {
-            module: &eyebox_spirv::COMPARE_ROWS,
-            constants: &constants,
-            changes_phases: false,
-            groups: [pass.window.rows as u32, rounds, 1],
-        };
-        let used = u64::from(columns[1]) * pass.window.rows as u64;
-        let fields = self.shape.storage.bytes() as u64 * used * u64::from(frames);
-        let pixels = 4 * pass.count() as u64;
-        self.dispatch(&dispatch, &buffers, &args, || match mode {
-            LOOK => vec![window.reads(fields), image.writes(pixels)],
-            SEE => vec![window.reads(fields), target.reads(pixels), image.writes(pixels)],
-            TURN_BACK => vec![window.reads(fields), image.reads(pixels), window.writes(fields)],
-            _ => vec![window.reads(fields), target.reads(pixels), window.writes(fields)],
-        })
+        // By rows, so many at once that what belongs to them begins at a multiple of 256 bytes.
+        let size = self.shape.storage.bytes() as u64;
+        let row = [size, 4, 4].map(|bytes| bytes * pass.window.columns as u64);
+        let of_row = 2 * row[0] * u64::from(frames) + row[1] + row[2];
+        let most = (self.work.in_time(of_row) / 64).saturating_mul(64).clamp(64, pass.window.rows.next_multiple_of(64));
+        for first in (0..pass.window.rows).step_by(most) {
+            let rows = most.min(pass.window.rows - first);
+            let from = |range: Range<'a>, row: u64| {
+                let skipped = row * first as u64;
+                range.block.range(range.offset + skipped, range.size - skipped)
+            };
+            let (window, image, target) = (from(window, row[0]), from(image, row[1]), from(target, row[2]));
+            let losses = if compares { from(losses, 4) } else { image };
+            let buffers = [window, planned.twiddles.all(), image, target, losses];
+            let dispatch = Lines {
+                module: &eyebox_spirv::COMPARE_ROWS,
+                constants: &constants,
+                changes_phases: false,
+                groups: [rows as u32, rounds, 1],
+            };
+            let fields = size * u64::from(columns[1]) * rows as u64 * u64::from(frames);
+            let pixels = row[1] * rows as u64;
+            self.dispatch(&dispatch, &buffers, &args, || match mode {
+                LOOK => vec![window.reads(fields), image.writes(pixels)],
+                SEE => vec![window.reads(fields), target.reads(pixels), image.writes(pixels)],
+                TURN_BACK => vec![window.reads(fields), image.reads(pixels), window.writes(fields)],
+                _ => vec![window.reads(fields), target.reads(pixels), window.writes(fields)],
+            })?;
+        }
+        Ok(())
     }
 }
