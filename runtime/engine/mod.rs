@@ -18,7 +18,8 @@ pub(crate) mod watched;
 
 pub use crate::gpu::{EngineError, PhasesOnDevice};
 pub use crate::plan::{
-    Buffer, Dispatch, Kernel, PupilPass, Purpose, Resource, Scope, Shape, Shot, Step, Storage, Timing,
+    Buffer, Dispatch, Kernel, ModelParts, ModelTables, PupilPass, Purpose, Resource, Scope, Shape, Shot, Step, Storage,
+    Timing,
 };
 pub use choose::{Backend, Choice, open, reason};
 pub use handover::{At, Handover};

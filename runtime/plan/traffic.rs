@@ -168,8 +168,7 @@ pub(crate) fn moved(
         return None;
     }
     let size = match (extent.complex, resource) {
-        (true, Resource::Transfer) => 8,
-        (true, _) => shape.storage.bytes() as u64,
+        (true, resource) => resource.stored(shape.storage).bytes() as u64,
         (false, _) => 4,
     };
     if (kernel, resource) == (Kernel::DivideByOverlap, Resource::Change) {

@@ -330,7 +330,7 @@ impl Refiner {
         }
         self.used += 1;
         let step = update.step(&self.planner, self.pupil_passes.clone(), usize::MAX);
-        let known = |kernel| matches!(kernel, Kernel::Transfer | Kernel::Photograph | Kernel::Resample);
+        let known = |kernel| matches!(kernel, Kernel::Transfer | Kernel::Relay | Kernel::Photograph | Kernel::Resample);
         let mut parts: Vec<Range<usize>> = Vec::new();
         for (i, dispatch) in step.list.iter().enumerate().filter(|(_, d)| fresh || !known(d.kernel)) {
             match parts.last_mut() {

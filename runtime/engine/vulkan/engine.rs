@@ -61,7 +61,6 @@ impl VulkanEngine {
     /// On a device whose results are nobody's yet.
     pub(super) fn untested(gpu: &Gpu) -> Result<Self, EngineError> {
         let gpu = Commands::new(gpu)?;
-        let place = bytemuck::Zeroable::zeroed();
         Ok(Self {
             stacks: Stacks::default(),
             kept: None,
@@ -73,7 +72,7 @@ impl VulkanEngine {
             losses: None,
             verdict: None,
             transforms: super::fft::transforms(),
-            shape: Shape { frames: 0, place, purpose: Purpose::View, quantised: false, storage: Storage::F32 },
+            shape: Shape::empty(),
             slots: Vec::new(),
             written: HashMap::new(),
             clock: [(0, 0.0); Kernel::ALL.len()],
@@ -169,6 +168,8 @@ impl VulkanEngine {
         if self.shape.frames == 0 || list.is_empty() {
             return Ok(());
         }
+        self.stacks.hold(&mut self.gpu, step.model.as_ref())?;
+        let flight = &mut self.flights[next];
         flight.lay_out(step, &self.shape, self.views.as_ref());
         self.fit_flights()?;
         self.flights[next].tables.stage();
@@ -368,7 +369,7 @@ impl Engine for VulkanEngine {
         }
         for (at, resource) in Resource::OF_SHAPE.into_iter().enumerate() {
             let Extent { frames, values, complex } = shape.extent(resource);
-            let value = if complex { Value::Complex(shape.storage) } else { Value::Real };
+            let value = if complex { Value::Complex(resource.stored(shape.storage)) } else { Value::Real };
             self.stacks.0[at] = self.stack(Layout { offset: 0, frames, values, value }, &resource.name())?;
         }
         self.verdict = None;
@@ -493,6 +494,6 @@ impl Engine for VulkanEngine {
     }
 
     fn reset_timings(&mut self) {
-        self.clock = Default::default();
+        self.clock.fill((0, 0.0));
     }
 }

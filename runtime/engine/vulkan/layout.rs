@@ -136,9 +136,7 @@ pub(super) fn slots(pupil_passes: &[PupilPass], shape: &Shape) -> Vec<Slot> {
         let mut slot = [Layout { offset: 0, frames: 0, values: 0, value: Value::Real }; KINDS];
         for ((layout, end), resource) in slot.iter_mut().zip(&mut ends).zip(Resource::OF_SLOT) {
             let Extent { frames, values, complex } = pupil_pass.extent(resource, shape);
-            // The propagation kernel is never stored as halves.
-            let storage = if resource == Resource::Transfer { Storage::F32 } else { shape.storage };
-            let value = if complex { Value::Complex(storage) } else { Value::Real };
+            let value = if complex { Value::Complex(resource.stored(shape.storage)) } else { Value::Real };
             *layout = Layout { offset: *end, frames, values, value };
             *end += layout.bytes();
         }

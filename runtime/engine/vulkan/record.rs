@@ -9,6 +9,7 @@ mod hazards;
 mod shaders;
 mod single;
 mod stacks;
+mod waves;
 
 use super::flight::PLACE;
 use super::layout::Slot;
@@ -30,6 +31,9 @@ impl<'a> Work<'a> {
         for dispatch in list {
             match dispatch.kernel {
                 Kernel::FieldForward | Kernel::ChangeInverse => self.transforms.prepare(self.gpu, grid, storage)?,
+                Kernel::WaveForward | Kernel::WaveInverse => {
+                    self.transforms.prepare(self.gpu, grid, Resource::Wave.stored(storage))?;
+                }
                 Kernel::WindowForward | Kernel::WindowInverse => {
                     for pass in &self.step.pupil_passes[dispatch.pupil_passes.clone()] {
                         self.transforms.prepare(self.gpu, [pass.window.rows, pass.window.columns], storage)?;

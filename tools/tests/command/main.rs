@@ -14,6 +14,7 @@ mod inspect;
 mod kept;
 #[cfg(target_os = "linux")]
 mod live;
+mod model;
 mod odd_values;
 mod orders;
 mod phases;

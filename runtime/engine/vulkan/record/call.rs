@@ -11,7 +11,10 @@ use crate::engine::{Dispatch, EngineError, Kernel, PupilPass, Resource, Shape, S
 use crate::gpu::{Block, Commands, PUSH_BYTES, Range};
 use crate::plan::{Access, PerFrame, moved};
 use bytemuck::Pod;
-use eyebox_kernels::{WIDTH, fft::Direction};
+use eyebox_kernels::{
+    WIDTH,
+    fft::{Columns, Direction},
+};
 use eyebox_spirv::Module;
 
 /// Workgroups that fill any device a few times over.
@@ -258,7 +261,10 @@ impl<'a> Call<'_, 'a> {
         for resource in self.kernel.writes() {
             let stack = self.work.stacks.find(resource).ok_or_else(|| self.missing(resource))?;
             let frames = frames_of(&stack.block, &stack.layout, size);
-            self.work.transforms.record(self.work.gpu, frames, direction, self.step.columns, Along::Both)?;
+            // Phases have all columns.
+            let all = Columns::all(size[1]);
+            let columns = if resource == Resource::Wave { all } else { self.step.columns };
+            self.work.transforms.record(self.work.gpu, frames, direction, columns, Along::Both)?;
         }
         Ok(())
     }
@@ -314,7 +320,7 @@ impl<'a> Work<'a> {
     }
 
     /// Workgroups of a kernel over values.
-    fn along(&self, count: usize, frames: usize) -> [u32; 3] {
+    pub(super) fn along(&self, count: usize, frames: usize) -> [u32; 3] {
         let pieces = count.div_ceil(WIDTH as usize).min(u32::MAX as usize) as u32;
         [self.shared_out(pieces, frames as u32, self.gpu.limits().groups[0]), 1, frames as u32]
     }
