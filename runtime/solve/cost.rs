@@ -19,7 +19,8 @@ pub fn model_work(problem: &Problem, settings: &Settings) -> Vec<(&'static str, 
     let Some(model) = problem.model.as_ref().map(|tables| tables.model()) else { return Vec::new() };
     let (slm, grid) = (problem.optics, problem.padding.grid(problem.optics));
     let step = |model: DisplayModel| {
-        let model = ModelTables::new(model, problem.eyebox / 2.0, slm, grid);
+        // How many levels there are changes no work.
+        let model = ModelTables::new(model, problem.eyebox / 2.0, 256, slm, grid);
         let cost = Cost::new(&Problem { model, ..problem.clone() }, settings, Memory::Host, settings.pupils);
         cost.step.iter().sum::<f64>()
     };
