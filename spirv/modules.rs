@@ -30,4 +30,5 @@ modules! {
     RETURN_PUPIL = "return_pupil", RETURN_PUPIL_HALF = "return_pupil_half";
     TAPER = "taper";
     TRANSFER = "transfer";
+    WINDOW_COLUMNS = "window_columns", WINDOW_COLUMNS_HALF = "window_columns_half";
 }

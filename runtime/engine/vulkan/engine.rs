@@ -163,7 +163,7 @@ impl VulkanEngine {
         if self.shape.frames == 0 || list.is_empty() {
             return Ok(());
         }
-        flight.pack(&step.pupil_passes, &all_slots(step, &self.shape), self.views.as_ref());
+        flight.pack(&step.pupil_passes, all_slots(step, &self.shape), self.views.as_ref());
         self.fit_flights()?;
         self.flights[next].tables.stage();
         self.arenas.fit(&mut self.gpu, step, &self.shape)?;
@@ -465,7 +465,7 @@ impl Engine for VulkanEngine {
         check(step, &(0..step.list.len()), &self.shape, self.views.as_ref())?;
         self.gpu.recorder.idle()?;
         let flight = &mut self.flights[self.at];
-        flight.pack(&step.pupil_passes, &all_slots(step, &self.shape), self.views.as_ref());
+        flight.pack(&step.pupil_passes, all_slots(step, &self.shape), self.views.as_ref());
         self.fit_flights()?;
         self.arenas.fit_any(&mut self.gpu, &step.pupil_passes, at_once, &self.shape)?;
         // Recorded and thrown away: whatever that asks for is made.

@@ -96,19 +96,27 @@ pub(super) struct Flight {
 impl Flight {
     /// Finds places for the sums of each pupil pass's loss, behind one for what `check_finite` finds, as far apart as the
     /// device wants.
-    fn place(&mut self, pupil_passes: &[PupilPass]) {
+    fn place(&mut self, pupil_passes: &[PupilPass], order: &[usize]) {
         self.end = PLACE;
         self.offsets.clear();
-        for pass in pupil_passes {
-            self.offsets.push(self.end);
-            self.end += (4 * pass.loss_parts() as u64).next_multiple_of(PLACE);
+        self.offsets.resize(pupil_passes.len(), PLACE);
+        // What belongs to no group has a place as well.
+        let rest = order.len()..pupil_passes.len();
+        for at in order.iter().copied().chain(rest) {
+            self.offsets[at] = self.end;
+            self.end += (4 * pupil_passes[at].loss_parts() as u64).next_multiple_of(PLACE);
         }
     }
 
-    /// Packs the tables of these pupil passes, whose buffers lie in these slots.
-    pub(super) fn pack(&mut self, pupil_passes: &[PupilPass], slots: &[Slot], views: Option<&Views>) {
-        self.place(pupil_passes);
-        self.tables.pack(pupil_passes, slots, &self.offsets, views);
+    /// Packs the tables of these pupil passes, whose buffers lie in these slots, which are in this order in memory.
+    pub(super) fn pack(
+        &mut self,
+        pupil_passes: &[PupilPass],
+        (slots, order): (Vec<Slot>, Vec<usize>),
+        views: Option<&Views>,
+    ) {
+        self.place(pupil_passes, &order);
+        self.tables.pack(pupil_passes, (slots, order), &self.offsets, views);
     }
 
     /// Whether what the host sees is large enough.

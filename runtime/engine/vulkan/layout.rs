@@ -123,33 +123,42 @@ pub(super) fn slot_layout(resource: Resource) -> Option<usize> {
 /// Where one pupil pass's buffers lie, by kind.
 pub(super) type Slot = [Layout; KINDS];
 
-/// The slots of neighbouring pupil passes, one behind the other in each arena. The same pupil passes always lie at the same places.
+/// Pupil passes by the size of their windows, so that those of one size are neighbours: their places in memory.
+fn order(pupil_passes: &[PupilPass]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..pupil_passes.len()).collect();
+    order.sort_by_key(|i| (pupil_passes[*i].window.rows, pupil_passes[*i].window.columns));
+    order
+}
+
+/// The slots of neighbouring pupil passes, one behind the other in each arena, in their [`order`]. The same pupil passes always
+/// lie at the same places.
 pub(super) fn slots(pupil_passes: &[PupilPass], shape: &Shape) -> Vec<Slot> {
     let mut ends = [0u64; KINDS];
-    let place = |pupil_pass: &PupilPass| {
-        let mut slot = [Layout { offset: 0, frames: 0, values: 0, value: Value::Real }; KINDS];
-        for ((layout, end), resource) in slot.iter_mut().zip(&mut ends).zip(Resource::OF_SLOT) {
-            let Extent { frames, values, complex } = pupil_pass.extent(resource, shape);
+    let mut slots = vec![[Layout { offset: 0, frames: 0, values: 0, value: Value::Real }; KINDS]; pupil_passes.len()];
+    for at in order(pupil_passes) {
+        for ((layout, end), resource) in slots[at].iter_mut().zip(&mut ends).zip(Resource::OF_SLOT) {
+            let Extent { frames, values, complex } = pupil_passes[at].extent(resource, shape);
             // The propagation kernel is never stored as halves.
             let storage = if resource == Resource::Transfer { Storage::F32 } else { shape.storage };
             let value = if complex { Value::Complex(storage) } else { Value::Real };
             *layout = Layout { offset: *end, frames, values, value };
             *end += layout.bytes();
         }
-        slot
-    };
-    pupil_passes.iter().map(place).collect()
+    }
+    slots
 }
 
-/// Those of all pupil passes of a step, group by group.
-pub(super) fn all_slots(step: &Step, shape: &Shape) -> Vec<Slot> {
+/// Those of all pupil passes of a step, group by group, and their order in memory.
+pub(super) fn all_slots(step: &Step, shape: &Shape) -> (Vec<Slot>, Vec<usize>) {
     let mut all = Vec::with_capacity(step.pupil_passes.len());
+    let mut in_order = Vec::with_capacity(step.pupil_passes.len());
     for group in step.list.iter().map(|d| d.pupil_passes.clone()) {
         if group.start == all.len() {
+            in_order.extend(order(&step.pupil_passes[group.clone()]).into_iter().map(|at| group.start + at));
             all.extend(slots(&step.pupil_passes[group], shape));
         }
     }
-    all
+    (all, in_order)
 }
 
 /// The blocks in which the buffers of pupil passes lie: they only grow.
@@ -166,8 +175,8 @@ impl Arenas {
             step.list.iter().map(|d| d.pupil_passes.clone()).filter(|l| !l.is_empty()).collect();
         groups.dedup();
         for group in groups {
-            if let Some(last) = slots(&step.pupil_passes[group], shape).last() {
-                for (need, layout) in needs.iter_mut().zip(last) {
+            for slot in slots(&step.pupil_passes[group], shape) {
+                for (need, layout) in needs.iter_mut().zip(&slot) {
                     *need = (*need).max(layout.offset + layout.bytes());
                 }
             }

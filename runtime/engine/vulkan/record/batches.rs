@@ -11,47 +11,60 @@ use eyebox_kernels::photograph::STRIP;
 pub(super) type Members = Vec<usize>;
 
 impl<'a> Call<'_, 'a> {
-    /// These pupils of the dispatch in batches, of whose `resources` a kernel sees all. In software, which starts a workgroup at
-    /// a price even where it finds nothing to do, each by itself.
-    pub(super) fn batches(
+    /// The pupils of the dispatch that have a key, neighbours in memory with one key in batches, of whose `resources` a kernel
+    /// sees all. In software, which starts a workgroup at a price even where it finds nothing to do, each by itself.
+    pub(super) fn batches<K: PartialEq>(
         &self,
-        pupils: impl IntoIterator<Item = usize>,
         resources: &[Resource],
+        key: impl Fn(usize) -> Option<K>,
     ) -> Result<Vec<Members>, EngineError> {
         let gpu = &*self.work.gpu;
         let most = if gpu.device.planned_as == DeviceKind::Cpu { 1 } else { BATCH };
-        let mut batches: Vec<Members> = Vec::new();
-        for pupil in pupils {
-            let fits = match batches.last() {
-                Some(batch) if batch.len() < most => {
-                    let sizes = resources.iter().map(|resource| Ok(self.spread(*resource, batch[0], pupil)?.0.size));
-                    sizes
-                        .collect::<Result<Vec<u64>, EngineError>>()?
-                        .into_iter()
-                        .all(|size| size <= gpu.limits().storage_range)
+        let (mut batches, mut last): (Vec<Members>, Option<K>) = (Vec::new(), None);
+        for at in self.order()? {
+            let Some(key) = key(at) else { continue };
+            match batches.last_mut().filter(|batch| last.as_ref() == Some(&key) && batch.len() < most) {
+                Some(batch) => {
+                    batch.push(at);
+                    let limit = gpu.limits().storage_range;
+                    let too_large = |r: &Resource| self.spread(*r, batch).is_ok_and(|(range, _)| range.size > limit);
+                    if resources.iter().any(too_large) {
+                        batch.pop();
+                        batches.push(vec![at]);
+                    }
                 }
-                _ => false,
-            };
-            match batches.last_mut().filter(|_| fits) {
-                Some(batch) => batch.push(pupil),
-                None => batches.push(vec![pupil]),
+                None => batches.push(vec![at]),
             }
+            last = Some(key);
         }
         Ok(batches)
     }
 
-    /// What pupils `first` to `last` of the dispatch have of a resource, and where that starts, in values.
-    pub(super) fn spread(
-        &self,
-        resource: Resource,
-        first: usize,
-        last: usize,
-    ) -> Result<(Range<'a>, u32), EngineError> {
-        let [from, to] = [first, last].map(|at| self.layout_of(resource, at));
-        let (from, to) = (from?, to?);
+    /// The pupils of the dispatch as they lie in memory.
+    fn order(&self) -> Result<impl Iterator<Item = usize> + use<>, EngineError> {
+        let pupils = self.dispatch.pupil_passes.clone();
+        let order = self.work.tables.order(&pupils, self.slots);
+        let odd = || EngineError::Mismatch {
+            reason: format!(
+                "{} runs over pupil_passes {pupils:?}, and another kernel over some of them",
+                self.kernel.name()
+            ),
+        };
+        let order = order.ok_or_else(odd)?.iter().map(|i| i - pupils.start).collect::<Vec<_>>();
+        Ok(order.into_iter())
+    }
+
+    /// What these pupils of the dispatch have of a resource, and where that starts, in values.
+    pub(super) fn spread(&self, resource: Resource, batch: &[usize]) -> Result<(Range<'a>, u32), EngineError> {
         let block = self.work.arenas.block(resource).ok_or_else(|| self.missing(resource))?;
-        let range = block.range(from.offset, to.offset + to.bytes() - from.offset);
-        Ok((range, (from.offset / from.value.size() as u64) as u32))
+        let (mut from, mut to, mut size) = (u64::MAX, 0, 1);
+        for at in batch {
+            let layout = self.layout_of(resource, *at)?;
+            (from, to) = (from.min(layout.offset), to.max(layout.offset + layout.bytes()));
+            size = layout.value.size() as u64;
+        }
+        let from = from.min(to);
+        Ok((block.range(from, to - from), (from / size) as u32))
     }
 
     /// The places of these pupils in the table.
@@ -72,8 +85,8 @@ impl<'a> Call<'_, 'a> {
 
     /// The propagation kernels of all pupils of the dispatch.
     pub(super) fn transfer(&mut self) -> Result<(), EngineError> {
-        for batch in self.batches(0..self.slots.len(), &[Resource::Transfer])? {
-            let (transfer, base) = self.spread(Resource::Transfer, batch[0], batch[batch.len() - 1])?;
+        for batch in self.batches(&[Resource::Transfer], |_| Some(()))? {
+            let (transfer, base) = self.spread(Resource::Transfer, &batch)?;
             let buffers = [self.work.tables.all()?, transfer, self.work.tables.pupils()?];
             let sizes = batch.iter().map(|at| self.pass(*at)).map(|pass| [pass.transfer.rows, pass.transfer.columns]);
             let groups = self.batch_groups(batch.len(), sizes);
@@ -85,11 +98,10 @@ impl<'a> Call<'_, 'a> {
 
     /// Their photographs at their windows' sizes.
     pub(super) fn resample(&mut self) -> Result<(), EngineError> {
-        let shots = (0..self.slots.len()).filter(|at| self.pass(*at).shot.is_some());
-        for batch in self.batches(shots, &[Resource::Accumulator, Resource::Target])? {
-            let (first, last) = (batch[0], batch[batch.len() - 1]);
-            let (accumulator, from) = self.spread(Resource::Accumulator, first, last)?;
-            let (target, to) = self.spread(Resource::Target, first, last)?;
+        let has_shot = |at| self.pass(at).shot.is_some().then_some(());
+        for batch in self.batches(&[Resource::Accumulator, Resource::Target], has_shot)? {
+            let (accumulator, from) = self.spread(Resource::Accumulator, &batch)?;
+            let (target, to) = self.spread(Resource::Target, &batch)?;
             let buffers = [accumulator, self.work.tables.all()?, target, self.work.tables.pupils()?];
             let sizes = batch.iter().map(|at| self.pass(*at).window).map(|w| [w.rows as u32, w.columns as u32]);
             let groups = self.batch_groups(batch.len(), sizes);
@@ -105,34 +117,31 @@ impl<'a> Call<'_, 'a> {
         let pupils = self.dispatch.pupil_passes.clone();
         let [taps, table] = tables.shots()?;
         for (block, views) in views.blocks.iter().enumerate() {
-            let mut shots = tables.shots_of().iter().enumerate();
-            let mine = |of: &super::super::tables::ShotOf| of.block == block && pupils.contains(&of.pupil_pass);
-            let Some(begin) = shots.position(|(_, of)| mine(of)) else { continue };
-            let shots = tables.shots_of()[begin..].iter().take_while(|of| mine(of)).collect::<Vec<_>>();
-            if shots.iter().any(|of| of.adds) {
+            let shot = |at: usize| tables.shot(block, pupils.start + at);
+            if (0..pupils.len()).filter_map(shot).any(|(_, shot)| shot.adds) {
                 self.work.gpu.recorder.barrier();
             }
-            let mut first = begin as u32;
-            for batch in self.batches(shots.iter().map(|of| of.pupil_pass - pupils.start), &[Resource::Accumulator])? {
-                let (accumulator, base) = self.spread(Resource::Accumulator, batch[0], batch[batch.len() - 1])?;
-                let sizes = batch.iter().filter_map(|at| self.pass(*at).shot.as_ref());
-                let groups = self
-                    .batch_groups(batch.len(), sizes.map(|shot| [shot.args.height.div_ceil(STRIP), shot.args.width]));
-                self.run(&[views.all(), taps, accumulator, table], &[first, base], &[], groups)?;
-                let shots = &shots[first as usize - begin..][..batch.len()];
+            for batch in self.batches(&[Resource::Accumulator], |at| shot(at).map(|_| ()))? {
+                let Some((first, _)) = shot(batch[0]) else { continue };
+                let (accumulator, base) = self.spread(Resource::Accumulator, &batch)?;
+                let strips = |at: &usize| {
+                    let args = self.pass(*at).shot.as_ref()?.args;
+                    Some([args.height.div_ceil(STRIP), args.width])
+                };
+                let groups = self.batch_groups(batch.len(), batch.iter().filter_map(strips));
+                self.run(&[views.all(), taps, accumulator, table], &[first as u32, base], &[], groups)?;
                 self.work.gpu.recorder.moved(|| {
                     let mut moves = Vec::new();
-                    for (of, at) in shots.iter().zip(&batch) {
-                        let Ok((accumulator, _)) = self.spread(Resource::Accumulator, *at, *at) else { continue };
-                        let pixels = self.layout_of(Resource::Accumulator, *at).map_or(0, |l| l.values as u64);
+                    for (at, (_, shot)) in batch.iter().filter_map(|at| Some((*at, shot(*at)?))) {
+                        let Ok((accumulator, _)) = self.spread(Resource::Accumulator, &[at]) else { continue };
+                        let pixels = self.layout_of(Resource::Accumulator, at).map_or(0, |l| l.values as u64);
                         // Two samples of halves a tap, in neighbouring blocks of nine rows.
-                        moves.push(views.all().reads(2 * pixels * u64::from(of.count) * 9 / 8));
-                        moves.extend(of.adds.then(|| accumulator.reads(4 * pixels)));
+                        moves.push(views.all().reads(2 * pixels * u64::from(shot.count) * 9 / 8));
+                        moves.extend(shot.adds.then(|| accumulator.reads(4 * pixels)));
                         moves.push(accumulator.writes(4 * pixels));
                     }
                     moves
                 });
-                first += batch.len() as u32;
             }
         }
         Ok(())
@@ -143,7 +152,7 @@ impl<'a> Call<'_, 'a> {
         self.work.gpu.recorder.moved(|| {
             let mut moves = Vec::new();
             for (at, bound) in batch.iter().flat_map(|at| self.kernel.binds().iter().map(move |bound| (*at, bound))) {
-                let Ok((range, _)) = self.spread(bound.1, at, at) else { continue };
+                let Ok((range, _)) = self.spread(bound.1, &[at]) else { continue };
                 let pass = Some(self.dispatch.pupil_passes.start + at);
                 let [read, written] = moved(self.kernel, *bound, self.step, self.shape, pass, 1).unwrap_or_default();
                 moves.extend((read > 0).then(|| range.reads(read)));

@@ -1,14 +1,16 @@
-//! The pupils' windows, fused: from the spectrum to the loss, and back to the windows' spectra.
+//! The pupils' windows, fused: from the spectrum to the loss, and back to the windows' spectra. Pupils whose windows have
+//! lines of one length go in one dispatch.
 
-use super::super::fft::{Along, in_use, shared_constants};
+use super::super::fft::{in_use, shared_constants};
 use super::call::Call;
 use super::fused::Lines;
 use crate::engine::{EngineError, PupilPass, Resource};
+use crate::gpu::Range;
 use crate::plan::Access::{Read, Update, Write};
+use crate::plan::Move;
 use bytemuck::{Pod, Zeroable};
-use eyebox_kernels::fft::Direction;
+use eyebox_kernels::BATCH;
 use eyebox_kernels::fft_plan::{Axis, Shared};
-use eyebox_kernels::pass_pupil;
 
 /// Modes of `compare_rows`.
 const LOOK: u32 = 0;
@@ -20,10 +22,22 @@ const WHOLE: u32 = 3;
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct PassArguments {
-    pass: pass_pupil::Args,
-    columns: [u32; 2],
+    grid: [u32; 2],
+    rows: u32,
     spectrum_stride: u32,
-    window_stride: u32,
+    transfer_base: u32,
+    window_base: u32,
+    frame: u32,
+    members: [u32; BATCH],
+}
+
+/// Those of `window_columns`.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct ColumnsArguments {
+    rows: u32,
+    window_base: u32,
+    members: [u32; BATCH],
 }
 
 /// Those of `compare_rows`.
@@ -32,61 +46,35 @@ struct PassArguments {
 struct CompareArguments {
     width: u32,
     frames: u32,
-    columns: [u32; 2],
-    window_stride: u32,
-    gain: f32,
-    mode: u32,
-    exposure: f32,
-    weight: f32,
-    floor: f32,
-    limit: f32,
+    window_base: u32,
+    pixels_base: u32,
+    losses_base: u32,
+    members: [u32; BATCH],
 }
 
-impl Call<'_, '_> {
+impl<'a> Call<'_, 'a> {
     /// The pupils of the dispatch side by side, stage by stage: to what they see, or on to the spectra of what they lack.
     pub(super) fn windows(&mut self, back: bool) -> Result<(), EngineError> {
-        let step = self.step;
-        let passes = &step.pupil_passes[self.dispatch.pupil_passes.clone()];
         self.work.before(&[
             (Read, Resource::Field),
             (Read, Resource::Transfer),
             (Read, Resource::Spans),
             (Write, Resource::Window),
         ]);
-        self.each(passes, |call, pass| call.pass_columns(pass))?;
+        self.pass_columns()?;
         let seen = [(Update, Resource::Window), (Write, Resource::Image)];
         if !back {
             self.work.before(&seen);
-            return self.each(passes, |call, pass| call.compare_rows(pass, LOOK));
+            return self.compare_rows(|_| Some(LOOK));
         }
         self.work.before(&[seen[0], seen[1], (Read, Resource::Target), (Write, Resource::Losses)]);
-        self.each(passes, |call, pass| {
-            let mode = if call.is_whole(pass) { WHOLE } else { SEE };
-            call.compare_rows(pass, mode)
-        })?;
-        if !passes.iter().all(|pass| self.is_whole(pass)) {
+        self.compare_rows(|whole| Some(if whole { WHOLE } else { SEE }))?;
+        if !(0..self.slots.len()).all(|at| self.is_whole(self.pass(at))) {
             self.work.before(&[(Read, Resource::Image), (Update, Resource::Window)]);
-            self.each(
-                passes,
-                |call, pass| {
-                    if call.is_whole(pass) { Ok(()) } else { call.compare_rows(pass, TURN_BACK) }
-                },
-            )?;
+            self.compare_rows(|whole| (!whole).then_some(TURN_BACK))?;
         }
         self.work.before(&[(Update, Resource::Window)]);
-        self.each(passes, |call, pass| call.window_lines(pass, Direction::Forward, Along::Columns))
-    }
-
-    fn each(
-        &mut self,
-        passes: &[PupilPass],
-        one: impl Fn(&mut Self, &PupilPass) -> Result<(), EngineError>,
-    ) -> Result<(), EngineError> {
-        for (at, pass) in passes.iter().enumerate() {
-            self.at = at;
-            one(self, pass)?;
-        }
-        Ok(())
+        self.window_columns()
     }
 
     /// Whether a row of all sub-frames fits shared memory.
@@ -95,85 +83,154 @@ impl Call<'_, '_> {
         along.and_then(|along| self.work.together(&along, pass.window.columns)).is_some_and(|together| together.whole)
     }
 
-    fn pass_columns(&mut self, pass: &PupilPass) -> Result<(), EngineError> {
-        let planned = self.planned(pass.window.rows, Axis::ColumnPairs)?;
-        let Some(shared) = planned.shared() else { return Ok(()) };
-        let columns = in_use(pass.columns, pass.window.columns);
-        let [spectrum, window] = [Resource::Field, Resource::Window].map(|r| self.layout(r));
-        let [spectrum_stride, window_stride] = [spectrum?.stride() as u32, window?.stride() as u32];
-        let args = PassArguments { pass: pass.pass, columns, spectrum_stride, window_stride };
-        let size = self.shape.storage.bytes() as u64;
-        let passing = pass.passing();
-        for (first, count) in self.frames_at_once(&[Resource::Field, Resource::Window])? {
-            let [field, transfer, spans, window] =
-                [Resource::Field, Resource::Transfer, Resource::Spans, Resource::Window]
-                    .map(|resource| self.bound(resource, first, count));
-            let (field, transfer, window) = (field?, transfer?, window?);
-            let buffers = [field, planned.twiddles.all(), transfer, spans?, window];
-            let lines = Lines {
-                module: &eyebox_spirv::PASS_COLUMNS,
-                constants: &shared_constants(shared, Axis::ColumnPairs)[..20],
-                changes_phases: false,
-                groups: [(columns[1] / 2).div_ceil(shared.lines), count as u32, 1],
+    /// Pairs of columns in use of those of a batch that have most.
+    fn pairs(&self, batch: &[usize]) -> u32 {
+        let used = |at: &usize| in_use(self.pass(*at).columns, self.pass(*at).window.columns)[1];
+        batch.iter().map(used).max().unwrap_or(0) / 2
+    }
+
+    /// Says what the last dispatch moves: of each of a batch, by its pupil pass and the values of its columns in use.
+    fn say_lines_moved(&self, batch: &[usize], of: impl Fn(&PupilPass, u64) -> Vec<Move>) {
+        self.work.gpu.recorder.moved(|| {
+            let moves = |at: &usize| {
+                let pass = self.pass(*at);
+                let used = u64::from(in_use(pass.columns, pass.window.columns)[1]) * pass.window.rows as u64;
+                of(pass, used)
             };
-            let used = u64::from(columns[1]) * pass.window.rows as u64;
-            self.dispatch(&lines, &buffers, &args, || {
-                let frames = count as u64;
-                vec![
-                    field.reads(size * passing * frames),
-                    transfer.reads(8 * passing),
-                    window.writes(size * used * frames),
-                ]
-            })?;
+            batch.iter().flat_map(moves).collect()
+        });
+    }
+
+    fn pass_columns(&mut self) -> Result<(), EngineError> {
+        for batch in self.batches(&[Resource::Window, Resource::Transfer], |at| Some(self.pass(at).window.rows))? {
+            let rows = self.pass(batch[0]).window.rows;
+            let planned = self.planned(rows, Axis::ColumnPairs)?;
+            let Some(shared) = planned.shared() else { continue };
+            let spectrum_stride = self.layout(Resource::Field)?.stride() as u32;
+            let (transfer, transfer_base) = self.spread(Resource::Transfer, &batch)?;
+            let [tables, pupils] = [self.work.tables.all()?, self.work.tables.pupils()?];
+            let size = self.shape.storage.bytes() as u64;
+            for (first, count) in self.frames_at_once(&[Resource::Field])? {
+                let field = self.bound(Resource::Field, first, count)?;
+                let (window, window_base) = self.spread(Resource::Window, &batch)?;
+                let args = PassArguments {
+                    grid: self.grid_size().map(|n| n as u32),
+                    rows: rows as u32,
+                    spectrum_stride,
+                    transfer_base,
+                    window_base,
+                    frame: first as u32,
+                    members: self.members(&batch),
+                };
+                let lines = Lines {
+                    module: &eyebox_spirv::PASS_COLUMNS,
+                    constants: &shared_constants(shared, Axis::ColumnPairs)[..20],
+                    changes_phases: false,
+                    groups: [self.pairs(&batch).div_ceil(shared.lines), count as u32, batch.len() as u32],
+                };
+                let buffers = [field, planned.twiddles.all(), transfer, tables, window, pupils];
+                self.dispatch(&lines, &buffers, &args, Vec::new)?;
+                self.say_lines_moved(&batch, |pass, used| {
+                    let (passing, frames) = (pass.passing(), count as u64);
+                    vec![
+                        field.reads(size * passing * frames),
+                        transfer.reads(8 * passing),
+                        window.writes(size * used * frames),
+                    ]
+                });
+            }
         }
         Ok(())
     }
 
-    fn compare_rows(&mut self, pass: &PupilPass, mode: u32) -> Result<(), EngineError> {
-        let planned = self.planned(pass.window.columns, Axis::Rows)?;
-        let Some(together) = self.work.together(&planned, pass.window.columns) else { return Ok(()) };
+    fn window_columns(&mut self) -> Result<(), EngineError> {
+        for batch in self.batches(&[Resource::Window], |at| Some(self.pass(at).window.rows))? {
+            let rows = self.pass(batch[0]).window.rows;
+            let planned = self.planned(rows, Axis::ColumnPairs)?;
+            let Some(shared) = planned.shared() else { continue };
+            let (window, window_base) = self.spread(Resource::Window, &batch)?;
+            let args = ColumnsArguments { rows: rows as u32, window_base, members: self.members(&batch) };
+            let frames = self.shape.frames as u32;
+            let lines = Lines {
+                module: &eyebox_spirv::WINDOW_COLUMNS,
+                constants: &shared_constants(shared, Axis::ColumnPairs)[..20],
+                changes_phases: false,
+                groups: [self.pairs(&batch).div_ceil(shared.lines), frames, batch.len() as u32],
+            };
+            let buffers = [window, planned.twiddles.all(), self.work.tables.pupils()?];
+            self.dispatch(&lines, &buffers, &args, Vec::new)?;
+            let value = self.shape.storage.bytes() as u64 * u64::from(frames);
+            self.say_lines_moved(&batch, |_, used| vec![window.reads(value * used), window.writes(value * used)]);
+        }
+        Ok(())
+    }
+
+    /// The rows of those pupils that `mode` says one for, by whether a row of all sub-frames fits shared memory.
+    fn compare_rows(&mut self, mode: impl Fn(bool) -> Option<u32>) -> Result<(), EngineError> {
+        let key = |at| mode(self.is_whole(self.pass(at))).map(|mode| (mode, self.pass(at).window.columns));
+        let resources = [Resource::Window, Resource::Image, Resource::Target];
+        for batch in self.batches(&resources, key)? {
+            let Some(mode) = mode(self.is_whole(self.pass(batch[0]))) else { continue };
+            self.compare_rows_of(&batch, mode)?;
+        }
+        Ok(())
+    }
+
+    fn compare_rows_of(&mut self, batch: &[usize], mode: u32) -> Result<(), EngineError> {
+        let width = self.pass(batch[0]).window.columns;
+        let planned = self.planned(width, Axis::Rows)?;
+        let Some(together) = self.work.together(&planned, width) else { return Ok(()) };
         let Shared { threads, lines, .. } = together.shared;
         let frames = self.shape.frames as u32;
-        let columns = in_use(pass.columns, pass.window.columns);
-        let layout = self.layout(Resource::Window)?;
-        let compare = &pass.compare;
-        let args = CompareArguments {
-            width: pass.window.columns as u32,
-            frames,
-            columns,
-            window_stride: layout.stride() as u32,
-            gain: pass.intensity.gain,
-            mode: compare.mode,
-            exposure: compare.exposure,
-            weight: compare.weight,
-            floor: compare.floor,
-            limit: compare.limit,
-        };
-        let (window, image) = (self.bound(Resource::Window, 0, layout.frames)?, self.bound(Resource::Image, 0, 1)?);
+        let (window, window_base) = self.spread(Resource::Window, batch)?;
+        let (image, pixels_base) = self.spread(Resource::Image, batch)?;
         // What a mode does not look at may be anything.
         let compares = mode == SEE || mode == WHOLE;
-        let target = if compares { self.bound(Resource::Target, 0, 1)? } else { image };
-        let losses = if compares { self.range(Resource::Losses, 0, 1)?.unwrap_or(image) } else { image };
-        let buffers = [window, planned.twiddles.all(), image, target, losses];
+        let target = if compares { self.spread(Resource::Target, batch)?.0 } else { image };
+        let (losses, losses_base) = if compares { self.spread_losses(batch) } else { None }.unwrap_or((image, 0));
+        let args = CompareArguments {
+            width: width as u32,
+            frames,
+            window_base,
+            pixels_base,
+            losses_base,
+            members: self.members(batch),
+        };
+        let buffers = [window, planned.twiddles.all(), image, target, losses, self.work.tables.pupils()?];
         let mut constants = shared_constants(&together.shared, Axis::Rows).to_vec();
         let kept = if mode == WHOLE { together.kept } else { lines };
-        let pixels = if mode == TURN_BACK { 1 } else { pass.window.columns as u32 };
+        let pixels = if mode == TURN_BACK { 1 } else { width as u32 };
         constants.extend([mode, kept, pixels, if compares { threads * lines } else { 1 }]);
         let rounds = if mode == TURN_BACK { frames.div_ceil(lines) } else { 1 };
+        let rows = batch.iter().map(|at| self.pass(*at).window.rows as u32).max().unwrap_or(0);
         let dispatch = Lines {
             module: &eyebox_spirv::COMPARE_ROWS,
             constants: &constants,
             changes_phases: false,
-            groups: [pass.window.rows as u32, rounds, 1],
+            groups: [rows, rounds, batch.len() as u32],
         };
-        let used = u64::from(columns[1]) * pass.window.rows as u64;
-        let fields = self.shape.storage.bytes() as u64 * used * u64::from(frames);
-        let pixels = 4 * pass.count() as u64;
-        self.dispatch(&dispatch, &buffers, &args, || match mode {
-            LOOK => vec![window.reads(fields), image.writes(pixels)],
-            SEE => vec![window.reads(fields), target.reads(pixels), image.writes(pixels)],
-            TURN_BACK => vec![window.reads(fields), image.reads(pixels), window.writes(fields)],
-            _ => vec![window.reads(fields), target.reads(pixels), window.writes(fields)],
-        })
+        self.dispatch(&dispatch, &buffers, &args, Vec::new)?;
+        let value = self.shape.storage.bytes() as u64 * u64::from(frames);
+        self.say_lines_moved(batch, |pass, used| {
+            let (fields, pixels) = (value * used, 4 * pass.count() as u64);
+            match mode {
+                LOOK => vec![window.reads(fields), image.writes(pixels)],
+                SEE => vec![window.reads(fields), target.reads(pixels), image.writes(pixels)],
+                TURN_BACK => vec![window.reads(fields), image.reads(pixels), window.writes(fields)],
+                _ => vec![window.reads(fields), target.reads(pixels), window.writes(fields)],
+            }
+        });
+        Ok(())
+    }
+
+    /// Where the losses of a batch are, and where that starts, in values.
+    fn spread_losses(&self, batch: &[usize]) -> Option<(Range<'a>, u32)> {
+        let (block, offsets) = self.work.losses?;
+        let places = batch.iter().map(|at| {
+            let from = offsets[self.dispatch.pupil_passes.start + at];
+            (from, from + 4 * self.pass(*at).loss_parts() as u64)
+        });
+        let (from, to) = places.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))?;
+        Some((block.range(from, to - from), (from / 4) as u32))
     }
 }
