@@ -12,6 +12,7 @@ mod kernel;
 mod list;
 mod lists;
 mod pupil_pass;
+mod resample_tables;
 mod scales;
 mod storage;
 #[cfg(feature = "vulkan")]
