@@ -123,11 +123,21 @@ pub(super) fn slot_layout(resource: Resource) -> Option<usize> {
 /// Where one pupil pass's buffers lie, by kind.
 pub(super) type Slot = [Layout; KINDS];
 
-/// Pupil passes by the size of their windows, so that those of one size are neighbours: their places in memory.
+/// Pupil passes by the size of their windows, by rows first or by columns, whichever leaves more neighbours that have as many
+/// of one: their places in memory.
 fn order(pupil_passes: &[PupilPass]) -> Vec<usize> {
-    let mut order: Vec<usize> = (0..pupil_passes.len()).collect();
-    order.sort_by_key(|i| (pupil_passes[*i].window.rows, pupil_passes[*i].window.columns));
-    order
+    let size = |at: usize| [pupil_passes[at].window.rows, pupil_passes[at].window.columns];
+    let mut orders = [0, 1].map(|first| {
+        let mut order: Vec<usize> = (0..pupil_passes.len()).collect();
+        order.sort_by_key(|at| (size(*at)[first], size(*at)[1 - first]));
+        order
+    });
+    let alike = |order: &[usize]| {
+        let alike = |pair: &[usize]| (0..2).filter(|axis| size(pair[0])[*axis] == size(pair[1])[*axis]).count();
+        order.windows(2).map(alike).sum::<usize>()
+    };
+    let by_columns = alike(&orders[1]) > alike(&orders[0]);
+    std::mem::take(&mut orders[usize::from(by_columns)])
 }
 
 /// The slots of neighbouring pupil passes, one behind the other in each arena, in their [`order`]. The same pupil passes always
