@@ -51,7 +51,7 @@ fn steps_keep_to_their_budgets() {
     let settings = Settings { pupils: 16, ..Settings::default() };
     let solve = Rehearsal::of_solve(&problem, &settings, &gpu, 3).unwrap();
     for [dispatches, stages, bytes] in asked(&solve) {
-        assert!(dispatches <= 60 && stages <= 14 && bytes <= 3_700_000_000, "{dispatches} {stages} {bytes}");
+        assert!(dispatches <= 61 && stages <= 11 && bytes <= 3_700_000_000, "{dispatches} {stages} {bytes}");
         // Each of 16 windows is passed, seen, compared and returned, whatever is fused.
         assert!(dispatches >= 8 && bytes >= 3_000_000_000, "{dispatches} {bytes}");
     }
@@ -62,7 +62,7 @@ fn steps_keep_to_their_budgets() {
     let fp32 = Steering { storage: Some(Storage::F32), ..Steering::default() };
     let steered = Rehearsal::of_refinement(problem, 8, fp32, aim, &gpu, 4).unwrap();
     for [dispatches, stages, bytes] in asked(&steered) {
-        assert!(dispatches <= 16 && stages <= 9 && bytes <= 700_000_000, "{dispatches} {stages} {bytes}");
+        assert!(dispatches <= 20 && stages <= 9 && bytes <= 700_000_000, "{dispatches} {stages} {bytes}");
         assert!(bytes >= 500_000_000, "{bytes}");
     }
     let [fast, .., slow] = DEVICES.map(|device| steered.estimate(&device).total());
