@@ -1,5 +1,6 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
+#include "alias.glsl"
 #include "constants.glsl"
 #include "half.glsl"
 #include "trig.glsl"
@@ -9,8 +10,8 @@
 layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Change { COMPLEX change[]; };
 // The phases that made the field: the same buffer as `phases` where nothing is quantised.
-layout(std430, binding = 1) readonly buffer Shown { float shown[]; };
-layout(std430, binding = 2) buffer Phases { float phases[]; };
+MAY_ALIAS layout(std430, binding = 1) readonly buffer Shown { float shown[]; };
+MAY_ALIAS layout(std430, binding = 2) buffer Phases { float phases[]; };
 layout(std430, binding = 3) buffer First { float first[]; };
 layout(std430, binding = 4) buffer Second { float second[]; };
 layout(push_constant) uniform Args {

@@ -23,15 +23,16 @@ const uint DOWN = 0, UP = 1;
 #define AREAS KEPT
 #define FROM_SHARED(way) (way == UP)
 #define TO_SHARED(way) (way == DOWN)
+#include "alias.glsl"
 #include "constants.glsl"
 #include "half.glsl"
 #include "fft_lines.glsl"
 
-layout(std430, binding = 0) buffer Window2 { COMPLEX window2[]; };
-layout(std430, binding = 0) buffer Window4 { COMPLEX2 window4[]; };
-layout(std430, binding = 2) buffer Image { float image[]; };
-layout(std430, binding = 3) readonly buffer Target { float target_image[]; };
-layout(std430, binding = 4) writeonly buffer Losses { float losses[]; };
+MAY_ALIAS layout(std430, binding = 0) buffer Window2 { COMPLEX window2[]; };
+MAY_ALIAS layout(std430, binding = 0) buffer Window4 { COMPLEX2 window4[]; };
+MAY_ALIAS layout(std430, binding = 2) buffer Image { float image[]; };
+MAY_ALIAS layout(std430, binding = 3) readonly buffer Target { float target_image[]; };
+MAY_ALIAS layout(std430, binding = 4) writeonly buffer Losses { float losses[]; };
 #define PUPILS 5
 #include "pupils.glsl"
 layout(push_constant) uniform Args {

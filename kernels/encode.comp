@@ -1,6 +1,7 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
+#include "alias.glsl"
 #include "constants.glsl"
 
 // The levels of one colour's sub-frames at their bits: frame = the first's, frame |= the others'. An invocation takes
@@ -61,8 +62,8 @@ layout(std430, binding = 0) readonly buffer Fours { vec4 fours[]; };
 layout(std430, binding = 1) readonly buffer Offsets { uint offsets[]; };
 // Four entries a word.
 layout(std430, binding = 2) readonly buffer Table { uint table[]; };
-layout(std430, binding = 3) buffer Frame { uint frame[]; };
-layout(std430, binding = 3) buffer Wide { uvec4 wide[]; };
+MAY_ALIAS layout(std430, binding = 3) buffer Frame { uint frame[]; };
+MAY_ALIAS layout(std430, binding = 3) buffer Wide { uvec4 wide[]; };
 void put(uint word, uint bits) {
     frame[word] = follows ? frame[word] | bits : bits;
 }

@@ -1,5 +1,6 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
+#include "alias.glsl"
 #include "constants.glsl"
 #include "half.glsl"
 
@@ -9,8 +10,8 @@
 // float32 whatever the data are in: a convolution reaches far beyond what it begins and ends with.
 
 layout(local_size_x = CHIRP_WIDTH, local_size_y = CHIRP_HEIGHT) in;
-layout(std430, binding = 0) buffer Data { COMPLEX data[]; };
-layout(std430, binding = 1) buffer Work { vec2 work[]; };
+MAY_ALIAS layout(std430, binding = 0) buffer Data { COMPLEX data[]; };
+MAY_ALIAS layout(std430, binding = 1) buffer Work { vec2 work[]; };
 // Chirp exp(-i pi k^2 / n), or the transform of its inverse.
 layout(std430, binding = 2) readonly buffer Table { vec2 table[]; };
 layout(push_constant) uniform Args {

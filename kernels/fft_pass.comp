@@ -15,14 +15,15 @@ layout(constant_id = 5) const uint ROWS = 0;
 layout(constant_id = 6) const uint FIRST = 0;
 const uint R = A * B;
 
+#include "alias.glsl"
 #include "constants.glsl"
 #include "half.glsl"
 #include "fft_butterfly.glsl"
 
-layout(std430, binding = 0) readonly buffer From2 { COMPLEX from2[]; };
-layout(std430, binding = 0) readonly buffer From4 { COMPLEX2 from4[]; };
-layout(std430, binding = 1) writeonly buffer To2 { COMPLEX to2[]; };
-layout(std430, binding = 1) writeonly buffer To4 { COMPLEX2 to4[]; };
+MAY_ALIAS layout(std430, binding = 0) readonly buffer From2 { COMPLEX from2[]; };
+MAY_ALIAS layout(std430, binding = 0) readonly buffer From4 { COMPLEX2 from4[]; };
+MAY_ALIAS layout(std430, binding = 1) writeonly buffer To2 { COMPLEX to2[]; };
+MAY_ALIAS layout(std430, binding = 1) writeonly buffer To4 { COMPLEX2 to4[]; };
 // (w, w^power) of exp(-i 2 pi j / (s R)), j < s, from `table` on.
 layout(std430, binding = 2) readonly buffer Twiddles { vec4 twiddles[]; };
 layout(push_constant) uniform Args {

@@ -5,12 +5,13 @@
 // Transforms whole rows or whole columns, in place. Of rows, columns that are not in use are neither written on the way
 // forward nor read on the way back, where they are zero.
 
+#include "alias.glsl"
 #include "constants.glsl"
 #include "half.glsl"
 #include "fft_lines.glsl"
 
-layout(std430, binding = 0) buffer Data2 { COMPLEX data2[]; };
-layout(std430, binding = 0) buffer Data4 { COMPLEX2 data4[]; };
+MAY_ALIAS layout(std430, binding = 0) buffer Data2 { COMPLEX data2[]; };
+MAY_ALIAS layout(std430, binding = 0) buffer Data4 { COMPLEX2 data4[]; };
 layout(push_constant) uniform Args {
     // Length; rows of a frame and rows in all, or columns and how many there are before they wrap.
     uint points, count, all;

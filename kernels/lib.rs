@@ -12,7 +12,10 @@ pub mod adam;
 pub mod apply_factor;
 pub mod check_finite;
 pub mod compare;
+pub mod crosstalk;
 pub mod divide_by_overlap;
+pub mod drive;
+pub mod drive_back;
 pub mod encode;
 pub mod energy;
 pub mod equalise_eyebox;
@@ -21,19 +24,23 @@ pub mod fft;
 pub mod fft_plan;
 pub mod half;
 pub mod intensity;
+pub mod lag;
 pub mod modulate;
+pub mod modulate_wave;
 pub mod overlap;
 pub mod pass_pupil;
 pub mod photograph;
 pub mod pixels;
 pub mod project;
 pub mod quantise;
+pub mod relay;
 pub mod resample;
 pub mod return_pupil;
 pub mod shared;
 pub mod taper;
 pub mod transfer;
 pub mod trig;
+pub mod turn;
 
 /// The table of kernels, in the order of a step: calls the macro `$then` with all rows. Everything that knows kernels one
 /// by one follows from it: `Kernel` and `Step` in the runtime's plan, costs, checks, barriers, hand-over, and the dispatch
@@ -78,6 +85,56 @@ macro_rules! kernels {
                 },
                 shader: Once |c| c.modulate(),
             }
+            /// The phases that the drives give, in pairs of sub-frames, where the display's model has more than phases.
+            Drive = "drive" {
+                over: Whole, group: Field,
+                binds: [Read Shown, Read Pixels, Write Wave],
+                args: drive: $crate::drive::Args,
+                fits: |step, shape| step.drive.place == shape.place,
+                work: |u| 2.0 * u.pixels(),
+                twin: |c| c.waves.drive(&c.step.drive),
+                shader: Once |c| c.drive(),
+            }
+            /// The lag of the liquid crystal over the sub-frames.
+            Lag = "lag" {
+                over: Whole, group: Field,
+                binds: [Update Wave],
+                work: |u| u.points(),
+                twin: |c| c.waves.lag(&c.step.drive, false),
+                shader: Once |c| c.lag(),
+            }
+            /// The pairs' spectra, all of them.
+            WaveForward = "wave_forward" {
+                over: Whole, group: Field,
+                binds: [Update Wave],
+                work: |u| 0.5 * u.whole_transform(),
+                twin: |c| c.waves.transform($crate::fft::Direction::Forward),
+                shader: Once |c| c.grid_transform($crate::fft::Direction::Forward),
+            }
+            /// Crosstalk between pixels; between an inverse and a forward transform, transposed.
+            Crosstalk = "crosstalk" {
+                over: Whole, group: Field,
+                binds: [Read Crosstalk, Update Wave],
+                work: |u| 0.5 * u.points(),
+                twin: |c| c.waves.crosstalk(),
+                shader: Once |c| c.crosstalk(),
+            }
+            /// The pairs' spectra back to pairs.
+            WaveInverse = "wave_inverse" {
+                over: Whole, group: Field,
+                binds: [Update Wave],
+                work: |u| 0.5 * u.whole_transform(),
+                twin: |c| c.waves.transform($crate::fft::Direction::Inverse),
+                shader: Once |c| c.grid_transform($crate::fft::Direction::Inverse),
+            }
+            /// Pairs to the field, with the source's profile and undiffracted light.
+            ModulateWave = "modulate_wave" {
+                over: Whole, group: Field,
+                binds: [Read Wave, Read Pixels, Write Field],
+                work: |u| 3.0 * u.pixels(),
+                twin: |c| c.waves.modulate(c.field),
+                shader: Once |c| c.modulate_wave(),
+            }
             /// The field's spectrum, in the step's columns.
             FieldForward = "field_forward" {
                 over: Frames, group: Field,
@@ -110,6 +167,14 @@ macro_rules! kernels {
                 work: |u| 4.0 * u.passing(),
                 twin: |c| $crate::transfer::transfer(&c.pass.transfer, &c.pass.spans, &mut c.slot.transfer),
                 shader: Once |c| c.transfer(),
+            }
+            /// What the pixels' aperture and the relay do to each bin.
+            Relay = "relay" {
+                over: PupilPasses, group: Window,
+                binds: [Read Relay, Read Spans, Update Transfer],
+                work: |u| 2.0 * u.passing(),
+                twin: |c| $crate::relay::relay(&c.pass.pass, c.relay, &c.pass.spans, &mut c.slot.transfer),
+                shader: Each |c, p| c.rows(p.pass.rows, p.pass.columns, &p.pass),
             }
             /// Weakens it towards the edges, in pupil passes that are tapered.
             Taper = "taper" {
@@ -252,6 +317,30 @@ macro_rules! kernels {
                 work: |u| 0.5 * u.points(),
                 twin: |c| c.check_finite(),
                 shader: Once |c| c.check_finite(),
+            }
+            /// What the change asks of the pairs' phases.
+            Turn = "turn" {
+                over: Whole, group: Update,
+                binds: [Read Pixels, Read Change, Update Wave],
+                work: |u| 3.0 * u.pixels(),
+                twin: |c| c.waves.turn(c.change),
+                shader: Once |c| c.turn(),
+            }
+            /// The lag, transposed.
+            LagBack = "lag_back" {
+                over: Whole, group: Update,
+                binds: [Update Wave],
+                work: |u| u.points(),
+                twin: |c| c.waves.lag(&c.step.drive, true),
+                shader: Once |c| c.lag(),
+            }
+            /// And of the phases, as a change of a field that has nothing but these.
+            DriveBack = "drive_back" {
+                over: Whole, group: Update,
+                binds: [Read Pixels, Read Shown, Read Wave, Update Change],
+                work: |u| 3.0 * u.pixels(),
+                twin: |c| c.waves.drive_back(&c.step.drive, c.change),
+                shader: Once |c| c.drive_back(),
             }
             /// The projection's step of the phases.
             Project = "project" {

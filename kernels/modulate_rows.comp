@@ -5,14 +5,15 @@
 // `modulate` and the rows of the field's transform: phases in, of the rows' spectra the columns in use out.
 
 #define COLUMNS 0u
+#include "alias.glsl"
 #include "constants.glsl"
 #include "half.glsl"
 #include "trig.glsl"
 #include "fft_lines.glsl"
 
 layout(std430, binding = 0) readonly buffer Phases { float phases[]; };
-layout(std430, binding = 2) writeonly buffer Field2 { COMPLEX field2[]; };
-layout(std430, binding = 2) writeonly buffer Field4 { COMPLEX2 field4[]; };
+MAY_ALIAS layout(std430, binding = 2) writeonly buffer Field2 { COMPLEX field2[]; };
+MAY_ALIAS layout(std430, binding = 2) writeonly buffer Field4 { COMPLEX2 field4[]; };
 layout(push_constant) uniform Args {
     uint height, width, grid_height, grid_width, top, left;
     // Columns in use, and rows in all.

@@ -20,8 +20,6 @@ layout(push_constant) uniform Args {
     uint grid_height, grid_width, rows;
     // Values from one frame to the next; where what is bound starts, in values.
     uint spectrum_stride, transfer_base, window_base;
-    // The first frame, of what the spectrum is bound to.
-    uint frame;
     uint members[BATCH];
 };
 
@@ -62,7 +60,7 @@ void main() {
     column = pupils[pupil].first + 2u * pair;
     x = (pupils[pupil].x0 + column) % grid_width;
     beside = x + 1u == grid_width ? 0u : x + 1u;
-    to = pupils[pupil].window - window_base + (frame + gl_WorkGroupID.y) * pupils[pupil].window_stride;
+    to = pupils[pupil].window - window_base + gl_WorkGroupID.y * pupils[pupil].window_stride;
     kernel = pupils[pupil].transfer - transfer_base;
     transform(0u, true);
 }

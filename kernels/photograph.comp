@@ -31,6 +31,8 @@ layout(std430, binding = 3) readonly buffer Shots { Shot shots[]; };
 layout(push_constant) uniform Args {
     // The first shot of the dispatch; where what is bound starts, in values.
     uint first, accumulator_base;
+    // Rows of each pupil that are this dispatch's.
+    uint top_row, end_row;
 };
 
 float value(uint at) {
@@ -41,7 +43,8 @@ void main() {
     Shot shot = shots[first + gl_WorkGroupID.z];
     uint x = gl_GlobalInvocationID.x, height = shot.height, width = shot.width;
     if (x >= width) return;
-    for (uint y = gl_WorkGroupID.y * PHOTOGRAPH_STRIP; y < height; y += gl_NumWorkGroups.y * PHOTOGRAPH_STRIP) {
+    uint end = min(height, end_row);
+    for (uint y = top_row + gl_WorkGroupID.y * PHOTOGRAPH_STRIP; y < end; y += gl_NumWorkGroups.y * PHOTOGRAPH_STRIP) {
         float sums[PHOTOGRAPH_STRIP];
         for (uint r = 0; r < PHOTOGRAPH_STRIP; ++r) sums[r] = 0.0;
         for (uint i = shot.begin; i < shot.end;) {

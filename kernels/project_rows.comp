@@ -6,6 +6,7 @@
 // field is stored nowhere.
 
 #define COLUMNS 0u
+#include "alias.glsl"
 #include "constants.glsl"
 #include "half.glsl"
 #include "trig.glsl"
@@ -14,8 +15,8 @@
 layout(std430, binding = 0) readonly buffer Change2 { COMPLEX change2[]; };
 layout(std430, binding = 0) readonly buffer Change4 { COMPLEX2 change4[]; };
 // The phases that made the field: the same buffer as `phases` where nothing is quantised.
-layout(std430, binding = 2) readonly buffer Shown { float shown[]; };
-layout(std430, binding = 3) buffer Phases { float phases[]; };
+MAY_ALIAS layout(std430, binding = 2) readonly buffer Shown { float shown[]; };
+MAY_ALIAS layout(std430, binding = 3) buffer Phases { float phases[]; };
 layout(std430, binding = 4) buffer Velocity { float velocity[]; };
 layout(push_constant) uniform Args {
     uint height, width, grid_height, grid_width, top, left;

@@ -84,6 +84,7 @@
 //! | [`quality`] | which settings are worth their time |
 //! | [`produce`] | from scenes to holograms: all colours, sequences, tiles |
 //! | [`encode`] | calibration, levels, packing: phases to what the SLM receives |
+//! | [`calibrate`] | a model of the display as it is, fitted from pictures that a camera took |
 //! | [`trackers`] | eye trackers: devices, recordings, network, simulated; samples with a steady time |
 //! | [`gaze`] | from a tracker's samples to where the pupil will be, with its uncertainty |
 //! | [`present`] | video frames to light: windows, direct displays, memory; when what lit up |
@@ -94,6 +95,7 @@
 //! Comments that say "OPTICS n" mean section n of `docs/optics.md`. Lengths are metres, angles radians, images linear light, axis
 //! order (row = y, column = x), +y down. Errors are typed, one enum a module; no input panics.
 
+pub mod calibrate;
 pub mod encode;
 pub mod engine;
 pub mod evaluate;

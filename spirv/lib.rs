@@ -101,4 +101,27 @@ mod tests {
             assert_eq!(module.words()[0], 0x0723_0203, "{} is no SPIR-V", module.name);
         }
     }
+
+    /// A compiler may take it for granted that nothing is NaN: nothing is asked whether it is, but by its bits.
+    #[test]
+    fn no_kernel_asks_whether_a_float_is_nan() {
+        const IS_NAN: u32 = 156;
+        const IS_INFINITE: u32 = 157;
+        const ORDERED: u32 = 162;
+        const UNORDERED: u32 = 163;
+        // Equal, unequal, less, ..., each ordered and not.
+        const COMPARISONS: std::ops::RangeInclusive<u32> = 180..=191;
+        for module in ALL {
+            let words = module.words();
+            let mut at = 5;
+            while at < words.len() {
+                let (code, count) = (words[at] & 0xffff, (words[at] >> 16).max(1) as usize);
+                assert!(![IS_NAN, IS_INFINITE, ORDERED, UNORDERED].contains(&code), "{} asks for NaN", module.name);
+                if COMPARISONS.contains(&code) {
+                    assert!(words[at + 3] != words[at + 4], "{} compares a value with itself", module.name);
+                }
+                at += count;
+            }
+        }
+    }
 }

@@ -5,7 +5,10 @@ modules! {
     CHECK_FINITE = "check_finite";
     COMPARE = "compare";
     COMPARE_ROWS = "compare_rows", COMPARE_ROWS_HALF = "compare_rows_half";
+    CROSSTALK = "crosstalk";
     DIVIDE_BY_OVERLAP = "divide_by_overlap", DIVIDE_BY_OVERLAP_HALF = "divide_by_overlap_half";
+    DRIVE = "drive";
+    DRIVE_BACK = "drive_back", DRIVE_BACK_HALF = "drive_back_half";
     ENCODE = "encode";
     ENERGY = "energy", ENERGY_HALF = "energy_half";
     EQUALISE_EYEBOX = "equalise_eyebox", EQUALISE_EYEBOX_HALF = "equalise_eyebox_half";
@@ -16,8 +19,11 @@ modules! {
     GATHER_COLUMNS = "gather_columns", GATHER_COLUMNS_HALF = "gather_columns_half";
     INTENSITY = "intensity", INTENSITY_HALF = "intensity_half";
     JUDGE = "judge";
+    LAG = "lag";
+    LAG_BACK = "lag_back";
     MODULATE = "modulate", MODULATE_HALF = "modulate_half";
     MODULATE_ROWS = "modulate_rows", MODULATE_ROWS_HALF = "modulate_rows_half";
+    MODULATE_WAVE = "modulate_wave", MODULATE_WAVE_HALF = "modulate_wave_half";
     OVERLAP = "overlap";
     PASS_COLUMNS = "pass_columns", PASS_COLUMNS_HALF = "pass_columns_half";
     PASS_PUPIL = "pass_pupil", PASS_PUPIL_HALF = "pass_pupil_half";
@@ -26,9 +32,11 @@ modules! {
     PROJECT = "project", PROJECT_HALF = "project_half";
     PROJECT_ROWS = "project_rows", PROJECT_ROWS_HALF = "project_rows_half";
     QUANTISE = "quantise";
+    RELAY = "relay";
     RESAMPLE = "resample";
     RETURN_PUPIL = "return_pupil", RETURN_PUPIL_HALF = "return_pupil_half";
     TAPER = "taper";
     TRANSFER = "transfer";
+    TURN = "turn", TURN_HALF = "turn_half";
     WINDOW_COLUMNS = "window_columns", WINDOW_COLUMNS_HALF = "window_columns_half";
 }

@@ -3,7 +3,7 @@
 use eyebox::engine::vulkan::VulkanEngine;
 use eyebox::engine::{Buffer, Dispatch, Engine, Kernel, Purpose, Resource, Shape, Step};
 use eyebox::gpu::{Gpu, Messages, Options};
-use eyebox::optics::{Optics, Padding, Pupil, WindowFactor};
+use eyebox::optics::{DisplayModel, Iris, Optics, Padding, Pupil, Spread, WindowFactor};
 use eyebox::plan::{Comparison, Planner, ViewLayout, Viewpoint};
 use eyebox::scene::{Pyramid, ViewGrid};
 use std::sync::{Arc, PoisonError};
@@ -228,4 +228,20 @@ fn blank(shape: &Shape, step: &Step, buffer: Buffer, transforms: &[Kernel], data
             value.fill(0.0);
         }
     }
+}
+
+/// A display with every term of its model on.
+pub fn every_fault() -> DisplayModel {
+    let mut model = DisplayModel::default();
+    let spread = |q, sigma| Spread { q, sigma };
+    model.level = [[0.95, 1.0, 1.05], [1.0, 1.04, 0.98], [1.1, 1.0, 0.9]];
+    model.bend = [0.12, -0.06];
+    model.lag = 0.15;
+    model.crosstalk = Some([spread(1.2, 2.03), spread(1.4, 1.6), spread(1.1, 2.2), spread(1.3, 1.9)]);
+    model.fill = 0.9;
+    model.source = [0.1, -0.05, -0.3, 0.08, -0.2];
+    model.undiffracted = [0.15, 0.1, 0.4, -0.3, 0.2];
+    model.wavefront = [(4, 0.15), (5, -0.1), (7, 0.05), (12, 0.03)].into();
+    model.iris = Iris { x: 0.2e-3, y: -0.3e-3, scale: 1.02 };
+    model
 }

@@ -1,7 +1,7 @@
 //! Which engine runs, and on what.
 
 #[cfg(feature = "vulkan")]
-use super::vulkan::VulkanEngine;
+use super::vulkan::{self, VulkanEngine};
 use super::{At, Engine, EngineError, Handover, Kernel, cpu::CpuEngine};
 use crate::gpu::{DeviceKind, DeviceReport, Gpu, Options, devices};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -55,14 +55,14 @@ impl Backend {
         let (gpu, reason) = match choice {
             Choice::Cpu => (None, "the CPU: it was asked for".into()),
             Choice::Vulkan => {
-                let gpu = Gpu::open(&options)?;
+                let gpu = open_tested(&options)?;
                 let reason = format!("{}: Vulkan was asked for", gpu.report().name);
                 (Some(gpu), reason)
             }
             Choice::Auto => match reason(&devices()) {
-                (Choice::Vulkan, why) => match Gpu::open(&options) {
+                (Choice::Vulkan, why) => match open_tested(&options) {
                     Ok(gpu) => (Some(gpu), why),
-                    // A GPU that lists itself and does not open is no reason to fail.
+                    // A GPU that lists itself and does not open, or computes nonsense, is no reason to fail.
                     Err(error) => (None, format!("the CPU: {error}")),
                 },
                 (_, why) => (None, why),
@@ -112,6 +112,14 @@ impl Backend {
     pub fn engine_from(&self, kernel: Kernel) -> Result<Box<dyn Engine>, EngineError> {
         Ok(Box::new(Handover::new(Box::new(CpuEngine::new()), self.engine()?, At::Kernel(kernel))))
     }
+}
+
+/// A device that computes what it should.
+fn open_tested(options: &Options) -> Result<Gpu, EngineError> {
+    let gpu = Gpu::open(options)?;
+    #[cfg(feature = "vulkan")]
+    vulkan::self_test(&gpu)?;
+    Ok(gpu)
 }
 
 /// An engine of its own, for a program that needs one only.

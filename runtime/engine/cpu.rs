@@ -12,10 +12,9 @@ mod buffers;
 mod frames;
 mod pupil_pass;
 mod twins;
+mod waves;
 
-use super::{
-    Buffer, Dispatch, Engine, EngineError, Kernel, Purpose, Resource, Scope, Shape, Step, Storage, Timing, misfit,
-};
+use super::{Buffer, Dispatch, Engine, EngineError, Kernel, ModelTables, Resource, Scope, Shape, Step, Timing, misfit};
 use crate::scene::Pyramid;
 use buffers::{Buffers, SPLIT, Slot, storing};
 use eyebox_kernels::{Complex32, fft::Plans};
@@ -29,12 +28,16 @@ use std::sync::{
 };
 use std::time::Instant;
 use twins::{Twin, twin};
+use waves::Waves;
 
 /// Calls and nanoseconds per kernel.
-#[derive(Default)]
 struct Clock([(AtomicU64, AtomicU64); Kernel::ALL.len()]);
 
 impl Clock {
+    fn new() -> Self {
+        Self(std::array::from_fn(|_| Default::default()))
+    }
+
     fn time<R>(&self, kernel: Kernel, work: impl FnOnce() -> R) -> R {
         let start = Instant::now();
         let result = work();
@@ -49,6 +52,8 @@ impl Clock {
 pub struct CpuEngine {
     shape: Shape,
     views: Option<Arc<Pyramid>>,
+    /// Whose tables the buffers hold.
+    model: Option<Arc<ModelTables>>,
     buffers: Buffers,
     plans: Plans,
     clock: Clock,
@@ -57,13 +62,13 @@ pub struct CpuEngine {
 impl CpuEngine {
     /// An engine without buffers: [`load`](Engine::load) makes them.
     pub fn new() -> Self {
-        let place = bytemuck::Zeroable::zeroed();
         Self {
-            shape: Shape { frames: 0, place, purpose: Purpose::View, quantised: false, storage: Storage::F32 },
+            shape: Shape::empty(),
             views: None,
+            model: None,
             buffers: Buffers::default(),
             plans: Plans::default(),
-            clock: Clock::default(),
+            clock: Clock::new(),
         }
     }
 
@@ -120,11 +125,11 @@ impl CpuEngine {
     /// Pupil pass by pupil pass through all of `group`, which has one range of pupil passes.
     fn run_pupil_passes(&mut self, step: &Step, group: &[Dispatch]) -> Result<(), EngineError> {
         let pupil_passes = &step.pupil_passes[group[0].pupil_passes.clone()];
-        let Self { shape, buffers: Buffers { slots, field, .. }, plans, clock, views, .. } = self;
+        let Self { shape, buffers: Buffers { slots, field, relay, .. }, plans, clock, views, .. } = self;
         if slots.len() < pupil_passes.len() {
             slots.resize_with(pupil_passes.len(), Slot::default);
         }
-        let views = views.as_deref();
+        let (views, relay) = (views.as_deref(), bytemuck::cast_slice(relay));
         let looks = |d: &Dispatch| d.kernel.binds().iter().any(|(_, resource)| *resource == Resource::Views);
         if views.is_none() && group.iter().any(looks) {
             return Err(EngineError::Mismatch { reason: "a photograph is asked for and no views were loaded".into() });
@@ -140,7 +145,7 @@ impl CpuEngine {
                 rest = later;
                 now.iter().for_each(|dispatch| slot.fit(dispatch.kernel, pass, shape));
                 if let Twin::PupilPasses(twin) = twin(first.kernel) {
-                    clock.time(first.kernel, || twin(&mut Pass { pass, slot, shape, views }));
+                    clock.time(first.kernel, || twin(&mut Pass { pass, slot, shape, views, relay }));
                     continue;
                 }
                 let count = pass.count();
@@ -166,9 +171,13 @@ impl CpuEngine {
 
     /// Once for all sub-frames. Returns whether all that was looked at is finite.
     fn run_whole(&mut self, step: &Step, dispatch: &Dispatch) -> bool {
-        let Buffers { field, change, hits, energy, .. } = &mut self.buffers;
+        let Buffers { phases, shown, field, change, hits, energy, wave, pixels, crosstalk, .. } = &mut self.buffers;
         let passes = &step.pupil_passes[dispatch.pupil_passes.clone()];
-        let mut whole = Whole { step, passes, field, change, hits, energy, finite: true };
+        let (shape, plans, store) = (&self.shape, &self.plans, storing(self.shape.storage));
+        let shown: &[f32] = if shape.quantised { shown } else { phases };
+        let crosstalk = bytemuck::cast_slice(crosstalk);
+        let waves = Waves { shape, plans, store, shown, pixels, crosstalk, wave };
+        let mut whole = Whole { step, passes, field, change, waves, hits, energy, finite: true };
         if let Twin::Whole(twin) = twin(dispatch.kernel) {
             self.clock.time(dispatch.kernel, || twin(&mut whole));
         }
@@ -193,7 +202,7 @@ impl Engine for CpuEngine {
 
     fn load(&mut self, shape: &Shape, views: Option<Arc<Pyramid>>) -> Result<(), EngineError> {
         super::promise(shape, 8)?;
-        self.views = views;
+        (self.views, self.model) = (views, None);
         self.shape = *shape;
         self.buffers.load(shape)
     }
@@ -235,6 +244,11 @@ impl Engine for CpuEngine {
     }
 
     fn run_part(&mut self, step: &Step, part: Range<usize>) -> Result<Vec<f64>, EngineError> {
+        if let Some(model) = step.model.as_ref().filter(|m| self.model.as_ref().is_none_or(|had| !Arc::ptr_eq(had, m)))
+        {
+            model.buffers().try_for_each(|(buffer, table)| self.write(buffer, table))?;
+            self.model = Some(Arc::clone(model));
+        }
         let mut losses = vec![0.0; step.pupil_passes.len()];
         let mut rest = &step.list[part];
         while let [first, ..] = rest {
@@ -276,6 +290,6 @@ impl Engine for CpuEngine {
     }
 
     fn reset_timings(&mut self) {
-        self.clock = Clock::default();
+        self.clock = Clock::new();
     }
 }

@@ -155,9 +155,10 @@ impl Engine for Handover {
         Ok(losses)
     }
 
-    fn prepare(&mut self, step: &Step, at_once: usize) -> Result<(), EngineError> {
-        self.first.prepare(step, at_once)?;
-        self.second.prepare(step, at_once)
+    fn prepare(&mut self, steps: &mut dyn Iterator<Item = Step>, at_once: Option<usize>) -> Result<(), EngineError> {
+        let steps: Vec<Step> = steps.collect();
+        self.first.prepare(&mut steps.iter().cloned(), at_once)?;
+        self.second.prepare(&mut steps.into_iter(), at_once)
     }
 
     fn time_kernels(&mut self, on: bool) {

@@ -18,7 +18,8 @@ pub(crate) mod watched;
 
 pub use crate::gpu::{EngineError, PhasesOnDevice};
 pub use crate::plan::{
-    Buffer, Dispatch, Kernel, PupilPass, Purpose, Resource, Scope, Shape, Shot, Step, Storage, Timing,
+    Buffer, Dispatch, Kernel, ModelParts, ModelTables, PupilPass, Purpose, Resource, Scope, Shape, Shot, Step, Storage,
+    Timing,
 };
 pub use choose::{Backend, Choice, open, reason};
 pub use handover::{At, Handover};
@@ -201,12 +202,12 @@ pub trait Engine: Send {
         }
     }
 
-    /// Makes what a step over some of these pupil passes needs, `at_once` of them at a time, each by itself in the list: memory,
-    /// pipelines, tables. Nothing is run, and steps find all of it there.
+    /// Makes what these steps need: memory, pipelines, tables. With `at_once` they may be over any of their pupil passes, so many
+    /// at a time; without, they are as they are given. Nothing is run, and steps find all of it there.
     ///
     /// # Errors
     /// Those of [`run_part`](Self::run_part); out of memory.
-    fn prepare(&mut self, _step: &Step, _at_once: usize) -> Result<(), EngineError> {
+    fn prepare(&mut self, _steps: &mut dyn Iterator<Item = Step>, _at_once: Option<usize>) -> Result<(), EngineError> {
         Ok(())
     }
 

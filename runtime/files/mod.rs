@@ -31,8 +31,8 @@ pub(crate) use entry::Kind;
 pub(crate) use folder::Folder;
 pub use growing::GrowingFile;
 pub use made::MadeFolder;
-pub(crate) use npy::read_npy_with_gaps;
 pub use npy::{Npy, read_npy, write_npy};
+pub(crate) use npy::{npy_header, read_npy_with_gaps};
 pub use own::OwnFolder;
 pub(crate) use own::{holds_only_own, write_listed};
 #[cfg(feature = "window")]

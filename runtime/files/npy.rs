@@ -61,19 +61,21 @@ pub(crate) fn read_npy_with_gaps(file: &Path) -> Result<Npy, FileError> {
 pub fn write_npy(file: &Path, shape: &[usize], values: &[f32]) -> Result<(), FileError> {
     assert_eq!(shape.iter().product::<usize>(), values.len(), "the shape is that of the values");
     write_file(file, |out| {
-        let axes: String = shape.iter().map(|n| format!("{n}, ")).collect();
-        let axes = if shape.len() == 1 { axes.trim_end() } else { axes.trim_end_matches(", ") };
-        let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({axes}), }}");
-        // The data starts at a multiple of 64 bytes; the header ends in a newline.
-        let before = MAGIC.len() + 4;
-        header.extend(std::iter::repeat_n(' ', 63 - (before + header.len()) % 64));
-        header.push('\n');
-        out.write_all(MAGIC)?;
-        out.write_all(&[1, 0])?;
-        out.write_all(&(header.len() as u16).to_le_bytes())?;
-        out.write_all(header.as_bytes())?;
+        out.write_all(&npy_header("<f4", shape))?;
         write_le(out, values)
     })
+}
+
+/// What stands before the values of a `.npy` in C order; `kind` as NumPy says it.
+pub(crate) fn npy_header(kind: &str, shape: &[usize]) -> Vec<u8> {
+    let axes: String = shape.iter().map(|n| format!("{n}, ")).collect();
+    let axes = if shape.len() == 1 { axes.trim_end() } else { axes.trim_end_matches(", ") };
+    let mut header = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({axes}), }}");
+    // The data starts at a multiple of 64 bytes; the header ends in a newline.
+    let before = MAGIC.len() + 4;
+    header.extend(std::iter::repeat_n(' ', 63 - (before + header.len()) % 64));
+    header.push('\n');
+    [MAGIC, &[1, 0], &(header.len() as u16).to_le_bytes(), header.as_bytes()].concat()
 }
 
 /// Float32, little-endian, whatever the machine.

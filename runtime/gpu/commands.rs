@@ -7,7 +7,8 @@ use super::error::EngineError;
 use super::open::Gpu;
 use super::pipelines::{Pipeline, Wanted};
 use super::recorder::{Piece, Recorder};
-use super::report::{DeviceReport, Limits};
+use super::report::{DeviceKind, DeviceReport, Limits};
+use crate::plan::DISPATCH_BYTES;
 use eyebox_spirv::Module;
 use gpu_allocator::MemoryLocation;
 use rayon::prelude::*;
@@ -63,6 +64,11 @@ impl Commands {
 
     pub(crate) fn report(&self) -> &DeviceReport {
         &self.device.report
+    }
+
+    /// Bytes that a dispatch moves at most, so that none takes long; any number in software, which nobody resets.
+    pub(crate) fn dispatch_bytes(&self) -> u64 {
+        if self.device.planned_as == DeviceKind::Cpu { u64::MAX } else { DISPATCH_BYTES }
     }
 
     /// A block in the device's own memory, not yet filled.

@@ -15,6 +15,8 @@ pub struct Counts {
     pub read_back: u64,
     /// Bytes of phases among those.
     pub phases_read_back: u64,
+    /// Bytes of steps' losses that were copied to the host.
+    pub losses_read_back: u64,
     /// Blocks of memory that were made.
     pub blocks: u64,
     /// Pipelines that were made.
@@ -32,6 +34,7 @@ impl Counts {
             uploaded: self.uploaded - before.uploaded,
             read_back: self.read_back - before.read_back,
             phases_read_back: self.phases_read_back - before.phases_read_back,
+            losses_read_back: self.losses_read_back - before.losses_read_back,
             blocks: self.blocks - before.blocks,
             pipelines: self.pipelines - before.pipelines,
             pools: self.pools - before.pools,
@@ -46,6 +49,7 @@ pub(crate) struct Counters {
     pub(crate) uploaded: AtomicU64,
     pub(crate) read_back: AtomicU64,
     pub(crate) phases_read_back: AtomicU64,
+    pub(crate) losses_read_back: AtomicU64,
     pub(crate) blocks: AtomicU64,
     pub(crate) pipelines: AtomicU64,
     pub(crate) pools: AtomicU64,
@@ -59,6 +63,7 @@ impl Counters {
             uploaded: self.uploaded.load(Ordering::Relaxed),
             read_back: self.read_back.load(Ordering::Relaxed),
             phases_read_back: self.phases_read_back.load(Ordering::Relaxed),
+            losses_read_back: self.losses_read_back.load(Ordering::Relaxed),
             blocks: self.blocks.load(Ordering::Relaxed),
             pipelines: self.pipelines.load(Ordering::Relaxed),
             pools: self.pools.load(Ordering::Relaxed),

@@ -4,8 +4,10 @@ use super::counters::{Counters, add};
 use super::devices::Candidate;
 use super::error::EngineError;
 use super::instance::{Instance, has};
+use super::modules::FloatModes;
 use super::pipelines::{Pipeline, Pipelines, Wanted};
 use super::report::{DeviceKind, DeviceReport, Options};
+use super::tested::Record;
 use crate::plan::Recording;
 use ash::{ext, google, khr, vk};
 use eyebox_spirv::Module;
@@ -72,6 +74,9 @@ pub(crate) struct Device {
     pub(crate) record_only: bool,
     /// What is recorded, while somebody wants to know.
     pub(crate) recording: Mutex<Option<Recording>>,
+    /// Whether it is known to compute what it should, and where that is remembered.
+    pub(crate) is_tested: Mutex<bool>,
+    pub(crate) record: Option<Record>,
     lost: AtomicBool,
     /// It does not answer, and may still be at what it was given.
     stuck: AtomicBool,
@@ -152,6 +157,10 @@ impl Device {
         families.extend(other.as_ref().map(|q| q.family).filter(|f| *f != compute.family));
         // SAFETY: the device is of this instance.
         let properties = unsafe { instance.raw.get_physical_device_properties(physical) };
+        let mut floats = vk::PhysicalDeviceFloatControlsProperties::default();
+        let mut all = vk::PhysicalDeviceProperties2::default().push_next(&mut floats);
+        // SAFETY: as above, of Vulkan 1.2, which knows the structure.
+        unsafe { instance.raw.get_physical_device_properties2(physical, &mut all) };
         let synchronization2 = extensions
             .iter()
             .any(|e| e.as_c_str() == khr::synchronization2::NAME)
@@ -175,6 +184,8 @@ impl Device {
             storage_range,
             record_only,
             recording: Mutex::default(),
+            is_tested: Mutex::new(false),
+            record: Record::new(cache, &properties),
             lost: AtomicBool::new(false),
             stuck: AtomicBool::new(false),
             extensions,
@@ -198,7 +209,7 @@ impl Device {
             result: e.to_string(),
         })?;
         device.allocator = Mutex::new(Some(allocator));
-        let pipelines = Pipelines::new(&device.raw, &device.report.name, &properties, cache)?;
+        let pipelines = Pipelines::new(&device.raw, &device.report.name, &properties, cache, FloatModes::of(&floats))?;
         device.pipelines = Mutex::new(Some(pipelines));
         Ok(Arc::new(device))
     }
@@ -283,6 +294,14 @@ impl Device {
     #[cfg(test)]
     pub(crate) fn pipelines_made(&self) -> Vec<super::statistics_tests::Key> {
         self.pipelines.lock().unwrap_or_else(PoisonError::into_inner).iter().flat_map(Pipelines::keys).collect()
+    }
+
+    /// From now on pipelines are made for dispatches between guard bands.
+    #[cfg(test)]
+    pub(crate) fn guard(&self) {
+        if let Some(pipelines) = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner).as_mut() {
+            pipelines.is_guarded = true;
+        }
     }
 
     /// Number of allocations alive.

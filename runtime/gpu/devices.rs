@@ -3,6 +3,7 @@
 use super::error::EngineError;
 use super::instance::{BASELINE, Instance, has, version_text};
 use super::report::{DeviceKind, DeviceReport, Limits};
+use super::tested::Record;
 use ash::{khr, vk};
 
 /// A device with what is needed to open it.
@@ -120,6 +121,7 @@ pub(crate) fn inspect(instance: &Instance, index: usize, raw: vk::PhysicalDevice
         api: version_text(basic.api_version),
         limits,
         usable,
+        tested: Record::new(None, &basic).and_then(|record| record.read()),
     };
     Candidate {
         raw,
@@ -217,7 +219,16 @@ mod tests {
             memory: 1 << 31,
             timestamp_period: 1.0,
         };
-        DeviceReport { index, name: name.into(), kind, driver: String::new(), api: "1.2.0".into(), limits, usable }
+        DeviceReport {
+            index,
+            name: name.into(),
+            kind,
+            driver: String::new(),
+            api: "1.2.0".into(),
+            limits,
+            usable,
+            tested: None,
+        }
     }
 
     #[test]

@@ -21,6 +21,23 @@ pub enum EngineError {
         /// The limit that is too small, and what is needed.
         reason: String,
     },
+    /// A device that computes something else than it should.
+    #[error(
+        "{device} computes {what} wrongly: {error:.1e} of the power is error, {allowed:.0e} at most is right; update its driver \
+         ({driver}), choose another device with --device, or take the CPU with --engine cpu"
+    )]
+    WrongResults {
+        /// Its name.
+        device: String,
+        /// Its driver.
+        driver: String,
+        /// What was tried.
+        what: &'static str,
+        /// Error power over signal power.
+        error: f64,
+        /// What is right.
+        allowed: f64,
+    },
     /// Memory ran out.
     #[error(
         "out of {device} memory: {} for {what} could not be had; use fewer sub-frames, a smaller size or fewer pupils a step",

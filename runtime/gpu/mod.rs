@@ -8,7 +8,7 @@
 //!
 //! `instance` loads Vulkan; `devices` lists, and chooses; `device` is what all else holds; `block` is memory; `pipelines`
 //! and `cache` compile; `recorder` records and submits; `commands` joins these for one user; `pictures` is what
-//! users pass to each other without the host; `open` makes the handle, of a
+//! users pass to each other without the host; `tested` remembers which devices were tried; `open` makes the handle, of a
 //! device of its own or of one that a program brings.
 //! This room imports `files` (the folder of caches) and of `plan` what a recording is written down as.
 
@@ -31,8 +31,12 @@ mod counters;
 mod device;
 #[cfg(feature = "vulkan")]
 mod devices;
+#[cfg(all(test, feature = "vulkan"))]
+pub(crate) mod guards;
 #[cfg(feature = "vulkan")]
 mod instance;
+#[cfg(feature = "vulkan")]
+mod modules;
 #[cfg(feature = "vulkan")]
 mod open;
 #[cfg(feature = "vulkan")]
@@ -45,11 +49,13 @@ mod recorder;
 mod slot;
 #[cfg(all(test, feature = "vulkan"))]
 pub(crate) mod statistics_tests;
+#[cfg(feature = "vulkan")]
+mod tested;
 
 #[cfg(not(feature = "vulkan"))]
 pub use absent::{Gpu, PhasesOnDevice, devices};
 pub use error::EngineError;
-pub use report::{DeviceKind, DeviceReport, Limits, Options};
+pub use report::{DeviceKind, DeviceReport, Limits, Options, Tested};
 
 #[cfg(feature = "vulkan")]
 pub use ash;

@@ -3,6 +3,7 @@
 use super::cache;
 use super::counters::add;
 use super::error::EngineError;
+use super::modules::FloatModes;
 use ash::vk;
 use eyebox_spirv::Module;
 use std::collections::HashMap;
@@ -21,13 +22,22 @@ pub(crate) struct Pipeline {
     pub(crate) set_layout: vk::DescriptorSetLayout,
     /// Storage buffers at bindings 0, 1, ...
     pub(crate) bindings: u32,
+    #[cfg(test)]
+    pub(crate) module: &'static str,
 }
 
 impl Pipeline {
     /// None yet: a dispatch of it is left out.
     pub(crate) fn none(bindings: u32) -> Self {
         let (raw, layout) = (vk::Pipeline::null(), vk::PipelineLayout::null());
-        Self { raw, layout, set_layout: vk::DescriptorSetLayout::null(), bindings }
+        Self {
+            raw,
+            layout,
+            set_layout: vk::DescriptorSetLayout::null(),
+            bindings,
+            #[cfg(test)]
+            module: "",
+        }
     }
 }
 
@@ -40,6 +50,10 @@ pub(crate) struct Pipelines {
     layouts: Layouts,
     cache: vk::PipelineCache,
     file: Option<PathBuf>,
+    modes: FloatModes,
+    /// Whether modules are made for dispatches between guard bands.
+    #[cfg(test)]
+    pub(super) is_guarded: bool,
     device: ash::Device,
     /// The device's, for errors.
     name: String,
@@ -60,6 +74,9 @@ pub(crate) struct Maker {
     device: ash::Device,
     cache: vk::PipelineCache,
     name: String,
+    modes: FloatModes,
+    #[cfg(test)]
+    is_guarded: bool,
 }
 
 impl Maker {
@@ -71,14 +88,15 @@ impl Maker {
     ) -> Result<vk::Pipeline, EngineError> {
         let device = &self.device;
         let error = |call, e| EngineError::vulkan(&self.name, call, module.name, e);
-        let info = vk::ShaderModuleCreateInfo::default().code(module.words());
+        let words = self.modes.put_into(module.words());
+        #[cfg(test)]
+        let words = if self.is_guarded { super::guards::shifted(&words) } else { words };
+        let info = vk::ShaderModuleCreateInfo::default().code(&words);
         // SAFETY: the module was validated when it was built; it is destroyed right after the pipeline is made.
         let shader =
             unsafe { device.create_shader_module(&info, None) }.map_err(|e| error("vkCreateShaderModule", e))?;
-        let entries: Vec<vk::SpecializationMapEntry> = (0..constants.len() as u32)
-            .map(|i| vk::SpecializationMapEntry { constant_id: i, offset: 4 * i, size: 4 })
-            .collect();
-        let special = vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(constants));
+        let (entries, values) = self.modes.specialised(constants);
+        let special = vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(&values));
         let stage = vk::PipelineShaderStageCreateInfo::default()
             .stage(vk::ShaderStageFlags::COMPUTE)
             .module(shader)
@@ -100,6 +118,7 @@ impl Pipelines {
         name: &str,
         properties: &vk::PhysicalDeviceProperties,
         folder: Option<&Path>,
+        modes: FloatModes,
     ) -> Result<Self, EngineError> {
         let folder = folder.map(Path::to_owned).or_else(crate::files::cache_folder);
         let file = folder.map(|f| f.join(cache::name(properties)));
@@ -110,7 +129,19 @@ impl Pipelines {
             .map_err(|e| EngineError::vulkan(name, "vkCreatePipelineCache", "pipeline cache", e))?;
         let (made, layouts) = (HashMap::new(), HashMap::new());
         let (device, name, properties) = (device.clone(), name.into(), *properties);
-        Ok(Self { made, layouts, cache, file, device, name, properties, is_saved: true })
+        Ok(Self {
+            made,
+            layouts,
+            cache,
+            file,
+            modes,
+            #[cfg(test)]
+            is_guarded: false,
+            device,
+            name,
+            properties,
+            is_saved: true,
+        })
     }
 
     /// The pipeline of `module` with storage buffers at bindings `0 .. bindings` and the 32-bit specialisation
@@ -128,7 +159,14 @@ impl Pipelines {
         add(made, 1);
         let (set_layout, layout) = self.layout(bindings)?;
         let raw = self.maker().make(module, layout, constants)?;
-        let pipeline = Pipeline { raw, layout, set_layout, bindings };
+        let pipeline = Pipeline {
+            raw,
+            layout,
+            set_layout,
+            bindings,
+            #[cfg(test)]
+            module: module.name,
+        };
         self.made.insert((module.name, constants.to_vec()), pipeline);
         self.is_saved = false;
         Ok(pipeline)
@@ -141,7 +179,14 @@ impl Pipelines {
 
     /// What makes pipelines, on any thread.
     pub(crate) fn maker(&self) -> Maker {
-        Maker { device: self.device.clone(), cache: self.cache, name: self.name.clone() }
+        Maker {
+            device: self.device.clone(),
+            cache: self.cache,
+            name: self.name.clone(),
+            modes: self.modes.clone(),
+            #[cfg(test)]
+            is_guarded: self.is_guarded,
+        }
     }
 
     /// Those of the wanted that are not there yet, each once, without the pipeline.
@@ -152,7 +197,13 @@ impl Pipelines {
                 |other: &Wanted| (other.module.name, &other.constants) == (wanted.module.name, &wanted.constants);
             if self.known(wanted.module, &wanted.constants).is_none() && !missing.iter().any(|(other, _)| same(other)) {
                 let (set_layout, layout) = self.layout(wanted.bindings)?;
-                let pipeline = Pipeline { layout, set_layout, ..Pipeline::none(wanted.bindings) };
+                let pipeline = Pipeline {
+                    layout,
+                    set_layout,
+                    #[cfg(test)]
+                    module: wanted.module.name,
+                    ..Pipeline::none(wanted.bindings)
+                };
                 missing.push((wanted, pipeline));
             }
         }

@@ -9,8 +9,9 @@ use super::device::Device;
 use super::error::EngineError;
 use super::pipelines::{PUSH_BYTES, Pipeline};
 use super::slot::{IN_FLIGHT, Slot, Time};
-use crate::plan::{Entry, Move};
+use crate::plan::{Entry, Move, SUBMISSION_BYTES};
 use ash::{khr, vk};
+use std::cell::Cell;
 use std::sync::Arc;
 
 /// Buffers that a kernel sees at most.
@@ -75,6 +76,12 @@ pub(crate) struct Recorder {
     /// The last submission that is known to be over.
     over: u64,
     /// What a test's driver says from a number of submissions on.
+    /// Whether kernels see half of what they are bound to, in tests of what finds that.
+    #[cfg(test)]
+    pub(crate) shows_half: bool,
+    /// Bands around what dispatches are bound to, in tests that want them.
+    #[cfg(test)]
+    pub(crate) guards: Option<super::guards::Guards>,
     #[cfg(test)]
     pub(crate) fails_from: Option<(u64, vk::Result)>,
     /// How long a submission may take, nanoseconds.
@@ -83,11 +90,20 @@ pub(crate) struct Recorder {
     pub(crate) times: Vec<Time>,
     regions: Vec<vk::BufferCopy>,
     recording: bool,
+    /// Whether what is recorded is submitted in parts where it is long, and bytes that were recorded since the last.
+    pub(crate) is_cut: bool,
+    /// Bytes from which on it is.
+    pub(crate) most_moved: u64,
+    moved: Cell<u64>,
+    /// Of which the last dispatch moves these.
+    moved_last: Cell<u64>,
+    /// Whether the next dispatch belongs to what is before it.
+    pub(crate) is_held: bool,
     /// The driver's `vkQueueSubmit`: where it first says that the device was lost.
     pub(crate) queue_submit: vk::PFN_vkQueueSubmit,
     /// The newer barriers, where the device has them.
     pub(crate) modern: Option<khr::synchronization2::Device>,
-    device: Arc<Device>,
+    pub(super) device: Arc<Device>,
 }
 
 impl Recorder {
@@ -100,10 +116,19 @@ impl Recorder {
             over: 0,
             #[cfg(test)]
             fails_from: None,
+            #[cfg(test)]
+            guards: None,
+            #[cfg(test)]
+            shows_half: false,
             patience_ns: device.patience_ns(),
             times: Vec::new(),
             regions: Vec::new(),
             recording: false,
+            is_cut: false,
+            most_moved: SUBMISSION_BYTES,
+            moved: Cell::new(0),
+            moved_last: Cell::new(0),
+            is_held: false,
             queue_submit: device.raw.fp_v1_0().queue_submit,
             modern: device.synchronization2.clone(),
             device: Arc::clone(device),
@@ -131,6 +156,8 @@ impl Recorder {
         self.wait_for(self.slots[next].submission, "what was submitted before")?;
         self.at = next;
         self.slots[next].begin(marks)?;
+        self.moved.set(0);
+        self.is_held = false;
         self.recording = true;
         if self.over < self.submitted {
             self.barrier();
@@ -150,6 +177,7 @@ impl Recorder {
         push: &[u8],
         groups: impl Into<Groups<'g>>,
     ) -> Result<(), EngineError> {
+        self.moved_last.set(0);
         debug_assert!(self.recording && push.len() <= PUSH_BYTES as usize && push.len().is_multiple_of(4));
         debug_assert!(buffers.len() == pipeline.bindings as usize && buffers.len() <= MOST_BUFFERS);
         let groups = groups.into();
@@ -159,6 +187,23 @@ impl Recorder {
         if matches!(groups, Groups::These(groups) if groups.contains(&0)) {
             return Ok(());
         }
+        if !std::mem::take(&mut self.is_held) {
+            self.cut_if_due()?;
+        }
+        #[cfg(test)]
+        if self.guards.is_some() {
+            return self.dispatch_guarded(pipeline, buffers, push, groups);
+        }
+        self.bind_and_dispatch(pipeline, buffers, push, groups)
+    }
+
+    pub(super) fn bind_and_dispatch(
+        &mut self,
+        pipeline: Pipeline,
+        buffers: &[Range<'_>],
+        push: &[u8],
+        groups: Groups<'_>,
+    ) -> Result<(), EngineError> {
         let set = self.set(pipeline.set_layout)?;
         let command = self.command();
         let mut infos = [[vk::DescriptorBufferInfo::default()]; MOST_BUFFERS];
@@ -166,6 +211,8 @@ impl Recorder {
             debug_assert!(b.offset.is_multiple_of(self.device.report.limits.offset_alignment));
             debug_assert!(b.size <= self.device.report.limits.storage_range);
             let range = b.size.min(self.device.storage_range);
+            #[cfg(test)]
+            let range = if self.shows_half { range / 8 * 4 } else { range };
             *info = [vk::DescriptorBufferInfo { buffer: b.block.raw, offset: b.offset, range }];
         }
         let mut writes = [vk::WriteDescriptorSet::default(); MOST_BUFFERS];
@@ -196,9 +243,25 @@ impl Recorder {
         Ok(())
     }
 
-    /// Says what the last dispatch moves, to a device that only records.
+    /// Says what the last dispatch moves: to a device that only records, and where long lists are cut.
     pub(crate) fn moved(&self, moves: impl FnOnce() -> Vec<Move>) {
-        self.device.record(|r| r.moved(moves()));
+        if self.is_cut || self.device.record_only {
+            let moves = moves();
+            // What was said of it before is forgotten.
+            let bytes = moves.iter().map(|m| m.bytes).sum();
+            self.moved.set(self.moved.get() + bytes - self.moved_last.replace(bytes));
+            self.device.record(|r| r.moved(moves));
+        }
+    }
+
+    /// Submits what was recorded since the beginning, or since the last time, if that is much; the recording goes on.
+    fn cut_if_due(&mut self) -> Result<(), EngineError> {
+        if !self.is_cut || self.moved.get() <= self.most_moved {
+            return Ok(());
+        }
+        self.moved.set(0);
+        let submission = self.hand_over("a part of a list", Entry::Cut)?;
+        self.slots[self.at].go_on(submission)
     }
 
     /// What was recorded before is finished, and seen, before what follows starts.
@@ -250,6 +313,7 @@ impl Recorder {
     pub(crate) fn clear(&mut self, range: Range<'_>) {
         // SAFETY: the command buffer is being recorded; offset and size are multiples of 4.
         unsafe { self.device.raw.cmd_fill_buffer(self.command(), range.block.raw, range.offset, range.size, 0) };
+        self.moved.set(self.moved.get() + range.size);
         self.device.record(|r| r.push(Entry::Work { moves: vec![range.writes(range.size)], dispatch: false }));
     }
 
@@ -262,6 +326,7 @@ impl Recorder {
             // SAFETY: the command buffer is being recorded; the pieces lie inside the blocks.
             unsafe { self.device.raw.cmd_copy_buffer(self.command(), from.raw, to.raw, &self.regions) };
             let bytes = self.regions.iter().map(|r| r.size).sum();
+            self.moved.set(self.moved.get() + 2 * bytes);
             let moves = || vec![from.all().reads(bytes), to.all().writes(bytes)];
             self.device.record(|r| r.push(Entry::Work { moves: moves(), dispatch: false }));
         }
@@ -295,6 +360,21 @@ impl Recorder {
     pub(crate) fn send(&mut self, during: &str) -> Result<u64, EngineError> {
         self.wait(true);
         self.recording = false;
+        let submission = self.hand_over(during, Entry::Submit)?;
+        self.slots[self.at].sent(submission);
+        Ok(submission)
+    }
+
+    /// Which part of a list is recorded: what the host writes from now on is seen by this part and by those behind it. The next
+    /// dispatch is of this part, too.
+    pub(crate) fn hold_part(&mut self) -> Result<usize, EngineError> {
+        self.cut_if_due()?;
+        self.is_held = true;
+        Ok(self.slots[self.at].part)
+    }
+
+    /// Ends the command buffer that is recorded into, and submits it.
+    fn hand_over(&mut self, during: &str, as_what: Entry) -> Result<u64, EngineError> {
         let raw = &self.device.raw;
         let device = &self.device;
         let error = |call| move |e| device.error(call, during, e);
@@ -310,7 +390,7 @@ impl Recorder {
         unsafe {
             raw.end_command_buffer(self.command()).map_err(error("vkEndCommandBuffer"))?;
             if device.record_only {
-                device.record(|r| r.push(Entry::Submit));
+                device.record(|r| r.push(as_what));
             } else {
                 let submitted = (self.queue_submit)(*device.compute.lock(), 1, info.as_ptr(), vk::Fence::null());
                 submitted.result().map_err(error("vkQueueSubmit"))?;
@@ -318,7 +398,6 @@ impl Recorder {
         }
         add(&device.counters.submissions, 1);
         self.submitted = next;
-        self.slots[self.at].sent(next);
         #[cfg(test)]
         if let Some((_, fault)) = self.fails_from.filter(|(from, _)| next > *from) {
             self.wait_for(next, during)?;

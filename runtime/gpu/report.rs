@@ -76,6 +76,17 @@ pub struct Limits {
     pub timestamp_period: f32,
 }
 
+/// How a device did when it was tried: error power over signal power, against float64.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Tested {
+    /// When, seconds since 1970.
+    pub at_unix_s: u64,
+    /// Of the propagation kernel.
+    pub transfer: f64,
+    /// Of a transform.
+    pub transform: f64,
+}
+
 /// One device, and whether it can be used.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DeviceReport {
@@ -93,4 +104,6 @@ pub struct DeviceReport {
     pub limits: Limits,
     /// Why it cannot be used, if it cannot.
     pub usable: Result<(), String>,
+    /// When it was tried with this driver and these kernels, if it was: the first engine on it does that.
+    pub tested: Option<Tested>,
 }

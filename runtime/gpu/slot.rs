@@ -22,7 +22,11 @@ pub(crate) struct Time {
 
 pub(super) struct Slot {
     commands: vk::CommandPool,
+    /// What is recorded into.
     pub(super) command: vk::CommandBuffer,
+    /// All command buffers, of which a recording in parts takes one after the other, and which of them that is.
+    parts: Vec<vk::CommandBuffer>,
+    pub(super) part: usize,
     /// Which submission made use of it last.
     pub(super) submission: u64,
     pools: Vec<vk::DescriptorPool>,
@@ -44,6 +48,8 @@ impl Slot {
         let mut slot = Self {
             commands: vk::CommandPool::null(),
             command: vk::CommandBuffer::null(),
+            parts: Vec::new(),
+            part: 0,
             submission: 0,
             pools: Vec::new(),
             used: (0, 0),
@@ -60,13 +66,35 @@ impl Slot {
         // SAFETY: the device is valid; what is made is destroyed in `drop`.
         unsafe {
             slot.commands = device.raw.create_command_pool(&info, None).map_err(error("vkCreateCommandPool"))?;
+        }
+        slot.take_part(0)?;
+        Ok(slot)
+    }
+
+    /// From now on recordings go to this one of the command buffers.
+    fn take_part(&mut self, part: usize) -> Result<(), EngineError> {
+        let device = &self.device;
+        if part == self.parts.len() {
             let info = vk::CommandBufferAllocateInfo::default()
-                .command_pool(slot.commands)
+                .command_pool(self.commands)
                 .level(vk::CommandBufferLevel::PRIMARY)
                 .command_buffer_count(1);
-            slot.command = device.raw.allocate_command_buffers(&info).map_err(error("vkAllocateCommandBuffers"))?[0];
+            // SAFETY: the pool is this slot's, and lives as long as what comes from it.
+            let made = unsafe { device.raw.allocate_command_buffers(&info) };
+            self.parts.extend(made.map_err(|e| device.error("vkAllocateCommandBuffers", "setting up", e))?);
         }
-        Ok(slot)
+        (self.part, self.command) = (part, self.parts[part]);
+        Ok(())
+    }
+
+    /// What was recorded so far was submitted, as this submission; the rest goes to another command buffer.
+    pub(super) fn go_on(&mut self, submission: u64) -> Result<(), EngineError> {
+        self.submission = submission;
+        self.take_part(self.part + 1)?;
+        let once = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        // SAFETY: it is not in use since its pool was reset.
+        let begun = unsafe { self.device.raw.begin_command_buffer(self.command, &once) };
+        begun.map_err(|e| self.device.error("vkBeginCommandBuffer", "recording", e))
     }
 
     #[cfg(test)]
@@ -76,12 +104,12 @@ impl Slot {
 
     /// Starts a recording with room for `marks` timestamps; what was recorded here before is over.
     pub(super) fn begin(&mut self, marks: usize) -> Result<(), EngineError> {
-        let device = &self.device;
-        let error = |call| move |e| device.error(call, "recording", e);
-        let raw = &self.device.raw;
-        self.timed = marks > 0 && device.report.limits.timestamp_period > 0.0;
+        self.timed = marks > 0 && self.device.report.limits.timestamp_period > 0.0;
         self.marks.clear();
         self.is_sent = false;
+        self.take_part(0)?;
+        let (device, raw) = (&self.device, &self.device.raw);
+        let error = |call| move |e| device.error(call, "recording", e);
         // SAFETY: what was submitted from here has been waited for, so pools may be reset and queries replaced.
         unsafe {
             raw.reset_command_pool(self.commands, vk::CommandPoolResetFlags::empty())

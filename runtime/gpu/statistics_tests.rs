@@ -1,6 +1,7 @@
 //! What a compiler makes of pipelines, as drivers tell it (`VK_KHR_pipeline_executable_properties`): for tests. RADV compiles
 //! for devices that are not there (`RADV_FORCE_FAMILY`), which can run nothing and have no memory.
 
+use super::modules::FloatModes;
 use super::pipelines::PUSH_BYTES;
 use ash::{khr, vk};
 use std::collections::BTreeMap;
@@ -54,8 +55,13 @@ unsafe fn of_device(
     // SAFETY: what `info` points to lives until the call returns.
     let device = unsafe { instance.create_device(physical, &info, None) }.map_err(|e| format!("{name}: {e}"))?;
     let asked = khr::pipeline_executable_properties::Device::new(instance, &device);
+    let mut floats = vk::PhysicalDeviceFloatControlsProperties::default();
+    let mut all = vk::PhysicalDeviceProperties2::default().push_next(&mut floats);
+    // SAFETY: as above, of Vulkan 1.2, which knows the structure.
+    unsafe { instance.get_physical_device_properties2(physical, &mut all) };
+    let modes = FloatModes::of(&floats);
     // SAFETY: the device is alive, and nothing that was made of it is left when it is destroyed.
-    let told: Result<_, String> = keys.iter().map(|key| unsafe { of_pipeline(&device, &asked, key) }).collect();
+    let told: Result<_, String> = keys.iter().map(|key| unsafe { of_pipeline(&device, &asked, &modes, key) }).collect();
     // SAFETY: as above.
     unsafe { device.destroy_device(None) };
     Ok((name, told?))
@@ -66,14 +72,13 @@ unsafe fn of_device(
 unsafe fn of_pipeline(
     device: &ash::Device,
     asked: &khr::pipeline_executable_properties::Device,
+    modes: &FloatModes,
     (module, bindings, constants): &Key,
 ) -> Result<Statistics, String> {
     let failed = |what: &'static str| move |e: vk::Result| format!("{module}: {what}: {e}");
-    let words = eyebox_spirv::module(module).ok_or("no such module")?.words();
-    let entries: Vec<_> = (0..constants.len() as u32)
-        .map(|i| vk::SpecializationMapEntry { constant_id: i, offset: 4 * i, size: 4 })
-        .collect();
-    let special = vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(constants));
+    let words = modes.put_into(eyebox_spirv::module(module).ok_or("no such module")?.words());
+    let (entries, values) = modes.specialised(constants);
+    let special = vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(&values));
     let slot = |i| {
         let slot = vk::DescriptorSetLayoutBinding::default().binding(i).descriptor_count(1);
         slot.descriptor_type(vk::DescriptorType::STORAGE_BUFFER).stage_flags(vk::ShaderStageFlags::COMPUTE)
@@ -82,7 +87,7 @@ unsafe fn of_pipeline(
     let push = [vk::PushConstantRange::default().stage_flags(vk::ShaderStageFlags::COMPUTE).size(PUSH_BYTES)];
     // SAFETY: each is made of what lives, and destroyed once, after what is made of it.
     unsafe {
-        let info = vk::ShaderModuleCreateInfo::default().code(words);
+        let info = vk::ShaderModuleCreateInfo::default().code(&words);
         let shader = device.create_shader_module(&info, None).map_err(failed("vkCreateShaderModule"))?;
         let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&slots);
         let set = device.create_descriptor_set_layout(&info, None).map_err(failed("vkCreateDescriptorSetLayout"))?;

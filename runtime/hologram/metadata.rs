@@ -1,7 +1,7 @@
 //! How a hologram was made: what its file keeps beside the optics, typed.
 
 use super::HologramError;
-use crate::optics::{Padding, PupilDistribution};
+use crate::optics::{ModelSections, Padding, PupilDistribution};
 use crate::scene::{Near, Order};
 use crate::solve::{Settings, Steering};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
@@ -50,6 +50,9 @@ pub struct Metadata {
     /// Whether its exposures are made up, for phases of which nothing else is known.
     #[serde(skip_serializing_if = "is_false")]
     pub exposure_assumed: bool,
+    /// What its display does to the light beside showing phases, as it was solved for and is looked at.
+    #[serde(skip_serializing_if = "ModelSections::is_empty")]
+    pub model: ModelSections,
     /// Where it was refined for afterwards.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub refined: Option<Refined>,

@@ -266,7 +266,7 @@ impl Hologram {
             display: display.name.clone(),
             display_wavelengths: display.wavelengths.clone(),
             scene: String::new(),
-            metadata: Metadata::default(),
+            metadata: Metadata { model: display.model.clone(), ..Metadata::default() },
         }
     }
 
@@ -292,7 +292,7 @@ impl Hologram {
             rate_hz: None,
             portrait: self.height > self.width,
             encoding: Default::default(),
-            model: Default::default(),
+            model: self.metadata.model.clone(),
         })
     }
 

@@ -33,6 +33,7 @@ impl Hologram {
                 views: Some(field.grid),
                 view_pitch_mm: Some(field.cell(display) * 1e3),
                 eyebox_mm: Some(display.eyebox_min() * 1e3),
+                model: display.model.clone(),
                 ..Metadata::default()
             },
             ..Self::on(display, settings.frames, colors)

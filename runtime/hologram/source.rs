@@ -5,7 +5,7 @@ use super::{Hologram, HologramError, Sequence};
 use crate::engine::{Buffer, Engine, Purpose};
 use crate::evaluate::{self, Plane, centered};
 use crate::optics::{Pupil, WindowFactor};
-use crate::plan::{Comparison, Kernel, Planner};
+use crate::plan::{Comparison, Kernel, ModelTables, Planner};
 use crate::scene::crop_share;
 use std::borrow::Cow;
 use std::ops::Range;
@@ -22,6 +22,18 @@ pub enum PhaseSource<'a> {
 }
 
 impl PhaseSource<'_> {
+    /// The same on an ideal display, whatever the one that it was solved for does to the light.
+    pub fn on_ideal_display(self) -> Self {
+        match self {
+            Self::Whole(hologram) => {
+                let mut hologram = hologram.into_owned();
+                hologram.metadata.model.clear();
+                hologram.into()
+            }
+            tiled @ Self::Tiled(_) => tiled,
+        }
+    }
+
     /// The hologram at `path`, or hologram `at` of a sequence.
     ///
     /// # Errors
@@ -134,13 +146,22 @@ impl Hologram {
         PhaseSource::from(self).look(None, pupil, engine)
     }
 
-    /// Plans for what is seen of one of its colours: the whole spectrum, with the padding that it was solved with.
+    /// Plans for what is seen of one of its colours: the whole spectrum, with the padding and the display's model that it was
+    /// solved with.
     ///
     /// # Errors
     /// [`HologramError::Optics`] for optics that cannot be.
     pub fn planner(&self, color: usize) -> Result<Planner, HologramError> {
         let plain = Planner::new(self.optics(color)?, self.frames, WindowFactor::Full);
-        Ok(Planner { share: self.picture_share(color), ..plain.with_padding(self.metadata.padding()) })
+        let plain = plain.with_padding(self.metadata.padding());
+        // Only colours that have a name have a model.
+        let model = match self.colors[color].color {
+            Some(name) if !self.metadata.model.is_empty() => {
+                ModelTables::of(&self.made_for()?, name, plain.slm, plain.grid)
+            }
+            _ => None,
+        };
+        Ok(Planner { share: self.picture_share(color), model, ..plain })
     }
 }
 

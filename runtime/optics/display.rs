@@ -146,6 +146,11 @@ impl Display {
         };
         let colors: Vec<Color> = display.wavelengths.iter().map(|w| w.color).collect();
         model::check(&display.model, &colors).map_err(&wrong)?;
+        if display.geometry == Geometry::FarField && colors.iter().any(|c| display.model(*c).fill > 0.0) {
+            let reason = "[model] has a fill, which in the far field dims the picture's edges and not the eyebox: \
+                          leave it out";
+            return Err(wrong(reason.into()));
+        }
         for w in &display.wavelengths {
             display.optics(w.color).map_err(|e| wrong(e.to_string()))?;
         }

@@ -85,6 +85,23 @@ impl DisplayModel {
         *self == Self::default()
     }
 
+    /// The terms that are on, by their names.
+    pub fn terms(&self) -> Vec<&'static str> {
+        let ideal = Self::default();
+        let on = [
+            ("level", self.level != ideal.level),
+            ("bend", self.bend != ideal.bend),
+            ("lag", self.lag != ideal.lag),
+            ("crosstalk", self.crosstalk.is_some()),
+            ("fill", self.fill != ideal.fill),
+            ("source", self.source != ideal.source),
+            ("undiffracted", self.undiffracted != ideal.undiffracted),
+            ("wavefront", !self.wavefront.is_empty()),
+            ("iris", self.iris != ideal.iris),
+        ];
+        on.into_iter().filter(|(_, on)| *on).map(|(name, _)| name).collect()
+    }
+
     /// What is wrong with it, in words.
     pub(super) fn check(&self) -> Result<(), String> {
         let within = |name: &str, values: &[f64], low: f64, high: f64| {

@@ -80,14 +80,13 @@ impl DisplayModel {
     /// Where the fill is 0 pixels are points, and the sinc is 1.
     pub fn pixel_aperture(&self, k: f64, subpixels: usize) -> Complex64 {
         let p = subpixels as f64;
-        Complex64::from_polar(self.pixel_sinc(k, subpixels), PI * k * (p - 1.0) / p)
+        let done = if k == 0.0 { 1.0 } else { (PI * k).sin() / (p * (PI * k / p).sin()) };
+        Complex64::from_polar(self.pixel_sinc(k) / done, PI * k * (p - 1.0) / p)
     }
 
-    /// The same without the phase, which belongs to a field whose first value stands at the pixel's edge.
-    pub(crate) fn pixel_sinc(&self, k: f64, subpixels: usize) -> f64 {
-        let p = subpixels as f64;
-        let done = if k == 0.0 { 1.0 } else { (PI * k).sin() / (p * (PI * k / p).sin()) };
-        sinc(self.fill * k) / done
+    /// The same of one value a pixel, real.
+    pub(crate) fn pixel_sinc(&self, k: f64) -> f64 {
+        sinc(self.fill * k)
     }
 
     /// The relay's wavefront at (x, y) metres of the pupil plane, in turns of the model's wavelength; `radius` is half the

@@ -1,6 +1,6 @@
 //! What a step costs, in units that can be counted before anything runs: work per group of kernels, and bytes.
 
-use super::{Group, PupilPass, Purpose, Shape, Step};
+use super::{Group, PupilPass, Purpose, Resource, Shape, Step};
 use std::ops::Range;
 
 /// Units of work of each group in a step; about a nanosecond of one core each.
@@ -25,7 +25,8 @@ pub(crate) fn shared_bytes(shape: &Shape, complex: u64) -> u64 {
     if shape.quantised {
         bytes += 4 * frames * pixels;
     }
-    bytes
+    let modelled = [Resource::Wave, Resource::Pixels, Resource::Crosstalk, Resource::Relay];
+    bytes + modelled.map(|resource| 4 * shape.extent(resource).floats() as u64).iter().sum::<u64>()
 }
 
 /// Bytes of one pupil pass's buffers, where a complex value of its window takes `complex` of them.

@@ -57,6 +57,13 @@ pub const DEVICES: [DeviceModel; 3] = [
     },
 ];
 
+/// Bytes that a dispatch moves at most on a GPU: 10 ms on the slowest that is compared.
+pub(crate) const DISPATCH_BYTES: u64 = (DEVICES[DEVICES.len() - 1].bandwidth * 10e-3) as u64;
+
+/// Bytes from which on what follows in a list is another submission: with one more dispatch, and what lies between stages, 100 ms
+/// there. Drivers give up work that takes seconds.
+pub(crate) const SUBMISSION_BYTES: u64 = 8 * DISPATCH_BYTES;
+
 /// What a step would take.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Estimate {
@@ -91,6 +98,11 @@ impl DeviceModel {
         }
         let count = recordings.len().saturating_sub(1).max(1) as u32;
         Estimate { memory: sum.memory / count, stages: sum.stages / count, submissions: sum.submissions / count }
+    }
+
+    /// What the dispatch of a recording that moves most bytes would take there, and the submission, no cache helping.
+    pub fn longest(&self, recording: &Recording) -> [Duration; 2] {
+        recording.largest().map(|bytes| Duration::from_secs_f64(bytes as f64 / self.bandwidth))
     }
 
     fn one(&self, recording: &Recording, cache: &mut Cache) -> Estimate {

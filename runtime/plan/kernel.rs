@@ -1,9 +1,10 @@
 //! The kernels, each a row of the table in `kernels/lib.rs`: names, scopes, what is read and written, work, arguments.
 
-use super::{PupilPass, Resource, Shape};
+use super::{ModelTables, PupilPass, Resource, Shape};
 use eyebox_kernels::fft::Columns;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
+use std::sync::Arc;
 
 /// What a kernel runs over; neighbours of one scope may run frame by frame, or pupil pass by pupil pass.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -134,6 +135,8 @@ macro_rules! define {
             pub pupil_passes: Vec<PupilPass>,
             /// Columns of the spectrum that any pupil passes.
             pub columns: Columns,
+            /// What the display does to the light beside showing phases.
+            pub model: Option<Arc<ModelTables>>,
             $($(
                 #[doc = concat!("Arguments of `", $name, "`.")]
                 pub $args: $type,
@@ -246,6 +249,12 @@ impl Unit<'_> {
     fn grid_transform(&self) -> f64 {
         let place = &self.shape.place;
         transform(place.grid_height as usize, place.grid_width as usize, self.step.columns.count)
+    }
+
+    /// Of all columns.
+    fn whole_transform(&self) -> f64 {
+        let place = &self.shape.place;
+        transform(place.grid_height as usize, place.grid_width as usize, place.grid_width as usize)
     }
 
     fn window_transform(&self) -> f64 {

@@ -28,6 +28,15 @@ pub enum Buffer {
     Hits,
     /// Light per patch of the eyebox: `energy::MOST` squared, of which the first `patches` squared are used.
     Energy,
+    /// Pairs of sub-frames between their phases and the field: complex (frames / 2, grid height, grid width).
+    Wave,
+    /// Of each pixel its look-up table's level, the source's amplitude, real and imaginary part of the undiffracted light:
+    /// (4, height, width). An engine fills it from the step's model, as the two that follow.
+    Pixels,
+    /// The transfer of the crosstalk's kernel: (grid height) along y and (grid width) along x, each (re, im).
+    Crosstalk,
+    /// What the pixels' aperture and the relay do to each bin: (grid height, grid width), each (re, im).
+    Relay,
     /// K on the window: complex (rows, columns).
     Transfer(usize),
     /// The retinal fields: complex (frames, rows, columns).
@@ -55,6 +64,10 @@ impl Buffer {
             Self::Change => (Resource::Change, None),
             Self::Hits => (Resource::Hits, None),
             Self::Energy => (Resource::Energy, None),
+            Self::Wave => (Resource::Wave, None),
+            Self::Pixels => (Resource::Pixels, None),
+            Self::Crosstalk => (Resource::Crosstalk, None),
+            Self::Relay => (Resource::Relay, None),
             Self::Transfer(slot) => (Resource::Transfer, Some(slot)),
             Self::Window(slot) => (Resource::Window, Some(slot)),
             Self::Image(slot) => (Resource::Image, Some(slot)),
@@ -86,6 +99,14 @@ pub enum Resource {
     Hits,
     /// [`Buffer::Energy`].
     Energy,
+    /// [`Buffer::Wave`].
+    Wave,
+    /// [`Buffer::Pixels`].
+    Pixels,
+    /// [`Buffer::Crosstalk`].
+    Crosstalk,
+    /// [`Buffer::Relay`].
+    Relay,
     /// [`Buffer::Transfer`].
     Transfer,
     /// [`Buffer::Window`].
@@ -118,7 +139,7 @@ pub enum Resource {
 
 impl Resource {
     /// Those that are buffers of the shape.
-    pub const OF_SHAPE: [Self; 9] = [
+    pub const OF_SHAPE: [Self; 13] = [
         Self::Phases,
         Self::Shown,
         Self::Levels,
@@ -128,6 +149,10 @@ impl Resource {
         Self::Change,
         Self::Hits,
         Self::Energy,
+        Self::Wave,
+        Self::Pixels,
+        Self::Crosstalk,
+        Self::Relay,
     ];
 
     /// Those that are buffers of a slot.
@@ -146,6 +171,10 @@ impl Resource {
             Self::Change => Buffer::Change,
             Self::Hits => Buffer::Hits,
             Self::Energy => Buffer::Energy,
+            Self::Wave => Buffer::Wave,
+            Self::Pixels => Buffer::Pixels,
+            Self::Crosstalk => Buffer::Crosstalk,
+            Self::Relay => Buffer::Relay,
             Self::Transfer => Buffer::Transfer(slot),
             Self::Window => Buffer::Window(slot),
             Self::Image => Buffer::Image(slot),
@@ -154,6 +183,12 @@ impl Resource {
             Self::Sums => Buffer::Sums(slot),
             _ => return None,
         })
+    }
+
+    /// How its complex values are stored: phases that are on their way to the field as float32 always, as is what is read
+    /// beside a window.
+    pub(crate) fn stored(self, storage: Storage) -> Storage {
+        if matches!(self, Self::Wave | Self::Transfer) { Storage::F32 } else { storage }
     }
 
     /// As messages call it.
@@ -211,6 +246,17 @@ impl Extent {
     }
 }
 
+/// What of a display's model needs buffers.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct ModelParts {
+    /// What stands between phases and field: look-up table, lag, crosstalk, source, undiffracted light.
+    pub drives: bool,
+    /// Crosstalk.
+    pub crosstalk: bool,
+    /// Factors on the bins: the pixels' aperture, the relay's wavefront.
+    pub relay: bool,
+}
+
 /// What the buffers are for: those that a purpose does not need are not made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Purpose {
@@ -236,9 +282,18 @@ pub struct Shape {
     /// How `Field`, `Change` and `Window` are stored, each times a power of two that suits it: what an engine reads and
     /// writes is what these buffers hold.
     pub storage: Storage,
+    /// What of the display's model needs buffers.
+    pub model: ModelParts,
 }
 
 impl Shape {
+    /// That of nothing: what an engine has before it is loaded.
+    pub(crate) fn empty() -> Self {
+        let place = bytemuck::Zeroable::zeroed();
+        let (purpose, storage, model) = (Purpose::View, Storage::F32, ModelParts::default());
+        Self { frames: 0, place, purpose, quantised: false, storage, model }
+    }
+
     /// Pixels of one sub-frame on the SLM.
     pub fn pixels(&self) -> usize {
         self.place.height as usize * self.place.width as usize
@@ -266,9 +321,13 @@ impl Shape {
             Resource::Hits => (1, self.points()),
             Resource::Energy => (1, (energy::MOST * energy::MOST) as usize),
             Resource::Field | Resource::Change => (self.frames, self.points()),
+            Resource::Wave => (self.frames.div_ceil(2), self.points()),
+            Resource::Pixels => (1, 4 * self.pixels()),
+            Resource::Crosstalk => (1, 2 * (self.place.grid_height + self.place.grid_width) as usize),
+            Resource::Relay => (1, 2 * self.points()),
             _ => (self.frames, self.pixels()),
         };
-        let complex = matches!(resource, Resource::Field | Resource::Change);
+        let complex = matches!(resource, Resource::Field | Resource::Change | Resource::Wave);
         Extent { frames: if self.has(resource) { frames } else { 0 }, values, complex }
     }
 
@@ -279,6 +338,9 @@ impl Shape {
             Resource::Shown | Resource::Levels => self.quantised,
             Resource::Momentum | Resource::Change | Resource::Hits | Resource::Energy => self.purpose != Purpose::View,
             Resource::Second => self.purpose == Purpose::Adam,
+            Resource::Wave | Resource::Pixels => self.model.drives,
+            Resource::Crosstalk => self.model.crosstalk,
+            Resource::Relay => self.model.relay,
             _ => false,
         }
     }

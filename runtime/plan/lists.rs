@@ -1,8 +1,8 @@
 //! The lists that engines run.
 
-use super::{Dispatch, Kernel, Planner, PupilPass, Purpose, Step, Storage};
+use super::{Dispatch, Kernel, ModelParts, Planner, PupilPass, Purpose, Step, Storage};
 use crate::optics::Geometry;
-use eyebox_kernels::{adam, divide_by_overlap, energy, equalise_eyebox, fft::Columns, project, quantise};
+use eyebox_kernels::{adam, divide_by_overlap, drive, energy, equalise_eyebox, fft::Columns, project, quantise};
 use std::ops::Range;
 
 /// What a step does in a pupil's window, from the spectrum to the image and back.
@@ -61,7 +61,14 @@ impl Planner {
         step.list.extend(self.to_spectrum());
         step.over_pupil_passes(
             all,
-            &[Kernel::Transfer, Kernel::Taper, Kernel::PassPupil, Kernel::WindowInverse, Kernel::Intensity],
+            &[
+                Kernel::Transfer,
+                Kernel::Relay,
+                Kernel::Taper,
+                Kernel::PassPupil,
+                Kernel::WindowInverse,
+                Kernel::Intensity,
+            ],
         );
         step
     }
@@ -87,10 +94,11 @@ impl Planner {
         step.equalise_eyebox = self.equalise_eyebox(eyebox, patches, projects, weight);
         let whole = |kernel| Dispatch { kernel, pupil_passes: 0..0 };
         let after = |step: &Step, kernel| step.list.iter().position(|d| d.kernel == kernel).map_or(0, |i| i + 1);
-        let lit = after(&step, Kernel::FieldForward).max(after(&step, Kernel::Modulate));
+        let lit = [Kernel::FieldForward, Kernel::Modulate, Kernel::ModulateWave].map(|kernel| after(&step, kernel));
+        let lit = lit.into_iter().max().unwrap_or(0);
         step.list.insert(lit, whole(Kernel::Energy));
         // Before the spectrum's change becomes the field's; in the far field they are one.
-        let ends = [Kernel::ChangeInverse, Kernel::CheckFinite, Kernel::Project, Kernel::Adam];
+        let ends = [Kernel::ChangeInverse, Kernel::CheckFinite, Kernel::Turn, Kernel::Project, Kernel::Adam];
         let end = step.list.iter().position(|d| ends.contains(&d.kernel)).unwrap_or(step.list.len());
         step.list.insert(end, whole(Kernel::EqualiseEyebox));
         step.columns = Columns { first: 0, count: self.grid.width };
@@ -138,8 +146,29 @@ impl Planner {
     fn to_spectrum(&self) -> impl Iterator<Item = Dispatch> + use<> {
         let first = (self.levels > 0).then_some(Kernel::Quantise);
         let last = (self.grid.geometry == Geometry::Relay).then_some(Kernel::FieldForward);
-        let all = first.into_iter().chain([Kernel::Modulate]).chain(last);
+        let parts = self.parts();
+        let lag = self.model.as_ref().is_some_and(|model| model.model().lag > 0.0).then_some(Kernel::Lag);
+        let crosstalk = [Kernel::WaveForward, Kernel::Crosstalk, Kernel::WaveInverse];
+        let crosstalk = parts.crosstalk.then_some(crosstalk).into_iter().flatten();
+        let driven = [Kernel::Drive].into_iter().chain(lag).chain(crosstalk).chain([Kernel::ModulateWave]);
+        let plain = (!parts.drives).then_some(Kernel::Modulate);
+        let all = first.into_iter().chain(plain).chain(driven.filter(move |_| parts.drives)).chain(last);
         all.map(|kernel| Dispatch { kernel, pupil_passes: 0..0 })
+    }
+
+    /// From the change of the field to that of the phases, where more than phases makes the field. The kernel of crosstalk is
+    /// transposed by an inverse transform before it and a forward one behind.
+    fn to_phases(&self) -> impl Iterator<Item = Dispatch> + use<> {
+        let parts = self.parts();
+        let lag = self.model.as_ref().is_some_and(|model| model.model().lag > 0.0).then_some(Kernel::LagBack);
+        let crosstalk = [Kernel::WaveInverse, Kernel::Crosstalk, Kernel::WaveForward];
+        let crosstalk = parts.crosstalk.then_some(crosstalk).into_iter().flatten();
+        let all = [Kernel::Turn].into_iter().chain(lag).chain(crosstalk).chain([Kernel::DriveBack]);
+        all.filter(move |_| parts.drives).map(|kernel| Dispatch { kernel, pupil_passes: 0..0 })
+    }
+
+    fn parts(&self) -> ModelParts {
+        self.model.as_ref().map(|model| model.parts()).unwrap_or_default()
     }
 
     /// And back again.
@@ -183,8 +212,16 @@ impl Planner {
                 correct2: 1.0,
                 epsilon: 1e-11,
             },
+            drive: self.drive(),
+            model: self.model.clone(),
             pupil_passes,
         }
+    }
+
+    fn drive(&self) -> drive::Args {
+        let ([bend_sin, bend_cos], lag) =
+            self.model.as_ref().map_or(Default::default(), |model| (model.model().bend, model.model().lag));
+        drive::Args { place: self.place(), bend_sin: bend_sin as f32, bend_cos: bend_cos as f32, lag: lag as f32 }
     }
 
     /// Down to the window, compare, and up again; pupil passes come in groups whose windows fit `in_flight` values.
@@ -200,7 +237,7 @@ impl Planner {
             if balanced {
                 step.list.push(Dispatch { kernel: Kernel::Overlap, pupil_passes: pupil_passes.clone() });
             }
-            let target = [Kernel::Transfer, Kernel::Taper, Kernel::Photograph, Kernel::Resample];
+            let target = [Kernel::Transfer, Kernel::Relay, Kernel::Taper, Kernel::Photograph, Kernel::Resample];
             step.over_pupil_passes(pupil_passes.clone(), &target);
             step.over_pupil_passes(pupil_passes.clone(), &THROUGH_A_WINDOW);
             step.over_pupil_passes(pupil_passes, &[Kernel::ReturnPupil]);
@@ -212,15 +249,19 @@ impl Planner {
         if self.storage == Storage::F16 {
             step.list.push(whole(Kernel::CheckFinite));
         }
+        step.list.extend(self.to_phases());
         step
     }
 }
 
 impl Step {
-    /// Adds these kernels over these pupil passes; `Taper` only where a pupil pass is tapered.
+    /// Adds these kernels over these pupil passes; `Taper` only where a pupil pass is tapered, `Relay` only where it does
+    /// something.
     fn over_pupil_passes(&mut self, pupil_passes: Range<usize>, kernels: &[Kernel]) {
         let tapered = self.is_tapered();
-        let kernels = kernels.iter().filter(|k| tapered || **k != Kernel::Taper);
+        let relays = self.model.as_ref().is_some_and(|model| model.parts().relay);
+        let left_out = |kernel: Kernel| kernel == Kernel::Taper && !tapered || kernel == Kernel::Relay && !relays;
+        let kernels = kernels.iter().filter(|kernel| !left_out(**kernel));
         self.list.extend(kernels.map(|&kernel| Dispatch { kernel, pupil_passes: pupil_passes.clone() }));
     }
 

@@ -11,6 +11,7 @@ pub(crate) mod fusion;
 mod kernel;
 mod list;
 mod lists;
+mod model;
 mod pupil_pass;
 mod resample_tables;
 mod scales;
@@ -22,8 +23,11 @@ mod viewpoint;
 pub(crate) use cost::{Slots, pupil_pass_bytes, shared_bytes, work};
 #[cfg(feature = "vulkan")]
 pub use device_model::{DEVICES, DeviceModel, Estimate};
+#[cfg(feature = "vulkan")]
+pub(crate) use device_model::{DISPATCH_BYTES, SUBMISSION_BYTES};
 pub use kernel::{Access, Dispatch, Group, Kernel, Scope, Step, Timing};
-pub use list::{Buffer, Extent, PerFrame, PupilPass, Purpose, Resource, Shape, Shot};
+pub use list::{Buffer, Extent, ModelParts, PerFrame, PupilPass, Purpose, Resource, Shape, Shot};
+pub use model::ModelTables;
 pub use pupil_pass::{Comparison, Planner, ViewLayout};
 pub use storage::Storage;
 #[cfg(feature = "vulkan")]

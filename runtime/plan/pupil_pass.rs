@@ -1,10 +1,11 @@
 //! From a pupil to what it needs: window, spans, taps, tables and the scales that make units right.
 
 use super::resample_tables::ResampleTables;
-use super::{PupilPass, Purpose, Shape, Shot, Storage};
+use super::{ModelTables, PupilPass, Purpose, Shape, Shot, Storage};
 use crate::optics::{Geometry, Optics, Padding, Pupil, Window, WindowFactor};
 use crate::scene::{Pyramid, ViewGrid};
 use eyebox_kernels::{compare, fft::Columns, intensity, modulate, pass_pupil, photograph, resample, transfer};
+use std::sync::Arc;
 
 /// How an image is compared with its target.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,12 +77,14 @@ pub struct Planner {
     pub storage: Storage,
     /// Share of the image that the picture takes along each axis (OPTICS 9); what is looked at is cut to it.
     pub share: f64,
+    /// What the display does to the light beside showing phases; none for the ideal one.
+    pub model: Option<Arc<ModelTables>>,
 }
 
 impl Planner {
     /// Without padding and without views.
     pub fn new(slm: Optics, frames: usize, factor: WindowFactor) -> Self {
-        Self { slm, grid: slm, frames, factor, views: None, levels: 0, storage: Storage::F32, share: 1.0 }
+        Self { slm, grid: slm, frames, factor, views: None, levels: 0, storage: Storage::F32, share: 1.0, model: None }
     }
 
     /// With zeros around the SLM.
@@ -104,14 +107,21 @@ impl Planner {
     /// The buffers that an engine needs.
     pub fn shape(&self, purpose: Purpose) -> Shape {
         let (frames, place, storage) = (self.frames, self.place(), self.storage);
-        Shape { frames, place, purpose, quantised: self.levels > 0, storage }
+        let model = self.model.as_ref().map(|model| model.parts()).unwrap_or_default();
+        Shape { frames, place, purpose, quantised: self.levels > 0, storage, model }
     }
 
     /// What `pupil` needs. The scale of the way back makes `change` the wanted change of the field after an
     /// unnormalised inverse for the projection, and the gradient G for the others (OPTICS 4, 6b), each times what suits
     /// the storage.
     pub fn pupil_pass(&self, pupil: &Pupil, comparison: &Comparison) -> PupilPass {
-        self.pupil_pass_of(pupil, self.grid.share(pupil.diameter), comparison)
+        // Light passes the iris as it really is; what it should show is the picture of the one that was asked for.
+        let iris = self.model.as_ref().map_or(*pupil, |model| model.model().true_pupil(pupil));
+        let mut pupil_pass = self.pupil_pass_of(&iris, self.grid.share(iris.diameter), comparison);
+        if iris != *pupil {
+            pupil_pass.shot = self.shot(pupil, pupil_pass.window);
+        }
+        pupil_pass
     }
 
     /// The same, where `share` of an even field's light passes.

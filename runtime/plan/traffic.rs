@@ -22,6 +22,8 @@ pub(crate) enum Entry {
     Barrier,
     /// What was recorded since the mark before belongs to this kernel.
     Mark(usize),
+    /// The end of a submission, in the middle of a list that goes on.
+    Cut,
     /// The end of a submission.
     Submit,
     /// The host waits for what was submitted last, and the device for the host.
@@ -49,6 +51,24 @@ impl Recording {
         }
     }
 
+    /// Bytes of the dispatch that moves most, and of the submission that does.
+    pub(crate) fn largest(&self) -> [u64; 2] {
+        let (mut largest, mut sum) = ([0; 2], 0);
+        for entry in &self.entries {
+            match entry {
+                Entry::Work { moves, dispatch } => {
+                    let bytes = moves.iter().map(|m| m.bytes).sum();
+                    sum += bytes;
+                    largest[0] = largest[0].max(if *dispatch { bytes } else { 0 });
+                    largest[1] = largest[1].max(sum);
+                }
+                Entry::Cut | Entry::Submit => sum = 0,
+                Entry::Barrier | Entry::Mark(_) | Entry::Stall => {}
+            }
+        }
+        largest
+    }
+
     fn count(&self, of: impl Fn(&Entry) -> bool) -> usize {
         self.entries.iter().filter(|e| of(e)).count()
     }
@@ -65,7 +85,7 @@ impl Recording {
 
     /// Submissions.
     pub fn submissions(&self) -> usize {
-        self.count(|e| *e == Entry::Submit)
+        self.count(|e| matches!(e, Entry::Submit | Entry::Cut))
     }
 
     /// Waits of the host for what was submitted last: until it comes back the device has nothing to do.
@@ -88,7 +108,7 @@ impl Recording {
         for entry in &self.entries {
             match entry {
                 Entry::Work { moves, .. } => stages.last_mut().expect("there is one").push(moves),
-                Entry::Barrier | Entry::Submit => stages.push(Stage::new()),
+                Entry::Barrier | Entry::Cut | Entry::Submit => stages.push(Stage::new()),
                 Entry::Mark(_) | Entry::Stall => {}
             }
         }
@@ -116,7 +136,7 @@ impl Recording {
                     sums[*kernel].1 += std::mem::take(&mut bytes);
                 }
                 Entry::Submit => (dispatches, bytes) = (0, 0),
-                Entry::Barrier | Entry::Stall => {}
+                Entry::Barrier | Entry::Cut | Entry::Stall => {}
             }
         }
         let all = Kernel::ALL.into_iter().zip(sums).map(|(kernel, (dispatches, bytes))| (kernel, dispatches, bytes));
@@ -148,8 +168,7 @@ pub(crate) fn moved(
         return None;
     }
     let size = match (extent.complex, resource) {
-        (true, Resource::Transfer) => 8,
-        (true, _) => shape.storage.bytes() as u64,
+        (true, resource) => resource.stored(shape.storage).bytes() as u64,
         (false, _) => 4,
     };
     if (kernel, resource) == (Kernel::DivideByOverlap, Resource::Change) {

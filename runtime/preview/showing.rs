@@ -1,8 +1,9 @@
 //! What the display shows.
 
 use super::PreviewError;
-use crate::hologram::{Hologram, Tiles};
+use crate::hologram::{ColorHologram, Hologram, HologramError, Tiles};
 use crate::optics::{Color, Optics, Padding};
+use crate::plan::ModelTables;
 use std::sync::Arc;
 
 /// One colour of what is shown.
@@ -16,6 +17,8 @@ pub struct Shown {
     pub exposure: f64,
     /// The share of its field of view that all colours have: 1 but in the far field (OPTICS 9).
     pub share: f64,
+    /// What the display does to the light beside showing phases; none for the ideal one.
+    pub model: Option<Arc<ModelTables>>,
     /// (sub-frame, row, column), radians; none where they are in tiles. A colour whose phases are the same as before costs
     /// nothing again.
     pub phases: Arc<Vec<f32>>,
@@ -50,14 +53,17 @@ impl Showing {
         let shortest = hologram.display_wavelengths.iter().map(|w| w.wavelength).chain(solved).fold(f64::MAX, f64::min);
         let eyebox = Optics { wavelength: shortest, ..optics[0] }.eyebox();
         let shares: Vec<f64> = (0..hologram.colors.len()).map(|i| hologram.picture_share(i)).collect();
-        let shown = |((color, optics), share): ((crate::hologram::ColorHologram, Optics), f64)| Shown {
+        let models = (0..hologram.colors.len()).map(|i| Ok(hologram.planner(i)?.model));
+        let models = models.collect::<Result<Vec<_>, HologramError>>()?;
+        let shown = |(((color, optics), share), model): (((ColorHologram, Optics), f64), _)| Shown {
             color: color.color,
             optics,
             exposure: color.exposure,
             share,
+            model,
             phases: Arc::new(color.phases),
         };
-        let colors = hologram.colors.into_iter().zip(optics).zip(shares).map(shown).collect();
+        let colors = hologram.colors.into_iter().zip(optics).zip(shares).zip(models).map(shown).collect();
         Ok(Self { frames: hologram.frames, padding, colors, eyebox, tiles: None })
     }
 

@@ -108,6 +108,11 @@ fn plan(job: &SceneJob, request: &TilesRequest, views: &[Views]) -> Result<(Tile
             "tiles are for far-field displays: in a relay every pupil sees all of the SLM".into(),
         ));
     }
+    if !display.model.is_empty() {
+        let reason =
+            "a display's [model] is not for holograms that are solved in tiles: take it out of the display file";
+        return Err(ProduceError::Job(reason.into()));
+    }
     let (optics, side) = (display.optics(job.colors[0])?, tile_side(display));
     let largest = display.eyebox_min() / 2.0;
     let diameter = job.diameter.unwrap_or([1e-3f64.min(largest / 4.0), 4e-3f64.min(largest)]);

@@ -61,6 +61,7 @@ impl SetTiming {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::solve::pace::Pace;
     use proptest::prelude::*;
 
     #[test]
@@ -81,6 +82,48 @@ mod tests {
         assert_eq!(timing.lead_ns, 5_000_000 - 312_500);
         let timing = (0..100).fold(timing, |timing, i| timing.after(82_000_000 + i, 81_000_000 + i));
         assert_eq!(timing.lead_ns, 1_000_000);
+    }
+
+    /// Something holds up one step for a while, in the middle of a session whose steps take 2 ms: as a refinement decides, by what
+    /// steps are expected to take and by the sets that can be reached. Gaps between sets that are longer than the usual, ms.
+    fn gaps_ms(stall_ms: f64) -> Vec<f64> {
+        const MS: f64 = 1e6;
+        const PERIOD_NS: i64 = 16_666_667;
+        let (mut pace, mut timing) = (Pace::default(), SetTiming::new(PERIOD_NS));
+        let (mut now_ns, mut last_ns, mut steps, mut gaps) = (0, 0, 0, Vec::new());
+        while now_ns < 3_000_000_000 {
+            let target = timing.reachable(now_ns, (1e9 * pace.expected()) as i64);
+            let mut taken = 0;
+            while pace.may_begin((target.hand_over_ns - now_ns) as f64 * 1e-9, taken) {
+                steps += 1;
+                let took_ms = if steps == 300 { stall_ms } else { 2.0 + 0.1 * f64::from(steps % 7) };
+                now_ns += (took_ms * MS) as i64;
+                pace.took(took_ms * 1e-3);
+                taken += 1;
+            }
+            now_ns = now_ns.max(target.hand_over_ns);
+            // It comes to light with the first set that begins after it was handed over.
+            let late = (now_ns - target.hand_over_ns + PERIOD_NS - 1) / PERIOD_NS;
+            let start_ns = target.start_ns + late * PERIOD_NS;
+            if taken > 0 && last_ns > 0 && start_ns - last_ns > PERIOD_NS {
+                gaps.push((start_ns - last_ns) as f64 / MS);
+            }
+            if taken > 0 {
+                last_ns = start_ns;
+            }
+            timing = SetTiming { start_ns, ..timing };
+        }
+        gaps
+    }
+
+    /// A stall does not last twice: what held up one step is not expected of the next, and one set is late.
+    #[test]
+    fn a_stall_makes_one_set_late() {
+        assert_eq!(gaps_ms(2.0), Vec::<f64>::new());
+        for stall_ms in [150.0, 300.0, 900.0] {
+            let gaps = gaps_ms(stall_ms);
+            assert!(gaps.len() == 1 && gaps[0] < stall_ms + 2.0 * 16.7, "{stall_ms} ms: {gaps:?}");
+        }
     }
 
     proptest! {

@@ -16,7 +16,7 @@ mod levels;
 mod method;
 mod optimizer;
 mod outcome;
-mod pace;
+pub(crate) mod pace;
 mod problem;
 mod rates;
 #[cfg(feature = "vulkan")]

@@ -11,7 +11,7 @@ const HOPE: f64 = 0.9;
 
 /// The times of the last steps of one kind.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Pace {
+pub(crate) struct Pace {
     last: [f64; REMEMBERED],
     /// Steps so far.
     steps: usize,
@@ -21,7 +21,7 @@ pub(super) struct Pace {
 
 impl Pace {
     /// A step took so long.
-    pub(super) fn took(&mut self, seconds: f64) {
+    pub(crate) fn took(&mut self, seconds: f64) {
         self.last[self.steps % REMEMBERED] = seconds;
         self.steps += 1;
         self.refused = 0;
@@ -29,7 +29,7 @@ impl Pace {
 
     /// What the next step is expected to take: the longest of the last ones, without those that were held up, and less and
     /// less while none could begin. Nothing before the first.
-    pub(super) fn expected(&self) -> f64 {
+    pub(crate) fn expected(&self) -> f64 {
         let mut known = self.last;
         let known = &mut known[..self.steps.min(REMEMBERED)];
         known.sort_by(f64::total_cmp);
@@ -40,7 +40,7 @@ impl Pace {
 
     /// Whether a step may begin where so long is left until a deadline, before which `taken` have been. That none could begin
     /// is remembered: after some such deadlines one is tried.
-    pub(super) fn may_begin(&mut self, left: f64, taken: usize) -> bool {
+    pub(crate) fn may_begin(&mut self, left: f64, taken: usize) -> bool {
         let fits = left > 0.0 && self.expected() <= left;
         if !fits && taken == 0 && left > 0.0 {
             self.refused = self.refused.saturating_add(1);

@@ -2,7 +2,7 @@
 
 use super::settings::Settings;
 use crate::optics::{Color, Display, Optics, OpticsError, Padding, WindowFactor};
-use crate::plan::{Planner, ViewLayout};
+use crate::plan::{ModelTables, Planner, ViewLayout};
 use crate::scene::{LightField, Pyramid, ViewGrid, shrink_to_share};
 use std::sync::Arc;
 
@@ -25,6 +25,8 @@ pub struct Problem {
     pub mean: f64,
     /// Share of the image that the picture takes along each axis: less than 1 for the far field's longer wavelengths.
     pub share: f64,
+    /// What the display does to the light beside showing phases (OPTICS 10); none for the ideal one.
+    pub model: Option<Arc<ModelTables>>,
 }
 
 impl Problem {
@@ -74,7 +76,8 @@ impl Problem {
         let grid = padding.grid(optics);
         let pyramid = Pyramid::outline(views.rows * views.columns, grid.height, grid.width);
         let (eyebox, center, share) = (display.eyebox_min(), [0.0; 2], display.picture_share(optics.wavelength));
-        Ok(Self { optics, padding, eyebox, views, center, pyramid: Arc::new(pyramid), mean: f64::NAN, share })
+        let (pyramid, model) = (Arc::new(pyramid), ModelTables::of(display, color, optics, grid));
+        Ok(Self { optics, padding, eyebox, views, center, pyramid, mean: f64::NAN, share, model })
     }
 
     /// A power of two near the scene's brightest value, or 1 where that is of ordinary size: dividing by it keeps
@@ -94,6 +97,6 @@ impl Problem {
     pub fn planner(&self, frames: usize, window: WindowFactor) -> Planner {
         let plain = Planner::new(self.optics, frames, window).with_padding(self.padding);
         let views = ViewLayout { center: self.center, ..ViewLayout::new(self.views, &self.pyramid) };
-        Planner { views: Some(views), share: self.share, ..plain }
+        Planner { views: Some(views), share: self.share, model: self.model.clone(), ..plain }
     }
 }

@@ -42,6 +42,7 @@ impl Rehearsal {
         let memory = Memory::of(gpu.device.planned_as);
         let mut engine = VulkanEngine::new(gpu)?;
         engine.load(&planner.shape(settings.optimizer.purpose()), Some(Arc::clone(&problem.pyramid)))?;
+        Steps::new(problem, &planner, settings, 1.0, memory).prepare(settings.steps.max(2 * count), &mut engine)?;
         let (mut steps, mut under_way) = (Steps::new(problem, &planner, settings, 1.0, memory), None);
         rehearse(gpu, count, || {
             let step = steps.next(0.5);

@@ -245,7 +245,8 @@ impl Refiner {
         }
         let update = self.steering.strategy.update(1);
         let step = update.step(&self.planner, update.pupil_passes(&self.planner, &viewpoints, self.exposure), 0);
-        self.engine.prepare(&step, self.steering.pupils + self.steering.elsewhere as usize + 1)
+        let at_once = self.steering.pupils + self.steering.elsewhere as usize + 1;
+        self.engine.prepare(&mut std::iter::once(step), Some(at_once))
     }
 
     /// Begins again with the phases that it was made with, those for the whole eyebox: where they are a device's, with nothing
@@ -329,7 +330,7 @@ impl Refiner {
         }
         self.used += 1;
         let step = update.step(&self.planner, self.pupil_passes.clone(), usize::MAX);
-        let known = |kernel| matches!(kernel, Kernel::Transfer | Kernel::Photograph | Kernel::Resample);
+        let known = |kernel| matches!(kernel, Kernel::Transfer | Kernel::Relay | Kernel::Photograph | Kernel::Resample);
         let mut parts: Vec<Range<usize>> = Vec::new();
         for (i, dispatch) in step.list.iter().enumerate().filter(|(_, d)| fresh || !known(d.kernel)) {
             match parts.last_mut() {

@@ -88,6 +88,20 @@ impl<'a> Steps<'a> {
         Self { problem, planner, settings, exposure, viewpoints, in_flight: settings.in_flight(memory), taken: 0 }
     }
 
+    /// Makes what `count` steps from the first on ask a device for, all at once: nothing is made while they are taken. Pupils
+    /// repeat themselves: of many steps the first will do.
+    ///
+    /// # Errors
+    /// Those of the engine.
+    pub(super) fn prepare(mut self, count: usize, engine: &mut dyn Engine) -> Result<(), EngineError> {
+        const PUPILS: usize = 2048;
+        if engine.memory() == Memory::Host {
+            return Ok(());
+        }
+        let count = count.min(PUPILS.div_ceil(self.settings.pupils.max(1)));
+        engine.prepare(&mut (0..count).map(|_| self.next(0.0)), None)
+    }
+
     /// The next step, over the next viewpoints, so far along the schedule (0 to 1).
     pub(super) fn next(&mut self, progress: f64) -> Step {
         let Self { settings, planner, .. } = *self;

@@ -50,6 +50,7 @@ impl Piece {
             mean: mean * seen.unit,
             pyramid,
             share: views.share(),
+            model: None,
         };
         Ok(Self { at: [top, left], size: [rows, columns], problem })
     }

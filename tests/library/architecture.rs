@@ -5,9 +5,30 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// A room imports only rooms before it.
-const ROOMS: [&str; 22] = [
-    "mailbox", "memory", "steady", "files", "optics", "scene", "plan", "gpu", "engine", "evaluate", "solve",
-    "hologram", "tiled", "quality", "produce", "encode", "trackers", "gaze", "present", "session", "preview", "report",
+const ROOMS: [&str; 23] = [
+    "mailbox",
+    "memory",
+    "steady",
+    "files",
+    "optics",
+    "scene",
+    "plan",
+    "gpu",
+    "engine",
+    "evaluate",
+    "solve",
+    "hologram",
+    "tiled",
+    "quality",
+    "produce",
+    "encode",
+    "calibrate",
+    "trackers",
+    "gaze",
+    "present",
+    "session",
+    "preview",
+    "report",
 ];
 
 /// No file is longer.

@@ -287,6 +287,7 @@ fn a_point_at_infinity_is_a_blazed_grating() {
         pyramid,
         mean: 1.0,
         share: 1.0,
+        model: None,
     };
     let settings = Settings {
         frames: 1,

@@ -6,5 +6,6 @@ mod extremes;
 mod far_field;
 mod fuzz;
 mod methods;
+mod model;
 mod reference;
 mod steering;

@@ -5,8 +5,9 @@ use eyebox::engine::cpu::CpuEngine;
 use eyebox::engine::vulkan::VulkanEngine;
 use eyebox::engine::{Buffer, Engine, Kernel, Purpose, Shape, Storage};
 use eyebox::gpu::{Gpu, Options};
+use eyebox::plan::ModelTables;
 use eyebox_kernels::compare::{AMPLITUDE, INTENSITY, PROJECTION};
-use eyebox_tests::both::{Case, assert_silent, compare, vulkan, watched};
+use eyebox_tests::both::{Case, assert_silent, compare, every_fault, vulkan, watched};
 use eyebox_tests::half_roundings;
 
 const SIZES: [(usize, usize, usize); 6] = [(1, 1, 0), (7, 13, 0), (45, 64, 0), (64, 64, 0), (31, 50, 3), (5, 130, 11)];
@@ -97,6 +98,38 @@ fn levels() {
             let step = case.single(purpose, mode, 0.5, kernel);
             let worst = compare(&mut engine, &mut twin, &case, purpose, &step);
             assert!(worst < 1e-10, "{} at {height} x {width} (+{padding}): {worst:e}", kernel.name());
+        }
+    }
+    assert_silent(engine);
+}
+
+/// What stands between phases and field on a display that has every fault, and what its relay does to the bins.
+#[test]
+fn display_models() {
+    let (mut engine, mut twin) = (vulkan(), CpuEngine::new());
+    for (height, width, padding) in SIZES {
+        for (frames, levels, storage) in [(3, 0, Storage::F32), (2, 11, Storage::F32), (3, 0, Storage::F16)] {
+            let mut case = Case::new(height, width, padding, 15e-3, frames);
+            let (slm, grid) = (case.planner.slm, case.planner.grid);
+            (case.planner.levels, case.planner.storage) = (levels, storage);
+            case.planner.model = ModelTables::new(every_fault(), 11e-3, slm, grid);
+            for kernel in [
+                Kernel::Drive,
+                Kernel::Lag,
+                Kernel::WaveForward,
+                Kernel::Crosstalk,
+                Kernel::WaveInverse,
+                Kernel::ModulateWave,
+                Kernel::Relay,
+                Kernel::Turn,
+                Kernel::LagBack,
+                Kernel::DriveBack,
+            ] {
+                let step = case.single(Purpose::Project, PROJECTION, 1.0, kernel);
+                let worst = compare(&mut engine, &mut twin, &case, Purpose::Project, &step);
+                let limit = if storage == Storage::F16 { stored_bound(kernel) } else { 1e-10 };
+                assert!(worst < limit, "{} at {height} x {width} (+{padding}): {worst:e}", kernel.name());
+            }
         }
     }
     assert_silent(engine);

@@ -1,7 +1,8 @@
 //! What a step asks of a device at 1080 x 1920 x 8, recorded and not run: budgets that only fall.
 
+use eyebox::encode::Encoder;
 use eyebox::engine::Engine;
-use eyebox::engine::vulkan::VulkanEngine;
+use eyebox::engine::vulkan::{VulkanEncoder, VulkanEngine};
 use eyebox::gpu::{DeviceKind, Gpu, Options};
 use eyebox::optics::{Color, Display, Pupil, PupilDistribution};
 use eyebox::plan::{DEVICES, Storage};
@@ -15,15 +16,19 @@ fn problem() -> Problem {
 }
 
 fn problem_of(height: usize, width: usize) -> Problem {
+    problem_with([3, 3], height, width)
+}
+
+fn problem_with(grid: [usize; 2], height: usize, width: usize) -> Problem {
     let display = Display { height, width, ..Display::preset("paper").expect("a preset") };
     let view = vec![0.5; height * width];
     let field = LightField {
         name: "grey".into(),
-        grid: [3, 3],
+        grid,
         height,
         width,
         colors: vec![Color::Green],
-        planes: vec![vec![view; 9]],
+        planes: vec![vec![view; grid[0] * grid[1]]],
         view_pitch: None,
         disparity: None,
         depth: Some([-3e-3, 3e-3]),
@@ -86,6 +91,100 @@ fn what_is_made_for_a_step_is_not_made_again() {
     let [first, second] = [0, 1].map(|i| steered.steps[i].recording.by_kernel());
     assert!(first.iter().any(|(kernel, ..)| kernel.name() == "photograph"));
     assert!(second.iter().all(|(kernel, ..)| kernel.name() != "photograph" && kernel.name() != "transfer"));
+}
+
+/// No dispatch takes more than 10 ms, and no submission more than 100 ms, on the slowest device that is compared, however large
+/// the display; what is short stays one submission.
+#[test]
+fn long_lists_are_cut() {
+    let slowest = DEVICES[DEVICES.len() - 1];
+    for (height, width, pupils, storage) in [
+        (2160, 3840, 16, Storage::F32),
+        (2160, 3840, 4, Storage::F16),
+        (1080, 1920, 16, Storage::F32),
+        (1080, 1920, 2, Storage::F16),
+    ] {
+        let settings = Settings { pupils, storage, ..Settings::default() };
+        let solve = Rehearsal::of_solve(&problem_with([1, 1], height, width), &settings, &gpu(), 2).unwrap();
+        for step in &solve.steps {
+            let [dispatch, submission] = slowest.longest(&step.recording).map(|t| t.as_secs_f64() * 1e3);
+            let what = format!("{height} x {width}, {pupils} pupils: {dispatch} and {submission} ms");
+            assert!(dispatch <= 10.0 && submission <= 100.0, "{what}");
+            let all: u64 = step.recording.bytes().iter().sum();
+            let least = (all as f64 / slowest.bandwidth / 0.1).ceil() as usize;
+            let most = (all as f64 / slowest.bandwidth / 0.08).ceil() as usize;
+            let submissions = step.recording.submissions();
+            assert!((least..=most).contains(&submissions), "{what} in {submissions} submissions, {least} to {most}");
+            assert_eq!(submissions as u64, step.counts.submissions, "{what}");
+        }
+    }
+}
+
+/// A solve has made what its steps need before the first of them.
+#[test]
+fn nothing_is_made_while_a_solve_takes_steps() {
+    let settings = Settings { pupils: 5, window_bytes: 1 << 20, ..Settings::default() };
+    let solve = Rehearsal::of_solve(&problem_of(216, 384), &settings, &gpu(), 12).unwrap();
+    for (i, step) in solve.steps.iter().enumerate() {
+        let counts = step.counts;
+        assert_eq!((counts.pipelines, counts.blocks, counts.uploaded), (0, 0, 0), "step {i}: {counts:?}");
+        // But for room for descriptors, which come with the first that are used.
+        assert!(i == 0 || (counts.pools, counts.submissions) == (0, 1), "step {i}: {counts:?}");
+    }
+}
+
+/// A live set of three colours brings its video frame to the host and 16 KB beside it, and takes nothing there; a jump neither.
+#[test]
+fn a_live_set_brings_its_video_frame_and_little_else() {
+    let (height, width) = (1080, 1920);
+    let gpu = gpu();
+    let display = Display { height, width, ..Display::preset("planes24").expect("a preset") };
+    let colors = [Color::Red, Color::Green, Color::Blue];
+    let field = LightField {
+        name: "grey".into(),
+        grid: [1, 1],
+        height,
+        width,
+        colors: colors.to_vec(),
+        planes: vec![vec![vec![0.5; height * width]]; 3],
+        view_pitch: None,
+        disparity: None,
+        depth: Some([-3e-3, 3e-3]),
+    };
+    let mut refiners = colors.map(|color| {
+        let problem = Problem::new(&field, color, &display, Default::default()).expect("a problem");
+        let engine = Box::new(VulkanEngine::new(&gpu).expect("an engine"));
+        Refiner::new(problem, &vec![0.0; 8 * height * width], 1.0, Steering::default(), engine).expect("a refinement")
+    });
+    let encoder = Encoder::new(&display, &colors, 8).expect("an encoder");
+    let mut device = VulkanEncoder::new(&gpu, encoder.plan()).expect("an encoder on the device");
+    let mut frames = encoder.frames();
+    let mut set = |refiners: &mut [Refiner; 3], x: f64| {
+        let before = gpu.counts();
+        let aim = PupilDistribution::around(&Pupil { x, y: 0.0, diameter: 4e-3, depth: 0.0 }, 0.2e-3);
+        for refiner in refiners.iter_mut() {
+            refiner.aim(aim).unwrap();
+            refiner.advance().unwrap();
+        }
+        for refiner in refiners.iter_mut() {
+            refiner.settle().unwrap();
+        }
+        let phases: Vec<_> = refiners.iter().map(|r| r.phases_on_device().expect("on the device")).collect();
+        device.encode_on_device(&phases).unwrap();
+        device.download(frames.bytes_mut()).unwrap();
+        let frame = frames.bytes_mut().len() as u64;
+        let moved = gpu.counts().since(before);
+        assert_eq!((moved.read_back, moved.uploaded, moved.phases_read_back), (frame, 0, 0), "{moved:?}");
+        assert!((1..=16 << 10).contains(&moved.losses_read_back), "{moved:?}");
+    };
+    // The encoder's tables and room for descriptors come with the first.
+    for i in 0..4 {
+        set(&mut refiners, 1e-3 * f64::from(i));
+    }
+    let before = gpu.counts();
+    refiners.iter_mut().for_each(|refiner| refiner.begin_again().unwrap());
+    let jump = gpu.counts().since(before);
+    assert_eq!((jump.read_back, jump.uploaded, jump.losses_read_back, jump.blocks), (0, 0, 0, 0), "{jump:?}");
 }
 
 /// Of a sweep through all sizes of an eye's pupil, in three colours on one device, nothing is made: not a pipeline, not a block,

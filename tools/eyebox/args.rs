@@ -273,6 +273,9 @@ pub struct View {
     /// Exposure of the PNG [default: the hologram's; where it is not known, the 99th percentile becomes white]
     #[arg(long, value_parser = positive)]
     pub exposure: Option<f64>,
+    /// Look past the display's model, as if the display were ideal
+    #[arg(long)]
+    pub ideal: bool,
     /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,
@@ -309,6 +312,9 @@ pub struct Score {
     /// A scene that the hologram was not made of
     #[command(flatten)]
     pub other: OtherSceneArgs,
+    /// Look past the display's model, as if the display were ideal
+    #[arg(long)]
+    pub ideal: bool,
     /// random:N, or a JSON file with a list of [x, y, diameter, focus] in mm, or the focus as "0.5D"
     #[arg(long, default_value = "random:16", value_name = "random:N|FILE.json")]
     pub pupils: String,

@@ -1,106 +1,125 @@
-//! `eyebox trackers --calibrate`: a user looks at targets, one after another.
+//! `eyebox calibrate`: a model of the display as it is, fitted from pictures of it.
 
 use crate::Failure;
-use crate::progress;
-use crate::trackers::Trackers;
-use crate::trackers::options;
-use eyebox::gaze::{Calibration, Fit, Pair, Settings};
-use eyebox::trackers::{Reading, Sample, Spec, Stream, Unit, open};
-use std::io::{self, BufRead};
-use std::path::Path;
-use std::time::{Duration, Instant};
+use crate::progress::{self, JobBar};
+use crate::values::positive;
+use clap::Args;
+use eyebox::calibrate::{Bench, Event, FEWEST, Report, calibrate};
+use eyebox::files;
+use eyebox::optics::{Color, Display};
+use std::path::PathBuf;
+use std::time::Duration;
 
-/// The eye gets there, and the reading of the prompt is over.
-const SETTLE: Duration = Duration::from_millis(300);
-/// Samples of a fixation are taken for so long.
-const FIXATION: Duration = Duration::from_millis(600);
-/// A tracker that says nothing for so long is not going to.
-const PATIENCE: Duration = Duration::from_secs(5);
-const MOST_SAMPLES: usize = 10_000;
+/// `eyebox calibrate`
+#[derive(Args)]
+pub struct Calibrate {
+    /// Display: a preset (eyebox displays lists them), or a TOML file; its own model is where the fit begins
+    #[arg(long, value_name = "PRESET|FILE")]
+    pub display: String,
+    /// Colour whose light is on [default: green, or the display's first]
+    #[arg(long, value_name = "red|green|blue", value_parser = color)]
+    pub color: Option<Color>,
+    /// The command that shows patterns and takes pictures: docs/calibrate.md
+    #[arg(long, value_name = "COMMAND", required_unless_present = "captures", conflicts_with = "captures")]
+    pub camera: Option<String>,
+    /// A folder of pictures in the place of a camera
+    #[arg(long, value_name = "DIR")]
+    pub captures: Option<PathBuf>,
+    /// Pictures at most
+    #[arg(long, default_value_t = 40, value_name = "N", conflicts_with = "captures")]
+    pub captures_max: usize,
+    /// Keep the pictures here; what a calibration that was broken off left here is not taken again
+    #[arg(long, value_name = "DIR", conflicts_with = "captures")]
+    pub keep: Option<PathBuf>,
+    /// Seconds that the command may take for an answer [default: 60, and by exposure]
+    #[arg(long, value_name = "SECONDS", value_parser = positive, conflicts_with = "captures")]
+    pub camera_timeout: Option<f64>,
+    /// Four pictures, for what drifts: the display's file has the rest
+    #[arg(long, conflicts_with = "captures")]
+    pub quick: bool,
+    /// The display file with the model
+    #[arg(short, long, value_name = "FILE.toml")]
+    pub out: PathBuf,
+    /// One JSON object on standard output
+    #[arg(long)]
+    pub json: bool,
+}
 
-/// Asks, takes samples, fits, writes the user's file.
-pub fn run(args: &Trackers, file: &Path) -> Result<(), Failure> {
-    let spec: Spec = args.watch.as_deref().unwrap_or("hid").parse()?;
-    let stream = Stream::start(open(&spec, &options(args))?)?;
+/// A colour by its name.
+fn color(name: &str) -> Result<Color, String> {
+    let found = [Color::Red, Color::Green, Color::Blue].into_iter().find(|c| c.to_string() == name);
+    found.ok_or_else(|| "red, green or blue".into())
+}
+
+/// Calibrates, writes the display's file, says how sure it is.
+pub fn run(args: &Calibrate) -> Result<(), Failure> {
+    if args.out.extension().is_none_or(|e| e != "toml") {
+        return Err(Failure::Asked(format!("{}: the name must end in .toml", args.out.display())));
+    }
+    files::check_place(&args.out)?;
+    let display = Display::load(&args.display)?;
+    let green = display.wavelengths.iter().find(|w| w.color == Color::Green).or(display.wavelengths.first());
+    let color = args.color.or(green.map(|w| w.color)).unwrap_or(Color::Green);
+    let bench = match (&args.camera, &args.captures) {
+        (Some(command), _) => Bench::Command {
+            command,
+            keep: args.keep.as_deref(),
+            limit: args.camera_timeout.map(Duration::from_secs_f64),
+            most: args.captures_max,
+            quick: args.quick,
+        },
+        (None, Some(folder)) => Bench::Folder(folder),
+        (None, None) => return Err(Failure::Asked("--camera or --captures is needed".into())),
+    };
+    if args.captures_max < FEWEST {
+        return Err(Failure::Asked(format!("--captures-max {} is too few: give {FEWEST} or more", args.captures_max)));
+    }
     progress::catch_interrupt();
-    let radius = Settings::default().radius;
-    let mut pairs: [Vec<(Unit, Pair)>; 3] = Default::default();
-    let mut enter = io::stdin().lock();
-    for (i, [x, y]) in args.targets.0.iter().enumerate() {
-        eprintln!("{} of {}: look at ({x}, {y}) degrees and press Enter", i + 1, args.targets.0.len());
-        let mut line = String::new();
-        let read = enter.read_line(&mut line).map_err(|e| Failure::Asked(format!("standard input: {e}")))?;
-        if read == 0 || progress::interrupted() {
-            return Err(Failure::Asked("the calibration was broken off: nothing is written".into()));
-        }
-        let samples = fixation(&stream)?;
-        let pupil = [x, y].map(|degrees| radius * degrees.to_radians().sin());
-        let eyes: [fn(&Sample) -> Option<Reading>; 3] = [|s| s.left, |s| s.right, |s| s.combined];
-        for (pairs, eye) in pairs.iter_mut().zip(eyes) {
-            if let Some((unit, tracker)) = middle(&samples, eye) {
-                pairs.push((unit, Pair { tracker, pupil }));
-            }
-        }
-    }
-    let [left, right, combined] = pairs.map(|pairs| {
-        // An eye that was seen at every target is calibrated.
-        let unit = pairs.first()?.0;
-        let all: Vec<Pair> = pairs.iter().filter(|p| p.0 == unit).map(|p| p.1).collect();
-        (all.len() == args.targets.0.len()).then(|| Fit::new(&all, unit))
+    let bar = JobBar::new(args.json);
+    let calibrated = calibrate(&display, color, &bench, &mut |event| match event {
+        Event::At(what, share) => drop(bar.show(what, share)),
+        Event::Said(line) => eprintln!("{line}"),
+        _ => {}
     });
-    let user = file.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
-    let calibration =
-        Calibration { user, left: left.transpose()?, right: right.transpose()?, combined: combined.transpose()? };
-    let fits = [("left", &calibration.left), ("right", &calibration.right), ("combined", &calibration.combined)];
-    if fits.iter().all(|(_, fit)| fit.is_none()) {
-        return Err(Failure::Asked("no eye was seen at every target: nothing is written".into()));
-    }
-    calibration.save(file)?;
-    for (name, fit) in fits {
-        if let Some(fit) = fit {
-            let [used, left_out] = fit.used;
-            println!("{name}: {:.2} mm off on average over {used} targets, {left_out} left out", fit.residual * 1e3);
+    bar.finish();
+    let calibrated = calibrated.inspect_err(|e| {
+        if let (true, Some(keep)) = (e.is_ended(), &args.keep) {
+            eprintln!("the pictures taken so far are in {}: the same command goes on from them", keep.display());
         }
+    })?;
+    let text = calibrated.display.to_toml();
+    files::write_file(&args.out, |to| to.write_all(text.as_bytes()))?;
+    if args.json {
+        println!("{}", serde_json::to_string(&calibrated.report).map_err(|e| Failure::Asked(e.to_string()))?);
+    } else {
+        say(&calibrated.report);
     }
+    for warning in &calibrated.report.warnings {
+        eprintln!("eyebox: {warning}");
+    }
+    eprintln!("wrote {}: give it as --display {}", args.out.display(), args.out.display());
     Ok(())
 }
 
-/// What the tracker says while the eye rests.
-fn fixation(stream: &Stream) -> Result<Vec<Sample>, Failure> {
-    let asked = Instant::now();
-    while asked.elapsed() < SETTLE {
-        let _ = stream.next(Duration::from_millis(20));
+/// The report, in words.
+fn say(report: &Report) {
+    println!("{:24} {:>12} {:>10}", "", "value", "error");
+    for p in &report.parameters {
+        let error = p.error.map_or_else(String::new, |e| format!("{e:.5}"));
+        println!("{:24} {:12.5} {error:>10} {}", p.name, p.value, p.unit);
     }
-    let _ = stream.arrived().count();
-    let (mut samples, mut first) = (Vec::new(), None::<Instant>);
-    loop {
-        if let Some(sample) = stream.next(Duration::from_millis(20)).filter(Sample::valid) {
-            first.get_or_insert_with(Instant::now);
-            samples.push(sample);
-        }
-        if let Some(note) = stream.note() {
-            eprintln!("{note}");
-        }
-        if first.is_some_and(|at| at.elapsed() >= FIXATION) || samples.len() == MOST_SAMPLES {
-            return Ok(samples);
-        }
-        if let Some(failure) = stream.status().failure {
-            return Err(Failure::Asked(failure));
-        }
-        if (first.is_none() && asked.elapsed() > PATIENCE) || progress::interrupted() {
-            return Err(Failure::Asked("the tracker saw no eye for five seconds: nothing is written".into()));
-        }
+    for pair in &report.confused {
+        let [a, b] = &pair.names;
+        println!("the pictures hardly tell {a} from {b}: their correlation is {:.3}", pair.correlation);
     }
-}
-
-/// The median of an eye's valid readings.
-fn middle(samples: &[Sample], eye: fn(&Sample) -> Option<Reading>) -> Option<(Unit, [f64; 2])> {
-    let readings: Vec<Reading> = samples.iter().filter_map(eye).filter(|r| r.valid).collect();
-    let unit = readings.first()?.unit;
-    let median = |axis: usize| {
-        let mut values: Vec<f64> = readings.iter().map(|r| r.position[axis]).collect();
-        values.sort_by(f64::total_cmp);
-        values[values.len() / 2]
-    };
-    Some((unit, [median(0), median(1)]))
+    println!("{} pictures; the camera's map is off by {:.2} of its pixels", report.captures, report.camera_rms_px);
+    if let (Some(before), Some(unexplained), Some(noise)) = (report.before, report.unexplained, report.noise) {
+        let percent = |share: f64| format!("{:.3} %", 100.0 * share);
+        println!(
+            "of pictures that were not fitted, {} of the variance is unexplained (before: {}); the camera's noise is {}",
+            percent(unexplained),
+            percent(before),
+            percent(noise)
+        );
+    }
 }

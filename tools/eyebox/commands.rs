@@ -124,6 +124,13 @@ pub enum Command {
         after_help = "Examples:\n  eyebox displays\n  eyebox displays show holoeye-pluto-2.1\n  eyebox displays new holoeye-pluto-2.1 -o bench.toml"
     )]
     Displays(crate::displays::Displays),
+    /// Fit a model of the display as it is to pictures of it
+    #[command(
+        after_help = "Examples:\n  eyebox calibrate --display bench.toml --camera 'python3 my_bench.py' -o calibrated.toml\n  \
+                      eyebox calibrate --display bench.toml --camera 'python3 my_bench.py' --keep pictures -o calibrated.toml\n  \
+                      eyebox calibrate --display bench.toml --captures pictures -o calibrated.toml\n\nThe command and its fifteen lines of Python: docs/calibrate.md. Ends with 3 where the bench or ctrl-C ended it."
+    )]
+    Calibrate(Box<crate::calibrate::Calibrate>),
     /// List eye trackers, explain a report descriptor, or show and record what a tracker says
     #[command(after_help = "Examples:\n  eyebox trackers\n  eyebox trackers --describe descriptor.bin --json\n  \
                       eyebox trackers --watch hid --duration 10 --record session.hid\n  \

@@ -6,6 +6,19 @@ use crate::common;
 use eyebox::engine::{self, Engine, cpu::CpuEngine};
 use eyebox::gpu::{self, DeviceReport};
 use serde_json::json;
+use std::time::{Duration, UNIX_EPOCH};
+
+/// Whether it was tried, when, and how far off it was.
+fn tested(device: &DeviceReport) -> String {
+    let Some(t) = device.tested else { return "not tested yet: the first that runs on it does that".into() };
+    let ago = (UNIX_EPOCH + Duration::from_secs(t.at_unix_s)).elapsed().unwrap_or_default().as_secs();
+    let when = match (ago / 3600, ago / 86_400) {
+        (0, _) => format!("{} min", ago / 60),
+        (hours, 0) => format!("{hours} h"),
+        (_, days) => format!("{days} days"),
+    };
+    format!("tested {when} ago against float64, error power {:.0e}", t.transfer.max(t.transform))
+}
 
 /// Lists engines and devices, and what `auto` takes and why.
 pub fn run(args: &Devices) -> Result<(), Failure> {
@@ -21,6 +34,7 @@ pub fn run(args: &Devices) -> Result<(), Failure> {
                 "index": d.index, "name": d.name, "kind": d.kind.to_string(), "driver": d.driver, "api": d.api,
                 "usable": d.usable.is_ok(), "reason": d.usable.as_ref().err(), "memory_mib": l.memory >> 20,
                 "storage_range_mib": l.storage_range >> 20, "shared_memory": l.shared_memory, "subgroup": l.subgroup,
+                "tested": d.tested,
             })
         };
         let vulkan: Vec<_> = devices.iter().map(device).collect();
@@ -48,7 +62,7 @@ pub fn run(args: &Devices) -> Result<(), Failure> {
             l.subgroup
         );
         match &d.usable {
-            Ok(()) => println!("         {}; runs every kernel", d.driver),
+            Ok(()) => println!("         {}; runs every kernel; {}", d.driver, tested(d)),
             Err(reason) => println!("         {}; cannot be used: {reason}", d.driver),
         }
     }

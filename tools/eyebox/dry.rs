@@ -63,6 +63,10 @@ fn print(rehearsal: &Rehearsal) {
     for (name, first, later) in rows(rehearsal) {
         println!("{:24} {first:14} {later:14.1}", name.replace('_', " "));
     }
+    let slowest = DEVICES[DEVICES.len() - 1];
+    for (what, ms) in ["the longest dispatch", "the longest submission"].into_iter().zip(longest_ms(rehearsal)) {
+        println!("{:24} {:>14} {ms:14.3}", format!("{what}, ms"), slowest.name);
+    }
     println!("{:24} {:>14} {:14.3}", "host, ms", "", rehearsal.host.as_secs_f64() * 1e3);
     println!("\n{:24} {:>14} {:>14}", "the last, by kernel", "dispatches", "MB");
     let last = rehearsal.steps.last().map(|step| step.recording.by_kernel()).unwrap_or_default();
@@ -85,6 +89,15 @@ fn print(rehearsal: &Rehearsal) {
     }
 }
 
+/// What the longest dispatch and the longest submission of any step would take on the slowest device.
+fn longest_ms(rehearsal: &Rehearsal) -> [f64; 2] {
+    let slowest = DEVICES[DEVICES.len() - 1];
+    rehearsal.steps.iter().fold([0.0; 2], |most, step| {
+        let one = slowest.longest(&step.recording).map(|time| time.as_secs_f64() * 1e3);
+        [most[0].max(one[0]), most[1].max(one[1])]
+    })
+}
+
 fn as_json(rehearsal: &Rehearsal) -> Value {
     let rows = rows(rehearsal).map(|(name, first, later)| (name.to_owned(), json!({ "first": first, "later": later })));
     let devices = DEVICES.iter().map(|device| {
@@ -104,6 +117,8 @@ fn as_json(rehearsal: &Rehearsal) -> Value {
     });
     json!({
         "step": Value::Object(rows.into_iter().collect()),
+        "longest_dispatch_ms": longest_ms(rehearsal)[0],
+        "longest_submission_ms": longest_ms(rehearsal)[1],
         "host_ms": rehearsal.host.as_secs_f64() * 1e3,
         "kernels": Value::Object(kernels.collect()),
         "modelled": Value::Object(devices.collect()),

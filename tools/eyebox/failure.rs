@@ -1,5 +1,6 @@
 //! What can go wrong in a command: one line each.
 
+use eyebox::calibrate::CalibrateError;
 use eyebox::encode::EncodeError;
 use eyebox::engine::EngineError;
 use eyebox::evaluate::EvaluateError;
@@ -59,6 +60,9 @@ pub enum Failure {
     /// A calibration, or a setting of the way from sample to pupil.
     #[error(transparent)]
     Gaze(#[from] GazeError),
+    /// The calibration of a display.
+    #[error(transparent)]
+    Calibrate(#[from] CalibrateError),
     /// A session.
     #[error(transparent)]
     Session(#[from] SessionError),
@@ -79,6 +83,7 @@ pub enum Failure {
 impl Failure {
     /// The exit code.
     pub fn code(&self) -> u8 {
-        if matches!(self, Self::Lost(_)) { 3 } else { 2 }
+        let ended = matches!(self, Self::Calibrate(e) if e.is_ended());
+        if ended || matches!(self, Self::Lost(_)) { 3 } else { 2 }
     }
 }

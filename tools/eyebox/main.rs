@@ -42,6 +42,7 @@ mod session;
 mod settings;
 mod signals;
 mod solve;
+mod tracker_calibration;
 mod trackers;
 mod tradeoff;
 mod values;
@@ -85,8 +86,9 @@ fn main() -> ExitCode {
         Command::Displays(args) => displays::run(args),
         Command::Completions(args) => generate::completions(args, headings::command::<Cli>()),
         Command::Man(args) => generate::man(args, headings::command::<Cli>()),
+        Command::Calibrate(args) => calibrate::run(args),
         Command::Trackers(args) => match &args.calibrate {
-            Some(file) if args.describe.is_none() => calibrate::run(args, file),
+            Some(file) if args.describe.is_none() => tracker_calibration::run(args, file),
             _ => trackers::run(args),
         },
     };

@@ -13,6 +13,7 @@ use std::path::Path;
 /// Measures a hologram over many pupils.
 pub fn run(args: &Score) -> Result<(), Failure> {
     let (source, display) = load(args)?;
+    let source = if args.ideal { source.on_ideal_display() } else { source };
     let about = source.about();
     args.other.check(&args.hologram, about, &args.scene.scene)?;
     let colors = about.named_colors();

@@ -11,6 +11,7 @@ use eyebox::optics::depth_in_words;
 pub fn run(args: &View) -> Result<(), Failure> {
     let form = common::form(&args.out, &[Form::Png, Form::Npy])?;
     let source = args.encoded.source(&args.phases, &args.hologram, args.at)?;
+    let source = if args.ideal { source.on_ideal_display() } else { source };
     let about = source.about();
     let pupil = common::pupil(&args.pupil, (0..about.colors.len()).map(|i| about.optics(i)), args.phases.force)?;
     let mut engine = common::engine(&args.engine)?;
@@ -26,8 +27,25 @@ pub fn run(args: &View) -> Result<(), Failure> {
             format!("; read {read} MiB, peak {peak} MiB")
         }
     };
-    eprintln!("wrote {}: the view from ({x}, {y}) mm through {d} mm, focused at {focus}{cost}", args.out.display());
+    let through = through(about);
+    eprintln!(
+        "wrote {}: the view from ({x}, {y}) mm through {d} mm, focused at {focus}{through}{cost}",
+        args.out.display()
+    );
     Ok(())
+}
+
+/// What of its display is looked through, where that is not the ideal one.
+fn through(hologram: &Hologram) -> String {
+    let model = |color| hologram.planner(color).ok()?.model;
+    let mut terms: Vec<_> =
+        (0..hologram.colors.len()).filter_map(model).flat_map(|tables| tables.model().terms()).collect();
+    terms.sort_unstable();
+    terms.dedup();
+    if terms.is_empty() {
+        return String::new();
+    }
+    format!(", through the display's {} (--ideal looks past it)", terms.join(", "))
 }
 
 /// What a picture of these planes is multiplied by: as asked, the hologram's own where it is known, else what makes them

@@ -31,6 +31,10 @@ pub(super) struct Buffers {
     pub(super) change: Vec<Complex32>,
     pub(super) hits: Vec<f32>,
     pub(super) energy: Vec<f32>,
+    pub(super) wave: Vec<Complex32>,
+    pub(super) pixels: Vec<f32>,
+    pub(super) crosstalk: Vec<f32>,
+    pub(super) relay: Vec<f32>,
     pub(super) slots: Vec<Slot>,
     /// Phases that are kept; none if it is empty.
     kept: Vec<f32>,
@@ -115,9 +119,7 @@ impl Buffers {
                 let Ok(data) = bytemuck::try_cast_slice(data) else { return Err(misfit(buffer, has, data.len())) };
                 to.clear();
                 to.extend_from_slice(data);
-                if resource != Resource::Transfer {
-                    storing(storage)(to);
-                }
+                storing(resource.stored(storage))(to);
             }
         }
         Ok(())
@@ -166,6 +168,10 @@ impl Buffers {
             Resource::Change => Values::Complex(&mut self.change),
             Resource::Hits => Values::Real(&mut self.hits),
             Resource::Energy => Values::Real(&mut self.energy),
+            Resource::Wave => Values::Complex(&mut self.wave),
+            Resource::Pixels => Values::Real(&mut self.pixels),
+            Resource::Crosstalk => Values::Real(&mut self.crosstalk),
+            Resource::Relay => Values::Real(&mut self.relay),
             _ => return self.slots.get_mut(slot?)?.values(resource),
         })
     }

@@ -1,6 +1,7 @@
 //! What kernels over sub-frames see, and those that run once for all of them.
 
 use super::buffers::Slot;
+use super::waves::Waves;
 use crate::engine::{PupilPass, Shape, Step};
 use eyebox_kernels::{
     Complex32, ZERO,
@@ -72,8 +73,9 @@ impl FrameFft<'_> {
 pub(super) struct Whole<'a> {
     pub(super) step: &'a Step,
     pub(super) passes: &'a [PupilPass],
-    pub(super) field: &'a [Complex32],
+    pub(super) field: &'a mut [Complex32],
     pub(super) change: &'a mut [Complex32],
+    pub(super) waves: Waves<'a>,
     pub(super) hits: &'a mut [f32],
     pub(super) energy: &'a mut [f32],
     /// What `check_finite` found.

@@ -18,6 +18,8 @@ pub(super) struct Pass<'a> {
     pub(super) slot: &'a mut Slot,
     pub(super) shape: &'a Shape,
     pub(super) views: Option<&'a Pyramid>,
+    /// What the relay does to each bin.
+    pub(super) relay: &'a [Complex32],
 }
 
 impl Pass<'_> {

@@ -8,7 +8,7 @@ use super::super::{
 use super::check::check;
 use super::fft::Transform;
 use super::flight::{Flight, Guarded, Verdict};
-use super::layout::{Arenas, Layout, Slot, Value, all_slots, slot_layout, slots};
+use super::layout::{Arenas, Layout, Slot, Value, pupil_pass_buffer, slots};
 use super::record::{Hazards, Stack, Stacks, Work};
 use super::views::Views;
 use crate::gpu::{Block, Commands, DeviceKind, Gpu, IN_FLIGHT, PhasesOnDevice, add};
@@ -27,18 +27,18 @@ pub struct VulkanEngine {
     stacks: Stacks,
     /// Phases that are kept.
     kept: Option<Stack>,
-    arenas: Arenas,
+    pub(super) arenas: Arenas,
     /// Lists in flight, in turn, and the last of them.
-    flights: [Flight; IN_FLIGHT],
-    at: usize,
+    pub(super) flights: [Flight; IN_FLIGHT],
+    pub(super) at: usize,
     /// Steps that were begun.
     begun: u64,
-    views: Option<Views>,
+    pub(super) views: Option<Views>,
     /// Sums of the loss on the device.
     losses: Option<Block>,
     verdict: Option<Verdict>,
     transforms: Box<dyn Transform + Send>,
-    shape: Shape,
+    pub(super) shape: Shape,
     /// Where the pupil pass buffers of the last step lie.
     slots: Vec<Slot>,
     /// Pupil pass buffers that were written since: they find their place when a step says where.
@@ -52,10 +52,15 @@ impl VulkanEngine {
     /// On a device. [`load`](Engine::load) makes the buffers.
     ///
     /// # Errors
-    /// The device's.
+    /// The device's; [`EngineError::WrongResults`] where one that was never met does not compute what it should.
     pub fn new(gpu: &Gpu) -> Result<Self, EngineError> {
+        super::self_test(gpu)?;
+        Self::untested(gpu)
+    }
+
+    /// On a device whose results are nobody's yet.
+    pub(super) fn untested(gpu: &Gpu) -> Result<Self, EngineError> {
         let gpu = Commands::new(gpu)?;
-        let place = bytemuck::Zeroable::zeroed();
         Ok(Self {
             stacks: Stacks::default(),
             kept: None,
@@ -67,7 +72,7 @@ impl VulkanEngine {
             losses: None,
             verdict: None,
             transforms: super::fft::transforms(),
-            shape: Shape { frames: 0, place, purpose: Purpose::View, quantised: false, storage: Storage::F32 },
+            shape: Shape::empty(),
             slots: Vec::new(),
             written: HashMap::new(),
             clock: [(0, 0.0); Kernel::ALL.len()],
@@ -125,7 +130,7 @@ impl VulkanEngine {
 
     /// Makes the losses on the device, what the host sees of them, and the tables large enough for the list that is next; for
     /// those in flight as well, whose turn comes.
-    fn fit_flights(&mut self) -> Result<(), EngineError> {
+    pub(super) fn fit_flights(&mut self) -> Result<(), EngineError> {
         let end = self.flights[self.at].end;
         if end > self.losses.as_ref().map_or(0, |l| l.size) {
             self.gpu.recorder.idle()?;
@@ -163,7 +168,9 @@ impl VulkanEngine {
         if self.shape.frames == 0 || list.is_empty() {
             return Ok(());
         }
-        flight.pack(&step.pupil_passes, all_slots(step, &self.shape), self.views.as_ref());
+        self.stacks.hold(&mut self.gpu, step.model.as_ref())?;
+        let flight = &mut self.flights[next];
+        flight.lay_out(step, &self.shape, self.views.as_ref());
         self.fit_flights()?;
         self.flights[next].tables.stage();
         self.arenas.fit(&mut self.gpu, step, &self.shape)?;
@@ -174,7 +181,13 @@ impl VulkanEngine {
         self.record(step, &list, judged, true)
     }
 
-    fn record(&mut self, step: &Step, list: &[&Dispatch], judged: bool, runs: bool) -> Result<(), EngineError> {
+    pub(super) fn record(
+        &mut self,
+        step: &Step,
+        list: &[&Dispatch],
+        judged: bool,
+        runs: bool,
+    ) -> Result<(), EngineError> {
         let Self { stacks, arenas, flights, at, views, losses, verdict, transforms, shape, gpu, is_timed, .. } = self;
         let flight = &mut flights[*at];
         let answers = |d: &Dispatch| d.kernel.writes().any(|r| matches!(r, Resource::Losses | Resource::NotFinite));
@@ -189,6 +202,7 @@ impl VulkanEngine {
             groups,
             count: 0,
             is_judged: false,
+            part: 0,
         });
         let mut work = Work {
             gpu,
@@ -209,6 +223,7 @@ impl VulkanEngine {
         prepared?;
         let ways = work.ways(list);
         let marks = if *is_timed { list.len() } else { 1 };
+        work.gpu.recorder.is_cut = runs && work.gpu.device.planned_as != DeviceKind::Cpu;
         work.gpu.recorder.begin(marks)?;
         // What was submitted before may still be at work.
         work.gpu.recorder.barrier();
@@ -253,6 +268,7 @@ impl VulkanEngine {
             flight.during.extend(list.iter().map(|d| d.kernel.name()));
         }
         flight.submission = Some(self.gpu.recorder.send(&flight.during)?);
+        self.gpu.recorder.is_cut = false;
         self.gpu.device.save_pipelines();
         if let Some(verdict) = self.verdict.as_mut().filter(|_| flight.is_judged) {
             verdict.is_bad = false;
@@ -346,7 +362,7 @@ impl Engine for VulkanEngine {
         }
         for (at, resource) in Resource::OF_SHAPE.into_iter().enumerate() {
             let Extent { frames, values, complex } = shape.extent(resource);
-            let value = if complex { Value::Complex(shape.storage) } else { Value::Real };
+            let value = if complex { Value::Complex(resource.stored(shape.storage)) } else { Value::Real };
             self.stacks.0[at] = self.stack(Layout { offset: 0, frames, values, value }, &resource.name())?;
         }
         self.verdict = None;
@@ -454,17 +470,8 @@ impl Engine for VulkanEngine {
         self.land(at, self.flights[at].pupil_passes)
     }
 
-    fn prepare(&mut self, step: &Step, at_once: usize) -> Result<(), EngineError> {
-        check(step, &(0..step.list.len()), &self.shape, self.views.as_ref())?;
-        self.gpu.recorder.idle()?;
-        let flight = &mut self.flights[self.at];
-        flight.pack(&step.pupil_passes, all_slots(step, &self.shape), self.views.as_ref());
-        self.fit_flights()?;
-        self.arenas.fit_any(&mut self.gpu, &step.pupil_passes, at_once, &self.shape)?;
-        // Recorded and thrown away: whatever that asks for is made.
-        self.gpu.want();
-        let recorded = self.record(step, &step.list.iter().collect::<Vec<_>>(), true, false);
-        self.gpu.compile().and(recorded)
+    fn prepare(&mut self, steps: &mut dyn Iterator<Item = Step>, at_once: Option<usize>) -> Result<(), EngineError> {
+        self.prepare_steps(steps, at_once)
     }
 
     fn time_kernels(&mut self, on: bool) {
@@ -480,12 +487,6 @@ impl Engine for VulkanEngine {
     }
 
     fn reset_timings(&mut self) {
-        self.clock = Default::default();
+        self.clock.fill((0, 0.0));
     }
-}
-
-/// Place in a slot, and slot, of a pupil pass buffer.
-fn pupil_pass_buffer(buffer: Buffer) -> Option<(Resource, usize, usize)> {
-    let (resource, slot) = buffer.resource();
-    Some((resource, slot_layout(resource)?, slot?))
 }

@@ -1,10 +1,10 @@
 //! What a list in flight has for itself while the next is recorded: its tables, and where the host sees its losses.
 
-use super::super::{EngineError, PupilPass};
-use super::layout::Slot;
+use super::super::{EngineError, PupilPass, Shape, Step};
+use super::layout::all_slots;
 use super::tables::Tables;
 use super::views::Views;
-use crate::gpu::{Block, Commands, Groups, Piece, Range};
+use crate::gpu::{Block, Commands, Groups, Piece, Range, add};
 use gpu_allocator::MemoryLocation;
 use std::time::Instant;
 
@@ -44,8 +44,9 @@ pub(super) struct Guarded<'a> {
     /// Where the host writes their workgroups.
     pub(super) groups: &'a mut Block,
     pub(super) count: usize,
-    /// Whether the judgement was recorded.
+    /// Whether the judgement was recorded, and in which part of the list the workgroups were copied last.
     pub(super) is_judged: bool,
+    pub(super) part: usize,
 }
 
 impl<'a> Guarded<'a> {
@@ -108,15 +109,11 @@ impl Flight {
         }
     }
 
-    /// Packs the tables of these pupil passes, whose buffers lie in these slots, which are in this order in memory.
-    pub(super) fn pack(
-        &mut self,
-        pupil_passes: &[PupilPass],
-        (slots, order): (Vec<Slot>, Vec<usize>),
-        views: Option<&Views>,
-    ) {
-        self.place(pupil_passes, &order);
-        self.tables.pack(pupil_passes, (slots, order), &self.offsets, views);
+    /// Finds these places, and packs the tables.
+    pub(super) fn lay_out(&mut self, step: &Step, shape: &Shape, views: Option<&Views>) {
+        let (slots, order) = all_slots(step, shape);
+        self.place(&step.pupil_passes, &order);
+        self.tables.pack(&step.pupil_passes, (slots, order), &self.offsets, views);
     }
 
     /// Whether what the host sees is large enough.
@@ -148,8 +145,11 @@ impl Flight {
         let Some(host) = &self.losses else { return };
         let checked: Option<Piece> = self.is_checked.then_some((0, 0, 4));
         let sums = self.answers.iter().map(|(_, at, parts)| (*at, *at, 4 * *parts as u64));
-        gpu.recorder.copy(losses, host, checked.into_iter().chain(sums));
+        let pieces: Vec<Piece> = checked.into_iter().chain(sums).collect();
+        add(&gpu.device.counters.losses_read_back, pieces.iter().map(|piece| piece.2).sum());
+        gpu.recorder.copy(losses, host, pieces);
         if let Some(verdict) = verdict.filter(|_| self.is_judged) {
+            add(&gpu.device.counters.losses_read_back, VERDICT);
             gpu.recorder.copy(&verdict.block, host, [(0, host.size - PLACE, VERDICT)]);
         }
     }

@@ -1,6 +1,6 @@
 //! Where values lie: frames at a stride inside a block, and the buffers of pupil passes inside arenas.
 
-use super::super::{EngineError, PupilPass, Resource, Shape, Step, Storage};
+use super::super::{Buffer, EngineError, PupilPass, Resource, Shape, Step, Storage};
 use crate::gpu::{Block, Commands, Piece, Range};
 use crate::plan::Extent;
 use eyebox_kernels::half;
@@ -46,7 +46,7 @@ impl Layout {
     }
 
     /// Bytes from one frame to the next.
-    fn step(&self) -> u64 {
+    pub(super) fn step(&self) -> u64 {
         (self.stride() * self.value.size()) as u64
     }
 
@@ -120,6 +120,12 @@ pub(super) fn slot_layout(resource: Resource) -> Option<usize> {
     Resource::OF_SLOT.iter().position(|r| *r == resource)
 }
 
+/// Place in a slot, and slot, of a pupil pass buffer.
+pub(super) fn pupil_pass_buffer(buffer: Buffer) -> Option<(Resource, usize, usize)> {
+    let (resource, slot) = buffer.resource();
+    Some((resource, slot_layout(resource)?, slot?))
+}
+
 /// Where one pupil pass's buffers lie, by kind.
 pub(super) type Slot = [Layout; KINDS];
 
@@ -148,9 +154,7 @@ pub(super) fn slots(pupil_passes: &[PupilPass], shape: &Shape) -> Vec<Slot> {
     for at in order(pupil_passes) {
         for ((layout, end), resource) in slots[at].iter_mut().zip(&mut ends).zip(Resource::OF_SLOT) {
             let Extent { frames, values, complex } = pupil_passes[at].extent(resource, shape);
-            // The propagation kernel is never stored as halves.
-            let storage = if resource == Resource::Transfer { Storage::F32 } else { shape.storage };
-            let value = if complex { Value::Complex(storage) } else { Value::Real };
+            let value = if complex { Value::Complex(resource.stored(shape.storage)) } else { Value::Real };
             *layout = Layout { offset: *end, frames, values, value };
             *end += layout.bytes();
         }

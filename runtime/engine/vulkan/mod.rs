@@ -7,7 +7,7 @@
 //! views come in chunks. Pipelines, descriptor pools, staging and queries are kept: nothing is made once all sizes have
 //! been seen. Nothing is assumed of the size of subgroups; shaders synchronise through shared memory only.
 //!
-//! `engine` runs lists of kernels, `encode` makes video frames of phases, `fft` plans and records transforms.
+//! `engine` runs lists of kernels, `self_test` tries a device that was never met, `encode` makes video frames of phases, `fft` plans and records transforms.
 
 #![allow(unsafe_code)]
 
@@ -16,10 +16,14 @@ mod encode;
 mod engine;
 mod fft;
 mod flight;
+#[cfg(test)]
+mod guard_tests;
 mod layout;
+mod prepare;
 #[cfg(test)]
 mod pretend;
 mod record;
+mod self_test;
 mod tables;
 #[cfg(test)]
 mod tests;
@@ -28,3 +32,4 @@ mod views;
 pub use encode::VulkanEncoder;
 pub use engine::VulkanEngine;
 pub use fft::{Timed, Transforms};
+pub(super) use self_test::check as self_test;

@@ -1,6 +1,7 @@
 //! What tests have a device pretend.
 
 use super::engine::VulkanEngine;
+use crate::gpu::guards::Guards;
 
 impl VulkanEngine {
     /// Makes the largest range that a kernel may see smaller than it is.
@@ -37,6 +38,26 @@ impl VulkanEngine {
             ash::vk::Result::SUCCESS
         }
         (self.gpu.recorder.queue_submit, self.gpu.recorder.patience_ns) = (nothing, 1_000_000);
+    }
+
+    /// From now on dispatches run between guard bands.
+    pub(super) fn guard(&mut self) {
+        self.gpu.device.guard();
+        self.gpu.recorder.guards = Some(Guards::default());
+    }
+
+    pub(super) fn guards(&mut self) -> &mut Guards {
+        self.gpu.recorder.guards.as_mut().expect("guards")
+    }
+
+    /// From now on kernels see half of what they are bound to: results are wrong, and nothing says so.
+    pub(super) fn pretend_wrong(&mut self) {
+        self.gpu.recorder.shows_half = true;
+    }
+
+    /// From now on lists are cut before every dispatch.
+    pub(super) fn pretend_slow(&mut self) {
+        self.gpu.recorder.most_moved = 0;
     }
 
     /// Sets barriers as a device without synchronization2 does.

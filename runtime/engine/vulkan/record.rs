@@ -9,9 +9,12 @@ mod hazards;
 mod shaders;
 mod single;
 mod stacks;
+mod waves;
 
+use super::flight::PLACE;
 use super::layout::Slot;
 use crate::engine::{Dispatch, EngineError, Kernel, Resource};
+use crate::gpu::Groups;
 use crate::plan::Access;
 use crate::plan::fusion::Way;
 use call::Call;
@@ -20,7 +23,7 @@ pub(super) use hazards::Hazards;
 use shaders::{Shader, shader};
 pub(super) use stacks::{Stack, Stacks};
 
-impl Work<'_> {
+impl<'a> Work<'a> {
     /// Makes the plans and tables of all transforms in these entries.
     pub(super) fn prepare(&mut self, list: &[&Dispatch]) -> Result<(), EngineError> {
         let grid = [self.shape.place.grid_height as usize, self.shape.place.grid_width as usize];
@@ -28,6 +31,9 @@ impl Work<'_> {
         for dispatch in list {
             match dispatch.kernel {
                 Kernel::FieldForward | Kernel::ChangeInverse => self.transforms.prepare(self.gpu, grid, storage)?,
+                Kernel::WaveForward | Kernel::WaveInverse => {
+                    self.transforms.prepare(self.gpu, grid, Resource::Wave.stored(storage))?;
+                }
                 Kernel::WindowForward | Kernel::WindowInverse => {
                     for pass in &self.step.pupil_passes[dispatch.pupil_passes.clone()] {
                         self.transforms.prepare(self.gpu, [pass.window.rows, pass.window.columns], storage)?;
@@ -81,18 +87,54 @@ impl Work<'_> {
 
     /// Judges the losses, once, if phases depend on it. Whatever changes phases comes behind it.
     pub(super) fn judge(&mut self, end: u64) -> Result<(), EngineError> {
-        let (Some(guarded), Some((losses, _))) = (&mut self.guarded, self.losses) else { return Ok(()) };
+        let (Some(guarded), Some(_)) = (&mut self.guarded, self.losses) else { return Ok(()) };
         if std::mem::replace(&mut guarded.is_judged, true) {
             return Ok(());
         }
-        let (flag, groups) = (guarded.verdict.flag(), guarded.verdict.groups());
+        self.copy_groups()?;
         // The verdict goes with the losses: who waits for the one waits for the other.
         self.before(&[(Access::Update, Resource::Losses), (Access::Read, Resource::NotFinite)]);
+        self.judge_groups(end)
+    }
+
+    /// Copies the workgroups again, which the host writes while it records, in another part of a list than that in which they were
+    /// copied last; whether that is so. The next dispatch is of this part.
+    fn copy_groups(&mut self) -> Result<bool, EngineError> {
+        let part = self.gpu.recorder.hold_part()?;
+        let Some(guarded) = &mut self.guarded else { return Ok(false) };
+        if std::mem::replace(&mut guarded.part, part) == part {
+            return Ok(false);
+        }
+        let to = guarded.verdict.groups();
+        self.gpu.recorder.barrier();
+        self.gpu.recorder.copy(guarded.groups, to.block, [(0, to.offset, to.size)]);
+        self.gpu.recorder.barrier();
+        Ok(true)
+    }
+
+    fn judge_groups(&mut self, end: u64) -> Result<(), EngineError> {
+        let (Some(guarded), Some((losses, _))) = (&self.guarded, self.losses) else { return Ok(()) };
+        let (flag, groups) = (guarded.verdict.flag(), guarded.verdict.groups());
         let push = [end as u32 / 4, groups.size as u32 / 4];
         let pipeline = self.gpu.pipeline(&eyebox_spirv::JUDGE, 3, &[])?;
         let buffers = [losses.range(0, end), flag, groups];
         self.gpu.recorder.dispatch(pipeline, &buffers, bytemuck::cast_slice(&push), [1, 1, 1])?;
         self.gpu.recorder.moved(|| vec![buffers[0].reads(end), groups.writes(0)]);
         Ok(())
+    }
+
+    /// These workgroups; of what changes phases, none where losses are not finite.
+    pub(super) fn guarded(&mut self, groups: [u32; 3], changes_phases: bool) -> Result<Groups<'a>, EngineError> {
+        if !changes_phases || self.guarded.is_none() {
+            return Ok(Groups::These(groups));
+        }
+        if self.copy_groups()? {
+            // The verdict was reached in a part before this one: it holds for these, too.
+            self.judge_groups(PLACE)?;
+            self.gpu.recorder.barrier();
+            self.gpu.recorder.is_held = true;
+        }
+        let full = || EngineError::Mismatch { reason: "phases change before losses are judged, or too often".into() };
+        self.guarded.as_mut().and_then(|guarded| guarded.groups(groups)).ok_or_else(full)
     }
 }

@@ -329,7 +329,14 @@ fn phases_become_pixels_on_the_device() {
         let gpu = gpu();
         let mut engine = VulkanEngine::new(&gpu).unwrap();
         let place = modulate::Args { height: 9, width: 30, grid_height: 9, grid_width: 30, top: 0, left: 0 };
-        let shape = Shape { frames: 24, place, purpose: Purpose::View, quantised: false, storage: Storage::F32 };
+        let shape = Shape {
+            frames: 24,
+            place,
+            purpose: Purpose::View,
+            quantised: false,
+            storage: Storage::F32,
+            model: crate::plan::ModelParts::default(),
+        };
         engine.load(&shape, None).unwrap();
         let mut device = VulkanEncoder::new(&gpu, encoder.plan()).unwrap();
         let mut pictures = device.pictures(order).unwrap();

@@ -19,6 +19,9 @@ pub struct Evaluate {
     /// Files of others
     #[command(flatten)]
     pub overwrite: OverwriteArgs,
+    /// Solve for and look at an ideal display, whatever the display's model says
+    #[arg(long)]
+    pub ideal: bool,
     /// Methods to solve with [default: slfh,lf2fs,stft,smooth,dpac; with --hologram, none]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub methods: Option<Vec<String>>,

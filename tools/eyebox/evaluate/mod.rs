@@ -136,7 +136,10 @@ fn job(args: &Evaluate) -> Result<Comparison, Failure> {
         Ok(Given::new(name, file.clone(), opening.hologram(file)?, &args.scenes, args.other.other_scene)?)
     };
     let given: Vec<Given> = args.hologram.iter().map(read).collect::<Result<_, _>>()?;
-    let (display, colors) = optics(args, methods.is_empty().then_some(()).and(given.first()))?;
+    let (mut display, colors) = optics(args, methods.is_empty().then_some(()).and(given.first()))?;
+    if args.ideal {
+        display.model.clear();
+    }
     for hologram in &given {
         hologram.check(&display, &colors)?;
     }

@@ -1,6 +1,8 @@
 //! The command `eyebox` as a user runs it, a module for each of its commands. One binary: it is linked once.
 
 mod basics;
+#[cfg(target_os = "linux")]
+mod calibrate;
 mod common;
 mod depth_maps;
 mod displays;
@@ -12,6 +14,7 @@ mod inspect;
 mod kept;
 #[cfg(target_os = "linux")]
 mod live;
+mod model;
 mod odd_values;
 mod orders;
 mod phases;

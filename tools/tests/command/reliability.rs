@@ -245,3 +245,25 @@ fn an_unread_pipe_does_not_keep_what_was_asked_to_end() {
     let answer = child.wait_with_output().unwrap();
     assert!(text(&answer.stderr).contains("nothing was taken for 1 s"), "{}", text(&answer.stderr));
 }
+
+/// A device that was never met is tried by the first that runs on it, once, and `devices` shows it.
+#[test]
+fn devices_show_when_they_were_tried() {
+    let temp = tempfile::tempdir().unwrap();
+    let at = temp.path();
+    let run = |args: &[&str]| {
+        let answer = command(at, args).env("XDG_CACHE_HOME", at.join("cache")).output().expect("the command starts");
+        assert!(answer.status.success(), "{}", text(&answer.stderr));
+        text(&answer.stdout)
+    };
+    assert!(run(&["devices"]).contains("not tested yet"));
+    let solve = ["solve", "builtin:plane", "-o", "x.zarr", "--engine", "vulkan", "--size", "40x48", "--steps", "1"];
+    run(&[&solve[..], &["--frames", "1", "--color", "green"]].concat());
+    assert!(run(&["devices"]).contains("tested 0 min ago against float64, error power"));
+    let all: serde_json::Value = serde_json::from_str(&run(&["devices", "--json"])).unwrap();
+    let tested = all["vulkan"].as_array().unwrap().iter().find(|d| !d["tested"].is_null()).unwrap();
+    for of in ["transfer", "transform"] {
+        assert!(tested["tested"][of].as_f64().unwrap() < 1e-12, "{tested}");
+    }
+    assert!(tested["tested"]["at_unix_s"].as_u64().unwrap() > 1_700_000_000, "{tested}");
+}

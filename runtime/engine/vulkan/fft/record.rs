@@ -132,9 +132,11 @@ impl Transform for Fft {
             Method::Bluestein { .. } => true,
         };
         let spent = if [&rows, &down].iter().any(leaves) { SCRATCH } else { u64::MAX };
+        let timed = fit(gpu.dispatch_bytes(), 2 * size * one);
         let at_once = fit(limits.storage_range, size * frames.stride as u64)
             .min(fit(spent.min(limits.storage_range), size * packed))
             .min(limits.groups[2] as usize)
+            .min(timed)
             .min(most);
         let axes = match (along, direction) {
             (Along::Rows, _) => vec![rows],

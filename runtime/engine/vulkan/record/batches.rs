@@ -12,32 +12,45 @@ pub(super) type Members = Vec<usize>;
 
 impl<'a> Call<'_, 'a> {
     /// The pupils of the dispatch that have a key, neighbours in memory with one key in batches, of whose `resources` a kernel
-    /// sees all. In software, which starts a workgroup at a price even where it finds nothing to do, each by itself.
+    /// sees all, and which move so many bytes that it does not take long: a pupil moves `bytes`. In software, which starts a
+    /// workgroup at a price even where it finds nothing to do, each by itself.
     pub(super) fn batches<K: PartialEq>(
         &self,
         resources: &[Resource],
+        bytes: impl Fn(usize) -> u64,
         key: impl Fn(usize) -> Option<K>,
     ) -> Result<Vec<Members>, EngineError> {
         let gpu = &*self.work.gpu;
         let most = if gpu.device.planned_as == DeviceKind::Cpu { 1 } else { BATCH };
-        let (mut batches, mut last): (Vec<Members>, Option<K>) = (Vec::new(), None);
+        let limit = gpu.limits().storage_range;
+        let (mut batches, mut last, mut sum): (Vec<Members>, Option<K>, u64) = (Vec::new(), None, 0);
         for at in self.order()? {
             let Some(key) = key(at) else { continue };
-            match batches.last_mut().filter(|batch| last.as_ref() == Some(&key) && batch.len() < most) {
+            sum += bytes(at);
+            let has_room = |batch: &Members| batch.len() < most && sum <= gpu.dispatch_bytes();
+            match batches.last_mut().filter(|batch| last.as_ref() == Some(&key) && has_room(batch)) {
                 Some(batch) => {
                     batch.push(at);
-                    let limit = gpu.limits().storage_range;
                     let too_large = |r: &Resource| self.spread(*r, batch).is_ok_and(|(range, _)| range.size > limit);
                     if resources.iter().any(too_large) {
                         batch.pop();
                         batches.push(vec![at]);
+                        sum = bytes(at);
                     }
                 }
-                None => batches.push(vec![at]),
+                None => {
+                    batches.push(vec![at]);
+                    sum = bytes(at);
+                }
             }
             last = Some(key);
         }
         Ok(batches)
+    }
+
+    /// Bytes that a pupil of the dispatch has of these.
+    pub(super) fn bytes_of(&self, resources: &[Resource], at: usize) -> u64 {
+        resources.iter().filter_map(|resource| self.layout_of(*resource, at).ok()).map(|layout| layout.bytes()).sum()
     }
 
     /// The pupils of the dispatch as they lie in memory.
@@ -85,7 +98,8 @@ impl<'a> Call<'_, 'a> {
 
     /// The propagation kernels of all pupils of the dispatch.
     pub(super) fn transfer(&mut self) -> Result<(), EngineError> {
-        for batch in self.batches(&[Resource::Transfer], |_| Some(()))? {
+        let bytes = |at| 8 * self.pass(at).count() as u64;
+        for batch in self.batches(&[Resource::Transfer], bytes, |_| Some(()))? {
             let (transfer, base) = self.spread(Resource::Transfer, &batch)?;
             let buffers = [self.work.tables.all()?, transfer, self.work.tables.pupils()?];
             let sizes = batch.iter().map(|at| self.pass(*at)).map(|pass| [pass.transfer.rows, pass.transfer.columns]);
@@ -98,8 +112,9 @@ impl<'a> Call<'_, 'a> {
 
     /// Their photographs at their windows' sizes.
     pub(super) fn resample(&mut self) -> Result<(), EngineError> {
+        let resources = [Resource::Accumulator, Resource::Target];
         let has_shot = |at| self.pass(at).shot.is_some().then_some(());
-        for batch in self.batches(&[Resource::Accumulator, Resource::Target], has_shot)? {
+        for batch in self.batches(&resources, |at| self.bytes_of(&resources, at), has_shot)? {
             let (accumulator, from) = self.spread(Resource::Accumulator, &batch)?;
             let (target, to) = self.spread(Resource::Target, &batch)?;
             let buffers = [accumulator, self.work.tables.all()?, target, self.work.tables.pupils()?];
@@ -121,27 +136,43 @@ impl<'a> Call<'_, 'a> {
             if (0..pupils.len()).filter_map(shot).any(|(_, shot)| shot.adds) {
                 self.work.gpu.recorder.barrier();
             }
-            for batch in self.batches(&[Resource::Accumulator], |at| shot(at).map(|_| ()))? {
+            // Two samples of halves a tap, in neighbouring blocks of nine rows; what was added up before, and what is now.
+            let moved = |at: usize| {
+                let pixels = self.layout_of(Resource::Accumulator, at).map_or(0, |layout| layout.values as u64);
+                let (count, adds) = shot(at).map_or((0, false), |(_, shot)| (shot.count, shot.adds));
+                [2 * pixels * u64::from(count) * 9 / 8, if adds { 4 * pixels } else { 0 }, 4 * pixels]
+            };
+            let moved: Vec<[u64; 3]> = (0..pupils.len()).map(moved).collect();
+            let bytes = |at: usize| moved[at].iter().sum::<u64>();
+            for batch in self.batches(&[Resource::Accumulator], bytes, |at| shot(at).map(|_| ()))? {
                 let Some((first, _)) = shot(batch[0]) else { continue };
                 let (accumulator, base) = self.spread(Resource::Accumulator, &batch)?;
-                let strips = |at: &usize| {
-                    let args = self.pass(*at).shot.as_ref()?.args;
-                    Some([args.height.div_ceil(STRIP), args.width])
-                };
-                let groups = self.batch_groups(batch.len(), batch.iter().filter_map(strips));
-                self.run(&[views.all(), taps, accumulator, table], &[first as u32, base], &[], groups)?;
-                self.work.gpu.recorder.moved(|| {
-                    let mut moves = Vec::new();
-                    for (at, (_, shot)) in batch.iter().filter_map(|at| Some((*at, shot(*at)?))) {
-                        let Ok((accumulator, _)) = self.spread(Resource::Accumulator, &[at]) else { continue };
-                        let pixels = self.layout_of(Resource::Accumulator, at).map_or(0, |l| l.values as u64);
-                        // Two samples of halves a tap, in neighbouring blocks of nine rows.
-                        moves.push(views.all().reads(2 * pixels * u64::from(shot.count) * 9 / 8));
-                        moves.extend(shot.adds.then(|| accumulator.reads(4 * pixels)));
-                        moves.push(accumulator.writes(4 * pixels));
-                    }
-                    moves
-                });
+                let sizes = batch.iter().filter_map(|at| self.pass(*at).shot.as_ref());
+                let [height, width] =
+                    sizes.fold([0; 2], |[h, w], shot| [h.max(shot.args.height), w.max(shot.args.width)]);
+                // A pupil that moves too much by itself goes in parts.
+                let parts =
+                    batch.iter().map(|at| bytes(*at)).sum::<u64>().div_ceil(self.work.gpu.dispatch_bytes()).max(1);
+                let rows = height.div_ceil(STRIP).div_ceil(parts as u32).max(1) * STRIP;
+                for top in (0..height).step_by(rows as usize) {
+                    let end = height.min(top + rows);
+                    let [across, along, _] = self.work.rows((end - top).div_ceil(STRIP), width, 1);
+                    let buffers = [views.all(), taps, accumulator, table];
+                    let args = [first as u32, base, top, end];
+                    self.run(&buffers, &args, &[], [across, along, batch.len() as u32])?;
+                    self.work.gpu.recorder.moved(|| {
+                        let mut moves = Vec::new();
+                        for at in &batch {
+                            let Ok((accumulator, _)) = self.spread(Resource::Accumulator, &[*at]) else { continue };
+                            let part = |bytes: u64| bytes * u64::from(end - top) / u64::from(height);
+                            let [read, before, written] = moved[*at].map(part);
+                            moves.push(views.all().reads(read));
+                            moves.extend((before > 0).then(|| accumulator.reads(before)));
+                            moves.push(accumulator.writes(written));
+                        }
+                        moves
+                    });
+                }
             }
         }
         Ok(())

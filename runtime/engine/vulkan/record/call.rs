@@ -8,10 +8,13 @@ use super::super::views::Views;
 use super::hazards::Hazards;
 use super::stacks::Stacks;
 use crate::engine::{Dispatch, EngineError, Kernel, PupilPass, Resource, Shape, Step, Storage};
-use crate::gpu::{Block, Commands, Groups, PUSH_BYTES, Range};
+use crate::gpu::{Block, Commands, PUSH_BYTES, Range};
 use crate::plan::{Access, PerFrame, moved};
 use bytemuck::Pod;
-use eyebox_kernels::{WIDTH, fft::Direction};
+use eyebox_kernels::{
+    WIDTH,
+    fft::{Columns, Direction},
+};
 use eyebox_spirv::Module;
 
 /// Workgroups that fill any device a few times over.
@@ -115,6 +118,7 @@ impl<'a> Call<'_, 'a> {
         // What all sub-frames add to.
         let adds = self.kernel.writes().any(|resource| resource.per_frame().is_none());
         let most = framed.iter().map(|(_, layout)| self.work.at_once(layout)).min().unwrap_or(1);
+        let most = most.min(self.work.in_time(framed.iter().map(|(_, layout)| 2 * layout.step()).sum()));
         for (first, count) in self.work.chunks(frames, most) {
             let mut buffers = Vec::with_capacity(binds.len());
             for (_, resource) in binds {
@@ -257,7 +261,10 @@ impl<'a> Call<'_, 'a> {
         for resource in self.kernel.writes() {
             let stack = self.work.stacks.find(resource).ok_or_else(|| self.missing(resource))?;
             let frames = frames_of(&stack.block, &stack.layout, size);
-            self.work.transforms.record(self.work.gpu, frames, direction, self.step.columns, Along::Both)?;
+            // Phases have all columns.
+            let all = Columns::all(size[1]);
+            let columns = if resource == Resource::Wave { all } else { self.step.columns };
+            self.work.transforms.record(self.work.gpu, frames, direction, columns, Along::Both)?;
         }
         Ok(())
     }
@@ -282,13 +289,6 @@ impl<'a> Call<'_, 'a> {
 }
 
 impl<'a> Work<'a> {
-    /// These workgroups; of what changes phases, none where losses are not finite.
-    pub(super) fn guarded(&mut self, groups: [u32; 3], changes_phases: bool) -> Result<Groups<'a>, EngineError> {
-        let Some(guarded) = self.guarded.as_mut().filter(|_| changes_phases) else { return Ok(Groups::These(groups)) };
-        let full = || EngineError::Mismatch { reason: "phases change before losses are judged, or too often".into() };
-        guarded.groups(groups).ok_or_else(full)
-    }
-
     pub(super) fn too_large(&self, what: impl Into<String>, size: usize) -> EngineError {
         EngineError::Unsuitable {
             device: self.gpu.report().name.clone(),
@@ -299,6 +299,11 @@ impl<'a> Work<'a> {
     /// Frames of a buffer that a kernel may see at once.
     pub(super) fn at_once(&self, layout: &Layout) -> usize {
         layout.at_once(self.gpu.limits().storage_range)
+    }
+
+    /// Frames, or rows, of which each moves so many bytes, that are one dispatch's.
+    pub(super) fn in_time(&self, bytes: u64) -> usize {
+        usize::try_from(self.gpu.dispatch_bytes() / bytes.max(1)).unwrap_or(usize::MAX).max(1)
     }
 
     /// Frames (first, count) of which a kernel may see `most` at once.
@@ -315,7 +320,7 @@ impl<'a> Work<'a> {
     }
 
     /// Workgroups of a kernel over values.
-    fn along(&self, count: usize, frames: usize) -> [u32; 3] {
+    pub(super) fn along(&self, count: usize, frames: usize) -> [u32; 3] {
         let pieces = count.div_ceil(WIDTH as usize).min(u32::MAX as usize) as u32;
         [self.shared_out(pieces, frames as u32, self.gpu.limits().groups[0]), 1, frames as u32]
     }

@@ -30,6 +30,10 @@ impl Work<'_> {
         let place = &self.shape.place;
         let limit = self.gpu.limits().storage_range;
         let shared = |[rows, columns]: [usize; 2]| {
+            // Of an odd width no columns go in pairs, though those of another window as high may.
+            if !columns.is_multiple_of(2) {
+                return None;
+            }
             let [down, along] =
                 [(rows, Axis::ColumnPairs), (columns, Axis::Rows)].map(|(n, axis)| self.lines_of(n, axis));
             down.zip(along)
@@ -147,13 +151,19 @@ impl<'a> Call<'_, 'a> {
         Ok(())
     }
 
-    /// Frames (first, count) of which these may be seen at once.
-    pub(super) fn frames_at_once(&self, resources: &[Resource]) -> Result<Vec<(usize, usize)>, EngineError> {
-        let mut most = usize::MAX;
+    /// Frames (first, count) of which these may be seen at once, `beside` bytes of other things moving with each.
+    pub(super) fn frames_at_once(
+        &self,
+        resources: &[Resource],
+        beside: u64,
+    ) -> Result<Vec<(usize, usize)>, EngineError> {
+        let (mut most, mut bytes) = (usize::MAX, beside);
         for resource in resources {
-            most = most.min(self.work.at_once(&self.layout(*resource)?));
+            let layout = self.layout(*resource)?;
+            most = most.min(self.work.at_once(&layout));
+            bytes += 2 * layout.step();
         }
-        Ok(self.work.chunks(self.shape.frames, most).collect())
+        Ok(self.work.chunks(self.shape.frames, most.min(self.work.in_time(bytes))).collect())
     }
 
     pub(super) fn bound(&self, resource: Resource, first: usize, count: usize) -> Result<Range<'a>, EngineError> {

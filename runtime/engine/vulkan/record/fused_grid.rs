@@ -57,7 +57,7 @@ impl Call<'_, '_> {
             [self.layout(Resource::Shown)?, self.layout(Resource::Field)?].map(|layout| layout.stride() as u32);
         let (place, scale) = (self.shape.place, self.shape.field_scale());
         let (size, pixels) = (self.shape.storage.bytes() as u64, self.shape.pixels() as u64);
-        for (first, count) in self.frames_at_once(&[Resource::Shown, Resource::Field])? {
+        for (first, count) in self.frames_at_once(&[Resource::Shown, Resource::Field], 0)? {
             let all = (count * height) as u32;
             let args = ModulateArguments { place, columns, all, scale, phases_stride, field_stride };
             let phases = self.bound(Resource::Shown, first, count)?;
@@ -85,7 +85,7 @@ impl Call<'_, '_> {
         let phases_stride = self.layout(Resource::Phases)?.stride() as u32;
         let (size, pixels) = (self.shape.storage.bytes() as u64, self.shape.pixels() as u64);
         let quantised = self.shape.quantised;
-        for (first, count) in self.frames_at_once(&bound)? {
+        for (first, count) in self.frames_at_once(&bound, 0)? {
             let all = count as u32 * self.shape.place.height;
             let args = ProjectArguments { project: self.step.project, columns, all, change_stride, phases_stride };
             let [change, shown, phases, velocity] = bound.map(|resource| self.bound(resource, first, count));
@@ -125,7 +125,7 @@ impl Call<'_, '_> {
         let passing: u64 = self.step.pupil_passes[group.clone()].iter().map(|pass| pass.passing()).sum();
         let mut constants = shared_constants(shared, Axis::ColumnPairs).to_vec();
         constants.push(u32::from(last));
-        for (first, count) in self.frames_at_once(&[Resource::Change])? {
+        for (first, count) in self.frames_at_once(&[Resource::Change], size * passing)? {
             let args = GatherArguments {
                 grid: [height as u32, width as u32],
                 columns,

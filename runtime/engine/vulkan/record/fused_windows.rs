@@ -2,6 +2,7 @@
 //! lines of one length go in one dispatch.
 
 use super::super::fft::{in_use, shared_constants};
+use super::batches::Members;
 use super::call::Call;
 use super::fused::Lines;
 use crate::engine::{EngineError, PupilPass, Resource};
@@ -27,7 +28,6 @@ struct PassArguments {
     spectrum_stride: u32,
     transfer_base: u32,
     window_base: u32,
-    frame: u32,
     members: [u32; BATCH],
 }
 
@@ -84,7 +84,7 @@ impl<'a> Call<'_, 'a> {
     }
 
     /// Pairs of columns in use of those of a batch that have most.
-    fn pairs(&self, batch: &[usize]) -> u32 {
+    fn column_pairs(&self, batch: &[usize]) -> u32 {
         let used = |at: &usize| in_use(self.pass(*at).columns, self.pass(*at).window.columns)[1];
         batch.iter().map(used).max().unwrap_or(0) / 2
     }
@@ -101,8 +101,41 @@ impl<'a> Call<'_, 'a> {
         });
     }
 
+    /// Pupils whose windows have equally many rows, and frames (first, count) of which a kernel sees these and those of their
+    /// windows at once: all, or of one pupil some.
+    fn frames_of_batches(
+        &self,
+        framed: &[Resource],
+        resources: &[Resource],
+    ) -> Result<Vec<(Members, usize, usize)>, EngineError> {
+        let moved = |at: usize| 2 * self.bytes_of(&[Resource::Window], at);
+        let beside = |at: &usize| moved(*at) / self.shape.frames.max(1) as u64;
+        let mut all = Vec::new();
+        for batch in self.batches(resources, moved, |at| Some(self.pass(at).window.rows))? {
+            let chunks = self.frames_at_once(framed, batch.iter().map(beside).sum())?;
+            if let [(first, count)] = chunks[..] {
+                all.push((batch, first, count));
+                continue;
+            }
+            for at in batch {
+                let chunks = self.frames_at_once(framed, beside(&at))?;
+                all.extend(chunks.into_iter().map(|(first, count)| (vec![at], first, count)));
+            }
+        }
+        Ok(all)
+    }
+
+    /// Windows of a batch, of one pupil these frames, and where the first pupil's window starts.
+    fn spread_frames(&self, batch: &[usize], first: usize, count: usize) -> Result<(Range<'a>, u32), EngineError> {
+        let (range, base) = self.spread(Resource::Window, batch)?;
+        let [at] = batch else { return Ok((range, base)) };
+        Ok((self.layout_of(Resource::Window, *at)?.range(range.block, first, count), base))
+    }
+
     fn pass_columns(&mut self) -> Result<(), EngineError> {
-        for batch in self.batches(&[Resource::Window, Resource::Transfer], |at| Some(self.pass(at).window.rows))? {
+        for (batch, first, count) in
+            self.frames_of_batches(&[Resource::Field], &[Resource::Window, Resource::Transfer])?
+        {
             let rows = self.pass(batch[0]).window.rows;
             let planned = self.planned(rows, Axis::ColumnPairs)?;
             let Some(shared) = planned.shared() else { continue };
@@ -110,52 +143,49 @@ impl<'a> Call<'_, 'a> {
             let (transfer, transfer_base) = self.spread(Resource::Transfer, &batch)?;
             let [tables, pupils] = [self.work.tables.all()?, self.work.tables.pupils()?];
             let size = self.shape.storage.bytes() as u64;
-            for (first, count) in self.frames_at_once(&[Resource::Field])? {
-                let field = self.bound(Resource::Field, first, count)?;
-                let (window, window_base) = self.spread(Resource::Window, &batch)?;
-                let args = PassArguments {
-                    grid: self.grid_size().map(|n| n as u32),
-                    rows: rows as u32,
-                    spectrum_stride,
-                    transfer_base,
-                    window_base,
-                    frame: first as u32,
-                    members: self.members(&batch),
-                };
-                let lines = Lines {
-                    module: &eyebox_spirv::PASS_COLUMNS,
-                    constants: &shared_constants(shared, Axis::ColumnPairs)[..20],
-                    changes_phases: false,
-                    groups: [self.pairs(&batch).div_ceil(shared.lines), count as u32, batch.len() as u32],
-                };
-                let buffers = [field, planned.twiddles.all(), transfer, tables, window, pupils];
-                self.dispatch(&lines, &buffers, &args, Vec::new)?;
-                self.say_lines_moved(&batch, |pass, used| {
-                    let (passing, frames) = (pass.passing(), count as u64);
-                    vec![
-                        field.reads(size * passing * frames),
-                        transfer.reads(8 * passing),
-                        window.writes(size * used * frames),
-                    ]
-                });
-            }
+            let field = self.bound(Resource::Field, first, count)?;
+            let (window, window_base) = self.spread_frames(&batch, first, count)?;
+            let args = PassArguments {
+                grid: self.grid_size().map(|n| n as u32),
+                rows: rows as u32,
+                spectrum_stride,
+                transfer_base,
+                window_base,
+                members: self.members(&batch),
+            };
+            let lines = Lines {
+                module: &eyebox_spirv::PASS_COLUMNS,
+                constants: &shared_constants(shared, Axis::ColumnPairs)[..20],
+                changes_phases: false,
+                groups: [self.column_pairs(&batch).div_ceil(shared.lines), count as u32, batch.len() as u32],
+            };
+            let buffers = [field, planned.twiddles.all(), transfer, tables, window, pupils];
+            self.dispatch(&lines, &buffers, &args, Vec::new)?;
+            self.say_lines_moved(&batch, |pass, used| {
+                let (passing, frames) = (pass.passing(), count as u64);
+                vec![
+                    field.reads(size * passing * frames),
+                    transfer.reads(8 * passing),
+                    window.writes(size * used * frames),
+                ]
+            });
         }
         Ok(())
     }
 
     fn window_columns(&mut self) -> Result<(), EngineError> {
-        for batch in self.batches(&[Resource::Window], |at| Some(self.pass(at).window.rows))? {
+        for (batch, first, count) in self.frames_of_batches(&[], &[Resource::Window])? {
             let rows = self.pass(batch[0]).window.rows;
             let planned = self.planned(rows, Axis::ColumnPairs)?;
             let Some(shared) = planned.shared() else { continue };
-            let (window, window_base) = self.spread(Resource::Window, &batch)?;
+            let (window, window_base) = self.spread_frames(&batch, first, count)?;
             let args = ColumnsArguments { rows: rows as u32, window_base, members: self.members(&batch) };
-            let frames = self.shape.frames as u32;
+            let frames = count as u32;
             let lines = Lines {
                 module: &eyebox_spirv::WINDOW_COLUMNS,
                 constants: &shared_constants(shared, Axis::ColumnPairs)[..20],
                 changes_phases: false,
-                groups: [self.pairs(&batch).div_ceil(shared.lines), frames, batch.len() as u32],
+                groups: [self.column_pairs(&batch).div_ceil(shared.lines), frames, batch.len() as u32],
             };
             let buffers = [window, planned.twiddles.all(), self.work.tables.pupils()?];
             self.dispatch(&lines, &buffers, &args, Vec::new)?;
@@ -169,7 +199,8 @@ impl<'a> Call<'_, 'a> {
     fn compare_rows(&mut self, mode: impl Fn(bool) -> Option<u32>) -> Result<(), EngineError> {
         let key = |at| mode(self.is_whole(self.pass(at))).map(|mode| (mode, self.pass(at).window.columns));
         let resources = [Resource::Window, Resource::Image, Resource::Target];
-        for batch in self.batches(&resources, key)? {
+        let moved = |at| 2 * self.bytes_of(&[Resource::Window], at) + self.bytes_of(&resources[1..], at);
+        for batch in self.batches(&resources, moved, key)? {
             let Some(mode) = mode(self.is_whole(self.pass(batch[0]))) else { continue };
             self.compare_rows_of(&batch, mode)?;
         }
@@ -196,30 +227,47 @@ impl<'a> Call<'_, 'a> {
             losses_base,
             members: self.members(batch),
         };
-        let buffers = [window, planned.twiddles.all(), image, target, losses, self.work.tables.pupils()?];
+        let pupils = self.work.tables.pupils()?;
         let mut constants = shared_constants(&together.shared, Axis::Rows).to_vec();
         let kept = if mode == WHOLE { together.kept } else { lines };
         let pixels = if mode == TURN_BACK { 1 } else { width as u32 };
         constants.extend([mode, kept, pixels, if compares { threads * lines } else { 1 }]);
         let rounds = if mode == TURN_BACK { frames.div_ceil(lines) } else { 1 };
-        let rows = batch.iter().map(|at| self.pass(*at).window.rows as u32).max().unwrap_or(0);
-        let dispatch = Lines {
-            module: &eyebox_spirv::COMPARE_ROWS,
-            constants: &constants,
-            changes_phases: false,
-            groups: [rows, rounds, batch.len() as u32],
-        };
-        self.dispatch(&dispatch, &buffers, &args, Vec::new)?;
-        let value = self.shape.storage.bytes() as u64 * u64::from(frames);
-        self.say_lines_moved(batch, |pass, used| {
-            let (fields, pixels) = (value * used, 4 * pass.count() as u64);
-            match mode {
-                LOOK => vec![window.reads(fields), image.writes(pixels)],
-                SEE => vec![window.reads(fields), target.reads(pixels), image.writes(pixels)],
-                TURN_BACK => vec![window.reads(fields), image.reads(pixels), window.writes(fields)],
-                _ => vec![window.reads(fields), target.reads(pixels), window.writes(fields)],
-            }
-        });
+        let rows = batch.iter().map(|at| self.pass(*at).window.rows).max().unwrap_or(0);
+        // One pupil by rows, so many at once that what belongs to them begins at a multiple of 256 bytes.
+        let size = self.shape.storage.bytes() as u64;
+        let row = [size, 4, 4].map(|bytes| bytes * width as u64);
+        let of_row = 2 * row[0] * u64::from(frames) + row[1] + row[2];
+        let in_time = if batch.len() == 1 { self.work.in_time(of_row) } else { usize::MAX };
+        let most = (in_time / 64).saturating_mul(64).clamp(64, rows.next_multiple_of(64));
+        for first in (0..rows).step_by(most) {
+            let count = most.min(rows - first);
+            let from = |range: Range<'a>, row: u64| {
+                let skipped = row * first as u64;
+                range.block.range(range.offset + skipped, range.size - skipped)
+            };
+            let (window, image, target) = (from(window, row[0]), from(image, row[1]), from(target, row[2]));
+            let losses = if compares { from(losses, 4) } else { image };
+            let dispatch = Lines {
+                module: &eyebox_spirv::COMPARE_ROWS,
+                constants: &constants,
+                changes_phases: false,
+                groups: [count as u32, rounds, batch.len() as u32],
+            };
+            let buffers = [window, planned.twiddles.all(), image, target, losses, pupils];
+            self.dispatch(&dispatch, &buffers, &args, Vec::new)?;
+            self.say_lines_moved(batch, |pass, used| {
+                let part =
+                    |bytes: u64| if batch.len() == 1 { bytes * count as u64 / rows.max(1) as u64 } else { bytes };
+                let (fields, pixels) = (part(size * u64::from(frames) * used), part(4 * pass.count() as u64));
+                match mode {
+                    LOOK => vec![window.reads(fields), image.writes(pixels)],
+                    SEE => vec![window.reads(fields), target.reads(pixels), image.writes(pixels)],
+                    TURN_BACK => vec![window.reads(fields), image.reads(pixels), window.writes(fields)],
+                    _ => vec![window.reads(fields), target.reads(pixels), window.writes(fields)],
+                }
+            });
+        }
         Ok(())
     }
 

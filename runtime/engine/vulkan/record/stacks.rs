@@ -1,8 +1,9 @@
 //! The buffers of a shape on the device.
 
 use super::super::layout::Layout;
-use crate::engine::{Buffer, EngineError, Resource};
-use crate::gpu::Block;
+use crate::engine::{Buffer, EngineError, ModelTables, Resource, misfit};
+use crate::gpu::{Block, Commands};
+use std::sync::Arc;
 
 /// A buffer of the shape.
 pub(in super::super) struct Stack {
@@ -12,9 +13,33 @@ pub(in super::super) struct Stack {
 
 /// The buffers of the shape, those that its purpose needs, in the order of [`Resource::OF_SHAPE`].
 #[derive(Default)]
-pub(in super::super) struct Stacks(pub(in super::super) [Option<Stack>; Resource::OF_SHAPE.len()]);
+pub(in super::super) struct Stacks(
+    pub(in super::super) [Option<Stack>; Resource::OF_SHAPE.len()],
+    /// The display's model whose tables they hold.
+    Option<Arc<ModelTables>>,
+);
 
 impl Stacks {
+    /// Fills the tables of a display's model, where they hold another's.
+    pub(in super::super) fn hold(
+        &mut self,
+        gpu: &mut Commands,
+        model: Option<&Arc<ModelTables>>,
+    ) -> Result<(), EngineError> {
+        let Some(model) = model.filter(|m| self.1.as_ref().is_none_or(|had| !Arc::ptr_eq(had, m))) else {
+            return Ok(());
+        };
+        for (buffer, table) in model.buffers() {
+            let Stack { layout, block } = self.get(buffer)?;
+            if layout.floats() != table.len() {
+                return Err(misfit(buffer, layout.floats(), table.len()));
+            }
+            layout.write(gpu, block, table)?;
+        }
+        self.1 = Some(Arc::clone(model));
+        Ok(())
+    }
+
     pub(in super::super) fn get(&self, buffer: Buffer) -> Result<&Stack, EngineError> {
         let missing = || EngineError::Mismatch { reason: format!("{buffer:?} is not made for this purpose") };
         self.find(buffer.resource().0).ok_or_else(missing)

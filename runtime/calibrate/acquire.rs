@@ -1,0 +1,162 @@
+//! From a bench to its pictures.
+
+use super::bench::{Bench, Event, FEWEST};
+use super::captures::{Ask, Session, Shot, load, shot_of};
+use super::error::CalibrateError;
+use super::link::Link;
+use super::message::{Answer, Hello};
+use super::pattern;
+use crate::optics::{Color, Display, TwoPi};
+use std::path::Path;
+use std::time::Duration;
+
+/// Pictures of each request that are added.
+const AVERAGE: usize = 4;
+/// A wavelength that differs by so many nm is another.
+const NANOMETRES: f64 = 2.0;
+/// Share of the time that taking pictures is.
+pub(super) const TAKING: f64 = 0.4;
+
+/// Pictures with what is known of them.
+pub(super) struct Taken {
+    pub(super) hello: Hello,
+    pub(super) shots: Vec<Shot>,
+    pub(super) two_pi_level: f64,
+    pub(super) waited: Duration,
+    pub(super) warnings: Vec<String>,
+    /// Pictures that nobody keeps last as long as this.
+    _folder: Option<tempfile::TempDir>,
+}
+
+/// Grey level of 2 pi.
+fn two_pi_level(display: &Display, color: Color) -> f64 {
+    let levels = f64::from(display.levels);
+    match &display.encoding.two_pi_level {
+        None => levels,
+        Some(TwoPi::One(level)) => *level,
+        Some(TwoPi::Each(each)) => each.get(&color).copied().unwrap_or(levels),
+    }
+}
+
+/// Refuses a bench that is not the display's; the bench's name of the colour, and nm.
+fn check(display: &Display, color: Color, hello: &Hello) -> Result<(String, f64), CalibrateError> {
+    let wrong = |reason: String| Err(CalibrateError::Bench { display: display.name.clone(), reason });
+    let optics = display.optics(color)?;
+    if !display.geometry.is_relay() {
+        return wrong("it stands in the far field, and calibration is for displays behind a relay".into());
+    }
+    let [rows, columns] = hello.slm.resolution;
+    if [rows, columns] != [display.height, display.width] {
+        let (height, width) = (display.height, display.width);
+        return wrong(format!("its SLM has {rows}x{columns} pixels, and the display file says {height}x{width}"));
+    }
+    let pitch_um = display.pitch * 1e6;
+    if let Some(theirs) = hello.slm.pitch_um.filter(|um| (um / pitch_um - 1.0).abs() > 0.01) {
+        return wrong(format!("its pixels are {theirs} um wide, and the display file says {pitch_um} um"));
+    }
+    let nm = optics.wavelength * 1e9;
+    let Some(theirs) = hello.colors.get(&color.to_string()) else {
+        let has: Vec<&str> = hello.colors.keys().map(String::as_str).collect();
+        return wrong(format!("it has no {color} light: it has {}", has.join(", ")));
+    };
+    if (theirs - nm).abs() > NANOMETRES {
+        return wrong(format!("its {color} light has {theirs} nm, and the display file says {nm:.1} nm"));
+    }
+    let encoding = &display.encoding;
+    let plain = encoding.look_up.is_empty()
+        && encoding.phases_turns.is_empty()
+        && encoding.codes.is_empty()
+        && encoding.cells.is_empty()
+        && encoding.correction.is_empty()
+        && encoding.grating.is_empty()
+        && encoding.rotation_deg == 0
+        && encoding.offset_px == [0; 2]
+        && !encoding.flip.mirrors()
+        && !encoding.flip.overturns();
+    if !plain && !hello.slm.takes.iter().any(|kind| kind == "phases") {
+        return wrong(
+            "it takes levels alone, and the display file's encoding is more than levels: a command that takes \
+                      phases has to turn them into what the SLM receives"
+                .into(),
+        );
+    }
+    Ok((color.to_string(), *theirs))
+}
+
+/// Asks the command for all pictures.
+pub(super) fn take(
+    display: &Display,
+    color: Color,
+    bench: &Bench,
+    tell: &dyn Fn(Event),
+) -> Result<Taken, CalibrateError> {
+    let Bench::Command { command, keep, limit, most, quick } = *bench else {
+        return Err(CalibrateError::Pictures("a folder takes no pictures".into()));
+    };
+    if most < FEWEST && !quick {
+        return Err(CalibrateError::Pictures(format!(
+            "{most} pictures are too few: a calibration takes {FEWEST} at least"
+        )));
+    }
+    tell(Event::At("starting the camera's command", 0.0));
+    let mut say = |line: &str| tell(Event::Said(line));
+    let (link, hello) = Link::start(command, limit, &mut say)?;
+    let named = check(display, color, &hello)?;
+    if hello.iris.is_none() {
+        let reason =
+            "it has no iris that moves, and the model's numbers are told apart by what several irises pass".into();
+        return Err(CalibrateError::Bench { display: display.name.clone(), reason });
+    }
+    let (optics, two_pi_level) = (display.optics(color)?, two_pi_level(display, color));
+    let size = [display.height, display.width];
+    let mut session = Session::new(link, hello.clone(), keep, named, most)?;
+    let (mut shots, mut warnings) = (Vec::new(), Vec::new());
+    let dots = pattern::dots_pattern(size, two_pi_level);
+    let first = Ask { show: Some(("dots", &dots)), iris_mm: Some(pattern::dots_iris(&optics)), average: AVERAGE };
+    match session.take(&first)? {
+        Some(shot) => shots.push(shot),
+        None => {
+            let text = session.left_out.join("; ");
+            return Err(CalibrateError::Refused { what: "take the picture of the dots".into(), text });
+        }
+    }
+    if hello.camera.dark {
+        shots.extend(session.take(&Ask { show: None, iris_mm: None, average: AVERAGE })?);
+    }
+    let shows = pattern::plan(&hello, &optics, two_pi_level, most, quick);
+    let all: usize = shows.iter().map(|s| s.irises_mm.len() * s.times).sum();
+    let mut done = 0;
+    for show in &shows {
+        for iris in &show.irises_mm {
+            for _ in 0..show.times {
+                tell(Event::At(&format!("picture {} of {}", done + 3, all + 2), TAKING * done as f64 / all as f64));
+                let ask = Ask { show: Some((&show.name, &show.pattern)), iris_mm: Some(*iris), average: AVERAGE };
+                shots.extend(session.take(&ask)?);
+                done += 1;
+            }
+        }
+    }
+    session.end();
+    if !session.left_out.is_empty() {
+        warnings.push(format!("{} pictures were left out: {}", session.left_out.len(), session.left_out.join("; ")));
+    }
+    Ok(Taken { hello, shots, two_pi_level, waited: session.waited, warnings, _folder: session.into_folder() })
+}
+
+/// Reads the pictures of a folder.
+pub(super) fn read(display: &Display, color: Color, folder: &Path) -> Result<Taken, CalibrateError> {
+    let (hello, captures) = load(folder)?;
+    check(display, color, &hello)?;
+    let name = color.to_string();
+    let shots = captures
+        .iter()
+        .filter(|c| c.request.color.as_ref().is_none_or(|c| *c == name))
+        .filter_map(|c| {
+            let answer = c.answer.as_ref().filter(|a| a.get("error").is_none())?;
+            Some(Answer::read(answer).map(|answer| shot_of(folder, &c.request, &answer)))
+        })
+        .collect::<Result<Vec<_>, String>>();
+    let shots = shots.map_err(|reason| CalibrateError::Captures { file: folder.display().to_string(), reason })?;
+    let two_pi_level = two_pi_level(display, color);
+    Ok(Taken { hello, shots, two_pi_level, waited: Duration::ZERO, warnings: Vec::new(), _folder: None })
+}

@@ -1,0 +1,38 @@
+//! Where pictures come from, and what is told meanwhile.
+
+use std::path::Path;
+use std::time::Duration;
+
+/// Pictures at least: dots, two of a pattern twice, and patterns to fit.
+pub const FEWEST: usize = 12;
+
+/// Where pictures come from.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub enum Bench<'a> {
+    /// A command that shows patterns and takes pictures.
+    Command {
+        /// Its words, as a POSIX shell splits them; no shell runs it.
+        command: &'a str,
+        /// Where its pictures are kept; those of a calibration that was broken off are not asked for again.
+        keep: Option<&'a Path>,
+        /// Limit for every question, in the place of the protocol's own.
+        limit: Option<Duration>,
+        /// Pictures at most.
+        most: usize,
+        /// A few pictures, for what drifts.
+        quick: bool,
+    },
+    /// A folder that such a calibration kept, or one made by hand.
+    Folder(&'a Path),
+}
+
+/// What happens while a display is calibrated.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum Event<'a> {
+    /// A line of the bench, or about it.
+    Said(&'a str),
+    /// What is being done, and the share of everything that is done.
+    At(&'a str, f64),
+}

@@ -1,0 +1,278 @@
+//! Pictures of the bench, asked for one after the other and kept: from a camera's command, from an earlier run that was broken
+//! off, or from a folder alone.
+
+use super::error::CalibrateError;
+use super::link::Link;
+use super::message::{Answer, Hello, Request, Show};
+use super::pattern::Pattern;
+use super::picture::{self, Picture};
+use crate::files::{self, FileError, read, write_file};
+use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// The folder's document.
+pub(super) const DOCUMENT: &str = "captures.json";
+/// Share of saturated pixels over which a shorter exposure is asked for.
+const SATURATED: f64 = 0.01;
+/// A picture is asked for so often with shorter exposures.
+const SHORTER: usize = 3;
+
+/// A picture with its request.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct Capture {
+    pub(super) request: Request,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) answer: Option<serde_json::Value>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Document {
+    protocol: u64,
+    hello: Hello,
+    captures: Vec<Capture>,
+}
+
+/// What is asked for: a pattern, seen through an iris.
+#[derive(Debug, Clone)]
+pub(super) struct Ask<'p> {
+    /// Name and pattern; none for darkness.
+    pub(super) show: Option<(&'p str, &'p Pattern)>,
+    /// x, y, diameter, mm.
+    pub(super) iris_mm: Option<[f64; 3]>,
+    pub(super) average: usize,
+}
+
+/// A picture that was taken.
+#[derive(Debug, Clone)]
+pub(super) struct Shot {
+    /// The pattern's file, and the picture's.
+    pub(super) show: Option<(PathBuf, String)>,
+    pub(super) file: PathBuf,
+    pub(super) full_scale: f64,
+    pub(super) exposure_ms: f64,
+    pub(super) iris_mm: Option<[f64; 3]>,
+    pub(super) focus_mm: f64,
+}
+
+impl Shot {
+    /// Its picture.
+    pub(super) fn picture(&self, camera: [usize; 2]) -> Result<Picture, CalibrateError> {
+        let wrong = |reason| CalibrateError::Captures { file: self.file.display().to_string(), reason };
+        picture::load(&self.file, camera, self.full_scale).map_err(wrong)
+    }
+}
+
+/// Where pictures come from, and what was taken.
+pub(super) struct Session<'a> {
+    link: Option<Link<'a>>,
+    folder: PathBuf,
+    temporary: Option<tempfile::TempDir>,
+    pub(super) hello: Hello,
+    taken: Vec<Capture>,
+    /// Of an earlier run, in its order.
+    before: VecDeque<Capture>,
+    color: (String, f64),
+    most: usize,
+    exposure_ms: Option<f64>,
+    /// What was waited for the camera.
+    pub(super) waited: Duration,
+    /// What the bench could not do, in its words.
+    pub(super) left_out: Vec<String>,
+}
+
+/// Reads a folder of captures: what the bench can do, and its pictures.
+pub(super) fn load(folder: &Path) -> Result<(Hello, Vec<Capture>), CalibrateError> {
+    let file = folder.join(DOCUMENT);
+    let text = read::text(&file, read::TABLE).map_err(|e| FileError::read(&file, e))?;
+    let wrong = |reason: String| CalibrateError::Captures { file: file.display().to_string(), reason };
+    let read: Document = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
+    let hello = serde_json::to_value(&read.hello).map_err(|e| wrong(e.to_string()))?;
+    Ok((Hello::read(&hello).map_err(wrong)?, read.captures))
+}
+
+impl<'a> Session<'a> {
+    /// A session with a camera's command; pictures go to `keep`, and what lies there already is not asked for again.
+    /// `color`: the bench's name of it, and nm.
+    pub(super) fn new(
+        link: Link<'a>,
+        hello: Hello,
+        keep: Option<&Path>,
+        color: (String, f64),
+        most: usize,
+    ) -> Result<Self, CalibrateError> {
+        let temporary = match keep {
+            Some(_) => None,
+            None => Some(tempfile::tempdir().map_err(|e| FileError::write(&std::env::temp_dir(), e))?),
+        };
+        let folder = temporary.as_ref().map_or_else(|| keep.unwrap_or(Path::new(".")), |t| t.path());
+        std::fs::create_dir_all(folder).map_err(|e| FileError::write(folder, e))?;
+        let folder = std::path::absolute(folder).map_err(|e| FileError::read(folder, e))?;
+        let mut before = VecDeque::new();
+        if folder.join(DOCUMENT).exists() {
+            let (theirs, captures) = load(&folder)?;
+            if theirs != hello {
+                let reason = "holds pictures of another bench: give another folder to keep these in".into();
+                return Err(CalibrateError::Captures { file: folder.join(DOCUMENT).display().to_string(), reason });
+            }
+            before = captures.into();
+        }
+        let (taken, waited, left_out) = (Vec::new(), Duration::ZERO, Vec::new());
+        let link = Some(link);
+        Ok(Self { link, folder, temporary, hello, taken, before, color, most, exposure_ms: None, waited, left_out })
+    }
+
+    /// Pictures answered.
+    pub(super) fn count(&self) -> usize {
+        self.taken.iter().filter(|c| c.answer.is_some()).count()
+    }
+
+    /// Takes a picture: None where the bench could not, or where as many were taken as may be.
+    pub(super) fn take(&mut self, ask: &Ask) -> Result<Option<Shot>, CalibrateError> {
+        for _ in 0..SHORTER {
+            if self.count() >= self.most {
+                return Ok(None);
+            }
+            let Some((shot, saturated)) = self.take_once(ask)? else { return Ok(None) };
+            if saturated <= SATURATED || ask.show.is_none() {
+                return Ok(Some(shot));
+            }
+            self.exposure_ms = Some(shot.exposure_ms / 2.0);
+        }
+        self.left_out.push(format!("a picture that stays saturated at {:.3} ms", self.exposure_ms.unwrap_or(0.0)));
+        Ok(None)
+    }
+
+    fn take_once(&mut self, ask: &Ask) -> Result<Option<(Shot, f64)>, CalibrateError> {
+        let number = format!("{:03}", self.taken.len());
+        let kind = if self.hello.slm.takes.iter().any(|t| t == "levels") { "levels" } else { "phases" };
+        let dark = ask.show.is_none();
+        let exposure_ms = self.exposure_ms.or_else(|| match self.hello.camera.auto_exposure {
+            true => None,
+            false => self.hello.camera.exposure_ms.map(|[least, most]| (least * most).sqrt()).or(Some(10.0)),
+        });
+        let show = ask.show.map(|(name, _)| Show { file: format!("{name}.npy"), kind: kind.into() });
+        let request = Request {
+            id: self.taken.len() as u64,
+            r#do: "capture".into(),
+            show,
+            color: (!dark).then(|| self.color.0.clone()),
+            wavelength_nm: (!dark).then_some(self.color.1),
+            iris_mm: ask.iris_mm,
+            focus_mm: self.hello.focus_mm.is_some().then_some(0.0),
+            exposure_ms: if dark { Some(exposure_ms.unwrap_or(10.0)) } else { exposure_ms },
+            average: ask.average,
+            out: number,
+        };
+        if let Some((name, pattern)) = ask.show {
+            pattern.write(&self.folder.join(format!("{name}.npy")), kind == "levels")?;
+        }
+        let camera = self.hello.camera.resolution;
+        if let Some(before) = self.before.pop_front() {
+            let same_show = before.request.show == request.show;
+            let answer = before.answer.as_ref().and_then(|a| Answer::read(a).ok());
+            if let (true, true, Some(answer)) = (same_show, before.request.is_alike(&request), answer) {
+                let shot = shot_of(&self.folder, &request, &answer);
+                if let Ok(picture) = shot.picture(camera) {
+                    self.taken.push(Capture { request, answer: before.answer });
+                    let saturated = answer.saturated.unwrap_or_else(|| picture.saturated());
+                    return Ok(Some((shot, saturated)));
+                }
+            }
+            // From here on it is another calibration.
+            self.before.clear();
+        }
+        self.ask(ask, request)
+    }
+
+    fn ask(&mut self, ask: &Ask, request: Request) -> Result<Option<(Shot, f64)>, CalibrateError> {
+        let Some(link) = &mut self.link else { return Ok(None) };
+        let frames = ask.show.map_or(1, |(_, pattern)| pattern.frames);
+        let seconds = request.exposure_ms.unwrap_or(1000.0) * 1e-3 * (3 * ask.average * frames) as f64;
+        let (folder, camera) = (self.folder.clone(), self.hello.camera.resolution);
+        let absolute = |name: &str| folder.join(name).display().to_string();
+        let mut asked = request.clone();
+        asked.out = absolute(&request.out);
+        if let Some(show) = &mut asked.show {
+            show.file = absolute(&show.file);
+        }
+        let question = serde_json::to_value(&asked).map_err(|e| CalibrateError::Pictures(e.to_string()))?;
+        let mut question = question;
+        question.as_object_mut().map(|o| o.remove("id"));
+        let begun = Instant::now();
+        let answered = link.ask(&question, Duration::from_secs_f64(30.0 + seconds), |value| {
+            let answer = Answer::read(value)?;
+            let shot = shot_of(&folder, &request, &answer);
+            let picture = picture::load(&shot.file, camera, shot.full_scale)?;
+            Ok((shot, answer.saturated.unwrap_or_else(|| picture.saturated()), answer))
+        });
+        self.waited += begun.elapsed();
+        let (kept, result) = match answered? {
+            Ok((shot, saturated, mut answer)) => {
+                if let Ok(inside) = Path::new(&answer.file).strip_prefix(&self.folder) {
+                    answer.file = inside.display().to_string();
+                }
+                (serde_json::to_value(&answer).ok(), Some((shot, saturated)))
+            }
+            Err(text) => {
+                self.left_out.push(text);
+                (None, None)
+            }
+        };
+        self.taken.push(Capture { request, answer: kept });
+        self.write()?;
+        Ok(result)
+    }
+
+    /// The folder's document, as it is by now.
+    fn write(&self) -> Result<(), CalibrateError> {
+        if self.temporary.is_some() {
+            return Ok(());
+        }
+        let document =
+            Document { protocol: super::message::PROTOCOL, hello: self.hello.clone(), captures: self.taken.clone() };
+        let file = self.folder.join(DOCUMENT);
+        let text = serde_json::to_string_pretty(&document).map_err(|e| CalibrateError::Pictures(e.to_string()))?;
+        Ok(write_file(&file, |out| out.write_all(text.as_bytes()))?)
+    }
+
+    /// The folder of pictures that nobody keeps.
+    pub(super) fn into_folder(self) -> Option<tempfile::TempDir> {
+        self.temporary
+    }
+
+    /// Says bye to the command.
+    pub(super) fn end(&mut self) {
+        if let Some(link) = self.link.take() {
+            link.bye();
+        }
+    }
+}
+
+/// A picture by its request and answer; files lie in `folder`.
+pub(super) fn shot_of(folder: &Path, request: &Request, answer: &Answer) -> Shot {
+    Shot {
+        show: request.show.as_ref().map(|s| (folder.join(&s.file), s.kind.clone())),
+        file: folder.join(&answer.file),
+        full_scale: answer.full_scale,
+        exposure_ms: answer.exposure_ms.or(request.exposure_ms).unwrap_or(1.0),
+        iris_mm: answer.iris_mm.or(request.iris_mm),
+        focus_mm: answer.focus_mm.or(request.focus_mm).unwrap_or(0.0),
+    }
+}
+
+/// A pattern that was shown, as the phases that were asked for.
+pub(super) fn shown(file: &Path, kind: &str, slm: [usize; 2], two_pi_level: f64) -> Result<Pattern, CalibrateError> {
+    let npy = files::read_npy(file)?;
+    let wrong = |reason: String| CalibrateError::Captures { file: file.display().to_string(), reason };
+    let [frames, height, width] = npy.shape[..] else {
+        return Err(wrong(format!("has {} axes: patterns are (sub-frame, row, column)", npy.shape.len())));
+    };
+    if [height, width] != slm || frames == 0 {
+        return Err(wrong(format!("has {frames} patterns of {height}x{width}: the SLM has {}x{}", slm[0], slm[1])));
+    }
+    let turn = if kind == "levels" { std::f64::consts::TAU / two_pi_level } else { 1.0 };
+    let drive = npy.values.iter().map(|v| (f64::from(*v) * turn).rem_euclid(std::f64::consts::TAU) as f32).collect();
+    Ok(Pattern { frames, height, width, two_pi_level, drive })
+}

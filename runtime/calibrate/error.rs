@@ -1,0 +1,73 @@
+//! What can go wrong while a display is calibrated.
+
+use crate::files::FileError;
+use crate::optics::OpticsError;
+use std::io;
+
+/// Why a calibration ended without a model.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum CalibrateError {
+    /// The camera's command is no list of words as a POSIX shell has them.
+    #[error("the camera's command '{0}' has no words, or a quote that is not closed")]
+    Words(String),
+    /// It does not start.
+    #[error("the camera's command '{program}' does not start: {source}")]
+    Start {
+        /// Its first word.
+        program: String,
+        /// Why.
+        source: io::Error,
+    },
+    /// The bench is not the display's.
+    #[error("the bench is not that of the display '{display}': {reason}")]
+    Bench {
+        /// The display's name.
+        display: String,
+        /// What the two say.
+        reason: String,
+    },
+    /// The bench said why it could not do something that cannot be left out.
+    #[error("the bench could not {what}: {text}")]
+    Refused {
+        /// What was asked of it.
+        what: String,
+        /// What it said.
+        text: String,
+    },
+    /// The camera's command was lost once too often.
+    #[error("the camera's command was lost {deaths} times, the last time because it {reason}")]
+    Lost {
+        /// How often.
+        deaths: usize,
+        /// What happened the last time.
+        reason: String,
+    },
+    /// The user stopped it.
+    #[error("the calibration was stopped: nothing is written")]
+    Stopped,
+    /// The folder of captures cannot be what it should be.
+    #[error("{file}: {reason}")]
+    Captures {
+        /// The file.
+        file: String,
+        /// What is wrong, where, and what would be right.
+        reason: String,
+    },
+    /// The pictures do not say what they have to.
+    #[error("{0}")]
+    Pictures(String),
+    /// A file.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The display.
+    #[error(transparent)]
+    Optics(#[from] OpticsError),
+}
+
+impl CalibrateError {
+    /// Whether the bench or the user ended it, and not what it was given.
+    pub fn is_ended(&self) -> bool {
+        matches!(self, Self::Stopped | Self::Lost { .. } | Self::Refused { .. })
+    }
+}

@@ -1,0 +1,323 @@
+//! The least squares: predictions and slopes of all pictures, and steps by Levenberg and Marquardt. Gain and dark level are
+//! solved for inside (Golub and Pereyra 1973).
+
+use super::device::{Device, Set};
+use super::error::CalibrateError;
+use super::linear::{inverse, solve};
+use super::parameters::{Parameter, Parameters};
+use super::seen::{Look, Seen};
+use crate::files::asked_to_end;
+use crate::optics::Optics;
+use rayon::prelude::*;
+use std::sync::atomic::Ordering;
+
+/// A picture's pixels that are compared.
+pub(super) struct View {
+    /// Which set, and which of its windows.
+    pub(super) set: usize,
+    pub(super) window: usize,
+    pub(super) look: Look,
+    /// Counts, 1 at full scale.
+    pub(super) counts: Vec<f64>,
+    /// Their variance by the camera's noise.
+    pub(super) variance: Vec<f64>,
+    pub(super) exposure_ms: f64,
+}
+
+/// Pictures, and what was shown for them.
+pub(super) struct Pictures {
+    pub(super) optics: Optics,
+    pub(super) sets: Vec<Set>,
+    pub(super) views: Vec<View>,
+}
+
+/// Gain per millisecond, and dark level.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Exposure {
+    pub(super) gain: f64,
+    pub(super) dark: f64,
+}
+
+/// What came of a fit.
+#[derive(Debug, Clone)]
+pub(super) struct Fit {
+    pub(super) at: Parameters,
+    pub(super) free: Vec<Parameter>,
+    pub(super) exposure: Exposure,
+    /// Squared residuals in units of the noise, on average.
+    pub(super) squares: f64,
+    /// Covariance of the free parameters.
+    pub(super) covariance: Vec<Vec<f64>>,
+}
+
+impl Fit {
+    /// Standard error of a free parameter.
+    pub(super) fn error(&self, parameter: Parameter) -> Option<f64> {
+        let at = self.free.iter().position(|p| *p == parameter)?;
+        Some(self.covariance[at][at].sqrt())
+    }
+
+    /// Pairs of free parameters that the pictures cannot tell apart.
+    pub(super) fn confused(&self) -> Vec<(Parameter, Parameter, f64)> {
+        let mut pairs = Vec::new();
+        for i in 0..self.free.len() {
+            for j in 0..i {
+                let c = self.covariance[i][j] / (self.covariance[i][i] * self.covariance[j][j]).sqrt();
+                if c.abs() > 0.95 {
+                    pairs.push((self.free[j], self.free[i], c));
+                }
+            }
+        }
+        pairs
+    }
+}
+
+/// Steps that fail are damped so often before a fit ends.
+const TRIES: usize = 6;
+/// A residual of more than so many times the usual counts no more than that.
+const OUTLIER: f64 = 5.0;
+
+impl Pictures {
+    /// What the model predicts of each of these views, with slopes.
+    pub(super) fn see(&self, at: &Parameters, subpixels: usize, which: &[usize], free: &[Parameter]) -> Vec<Seen> {
+        let device = Device::new(&at.model, self.optics, subpixels);
+        let mut sets: Vec<usize> = which.iter().map(|v| self.views[*v].set).collect();
+        sets.sort_unstable();
+        sets.dedup();
+        let of_device: Vec<Parameter> = free.iter().copied().filter(|p| p.is_of_device()).collect();
+        let seen: Vec<Vec<(usize, Seen)>> = sets
+            .par_iter()
+            .map(|&set| {
+                let (fields, by) = device.enter(&self.sets[set], at, &of_device);
+                let views: Vec<usize> = which.iter().copied().filter(|v| self.views[*v].set == set).collect();
+                views
+                    .into_par_iter()
+                    .map(|v| {
+                        let window = self.views[v].window;
+                        let entering: Vec<_> = fields.iter().map(|frame| &frame[window][..]).collect();
+                        let mut device = by.iter();
+                        let by: Vec<Vec<_>> = free
+                            .iter()
+                            .map(|p| match p.is_of_device() {
+                                true => device.next().into_iter().flatten().map(|frame| &frame[window][..]).collect(),
+                                false => Vec::new(),
+                            })
+                            .collect();
+                        (v, self.views[v].look.see(at, &entering, free, &by))
+                    })
+                    .collect()
+            })
+            .collect();
+        let mut all: Vec<(usize, Seen)> = seen.into_iter().flatten().collect();
+        let order = |v: usize| which.iter().position(|w| *w == v);
+        all.sort_by_key(|(v, _)| order(*v));
+        all.into_iter().map(|(_, seen)| seen).collect()
+    }
+
+    /// Gain and dark level that fit best.
+    pub(super) fn exposure(&self, which: &[usize], seen: &[Seen]) -> Exposure {
+        let mut sums = [0.0; 5];
+        for (view, seen) in which.iter().map(|v| &self.views[*v]).zip(seen) {
+            for ((i, c), v) in seen.intensity.iter().zip(&view.counts).zip(&view.variance) {
+                let (light, w) = (i * view.exposure_ms, 1.0 / v);
+                for (sum, term) in sums.iter_mut().zip([w, w * light, w * light * light, w * c, w * light * c]) {
+                    *sum += term;
+                }
+            }
+        }
+        let [n, x, xx, c, xc] = sums;
+        let gain = (n * xc - x * c) / (n * xx - x * x);
+        Exposure { gain, dark: (c - gain * x) / n }
+    }
+
+    /// Residuals of a view, counts.
+    pub(super) fn residuals(&self, view: usize, seen: &Seen, exposure: Exposure) -> Vec<f64> {
+        let (view, gain) = (&self.views[view], exposure.gain * self.views[view].exposure_ms);
+        seen.intensity.iter().zip(&view.counts).map(|(i, c)| gain * i + exposure.dark - c).collect()
+    }
+
+    /// Squares in units of the noise; `scale` is what of them is usual.
+    fn squares(&self, which: &[usize], seen: &[Seen], scale: f64) -> (f64, f64, Exposure) {
+        let exposure = self.exposure(which, seen);
+        let (mut sum, mut robust) = (0.0, 0.0);
+        for (v, seen) in which.iter().zip(seen) {
+            for (r, variance) in self.residuals(*v, seen, exposure).iter().zip(&self.views[*v].variance) {
+                let square = r * r / variance;
+                sum += square;
+                robust += huber(square, scale);
+            }
+        }
+        (sum, robust, exposure)
+    }
+
+    /// Fits the free parameters to these views: with so many sub-pixels, in at most so many rounds, until one gains less than
+    /// such a share.
+    pub(super) fn fit(
+        &self,
+        start: &Parameters,
+        free: &[Parameter],
+        which: &[usize],
+        (subpixels, rounds, enough): (usize, usize, f64),
+        observe: &mut dyn FnMut(f64),
+    ) -> Result<Fit, CalibrateError> {
+        let count: usize = which.iter().map(|v| self.views[*v].counts.len()).sum();
+        let (mut at, mut damping) = (start.clone(), 1e-3);
+        let mut result = None;
+        for round in 0..rounds.max(1) {
+            if asked_to_end().load(Ordering::SeqCst) {
+                return Err(CalibrateError::Stopped);
+            }
+            observe(round as f64 / rounds as f64);
+            let seen = self.see(&at, subpixels, which, free);
+            let (squares, _, exposure) = self.squares(which, &seen, f64::INFINITY);
+            let scale = (squares / count as f64).max(1.0);
+            let (_, before, _) = self.squares(which, &seen, scale);
+            let (normal, right) = self.normal(which, &seen, free, exposure, scale);
+            let (normal, right) = with_expectations(normal, right, start, &at, free, scale);
+            let mut moved = None;
+            for _ in 0..TRIES {
+                let mut damped = normal.clone();
+                (0..damped.len()).for_each(|i| damped[i][i] *= 1.0 + damping);
+                let Some(step) = solve(&damped, &right) else {
+                    damping *= 10.0;
+                    continue;
+                };
+                let trial = at.stepped(free, &step);
+                let seen = self.see(&trial, subpixels, which, &[]);
+                let (_, after, _) = self.squares(which, &seen, scale);
+                let expected = expectation(start, &trial, free, scale) - expectation(start, &at, free, scale);
+                if after + expected < before {
+                    moved = Some((trial, (before - after) / before));
+                    damping = (damping * 0.1).max(1e-12);
+                    break;
+                }
+                damping *= 20.0;
+            }
+            let covariance = inverse(&normal).map(|c| self.widened(scaled(c, scale), free));
+            let covariance = covariance.ok_or_else(|| {
+                CalibrateError::Pictures(
+                    "the pictures do not tell the model's numbers apart: more of them are needed".into(),
+                )
+            })?;
+            let gain = moved.as_ref().map_or(0.0, |m| m.1);
+            tracing::debug!("round {round}: {:.4} of the noise's power, gained {gain:.2e}", squares / count as f64);
+            result = Some(Fit { at: at.clone(), free: free.to_vec(), exposure, squares, covariance });
+            match moved {
+                Some((trial, _)) => at = trial,
+                None => break,
+            }
+            if gain < enough {
+                break;
+            }
+        }
+        let mut fit = result.ok_or_else(|| CalibrateError::Pictures("there is nothing to fit".into()))?;
+        let seen = self.see(&at, subpixels, which, &[]);
+        (fit.squares, _, fit.exposure) = self.squares(which, &seen, f64::INFINITY);
+        fit.squares /= count as f64;
+        fit.at = at;
+        Ok(fit)
+    }
+
+    /// The iris's edge goes from bin to bin: smaller moves than a hundredth of one do not show, however many pictures there are.
+    fn widened(&self, mut covariance: Vec<Vec<f64>>, free: &[Parameter]) -> Vec<Vec<f64>> {
+        let (bin_y, bin_x) = self.optics.bin_size();
+        let unseen = 0.01e3 * bin_y.max(bin_x);
+        for (i, p) in free.iter().enumerate() {
+            covariance[i][i] += match p {
+                Parameter::Iris(2) => (unseen / (0.5e3 * self.optics.eyebox())).powi(2),
+                Parameter::Iris(_) => unseen * unseen,
+                _ => 0.0,
+            };
+        }
+        covariance
+    }
+
+    /// The normal equations, gain and dark level eliminated.
+    fn normal(
+        &self,
+        which: &[usize],
+        seen: &[Seen],
+        free: &[Parameter],
+        exposure: Exposure,
+        scale: f64,
+    ) -> (Vec<Vec<f64>>, Vec<f64>) {
+        let n = free.len() + 2;
+        let part = |(v, seen): (&usize, &Seen)| {
+            let view = &self.views[*v];
+            let gain = exposure.gain * view.exposure_ms;
+            let residuals = self.residuals(*v, seen, exposure);
+            let weights: Vec<f64> = residuals
+                .iter()
+                .zip(&view.variance)
+                .map(|(r, v)| (OUTLIER * scale.sqrt() / (r * r / v).sqrt()).min(1.0) / v)
+                .collect();
+            let mut columns: Vec<Vec<f64>> = seen.slopes.iter().map(|s| s.iter().map(|v| v * gain).collect()).collect();
+            columns.push(seen.intensity.iter().map(|i| i * view.exposure_ms).collect());
+            columns.push(vec![1.0; residuals.len()]);
+            let weighted: Vec<Vec<f64>> =
+                columns.iter().map(|c| c.iter().zip(&weights).map(|(v, w)| v * w).collect()).collect();
+            let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+            let normal: Vec<Vec<f64>> =
+                (0..n).map(|i| (0..=i).map(|j| dot(&weighted[i], &columns[j])).collect()).collect();
+            let right: Vec<f64> = weighted.iter().map(|w| -dot(w, &residuals)).collect();
+            (normal, right)
+        };
+        // In the order of the views, whatever the threads.
+        let parts: Vec<_> = which.par_iter().zip(seen).map(part).collect();
+        let (mut normal, mut right) = (vec![vec![0.0; n]; n], vec![0.0; n]);
+        for (a, b) in parts {
+            for i in 0..n {
+                right[i] += b[i];
+                for (j, v) in a[i].iter().enumerate() {
+                    normal[i][j] += v;
+                    normal[j][i] = normal[i][j];
+                }
+            }
+        }
+        for last in [n - 1, n - 2] {
+            let pivot = normal[last][last];
+            for i in 0..last {
+                let factor = normal[i][last] / pivot;
+                right[i] -= factor * right[last];
+                let pivot_row = normal[last].clone();
+                normal[i].iter_mut().zip(&pivot_row[..last]).for_each(|(v, p)| *v -= factor * p);
+            }
+            normal.truncate(last);
+            normal.iter_mut().for_each(|row| row.truncate(last));
+            right.truncate(last);
+        }
+        (normal, right)
+    }
+}
+
+fn huber(square: f64, scale: f64) -> f64 {
+    let most = OUTLIER * scale.sqrt();
+    let r = square.sqrt();
+    if r <= most { square } else { most * (2.0 * r - most) }
+}
+
+fn scaled(mut matrix: Vec<Vec<f64>>, factor: f64) -> Vec<Vec<f64>> {
+    matrix.iter_mut().flatten().for_each(|v| *v *= factor);
+    matrix
+}
+
+/// What numbers cost that are far from where they began: it keeps those in place that the pictures say nothing of.
+fn expectation(start: &Parameters, at: &Parameters, free: &[Parameter], scale: f64) -> f64 {
+    free.iter().map(|p| scale * ((at.get(*p) - start.get(*p)) / p.usual()).powi(2)).sum()
+}
+
+fn with_expectations(
+    mut normal: Vec<Vec<f64>>,
+    mut right: Vec<f64>,
+    start: &Parameters,
+    at: &Parameters,
+    free: &[Parameter],
+    scale: f64,
+) -> (Vec<Vec<f64>>, Vec<f64>) {
+    for (i, p) in free.iter().enumerate() {
+        let weight = scale / p.usual().powi(2);
+        normal[i][i] += weight;
+        right[i] -= weight * (at.get(*p) - start.get(*p));
+    }
+    (normal, right)
+}

@@ -1,0 +1,78 @@
+//! Small dense systems of equations.
+
+/// Cholesky's factor of a positive definite matrix, lower; None where it is none.
+pub(super) fn cholesky(matrix: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
+    let n = matrix.len();
+    let mut lower = vec![vec![0.0; n]; n];
+    for i in 0..n {
+        for j in 0..=i {
+            let sum: f64 = (0..j).map(|k| lower[i][k] * lower[j][k]).sum();
+            let rest = matrix[i][j] - sum;
+            lower[i][j] =
+                if i == j { Some(rest.sqrt()).filter(|v| v.is_finite() && *v > 0.0)? } else { rest / lower[j][j] };
+        }
+    }
+    Some(lower)
+}
+
+/// Solves for one right side, by the factor.
+pub(super) fn substitute(lower: &[Vec<f64>], right: &[f64]) -> Vec<f64> {
+    let n = lower.len();
+    let mut x = right.to_vec();
+    for i in 0..n {
+        let sum: f64 = (0..i).map(|k| lower[i][k] * x[k]).sum();
+        x[i] = (x[i] - sum) / lower[i][i];
+    }
+    for i in (0..n).rev() {
+        let sum: f64 = (i + 1..n).map(|k| lower[k][i] * x[k]).sum();
+        x[i] = (x[i] - sum) / lower[i][i];
+    }
+    x
+}
+
+/// Solves a positive definite system, each unknown in its own unit.
+pub(super) fn solve(matrix: &[Vec<f64>], right: &[f64]) -> Option<Vec<f64>> {
+    let (scaled, unit) = scaled(matrix);
+    let right: Vec<f64> = right.iter().zip(&unit).map(|(r, u)| r * u).collect();
+    let x = substitute(&cholesky(&scaled)?, &right);
+    Some(x.iter().zip(&unit).map(|(x, u)| x * u).collect())
+}
+
+/// The inverse of a positive definite matrix.
+pub(super) fn inverse(matrix: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
+    let (scaled, unit) = scaled(matrix);
+    let lower = cholesky(&scaled)?;
+    let column = |i: usize| {
+        let mut right = vec![0.0; unit.len()];
+        right[i] = unit[i];
+        substitute(&lower, &right).iter().zip(&unit).map(|(x, u)| x * u).collect()
+    };
+    Some((0..unit.len()).map(column).collect())
+}
+
+/// The matrix with ones on its diagonal, and what its rows and columns were multiplied by.
+fn scaled(matrix: &[Vec<f64>]) -> (Vec<Vec<f64>>, Vec<f64>) {
+    let unit: Vec<f64> =
+        matrix.iter().enumerate().map(|(i, row)| if row[i] > 0.0 { row[i].sqrt().recip() } else { 1.0 }).collect();
+    let scaled = matrix.iter().zip(&unit).map(|(row, u)| row.iter().zip(&unit).map(|(v, w)| v * u * w).collect());
+    (scaled.collect(), unit)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn systems_of_very_different_units_are_solved() {
+        let matrix = vec![vec![4e12, 2e6, 0.0], vec![2e6, 3.0, 1e-6], vec![0.0, 1e-6, 5e-12]];
+        let want = [1e-6, -2.0, 3e6];
+        let right: Vec<f64> = matrix.iter().map(|row| row.iter().zip(want).map(|(a, b)| a * b).sum()).collect();
+        for (got, want) in solve(&matrix, &right).unwrap().iter().zip(want) {
+            assert!((got / want - 1.0).abs() < 1e-9, "{got}, not {want}");
+        }
+        let inverse = inverse(&matrix).unwrap();
+        let product: f64 = (0..3).map(|k| matrix[1][k] * inverse[k][1]).sum();
+        assert!((product - 1.0).abs() < 1e-9, "{product}");
+        assert!(cholesky(&[vec![1.0, 2.0], vec![2.0, 1.0]]).is_none());
+    }
+}

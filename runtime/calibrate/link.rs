@@ -1,0 +1,314 @@
+//! The camera's command: started once, asked one question at a time, started again where it was lost, ended politely.
+
+use super::error::CalibrateError;
+use super::message::{Heard, Hello, LONGEST_LINE, PROTOCOL};
+use crate::files::asked_to_end;
+use serde_json::{Value, json};
+use std::collections::VecDeque;
+use std::io::{self, BufRead, BufReader, Read, Write};
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// It may be lost so often.
+const DEATHS: usize = 3;
+/// A question that failed is asked so often again.
+const AGAIN: usize = 2;
+const HELLO: Duration = Duration::from_secs(60);
+/// From closing its input to asking it to end, and from that to ending it.
+const POLITE: Duration = Duration::from_secs(5);
+/// How often it is looked whether the user wants to stop.
+const LOOK: Duration = Duration::from_millis(50);
+/// Lines of its standard error that are kept.
+const TAIL: usize = 4;
+
+/// A line of its standard output; `None` where it is longer than lines may be.
+type Line = Option<String>;
+
+/// The command while it runs.
+struct Process {
+    child: Child,
+    input: Option<ChildStdin>,
+    lines: Receiver<Line>,
+    last: Arc<Mutex<VecDeque<String>>>,
+}
+
+/// Why there is no answer.
+enum Trouble {
+    /// The command is lost: what it did.
+    Lost(String),
+    Stopped,
+    /// It said why, and whether to ask again.
+    Failed {
+        text: String,
+        again: bool,
+    },
+}
+
+/// The link to a bench.
+pub(super) struct Link<'a> {
+    words: Vec<String>,
+    /// The user's limit for every question.
+    limit: Option<Duration>,
+    process: Option<Process>,
+    hello: Option<Value>,
+    deaths: usize,
+    next: u64,
+    /// Where lines go that are not for this program.
+    say: &'a mut dyn FnMut(&str),
+}
+
+/// Reads lines of bounded length until they end or nobody wants them.
+fn read_lines(from: impl Read, mut each: impl FnMut(Line) -> bool) {
+    let mut from = BufReader::new(from);
+    let mut bytes = Vec::new();
+    loop {
+        bytes.clear();
+        match from.by_ref().take(LONGEST_LINE as u64 + 1).read_until(b'\n', &mut bytes) {
+            Ok(0) | Err(_) => return,
+            Ok(_) => {}
+        }
+        let whole = bytes.len() <= LONGEST_LINE;
+        let line = whole.then(|| String::from_utf8_lossy(&bytes).trim().to_string());
+        if !each(line) {
+            return;
+        }
+    }
+}
+
+impl Process {
+    fn start(words: &[String]) -> io::Result<Self> {
+        let mut command = Command::new(&words[0]);
+        command.args(&words[1..]).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        // ctrl-C in a terminal is for this program, which then says bye.
+        #[cfg(unix)]
+        std::os::unix::process::CommandExt::process_group(&mut command, 0);
+        let mut child = command.spawn()?;
+        let (input, output, errors) = (child.stdin.take(), child.stdout.take(), child.stderr.take());
+        let (tell, lines) = channel();
+        let last = Arc::new(Mutex::new(VecDeque::new()));
+        let theirs = Arc::clone(&last);
+        let process = Self { child, input, lines, last };
+        let thread = |name: &str| std::thread::Builder::new().name(format!("eyebox camera {name}"));
+        if let (Some(output), Some(errors)) = (output, errors) {
+            thread("output").spawn(move || read_lines(output, |line| tell.send(line).is_ok()))?;
+            thread("errors").spawn(move || {
+                read_lines(errors, |line| {
+                    let line = line.unwrap_or_default();
+                    let _ = writeln!(io::stderr(), "{line}");
+                    let mut last = theirs.lock().unwrap_or_else(PoisonError::into_inner);
+                    last.push_back(line);
+                    if last.len() > TAIL {
+                        last.pop_front();
+                    }
+                    true
+                });
+            })?;
+        }
+        Ok(process)
+    }
+
+    /// Whether it ends within so long.
+    fn ends_within(&mut self, patience: Duration) -> bool {
+        let begun = Instant::now();
+        loop {
+            if !matches!(self.child.try_wait(), Ok(None)) {
+                return true;
+            }
+            if begun.elapsed() >= patience {
+                return false;
+            }
+            std::thread::sleep(LOOK / 5);
+        }
+    }
+
+    /// What it did when it ended by itself.
+    fn obituary(&mut self) -> String {
+        let how = match self.ends_within(Duration::from_secs(1)) {
+            true => self.child.try_wait().ok().flatten().map_or_else(String::new, |status| format!(" ({status})")),
+            false => ", or closed its output".into(),
+        };
+        let last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        let said: Vec<&str> = last.iter().map(|l| l.trim()).filter(|l| !l.is_empty()).collect();
+        if said.is_empty() { format!("ended{how}") } else { format!("ended{how}: {}", said.join(" | ")) }
+    }
+
+    #[cfg(unix)]
+    fn signal(&mut self, signal: rustix::process::Signal) {
+        // Its group: what it started ends with it.
+        if let Some(group) = rustix::process::Pid::from_raw(self.child.id().cast_signed()) {
+            let _ = rustix::process::kill_process_group(group, signal);
+        }
+    }
+}
+
+impl Drop for Process {
+    /// Its input closes; 5 s later it is asked to end; 5 s later it is ended.
+    fn drop(&mut self) {
+        self.input = None;
+        if self.ends_within(POLITE) {
+            return;
+        }
+        #[cfg(unix)]
+        {
+            self.signal(rustix::process::Signal::TERM);
+            if self.ends_within(POLITE) {
+                return;
+            }
+            self.signal(rustix::process::Signal::KILL);
+        }
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+impl<'a> Link<'a> {
+    /// Starts `command`, split into words as a POSIX shell does, and asks what the bench can do. `limit`: for every question,
+    /// in the place of the protocol's own. `say` is told the lines that are not for this program, and when it was lost.
+    ///
+    /// # Errors
+    /// [`CalibrateError::Words`], [`Start`](CalibrateError::Start), and those of [`ask`](Self::ask).
+    pub(super) fn start(
+        command: &str,
+        limit: Option<Duration>,
+        say: &'a mut dyn FnMut(&str),
+    ) -> Result<(Self, Hello), CalibrateError> {
+        let words = shlex::split(command).filter(|w| !w.is_empty());
+        let words = words.ok_or_else(|| CalibrateError::Words(command.into()))?;
+        let process = Process::start(&words);
+        let process = process.map_err(|source| CalibrateError::Start { program: words[0].clone(), source })?;
+        let mut link = Self { words, limit, process: Some(process), hello: None, deaths: 0, next: 0, say };
+        let hello = link.greeted(|link| match &link.hello {
+            Some(hello) => Hello::read(hello),
+            None => Err("did not answer hello".into()),
+        })?;
+        Ok((link, hello))
+    }
+
+    /// Asks for a picture until it is there and `check` takes it.
+    ///
+    /// # Errors
+    /// [`CalibrateError::Lost`] after three deaths, [`Stopped`](CalibrateError::Stopped); the command's own text as the inner
+    /// error, where it could not.
+    pub(super) fn ask<T>(
+        &mut self,
+        question: &Value,
+        limit: Duration,
+        mut check: impl FnMut(&Value) -> Result<T, String>,
+    ) -> Result<Result<T, String>, CalibrateError> {
+        let mut failed = 0;
+        loop {
+            let trouble = match self.try_ask(question, limit) {
+                Ok(answer) => match check(&answer) {
+                    Ok(answer) => return Ok(Ok(answer)),
+                    Err(reason) => Trouble::Lost(reason),
+                },
+                Err(trouble) => trouble,
+            };
+            match trouble {
+                Trouble::Stopped => return Err(CalibrateError::Stopped),
+                Trouble::Failed { text, again } if !again || failed >= AGAIN => return Ok(Err(text)),
+                Trouble::Failed { text, .. } => {
+                    (self.say)(&format!("the camera's command could not ({text}): it is asked again"));
+                    failed += 1;
+                }
+                Trouble::Lost(reason) => {
+                    self.lost(reason)?;
+                    self.greeted(|_| Ok(()))?;
+                }
+            }
+        }
+    }
+
+    /// Says bye, and waits until it has ended.
+    pub(super) fn bye(mut self) {
+        if self.process.is_some() {
+            let _ = self.try_ask(&json!({"do": "bye"}), POLITE);
+        }
+    }
+
+    /// One more death; the process is ended.
+    fn lost(&mut self, reason: String) -> Result<(), CalibrateError> {
+        self.process = None;
+        self.deaths += 1;
+        if self.deaths >= DEATHS {
+            return Err(CalibrateError::Lost { deaths: self.deaths, reason });
+        }
+        (self.say)(&format!("the camera's command {reason}; it is started again"));
+        Ok(())
+    }
+
+    /// Starts it where it does not run, and says hello, which it answers as it did before.
+    fn greeted<T>(&mut self, read: impl Fn(&Self) -> Result<T, String>) -> Result<T, CalibrateError> {
+        loop {
+            if self.process.is_none() {
+                let started = Process::start(&self.words);
+                let program = || self.words[0].clone();
+                self.process = Some(started.map_err(|source| CalibrateError::Start { program: program(), source })?);
+            }
+            let reason = match self.try_ask(&json!({"do": "hello", "protocol": PROTOCOL}), HELLO) {
+                Ok(mut hello) => {
+                    hello.as_object_mut().map(|o| o.remove("id"));
+                    if self.hello.as_ref().is_some_and(|before| *before != hello) {
+                        "answers hello otherwise than before".into()
+                    } else {
+                        self.hello = Some(hello);
+                        match read(self) {
+                            Ok(read) => return Ok(read),
+                            Err(text) => return Err(CalibrateError::Refused { what: "say what it is".into(), text }),
+                        }
+                    }
+                }
+                Err(Trouble::Lost(reason)) => reason,
+                Err(Trouble::Stopped) => return Err(CalibrateError::Stopped),
+                Err(Trouble::Failed { text, .. }) => {
+                    return Err(CalibrateError::Refused { what: "say what it is".into(), text });
+                }
+            };
+            self.lost(reason)?;
+        }
+    }
+
+    /// One question, one answer.
+    fn try_ask(&mut self, question: &Value, limit: Duration) -> Result<Value, Trouble> {
+        let limit = self.limit.unwrap_or(limit);
+        let id = self.next;
+        self.next += 1;
+        let process = self.process.as_mut().ok_or_else(|| Trouble::Lost("does not run".into()))?;
+        let mut asked = json!({"id": id});
+        for (key, value) in question.as_object().into_iter().flatten() {
+            asked[key.as_str()] = value.clone();
+        }
+        let sent = process.input.as_mut().map(|input| writeln!(input, "{asked}").and_then(|()| input.flush()));
+        if !matches!(sent, Some(Ok(()))) {
+            return Err(Trouble::Lost(process.obituary()));
+        }
+        let mut until = Instant::now() + limit;
+        let mut allowed = limit;
+        loop {
+            if asked_to_end().load(Ordering::SeqCst) {
+                return Err(Trouble::Stopped);
+            }
+            let left = until.saturating_duration_since(Instant::now());
+            match process.lines.recv_timeout(left.min(LOOK)) {
+                Ok(None) => return Err(Trouble::Lost(format!("said a line of more than {LONGEST_LINE} bytes"))),
+                Ok(Some(line)) => match Heard::read(&line, id).map_err(Trouble::Lost)? {
+                    Heard::Said(line) => (self.say)(&line),
+                    Heard::Wait(seconds) => {
+                        allowed = Duration::from_secs_f64(seconds);
+                        until = Instant::now() + allowed;
+                    }
+                    Heard::Failed { text, again } => return Err(Trouble::Failed { text, again }),
+                    Heard::Answered(answer) => return Ok(answer),
+                },
+                Err(RecvTimeoutError::Disconnected) => return Err(Trouble::Lost(process.obituary())),
+                Err(RecvTimeoutError::Timeout) if left.is_zero() => {
+                    return Err(Trouble::Lost(format!("gave no answer within {:.0} s", allowed.as_secs_f64())));
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+            }
+        }
+    }
+}

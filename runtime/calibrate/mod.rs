@@ -1,0 +1,75 @@
+//! A model of the display as it is, fitted from pictures that a camera took of it (OPTICS 10).
+//!
+//! A camera's command, a folder of its pictures, or both are a *bench*: [`calibrate`] plans what is shown, asks for the
+//! pictures, and fits in the order in which the pictures tell the numbers apart: dots for where the camera looks, smooth
+//! patterns for source and wavefront, random ones through several irises for crosstalk, table and undiffracted light,
+//! sets for lag, then all of it. Pictures that were taken twice are not fitted: they say how large the camera's noise is,
+//! and how much of what it sees the model leaves unexplained.
+//!
+//! `message`, `link` and `captures` are the protocol; `pattern` is what is shown; `dots` and `map` are where the camera looks;
+//! `device` and `seen` are the forward model with its slopes; `fit` is the least squares.
+//! May import `files`, `optics`, and the generator of `solve`.
+
+mod acquire;
+mod bench;
+mod captures;
+mod device;
+mod dots;
+mod error;
+mod fit;
+mod linear;
+mod link;
+mod map;
+mod message;
+mod noise;
+mod parameters;
+mod pattern;
+mod picture;
+mod report;
+mod seen;
+mod sorted;
+mod stages;
+mod terms;
+mod unseen;
+
+pub use bench::{Bench, Event, FEWEST};
+pub use error::CalibrateError;
+pub use report::{Confused, Fitted, Report};
+
+use crate::optics::{Color, Display};
+use std::cell::RefCell;
+use std::time::Instant;
+
+/// A display that was calibrated.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct Calibration {
+    /// The display with what was fitted.
+    pub display: Display,
+    /// How sure that is, and what it leaves unexplained.
+    pub report: Report,
+}
+
+/// Fits the model of one colour of a display to pictures of it; the display's own model is where it begins.
+///
+/// # Errors
+/// [`CalibrateError`]; then nothing was written but the pictures.
+pub fn calibrate(
+    display: &Display,
+    color: Color,
+    bench: &Bench,
+    observe: &mut dyn FnMut(Event),
+) -> Result<Calibration, CalibrateError> {
+    let begun = Instant::now();
+    let observe = RefCell::new(observe);
+    let tell = |event: Event| (observe.borrow_mut())(event);
+    let taken = match bench {
+        Bench::Folder(folder) => acquire::read(display, color, folder)?,
+        Bench::Command { .. } => acquire::take(display, color, bench, &tell)?,
+    };
+    let waited = taken.waited;
+    let quick = matches!(bench, Bench::Command { quick: true, .. });
+    let (fitted, mut report) = stages::run(display, color, taken, quick, &tell)?;
+    report.seconds = (begun.elapsed().saturating_sub(waited)).as_secs_f64();
+    Ok(Calibration { display: fitted, report })
+}

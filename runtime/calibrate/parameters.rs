@@ -1,0 +1,183 @@
+//! The numbers that are fitted, by their places in one vector (OPTICS 10).
+
+use super::map::CameraMap;
+use crate::optics::{DisplayModel, Spread};
+
+/// One number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Parameter {
+    /// ln q and ln sigma, towards -y, +y, -x, +x.
+    Crosstalk(usize),
+    Level(usize),
+    Bend(usize),
+    Lag,
+    Source(usize),
+    Undiffracted(usize),
+    Fill,
+    /// ANSI index.
+    Wavefront(u32),
+    /// x, y (mm), scale.
+    Iris(usize),
+    /// Homography, k1, k2.
+    Map(usize),
+    /// Share of the camera's pixel that sees light, as the square of its side.
+    CameraPixel,
+}
+
+/// Zernike polynomials that are fitted.
+pub(super) const WAVEFRONT: std::ops::RangeInclusive<u32> = 3..=14;
+
+/// The display, and the camera's map.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Parameters {
+    pub(super) model: DisplayModel,
+    pub(super) map: CameraMap,
+    pub(super) camera_pixel: f64,
+}
+
+impl Parameter {
+    /// All of them.
+    pub(super) fn all() -> Vec<Self> {
+        let counted = |make: fn(usize) -> Self, count: usize| (0..count).map(make).collect::<Vec<_>>();
+        let mut all = counted(Self::Crosstalk, 8);
+        all.extend(counted(Self::Level, 9));
+        all.extend(counted(Self::Bend, 2));
+        all.push(Self::Lag);
+        all.extend(counted(Self::Source, 5));
+        all.extend(counted(Self::Undiffracted, 5));
+        all.push(Self::Fill);
+        all.extend(WAVEFRONT.map(Self::Wavefront));
+        all.extend(counted(Self::Iris, 3));
+        all.extend(counted(Self::Map, 9));
+        all.push(Self::CameraPixel);
+        all
+    }
+
+    /// Whether it changes what leaves the SLM.
+    pub(super) fn is_of_device(self) -> bool {
+        !matches!(self, Self::Wavefront(_) | Self::Iris(_) | Self::Map(_) | Self::CameraPixel)
+    }
+
+    /// Whether it changes the phases before crosstalk.
+    pub(super) fn is_of_drive(self) -> bool {
+        matches!(self, Self::Level(_) | Self::Bend(_) | Self::Lag)
+    }
+
+    /// The step of differences.
+    pub(super) fn step(self) -> f64 {
+        match self {
+            Self::Crosstalk(_) => 1e-4,
+            Self::Map(_) => 1e-6,
+            _ => 1e-5,
+        }
+    }
+
+    /// Least, most, and how far from its start it is expected, all in its unit.
+    fn range(self) -> (f64, f64, f64) {
+        match self {
+            Self::Crosstalk(i) if i % 2 == 0 => (0.4f64.ln(), 3.0f64.ln(), 0.4),
+            Self::Crosstalk(_) => (0.3f64.ln(), 50f64.ln(), 1.0),
+            Self::Level(_) => (0.5, 1.6, 0.15),
+            Self::Bend(_) => (-0.9, 0.9, 0.3),
+            Self::Lag => (-0.1, 0.8, 0.2),
+            Self::Source(_) => (-3.0, 3.0, 0.5),
+            Self::Undiffracted(0 | 1) => (-0.5, 0.5, 0.3),
+            Self::Undiffracted(_) => (-30.0, 30.0, 4.0),
+            Self::Fill => (0.02, 1.0, 0.3),
+            Self::Wavefront(_) => (-3.0, 3.0, 0.2),
+            Self::Iris(2) => (0.8, 1.25, 0.05),
+            Self::Iris(_) => (-5.0, 5.0, 0.5),
+            Self::Map(_) => (-20.0, 20.0, 1.0),
+            Self::CameraPixel => (0.01, 1.5, 0.5),
+        }
+    }
+
+    /// How far from its start it is expected.
+    pub(super) fn usual(self) -> f64 {
+        self.range().2
+    }
+
+    /// Its name, as OPTICS 10 has it, and its unit.
+    pub(super) fn name(self) -> (String, &'static str) {
+        const SIDES: [&str; 4] = ["-y", "+y", "-x", "+x"];
+        match self {
+            Self::Crosstalk(i) if i % 2 == 0 => (format!("crosstalk q {}", SIDES[i / 2]), ""),
+            Self::Crosstalk(i) => (format!("crosstalk sigma {}", SIDES[i / 2]), "cycles/pixel"),
+            Self::Level(i) => (format!("level {} {}", i / 3, i % 3), "2 pi"),
+            Self::Bend(i) => (format!("bend b{}", i + 1), "rad"),
+            Self::Lag => ("lag".into(), ""),
+            Self::Source(i) => (format!("source {}", ["x", "y", "xx", "xy", "yy"][i]), ""),
+            Self::Undiffracted(i @ (0 | 1)) => (format!("undiffracted {}", ["re", "im"][i]), ""),
+            Self::Undiffracted(i) => (format!("undiffracted {}", ["", "", "x", "y", "rr"][i]), "rad"),
+            Self::Fill => ("fill".into(), ""),
+            Self::Wavefront(j) => (format!("wavefront {j}"), "waves"),
+            Self::Iris(i) => (format!("iris {}", ["x", "y", "scale"][i]), if i < 2 { "mm" } else { "" }),
+            Self::Map(i) if i < 8 => (format!("camera homography {i}"), ""),
+            Self::Map(i) => (format!("camera k{}", i - 7), ""),
+            Self::CameraPixel => ("camera pixel".into(), ""),
+        }
+    }
+}
+
+impl Parameters {
+    /// A number.
+    pub(super) fn get(&self, parameter: Parameter) -> f64 {
+        let model = &self.model;
+        match parameter {
+            Parameter::Crosstalk(i) => {
+                let side = model.crosstalk.map_or(Spread { q: 1.2, sigma: 50.0 }, |sides| sides[i / 2]);
+                if i % 2 == 0 { side.q.ln() } else { side.sigma.ln() }
+            }
+            Parameter::Level(i) => model.level[i / 3][i % 3],
+            Parameter::Bend(i) => model.bend[i],
+            Parameter::Lag => model.lag,
+            Parameter::Source(i) => model.source[i],
+            Parameter::Undiffracted(i) => model.undiffracted[i],
+            Parameter::Fill => model.fill,
+            Parameter::Wavefront(j) => model.wavefront.get(&j).copied().unwrap_or(0.0),
+            Parameter::Iris(i) => [model.iris.x * 1e3, model.iris.y * 1e3, model.iris.scale][i],
+            Parameter::Map(i) => self.map.numbers[i],
+            Parameter::CameraPixel => self.camera_pixel,
+        }
+    }
+
+    fn set(&mut self, parameter: Parameter, value: f64) {
+        let model = &mut self.model;
+        match parameter {
+            Parameter::Crosstalk(i) => {
+                let sides = model.crosstalk.get_or_insert([Spread { q: 1.2, sigma: 50.0 }; 4]);
+                let side = &mut sides[i / 2];
+                *(if i % 2 == 0 { &mut side.q } else { &mut side.sigma }) = value.exp();
+            }
+            Parameter::Level(i) => model.level[i / 3][i % 3] = value,
+            Parameter::Bend(i) => model.bend[i] = value,
+            Parameter::Lag => model.lag = value,
+            Parameter::Source(i) => model.source[i] = value,
+            Parameter::Undiffracted(i) => model.undiffracted[i] = value,
+            Parameter::Fill => model.fill = value,
+            Parameter::Wavefront(j) => drop(model.wavefront.insert(j, value)),
+            Parameter::Iris(0) => model.iris.x = value * 1e-3,
+            Parameter::Iris(1) => model.iris.y = value * 1e-3,
+            Parameter::Iris(_) => model.iris.scale = value,
+            Parameter::Map(i) => self.map.numbers[i] = value,
+            Parameter::CameraPixel => self.camera_pixel = value,
+        }
+    }
+
+    /// With one number a step further on.
+    pub(super) fn moved(&self, parameter: Parameter, step: f64) -> Self {
+        let mut moved = self.clone();
+        moved.set(parameter, self.get(parameter) + step);
+        moved
+    }
+
+    /// With all of these moved, as far as they may be.
+    pub(super) fn stepped(&self, free: &[Parameter], steps: &[f64]) -> Self {
+        let mut moved = self.clone();
+        for (parameter, step) in free.iter().zip(steps) {
+            let (least, most, _) = parameter.range();
+            moved.set(*parameter, (self.get(*parameter) + step).clamp(least, most));
+        }
+        moved
+    }
+}

@@ -1,0 +1,228 @@
+//! What is shown: dots, smooth patterns that never wrap, and random ones; through which irises, and in which order.
+
+use super::message::Hello;
+use crate::files::{self, FileError, write_file};
+use crate::optics::Optics;
+use crate::solve::SplitMix;
+use eyebox_kernels::{Complex64, fft};
+use std::f64::consts::{PI, TAU};
+use std::path::Path;
+
+/// Phases that are asked for, quantised to what the SLM has.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Pattern {
+    pub(super) frames: usize,
+    pub(super) height: usize,
+    pub(super) width: usize,
+    /// Levels that make a turn.
+    pub(super) two_pi_level: f64,
+    /// (frames, height, width), radians in 0 .. 2 pi.
+    pub(super) drive: Vec<f32>,
+}
+
+impl Pattern {
+    fn new([height, width]: [usize; 2], two_pi_level: f64, phases: &[f64]) -> Self {
+        let (most, turn) = (two_pi_level.ceil() - 1.0, TAU / two_pi_level);
+        let level = |phase: f64| (phase.rem_euclid(TAU) / turn).round().min(most);
+        let drive = phases.iter().map(|p| (level(*p) * turn) as f32).collect();
+        Self { frames: phases.len() / (height * width), height, width, two_pi_level, drive }
+    }
+
+    /// One sub-frame.
+    pub(super) fn frame(&self, t: usize) -> &[f32] {
+        let pixels = self.height * self.width;
+        &self.drive[t * pixels..][..pixels]
+    }
+
+    /// Whether neighbours differ so little that it excites no crosstalk.
+    pub(super) fn is_smooth(&self) -> bool {
+        let rows = self.frame(0).chunks_exact(self.width);
+        let steps = rows.flat_map(|row| row.windows(2).map(|w| f64::from((w[1] - w[0]).abs())));
+        steps.sum::<f64>() / self.frame(0).len() as f64 <= 0.7
+    }
+
+    /// Writes it as a `.npy` (sub-frame, row, column): levels, or radians.
+    pub(super) fn write(&self, file: &Path, levels: bool) -> Result<(), FileError> {
+        let shape = [self.frames, self.height, self.width];
+        if !levels {
+            return files::write_npy(file, &shape, &self.drive);
+        }
+        let turn = TAU / self.two_pi_level;
+        let levels: Vec<u16> = self.drive.iter().map(|w| (f64::from(*w) / turn).round() as u16).collect();
+        let wide = self.two_pi_level > 256.0;
+        let kind = if wide { "<u2" } else { "|u1" };
+        write_file(file, |out| {
+            out.write_all(&files::npy_header(kind, &shape))?;
+            levels.iter().try_for_each(|v| match wide {
+                true => out.write_all(&v.to_le_bytes()),
+                false => out.write_all(&[*v as u8]),
+            })
+        })
+    }
+}
+
+/// Places of the dots, (x, y) in pixels, and their radius. They stand off a regular grid, and some are missing, so that no turn
+/// or reflection looks like another.
+pub(super) fn dots([height, width]: [usize; 2]) -> (Vec<[f64; 2]>, f64) {
+    let side = height.min(width) as f64;
+    let across = if side >= 128.0 { 7.0 } else { 5.0 };
+    let step = 0.84 * side / across;
+    let mut random = SplitMix(0x646f_7473);
+    let count = |n: usize| (0.84 * n as f64 / step).round() as usize;
+    let (rows, columns) = (count(height), count(width));
+    let mut places = Vec::new();
+    for row in 0..rows {
+        for column in 0..columns {
+            let mut off = || (random.unit() - 0.5) * 0.4 * step;
+            let at = |i: usize, n: usize, pixels: usize, off: f64| {
+                (pixels as f64 - 1.0) / 2.0 + (i as f64 - (n as f64 - 1.0) / 2.0) * step + off
+            };
+            let place = [at(column, columns, width, off()), at(row, rows, height, off())];
+            if !(row == 0 && column == 1 || row + 1 == rows && column < 2) {
+                places.push(place);
+            }
+        }
+    }
+    (places, 0.21 * step)
+}
+
+/// The hologram of the dots: a pixel within one sends its light straight on, all others send it past the iris, by a grating
+/// that has no light on the axis.
+pub(super) fn dots_pattern(size @ [height, width]: [usize; 2], two_pi_level: f64) -> Pattern {
+    let (places, radius) = dots(size);
+    let phase = |i: usize| {
+        let (x, y) = ((i % width) as f64, (i / width) as f64);
+        let inside = places.iter().any(|[px, py]| (x - px).hypot(y - py) < radius);
+        let stripe = (i % width / 2 + i / width / 2).is_multiple_of(2);
+        if inside {
+            PI / 2.0
+        } else if stripe {
+            0.0
+        } else {
+            PI
+        }
+    };
+    Pattern::new(size, two_pi_level, &(0..height * width).map(phase).collect::<Vec<_>>())
+}
+
+/// Random, with frequencies up to a tenth of a cycle per pixel, never near a wrap.
+fn smooth(size @ [height, width]: [usize; 2], two_pi_level: f64, seed: u64) -> Pattern {
+    let mut random = SplitMix(seed ^ 0x736d_6f6f_7468);
+    let mut field: Vec<Complex64> = (0..height * width).map(|_| Complex64::new(random.unit() - 0.5, 0.0)).collect();
+    let frequency = |i: usize, n: usize| crate::optics::frequency_bin(i as i64, n) as f64 / n as f64;
+    let both = |field: &mut Vec<Complex64>, direction| {
+        fft::transform_f64(field, width, direction);
+        let mut turned = transposed(field, width);
+        fft::transform_f64(&mut turned, height, direction);
+        *field = transposed(&turned, height);
+    };
+    both(&mut field, fft::Direction::Forward);
+    for (i, v) in field.iter_mut().enumerate() {
+        if frequency(i % width, width).hypot(frequency(i / width, height)) > 0.1 {
+            *v = Complex64::new(0.0, 0.0);
+        }
+    }
+    both(&mut field, fft::Direction::Inverse);
+    let mean = field.iter().map(|v| v.re).sum::<f64>() / field.len() as f64;
+    let peak = field.iter().map(|v| (v.re - mean).abs()).fold(f64::MIN_POSITIVE, f64::max);
+    let phases: Vec<f64> = field.iter().map(|v| PI + 0.88 * PI * (v.re - mean) / peak).collect();
+    Pattern::new(size, two_pi_level, &phases)
+}
+
+/// Lines become columns.
+pub(super) fn transposed<T: Copy + Default>(from: &[T], width: usize) -> Vec<T> {
+    let height = from.len() / width;
+    let mut out = vec![T::default(); from.len()];
+    for (y, row) in from.chunks_exact(width).enumerate() {
+        for (x, v) in row.iter().enumerate() {
+            out[x * height + y] = *v;
+        }
+    }
+    out
+}
+
+/// Uniform in 0 .. 2 pi, so many sub-frames.
+pub(super) fn random(size: [usize; 2], two_pi_level: f64, frames: usize, seed: u64) -> Pattern {
+    let mut random = SplitMix(seed ^ 0x7261_6e64_6f6d);
+    let phases: Vec<f64> = (0..frames * size[0] * size[1]).map(|_| TAU * random.unit()).collect();
+    Pattern::new(size, two_pi_level, &phases)
+}
+
+/// A pattern with a name, and the irises that it is seen through: x, y, diameter, mm; each so often.
+#[derive(Debug, Clone)]
+pub(super) struct Show {
+    pub(super) name: String,
+    pub(super) pattern: Pattern,
+    pub(super) irises_mm: Vec<[f64; 3]>,
+    pub(super) times: usize,
+}
+
+/// What is shown, in this order. At most `most` pictures, two of which are the dots and the dark.
+pub(super) fn plan(hello: &Hello, optics: &Optics, two_pi_level: f64, most: usize, quick: bool) -> Vec<Show> {
+    let size = [optics.height, optics.width];
+    let eyebox = optics.eyebox() * 1e3;
+    let within = |[x, y, d]: [f64; 3]| {
+        let range = |v: f64, [low, high]: [f64; 2]| v.clamp(low, high);
+        hello.iris.as_ref().map_or([x, y, d], |i| [range(x, i.x_mm), range(y, i.y_mm), range(d, i.diameter_mm)])
+    };
+    // In shares of the eyebox.
+    let iris = |[x, y, d]: [f64; 3]| within([x * eyebox, y * eyebox, d * eyebox]);
+    let ring =
+        |i: usize| [[0, 0], [1, 0], [-1, 1], [0, -1], [1, 1], [-1, 0], [1, -1], [0, 1], [-1, -1]][i % 9].map(f64::from);
+    let mut shows = Vec::new();
+    let mut left = most.saturating_sub(2);
+    let mut add = |name: String, pattern: Pattern, irises_mm: Vec<[f64; 3]>, times: usize| {
+        let count = irises_mm.len() * times;
+        if count <= left {
+            left -= count;
+            shows.push(Show { name, pattern, irises_mm, times });
+        }
+    };
+    let frames = hello.slm.sub_frames.min(4);
+    let held_out = |i: usize| {
+        let [x, y] = ring(3 * i + 1).map(|v| v * 0.17);
+        iris([x + 0.04, y - 0.03, 0.2 + 0.05 * i as f64])
+    };
+    if quick {
+        for i in 0..3 {
+            let [x, y] = ring(4 * i).map(|v| v * 0.25);
+            add(format!("random-{i}"), random(size, two_pi_level, 1, i as u64), vec![iris([x, y, 0.3])], 1);
+        }
+        return shows;
+    }
+    // What tells the fit from the noise comes first: it is seen twice, and never fitted.
+    let tests = if most >= 30 { 3 } else { 1 };
+    for i in 0..tests {
+        let pattern = random(size, two_pi_level, if i == 1 { frames } else { 1 }, 1000 + i as u64);
+        add(format!("held-out-{i}"), pattern, vec![held_out(i)], 2);
+    }
+    // Several irises a pattern: what leaves the SLM is computed once for them. By turns, so that fewer pictures are fewer of all.
+    for i in 0..5 {
+        let irises = (0..4).map(|j| {
+            let ([x, y], wide) = (ring(4 * i + j), [0.25, 0.32, 0.28, 0.2][(i + j) % 4]);
+            let far = 0.48 - 0.5 * wide - 0.05 * (i % 2) as f64;
+            iris([x * far, y * far, wide])
+        });
+        add(format!("random-{i}"), random(size, two_pi_level, 1, i as u64), irises.collect(), 1);
+        if i < 4 {
+            let irises = [0, 1].map(|j| {
+                let [x, y] = ring(2 * i + j).map(|v| v * 0.06);
+                iris([x, y, 0.3])
+            });
+            add(format!("smooth-{i}"), smooth(size, two_pi_level, i as u64), irises.to_vec(), 1);
+        }
+        if i == 0 && frames > 1 {
+            let irises = [0, 2, 5].map(|j| {
+                let [x, y] = ring(j).map(|v| v * 0.2);
+                iris([x, y, 0.3])
+            });
+            add("set".into(), random(size, two_pi_level, frames, 500), irises.to_vec(), 1);
+        }
+    }
+    shows
+}
+
+/// The iris that dots are seen through, mm.
+pub(super) fn dots_iris(optics: &Optics) -> [f64; 3] {
+    [0.0, 0.0, 0.23 * optics.eyebox() * 1e3]
+}

@@ -1,0 +1,62 @@
+//! A camera's picture: linear counts, as shares of full scale.
+
+use crate::files;
+use std::path::Path;
+
+/// Share of full scale from which a pixel may have been saturated.
+const FULL: f32 = 0.995;
+
+/// A picture.
+#[derive(Debug, Clone)]
+pub(super) struct Picture {
+    pub(super) height: usize,
+    pub(super) width: usize,
+    /// Row by row, 1 at full scale.
+    pub(super) values: Vec<f32>,
+}
+
+/// Reads a picture of the camera's size; `full_scale` is the value at which it saturates. Says what is wrong with it.
+pub(super) fn load(file: &Path, [height, width]: [usize; 2], full_scale: f64) -> Result<Picture, String> {
+    let size = |rows: usize, columns: usize| {
+        format!("sent {}: it has {rows}x{columns} pixels, and the camera has {height}x{width}", file.display())
+    };
+    let one_line = |e: files::FileError| format!("sent a picture that is none: {e}");
+    let scale = full_scale.recip();
+    let values = if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy")) {
+        let npy = files::read_npy(file).map_err(one_line)?;
+        if npy.shape != [height, width] {
+            let [rows, columns] = npy.shape[..] else {
+                return Err(format!("sent {}: it has {} axes, and pictures have 2", file.display(), npy.shape.len()));
+            };
+            return Err(size(rows, columns));
+        }
+        npy.values.iter().map(|v| (f64::from(*v) * scale) as f32).collect()
+    } else {
+        let grey = files::read_grey(file, [height, width]).map_err(one_line)?;
+        let grey = grey.map_err(|[rows, columns]| size(rows, columns))?;
+        if grey.levels < 65536 && full_scale > 255.0 {
+            return Err(format!("sent {}: it has 8 bits, and its full scale is {full_scale}", file.display()));
+        }
+        grey.values.iter().map(|v| (f64::from(*v) * scale) as f32).collect()
+    };
+    Ok(Picture { height, width, values })
+}
+
+impl Picture {
+    /// Whether a pixel may have been saturated.
+    pub(super) fn is_full(&self, at: usize) -> bool {
+        self.values[at] >= FULL
+    }
+
+    /// Share of saturated pixels.
+    pub(super) fn saturated(&self) -> f64 {
+        (0..self.values.len()).filter(|at| self.is_full(*at)).count() as f64 / self.values.len().max(1) as f64
+    }
+
+    /// Middle of the values.
+    pub(super) fn median(&self) -> f64 {
+        let mut values = self.values.clone();
+        let at = values.len() / 2;
+        f64::from(*values.select_nth_unstable_by(at, f32::total_cmp).1)
+    }
+}

@@ -1,0 +1,118 @@
+//! What a calibration says of itself.
+
+use super::fit::Fit;
+use super::parameters::{Parameter, Parameters};
+use super::sorted::Sorted;
+use super::unseen::{exposed, unseen};
+use serde::Serialize;
+
+/// A number of the model.
+#[derive(Debug, Clone, Serialize)]
+#[non_exhaustive]
+pub struct Fitted {
+    /// Its name, by OPTICS 10.
+    pub name: String,
+    /// Its value,
+    pub value: f64,
+    /// its standard error; none of what was not fitted,
+    pub error: Option<f64>,
+    /// and the unit of both.
+    pub unit: &'static str,
+}
+
+/// Two numbers that the pictures cannot tell apart.
+#[derive(Debug, Clone, Serialize)]
+#[non_exhaustive]
+pub struct Confused {
+    /// Their names.
+    pub names: [String; 2],
+    /// Their correlation.
+    pub correlation: f64,
+}
+
+/// What a calibration says of itself.
+#[derive(Debug, Clone, Serialize)]
+#[non_exhaustive]
+pub struct Report {
+    /// Pictures answered.
+    pub captures: usize,
+    /// Seconds of computing, without the camera's.
+    pub seconds: f64,
+    /// The model's numbers that were fitted.
+    pub parameters: Vec<Fitted>,
+    /// Pairs of them that the pictures cannot tell apart.
+    pub confused: Vec<Confused>,
+    /// Error of the camera's map by the dots, camera pixels, RMS.
+    pub camera_rms_px: f64,
+    /// Of pictures that were not fitted, as shares of their variance: what the display file as it was leaves,
+    pub before: Option<f64>,
+    /// what the fitted model leaves, the noise taken off,
+    pub unexplained: Option<f64>,
+    /// and the camera's noise.
+    pub noise: Option<f64>,
+    /// What should be known, a sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// Unexplained light of so many times the noise is no fit.
+const TOO_MUCH: f64 = 2.0;
+/// Less noise than this share of the variance is not counted: it is what the prediction itself is good for.
+const LEAST: f64 = 1e-5;
+
+impl Report {
+    pub(super) fn new(
+        sorted: &Sorted,
+        start: &Parameters,
+        fit: &Fit,
+        captures: usize,
+        mut warnings: Vec<String>,
+        subpixels: usize,
+    ) -> Self {
+        let fitted = |p: &Parameter| {
+            let (name, unit) = p.name();
+            let (value, error) = (fit.at.get(*p), fit.error(*p));
+            match p {
+                Parameter::Crosstalk(_) => {
+                    Fitted { name, value: value.exp(), error: error.map(|e| e * value.exp()), unit }
+                }
+                _ => Fitted { name, value, error, unit },
+            }
+        };
+        let parameters = fit.free.iter().map(fitted).collect();
+        let confused: Vec<Confused> = fit
+            .confused()
+            .into_iter()
+            .map(|(a, b, correlation)| Confused { names: [a.name().0, b.name().0], correlation })
+            .collect();
+        let (mut before, mut unexplained, mut noise) = (None, None, None);
+        if !sorted.pairs.is_empty() {
+            let after = unseen(sorted, &fit.at, fit.exposure, subpixels);
+            let old = Parameters { model: start.model.clone(), ..fit.at.clone() };
+            let exposure = exposed(&sorted.pictures, &old, &sorted.fitted, subpixels);
+            before = Some(unseen(sorted, &old, exposure, subpixels).left);
+            unexplained = Some((after.left - after.noise).max(0.0));
+            noise = Some(after.noise);
+            if after.left - after.noise > TOO_MUCH * after.noise.max(LEAST) {
+                let share = 100.0 * (after.left - after.noise);
+                warnings.push(format!(
+                    "{share:.2} % of the pictures' variance is unexplained, and the camera's noise is {:.2} %: the bench \
+                     has a fault that the model has no term for",
+                    100.0 * after.noise
+                ));
+            }
+            for (i, [left, noise]) in after.by_picture.iter().enumerate() {
+                tracing::debug!("held-out picture {i}: left {left:.5}, noise {noise:.5}");
+            }
+        }
+        tracing::debug!("squares of the fit: {:.3} times the noise's", fit.squares);
+        let outside = sorted.pictures.views.iter().filter(|v| !v.look.holds(&fit.at)).count();
+        if outside > 0 {
+            warnings.push(format!(
+                "the iris is so far from where it was asked for that {outside} pictures are not predicted to their edge: \
+                 calibrate once more from the file that was written"
+            ));
+        }
+        let camera_rms_px = sorted.map_rms;
+        Self { captures, seconds: 0.0, parameters, confused, camera_rms_px, before, unexplained, noise, warnings }
+    }
+}

@@ -1,0 +1,218 @@
+//! Pictures, sorted by what they are for: dots, darkness, what was taken twice, and the rest.
+
+use super::acquire::Taken;
+use super::captures::{Shot, shown};
+use super::device::Set;
+use super::error::CalibrateError;
+use super::fit::{Pictures, View};
+use super::map::CameraMap;
+use super::noise::Noise;
+use super::parameters::Parameters;
+use super::picture::Picture;
+use super::seen::Look;
+use super::{dots, pattern};
+use crate::optics::{Color, Display, Optics, Pupil};
+use crate::solve::SplitMix;
+use std::path::PathBuf;
+
+/// Camera pixels of a picture that are fitted, and of one that is held out.
+const FITTED: usize = 1500;
+const HELD_OUT: usize = 6000;
+/// A camera pixel's sensitive share, where a fit begins.
+pub(super) const CAMERA_PIXEL: f64 = 0.9;
+
+/// The pictures, sorted by what they are for.
+pub(super) struct Sorted {
+    pub(super) pictures: Pictures,
+    pub(super) smooth: Vec<usize>,
+    pub(super) fitted: Vec<usize>,
+    /// Pictures of the same, taken twice.
+    pub(super) pairs: Vec<[usize; 2]>,
+    pub(super) map: CameraMap,
+    pub(super) map_rms: f64,
+    radius: f64,
+    camera: [usize; 2],
+    bits: u32,
+}
+
+/// A shot of a pattern, by the number of its set.
+struct Sight<'a> {
+    shot: &'a Shot,
+    set: usize,
+}
+
+/// Sorts the pictures: dots, darkness, what was taken twice, the rest.
+pub(super) fn sort(display: &Display, color: Color, taken: &Taken) -> Result<Sorted, CalibrateError> {
+    let optics = display.optics(color)?;
+    let slm = [display.height, display.width];
+    let camera = taken.hello.camera.resolution;
+    let wanted = pattern::dots_pattern(slm, taken.two_pi_level);
+    let (mut sets, mut names): (Vec<Set>, Vec<(PathBuf, String)>) = (Vec::new(), Vec::new());
+    let (mut sights, mut dark, mut found) = (Vec::new(), None, None);
+    for shot in &taken.shots {
+        let Some(show) = &shot.show else {
+            dark = Some(shot.picture(camera)?.median());
+            continue;
+        };
+        let set = match names.iter().position(|n| n == show) {
+            Some(set) => set,
+            None => {
+                let pattern = shown(&show.0, &show.1, slm, taken.two_pi_level)?;
+                names.push(show.clone());
+                sets.push(Set { pattern, windows: Vec::new() });
+                sets.len() - 1
+            }
+        };
+        let close = |(a, b): (&f32, &f32)| (a - b).abs() < 1e-4;
+        if sets[set].pattern.drive.len() == wanted.drive.len()
+            && sets[set].pattern.drive.iter().zip(&wanted.drive).all(close)
+        {
+            let picture = shot.picture(camera)?;
+            found = Some(dots::find(&picture, slm).map_err(|reason| {
+                CalibrateError::Pictures(format!(
+                    "{}: in the picture of the dots {reason}: is the SLM lit, and in focus on the camera?",
+                    shot.file.display()
+                ))
+            })?);
+        } else {
+            sights.push(Sight { shot, set });
+        }
+    }
+    let Some((map, map_rms)) = found else {
+        return Err(CalibrateError::Pictures(
+            "there is no picture of the dots, which say where the camera looks".into(),
+        ));
+    };
+    if sights.len() < 4 {
+        return Err(CalibrateError::Pictures(format!(
+            "{} pictures of patterns are too few to fit a model to",
+            sights.len()
+        )));
+    }
+    let radius = display.eyebox_min() / 2.0;
+    let pictures = Pictures { optics, sets, views: Vec::new() };
+    let (smooth, fitted, pairs) = (Vec::new(), Vec::new(), Vec::new());
+    let mut sorted =
+        Sorted { pictures, smooth, fitted, pairs, map, map_rms, radius, camera, bits: taken.hello.camera.bits };
+    sorted.add(display, color, &sights, dark)?;
+    Ok(sorted)
+}
+
+impl Sorted {
+    fn add(
+        &mut self,
+        display: &Display,
+        color: Color,
+        sights: &[Sight],
+        dark: Option<f64>,
+    ) -> Result<(), CalibrateError> {
+        let at = Parameters { model: display.model(color), map: self.map, camera_pixel: CAMERA_PIXEL };
+        let twin = |i: usize| {
+            let same = |a: &Sight, b: &Sight| {
+                a.set == b.set && a.shot.iris_mm == b.shot.iris_mm && a.shot.focus_mm == b.shot.focus_mm
+            };
+            (0..sights.len()).find(|j| *j != i && same(&sights[i], &sights[*j]))
+        };
+        for (i, sight) in sights.iter().enumerate() {
+            let twin = twin(i);
+            if twin.is_some_and(|first| first < i) {
+                continue;
+            }
+            let picture = sight.shot.picture(self.camera)?;
+            let count = if twin.is_some() { HELD_OUT } else { FITTED };
+            let mut pixels = self.pixels(&picture, count, i as u64);
+            let other = twin.map(|other| sights[other].shot.picture(self.camera)).transpose()?;
+            if let Some(other) = &other {
+                pixels.retain(|p| !other.is_full(*p));
+            }
+            let view = self.view(sight, &picture, &pixels, &at)?;
+            match (twin, other) {
+                (Some(other_index), Some(other)) => {
+                    let second = self.view(&sights[other_index], &other, &pixels, &at)?;
+                    self.pairs.push([view, second]);
+                }
+                _ => {
+                    self.fitted.push(view);
+                    let pattern = &self.pictures.sets[sight.set].pattern;
+                    if pattern.frames == 1 && pattern.is_smooth() {
+                        self.smooth.push(view);
+                    }
+                }
+            }
+        }
+        let noise = self.noise(dark);
+        for view in &mut self.pictures.views {
+            view.variance = view.counts.iter().map(|c| noise.variance(*c)).collect();
+        }
+        Ok(())
+    }
+
+    /// Some of the camera's pixels that look well inside the SLM's image and are not saturated.
+    fn pixels(&self, picture: &Picture, count: usize, seed: u64) -> Vec<usize> {
+        let [rows, columns] = self.map.slm.map(|n| n as f64);
+        let mut random = SplitMix(seed ^ 0x7069_7865_6c73);
+        let mut found = Vec::new();
+        // A camera that sees little of the SLM has few of them.
+        for _ in 0..40 * count {
+            if found.len() == count {
+                break;
+            }
+            let at = (random.unit() * picture.values.len() as f64) as usize;
+            let [x, y] = self.map.to_slm([(at % picture.width) as f64, (at / picture.width) as f64]);
+            let inside = (2.0..columns - 3.0).contains(&x) && (2.0..rows - 3.0).contains(&y);
+            if inside && !picture.is_full(at) {
+                found.push(at);
+            }
+        }
+        found.sort_unstable();
+        found.dedup();
+        found
+    }
+
+    /// Adds a picture at these pixels: its number.
+    fn view(
+        &mut self,
+        sight: &Sight,
+        picture: &Picture,
+        pixels: &[usize],
+        at: &Parameters,
+    ) -> Result<usize, CalibrateError> {
+        let optics: Optics = self.pictures.optics;
+        let Some([x, y, d]) = sight.shot.iris_mm else {
+            let reason = "has no iris_mm: the model's numbers are told apart by what an iris passes".into();
+            return Err(CalibrateError::Captures { file: sight.shot.file.display().to_string(), reason });
+        };
+        let pupil = Pupil::from_mm([x, y, d, sight.shot.focus_mm]).check()?;
+        let place = |p: &usize| [(p % picture.width) as f64, (p / picture.width) as f64];
+        let look = Look::new(optics, pupil, self.radius, at, pixels.iter().map(place).collect());
+        let windows = &mut self.pictures.sets[sight.set].windows;
+        let window = windows.iter().position(|w| *w == look.window).unwrap_or_else(|| {
+            windows.push(look.window.clone());
+            windows.len() - 1
+        });
+        let counts: Vec<f64> = pixels.iter().map(|p| f64::from(picture.values[*p])).collect();
+        if counts.is_empty() {
+            return Err(CalibrateError::Captures {
+                file: sight.shot.file.display().to_string(),
+                reason: "has no pixel that looks at the SLM and is not saturated".into(),
+            });
+        }
+        let exposure_ms = sight.shot.exposure_ms;
+        self.pictures.views.push(View { set: sight.set, window, look, counts, variance: Vec::new(), exposure_ms });
+        Ok(self.pictures.views.len() - 1)
+    }
+
+    /// The camera's noise, from the pictures that were taken twice.
+    fn noise(&self, dark: Option<f64>) -> Noise {
+        let views = &self.pictures.views;
+        let least = || views.iter().flat_map(|v| v.counts.iter().copied()).fold(1.0, f64::min);
+        let dark = dark.unwrap_or_else(least);
+        let pairs = self.pairs.iter().flat_map(|[a, b]| {
+            let scale = views[*a].exposure_ms / views[*b].exposure_ms;
+            views[*a].counts.iter().zip(&views[*b].counts).map(move |(a, b)| [*a, dark + (b - dark) * scale])
+        });
+        let pairs: Vec<[f64; 2]> = pairs.collect();
+        let least = 0.25f64.powi(self.bits as i32) / 12.0;
+        if pairs.len() < 200 { Noise::usual(dark, least) } else { Noise::of_pairs(&pairs, dark, least) }
+    }
+}

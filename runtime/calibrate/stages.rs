@@ -1,0 +1,156 @@
+//! The fit in its order (OPTICS 10): where the camera looks, what smooth patterns tell, what random ones tell, all of it.
+
+use super::acquire::{TAKING, Taken};
+use super::bench::Event;
+use super::error::CalibrateError;
+use super::fit::Fit;
+use super::parameters::{Parameter, Parameters};
+use super::report::Report;
+use super::sorted::{CAMERA_PIXEL, Sorted, sort};
+use super::terms;
+use crate::optics::{Color, Display, Spread};
+
+/// Sub-pixels along an axis while the fit is sought, and at its end.
+const COARSE: usize = 2;
+const FINE: usize = 5;
+/// A display whose own model leaves so many times the noise's squares is as its file says.
+const AT_THE_NOISE: f64 = 1.3;
+/// So too where the fit's are not this much fewer.
+const NO_BETTER: f64 = 1.05;
+/// Crosstalk of a real device, where a fit begins (Schroff et al. 2024).
+const CROSSTALK: Spread = Spread { q: 1.2, sigma: 2.03 };
+
+/// Fits, and says what came of it.
+pub(super) fn run(
+    display: &Display,
+    color: Color,
+    taken: Taken,
+    quick: bool,
+    tell: &dyn Fn(Event),
+) -> Result<(Display, Report), CalibrateError> {
+    let share = |from: f64, to: f64, part: f64| TAKING + (1.0 - TAKING) * (from + (to - from) * part);
+    tell(Event::At("looking for the dots", TAKING));
+    let model = display.model(color);
+    let sorted = sort(display, color, &taken)?;
+    let mut warnings = taken.warnings.clone();
+    if sorted.pairs.is_empty() {
+        warnings.push("no picture was taken twice: how large the camera's noise is was not measured".into());
+    }
+    let pictures = &sorted.pictures;
+    let start = Parameters { model: model.clone(), map: sorted.map, camera_pixel: CAMERA_PIXEL };
+    let map: Vec<Parameter> = (0..9).map(Parameter::Map).collect();
+    // The display as its file has it, and nothing but where the camera looks.
+    let mut camera = map.clone();
+    camera.push(Parameter::CameraPixel);
+    let mut looking = |part| tell(Event::At("fitting where the camera looks", share(0.0, 0.05, part)));
+    let own = pictures.fit(&start, &camera, &sorted.fitted, (FINE, 6, 0.01), &mut looking)?;
+    let captures = taken.shots.len();
+    if own.squares < AT_THE_NOISE {
+        let report = Report::new(&sorted, &start, &own, captures, warnings, FINE);
+        return Ok((display.clone(), report));
+    }
+    let mut at = start.clone();
+    if !quick && !sorted.smooth.is_empty() {
+        at = smooth(&sorted, &at, &map, &mut |part| {
+            tell(Event::At("fitting smooth patterns", share(0.05, 0.25, part)))
+        })?;
+    }
+    let has_sets = sorted.fitted.iter().any(|v| pictures.sets[pictures.views[*v].set].pattern.frames > 1);
+    let mut free = Parameter::all();
+    if quick {
+        free.retain(|p| p.drifts());
+    }
+    free.retain(|p| has_sets || *p != Parameter::Lag);
+    let plain: Vec<Parameter> = free.iter().copied().filter(|p| !matches!(p, Parameter::Crosstalk(_))).collect();
+    let mut fitting = |part| tell(Event::At("fitting all pictures", share(0.25, 0.6, part)));
+    let mut fit = if quick || at.model.crosstalk.is_some() {
+        pictures.fit(&at, &free, &sorted.fitted, (COARSE, 6, 0.02), &mut fitting)?
+    } else {
+        // Where there is none, crosstalk is slow to go.
+        if at.model.fill == 0.0 {
+            at.model.fill = 0.9;
+        }
+        let without = pictures.fit(&at, &plain, &sorted.fitted, (1, 8, 0.02), &mut fitting)?;
+        at.model.crosstalk = Some([CROSSTALK; 4]);
+        let with = pictures.fit(&at, &free, &sorted.fitted, (COARSE, 6, 0.02), &mut fitting)?;
+        if with.squares < 0.95 * without.squares { with } else { without }
+    };
+    if fit.at.model.crosstalk.is_none() {
+        free = plain;
+    }
+    let mut fitting = |part| tell(Event::At("fitting all pictures finely", share(0.6, 0.9, part)));
+    fit = pictures.fit(&fit.at, &free, &sorted.fitted, (FINE, 10, 1e-4), &mut fitting)?;
+    tell(Event::At("leaving out what does not show", share(0.0, 1.0, 0.9)));
+    let fit = terms::settle(pictures, &sorted.fitted, &start, fit, FINE)?;
+    let fit = if own.squares < NO_BETTER * fit.squares { own } else { fit };
+    tell(Event::At("looking at pictures that were not fitted", share(0.0, 1.0, 0.95)));
+    let report = Report::new(&sorted, &start, &fit, captures, warnings, FINE);
+    let display = terms::written(display, color, &start, &fit, captures);
+    Ok((display, report))
+}
+
+impl Parameter {
+    /// Whether it changes from day to day.
+    fn drifts(self) -> bool {
+        matches!(self, Self::Map(_) | Self::Iris(_) | Self::Source(0 | 1) | Self::Level(_) | Self::Wavefront(3..=5))
+    }
+}
+
+/// What smooth patterns tell: the map, source, table, undiffracted light.
+fn smooth(
+    sorted: &Sorted,
+    start: &Parameters,
+    map: &[Parameter],
+    observe: &mut dyn FnMut(f64),
+) -> Result<Parameters, CalibrateError> {
+    let pictures = &sorted.pictures;
+    // A model from a file knows the crosstalk; an unknown one is not to be seen in smooth patterns.
+    let near =
+        |p: &Parameter| !matches!(p, Parameter::Crosstalk(_) | Parameter::Fill | Parameter::Lag | Parameter::Map(_));
+    let rest = |p: &Parameter| matches!(p, Parameter::Undiffracted(_));
+    let mut free: Vec<Parameter> = Parameter::all().into_iter().filter(|p| near(p) && !rest(p)).collect();
+    free.extend(map);
+    let fit = pictures.fit(start, &free, &sorted.smooth, (1, 6, 0.01), &mut |part| observe(0.5 * part))?;
+    let mut at = fit.at.clone();
+    if at.model.undiffracted == [0.0; 5] {
+        at.model.undiffracted = undiffracted(sorted, &fit);
+    }
+    free.extend((0..5).map(Parameter::Undiffracted));
+    Ok(pictures.fit(&at, &free, &sorted.smooth, (1, 8, 3e-3), &mut |part| observe(0.5 + 0.5 * part))?.at)
+}
+
+/// The phase of undiffracted light that explains most of what a fit left: nothing of it shows while its amplitude is 0.
+fn undiffracted(sorted: &Sorted, fit: &Fit) -> [f64; 5] {
+    let pictures = &sorted.pictures;
+    let which: Vec<usize> = sorted.smooth.iter().copied().take(4).collect();
+    let free = [Parameter::Undiffracted(0), Parameter::Undiffracted(1)];
+    let now = pictures.see(&fit.at, 1, &which, &[]);
+    let residuals: Vec<Vec<f64>> =
+        which.iter().zip(&now).map(|(v, seen)| pictures.residuals(*v, seen, fit.exposure)).collect();
+    let mut best = (0.0, [0.0; 5]);
+    for i in 0..9 * 9 * 3 {
+        let phase = [f64::from(i % 9 - 4), f64::from(i / 9 % 9 - 4), f64::from(i / 81 - 1)];
+        let mut at = fit.at.clone();
+        at.model.undiffracted[2..].copy_from_slice(&phase);
+        let seen = pictures.see(&at, 1, &which, &free);
+        let mut sums = [0.0; 5];
+        for ((v, seen), residuals) in which.iter().zip(&seen).zip(&residuals) {
+            let gain = fit.exposure.gain * pictures.views[*v].exposure_ms;
+            for (i, r) in residuals.iter().enumerate() {
+                let (re, im, w) =
+                    (seen.slopes[0][i] * gain, seen.slopes[1][i] * gain, 1.0 / pictures.views[*v].variance[i]);
+                for (sum, term) in sums.iter_mut().zip([re * re, re * im, im * im, -re * r, -im * r]) {
+                    *sum += term * w;
+                }
+            }
+        }
+        let [rr, ri, ii, r, m] = sums;
+        let det = rr * ii - ri * ri;
+        let (re, im) = ((ii * r - ri * m) / det, (rr * m - ri * r) / det);
+        let gained = re * r + im * m;
+        if gained.is_finite() && gained > best.0 && re.hypot(im) < 0.5 {
+            best = (gained, [re, im, phase[0], phase[1], phase[2]]);
+        }
+    }
+    best.1
+}

@@ -1,0 +1,222 @@
+//! Which terms of the model show, and the display file with them.
+
+use super::error::CalibrateError;
+use super::fit::{Fit, Pictures};
+use super::linear::solve;
+use super::parameters::{Parameter, Parameters, WAVEFRONT};
+use crate::optics::{Color, Display, DisplayModel, Level, ModelTerms, Spread};
+use std::time::SystemTime;
+
+/// A term less than so many standard errors from where it was stays there.
+const SHOWS: f64 = 3.0;
+
+/// The terms: each is on or off as a whole.
+fn terms() -> Vec<Vec<Parameter>> {
+    let counted = |make: fn(usize) -> Parameter, count: usize| (0..count).map(make).collect::<Vec<_>>();
+    let mut terms = vec![
+        counted(Parameter::Crosstalk, 8),
+        counted(Parameter::Level, 9),
+        counted(Parameter::Bend, 2),
+        vec![Parameter::Lag],
+        counted(Parameter::Source, 5),
+        counted(Parameter::Undiffracted, 5),
+        vec![Parameter::Fill],
+        counted(Parameter::Iris, 3),
+    ];
+    terms.extend(WAVEFRONT.map(|j| vec![Parameter::Wavefront(j)]));
+    terms
+}
+
+/// Whether a term shows: what it gained in squares is more than its numbers gain by chance, with `SHOWS` to spare.
+fn shows(fit: &Fit, start: &Parameters, term: &[Parameter]) -> bool {
+    let places: Vec<usize> = term.iter().filter_map(|p| fit.free.iter().position(|f| f == p)).collect();
+    if places.is_empty() {
+        return false;
+    }
+    if let Parameter::Crosstalk(_) = term[0] {
+        return crosstalk_shows(fit);
+    }
+    let off = |p: &usize| match fit.free[*p] {
+        // Where it is 0 its square is what the light depends on.
+        Parameter::Fill => (fit.at.model.fill - start.model.fill) / 2.0,
+        p => fit.at.get(p) - start.get(p),
+    };
+    // Amplitudes alone: phases mean nothing without them.
+    let places: Vec<usize> =
+        places.into_iter().filter(|p| !matches!(fit.free[*p], Parameter::Undiffracted(2..))).collect();
+    let away: Vec<f64> = places.iter().map(off).collect();
+    let among: Vec<Vec<f64>> = places.iter().map(|i| places.iter().map(|j| fit.covariance[*i][*j]).collect()).collect();
+    let Some(solved) = solve(&among, &away) else { return true };
+    let squares: f64 = away.iter().zip(solved).map(|(a, s)| a * s).sum();
+    let n = away.len() as f64;
+    squares > n - 1.0 + SHOWS * SHOWS * (1.0 + (2.0 * (n - 1.0)).sqrt() / SHOWS)
+}
+
+/// Whether any side's transfer at half a cycle per pixel is less than 1 by more than `SHOWS` standard errors.
+fn crosstalk_shows(fit: &Fit) -> bool {
+    let Some(sides) = fit.at.model.crosstalk else { return false };
+    sides.iter().enumerate().any(|(side, Spread { q, sigma })| {
+        let loss = (0.5 / sigma).powf(*q);
+        // By ln q and ln sigma.
+        let slopes = [loss * q * (0.5 / sigma).ln(), -loss * q];
+        let places = [0, 1].map(|i| fit.free.iter().position(|p| *p == Parameter::Crosstalk(2 * side + i)));
+        let [Some(a), Some(b)] = places else { return false };
+        let c = &fit.covariance;
+        let variance =
+            slopes[0] * slopes[0] * c[a][a] + 2.0 * slopes[0] * slopes[1] * c[a][b] + slopes[1] * slopes[1] * c[b][b];
+        loss > SHOWS * variance.sqrt()
+    })
+}
+
+/// Puts terms that do not show where they were, and fits the others once more.
+pub(super) fn settle(
+    pictures: &Pictures,
+    which: &[usize],
+    start: &Parameters,
+    mut fit: Fit,
+    subpixels: usize,
+) -> Result<Fit, CalibrateError> {
+    for _ in 0..2 {
+        let hidden: Vec<Parameter> = terms()
+            .into_iter()
+            .filter(|term| !shows(&fit, start, term))
+            .flatten()
+            .filter(|p| fit.free.contains(p))
+            .collect();
+        if hidden.is_empty() {
+            break;
+        }
+        let mut at = fit.at.clone();
+        at.model = with_terms_of(&at.model, &start.model, &hidden);
+        let free: Vec<Parameter> = fit.free.iter().copied().filter(|p| !hidden.contains(p)).collect();
+        fit = pictures.fit(&at, &free, which, (subpixels, 3, 1e-4), &mut |_| ())?;
+    }
+    Ok(fit)
+}
+
+/// A model with some of another's terms.
+fn with_terms_of(model: &DisplayModel, other: &DisplayModel, hidden: &[Parameter]) -> DisplayModel {
+    let mut model = model.clone();
+    for p in hidden {
+        match p {
+            Parameter::Crosstalk(_) => model.crosstalk = other.crosstalk,
+            Parameter::Level(_) => model.level = other.level,
+            Parameter::Bend(_) => model.bend = other.bend,
+            Parameter::Lag => model.lag = other.lag,
+            Parameter::Source(_) => model.source = other.source,
+            Parameter::Undiffracted(_) => model.undiffracted = other.undiffracted,
+            Parameter::Fill => model.fill = other.fill,
+            Parameter::Iris(_) => model.iris = other.iris,
+            Parameter::Wavefront(j) => match other.wavefront.get(j) {
+                Some(waves) => drop(model.wavefront.insert(*j, *waves)),
+                None => drop(model.wavefront.remove(j)),
+            },
+            Parameter::Map(_) | Parameter::CameraPixel => {}
+        }
+    }
+    model
+}
+
+/// The display with what was fitted, and its standard errors.
+pub(super) fn written(display: &Display, color: Color, start: &Parameters, fit: &Fit, captures: usize) -> Display {
+    let mut display = display.clone();
+    if fit.at.model == start.model {
+        return display;
+    }
+    let (at, mut errors, mut terms) = (&fit.at, ModelTerms::default(), ModelTerms::default());
+    let error = |p: Parameter| fit.error(p).unwrap_or(0.0);
+    let rounded = |value: f64, error: f64| {
+        // Two digits of the error are enough, and all of what was not fitted.
+        if error <= 0.0 || !error.is_finite() {
+            return value;
+        }
+        let unit = 10f64.powi(error.log10().floor() as i32 - 2);
+        let text = format!("{:e}", (value / unit).round() * unit);
+        format!("{:.12e}", text.parse::<f64>().unwrap_or(value)).parse().unwrap_or(value)
+    };
+    let number = |p: Parameter| rounded(at.get(p), error(p));
+    let about = |p: Parameter| rounded(error(p), error(p));
+    let fitted = |p: Parameter| fit.free.contains(&p);
+    let (model, old) = (&at.model, &start.model);
+    if fitted(Parameter::Level(0)) || model.level != old.level {
+        let nodes =
+            |value: &dyn Fn(Parameter) -> f64| [0, 1, 2].map(|y| [0, 1, 2].map(|x| value(Parameter::Level(3 * y + x))));
+        terms.level = Some(Level::Nodes(nodes(&number)));
+        errors.level = Some(Level::Nodes(nodes(&about)));
+    }
+    if fitted(Parameter::Bend(0)) {
+        terms.bend = Some([0, 1].map(|i| number(Parameter::Bend(i))));
+        errors.bend = Some([0, 1].map(|i| about(Parameter::Bend(i))));
+    }
+    if fitted(Parameter::Lag) {
+        (terms.lag, errors.lag) = (Some(number(Parameter::Lag).max(0.0)), Some(about(Parameter::Lag)));
+    }
+    if fitted(Parameter::Crosstalk(0)) {
+        let side = |i: usize| {
+            let error = |i: usize| error(Parameter::Crosstalk(i));
+            let value = |i: usize| at.get(Parameter::Crosstalk(i)).exp();
+            let number = |i: usize| rounded(value(i), error(i) * value(i));
+            let about = |i: usize| rounded(error(i) * value(i), error(i) * value(i));
+            [[number(2 * i), number(2 * i + 1)], [about(2 * i), about(2 * i + 1)]].map(Spread::from)
+        };
+        let sides = [0, 1, 2, 3].map(side);
+        terms.crosstalk = Some(sides.map(|[number, _]| number));
+        errors.crosstalk = Some(sides.map(|[_, about]| about));
+    }
+    if fitted(Parameter::Fill) {
+        (terms.fill, errors.fill) = (Some(number(Parameter::Fill)), Some(about(Parameter::Fill)));
+    }
+    let five = |make: fn(usize) -> Parameter, value: &dyn Fn(Parameter) -> f64| [0, 1, 2, 3, 4].map(|i| value(make(i)));
+    if fitted(Parameter::Source(0)) {
+        terms.source = Some(five(Parameter::Source, &number));
+        errors.source = Some(five(Parameter::Source, &about));
+    }
+    if fitted(Parameter::Undiffracted(0)) {
+        terms.undiffracted = Some(five(Parameter::Undiffracted, &number));
+        errors.undiffracted = Some(five(Parameter::Undiffracted, &about));
+    }
+    if fitted(Parameter::Iris(0)) {
+        terms.iris = Some([0, 1, 2].map(|i| number(Parameter::Iris(i))));
+        errors.iris = Some([0, 1, 2].map(|i| about(Parameter::Iris(i))));
+    }
+    terms.wavefront = model.wavefront.keys().map(|j| (*j, number(Parameter::Wavefront(*j)))).collect();
+    let named = terms.wavefront.keys().filter(|j| fitted(Parameter::Wavefront(**j)));
+    errors.wavefront = named.map(|j| (*j, about(Parameter::Wavefront(*j)))).collect();
+    terms.from = format!("eyebox calibrate, {captures} pictures");
+    terms.date = today();
+    let section = display.model.entry(color.into()).or_default();
+    let before = std::mem::take(section);
+    *section = merged(before, terms, errors);
+    display
+}
+
+/// What was fitted, and what was known of other terms before.
+fn merged(before: ModelTerms, fitted: ModelTerms, errors: ModelTerms) -> ModelTerms {
+    let wavefront = if fitted.wavefront.is_empty() { before.wavefront } else { fitted.wavefront };
+    ModelTerms {
+        level: fitted.level.or(before.level),
+        bend: fitted.bend.or(before.bend),
+        lag: fitted.lag.or(before.lag),
+        crosstalk: fitted.crosstalk.or(before.crosstalk),
+        fill: fitted.fill.or(before.fill),
+        source: fitted.source.or(before.source),
+        undiffracted: fitted.undiffracted.or(before.undiffracted),
+        iris: fitted.iris.or(before.iris),
+        wavefront,
+        errors: Some(Box::new(errors)),
+        ..fitted
+    }
+}
+
+/// The day, as year-month-day (Hinnant's civil calendar).
+fn today() -> String {
+    let seconds = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |d| d.as_secs());
+    let days = (seconds / 86_400) as i64 + 719_468;
+    let era = days.div_euclid(146_097);
+    let day = days.rem_euclid(146_097);
+    let year = (day - day / 1460 + day / 36_524 - day / 146_096) / 365;
+    let of_year = day - (365 * year + year / 4 - year / 100);
+    let month = (5 * of_year + 2) / 153;
+    let (d, m) = (of_year - (153 * month + 2) / 5 + 1, if month < 10 { month + 3 } else { month - 9 });
+    format!("{:04}-{m:02}-{d:02}", year + era * 400 + i64::from(m <= 2))
+}

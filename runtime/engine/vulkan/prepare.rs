@@ -1,0 +1,47 @@
+//! What steps will need, made before the first of them.
+
+use super::check::check;
+use super::engine::VulkanEngine;
+use crate::engine::{EngineError, Step};
+use std::collections::HashSet;
+
+impl VulkanEngine {
+    /// Makes memory, pipelines and tables of these steps: see [`Engine::prepare`](crate::engine::Engine::prepare).
+    pub(super) fn prepare_steps(
+        &mut self,
+        steps: &mut dyn Iterator<Item = Step>,
+        at_once: Option<usize>,
+    ) -> Result<(), EngineError> {
+        self.gpu.recorder.idle()?;
+        // Recorded and thrown away: whatever that asks for is made.
+        self.gpu.want();
+        let mut seen = HashSet::new();
+        let mut recorded = Ok(());
+        for step in steps {
+            recorded = recorded.and_then(|()| self.prepare_step(&step, at_once, &mut seen));
+        }
+        self.gpu.compile().and(recorded)
+    }
+
+    /// Makes room for a step, and records it if it has windows that were not seen.
+    fn prepare_step(
+        &mut self,
+        step: &Step,
+        at_once: Option<usize>,
+        seen: &mut HashSet<[usize; 2]>,
+    ) -> Result<(), EngineError> {
+        check(step, &(0..step.list.len()), &self.shape, self.views.as_ref())?;
+        self.flights[self.at].lay_out(step, &self.shape, self.views.as_ref());
+        self.fit_flights()?;
+        match at_once {
+            Some(count) => self.arenas.fit_any(&mut self.gpu, &step.pupil_passes, count, &self.shape)?,
+            None => self.arenas.fit(&mut self.gpu, step, &self.shape)?,
+        }
+        let windows = step.pupil_passes.iter().map(|pass| [pass.window.rows, pass.window.columns]);
+        // All of them, not up to the first that is new.
+        if windows.filter(|window| seen.insert(*window)).count() == 0 {
+            return Ok(());
+        }
+        self.record(step, &step.list.iter().collect::<Vec<_>>(), true, false)
+    }
+}

@@ -1,0 +1,153 @@
+//! Whether a device computes what it should: tried when it is first met, against float64, and remembered.
+//!
+//! What rests on the rounding of float32 most, and what all else goes through: the propagation kernel, whose phase runs to
+//! thousands of turns, and a transform along rows and columns.
+
+use super::engine::VulkanEngine;
+use crate::engine::{Buffer, Dispatch, Engine, EngineError, Kernel, Purpose};
+use crate::gpu::{DeviceReport, Gpu, Tested};
+use crate::optics::{Optics, Pupil, WindowFactor, transfer};
+use crate::plan::{Comparison, Planner};
+use eyebox_kernels::Complex64;
+use eyebox_kernels::fft::{Columns, Direction, transform_f64};
+
+use std::sync::PoisonError;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// Error power over signal power that is right; what is right leaves 1e-13, what is wrong most of 1.
+const ALLOWED: f64 = 1e-10;
+
+/// Tries the device, unless this was done before, with this driver and these kernels.
+///
+/// # Errors
+/// [`EngineError::WrongResults`]; those of the device.
+pub(crate) fn check(gpu: &Gpu) -> Result<(), EngineError> {
+    let device = &gpu.device;
+    // Who comes second waits for the first.
+    let mut is_tested = device.is_tested.lock().unwrap_or_else(PoisonError::into_inner);
+    if *is_tested || device.record_only || device.record.as_ref().is_some_and(|record| record.read().is_some()) {
+        *is_tested = true;
+        return Ok(());
+    }
+    let [transfer, transform] = errors(VulkanEngine::untested(gpu)?)?;
+    judge(&device.report, "the propagation kernel", transfer)?;
+    judge(&device.report, "a transform", transform)?;
+    let at_unix_s = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+    let tested = Tested { at_unix_s, transfer, transform };
+    tracing::debug!("{}: tried, error power {transfer:.1e} and {transform:.1e}", device.report.name);
+    if let Some(record) = &device.record {
+        record.write(tested);
+    }
+    *is_tested = true;
+    Ok(())
+}
+
+fn judge(report: &DeviceReport, what: &'static str, error: f64) -> Result<(), EngineError> {
+    if error <= ALLOWED {
+        return Ok(());
+    }
+    let (device, driver) = (report.name.clone(), report.driver.clone());
+    Err(EngineError::WrongResults { device, driver, what, error, allowed: ALLOWED })
+}
+
+/// Error power over signal power of the propagation kernel, and of a transform.
+fn errors(mut engine: VulkanEngine) -> Result<[f64; 2], EngineError> {
+    const SIZE: [usize; 2] = [60, 120];
+    let [height, width] = SIZE;
+    let invalid = |e: crate::optics::OpticsError| EngineError::Mismatch { reason: e.to_string() };
+    let optics = Optics::new(height, width, 8e-6, 520e-9, 0.4).map_err(invalid)?;
+    let planner = Planner::new(optics, 1, WindowFactor::Two);
+    let pupil = Pupil { x: 1e-3, y: -1e-3, diameter: 0.8 * optics.eyebox(), depth: 0.3 };
+    let pass = planner.pupil_pass(&pupil, &Comparison::default());
+    let mut step = planner.project_step(vec![pass], usize::MAX, 1.0, 1.0, 0.0);
+    step.columns = Columns { first: 0, count: width };
+    step.list = vec![
+        Dispatch { kernel: Kernel::Transfer, pupil_passes: 0..1 },
+        Dispatch { kernel: Kernel::FieldForward, pupil_passes: 0..0 },
+    ];
+    engine.load(&planner.shape(Purpose::View), None)?;
+    let noise = |i: usize| ((i * 7919 + 13) % 1009) as f32 / 504.5 - 1.0;
+    let field: Vec<f32> = (0..2 * height * width).map(noise).collect();
+    engine.write(Buffer::Field, &field)?;
+    engine.run(&step)?;
+
+    let window = step.pupil_passes[0].window;
+    let mut propagation = Vec::with_capacity(window.rows * window.columns);
+    for row in 0..window.rows as i64 {
+        for column in 0..window.columns as i64 {
+            let (re, im) = transfer(&optics, &pupil, window.y0 + row, window.x0 + column);
+            propagation.push(Complex64::new(re, im));
+        }
+    }
+    let mut spectrum: Vec<Complex64> =
+        field.chunks_exact(2).map(|z| Complex64::new(f64::from(z[0]), f64::from(z[1]))).collect();
+    transform_f64(&mut spectrum, width, Direction::Forward);
+    let mut turned: Vec<Complex64> = (0..height * width).map(|i| spectrum[i % height * width + i / height]).collect();
+    transform_f64(&mut turned, height, Direction::Forward);
+    let spectrum: Vec<Complex64> = (0..height * width).map(|i| turned[i % width * height + i / width]).collect();
+    let got = [engine.read(Buffer::Transfer(0))?, engine.read(Buffer::Field)?];
+    Ok([distance(&got[0], &propagation), distance(&got[1], &spectrum)])
+}
+
+/// Error power over signal power; infinite where something is no number.
+fn distance(got: &[f32], want: &[Complex64]) -> f64 {
+    let (mut error, mut power) = (0f64, 0f64);
+    for (got, want) in got.chunks_exact(2).zip(want) {
+        error += (Complex64::new(f64::from(got[0]), f64::from(got[1])) - want).norm_sqr();
+        power += want.norm_sqr();
+    }
+    if got.len() == 2 * want.len() && (error / power).is_finite() { error / power } else { f64::INFINITY }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::{Options, devices};
+
+    fn open(cache: &std::path::Path) -> Gpu {
+        let options = Options { allow_cpu: true, cache: Some(cache.to_owned()), ..Options::default() };
+        Gpu::open(&options).unwrap_or_else(|e| panic!("{e}"))
+    }
+
+    #[test]
+    fn a_device_is_tried_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let gpu = open(folder.path());
+        let record = gpu.device.record.as_ref().unwrap();
+        assert!(record.read().is_none());
+        drop(VulkanEngine::new(&gpu).unwrap());
+        let tested = record.read().unwrap();
+        assert!(tested.transfer < 1e-12 && tested.transform < 1e-12 && tested.at_unix_s > 1_700_000_000, "{tested:?}");
+        // Neither this process nor the next one tries it again.
+        for gpu in [gpu.clone(), open(folder.path())] {
+            let before = gpu.counts();
+            drop(VulkanEngine::new(&gpu).unwrap());
+            assert_eq!(gpu.counts().since(before).submissions, 0);
+        }
+        // A record that is another device's, cut or no record at all is no record.
+        for file in std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().path()) {
+            if file.extension().is_some_and(|e| e == "json") {
+                let text = std::fs::read_to_string(&file).unwrap();
+                for wrong in [text.replacen("\"device\":\"", "\"device\":\"not ", 1), text[..20].into(), "[]".into()] {
+                    std::fs::write(&file, wrong).unwrap();
+                    assert!(record.read().is_none());
+                }
+            }
+        }
+        assert!(devices().unwrap().iter().all(|d| d.usable.is_ok() || d.tested.is_none()));
+    }
+
+    #[test]
+    fn a_device_that_is_wrong_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let gpu = open(folder.path());
+        let mut engine = VulkanEngine::untested(&gpu).unwrap();
+        engine.pretend_wrong();
+        let [transfer, transform] = errors(engine).unwrap();
+        assert!(transfer > 1e-3 && transform > 1e-3, "{transfer:e} {transform:e}");
+        let text = judge(gpu.report(), "a transform", transform).unwrap_err().to_string();
+        assert!(text.contains("a transform") && text.contains("1e-10") && text.contains(&gpu.report().name), "{text}");
+        assert!(judge(gpu.report(), "a transform", f64::INFINITY).is_err());
+        assert!(judge(gpu.report(), "a transform", f64::NAN).is_err());
+    }
+}

@@ -1,0 +1,125 @@
+//! What is changed of a module before a driver takes it: words of SPIR-V, instruction by instruction.
+
+use ash::vk;
+
+/// The instructions behind the header: where each begins, its code, its words.
+pub(super) fn instructions(words: &[u32]) -> impl Iterator<Item = (usize, u32, &[u32])> {
+    let mut at = 5;
+    std::iter::from_fn(move || {
+        let first = *words.get(at)?;
+        let instruction = words.get(at..at + (first >> 16).max(1) as usize)?;
+        at += instruction.len();
+        Some((at - instruction.len(), first & 0xffff, instruction))
+    })
+}
+
+/// Says, of a module with halves, that its device keeps halves that are subnormal when it unpacks them: see `half.glsl`.
+const PRESERVES_HALVES: u32 = 100;
+
+/// How a device is to compute with floats, as far as it lets modules say so: capabilities, execution modes and widths.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(crate) struct FloatModes {
+    modes: Vec<(u32, u32, u32)>,
+    /// Whether subnormal halves are kept.
+    preserves_halves: bool,
+}
+
+impl FloatModes {
+    /// Rounding of float32 to the nearest, on which pairs of them rely; no assumption that nothing is NaN, on which losses
+    /// rely; subnormal halves kept.
+    pub(super) fn of(controls: &vk::PhysicalDeviceFloatControlsProperties<'_>) -> Self {
+        use vk::ShaderFloatControlsIndependence as Independence;
+        const PRESERVE_SUBNORMAL: (u32, u32) = (4464, 4459);
+        const PRESERVE_NAN: (u32, u32) = (4466, 4461);
+        const ROUND_TO_NEAREST: (u32, u32) = (4467, 4462);
+        let mut modes = Vec::new();
+        let mut add = |(capability, mode), width| modes.push((capability, mode, width));
+        if controls.shader_signed_zero_inf_nan_preserve_float32 == vk::TRUE {
+            add(PRESERVE_NAN, 32);
+        }
+        if controls.shader_rounding_mode_rte_float32 == vk::TRUE
+            && controls.rounding_mode_independence != Independence::NONE
+        {
+            add(ROUND_TO_NEAREST, 32);
+        }
+        let alone = controls.denorm_behavior_independence == Independence::ALL;
+        let with_64 = controls.denorm_behavior_independence == Independence::TYPE_32_ONLY
+            && controls.shader_denorm_preserve_float64 == vk::TRUE;
+        let preserves_halves = controls.shader_denorm_preserve_float16 == vk::TRUE && (alone || with_64);
+        if preserves_halves {
+            add(PRESERVE_SUBNORMAL, 16);
+            // What is said of one of them is said of both.
+            if !alone {
+                add(PRESERVE_SUBNORMAL, 64);
+            }
+        }
+        Self { modes, preserves_halves }
+    }
+
+    /// The specialisation constants 0, 1, ... of a module, and those that say what the device is.
+    pub(super) fn specialised(&self, constants: &[u32]) -> (Vec<vk::SpecializationMapEntry>, Vec<u32>) {
+        let ids = (0..constants.len() as u32).chain([PRESERVES_HALVES]).zip(0..);
+        let entries =
+            ids.map(|(id, i)| vk::SpecializationMapEntry { constant_id: id, offset: 4 * i, size: 4 }).collect();
+        (entries, constants.iter().copied().chain([u32::from(self.preserves_halves)]).collect())
+    }
+
+    /// The module, for such a device.
+    pub(super) fn put_into(&self, words: &[u32]) -> Vec<u32> {
+        const CAPABILITY: u32 = 17;
+        const ENTRY_POINT: u32 = 15;
+        const EXECUTION_MODE: u32 = 16;
+        let mut capabilities: Vec<u32> = self.modes.iter().map(|mode| mode.0).collect();
+        capabilities.sort_unstable();
+        capabilities.dedup();
+        let mut made = words.get(..5).unwrap_or_default().to_vec();
+        for (_, code, instruction) in instructions(words) {
+            made.extend(instruction);
+            if code == CAPABILITY {
+                made.extend(capabilities.drain(..).flat_map(|capability| [2 << 16 | CAPABILITY, capability]));
+            }
+            if code == ENTRY_POINT {
+                let entry = instruction[2];
+                made.extend(
+                    self.modes.iter().flat_map(|&(_, mode, width)| [4 << 16 | EXECUTION_MODE, entry, mode, width]),
+                );
+            }
+        }
+        made
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Modes are put where modules have them, and only those that the device lets a module choose.
+    #[test]
+    fn modules_ask_for_what_a_device_offers() {
+        use vk::ShaderFloatControlsIndependence as Independence;
+        let words = eyebox_spirv::TRANSFER.words();
+        assert_eq!(FloatModes::of(&Default::default()).put_into(words), words);
+        let mut controls = vk::PhysicalDeviceFloatControlsProperties::default()
+            .shader_signed_zero_inf_nan_preserve_float32(true)
+            .shader_rounding_mode_rte_float32(true)
+            .shader_denorm_preserve_float16(true)
+            .rounding_mode_independence(Independence::TYPE_32_ONLY)
+            .denorm_behavior_independence(Independence::TYPE_32_ONLY);
+        // Halves alone cannot be kept there, but together with float64.
+        assert!(!FloatModes::of(&controls).preserves_halves);
+        controls.shader_denorm_preserve_float64 = vk::TRUE;
+        let modes = FloatModes::of(&controls);
+        let made = modes.put_into(words);
+        let of =
+            |wanted| instructions(&made).filter(move |(_, code, _)| *code == wanted).map(|(.., words)| &words[1..]);
+        let capabilities: Vec<u32> = of(17).map(|capability| capability[0]).collect();
+        assert_eq!(capabilities, [1, 4464, 4466, 4467]);
+        let asked: Vec<&[u32]> = of(16).map(|mode| &mode[1..]).filter(|mode| mode[0] > 4000).collect();
+        assert_eq!(asked, [[4461, 32], [4462, 32], [4459, 16], [4459, 64]]);
+        assert_eq!(made.len(), words.len() + 3 * 2 + 4 * 4);
+        assert_eq!(modes.specialised(&[7]).1, [7, 1]);
+        // The order of a module's parts: no capability behind the entry point, no mode before it.
+        let at = |wanted: u32| instructions(&made).position(|(_, code, _)| code == wanted).unwrap();
+        assert!(at(17) < at(15) && at(15) < at(16));
+    }
+}

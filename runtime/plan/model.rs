@@ -1,0 +1,133 @@
+//! The display as it is, as the tables that kernels read (OPTICS 10).
+
+use super::{Buffer, ModelParts};
+use crate::optics::{Color, Display, DisplayModel, Geometry, Optics};
+use eyebox_kernels::{Complex32, Complex64, fft};
+use rayon::prelude::*;
+use std::f64::consts::TAU;
+use std::sync::{Arc, OnceLock};
+
+/// A display's model at one wavelength, on a grid: what each pixel and each bin need of it, made when it is first asked for.
+#[derive(Debug)]
+pub struct ModelTables {
+    model: DisplayModel,
+    /// Radius in the pupil plane of the disc that the wavefront's polynomials are of, metres.
+    radius: f64,
+    slm: Optics,
+    grid: Optics,
+    pixels: OnceLock<Vec<f32>>,
+    crosstalk: OnceLock<Vec<f32>>,
+    relay: OnceLock<Vec<f32>>,
+}
+
+impl PartialEq for ModelTables {
+    /// By what they are made of.
+    fn eq(&self, other: &Self) -> bool {
+        let of = |t: &Self| (t.radius, t.slm, t.grid);
+        self.model == other.model && of(self) == of(other)
+    }
+}
+
+impl ModelTables {
+    /// Of this model on an SLM inside a grid; none where the display is the ideal one. `radius`: half the eyebox of the
+    /// display's shortest wavelength, metres.
+    pub fn new(model: DisplayModel, radius: f64, slm: Optics, grid: Optics) -> Option<Arc<Self>> {
+        let (pixels, crosstalk, relay) = Default::default();
+        (!model.is_ideal()).then(|| Arc::new(Self { model, radius, slm, grid, pixels, crosstalk, relay }))
+    }
+
+    /// Of a display in one of its colours, on its SLM inside a grid.
+    pub fn of(display: &Display, color: Color, slm: Optics, grid: Optics) -> Option<Arc<Self>> {
+        Self::new(display.model(color), display.eyebox_min() / 2.0, slm, grid)
+    }
+
+    /// The model.
+    pub fn model(&self) -> &DisplayModel {
+        &self.model
+    }
+
+    /// What of it needs buffers.
+    pub(crate) fn parts(&self) -> ModelParts {
+        let (model, ideal) = (&self.model, DisplayModel::default());
+        let crosstalk = model.crosstalk.is_some();
+        let driven = model.level != ideal.level || model.bend != ideal.bend || model.lag > 0.0;
+        let lit = model.source != ideal.source || model.undiffracted[..2] != [0.0; 2];
+        ModelParts {
+            drives: crosstalk || driven || lit,
+            crosstalk,
+            relay: model.fill > 0.0 || model.wavefront.values().any(|waves| *waves != 0.0),
+        }
+    }
+
+    /// The tables that these parts have, with the buffers that hold them.
+    pub(crate) fn buffers(&self) -> impl Iterator<Item = (Buffer, &[f32])> {
+        let parts = self.parts();
+        let pixels = parts.drives.then(|| (Buffer::Pixels, self.pixels()));
+        let crosstalk = parts.crosstalk.then(|| (Buffer::Crosstalk, self.crosstalk()));
+        let relay = parts.relay.then(|| (Buffer::Relay, self.relay()));
+        [pixels, crosstalk, relay].into_iter().flatten()
+    }
+
+    fn pixels(&self) -> &[f32] {
+        self.pixels.get_or_init(|| {
+            let (height, width) = (self.slm.height, self.slm.width);
+            let (level, source) = (self.model.level_map(height, width), self.model.source_amplitude(height, width));
+            let rest = self.model.undiffracted_share(height, width);
+            let share = self.model.modulated_share();
+            let rest = |part: fn(&Complex64) -> f64| rest.iter().zip(&source).map(move |(z, a)| part(z) * a);
+            let modulated = source.iter().map(|a| a * share);
+            level
+                .iter()
+                .copied()
+                .chain(modulated)
+                .chain(rest(|z| z.re))
+                .chain(rest(|z| z.im))
+                .map(|v| v as f32)
+                .collect()
+        })
+    }
+
+    /// Along y with what a transform there and back multiplies by, then along x.
+    fn crosstalk(&self) -> &[f32] {
+        self.crosstalk.get_or_init(|| {
+            let (height, width) = (self.grid.height, self.grid.width);
+            let kernels = self.model.crosstalk_kernels(height, width, 1).into_iter().flatten();
+            let spectrum = |(kernel, scale): (Vec<f64>, f64)| {
+                let count = kernel.len();
+                let mut line: Vec<Complex64> = kernel.into_iter().map(|v| Complex64::new(v * scale, 0.0)).collect();
+                fft::transform_f64(&mut line, count, fft::Direction::Forward);
+                line.into_iter().flat_map(|z| [z.re as f32, z.im as f32])
+            };
+            kernels.zip([1.0 / (height * width) as f64, 1.0]).flat_map(spectrum).collect()
+        })
+    }
+
+    fn relay(&self) -> &[f32] {
+        self.relay.get_or_init(|| {
+            let (grid, model) = (&self.grid, &self.model);
+            let ((bin_y, bin_x), (first_y, first_x)) = (grid.bin_size(), grid.first_bin());
+            let sinc = |k: i64, n: usize| match grid.geometry {
+                Geometry::Relay if model.fill > 0.0 => model.pixel_sinc(k as f64 / n as f64),
+                _ => 1.0,
+            };
+            let along_x: Vec<f64> = (0..grid.width as i64).map(|x| sinc(first_x + x, grid.width)).collect();
+            let mut relay = vec![Complex32::default(); grid.height * grid.width];
+            let row_of = |row: usize| {
+                let ky = (0..grid.height as i64).map(|y| first_y + y).find(|ky| grid.index_of(*ky, 0).0 == row);
+                ky.expect("every row is a bin's")
+            };
+            relay.par_chunks_exact_mut(grid.width).enumerate().for_each(|(row, out)| {
+                let ky = row_of(row);
+                let across = sinc(ky, grid.height);
+                for (x, along) in along_x.iter().enumerate() {
+                    let kx = first_x + x as i64;
+                    let turns = model.wavefront_turns(kx as f64 * bin_x, ky as f64 * bin_y, self.radius);
+                    let (sin, cos) = (TAU * (turns - turns.round())).sin_cos();
+                    let size = across * along;
+                    out[grid.index_of(ky, kx).1] = Complex32::new((size * cos) as f32, (size * sin) as f32);
+                }
+            });
+            bytemuck::cast_slice(&relay).to_vec()
+        })
+    }
+}

@@ -1,0 +1,240 @@
+//! Displays as they are: the lists through every term of a model against float64, and what it is worth to solve with it.
+
+use eyebox::engine::{Buffer, Engine, Kernel, cpu::CpuEngine};
+use eyebox::evaluate;
+use eyebox::optics::{
+    Color, Display, DisplayModel, Geometry, Level, ModelOf, ModelTerms, Optics, Padding, Pupil, WindowFactor,
+};
+use eyebox::plan::{Comparison, ModelTables, Planner, Purpose};
+use eyebox::scene;
+use eyebox::solve::{self, Flow, Problem, Settings};
+use eyebox_kernels::compare;
+use eyebox_tests::both::every_fault;
+use eyebox_tests::{Oracle, error_power, fft2, loaded, noise, phases, step_with_targets};
+use rustfft::num_complex::Complex64;
+use std::f64::consts::TAU;
+
+/// Radius of the wavefront's disc, metres.
+const RADIUS: f64 = 11e-3;
+
+fn optics(h: usize, w: usize) -> Optics {
+    Optics::new(h, w, 8e-6, 520e-9, 0.4).unwrap()
+}
+
+/// The equations in float64, one value a pixel.
+struct Bench {
+    model: DisplayModel,
+    oracle: Oracle,
+}
+
+impl Bench {
+    fn size(&self) -> (usize, usize) {
+        (self.oracle.optics.height, self.oracle.optics.width)
+    }
+
+    /// Spectrum of each sub-frame, with the pixels' aperture and the relay.
+    fn spectra(&self, phases: &[f64]) -> Vec<Vec<Complex64>> {
+        let ((h, w), model, frames) = (self.size(), &self.model, self.oracle.frames);
+        let (level, source) = (model.level_map(h, w), model.source_amplitude(h, w));
+        let rest = model.undiffracted_share(h, w);
+        let driven: Vec<f64> =
+            phases.iter().enumerate().map(|(i, p)| model.look_up(p.rem_euclid(TAU), level[i % (h * w)]).0).collect();
+        let shares = model.lag_shares(frames);
+        let one = |f: usize| {
+            let before = |i: usize, k: usize| driven[(f + frames - k) % frames * h * w + i];
+            let mut wave: Vec<Complex64> = (0..h * w)
+                .map(|i| shares.iter().enumerate().map(|(k, share)| share * before(i, k)).sum::<f64>().into())
+                .collect();
+            if let Some(kernels) = model.crosstalk_kernels(h, w, 1) {
+                let mut kernel: Vec<Complex64> =
+                    (0..h * w).map(|i| (kernels[0][i / w] * kernels[1][i % w]).into()).collect();
+                fft2(&mut kernel, h, w, false);
+                fft2(&mut wave, h, w, false);
+                wave.iter_mut().zip(&kernel).for_each(|(z, k)| *z *= k);
+                fft2(&mut wave, h, w, true);
+            }
+            let field = |(i, phase): (usize, &Complex64)| {
+                source[i] * (model.modulated_share() * Complex64::cis(phase.re) + rest[i])
+            };
+            let mut field: Vec<Complex64> = wave.iter().enumerate().map(field).collect();
+            fft2(&mut field, h, w, false);
+            let bin = |k: usize, n: usize| if k < n - n / 2 { k as f64 } else { k as f64 - n as f64 };
+            let (bin_y, bin_x) = self.oracle.optics.bin_size();
+            for (i, z) in field.iter_mut().enumerate() {
+                let (ky, kx) = (bin(i / w, h), bin(i % w, w));
+                *z *= model.pixel_aperture(ky / h as f64, 1) * model.pixel_aperture(kx / w as f64, 1);
+                *z *= Complex64::cis(TAU * model.wavefront_turns(kx * bin_x, ky * bin_y, RADIUS));
+            }
+            field
+        };
+        (0..frames).map(one).collect()
+    }
+
+    fn view(&self, phases: &[f64], pupil: &Pupil) -> Vec<f64> {
+        let (h, w) = self.size();
+        let pupil = self.model.true_pupil(pupil);
+        let kernel = self.oracle.kernel(&pupil);
+        let share = self.oracle.optics.share(pupil.diameter) * self.oracle.frames as f64;
+        let mut seen = vec![0.0; h * w];
+        for mut spectrum in self.spectra(phases) {
+            spectrum.iter_mut().zip(&kernel).for_each(|(u, k)| *u *= k);
+            fft2(&mut spectrum, h, w, true);
+            seen.iter_mut().zip(spectrum).for_each(|(s, v)| *s += v.norm_sqr() / share);
+        }
+        seen
+    }
+
+    fn loss(&self, phases: &[f64], pupils: &[Pupil], targets: &[Vec<f32>], exposure: f64) -> f64 {
+        let one = |(p, t): (&Pupil, &Vec<f32>)| {
+            let view = self.view(phases, p);
+            view.iter().zip(t).map(|(i, t)| (exposure * i - f64::from(*t)).powi(2)).sum::<f64>() / t.len() as f64
+        };
+        pupils.iter().zip(targets).map(one).sum::<f64>() / pupils.len() as f64
+    }
+}
+
+/// Every term alone, and all of them.
+fn models() -> Vec<(&'static str, DisplayModel)> {
+    let all = every_fault();
+    let with = |put: &dyn Fn(&mut DisplayModel)| {
+        let mut model = DisplayModel::default();
+        put(&mut model);
+        model
+    };
+    vec![
+        ("level", with(&|m| m.level = all.level)),
+        ("bend", with(&|m| m.bend = all.bend)),
+        ("lag", with(&|m| m.lag = all.lag)),
+        ("crosstalk", with(&|m| m.crosstalk = all.crosstalk)),
+        ("fill", with(&|m| m.fill = all.fill)),
+        ("source", with(&|m| m.source = all.source)),
+        ("undiffracted", with(&|m| m.undiffracted = all.undiffracted)),
+        ("wavefront", with(&|m| m.wavefront = all.wavefront.clone())),
+        ("iris", with(&|m| m.iris = all.iris)),
+        ("all", all),
+    ]
+}
+
+/// Every term in float32 against float64, on sizes that are not square, with an odd number of sub-frames.
+#[test]
+fn views_through_every_term_agree_with_float64() {
+    for (h, w, frames) in [(30, 41, 3), (48, 32, 2), (7, 13, 1)] {
+        let (exact, rounded) = phases(frames * h * w, 1);
+        for (name, model) in models() {
+            let bench = Bench { model: model.clone(), oracle: Oracle { optics: optics(h, w), frames } };
+            let plain = Planner::new(optics(h, w), frames, WindowFactor::Full);
+            let planner = Planner { model: ModelTables::new(model, RADIUS, plain.slm, plain.grid), ..plain };
+            let mut engine = loaded(&planner, Purpose::View, &rounded);
+            for mm in [[1.0, -2.0, 6.0, 3.0], [-7.0, 4.0, 9.0, -15.0]] {
+                let pupil = Pupil::from_mm(mm);
+                let seen = evaluate::views(&mut engine, &planner, &[pupil]).unwrap();
+                let error = error_power(&seen[0], &bench.view(&exact, &pupil));
+                assert!(error < 1e-12, "{name} on {h}x{w} through {mm:?}: error power {error:.1e} of signal");
+            }
+        }
+    }
+}
+
+/// Adam's first moment after one step is a tenth of the gradient: through every term it is the derivative of the loss.
+#[test]
+fn gradients_through_every_term_are_the_derivatives() {
+    let (o, frames) = (optics(20, 24), 3);
+    let pupils = [Pupil::from_mm([3.0, -2.0, 9.0, 4.0]), Pupil::from_mm([-5.0, 1.0, 5.0, -1.0])];
+    // Away from where the drive wraps: there the loss jumps.
+    let exact: Vec<f64> = noise(frames * 480, 4).iter().map(|x| 0.02 + (x + 1.0) * 0.498 * TAU).collect();
+    let exact: Vec<f64> = exact.iter().map(|p| f64::from(*p as f32)).collect();
+    let rounded: Vec<f32> = exact.iter().map(|p| *p as f32).collect();
+    let targets: Vec<Vec<f32>> =
+        (0..2).map(|i| noise(480, 10 + i).iter().map(|x| (0.5 + 0.5 * x) as f32).collect()).collect();
+    for (name, model) in models() {
+        let bench = Bench { model: model.clone(), oracle: Oracle { optics: o, frames } };
+        let planner = Planner::new(o, frames, WindowFactor::Full);
+        let planner = Planner { model: ModelTables::new(model, RADIUS, o, o), ..planner };
+        let comparison = Comparison { mode: compare::INTENSITY, exposure: 0.7, batch: 2, ..Comparison::default() };
+        let mut engine = loaded(&planner, Purpose::Adam, &rounded);
+        let pupil_passes = pupils.iter().map(|p| planner.pupil_pass(p, &comparison)).collect();
+        step_with_targets(&planner, &mut engine, pupil_passes, &targets, true);
+        let gradient: Vec<f64> = engine.read(Buffer::Momentum).unwrap().iter().map(|m| f64::from(*m) * 10.0).collect();
+        for seed in 0..2 {
+            let (direction, h) = (noise(frames * 480, 100 + seed), 1e-5);
+            let moved = |s: f64| exact.iter().zip(&direction).map(|(p, d)| p + s * h * d).collect::<Vec<_>>();
+            let value = |s: f64| bench.loss(&moved(s), &pupils, &targets, 0.7);
+            let numeric = (value(1.0) - value(-1.0)) / (2.0 * h);
+            let closed: f64 = gradient.iter().zip(&direction).map(|(g, d)| g * d).sum();
+            assert!((numeric - closed).abs() < 2e-5 * numeric.abs(), "{name}: {numeric} {closed}");
+        }
+    }
+}
+
+/// A model of an ideal display leaves the list as it is, and each term adds what it needs and no more.
+#[test]
+fn terms_that_are_off_cost_nothing() {
+    let o = optics(32, 32);
+    assert!(ModelTables::new(DisplayModel::default(), RADIUS, o, o).is_none());
+    let names = |model: DisplayModel| {
+        let planner = Planner::new(o, 2, WindowFactor::One);
+        let planner = Planner { model: ModelTables::new(model, RADIUS, o, o), ..planner };
+        let pass = planner.pupil_pass(&Pupil::from_mm([0.0, 0.0, 5.0, 0.0]), &Comparison::default());
+        let step = planner.project_step(vec![pass], usize::MAX, 1.0, 1.0, 0.0);
+        step.list.iter().map(|d| d.kernel).collect::<Vec<_>>()
+    };
+    let plain = names(DisplayModel::default());
+    for (name, model) in models() {
+        let more = match name {
+            "iris" => 0,
+            "fill" | "wavefront" => 1,
+            "lag" => 5,
+            "crosstalk" => 9,
+            "all" => 12,
+            _ => 3,
+        };
+        let names = names(model);
+        assert_eq!(names.len(), plain.len() + more, "{name}: {names:?}");
+        assert_eq!(names.contains(&Kernel::Modulate), matches!(name, "iris" | "fill" | "wavefront"));
+    }
+}
+
+/// What the display is known to do is taken back by solving with it: crosstalk, undiffracted light and an uneven source.
+#[test]
+fn solving_with_the_model_regains_what_the_display_loses() {
+    let ideal = Display { height: 64, width: 64, ..Display::preset("small").unwrap() };
+    assert_eq!(ideal.geometry, Geometry::Relay);
+    let mut terms = ModelTerms::default();
+    terms.crosstalk = every_fault().crosstalk.map(|c| [c[0]; 4]);
+    terms.undiffracted = Some([0.2, 0.0, 0.0, 0.0, 0.0]);
+    terms.source = Some([0.0, 0.0, -0.4, 0.0, -0.4]);
+    terms.fill = Some(1.0);
+    terms.level = Some(Level::Even(1.0));
+    let real = Display { model: [(ModelOf::Green, terms)].into(), ..ideal.clone() };
+    let field = scene::load("builtin:still-life", &scene::Request::new(&ideal, &[Color::Green])).unwrap();
+    let problem = |display| Problem::new(&field, Color::Green, display, Padding::default()).unwrap();
+    let settings = Settings { steps: 30, diameter: [6e-3, 16e-3], depth: [0.0, 2e-3], ..Settings::default() };
+    let mut engine = CpuEngine::new();
+    let mut solved =
+        |display| solve::solve(&problem(display), &settings, &mut engine, &mut |_| Flow::Continue).unwrap();
+    let (unaware, aware) = (solved(&ideal), solved(&real));
+    let lost = seen_on(&problem(&real), &unaware.phases);
+    let (kept, best) = (seen_on(&problem(&real), &aware.phases), seen_on(&problem(&ideal), &unaware.phases));
+    eprintln!("ideal {best:.2} dB, on the real display {lost:.2}, solved for it {kept:.2}");
+    assert!(kept > lost + 2.0 && best > kept, "ideal {best:.2} dB, on the real display {lost:.2}, for it {kept:.2}");
+}
+
+/// Mean PSNR of what twelve pupils see of these phases, with the exposure that fits all of them.
+fn seen_on(problem: &Problem, phases: &[f32]) -> f64 {
+    let planner = problem.planner(8, WindowFactor::Full);
+    let mut engine = CpuEngine::new();
+    engine.load(&planner.shape(Purpose::View), Some(problem.pyramid.clone())).unwrap();
+    engine.write(Buffer::Phases, phases).unwrap();
+    let place = |i: usize, step: f64| ((i as f64 * step).fract() - 0.5) * 10e-3;
+    let pupils: Vec<Pupil> = (0..12)
+        .map(|i| Pupil { x: place(i, 0.618), y: place(i, 0.755), diameter: 6e-3 + i as f64 * 0.8e-3, depth: 1e-3 })
+        .collect();
+    let seen = evaluate::views(&mut engine, &planner, &pupils).unwrap();
+    let wanted = evaluate::photographs(&mut engine, &planner, &pupils).unwrap();
+    let pairs = || seen.iter().zip(&wanted).map(|(s, w)| (&s[..], &w[..]));
+    let exposure = evaluate::fit_exposure(pairs()).unwrap() as f32;
+    let psnr = |(seen, wanted): (&[f32], &[f32])| {
+        evaluate::psnr(&seen.iter().map(|v| v * exposure).collect::<Vec<_>>(), wanted).unwrap()
+    };
+    pairs().map(psnr).sum::<f64>() / 12.0
+}

@@ -1,0 +1,113 @@
+//! `eyebox calibrate`: what a camera's command may do wrong, and what is left of it.
+
+use crate::common::{self, text};
+use std::fs;
+use std::path::Path;
+
+const DISPLAY: &str =
+    "resolution = [64, 64]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
+const HELLO: &str = r#"{"id": 0, "protocol": 1, "colors": {"green": 520.0}, "slm": {"resolution": [64, 64]}, "iris": {"x_mm": [-12, 12], "y_mm": [-12, 12], "diameter_mm": [1, 20]}, "camera": {"resolution": [80, 80], "bits": 12}}"#;
+
+/// A folder with the display's file, and a camera that answers hello and then does `then` at each further line.
+fn bench(hello: &str, then: &str) -> tempfile::TempDir {
+    let here = common::folder();
+    fs::write(here.path().join("bench.toml"), DISPLAY).expect("a display");
+    fs::write(here.path().join("hello"), format!("{hello}\n")).expect("an answer");
+    let script = format!(
+        "echo Camera SDK 3.1\nread line; sed \"s/\\\"id\\\": 0/\\\"id\\\": $(echo \"$line\" | sed 's/[^0-9]*\\([0-9]*\\).*/\\1/')/\" hello\n\
+         while read line; do id=$(echo \"$line\" | sed 's/[^0-9]*\\([0-9]*\\).*/\\1/'); {then}\ndone\n"
+    );
+    fs::write(here.path().join("camera.sh"), script).expect("a script");
+    here
+}
+
+/// The exit code, and what was said; nothing stands where the display's file was to be.
+fn failed(at: &Path, more: &[&str]) -> (Option<i32>, String) {
+    let args = ["calibrate", "--display", "bench.toml", "--camera", "sh camera.sh", "--keep", "kept", "-o", "out.toml"];
+    let answer = common::eyebox(at, &[&args[..], more].concat());
+    assert!(!at.join("out.toml").exists(), "something was written");
+    let said = text(&answer.stderr);
+    assert!(!said.contains("panicked"), "{said}");
+    (answer.status.code(), said)
+}
+
+#[test]
+fn a_command_that_is_lost_three_times_ends_the_calibration_with_what_it_did() {
+    for (then, what) in [
+        ("echo the laser is on fire >&2; exit 4", "ended (exit status: 4): the laser is on fire"),
+        ("echo nothing; exec 1>&-; sleep 0.1; exit", "ended"),
+        ("echo '{no JSON'", "which is no JSON"),
+        ("echo '{\"id\": 99}'", "does not answer question"),
+        ("echo \"{\\\"id\\\": $id, \\\"file\\\": \\\"none.png\\\", \\\"full_scale\\\": 4095}\"", "none.png"),
+        ("echo \"{\\\"id\\\": $id, \\\"file\\\": 7}\"", "what it cannot be"),
+    ] {
+        let here = bench(HELLO, then);
+        let (code, said) = failed(here.path(), &[]);
+        assert_eq!(code, Some(3), "{then}: {said}");
+        let last = said.trim().lines().last().unwrap_or_default();
+        assert!(last.contains("was lost 3 times") && last.contains(what), "{then}: {said}");
+        assert!(said.contains("Camera SDK 3.1") && said.contains("it is started again"), "{said}");
+    }
+}
+
+#[test]
+fn one_that_hangs_is_ended_and_one_that_asks_for_time_gets_it() {
+    let here = bench(HELLO, "sleep 100");
+    let (code, said) = failed(here.path(), &["--camera-timeout", "0.2"]);
+    assert!(code == Some(3) && said.contains("gave no answer within"), "{said}");
+    let wait = "echo \"{\\\"id\\\": $id, \\\"wait_s\\\": 20}\"; sleep 0.5; echo \"{\\\"id\\\": $id, \\\"error\\\": \\\"the shutter is stuck\\\"}\"";
+    let here = bench(HELLO, wait);
+    let (code, said) = failed(here.path(), &["--camera-timeout", "0.3"]);
+    assert!(code == Some(3) && said.contains("could not take the picture of the dots: the shutter is stuck"), "{said}");
+}
+
+#[test]
+fn a_picture_of_another_size_is_refused_and_errors_are_asked_again() {
+    let npy = "python() { :; }; printf '\\223NUMPY\\001\\000\\166\\000' > p.npy; printf '%-117s\\n' \"{'descr': '|u1', 'fortran_order': False, 'shape': (2, 3), }\" >> p.npy; printf 'abcdef' >> p.npy; \
+               echo \"{\\\"id\\\": $id, \\\"file\\\": \\\"$PWD/p.npy\\\", \\\"full_scale\\\": 255}\"";
+    let here = bench(HELLO, npy);
+    let (code, said) = failed(here.path(), &[]);
+    assert!(code == Some(3) && said.contains("it has 2x3 pixels, and the camera has 80x80"), "{said}");
+    let here = bench(HELLO, "echo \"{\\\"id\\\": $id, \\\"error\\\": \\\"busy\\\", \\\"again\\\": true}\"");
+    let (code, said) = failed(here.path(), &[]);
+    assert!(code == Some(3) && said.matches("it is asked again").count() == 2, "{said}");
+}
+
+#[test]
+fn a_bench_that_is_not_the_displays_is_refused_with_both() {
+    for (from, to, what) in [
+        ("[64, 64]", "[64, 65]", "has 64x65 pixels, and the display file says 64x64"),
+        ("520.0", "532.0", "532 nm, and the display file says 520.0 nm"),
+        ("green", "red", "has no green light: it has red"),
+        (
+            "\"resolution\": [64, 64]",
+            "\"resolution\": [64, 64], \"pitch_um\": 6.4",
+            "6.4 um wide, and the display file says 8",
+        ),
+        ("\"iris\"", "\"no iris\"", "no iris that moves"),
+    ] {
+        let here = bench(&HELLO.replacen(from, to, 1), "exit");
+        let (code, said) = failed(here.path(), &[]);
+        assert!(code == Some(2) && said.contains(what), "{said}");
+    }
+}
+
+#[test]
+fn what_cannot_be_asked_for_is_one_line() {
+    let here = bench(HELLO, "exit");
+    let at = here.path();
+    let base = ["calibrate", "--display", "bench.toml", "-o", "out.toml"];
+    for (more, what) in [
+        (&["--camera", "'unclosed"][..], "quote that is not closed"),
+        (&["--camera", "no-such-program-here"], "does not start"),
+        (&["--camera", "sh camera.sh", "--captures-max", "3"], "too few"),
+        (&["--captures", "nowhere"], "captures.json"),
+        (&[], "--camera"),
+        (&["--captures", "x", "--camera", "y"], "cannot be used with"),
+    ] {
+        common::refused(at, &[&base[..], more].concat(), "out.toml", what);
+    }
+    fs::create_dir(at.join("kept")).expect("a folder");
+    fs::write(at.join("kept/captures.json"), "{\"protocol\": 1}").expect("a document");
+    common::refused(at, &[&base[..], &["--captures", "kept"]].concat(), "out.toml", "captures.json");
+}

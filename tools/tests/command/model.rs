@@ -1,0 +1,61 @@
+//! A display file with a model, from the solve to the picture.
+
+use crate::common::{done, eyebox, folder, refused, text};
+use eyebox::files::read_npy;
+
+const BENCH: &str =
+    "resolution = [48, 48]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
+const MODEL: &str = "[model.green]\ncrosstalk = [[1.2, 2.03], [1.2, 2.03], [1.2, 2.03], [1.2, 2.03]]\nfill = 0.95\n\
+                     undiffracted = [0.2, 0, 0, 0, 0]\nwavefront = { 4 = 0.1 }\niris = [0.1, 0, 1.01]\n";
+
+/// The mean PSNR that `score --json` prints.
+fn decibels(text: &str) -> f64 {
+    serde_json::from_str::<serde_json::Value>(text).unwrap()["psnr_db"]["mean"].as_f64().unwrap()
+}
+
+/// A hologram keeps the model that it was solved for, and is looked at through it.
+#[test]
+fn what_a_hologram_is_solved_for_is_what_it_is_looked_at_through() {
+    let dir = folder();
+    let at = dir.path();
+    std::fs::write(at.join("ideal.toml"), BENCH).unwrap();
+    std::fs::write(at.join("real.toml"), format!("{BENCH}{MODEL}")).unwrap();
+    let solve = |display: &str, out: &str| {
+        let settings = ["--steps", "12", "--frames", "4", "--engine", "cpu"];
+        done(at, &[&["solve", "builtin:still-life", "--display", display][..], &settings, &["-o", out]].concat());
+    };
+    solve("real.toml", "real.zarr");
+    solve("ideal.toml", "ideal.zarr");
+    let view = |hologram: &str, out: &str, more: &[&str]| {
+        let pupil = ["--pupil", "1,-1,6,0", "--engine", "cpu", "-o", out];
+        let answer = eyebox(at, &[&["view", hologram][..], &pupil, more].concat());
+        assert!(answer.status.success(), "{}", text(&answer.stderr));
+        (read_npy(&at.join(out)).unwrap().values, text(&answer.stderr))
+    };
+    let (real, said) = view("real.zarr", "real.npy", &[]);
+    assert!(said.contains("crosstalk, fill, iris, undiffracted, wavefront") && said.contains("--ideal"), "{said}");
+    let (past, said) = view("real.zarr", "past.npy", &["--ideal"]);
+    assert!(!said.contains("--ideal") && real != past, "{said}");
+    // The model makes no difference to who has none.
+    assert!(view("ideal.zarr", "a.npy", &[]).0 == view("ideal.zarr", "b.npy", &["--ideal"]).0);
+    let score = |hologram: &str, more: &[&str]| {
+        let pupils = ["builtin:still-life", "--json", "--engine", "cpu"];
+        decibels(&done(at, &[&["score", hologram][..], &pupils, more].concat()))
+    };
+    // It was solved for the display with its faults, and not for the ideal one.
+    assert!(score("real.zarr", &[]) > score("real.zarr", &["--ideal"]) + 1.0);
+    // A refinement goes on with the same model.
+    let refine = ["refine", "real.zarr", "builtin:still-life", "--pupil=1,-1,4,0", "--steps", "2", "--engine", "cpu"];
+    done(at, &[&refine[..], &["-o", "refined.zarr"]].concat());
+    assert!(view("refined.zarr", "c.npy", &[]).1.contains("crosstalk"));
+}
+
+/// What makes no sense in the far field is refused, not left out.
+#[test]
+fn a_fill_in_the_far_field_is_refused() {
+    let dir = folder();
+    let far = format!("{BENCH}geometry = \"far-field\"\n[model.green]\nfill = 0.95\n");
+    std::fs::write(dir.path().join("far.toml"), far).unwrap();
+    let solve = ["solve", "builtin:still-life", "--display", "far.toml", "-o", "h.zarr"];
+    refused(dir.path(), &solve, "h.zarr", "leave it out");
+}
