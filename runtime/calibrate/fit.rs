@@ -9,6 +9,7 @@ use super::seen::{Look, Seen};
 use crate::files::asked_to_end;
 use crate::optics::Optics;
 use rayon::prelude::*;
+use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 
 /// A picture's pixels that are compared.
@@ -22,6 +23,8 @@ pub(super) struct View {
     /// Their variance by the camera's noise.
     pub(super) variance: Vec<f64>,
     pub(super) exposure_ms: f64,
+    /// Its picture's file.
+    pub(super) file: PathBuf,
 }
 
 /// Pictures, and what was shown for them.
@@ -46,6 +49,8 @@ pub(super) struct Fit {
     pub(super) exposure: Exposure,
     /// Squared residuals in units of the noise, on average.
     pub(super) squares: f64,
+    /// What is left of each view, as [`Pictures::left`] has it.
+    pub(super) left: Vec<[f64; 2]>,
     /// Covariance of the free parameters.
     pub(super) covariance: Vec<Vec<f64>>,
 }
@@ -114,6 +119,35 @@ impl Pictures {
         all.into_iter().map(|(_, seen)| seen).collect()
     }
 
+    /// Looks for a better place of the iris nearby: light comes and goes by whole bins at its edge, which slopes do not see.
+    pub(super) fn polished(&self, at: &Parameters, subpixels: usize, which: &[usize]) -> Parameters {
+        let device = Device::new(&at.model, self.optics, subpixels);
+        let fields: Vec<_> = self.sets.par_iter().map(|set| device.enter(set, at, &[]).0).collect();
+        let squares = |at: &Parameters| {
+            let look = |v: &usize| {
+                let view = &self.views[*v];
+                let entering: Vec<_> = fields[view.set].iter().map(|frame| &frame[view.window][..]).collect();
+                view.look.see(at, &entering, &[], &[])
+            };
+            let seen: Vec<Seen> = which.par_iter().map(look).collect();
+            self.squares(which, &seen, f64::INFINITY).0
+        };
+        let (mut best, mut at) = (squares(at), at.clone());
+        let bin_mm = self.optics.bin_size().0.max(self.optics.bin_size().1) * 1e3;
+        for share in [0.4, 0.2, 0.1, 0.05, 0.025, 0.012] {
+            for (i, unit) in [bin_mm, bin_mm, 2.0 * bin_mm / (self.optics.eyebox() * 1e3)].into_iter().enumerate() {
+                for step in [share * unit, -share * unit] {
+                    let trial = at.moved(Parameter::Iris(i), step);
+                    let left = squares(&trial);
+                    if left < best {
+                        (best, at) = (left, trial);
+                    }
+                }
+            }
+        }
+        at
+    }
+
     /// Gain and dark level that fit best.
     pub(super) fn exposure(&self, which: &[usize], seen: &[Seen]) -> Exposure {
         let mut sums = [0.0; 5];
@@ -134,6 +168,19 @@ impl Pictures {
     pub(super) fn residuals(&self, view: usize, seen: &Seen, exposure: Exposure) -> Vec<f64> {
         let (view, gain) = (&self.views[view], exposure.gain * self.views[view].exposure_ms);
         seen.intensity.iter().zip(&view.counts).map(|(i, c)| gain * i + exposure.dark - c).collect()
+    }
+
+    /// What of each view's variance about its mean is left, and the squares in units of the noise, on average.
+    pub(super) fn left(&self, which: &[usize], seen: &[Seen], exposure: Exposure) -> Vec<[f64; 2]> {
+        let of = |(v, seen): (&usize, &Seen)| {
+            let (view, residuals) = (&self.views[*v], self.residuals(*v, seen, exposure));
+            let n = residuals.len() as f64;
+            let mean = view.counts.iter().sum::<f64>() / n;
+            let variance: f64 = view.counts.iter().map(|c| (c - mean).powi(2)).sum();
+            let squares: f64 = residuals.iter().zip(&view.variance).map(|(r, v)| r * r / v).sum();
+            [residuals.iter().map(|r| r * r).sum::<f64>() / variance, squares / n]
+        };
+        which.iter().zip(seen).map(of).collect()
     }
 
     /// Squares in units of the noise; `scale` is what of them is usual.
@@ -201,7 +248,8 @@ impl Pictures {
             })?;
             let gain = moved.as_ref().map_or(0.0, |m| m.1);
             tracing::debug!("round {round}: {:.4} of the noise's power, gained {gain:.2e}", squares / count as f64);
-            result = Some(Fit { at: at.clone(), free: free.to_vec(), exposure, squares, covariance });
+            let left = Vec::new();
+            result = Some(Fit { at: at.clone(), free: free.to_vec(), exposure, squares, covariance, left });
             match moved {
                 Some((trial, _)) => at = trial,
                 None => break,
@@ -213,6 +261,7 @@ impl Pictures {
         let mut fit = result.ok_or_else(|| CalibrateError::Pictures("there is nothing to fit".into()))?;
         let seen = self.see(&at, subpixels, which, &[]);
         (fit.squares, _, fit.exposure) = self.squares(which, &seen, f64::INFINITY);
+        fit.left = self.left(which, &seen, fit.exposure);
         fit.squares /= count as f64;
         fit.at = at;
         Ok(fit)

@@ -17,6 +17,8 @@ mod device;
 mod dots;
 mod error;
 mod fit;
+#[cfg(test)]
+mod forward_tests;
 mod linear;
 mod link;
 mod map;

@@ -105,6 +105,9 @@ impl Report {
             }
         }
         tracing::debug!("squares of the fit: {:.3} times the noise's", fit.squares);
+        for [left, squares] in &fit.left {
+            tracing::debug!("a fitted picture: left {left:.5}, squares {squares:.2} times the noise's");
+        }
         let outside = sorted.pictures.views.iter().filter(|v| !v.look.holds(&fit.at)).count();
         if outside > 0 {
             warnings.push(format!(

@@ -198,7 +198,15 @@ impl Sorted {
             });
         }
         let exposure_ms = sight.shot.exposure_ms;
-        self.pictures.views.push(View { set: sight.set, window, look, counts, variance: Vec::new(), exposure_ms });
+        self.pictures.views.push(View {
+            set: sight.set,
+            window,
+            look,
+            counts,
+            variance: Vec::new(),
+            exposure_ms,
+            file: sight.shot.file.clone(),
+        });
         Ok(self.pictures.views.len() - 1)
     }
 

@@ -3,7 +3,7 @@
 use super::acquire::{TAKING, Taken};
 use super::bench::Event;
 use super::error::CalibrateError;
-use super::fit::Fit;
+use super::fit::{Fit, Pictures};
 use super::parameters::{Parameter, Parameters};
 use super::report::Report;
 use super::sorted::{CAMERA_PIXEL, Sorted, sort};
@@ -17,6 +17,8 @@ const FINE: usize = 5;
 const AT_THE_NOISE: f64 = 1.3;
 /// So too where the fit's are not this much fewer.
 const NO_BETTER: f64 = 1.05;
+/// A picture that leaves this share of its variance, and so many times what the middle one leaves, is not believed.
+const STRANGE: (f64, f64) = (0.3, 8.0);
 /// Crosstalk of a real device, where a fit begins (Schroff et al. 2024).
 const CROSSTALK: Spread = Spread { q: 1.2, sigma: 2.03 };
 
@@ -78,15 +80,43 @@ pub(super) fn run(
     if fit.at.model.crosstalk.is_none() {
         free = plain;
     }
+    let fitted = believed(pictures, &sorted.fitted, &fit, &mut warnings);
     let mut fitting = |part| tell(Event::At("fitting all pictures finely", share(0.6, 0.9, part)));
-    fit = pictures.fit(&fit.at, &free, &sorted.fitted, (FINE, 10, 1e-4), &mut fitting)?;
+    let moves = free.contains(&Parameter::Iris(0));
+    let polished = |at: &Parameters| if moves { pictures.polished(at, FINE, &fitted) } else { at.clone() };
+    fit = pictures.fit(&polished(&fit.at), &free, &fitted, (FINE, 8, 1e-3), &mut fitting)?;
+    fit = pictures.fit(&polished(&fit.at), &free, &fitted, (FINE, 4, 1e-4), &mut fitting)?;
     tell(Event::At("leaving out what does not show", share(0.0, 1.0, 0.9)));
-    let fit = terms::settle(pictures, &sorted.fitted, &start, fit, FINE)?;
+    let fit = terms::settle(pictures, &fitted, &start, fit, FINE)?;
     let fit = if own.squares < NO_BETTER * fit.squares { own } else { fit };
     tell(Event::At("looking at pictures that were not fitted", share(0.0, 1.0, 0.95)));
     let report = Report::new(&sorted, &start, &fit, captures, warnings, FINE);
     let display = terms::written(display, color, &start, &fit, captures);
     Ok((display, report))
+}
+
+/// Pictures that the model predicts about as well as the others: one that was taken through another iris, or of another pattern,
+/// is not.
+fn believed(pictures: &Pictures, which: &[usize], fit: &Fit, warnings: &mut Vec<String>) -> Vec<usize> {
+    let mut sorted: Vec<f64> = fit.left.iter().map(|l| l[0]).collect();
+    sorted.sort_by(f64::total_cmp);
+    let most = STRANGE.0.max(STRANGE.1 * sorted.get(sorted.len() / 2).copied().unwrap_or(0.0));
+    let mut believed = Vec::new();
+    for (v, [left, squares]) in which.iter().zip(&fit.left) {
+        let view = &pictures.views[*v];
+        tracing::debug!("{}: {left:.5} of its variance is left, {squares:.2} of the noise", view.file.display());
+        if *left < most {
+            believed.push(*v);
+        } else {
+            warnings.push(format!(
+                "{}: {:.0} % of its variance is not what the others tell: it is left out; was the iris where it should be?",
+                view.file.display(),
+                100.0 * left
+            ));
+        }
+    }
+    // Where most are strange none is.
+    if 2 * believed.len() < which.len() { which.to_vec() } else { believed }
 }
 
 impl Parameter {

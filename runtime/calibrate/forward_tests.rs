@@ -1,0 +1,116 @@
+//! The forward model against its definition, and its slopes against differences.
+
+use super::device::Set;
+use super::fit::{Pictures, View};
+use super::map::CameraMap;
+use super::parameters::{Parameter, Parameters};
+use super::pattern;
+use super::seen::Look;
+use crate::optics::{DisplayModel, Iris, Optics, Pupil, Spread, transfer};
+use eyebox_kernels::Complex64;
+use std::f64::consts::TAU;
+
+const SIZE: [usize; 2] = [20, 24];
+const RADIUS: f64 = 13e-3;
+
+fn everything() -> DisplayModel {
+    DisplayModel {
+        level: [[0.97, 1.0, 1.02], [1.0, 1.05, 1.0], [0.98, 1.0, 1.01]],
+        bend: [0.2, -0.1],
+        lag: 0.1,
+        crosstalk: Some([[1.2, 2.0], [1.4, 1.6], [1.2, 2.0], [1.1, 2.4]].map(Spread::from)),
+        fill: 0.95,
+        source: [0.1, -0.05, -0.4, 0.1, -0.5],
+        undiffracted: [0.15, 0.1, 1.0, -2.0, 0.5],
+        wavefront: [(3, 0.05), (4, 0.2), (7, -0.1), (12, 0.05)].into(),
+        iris: Iris { x: 2e-4, y: -1e-4, scale: 1.02 },
+    }
+}
+
+fn pictures(at: &Parameters, pixels: Vec<[f64; 2]>) -> Pictures {
+    let optics = Optics::new(SIZE[0], SIZE[1], 8e-6, 520e-9, 0.4).unwrap();
+    let pattern = pattern::random(SIZE, 256.0, 3, 1);
+    let look = Look::new(optics, Pupil::from_mm([3.0, -2.0, 9.0, 4.0]), RADIUS, at, pixels);
+    let sets = vec![Set { pattern, windows: vec![look.window.clone()] }];
+    let n = look.pixels.len();
+    let (counts, variance) = (vec![0.0; n], vec![1.0; n]);
+    let view = View { set: 0, window: 0, look, counts, variance, exposure_ms: 1.0, file: "a".into() };
+    Pictures { optics, sets, views: vec![view] }
+}
+
+/// A camera whose pixels are points, on the SLM's own.
+fn plain(model: DisplayModel) -> Parameters {
+    let map = CameraMap { numbers: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0], slm: SIZE, camera: SIZE };
+    Parameters { model, map, camera_pixel: 0.0 }
+}
+
+#[test]
+fn what_a_camera_sees_is_the_definitions_sum() {
+    let at = plain(DisplayModel { crosstalk: None, ..everything() });
+    let pixels = vec![[0.0, 0.0], [7.0, 3.0], [23.0, 19.0], [11.5, 8.25]];
+    let pictures = pictures(&at, pixels.clone());
+    let seen = &pictures.see(&at, 1, &[0], &[])[0];
+    let (optics, model) = (pictures.optics, &at.model);
+    let [height, width] = SIZE;
+    let (level, source) = (model.level_map(height, width), model.source_amplitude(height, width));
+    let rest = model.undiffracted_share(height, width);
+    let (shares, pattern) = (model.lag_shares(3), &pictures.sets[0].pattern);
+    let pupil = model.true_pupil(&Pupil::from_mm([3.0, -2.0, 9.0, 4.0]));
+    let bin = optics.bin_size();
+    for (pixel, got) in pixels.iter().zip(&seen.intensity) {
+        let mut want = 0.0;
+        for t in 0..3usize {
+            let mut v = Complex64::default();
+            for (ky, kx) in (-10..10i64).flat_map(|y| (-12..12i64).map(move |x| (y, x))) {
+                let (re, im) = transfer(&optics, &pupil, ky, kx);
+                if (re, im) == (0.0, 0.0) {
+                    continue;
+                }
+                let (fy, fx) = (ky as f64 / height as f64, kx as f64 / width as f64);
+                let mut bin_value = Complex64::default();
+                for i in 0..height * width {
+                    let driven =
+                        |k: usize| model.look_up(f64::from(pattern.frame((t + 3 - k) % 3)[i]), level[i]).0 * shares[k];
+                    let phase: f64 = (0..3).map(driven).sum();
+                    let u = source[i] * (model.modulated_share() * Complex64::cis(phase) + rest[i]);
+                    bin_value += u * Complex64::cis(-TAU * (fy * (i / width) as f64 + fx * (i % width) as f64));
+                }
+                let aperture = model.pixel_aperture(fy, 1) * model.pixel_aperture(fx, 1);
+                let turns = model.wavefront_turns(kx as f64 * bin.1, ky as f64 * bin.0, RADIUS);
+                let on = Complex64::new(re, im) * Complex64::cis(TAU * (turns + fy * pixel[1] + fx * pixel[0]));
+                v += bin_value * aperture * on / (height * width) as f64;
+            }
+            want += v.norm_sqr() / 3.0;
+        }
+        assert!((got / want - 1.0).abs() < 1e-3, "{pixel:?}: {got}, not {want}");
+    }
+    // With crosstalk that is none at all, sub-pixels change nothing.
+    let none = [[1.2, 1e6]; 4].map(Spread::from);
+    let fine = DisplayModel { crosstalk: Some(none), ..at.model.clone() };
+    let most = seen.intensity.iter().copied().fold(0.0, f64::max);
+    let seen_finely = &pictures.see(&plain(fine), 2, &[0], &[])[0];
+    for (a, b) in seen.intensity.iter().zip(&seen_finely.intensity) {
+        // Its transfer is a sum of so many orders and no more.
+        assert!((a - b).abs() < 3e-3 * most, "{a}, {b}");
+    }
+}
+
+#[test]
+fn slopes_agree_with_differences() {
+    let numbers = [0.9, 0.03, 0.02, -0.03, 0.91, -0.05, 0.02, -0.01, 0.01, 0.0];
+    let map = CameraMap { numbers, slm: SIZE, camera: [40, 44] };
+    let at = Parameters { map, camera_pixel: 0.8, ..plain(everything()) };
+    let pictures = pictures(&at, vec![[20.0, 20.0], [9.0, 12.0], [30.0, 25.0], [22.0, 8.0]]);
+    // The iris's edge jumps from bin to bin: its slope is smoothed, and no difference is like it.
+    let free: Vec<Parameter> = Parameter::all().into_iter().filter(|p| !matches!(p, Parameter::Iris(_))).collect();
+    let seen = &pictures.see(&at, 2, &[0], &free)[0];
+    for (p, slopes) in free.iter().zip(&seen.slopes) {
+        let step = 1e-4;
+        let [after, before] = [step, -step].map(|s| pictures.see(&at.moved(*p, s), 2, &[0], &[]).remove(0).intensity);
+        let size = slopes.iter().map(|s| s.abs()).fold(0.0, f64::max);
+        for ((a, b), slope) in after.iter().zip(&before).zip(slopes) {
+            let want = (a - b) / (2.0 * step);
+            assert!((slope - want).abs() < 3e-3 * size, "{p:?}: {slope}, not {want}");
+        }
+    }
+}
