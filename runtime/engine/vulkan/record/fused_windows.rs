@@ -19,6 +19,9 @@ const SEE: u32 = 1;
 const TURN_BACK: u32 = 2;
 const WHOLE: u32 = 3;
 
+/// A batch, and the frames of it (first, count) that a kernel sees at once.
+type BatchFrames = (Members, usize, usize);
+
 /// Push constants of `pass_columns`.
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -103,11 +106,7 @@ impl<'a> Call<'_, 'a> {
 
     /// Pupils whose windows have equally many rows, and frames (first, count) of which a kernel sees these and those of their
     /// windows at once: all, or of one pupil some.
-    fn frames_of_batches(
-        &self,
-        framed: &[Resource],
-        resources: &[Resource],
-    ) -> Result<Vec<(Members, usize, usize)>, EngineError> {
+    fn frames_of_batches(&self, framed: &[Resource], resources: &[Resource]) -> Result<Vec<BatchFrames>, EngineError> {
         let moved = |at: usize| 2 * self.bytes_of(&[Resource::Window], at);
         let beside = |at: &usize| moved(*at) / self.shape.frames.max(1) as u64;
         let mut all = Vec::new();
