@@ -1,7 +1,7 @@
 //! From phases to the phases that their drive gives, by the look-up table of each pixel (OPTICS 10). Sub-frames come in
 //! pairs: one is the real part of `wave`, the next the imaginary part, for what follows is real and linear.
 
-use crate::trig::{PER_TURN, TURN, cos_sin};
+use crate::trig::{cos_sin, wrapped};
 use crate::{Complex32, ZERO, modulate, simd};
 use bytemuck::{Pod, Zeroable};
 
@@ -30,13 +30,6 @@ impl Args {
         let h = f64::from(self.lag);
         ((1.0 - h) / (1.0 - h.powi(frames as i32))) as f32
     }
-}
-
-/// The drive of a phase: brought into 0 .. 2 pi by whole turns, |phase| < 10^4.
-#[inline(always)]
-pub fn wrapped(phase: f32) -> f32 {
-    let n = (phase * PER_TURN).floor();
-    (phase - n * TURN[0]) - n * TURN[1]
 }
 
 /// The phase that the drive of a phase gives.

@@ -1,7 +1,7 @@
 //! What is asked of the phases, back through the look-up table: `tau' = tau dw'/dw`, left as the change `i tau' exp(i phi)` of
 //! a field of the phases themselves, from which `project` and `adam` take it (OPTICS 10). One frame.
 
-use crate::drive::{Args, wrapped};
+use crate::drive::Args;
 use crate::{Complex32, simd, trig};
 
 /// `level` (height, width); `second`, `wave` as `modulate_wave` has them; `shown` (height, width); `change` (grid_height,
@@ -23,7 +23,7 @@ pub fn drive_back(
             for ((change, wave), (shown, level)) in rows.zip(shown.chunks_exact(w).zip(level.chunks_exact(w))) {
                 let values = change[left..][..w].iter_mut().zip(&wave[left..][..w]);
                 for ((z, wave), (phase, level)) in values.zip(shown.iter().zip(level)) {
-                    let (c, s) = trig::cos_sin(wrapped(*phase));
+                    let (c, s) = trig::cos_sin(trig::wrapped(*phase));
                     let slope = level + (bend_sin * c + bend_cos * s);
                     let tau = slope * if second { wave.im } else { wave.re };
                     *z = Complex32::new(-tau * s, tau * c);

@@ -15,7 +15,7 @@ MAY_ALIAS layout(std430, binding = 2) buffer Phases { float phases[]; };
 layout(std430, binding = 3) buffer Velocity { float velocity[]; };
 layout(push_constant) uniform Args {
     uint height, width, grid_height, grid_width, top, left;
-    float gain, momentum;
+    float gain, momentum, bound;
     // Values from one frame to the next.
     uint change_stride, phases_stride;
 };
@@ -32,6 +32,6 @@ void main() {
         float turn = gain * (u.x * du.y - u.y * du.x);
         float v = momentum * velocity[at] + turn;
         velocity[at] = v;
-        phases[at] = wrap(phase + (momentum * v + turn));
+        phases[at] = turned(phase, momentum * v + turn, bound);
     }
 }

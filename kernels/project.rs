@@ -13,14 +13,22 @@ pub struct Args {
     pub gain: f32,
     /// Share of the last step's velocity that is kept.
     pub momentum: f32,
+    /// Drive that no phase goes beyond, radians: phases then stay within 0 .. `bound` and cross no wrap. 0: they wrap.
+    pub bound: f32,
+}
+
+/// A phase, turned.
+#[inline(always)]
+fn turned(phase: f32, by: f32, bound: f32) -> f32 {
+    if bound > 0.0 { trig::wrap((trig::wrapped(phase) + by).max(0.0).min(bound)) } else { trig::wrap(phase + by) }
 }
 
 /// `change` (grid): the wanted change du of the field; `shown`: the phases that made the field, where they are not
 /// `phases` themselves; `phases` and `velocity` (height, width).
 ///
-/// `turn = gain Im(conj(u) du)`, `velocity = momentum velocity + turn`, `phases += momentum velocity + turn`, wrapped.
+/// `turn = gain Im(conj(u) du)`, `velocity = momentum velocity + turn`, `phases += momentum velocity + turn`, wrapped or bounded.
 pub fn project(args: &Args, change: &[Complex32], shown: Option<&[f32]>, phases: &mut [f32], velocity: &mut [f32]) {
-    let Args { place, gain, momentum } = *args;
+    let Args { place, gain, momentum, bound } = *args;
     let (w, gw) = (place.width as usize, place.grid_width as usize);
     simd(
         #[inline(always)]
@@ -31,7 +39,7 @@ pub fn project(args: &Args, change: &[Complex32], shown: Option<&[f32]>, phases:
                 let turn = gain * (c * du.im - s * du.re);
                 let v = momentum * *velocity + turn;
                 *velocity = v;
-                *phase = trig::wrap(*phase + (momentum * v + turn));
+                *phase = turned(*phase, momentum * v + turn, bound);
             };
             for (y, ((phases, velocity), change)) in
                 rows.zip(change.chunks_exact(gw).skip(place.top as usize)).enumerate()

@@ -20,7 +20,7 @@ MAY_ALIAS layout(std430, binding = 3) buffer Phases { float phases[]; };
 layout(std430, binding = 4) buffer Velocity { float velocity[]; };
 layout(push_constant) uniform Args {
     uint height, width, grid_height, grid_width, top, left;
-    float gain, momentum;
+    float gain, momentum, bound;
     // Columns in use, and rows in all, those of the SLM.
     uint first, used, all;
     // Values from one frame to the next.
@@ -41,7 +41,7 @@ void put2(uint way, uint i, vec2 du) {
     float turn = gain * (u.x * du.y - u.y * du.x);
     float w = momentum * velocity[at] + turn;
     velocity[at] = w;
-    phases[at] = wrap(phase + (momentum * w + turn));
+    phases[at] = turned(phase, momentum * w + turn, bound);
 }
 void put4(uint way, uint i, vec4 z) {
     put2(way, i, z.xy);

@@ -18,3 +18,15 @@ float wrap(float x) {
     precise float y = (x - n * TURN_1) - n * TURN_2;
     return y;
 }
+
+// The drive of a phase: brought into 0 .. 2 pi by whole turns, |phase| < 10^4.
+float wrapped(float phase) {
+    precise float n = floor(phase * PER_TURN);
+    precise float w = (phase - n * TURN_1) - n * TURN_2;
+    return w;
+}
+
+// A phase, turned: by whole turns, or held within 0 .. `bound` of the drive.
+float turned(float phase, float by, float bound) {
+    return bound > 0.0 ? wrap(min(max(wrapped(phase) + by, 0.0), bound)) : wrap(phase + by);
+}

@@ -59,6 +59,13 @@ pub fn wrap(x: f32) -> f32 {
     (x - n * TURN[0]) - n * TURN[1]
 }
 
+/// The drive of a phase: brought into 0 .. 2 pi by whole turns, |x| < 10^4.
+#[inline(always)]
+pub(crate) fn wrapped(x: f32) -> f32 {
+    let n = (x * PER_TURN).floor();
+    (x - n * TURN[0]) - n * TURN[1]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -83,7 +83,7 @@ pub(super) fn sort(display: &Display, color: Color, taken: &Taken) -> Result<Sor
             "there is no picture of the dots, which say where the camera looks".into(),
         ));
     };
-    if sights.len() < 4 {
+    if sights.len() < 3 {
         return Err(CalibrateError::Pictures(format!(
             "{} pictures of patterns are too few to fit a model to",
             sights.len()

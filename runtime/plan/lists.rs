@@ -202,7 +202,7 @@ impl Planner {
                 hardness: 1.0,
             },
             equalise_eyebox: self.equalise_eyebox(0.0, 1, false, 0.0),
-            project: project::Args { place, gain: 0.0, momentum: 0.0 },
+            project: project::Args { place, gain: 0.0, momentum: 0.0, bound: self.bound() },
             adam: adam::Args {
                 place,
                 rate: 0.0,
@@ -222,6 +222,18 @@ impl Planner {
         let ([bend_sin, bend_cos], lag) =
             self.model.as_ref().map_or(Default::default(), |model| (model.model().bend, model.model().lag));
         drive::Args { place: self.place(), bend_sin: bend_sin as f32, bend_cos: bend_cos as f32, lag: lag as f32 }
+    }
+
+    /// Whether the projection keeps drives from wrapping. Crosstalk blurs the edge between the two ends of the range: a phase that
+    /// jumps over it makes its neighbours' light worse, of which no turn knows.
+    pub(crate) fn bounds_phases(&self) -> bool {
+        self.parts().crosstalk
+    }
+
+    /// The drive that no phase goes beyond, radians; 0 where phases wrap.
+    fn bound(&self) -> f32 {
+        let model = self.model.as_ref().filter(|_| self.bounds_phases());
+        model.map_or(0.0, |model| model.highest_drive() as f32)
     }
 
     /// Down to the window, compare, and up again; pupil passes come in groups whose windows fit `in_flight` values.

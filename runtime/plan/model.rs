@@ -13,6 +13,8 @@ pub struct ModelTables {
     model: DisplayModel,
     /// Radius in the pupil plane of the disc that the wavefront's polynomials are of, metres.
     radius: f64,
+    /// The highest drive that is not rounded up to the lowest, radians.
+    highest_drive: f64,
     slm: Optics,
     grid: Optics,
     pixels: OnceLock<Vec<f32>>,
@@ -29,16 +31,23 @@ impl PartialEq for ModelTables {
 }
 
 impl ModelTables {
-    /// Of this model on an SLM inside a grid; none where the display is the ideal one. `radius`: half the eyebox of the
+    /// Of this model on an SLM of so many levels inside a grid; none where the display is the ideal one. `radius`: half the eyebox of the
     /// display's shortest wavelength, metres.
-    pub fn new(model: DisplayModel, radius: f64, slm: Optics, grid: Optics) -> Option<Arc<Self>> {
+    pub fn new(model: DisplayModel, radius: f64, levels: u32, slm: Optics, grid: Optics) -> Option<Arc<Self>> {
         let (pixels, crosstalk, relay) = Default::default();
-        (!model.is_ideal()).then(|| Arc::new(Self { model, radius, slm, grid, pixels, crosstalk, relay }))
+        let highest_drive = TAU * (1.0 - 1.0 / f64::from(levels.max(2)));
+        (!model.is_ideal())
+            .then(|| Arc::new(Self { model, radius, highest_drive, slm, grid, pixels, crosstalk, relay }))
     }
 
     /// Of a display in one of its colours, on its SLM inside a grid.
     pub fn of(display: &Display, color: Color, slm: Optics, grid: Optics) -> Option<Arc<Self>> {
-        Self::new(display.model(color), display.eyebox_min() / 2.0, slm, grid)
+        Self::new(display.model(color), display.eyebox_min() / 2.0, display.levels, slm, grid)
+    }
+
+    /// The highest drive that is not rounded up to the lowest, radians.
+    pub(crate) fn highest_drive(&self) -> f64 {
+        self.highest_drive
     }
 
     /// The model.

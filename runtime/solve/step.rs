@@ -125,6 +125,12 @@ impl<'a> Steps<'a> {
                 // Overlap to a power below one grows with the batch: what ten pupils ask for is the unit (OPTICS 6e).
                 let share = (batch as f64 / 10.0).powf(1.0 - overlap_power);
                 let overlap = self.viewpoints.overlap(batch).map_or(1.0, |n| n.powf(overlap_power));
+                // Phases that are kept from wrapping come nowhere by jumping, and take longer strides.
+                let (gain, momentum) = if self.planner.bounds_phases() {
+                    ([1.6 * gain[0], gain[1]], momentum.max(0.7))
+                } else {
+                    (gain, momentum)
+                };
                 let gain = cosine(gain, progress) / (share * overlap);
                 Update::Projection { gain, momentum, overlap_power }
             }

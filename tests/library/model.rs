@@ -123,7 +123,7 @@ fn views_through_every_term_agree_with_float64() {
         for (name, model) in models() {
             let bench = Bench { model: model.clone(), oracle: Oracle { optics: optics(h, w), frames } };
             let plain = Planner::new(optics(h, w), frames, WindowFactor::Full);
-            let planner = Planner { model: ModelTables::new(model, RADIUS, plain.slm, plain.grid), ..plain };
+            let planner = Planner { model: ModelTables::new(model, RADIUS, 256, plain.slm, plain.grid), ..plain };
             let mut engine = loaded(&planner, Purpose::View, &rounded);
             for mm in [[1.0, -2.0, 6.0, 3.0], [-7.0, 4.0, 9.0, -15.0]] {
                 let pupil = Pupil::from_mm(mm);
@@ -149,7 +149,7 @@ fn gradients_through_every_term_are_the_derivatives() {
     for (name, model) in models() {
         let bench = Bench { model: model.clone(), oracle: Oracle { optics: o, frames } };
         let planner = Planner::new(o, frames, WindowFactor::Full);
-        let planner = Planner { model: ModelTables::new(model, RADIUS, o, o), ..planner };
+        let planner = Planner { model: ModelTables::new(model, RADIUS, 256, o, o), ..planner };
         let comparison = Comparison { mode: compare::INTENSITY, exposure: 0.7, batch: 2, ..Comparison::default() };
         let mut engine = loaded(&planner, Purpose::Adam, &rounded);
         let pupil_passes = pupils.iter().map(|p| planner.pupil_pass(p, &comparison)).collect();
@@ -170,10 +170,10 @@ fn gradients_through_every_term_are_the_derivatives() {
 #[test]
 fn terms_that_are_off_cost_nothing() {
     let o = optics(32, 32);
-    assert!(ModelTables::new(DisplayModel::default(), RADIUS, o, o).is_none());
+    assert!(ModelTables::new(DisplayModel::default(), RADIUS, 256, o, o).is_none());
     let names = |model: DisplayModel| {
         let planner = Planner::new(o, 2, WindowFactor::One);
-        let planner = Planner { model: ModelTables::new(model, RADIUS, o, o), ..planner };
+        let planner = Planner { model: ModelTables::new(model, RADIUS, 256, o, o), ..planner };
         let pass = planner.pupil_pass(&Pupil::from_mm([0.0, 0.0, 5.0, 0.0]), &Comparison::default());
         let step = planner.project_step(vec![pass], usize::MAX, 1.0, 1.0, 0.0);
         step.list.iter().map(|d| d.kernel).collect::<Vec<_>>()
@@ -217,6 +217,26 @@ fn solving_with_the_model_regains_what_the_display_loses() {
     let (kept, best) = (seen_on(&problem(&real), &aware.phases), seen_on(&problem(&ideal), &unaware.phases));
     eprintln!("ideal {best:.2} dB, on the real display {lost:.2}, solved for it {kept:.2}");
     assert!(kept > lost + 2.0 && best > kept, "ideal {best:.2} dB, on the real display {lost:.2}, for it {kept:.2}");
+}
+
+/// Under strong crosstalk no drive jumps from one end of the range to the other, nor to where rounding to levels would put it.
+#[test]
+fn phases_do_not_wrap_where_neighbours_would_suffer() {
+    let ideal = Display { height: 64, width: 64, ..Display::preset("small").unwrap() };
+    let mut terms = ModelTerms::default();
+    terms.crosstalk = Some([[1.2, 1.0].into(); 4]);
+    let real = Display { model: [(ModelOf::Green, terms)].into(), ..ideal.clone() };
+    let field = scene::load("builtin:still-life", &scene::Request::new(&ideal, &[Color::Green])).unwrap();
+    let problem = |display| Problem::new(&field, Color::Green, display, Padding::default()).unwrap();
+    let settings = Settings { steps: 20, diameter: [6e-3, 16e-3], depth: [0.0, 2e-3], ..Settings::default() };
+    let mut engine = CpuEngine::new();
+    let mut solved =
+        |display| solve::solve(&problem(display), &settings, &mut engine, &mut |_| Flow::Continue).unwrap().phases;
+    let (unaware, aware) = (solved(&ideal), solved(&real));
+    let highest = |phases: &[f32]| phases.iter().map(|p| f64::from(*p).rem_euclid(TAU)).fold(0.0, f64::max);
+    assert!(highest(&unaware) > 6.27 && highest(&aware) < TAU * 255.0 / 256.0 + 1e-5, "{}", highest(&aware));
+    let (lost, kept) = (seen_on(&problem(&real), &unaware), seen_on(&problem(&real), &aware));
+    assert!(kept > lost + 3.0, "solved without {lost:.2} dB, with the model {kept:.2}");
 }
 
 /// Mean PSNR of what twelve pupils see of these phases, with the exposure that fits all of them.

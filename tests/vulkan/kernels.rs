@@ -112,7 +112,7 @@ fn display_models() {
             let mut case = Case::new(height, width, padding, 15e-3, frames);
             let (slm, grid) = (case.planner.slm, case.planner.grid);
             (case.planner.levels, case.planner.storage) = (levels, storage);
-            case.planner.model = ModelTables::new(every_fault(), 11e-3, slm, grid);
+            case.planner.model = ModelTables::new(every_fault(), 11e-3, 256, slm, grid);
             for kernel in [
                 Kernel::Drive,
                 Kernel::Lag,
