@@ -7,9 +7,12 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// More sizes than all windows of a display have: what a long sweep over others leaves is forgotten.
 const MOST: usize = 1024;
 
-/// Tables by how many samples go in and come out; clones share them.
+/// Tables by how many samples go in and come out.
+type BySize = HashMap<(usize, usize), Arc<Table>>;
+
+/// Those that were asked for; clones share them.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct ResampleTables(Arc<Mutex<HashMap<(usize, usize), Arc<Table>>>>);
+pub(crate) struct ResampleTables(Arc<Mutex<BySize>>);
 
 impl PartialEq for ResampleTables {
     /// What is kept follows from its sizes.
