@@ -4,7 +4,7 @@
 
 // One row of a pupil's image, x, in all sub-frames: the rows of the window's inverse transform, and what stands between
 // them and those of the forward transform: `intensity`, `compare` and `apply_factor`. Columns in use in; no retinal field is
-// stored. MODE says how far it goes:
+// stored. The pupils, z, are those whose windows have equally many columns. MODE says how far it goes:
 // LOOK: to the intensity, which is stored.
 // SEE: to the factor, which is stored, and the loss of the row.
 // TURN: from the columns again, times that factor, to those of the forward transform.
@@ -33,21 +33,22 @@ MAY_ALIAS layout(std430, binding = 0) buffer Window4 { COMPLEX2 window4[]; };
 MAY_ALIAS layout(std430, binding = 2) buffer Image { float image[]; };
 MAY_ALIAS layout(std430, binding = 3) readonly buffer Target { float target_image[]; };
 MAY_ALIAS layout(std430, binding = 4) writeonly buffer Losses { float losses[]; };
+#define PUPILS 5
+#include "pupils.glsl"
 layout(push_constant) uniform Args {
     uint columns, frames;
-    // Columns in use, and values from one frame to the next.
-    uint first, used, window_stride;
-    float gain;
-    // Of `compare`.
-    uint mode;
-    float exposure, weight, low, limit;
+    // Where what is bound starts, in values.
+    uint window_base, pixels_base, losses_base;
+    uint members[BATCH];
 };
 
 // The row of the image, then of this invocation's window.
 shared float factors[PIXELS];
 shared float shares[SHARES];
 
-uint origin;
+uint pupil;
+// Columns in use, and where this invocation's row is.
+uint first, used, origin;
 
 uint invocation() { return gl_LocalInvocationID.y * X + gl_LocalInvocationID.x; }
 
@@ -59,7 +60,10 @@ vec2 seen_in(uint a, uint i) {
     return (i & 1u) == 0u ? both.xy : both.zw;
 }
 
-float factor_at(uint i) { return MODE == TURN_BACK ? image[gl_WorkGroupID.x * columns + i] : factors[i]; }
+// Pixel i of the row in an image.
+uint pixel(uint i) { return pupils[pupil].pixels - pixels_base + gl_WorkGroupID.x * columns + i; }
+
+float factor_at(uint i) { return MODE == TURN_BACK ? image[pixel(i)] : factors[i]; }
 
 vec4 fetch4(uint way, uint i) {
     if (way == UP) {
@@ -83,11 +87,12 @@ void put2(uint way, uint i, vec2 z) {
 
 // As in compare.comp: the factor; the loss is added to `sum`.
 float compared(float intensity, float wanted, inout float sum) {
-    float seen = exposure * intensity;
+    float low = pupils[pupil].low, weight = pupils[pupil].weight;
+    float seen = pupils[pupil].exposure * intensity;
     float rest = seen - wanted, factor;
-    if (mode == COMPARE_PROJECTION) {
-        factor = min(sqrt((wanted + low) / (seen + low)), limit) - 1.0;
-    } else if (mode == COMPARE_INTENSITY) {
+    if (pupils[pupil].mode == COMPARE_PROJECTION) {
+        factor = min(sqrt((wanted + low) / (seen + low)), pupils[pupil].limit) - 1.0;
+    } else if (pupils[pupil].mode == COMPARE_INTENSITY) {
         factor = weight * rest;
     } else {
         seen = sqrt(seen + low);
@@ -103,11 +108,16 @@ float compared(float intensity, float wanted, inout float sum) {
 void take(uint frame, uint in_area) {
     area = in_area;
     present = frame < frames;
-    origin = frame * window_stride + gl_WorkGroupID.x * columns;
+    origin = pupils[pupil].window - window_base + frame * pupils[pupil].window_stride + gl_WorkGroupID.x * columns;
 }
 
 void main() {
     n = columns;
+    pupil = members[gl_WorkGroupID.z];
+    // Windows of fewer rows.
+    if (gl_WorkGroupID.x >= pupils[pupil].rows) return;
+    first = pupils[pupil].first;
+    used = pupils[pupil].used;
     if (MODE == TURN_BACK) {
         take(gl_WorkGroupID.y * LINES + gl_LocalInvocationID.y, gl_LocalInvocationID.y);
         transform(DOWN, true);
@@ -125,7 +135,7 @@ void main() {
             float sum = base == 0u ? 0.0 : factors[i];
             for (uint a = 0u; a < min(held, frames - base); a++) {
                 vec2 z = seen_in(a, i);
-                sum += gain * dot(z, z);
+                sum += pupils[pupil].gain * dot(z, z);
             }
             factors[i] = sum;
         }
@@ -133,7 +143,7 @@ void main() {
     }
     float loss = 0.0;
     for (uint i = invocation(); i < n; i += X * Y) {
-        uint at = gl_WorkGroupID.x * columns + i;
+        uint at = pixel(i);
         float value = factors[i];
         if (MODE != LOOK) value = compared(value, target_image[at], loss);
         if (MODE == WHOLE) factors[i] = value;
@@ -148,7 +158,7 @@ void main() {
         count = rest;
     }
     barrier();
-    if (invocation() == 0u) losses[gl_WorkGroupID.x] = shares[0];
+    if (invocation() == 0u) losses[pupils[pupil].losses - losses_base + gl_WorkGroupID.x] = shares[0];
     if (MODE == WHOLE) {
         for (uint at = 0u; at < KEPT; at += LINES) {
             take(at + gl_LocalInvocationID.y, at + gl_LocalInvocationID.y);

@@ -46,12 +46,13 @@ impl Table {
         }
         let taps = if n_in == n_out { 1 } else { step.ceil() as usize + 1 };
         let (mut first, mut weights) = (Vec::with_capacity(n_out), Vec::with_capacity(n_out * taps));
+        let mut row = Vec::with_capacity(taps);
         for j in 0..n_out {
             let (low, high) = ((j as f64 - 0.5) * step + 0.5, (j as f64 + 0.5) * step + 0.5);
             let start = low.floor();
             first.push((start as i64).rem_euclid(n_in as i64) as u32);
-            let row: Vec<f64> =
-                (0..taps).map(|t| (high.min(start + t as f64 + 1.0) - low.max(start + t as f64)).max(0.0)).collect();
+            row.clear();
+            row.extend((0..taps).map(|t| (high.min(start + t as f64 + 1.0) - low.max(start + t as f64)).max(0.0)));
             let sum: f64 = row.iter().sum();
             weights.extend(row.iter().map(|w| (w / sum) as f32));
         }

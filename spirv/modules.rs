@@ -38,4 +38,5 @@ modules! {
     TAPER = "taper";
     TRANSFER = "transfer";
     TURN = "turn", TURN_HALF = "turn_half";
+    WINDOW_COLUMNS = "window_columns", WINDOW_COLUMNS_HALF = "window_columns_half";
 }

@@ -44,6 +44,15 @@ pub enum Memory {
     Device,
 }
 
+#[cfg(feature = "vulkan")]
+impl Memory {
+    /// Of a device of this kind.
+    pub(crate) fn of(kind: crate::gpu::DeviceKind) -> Self {
+        use crate::gpu::DeviceKind::{Cpu, Integrated};
+        if matches!(kind, Cpu | Integrated) { Self::Shared } else { Self::Device }
+    }
+}
+
 fn misfit(buffer: Buffer, has: usize, given: usize) -> EngineError {
     EngineError::Mismatch { reason: format!("{buffer:?} holds {has} values, {given} were given") }
 }

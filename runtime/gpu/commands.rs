@@ -27,8 +27,9 @@ pub(crate) struct Commands {
     batch: Vec<Piece>,
     /// Pipelines that are only remembered.
     wanted: Option<Vec<Wanted>>,
-    /// Bytes of the stage that gathered uploads take.
-    gathered: Option<u64>,
+    /// Whether uploads are gathered, and bytes of the stage that they take: a recording of them is begun where there are any.
+    gathers: bool,
+    gathered: u64,
     /// The device's limits; a test may make them smaller.
     pub(crate) limits: Limits,
     /// Memory that is the host's too is written and read in place; a test may have it staged all the same.
@@ -48,7 +49,8 @@ impl Commands {
             down: None,
             batch,
             wanted: None,
-            gathered: None,
+            gathers: false,
+            gathered: 0,
             limits,
             in_place: true,
             device,
@@ -108,16 +110,14 @@ impl Commands {
     }
 
     /// From now on uploads are gathered, until [`send_uploads`](Self::send_uploads): nothing else is recorded meanwhile.
-    pub(crate) fn gather_uploads(&mut self) -> Result<(), EngineError> {
-        self.recorder.begin(0)?;
-        self.gathered = Some(0);
-        Ok(())
+    pub(crate) fn gather_uploads(&mut self) {
+        self.gathers = true;
     }
 
-    /// Sends what was gathered, and waits.
+    /// Sends what was gathered, if anything was, and waits.
     pub(crate) fn send_uploads(&mut self) -> Result<(), EngineError> {
-        self.gathered = None;
-        self.recorder.submit("an upload")
+        self.gathers = false;
+        if std::mem::take(&mut self.gathered) > 0 { self.recorder.submit("an upload") } else { Ok(()) }
     }
 
     /// Copies pieces of `data`, multiples of 4 bytes, into a block: by the host where the memory is the host's too, on
@@ -171,14 +171,16 @@ impl Commands {
         let result = batches(pieces, &mut self.batch, |batch| {
             let size: u64 = batch.iter().map(|piece| piece.2).sum();
             let mut begin = 0;
-            if let Some(gathered) = &mut self.gathered {
-                if *gathered + size > STAGE {
-                    *gathered = 0;
+            if self.gathers {
+                if self.gathered + size > STAGE {
+                    self.gathered = 0;
                     self.recorder.submit("an upload")?;
+                }
+                if self.gathered == 0 {
                     self.recorder.begin(0)?;
                 }
-                begin = *gathered;
-                *gathered += size;
+                begin = self.gathered;
+                self.gathered += size;
             }
             for ((from, _, size), at) in staged(batch) {
                 add(&self.device.counters.uploaded, size);
@@ -186,7 +188,7 @@ impl Commands {
                     .copy_from_slice(&data[from as usize..][..size as usize]);
             }
             let pieces = staged(batch).map(|((_, to, size), at)| (begin + at, to, size));
-            if self.gathered.is_some() {
+            if self.gathers {
                 self.recorder.copy(&stage, to, pieces);
                 return Ok(());
             }

@@ -5,6 +5,7 @@ use crate::optics::Window;
 use eyebox_kernels::{
     compare, energy, exposure, fft::Columns, intensity, modulate, pass_pupil, photograph, quantise, resample, transfer,
 };
+use std::sync::Arc;
 
 /// A buffer. Pupil pass buffers are named by their slot: the pupil pass's place in its dispatch's range.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -367,9 +368,9 @@ pub struct Shot {
     /// Arguments of `resample`.
     pub resample: resample::Args,
     /// Weights along rows.
-    pub rows: resample::Table,
+    pub rows: Arc<resample::Table>,
     /// Weights along columns.
-    pub columns: resample::Table,
+    pub columns: Arc<resample::Table>,
 }
 
 /// What one pupil needs.

@@ -13,6 +13,7 @@ mod list;
 mod lists;
 mod model;
 mod pupil_pass;
+mod resample_tables;
 mod scales;
 mod storage;
 #[cfg(feature = "vulkan")]

@@ -1,11 +1,10 @@
 //! From a pupil to what it needs: window, spans, taps, tables and the scales that make units right.
 
+use super::resample_tables::ResampleTables;
 use super::{ModelTables, PupilPass, Purpose, Shape, Shot, Storage};
 use crate::optics::{Geometry, Optics, Padding, Pupil, Window, WindowFactor};
 use crate::scene::{Pyramid, ViewGrid};
-use eyebox_kernels::{
-    compare, fft::Columns, intensity, modulate, pass_pupil, photograph, resample, resample::Table, transfer,
-};
+use eyebox_kernels::{compare, fft::Columns, intensity, modulate, pass_pupil, photograph, resample, transfer};
 use std::sync::Arc;
 
 /// How an image is compared with its target.
@@ -41,13 +40,21 @@ pub struct ViewLayout {
     pub levels: Vec<(usize, usize)>,
     /// Linear light of the value 1 of a stored sample.
     pub unit: f64,
+    /// Weights from levels to windows.
+    pub(crate) tables: ResampleTables,
 }
 
 impl ViewLayout {
     /// Of this pyramid.
     pub fn new(grid: ViewGrid, pyramid: &Pyramid) -> Self {
         let levels = pyramid.levels.iter().map(|l| (l.height, l.width)).collect();
-        Self { grid, center: [0.0, 0.0], levels, unit: f64::from(pyramid.scale) / 65535.0 }
+        Self {
+            grid,
+            center: [0.0, 0.0],
+            levels,
+            unit: f64::from(pyramid.scale) / 65535.0,
+            tables: ResampleTables::default(),
+        }
     }
 }
 
@@ -191,12 +198,12 @@ impl Planner {
     }
 
     fn shot(&self, pupil: &Pupil, window: Window) -> Option<Shot> {
-        let ViewLayout { grid: views, center, levels, unit } = self.views.as_ref()?;
+        let ViewLayout { grid: views, center, levels, unit, tables } = self.views.as_ref()?;
         let fits = |l: &(usize, usize)| l.0 >= window.rows && l.1 >= window.columns;
         let level = levels.iter().rposition(fits).unwrap_or(0);
         let (height, width) = levels[level];
         let taps = views.taps_around(*center, &self.grid, pupil, height, width);
-        let (rows, columns) = (Table::area(height, window.rows), Table::area(width, window.columns));
+        let (rows, columns) = (tables.get(height, window.rows), tables.get(width, window.columns));
         Some(Shot {
             level,
             args: photograph::Args {

@@ -64,7 +64,7 @@ impl Cost {
         let steps = if settings.method.is_iterative() { settings.steps } else { 0 };
         let seen = steps.min(pupils.div_ceil(settings.pupils.max(1)));
         let (mut slots, mut step, mut windows) = (Slots::default(), [0.0; Group::ALL.len()], Vec::new());
-        let mut schedule = Steps::new(problem, &planner, &settings, 1.0);
+        let mut schedule = Steps::new(problem, &planner, &settings, 1.0, memory);
         for _ in 0..seen {
             let next = schedule.next(0.0);
             slots.see(&next, settings.frames, complex);

@@ -177,7 +177,7 @@ fn measure(
     if let Some(levels) = settings.levels.table() {
         engine.write(Buffer::Levels, &levels)?;
     }
-    let mut steps = Steps::new(&problem, &planner, &settings, 1.0);
+    let mut steps = Steps::new(&problem, &planner, &settings, 1.0, engine.memory());
     let mut best = [f64::INFINITY; Group::ALL.len()];
     for round in 0..=ROUNDS {
         let step = steps.next(0.0);

@@ -5,8 +5,8 @@ use super::problem::Problem;
 use super::settings::Settings;
 use super::steer::{Refiner, Steering};
 use super::step::Steps;
-use crate::engine::Engine;
 use crate::engine::vulkan::VulkanEngine;
+use crate::engine::{Engine, Memory};
 use crate::gpu::{Counts, EngineError, Gpu};
 use crate::optics::PupilDistribution;
 use crate::plan::{DeviceModel, Estimate, Recording};
@@ -39,10 +39,11 @@ impl Rehearsal {
     pub fn of_solve(problem: &Problem, settings: &Settings, gpu: &Gpu, count: usize) -> Result<Self, SolveError> {
         settings.check()?;
         let planner = problem.planner_of(settings);
+        let memory = Memory::of(gpu.device.planned_as);
         let mut engine = VulkanEngine::new(gpu)?;
         engine.load(&planner.shape(settings.optimizer.purpose()), Some(Arc::clone(&problem.pyramid)))?;
-        Steps::new(problem, &planner, settings, 1.0).prepare(settings.steps.max(2 * count), &mut engine)?;
-        let (mut steps, mut under_way) = (Steps::new(problem, &planner, settings, 1.0), None);
+        Steps::new(problem, &planner, settings, 1.0, memory).prepare(settings.steps.max(2 * count), &mut engine)?;
+        let (mut steps, mut under_way) = (Steps::new(problem, &planner, settings, 1.0, memory), None);
         rehearse(gpu, count, || {
             let step = steps.next(0.5);
             let begun = engine.begin_step(&step, std::slice::from_ref(&(0..step.list.len())))?;

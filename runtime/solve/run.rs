@@ -134,8 +134,9 @@ impl Run<'_> {
         let pixels = settings.frames * planner.slm.height * planner.slm.width;
         self.engine.write(Buffer::Phases, &self.first_phases(pixels))?;
         self.engine.clear_moments()?;
-        let mut schedule = Steps::new(self.problem, planner, settings, self.exposure);
-        Steps::new(self.problem, planner, settings, self.exposure).prepare(steps, self.engine)?;
+        let memory = self.engine.memory();
+        let mut schedule = Steps::new(self.problem, planner, settings, self.exposure, memory);
+        Steps::new(self.problem, planner, settings, self.exposure, memory).prepare(steps, self.engine)?;
         let limit = settings.seconds.filter(|_| !self.pilot);
         let wanted = settings.psnr.filter(|_| !self.pilot);
         let begun = self.start.elapsed().as_secs_f64();

@@ -5,8 +5,10 @@ use super::levels::Levels;
 use super::method::Method;
 use super::optimizer::Optimizer;
 use super::sampling::{Diameters, Sequence};
+use crate::engine::Memory;
 use crate::optics::WindowFactor;
 use crate::plan::Storage;
+use eyebox_kernels::Complex32;
 use serde::{Deserialize, Deserializer, Serialize};
 
 /// Whether the SLM is padded where the scene requires it.
@@ -82,7 +84,8 @@ pub struct Settings {
     /// display of half the resolution and twice the pitch, and each of its pixels is shown on 2 x 2.
     #[serde(skip_serializing_if = "is_one")]
     pub pixel: usize,
-    /// Bytes that the windows of pupils in flight may take, as float32; stored as halves the same ones take half of it.
+    /// Bytes that the windows of pupils in flight may take: as float32, so that halves take half of it; in a device's own
+    /// memory twice as many, as they are stored there.
     pub window_bytes: usize,
     /// How complex fields are stored while solving: halves take half the memory, at a price (docs/measurements.md).
     pub storage: Storage,
@@ -121,6 +124,15 @@ impl Default for Settings {
 }
 
 impl Settings {
+    /// Values of the windows of pupils in flight, on an engine whose buffers lie there. More at once are fewer stages for a
+    /// device, and nothing for the host.
+    pub(crate) fn in_flight(&self, memory: Memory) -> usize {
+        match memory {
+            Memory::Device => 2 * self.window_bytes / self.storage.bytes(),
+            Memory::Host | Memory::Shared => self.window_bytes / size_of::<Complex32>(),
+        }
+    }
+
     /// Sub-frames that are solved: `repeats` of them are alike where that divides them.
     pub fn solved_frames(&self) -> usize {
         fn common_divisor(a: usize, b: usize) -> usize {

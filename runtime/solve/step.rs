@@ -8,7 +8,7 @@ use super::settings::Settings;
 use super::viewpoints::Viewpoints;
 use crate::engine::{Engine, EngineError, Memory, Step};
 use crate::plan::{Comparison, Planner, PupilPass, Viewpoint};
-use eyebox_kernels::{Complex32, compare};
+use eyebox_kernels::compare;
 use std::ops::Range;
 
 /// How one step moves the phases.
@@ -70,14 +70,22 @@ pub(super) struct Steps<'a> {
     settings: &'a Settings,
     exposure: f64,
     viewpoints: Viewpoints,
+    /// Values of windows at a time.
+    in_flight: usize,
     taken: usize,
 }
 
 impl<'a> Steps<'a> {
-    /// From the first, for this exposure.
-    pub(super) fn new(problem: &'a Problem, planner: &'a Planner, settings: &'a Settings, exposure: f64) -> Self {
+    /// From the first, for this exposure, on an engine whose buffers lie in `memory`.
+    pub(super) fn new(
+        problem: &'a Problem,
+        planner: &'a Planner,
+        settings: &'a Settings,
+        exposure: f64,
+        memory: Memory,
+    ) -> Self {
         let viewpoints = Viewpoints::new(problem, settings, settings.seed);
-        Self { problem, planner, settings, exposure, viewpoints, taken: 0 }
+        Self { problem, planner, settings, exposure, viewpoints, in_flight: settings.in_flight(memory), taken: 0 }
     }
 
     /// Makes what `count` steps from the first on ask a device for, all at once: nothing is made while they are taken. Pupils
@@ -101,7 +109,7 @@ impl<'a> Steps<'a> {
         let update = self.update(progress);
         let viewpoints: Vec<Viewpoint> = (0..settings.pupils).map(|_| self.viewpoints.draw()).collect();
         let pupil_passes = update.pupil_passes(planner, &viewpoints, self.exposure);
-        let mut step = update.step(planner, pupil_passes, settings.window_bytes / size_of::<Complex32>());
+        let mut step = update.step(planner, pupil_passes, self.in_flight);
         // Levels come on softly: a phase that is thrown from level to level from the start finds no good one.
         step.quantise.hardness = progress.powi(2) as f32;
         if settings.method == Method::PupilAware {

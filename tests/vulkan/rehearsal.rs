@@ -56,12 +56,10 @@ fn steps_keep_to_their_budgets() {
     let settings = Settings { pupils: 16, ..Settings::default() };
     let solve = Rehearsal::of_solve(&problem, &settings, &gpu, 3).unwrap();
     for [dispatches, stages, bytes] in asked(&solve) {
-        assert!(dispatches <= 70 && stages <= 48 && bytes <= 3_700_000_000, "{dispatches} {stages} {bytes}");
+        assert!(dispatches <= 61 && stages <= 11 && bytes <= 3_700_000_000, "{dispatches} {stages} {bytes}");
         // Each of 16 windows is passed, seen, compared and returned, whatever is fused.
         assert!(dispatches >= 8 && bytes >= 3_000_000_000, "{dispatches} {bytes}");
     }
-    // Once all tables are there, pupils side by side, three groups of them.
-    assert!(asked(&solve)[2][1] <= 19, "{:?}", asked(&solve));
     // Nothing of it goes up but tables of transforms, and nothing comes down but losses.
     assert!(solve.steps.iter().all(|s| s.counts.read_back == 0 && s.counts.uploaded < 1 << 20));
 
@@ -69,7 +67,7 @@ fn steps_keep_to_their_budgets() {
     let fp32 = Steering { storage: Some(Storage::F32), ..Steering::default() };
     let steered = Rehearsal::of_refinement(problem, 8, fp32, aim, &gpu, 4).unwrap();
     for [dispatches, stages, bytes] in asked(&steered) {
-        assert!(dispatches <= 21 && stages <= 10 && bytes <= 700_000_000, "{dispatches} {stages} {bytes}");
+        assert!(dispatches <= 20 && stages <= 9 && bytes <= 700_000_000, "{dispatches} {stages} {bytes}");
         assert!(bytes >= 500_000_000, "{bytes}");
     }
     let [fast, .., slow] = DEVICES.map(|device| steered.estimate(&device).total());

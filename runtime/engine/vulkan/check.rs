@@ -10,6 +10,8 @@ pub(super) fn check(step: &Step, part: &Range<usize>, shape: &Shape, views: Opti
     let Some(list) = step.list.get(part.clone()) else {
         return mismatch(format!("dispatches {part:?} of {} are asked for", step.list.len()));
     };
+    // Neighbours in the list run over the same pupil passes.
+    let mut checked = 0..0;
     for dispatch in list {
         let name = dispatch.kernel.name();
         let Some(pupil_passes) = step.pupil_passes.get(dispatch.pupil_passes.clone()) else {
@@ -27,7 +29,9 @@ pub(super) fn check(step: &Step, part: &Range<usize>, shape: &Shape, views: Opti
             return mismatch(format!("{name} is not for {h} x {w} pixels in {}", shape.storage.name()));
         }
         for pupil_pass in pupil_passes {
-            if let Err(reason) = check_pupil_pass(pupil_pass, shape) {
+            if checked != dispatch.pupil_passes
+                && let Err(reason) = check_pupil_pass(pupil_pass, shape)
+            {
                 return mismatch(format!("a pupil_pass of {name}: {reason}"));
             }
             if dispatch.kernel.binds().iter().any(|(_, resource)| *resource == Resource::Views)
@@ -35,6 +39,9 @@ pub(super) fn check(step: &Step, part: &Range<usize>, shape: &Shape, views: Opti
             {
                 return mismatch(reason);
             }
+        }
+        if !pupil_passes.is_empty() {
+            checked = dispatch.pupil_passes.clone();
         }
     }
     Ok(())

@@ -217,13 +217,9 @@ impl VulkanEngine {
             losses: sums,
             hazards: Hazards::default(),
         };
-        if !runs {
-            work.gpu.gather_uploads()?;
-        }
+        work.gpu.gather_uploads();
         let prepared = work.prepare(list);
-        if !runs {
-            work.gpu.send_uploads()?;
-        }
+        work.gpu.send_uploads()?;
         prepared?;
         let ways = work.ways(list);
         let marks = if *is_timed { list.len() } else { 1 };
@@ -343,10 +339,7 @@ impl Engine for VulkanEngine {
     }
 
     fn memory(&self) -> Memory {
-        match self.gpu.report().kind {
-            DeviceKind::Cpu | DeviceKind::Integrated => Memory::Shared,
-            _ => Memory::Device,
-        }
+        Memory::of(self.gpu.report().kind)
     }
 
     fn preferred_storage(&self) -> Storage {

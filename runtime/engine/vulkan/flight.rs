@@ -97,19 +97,23 @@ pub(super) struct Flight {
 impl Flight {
     /// Finds places for the sums of each pupil pass's loss, behind one for what `check_finite` finds, as far apart as the
     /// device wants.
-    fn place(&mut self, pupil_passes: &[PupilPass]) {
+    fn place(&mut self, pupil_passes: &[PupilPass], order: &[usize]) {
         self.end = PLACE;
         self.offsets.clear();
-        for pass in pupil_passes {
-            self.offsets.push(self.end);
-            self.end += (4 * pass.loss_parts() as u64).next_multiple_of(PLACE);
+        self.offsets.resize(pupil_passes.len(), PLACE);
+        // What belongs to no group has a place as well.
+        let rest = order.len()..pupil_passes.len();
+        for at in order.iter().copied().chain(rest) {
+            self.offsets[at] = self.end;
+            self.end += (4 * pupil_passes[at].loss_parts() as u64).next_multiple_of(PLACE);
         }
     }
 
     /// Finds these places, and packs the tables.
     pub(super) fn lay_out(&mut self, step: &Step, shape: &Shape, views: Option<&Views>) {
-        self.place(&step.pupil_passes);
-        self.tables.pack(&step.pupil_passes, &all_slots(step, shape), &self.offsets, views);
+        let (slots, order) = all_slots(step, shape);
+        self.place(&step.pupil_passes, &order);
+        self.tables.pack(&step.pupil_passes, (slots, order), &self.offsets, views);
     }
 
     /// Whether what the host sees is large enough.

@@ -129,31 +129,50 @@ pub(super) fn pupil_pass_buffer(buffer: Buffer) -> Option<(Resource, usize, usiz
 /// Where one pupil pass's buffers lie, by kind.
 pub(super) type Slot = [Layout; KINDS];
 
-/// The slots of neighbouring pupil passes, one behind the other in each arena. The same pupil passes always lie at the same places.
+/// Pupil passes by the size of their windows, by rows first or by columns, whichever leaves more neighbours that have as many
+/// of one: their places in memory.
+fn order(pupil_passes: &[PupilPass]) -> Vec<usize> {
+    let size = |at: usize| [pupil_passes[at].window.rows, pupil_passes[at].window.columns];
+    let mut orders = [0, 1].map(|first| {
+        let mut order: Vec<usize> = (0..pupil_passes.len()).collect();
+        order.sort_by_key(|at| (size(*at)[first], size(*at)[1 - first]));
+        order
+    });
+    let alike = |order: &[usize]| {
+        let alike = |pair: &[usize]| (0..2).filter(|axis| size(pair[0])[*axis] == size(pair[1])[*axis]).count();
+        order.windows(2).map(alike).sum::<usize>()
+    };
+    let by_columns = alike(&orders[1]) > alike(&orders[0]);
+    std::mem::take(&mut orders[usize::from(by_columns)])
+}
+
+/// The slots of neighbouring pupil passes, one behind the other in each arena, in their [`order`]. The same pupil passes always
+/// lie at the same places.
 pub(super) fn slots(pupil_passes: &[PupilPass], shape: &Shape) -> Vec<Slot> {
     let mut ends = [0u64; KINDS];
-    let place = |pupil_pass: &PupilPass| {
-        let mut slot = [Layout { offset: 0, frames: 0, values: 0, value: Value::Real }; KINDS];
-        for ((layout, end), resource) in slot.iter_mut().zip(&mut ends).zip(Resource::OF_SLOT) {
-            let Extent { frames, values, complex } = pupil_pass.extent(resource, shape);
+    let mut slots = vec![[Layout { offset: 0, frames: 0, values: 0, value: Value::Real }; KINDS]; pupil_passes.len()];
+    for at in order(pupil_passes) {
+        for ((layout, end), resource) in slots[at].iter_mut().zip(&mut ends).zip(Resource::OF_SLOT) {
+            let Extent { frames, values, complex } = pupil_passes[at].extent(resource, shape);
             let value = if complex { Value::Complex(resource.stored(shape.storage)) } else { Value::Real };
             *layout = Layout { offset: *end, frames, values, value };
             *end += layout.bytes();
         }
-        slot
-    };
-    pupil_passes.iter().map(place).collect()
+    }
+    slots
 }
 
-/// Those of all pupil passes of a step, group by group.
-pub(super) fn all_slots(step: &Step, shape: &Shape) -> Vec<Slot> {
+/// Those of all pupil passes of a step, group by group, and their order in memory.
+pub(super) fn all_slots(step: &Step, shape: &Shape) -> (Vec<Slot>, Vec<usize>) {
     let mut all = Vec::with_capacity(step.pupil_passes.len());
+    let mut in_order = Vec::with_capacity(step.pupil_passes.len());
     for group in step.list.iter().map(|d| d.pupil_passes.clone()) {
         if group.start == all.len() {
+            in_order.extend(order(&step.pupil_passes[group.clone()]).into_iter().map(|at| group.start + at));
             all.extend(slots(&step.pupil_passes[group], shape));
         }
     }
-    all
+    (all, in_order)
 }
 
 /// The blocks in which the buffers of pupil passes lie: they only grow.
@@ -170,8 +189,8 @@ impl Arenas {
             step.list.iter().map(|d| d.pupil_passes.clone()).filter(|l| !l.is_empty()).collect();
         groups.dedup();
         for group in groups {
-            if let Some(last) = slots(&step.pupil_passes[group], shape).last() {
-                for (need, layout) in needs.iter_mut().zip(last) {
+            for slot in slots(&step.pupil_passes[group], shape) {
+                for (need, layout) in needs.iter_mut().zip(&slot) {
                     *need = (*need).max(layout.offset + layout.bytes());
                 }
             }

@@ -56,11 +56,11 @@ struct Shot {
     accumulator: u32,
 }
 
-/// Of which pupil pass a shot is, and of which block of views.
+/// Of which block of views and of which pupil pass a shot is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct ShotOf {
-    pub(super) pupil_pass: usize,
-    pub(super) block: usize,
+    block: usize,
+    pupil_pass: usize,
     /// Taps.
     pub(super) count: u32,
     /// Whether it adds to what other blocks gave.
@@ -84,6 +84,8 @@ pub(super) struct Tables {
     taps: Vec<Tap>,
     shots: Vec<Shot>,
     shots_of: Vec<ShotOf>,
+    /// All pupil passes, those of a group as they lie in memory.
+    order: Vec<usize>,
     pupils: Vec<Pupil>,
     /// Of all pupil passes.
     taps_at: Place,
@@ -100,7 +102,14 @@ fn start(layout: &Layout) -> u32 {
 
 impl Tables {
     /// Packs the tables of these pupil passes, whose buffers lie in these slots, and whose losses at these bytes.
-    pub(super) fn pack(&mut self, pupil_passes: &[PupilPass], slots: &[Slot], losses: &[u64], views: Option<&Views>) {
+    pub(super) fn pack(
+        &mut self,
+        pupil_passes: &[PupilPass],
+        (slots, order): (Vec<Slot>, Vec<usize>),
+        losses: &[u64],
+        views: Option<&Views>,
+    ) {
+        self.order = order;
         self.packed.clear();
         self.pupil_passes.clear();
         self.pupils.clear();
@@ -116,7 +125,7 @@ impl Tables {
                 self.pupils.push(pupil(pass, &tables, slot, *losses));
             }
         }
-        self.gather_shots(pupil_passes, slots, views);
+        self.gather_shots(pupil_passes, &slots, views);
         (self.taps_at, self.shots_at, self.pupils_at) = (
             add(&mut self.packed, bytemuck::cast_slice(&self.taps)),
             add(&mut self.packed, bytemuck::cast_slice(&self.shots)),
@@ -132,7 +141,8 @@ impl Tables {
         let Some(views) = views else { return };
         let accumulator = slot_layout(Resource::Accumulator);
         for block in 0..views.blocks.len() {
-            for (pupil_pass, (pass, slot)) in pupil_passes.iter().zip(slots).enumerate() {
+            for &pupil_pass in &self.order {
+                let (Some(pass), Some(slot)) = (pupil_passes.get(pupil_pass), slots.get(pupil_pass)) else { continue };
                 let Some(shot) = &pass.shot else { continue };
                 let Some(level) = views.levels.get(shot.level) else { continue };
                 let has =
@@ -236,9 +246,18 @@ impl Tables {
         Ok([self.range(self.taps_at)?, self.range(self.shots_at)?])
     }
 
-    /// Of which pupil passes the shots are, in their order: by blocks of views.
-    pub(super) fn shots_of(&self) -> &[ShotOf] {
-        &self.shots_of
+    /// What a pupil pass has of a block of views, and where in the table: one behind the other as they lie in memory.
+    pub(super) fn shot(&self, block: usize, pupil_pass: usize) -> Option<(usize, ShotOf)> {
+        let at = self.shots_of.iter().position(|of| (of.block, of.pupil_pass) == (block, pupil_pass))?;
+        Some((at, self.shots_of[at]))
+    }
+
+    /// A group of pupil passes as they lie in memory; none where the tables were not made for it.
+    pub(super) fn order(&self, group: &std::ops::Range<usize>, slots: &[Slot]) -> Option<&[usize]> {
+        let image = slot_layout(Resource::Image)?;
+        let are_the_same = |(pupil, slot): (&Pupil, &Slot)| pupil.pixels == start(&slot[image]);
+        let pupils = self.pupils.get(group.clone()).filter(|pupils| pupils.len() == slots.len())?;
+        pupils.iter().zip(slots).all(are_the_same).then(|| self.order.get(group.clone())).flatten()
     }
 
     fn range(&self, place: Place) -> Result<Range<'_>, EngineError> {

@@ -1,66 +1,83 @@
 //! Kernels over several pupils at once: the pupils of a dispatch are its z, and a table has the arguments of each.
 
-use super::super::tables::ShotOf;
 use super::call::Call;
 use crate::engine::{EngineError, Resource};
 use crate::gpu::{DeviceKind, Range};
 use crate::plan::moved;
 use eyebox_kernels::BATCH;
 use eyebox_kernels::photograph::STRIP;
-use std::collections::HashMap;
 
 /// Pupils of the dispatch, in their order, whose buffers a kernel sees at once.
 pub(super) type Members = Vec<usize>;
 
 impl<'a> Call<'_, 'a> {
-    /// These pupils of the dispatch in batches, of whose `resources` a kernel sees all, and which move so many bytes that it does not
-    /// take long: a pupil moves `bytes`. In software, which starts a workgroup at
-    /// a price even where it finds nothing to do, each by itself.
-    pub(super) fn batches(
+    /// The pupils of the dispatch that have a key, neighbours in memory with one key in batches, of whose `resources` a kernel
+    /// sees all, and which move so many bytes that it does not take long: a pupil moves `bytes`. In software, which starts a
+    /// workgroup at a price even where it finds nothing to do, each by itself.
+    pub(super) fn batches<K: PartialEq>(
         &self,
-        pupils: impl IntoIterator<Item = usize>,
         resources: &[Resource],
         bytes: impl Fn(usize) -> u64,
+        key: impl Fn(usize) -> Option<K>,
     ) -> Result<Vec<Members>, EngineError> {
         let gpu = &*self.work.gpu;
         let most = if gpu.device.planned_as == DeviceKind::Cpu { 1 } else { BATCH };
-        let mut batches: Vec<Members> = Vec::new();
-        let mut sum = 0;
-        for pupil in pupils {
-            sum += bytes(pupil);
-            let fits = match batches.last() {
-                Some(batch) if batch.len() < most && sum <= gpu.dispatch_bytes() => {
-                    let sizes = resources.iter().map(|resource| Ok(self.spread(*resource, batch[0], pupil)?.0.size));
-                    sizes
-                        .collect::<Result<Vec<u64>, EngineError>>()?
-                        .into_iter()
-                        .all(|size| size <= gpu.limits().storage_range)
+        let limit = gpu.limits().storage_range;
+        let (mut batches, mut last, mut sum): (Vec<Members>, Option<K>, u64) = (Vec::new(), None, 0);
+        for at in self.order()? {
+            let Some(key) = key(at) else { continue };
+            sum += bytes(at);
+            let has_room = |batch: &Members| batch.len() < most && sum <= gpu.dispatch_bytes();
+            match batches.last_mut().filter(|batch| last.as_ref() == Some(&key) && has_room(batch)) {
+                Some(batch) => {
+                    batch.push(at);
+                    let too_large = |r: &Resource| self.spread(*r, batch).is_ok_and(|(range, _)| range.size > limit);
+                    if resources.iter().any(too_large) {
+                        batch.pop();
+                        batches.push(vec![at]);
+                        sum = bytes(at);
+                    }
                 }
-                _ => false,
-            };
-            match batches.last_mut().filter(|_| fits) {
-                Some(batch) => batch.push(pupil),
                 None => {
-                    sum = bytes(pupil);
-                    batches.push(vec![pupil]);
+                    batches.push(vec![at]);
+                    sum = bytes(at);
                 }
             }
+            last = Some(key);
         }
         Ok(batches)
     }
 
-    /// What pupils `first` to `last` of the dispatch have of a resource, and where that starts, in values.
-    pub(super) fn spread(
-        &self,
-        resource: Resource,
-        first: usize,
-        last: usize,
-    ) -> Result<(Range<'a>, u32), EngineError> {
-        let [from, to] = [first, last].map(|at| self.layout_of(resource, at));
-        let (from, to) = (from?, to?);
+    /// Bytes that a pupil of the dispatch has of these.
+    pub(super) fn bytes_of(&self, resources: &[Resource], at: usize) -> u64 {
+        resources.iter().filter_map(|resource| self.layout_of(*resource, at).ok()).map(|layout| layout.bytes()).sum()
+    }
+
+    /// The pupils of the dispatch as they lie in memory.
+    fn order(&self) -> Result<impl Iterator<Item = usize> + use<>, EngineError> {
+        let pupils = self.dispatch.pupil_passes.clone();
+        let order = self.work.tables.order(&pupils, self.slots);
+        let odd = || EngineError::Mismatch {
+            reason: format!(
+                "{} runs over pupil_passes {pupils:?}, and another kernel over some of them",
+                self.kernel.name()
+            ),
+        };
+        let order = order.ok_or_else(odd)?.iter().map(|i| i - pupils.start).collect::<Vec<_>>();
+        Ok(order.into_iter())
+    }
+
+    /// What these pupils of the dispatch have of a resource, and where that starts, in values.
+    pub(super) fn spread(&self, resource: Resource, batch: &[usize]) -> Result<(Range<'a>, u32), EngineError> {
         let block = self.work.arenas.block(resource).ok_or_else(|| self.missing(resource))?;
-        let range = block.range(from.offset, to.offset + to.bytes() - from.offset);
-        Ok((range, (from.offset / from.value.size() as u64) as u32))
+        let (mut from, mut to, mut size) = (u64::MAX, 0, 1);
+        for at in batch {
+            let layout = self.layout_of(resource, *at)?;
+            (from, to) = (from.min(layout.offset), to.max(layout.offset + layout.bytes()));
+            size = layout.value.size() as u64;
+        }
+        let from = from.min(to);
+        Ok((block.range(from, to - from), (from / size) as u32))
     }
 
     /// The places of these pupils in the table.
@@ -82,8 +99,8 @@ impl<'a> Call<'_, 'a> {
     /// The propagation kernels of all pupils of the dispatch.
     pub(super) fn transfer(&mut self) -> Result<(), EngineError> {
         let bytes = |at| 8 * self.pass(at).count() as u64;
-        for batch in self.batches(0..self.slots.len(), &[Resource::Transfer], bytes)? {
-            let (transfer, base) = self.spread(Resource::Transfer, batch[0], batch[batch.len() - 1])?;
+        for batch in self.batches(&[Resource::Transfer], bytes, |_| Some(()))? {
+            let (transfer, base) = self.spread(Resource::Transfer, &batch)?;
             let buffers = [self.work.tables.all()?, transfer, self.work.tables.pupils()?];
             let sizes = batch.iter().map(|at| self.pass(*at)).map(|pass| [pass.transfer.rows, pass.transfer.columns]);
             let groups = self.batch_groups(batch.len(), sizes);
@@ -95,18 +112,11 @@ impl<'a> Call<'_, 'a> {
 
     /// Their photographs at their windows' sizes.
     pub(super) fn resample(&mut self) -> Result<(), EngineError> {
-        let shots = (0..self.slots.len()).filter(|at| self.pass(*at).shot.is_some());
-        let bytes = |at| {
-            [Resource::Accumulator, Resource::Target]
-                .iter()
-                .filter_map(|r| self.layout_of(*r, at).ok())
-                .map(|l| l.bytes())
-                .sum()
-        };
-        for batch in self.batches(shots, &[Resource::Accumulator, Resource::Target], bytes)? {
-            let (first, last) = (batch[0], batch[batch.len() - 1]);
-            let (accumulator, from) = self.spread(Resource::Accumulator, first, last)?;
-            let (target, to) = self.spread(Resource::Target, first, last)?;
+        let resources = [Resource::Accumulator, Resource::Target];
+        let has_shot = |at| self.pass(at).shot.is_some().then_some(());
+        for batch in self.batches(&resources, |at| self.bytes_of(&resources, at), has_shot)? {
+            let (accumulator, from) = self.spread(Resource::Accumulator, &batch)?;
+            let (target, to) = self.spread(Resource::Target, &batch)?;
             let buffers = [accumulator, self.work.tables.all()?, target, self.work.tables.pupils()?];
             let sizes = batch.iter().map(|at| self.pass(*at).window).map(|w| [w.rows as u32, w.columns as u32]);
             let groups = self.batch_groups(batch.len(), sizes);
@@ -122,29 +132,24 @@ impl<'a> Call<'_, 'a> {
         let pupils = self.dispatch.pupil_passes.clone();
         let [taps, table] = tables.shots()?;
         for (block, views) in views.blocks.iter().enumerate() {
-            let mut shots = tables.shots_of().iter().enumerate();
-            let mine = |of: &ShotOf| of.block == block && pupils.contains(&of.pupil_pass);
-            let Some(begin) = shots.position(|(_, of)| mine(of)) else { continue };
-            let shots = tables.shots_of()[begin..].iter().take_while(|of| mine(of)).collect::<Vec<_>>();
-            if shots.iter().any(|of| of.adds) {
+            let shot = |at: usize| tables.shot(block, pupils.start + at);
+            if (0..pupils.len()).filter_map(shot).any(|(_, shot)| shot.adds) {
                 self.work.gpu.recorder.barrier();
             }
             // Two samples of halves a tap, in neighbouring blocks of nine rows; what was added up before, and what is now.
-            let moved = |of: &&ShotOf| {
-                let at = of.pupil_pass - pupils.start;
+            let moved = |at: usize| {
                 let pixels = self.layout_of(Resource::Accumulator, at).map_or(0, |layout| layout.values as u64);
-                let before = if of.adds { 4 * pixels } else { 0 };
-                (at, [2 * pixels * u64::from(of.count) * 9 / 8, before, 4 * pixels])
+                let (count, adds) = shot(at).map_or((0, false), |(_, shot)| (shot.count, shot.adds));
+                [2 * pixels * u64::from(count) * 9 / 8, if adds { 4 * pixels } else { 0 }, 4 * pixels]
             };
-            let moved: HashMap<usize, [u64; 3]> = shots.iter().map(moved).collect();
-            let bytes = |at: usize| moved[&at].iter().sum::<u64>();
-            let mut first = begin as u32;
-            let each = shots.iter().map(|of| of.pupil_pass - pupils.start);
-            for batch in self.batches(each, &[Resource::Accumulator], bytes)? {
-                let (accumulator, base) = self.spread(Resource::Accumulator, batch[0], batch[batch.len() - 1])?;
-                let sizes = || batch.iter().filter_map(|at| self.pass(*at).shot.as_ref());
+            let moved: Vec<[u64; 3]> = (0..pupils.len()).map(moved).collect();
+            let bytes = |at: usize| moved[at].iter().sum::<u64>();
+            for batch in self.batches(&[Resource::Accumulator], bytes, |at| shot(at).map(|_| ()))? {
+                let Some((first, _)) = shot(batch[0]) else { continue };
+                let (accumulator, base) = self.spread(Resource::Accumulator, &batch)?;
+                let sizes = batch.iter().filter_map(|at| self.pass(*at).shot.as_ref());
                 let [height, width] =
-                    sizes().fold([0; 2], |[h, w], shot| [h.max(shot.args.height), w.max(shot.args.width)]);
+                    sizes.fold([0; 2], |[h, w], shot| [h.max(shot.args.height), w.max(shot.args.width)]);
                 // A pupil that moves too much by itself goes in parts.
                 let parts =
                     batch.iter().map(|at| bytes(*at)).sum::<u64>().div_ceil(self.work.gpu.dispatch_bytes()).max(1);
@@ -153,13 +158,14 @@ impl<'a> Call<'_, 'a> {
                     let end = height.min(top + rows);
                     let [across, along, _] = self.work.rows((end - top).div_ceil(STRIP), width, 1);
                     let buffers = [views.all(), taps, accumulator, table];
-                    self.run(&buffers, &[first, base, top, end], &[], [across, along, batch.len() as u32])?;
+                    let args = [first as u32, base, top, end];
+                    self.run(&buffers, &args, &[], [across, along, batch.len() as u32])?;
                     self.work.gpu.recorder.moved(|| {
                         let mut moves = Vec::new();
                         for at in &batch {
-                            let Ok((accumulator, _)) = self.spread(Resource::Accumulator, *at, *at) else { continue };
+                            let Ok((accumulator, _)) = self.spread(Resource::Accumulator, &[*at]) else { continue };
                             let part = |bytes: u64| bytes * u64::from(end - top) / u64::from(height);
-                            let [read, before, written] = moved[at].map(part);
+                            let [read, before, written] = moved[*at].map(part);
                             moves.push(views.all().reads(read));
                             moves.extend((before > 0).then(|| accumulator.reads(before)));
                             moves.push(accumulator.writes(written));
@@ -167,7 +173,6 @@ impl<'a> Call<'_, 'a> {
                         moves
                     });
                 }
-                first += batch.len() as u32;
             }
         }
         Ok(())
@@ -178,7 +183,7 @@ impl<'a> Call<'_, 'a> {
         self.work.gpu.recorder.moved(|| {
             let mut moves = Vec::new();
             for (at, bound) in batch.iter().flat_map(|at| self.kernel.binds().iter().map(move |bound| (*at, bound))) {
-                let Ok((range, _)) = self.spread(bound.1, at, at) else { continue };
+                let Ok((range, _)) = self.spread(bound.1, &[at]) else { continue };
                 let pass = Some(self.dispatch.pupil_passes.start + at);
                 let [read, written] = moved(self.kernel, *bound, self.step, self.shape, pass, 1).unwrap_or_default();
                 moves.extend((read > 0).then(|| range.reads(read)));

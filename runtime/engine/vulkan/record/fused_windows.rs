@@ -1,15 +1,17 @@
-//! The pupils' windows, fused: from the spectrum to the loss, and back to the windows' spectra.
+//! The pupils' windows, fused: from the spectrum to the loss, and back to the windows' spectra. Pupils whose windows have
+//! lines of one length go in one dispatch.
 
-use super::super::fft::{Along, in_use, shared_constants};
+use super::super::fft::{in_use, shared_constants};
+use super::batches::Members;
 use super::call::Call;
 use super::fused::Lines;
 use crate::engine::{EngineError, PupilPass, Resource};
 use crate::gpu::Range;
 use crate::plan::Access::{Read, Update, Write};
+use crate::plan::Move;
 use bytemuck::{Pod, Zeroable};
-use eyebox_kernels::fft::Direction;
+use eyebox_kernels::BATCH;
 use eyebox_kernels::fft_plan::{Axis, Shared};
-use eyebox_kernels::pass_pupil;
 
 /// Modes of `compare_rows`.
 const LOOK: u32 = 0;
@@ -17,14 +19,28 @@ const SEE: u32 = 1;
 const TURN_BACK: u32 = 2;
 const WHOLE: u32 = 3;
 
+/// A batch, and the frames of it (first, count) that a kernel sees at once.
+type BatchFrames = (Members, usize, usize);
+
 /// Push constants of `pass_columns`.
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct PassArguments {
-    pass: pass_pupil::Args,
-    columns: [u32; 2],
+    grid: [u32; 2],
+    rows: u32,
     spectrum_stride: u32,
-    window_stride: u32,
+    transfer_base: u32,
+    window_base: u32,
+    members: [u32; BATCH],
+}
+
+/// Those of `window_columns`.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct ColumnsArguments {
+    rows: u32,
+    window_base: u32,
+    members: [u32; BATCH],
 }
 
 /// Those of `compare_rows`.
@@ -33,61 +49,35 @@ struct PassArguments {
 struct CompareArguments {
     width: u32,
     frames: u32,
-    columns: [u32; 2],
-    window_stride: u32,
-    gain: f32,
-    mode: u32,
-    exposure: f32,
-    weight: f32,
-    floor: f32,
-    limit: f32,
+    window_base: u32,
+    pixels_base: u32,
+    losses_base: u32,
+    members: [u32; BATCH],
 }
 
 impl<'a> Call<'_, 'a> {
     /// The pupils of the dispatch side by side, stage by stage: to what they see, or on to the spectra of what they lack.
     pub(super) fn windows(&mut self, back: bool) -> Result<(), EngineError> {
-        let step = self.step;
-        let passes = &step.pupil_passes[self.dispatch.pupil_passes.clone()];
         self.work.before(&[
             (Read, Resource::Field),
             (Read, Resource::Transfer),
             (Read, Resource::Spans),
             (Write, Resource::Window),
         ]);
-        self.each(passes, |call, pass| call.pass_columns(pass))?;
+        self.pass_columns()?;
         let seen = [(Update, Resource::Window), (Write, Resource::Image)];
         if !back {
             self.work.before(&seen);
-            return self.each(passes, |call, pass| call.compare_rows(pass, LOOK));
+            return self.compare_rows(|_| Some(LOOK));
         }
         self.work.before(&[seen[0], seen[1], (Read, Resource::Target), (Write, Resource::Losses)]);
-        self.each(passes, |call, pass| {
-            let mode = if call.is_whole(pass) { WHOLE } else { SEE };
-            call.compare_rows(pass, mode)
-        })?;
-        if !passes.iter().all(|pass| self.is_whole(pass)) {
+        self.compare_rows(|whole| Some(if whole { WHOLE } else { SEE }))?;
+        if !(0..self.slots.len()).all(|at| self.is_whole(self.pass(at))) {
             self.work.before(&[(Read, Resource::Image), (Update, Resource::Window)]);
-            self.each(
-                passes,
-                |call, pass| {
-                    if call.is_whole(pass) { Ok(()) } else { call.compare_rows(pass, TURN_BACK) }
-                },
-            )?;
+            self.compare_rows(|whole| (!whole).then_some(TURN_BACK))?;
         }
         self.work.before(&[(Update, Resource::Window)]);
-        self.each(passes, |call, pass| call.window_lines(pass, Direction::Forward, Along::Columns))
-    }
-
-    fn each(
-        &mut self,
-        passes: &[PupilPass],
-        one: impl Fn(&mut Self, &PupilPass) -> Result<(), EngineError>,
-    ) -> Result<(), EngineError> {
-        for (at, pass) in passes.iter().enumerate() {
-            self.at = at;
-            one(self, pass)?;
-        }
-        Ok(())
+        self.window_columns()
     }
 
     /// Whether a row of all sub-frames fits shared memory.
@@ -96,99 +86,198 @@ impl<'a> Call<'_, 'a> {
         along.and_then(|along| self.work.together(&along, pass.window.columns)).is_some_and(|together| together.whole)
     }
 
-    fn pass_columns(&mut self, pass: &PupilPass) -> Result<(), EngineError> {
-        let planned = self.planned(pass.window.rows, Axis::ColumnPairs)?;
-        let Some(shared) = planned.shared() else { return Ok(()) };
-        let columns = in_use(pass.columns, pass.window.columns);
-        let [spectrum, window] = [Resource::Field, Resource::Window].map(|r| self.layout(r));
-        let [spectrum_stride, window_stride] = [spectrum?.stride() as u32, window?.stride() as u32];
-        let args = PassArguments { pass: pass.pass, columns, spectrum_stride, window_stride };
-        let size = self.shape.storage.bytes() as u64;
-        let passing = pass.passing();
-        for (first, count) in self.frames_at_once(&[Resource::Field, Resource::Window], 0)? {
-            let [field, transfer, spans, window] =
-                [Resource::Field, Resource::Transfer, Resource::Spans, Resource::Window]
-                    .map(|resource| self.bound(resource, first, count));
-            let (field, transfer, window) = (field?, transfer?, window?);
-            let buffers = [field, planned.twiddles.all(), transfer, spans?, window];
+    /// Pairs of columns in use of those of a batch that have most.
+    fn column_pairs(&self, batch: &[usize]) -> u32 {
+        let used = |at: &usize| in_use(self.pass(*at).columns, self.pass(*at).window.columns)[1];
+        batch.iter().map(used).max().unwrap_or(0) / 2
+    }
+
+    /// Says what the last dispatch moves: of each of a batch, by its pupil pass and the values of its columns in use.
+    fn say_lines_moved(&self, batch: &[usize], of: impl Fn(&PupilPass, u64) -> Vec<Move>) {
+        self.work.gpu.recorder.moved(|| {
+            let moves = |at: &usize| {
+                let pass = self.pass(*at);
+                let used = u64::from(in_use(pass.columns, pass.window.columns)[1]) * pass.window.rows as u64;
+                of(pass, used)
+            };
+            batch.iter().flat_map(moves).collect()
+        });
+    }
+
+    /// Pupils whose windows have equally many rows, and frames (first, count) of which a kernel sees these and those of their
+    /// windows at once: all, or of one pupil some.
+    fn frames_of_batches(&self, framed: &[Resource], resources: &[Resource]) -> Result<Vec<BatchFrames>, EngineError> {
+        let moved = |at: usize| 2 * self.bytes_of(&[Resource::Window], at);
+        let beside = |at: &usize| moved(*at) / self.shape.frames.max(1) as u64;
+        let mut all = Vec::new();
+        for batch in self.batches(resources, moved, |at| Some(self.pass(at).window.rows))? {
+            let chunks = self.frames_at_once(framed, batch.iter().map(beside).sum())?;
+            if let [(first, count)] = chunks[..] {
+                all.push((batch, first, count));
+                continue;
+            }
+            for at in batch {
+                let chunks = self.frames_at_once(framed, beside(&at))?;
+                all.extend(chunks.into_iter().map(|(first, count)| (vec![at], first, count)));
+            }
+        }
+        Ok(all)
+    }
+
+    /// Windows of a batch, of one pupil these frames, and where the first pupil's window starts.
+    fn spread_frames(&self, batch: &[usize], first: usize, count: usize) -> Result<(Range<'a>, u32), EngineError> {
+        let (range, base) = self.spread(Resource::Window, batch)?;
+        let [at] = batch else { return Ok((range, base)) };
+        Ok((self.layout_of(Resource::Window, *at)?.range(range.block, first, count), base))
+    }
+
+    fn pass_columns(&mut self) -> Result<(), EngineError> {
+        for (batch, first, count) in
+            self.frames_of_batches(&[Resource::Field], &[Resource::Window, Resource::Transfer])?
+        {
+            let rows = self.pass(batch[0]).window.rows;
+            let planned = self.planned(rows, Axis::ColumnPairs)?;
+            let Some(shared) = planned.shared() else { continue };
+            let spectrum_stride = self.layout(Resource::Field)?.stride() as u32;
+            let (transfer, transfer_base) = self.spread(Resource::Transfer, &batch)?;
+            let [tables, pupils] = [self.work.tables.all()?, self.work.tables.pupils()?];
+            let size = self.shape.storage.bytes() as u64;
+            let field = self.bound(Resource::Field, first, count)?;
+            let (window, window_base) = self.spread_frames(&batch, first, count)?;
+            let args = PassArguments {
+                grid: self.grid_size().map(|n| n as u32),
+                rows: rows as u32,
+                spectrum_stride,
+                transfer_base,
+                window_base,
+                members: self.members(&batch),
+            };
             let lines = Lines {
                 module: &eyebox_spirv::PASS_COLUMNS,
                 constants: &shared_constants(shared, Axis::ColumnPairs)[..20],
                 changes_phases: false,
-                groups: [(columns[1] / 2).div_ceil(shared.lines), count as u32, 1],
+                groups: [self.column_pairs(&batch).div_ceil(shared.lines), count as u32, batch.len() as u32],
             };
-            let used = u64::from(columns[1]) * pass.window.rows as u64;
-            self.dispatch(&lines, &buffers, &args, || {
-                let frames = count as u64;
+            let buffers = [field, planned.twiddles.all(), transfer, tables, window, pupils];
+            self.dispatch(&lines, &buffers, &args, Vec::new)?;
+            self.say_lines_moved(&batch, |pass, used| {
+                let (passing, frames) = (pass.passing(), count as u64);
                 vec![
                     field.reads(size * passing * frames),
                     transfer.reads(8 * passing),
                     window.writes(size * used * frames),
                 ]
-            })?;
+            });
         }
         Ok(())
     }
 
-    fn compare_rows(&mut self, pass: &PupilPass, mode: u32) -> Result<(), EngineError> {
-        let planned = self.planned(pass.window.columns, Axis::Rows)?;
-        let Some(together) = self.work.together(&planned, pass.window.columns) else { return Ok(()) };
+    fn window_columns(&mut self) -> Result<(), EngineError> {
+        for (batch, first, count) in self.frames_of_batches(&[], &[Resource::Window])? {
+            let rows = self.pass(batch[0]).window.rows;
+            let planned = self.planned(rows, Axis::ColumnPairs)?;
+            let Some(shared) = planned.shared() else { continue };
+            let (window, window_base) = self.spread_frames(&batch, first, count)?;
+            let args = ColumnsArguments { rows: rows as u32, window_base, members: self.members(&batch) };
+            let frames = count as u32;
+            let lines = Lines {
+                module: &eyebox_spirv::WINDOW_COLUMNS,
+                constants: &shared_constants(shared, Axis::ColumnPairs)[..20],
+                changes_phases: false,
+                groups: [self.column_pairs(&batch).div_ceil(shared.lines), frames, batch.len() as u32],
+            };
+            let buffers = [window, planned.twiddles.all(), self.work.tables.pupils()?];
+            self.dispatch(&lines, &buffers, &args, Vec::new)?;
+            let value = self.shape.storage.bytes() as u64 * u64::from(frames);
+            self.say_lines_moved(&batch, |_, used| vec![window.reads(value * used), window.writes(value * used)]);
+        }
+        Ok(())
+    }
+
+    /// The rows of those pupils that `mode` says one for, by whether a row of all sub-frames fits shared memory.
+    fn compare_rows(&mut self, mode: impl Fn(bool) -> Option<u32>) -> Result<(), EngineError> {
+        let key = |at| mode(self.is_whole(self.pass(at))).map(|mode| (mode, self.pass(at).window.columns));
+        let resources = [Resource::Window, Resource::Image, Resource::Target];
+        let moved = |at| 2 * self.bytes_of(&[Resource::Window], at) + self.bytes_of(&resources[1..], at);
+        for batch in self.batches(&resources, moved, key)? {
+            let Some(mode) = mode(self.is_whole(self.pass(batch[0]))) else { continue };
+            self.compare_rows_of(&batch, mode)?;
+        }
+        Ok(())
+    }
+
+    fn compare_rows_of(&mut self, batch: &[usize], mode: u32) -> Result<(), EngineError> {
+        let width = self.pass(batch[0]).window.columns;
+        let planned = self.planned(width, Axis::Rows)?;
+        let Some(together) = self.work.together(&planned, width) else { return Ok(()) };
         let Shared { threads, lines, .. } = together.shared;
         let frames = self.shape.frames as u32;
-        let columns = in_use(pass.columns, pass.window.columns);
-        let layout = self.layout(Resource::Window)?;
-        let compare = &pass.compare;
-        let args = CompareArguments {
-            width: pass.window.columns as u32,
-            frames,
-            columns,
-            window_stride: layout.stride() as u32,
-            gain: pass.intensity.gain,
-            mode: compare.mode,
-            exposure: compare.exposure,
-            weight: compare.weight,
-            floor: compare.floor,
-            limit: compare.limit,
-        };
-        let (window, image) = (self.bound(Resource::Window, 0, layout.frames)?, self.bound(Resource::Image, 0, 1)?);
+        let (window, window_base) = self.spread(Resource::Window, batch)?;
+        let (image, pixels_base) = self.spread(Resource::Image, batch)?;
         // What a mode does not look at may be anything.
         let compares = mode == SEE || mode == WHOLE;
-        let target = if compares { self.bound(Resource::Target, 0, 1)? } else { image };
-        let losses = if compares { self.range(Resource::Losses, 0, 1)?.unwrap_or(image) } else { image };
+        let target = if compares { self.spread(Resource::Target, batch)?.0 } else { image };
+        let (losses, losses_base) = if compares { self.spread_losses(batch) } else { None }.unwrap_or((image, 0));
+        let args = CompareArguments {
+            width: width as u32,
+            frames,
+            window_base,
+            pixels_base,
+            losses_base,
+            members: self.members(batch),
+        };
+        let pupils = self.work.tables.pupils()?;
         let mut constants = shared_constants(&together.shared, Axis::Rows).to_vec();
         let kept = if mode == WHOLE { together.kept } else { lines };
-        let pixels = if mode == TURN_BACK { 1 } else { pass.window.columns as u32 };
+        let pixels = if mode == TURN_BACK { 1 } else { width as u32 };
         constants.extend([mode, kept, pixels, if compares { threads * lines } else { 1 }]);
         let rounds = if mode == TURN_BACK { frames.div_ceil(lines) } else { 1 };
-        // By rows, so many at once that what belongs to them begins at a multiple of 256 bytes.
+        let rows = batch.iter().map(|at| self.pass(*at).window.rows).max().unwrap_or(0);
+        // One pupil by rows, so many at once that what belongs to them begins at a multiple of 256 bytes.
         let size = self.shape.storage.bytes() as u64;
-        let row = [size, 4, 4].map(|bytes| bytes * pass.window.columns as u64);
+        let row = [size, 4, 4].map(|bytes| bytes * width as u64);
         let of_row = 2 * row[0] * u64::from(frames) + row[1] + row[2];
-        let most = (self.work.in_time(of_row) / 64).saturating_mul(64).clamp(64, pass.window.rows.next_multiple_of(64));
-        for first in (0..pass.window.rows).step_by(most) {
-            let rows = most.min(pass.window.rows - first);
+        let in_time = if batch.len() == 1 { self.work.in_time(of_row) } else { usize::MAX };
+        let most = (in_time / 64).saturating_mul(64).clamp(64, rows.next_multiple_of(64));
+        for first in (0..rows).step_by(most) {
+            let count = most.min(rows - first);
             let from = |range: Range<'a>, row: u64| {
                 let skipped = row * first as u64;
                 range.block.range(range.offset + skipped, range.size - skipped)
             };
             let (window, image, target) = (from(window, row[0]), from(image, row[1]), from(target, row[2]));
             let losses = if compares { from(losses, 4) } else { image };
-            let buffers = [window, planned.twiddles.all(), image, target, losses];
             let dispatch = Lines {
                 module: &eyebox_spirv::COMPARE_ROWS,
                 constants: &constants,
                 changes_phases: false,
-                groups: [rows as u32, rounds, 1],
+                groups: [count as u32, rounds, batch.len() as u32],
             };
-            let fields = size * u64::from(columns[1]) * rows as u64 * u64::from(frames);
-            let pixels = row[1] * rows as u64;
-            self.dispatch(&dispatch, &buffers, &args, || match mode {
-                LOOK => vec![window.reads(fields), image.writes(pixels)],
-                SEE => vec![window.reads(fields), target.reads(pixels), image.writes(pixels)],
-                TURN_BACK => vec![window.reads(fields), image.reads(pixels), window.writes(fields)],
-                _ => vec![window.reads(fields), target.reads(pixels), window.writes(fields)],
-            })?;
+            let buffers = [window, planned.twiddles.all(), image, target, losses, pupils];
+            self.dispatch(&dispatch, &buffers, &args, Vec::new)?;
+            self.say_lines_moved(batch, |pass, used| {
+                let part =
+                    |bytes: u64| if batch.len() == 1 { bytes * count as u64 / rows.max(1) as u64 } else { bytes };
+                let (fields, pixels) = (part(size * u64::from(frames) * used), part(4 * pass.count() as u64));
+                match mode {
+                    LOOK => vec![window.reads(fields), image.writes(pixels)],
+                    SEE => vec![window.reads(fields), target.reads(pixels), image.writes(pixels)],
+                    TURN_BACK => vec![window.reads(fields), image.reads(pixels), window.writes(fields)],
+                    _ => vec![window.reads(fields), target.reads(pixels), window.writes(fields)],
+                }
+            });
         }
         Ok(())
+    }
+
+    /// Where the losses of a batch are, and where that starts, in values.
+    fn spread_losses(&self, batch: &[usize]) -> Option<(Range<'a>, u32)> {
+        let (block, offsets) = self.work.losses?;
+        let places = batch.iter().map(|at| {
+            let from = offsets[self.dispatch.pupil_passes.start + at];
+            (from, from + 4 * self.pass(*at).loss_parts() as u64)
+        });
+        let (from, to) = places.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))?;
+        Some((block.range(from, to - from), (from / 4) as u32))
     }
 }
