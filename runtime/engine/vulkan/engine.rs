@@ -49,15 +49,6 @@ pub struct VulkanEngine {
 }
 
 impl VulkanEngine {
-    /// On a device. [`load`](Engine::load) makes the buffers.
-    ///
-    /// # Errors
-    /// The device's; [`EngineError::WrongResults`] where one that was never met does not compute what it should.
-    pub fn new(gpu: &Gpu) -> Result<Self, EngineError> {
-        super::self_test(gpu)?;
-        Self::untested(gpu)
-    }
-
     /// On a device whose results are nobody's yet.
     pub(super) fn untested(gpu: &Gpu) -> Result<Self, EngineError> {
         let gpu = Commands::new(gpu)?;

@@ -10,12 +10,22 @@ use crate::optics::{Optics, Pupil, WindowFactor, transfer};
 use crate::plan::{Comparison, Planner};
 use eyebox_kernels::Complex64;
 use eyebox_kernels::fft::{Columns, Direction, transform_f64};
-
 use std::sync::PoisonError;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Error power over signal power that is right; what is right leaves 1e-13, what is wrong most of 1.
 const ALLOWED: f64 = 1e-10;
+
+impl VulkanEngine {
+    /// On a device. [`load`](Engine::load) makes the buffers.
+    ///
+    /// # Errors
+    /// The device's; [`EngineError::WrongResults`] where one that was never met does not compute what it should.
+    pub fn new(gpu: &Gpu) -> Result<Self, EngineError> {
+        check(gpu)?;
+        Self::untested(gpu)
+    }
+}
 
 /// Tries the device, unless this was done before, with this driver and these kernels.
 ///
