@@ -1,7 +1,7 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "constants.glsl"
-#include "wave.glsl"
+#include "trig.glsl"
 
 // From phases to the phases that their drive gives; two sub-frames are one complex one. x: column, y: row (strided), z: pair.
 

@@ -2,7 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "constants.glsl"
 #include "half.glsl"
-#include "wave.glsl"
+#include "trig.glsl"
 
 // Back through the look-up table, to the change of a field of the phases themselves. x: column, y: row (strided), z: pair.
 

@@ -36,7 +36,7 @@ pub(super) struct Sorted {
 }
 
 /// A shot of a pattern, by the number of its set.
-struct Sight<'a> {
+struct PatternShot<'a> {
     shot: &'a Shot,
     set: usize,
 }
@@ -48,7 +48,7 @@ pub(super) fn sort(display: &Display, color: Color, taken: &Taken) -> Result<Sor
     let camera = taken.hello.camera.resolution;
     let wanted = pattern::dots_pattern(slm, taken.two_pi_level);
     let (mut sets, mut names): (Vec<Set>, Vec<(PathBuf, String)>) = (Vec::new(), Vec::new());
-    let (mut sights, mut dark, mut found) = (Vec::new(), None, None);
+    let (mut pattern_shots, mut dark, mut found) = (Vec::new(), None, None);
     for shot in &taken.shots {
         let Some(show) = &shot.show else {
             dark = Some(shot.picture(camera)?.median());
@@ -75,7 +75,7 @@ pub(super) fn sort(display: &Display, color: Color, taken: &Taken) -> Result<Sor
                 ))
             })?);
         } else {
-            sights.push(Sight { shot, set });
+            pattern_shots.push(PatternShot { shot, set });
         }
     }
     let Some((map, map_rms)) = found else {
@@ -83,10 +83,10 @@ pub(super) fn sort(display: &Display, color: Color, taken: &Taken) -> Result<Sor
             "there is no picture of the dots, which say where the camera looks".into(),
         ));
     };
-    if sights.len() < 3 {
+    if pattern_shots.len() < 3 {
         return Err(CalibrateError::Pictures(format!(
             "{} pictures of patterns are too few to fit a model to",
-            sights.len()
+            pattern_shots.len()
         )));
     }
     let radius = display.eyebox_min() / 2.0;
@@ -94,7 +94,7 @@ pub(super) fn sort(display: &Display, color: Color, taken: &Taken) -> Result<Sor
     let (smooth, fitted, pairs) = (Vec::new(), Vec::new(), Vec::new());
     let mut sorted =
         Sorted { pictures, smooth, fitted, pairs, map, map_rms, radius, camera, bits: taken.hello.camera.bits };
-    sorted.add(display, color, &sights, dark)?;
+    sorted.add(display, color, &pattern_shots, dark)?;
     Ok(sorted)
 }
 
@@ -103,37 +103,37 @@ impl Sorted {
         &mut self,
         display: &Display,
         color: Color,
-        sights: &[Sight],
+        pattern_shots: &[PatternShot],
         dark: Option<f64>,
     ) -> Result<(), CalibrateError> {
         let at = Parameters { model: display.model(color), map: self.map, camera_pixel: CAMERA_PIXEL };
         let twin = |i: usize| {
-            let same = |a: &Sight, b: &Sight| {
+            let same = |a: &PatternShot, b: &PatternShot| {
                 a.set == b.set && a.shot.iris_mm == b.shot.iris_mm && a.shot.focus_mm == b.shot.focus_mm
             };
-            (0..sights.len()).find(|j| *j != i && same(&sights[i], &sights[*j]))
+            (0..pattern_shots.len()).find(|j| *j != i && same(&pattern_shots[i], &pattern_shots[*j]))
         };
-        for (i, sight) in sights.iter().enumerate() {
+        for (i, pattern_shot) in pattern_shots.iter().enumerate() {
             let twin = twin(i);
             if twin.is_some_and(|first| first < i) {
                 continue;
             }
-            let picture = sight.shot.picture(self.camera)?;
+            let picture = pattern_shot.shot.picture(self.camera)?;
             let count = if twin.is_some() { HELD_OUT } else { FITTED };
             let mut pixels = self.pixels(&picture, count, i as u64);
-            let other = twin.map(|other| sights[other].shot.picture(self.camera)).transpose()?;
+            let other = twin.map(|other| pattern_shots[other].shot.picture(self.camera)).transpose()?;
             if let Some(other) = &other {
                 pixels.retain(|p| !other.is_full(*p));
             }
-            let view = self.view(sight, &picture, &pixels, &at)?;
+            let view = self.view(pattern_shot, &picture, &pixels, &at)?;
             match (twin, other) {
                 (Some(other_index), Some(other)) => {
-                    let second = self.view(&sights[other_index], &other, &pixels, &at)?;
+                    let second = self.view(&pattern_shots[other_index], &other, &pixels, &at)?;
                     self.pairs.push([view, second]);
                 }
                 _ => {
                     self.fitted.push(view);
-                    let pattern = &self.pictures.sets[sight.set].pattern;
+                    let pattern = &self.pictures.sets[pattern_shot.set].pattern;
                     if pattern.frames == 1 && pattern.is_smooth() {
                         self.smooth.push(view);
                     }
@@ -172,20 +172,20 @@ impl Sorted {
     /// Adds a picture at these pixels: its number.
     fn view(
         &mut self,
-        sight: &Sight,
+        pattern_shot: &PatternShot,
         picture: &Picture,
         pixels: &[usize],
         at: &Parameters,
     ) -> Result<usize, CalibrateError> {
         let optics: Optics = self.pictures.optics;
-        let Some([x, y, d]) = sight.shot.iris_mm else {
+        let Some([x, y, d]) = pattern_shot.shot.iris_mm else {
             let reason = "has no iris_mm: the model's numbers are told apart by what an iris passes".into();
-            return Err(CalibrateError::Captures { file: sight.shot.file.display().to_string(), reason });
+            return Err(CalibrateError::Captures { file: pattern_shot.shot.file.display().to_string(), reason });
         };
-        let pupil = Pupil::from_mm([x, y, d, sight.shot.focus_mm]).check()?;
+        let pupil = Pupil::from_mm([x, y, d, pattern_shot.shot.focus_mm]).check()?;
         let place = |p: &usize| [(p % picture.width) as f64, (p / picture.width) as f64];
         let look = Look::new(optics, pupil, self.radius, at, pixels.iter().map(place).collect());
-        let windows = &mut self.pictures.sets[sight.set].windows;
+        let windows = &mut self.pictures.sets[pattern_shot.set].windows;
         let window = windows.iter().position(|w| *w == look.window).unwrap_or_else(|| {
             windows.push(look.window.clone());
             windows.len() - 1
@@ -193,19 +193,19 @@ impl Sorted {
         let counts: Vec<f64> = pixels.iter().map(|p| f64::from(picture.values[*p])).collect();
         if counts.is_empty() {
             return Err(CalibrateError::Captures {
-                file: sight.shot.file.display().to_string(),
+                file: pattern_shot.shot.file.display().to_string(),
                 reason: "has no pixel that looks at the SLM and is not saturated".into(),
             });
         }
-        let exposure_ms = sight.shot.exposure_ms;
+        let exposure_ms = pattern_shot.shot.exposure_ms;
         self.pictures.views.push(View {
-            set: sight.set,
+            set: pattern_shot.set,
             window,
             look,
             counts,
             variance: Vec::new(),
             exposure_ms,
-            file: sight.shot.file.clone(),
+            file: pattern_shot.shot.file.clone(),
         });
         Ok(self.pictures.views.len() - 1)
     }
