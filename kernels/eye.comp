@@ -5,12 +5,12 @@
 #include "pair.glsl"
 
 // transfer[j][k] *= exp(i 2 pi E), E = sum c_ij u^i v^j turns about the pupil's centre. x: column, y: row (strided).
-// Outside the spans the transfer is zero, and stays so.
 
 layout(local_size_x = WIDTH) in;
 // Pairs (high, low): the first place (u, v), the step (u, v), the coefficients by i and then j.
 layout(std430, binding = 0) readonly buffer Terms { vec2 terms[]; };
-layout(std430, binding = 1) buffer Transfer { vec2 transfer[]; };
+layout(std430, binding = 1) readonly buffer Spans { uvec2 spans[]; };
+layout(std430, binding = 2) buffer Transfer { vec2 transfer[]; };
 layout(push_constant) uniform Args {
     uint rows, columns, degree;
 };
@@ -20,8 +20,8 @@ void main() {
     if (k >= columns) return;
     vec2 u = pair_add(terms[0], pair_multiply(pair_of(k), terms[2]));
     for (uint j = gl_WorkGroupID.y; j < rows; j += gl_NumWorkGroups.y) {
-        vec2 z = transfer[j * columns + k];
-        if (z.x == 0.0 && z.y == 0.0) continue;
+        uvec2 span = spans[j];
+        if (k < span.x || k >= span.y) continue;
         vec2 v = pair_add(terms[1], pair_multiply(pair_of(j), terms[3]));
         vec2 sum = vec2(0.0);
         // From the last coefficient to the first.
@@ -36,6 +36,7 @@ void main() {
         part -= roundEven(part);
         precise float phase = part * 6.28318531;
         vec2 e = cos_sin(phase);
+        vec2 z = transfer[j * columns + k];
         transfer[j * columns + k] = vec2(z.x * e.x - z.y * e.y, z.x * e.y + z.y * e.x);
     }
 }

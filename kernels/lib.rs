@@ -180,7 +180,7 @@ macro_rules! kernels {
             /// What the eye that looks does to each bin, where it is not perfect.
             Eye = "eye" {
                 over: PupilPasses, group: Window,
-                binds: [Read EyeTerms, Update Transfer],
+                binds: [Read EyeTerms, Read Spans, Update Transfer],
                 work: |u| 4.0 * u.passing(),
                 twin: |c| if let (Some(terms), Some(args)) = (&c.pass.eye, c.pass.eye_args()) {
                     $crate::eye::eye(&args, terms, &c.pass.spans, &mut c.slot.transfer);
