@@ -175,7 +175,9 @@ fn smooth(
     }
     free.extend((0..5).map(Parameter::Undiffracted));
     Ok(pictures
-        .fit(&at, &free, &sorted.smooth, Effort { rounds: 40, enough: 3e-3, ..PLAIN }, &mut |part| observe(0.5 + 0.5 * part))?
+        .fit(&at, &free, &sorted.smooth, Effort { rounds: 40, enough: 3e-3, ..PLAIN }, &mut |part| {
+            observe(0.5 + 0.5 * part)
+        })?
         .at)
 }
 
