@@ -92,7 +92,7 @@ macro_rules! kernels {
                 binds: [Read Shown, Read Pixels, Write Wave],
                 args: drive: $crate::drive::Args,
                 fits: |step, shape| step.drive.place == shape.place,
-                work: |u| 0.5 * u.pixels(),
+                work: |u| 0.3 * u.pixels(),
                 twin: |c| c.drive(),
                 shader: Once |c| c.drive(),
             }
@@ -100,7 +100,7 @@ macro_rules! kernels {
             Lag = "lag" {
                 over: Whole, group: Field,
                 binds: [Update Wave],
-                work: |u| 2.0 * u.pixels(),
+                work: |u| 0.3 * u.pixels(),
                 twin: |c| c.lag(false),
                 shader: Once |c| c.lag(),
             }
@@ -124,7 +124,7 @@ macro_rules! kernels {
             ModulateWave = "modulate_wave" {
                 over: Frames, group: Field,
                 binds: [Read Wave, Read Pixels, Write Field],
-                work: |u| 3.0 * u.pixels(),
+                work: |u| 2.2 * u.pixels(),
                 twin: |c| c.modulate_wave(),
                 shader: Once |c| c.modulate_wave(),
             }
@@ -132,7 +132,7 @@ macro_rules! kernels {
             ModulateSubpixels = "modulate_subpixels" {
                 over: Frames, group: Field,
                 binds: [Read Wave, Read Pixels, Write Subpixels],
-                work: |u| 3.0 * u.subpixels() * u.subpixels() * u.pixels(),
+                work: |u| 0.5 * u.subpixels() * u.subpixels() * u.pixels(),
                 twin: |c| c.modulate_wave(),
                 shader: Once |c| c.modulate_wave(),
             }
@@ -339,7 +339,7 @@ macro_rules! kernels {
             Turn = "turn" {
                 over: Frames, group: Update,
                 binds: [Read Pixels, Read Change, Update Wave],
-                work: |u| 3.0 * u.pixels(),
+                work: |u| 0.5 * u.pixels(),
                 twin: |c| c.turn(),
                 shader: Once |c| c.turn(),
             }
@@ -347,7 +347,7 @@ macro_rules! kernels {
             TurnSubpixels = "turn_subpixels" {
                 over: Frames, group: Update,
                 binds: [Read Pixels, Read Subpixels, Update Wave],
-                work: |u| 3.0 * u.subpixels() * u.subpixels() * u.pixels(),
+                work: |u| 0.5 * u.subpixels() * u.subpixels() * u.pixels(),
                 twin: |c| c.turn(),
                 shader: Once |c| c.turn(),
             }
@@ -371,7 +371,7 @@ macro_rules! kernels {
             LagBack = "lag_back" {
                 over: Whole, group: Update,
                 binds: [Update Wave],
-                work: |u| 2.0 * u.pixels(),
+                work: |u| 0.3 * u.pixels(),
                 twin: |c| c.lag(true),
                 shader: Once |c| c.lag(),
             }
@@ -379,7 +379,7 @@ macro_rules! kernels {
             DriveBack = "drive_back" {
                 over: Frames, group: Update,
                 binds: [Read Pixels, Read Shown, Read Wave, Update Change],
-                work: |u| 3.0 * u.pixels(),
+                work: |u| 0.6 * u.pixels(),
                 twin: |c| c.drive_back(),
                 shader: Once |c| c.drive_back(),
             }

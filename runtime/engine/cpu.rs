@@ -16,7 +16,7 @@ mod waves;
 
 use super::{Buffer, Dispatch, Engine, EngineError, Kernel, ModelTables, Resource, Scope, Shape, Step, Timing, misfit};
 use crate::scene::Pyramid;
-use buffers::{Buffers, SPLIT, Slot, storing};
+use buffers::{Buffers, ModelView, SPLIT, Slot, storing};
 use eyebox_kernels::{Complex32, fft::Plans};
 use frames::{Frame, FrameFft, Whole};
 use pupil_pass::{Pass, WindowFrame};
@@ -28,7 +28,6 @@ use std::sync::{
 };
 use std::time::Instant;
 use twins::{Twin, twin};
-use waves::ModelView;
 
 /// Calls and nanoseconds per kernel.
 struct Clock([(AtomicU64, AtomicU64); Kernel::ALL.len()]);

@@ -140,7 +140,8 @@ pub struct Weights {
 }
 
 impl Weights {
-    /// Of a kernel on sub-pixels in the order of the DFT, as far as the squares of what is left out are above `most`.
+    /// Of a kernel on sub-pixels in the order of the DFT, as near as leaves an error of the phase below `most` of the drives'
+    /// variance. What is left out is shared out evenly over what is not.
     fn new(kernel: &[f64], subpixels: usize, most: f64) -> Self {
         let pixels = kernel.len() / subpixels;
         // Sub-pixel a of a pixel is P d + a - c from sub-pixel c of the one d before it.
@@ -148,10 +149,18 @@ impl Weights {
             let at = |c: usize| (d * subpixels as i64 + a as i64 - c as i64).rem_euclid(kernel.len() as i64) as usize;
             (0..subpixels).map(|c| kernel[at(c)]).sum::<f64>()
         };
-        let both = |d: i64| (0..subpixels).map(|a| of(a, d).powi(2) + of(a, -d).powi(2)).sum::<f64>();
-        let (mut reach, mut left) = (pixels / 2, 0.0);
-        while reach > 0 && left + both(reach as i64) < most * subpixels as f64 {
-            left += both(reach as i64);
+        let (mut reach, mut squares) = (pixels / 2, 0.0);
+        let mut sums = vec![0.0; subpixels];
+        while reach > 0 {
+            for (a, sum) in sums.iter_mut().enumerate() {
+                let both = [reach as i64, -(reach as i64)].map(|d| of(a, d));
+                squares += both[0] * both[0] + both[1] * both[1];
+                *sum += both[0] + both[1];
+            }
+            let shared: f64 = sums.iter().map(|sum| sum * sum).sum::<f64>() / (2 * reach - 1) as f64;
+            if squares + shared > most * subpixels as f64 {
+                break;
+            }
             reach -= 1;
         }
         let mut values = Vec::with_capacity(subpixels * (2 * reach + 1));
@@ -160,8 +169,8 @@ impl Weights {
             let twice = |d: i64| 2 * d == pixels as i64;
             let line = (-(reach as i64)..=reach as i64).rev().map(|d| if twice(d) { 0.0 } else { of(a, d) });
             let line: Vec<f64> = line.collect();
-            let sum: f64 = line.iter().sum();
-            values.extend(line.into_iter().map(|v| v / sum));
+            let left = (1.0 - line.iter().sum::<f64>()) / line.len() as f64;
+            values.extend(line.into_iter().map(|v| v + left));
         }
         Self { reach, values }
     }

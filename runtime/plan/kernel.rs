@@ -275,7 +275,7 @@ impl Unit<'_> {
 }
 
 /// What a weight of crosstalk takes for a pixel.
-const CROSSTALK: f64 = 0.05;
+const CROSSTALK: f64 = 0.04;
 
 /// A transform of `rows` x `columns` points of which `used` columns are needed.
 fn transform(rows: usize, columns: usize, used: usize) -> f64 {

@@ -29,7 +29,7 @@ pub struct ModelTables {
 /// Of what is looked at: less than float32 does.
 const EXACT: f64 = 1e-11;
 /// Of the steps of a solve. One value a pixel stands for crosstalk to a hundredth, three to a thousandth; no picture tells this.
-const SOLVING: f64 = 1e-5;
+const SOLVING: f64 = 3e-5;
 
 impl PartialEq for ModelTables {
     /// By what they are made of.
@@ -48,7 +48,7 @@ impl ModelTables {
     }
 
     /// The same for the steps of a solve, with crosstalk cut where what is left of it shows in no picture.
-    pub(crate) fn for_steps(&self) -> Arc<Self> {
+    pub fn for_steps(&self) -> Arc<Self> {
         let Self { model, radius, highest_drive, slm, grid, .. } = self;
         Arc::new(Self::cut(model.clone(), *radius, *highest_drive, SOLVING, *slm, *grid))
     }

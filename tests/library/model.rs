@@ -201,6 +201,61 @@ fn terms_that_are_off_cost_nothing() {
     }
 }
 
+/// What a model adds to a step, by the work of its kernels: little with one value a pixel, less than as much again with 2 x 2.
+#[test]
+fn what_a_model_adds_to_a_step_is_small() {
+    let added = |put: &dyn Fn(&mut DisplayModel)| {
+        let o = optics(256, 256);
+        let work = |model: DisplayModel| {
+            let model = ModelTables::new(model, RADIUS, 256, o, o).map(|tables| tables.for_steps());
+            let planner = Planner { model, ..Planner::new(o, 8, WindowFactor::One) };
+            // Diameters of 2 to 20 mm, evenly in their logarithm.
+            let diameter = |i: i32| 2.0 * 10f64.powf((f64::from(i) + 0.5) / 16.0);
+            let comparison = Comparison { batch: 16, ..Comparison::default() };
+            let passes =
+                (0..16).map(|i| planner.pupil_pass(&Pupil::from_mm([0.0, 0.0, diameter(i), 0.0]), &comparison));
+            let step = planner.project_step(passes.collect(), usize::MAX, 1.0, 1.0, 0.0);
+            let shape = planner.shape(Purpose::Project);
+            step.list.iter().map(|d| d.work(&step, &shape)).sum::<f64>()
+        };
+        let mut model = DisplayModel::default();
+        put(&mut model);
+        work(model) / work(DisplayModel::default()) - 1.0
+    };
+    let fault = every_fault();
+    let of = |sigma: f64, subpixels: usize| {
+        added(&|m| (m.crosstalk, m.subpixels) = (Some([[1.2, sigma].into(); 4]), subpixels))
+    };
+    let all = added(&|m| *m = fault.clone());
+    let [one, two, strong] = [of(2.03, 1), of(2.03, 2), of(1.0, 1)];
+    eprintln!("crosstalk {one:.3}, stronger {strong:.3}, on 2 x 2 sub-pixels {two:.3}, every fault {all:.3}");
+    assert!(one < 0.15 && strong < 0.15 && all < 0.15 && two < 1.0);
+}
+
+/// The steps of a solve cut crosstalk where what is left out shows nowhere.
+#[test]
+fn what_steps_leave_out_of_crosstalk_shows_nowhere() {
+    let (o, frames) = (optics(96, 80), 2);
+    let (_, rounded) = phases(frames * 96 * 80, 1);
+    for (q, sigma, subpixels) in [(1.2, 2.03, 1), (1.2, 1.0, 1), (0.9, 1.5, 2), (2.0, 0.5, 1)] {
+        let mut model = DisplayModel::default();
+        (model.crosstalk, model.subpixels) = (Some([[q, sigma].into(); 4]), subpixels);
+        let exact = ModelTables::new(model, RADIUS, 256, o, o).unwrap();
+        let spectrum = |model| {
+            let planner = Planner { model: Some(model), ..Planner::new(o, frames, WindowFactor::Full) };
+            let mut engine = loaded(&planner, Purpose::View, &rounded);
+            let pass = planner.pupil_pass(&Pupil::from_mm([0.0, 0.0, 60.0, 0.0]), &Comparison::default());
+            engine.run(&planner.view_step(vec![pass])).unwrap();
+            engine.read(Buffer::Field).unwrap().iter().map(|v| f64::from(*v)).collect::<Vec<_>>()
+        };
+        let (whole, cut) = (spectrum(exact.clone()), spectrum(exact.for_steps()));
+        let error: f64 = whole.iter().zip(&cut).map(|(a, b)| (a - b).powi(2)).sum();
+        let error = error / whole.iter().map(|a| a * a).sum::<f64>();
+        eprintln!("q {q}, sigma {sigma}: {error:.1e}");
+        assert!(error < 3e-5 && (error > 0.0 || q > 1.9), "q {q}, sigma {sigma}: {error:.1e}");
+    }
+}
+
 /// What the display is known to do is taken back by solving with it: crosstalk, undiffracted light and an uneven source.
 #[test]
 fn solving_with_the_model_regains_what_the_display_loses() {

@@ -110,14 +110,10 @@ fn levels() {
 #[test]
 fn display_models() {
     let (mut engine, mut twin) = (vulkan(), CpuEngine::new());
-    for (height, width, padding) in SIZES {
-        for (frames, levels, storage, subpixels) in [
-            (3, 0, Storage::F32, 1),
-            (2, 11, Storage::F32, 3),
-            (3, 0, Storage::F16, 1),
-            (2, 0, Storage::F32, 2),
-            (2, 0, Storage::F16, 2),
-        ] {
+    for (height, width, padding) in [SIZES[0], SIZES[1], SIZES[3], SIZES[4]] {
+        for (frames, levels, storage, subpixels) in
+            [(3, 0, Storage::F32, 1), (2, 11, Storage::F32, 3), (1, 0, Storage::F16, 1), (3, 0, Storage::F16, 2)]
+        {
             let mut case = Case::new(height, width, padding, 15e-3, frames);
             let (slm, grid) = (case.planner.slm, case.planner.grid);
             (case.planner.levels, case.planner.storage) = (levels, storage);

@@ -43,6 +43,27 @@ pub(super) struct Buffers {
     kept: Vec<f32>,
 }
 
+/// A display's model, as the tables that these kernels read.
+#[derive(Clone, Copy)]
+pub(super) struct ModelView<'a> {
+    /// Of the pixels.
+    pub(super) pixels: &'a [f32],
+    /// Of crosstalk, along y and along x.
+    pub(super) weights: [&'a [f32]; 2],
+    /// Of the sub-pixels, along y and along x.
+    pub(super) offsets: [&'a [Complex32]; 2],
+}
+
+impl<'a> ModelView<'a> {
+    /// Of buffers of this shape.
+    pub(super) fn new(shape: &Shape, pixels: &'a [f32], weights: &'a [f32], offsets: &'a [f32]) -> Self {
+        let weights = if weights.is_empty() { [weights; 2] } else { shape.crosstalk().weights(weights) };
+        let offsets: &[Complex32] = bytemuck::cast_slice(offsets);
+        let along_y = if offsets.is_empty() { 0 } else { shape.subpixels() * shape.place.grid_height as usize };
+        Self { pixels, weights, offsets: offsets.split_at(along_y).into() }
+    }
+}
+
 /// Contents of a buffer.
 enum Values<'a> {
     Real(&'a mut Vec<f32>),

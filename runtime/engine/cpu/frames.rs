@@ -1,7 +1,6 @@
 //! What kernels over sub-frames see, and those that run once for all of them.
 
-use super::buffers::Slot;
-use super::waves::ModelView;
+use super::buffers::{ModelView, Slot};
 use crate::engine::{PupilPass, Shape, Step};
 use eyebox_kernels::{
     Complex32, ZERO,

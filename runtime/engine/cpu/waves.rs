@@ -1,9 +1,7 @@
 //! What stands between phases and field where the display is more than its phases.
 
 use super::frames::{Frame, Whole};
-use crate::engine::Shape;
 use eyebox_kernels::{
-    Complex32,
     drive::drive,
     drive_back::drive_back,
     fft::Direction,
@@ -16,27 +14,6 @@ use rayon::prelude::*;
 
 /// Pixels that a thread settles at once.
 const PART: usize = 1 << 13;
-
-/// A display's model, as the tables that these kernels read.
-#[derive(Clone, Copy)]
-pub(super) struct ModelView<'a> {
-    /// Of the pixels.
-    pub(super) pixels: &'a [f32],
-    /// Of crosstalk, along y and along x.
-    pub(super) weights: [&'a [f32]; 2],
-    /// Of the sub-pixels, along y and along x.
-    pub(super) offsets: [&'a [Complex32]; 2],
-}
-
-impl<'a> ModelView<'a> {
-    /// Of buffers of this shape.
-    pub(super) fn new(shape: &Shape, pixels: &'a [f32], weights: &'a [f32], offsets: &'a [f32]) -> Self {
-        let weights = if weights.is_empty() { [weights; 2] } else { shape.crosstalk().weights(weights) };
-        let offsets: &[Complex32] = bytemuck::cast_slice(offsets);
-        let along_y = if offsets.is_empty() { 0 } else { shape.subpixels() * shape.place.grid_height as usize };
-        Self { pixels, weights, offsets: offsets.split_at(along_y).into() }
-    }
-}
 
 impl Frame<'_> {
     /// Whether a pixel is one sub-pixel.
