@@ -135,6 +135,8 @@ pub enum Resource {
     Sums,
     /// The pupil pass's spans.
     Spans,
+    /// Its eye's polynomial.
+    EyeTerms,
     /// Its weights of `taper`.
     TaperWeights,
     /// The light field's views.

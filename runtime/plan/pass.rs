@@ -3,7 +3,7 @@
 use super::list::{Extent, Resource, Shape};
 use crate::optics::Window;
 use eyebox_kernels::{
-    compare, exposure, fft::Columns, intensity, modulate, pass_pupil, photograph, resample, transfer,
+    compare, exposure, eye, fft::Columns, intensity, modulate, pass_pupil, photograph, resample, transfer,
 };
 use std::sync::Arc;
 
@@ -33,6 +33,8 @@ pub struct PupilPass {
     pub spans: Vec<[u32; 2]>,
     /// Arguments of `transfer`.
     pub transfer: transfer::Args,
+    /// What `eye` multiplies by, where the eye is not perfect.
+    pub eye: Option<eye::Terms>,
     /// Weights of `taper`: those of all rows, then those of all columns. None for an aperture with a sharp edge.
     pub taper: Option<Vec<f32>>,
     /// Arguments of `pass_pupil` and `overlap`.
@@ -53,6 +55,12 @@ impl PupilPass {
     /// Pixels of its window.
     pub fn count(&self) -> usize {
         self.window.rows * self.window.columns
+    }
+
+    /// Arguments of `eye`.
+    pub(crate) fn eye_args(&self) -> Option<eye::Args> {
+        let transfer::Args { rows, columns, .. } = self.transfer;
+        self.eye.as_ref().map(|terms| eye::Args { rows, columns, degree: terms.degree })
     }
 
     /// Bins that it passes.
