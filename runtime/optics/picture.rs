@@ -101,7 +101,7 @@ impl PictureMap {
             let slope = 1.0 + 3.0 * k1 * r * r + 5.0 * k2 * r.powi(4);
             let step = (r * self.seen.bend(r * r) - rho) / slope;
             r -= step;
-            if !(step.abs() > 1e-14) {
+            if step.abs() < 1e-14 || step.is_nan() {
                 break;
             }
         }
@@ -237,8 +237,9 @@ fn least_squares<const N: usize>(rows: impl Iterator<Item = ([f64; N], f64)>) ->
     }
     for k in 0..N {
         let pivot = (k..N).max_by(|&i, &j| matrix[i][k].abs().total_cmp(&matrix[j][k].abs()))?;
-        (matrix.swap(k, pivot), right.swap(k, pivot));
-        if !(matrix[k][k].abs() > 1e-12) {
+        matrix.swap(k, pivot);
+        right.swap(k, pivot);
+        if matrix[k][k].abs() < 1e-12 || matrix[k][k].is_nan() {
             return None;
         }
         for i in (0..N).filter(|i| *i != k) {
