@@ -114,14 +114,14 @@ fn lines_are_straight_and_colours_coincide() {
         let mut bent: f64 = 0.0;
         for line in LINES {
             let mut seen = Vec::new();
-            for color in 0..3 {
+            for (color, (name, ..)) in SEEN.iter().enumerate() {
                 let trace = |display: &Display, near: f64| {
                     let shown = traced(&target(&field, color, display), vertical, near);
                     straight(&shown.iter().map(|p| camera(color, *p)).collect::<Vec<_>>(), axis)
                 };
                 bent = bent.max(trace(&ideal, line).2);
                 // Where the line has gone on the display: by what bends it.
-                let map = real.picture_map(SEEN[color].0).unwrap();
+                let map = real.picture_map(*name).unwrap();
                 let middle = |n: usize, at: f64| (2.0 * at + 1.0 - n as f64) / SIZE[1] as f64;
                 let place = if vertical { [middle(SIZE[1], line), 0.0] } else { [0.0, middle(SIZE[0], line)] };
                 let back = map.back(place)[axis] * SIZE[1] as f64 / 2.0;
