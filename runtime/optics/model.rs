@@ -206,6 +206,10 @@ pub struct ModelTerms {
     /// [`DisplayModel::wavefront`]; waves of the section's colour, so not of all.
     #[serde(skip_serializing_if = "BTreeMap::is_empty", with = "indices")]
     pub wavefront: BTreeMap<u32, f64>,
+    /// In a file in the place of `wavefront`: a `.npy` beside it, the relay's path in micrometres over the square of the eyebox of the
+    /// shortest wavelength. Polynomials are fitted to it as the file is read.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub wavefront_map: Option<String>,
     /// [`DisplayModel::iris`]: x and y in millimetres, scale.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub iris: Option<[f64; 3]>,
