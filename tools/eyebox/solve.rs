@@ -5,6 +5,7 @@ mod watch;
 use crate::Failure;
 use crate::args::Solve;
 use crate::common::{self, Form};
+use crate::model_terms;
 use crate::settings::{self, job_of};
 use eyebox::engine::Engine;
 use eyebox::hologram::PupilScore;
@@ -36,6 +37,7 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     let colors = common::colors(&args.display, &display)?;
     // The engine first: where there is none, nothing needs to be loaded.
     let mut engine = common::engine(&args.engine)?;
+    let display = model_terms::chosen(args, display, &colors, engine.as_mut())?;
     engine.time_kernels(args.timings || args.json);
     let (settings, chosen) = match tiles {
         Some(_) => (settings::of_tiles(args, &display)?, None),
