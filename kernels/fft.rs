@@ -29,7 +29,11 @@ impl From<Direction> for FftDirection {
 /// Transforms lines of `length` values in float64, one behind the other, unnormalised: what is made once, and references.
 /// It stands here so that RustFFT is compiled in one crate, not in each that transforms a line.
 pub fn transform_f64(lines: &mut [Complex64], length: usize, direction: Direction) {
-    FftPlanner::new().plan_fft(length, direction.into()).process(lines);
+    thread_local! {
+        /// Twiddle factors of lengths that came before.
+        static PLANNER: RefCell<FftPlanner<f64>> = RefCell::new(FftPlanner::new());
+    }
+    PLANNER.with_borrow_mut(|planner| planner.plan_fft(length, direction.into())).process(lines);
 }
 
 /// The columns in use: `count` of them from `first`, wrapping.
