@@ -52,5 +52,5 @@ pub use scene_plan::{Decision, Full, PlanRequest, ScenePlan};
 pub use settings::{PaddingRule, Settings};
 pub use solver::{solve, solve_from};
 pub use steer::{Refiner, Steering, Strategy};
-pub(crate) use step::{Update, take};
+pub(crate) use step::{Update, take, take_seen};
 pub use validation::{ValidationScore, Validator};
