@@ -92,6 +92,11 @@ pub(super) fn dots([height, width]: [usize; 2]) -> (Vec<[f64; 2]>, f64) {
     (places, 0.21 * step)
 }
 
+/// From dot to dot, pixels.
+pub(super) fn spacing(size: [usize; 2]) -> f64 {
+    dots(size).1 / 0.21
+}
+
 /// The hologram of the dots: a pixel within one sends its light straight on, all others send it past the iris, by a grating
 /// that has no light on the axis.
 pub(super) fn dots_pattern(size @ [height, width]: [usize; 2], two_pi_level: f64) -> Pattern {

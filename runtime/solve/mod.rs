@@ -24,6 +24,8 @@ mod rehearsal;
 mod run;
 mod sampling;
 mod scene_plan;
+#[cfg(test)]
+mod seen_tests;
 mod settings;
 mod solver;
 #[cfg(all(test, feature = "vulkan"))]

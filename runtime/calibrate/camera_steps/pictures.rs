@@ -18,6 +18,8 @@ const BLACK: f64 = 0.002;
 /// often it is tried.
 const BRIGHT: [f32; 2] = [0.7, 0.25];
 const EXPOSURES: usize = 4;
+/// Dots that are so far off, as a share of their spacing, RMS, say nothing of where the camera looks.
+const OFF: f64 = 0.1;
 
 /// A bench whose camera takes part in a solve.
 pub struct CameraBench<'a> {
@@ -103,12 +105,19 @@ impl Camera<'_> {
                 self.shot(&ask)?.ok_or_else(|| self.refused("take the picture of the dots"))?.1
             }
         };
-        let (map, rms) = dots::find(&picture, self.slm).map_err(|reason| {
+        let unclear = |reason: String| {
             CalibrateError::Pictures(format!(
                 "in the picture of the dots {reason}: is the SLM lit, and in focus on the camera?"
             ))
-        })?;
+        };
+        let (map, rms) = dots::find(&picture, self.slm).map_err(unclear)?;
+        let spacing = pattern::spacing(self.slm) * map.zoom();
         tracing::debug!("{color}: the camera's map is off by {rms:.2} of its pixels");
+        if rms > OFF * spacing {
+            return Err(unclear(format!(
+                "dots are {rms:.1} camera pixels off where they should be, {spacing:.0} apart"
+            )));
+        }
         let dark = match had.iter().rfind(|shot| shot.show.is_none()) {
             Some(shot) => Some(shot.picture(camera)?.median()),
             None if self.session.hello.camera.dark => {
