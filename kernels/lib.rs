@@ -20,6 +20,7 @@ pub mod encode;
 pub mod energy;
 pub mod equalise_eyebox;
 pub mod exposure;
+pub mod eye;
 pub mod fft;
 pub mod fft_plan;
 pub mod half;
@@ -175,6 +176,19 @@ macro_rules! kernels {
                 work: |u| 2.0 * u.passing(),
                 twin: |c| $crate::relay::relay(&c.pass.pass, c.relay, &c.pass.spans, &mut c.slot.transfer),
                 shader: Each |c, p| c.rows(p.pass.rows, p.pass.columns, &p.pass),
+            }
+            /// What the eye that looks does to each bin, where it is not perfect.
+            Eye = "eye" {
+                over: PupilPasses, group: Window,
+                binds: [Read EyeTerms, Read Spans, Update Transfer],
+                work: |u| 4.0 * u.passing(),
+                twin: |c| if let (Some(terms), Some(args)) = (&c.pass.eye, c.pass.eye_args()) {
+                    $crate::eye::eye(&args, terms, &c.pass.spans, &mut c.slot.transfer);
+                },
+                shader: Each |c, p| match p.eye_args() {
+                    Some(args) => c.rows(args.rows, args.columns, &args),
+                    None => Ok(()),
+                },
             }
             /// Weakens it towards the edges, in pupil passes that are tapered.
             Taper = "taper" {

@@ -214,7 +214,7 @@ pub struct ModelTerms {
 }
 
 /// TOML's keys are words.
-mod indices {
+pub(super) mod indices {
     use serde::{Deserialize, Deserializer, Serializer, de::Error};
     use std::collections::BTreeMap;
 

@@ -3,7 +3,8 @@
 use super::Storage;
 use crate::optics::Window;
 use eyebox_kernels::{
-    compare, energy, exposure, fft::Columns, intensity, modulate, pass_pupil, photograph, quantise, resample, transfer,
+    compare, energy, exposure, eye, fft::Columns, intensity, modulate, pass_pupil, photograph, quantise, resample,
+    transfer,
 };
 use std::sync::Arc;
 
@@ -121,6 +122,8 @@ pub enum Resource {
     Sums,
     /// The pupil pass's spans.
     Spans,
+    /// Its eye's polynomial.
+    EyeTerms,
     /// Its weights of `taper`.
     TaperWeights,
     /// The light field's views.
@@ -382,6 +385,8 @@ pub struct PupilPass {
     pub spans: Vec<[u32; 2]>,
     /// Arguments of `transfer`.
     pub transfer: transfer::Args,
+    /// What `eye` multiplies by, where the eye is not perfect.
+    pub eye: Option<eye::Terms>,
     /// Weights of `taper`: those of all rows, then those of all columns. None for an aperture with a sharp edge.
     pub taper: Option<Vec<f32>>,
     /// Arguments of `pass_pupil` and `overlap`.
@@ -402,6 +407,12 @@ impl PupilPass {
     /// Pixels of its window.
     pub fn count(&self) -> usize {
         self.window.rows * self.window.columns
+    }
+
+    /// Arguments of `eye`.
+    pub(crate) fn eye_args(&self) -> Option<eye::Args> {
+        let transfer::Args { rows, columns, .. } = self.transfer;
+        self.eye.as_ref().map(|terms| eye::Args { rows, columns, degree: terms.degree })
     }
 
     /// Bins that it passes.

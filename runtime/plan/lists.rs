@@ -64,6 +64,7 @@ impl Planner {
             &[
                 Kernel::Transfer,
                 Kernel::Relay,
+                Kernel::Eye,
                 Kernel::Taper,
                 Kernel::PassPupil,
                 Kernel::WindowInverse,
@@ -249,7 +250,8 @@ impl Planner {
             if balanced {
                 step.list.push(Dispatch { kernel: Kernel::Overlap, pupil_passes: pupil_passes.clone() });
             }
-            let target = [Kernel::Transfer, Kernel::Relay, Kernel::Taper, Kernel::Photograph, Kernel::Resample];
+            let target =
+                [Kernel::Transfer, Kernel::Relay, Kernel::Eye, Kernel::Taper, Kernel::Photograph, Kernel::Resample];
             step.over_pupil_passes(pupil_passes.clone(), &target);
             step.over_pupil_passes(pupil_passes.clone(), &THROUGH_A_WINDOW);
             step.over_pupil_passes(pupil_passes, &[Kernel::ReturnPupil]);
@@ -267,12 +269,17 @@ impl Planner {
 }
 
 impl Step {
-    /// Adds these kernels over these pupil passes; `Taper` only where a pupil pass is tapered, `Relay` only where it does
-    /// something.
+    /// Adds these kernels over these pupil passes; `Taper`, `Relay` and `Eye` only where they do something.
     fn over_pupil_passes(&mut self, pupil_passes: Range<usize>, kernels: &[Kernel]) {
         let tapered = self.is_tapered();
         let relays = self.model.as_ref().is_some_and(|model| model.parts().relay);
-        let left_out = |kernel: Kernel| kernel == Kernel::Taper && !tapered || kernel == Kernel::Relay && !relays;
+        let sees = self.pupil_passes.iter().any(|pupil_pass| pupil_pass.eye.is_some());
+        let left_out = |kernel: Kernel| match kernel {
+            Kernel::Taper => !tapered,
+            Kernel::Relay => !relays,
+            Kernel::Eye => !sees,
+            _ => false,
+        };
         let kernels = kernels.iter().filter(|kernel| !left_out(**kernel));
         self.list.extend(kernels.map(|&kernel| Dispatch { kernel, pupil_passes: pupil_passes.clone() }));
     }

@@ -6,6 +6,7 @@
 mod cost;
 #[cfg(feature = "vulkan")]
 mod device_model;
+mod eye;
 #[cfg(feature = "vulkan")]
 pub(crate) mod fusion;
 mod kernel;
@@ -25,6 +26,7 @@ pub(crate) use cost::{Slots, pupil_pass_bytes, shared_bytes, work};
 pub use device_model::{DEVICES, DeviceModel, Estimate};
 #[cfg(feature = "vulkan")]
 pub(crate) use device_model::{DISPATCH_BYTES, SUBMISSION_BYTES};
+pub use eye::EyeTables;
 pub use kernel::{Access, Dispatch, Group, Kernel, Scope, Step, Timing};
 pub use list::{Buffer, Extent, ModelParts, PerFrame, PupilPass, Purpose, Resource, Shape, Shot};
 pub use model::ModelTables;

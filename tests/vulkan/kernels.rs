@@ -5,7 +5,8 @@ use eyebox::engine::cpu::CpuEngine;
 use eyebox::engine::vulkan::VulkanEngine;
 use eyebox::engine::{Buffer, Engine, Kernel, Purpose, Shape, Storage};
 use eyebox::gpu::{Gpu, Options};
-use eyebox::plan::ModelTables;
+use eyebox::optics::Prescription;
+use eyebox::plan::{EyeTables, ModelTables};
 use eyebox_kernels::compare::{AMPLITUDE, INTENSITY, PROJECTION};
 use eyebox_tests::both::{Case, assert_silent, compare, every_fault, vulkan, watched};
 use eyebox_tests::half_roundings;
@@ -130,6 +131,24 @@ fn display_models() {
                 let limit = if storage == Storage::F16 { stored_bound(kernel) } else { 1e-10 };
                 assert!(worst < limit, "{} at {height} x {width} (+{padding}): {worst:e}", kernel.name());
             }
+        }
+    }
+    assert_silent(engine);
+}
+
+/// The error of an eye, of the second order and of higher ones.
+#[test]
+fn eyes() {
+    let (mut engine, mut twin) = (vulkan(), CpuEngine::new());
+    let mut measured = Prescription::new(-0.5, 0.25, 30.0);
+    (measured.zernikes_um, measured.measured_mm) = ([(7, 0.3), (12, -0.2), (27, 0.02)].into(), 6.0);
+    for (height, width, padding) in SIZES {
+        for eye in [Prescription::new(-3.0, 1.0, 70.0), measured.clone()] {
+            let mut case = Case::new(height, width, padding, 15e-3, 2);
+            case.planner.eye = EyeTables::new(Some(&eye));
+            let step = case.single(Purpose::View, PROJECTION, 1.0, Kernel::Eye);
+            let worst = compare(&mut engine, &mut twin, &case, Purpose::View, &step);
+            assert!(worst < 1e-10, "{eye} at {height} x {width} (+{padding}): {worst:e}");
         }
     }
     assert_silent(engine);
