@@ -65,6 +65,10 @@ impl<'a> CameraBench<'a> {
         steps: &CameraSteps<'a>,
         say: &'a mut dyn FnMut(&str),
     ) -> Result<Self, CalibrateError> {
+        if display.prescription.as_ref().is_some_and(|eye| !eye.is_perfect()) {
+            let reason = "a camera has no eye's prescription: solve with --prescription none".into();
+            return Err(CalibrateError::Bench { display: display.name.clone(), reason });
+        }
         let (link, hello) = Link::start(steps.command, steps.limit, say)?;
         let named =
             colors.iter().map(|c| Ok((*c, check(display, *c, &hello)?))).collect::<Result<Vec<_>, CalibrateError>>()?;

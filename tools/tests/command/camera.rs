@@ -288,6 +288,7 @@ fn what_cannot_be_asked_of_a_camera_is_one_line() {
     fs::write(at.join("hello"), format!("{hello}\n")).expect("an answer");
     let camera = ["--camera", "sh -c 'read line; cat hello; read line'", "--camera-steps", "2"];
     run("red.toml", &camera, "has no red light");
+    run("bench.toml", &[&camera[..], &["--prescription=-0.1 0 0"]].concat(), "no eye's prescription");
     let answer = eyebox(at, &[&base[..], &["--display", "bench.toml", "--camera", "x"]].concat());
     assert!(text(&answer.stderr).contains("--camera-steps"), "{}", text(&answer.stderr));
 }
