@@ -36,6 +36,7 @@ modules! {
     RELAY = "relay";
     RESAMPLE = "resample";
     RETURN_PUPIL = "return_pupil", RETURN_PUPIL_HALF = "return_pupil_half";
+    SUBPIXELS = "subpixels", SUBPIXELS_HALF = "subpixels_half";
     TAPER = "taper";
     TRANSFER = "transfer";
     TURN = "turn", TURN_HALF = "turn_half";

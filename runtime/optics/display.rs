@@ -159,6 +159,10 @@ impl Display {
                           leave it out";
             return Err(wrong(reason.into()));
         }
+        if display.geometry == Geometry::FarField && colors.iter().any(|c| display.model(*c).subpixels > 1) {
+            let reason = "[model] has subpixels, of which the far field knows only 1: leave it out";
+            return Err(wrong(reason.into()));
+        }
         for w in &display.wavelengths {
             display.optics(w.color).map_err(|e| wrong(e.to_string()))?;
         }

@@ -13,6 +13,7 @@ mod kernel;
 mod list;
 mod lists;
 mod model;
+mod pass;
 mod pupil_pass;
 mod resample_tables;
 mod scales;
@@ -28,8 +29,9 @@ pub use device_model::{DEVICES, DeviceModel, Estimate};
 pub(crate) use device_model::{DISPATCH_BYTES, SUBMISSION_BYTES};
 pub use eye::EyeTables;
 pub use kernel::{Access, Dispatch, Group, Kernel, Scope, Step, Timing};
-pub use list::{Buffer, Extent, ModelParts, PerFrame, PupilPass, Purpose, Resource, Shape, Shot};
+pub use list::{Buffer, Extent, ModelParts, PerFrame, Purpose, Resource, Shape};
 pub use model::ModelTables;
+pub use pass::{PupilPass, Shot};
 pub use pupil_pass::{Comparison, Planner, ViewLayout};
 pub use storage::Storage;
 #[cfg(feature = "vulkan")]

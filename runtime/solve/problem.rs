@@ -79,6 +79,7 @@ impl Problem {
         let pyramid = Pyramid::outline(views.rows * views.columns, grid.height, grid.width);
         let (eyebox, center, share) = (display.eyebox_min(), [0.0; 2], display.picture_share(optics.wavelength));
         let (pyramid, model) = (Arc::new(pyramid), ModelTables::of(display, color, optics, grid));
+        let model = model.map(|model| model.for_steps());
         let eye = EyeTables::new(display.prescription.as_ref());
         Ok(Self { optics, padding, eyebox, views, center, pyramid, mean: f64::NAN, share, model, eye })
     }
