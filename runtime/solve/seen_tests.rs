@@ -52,7 +52,7 @@ fn difference(a: &[f32], b: &[f32]) -> f32 {
 /// What the model has is handed out, with the fields that make it; what is handed back decides the step.
 #[test]
 fn what_is_seen_decides_the_step() {
-    let plain = stepped(cpu(), |engine, step| take(engine, step, &[0..step.list.len()]));
+    let plain = stepped(cpu(), |engine, step| take(engine, step, std::slice::from_ref(&(0..step.list.len()))));
     let own = stepped(cpu(), |engine, step| {
         take_seen(engine, step, |slot, image, fields| -> Result<Vec<f32>, EngineError> {
             let args = step.pupil_passes[slot].intensity;
