@@ -266,7 +266,11 @@ impl Hologram {
             display: display.name.clone(),
             display_wavelengths: display.wavelengths.clone(),
             scene: String::new(),
-            metadata: Metadata { model: display.model.clone(), ..Metadata::default() },
+            metadata: Metadata {
+                model: display.model.clone(),
+                prescription: display.prescription.clone(),
+                ..Metadata::default()
+            },
         }
     }
 
@@ -293,6 +297,7 @@ impl Hologram {
             portrait: self.height > self.width,
             encoding: Default::default(),
             model: self.metadata.model.clone(),
+            prescription: self.metadata.prescription.clone(),
         })
     }
 

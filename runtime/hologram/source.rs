@@ -4,8 +4,8 @@ use super::tiles::Tiles;
 use super::{Hologram, HologramError, Sequence};
 use crate::engine::{Buffer, Engine, Purpose};
 use crate::evaluate::{self, Plane, centered};
-use crate::optics::{Pupil, WindowFactor};
-use crate::plan::{Comparison, Kernel, ModelTables, Planner};
+use crate::optics::{OpticsError, Prescription, Pupil, WindowFactor};
+use crate::plan::{Comparison, EyeTables, Kernel, ModelTables, Planner};
 use crate::scene::crop_share;
 use std::borrow::Cow;
 use std::ops::Range;
@@ -31,6 +31,25 @@ impl PhaseSource<'_> {
                 hologram.into()
             }
             tiled @ Self::Tiled(_) => tiled,
+        }
+    }
+
+    /// The same as another eye sees it, or a perfect one.
+    ///
+    /// # Errors
+    /// [`HologramError::Optics`] for a hologram in tiles, unless the eye is perfect.
+    pub fn seen_by(self, eye: Option<Prescription>) -> Result<Self, HologramError> {
+        match self {
+            Self::Whole(hologram) => {
+                let mut hologram = hologram.into_owned();
+                hologram.metadata.prescription = eye.filter(|eye| !eye.is_perfect());
+                Ok(hologram.into())
+            }
+            Self::Tiled(_) if eye.is_some_and(|eye| !eye.is_perfect()) => {
+                let reason = "a hologram in tiles is looked at by a perfect eye only";
+                Err(OpticsError::Prescription { reason: reason.into() }.into())
+            }
+            tiled @ Self::Tiled(_) => Ok(tiled),
         }
     }
 
@@ -161,7 +180,8 @@ impl Hologram {
             }
             _ => None,
         };
-        Ok(Planner { share: self.picture_share(color), model, ..plain })
+        let eye = EyeTables::new(self.metadata.prescription.as_ref());
+        Ok(Planner { share: self.picture_share(color), model, eye, ..plain })
     }
 }
 

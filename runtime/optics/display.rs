@@ -3,7 +3,7 @@
 use super::color::Color;
 use super::encoding::Encoding;
 use super::model::{self, DisplayModel, ModelSections};
-use super::{Geometry, Optics, OpticsError};
+use super::{Geometry, Optics, OpticsError, Prescription};
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, path::Path};
 
@@ -63,6 +63,8 @@ pub struct Display {
     pub encoding: Encoding,
     /// What is known of it beyond the ideal display.
     pub model: ModelSections,
+    /// The eye that looks at it; none for a perfect one.
+    pub prescription: Option<Prescription>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -86,6 +88,8 @@ struct File {
     encoding: Encoding,
     #[serde(default, skip_serializing_if = "ModelSections::is_empty")]
     model: ModelSections,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    prescription: Option<Prescription>,
 }
 
 /// The shortest number that, in so many metres, is this length as nearly as any.
@@ -143,12 +147,20 @@ impl Display {
             portrait: read.portrait,
             encoding,
             model: read.model,
+            prescription: read.prescription,
         };
         let colors: Vec<Color> = display.wavelengths.iter().map(|w| w.color).collect();
         model::check(&display.model, &colors).map_err(&wrong)?;
+        if let Some(Err(reason)) = display.prescription.as_ref().map(Prescription::check) {
+            return Err(wrong(format!("[prescription]: {reason}")));
+        }
         if display.geometry == Geometry::FarField && colors.iter().any(|c| display.model(*c).fill > 0.0) {
             let reason = "[model] has a fill, which in the far field dims the picture's edges and not the eyebox: \
                           leave it out";
+            return Err(wrong(reason.into()));
+        }
+        if display.geometry == Geometry::FarField && colors.iter().any(|c| display.model(*c).subpixels > 1) {
+            let reason = "[model] has subpixels, of which the far field knows only 1: leave it out";
             return Err(wrong(reason.into()));
         }
         for w in &display.wavelengths {
@@ -171,6 +183,7 @@ impl Display {
             portrait: self.portrait,
             encoding: self.encoding.clone(),
             model: self.model.clone(),
+            prescription: self.prescription.clone(),
         };
         toml::to_string(&file).expect("a display has nothing that TOML cannot say")
     }

@@ -2,7 +2,7 @@
 
 use super::settings::Settings;
 use crate::optics::{Color, Display, Optics, OpticsError, Padding, WindowFactor};
-use crate::plan::{ModelTables, Planner, ViewLayout};
+use crate::plan::{EyeTables, ModelTables, Planner, ViewLayout};
 use crate::scene::{LightField, Pyramid, ViewGrid, shrink_to_share};
 use std::sync::Arc;
 
@@ -27,6 +27,8 @@ pub struct Problem {
     pub share: f64,
     /// What the display does to the light beside showing phases (OPTICS 10); none for the ideal one.
     pub model: Option<Arc<ModelTables>>,
+    /// The eye that looks (OPTICS 11); none for a perfect one.
+    pub eye: Option<Arc<EyeTables>>,
 }
 
 impl Problem {
@@ -77,7 +79,9 @@ impl Problem {
         let pyramid = Pyramid::outline(views.rows * views.columns, grid.height, grid.width);
         let (eyebox, center, share) = (display.eyebox_min(), [0.0; 2], display.picture_share(optics.wavelength));
         let (pyramid, model) = (Arc::new(pyramid), ModelTables::of(display, color, optics, grid));
-        Ok(Self { optics, padding, eyebox, views, center, pyramid, mean: f64::NAN, share, model })
+        let model = model.map(|model| model.for_steps());
+        let eye = EyeTables::new(display.prescription.as_ref());
+        Ok(Self { optics, padding, eyebox, views, center, pyramid, mean: f64::NAN, share, model, eye })
     }
 
     /// A power of two near the scene's brightest value, or 1 where that is of ordinary size: dividing by it keeps
@@ -97,6 +101,6 @@ impl Problem {
     pub fn planner(&self, frames: usize, window: WindowFactor) -> Planner {
         let plain = Planner::new(self.optics, frames, window).with_padding(self.padding);
         let views = ViewLayout { center: self.center, ..ViewLayout::new(self.views, &self.pyramid) };
-        Planner { views: Some(views), share: self.share, model: self.model.clone(), ..plain }
+        Planner { views: Some(views), share: self.share, model: self.model.clone(), eye: self.eye.clone(), ..plain }
     }
 }

@@ -3,6 +3,7 @@
 mod architecture;
 mod encode_steady;
 mod extremes;
+mod eyes;
 mod far_field;
 mod fuzz;
 mod methods;

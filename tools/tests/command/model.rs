@@ -80,4 +80,9 @@ fn a_fill_in_the_far_field_is_refused() {
     std::fs::write(dir.path().join("far.toml"), far).unwrap();
     let solve = ["solve", "builtin:still-life", "--display", "far.toml", "-o", "h.zarr"];
     refused(dir.path(), &solve, "h.zarr", "leave it out");
+    let far = format!("{BENCH}geometry = \"far-field\"\n[model.green]\nsubpixels = 2\n");
+    std::fs::write(dir.path().join("far.toml"), far).unwrap();
+    refused(dir.path(), &solve, "h.zarr", "subpixels");
+    std::fs::write(dir.path().join("far.toml"), format!("{BENCH}[model.green]\nsubpixels = 4\n")).unwrap();
+    refused(dir.path(), &solve, "h.zarr", "1 to 3");
 }
