@@ -65,7 +65,7 @@ impl Application {
             let before = sequence.load(Ordering::Acquire);
             self.region.load(REQUEST + 1, &mut words);
             fence(Ordering::Acquire);
-            if before % 2 == 0 && before == sequence.load(Ordering::Relaxed) {
+            if before.is_multiple_of(2) && before == sequence.load(Ordering::Relaxed) {
                 return if before == 0 { None } else { layout::read_request(&words) };
             }
             std::hint::spin_loop();
@@ -176,7 +176,11 @@ impl Slot<'_> {
     /// Where `at`, bytes from the first sample, is no multiple of 8, or the samples do not end within the frame.
     pub fn write(&mut self, at: usize, samples: &[u8]) {
         let room = self.application.offer.bytes(&self.info.content, self.info.sample)[0];
-        assert!(at % 8 == 0 && samples.len() <= room.saturating_sub(at), "{} bytes at {at} of {room}", samples.len());
+        assert!(
+            at.is_multiple_of(8) && samples.len() <= room.saturating_sub(at),
+            "{} bytes at {at} of {room}",
+            samples.len()
+        );
         self.application.region.store_bytes(self.start + SLOT_HEADER + at / 8, samples);
     }
 

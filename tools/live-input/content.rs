@@ -80,6 +80,7 @@ impl Dioptres {
 }
 
 /// What a frame is made of, with what belongs to its kind.
+#[allow(clippy::large_enum_variant, reason = "layers keep their dioptres within, so that nothing is allocated")]
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Content {
     /// (view row, view column, row, column, colour).

@@ -265,7 +265,8 @@ impl Display {
         let turned = |reason: &str| socket::refuse(&stream, reason);
         socket::check_peer(&stream).map_err(|error| turned(&error.to_string()))?;
         if self.connection.is_some() {
-            return Err(turned("it has an application already: one at a time"));
+            turned("it has an application already: one at a time");
+            return Err(());
         }
         let bytes = layout::region_bytes(&self.offer);
         let region = match self.prepared.take() {
@@ -315,7 +316,7 @@ impl Display {
             let start = layout::slot_word(&self.offer, slot);
             let sequence = connection.region.word(start).load(Ordering::Acquire);
             let number = connection.region.word(start + 1).load(Ordering::Relaxed);
-            let whole = sequence != 0 && sequence % 2 == 0 && sequence != connection.refused[slot];
+            let whole = sequence != 0 && sequence.is_multiple_of(2) && sequence != connection.refused[slot];
             (whole && number > connection.last).then_some((number, slot, sequence))
         });
         slots.max().map(|(_, slot, sequence)| (slot, sequence))

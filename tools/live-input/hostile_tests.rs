@@ -217,7 +217,7 @@ fn nothing_torn_is_taken_while_a_thread_scribbles() {
                 region.word(slot).store(sequence | 1, Ordering::Relaxed);
                 std::sync::atomic::fence(Ordering::SeqCst);
                 let mut words = header(number);
-                if number % 2 == 0 {
+                if number.is_multiple_of(2) {
                     words[number as usize % HEADER_WORDS] = u64::MAX;
                 }
                 region.store(slot + 1, &words[1..]);

@@ -41,7 +41,7 @@ impl Region {
             return Err(damaged("the memory that it shares is not sealed: it could be cut while it is mapped".into()));
         }
         let length = rustix::fs::fstat(&fd).map_err(failed("the length of shared memory"))?.st_size;
-        if u64::try_from(length) != Ok(bytes) || bytes % 8 != 0 {
+        if u64::try_from(length) != Ok(bytes) || !bytes.is_multiple_of(8) {
             return Err(damaged(format!("it says {bytes} bytes and shares {length}")));
         }
         Self::map(fd)
