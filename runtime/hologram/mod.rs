@@ -268,6 +268,7 @@ impl Hologram {
             scene: String::new(),
             metadata: Metadata {
                 model: display.model.clone(),
+                picture: display.picture,
                 prescription: display.prescription.clone(),
                 ..Metadata::default()
             },
@@ -297,6 +298,7 @@ impl Hologram {
             portrait: self.height > self.width,
             encoding: Default::default(),
             model: self.metadata.model.clone(),
+            picture: self.metadata.picture,
             prescription: self.metadata.prescription.clone(),
         })
     }
