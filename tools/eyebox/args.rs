@@ -180,6 +180,19 @@ pub struct Solve {
     /// With --memory: pixels along each axis of the scene's views [default: 1024, or the display's]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(16..=16384).map(usize::from))]
     pub picture: Option<usize>,
+    /// The command of a camera behind the display: after the solve it takes part in --camera-steps (docs/calibrate.md)
+    #[arg(long, value_name = "COMMAND", requires = "camera_steps")]
+    pub camera: Option<String>,
+    /// Steps with the camera's pictures in the place of what the model has
+    #[arg(long, value_name = "N", requires = "camera", value_parser = clap::value_parser!(u16).range(1..).map(usize::from))]
+    pub camera_steps: Option<usize>,
+    /// Keep the camera's pictures here; in the folder of eyebox calibrate --keep they are added, and its dots say where the camera
+    /// looks
+    #[arg(long, value_name = "DIR", requires = "camera")]
+    pub camera_keep: Option<PathBuf>,
+    /// Seconds that the command may take for an answer [default: 60, and by exposure]
+    #[arg(long, value_name = "SECONDS", value_parser = positive, requires = "camera")]
+    pub camera_timeout: Option<f64>,
     /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,
