@@ -324,6 +324,7 @@ impl ModelTerms {
             source: self.source.or(others.source),
             undiffracted: self.undiffracted.or(others.undiffracted),
             wavefront: if self.wavefront.is_empty() { others.wavefront } else { self.wavefront },
+            wavefront_map: self.wavefront_map.or(others.wavefront_map),
             iris: self.iris.or(others.iris),
             from: if self.from.is_empty() { others.from } else { self.from },
             date: if self.date.is_empty() { others.date } else { self.date },
