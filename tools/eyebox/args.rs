@@ -7,8 +7,8 @@ pub use crate::groups::{
 use crate::phases::{EncodedArgs, PhaseArgs, PhaseUnitArgs, UnfinishedArgs};
 use crate::quality::QualityArgs;
 use crate::values::{
-    GivenPupil, Names, contrast, decibels, diameters, full, memory, method, one_of, positive, pupil, rate, share,
-    storage, window,
+    GivenPupil, Names, TermsOfModel, contrast, decibels, diameters, full, memory, method, model_terms, one_of,
+    positive, pupil, rate, share, storage, window,
 };
 use clap::Args;
 use clap::builder::TypedValueParser;
@@ -125,6 +125,10 @@ pub struct Solve {
     /// Share of the light that pupils are to see: less is dimmer and better, to a point [default: chosen for the scene]
     #[arg(long, value_name = "0..1")]
     pub efficiency: Option<f64>,
+    /// Which terms of the display's model are solved for: all, auto (those that are worth more than 0.05 dB on this scene, and
+    /// as many sub-pixels as are worth 0.2 dB, measured in some seconds), none, or their names with commas between
+    #[arg(long, value_name = "all|auto|none|LIST", value_parser = model_terms, default_value = "all")]
+    pub model_terms: TermsOfModel,
     /// Pupils a step [default: 16; adam 8]
     #[arg(long, value_name = "B")]
     pub pupils: Option<usize>,

@@ -6,6 +6,7 @@ mod watch;
 use crate::Failure;
 use crate::args::Solve;
 use crate::common::{self, Form};
+use crate::model_terms;
 use crate::settings::{self, job_of};
 use eyebox::calibrate::CameraGain;
 use eyebox::engine::Engine;
@@ -41,6 +42,7 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     let camera = camera::open(args, &display, &colors, single, &mut say)?;
     // The engine first: where there is none, nothing needs to be loaded.
     let mut engine = common::engine(&args.engine)?;
+    let display = model_terms::chosen(args, display, &colors, engine.as_mut())?;
     engine.time_kernels(args.timings || args.json);
     let (settings, chosen) = match tiles {
         Some(_) => (settings::of_tiles(args, &display)?, None),
