@@ -33,6 +33,7 @@ pub use model::{DisplayModel, Iris, Level, ModelOf, ModelSections, ModelTerms, S
 pub use padding::Padding;
 pub(crate) use padding::{slow_sides, walk_off};
 pub use presets::{PRESETS, display_template, preset_about, preset_text};
+#[cfg(test)]
 pub(crate) use propagation::aperture;
 pub use propagation::transfer;
 pub use pupil::Pupil;

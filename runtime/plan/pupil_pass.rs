@@ -108,7 +108,10 @@ impl Planner {
     pub fn shape(&self, purpose: Purpose) -> Shape {
         let (frames, place, storage) = (self.frames, self.place(), self.storage);
         let model = self.model.as_ref().map(|model| model.parts()).unwrap_or_default();
-        Shape { frames, place, purpose, quantised: self.levels > 0, storage, model }
+        let quantised = self.levels > 0;
+        // What moves these phases alone knows of angles.
+        let binary_angles = storage == Storage::F16 && purpose == Purpose::Project && !quantised && !model.drives;
+        Shape { frames, place, purpose, quantised, storage, binary_angles, model }
     }
 
     /// What `pupil` needs. The scale of the way back makes `change` the wanted change of the field after an

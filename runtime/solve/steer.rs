@@ -329,7 +329,8 @@ impl Refiner {
             self.used = 0;
         }
         self.used += 1;
-        let step = update.step(&self.planner, self.pupil_passes.clone(), usize::MAX);
+        let mut step = update.step(&self.planner, self.pupil_passes.clone(), usize::MAX);
+        step.project.step = self.since as u32;
         let known = |kernel| matches!(kernel, Kernel::Transfer | Kernel::Relay | Kernel::Photograph | Kernel::Resample);
         let mut parts: Vec<Range<usize>> = Vec::new();
         for (i, dispatch) in step.list.iter().enumerate().filter(|(_, d)| fresh || !known(d.kernel)) {
