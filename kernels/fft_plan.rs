@@ -113,9 +113,10 @@ pub struct Together {
 /// Invocations of a workgroup of rows of several sub-frames at most.
 const TOGETHER: u32 = 512;
 
-/// Pairs of values that an invocation of them holds at once at most, several butterflies in one stage at most: beside what
-/// they are compared with, more take more than 128 registers.
+/// Pairs of values that an invocation of them holds at once at most, and in all stages together, with several butterflies in
+/// one stage at most: more took more than 128 registers of RADV's.
 const HELD: u32 = 16;
+const HELD_IN_ALL: u32 = 40;
 
 /// Butterflies (or pairs of them) that each of so many invocations takes of a line of `units` slots, per stage.
 fn counts(units: u32, radices: &[u32], threads: u32) -> Vec<u32> {
@@ -143,7 +144,10 @@ impl Shared {
     fn spread(&self, n: u32, limits: &PlanLimits) -> Self {
         let units = if self.pair { n / 2 } else { n };
         let radices: Vec<u32> = self.radices.iter().map(|radix| radix.size()).collect();
-        let few = |all: &[u32]| held(all, &radices) <= HELD && all.iter().filter(|c| **c > 1).count() <= 1;
+        let few = |all: &[u32]| {
+            let sum: u32 = all.iter().zip(&radices).map(|(c, r)| c * r).sum();
+            held(all, &radices) <= HELD && sum <= HELD_IN_ALL && all.iter().filter(|c| **c > 1).count() <= 1
+        };
         match threads(units, &radices, TOGETHER.min(limits.invocations), few) {
             Some(threads) if !few(&self.counts) => {
                 Self { threads, counts: counts(units, &radices, threads), ..self.clone() }

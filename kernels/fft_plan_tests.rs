@@ -202,6 +202,7 @@ fn rows_of_several_sub_frames_hold_little_each() {
         let Shared { radices, counts, threads, lines, .. } = &together.shared;
         let held = radices.iter().zip(counts).map(|(radix, count)| radix.size() * count);
         assert!(held.clone().max().unwrap() <= HELD, "{plan}: {together:?}");
+        assert!(held.sum::<u32>() <= HELD_IN_ALL, "{plan}: {together:?}");
         assert!(counts.iter().filter(|count| **count > 1).count() <= 1, "{plan}: {together:?}");
         let units = if shared.pair { n / 2 } else { n };
         assert!(radices.iter().zip(counts).all(|(radix, count)| count * threads * radix.size() >= units), "{plan}");
