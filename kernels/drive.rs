@@ -1,8 +1,7 @@
-//! From phases to the phases that their drive gives, by the look-up table of each pixel (OPTICS 10). Sub-frames come in
-//! pairs: one is the real part of `wave`, the next the imaginary part, for what follows is real and linear.
+//! From phases to the phases that their drive gives, by the look-up table of each pixel (OPTICS 10). One frame.
 
 use crate::trig::{cos_sin, wrapped};
-use crate::{Complex32, ZERO, modulate, simd};
+use crate::{modulate, simd};
 use bytemuck::{Pod, Zeroable};
 
 /// The look-up table's bend, and the lag.
@@ -32,42 +31,20 @@ impl Args {
     }
 }
 
-/// The phase that the drive of a phase gives.
-#[inline(always)]
-fn driven(args: &Args, phase: f32, level: f32) -> f32 {
-    let w = wrapped(phase);
-    let plain = level * w;
-    if args.bends() {
-        let (c, s) = cos_sin(w);
-        plain + (args.bend_sin * s + args.bend_cos * (1.0 - c))
-    } else {
-        plain
-    }
-}
-
-/// `level` (height, width), the first table of a pixel; `shown` two sub-frames (height, width), the second empty where their
-/// number is odd; `wave` (grid_height, grid_width), zero around the SLM.
-pub fn drive(args: &Args, level: &[f32], shown: [&[f32]; 2], wave: &mut [Complex32]) {
-    let (place, w, gw) = (args.place, args.place.width as usize, args.place.grid_width as usize);
+/// `level` (height, width), the first table of a pixel; `shown` and `wave` (height, width).
+pub fn drive(args: &Args, level: &[f32], shown: &[f32], wave: &mut [f32]) {
     simd(
         #[inline(always)]
         || {
-            wave.fill(ZERO);
-            let rows = wave
-                .chunks_exact_mut(gw)
-                .skip(place.top as usize)
-                .zip(level.chunks_exact(w))
-                .take(args.place.height as usize);
-            for (y, (wave, level)) in rows.enumerate() {
-                let wave = &mut wave[place.left as usize..][..w];
-                for ((z, level), phase) in wave.iter_mut().zip(level).zip(&shown[0][y * w..]) {
-                    z.re = driven(args, *phase, *level);
+            let values = wave.iter_mut().zip(level.iter().zip(shown));
+            if args.bends() {
+                for (out, (level, phase)) in values {
+                    let w = wrapped(*phase);
+                    let (c, s) = cos_sin(w);
+                    *out = level * w + (args.bend_sin * s + args.bend_cos * (1.0 - c));
                 }
-                if !shown[1].is_empty() {
-                    for ((z, level), phase) in wave.iter_mut().zip(level).zip(&shown[1][y * w..]) {
-                        z.im = driven(args, *phase, *level);
-                    }
-                }
+            } else {
+                values.for_each(|(out, (level, phase))| *out = level * wrapped(*phase));
             }
         },
     );

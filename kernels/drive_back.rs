@@ -4,28 +4,19 @@
 use crate::drive::Args;
 use crate::{Complex32, simd, trig};
 
-/// `level` (height, width); `second`, `wave` as `modulate_wave` has them; `shown` (height, width); `change` (grid_height,
-/// grid_width), of which the SLM's part is replaced.
-pub fn drive_back(
-    args: &Args,
-    level: &[f32],
-    second: bool,
-    shown: &[f32],
-    wave: &[Complex32],
-    change: &mut [Complex32],
-) {
+/// `level`, `shown` and `wave` (height, width); `change` (grid_height, grid_width), of which the SLM's part is replaced.
+pub fn drive_back(args: &Args, level: &[f32], shown: &[f32], wave: &[f32], change: &mut [Complex32]) {
     let Args { place, bend_sin, bend_cos, .. } = *args;
     let (w, gw, left) = (place.width as usize, place.grid_width as usize, place.left as usize);
     simd(
         #[inline(always)]
         || {
-            let rows = change.chunks_exact_mut(gw).zip(wave.chunks_exact(gw)).skip(place.top as usize);
+            let rows = change.chunks_exact_mut(gw).skip(place.top as usize).zip(wave.chunks_exact(w));
             for ((change, wave), (shown, level)) in rows.zip(shown.chunks_exact(w).zip(level.chunks_exact(w))) {
-                let values = change[left..][..w].iter_mut().zip(&wave[left..][..w]);
+                let values = change[left..][..w].iter_mut().zip(wave);
                 for ((z, wave), (phase, level)) in values.zip(shown.iter().zip(level)) {
                     let (c, s) = trig::cos_sin(trig::wrapped(*phase));
-                    let slope = level + (bend_sin * c + bend_cos * s);
-                    let tau = slope * if second { wave.im } else { wave.re };
+                    let tau = (level + (bend_sin * c + bend_cos * s)) * wave;
                     *z = Complex32::new(-tau * s, tau * c);
                 }
             }

@@ -29,7 +29,11 @@ impl From<Direction> for FftDirection {
 /// Transforms lines of `length` values in float64, one behind the other, unnormalised: what is made once, and references.
 /// It stands here so that RustFFT is compiled in one crate, not in each that transforms a line.
 pub fn transform_f64(lines: &mut [Complex64], length: usize, direction: Direction) {
-    FftPlanner::new().plan_fft(length, direction.into()).process(lines);
+    thread_local! {
+        /// Twiddle factors of lengths that came before.
+        static PLANNER: RefCell<FftPlanner<f64>> = RefCell::new(FftPlanner::new());
+    }
+    PLANNER.with_borrow_mut(|planner| planner.plan_fft(length, direction.into())).process(lines);
 }
 
 /// The columns in use: `count` of them from `first`, wrapping.
@@ -115,34 +119,54 @@ impl Plans {
         columns: Columns,
         store: Store,
     ) {
-        let (rows, down) = (self.get(width, direction), self.get(height, direction));
+        if direction == Direction::Forward {
+            self.rows(frame, width, direction, store);
+        }
+        self.columns(frame, height, width, direction, columns, store);
+        if direction == Direction::Inverse {
+            self.rows(frame, width, direction, store);
+        }
+    }
+
+    /// The rows of it alone.
+    pub fn rows(&self, frame: &mut [Complex32], width: usize, direction: Direction, store: Store) {
+        if width > 1 {
+            in_place(&self.get(width, direction), frame);
+            store(frame);
+        }
+    }
+
+    /// The columns in use alone.
+    pub fn columns(
+        &self,
+        frame: &mut [Complex32],
+        height: usize,
+        width: usize,
+        direction: Direction,
+        columns: Columns,
+        store: Store,
+    ) {
+        if height < 2 {
+            return;
+        }
+        let down = self.get(height, direction);
         SCRATCH.with_borrow_mut(|(block, scratch)| {
-            let need = rows.get_inplace_scratch_len().max(down.get_inplace_scratch_len());
+            let need = down.get_inplace_scratch_len();
             if scratch.len() < need {
                 scratch.resize(need, ZERO);
             }
             if block.len() < BLOCK * height {
                 block.resize(BLOCK * height, ZERO);
             }
-            if direction == Direction::Forward && width > 1 {
-                rows.process_with_scratch(frame, scratch);
-                store(frame);
-            }
-            if height > 1 {
-                for (first, count) in columns.pieces(width) {
-                    for x in (first..first + count).step_by(BLOCK) {
-                        let n = BLOCK.min(first + count - x);
-                        let block = &mut block[..n * height];
-                        gather(frame, block, width, x, n);
-                        down.process_with_scratch(block, scratch);
-                        store(block);
-                        scatter(block, frame, width, x, n);
-                    }
+            for (first, count) in columns.pieces(width) {
+                for x in (first..first + count).step_by(BLOCK) {
+                    let n = BLOCK.min(first + count - x);
+                    let block = &mut block[..n * height];
+                    gather(frame, block, width, x, n);
+                    down.process_with_scratch(block, scratch);
+                    store(block);
+                    scatter(block, frame, width, x, n);
                 }
-            }
-            if direction == Direction::Inverse && width > 1 {
-                rows.process_with_scratch(frame, scratch);
-                store(frame);
             }
         });
     }

@@ -21,6 +21,7 @@ pub mod encode;
 pub mod energy;
 pub mod equalise_eyebox;
 pub mod exposure;
+pub mod eye;
 pub mod fft;
 pub mod fft_plan;
 pub mod half;
@@ -38,6 +39,7 @@ pub mod relay;
 pub mod resample;
 pub mod return_pupil;
 pub mod shared;
+pub mod subpixels;
 pub mod taper;
 pub mod transfer;
 pub mod trig;
@@ -86,55 +88,63 @@ macro_rules! kernels {
                 },
                 shader: Once |c| c.modulate(),
             }
-            /// The phases that the drives give, in pairs of sub-frames, where the display's model has more than phases.
+            /// The phases that the drives give, where the display's model has more than phases.
             Drive = "drive" {
-                over: Whole, group: Field,
+                over: Frames, group: Field,
                 binds: [Read Shown, Read Pixels, Write Wave],
                 args: drive: $crate::drive::Args,
                 fits: |step, shape| step.drive.place == shape.place,
-                work: |u| 2.0 * u.pixels(),
-                twin: |c| c.waves.drive(&c.step.drive),
+                work: |u| 0.3 * u.pixels(),
+                twin: |c| c.drive(),
                 shader: Once |c| c.drive(),
             }
             /// The lag of the liquid crystal over the sub-frames.
             Lag = "lag" {
                 over: Whole, group: Field,
                 binds: [Update Wave],
-                work: |u| u.points(),
-                twin: |c| c.waves.lag(&c.step.drive, false),
+                work: |u| 0.3 * u.pixels(),
+                twin: |c| c.lag(false),
                 shader: Once |c| c.lag(),
             }
-            /// The pairs' spectra, all of them.
-            WaveForward = "wave_forward" {
-                over: Whole, group: Field,
-                binds: [Update Wave],
-                work: |u| 0.5 * u.whole_transform(),
-                twin: |c| c.waves.transform($crate::fft::Direction::Forward),
-                shader: Once |c| c.grid_transform($crate::fft::Direction::Forward),
+            /// Crosstalk between pixels along rows, to each sub-pixel.
+            CrosstalkRows = "crosstalk_rows" {
+                over: Frames, group: Field,
+                binds: [Read Crosstalk, Read Wave, Write Blurred],
+                work: |u| u.crosstalk(),
+                twin: |c| $crate::crosstalk::rows(&c.crosstalk, c.tables.weights[1], c.wave, c.blurred),
+                shader: Once |c| c.crosstalk([false, false]),
             }
-            /// Crosstalk between pixels; between an inverse and a forward transform, transposed.
-            Crosstalk = "crosstalk" {
-                over: Whole, group: Field,
-                binds: [Read Crosstalk, Update Wave],
-                work: |u| 0.5 * u.points(),
-                twin: |c| c.waves.crosstalk(),
-                shader: Once |c| c.crosstalk(),
+            /// And along columns.
+            CrosstalkColumns = "crosstalk_columns" {
+                over: Frames, group: Field,
+                binds: [Read Crosstalk, Read Blurred, Write Wave],
+                work: |u| u.subpixels() * u.crosstalk(),
+                twin: |c| $crate::crosstalk::columns(&c.crosstalk, c.tables.weights[0], c.blurred, c.wave),
+                shader: Once |c| c.crosstalk([true, false]),
             }
-            /// The pairs' spectra back to pairs.
-            WaveInverse = "wave_inverse" {
-                over: Whole, group: Field,
-                binds: [Update Wave],
-                work: |u| 0.5 * u.whole_transform(),
-                twin: |c| c.waves.transform($crate::fft::Direction::Inverse),
-                shader: Once |c| c.grid_transform($crate::fft::Direction::Inverse),
-            }
-            /// Pairs to the field, with the source's profile and undiffracted light.
+            /// Their field, with the source's profile and undiffracted light.
             ModulateWave = "modulate_wave" {
-                over: Whole, group: Field,
+                over: Frames, group: Field,
                 binds: [Read Wave, Read Pixels, Write Field],
-                work: |u| 3.0 * u.pixels(),
-                twin: |c| c.waves.modulate(c.field),
+                work: |u| 2.2 * u.pixels(),
+                twin: |c| c.modulate_wave(),
                 shader: Once |c| c.modulate_wave(),
+            }
+            /// The same of each sub-pixel, where a pixel has several.
+            ModulateSubpixels = "modulate_subpixels" {
+                over: Frames, group: Field,
+                binds: [Read Wave, Read Pixels, Write Subpixels],
+                work: |u| 0.5 * u.subpixels() * u.subpixels() * u.pixels(),
+                twin: |c| c.modulate_wave(),
+                shader: Once |c| c.modulate_wave(),
+            }
+            /// The central order of their spectra, in the step's columns.
+            SubpixelsForward = "subpixels_forward" {
+                over: Frames, group: Field,
+                binds: [Update Subpixels, Read Offsets, Write Field],
+                work: |u| u.subpixels_transform(),
+                twin: |c| c.subpixels_forward(),
+                shader: Once |c| c.subpixels($crate::fft::Direction::Forward),
             }
             /// The field's spectrum, in the step's columns.
             FieldForward = "field_forward" {
@@ -176,6 +186,19 @@ macro_rules! kernels {
                 work: |u| 2.0 * u.passing(),
                 twin: |c| $crate::relay::relay(&c.pass.pass, c.relay, &c.pass.spans, &mut c.slot.transfer),
                 shader: Each |c, p| c.rows(p.pass.rows, p.pass.columns, &p.pass),
+            }
+            /// What the eye that looks does to each bin, where it is not perfect.
+            Eye = "eye" {
+                over: PupilPasses, group: Window,
+                binds: [Read EyeTerms, Read Spans, Update Transfer],
+                work: |u| 4.0 * u.passing(),
+                twin: |c| if let (Some(terms), Some(args)) = (&c.pass.eye, c.pass.eye_args()) {
+                    $crate::eye::eye(&args, terms, &c.pass.spans, &mut c.slot.transfer);
+                },
+                shader: Each |c, p| match p.eye_args() {
+                    Some(args) => c.rows(args.rows, args.columns, &args),
+                    None => Ok(()),
+                },
             }
             /// Weakens it towards the edges, in pupil passes that are tapered.
             Taper = "taper" {
@@ -319,28 +342,60 @@ macro_rules! kernels {
                 twin: |c| c.check_finite(),
                 shader: Once |c| c.check_finite(),
             }
-            /// What the change asks of the pairs' phases.
+            /// The change of the spectrum to that of each sub-pixel's field, where a pixel has several.
+            SubpixelsInverse = "subpixels_inverse" {
+                over: Frames, group: Update,
+                binds: [Update Subpixels, Read Offsets, Read Change],
+                work: |u| u.subpixels_transform(),
+                twin: |c| c.subpixels_inverse(),
+                shader: Once |c| c.subpixels($crate::fft::Direction::Inverse),
+            }
+            /// What the change asks of the phases of the field.
             Turn = "turn" {
-                over: Whole, group: Update,
+                over: Frames, group: Update,
                 binds: [Read Pixels, Read Change, Update Wave],
-                work: |u| 3.0 * u.pixels(),
-                twin: |c| c.waves.turn(c.change),
+                work: |u| 0.5 * u.pixels(),
+                twin: |c| c.turn(),
                 shader: Once |c| c.turn(),
+            }
+            /// The same of each sub-pixel.
+            TurnSubpixels = "turn_subpixels" {
+                over: Frames, group: Update,
+                binds: [Read Pixels, Read Subpixels, Update Wave],
+                work: |u| 0.5 * u.subpixels() * u.subpixels() * u.pixels(),
+                twin: |c| c.turn(),
+                shader: Once |c| c.turn(),
+            }
+            /// Crosstalk along columns, transposed,
+            CrosstalkColumnsBack = "crosstalk_columns_back" {
+                over: Frames, group: Update,
+                binds: [Read Crosstalk, Read Wave, Write Blurred],
+                work: |u| u.subpixels() * u.crosstalk(),
+                twin: |c| $crate::crosstalk::columns_back(&c.crosstalk, c.tables.weights[0], c.wave, c.blurred),
+                shader: Once |c| c.crosstalk([true, true]),
+            }
+            /// and along rows.
+            CrosstalkRowsBack = "crosstalk_rows_back" {
+                over: Frames, group: Update,
+                binds: [Read Crosstalk, Read Blurred, Write Wave],
+                work: |u| u.crosstalk(),
+                twin: |c| $crate::crosstalk::rows_back(&c.crosstalk, c.tables.weights[1], c.blurred, c.wave),
+                shader: Once |c| c.crosstalk([false, true]),
             }
             /// The lag, transposed.
             LagBack = "lag_back" {
                 over: Whole, group: Update,
                 binds: [Update Wave],
-                work: |u| u.points(),
-                twin: |c| c.waves.lag(&c.step.drive, true),
+                work: |u| 0.3 * u.pixels(),
+                twin: |c| c.lag(true),
                 shader: Once |c| c.lag(),
             }
             /// And of the phases, as a change of a field that has nothing but these.
             DriveBack = "drive_back" {
-                over: Whole, group: Update,
+                over: Frames, group: Update,
                 binds: [Read Pixels, Read Shown, Read Wave, Update Change],
-                work: |u| 3.0 * u.pixels(),
-                twin: |c| c.waves.drive_back(&c.step.drive, c.change),
+                work: |u| 0.6 * u.pixels(),
+                twin: |c| c.drive_back(),
                 shader: Once |c| c.drive_back(),
             }
             /// The projection's step of the phases.

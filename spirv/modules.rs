@@ -13,6 +13,7 @@ modules! {
     ENERGY = "energy", ENERGY_HALF = "energy_half";
     EQUALISE_EYEBOX = "equalise_eyebox", EQUALISE_EYEBOX_HALF = "equalise_eyebox_half";
     EXPOSURE = "exposure";
+    EYE = "eye";
     FFT_CHIRP = "fft_chirp", FFT_CHIRP_HALF = "fft_chirp_half";
     FFT_PASS = "fft_pass", FFT_PASS_HALF = "fft_pass_half";
     FFT_SHARED = "fft_shared", FFT_SHARED_HALF = "fft_shared_half";
@@ -35,6 +36,7 @@ modules! {
     RELAY = "relay";
     RESAMPLE = "resample";
     RETURN_PUPIL = "return_pupil", RETURN_PUPIL_HALF = "return_pupil_half";
+    SUBPIXELS = "subpixels", SUBPIXELS_HALF = "subpixels_half";
     TAPER = "taper";
     TRANSFER = "transfer";
     TURN = "turn", TURN_HALF = "turn_half";

@@ -185,7 +185,13 @@ pub fn compare(engine: &mut dyn Engine, twin: &mut dyn Engine, case: &Case, purp
     for &(buffer, count) in &all {
         let mut data = contents(buffer, count, &mut noise);
         // What an inverse transform takes is zero outside the columns in use.
-        blank(&shape, step, buffer, &[Kernel::ChangeInverse, Kernel::WindowInverse], &mut data);
+        blank(
+            &shape,
+            step,
+            buffer,
+            &[Kernel::ChangeInverse, Kernel::SubpixelsInverse, Kernel::WindowInverse],
+            &mut data,
+        );
         engine.write(buffer, &data).unwrap_or_else(|e| panic!("{buffer:?}: {e}"));
         twin.write(buffer, &data).unwrap_or_else(|e| panic!("{buffer:?}: {e}"));
     }
@@ -201,7 +207,7 @@ pub fn compare(engine: &mut dyn Engine, twin: &mut dyn Engine, case: &Case, purp
         let mut want = twin.read(buffer).unwrap_or_else(|e| panic!("{buffer:?}: {e}"));
         // What a forward transform leaves outside them is nobody's.
         for data in [&mut got, &mut want] {
-            blank(&shape, step, buffer, &[Kernel::FieldForward, Kernel::WindowForward], data);
+            blank(&shape, step, buffer, &[Kernel::FieldForward, Kernel::SubpixelsForward, Kernel::WindowForward], data);
         }
         worst = worst.max(distance(buffer, &got, &want));
     }
@@ -211,8 +217,14 @@ pub fn compare(engine: &mut dyn Engine, twin: &mut dyn Engine, case: &Case, purp
 /// Zeroes a complex buffer outside the columns in use, if the step has one of these transforms of it.
 fn blank(shape: &Shape, step: &Step, buffer: Buffer, transforms: &[Kernel], data: &mut [f32]) {
     let (width, columns, kernels) = match buffer {
-        Buffer::Field => (shape.place.grid_width as usize, step.columns, [Kernel::FieldForward; 2]),
-        Buffer::Change => (shape.place.grid_width as usize, step.columns, [Kernel::ChangeInverse; 2]),
+        Buffer::Field => {
+            (shape.place.grid_width as usize, step.columns, [Kernel::FieldForward, Kernel::SubpixelsForward])
+        }
+        Buffer::Change => {
+            (shape.place.grid_width as usize, step.columns, [Kernel::ChangeInverse, Kernel::SubpixelsInverse])
+        }
+        // What rows leave to columns.
+        Buffer::Subpixels => (shape.place.grid_width as usize, step.columns, [Kernel::SubpixelsForward; 2]),
         Buffer::Window(slot) => {
             let pupil_passes = step.list.iter().map(|d| d.pupil_passes.clone()).find(|l| !l.is_empty()).unwrap_or(0..0);
             let Some(pupil_pass) = step.pupil_passes[pupil_passes].get(slot) else { return };

@@ -41,6 +41,8 @@ cargo doc --package eyebox-tools --bins --no-deps --quiet
 cargo doc --workspace --no-deps --quiet
 
 stage "tests"
+# Many tests wait for somebody: a clock, a process, a window.
+export RUST_TEST_THREADS=${RUST_TEST_THREADS:-$((2 * $(nproc)))}
 # Generated cases for two minutes.
 EYEBOX_ATTACK_SECONDS=${EYEBOX_ATTACK_SECONDS:-120} cargo test --workspace
 

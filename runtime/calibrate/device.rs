@@ -5,6 +5,7 @@ use super::parameters::{Parameter, Parameters};
 use super::pattern::{Pattern, transposed};
 use crate::optics::{DisplayModel, Optics, frequency_bin};
 use eyebox_kernels::{Complex64, fft};
+use rayon::prelude::*;
 use std::f64::consts::TAU;
 
 /// A square of bins around an iris.
@@ -24,6 +25,7 @@ impl Window {
 }
 
 /// The model as tables.
+#[derive(Clone)]
 pub(super) struct Device {
     optics: Optics,
     /// Sub-pixels of a pixel along an axis.
@@ -54,20 +56,7 @@ impl Device {
         let (height, width) = (optics.height, optics.width);
         let p = if model.crosstalk.is_some() { subpixels } else { 1 };
         let sides = [height, width];
-        let transfer = model.crosstalk_kernels(height, width, p).map(|kernels| {
-            let axis = |(kernel, n): (Vec<f64>, usize)| {
-                let count = n * p;
-                let mut line: Vec<Complex64> = kernel.into_iter().map(Complex64::from).collect();
-                fft::transform_f64(&mut line, count, fft::Direction::Forward);
-                for (k, v) in line.iter_mut().enumerate() {
-                    let turn = -TAU * k as f64 / count as f64;
-                    *v *= (0..p).map(|i| Complex64::cis(turn * i as f64)).sum::<Complex64>() / count as f64;
-                }
-                line
-            };
-            let [along_y, along_x] = kernels;
-            [axis((along_y, height)), axis((along_x, width))]
-        });
+        let transfer = Self::crosstalk(model, optics, p);
         let aperture = sides.map(|n| {
             let k = |i: usize| frequency_bin(i as i64, n) as f64 / n as f64;
             (0..n).map(|i| model.pixel_aperture(k(i), p) / p as f64).collect()
@@ -91,6 +80,41 @@ impl Device {
         };
         let level = model.level_map(height, width);
         Self { optics, subpixels: p, model: model.clone(), level, amplitude, transfer, aperture, rest }
+    }
+
+    fn crosstalk(model: &DisplayModel, optics: Optics, p: usize) -> Option<[Vec<Complex64>; 2]> {
+        let [along_y, along_x] = model.crosstalk_kernels(optics.height, optics.width, p)?;
+        let axis = |kernel: Vec<f64>| {
+            let count = kernel.len();
+            let mut line: Vec<Complex64> = kernel.into_iter().map(Complex64::from).collect();
+            fft::transform_f64(&mut line, count, fft::Direction::Forward);
+            for (k, v) in line.iter_mut().enumerate() {
+                let turn = -TAU * k as f64 / count as f64;
+                *v *= (0..p).map(|i| Complex64::cis(turn * i as f64)).sum::<Complex64>() / count as f64;
+            }
+            line
+        };
+        Some([axis(along_y), axis(along_x)])
+    }
+
+    /// The tables a parameter's step further on.
+    fn further(&self, at: &Parameters, parameter: Parameter) -> Self {
+        let model = at.moved(parameter, parameter.step()).model;
+        let (height, width) = (self.optics.height, self.optics.width);
+        match parameter {
+            Parameter::Crosstalk(_) => {
+                let transfer = Self::crosstalk(&model, self.optics, self.subpixels);
+                Self { transfer, model, ..self.clone() }
+            }
+            Parameter::Level(_) => Self { level: model.level_map(height, width), model, ..self.clone() },
+            Parameter::Bend(_) | Parameter::Lag => Self { model, ..self.clone() },
+            _ => Self::new(&model, self.optics, self.subpixels),
+        }
+    }
+
+    /// The tables further on of all these parameters, made once for all sets.
+    pub(super) fn all_further(&self, at: &Parameters, free: &[Parameter]) -> Vec<Further> {
+        free.par_iter().map(|&parameter| Further { device: self.further(at, parameter), parameter }).collect()
     }
 
     /// Phases of the pixels, with lag, by sub-frame.
@@ -191,10 +215,10 @@ impl Device {
         (phase.iter().enumerate().map(light).collect(), phase)
     }
 
-    /// What enters each window in each sub-frame; with the slopes by each of `parameters`, first by parameter.
-    pub(super) fn enter(&self, set: &Set, at: &Parameters, free: &[Parameter]) -> (Fields, Vec<Fields>) {
+    /// What enters each window in each sub-frame; with the slopes by each parameter of `free`, first by parameter.
+    pub(super) fn enter(&self, set: &Set, free: &[Further]) -> (Fields, Vec<Fields>) {
         let settled = self.settled(&set.pattern);
-        let slopes: Vec<Slope> = free.iter().map(|p| Slope::new(self, set, &settled, at, *p)).collect();
+        let slopes: Vec<Slope> = free.iter().map(|further| Slope::new(set, &settled, further)).collect();
         let (mut fields, mut by) = (Vec::new(), vec![Vec::new(); free.len()]);
         for t in 0..set.pattern.frames {
             let (light, phase) = self.field(&settled[t]);
@@ -220,27 +244,28 @@ impl Device {
     }
 }
 
-/// How tables change with a parameter.
-struct Slope {
-    /// The tables a little further on, and how far.
-    moved: Option<(Device, f64)>,
-    /// By how much the settled phases change, by sub-frame.
-    settled: Option<Vec<Vec<f64>>>,
+/// Tables a parameter's step further on.
+pub(super) struct Further {
+    device: Device,
     parameter: Parameter,
 }
 
-impl Slope {
-    fn new(device: &Device, set: &Set, settled: &[Vec<f64>], at: &Parameters, parameter: Parameter) -> Self {
-        if !parameter.is_of_device() {
-            return Self { moved: None, settled: None, parameter };
-        }
+/// How what leaves a set's pixels changes with a parameter.
+struct Slope<'f> {
+    further: &'f Further,
+    /// By how much the settled phases change, by sub-frame.
+    settled: Option<Vec<Vec<f64>>>,
+}
+
+impl<'f> Slope<'f> {
+    fn new(set: &Set, settled: &[Vec<f64>], further: &'f Further) -> Self {
+        let Further { device, parameter } = further;
         let step = parameter.step();
-        let moved = Device::new(&at.moved(parameter, step).model, device.optics, device.subpixels);
         let phases = parameter.is_of_drive().then(|| {
             let difference = |(a, b): (&Vec<f64>, &Vec<f64>)| a.iter().zip(b).map(|(a, b)| (a - b) / step).collect();
-            moved.settled(&set.pattern).iter().zip(settled).map(difference).collect()
+            device.settled(&set.pattern).iter().zip(settled).map(difference).collect()
         });
-        Self { moved: Some((moved, step)), settled: phases, parameter }
+        Self { further, settled: phases }
     }
 
     /// The slope of what enters each window in a sub-frame.
@@ -255,7 +280,8 @@ impl Slope {
         raw: &[Vec<Complex64>],
         turn: Option<Vec<f64>>,
     ) -> Vec<Vec<Complex64>> {
-        let Some((moved, step)) = &self.moved else { return Vec::new() };
+        let Further { device: moved, parameter } = self.further;
+        let step = parameter.step();
         let share = device.model.modulated_share();
         let of_field = |field: Vec<Complex64>, rest: bool| -> Vec<Vec<Complex64>> {
             let windows = device.spectra(field, &set.windows);
@@ -275,7 +301,7 @@ impl Slope {
         if let Some(turn) = turn {
             return of_field(light.iter().zip(turn).map(|(v, w)| i * v * w).collect(), false);
         }
-        match self.parameter {
+        match parameter {
             Parameter::Crosstalk(_) => {
                 let image: Vec<Complex64> = settled.iter().map(|m| Complex64::new(*m, 0.0)).collect();
                 let spread = moved.spread(&image);

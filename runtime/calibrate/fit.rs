@@ -62,6 +62,19 @@ impl Fit {
         Some(self.covariance[at][at].sqrt())
     }
 
+    /// With the iris's numbers among those that are free: standard errors of x, y (mm), scale.
+    pub(super) fn with_iris(mut self, errors: [f64; 3]) -> Self {
+        let n = self.free.len() + 3;
+        self.covariance.iter_mut().for_each(|row| row.resize(n, 0.0));
+        for (i, error) in errors.into_iter().enumerate() {
+            let mut row = vec![0.0; n];
+            row[n - 3 + i] = error * error;
+            self.covariance.push(row);
+            self.free.push(Parameter::Iris(i));
+        }
+        self
+    }
+
     /// Pairs of free parameters that the pictures cannot tell apart.
     pub(super) fn confused(&self) -> Vec<(Parameter, Parameter, f64)> {
         let mut pairs = Vec::new();
@@ -77,6 +90,19 @@ impl Fit {
     }
 }
 
+/// How much work a fit is.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Effort {
+    /// Sub-pixels along an axis, of what is predicted and of its slopes.
+    pub(super) subpixels: usize,
+    pub(super) slopes: usize,
+    pub(super) rounds: usize,
+    /// A round that gains less than this share is the last.
+    pub(super) enough: f64,
+}
+
+/// Slopes are computed anew where a step gains less than this share of what they promise.
+const KEPT: f64 = 0.5;
 /// Steps that fail are damped so often before a fit ends.
 const TRIES: usize = 6;
 /// A residual of more than so many times the usual counts no more than that.
@@ -90,10 +116,11 @@ impl Pictures {
         sets.sort_unstable();
         sets.dedup();
         let of_device: Vec<Parameter> = free.iter().copied().filter(|p| p.is_of_device()).collect();
+        let further = device.all_further(at, &of_device);
         let seen: Vec<Vec<(usize, Seen)>> = sets
             .par_iter()
             .map(|&set| {
-                let (fields, by) = device.enter(&self.sets[set], at, &of_device);
+                let (fields, by) = device.enter(&self.sets[set], &further);
                 let views: Vec<usize> = which.iter().copied().filter(|v| self.views[*v].set == set).collect();
                 views
                     .into_par_iter()
@@ -117,35 +144,6 @@ impl Pictures {
         let order = |v: usize| which.iter().position(|w| *w == v);
         all.sort_by_key(|(v, _)| order(*v));
         all.into_iter().map(|(_, seen)| seen).collect()
-    }
-
-    /// Looks for a better place of the iris nearby: light comes and goes by whole bins at its edge, which slopes do not see.
-    pub(super) fn polished(&self, at: &Parameters, subpixels: usize, which: &[usize]) -> Parameters {
-        let device = Device::new(&at.model, self.optics, subpixels);
-        let fields: Vec<_> = self.sets.par_iter().map(|set| device.enter(set, at, &[]).0).collect();
-        let squares = |at: &Parameters| {
-            let look = |v: &usize| {
-                let view = &self.views[*v];
-                let entering: Vec<_> = fields[view.set].iter().map(|frame| &frame[view.window][..]).collect();
-                view.look.see(at, &entering, &[], &[])
-            };
-            let seen: Vec<Seen> = which.par_iter().map(look).collect();
-            self.squares(which, &seen, f64::INFINITY).0
-        };
-        let (mut best, mut at) = (squares(at), at.clone());
-        let bin_mm = self.optics.bin_size().0.max(self.optics.bin_size().1) * 1e3;
-        for share in [0.4, 0.2, 0.1, 0.05, 0.025, 0.012] {
-            for (i, unit) in [bin_mm, bin_mm, 2.0 * bin_mm / (self.optics.eyebox() * 1e3)].into_iter().enumerate() {
-                for step in [share * unit, -share * unit] {
-                    let trial = at.moved(Parameter::Iris(i), step);
-                    let left = squares(&trial);
-                    if left < best {
-                        (best, at) = (left, trial);
-                    }
-                }
-            }
-        }
-        at
     }
 
     /// Gain and dark level that fit best.
@@ -184,7 +182,7 @@ impl Pictures {
     }
 
     /// Squares in units of the noise; `scale` is what of them is usual.
-    fn squares(&self, which: &[usize], seen: &[Seen], scale: f64) -> (f64, f64, Exposure) {
+    pub(super) fn squares(&self, which: &[usize], seen: &[Seen], scale: f64) -> (f64, f64, Exposure) {
         let exposure = self.exposure(which, seen);
         let (mut sum, mut robust) = (0.0, 0.0);
         for (v, seen) in which.iter().zip(seen) {
@@ -197,32 +195,35 @@ impl Pictures {
         (sum, robust, exposure)
     }
 
-    /// Fits the free parameters to these views: with so many sub-pixels, in at most so many rounds, until one gains less than
-    /// such a share.
+    /// Fits the free parameters to these views. Slopes are kept for as long as the steps that they give do what they promise.
     pub(super) fn fit(
         &self,
         start: &Parameters,
         free: &[Parameter],
         which: &[usize],
-        (subpixels, rounds, enough): (usize, usize, f64),
+        effort: Effort,
         observe: &mut dyn FnMut(f64),
     ) -> Result<Fit, CalibrateError> {
+        if which.is_empty() {
+            return Err(CalibrateError::Pictures("there is nothing to fit".into()));
+        }
         let count: usize = which.iter().map(|v| self.views[*v].counts.len()).sum();
         let (mut at, mut damping) = (start.clone(), 1e-3);
-        let mut result = None;
-        for round in 0..rounds.max(1) {
+        let mut seen = self.see(&at, effort.subpixels, which, &[]);
+        let (mut slopes, mut fresh) = (self.see(&at, effort.slopes, which, free), true);
+        for round in 0..effort.rounds.max(1) {
             if asked_to_end().load(Ordering::SeqCst) {
                 return Err(CalibrateError::Stopped);
             }
-            observe(round as f64 / rounds as f64);
-            let seen = self.see(&at, subpixels, which, free);
+            observe(round as f64 / effort.rounds as f64);
             let (squares, _, exposure) = self.squares(which, &seen, f64::INFINITY);
             let scale = (squares / count as f64).max(1.0);
-            let (_, before, _) = self.squares(which, &seen, scale);
-            let (normal, right) = self.normal(which, &seen, free, exposure, scale);
+            let before = self.squares(which, &seen, scale).1;
+            let (normal, right) = self.normal(which, &seen, &slopes, free, exposure, scale);
             let (normal, right) = with_expectations(normal, right, start, &at, free, scale);
-            let mut moved = None;
-            for _ in 0..TRIES {
+            let tries = if fresh { TRIES } else { 2 };
+            let mut step_taken = None;
+            for _ in 0..tries {
                 let mut damped = normal.clone();
                 (0..damped.len()).for_each(|i| damped[i][i] *= 1.0 + damping);
                 let Some(step) = solve(&damped, &right) else {
@@ -230,55 +231,47 @@ impl Pictures {
                     continue;
                 };
                 let trial = at.stepped(free, &step);
-                let seen = self.see(&trial, subpixels, which, &[]);
-                let (_, after, _) = self.squares(which, &seen, scale);
+                let seen = self.see(&trial, effort.subpixels, which, &[]);
+                let after = self.squares(which, &seen, scale).1;
                 let expected = expectation(start, &trial, free, scale) - expectation(start, &at, free, scale);
                 if after + expected < before {
-                    moved = Some((trial, (before - after) / before));
                     damping = (damping * 0.1).max(1e-12);
+                    let gained = before - after - expected;
+                    step_taken =
+                        Some((trial, seen, (before - after) / before, gained / promised(&normal, &right, &step)));
                     break;
                 }
                 damping *= 20.0;
             }
-            let covariance = inverse(&normal).map(|c| self.widened(scaled(c, scale), free));
-            let covariance = covariance.ok_or_else(|| {
-                CalibrateError::Pictures(
-                    "the pictures do not tell the model's numbers apart: more of them are needed".into(),
-                )
-            })?;
-            let gain = moved.as_ref().map_or(0.0, |m| m.1);
-            tracing::debug!("round {round}: {:.4} of the noise's power, gained {gain:.2e}", squares / count as f64);
-            let left = Vec::new();
-            result = Some(Fit { at: at.clone(), free: free.to_vec(), exposure, squares, covariance, left });
-            match moved {
-                Some((trial, _)) => at = trial,
-                None => break,
+            let (gain, kept) = step_taken.as_ref().map_or((0.0, 0.0), |(.., gain, kept)| (*gain, *kept));
+            let noise = squares / count as f64;
+            tracing::debug!(
+                "round {round}: {noise:.4} of the noise's power, gained {gain:.2e}, {kept:.2} of the promise"
+            );
+            let stuck = step_taken.is_none();
+            if let Some((trial, now, ..)) = step_taken {
+                (at, seen) = (trial, now);
             }
-            if gain < enough {
+            if gain < effort.enough && (fresh || kept > KEPT) || round + 1 == effort.rounds {
                 break;
             }
+            fresh = stuck || kept < KEPT;
+            if fresh {
+                slopes = self.see(&at, effort.slopes, which, free);
+            }
         }
-        let mut fit = result.ok_or_else(|| CalibrateError::Pictures("there is nothing to fit".into()))?;
-        let seen = self.see(&at, subpixels, which, &[]);
-        (fit.squares, _, fit.exposure) = self.squares(which, &seen, f64::INFINITY);
-        fit.left = self.left(which, &seen, fit.exposure);
-        fit.squares /= count as f64;
-        fit.at = at;
-        Ok(fit)
-    }
-
-    /// The iris's edge goes from bin to bin: smaller moves than a hundredth of one do not show, however many pictures there are.
-    fn widened(&self, mut covariance: Vec<Vec<f64>>, free: &[Parameter]) -> Vec<Vec<f64>> {
-        let (bin_y, bin_x) = self.optics.bin_size();
-        let unseen = 0.01e3 * bin_y.max(bin_x);
-        for (i, p) in free.iter().enumerate() {
-            covariance[i][i] += match p {
-                Parameter::Iris(2) => (unseen / (0.5e3 * self.optics.eyebox())).powi(2),
-                Parameter::Iris(_) => unseen * unseen,
-                _ => 0.0,
-            };
-        }
-        covariance
+        let (squares, _, exposure) = self.squares(which, &seen, f64::INFINITY);
+        let scale = (squares / count as f64).max(1.0);
+        let (normal, _) = self.normal(which, &seen, &slopes, free, exposure, scale);
+        let (normal, _) = with_expectations(normal, vec![0.0; free.len()], start, &at, free, scale);
+        let covariance = inverse(&normal).ok_or_else(|| {
+            CalibrateError::Pictures(
+                "the pictures do not tell the model's numbers apart: more of them are needed".into(),
+            )
+        })?;
+        let left = self.left(which, &seen, exposure);
+        let (squares, covariance) = (squares / count as f64, scaled(covariance, scale));
+        Ok(Fit { at, free: free.to_vec(), exposure, squares, covariance, left })
     }
 
     /// The normal equations, gain and dark level eliminated.
@@ -286,12 +279,13 @@ impl Pictures {
         &self,
         which: &[usize],
         seen: &[Seen],
+        slopes: &[Seen],
         free: &[Parameter],
         exposure: Exposure,
         scale: f64,
     ) -> (Vec<Vec<f64>>, Vec<f64>) {
         let n = free.len() + 2;
-        let part = |(v, seen): (&usize, &Seen)| {
+        let part = |((v, seen), slopes): ((&usize, &Seen), &Seen)| {
             let view = &self.views[*v];
             let gain = exposure.gain * view.exposure_ms;
             let residuals = self.residuals(*v, seen, exposure);
@@ -300,7 +294,8 @@ impl Pictures {
                 .zip(&view.variance)
                 .map(|(r, v)| (OUTLIER * scale.sqrt() / (r * r / v).sqrt()).min(1.0) / v)
                 .collect();
-            let mut columns: Vec<Vec<f64>> = seen.slopes.iter().map(|s| s.iter().map(|v| v * gain).collect()).collect();
+            let mut columns: Vec<Vec<f64>> =
+                slopes.slopes.iter().map(|s| s.iter().map(|v| v * gain).collect()).collect();
             columns.push(seen.intensity.iter().map(|i| i * view.exposure_ms).collect());
             columns.push(vec![1.0; residuals.len()]);
             let weighted: Vec<Vec<f64>> =
@@ -312,7 +307,7 @@ impl Pictures {
             (normal, right)
         };
         // In the order of the views, whatever the threads.
-        let parts: Vec<_> = which.par_iter().zip(seen).map(part).collect();
+        let parts: Vec<_> = which.par_iter().zip(seen).zip(slopes).map(part).collect();
         let (mut normal, mut right) = (vec![vec![0.0; n]; n], vec![0.0; n]);
         for (a, b) in parts {
             for i in 0..n {
@@ -337,6 +332,12 @@ impl Pictures {
         }
         (normal, right)
     }
+}
+
+/// What a step gains where the slopes hold all the way.
+fn promised(normal: &[Vec<f64>], right: &[f64], step: &[f64]) -> f64 {
+    let row = |(row, r): (&Vec<f64>, &f64)| 2.0 * r - row.iter().zip(step).map(|(n, s)| n * s).sum::<f64>();
+    normal.iter().zip(right).map(row).zip(step).map(|(v, s)| v * s).sum()
 }
 
 fn huber(square: f64, scale: f64) -> f64 {

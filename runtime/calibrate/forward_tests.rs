@@ -19,6 +19,7 @@ fn everything() -> DisplayModel {
         bend: [0.2, -0.1],
         lag: 0.1,
         crosstalk: Some([[1.2, 2.0], [1.4, 1.6], [1.2, 2.0], [1.1, 2.4]].map(Spread::from)),
+        subpixels: 1,
         fill: 0.95,
         source: [0.1, -0.05, -0.4, 0.1, -0.5],
         undiffracted: [0.15, 0.1, 1.0, -2.0, 0.5],

@@ -28,6 +28,7 @@ mod parameters;
 mod pattern;
 mod picture;
 mod report;
+mod rim;
 mod seen;
 mod sorted;
 mod stages;

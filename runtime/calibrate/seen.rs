@@ -7,6 +7,7 @@ use super::pattern::transposed;
 use crate::optics::{Optics, Pupil, fast_size, transfer, zernike};
 use eyebox_kernels::{Complex64, fft};
 use std::f64::consts::{PI, TAU};
+use std::sync::OnceLock;
 
 /// Width of the interpolating kernel, grid points; with a grid twice as fine as the field its error is 1e-5.
 const TAPS: usize = 6;
@@ -15,6 +16,20 @@ const BETA: f64 = 13.86;
 /// Points of a camera's pixel that are looked at: two by two, as Gauss has them.
 const GAUSS: f64 = 0.288_675_134_594_812_9;
 const POINTS: usize = 4;
+
+/// The kernel at |t| <= 1, by a table: its shape is smooth in t.
+fn tap(t: f64) -> f64 {
+    const STEPS: usize = 1 << 14;
+    static TABLE: OnceLock<Vec<f64>> = OnceLock::new();
+    let value = |i: usize| {
+        let t = (i.min(STEPS) as f64) / STEPS as f64;
+        bessel(BETA * (1.0 - t * t).max(0.0).sqrt()) / bessel(BETA)
+    };
+    let table = TABLE.get_or_init(|| (0..=STEPS + 1).map(value).collect());
+    let place = t.abs().min(1.0) * STEPS as f64;
+    let (i, share) = (place as usize, place.fract());
+    table[i] * (1.0 - share) + table[i + 1] * share
+}
 
 /// The modified Bessel function of order 0.
 fn bessel(x: f64) -> f64 {
@@ -32,11 +47,11 @@ fn bessel(x: f64) -> f64 {
 
 /// What a camera's pixels look at through an iris.
 pub(super) struct Look {
-    optics: Optics,
+    pub(super) optics: Optics,
     pub(super) window: Window,
     /// The iris as it was asked for.
-    pupil: Pupil,
-    radius: f64,
+    pub(super) pupil: Pupil,
+    pub(super) radius: f64,
     /// Side of the grid.
     side: usize,
     /// Camera pixels (x, y).
@@ -44,7 +59,7 @@ pub(super) struct Look {
 }
 
 /// Where points lie on the grid: first grid points and weights along both axes.
-struct Places {
+pub(super) struct Places {
     first: Vec<[usize; 2]>,
     weights: Vec<[[f64; TAPS]; 2]>,
 }
@@ -93,7 +108,7 @@ impl Look {
     }
 
     /// K R in the window.
-    fn kernel(&self, at: &Parameters) -> Vec<Complex64> {
+    pub(super) fn kernel(&self, at: &Parameters) -> Vec<Complex64> {
         let pupil = at.model.true_pupil(&self.pupil);
         let (bin_y, bin_x) = self.optics.bin_size();
         let value = |(ky, kx): (i64, i64)| {
@@ -131,7 +146,7 @@ impl Look {
     }
 
     /// Points of the SLM's image that the pixels look at, `POINTS` each.
-    fn points(&self, map: &CameraMap, camera_pixel: f64) -> Vec<[f64; 2]> {
+    pub(super) fn points(&self, map: &CameraMap, camera_pixel: f64) -> Vec<[f64; 2]> {
         let off = GAUSS * camera_pixel.sqrt();
         let around = [[-off, -off], [off, -off], [-off, off], [off, off]];
         self.pixels.iter().flat_map(|[x, y]| around.map(|[dx, dy]| map.to_slm([x + dx, y + dy]))).collect()
@@ -140,7 +155,6 @@ impl Look {
     fn places(&self, points: &[[f64; 2]]) -> Places {
         let side = self.side as f64;
         let scale = [side / self.optics.width as f64, side / self.optics.height as f64];
-        let norm = bessel(BETA).recip();
         let (mut first, mut weights) = (Vec::new(), Vec::new());
         for point in points {
             let mut at = [0; 2];
@@ -150,14 +164,18 @@ impl Look {
                 let lowest = (g - TAPS as f64 / 2.0).ceil();
                 at[axis] = (lowest as i64).rem_euclid(self.side as i64) as usize;
                 for (i, w) in weight[axis].iter_mut().enumerate() {
-                    let t = 2.0 * (g - lowest - i as f64) / TAPS as f64;
-                    *w = bessel(BETA * (1.0 - t * t).max(0.0).sqrt()) * norm;
+                    *w = tap(2.0 * (g - lowest - i as f64) / TAPS as f64);
                 }
             }
             first.push(at);
             weights.push(weight);
         }
         Places { first, weights }
+    }
+
+    /// Where the pixels' points lie on the grid, and what makes up for the interpolation.
+    pub(super) fn stencils(&self, at: &Parameters) -> (Places, Vec<f64>) {
+        (self.places(&self.points(&at.map, at.camera_pixel)), self.undo())
     }
 
     /// What makes up for the interpolation, by a bin's place in the window.
@@ -172,7 +190,7 @@ impl Look {
     }
 
     /// The field at places, from its spectrum in the window; its carrier is left out, which no intensity shows.
-    fn at(&self, spectrum: &[Complex64], places: &Places, undo: &[f64]) -> Vec<Complex64> {
+    pub(super) fn at(&self, spectrum: &[Complex64], places: &Places, undo: &[f64]) -> Vec<Complex64> {
         let (n, side) = (self.window.size, self.side);
         let scale = 1.0 / (self.optics.height * self.optics.width) as f64;
         let home = |i: usize| (i + side - n / 2) % side;

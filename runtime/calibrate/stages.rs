@@ -3,16 +3,20 @@
 use super::acquire::{TAKING, Taken};
 use super::bench::Event;
 use super::error::CalibrateError;
-use super::fit::{Fit, Pictures};
+use super::fit::{Effort, Fit, Pictures};
 use super::parameters::{Parameter, Parameters};
 use super::report::Report;
 use super::sorted::{CAMERA_PIXEL, Sorted, sort};
 use super::terms;
 use crate::optics::{Color, Display, Spread};
 
-/// Sub-pixels along an axis while the fit is sought, and at its end.
-const COARSE: usize = 2;
+/// Sub-pixels along an axis at the end of the fit.
 const FINE: usize = 5;
+/// What fits that search cost, and the last ones.
+const SEARCH: Effort = Effort { subpixels: 2, slopes: 1, rounds: 10, enough: 0.02 };
+const END: Effort = Effort { subpixels: FINE, slopes: 2, rounds: 6, enough: 1e-4 };
+/// What is fitted without crosstalk.
+const PLAIN: Effort = Effort { subpixels: 1, slopes: 1, rounds: 12, enough: 0.01 };
 /// A display whose own model leaves so many times the noise's squares is as its file says.
 const AT_THE_NOISE: f64 = 1.3;
 /// So too where the fit's are not this much fewer.
@@ -45,7 +49,7 @@ pub(super) fn run(
     let mut camera = map.clone();
     camera.push(Parameter::CameraPixel);
     let mut looking = |part| tell(Event::At("fitting where the camera looks", share(0.0, 0.05, part)));
-    let own = pictures.fit(&start, &camera, &sorted.fitted, (FINE, 6, 0.01), &mut looking)?;
+    let own = pictures.fit(&start, &camera, &sorted.fitted, Effort { subpixels: FINE, ..PLAIN }, &mut looking)?;
     let captures = taken.shots.len();
     if own.squares < AT_THE_NOISE {
         let report = Report::new(&sorted, &start, &own, captures, warnings, FINE);
@@ -64,17 +68,21 @@ pub(super) fn run(
     }
     free.retain(|p| has_sets || *p != Parameter::Lag);
     let plain: Vec<Parameter> = free.iter().copied().filter(|p| !matches!(p, Parameter::Crosstalk(_))).collect();
-    let mut fitting = |part| tell(Event::At("fitting all pictures", share(0.25, 0.6, part)));
+    // A part of the pictures is enough to come near.
+    let some: Vec<usize> =
+        sorted.fitted.iter().copied().enumerate().filter(|(i, _)| i % 2 == 0).map(|(_, v)| v).collect();
+    let some = if quick { &sorted.fitted } else { &some };
+    let mut fitting = |part| tell(Event::At("fitting some pictures", share(0.25, 0.6, part)));
     let mut fit = if quick || at.model.crosstalk.is_some() {
-        pictures.fit(&at, &free, &sorted.fitted, (COARSE, 6, 0.02), &mut fitting)?
+        pictures.fit(&at, &free, some, SEARCH, &mut fitting)?
     } else {
         // Where there is none, crosstalk is slow to go.
         if at.model.fill == 0.0 {
             at.model.fill = 0.9;
         }
-        let without = pictures.fit(&at, &plain, &sorted.fitted, (1, 8, 0.02), &mut fitting)?;
+        let without = pictures.fit(&at, &plain, some, Effort { subpixels: 1, ..SEARCH }, &mut fitting)?;
         at.model.crosstalk = Some([CROSSTALK; 4]);
-        let with = pictures.fit(&at, &free, &sorted.fitted, (COARSE, 6, 0.02), &mut fitting)?;
+        let with = pictures.fit(&at, &free, some, SEARCH, &mut fitting)?;
         if with.squares < 0.95 * without.squares { with } else { without }
     };
     if fit.at.model.crosstalk.is_none() {
@@ -82,12 +90,9 @@ pub(super) fn run(
     }
     let fitted = believed(pictures, &sorted.fitted, &fit, &mut warnings);
     let mut fitting = |part| tell(Event::At("fitting all pictures finely", share(0.6, 0.9, part)));
-    let moves = free.contains(&Parameter::Iris(0));
-    let polished = |at: &Parameters| if moves { pictures.polished(at, FINE, &fitted) } else { at.clone() };
-    fit = pictures.fit(&polished(&fit.at), &free, &fitted, (FINE, 8, 1e-3), &mut fitting)?;
-    fit = pictures.fit(&polished(&fit.at), &free, &fitted, (FINE, 4, 1e-4), &mut fitting)?;
+    fit = fine(pictures, &fitted, &fit.at, &free, &mut fitting)?;
     tell(Event::At("leaving out what does not show", share(0.0, 1.0, 0.9)));
-    let fit = terms::settle(pictures, &fitted, &start, fit, FINE)?;
+    let fit = terms::settle(pictures, &fitted, &start, fit, END)?;
     let fit = if own.squares < NO_BETTER * fit.squares { own } else { fit };
     tell(Event::At("looking at pictures that were not fitted", share(0.0, 1.0, 0.95)));
     let report = Report::new(&sorted, &start, &fit, captures, warnings, FINE);
@@ -95,14 +100,37 @@ pub(super) fn run(
     Ok((display, report))
 }
 
+/// The fit's end: the iris by its edge and the other numbers by slopes, by turns.
+fn fine(
+    pictures: &Pictures,
+    which: &[usize],
+    start: &Parameters,
+    free: &[Parameter],
+    observe: &mut dyn FnMut(f64),
+) -> Result<Fit, CalibrateError> {
+    let moves = free.contains(&Parameter::Iris(0));
+    let others: Vec<Parameter> = free.iter().copied().filter(|p| !matches!(p, Parameter::Iris(_))).collect();
+    let rim = |at: &Parameters| pictures.rim(at, FINE, which);
+    let first = if moves { rim(start).at } else { start.clone() };
+    let fit = pictures.fit(&first, &others, which, Effort { rounds: 6, enough: 0.01, ..END }, observe)?;
+    if !moves {
+        return pictures.fit(&fit.at, &others, which, END, observe);
+    }
+    let fit = pictures.fit(&rim(&fit.at).at, &others, which, END, observe)?;
+    let rim = rim(&fit.at);
+    let fit = if rim.at == fit.at { fit } else { pictures.fit(&rim.at, &others, which, END, observe)? };
+    Ok(fit.with_iris(rim.errors))
+}
+
 /// Pictures that the model predicts about as well as the others: one that was taken through another iris, or of another pattern,
 /// is not.
 fn believed(pictures: &Pictures, which: &[usize], fit: &Fit, warnings: &mut Vec<String>) -> Vec<usize> {
-    let mut sorted: Vec<f64> = fit.left.iter().map(|l| l[0]).collect();
+    let left = pictures.left(which, &pictures.see(&fit.at, SEARCH.subpixels, which, &[]), fit.exposure);
+    let mut sorted: Vec<f64> = left.iter().map(|l| l[0]).collect();
     sorted.sort_by(f64::total_cmp);
     let most = STRANGE.0.max(STRANGE.1 * sorted.get(sorted.len() / 2).copied().unwrap_or(0.0));
     let mut believed = Vec::new();
-    for (v, [left, squares]) in which.iter().zip(&fit.left) {
+    for (v, [left, squares]) in which.iter().zip(&left) {
         let view = &pictures.views[*v];
         tracing::debug!("{}: {left:.5} of its variance is left, {squares:.2} of the noise", view.file.display());
         if *left < most {
@@ -140,13 +168,17 @@ fn smooth(
     let rest = |p: &Parameter| matches!(p, Parameter::Undiffracted(_));
     let mut free: Vec<Parameter> = Parameter::all().into_iter().filter(|p| near(p) && !rest(p)).collect();
     free.extend(map);
-    let fit = pictures.fit(start, &free, &sorted.smooth, (1, 6, 0.01), &mut |part| observe(0.5 * part))?;
+    let fit = pictures.fit(start, &free, &sorted.smooth, PLAIN, &mut |part| observe(0.5 * part))?;
     let mut at = fit.at.clone();
     if at.model.undiffracted == [0.0; 5] {
         at.model.undiffracted = undiffracted(sorted, &fit);
     }
     free.extend((0..5).map(Parameter::Undiffracted));
-    Ok(pictures.fit(&at, &free, &sorted.smooth, (1, 8, 3e-3), &mut |part| observe(0.5 + 0.5 * part))?.at)
+    Ok(pictures
+        .fit(&at, &free, &sorted.smooth, Effort { rounds: 40, enough: 3e-3, ..PLAIN }, &mut |part| {
+            observe(0.5 + 0.5 * part)
+        })?
+        .at)
 }
 
 /// The phase of undiffracted light that explains most of what a fit left: nothing of it shows while its amplitude is 0.

@@ -1,7 +1,7 @@
 //! Which terms of the model show, and the display file with them.
 
 use super::error::CalibrateError;
-use super::fit::{Fit, Pictures};
+use super::fit::{Effort, Fit, Pictures};
 use super::linear::solve;
 use super::parameters::{Parameter, Parameters, WAVEFRONT};
 use crate::optics::{Color, Display, DisplayModel, Level, ModelTerms, Spread};
@@ -74,7 +74,7 @@ pub(super) fn settle(
     which: &[usize],
     start: &Parameters,
     mut fit: Fit,
-    subpixels: usize,
+    effort: Effort,
 ) -> Result<Fit, CalibrateError> {
     for _ in 0..2 {
         let hidden: Vec<Parameter> = terms()
@@ -88,8 +88,14 @@ pub(super) fn settle(
         }
         let mut at = fit.at.clone();
         at.model = with_terms_of(&at.model, &start.model, &hidden);
-        let free: Vec<Parameter> = fit.free.iter().copied().filter(|p| !hidden.contains(p)).collect();
-        fit = pictures.fit(&at, &free, which, (subpixels, 3, 1e-4), &mut |_| ())?;
+        let shown = |p: &Parameter| !hidden.contains(p) && !matches!(p, Parameter::Iris(_));
+        let free: Vec<Parameter> = fit.free.iter().copied().filter(shown).collect();
+        let iris = [0, 1, 2].map(|i| fit.error(Parameter::Iris(i)));
+        let iris = if hidden.contains(&Parameter::Iris(0)) { [None; 3] } else { iris };
+        fit = pictures.fit(&at, &free, which, effort, &mut |_| ())?;
+        if let [Some(x), Some(y), Some(scale)] = iris {
+            fit = fit.with_iris([x, y, scale]);
+        }
     }
     Ok(fit)
 }

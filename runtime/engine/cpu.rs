@@ -16,7 +16,7 @@ mod waves;
 
 use super::{Buffer, Dispatch, Engine, EngineError, Kernel, ModelTables, Resource, Scope, Shape, Step, Timing, misfit};
 use crate::scene::Pyramid;
-use buffers::{Buffers, SPLIT, Slot, storing};
+use buffers::{Buffers, ModelView, SPLIT, Slot, storing};
 use eyebox_kernels::{Complex32, fft::Plans};
 use frames::{Frame, FrameFft, Whole};
 use pupil_pass::{Pass, WindowFrame};
@@ -28,7 +28,6 @@ use std::sync::{
 };
 use std::time::Instant;
 use twins::{Twin, twin};
-use waves::Waves;
 
 /// Calls and nanoseconds per kernel.
 struct Clock([(AtomicU64, AtomicU64); Kernel::ALL.len()]);
@@ -80,6 +79,12 @@ impl CpuEngine {
         let store = storing(shape.storage);
         let size = [shape.place.grid_height as usize, shape.place.grid_width as usize];
         let Buffers { phases, shown, levels, momentum, second, field, change, hits, energy, slots, .. } = buffers;
+        let Buffers { wave, blurred, subpixels, pixels: table, crosstalk, offsets, .. } = buffers;
+        let tables = ModelView::new(shape, table, crosstalk, offsets);
+        let p = shape.subpixels();
+        let [mut wave, mut blurred] =
+            [(wave, p * p), (blurred, p)].map(|(buffer, planes)| buffer.chunks_exact_mut(planes * pixels));
+        let mut subpixels = subpixels.chunks_exact_mut(p * p * points);
         let [mut phases, mut shown, mut momentum, mut second] =
             [phases, shown, momentum, second].map(|buffer| buffer.chunks_exact_mut(pixels));
         let [mut field, mut change] = [field, change].map(|buffer| buffer.chunks_exact_mut(points));
@@ -95,6 +100,11 @@ impl CpuEngine {
             second: second.next().unwrap_or_default(),
             field: field.next().unwrap_or_default(),
             change: change.next().unwrap_or_default(),
+            wave: wave.next().unwrap_or_default(),
+            blurred: blurred.next().unwrap_or_default(),
+            subpixels: subpixels.next().unwrap_or_default(),
+            tables,
+            crosstalk: shape.crosstalk(),
             levels,
             hits,
             energy,
@@ -171,13 +181,10 @@ impl CpuEngine {
 
     /// Once for all sub-frames. Returns whether all that was looked at is finite.
     fn run_whole(&mut self, step: &Step, dispatch: &Dispatch) -> bool {
-        let Buffers { phases, shown, field, change, hits, energy, wave, pixels, crosstalk, .. } = &mut self.buffers;
+        let Buffers { field, change, hits, energy, wave, .. } = &mut self.buffers;
         let passes = &step.pupil_passes[dispatch.pupil_passes.clone()];
-        let (shape, plans, store) = (&self.shape, &self.plans, storing(self.shape.storage));
-        let shown: &[f32] = if shape.quantised { shown } else { phases };
-        let crosstalk = bytemuck::cast_slice(crosstalk);
-        let waves = Waves { shape, plans, store, shown, pixels, crosstalk, wave };
-        let mut whole = Whole { step, passes, field, change, waves, hits, energy, finite: true };
+        let shape = &self.shape;
+        let mut whole = Whole { step, shape, passes, field, change, wave, hits, energy, finite: true };
         if let Twin::Whole(twin) = twin(dispatch.kernel) {
             self.clock.time(dispatch.kernel, || twin(&mut whole));
         }

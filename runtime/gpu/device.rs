@@ -209,7 +209,8 @@ impl Device {
             result: e.to_string(),
         })?;
         device.allocator = Mutex::new(Some(allocator));
-        let pipelines = Pipelines::new(&device.raw, &device.report.name, &properties, cache, FloatModes::of(&floats))?;
+        let pipelines =
+            Pipelines::new(&device.raw, &device.report.name, &properties, cache, FloatModes::of(&floats), record_only)?;
         device.pipelines = Mutex::new(Some(pipelines));
         Ok(Arc::new(device))
     }

@@ -16,6 +16,28 @@ pub(super) fn instructions(words: &[u32]) -> impl Iterator<Item = (usize, u32, &
 /// Says, of a module with halves, that its device keeps halves that are subnormal when it unpacks them: see `half.glsl`.
 const PRESERVES_HALVES: u32 = 100;
 
+/// A module whose `main` returns at once, in SPIR-V 1.0: header, capability `Shader`, memory model, entry point, one lane to a
+/// workgroup, and the function.
+#[rustfmt::skip]
+pub(super) const NOTHING: [u32; 35] = [
+    0x0723_0203, 0x0001_0000, 0, 5, 0,
+    op(2, 17), 1,
+    op(3, 14), 0, 1,
+    op(5, 15), 5, 1, u32::from_le_bytes(*b"main"), 0,
+    op(6, 16), 1, 17, 1, 1, 1,
+    op(2, 19), 2,
+    op(3, 33), 3, 2,
+    op(5, 54), 2, 1, 0, 3,
+    op(2, 248), 4,
+    op(1, 253),
+    op(1, 56),
+];
+
+/// The first word of an instruction of so many words.
+const fn op(words: u32, code: u32) -> u32 {
+    words << 16 | code
+}
+
 /// How a device is to compute with floats, as far as it lets modules say so: capabilities, execution modes and widths.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct FloatModes {

@@ -3,7 +3,7 @@
 use super::cache;
 use super::counters::add;
 use super::error::EngineError;
-use super::modules::FloatModes;
+use super::modules::{FloatModes, NOTHING};
 use ash::vk;
 use eyebox_spirv::Module;
 use std::collections::HashMap;
@@ -51,6 +51,8 @@ pub(crate) struct Pipelines {
     cache: vk::PipelineCache,
     file: Option<PathBuf>,
     modes: FloatModes,
+    /// Whether nothing runs: modules that do nothing stand for all others, which take a driver some 0.1 s each.
+    record_only: bool,
     /// Whether modules are made for dispatches between guard bands.
     #[cfg(test)]
     pub(super) is_guarded: bool,
@@ -75,6 +77,7 @@ pub(crate) struct Maker {
     cache: vk::PipelineCache,
     name: String,
     modes: FloatModes,
+    record_only: bool,
     #[cfg(test)]
     is_guarded: bool,
 }
@@ -91,6 +94,7 @@ impl Maker {
         let words = self.modes.put_into(module.words());
         #[cfg(test)]
         let words = if self.is_guarded { super::guards::shifted(&words) } else { words };
+        let words = if self.record_only { NOTHING.to_vec() } else { words };
         let info = vk::ShaderModuleCreateInfo::default().code(&words);
         // SAFETY: the module was validated when it was built; it is destroyed right after the pipeline is made.
         let shader =
@@ -119,6 +123,7 @@ impl Pipelines {
         properties: &vk::PhysicalDeviceProperties,
         folder: Option<&Path>,
         modes: FloatModes,
+        record_only: bool,
     ) -> Result<Self, EngineError> {
         let folder = folder.map(Path::to_owned).or_else(crate::files::cache_folder);
         let file = folder.map(|f| f.join(cache::name(properties)));
@@ -135,6 +140,7 @@ impl Pipelines {
             cache,
             file,
             modes,
+            record_only,
             #[cfg(test)]
             is_guarded: false,
             device,
@@ -184,6 +190,7 @@ impl Pipelines {
             cache: self.cache,
             name: self.name.clone(),
             modes: self.modes.clone(),
+            record_only: self.record_only,
             #[cfg(test)]
             is_guarded: self.is_guarded,
         }

@@ -1,7 +1,7 @@
 //! How a hologram was made: what its file keeps beside the optics, typed.
 
 use super::HologramError;
-use crate::optics::{ModelSections, Padding, PupilDistribution};
+use crate::optics::{ModelSections, Padding, Picture, Prescription, PupilDistribution};
 use crate::scene::{Near, Order};
 use crate::solve::{Settings, Steering};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
@@ -53,6 +53,12 @@ pub struct Metadata {
     /// What its display does to the light beside showing phases, as it was solved for and is looked at.
     #[serde(skip_serializing_if = "ModelSections::is_empty")]
     pub model: ModelSections,
+    /// Where its display's picture is seen, which it was solved for.
+    #[serde(skip_serializing_if = "Picture::is_empty")]
+    pub picture: Picture,
+    /// What is wrong with the eye that it was solved for, and is looked at with.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub prescription: Option<Prescription>,
     /// Where it was refined for afterwards.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub refined: Option<Refined>,

@@ -266,7 +266,12 @@ impl Hologram {
             display: display.name.clone(),
             display_wavelengths: display.wavelengths.clone(),
             scene: String::new(),
-            metadata: Metadata { model: display.model.clone(), ..Metadata::default() },
+            metadata: Metadata {
+                model: display.model.clone(),
+                picture: display.picture,
+                prescription: display.prescription.clone(),
+                ..Metadata::default()
+            },
         }
     }
 
@@ -293,6 +298,8 @@ impl Hologram {
             portrait: self.height > self.width,
             encoding: Default::default(),
             model: self.metadata.model.clone(),
+            picture: self.metadata.picture,
+            prescription: self.metadata.prescription.clone(),
         })
     }
 

@@ -4,9 +4,9 @@ use super::tiles::Tiles;
 use super::{Hologram, HologramError, Sequence};
 use crate::engine::{Buffer, Engine, Purpose};
 use crate::evaluate::{self, Plane, centered};
-use crate::optics::{Pupil, WindowFactor};
-use crate::plan::{Comparison, Kernel, ModelTables, Planner};
-use crate::scene::crop_share;
+use crate::optics::{OpticsError, Prescription, Pupil, WindowFactor};
+use crate::plan::{Comparison, EyeTables, Kernel, ModelTables, Planner};
+use crate::scene::{Bend, crop_share};
 use std::borrow::Cow;
 use std::ops::Range;
 use std::path::Path;
@@ -28,9 +28,29 @@ impl PhaseSource<'_> {
             Self::Whole(hologram) => {
                 let mut hologram = hologram.into_owned();
                 hologram.metadata.model.clear();
+                hologram.metadata.picture = Default::default();
                 hologram.into()
             }
             tiled @ Self::Tiled(_) => tiled,
+        }
+    }
+
+    /// The same as another eye sees it, or a perfect one.
+    ///
+    /// # Errors
+    /// [`HologramError::Optics`] for a hologram in tiles, unless the eye is perfect.
+    pub fn seen_by(self, eye: Option<Prescription>) -> Result<Self, HologramError> {
+        match self {
+            Self::Whole(hologram) => {
+                let mut hologram = hologram.into_owned();
+                hologram.metadata.prescription = eye.filter(|eye| !eye.is_perfect());
+                Ok(hologram.into())
+            }
+            Self::Tiled(_) if eye.is_some_and(|eye| !eye.is_perfect()) => {
+                let reason = "a hologram in tiles is looked at by a perfect eye only";
+                Err(OpticsError::Prescription { reason: reason.into() }.into())
+            }
+            tiled @ Self::Tiled(_) => Ok(tiled),
         }
     }
 
@@ -146,6 +166,17 @@ impl Hologram {
         PhaseSource::from(self).look(None, pupil, engine)
     }
 
+    /// What is seen of planes in its colours, of its own picture's size, behind what bends its display's picture.
+    pub fn as_seen(&self, mut planes: Vec<Plane>) -> Vec<Plane> {
+        for (plane, color) in planes.iter_mut().zip(&self.colors) {
+            let size = [plane.rows, plane.columns];
+            if let Some(map) = color.color.and_then(|color| self.metadata.picture.map(color, size)) {
+                plane.values = Bend::to_viewer(&map, size).apply(&plane.values);
+            }
+        }
+        planes
+    }
+
     /// Plans for what is seen of one of its colours: the whole spectrum, with the padding and the display's model that it was
     /// solved with.
     ///
@@ -161,7 +192,8 @@ impl Hologram {
             }
             _ => None,
         };
-        Ok(Planner { share: self.picture_share(color), model, ..plain })
+        let eye = EyeTables::new(self.metadata.prescription.as_ref());
+        Ok(Planner { share: self.picture_share(color), model, eye, ..plain })
     }
 }
 

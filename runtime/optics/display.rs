@@ -3,7 +3,7 @@
 use super::color::Color;
 use super::encoding::Encoding;
 use super::model::{self, DisplayModel, ModelSections};
-use super::{Geometry, Optics, OpticsError};
+use super::{Geometry, Optics, OpticsError, Picture, PictureMap, Prescription};
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, path::Path};
 
@@ -63,6 +63,10 @@ pub struct Display {
     pub encoding: Encoding,
     /// What is known of it beyond the ideal display.
     pub model: ModelSections,
+    /// Where its picture is seen.
+    pub picture: Picture,
+    /// The eye that looks at it; none for a perfect one.
+    pub prescription: Option<Prescription>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -86,6 +90,10 @@ struct File {
     encoding: Encoding,
     #[serde(default, skip_serializing_if = "ModelSections::is_empty")]
     model: ModelSections,
+    #[serde(default, skip_serializing_if = "Picture::is_empty")]
+    picture: Picture,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    prescription: Option<Prescription>,
 }
 
 /// The shortest number that, in so many metres, is this length as nearly as any.
@@ -143,12 +151,22 @@ impl Display {
             portrait: read.portrait,
             encoding,
             model: read.model,
+            picture: read.picture,
+            prescription: read.prescription,
         };
         let colors: Vec<Color> = display.wavelengths.iter().map(|w| w.color).collect();
         model::check(&display.model, &colors).map_err(&wrong)?;
+        display.picture.check(display.picture_size().into()).map_err(&wrong)?;
+        if let Some(Err(reason)) = display.prescription.as_ref().map(Prescription::check) {
+            return Err(wrong(format!("[prescription]: {reason}")));
+        }
         if display.geometry == Geometry::FarField && colors.iter().any(|c| display.model(*c).fill > 0.0) {
             let reason = "[model] has a fill, which in the far field dims the picture's edges and not the eyebox: \
                           leave it out";
+            return Err(wrong(reason.into()));
+        }
+        if display.geometry == Geometry::FarField && colors.iter().any(|c| display.model(*c).subpixels > 1) {
+            let reason = "[model] has subpixels, of which the far field knows only 1: leave it out";
             return Err(wrong(reason.into()));
         }
         for w in &display.wavelengths {
@@ -171,6 +189,8 @@ impl Display {
             portrait: self.portrait,
             encoding: self.encoding.clone(),
             model: self.model.clone(),
+            picture: self.picture,
+            prescription: self.prescription.clone(),
         };
         toml::to_string(&file).expect("a display has nothing that TOML cannot say")
     }
@@ -192,6 +212,11 @@ impl Display {
     /// What it does to one of its colours.
     pub fn model(&self, color: Color) -> DisplayModel {
         model::of_color(&self.model, color)
+    }
+
+    /// Where the picture of one of its colours is seen; none where that is as it should be, as far as is known.
+    pub fn picture_map(&self, color: Color) -> Option<PictureMap> {
+        self.picture.map(color, self.picture_size().into())
     }
 
     /// Side of the eyebox that all its colours serve, metres: the shortest wavelength's (OPTICS 1), or the SLM's (OPTICS 9).

@@ -14,6 +14,8 @@ mod limits;
 mod model;
 mod model_tables;
 mod padding;
+mod picture;
+mod prescription;
 mod presets;
 mod propagation;
 mod pupil;
@@ -32,6 +34,8 @@ pub use limits::check_usual_diameters;
 pub use model::{DisplayModel, Iris, Level, ModelOf, ModelSections, ModelTerms, Spread};
 pub use padding::Padding;
 pub(crate) use padding::{slow_sides, walk_off};
+pub use picture::{Picture, PictureMap, Seen};
+pub use prescription::Prescription;
 pub use presets::{PRESETS, display_template, preset_about, preset_text};
 #[cfg(test)]
 pub(crate) use propagation::aperture;
@@ -130,6 +134,29 @@ pub enum OpticsError {
         file: String,
         /// What is wrong in it, where.
         reason: String,
+    },
+    /// A prescription that cannot be.
+    #[error("the prescription: {reason}")]
+    Prescription {
+        /// What is wrong with it, and where.
+        reason: String,
+    },
+    /// An eye that blurs too much for the picture.
+    #[error(
+        "an eye of {eye} blurs a point over {blur_mm:.2} mm through a pupil of {diameter_mm:.2} mm: more than half of the \
+         picture, {most_mm:.2} mm; this display serves that eye through pupils up to {fits_mm:.2} mm"
+    )]
+    Blur {
+        /// The eye, in words.
+        eye: String,
+        /// Diameter of the pupil.
+        diameter_mm: f64,
+        /// How wide a point is.
+        blur_mm: f64,
+        /// How wide it may be.
+        most_mm: f64,
+        /// The widest pupil that fits.
+        fits_mm: f64,
     },
     /// A colour that the display does not have.
     #[error("the display '{display}' has no {color} wavelength: it has {has}")]

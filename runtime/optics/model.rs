@@ -50,6 +50,8 @@ pub struct DisplayModel {
     pub lag: f64,
     /// Crosstalk towards -y, +y, -x and +x.
     pub crosstalk: Option<[Spread; 4]>,
+    /// Sub-pixels along an axis that crosstalk is computed on, 1 to 3: more follow it better, and cost transforms.
+    pub subpixels: usize,
     /// Linear fill of the pixel, the root of its fill factor; 0 is a point.
     pub fill: f64,
     /// ln of the source's amplitude along x, y, x^2, x y, y^2; x and y run from -1 to 1 over the SLM.
@@ -70,6 +72,7 @@ impl Default for DisplayModel {
             bend: [0.0; 2],
             lag: 0.0,
             crosstalk: None,
+            subpixels: 1,
             fill: 0.0,
             source: [0.0; 5],
             undiffracted: [0.0; 5],
@@ -109,7 +112,7 @@ impl DisplayModel {
             "level" => one.level = all.level,
             "bend" => one.bend = all.bend,
             "lag" => one.lag = all.lag,
-            "crosstalk" => one.crosstalk = all.crosstalk,
+            "crosstalk" => (one.crosstalk, one.subpixels) = (all.crosstalk, all.subpixels),
             "fill" => one.fill = all.fill,
             "source" => one.source = all.source,
             "undiffracted" => one.undiffracted = all.undiffracted,
@@ -133,6 +136,7 @@ impl DisplayModel {
             within("crosstalk's q", &[spread.q], 0.3, 4.0)?;
             within("crosstalk's sigma", &[spread.sigma], 0.1, 100.0)?;
         }
+        within("subpixels", &[self.subpixels as f64], 1.0, 3.0)?;
         within("fill", &[self.fill], 0.0, 1.0)?;
         within("source", &self.source, -5.0, 5.0)?;
         within("undiffracted's amplitude", &self.undiffracted[..2], -0.7, 0.7)?;
@@ -187,6 +191,9 @@ pub struct ModelTerms {
     /// [`DisplayModel::crosstalk`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub crosstalk: Option<[Spread; 4]>,
+    /// [`DisplayModel::subpixels`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub subpixels: Option<usize>,
     /// [`DisplayModel::fill`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fill: Option<f64>,
@@ -214,7 +221,7 @@ pub struct ModelTerms {
 }
 
 /// TOML's keys are words.
-mod indices {
+pub(super) mod indices {
     use serde::{Deserialize, Deserializer, Serializer, de::Error};
     use std::collections::BTreeMap;
 
@@ -266,6 +273,7 @@ impl ModelTerms {
         put(self.bend, &mut model.bend);
         put(self.lag, &mut model.lag);
         put(self.crosstalk.map(Some), &mut model.crosstalk);
+        put(self.subpixels, &mut model.subpixels);
         put(self.fill, &mut model.fill);
         put(self.source, &mut model.source);
         put(self.undiffracted, &mut model.undiffracted);

@@ -3,7 +3,7 @@
 use super::model::{DisplayModel, Spread};
 use super::{Pupil, zernike};
 use eyebox_kernels::{Complex64, fft};
-use std::f64::consts::PI;
+use std::f64::consts::{PI, TAU};
 
 /// Place of a pixel from -1 to 1 over an SLM of `count` pixels along an axis.
 fn place(pixel: usize, count: usize) -> f64 {
@@ -50,6 +50,29 @@ impl DisplayModel {
     pub fn crosstalk_kernels(&self, height: usize, width: usize, subpixels: usize) -> Option<[Vec<f64>; 2]> {
         let [up, down, left, right] = self.crosstalk?;
         Some([kernel(height, subpixels, up, down), kernel(width, subpixels, left, right)])
+    }
+
+    /// Weights of crosstalk along y and along x of an SLM in a grid of `height` x `width` pixels, and how many pixels they
+    /// reach to either side: for each of a pixel's `subpixels`, what it takes from the pixel `reach` before its own to that
+    /// behind it. Cut where what is left out changes the field by less than `error`, its power over the field's, for drives
+    /// that are evenly random; each sub-pixel's have the sum 1. None without crosstalk.
+    pub fn crosstalk_weights(&self, height: usize, width: usize, subpixels: usize, error: f64) -> Option<[Weights; 2]> {
+        let kernels = self.crosstalk_kernels(height, width, subpixels)?;
+        // The variance of a drive, half of the error for each axis.
+        let most = error / (2.0 * TAU * TAU / 12.0);
+        Some(kernels.map(|kernel| Weights::new(&kernel, subpixels, most)))
+    }
+
+    /// By what the place of each sub-pixel in its pixel multiplies bin `k` of `count`, k from 0 to count, of its field's spectrum
+    /// in that of the whole field, along one axis; the aperture comes on top of it.
+    pub fn subpixel_factors(&self, count: usize, subpixels: usize) -> Vec<Complex64> {
+        let p = subpixels as f64;
+        let factor = |i: usize| {
+            let (a, k) = ((i / count) as f64, super::frequency_bin((i % count) as i64, count) as f64 / count as f64);
+            let done = if k == 0.0 { p } else { (PI * k).sin() / (PI * k / p).sin() };
+            Complex64::from_polar(1.0 / done, -2.0 * PI * k * (a - (p - 1.0) / 2.0) / p)
+        };
+        (0..count * subpixels).map(factor).collect()
     }
 
     /// Amplitude of the source at each pixel, (height, width): its mean square is 1.
@@ -104,6 +127,52 @@ impl DisplayModel {
             diameter: pupil.diameter * iris.scale,
             depth: pupil.depth,
         }
+    }
+}
+
+/// What each sub-pixel takes from the pixels around it along an axis.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Weights {
+    /// Pixels to either side.
+    pub reach: usize,
+    /// (sub-pixels, 2 reach + 1).
+    pub values: Vec<f64>,
+}
+
+impl Weights {
+    /// Of a kernel on sub-pixels in the order of the DFT, as near as leaves an error of the phase below `most` of the drives'
+    /// variance. What is left out is shared out evenly over what is not.
+    fn new(kernel: &[f64], subpixels: usize, most: f64) -> Self {
+        let pixels = kernel.len() / subpixels;
+        // Sub-pixel a of a pixel is P d + a - c from sub-pixel c of the one d before it.
+        let of = |a: usize, d: i64| {
+            let at = |c: usize| (d * subpixels as i64 + a as i64 - c as i64).rem_euclid(kernel.len() as i64) as usize;
+            (0..subpixels).map(|c| kernel[at(c)]).sum::<f64>()
+        };
+        let (mut reach, mut squares) = (pixels / 2, 0.0);
+        let mut sums = vec![0.0; subpixels];
+        while reach > 0 {
+            for (a, sum) in sums.iter_mut().enumerate() {
+                let both = [reach as i64, -(reach as i64)].map(|d| of(a, d));
+                squares += both[0] * both[0] + both[1] * both[1];
+                *sum += both[0] + both[1];
+            }
+            let shared: f64 = sums.iter().map(|sum| sum * sum).sum::<f64>() / (2 * reach - 1) as f64;
+            if squares + shared > most * subpixels as f64 {
+                break;
+            }
+            reach -= 1;
+        }
+        let mut values = Vec::with_capacity(subpixels * (2 * reach + 1));
+        for a in 0..subpixels {
+            // Half a turn of an even number of pixels is one place, not two.
+            let twice = |d: i64| 2 * d == pixels as i64;
+            let line = (-(reach as i64)..=reach as i64).rev().map(|d| if twice(d) { 0.0 } else { of(a, d) });
+            let line: Vec<f64> = line.collect();
+            let left = (1.0 - line.iter().sum::<f64>()) / line.len() as f64;
+            values.extend(line.into_iter().map(|v| v + left));
+        }
+        Self { reach, values }
     }
 }
 

@@ -3,7 +3,7 @@
 /// Z_j at (x, y) of the unit disc, by ANSI index `j = (n (n + 2) + m) / 2`: RMS 1 over the disc, continued outside it; the
 /// angle runs from +x towards +y, which points down (OPTICS 10). ANSI Z80.28.
 pub fn zernike(j: u32, x: f64, y: f64) -> f64 {
-    let n = (0..).find(|n| (n + 1) * (n + 2) / 2 > j).expect("orders have no end");
+    let n = order(j);
     let m = 2 * i64::from(j) - i64::from(n) * i64::from(n + 2);
     let order = m.unsigned_abs() as u32;
     let half = (n - order) / 2;
@@ -17,6 +17,40 @@ pub fn zernike(j: u32, x: f64, y: f64) -> f64 {
     let (cos, sin) = (0..order).fold((1.0, 0.0), |(c, s), _| (c * x - s * y, c * y + s * x));
     let norm = (f64::from(n + 1) * if m == 0 { 1.0 } else { 2.0 }).sqrt();
     norm * radial * if m < 0 { sin } else { cos }
+}
+
+/// Z_j as a polynomial: the coefficients of x^i y^k, by i and then k.
+pub(super) fn coefficients(j: u32) -> Vec<Vec<f64>> {
+    let n = order(j);
+    let size = n as usize + 1;
+    // As many places on each axis as there are powers: along x, then along y, Newton's divided differences.
+    let places: Vec<f64> = (0..size).map(|i| (i as f64 - 0.5 * f64::from(n)) / f64::from(n.max(1))).collect();
+    let interpolate = |mut values: Vec<f64>| {
+        for step in 1..size {
+            for i in (step..size).rev() {
+                values[i] = (values[i] - values[i - 1]) / (places[i] - places[i - step]);
+            }
+        }
+        // From Newton's form to powers, by Horner's scheme.
+        let mut powers = vec![0.0; size];
+        for i in (0..size).rev() {
+            for k in (0..size).rev() {
+                powers[k] = if k > 0 { powers[k - 1] } else { 0.0 } - places[i] * powers[k];
+            }
+            powers[0] += values[i];
+        }
+        powers
+    };
+    let rows: Vec<Vec<f64>> =
+        places.iter().map(|y| interpolate(places.iter().map(|x| zernike(j, *x, *y)).collect())).collect();
+    let column = |i: usize| interpolate(rows.iter().map(|row| row[i]).collect());
+    let clean = |row: Vec<f64>| row.into_iter().map(|c| if c.abs() < 1e-9 { 0.0 } else { c }).collect();
+    (0..size).map(|i| clean(column(i))).collect()
+}
+
+/// Its radial order n.
+fn order(j: u32) -> u32 {
+    (0..).find(|n| (n + 1) * (n + 2) / 2 > j).expect("orders have no end")
 }
 
 #[cfg(test)]
@@ -53,6 +87,18 @@ mod tests {
         }
         assert!((zernike(4, 0.6, 0.0) - 3.0f64.sqrt() * (2.0 * 0.36 - 1.0)).abs() < 1e-12);
         assert!((zernike(3, 0.6, 0.5) - 6.0f64.sqrt() * 2.0 * 0.3).abs() < 1e-12);
+    }
+
+    #[test]
+    fn as_polynomials_they_are_the_same() {
+        for j in 0..=65 {
+            let coefficients = coefficients(j);
+            for (x, y) in [(0.3, -0.7), (1.4, 0.9), (-0.2, 0.05)] {
+                let row = |row: &Vec<f64>| row.iter().rev().fold(0.0, |sum, c| sum * y + c);
+                let value = coefficients.iter().rev().fold(0.0, |sum, c| sum * x + row(c));
+                assert!((value - zernike(j, x, y)).abs() < 1e-6 * (1.0 + value.abs()), "{j} at ({x}, {y})");
+            }
+        }
     }
 
     #[test]

@@ -25,8 +25,12 @@ pub(crate) fn shared_bytes(shape: &Shape, complex: u64) -> u64 {
     if shape.quantised {
         bytes += 4 * frames * pixels;
     }
-    let modelled = [Resource::Wave, Resource::Pixels, Resource::Crosstalk, Resource::Relay];
-    bytes + modelled.map(|resource| 4 * shape.extent(resource).floats() as u64).iter().sum::<u64>()
+    use Resource::{Blurred, Crosstalk, Offsets, Pixels, Relay, Subpixels, Wave};
+    let modelled = [Wave, Blurred, Pixels, Crosstalk, Offsets, Relay];
+    let fields = shape.extent(Subpixels);
+    bytes
+        + complex * (fields.frames * fields.values) as u64
+        + modelled.map(|resource| 4 * shape.extent(resource).floats() as u64).iter().sum::<u64>()
 }
 
 /// Bytes of one pupil pass's buffers, where a complex value of its window takes `complex` of them.

@@ -251,16 +251,31 @@ impl Unit<'_> {
         transform(place.grid_height as usize, place.grid_width as usize, self.step.columns.count)
     }
 
-    /// Of all columns.
-    fn whole_transform(&self) -> f64 {
-        let place = &self.shape.place;
-        transform(place.grid_height as usize, place.grid_width as usize, place.grid_width as usize)
+    fn subpixels(&self) -> f64 {
+        self.shape.subpixels() as f64
+    }
+
+    /// Along one axis, to or from all sub-pixels along it: the mean of both axes.
+    fn crosstalk(&self) -> f64 {
+        let [down, along] = self.shape.model.crosstalk.unwrap_or_default();
+        CROSSTALK * (down + along + 1) as f64 * self.subpixels() * self.pixels()
+    }
+
+    /// Between the field's spectrum and all sub-pixels' fields: rows of all, and columns of as many as there are along y.
+    fn subpixels_transform(&self) -> f64 {
+        let (place, p) = (&self.shape.place, self.subpixels());
+        let (rows, columns) = (place.grid_height as usize, place.grid_width as usize);
+        let along = transform(rows, columns, 0);
+        p * p * along + p * (self.grid_transform() - along) + 0.5 * (p * p + p) * self.points()
     }
 
     fn window_transform(&self) -> f64 {
         self.pass.map_or(0.0, |pass| transform(pass.window.rows, pass.window.columns, pass.columns.count))
     }
 }
+
+/// What a weight of crosstalk takes for a pixel.
+const CROSSTALK: f64 = 0.04;
 
 /// A transform of `rows` x `columns` points of which `used` columns are needed.
 fn transform(rows: usize, columns: usize, used: usize) -> f64 {

@@ -1,11 +1,7 @@
 //! The buffers of a list as data: what kernels read and write, and how large it is.
 
 use super::Storage;
-use crate::optics::Window;
-use eyebox_kernels::{
-    compare, energy, exposure, fft::Columns, intensity, modulate, pass_pupil, photograph, quantise, resample, transfer,
-};
-use std::sync::Arc;
+use eyebox_kernels::{crosstalk, energy, modulate, quantise};
 
 /// A buffer. Pupil pass buffers are named by their slot: the pupil pass's place in its dispatch's range.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -28,13 +24,22 @@ pub enum Buffer {
     Hits,
     /// Light per patch of the eyebox: `energy::MOST` squared, of which the first `patches` squared are used.
     Energy,
-    /// Pairs of sub-frames between their phases and the field: complex (frames / 2, grid height, grid width).
+    /// Of each sub-pixel the phases between a drive and the field, and, on their way back, what is asked of them: (frames,
+    /// sub-pixels along y, along x, height, width). Drives, which a pixel has one of, lie in the first sub-pixel's place.
     Wave,
+    /// The same between crosstalk along x and along y: (frames, sub-pixels along x, height, width).
+    Blurred,
+    /// The field of each sub-pixel, where a pixel has several, then its spectrum: complex (frames, sub-pixels along y, along x,
+    /// grid height, grid width).
+    Subpixels,
     /// Of each pixel its look-up table's level, the source's amplitude, real and imaginary part of the undiffracted light:
     /// (4, height, width). An engine fills it from the step's model, as the two that follow.
     Pixels,
-    /// The transfer of the crosstalk's kernel: (grid height) along y and (grid width) along x, each (re, im).
+    /// Weights of crosstalk, along y and along x: (sub-pixels, 2 reach + 1).
     Crosstalk,
+    /// By what each sub-pixel's place moves the spectrum: (sub-pixels, grid height) along y, (sub-pixels, grid width) along x,
+    /// each (re, im).
+    Offsets,
     /// What the pixels' aperture and the relay do to each bin: (grid height, grid width), each (re, im).
     Relay,
     /// K on the window: complex (rows, columns).
@@ -65,8 +70,11 @@ impl Buffer {
             Self::Hits => (Resource::Hits, None),
             Self::Energy => (Resource::Energy, None),
             Self::Wave => (Resource::Wave, None),
+            Self::Blurred => (Resource::Blurred, None),
+            Self::Subpixels => (Resource::Subpixels, None),
             Self::Pixels => (Resource::Pixels, None),
             Self::Crosstalk => (Resource::Crosstalk, None),
+            Self::Offsets => (Resource::Offsets, None),
             Self::Relay => (Resource::Relay, None),
             Self::Transfer(slot) => (Resource::Transfer, Some(slot)),
             Self::Window(slot) => (Resource::Window, Some(slot)),
@@ -101,10 +109,16 @@ pub enum Resource {
     Energy,
     /// [`Buffer::Wave`].
     Wave,
+    /// [`Buffer::Blurred`].
+    Blurred,
+    /// [`Buffer::Subpixels`].
+    Subpixels,
     /// [`Buffer::Pixels`].
     Pixels,
     /// [`Buffer::Crosstalk`].
     Crosstalk,
+    /// [`Buffer::Offsets`].
+    Offsets,
     /// [`Buffer::Relay`].
     Relay,
     /// [`Buffer::Transfer`].
@@ -121,6 +135,8 @@ pub enum Resource {
     Sums,
     /// The pupil pass's spans.
     Spans,
+    /// Its eye's polynomial.
+    EyeTerms,
     /// Its weights of `taper`.
     TaperWeights,
     /// The light field's views.
@@ -139,7 +155,7 @@ pub enum Resource {
 
 impl Resource {
     /// Those that are buffers of the shape.
-    pub const OF_SHAPE: [Self; 13] = [
+    pub const OF_SHAPE: [Self; 16] = [
         Self::Phases,
         Self::Shown,
         Self::Levels,
@@ -150,8 +166,11 @@ impl Resource {
         Self::Hits,
         Self::Energy,
         Self::Wave,
+        Self::Blurred,
+        Self::Subpixels,
         Self::Pixels,
         Self::Crosstalk,
+        Self::Offsets,
         Self::Relay,
     ];
 
@@ -172,8 +191,11 @@ impl Resource {
             Self::Hits => Buffer::Hits,
             Self::Energy => Buffer::Energy,
             Self::Wave => Buffer::Wave,
+            Self::Blurred => Buffer::Blurred,
+            Self::Subpixels => Buffer::Subpixels,
             Self::Pixels => Buffer::Pixels,
             Self::Crosstalk => Buffer::Crosstalk,
+            Self::Offsets => Buffer::Offsets,
             Self::Relay => Buffer::Relay,
             Self::Transfer => Buffer::Transfer(slot),
             Self::Window => Buffer::Window(slot),
@@ -185,10 +207,18 @@ impl Resource {
         })
     }
 
-    /// How its complex values are stored: phases that are on their way to the field as float32 always, as is what is read
-    /// beside a window.
+    /// How its complex values are stored: what is read beside a window as float32 always.
     pub(crate) fn stored(self, storage: Storage) -> Storage {
-        if matches!(self, Self::Wave | Self::Transfer) { Storage::F32 } else { storage }
+        if self == Self::Transfer { Storage::F32 } else { storage }
+    }
+
+    /// Of how many sub-pixels each sub-frame has a plane, along how many axes.
+    pub(crate) fn axes_of_subpixels(self) -> u32 {
+        match self {
+            Self::Wave | Self::Subpixels => 2,
+            Self::Blurred => 1,
+            _ => 0,
+        }
     }
 
     /// As messages call it.
@@ -251,8 +281,10 @@ impl Extent {
 pub struct ModelParts {
     /// What stands between phases and field: look-up table, lag, crosstalk, source, undiffracted light.
     pub drives: bool,
-    /// Crosstalk.
-    pub crosstalk: bool,
+    /// Pixels that crosstalk reaches along y and along x; none without crosstalk.
+    pub crosstalk: Option<[usize; 2]>,
+    /// Sub-pixels of a pixel along an axis beyond the first.
+    pub more_subpixels: usize,
     /// Factors on the bins: the pixels' aperture, the relay's wavefront.
     pub relay: bool,
 }
@@ -311,6 +343,17 @@ impl Shape {
         self.place.grid_height as usize * self.place.grid_width as usize
     }
 
+    /// Sub-pixels of a pixel along an axis.
+    pub fn subpixels(&self) -> usize {
+        1 + self.model.more_subpixels
+    }
+
+    /// Arguments of crosstalk's kernels.
+    pub fn crosstalk(&self) -> crosstalk::Args {
+        let [reach_y, reach_x] = self.model.crosstalk.unwrap_or_default().map(|pixels| pixels as u32);
+        crosstalk::Args { place: self.place, subpixels: self.subpixels() as u32, reach_y, reach_x }
+    }
+
     /// Whether complex fields are stored as halves.
     pub fn halves(&self) -> bool {
         self.storage == Storage::F16
@@ -325,18 +368,24 @@ impl Shape {
 
     /// How large a buffer of the shape is; no frames where the purpose does not need it.
     pub fn extent(&self, resource: Resource) -> Extent {
+        let planes = self.frames * self.subpixels().pow(resource.axes_of_subpixels());
         let (frames, values) = match resource {
             Resource::Levels => (1, quantise::MOST),
             Resource::Hits => (1, self.points()),
             Resource::Energy => (1, (energy::MOST * energy::MOST) as usize),
             Resource::Field | Resource::Change => (self.frames, self.points()),
-            Resource::Wave => (self.frames.div_ceil(2), self.points()),
+            Resource::Subpixels => (planes, self.points()),
+            Resource::Wave | Resource::Blurred => (planes, self.pixels()),
             Resource::Pixels => (1, 4 * self.pixels()),
-            Resource::Crosstalk => (1, 2 * (self.place.grid_height + self.place.grid_width) as usize),
+            Resource::Crosstalk => {
+                let weights = |reach: usize| self.subpixels() * (2 * reach + 1);
+                (1, self.model.crosstalk.map_or(0, |reach| reach.map(weights).iter().sum()))
+            }
+            Resource::Offsets => (1, 2 * self.subpixels() * (self.place.grid_height + self.place.grid_width) as usize),
             Resource::Relay => (1, 2 * self.points()),
             _ => (self.frames, self.pixels()),
         };
-        let complex = matches!(resource, Resource::Field | Resource::Change | Resource::Wave);
+        let complex = matches!(resource, Resource::Field | Resource::Change | Resource::Subpixels);
         Extent { frames: if self.has(resource) { frames } else { 0 }, values, complex }
     }
 
@@ -348,7 +397,8 @@ impl Shape {
             Resource::Momentum | Resource::Change | Resource::Hits | Resource::Energy => self.purpose != Purpose::View,
             Resource::Second => self.purpose == Purpose::Adam,
             Resource::Wave | Resource::Pixels => self.model.drives,
-            Resource::Crosstalk => self.model.crosstalk,
+            Resource::Blurred | Resource::Crosstalk => self.model.crosstalk.is_some(),
+            Resource::Subpixels | Resource::Offsets => self.model.more_subpixels > 0,
             Resource::Relay => self.model.relay,
             _ => false,
         }
@@ -362,98 +412,5 @@ impl Shape {
     /// Whether a kernel can be bound to this: `Shown` always, for it is `Phases` where the SLM has no levels.
     pub fn provides(&self, resource: Resource) -> bool {
         !resource.is_shared() || resource == Resource::Shown || self.has(resource)
-    }
-}
-
-/// The photograph of one pupil pass.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Shot {
-    /// Level of the pyramid.
-    pub level: usize,
-    /// Arguments of `photograph`.
-    pub args: photograph::Args,
-    /// The views that the pupil covers.
-    pub taps: Vec<photograph::Tap>,
-    /// Arguments of `resample`.
-    pub resample: resample::Args,
-    /// Weights along rows.
-    pub rows: Arc<resample::Table>,
-    /// Weights along columns.
-    pub columns: Arc<resample::Table>,
-}
-
-/// What one pupil needs.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PupilPass {
-    /// Its window, signed bins.
-    pub window: Window,
-    /// Per row of the window, the columns that pass.
-    pub spans: Vec<[u32; 2]>,
-    /// Arguments of `transfer`.
-    pub transfer: transfer::Args,
-    /// Weights of `taper`: those of all rows, then those of all columns. None for an aperture with a sharp edge.
-    pub taper: Option<Vec<f32>>,
-    /// Arguments of `pass_pupil` and `overlap`.
-    pub pass: pass_pupil::Args,
-    /// Arguments of `return_pupil`: the same place, another scale.
-    pub back: pass_pupil::Args,
-    /// Columns of the window that any span touches.
-    pub columns: Columns,
-    /// Arguments of `intensity`.
-    pub intensity: intensity::Args,
-    /// Arguments of `compare`.
-    pub compare: compare::Args,
-    /// The photograph; none where only the wave is looked at.
-    pub shot: Option<Shot>,
-}
-
-impl PupilPass {
-    /// Pixels of its window.
-    pub fn count(&self) -> usize {
-        self.window.rows * self.window.columns
-    }
-
-    /// Bins that it passes.
-    pub(crate) fn passing(&self) -> u64 {
-        self.spans.iter().map(|[first, end]| u64::from(end - first)).sum()
-    }
-
-    /// Parts that a shader may leave the loss in: shares of the window, or its rows.
-    #[cfg(feature = "vulkan")]
-    pub(crate) fn loss_parts(&self) -> usize {
-        self.compare.parts().max(self.window.rows)
-    }
-
-    /// How large one of its buffers is; no frames for what is no buffer of a pupil pass.
-    pub fn extent(&self, resource: Resource, shape: &Shape) -> Extent {
-        let (frames, values) = match resource {
-            Resource::Transfer | Resource::Image | Resource::Target => (1, self.count()),
-            Resource::Window => (shape.frames, self.count()),
-            Resource::Accumulator => {
-                (1, self.shot.as_ref().map_or(0, |s| s.args.height as usize * s.args.width as usize))
-            }
-            Resource::Sums => (1, exposure::PART * self.exposure(&shape.place).parts()),
-            _ => (0, 0),
-        };
-        Extent { frames, values, complex: matches!(resource, Resource::Transfer | Resource::Window) }
-    }
-
-    /// Arguments of `exposure`: the part of its image that is the SLM's, `place` being where that lies in the grid.
-    pub fn exposure(&self, place: &modulate::Args) -> exposure::Args {
-        // A window has fewer pixels than the grid: those are taken that lie wholly on the SLM.
-        let inside = |first: u32, count: u32, grid: u32, pixels: usize| {
-            let scaled = |edge: u32| u64::from(edge) * pixels as u64;
-            let (first, end) = (scaled(first).div_ceil(u64::from(grid)), scaled(first + count) / u64::from(grid));
-            (first as u32, end.saturating_sub(first) as u32)
-        };
-        let (top, height) = inside(place.top, place.height, place.grid_height.max(1), self.window.rows);
-        let (left, width) = inside(place.left, place.width, place.grid_width.max(1), self.window.columns);
-        exposure::Args { height, width, pitch: self.window.columns as u32, top, left }
-    }
-
-    /// Its columns as columns of the grid.
-    pub(crate) fn grid_columns(&self) -> Columns {
-        let width = self.pass.grid_width as usize;
-        Columns { first: (self.pass.x0 as usize + self.columns.first) % width, count: self.columns.count.min(width) }
     }
 }

@@ -64,6 +64,7 @@ impl Planner {
             &[
                 Kernel::Transfer,
                 Kernel::Relay,
+                Kernel::Eye,
                 Kernel::Taper,
                 Kernel::PassPupil,
                 Kernel::WindowInverse,
@@ -94,11 +95,13 @@ impl Planner {
         step.equalise_eyebox = self.equalise_eyebox(eyebox, patches, projects, weight);
         let whole = |kernel| Dispatch { kernel, pupil_passes: 0..0 };
         let after = |step: &Step, kernel| step.list.iter().position(|d| d.kernel == kernel).map_or(0, |i| i + 1);
-        let lit = [Kernel::FieldForward, Kernel::Modulate, Kernel::ModulateWave].map(|kernel| after(&step, kernel));
+        let lit = [Kernel::FieldForward, Kernel::SubpixelsForward, Kernel::Modulate, Kernel::ModulateWave]
+            .map(|kernel| after(&step, kernel));
         let lit = lit.into_iter().max().unwrap_or(0);
         step.list.insert(lit, whole(Kernel::Energy));
         // Before the spectrum's change becomes the field's; in the far field they are one.
-        let ends = [Kernel::ChangeInverse, Kernel::CheckFinite, Kernel::Turn, Kernel::Project, Kernel::Adam];
+        use Kernel::{Adam, ChangeInverse, CheckFinite, Project, SubpixelsInverse, Turn};
+        let ends = [ChangeInverse, SubpixelsInverse, CheckFinite, Turn, Project, Adam];
         let end = step.list.iter().position(|d| ends.contains(&d.kernel)).unwrap_or(step.list.len());
         step.list.insert(end, whole(Kernel::EqualiseEyebox));
         step.columns = Columns { first: 0, count: self.grid.width };
@@ -145,25 +148,27 @@ impl Planner {
     /// From phases to what a pupil cuts a window out of: the spectrum, or, in the far field, the field itself.
     fn to_spectrum(&self) -> impl Iterator<Item = Dispatch> + use<> {
         let first = (self.levels > 0).then_some(Kernel::Quantise);
-        let last = (self.grid.geometry == Geometry::Relay).then_some(Kernel::FieldForward);
         let parts = self.parts();
+        let (lit, spectrum) = match parts.more_subpixels {
+            0 => (Kernel::ModulateWave, Kernel::FieldForward),
+            _ => (Kernel::ModulateSubpixels, Kernel::SubpixelsForward),
+        };
+        let last = (self.grid.geometry == Geometry::Relay).then_some(spectrum);
         let lag = self.model.as_ref().is_some_and(|model| model.model().lag > 0.0).then_some(Kernel::Lag);
-        let crosstalk = [Kernel::WaveForward, Kernel::Crosstalk, Kernel::WaveInverse];
-        let crosstalk = parts.crosstalk.then_some(crosstalk).into_iter().flatten();
-        let driven = [Kernel::Drive].into_iter().chain(lag).chain(crosstalk).chain([Kernel::ModulateWave]);
+        let crosstalk = parts.crosstalk.map(|_| [Kernel::CrosstalkRows, Kernel::CrosstalkColumns]);
+        let driven = [Kernel::Drive].into_iter().chain(lag).chain(crosstalk.into_iter().flatten()).chain([lit]);
         let plain = (!parts.drives).then_some(Kernel::Modulate);
         let all = first.into_iter().chain(plain).chain(driven.filter(move |_| parts.drives)).chain(last);
         all.map(|kernel| Dispatch { kernel, pupil_passes: 0..0 })
     }
 
-    /// From the change of the field to that of the phases, where more than phases makes the field. The kernel of crosstalk is
-    /// transposed by an inverse transform before it and a forward one behind.
+    /// From the change of the field to that of the phases, where more than phases makes the field.
     fn to_phases(&self) -> impl Iterator<Item = Dispatch> + use<> {
         let parts = self.parts();
         let lag = self.model.as_ref().is_some_and(|model| model.model().lag > 0.0).then_some(Kernel::LagBack);
-        let crosstalk = [Kernel::WaveInverse, Kernel::Crosstalk, Kernel::WaveForward];
-        let crosstalk = parts.crosstalk.then_some(crosstalk).into_iter().flatten();
-        let all = [Kernel::Turn].into_iter().chain(lag).chain(crosstalk).chain([Kernel::DriveBack]);
+        let turn = if parts.more_subpixels > 0 { Kernel::TurnSubpixels } else { Kernel::Turn };
+        let crosstalk = parts.crosstalk.map(|_| [Kernel::CrosstalkColumnsBack, Kernel::CrosstalkRowsBack]);
+        let all = [turn].into_iter().chain(crosstalk.into_iter().flatten()).chain(lag).chain([Kernel::DriveBack]);
         all.filter(move |_| parts.drives).map(|kernel| Dispatch { kernel, pupil_passes: 0..0 })
     }
 
@@ -174,7 +179,8 @@ impl Planner {
     /// And back again.
     fn to_field(&self) -> Option<Dispatch> {
         let relay = self.grid.geometry == Geometry::Relay;
-        relay.then_some(Dispatch { kernel: Kernel::ChangeInverse, pupil_passes: 0..0 })
+        let several = self.parts().more_subpixels > 0;
+        relay.then(|| Dispatch::whole(if several { Kernel::SubpixelsInverse } else { Kernel::ChangeInverse }))
     }
 
     /// What each viewpoint shows, what it should show, and the sums of both, left in `Sums` of slots 0, 1, ...
@@ -227,7 +233,7 @@ impl Planner {
     /// Whether the projection keeps drives from wrapping. Crosstalk blurs the edge between the two ends of the range: a phase that
     /// jumps over it makes its neighbours' light worse, of which no turn knows.
     pub(crate) fn bounds_phases(&self) -> bool {
-        self.parts().crosstalk
+        self.parts().crosstalk.is_some()
     }
 
     /// The drive that no phase goes beyond, radians; 0 where phases wrap.
@@ -249,7 +255,8 @@ impl Planner {
             if balanced {
                 step.list.push(Dispatch { kernel: Kernel::Overlap, pupil_passes: pupil_passes.clone() });
             }
-            let target = [Kernel::Transfer, Kernel::Relay, Kernel::Taper, Kernel::Photograph, Kernel::Resample];
+            let target =
+                [Kernel::Transfer, Kernel::Relay, Kernel::Eye, Kernel::Taper, Kernel::Photograph, Kernel::Resample];
             step.over_pupil_passes(pupil_passes.clone(), &target);
             step.over_pupil_passes(pupil_passes.clone(), &THROUGH_A_WINDOW);
             step.over_pupil_passes(pupil_passes, &[Kernel::ReturnPupil]);
@@ -258,21 +265,28 @@ impl Planner {
             step.list.push(whole(Kernel::DivideByOverlap));
         }
         step.list.extend(self.to_field());
+        let (check, mut phases) = (whole(Kernel::CheckFinite), self.to_phases().collect::<Vec<_>>());
         if self.storage == Storage::F16 {
-            step.list.push(whole(Kernel::CheckFinite));
+            // Sub-pixels' fields are seen in what they leave.
+            phases.insert(if self.parts().more_subpixels > 0 { phases.len() } else { 0 }, check);
         }
-        step.list.extend(self.to_phases());
+        step.list.extend(phases);
         step
     }
 }
 
 impl Step {
-    /// Adds these kernels over these pupil passes; `Taper` only where a pupil pass is tapered, `Relay` only where it does
-    /// something.
+    /// Adds these kernels over these pupil passes; `Taper`, `Relay` and `Eye` only where they do something.
     fn over_pupil_passes(&mut self, pupil_passes: Range<usize>, kernels: &[Kernel]) {
         let tapered = self.is_tapered();
         let relays = self.model.as_ref().is_some_and(|model| model.parts().relay);
-        let left_out = |kernel: Kernel| kernel == Kernel::Taper && !tapered || kernel == Kernel::Relay && !relays;
+        let sees = self.pupil_passes.iter().any(|pupil_pass| pupil_pass.eye.is_some());
+        let left_out = |kernel: Kernel| match kernel {
+            Kernel::Taper => !tapered,
+            Kernel::Relay => !relays,
+            Kernel::Eye => !sees,
+            _ => false,
+        };
         let kernels = kernels.iter().filter(|kernel| !left_out(**kernel));
         self.list.extend(kernels.map(|&kernel| Dispatch { kernel, pupil_passes: pupil_passes.clone() }));
     }

@@ -6,12 +6,14 @@
 mod cost;
 #[cfg(feature = "vulkan")]
 mod device_model;
+mod eye;
 #[cfg(feature = "vulkan")]
 pub(crate) mod fusion;
 mod kernel;
 mod list;
 mod lists;
 mod model;
+mod pass;
 mod pupil_pass;
 mod resample_tables;
 mod scales;
@@ -25,9 +27,11 @@ pub(crate) use cost::{Slots, pupil_pass_bytes, shared_bytes, work};
 pub use device_model::{DEVICES, DeviceModel, Estimate};
 #[cfg(feature = "vulkan")]
 pub(crate) use device_model::{DISPATCH_BYTES, SUBMISSION_BYTES};
+pub use eye::EyeTables;
 pub use kernel::{Access, Dispatch, Group, Kernel, Scope, Step, Timing};
-pub use list::{Buffer, Extent, ModelParts, PerFrame, PupilPass, Purpose, Resource, Shape, Shot};
+pub use list::{Buffer, Extent, ModelParts, PerFrame, Purpose, Resource, Shape};
 pub use model::ModelTables;
+pub use pass::{PupilPass, Shot};
 pub use pupil_pass::{Comparison, Planner, ViewLayout};
 pub use storage::Storage;
 #[cfg(feature = "vulkan")]

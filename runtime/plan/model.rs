@@ -2,7 +2,7 @@
 
 use super::{Buffer, ModelParts};
 use crate::optics::{Color, Display, DisplayModel, Geometry, Optics};
-use eyebox_kernels::{Complex32, Complex64, fft};
+use eyebox_kernels::{Complex32, Complex64};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 use std::sync::{Arc, OnceLock};
@@ -17,15 +17,24 @@ pub struct ModelTables {
     highest_drive: f64,
     slm: Optics,
     grid: Optics,
+    /// Power of the error of the field, over the field's, at which crosstalk is cut.
+    error: f64,
+    reach: Option<[usize; 2]>,
     pixels: OnceLock<Vec<f32>>,
-    crosstalk: OnceLock<Vec<f32>>,
+    crosstalk: Vec<f32>,
+    offsets: OnceLock<Vec<f32>>,
     relay: OnceLock<Vec<f32>>,
 }
+
+/// Of what is looked at: less than float32 does.
+const EXACT: f64 = 1e-11;
+/// Of the steps of a solve. One value a pixel stands for crosstalk to a hundredth, three to a thousandth; no picture tells this.
+const SOLVING: f64 = 3e-5;
 
 impl PartialEq for ModelTables {
     /// By what they are made of.
     fn eq(&self, other: &Self) -> bool {
-        let of = |t: &Self| (t.radius, t.slm, t.grid);
+        let of = |t: &Self| (t.radius, t.error, t.slm, t.grid);
         self.model == other.model && of(self) == of(other)
     }
 }
@@ -34,10 +43,22 @@ impl ModelTables {
     /// Of this model on an SLM of so many levels inside a grid; none where the display is the ideal one. `radius`: half the eyebox of the
     /// display's shortest wavelength, metres.
     pub fn new(model: DisplayModel, radius: f64, levels: u32, slm: Optics, grid: Optics) -> Option<Arc<Self>> {
-        let (pixels, crosstalk, relay) = Default::default();
         let highest_drive = TAU * (1.0 - 1.0 / f64::from(levels.max(2)));
-        (!model.is_ideal())
-            .then(|| Arc::new(Self { model, radius, highest_drive, slm, grid, pixels, crosstalk, relay }))
+        (!model.is_ideal()).then(|| Arc::new(Self::cut(model, radius, highest_drive, EXACT, slm, grid)))
+    }
+
+    /// The same for the steps of a solve, with crosstalk cut where what is left of it shows in no picture.
+    pub fn for_steps(&self) -> Arc<Self> {
+        let Self { model, radius, highest_drive, slm, grid, .. } = self;
+        Arc::new(Self::cut(model.clone(), *radius, *highest_drive, SOLVING, *slm, *grid))
+    }
+
+    fn cut(model: DisplayModel, radius: f64, highest_drive: f64, error: f64, slm: Optics, grid: Optics) -> Self {
+        let weights = model.crosstalk_weights(grid.height, grid.width, model.subpixels, error);
+        let reach = weights.as_ref().map(|axes| [axes[0].reach, axes[1].reach]);
+        let crosstalk = weights.iter().flatten().flat_map(|axis| &axis.values).map(|v| *v as f32).collect();
+        let (pixels, offsets, relay) = Default::default();
+        Self { model, radius, highest_drive, slm, grid, error, reach, pixels, crosstalk, offsets, relay }
     }
 
     /// Of a display in one of its colours, on its SLM inside a grid.
@@ -63,7 +84,8 @@ impl ModelTables {
         let lit = model.source != ideal.source || model.undiffracted[..2] != [0.0; 2];
         ModelParts {
             drives: crosstalk || driven || lit,
-            crosstalk,
+            crosstalk: self.reach,
+            more_subpixels: if crosstalk { model.subpixels - 1 } else { 0 },
             relay: model.fill > 0.0 || model.wavefront.values().any(|waves| *waves != 0.0),
         }
     }
@@ -72,9 +94,10 @@ impl ModelTables {
     pub(crate) fn buffers(&self) -> impl Iterator<Item = (Buffer, &[f32])> {
         let parts = self.parts();
         let pixels = parts.drives.then(|| (Buffer::Pixels, self.pixels()));
-        let crosstalk = parts.crosstalk.then(|| (Buffer::Crosstalk, self.crosstalk()));
+        let crosstalk = parts.crosstalk.map(|_| (Buffer::Crosstalk, &self.crosstalk[..]));
+        let offsets = (parts.more_subpixels > 0).then(|| (Buffer::Offsets, self.offsets()));
         let relay = parts.relay.then(|| (Buffer::Relay, self.relay()));
-        [pixels, crosstalk, relay].into_iter().flatten()
+        [pixels, crosstalk, offsets, relay].into_iter().flatten()
     }
 
     fn pixels(&self) -> &[f32] {
@@ -96,18 +119,11 @@ impl ModelTables {
         })
     }
 
-    /// Along y with what a transform there and back multiplies by, then along x.
-    fn crosstalk(&self) -> &[f32] {
-        self.crosstalk.get_or_init(|| {
-            let (height, width) = (self.grid.height, self.grid.width);
-            let kernels = self.model.crosstalk_kernels(height, width, 1).into_iter().flatten();
-            let spectrum = |(kernel, scale): (Vec<f64>, f64)| {
-                let count = kernel.len();
-                let mut line: Vec<Complex64> = kernel.into_iter().map(|v| Complex64::new(v * scale, 0.0)).collect();
-                fft::transform_f64(&mut line, count, fft::Direction::Forward);
-                line.into_iter().flat_map(|z| [z.re as f32, z.im as f32])
-            };
-            kernels.zip([1.0 / (height * width) as f64, 1.0]).flat_map(spectrum).collect()
+    fn offsets(&self) -> &[f32] {
+        self.offsets.get_or_init(|| {
+            let sides = [self.grid.height, self.grid.width];
+            let factors = sides.into_iter().flat_map(|count| self.model.subpixel_factors(count, self.model.subpixels));
+            factors.flat_map(|z| [z.re as f32, z.im as f32]).collect()
         })
     }
 

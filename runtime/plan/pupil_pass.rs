@@ -1,7 +1,7 @@
 //! From a pupil to what it needs: window, spans, taps, tables and the scales that make units right.
 
 use super::resample_tables::ResampleTables;
-use super::{ModelTables, PupilPass, Purpose, Shape, Shot, Storage};
+use super::{EyeTables, ModelTables, PupilPass, Purpose, Shape, Shot, Storage};
 use crate::optics::{Geometry, Optics, Padding, Pupil, Window, WindowFactor};
 use crate::scene::{Pyramid, ViewGrid};
 use eyebox_kernels::{compare, fft::Columns, intensity, modulate, pass_pupil, photograph, resample, transfer};
@@ -79,12 +79,25 @@ pub struct Planner {
     pub share: f64,
     /// What the display does to the light beside showing phases; none for the ideal one.
     pub model: Option<Arc<ModelTables>>,
+    /// The eye that looks; none for a perfect one.
+    pub eye: Option<Arc<EyeTables>>,
 }
 
 impl Planner {
     /// Without padding and without views.
     pub fn new(slm: Optics, frames: usize, factor: WindowFactor) -> Self {
-        Self { slm, grid: slm, frames, factor, views: None, levels: 0, storage: Storage::F32, share: 1.0, model: None }
+        Self {
+            slm,
+            grid: slm,
+            frames,
+            factor,
+            views: None,
+            levels: 0,
+            storage: Storage::F32,
+            share: 1.0,
+            model: None,
+            eye: None,
+        }
     }
 
     /// With zeros around the SLM.
@@ -121,13 +134,14 @@ impl Planner {
         // Light passes the iris as it really is; what it should show is the picture of the one that was asked for.
         let iris = self.model.as_ref().map_or(*pupil, |model| model.model().true_pupil(pupil));
         let mut pupil_pass = self.pupil_pass_of(&iris, self.grid.share(iris.diameter), comparison);
-        if iris != *pupil {
-            pupil_pass.shot = self.shot(pupil, pupil_pass.window);
+        if let Some(eye) = &self.eye {
+            pupil_pass.eye = Some(eye.terms(&self.grid, &iris, &pupil_pass.window));
         }
+        pupil_pass.shot = self.shot(pupil, self.displacement(&iris), pupil_pass.window);
         pupil_pass
     }
 
-    /// The same, where `share` of an even field's light passes.
+    /// The same without a photograph, where `share` of an even field's light passes, of a perfect eye.
     pub(super) fn pupil_pass_of(&self, pupil: &Pupil, share: f64, comparison: &Comparison) -> PupilPass {
         let grid = &self.grid;
         let window = Window::new(grid, pupil, self.factor);
@@ -176,6 +190,7 @@ impl Planner {
                 rows: window.rows as u32,
                 columns: window.columns as u32,
             },
+            eye: None,
             taper: None,
             columns: span_columns(&spans),
             intensity: intensity::Args {
@@ -192,7 +207,7 @@ impl Planner {
                 floor: comparison.floor as f32,
                 limit: comparison.limit as f32,
             },
-            shot: self.shot(pupil, window),
+            shot: None,
             window,
             spans,
             pass,
@@ -200,12 +215,17 @@ impl Planner {
         }
     }
 
-    fn shot(&self, pupil: &Pupil, window: Window) -> Option<Shot> {
+    /// Where the eye sees the picture displaced to, metres (x, y): where its error is centred (OPTICS 11).
+    fn displacement(&self, iris: &Pupil) -> [f64; 2] {
+        self.eye.as_ref().map_or([0.0; 2], |e| e.prescription().displacement([iris.x, iris.y], self.grid.focal_length))
+    }
+
+    pub(super) fn shot(&self, pupil: &Pupil, displaced: [f64; 2], window: Window) -> Option<Shot> {
         let ViewLayout { grid: views, center, levels, unit, tables } = self.views.as_ref()?;
         let fits = |l: &(usize, usize)| l.0 >= window.rows && l.1 >= window.columns;
         let level = levels.iter().rposition(fits).unwrap_or(0);
         let (height, width) = levels[level];
-        let taps = views.taps_around(*center, &self.grid, pupil, height, width);
+        let taps = views.taps_around(*center, displaced, &self.grid, pupil, height, width);
         let (rows, columns) = (tables.get(height, window.rows), tables.get(width, window.columns));
         Some(Shot {
             level,

@@ -1,6 +1,6 @@
 //! The powers of two that a step's factors and changes are held times.
 
-use super::list::PupilPass;
+use super::pass::PupilPass;
 use super::pupil_pass::Planner;
 use super::storage::{Storage, power};
 use eyebox_kernels::compare;

@@ -48,6 +48,7 @@ impl Planner {
         let rows = weights(pupil_pass.window.y0, pupil_pass.window.rows, self.grid.height, y, bin_y);
         let columns = weights(pupil_pass.window.x0, pupil_pass.window.columns, self.grid.width, x, bin_x);
         pupil_pass.taper = Some(rows.into_iter().chain(columns).map(|nu| spectrum(&window, nu) as f32).collect());
+        pupil_pass.shot = full.shot(&pupil, [0.0; 2], pupil_pass.window);
         if let Some(shot) = &mut pupil_pass.shot {
             let (height, width) = (shot.args.height as usize, shot.args.width as usize);
             let only = self.views.as_ref().map(|v| v.grid.only(&self.grid, view, height, width));

@@ -3,7 +3,7 @@
 use super::PreviewError;
 use crate::hologram::{ColorHologram, Hologram, HologramError, Tiles};
 use crate::optics::{Color, Optics, Padding};
-use crate::plan::ModelTables;
+use crate::plan::{EyeTables, ModelTables, Planner};
 use std::sync::Arc;
 
 /// One colour of what is shown.
@@ -19,6 +19,8 @@ pub struct Shown {
     pub share: f64,
     /// What the display does to the light beside showing phases; none for the ideal one.
     pub model: Option<Arc<ModelTables>>,
+    /// The eye that looks; none for a perfect one.
+    pub eye: Option<Arc<EyeTables>>,
     /// (sub-frame, row, column), radians; none where they are in tiles. A colour whose phases are the same as before costs
     /// nothing again.
     pub phases: Arc<Vec<f32>>,
@@ -53,17 +55,18 @@ impl Showing {
         let shortest = hologram.display_wavelengths.iter().map(|w| w.wavelength).chain(solved).fold(f64::MAX, f64::min);
         let eyebox = Optics { wavelength: shortest, ..optics[0] }.eyebox();
         let shares: Vec<f64> = (0..hologram.colors.len()).map(|i| hologram.picture_share(i)).collect();
-        let models = (0..hologram.colors.len()).map(|i| Ok(hologram.planner(i)?.model));
-        let models = models.collect::<Result<Vec<_>, HologramError>>()?;
-        let shown = |(((color, optics), share), model): (((ColorHologram, Optics), f64), _)| Shown {
+        let planners = (0..hologram.colors.len()).map(|i| hologram.planner(i));
+        let planners = planners.collect::<Result<Vec<_>, HologramError>>()?;
+        let shown = |(((color, optics), share), planner): (((ColorHologram, Optics), f64), Planner)| Shown {
             color: color.color,
             optics,
             exposure: color.exposure,
             share,
-            model,
+            model: planner.model,
+            eye: planner.eye,
             phases: Arc::new(color.phases),
         };
-        let colors = hologram.colors.into_iter().zip(optics).zip(shares).zip(models).map(shown).collect();
+        let colors = hologram.colors.into_iter().zip(optics).zip(shares).zip(planners).map(shown).collect();
         Ok(Self { frames: hologram.frames, padding, colors, eyebox, tiles: None })
     }
 

@@ -61,13 +61,15 @@ impl ViewGrid {
     /// view v moves by `(z / f) q_v`, periodic on the grid. In the far field the axis comes first, as in the transform of
     /// a window.
     pub fn taps(&self, optics: &Optics, pupil: &Pupil, height: usize, width: usize) -> Vec<Tap> {
-        self.taps_around([0.0, 0.0], optics, pupil, height, width)
+        self.taps_around([0.0; 2], [0.0; 2], optics, pupil, height, width)
     }
 
-    /// The same for views whose common centre is at `center` (x, y) of the pupil plane, metres.
+    /// The same for views whose common centre is at `center` (x, y) of the pupil plane, and a picture that is `displaced` (x, y):
+    /// metres.
     pub(crate) fn taps_around(
         &self,
         center: [f64; 2],
+        displaced: [f64; 2],
         optics: &Optics,
         pupil: &Pupil,
         height: usize,
@@ -81,8 +83,8 @@ impl ViewGrid {
         let tap = |(index, weight): (usize, f64)| {
             let (x, y) = self.position(index);
             let (x, y) = (x + center[0], y + center[1]);
-            let (dy, fy) = split(metres * y * per_row - axis_y, height);
-            let (dx, fx) = split(metres * x * per_column - axis_x, width);
+            let (dy, fy) = split((metres * y + displaced[1]) * per_row - axis_y, height);
+            let (dx, fx) = split((metres * x + displaced[0]) * per_column - axis_x, width);
             Tap { view: index as u32, weight: weight as f32, dy, dx, fy, fx }
         };
         self.coverage(&near).into_iter().map(tap).collect()

@@ -20,7 +20,7 @@ pub fn model_work(problem: &Problem, settings: &Settings) -> Vec<(&'static str, 
     let (slm, grid) = (problem.optics, problem.padding.grid(problem.optics));
     let step = |model: DisplayModel| {
         // How many levels there are changes no work.
-        let model = ModelTables::new(model, problem.eyebox / 2.0, 256, slm, grid);
+        let model = ModelTables::new(model, problem.eyebox / 2.0, 256, slm, grid).map(|tables| tables.for_steps());
         let cost = Cost::new(&Problem { model, ..problem.clone() }, settings, Memory::Host, settings.pupils);
         cost.step.iter().sum::<f64>()
     };

@@ -11,6 +11,7 @@ mod cost;
 mod dpac;
 mod error;
 mod exposure;
+mod eye;
 mod fault;
 mod levels;
 mod method;

@@ -2,8 +2,9 @@
 
 use super::settings::Settings;
 use crate::optics::{Color, Display, Optics, OpticsError, Padding, WindowFactor};
-use crate::plan::{ModelTables, Planner, ViewLayout};
-use crate::scene::{LightField, Pyramid, ViewGrid, shrink_to_share};
+use crate::plan::{EyeTables, ModelTables, Planner, ViewLayout};
+use crate::scene::{Bend, LightField, Pyramid, ViewGrid, shrink_to_share};
+use rayon::prelude::*;
 use std::sync::Arc;
 
 /// One colour of a display, and the scene in that colour.
@@ -27,6 +28,8 @@ pub struct Problem {
     pub share: f64,
     /// What the display does to the light beside showing phases (OPTICS 10); none for the ideal one.
     pub model: Option<Arc<ModelTables>>,
+    /// The eye that looks (OPTICS 11); none for a perfect one.
+    pub eye: Option<Arc<EyeTables>>,
 }
 
 impl Problem {
@@ -41,6 +44,11 @@ impl Problem {
             has: field.colors.iter().map(Color::to_string).collect::<Vec<_>>().join(", "),
         };
         let views = &field.planes[field.colors.iter().position(|c| *c == color).ok_or_else(missing)?];
+        // Shown so that it is seen as the scene is (OPTICS 10).
+        let size = [field.height, field.width];
+        let bend = display.picture.map(color, size).map(|map| Bend::to_display(&map, size));
+        let bent: Option<Vec<_>> = bend.map(|bend| views.par_iter().map(|view| bend.apply(view)).collect());
+        let views = bent.as_ref().unwrap_or(views);
         let grid = ViewGrid { rows: field.grid[0], columns: field.grid[1], cell: field.cell(display) };
         let outline = Self::outline(display, color, padding, grid)?;
         let (height, width) = (field.height, field.width);
@@ -77,7 +85,9 @@ impl Problem {
         let pyramid = Pyramid::outline(views.rows * views.columns, grid.height, grid.width);
         let (eyebox, center, share) = (display.eyebox_min(), [0.0; 2], display.picture_share(optics.wavelength));
         let (pyramid, model) = (Arc::new(pyramid), ModelTables::of(display, color, optics, grid));
-        Ok(Self { optics, padding, eyebox, views, center, pyramid, mean: f64::NAN, share, model })
+        let model = model.map(|model| model.for_steps());
+        let eye = EyeTables::new(display.prescription.as_ref());
+        Ok(Self { optics, padding, eyebox, views, center, pyramid, mean: f64::NAN, share, model, eye })
     }
 
     /// A power of two near the scene's brightest value, or 1 where that is of ordinary size: dividing by it keeps
@@ -97,6 +107,6 @@ impl Problem {
     pub fn planner(&self, frames: usize, window: WindowFactor) -> Planner {
         let plain = Planner::new(self.optics, frames, window).with_padding(self.padding);
         let views = ViewLayout { center: self.center, ..ViewLayout::new(self.views, &self.pyramid) };
-        Planner { views: Some(views), share: self.share, model: self.model.clone(), ..plain }
+        Planner { views: Some(views), share: self.share, model: self.model.clone(), eye: self.eye.clone(), ..plain }
     }
 }

@@ -128,6 +128,7 @@ impl ScenePlan {
         plan.choose_colors(field, request);
         plan.choose_depth(field, display, request)?;
         plan.choose_views(field, display, request)?;
+        plan.check_eye(field, display)?;
         let ([pixels, why], _) = field.aliasing_in_words(display, plan.settings.depth, plan.settings.diameter[1]);
         plan.say("aliasing", pixels, why);
         let padded = plan.choose_padding(field, display, request)?;
@@ -151,7 +152,7 @@ impl ScenePlan {
         if self.merge > 1 { field.merged(display, self.merge, self.merge_depth) } else { field }
     }
 
-    fn say(&mut self, what: &'static str, value: impl Into<String>, why: impl Into<String>) {
+    pub(super) fn say(&mut self, what: &'static str, value: impl Into<String>, why: impl Into<String>) {
         self.choices.push(Decision { what, value: value.into(), why: why.into(), saves: false });
     }
 
@@ -316,8 +317,11 @@ impl ScenePlan {
         let optics = display.optics(self.colors[0])?;
         let [far, near] = self.settings.depth;
         let (depth, reach) = (far.abs().max(near.abs()), display.eyebox_min() / 2.0);
-        let pixels = walk_off(&optics, depth, reach) / optics.pitch;
-        let required = Padding::required(&optics, depth, reach);
+        // Looked at by an eye with a prescription the picture moves as one at another depth does (OPTICS 11).
+        let eye = display.prescription.as_ref();
+        let eye = eye.map_or(0.0, |eye| eye.walk_off(display.focal_length, reach, self.settings.diameter[1]));
+        let pixels = walk_off(&optics, depth + eye, reach) / optics.pitch;
+        let required = Padding::required(&optics, depth + eye, reach);
         // Half of it on average over depths and places; only what lies within walks off.
         let power = field.edge_power((0.5 * pixels).ceil().min(1e9) as usize);
         let loss = WRAP_COST * power;

@@ -42,6 +42,7 @@ pub fn solve_from(
     observe: &mut dyn FnMut(&Progress) -> Flow,
 ) -> Result<Solution, SolveError> {
     settings.check()?;
+    problem.check_eye(settings)?;
     if let Some(from) = from {
         let wanted = settings.frames * problem.optics.height * problem.optics.width;
         if from.phases.len() != wanted || !from.phases.iter().all(|p| p.is_finite()) {

@@ -18,6 +18,8 @@ use std::time::{Duration, Instant};
 
 /// Diameters of an eye's pupil, 2 to 8 mm, and half a millimetre around them, as they are drawn, metres; and how many between
 /// are looked at for the windows that they have.
+/// A pupil that is neither wide nor narrow, metres.
+const USUAL_EYE: f64 = 4e-3;
 const EYES: [f64; 2] = [1.5e-3, 8.5e-3];
 const DIAMETERS: u32 = 6000;
 
@@ -188,6 +190,7 @@ impl Refiner {
             return wrong("the number of phases to refine", phases.len().to_string(), "whole sub-frames, all finite");
         }
         steering.check()?;
+        problem.check_blur(USUAL_EYE)?;
         if !(exposure > 0.0 && exposure.is_finite()) {
             return wrong("the exposure", exposure.to_string(), "a positive, finite number");
         }
@@ -331,7 +334,9 @@ impl Refiner {
         self.used += 1;
         let mut step = update.step(&self.planner, self.pupil_passes.clone(), usize::MAX);
         step.project.step = self.since as u32;
-        let known = |kernel| matches!(kernel, Kernel::Transfer | Kernel::Relay | Kernel::Photograph | Kernel::Resample);
+        let known = |kernel| {
+            matches!(kernel, Kernel::Transfer | Kernel::Relay | Kernel::Eye | Kernel::Photograph | Kernel::Resample)
+        };
         let mut parts: Vec<Range<usize>> = Vec::new();
         for (i, dispatch) in step.list.iter().enumerate().filter(|(_, d)| fresh || !known(d.kernel)) {
             match parts.last_mut() {

@@ -51,6 +51,7 @@ impl Piece {
             pyramid,
             share: views.share(),
             model: None,
+            eye: None,
         };
         Ok(Self { at: [top, left], size: [rows, columns], problem })
     }

@@ -288,6 +288,7 @@ fn a_point_at_infinity_is_a_blazed_grating() {
         mean: 1.0,
         share: 1.0,
         model: None,
+        eye: None,
     };
     let settings = Settings {
         frames: 1,

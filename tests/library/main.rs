@@ -3,9 +3,11 @@
 mod architecture;
 mod encode_steady;
 mod extremes;
+mod eyes;
 mod far_field;
 mod fuzz;
 mod methods;
 mod model;
+mod picture;
 mod reference;
 mod steering;

@@ -5,7 +5,8 @@ use eyebox::engine::cpu::CpuEngine;
 use eyebox::engine::vulkan::VulkanEngine;
 use eyebox::engine::{Buffer, Engine, Kernel, Purpose, Shape, Storage};
 use eyebox::gpu::{Gpu, Options};
-use eyebox::plan::ModelTables;
+use eyebox::optics::Prescription;
+use eyebox::plan::{EyeTables, ModelTables};
 use eyebox_kernels::compare::{AMPLITUDE, INTENSITY, PROJECTION};
 use eyebox_tests::both::{Case, assert_silent, compare, every_fault, vulkan, watched};
 use eyebox_tests::half_roundings;
@@ -39,9 +40,12 @@ fn check(kernel: Kernel, purpose: Purpose, mode: u32, power: f64) {
 /// axis by the twin: those of the longest are seven passes and two axes.
 fn stored_bound(kernel: Kernel) -> f64 {
     match kernel {
-        Kernel::FieldForward | Kernel::WindowForward | Kernel::WindowInverse | Kernel::ChangeInverse => {
-            half_roundings(9)
-        }
+        Kernel::FieldForward
+        | Kernel::WindowForward
+        | Kernel::WindowInverse
+        | Kernel::ChangeInverse
+        | Kernel::SubpixelsForward
+        | Kernel::SubpixelsInverse => half_roundings(9),
         _ => 2e-3 * half_roundings(1),
     }
 }
@@ -107,29 +111,54 @@ fn levels() {
 #[test]
 fn display_models() {
     let (mut engine, mut twin) = (vulkan(), CpuEngine::new());
-    for (height, width, padding) in SIZES {
-        for (frames, levels, storage) in [(3, 0, Storage::F32), (2, 11, Storage::F32), (3, 0, Storage::F16)] {
+    for (height, width, padding) in [SIZES[0], SIZES[1], SIZES[3], SIZES[4]] {
+        for (frames, levels, storage, subpixels) in
+            [(3, 0, Storage::F32, 1), (2, 11, Storage::F32, 3), (1, 0, Storage::F16, 1), (3, 0, Storage::F16, 2)]
+        {
             let mut case = Case::new(height, width, padding, 15e-3, frames);
             let (slm, grid) = (case.planner.slm, case.planner.grid);
             (case.planner.levels, case.planner.storage) = (levels, storage);
-            case.planner.model = ModelTables::new(every_fault(), 11e-3, 256, slm, grid);
-            for kernel in [
+            let mut model = every_fault();
+            model.subpixels = subpixels;
+            case.planner.model = ModelTables::new(model, 11e-3, 256, slm, grid);
+            let of_pixels = [Kernel::ModulateWave, Kernel::FieldForward, Kernel::ChangeInverse, Kernel::Turn];
+            let of_subpixels =
+                [Kernel::ModulateSubpixels, Kernel::SubpixelsForward, Kernel::SubpixelsInverse, Kernel::TurnSubpixels];
+            let others = [
                 Kernel::Drive,
                 Kernel::Lag,
-                Kernel::WaveForward,
-                Kernel::Crosstalk,
-                Kernel::WaveInverse,
-                Kernel::ModulateWave,
+                Kernel::CrosstalkRows,
+                Kernel::CrosstalkColumns,
                 Kernel::Relay,
-                Kernel::Turn,
+                Kernel::CrosstalkColumnsBack,
+                Kernel::CrosstalkRowsBack,
                 Kernel::LagBack,
                 Kernel::DriveBack,
-            ] {
+            ];
+            for kernel in others.into_iter().chain(if subpixels == 1 { of_pixels } else { of_subpixels }) {
                 let step = case.single(Purpose::Project, PROJECTION, 1.0, kernel);
                 let worst = compare(&mut engine, &mut twin, &case, Purpose::Project, &step);
                 let limit = if storage == Storage::F16 { stored_bound(kernel) } else { 1e-10 };
                 assert!(worst < limit, "{} at {height} x {width} (+{padding}): {worst:e}", kernel.name());
             }
+        }
+    }
+    assert_silent(engine);
+}
+
+/// The error of an eye, of the second order and of higher ones.
+#[test]
+fn eyes() {
+    let (mut engine, mut twin) = (vulkan(), CpuEngine::new());
+    let mut measured = Prescription::new(-0.5, 0.25, 30.0);
+    (measured.zernikes_um, measured.measured_mm) = ([(7, 0.3), (12, -0.2), (27, 0.02)].into(), 6.0);
+    for (height, width, padding) in SIZES {
+        for eye in [Prescription::new(-3.0, 1.0, 70.0), measured.clone()] {
+            let mut case = Case::new(height, width, padding, 15e-3, 2);
+            case.planner.eye = EyeTables::new(Some(&eye));
+            let step = case.single(Purpose::View, PROJECTION, 1.0, Kernel::Eye);
+            let worst = compare(&mut engine, &mut twin, &case, Purpose::View, &step);
+            assert!(worst < 1e-10, "{eye} at {height} x {width} (+{padding}): {worst:e}");
         }
     }
     assert_silent(engine);

@@ -1,7 +1,8 @@
 //! The arguments of commands: millimetres, micrometres and nanometres in, metres out.
 
 pub use crate::groups::{
-    Colors, DeviceArgs, DisplayArgs, EngineArgs, EngineName, OtherSceneArgs, OverwriteArgs, SceneArgs, SceneOptions,
+    Colors, DeviceArgs, DisplayArgs, EngineArgs, EngineName, EyeArgs, OtherSceneArgs, OverwriteArgs, SceneArgs,
+    SceneOptions,
 };
 use crate::phases::{EncodedArgs, PhaseArgs, PhaseUnitArgs, UnfinishedArgs};
 use crate::quality::QualityArgs;
@@ -90,6 +91,9 @@ pub struct Solve {
     /// Display
     #[command(flatten)]
     pub display: DisplayArgs,
+    /// The eye that looks
+    #[command(flatten)]
+    pub eye: EyeArgs,
     /// Quality
     #[command(flatten)]
     pub quality: QualityArgs,
@@ -276,6 +280,9 @@ pub struct View {
     /// Look past the display's model, as if the display were ideal
     #[arg(long)]
     pub ideal: bool,
+    /// The eye that looks
+    #[command(flatten)]
+    pub eye: EyeArgs,
     /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,
@@ -315,6 +322,9 @@ pub struct Score {
     /// Look past the display's model, as if the display were ideal
     #[arg(long)]
     pub ideal: bool,
+    /// The eye that looks
+    #[command(flatten)]
+    pub eye: EyeArgs,
     /// random:N, or a JSON file with a list of [x, y, diameter, focus] in mm, or the focus as "0.5D"
     #[arg(long, default_value = "random:16", value_name = "random:N|FILE.json")]
     pub pupils: String,

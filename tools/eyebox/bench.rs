@@ -12,7 +12,8 @@ use std::time::Instant;
 
 /// Times steps; three rounds, in turn with the other program.
 pub fn run(args: &Bench) -> Result<(), Failure> {
-    let display = common::display(&args.solve.display)?;
+    let mut display = common::display(&args.solve.display)?;
+    args.solve.eye.replace(&mut display.prescription)?;
     let colors = common::colors(&args.solve.display, &display)?;
     let color = colors[0];
     let mut engine = common::engine(&args.solve.engine)?;

@@ -1,10 +1,10 @@
 //! Groups of arguments that commands share: the engine, the display, the scene. Millimetres in, metres out.
 
 use crate::Failure;
-use crate::values::{Names, depths, one_of, positive, size};
+use crate::values::{Names, depths, one_of, positive, prescription, size};
 use clap::{Args, ValueEnum};
 use eyebox::hologram::Hologram;
-use eyebox::optics::{Depth, Display};
+use eyebox::optics::{Depth, Display, Prescription};
 use eyebox::scene::{Near, Order};
 use std::path::{Path, PathBuf};
 
@@ -82,6 +82,44 @@ pub struct DisplayArgs {
     /// Take sizes, wavelengths and pupils that look like a mistake as they are
     #[arg(long)]
     pub force: bool,
+}
+
+/// The eye that looks, in every command that computes what an eye sees.
+#[derive(Args, Clone)]
+pub struct EyeArgs {
+    /// Prescription of the eye that looks, in dioptres and degrees, such as "-2 -0.5 30"; or none for a perfect eye [default:
+    /// what the hologram was solved for, or the display file says]
+    #[arg(long, value_name = "S C AXIS|none", value_parser = prescription, allow_hyphen_values = true)]
+    pub prescription: Option<Prescription>,
+    /// Where the prescription is one for spectacles, their distance from the eye, mm [default: it is meant at the eye]
+    #[arg(long, value_name = "MM", value_parser = positive, requires = "prescription")]
+    pub vertex_distance: Option<f64>,
+    /// The eye that looks as a TOML file: sphere, cylinder, axis_deg, vertex_mm, zernikes_um, measured_mm
+    #[arg(long, value_name = "FILE", conflicts_with = "prescription")]
+    pub eye: Option<PathBuf>,
+}
+
+impl EyeArgs {
+    /// The eye that was given, if one was.
+    pub fn given(&self) -> Result<Option<Prescription>, Failure> {
+        if let Some(file) = &self.eye {
+            return Ok(Some(Prescription::load(file)?));
+        }
+        let mut given = self.prescription.clone();
+        if let (Some(eye), Some(mm)) = (&mut given, self.vertex_distance) {
+            eye.vertex_mm = mm;
+            eye.check().map_err(Failure::Asked)?;
+        }
+        Ok(given)
+    }
+
+    /// Puts it in the place of another, if one was given.
+    pub fn replace(&self, eye: &mut Option<Prescription>) -> Result<(), Failure> {
+        if let Some(given) = self.given()? {
+            *eye = Some(given).filter(|eye| !eye.is_perfect());
+        }
+        Ok(())
+    }
 }
 
 /// Which values of a depth map are near.

@@ -14,6 +14,10 @@ use std::path::Path;
 pub fn run(args: &Score) -> Result<(), Failure> {
     let (source, display) = load(args)?;
     let source = if args.ideal { source.on_ideal_display() } else { source };
+    let source = match args.eye.given()? {
+        Some(eye) => source.seen_by(Some(eye))?,
+        None => source,
+    };
     let about = source.about();
     args.other.check(&args.hologram, about, &args.scene.scene)?;
     let colors = about.named_colors();

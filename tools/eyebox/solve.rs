@@ -28,7 +28,8 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     let folder = Path::new(first);
     let frames = if args.more.is_empty() && folder.is_dir() { scene::frames(folder)? } else { None };
     let scenes = frames.unwrap_or_else(|| [std::slice::from_ref(first), &args.more].concat());
-    let display = common::display(&args.display)?;
+    let mut display = common::display(&args.display)?;
+    args.eye.replace(&mut display.prescription)?;
     let tiles = if scenes.len() > 1 { None } else { tiles_of(args, &display)? };
     let single = scenes.len() == 1 && tiles.is_none();
     common::form(&args.out, if single { &[Form::Zarr, Form::Npy] } else { &[Form::Zarr] })?;

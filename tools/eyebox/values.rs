@@ -3,7 +3,7 @@
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use eyebox::encode::AsShown;
 use eyebox::hologram::PhaseUnit;
-use eyebox::optics::{Depth, Pupil, WindowFactor};
+use eyebox::optics::{Depth, Prescription, Pupil, WindowFactor};
 use eyebox::plan::Storage;
 use eyebox::present::Rate;
 use eyebox::solve::{Full, Method};
@@ -36,6 +36,23 @@ pub fn pupil(text: &str) -> Result<GivenPupil, String> {
     let [x, y, diameter] = numbers::<3>(place.split(',').collect(), form)?;
     let place = Pupil::from_mm([x, y, diameter, 0.0]).check().map_err(|e| e.to_string())?;
     Ok(GivenPupil { place, focus: focus.parse()? })
+}
+
+/// Sphere, cylinder and axis as opticians write them.
+pub fn prescription(text: &str) -> Result<Prescription, String> {
+    let form = "S, or S C AXIS, in dioptres and degrees, such as \"-2\" or \"-2 -0.5 30\", or none";
+    if text == "none" {
+        return Ok(Prescription::default());
+    }
+    let parts: Vec<&str> = text.split([' ', ',', '/', 'x', '\u{d7}']).filter(|part| !part.is_empty()).collect();
+    let [sphere, cylinder, axis] = match parts.len() {
+        1 => [numbers::<1>(parts, form)?[0], 0.0, 0.0],
+        2 => return Err(format!("a cylinder needs its axis: expected {form}")),
+        _ => numbers::<3>(parts, form)?,
+    };
+    let eye = Prescription::new(sphere, cylinder, axis);
+    eye.check()?;
+    Ok(eye)
 }
 
 /// A depth: mm, or dioptres with a D behind.
@@ -235,6 +252,12 @@ mod tests {
         }
         for bad in ["0x8", "8", "x", "8x", "-1x4", "99999999x4"] {
             assert!(size(bad).is_err(), "{bad}");
+        }
+        assert_eq!(prescription("-2.00 -0.50 x 30"), Ok(Prescription::new(-2.0, -0.5, 30.0)));
+        assert_eq!(prescription("+1.25"), Ok(Prescription::new(1.25, 0.0, 0.0)));
+        assert!(prescription("none").unwrap().is_perfect());
+        for bad in ["", "-2 -0.5", "-2 -0.5 30 12", "-2D", "nan", "-2 -0.5 200", "90"] {
+            assert!(prescription(bad).is_err(), "{bad}");
         }
         for bad in ["3..1", "1", "nan..1", "-5..5", "0..1", "1..inf"] {
             assert!(diameters(bad).is_err(), "{bad}");

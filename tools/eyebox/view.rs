@@ -12,10 +12,14 @@ pub fn run(args: &View) -> Result<(), Failure> {
     let form = common::form(&args.out, &[Form::Png, Form::Npy])?;
     let source = args.encoded.source(&args.phases, &args.hologram, args.at)?;
     let source = if args.ideal { source.on_ideal_display() } else { source };
+    let source = match args.eye.given()? {
+        Some(eye) => source.seen_by(Some(eye))?,
+        None => source,
+    };
     let about = source.about();
     let pupil = common::pupil(&args.pupil, (0..about.colors.len()).map(|i| about.optics(i)), args.phases.force)?;
     let mut engine = common::engine(&args.engine)?;
-    let planes = source.look(None, &pupil, engine.as_mut())?;
+    let planes = about.as_seen(source.look(None, &pupil, engine.as_mut())?);
     let exposures = exposures(about, args.exposure, &planes);
     let colors: Vec<_> = about.colors.iter().map(|c| c.color).collect();
     common::write_image(&args.out, form, &planes, &colors, &exposures)?;
@@ -35,17 +39,24 @@ pub fn run(args: &View) -> Result<(), Failure> {
     Ok(())
 }
 
-/// What of its display is looked through, where that is not the ideal one.
+/// What is looked through, where that is not an ideal display and a perfect eye.
 fn through(hologram: &Hologram) -> String {
     let model = |color| hologram.planner(color).ok()?.model;
     let mut terms: Vec<_> =
         (0..hologram.colors.len()).filter_map(model).flat_map(|tables| tables.model().terms()).collect();
     terms.sort_unstable();
     terms.dedup();
-    if terms.is_empty() {
-        return String::new();
+    let mut said = String::new();
+    if !terms.is_empty() {
+        said = format!(", through the display's {} (--ideal looks past it)", terms.join(", "));
     }
-    format!(", through the display's {} (--ideal looks past it)", terms.join(", "))
+    if !hologram.metadata.picture.is_empty() {
+        said += ", where the display's picture is seen (--ideal looks past it)";
+    }
+    if let Some(eye) = &hologram.metadata.prescription {
+        said += &format!(", by an eye of {eye} (--prescription none looks with a perfect one)");
+    }
+    said
 }
 
 /// What a picture of these planes is multiplied by: as asked, the hologram's own where it is known, else what makes them

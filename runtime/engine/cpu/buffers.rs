@@ -31,13 +31,37 @@ pub(super) struct Buffers {
     pub(super) change: Vec<Complex32>,
     pub(super) hits: Vec<f32>,
     pub(super) energy: Vec<f32>,
-    pub(super) wave: Vec<Complex32>,
+    pub(super) wave: Vec<f32>,
+    pub(super) blurred: Vec<f32>,
+    pub(super) subpixels: Vec<Complex32>,
     pub(super) pixels: Vec<f32>,
     pub(super) crosstalk: Vec<f32>,
+    pub(super) offsets: Vec<f32>,
     pub(super) relay: Vec<f32>,
     pub(super) slots: Vec<Slot>,
     /// Phases that are kept; none if it is empty.
     kept: Vec<f32>,
+}
+
+/// A display's model, as the tables that these kernels read.
+#[derive(Clone, Copy)]
+pub(super) struct ModelView<'a> {
+    /// Of the pixels.
+    pub(super) pixels: &'a [f32],
+    /// Of crosstalk, along y and along x.
+    pub(super) weights: [&'a [f32]; 2],
+    /// Of the sub-pixels, along y and along x.
+    pub(super) offsets: [&'a [Complex32]; 2],
+}
+
+impl<'a> ModelView<'a> {
+    /// Of buffers of this shape.
+    pub(super) fn new(shape: &Shape, pixels: &'a [f32], weights: &'a [f32], offsets: &'a [f32]) -> Self {
+        let weights = if weights.is_empty() { [weights; 2] } else { shape.crosstalk().weights(weights) };
+        let offsets: &[Complex32] = bytemuck::cast_slice(offsets);
+        let along_y = if offsets.is_empty() { 0 } else { shape.subpixels() * shape.place.grid_height as usize };
+        Self { pixels, weights, offsets: offsets.split_at(along_y).into() }
+    }
 }
 
 /// Contents of a buffer.
@@ -173,9 +197,12 @@ impl Buffers {
             Resource::Change => Values::Complex(&mut self.change),
             Resource::Hits => Values::Real(&mut self.hits),
             Resource::Energy => Values::Real(&mut self.energy),
-            Resource::Wave => Values::Complex(&mut self.wave),
+            Resource::Wave => Values::Real(&mut self.wave),
+            Resource::Blurred => Values::Real(&mut self.blurred),
+            Resource::Subpixels => Values::Complex(&mut self.subpixels),
             Resource::Pixels => Values::Real(&mut self.pixels),
             Resource::Crosstalk => Values::Real(&mut self.crosstalk),
+            Resource::Offsets => Values::Real(&mut self.offsets),
             Resource::Relay => Values::Real(&mut self.relay),
             _ => return self.slots.get_mut(slot?)?.values(resource),
         })

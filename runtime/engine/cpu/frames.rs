@@ -1,11 +1,11 @@
 //! What kernels over sub-frames see, and those that run once for all of them.
 
-use super::buffers::Slot;
-use super::waves::Waves;
+use super::buffers::{ModelView, Slot};
 use crate::engine::{PupilPass, Shape, Step};
 use eyebox_kernels::{
     Complex32, ZERO,
     check_finite::check_finite,
+    crosstalk,
     fft::{Columns, Direction, Plans, Store},
     return_pupil::return_pupil,
 };
@@ -28,6 +28,11 @@ pub(super) struct Frame<'a> {
     pub(super) second: &'a mut [f32],
     pub(super) field: &'a mut [Complex32],
     pub(super) change: &'a mut [Complex32],
+    pub(super) wave: &'a mut [f32],
+    pub(super) blurred: &'a mut [f32],
+    pub(super) subpixels: &'a mut [Complex32],
+    pub(super) tables: ModelView<'a>,
+    pub(super) crosstalk: crosstalk::Args,
     pub(super) levels: &'a [f32],
     pub(super) hits: &'a [f32],
     pub(super) energy: &'a [f32],
@@ -72,10 +77,11 @@ impl FrameFft<'_> {
 /// All sub-frames at once.
 pub(super) struct Whole<'a> {
     pub(super) step: &'a Step,
+    pub(super) shape: &'a Shape,
     pub(super) passes: &'a [PupilPass],
     pub(super) field: &'a mut [Complex32],
     pub(super) change: &'a mut [Complex32],
-    pub(super) waves: Waves<'a>,
+    pub(super) wave: &'a mut [f32],
     pub(super) hits: &'a mut [f32],
     pub(super) energy: &'a mut [f32],
     /// What `check_finite` found.

@@ -1,107 +1,104 @@
-//! What stands between phases and field where the display is more than its phases: pairs of sub-frames, all at once.
+//! What stands between phases and field where the display is more than its phases.
 
-use super::buffers::SPLIT;
-use crate::engine::Shape;
+use super::frames::{Frame, Whole};
 use eyebox_kernels::{
-    Complex32,
-    crosstalk::crosstalk,
-    drive::{Args, drive},
+    drive::drive,
     drive_back::drive_back,
-    fft::{Columns, Direction, Plans, Store},
+    fft::Direction,
     lag::lag,
     modulate_wave::modulate_wave,
+    subpixels::{add_columns, add_rows, spread_columns, spread_rows},
     turn::turn,
 };
 use rayon::prelude::*;
 
-/// Points of the grid that a thread settles at once.
+/// Pixels that a thread settles at once.
 const PART: usize = 1 << 13;
 
-/// What these kernels see.
-pub(super) struct Waves<'a> {
-    pub(super) shape: &'a Shape,
-    pub(super) plans: &'a Plans,
-    pub(super) store: Store,
-    /// The phases that are shown.
-    pub(super) shown: &'a [f32],
-    /// The tables of the pixels,
-    pub(super) pixels: &'a [f32],
-    /// and those of crosstalk.
-    pub(super) crosstalk: &'a [Complex32],
-    pub(super) wave: &'a mut [Complex32],
-}
-
-/// Sub-frame `index` of `frames`, each of `length` values; empty if there is none.
-fn frame<T>(frames: &[T], index: usize, length: usize) -> &[T] {
-    frames.get(index * length..(index + 1) * length).unwrap_or_default()
-}
-
-impl Waves<'_> {
-    fn points(&self) -> usize {
-        self.shape.points().max(1)
+impl Frame<'_> {
+    /// Whether a pixel is one sub-pixel.
+    fn is_whole(&self) -> bool {
+        self.shape.subpixels() == 1
     }
 
-    pub(super) fn drive(&mut self, args: &Args) {
-        let points = self.points();
-        let Waves { shape, shown, pixels, wave, .. } = self;
-        let count = shape.pixels();
-        wave.par_chunks_exact_mut(points).enumerate().for_each(|(i, wave)| {
-            drive(args, pixels, [2 * i, 2 * i + 1].map(|f| frame(shown, f, count)), wave);
-        });
+    pub(super) fn drive(&mut self) {
+        let shown = if self.shape.quantised { &*self.shown } else { &*self.phases };
+        let pixels = self.shape.pixels();
+        drive(&self.step.drive, self.tables.pixels, shown, &mut self.wave[..pixels]);
     }
 
-    pub(super) fn lag(&mut self, args: &Args, back: bool) {
-        let (frames, points) = (self.shape.frames, self.points());
-        let mut parts: Vec<_> = self.wave.chunks_exact_mut(points).map(|pair| pair.chunks_mut(PART)).collect();
-        let mut together: Vec<Vec<&mut [Complex32]>> =
-            (0..points.div_ceil(PART)).map(|_| parts.iter_mut().filter_map(Iterator::next).collect()).collect();
-        together.par_iter_mut().for_each(|pairs| lag(args, frames, back, pairs));
-    }
-
-    pub(super) fn transform(&mut self, direction: Direction) {
-        let points = self.points();
-        let Waves { shape, plans, wave, .. } = self;
-        let [rows, columns] = [shape.place.grid_height as usize, shape.place.grid_width as usize];
-        let (all, exact): (_, Store) = (Columns::all(columns), |_| {});
-        if wave.len() / points < rayon::current_num_threads() && points >= SPLIT {
-            let mut scratch = Vec::new();
-            for pair in wave.chunks_exact_mut(points) {
-                plans.fft_wide(pair, rows, columns, direction, all, &mut scratch, exact);
-            }
-        } else {
-            wave.par_chunks_exact_mut(points).for_each(|pair| plans.fft(pair, rows, columns, direction, all, exact));
-        }
-    }
-
-    pub(super) fn crosstalk(&mut self) {
-        let (height, points) = (self.shape.place.grid_height as usize, self.points());
-        let Waves { crosstalk: transfer, wave, .. } = self;
-        wave.par_chunks_exact_mut(points).for_each(|pair| crosstalk(height, transfer, pair));
-    }
-
-    pub(super) fn modulate(&self, field: &mut [Complex32]) {
-        let Waves { shape, store, pixels, wave, .. } = self;
-        let (points, scale) = (self.points(), shape.field_scale());
-        field.par_chunks_exact_mut(points).enumerate().for_each(|(f, field)| {
-            modulate_wave(&shape.place, scale, pixels, f % 2 == 1, frame(wave, f / 2, points), field);
+    pub(super) fn modulate_wave(&mut self) {
+        let (points, pixels) = (self.shape.points(), self.shape.pixels());
+        let fields = if self.is_whole() { &mut *self.field } else { &mut *self.subpixels };
+        let (shape, tables, store) = (self.shape, self.tables.pixels, self.store);
+        let each = fields.par_chunks_exact_mut(points).zip(self.wave.par_chunks_exact(pixels));
+        each.for_each(|(field, wave)| {
+            modulate_wave(&shape.place, shape.field_scale(), tables, wave, field);
             store(field);
         });
     }
 
-    pub(super) fn turn(&mut self, change: &[Complex32]) {
-        let points = self.points();
-        let Waves { shape, pixels, wave, .. } = self;
-        wave.par_chunks_exact_mut(points).enumerate().for_each(|(i, wave)| {
-            turn(&shape.place, pixels, [2 * i, 2 * i + 1].map(|f| frame(change, f, points)), wave);
-        });
+    pub(super) fn turn(&mut self) {
+        let (points, pixels) = (self.shape.points(), self.shape.pixels());
+        let changes = if self.is_whole() { &*self.change } else { &*self.subpixels };
+        let (shape, tables) = (self.shape, self.tables.pixels);
+        let each = changes.par_chunks_exact(points).zip(self.wave.par_chunks_exact_mut(pixels));
+        each.for_each(|(change, wave)| turn(&shape.place, tables, change, wave));
     }
 
-    pub(super) fn drive_back(&self, args: &Args, change: &mut [Complex32]) {
-        let Waves { shape, store, shown, pixels, wave, .. } = self;
-        let (points, count) = (self.points(), shape.pixels());
-        change.par_chunks_exact_mut(points).enumerate().for_each(|(f, change)| {
-            drive_back(args, pixels, f % 2 == 1, frame(shown, f, count), frame(wave, f / 2, points), change);
-            store(change);
+    pub(super) fn drive_back(&mut self) {
+        let shown = if self.shape.quantised { &*self.shown } else { &*self.phases };
+        drive_back(&self.step.drive, self.tables.pixels, shown, self.wave, self.change);
+        (self.store)(self.change);
+    }
+
+    /// Rows of all sub-pixels, and columns of the first of each row of them.
+    pub(super) fn subpixels_forward(&mut self) {
+        let [height, width] = self.fft.size;
+        let (plans, columns, store, [down, along]) =
+            (self.fft.plans, self.fft.columns, self.store, self.tables.offsets);
+        let a_row = self.shape.subpixels() * height * width;
+        self.subpixels.par_chunks_exact_mut(a_row).for_each(|planes| {
+            planes.par_chunks_exact_mut(height * width).for_each(|plane| {
+                plans.rows(plane, width, Direction::Forward, store);
+            });
+            add_rows(width, along, planes);
+            let first = &mut planes[..height * width];
+            store(first);
+            plans.columns(first, height, width, Direction::Forward, columns, store);
         });
+        add_columns(width, down, self.subpixels, self.field);
+        store(self.field);
+    }
+
+    /// The same transposed.
+    pub(super) fn subpixels_inverse(&mut self) {
+        let [height, width] = self.fft.size;
+        let (plans, columns, store, [down, along]) =
+            (self.fft.plans, self.fft.columns, self.store, self.tables.offsets);
+        let a_row = self.shape.subpixels() * height * width;
+        spread_columns(width, down, self.change, self.subpixels);
+        self.subpixels.par_chunks_exact_mut(a_row).for_each(|planes| {
+            let first = &mut planes[..height * width];
+            store(first);
+            plans.columns(first, height, width, Direction::Inverse, columns, store);
+            spread_rows(width, along, planes);
+            planes.par_chunks_exact_mut(height * width).for_each(|plane| {
+                store(plane);
+                plans.rows(plane, width, Direction::Inverse, store);
+            });
+        });
+    }
+}
+
+impl Whole<'_> {
+    pub(super) fn lag(&mut self, back: bool) {
+        let pixels = self.shape.pixels().max(1);
+        let planes = self.shape.subpixels().pow(2);
+        let frames = self.wave.chunks_exact_mut(pixels).step_by(planes);
+        let mut parts: Vec<_> = frames.map(|frame| frame.chunks_mut(PART)).collect();
+        let mut together: Vec<Vec<&mut [f32]>> =
+            (0..pixels.div_ceil(PART)).map(|_| parts.iter_mut().filter_map(Iterator::next).collect()).collect();
+        together.par_iter_mut().for_each(|frames| lag(&self.step.drive, back, frames));
     }
 }

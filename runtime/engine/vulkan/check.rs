@@ -77,6 +77,9 @@ fn check_pupil_pass(pupil_pass: &PupilPass, shape: &Shape) -> Result<(), String>
     if pupil_pass.columns.count > columns || (pupil_pass.columns.count > 0 && pupil_pass.columns.first >= columns) {
         return Err("its columns do not fit its window".into());
     }
+    if pupil_pass.eye.as_ref().is_some_and(|t| t.coefficients.len() != eyebox_kernels::eye::Terms::count(t.degree)) {
+        return Err("its eye has another number of coefficients than its degree".into());
+    }
     if pupil_pass.taper.as_ref().is_some_and(|w| w.len() != rows + columns) {
         return Err("its taper does not fit its window".into());
     }

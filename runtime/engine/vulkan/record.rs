@@ -30,9 +30,8 @@ impl<'a> Work<'a> {
         let storage = self.shape.storage;
         for dispatch in list {
             match dispatch.kernel {
-                Kernel::FieldForward | Kernel::ChangeInverse => self.transforms.prepare(self.gpu, grid, storage)?,
-                Kernel::WaveForward | Kernel::WaveInverse => {
-                    self.transforms.prepare(self.gpu, grid, Resource::Wave.stored(storage))?;
+                Kernel::FieldForward | Kernel::ChangeInverse | Kernel::SubpixelsForward | Kernel::SubpixelsInverse => {
+                    self.transforms.prepare(self.gpu, grid, storage)?
                 }
                 Kernel::WindowForward | Kernel::WindowInverse => {
                     for pass in &self.step.pupil_passes[dispatch.pupil_passes.clone()] {

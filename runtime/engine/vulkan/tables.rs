@@ -71,6 +71,7 @@ pub(super) struct ShotOf {
 #[derive(Debug, Clone, Copy, Default)]
 struct PupilPassTables {
     spans: Place,
+    eye: Option<Place>,
     taper: Option<Place>,
     rows: Place,
     columns: Place,
@@ -115,6 +116,7 @@ impl Tables {
         self.pupils.clear();
         for (at, pass) in pupil_passes.iter().enumerate() {
             let mut tables = PupilPassTables { spans: self.add(&pass.spans), ..Default::default() };
+            tables.eye = pass.eye.as_ref().map(|terms| self.add(&terms.pairs()));
             tables.taper = pass.taper.as_ref().map(|weights| self.add(weights));
             if let Some(shot) = &pass.shot {
                 tables.rows = self.add_table(&shot.rows);
@@ -225,6 +227,7 @@ impl Tables {
         let tables = self.pupil_passes.get(pupil_pass)?;
         let place = match resource {
             Resource::Spans => tables.spans,
+            Resource::EyeTerms => tables.eye?,
             Resource::TaperWeights => tables.taper?,
             _ => return None,
         };

@@ -2,7 +2,7 @@
 
 use super::MethodAbout;
 use crate::hologram::Hologram;
-use crate::optics::{Color, Display};
+use crate::optics::{Color, Display, Prescription};
 use crate::quality::QualityError;
 use crate::solve::Method;
 use std::path::PathBuf;
@@ -119,6 +119,13 @@ impl Given {
         if h.geometry != display.geometry {
             let (made, is) = (h.geometry.name(), display.geometry.name());
             return wrong(format!("made for a {made} display, and '{}' is {is}", display.name));
+        }
+        if h.metadata.prescription != display.prescription {
+            let in_words = |eye: &Option<Prescription>| eye.as_ref().map_or("none".into(), Prescription::to_string);
+            let (made, looks) = (in_words(&h.metadata.prescription), in_words(&display.prescription));
+            return wrong(format!(
+                "its prescription is {made}, and that of the eye that looks {looks}: --prescription decides"
+            ));
         }
         let near = |a: f64, b: f64| (a - b).abs() <= 1e-6 * b.abs();
         let same_waves = h.display_wavelengths.len() == display.wavelengths.len()

@@ -153,11 +153,14 @@ impl Comparison {
         // Depths as built-in scenes have them on such a small display: the plane itself is at 0.
         let span = 0.5e-3;
         let settings = Settings { method, depth: [-span, span], ..self.settings.clone() };
-        let made_by = json!({
+        let mut made_by = json!({
             "version": env!("CARGO_PKG_VERSION"), "format": FORMAT, "views": views, "settings": settings,
             "side": display.height.min(display.width), "pitch": display.pitch, "focal_length": display.focal_length,
             "wavelengths": display.wavelengths.iter().map(|w| w.wavelength).collect::<Vec<_>>(),
         });
+        for (key, value) in beyond_ideal(display) {
+            made_by[key] = value;
+        }
         let (name, made_by) = (format!("speckle-{}", method.name()), made_by.to_string());
         if let Some(kept) = work.results.load(&name, &made_by) {
             work.pass(SPECKLE);
@@ -225,6 +228,14 @@ struct Task<'a> {
     made_by: String,
 }
 
+/// What results are of beside an ideal display and a perfect eye.
+fn beyond_ideal(display: &Display) -> impl Iterator<Item = (&'static str, serde_json::Value)> {
+    let model = (!display.model.is_empty()).then(|| ("model", json!(display.model)));
+    let picture = (!display.picture.is_empty()).then(|| ("picture", json!(display.picture)));
+    let eye = display.prescription.as_ref().map(|eye| ("prescription", json!(eye)));
+    model.into_iter().chain(picture).chain(eye)
+}
+
 /// One scene's part of the work.
 struct OfScene<'a> {
     job: &'a Comparison,
@@ -240,7 +251,7 @@ struct OfScene<'a> {
 impl<'a> OfScene<'a> {
     fn new(job: &'a Comparison, index: usize, field: &'a LightField, depth: [f64; 2]) -> Self {
         let display = &job.display;
-        let shared = json!({
+        let mut shared = json!({
             "version": env!("CARGO_PKG_VERSION"), "format": FORMAT,
             "scene": [json!(checksum(field)), json!(field.grid), json!(field.cell(display)), json!(depth)],
             "display": [
@@ -249,6 +260,9 @@ impl<'a> OfScene<'a> {
             ],
             "colors": job.colors, "diameter": job.settings.diameter,
         });
+        for (key, value) in beyond_ideal(display) {
+            shared[key] = value;
+        }
         // Scenes of one name are numbered.
         let slugs: Vec<String> = job.scenes.iter().map(|l| slug(l)).collect();
         let same = slugs[..index].iter().filter(|s| **s == slugs[index]).count();

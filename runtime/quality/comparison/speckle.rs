@@ -42,7 +42,7 @@ pub fn speckle(
     went: &mut dyn FnMut() -> bool,
 ) -> Result<Option<SpeckleFigures>, QualityError> {
     let side = SIDE.min(display.height).min(display.width);
-    let display = Display { height: side, width: side, ..display.clone() };
+    let display = Display { height: side, width: side, prescription: None, ..display.clone() };
     let color = leading(&display.wavelengths.iter().map(|w| w.color).collect::<Vec<_>>());
     let problem = Problem::new(&plane(side, color, views), color, &display, Padding::default())?;
     let diameter = display.eyebox_min() / 4.0;

@@ -1,6 +1,6 @@
 //! The arguments of `eyebox evaluate`.
 
-use crate::args::{DisplayArgs, EngineArgs, OtherSceneArgs, OverwriteArgs, SceneArgs, SceneOptions};
+use crate::args::{DisplayArgs, EngineArgs, EyeArgs, OtherSceneArgs, OverwriteArgs, SceneArgs, SceneOptions};
 use crate::phases::PhaseUnitArgs;
 use crate::quality::QualityArgs;
 use crate::values::diameters;
@@ -22,6 +22,9 @@ pub struct Evaluate {
     /// Solve for and look at an ideal display, whatever the display's model says
     #[arg(long)]
     pub ideal: bool,
+    /// The eye that looks
+    #[command(flatten)]
+    pub eye: EyeArgs,
     /// Methods to solve with [default: slfh,lf2fs,stft,smooth,dpac; with --hologram, none]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub methods: Option<Vec<String>>,

@@ -133,12 +133,16 @@ fn job(args: &Evaluate) -> Result<Comparison, Failure> {
     };
     let opening = args.unit.chosen(&args.display)?;
     let read = |(name, file): &(String, PathBuf)| -> Result<Given, Failure> {
-        Ok(Given::new(name, file.clone(), opening.hologram(file)?, &args.scenes, args.other.other_scene)?)
+        let mut hologram = opening.hologram(file)?;
+        args.eye.replace(&mut hologram.metadata.prescription)?;
+        Ok(Given::new(name, file.clone(), hologram, &args.scenes, args.other.other_scene)?)
     };
     let given: Vec<Given> = args.hologram.iter().map(read).collect::<Result<_, _>>()?;
     let (mut display, colors) = optics(args, methods.is_empty().then_some(()).and(given.first()))?;
+    args.eye.replace(&mut display.prescription)?;
     if args.ideal {
         display.model.clear();
+        display.picture = Default::default();
     }
     for hologram in &given {
         hologram.check(&display, &colors)?;

@@ -2,7 +2,7 @@
 
 use super::args::SteeringArgs;
 use crate::Failure;
-use crate::args::{EngineArgs, OtherSceneArgs, SceneArgs};
+use crate::args::{EngineArgs, EyeArgs, OtherSceneArgs, SceneArgs};
 use crate::common::{self, Form};
 use crate::phases::{PhaseArgs, tell_unfinished};
 use crate::progress::{self, JobBar};
@@ -38,6 +38,9 @@ pub struct Refine {
     /// Steps
     #[arg(long, default_value_t = 16, value_name = "N")]
     pub steps: usize,
+    /// The eye that looks
+    #[command(flatten)]
+    pub eye: EyeArgs,
     /// How the phases follow
     #[command(flatten)]
     pub steering: SteeringArgs,
@@ -88,6 +91,7 @@ pub fn run(args: &Refine) -> Result<(), Failure> {
         return tiled(args);
     }
     let mut hologram = args.phases.opening(&args.hologram, None)?.hologram(&args.hologram)?;
+    args.eye.replace(&mut hologram.metadata.prescription)?;
     let display = score::display_of(&args.hologram, &hologram)?;
     args.other.check(&args.hologram, &hologram, &args.scene.scene)?;
     let colors: Vec<_> = hologram.colors.iter().filter_map(|c| c.color).collect();
@@ -101,6 +105,7 @@ pub fn run(args: &Refine) -> Result<(), Failure> {
     let mut described = String::new();
     for (color, solved) in colors.iter().zip(&mut hologram.colors) {
         let problem = Problem::new(&field, *color, &display, padding)?;
+        problem.check_blur(aim.diameter[1])?;
         let anywhere = PupilRange::over(problem.eyebox, aim.focus);
         let (rows, phases, engine) = steps(args, problem, &solved.phases, solved.exposure, anywhere)?;
         solved.phases = phases;
@@ -119,6 +124,10 @@ pub fn run(args: &Refine) -> Result<(), Failure> {
 /// copy.
 fn tiled(args: &Refine) -> Result<(), Failure> {
     let tiles = Tiles::open(&args.hologram)?;
+    if args.eye.given()?.is_some_and(|eye| !eye.is_perfect()) {
+        let file = args.hologram.display();
+        return Err(Failure::Asked(format!("{file}: a hologram in tiles is refined for a perfect eye only")));
+    }
     let about = tiles.about();
     if tiles.made().is_some() && args.out.is_some() {
         let file = args.hologram.display();

@@ -1,6 +1,6 @@
 //! What is steered: a hologram with its scene, or a scene that is solved first.
 
-use crate::args::{DisplayArgs, EngineArgs, OtherSceneArgs, SceneArgs, SceneOptions};
+use crate::args::{DisplayArgs, EngineArgs, EyeArgs, OtherSceneArgs, SceneArgs, SceneOptions};
 use crate::common::{self, Engines};
 use crate::phases::{PhaseUnitArgs, tell_unfinished};
 use crate::quality::QualityArgs;
@@ -34,6 +34,9 @@ pub struct SubjectArgs {
     /// Display that is encoded for, and, with a scene, solved for; bare phases are for it
     #[command(flatten)]
     pub display: DisplayArgs,
+    /// The eye that looks
+    #[command(flatten)]
+    pub eye: EyeArgs,
     /// Bare phases
     #[command(flatten)]
     pub unit: PhaseUnitArgs,
@@ -69,6 +72,7 @@ pub fn load(args: &SubjectArgs, engines: &Engines) -> Result<Steered, Failure> {
     let (hologram, optics, field, unfinished) = if phases || (!Phases::are_at(path) && !path.join("views").exists()) {
         let unfinished = tell_unfinished(path)?;
         let mut hologram = Opening { unfinished: true, ..args.unit.chosen(&args.display)? }.hologram(path)?;
+        args.eye.replace(&mut hologram.metadata.prescription)?;
         let optics = score::display_of(path, &hologram)?;
         let name = args.scene.as_deref().unwrap_or(&hologram.scene);
         if name.is_empty() {
@@ -83,7 +87,8 @@ pub fn load(args: &SubjectArgs, engines: &Engines) -> Result<Steered, Failure> {
         if args.scene.is_some() {
             return Err(Failure::Asked(format!("{} is a scene already: leave out --scene", args.what)));
         }
-        let display = common::display(&args.display)?;
+        let mut display = common::display(&args.display)?;
+        args.eye.replace(&mut display.prescription)?;
         let colors = common::colors(&args.display, &display)?;
         let mut engine = engines.open()?;
         let field = common::scene(&scene(&args.what), &display, &colors)?;

@@ -21,7 +21,8 @@ const PROGRAM: u64 = 10 << 20;
 /// Plans, says it, and where asked, checks it.
 pub fn run(args: &Plan) -> Result<(), Failure> {
     let solve = &args.solve;
-    let display = common::display(&solve.display)?;
+    let mut display = common::display(&solve.display)?;
+    solve.eye.replace(&mut display.prescription)?;
     let colors = common::colors(&solve.display, &display)?;
     let mut engine = common::engine(&solve.engine)?;
     let program = common::memory_kib("VmRSS").map_or(PROGRAM, |kib| kib << 10);

@@ -1,6 +1,6 @@
 //! The arguments of `eyebox preview`.
 
-use crate::args::{EngineArgs, OtherSceneArgs, SceneOptions};
+use crate::args::{EngineArgs, EyeArgs, OtherSceneArgs, SceneOptions};
 use crate::phases::{EncodedArgs, PhaseArgs};
 use crate::values::{GivenPupil, positive, pupil, rate, size};
 use clap::Args;
@@ -49,6 +49,9 @@ pub struct Preview {
     /// white]
     #[arg(long, value_parser = positive)]
     pub exposure: Option<f64>,
+    /// The eye that looks
+    #[command(flatten)]
+    pub eye: EyeArgs,
     /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,

@@ -11,7 +11,7 @@ use crate::phases::tell_unfinished;
 use crate::{Failure, progress, score, view};
 use eyebox::evaluate::Plane;
 use eyebox::hologram::{Hologram, Opening, PhaseSource, SceneSource, Sequence, Tiles};
-use eyebox::optics::{Color, Padding, Pupil};
+use eyebox::optics::{Color, Padding, Prescription, Pupil};
 use eyebox::present::{Desktop, Monitor, PresentError, WindowEvent};
 use eyebox::preview::{
     Action, Controls, Look, Picture, PreviewError, PreviewWindow, Seen, Showing, Side, Viewer, places,
@@ -47,6 +47,7 @@ pub fn run(args: &Preview) -> Result<(), Failure> {
         rate: playing.as_ref().map_or(1.0, |p| p.1),
         playing: playing.map(|p| p.0),
         padding: hologram.metadata.padding(),
+        prescription: hologram.metadata.prescription.clone(),
         exposure: args.exposure,
         index: 0,
         contents: 0,
@@ -92,10 +93,15 @@ fn open(args: &Preview) -> Result<Opened, Failure> {
         let mut sequence = opening.sequence(&args.file)?;
         let [numerator, denominator] = sequence.rate();
         let hz = args.rate.map_or(f64::from(numerator) / f64::from(denominator), |rate| rate.hz());
-        let hologram = sequence.load(0)?;
+        let mut hologram = sequence.load(0)?;
+        args.eye.replace(&mut hologram.metadata.prescription)?;
         return Ok(Opened { hologram, playing: Some((Playing::new(sequence, hz)?, hz)), tiles: None });
     }
     let source = args.encoded.source(&args.phases, &args.file, args.at)?;
+    let source = match args.eye.given()? {
+        Some(eye) => source.seen_by(Some(eye))?,
+        None => source,
+    };
     let hologram = source.about().clone();
     let tiles = match source {
         PhaseSource::Whole(_) => None,
@@ -160,6 +166,8 @@ struct Shown {
     playing: Option<Playing>,
     rate: f64,
     padding: Padding,
+    /// The eye that looks.
+    prescription: Option<Prescription>,
     exposure: Option<f64>,
     index: u64,
     contents: u64,
@@ -191,6 +199,7 @@ impl Shown {
             hologram.colors.iter_mut().for_each(|c| c.exposure = exposure);
         }
         self.index = index;
+        hologram.metadata.prescription.clone_from(&self.prescription);
         let showing = Showing::new(hologram, self.padding)?;
         self.show(viewer, Arc::new(showing));
         Ok(())

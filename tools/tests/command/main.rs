@@ -9,6 +9,7 @@ mod displays;
 mod encode;
 mod encoded;
 mod evaluate;
+mod eyes;
 mod generate;
 mod inspect;
 mod kept;

@@ -72,6 +72,46 @@ fn a_plan_says_what_each_term_takes() {
     assert!(share("iris").abs() < 0.1 && share("all") >= share("crosstalk"), "{terms}");
 }
 
+/// A display whose picture is seen bent is shown it bent the other way, and what is looked at is what is seen.
+#[test]
+fn a_picture_is_shown_where_it_is_seen() {
+    let dir = folder();
+    let at = dir.path();
+    let identity = "homography = [1, 0, 0, 0, 1, 0, 0, 0]";
+    let with = |distortion: &str| format!("{BENCH}[picture.green]\n{identity}\ndistortion = {distortion}\n");
+    std::fs::write(at.join("bent.toml"), with("[0.3, 0]")).unwrap();
+    std::fs::write(at.join("folded.toml"), with("[-1, 0]")).unwrap();
+    let settings = ["--steps", "20", "--frames", "8", "--pupil-diameter", "4..10", "--engine", "cpu"];
+    let solve =
+        |display, out| [&["solve", "builtin:still-life", "--display", display, "-o", out][..], &settings].concat();
+    done(at, &solve("bent.toml", "bent.zarr"));
+    let view = |out: &str, more: &[&str]| {
+        let view = ["view", "bent.zarr", "--pupil", "0,0,10,0", "--engine", "cpu", "-o", out];
+        let answer = eyebox(at, &[&view[..], more].concat());
+        assert!(answer.status.success(), "{}", text(&answer.stderr));
+        (read_npy(&at.join(out)).unwrap().values, text(&answer.stderr))
+    };
+    let ((seen, said), (shown, _)) = (view("seen.npy", &[]), view("shown.npy", &["--ideal"]));
+    assert!(said.contains("where the display's picture is seen"), "{said}");
+    let photograph = ["photograph", "builtin:still-life", "--display", "bent.toml", "--engine", "cpu"];
+    done(at, &[&photograph[..], &["--pupil", "0,0,10,0", "-o", "scene.npy"]].concat());
+    let scene = read_npy(&at.join("scene.npy")).unwrap().values;
+    // Of what is seen and what the display shows, the first is the scene. At the edges some of it has left the display.
+    let middle = |v: &[f32]| {
+        let values: Vec<f32> = (8..40).flat_map(|row| v[48 * row + 8..48 * row + 40].to_vec()).collect();
+        let mean = values.iter().sum::<f32>() / values.len() as f32;
+        values.iter().map(|v| v - mean).collect::<Vec<f32>>()
+    };
+    let scene = middle(&scene);
+    let unlike = |view: &[f32]| {
+        let view = &middle(view);
+        let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(a * b)).sum::<f64>();
+        1.0 - dot(view, &scene) / (dot(view, view) * dot(&scene, &scene)).sqrt()
+    };
+    assert!(unlike(&seen) < 0.6 * unlike(&shown), "{} {}", unlike(&seen), unlike(&shown));
+    refused(at, &solve("folded.toml", "h.zarr"), "h.zarr", "[picture.green]");
+}
+
 /// What makes no sense in the far field is refused, not left out.
 #[test]
 fn a_fill_in_the_far_field_is_refused() {
@@ -80,4 +120,9 @@ fn a_fill_in_the_far_field_is_refused() {
     std::fs::write(dir.path().join("far.toml"), far).unwrap();
     let solve = ["solve", "builtin:still-life", "--display", "far.toml", "-o", "h.zarr"];
     refused(dir.path(), &solve, "h.zarr", "leave it out");
+    let far = format!("{BENCH}geometry = \"far-field\"\n[model.green]\nsubpixels = 2\n");
+    std::fs::write(dir.path().join("far.toml"), far).unwrap();
+    refused(dir.path(), &solve, "h.zarr", "subpixels");
+    std::fs::write(dir.path().join("far.toml"), format!("{BENCH}[model.green]\nsubpixels = 4\n")).unwrap();
+    refused(dir.path(), &solve, "h.zarr", "1 to 3");
 }

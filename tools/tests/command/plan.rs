@@ -89,7 +89,7 @@ fn sub_frames_follow_the_speckle_asked_for() {
     refused(at, &["plan", "builtin:none"], "x", "still-life");
 }
 
-/// Rates that are damaged are measured again; a folder that cannot be written costs nothing but time.
+/// A folder that cannot be written costs nothing but time; rates are measured once, and again where they are damaged.
 #[test]
 fn rates_are_a_convenience() {
     let temp = folder();
@@ -101,19 +101,17 @@ fn rates_are_a_convenience() {
         assert!(answer.status.success(), "{}", common::text(&answer.stderr));
         common::text(&answer.stderr)
     };
+    std::fs::write(&cache, "no folder").unwrap();
     assert!(run().contains("timing"));
-    assert!(!run().contains("timing"), "the second plan knows the rates");
+    std::fs::remove_file(&cache).unwrap();
+    std::fs::create_dir_all(cache.join("eyebox")).unwrap();
+    assert!(run().contains("timing"));
     let mut kept = std::fs::read_dir(cache.join("eyebox")).unwrap().map(|e| e.unwrap().path());
     let file = kept.find(|p| p.to_string_lossy().contains("rates-")).expect("the rates");
     let whole = std::fs::read_to_string(&file).unwrap();
-    for damaged in [&whole[..whole.len() / 2], &whole.replace("\"seconds\":[", "\"seconds\":[-")] {
-        std::fs::write(&file, damaged).unwrap();
-        assert!(run().contains("timing"), "{damaged}");
-    }
-    assert!(!run().contains("timing"));
-    std::fs::remove_dir_all(&cache).unwrap();
-    std::fs::write(&cache, "no folder").unwrap();
+    std::fs::write(&file, &whole[..whole.len() / 2]).unwrap();
     assert!(run().contains("timing"));
+    assert!(!run().contains("timing"), "the next plan knows the rates");
 }
 
 /// A side with a large prime factor is padded to one that transforms well, and that is said.

@@ -11,10 +11,7 @@ use crate::engine::{Dispatch, EngineError, Kernel, PupilPass, Resource, Shape, S
 use crate::gpu::{Block, Commands, PUSH_BYTES, Range};
 use crate::plan::{Access, PerFrame, moved};
 use bytemuck::Pod;
-use eyebox_kernels::{
-    WIDTH,
-    fft::{Columns, Direction},
-};
+use eyebox_kernels::{WIDTH, fft::Direction};
 use eyebox_spirv::Module;
 
 /// Workgroups that fill any device a few times over.
@@ -185,7 +182,7 @@ impl<'a> Call<'_, 'a> {
         let Work { stacks, arenas, tables, losses, .. } = &*self.work;
         let index = self.dispatch.pupil_passes.start + self.at;
         match resource {
-            Resource::Spans | Resource::TaperWeights => tables.bound(index, resource).transpose(),
+            Resource::Spans | Resource::EyeTerms | Resource::TaperWeights => tables.bound(index, resource).transpose(),
             // What kernels over several pupils find in their own tables.
             Resource::Views | Resource::Taps | Resource::RowWeights | Resource::ColumnWeights => Ok(None),
             Resource::Losses => {
@@ -264,10 +261,7 @@ impl<'a> Call<'_, 'a> {
         for resource in self.kernel.writes() {
             let stack = self.work.stacks.find(resource).ok_or_else(|| self.missing(resource))?;
             let frames = frames_of(&stack.block, &stack.layout, size);
-            // Phases have all columns.
-            let all = Columns::all(size[1]);
-            let columns = if resource == Resource::Wave { all } else { self.step.columns };
-            self.work.transforms.record(self.work.gpu, frames, direction, columns, Along::Both)?;
+            self.work.transforms.record(self.work.gpu, frames, direction, self.step.columns, Along::Both)?;
         }
         Ok(())
     }

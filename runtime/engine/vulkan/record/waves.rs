@@ -1,13 +1,15 @@
-//! What stands between phases and field where the display is more than its phases: over pairs of sub-frames.
+//! What stands between phases and field where the display is more than its phases: over sub-frames and their sub-pixels.
 
-use super::call::Call;
+use super::super::fft::{Along, Frames};
+use super::call::{Call, frames_of};
 use crate::engine::{EngineError, Resource};
 use bytemuck::Pod;
+use eyebox_kernels::fft::Direction;
 
 impl Call<'_, '_> {
     pub(super) fn drive(&mut self) -> Result<(), EngineError> {
         let (step, place) = (self.step, self.shape.place);
-        self.pairs([place.grid_height, place.grid_width], &step.drive, &[])
+        self.planes([place.height, place.width], 1, &step.drive, &[self.shape.subpixels() as u32])
     }
 
     /// All sub-frames at once, in either direction.
@@ -19,59 +21,99 @@ impl Call<'_, '_> {
         let Some(wave) = self.range(Resource::Wave, 0, 1)? else { return Ok(()) };
         let (frames, drive) = (self.shape.frames, &self.step.drive);
         let bits = [drive.settled(frames), drive.lag].map(f32::to_bits);
-        let args = [self.shape.points() as u32, frames as u32, bits[0], bits[1], layout.stride() as u32];
+        let stride = self.shape.subpixels().pow(2) * layout.stride();
+        let args = [self.shape.pixels() as u32, frames as u32, bits[0], bits[1], stride as u32];
         let wave = layout.range(wave.block, 0, layout.frames);
-        let groups = self.work.along(self.shape.points(), 1);
+        let groups = self.work.along(self.shape.pixels(), 1);
         self.run(&[wave], &args, &[], groups)
     }
 
-    pub(super) fn crosstalk(&mut self) -> Result<(), EngineError> {
-        let place = self.shape.place;
-        let size = [place.grid_height, place.grid_width];
-        self.pairs(size, &size, &[])
+    /// Along columns or rows, transposed or not.
+    pub(super) fn crosstalk(&mut self, way: [bool; 2]) -> Result<(), EngineError> {
+        let (args, place) = (self.shape.crosstalk(), self.shape.place);
+        self.module = Some(&eyebox_spirv::CROSSTALK);
+        self.planes([place.height, place.width], 1, &args, &way.map(u32::from))
     }
 
     pub(super) fn modulate_wave(&mut self) -> Result<(), EngineError> {
         let (place, scale) = (self.shape.place, self.shape.field_scale().to_bits());
-        self.pairs([place.grid_height, place.grid_width], &place, &[scale])
+        self.module = Some(&eyebox_spirv::MODULATE_WAVE);
+        self.planes([place.grid_height, place.grid_width], self.shape.subpixels().pow(2), &place, &[scale])
     }
 
     pub(super) fn turn(&mut self) -> Result<(), EngineError> {
         let place = self.shape.place;
-        self.pairs([place.grid_height, place.grid_width], &place, &[])
+        self.module = Some(&eyebox_spirv::TURN);
+        self.planes([place.height, place.width], self.shape.subpixels().pow(2), &place, &[])
     }
 
     pub(super) fn drive_back(&mut self) -> Result<(), EngineError> {
         let (step, place) = (self.step, self.shape.place);
-        self.pairs([place.height, place.width], &step.drive, &[])
+        self.planes([place.height, place.width], 1, &step.drive, &[self.shape.subpixels() as u32])
     }
 
-    /// Over rows and columns of as many pairs at once as the device allows. Push constants are the arguments, `more`, how many
-    /// sub-frames there are, and the strides in the order of the bindings.
-    fn pairs(&mut self, [rows, columns]: [u32; 2], args: &impl Pod, more: &[u32]) -> Result<(), EngineError> {
-        let is_framed = |resource: Resource| resource == Resource::Wave || resource.per_frame().is_some();
-        let each = |resource: Resource| if resource == Resource::Wave { 1 } else { 2 };
-        let binds = self.kernel.binds();
-        let (mut most, mut strides) = (usize::MAX, Vec::with_capacity(3));
+    /// Between the fields of sub-pixels and the central order of their spectrum: the rows of all, and the columns of what those
+    /// of a row of sub-pixels add up to.
+    pub(super) fn subpixels(&mut self, direction: Direction) -> Result<(), EngineError> {
+        self.module = Some(&eyebox_spirv::SUBPIXELS);
+        let (p, place) = (self.shape.subpixels(), self.shape.place);
+        let stack = self.work.stacks.find(Resource::Subpixels).ok_or_else(|| self.missing(Resource::Subpixels))?;
+        let all = frames_of(&stack.block, &stack.layout, [place.grid_height as usize, place.grid_width as usize]);
+        let firsts = Frames { count: all.count / p, stride: all.stride * p, ..all };
+        let mut stages =
+            [(Some(all), Along::Rows), (None, Along::Rows), (Some(firsts), Along::Columns), (None, Along::Columns)];
+        let back = direction == Direction::Inverse;
+        if back {
+            stages.reverse();
+        }
+        for (i, (frames, along)) in stages.into_iter().enumerate() {
+            if i > 0 {
+                self.work.gpu.recorder.barrier();
+            }
+            match frames {
+                Some(frames) => {
+                    self.work.transforms.record(self.work.gpu, frames, direction, self.step.columns, along)?;
+                }
+                None => {
+                    let size = [place.grid_height, place.grid_width];
+                    let columns = u32::from(along == Along::Columns);
+                    self.planes(size, 1, &size, &[p as u32, columns, u32::from(back)])?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Over rows and columns of as many sub-frames at once as the device allows, each in `planes` dispatches of its own. Push
+    /// constants are the arguments, `more`, and the strides in the order of the bindings.
+    fn planes(
+        &mut self,
+        [rows, columns]: [u32; 2],
+        planes: usize,
+        args: &impl Pod,
+        more: &[u32],
+    ) -> Result<(), EngineError> {
+        let (p, binds) = (self.shape.subpixels(), self.kernel.binds());
+        let each = |resource: Resource| p.pow(resource.axes_of_subpixels());
+        let is_framed = |resource: Resource| resource.axes_of_subpixels() > 0 || resource.per_frame().is_some();
+        let mut most = self.work.gpu.limits().groups[2] as usize / planes;
+        let mut more = more.to_vec();
         for (_, resource) in binds.iter().filter(|(_, resource)| is_framed(*resource)) {
             let layout = self.layout(*resource)?;
             most = most.min(self.work.at_once(&layout) / each(*resource));
-            strides.push(layout.stride() as u32);
+            more.push(layout.stride() as u32);
         }
-        let frames = self.shape.frames;
-        for (first, count) in self.work.chunks(frames.div_ceil(2), most) {
-            let here = (2 * count).min(frames - 2 * first);
+        for (first, count) in self.work.chunks(self.shape.frames, most) {
             let mut buffers = Vec::with_capacity(binds.len());
             for (_, resource) in binds {
                 let Some(whole) = self.range(*resource, 0, 1)? else { return Ok(()) };
-                buffers.push(match (is_framed(*resource), *resource) {
-                    (true, Resource::Wave) => self.layout(*resource)?.range(whole.block, first, count),
-                    (true, _) => self.layout(*resource)?.range(whole.block, 2 * first, here),
-                    _ => whole,
+                let each = each(*resource);
+                buffers.push(match is_framed(*resource) {
+                    true => self.layout(*resource)?.range(whole.block, each * first, each * count),
+                    false => whole,
                 });
             }
-            let groups = self.work.rows(rows, columns, count);
-            let more: Vec<u32> = more.iter().chain(&[here as u32]).chain(&strides).copied().collect();
+            let groups = self.work.rows(rows, columns, planes * count);
             self.run(&buffers, args, &more, groups)?;
         }
         Ok(())

@@ -1,0 +1,262 @@
+//! What is wrong with the eye that looks, as a prescription or an aberrometer says (OPTICS 11).
+
+use super::{Optics, OpticsError, Pupil};
+use crate::files::read;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// An eye's error, which rides with its pupil. Its path from the pupil's centre s is P(X - s), with
+/// `P(X) = (S |X|^2 + C (n . X)^2) / 2`, `n = (-sin axis, cos axis)`, and what an aberrometer found beside it.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
+pub struct Prescription {
+    /// Sphere, dioptres; minus for the short-sighted.
+    pub sphere: f64,
+    /// Cylinder, dioptres.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub cylinder: f64,
+    /// Its axis as written on a prescription, degrees.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub axis_deg: f64,
+    /// Where the prescription is one for spectacles, their distance from the eye, millimetres.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub vertex_mm: f64,
+    /// An aberrometer's coefficients by their ANSI index, micrometres RMS (ANSI Z80.28); 3, 4 and 5 add to the prescription.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty", with = "super::model::indices")]
+    pub zernikes_um: BTreeMap<u32, f64>,
+    /// Diameter of the pupil that they were measured over, millimetres. Wider ones continue the polynomials.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub measured_mm: f64,
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
+}
+
+/// A polynomial in two variables: coefficients of x^i y^j, by i and then j.
+type Polynomial = Vec<Vec<f64>>;
+
+/// The largest ANSI index that is read: the end of the sixth order.
+const LARGEST_INDEX: u32 = 27;
+
+impl Prescription {
+    /// Of a prescription, at the eye: sphere and cylinder in dioptres, the axis in degrees.
+    pub fn new(sphere: f64, cylinder: f64, axis_deg: f64) -> Self {
+        Self { sphere, cylinder, axis_deg, ..Self::default() }
+    }
+
+    /// Of a TOML file with the keys of [`Prescription`].
+    ///
+    /// # Errors
+    /// [`OpticsError::Prescription`].
+    pub fn load(path: &Path) -> Result<Self, OpticsError> {
+        let wrong = |reason: String| OpticsError::Prescription { reason: format!("{}: {reason}", path.display()) };
+        let text = read::text(path, read::TEXT).map_err(|e| wrong(e.to_string()))?;
+        let given: Self = read::toml(&text).map_err(wrong)?;
+        given.check().map_err(wrong)?;
+        Ok(given)
+    }
+
+    /// What is wrong with it, in words.
+    ///
+    /// # Errors
+    /// The reason.
+    pub fn check(&self) -> Result<(), String> {
+        let within = |name: &str, value: f64, low: f64, high: f64| {
+            if (low..=high).contains(&value) {
+                Ok(())
+            } else {
+                Err(format!("{name} is {value}: it must be {low} to {high}"))
+            }
+        };
+        within("the sphere in dioptres", self.sphere, -40.0, 40.0)?;
+        within("the cylinder in dioptres", self.cylinder, -20.0, 20.0)?;
+        within("the axis in degrees", self.axis_deg, 0.0, 180.0)?;
+        within("vertex_mm, the distance of the spectacles,", self.vertex_mm, 0.0, 30.0)?;
+        for (j, um) in &self.zernikes_um {
+            if !(3..=LARGEST_INDEX).contains(j) {
+                return Err(format!(
+                    "zernikes_um names polynomial {j}: the ANSI index must be 3 to {LARGEST_INDEX} (piston and tilt are no \
+                     errors of sight; the sixth order is the last that is read)"
+                ));
+            }
+            within("zernikes_um in micrometres", *um, -100.0, 100.0)?;
+        }
+        match (self.zernikes_um.is_empty(), self.measured_mm == 0.0) {
+            (false, true) => Err("zernikes_um needs measured_mm, the diameter of the pupil that was measured".into()),
+            (true, false) => Err("measured_mm needs zernikes_um".into()),
+            (true, true) => Ok(()),
+            (false, false) => within("measured_mm", self.measured_mm, 1.0, 12.0),
+        }
+    }
+
+    /// Whether it has no error at all.
+    pub fn is_perfect(&self) -> bool {
+        self.power() == [[0.0; 2]; 2] && self.higher().next().is_none()
+    }
+
+    /// Whether it has errors that only an eye whose place is known can be corrected for.
+    pub fn has_higher_orders(&self) -> bool {
+        self.higher().next().is_some()
+    }
+
+    fn higher(&self) -> impl Iterator<Item = (u32, f64)> {
+        self.zernikes_um.iter().filter(|(j, um)| **j > 5 && **um != 0.0).map(|(j, um)| (*j, um * 1e-6))
+    }
+
+    /// Sphere and cylinder at the eye, with what coefficients 3, 4 and 5 add, as a symmetric matrix Q over (x, y), dioptres:
+    /// `P(X) = X . Q X / 2`.
+    pub fn power(&self) -> [[f64; 2]; 2] {
+        // Each of the two principal powers of spectacles at the distance v is F / (1 - v F) at the eye.
+        let at_eye = |power: f64| power / (1.0 - self.vertex_mm * 1e-3 * power);
+        let sphere = at_eye(self.sphere);
+        let cylinder = at_eye(self.sphere + self.cylinder) - sphere;
+        let (sin, cos) = self.axis_deg.to_radians().sin_cos();
+        let mut power = [
+            [sphere + cylinder * sin * sin, -cylinder * sin * cos],
+            [-cylinder * sin * cos, sphere + cylinder * cos * cos],
+        ];
+        let a = |j: u32| self.zernikes_um.get(&j).copied().unwrap_or(0.0) * 1e-6;
+        if self.measured_mm > 0.0 {
+            // Of -a_j Z_j(X / r) the second derivatives: Z_3 = 2 sqrt 6 x y, Z_4 = sqrt 3 (2 x^2 + 2 y^2 - 1), Z_5 = sqrt 6 (x^2 - y^2).
+            let per = -(self.measured_mm * 0.5e-3).powi(-2);
+            let (mean, across, oblique) =
+                (4.0 * 3f64.sqrt() * a(4), 2.0 * 6f64.sqrt() * a(5), 2.0 * 6f64.sqrt() * a(3));
+            power[0][0] += per * (mean + across);
+            power[1][1] += per * (mean - across);
+            power[0][1] += per * oblique;
+            power[1][0] += per * oblique;
+        }
+        power
+    }
+
+    /// The strongest of its powers at the eye, dioptres, without a sign.
+    pub fn strongest(&self) -> f64 {
+        let [[a, b], [_, c]] = self.power();
+        let (mean, spread) = (0.5 * (a + c), (0.5 * (a - c)).hypot(b));
+        (mean - spread).abs().max((mean + spread).abs())
+    }
+
+    /// Prentice's rule: where a pupil at `s` (x, y) sees the picture displaced to, `f Q s`, metres, (x, y). Higher orders
+    /// displace nothing.
+    pub fn displacement(&self, s: [f64; 2], focal_length: f64) -> [f64; 2] {
+        self.power().map(|row| focal_length * (row[0] * s[0] + row[1] * s[1]))
+    }
+
+    /// Its path P in metres as a polynomial in X - s, in metres: coefficients of x^i y^j.
+    pub(crate) fn path(&self) -> Polynomial {
+        let [[xx, xy], [_, yy]] = self.power();
+        let mut path = vec![vec![0.0, 0.0, 0.5 * yy], vec![0.0, xy, 0.0], vec![0.5 * xx, 0.0, 0.0]];
+        let scale = -2.0 / (self.measured_mm * 1e-3);
+        for (j, metres) in self.higher() {
+            let zernike = super::zernike::coefficients(j);
+            let size = path.len().max(zernike.len());
+            path.resize(size, Vec::new());
+            path.iter_mut().for_each(|row| row.resize(size, 0.0));
+            for (i, row) in zernike.iter().enumerate() {
+                for (k, c) in row.iter().enumerate() {
+                    path[i][k] -= metres * c * scale.powi((i + k) as i32);
+                }
+            }
+        }
+        path[0][0] = 0.0;
+        path
+    }
+
+    /// The depth at which content walks off as far as light does in this eye and as the picture that it sees moves.
+    /// Metres: `reach` is the largest |s| + d/2, the widest pupil has this diameter.
+    pub(crate) fn walk_off(&self, focal_length: f64, reach: f64, diameter: f64) -> f64 {
+        let moved = focal_length * focal_length * self.strongest();
+        moved.max(0.5 * self.blur(focal_length, diameter) * focal_length / reach)
+    }
+
+    /// How wide it blurs a point through a pupil of this diameter, metres in the focal plane: `f |S| d` for a sphere, for higher
+    /// orders the disc whose rays are as far from its middle, RMS.
+    pub fn blur(&self, focal_length: f64, diameter: f64) -> f64 {
+        let path = self.path();
+        let slope = |x: f64, y: f64| {
+            let (mut along, mut down) = (0.0, 0.0);
+            for (i, row) in path.iter().enumerate() {
+                for (k, c) in row.iter().enumerate().filter(|(_, c)| **c != 0.0) {
+                    let power = |x: f64, n: usize| x.powi(n as i32);
+                    if i > 0 {
+                        along += c * i as f64 * power(x, i - 1) * power(y, k);
+                    }
+                    if k > 0 {
+                        down += c * k as f64 * power(x, i) * power(y, k - 1);
+                    }
+                }
+            }
+            [along, down]
+        };
+        // Evenly over the pupil; what all of it is turned by displaces and does not blur.
+        let (mut sum, mut squares, mut count) = ([0.0; 2], 0.0, 0.0);
+        for (ring, step) in (0..16).flat_map(|ring| (0..64).map(move |step| (ring, step))) {
+            let (sin, cos) = (f64::from(step) * std::f64::consts::TAU / 64.0).sin_cos();
+            let r = 0.5 * diameter * ((f64::from(ring) + 0.5) / 16.0).sqrt();
+            let [along, down] = slope(r * cos, r * sin);
+            sum = [sum[0] + along, sum[1] + down];
+            (squares, count) = (squares + along * along + down * down, count + 1.0);
+        }
+        let variance = squares / count - (sum[0] * sum[0] + sum[1] * sum[1]) / (count * count);
+        let even_disc = 8f64.sqrt() * variance.max(0.0).sqrt();
+        focal_length * even_disc.max(self.strongest() * diameter)
+    }
+
+    /// Refuses what blurs over more than half of a picture, whose shorter side is `side`, through a pupil of this diameter:
+    /// metres.
+    ///
+    /// # Errors
+    /// [`OpticsError::Blur`].
+    pub fn check_blur(&self, side: f64, focal_length: f64, diameter: f64) -> Result<(), OpticsError> {
+        let (blur, most) = (self.blur(focal_length, diameter), 0.5 * side);
+        if blur <= most {
+            return Ok(());
+        }
+        Err(OpticsError::Blur {
+            eye: self.to_string(),
+            diameter_mm: diameter * 1e3,
+            blur_mm: blur * 1e3,
+            most_mm: most * 1e3,
+            fits_mm: self.widest(focal_length, diameter, most) * 1e3,
+        })
+    }
+
+    /// The widest pupil, of at most `diameter`, whose blur is at most `most`.
+    fn widest(&self, focal_length: f64, diameter: f64, most: f64) -> f64 {
+        let (mut low, mut high) = (0.0, diameter);
+        for _ in 0..40 {
+            let middle = 0.5 * (low + high);
+            *(if self.blur(focal_length, middle) <= most { &mut low } else { &mut high }) = middle;
+        }
+        low
+    }
+
+    /// E in turns of this wavelength at `(x, y)` metres of the pupil plane: the reference that the kernel is compared with.
+    pub fn turns(&self, optics: &Optics, pupil: &Pupil, x: f64, y: f64) -> f64 {
+        let (x, y) = (x - pupil.x, y - pupil.y);
+        let [[xx, xy], [_, yy]] = self.power();
+        let r = self.measured_mm * 0.5e-3;
+        let higher: f64 = self.higher().map(|(j, a)| -a * super::zernike(j, -x / r, -y / r)).sum();
+        (0.5 * (xx * x * x + 2.0 * xy * x * y + yy * y * y) + higher) / optics.wavelength
+    }
+}
+
+impl std::fmt::Display for Prescription {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} D", self.sphere)?;
+        if self.cylinder != 0.0 {
+            write!(f, ", cylinder {} D at {} degrees", self.cylinder, self.axis_deg)?;
+        }
+        if self.vertex_mm != 0.0 {
+            write!(f, ", spectacles at {} mm", self.vertex_mm)?;
+        }
+        if !self.zernikes_um.is_empty() {
+            write!(f, ", {} Zernike coefficients over {} mm", self.zernikes_um.len(), self.measured_mm)?;
+        }
+        Ok(())
+    }
+}

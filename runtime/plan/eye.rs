@@ -1,0 +1,36 @@
+//! The eye that looks, as the kernel takes it (OPTICS 11).
+
+use crate::optics::{Optics, Prescription, Pupil, Window};
+use eyebox_kernels::eye::Terms;
+use std::sync::Arc;
+
+/// An eye with an error.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EyeTables {
+    prescription: Prescription,
+    /// Its path in metres: coefficients of x^i y^j, metres from the pupil's centre.
+    path: Vec<Vec<f64>>,
+}
+
+impl EyeTables {
+    /// Of this eye; none where it is perfect.
+    pub fn new(prescription: Option<&Prescription>) -> Option<Arc<Self>> {
+        let prescription = prescription.filter(|p| !p.is_perfect())?.clone();
+        Some(Arc::new(Self { path: prescription.path(), prescription }))
+    }
+
+    /// What is wrong with it.
+    pub fn prescription(&self) -> &Prescription {
+        &self.prescription
+    }
+
+    /// What it does to the bins of a window: the polynomial in units of the pupil's radius.
+    pub(super) fn terms(&self, grid: &Optics, pupil: &Pupil, window: &Window) -> Terms {
+        let ((bin_y, bin_x), r) = (grid.bin_size(), 0.5 * pupil.diameter);
+        let first = [window.x0 as f64 * bin_x - pupil.x, window.y0 as f64 * bin_y - pupil.y].map(|at| at / r);
+        let degree = self.path.len() - 1;
+        let term = |i: usize, j: usize| self.path[i][j] * r.powi((i + j) as i32) / grid.wavelength;
+        let coefficients = (0..=degree).flat_map(|i| (0..=degree - i).map(move |j| term(i, j))).collect();
+        Terms { first, step: [bin_x / r, bin_y / r], degree: degree as u32, coefficients }
+    }
+}

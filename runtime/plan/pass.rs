@@ -1,0 +1,109 @@
+//! What one pupil needs, as data.
+
+use super::list::{Extent, Resource, Shape};
+use crate::optics::Window;
+use eyebox_kernels::{
+    compare, exposure, eye, fft::Columns, intensity, modulate, pass_pupil, photograph, resample, transfer,
+};
+use std::sync::Arc;
+
+/// The photograph of one pupil pass.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Shot {
+    /// Level of the pyramid.
+    pub level: usize,
+    /// Arguments of `photograph`.
+    pub args: photograph::Args,
+    /// The views that the pupil covers.
+    pub taps: Vec<photograph::Tap>,
+    /// Arguments of `resample`.
+    pub resample: resample::Args,
+    /// Weights along rows.
+    pub rows: Arc<resample::Table>,
+    /// Weights along columns.
+    pub columns: Arc<resample::Table>,
+}
+
+/// What one pupil needs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PupilPass {
+    /// Its window, signed bins.
+    pub window: Window,
+    /// Per row of the window, the columns that pass.
+    pub spans: Vec<[u32; 2]>,
+    /// Arguments of `transfer`.
+    pub transfer: transfer::Args,
+    /// What `eye` multiplies by, where the eye is not perfect.
+    pub eye: Option<eye::Terms>,
+    /// Weights of `taper`: those of all rows, then those of all columns. None for an aperture with a sharp edge.
+    pub taper: Option<Vec<f32>>,
+    /// Arguments of `pass_pupil` and `overlap`.
+    pub pass: pass_pupil::Args,
+    /// Arguments of `return_pupil`: the same place, another scale.
+    pub back: pass_pupil::Args,
+    /// Columns of the window that any span touches.
+    pub columns: Columns,
+    /// Arguments of `intensity`.
+    pub intensity: intensity::Args,
+    /// Arguments of `compare`.
+    pub compare: compare::Args,
+    /// The photograph; none where only the wave is looked at.
+    pub shot: Option<Shot>,
+}
+
+impl PupilPass {
+    /// Pixels of its window.
+    pub fn count(&self) -> usize {
+        self.window.rows * self.window.columns
+    }
+
+    /// Arguments of `eye`.
+    pub(crate) fn eye_args(&self) -> Option<eye::Args> {
+        let transfer::Args { rows, columns, .. } = self.transfer;
+        self.eye.as_ref().map(|terms| eye::Args { rows, columns, degree: terms.degree })
+    }
+
+    /// Bins that it passes.
+    pub(crate) fn passing(&self) -> u64 {
+        self.spans.iter().map(|[first, end]| u64::from(end - first)).sum()
+    }
+
+    /// Parts that a shader may leave the loss in: shares of the window, or its rows.
+    #[cfg(feature = "vulkan")]
+    pub(crate) fn loss_parts(&self) -> usize {
+        self.compare.parts().max(self.window.rows)
+    }
+
+    /// How large one of its buffers is; no frames for what is no buffer of a pupil pass.
+    pub fn extent(&self, resource: Resource, shape: &Shape) -> Extent {
+        let (frames, values) = match resource {
+            Resource::Transfer | Resource::Image | Resource::Target => (1, self.count()),
+            Resource::Window => (shape.frames, self.count()),
+            Resource::Accumulator => {
+                (1, self.shot.as_ref().map_or(0, |s| s.args.height as usize * s.args.width as usize))
+            }
+            Resource::Sums => (1, exposure::PART * self.exposure(&shape.place).parts()),
+            _ => (0, 0),
+        };
+        Extent { frames, values, complex: matches!(resource, Resource::Transfer | Resource::Window) }
+    }
+
+    /// Arguments of `exposure`: the part of its image that is the SLM's, `place` being where that lies in the grid.
+    pub fn exposure(&self, place: &modulate::Args) -> exposure::Args {
+        // A window has fewer pixels than the grid: those are taken that lie wholly on the SLM.
+        let inside = |first: u32, count: u32, grid: u32, pixels: usize| {
+            let scaled = |edge: u32| u64::from(edge) * pixels as u64;
+            let (first, end) = (scaled(first).div_ceil(u64::from(grid)), scaled(first + count) / u64::from(grid));
+            (first as u32, end.saturating_sub(first) as u32)
+        };
+        let (top, height) = inside(place.top, place.height, place.grid_height.max(1), self.window.rows);
+        let (left, width) = inside(place.left, place.width, place.grid_width.max(1), self.window.columns);
+        exposure::Args { height, width, pitch: self.window.columns as u32, top, left }
+    }
+
+    /// Its columns as columns of the grid.
+    pub(crate) fn grid_columns(&self) -> Columns {
+        let width = self.pass.grid_width as usize;
+        Columns { first: (self.pass.x0 as usize + self.columns.first) % width, count: self.columns.count.min(width) }
+    }
+}

@@ -1,0 +1,117 @@
+//! Eyes with a prescription, from the solve to the picture.
+
+use crate::common::{done, eyebox, folder, refused, text};
+use eyebox::files::read_npy;
+
+const BENCH: &str =
+    "resolution = [64, 64]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
+
+/// The mean PSNR that `score --json` prints.
+fn decibels(text: &str) -> f64 {
+    serde_json::from_str::<serde_json::Value>(text).unwrap()["psnr_db"]["mean"].as_f64().unwrap()
+}
+
+/// A hologram keeps the eye that it was solved for and is looked at with it, unless another is given.
+#[test]
+fn a_hologram_keeps_its_eye() {
+    let dir = folder();
+    let at = dir.path();
+    std::fs::write(at.join("bench.toml"), BENCH).unwrap();
+    std::fs::write(at.join("eye.toml"), "sphere = -0.1\n").unwrap();
+    let solve = |out: &str, more: &[&str]| {
+        let settings = [
+            "--display",
+            "bench.toml",
+            "--steps",
+            "10",
+            "--frames",
+            "4",
+            "--pupil-diameter",
+            "2..5",
+            "--engine",
+            "cpu",
+        ];
+        done(at, &[&["solve", "builtin:still-life"], &settings[..], &["-o", out], more].concat());
+    };
+    solve("plain.zarr", &[]);
+    solve("near.zarr", &["--prescription", "-0.1"]);
+    solve("file.zarr", &["--eye", "eye.toml"]);
+    let view = |hologram: &str, out: &str, more: &[&str]| {
+        let pupil = ["--pupil", "2,-1,4,0", "--engine", "cpu", "-o", out];
+        let answer = eyebox(at, &[&["view", hologram][..], &pupil, more].concat());
+        assert!(answer.status.success(), "{}", text(&answer.stderr));
+        (read_npy(&at.join(out)).unwrap().values, text(&answer.stderr))
+    };
+    let (own, said) = view("near.zarr", "own.npy", &[]);
+    assert!(said.contains("-0.1 D") && said.contains("--prescription none"), "{said}");
+    let (perfect, said) = view("near.zarr", "perfect.npy", &["--prescription", "none"]);
+    assert!(own != perfect && !said.contains("-0.1 D"), "{said}");
+    assert!(view("near.zarr", "said.npy", &["--prescription", "-0.1"]).0 == own);
+    assert!(view("file.zarr", "file.npy", &[]).0 == own);
+    // A pair of spectacles is weaker at the eye.
+    assert!(view("near.zarr", "far.npy", &["--prescription", "-0.1", "--vertex-distance", "14"]).0 != own);
+    let (plain, _) = view("plain.zarr", "plain.npy", &[]);
+    assert!(view("plain.zarr", "none.npy", &["--prescription", "none"]).0 == plain);
+    let score = |hologram: &str, more: &[&str]| {
+        let pupils = ["builtin:still-life", "--json", "--engine", "cpu", "--pupil-diameter", "2..5"];
+        decibels(&done(at, &[&["score", hologram][..], &pupils, more].concat()))
+    };
+    let (kept, lost) = (score("near.zarr", &[]), score("plain.zarr", &["--prescription", "-0.1"]));
+    assert!(kept > score("plain.zarr", &[]) - 0.5 && lost < kept, "{kept} {lost}");
+    // A refinement goes on with the same eye, or is for another.
+    let refine = ["refine", "near.zarr", "builtin:still-life", "--pupil=2,-1,4,0", "--steps", "2", "--engine", "cpu"];
+    done(at, &[&refine[..], &["-o", "refined.zarr"]].concat());
+    assert!(view("refined.zarr", "refined.npy", &[]).1.contains("-0.1 D"));
+    done(at, &[&refine[..], &["--prescription", "0.05 -0.1 90", "-o", "other.zarr"]].concat());
+    assert!(view("other.zarr", "other.npy", &[]).1.contains("0.05 D, cylinder -0.1 D at 90 degrees"));
+}
+
+/// The plan says what an eye takes, and the comparison of methods looks with it.
+#[test]
+fn a_plan_and_a_comparison_have_an_eye() {
+    let dir = folder();
+    let at = dir.path();
+    std::fs::write(at.join("bench.toml"), format!("{BENCH}[prescription]\nsphere = -0.05\n")).unwrap();
+    let plan = |more: &[&str]| {
+        let plan =
+            ["plan", "builtin:still-life", "--display", "bench.toml", "--engine", "cpu", "--pupil-diameter", "2..5"];
+        done(at, &[&plan[..], more].concat())
+    };
+    assert!(plan(&[]).contains("-0.05 D") && !plan(&["--prescription", "none"]).contains("-0.05 D"));
+    let evaluate = |out: &str, more: &[&str]| {
+        let settings =
+            ["--methods", "slfh", "--steps", "3", "--frames", "2", "--engine", "cpu", "--pupil-diameter", "2..5"];
+        let evaluate = ["evaluate", "builtin:still-life", "--display", "bench.toml", "--no-speckle", "-o", out];
+        done(at, &[&evaluate[..], &settings, more].concat())
+    };
+    let own = evaluate("out", &[]);
+    // What was measured for one eye is not taken for another's.
+    assert!(evaluate("out", &["--prescription", "none"]) != own);
+}
+
+#[test]
+fn eyes_that_cannot_be_are_refused() {
+    let dir = folder();
+    let at = dir.path();
+    std::fs::write(at.join("bench.toml"), BENCH).unwrap();
+    let solve = |more: &[&str], says: &str| {
+        let solve = ["solve", "builtin:still-life", "--display", "bench.toml", "--engine", "cpu", "-o", "h.zarr"];
+        refused(at, &[&solve[..], more].concat(), "h.zarr", says);
+    };
+    solve(&["--prescription", "-2 -0.5"], "a cylinder needs its axis");
+    solve(
+        &["--prescription", "-2", "--pupil-diameter", "2..8"],
+        "this display serves that eye through pupils up to 0.32 mm",
+    );
+    solve(&["--prescription", "-0.02", "--method", "dpac", "--pupil-diameter", "2..4"], "prescription");
+    for (text, says) in [
+        ("sphere = -100\n", "-40 to 40"),
+        ("sphere = 0\nzernikes_um = { 7 = 0.1 }\n", "measured_mm"),
+        ("zernikes_um = { 1 = 0.1 }\nmeasured_mm = 6\n", "piston and tilt"),
+        ("spere = 1\n", "spere"),
+    ] {
+        std::fs::write(at.join("eye.toml"), text).unwrap();
+        solve(&["--eye", "eye.toml"], says);
+    }
+    solve(&["--eye", "nothing.toml"], "nothing.toml");
+}
