@@ -2,7 +2,7 @@
 
 use super::color::Color;
 use super::encoding::Encoding;
-use super::model::{self, DisplayModel, ModelSections};
+use super::model::{self, DisplayModel, ModelSections, ModelTerms};
 use super::{Geometry, Optics, OpticsError, Picture, PictureMap, Prescription};
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, path::Path};
@@ -212,6 +212,16 @@ impl Display {
     /// What it does to one of its colours.
     pub fn model(&self, color: Color) -> DisplayModel {
         model::of_color(&self.model, color)
+    }
+
+    /// The same display with another model of one of its colours.
+    #[must_use]
+    pub fn with_model_of(&self, color: Color, change: impl FnOnce(&mut ModelTerms)) -> Self {
+        let colors: Vec<Color> = self.wavelengths.iter().map(|w| w.color).collect();
+        let mut sections = model::by_color(&self.model, &colors);
+        change(sections.entry(color.into()).or_default());
+        sections.retain(|_, terms| *terms != ModelTerms::default());
+        Self { model: sections, ..self.clone() }
     }
 
     /// Where the picture of one of its colours is seen; none where that is as it should be, as far as is known.

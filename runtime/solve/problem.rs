@@ -98,7 +98,7 @@ impl Problem {
     }
 
     /// Plans for a solve of this problem by these settings.
-    pub(super) fn planner_of(&self, settings: &Settings) -> Planner {
+    pub(crate) fn planner_of(&self, settings: &Settings) -> Planner {
         let plain = self.planner(settings.solved_frames(), settings.window);
         Planner { levels: settings.levels.count(), storage: settings.storage, ..plain }
     }

@@ -3,6 +3,8 @@
 mod basics;
 #[cfg(target_os = "linux")]
 mod calibrate;
+#[cfg(target_os = "linux")]
+mod camera;
 mod common;
 mod depth_maps;
 mod displays;

@@ -72,6 +72,45 @@ fn a_plan_says_what_each_term_takes() {
     assert!(share("iris").abs() < 0.1 && share("all") >= share("crosstalk"), "{terms}");
 }
 
+/// A plan says what each term is worth; a solve takes the terms that it is told to.
+#[test]
+fn terms_are_chosen() {
+    let dir = folder();
+    let at = dir.path();
+    std::fs::write(at.join("real.toml"), format!("{BENCH}{MODEL}lag = 0.0001\n")).unwrap();
+    let scene = ["builtin:still-life", "--display", "real.toml", "--engine", "cpu", "--frames", "2"];
+    let plan = done(at, &[&["plan"], &scene[..], &["--json"]].concat());
+    let said: serde_json::Value = serde_json::from_str(&plan).unwrap();
+    let worth = &said["model_worth"][0];
+    let lost = worth["measured"]["lost_db"].as_array().unwrap();
+    let of = |name: &str| lost.iter().find(|t| t[0] == name).unwrap_or_else(|| panic!("{worth}"))[1].as_f64().unwrap();
+    assert!(of("crosstalk") > 0.2 && of("lag").abs() < 0.05, "{worth}");
+    let auto = worth["auto"].as_array().unwrap();
+    assert!(auto.contains(&"crosstalk".into()) && !auto.contains(&"lag".into()), "{worth}");
+    let words = done(at, &[&["plan"], &scene[..]].concat());
+    assert!(
+        words.contains("leaves out lag") && words.contains("48 x 48 pixels") && words.contains("sub-pixels"),
+        "{words}"
+    );
+    // What a hologram was solved for is what it is looked at through.
+    let solved_for = |terms: &str| {
+        let out = format!("{}.zarr", terms.replace(',', "-"));
+        let more = ["--steps", "1", "--model-terms", terms, "-o", &out];
+        done(at, &[&["solve"], &scene[..], &more].concat());
+        let view = ["view", &out, "--pupil", "1,-1,6,0", "--engine", "cpu", "-o", "v.npy"];
+        let answer = eyebox(at, &view);
+        assert!(answer.status.success(), "{}", text(&answer.stderr));
+        text(&answer.stderr)
+    };
+    let said = solved_for("crosstalk,fill");
+    assert!(said.contains("crosstalk, fill") && !said.contains("wavefront"), "{said}");
+    let said = solved_for("auto");
+    assert!(said.contains("crosstalk") && !said.contains("lag"), "{said}");
+    assert!(solved_for("all").contains("lag") && !solved_for("none").contains("crosstalk"));
+    let wrong = [&["solve"], &scene[..], &["--model-terms", "cross", "-o", "h.zarr"]].concat();
+    refused(at, &wrong, "h.zarr", "no term");
+}
+
 /// A display whose picture is seen bent is shown it bent the other way, and what is looked at is what is seen.
 #[test]
 fn a_picture_is_shown_where_it_is_seen() {
