@@ -11,7 +11,7 @@ cd "$work"
 cp "$root/docs/bench.toml" bench.toml
 sed '/^\[model/,$d' bench.toml >ideal.toml
 scene=builtin:still-life
-pupil=--pupil=2,-1,6,0
+pupil=--pupil=5,3,6,0
 
 "$eyebox" solve $scene --display ideal.toml -o ideal.zarr
 "$eyebox" solve $scene --display bench.toml -o calibrated.zarr
@@ -36,5 +36,5 @@ for i, (name, about) in enumerate([("unaware", "not calibrated"), ("calibrated",
     says = f"{about}: {psnr['mean']:.1f} dB, worst {psnr['worst']:.1f}"
     draw.text((i * (side + gap) + 6, side + 3), says, fill=(235, 235, 230), font=font)
     print(says)
-sheet.quantize(128, dither=Image.Dither.NONE).save(sys.argv[1], optimize=True)
+sheet.quantize(256, kmeans=2, dither=Image.Dither.NONE).save(sys.argv[1], optimize=True)
 PYTHON

@@ -1,10 +1,15 @@
 //! Where there is no memory that can be sealed: both sides refuse.
 
-use crate::{LiveError, Offer};
+use crate::{FrameInfo, LiveError, Offer, Request};
+use std::time::Duration;
+
+/// There is none.
+#[derive(Debug)]
+enum Never {}
 
 /// Nothing: see [`open`](Self::open).
 #[derive(Debug)]
-pub enum Display {}
+pub struct Display(#[allow(dead_code, reason = "so that there is none")] Never);
 
 impl Display {
     /// # Errors
@@ -16,12 +21,38 @@ impl Display {
 
 /// Nothing: see [`connect`](Self::connect).
 #[derive(Debug)]
-pub enum Application {}
+pub struct Application(Never);
 
 impl Application {
     /// # Errors
     /// [`LiveError::Unsupported`], always.
     pub fn connect(_name: &str) -> Result<Self, LiveError> {
         Err(LiveError::Unsupported)
+    }
+
+    /// Never called.
+    pub fn offer(&self) -> &Offer {
+        match self.0 {}
+    }
+
+    /// Never called.
+    pub fn request(&self) -> Option<Request> {
+        match self.0 {}
+    }
+
+    /// Never called.
+    ///
+    /// # Errors
+    /// None.
+    pub fn wait(&mut self, _patience: Duration) -> Result<bool, LiveError> {
+        match self.0 {}
+    }
+
+    /// Never called.
+    ///
+    /// # Errors
+    /// None.
+    pub fn send(&mut self, _info: &FrameInfo, _samples: &[u8], _dioptres: &[f32]) -> Result<u64, LiveError> {
+        match self.0 {}
     }
 }

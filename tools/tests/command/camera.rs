@@ -292,3 +292,36 @@ fn what_cannot_be_asked_of_a_camera_is_one_line() {
     let answer = eyebox(at, &[&base[..], &["--display", "bench.toml", "--camera", "x"]].concat());
     assert!(text(&answer.stderr).contains("--camera-steps"), "{}", text(&answer.stderr));
 }
+
+/// The program of docs/calibrate.md serves a calibration, as far as its camera sees: here it sees nothing. Its libraries are
+/// stood in for by a few lines.
+#[test]
+fn the_documents_program_answers() {
+    let here = folder();
+    let at = here.path();
+    let page = fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/calibrate.md")).expect("the page");
+    let program = page.split("```python\n").nth(1).and_then(|p| p.split("```").next()).expect("the program");
+    let numpy = "class Rows(list):\n    shape = (64, 64)\n\
+                 def load(file):\n    assert open(file, 'rb').read(6) == b'\\x93NUMPY'\n    return [Rows()]\n\
+                 def save(file, counts):\n    head = str({'descr': '<u2', 'fortran_order': False, 'shape': (80, 90)}).ljust(117) + '\\n'\n    \
+                 open(file, 'wb').write(b'\\x93NUMPY\\x01\\x00' + bytes([118, 0]) + head.encode() + counts)\n";
+    let bench = "def log(*what): print(*what, file=open('log', 'a'))\n\
+                 class Slm:\n    shape = (64, 64)\n    def set_phase(self, phase, settle): log('shows', phase.shape, settle)\n\
+                 class Cam:\n    shape, bitdepth = (80, 90), 12\n    def set_exposure(self, s): log('exposes', s)\n    \
+                 def get_image(self, averaging): log('adds', averaging); return bytes(2 * 80 * 90)\n\
+                 class Stage:\n    def move(self, to): log('moves', to); print('a motor says hello')\n\
+                 slm, cam, iris, stage = Slm(), Cam(), Stage(), Stage()\n";
+    for (name, text) in
+        [("bench.toml", DISPLAY), ("my_camera.py", program), ("numpy.py", numpy), ("my_bench.py", bench)]
+    {
+        fs::write(at.join(name), text).expect("a file");
+    }
+    let calibrate = ["calibrate", "--display", "bench.toml", "--camera", "python3 -B my_camera.py", "-o", "out.toml"];
+    let said = text(&eyebox(at, &calibrate).stderr);
+    assert!(said.contains("a motor says hello") && said.contains("dots"), "{said}");
+    assert!(!said.contains("could not") && !said.contains("was lost"), "{said}");
+    let log = fs::read_to_string(at.join("log")).expect("what was done");
+    for done in ["moves [0.0, 0.0, ", "moves 0", "exposes 0.01", "shows (64, 64) True", "adds 4"] {
+        assert!(log.contains(done), "{done}: {log}");
+    }
+}
