@@ -96,13 +96,13 @@ pub struct EyeArgs {
     pub vertex_distance: Option<f64>,
     /// The eye that looks as a TOML file: sphere, cylinder, axis_deg, vertex_mm, zernikes_um, measured_mm
     #[arg(long, value_name = "FILE", conflicts_with = "prescription")]
-    pub eye: Option<PathBuf>,
+    pub eye_file: Option<PathBuf>,
 }
 
 impl EyeArgs {
     /// The eye that was given, if one was.
     pub fn given(&self) -> Result<Option<Prescription>, Failure> {
-        if let Some(file) = &self.eye {
+        if let Some(file) = &self.eye_file {
             return Ok(Some(Prescription::load(file)?));
         }
         let mut given = self.prescription.clone();

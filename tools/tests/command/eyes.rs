@@ -35,7 +35,7 @@ fn a_hologram_keeps_its_eye() {
     };
     solve("plain.zarr", &[]);
     solve("near.zarr", &["--prescription", "-0.1"]);
-    solve("file.zarr", &["--eye", "eye.toml"]);
+    solve("file.zarr", &["--eye-file", "eye.toml"]);
     let view = |hologram: &str, out: &str, more: &[&str]| {
         let pupil = ["--pupil", "2,-1,4,0", "--engine", "cpu", "-o", out];
         let answer = eyebox(at, &[&["view", hologram][..], &pupil, more].concat());
@@ -111,7 +111,7 @@ fn eyes_that_cannot_be_are_refused() {
         ("spere = 1\n", "spere"),
     ] {
         std::fs::write(at.join("eye.toml"), text).unwrap();
-        solve(&["--eye", "eye.toml"], says);
+        solve(&["--eye-file", "eye.toml"], says);
     }
-    solve(&["--eye", "nothing.toml"], "nothing.toml");
+    solve(&["--eye-file", "nothing.toml"], "nothing.toml");
 }
