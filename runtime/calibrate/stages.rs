@@ -4,6 +4,7 @@ use super::acquire::{TAKING, Taken};
 use super::bench::Event;
 use super::error::CalibrateError;
 use super::fit::{Effort, Fit, Pictures};
+use super::left::{Shown, shown};
 use super::parameters::{Parameter, Parameters};
 use super::report::Report;
 use super::sorted::{CAMERA_PIXEL, Sorted, sort};
@@ -33,7 +34,7 @@ pub(super) fn run(
     taken: Taken,
     quick: bool,
     tell: &dyn Fn(Event),
-) -> Result<(Display, Report), CalibrateError> {
+) -> Result<(Display, Report, Vec<Shown>), CalibrateError> {
     let share = |from: f64, to: f64, part: f64| TAKING + (1.0 - TAKING) * (from + (to - from) * part);
     tell(Event::At("looking for the dots", TAKING));
     let model = display.model(color);
@@ -52,8 +53,8 @@ pub(super) fn run(
     let own = pictures.fit(&start, &camera, &sorted.fitted, Effort { subpixels: FINE, ..PLAIN }, &mut looking)?;
     let captures = taken.shots.len();
     if own.squares < AT_THE_NOISE {
-        let report = Report::new(&sorted, &start, &own, captures, warnings, FINE);
-        return Ok((display.clone(), report));
+        let report = Report::new(&sorted, &start, &own, &sorted.fitted, captures, warnings, FINE);
+        return Ok((display.clone(), report, shown(&sorted, &own, FINE)?));
     }
     let mut at = start.clone();
     if !quick && !sorted.smooth.is_empty() {
@@ -95,9 +96,9 @@ pub(super) fn run(
     let fit = terms::settle(pictures, &fitted, &start, fit, END)?;
     let fit = if own.squares < NO_BETTER * fit.squares { own } else { fit };
     tell(Event::At("looking at pictures that were not fitted", share(0.0, 1.0, 0.95)));
-    let report = Report::new(&sorted, &start, &fit, captures, warnings, FINE);
-    let display = terms::written(display, color, &start, &fit, captures);
-    Ok((display, report))
+    let report = Report::new(&sorted, &start, &fit, &fitted, captures, warnings, FINE);
+    let display = terms::written(display, color, &start, &fit, &report);
+    Ok((display, report, shown(&sorted, &fit, FINE)?))
 }
 
 /// The fit's end: the iris by its edge and the other numbers by slopes, by turns.
