@@ -3,6 +3,8 @@
 mod basics;
 #[cfg(target_os = "linux")]
 mod calibrate;
+#[cfg(target_os = "linux")]
+mod calibrated;
 mod common;
 mod depth_maps;
 mod displays;
@@ -25,6 +27,8 @@ mod play;
 mod preview;
 mod refine;
 mod reliability;
+#[cfg(target_os = "linux")]
+mod simulated;
 mod tiled;
 mod trackers;
 mod tradeoff;
