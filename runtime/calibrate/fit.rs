@@ -145,6 +145,17 @@ impl Pictures {
         all.into_iter().map(|(_, seen)| seen).collect()
     }
 
+    /// Variance of these views about their means, in that of the camera's noise.
+    pub(super) fn signal(&self, which: &[usize]) -> f64 {
+        let of_view = |v: &usize| {
+            let View { counts, variance, .. } = &self.views[*v];
+            let mean = counts.iter().sum::<f64>() / counts.len() as f64;
+            [counts.iter().map(|c| (c - mean).powi(2)).sum::<f64>(), variance.iter().sum()]
+        };
+        let [all, noise] = which.iter().map(of_view).fold([0.0; 2], |s, v| [s[0] + v[0], s[1] + v[1]]);
+        all / noise
+    }
+
     /// What the model predicts of a view at other camera pixels (x, y).
     pub(super) fn see_places(&self, at: &Parameters, subpixels: usize, view: usize, places: &[[f64; 2]]) -> Seen {
         let View { set, window, look, .. } = &self.views[view];

@@ -20,6 +20,8 @@ const END: Effort = Effort { subpixels: FINE, slopes: 2, rounds: 6, enough: 1e-4
 const PLAIN: Effort = Effort { subpixels: 1, slopes: 1, rounds: 12, enough: 0.01 };
 /// A display whose own model leaves so many times the noise's squares is as its file says.
 const AT_THE_NOISE: f64 = 1.3;
+/// Pictures that vary by less than so many times the noise are dark.
+const DARK: f64 = 3.0;
 /// So too where the fit's are not this much fewer.
 const NO_BETTER: f64 = 1.05;
 /// A picture that leaves this share of its variance, and so many times what the middle one leaves, is not believed.
@@ -44,6 +46,11 @@ pub(super) fn run(
         warnings.push("no picture was taken twice: how large the camera's noise is was not measured".into());
     }
     let pictures = &sorted.pictures;
+    if pictures.signal(&sorted.fitted) < DARK {
+        return Err(CalibrateError::Pictures(
+            "the pictures show nothing but the camera's noise: is the light on, and the exposure long enough?".into(),
+        ));
+    }
     let start = Parameters { model: model.clone(), map: sorted.map, camera_pixel: CAMERA_PIXEL };
     let map: Vec<Parameter> = (0..9).map(Parameter::Map).collect();
     // The display as its file has it, and nothing but where the camera looks.
