@@ -11,7 +11,7 @@ use std::path::Path;
 use std::time::Duration;
 
 /// Pictures of each request that are added.
-const AVERAGE: usize = 4;
+pub(super) const AVERAGE: usize = 4;
 /// A wavelength that differs by so many nm is another.
 const NANOMETRES: f64 = 2.0;
 /// Share of the time that taking pictures is.
@@ -29,7 +29,7 @@ pub(super) struct Taken {
 }
 
 /// Grey level of 2 pi.
-fn two_pi_level(display: &Display, color: Color) -> f64 {
+pub(super) fn two_pi_level(display: &Display, color: Color) -> f64 {
     let levels = f64::from(display.levels);
     match &display.encoding.two_pi_level {
         None => levels,
@@ -39,7 +39,7 @@ fn two_pi_level(display: &Display, color: Color) -> f64 {
 }
 
 /// Refuses a bench that is not the display's; the bench's name of the colour, and nm.
-fn check(display: &Display, color: Color, hello: &Hello) -> Result<(String, f64), CalibrateError> {
+pub(super) fn check(display: &Display, color: Color, hello: &Hello) -> Result<(String, f64), CalibrateError> {
     let wrong = |reason: String| Err(CalibrateError::Bench { display: display.name.clone(), reason });
     let optics = display.optics(color)?;
     if !display.geometry.is_relay() {
@@ -112,7 +112,12 @@ pub(super) fn take(
     let mut session = Session::new(link, hello.clone(), keep, named, most)?;
     let (mut shots, mut warnings) = (Vec::new(), Vec::new());
     let dots = pattern::dots_pattern(size, two_pi_level);
-    let first = Ask { show: Some(("dots", &dots)), iris_mm: Some(pattern::dots_iris(&optics)), average: AVERAGE };
+    let first = Ask {
+        show: Some(("dots", &dots)),
+        iris_mm: Some(pattern::dots_iris(&optics)),
+        focus_mm: 0.0,
+        average: AVERAGE,
+    };
     match session.take(&first)? {
         Some(shot) => shots.push(shot),
         None => {
@@ -121,7 +126,7 @@ pub(super) fn take(
         }
     }
     if hello.camera.dark {
-        shots.extend(session.take(&Ask { show: None, iris_mm: None, average: AVERAGE })?);
+        shots.extend(session.take(&Ask { show: None, iris_mm: None, focus_mm: 0.0, average: AVERAGE })?);
     }
     let shows = pattern::plan(&hello, &optics, two_pi_level, most, quick);
     let all: usize = shows.iter().map(|s| s.irises_mm.len() * s.times).sum();
@@ -130,7 +135,12 @@ pub(super) fn take(
         for iris in &show.irises_mm {
             for _ in 0..show.times {
                 tell(Event::At(&format!("picture {} of {}", done + 3, all + 2), TAKING * done as f64 / all as f64));
-                let ask = Ask { show: Some((&show.name, &show.pattern)), iris_mm: Some(*iris), average: AVERAGE };
+                let ask = Ask {
+                    show: Some((&show.name, &show.pattern)),
+                    iris_mm: Some(*iris),
+                    focus_mm: 0.0,
+                    average: AVERAGE,
+                };
                 shots.extend(session.take(&ask)?);
                 done += 1;
             }

@@ -41,6 +41,7 @@ pub(super) struct Ask<'p> {
     pub(super) show: Option<(&'p str, &'p Pattern)>,
     /// x, y, diameter, mm.
     pub(super) iris_mm: Option<[f64; 3]>,
+    pub(super) focus_mm: f64,
     pub(super) average: usize,
 }
 
@@ -73,9 +74,10 @@ pub(super) struct Session<'a> {
     taken: Vec<Capture>,
     /// Of an earlier run, in its order.
     before: VecDeque<Capture>,
-    color: (String, f64),
+    pub(super) color: (String, f64),
     most: usize,
-    exposure_ms: Option<f64>,
+    /// What is asked for, where the bench does not choose.
+    pub(super) exposure_ms: Option<f64>,
     /// What was waited for the camera.
     pub(super) waited: Duration,
     /// What the bench could not do, in its words.
@@ -123,6 +125,19 @@ impl<'a> Session<'a> {
         Ok(Self { link, folder, temporary, hello, taken, before, color, most, exposure_ms: None, waited, left_out })
     }
 
+    /// New pictures are added to those that lie there already, which are not asked for again: them.
+    pub(super) fn adds(&mut self) -> Vec<Shot> {
+        self.taken.extend(self.before.drain(..));
+        let answered = self.taken.iter().filter_map(|c| Some((&c.request, Answer::read(c.answer.as_ref()?).ok()?)));
+        let of_color = answered.filter(|(r, _)| r.color.as_ref().is_none_or(|c| *c == self.color.0));
+        of_color.map(|(request, answer)| shot_of(&self.folder, request, &answer)).collect()
+    }
+
+    /// The number of the next picture.
+    pub(super) fn next(&self) -> usize {
+        self.taken.len()
+    }
+
     /// Pictures answered.
     pub(super) fn count(&self) -> usize {
         self.taken.iter().filter(|c| c.answer.is_some()).count()
@@ -160,7 +175,7 @@ impl<'a> Session<'a> {
             color: (!dark).then(|| self.color.0.clone()),
             wavelength_nm: (!dark).then_some(self.color.1),
             iris_mm: ask.iris_mm,
-            focus_mm: self.hello.focus_mm.is_some().then_some(0.0),
+            focus_mm: self.hello.focus_mm.is_some().then_some(ask.focus_mm),
             exposure_ms: if dark { Some(exposure_ms.unwrap_or(10.0)) } else { exposure_ms },
             average: ask.average,
             out: number,

@@ -1,5 +1,6 @@
 //! What can go wrong while a display is calibrated.
 
+use crate::engine::EngineError;
 use crate::files::FileError;
 use crate::optics::OpticsError;
 use std::io;
@@ -60,6 +61,9 @@ pub enum CalibrateError {
     /// A file.
     #[error(transparent)]
     File(#[from] FileError),
+    /// The engine that computes beside the camera.
+    #[error(transparent)]
+    Engine(#[from] EngineError),
     /// The display.
     #[error(transparent)]
     Optics(#[from] OpticsError),

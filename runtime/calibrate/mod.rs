@@ -8,10 +8,12 @@
 //!
 //! `message`, `link` and `captures` are the protocol; `pattern` is what is shown; `dots` and `map` are where the camera looks;
 //! `device` and `seen` are the forward model with its slopes; `fit` is the least squares.
-//! May import `files`, `optics`, and the generator of `solve`.
+//! `camera_steps` takes the camera into a solve's last steps.
+//! May import `files`, `optics`, `plan`, `engine`, `evaluate` and `solve`.
 
 mod acquire;
 mod bench;
+mod camera_steps;
 mod captures;
 mod device;
 mod dots;
@@ -37,6 +39,7 @@ mod terms;
 mod unseen;
 
 pub use bench::{Bench, Event, FEWEST};
+pub use camera_steps::{CameraBench, CameraGain, CameraSteps, CameraSubject};
 pub use error::CalibrateError;
 pub use left::{LeftMap, PictureLeft, Shown};
 pub use report::{Confused, Fitted, Report};

@@ -21,7 +21,7 @@ pub(super) struct Pattern {
 }
 
 impl Pattern {
-    fn new([height, width]: [usize; 2], two_pi_level: f64, phases: &[f64]) -> Self {
+    pub(super) fn new([height, width]: [usize; 2], two_pi_level: f64, phases: &[f64]) -> Self {
         let (most, turn) = (two_pi_level.ceil() - 1.0, TAU / two_pi_level);
         let level = |phase: f64| (phase.rem_euclid(TAU) / turn).round().min(most);
         let drive = phases.iter().map(|p| (level(*p) * turn) as f32).collect();
@@ -32,6 +32,12 @@ impl Pattern {
     pub(super) fn frame(&self, t: usize) -> &[f32] {
         let pixels = self.height * self.width;
         &self.drive[t * pixels..][..pixels]
+    }
+
+    /// Whether it is the same but for rounding.
+    pub(super) fn is_like(&self, other: &Self) -> bool {
+        let close = |(a, b): (&f32, &f32)| (a - b).abs() < 1e-4;
+        self.drive.len() == other.drive.len() && self.drive.iter().zip(&other.drive).all(close)
     }
 
     /// Whether neighbours differ so little that it excites no crosstalk.
@@ -84,6 +90,11 @@ pub(super) fn dots([height, width]: [usize; 2]) -> (Vec<[f64; 2]>, f64) {
         }
     }
     (places, 0.21 * step)
+}
+
+/// From dot to dot, pixels.
+pub(super) fn spacing(size: [usize; 2]) -> f64 {
+    dots(size).1 / 0.21
 }
 
 /// The hologram of the dots: a pixel within one sends its light straight on, all others send it past the iris, by a grating

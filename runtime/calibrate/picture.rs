@@ -55,8 +55,16 @@ impl Picture {
 
     /// Middle of the values.
     pub(super) fn median(&self) -> f64 {
-        let mut values = self.values.clone();
-        let at = values.len() / 2;
-        f64::from(*values.select_nth_unstable_by(at, f32::total_cmp).1)
+        f64::from(self.at(self.values.len() / 2))
+    }
+
+    /// The value that a thousandth of the pixels is brighter than.
+    pub(super) fn brightest(&self) -> f32 {
+        self.at(self.values.len() * 999 / 1000)
+    }
+
+    /// The value that so many are darker than.
+    fn at(&self, place: usize) -> f32 {
+        *self.values.clone().select_nth_unstable_by(place, f32::total_cmp).1
     }
 }

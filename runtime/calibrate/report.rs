@@ -45,6 +45,8 @@ pub struct Report {
     pub confused: Vec<Confused>,
     /// Error of the camera's map by the dots, camera pixels, RMS.
     pub camera_rms_px: f64,
+    /// The camera's map: a homography row by row, whose ninth number is 1, then k1 and k2 (OPTICS 10).
+    pub camera_map: [f64; 10],
     /// Of pictures that were not fitted, as shares of their variance: what the display file as it was leaves,
     pub before: Option<f64>,
     /// what the fitted model leaves, the noise taken off,
@@ -127,13 +129,14 @@ impl Report {
                  calibrate once more from the file that was written"
             ));
         }
-        let camera_rms_px = sorted.map_rms;
+        let (camera_rms_px, camera_map) = (sorted.map_rms, fit.at.map.numbers);
         Self {
             captures,
             seconds: 0.0,
             parameters,
             confused,
             camera_rms_px,
+            camera_map,
             before,
             unexplained,
             noise,

@@ -63,10 +63,7 @@ pub(super) fn sort(display: &Display, color: Color, taken: &Taken) -> Result<Sor
                 sets.len() - 1
             }
         };
-        let close = |(a, b): (&f32, &f32)| (a - b).abs() < 1e-4;
-        if sets[set].pattern.drive.len() == wanted.drive.len()
-            && sets[set].pattern.drive.iter().zip(&wanted.drive).all(close)
-        {
+        if sets[set].pattern.is_like(&wanted) {
             let picture = shot.picture(camera)?;
             found = Some(dots::find(&picture, slm).map_err(|reason| {
                 CalibrateError::Pictures(format!(

@@ -1,7 +1,7 @@
 //! How a hologram was made: what its file keeps beside the optics, typed.
 
 use super::HologramError;
-use crate::optics::{ModelSections, Padding, Prescription, PupilDistribution};
+use crate::optics::{Color, ModelSections, Padding, Picture, Prescription, PupilDistribution};
 use crate::scene::{Near, Order};
 use crate::solve::{Settings, Steering};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
@@ -53,12 +53,18 @@ pub struct Metadata {
     /// What its display does to the light beside showing phases, as it was solved for and is looked at.
     #[serde(skip_serializing_if = "ModelSections::is_empty")]
     pub model: ModelSections,
+    /// Where its display's picture is seen, which it was solved for.
+    #[serde(skip_serializing_if = "Picture::is_empty")]
+    pub picture: Picture,
     /// What is wrong with the eye that it was solved for, and is looked at with.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub prescription: Option<Prescription>,
     /// Where it was refined for afterwards.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub refined: Option<Refined>,
+    /// Steps that were taken with a camera's pictures afterwards, by colour.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub camera: Vec<TakenWithCamera>,
     /// What other versions and programs wrote: kept, so that a copy loses nothing.
     #[serde(flatten)]
     pub other: Map<String, Value>,
@@ -67,6 +73,19 @@ pub struct Metadata {
 #[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
 fn is_false(value: &bool) -> bool {
     !value
+}
+
+/// Steps of a colour with a camera's pictures.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct TakenWithCamera {
+    /// The colour.
+    pub color: Color,
+    /// Steps behind its phases; 0 where none made them better.
+    pub steps: usize,
+    /// Pictures that were taken.
+    pub pictures: usize,
+    /// Mean PSNR of pictures that no step used, before and after, dB; none where they were not taken.
+    pub psnr_db: Option<[f64; 2]>,
 }
 
 /// A refinement for where the eye was.

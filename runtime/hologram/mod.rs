@@ -54,7 +54,7 @@ mod replaced_tests;
 mod sequence_tests;
 
 pub use exchange::{PhaseUnit, Phases, load_phases, save_phases};
-pub use metadata::{Metadata, Refined, Start};
+pub use metadata::{Metadata, Refined, Start, TakenWithCamera};
 pub use open::{BareOptics, Opening};
 pub use phase::{level_of_phase, phase_of_level, wrap_phase};
 pub use refine::Refinement;
@@ -268,6 +268,7 @@ impl Hologram {
             scene: String::new(),
             metadata: Metadata {
                 model: display.model.clone(),
+                picture: display.picture,
                 prescription: display.prescription.clone(),
                 ..Metadata::default()
             },
@@ -297,6 +298,7 @@ impl Hologram {
             portrait: self.height > self.width,
             encoding: Default::default(),
             model: self.metadata.model.clone(),
+            picture: self.metadata.picture,
             prescription: self.metadata.prescription.clone(),
         })
     }

@@ -34,6 +34,7 @@ impl Hologram {
                 view_pitch_mm: Some(field.cell(display) * 1e3),
                 eyebox_mm: Some(display.eyebox_min() * 1e3),
                 model: display.model.clone(),
+                picture: display.picture,
                 prescription: display.prescription.clone(),
                 ..Metadata::default()
             },

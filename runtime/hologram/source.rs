@@ -6,7 +6,7 @@ use crate::engine::{Buffer, Engine, Purpose};
 use crate::evaluate::{self, Plane, centered};
 use crate::optics::{OpticsError, Prescription, Pupil, WindowFactor};
 use crate::plan::{Comparison, EyeTables, Kernel, ModelTables, Planner};
-use crate::scene::crop_share;
+use crate::scene::{Bend, crop_share};
 use std::borrow::Cow;
 use std::ops::Range;
 use std::path::Path;
@@ -28,6 +28,7 @@ impl PhaseSource<'_> {
             Self::Whole(hologram) => {
                 let mut hologram = hologram.into_owned();
                 hologram.metadata.model.clear();
+                hologram.metadata.picture = Default::default();
                 hologram.into()
             }
             tiled @ Self::Tiled(_) => tiled,
@@ -163,6 +164,17 @@ impl Hologram {
     /// Those of [`PhaseSource::look`].
     pub fn look(&self, pupil: &Pupil, engine: &mut dyn Engine) -> Result<Vec<Plane>, HologramError> {
         PhaseSource::from(self).look(None, pupil, engine)
+    }
+
+    /// What is seen of planes in its colours, of its own picture's size, behind what bends its display's picture.
+    pub fn as_seen(&self, mut planes: Vec<Plane>) -> Vec<Plane> {
+        for (plane, color) in planes.iter_mut().zip(&self.colors) {
+            let size = [plane.rows, plane.columns];
+            if let Some(map) = color.color.and_then(|color| self.metadata.picture.map(color, size)) {
+                plane.values = Bend::to_viewer(&map, size).apply(&plane.values);
+            }
+        }
+        planes
     }
 
     /// Plans for what is seen of one of its colours: the whole spectrum, with the padding and the display's model that it was

@@ -2,8 +2,8 @@
 
 use super::color::Color;
 use super::encoding::Encoding;
-use super::model::{self, DisplayModel, ModelSections};
-use super::{Geometry, Optics, OpticsError, Prescription};
+use super::model::{self, DisplayModel, ModelSections, ModelTerms};
+use super::{Geometry, Optics, OpticsError, Picture, PictureMap, Prescription};
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, path::Path};
 
@@ -63,6 +63,8 @@ pub struct Display {
     pub encoding: Encoding,
     /// What is known of it beyond the ideal display.
     pub model: ModelSections,
+    /// Where its picture is seen.
+    pub picture: Picture,
     /// The eye that looks at it; none for a perfect one.
     pub prescription: Option<Prescription>,
 }
@@ -88,6 +90,8 @@ struct File {
     encoding: Encoding,
     #[serde(default, skip_serializing_if = "ModelSections::is_empty")]
     model: ModelSections,
+    #[serde(default, skip_serializing_if = "Picture::is_empty")]
+    picture: Picture,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     prescription: Option<Prescription>,
 }
@@ -147,10 +151,12 @@ impl Display {
             portrait: read.portrait,
             encoding,
             model: read.model,
+            picture: read.picture,
             prescription: read.prescription,
         };
         let colors: Vec<Color> = display.wavelengths.iter().map(|w| w.color).collect();
         model::check(&display.model, &colors).map_err(&wrong)?;
+        display.picture.check(display.picture_size().into()).map_err(&wrong)?;
         if let Some(Err(reason)) = display.prescription.as_ref().map(Prescription::check) {
             return Err(wrong(format!("[prescription]: {reason}")));
         }
@@ -183,6 +189,7 @@ impl Display {
             portrait: self.portrait,
             encoding: self.encoding.clone(),
             model: self.model.clone(),
+            picture: self.picture,
             prescription: self.prescription.clone(),
         };
         toml::to_string(&file).expect("a display has nothing that TOML cannot say")
@@ -205,6 +212,21 @@ impl Display {
     /// What it does to one of its colours.
     pub fn model(&self, color: Color) -> DisplayModel {
         model::of_color(&self.model, color)
+    }
+
+    /// The same display with another model of one of its colours.
+    #[must_use]
+    pub fn with_model_of(&self, color: Color, change: impl FnOnce(&mut ModelTerms)) -> Self {
+        let colors: Vec<Color> = self.wavelengths.iter().map(|w| w.color).collect();
+        let mut sections = model::by_color(&self.model, &colors);
+        change(sections.entry(color.into()).or_default());
+        sections.retain(|_, terms| *terms != ModelTerms::default());
+        Self { model: sections, ..self.clone() }
+    }
+
+    /// Where the picture of one of its colours is seen; none where that is as it should be, as far as is known.
+    pub fn picture_map(&self, color: Color) -> Option<PictureMap> {
+        self.picture.map(color, self.picture_size().into())
     }
 
     /// Side of the eyebox that all its colours serve, metres: the shortest wavelength's (OPTICS 1), or the SLM's (OPTICS 9).

@@ -83,6 +83,10 @@ impl Default for DisplayModel {
 }
 
 impl DisplayModel {
+    /// The names of all terms.
+    pub const TERMS: [&str; 9] =
+        ["level", "bend", "lag", "crosstalk", "fill", "source", "undiffracted", "wavefront", "iris"];
+
     /// Whether every term is off.
     pub fn is_ideal(&self) -> bool {
         *self == Self::default()
@@ -282,6 +286,53 @@ impl ModelTerms {
             model.wavefront.clone_from(&self.wavefront);
         }
     }
+}
+
+impl ModelTerms {
+    /// Leaves out the terms, by their names, that are not to be kept.
+    pub fn keep(&mut self, kept: &dyn Fn(&str) -> bool) {
+        fn keep<T>(kept: bool, term: &mut Option<T>) {
+            *term = term.take().filter(|_| kept);
+        }
+        keep(kept("level"), &mut self.level);
+        keep(kept("bend"), &mut self.bend);
+        keep(kept("lag"), &mut self.lag);
+        keep(kept("crosstalk"), &mut self.crosstalk);
+        keep(kept("crosstalk"), &mut self.subpixels);
+        keep(kept("fill"), &mut self.fill);
+        keep(kept("source"), &mut self.source);
+        keep(kept("undiffracted"), &mut self.undiffracted);
+        keep(kept("iris"), &mut self.iris);
+        self.wavefront.retain(|_, _| kept("wavefront"));
+        self.errors.iter_mut().for_each(|errors| errors.keep(kept));
+    }
+
+    /// These, and those of `others` that are not known here.
+    fn or(self, others: &Self) -> Self {
+        let others = others.clone();
+        Self {
+            level: self.level.or(others.level),
+            bend: self.bend.or(others.bend),
+            lag: self.lag.or(others.lag),
+            crosstalk: self.crosstalk.or(others.crosstalk),
+            subpixels: self.subpixels.or(others.subpixels),
+            fill: self.fill.or(others.fill),
+            source: self.source.or(others.source),
+            undiffracted: self.undiffracted.or(others.undiffracted),
+            wavefront: if self.wavefront.is_empty() { others.wavefront } else { self.wavefront },
+            iris: self.iris.or(others.iris),
+            from: if self.from.is_empty() { others.from } else { self.from },
+            date: if self.date.is_empty() { others.date } else { self.date },
+            errors: self.errors.or(others.errors),
+        }
+    }
+}
+
+/// The same sections with each colour's terms in one of its own.
+pub(super) fn by_color(sections: &ModelSections, colors: &[Color]) -> ModelSections {
+    let all = sections.get(&ModelOf::All).cloned().unwrap_or_default();
+    let own = |color: &Color| sections.get(&ModelOf::from(*color)).cloned().unwrap_or_default().or(&all);
+    colors.iter().map(|color| (ModelOf::from(*color), own(color))).collect()
 }
 
 /// `[model]` of a display file.

@@ -37,6 +37,26 @@ impl DisplayModel {
         (level * w + b1 * sin + b2 * (1.0 - cos), level + b1 * cos + b2 * sin)
     }
 
+    /// The drive from 0 to 2 pi that gives a phase where the level is `level`, the inverse of [`look_up`](Self::look_up); of a
+    /// phase beyond what full drive gives, the end of the range that is nearer round the turn.
+    pub fn drive_of(&self, phase: f64, level: f64) -> f64 {
+        let (phase, full) = (phase.rem_euclid(TAU), level * TAU);
+        if level == 1.0 && self.bend == [0.0; 2] {
+            return phase;
+        }
+        if phase > full {
+            return if TAU - phase < phase - full { 0.0 } else { TAU };
+        }
+        // The table rises, so a bisection finds it; to a ten-millionth of a turn.
+        let (mut low, mut high) = (0.0, TAU);
+        for _ in 0..24 {
+            let middle = (low + high) / 2.0;
+            let below = self.look_up(middle, level).0 < phase;
+            *(if below { &mut low } else { &mut high }) = middle;
+        }
+        (low + high) / 2.0
+    }
+
     /// Share of the sub-frame `k` before in what is seen of one, for k = 0 .. frames: the steady state of a set of so many
     /// sub-frames that repeats.
     pub fn lag_shares(&self, frames: usize) -> Vec<f64> {
@@ -280,6 +300,13 @@ mod tests {
             let numeric = (model.look_up(w + 1e-6, 1.1).0 - model.look_up(w - 1e-6, 1.1).0) / 2e-6;
             assert!((model.look_up(w, 1.1).1 - numeric).abs() < 1e-8);
         }
+        for level in [0.9, 1.0, 1.1] {
+            for drive in [0.1, 2.0, 5.5] {
+                assert!((model.drive_of(model.look_up(drive, level).0, level) - drive).abs() < 1e-6, "{drive}");
+            }
+        }
+        // Beyond the reach of full drive: the nearer end.
+        assert_eq!((model.drive_of(5.7, 0.9), model.drive_of(6.2, 0.9)), (TAU, 0.0));
         let shares = model.lag_shares(8);
         assert!((shares.iter().sum::<f64>() - 1.0).abs() < 1e-14 && (shares[1] / shares[0] - 0.2).abs() < 1e-14);
         assert_eq!(DisplayModel::default().lag_shares(3), [1.0, 0.0, 0.0]);

@@ -173,8 +173,8 @@ impl Prescription {
         moved.max(0.5 * self.blur(focal_length, diameter) * focal_length / reach)
     }
 
-    /// How wide it blurs a point through a pupil of this diameter, metres in the focal plane: twice the farthest that it turns
-    /// a ray away, which is `f |S| d` for a sphere.
+    /// How wide it blurs a point through a pupil of this diameter, metres in the focal plane: `f |S| d` for a sphere, for higher
+    /// orders the disc whose rays are as far from its middle, RMS.
     pub fn blur(&self, focal_length: f64, diameter: f64) -> f64 {
         let path = self.path();
         let slope = |x: f64, y: f64| {
@@ -190,17 +190,20 @@ impl Prescription {
                     }
                 }
             }
-            f64::hypot(along, down)
+            [along, down]
         };
-        let mut farthest: f64 = 0.0;
-        for step in 0..180 {
-            let (sin, cos) = (f64::from(step) * std::f64::consts::TAU / 180.0).sin_cos();
-            for part in 1..=8 {
-                let r = f64::from(part) / 16.0 * diameter;
-                farthest = farthest.max(slope(r * cos, r * sin));
-            }
+        // Evenly over the pupil; what all of it is turned by displaces and does not blur.
+        let (mut sum, mut squares, mut count) = ([0.0; 2], 0.0, 0.0);
+        for (ring, step) in (0..16).flat_map(|ring| (0..64).map(move |step| (ring, step))) {
+            let (sin, cos) = (f64::from(step) * std::f64::consts::TAU / 64.0).sin_cos();
+            let r = 0.5 * diameter * ((f64::from(ring) + 0.5) / 16.0).sqrt();
+            let [along, down] = slope(r * cos, r * sin);
+            sum = [sum[0] + along, sum[1] + down];
+            (squares, count) = (squares + along * along + down * down, count + 1.0);
         }
-        2.0 * focal_length * farthest
+        let variance = squares / count - (sum[0] * sum[0] + sum[1] * sum[1]) / (count * count);
+        let even_disc = 8f64.sqrt() * variance.max(0.0).sqrt();
+        focal_length * even_disc.max(self.strongest() * diameter)
     }
 
     /// Refuses what blurs over more than half of a picture, whose shorter side is `side`, through a pupil of this diameter:

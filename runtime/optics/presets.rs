@@ -148,6 +148,7 @@ impl Display {
             portrait: false,
             encoding,
             model: Default::default(),
+            picture: Default::default(),
             prescription: None,
         })
     }

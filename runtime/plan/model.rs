@@ -71,6 +71,13 @@ impl ModelTables {
         self.highest_drive
     }
 
+    /// The sum of the squares of crosstalk's kernel, 1 without: how much of the variance of random drives it leaves.
+    pub(crate) fn variance_left(&self) -> f64 {
+        let squares = |kernel: &Vec<f64>| kernel.iter().map(|v| v * v).sum::<f64>();
+        let kernels = self.model.crosstalk_kernels(self.grid.height, self.grid.width, 1);
+        kernels.map_or(1.0, |axes| axes.iter().map(squares).product::<f64>())
+    }
+
     /// The model.
     pub fn model(&self) -> &DisplayModel {
         &self.model

@@ -10,7 +10,7 @@ use crate::hologram::Hologram;
 use crate::memory;
 use crate::optics::Color;
 use crate::quality::Subject;
-use crate::scene::SceneError;
+use crate::scene::{LightField, SceneError};
 use crate::solve::{Flow, Levels, ScenePlan, Settings, Solution};
 use std::path::Path;
 
@@ -35,6 +35,8 @@ pub struct SolvedHologram {
     pub plan: ScenePlan,
     /// The settings of the solve.
     pub settings: Settings,
+    /// The scene as it was solved.
+    pub field: LightField,
 }
 
 impl SceneSolution {
@@ -117,5 +119,5 @@ fn one(
         // In the order of the map's values, which the range of depths does not keep.
         hologram.metadata.depth_map_mm = job.depth.map(|d| d.map(|metres| metres * 1e3));
     }
-    Ok(SolvedHologram { hologram, solutions, plan, settings })
+    Ok(SolvedHologram { hologram, solutions, plan, settings, field })
 }

@@ -113,6 +113,11 @@ fn plan(job: &SceneJob, request: &TilesRequest, views: &[Views]) -> Result<(Tile
             "a display's [model] is not for holograms that are solved in tiles: take it out of the display file";
         return Err(ProduceError::Job(reason.into()));
     }
+    if !display.picture.is_empty() {
+        let reason =
+            "a display's [picture] is not for holograms that are solved in tiles: take it out of the display file";
+        return Err(ProduceError::Job(reason.into()));
+    }
     if display.prescription.as_ref().is_some_and(|eye| !eye.is_perfect()) {
         return Err(ProduceError::Job("a prescription is not for holograms that are solved in tiles".into()));
     }

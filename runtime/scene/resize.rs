@@ -139,7 +139,7 @@ impl Axis {
 }
 
 /// The Catmull-Rom kernel at distance `t`.
-fn catmull_rom(t: f64) -> f64 {
+pub(super) fn catmull_rom(t: f64) -> f64 {
     let t = t.abs();
     if t < 1.0 {
         1.5 * t.powi(3) - 2.5 * t.powi(2) + 1.0

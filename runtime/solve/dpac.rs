@@ -65,8 +65,24 @@ pub(super) fn phases(problem: &Problem, settings: &Settings, engine: &mut dyn En
         engine.run_part(&full, 3 * i..3 * i + 3)?;
     }
     engine.run_part(&full, 3 * layers..full.list.len())?;
-    let field = engine.read(Buffer::Change)?;
-    Ok(encode(&planner.place(), &field, settings.frames))
+    let mut field = engine.read(Buffer::Change)?;
+    let place = planner.place();
+    let Some(model) = problem.model.as_ref().map(|tables| tables.model()) else {
+        return Ok(encode(&place, &field, settings.frames));
+    };
+    let (height, width) = (place.height as usize, place.width as usize);
+    // Where the source is weaker, more of it is to be left.
+    for (i, amplitude) in model.source_amplitude(height, width).into_iter().enumerate() {
+        let at = (i / width + place.top as usize) * place.grid_width as usize + i % width + place.left as usize;
+        field[2 * at..2 * at + 2].iter_mut().for_each(|v| *v /= amplitude as f32);
+    }
+    let levels = model.level_map(height, width);
+    let mut phases = encode(&place, &field, settings.frames);
+    for frame in phases.chunks_exact_mut(height * width) {
+        let each = frame.iter_mut().zip(&levels);
+        each.for_each(|(phase, level)| *phase = model.drive_of(f64::from(*phase), *level) as f32);
+    }
+    Ok(phases)
 }
 
 /// `field`: pairs (re, im) on the grid.

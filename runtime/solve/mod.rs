@@ -25,6 +25,8 @@ mod rehearsal;
 mod run;
 mod sampling;
 mod scene_plan;
+#[cfg(test)]
+mod seen_tests;
 mod settings;
 mod solver;
 #[cfg(all(test, feature = "vulkan"))]
@@ -53,5 +55,5 @@ pub use scene_plan::{Decision, Full, PlanRequest, ScenePlan};
 pub use settings::{PaddingRule, Settings};
 pub use solver::{solve, solve_from};
 pub use steer::{Refiner, Steering, Strategy};
-pub(crate) use step::{Update, take};
+pub(crate) use step::{Update, take, take_seen};
 pub use validation::{ValidationScore, Validator};

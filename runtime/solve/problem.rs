@@ -3,7 +3,8 @@
 use super::settings::Settings;
 use crate::optics::{Color, Display, Optics, OpticsError, Padding, WindowFactor};
 use crate::plan::{EyeTables, ModelTables, Planner, ViewLayout};
-use crate::scene::{LightField, Pyramid, ViewGrid, shrink_to_share};
+use crate::scene::{Bend, LightField, Pyramid, ViewGrid, shrink_to_share};
+use rayon::prelude::*;
 use std::sync::Arc;
 
 /// One colour of a display, and the scene in that colour.
@@ -43,6 +44,11 @@ impl Problem {
             has: field.colors.iter().map(Color::to_string).collect::<Vec<_>>().join(", "),
         };
         let views = &field.planes[field.colors.iter().position(|c| *c == color).ok_or_else(missing)?];
+        // Shown so that it is seen as the scene is (OPTICS 10).
+        let size = [field.height, field.width];
+        let bend = display.picture.map(color, size).map(|map| Bend::to_display(&map, size));
+        let bent: Option<Vec<_>> = bend.map(|bend| views.par_iter().map(|view| bend.apply(view)).collect());
+        let views = bent.as_ref().unwrap_or(views);
         let grid = ViewGrid { rows: field.grid[0], columns: field.grid[1], cell: field.cell(display) };
         let outline = Self::outline(display, color, padding, grid)?;
         let (height, width) = (field.height, field.width);
@@ -92,7 +98,7 @@ impl Problem {
     }
 
     /// Plans for a solve of this problem by these settings.
-    pub(super) fn planner_of(&self, settings: &Settings) -> Planner {
+    pub(crate) fn planner_of(&self, settings: &Settings) -> Planner {
         let plain = self.planner(settings.solved_frames(), settings.window);
         Planner { levels: settings.levels.count(), storage: settings.storage, ..plain }
     }

@@ -77,6 +77,8 @@ const PILOT_STEPS: usize = 24;
 const PILOT_RISE: f64 = 1.25;
 /// Adam does best with less light to spare than the projection (docs/measurements.md).
 const ADAM_EXPOSURE: f64 = 0.85;
+/// Crosstalk that leaves less of the drives' variance wants less light, in proportion (docs/displays.md).
+const CROSSTALK_LEAVES: f64 = 0.6;
 
 impl Run<'_> {
     /// From the scene's bright end, by pilot solves where its two measures part.
@@ -87,7 +89,10 @@ impl Run<'_> {
     ) -> Result<f64, SolveError> {
         let adam = matches!(self.settings.optimizer, Optimizer::Adam { .. });
         let Some(candidates) = end.candidates() else {
-            return Ok(if adam { (ADAM_EXPOSURE * end.guess()).max(end.mean) } else { end.guess() });
+            // Light that crosstalk keeps from being steered away falls everywhere: less to spare is better.
+            let left = self.problem.model.as_ref().map_or(1.0, |model| model.variance_left());
+            let share = (left / CROSSTALK_LEAVES).min(1.0) * if adam { ADAM_EXPOSURE } else { 1.0 };
+            return Ok(if share < 1.0 { (share * end.guess()).max(end.mean) } else { end.guess() });
         };
         self.pilot = true;
         let (start, steps, all) = (self.start, self.settings.steps, PILOT_STEPS * candidates.len());

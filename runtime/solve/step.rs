@@ -6,10 +6,11 @@ use super::optimizer::{Optimizer, cosine};
 use super::problem::Problem;
 use super::settings::Settings;
 use super::viewpoints::Viewpoints;
-use crate::engine::{Engine, EngineError, Memory, Step};
-use crate::plan::{Comparison, Planner, PupilPass, Viewpoint};
+use crate::engine::{Buffer, Engine, EngineError, Memory, Step};
+use crate::plan::{Comparison, Kernel, Planner, PupilPass, Viewpoint};
 use eyebox_kernels::compare;
 use std::ops::Range;
+use std::slice;
 
 /// How one step moves the phases.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -149,4 +150,25 @@ impl<'a> Steps<'a> {
 pub(crate) fn take(engine: &mut dyn Engine, step: &Step, parts: &[Range<usize>]) -> Result<f64, EngineError> {
     let begun = engine.begin_step(step, parts)?;
     Ok(step.mean_loss(&engine.end_step(begun)?.losses))
+}
+
+/// Takes a step whose intensities come from outside: `see` is given, for each of its pupil passes, the model's intensity on the
+/// pass's window and the fields behind it (sub-frame, row, column), and answers the intensity that is there. The field's phase
+/// stays the model's. The step holds all its pupil passes at once (one group); the rest is as in [`take`].
+///
+/// # Errors
+/// Those of the engine and of `see`.
+pub(crate) fn take_seen<E: From<EngineError>>(
+    engine: &mut dyn Engine,
+    step: &Step,
+    mut see: impl FnMut(usize, &[f32], &[f32]) -> Result<Vec<f32>, E>,
+) -> Result<f64, E> {
+    let place = step.list.iter().position(|d| d.kernel == Kernel::Compare).unwrap_or(step.list.len());
+    debug_assert!(step.list.get(place).is_none_or(|d| d.pupil_passes.len() == step.pupil_passes.len()), "one group");
+    engine.run_part(step, 0..place)?;
+    for slot in 0..step.pupil_passes.len() {
+        let (image, fields) = (engine.read(Buffer::Image(slot))?, engine.read(Buffer::Window(slot))?);
+        engine.write(Buffer::Image(slot), &see(slot, &image, &fields)?)?;
+    }
+    Ok(take(engine, step, slice::from_ref(&(place..step.list.len())))?)
 }

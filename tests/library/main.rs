@@ -8,5 +8,6 @@ mod far_field;
 mod fuzz;
 mod methods;
 mod model;
+mod picture;
 mod reference;
 mod steering;

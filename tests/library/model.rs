@@ -6,6 +6,7 @@ use eyebox::optics::{
     Color, Display, DisplayModel, Geometry, Level, ModelOf, ModelTerms, Optics, Padding, Pupil, WindowFactor,
 };
 use eyebox::plan::{Comparison, ModelTables, Planner, Purpose};
+use eyebox::quality::{ModelWorth, Subject};
 use eyebox::scene;
 use eyebox::solve::{self, Flow, Problem, Settings};
 use eyebox_kernels::compare;
@@ -13,6 +14,7 @@ use eyebox_tests::both::every_fault;
 use eyebox_tests::{Oracle, error_power, fft2, loaded, noise, phases, step_with_targets};
 use rustfft::num_complex::Complex64;
 use std::f64::consts::TAU;
+use std::time::Duration;
 
 /// Radius of the wavefront's disc, metres.
 const RADIUS: f64 = 11e-3;
@@ -299,6 +301,82 @@ fn phases_do_not_wrap_where_neighbours_would_suffer() {
     assert!(highest(&unaware) > 6.27 && highest(&aware) < TAU * 255.0 / 256.0 + 1e-5, "{}", highest(&aware));
     let (lost, kept) = (seen_on(&problem(&real), &unaware), seen_on(&problem(&real), &aware));
     assert!(kept > lost + 3.0, "solved without {lost:.2} dB, with the model {kept:.2}");
+}
+
+/// Crosstalk wants less light than the scene alone: with what is chosen for it, more is seen than with what was chosen for the
+/// ideal display.
+#[test]
+fn the_exposure_is_that_of_the_display_as_it_is() {
+    let ideal = Display { height: 64, width: 64, ..Display::preset("small").unwrap() };
+    let mut terms = ModelTerms::default();
+    terms.crosstalk = Some([[1.2, 1.0].into(); 4]);
+    let real = Display { model: [(ModelOf::Green, terms)].into(), ..ideal.clone() };
+    let field = scene::load("builtin:still-life", &scene::Request::new(&ideal, &[Color::Green])).unwrap();
+    let problem = |display| Problem::new(&field, Color::Green, display, Padding::default()).unwrap();
+    let settings = Settings { steps: 20, diameter: [6e-3, 16e-3], depth: [0.0, 2e-3], ..Settings::default() };
+    let mut engine = CpuEngine::new();
+    let mut solved = |display, settings: &Settings| {
+        solve::solve(&problem(display), settings, &mut engine, &mut |_| Flow::Continue).unwrap()
+    };
+    let (unaware, aware) = (solved(&ideal, &settings), solved(&real, &settings));
+    assert!((0.5..0.7).contains(&(aware.exposure / unaware.exposure)), "{} {}", aware.exposure, unaware.exposure);
+    let bright = solved(&real, &Settings { efficiency: Some(unaware.efficiency), ..settings.clone() });
+    assert!((bright.exposure / unaware.exposure - 1.0).abs() < 1e-6);
+    let [before, after] = [&bright, &aware].map(|solution| seen_on(&problem(&real), &solution.phases));
+    eprintln!("for the ideal display's exposure {before:.2} dB, for its own {after:.2}");
+    assert!(after > before + 0.8, "for the ideal display's exposure {before:.2} dB, for its own {after:.2}");
+}
+
+/// The double-phase method takes back what a look-up table does.
+#[test]
+fn the_double_phase_method_takes_back_the_look_up_table() {
+    let ideal = Display { height: 64, width: 64, ..Display::preset("small").unwrap() };
+    let mut terms = ModelTerms::default();
+    terms.level = Some(Level::Even(1.15));
+    terms.bend = Some([0.3, -0.2]);
+    let real = Display { model: [(ModelOf::Green, terms)].into(), ..ideal.clone() };
+    let field = scene::load("builtin:still-life", &scene::Request::new(&ideal, &[Color::Green])).unwrap();
+    let problem = |display| Problem::new(&field, Color::Green, display, Padding::default()).unwrap();
+    let settings = Settings { method: solve::Method::Dpac, depth: [0.0, 2e-3], ..Settings::default() };
+    let mut engine = CpuEngine::new();
+    let mut solved =
+        |display| solve::solve(&problem(display), &settings, &mut engine, &mut |_| Flow::Continue).unwrap().phases;
+    let (unaware, aware) = (solved(&ideal), solved(&real));
+    let model = real.model(Color::Green);
+    let off = |(drive, phase): (&f32, &f32)| {
+        let apart = model.look_up(f64::from(*drive).rem_euclid(TAU), 1.15).0 - f64::from(*phase);
+        1.0 - apart.cos()
+    };
+    let worst = aware.iter().zip(&unaware).map(off).fold(0.0, f64::max);
+    assert!(worst < 1e-10 && aware != unaware, "{worst:e}");
+}
+
+/// What terms are worth is measured: crosstalk much, a trace of lag nothing; and one sub-pixel will do.
+#[test]
+fn terms_that_show_nothing_are_found() {
+    let small = Display { height: 48, width: 48, ..Display::preset("small").unwrap() };
+    let mut terms = ModelTerms::default();
+    terms.crosstalk = Some([[1.2, 2.03].into(); 4]);
+    terms.lag = Some(1e-4);
+    let display = Display { model: [(ModelOf::All, terms)].into(), ..small };
+    let field = scene::load("builtin:still-life", &scene::Request::new(&display, &[Color::Green])).unwrap();
+    let base = Settings { diameter: [6e-3, 16e-3], depth: [0.0, 2e-3], frames: 4, ..Settings::default() };
+    let (color, levels) = (Color::Green, solve::Levels::Any);
+    let subject = Subject { field: &field, color, display: &display, base, levels };
+    let mut engine = CpuEngine::new();
+    let mut measure =
+        |seconds| ModelWorth::measure(&subject, Duration::from_secs(seconds), &mut engine).unwrap().unwrap();
+    let worth = measure(600);
+    eprintln!("{worth:?}");
+    let lost = |name: &str| worth.lost_db.iter().find(|(term, _)| *term == name).unwrap().1;
+    assert!(lost("crosstalk") > 0.5 && lost("lag").abs() < 0.05, "{worth:?}");
+    assert_eq!((worth.kept(), worth.subpixels()), (vec!["crosstalk"], Some(1)), "{worth:?}");
+    let auto = display.with_model_of(color, |model| worth.apply(model));
+    assert_eq!(auto.model(color).terms(), ["crosstalk"]);
+    // Other colours keep theirs.
+    assert_eq!(auto.model(Color::Red).terms(), ["lag", "crosstalk"]);
+    // Without time nothing is known, and nothing left out.
+    assert_eq!(measure(0).kept(), ["lag", "crosstalk"]);
 }
 
 /// Mean PSNR of what twelve pupils see of these phases, with the exposure that fits all of them.

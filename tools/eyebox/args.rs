@@ -7,8 +7,8 @@ pub use crate::groups::{
 use crate::phases::{EncodedArgs, PhaseArgs, PhaseUnitArgs, UnfinishedArgs};
 use crate::quality::QualityArgs;
 use crate::values::{
-    GivenPupil, Names, contrast, decibels, diameters, full, memory, method, one_of, positive, pupil, rate, share,
-    storage, window,
+    GivenPupil, Names, TermsOfModel, contrast, decibels, diameters, full, memory, method, model_terms, one_of,
+    positive, pupil, rate, share, storage, window,
 };
 use clap::Args;
 use clap::builder::TypedValueParser;
@@ -125,6 +125,10 @@ pub struct Solve {
     /// Share of the light that pupils are to see: less is dimmer and better, to a point [default: chosen for the scene]
     #[arg(long, value_name = "0..1")]
     pub efficiency: Option<f64>,
+    /// Which terms of the display's model are solved for: all, auto (those that are worth more than 0.05 dB on this scene, and
+    /// as many sub-pixels as are worth 0.2 dB, measured in some seconds), none, or their names with commas between
+    #[arg(long, value_name = "all|auto|none|LIST", value_parser = model_terms, default_value = "all")]
+    pub model_terms: TermsOfModel,
     /// Pupils a step [default: 16; adam 8]
     #[arg(long, value_name = "B")]
     pub pupils: Option<usize>,
@@ -176,6 +180,19 @@ pub struct Solve {
     /// With --memory: pixels along each axis of the scene's views [default: 1024, or the display's]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(16..=16384).map(usize::from))]
     pub picture: Option<usize>,
+    /// The command of a camera behind the display: after the solve it takes part in --camera-steps (docs/calibrate.md)
+    #[arg(long, value_name = "COMMAND", requires = "camera_steps")]
+    pub camera: Option<String>,
+    /// Steps with the camera's pictures in the place of what the model has
+    #[arg(long, value_name = "N", requires = "camera", value_parser = clap::value_parser!(u16).range(1..).map(usize::from))]
+    pub camera_steps: Option<usize>,
+    /// Keep the camera's pictures here; in the folder of eyebox calibrate --keep they are added, and its dots say where the camera
+    /// looks
+    #[arg(long, value_name = "DIR", requires = "camera")]
+    pub camera_keep: Option<PathBuf>,
+    /// Seconds that the command may take for an answer [default: 60, and by exposure]
+    #[arg(long, value_name = "SECONDS", value_parser = positive, requires = "camera")]
+    pub camera_timeout: Option<f64>,
     /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,

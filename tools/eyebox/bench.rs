@@ -3,7 +3,7 @@
 use crate::Failure;
 use crate::args::Bench;
 use crate::settings::settings_of;
-use crate::{common, dry};
+use crate::{common, dry, model_terms};
 use eyebox::quality::{Prepared, Subject};
 use eyebox::solve::{self, Flow, Levels};
 use serde_json::json;
@@ -17,6 +17,7 @@ pub fn run(args: &Bench) -> Result<(), Failure> {
     let colors = common::colors(&args.solve.display, &display)?;
     let color = colors[0];
     let mut engine = common::engine(&args.solve.engine)?;
+    let display = model_terms::chosen(&args.solve, display, &[color], engine.as_mut())?;
     engine.time_kernels(true);
     let begun = Instant::now();
     let field = common::scene(&args.solve.scene, &display, &[color])?;

@@ -6,7 +6,7 @@ use crate::values::positive;
 use clap::Args;
 use eyebox::calibrate::{Bench, Event, FEWEST, Report, calibrate};
 use eyebox::files;
-use eyebox::optics::{Color, Display};
+use eyebox::optics::{Color, Display, Seen};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -37,6 +37,10 @@ pub struct Calibrate {
     /// Four pictures, for what drifts: the display's file has the rest
     #[arg(long, conflicts_with = "captures")]
     pub quick: bool,
+    /// Write where the camera sees the picture of this colour too, so that it is shown undistorted and colours coincide; the camera
+    /// stands still from colour to colour. straight: it looks straight at the display, and keystone and turns are the display's
+    #[arg(long, value_name = "straight", num_args = 0..=1, require_equals = true, default_missing_value = "", value_parser = ["", "straight"], hide_possible_values = true)]
+    pub register: Option<String>,
     /// The display file with the model
     #[arg(short, long, value_name = "FILE.toml")]
     pub out: PathBuf,
@@ -96,7 +100,15 @@ pub fn run(args: &Calibrate) -> Result<(), Failure> {
             eprintln!("the pictures taken so far are in {}: the same command goes on from them", keep.display());
         }
     })?;
-    let text = calibrated.display.to_toml();
+    let mut fitted = calibrated.display.clone();
+    if let Some(how) = &args.register {
+        fitted.picture.straight = how == "straight";
+        fitted.picture.set(color, Seen::by_camera(calibrated.report.camera_map));
+        fitted.picture.check(fitted.picture_size().into()).map_err(Failure::Asked)?;
+        let off = fitted.picture.farthest(color, fitted.picture_size().into());
+        eprintln!("the {color} picture is seen up to {off:.2} pixels off its place, which is corrected from now on");
+    }
+    let text = fitted.to_toml();
     files::write_file(&args.out, |to| to.write_all(text.as_bytes()))?;
     if let Some(page) = &args.report {
         let html = eyebox::report::calibration_page(&calibrated, color);

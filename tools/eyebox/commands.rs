@@ -126,8 +126,8 @@ pub enum Command {
     Displays(crate::displays::Displays),
     /// Fit a model of the display as it is to pictures of it
     #[command(
-        after_help = "Examples:\n  eyebox calibrate --display bench.toml --camera 'python3 my_bench.py' -o calibrated.toml\n  \
-                      eyebox calibrate --display bench.toml --camera 'python3 my_bench.py' --keep pictures -o calibrated.toml\n  \
+        after_help = "Examples:\n  eyebox calibrate --display bench.toml --camera 'python3 my_camera.py' -o calibrated.toml\n  \
+                      eyebox calibrate --display bench.toml --camera 'python3 my_camera.py' --keep pictures -o calibrated.toml\n  \
                       eyebox calibrate --display bench.toml --captures pictures -o calibrated.toml\n\nThe command and its fifteen lines of Python: docs/calibrate.md. Ends with 3 where the bench or ctrl-C ended it."
     )]
     Calibrate(Box<crate::calibrate::Calibrate>),

@@ -126,7 +126,10 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "describe",
         ],
     ),
-    ("Camera", &["camera", "captures", "captures_max", "keep", "camera_timeout", "quick"]),
+    (
+        "Camera",
+        &["camera", "camera_steps", "camera_keep", "captures", "captures_max", "keep", "camera_timeout", "quick"],
+    ),
     ("Calibration", &["calibrate", "targets", "trackers.calibration", "trackers.eye"]),
     ("Window", &["preview.window", "zoom", "save_to", "live.view"]),
     ("Bare phases", &["phase_unit", "pitch", "wavelength", "focal_length", "geometry", "exposure"]),

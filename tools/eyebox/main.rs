@@ -30,6 +30,7 @@ mod import;
 mod inspect;
 mod live;
 mod log;
+mod model_terms;
 mod phases;
 mod photograph;
 mod plan;

@@ -10,7 +10,9 @@ use eyebox::produce::is_larger_than_memory;
 /// Takes one photograph of a scene.
 pub fn run(args: &Photograph) -> Result<(), Failure> {
     let form = common::form(&args.out, &[Form::Png, Form::Npy])?;
-    let display = common::display(&args.display)?;
+    let mut display = common::display(&args.display)?;
+    // What is seen, wherever the display has to show it.
+    display.picture = Default::default();
     let colors = common::colors(&args.display, &display)?;
     let pupil = common::pupil(&args.pupil, colors.iter().map(|c| display.optics(*c)), args.display.force)?;
     let mut engine = common::engine(&args.engine)?;

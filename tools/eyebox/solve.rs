@@ -1,11 +1,14 @@
 //! `eyebox solve`.
 
+mod camera;
 mod watch;
 
 use crate::Failure;
 use crate::args::Solve;
 use crate::common::{self, Form};
+use crate::model_terms;
 use crate::settings::{self, job_of};
+use eyebox::calibrate::CameraGain;
 use eyebox::engine::Engine;
 use eyebox::hologram::PupilScore;
 use eyebox::optics::{Color, Display, depth_in_words, dioptres};
@@ -34,8 +37,12 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     let single = scenes.len() == 1 && tiles.is_none();
     common::form(&args.out, if single { &[Form::Zarr, Form::Npy] } else { &[Form::Zarr] })?;
     let colors = common::colors(&args.display, &display)?;
+    // The camera before all that takes long.
+    let mut say = |line: &str| eprintln!("{line}");
+    let camera = camera::open(args, &display, &colors, single, &mut say)?;
     // The engine first: where there is none, nothing needs to be loaded.
     let mut engine = common::engine(&args.engine)?;
+    let display = model_terms::chosen(args, display, &colors, engine.as_mut())?;
     engine.time_kernels(args.timings || args.json);
     let (settings, chosen) = match tiles {
         Some(_) => (settings::of_tiles(args, &display)?, None),
@@ -43,10 +50,15 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     };
     let job = job_of(args, &display, scenes, colors, settings, tiles);
     let mut watch = Watch::of_job(&job, engine.describe(), chosen, args.json);
-    let solved = solve_scene(&job, Some(&args.out), engine.as_mut(), &mut |event| watch.see(event))?;
+    let mut solved = solve_scene(&job, Some(&args.out), engine.as_mut(), &mut |event| watch.see(event))?;
+    if let (SceneSolution::Hologram(solved), Some(camera)) = (&mut solved, camera) {
+        let gains = camera::run(args, solved, camera, engine.as_mut())?;
+        say_hologram(args, solved, &gains, &display, engine.as_ref(), start);
+        return camera::trouble(args, gains);
+    }
     let engine = engine.as_ref();
     match solved {
-        SceneSolution::Hologram(solved) => say_hologram(args, &solved, &display, engine, start),
+        SceneSolution::Hologram(solved) => say_hologram(args, &solved, &[], &display, engine, start),
         SceneSolution::Sequence(solved) => say_sequence(args, &solved, watch.frames(), engine, start)?,
         SceneSolution::Tiles(solved) => say_tiles(args, &solved, &job, engine, start),
         _ => {}
@@ -97,7 +109,14 @@ fn timings(engine: &dyn Engine) -> Vec<Value> {
     engine.timings().iter().map(one).collect()
 }
 
-fn say_hologram(args: &Solve, solved: &SolvedHologram, display: &Display, engine: &dyn Engine, start: Instant) {
+fn say_hologram(
+    args: &Solve,
+    solved: &SolvedHologram,
+    gains: &[CameraGain],
+    display: &Display,
+    engine: &dyn Engine,
+    start: Instant,
+) {
     let seconds = start.elapsed().as_secs_f64();
     if args.json {
         let report = |(color, s): &(Color, Solution)| {
@@ -109,13 +128,16 @@ fn say_hologram(args: &Solve, solved: &SolvedHologram, display: &Display, engine
         };
         let colors: Vec<_> = solved.solutions.iter().map(report).collect();
         let padding = solved.plan.padding;
-        let out = json!({
+        let mut out = json!({
             "out": args.out.display().to_string(), "engine": engine.describe(), "seconds": seconds, "colors": colors,
             "settings": solved.settings, "padding": [padding.rows, padding.columns], "plan": solved.plan.choices,
             "timings": timings(engine), "peak_memory_mib": common::peak_memory_mib(), "reach": display.reach(),
             "depth_mm": solved.settings.depth.map(|z| z * 1e3),
             "depth_dioptres": solved.settings.depth.map(|z| dioptres(z, display.focal_length)),
         });
+        if args.camera.is_some() {
+            out["camera"] = gains.iter().map(camera::as_json).collect();
+        }
         println!("{out}");
         return;
     }
@@ -136,6 +158,7 @@ fn say_hologram(args: &Solve, solved: &SolvedHologram, display: &Display, engine
             }
         );
     }
+    gains.iter().for_each(|gain| println!("{}", camera::in_words(gain)));
     if args.timings {
         for t in engine.timings() {
             println!("  {:15} {:8} calls {:10.2} ms", t.kernel.name(), t.calls, t.seconds * 1e3);

@@ -3,7 +3,7 @@
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use eyebox::encode::AsShown;
 use eyebox::hologram::PhaseUnit;
-use eyebox::optics::{Depth, Prescription, Pupil, WindowFactor};
+use eyebox::optics::{Depth, DisplayModel, Prescription, Pupil, WindowFactor};
 use eyebox::plan::Storage;
 use eyebox::present::Rate;
 use eyebox::solve::{Full, Method};
@@ -53,6 +53,29 @@ pub fn prescription(text: &str) -> Result<Prescription, String> {
     let eye = Prescription::new(sphere, cylinder, axis);
     eye.check()?;
     Ok(eye)
+}
+
+/// Which terms of a display's model are solved for.
+#[derive(Debug, Clone, PartialEq)]
+pub enum TermsOfModel {
+    All,
+    Auto,
+    These(Vec<String>),
+}
+
+pub fn model_terms(text: &str) -> Result<TermsOfModel, String> {
+    let names = match text {
+        "all" => return Ok(TermsOfModel::All),
+        "auto" => return Ok(TermsOfModel::Auto),
+        "none" => Vec::new(),
+        _ => text.split(',').map(|name| name.trim().to_owned()).collect(),
+    };
+    match names.iter().find(|name| !DisplayModel::TERMS.contains(&name.as_str())) {
+        Some(name) => {
+            Err(format!("'{name}' is no term: expected all, auto, none, or some of {}", DisplayModel::TERMS.join(",")))
+        }
+        None => Ok(TermsOfModel::These(names)),
+    }
 }
 
 /// A depth: mm, or dioptres with a D behind.

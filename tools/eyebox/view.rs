@@ -19,7 +19,7 @@ pub fn run(args: &View) -> Result<(), Failure> {
     let about = source.about();
     let pupil = common::pupil(&args.pupil, (0..about.colors.len()).map(|i| about.optics(i)), args.phases.force)?;
     let mut engine = common::engine(&args.engine)?;
-    let planes = source.look(None, &pupil, engine.as_mut())?;
+    let planes = about.as_seen(source.look(None, &pupil, engine.as_mut())?);
     let exposures = exposures(about, args.exposure, &planes);
     let colors: Vec<_> = about.colors.iter().map(|c| c.color).collect();
     common::write_image(&args.out, form, &planes, &colors, &exposures)?;
@@ -49,6 +49,9 @@ fn through(hologram: &Hologram) -> String {
     let mut said = String::new();
     if !terms.is_empty() {
         said = format!(", through the display's {} (--ideal looks past it)", terms.join(", "));
+    }
+    if !hologram.metadata.picture.is_empty() {
+        said += ", where the display's picture is seen (--ideal looks past it)";
     }
     if let Some(eye) = &hologram.metadata.prescription {
         said += &format!(", by an eye of {eye} (--prescription none looks with a perfect one)");

@@ -7,7 +7,7 @@ use crate::engine::{Buffer, Engine};
 use crate::evaluate::{self, Ceiling, Group, Member, Plane, RowFinder};
 use crate::hologram::Hologram;
 use crate::optics::{Color, Display, Padding, Pupil, WindowFactor, dioptres};
-use crate::plan::{Planner, Purpose};
+use crate::plan::{ModelTables, Planner, Purpose};
 use crate::quality::QualityError;
 use crate::scene::{LightField, central_depth};
 use crate::solve::Problem;
@@ -240,6 +240,9 @@ pub fn measure(
     for (i, solved) in hologram.colors.iter().enumerate() {
         let planner = Planner::new(hologram.optics(i)?, hologram.frames, WindowFactor::Full)
             .with_padding(hologram.metadata.padding());
+        let color = solved.color.unwrap_or(wanted.looks[i].color);
+        let model = ModelTables::of(display, color, planner.slm, planner.grid);
+        let planner = Planner { model, ..planner };
         engine.load(&planner.shape(Purpose::View), None)?;
         engine.write(Buffer::Phases, &solved.phases)?;
         let map = evaluate::energy(engine, &planner)?;
@@ -247,7 +250,6 @@ pub fn measure(
         let share = (display.eyebox_min() / planner.grid.eyebox()).min(1.0);
         energies.push(Energy { map, size: [planner.grid.height, planner.grid.width], share, variation });
         let mut take = |some: &[Pupil]| Ok(evaluate::views(engine, &planner, some)?);
-        let color = solved.color.unwrap_or(wanted.looks[i].color);
         looks.push(Looks::of(color, pupils, wanted.size, wanted.row, &mut take)?);
     }
     let (mut rows, mut colors) = (Vec::new(), Vec::new());

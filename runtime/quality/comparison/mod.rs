@@ -232,8 +232,9 @@ struct Task<'a> {
 /// What results are of beside an ideal display and a perfect eye.
 fn beyond_ideal(display: &Display) -> impl Iterator<Item = (&'static str, serde_json::Value)> {
     let model = (!display.model.is_empty()).then(|| ("model", json!(display.model)));
+    let picture = (!display.picture.is_empty()).then(|| ("picture", json!(display.picture)));
     let eye = display.prescription.as_ref().map(|eye| ("prescription", json!(eye)));
-    model.into_iter().chain(eye)
+    model.into_iter().chain(picture).chain(eye)
 }
 
 /// One scene's part of the work.

@@ -142,6 +142,7 @@ fn job(args: &Evaluate) -> Result<Comparison, Failure> {
     args.eye.replace(&mut display.prescription)?;
     if args.ideal {
         display.model.clear();
+        display.picture = Default::default();
     }
     for hologram in &given {
         hologram.check(&display, &colors)?;

@@ -6,7 +6,7 @@ mod check;
 pub use args::Plan;
 
 use crate::settings::{plan_of, settings_of};
-use crate::{Failure, common};
+use crate::{Failure, common, model_terms};
 use eyebox::encode;
 use eyebox::engine::Engine;
 use eyebox::optics::{Color, Display, dioptres};
@@ -25,6 +25,8 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
     solve.eye.replace(&mut display.prescription)?;
     let colors = common::colors(&solve.display, &display)?;
     let mut engine = common::engine(&solve.engine)?;
+    let worth = model_terms::worth(solve, &display, &colors, engine.as_mut())?;
+    let display = model_terms::apply(solve, display, &colors, &worth);
     let program = common::memory_kib("VmRSS").map_or(PROGRAM, |kib| kib << 10);
     let field = common::scene(&solve.scene, &display, &colors)?;
     let loading = common::memory_kib("VmHWM").map_or(0, |kib| kib << 10);
@@ -48,6 +50,7 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
         chosen.iter().for_each(|about| println!("{about}\n"));
         say(&plan, &forecasts);
         models.iter().for_each(say_model);
+        worth.iter().for_each(|worth| println!("  {:13}  {}", "", model_terms::in_words(worth)));
         slow.iter().for_each(|slow| println!("  {:13}  {slow}", "flicker"));
     }
     let lists = engine.lists();
@@ -73,6 +76,7 @@ pub fn run(args: &Plan) -> Result<(), Failure> {
             "depth_dioptres": plan.settings.depth.map(|z| dioptres(z, display.focal_length)),
             "reach": display.reach(), "flicker": slow, "check": check, "lists": lists,
             "model_work": models.iter().map(|(color, work)| json!({ "color": color, "share_of_ideal_step": work })).collect::<Vec<_>>(),
+            "model_worth": worth.iter().map(|worth| json!({ "measured": worth, "auto": worth.kept(), "subpixels": worth.subpixels() })).collect::<Vec<_>>(),
         });
         println!("{out}");
     }

@@ -5,6 +5,8 @@ mod basics;
 mod calibrate;
 #[cfg(target_os = "linux")]
 mod calibrated;
+#[cfg(target_os = "linux")]
+mod camera;
 mod common;
 mod depth_maps;
 mod displays;

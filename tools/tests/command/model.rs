@@ -72,6 +72,85 @@ fn a_plan_says_what_each_term_takes() {
     assert!(share("iris").abs() < 0.1 && share("all") >= share("crosstalk"), "{terms}");
 }
 
+/// A plan says what each term is worth; a solve takes the terms that it is told to.
+#[test]
+fn terms_are_chosen() {
+    let dir = folder();
+    let at = dir.path();
+    std::fs::write(at.join("real.toml"), format!("{BENCH}{MODEL}lag = 0.0001\n")).unwrap();
+    let scene = ["builtin:still-life", "--display", "real.toml", "--engine", "cpu", "--frames", "2"];
+    let plan = done(at, &[&["plan"], &scene[..], &["--json"]].concat());
+    let said: serde_json::Value = serde_json::from_str(&plan).unwrap();
+    let worth = &said["model_worth"][0];
+    let lost = worth["measured"]["lost_db"].as_array().unwrap();
+    let of = |name: &str| lost.iter().find(|t| t[0] == name).unwrap_or_else(|| panic!("{worth}"))[1].as_f64().unwrap();
+    assert!(of("crosstalk") > 0.2 && of("lag").abs() < 0.05, "{worth}");
+    let auto = worth["auto"].as_array().unwrap();
+    assert!(auto.contains(&"crosstalk".into()) && !auto.contains(&"lag".into()), "{worth}");
+    let words = done(at, &[&["plan"], &scene[..]].concat());
+    assert!(
+        words.contains("leaves out lag") && words.contains("48 x 48 pixels") && words.contains("sub-pixels"),
+        "{words}"
+    );
+    // What a hologram was solved for is what it is looked at through.
+    let solved_for = |terms: &str| {
+        let out = format!("{}.zarr", terms.replace(',', "-"));
+        let more = ["--steps", "1", "--model-terms", terms, "-o", &out];
+        done(at, &[&["solve"], &scene[..], &more].concat());
+        let view = ["view", &out, "--pupil", "1,-1,6,0", "--engine", "cpu", "-o", "v.npy"];
+        let answer = eyebox(at, &view);
+        assert!(answer.status.success(), "{}", text(&answer.stderr));
+        text(&answer.stderr)
+    };
+    let said = solved_for("crosstalk,fill");
+    assert!(said.contains("crosstalk, fill") && !said.contains("wavefront"), "{said}");
+    let said = solved_for("auto");
+    assert!(said.contains("crosstalk") && !said.contains("lag"), "{said}");
+    assert!(solved_for("all").contains("lag") && !solved_for("none").contains("crosstalk"));
+    let wrong = [&["solve"], &scene[..], &["--model-terms", "cross", "-o", "h.zarr"]].concat();
+    refused(at, &wrong, "h.zarr", "no term");
+}
+
+/// A display whose picture is seen bent is shown it bent the other way, and what is looked at is what is seen.
+#[test]
+fn a_picture_is_shown_where_it_is_seen() {
+    let dir = folder();
+    let at = dir.path();
+    let identity = "homography = [1, 0, 0, 0, 1, 0, 0, 0]";
+    let with = |distortion: &str| format!("{BENCH}[picture.green]\n{identity}\ndistortion = {distortion}\n");
+    std::fs::write(at.join("bent.toml"), with("[0.3, 0]")).unwrap();
+    std::fs::write(at.join("folded.toml"), with("[-1, 0]")).unwrap();
+    let settings = ["--steps", "20", "--frames", "8", "--pupil-diameter", "4..10", "--engine", "cpu"];
+    let solve =
+        |display, out| [&["solve", "builtin:still-life", "--display", display, "-o", out][..], &settings].concat();
+    done(at, &solve("bent.toml", "bent.zarr"));
+    let view = |out: &str, more: &[&str]| {
+        let view = ["view", "bent.zarr", "--pupil", "0,0,10,0", "--engine", "cpu", "-o", out];
+        let answer = eyebox(at, &[&view[..], more].concat());
+        assert!(answer.status.success(), "{}", text(&answer.stderr));
+        (read_npy(&at.join(out)).unwrap().values, text(&answer.stderr))
+    };
+    let ((seen, said), (shown, _)) = (view("seen.npy", &[]), view("shown.npy", &["--ideal"]));
+    assert!(said.contains("where the display's picture is seen"), "{said}");
+    let photograph = ["photograph", "builtin:still-life", "--display", "bent.toml", "--engine", "cpu"];
+    done(at, &[&photograph[..], &["--pupil", "0,0,10,0", "-o", "scene.npy"]].concat());
+    let scene = read_npy(&at.join("scene.npy")).unwrap().values;
+    // Of what is seen and what the display shows, the first is the scene. At the edges some of it has left the display.
+    let middle = |v: &[f32]| {
+        let values: Vec<f32> = (8..40).flat_map(|row| v[48 * row + 8..48 * row + 40].to_vec()).collect();
+        let mean = values.iter().sum::<f32>() / values.len() as f32;
+        values.iter().map(|v| v - mean).collect::<Vec<f32>>()
+    };
+    let scene = middle(&scene);
+    let unlike = |view: &[f32]| {
+        let view = &middle(view);
+        let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(a * b)).sum::<f64>();
+        1.0 - dot(view, &scene) / (dot(view, view) * dot(&scene, &scene)).sqrt()
+    };
+    assert!(unlike(&seen) < 0.6 * unlike(&shown), "{} {}", unlike(&seen), unlike(&shown));
+    refused(at, &solve("folded.toml", "h.zarr"), "h.zarr", "[picture.green]");
+}
+
 /// What makes no sense in the far field is refused, not left out.
 #[test]
 fn a_fill_in_the_far_field_is_refused() {

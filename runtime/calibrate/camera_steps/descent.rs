@@ -1,0 +1,322 @@
+//! The steps, and what they are judged by.
+
+use super::pictures::{CameraBench, OfColor, Seen};
+use super::sensor::Grid;
+use crate::calibrate::{CalibrateError, Event};
+use crate::engine::{Buffer, Engine};
+use crate::evaluate::Sums;
+use crate::optics::{Color, Pupil, WindowFactor};
+use crate::plan::{Comparison, Planner, PupilPass, Purpose, Viewpoint};
+use crate::solve::{Diameters, Problem, PupilRange, Sampler, Sequence, Settings, Update, cosine, take_seen};
+use std::sync::Arc;
+
+/// Pupils of a step.
+const PUPILS: usize = 6;
+/// Pupils that no step uses, by which it is judged.
+const HELD_OUT: usize = 6;
+/// Verdicts on the way.
+const VERDICTS: usize = 4;
+/// Gain of the first and of the last step, and what is left of it where a verdict says that it was too much.
+const GAIN: [f64; 2] = [1.0, 0.3];
+const DAMPED: f64 = 0.5;
+/// The projection's own (OPTICS 6).
+const OVERLAP_POWER: f64 = 0.5;
+/// A hologram is better where the held-out pictures' mean gain is more than so many of its standard errors.
+const SURE: f64 = 2.0;
+/// Pictures that correlate less with what the model predicts show something else.
+const ALIKE: f64 = 0.2;
+
+/// What is to be improved: a colour of a hologram.
+#[derive(Clone, Copy)]
+pub struct CameraSubject<'a> {
+    /// The scene on the display with its model.
+    pub problem: &'a Problem,
+    /// Which colour.
+    pub color: Color,
+    /// Of the solve: pupils, depths, levels, seed.
+    pub settings: &'a Settings,
+    /// The exposure that it was solved for.
+    pub exposure: f64,
+}
+
+/// What a camera's steps came to.
+#[derive(Debug)]
+#[non_exhaustive]
+pub struct CameraGain {
+    /// The colour.
+    pub color: Color,
+    /// Steps taken,
+    pub taken: usize,
+    /// and those behind the phases that are kept: 0 where the hologram is the one before.
+    pub kept: usize,
+    /// Pictures answered.
+    pub pictures: usize,
+    /// PSNR of each held-out picture against the scene's photograph over the camera's pixels, dB, at one exposure: before the
+    /// first step,
+    pub before: Vec<f64>,
+    /// and of the hologram that is kept.
+    pub after: Vec<f64>,
+    /// What ended the steps before their time.
+    pub trouble: Option<CalibrateError>,
+}
+
+/// A colour's steps under way.
+struct Run<'r, 'a> {
+    bench: &'r mut CameraBench<'a>,
+    of: usize,
+    subject: CameraSubject<'r>,
+    planner: Planner,
+    engine: &'r mut dyn Engine,
+    held_out: Vec<Pupil>,
+    /// Photographs of the held-out pupils at the camera's pixels.
+    targets: Vec<Vec<f32>>,
+    /// What a millisecond's light is of the model's intensity.
+    gain: f64,
+}
+
+impl CameraBench<'_> {
+    /// Takes the steps of one colour from these phases ((frames, height, width), radians), which become the better ones; they stay
+    /// as they are where the held-out pictures do not show that others are better.
+    pub fn improve(
+        &mut self,
+        subject: CameraSubject,
+        phases: &mut Vec<f32>,
+        engine: &mut dyn Engine,
+        observe: &mut dyn FnMut(Event),
+    ) -> CameraGain {
+        let (color, begun) = (subject.color, self.camera.session.count());
+        let (before, after) = (Vec::new(), Vec::new());
+        let mut gain = CameraGain { color, taken: 0, kept: 0, pictures: 0, before, after, trouble: None };
+        let outcome =
+            Run::new(self, subject, phases, engine).and_then(|mut run| run.descend(phases, &mut gain, observe));
+        gain.trouble = outcome.err();
+        gain.pictures = self.camera.session.count() - begun;
+        gain
+    }
+}
+
+impl<'r, 'a> Run<'r, 'a> {
+    fn new(
+        bench: &'r mut CameraBench<'a>,
+        subject: CameraSubject<'r>,
+        phases: &[f32],
+        engine: &'r mut dyn Engine,
+    ) -> Result<Self, CalibrateError> {
+        let CameraSubject { problem, settings, color, .. } = subject;
+        let of = bench.colors.iter().position(|of| of.color == color);
+        let of = of.ok_or_else(|| CalibrateError::Pictures(format!("the camera was not opened for {color}")))?;
+        let frames = phases.len() / (problem.optics.height * problem.optics.width);
+        let settings = Settings { frames, repeats: 1, window: WindowFactor::Two, ..settings.clone() };
+        let mut planner = problem.planner_of(&settings);
+        if let Some(views) = &mut planner.views {
+            views.unit /= problem.unit();
+        }
+        engine.load(&planner.shape(Purpose::Project), Some(Arc::clone(&problem.pyramid)))?;
+        if let Some(levels) = settings.levels.table() {
+            engine.write(Buffer::Levels, &levels)?;
+        }
+        engine.write(Buffer::Phases, phases)?;
+        let mut held_out = sampler(problem, &settings, Diameters::Uniform, !settings.seed ^ 0x6865_6c64);
+        let held_out = (0..HELD_OUT).map(|_| held_out.draw()).collect();
+        Ok(Self { bench, of, subject, planner, engine, held_out, targets: Vec::new(), gain: 1.0 })
+    }
+
+    fn descend(
+        &mut self,
+        phases: &mut Vec<f32>,
+        gain: &mut CameraGain,
+        observe: &mut dyn FnMut(Event),
+    ) -> Result<(), CalibrateError> {
+        let (steps, color) = (self.bench.steps, self.subject.color);
+        let every = steps.div_ceil(VERDICTS).max(1);
+        // Pictures, of all that are to be taken.
+        let all = (steps * PUPILS + HELD_OUT * (1 + steps.div_ceil(every))) as f64;
+        let mut done = 0;
+        let mut tell = |taken: usize, more: usize, best: &[f64]| {
+            let best =
+                if best.is_empty() { String::new() } else { format!(", held-out pictures at {:.2} dB", mean(best)) };
+            observe(Event::At(&format!("{color}, camera step {taken} of {steps}{best}"), f64::from(done as u32) / all));
+            done += more;
+        };
+        tell(0, HELD_OUT, &[]);
+        let seen = self.held_out(phases)?;
+        self.look_at_once(&seen)?;
+        gain.before = self.scores(&seen)?;
+        gain.after.clone_from(&gain.before);
+        self.engine.keep(Buffer::Phases)?;
+        let settings = self.subject.settings;
+        let mut pupils = sampler(self.subject.problem, settings, settings.diameters, settings.seed ^ 0x6361_6d65_7261);
+        let mut damping = 1.0;
+        for step in 1..=steps {
+            tell(step, PUPILS, &gain.after);
+            let now = self.shown()?;
+            let progress = (step - 1) as f64 / steps as f64;
+            let pupils: Vec<Pupil> = (0..PUPILS).map(|_| pupils.draw()).collect();
+            self.step(&now, &pupils, damping * cosine(GAIN, progress))?;
+            gain.taken = step;
+            if step % every != 0 && step != steps {
+                continue;
+            }
+            tell(step, HELD_OUT, &gain.after);
+            let now = self.shown()?;
+            let seen = self.held_out(&now)?;
+            let scores = self.scores(&seen)?;
+            if mean(&scores) > mean(&gain.after) && is_better(&gain.before, &scores) {
+                (gain.after, gain.kept) = (scores, step);
+                self.engine.keep(Buffer::Phases)?;
+                phases.clone_from(&now);
+            } else if mean(&scores) < mean(&gain.after) {
+                self.engine.restore()?;
+                damping *= DAMPED;
+            }
+        }
+        Ok(())
+    }
+
+    /// The phases as the SLM is to show them.
+    fn shown(&mut self) -> Result<Vec<f32>, CalibrateError> {
+        let phases = self.engine.read(Buffer::Phases)?;
+        let Some(levels) = self.subject.settings.levels.table() else { return Ok(phases) };
+        let levels = &levels[..self.planner.levels];
+        let far = |a: f32, b: f32| eyebox_kernels::trig::wrap(a - b).abs();
+        let nearest = |p: f32| levels.iter().copied().min_by(|a, b| far(*a, p).total_cmp(&far(*b, p))).unwrap_or(p);
+        Ok(phases.into_iter().map(nearest).collect())
+    }
+
+    fn of(&self) -> &OfColor {
+        &self.bench.colors[self.of]
+    }
+
+    fn grid(&self, pass: &PupilPass) -> Grid {
+        Grid { rows: pass.window.rows, columns: pass.window.columns, place: self.planner.place() }
+    }
+
+    /// Share of the eyebox that the true iris covers.
+    fn share(&self, pupil: &Pupil) -> f64 {
+        let iris = self.planner.model.as_ref().map_or(*pupil, |model| model.model().true_pupil(pupil));
+        self.planner.grid.share(iris.diameter)
+    }
+
+    /// Pictures through the held-out pupils, which become those that were there.
+    fn held_out(&mut self, phases: &[f32]) -> Result<Vec<Seen>, CalibrateError> {
+        let CameraBench { camera, colors, .. } = &mut *self.bench;
+        let mut all = Vec::with_capacity(HELD_OUT);
+        for pupil in &mut self.held_out {
+            let seen = camera.see(&colors[self.of], phases, *pupil)?;
+            let seen = seen.ok_or_else(|| camera.refused("take a picture by which the steps are judged"))?;
+            *pupil = seen.pupil;
+            all.push(seen);
+        }
+        Ok(all)
+    }
+
+    /// What should be seen through the held-out pupils, and what the camera makes of light, by what the model has of the first
+    /// pictures.
+    fn look_at_once(&mut self, seen: &[Seen]) -> Result<(), CalibrateError> {
+        let whole = Planner { factor: WindowFactor::Full, ..self.planner.clone() };
+        let (mut sums, mut alike) = ([0.0; 2], Vec::new());
+        for seen in seen {
+            let pass = whole.viewpoint(&Viewpoint::Pupil(seen.pupil), &Comparison::default());
+            let (grid, gain) = (self.grid(&pass), f64::from(pass.intensity.gain) * self.share(&seen.pupil));
+            self.engine.run(&whole.exposure_step(vec![pass]))?;
+            let (fields, target) = (self.engine.read(Buffer::Window(0))?, self.engine.read(Buffer::Target(0))?);
+            let sensor = &self.of().sensor;
+            let model = sensor.see_fields(&fields, gain, &grid);
+            self.targets.push(self.of().sensor.see(&target, &grid));
+            let pairs = || model.iter().zip(&seen.light).map(|(m, l)| [f64::from(*m), f64::from(*l)]);
+            let pairs = || pairs().filter(|[_, l]| l.is_finite());
+            pairs().for_each(|[m, l]| sums = [sums[0] + m, sums[1] + l]);
+            alike.push(correlation(pairs()));
+        }
+        self.gain = sums[1] / sums[0];
+        let alike = mean(&alike);
+        tracing::debug!("pictures and model: correlation {alike:.3}, {:.3e} of full scale a ms", self.gain);
+        if alike.is_nan() || alike < ALIKE {
+            return Err(CalibrateError::Pictures(format!(
+                "the camera's pictures are not of what is shown: their correlation with what the model predicts is {alike:.2}; \
+                 calibrate first, and take the dots again if the camera was moved"
+            )));
+        }
+        Ok(())
+    }
+
+    /// PSNR of pictures through the held-out pupils, dB, at one exposure for all.
+    fn scores(&self, seen: &[Seen]) -> Result<Vec<f64>, CalibrateError> {
+        let of = |(seen, target): (&Seen, &Vec<f32>)| {
+            let per = (1.0 / (self.gain * self.share(&seen.pupil))) as f32;
+            let pairs = seen.light.iter().zip(target).filter(|(l, _)| l.is_finite());
+            let (image, target): (Vec<f32>, Vec<f32>) = pairs.map(|(l, t)| (l * per, *t)).unzip();
+            Sums::of_images(&image, &target)
+        };
+        let wrong = |e: crate::evaluate::EvaluateError| CalibrateError::Pictures(format!("the held-out pictures: {e}"));
+        let sums = seen.iter().zip(&self.targets).map(of).collect::<Result<Vec<_>, _>>().map_err(wrong)?;
+        let exposure = Sums::fit_exposure(&sums).map_err(wrong)?;
+        Ok(sums.iter().map(|s| s.psnr(exposure)).collect())
+    }
+
+    /// One step over what the camera sees through these pupils.
+    fn step(&mut self, phases: &[f32], pupils: &[Pupil], gain: f64) -> Result<(), CalibrateError> {
+        let CameraBench { camera, colors, .. } = &mut *self.bench;
+        let mut seen = Vec::with_capacity(pupils.len());
+        for pupil in pupils {
+            seen.extend(camera.see(&colors[self.of], phases, *pupil)?);
+        }
+        if seen.is_empty() {
+            return Err(camera.refused("take any picture of a step"));
+        }
+        let exposure = self.subject.exposure / self.subject.problem.unit();
+        // What ten pupils ask for is the unit, as in a solve.
+        let share = (seen.len() as f64 / 10.0).powf(1.0 - OVERLAP_POWER);
+        let update = Update::Projection { gain: gain / share, momentum: 0.0, overlap_power: OVERLAP_POWER };
+        let viewpoints: Vec<Viewpoint> = seen.iter().map(|s| Viewpoint::Pupil(s.pupil)).collect();
+        let passes = update.pupil_passes(&self.planner, &viewpoints, exposure);
+        let looks: Vec<(Grid, f64, f64)> = passes
+            .iter()
+            .zip(&seen)
+            .map(|(pass, seen)| {
+                let share = self.share(&seen.pupil);
+                (self.grid(pass), f64::from(pass.intensity.gain), 1.0 / (self.gain * share))
+            })
+            .collect();
+        let mut step = update.step(&self.planner, passes, usize::MAX);
+        step.quantise.hardness = 1.0;
+        let sensor = &self.bench.colors[self.of].sensor;
+        let loss = take_seen(&mut *self.engine, &step, |slot, image, fields| -> Result<Vec<f32>, CalibrateError> {
+            let (grid, gain, per) = &looks[slot];
+            let model = sensor.see_fields(fields, *gain, grid);
+            // The camera's less the model's, where the camera looks: what is finer than its pixels stays the model's.
+            let rest: Vec<f32> = seen[slot].light.iter().zip(model).map(|(l, m)| l * *per as f32 - m).collect();
+            let rest = sensor.spread(&rest, grid);
+            Ok(image.iter().zip(rest).map(|(i, r)| (i + r).max(0.0)).collect())
+        })?;
+        match loss.is_finite() {
+            true => Ok(()),
+            false => Err(CalibrateError::Pictures("a camera step gave numbers that are not finite".into())),
+        }
+    }
+}
+
+fn sampler(problem: &Problem, settings: &Settings, diameters: Diameters, seed: u64) -> Sampler {
+    let Settings { diameter, depth, .. } = *settings;
+    Sampler::new(PupilRange { eyebox: problem.eyebox, diameter, depth, diameters }, Sequence::Sobol, seed)
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+/// Whether scores are higher than those before by more than chance.
+fn is_better(before: &[f64], after: &[f64]) -> bool {
+    let gains: Vec<f64> = after.iter().zip(before).map(|(a, b)| a - b).collect();
+    let (n, mean) = (gains.len() as f64, mean(&gains));
+    let variance = gains.iter().map(|g| (g - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
+    mean > SURE * (variance / n).sqrt()
+}
+
+/// Pearson's.
+fn correlation(pairs: impl Iterator<Item = [f64; 2]>) -> f64 {
+    let [n, a, b, aa, bb, ab] = pairs.fold([0.0; 6], |[n, sa, sb, aa, bb, ab], [a, b]| {
+        [n + 1.0, sa + a, sb + b, aa + a * a, bb + b * b, ab + a * b]
+    });
+    (n * ab - a * b) / ((n * aa - a * a) * (n * bb - b * b)).sqrt()
+}

@@ -1,0 +1,297 @@
+//! Where the picture is seen: distortion and lateral colour of what stands between the display and the eye (OPTICS 10, Camera).
+
+use super::Color;
+use serde::{Deserialize, Serialize};
+
+/// `[picture]` of a display file: where a camera saw each colour's picture. Places run from -1 to 1 across the widths of the
+/// picture and of the camera's, y in the same unit, from the centre.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
+pub struct Picture {
+    /// Whether the camera looked straight at the display and was not turned: keystone and turns are then the display's, and
+    /// are corrected; else they are taken for the camera's.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub straight: bool,
+    /// Of the red picture.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub red: Option<Seen>,
+    /// Of the green one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub green: Option<Seen>,
+    /// Of the blue one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub blue: Option<Seen>,
+}
+
+/// Where a camera saw one colour's picture: `g = (X, Y) (1 + k1 rho^2 + k2 rho^4)`, (X, Y) the homography of the place.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Seen {
+    /// The homography row by row; its ninth number is 1.
+    pub homography: [f64; 8],
+    /// k1 and k2 of the radial distortion.
+    #[serde(default)]
+    pub distortion: [f64; 2],
+}
+
+/// A homography row by row.
+type Homography = [f64; 9];
+
+fn project([a, b, c, d, e, f, g, h, i]: Homography, [x, y]: [f64; 2]) -> [f64; 2] {
+    let w = g * x + h * y + i;
+    [(a * x + b * y + c) / w, (d * x + e * y + f) / w]
+}
+
+/// The inverse but for a factor, which no place shows.
+fn adjugate([a, b, c, d, e, f, g, h, i]: Homography) -> Homography {
+    let (of, by, at) = (e * i - f * h, c * h - b * i, b * f - c * e);
+    [of, by, at, f * g - d * i, a * i - c * g, c * d - a * f, d * h - e * g, b * g - a * h, a * e - b * d]
+}
+
+impl Seen {
+    /// By a camera's map: the homography's eight numbers, k1, k2.
+    pub fn by_camera([a, b, c, d, e, f, g, h, k1, k2]: [f64; 10]) -> Self {
+        Self { homography: [a, b, c, d, e, f, g, h], distortion: [k1, k2] }
+    }
+
+    fn homography(&self) -> Homography {
+        let [a, b, c, d, e, f, g, h] = self.homography;
+        [a, b, c, d, e, f, g, h, 1.0]
+    }
+
+    fn bend(&self, rho2: f64) -> f64 {
+        1.0 + self.distortion[0] * rho2 + self.distortion[1] * rho2 * rho2
+    }
+
+    fn forth(&self, at: [f64; 2]) -> [f64; 2] {
+        let [x, y] = project(self.homography(), at);
+        let bend = self.bend(x * x + y * y);
+        [x * bend, y * bend]
+    }
+}
+
+/// Where one colour's picture is seen by a viewer, for whom the picture as a whole stands where it should.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PictureMap {
+    seen: Seen,
+    /// From the camera's picture to the viewer's.
+    camera: Homography,
+}
+
+/// How often the inverse of the distortion is improved.
+const ROUNDS: usize = 30;
+/// Places along each axis by which the camera's place is found.
+const PLACES: usize = 9;
+
+impl PictureMap {
+    /// Place in the viewer's picture of a place in the display's.
+    pub fn forth(&self, at: [f64; 2]) -> [f64; 2] {
+        project(self.camera, self.seen.forth(at))
+    }
+
+    /// Place in the display's picture of a place in the viewer's.
+    pub fn back(&self, at: [f64; 2]) -> [f64; 2] {
+        let [u, v] = project(adjugate(self.camera), at);
+        let rho = u.hypot(v);
+        // Newton's method for the radius before the distortion.
+        let [k1, k2] = self.seen.distortion;
+        let mut r = rho;
+        for _ in 0..ROUNDS {
+            let slope = 1.0 + 3.0 * k1 * r * r + 5.0 * k2 * r.powi(4);
+            let step = (r * self.seen.bend(r * r) - rho) / slope;
+            r -= step;
+            if step.abs() < 1e-14 || step.is_nan() {
+                break;
+            }
+        }
+        let undone = if rho > 0.0 { r / rho } else { 1.0 };
+        project(adjugate(self.seen.homography()), [u * undone, v * undone])
+    }
+}
+
+impl Picture {
+    /// Whether it says nothing.
+    pub fn is_empty(&self) -> bool {
+        [self.red, self.green, self.blue].iter().all(Option::is_none)
+    }
+
+    /// Says where a colour's picture was seen.
+    pub fn set(&mut self, color: Color, seen: Seen) {
+        *match color {
+            Color::Red => &mut self.red,
+            Color::Green => &mut self.green,
+            Color::Blue => &mut self.blue,
+        } = Some(seen);
+    }
+
+    /// Green's, or the first: what the others are brought to.
+    fn reference(&self) -> Option<Seen> {
+        self.green.or(self.red).or(self.blue)
+    }
+
+    /// Where the picture of `color` is seen, on a picture of so many rows and columns; a colour that was not looked at is taken
+    /// to be seen where the reference one is (green, else red). None where nothing is known.
+    pub fn map(&self, color: Color, [rows, columns]: [usize; 2]) -> Option<PictureMap> {
+        let reference = self.reference()?;
+        let own = match color {
+            Color::Red => self.red,
+            Color::Green => self.green,
+            Color::Blue => self.blue,
+        };
+        let high = rows as f64 / columns as f64;
+        let place = |i: usize| 2.0 * i as f64 / (PLACES - 1) as f64 - 1.0;
+        let wanted = || (0..PLACES * PLACES).map(|i| [place(i % PLACES), high * place(i / PLACES)]);
+        let pairs: Vec<_> = wanted().map(|at| (reference.forth(at), at)).collect();
+        let camera = if self.straight { upright(&pairs) } else { homography(&pairs) }?;
+        Some(PictureMap { seen: own.unwrap_or(reference), camera })
+    }
+
+    /// How far off its place the picture of `color` is seen at worst, in pixels of a picture of so many rows and columns.
+    pub fn farthest(&self, color: Color, [rows, columns]: [usize; 2]) -> f64 {
+        let Some(map) = self.map(color, [rows, columns]) else { return 0.0 };
+        let high = rows as f64 / columns as f64;
+        let place = |i: usize| 2.0 * i as f64 / (PLACES - 1) as f64 - 1.0;
+        let off = |at: [f64; 2]| (map.forth(at)[0] - at[0]).hypot(map.forth(at)[1] - at[1]);
+        let all = (0..PLACES * PLACES).map(|i| off([place(i % PLACES), high * place(i / PLACES)]));
+        0.5 * columns as f64 * all.fold(0.0, f64::max)
+    }
+
+    /// What is wrong with it for a picture of so many rows and columns, in words.
+    ///
+    /// # Errors
+    /// The reason.
+    pub fn check(&self, [rows, columns]: [usize; 2]) -> Result<(), String> {
+        let high = rows as f64 / columns as f64;
+        for (color, seen) in [(Color::Red, self.red), (Color::Green, self.green), (Color::Blue, self.blue)] {
+            let Some(seen) = seen else { continue };
+            let numbers = seen.homography.iter().chain(&seen.distortion);
+            if !numbers.clone().all(|v| v.is_finite() && v.abs() <= 100.0) {
+                return Err(format!("[picture.{color}] has a number beyond 100"));
+            }
+            let odd = || Err(format!("[picture.{color}] folds the picture: its map must take every place to another"));
+            let Some(map) = self.map(color, [rows, columns]) else { return odd() };
+            // Whether the way back is that of the way forth, and areas keep their sign, over the picture.
+            let mut sign = 0.0;
+            for i in 0..PLACES * PLACES {
+                let place = |i: usize| 2.0 * i as f64 / (PLACES - 1) as f64 - 1.0;
+                let at = [place(i % PLACES), high * place(i / PLACES)];
+                let step = |dx: f64, dy: f64| map.forth([at[0] + dx, at[1] + dy]);
+                let ([x, y], [ax, ay], [bx, by]) = (step(0.0, 0.0), step(1e-4, 0.0), step(0.0, 1e-4));
+                let area = (ax - x) * (by - y) - (ay - y) * (bx - x);
+                let back = map.back([x, y]);
+                let off = (back[0] - at[0]).hypot(back[1] - at[1]);
+                if !(area * sign >= 0.0 && area != 0.0 && off < 1e-6) {
+                    return odd();
+                }
+                sign = area.signum();
+                let moved = (x - at[0]).hypot(y - at[1]);
+                if moved > 0.5 {
+                    return Err(format!(
+                        "[picture.{color}] moves the picture by {moved:.2} of half its width: at most 0.5"
+                    ));
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The homography that takes the first of each pair nearest to the second.
+fn homography(pairs: &[([f64; 2], [f64; 2])]) -> Option<Homography> {
+    let mut found: Homography = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+    // Linear but for the weight of each place, which the round before gives.
+    for round in 0..10 {
+        let rows = pairs.iter().flat_map(|&([x, y], [u, v])| {
+            let weight = if round == 0 { 1.0 } else { 1.0 / (found[6] * x + found[7] * y + 1.0) };
+            let along = ([x, y, 1.0, 0.0, 0.0, 0.0, -u * x, -u * y], u);
+            let down = ([0.0, 0.0, 0.0, x, y, 1.0, -v * x, -v * y], v);
+            [along, down].map(|(row, right)| (row.map(|v| v * weight), right * weight))
+        });
+        let [a, b, c, d, e, f, g, h] = least_squares(rows)?;
+        found = [a, b, c, d, e, f, g, h, 1.0];
+    }
+    Some(found)
+}
+
+/// The same by scale, mirroring and shift alone.
+fn upright(pairs: &[([f64; 2], [f64; 2])]) -> Option<Homography> {
+    let sign = |axis: usize| pairs.iter().map(|(from, to)| from[axis] * to[axis]).sum::<f64>().signum();
+    let (mirror_x, mirror_y) = (sign(0), sign(1));
+    let rows =
+        pairs.iter().flat_map(|&([x, y], [u, v])| [([mirror_x * x, 1.0, 0.0], u), ([mirror_y * y, 0.0, 1.0], v)]);
+    let [scale, x, y] = least_squares(rows)?;
+    Some([mirror_x * scale, 0.0, x, 0.0, mirror_y * scale, y, 0.0, 0.0, 1.0])
+}
+
+/// Least squares by Gauss's elimination of the normal equations.
+fn least_squares<const N: usize>(rows: impl Iterator<Item = ([f64; N], f64)>) -> Option<[f64; N]> {
+    let (mut matrix, mut right) = ([[0.0; N]; N], [0.0; N]);
+    for (row, value) in rows {
+        for i in 0..N {
+            for j in 0..N {
+                matrix[i][j] += row[i] * row[j];
+            }
+            right[i] += row[i] * value;
+        }
+    }
+    for k in 0..N {
+        let pivot = (k..N).max_by(|&i, &j| matrix[i][k].abs().total_cmp(&matrix[j][k].abs()))?;
+        matrix.swap(k, pivot);
+        right.swap(k, pivot);
+        if matrix[k][k].abs() < 1e-12 || matrix[k][k].is_nan() {
+            return None;
+        }
+        for i in (0..N).filter(|i| *i != k) {
+            let share = matrix[i][k] / matrix[k][k];
+            let row = matrix[k];
+            matrix[i].iter_mut().zip(row).for_each(|(v, w)| *v -= share * w);
+            right[i] -= share * right[k];
+        }
+    }
+    Some(std::array::from_fn(|i| right[i] / matrix[i][i]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const KEYSTONE: [f64; 8] = [-0.9, 0.03, 0.02, -0.03, 0.91, -0.05, 0.02, -0.01];
+
+    #[test]
+    fn the_camera_s_place_is_taken_away_and_the_distortion_is_left() {
+        let seen = |distortion| Seen { homography: KEYSTONE, distortion };
+        let mut picture = Picture { green: Some(seen([0.0, 0.0])), ..Picture::default() };
+        let map = picture.map(Color::Blue, [30, 40]).unwrap();
+        for at in [[0.0, 0.0], [0.9, -0.7], [-1.0, 0.75]] {
+            let there = map.forth(at);
+            assert!((there[0] - at[0]).hypot(there[1] - at[1]) < 1e-9, "{at:?}: {there:?}");
+        }
+        // Blue is seen elsewhere than green, and both are bent.
+        picture.green = Some(seen([0.05, -0.01]));
+        picture.blue = Some(Seen { homography: KEYSTONE.map(|v| v * 1.01), distortion: [0.06, -0.01] });
+        picture.check([30, 40]).unwrap();
+        let [green, blue] = [Color::Green, Color::Blue].map(|c| picture.map(c, [30, 40]).unwrap());
+        for at in [[0.3, 0.1], [0.9, -0.7], [-1.0, 0.75]] {
+            for map in [green, blue] {
+                let back = map.back(map.forth(at));
+                assert!((back[0] - at[0]).hypot(back[1] - at[1]) < 1e-12, "{at:?}: {back:?}");
+            }
+            let ([x, y], [u, v]) = (green.forth(at), blue.forth(at));
+            let apart = (x - u).hypot(y - v);
+            assert!(apart > 1e-3 && apart < 0.05, "{apart}");
+        }
+        let corner = green.forth([1.0, 0.75]);
+        assert!((corner[0] - 1.0).hypot(corner[1] - 0.75) > 2e-3, "{corner:?}");
+    }
+
+    #[test]
+    fn keystone_stays_where_the_camera_looked_straight() {
+        let green = Some(Seen { homography: KEYSTONE, distortion: [0.0, 0.0] });
+        let map = Picture { straight: true, green, ..Picture::default() }.map(Color::Green, [40, 40]).unwrap();
+        let moved = map.forth([1.0, 1.0]);
+        assert!((moved[0] - 1.0).hypot(moved[1] - 1.0) > 0.02, "{moved:?}");
+        let folded = Some(Seen { homography: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], distortion: [-1.0, 0.0] });
+        assert!(Picture { green: folded, ..Picture::default() }.check([40, 40]).unwrap_err().contains("folds"));
+    }
+}

@@ -1,0 +1,124 @@
+//! What each term of a display's model is worth on a scene: solved with all of them, and with all but one, and looked at through
+//! the whole model.
+
+use super::{QualityError, Reference, Subject};
+use crate::engine::Engine;
+use crate::files::asked_to_end;
+use crate::optics::{Color, Display, ModelTerms};
+use crate::solve::{Flow, Settings};
+use serde::Serialize;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+/// Steps of each of these solves.
+const STEPS: usize = 24;
+/// Rows and columns of the display that they are on, at most.
+const MOST: usize = 96;
+/// A term that is worth less, dB, is left out.
+const SHOWS_DB: f64 = 0.05;
+/// Sub-pixels that are worth less, dB, are one.
+const SUBPIXELS_DB: f64 = 0.2;
+/// Sub-pixels of the truth that one and two of them are compared by.
+const TRUTH: usize = 3;
+
+/// What the terms of one colour's model are worth on a scene.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct ModelWorth {
+    /// The colour.
+    pub color: Color,
+    /// Rows and columns of the display that it was measured on.
+    pub size: [usize; 2],
+    /// Steps of each solve.
+    pub steps: usize,
+    /// Mean PSNR, solved with every term, dB.
+    pub db: f64,
+    /// Each term, and how many dB are lost where it is left out; NaN where there was no time to measure it.
+    pub lost_db: Vec<(&'static str, f64)>,
+    /// What 2 x 2 sub-pixels are worth over one, dB; none where no crosstalk shows, or there was no time.
+    pub subpixels_db: Option<f64>,
+}
+
+impl ModelWorth {
+    /// The same SLM with fewer pixels, on which this is measured: a whole number of times fewer.
+    pub fn display(display: &Display) -> Display {
+        let fewer = display.height.max(display.width).div_ceil(MOST);
+        let side = |n: usize| (n / fewer).max(1).next_multiple_of(2).min(n);
+        Display { height: side(display.height), width: side(display.width), ..display.clone() }
+    }
+
+    /// Measures it: `subject` is of [this](Self::display) display. What is not measured within `limit` is not; none where the
+    /// display is ideal in this colour.
+    ///
+    /// # Errors
+    /// Those of a solve.
+    pub fn measure(subject: &Subject, limit: Duration, engine: &mut dyn Engine) -> Result<Option<Self>, QualityError> {
+        let (color, display) = (subject.color, subject.display);
+        let terms = display.model(color).terms();
+        if terms.is_empty() {
+            return Ok(None);
+        }
+        let trials = Trials { subject, end: Instant::now() + limit };
+        let truth = trials.truth(display, engine)?;
+        let db = trials.decibels(display, &truth, engine)?;
+        let mut lost_db = Vec::with_capacity(terms.len());
+        for term in terms {
+            let without = display.with_model_of(color, |model| model.keep(&|name| name != term));
+            lost_db.push((term, db - trials.decibels(&without, &truth, engine)?));
+        }
+        let shows = |(name, lost): &(&str, f64)| *name == "crosstalk" && *lost >= SHOWS_DB;
+        let mut subpixels_db = None;
+        if lost_db.iter().any(shows) {
+            let on = |count| display.with_model_of(color, |model| model.subpixels = Some(count));
+            let truth = trials.truth(&on(TRUTH), engine)?;
+            let one = trials.decibels(&on(1), &truth, engine)?;
+            subpixels_db = Some(trials.decibels(&on(2), &truth, engine)? - one).filter(|gain| gain.is_finite());
+        }
+        Ok(Some(Self { color, size: [display.height, display.width], steps: STEPS, db, lost_db, subpixels_db }))
+    }
+
+    /// The terms that show, and those that were not measured.
+    pub fn kept(&self) -> Vec<&'static str> {
+        self.lost_db.iter().filter(|(_, lost)| lost.is_nan() || *lost >= SHOWS_DB).map(|(term, _)| *term).collect()
+    }
+
+    /// As many sub-pixels as are worth their time; none where it was not measured.
+    pub fn subpixels(&self) -> Option<usize> {
+        self.subpixels_db.map(|gain| if gain > SUBPIXELS_DB { 2 } else { 1 })
+    }
+
+    /// The model's terms that are worth their time, in the place of all.
+    pub fn apply(&self, model: &mut ModelTerms) {
+        let kept = self.kept();
+        model.keep(&|name| kept.contains(&name));
+        model.subpixels = self.subpixels().or(model.subpixels);
+    }
+}
+
+/// Short solves for displays of different models, and what came of them.
+struct Trials<'a> {
+    subject: &'a Subject<'a>,
+    end: Instant,
+}
+
+impl Trials<'_> {
+    fn subject<'b>(&'b self, display: &'b Display) -> Subject<'b> {
+        let base = Settings { psnr: None, seconds: None, ..self.subject.base.clone() };
+        Subject { display, base, ..self.subject.clone() }
+    }
+
+    /// What is really seen, if the display is this one.
+    fn truth(&self, display: &Display, engine: &mut dyn Engine) -> Result<Reference, QualityError> {
+        Reference::new(&self.subject(display), !self.subject.base.seed, engine)
+    }
+
+    /// Mean PSNR of what is solved for a display and seen on another; NaN where there is no time left.
+    fn decibels(&self, display: &Display, truth: &Reference, engine: &mut dyn Engine) -> Result<f64, QualityError> {
+        if asked_to_end().load(Ordering::SeqCst) || Instant::now() > self.end {
+            return Ok(f64::NAN);
+        }
+        let quality = Settings { steps: STEPS, ..Settings::default() };
+        let solved = self.subject(display).solve(&quality, engine, &mut |_| Flow::Continue)?;
+        Ok(truth.score(&solved.solution.phases, engine)?.mean())
+    }
+}

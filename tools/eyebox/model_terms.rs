@@ -1,0 +1,89 @@
+//! Which terms of a display's model a solve is for: all, some, or those that are worth their time.
+
+use crate::args::Solve;
+use crate::settings::base_of;
+use crate::values::TermsOfModel;
+use crate::{Failure, common};
+use eyebox::engine::Engine;
+use eyebox::optics::{Color, Display};
+use eyebox::quality::{ModelWorth, Subject};
+use eyebox::solve::Levels;
+use std::time::Duration;
+
+/// What measuring what a colour's terms are worth may take.
+const LIMIT: Duration = Duration::from_secs(12);
+
+/// What the terms of these colours are worth on the scene; nothing of an ideal display.
+pub fn worth(
+    args: &Solve,
+    display: &Display,
+    colors: &[Color],
+    engine: &mut dyn Engine,
+) -> Result<Vec<ModelWorth>, Failure> {
+    if colors.iter().all(|color| display.model(*color).is_ideal()) {
+        return Ok(Vec::new());
+    }
+    let small = ModelWorth::display(display);
+    let field = common::scene(&args.scene, &small, colors)?;
+    let depth = common::depths(&args.scene, &field, &small)?;
+    let base = base_of(args, &small, depth)?;
+    let mut all = Vec::new();
+    for color in colors.iter().filter(|color| field.colors.contains(color)) {
+        let subject =
+            Subject { field: &field, color: *color, display: &small, base: base.clone(), levels: Levels::of(&small) };
+        all.extend(ModelWorth::measure(&subject, LIMIT, engine)?);
+    }
+    Ok(all)
+}
+
+/// The display with the terms that are asked for; what is found worth its time is said.
+pub fn chosen(args: &Solve, display: Display, colors: &[Color], engine: &mut dyn Engine) -> Result<Display, Failure> {
+    let auto = args.model_terms == TermsOfModel::Auto;
+    let worth = if auto { worth(args, &display, colors, engine)? } else { Vec::new() };
+    if !args.json {
+        worth.iter().for_each(|worth| eprintln!("display model, {}", in_words(worth)));
+    }
+    Ok(apply(args, display, colors, &worth))
+}
+
+/// The same by what is known of their worth.
+pub fn apply(args: &Solve, display: Display, colors: &[Color], worth: &[ModelWorth]) -> Display {
+    match &args.model_terms {
+        TermsOfModel::All => display,
+        TermsOfModel::Auto => {
+            worth.iter().fold(display, |display, worth| display.with_model_of(worth.color, |model| worth.apply(model)))
+        }
+        TermsOfModel::These(names) => colors.iter().fold(display, |display, color| {
+            display.with_model_of(*color, |model| model.keep(&|name| names.iter().any(|n| n == name)))
+        }),
+    }
+}
+
+/// What the terms are worth, in one line.
+pub fn in_words(worth: &ModelWorth) -> String {
+    let decibels = |(term, lost): &(&str, f64)| match lost.is_nan() {
+        true => format!("{term} not measured"),
+        false => format!("{term} {lost:.2}"),
+    };
+    let terms: Vec<String> = worth.lost_db.iter().map(decibels).collect();
+    let kept = worth.kept();
+    let out: Vec<&str> = worth.lost_db.iter().map(|(term, _)| *term).filter(|term| !kept.contains(term)).collect();
+    let out = if out.is_empty() {
+        "all of them show".into()
+    } else {
+        format!("--model-terms auto leaves out {}", out.join(", "))
+    };
+    let [height, width] = worth.size;
+    let subpixels = worth
+        .subpixels_db
+        .zip(worth.subpixels())
+        .map_or(String::new(), |(gain, count)| format!("; 2 x 2 sub-pixels {gain:+.2} dB, {count} will do"));
+    format!(
+        "{}: without a term it loses, dB: {}{subpixels} (solved for {height} x {width} pixels in {} steps each, looked at \
+         through all terms: {:.2} dB with all); {out}",
+        worth.color,
+        terms.join(", "),
+        worth.steps,
+        worth.db
+    )
+}

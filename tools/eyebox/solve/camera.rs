@@ -1,0 +1,120 @@
+//! The camera in a solve's last steps.
+
+use crate::Failure;
+use crate::args::Solve;
+use crate::progress::{self, JobBar};
+use eyebox::calibrate::{CalibrateError, CameraBench, CameraGain, CameraSteps, CameraSubject, Event};
+use eyebox::engine::Engine;
+use eyebox::hologram::TakenWithCamera;
+use eyebox::optics::{Color, Display};
+use eyebox::produce::SolvedHologram;
+use serde_json::{Value, json};
+use std::time::Duration;
+
+/// The bench, where a camera takes part.
+pub fn open<'a>(
+    args: &'a Solve,
+    display: &Display,
+    colors: &[Color],
+    single: bool,
+    say: &'a mut dyn FnMut(&str),
+) -> Result<Option<CameraBench<'a>>, Failure> {
+    let (Some(command), Some(steps)) = (&args.camera, args.camera_steps) else { return Ok(None) };
+    if !single {
+        return Err(Failure::Asked(
+            "--camera is for one hologram that is solved all at once: leave it out, or give one scene and no --memory"
+                .into(),
+        ));
+    }
+    progress::catch_interrupt();
+    let limit = args.camera_timeout.map(Duration::from_secs_f64);
+    let steps = CameraSteps { command, steps, keep: args.camera_keep.as_deref(), limit };
+    Ok(Some(CameraBench::open(display, colors, &steps, say)?))
+}
+
+/// Takes the camera's steps of every colour; what became better is written in the place of what was solved.
+pub fn run(
+    args: &Solve,
+    solved: &mut SolvedHologram,
+    mut bench: CameraBench,
+    engine: &mut dyn Engine,
+) -> Result<Vec<CameraGain>, Failure> {
+    let problems = solved.hologram.problems(&solved.field)?;
+    let mut gains: Vec<CameraGain> = Vec::new();
+    let bar = JobBar::new(args.json);
+    let count = problems.len() as f64;
+    for (i, (problem, (color, _))) in problems.iter().zip(&solved.solutions).enumerate() {
+        if progress::interrupted() || gains.iter().any(|g| g.trouble.is_some()) {
+            break;
+        }
+        let of = &mut solved.hologram.colors[i];
+        let subject = CameraSubject { problem, color: *color, settings: &solved.settings, exposure: of.exposure };
+        let mut observe = |event: Event| {
+            if let Event::At(what, share) = event {
+                bar.show(what, (i as f64 + share) / count);
+            }
+        };
+        gains.push(bench.improve(subject, &mut of.phases, engine, &mut observe));
+    }
+    bar.finish();
+    if gains.iter().all(|g| g.trouble.is_none()) {
+        bench.close();
+    }
+    solved.hologram.metadata.camera = gains.iter().map(record).collect();
+    if !gains.is_empty() {
+        solved.hologram.save(&args.out)?;
+    }
+    Ok(gains)
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+/// Before and after, dB, where there was a before.
+fn decibels(gain: &CameraGain) -> Option<[f64; 2]> {
+    (!gain.before.is_empty()).then(|| [mean(&gain.before), mean(&gain.after)])
+}
+
+fn record(gain: &CameraGain) -> TakenWithCamera {
+    TakenWithCamera { color: gain.color, steps: gain.kept, pictures: gain.pictures, psnr_db: decibels(gain) }
+}
+
+/// For `--json`.
+pub fn as_json(gain: &CameraGain) -> Value {
+    json!({
+        "color": gain.color, "steps": gain.taken, "kept_steps": gain.kept, "pictures": gain.pictures,
+        "psnr_before_db": gain.before, "psnr_after_db": gain.after,
+        "trouble": gain.trouble.as_ref().map(ToString::to_string),
+    })
+}
+
+/// For people.
+pub fn in_words(gain: &CameraGain) -> String {
+    let (color, pictures) = (gain.color, gain.pictures);
+    let about = format!("{color:6} {} camera steps, {pictures} pictures", gain.taken);
+    match decibels(gain) {
+        None => format!("{about}: the hologram is the solved one"),
+        Some([before, _]) if gain.kept == 0 => format!(
+            "{about}: pictures that no step used do not show a gain (they are at {before:.2} dB): the hologram is the solved one"
+        ),
+        Some([before, after]) => {
+            format!("{about}: pictures that no step used went from {before:.2} to {after:.2} dB")
+        }
+    }
+}
+
+/// What ended the steps, once the hologram is written.
+pub fn trouble(args: &Solve, gains: Vec<CameraGain>) -> Result<(), Failure> {
+    match gains.into_iter().find_map(|g| g.trouble) {
+        None => Ok(()),
+        Some(CalibrateError::Stopped) => {
+            eprintln!("interrupted: {} has the best so far", args.out.display());
+            Ok(())
+        }
+        Some(error) => {
+            eprintln!("{} has the best so far", args.out.display());
+            Err(error.into())
+        }
+    }
+}

@@ -1,0 +1,197 @@
+//! The application's side.
+
+use crate::layout::{self, HELD, REQUEST, SLOT_HEADER};
+use crate::region::Region;
+use crate::{Content, FrameFault, FrameInfo, LiveError, Offer, Request, socket};
+use std::os::fd::AsFd;
+use std::os::unix::net::UnixStream;
+use std::path::Path;
+use std::sync::atomic::{Ordering, fence};
+use std::time::Duration;
+
+/// How long a display has to answer: it does so when it next looks.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// A connection to a display. The display notices when it is dropped.
+#[derive(Debug)]
+pub struct Application {
+    stream: UnixStream,
+    region: Region,
+    offer: Offer,
+    newest: Option<usize>,
+    frames: u64,
+    seen: u64,
+}
+
+impl Application {
+    /// Connects to the display that takes frames under this name.
+    ///
+    /// # Errors
+    /// No such display, one of another user, one that has an application, or one that does not answer for ten seconds.
+    pub fn connect(name: &str) -> Result<Self, LiveError> {
+        Self::connect_in(&socket::folder(), name)
+    }
+
+    /// The same in another folder.
+    ///
+    /// # Errors
+    /// Those of [`connect`](Self::connect).
+    pub fn connect_in(folder: &Path, name: &str) -> Result<Self, LiveError> {
+        let stream = UnixStream::connect(socket::path_of(folder, name)?)
+            .map_err(|e| LiveError::NoDisplay { name: name.into(), reason: e.to_string() })?;
+        socket::check_peer(&stream)?;
+        let (fd, bytes) = socket::greeted(&stream, PATIENCE)?;
+        stream.set_nonblocking(true).map_err(|error| LiveError::System { what: "a socket", error })?;
+        let region = Region::received(fd, bytes)?;
+        if bytes < 4096 {
+            return Err(LiveError::Damaged(format!("{bytes} bytes are no region")));
+        }
+        let mut words = [0; layout::OFFER_WORDS];
+        region.load(0, &mut words);
+        let offer = layout::read_offer(&words, bytes)?;
+        Ok(Self { stream, region, offer, newest: None, frames: 0, seen: 0 })
+    }
+
+    /// What the display takes.
+    pub fn offer(&self) -> &Offer {
+        &self.offer
+    }
+
+    /// What it asks for now; none before it asked.
+    pub fn request(&self) -> Option<Request> {
+        let sequence = self.region.word(REQUEST);
+        let mut words = [0; layout::REQUEST_WORDS - 1];
+        for _ in 0..1000 {
+            let before = sequence.load(Ordering::Acquire);
+            self.region.load(REQUEST + 1, &mut words);
+            fence(Ordering::Acquire);
+            if before.is_multiple_of(2) && before == sequence.load(Ordering::Relaxed) {
+                return if before == 0 { None } else { layout::read_request(&words) };
+            }
+            std::hint::spin_loop();
+        }
+        None
+    }
+
+    /// Waits for a request that was not waited for before; false where none came in time.
+    ///
+    /// # Errors
+    /// [`LiveError::Gone`] where the display is gone.
+    pub fn wait(&mut self, patience: Duration) -> Result<bool, LiveError> {
+        let until = std::time::Instant::now() + patience;
+        loop {
+            if !self.is_connected() {
+                return Err(LiveError::Gone);
+            }
+            if let Some(number) = self.request().map(|r| r.number).filter(|number| *number != self.seen) {
+                self.seen = number;
+                return Ok(true);
+            }
+            let left = until.saturating_duration_since(std::time::Instant::now());
+            if left.is_zero() {
+                return Ok(false);
+            }
+            socket::wait(&[self.stream.as_fd()], left);
+        }
+    }
+
+    /// Whether the display is still there.
+    pub fn is_connected(&self) -> bool {
+        socket::listen(&self.stream)
+    }
+
+    /// Begins a frame in a slot that the display does not look at. What a slot held stays in it until it is written.
+    ///
+    /// # Errors
+    /// [`LiveError::Frame`], for what the display would refuse.
+    pub fn begin(&mut self, info: &FrameInfo) -> Result<Slot<'_>, LiveError> {
+        let words = layout::header_words(&self.offer, info, self.frames + 1);
+        let info = layout::read_header(&words, &self.offer)?;
+        let index = self.take_slot();
+        let start = layout::slot_word(&self.offer, index);
+        self.region.store(start + 1, &words[1..]);
+        Ok(Slot { application: self, index, start, info })
+    }
+
+    /// Makes the sequence of a free slot odd. Of three slots one is the newest and one may be held.
+    fn take_slot(&mut self) -> usize {
+        for index in (0..self.offer.slots as usize).cycle() {
+            let held = |order| self.region.word(HELD).load(order) == index as u64 + 1;
+            if self.newest == Some(index) || held(Ordering::Relaxed) {
+                continue;
+            }
+            let sequence = self.region.word(layout::slot_word(&self.offer, index));
+            let before = sequence.load(Ordering::Relaxed);
+            // What was begun and never given is odd already.
+            sequence.store(before | 1, Ordering::Relaxed);
+            fence(Ordering::SeqCst);
+            if !held(Ordering::SeqCst) || before % 2 == 1 {
+                return index;
+            }
+            sequence.store(before, Ordering::Release);
+        }
+        unreachable!("the slots go round")
+    }
+
+    /// Gives a frame: its samples, and for colour and depth the dioptres. Returns its number.
+    ///
+    /// # Errors
+    /// [`LiveError::Frame`] for what the display would refuse, or too few or many samples. Values are judged by the display.
+    pub fn send(&mut self, info: &FrameInfo, samples: &[u8], dioptres: &[f32]) -> Result<u64, LiveError> {
+        let bytes = self.offer.samples(&info.content) * info.sample.bytes();
+        let depths = if info.content == Content::ColorAndDepth { self.offer.pixels() } else { 0 };
+        for (what, found, must) in [("bytes", samples.len(), bytes), ("depths", dioptres.len(), depths)] {
+            let [found, must] = [found as u64, must as u64];
+            if found != must {
+                return Err(FrameFault::Number { what, found, least: must, most: must }.into());
+            }
+        }
+        let depth = self.offer.bytes(&info.content, info.sample)[1];
+        let mut slot = self.begin(info)?;
+        slot.write(0, samples);
+        for (i, two) in dioptres.chunks(2).enumerate() {
+            let mut word = [0; 8];
+            for (to, value) in word.as_chunks_mut::<4>().0.iter_mut().zip(two) {
+                *to = value.to_le_bytes();
+            }
+            slot.write(depth + 8 * i, &word[..4 * two.len()]);
+        }
+        Ok(slot.publish())
+    }
+}
+
+/// A frame that is being written. Dropped, it is none; its slot is used again.
+#[derive(Debug)]
+pub struct Slot<'a> {
+    application: &'a mut Application,
+    index: usize,
+    start: usize,
+    info: FrameInfo,
+}
+
+impl Slot<'_> {
+    /// Writes some of the samples.
+    ///
+    /// # Panics
+    /// Where `at`, bytes from the first sample, is no multiple of 8, or the samples do not end within the frame.
+    pub fn write(&mut self, at: usize, samples: &[u8]) {
+        let room = self.application.offer.bytes(&self.info.content, self.info.sample)[0];
+        assert!(
+            at.is_multiple_of(8) && samples.len() <= room.saturating_sub(at),
+            "{} bytes at {at} of {room}",
+            samples.len()
+        );
+        self.application.region.store_bytes(self.start + SLOT_HEADER + at / 8, samples);
+    }
+
+    /// Gives the frame. Returns its number.
+    pub fn publish(self) -> u64 {
+        let application = self.application;
+        let sequence = application.region.word(self.start);
+        sequence.store(sequence.load(Ordering::Relaxed).wrapping_add(1), Ordering::Release);
+        application.newest = Some(self.index);
+        application.frames += 1;
+        socket::nudge(&application.stream);
+        application.frames
+    }
+}

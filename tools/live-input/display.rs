@@ -1,0 +1,361 @@
+//! The display's side.
+
+use crate::layout::{self, HELD, Header, REQUEST, SLOT_HEADER, STEP};
+use crate::region::Region;
+use crate::samples::{Curve, Stored, decode, decode_depth};
+use crate::{Content, FrameFault, FrameInfo, LiveError, Offer, Request, Sample, Transfer, socket};
+use std::fs::{File, TryLockError};
+use std::os::fd::AsFd;
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{Ordering, fence};
+use std::time::Duration;
+
+/// How often a frame that changes while it is copied is tried.
+const TRIES: u32 = 4;
+/// How many that want to connect are answered at a time.
+const CALLERS: u32 = 4;
+
+/// A frame in linear light, 1 = full scale: whole, and every number of it judged.
+#[derive(Debug, Clone)]
+pub struct Frame {
+    number: u64,
+    info: FrameInfo,
+    light: Vec<f32>,
+    dioptres: Vec<f32>,
+    channels: usize,
+}
+
+impl Frame {
+    /// One with room for whatever the offer allows.
+    fn new(offer: &Offer) -> Self {
+        let light = offer.largest().map(|content| offer.samples(&content)).max().unwrap_or(0);
+        let depth = offer.largest().any(|content| content == Content::ColorAndDepth);
+        Self {
+            number: 0,
+            info: FrameInfo::new(Content::ColorAndDepth, Sample::U8, Transfer::Linear),
+            light: Vec::with_capacity(light),
+            dioptres: Vec::with_capacity(if depth { offer.pixels() } else { 0 }),
+            channels: 1,
+        }
+    }
+
+    /// The application's number of it; 0 before the first.
+    pub fn number(&self) -> u64 {
+        self.number
+    }
+
+    /// What it says of itself.
+    pub fn info(&self) -> &FrameInfo {
+        &self.info
+    }
+
+    /// (view, row, column) or (layer, row, column) of a channel: the offer's colours in the order red, green, blue, and for
+    /// layers their opacity behind them. Empty where there is no such channel.
+    pub fn channel(&self, channel: usize) -> &[f32] {
+        let length = self.light.len() / self.channels;
+        self.light.get(channel * length..(channel + 1) * length).unwrap_or(&[])
+    }
+
+    /// (row, column): how far each pixel is, dioptres. Empty unless the content is colour and depth.
+    pub fn dioptres(&self) -> &[f32] {
+        &self.dioptres
+    }
+}
+
+/// What there was to take.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum Latest {
+    /// A frame that is newer than any before.
+    New,
+    /// `application late`: it gave nothing new.
+    Late,
+    /// `application gone`, or not there yet.
+    Gone,
+    /// The newest was refused.
+    Refused(FrameFault),
+}
+
+/// What became of an application's frames and of applications so far.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Applications that were taken in.
+    pub applications: u64,
+    /// Those that were not, because there was one or they were another user's.
+    pub turned_away: u64,
+    /// Frames that were taken.
+    pub frames: u64,
+    /// Frames that were refused.
+    pub refused: u64,
+    /// Copies that were thrown away because the slot changed meanwhile.
+    pub torn: u64,
+}
+
+#[derive(Debug)]
+struct Connection {
+    stream: UnixStream,
+    region: Region,
+    /// The newest frame that was taken.
+    last: u64,
+    /// Of each slot the sequence that was refused: it is so once.
+    refused: [u64; 8],
+}
+
+/// Takes frames under a name. Ends with its socket removed.
+#[derive(Debug)]
+pub struct Display {
+    offer: Offer,
+    path: PathBuf,
+    listener: UnixListener,
+    /// Held for as long as there is the socket.
+    _lock: File,
+    /// For the next application.
+    prepared: Option<Region>,
+    connection: Option<Connection>,
+    request: Option<Request>,
+    requests: u64,
+    /// A slot's samples as they were stored.
+    raw: Vec<u8>,
+    /// What is decoded into, so that a fault in the middle leaves the caller's frame alone.
+    spare: Frame,
+    curve: Curve,
+    counts: Counts,
+}
+
+impl Display {
+    /// Takes frames under this name.
+    ///
+    /// # Errors
+    /// A wrong name or offer, a folder that is not safe, another display of this name, too little memory.
+    pub fn open(name: &str, offer: Offer) -> Result<Self, LiveError> {
+        Self::open_in(&socket::folder(), name, offer)
+    }
+
+    /// The same in another folder.
+    ///
+    /// # Errors
+    /// Those of [`open`](Self::open).
+    pub fn open_in(folder: &Path, name: &str, offer: Offer) -> Result<Self, LiveError> {
+        offer.check()?;
+        let path = socket::path_of(folder, name)?;
+        socket::safe_folder(folder)?;
+        let system = |what| move |error| LiveError::System { what, error };
+        let lock = File::options().create(true).truncate(false).write(true).open(path.with_extension("lock"));
+        let lock = lock.map_err(system("the lock of a live input"))?;
+        lock.try_lock().map_err(|error| match error {
+            TryLockError::WouldBlock => LiveError::Taken(name.into()),
+            TryLockError::Error(error) => LiveError::System { what: "the lock of a live input", error },
+        })?;
+        // Whoever has the lock may remove what a dead one left.
+        let _ = std::fs::remove_file(&path);
+        let listener = UnixListener::bind(&path).map_err(system("the socket of a live input"))?;
+        listener.set_nonblocking(true).map_err(system("the socket of a live input"))?;
+        let prepared = Some(Region::new(layout::region_bytes(&offer))?);
+        Ok(Self {
+            raw: vec![0; offer.slot_bytes()],
+            spare: Frame::new(&offer),
+            curve: Curve::new(),
+            counts: Counts::default(),
+            connection: None,
+            request: None,
+            requests: 0,
+            _lock: lock,
+            prepared,
+            listener,
+            path,
+            offer,
+        })
+    }
+
+    /// What it takes.
+    pub fn offer(&self) -> &Offer {
+        &self.offer
+    }
+
+    /// A frame with room for everything, for [`latest`](Self::latest).
+    pub fn frame(&self) -> Frame {
+        Frame::new(&self.offer)
+    }
+
+    /// What became of frames and applications so far.
+    pub fn counts(&self) -> Counts {
+        self.counts
+    }
+
+    /// Whether there is an application.
+    pub fn is_connected(&self) -> bool {
+        self.connection.is_some()
+    }
+
+    /// Says what will be lit when, and what would fit; returns the number of the request. Its own number is not looked at.
+    pub fn ask(&mut self, request: &Request) -> u64 {
+        self.requests += 1;
+        self.request = Some(Request { number: self.requests, ..*request });
+        if let Some(connection) = &self.connection {
+            self.write_request(&connection.region);
+            socket::nudge(&connection.stream);
+        }
+        self.requests
+    }
+
+    fn write_request(&self, region: &Region) {
+        let Some(request) = &self.request else { return };
+        // From what is known here: the application may have written anything into the sequence.
+        let sequence = region.word(REQUEST);
+        sequence.store(2 * self.requests - 1, Ordering::Relaxed);
+        fence(Ordering::Release);
+        region.store(REQUEST + 1, &layout::request_words(request));
+        sequence.store(2 * self.requests, Ordering::Release);
+    }
+
+    /// Waits until an application connects, gives a frame or goes, which [`latest`](Self::latest) then finds; false where nothing
+    /// happened in time.
+    pub fn wait(&self, patience: Duration) -> bool {
+        let connection = self.connection.as_ref();
+        let mut fds = vec![self.listener.as_fd()];
+        fds.extend(connection.map(|c| c.stream.as_fd()));
+        socket::wait(&fds, patience)
+    }
+
+    /// Puts the newest whole frame into `frame` if it is newer than the last; else `frame` stays as it is. Takes in and lets go
+    /// applications. Waits for nobody, and allocates nothing, given a frame of [`frame`](Self::frame), unless an application comes
+    /// or goes.
+    pub fn latest(&mut self, frame: &mut Frame) -> Latest {
+        let Some(mut connection) = self.connection.take() else {
+            self.answer_callers();
+            return Latest::Gone;
+        };
+        // Before it is looked for frames: what it gave before it went is taken.
+        let closed = !socket::listen(&connection.stream);
+        let found = match self.take(&mut connection) {
+            Ok(true) => {
+                std::mem::swap(frame, &mut self.spare);
+                self.counts.frames += 1;
+                Latest::New
+            }
+            Ok(false) if closed => Latest::Gone,
+            Ok(false) => Latest::Late,
+            Err(fault) => {
+                self.counts.refused += 1;
+                Latest::Refused(fault)
+            }
+        };
+        if found != Latest::Gone {
+            self.connection = Some(connection);
+        }
+        // The next one waits until what this one left is taken.
+        if !closed || found == Latest::Gone {
+            self.answer_callers();
+        }
+        found
+    }
+
+    fn answer_callers(&mut self) {
+        for _ in 0..CALLERS {
+            let Ok((stream, _)) = self.listener.accept() else { return };
+            match self.take_in(stream) {
+                Ok(()) => self.counts.applications += 1,
+                Err(()) => self.counts.turned_away += 1,
+            }
+        }
+    }
+
+    fn take_in(&mut self, stream: UnixStream) -> Result<(), ()> {
+        let turned = |reason: &str| socket::refuse(&stream, reason);
+        socket::check_peer(&stream).map_err(|error| turned(&error.to_string()))?;
+        if self.connection.is_some() {
+            turned("it has an application already: one at a time");
+            return Err(());
+        }
+        let bytes = layout::region_bytes(&self.offer);
+        let region = match self.prepared.take() {
+            Some(region) => region,
+            None => Region::new(bytes).map_err(|error| turned(&error.to_string()))?,
+        };
+        region.store(0, &layout::offer_words(&self.offer));
+        self.write_request(&region);
+        stream.set_nonblocking(true).map_err(|_| ())?;
+        if !socket::welcome(&stream, region.fd(), bytes) {
+            return Err(());
+        }
+        self.connection = Some(Connection { stream, region, last: 0, refused: [0; 8] });
+        Ok(())
+    }
+
+    /// Copies and decodes the newest whole frame into the spare one, if it is newer than the last.
+    fn take(&mut self, connection: &mut Connection) -> Result<bool, FrameFault> {
+        for _ in 0..TRIES {
+            let Some((slot, before)) = self.newest(connection) else { return Ok(false) };
+            let region = &connection.region;
+            let sequence = region.word(layout::slot_word(&self.offer, slot));
+            region.word(HELD).store(slot as u64 + 1, Ordering::Relaxed);
+            fence(Ordering::SeqCst);
+            let still = sequence.load(Ordering::Acquire) == before;
+            let copied = if still { self.copy(region, slot, connection.last) } else { Err(FrameFault::Torn) };
+            fence(Ordering::Acquire);
+            let whole = sequence.load(Ordering::Relaxed) == before;
+            region.word(HELD).store(0, Ordering::Release);
+            if !(still && whole) {
+                self.counts.torn += 1;
+                continue;
+            }
+            let taken = copied.and_then(|(number, info)| self.decode(number, info));
+            match taken {
+                Ok(()) => connection.last = self.spare.number,
+                Err(_) => connection.refused[slot] = before,
+            }
+            return taken.map(|()| true);
+        }
+        Err(FrameFault::Torn)
+    }
+
+    /// The slot of the newest frame that is newer than the last, and its sequence.
+    fn newest(&self, connection: &Connection) -> Option<(usize, u64)> {
+        let slots = (0..self.offer.slots as usize).filter_map(|slot| {
+            let start = layout::slot_word(&self.offer, slot);
+            let sequence = connection.region.word(start).load(Ordering::Acquire);
+            let number = connection.region.word(start + 1).load(Ordering::Relaxed);
+            let whole = sequence != 0 && sequence.is_multiple_of(2) && sequence != connection.refused[slot];
+            (whole && number > connection.last).then_some((number, slot, sequence))
+        });
+        slots.max().map(|(_, slot, sequence)| (slot, sequence))
+    }
+
+    /// Copies a slot; returns its frame's number and what it says. All is judged by the copy.
+    fn copy(&mut self, region: &Region, slot: usize, last: u64) -> Result<(u64, FrameInfo), FrameFault> {
+        let start = layout::slot_word(&self.offer, slot);
+        let mut header: Header = [0; layout::HEADER_WORDS];
+        region.load(start, &mut header);
+        let info = layout::read_header(&header, &self.offer)?;
+        let (found, least, most) = (header[1], last.saturating_add(1), last.saturating_add(STEP));
+        if !(least..=most).contains(&found) {
+            return Err(FrameFault::Number { what: "frame number", found, least, most });
+        }
+        let bytes = self.offer.bytes(&info.content, info.sample)[0];
+        region.load_bytes(start + SLOT_HEADER, &mut self.raw[..bytes]);
+        Ok((found, info))
+    }
+
+    /// The copied samples to the spare frame's light.
+    fn decode(&mut self, number: u64, info: FrameInfo) -> Result<(), FrameFault> {
+        let frame = &mut self.spare;
+        let colors = self.offer.channels();
+        let channels = colors + usize::from(matches!(info.content, Content::Layers(_)));
+        let [bytes, depth] = self.offer.bytes(&info.content, info.sample);
+        // Both have room for the largest.
+        frame.light.resize(self.offer.samples(&info.content), 0.0);
+        frame.dioptres.resize(if bytes > depth { self.offer.pixels() } else { 0 }, 0.0);
+        let stored = Stored { sample: info.sample, transfer: info.transfer, channels, colors };
+        decode(&self.raw[..depth], &stored, &self.curve, &mut frame.light)?;
+        decode_depth(&self.raw[depth..bytes], channels, &mut frame.dioptres)?;
+        (frame.number, frame.info, frame.channels) = (number, info, channels);
+        Ok(())
+    }
+}
+
+impl Drop for Display {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.path);
+    }
+}

@@ -1,0 +1,52 @@
+//! Frames from an application to a display, through shared memory: both sides of what docs/live-input.md describes byte by byte.
+//!
+//! The display opens a [`Display`] under a name with an [`Offer`] of what it takes, says in a [`Request`] when the next set will be
+//! lit and what it wants to see, and asks for the [`latest`](Display::latest) whole frame, which waits for nobody and allocates
+//! nothing. The application opens an [`Application`] of that name, reads the request and [`send`](Application::send)s frames.
+//! Neither trusts the other. The crate needs nothing else of eyebox; memory is mapped by memmap2, and Linux asked by rustix.
+//!
+//! ```no_run
+//! use eyebox_live_input::{Application, Content, FrameInfo, Sample, Transfer};
+//! use std::time::Duration;
+//!
+//! let mut application = Application::connect("demo")?;
+//! let [rows, columns] = application.offer().size;
+//! let picture = vec![128u8; (rows * columns) as usize * application.offer().channels()];
+//! let depth = vec![1.5f32; (rows * columns) as usize];
+//! while application.wait(Duration::from_secs(1))? {
+//!     let request = application.request().map_or(0, |request| request.number);
+//!     let info = FrameInfo { request, ..FrameInfo::new(Content::ColorAndDepth, Sample::U8, Transfer::Srgb) };
+//!     application.send(&info, &picture, &depth)?;
+//! }
+//! # Ok::<(), eyebox_live_input::LiveError>(())
+//! ```
+
+mod content;
+mod error;
+mod layout;
+mod samples;
+
+#[cfg(all(target_os = "linux", target_endian = "little", target_pointer_width = "64"))]
+mod application;
+#[cfg(all(target_os = "linux", target_endian = "little", target_pointer_width = "64"))]
+mod display;
+#[cfg(not(all(target_os = "linux", target_endian = "little", target_pointer_width = "64")))]
+mod elsewhere;
+#[cfg(all(test, target_os = "linux", target_endian = "little", target_pointer_width = "64"))]
+mod hostile_tests;
+#[cfg(all(target_os = "linux", target_endian = "little", target_pointer_width = "64"))]
+mod region;
+#[cfg(all(target_os = "linux", target_endian = "little", target_pointer_width = "64"))]
+mod socket;
+
+#[cfg(all(target_os = "linux", target_endian = "little", target_pointer_width = "64"))]
+pub use application::{Application, Slot};
+pub use content::{Content, Dioptres, FrameInfo, Kind, Offer, Pupil, Request, Sample, Transfer, Wanted};
+#[cfg(all(target_os = "linux", target_endian = "little", target_pointer_width = "64"))]
+pub use display::{Counts, Display, Frame, Latest};
+#[cfg(not(all(target_os = "linux", target_endian = "little", target_pointer_width = "64")))]
+pub use elsewhere::{Application, Display};
+pub use error::{FrameFault, LiveError};
+
+/// The most of views on an axis, and of layers.
+pub const MOST: u32 = 64;

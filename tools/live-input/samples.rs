@@ -1,0 +1,134 @@
+//! From stored samples to linear light.
+
+use crate::{FrameFault, Sample, Transfer};
+
+/// What decoding needs, made once: the sRGB curve at all values of 16 bits. Those of 8 bits are every 257th.
+#[derive(Debug)]
+pub(crate) struct Curve(Vec<f32>);
+
+impl Curve {
+    pub(crate) fn new() -> Self {
+        let light = |v: f64| if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) };
+        Self((0..=65_535u32).map(|v| light(f64::from(v) / 65_535.0) as f32).collect())
+    }
+}
+
+/// The value of a float of 16 bits.
+fn half(bits: u16) -> f32 {
+    let (sign, exponent, fraction) = (u32::from(bits >> 15), u32::from(bits >> 10 & 31), u32::from(bits & 1023));
+    let size = match exponent {
+        0 => fraction as f32 / 16_777_216.0,
+        31 => f32::from_bits(0x7f80_0000 | fraction << 13),
+        _ => f32::from_bits((exponent + 112) << 23 | fraction << 13),
+    };
+    if sign == 1 { -size } else { size }
+}
+
+/// How channels are stored.
+pub(crate) struct Stored {
+    pub sample: Sample,
+    pub transfer: Transfer,
+    /// Channels of a pixel, and how many of them are colours: the one behind is opacity.
+    pub channels: usize,
+    pub colors: usize,
+}
+
+/// Stored pixels (pixel, channel) to `light` (channel, pixel).
+///
+/// # Errors
+/// [`FrameFault::Value`].
+pub(crate) fn decode(raw: &[u8], stored: &Stored, curve: &Curve, light: &mut [f32]) -> Result<(), FrameFault> {
+    let pixels = light.len() / stored.channels;
+    for (channel, out) in light.chunks_exact_mut(pixels).enumerate() {
+        let coded = stored.transfer == Transfer::Srgb && channel < stored.colors;
+        let limit = if channel < stored.colors { (65_504.0, "0 to 65504") } else { (1.0, "an opacity, 0 to 1") };
+        let place = Place { raw, first: channel, stride: stored.channels };
+        match (stored.sample, coded) {
+            (Sample::U8, false) => place.fill(out, |[b]: [u8; 1]| f32::from(b) / 255.0),
+            (Sample::U8, true) => place.fill(out, |[b]: [u8; 1]| curve.0[usize::from(b) * 257]),
+            (Sample::U16, false) => place.fill(out, |b| f32::from(u16::from_le_bytes(b)) / 65_535.0),
+            (Sample::U16, true) => place.fill(out, |b| curve.0[usize::from(u16::from_le_bytes(b))]),
+            (Sample::F16, _) => place.fill(out, |b| half(u16::from_le_bytes(b))),
+            (Sample::F32, _) => place.fill(out, f32::from_le_bytes),
+        }
+        if matches!(stored.sample, Sample::F16 | Sample::F32) {
+            judge(out, channel, [0.0, limit.0], limit.1)?;
+        }
+    }
+    Ok(())
+}
+
+/// Stored depths to dioptres.
+///
+/// # Errors
+/// [`FrameFault::Value`].
+pub(crate) fn decode_depth(raw: &[u8], channel: usize, dioptres: &mut [f32]) -> Result<(), FrameFault> {
+    Place { raw, first: 0, stride: 1 }.fill(dioptres, f32::from_le_bytes);
+    judge(dioptres, channel, [-100.0, 100.0], "-100 to 100 dioptres")
+}
+
+/// Which samples of those that are stored.
+struct Place<'a> {
+    raw: &'a [u8],
+    first: usize,
+    stride: usize,
+}
+
+impl Place<'_> {
+    fn fill<const N: usize>(&self, out: &mut [f32], value: impl Fn([u8; N]) -> f32) {
+        let samples = self.raw.as_chunks::<N>().0;
+        for (to, from) in out.iter_mut().zip(samples[self.first..].iter().step_by(self.stride)) {
+            *to = value(*from);
+        }
+    }
+}
+
+fn judge(values: &[f32], channel: usize, [least, most]: [f32; 2], must: &'static str) -> Result<(), FrameFault> {
+    // NaN is in no range.
+    let wrong = values.iter().position(|v| !(least..=most).contains(v));
+    wrong.map_or(Ok(()), |index| Err(FrameFault::Value { channel, index, found: values[index], must }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn halves_have_their_values() {
+        let known = [
+            (0u16, 0.0f32),
+            (0x3c00, 1.0),
+            (0xc000, -2.0),
+            (0x7bff, 65_504.0),
+            (1, 5.960_464_5e-8),
+            (0x3555, 0.333_251_95),
+        ];
+        assert!(known.iter().all(|(bits, value)| half(*bits) == *value), "{:?}", known.map(|(b, _)| half(b)));
+        assert!(half(0x7c00).is_infinite() && half(0x7e00).is_nan() && half(0x8000).is_sign_negative());
+    }
+
+    #[test]
+    fn channels_come_apart_and_opacity_is_never_coded() {
+        let raw = [0u8, 255, 128, 128, 255, 0];
+        let stored = Stored { sample: Sample::U8, transfer: Transfer::Srgb, channels: 2, colors: 1 };
+        let mut light = [9.0f32; 6];
+        decode(&raw, &stored, &Curve::new(), &mut light).unwrap();
+        let gray = ((128.0f64 / 255.0 + 0.055) / 1.055).powf(2.4) as f32;
+        assert_eq!(light, [0.0, gray, 1.0, 1.0, 128.0 / 255.0, 0.0]);
+    }
+
+    #[test]
+    fn what_is_no_light_is_refused() {
+        let decoded = |value: f32, sample, channels| {
+            let raw = value.to_le_bytes();
+            let stored = Stored { sample, transfer: Transfer::Linear, channels, colors: 1 };
+            decode(&[&[0; 4][..], &raw].concat(), &stored, &Curve::new(), &mut [0.0; 2])
+        };
+        for bad in [f32::NAN, f32::INFINITY, -1e-7, 1e6] {
+            let fault = decoded(bad, Sample::F32, 1).unwrap_err();
+            assert!(matches!(fault, FrameFault::Value { channel: 0, index: 1, .. }), "{fault}");
+        }
+        assert!(decoded(1.5, Sample::F32, 1).is_ok() && decoded(1.5, Sample::F32, 2).is_err(), "an opacity of 1.5");
+        assert!(decode_depth(&200.0f32.to_le_bytes(), 3, &mut [0.0]).is_err());
+    }
+}
