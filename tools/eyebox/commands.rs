@@ -101,6 +101,11 @@ pub enum Command {
                       eyebox play moving.zarr --display plm --record shown --trace trace.json\n\nEnds with 0 at the end, after --duration, and on ctrl-C; with 2 when it cannot be played, with 3 when the display is lost, with 130 at once on a second ctrl-C. The display is left on the idle picture: the phase 0, or with --sync the sync picture."
     )]
     Play(Box<crate::play::Play>),
+    /// Give frames of scenes to a display that takes them from other programs, as an application would: for tests
+    #[command(after_help = "Examples:\n  eyebox feed builtin:still-life --name demo --rate 30 --path=camera=-2..2\n  \
+                      eyebox feed builtin:plane --name demo --path=depth=-1..1 --frames 300 --json\n  \
+                      eyebox feed frames/ --name demo --rate 24\n\nThe display takes them as live:NAME: docs/live-input.md. --display says its optics. Ends when the display does.")]
+    Feed(Box<crate::feed::Feed>),
     /// Show what an eye sees in a window, live: the mouse moves the pupil, the wheel changes focus
     #[command(after_help = "Examples:\n  eyebox preview still-life.zarr --scene builtin:still-life\n  \
                       eyebox preview moving.zarr --pupil=2,0,6,1 --zoom 2\n  \

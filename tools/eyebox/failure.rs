@@ -17,6 +17,7 @@ use eyebox::session::SessionError;
 use eyebox::solve::SolveError;
 use eyebox::tiled::TiledError;
 use eyebox::trackers::TrackerError;
+use eyebox_live_input::LiveError;
 
 /// Why a command failed.
 #[derive(Debug, thiserror::Error)]
@@ -72,6 +73,9 @@ pub enum Failure {
     /// The preview.
     #[error(transparent)]
     Preview(#[from] PreviewError),
+    /// A display that takes frames.
+    #[error(transparent)]
+    Live(#[from] LiveError),
     /// The display was lost while it was played to.
     #[error("{0}")]
     Lost(String),

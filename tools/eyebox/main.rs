@@ -23,6 +23,7 @@ mod encode;
 mod evaluate;
 mod export;
 mod failure;
+mod feed;
 mod generate;
 mod groups;
 mod headings;
@@ -80,6 +81,7 @@ fn main() -> ExitCode {
         Command::Import(args) => import::run(args),
         Command::Encode(args) => encode::run(args),
         Command::Play(args) => play::run(args),
+        Command::Feed(args) => feed::run(args),
         Command::Preview(args) => preview::run(args),
         Command::Monitors(args) => play::monitors(args),
         Command::Bench(args) => bench::run(args),

@@ -37,6 +37,7 @@ impl Application {
     /// # Errors
     /// Those of [`connect`](Self::connect).
     pub fn connect_in(folder: &Path, name: &str) -> Result<Self, LiveError> {
+        crate::supported()?;
         let stream = UnixStream::connect(socket::path_of(folder, name)?)
             .map_err(|e| LiveError::NoDisplay { name: name.into(), reason: e.to_string() })?;
         socket::check_peer(&stream)?;

@@ -152,6 +152,10 @@ pub struct Offer {
     pub eyebox_mm: [f64; 2],
 }
 
+/// Bytes before the first slot; slots are multiples of it apart.
+pub(crate) const PAGE: usize = 4096;
+/// Bytes of a slot before its samples.
+pub(crate) const HEADER: usize = 512;
 /// The largest region, bytes.
 const REGION: u64 = 16 << 30;
 
@@ -202,6 +206,16 @@ impl Offer {
         self.largest().map(|content| self.bytes(&content, Sample::F32)[0]).max().unwrap_or(0).next_multiple_of(64)
     }
 
+    /// Bytes from one slot to the next.
+    pub(crate) fn slot_stride(&self) -> usize {
+        (HEADER + self.slot_bytes()).next_multiple_of(PAGE)
+    }
+
+    /// Bytes of a whole region.
+    pub(crate) fn region_bytes(&self) -> u64 {
+        (PAGE + self.slots as usize * self.slot_stride()) as u64
+    }
+
     /// # Errors
     /// [`LiveError::Offer`], with what is right.
     pub(crate) fn check(&self) -> Result<(), LiveError> {
@@ -228,7 +242,7 @@ impl Offer {
             return wrong("the angle of a pixel, or the eyebox", found, "positive, finite numbers");
         }
         // Factors of 2^32, 2^12, 4 and 4: nothing overflows.
-        let bytes = crate::layout::region_bytes(self);
+        let bytes = self.region_bytes();
         if bytes > REGION {
             return wrong(
                 "the shared memory",

@@ -137,6 +137,7 @@ impl Display {
     /// # Errors
     /// Those of [`open`](Self::open).
     pub fn open_in(folder: &Path, name: &str, offer: Offer) -> Result<Self, LiveError> {
+        crate::supported()?;
         offer.check()?;
         let path = socket::path_of(folder, name)?;
         socket::safe_folder(folder)?;
@@ -151,7 +152,7 @@ impl Display {
         let _ = std::fs::remove_file(&path);
         let listener = UnixListener::bind(&path).map_err(system("the socket of a live input"))?;
         listener.set_nonblocking(true).map_err(system("the socket of a live input"))?;
-        let prepared = Some(Region::new(layout::region_bytes(&offer))?);
+        let prepared = Some(Region::new(offer.region_bytes())?);
         Ok(Self {
             raw: vec![0; offer.slot_bytes()],
             spare: Frame::new(&offer),
@@ -268,7 +269,7 @@ impl Display {
             turned("it has an application already: one at a time");
             return Err(());
         }
-        let bytes = layout::region_bytes(&self.offer);
+        let bytes = self.offer.region_bytes();
         let region = match self.prepared.take() {
             Some(region) => region,
             None => Region::new(bytes).map_err(|error| turned(&error.to_string()))?,

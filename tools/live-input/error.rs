@@ -131,7 +131,10 @@ impl fmt::Display for LiveError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Unsupported => {
-                write!(f, "live input: only on Linux of 64 bits, whose shared memory can be sealed against being cut")
+                write!(
+                    f,
+                    "live input: only on little-endian Linux of 64 bits, whose shared memory can be sealed against being cut"
+                )
             }
             Self::Name(name) => write!(
                 f,

@@ -196,6 +196,15 @@ fn a_frame_that_never_ends_is_not_looked_at_and_one_that_changes_is_torn() {
     assert_eq!(bench.display.counts().applications, 2);
 }
 
+/// Stops a thread.
+struct End<'a>(&'a AtomicBool);
+
+impl Drop for End<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
 /// Frames of one value each, and a thread that writes slots over and over, held or not, as often as not with a header that is
 /// none: what is taken is of one value.
 #[test]
@@ -225,6 +234,8 @@ fn nothing_torn_is_taken_while_a_thread_scribbles() {
                 region.word(slot).store((sequence | 1) + 1, Ordering::Release);
             }
         });
+        // The thread ends with this one, however that ends.
+        let _end = End(&stop);
         for _ in 0..20_000 {
             match display.latest(frame) {
                 Latest::New => {
@@ -237,7 +248,6 @@ fn nothing_torn_is_taken_while_a_thread_scribbles() {
                 other => assert_eq!(other, Latest::Late),
             }
         }
-        stop.store(true, Ordering::Relaxed);
     });
     // How many depends on the machine.
     assert!(taken + refused <= 20_000);
@@ -249,7 +259,7 @@ fn random_bytes_everywhere() {
     let mut bench = Bench::new();
     bench.good(1, 100);
     let mut random = fastrand::Rng::with_seed(2);
-    let words = layout::region_bytes(&offer()) as usize / 8;
+    let words = offer().region_bytes() as usize / 8;
     for round in 0..50 {
         for at in 0..words {
             bench.region.word(at).store(random.u64(..), Ordering::Relaxed);
@@ -261,7 +271,7 @@ fn random_bytes_everywhere() {
     // A hole in what it shares is zeros.
     use rustix::fs::FallocateFlags;
     let hole = FallocateFlags::PUNCH_HOLE | FallocateFlags::KEEP_SIZE;
-    rustix::fs::fallocate(bench.region.fd(), hole, 0, layout::region_bytes(&offer())).unwrap();
+    rustix::fs::fallocate(bench.region.fd(), hole, 0, offer().region_bytes()).unwrap();
     assert_eq!(bench.latest(), Latest::Late);
     bench.good(2, 20);
 }
@@ -367,7 +377,7 @@ fn another_user_is_turned_away_by_the_kernels_word() {
 #[test]
 fn an_application_judges_what_a_display_sends() {
     let good = layout::offer_words(&offer());
-    let bytes = layout::region_bytes(&offer());
+    let bytes = offer().region_bytes();
     layout::read_offer(&good, bytes).unwrap();
     layout::read_offer(&[0; layout::OFFER_WORDS], bytes).unwrap_err();
     let mut random = fastrand::Rng::with_seed(3);
@@ -376,7 +386,7 @@ fn an_application_judges_what_a_display_sends() {
         words[random.usize(0..10)] ^= random.u64(1..) >> random.u32(0..63);
         // What is taken fits its memory.
         if let Ok(offer) = layout::read_offer(&words, bytes) {
-            assert_eq!((layout::offer_words(&offer), layout::region_bytes(&offer)), (words, bytes));
+            assert_eq!((layout::offer_words(&offer), offer.region_bytes()), (words, bytes));
         }
     }
     layout::read_offer(&good, bytes + 8).unwrap_err();

@@ -1,14 +1,13 @@
 //! Where each number lies (docs/live-input.md), in words of 8 bytes; and the way between words and what they mean. Pure: what is
 //! judged here is a copy, which nobody changes meanwhile.
 
+use crate::content::{HEADER, PAGE};
 use crate::{
     Content, Dioptres, FrameFault, FrameInfo, Kind, LiveError, MOST, Offer, Pupil, Request, Sample, Transfer, Wanted,
 };
 
 pub(crate) const MAGIC: u64 = u64::from_le_bytes(*b"EYELIVE1");
 pub(crate) const VERSION: u32 = 1;
-/// Bytes before the first slot; slots are multiples of it apart.
-const PAGE: usize = 4096;
 /// Words of the region's own numbers.
 pub(crate) const OFFER_WORDS: usize = 13;
 /// The word that says which slot is held.
@@ -17,7 +16,7 @@ pub(crate) const HELD: usize = 128 / 8;
 pub(crate) const REQUEST: usize = 192 / 8;
 pub(crate) const REQUEST_WORDS: usize = 15;
 /// A slot's words before its samples, the first its sequence, and those that mean something.
-pub(crate) const SLOT_HEADER: usize = 512 / 8;
+pub(crate) const SLOT_HEADER: usize = HEADER / 8;
 pub(crate) const HEADER_WORDS: usize = 48;
 /// Where in them the dioptres are.
 const DIOPTRES: usize = 16;
@@ -27,18 +26,9 @@ pub(crate) const STEP: u64 = 1 << 32;
 /// One header, copied.
 pub(crate) type Header = [u64; HEADER_WORDS];
 
-fn slot_stride(offer: &Offer) -> usize {
-    (SLOT_HEADER * 8 + offer.slot_bytes()).next_multiple_of(PAGE)
-}
-
-/// Bytes of a whole region.
-pub(crate) fn region_bytes(offer: &Offer) -> u64 {
-    (PAGE + offer.slots as usize * slot_stride(offer)) as u64
-}
-
 /// The first word of a slot.
 pub(crate) fn slot_word(offer: &Offer, slot: usize) -> usize {
-    (PAGE + slot * slot_stride(offer)) / 8
+    (PAGE + slot * offer.slot_stride()) / 8
 }
 
 fn pair(low: u32, high: u32) -> u64 {
@@ -59,9 +49,9 @@ pub(crate) fn offer_words(offer: &Offer) -> [u64; OFFER_WORDS] {
     [
         MAGIC,
         pair(VERSION, offer.slots),
-        region_bytes(offer),
+        offer.region_bytes(),
         PAGE as u64,
-        slot_stride(offer) as u64,
+        offer.slot_stride() as u64,
         offer.slot_bytes() as u64,
         pair(offer.size[0], offer.size[1]),
         pair(offer.views[0], offer.views[1]),
@@ -96,7 +86,7 @@ pub(crate) fn read_offer(words: &[u64; OFFER_WORDS], length: u64) -> Result<Offe
         eyebox_mm: [f64::from_bits(words[11]), f64::from_bits(words[12])],
     };
     offer.check()?;
-    if offer_words(&offer) != *words || region_bytes(&offer) != length {
+    if offer_words(&offer) != *words || offer.region_bytes() != length {
         return damaged(format!("its numbers do not fit {length} bytes, or each other"));
     }
     Ok(offer)

@@ -21,32 +21,43 @@
 //! # Ok::<(), eyebox_live_input::LiveError>(())
 //! ```
 
+#![cfg_attr(not(target_os = "linux"), allow(dead_code, reason = "both sides refuse there"))]
+
 mod content;
 mod error;
 mod layout;
 mod samples;
 
-#[cfg(all(target_os = "linux", target_endian = "little", target_pointer_width = "64"))]
+#[cfg(target_os = "linux")]
 mod application;
-#[cfg(all(target_os = "linux", target_endian = "little", target_pointer_width = "64"))]
+#[cfg(target_os = "linux")]
 mod display;
-#[cfg(not(all(target_os = "linux", target_endian = "little", target_pointer_width = "64")))]
+#[cfg(not(target_os = "linux"))]
 mod elsewhere;
-#[cfg(all(test, target_os = "linux", target_endian = "little", target_pointer_width = "64"))]
+#[cfg(all(test, target_os = "linux"))]
 mod hostile_tests;
-#[cfg(all(target_os = "linux", target_endian = "little", target_pointer_width = "64"))]
+#[cfg(target_os = "linux")]
 mod region;
-#[cfg(all(target_os = "linux", target_endian = "little", target_pointer_width = "64"))]
+#[cfg(target_os = "linux")]
 mod socket;
 
-#[cfg(all(target_os = "linux", target_endian = "little", target_pointer_width = "64"))]
+#[cfg(target_os = "linux")]
 pub use application::{Application, Slot};
 pub use content::{Content, Dioptres, FrameInfo, Kind, Offer, Pupil, Request, Sample, Transfer, Wanted};
-#[cfg(all(target_os = "linux", target_endian = "little", target_pointer_width = "64"))]
+#[cfg(target_os = "linux")]
 pub use display::{Counts, Display, Frame, Latest};
-#[cfg(not(all(target_os = "linux", target_endian = "little", target_pointer_width = "64")))]
+#[cfg(not(target_os = "linux"))]
 pub use elsewhere::{Application, Display};
 pub use error::{FrameFault, LiveError};
 
 /// The most of views on an axis, and of layers.
 pub const MOST: u32 = 64;
+
+/// Whether numbers lie in memory as docs/live-input.md has them, and a region of any size has its addresses.
+#[cfg(target_os = "linux")]
+pub(crate) fn supported() -> Result<(), LiveError> {
+    match cfg!(all(target_endian = "little", target_pointer_width = "64")) {
+        true => Ok(()),
+        false => Err(LiveError::Unsupported),
+    }
+}

@@ -14,6 +14,8 @@ mod encode;
 mod encoded;
 mod evaluate;
 mod eyes;
+#[cfg(target_os = "linux")]
+mod feed;
 mod generate;
 mod inspect;
 mod kept;

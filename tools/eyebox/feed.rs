@@ -1,0 +1,193 @@
+//! `eyebox feed`.
+
+use crate::Failure;
+use crate::common;
+use crate::groups::DisplayArgs;
+use crate::signals;
+use crate::values::positive;
+use clap::Args;
+use eyebox::scene::{self, LightField, Request};
+use eyebox_live_input::{Application, Content, FrameInfo, Kind, LiveError, Offer, Sample, Transfer};
+use serde::Serialize;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// `eyebox feed`
+#[derive(Args)]
+pub struct Feed {
+    /// Scenes that follow each other: built-in ones, light-field folders, or one folder of such folders
+    #[arg(required = true, value_name = "SCENE")]
+    pub scenes: Vec<String>,
+    /// The display's name: it takes frames as live:NAME
+    #[arg(long)]
+    pub name: String,
+    /// Frames a second
+    #[arg(long, value_name = "HZ", value_parser = positive, default_value = "30")]
+    pub rate: f64,
+    /// A parameter of the one built-in scene that goes from one value to the other and back: camera=-2..2 moves the camera,
+    /// depth=-1..1 moves builtin:plane
+    #[arg(long, value_name = "KEY=A..B", value_parser = path, allow_hyphen_values = true)]
+    pub path: Option<Way>,
+    /// Frames from one end of the path to the other
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(2..=1000))]
+    pub steps: u32,
+    /// Frames to give; left out, until the display ends
+    #[arg(long, value_name = "N")]
+    pub frames: Option<u64>,
+    /// Display
+    #[command(flatten)]
+    pub display: DisplayArgs,
+    /// What was asked and given as one JSON object on standard output
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// A parameter and its ends.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Way {
+    key: String,
+    ends: [f64; 2],
+}
+
+/// The most that frames may take, bytes: they are made before the first is given.
+const MOST: u64 = 4 << 30;
+
+fn path(text: &str) -> Result<Way, String> {
+    let read = || {
+        let (key, ends) = text.split_once('=')?;
+        let (a, b) = ends.split_once("..")?;
+        let ends = [a.parse().ok()?, b.parse().ok()?];
+        (!key.is_empty() && ends.iter().all(|v: &f64| v.is_finite())).then(|| Way { key: key.into(), ends })
+    };
+    read().ok_or_else(|| "a path is KEY=A..B, such as camera=-2..2".into())
+}
+
+/// What was asked and given.
+#[derive(Default, Serialize)]
+struct Account {
+    /// Requests that were seen.
+    asked: u64,
+    /// Frames that were given.
+    given: u64,
+    /// Frames that were given more than one period late.
+    late: u64,
+    /// Seconds from the first frame to the last.
+    seconds: f64,
+    /// What ended it.
+    ended: &'static str,
+}
+
+/// Gives frames to a display.
+pub fn run(args: &Feed) -> Result<(), Failure> {
+    signals::catch_interrupt();
+    let sources = sources(args)?;
+    let mut application = Application::connect(&args.name)?;
+    let frames = load(args, &sources, application.offer())?;
+    let account = give(args, &mut application, &frames)?;
+    if args.json {
+        let text = serde_json::to_string(&account).map_err(|e| Failure::Asked(format!("no JSON: {e}")))?;
+        println!("{text}");
+    } else {
+        let Account { asked, given, late, seconds, ended } = account;
+        println!("{given} frames in {seconds:.1} s, {late} of them late; {asked} requests; {ended}");
+    }
+    Ok(())
+}
+
+/// The scenes, one a frame; they begin again after the last.
+fn sources(args: &Feed) -> Result<Vec<String>, Failure> {
+    let one = || args.scenes.first().filter(|_| args.scenes.len() == 1);
+    if let Some(Way { key, ends: [a, b] }) = &args.path {
+        let built_in = one().filter(|s| s.starts_with("builtin:"));
+        let scene = built_in.ok_or_else(|| Failure::Asked("--path moves one built-in scene: give one alone".into()))?;
+        let mark = if scene.contains('?') { '&' } else { '?' };
+        let at = |step: u32| a + (b - a) * f64::from(step) / f64::from(args.steps - 1);
+        let there_and_back = (0..args.steps).chain((1..args.steps - 1).rev());
+        return Ok(there_and_back.map(|step| format!("{scene}{mark}{key}={}", at(step))).collect());
+    }
+    match one().filter(|s| Path::new(s).is_dir()) {
+        Some(folder) => Ok(scene::frames(Path::new(folder))?.unwrap_or_else(|| args.scenes.clone())),
+        None => Ok(args.scenes.clone()),
+    }
+}
+
+/// A frame, ready to be given.
+struct Ready {
+    info: FrameInfo,
+    samples: Vec<u8>,
+}
+
+fn load(args: &Feed, sources: &[String], offer: &Offer) -> Result<Vec<Ready>, Failure> {
+    let asked = |reason: String| Failure::Asked(format!("live:{}: {reason}", args.name));
+    if !offer.kinds.contains(&Kind::Views) {
+        return Err(asked("the display takes no views, and scenes are views".into()));
+    }
+    let size = args.display.size.unwrap_or(offer.size.map(|n| n as usize));
+    let display =
+        common::display_of_size(args.display.display.as_deref().unwrap_or("paper"), Some(size), args.display.force)?;
+    let wanted = [eyebox::optics::Color::Red, eyebox::optics::Color::Green, eyebox::optics::Color::Blue];
+    let colors: Vec<_> = wanted.into_iter().zip(offer.colors).filter(|(_, is)| *is).map(|(color, _)| color).collect();
+    colors.iter().try_for_each(|color| display.optics(*color).map(drop))?;
+    let views = offer.views[0].min(offer.views[1]) as usize;
+    let bytes = sources.len() as u64 * (offer.pixels() * offer.channels() * views * views * 4) as u64;
+    if bytes > MOST {
+        return Err(asked(format!("{} frames take {} MiB, of 4096: fewer --steps", sources.len(), bytes >> 20)));
+    }
+    let request = Request { views, ..Request::new(&display, &colors) };
+    let ready = |source: &String| {
+        let field = scene::load(source, &request)?;
+        if [field.height, field.width] != offer.size.map(|n| n as usize) {
+            let [rows, columns] = offer.size;
+            let found = format!("{} x {}", field.height, field.width);
+            return Err(asked(format!(
+                "the display takes {rows} x {columns}, and {source} is {found}: --size decides"
+            )));
+        }
+        let grid = field.grid.map(|n| n as u32);
+        let content = Content::Views { grid, pitch_mm: field.cell(&display) * 1e3 };
+        Ok(Ready { info: FrameInfo::new(content, Sample::F32, Transfer::Linear), samples: interleaved(&field) })
+    };
+    sources.iter().map(ready).collect()
+}
+
+/// (view, row, column, colour), float32.
+fn interleaved(field: &LightField) -> Vec<u8> {
+    let views = field.planes.first().map_or(0, Vec::len);
+    let pixels = field.height * field.width;
+    let places = (0..views).flat_map(|view| (0..pixels).map(move |pixel| (view, pixel)));
+    places.flat_map(|(view, pixel)| field.planes.iter().flat_map(move |c| c[view][pixel].to_le_bytes())).collect()
+}
+
+fn give(args: &Feed, application: &mut Application, frames: &[Ready]) -> Result<Account, Failure> {
+    let start = Instant::now();
+    let mut account = Account { ended: "all given", ..Account::default() };
+    while args.frames.is_none_or(|most| account.given < most) {
+        if signals::interrupted() {
+            account.ended = "interrupted";
+            break;
+        }
+        let due = Duration::from_secs_f64(account.given as f64 / args.rate);
+        let left = due.saturating_sub(start.elapsed());
+        match application.wait(left.min(Duration::from_millis(100))) {
+            Ok(asked) => account.asked += u64::from(asked),
+            Err(LiveError::Gone) => {
+                account.ended = "the display is gone";
+                break;
+            }
+            Err(error) => return Err(error.into()),
+        }
+        if start.elapsed() < due {
+            continue;
+        }
+        account.late += u64::from((start.elapsed() - due).as_secs_f64() > 1.0 / args.rate);
+        let frame = &frames[(account.given % frames.len() as u64) as usize];
+        let mut info = frame.info;
+        if let Some(request) = application.request() {
+            (info.request, info.content_time_ns) = (request.number, request.lit_ns);
+        }
+        application.send(&info, &frame.samples, &[])?;
+        account.given += 1;
+        account.seconds = start.elapsed().as_secs_f64();
+    }
+    Ok(account)
+}
