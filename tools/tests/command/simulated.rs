@@ -173,10 +173,10 @@ impl Bench {
         let waves: Vec<Complex> = (0..side).map(|i| cis(-TAU * i as f64 / side as f64)).collect();
         let wave = |k: i64, i: usize| waves[(k.rem_euclid(side as i64) as usize * i) % side];
         let mut rows = vec![vec![[0.0; 2]; side]; (high_y - low_y + 1) as usize];
-        for i in 0..side {
+        for (i, blur) in blurs[0].iter().enumerate() {
             let field: Vec<Complex> = (0..side)
                 .map(|j| {
-                    let w: f64 = blurs[0][i].iter().zip(&wide).map(|(b, row)| b * row[j]).sum();
+                    let w: f64 = blur.iter().zip(&wide).map(|(b, row)| b * row[j]).sum();
                     let pixel = i / P * N + j / P;
                     let (py, px) = (place(i / P), place(j / P));
                     let rest = times([u[0], u[1]], cis(u[2] * px + u[3] * py + u[4] * (px * px + py * py)));
