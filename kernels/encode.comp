@@ -3,6 +3,7 @@
 #extension GL_EXT_control_flow_attributes : require
 #include "alias.glsl"
 #include "constants.glsl"
+#include "binary_angle.glsl"
 
 // The levels of one colour's sub-frames at their bits: frame = the first's, frame |= the others'. An invocation takes
 // four pixels of a row, all their cells: whole words of the video frame, whose rows are padded to them. x: those fours
@@ -57,8 +58,12 @@ layout(constant_id = 32) const uint entry20 = 0;
 layout(constant_id = 33) const uint entry21 = 0;
 layout(constant_id = 34) const uint entry22 = 0;
 layout(constant_id = 35) const uint entry23 = 0;
+// Phases are binary angles, as in binary_angle.rs, instead of float32.
+layout(constant_id = 36) const bool angles = false;
 layout(std430, binding = 0) readonly buffer Phases { float phases[]; };
 layout(std430, binding = 0) readonly buffer Fours { vec4 fours[]; };
+layout(std430, binding = 0) readonly buffer Angles { uint angle_pairs[]; };
+layout(std430, binding = 0) readonly buffer AngleFours { uvec2 angle_fours[]; };
 layout(std430, binding = 1) readonly buffer Offsets { uint offsets[]; };
 // Four entries a word.
 layout(std430, binding = 2) readonly buffer Table { uint table[]; };
@@ -73,6 +78,16 @@ layout(push_constant) uniform Args {
     // The code's bit of each cell, 4 bits each.
     uint cells;
 };
+
+float phase_at(uint i) {
+    return angles ? angle_value(angle_pairs[i / 2] >> (16 * (i & 1))) : phases[i];
+}
+
+vec4 four_at(uint i) {
+    if (!angles) return fours[i];
+    uvec2 a = angle_fours[i];
+    return vec4(angle_value(a.x), angle_value(a.x >> 16), angle_value(a.y), angle_value(a.y >> 16));
+}
 
 // Folded, where `k` is known when compiled.
 uint entry(uint k) {
@@ -121,7 +136,7 @@ uint joined(uvec4 p) {
 
 // Four pixels of an entry.
 uvec4 four_of(uint place, uint four) {
-    vec4 phase = fours[(place >> 24) * (stride / 4) + four];
+    vec4 phase = four_at((place >> 24) * (stride / 4) + four);
     uvec4 p;
     [[unroll]] for (uint i = 0; i < 4; i++) p[i] = bits_of(place, phase[i], offset_at(4 * four + i));
     return p;
@@ -180,9 +195,9 @@ void main() {
             uint base = (place >> 24) * stride, to = 8 * (place & 15) + ((place >> 4) & 15);
             vec4 phase;
             if (aligned) {
-                phase = fours[(base + source[0]) / 4];
+                phase = four_at((base + source[0]) / 4);
             } else {
-                [[unroll]] for (uint i = 0; i < 4; i++) phase[i] = phases[base + source[i]];
+                [[unroll]] for (uint i = 0; i < 4; i++) phase[i] = phase_at(base + source[i]);
             }
             [[unroll]] for (uint i = 0; i < 4; i++) {
                 if (cell_rows * cell_columns == 1) {

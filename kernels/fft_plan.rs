@@ -113,25 +113,68 @@ pub struct Together {
 /// Invocations of a workgroup of rows of several sub-frames at most.
 const TOGETHER: u32 = 512;
 
+/// Pairs of values that an invocation of them holds at once at most, and in all stages together, with several butterflies in
+/// one stage at most: more took more than 128 registers of RADV's.
+const HELD: u32 = 16;
+const HELD_IN_ALL: u32 = 40;
+
+/// Butterflies (or pairs of them) that each of so many invocations takes of a line of `units` slots, per stage.
+fn counts(units: u32, radices: &[u32], threads: u32) -> Vec<u32> {
+    radices.iter().map(|r| (units / r).div_ceil(threads)).collect()
+}
+
+/// Most that an invocation holds in a stage.
+fn held(counts: &[u32], radices: &[u32]) -> u32 {
+    counts.iter().zip(radices).map(|(c, r)| c * r).max().unwrap_or(0)
+}
+
+/// As many invocations as some stage has butterflies and that `allowed` allows by what one then takes; of these, what leaves
+/// fewest idle. Eight run in step or more.
+fn threads(units: u32, radices: &[u32], most: u32, allowed: impl Fn(&[u32]) -> bool) -> Option<u32> {
+    let work = |threads: u32| -> u32 {
+        let counts = counts(units, radices, threads);
+        counts.iter().zip(radices).map(|(c, r)| c * r).sum::<u32>() * threads.next_multiple_of(8)
+    };
+    let some = radices.iter().map(|r| units / r).filter(|t| *t > 0 && *t <= most);
+    some.filter(|t| allowed(&counts(units, radices, *t))).min_by_key(|t| work(*t))
+}
+
 impl Shared {
+    /// The same rows of `n` values with more invocations each, where one would hold more than that.
+    fn spread(&self, n: u32, limits: &PlanLimits) -> Self {
+        let units = if self.pair { n / 2 } else { n };
+        let radices: Vec<u32> = self.radices.iter().map(|radix| radix.size()).collect();
+        let few = |all: &[u32]| {
+            let sum: u32 = all.iter().zip(&radices).map(|(c, r)| c * r).sum();
+            held(all, &radices) <= HELD && sum <= HELD_IN_ALL && all.iter().filter(|c| **c > 1).count() <= 1
+        };
+        match threads(units, &radices, TOGETHER.min(limits.invocations), few) {
+            Some(threads) if !few(&self.counts) => {
+                Self { threads, counts: counts(units, &radices, threads), ..self.clone() }
+            }
+            _ => self.clone(),
+        }
+    }
+
     /// The same row of `frames` sub-frames, with a sum over them for each of its `n` pixels: of all at once if shared memory
     /// holds them, else of as many as it does.
     pub fn together(&self, n: u32, frames: u32, limits: &PlanLimits) -> Option<Together> {
         let room = limits.shared_bytes.min(TILE_BYTES);
-        let area = self.slots * if self.pair { 16 } else { 8 };
-        let most = (TOGETHER.min(limits.invocations) / self.threads).clamp(1, frames.max(1));
+        let row = self.spread(n, limits);
+        let area = row.slots * if row.pair { 16 } else { 8 };
+        let most = (TOGETHER.min(limits.invocations) / row.threads).clamp(1, frames.max(1));
         // Sums, shares of the loss, and the array that is not used.
-        let beside = |lines: u32| 4 * (n + lines * self.threads) + 16;
+        let beside = |lines: u32| 4 * (n + lines * row.threads) + 16;
         let fits = |kept: u32, lines: u32| kept.saturating_mul(area).saturating_add(beside(lines)) <= room;
         // Equal rounds, so that few invocations wait in the last.
         let even = |lines: u32| frames.max(1).div_ceil(frames.max(1).div_ceil(lines));
         let kept = |lines: u32| lines * frames.max(1).div_ceil(lines);
         let lines = even(most);
         if fits(kept(lines), lines) {
-            return Some(Together { shared: Self { lines, ..self.clone() }, kept: kept(lines), whole: true });
+            return Some(Together { shared: Self { lines, ..row.clone() }, kept: kept(lines), whole: true });
         }
         let lines = even((1..=most).rev().find(|lines| fits(*lines, *lines))?);
-        Some(Together { shared: Self { lines, ..self.clone() }, kept: lines, whole: false })
+        Some(Together { shared: Self { lines, ..row.clone() }, kept: lines, whole: false })
     }
 
     /// Bytes per workgroup.
@@ -374,18 +417,13 @@ fn lines(
     if radices.len() > STAGES || line > room {
         return None;
     }
-    // As many invocations as some stage has butterflies; of these, what leaves fewest idle. Eight run in step or more.
-    let counts = |threads: u32| -> Vec<u32> { radices.iter().map(|r| (units / r).div_ceil(threads)).collect() };
-    let work = |threads: u32| -> u32 {
-        counts(threads).iter().zip(radices).map(|(c, r)| c * r).sum::<u32>() * threads.next_multiple_of(8)
-    };
-    let threads =
-        radices.iter().map(|r| units / r).filter(|t| *t > 0 && *t <= limits.invocations).min_by_key(|t| work(*t))?;
-    if counts(threads).iter().zip(radices).any(|(c, r)| c * r > 2 * LARGEST_RADIX) {
+    let all = |_: &[u32]| true;
+    let threads = threads(units, radices, limits.invocations, all)?;
+    let counts = counts(units, radices, threads);
+    if held(&counts, radices) > 2 * LARGEST_RADIX {
         return None;
     }
     let lines = most(threads).clamp(1, (room / line).min(limits.invocations / threads));
-    let counts = counts(threads);
     let radices = radices.iter().copied().map(Radix::new).collect::<Option<_>>()?;
     Some(Shared { radices, counts, pair: true, threads, lines, slots })
 }

@@ -191,3 +191,21 @@ fn last_passes_stay_in_place() {
         }
     }
 }
+
+/// What of a row an invocation holds of several sub-frames leaves it registers for the rest, whatever the length.
+#[test]
+fn rows_of_several_sub_frames_hold_little_each() {
+    for n in (64..2200).step_by(2).filter(|n| prime(*n) <= 5) {
+        let plan = Plan::new(n, Axis::Rows, &LARGE).unwrap();
+        let Method::Shared(shared) = &plan.method else { continue };
+        let Some(together) = shared.together(n, 8, &LARGE) else { continue };
+        let Shared { radices, counts, threads, lines, .. } = &together.shared;
+        let held = radices.iter().zip(counts).map(|(radix, count)| radix.size() * count);
+        assert!(held.clone().max().unwrap() <= HELD, "{plan}: {together:?}");
+        assert!(held.sum::<u32>() <= HELD_IN_ALL, "{plan}: {together:?}");
+        assert!(counts.iter().filter(|count| **count > 1).count() <= 1, "{plan}: {together:?}");
+        let units = if shared.pair { n / 2 } else { n };
+        assert!(radices.iter().zip(counts).all(|(radix, count)| count * threads * radix.size() >= units), "{plan}");
+        assert!(threads * lines <= TOGETHER, "{plan}");
+    }
+}

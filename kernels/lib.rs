@@ -10,6 +10,7 @@
 
 pub mod adam;
 pub mod apply_factor;
+pub mod binary_angle;
 pub mod check_finite;
 pub mod compare;
 pub mod crosstalk;
@@ -406,7 +407,10 @@ macro_rules! kernels {
                 work: |u| 4.0 * u.pixels(),
                 twin: |c| {
                     let shown = c.shape.quantised.then_some(&*c.shown);
-                    $crate::project::project(&c.step.project, c.change, shown, c.phases, c.momentum);
+                    match c.shape.binary_angles {
+                        true => $crate::project::project_angles(&c.step.project, c.change, c.phases, c.momentum),
+                        false => $crate::project::project(&c.step.project, c.change, shown, c.phases, c.momentum),
+                    }
                 },
                 shader: Once |c| c.rows(c.shape.place.height, c.shape.place.width, &c.step.project),
             }

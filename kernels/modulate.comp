@@ -3,11 +3,13 @@
 #include "constants.glsl"
 #include "half.glsl"
 #include "trig.glsl"
+#define ANGLES_ID 0
+#include "binary_angle.glsl"
 
 // field = scale exp(i phases) on the SLM, zero in the padding around it. x: column, y: row (strided), z: frame.
 
 layout(local_size_x = WIDTH) in;
-layout(std430, binding = 0) readonly buffer Phases { float phases[]; };
+layout(std430, binding = 0) readonly buffer Phases { uint phases[]; };
 layout(std430, binding = 1) writeonly buffer Field { COMPLEX field[]; };
 layout(push_constant) uniform Args {
     uint height, width, grid_height, grid_width, top, left;
@@ -24,7 +26,8 @@ void main() {
         vec2 value = vec2(0.0);
         // Unsigned: what lies above or left of the SLM wraps to something large.
         if (y - top < height && x - left < width) {
-            value = scale * cos_sin(phases[frame * phases_stride + (y - top) * width + (x - left)]);
+            uint at = frame * phases_stride + (y - top) * width + (x - left);
+            value = scale * cos_sin(PHASE_AT(phases, at));
         }
         field[frame * field_stride + y * grid_width + x] = STORE(value);
     }

@@ -9,9 +9,11 @@
 #include "constants.glsl"
 #include "half.glsl"
 #include "trig.glsl"
+#define ANGLES_ID 20
+#include "binary_angle.glsl"
 #include "fft_lines.glsl"
 
-layout(std430, binding = 0) readonly buffer Phases { float phases[]; };
+layout(std430, binding = 0) readonly buffer Phases { uint phases[]; };
 MAY_ALIAS layout(std430, binding = 2) writeonly buffer Field2 { COMPLEX field2[]; };
 MAY_ALIAS layout(std430, binding = 2) writeonly buffer Field4 { COMPLEX2 field4[]; };
 layout(push_constant) uniform Args {
@@ -29,7 +31,8 @@ bool lit;
 
 vec2 fetch2(uint way, uint i) {
     // Unsigned: what lies left of the SLM wraps to something large.
-    return lit && i - left < width ? scale * cos_sin(phases[from + (i - left)]) : vec2(0.0);
+    uint at = from + (i - left);
+    return lit && i - left < width ? scale * cos_sin(PHASE_AT(phases, at)) : vec2(0.0);
 }
 vec4 fetch4(uint way, uint i) { return vec4(fetch2(way, i), fetch2(way, i + 1u)); }
 void put4(uint way, uint i, vec4 z) {

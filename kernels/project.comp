@@ -4,34 +4,33 @@
 #include "constants.glsl"
 #include "half.glsl"
 #include "trig.glsl"
+#define ANGLES_ID 0
+#include "binary_angle.glsl"
 
 // Turns each phase by the part of the change that it can follow. x: column, y: row (strided), z: frame.
 
 layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Change { COMPLEX change[]; };
 // The phases that made the field: the same buffer as `phases` where nothing is quantised.
-MAY_ALIAS layout(std430, binding = 1) readonly buffer Shown { float shown[]; };
-MAY_ALIAS layout(std430, binding = 2) buffer Phases { float phases[]; };
-layout(std430, binding = 3) buffer Velocity { float velocity[]; };
+MAY_ALIAS layout(std430, binding = 1) readonly buffer Shown { uint shown[]; };
+MAY_ALIAS layout(std430, binding = 2) buffer Phases { uint phases[]; };
+layout(std430, binding = 3) buffer Velocity { uint velocity[]; };
 layout(push_constant) uniform Args {
     uint height, width, grid_height, grid_width, top, left;
     float gain, momentum, bound;
+    uint step_count;
     // Values from one frame to the next.
     uint change_stride, phases_stride;
 };
+
+#include "project.glsl"
 
 void main() {
     uint x = gl_GlobalInvocationID.x;
     uint frame = gl_GlobalInvocationID.z;
     if (x >= width) return;
     for (uint y = gl_WorkGroupID.y; y < height; y += gl_NumWorkGroups.y) {
-        uint at = frame * phases_stride + y * width + x;
         vec2 du = LOAD(change[frame * change_stride + (top + y) * grid_width + left + x]);
-        float phase = phases[at];
-        vec2 u = cos_sin(shown[at]);
-        float turn = gain * (u.x * du.y - u.y * du.x);
-        float v = momentum * velocity[at] + turn;
-        velocity[at] = v;
-        phases[at] = turned(phase, momentum * v + turn, bound);
+        move(frame * phases_stride, y * width + x, du);
     }
 }

@@ -1,6 +1,6 @@
 //! The projection's step: turns each phase by the part of the change that a phase can follow (OPTICS 6b). One frame.
 
-use crate::{Complex32, modulate, simd, trig};
+use crate::{Complex32, binary_angle, modulate, simd, trig};
 use bytemuck::{Pod, Zeroable};
 
 /// Gain and momentum.
@@ -15,6 +15,8 @@ pub struct Args {
     pub momentum: f32,
     /// Drive that no phase goes beyond, radians: phases then stay within 0 .. `bound` and cross no wrap. 0: they wrap.
     pub bound: f32,
+    /// Which step: what decides how binary angles are rounded.
+    pub step: u32,
 }
 
 /// A phase, turned.
@@ -28,7 +30,7 @@ fn turned(phase: f32, by: f32, bound: f32) -> f32 {
 ///
 /// `turn = gain Im(conj(u) du)`, `velocity = momentum velocity + turn`, `phases += momentum velocity + turn`, wrapped or bounded.
 pub fn project(args: &Args, change: &[Complex32], shown: Option<&[f32]>, phases: &mut [f32], velocity: &mut [f32]) {
-    let Args { place, gain, momentum, bound } = *args;
+    let Args { place, gain, momentum, bound, .. } = *args;
     let (w, gw) = (place.width as usize, place.grid_width as usize);
     simd(
         #[inline(always)]
@@ -51,6 +53,32 @@ pub fn project(args: &Args, change: &[Complex32], shown: Option<&[f32]>, phases:
                     Some(shown) => values
                         .zip(&shown[y * w..][..w])
                         .for_each(|(((phase, velocity), du), shown)| one(*shown, phase, velocity, du)),
+                }
+            }
+        },
+    );
+}
+
+/// The same of phases that are [binary angles](binary_angle), which wrap, and of velocities that are halves.
+pub fn project_angles(args: &Args, change: &[Complex32], phases: &mut [f32], velocity: &mut [f32]) {
+    let Args { place, gain, momentum, step, .. } = *args;
+    let (w, gw) = (place.width as usize, place.grid_width as usize);
+    let one = |threshold: u32, phase: &mut f32, velocity: &mut f32, du: &Complex32| {
+        let (c, s) = trig::cos_sin(*phase);
+        let turn = gain * (c * du.im - s * du.re);
+        let v = momentum * *velocity + turn;
+        *velocity = binary_angle::velocity(v, threshold);
+        *phase = binary_angle::turned(*phase, momentum * v + turn, threshold);
+    };
+    simd(
+        #[inline(always)]
+        || {
+            let rows = phases.chunks_exact_mut(w).zip(velocity.chunks_exact_mut(w));
+            let rows = rows.zip(change.chunks_exact(gw).skip(place.top as usize));
+            for (y, ((phases, velocity), change)) in rows.enumerate() {
+                let values = phases.iter_mut().zip(velocity).zip(&change[place.left as usize..]);
+                for (pixel, ((phase, velocity), du)) in ((y * w) as u32..).zip(values) {
+                    one(binary_angle::threshold(pixel, step), phase, velocity, du);
                 }
             }
         },

@@ -1,7 +1,10 @@
 //! Constants that shaders share with Rust: each stands once, in Rust, and reaches GLSL through `constants.glsl`, which
 //! `cargo run -p eyebox-spirv-tool -- build` writes.
 
-use crate::{BATCH, SUM_WIDTH, WIDTH, compare, encode, energy, equalise_eyebox, exposure, fft_plan, photograph, trig};
+use crate::{
+    BATCH, SUM_WIDTH, WIDTH, binary_angle, compare, encode, energy, equalise_eyebox, exposure, fft_plan, photograph,
+    trig,
+};
 use std::fmt::Write;
 
 /// The text of `kernels/constants.glsl`.
@@ -37,6 +40,8 @@ pub fn glsl() -> String {
     ];
     let floats = [
         ("ENCODE_PARTS", encode::PARTS),
+        ("ANGLE_UNIT", binary_angle::UNIT),
+        ("ANGLE_PART", binary_angle::PART),
         ("HALF_PI_1", trig::HALF_PI[0]),
         ("HALF_PI_2", trig::HALF_PI[1]),
         ("HALF_PI_3", trig::HALF_PI[2]),

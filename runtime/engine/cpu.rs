@@ -215,7 +215,7 @@ impl Engine for CpuEngine {
     }
 
     fn write(&mut self, buffer: Buffer, data: &[f32]) -> Result<(), EngineError> {
-        self.buffers.write(buffer, data, self.shape.storage)
+        self.buffers.write(buffer, data, &self.shape)
     }
 
     fn read(&mut self, buffer: Buffer) -> Result<Vec<f32>, EngineError> {

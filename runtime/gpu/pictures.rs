@@ -19,10 +19,12 @@ pub enum PixelOrder {
 /// the host.
 #[derive(Clone, Copy)]
 pub struct PhasesOnDevice<'a> {
-    /// Frames from its start on, each at a multiple of 256 bytes, float32.
+    /// Frames from its start on, each at a multiple of 256 bytes.
     pub(crate) block: &'a Block,
     pub(crate) frames: usize,
     pub(crate) values: usize,
+    /// Whether they are binary angles, else float32.
+    pub(crate) binary_angles: bool,
 }
 
 /// A semaphore, and the value from which on what was drawn can be read.

@@ -22,6 +22,7 @@ mod pupil;
 mod pupil_distribution;
 mod reach;
 mod units;
+mod wavefront_map;
 mod window;
 mod zernike;
 
@@ -37,6 +38,7 @@ pub(crate) use padding::{slow_sides, walk_off};
 pub use picture::{Picture, PictureMap, Seen};
 pub use prescription::Prescription;
 pub use presets::{PRESETS, display_template, preset_about, preset_text};
+#[cfg(test)]
 pub(crate) use propagation::aperture;
 pub use propagation::transfer;
 pub use pupil::Pupil;

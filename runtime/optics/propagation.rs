@@ -7,13 +7,38 @@ use std::f64::consts::TAU;
 ///
 /// Bins beyond the grid do not exist: they are where a window hangs over the edge of the eyebox.
 pub(crate) fn aperture(optics: &Optics, pupil: &Pupil, ky: i64, kx: i64) -> bool {
-    if !optics.has_bin(ky, kx) {
-        return false;
+    Aperture::new(optics, pupil).row(ky)(kx)
+}
+
+/// What decides it for all bins of a pupil.
+pub(super) struct Aperture<'a> {
+    optics: &'a Optics,
+    pupil: &'a Pupil,
+    bin: (f64, f64),
+    slope: (f64, f64),
+    /// The square of the disc's radius.
+    reach: f64,
+}
+
+impl<'a> Aperture<'a> {
+    pub(super) fn new(optics: &'a Optics, pupil: &'a Pupil) -> Self {
+        let (bin, slope) = (optics.bin_size(), optics.cosine_per_bin());
+        Self { optics, pupil, bin, slope, reach: (pupil.diameter / 2.0).powi(2) }
     }
-    let ((bin_y, bin_x), (slope_y, slope_x)) = (optics.bin_size(), optics.cosine_per_bin());
-    let (dx, dy) = (kx as f64 * bin_x - pupil.x, ky as f64 * bin_y - pupil.y);
-    let (cy, cx) = (ky as f64 * slope_y, kx as f64 * slope_x);
-    dx * dx + dy * dy < (pupil.diameter / 2.0).powi(2) && cx * cx + cy * cy < 1.0
+
+    /// Of the bins of a row.
+    pub(super) fn row(&self, ky: i64) -> impl Fn(i64) -> bool {
+        let (bin_x, slope_x, x, reach) = (self.bin.1, self.slope.1, self.pupil.x, self.reach);
+        let (dy, cy) = (ky as f64 * self.bin.0 - self.pupil.y, ky as f64 * self.slope.0);
+        let (dy, cy) = (dy * dy, cy * cy);
+        let (first_y, first_x) = self.optics.first_bin();
+        let is_row = (first_y..first_y + self.optics.height as i64).contains(&ky);
+        let columns = first_x..first_x + self.optics.width as i64;
+        move |kx| {
+            let (dx, cx) = (kx as f64 * bin_x - x, kx as f64 * slope_x);
+            is_row && columns.contains(&kx) && dx * dx + dy < reach && cx * cx + cy < 1.0
+        }
+    }
 }
 
 /// Phase of H(q; z) in turns, for `a = (wavelength |q|)^2 < 1`: `-(z / wavelength) a / (1 + sqrt(1 - a))`.

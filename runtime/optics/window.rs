@@ -1,6 +1,7 @@
 //! The window of the spectrum that a pupil passes (OPTICS 5).
 
-use super::{Geometry, Optics, Pupil, aperture};
+use super::propagation::Aperture;
+use super::{Geometry, Optics, Pupil};
 use serde::{Deserialize, Serialize};
 
 /// How much of the spectrum around a pupil is transformed.
@@ -66,30 +67,53 @@ impl Window {
     /// Per row of the window, the half-open interval of its columns that pass the pupil (0, 0 where none does).
     /// A disc cut by an eyebox is convex, so one interval is all of it.
     pub fn spans(&self, optics: &Optics, pupil: &Pupil) -> Vec<[u32; 2]> {
-        let passes = |j: usize, k: i64| aperture(optics, pupil, self.y0 + j as i64, self.x0 + k);
+        let aperture = Aperture::new(optics, pupil);
         let (bin_y, bin_x) = optics.bin_size();
-        (0..self.rows)
-            .map(|j| {
-                // The circle gives the ends to within a bin; the aperture itself decides them.
-                let dy = (self.y0 + j as i64) as f64 * bin_y - pupil.y;
-                let half = ((pupil.diameter / 2.0).powi(2) - dy * dy).max(0.0).sqrt();
-                let last = self.columns as i64 - 1;
-                let lowest = optics.first_bin().1 - self.x0;
-                let highest = lowest + optics.width as i64 - 1;
-                let limit = |v: i64| v.clamp(0.max(lowest), last.min(highest).max(0.max(lowest)));
-                let bin = |x: f64| (x / bin_x).clamp(-1e9, 1e9);
-                let mut first = limit(bin(pupil.x - half).floor() as i64 - self.x0 - 1);
-                let mut end = limit(bin(pupil.x + half).ceil() as i64 - self.x0 + 1);
-                while first <= end && !passes(j, first) {
-                    first += 1;
-                }
-                while end >= first && !passes(j, end) {
-                    end -= 1;
-                }
-                if first > end { [0, 0] } else { [first as u32, end as u32 + 1] }
-            })
-            .collect()
+        let (reach, per_bin) = ((pupil.diameter / 2.0).powi(2), bin_x.recip());
+        let lowest = optics.first_bin().1 - self.x0;
+        let least = 0.max(lowest);
+        let most = (self.columns as i64 - 1).min(lowest + optics.width as i64 - 1);
+        let limit = |v: i64| v.clamp(least, most.max(least));
+        let bin = |x: f64| (x * per_bin).clamp(-1e9, 1e9) as i64 - self.x0;
+        let mut before = None;
+        let span = |j: usize| {
+            let ky = self.y0 + j as i64;
+            let row = aperture.row(ky);
+            let passes = |k: i64| row(self.x0 + k);
+            let beside = before.and_then(|span| beside(span, [least, most], passes));
+            before = beside.or_else(|| {
+                // The circle gives the ends to within a bin or two; the aperture itself decides them.
+                let dy = ky as f64 * bin_y - pupil.y;
+                let half = (reach - dy * dy).max(0.0).sqrt();
+                let mut ends = limit(bin(pupil.x - half) - 2)..=limit(bin(pupil.x + half) + 2);
+                let first = ends.find(|k| passes(*k))?;
+                Some([first, ends.rfind(|k| passes(*k)).unwrap_or(first)])
+            });
+            before.map_or([0, 0], |[first, end]| [first as u32, end as u32 + 1])
+        };
+        (0..self.rows).map(span).collect()
     }
+}
+
+/// The first and the last that pass, from those of the row before; none where that has no column in common with this.
+fn beside([mut first, mut end]: [i64; 2], [least, most]: [i64; 2], passes: impl Fn(i64) -> bool) -> Option<[i64; 2]> {
+    if passes(first) {
+        while first > least && passes(first - 1) {
+            first -= 1;
+        }
+    } else {
+        first = (first + 1..=end).find(|k| passes(*k))?;
+    }
+    if passes(end) {
+        while end < most && passes(end + 1) {
+            end += 1;
+        }
+    } else {
+        while !passes(end) {
+            end -= 1;
+        }
+    }
+    Some([first, end])
 }
 
 /// The smallest number >= `n` of the form 2^a 3^b 5^c with a at least 2 (for `n` > 10): sizes that both engines
@@ -116,6 +140,7 @@ fn is_fast(n: usize) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use super::super::aperture;
     use super::*;
     use proptest::prelude::*;
 

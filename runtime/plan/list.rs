@@ -314,6 +314,8 @@ pub struct Shape {
     /// How `Field`, `Change` and `Window` are stored, each times a power of two that suits it: what an engine reads and
     /// writes is what these buffers hold.
     pub storage: Storage,
+    /// Whether phases are stored as [binary angles](eyebox_kernels::binary_angle), 16 bits of a turn, and velocities as halves.
+    pub binary_angles: bool,
     /// What of the display's model needs buffers.
     pub model: ModelParts,
 }
@@ -323,7 +325,7 @@ impl Shape {
     pub(crate) fn empty() -> Self {
         let place = bytemuck::Zeroable::zeroed();
         let (purpose, storage, model) = (Purpose::View, Storage::F32, ModelParts::default());
-        Self { frames: 0, place, purpose, quantised: false, storage, model }
+        Self { frames: 0, place, purpose, quantised: false, storage, binary_angles: false, model }
     }
 
     /// Pixels of one sub-frame on the SLM.
@@ -355,6 +357,13 @@ impl Shape {
     /// Whether complex fields are stored as halves.
     pub fn halves(&self) -> bool {
         self.storage == Storage::F16
+    }
+
+    /// Bytes of a number on a device, of buffers that are not complex.
+    #[cfg(feature = "vulkan")]
+    pub(crate) fn real_bytes(&self, resource: Resource) -> u64 {
+        let short = self.binary_angles && resource.per_frame() == Some(PerFrame::Pixels);
+        if short { 2 } else { 4 }
     }
 
     /// How large a buffer of the shape is; no frames where the purpose does not need it.

@@ -208,7 +208,7 @@ impl Planner {
                 hardness: 1.0,
             },
             equalise_eyebox: self.equalise_eyebox(0.0, 1, false, 0.0),
-            project: project::Args { place, gain: 0.0, momentum: 0.0, bound: self.bound() },
+            project: project::Args { place, gain: 0.0, momentum: 0.0, bound: self.bound(), step: 0 },
             adam: adam::Args {
                 place,
                 rate: 0.0,

@@ -75,6 +75,8 @@ pub struct Planner {
     pub levels: usize,
     /// How complex fields are stored.
     pub storage: Storage,
+    /// Whether phases that the projection moves are [binary angles](Shape::binary_angles) where fields are halves.
+    pub binary_angles: bool,
     /// Share of the image that the picture takes along each axis (OPTICS 9); what is looked at is cut to it.
     pub share: f64,
     /// What the display does to the light beside showing phases; none for the ideal one.
@@ -94,6 +96,7 @@ impl Planner {
             views: None,
             levels: 0,
             storage: Storage::F32,
+            binary_angles: false,
             share: 1.0,
             model: None,
             eye: None,
@@ -121,7 +124,11 @@ impl Planner {
     pub fn shape(&self, purpose: Purpose) -> Shape {
         let (frames, place, storage) = (self.frames, self.place(), self.storage);
         let model = self.model.as_ref().map(|model| model.parts()).unwrap_or_default();
-        Shape { frames, place, purpose, quantised: self.levels > 0, storage, model }
+        let quantised = self.levels > 0;
+        // What moves these phases alone knows of angles.
+        let fits = storage == Storage::F16 && purpose == Purpose::Project && !quantised && !model.drives;
+        let binary_angles = self.binary_angles && fits;
+        Shape { frames, place, purpose, quantised, storage, binary_angles, model }
     }
 
     /// What `pupil` needs. The scale of the way back makes `change` the wanted change of the field after an

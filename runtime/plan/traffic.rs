@@ -169,7 +169,7 @@ pub(crate) fn moved(
     }
     let size = match (extent.complex, resource) {
         (true, resource) => resource.stored(shape.storage).bytes() as u64,
-        (false, _) => 4,
+        (false, resource) => shape.real_bytes(resource),
     };
     if (kernel, resource) == (Kernel::DivideByOverlap, Resource::Change) {
         let bytes = size * overlapped(step, shape) * frames as u64;

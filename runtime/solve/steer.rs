@@ -195,7 +195,7 @@ impl Refiner {
             return wrong("the exposure", exposure.to_string(), "a positive, finite number");
         }
         let storage = steering.storage.unwrap_or_else(|| engine.preferred_storage());
-        let planner = Planner { storage, ..problem.planner(frames, steering.window) };
+        let planner = Planner { storage, binary_angles: true, ..problem.planner(frames, steering.window) };
         let adam = matches!(steering.strategy, Strategy::Adam { .. });
         let purpose = if adam { Purpose::Adam } else { Purpose::Project };
         engine.load(&planner.shape(purpose), Some(Arc::clone(&problem.pyramid)))?;
@@ -332,7 +332,8 @@ impl Refiner {
             self.used = 0;
         }
         self.used += 1;
-        let step = update.step(&self.planner, self.pupil_passes.clone(), usize::MAX);
+        let mut step = update.step(&self.planner, self.pupil_passes.clone(), usize::MAX);
+        step.project.step = self.since as u32;
         let known = |kernel| {
             matches!(kernel, Kernel::Transfer | Kernel::Relay | Kernel::Eye | Kernel::Photograph | Kernel::Resample)
         };

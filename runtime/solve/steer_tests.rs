@@ -3,6 +3,7 @@
 use super::{Flow, Problem, Refiner, Settings, Steering, Strategy, solve};
 use crate::engine::cpu::CpuEngine;
 use crate::optics::{Color, Display, Padding, Pupil, PupilDistribution};
+use crate::plan::Storage;
 use crate::scene::{self, Request};
 use std::time::{Duration, Instant};
 
@@ -111,4 +112,25 @@ fn what_cannot_be_is_refused() {
     assert!(new(&phases, 0.0, fine).is_err() && new(&phases, f64::NAN, fine).is_err());
     assert!(new(&phases, exposure, Steering { pupils: 0, ..fine }).is_err());
     assert!(new(&phases, exposure, Steering { elsewhere: f64::INFINITY, ..fine }).is_err());
+}
+
+/// Phases of 16 bits and velocities in halves: what the eye sees is that of float32, after few steps and after many small ones.
+#[test]
+fn binary_angles_cost_nothing_that_is_seen() {
+    let whole = solved();
+    let there = pupils(&[[4.0, -2.0], [4.3, -1.8], [3.7, -2.4]]);
+    let [mut full, mut short] = [Storage::F32, Storage::F16]
+        .map(|storage| refiner(&whole, Steering { storage: Some(storage), elsewhere: 0.0, ..Steering::default() }));
+    for _ in 0..24 {
+        full.step().unwrap();
+        short.step().unwrap();
+    }
+    let [full, short] = [&mut full, &mut short].map(|refiner| {
+        let phases = refiner.phases().unwrap();
+        (mean(refiner, &there), phases)
+    });
+    assert!((full.0 - short.0).abs() < 0.01, "{} dB, {} with binary angles", full.0, short.0);
+    let unit = std::f32::consts::TAU / 65536.0;
+    let whole_units = |phases: &[f32]| phases.iter().all(|phase| (phase / unit - (phase / unit).round()).abs() < 0.02);
+    assert!(whole_units(&short.1) && !whole_units(&full.1));
 }

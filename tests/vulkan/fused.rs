@@ -95,7 +95,7 @@ fn fused_steps_with_halves_are_those_of_the_list() {
     let mut engine = fusing();
     for (height, width, padding, frames) in [(44, 64, 0, 3), (40, 36, 4, 2), (64, 64, 0, 8)] {
         let mut case = Case::new(height, width, padding, 4e-3, frames);
-        case.planner.storage = Storage::F16;
+        (case.planner.storage, case.planner.binary_angles) = (Storage::F16, frames != 2);
         let step = case.step(Purpose::Project, PROJECTION, 0.5, 3000);
         compare(&mut engine, &case, Purpose::Project, &step, &[], &format!("{height} x {width} in halves"));
     }

@@ -23,7 +23,7 @@ fn check(kernel: Kernel, purpose: Purpose, mode: u32, power: f64) {
             let worst = compare(&mut engine, &mut twin, &case, purpose, &step);
             assert!(worst < 1e-10, "{} at {height} x {width} (+{padding}): {worst:e}", kernel.name());
             let mut half = case;
-            half.planner.storage = Storage::F16;
+            (half.planner.storage, half.planner.binary_angles) = (Storage::F16, true);
             let step = half.single(purpose, mode, power, kernel);
             let worst = compare(&mut engine, &mut twin, &half, purpose, &step);
             let bound = stored_bound(kernel);

@@ -63,7 +63,16 @@ fn steps_keep_to_their_budgets() {
     // Nothing of it goes up but tables of transforms, and nothing comes down but losses.
     assert!(solve.steps.iter().all(|s| s.counts.read_back == 0 && s.counts.uploaded < 1 << 20));
 
+    let halves = Settings { storage: Storage::F16, ..settings };
+    for [.., bytes] in asked(&Rehearsal::of_solve(&problem, &halves, &gpu, 2).unwrap()) {
+        assert!((1_800_000_000..=2_500_000_000).contains(&bytes), "{bytes}");
+    }
+
     let aim = PupilDistribution::around(&Pupil { x: 1e-3, y: 0.0, diameter: 4e-3, depth: 1e-3 }, 0.3e-3);
+    let halves = Steering { storage: Some(Storage::F16), ..Steering::default() };
+    for [.., bytes] in asked(&Rehearsal::of_refinement(problem.clone(), 8, halves, aim, &gpu, 4).unwrap()) {
+        assert!((200_000_000..=380_000_000).contains(&bytes), "{bytes}");
+    }
     let fp32 = Steering { storage: Some(Storage::F32), ..Steering::default() };
     let steered = Rehearsal::of_refinement(problem, 8, fp32, aim, &gpu, 4).unwrap();
     for [dispatches, stages, bytes] in asked(&steered) {

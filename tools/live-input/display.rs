@@ -223,13 +223,18 @@ impl Display {
     /// applications. Waits for nobody, and allocates nothing, given a frame of [`frame`](Self::frame), unless an application comes
     /// or goes.
     pub fn latest(&mut self, frame: &mut Frame) -> Latest {
+        self.latest_with(frame, &mut || {})
+    }
+
+    /// The same; a test has something happen in the middle of each copy.
+    pub(crate) fn latest_with(&mut self, frame: &mut Frame, middle: &mut dyn FnMut()) -> Latest {
         let Some(mut connection) = self.connection.take() else {
             self.answer_callers();
             return Latest::Gone;
         };
         // Before it is looked for frames: what it gave before it went is taken.
         let closed = !socket::listen(&connection.stream);
-        let found = match self.take(&mut connection) {
+        let found = match self.take(&mut connection, middle) {
             Ok(true) => {
                 std::mem::swap(frame, &mut self.spare);
                 self.counts.frames += 1;
@@ -254,7 +259,9 @@ impl Display {
 
     fn answer_callers(&mut self) {
         for _ in 0..CALLERS {
-            let Ok((stream, _)) = self.listener.accept() else { return };
+            let Ok((stream, _)) = self.listener.accept() else {
+                return;
+            };
             match self.take_in(stream) {
                 Ok(()) => self.counts.applications += 1,
                 Err(()) => self.counts.turned_away += 1,
@@ -285,15 +292,18 @@ impl Display {
     }
 
     /// Copies and decodes the newest whole frame into the spare one, if it is newer than the last.
-    fn take(&mut self, connection: &mut Connection) -> Result<bool, FrameFault> {
+    fn take(&mut self, connection: &mut Connection, middle: &mut dyn FnMut()) -> Result<bool, FrameFault> {
         for _ in 0..TRIES {
-            let Some((slot, before)) = self.newest(connection) else { return Ok(false) };
+            let Some((slot, before)) = self.newest(connection) else {
+                return Ok(false);
+            };
             let region = &connection.region;
             let sequence = region.word(layout::slot_word(&self.offer, slot));
             region.word(HELD).store(slot as u64 + 1, Ordering::Relaxed);
             fence(Ordering::SeqCst);
             let still = sequence.load(Ordering::Acquire) == before;
             let copied = if still { self.copy(region, slot, connection.last) } else { Err(FrameFault::Torn) };
+            middle();
             fence(Ordering::Acquire);
             let whole = sequence.load(Ordering::Relaxed) == before;
             region.word(HELD).store(0, Ordering::Release);

@@ -3,9 +3,13 @@
 use crate::{FrameInfo, LiveError, Offer, Request};
 use std::time::Duration;
 
+/// There is none.
+#[derive(Debug)]
+enum Never {}
+
 /// Nothing: see [`open`](Self::open).
 #[derive(Debug)]
-pub enum Display {}
+pub struct Display(#[allow(dead_code, reason = "so that there is none")] Never);
 
 impl Display {
     /// # Errors
@@ -17,7 +21,7 @@ impl Display {
 
 /// Nothing: see [`connect`](Self::connect).
 #[derive(Debug)]
-pub enum Application {}
+pub struct Application(Never);
 
 impl Application {
     /// # Errors
@@ -28,12 +32,12 @@ impl Application {
 
     /// Never called.
     pub fn offer(&self) -> &Offer {
-        match *self {}
+        match self.0 {}
     }
 
     /// Never called.
     pub fn request(&self) -> Option<Request> {
-        match *self {}
+        match self.0 {}
     }
 
     /// Never called.
@@ -41,7 +45,7 @@ impl Application {
     /// # Errors
     /// None.
     pub fn wait(&mut self, _patience: Duration) -> Result<bool, LiveError> {
-        match *self {}
+        match self.0 {}
     }
 
     /// Never called.
@@ -49,6 +53,6 @@ impl Application {
     /// # Errors
     /// None.
     pub fn send(&mut self, _info: &FrameInfo, _samples: &[u8], _dioptres: &[f32]) -> Result<u64, LiveError> {
-        match *self {}
+        match self.0 {}
     }
 }

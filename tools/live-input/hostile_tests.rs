@@ -196,6 +196,33 @@ fn a_frame_that_never_ends_is_not_looked_at_and_one_that_changes_is_torn() {
     assert_eq!(bench.display.counts().applications, 2);
 }
 
+/// The same to the tick: a slot that changes in the middle of a copy is copied again, and given up after four times.
+#[test]
+fn a_slot_that_changes_in_the_middle_of_its_copy_is_thrown_away() {
+    let mut bench = Bench::new();
+    bench.good(1, 100);
+    bench.put(1, 2, &header(2), 7);
+    let start = layout::slot_word(&offer(), 1);
+    let Bench { display, frame, region, .. } = &mut bench;
+    let mut changes = 0;
+    let mut again = |most: u64| {
+        let mut change = || {
+            assert_eq!(region.word(layout::HELD).load(Ordering::Relaxed), 2, "it says which slot it copies");
+            changes += 1;
+            if changes <= most {
+                region.store_bytes(start + SLOT_HEADER, &vec![7 + changes as u8; offer().slot_bytes()]);
+                region.word(start).store(2 + 2 * changes, Ordering::Release);
+            }
+        };
+        display.latest_with(frame, &mut change)
+    };
+    assert_eq!(again(u64::MAX), Latest::Refused(FrameFault::Torn));
+    // Once more changed, then taken.
+    assert_eq!(again(5), Latest::New);
+    assert_eq!((display.counts().torn, region.word(layout::HELD).load(Ordering::Relaxed)), (5, 0));
+    bench.is(12);
+}
+
 /// Stops a thread.
 struct End<'a>(&'a AtomicBool);
 

@@ -1,7 +1,7 @@
 //! The CPU engine's buffers.
 
 use crate::engine::{Buffer, EngineError, Kernel, PupilPass, Resource, Shape, Storage, misfit, not_kept, nothing_kept};
-use eyebox_kernels::{Complex32, fft::Store, half};
+use eyebox_kernels::{Complex32, binary_angle, fft::Store, half};
 
 /// Windows with fewer values in all than this are not worth splitting over threads.
 pub(super) const SPLIT: usize = 1 << 15;
@@ -122,8 +122,8 @@ impl Buffers {
         Ok(())
     }
 
-    /// Fills a buffer with values, which become what `storage` holds of them.
-    pub(super) fn write(&mut self, buffer: Buffer, data: &[f32], storage: Storage) -> Result<(), EngineError> {
+    /// Fills a buffer with values, which become what the shape stores of them.
+    pub(super) fn write(&mut self, buffer: Buffer, data: &[f32], shape: &Shape) -> Result<(), EngineError> {
         let (resource, slot) = buffer.resource();
         if let Some(slot) = slot.filter(|slot| *slot >= self.slots.len()) {
             self.slots.resize_with(slot + 1, Slot::default);
@@ -138,12 +138,17 @@ impl Buffers {
             Values::Real(to) => {
                 to.clear();
                 to.extend_from_slice(data);
+                match resource {
+                    Resource::Phases if shape.binary_angles => binary_angle::round(to),
+                    Resource::Momentum if shape.binary_angles => to.iter_mut().for_each(|v| *v = half::rounded(*v)),
+                    _ => {}
+                }
             }
             Values::Complex(to) => {
                 let Ok(data) = bytemuck::try_cast_slice(data) else { return Err(misfit(buffer, has, data.len())) };
                 to.clear();
                 to.extend_from_slice(data);
-                storing(resource.stored(storage))(to);
+                storing(resource.stored(shape.storage))(to);
             }
         }
         Ok(())

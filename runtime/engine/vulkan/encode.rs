@@ -40,8 +40,16 @@ struct Run {
     count: usize,
     entries: Vec<u32>,
     flat: Flat,
-    pipeline: Option<Pipeline>,
+    constants: [u32; CONSTANTS],
+    /// For phases as float32, made ahead, and as binary angles, once such are given.
+    pipelines: [Option<Pipeline>; 2],
 }
+
+/// Of the shader.
+const CONSTANTS: usize = 13 + encode::ENTRIES;
+/// Which of them says how many values there are from one sub-frame to the next, and which that phases are binary angles.
+const STRIDE_AT: usize = 10;
+const ANGLES_AT: usize = 12 + encode::ENTRIES;
 
 /// How the shader goes over the picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -137,8 +145,7 @@ impl VulkanEncoder {
             let entire = u32::from(run.entries.iter().all(|entry| takes_all(*entry, highest)));
             run.flat = flat(&args, aligned == 1, run.entries.len() == 1 && !follows);
             let (count, stride) = (run.entries.len() as u32, input.stride() as u32);
-            let mut constants = [0; 12 + encode::ENTRIES];
-            constants[..12].copy_from_slice(&[
+            run.constants[..12].copy_from_slice(&[
                 a,
                 b,
                 c,
@@ -152,8 +159,8 @@ impl VulkanEncoder {
                 stride,
                 run.flat as u32,
             ]);
-            constants[12..][..run.entries.len()].copy_from_slice(&run.entries);
-            run.pipeline = Some(gpu.pipeline(&spirv::ENCODE, 4, &constants)?);
+            run.constants[12..][..run.entries.len()].copy_from_slice(&run.entries);
+            run.pipelines[0] = Some(gpu.pipeline(&spirv::ENCODE, 4, &run.constants)?);
         }
         let cells = (plan.video_frames.iter().flatten().next())
             .map_or(0, |slot| slot.parts.iter().fold(0, |all, p| all | p.from << (4 * p.cell)));
@@ -235,6 +242,13 @@ impl VulkanEncoder {
     /// `given`: phases on the device; those that were uploaded if there are none.
     fn run(&mut self, given: Option<&[PhasesOnDevice<'_>]>) -> Result<(), EngineError> {
         let Self { inks, frames, runs, input, output, args, cells, gpu, .. } = self;
+        let angles_of = |color: usize| given.is_some_and(|given| given[color].binary_angles);
+        let layout = |angles: bool| Layout { value: if angles { Value::Angle } else { Value::Real }, ..*input };
+        for run in runs.iter_mut().filter(|run| angles_of(run.color) && run.pipelines[1].is_none()) {
+            run.constants[STRIDE_AT] = layout(true).stride() as u32;
+            run.constants[ANGLES_AT] = 1;
+            run.pipelines[1] = Some(gpu.pipeline(&spirv::ENCODE, 4, &run.constants)?);
+        }
         gpu.recorder.begin(1)?;
         // A frame that nothing is put into.
         for frame in (0..output.frames).filter(|f| !runs.iter().any(|run| run.video_frame == *f)) {
@@ -245,7 +259,8 @@ impl VulkanEncoder {
         for round in rounds(runs) {
             gpu.recorder.barrier();
             for run in round {
-                let (ink, Some(pipeline)) = (&inks[run.color], run.pipeline) else { continue };
+                let angles = angles_of(run.color);
+                let (ink, Some(pipeline)) = (&inks[run.color], run.pipelines[usize::from(angles)]) else { continue };
                 let groups = match run.flat {
                     // Where there is little to do for a pixel, an invocation takes a few rows.
                     Flat::Rows => {
@@ -265,7 +280,7 @@ impl VulkanEncoder {
                 let phases =
                     phases.ok_or_else(|| EngineError::Mismatch { reason: "no phases were uploaded".into() })?;
                 let buffers = [
-                    input.range(phases, run.first, run.count),
+                    layout(angles).range(phases, run.first, run.count),
                     ink.offsets.all(),
                     ink.table.all(),
                     output.range(frames, run.video_frame, 1),
@@ -387,7 +402,8 @@ fn runs(plan: &Plan, at_once: usize) -> Vec<Run> {
                         count: 1,
                         entries: vec![entry(0, part)],
                         flat: Flat::Rows,
-                        pipeline: None,
+                        constants: [0; CONSTANTS],
+                        pipelines: [None; 2],
                     }),
                 }
             }

@@ -353,7 +353,12 @@ impl Engine for VulkanEngine {
         }
         for (at, resource) in Resource::OF_SHAPE.into_iter().enumerate() {
             let Extent { frames, values, complex } = shape.extent(resource);
-            let value = if complex { Value::Complex(resource.stored(shape.storage)) } else { Value::Real };
+            let value = match resource {
+                _ if complex => Value::Complex(resource.stored(shape.storage)),
+                Resource::Phases if shape.binary_angles => Value::Angle,
+                Resource::Momentum if shape.binary_angles => Value::Half,
+                _ => Value::Real,
+            };
             self.stacks.0[at] = self.stack(Layout { offset: 0, frames, values, value }, &resource.name())?;
         }
         self.verdict = None;
@@ -435,7 +440,12 @@ impl Engine for VulkanEngine {
 
     fn phases_on_device(&self) -> Option<PhasesOnDevice<'_>> {
         let Stack { layout, block } = self.stacks.get(Buffer::Phases).ok()?;
-        Some(PhasesOnDevice { block, frames: layout.frames, values: layout.values })
+        Some(PhasesOnDevice {
+            block,
+            frames: layout.frames,
+            values: layout.values,
+            binary_angles: layout.value == Value::Angle,
+        })
     }
 
     fn run_part(&mut self, step: &Step, part: Range<usize>) -> Result<Vec<f64>, EngineError> {

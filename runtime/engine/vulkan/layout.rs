@@ -3,11 +3,11 @@
 use super::super::{Buffer, EngineError, PupilPass, Resource, Shape, Step, Storage};
 use crate::gpu::{Block, Commands, Piece, Range};
 use crate::plan::Extent;
-use eyebox_kernels::half;
+use eyebox_kernels::{binary_angle, half};
 use std::ops::Range as PupilPasses;
 
-/// Frames start at multiples of this many values: 256 bytes, the largest alignment that a device may ask for.
-const STRIDE: usize = 64;
+/// Frames start at multiples of so many bytes, the largest alignment that a device may ask for, and of 64 values.
+const ALIGNMENT: usize = 256;
 
 /// Equal frames in a block.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,6 +25,10 @@ pub(super) struct Layout {
 pub(super) enum Value {
     /// A float32.
     Real,
+    /// A phase as a binary angle.
+    Angle,
+    /// A half.
+    Half,
     /// Two numbers.
     Complex(Storage),
 }
@@ -34,6 +38,7 @@ impl Value {
     pub(super) fn size(self) -> usize {
         match self {
             Self::Real => 4,
+            Self::Angle | Self::Half => 2,
             Self::Complex(storage) => storage.bytes(),
         }
     }
@@ -42,7 +47,7 @@ impl Value {
 impl Layout {
     /// Values from one frame to the next.
     pub(super) fn stride(&self) -> usize {
-        self.values.next_multiple_of(STRIDE)
+        self.values.next_multiple_of((ALIGNMENT / self.value.size()).max(64))
     }
 
     /// Bytes from one frame to the next.
@@ -57,12 +62,29 @@ impl Layout {
 
     /// Values of float32 that the host sees.
     pub(super) fn floats(&self) -> usize {
-        self.frames * self.values * if self.value == Value::Real { 1 } else { 2 }
+        self.frames * self.values * if matches!(self.value, Value::Complex(_)) { 2 } else { 1 }
     }
 
     /// Bytes of a frame that hold something.
     pub(super) fn frame_bytes(&self) -> usize {
-        self.values * self.value.size()
+        // Copies go by four bytes.
+        (self.values * self.value.size()).next_multiple_of(4)
+    }
+
+    /// Frames of 16-bit values as they are copied.
+    fn padded(&self, values: Vec<u16>) -> Vec<u16> {
+        if self.values.is_multiple_of(2) {
+            return values;
+        }
+        values.chunks(self.values).flat_map(|frame| frame.iter().copied().chain([0])).collect()
+    }
+
+    /// The same without what was added to them.
+    fn unpadded(&self, values: Vec<u16>) -> Vec<u16> {
+        if self.values.is_multiple_of(2) {
+            return values;
+        }
+        values.chunks(self.values + 1).flat_map(|frame| &frame[..self.values]).copied().collect()
     }
 
     /// Frames `first .. first + count`.
@@ -95,6 +117,14 @@ impl Layout {
     pub(super) fn write(&self, gpu: &mut Commands, block: &Block, data: &[f32]) -> Result<(), EngineError> {
         match self.value {
             Value::Complex(Storage::F16) => gpu.upload(block, bytemuck::cast_slice(&half::pack(data)), self.pieces()),
+            Value::Angle => {
+                let angles = self.padded(binary_angle::pack(data));
+                gpu.upload(block, bytemuck::cast_slice(&angles), self.pieces())
+            }
+            Value::Half => {
+                let halves = self.padded(half::pack(data));
+                gpu.upload(block, bytemuck::cast_slice(&halves), self.pieces())
+            }
             _ => gpu.upload(block, bytemuck::cast_slice(data), self.pieces()),
         }
     }
@@ -105,6 +135,12 @@ impl Layout {
             let mut bits = vec![0u16; self.floats()];
             gpu.download(block, bytemuck::cast_slice_mut(&mut bits), self.pieces_back())?;
             return Ok(half::unpack(&bits));
+        }
+        if matches!(self.value, Value::Angle | Value::Half) {
+            let mut bits = vec![0u16; self.frames * self.values.next_multiple_of(2)];
+            gpu.download(block, bytemuck::cast_slice_mut(&mut bits), self.pieces_back())?;
+            let bits = self.unpadded(bits);
+            return Ok(if self.value == Value::Half { half::unpack(&bits) } else { binary_angle::unpack(&bits) });
         }
         let mut data = vec![0.0f32; self.floats()];
         gpu.download(block, bytemuck::cast_slice_mut(&mut data), self.pieces_back())?;

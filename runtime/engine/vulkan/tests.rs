@@ -323,7 +323,12 @@ fn phases_become_pixels_on_the_device() {
     use crate::gpu::PixelOrder;
     use crate::optics::{Color, Display};
     use eyebox_kernels::{modulate, pixels};
-    for (preset, order) in [("grey8", PixelOrder::Bgra), ("planes24", PixelOrder::Rgba)] {
+    for (preset, order, angles) in [
+        ("grey8", PixelOrder::Bgra, false),
+        ("planes24", PixelOrder::Rgba, false),
+        ("grey8", PixelOrder::Rgba, true),
+        ("planes24", PixelOrder::Bgra, true),
+    ] {
         let display = Display { height: 9, width: 30, ..Display::preset(preset).unwrap() };
         let encoder = Encoder::new(&display, &[Color::Red], 24).unwrap();
         let gpu = gpu();
@@ -332,9 +337,10 @@ fn phases_become_pixels_on_the_device() {
         let shape = Shape {
             frames: 24,
             place,
-            purpose: Purpose::View,
+            purpose: if angles { Purpose::Project } else { Purpose::View },
             quantised: false,
-            storage: Storage::F32,
+            storage: if angles { Storage::F16 } else { Storage::F32 },
+            binary_angles: angles,
             model: crate::plan::ModelParts::default(),
         };
         engine.load(&shape, None).unwrap();
@@ -343,6 +349,7 @@ fn phases_become_pixels_on_the_device() {
         for round in 0..2 {
             let phases: Vec<f32> = (0..24 * 270).map(|i| (i * (37 + round) % 1001) as f32 * 0.02 - 10.0).collect();
             engine.write(Buffer::Phases, &phases).unwrap();
+            let phases = if angles { engine.read(Buffer::Phases).unwrap() } else { phases };
             let before = gpu.counts();
             device.encode_on_device(&[engine.phases_on_device().unwrap()]).unwrap();
             device.draw(&mut pictures).unwrap();
@@ -381,5 +388,46 @@ fn phases_become_pixels_on_the_device() {
         let messages = gpu.messages();
         drop((engine, device, pictures, gpu));
         assert_eq!(*messages.lock().unwrap_or_else(PoisonError::into_inner), Vec::<String>::new());
+    }
+}
+
+/// Binary angles and halves beside them come back as they were given, are kept and restored, of an odd number of pixels as well.
+#[test]
+fn binary_angles_come_back() {
+    use super::super::cpu::CpuEngine;
+    use super::super::{Buffer, Engine, Purpose, Shape, Storage};
+    use super::engine::VulkanEngine;
+    use eyebox_kernels::modulate;
+    let mut device = VulkanEngine::new(&gpu()).unwrap();
+    let mut host = CpuEngine::new();
+    for (height, width) in [(3, 5), (4, 6), (9, 15)] {
+        let place = modulate::Args { height, width, grid_height: height, grid_width: width, top: 0, left: 0 };
+        let (storage, model) = (Storage::F16, crate::plan::ModelParts::default());
+        let purpose = Purpose::Project;
+        let shape = Shape { frames: 3, place, purpose, quantised: false, storage, binary_angles: true, model };
+        let count = 3 * shape.pixels();
+        let phases: Vec<f32> = (0..count).map(|i| (i as f32 * 0.37) % 9.0 - 4.0).collect();
+        let velocities: Vec<f32> = (0..count).map(|i| i as f32 * 1e-4 - 3e-3).collect();
+        let mut all = Vec::new();
+        for engine in [&mut device as &mut dyn Engine, &mut host] {
+            engine.load(&shape, None).unwrap();
+            engine.write(Buffer::Phases, &phases).unwrap();
+            engine.write(Buffer::Momentum, &velocities).unwrap();
+            let had = [Buffer::Phases, Buffer::Momentum].map(|buffer| engine.read(buffer).unwrap());
+            engine.keep(Buffer::Phases).unwrap();
+            engine.write(Buffer::Phases, &vec![0.0; count]).unwrap();
+            assert_eq!(engine.kept().unwrap(), had[0]);
+            engine.restore().unwrap();
+            assert_eq!(engine.read(Buffer::Phases).unwrap(), had[0]);
+            assert_eq!(engine.read(Buffer::Momentum).unwrap(), vec![0.0; count]);
+            engine.write(Buffer::Phases, &had[0]).unwrap();
+            assert_eq!(engine.read(Buffer::Phases).unwrap(), had[0]);
+            all.push(had);
+        }
+        assert_eq!(all[0], all[1]);
+        let unit = std::f32::consts::TAU / 65536.0;
+        let off = |(a, b): (&f32, &f32)| eyebox_kernels::trig::wrap(a - b).abs();
+        assert!(phases.iter().zip(&all[0][0]).map(off).all(|off| off < 0.51 * unit));
+        assert!(velocities.iter().zip(&all[0][1]).all(|(a, b)| (a - b).abs() <= a.abs() / 2048.0 + 3e-8));
     }
 }

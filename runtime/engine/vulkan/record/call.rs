@@ -226,7 +226,10 @@ impl<'a> Call<'_, 'a> {
         if let Some(large) = buffers.iter().find(|b| b.size > limit) {
             return Err(self.work.too_large(format!("a buffer of `{}`", module.name), large.size as usize));
         }
-        let pipeline = gpu.pipeline(module, buffers.len() as u32, &[])?;
+        // What reads or writes phases is told how they are stored.
+        let phases = |(_, r): &(Access, Resource)| r.per_frame() == Some(PerFrame::Pixels);
+        let angles = self.shape.binary_angles && self.kernel.binds().iter().any(phases);
+        let pipeline = gpu.pipeline(module, buffers.len() as u32, if angles { &[1] } else { &[] })?;
         let changes = self.kernel.writes().any(|resource| resource == Resource::Phases);
         let groups = self.work.guarded(groups, changes)?;
         let gpu = &mut *self.work.gpu;

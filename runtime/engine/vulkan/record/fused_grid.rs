@@ -6,7 +6,7 @@ use super::fused::Lines;
 use crate::engine::{EngineError, Resource};
 use crate::plan::fusion::divides;
 use bytemuck::{Pod, Zeroable};
-use eyebox_kernels::fft_plan::Axis;
+use eyebox_kernels::fft_plan::{Axis, Shared};
 use eyebox_kernels::{modulate, project};
 
 /// Push constants of `modulate_rows`.
@@ -48,6 +48,13 @@ struct GatherArguments {
 }
 
 impl Call<'_, '_> {
+    /// Constants of kernels that read or write phases beside their rows.
+    fn constants(&self, shared: &Shared) -> [u32; 21] {
+        let mut constants = shared_constants(shared, Axis::Rows);
+        constants[20] = u32::from(self.shape.binary_angles);
+        constants
+    }
+
     pub(super) fn modulate_rows(&mut self) -> Result<(), EngineError> {
         let [height, width] = self.grid_size();
         let planned = self.planned(width, Axis::Rows)?;
@@ -57,6 +64,7 @@ impl Call<'_, '_> {
             [self.layout(Resource::Shown)?, self.layout(Resource::Field)?].map(|layout| layout.stride() as u32);
         let (place, scale) = (self.shape.place, self.shape.field_scale());
         let (size, pixels) = (self.shape.storage.bytes() as u64, self.shape.pixels() as u64);
+        let phase = self.shape.real_bytes(Resource::Phases);
         for (first, count) in self.frames_at_once(&[Resource::Shown, Resource::Field], 0)? {
             let all = (count * height) as u32;
             let args = ModulateArguments { place, columns, all, scale, phases_stride, field_stride };
@@ -64,13 +72,13 @@ impl Call<'_, '_> {
             let field = self.bound(Resource::Field, first, count)?;
             let lines = Lines {
                 module: &eyebox_spirv::MODULATE_ROWS,
-                constants: &shared_constants(shared, Axis::Rows)[..20],
+                constants: &self.constants(shared),
                 changes_phases: false,
                 groups: self.work.row_groups(shared, all),
             };
             self.dispatch(&lines, &[phases, planned.twiddles.all(), field], &args, || {
                 let written = size * u64::from(columns[1]) * u64::from(all);
-                vec![phases.reads(4 * pixels * count as u64), field.writes(written)]
+                vec![phases.reads(phase * pixels * count as u64), field.writes(written)]
             })?;
         }
         Ok(())
@@ -84,6 +92,7 @@ impl Call<'_, '_> {
         let change_stride = self.layout(Resource::Change)?.stride() as u32;
         let phases_stride = self.layout(Resource::Phases)?.stride() as u32;
         let (size, pixels) = (self.shape.storage.bytes() as u64, self.shape.pixels() as u64);
+        let phase = self.shape.real_bytes(Resource::Phases);
         let quantised = self.shape.quantised;
         for (first, count) in self.frames_at_once(&bound, 0)? {
             let all = count as u32 * self.shape.place.height;
@@ -92,13 +101,13 @@ impl Call<'_, '_> {
             let (change, shown, phases, velocity) = (change?, shown?, phases?, velocity?);
             let lines = Lines {
                 module: &eyebox_spirv::PROJECT_ROWS,
-                constants: &shared_constants(shared, Axis::Rows)[..20],
+                constants: &self.constants(shared),
                 changes_phases: true,
                 groups: self.work.row_groups(shared, all),
             };
             let buffers = [change, planned.twiddles.all(), shown, phases, velocity];
             self.dispatch(&lines, &buffers, &args, || {
-                let real = 4 * pixels * count as u64;
+                let real = phase * pixels * count as u64;
                 let mut moves = vec![change.reads(size * u64::from(columns[1]) * u64::from(all))];
                 moves.extend(quantised.then(|| shown.reads(real)));
                 moves.extend([phases.reads(real), phases.writes(real), velocity.reads(real), velocity.writes(real)]);
