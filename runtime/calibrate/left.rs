@@ -14,15 +14,15 @@ pub struct PictureLeft {
     pub file: String,
     /// The iris that was asked for: x, y, diameter.
     pub iris_mm: [f64; 3],
-    /// Whether it was fitted; what was taken twice was not, and what contradicted the others.
-    pub fitted: bool,
+    /// `fitted`, `held out` (taken twice), or `left out` (it contradicts the others).
+    pub role: &'static str,
     /// Share of its variance about its mean that is left, noise and all.
     pub left: f64,
     /// Squares of what is left in those of the camera's noise, on average.
     pub squares: f64,
 }
 
-/// Where in the camera's picture it is left, all pictures together.
+/// Where in the camera's picture it is left, all pictures together but those that were left out.
 #[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct LeftMap {
@@ -48,8 +48,12 @@ pub struct Shown {
     pub picture: Vec<f32>,
     /// What the model says.
     pub prediction: Vec<f32>,
+    /// How far apart they are; 0 where a pixel does not look well inside the SLM's image.
+    pub difference: Vec<f32>,
 }
 
+/// A picture that contradicts the others.
+pub(super) const LEFT_OUT: &str = "left out";
 /// Tiles along the longer side of the map.
 const TILES: usize = 16;
 /// Pixels of a tile at least.
@@ -71,14 +75,20 @@ pub(super) fn left(sorted: &Sorted, fit: &Fit, fitted: &[usize], subpixels: usiz
     for ((v, seen), [left, squares]) in which.iter().zip(&seen).zip(lefts) {
         let view = &pictures.views[*v];
         let residuals = pictures.residuals(*v, seen, fit.exposure);
-        for (([x, y], r), variance) in view.look.pixels.iter().zip(residuals).zip(&view.variance) {
+        let role = match (fitted.contains(v), sorted.fitted.contains(v)) {
+            (true, _) => "fitted",
+            (false, false) => "held out",
+            (false, true) => LEFT_OUT,
+        };
+        let counted = if role == LEFT_OUT { 0 } else { residuals.len() };
+        for (([x, y], r), variance) in view.look.pixels.iter().zip(residuals).zip(&view.variance).take(counted) {
             let tile = &mut tiles[*y as usize / tile_px * columns + *x as usize / tile_px];
             *tile = (tile.0 + r * r / variance, tile.1 + 1);
         }
         let p = view.look.pupil;
         let file = view.file.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let iris_mm = [p.x, p.y, p.diameter].map(|v| v * 1e3);
-        all.push(PictureLeft { file, iris_mm, fitted: fitted.contains(v), left, squares });
+        all.push(PictureLeft { file, iris_mm, role, left, squares });
     }
     let squares = tiles.into_iter().map(|(sum, n)| (n >= FEWEST).then(|| sum / n as f64)).collect();
     (all, LeftMap { tile_px, rows, columns, squares })
@@ -107,20 +117,19 @@ pub(super) fn shown(sorted: &Sorted, fit: &Fit, subpixels: usize) -> Result<Vec<
         let picture = picture::load(&view.file, sorted.camera, view.full_scale).map_err(wrong)?;
         let seen = sorted.pictures.see_places(&fit.at, subpixels, pair[0], &places);
         let gain = fit.exposure.gain * view.exposure_ms;
-        let [rows, columns] = sorted.map.slm.map(|n| n as f64 - 0.5);
-        let inside = |at: &[f64; 2]| {
+        let [rows, columns] = sorted.map.slm.map(|n| n as f64);
+        let inside = |at: &[f64; 2], margin: f64| {
             let [x, y] = fit.at.map.to_slm(*at);
-            (-0.5..columns).contains(&x) && (-0.5..rows).contains(&y)
+            (margin - 0.5..columns - 0.5 - margin).contains(&x) && (margin - 0.5..rows - 0.5 - margin).contains(&y)
         };
-        let light = |(at, i): (&[f64; 2], f64)| (fit.exposure.dark + if inside(at) { gain * i } else { 0.0 }) as f32;
-        let prediction = places.iter().zip(seen.intensity).map(light).collect();
-        let picture = (0..places.len()).map(|i| picture.values[pixel(i)[1] * width + pixel(i)[0]]).collect();
-        Ok(Shown {
-            file: view.file.file_name().unwrap_or_default().to_string_lossy().into_owned(),
-            size,
-            picture,
-            prediction,
-        })
+        let light =
+            |(at, i): (&[f64; 2], f64)| (fit.exposure.dark + if inside(at, 0.0) { gain * i } else { 0.0 }) as f32;
+        let prediction: Vec<f32> = places.iter().zip(seen.intensity).map(light).collect();
+        let picture: Vec<f32> = (0..places.len()).map(|i| picture.values[pixel(i)[1] * width + pixel(i)[0]]).collect();
+        let apart = |(at, (a, b)): (&[f64; 2], (&f32, &f32))| if inside(at, 2.5) { (a - b).abs() } else { 0.0 };
+        let difference = places.iter().zip(picture.iter().zip(&prediction)).map(apart).collect();
+        let file = view.file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        Ok(Shown { file, size, picture, prediction, difference })
     };
     sorted.pairs.iter().map(one).collect()
 }

@@ -1,7 +1,7 @@
 //! What a calibration says of itself.
 
 use super::fit::Fit;
-use super::left::{LeftMap, PictureLeft, left};
+use super::left::{LEFT_OUT, LeftMap, PictureLeft, left};
 use super::parameters::{Parameter, Parameters};
 use super::sorted::Sorted;
 use super::unseen::{exposed, unseen};
@@ -105,7 +105,8 @@ impl Report {
             noise = Some(after.noise);
             if after.left - after.noise > TOO_MUCH * after.noise.max(LEAST) {
                 let share = 100.0 * (after.left - after.noise);
-                let whole = pictures.iter().max_by(|a, b| a.squares.total_cmp(&b.squares));
+                let counted = pictures.iter().filter(|p| p.role != LEFT_OUT);
+                let whole = counted.max_by(|a, b| a.squares.total_cmp(&b.squares));
                 let place = whole.zip(map.most()).map_or_else(String::new, |(whole, ([x, y], squares))| {
                     format!(
                         "; most is left of {} ({:.1} times the noise) and about x {x}, y {y} of the camera's pixels \

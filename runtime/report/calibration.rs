@@ -48,7 +48,7 @@ fn pictures(all: &[Shown], color: Color) -> Markup {
             @let [height, width] = shown.size;
             @let most = shown.picture.iter().copied().fold(f32::MIN_POSITIVE, f32::max);
             @let scaled = |values: &[f32]| values.iter().map(|v| (v / most).max(0.0)).collect::<Vec<f32>>();
-            @let errors: Vec<f64> = shown.picture.iter().zip(&shown.prediction).map(|(a, b)| f64::from((a - b).abs())).collect();
+            @let errors: Vec<f64> = shown.difference.iter().map(|d| f64::from(*d)).collect();
             @let worst = errors.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
             @let shares: Vec<f64> = errors.iter().map(|e| e / worst).collect();
             div.shots style="--n:3" {
@@ -97,17 +97,16 @@ fn numbers(report: &Report) -> Markup {
 fn by_picture(report: &Report) -> Markup {
     let rows = report.pictures.iter().map(|p| {
         let [x, y, d] = p.iris_mm;
-        let fitted = if p.fitted { "yes" } else { "no" };
         row(
             &p.file,
             [
                 format!("{x:.2}, {y:.2}, {d:.2}"),
-                fitted.into(),
+                p.role.into(),
                 format!("{:.4} %", 100.0 * p.left),
                 format!("{:.2}", p.squares),
             ],
         )
     });
-    let columns = ["", "Iris x, y, diameter (mm)", "Fitted", "Left of its variance", "Squares, times the noise's"];
+    let columns = ["", "Iris x, y, diameter (mm)", "Used", "Left of its variance", "Squares, times the noise's"];
     section("each", "Picture by picture", table("What is left of each picture, noise and all", &columns, rows))
 }
