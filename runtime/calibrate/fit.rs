@@ -23,6 +23,7 @@ pub(super) struct View {
     /// Their variance by the camera's noise.
     pub(super) variance: Vec<f64>,
     pub(super) exposure_ms: f64,
+    pub(super) full_scale: f64,
     /// Its picture's file.
     pub(super) file: PathBuf,
 }
@@ -49,8 +50,6 @@ pub(super) struct Fit {
     pub(super) exposure: Exposure,
     /// Squared residuals in units of the noise, on average.
     pub(super) squares: f64,
-    /// What is left of each view, as [`Pictures::left`] has it.
-    pub(super) left: Vec<[f64; 2]>,
     /// Covariance of the free parameters.
     pub(super) covariance: Vec<Vec<f64>>,
 }
@@ -144,6 +143,25 @@ impl Pictures {
         let order = |v: usize| which.iter().position(|w| *w == v);
         all.sort_by_key(|(v, _)| order(*v));
         all.into_iter().map(|(_, seen)| seen).collect()
+    }
+
+    /// Variance of these views about their means, in that of the camera's noise.
+    pub(super) fn signal(&self, which: &[usize]) -> f64 {
+        let of_view = |v: &usize| {
+            let View { counts, variance, .. } = &self.views[*v];
+            let mean = counts.iter().sum::<f64>() / counts.len() as f64;
+            [counts.iter().map(|c| (c - mean).powi(2)).sum::<f64>(), variance.iter().sum()]
+        };
+        let [all, noise] = which.iter().map(of_view).fold([0.0; 2], |s, v| [s[0] + v[0], s[1] + v[1]]);
+        all / noise
+    }
+
+    /// What the model predicts of a view at other camera pixels (x, y).
+    pub(super) fn see_places(&self, at: &Parameters, subpixels: usize, view: usize, places: &[[f64; 2]]) -> Seen {
+        let View { set, window, look, .. } = &self.views[view];
+        let (fields, _) = Device::new(&at.model, self.optics, subpixels).enter(&self.sets[*set], &[]);
+        let entering: Vec<_> = fields.iter().map(|frame| &frame[*window][..]).collect();
+        look.of(places.to_vec()).see(at, &entering, &[], &[])
     }
 
     /// Gain and dark level that fit best.
@@ -269,9 +287,9 @@ impl Pictures {
                 "the pictures do not tell the model's numbers apart: more of them are needed".into(),
             )
         })?;
-        let left = self.left(which, &seen, exposure);
+
         let (squares, covariance) = (squares / count as f64, scaled(covariance, scale));
-        Ok(Fit { at, free: free.to_vec(), exposure, squares, covariance, left })
+        Ok(Fit { at, free: free.to_vec(), exposure, squares, covariance })
     }
 
     /// The normal equations, gain and dark level eliminated.

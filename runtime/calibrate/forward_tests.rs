@@ -35,7 +35,7 @@ fn pictures(at: &Parameters, pixels: Vec<[f64; 2]>) -> Pictures {
     let sets = vec![Set { pattern, windows: vec![look.window.clone()] }];
     let n = look.pixels.len();
     let (counts, variance) = (vec![0.0; n], vec![1.0; n]);
-    let view = View { set: 0, window: 0, look, counts, variance, exposure_ms: 1.0, file: "a".into() };
+    let view = View { set: 0, window: 0, look, counts, variance, exposure_ms: 1.0, full_scale: 1.0, file: "a".into() };
     Pictures { optics, sets, views: vec![view] }
 }
 

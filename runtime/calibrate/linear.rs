@@ -31,7 +31,7 @@ pub(super) fn substitute(lower: &[Vec<f64>], right: &[f64]) -> Vec<f64> {
 }
 
 /// Solves a positive definite system, each unknown in its own unit.
-pub(super) fn solve(matrix: &[Vec<f64>], right: &[f64]) -> Option<Vec<f64>> {
+pub(crate) fn solve(matrix: &[Vec<f64>], right: &[f64]) -> Option<Vec<f64>> {
     let (scaled, unit) = scaled(matrix);
     let right: Vec<f64> = right.iter().zip(&unit).map(|(r, u)| r * u).collect();
     let x = substitute(&cholesky(&scaled)?, &right);

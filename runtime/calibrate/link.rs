@@ -130,6 +130,11 @@ impl Process {
             true => self.child.try_wait().ok().flatten().map_or_else(String::new, |status| format!(" ({status})")),
             false => ", or closed its output".into(),
         };
+        // Its last lines are heard once the thread that hears them has ended; what it started may hold on to them.
+        let begun = Instant::now();
+        while Arc::strong_count(&self.last) > 1 && begun.elapsed() < Duration::from_secs(1) {
+            std::thread::sleep(LOOK / 5);
+        }
         let last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         let said: Vec<&str> = last.iter().map(|l| l.trim()).filter(|l| !l.is_empty()).collect();
         if said.is_empty() { format!("ended{how}") } else { format!("ended{how}: {}", said.join(" | ")) }

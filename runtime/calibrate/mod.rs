@@ -21,7 +21,8 @@ mod error;
 mod fit;
 #[cfg(test)]
 mod forward_tests;
-mod linear;
+mod left;
+pub(crate) mod linear;
 mod link;
 mod map;
 mod message;
@@ -40,6 +41,7 @@ mod unseen;
 pub use bench::{Bench, Event, FEWEST};
 pub use camera_steps::{CameraBench, CameraGain, CameraSteps, CameraSubject};
 pub use error::CalibrateError;
+pub use left::{LeftMap, PictureLeft, Shown};
 pub use report::{Confused, Fitted, Report};
 
 use crate::optics::{Color, Display};
@@ -54,6 +56,8 @@ pub struct Calibration {
     pub display: Display,
     /// How sure that is, and what it leaves unexplained.
     pub report: Report,
+    /// Pictures that were not fitted, beside what is predicted of them.
+    pub shown: Vec<Shown>,
 }
 
 /// Fits the model of one colour of a display to pictures of it; the display's own model is where it begins.
@@ -75,7 +79,7 @@ pub fn calibrate(
     };
     let waited = taken.waited;
     let quick = matches!(bench, Bench::Command { quick: true, .. });
-    let (fitted, mut report) = stages::run(display, color, taken, quick, &tell)?;
+    let (fitted, mut report, shown) = stages::run(display, color, taken, quick, &tell)?;
     report.seconds = (begun.elapsed().saturating_sub(waited)).as_secs_f64();
-    Ok(Calibration { display: fitted, report })
+    Ok(Calibration { display: fitted, report, shown })
 }

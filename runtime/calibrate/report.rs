@@ -1,6 +1,7 @@
 //! What a calibration says of itself.
 
 use super::fit::Fit;
+use super::left::{LeftMap, PictureLeft, left};
 use super::parameters::{Parameter, Parameters};
 use super::sorted::Sorted;
 use super::unseen::{exposed, unseen};
@@ -52,6 +53,12 @@ pub struct Report {
     pub unexplained: Option<f64>,
     /// and the camera's noise.
     pub noise: Option<f64>,
+    /// Whether what is unexplained is at most twice the noise; what was not measured is not doubted.
+    pub calibrated: bool,
+    /// What is left of each picture,
+    pub pictures: Vec<PictureLeft>,
+    /// and where.
+    pub map: LeftMap,
     /// What should be known, a sentence each.
     pub warnings: Vec<String>,
 }
@@ -66,6 +73,7 @@ impl Report {
         sorted: &Sorted,
         start: &Parameters,
         fit: &Fit,
+        fitted_views: &[usize],
         captures: usize,
         mut warnings: Vec<String>,
         subpixels: usize,
@@ -86,7 +94,8 @@ impl Report {
             .into_iter()
             .map(|(a, b, correlation)| Confused { names: [a.name().0, b.name().0], correlation })
             .collect();
-        let (mut before, mut unexplained, mut noise) = (None, None, None);
+        let (mut before, mut unexplained, mut noise, mut calibrated) = (None, None, None, true);
+        let (pictures, map) = left(sorted, fit, fitted_views, subpixels);
         if !sorted.pairs.is_empty() {
             let after = unseen(sorted, &fit.at, fit.exposure, subpixels);
             let old = Parameters { model: start.model.clone(), ..fit.at.clone() };
@@ -96,20 +105,23 @@ impl Report {
             noise = Some(after.noise);
             if after.left - after.noise > TOO_MUCH * after.noise.max(LEAST) {
                 let share = 100.0 * (after.left - after.noise);
+                let whole = pictures.iter().max_by(|a, b| a.squares.total_cmp(&b.squares));
+                let place = whole.zip(map.most()).map_or_else(String::new, |(whole, ([x, y], squares))| {
+                    format!(
+                        "; most is left of {} ({:.1} times the noise) and about x {x}, y {y} of the camera's pixels \
+                         ({squares:.1} times)",
+                        whole.file, whole.squares
+                    )
+                });
+                calibrated = false;
                 warnings.push(format!(
-                    "{share:.2} % of the pictures' variance is unexplained, and the camera's noise is {:.2} %: the bench \
-                     has a fault that the model has no term for",
+                    "not calibrated: {share:.2} % of the pictures' variance is unexplained, and the camera's noise is {:.2} %: \
+                     the bench has a fault that the model has no term for{place}",
                     100.0 * after.noise
                 ));
             }
-            for (i, [left, noise]) in after.by_picture.iter().enumerate() {
-                tracing::debug!("held-out picture {i}: left {left:.5}, noise {noise:.5}");
-            }
         }
         tracing::debug!("squares of the fit: {:.3} times the noise's", fit.squares);
-        for [left, squares] in &fit.left {
-            tracing::debug!("a fitted picture: left {left:.5}, squares {squares:.2} times the noise's");
-        }
         let outside = sorted.pictures.views.iter().filter(|v| !v.look.holds(&fit.at)).count();
         if outside > 0 {
             warnings.push(format!(
@@ -128,6 +140,9 @@ impl Report {
             before,
             unexplained,
             noise,
+            calibrated,
+            pictures,
+            map,
             warnings,
         }
     }

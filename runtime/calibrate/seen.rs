@@ -46,6 +46,7 @@ fn bessel(x: f64) -> f64 {
 }
 
 /// What a camera's pixels look at through an iris.
+#[derive(Clone)]
 pub(super) struct Look {
     pub(super) optics: Optics,
     pub(super) window: Window,
@@ -75,6 +76,11 @@ impl Look {
     pub(super) fn new(optics: Optics, pupil: Pupil, radius: f64, at: &Parameters, pixels: Vec<[f64; 2]>) -> Self {
         let (window, side) = Self::frame(&optics, &at.model.true_pupil(&pupil));
         Self { optics, window, pupil, radius, side, pixels }
+    }
+
+    /// The same of other pixels.
+    pub(super) fn of(&self, pixels: Vec<[f64; 2]>) -> Self {
+        Self { pixels, ..self.clone() }
     }
 
     /// The bins that an iris passes, with some to spare for one that is not quite where it was asked for, and the side of the

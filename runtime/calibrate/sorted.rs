@@ -31,7 +31,7 @@ pub(super) struct Sorted {
     pub(super) map: CameraMap,
     pub(super) map_rms: f64,
     radius: f64,
-    camera: [usize; 2],
+    pub(super) camera: [usize; 2],
     bits: u32,
 }
 
@@ -202,6 +202,7 @@ impl Sorted {
             counts,
             variance: Vec::new(),
             exposure_ms,
+            full_scale: pattern_shot.shot.full_scale,
             file: pattern_shot.shot.file.clone(),
         });
         Ok(self.pictures.views.len() - 1)

@@ -4,6 +4,7 @@ use super::acquire::{TAKING, Taken};
 use super::bench::Event;
 use super::error::CalibrateError;
 use super::fit::{Effort, Fit, Pictures};
+use super::left::{Shown, shown};
 use super::parameters::{Parameter, Parameters};
 use super::report::Report;
 use super::sorted::{CAMERA_PIXEL, Sorted, sort};
@@ -19,6 +20,8 @@ const END: Effort = Effort { subpixels: FINE, slopes: 2, rounds: 6, enough: 1e-4
 const PLAIN: Effort = Effort { subpixels: 1, slopes: 1, rounds: 12, enough: 0.01 };
 /// A display whose own model leaves so many times the noise's squares is as its file says.
 const AT_THE_NOISE: f64 = 1.3;
+/// Pictures that vary by less than so many times the noise are dark.
+const DARK: f64 = 3.0;
 /// So too where the fit's are not this much fewer.
 const NO_BETTER: f64 = 1.05;
 /// A picture that leaves this share of its variance, and so many times what the middle one leaves, is not believed.
@@ -33,7 +36,7 @@ pub(super) fn run(
     taken: Taken,
     quick: bool,
     tell: &dyn Fn(Event),
-) -> Result<(Display, Report), CalibrateError> {
+) -> Result<(Display, Report, Vec<Shown>), CalibrateError> {
     let share = |from: f64, to: f64, part: f64| TAKING + (1.0 - TAKING) * (from + (to - from) * part);
     tell(Event::At("looking for the dots", TAKING));
     let model = display.model(color);
@@ -43,6 +46,11 @@ pub(super) fn run(
         warnings.push("no picture was taken twice: how large the camera's noise is was not measured".into());
     }
     let pictures = &sorted.pictures;
+    if pictures.signal(&sorted.fitted) < DARK {
+        return Err(CalibrateError::Pictures(
+            "the pictures show nothing but the camera's noise: is the light on, and the exposure long enough?".into(),
+        ));
+    }
     let start = Parameters { model: model.clone(), map: sorted.map, camera_pixel: CAMERA_PIXEL };
     let map: Vec<Parameter> = (0..9).map(Parameter::Map).collect();
     // The display as its file has it, and nothing but where the camera looks.
@@ -52,8 +60,8 @@ pub(super) fn run(
     let own = pictures.fit(&start, &camera, &sorted.fitted, Effort { subpixels: FINE, ..PLAIN }, &mut looking)?;
     let captures = taken.shots.len();
     if own.squares < AT_THE_NOISE {
-        let report = Report::new(&sorted, &start, &own, captures, warnings, FINE);
-        return Ok((display.clone(), report));
+        let report = Report::new(&sorted, &start, &own, &sorted.fitted, captures, warnings, FINE);
+        return Ok((display.clone(), report, shown(&sorted, &own, FINE)?));
     }
     let mut at = start.clone();
     if !quick && !sorted.smooth.is_empty() {
@@ -95,9 +103,9 @@ pub(super) fn run(
     let fit = terms::settle(pictures, &fitted, &start, fit, END)?;
     let fit = if own.squares < NO_BETTER * fit.squares { own } else { fit };
     tell(Event::At("looking at pictures that were not fitted", share(0.0, 1.0, 0.95)));
-    let report = Report::new(&sorted, &start, &fit, captures, warnings, FINE);
-    let display = terms::written(display, color, &start, &fit, captures);
-    Ok((display, report))
+    let report = Report::new(&sorted, &start, &fit, &fitted, captures, warnings, FINE);
+    let display = terms::written(display, color, &start, &fit, &report);
+    Ok((display, report, shown(&sorted, &fit, FINE)?))
 }
 
 /// The fit's end: the iris by its edge and the other numbers by slopes, by turns.

@@ -4,6 +4,7 @@ use super::error::CalibrateError;
 use super::fit::{Effort, Fit, Pictures};
 use super::linear::solve;
 use super::parameters::{Parameter, Parameters, WAVEFRONT};
+use super::report::Report;
 use crate::optics::{Color, Display, DisplayModel, Level, ModelTerms, Spread};
 use std::time::SystemTime;
 
@@ -124,7 +125,7 @@ fn with_terms_of(model: &DisplayModel, other: &DisplayModel, hidden: &[Parameter
 }
 
 /// The display with what was fitted, and its standard errors.
-pub(super) fn written(display: &Display, color: Color, start: &Parameters, fit: &Fit, captures: usize) -> Display {
+pub(super) fn written(display: &Display, color: Color, start: &Parameters, fit: &Fit, report: &Report) -> Display {
     let mut display = display.clone();
     if fit.at.model == start.model {
         return display;
@@ -188,7 +189,10 @@ pub(super) fn written(display: &Display, color: Color, start: &Parameters, fit: 
     terms.wavefront = model.wavefront.keys().map(|j| (*j, number(Parameter::Wavefront(*j)))).collect();
     let named = terms.wavefront.keys().filter(|j| fitted(Parameter::Wavefront(**j)));
     errors.wavefront = named.map(|j| (*j, about(Parameter::Wavefront(*j)))).collect();
-    terms.from = format!("eyebox calibrate, {captures} pictures");
+    terms.from = format!("eyebox calibrate, {} pictures", report.captures);
+    if let (false, Some(share)) = (report.calibrated, report.unexplained) {
+        terms.from += &format!(", not a calibration: {:.2} % unexplained", 100.0 * share);
+    }
     terms.date = today();
     let section = display.model.entry(color.into()).or_default();
     let before = std::mem::take(section);

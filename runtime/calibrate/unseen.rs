@@ -8,8 +8,6 @@ use super::sorted::Sorted;
 pub(super) struct Unseen {
     pub(super) left: f64,
     pub(super) noise: f64,
-    /// Left and noise of each picture.
-    pub(super) by_picture: Vec<[f64; 2]>,
 }
 
 /// Gain and dark level for a model that was not fitted to these pictures.
@@ -23,7 +21,6 @@ pub(super) fn unseen(sorted: &Sorted, at: &Parameters, exposure: Exposure, subpi
     let which: Vec<usize> = sorted.pairs.iter().flatten().copied().collect();
     let seen = pictures.see(at, subpixels, &which, &[]);
     let mut sums = [0.0; 3];
-    let mut by_picture = Vec::new();
     for (pair, seen) in sorted.pairs.iter().zip(seen.chunks_exact(2)) {
         let counts = pair.map(|v| &pictures.views[v].counts);
         let scale = pictures.views[pair[0]].exposure_ms / pictures.views[pair[1]].exposure_ms;
@@ -36,7 +33,6 @@ pub(super) fn unseen(sorted: &Sorted, at: &Parameters, exposure: Exposure, subpi
         let variance: f64 = counts[0].iter().map(|c| (c - mean).powi(2)).sum();
         let left: f64 = pictures.residuals(pair[0], &seen[0], exposure).iter().map(|r| r * r).sum();
         sums = [sums[0] + left, sums[1] + noise, sums[2] + variance];
-        by_picture.push([left / variance, noise / variance]);
     }
-    Unseen { left: sums[0] / sums[2], noise: sums[1] / sums[2], by_picture }
+    Unseen { left: sums[0] / sums[2], noise: sums[1] / sums[2] }
 }

@@ -1,6 +1,7 @@
 //! A user's calibration: tracker coordinates to metres in the pupil plane, affine, from a few fixations.
 
 use super::GazeError;
+use crate::calibrate::linear;
 use crate::files;
 use crate::files::read;
 use crate::trackers::Unit;
@@ -124,11 +125,10 @@ fn solve(pairs: &[Pair]) -> Option<Affine> {
         return None;
     }
     let row = |i: usize| {
-        let [p, q] = right[i];
-        let (a, b) = ((yy * p - xy * q) / determinant, (xx * q - xy * p) / determinant);
-        [a, b, target[i] - a * centre[0] - b * centre[1]]
+        let slopes = linear::solve(&[vec![xx, xy], vec![xy, yy]], &right[i])?;
+        Some([slopes[0], slopes[1], target[i] - slopes[0] * centre[0] - slopes[1] * centre[1]])
     };
-    Some(Affine { x: row(0), y: row(1) })
+    Some(Affine { x: row(0)?, y: row(1)? })
 }
 
 /// The maps of one user.

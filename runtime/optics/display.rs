@@ -3,6 +3,7 @@
 use super::color::Color;
 use super::encoding::Encoding;
 use super::model::{self, DisplayModel, ModelSections, ModelTerms};
+use super::wavefront_map;
 use super::{Geometry, Optics, OpticsError, Picture, PictureMap, Prescription};
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, path::Path};
@@ -133,6 +134,8 @@ impl Display {
         for file in encoding.look_up.values_mut().chain(encoding.correction.iter_mut().map(|c| &mut c.file)) {
             *file = beside.join(&file);
         }
+        let mut model = read.model;
+        wavefront_map::resolve(&mut model, beside, |color| read.wavelengths_nm.get(&color).copied()).map_err(&wrong)?;
         let stem = Path::new(file).file_stem().map_or(file.into(), |s| s.to_string_lossy().into_owned());
         let display = Self {
             name: read.name.unwrap_or(stem),
@@ -150,7 +153,7 @@ impl Display {
             rate_hz: read.rate_hz,
             portrait: read.portrait,
             encoding,
-            model: read.model,
+            model,
             picture: read.picture,
             prescription: read.prescription,
         };

@@ -22,6 +22,7 @@ mod pupil;
 mod pupil_distribution;
 mod reach;
 mod units;
+mod wavefront_map;
 mod window;
 mod zernike;
 

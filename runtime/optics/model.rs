@@ -210,6 +210,10 @@ pub struct ModelTerms {
     /// [`DisplayModel::wavefront`]; waves of the section's colour, so not of all.
     #[serde(skip_serializing_if = "BTreeMap::is_empty", with = "indices")]
     pub wavefront: BTreeMap<u32, f64>,
+    /// In a file in the place of `wavefront`: a `.npy` beside it, the relay's path in micrometres over the square of the eyebox of the
+    /// shortest wavelength. Polynomials are fitted to it as the file is read.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub wavefront_map: Option<String>,
     /// [`DisplayModel::iris`]: x and y in millimetres, scale.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub iris: Option<[f64; 3]>,
@@ -320,6 +324,7 @@ impl ModelTerms {
             source: self.source.or(others.source),
             undiffracted: self.undiffracted.or(others.undiffracted),
             wavefront: if self.wavefront.is_empty() { others.wavefront } else { self.wavefront },
+            wavefront_map: self.wavefront_map.or(others.wavefront_map),
             iris: self.iris.or(others.iris),
             from: if self.from.is_empty() { others.from } else { self.from },
             date: if self.date.is_empty() { others.date } else { self.date },

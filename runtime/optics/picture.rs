@@ -185,12 +185,12 @@ impl Picture {
                     return odd();
                 }
                 sign = area.signum();
-                let moved = (x - at[0]).hypot(y - at[1]);
-                if moved > 0.5 {
-                    return Err(format!(
-                        "[picture.{color}] moves the picture by {moved:.2} of half its width: at most 0.5"
-                    ));
-                }
+            }
+            let moved = 2.0 * self.farthest(color, [rows, columns]) / columns as f64;
+            if moved > 0.5 {
+                return Err(format!(
+                    "[picture.{color}] moves the picture by {moved:.2} of half its width: at most 0.5"
+                ));
             }
         }
         Ok(())
@@ -225,7 +225,7 @@ fn upright(pairs: &[([f64; 2], [f64; 2])]) -> Option<Homography> {
 }
 
 /// Least squares by Gauss's elimination of the normal equations.
-fn least_squares<const N: usize>(rows: impl Iterator<Item = ([f64; N], f64)>) -> Option<[f64; N]> {
+pub(super) fn least_squares<const N: usize>(rows: impl Iterator<Item = ([f64; N], f64)>) -> Option<[f64; N]> {
     let (mut matrix, mut right) = ([[0.0; N]; N], [0.0; N]);
     for (row, value) in rows {
         for i in 0..N {

@@ -4,6 +4,7 @@
 //! computes light. A [`Plot`] is the one type of drawing, `page` is what all pages are made of. Behind the feature
 //! `reports`.
 
+mod calibration;
 mod comparison;
 mod drawing;
 mod findings;
@@ -19,7 +20,9 @@ mod tradeoff;
 
 pub use plot::{Axis, Plot};
 
+use crate::calibrate::Calibration;
 use crate::files::{FileError, OwnFolder};
+use crate::optics::Color;
 use crate::quality::Tuned;
 use crate::quality::comparison::Results;
 #[cfg(feature = "window")]
@@ -55,6 +58,11 @@ pub fn write_comparison(results: &Results, folder: &mut OwnFolder) -> Result<(),
             ("report.html", comparison::page(results).into_bytes()),
         ],
     )
+}
+
+/// The page of a calibration: pictures beside predictions, the model's numbers, what is left and where.
+pub fn calibration_page(calibration: &Calibration, color: Color) -> String {
+    calibration::page(calibration, color)
 }
 
 /// The numbers of a tuning as one JSON object, with the trials that are on each front.

@@ -7,6 +7,12 @@ const STYLE: &str = include_str!("style.css");
 
 /// A self-contained page around `body`, under a heading.
 pub fn document(title: &str, lead: &str, facts: &[(&str, String)], body: Markup) -> String {
+    let note = html! { p.note { "Every plot here is in the folder " code { "figures" } " too, by itself, as SVG and as PDF." } };
+    bare(title, lead, facts, html! { (body) (note) })
+}
+
+/// Such a page without plots.
+pub fn bare(title: &str, lead: &str, facts: &[(&str, String)], body: Markup) -> String {
     html! {
         (DOCTYPE)
         html lang="en" {
@@ -24,7 +30,6 @@ pub fn document(title: &str, lead: &str, facts: &[(&str, String)], body: Markup)
                         dl.facts { @for (name, value) in facts { div { dt { (name) } dd { (value) } } } }
                     }
                     (body)
-                    p.note { "Every plot here is in the folder " code { "figures" } " too, by itself, as SVG and as PDF." }
                 }
             }
         }

@@ -44,6 +44,9 @@ pub struct Calibrate {
     /// The display file with the model
     #[arg(short, long, value_name = "FILE.toml")]
     pub out: PathBuf,
+    /// A page of what was seen, predicted and left
+    #[arg(long, value_name = "FILE.html")]
+    pub report: Option<PathBuf>,
     /// One JSON object on standard output
     #[arg(long)]
     pub json: bool,
@@ -61,6 +64,12 @@ pub fn run(args: &Calibrate) -> Result<(), Failure> {
         return Err(Failure::Asked(format!("{}: the name must end in .toml", args.out.display())));
     }
     files::check_place(&args.out)?;
+    if let Some(page) = &args.report {
+        if page.extension().is_none_or(|e| e != "html") {
+            return Err(Failure::Asked(format!("{}: the name must end in .html", page.display())));
+        }
+        files::check_place(page)?;
+    }
     let display = Display::load(&args.display)?;
     let green = display.wavelengths.iter().find(|w| w.color == Color::Green).or(display.wavelengths.first());
     let color = args.color.or(green.map(|w| w.color)).unwrap_or(Color::Green);
@@ -91,7 +100,7 @@ pub fn run(args: &Calibrate) -> Result<(), Failure> {
             eprintln!("the pictures taken so far are in {}: the same command goes on from them", keep.display());
         }
     })?;
-    let mut fitted = calibrated.display;
+    let mut fitted = calibrated.display.clone();
     if let Some(how) = &args.register {
         fitted.picture.straight = how == "straight";
         fitted.picture.set(color, Seen::by_camera(calibrated.report.camera_map));
@@ -101,6 +110,10 @@ pub fn run(args: &Calibrate) -> Result<(), Failure> {
     }
     let text = fitted.to_toml();
     files::write_file(&args.out, |to| to.write_all(text.as_bytes()))?;
+    if let Some(page) = &args.report {
+        let html = eyebox::report::calibration_page(&calibrated, color);
+        files::write_file(page, |to| to.write_all(html.as_bytes()))?;
+    }
     if args.json {
         println!("{}", serde_json::to_string(&calibrated.report).map_err(|e| Failure::Asked(e.to_string()))?);
     } else {
@@ -109,7 +122,11 @@ pub fn run(args: &Calibrate) -> Result<(), Failure> {
     for warning in &calibrated.report.warnings {
         eprintln!("eyebox: {warning}");
     }
-    eprintln!("wrote {}: give it as --display {}", args.out.display(), args.out.display());
+    let out = args.out.display();
+    match calibrated.report.calibrated {
+        true => eprintln!("wrote {out}: give it as --display {out}"),
+        false => eprintln!("wrote {out}, which is no calibration: it is what comes nearest"),
+    }
     Ok(())
 }
 

@@ -13,6 +13,7 @@ mod speckle;
 
 pub use candidate::{Candidate, Given, Source, candidates};
 pub(crate) use measure::{DECADES, ERROR_GAIN};
+pub(crate) use picture::{light_exact, map};
 pub use pupils::{SHOWN, Shown};
 pub use results::{
     About, ColorError, ColorFigures, EnergyMap, MethodAbout, Picture, Pictures, Published, Results, Row, Run,

@@ -4,6 +4,8 @@ mod basics;
 #[cfg(target_os = "linux")]
 mod calibrate;
 #[cfg(target_os = "linux")]
+mod calibrated;
+#[cfg(target_os = "linux")]
 mod camera;
 mod common;
 mod depth_maps;
@@ -29,6 +31,8 @@ mod play;
 mod preview;
 mod refine;
 mod reliability;
+#[cfg(target_os = "linux")]
+mod simulated;
 mod tiled;
 mod trackers;
 mod tradeoff;

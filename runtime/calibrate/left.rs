@@ -1,0 +1,126 @@
+//! What a model leaves, picture by picture and place by place.
+
+use super::error::CalibrateError;
+use super::fit::Fit;
+use super::picture;
+use super::sorted::Sorted;
+use serde::Serialize;
+
+/// What is left of a picture.
+#[derive(Debug, Clone, Serialize)]
+#[non_exhaustive]
+pub struct PictureLeft {
+    /// Its file.
+    pub file: String,
+    /// The iris that was asked for: x, y, diameter.
+    pub iris_mm: [f64; 3],
+    /// Whether it was fitted; what was taken twice was not, and what contradicted the others.
+    pub fitted: bool,
+    /// Share of its variance about its mean that is left, noise and all.
+    pub left: f64,
+    /// Squares of what is left in those of the camera's noise, on average.
+    pub squares: f64,
+}
+
+/// Where in the camera's picture it is left, all pictures together.
+#[derive(Debug, Clone, Serialize)]
+#[non_exhaustive]
+pub struct LeftMap {
+    /// Camera pixels along a side of a tile.
+    pub tile_px: usize,
+    /// Tiles of the map.
+    pub rows: usize,
+    /// As `rows`.
+    pub columns: usize,
+    /// Squares of what is left in those of the noise, on average, row by row; none where no pixel was looked at.
+    pub squares: Vec<Option<f64>>,
+}
+
+/// A picture that was not fitted, with what was predicted, on a part of the camera's pixels. Counts are 1 at full scale.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct Shown {
+    /// Its file.
+    pub file: String,
+    /// Rows, columns.
+    pub size: [usize; 2],
+    /// What the camera saw, row by row.
+    pub picture: Vec<f32>,
+    /// What the model says.
+    pub prediction: Vec<f32>,
+}
+
+/// Tiles along the longer side of the map.
+const TILES: usize = 16;
+/// Pixels of a tile at least.
+const FEWEST: usize = 20;
+/// Pixels along the longer side of what is shown.
+const SHOWN: usize = 160;
+
+/// What the model leaves of each picture, and where.
+pub(super) fn left(sorted: &Sorted, fit: &Fit, fitted: &[usize], subpixels: usize) -> (Vec<PictureLeft>, LeftMap) {
+    let pictures = &sorted.pictures;
+    let which: Vec<usize> = sorted.fitted.iter().copied().chain(sorted.pairs.iter().map(|p| p[0])).collect();
+    let seen = pictures.see(&fit.at, subpixels, &which, &[]);
+    let [height, width] = sorted.camera;
+    let tile_px = height.max(width).div_ceil(TILES);
+    let (rows, columns) = (height.div_ceil(tile_px), width.div_ceil(tile_px));
+    let mut tiles = vec![(0.0, 0usize); rows * columns];
+    let mut all = Vec::new();
+    let lefts = pictures.left(&which, &seen, fit.exposure);
+    for ((v, seen), [left, squares]) in which.iter().zip(&seen).zip(lefts) {
+        let view = &pictures.views[*v];
+        let residuals = pictures.residuals(*v, seen, fit.exposure);
+        for (([x, y], r), variance) in view.look.pixels.iter().zip(residuals).zip(&view.variance) {
+            let tile = &mut tiles[*y as usize / tile_px * columns + *x as usize / tile_px];
+            *tile = (tile.0 + r * r / variance, tile.1 + 1);
+        }
+        let p = view.look.pupil;
+        let file = view.file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let iris_mm = [p.x, p.y, p.diameter].map(|v| v * 1e3);
+        all.push(PictureLeft { file, iris_mm, fitted: fitted.contains(v), left, squares });
+    }
+    let squares = tiles.into_iter().map(|(sum, n)| (n >= FEWEST).then(|| sum / n as f64)).collect();
+    (all, LeftMap { tile_px, rows, columns, squares })
+}
+
+impl LeftMap {
+    /// Where most is left: x, y of a tile's middle in the camera's pixels, and how much.
+    pub(super) fn most(&self) -> Option<([usize; 2], f64)> {
+        let known = self.squares.iter().enumerate().filter_map(|(i, s)| s.map(|s| (i, s)));
+        let (i, squares) = known.max_by(|a, b| a.1.total_cmp(&b.1))?;
+        Some(([i % self.columns, i / self.columns].map(|t| t * self.tile_px + self.tile_px / 2), squares))
+    }
+}
+
+/// The pictures that were not fitted, beside what is predicted of them.
+pub(super) fn shown(sorted: &Sorted, fit: &Fit, subpixels: usize) -> Result<Vec<Shown>, CalibrateError> {
+    let [height, width] = sorted.camera;
+    let step = height.max(width).div_ceil(SHOWN);
+    let size = [height.div_ceil(step), width.div_ceil(step)];
+    let pixel = |i: usize| [i % size[1] * step, i / size[1] * step];
+    let places: Vec<[f64; 2]> = (0..size[0] * size[1]).map(|i| pixel(i).map(|v| v as f64)).collect();
+    let one = |pair: &[usize; 2]| {
+        let view = &sorted.pictures.views[pair[0]];
+        let file = view.file.display().to_string();
+        let wrong = |reason| CalibrateError::Captures { file: file.clone(), reason };
+        let picture = picture::load(&view.file, sorted.camera, view.full_scale).map_err(wrong)?;
+        let seen = sorted.pictures.see_places(&fit.at, subpixels, pair[0], &places);
+        let gain = fit.exposure.gain * view.exposure_ms;
+        let [rows, columns] = sorted.map.slm.map(|n| n as f64 - 0.5);
+        let inside = |at: &[f64; 2]| {
+            let [x, y] = fit.at.map.to_slm(*at);
+            (-0.5..columns).contains(&x) && (-0.5..rows).contains(&y)
+        };
+        let light = |(at, i): (&[f64; 2], f64)| (fit.exposure.dark + if inside(at) { gain * i } else { 0.0 }) as f32;
+        let prediction = places.iter().zip(seen.intensity).map(light).collect();
+        let picture = (0..places.len()).map(|i| picture.values[pixel(i)[1] * width + pixel(i)[0]]).collect();
+        Ok(Shown {
+            file: view.file.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+            size,
+            picture,
+            prediction,
+        })
+    };
+    sorted.pairs.iter().map(one).collect()
+}

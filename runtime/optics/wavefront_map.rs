@@ -1,0 +1,120 @@
+//! A measured map of the relay's wavefront, as the polynomials of the model (OPTICS 10).
+
+use super::model::{ModelOf, ModelSections};
+use super::{Color, picture::least_squares, zernike};
+use crate::files::read_npy_with_gaps;
+use std::path::Path;
+
+/// Polynomials that are fitted: all to the tenth order.
+const COUNT: usize = 66;
+/// What they may leave, waves RMS.
+const MOST_LEFT: f64 = 0.1;
+/// Places along each axis that are enough to fit them by.
+const ENOUGH: usize = 192;
+
+/// Puts the polynomials in the place of the maps that sections name, which lie `beside` the file of the display. `nm` is a colour's
+/// wavelength.
+pub(super) fn resolve(
+    sections: &mut ModelSections,
+    beside: &Path,
+    nm: impl Fn(Color) -> Option<f64>,
+) -> Result<(), String> {
+    for (of, terms) in sections {
+        let Some(name) = terms.wavefront_map.take() else { continue };
+        let said = |reason: String| format!("wavefront_map {name}: {reason}");
+        let wrong = |reason: String| Err(said(reason));
+        let color = [Color::Red, Color::Green, Color::Blue].into_iter().find(|c| ModelOf::from(*c) == *of);
+        let Some(nm) = color.and_then(&nm) else {
+            return wrong("a map is of one colour: give it under a colour of the display".into());
+        };
+        if !terms.wavefront.is_empty() {
+            return wrong("the section has a wavefront as well: leave out one of them".into());
+        }
+        let map = read_npy_with_gaps(&beside.join(&name)).map_err(|e| e.to_string())?;
+        let [rows, columns] = map.shape[..] else {
+            return wrong(format!("it has {} axes: rows and columns are needed", map.shape.len()));
+        };
+        if rows != columns || rows < 16 {
+            return wrong(format!("{rows} x {columns} values: it is a square of the eyebox, 16 x 16 or more"));
+        }
+        let (waves, left) = fit(&map.values, rows, 1e3 / nm).ok_or_else(|| said(FEW.into()))?;
+        if left > MOST_LEFT {
+            return wrong(format!(
+                "polynomials to the tenth order leave {left:.2} waves RMS of it, and {MOST_LEFT} at most are taken: is it in \
+                 micrometres, and without jumps?"
+            ));
+        }
+        tracing::info!("{name}: polynomials to the tenth order leave {left:.4} waves RMS");
+        let known = (0u32..).zip(waves).skip(1).filter(|(_, waves)| waves.abs() > 1e-6);
+        terms.wavefront = known.collect();
+    }
+    Ok(())
+}
+
+const FEW: &str = "too few of its values lie within the eyebox's disc to tell the polynomials apart";
+
+/// The coefficients, and what they leave RMS, of a square map of `n` x `n` values times `scale`; values that are not finite are
+/// not known.
+fn fit(values: &[f32], n: usize, scale: f64) -> Option<([f64; COUNT], f64)> {
+    let stride = n.div_ceil(ENOUGH);
+    let place = |i: usize| (2.0 * i as f64 + 1.0) / n as f64 - 1.0;
+    let all = (0..n).step_by(stride).flat_map(|row| (0..n).step_by(stride).map(move |column| (row, column)));
+    let inside = |(row, column): (usize, usize)| {
+        let (x, y, value) = (place(column), place(row), f64::from(values[row * n + column]) * scale);
+        (x * x + y * y <= 1.0 && value.is_finite()).then(|| (std::array::from_fn(|j| zernike(j as u32, x, y)), value))
+    };
+    let rows: Vec<([f64; COUNT], f64)> = all.filter_map(inside).collect();
+    if rows.len() < 2 * COUNT {
+        return None;
+    }
+    let waves: [f64; COUNT] = least_squares(rows.iter().copied())?;
+    let off =
+        |(row, value): &([f64; COUNT], f64)| (row.iter().zip(&waves).map(|(z, w)| z * w).sum::<f64>() - value).powi(2);
+    let left = (rows.iter().map(off).sum::<f64>() / rows.len() as f64).sqrt();
+    Some((waves, left))
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::files::write_npy;
+    use crate::optics::{Color, Display};
+
+    const BENCH: &str =
+        "resolution = [8, 8]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 500 }\n";
+
+    #[test]
+    fn a_map_is_its_polynomials() {
+        let dir = tempfile::tempdir().unwrap();
+        let n = 40;
+        let write = |name: &str, value: &dyn Fn(f64, f64) -> f64| {
+            let at = |i: usize| (2.0 * i as f64 + 1.0) / n as f64 - 1.0;
+            let values: Vec<f32> = (0..n * n).map(|i| value(at(i % n), at(i / n)) as f32).collect();
+            write_npy(&dir.path().join(name), &[n, n], &values).unwrap();
+        };
+        // Micrometres of path; 0.1 and -0.05 of them are 0.2 and -0.1 waves. Unknown outside the disc.
+        write("good.npy", &|x, y| {
+            let known = 0.1 * super::zernike(7, x, y) - 0.05 * super::zernike(12, x, y) + 3.0;
+            if x * x + y * y < 0.95 { known } else { f64::NAN }
+        });
+        write("rough.npy", &|x, y| 0.5 * (40.0 * x).sin() * (37.0 * y).cos());
+        let load = |section: &str| {
+            let file = dir.path().join("bench.toml");
+            Display::from_toml(&format!("{BENCH}{section}"), file.to_str().unwrap())
+        };
+        let display = load("[model.green]\nwavefront_map = \"good.npy\"\n").unwrap();
+        let waves = display.model(Color::Green).wavefront;
+        assert!((waves[&7] - 0.2).abs() < 1e-4 && (waves[&12] + 0.1).abs() < 1e-4, "{waves:?}");
+        assert!(waves.iter().all(|(j, w)| [7, 12].contains(j) || w.abs() < 1e-3), "{waves:?}");
+        // What is written is numbers.
+        assert!(!display.to_toml().contains("wavefront_map"));
+        for (section, says) in [
+            ("[model.green]\nwavefront_map = \"rough.npy\"\n", "waves RMS"),
+            ("[model.green]\nwavefront_map = \"none.npy\"\n", "none.npy"),
+            ("[model.all]\nwavefront_map = \"good.npy\"\n", "of one colour"),
+            ("[model.green]\nwavefront_map = \"good.npy\"\nwavefront = { 4 = 0.1 }\n", "leave out one"),
+        ] {
+            let error = load(section).unwrap_err().to_string();
+            assert!(error.contains(says), "{error}");
+        }
+    }
+}

@@ -1,0 +1,160 @@
+//! `eyebox calibrate` with a bench that computes: the whole way, and what becomes of benches that are otherwise.
+
+use crate::common::{self, text};
+use crate::simulated;
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+const DISPLAY: &str =
+    "resolution = [64, 64]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
+
+/// Not a test: the camera's command of those below, in a process of its own.
+#[test]
+#[ignore = "it is what the others start"]
+fn camera() {
+    simulated::serve();
+}
+
+/// A calibration of the bench in `at`, with what is wrong with it.
+fn calibrate(at: &Path, more: &[&str], bench: &[(&str, &str)]) -> Command {
+    let exe = std::env::current_exe().expect("this program");
+    let camera = format!("'{}' --exact calibrated::camera --ignored", exe.display());
+    let mut args = vec!["calibrate", "--json"];
+    if !more.contains(&"--captures") {
+        args.extend(["--camera", &camera]);
+    }
+    if !more.contains(&"--display") {
+        fs::write(at.join("bench.toml"), DISPLAY).expect("a display");
+        args.extend(["--display", "bench.toml"]);
+    }
+    let mut command = common::command(at, &[&args, more].concat());
+    command.envs(bench.iter().copied());
+    command
+}
+
+/// The report, and what was said.
+fn report(command: &mut Command) -> (Value, String) {
+    let answer = command.output().expect("it starts");
+    let said = text(&answer.stderr);
+    assert!(answer.status.success(), "{said}");
+    (serde_json::from_slice(&answer.stdout).expect("JSON"), said)
+}
+
+fn asked(at: &Path) -> Vec<String> {
+    fs::read_to_string(at.join("asked.txt")).unwrap_or_default().lines().map(str::to_owned).collect()
+}
+
+const KEEP: [&str; 2] = ["--keep", "kept"];
+
+#[test]
+fn a_bench_is_calibrated_over_an_interruption_and_again_from_its_pictures() {
+    let here = common::folder();
+    let at = here.path();
+    let args = [&KEEP[..], &["--report", "page.html", "-o", "out.toml"]].concat();
+    let bench = [("BENCH_WRONG_PUPIL", "/009")];
+    // Ctrl-C: exit code 3, nothing written, the pictures kept.
+    let mut child = calibrate(at, &args, &bench).stderr(std::process::Stdio::null()).spawn().expect("it starts");
+    let since = Instant::now();
+    while asked(at).len() < 5 && since.elapsed() < Duration::from_secs(120) {
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill");
+    assert!(killed.success());
+    assert_eq!(child.wait().expect("it ends").code(), Some(3));
+    assert!(!at.join("out.toml").exists());
+    let kept: Value = serde_json::from_slice(&fs::read(at.join("kept/captures.json")).expect("kept")).expect("JSON");
+    let answered = kept["captures"].as_array().expect("a list").iter().filter(|c| c["answer"].is_object()).count();
+    assert!(answered >= 4, "{answered}");
+    // The same command goes on from them.
+    let before = asked(at).len();
+    let (report_, said) = report(&mut calibrate(at, &args, &bench));
+    let captures = report_["captures"].as_u64().expect("a number") as usize;
+    assert_eq!(asked(at).len() - before, captures - answered, "{said}");
+    let number = |key: &str| report_[key].as_f64().expect("a number");
+    assert!(number("before") > 0.3, "{}", number("before"));
+    assert!(number("unexplained") < 0.6 * number("noise"), "{} of {}", number("unexplained"), number("noise"));
+    assert_eq!(report_["calibrated"], true);
+    assert!(said.contains("009.npy") && said.contains("was the iris where it should be"), "{said}");
+    // Every number within five of its standard errors, or of what the small pictures' own errors are.
+    let truth = simulated::Bench::faulty();
+    let near = |name: &str, want: f64, least: f64| {
+        let all = report_["parameters"].as_array().expect("a list");
+        let one = all.iter().find(|p| p["name"] == name).unwrap_or_else(|| panic!("{name} was not fitted: {all:?}"));
+        let (value, error) = (one["value"].as_f64().expect("a value"), one["error"].as_f64().expect("an error"));
+        assert!((value - want).abs() < (5.0 * error).max(least), "{name}: {value} +- {error}, not {want}");
+    };
+    near("lag", truth.lag, 1e-3);
+    near("fill", truth.fill, 3e-3);
+    near("bend b1", truth.bend[0], 3e-3);
+    near("level 1 1", truth.level[1][1], 3e-3);
+    near("source xx", truth.source[2], 3e-3);
+    near("undiffracted re", truth.undiffracted[0], 3e-3);
+    near("undiffracted im", truth.undiffracted[1], 3e-3);
+    near("wavefront 4", truth.zernike_4, 1e-3);
+    near("wavefront 8", truth.zernike_8, 1e-3);
+    near("iris x", truth.iris[0], 5e-3);
+    near("iris scale", truth.iris[2], 1e-3);
+    near("crosstalk sigma +x", 1.9, 0.1);
+    let page = fs::read_to_string(at.join("page.html")).expect("a page");
+    assert!(page.matches("data:image/png").count() >= 4 && page.contains("wavefront 8"), "{}", page.len());
+    let read = |name: &str| fs::read_to_string(at.join(name)).expect("a display");
+    // The iris was moved since: four pictures tell.
+    let drifted = [("BENCH_IRIS_X", "0.3")];
+    let (quick, _) = report(&mut calibrate(at, &["--quick", "--display", "out.toml", "-o", "quick.toml"], &drifted));
+    let iris =
+        quick["parameters"].as_array().expect("a list").iter().find(|p| p["name"] == "iris x").expect("the iris");
+    assert!((iris["value"].as_f64().expect("a value") - 0.3).abs() < 0.02, "{iris}");
+    assert!(quick["captures"].as_u64() <= Some(5) && read("quick.toml").contains("lag"), "{quick}");
+}
+
+#[test]
+fn a_perfect_bench_stays_as_it_is() {
+    let here = common::folder();
+    let at = here.path();
+    let args = [&KEEP[..], &["--captures-max", "20", "-o", "out.toml"]].concat();
+    let (first, _) = report(&mut calibrate(at, &args, &[("BENCH_IDEAL", "1")]));
+    let read = |name: &str| fs::read_to_string(at.join(name)).expect("a display");
+    assert!(!read("out.toml").contains("[model"), "{first}");
+    assert_eq!(first["calibrated"], true);
+    // From the folder alone the same, bit for bit.
+    let (mut first, mut second) =
+        (first, report(&mut calibrate(at, &["--captures", "kept", "-o", "again.toml"], &[])).0);
+    assert_eq!(read("out.toml"), read("again.toml"));
+    for report in [&mut first, &mut second] {
+        report.as_object_mut().expect("an object").remove("seconds");
+    }
+    assert_eq!(first, second);
+}
+
+#[test]
+fn what_no_term_describes_is_not_called_a_calibration() {
+    let here = common::folder();
+    let at = here.path();
+    let bench = [("BENCH_IDEAL", "1"), ("BENCH_GHOST", "0.1")];
+    let (report, said) = report(&mut calibrate(at, &["--captures-max", "20", "-o", "out.toml"], &bench));
+    assert_eq!(report["calibrated"], false, "{said}");
+    assert!(
+        said.contains("not calibrated: ") && said.contains("unexplained") && said.contains("of the camera's pixels"),
+        "{said}"
+    );
+    let tiles = report["map"]["squares"].as_array().expect("a map");
+    assert!(tiles.iter().filter_map(Value::as_f64).any(|s| s > 3.0), "{tiles:?}");
+}
+
+#[test]
+fn pictures_that_are_black_or_stay_saturated_end_it_with_a_line() {
+    for (light, what) in [("0", "nothing but the camera's noise"), ("1e6", "a picture that stays saturated")] {
+        let here = common::folder();
+        let at = here.path();
+        let args = [&KEEP[..], &["--captures-max", "20", "-o", "out.toml"]].concat();
+        let answer = calibrate(at, &args, &[("BENCH_LIGHT", light)]).output().expect("it starts");
+        let said = text(&answer.stderr);
+        assert!(matches!(answer.status.code(), Some(2 | 3)), "{said}");
+        let last = said.trim().lines().last().unwrap_or_default();
+        assert!(last.contains(what) || light == "0" && last.contains("of the dots"), "{said}");
+        assert!(!at.join("out.toml").exists() && at.join("kept/captures.json").exists(), "{said}");
+    }
+}
