@@ -14,8 +14,8 @@ const LIST: &str = "EYEBOX_STATISTICS_OF";
 /// RADV's description for the loader, as Debian installs it.
 const RADV: &str = "/usr/share/vulkan/icd.d/radeon_icd.x86_64.json";
 
-/// Registers of a lane.
-const MOST_REGISTERS: u64 = 128;
+/// Registers of a lane: 128, as GFX1100 hands them out, by twelves.
+const MOST_REGISTERS: u64 = 132;
 
 /// Pipelines of a step of 16 pupils at 1080 x 1920, and of all refinements through an eye's pupil there.
 fn asked_for(refined: bool) -> Vec<Key> {
