@@ -2,7 +2,7 @@
 
 use super::settings::Settings;
 use crate::optics::{Color, Display, Optics, OpticsError, Padding, WindowFactor};
-use crate::plan::{EyeTables, ModelTables, Planner, ViewLayout};
+use crate::plan::{EyeTables, ModelTables, Planner, Storage, ViewLayout};
 use crate::scene::{Bend, LightField, Pyramid, ViewGrid, shrink_to_share};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -100,7 +100,8 @@ impl Problem {
     /// Plans for a solve of this problem by these settings.
     pub(crate) fn planner_of(&self, settings: &Settings) -> Planner {
         let plain = self.planner(settings.solved_frames(), settings.window);
-        Planner { levels: settings.levels.count(), storage: settings.storage, ..plain }
+        let (levels, storage) = (settings.levels.count(), settings.storage);
+        Planner { levels, storage, binary_angles: storage == Storage::F16, ..plain }
     }
 
     /// Plans for this problem.

@@ -113,6 +113,7 @@ impl<'a> Steps<'a> {
         let mut step = update.step(planner, pupil_passes, self.in_flight);
         // Levels come on softly: a phase that is thrown from level to level from the start finds no good one.
         step.quantise.hardness = progress.powi(2) as f32;
+        step.project.step = self.taken as u32;
         if settings.method == Method::PupilAware {
             return planner.with_equalised_eyebox(step, self.problem.eyebox, settings.patches, settings.evenness);
         }
