@@ -295,9 +295,11 @@ fn exposures_and_rates_far_off() {
                 let settings = Settings { optimizer, storage, ..base.clone() };
                 let solution = run(&problem, &settings, &mut CpuEngine::new());
                 sound(&solution, &format!("{optimizer:?}, {storage:?}"));
+                // Phases of 16 bits begin at the next of them.
+                let as_before = |(a, b): (&f32, &f32)| a == b || storage == Storage::F16 && (a - b).sin().abs() < 5e-5;
                 assert_eq!(
                     rate == 0.0,
-                    solution.phases == first,
+                    solution.phases.iter().zip(&first).all(as_before),
                     "{optimizer:?}: a rate of 0 leaves the phases as they are"
                 );
             }
