@@ -4,8 +4,8 @@
 use super::device::Device;
 use super::fit::Pictures;
 use super::parameters::{Parameter, Parameters};
-use super::seen::{Look, Seen};
-use crate::optics::{Optics, Pupil, transfer};
+use super::seen::{Look, POINTS, Seen};
+use crate::optics::{Optics, Pupil};
 use crate::solve::SplitMix;
 use eyebox_kernels::Complex64;
 use rayon::prelude::*;
@@ -55,8 +55,7 @@ impl Look {
         let times = |field: &&[Complex64]| field.iter().zip(&kernel).map(|(a, b)| a * b).collect::<Vec<_>>();
         let light: Vec<Vec<Complex64>> = fields.iter().map(|f| self.at(&times(f), &places, &undo)).collect();
         let points = self.points(&at.map, at.camera_pixel);
-        let share = 1.0 / (points.len() / self.pixels.len() * fields.len()) as f64;
-        let per_pixel = points.len() / self.pixels.len();
+        let share = 1.0 / (POINTS * fields.len()) as f64;
         let scale = 1.0 / (self.optics.height * self.optics.width) as f64;
         let (size, half) = (self.window.size as i64, self.window.size as i64 / 2);
         let mut bins = Vec::new();
@@ -69,10 +68,7 @@ impl Look {
             let inside = kernel[i] != Complex64::default();
             let passed = match inside {
                 true => kernel[i],
-                false => {
-                    let (re, im) = transfer(&self.optics, &wide, ky, kx);
-                    Complex64::new(re, im) * Complex64::cis(TAU * at.model.wavefront_turns(x, y, self.radius))
-                }
+                false => self.kernel_at(at, &wide, (ky, kx)),
             };
             let sign = if inside { -scale } else { scale };
             let added: Vec<Complex64> = fields.iter().map(|f| f[i] * passed * sign).collect();
@@ -81,13 +77,13 @@ impl Look {
                 TAU * (i as i64 % size - half) as f64 / self.optics.width as f64,
             );
             let mut changed = 0.0;
-            for (pixel, around) in points.chunks_exact(per_pixel).enumerate() {
+            for (pixel, around) in points.chunks_exact(POINTS).enumerate() {
                 let mut intensity = 0.0;
                 for (point, [px, py]) in around.iter().enumerate() {
                     let wave = Complex64::cis(turn_y * py + turn_x * px);
                     for (light, added) in light.iter().zip(&added) {
                         let more = added * wave;
-                        intensity += 2.0 * (light[pixel * per_pixel + point].conj() * more).re + more.norm_sqr();
+                        intensity += 2.0 * (light[pixel * POINTS + point].conj() * more).re + more.norm_sqr();
                     }
                 }
                 let more = gain * intensity * share;

@@ -14,8 +14,8 @@ const TAPS: usize = 6;
 /// Its shape (Beatty, Nishimura and Pauly 2005).
 const BETA: f64 = 13.86;
 /// Points of a camera's pixel that are looked at: two by two, as Gauss has them.
-const GAUSS: f64 = 0.288_675_134_594_812_9;
-const POINTS: usize = 4;
+pub(super) const GAUSS: f64 = 0.288_675_134_594_812_9;
+pub(super) const POINTS: usize = 4;
 
 /// The kernel at |t| <= 1, by a table: its shape is smooth in t.
 fn tap(t: f64) -> f64 {
@@ -116,16 +116,18 @@ impl Look {
     /// K R in the window.
     pub(super) fn kernel(&self, at: &Parameters) -> Vec<Complex64> {
         let pupil = at.model.true_pupil(&self.pupil);
+        self.window.bins().map(|bin| self.kernel_at(at, &pupil, bin)).collect()
+    }
+
+    /// K R of an iris as it really stands, at one bin.
+    pub(super) fn kernel_at(&self, at: &Parameters, iris: &Pupil, (ky, kx): (i64, i64)) -> Complex64 {
+        let (re, im) = transfer(&self.optics, iris, ky, kx);
+        if (re, im) == (0.0, 0.0) {
+            return Complex64::default();
+        }
         let (bin_y, bin_x) = self.optics.bin_size();
-        let value = |(ky, kx): (i64, i64)| {
-            let (re, im) = transfer(&self.optics, &pupil, ky, kx);
-            if (re, im) == (0.0, 0.0) {
-                return Complex64::default();
-            }
-            let turns = at.model.wavefront_turns(kx as f64 * bin_x, ky as f64 * bin_y, self.radius);
-            Complex64::new(re, im) * Complex64::cis(TAU * turns)
-        };
-        self.window.bins().map(value).collect()
+        let turns = at.model.wavefront_turns(kx as f64 * bin_x, ky as f64 * bin_y, self.radius);
+        Complex64::new(re, im) * Complex64::cis(TAU * turns)
     }
 
     /// How K R changes with a parameter; none where it does not.

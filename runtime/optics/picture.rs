@@ -110,6 +110,13 @@ impl PictureMap {
     }
 }
 
+/// Places over a picture of so many rows and columns, its edges among them.
+fn places([rows, columns]: [usize; 2]) -> impl Iterator<Item = [f64; 2]> {
+    let high = rows as f64 / columns as f64;
+    let place = |i: usize| 2.0 * i as f64 / (PLACES - 1) as f64 - 1.0;
+    (0..PLACES * PLACES).map(move |i| [place(i % PLACES), high * place(i / PLACES)])
+}
+
 impl Picture {
     /// Whether it says nothing.
     pub fn is_empty(&self) -> bool {
@@ -139,10 +146,7 @@ impl Picture {
             Color::Green => self.green,
             Color::Blue => self.blue,
         };
-        let high = rows as f64 / columns as f64;
-        let place = |i: usize| 2.0 * i as f64 / (PLACES - 1) as f64 - 1.0;
-        let wanted = || (0..PLACES * PLACES).map(|i| [place(i % PLACES), high * place(i / PLACES)]);
-        let pairs: Vec<_> = wanted().map(|at| (reference.forth(at), at)).collect();
+        let pairs: Vec<_> = places([rows, columns]).map(|at| (reference.forth(at), at)).collect();
         let camera = if self.straight { upright(&pairs) } else { homography(&pairs) }?;
         Some(PictureMap { seen: own.unwrap_or(reference), camera })
     }
@@ -150,11 +154,11 @@ impl Picture {
     /// How far off its place the picture of `color` is seen at worst, in pixels of a picture of so many rows and columns.
     pub fn farthest(&self, color: Color, [rows, columns]: [usize; 2]) -> f64 {
         let Some(map) = self.map(color, [rows, columns]) else { return 0.0 };
-        let high = rows as f64 / columns as f64;
-        let place = |i: usize| 2.0 * i as f64 / (PLACES - 1) as f64 - 1.0;
-        let off = |at: [f64; 2]| (map.forth(at)[0] - at[0]).hypot(map.forth(at)[1] - at[1]);
-        let all = (0..PLACES * PLACES).map(|i| off([place(i % PLACES), high * place(i / PLACES)]));
-        0.5 * columns as f64 * all.fold(0.0, f64::max)
+        let off = |at: [f64; 2]| {
+            let [x, y] = map.forth(at);
+            (x - at[0]).hypot(y - at[1])
+        };
+        0.5 * columns as f64 * places([rows, columns]).map(off).fold(0.0, f64::max)
     }
 
     /// What is wrong with it for a picture of so many rows and columns, in words.
@@ -162,7 +166,6 @@ impl Picture {
     /// # Errors
     /// The reason.
     pub fn check(&self, [rows, columns]: [usize; 2]) -> Result<(), String> {
-        let high = rows as f64 / columns as f64;
         for (color, seen) in [(Color::Red, self.red), (Color::Green, self.green), (Color::Blue, self.blue)] {
             let Some(seen) = seen else { continue };
             let numbers = seen.homography.iter().chain(&seen.distortion);
@@ -173,9 +176,7 @@ impl Picture {
             let Some(map) = self.map(color, [rows, columns]) else { return odd() };
             // Whether the way back is that of the way forth, and areas keep their sign, over the picture.
             let mut sign = 0.0;
-            for i in 0..PLACES * PLACES {
-                let place = |i: usize| 2.0 * i as f64 / (PLACES - 1) as f64 - 1.0;
-                let at = [place(i % PLACES), high * place(i / PLACES)];
+            for at in places([rows, columns]) {
                 let step = |dx: f64, dy: f64| map.forth([at[0] + dx, at[1] + dy]);
                 let ([x, y], [ax, ay], [bx, by]) = (step(0.0, 0.0), step(1e-4, 0.0), step(0.0, 1e-4));
                 let area = (ax - x) * (by - y) - (ay - y) * (bx - x);

@@ -7,7 +7,7 @@ use eyebox::optics::{
 };
 use eyebox::plan::{Comparison, ModelTables, Planner, Purpose};
 use eyebox::quality::{ModelWorth, Subject};
-use eyebox::scene;
+use eyebox::scene::{self, LightField};
 use eyebox::solve::{self, Flow, Problem, Settings};
 use eyebox_kernels::compare;
 use eyebox_tests::both::every_fault;
@@ -283,16 +283,22 @@ fn solving_with_the_model_regains_what_the_display_loses() {
     assert!(kept > lost + 2.0 && best > kept, "ideal {best:.2} dB, on the real display {lost:.2}, for it {kept:.2}");
 }
 
-/// Under strong crosstalk no drive jumps from one end of the range to the other, nor to where rounding to levels would put it.
-#[test]
-fn phases_do_not_wrap_where_neighbours_would_suffer() {
+/// An ideal display and the same with strong crosstalk, a scene, and a solve through wide pupils.
+fn strong_crosstalk() -> ([Display; 2], LightField, Settings) {
     let ideal = Display { height: 64, width: 64, ..Display::preset("small").unwrap() };
     let mut terms = ModelTerms::default();
     terms.crosstalk = Some([[1.2, 1.0].into(); 4]);
     let real = Display { model: [(ModelOf::Green, terms)].into(), ..ideal.clone() };
     let field = scene::load("builtin:still-life", &scene::Request::new(&ideal, &[Color::Green])).unwrap();
-    let problem = |display| Problem::new(&field, Color::Green, display, Padding::default()).unwrap();
     let settings = Settings { steps: 20, diameter: [6e-3, 16e-3], depth: [0.0, 2e-3], ..Settings::default() };
+    ([ideal, real], field, settings)
+}
+
+/// Under strong crosstalk no drive jumps from one end of the range to the other, nor to where rounding to levels would put it.
+#[test]
+fn phases_do_not_wrap_where_neighbours_would_suffer() {
+    let ([ideal, real], field, settings) = strong_crosstalk();
+    let problem = |display| Problem::new(&field, Color::Green, display, Padding::default()).unwrap();
     let mut engine = CpuEngine::new();
     let mut solved =
         |display| solve::solve(&problem(display), &settings, &mut engine, &mut |_| Flow::Continue).unwrap().phases;
@@ -307,13 +313,8 @@ fn phases_do_not_wrap_where_neighbours_would_suffer() {
 /// ideal display.
 #[test]
 fn the_exposure_is_that_of_the_display_as_it_is() {
-    let ideal = Display { height: 64, width: 64, ..Display::preset("small").unwrap() };
-    let mut terms = ModelTerms::default();
-    terms.crosstalk = Some([[1.2, 1.0].into(); 4]);
-    let real = Display { model: [(ModelOf::Green, terms)].into(), ..ideal.clone() };
-    let field = scene::load("builtin:still-life", &scene::Request::new(&ideal, &[Color::Green])).unwrap();
+    let ([ideal, real], field, settings) = strong_crosstalk();
     let problem = |display| Problem::new(&field, Color::Green, display, Padding::default()).unwrap();
-    let settings = Settings { steps: 20, diameter: [6e-3, 16e-3], depth: [0.0, 2e-3], ..Settings::default() };
     let mut engine = CpuEngine::new();
     let mut solved = |display, settings: &Settings| {
         solve::solve(&problem(display), settings, &mut engine, &mut |_| Flow::Continue).unwrap()

@@ -2,12 +2,11 @@
 
 use crate::calibrate::map::CameraMap;
 use crate::calibrate::pattern::transposed;
+use crate::calibrate::seen::GAUSS;
 use crate::calibrate::sorted::CAMERA_PIXEL;
 use eyebox_kernels::{Complex64, fft, modulate};
 use rayon::prelude::*;
 
-/// Half the distance of the two points, along each axis, at which a camera's pixel is looked at (Gauss), of its side.
-const GAUSS: f64 = 0.288_675_134_594_812_9;
 /// Samples of an image along an axis up to which it is made four times as fine for the camera, and twice beyond.
 const SMALL: usize = 512;
 
