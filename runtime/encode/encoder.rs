@@ -118,9 +118,8 @@ impl Encoder {
 
     /// Video frames for a set, to be filled.
     pub fn frames(&self) -> VideoFrames {
-        let args = &self.plan.args;
-        let count = self.packed.video_frames;
-        VideoFrames::new(count, args.video_height(), args.video_width(), self.packed.channels)
+        let [count, height, width, channels] = self.video_shape();
+        VideoFrames::new(count, height, width, channels)
     }
 
     /// Encodes a set.
@@ -140,6 +139,37 @@ impl Encoder {
     /// [`EncodeError::Mismatch`] for phases or frames of another shape; then nothing was written.
     pub fn encode_into(&self, phases: &PhaseSet<'_>, frames: &mut VideoFrames) -> Result<(), EncodeError> {
         self.check(phases, frames)?;
+        self.fill(phases, &mut frames.bytes);
+        Ok(())
+    }
+
+    /// The same into memory of the caller's own, as long as [`VideoFrames::bytes`].
+    ///
+    /// # Errors
+    /// [`EncodeError::Mismatch`] for phases of another shape or memory of another length; then nothing was written.
+    pub fn encode_bytes(&self, phases: &PhaseSet<'_>, out: &mut [u8]) -> Result<(), EncodeError> {
+        self.check_phases(phases)?;
+        let wanted = self.bytes();
+        if out.len() != wanted {
+            let reason = format!("its video frames take {wanted} bytes, and there are {}", out.len());
+            return Err(EncodeError::Mismatch { display: self.display.name.clone(), reason });
+        }
+        self.fill(phases, out);
+        Ok(())
+    }
+
+    /// Bytes of a set's video frames.
+    pub fn bytes(&self) -> usize {
+        self.plan.args.row_bytes() * self.plan.args.height as usize * self.packed.video_frames
+    }
+
+    /// How many video frames a set is, their rows, columns and channels.
+    pub fn video_shape(&self) -> [usize; 4] {
+        let args = &self.plan.args;
+        [self.packed.video_frames, args.video_height(), args.video_width(), self.packed.channels]
+    }
+
+    fn fill(&self, phases: &PhaseSet<'_>, bytes: &mut [u8]) {
         let Plan { args, colors, video_frames, .. } = &self.plan;
         let phases = phases.colors();
         let row = args.row_bytes();
@@ -147,12 +177,11 @@ impl Encoder {
         // Some blocks of the kernel at once.
         let rows = (4 * encode::BLOCK).div_ceil(args.width as usize).min(height);
         let frame = row * height;
-        frames.bytes.par_chunks_exact_mut(frame).zip(video_frames).for_each(|(frame, slots)| {
+        bytes.par_chunks_exact_mut(frame).zip(video_frames).for_each(|(frame, slots)| {
             frame.par_chunks_mut(row * rows).enumerate().for_each(|(share, out)| {
                 encode::encode(args, colors, slots, phases, share * rows, out);
             });
         });
-        Ok(())
     }
 
     /// Whether phases and frames are of this encoder's shape.
@@ -160,6 +189,11 @@ impl Encoder {
     /// # Errors
     /// [`EncodeError::Mismatch`].
     pub fn check(&self, phases: &PhaseSet<'_>, frames: &VideoFrames) -> Result<(), EncodeError> {
+        self.check_phases(phases)?;
+        self.check_frames(frames)
+    }
+
+    fn check_phases(&self, phases: &PhaseSet<'_>) -> Result<(), EncodeError> {
         let wrong = |reason| Err(EncodeError::Mismatch { display: self.display.name.clone(), reason });
         let phases = phases.colors();
         if phases.len() != self.colors.len() {
@@ -171,7 +205,7 @@ impl Encoder {
             let count = self.plan.sub_frames;
             return wrong(format!("colour {i} has {} phases, not {count} x {height} x {width}", p.len()));
         }
-        self.check_frames(frames)
+        Ok(())
     }
 
     /// Whether frames are of this encoder's shape.

@@ -17,6 +17,7 @@ mod held;
 mod made;
 mod npy;
 mod os;
+mod overlay;
 mod own;
 mod patient;
 mod picture;
@@ -33,6 +34,7 @@ pub use growing::GrowingFile;
 pub use made::MadeFolder;
 pub use npy::{Npy, read_npy, write_npy};
 pub(crate) use npy::{npy_header, read_npy_with_gaps};
+pub(crate) use overlay::overlay;
 pub use own::OwnFolder;
 pub(crate) use own::{holds_only_own, write_listed};
 #[cfg(feature = "window")]

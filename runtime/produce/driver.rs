@@ -91,14 +91,52 @@ fn one(
     engine: &mut dyn Engine,
     observe: &mut dyn FnMut(&SceneEvent) -> Flow,
 ) -> Result<SolvedHologram, ProduceError> {
-    let display = job.display;
     // Before the scene is loaded, which takes long where it is large.
+    promise(job, engine)?;
+    solve_field(job, job.load(0)?, engine, observe)
+}
+
+fn promise(job: &SceneJob, engine: &dyn Engine) -> Result<(), ProduceError> {
+    let display = job.display;
     if engine.memory() != Memory::Device {
         let bytes = memory::bytes_of(&[job.settings.frames, display.height, display.width, 6], 4);
         let what = || format!("{} sub-frames of {} x {}", job.settings.frames, display.height, display.width);
         memory::promise(what, bytes, "take fewer --frames or a smaller --size").map_err(SceneError::from)?;
     }
-    let field = job.load(0)?;
+    Ok(())
+}
+
+/// Solves a light field that is in memory and has the size of the display's pictures, as [`solve_scene`] solves a single scene; the job's own
+/// scenes are not looked at. The hologram stays in memory.
+///
+/// # Errors
+/// [`ProduceError`].
+pub fn solve_light_field(
+    job: &SceneJob,
+    field: LightField,
+    engine: &mut dyn Engine,
+    observe: &mut dyn FnMut(&SceneEvent) -> Flow,
+) -> Result<SolvedHologram, ProduceError> {
+    job.check_usual()?;
+    field.check()?;
+    let (size, wanted) = ((field.height, field.width), job.display.picture_size());
+    if size != wanted {
+        let ((h, w), (rows, columns)) = (size, wanted);
+        return Err(ProduceError::Job(format!(
+            "the light field has {h} x {w} pixels: the display shows {rows} x {columns}"
+        )));
+    }
+    promise(job, engine)?;
+    solve_field(job, field, engine, observe)
+}
+
+fn solve_field(
+    job: &SceneJob,
+    field: LightField,
+    engine: &mut dyn Engine,
+    observe: &mut dyn FnMut(&SceneEvent) -> Flow,
+) -> Result<SolvedHologram, ProduceError> {
+    let display = job.display;
     let plan = job.plan(&field)?;
     warn_of_aliasing(&field, display, &plan.settings);
     // What the hologram's file remembers of its scene is the scene as it is, not what the plan leaves of it.

@@ -11,10 +11,11 @@ mod driver;
 mod error;
 mod job;
 mod sequence;
+mod settings_text;
 mod tiles;
 
 pub use colors::solve_colors;
-pub use driver::{SceneSolution, SolvedHologram, solve_scene};
+pub use driver::{SceneSolution, SolvedHologram, solve_light_field, solve_scene};
 pub use error::ProduceError;
 pub use job::{SceneEvent, SceneJob, SequenceRequest, TilesPlan, TilesRequest};
 pub use sequence::SolvedSequence;

@@ -1,5 +1,6 @@
 //! A light field: views on a grid of pupil positions.
 
+use super::SceneError;
 use super::resize::{Fit, Resize};
 use crate::optics::{Color, Display};
 use rayon::prelude::*;
@@ -33,6 +34,43 @@ pub struct LightField {
 }
 
 impl LightField {
+    /// Refuses views that are not as [`planes`](Self::planes) says: those of a program's own, before anything is made of them.
+    ///
+    /// # Errors
+    /// [`SceneError::Request`].
+    pub fn check(&self) -> Result<(), SceneError> {
+        let wrong = |what, value: String, must| Err(SceneError::Request { what, value, must });
+        let ([rows, columns], height, width) = (self.grid, self.height, self.width);
+        if !(1..=64).contains(&rows) || !(1..=64).contains(&columns) {
+            return wrong("the grid of views", format!("{rows} x {columns}"), "1 to 64 rows and columns");
+        }
+        if !(1..=65536).contains(&height) || !(1..=65536).contains(&width) {
+            return wrong("a view's size", format!("{height} x {width}"), "1 to 65536 rows and columns");
+        }
+        let alike = |views: &Vec<Vec<f32>>| {
+            views.len() == rows * columns && views.iter().all(|view| view.len() == height * width)
+        };
+        if self.colors.is_empty() || self.planes.len() != self.colors.len() || !self.planes.iter().all(alike) {
+            let value = format!("{} planes for {} colours", self.planes.len(), self.colors.len());
+            return wrong("the light field", value, "one plane a colour, each with a view for every place of the grid");
+        }
+        if let Some(pitch) = self.view_pitch.filter(|p| !(p.is_finite() && *p > 0.0)) {
+            return wrong("the view pitch (mm)", (pitch * 1e3).to_string(), "a positive, finite number");
+        }
+        for (color, views) in self.colors.iter().zip(&self.planes) {
+            let light = |v: &f32| v.is_finite() && *v >= 0.0;
+            let found = views.par_iter().enumerate().find_map_first(|(v, view)| {
+                let at = view.iter().position(|value| !light(value))?;
+                let (row, column) = (at / width, at % width);
+                Some(format!("{} in {color}, view {v}, row {row}, column {column}", view[at]))
+            });
+            if let Some(value) = found {
+                return wrong("the linear light", value, "finite and not negative");
+            }
+        }
+        Ok(())
+    }
+
     /// The light field at `height` x `width` pixels. Disparities and depths scale with the picture (a pixel of the
     /// display stays a pixel), and the range covers both axes where their scales differ.
     pub fn fit(&self, height: usize, width: usize, fit: Fit) -> Self {
@@ -71,6 +109,33 @@ impl LightField {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn views_of_a_program_s_own_are_looked_at() {
+        let field = LightField {
+            name: String::new(),
+            grid: [2, 1],
+            height: 2,
+            width: 3,
+            colors: vec![Color::Red],
+            planes: vec![vec![vec![0.5; 6]; 2]],
+            view_pitch: None,
+            disparity: None,
+            depth: None,
+        };
+        field.check().unwrap();
+        let says = |change: &dyn Fn(&mut LightField)| {
+            let mut field = field.clone();
+            change(&mut field);
+            field.check().unwrap_err().to_string()
+        };
+        let nan = says(&|f| f.planes[0][1][4] = f32::NAN);
+        assert!(nan.contains("NaN in red, view 1, row 1, column 1"), "{nan}");
+        assert!(says(&|f| f.planes[0][1][4] = -0.1).contains("not negative"));
+        assert!(says(&|f| f.planes[0][1].truncate(5)).contains("one plane a colour"));
+        assert!(says(&|f| f.grid = [0, 1]).contains("0 x 1") && says(&|f| f.width = 0).contains("2 x 0"));
+        assert!(says(&|f| f.view_pitch = Some(0.0)).contains("view pitch"));
+    }
 
     #[test]
     fn fitting_scales_what_is_measured_in_pixels() {

@@ -18,6 +18,9 @@ pub enum SolveError {
         /// What would be right.
         right: &'static str,
     },
+    /// Settings as text that cannot be read.
+    #[error("the settings: {0}")]
+    Text(String),
     /// A scene that does not tell what is needed of it.
     #[error(transparent)]
     Scene(#[from] SceneError),

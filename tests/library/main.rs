@@ -6,6 +6,7 @@ mod extremes;
 mod eyes;
 mod far_field;
 mod fuzz;
+mod header;
 mod methods;
 mod model;
 mod picture;

@@ -1,0 +1,84 @@
+//! The settings of a job as text.
+
+use super::{ProduceError, SceneJob};
+use crate::engine::Engine;
+use crate::files::overlay;
+use crate::quality::Quality;
+use crate::solve::{PaddingRule, Settings};
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use serde_json::{Map, Value};
+
+/// Keys beside those of [`Settings`].
+const BESIDE: [&str; 3] = ["quality", "contrast", "force"];
+
+impl SceneJob<'_> {
+    /// Takes over what a TOML text says: the fields of [`Settings`] by their names, lengths in metres, and `quality` (one of
+    /// [`Quality`], the built-in settings of which lie under what is said itself), `contrast` and `force`. What is left out is
+    /// as the command has it; complex fields are stored as `engine` prefers.
+    ///
+    /// # Errors
+    /// [`ProduceError::Job`] with the key that is not known or has no such value.
+    pub fn take_settings(&mut self, text: &str, engine: &dyn Engine) -> Result<(), ProduceError> {
+        let wrong = |reason| ProduceError::Job(format!("the settings: {reason}"));
+        // All keys are there: those that files leave out where they are as by default, too.
+        let shown = Settings { repeats: 2, views: 2, pixel: 2, padding: PaddingRule::Need, ..Settings::default() };
+        let (_, given) = overlay(&shown, &BESIDE, text).map_err(wrong)?;
+        let mut base = Settings::default();
+        match value::<Quality>(&given, "quality").map_err(wrong)? {
+            Some(quality) => base = base.with_quality_of(&Settings::of(quality)),
+            None => base.storage = engine.preferred_storage().for_levels(self.display.levels as usize),
+        }
+        let mut whole = serde_json::to_value(base).map_err(|e| wrong(e.to_string()))?;
+        for (key, value) in given.iter().filter(|(key, _)| !BESIDE.contains(&&key[..])) {
+            whole[key] = value.clone();
+        }
+        self.settings = Settings::deserialize(whole).map_err(|e| wrong(e.to_string()))?;
+        self.settings.check()?;
+        // These two are the job's own, and come before those of the settings.
+        self.depth = given.contains_key("depth").then_some(self.settings.depth);
+        self.diameter = given.contains_key("diameter").then_some(self.settings.diameter);
+        self.contrast = value(&given, "contrast").map_err(wrong)?;
+        self.force = value(&given, "force").map_err(wrong)?.unwrap_or(false);
+        Ok(())
+    }
+}
+
+fn value<T: DeserializeOwned>(given: &Map<String, Value>, key: &str) -> Result<Option<T>, String> {
+    given.get(key).map(|v| T::deserialize(v).map_err(|e| format!("{key}: {e}"))).transpose()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::cpu::CpuEngine;
+    use crate::optics::Display;
+    use crate::solve::Optimizer;
+
+    #[test]
+    fn what_is_said_lies_over_what_is_by_default() {
+        let display = Display::preset("small").unwrap();
+        let mut job = SceneJob::new("builtin:plane", &display);
+        let mut take = |text: &str| job.take_settings(text, &CpuEngine::new()).map(|()| job.clone());
+        assert_eq!(take("").unwrap().settings, Settings::default());
+        let said = take("steps = 7\nseconds = 2\nviews = 2\ndepth = [-1e-3, 2e-3]\nforce = true").unwrap();
+        let Settings { steps, seconds, views, pupils, .. } = said.settings;
+        assert_eq!((steps, seconds, views, pupils), (7, Some(2.0), 2, 16));
+        assert_eq!((said.depth, said.diameter, said.force), (Some([-1e-3, 2e-3]), None, true));
+        let fast = take("quality = \"fast\"\npupils = 3").unwrap();
+        assert_eq!((fast.settings.steps, fast.settings.pupils, fast.depth), (40, 3, None));
+        assert_eq!(fast.settings.optimizer, Optimizer::momentum());
+        for (text, says) in [
+            ("stpes = 3", "stpes: no such setting: there are frames"),
+            ("steps = \"many\"", "steps: invalid type"),
+            ("depth = [1, 2, 3]", "depth"),
+            ("psnr = nan", "psnr: every number must be finite"),
+            ("quality = \"good\"", "quality: unknown variant"),
+            ("frames = 0", "the number of sub-frames is 0"),
+            ("steps = ", "line 1"),
+        ] {
+            let error = take(text).unwrap_err().to_string();
+            assert!(error.contains(says), "{text}: {error}");
+        }
+    }
+}

@@ -1,0 +1,23 @@
+//! The header for C is what the crate for C says.
+
+use std::path::Path;
+
+/// `EYEBOX_HEADER=write` writes it anew.
+#[test]
+fn the_header_is_what_the_crate_says() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace").join("tools/c");
+    let config = cbindgen::Config::from_file(folder.join("cbindgen.toml")).expect("the configuration");
+    // In the order in which they are read.
+    let modules =
+        ["interface", "failure", "display", "engine", "scene", "solve", "hologram", "pupil", "refiner", "encoder"];
+    let builder = cbindgen::Builder::new().with_config(config);
+    let builder = modules.iter().fold(builder, |b, module| b.with_src(folder.join(module).with_extension("rs")));
+    let mut made = Vec::new();
+    builder.generate().expect("a header").write(&mut made);
+    let file = folder.join("eyebox.h");
+    if std::env::var_os("EYEBOX_HEADER").is_some_and(|asked| asked == "write") {
+        std::fs::write(&file, &made).expect("the header");
+    }
+    let kept = std::fs::read(&file).unwrap_or_default();
+    assert!(kept == made, "tools/c/eyebox.h is not what tools/c says: EYEBOX_HEADER=write with this test writes it");
+}

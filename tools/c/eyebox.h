@@ -1,0 +1,330 @@
+// eyebox: phase holograms for near-eye displays, from C and C++. Made of tools/c by cbindgen: change it there.
+//
+// Pointers. Texts are UTF-8 and end with a zero byte; arrays come with the number of their values, which is compared with what
+// the function takes before anything is read or written. Where nothing else is said a pointer must not be null. Handles are made by
+// functions that put them into a place of yours (null where they fail) and freed by theirs, once; `free` takes null. What a
+// handle was made of may be freed before it. Freeing one that is in use, or twice, is undefined, as everywhere in C.
+//
+// Errors. Every function answers EYEBOX_STATUS_OK or what was wrong; `eyebox_last_error` says it in a sentence, per thread.
+//
+// Threads. Any thread may call anything. Displays, scenes, holograms and encoders never change: any number of threads may use one at
+// once. Calls with one engine, or one refiner, wait for each other; engines are cheap beside what they compute, open one a thread.
+// eyebox computes on threads of its own, as many as RAYON_NUM_THREADS says or there are cores. After fork, the child must not call it.
+//
+// Units. Lengths are metres, phases radians, light linear, axis order (row = y, column = x), +x to the right, +y down.
+
+
+#ifndef EYEBOX_H
+#define EYEBOX_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+// The interface that this header describes. It is raised with every change that a program has to be compiled anew for.
+#define EYEBOX_INTERFACE 1
+
+// Red, as one bit of a set of colours.
+#define EYEBOX_RED 1
+
+// Green.
+#define EYEBOX_GREEN 2
+
+// Blue.
+#define EYEBOX_BLUE 4
+
+// What a function answers. `eyebox_last_error` says the rest.
+typedef enum {
+  // It did what was asked.
+  EYEBOX_STATUS_OK = 0,
+  // A pointer that has to lead somewhere is null, or misaligned.
+  EYEBOX_STATUS_POINTER = 1,
+  // A number, a text or the length of an array is not one that the function takes.
+  EYEBOX_STATUS_ARGUMENT = 2,
+  // The display, or a pupil before it.
+  EYEBOX_STATUS_DISPLAY = 3,
+  // The scene, its file or its views.
+  EYEBOX_STATUS_SCENE = 4,
+  // The settings, or the solve or refinement that they ask for.
+  EYEBOX_STATUS_SOLVE = 5,
+  // The hologram, or its file.
+  EYEBOX_STATUS_HOLOGRAM = 6,
+  // The encoding, or what is to be encoded.
+  EYEBOX_STATUS_ENCODE = 7,
+  // The engine or its device.
+  EYEBOX_STATUS_ENGINE = 8,
+  // A fault of eyebox itself, please report it. Handles that the call was given may be freed, and no more.
+  EYEBOX_STATUS_INTERNAL = 9,
+} EyeboxStatus;
+
+// A display: the SLM, its optics and how it takes its phases. It never changes.
+typedef struct EyeboxDisplay EyeboxDisplay;
+
+// An encoder: phases of one shape to the video frames of one display. It never changes.
+typedef struct EyeboxEncoder EyeboxEncoder;
+
+// Where is computed: on the CPU, or on a Vulkan device. Calls with one engine wait for each other.
+typedef struct EyeboxEngine EyeboxEngine;
+
+// Phases, and what they were made for and by. It never changes.
+typedef struct EyeboxHologram EyeboxHologram;
+
+// A hologram under refinement, on engines of its own. Calls with one refiner wait for each other.
+typedef struct EyeboxRefiner EyeboxRefiner;
+
+// A scene as a light field: views from a grid of places in the pupil plane, of a display's size. It never changes.
+typedef struct EyeboxScene EyeboxScene;
+
+// A light field of the caller's own. Each colour is an array (view row, view column, row, column) without gaps, of linear light
+// in float32, finite and not negative, with 1 as full scale. View (r, c) looks from x = (c - (view_columns - 1) / 2)
+// view_pitch_m, y = (r - (view_rows - 1) / 2) view_pitch_m: columns of views go to the right, rows down.
+typedef struct {
+  // What holograms of it remember as their scene; null for nothing.
+  const char *name;
+  // Rows of views, 1 to 64.
+  size_t view_rows;
+  // Columns of views, 1 to 64.
+  size_t view_columns;
+  // Rows of each view. Views of another size than the display's pictures are scaled to fit whole.
+  size_t rows;
+  // Columns of each view.
+  size_t columns;
+  // Metres between neighbouring views in the pupil plane; 0 spreads them over the display's eyebox.
+  double view_pitch_m;
+  // Red; null where there is none. So for the others; at least one is there.
+  const float *red;
+  // Green.
+  const float *green;
+  // Blue.
+  const float *blue;
+  // Values of each of these arrays: view_rows view_columns rows columns.
+  size_t count;
+} EyeboxViews;
+
+// How far a solve is. Colours are solved one after the other.
+typedef struct {
+  // The colour: EYEBOX_RED, EYEBOX_GREEN or EYEBOX_BLUE.
+  uint32_t color;
+  // Steps taken of this colour.
+  size_t step;
+  // Steps asked for.
+  size_t steps;
+  // Steps of the short solves that choose the exposure, taken and in all, while they run before the first step; else 0.
+  size_t pilot_step;
+  // All of them.
+  size_t pilot_steps;
+  // Seconds since this colour began.
+  double seconds;
+  // Mean squared difference from the photographs over this step's pupils, in linear light.
+  double loss;
+  // Mean PSNR of the best state so far over validation pupils, dB; NaN before there is one.
+  double psnr_db;
+} EyeboxStep;
+
+// Called after every step, on the thread that called `eyebox_solve`, with the pointer that was given there. What it answers: 0 to
+// go on; anything else ends the solve with the best so far, colours that are left get one step each. It must not throw, nor
+// call eyebox with the engine of the solve.
+typedef int32_t (*EyeboxProgress)(const EyeboxStep *step, void *user);
+
+// The sizes of a hologram, and of what is seen of it.
+typedef struct {
+  // Colours, 1 to 3.
+  size_t colors;
+  // Which they are, in their order: EYEBOX_RED, EYEBOX_GREEN, EYEBOX_BLUE; 0 where there is none, or it has no name.
+  uint32_t color[3];
+  // Sub-frames of each colour.
+  size_t frames;
+  // Rows of the SLM.
+  size_t rows;
+  // Columns.
+  size_t columns;
+  // Rows of what an eye sees.
+  size_t picture_rows;
+  // Columns of it.
+  size_t picture_columns;
+} EyeboxSize;
+
+// Where the eye's pupil is, how wide it is, and where it focuses. Metres.
+typedef struct {
+  // Centre, to the right (along columns).
+  double x_m;
+  // Centre, down (along rows).
+  double y_m;
+  // Diameter; an eye's is 2e-3 to 8e-3.
+  double diameter_m;
+  // Where it focuses, from the SLM's image; positive is nearer.
+  double depth_m;
+} EyeboxPupil;
+
+// What a pupil sees, against what it should see.
+typedef struct {
+  // PSNR over all colours, dB.
+  double psnr_db;
+  // The most that any hologram could have there, dB; NaN where it is not known.
+  double ceiling_db;
+  // Mean SSIM over the colours; NaN where the picture is smaller than SSIM's window.
+  double ssim;
+} EyeboxScore;
+
+// The video frames of a hologram: (frame, row, column, channel), 8 bits each, in the order in which they are shown.
+typedef struct {
+  // How many.
+  size_t frames;
+  // Rows of a frame.
+  size_t rows;
+  // Columns.
+  size_t columns;
+  // 1 (grey) or 3 (red, green, blue).
+  size_t channels;
+  // Bytes of all of them.
+  size_t bytes;
+} EyeboxVideo;
+
+#ifdef __cplusplus
+extern "C" {
+#endif // __cplusplus
+
+// The interface that the library has: a program that was compiled for another one (EYEBOX_INTERFACE) must not go on.
+uint32_t eyebox_interface(void);
+
+// Why the last call of this thread that failed did so: one sentence in UTF-8, empty before the first. It stands until the next
+// call of this thread that fails.
+const char *eyebox_last_error(void);
+
+// A display by the name of a preset, such as "paper", "small" or "planes8", or from a TOML file.
+EyeboxStatus eyebox_display_load(const char *name, EyeboxDisplay **display);
+
+// A display from the text of a display file (docs/displays.md). Files that it names lie in the working folder.
+EyeboxStatus eyebox_display_from_toml(const char *toml, EyeboxDisplay **display);
+
+// The same display with so many rows and columns of pixels.
+EyeboxStatus eyebox_display_resized(const EyeboxDisplay *display, size_t rows, size_t columns, EyeboxDisplay **resized);
+
+// Frees a display; null is nothing to free.
+void eyebox_display_free(EyeboxDisplay *display);
+
+// Opens an engine: "cpu"; "vulkan", a device in software included; or "auto": a real GPU where there is one that computes as it
+// should, else the CPU.
+EyeboxStatus eyebox_engine_open(const char *choice,
+                                EyeboxEngine **engine);
+
+// What computes, and why that and nothing else, in a sentence that stands as long as the engine.
+EyeboxStatus eyebox_engine_reason(const EyeboxEngine *engine, const char **reason);
+
+// Frees an engine; refiners that were made with it go on.
+void eyebox_engine_free(EyeboxEngine *engine);
+
+// Loads a scene for a display: "builtin:NAME", a folder of views, or a picture (docs/scenes.md), in the `colors` that are asked for
+// (a sum of EYEBOX_RED, EYEBOX_GREEN, EYEBOX_BLUE; 0 for all of the display's). `views` are the views per axis of scenes that are
+// rendered, 1 to 64; 0 for as many as the command takes.
+EyeboxStatus eyebox_scene_load(const char *source,
+                               const EyeboxDisplay *display,
+                               uint32_t colors,
+                               size_t views,
+                               EyeboxScene **scene);
+
+// Takes over a light field of the caller's own for a display. The views are copied.
+EyeboxStatus eyebox_scene_from_views(const EyeboxViews *views, const EyeboxDisplay *display, EyeboxScene **scene);
+
+// Frees a scene.
+void eyebox_scene_free(EyeboxScene *scene);
+
+// Solves a scene for a display: one hologram, in all of the scene's colours. `settings` is TOML, or null for the defaults: the fields
+// of eyebox::solve::Settings by their names, such as "steps = 60", "pupils = 16", "frames = 8", "seed = 1", "seconds = 2.5",
+// "psnr = 30.0", depths and diameters in metres ("depth = [-1e-3, 2e-3]"), and "quality" ("fast", "balanced", "accurate"),
+// "contrast" and "force" as in the command. A key that is not known is refused. The same scene, display, settings and seed give the same
+// phases as the command, bit for bit on the CPU engine. `progress` may be null.
+EyeboxStatus eyebox_solve(const EyeboxScene *scene,
+                          const EyeboxDisplay *display,
+                          const char *settings,
+                          const EyeboxEngine *engine,
+                          EyeboxProgress progress,
+                          void *user,
+                          EyeboxHologram **hologram);
+
+// Opens a hologram: a folder that the command or `eyebox_hologram_save` made.
+EyeboxStatus eyebox_hologram_open(const char *path, EyeboxHologram **hologram);
+
+// Saves a hologram by the ending of its name: .zarr is all of it, .npy its phases alone. A hologram that is there is replaced,
+// anything else left alone, and nothing is left half written.
+EyeboxStatus eyebox_hologram_save(const EyeboxHologram *hologram,
+                                  const char *path);
+
+// The sizes of a hologram.
+EyeboxStatus eyebox_hologram_size(const EyeboxHologram *hologram, EyeboxSize *size);
+
+// The phases of a colour, by its place: (sub-frame, row, column), radians, in the hologram's own memory. They stand as long as it
+// does. `count` is frames rows columns.
+EyeboxStatus eyebox_hologram_phases(const EyeboxHologram *hologram,
+                                    size_t color,
+                                    const float **phases,
+                                    size_t *count);
+
+// How a hologram was made: JSON, as its file has it (docs/hologram-format.md). It stands as long as the hologram.
+EyeboxStatus eyebox_hologram_metadata(const EyeboxHologram *hologram, const char **json);
+
+// What an eye sees through a pupil: (colour, row, column) in linear light, with 1 as the scene's full scale, into `light`, which has
+// `count` values: colors picture_rows picture_columns.
+EyeboxStatus eyebox_view(const EyeboxHologram *hologram,
+                         const EyeboxPupil *pupil,
+                         const EyeboxEngine *engine,
+                         float *light,
+                         size_t count);
+
+// Compares what `count` pupils see with what they should see of the scene, with one exposure per colour for all of them, into
+// `scores`, which has room for as many. The scene was loaded for the hologram's display and has its colours.
+EyeboxStatus eyebox_score(const EyeboxHologram *hologram,
+                          const EyeboxScene *scene,
+                          const EyeboxPupil *pupils,
+                          size_t count,
+                          const EyeboxEngine *engine,
+                          EyeboxScore *scores);
+
+// Frees a hologram, and with it its phases and its metadata.
+void eyebox_hologram_free(EyeboxHologram *hologram);
+
+// Begins to refine a hologram for where the pupil is: a copy, the hologram stays as it is. The scene was loaded for the hologram's
+// display, has its colours, and may be freed afterwards. `settings` is TOML, or null for the defaults: the fields of
+// eyebox::solve::Steering by their names, such as "pupils = 2", "elsewhere = 0.5", "seed = 1". It computes where `engine` does,
+// beside it.
+EyeboxStatus eyebox_refiner_new(const EyeboxHologram *hologram,
+                                const EyeboxScene *scene,
+                                const char *settings,
+                                const EyeboxEngine *engine,
+                                EyeboxRefiner **refiner);
+
+// The pupil is there from now on, its centre known to within `spread_m` (a standard deviation along each axis, metres).
+EyeboxStatus eyebox_refiner_aim(const EyeboxRefiner *refiner, const EyeboxPupil *pupil, double spread_m);
+
+// Takes so many steps of every colour. `loss` is that of the last, the mean squared difference in linear light over its pupils; it may be
+// null. A loss that is no finite number is an error: the step was not taken.
+EyeboxStatus eyebox_refiner_step(const EyeboxRefiner *refiner,
+                                 size_t steps,
+                                 double *loss);
+
+// The hologram as it is now, as a new one: to be looked at, encoded or saved while the refiner goes on.
+EyeboxStatus eyebox_refiner_hologram(const EyeboxRefiner *refiner, EyeboxHologram **hologram);
+
+// Frees a refiner.
+void eyebox_refiner_free(EyeboxRefiner *refiner);
+
+// An encoder for a display, for holograms of these colours (a sum of EYEBOX_RED, EYEBOX_GREEN and EYEBOX_BLUE; 0 for all of the
+// display's) and so many sub-frames. The display's calibration is read now, once.
+EyeboxStatus eyebox_encoder_new(const EyeboxDisplay *display,
+                                uint32_t colors,
+                                size_t frames,
+                                EyeboxEncoder **encoder);
+
+// The sizes of what `eyebox_encode` writes.
+EyeboxStatus eyebox_encoder_video(const EyeboxEncoder *encoder, EyeboxVideo *video);
+
+// Encodes a hologram into memory of the caller's, of as many bytes as `eyebox_encoder_video` says.
+EyeboxStatus eyebox_encode(const EyeboxEncoder *encoder, const EyeboxHologram *hologram, void *video, size_t bytes);
+
+// Frees an encoder.
+void eyebox_encoder_free(EyeboxEncoder *encoder);
+
+#ifdef __cplusplus
+}  // extern "C"
+#endif  // __cplusplus
+
+#endif  /* EYEBOX_H */

@@ -1,0 +1,152 @@
+//! What can go wrong, as codes and sentences.
+
+use eyebox::encode::EncodeError;
+use eyebox::engine::EngineError;
+use eyebox::hologram::HologramError;
+use eyebox::optics::OpticsError;
+use eyebox::produce::ProduceError;
+use eyebox::scene::SceneError;
+use eyebox::solve::SolveError;
+use std::any::Any;
+use std::cell::RefCell;
+use std::ffi::{CString, c_char};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Mutex, MutexGuard};
+
+/// What a function answers. `eyebox_last_error` says the rest.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum EyeboxStatus {
+    /// It did what was asked.
+    Ok = 0,
+    /// A pointer that has to lead somewhere is null, or misaligned.
+    Pointer = 1,
+    /// A number, a text or the length of an array is not one that the function takes.
+    Argument = 2,
+    /// The display, or a pupil before it.
+    Display = 3,
+    /// The scene, its file or its views.
+    Scene = 4,
+    /// The settings, or the solve or refinement that they ask for.
+    Solve = 5,
+    /// The hologram, or its file.
+    Hologram = 6,
+    /// The encoding, or what is to be encoded.
+    Encode = 7,
+    /// The engine or its device.
+    Engine = 8,
+    /// A fault of eyebox itself, please report it. Handles that the call was given may be freed, and no more.
+    Internal = 9,
+}
+
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum Failure {
+    #[error("{0} is null")]
+    Null(&'static str),
+    #[error("{0} is not aligned for what it leads to")]
+    Misaligned(&'static str),
+    #[error("{what} is {value}: it must be {right}")]
+    Argument { what: &'static str, value: String, right: String },
+    #[error(transparent)]
+    Optics(#[from] OpticsError),
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    #[error(transparent)]
+    Produce(#[from] ProduceError),
+    #[error(transparent)]
+    Solve(#[from] SolveError),
+    #[error(transparent)]
+    Hologram(#[from] HologramError),
+    #[error(transparent)]
+    Encode(#[from] EncodeError),
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+    #[error("{color}: a loss was no finite number at step {step}: take smaller gains or rates, or storage = \"f32\"")]
+    NotFinite { color: String, step: usize },
+    #[error("a fault of eyebox itself: {0}")]
+    Panic(String),
+    #[error("an earlier call with this handle met a fault of eyebox: free it")]
+    Broken,
+}
+
+impl Failure {
+    pub(crate) fn argument(what: &'static str, value: impl ToString, right: impl Into<String>) -> Self {
+        Self::Argument { what, value: value.to_string(), right: right.into() }
+    }
+
+    fn status(&self) -> EyeboxStatus {
+        match self {
+            Self::Null(_) | Self::Misaligned(_) => EyeboxStatus::Pointer,
+            Self::Argument { .. } => EyeboxStatus::Argument,
+            Self::Optics(_) | Self::Produce(ProduceError::Optics(_)) | Self::Hologram(HologramError::Optics(_)) => {
+                EyeboxStatus::Display
+            }
+            Self::Scene(_) | Self::Produce(ProduceError::Scene(_)) | Self::Hologram(HologramError::Scene(_)) => {
+                EyeboxStatus::Scene
+            }
+            Self::Engine(_) | Self::Produce(ProduceError::Engine(_)) | Self::Hologram(HologramError::Engine(_)) => {
+                EyeboxStatus::Engine
+            }
+            Self::Produce(_) | Self::Solve(_) | Self::NotFinite { .. } => EyeboxStatus::Solve,
+            Self::Hologram(_) => EyeboxStatus::Hologram,
+            Self::Encode(_) => EyeboxStatus::Encode,
+            Self::Panic(_) | Self::Broken => EyeboxStatus::Internal,
+        }
+    }
+}
+
+thread_local! {
+    static LAST: RefCell<CString> = RefCell::default();
+}
+
+/// Why the last call of this thread that failed did so: one sentence in UTF-8, empty before the first. It stands until the next
+/// call of this thread that fails.
+#[unsafe(no_mangle)]
+pub extern "C" fn eyebox_last_error() -> *const c_char {
+    LAST.try_with(|last| last.borrow().as_ptr()).unwrap_or(c"".as_ptr())
+}
+
+/// Runs a call, and makes a code and a sentence of its failure or panic.
+pub(crate) fn answer(call: impl FnOnce() -> Result<(), Failure>) -> EyeboxStatus {
+    let answered = catch_unwind(AssertUnwindSafe(call)).unwrap_or_else(|panic| Err(Failure::Panic(in_words(&*panic))));
+    let Err(failure) = answered else { return EyeboxStatus::Ok };
+    let text = failure.to_string().replace('\0', " ");
+    // A thread that is ending has no place for it any more.
+    let _ = LAST.try_with(|last| *last.borrow_mut() = CString::new(text).unwrap_or_default());
+    failure.status()
+}
+
+fn in_words(panic: &(dyn Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().map(ToString::to_string);
+    text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "a panic".into())
+}
+
+/// What calls of several threads take in turn.
+pub(crate) fn lock<T: ?Sized>(shared: &Mutex<T>) -> Result<MutexGuard<'_, T>, Failure> {
+    shared.lock().map_err(|_| Failure::Broken)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::ffi::CStr;
+
+    #[test]
+    fn a_panic_is_a_code_and_what_it_was_in_is_no_more_used() {
+        let shared = Mutex::new(0);
+        let status = answer(|| {
+            let _held = lock(&shared)?;
+            panic!("on purpose")
+        });
+        assert_eq!(status, EyeboxStatus::Internal);
+        // SAFETY: it is what the function says.
+        let said = unsafe { CStr::from_ptr(eyebox_last_error()) };
+        assert_eq!(said.to_str().unwrap(), "a fault of eyebox itself: on purpose");
+        assert_eq!(answer(|| lock(&shared).map(drop)), EyeboxStatus::Internal);
+        let other = std::thread::spawn(|| {
+            // SAFETY: it is what the function says.
+            unsafe { CStr::from_ptr(eyebox_last_error()) }.to_owned()
+        });
+        assert_eq!(other.join().unwrap(), CString::default());
+    }
+}

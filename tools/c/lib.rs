@@ -1,0 +1,43 @@
+//! eyebox for C and C++: `eyebox.h` is what this crate looks like from there, docs/c.md how it is used.
+//!
+//! It converts and passes on; what it can do is the crate `eyebox`'s. Handles are boxes that the caller owns and lends: a
+//! function takes `Option<&Handle>`, which is a pointer that may be null, and `free` takes the box back. A failure is a code and a
+//! sentence that the thread keeps ([`eyebox_last_error`]): signatures stay short, nothing is to be freed, and threads do not
+//! disturb each other. No panic crosses: each function runs in `failure::answer`, which makes a code of it.
+
+// C's names are exported unmangled, and what pointers lead to is what the caller says it is.
+#![allow(unsafe_code)]
+#![allow(clippy::missing_safety_doc, reason = "the head of the header says it for all: cbindgen.toml")]
+
+mod arrays;
+mod display;
+mod encoder;
+mod engine;
+mod failure;
+mod hologram;
+mod interface;
+mod pupil;
+mod refiner;
+mod scene;
+mod solve;
+
+pub use display::{
+    EyeboxDisplay, eyebox_display_free, eyebox_display_from_toml, eyebox_display_load, eyebox_display_resized,
+};
+pub use encoder::{
+    EyeboxEncoder, EyeboxVideo, eyebox_encode, eyebox_encoder_free, eyebox_encoder_new, eyebox_encoder_video,
+};
+pub use engine::{EyeboxEngine, eyebox_engine_free, eyebox_engine_open, eyebox_engine_reason};
+pub use failure::{EyeboxStatus, eyebox_last_error};
+pub use hologram::{
+    EyeboxHologram, EyeboxSize, eyebox_hologram_free, eyebox_hologram_metadata, eyebox_hologram_open,
+    eyebox_hologram_phases, eyebox_hologram_save, eyebox_hologram_size, eyebox_score, eyebox_view,
+};
+pub use interface::{EYEBOX_BLUE, EYEBOX_GREEN, EYEBOX_INTERFACE, EYEBOX_RED, eyebox_interface};
+pub use pupil::{EyeboxPupil, EyeboxScore};
+pub use refiner::{
+    EyeboxRefiner, eyebox_refiner_aim, eyebox_refiner_free, eyebox_refiner_hologram, eyebox_refiner_new,
+    eyebox_refiner_step,
+};
+pub use scene::{EyeboxScene, EyeboxViews, eyebox_scene_free, eyebox_scene_from_views, eyebox_scene_load};
+pub use solve::{EyeboxProgress, EyeboxStep, eyebox_solve};

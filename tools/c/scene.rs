@@ -1,0 +1,122 @@
+//! Scenes: light fields of files, built in, or of the caller's own views.
+
+use crate::arrays::{array, given, hand_over, text};
+use crate::display::colors;
+use crate::failure::{Failure, answer};
+use crate::{EyeboxDisplay, EyeboxStatus};
+use eyebox::optics::Color;
+use eyebox::scene::{Fit, LightField, Request, load};
+use std::ffi::c_char;
+use std::mem::MaybeUninit;
+
+/// A scene as a light field: views from a grid of places in the pupil plane, of a display's size. It never changes.
+pub struct EyeboxScene {
+    pub(crate) field: LightField,
+    /// By which name holograms know it.
+    pub(crate) name: String,
+}
+
+/// A light field of the caller's own. Each colour is an array (view row, view column, row, column) without gaps, of linear light
+/// in float32, finite and not negative, with 1 as full scale. View (r, c) looks from x = (c - (view_columns - 1) / 2)
+/// view_pitch_m, y = (r - (view_rows - 1) / 2) view_pitch_m: columns of views go to the right, rows down.
+#[repr(C)]
+pub struct EyeboxViews {
+    /// What holograms of it remember as their scene; null for nothing.
+    pub name: *const c_char,
+    /// Rows of views, 1 to 64.
+    pub view_rows: usize,
+    /// Columns of views, 1 to 64.
+    pub view_columns: usize,
+    /// Rows of each view. Views of another size than the display's pictures are scaled to fit whole.
+    pub rows: usize,
+    /// Columns of each view.
+    pub columns: usize,
+    /// Metres between neighbouring views in the pupil plane; 0 spreads them over the display's eyebox.
+    pub view_pitch_m: f64,
+    /// Red; null where there is none. So for the others; at least one is there.
+    pub red: *const f32,
+    /// Green.
+    pub green: *const f32,
+    /// Blue.
+    pub blue: *const f32,
+    /// Values of each of these arrays: view_rows view_columns rows columns.
+    pub count: usize,
+}
+
+/// Loads a scene for a display: "builtin:NAME", a folder of views, or a picture (docs/scenes.md), in the `colors` that are asked for
+/// (a sum of EYEBOX_RED, EYEBOX_GREEN, EYEBOX_BLUE; 0 for all of the display's). `views` are the views per axis of scenes that are
+/// rendered, 1 to 64; 0 for as many as the command takes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn eyebox_scene_load(
+    source: *const c_char,
+    display: Option<&EyeboxDisplay>,
+    colors: u32,
+    views: usize,
+    scene: Option<&mut MaybeUninit<*mut EyeboxScene>>,
+) -> EyeboxStatus {
+    answer(|| {
+        hand_over(scene, || {
+            // SAFETY: the header asks callers for texts that end with zero.
+            let name = unsafe { text(source, "source") }?.to_owned();
+            let display = &given(display, "display")?.0;
+            let colors = self::colors(display, colors)?;
+            let default = Request::new(display, &colors);
+            let asked = if views == 0 { default.views } else { views };
+            let field = load(&name, &Request { views: asked, more_views: views == 0, ..default })?;
+            Ok(EyeboxScene { field, name })
+        })
+    })
+}
+
+/// Takes over a light field of the caller's own for a display. The views are copied.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn eyebox_scene_from_views(
+    views: Option<&EyeboxViews>,
+    display: Option<&EyeboxDisplay>,
+    scene: Option<&mut MaybeUninit<*mut EyeboxScene>>,
+) -> EyeboxStatus {
+    answer(|| {
+        hand_over(scene, || {
+            let (views, display) = (given(views, "views")?, &given(display, "display")?.0);
+            let name = match views.name.is_null() {
+                true => String::new(),
+                // SAFETY: the header asks callers for texts that end with zero.
+                false => unsafe { text(views.name, "views.name") }?.to_owned(),
+            };
+            let sizes = [views.view_rows, views.view_columns, views.rows, views.columns];
+            let wanted = sizes.iter().try_fold(1usize, |n, size| n.checked_mul(*size)).filter(|n| *n > 0);
+            let right = "four sizes that are not 0, of an array that memory holds";
+            let wanted = wanted.ok_or_else(|| Failure::argument("the views' shape", format!("{sizes:?}"), right))?;
+            let pixels = views.rows * views.columns;
+            let of_color = |(color, at): (Color, *const f32)| {
+                // SAFETY: the header asks callers for arrays as long as they say.
+                let values = unsafe { array(at, views.count, Some(wanted), "an array of views") }?;
+                Ok((color, values.chunks_exact(pixels).map(<[f32]>::to_vec).collect()))
+            };
+            let all = [(Color::Red, views.red), (Color::Green, views.green), (Color::Blue, views.blue)];
+            let taken = all.into_iter().filter(|(_, at)| !at.is_null()).map(of_color);
+            let (colors, planes) = taken.collect::<Result<Vec<_>, Failure>>()?.into_iter().unzip();
+            let field = LightField {
+                name: name.clone(),
+                grid: [views.view_rows, views.view_columns],
+                height: views.rows,
+                width: views.columns,
+                colors,
+                planes,
+                view_pitch: Some(views.view_pitch_m).filter(|pitch| *pitch != 0.0),
+                disparity: None,
+                depth: None,
+            };
+            field.check()?;
+            field.colors.iter().try_for_each(|color| display.optics(*color).map(drop))?;
+            let (rows, columns) = display.picture_size();
+            Ok(EyeboxScene { field: field.fit(rows, columns, Fit::Contain), name })
+        })
+    })
+}
+
+/// Frees a scene.
+#[unsafe(no_mangle)]
+pub extern "C" fn eyebox_scene_free(scene: Option<Box<EyeboxScene>>) {
+    answer(|| Ok(drop(scene)));
+}

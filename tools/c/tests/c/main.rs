@@ -1,0 +1,9 @@
+//! The interface for C, called from Rust, from C and from C++.
+
+#![allow(unsafe_code)]
+
+mod common;
+mod fuzzed;
+#[cfg(target_os = "linux")]
+mod programs;
+mod same;
