@@ -25,6 +25,9 @@ pub enum PaddingRule {
     Always,
 }
 
+/// No length of an eye or a scene is larger, metres: what is computed of one stays a number.
+const FARTHEST: f64 = 1e6;
+
 /// Everything that decides a solve, besides the scene and the display.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -185,19 +188,19 @@ impl Settings {
             return wrong("the number of pupils a step", self.pupils.to_string(), "1 to 65536");
         }
         let [low, high] = self.diameter;
-        if !(low > 0.0 && low <= high && high.is_finite()) {
+        if !(low > 0.0 && low <= high && high <= FARTHEST) {
             return wrong(
                 "the range of pupil diameters (mm)",
                 format!("{}..{}", low * 1e3, high * 1e3),
-                "positive, smallest first",
+                "positive, smallest first, at most 1e9",
             );
         }
         let [near, far] = self.depth;
-        if !(near <= far && near.is_finite() && far.is_finite()) {
+        if !(near <= far && -FARTHEST <= near && far <= FARTHEST) {
             return wrong(
                 "the range of depths (mm)",
                 format!("{}..{}", near * 1e3, far * 1e3),
-                "finite, smallest first",
+                "within 1e9, smallest first",
             );
         }
         if !(self.stft_filter > 0.0 && self.stft_filter <= 2.0) {

@@ -3,7 +3,6 @@
 #![allow(unsafe_code)]
 
 mod common;
-mod fuzzed;
 #[cfg(target_os = "linux")]
 mod programs;
 mod same;
