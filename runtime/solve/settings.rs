@@ -26,7 +26,7 @@ pub enum PaddingRule {
 }
 
 /// No length of an eye or a scene is larger, metres: what is computed of one stays a number.
-const FARTHEST: f64 = 1e6;
+const FARTHEST: f64 = 1e3;
 
 /// Everything that decides a solve, besides the scene and the display.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -192,7 +192,7 @@ impl Settings {
             return wrong(
                 "the range of pupil diameters (mm)",
                 format!("{}..{}", low * 1e3, high * 1e3),
-                "positive, smallest first, at most 1e9",
+                "positive, smallest first, at most 1e6",
             );
         }
         let [near, far] = self.depth;
@@ -200,7 +200,7 @@ impl Settings {
             return wrong(
                 "the range of depths (mm)",
                 format!("{}..{}", near * 1e3, far * 1e3),
-                "within 1e9, smallest first",
+                "within 1e6, smallest first",
             );
         }
         if !(self.stft_filter > 0.0 && self.stft_filter <= 2.0) {

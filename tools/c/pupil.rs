@@ -26,8 +26,8 @@ impl EyeboxPupil {
         for color in 0..hologram.colors.len() {
             pupil.check_usual(&hologram.optics(color)?)?;
         }
-        if depth.abs() > 1e6 {
-            return Err(Failure::argument("depth_m", depth, "within 1e6 m"));
+        if depth.abs() > 1e3 {
+            return Err(Failure::argument("depth_m", depth, "within 1e3 m"));
         }
         Ok(pupil)
     }

@@ -1,0 +1,225 @@
+//! Ten thousand calls with whatever comes: null, wrong lengths, no numbers, huge counts. Each ends with a code that is no fault of
+//! eyebox, and with a sentence where it failed. (Handles that were freed are the caller's own fault, and left out.)
+
+use crate::common::{handle, said};
+use eyebox_c::EyeboxStatus::{Internal, Ok as Done};
+use eyebox_c::*;
+use fastrand::Rng;
+use std::ffi::{CStr, c_char, c_void};
+use std::mem::MaybeUninit;
+use std::ptr::{null, null_mut};
+
+const CALLS: usize = 10_000;
+const SIDE: usize = 8;
+/// Values in memory that arrays are taken from.
+const VALUES: usize = 4096;
+
+const NUMBERS: [f64; 14] =
+    [0.0, -0.0, 1e-3, -2e-3, 4e-3, 1.0, -1.0, 1e9, 1e300, -1e300, 1e-300, f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
+const COUNTS: [usize; 14] =
+    [0, 1, 2, 3, SIDE, 64, 65, 128, 256, 1 << 16, 1 << 32, usize::MAX / 4 + 1, usize::MAX - 1, usize::MAX];
+const TEXTS: [&CStr; 23] = [
+    c"",
+    c"small",
+    c"planes8",
+    c"builtin:plane",
+    c"builtin:nothing",
+    c"/",
+    c"/dev/null",
+    c"nowhere.zarr",
+    c"cpu",
+    c"CPU",
+    c"\xff\xfe",
+    c"resolution = [8, 8]",
+    c"steps = 1\nframes = 1\npupils = 1",
+    c"steps = -1",
+    c"frames = 4097",
+    c"frames = 1000000000000",
+    c"depth = [nan, 1.0]",
+    c"depth = [-1e300, 1e300]\nsteps = 1\nframes = 1\npupils = 1",
+    c"pupils = 0",
+    c"depth = [-1e3, 1e3]\nsteps = 1\nframes = 1\npupils = 1",
+    c"strategy = { kind = \"adam\", rate = 1e300 }",
+    c"storage = \"f64\"",
+    c"levels = [[",
+];
+
+struct Given {
+    displays: Vec<Box<EyeboxDisplay>>,
+    engine: Box<EyeboxEngine>,
+    scenes: Vec<Box<EyeboxScene>>,
+    hologram: Box<EyeboxHologram>,
+    refiner: Box<EyeboxRefiner>,
+    encoder: Box<EyeboxEncoder>,
+}
+
+fn given() -> Given {
+    // SAFETY: every text ends with zero.
+    unsafe {
+        let preset = handle(|out| eyebox_display_load(c"planes8".as_ptr(), Some(out))).unwrap();
+        let sized = |side| handle(|out| eyebox_display_resized(Some(&preset), side, side, Some(out))).unwrap();
+        let displays = vec![sized(SIDE), sized(2 * SIDE)];
+        let engine = handle(|out| eyebox_engine_open(c"cpu".as_ptr(), Some(out))).unwrap();
+        let plane = c"builtin:plane".as_ptr();
+        let scene =
+            |display, color| handle(|out| eyebox_scene_load(plane, Some(display), color, 2, Some(out))).unwrap();
+        let scenes = vec![scene(&*displays[0], EYEBOX_GREEN), scene(&*displays[1], EYEBOX_RED)];
+        let settings = c"steps = 1\nframes = 8\npupils = 1".as_ptr();
+        let hologram = handle(|out| {
+            let (scene, display, engine) = (Some(&*scenes[0]), Some(&*displays[0]), Some(&*engine));
+            eyebox_solve(scene, display, settings, engine, None, null_mut(), Some(out))
+        })
+        .unwrap();
+        let refiner =
+            handle(|out| eyebox_refiner_new(Some(&hologram), Some(&scenes[0]), null(), Some(&engine), Some(out)))
+                .unwrap();
+        let encoder = handle(|out| eyebox_encoder_new(Some(&displays[0]), EYEBOX_GREEN, 8, Some(out))).unwrap();
+        Given { displays, engine, scenes, hologram, refiner, encoder }
+    }
+}
+
+/// Whatever comes, and more often than not what could be.
+struct Chance(Rng);
+
+impl Chance {
+    fn one<T: Copy>(&mut self, of: &[T]) -> T {
+        of[self.0.usize(..of.len())]
+    }
+
+    fn maybe<'a, T>(&mut self, handle: &'a T) -> Option<&'a T> {
+        (self.0.u8(..8) > 0).then_some(handle)
+    }
+
+    fn of<'a, T>(&mut self, handles: &'a [Box<T>]) -> Option<&'a T> {
+        let which = self.0.usize(..handles.len());
+        self.maybe(&*handles[which])
+    }
+
+    fn text(&mut self) -> *const c_char {
+        if self.0.u8(..10) == 0 { null() } else { self.one(&TEXTS).as_ptr() }
+    }
+
+    fn pupil(&mut self) -> EyeboxPupil {
+        let mut number = |usual: f64| if self.0.bool() { usual } else { NUMBERS[self.0.usize(..NUMBERS.len())] };
+        EyeboxPupil { x_m: number(1e-3), y_m: number(0.0), diameter_m: number(4e-3), depth_m: number(1e-3) }
+    }
+
+    /// A pointer into memory, and how many values are said to be there: as many as there are, or more than any function takes.
+    fn array(&mut self, memory: &mut [f32]) -> (*mut f32, usize) {
+        let count = if self.0.bool() { SIDE * SIDE } else { self.one(&COUNTS) };
+        let at = memory.as_mut_ptr();
+        match self.0.u8(..8) {
+            0 => (null_mut(), count),
+            1 => (at.cast::<u8>().wrapping_add(1).cast(), count),
+            _ => (at, count),
+        }
+    }
+}
+
+/// A place for a handle, sometimes none; what is put there is freed.
+fn freed<T>(chance: &mut Chance, call: impl FnOnce(Option<&mut MaybeUninit<*mut T>>) -> EyeboxStatus) -> EyeboxStatus {
+    let mut place = MaybeUninit::new(null_mut());
+    let there = chance.0.u8(..10) > 0;
+    let status = call(there.then_some(&mut place));
+    // SAFETY: null, or a box that the function made.
+    unsafe {
+        let handle = place.assume_init();
+        assert_eq!(status == Done, !handle.is_null());
+        drop((!handle.is_null()).then(|| Box::from_raw(handle)));
+    }
+    status
+}
+
+/// One call.
+///
+/// # Safety
+/// Texts and arrays are as they say, or null, or of a length that no function takes.
+unsafe fn call(given: &Given, chance: &mut Chance, memory: &mut [f32]) -> EyeboxStatus {
+    let Given { displays, engine, scenes, hologram, refiner, encoder } = given;
+    let (text, count, bits) = (chance.text(), chance.one(&COUNTS), chance.0.u32(..10));
+    let (display, scene) = (chance.of(displays), chance.of(scenes));
+    let (engine, hologram) = (chance.maybe(&**engine), chance.maybe(&**hologram));
+    let (refiner, encoder) = (chance.maybe(&**refiner), chance.maybe(&**encoder));
+    let pupil = chance.pupil();
+    let pupil = chance.maybe(&pupil).copied();
+    let (at, length) = chance.array(memory);
+    // SAFETY: as this function asks.
+    unsafe {
+        match chance.0.u8(..16) {
+            0 => freed(chance, |out| eyebox_display_load(text, out)),
+            1 => freed(chance, |out| eyebox_display_from_toml(text, out)),
+            2 => {
+                let columns = chance.one(&COUNTS);
+                freed(chance, |out| eyebox_display_resized(display, count, columns, out))
+            }
+            3 if text.is_null() || *text != 0 => freed(chance, |out| eyebox_engine_open(text, out)),
+            4 => freed(chance, |out| eyebox_scene_load(text, display, bits, count, out)),
+            5 | 6 => {
+                let sizes: [usize; 4] = [(); 4].map(|()| if chance.0.u8(..4) > 0 { 2 } else { chance.one(&COUNTS) });
+                let product = sizes.iter().try_fold(1usize, |n, s| n.checked_mul(*s)).unwrap_or(0);
+                // No more is said to be there than there is, unless no function would take it.
+                let lie = product > VALUES;
+                let views = EyeboxViews {
+                    name: text,
+                    view_rows: sizes[0],
+                    view_columns: sizes[1],
+                    rows: sizes[2],
+                    columns: sizes[3],
+                    view_pitch_m: chance.one(&NUMBERS),
+                    red: if chance.0.bool() { null() } else { at },
+                    green: if chance.0.u8(..4) == 0 { null() } else { at },
+                    blue: null(),
+                    count: if lie || chance.0.u8(..4) == 0 { length.min(VALUES - 1) } else { product },
+                };
+                let views = chance.maybe(&views);
+                freed(chance, |out| eyebox_scene_from_views(views, display, out))
+            }
+            7 => {
+                // All that is by default takes long.
+                let text = if text.is_null() || *text == 0 { TEXTS[12].as_ptr() } else { text };
+                freed(chance, |out| eyebox_solve(scene, display, text, engine, None, null_mut(), out))
+            }
+            8 => freed(chance, |out| eyebox_hologram_open(text, out)),
+            9 => {
+                let (mut phases, mut number) = (MaybeUninit::uninit(), MaybeUninit::uninit());
+                eyebox_hologram_phases(hologram, count, Some(&mut phases), chance.0.bool().then_some(&mut number))
+            }
+            10 => eyebox_view(hologram, pupil.as_ref(), engine, at, length),
+            11 => {
+                let mut scores = [MaybeUninit::<EyeboxScore>::uninit(); 3];
+                let pupils = [(); 3].map(|()| chance.pupil());
+                let pupils = if chance.0.u8(..8) == 0 { null() } else { pupils.as_ptr() };
+                let count = if count > 3 { usize::MAX - 3 } else { count };
+                eyebox_score(hologram, scene, pupils, count, engine, scores.as_mut_ptr().cast())
+            }
+            12 => freed(chance, |out| eyebox_refiner_new(hologram, scene, text, engine, out)),
+            13 => eyebox_refiner_aim(refiner, pupil.as_ref(), chance.one(&NUMBERS)),
+            14 => {
+                let steps = if count > 2 { usize::MAX } else { count };
+                eyebox_refiner_step(refiner, steps, None)
+            }
+            _ if chance.0.bool() => freed(chance, |out| eyebox_encoder_new(display, bits, count, out)),
+            _ => eyebox_encode(encoder, hologram, at.cast::<c_void>(), length),
+        }
+    }
+}
+
+#[test]
+fn whatever_is_called_with_ends_with_a_code() {
+    let given = given();
+    let mut chance = Chance(Rng::with_seed(21));
+    let mut memory = vec![0.5f32; VALUES + 1];
+    let mut codes = [0usize; 10];
+    for i in 0..CALLS {
+        // Some of the light is none.
+        memory[(i * 7) % 64] = if i % 3 == 0 { f32::NAN } else { 0.5 };
+        // SAFETY: what `call` asks.
+        let status = unsafe { call(&given, &mut chance, &mut memory) };
+        codes[status as usize] += 1;
+        assert!(status != Internal, "call {i}: {}", said());
+        assert!(status == Done || !said().is_empty(), "call {i}");
+    }
+    println!("{codes:?}");
+    // All but the faults of eyebox and of devices came about.
+    assert!(codes[..8].iter().all(|count| *count > 0), "{codes:?}");
+}
