@@ -250,3 +250,24 @@ fn undiffracted(sorted: &Sorted, fit: &Fit) -> [f64; 5] {
     }
     best.1
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::fit::Exposure;
+    use super::super::map::CameraMap;
+    use super::*;
+    use crate::optics::DisplayModel;
+
+    #[test]
+    fn what_the_pictures_say_nothing_of_is_named() {
+        let map = CameraMap { numbers: [0.0; 10], slm: [8, 8], camera: [8, 8] };
+        let at = Parameters { model: DisplayModel::default(), map, camera_pixel: CAMERA_PIXEL };
+        let free = vec![Parameter::Fill, Parameter::Wavefront(12), Parameter::Undiffracted(3), Parameter::Crosstalk(1)];
+        // Errors in shares of what is expected of any display.
+        let error = |p: &Parameter| p.usual() * if *p == Parameter::Fill { 0.1 } else { 0.9 };
+        let row = |i: usize| (0..free.len()).map(|j| if i == j { error(&free[i]).powi(2) } else { 0.0 }).collect();
+        let covariance = (0..free.len()).map(row).collect();
+        let fit = Fit { at, free: free.clone(), exposure: Exposure { gain: 1.0, dark: 0.0 }, squares: 1.0, covariance };
+        assert_eq!(untold(&fit), ["wavefront 12"]);
+    }
+}
