@@ -45,6 +45,7 @@ pub use gain::Gain;
 pub use left::{LeftMap, PictureLeft, Shown};
 pub use report::{Confused, Fitted, Report};
 
+use crate::engine::Engine;
 use crate::optics::{Color, Display};
 use std::cell::RefCell;
 use std::time::Instant;
@@ -59,6 +60,22 @@ pub struct Calibration {
     pub report: Report,
     /// Pictures that were not fitted, beside what is predicted of them.
     pub shown: Vec<Shown>,
+}
+
+impl Calibration {
+    /// Measures what it is worth on the built-in still life, and puts it into the report. `before`: the display as its file was.
+    ///
+    /// # Errors
+    /// Those of a solve.
+    pub fn measure_gain(
+        &mut self,
+        before: &Display,
+        color: Color,
+        engine: &mut dyn Engine,
+    ) -> Result<(), CalibrateError> {
+        self.report.gain = Some(gain::measure([before, &self.display], color, engine)?);
+        Ok(())
+    }
 }
 
 /// Fits the model of one colour of a display to pictures of it; the display's own model is where it begins. `shows`: what shows
