@@ -49,6 +49,8 @@ mod depth;
 mod error;
 mod folder;
 mod frames;
+#[cfg(feature = "window")]
+mod given;
 mod inspect;
 mod interpolate;
 #[cfg(test)]
@@ -94,6 +96,8 @@ pub use depth::central_depth;
 pub(crate) use depth::central_view;
 pub use error::SceneError;
 pub use frames::frames;
+#[cfg(feature = "window")]
+pub(crate) use given::{Places, views_of_depths, views_of_layers};
 pub use inspect::{Exposure, Inspection, contact_sheet, inspect};
 pub use interpolate::Interpolator;
 pub use light::srgb_to_linear;

@@ -22,7 +22,18 @@ const HEADINGS: &[(&str, &[&str])] = &[
     ),
     (
         "Display",
-        &["display", "size", "color", "force", "output", "monitor", "display_rate", "display_latency", "validation"],
+        &[
+            "display",
+            "size",
+            "color",
+            "force",
+            "output",
+            "monitor",
+            "display_rate",
+            "display_latency",
+            "validation",
+            "ask",
+        ],
     ),
     (
         "Quality",
@@ -131,7 +142,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
         &["camera", "camera_steps", "camera_keep", "captures", "captures_max", "keep", "camera_timeout", "quick"],
     ),
     ("Calibration", &["calibrate", "targets", "trackers.calibration", "trackers.eye"]),
-    ("Window", &["preview.window", "zoom", "save_to", "live.view"]),
+    ("Window", &["preview.window", "zoom", "save_to", "live.view", "show.view"]),
     ("Bare phases", &["phase_unit", "pitch", "wavelength", "focal_length", "geometry", "exposure"]),
     ("Video frames", &["encoded", "as_shown"]),
     ("Engine", &["engine", "device", "vulkan_from", "rounds", "beside", "dry", "time_again"]),
