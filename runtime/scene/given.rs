@@ -54,21 +54,27 @@ pub(crate) fn views_of_depths(
     Ok(by_color(views, planes.len()))
 }
 
-/// Views of layers at these depths, metres, the farthest first, each (a plane for each colour, and its opacity): [colour][place].
-/// Colours are not multiplied by opacities.
+/// A picture with opacity.
+pub(crate) struct Layer<'a> {
+    /// How deep it lies, metres.
+    pub depth: f64,
+    /// A plane for each colour, not multiplied by the opacity.
+    pub planes: Vec<&'a [f32]>,
+    /// How much of what lies behind it covers.
+    pub opacity: &'a [f32],
+}
+
+/// Views of layers, the farthest first: [colour][place].
 ///
 /// # Errors
 /// In words, for depths that displace content too far.
-pub(crate) fn views_of_layers(
-    layers: &[(f64, Vec<&[f32]>, &[f32])],
-    from: &Places<'_>,
-) -> Result<Vec<Vec<Vec<f32>>>, String> {
-    from.check(layers.iter().map(|layer| layer.0))?;
-    let colors = layers.first().map_or(0, |layer| layer.1.len());
+pub(crate) fn views_of_layers(layers: &[Layer<'_>], from: &Places<'_>) -> Result<Vec<Vec<Vec<f32>>>, String> {
+    from.check(layers.iter().map(|layer| layer.depth))?;
+    let colors = layers.first().map_or(0, |layer| layer.planes.len());
     let [height, width] = from.size;
     let view = |[x, y]: &[f64; 2]| {
         let mut seen = vec![vec![0.0f32; height * width]; colors];
-        for (depth, planes, opacity) in layers {
+        for Layer { depth, planes, opacity } in layers {
             let [right, down] = [x, y].map(|v| v * depth * from.per_metre);
             for row in 0..height {
                 let rows = between(row, down, height);
@@ -150,7 +156,10 @@ mod tests {
         let depths = views_of_depths(&[&picture], &near, &from).unwrap();
         let (ground, full) = (vec![0.25f32; 24 * 32], vec![1.0f32; 24 * 32]);
         let opacity: Vec<f32> = picture.iter().map(|v| f32::from(*v > 0.6)).collect();
-        let layers = [(0.0, vec![&ground[..]], &full[..]), (2e-3, vec![&picture[..]], &opacity[..])];
+        let layers = [
+            Layer { depth: 0.0, planes: vec![&ground], opacity: &full },
+            Layer { depth: 2e-3, planes: vec![&picture], opacity: &opacity },
+        ];
         let layers = views_of_layers(&layers, &from).unwrap();
         for views in [&depths[0], &layers[0]] {
             for (view, moved) in views.iter().zip([[0.0, 0.0], [-3.0, 0.0], [0.0, -6.0]]) {
@@ -166,6 +175,6 @@ mod tests {
         let (picture, deep) = (square(), vec![16.0f32; 24 * 32]);
         let from = Places { places: &[[1e-2, 0.0]], per_metre: 3e5, size: SIZE };
         assert!(views_of_depths(&[&picture], &deep, &from).unwrap_err().contains("6 at most"));
-        assert!(views_of_layers(&[(16.0, vec![&picture], &picture)], &from).is_err());
+        assert!(views_of_layers(&[Layer { depth: 16.0, planes: vec![&picture], opacity: &picture }], &from).is_err());
     }
 }

@@ -97,7 +97,7 @@ pub(crate) use depth::central_view;
 pub use error::SceneError;
 pub use frames::frames;
 #[cfg(feature = "window")]
-pub(crate) use given::{Places, views_of_depths, views_of_layers};
+pub(crate) use given::{Layer, Places, views_of_depths, views_of_layers};
 pub use inspect::{Exposure, Inspection, contact_sheet, inspect};
 pub use interpolate::Interpolator;
 pub use light::srgb_to_linear;

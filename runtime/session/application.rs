@@ -5,7 +5,7 @@ use super::error::SessionError;
 use super::scenes::{Due, Newest, SceneFrame, Scenes, Supply};
 use super::steerer::SteeredColor;
 use crate::optics::{Color, Display, Padding, PupilDistribution};
-use crate::scene::{LightField, Places, views_of_depths, views_of_layers};
+use crate::scene::{Layer, LightField, Places, views_of_depths, views_of_layers};
 use crate::solve::{BrightEnd, Problem, random_phases};
 use eyebox_live_input::{Content, Display as Ring, Frame, Kind, Latest, Offer, Pupil as AskedPupil, Request, Wanted};
 
@@ -200,7 +200,7 @@ impl LiveInput {
                         let opacity = self.ring.offer().channels();
                         let one = |(at, dioptres): (usize, &f32)| {
                             let planes = self.channels.iter().map(|channel| layer(*channel, at)).collect();
-                            (depth(*dioptres), planes, layer(opacity, at))
+                            Layer { depth: depth(*dioptres), planes, opacity: layer(opacity, at) }
                         };
                         let layers: Vec<_> = dioptres.as_slice().iter().enumerate().map(one).collect();
                         views_of_layers(&layers, &from)

@@ -7,7 +7,6 @@ pub(super) use options::RefinementOptions;
 
 use super::error::SessionError;
 use super::latency::Timestamps;
-use super::notes::Notes;
 use super::scenes::{Due, Newest, SceneFrame, Supply};
 use super::set_timing::{SetTiming, Target, as_ns};
 use super::sets::{FinishedSet, LiveSource, SetBuffer, SetSender, set_channel};

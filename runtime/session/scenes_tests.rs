@@ -196,12 +196,15 @@ fn a_session_of_live_content_is_accounted_for_and_is_the_same_again() {
         live.cost = COST;
         let bytes = Arc::new(Mutex::new(Vec::new()));
         let theirs = Arc::clone(&bytes);
-        let mut options = SessionOptions::default();
-        options.display_rate = Some(Rate::new(60, 1).unwrap());
-        options.duration = Some(Duration::from_millis(700));
-        options.observer = Some(Box::new(move |frame| {
+        let seen = move |frame: &PresentedFrame<'_>| {
             theirs.lock().unwrap().push((frame.index, crc32c::crc32c(frame.picture)));
-        }));
+        };
+        let options = SessionOptions {
+            display_rate: Some(Rate::new(60, 1).unwrap()),
+            duration: Some(Duration::from_millis(700)),
+            observer: Some(Box::new(seen)),
+            ..SessionOptions::default()
+        };
         let session = Session::start(live, Output::Memory { simulated: true, sink: None }, options).unwrap();
         while session.is_running() {
             std::thread::sleep(Duration::from_millis(2));

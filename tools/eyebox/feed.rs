@@ -117,7 +117,7 @@ fn sources(args: &Feed) -> Result<Vec<String>, Failure> {
 /// A frame.
 enum Ready {
     /// Its views are those of the scene, the same for every pupil.
-    Made { info: FrameInfo, samples: Vec<u8> },
+    Made { info: Box<FrameInfo>, samples: Vec<u8> },
     /// A built-in scene, whose views are made where they are asked for.
     Stage(Vec<Stage>),
 }
@@ -166,7 +166,7 @@ fn load(args: &Feed, sources: &[String], offer: &Offer) -> Result<Vec<Ready>, Fa
         }
         let grid = field.grid.map(|n| n as u32);
         let content = Content::Views { grid, pitch_mm: field.cell(&display) * 1e3 };
-        let info = FrameInfo::new(content, Sample::F32, Transfer::Linear);
+        let info = Box::new(FrameInfo::new(content, Sample::F32, Transfer::Linear));
         Ok(Ready::Made { info, samples: interleaved(&field.planes) })
     };
     sources.iter().map(ready).collect()
@@ -219,7 +219,7 @@ fn give(args: &Feed, application: &mut Application, frames: &[Ready]) -> Result<
         let (mut info, made);
         let samples = match (&frames[(account.given % frames.len() as u64) as usize], &request) {
             (Ready::Made { info: its, samples }, _) => {
-                info = *its;
+                info = **its;
                 samples
             }
             // Nobody has asked for anything yet.

@@ -149,7 +149,7 @@ fn an_application_is_shown_killed_and_shown_again() {
         let trace = std::fs::read_to_string(at.join("t.json")).unwrap_or_default();
         trace.lines().filter(|l| l.contains("\"content\":\"new\"")).count() as u64
     };
-    let mut second = start(at, &[&gives, &["--frames", "1000"]]);
+    let second = start(at, &[&gives, &["--frames", "1000"]]);
     wait_for("the second application's frames", || shown(before + 3));
     assert!(std::process::Command::new("kill").args(["-INT", &display.id().to_string()]).status().unwrap().success());
     let ended = display.wait().unwrap();
