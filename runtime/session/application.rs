@@ -85,23 +85,6 @@ impl LiveInput {
         })
     }
 
-    /// What refinement begins with before the first frame: random phases of so many sub-frames, and darkness.
-    ///
-    /// # Errors
-    /// [`SessionError::Setting`] for a colour that the display does not have.
-    pub fn first(&self, frames: usize, seed: u64) -> Result<Vec<SteeredColor>, SessionError> {
-        let (height, width) = self.display.picture_size();
-        let dark = vec![vec![vec![0.0; height * width]]; self.colors.len()];
-        let field = self.field(dark, [1, 1], self.display.eyebox_min());
-        let one = |(i, color): (usize, &Color)| {
-            let problem = self.problem(&field, *color, [0.0; 2])?;
-            let pixels = problem.optics.height * problem.optics.width;
-            let phases = random_phases(frames * pixels, seed.wrapping_add(i as u64));
-            Ok(SteeredColor { problem, phases, exposure: USUAL_EXPOSURE })
-        };
-        self.colors.iter().enumerate().map(one).collect()
-    }
-
     fn problem(&self, field: &LightField, color: Color, center: [f64; 2]) -> Result<Problem, SessionError> {
         let problem = Problem::new(field, color, &self.display, Padding::default());
         let problem = problem.map_err(|e| SessionError::Setting(e.to_string()))?;
@@ -238,6 +221,38 @@ impl LiveInput {
         exposures.iter_mut().zip(&ends).for_each(|(exposure, end)| *exposure = exposure.max(end.mean));
         exposures.clone()
     }
+}
+
+/// What refinement begins with where the first scene has still to come: random phases of so many sub-frames, and darkness.
+///
+/// # Errors
+/// [`SessionError::Setting`] for a colour that the display does not have.
+pub fn darkness(
+    display: &Display,
+    colors: &[Color],
+    frames: usize,
+    seed: u64,
+) -> Result<Vec<SteeredColor>, SessionError> {
+    let (height, width) = display.picture_size();
+    let field = LightField {
+        name: String::new(),
+        grid: [1, 1],
+        height,
+        width,
+        colors: colors.to_vec(),
+        planes: vec![vec![vec![0.0; height * width]]; colors.len()],
+        view_pitch: Some(display.eyebox_min()),
+        disparity: None,
+        depth: None,
+    };
+    let one = |(i, color): (usize, &Color)| {
+        let problem = Problem::new(&field, *color, display, Padding::default());
+        let problem = problem.map_err(|e| SessionError::Setting(e.to_string()))?;
+        let pixels = problem.optics.height * problem.optics.width;
+        let phases = random_phases(frames * pixels, seed.wrapping_add(i as u64));
+        Ok(SteeredColor { problem, phases, exposure: USUAL_EXPOSURE })
+    };
+    colors.iter().enumerate().map(one).collect()
 }
 
 /// What an application is asked for.

@@ -2,9 +2,11 @@
 
 use super::companion::{Asked, Companion, Now};
 use super::error::SessionError;
+use super::journal::{Decision, Keeping};
 use super::latency::{Histogram, Latency, Stage};
 use super::notes::Notes;
 use super::output::OpenDisplay;
+use super::player::SetSource;
 use super::pupil_tracker::{Heard, PupilTracker};
 use super::refine::Refinement;
 use super::set_timing::SetTiming;
@@ -56,6 +58,8 @@ pub(super) struct Following {
     pub(super) tracker: Option<Arc<PupilTracker>>,
     /// What there is to be seen, where that changes.
     pub(super) showing: Option<Showing>,
+    /// What keeps what was decided.
+    pub(super) keeping: Option<Keeping>,
     /// Whether that begins with nothing: an application gives it.
     pub(super) first_is_to_come: bool,
     pub(super) track: Track,
@@ -132,6 +136,9 @@ impl Following {
             self.timing.store(self.timing.load().after(start_ns, decided_ns));
         }
         let light_ns = start_ns.saturating_add(self.light_after_ns);
+        if let (Some(keeping), Some((_, number))) = (&self.keeping, self.source.on_screen()) {
+            keeping.journal().keep(Decision::Lit { number });
+        }
         if let Some(set) = self.source.newly_shown() {
             if let Some(showing) = &mut self.showing {
                 showing.lit(Some(set), start_ns);
@@ -221,7 +228,7 @@ impl Following {
     }
 
     /// Ends the threads: what came of it, and what they did.
-    pub(super) fn stop(mut self) -> (LiveStatistics, Vec<Track>) {
+    pub(super) fn stop(mut self) -> (LiveStatistics, Vec<Track>, Result<(), SessionError>) {
         let LiveStatus { sets_new, sets_repeated, steps, restarts, .. } = self.status();
         let mut tracks: Vec<Track> = self.refinement.stop().into_iter().collect();
         // A refinement in simulated time holds nothing of it.
@@ -232,6 +239,6 @@ impl Following {
         let (tracker, latency, policy, focus) = (self.name, self.latency, self.policy, self.focused);
         let live =
             LiveStatistics { tracker, policy, sets_new, sets_repeated, steps, restarts, focus, latency, showing };
-        (live, tracks)
+        (live, tracks, self.keeping.map_or(Ok(()), Keeping::finish))
     }
 }

@@ -3,11 +3,13 @@
 use super::companion::CompanionOpener;
 use super::error::SessionError;
 use super::following::{Following, OPEN};
+use super::journal::{Journal, Keeping, Kept};
 use super::latency::Latency;
 use super::notes::Notes;
 use super::output::OpenDisplay;
 use super::pupil_tracker::PupilTracker;
 use super::refine::{Refinement, RefinementOptions};
+use super::replay::Replay;
 use super::running::{Running, Setup};
 use super::scenes::Scenes;
 use super::scheduler::{Schedule, Start};
@@ -30,6 +32,7 @@ use crate::trackers::simulated::{self, SimulatedSource};
 use crate::trackers::{self, Options, Source, Spec, Stream, now_ns};
 use crossbeam_utils::atomic::AtomicCell;
 use std::collections::VecDeque;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
@@ -186,6 +189,10 @@ pub struct Live {
     pub whole: PupilDistribution,
     /// What work takes on a simulated clock.
     pub cost: Cost,
+    /// A new folder that keeps what was decided, with all scenes that followed each other, so that it can be done again.
+    pub journal: Option<PathBuf>,
+    /// Such a folder, for a simulated clock: the same sets are lit again in the same order. Everything else is as it was then.
+    pub replay: Option<PathBuf>,
     /// How it follows.
     pub policy: Policy,
     /// Whether it does from the beginning.
@@ -214,6 +221,8 @@ impl Live {
             tracking: tracking.into(),
             whole,
             cost: Cost::Measured,
+            journal: None,
+            replay: None,
             policy,
             steered: true,
             display_latency,
@@ -229,6 +238,15 @@ impl Live {
     /// Refuses what does not go with the display's clock.
     fn check_clock(&self, is_real: bool) -> Result<(), SessionError> {
         let wrong = |why: &str| Err(SessionError::Setting(why.into()));
+        if self.replay.is_some() {
+            let alone = self.scenes.is_none() && self.tracking.is_none() && self.journal.is_none();
+            return match !is_real && alone {
+                true => Ok(()),
+                false => {
+                    wrong("what was kept is shown again on a simulated clock, without a tracker and without content")
+                }
+            };
+        }
         match self.cost {
             Cost::Measured if !is_real => {
                 wrong("a simulated clock has to be told what work takes: --step-time, or leave out --clock simulated")
@@ -283,30 +301,41 @@ impl Live {
             Some((gpu, order)) if !on_host && shared.is_some_and(|shared| shared.is(gpu)) => Some(order),
             _ => None,
         };
-        let again = move || Ok((Steerer::new(colors.clone(), policy, || engines.open())?, engines.gpu()?));
-        let options = RefinementOptions {
-            clock,
-            cost,
-            watch,
-            scenes,
-            timing: Arc::clone(&timing),
-            light_after,
-            steered: Arc::clone(&steered),
-            whole: whole_of_none,
-            direct,
-            with_phases,
-            again: Box::new(again),
-            notes: notes.clone(),
-            track: trace.track("refine"),
+        let keeping = self.journal.as_deref().map(Journal::start).transpose()?;
+        let again_with = colors.clone();
+        let mut again = move || -> Result<(Steerer, Option<Gpu>), SessionError> {
+            Ok((Steerer::new(again_with.clone(), policy, || engines.open())?, engines.gpu()?))
         };
         let idle = encoder.frames();
-        let (refinement, source) = Refinement::start(encoder, options)?;
+        let (refinement, source) = if let Some(folder) = &self.replay {
+            let (steerer, _) = again()?;
+            (Refinement::none(), Replay::start(Kept::open(folder)?, colors, steerer, encoder)?)
+        } else {
+            let options = RefinementOptions {
+                clock,
+                cost,
+                watch,
+                scenes,
+                journal: keeping.as_ref().map(Keeping::journal),
+                timing: Arc::clone(&timing),
+                light_after,
+                steered: Arc::clone(&steered),
+                whole: whole_of_none,
+                direct,
+                with_phases,
+                again: Box::new(again),
+                notes: notes.clone(),
+                track: trace.track("refine"),
+            };
+            Refinement::start(encoder, options)?
+        };
         let following = Following {
             companion,
             source,
             refinement,
             tracker,
             showing,
+            keeping,
             first_is_to_come: whole_of_none.is_some(),
             track: trace.track("sets"),
             name,

@@ -29,6 +29,7 @@ mod content;
 mod error;
 mod following;
 mod handle;
+mod journal;
 mod latency;
 mod live;
 mod marks;
@@ -42,6 +43,7 @@ mod present_thread;
 mod pupil_tracker;
 mod record;
 mod refine;
+mod replay;
 mod report;
 mod running;
 mod scenes;
@@ -73,7 +75,7 @@ mod thread_tests;
 
 pub use account::{Account, Cause};
 #[cfg(target_os = "linux")]
-pub use application::{LiveInput, LiveKind};
+pub use application::{LiveInput, LiveKind, darkness};
 pub use companion::{Asked, Companion, CompanionOpener, Now};
 pub use content::{About, Content, Ended, FrameObserver, SessionEvent, SessionOptions, Status};
 pub use error::SessionError;

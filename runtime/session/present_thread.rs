@@ -185,7 +185,8 @@ impl PresentThread {
             Running::Play(stream) => tracks.extend(stream.stop()),
             Running::Live(following) => {
                 result = result.and(following.followed());
-                let (live, more) = following.stop();
+                let (live, more, kept) = following.stop();
+                result = result.and(kept);
                 statistics.live = Some(live);
                 tracks.extend(more);
             }

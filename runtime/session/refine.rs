@@ -6,6 +6,7 @@ mod options;
 pub(super) use options::RefinementOptions;
 
 use super::error::SessionError;
+use super::journal::{Decision, Journal};
 use super::latency::Timestamps;
 use super::scenes::{Due, Newest, SceneFrame, Supply};
 use super::set_timing::{SetTiming, Target, as_ns};
@@ -98,6 +99,11 @@ impl Refinement {
         Ok((Self { shared, thread }, source))
     }
 
+    /// That of sets which are made elsewhere.
+    pub(super) fn none() -> Self {
+        Self { shared: Arc::default(), thread: None }
+    }
+
     /// What became of scenes.
     pub(super) fn taken(&self) -> Taken {
         self.shared.taken.load()
@@ -174,6 +180,7 @@ impl Refining {
             });
             match again {
                 Ok((steerer, device)) => {
+                    self.options.journal.iter().for_each(Journal::break_off);
                     notes.tell(format!("refinement begins anew: {error}"));
                     (self.steerer, self.device) = (steerer, device);
                 }
@@ -316,6 +323,9 @@ impl Refining {
             // What is shown is the scene's own hologram: there is nothing to compare.
             self.steerer.forget_aim();
         }
+        if let Some(journal) = &self.options.journal {
+            journal.scene(&scene, !steered);
+        }
         let followed = self.steerer.follow(&scene.colors)?;
         taken.scenes += 1;
         taken.own_starts += u64::from(followed.own);
@@ -331,6 +341,7 @@ impl Refining {
     /// The hologram for the whole eyebox.
     fn show_whole(&mut self, target: &Target, now_ns: i64) -> Result<(), SessionError> {
         self.steerer.restart()?;
+        self.options.journal.iter().for_each(|journal| journal.keep(Decision::Whole {}));
         let mut time = WorkTime::begin(self.options.cost, now_ns);
         let timestamps = Timestamps {
             refine_start_ns: now_ns,
@@ -359,6 +370,7 @@ impl Refining {
             self.steerer.aim(expected.pupil)?;
             let taken = self.steerer.round_while(|expected| time.step_before(deadline_ns, expected))?;
             steps += taken;
+            self.options.journal.iter().for_each(|journal| journal.steps(&expected.pupil, taken));
             let left_ns = deadline_ns.saturating_sub(time.now_ns()).saturating_sub(self.round_ns());
             if taken == 0 || left_ns < 0 {
                 break (expected, at_ns);
@@ -436,6 +448,7 @@ impl Refining {
         let Some(mut buffer) = self.sender.buffer() else { return Ok(()) };
         self.encode(&mut buffer)?;
         time.encoded();
+        self.options.journal.iter().for_each(|journal| journal.keep(Decision::Set { number: self.number }));
         let handed_over_ns = self.options.clock.map_or_else(|| time.now_ns(), |clock| clock.now_ns());
         let timestamps = Timestamps { handed_over_ns, ..timestamps };
         let pupil = aim.map_or([0.0; 2], |aim| aim.centre);

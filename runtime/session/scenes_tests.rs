@@ -117,6 +117,7 @@ fn shown(tracked: bool) -> Vec<(f64, u64, Pupil)> {
         cost: COST,
         watch,
         scenes: Some(Box::new(Moving::new([0, i64::MAX]))),
+        journal: None,
         timing: Arc::new(AtomicCell::new(SetTiming::new(PERIOD_NS))),
         light_after: Duration::from_nanos(PERIOD_NS as u64 / 2),
         steered: Arc::new(AtomicBool::new(true)),

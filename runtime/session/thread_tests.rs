@@ -168,6 +168,7 @@ fn options(
         cost: Cost::Measured,
         watch: Watch::Tracker(tracker),
         scenes: None,
+        journal: None,
         whole: None,
         timing: Arc::clone(timing),
         light_after: Duration::from_millis(8),

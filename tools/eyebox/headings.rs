@@ -146,7 +146,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
     ("Bare phases", &["phase_unit", "pitch", "wavelength", "focal_length", "geometry", "exposure"]),
     ("Video frames", &["encoded", "as_shown"]),
     ("Engine", &["engine", "device", "vulkan_from", "rounds", "beside", "dry", "time_again"]),
-    ("Output", &["out", "json", "timings", "stats", "record", "trace", "raw", "shared", "at"]),
+    ("Output", &["out", "json", "timings", "stats", "record", "trace", "raw", "shared", "at", "journal", "replay"]),
 ];
 
 /// Above options that are in no row.

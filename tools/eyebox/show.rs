@@ -49,6 +49,12 @@ pub struct Show {
     /// What an application is asked for
     #[arg(long, value_enum, default_value = "views")]
     pub ask: Ask,
+    /// Of live:NAME: keep in a new folder what came and what was decided, so that it can be shown again
+    #[arg(long, value_name = "DIR", conflicts_with = "replay")]
+    pub journal: Option<PathBuf>,
+    /// Of live:NAME, with the other options as they were: show again what was kept, byte for byte, on a simulated clock
+    #[arg(long, value_name = "DIR")]
+    pub replay: Option<PathBuf>,
 }
 
 /// What an application is asked for.
@@ -175,6 +181,7 @@ fn solve(args: &Show, scenes: Vec<String>, file: &Path) -> Result<Display, Failu
 
 /// Without a tracker: as it was solved.
 fn play(args: &Show, sequence: Sequence, display: Display) -> Result<(), Failure> {
+    kept_of_applications(args)?;
     let refused = [
         (args.step_time.is_some(), "--step-time"),
         (args.live.view, "--view"),
@@ -195,6 +202,7 @@ fn play(args: &Show, sequence: Sequence, display: Display) -> Result<(), Failure
 
 /// With a tracker: refined for the eye.
 fn follow(args: &Show, what: &str) -> Result<(), Failure> {
+    kept_of_applications(args)?;
     let cost = refined(args)?;
     if args.stream.rate.is_some() && live::is_hologram(Path::new(what)) {
         // What a sequence says of its time holds.
@@ -209,7 +217,8 @@ fn follow(args: &Show, what: &str) -> Result<(), Failure> {
 
 fn show(args: &Show, steered: Steered, cost: Option<Cost>, stage: Stage) -> Result<(), Failure> {
     let tracker = args.live.tracker.tracker.as_deref();
-    live::show(steered, &args.live, tracker, cost, args.stream.sink(), stage)
+    let kept = live::KeptSession { journal: args.journal.clone(), replay: args.replay.clone() };
+    live::show(steered, &args.live, live::Showing { tracker, simulated: cost, sink: args.stream.sink(), kept }, stage)
 }
 
 /// What is refined while it is shown: what work takes on a simulated clock, and a line for what it does not take.
@@ -241,6 +250,15 @@ fn refined(args: &Show) -> Result<Option<Cost>, Failure> {
     }
 }
 
+fn kept_of_applications(args: &Show) -> Result<(), Failure> {
+    match args.journal.is_some() || args.replay.is_some() {
+        true => Err(Failure::Asked(
+            "--journal and --replay are for live:NAME; other content is the same again by itself".into(),
+        )),
+        false => Ok(()),
+    }
+}
+
 fn endless_needs_duration(args: &Show, cost: Option<Cost>, endless: bool) -> Result<(), Failure> {
     match endless && cost.is_some() && args.live.duration.is_none() {
         true => Err(Failure::Asked("a simulated clock would go on for ever: give --duration".into())),
@@ -253,9 +271,15 @@ fn endless_needs_duration(args: &Show, cost: Option<Cost>, endless: bool) -> Res
 fn application(args: &Show, name: &str) -> Result<(), Failure> {
     use eyebox::encode::Encoder;
     use eyebox::hologram::Hologram;
-    use eyebox::session::{LiveInput, LiveKind, Scenes};
+    use eyebox::session::{LiveInput, LiveKind, darkness};
 
-    if refined(args)?.is_some() {
+    let cost = match &args.replay {
+        // Nothing is timed that was decided before.
+        Some(_) if args.live.tracker.tracker.is_none() => Some(Cost::Measured),
+        Some(_) => return Err(Failure::Asked("--replay has its samples in it: leave out --tracker".into())),
+        None => refined(args)?,
+    };
+    if cost.is_some() && args.replay.is_none() {
         let line = "an application lives in real time: leave out --clock simulated";
         return Err(Failure::Asked(format!("live:{name}: {line}")));
     }
@@ -269,14 +293,17 @@ fn application(args: &Show, name: &str) -> Result<(), Failure> {
         Ask::Layers => LiveKind::Layers,
     };
     let encoder = Encoder::new(&display, &colors, args.frames)?;
-    let input = LiveInput::open(name, &display, &colors, views, kind)?;
-    let parts = input.first(args.frames, args.live.policy.steering.seed)?;
+    let parts = darkness(&display, &colors, args.frames, args.live.policy.steering.seed)?;
     let mut hologram = Hologram::on(&display, args.frames, Vec::new());
-    hologram.scene = input.describe();
+    hologram.scene = format!("live:{name}");
     let engine = stage.engines.open()?.describe();
-    eprintln!("live:{name} waits for an application");
-    let steered = Steered { hologram, colors, parts, scenes: Some(Box::new(input)), encoder, engine, unfinished: None };
-    show(args, steered, None, stage)
+    let mut steered = Steered { hologram, colors, parts, scenes: None, encoder, engine, unfinished: None };
+    if args.replay.is_none() {
+        let input = LiveInput::open(name, &display, &steered.colors, views, kind)?;
+        steered.scenes = Some(Box::new(input));
+        eprintln!("live:{name} waits for an application");
+    }
+    show(args, steered, cost, stage)
 }
 
 #[cfg(not(target_os = "linux"))]

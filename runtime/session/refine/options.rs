@@ -4,6 +4,7 @@ use crate::gpu::{Gpu, PixelOrder};
 use crate::optics::PupilDistribution;
 use crate::present::RealClock;
 use crate::session::error::SessionError;
+use crate::session::journal::Journal;
 use crate::session::notes::Notes;
 use crate::session::pupil_tracker::PupilEstimate;
 use crate::session::scenes::Scenes;
@@ -30,6 +31,8 @@ pub(in crate::session) struct RefinementOptions {
     pub watch: Watch,
     /// What is to be seen, where that changes.
     pub scenes: Option<Box<dyn Scenes>>,
+    /// Where decisions are kept.
+    pub journal: Option<Journal>,
     /// When the display begins sets; who presents says it.
     pub timing: Arc<AtomicCell<SetTiming>>,
     /// From the beginning of a set to the middle of its light.

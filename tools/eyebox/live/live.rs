@@ -66,15 +66,34 @@ pub struct LiveOptions {
     pub trace: Option<PathBuf>,
 }
 
-/// What work takes on a simulated clock; none on the system's.
-pub type SimulatedCost = Option<Cost>;
+/// Where a session is kept, or one that was.
+#[derive(Default)]
+pub struct KeptSession {
+    /// A new folder.
+    pub journal: Option<PathBuf>,
+    /// One that was kept.
+    pub replay: Option<PathBuf>,
+}
+
+/// How what is refined is shown, beside the options that all have.
+#[derive(Default)]
+pub struct Showing<'a> {
+    /// Whose eye is followed, if anybody's is.
+    pub tracker: Option<&'a str>,
+    /// What work takes on a simulated clock; none on the system's.
+    pub simulated: Option<Cost>,
+    /// Where video frames go besides.
+    pub sink: Option<SinkFile>,
+    /// What is kept of it.
+    pub kept: KeptSession,
+}
 
 /// Shows, follows, and says how it went.
 pub fn run(args: &Live) -> Result<(), Failure> {
     let stage = Stage::open(&args.subject.how, &args.how)?;
     let steered = subject::load(&args.subject.what, &args.subject.how, true, &stage.engines)?;
     let tracker = args.how.tracker.tracker.as_deref().unwrap_or("simulated");
-    show(steered, &args.how, Some(tracker), None, None, stage)
+    show(steered, &args.how, Showing { tracker: Some(tracker), ..Showing::default() }, stage)
 }
 
 /// The devices that a show takes.
@@ -98,16 +117,10 @@ impl Stage {
     }
 }
 
-/// Shows what is refined, for the eye of `tracker` if there is one, on a display that may write to `sink`; and says how it went.
-pub fn show(
-    steered: Steered,
-    args: &LiveOptions,
-    tracker: Option<&str>,
-    simulated: SimulatedCost,
-    sink: Option<SinkFile>,
-    stage: Stage,
-) -> Result<(), Failure> {
+/// Shows what is refined, and says how it went.
+pub fn show(steered: Steered, args: &LiveOptions, showing: Showing<'_>, stage: Stage) -> Result<(), Failure> {
     let Stage { engines, gpu } = stage;
+    let Showing { tracker, simulated, sink, kept } = showing;
     let eyepiece = eyepiece(&steered);
     let (mouse, tracking) = match tracker {
         None => (None, None),
@@ -141,6 +154,11 @@ pub fn show(
     let mut live = session::Live::new(parts, encoder, engines.source(), tracking);
     (live.policy, live.steered, live.companion) = (args.policy.policy(), !args.unsteered, companion);
     live.display_latency = Duration::from_secs_f64((args.display_latency * 1e-3).min(10.0));
+    (live.journal, live.replay) = (kept.journal, kept.replay);
+    if live.replay.is_some() {
+        // As of all whose first scene has still to come.
+        live.policy.restart = f64::INFINITY;
+    }
     (live.scenes, live.cost) = (scenes, simulated.unwrap_or(Cost::Measured));
     live.whole.focus = hologram.metadata.solve.as_ref().map_or(live.whole.focus, |solve| solve.depth);
     let mut options = args.shown.options();

@@ -130,7 +130,8 @@ fn an_application_is_shown_killed_and_shown_again() {
     let at = temp.path();
     let show =
         ["show", "live:demo", "--display", "planes8", "--views", "3", "--tracker", "simulated", "--stats", "s.json"];
-    let mut display = start(at, &[&show, &SIZE, &["--frames", "2", "--trace", "t.json"]]);
+    let kept = ["--journal", "kept", "--raw", "live.raw"];
+    let mut display = start(at, &[&show, &SIZE, &kept, &["--frames", "2", "--trace", "t.json"]]);
     wait_for("its socket", || at.join("eyebox/demo.sock").exists());
     let feed =
         ["feed", "builtin:still-life", "--name", "demo", "--rate", "20", "--path=shift=-0.1..0.1", "--steps", "3"];
@@ -163,6 +164,17 @@ fn an_application_is_shown_killed_and_shown_again() {
     assert!(sets["new"].as_u64().unwrap() >= 6 && sets["application_gone"].as_u64().unwrap() >= 1, "{content}");
     assert_eq!(content["shown"], sets["new"]);
     assert!(content["arrival_to_light_ms"]["count"].as_u64().unwrap() >= 6, "{content}");
+    // What was kept is shown again without the application, without the eye and without the time that it took: the same bytes.
+    let again = ["show", "live:demo", "--display", "planes8", "--views", "3", "--replay", "kept", "--raw", "again.raw"];
+    run(at, &[&again, &SIZE, &["--frames", "2"]]);
+    let shown = |file: &str| {
+        let bytes = std::fs::read(at.join(file)).unwrap();
+        let frames: Vec<Vec<u8>> = bytes.chunks(32 * 32).map(<[u8]>::to_vec).collect();
+        let content = |frame: &&Vec<u8>| frame.iter().any(|b| *b != frames[0][0]);
+        frames.iter().filter(content).cloned().collect::<Vec<_>>()
+    };
+    let (live, again) = (shown("live.raw"), shown("again.raw"));
+    assert!(live.len() > 6 && live == again, "{} video frames, {} again", live.len(), again.len());
 }
 
 #[test]
@@ -179,5 +191,7 @@ fn what_does_not_go_together_is_one_line() {
     refused(at, &show("s.zarr", &["builtin:plane"]), "x", "alone");
     refused(at, &show("live:../x", &SIZE), "x", "name");
     refused(at, &show("live:x", &["--clock", "simulated", "--step-time", "3"]), "x", "real time");
+    refused(at, &show("s.zarr", &["--journal", "x"]), "x", "live:NAME");
+    refused(at, &show("live:x", &["--replay", "s.zarr", "--color", "green", "--size", "32x32"]), "x", "decisions");
     refused(at, &["study", "s.zarr", "--display", "planes8", "-o", "x"], "x", "sequence");
 }
