@@ -151,8 +151,8 @@ mod tests {
         let picture = square();
         let near: Vec<f32> = picture.iter().map(|v| if *v > 0.6 { 2e-3 } else { 0.0 }).collect();
         let places = [[0.0, 0.0], [1e-3, 0.0], [0.0, 2e-3]];
-        // Two millimetres of depth and one of the pupil plane: 3 pixels.
-        let from = Places { places: &places, per_metre: 1.5e6, size: SIZE };
+        // Two millimetres of depth and one of the pupil plane: 2 pixels.
+        let from = Places { places: &places, per_metre: 1e6, size: SIZE };
         let depths = views_of_depths(&[&picture], &near, &from).unwrap();
         let (ground, full) = (vec![0.25f32; 24 * 32], vec![1.0f32; 24 * 32]);
         let opacity: Vec<f32> = picture.iter().map(|v| f32::from(*v > 0.6)).collect();
@@ -162,7 +162,7 @@ mod tests {
         ];
         let layers = views_of_layers(&layers, &from).unwrap();
         for views in [&depths[0], &layers[0]] {
-            for (view, moved) in views.iter().zip([[0.0, 0.0], [-3.0, 0.0], [0.0, -6.0]]) {
+            for (view, moved) in views.iter().zip([[0.0, 0.0], [-2.0, 0.0], [0.0, -4.0]]) {
                 let [x, y] = middle(view);
                 assert!((x - 16.0 - moved[0]).abs() < 0.2 && (y - 12.0 - moved[1]).abs() < 0.2, "{x}, {y}: {moved:?}");
             }

@@ -131,14 +131,16 @@ fn shown(tracked: bool) -> Vec<(f64, u64, Pupil)> {
     let encoder = Encoder::new(&DISPLAY, &[Color::Green], 8).unwrap();
     let (_refinement, mut source) = Refinement::start(encoder, options).unwrap();
     let mut eye = Eye::new(eye(), 0);
-    let mut all = Vec::new();
+    let (mut all, mut newest) = (Vec::new(), None);
     for set in 1..=60i64 {
         let start_ns = set * PERIOD_NS;
         source.settle(0, start_ns).unwrap();
         source.show(0);
         let Some(made) = source.newly_shown() else { continue };
         let content = made.content.expect("a scene");
-        assert!(start_ns - made.arrived_ns.unwrap() <= 2 * PERIOD_NS, "{set}: {:?}", made.arrived_ns);
+        if newest.replace(content) != Some(content) {
+            assert!(start_ns - made.arrived_ns.unwrap() <= 2 * PERIOD_NS, "{set}: {:?}", made.arrived_ns);
+        }
         if set % 5 == 0 && set > 10 {
             let truth = eye.at((start_ns + PERIOD_NS / 2) as u64);
             let [x, y] = truth.position;

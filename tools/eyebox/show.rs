@@ -218,7 +218,8 @@ fn follow(args: &Show, what: &str) -> Result<(), Failure> {
 fn show(args: &Show, steered: Steered, cost: Option<Cost>, stage: Stage) -> Result<(), Failure> {
     let tracker = args.live.tracker.tracker.as_deref();
     let kept = live::KeptSession { journal: args.journal.clone(), replay: args.replay.clone() };
-    live::show(steered, &args.live, live::Showing { tracker, simulated: cost, sink: args.stream.sink(), kept }, stage)
+    let (sink, depths) = (args.stream.sink(), args.subject.options.depth_before(steered.encoder.display()));
+    live::show(steered, &args.live, live::Showing { tracker, simulated: cost, sink, depths, kept }, stage)
 }
 
 /// What is refined while it is shown: what work takes on a simulated clock, and a line for what it does not take.
@@ -301,6 +302,9 @@ fn application(args: &Show, name: &str) -> Result<(), Failure> {
     if args.replay.is_none() {
         let input = LiveInput::open(name, &display, &steered.colors, views, kind)?;
         steered.scenes = Some(Box::new(input));
+        if args.live.tracker.tracker.is_none() && args.subject.options.depth.is_none() {
+            eprintln!("note: without a tracker eyes are taken to focus at 0 mm: --depth says where else content lies");
+        }
         eprintln!("live:{name} waits for an application");
     }
     show(args, steered, cost, stage)

@@ -84,6 +84,8 @@ pub struct Showing<'a> {
     pub simulated: Option<Cost>,
     /// Where video frames go besides.
     pub sink: Option<SinkFile>,
+    /// Depths that eyes may focus at where nobody is tracked, metres [default: those that it was solved for].
+    pub depths: Option<[f64; 2]>,
     /// What is kept of it.
     pub kept: KeptSession,
 }
@@ -120,7 +122,7 @@ impl Stage {
 /// Shows what is refined, and says how it went.
 pub fn show(steered: Steered, args: &LiveOptions, showing: Showing<'_>, stage: Stage) -> Result<(), Failure> {
     let Stage { engines, gpu } = stage;
-    let Showing { tracker, simulated, sink, kept } = showing;
+    let Showing { tracker, simulated, sink, depths, kept } = showing;
     let eyepiece = eyepiece(&steered);
     let (mouse, tracking) = match tracker {
         None => (None, None),
@@ -160,7 +162,8 @@ pub fn show(steered: Steered, args: &LiveOptions, showing: Showing<'_>, stage: S
         live.policy.restart = f64::INFINITY;
     }
     (live.scenes, live.cost) = (scenes, simulated.unwrap_or(Cost::Measured));
-    live.whole.focus = hologram.metadata.solve.as_ref().map_or(live.whole.focus, |solve| solve.depth);
+    let depths = depths.or(hologram.metadata.solve.as_ref().map(|solve| solve.depth));
+    live.whole.focus = depths.unwrap_or(live.whole.focus);
     let mut options = args.shown.options();
     options.gpu = gpu;
     options.duration = args.duration.map(|s| Duration::from_secs_f64(s.min(1e9)));

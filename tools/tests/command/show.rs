@@ -34,7 +34,7 @@ fn recorded(folder: &Path) -> Vec<(String, Vec<u8>)> {
 
 fn sequence(at: &Path) {
     let scenes = ["builtin:still-life?shift=0", "builtin:still-life?shift=0.1", "builtin:still-life?shift=0.2"];
-    let solve = ["--steps", "3", "--frames", "2", "--views", "3", "--rate", "20", "-o", "s.zarr"];
+    let solve = ["--steps", "3", "--frames", "8", "--views", "3", "--rate", "20", "-o", "s.zarr"];
     done(at, &[&["solve"], &scenes[..], &solve, &SIZE].concat());
 }
 
@@ -44,7 +44,7 @@ fn holograms_sequences_and_scenes_are_shown() {
     let temp = common::folder();
     let at = temp.path();
     sequence(at);
-    let display = ["--display", "planes24"];
+    let display = ["--display", "planes8"];
     run(at, &[&["play", "s.zarr", "--record", "played", "--size", "32x32", "--engine", "cpu"], &display]);
     run(at, &[&["show", "s.zarr", "--record", "shown", "--engine", "cpu"], &display]);
     assert!(recorded(&at.join("played")) == recorded(&at.join("shown")));
@@ -52,7 +52,7 @@ fn holograms_sequences_and_scenes_are_shown() {
     let said = run(at, &[&["show", "builtin:plane", "--record", "one"], &brief, &display, &SIZE]);
     assert!(said.contains("1 holograms of 32x32"), "{said}");
     assert!(recorded(&at.join("one")).iter().any(|f| f.0.starts_with("set-000000")));
-    let two = ["show", "builtin:plane", "builtin:plane?shift=0.1", "--frames", "1", "--rate", "10", "--record", "two"];
+    let two = ["show", "builtin:plane", "builtin:plane?shift=0.1", "--rate", "10", "--record", "two"];
     let said = run(at, &[&two, &brief, &display, &SIZE]);
     assert!(said.contains("2 holograms of 32x32 at 10 a second"), "{said}");
 }
@@ -65,7 +65,7 @@ fn a_far_field_in_tiles_is_shown() {
     let far = "name = \"far\"\nresolution = [96, 96]\npitch_um = 8.0\nfocal_length_mm = 400.0\n\
                wavelengths_nm = { green = 520 }\ngeometry = \"far-field\"\n";
     std::fs::write(at.join("far.toml"), far).unwrap();
-    let solve = ["solve", "builtin:still-life", "--display", "far.toml", "--memory", "64MiB", "--picture", "64"];
+    let solve = ["solve", "builtin:still-life", "--display", "far.toml", "--memory", "600MiB", "--picture", "64"];
     done(
         at,
         &[&solve[..], &["--passes", "1", "--steps", "1", "--frames", "1", "--engine", "cpu", "-o", "f.zarr"]].concat(),
@@ -131,7 +131,7 @@ fn an_application_is_shown_killed_and_shown_again() {
     let show =
         ["show", "live:demo", "--display", "planes8", "--views", "3", "--tracker", "simulated", "--stats", "s.json"];
     let kept = ["--journal", "kept", "--raw", "live.raw"];
-    let mut display = start(at, &[&show, &SIZE, &kept, &["--frames", "2", "--trace", "t.json"]]);
+    let mut display = start(at, &[&show, &SIZE, &kept, &["--trace", "t.json"]]);
     wait_for("its socket", || at.join("eyebox/demo.sock").exists());
     let feed =
         ["feed", "builtin:still-life", "--name", "demo", "--rate", "20", "--path=shift=-0.1..0.1", "--steps", "3"];
@@ -166,7 +166,7 @@ fn an_application_is_shown_killed_and_shown_again() {
     assert!(content["arrival_to_light_ms"]["count"].as_u64().unwrap() >= 6, "{content}");
     // What was kept is shown again without the application, without the eye and without the time that it took: the same bytes.
     let again = ["show", "live:demo", "--display", "planes8", "--views", "3", "--replay", "kept", "--raw", "again.raw"];
-    run(at, &[&again, &SIZE, &["--frames", "2"]]);
+    run(at, &[&again, &SIZE]);
     let shown = |file: &str| {
         let bytes = std::fs::read(at.join(file)).unwrap();
         let frames: Vec<Vec<u8>> = bytes.chunks(32 * 32).map(<[u8]>::to_vec).collect();
@@ -192,6 +192,7 @@ fn what_does_not_go_together_is_one_line() {
     refused(at, &show("live:../x", &SIZE), "x", "name");
     refused(at, &show("live:x", &["--clock", "simulated", "--step-time", "3"]), "x", "real time");
     refused(at, &show("s.zarr", &["--journal", "x"]), "x", "live:NAME");
-    refused(at, &show("live:x", &["--replay", "s.zarr", "--color", "green", "--size", "32x32"]), "x", "decisions");
+    let none = common::eyebox(at, &[&show("live:x", &["--replay", "s.zarr"])[..], &SIZE].concat());
+    assert!(none.status.code() == Some(2) && text(&none.stderr).contains("decisions"), "{}", text(&none.stderr));
     refused(at, &["study", "s.zarr", "--display", "planes8", "-o", "x"], "x", "sequence");
 }
