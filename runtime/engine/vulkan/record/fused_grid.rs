@@ -149,7 +149,7 @@ impl<'a> Call<'_, 'a> {
             let range = self.plane(*resource, first, count)?;
             let bytes = match resource {
                 Resource::Shown if moves_phases && !self.shape.quantised => continue,
-                Resource::Pixels => 4 * pixels * if self.kernel == Kernel::Turn { 1 } else { 3 },
+                Resource::Pixels => 4 * pixels * if self.kernel == Kernel::ModulateWave { 3 } else { 1 },
                 resource => self.shape.real_bytes(*resource) * pixels * count as u64,
             };
             moves.extend((*access != Access::Write).then(|| range.reads(bytes)));
