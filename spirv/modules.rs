@@ -10,6 +10,7 @@ modules! {
     DIVIDE_BY_OVERLAP = "divide_by_overlap", DIVIDE_BY_OVERLAP_HALF = "divide_by_overlap_half";
     DRIVE = "drive";
     DRIVE_BACK = "drive_back", DRIVE_BACK_HALF = "drive_back_half";
+    DRIVE_LAG = "drive_lag";
     ENCODE = "encode";
     ENERGY = "energy", ENERGY_HALF = "energy_half";
     EQUALISE_EYEBOX = "equalise_eyebox", EQUALISE_EYEBOX_HALF = "equalise_eyebox_half";
@@ -34,6 +35,7 @@ modules! {
     PIXELS = "pixels";
     PROJECT = "project", PROJECT_HALF = "project_half";
     PROJECT_ROWS = "project_rows", PROJECT_ROWS_HALF = "project_rows_half";
+    PROJECT_WAVE = "project_wave";
     QUANTISE = "quantise";
     RELAY = "relay";
     RESAMPLE = "resample";

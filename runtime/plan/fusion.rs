@@ -19,6 +19,8 @@ pub(crate) enum Way {
     Elsewhere,
     /// `modulate` and `field_forward`.
     FieldFromPhases,
+    /// `drive` and `lag`.
+    DriveAndLag,
     /// `modulate_wave` and `field_forward`.
     FieldFromWave,
     /// From `pass_pupil` to `intensity`.
@@ -38,6 +40,8 @@ pub(crate) enum Way {
     ChangeRowsAnd(Behind),
     /// With the columns before.
     ChangeAnd(Behind),
+    /// `lag_back`, where there is lag, `drive_back` and `project`, at its entry.
+    ProjectFromWave,
 }
 
 /// What is done where rows of the change are put.
@@ -71,6 +75,8 @@ pub(crate) struct Fusable {
     pub windows: bool,
     /// The windows of a group in one range, and their propagation kernels.
     pub gather: bool,
+    /// What is done to a pixel in all sub-frames of the phases that a display's model makes.
+    pub sets: bool,
 }
 
 /// One for each of these entries of the step's list.
@@ -84,6 +90,8 @@ pub(crate) fn ways(step: &Step, list: &[&Dispatch], fusable: Fusable) -> Vec<Way
             continue;
         } else if fusable.grid && here(&[Kernel::Modulate, Kernel::FieldForward]) {
             (Way::FieldFromPhases, 2)
+        } else if fusable.sets && here(&[Kernel::Drive, Kernel::Lag]) {
+            (Way::DriveAndLag, 2)
         } else if fusable.grid && here(&[Kernel::ModulateWave, Kernel::FieldForward]) {
             (Way::FieldFromWave, 2)
         } else if fusable.windows && here(&THROUGH_A_WINDOW) {
@@ -95,6 +103,9 @@ pub(crate) fn ways(step: &Step, list: &[&Dispatch], fusable: Fusable) -> Vec<Way
         };
         ways[at..at + count].fill(Way::Elsewhere);
         ways[at] = way;
+    }
+    if fusable.sets {
+        project_from_wave(step, list, &mut ways);
     }
     let Some(inverse) = list.iter().position(|d| d.kernel == Kernel::ChangeInverse).filter(|_| fusable.grid) else {
         return ways;
@@ -118,6 +129,19 @@ pub(crate) fn ways(step: &Step, list: &[&Dispatch], fusable: Fusable) -> Vec<Way
 fn runs(list: &[&Dispatch], kernels: &[Kernel]) -> bool {
     list.len() >= kernels.len()
         && list.iter().zip(kernels).all(|(d, kernel)| d.kernel == *kernel && d.pupil_passes == list[0].pupil_passes)
+}
+
+/// What a display's model hands back to the phases, where all of it is in this part.
+fn project_from_wave(step: &Step, list: &[&Dispatch], ways: &mut [Way]) {
+    let Some(project) = list.iter().position(|d| d.kernel == Kernel::Project) else { return };
+    let count = 1 + usize::from(step.drive.lag > 0.0);
+    let before = [Kernel::LagBack, Kernel::DriveBack];
+    if project >= count
+        && list[project - count..project].iter().map(|d| d.kernel).eq(before[2 - count..].iter().copied())
+    {
+        ways[project - count..project].fill(Way::Elsewhere);
+        ways[project] = Way::ProjectFromWave;
+    }
 }
 
 /// What is returned to the spectrum, where all of it up to the field's change, entry `inverse`, is in this part: what lies between
@@ -152,7 +176,7 @@ mod tests {
     use crate::optics::{Optics, Pupil, WindowFactor};
     use crate::plan::{Comparison, Planner};
 
-    const ALL: Fusable = Fusable { grid: true, windows: true, gather: true };
+    const ALL: Fusable = Fusable { grid: true, windows: true, gather: true, sets: true };
 
     fn planner() -> Planner {
         let optics = Optics::new(40, 64, 8e-6, 520e-9, 0.4).unwrap();

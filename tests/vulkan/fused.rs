@@ -122,7 +122,8 @@ fn other_lists_fused_are_those_of_the_list() {
             let (purpose, mode) = (*purpose, *mode);
             let step = case.step(purpose, mode, 0.5, 3000);
             let after = |kernel| step.list.iter().position(|d| d.kernel == kernel).unwrap() + 1;
-            let cuts = [Kernel::ModulateWave, Kernel::ChangeInverse, Kernel::Turn, Kernel::DriveBack].map(after);
+            use Kernel::{ChangeInverse, Drive, DriveBack, LagBack, ModulateWave, Turn};
+            let cuts = [Drive, ModulateWave, ChangeInverse, Turn, LagBack, DriveBack].map(after);
             compare(&mut engine, &case, purpose, &step, &cuts, &format!("every term, {purpose:?}, {storage:?}"));
         }
     }

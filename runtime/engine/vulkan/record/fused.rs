@@ -51,10 +51,13 @@ impl Work<'_> {
                     .is_some_and(|(_, along)| self.together(&along, pass.window.columns).is_some())
         };
         let arenas = [Resource::Window, Resource::Transfer].map(|r| self.arenas.block(r).map_or(0, |block| block.size));
+        let grid = shared([place.grid_height as usize, place.grid_width as usize]).is_some();
+        let wave = self.stacks.find(Resource::Wave).filter(|_| grid && self.shape.subpixels() == 1);
         Fusable {
-            grid: shared([place.grid_height as usize, place.grid_width as usize]).is_some(),
+            grid,
             windows: passes.all(fits),
             gather: arenas.into_iter().all(|size| size <= limit),
+            sets: wave.is_some_and(|wave| self.at_once(&wave.layout) >= wave.layout.frames),
         }
     }
 
@@ -86,6 +89,8 @@ impl<'a> Call<'_, 'a> {
                 self.work.before(&[(Update, Resource::Field)]);
                 self.grid_lines(Resource::Field, Direction::Forward, Along::Columns)
             }
+            Way::DriveAndLag => self.drive_lag(),
+            Way::ProjectFromWave => self.project_wave(),
             Way::FieldFromWave => {
                 self.work.before(&[(Read, Resource::Wave), (Read, Resource::Pixels), (Write, Resource::Field)]);
                 self.modulate_wave_rows()?;

@@ -130,13 +130,13 @@ impl<'a> Call<'_, 'a> {
     }
 
     /// As bound; of the phases that a display's model makes, too, those of these sub-frames.
-    fn plane(&self, resource: Resource, first: usize, count: usize) -> Result<Range<'a>, EngineError> {
+    pub(super) fn plane(&self, resource: Resource, first: usize, count: usize) -> Result<Range<'a>, EngineError> {
         let range = self.bound(resource, first, count)?;
         Ok(if resource == Resource::Wave { self.layout(resource)?.range(range.block, first, count) } else { range })
     }
 
     /// What a kernel moves that looks at each pixel once; phases that are shown as they are, once.
-    fn moves_of_pixels(
+    pub(super) fn moves_of_pixels(
         &self,
         binds: &[(Access, Resource)],
         first: usize,
