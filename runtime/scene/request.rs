@@ -1,6 +1,6 @@
 //! What is wanted of a scene.
 
-use super::{Near, Order, SceneError};
+use super::{Near, Order, Photographs, SceneError};
 use crate::memory;
 use crate::optics::{Color, Display};
 use std::path::Path;
@@ -29,6 +29,8 @@ pub struct Request<'a> {
     /// How the views of a folder really stand, instead of what the folder says; none refuses those whose pictures clearly
     /// show another order than that of their names.
     pub order: Option<Order>,
+    /// Of which views photographs are made of a folder.
+    pub photographs: Photographs,
 }
 
 impl<'a> Request<'a> {
@@ -44,6 +46,7 @@ impl<'a> Request<'a> {
             near: None,
             depth: None,
             order: None,
+            photographs: Photographs::Auto,
         }
     }
 
