@@ -99,6 +99,7 @@ impl Settings {
             view_pitch: Some(every as f64 * cell),
             disparity: field.disparity.map(|d| d.map(|delta| every as f64 * delta)),
             depth: field.depth,
+            made: None,
         };
         if coarse == *display {
             return Some((thin, coarse));
@@ -182,6 +183,7 @@ mod tests {
             view_pitch: None,
             disparity: Some([-1.0, 2.0]),
             depth: Some([-1e-3, 2e-3]),
+            made: None,
         }
     }
 

@@ -129,6 +129,8 @@ impl ScenePlan {
         plan.choose_depth(field, display, request)?;
         plan.choose_views(field, display, request)?;
         plan.check_eye(field, display)?;
+        let made = field.made.as_ref().map(|made| made.in_words(field.grid));
+        made.into_iter().for_each(|[value, why]| plan.say("photographs", value, why));
         let ([pixels, why], _) = field.aliasing_in_words(display, plan.settings.depth, plan.settings.diameter[1]);
         plan.say("aliasing", pixels, why);
         plan.settings.padding = plan.pad(field, display, request)?;
@@ -240,8 +242,7 @@ impl ScenePlan {
         };
         let inner = || field.only(self.brightest(field)).without_outer(display, self.outer);
         let candidates = field.mergeable_without(self.outer);
-        let mut found = None;
-        let mut worse = None;
+        let (mut found, mut worse) = (None, None);
         if candidates.iter().any(|k| apart(*k) <= APART) {
             let inner = inner();
             for k in candidates.into_iter().filter(|k| apart(*k) <= APART) {
@@ -255,10 +256,9 @@ impl ScenePlan {
         }
         if let Some((k, likeness)) = found {
             self.merge = k;
-            let left = seen / (k * k);
             let like = if likeness.is_finite() { format!("by {likeness:.0} dB") } else { "exactly".into() };
             why += &format!("; blocks of {k} x {k} show the same: photographs agree {like}");
-            self.say("views", format!("{left} of {count}"), why);
+            self.say("views", format!("{} of {count}", seen / (k * k)), why);
             self.saves();
         } else {
             why += &match worse {

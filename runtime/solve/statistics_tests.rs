@@ -36,6 +36,7 @@ fn asked_for(refined: bool) -> Vec<Key> {
             view_pitch: None,
             disparity: None,
             depth: Some([-3e-3, 3e-3]),
+            made: None,
         };
         Problem::new(&field, Color::Green, &display, Default::default()).expect("a problem")
     };

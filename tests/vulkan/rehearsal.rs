@@ -36,6 +36,7 @@ fn problem_before(grid: [usize; 2], display: &Display) -> Problem {
         view_pitch: None,
         disparity: None,
         depth: Some([-3e-3, 3e-3]),
+        made: None,
     };
     Problem::new(&field, Color::Green, display, Default::default()).expect("a problem")
 }
@@ -182,6 +183,7 @@ fn a_live_set_brings_its_video_frame_and_little_else() {
         view_pitch: None,
         disparity: None,
         depth: Some([-3e-3, 3e-3]),
+        made: None,
     };
     let mut refiners = colors.map(|color| {
         let problem = Problem::new(&field, color, &display, Default::default()).expect("a problem");
@@ -239,6 +241,7 @@ fn nothing_is_made_while_pupils_change() {
         view_pitch: None,
         disparity: None,
         depth: Some([-3e-3, 3e-3]),
+        made: None,
     };
     let refiner = |color| {
         let problem = Problem::new(&field, color, &display, Default::default()).expect("a problem");
