@@ -1,6 +1,7 @@
 //! What a calibration says of itself.
 
 use super::fit::Fit;
+use super::gain::Gain;
 use super::left::{LEFT_OUT, LeftMap, PictureLeft, left};
 use super::parameters::{Parameter, Parameters};
 use super::sorted::Sorted;
@@ -43,6 +44,10 @@ pub struct Report {
     pub parameters: Vec<Fitted>,
     /// Pairs of them that the pictures cannot tell apart.
     pub confused: Vec<Confused>,
+    /// Numbers that the pictures say nothing of: they stay where the display's file has them.
+    pub untold: Vec<String>,
+    /// What it is worth on a scene, where that was [measured](crate::calibrate::Calibration::measure_gain).
+    pub gain: Option<Gain>,
     /// Error of the camera's map by the dots, camera pixels, RMS.
     pub camera_rms_px: f64,
     /// The camera's map: a homography row by row, whose ninth number is 1, then k1 and k2 (OPTICS 10).
@@ -136,6 +141,8 @@ impl Report {
             seconds: 0.0,
             parameters,
             confused,
+            untold: Vec::new(),
+            gain: None,
             camera_rms_px,
             camera_map,
             before,

@@ -26,6 +26,8 @@ const DARK: f64 = 3.0;
 const NO_BETTER: f64 = 1.05;
 /// A picture that leaves this share of its variance, and so many times what the middle one leaves, is not believed.
 const STRANGE: (f64, f64) = (0.3, 8.0);
+/// A number whose standard error is this share of how far off it is expected is not told.
+const UNTOLD: f64 = 0.3;
 /// Crosstalk of a real device, where a fit begins (Schroff et al. 2024).
 const CROSSTALK: Spread = Spread { q: 1.2, sigma: 2.03 };
 
@@ -52,7 +54,7 @@ pub(super) fn run(
         ));
     }
     let start = Parameters { model: model.clone(), map: sorted.map, camera_pixel: CAMERA_PIXEL };
-    let map: Vec<Parameter> = (0..9).map(Parameter::Map).collect();
+    let map: Vec<Parameter> = (0..10).map(Parameter::Map).collect();
     // The display as its file has it, and nothing but where the camera looks.
     let mut camera = map.clone();
     camera.push(Parameter::CameraPixel);
@@ -99,11 +101,22 @@ pub(super) fn run(
     let fitted = believed(pictures, &sorted.fitted, &fit, &mut warnings);
     let mut fitting = |part| tell(Event::At("fitting all pictures finely", share(0.6, 0.9, part)));
     fit = fine(pictures, &fitted, &fit.at, &free, &mut fitting)?;
+    let untold = untold(&fit);
+    let still = taken.hello.iris.is_none();
+    if still {
+        let also =
+            if untold.is_empty() { String::new() } else { format!(", and they say nothing of {}", untold.join(", ")) };
+        warnings.push(format!(
+            "the iris stands still: the pictures tell of the light that it passes alone{also}; what is not told stays as the \
+             display's file has it"
+        ));
+    }
     tell(Event::At("leaving out what does not show", share(0.0, 1.0, 0.9)));
     let fit = terms::settle(pictures, &fitted, &start, fit, END)?;
     let fit = if own.squares < NO_BETTER * fit.squares { own } else { fit };
     tell(Event::At("looking at pictures that were not fitted", share(0.0, 1.0, 0.95)));
-    let report = Report::new(&sorted, &start, &fit, &fitted, captures, warnings, FINE);
+    let mut report = Report::new(&sorted, &start, &fit, &fitted, captures, warnings, FINE);
+    report.untold = untold;
     let display = terms::written(display, color, &start, &fit, &report);
     Ok((display, report, shown(&sorted, &fit, FINE)?))
 }
@@ -128,6 +141,19 @@ fn fine(
     let rim = rim(&fit.at);
     let fit = if rim.at == fit.at { fit } else { pictures.fit(&rim.at, &others, which, END, observe)? };
     Ok(fit.with_iris(rim.errors))
+}
+
+/// Numbers of a fit that are hardly surer than what is expected of any display.
+fn untold(fit: &Fit) -> Vec<String> {
+    let blurs = fit.at.model.crosstalk.is_some_and(|sides| sides.iter().all(|side| side.sigma < 10.0));
+    let counts = |p: &Parameter| match p {
+        // Phases of what may not be there.
+        Parameter::Undiffracted(i) => *i < 2,
+        Parameter::Crosstalk(_) => blurs,
+        _ => true,
+    };
+    let unsure = |p: &Parameter| fit.error(*p).is_some_and(|error| error > UNTOLD * p.usual());
+    fit.free.iter().filter(|p| counts(p) && unsure(p)).map(|p| p.name().0).collect()
 }
 
 /// Pictures that the model predicts about as well as the others: one that was taken through another iris, or of another pattern,
@@ -223,4 +249,25 @@ fn undiffracted(sorted: &Sorted, fit: &Fit) -> [f64; 5] {
         }
     }
     best.1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::fit::Exposure;
+    use super::super::map::CameraMap;
+    use super::*;
+    use crate::optics::DisplayModel;
+
+    #[test]
+    fn what_the_pictures_say_nothing_of_is_named() {
+        let map = CameraMap { numbers: [0.0; 10], slm: [8, 8], camera: [8, 8] };
+        let at = Parameters { model: DisplayModel::default(), map, camera_pixel: CAMERA_PIXEL };
+        let free = vec![Parameter::Fill, Parameter::Wavefront(12), Parameter::Undiffracted(3), Parameter::Crosstalk(1)];
+        // Errors in shares of what is expected of any display.
+        let error = |p: &Parameter| p.usual() * if *p == Parameter::Fill { 0.1 } else { 0.9 };
+        let row = |i: usize| (0..free.len()).map(|j| if i == j { error(&free[i]).powi(2) } else { 0.0 }).collect();
+        let covariance = (0..free.len()).map(row).collect();
+        let fit = Fit { at, free: free.clone(), exposure: Exposure { gain: 1.0, dark: 0.0 }, squares: 1.0, covariance };
+        assert_eq!(untold(&fit), ["wavefront 12"]);
+    }
 }

@@ -103,6 +103,7 @@ impl LiveInput {
             view_pitch: Some(pitch),
             disparity: None,
             depth: None,
+            made: None,
         }
     }
 
@@ -244,6 +245,7 @@ pub fn darkness(
         view_pitch: Some(display.eyebox_min()),
         disparity: None,
         depth: None,
+        made: None,
     };
     let one = |(i, color): (usize, &Color)| {
         let problem = Problem::new(&field, *color, display, Padding::default());

@@ -184,5 +184,6 @@ pub(super) fn load(source: &str, request: &Request) -> Result<LightField, SceneE
         view_pitch: Some(cell),
         disparity: range(disparity),
         depth: range(unit),
+        made: None,
     })
 }

@@ -9,12 +9,12 @@ use crate::{Failure, progress, score};
 use clap::Args;
 use eyebox::encode::Encoder;
 use eyebox::hologram::{Hologram, Opening, Phases, Sequence, Unfinished};
-use eyebox::optics::{Color, Display, Padding};
+use eyebox::optics::{Color, Display};
 use eyebox::produce::solve_colors;
 use eyebox::quality::Subject;
 use eyebox::scene::LightField;
 use eyebox::session::{MovingSequence, Scenes, SteeredColor};
-use eyebox::solve::{Levels, PaddingRule, Settings};
+use eyebox::solve::{Levels, Settings};
 use std::path::Path;
 
 /// What is steered, in every command that does.
@@ -136,7 +136,7 @@ pub fn solved(
     progress::catch_interrupt();
     let mut watch = Watch::new(false);
     let solved = solve_colors(&subject, &colors, &settings, engine.as_mut(), &mut |event| watch.see(event))?;
-    let padding = if settings.padding != PaddingRule::Never { subject.required_padding()? } else { Padding::default() };
+    let padding = subject.padding(&settings)?;
     let hologram = Hologram::from_solutions(&field, &display, &subject.settings(&settings), padding, &solved)?;
     Ok((hologram, field, display))
 }

@@ -19,6 +19,17 @@ pub enum OutputName {
     Offscreen,
 }
 
+impl OutputName {
+    /// It, on this monitor, or memory with this clock and sink.
+    pub fn output(self, monitor: Option<String>, simulated: bool, sink: Option<SinkFile>) -> Output {
+        match self {
+            Self::Window => Output::Window { monitor },
+            Self::Direct => Output::Direct { display: monitor },
+            Self::Offscreen => Output::Memory { simulated, sink },
+        }
+    }
+}
+
 /// Whose time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum ClockName {
@@ -49,12 +60,7 @@ pub struct OutputArgs {
 impl OutputArgs {
     /// Where a session shows; memory with this clock and sink.
     pub fn output(&self, simulated: bool, sink: Option<SinkFile>) -> Output {
-        let monitor = self.monitor.clone();
-        match self.output {
-            OutputName::Window => Output::Window { monitor },
-            OutputName::Direct => Output::Direct { display: monitor },
-            OutputName::Offscreen => Output::Memory { simulated, sink },
-        }
+        self.output.output(self.monitor.clone(), simulated, sink)
     }
 
     /// What a session takes of it besides.
