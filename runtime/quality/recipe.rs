@@ -144,8 +144,10 @@ impl std::fmt::Display for Settings {
         if self.levels != Levels::Any {
             f.write_str(", for the SLM's levels")?;
         }
-        if self.padding != PaddingRule::Never {
-            f.write_str(", padded")?;
+        match self.padding {
+            PaddingRule::Never => {}
+            PaddingRule::Exact => f.write_str(", as wide as the SLM")?,
+            PaddingRule::Need | PaddingRule::Always => f.write_str(", padded")?,
         }
         if self.pixel > 1 {
             write!(f, ", pixels of {0} x {0}", self.pixel)?;

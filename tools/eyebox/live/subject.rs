@@ -9,12 +9,12 @@ use crate::{Failure, progress, score};
 use clap::Args;
 use eyebox::encode::Encoder;
 use eyebox::hologram::{ColorHologram, Hologram, Opening, Phases, Unfinished};
-use eyebox::optics::{Color, Display, Padding};
+use eyebox::optics::{Color, Display};
 use eyebox::produce::solve_colors;
 use eyebox::quality::Subject;
 use eyebox::scene::LightField;
 use eyebox::session::SteeredColor;
-use eyebox::solve::{Levels, PaddingRule, Problem, Settings};
+use eyebox::solve::{Levels, Problem, Settings};
 use std::path::Path;
 
 /// What is steered, in every command that does.
@@ -103,8 +103,7 @@ pub fn load(args: &SubjectArgs, engines: &Engines) -> Result<Steered, Failure> {
         progress::catch_interrupt();
         let mut watch = Watch::new(false);
         let solved = solve_colors(&subject, &colors, &settings, engine.as_mut(), &mut |event| watch.see(event))?;
-        let padding =
-            if settings.padding != PaddingRule::Never { subject.required_padding()? } else { Padding::default() };
+        let padding = subject.padding(&settings)?;
         let hologram = Hologram::from_solutions(&field, &display, &subject.settings(&settings), padding, &solved)?;
         (hologram, display, field, None)
     };
