@@ -8,6 +8,7 @@ mod far_field;
 mod fuzz;
 mod methods;
 mod model;
+mod photographs;
 mod picture;
 mod reference;
 mod steering;
