@@ -102,14 +102,9 @@ pub(super) fn run(
     let mut fitting = |part| tell(Event::At("fitting all pictures finely", share(0.6, 0.9, part)));
     fit = fine(pictures, &fitted, &fit.at, &free, &mut fitting)?;
     let untold = untold(&fit);
-    let still = taken.hello.iris.is_none();
-    if still {
-        let also =
-            if untold.is_empty() { String::new() } else { format!(", and they say nothing of {}", untold.join(", ")) };
-        warnings.push(format!(
-            "the iris stands still: the pictures tell of the light that it passes alone{also}; what is not told stays as the \
-             display's file has it"
-        ));
+    let pairs = if taken.hello.iris.is_none() { fit.confused() } else { Vec::new() };
+    if taken.hello.iris.is_none() {
+        warnings.push(through_one_iris(&untold, &pairs));
     }
     tell(Event::At("leaving out what does not show", share(0.0, 1.0, 0.9)));
     let fit = terms::settle(pictures, &fitted, &start, fit, END)?;
@@ -117,6 +112,7 @@ pub(super) fn run(
     tell(Event::At("looking at pictures that were not fitted", share(0.0, 1.0, 0.95)));
     let mut report = Report::new(&sorted, &start, &fit, &fitted, captures, warnings, FINE);
     report.untold = untold;
+    report.add_confused(pairs);
     let display = terms::written(display, color, &start, &fit, &report);
     Ok((display, report, shown(&sorted, &fit, FINE)?))
 }
@@ -141,6 +137,24 @@ fn fine(
     let rim = rim(&fit.at);
     let fit = if rim.at == fit.at { fit } else { pictures.fit(&rim.at, &others, which, END, observe)? };
     Ok(fit.with_iris(rim.errors))
+}
+
+/// What should be known of a fit through an iris that stands still.
+fn through_one_iris(untold: &[String], pairs: &[(Parameter, Parameter, f64)]) -> String {
+    let mut said = "the iris stands still: the pictures tell of the light that it passes alone".to_string();
+    if !untold.is_empty() {
+        said += &format!(", and they say nothing of {}", untold.join(", "));
+    }
+    let waves = |p: &Parameter| matches!(p, Parameter::Wavefront(_));
+    let pairs: Vec<String> = pairs
+        .iter()
+        .filter(|(a, b, _)| waves(a) && waves(b))
+        .map(|(a, b, _)| format!("{} from {}", a.name().0, b.name().0))
+        .collect();
+    if !pairs.is_empty() {
+        said += &format!("; they do not tell {}, which hold within the iris alone", pairs.join(", "));
+    }
+    said + "; what is not told stays as the display's file has it"
 }
 
 /// Numbers of a fit that are hardly surer than what is expected of any display.
@@ -269,5 +283,13 @@ mod tests {
         let covariance = (0..free.len()).map(row).collect();
         let fit = Fit { at, free: free.clone(), exposure: Exposure { gain: 1.0, dark: 0.0 }, squares: 1.0, covariance };
         assert_eq!(untold(&fit), ["wavefront 12"]);
+        let pairs =
+            [(Parameter::Wavefront(3), Parameter::Wavefront(11), 0.998), (Parameter::Map(8), Parameter::Map(9), -0.96)];
+        let said = through_one_iris(&untold(&fit), &pairs);
+        assert!(
+            said.contains("nothing of wavefront 12; they do not tell wavefront 3 from wavefront 11, which"),
+            "{said}"
+        );
+        assert!(!said.contains("camera"), "{said}");
     }
 }
