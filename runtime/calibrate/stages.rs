@@ -28,6 +28,8 @@ const NO_BETTER: f64 = 1.05;
 const STRANGE: (f64, f64) = (0.3, 8.0);
 /// A number whose standard error is this share of how far off it is expected is not told.
 const UNTOLD: f64 = 0.3;
+/// The second term of the camera's distortion.
+const K2: Parameter = Parameter::Map(9);
 /// Crosstalk of a real device, where a fit begins (Schroff et al. 2024).
 const CROSSTALK: Spread = Spread { q: 1.2, sigma: 2.03 };
 
@@ -67,12 +69,14 @@ pub(super) fn run(
     }
     let mut at = start.clone();
     if !quick && !sorted.smooth.is_empty() {
-        at = smooth(&sorted, &at, &map, &mut |part| {
+        at = smooth(&sorted, &at, &map[..9], &mut |part| {
             tell(Event::At("fitting smooth patterns", share(0.05, 0.25, part)))
         })?;
     }
     let has_sets = sorted.fitted.iter().any(|v| pictures.sets[pictures.views[*v].set].pattern.frames > 1);
     let mut free = Parameter::all();
+    // Near the end k2 is told; before, it leads astray.
+    free.retain(|p| *p != K2);
     if quick {
         free.retain(|p| p.drifts());
     }
@@ -98,6 +102,7 @@ pub(super) fn run(
     if fit.at.model.crosstalk.is_none() {
         free = plain;
     }
+    free.push(K2);
     let fitted = believed(pictures, &sorted.fitted, &fit, &mut warnings);
     let mut fitting = |part| tell(Event::At("fitting all pictures finely", share(0.6, 0.9, part)));
     fit = fine(pictures, &fitted, &fit.at, &free, &mut fitting)?;
