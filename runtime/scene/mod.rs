@@ -53,6 +53,8 @@ mod depth;
 mod error;
 mod folder;
 mod frames;
+#[cfg(feature = "window")]
+mod given;
 mod inspect;
 mod interpolate;
 #[cfg(test)]
@@ -101,6 +103,8 @@ pub use depth::central_depth;
 pub(crate) use depth::central_view;
 pub use error::SceneError;
 pub use frames::frames;
+#[cfg(feature = "window")]
+pub(crate) use given::{Layer, Places, views_of_depths, views_of_layers};
 pub use inspect::{Exposure, Inspection, contact_sheet, inspect};
 pub use interpolate::Interpolator;
 pub use layers::Layers;

@@ -11,7 +11,8 @@ use std::fmt;
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum Photographs {
-    /// Of a folder's own where they are close enough, and else, where layers show them well enough, of layers.
+    /// Of a folder's own where they are close enough; else of layers where these show views in between well enough, else interpolated
+    /// where that shows them better.
     #[default]
     Auto,
     /// The scene's own, each for its cell of the pupil plane.
@@ -44,9 +45,11 @@ pub struct MadeViews {
     pub cell: f64,
     /// Pixels by which the ends of the scene's depths move against each other between its own views: the aliasing of their cells.
     pub aliasing: f64,
-    /// How many layers, and how well they show a view that they were not told of, dB of the brightest: the mean over views
+    /// How many layers there are, or would be, and how well they show a view that they were not told of, dB of the brightest: the mean over views
     /// between others, and the worst of all.
     pub layers: Option<(usize, [f64; 2])>,
+    /// Where layers do not do: how well layers of every second view show those in between, and how well these are interpolated, dB.
+    pub held_back: Option<[f64; 2]>,
 }
 
 impl MadeViews {
@@ -54,8 +57,8 @@ impl MadeViews {
     pub(crate) fn in_words(&self, made: [usize; 2]) -> [String; 2] {
         let [rows, columns] = self.grid;
         let by = match self.layers {
-            Some((count, _)) => format!("{count} Fourier disparity layers"),
-            None => "interpolation".into(),
+            Some((count, _)) if self.by == Photographs::Layers => format!("{count} Fourier disparity layers"),
+            _ => "interpolation".into(),
         };
         let mut why = format!(
             "content moves by {:.1} pixels between the scene's {rows} x {columns}: their cells would show ghosts",
@@ -63,6 +66,11 @@ impl MadeViews {
         );
         if let Some((_, [between, worst])) = self.layers {
             why += &format!("; layers show a view between others to {between:.1} dB, the worst view to {worst:.1} dB");
+        }
+        if let Some([layers, between]) = self.held_back {
+            why += &format!(
+                "; of every second view layers show the others to {layers:.1} dB, interpolation to {between:.1} dB"
+            );
         }
         [format!("of {} x {} views by {by}", made[0], made[1]), why]
     }

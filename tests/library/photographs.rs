@@ -158,6 +158,29 @@ fn what_layers_do_not_show_is_left_to_cells() {
     }
 }
 
+/// Where things hide each other layers blur: the views tell so, and are interpolated.
+#[test]
+fn what_hides_other_things_is_interpolated() {
+    let display = Display { height: 64, width: 64, ..Display::preset("paper").unwrap() };
+    let load = |views| {
+        let request = Request { views, ..Request::new(&display, &[Color::Green]) };
+        scene::load("builtin:still-life?span=2", &request).unwrap()
+    };
+    let (few, all) = (load(5), load(9));
+    let made = few.clone().with_views_for(&display, Photographs::Auto).unwrap();
+    let how = made.made.expect("closer views");
+    let (_, [between, _]) = how.layers.unwrap();
+    assert!(how.by == Photographs::Between && between < 36.0, "{how:?}");
+    let [all, few, made] = [all, few, made].map(|field| SceneSource::new(field, &display).unwrap());
+    let pupil = Pupil { x: 1e-3, y: -2e-3, diameter: 16e-3, depth: 1e-3 };
+    let shot = |source: &SceneSource| source.photograph(&pupil, &mut CpuEngine::new()).unwrap().remove(0).values;
+    let (wanted, few, made) = (shot(&all), shot(&few), shot(&made));
+    let db = |a: &[f32]| {
+        -10.0 * (a.iter().zip(&wanted).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>() / 4096.0).log10()
+    };
+    assert!(db(&made) > db(&few) + 3.0, "{:.1} dB, of cells {:.1}", db(&made), db(&few));
+}
+
 /// One view of another exposure, one that is moved, and two that are exchanged: said in one line, and refused but for cells.
 #[test]
 fn views_that_do_not_fit_the_others_are_named() {

@@ -104,6 +104,14 @@ pub enum Command {
                       eyebox play moving.zarr --display plm --record shown --trace trace.json\n\nEnds with 0 at the end, after --duration, and on ctrl-C; with 2 when it cannot be played, with 3 when the display is lost, with 130 at once on a second ctrl-C. The display is left on the idle picture: the phase 0, or with --sync the sync picture."
     )]
     Play(Box<crate::play::Play>),
+    /// Show whatever there is on a display, steered where there is an eye tracker: holograms, scenes, applications
+    #[command(
+        after_help = "Examples:\n  eyebox show moving.zarr --display planes24 --size 512x512 --loop --duration 10\n  \
+                      eyebox show moving.zarr --display planes24 --tracker simulated --stats shown.json\n  \
+                      eyebox show builtin:still-life --size 256x256 --display planes24 --tracker simulated\n  \
+                      eyebox show live:demo --size 256x256 --color green --display planes8 --tracker simulated --duration 60\n\nWHAT is a hologram, a sequence or a far field in tiles; bare phases; a scene, or several of them, which are solved first; or\nlive:NAME, an application in another process (docs/live-input.md). Without --tracker holograms are played as eyebox play does, and\nan application's frames are refined for the whole eyebox. Ends as play does."
+    )]
+    Show(Box<crate::show::Show>),
     /// Give frames of scenes to a display that takes them from other programs, as an application would: for tests
     #[command(after_help = "Examples:\n  eyebox feed builtin:still-life --name demo --rate 30 --path=camera=-2..2\n  \
                       eyebox feed builtin:plane --name demo --path=depth=-1..1 --frames 300 --json\n  \

@@ -132,7 +132,11 @@ const NEAR: Names<Near, 4> = [
 
 /// Of which views photographs are made.
 const PHOTOGRAPHS: Names<Photographs, 4> = [
-    ("auto", "Its own where they are close; else, where layers show them well, those of layers", Photographs::Auto),
+    (
+        "auto",
+        "Its own where they are close; else of layers, or interpolated, as the views themselves tell",
+        Photographs::Auto,
+    ),
     ("cells", "Its own, however far apart", Photographs::Cells),
     ("layers", "As many as are needed, of Fourier disparity layers", Photographs::Layers),
     ("between", "As many as are needed, interpolated with what is hidden", Photographs::Between),

@@ -94,6 +94,35 @@ pub struct Play {
     /// Where
     #[command(flatten)]
     pub shown: OutputArgs,
+    /// When, and to which file
+    #[command(flatten)]
+    pub stream: StreamArgs,
+    /// What is not finished
+    #[command(flatten)]
+    pub unfinished: UnfinishedArgs,
+    /// Seconds of content to play
+    #[arg(long, value_name = "S", value_parser = positive)]
+    pub duration: Option<f64>,
+    /// Which engine encodes
+    #[arg(long, value_enum, default_value = "auto")]
+    pub engine: EngineName,
+    /// Device
+    #[command(flatten)]
+    pub device: DeviceArgs,
+    /// What was shown, as JSON
+    #[arg(long, value_name = "FILE.json")]
+    pub stats: Option<PathBuf>,
+    /// Keep every picture as PNG, and when it was shown, in a new folder
+    #[arg(long, value_name = "DIR")]
+    pub record: Option<PathBuf>,
+    /// What each thread did when, for chrome://tracing
+    #[arg(long, value_name = "FILE.json")]
+    pub trace: Option<PathBuf>,
+}
+
+/// When holograms are shown, and to which file video frames go besides.
+#[derive(Args)]
+pub struct StreamArgs {
     /// Holograms a second [default: what the sequence says]
     #[arg(long, value_name = "HZ", value_parser = rate)]
     pub rate: Option<Rate>,
@@ -106,15 +135,9 @@ pub struct Play {
     /// Wait for a sequence that is still being written
     #[arg(long)]
     pub follow: bool,
-    /// What is not finished
-    #[command(flatten)]
-    pub unfinished: UnfinishedArgs,
     /// Number of the hologram to begin with, from 0
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub first: u64,
-    /// Seconds of content to play
-    #[arg(long, value_name = "S", value_parser = positive)]
-    pub duration: Option<f64>,
     /// Begin at this time, ready or not: seconds since 1970, for displays that begin together
     #[arg(long, value_name = "UNIX", value_parser = positive)]
     pub start_at: Option<f64>,
@@ -130,30 +153,23 @@ pub struct Play {
     /// Sets that are encoded ahead
     #[arg(long, value_name = "N", default_value_t = 4)]
     pub ahead: usize,
-    /// Which engine encodes
-    #[arg(long, value_enum, default_value = "auto")]
-    pub engine: EngineName,
-    /// Device
-    #[command(flatten)]
-    pub device: DeviceArgs,
     /// Whose time [default: real; simulated with --record]
     #[arg(long, value_enum)]
     pub clock: Option<ClockName>,
-    /// What was shown, as JSON
-    #[arg(long, value_name = "FILE.json")]
-    pub stats: Option<PathBuf>,
-    /// Keep every picture as PNG, and when it was shown, in a new folder
-    #[arg(long, value_name = "DIR")]
-    pub record: Option<PathBuf>,
     /// Append every video frame to a file or a pipe: 8 bits, (row, column, channel)
     #[arg(long, value_name = "FILE", conflicts_with = "shared")]
     pub raw: Option<PathBuf>,
     /// Keep the newest video frame where another program maps it, as /dev/shm/NAME (docs/playback.md)
     #[arg(long, value_name = "FILE")]
     pub shared: Option<PathBuf>,
-    /// What each thread did when, for chrome://tracing
-    #[arg(long, value_name = "FILE.json")]
-    pub trace: Option<PathBuf>,
+}
+
+impl StreamArgs {
+    /// The file that video frames go to.
+    pub fn sink(&self) -> Option<SinkFile> {
+        let raw = self.raw.clone().map(SinkFile::Raw);
+        raw.or_else(|| self.shared.clone().map(SinkFile::Shared))
+    }
 }
 
 /// `eyebox monitors`
