@@ -16,17 +16,13 @@ layout(push_constant) uniform Args {
     uint subpixels, shown_stride, wave_stride;
 };
 
+#include "driven.glsl"
+
 void main() {
     uint x = gl_GlobalInvocationID.x, frame = gl_GlobalInvocationID.z;
     if (x >= width) return;
     for (uint y = gl_WorkGroupID.y; y < height; y += gl_NumWorkGroups.y) {
         uint at = y * width + x;
-        float w = wrapped(shown[frame * shown_stride + at]);
-        precise float value = level[at] * w;
-        if (bend_sin != 0.0 || bend_cos != 0.0) {
-            vec2 t = cos_sin(w);
-            value += bend_sin * t.y + bend_cos * (1.0 - t.x);
-        }
-        wave[frame * subpixels * subpixels * wave_stride + at] = value;
+        wave[frame * subpixels * subpixels * wave_stride + at] = driven(shown[frame * shown_stride + at], level[at]);
     }
 }

@@ -1,6 +1,7 @@
 // Written by `cargo run -p eyebox-spirv-tool -- build`: change nothing here.
 modules! {
     ADAM = "adam", ADAM_HALF = "adam_half";
+    ADAM_ROWS = "adam_rows", ADAM_ROWS_HALF = "adam_rows_half";
     APPLY_FACTOR = "apply_factor", APPLY_FACTOR_HALF = "apply_factor_half";
     CHECK_FINITE = "check_finite";
     COMPARE = "compare";
@@ -9,6 +10,7 @@ modules! {
     DIVIDE_BY_OVERLAP = "divide_by_overlap", DIVIDE_BY_OVERLAP_HALF = "divide_by_overlap_half";
     DRIVE = "drive";
     DRIVE_BACK = "drive_back", DRIVE_BACK_HALF = "drive_back_half";
+    DRIVE_LAG = "drive_lag";
     ENCODE = "encode";
     ENERGY = "energy", ENERGY_HALF = "energy_half";
     EQUALISE_EYEBOX = "equalise_eyebox", EQUALISE_EYEBOX_HALF = "equalise_eyebox_half";
@@ -25,6 +27,7 @@ modules! {
     MODULATE = "modulate", MODULATE_HALF = "modulate_half";
     MODULATE_ROWS = "modulate_rows", MODULATE_ROWS_HALF = "modulate_rows_half";
     MODULATE_WAVE = "modulate_wave", MODULATE_WAVE_HALF = "modulate_wave_half";
+    MODULATE_WAVE_ROWS = "modulate_wave_rows", MODULATE_WAVE_ROWS_HALF = "modulate_wave_rows_half";
     OVERLAP = "overlap";
     PASS_COLUMNS = "pass_columns", PASS_COLUMNS_HALF = "pass_columns_half";
     PASS_PUPIL = "pass_pupil", PASS_PUPIL_HALF = "pass_pupil_half";
@@ -32,6 +35,7 @@ modules! {
     PIXELS = "pixels";
     PROJECT = "project", PROJECT_HALF = "project_half";
     PROJECT_ROWS = "project_rows", PROJECT_ROWS_HALF = "project_rows_half";
+    PROJECT_WAVE = "project_wave";
     QUANTISE = "quantise";
     RELAY = "relay";
     RESAMPLE = "resample";
@@ -40,5 +44,6 @@ modules! {
     TAPER = "taper";
     TRANSFER = "transfer";
     TURN = "turn", TURN_HALF = "turn_half";
+    TURN_ROWS = "turn_rows", TURN_ROWS_HALF = "turn_rows_half";
     WINDOW_COLUMNS = "window_columns", WINDOW_COLUMNS_HALF = "window_columns_half";
 }

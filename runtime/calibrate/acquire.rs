@@ -1,10 +1,10 @@
 //! From a bench to its pictures.
 
-use super::bench::{Bench, Event, FEWEST};
-use super::captures::{Ask, Session, Shot, load, shot_of};
+use super::bench::{Bench, Event, FEWEST, ShowsPatterns};
+use super::captures::{Ask, Session, Shot, load};
 use super::error::CalibrateError;
 use super::link::Link;
-use super::message::{Answer, Hello};
+use super::message::Hello;
 use super::pattern;
 use crate::optics::{Color, Display, TwoPi};
 use std::path::Path;
@@ -38,8 +38,14 @@ pub(super) fn two_pi_level(display: &Display, color: Color) -> f64 {
     }
 }
 
-/// Refuses a bench that is not the display's; the bench's name of the colour, and nm.
-pub(super) fn check(display: &Display, color: Color, hello: &Hello) -> Result<(String, f64), CalibrateError> {
+/// Refuses a bench that is not the display's; the bench's name of the colour, and nm. `shows`: whether the command is asked to
+/// show patterns.
+pub(super) fn check(
+    display: &Display,
+    color: Color,
+    hello: &Hello,
+    shows: bool,
+) -> Result<(String, f64), CalibrateError> {
     let wrong = |reason: String| Err(CalibrateError::Bench { display: display.name.clone(), reason });
     let optics = display.optics(color)?;
     if !display.geometry.is_relay() {
@@ -73,7 +79,7 @@ pub(super) fn check(display: &Display, color: Color, hello: &Hello) -> Result<(S
         && encoding.offset_px == [0; 2]
         && !encoding.flip.mirrors()
         && !encoding.flip.overturns();
-    if !plain && !hello.slm.takes.iter().any(|kind| kind == "phases") {
+    if shows && !plain && !hello.slm.takes.iter().any(|kind| kind == "phases") {
         return wrong(
             "it takes levels alone, and the display file's encoding is more than levels: a command that takes \
                       phases has to turn them into what the SLM receives"
@@ -88,9 +94,10 @@ pub(super) fn take(
     display: &Display,
     color: Color,
     bench: &Bench,
+    shows: Option<&mut dyn ShowsPatterns>,
     tell: &dyn Fn(Event),
 ) -> Result<Taken, CalibrateError> {
-    let Bench::Command { command, keep, limit, most, quick } = *bench else {
+    let Bench::Command { command, keep, limit, most, quick, iris_mm } = *bench else {
         return Err(CalibrateError::Pictures("a folder takes no pictures".into()));
     };
     if most < FEWEST && !quick {
@@ -100,26 +107,33 @@ pub(super) fn take(
     }
     tell(Event::At("starting the camera's command", 0.0));
     let mut say = |line: &str| tell(Event::Said(line));
-    let (link, hello) = Link::start(command, limit, &mut say)?;
-    let named = check(display, color, &hello)?;
-    if hello.iris.is_none() {
-        let reason =
-            "it has no iris that moves, and the model's numbers are told apart by what several irises pass".into();
-        return Err(CalibrateError::Bench { display: display.name.clone(), reason });
-    }
+    let (link, mut hello) = Link::start(command, limit, &mut say)?;
+    let named = check(display, color, &hello, shows.is_none())?;
     let (optics, two_pi_level) = (display.optics(color)?, two_pi_level(display, color));
     let size = [display.height, display.width];
     let mut session = Session::new(link, hello.clone(), keep, named, most)?;
+    if let Some(shows) = shows {
+        hello.slm.sub_frames = shows.sub_frames();
+        session.shows = Some(shows);
+    }
+    let moves = |iris| hello.iris.is_some().then_some(iris);
     let (mut shots, mut warnings) = (Vec::new(), Vec::new());
     let dots = pattern::dots_pattern(size, two_pi_level);
     let first = Ask {
         show: Some(("dots", &dots)),
-        iris_mm: Some(pattern::dots_iris(&optics)),
+        iris_mm: moves(pattern::dots_iris(&optics)),
         focus_mm: 0.0,
         average: AVERAGE,
     };
     match session.take(&first)? {
-        Some(shot) => shots.push(shot),
+        Some(shot) => {
+            if shot.iris_mm.or(iris_mm).is_none() {
+                let reason = "its iris does not move, and nothing says where it stands: answer iris_mm, or give \
+                              --iris X,Y,DIAMETER in mm";
+                return Err(CalibrateError::Bench { display: display.name.clone(), reason: reason.into() });
+            }
+            shots.push(shot);
+        }
         None => {
             let text = session.left_out.join("; ");
             return Err(CalibrateError::Refused { what: "take the picture of the dots".into(), text });
@@ -135,12 +149,8 @@ pub(super) fn take(
         for iris in &show.irises_mm {
             for _ in 0..show.times {
                 tell(Event::At(&format!("picture {} of {}", done + 3, all + 2), TAKING * done as f64 / all as f64));
-                let ask = Ask {
-                    show: Some((&show.name, &show.pattern)),
-                    iris_mm: Some(*iris),
-                    focus_mm: 0.0,
-                    average: AVERAGE,
-                };
+                let ask =
+                    Ask { show: Some((&show.name, &show.pattern)), iris_mm: *iris, focus_mm: 0.0, average: AVERAGE };
                 shots.extend(session.take(&ask)?);
                 done += 1;
             }
@@ -150,23 +160,32 @@ pub(super) fn take(
     if !session.left_out.is_empty() {
         warnings.push(format!("{} pictures were left out: {}", session.left_out.len(), session.left_out.join("; ")));
     }
+    stand(&mut shots, iris_mm);
     Ok(Taken { hello, shots, two_pi_level, waited: session.waited, warnings, _folder: session.into_folder() })
 }
 
+/// Where a picture does not say where its iris stood, it stood here.
+fn stand(shots: &mut [Shot], iris_mm: Option<[f64; 3]>) {
+    shots.iter_mut().for_each(|shot| shot.iris_mm = shot.iris_mm.or(iris_mm));
+}
+
 /// Reads the pictures of a folder.
-pub(super) fn read(display: &Display, color: Color, folder: &Path) -> Result<Taken, CalibrateError> {
+pub(super) fn read(
+    display: &Display,
+    color: Color,
+    folder: &Path,
+    iris_mm: Option<[f64; 3]>,
+) -> Result<Taken, CalibrateError> {
     let (hello, captures) = load(folder)?;
-    check(display, color, &hello)?;
+    check(display, color, &hello, captures.iter().all(|c| c.shown.is_none()))?;
     let name = color.to_string();
     let shots = captures
         .iter()
         .filter(|c| c.request.color.as_ref().is_none_or(|c| *c == name))
-        .filter_map(|c| {
-            let answer = c.answer.as_ref().filter(|a| a.get("error").is_none())?;
-            Some(Answer::read(answer).map(|answer| shot_of(folder, &c.request, &answer)))
-        })
+        .filter_map(|c| c.shot(folder))
         .collect::<Result<Vec<_>, String>>();
-    let shots = shots.map_err(|reason| CalibrateError::Captures { file: folder.display().to_string(), reason })?;
+    let mut shots = shots.map_err(|reason| CalibrateError::Captures { file: folder.display().to_string(), reason })?;
+    stand(&mut shots, iris_mm);
     let two_pi_level = two_pi_level(display, color);
     Ok(Taken { hello, shots, two_pi_level, waited: Duration::ZERO, warnings: Vec::new(), _folder: None })
 }

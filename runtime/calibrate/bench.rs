@@ -1,4 +1,4 @@
-//! Where pictures come from, and what is told meanwhile.
+//! Where pictures come from, what shows the patterns, and what is told meanwhile.
 
 use std::path::Path;
 use std::time::Duration;
@@ -22,9 +22,28 @@ pub enum Bench<'a> {
         most: usize,
         /// A few pictures, for what drifts.
         quick: bool,
+        /// Where an iris stands that does not move: x, y, diameter, mm; where the command does not say so itself.
+        iris_mm: Option<[f64; 3]>,
     },
     /// A folder that such a calibration kept, or one made by hand.
-    Folder(&'a Path),
+    Folder {
+        /// It.
+        folder: &'a Path,
+        /// As of a command.
+        iris_mm: Option<[f64; 3]>,
+    },
+}
+
+/// A display of this machine's own, which shows the patterns while the camera's command takes pictures alone.
+pub trait ShowsPatterns {
+    /// Sub-frames that it shows in turn, over and over: patterns have as many, or a whole part of them.
+    fn sub_frames(&self) -> usize;
+
+    /// Shows phases (sub-frame, row, column), radians, and returns once they stand.
+    ///
+    /// # Errors
+    /// It is lost, in one line.
+    fn show(&mut self, phases: &[f32]) -> Result<(), Box<dyn std::error::Error + Send + Sync>>;
 }
 
 /// What happens while a display is calibrated.

@@ -1,6 +1,7 @@
 //! Pictures of the bench, asked for one after the other and kept: from a camera's command, from an earlier run that was broken
 //! off, or from a folder alone.
 
+use super::bench::ShowsPatterns;
 use super::error::CalibrateError;
 use super::link::Link;
 use super::message::{Answer, Hello, Request, Show};
@@ -25,6 +26,22 @@ pub(super) struct Capture {
     pub(super) request: Request,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) answer: Option<serde_json::Value>,
+    /// What was shown by a display of this machine's own: the command was not asked to.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) shown: Option<Show>,
+}
+
+impl Capture {
+    /// What the SLM showed; none in the dark.
+    fn show(&self) -> Option<&Show> {
+        self.shown.as_ref().or(self.request.show.as_ref())
+    }
+
+    /// The picture, where there is one; files lie in `folder`. Says what is wrong with its answer.
+    pub(super) fn shot(&self, folder: &Path) -> Option<Result<Shot, String>> {
+        let answer = self.answer.as_ref().filter(|a| a.get("error").is_none())?;
+        Some(Answer::read(answer).map(|answer| shot_of(folder, self.show(), &self.request, &answer)))
+    }
 }
 
 #[derive(Serialize, Deserialize)]
@@ -82,6 +99,8 @@ pub(super) struct Session<'a> {
     pub(super) waited: Duration,
     /// What the bench could not do, in its words.
     pub(super) left_out: Vec<String>,
+    /// What shows the patterns, where the command does not.
+    pub(super) shows: Option<&'a mut dyn ShowsPatterns>,
 }
 
 /// Reads a folder of captures: what the bench can do, and its pictures.
@@ -122,15 +141,15 @@ impl<'a> Session<'a> {
         }
         let (taken, waited, left_out) = (Vec::new(), Duration::ZERO, Vec::new());
         let link = Some(link);
-        Ok(Self { link, folder, temporary, hello, taken, before, color, most, exposure_ms: None, waited, left_out })
+        let (exposure_ms, shows) = (None, None);
+        Ok(Self { link, folder, temporary, hello, taken, before, color, most, exposure_ms, waited, left_out, shows })
     }
 
     /// New pictures are added to those that lie there already, which are not asked for again: them.
     pub(super) fn adds(&mut self) -> Vec<Shot> {
         self.taken.extend(self.before.drain(..));
-        let answered = self.taken.iter().filter_map(|c| Some((&c.request, Answer::read(c.answer.as_ref()?).ok()?)));
-        let of_color = answered.filter(|(r, _)| r.color.as_ref().is_none_or(|c| *c == self.color.0));
-        of_color.map(|(request, answer)| shot_of(&self.folder, request, &answer)).collect()
+        let of_color = self.taken.iter().filter(|c| c.request.color.as_ref().is_none_or(|c| *c == self.color.0));
+        of_color.filter_map(|c| c.shot(&self.folder)?.ok()).collect()
     }
 
     /// The number of the next picture.
@@ -167,7 +186,9 @@ impl<'a> Session<'a> {
             true => None,
             false => self.hello.camera.exposure_ms.map(|[least, most]| (least * most).sqrt()).or(Some(10.0)),
         });
+        let kind = if self.shows.is_some() { "phases" } else { kind };
         let show = ask.show.map(|(name, _)| Show { file: format!("{name}.npy"), kind: kind.into() });
+        let (show, shown) = if self.shows.is_some() { (None, show) } else { (show, None) };
         let request = Request {
             id: self.taken.len() as u64,
             r#do: "capture".into(),
@@ -185,12 +206,12 @@ impl<'a> Session<'a> {
         }
         let camera = self.hello.camera.resolution;
         if let Some(before) = self.before.pop_front() {
-            let same_show = before.request.show == request.show;
+            let same_show = before.request.show == request.show && before.shown == shown;
             let answer = before.answer.as_ref().and_then(|a| Answer::read(a).ok());
             if let (true, true, Some(answer)) = (same_show, before.request.is_alike(&request), answer) {
-                let shot = shot_of(&self.folder, &request, &answer);
+                let shot = shot_of(&self.folder, before.show(), &request, &answer);
                 if let Ok(picture) = shot.picture(camera) {
-                    self.taken.push(Capture { request, answer: before.answer });
+                    self.taken.push(Capture { request, ..before });
                     let saturated = answer.saturated.unwrap_or_else(|| picture.saturated());
                     return Ok(Some((shot, saturated)));
                 }
@@ -198,11 +219,14 @@ impl<'a> Session<'a> {
             // From here on it is another calibration.
             self.before.clear();
         }
-        self.ask(ask, request)
+        self.ask(ask, request, shown)
     }
 
-    fn ask(&mut self, ask: &Ask, request: Request) -> Result<Option<(Shot, f64)>, CalibrateError> {
+    fn ask(&mut self, ask: &Ask, request: Request, shown: Option<Show>) -> Result<Option<(Shot, f64)>, CalibrateError> {
         let Some(link) = &mut self.link else { return Ok(None) };
+        if let (Some(shows), Some((_, pattern))) = (&mut self.shows, ask.show) {
+            shows.show(&pattern.drive).map_err(CalibrateError::Shows)?;
+        }
         let frames = ask.show.map_or(1, |(_, pattern)| pattern.frames);
         let seconds = request.exposure_ms.unwrap_or(1000.0) * 1e-3 * (3 * ask.average * frames) as f64;
         let (folder, camera) = (self.folder.clone(), self.hello.camera.resolution);
@@ -218,7 +242,7 @@ impl<'a> Session<'a> {
         let begun = Instant::now();
         let answered = link.ask(&question, Duration::from_secs_f64(30.0 + seconds), |value| {
             let answer = Answer::read(value)?;
-            let shot = shot_of(&folder, &request, &answer);
+            let shot = shot_of(&folder, shown.as_ref().or(request.show.as_ref()), &request, &answer);
             let picture = picture::load(&shot.file, camera, shot.full_scale)?;
             Ok((shot, answer.saturated.unwrap_or_else(|| picture.saturated()), answer))
         });
@@ -235,7 +259,7 @@ impl<'a> Session<'a> {
                 (None, None)
             }
         };
-        self.taken.push(Capture { request, answer: kept });
+        self.taken.push(Capture { request, answer: kept, shown });
         self.write()?;
         Ok(result)
     }
@@ -265,10 +289,10 @@ impl<'a> Session<'a> {
     }
 }
 
-/// A picture by its request and answer; files lie in `folder`.
-pub(super) fn shot_of(folder: &Path, request: &Request, answer: &Answer) -> Shot {
+/// A picture by what was shown, its request and its answer; files lie in `folder`.
+fn shot_of(folder: &Path, show: Option<&Show>, request: &Request, answer: &Answer) -> Shot {
     Shot {
-        show: request.show.as_ref().map(|s| (folder.join(&s.file), s.kind.clone())),
+        show: show.map(|s| (folder.join(&s.file), s.kind.clone())),
         file: folder.join(&answer.file),
         full_scale: answer.full_scale,
         exposure_ms: answer.exposure_ms.or(request.exposure_ms).unwrap_or(1.0),

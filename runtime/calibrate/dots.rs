@@ -1,9 +1,9 @@
 //! The camera's map from a picture of dots, from nothing: wherever they lie in it, however turned, mirrored or scaled.
 
-use super::linear::solve;
 use super::map::CameraMap;
 use super::pattern;
 use super::picture::Picture;
+use crate::optics::linear::solve;
 use std::f64::consts::PI;
 
 /// Share of the dots that must be found.

@@ -3,6 +3,8 @@
 use crate::engine::EngineError;
 use crate::files::FileError;
 use crate::optics::OpticsError;
+use crate::quality::QualityError;
+use crate::scene::SceneError;
 use std::io;
 
 /// Why a calibration ended without a model.
@@ -58,6 +60,15 @@ pub enum CalibrateError {
     /// The pictures do not say what they have to.
     #[error("{0}")]
     Pictures(String),
+    /// The display that shows the patterns.
+    #[error("the patterns cannot be shown: {0}")]
+    Shows(Box<dyn std::error::Error + Send + Sync>),
+    /// What the fit is worth could not be measured.
+    #[error(transparent)]
+    Gain(#[from] QualityError),
+    /// The scene by which that is measured.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
     /// A file.
     #[error(transparent)]
     File(#[from] FileError),
@@ -72,6 +83,6 @@ pub enum CalibrateError {
 impl CalibrateError {
     /// Whether the bench or the user ended it, and not what it was given.
     pub fn is_ended(&self) -> bool {
-        matches!(self, Self::Stopped | Self::Lost { .. } | Self::Refused { .. })
+        matches!(self, Self::Stopped | Self::Lost { .. } | Self::Refused { .. } | Self::Shows(_))
     }
 }

@@ -3,11 +3,11 @@
 
 use super::device::{Device, Set};
 use super::error::CalibrateError;
-use super::linear::{inverse, solve};
 use super::parameters::{Parameter, Parameters};
 use super::seen::{Look, Seen};
 use crate::files::asked_to_end;
 use crate::optics::Optics;
+use crate::optics::linear::{inverse, solve};
 use rayon::prelude::*;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;

@@ -1,5 +1,7 @@
 //! From the SLM's image to the camera's picture: a homography and radial distortion (OPTICS 10).
 
+use crate::optics::Seen;
+
 /// The map. Both images' places run from -1 to 1 across their widths, y in the same unit, from the centre.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct CameraMap {
@@ -10,44 +12,15 @@ pub(super) struct CameraMap {
     pub(super) camera: [usize; 2],
 }
 
-/// How often the inverse is improved.
-const ROUNDS: usize = 12;
-
 impl CameraMap {
-    /// Place in the picture of a place in the SLM's image.
-    fn forth(self, [x, y]: [f64; 2]) -> [f64; 2] {
-        let [a, b, c, d, e, f, g, h, k1, k2] = self.numbers;
-        let w = g * x + h * y + 1.0;
-        let (u, v) = ((a * x + b * y + c) / w, (d * x + e * y + f) / w);
-        let r2 = u * u + v * v;
-        let bent = 1.0 + k1 * r2 + k2 * r2 * r2;
-        [u * bent, v * bent]
-    }
-
     /// Camera pixel (x, y) of a pixel of the SLM.
     pub(super) fn to_camera(self, at: [f64; 2]) -> [f64; 2] {
-        pixel(self.forth(place(at, self.slm)), self.camera)
+        pixel(Seen::by_camera(self.numbers).forth(place(at, self.slm)), self.camera)
     }
 
     /// Pixel of the SLM (x, y) of a camera pixel.
     pub(super) fn to_slm(self, at: [f64; 2]) -> [f64; 2] {
-        let [a, b, c, d, e, f, g, h, k1, k2] = self.numbers;
-        let [u, v] = place(at, self.camera);
-        let (mut x, mut y) = (u, v);
-        if k1 != 0.0 || k2 != 0.0 {
-            for _ in 0..ROUNDS {
-                let r2 = x * x + y * y;
-                let bent = 1.0 + k1 * r2 + k2 * r2 * r2;
-                (x, y) = (u / bent, v / bent);
-            }
-        }
-        // The adjugate: what it lacks of the inverse is a factor of all three.
-        let [p, q, w] = [
-            (e - f * h) * x + (c * h - b) * y + (b * f - c * e),
-            (f * g - d) * x + (a - c * g) * y + (c * d - a * f),
-            (d * h - e * g) * x + (b * g - a * h) * y + (a * e - b * d),
-        ];
-        pixel([p / w, q / w], self.slm)
+        pixel(Seen::by_camera(self.numbers).back(place(at, self.camera)), self.slm)
     }
 
     /// Camera pixels per pixel of the SLM, about its middle.

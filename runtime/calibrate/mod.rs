@@ -9,7 +9,7 @@
 //! `message`, `link` and `captures` are the protocol; `pattern` is what is shown; `dots` and `map` are where the camera looks;
 //! `device` and `seen` are the forward model with its slopes; `fit` is the least squares.
 //! `camera_steps` takes the camera into a solve's last steps.
-//! May import `files`, `optics`, `plan`, `engine`, `evaluate` and `solve`.
+//! May import rooms above it.
 
 mod acquire;
 mod bench;
@@ -21,8 +21,8 @@ mod error;
 mod fit;
 #[cfg(test)]
 mod forward_tests;
+mod gain;
 mod left;
-pub(crate) mod linear;
 mod link;
 mod map;
 mod message;
@@ -38,12 +38,14 @@ mod stages;
 mod terms;
 mod unseen;
 
-pub use bench::{Bench, Event, FEWEST};
+pub use bench::{Bench, Event, FEWEST, ShowsPatterns};
 pub use camera_steps::{CameraBench, CameraGain, CameraSteps, CameraSubject};
 pub use error::CalibrateError;
+pub use gain::Gain;
 pub use left::{LeftMap, PictureLeft, Shown};
 pub use report::{Confused, Fitted, Report};
 
+use crate::engine::Engine;
 use crate::optics::{Color, Display};
 use std::cell::RefCell;
 use std::time::Instant;
@@ -60,7 +62,24 @@ pub struct Calibration {
     pub shown: Vec<Shown>,
 }
 
-/// Fits the model of one colour of a display to pictures of it; the display's own model is where it begins.
+impl Calibration {
+    /// Measures what it is worth on the built-in still life, and puts it into the report. `before`: the display as its file was.
+    ///
+    /// # Errors
+    /// Those of a solve.
+    pub fn measure_gain(
+        &mut self,
+        before: &Display,
+        color: Color,
+        engine: &mut dyn Engine,
+    ) -> Result<(), CalibrateError> {
+        self.report.gain = Some(gain::measure([before, &self.display], color, engine)?);
+        Ok(())
+    }
+}
+
+/// Fits the model of one colour of a display to pictures of it; the display's own model is where it begins. `shows`: what shows
+/// the patterns, where the camera's command does not.
 ///
 /// # Errors
 /// [`CalibrateError`]; then nothing was written but the pictures.
@@ -68,14 +87,15 @@ pub fn calibrate(
     display: &Display,
     color: Color,
     bench: &Bench,
+    shows: Option<&mut dyn ShowsPatterns>,
     observe: &mut dyn FnMut(Event),
 ) -> Result<Calibration, CalibrateError> {
     let begun = Instant::now();
     let observe = RefCell::new(observe);
     let tell = |event: Event| (observe.borrow_mut())(event);
     let taken = match bench {
-        Bench::Folder(folder) => acquire::read(display, color, folder)?,
-        Bench::Command { .. } => acquire::take(display, color, bench, &tell)?,
+        Bench::Folder { folder, iris_mm } => acquire::read(display, color, folder, *iris_mm)?,
+        Bench::Command { .. } => acquire::take(display, color, bench, shows, &tell)?,
     };
     let waited = taken.waited;
     let quick = matches!(bench, Bench::Command { quick: true, .. });

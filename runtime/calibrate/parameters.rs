@@ -20,7 +20,7 @@ pub(super) enum Parameter {
     Iris(usize),
     /// Homography, k1, k2.
     Map(usize),
-    /// Share of the camera's pixel that sees light, as the square of its side.
+    /// Share of the camera's pixel that sees light.
     CameraPixel,
 }
 
@@ -48,7 +48,7 @@ impl Parameter {
         all.push(Self::Fill);
         all.extend(WAVEFRONT.map(Self::Wavefront));
         all.extend(counted(Self::Iris, 3));
-        all.extend(counted(Self::Map, 9));
+        all.extend(counted(Self::Map, 10));
         all.push(Self::CameraPixel);
         all
     }

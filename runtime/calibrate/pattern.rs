@@ -159,14 +159,17 @@ pub(super) fn random(size: [usize; 2], two_pi_level: f64, frames: usize, seed: u
     Pattern::new(size, two_pi_level, &phases)
 }
 
-/// A pattern with a name, and the irises that it is seen through: x, y, diameter, mm; each so often.
+/// A pattern with a name, and the irises that it is seen through: x, y, diameter, mm, none where it stands still; each so often.
 #[derive(Debug, Clone)]
 pub(super) struct Show {
     pub(super) name: String,
     pub(super) pattern: Pattern,
-    pub(super) irises_mm: Vec<[f64; 3]>,
+    pub(super) irises_mm: Vec<Option<[f64; 3]>>,
     pub(super) times: usize,
 }
+
+/// Random patterns through an iris that stands still.
+const STILL: usize = 12;
 
 /// What is shown, in this order. At most `most` pictures, two of which are the dots and the dark.
 pub(super) fn plan(hello: &Hello, optics: &Optics, two_pi_level: f64, most: usize, quick: bool) -> Vec<Show> {
@@ -186,6 +189,7 @@ pub(super) fn plan(hello: &Hello, optics: &Optics, two_pi_level: f64, most: usiz
         let count = irises_mm.len() * times;
         if count <= left {
             left -= count;
+            let irises_mm = irises_mm.into_iter().map(|iris| hello.iris.is_some().then_some(iris)).collect();
             shows.push(Show { name, pattern, irises_mm, times });
         }
     };
@@ -206,6 +210,19 @@ pub(super) fn plan(hello: &Hello, optics: &Optics, two_pi_level: f64, most: usiz
     for i in 0..tests {
         let pattern = random(size, two_pi_level, if i == 1 { frames } else { 1 }, 1000 + i as u64);
         add(format!("held-out-{i}"), pattern, vec![held_out(i)], 2);
+    }
+    if hello.iris.is_none() {
+        // What irises do not tell more patterns do.
+        for i in 0..STILL {
+            add(format!("random-{i}"), random(size, two_pi_level, 1, i as u64), vec![[0.0; 3]], 1);
+            if i % 2 == 0 {
+                add(format!("smooth-{i}"), smooth(size, two_pi_level, i as u64), vec![[0.0; 3]], 1);
+            }
+            if i < 2 && frames > 1 {
+                add(format!("set-{i}"), random(size, two_pi_level, frames, 500 + i as u64), vec![[0.0; 3]], 1);
+            }
+        }
+        return shows;
     }
     // Several irises a pattern: what leaves the SLM is computed once for them. By turns, so that fewer pictures are fewer of all.
     for i in 0..5 {

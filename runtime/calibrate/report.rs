@@ -1,6 +1,7 @@
 //! What a calibration says of itself.
 
 use super::fit::Fit;
+use super::gain::Gain;
 use super::left::{LEFT_OUT, LeftMap, PictureLeft, left};
 use super::parameters::{Parameter, Parameters};
 use super::sorted::Sorted;
@@ -43,6 +44,10 @@ pub struct Report {
     pub parameters: Vec<Fitted>,
     /// Pairs of them that the pictures cannot tell apart.
     pub confused: Vec<Confused>,
+    /// Numbers that the pictures say nothing of: they stay where the display's file has them.
+    pub untold: Vec<String>,
+    /// What it is worth on a scene, where that was [measured](crate::calibrate::Calibration::measure_gain).
+    pub gain: Option<Gain>,
     /// Error of the camera's map by the dots, camera pixels, RMS.
     pub camera_rms_px: f64,
     /// The camera's map: a homography row by row, whose ninth number is 1, then k1 and k2 (OPTICS 10).
@@ -89,11 +94,7 @@ impl Report {
             }
         };
         let parameters = fit.free.iter().map(fitted).collect();
-        let confused: Vec<Confused> = fit
-            .confused()
-            .into_iter()
-            .map(|(a, b, correlation)| Confused { names: [a.name().0, b.name().0], correlation })
-            .collect();
+        let confused = named(fit.confused());
         let (mut before, mut unexplained, mut noise, mut calibrated) = (None, None, None, true);
         let (pictures, map) = left(sorted, fit, fitted_views, subpixels);
         if !sorted.pairs.is_empty() {
@@ -136,6 +137,8 @@ impl Report {
             seconds: 0.0,
             parameters,
             confused,
+            untold: Vec::new(),
+            gain: None,
             camera_rms_px,
             camera_map,
             before,
@@ -147,4 +150,17 @@ impl Report {
             warnings,
         }
     }
+
+    /// Adds pairs of a fit from which no term had been left out yet.
+    pub(super) fn add_confused(&mut self, pairs: Vec<(Parameter, Parameter, f64)>) {
+        for pair in named(pairs) {
+            if self.confused.iter().all(|known| known.names != pair.names) {
+                self.confused.push(pair);
+            }
+        }
+    }
+}
+
+fn named(pairs: Vec<(Parameter, Parameter, f64)>) -> Vec<Confused> {
+    pairs.into_iter().map(|(a, b, correlation)| Confused { names: [a.name().0, b.name().0], correlation }).collect()
 }

@@ -13,9 +13,15 @@ use std::sync::OnceLock;
 const TAPS: usize = 6;
 /// Its shape (Beatty, Nishimura and Pauly 2005).
 const BETA: f64 = 13.86;
-/// Points of a camera's pixel that are looked at: two by two, as Gauss has them.
-pub(super) const GAUSS: f64 = 0.288_675_134_594_812_9;
+/// Points of a camera's pixel that are looked at.
 pub(super) const POINTS: usize = 4;
+
+/// Points of a camera's pixel (x, y), from its middle: two by two over the square that sees light, as Gauss has them. The
+/// square is `share` of the pixel.
+pub(super) fn points_of_pixel(share: f64) -> [[f64; 2]; POINTS] {
+    let off = (share / 12.0).sqrt();
+    [[-off, -off], [off, -off], [-off, off], [off, off]]
+}
 
 /// The kernel at |t| <= 1, by a table: its shape is smooth in t.
 fn tap(t: f64) -> f64 {
@@ -155,8 +161,7 @@ impl Look {
 
     /// Points of the SLM's image that the pixels look at, `POINTS` each.
     pub(super) fn points(&self, map: &CameraMap, camera_pixel: f64) -> Vec<[f64; 2]> {
-        let off = GAUSS * camera_pixel.sqrt();
-        let around = [[-off, -off], [off, -off], [-off, off], [off, off]];
+        let around = points_of_pixel(camera_pixel);
         self.pixels.iter().flat_map(|[x, y]| around.map(|[dx, dy]| map.to_slm([x + dx, y + dy]))).collect()
     }
 

@@ -2,9 +2,9 @@
 
 use super::error::CalibrateError;
 use super::fit::{Effort, Fit, Pictures};
-use super::linear::solve;
 use super::parameters::{Parameter, Parameters, WAVEFRONT};
 use super::report::Report;
+use crate::optics::linear::solve;
 use crate::optics::{Color, Display, DisplayModel, Level, ModelTerms, Spread};
 use std::time::SystemTime;
 

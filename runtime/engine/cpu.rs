@@ -214,6 +214,11 @@ impl Engine for CpuEngine {
         self.buffers.load(shape)
     }
 
+    fn take_views(&mut self, views: Arc<Pyramid>) -> Result<(), EngineError> {
+        self.views = Some(views);
+        Ok(())
+    }
+
     fn write(&mut self, buffer: Buffer, data: &[f32]) -> Result<(), EngineError> {
         self.buffers.write(buffer, data, &self.shape)
     }

@@ -95,6 +95,11 @@ impl Engine for Handover {
         Ok(())
     }
 
+    fn take_views(&mut self, views: Arc<Pyramid>) -> Result<(), EngineError> {
+        self.first.take_views(Arc::clone(&views))?;
+        self.second.take_views(views)
+    }
+
     fn write(&mut self, buffer: Buffer, data: &[f32]) -> Result<(), EngineError> {
         self.first.write(buffer, data)?;
         self.second.write(buffer, data)

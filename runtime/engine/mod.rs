@@ -96,6 +96,12 @@ pub trait Engine: Send {
     /// Out of memory, or a device that is too small.
     fn load(&mut self, shape: &Shape, views: Option<Arc<Pyramid>>) -> Result<(), EngineError>;
 
+    /// Takes other views in place of those that it was loaded with; its buffers stay as they are.
+    ///
+    /// # Errors
+    /// Out of memory; a lost device.
+    fn take_views(&mut self, views: Arc<Pyramid>) -> Result<(), EngineError>;
+
     /// Fills a buffer (complex ones as pairs of float32).
     ///
     /// # Errors

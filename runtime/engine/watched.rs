@@ -20,6 +20,10 @@ impl<F: FnMut() -> Result<(), EngineError> + Send> Engine for Watched<F> {
         self.0.load(shape, views)
     }
 
+    fn take_views(&mut self, views: Arc<Pyramid>) -> Result<(), EngineError> {
+        self.0.take_views(views)
+    }
+
     fn write(&mut self, buffer: Buffer, data: &[f32]) -> Result<(), EngineError> {
         self.0.write(buffer, data)
     }

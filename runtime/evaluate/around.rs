@@ -5,7 +5,8 @@ use crate::engine::{Buffer, Engine, EngineError};
 use crate::optics::{Color, Display, Optics, Pupil, WindowFactor};
 use crate::plan::{self, Comparison, Planner, Purpose};
 use crate::scene::{
-    self, Interpolator, LightField, Pyramid, Reprojection, Request, SceneError, Stage, ViewGrid, shrink_to_share,
+    self, Interpolator, Layers, LightField, Photographs, Pyramid, Reprojection, Request, SceneError, Stage, ViewGrid,
+    shrink_to_share,
 };
 use rayon::prelude::*;
 use std::path::Path;
@@ -33,6 +34,8 @@ enum Kind {
     Field(Arc<Pyramid>, ViewGrid),
     /// A light field whose views stand too far apart: views between them are made around each region. Which colour.
     Between(Arc<Interpolator>, usize),
+    /// The same where layers show them well. Which colour.
+    Layers(Arc<Layers>, usize),
     /// A picture with its depths, reprojected around each region.
     Picture(Arc<Reprojection>, Color),
 }
@@ -85,12 +88,33 @@ impl Views {
             };
             return request.colors.iter().enumerate().map(one).collect();
         }
+        let asked = request.photographs;
+        let request = Request { photographs: Photographs::Cells, ..request };
         let load = |display, color| scene::load(source, &Request { display, colors: &[color], ..request });
         let Some((&first, others)) = request.colors.split_first() else { return Ok(Vec::new()) };
         let field = load(&small, first)?;
         let (depth, cell) = (field.depth_range(&small), field.cell(&small));
+        let apart = depth.is_some_and(|depth| field.aliasing(&small, depth) > APART);
+        let layers = match asked {
+            Photographs::Layers => Some(Layers::new(&field, &small, field.depths(&small, request.depth)?)?),
+            Photographs::Auto if apart => Some(Layers::new(&field, &small, field.depths(&small, request.depth)?)?)
+                .filter(|layers| layers.residual_between() >= scene::ENOUGH),
+            _ => None,
+        };
+        if let Some(mut layers) = layers {
+            for &color in others {
+                layers = layers.with(&load(&small, color)?, &small);
+            }
+            let layers = Arc::new(layers);
+            let one = |(i, &color): (usize, &Color)| {
+                let held = if i == 0 { layers.bytes() } else { 0 };
+                let (optics, share) = of(color)?;
+                Ok(Self { kind: Kind::Layers(Arc::clone(&layers), i), optics, share, size: work, depth, held })
+            };
+            return request.colors.iter().enumerate().map(one).collect();
+        }
         let mut between = Interpolator::new(field, &small);
-        if between.parallax(cell) > APART {
+        if asked == Photographs::Between || asked != Photographs::Cells && between.parallax(cell) > APART {
             for &color in others {
                 between.add(load(&small, color)?);
             }
@@ -146,6 +170,7 @@ impl Views {
             Kind::Field(pyramid, grid) => return (Arc::clone(pyramid), plan::ViewLayout::new(*grid, pyramid)),
             Kind::Stage(stage) => stage.parallax(extent),
             Kind::Between(between, _) => between.parallax(extent),
+            Kind::Layers(layers, _) => layers.parallax(extent),
             Kind::Picture(picture, _) => picture.parallax(extent),
         };
         let most = (MOST_VIEWS as f64).sqrt() as usize;
@@ -162,6 +187,7 @@ impl Views {
             Kind::Field(..) => Vec::new(),
             Kind::Stage(stage) => stage.views(&places),
             Kind::Between(between, color) => between.views(*color, &places),
+            Kind::Layers(layers, color) => layers.views(*color, &places),
             Kind::Picture(picture, color) => picture.views(*color, &places),
         };
         let pyramid = Arc::new(pyramid(&views, self.size, self.share));
@@ -251,9 +277,15 @@ mod tests {
     fn a_sparse_folder_is_photographed_like_its_scene() {
         let (few, many, display) = (folder(4), folder(11), display());
         let request = Request::new(&display, &[Color::Green]);
-        let views = |source: &str| Views::new(source, &request, Color::Green, SIZE).unwrap();
-        let (exact, sparse) = (views("builtin:still-life"), views(few.path().to_str().unwrap()));
+        let asked = |source: &str, photographs| {
+            Views::new(source, &Request { photographs, ..request }, Color::Green, SIZE).unwrap()
+        };
+        let views = |source: &str| asked(source, Photographs::Auto);
+        let few = few.path().to_str().unwrap();
+        let (exact, sparse) = (views("builtin:still-life"), asked(few, Photographs::Between));
+        let layered = asked(few, Photographs::Layers);
         assert!(matches!(sparse.kind, Kind::Between(..)) && sparse.held() > 0);
+        assert!(matches!(layered.kind, Kind::Layers(..)) && layered.held() > 0);
         assert!(matches!(views(many.path().to_str().unwrap()).kind, Kind::Field(..)), "dense enough as it is");
         let (far, near) = (exact.depth().unwrap(), sparse.depth().unwrap());
         assert!((0..2).all(|i| (far[i] - near[i]).abs() < 0.02 * far[i].abs()), "{far:?} {near:?}");
@@ -264,9 +296,9 @@ mod tests {
             let (at, size) = optics.under(&pupil);
             let piece = optics.piece(at, size);
             let mut shot = |views: &Views| views.photograph(&piece, &pupil, WindowFactor::One, &mut engine).unwrap();
-            let (want, got) = (shot(&exact), shot(&sparse));
-            let db = psnr(&want, &got);
-            assert!(db > 34.0, "{db:.2} dB through {pupil:?}");
+            let want = shot(&exact);
+            let [between, layers] = [&sparse, &layered].map(|views| psnr(&want, &shot(views)));
+            assert!(between > 34.0 && layers > 34.0, "{between:.2} and {layers:.2} dB through {pupil:?}");
         }
     }
 

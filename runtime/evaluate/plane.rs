@@ -1,6 +1,8 @@
 //! An image in one colour.
 
 use super::pool2;
+use crate::optics::PictureMap;
+use crate::scene::Bend;
 
 /// Linear light, or intensity, (row, column).
 #[derive(Debug, Clone, PartialEq)]
@@ -14,6 +16,11 @@ pub struct Plane {
 }
 
 impl Plane {
+    /// As it is seen behind what bends the display's picture.
+    pub(crate) fn as_seen(&self, map: &PictureMap) -> Self {
+        Self { values: Bend::to_viewer(map, [self.rows, self.columns]).apply(&self.values), ..*self }
+    }
+
     /// The mean of every block of 2 x 2 pixels ([`pool2`]).
     pub(crate) fn pooled(&self) -> Self {
         let values = pool2(&self.values, self.rows, self.columns);

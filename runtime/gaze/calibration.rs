@@ -1,9 +1,9 @@
 //! A user's calibration: tracker coordinates to metres in the pupil plane, affine, from a few fixations.
 
 use super::GazeError;
-use crate::calibrate::linear;
 use crate::files;
 use crate::files::read;
+use crate::optics::linear;
 use crate::trackers::Unit;
 use serde::{Deserialize, Serialize};
 use std::path::Path;

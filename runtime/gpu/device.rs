@@ -168,8 +168,9 @@ impl Device {
         let planned_as = plan_as.unwrap_or(report.kind);
         let storage_range = report.limits.storage_range;
         if record_only && planned_as != DeviceKind::Cpu {
-            // What every GPU has: ranges of 4 GiB.
+            // What every GPU has: ranges of 4 GiB, and 48 KiB shared by a workgroup.
             report.limits.storage_range = storage_range.max(u64::from(u32::MAX));
+            report.limits.shared_memory = report.limits.shared_memory.max(48 << 10);
         }
         let mut device = Self {
             raw,

@@ -2,7 +2,7 @@
 
 use super::HologramError;
 use crate::optics::{Color, ModelSections, Padding, Picture, Prescription, PupilDistribution};
-use crate::scene::{Near, Order};
+use crate::scene::{Near, Order, Photographs};
 use crate::solve::{Settings, Steering};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 use serde_json::{Map, Value};
@@ -35,6 +35,9 @@ pub struct Metadata {
     /// How the views of its scene really stand, where it was said.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub order: Option<Order>,
+    /// Of which views of its scene photographs were made, where it was said.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub photographs: Option<Photographs>,
     /// Which values of the scene's depth map were said to be near.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub near: Option<Near>,

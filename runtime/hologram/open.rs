@@ -85,6 +85,10 @@ impl Opening {
         if Phases::are_at(path) {
             return Ok(Sequence::single(path, self.hologram(path)?));
         }
+        if Tiles::is_tiled(path) {
+            // All of it at once: a display shows no part of a hologram.
+            return Ok(Sequence::single(path, self.hologram(path)?));
+        }
         let mut sequence = Sequence::open(path)?;
         self.allow(path, sequence.unfinished())?;
         match self.color {

@@ -110,8 +110,8 @@ impl Sequence {
         Ok(opened)
     }
 
-    /// A hologram in memory, read from `path`, as a sequence of one.
-    pub(super) fn single(path: &Path, hologram: Hologram) -> Self {
+    /// A hologram in memory, read from `path` or solved of it, as a sequence of one.
+    pub fn single(path: &Path, hologram: Hologram) -> Self {
         let shape = [hologram.colors.len(), hologram.frames, hologram.height, hologram.width];
         let mut about = hologram.clone();
         about.colors.iter_mut().for_each(|c| c.phases = Vec::new());

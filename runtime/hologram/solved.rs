@@ -22,6 +22,7 @@ impl Hologram {
             let Solution { exposure, efficiency, .. } = *s;
             Ok(ColorHologram { color: Some(*color), wavelength, exposure, efficiency, phases: s.phases.clone() })
         };
+        let (views, cell) = field.own_views(display);
         let colors = solutions.iter().map(color).collect::<Result<_, _>>()?;
         Ok(Self {
             seed: settings.seed,
@@ -30,8 +31,8 @@ impl Hologram {
             metadata: Metadata {
                 solve: Some(settings.clone()),
                 padded: Some([padding.rows, padding.columns]),
-                views: Some(field.grid),
-                view_pitch_mm: Some(field.cell(display) * 1e3),
+                views: Some(views),
+                view_pitch_mm: Some(cell * 1e3),
                 eyebox_mm: Some(display.eyebox_min() * 1e3),
                 model: display.model.clone(),
                 picture: display.picture,

@@ -6,7 +6,7 @@ use crate::engine::{Buffer, Engine, Purpose};
 use crate::evaluate::{self, Plane, centered};
 use crate::optics::{OpticsError, Prescription, Pupil, WindowFactor};
 use crate::plan::{Comparison, EyeTables, Kernel, ModelTables, Planner};
-use crate::scene::{Bend, crop_share};
+use crate::scene::crop_share;
 use std::borrow::Cow;
 use std::ops::Range;
 use std::path::Path;
@@ -171,7 +171,7 @@ impl Hologram {
         for (plane, color) in planes.iter_mut().zip(&self.colors) {
             let size = [plane.rows, plane.columns];
             if let Some(map) = color.color.and_then(|color| self.metadata.picture.map(color, size)) {
-                plane.values = Bend::to_viewer(&map, size).apply(&plane.values);
+                *plane = plane.as_seen(&map);
             }
         }
         planes

@@ -11,6 +11,7 @@ mod encoding;
 mod focus;
 mod geometry;
 mod limits;
+pub(crate) mod linear;
 mod model;
 mod model_tables;
 mod padding;

@@ -1,6 +1,7 @@
 //! Where the picture is seen: distortion and lateral colour of what stands between the display and the eye (OPTICS 10, Camera).
 
 use super::Color;
+use super::linear::least_squares;
 use serde::{Deserialize, Serialize};
 
 /// `[picture]` of a display file: where a camera saw each colour's picture. Places run from -1 to 1 across the widths of the
@@ -64,10 +65,29 @@ impl Seen {
         1.0 + self.distortion[0] * rho2 + self.distortion[1] * rho2 * rho2
     }
 
-    fn forth(&self, at: [f64; 2]) -> [f64; 2] {
+    /// Place in the camera's picture of a place in the display's.
+    pub(crate) fn forth(&self, at: [f64; 2]) -> [f64; 2] {
         let [x, y] = project(self.homography(), at);
         let bend = self.bend(x * x + y * y);
         [x * bend, y * bend]
+    }
+
+    /// Place in the display's picture of a place in the camera's.
+    pub(crate) fn back(&self, [u, v]: [f64; 2]) -> [f64; 2] {
+        let rho = u.hypot(v);
+        // Newton's method for the radius before the distortion.
+        let [k1, k2] = self.distortion;
+        let mut r = rho;
+        for _ in 0..ROUNDS {
+            let slope = 1.0 + 3.0 * k1 * r * r + 5.0 * k2 * r.powi(4);
+            let step = (r * self.bend(r * r) - rho) / slope;
+            r -= step;
+            if step.abs() < 1e-14 || step.is_nan() {
+                break;
+            }
+        }
+        let undone = if rho > 0.0 { r / rho } else { 1.0 };
+        project(adjugate(self.homography()), [u * undone, v * undone])
     }
 }
 
@@ -92,21 +112,7 @@ impl PictureMap {
 
     /// Place in the display's picture of a place in the viewer's.
     pub fn back(&self, at: [f64; 2]) -> [f64; 2] {
-        let [u, v] = project(adjugate(self.camera), at);
-        let rho = u.hypot(v);
-        // Newton's method for the radius before the distortion.
-        let [k1, k2] = self.seen.distortion;
-        let mut r = rho;
-        for _ in 0..ROUNDS {
-            let slope = 1.0 + 3.0 * k1 * r * r + 5.0 * k2 * r.powi(4);
-            let step = (r * self.seen.bend(r * r) - rho) / slope;
-            r -= step;
-            if step.abs() < 1e-14 || step.is_nan() {
-                break;
-            }
-        }
-        let undone = if rho > 0.0 { r / rho } else { 1.0 };
-        project(adjugate(self.seen.homography()), [u * undone, v * undone])
+        self.seen.back(project(adjugate(self.camera), at))
     }
 }
 
@@ -132,6 +138,15 @@ impl Picture {
         } = Some(seen);
     }
 
+    /// Where a colour's picture was seen; none where nobody looked.
+    pub fn seen(&self, color: Color) -> Option<Seen> {
+        match color {
+            Color::Red => self.red,
+            Color::Green => self.green,
+            Color::Blue => self.blue,
+        }
+    }
+
     /// Green's, or the first: what the others are brought to.
     fn reference(&self) -> Option<Seen> {
         self.green.or(self.red).or(self.blue)
@@ -141,14 +156,9 @@ impl Picture {
     /// to be seen where the reference one is (green, else red). None where nothing is known.
     pub fn map(&self, color: Color, [rows, columns]: [usize; 2]) -> Option<PictureMap> {
         let reference = self.reference()?;
-        let own = match color {
-            Color::Red => self.red,
-            Color::Green => self.green,
-            Color::Blue => self.blue,
-        };
         let pairs: Vec<_> = places([rows, columns]).map(|at| (reference.forth(at), at)).collect();
         let camera = if self.straight { upright(&pairs) } else { homography(&pairs) }?;
-        Some(PictureMap { seen: own.unwrap_or(reference), camera })
+        Some(PictureMap { seen: self.seen(color).unwrap_or(reference), camera })
     }
 
     /// How far off its place the picture of `color` is seen at worst, in pixels of a picture of so many rows and columns.
@@ -166,8 +176,8 @@ impl Picture {
     /// # Errors
     /// The reason.
     pub fn check(&self, [rows, columns]: [usize; 2]) -> Result<(), String> {
-        for (color, seen) in [(Color::Red, self.red), (Color::Green, self.green), (Color::Blue, self.blue)] {
-            let Some(seen) = seen else { continue };
+        for color in [Color::Red, Color::Green, Color::Blue] {
+            let Some(seen) = self.seen(color) else { continue };
             let numbers = seen.homography.iter().chain(&seen.distortion);
             if !numbers.clone().all(|v| v.is_finite() && v.abs() <= 100.0) {
                 return Err(format!("[picture.{color}] has a number beyond 100"));
@@ -223,34 +233,6 @@ fn upright(pairs: &[([f64; 2], [f64; 2])]) -> Option<Homography> {
         pairs.iter().flat_map(|&([x, y], [u, v])| [([mirror_x * x, 1.0, 0.0], u), ([mirror_y * y, 0.0, 1.0], v)]);
     let [scale, x, y] = least_squares(rows)?;
     Some([mirror_x * scale, 0.0, x, 0.0, mirror_y * scale, y, 0.0, 0.0, 1.0])
-}
-
-/// Least squares by Gauss's elimination of the normal equations.
-pub(super) fn least_squares<const N: usize>(rows: impl Iterator<Item = ([f64; N], f64)>) -> Option<[f64; N]> {
-    let (mut matrix, mut right) = ([[0.0; N]; N], [0.0; N]);
-    for (row, value) in rows {
-        for i in 0..N {
-            for j in 0..N {
-                matrix[i][j] += row[i] * row[j];
-            }
-            right[i] += row[i] * value;
-        }
-    }
-    for k in 0..N {
-        let pivot = (k..N).max_by(|&i, &j| matrix[i][k].abs().total_cmp(&matrix[j][k].abs()))?;
-        matrix.swap(k, pivot);
-        right.swap(k, pivot);
-        if matrix[k][k].abs() < 1e-12 || matrix[k][k].is_nan() {
-            return None;
-        }
-        for i in (0..N).filter(|i| *i != k) {
-            let share = matrix[i][k] / matrix[k][k];
-            let row = matrix[k];
-            matrix[i].iter_mut().zip(row).for_each(|(v, w)| *v -= share * w);
-            right[i] -= share * right[k];
-        }
-    }
-    Some(std::array::from_fn(|i| right[i] / matrix[i][i]))
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! A measured map of the relay's wavefront, as the polynomials of the model (OPTICS 10).
 
 use super::model::{ModelOf, ModelSections};
-use super::{Color, picture::least_squares, zernike};
+use super::{Color, linear::least_squares, zernike};
 use crate::files::read_npy_with_gaps;
 use std::path::Path;
 

@@ -19,6 +19,10 @@ pub(crate) enum Way {
     Elsewhere,
     /// `modulate` and `field_forward`.
     FieldFromPhases,
+    /// `drive` and `lag`.
+    DriveAndLag,
+    /// `modulate_wave` and `field_forward`.
+    FieldFromWave,
     /// From `pass_pupil` to `intensity`.
     See,
     /// From `pass_pupil` to `window_forward`.
@@ -32,8 +36,34 @@ pub(crate) enum Way {
     },
     /// The rows of `change_inverse`.
     ChangeRows,
-    /// And `project`, at its entry: what judges losses comes before it.
-    ChangeRowsAndProject,
+    /// And what is behind them, at its entry: what judges losses comes before it.
+    ChangeRowsAnd(Behind),
+    /// With the columns before.
+    ChangeAnd(Behind),
+    /// `lag_back`, where there is lag, `drive_back` and `project`, at its entry.
+    ProjectFromWave,
+}
+
+/// What is done where rows of the change are put.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Behind {
+    /// `project`.
+    Project,
+    /// `adam`.
+    Adam,
+    /// `turn`.
+    Turn,
+}
+
+impl Behind {
+    fn of(kernel: Kernel) -> Option<Self> {
+        match kernel {
+            Kernel::Project => Some(Self::Project),
+            Kernel::Adam => Some(Self::Adam),
+            Kernel::Turn => Some(Self::Turn),
+            _ => None,
+        }
+    }
 }
 
 /// What a device fuses of a step.
@@ -45,6 +75,8 @@ pub(crate) struct Fusable {
     pub windows: bool,
     /// The windows of a group in one range, and their propagation kernels.
     pub gather: bool,
+    /// What is done to a pixel in all sub-frames of the phases that a display's model makes.
+    pub sets: bool,
 }
 
 /// One for each of these entries of the step's list.
@@ -58,6 +90,10 @@ pub(crate) fn ways(step: &Step, list: &[&Dispatch], fusable: Fusable) -> Vec<Way
             continue;
         } else if fusable.grid && here(&[Kernel::Modulate, Kernel::FieldForward]) {
             (Way::FieldFromPhases, 2)
+        } else if fusable.sets && here(&[Kernel::Drive, Kernel::Lag]) {
+            (Way::DriveAndLag, 2)
+        } else if fusable.grid && here(&[Kernel::ModulateWave, Kernel::FieldForward]) {
+            (Way::FieldFromWave, 2)
         } else if fusable.windows && here(&THROUGH_A_WINDOW) {
             (Way::ThroughWindows, THROUGH_A_WINDOW.len())
         } else if fusable.windows && ends_there && here(&THROUGH_A_WINDOW[..3]) {
@@ -68,8 +104,23 @@ pub(crate) fn ways(step: &Step, list: &[&Dispatch], fusable: Fusable) -> Vec<Way
         ways[at..at + count].fill(Way::Elsewhere);
         ways[at] = way;
     }
-    if fusable.grid && fusable.gather {
-        gather(step, list, &mut ways);
+    if fusable.sets {
+        project_from_wave(step, list, &mut ways);
+    }
+    let Some(inverse) = list.iter().position(|d| d.kernel == Kernel::ChangeInverse).filter(|_| fusable.grid) else {
+        return ways;
+    };
+    let gathers = fusable.gather && gather(step, list, inverse, &mut ways);
+    // What is stored of the change is checked where it is gathered.
+    let checks = list.get(inverse + 1).is_some_and(|d| d.kernel == Kernel::CheckFinite);
+    let behind = inverse + 1 + usize::from(checks);
+    match list.get(behind).and_then(|d| Behind::of(d.kernel)) {
+        Some(kernel) if gathers || !checks => {
+            ways[inverse..behind].fill(Way::Elsewhere);
+            ways[behind] = if gathers { Way::ChangeRowsAnd(kernel) } else { Way::ChangeAnd(kernel) };
+        }
+        _ if gathers => ways[inverse] = Way::ChangeRows,
+        _ => {}
     }
     ways
 }
@@ -80,16 +131,27 @@ fn runs(list: &[&Dispatch], kernels: &[Kernel]) -> bool {
         && list.iter().zip(kernels).all(|(d, kernel)| d.kernel == *kernel && d.pupil_passes == list[0].pupil_passes)
 }
 
-/// What is returned to the spectrum, where all of it up to the field's change is in this part: what lies between is in no
-/// buffer.
-fn gather(step: &Step, list: &[&Dispatch], ways: &mut [Way]) {
-    let end = list.iter().rposition(|d| d.kernel == Kernel::ReturnPupil);
-    let inverse = list.iter().position(|d| d.kernel == Kernel::ChangeInverse);
-    let (Some(end), Some(inverse)) = (end, inverse) else { return };
+/// What a display's model hands back to the phases, where all of it is in this part.
+fn project_from_wave(step: &Step, list: &[&Dispatch], ways: &mut [Way]) {
+    let Some(project) = list.iter().position(|d| d.kernel == Kernel::Project) else { return };
+    let count = 1 + usize::from(step.drive.lag > 0.0);
+    let before = [Kernel::LagBack, Kernel::DriveBack];
+    if project >= count
+        && list[project - count..project].iter().map(|d| d.kernel).eq(before[2 - count..].iter().copied())
+    {
+        ways[project - count..project].fill(Way::Elsewhere);
+        ways[project] = Way::ProjectFromWave;
+    }
+}
+
+/// What is returned to the spectrum, where all of it up to the field's change, entry `inverse`, is in this part: what lies between
+/// is in no buffer. Whether that is so.
+fn gather(step: &Step, list: &[&Dispatch], inverse: usize, ways: &mut [Way]) -> bool {
+    let Some(end) = list.iter().rposition(|d| d.kernel == Kernel::ReturnPupil) else { return false };
     let divides = end + 1 < inverse && list[end + 1].kernel == Kernel::DivideByOverlap;
     let adjacent = inverse == end + 1 + usize::from(divides);
     if !adjacent || step.pupil_passes.len() > MOST_GATHERED {
-        return;
+        return false;
     }
     for at in 0..inverse {
         match list[at].kernel {
@@ -100,14 +162,7 @@ fn gather(step: &Step, list: &[&Dispatch], ways: &mut [Way]) {
             _ => {}
         }
     }
-    ways[inverse] = Way::ChangeRows;
-    // What is stored of the change is checked where it is gathered.
-    let checks = usize::from(list.get(inverse + 1).is_some_and(|d| d.kernel == Kernel::CheckFinite));
-    let project = inverse + 1 + checks;
-    if list.get(project).is_some_and(|d| d.kernel == Kernel::Project) {
-        ways[inverse..project].fill(Way::Elsewhere);
-        ways[project] = Way::ChangeRowsAndProject;
-    }
+    true
 }
 
 /// Whether the step divides by the overlap.
@@ -121,7 +176,7 @@ mod tests {
     use crate::optics::{Optics, Pupil, WindowFactor};
     use crate::plan::{Comparison, Planner};
 
-    const ALL: Fusable = Fusable { grid: true, windows: true, gather: true };
+    const ALL: Fusable = Fusable { grid: true, windows: true, gather: true, sets: true };
 
     fn planner() -> Planner {
         let optics = Optics::new(40, 64, 8e-6, 520e-9, 0.4).unwrap();
@@ -154,11 +209,23 @@ mod tests {
             alone(Kernel::Resample),
             (Kernel::PassPupil, Way::ThroughWindows),
             (Kernel::ReturnPupil, Way::Gather { adds: false, last: true }),
-            (Kernel::Project, Way::ChangeRowsAndProject),
+            (Kernel::Project, Way::ChangeRowsAnd(Behind::Project)),
         ];
         assert_eq!(got, want);
         // A device that fuses nothing takes the list as it is.
         assert!(carried(&step, 0..step.list.len(), Fusable::default()).iter().all(|(_, way)| *way == Way::Alone));
+    }
+
+    /// Adam's last kernel as the projection's; where something stands between the pupils and the field's change, both of its axes.
+    #[test]
+    fn the_last_kernels_of_other_lists_are_fused() {
+        let last = |step: &Step| carried(step, 0..step.list.len(), ALL).pop().unwrap();
+        let adam = planner().adam_step(step(1).pupil_passes, 1, 1, 0.1);
+        assert_eq!(last(&adam), (Kernel::Adam, Way::ChangeRowsAnd(Behind::Adam)));
+        let even = planner().with_equalised_eyebox(step(1), 8e-3, 4, 0.5);
+        assert_eq!(last(&even), (Kernel::Project, Way::ChangeAnd(Behind::Project)));
+        let carried = carried(&even, 0..even.list.len(), ALL);
+        assert!(carried.contains(&(Kernel::ReturnPupil, Way::Alone)), "{carried:?}");
     }
 
     #[test]

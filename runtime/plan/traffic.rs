@@ -176,8 +176,17 @@ pub(crate) fn moved(
         return Some([bytes, bytes]);
     }
     let cut = by_bin && !(kernel == Kernel::PassPupil && resource == Resource::Window);
-    let values = if cut { passing() } else { extent.values as u64 };
-    let frames = if resource.per_frame().is_some() { frames as u64 } else { 1 };
+    let values = match (cut, resource) {
+        (true, _) => passing(),
+        // Of a pixel's numbers: its amplitude and the rest's, or one.
+        (_, Resource::Pixels) => {
+            let lights = matches!(kernel, Kernel::ModulateWave | Kernel::ModulateSubpixels);
+            shape.pixels() as u64 * if lights { 3 } else { 1 }
+        }
+        _ => extent.values as u64,
+    };
+    let is_framed = resource.per_frame().is_some() || resource.axes_of_subpixels() > 0;
+    let frames = if is_framed { frames as u64 } else { 1 };
     let bytes = size * values * frames;
     Some(match access {
         Access::Read => [bytes, 0],

@@ -1,8 +1,9 @@
 //! What the display shows.
 
 use super::PreviewError;
+use crate::evaluate::Plane;
 use crate::hologram::{ColorHologram, Hologram, HologramError, Tiles};
-use crate::optics::{Color, Optics, Padding};
+use crate::optics::{Color, Optics, Padding, PictureMap};
 use crate::plan::{EyeTables, ModelTables, Planner};
 use std::sync::Arc;
 
@@ -21,6 +22,8 @@ pub struct Shown {
     pub model: Option<Arc<ModelTables>>,
     /// The eye that looks; none for a perfect one.
     pub eye: Option<Arc<EyeTables>>,
+    /// Where its picture is seen; none where nothing bends it.
+    pub map: Option<PictureMap>,
     /// (sub-frame, row, column), radians; none where they are in tiles. A colour whose phases are the same as before costs
     /// nothing again.
     pub phases: Arc<Vec<f32>>,
@@ -57,6 +60,7 @@ impl Showing {
         let shares: Vec<f64> = (0..hologram.colors.len()).map(|i| hologram.picture_share(i)).collect();
         let planners = (0..hologram.colors.len()).map(|i| hologram.planner(i));
         let planners = planners.collect::<Result<Vec<_>, HologramError>>()?;
+        let (picture, size) = (hologram.metadata.picture, [hologram.height, hologram.width]);
         let shown = |(((color, optics), share), planner): (((ColorHologram, Optics), f64), Planner)| Shown {
             color: color.color,
             optics,
@@ -64,10 +68,20 @@ impl Showing {
             share,
             model: planner.model,
             eye: planner.eye,
+            map: color.color.and_then(|color| picture.map(color, size)),
             phases: Arc::new(color.phases),
         };
         let colors = hologram.colors.into_iter().zip(optics).zip(shares).zip(planners).map(shown).collect();
         Ok(Self { frames: hologram.frames, padding, colors, eyebox, tiles: None })
+    }
+
+    /// Planes of its colours, as the display shows them, as they are seen.
+    pub(super) fn as_seen(&self, planes: Vec<Plane>) -> Vec<Plane> {
+        let seen = |(plane, shown): (Plane, &Shown)| match &shown.map {
+            Some(map) => plane.as_seen(map),
+            None => plane,
+        };
+        planes.into_iter().zip(&self.colors).map(seen).collect()
     }
 
     /// Rows and columns of what is seen: the SLM's pixels, or, in the far field, a square of as many.

@@ -45,7 +45,7 @@ pub struct Seen {
     pub look: Look,
     /// What was shown: how many times [`Viewer::show`] had been called.
     pub content: u64,
-    /// The intensity per colour, without exposure; empty for the photograph alone.
+    /// The intensity per colour, without exposure, where the display's picture is seen; empty for the photograph alone.
     pub planes: Vec<Plane>,
     /// What they are multiplied by in the picture.
     pub exposures: Vec<f64>,
@@ -209,12 +209,13 @@ impl Looker {
             Some(plane) => [plane.rows, plane.columns],
             None => showing.size(),
         };
+        let psnr_db =
+            (!photograph.is_empty() && !planes.is_empty()).then(|| psnr(&planes, &exposures, &photograph, size));
+        let [planes, photograph] = [planes, photograph].map(|planes| showing.as_seen(planes));
         let seen = match look.side {
             Side::Photograph => Picture::black([0, 0]),
             _ => develop(&planes, &colors, &exposures, size, look.within),
         };
-        let psnr_db =
-            (!photograph.is_empty() && !planes.is_empty()).then(|| psnr(&planes, &exposures, &photograph, size));
         let shown = wanted && look.side != Side::Seen;
         let picture = shown.then(|| develop(&photograph, &colors, &vec![1.0; colors.len()], size, look.within));
         let spent = start.elapsed();

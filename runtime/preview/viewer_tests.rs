@@ -96,6 +96,24 @@ fn an_eye_that_keeps_the_spectrum_sees_what_evaluate_sees() {
 }
 
 #[test]
+fn a_picture_that_is_bent_is_shown_as_it_is_seen() {
+    let mut bent = hologram(1);
+    let seen =
+        crate::optics::Seen { homography: [0.9, 0.01, 0.0, -0.01, 0.9, 0.0, 0.0, 0.0], distortion: [0.08, 0.01] };
+    bent.metadata.picture.set(Color::Green, seen);
+    let showing = Arc::new(Showing::new(bent.clone(), Padding::default()).unwrap());
+    let (mut viewer, look) = (Viewer::start(cpu(), Vec::new()).unwrap(), look(pupils()[0]));
+    viewer.show(showing);
+    viewer.look(look);
+    let got = wait(&viewer, &look, 1).unwrap();
+    let plain = expected(&bent, &[0, 1, 2], &look.pupil, Padding::default());
+    let plane = |values| Plane { rows: 24, columns: 40, values };
+    let want = bent.as_seen(plain.iter().cloned().map(plane).collect());
+    assert_eq!(values(&got.planes), values(&want));
+    assert_ne!(values(&want), plain, "nothing is bent");
+}
+
+#[test]
 fn a_far_field_is_seen_as_evaluate_sees_it() {
     let far = Hologram { geometry: Geometry::FarField, ..hologram(1) };
     let showing = Showing::new(far.clone(), Padding::default()).unwrap();

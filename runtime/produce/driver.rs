@@ -10,7 +10,7 @@ use crate::hologram::Hologram;
 use crate::memory;
 use crate::optics::Color;
 use crate::quality::Subject;
-use crate::scene::{LightField, SceneError};
+use crate::scene::{LightField, Photographs, SceneError};
 use crate::solve::{Flow, Levels, ScenePlan, Settings, Solution};
 use std::path::Path;
 
@@ -140,7 +140,7 @@ fn solve_field(
     let plan = job.plan(&field)?;
     warn_of_aliasing(&field, display, &plan.settings);
     // What the hologram's file remembers of its scene is the scene as it is, not what the plan leaves of it.
-    let (views, cell) = (field.grid, field.cell(display));
+    let (views, cell) = field.own_views(display);
     let field = plan.reduce(field, display);
     let (base, levels) = (plan.settings.clone(), Levels::of(display));
     let subject = Subject { field: &field, color: plan.colors[0], display, base, levels };
@@ -151,6 +151,7 @@ fn solve_field(
     let mut hologram = Hologram::from_solutions(&field, display, &settings, plan.padding, &solutions)?;
     hologram.metadata.views = Some(views);
     hologram.metadata.order = job.order;
+    hologram.metadata.photographs = Some(job.photographs).filter(|how| *how != Photographs::Auto);
     hologram.metadata.view_pitch_mm = Some(cell * 1e3);
     hologram.metadata.near = job.near;
     if !job.depth_maps.is_empty() {

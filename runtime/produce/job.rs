@@ -3,7 +3,7 @@
 use super::ProduceError;
 use crate::hologram::Start;
 use crate::optics::{Color, Display, check_usual_diameters};
-use crate::scene::{self, LightField, Near, Order, Request};
+use crate::scene::{self, LightField, Near, Order, Photographs, Request};
 use crate::solve::{Full, PlanRequest, Progress, PupilRange, ScenePlan, Settings, Solution};
 use crate::tiled::{self, RegionSize};
 use std::path::{Path, PathBuf};
@@ -29,6 +29,8 @@ pub struct SceneJob<'a> {
     pub depth: Option<[f64; 2]>,
     /// How the views of folders really stand; none for what the folders say.
     pub order: Option<Order>,
+    /// Of which views photographs of folders are made.
+    pub photographs: Photographs,
     /// Pupil diameters drawn, metres; none for what fits the eyebox.
     pub diameter: Option<[f64; 2]>,
     /// Take a display and diameters as they are that look like a mistake: a unit taken for another, rows and columns exchanged,
@@ -173,6 +175,7 @@ impl<'a> SceneJob<'a> {
             near: None,
             depth: None,
             order: None,
+            photographs: Photographs::Auto,
             diameter: None,
             force: false,
             settings: Settings::default(),
@@ -206,6 +209,7 @@ impl<'a> SceneJob<'a> {
             near: self.near,
             depth: self.depth,
             order: self.order,
+            photographs: self.photographs,
             ..default
         }
     }

@@ -6,7 +6,7 @@ use crate::engine::Engine;
 use crate::evaluate::Views;
 use crate::hologram::{ColorHologram, Hologram, HologramScores, Metadata, PhaseSource, SceneSource, Tiles};
 use crate::optics::{Display, Geometry, Pupil};
-use crate::scene::{self, Request};
+use crate::scene::{self, Photographs, Request};
 use crate::solve::{Flow, Settings};
 use crate::tiled::{self, Job, MemoryLimit, RegionSize, Schedule, TiledError};
 use serde_json::{Value, json};
@@ -160,6 +160,9 @@ fn work(job: &SceneJob, request: &TilesRequest, plan: &TilesPlan, picture: usize
     if let Some(map) = job.depth_maps.first() {
         work["depth_map"] = json!([map.display().to_string(), job.depth]);
     }
+    if job.photographs != Photographs::Auto {
+        work["photographs"] = json!(job.photographs);
+    }
     if let Some(near) = job.near {
         work["near"] = json!(near);
     }
@@ -213,6 +216,7 @@ fn about(
         view_pitch_mm: job.view_pitch_mm,
         views: job.views.map(|views| [views, views]),
         order: job.order,
+        photographs: Some(job.photographs).filter(|how| *how != Photographs::Auto),
         near: job.near,
         depth_map_mm: job.depth.filter(|_| !job.depth_maps.is_empty()).map(|d| d.map(|metres| metres * 1e3)),
         ..Metadata::default()

@@ -99,6 +99,7 @@ impl Settings {
             view_pitch: Some(every as f64 * cell),
             disparity: field.disparity.map(|d| d.map(|delta| every as f64 * delta)),
             depth: field.depth,
+            made: None,
         };
         if coarse == *display {
             return Some((thin, coarse));
@@ -143,8 +144,10 @@ impl std::fmt::Display for Settings {
         if self.levels != Levels::Any {
             f.write_str(", for the SLM's levels")?;
         }
-        if self.padding != PaddingRule::Never {
-            f.write_str(", padded")?;
+        match self.padding {
+            PaddingRule::Never => {}
+            PaddingRule::Exact => f.write_str(", as wide as the SLM")?,
+            PaddingRule::Need | PaddingRule::Always => f.write_str(", padded")?,
         }
         if self.pixel > 1 {
             write!(f, ", pixels of {0} x {0}", self.pixel)?;
@@ -180,6 +183,7 @@ mod tests {
             view_pitch: None,
             disparity: Some([-1.0, 2.0]),
             depth: Some([-1e-3, 2e-3]),
+            made: None,
         }
     }
 

@@ -83,13 +83,16 @@ impl Subject<'_> {
     }
 
     /// What is solved with: the padding that keeps out what walks off, if the settings ask for it and some does, else that
-    /// without which a side transforms slowly.
+    /// without which a side transforms slowly, unless they ask for none.
     ///
     /// # Errors
     /// A colour that the display does not have.
     pub fn padding(&self, settings: &Settings) -> Result<Padding, QualityError> {
-        let never = settings.padding == PaddingRule::Never;
-        let required = if never { Padding::default() } else { self.required_padding()? };
+        let required = match settings.padding {
+            PaddingRule::Exact => return Ok(Padding::default()),
+            PaddingRule::Never => Padding::default(),
+            PaddingRule::Need | PaddingRule::Always => self.required_padding()?,
+        };
         let smooth = Padding::smooth(&self.display.optics(self.color)?);
         Ok(if required == Padding::default() { smooth } else { required })
     }
@@ -327,5 +330,9 @@ mod tests {
             assert_eq!(padding, Padding { rows: 0, columns: 26 });
             assert_eq!(subject.padding(&settings).unwrap(), padding);
         }
+        let exact = Settings { padding: PaddingRule::Exact, ..base.clone() };
+        let kept = exact.with_quality_of(&Settings::default());
+        assert_eq!(kept.padding, PaddingRule::Exact);
+        assert_eq!(subject.prepare(&kept).unwrap().problem.padding, Padding::default());
     }
 }

@@ -19,6 +19,12 @@ pub fn page(calibration: &Calibration, color: Color) -> String {
         ("Unexplained before", percent(report.before)),
         ("Unexplained now", percent(report.unexplained)),
         ("The camera's noise", percent(report.noise)),
+        (
+            "Built-in still life",
+            report.gain.as_ref().map_or("not measured".into(), |gain| {
+                format!("{:.2} dB before, {:.2} now", gain.before_db[0], gain.after_db[0])
+            }),
+        ),
     ];
     let lead = match report.calibrated {
         true => {
@@ -87,6 +93,14 @@ fn numbers(report: &Report) -> Markup {
     });
     let body = html! {
         (table("The model's numbers", &["", "Value", "Standard error", "Unit"], rows))
+        @if !report.untold.is_empty() {
+            p { "The pictures say nothing of " (report.untold.join(", ")) ": they stay as the display's file has them." }
+        }
+        @if let Some(gain) = &report.gain {
+            p.note { (format!("Built-in still life: {} x {} of the display's pixels, {} steps, mean of random pupils, seen on the \
+                fitted display; solved for the display as its file was (worst pupil {:.2} dB), and for the fitted one ({:.2} dB).",
+                gain.size[0], gain.size[1], gain.steps, gain.before_db[1], gain.after_db[1])) }
+        }
         @if !report.confused.is_empty() {
             (table("Numbers that the pictures hardly tell apart", &["", "and", "Correlation"], pairs))
         }

@@ -330,7 +330,7 @@ pub fn csv(tuned: &Tuned) -> Vec<u8> {
         let mut line = vec![i, r.steps, r.pupils].into_iter().map(|n| n.to_string()).collect::<Vec<_>>();
         line.extend([optimizer.into(), momentum, diameters.into(), window.into()]);
         line.extend([r.repeats.to_string(), r.views.to_string(), r.storage.name().into()]);
-        let (levels, padding) = (r.levels != Levels::Any, r.padding != PaddingRule::Never);
+        let (levels, padding) = (r.levels != Levels::Any, matches!(r.padding, PaddingRule::Need | PaddingRule::Always));
         line.extend([usize::from(levels), usize::from(padding), r.pixel].map(|n| n.to_string()));
         line.extend([format!("{:.3}", t.milliseconds), t.times.len().to_string()]);
         line.extend([t.mean, t.worst].map(|db| format!("{db:.4}")));

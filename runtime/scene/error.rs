@@ -82,6 +82,23 @@ pub enum SceneError {
         /// The keys that do.
         keys: String,
     },
+    /// Views that are unlike what all others say they should be.
+    #[error(
+        "{scene}: {views} not what the others predict ({found:.0} dB, the others {others:.0} dB): {cause}; mend it, or take the \
+         views as they are with --photographs cells"
+    )]
+    OddViews {
+        /// The scene.
+        scene: String,
+        /// Which.
+        views: String,
+        /// How well the others predict the worst of them, dB,
+        found: f64,
+        /// and how well they predict each other.
+        others: f64,
+        /// What is likely.
+        cause: String,
+    },
     /// Two pictures of one size were expected.
     #[error("{file}: {height} x {width} pixels, but {other} has {other_height} x {other_width}")]
     Size {

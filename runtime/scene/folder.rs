@@ -93,6 +93,7 @@ pub(super) fn read(folder: &Path, request: &Request) -> Result<Read, SceneError>
         view_pitch: stated.view_pitch,
         disparity: scaled(disparity),
         depth: scaled(stated.depth),
+        made: None,
     };
     if views.running {
         if stated.serpentine.is_none() && is_serpentine(&field, views.grid) {

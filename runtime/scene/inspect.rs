@@ -2,8 +2,8 @@
 
 use super::order::{self, Order, OrderFound};
 use super::resize::{Fit, Resize};
-use super::{DepthSource, LightField, Parallax, Request, SceneError, folder, frames};
-use crate::optics::{Color, dioptres};
+use super::{DepthSource, Layers, LightField, Parallax, Request, SceneError, folder, frames};
+use crate::optics::{Color, Display, dioptres};
 use serde::Serialize;
 use std::path::Path;
 
@@ -110,6 +110,10 @@ pub fn inspect(source: &str, request: &Request) -> Result<(Inspection, LightFiel
         DepthSource::Doubtful(percent) => Some(SceneError::doubtful_depth(depth, percent, display).to_string()),
         DepthSource::Stated | DepthSource::Measured => None,
     });
+    let doubt = match doubt {
+        None if is_folder => odd_views(&field, display, depth)?,
+        doubt => doubt,
+    };
     let inspection = Inspection {
         name: field.name.clone(),
         grid: field.grid,
@@ -131,6 +135,23 @@ pub fn inspect(source: &str, request: &Request) -> Result<(Inspection, LightFiel
         exposure: exposure(&field),
     };
     Ok((inspection, field))
+}
+
+/// Pixels along the longer side of what views are compared in.
+const COMPARED: usize = 96;
+
+/// What is said of one or two views that the others do not predict.
+fn odd_views(field: &LightField, display: &Display, depth: [f64; 2]) -> Result<Option<String>, SceneError> {
+    let longer = field.height.max(field.width);
+    if field.grid[0].max(field.grid[1]) < 3 || longer < 16 {
+        return Ok(None);
+    }
+    let rate = COMPARED.min(longer) as f64 / longer as f64;
+    let [height, width] = [field.height, field.width].map(|n| (n as f64 * rate).round().max(1.0) as usize);
+    let small = field.only(field.colors[0]).fit(height, width, Fit::Stretch);
+    // Fewer pixels, by which content moves less.
+    let layers = Layers::new(&small, display, depth.map(|z| z * rate))?;
+    Ok(layers.odd_views(&field.name).map(|odd| odd.to_string()))
 }
 
 fn exposure(field: &LightField) -> Vec<Exposure> {

@@ -28,6 +28,7 @@ fn sparse(name: &str) -> (Stage, LightField, ViewGrid) {
         view_pitch: None,
         disparity: None,
         depth: Some(stage.depth()),
+        made: None,
     };
     (stage, field, grid)
 }
@@ -120,6 +121,7 @@ fn what_one_view_cannot_see_another_shows() {
         view_pitch: Some(1e-3),
         disparity: Some([0.0, near]),
         depth: None,
+        made: None,
     };
     let display = Display { height: size, width: size, ..Display::preset("far-field").unwrap() };
     let between = Interpolator::new(field.clone(), &display);
@@ -142,7 +144,7 @@ proptest! {
         let field = LightField {
             name: "noise".into(), grid: [rows, columns], height, width, colors: vec![Color::Green],
             planes: vec![(0..rows * columns).map(view).collect()],
-            view_pitch: Some(1e-3), disparity: Some([wild * range.0, wild * (range.0 + range.1)]), depth: None,
+            view_pitch: Some(1e-3), disparity: Some([wild * range.0, wild * (range.0 + range.1)]), depth: None, made: None,
         };
         let between = Interpolator::new(field, &display());
         let seen = between.views(0, &[(wild.min(1e9) * x * 1e-3, y * 1e-3)]).remove(0);

@@ -1,7 +1,7 @@
 //! A light field: views on a grid of pupil positions.
 
-use super::SceneError;
 use super::resize::{Fit, Resize};
+use super::{MadeViews, SceneError};
 use crate::optics::{Color, Display};
 use rayon::prelude::*;
 
@@ -31,6 +31,8 @@ pub struct LightField {
     pub disparity: Option<[f64; 2]>,
     /// Farthest and nearest depth, metres at this resolution, where the scene states it.
     pub depth: Option<[f64; 2]>,
+    /// How its views were made, where they are not the scene's own.
+    pub made: Option<MadeViews>,
 }
 
 impl LightField {
@@ -89,6 +91,7 @@ impl LightField {
             view_pitch: self.view_pitch,
             disparity: self.disparity.map(|d| resize.scale_range(d)),
             depth: self.depth.map(|d| resize.scale_range(d)),
+            made: self.made,
         }
     }
 
@@ -97,6 +100,11 @@ impl LightField {
     pub fn depth_range(&self, display: &Display) -> Option<[f64; 2]> {
         let per_pixel = display.focal_length * display.picture_pixel() / self.cell(display);
         self.depth.or_else(|| self.disparity.map(|d| d.map(|delta| delta * per_pixel)))
+    }
+
+    /// Rows and columns of the scene's own views, and their distance in the pupil plane before `display`, metres.
+    pub fn own_views(&self, display: &Display) -> ([usize; 2], f64) {
+        self.made.as_ref().map_or((self.grid, self.cell(display)), |made| (made.grid, made.cell))
     }
 
     /// Side of a view's square cell in the pupil plane, metres: the stated view pitch, or the eyebox that all of the
@@ -122,6 +130,7 @@ mod tests {
             view_pitch: None,
             disparity: None,
             depth: None,
+            made: None,
         };
         field.check().unwrap();
         let says = |change: &dyn Fn(&mut LightField)| {
@@ -149,6 +158,7 @@ mod tests {
             view_pitch: None,
             disparity: Some([-1.0, 2.0]),
             depth: None,
+            made: None,
         };
         let twice = field.fit(8, 20, Fit::Contain);
         assert_eq!((twice.height, twice.width, twice.planes[0][1].len()), (8, 20, 160));

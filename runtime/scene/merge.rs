@@ -58,6 +58,7 @@ impl LightField {
             view_pitch: Some(grid.cell * count as f64),
             disparity: self.disparity.map(|d| d.map(|v| v * count as f64)),
             depth: self.depth,
+            made: self.made,
         }
     }
 

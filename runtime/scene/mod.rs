@@ -42,17 +42,24 @@
 //! a time: a [`Stage`] renders a built-in scene there, an [`Interpolator`] makes views between those of a folder, and a
 //! [`Reprojection`] shows a picture with its map.
 //!
+//! **Few views.** Where the views of a folder stand so far apart that their photographs would show ghosts, closer ones are made of
+//! them, by [`Layers`] where these show them well ([`Photographs`]).
+//!
 //! Signs (OPTICS 3): columns of views follow +x of the pupil, rows +y; content of positive disparity is near.
 
 mod builtin;
+mod closer;
 mod depth;
 mod error;
 mod folder;
 mod frames;
+#[cfg(feature = "window")]
+mod given;
 mod inspect;
 mod interpolate;
 #[cfg(test)]
 mod interpolate_tests;
+mod layers;
 mod light;
 mod light_field;
 mod map;
@@ -67,6 +74,7 @@ mod order;
 mod parallax;
 mod pfm;
 mod photograph;
+mod photographs;
 #[cfg_attr(not(feature = "image-formats"), path = "no_picture.rs")]
 mod picture;
 mod pyramid;
@@ -90,12 +98,16 @@ mod reading_tests;
 mod tests;
 
 pub use builtin::{BUILTINS, Builtin, Stage};
+pub(crate) use closer::ENOUGH;
 pub use depth::central_depth;
 pub(crate) use depth::central_view;
 pub use error::SceneError;
 pub use frames::frames;
+#[cfg(feature = "window")]
+pub(crate) use given::{Layer, Places, views_of_depths, views_of_layers};
 pub use inspect::{Exposure, Inspection, contact_sheet, inspect};
 pub use interpolate::Interpolator;
+pub use layers::Layers;
 pub use light::srgb_to_linear;
 pub use light_field::LightField;
 pub use maps::depth_maps;
@@ -103,6 +115,7 @@ pub use near::Near;
 pub use order::{Order, OrderFound};
 pub use parallax::Parallax;
 pub use photograph::ViewGrid;
+pub use photographs::{MadeViews, Photographs};
 pub use pyramid::{Level, Pyramid};
 pub(crate) use registered::Bend;
 pub use request::Request;
@@ -177,5 +190,6 @@ pub fn load(source: &str, request: &Request) -> Result<LightField, SceneError> {
         return single::load(path, request);
     }
     let field = folder::load(path, request).map_err(|error| frames::explain(path, error))?;
-    Ok(LightField { view_pitch: request.view_pitch.or(field.view_pitch), ..field })
+    LightField { view_pitch: request.view_pitch.or(field.view_pitch), ..field }
+        .with_views_for(request.display, request.photographs)
 }

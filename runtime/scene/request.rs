@@ -1,6 +1,6 @@
 //! What is wanted of a scene.
 
-use super::{Near, Order, SceneError};
+use super::{Near, Order, Photographs, SceneError};
 use crate::memory;
 use crate::optics::{Color, Display};
 use std::path::Path;
@@ -29,10 +29,12 @@ pub struct Request<'a> {
     /// How the views of a folder really stand, instead of what the folder says; none refuses those whose pictures clearly
     /// show another order than that of their names.
     pub order: Option<Order>,
+    /// Of which views of a folder photographs are made: [`Photographs::Cells`] loads it as it is.
+    pub photographs: Photographs,
 }
 
 impl<'a> Request<'a> {
-    /// 9 x 9 views of these colours, nothing else stated.
+    /// 9 x 9 views of these colours, a folder's own views as they are, nothing else stated.
     pub fn new(display: &'a Display, colors: &'a [Color]) -> Self {
         Self {
             display,
@@ -44,6 +46,7 @@ impl<'a> Request<'a> {
             near: None,
             depth: None,
             order: None,
+            photographs: Photographs::Cells,
         }
     }
 

@@ -159,6 +159,7 @@ pub(super) fn load(path: &Path, request: &Request) -> Result<LightField, SceneEr
         view_pitch: Some(from.cell),
         disparity: Some(from.ends),
         depth: Some(from.depth()),
+        made: None,
         name: from.name,
     })
 }

@@ -37,6 +37,10 @@ pub enum SessionError {
     /// A calibration, or a setting of the way from sample to pupil.
     #[error(transparent)]
     Gaze(#[from] GazeError),
+    /// What takes an application's frames.
+    #[cfg(target_os = "linux")]
+    #[error(transparent)]
+    LiveInput(#[from] eyebox_live_input::LiveError),
     /// A thread that could not be started, or failed.
     #[error("the thread that {what} {reason}")]
     Thread {

@@ -2,18 +2,22 @@
 
 use super::companion::{Asked, Companion, Now};
 use super::error::SessionError;
+use super::journal::{Decision, Keeping};
 use super::latency::{Histogram, Latency, Stage};
 use super::notes::Notes;
 use super::output::OpenDisplay;
+use super::player::SetSource;
 use super::pupil_tracker::{Heard, PupilTracker};
 use super::refine::Refinement;
 use super::set_timing::SetTiming;
 use super::sets::LiveSource;
+use super::showing::Showing;
 use super::statistics::LiveStatistics;
 use super::steerer::Policy;
-use super::trace::Track;
-use crate::optics::Pupil;
-use crate::present::{Clock, RealClock, SECOND_NS};
+use super::trace::{Lit, Track};
+use super::work_time::Times;
+use crate::optics::{Pupil, PupilDistribution};
+use crate::present::SECOND_NS;
 use crate::trackers::simulated;
 use crossbeam_utils::atomic::AtomicCell;
 use std::collections::VecDeque;
@@ -50,14 +54,24 @@ pub(super) struct Following {
     pub(super) companion: Option<Box<dyn Companion>>,
     pub(super) source: LiveSource,
     pub(super) refinement: Refinement,
-    pub(super) tracker: Arc<PupilTracker>,
+    /// A tracker on its thread; none where there is none, or time is simulated.
+    pub(super) tracker: Option<Arc<PupilTracker>>,
+    /// What there is to be seen, where that changes.
+    pub(super) showing: Option<Showing>,
+    /// What keeps what was decided.
+    pub(super) keeping: Option<Keeping>,
+    /// Whether that begins with nothing: an application gives it.
+    pub(super) first_is_to_come: bool,
+    pub(super) track: Track,
     pub(super) name: String,
     pub(super) is_mouse: bool,
     pub(super) policy: Policy,
     pub(super) truth: Option<simulated::Eye>,
     pub(super) timing: Arc<AtomicCell<SetTiming>>,
     pub(super) steered: Arc<AtomicBool>,
-    pub(super) clock: RealClock,
+    pub(super) times: Times,
+    /// Where pupils are where nobody is tracked.
+    pub(super) whole: PupilDistribution,
     pub(super) light_after_ns: i64,
     pub(super) sets_per_second: f64,
     pub(super) notes: Notes,
@@ -78,10 +92,10 @@ impl Following {
     /// After a video frame, which may have begun a set; false once a user closed the window beside the display.
     pub(super) fn after(&mut self, set_start_ns: Option<i64>, display: &mut OpenDisplay) -> bool {
         if let Some(start_ns) = set_start_ns {
-            self.set_began(start_ns);
+            self.set_began(start_ns, display.clock.now_ns());
         }
-        self.look_back();
-        let now_ns = self.clock.now_ns();
+        let now_ns = display.clock.now_ns();
+        self.look_back(now_ns);
         if now_ns > self.medians_at_ns.saturating_add(SECOND_NS / 4) {
             let of = |histogram: &Histogram| histogram.percentile(0.5);
             self.medians = [of(self.latency.of(Stage::SampleToLight)), of(self.latency.error_mm())];
@@ -92,7 +106,8 @@ impl Following {
 
     fn serve(&mut self, display: &mut OpenDisplay) -> bool {
         let Some(companion) = &mut self.companion else { return true };
-        let seen = self.tracker.expect(self.clock.monotonic_ns(self.clock.now_ns())).pupil;
+        let now_ns = self.times.monotonic_ns(display.clock.now_ns());
+        let seen = self.tracker.as_ref().map_or(self.whole, |tracker| tracker.expect(now_ns).pupil);
         let middle = |[low, high]: [f64; 2]| 0.5 * (low + high);
         let [x, y] = seen.centre;
         let pupil = Pupil { x, y, diameter: middle(seen.diameter), depth: middle(seen.focus) };
@@ -115,12 +130,29 @@ impl Following {
     }
 
     /// A set begins to be lit at `start_ns`.
-    fn set_began(&mut self, start_ns: i64) {
-        let decided_ns = self.source.asked().map_or(start_ns, |at| self.clock.at_ns(at));
-        self.timing.store(self.timing.load().after(start_ns, decided_ns));
+    fn set_began(&mut self, start_ns: i64, now_ns: i64) {
+        if let Some(clock) = self.times.0 {
+            let decided_ns = self.source.asked().map_or(start_ns, |at| clock.at_ns(at));
+            self.timing.store(self.timing.load().after(start_ns, decided_ns));
+        }
         let light_ns = start_ns.saturating_add(self.light_after_ns);
+        if let (Some(keeping), Some((_, number))) = (&self.keeping, self.source.on_screen()) {
+            keeping.journal().keep(Decision::Lit { number });
+        }
         if let Some(set) = self.source.newly_shown() {
-            self.latency.shown(&set.timestamps, self.clock.now_ns(), light_ns);
+            if let Some(showing) = &mut self.showing {
+                showing.lit(Some(set), start_ns);
+            }
+            self.track.lit(Lit {
+                set: set.number,
+                content: set.content,
+                supply: set.supply.name(),
+                sample_ns: set.timestamps.sample_ns,
+                light_ns,
+                steps: set.steps,
+                estimated_db: set.estimated_db,
+            });
+            self.latency.shown(&set.timestamps, now_ns, light_ns);
             self.pupil = set.timestamps.sample_ns.map(|_| set.pupil);
             self.focus = set.focus;
             if let Some(z) = set.focus {
@@ -130,25 +162,29 @@ impl Following {
             if let Some(companion) = &mut self.companion {
                 companion.shown(set);
             }
+        } else if let Some(showing) = &mut self.showing {
+            showing.lit(None, start_ns);
         }
         if let Some(pupil) = self.pupil {
             if self.open.len() == OPEN {
                 self.open.pop_front();
             }
-            self.open.push_back((self.clock.monotonic_ns(light_ns), pupil));
+            self.open.push_back((self.times.monotonic_ns(light_ns), pupil));
         }
     }
 
     /// Where the pupil was at lights that have passed: truly, for a simulated eye, else as it was measured.
-    fn look_back(&mut self) {
-        let now = self.clock.monotonic_ns(self.clock.now_ns());
+    fn look_back(&mut self, now_ns: i64) {
+        let now = self.times.monotonic_ns(now_ns);
         while let Some((light, expected)) = self.open.front().copied() {
             let position = match &mut self.truth {
                 Some(eye) if light <= now => {
                     let truth = eye.at(light);
                     (truth.lid > 0.5).then_some(truth.position)
                 }
-                None if self.tracker.reaches(light) => self.tracker.measured(light),
+                None if self.tracker.as_ref().is_some_and(|tracker| tracker.reaches(light)) => {
+                    self.tracker.as_ref().and_then(|tracker| tracker.measured(light))
+                }
                 None if now.saturating_sub(light) > 2_000_000_000 => None,
                 _ => return,
             };
@@ -178,7 +214,8 @@ impl Following {
 
     /// Why there was nothing to follow, where there was not. A mouse need not have come over its window.
     pub(super) fn followed(&self) -> Result<(), SessionError> {
-        let reason = match self.tracker.heard() {
+        let Some(tracker) = &self.tracker else { return Ok(()) };
+        let reason = match tracker.heard() {
             Heard { believed: 1.., .. } => return Ok(()),
             _ if self.is_mouse => return Ok(()),
             Heard { samples: 0, .. } => "no sample came".to_string(),
@@ -191,14 +228,17 @@ impl Following {
     }
 
     /// Ends the threads: what came of it, and what they did.
-    pub(super) fn stop(mut self) -> (LiveStatistics, Vec<Track>) {
+    pub(super) fn stop(mut self) -> (LiveStatistics, Vec<Track>, Result<(), SessionError>) {
         let LiveStatus { sets_new, sets_repeated, steps, restarts, .. } = self.status();
         let mut tracks: Vec<Track> = self.refinement.stop().into_iter().collect();
-        if let Some(mut tracker) = Arc::into_inner(self.tracker) {
+        // A refinement in simulated time holds nothing of it.
+        if let Some(mut tracker) = self.tracker.and_then(Arc::into_inner) {
             tracks.extend(tracker.stop());
         }
+        let showing = self.showing.map(|showing| showing.with(self.refinement.taken()));
         let (tracker, latency, policy, focus) = (self.name, self.latency, self.policy, self.focused);
-        let live = LiveStatistics { tracker, policy, sets_new, sets_repeated, steps, restarts, focus, latency };
-        (live, tracks)
+        let live =
+            LiveStatistics { tracker, policy, sets_new, sets_repeated, steps, restarts, focus, latency, showing };
+        (live, tracks, self.keeping.map_or(Ok(()), Keeping::finish))
     }
 }

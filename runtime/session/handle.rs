@@ -34,7 +34,7 @@ impl Session {
         let content = content.into();
         match &content {
             Content::Play(play) => play.check()?,
-            Content::Live(live) => live.policy.steering.check()?,
+            Content::Live(live) => live.check()?,
         }
         // As a display file has it; a session hears of its end at the next video frame.
         if let Some(rate) = options.display_rate.filter(|rate| !(1.0..=100_000.0).contains(&rate.hz())) {

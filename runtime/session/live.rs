@@ -3,27 +3,36 @@
 use super::companion::CompanionOpener;
 use super::error::SessionError;
 use super::following::{Following, OPEN};
+use super::journal::{Journal, Keeping, Kept};
 use super::latency::Latency;
 use super::notes::Notes;
 use super::output::OpenDisplay;
 use super::pupil_tracker::PupilTracker;
 use super::refine::{Refinement, RefinementOptions};
+use super::replay::Replay;
 use super::running::{Running, Setup};
+use super::scenes::Scenes;
 use super::scheduler::{Schedule, Start};
 use super::set_timing::{SetTiming, as_ns};
+use super::showing::Showing;
 use super::steerer::{Policy, SteeredColor, Steerer};
 use super::timeline::Speed;
 use super::trace::Trace;
+use super::watch::{Samples, Watch};
+use super::work_time::{Cost, Times};
 use crate::encode::Encoder;
 use crate::engine::{Backend, Engine, EngineError};
 use crate::gaze::Estimator;
 use crate::gpu::Gpu;
+use crate::optics::PupilDistribution;
 use crate::present::Rate;
+use crate::solve::PupilRange;
 use crate::trackers::mouse::{self, MouseHandle};
 use crate::trackers::simulated::{self, SimulatedSource};
 use crate::trackers::{self, Options, Source, Spec, Stream, now_ns};
 use crossbeam_utils::atomic::AtomicCell;
 use std::collections::VecDeque;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
@@ -34,24 +43,34 @@ pub struct Tracking {
     estimator: Estimator,
     /// A simulated eye's twin, which knows where the pupil really is.
     truth: Option<simulated::Eye>,
+    /// Whether its samples come when they would.
+    real_time: bool,
 }
 
 impl Tracking {
     /// By a tracker of any kind.
     pub fn new(source: Box<dyn Source>, estimator: Estimator) -> Self {
-        Self { source, estimator, truth: None }
+        Self { source, estimator, truth: None, real_time: true }
     }
 
-    /// By one that is named, in real time.
+    /// By one that is named: in real time, or, of simulated eyes, in a time of their own that begins at 0.
     ///
     /// # Errors
-    /// [`SessionError::Tracker`].
+    /// [`SessionError::Tracker`]; [`SessionError::Setting`] for what lives in real time alone.
     pub fn open(spec: &Spec, options: &Options, estimator: Estimator) -> Result<Self, SessionError> {
-        let Spec::Simulated(seed) = *spec else { return Ok(Self::new(trackers::open(spec, options)?, estimator)) };
+        let Spec::Simulated(seed) = *spec else {
+            if !options.real_time {
+                return Err(SessionError::Setting(format!(
+                    "a simulated clock takes a simulated eye alone (--tracker simulated), and {spec:?} lives in real time"
+                )));
+            }
+            return Ok(Self::new(trackers::open(spec, options)?, estimator));
+        };
         let settings = simulated::Settings { seed, rate_hz: options.rate_hz, ..simulated::Settings::default() };
-        let begins = now_ns();
-        let source = SimulatedSource::starting(settings.clone(), true, begins)?;
-        Ok(Self { source: Box::new(source), estimator, truth: Some(simulated::Eye::new(settings, begins)) })
+        let begins = if options.real_time { now_ns() } else { 0 };
+        let source = SimulatedSource::starting(settings.clone(), options.real_time, begins)?;
+        let truth = Some(simulated::Eye::new(settings, begins));
+        Ok(Self { source: Box::new(source), estimator, truth, real_time: options.real_time })
     }
 
     /// By a mouse, whose place somebody pushes.
@@ -66,6 +85,17 @@ impl Tracking {
         about.notes.iter().fold(about.name, |all, note| format!("{all}, {note}"))
     }
 }
+
+/// Where the pupil may be where nobody tells: anywhere in an eyebox of this side, metres, as wide as eyes' pupils are, focused
+/// between these depths, metres.
+pub fn whole_eyebox(eyebox: f64, focus: [f64; 2]) -> PupilDistribution {
+    let [low, high] = PupilRange::usual_diameter(eyebox);
+    let diameter = [low, high.min(WIDEST_PUPIL).max(low)];
+    PupilDistribution { centre: [0.0; 2], spread: eyebox / 2.0, diameter, focus, elsewhere: 1.0 }
+}
+
+/// As wide as an eye's pupil becomes, metres.
+const WIDEST_PUPIL: f64 = 8e-3;
 
 /// Opens an engine, as often as it is called.
 pub type EngineOpener = Box<dyn FnMut() -> Result<Box<dyn Engine>, EngineError> + Send>;
@@ -108,6 +138,39 @@ impl EngineSource {
     }
 }
 
+/// Whoever is followed.
+struct FollowedEye {
+    watch: Watch,
+    /// A tracker on its thread.
+    tracker: Option<Arc<PupilTracker>>,
+    truth: Option<simulated::Eye>,
+    name: String,
+    is_mouse: bool,
+}
+
+impl FollowedEye {
+    fn start(
+        tracking: Option<Tracking>,
+        whole: PupilDistribution,
+        notes: &Notes,
+        trace: &Trace,
+    ) -> Result<Self, SessionError> {
+        let Some(tracking) = tracking else {
+            let name = "no eye tracker: pupils over the whole eyebox".into();
+            return Ok(Self { watch: Watch::Nobody(whole), tracker: None, truth: None, name, is_mouse: false });
+        };
+        let (name, is_mouse) = (tracking.describe(), tracking.source.about().kind == "mouse");
+        let Tracking { source, estimator, truth, real_time } = tracking;
+        if !real_time {
+            let watch = Watch::Samples(Box::new(Samples::new(source, estimator)));
+            return Ok(Self { watch, tracker: None, truth, name, is_mouse });
+        }
+        let tracker = PupilTracker::start(Stream::start(source)?, estimator, notes.clone(), trace.track("gaze"))?;
+        let tracker = Arc::new(tracker);
+        Ok(Self { watch: Watch::Tracker(Arc::clone(&tracker)), tracker: Some(tracker), truth, name, is_mouse })
+    }
+}
+
 /// A hologram that follows the eye.
 #[non_exhaustive]
 pub struct Live {
@@ -118,8 +181,18 @@ pub struct Live {
     /// What computes: an engine for each colour, opened again when one is lost. Where they are on a device, sets are encoded
     /// there too, and phases never come to the host.
     pub engines: EngineSource,
-    /// Whose eye.
-    pub tracking: Tracking,
+    /// What there is to be seen, where that changes while it is shown; none for the one hologram.
+    pub scenes: Option<Box<dyn Scenes>>,
+    /// Whose eye; none where nobody is tracked: pupils are then drawn over the whole eyebox.
+    pub tracking: Option<Tracking>,
+    /// Where nobody is tracked: where the pupil may be.
+    pub whole: PupilDistribution,
+    /// What work takes on a simulated clock.
+    pub cost: Cost,
+    /// A new folder that keeps what was decided, with all scenes that followed each other, so that it can be done again.
+    pub journal: Option<PathBuf>,
+    /// Such a folder, for a simulated clock: the same sets are lit again in the same order. Everything else is as it was then.
+    pub replay: Option<PathBuf>,
     /// How it follows.
     pub policy: Policy,
     /// Whether it does from the beginning.
@@ -136,10 +209,54 @@ impl Live {
         colors: Vec<SteeredColor>,
         encoder: Encoder,
         engines: impl Into<EngineSource>,
-        tracking: Tracking,
+        tracking: impl Into<Option<Tracking>>,
     ) -> Self {
         let (policy, display_latency, engines) = (Policy::default(), Duration::ZERO, engines.into());
-        Self { colors, encoder, engines, tracking, policy, steered: true, display_latency, companion: None }
+        let whole = whole_eyebox(colors.first().map_or(0.0, |c| c.problem.eyebox), [0.0; 2]);
+        Self {
+            colors,
+            encoder,
+            engines,
+            scenes: None,
+            tracking: tracking.into(),
+            whole,
+            cost: Cost::Measured,
+            journal: None,
+            replay: None,
+            policy,
+            steered: true,
+            display_latency,
+            companion: None,
+        }
+    }
+
+    /// Refuses what does not go together, before anything is opened for it.
+    pub(super) fn check(&self) -> Result<(), SessionError> {
+        Ok(self.policy.steering.check()?)
+    }
+
+    /// Refuses what does not go with the display's clock.
+    fn check_clock(&self, is_real: bool) -> Result<(), SessionError> {
+        let wrong = |why: &str| Err(SessionError::Setting(why.into()));
+        if self.replay.is_some() {
+            let alone = self.scenes.is_none() && self.tracking.is_none() && self.journal.is_none();
+            return match !is_real && alone {
+                true => Ok(()),
+                false => {
+                    wrong("what was kept is shown again on a simulated clock, without a tracker and without content")
+                }
+            };
+        }
+        match self.cost {
+            Cost::Measured if !is_real => {
+                wrong("a simulated clock has to be told what work takes: --step-time, or leave out --clock simulated")
+            }
+            Cost::Fixed { .. } if is_real => wrong("what work takes is said to a simulated clock alone"),
+            _ if self.tracking.as_ref().is_some_and(|tracking| tracking.real_time != is_real) => {
+                wrong("a live hologram follows an eye in real time: on a simulated clock, the simulated eye")
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Starts following and refining. `on_host`: somebody on the host wants the video frames too.
@@ -151,10 +268,14 @@ impl Live {
         notes: &Notes,
         trace: Trace,
     ) -> Result<Setup, SessionError> {
-        let Self { colors, encoder, mut engines, tracking, policy, .. } = self;
-        let clock = display.real_clock.ok_or_else(|| {
-            SessionError::Setting("a live hologram follows an eye in real time: its clock cannot be simulated".into())
-        })?;
+        let clock = display.real_clock;
+        self.check_clock(clock.is_some())?;
+        let Self { colors, encoder, mut engines, tracking, mut policy, scenes, whole, cost, .. } = self;
+        // What no scene brings cannot be begun again with.
+        let whole_of_none = scenes.as_ref().filter(|scenes| !scenes.begins_with_one()).map(|_| whole);
+        if whole_of_none.is_some() {
+            policy.restart = f64::INFINITY;
+        }
         let set_frames = encoder.packed().video_frames as u64;
         let period_ns = display.rate.time_of_ns(i64::try_from(set_frames).unwrap_or(i64::MAX));
         let schedule = Schedule {
@@ -166,10 +287,8 @@ impl Live {
             keep_phase: false,
         };
         let sub_frames = colors.iter().map(SteeredColor::frames).sum::<usize>() as u64;
-        let (name, is_mouse) = (tracking.describe(), tracking.source.about().kind == "mouse");
-        let stream = Stream::start(tracking.source)?;
-        let tracker = PupilTracker::start(stream, tracking.estimator, notes.clone(), trace.track("gaze"))?;
-        let tracker = Arc::new(tracker);
+        let FollowedEye { watch, tracker, truth, name, is_mouse } = FollowedEye::start(tracking, whole, notes, &trace)?;
+        let showing = scenes.as_ref().map(|scenes| Showing::new(scenes.describe()));
         let timing = Arc::new(AtomicCell::new(SetTiming::new(period_ns)));
         let light_after = Duration::from_nanos(period_ns.unsigned_abs() / 2) + self.display_latency;
         let with_phases = self.companion.is_some();
@@ -182,32 +301,51 @@ impl Live {
             Some((gpu, order)) if !on_host && shared.is_some_and(|shared| shared.is(gpu)) => Some(order),
             _ => None,
         };
-        let again = move || Ok((Steerer::new(colors.clone(), policy, || engines.open())?, engines.gpu()?));
-        let options = RefinementOptions {
-            clock,
-            timing: Arc::clone(&timing),
-            light_after,
-            steered: Arc::clone(&steered),
-            direct,
-            with_phases,
-            again: Box::new(again),
-            notes: notes.clone(),
-            track: trace.track("refine"),
+        let keeping = self.journal.as_deref().map(Journal::start).transpose()?;
+        let again_with = colors.clone();
+        let mut again = move || -> Result<(Steerer, Option<Gpu>), SessionError> {
+            Ok((Steerer::new(again_with.clone(), policy, || engines.open())?, engines.gpu()?))
         };
         let idle = encoder.frames();
-        let (refinement, source) = Refinement::start(encoder, Arc::clone(&tracker), options)?;
+        let (refinement, source) = if let Some(folder) = &self.replay {
+            let (steerer, _) = again()?;
+            (Refinement::none(), Replay::start(Kept::open(folder)?, colors, steerer, encoder)?)
+        } else {
+            let options = RefinementOptions {
+                clock,
+                cost,
+                watch,
+                scenes,
+                journal: keeping.as_ref().map(Keeping::journal),
+                timing: Arc::clone(&timing),
+                light_after,
+                steered: Arc::clone(&steered),
+                whole: whole_of_none,
+                direct,
+                with_phases,
+                again: Box::new(again),
+                notes: notes.clone(),
+                track: trace.track("refine"),
+            };
+            Refinement::start(encoder, options)?
+        };
         let following = Following {
             companion,
             source,
             refinement,
             tracker,
+            showing,
+            keeping,
+            first_is_to_come: whole_of_none.is_some(),
+            track: trace.track("sets"),
             name,
             is_mouse,
             policy,
-            truth: tracking.truth,
+            truth,
             timing,
             steered,
-            clock,
+            times: Times(clock),
+            whole,
             light_after_ns: as_ns(light_after),
             sets_per_second: display.rate.hz() / set_frames as f64,
             notes: notes.clone(),

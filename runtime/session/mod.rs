@@ -1,7 +1,7 @@
 //! Content, an eye and time brought together: holograms on a display, on time, and a truthful account of what was shown.
 //!
-//! A [`Session`] shows one of two things on an [`Output`]: a [`Play`], a sequence from disk; or a [`Live`] hologram, which is
-//! refined for where the eye is while it is shown. It runs on threads of its own, and whoever holds it asks for its status,
+//! A [`Session`] shows one of two things on an [`Output`]: a [`Play`], what was solved before; or [`Live`] content, which is
+//! refined for where the eye is while it is shown: one hologram, or [`Scenes`] that follow each other. It runs on threads of its own, and whoever holds it asks for its status,
 //! takes its events and stops it.
 //!
 //! Content rate, multiplex-set rate and display rate are three things. A multiplex set (all sub-frames of all colours) takes
@@ -11,7 +11,9 @@
 //! and the `account` of why), `pacing` (when to wake for it), `set_timing` (which set can still be reached). Around them:
 //! `player`, the present thread's tick, and `present_thread`, its loop; `stream` (reading, checking and encoding ahead on
 //! threads of their own); `refine` (the thread that owns the engines: [`Steerer`] without threads) and `pupil_tracker` (the
-//! one that takes a tracker's samples), whose sets pass through `sets`. Each can end without taking the picture away.
+//! one that takes a tracker's samples), whose sets pass through `sets`; on a simulated clock sets are made when they are asked for,
+//! and `work_time` passes by what steps are said to take. [`MovingSequence`] reads ahead what follows; `application` takes
+//! frames from other processes; `showing` accounts for both. Each can end without taking the picture away.
 //! `latency` accounts for every set that was shown, from the sample to the light; [`study()`] measures what steering gains
 //! with a simulated eye in simulated time. `marks`: the sync picture and the corner mark; `record`, `trace`, `notes`.
 //!
@@ -20,35 +22,47 @@
 //! [`trackers`](crate::trackers), [`gaze`](crate::gaze) and the display's side, [`present`](crate::present).
 
 mod account;
+#[cfg(target_os = "linux")]
+mod application;
 mod companion;
 mod content;
 mod error;
 mod following;
 mod handle;
+mod journal;
 mod latency;
 mod live;
 mod marks;
+mod moving;
 mod notes;
 mod output;
 mod pacing;
+mod pattern_output;
 mod play;
 mod player;
 mod present_thread;
 mod pupil_tracker;
 mod record;
 mod refine;
+mod replay;
 mod report;
 mod running;
+mod scenes;
 mod scheduler;
 mod set_timing;
 mod sets;
+mod showing;
 mod statistics;
 mod steerer;
 mod stream;
 mod study;
 mod timeline;
 mod trace;
+mod watch;
+mod work_time;
 
+#[cfg(test)]
+mod scenes_tests;
 #[cfg(test)]
 mod scheduler_tests;
 #[cfg(test)]
@@ -61,20 +75,27 @@ mod tests;
 mod thread_tests;
 
 pub use account::{Account, Cause};
+#[cfg(target_os = "linux")]
+pub use application::{LiveInput, LiveKind, darkness};
 pub use companion::{Asked, Companion, CompanionOpener, Now};
 pub use content::{About, Content, Ended, FrameObserver, SessionEvent, SessionOptions, Status};
 pub use error::SessionError;
 pub use following::LiveStatus;
 pub use handle::Session;
 pub use latency::{Histogram, Latency, Stage, Timestamps};
-pub use live::{EngineOpener, EngineSource, Live, Tracking};
+pub use live::{EngineOpener, EngineSource, Live, Tracking, whole_eyebox};
+pub use moving::{MovingSequence, SceneLoader};
 pub use output::{Output, SinkFile};
+pub use pattern_output::PatternOutput;
 pub use play::Play;
 pub use player::{Command, PresentedFrame};
 pub use report::{Report, Timing};
+pub use scenes::{Due, Newest, SceneFrame, Scenes, Supply};
 pub use set_timing::{SetTiming, Target};
 pub use sets::FinishedSet;
+pub use showing::Showing;
 pub use statistics::{Ending, LiveStatistics, Statistics};
-pub use steerer::{Policy, SteeredColor, Steerer};
-pub use study::{Cost, Observer, Study, StudySample, StudySettings, study};
+pub use steerer::{Followed, Policy, SteeredColor, Steerer};
+pub use study::{Observer, Study, StudySample, StudySettings, study};
 pub use timeline::Speed;
+pub use work_time::Cost;

@@ -22,11 +22,11 @@ pub(super) trait SetSource: Content {
     /// What ended the threads behind it.
     fn poll(&mut self, useful_from: u64) -> Result<(), SessionError>;
 
-    /// Waits until it is known what comes of a position: with simulated clocks, for which it takes no time.
+    /// Waits until it is known what comes of a position, which is to light up then: with simulated clocks, for which it takes no time.
     ///
     /// # Errors
     /// Those of [`poll`](Self::poll).
-    fn settle(&mut self, position: u64) -> Result<(), SessionError>;
+    fn settle(&mut self, position: u64, display_time_ns: i64) -> Result<(), SessionError>;
 
     /// Puts a position that is ready on the screen.
     fn show(&mut self, position: u64);
@@ -172,7 +172,7 @@ impl Player {
         source.poll(useful)?;
         let wanted = self.scheduler.wanted(next.predicted_display_time_ns);
         if let Some(wanted) = wanted.filter(|_| self.clock.is_simulated()) {
-            source.settle(wanted)?;
+            source.settle(wanted, next.predicted_display_time_ns)?;
         }
         let Slot { what, video_frame, late } = self.scheduler.next(next.vblank, next.predicted_display_time_ns, source);
         match what {

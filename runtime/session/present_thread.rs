@@ -141,7 +141,9 @@ impl PresentThread {
         {
             return Ok(Some(Ending::Closed));
         }
-        if self.player.scheduler().account().due > 0 {
+        // An application that never comes is not waited for without end.
+        let waits = matches!(&self.running, Running::Live(following) if following.first_is_to_come);
+        if waits || self.player.scheduler().account().due > 0 {
             let (now_ns, period_ns) = (self.player.display_time_ns(), self.player.rate().period_ns());
             let passed_ns = now_ns - *self.content_since_ns.get_or_insert(now_ns) + period_ns;
             if self.most_ns.is_some_and(|most_ns| passed_ns >= most_ns) {
@@ -183,7 +185,8 @@ impl PresentThread {
             Running::Play(stream) => tracks.extend(stream.stop()),
             Running::Live(following) => {
                 result = result.and(following.followed());
-                let (live, more) = following.stop();
+                let (live, more, kept) = following.stop();
+                result = result.and(kept);
                 statistics.live = Some(live);
                 tracks.extend(more);
             }

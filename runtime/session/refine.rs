@@ -1,50 +1,30 @@
-//! The thread that refines: for every set that can still be reached, where the pupil will be, steps until it has to be
-//! handed over, and the set.
+//! Refining for every set that can still be reached: what is to be seen then, where the pupil will be, steps until it has to be
+//! handed over, and the set. On a thread, or, where time is simulated, when a set is asked for.
+
+mod options;
+
+pub(super) use options::RefinementOptions;
 
 use super::error::SessionError;
+use super::journal::{Decision, Journal};
 use super::latency::Timestamps;
-use super::notes::Notes;
-use super::pupil_tracker::PupilTracker;
+use super::scenes::{Due, Newest, SceneFrame, Supply};
 use super::set_timing::{SetTiming, Target, as_ns};
-use super::sets::{FinishedSet, LiveSource};
-use super::sets::{SetSender, set_channel};
+use super::sets::{FinishedSet, LiveSource, SetBuffer, SetSender, set_channel};
+use super::showing::Taken;
 use super::steerer::Steerer;
 use super::trace::Track;
+use super::work_time::{Cost, Times, WorkTime};
 use crate::encode::{Encoder, PhaseSet};
 use crate::engine::vulkan::VulkanEncoder;
-use crate::gpu::{Gpu, PixelOrder};
+use crate::gpu::Gpu;
 use crate::optics::PupilDistribution;
-use crate::present::{Clock, RealClock};
+use crate::present::Clock;
 use crossbeam_utils::atomic::AtomicCell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
-
-/// Makes the engines with all that is on them, and says which device they share, if it is one.
-pub(super) type Begin = Box<dyn FnMut() -> Result<(Steerer, Option<Gpu>), SessionError> + Send>;
-
-/// What a refinement is started with.
-pub(super) struct RefinementOptions {
-    /// The player's clock.
-    pub clock: RealClock,
-    /// When the display begins sets; who presents says it.
-    pub timing: Arc<AtomicCell<SetTiming>>,
-    /// From the beginning of a set to the middle of its light.
-    pub light_after: Duration,
-    /// Whether the hologram follows the eye; if not, the one for the whole eyebox is shown.
-    pub steered: Arc<AtomicBool>,
-    /// Video frames go straight to a display that shows from the engines' device, in this order of colours.
-    pub direct: Option<PixelOrder>,
-    /// Sets carry their phases, for somebody who looks at them too.
-    pub with_phases: bool,
-    /// Makes the engines again when one was lost, and all that is on them.
-    pub again: Begin,
-    /// Where it says what went wrong.
-    pub notes: Notes,
-    /// What the thread does, for a trace.
-    pub track: Track,
-}
 
 /// Slack before a set is decided on: handing over takes no time, but threads wake late.
 const SLACK: Duration = Duration::from_micros(500);
@@ -56,41 +36,77 @@ struct Shared {
     stop: AtomicBool,
     restarts: AtomicU64,
     steps: AtomicU64,
+    taken: AtomicCell<Taken>,
 }
 
-/// A hologram that is refined on its thread; dropped, it stops.
+/// A hologram that is refined, on a thread where time is real; dropped, it stops.
 pub(super) struct Refinement {
     shared: Arc<Shared>,
     thread: Option<JoinHandle<Track>>,
 }
 
 impl Refinement {
-    /// Starts refining. The first set, the hologram for the whole eyebox, is ready when this returns.
+    /// Starts refining. The first set, the hologram for the whole eyebox, is ready when this returns, unless the first scene has
+    /// still to come.
     ///
     /// # Errors
     /// Those of the engines and of the encoder; [`SessionError::Thread`].
-    pub(super) fn start(
-        encoder: Encoder,
-        tracker: Arc<PupilTracker>,
-        mut options: RefinementOptions,
-    ) -> Result<(Self, LiveSource), SessionError> {
+    pub(super) fn start(encoder: Encoder, mut options: RefinementOptions) -> Result<(Self, LiveSource), SessionError> {
         let (steerer, gpu) = (options.again)()?;
         let device = device_encoder(&steerer, gpu, &encoder)?;
-        let (sender, source) = set_channel(&encoder.frames(), || {
+        let (sender, mut source) = set_channel(&encoder.frames(), || {
             device.as_ref().zip(options.direct).map(|(device, order)| device.pictures(order)).transpose()
         })?;
         let shared = Arc::new(Shared::default());
-        let (theirs, encoding) = (Arc::clone(&shared), Duration::ZERO);
-        let mut refining =
-            Refining { steerer, device, encoder, tracker, options, sender, shared: theirs, number: 0, encoding };
+        let is_real = options.clock.is_some();
+        let mut refining = Refining {
+            steerer,
+            device,
+            encoder,
+            options,
+            sender,
+            shared: Arc::clone(&shared),
+            number: 0,
+            encoding: Duration::ZERO,
+            scene: None,
+            supply: Supply::Same,
+            told: None,
+            building: Duration::ZERO,
+            made_ns: i64::MIN,
+            looked_ns: 0,
+        };
+        let scenes = refining.first_of_scenes().map_or(0, |_| 1);
+        refining.shared.taken.store(Taken { scenes, ..Taken::default() });
         // Twice: the first time takes longer than any other.
-        refining.hand_over(Timestamps::default(), None, 0)?;
-        refining.hand_over(Timestamps::default(), None, 0)?;
-        let thread = std::thread::Builder::new()
-            .name("eyebox refines".into())
-            .spawn(move || refining.live())
-            .map_err(|e| SessionError::Thread { what: "refines", reason: format!("could not be started ({e})") })?;
-        Ok((Self { shared, thread: Some(thread) }, source))
+        for _ in 0..2 {
+            let mut time = WorkTime::begin(refining.options.cost, 0);
+            if refining.waits() {
+                refining.rehearse()?;
+            } else {
+                refining.hand_over(Timestamps::default(), None, 0, &mut time)?;
+            }
+        }
+        let mut thread = None;
+        if is_real {
+            let run = std::thread::Builder::new().name("eyebox refines".into()).spawn(move || refining.live());
+            thread = Some(run.map_err(|e| SessionError::Thread {
+                what: "refines",
+                reason: format!("could not be started ({e})"),
+            })?);
+        } else {
+            source.made_by(Box::new(move |start_ns| refining.make_for(start_ns)));
+        }
+        Ok((Self { shared, thread }, source))
+    }
+
+    /// That of sets which are made elsewhere.
+    pub(super) fn none() -> Self {
+        Self { shared: Arc::default(), thread: None }
+    }
+
+    /// What became of scenes.
+    pub(super) fn taken(&self) -> Taken {
+        self.shared.taken.load()
     }
 
     /// How often it began again with the hologram for the whole eyebox, and how many steps it took.
@@ -131,13 +147,22 @@ struct Refining {
     steerer: Steerer,
     device: Option<VulkanEncoder>,
     encoder: Encoder,
-    tracker: Arc<PupilTracker>,
     options: RefinementOptions,
     sender: SetSender,
     shared: Arc<Shared>,
     number: u64,
     /// What encoding and handing over takes.
     encoding: Duration,
+    /// What is to be seen, and how it came.
+    scene: Option<SceneFrame>,
+    supply: Supply,
+    /// What was told last of scenes that were left out.
+    told: Option<String>,
+    /// What making a scene ready takes.
+    building: Duration,
+    /// Until when sets are made, in simulated time, and what looking at the losses of the newest scene took.
+    made_ns: i64,
+    looked_ns: i64,
 }
 
 impl Refining {
@@ -146,12 +171,16 @@ impl Refining {
         let _note = notes.on_panic("refinement has ended by a fault of its own; the picture stays");
         for _ in 0..ATTEMPTS {
             let Err(error) = self.run() else { return self.options.track };
-            let again = (self.options.again)().and_then(|(steerer, gpu)| {
+            let again = (self.options.again)().and_then(|(mut steerer, gpu)| {
+                if let Some(scene) = &self.scene {
+                    steerer.follow(&scene.colors)?;
+                }
                 let device = device_encoder(&steerer, gpu, &self.encoder)?;
                 Ok((steerer, device))
             });
             match again {
                 Ok((steerer, device)) => {
+                    self.options.journal.iter().for_each(Journal::break_off);
                     notes.tell(format!("refinement begins anew: {error}"));
                     (self.steerer, self.device) = (steerer, device);
                 }
@@ -165,29 +194,27 @@ impl Refining {
         self.options.track
     }
 
-    /// Until it is stopped.
+    /// Until it is stopped, on the system's clock.
     fn run(&mut self) -> Result<(), SessionError> {
+        let Some(clock) = self.options.clock else { return Ok(()) };
         let mut whole = true;
         while !self.shared.stop.load(Ordering::Acquire) {
-            let now_ns = self.options.clock.now_ns();
-            let need_ns = as_ns(self.steerer.round() + self.encoding + SLACK);
-            let target = self.options.timing.load().reachable(now_ns, need_ns);
-            if self.options.steered.load(Ordering::Acquire) {
+            let target = self.reachable(clock.now_ns());
+            let steered = self.refines();
+            let Some(changed) = self.look_for_scene(&target, clock.now_ns(), steered)? else { return Ok(()) };
+            if self.waits() {
+                std::thread::sleep(Duration::from_millis(2));
+                continue;
+            }
+            let now_ns = clock.now_ns();
+            let target = self.reachable(now_ns);
+            if steered {
                 whole = false;
                 self.refine_for(target, now_ns)?;
                 continue;
             }
-            if !whole {
-                self.steerer.restart()?;
-                let now = self.options.clock.now_ns();
-                let timestamps = Timestamps {
-                    refine_start_ns: now,
-                    aimed_ns: now,
-                    refine_end_ns: now,
-                    predicted_light_ns: target.start_ns + as_ns(self.options.light_after),
-                    ..Timestamps::default()
-                };
-                self.hand_over(timestamps, None, 0)?;
+            if !whole || changed {
+                self.show_whole(&target, now_ns)?;
                 whole = true;
             }
             // Nothing to do but to look again in a while.
@@ -196,27 +223,164 @@ impl Refining {
         Ok(())
     }
 
+    /// In simulated time: makes the set that begins at `start_ns`, if it can be made by then.
+    fn make_for(&mut self, start_ns: i64) -> Result<(), SessionError> {
+        let SetTiming { period_ns, lead_ns, .. } = self.options.timing.load();
+        let target = Target { start_ns, hand_over_ns: start_ns.saturating_sub(lead_ns) };
+        // It begins when the set before was decided on, or when that was done with.
+        let now_ns = self.made_ns.max(target.hand_over_ns.saturating_sub(period_ns));
+        if now_ns.saturating_add(self.round_ns() + self.ends_ns()) > target.hand_over_ns {
+            return Ok(());
+        }
+        let steered = self.refines();
+        let Some(changed) = self.look_for_scene(&target, now_ns, steered)? else { return Ok(()) };
+        match steered {
+            _ if self.waits() => Ok(()),
+            true => self.refine_for(target, now_ns + self.looked_ns),
+            false if changed => self.show_whole(&target, now_ns),
+            false => Ok(()),
+        }
+    }
+
+    /// Whether the first scene has still to come.
+    fn waits(&self) -> bool {
+        self.scene.is_none() && self.options.scenes.as_ref().is_some_and(|scenes| !scenes.begins_with_one())
+    }
+
+    /// Whether sets are refined, for the eye or for the whole eyebox.
+    fn refines(&self) -> bool {
+        self.options.whole.is_some() || self.options.steered.load(Ordering::Acquire)
+    }
+
+    /// The number of the scene that it began with, where others follow it.
+    fn first_of_scenes(&self) -> Option<u64> {
+        self.options.scenes.as_ref().filter(|scenes| scenes.begins_with_one()).map(|_| 0)
+    }
+
+    fn round_ns(&self) -> i64 {
+        self.options.cost.round_ns(self.steerer.colors(), || self.steerer.round())
+    }
+
+    /// What comes behind the steps.
+    fn ends_ns(&self) -> i64 {
+        let encoding = match self.options.cost {
+            Cost::Measured => self.encoding,
+            Cost::Fixed { encode, .. } => encode,
+        };
+        as_ns(encoding + SLACK)
+    }
+
+    fn reachable(&self, now_ns: i64) -> Target {
+        let need_ns = self.round_ns().saturating_add(self.ends_ns());
+        self.options.timing.load().reachable(now_ns, need_ns)
+    }
+
+    fn light_ns(&self, target: &Target) -> i64 {
+        target.start_ns.saturating_add(as_ns(self.options.light_after))
+    }
+
+    /// Takes the scene that is to be seen by this set's light: whether it is another one; none where there will be no more.
+    fn look_for_scene(&mut self, target: &Target, now_ns: i64, steered: bool) -> Result<Option<bool>, SessionError> {
+        let light_ns = self.light_ns(target);
+        let times = Times(self.options.clock);
+        if self.options.scenes.is_none() {
+            return Ok(Some(false));
+        }
+        let light_monotonic_ns = times.monotonic_ns(light_ns);
+        let pupil = self.options.expect(times.monotonic_ns(now_ns), light_monotonic_ns)?.pupil;
+        let (period_ns, patient) = (self.options.timing.load().period_ns, self.options.clock.is_none());
+        let tracked = self.options.is_tracked();
+        let due = Due { now_ns, light_ns, light_monotonic_ns, period_ns, pupil, tracked, patient };
+        let begun = Instant::now();
+        let mut taken = self.shared.taken.load();
+        self.looked_ns = 0;
+        let Some(scenes) = &mut self.options.scenes else { return Ok(Some(false)) };
+        let scene = match scenes.next(&due)? {
+            Newest::New(scene) => scene,
+            Newest::Same => {
+                self.supply = Supply::Same;
+                return Ok(Some(false));
+            }
+            Newest::Late(supply) => {
+                self.supply = supply;
+                return Ok(Some(false));
+            }
+            Newest::Refused(reason) => {
+                taken.refused += 1;
+                self.shared.taken.store(taken);
+                if self.told.as_ref() != Some(&reason) {
+                    self.options.notes.tell(format!("{reason}; what was shown before stays"));
+                    self.told = Some(reason);
+                }
+                return Ok(Some(false));
+            }
+            Newest::Ended => {
+                self.sender.end();
+                return Ok(None);
+            }
+        };
+        if !steered {
+            // What is shown is the scene's own hologram: there is nothing to compare.
+            self.steerer.forget_aim();
+        }
+        if let Some(journal) = &self.options.journal {
+            journal.scene(&scene, !steered);
+        }
+        let followed = self.steerer.follow(&scene.colors)?;
+        taken.scenes += 1;
+        taken.own_starts += u64::from(followed.own);
+        taken.kept_starts += u64::from(followed.kept);
+        self.shared.taken.store(taken);
+        self.looked_ns = self.options.cost.round_ns(followed.looks as usize, || Duration::ZERO);
+        self.options.track.span("scene", scene.number, begun);
+        self.building = begun.elapsed();
+        (self.scene, self.supply) = (Some(scene), Supply::New);
+        Ok(Some(true))
+    }
+
+    /// The hologram for the whole eyebox.
+    fn show_whole(&mut self, target: &Target, now_ns: i64) -> Result<(), SessionError> {
+        self.steerer.restart()?;
+        self.options.journal.iter().for_each(|journal| journal.keep(Decision::Whole {}));
+        let mut time = WorkTime::begin(self.options.cost, now_ns);
+        let timestamps = Timestamps {
+            refine_start_ns: now_ns,
+            aimed_ns: now_ns,
+            refine_end_ns: now_ns,
+            predicted_light_ns: self.light_ns(target),
+            ..Timestamps::default()
+        };
+        self.hand_over(timestamps, None, 0, &mut time)?;
+        self.made_ns = time.now_ns();
+        Ok(())
+    }
+
     /// Steps until the set has to be handed over, and the set.
     fn refine_for(&mut self, target: Target, now_ns: i64) -> Result<(), SessionError> {
-        let clock = self.options.clock;
-        let light_ns = target.start_ns.saturating_add(as_ns(self.options.light_after));
+        let (light_ns, times) = (self.light_ns(&target), Times(self.options.clock));
+        let mut time = WorkTime::begin(self.options.cost, now_ns);
         let begun = Instant::now();
         let before = self.steerer.counts();
-        let left = target.hand_over_ns.saturating_sub(as_ns(self.encoding + SLACK)).saturating_sub(now_ns);
-        let deadline = begun + Duration::from_nanos(u64::try_from(left).unwrap_or(0));
-        let in_time = |expected: Duration| Instant::now() + expected <= deadline;
-        // Every round looks again where the pupil will be: samples come while it refines.
-        let (mut steps, mut aimed, mut expected) = (0, begun, self.tracker.expect(clock.monotonic_ns(light_ns)));
-        loop {
+        let deadline_ns = target.hand_over_ns.saturating_sub(self.ends_ns());
+        let mut steps = 0;
+        // Every round looks again where the pupil will be, and what is to be seen: samples and scenes come while it refines.
+        let (expected, aimed_ns) = loop {
+            let at_ns = time.now_ns();
+            let expected = self.options.expect(times.monotonic_ns(at_ns), times.monotonic_ns(light_ns))?;
             self.steerer.aim(expected.pupil)?;
-            let taken = self.steerer.round_while(in_time)?;
+            let taken = self.steerer.round_while(|expected| time.step_before(deadline_ns, expected))?;
             steps += taken;
-            if taken == 0 || !in_time(self.steerer.round()) {
-                break;
+            self.options.journal.iter().for_each(|journal| journal.steps(&expected.pupil, taken));
+            let left_ns = deadline_ns.saturating_sub(time.now_ns()).saturating_sub(self.round_ns());
+            if taken == 0 || left_ns < 0 {
+                break (expected, at_ns);
             }
-            aimed = Instant::now();
-            expected = self.tracker.expect(clock.monotonic_ns(light_ns));
-        }
+            // What making a scene ready takes is said of no other machine.
+            let building = self.options.clock.map_or(Duration::ZERO, |_| self.building);
+            if left_ns > as_ns(building) && self.look_for_scene(&target, time.now_ns(), true)?.is_none() {
+                break (expected, at_ns);
+            }
+        };
         self.steerer.settle()?;
         self.options.track.span("refine", self.number, begun);
         let after = self.steerer.counts();
@@ -224,33 +388,41 @@ impl Refining {
         self.shared.steps.fetch_add(u64::from(steps), Ordering::Relaxed);
         if steps == 0 {
             // The time was too short for a step: the next set is for the one after.
-            std::thread::sleep(SLACK);
+            if self.options.clock.is_some() {
+                std::thread::sleep(SLACK);
+            }
+            self.made_ns = time.now_ns().saturating_add(as_ns(SLACK));
             return Ok(());
         }
         let [sample_ns, decoded_ns, filtered_ns] =
-            [0, 1, 2].map(|i| expected.sample_ns.map(|s| clock.at_monotonic_ns(s[i])));
+            [0, 1, 2].map(|i| expected.sample_ns.map(|s| times.at_monotonic_ns(s[i])));
         let timestamps = Timestamps {
             sample_ns,
             decoded_ns,
             filtered_ns,
-            refine_start_ns: clock.at_ns(begun),
-            aimed_ns: clock.at_ns(aimed),
-            refine_end_ns: clock.now_ns(),
+            refine_start_ns: now_ns,
+            aimed_ns,
+            refine_end_ns: time.now_ns(),
             handed_over_ns: 0,
             predicted_light_ns: light_ns,
         };
-        self.hand_over(timestamps, Some(expected.pupil), steps)
+        let aim = self.options.is_tracked().then_some(expected.pupil);
+        self.hand_over(timestamps, aim, steps, &mut time)?;
+        self.made_ns = time.now_ns();
+        Ok(())
     }
 
-    /// Encodes what there is, refined for `aim`, and hands it over.
-    fn hand_over(
-        &mut self,
-        timestamps: Timestamps,
-        aim: Option<PupilDistribution>,
-        steps: u32,
-    ) -> Result<(), SessionError> {
-        let begun = Instant::now();
+    /// Encodes what there is, and shows it to nobody.
+    fn rehearse(&mut self) -> Result<(), SessionError> {
         let Some(mut buffer) = self.sender.buffer() else { return Ok(()) };
+        let begun = Instant::now();
+        let encoded = self.encode(&mut buffer);
+        self.encoding = begun.elapsed();
+        self.sender.give_back(buffer);
+        encoded
+    }
+
+    fn encode(&mut self, buffer: &mut SetBuffer) -> Result<(), SessionError> {
         match (&mut self.device, self.steerer.phases_on_device()) {
             (Some(device), Some(phases)) => {
                 device.encode_on_device(&phases)?;
@@ -261,14 +433,44 @@ impl Refining {
             }
             _ => self.encoder.encode_into(&PhaseSet::trusted(&self.steerer.phases()?), &mut buffer.frames)?,
         }
-        let timestamps = Timestamps { handed_over_ns: self.options.clock.now_ns(), ..timestamps };
+        Ok(())
+    }
+
+    /// Encodes what there is, refined for `aim`, and hands it over.
+    fn hand_over(
+        &mut self,
+        timestamps: Timestamps,
+        aim: Option<PupilDistribution>,
+        steps: u32,
+        time: &mut WorkTime,
+    ) -> Result<(), SessionError> {
+        let begun = Instant::now();
+        let Some(mut buffer) = self.sender.buffer() else { return Ok(()) };
+        self.encode(&mut buffer)?;
+        time.encoded();
+        self.options.journal.iter().for_each(|journal| journal.keep(Decision::Set { number: self.number }));
+        let handed_over_ns = self.options.clock.map_or_else(|| time.now_ns(), |clock| clock.now_ns());
+        let timestamps = Timestamps { handed_over_ns, ..timestamps };
         let pupil = aim.map_or([0.0; 2], |aim| aim.centre);
         let focus = aim.map(|PupilDistribution { focus: [low, high], .. }| 0.5 * (low + high));
         let phases = match self.options.with_phases {
             true => Some(self.steerer.phases()?.iter().map(|p| Arc::new(p.to_vec())).collect()),
             false => None,
         };
-        self.sender.send(FinishedSet { number: self.number, buffer, timestamps, pupil, focus, steps, phases });
+        let scene = self.scene.as_ref();
+        self.sender.send(FinishedSet {
+            number: self.number,
+            buffer,
+            timestamps,
+            pupil,
+            focus,
+            steps,
+            content: scene.map(|scene| scene.number).or(self.first_of_scenes()),
+            arrived_ns: scene.and_then(|scene| scene.arrived_ns),
+            supply: self.supply,
+            estimated_db: self.steerer.estimated_db().filter(|_| steps > 0),
+            phases,
+        });
         self.options.track.span("encode", self.number, begun);
         self.number += 1;
         let took = begun.elapsed();

@@ -3,11 +3,13 @@
 use super::error::SessionError;
 use super::latency::Timestamps;
 use super::player::SetSource;
+use super::scenes::Supply;
 use super::scheduler::{Content, Readiness};
 use crate::encode::VideoFrames;
 use crate::gpu::Pictures;
 use crate::mailbox::Mailbox;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 /// A refined set of video frames.
@@ -25,6 +27,14 @@ pub struct FinishedSet {
     pub focus: Option<f64>,
     /// Steps that were taken for it, over all colours.
     pub steps: u32,
+    /// The number of the scene that it shows, where scenes follow each other,
+    pub content: Option<u64>,
+    /// when that came, on the player's clock,
+    pub arrived_ns: Option<i64>,
+    /// and whether it is as new as it should be.
+    pub supply: Supply,
+    /// What the pupils of its last steps saw, dB, by their losses: an estimate.
+    pub estimated_db: Option<f64>,
     /// Its phases, colour by colour, where somebody looks at them too.
     pub phases: Option<Vec<Arc<Vec<f32>>>>,
 }
@@ -42,6 +52,7 @@ const BUFFERS: usize = 4;
 pub(super) struct SetSender {
     newest: Mailbox<FinishedSet>,
     free: Mailbox<SetBuffer>,
+    over: Arc<AtomicBool>,
 }
 
 /// The side that shows them. What is due is always the newest set there is, so nothing is ever late; a set for which
@@ -55,7 +66,14 @@ pub(super) struct LiveSource {
     asked: Option<Instant>,
     repeats: u64,
     news: u64,
+    /// There will be no more.
+    over: Arc<AtomicBool>,
+    /// Makes the set that begins at a time, where time is simulated.
+    make: Option<SetMaker>,
 }
+
+/// Makes the set that begins at a time of the player's clock, ns, if it can be made by then.
+pub(super) type SetMaker = Box<dyn FnMut(i64) -> Result<(), SessionError>>;
 
 /// Both sides, with buffers like `frames`, and pictures on a device where `pictures` makes them.
 ///
@@ -69,9 +87,11 @@ pub(super) fn set_channel<E>(
     for _ in 0..BUFFERS {
         let _ = free.put(SetBuffer { frames: frames.clone(), pictures: pictures()? });
     }
-    let sender = SetSender { newest: newest.clone(), free: free.clone() };
-    let (fresh, on_screen, asked) = (None, None, None);
-    Ok((sender, LiveSource { newest, free, fresh, on_screen, changed: false, asked, repeats: 0, news: 0 }))
+    let over = Arc::new(AtomicBool::new(false));
+    let sender = SetSender { newest: newest.clone(), free: free.clone(), over: Arc::clone(&over) };
+    let (fresh, on_screen, asked, make) = (None, None, None, None);
+    let source = LiveSource { newest, free, fresh, on_screen, changed: false, asked, repeats: 0, news: 0, over, make };
+    Ok((sender, source))
 }
 
 fn give_back(free: &Mailbox<SetBuffer>, old: Option<FinishedSet>) {
@@ -94,6 +114,16 @@ impl SetSender {
         None
     }
 
+    /// Gives back a buffer in which nothing came to be shown.
+    pub(super) fn give_back(&self, buffer: SetBuffer) {
+        let _ = self.free.put(buffer);
+    }
+
+    /// There will be no more sets than are handed over.
+    pub(super) fn end(&self) {
+        self.over.store(true, Ordering::Release);
+    }
+
     /// Hands a set over; one that waits still, and was never shown, makes room.
     pub(super) fn send(&self, set: FinishedSet) {
         give_back(&self.free, self.newest.push(set));
@@ -104,6 +134,11 @@ impl LiveSource {
     /// The set on the screen, if it was not there when this was last asked.
     pub(super) fn newly_shown(&mut self) -> Option<&FinishedSet> {
         std::mem::take(&mut self.changed).then_some(self.on_screen.as_ref()).flatten()
+    }
+
+    /// Sets are made when they are asked for: time is simulated.
+    pub(super) fn made_by(&mut self, make: SetMaker) {
+        self.make = Some(make);
     }
 
     /// When a player last asked what there is: when it decided.
@@ -123,7 +158,7 @@ impl Content for LiveSource {
     }
 
     fn end(&self) -> Option<u64> {
-        None
+        (self.fresh.is_none() && self.newest.is_empty() && self.over.load(Ordering::Acquire)).then_some(0)
     }
 }
 
@@ -136,7 +171,10 @@ impl SetSource for LiveSource {
         Ok(())
     }
 
-    fn settle(&mut self, _position: u64) -> Result<(), SessionError> {
+    fn settle(&mut self, _position: u64, display_time_ns: i64) -> Result<(), SessionError> {
+        if let Some(make) = &mut self.make {
+            make(display_time_ns)?;
+        }
         self.poll(0)
     }
 

@@ -126,7 +126,7 @@ impl SetSource for Producer {
     }
 
     // Here late content is late, though the clock is simulated.
-    fn settle(&mut self, _position: u64) -> Result<(), SessionError> {
+    fn settle(&mut self, _position: u64, _display_time_ns: i64) -> Result<(), SessionError> {
         Ok(())
     }
 

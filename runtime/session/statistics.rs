@@ -2,6 +2,7 @@
 
 use super::latency::Latency;
 use super::report::Report;
+use super::showing::Showing;
 use super::steerer::Policy;
 use serde_json::{Value, json};
 
@@ -101,6 +102,8 @@ pub struct LiveStatistics {
     pub focus: Option<[f64; 2]>,
     /// From the sample to the light.
     pub latency: Latency,
+    /// The account of what was to be seen, where that changes.
+    pub showing: Option<Showing>,
 }
 
 impl Statistics {
@@ -114,6 +117,9 @@ impl Statistics {
                 "focus_mm": live.focus.map(|depths| depths.map(|z| z * 1e3)),
                 "latency": live.latency.to_json(), "policy": live.policy,
             });
+            if let Some(showing) = &live.showing {
+                all["content"] = showing.to_json();
+            }
         }
         all["ended_by"] = json!(self.ended_by.name());
         all["presenter"] = json!(self.presenter);

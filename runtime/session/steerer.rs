@@ -48,6 +48,33 @@ struct OneColor {
     refiner: Refiner,
     /// As they were read last.
     phases: Vec<f32>,
+    /// The last step's.
+    loss: Option<f64>,
+}
+
+/// What another scene was begun with.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Followed {
+    /// Colours that began with the scene's own phases.
+    pub own: u32,
+    /// Colours that went on with the phases before, though the scene brought some.
+    pub kept: u32,
+    /// Losses that were looked at to decide.
+    pub looks: u32,
+}
+
+impl OneColor {
+    /// A step's loss, if one has ended: with one that is no finite number it begins again.
+    fn heard(&mut self, loss: Option<f64>) -> Result<(), EngineError> {
+        match loss {
+            Some(loss) if !loss.is_finite() => self.refiner.begin_again(),
+            Some(loss) => {
+                self.loss = Some(loss);
+                Ok(())
+            }
+            None => Ok(()),
+        }
+    }
 }
 
 /// All colours, each with its engine.
@@ -81,7 +108,7 @@ impl Steerer {
         }
         let one = |color: SteeredColor| -> Result<OneColor, SessionError> {
             let refiner = Refiner::new(color.problem, &color.phases, color.exposure, policy.steering, engine()?)?;
-            Ok(OneColor { refiner, phases: Vec::new() })
+            Ok(OneColor { refiner, phases: Vec::new(), loss: None })
         };
         let colors = colors.into_iter().map(one).collect::<Result<_, _>>()?;
         Ok(Self { colors, policy, next: 0, aimed: None, restarts: 0, steps: 0 })
@@ -117,6 +144,58 @@ impl Steerer {
         self.colors.iter_mut().try_for_each(|c| c.refiner.begin_again())
     }
 
+    /// Another scene, before the same display. Where it brings phases, its own hologram for the whole eyebox, that is what
+    /// [`restart`](Self::restart) comes back to from now on; and each colour goes on with these, or with those that were
+    /// refined before, whichever loses less through the pupils of the next step.
+    ///
+    /// # Errors
+    /// [`SessionError::Setting`] for a scene of other colours; those of the engines.
+    pub fn follow(&mut self, scene: &[SteeredColor]) -> Result<Followed, SessionError> {
+        if scene.len() != self.colors.len() {
+            let (found, must) = (scene.len(), self.colors.len());
+            return Err(SessionError::Setting(format!("a scene of {found} colours, where {must} are refined")));
+        }
+        let mut followed = Followed::default();
+        for (color, new) in self.colors.iter_mut().zip(scene) {
+            let refiner = &mut color.refiner;
+            refiner.follow(new.problem.clone(), new.exposure)?;
+            color.loss = None;
+            if new.phases.is_empty() {
+                continue;
+            }
+            let before = match self.aimed {
+                Some(_) => Some((refiner.loss()?, refiner.phases()?)),
+                None => None,
+            };
+            refiner.begin_with(&new.phases)?;
+            followed.looks += if before.is_some() { 2 } else { 0 };
+            match before {
+                Some((loss, phases)) if loss < refiner.loss()? => {
+                    refiner.restart(&phases)?;
+                    followed.kept += 1;
+                }
+                _ => followed.own += 1,
+            }
+        }
+        Ok(followed)
+    }
+
+    /// What was refined is of no use for the next scene that brings phases.
+    pub(super) fn forget_aim(&mut self) {
+        self.aimed = None;
+    }
+
+    /// What the pupils of the last steps saw, by their losses, mean over the colours, dB; none before every colour took one.
+    pub fn estimated_db(&self) -> Option<f64> {
+        let losses = self.colors.iter().map(|c| c.loss).collect::<Option<Vec<f64>>>()?;
+        Some(-10.0 * (losses.iter().sum::<f64>() / losses.len().max(1) as f64).max(1e-12).log10())
+    }
+
+    /// How many colours it refines.
+    pub(super) fn colors(&self) -> usize {
+        self.colors.len()
+    }
+
     /// What one step of every colour is expected to take.
     pub fn round(&self) -> Duration {
         self.colors.iter().map(|c| c.refiner.expected()).sum()
@@ -135,9 +214,8 @@ impl Steerer {
             if !may_begin(backlog + color.refiner.expected()) {
                 return Ok(taken);
             }
-            if color.refiner.advance()?.is_some_and(|loss| !loss.is_finite()) {
-                color.refiner.begin_again()?;
-            }
+            let loss = color.refiner.advance()?;
+            color.heard(loss)?;
             self.next = (self.next + 1) % self.colors.len();
             self.steps += 1;
         }
@@ -150,9 +228,8 @@ impl Steerer {
     /// Those of the engines.
     pub fn settle(&mut self) -> Result<(), EngineError> {
         for color in &mut self.colors {
-            if color.refiner.settle()?.is_some_and(|loss| !loss.is_finite()) {
-                color.refiner.begin_again()?;
-            }
+            let loss = color.refiner.settle()?;
+            color.heard(loss)?;
         }
         Ok(())
     }

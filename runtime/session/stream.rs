@@ -214,7 +214,7 @@ impl SetSource for Stream {
         self.failure()
     }
 
-    fn settle(&mut self, position: u64) -> Result<(), SessionError> {
+    fn settle(&mut self, position: u64, _display_time_ns: i64) -> Result<(), SessionError> {
         loop {
             self.poll(position)?;
             let known = matches!(self.readiness(position), Readiness::Ready | Readiness::Damaged);

@@ -314,7 +314,7 @@ fn a_growing_sequence_is_followed_to_its_end() {
         if position >= 2 {
             fixture.writer.append(&hologram(position, &fixture.display)).unwrap();
         }
-        stream.settle(position).unwrap();
+        stream.settle(position, 0).unwrap();
         assert_eq!(stream.readiness(position), Readiness::Ready);
         stream.show(position);
         let (frames, index) = stream.on_screen().unwrap();
@@ -324,7 +324,7 @@ fn a_growing_sequence_is_followed_to_its_end() {
     }
     assert_eq!((seen, stream.end()), (5, None));
     fixture.writer.finish().unwrap();
-    stream.settle(5).unwrap();
+    stream.settle(5, 0).unwrap();
     assert_eq!(stream.end(), Some(5));
 }
 

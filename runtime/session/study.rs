@@ -1,24 +1,24 @@
 //! What steering gains: a simulated eye before a hologram that follows it, judged by what the eye really sees.
 //!
-//! Time is simulated: it passes by what refining and encoding cost ([`Cost`]), and stands still while quality is measured.
+//! Time is simulated: it passes by what refining and encoding cost ([`Cost`](super::Cost)), and stands still while quality is measured.
 //! Everything else is as in a live session: samples come late and with noise, the pupil is predicted, sets are handed over
 //! whole, and those that come too late are shown a set later.
 
 mod results;
 mod stage;
 
-pub use results::{Cost, Study, StudySample, StudySettings};
+pub use results::{Study, StudySample, StudySettings};
 
 use super::error::SessionError;
-use super::set_timing::as_ns;
 use super::steerer::{Policy, SteeredColor, Steerer};
+use super::work_time::WorkTime;
 use crate::encode::{Encoder, PhaseSet, VideoFrames};
 use crate::engine::{Engine, EngineError};
 use crate::evaluate::Sums;
 use crate::optics::Pupil;
 use crate::solve::{PupilRange, Refiner, Sampler, Sequence};
 use crate::trackers::simulated::Doing;
-use stage::{Stage, WorkTime};
+use stage::Stage;
 
 /// Pupils that the exposure is fitted over.
 const EXPOSED: usize = 12;
@@ -150,10 +150,7 @@ impl Studying<'_> {
 
     /// What a step of every colour is expected to cost.
     fn round_ns(&self) -> i64 {
-        match self.settings.cost {
-            Cost::Measured => as_ns(self.steerer.round()),
-            Cost::Fixed { step, .. } => as_ns(step).saturating_mul(self.lit.len() as i64),
-        }
+        self.settings.cost.round_ns(self.lit.len(), || self.steerer.round())
     }
 
     /// Steps for the next set that can be reached, and encodes it: time passes. None where there was no time for a step.
@@ -167,7 +164,7 @@ impl Studying<'_> {
         let deadline_ns = target.hand_over_ns - ends_ns;
         let mut steps = 0;
         let pupil = loop {
-            let pupil = self.stage.estimator.predict(light);
+            let pupil = self.stage.predict(light);
             self.steerer.aim(pupil)?;
             let taken = self.steerer.round_while(|expected| time.step_before(deadline_ns, expected))?;
             steps += taken;

@@ -130,6 +130,10 @@ fn made(sender: &SetSender, number: u64) -> FinishedSet {
         pupil: [0.0; 2],
         focus: None,
         steps: 1,
+        content: None,
+        arrived_ns: None,
+        supply: Supply::Same,
+        estimated_db: None,
         phases: None,
     }
 }
@@ -206,8 +210,8 @@ impl SetSource for Follows<'_> {
         self.0.poll(useful_from)
     }
 
-    fn settle(&mut self, position: u64) -> Result<(), SessionError> {
-        self.0.settle(position)
+    fn settle(&mut self, position: u64, display_time_ns: i64) -> Result<(), SessionError> {
+        self.0.settle(position, display_time_ns)
     }
 
     fn show(&mut self, position: u64) {

@@ -7,6 +7,7 @@ use super::refine::{Refinement, RefinementOptions};
 use super::scheduler::{Content, Readiness};
 use super::tests::{cpu, encoder, part};
 use super::trace::Trace;
+use super::watch::Watch;
 use super::*;
 use crate::encode::Encoder;
 use crate::engine::cpu::CpuEngine;
@@ -130,9 +131,10 @@ fn the_thread_hands_over_refined_sets_and_ends_without_taking_the_picture() {
         Arc::new(follow(&Notes::default(), move |i| (i < 100).then(|| at(start + i * 1_000_000, [1e-3, 0.0]))));
     let clock = RealClock::start();
     let timing = Arc::new(AtomicCell::new(SetTiming::new(16_666_667)));
-    let options =
-        options(clock, &timing, move || Ok((Steerer::new(vec![whole.clone()], Policy::default(), cpu)?, None)));
-    let (mut refinement, mut source) = Refinement::start(encoder(), tracker, options).unwrap();
+    let options = options(tracker, clock, &timing, move || {
+        Ok((Steerer::new(vec![whole.clone()], Policy::default(), cpu)?, None))
+    });
+    let (mut refinement, mut source) = Refinement::start(encoder(), options).unwrap();
     source.poll(0).unwrap();
     assert_eq!(source.readiness(0), Readiness::Ready, "the first set is there at once");
     let mut steps = 0;
@@ -156,12 +158,18 @@ fn the_thread_hands_over_refined_sets_and_ends_without_taking_the_picture() {
 
 /// Steered, at 60 Hz; `again` makes the engines anew.
 fn options(
+    tracker: Arc<PupilTracker>,
     clock: RealClock,
     timing: &Arc<AtomicCell<SetTiming>>,
     again: impl FnMut() -> Result<(Steerer, Option<Gpu>), SessionError> + Send + 'static,
 ) -> RefinementOptions {
     RefinementOptions {
-        clock,
+        clock: Some(clock),
+        cost: Cost::Measured,
+        watch: Watch::Tracker(tracker),
+        scenes: None,
+        journal: None,
+        whole: None,
         timing: Arc::clone(timing),
         light_after: Duration::from_millis(8),
         steered: Arc::new(AtomicBool::new(true)),
@@ -194,9 +202,9 @@ fn an_engine_that_is_lost_is_made_anew_and_then_given_up() {
     let tracker = Arc::new(follow(&Notes::default(), |_| None));
     let clock = RealClock::start();
     let timing = Arc::new(AtomicCell::new(SetTiming::new(16_666_667)));
-    let options = options(clock, &timing, short);
+    let options = options(tracker, clock, &timing, short);
     let notes = options.notes.clone();
-    let (refinement, mut source) = Refinement::start(encoder(), tracker, options).unwrap();
+    let (refinement, mut source) = Refinement::start(encoder(), options).unwrap();
     wait_for("the end of the refinement", || {
         timing.store(timing.load().after(clock.now_ns() + 2_000_000, clock.now_ns()));
         source.poll(0).unwrap();
@@ -231,8 +239,8 @@ fn refines_on_one_device(direct: Option<PixelOrder>) {
         let steerer = Steerer::new(colors.clone(), Policy::default(), || backend.engine())?;
         Ok((steerer, backend.gpu()?))
     };
-    let options = RefinementOptions { direct, with_phases: false, ..options(clock, &timing, again) };
-    let (mut refinement, mut source) = Refinement::start(encoder, Arc::new(tracker), options).unwrap();
+    let options = RefinementOptions { direct, with_phases: false, ..options(Arc::new(tracker), clock, &timing, again) };
+    let (mut refinement, mut source) = Refinement::start(encoder, options).unwrap();
     let mut sets = 0;
     wait_for("refined sets", || {
         timing.store(timing.load().after(clock.now_ns() + 2_000_000, clock.now_ns()));

@@ -20,7 +20,25 @@ const PATIENCE: Duration = Duration::from_millis(200);
 enum Entry {
     Track { thread: u64, name: &'static str },
     Span { thread: u64, name: &'static str, position: u64, start_ns: u64, duration_ns: u64 },
+    Lit { thread: u64, at_ns: u64, lit: Lit },
     End,
+}
+
+/// A new set of a refined hologram: times in nanoseconds on the player's clock.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Lit {
+    /// Its number, and that of the scene that it shows, where scenes follow each other.
+    pub set: u64,
+    pub content: Option<u64>,
+    /// How that came.
+    pub supply: &'static str,
+    /// When the newest sample was taken that it follows.
+    pub sample_ns: Option<i64>,
+    /// The middle of its light.
+    pub light_ns: i64,
+    /// Steps over all colours, and what the last of them saw.
+    pub steps: u32,
+    pub estimated_db: Option<f64>,
 }
 
 /// Hands out tracks of one beginning.
@@ -115,6 +133,16 @@ fn event(entry: Entry) -> Value {
             "name": name, "cat": "playback", "ph": "X", "pid": 1, "tid": thread,
             "ts": micros(start_ns), "dur": micros(duration_ns), "args": { "frame": position },
         }),
+        Entry::Lit { thread, at_ns, lit } => {
+            let ms = |ns: i64| ns as f64 * 1e-6;
+            json!({
+                "name": "set", "cat": "playback", "ph": "i", "s": "t", "pid": 1, "tid": thread, "ts": micros(at_ns),
+                "args": {
+                    "set": lit.set, "content_frame": lit.content, "content": lit.supply, "sample_ms": lit.sample_ns.map(ms),
+                    "light_ms": ms(lit.light_ns), "steps": lit.steps, "estimated_psnr_db": lit.estimated_db,
+                },
+            })
+        }
         Entry::End => Value::Null,
     }
 }
@@ -138,6 +166,13 @@ impl Track {
             start_ns,
             duration_ns: nanoseconds(start.elapsed()),
         });
+    }
+
+    /// A new set is on its way to the light.
+    pub(super) fn lit(&mut self, lit: Lit) {
+        let now = Instant::now().saturating_duration_since(self.trace.origin);
+        let at_ns = u64::try_from(now.as_nanos()).unwrap_or(u64::MAX);
+        self.put(Entry::Lit { thread: self.thread, at_ns, lit });
     }
 
     fn put(&self, entry: Entry) {

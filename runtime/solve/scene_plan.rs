@@ -129,10 +129,11 @@ impl ScenePlan {
         plan.choose_depth(field, display, request)?;
         plan.choose_views(field, display, request)?;
         plan.check_eye(field, display)?;
+        let made = field.made.as_ref().map(|made| made.in_words(field.grid));
+        made.into_iter().for_each(|[value, why]| plan.say("photographs", value, why));
         let ([pixels, why], _) = field.aliasing_in_words(display, plan.settings.depth, plan.settings.diameter[1]);
         plan.say("aliasing", pixels, why);
-        let padded = plan.choose_padding(field, display, request)?;
-        plan.settings.padding = if padded { PaddingRule::Always } else { PaddingRule::Never };
+        plan.settings.padding = plan.pad(field, display, request)?;
         plan.choose_window(display, request)?;
         plan.choose_frames(request);
         plan.say_precision(display);
@@ -241,8 +242,7 @@ impl ScenePlan {
         };
         let inner = || field.only(self.brightest(field)).without_outer(display, self.outer);
         let candidates = field.mergeable_without(self.outer);
-        let mut found = None;
-        let mut worse = None;
+        let (mut found, mut worse) = (None, None);
         if candidates.iter().any(|k| apart(*k) <= APART) {
             let inner = inner();
             for k in candidates.into_iter().filter(|k| apart(*k) <= APART) {
@@ -256,10 +256,9 @@ impl ScenePlan {
         }
         if let Some((k, likeness)) = found {
             self.merge = k;
-            let left = seen / (k * k);
             let like = if likeness.is_finite() { format!("by {likeness:.0} dB") } else { "exactly".into() };
             why += &format!("; blocks of {k} x {k} show the same: photographs agree {like}");
-            self.say("views", format!("{left} of {count}"), why);
+            self.say("views", format!("{} of {count}", seen / (k * k)), why);
             self.saves();
         } else {
             why += &match worse {
@@ -307,13 +306,8 @@ impl ScenePlan {
         Ok(all.iter().zip(&few).map(one).reduce(f64::min).unwrap_or(f64::NEG_INFINITY))
     }
 
-    /// Whether what walks off is kept out.
-    fn choose_padding(
-        &mut self,
-        field: &LightField,
-        display: &Display,
-        request: &PlanRequest,
-    ) -> Result<bool, SolveError> {
+    /// Whether what walks off is kept out, as a rule that says no more than what was chosen.
+    fn pad(&mut self, field: &LightField, display: &Display, request: &PlanRequest) -> Result<PaddingRule, SolveError> {
         let optics = display.optics(self.colors[0])?;
         let [far, near] = self.settings.depth;
         let (depth, reach) = (far.abs().max(near.abs()), display.eyebox_min() / 2.0);
@@ -328,8 +322,11 @@ impl ScenePlan {
         let walks =
             format!("light walks off by up to {pixels:.1} pixels; what comes in again would cost about {loss:.2} dB");
         let always = request.full.padding || request.settings.padding == PaddingRule::Always;
+        let exact = request.settings.padding == PaddingRule::Exact && !always;
         let slow = Padding::smooth(&optics);
-        if required == Padding::default() && slow == required {
+        if exact && slow != Padding::default() {
+            self.say("padding", "none", format!("as asked, though {}", slow_sides(&optics)));
+        } else if required == Padding::default() && slow == required {
             self.say("padding", "none", "light stays where it is");
         } else if required != Padding::default()
             && (always || (request.settings.padding == PaddingRule::Need && loss > TOLERANCE))
@@ -344,7 +341,9 @@ impl ScenePlan {
             let why = if loss > TOLERANCE { format!("{walks}: --padding keeps it out") } else { walks };
             self.say("padding", "none", why);
         }
-        Ok(self.padding == required && required != Padding::default())
+        let padded = self.padding == required && required != Padding::default();
+        let rest = if exact { PaddingRule::Exact } else { PaddingRule::Never };
+        Ok(if padded { PaddingRule::Always } else { rest })
     }
 
     fn choose_window(&mut self, display: &Display, request: &PlanRequest) -> Result<(), SolveError> {

@@ -24,6 +24,7 @@ fn problem() -> Problem {
         view_pitch: None,
         disparity: None,
         depth: None,
+        made: None,
     };
     Problem::new(&field, Color::Green, &display, Default::default()).expect("a problem")
 }

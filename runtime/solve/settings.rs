@@ -23,6 +23,8 @@ pub enum PaddingRule {
     Need,
     /// As wide as light walks off.
     Always,
+    /// Never, and a side that [transforms slowly](crate::optics::Padding::smooth) stays as it is.
+    Exact,
 }
 
 /// No length of an eye or a scene is larger, metres: what is computed of one stays a number.
@@ -159,6 +161,8 @@ impl Settings {
     pub fn with_quality_of(&self, other: &Self) -> Self {
         let Self { steps, pupils, optimizer, diameters, window, repeats, views, storage, padding, pixel, .. } = *other;
         let levels = if other.levels == Levels::Display { Levels::Display } else { self.levels.clone() };
+        let exact = padding == PaddingRule::Never && self.padding == PaddingRule::Exact;
+        let padding = if exact { PaddingRule::Exact } else { padding };
         Self {
             steps,
             pupils,

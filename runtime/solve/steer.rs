@@ -284,6 +284,45 @@ impl Refiner {
         self.forget()
     }
 
+    /// The scene has changed, before the same optics: its views take the place of those before, the phases stay, and `exposure` is
+    /// what they are refined for from now on.
+    ///
+    /// # Errors
+    /// Those of the engine.
+    pub fn follow(&mut self, problem: Problem, exposure: f64) -> Result<(), EngineError> {
+        self.settle()?;
+        self.engine.take_views(Arc::clone(&problem.pyramid))?;
+        self.planner.views = problem.planner(self.planner.frames, self.planner.factor).views;
+        self.pupil_passes.clear();
+        (self.problem, self.exposure) = (problem, exposure);
+        Ok(())
+    }
+
+    /// Other phases of the same hologram, which [`begin_again`](Self::begin_again) comes back to from now on.
+    ///
+    /// # Errors
+    /// Those of the engine.
+    pub fn begin_with(&mut self, phases: &[f32]) -> Result<(), EngineError> {
+        self.settle()?;
+        self.restart(phases)?;
+        self.engine.keep(Buffer::Phases)
+    }
+
+    /// The loss of the phases as they are, through the pupils that the next step looks through.
+    ///
+    /// # Errors
+    /// Those of the engine.
+    pub fn loss(&mut self) -> Result<f64, EngineError> {
+        self.settle()?;
+        let update = self.steering.strategy.update(self.since + 1);
+        if self.is_fresh() {
+            self.draw_passes(update);
+        }
+        let step = update.step(&self.planner, self.pupil_passes.clone(), usize::MAX);
+        let losses = self.engine.run_part(&step, 0..step.before_update())?;
+        Ok(step.mean_loss(&losses))
+    }
+
     /// The eye has moved. Velocities go where it is elsewhere altogether: they would carry on for where it was.
     ///
     /// # Errors
@@ -323,6 +362,12 @@ impl Refiner {
         pupils
     }
 
+    fn draw_passes(&mut self, update: Update) {
+        let viewpoints: Vec<Viewpoint> = self.draw().into_iter().map(Viewpoint::Pupil).collect();
+        self.pupil_passes = update.pupil_passes(&self.planner, &viewpoints, self.exposure);
+        self.used = 0;
+    }
+
     /// Whether the next step draws pupils.
     fn is_fresh(&self) -> bool {
         self.pupil_passes.is_empty() || self.used >= self.steering.repeats.max(1)
@@ -336,14 +381,13 @@ impl Refiner {
     /// The next step, and the part of its list that has to run: what depends on the pupils alone is left out where they
     /// are those of the step before.
     fn next(&mut self) -> (Step, Vec<Range<usize>>) {
-        let fresh = self.is_fresh();
         self.since += 1;
         let update = self.steering.strategy.update(self.since);
-        if fresh {
-            let viewpoints: Vec<Viewpoint> = self.draw().into_iter().map(Viewpoint::Pupil).collect();
-            self.pupil_passes = update.pupil_passes(&self.planner, &viewpoints, self.exposure);
-            self.used = 0;
+        if self.is_fresh() {
+            self.draw_passes(update);
         }
+        // Those of a loss that was only looked at are the step's first all the same.
+        let first = self.used == 0;
         self.used += 1;
         let mut step = update.step(&self.planner, self.pupil_passes.clone(), usize::MAX);
         step.project.step = self.since as u32;
@@ -351,7 +395,7 @@ impl Refiner {
             matches!(kernel, Kernel::Transfer | Kernel::Relay | Kernel::Eye | Kernel::Photograph | Kernel::Resample)
         };
         let mut parts: Vec<Range<usize>> = Vec::new();
-        for (i, dispatch) in step.list.iter().enumerate().filter(|(_, d)| fresh || !known(d.kernel)) {
+        for (i, dispatch) in step.list.iter().enumerate().filter(|(_, d)| first || !known(d.kernel)) {
             match parts.last_mut() {
                 Some(last) if last.end == i => last.end = i + 1,
                 _ => parts.push(i..i + 1),

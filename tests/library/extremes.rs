@@ -198,6 +198,7 @@ fn problem(size: usize, picture: Picture) -> Problem {
         view_pitch: None,
         disparity: None,
         depth: None,
+        made: None,
     };
     Problem::new(&field, Color::Green, &display, Padding::default()).unwrap()
 }

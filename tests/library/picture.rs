@@ -56,6 +56,7 @@ fn lines(vertical: bool) -> LightField {
         view_pitch: None,
         disparity: None,
         depth: None,
+        made: None,
     }
 }
 

@@ -3,8 +3,9 @@
 use eyebox::engine::vulkan::VulkanEngine;
 use eyebox::engine::{Buffer, Engine, Kernel, Purpose, Step, Storage};
 use eyebox::gpu::{DeviceKind, Gpu, Options};
+use eyebox::plan::ModelTables;
 use eyebox_kernels::compare::{AMPLITUDE, INTENSITY, PROJECTION};
-use eyebox_tests::both::{Case, Noise, assert_silent, distance, watched};
+use eyebox_tests::both::{Case, Noise, assert_silent, distance, every_fault, watched};
 use eyebox_tests::half_roundings;
 
 /// Any device, with lists recorded as for a GPU.
@@ -55,7 +56,11 @@ fn compare(engine: &mut VulkanEngine, case: &Case, purpose: Purpose, step: &Step
         // Of an odd width no columns go in pairs.
         if cut.is_none() && case.planner.grid.width.is_multiple_of(2) {
             let ran: Vec<Kernel> = engine.timings().iter().map(|t| t.kernel).collect();
-            let fused = [Kernel::Clear, Kernel::FieldForward, Kernel::Intensity, Kernel::DivideByOverlap];
+            let mut fused = vec![Kernel::FieldForward, Kernel::Intensity, Kernel::ChangeInverse];
+            // Between what pupils return and the field's change stands nothing else.
+            if step.list.iter().all(|d| d.kernel != Kernel::EqualiseEyebox) {
+                fused.extend([Kernel::Clear, Kernel::DivideByOverlap]);
+            }
             assert!(fused.iter().all(|kernel| !ran.contains(kernel)), "{what}: {ran:?}");
         }
         for (got, want) in losses.iter().zip(&want) {
@@ -98,6 +103,36 @@ fn fused_steps_with_halves_are_those_of_the_list() {
         (case.planner.storage, case.planner.binary_angles) = (Storage::F16, frames != 2);
         let step = case.step(Purpose::Project, PROJECTION, 0.5, 3000);
         compare(&mut engine, &case, Purpose::Project, &step, &[], &format!("{height} x {width} in halves"));
+    }
+    assert_silent(engine);
+}
+
+/// Lists with more at their ends: every term of a display's model, windows of the short-time Fourier transform, an even eyebox.
+#[test]
+fn other_lists_fused_are_those_of_the_list() {
+    let mut engine = fusing();
+    for storage in [Storage::F32, Storage::F16] {
+        let mut case = Case::new(44, 64, 0, 4e-3, 3);
+        case.planner.storage = storage;
+        let (slm, grid) = (case.planner.slm, case.planner.grid);
+        case.planner.model = ModelTables::new(every_fault(), 11e-3, 256, slm, grid);
+        // A gradient's sign is all that Adam's first steps keep: halves turn some.
+        let modes = [(Purpose::Project, PROJECTION), (Purpose::Adam, INTENSITY)];
+        for (purpose, mode) in &modes[..if storage == Storage::F16 { 1 } else { 2 }] {
+            let (purpose, mode) = (*purpose, *mode);
+            let step = case.step(purpose, mode, 0.5, 3000);
+            let after = |kernel| step.list.iter().position(|d| d.kernel == kernel).unwrap() + 1;
+            use Kernel::{ChangeInverse, Drive, DriveBack, LagBack, ModulateWave, Turn};
+            let cuts = [Drive, ModulateWave, ChangeInverse, Turn, LagBack, DriveBack].map(after);
+            compare(&mut engine, &case, purpose, &step, &cuts, &format!("every term, {purpose:?}, {storage:?}"));
+        }
+    }
+    let case = Case::new(44, 64, 0, 4e-3, 3);
+    let eyebox = 0.8 * case.planner.slm.eyebox();
+    for (purpose, mode) in [(Purpose::Project, PROJECTION), (Purpose::Adam, INTENSITY)] {
+        compare(&mut engine, &case, purpose, &case.stft_step(purpose, mode), &[], &format!("tapered, {purpose:?}"));
+        let step = case.planner.with_equalised_eyebox(case.step(purpose, mode, 0.5, 3000), eyebox, 5, 0.4);
+        compare(&mut engine, &case, purpose, &step, &[step.list.len() - 1], &format!("even, {purpose:?}"));
     }
     assert_silent(engine);
 }

@@ -4,7 +4,7 @@ use eyebox::encode::Encoder;
 use eyebox::engine::Engine;
 use eyebox::engine::vulkan::{VulkanEncoder, VulkanEngine};
 use eyebox::gpu::{DeviceKind, Gpu, Options};
-use eyebox::optics::{Color, Display, Pupil, PupilDistribution};
+use eyebox::optics::{Color, Display, ModelOf, ModelTerms, Pupil, PupilDistribution};
 use eyebox::plan::{DEVICES, Storage};
 use eyebox::scene::LightField;
 use eyebox::solve::{Problem, Refiner, Rehearsal, RehearsedStep, Settings, Steering};
@@ -20,7 +20,11 @@ fn problem_of(height: usize, width: usize) -> Problem {
 }
 
 fn problem_with(grid: [usize; 2], height: usize, width: usize) -> Problem {
-    let display = Display { height, width, ..Display::preset("paper").expect("a preset") };
+    problem_before(grid, &Display { height, width, ..Display::preset("paper").expect("a preset") })
+}
+
+fn problem_before(grid: [usize; 2], display: &Display) -> Problem {
+    let (height, width) = (display.height, display.width);
     let view = vec![0.5; height * width];
     let field = LightField {
         name: "grey".into(),
@@ -32,8 +36,9 @@ fn problem_with(grid: [usize; 2], height: usize, width: usize) -> Problem {
         view_pitch: None,
         disparity: None,
         depth: Some([-3e-3, 3e-3]),
+        made: None,
     };
-    Problem::new(&field, Color::Green, &display, Default::default()).expect("a problem")
+    Problem::new(&field, Color::Green, display, Default::default()).expect("a problem")
 }
 
 fn gpu() -> Gpu {
@@ -56,7 +61,7 @@ fn steps_keep_to_their_budgets() {
     let settings = Settings { pupils: 16, ..Settings::default() };
     let solve = Rehearsal::of_solve(&problem, &settings, &gpu, 3).unwrap();
     for [dispatches, stages, bytes] in asked(&solve) {
-        assert!(dispatches <= 61 && stages <= 11 && bytes <= 3_700_000_000, "{dispatches} {stages} {bytes}");
+        assert!(dispatches <= 60 && stages <= 11 && bytes <= 3_700_000_000, "{dispatches} {stages} {bytes}");
         // Each of 16 windows is passed, seen, compared and returned, whatever is fused.
         assert!(dispatches >= 8 && bytes >= 3_000_000_000, "{dispatches} {bytes}");
     }
@@ -82,6 +87,25 @@ fn steps_keep_to_their_budgets() {
     let [fast, .., slow] = DEVICES.map(|device| steered.estimate(&device).total());
     assert!(fast < slow);
     assert!(gpu.messages().lock().unwrap().is_empty(), "{:?}", gpu.messages());
+}
+
+/// Every term of a display's model at once: what its pixels move comes on top, and no further trip of the fields.
+#[test]
+fn every_term_keeps_to_its_budget() {
+    let mut terms = ModelTerms::default();
+    (terms.lag, terms.bend, terms.undiffracted) = (Some(0.1), Some([0.1, -0.05]), Some([0.2, 0.0, 0.0, 0.0, 0.0]));
+    (terms.crosstalk, terms.source) = (Some([[1.2, 2.03].into(); 4]), Some([0.0, 0.0, -0.4, 0.0, -0.4]));
+    let ideal = Display { height: 270, width: 480, ..Display::preset("paper").expect("a preset") };
+    let faulty = Display { model: [(ModelOf::All, terms)].into(), ..ideal.clone() };
+    let settings = Settings { pupils: 16, ..Settings::default() };
+    let [ideal, faulty] = [ideal, faulty].map(|display| {
+        let solve = Rehearsal::of_solve(&problem_before([3, 3], &display), &settings, &gpu(), 2).unwrap();
+        asked(&solve)[1]
+    });
+    let more = [0, 1, 2].map(|i| faulty[i] as f64 - ideal[i] as f64);
+    // In planes of float32 of all sub-frames.
+    let planes = more[2] / (4 * 8 * 270 * 480) as f64;
+    assert!(more[0] <= 8.0 && more[1] <= 8.0 && (8.0..=20.0).contains(&planes), "{more:?} {planes}");
 }
 
 #[test]
@@ -159,6 +183,7 @@ fn a_live_set_brings_its_video_frame_and_little_else() {
         view_pitch: None,
         disparity: None,
         depth: Some([-3e-3, 3e-3]),
+        made: None,
     };
     let mut refiners = colors.map(|color| {
         let problem = Problem::new(&field, color, &display, Default::default()).expect("a problem");
@@ -216,6 +241,7 @@ fn nothing_is_made_while_pupils_change() {
         view_pitch: None,
         disparity: None,
         depth: Some([-3e-3, 3e-3]),
+        made: None,
     };
     let refiner = |color| {
         let problem = Problem::new(&field, color, &display, Default::default()).expect("a problem");

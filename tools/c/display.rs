@@ -1,7 +1,7 @@
 //! Displays.
 
 use crate::arrays::{given, hand_over, text};
-use crate::failure::{Failure, answer};
+use crate::failure::{Failure, answer, free};
 use crate::{EYEBOX_BLUE, EYEBOX_GREEN, EYEBOX_RED, EyeboxStatus};
 use eyebox::optics::{Color, Display};
 use std::ffi::c_char;
@@ -77,5 +77,5 @@ pub extern "C" fn eyebox_display_resized(
 /// Frees a display; null is nothing to free.
 #[unsafe(no_mangle)]
 pub extern "C" fn eyebox_display_free(display: Option<Box<EyeboxDisplay>>) {
-    answer(|| Ok(drop(display)));
+    free(display);
 }

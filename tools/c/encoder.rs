@@ -2,7 +2,7 @@
 
 use crate::arrays::{given, hand_over, put, room};
 use crate::display::colors;
-use crate::failure::{Failure, answer};
+use crate::failure::{Failure, answer, free};
 use crate::{EyeboxDisplay, EyeboxHologram, EyeboxStatus};
 use eyebox::encode::{Encoder, PhaseSet};
 use std::ffi::c_void;
@@ -94,5 +94,5 @@ pub unsafe extern "C" fn eyebox_encode(
 /// Frees an encoder.
 #[unsafe(no_mangle)]
 pub extern "C" fn eyebox_encoder_free(encoder: Option<Box<EyeboxEncoder>>) {
-    answer(|| Ok(drop(encoder)));
+    free(encoder);
 }

@@ -2,7 +2,7 @@
 
 use crate::EyeboxStatus;
 use crate::arrays::{given, hand_over, put, text};
-use crate::failure::{Failure, answer};
+use crate::failure::{Failure, answer, free};
 use eyebox::engine::{Backend, Choice, Engine};
 use eyebox::gpu::Options;
 use std::ffi::{CString, c_char};
@@ -52,5 +52,5 @@ pub extern "C" fn eyebox_engine_reason(
 /// Frees an engine; refiners that were made with it go on.
 #[unsafe(no_mangle)]
 pub extern "C" fn eyebox_engine_free(engine: Option<Box<EyeboxEngine>>) {
-    answer(|| Ok(drop(engine)));
+    free(engine);
 }

@@ -116,6 +116,14 @@ pub(crate) fn answer(call: impl FnOnce() -> Result<(), Failure>) -> EyeboxStatus
     failure.status()
 }
 
+/// Takes a handle back.
+pub(crate) fn free<T>(handle: Option<Box<T>>) {
+    answer(|| {
+        drop(handle);
+        Ok(())
+    });
+}
+
 fn in_words(panic: &(dyn Any + Send)) -> String {
     let text = panic.downcast_ref::<&str>().map(ToString::to_string);
     text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "a panic".into())

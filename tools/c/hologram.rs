@@ -2,7 +2,7 @@
 
 use crate::arrays::{array, given, hand_over, put, room, text};
 use crate::display::bit;
-use crate::failure::{Failure, answer, lock};
+use crate::failure::{Failure, answer, free, lock};
 use crate::{EyeboxEngine, EyeboxPupil, EyeboxScene, EyeboxScore, EyeboxStatus};
 use eyebox::hologram::{Hologram, Opening, SceneSource};
 use std::ffi::{CString, c_char};
@@ -202,5 +202,5 @@ pub unsafe extern "C" fn eyebox_score(
 /// Frees a hologram, and with it its phases and its metadata.
 #[unsafe(no_mangle)]
 pub extern "C" fn eyebox_hologram_free(hologram: Option<Box<EyeboxHologram>>) {
-    answer(|| Ok(drop(hologram)));
+    free(hologram);
 }

@@ -1,7 +1,7 @@
 //! Holograms that are refined for where the eye is.
 
 use crate::arrays::{given, hand_over, put, text};
-use crate::failure::{Failure, answer, lock};
+use crate::failure::{Failure, answer, free, lock};
 use crate::{EyeboxEngine, EyeboxHologram, EyeboxPupil, EyeboxScene, EyeboxStatus};
 use eyebox::hologram::{Hologram, Refinement};
 use eyebox::optics::PupilDistribution;
@@ -105,5 +105,5 @@ pub extern "C" fn eyebox_refiner_hologram(
 /// Frees a refiner.
 #[unsafe(no_mangle)]
 pub extern "C" fn eyebox_refiner_free(refiner: Option<Box<EyeboxRefiner>>) {
-    answer(|| Ok(drop(refiner)));
+    free(refiner);
 }

@@ -2,7 +2,7 @@
 
 use crate::arrays::{array, given, hand_over, text};
 use crate::display::colors;
-use crate::failure::{Failure, answer};
+use crate::failure::{Failure, answer, free};
 use crate::{EyeboxDisplay, EyeboxStatus};
 use eyebox::optics::Color;
 use eyebox::scene::{Fit, LightField, Request, load};
@@ -106,6 +106,7 @@ pub unsafe extern "C" fn eyebox_scene_from_views(
                 view_pitch: Some(views.view_pitch_m).filter(|pitch| *pitch != 0.0),
                 disparity: None,
                 depth: None,
+                made: None,
             };
             field.check()?;
             field.colors.iter().try_for_each(|color| display.optics(*color).map(drop))?;
@@ -118,5 +119,5 @@ pub unsafe extern "C" fn eyebox_scene_from_views(
 /// Frees a scene.
 #[unsafe(no_mangle)]
 pub extern "C" fn eyebox_scene_free(scene: Option<Box<EyeboxScene>>) {
-    answer(|| Ok(drop(scene)));
+    free(scene);
 }

@@ -46,10 +46,11 @@ const OPTIMIZERS: Names<Optimizer, 2> = [
 ];
 
 /// When the SLM is padded.
-const PADDINGS: Names<PaddingRule, 3> = [
-    ("never", "Not at all", PaddingRule::Never),
+const PADDINGS: Names<PaddingRule, 4> = [
+    ("never", "Only a side that would transform slowly", PaddingRule::Never),
     ("need", "Where what comes in again on the other side would cost more than 0.05 dB", PaddingRule::Need),
     ("always", "Always", PaddingRule::Always),
+    ("exact", "Not at all, and a side that transforms slowly stays as it is", PaddingRule::Exact),
 ];
 
 /// Distribution of pupil diameters.
@@ -158,7 +159,7 @@ pub struct Solve {
     #[arg(long, value_parser = one_of(&SEQUENCES), default_value = "sobol")]
     pub sequence: Sequence,
     /// Zeros around the SLM, as wide as light walks off, against circular propagation: never, always, or where the
-    /// scene needs it [default: never; alone: always]
+    /// scene needs it; or exactly the SLM's size [default: never; alone: always]
     #[arg(long, value_parser = one_of(&PADDINGS), value_name = "RULE", num_args = 0..=1, require_equals = true, default_missing_value = "always")]
     pub padding: Option<PaddingRule>,
     /// Model these parts in full whatever the scene requires: colors, views, padding, window, or all

@@ -28,11 +28,11 @@ pub enum Command {
                       eyebox solve builtin:still-life --size 512x512 --quality accurate -o still-life.zarr\n  \
                       eyebox solve builtin:still-life --display far-field-16k --color green --frames 1 --memory 4GiB -o large.zarr\n  \
                       eyebox solve photo.png --depth-map depth.png --depth=-3..3 -o photo.npy\n  \
-                      eyebox solve frame-00/ frame-01/ frame-02/ --size 512x512 --rate 30 -o moving.zarr\n\nSeveral scenes, or a folder of light-field folders, make a sequence; one that was interrupted is resumed by the same command.\nBuilt-in scenes: still-life, still-life-dark, still-life-bright, dense-grass, points, plane, chart; as a camera sees them that\nstands so many mm to the right: builtin:still-life?camera=2")]
+                      eyebox solve frame-00/ frame-01/ frame-02/ --size 512x512 --rate 30 -o moving.zarr\n  eyebox solve builtin:still-life --prescription '-0.3 -0.1 30' --pupil-diameter 2..6 -o mine.zarr\n\nSeveral scenes, or a folder of light-field folders, make a sequence; one that was interrupted is resumed by the same command.\nBuilt-in scenes: still-life, still-life-dark, still-life-bright, dense-grass, points, plane, chart; as a camera sees them that\nstands so many mm to the right: builtin:still-life?camera=2")]
     Solve(Solve),
     /// Say what of a scene will be computed and why, and what time and memory it will take
     #[command(
-        after_help = "Examples:\n  eyebox plan builtin:still-life --size 512x512\n  eyebox plan lightfield/ --size 512x512 --json\n  eyebox plan builtin:plane --size 256x256 --check\n\nIt takes the arguments of solve. The first plan on a machine times its engine for a few seconds; the rates are kept in\n$XDG_CACHE_HOME/eyebox, else ~/.cache/eyebox."
+        after_help = "Examples:\n  eyebox plan builtin:still-life --size 512x512\n  eyebox plan lightfield/ --size 512x512 --json\n  eyebox plan builtin:plane --size 256x256 --check\n  eyebox plan builtin:still-life --size 512x512 --prescription '-0.1'\n\nIt takes the arguments of solve. The first plan on a machine times its engine for a few seconds; the rates are kept in\n$XDG_CACHE_HOME/eyebox, else ~/.cache/eyebox."
     )]
     Plan(Box<crate::plan::Plan>),
     /// Say what a scene is as it is read: grid, order, parallax, depth, light; with a picture of all views
@@ -43,7 +43,8 @@ pub enum Command {
     /// Show what an eye sees of a hologram through one pupil
     #[command(after_help = "Examples:\n  eyebox view still-life.zarr --pupil=4,0,4,1.5 -o view.png\n  \
                       eyebox view phases.npy --pupil=0,0,6,0 --pitch 8 --wavelength 520 --focal-length 400 -o view.npy\n  \
-                      eyebox view --encoded frames --display bench.toml --pupil=0,0,4,0 -o view.png")]
+                      eyebox view --encoded frames --display bench.toml --pupil=0,0,4,0 -o view.png\n  \
+                      eyebox view mine.zarr --pupil=2,0,4,0 --prescription none -o others.png")]
     View(View),
     /// Show what an eye should see of a scene through one pupil
     #[command(
@@ -52,21 +53,23 @@ pub enum Command {
     Photograph(Photograph),
     /// Refine a hologram for where the eye is, and say what each step gains
     #[command(
-        after_help = "Examples:\n  eyebox refine still-life.zarr builtin:still-life --pupil=4,0,4,1 --steps 16\n  eyebox refine still-life.zarr builtin:still-life --pupil=4,0,4,1 --spread 1 -o seen-there.zarr --json"
+        after_help = "Examples:\n  eyebox refine still-life.zarr builtin:still-life --pupil=4,0,4,1 --steps 16\n  eyebox refine still-life.zarr builtin:still-life --pupil=4,0,4,1 --spread 1 -o seen-there.zarr --json\n  eyebox refine still-life.zarr builtin:still-life --pupil=4,0,4,1 --prescription '-0.1' -o mine.zarr"
     )]
     Refine(Box<crate::live::Refine>),
     /// Show a hologram on a display, and refine it for where the eye is while it is shown
     #[command(
-        after_help = "Examples:\n  eyebox live still-life.zarr --display planes24 --tracker simulated --duration 10 --stats stats.json\n  eyebox live builtin:still-life --display slm.toml --output window --tracker hid\n  eyebox live still-life.zarr --display slm.toml --tracker pupil://127.0.0.1 --calibration me.toml"
+        after_help = "Examples:\n  eyebox live still-life.zarr --display planes24 --tracker simulated --duration 10 --stats stats.json\n  eyebox live builtin:still-life --display slm.toml --output window --tracker hid\n  eyebox live still-life.zarr --display slm.toml --tracker pupil://127.0.0.1 --calibration me.toml\n  eyebox live builtin:still-life --display slm.toml --prescription '-0.1 -0.05 90'"
     )]
     Live(Box<crate::live::Live>),
     /// Measure what steering by a simulated eye gains
     #[command(
-        after_help = "Examples:\n  eyebox study still-life.zarr --display planes24 --duration 6 -o study\n  eyebox study builtin:still-life --display planes24 --size 256x256 --color green -o study\n\nTime is counted, not waited for: it passes by what refining and encoding take on this machine, and stands still while\nquality is judged."
+        after_help = "Examples:\n  eyebox study still-life.zarr --display planes24 --duration 6 -o study\n  eyebox study builtin:still-life --display planes24 --size 256x256 --color green -o study\n  eyebox study mine.zarr --display planes24 --prescription none -o others\n\nTime is counted, not waited for: it passes by what refining and encoding take on this machine, and stands still while\nquality is judged."
     )]
     Study(Box<crate::live::Study>),
     /// Measure a hologram against its scene over many pupils
-    #[command(after_help = "Example:\n  eyebox score still-life.zarr builtin:still-life --pupils random:16")]
+    #[command(
+        after_help = "Examples:\n  eyebox score still-life.zarr builtin:still-life --pupils random:16\n  eyebox score mine.zarr builtin:still-life --prescription none"
+    )]
     Score(Score),
     /// Measure what quality costs on this machine, and which settings are worth it: for --quality and --deadline
     #[command(after_help = "Examples:\n  eyebox tradeoff builtin:still-life --size 256x256 -o tradeoff\n  \
@@ -101,6 +104,14 @@ pub enum Command {
                       eyebox play moving.zarr --display plm --record shown --trace trace.json\n\nEnds with 0 at the end, after --duration, and on ctrl-C; with 2 when it cannot be played, with 3 when the display is lost, with 130 at once on a second ctrl-C. The display is left on the idle picture: the phase 0, or with --sync the sync picture."
     )]
     Play(Box<crate::play::Play>),
+    /// Show whatever there is on a display, steered where there is an eye tracker: holograms, scenes, applications
+    #[command(
+        after_help = "Examples:\n  eyebox show moving.zarr --display planes24 --size 512x512 --loop --duration 10\n  \
+                      eyebox show moving.zarr --display planes24 --tracker simulated --stats shown.json\n  \
+                      eyebox show builtin:still-life --size 256x256 --display planes24 --tracker simulated\n  \
+                      eyebox show live:demo --size 256x256 --color green --display planes8 --tracker simulated --duration 60\n\nWHAT is a hologram, a sequence or a far field in tiles; bare phases; a scene, or several of them, which are solved first; or\nlive:NAME, an application in another process (docs/live-input.md). Without --tracker holograms are played as eyebox play does, and\nan application's frames are refined for the whole eyebox. Ends as play does."
+    )]
+    Show(Box<crate::show::Show>),
     /// Give frames of scenes to a display that takes them from other programs, as an application would: for tests
     #[command(after_help = "Examples:\n  eyebox feed builtin:still-life --name demo --rate 30 --path=camera=-2..2\n  \
                       eyebox feed builtin:plane --name demo --path=depth=-1..1 --frames 300 --json\n  \
@@ -109,6 +120,7 @@ pub enum Command {
     /// Show what an eye sees in a window, live: the mouse moves the pupil, the wheel changes focus
     #[command(after_help = "Examples:\n  eyebox preview still-life.zarr --scene builtin:still-life\n  \
                       eyebox preview moving.zarr --pupil=2,0,6,1 --zoom 2\n  \
+                      eyebox preview mine.zarr --prescription none\n  \
                       eyebox preview phases.npy --pitch 8 --wavelength 520 --focal-length 400\n\nIn the window: the mouse moves the pupil over the eyebox, the wheel changes focus, + and - the diameter, a switches\nspeckle averaging, p shows the photograph of --scene, s saves a PNG, i shows a line and a map, h all keys, escape closes.\nEnds with 0 when it is closed and on ctrl-C; with 2 when it cannot be shown, with 3 when the desktop is lost.")]
     Preview(Box<crate::preview::Preview>),
     /// List the monitors that a window can cover
@@ -133,7 +145,8 @@ pub enum Command {
     #[command(
         after_help = "Examples:\n  eyebox calibrate --display bench.toml --camera 'python3 my_camera.py' -o calibrated.toml\n  \
                       eyebox calibrate --display bench.toml --camera 'python3 my_camera.py' --keep pictures -o calibrated.toml\n  \
-                      eyebox calibrate --display bench.toml --captures pictures -o calibrated.toml\n\nThe command and its fifteen lines of Python: docs/calibrate.md. Ends with 3 where the bench or ctrl-C ended it."
+                      eyebox calibrate --display bench.toml --captures pictures -o calibrated.toml\n  \
+                      eyebox calibrate --display bench.toml --camera 'python3 my_camera.py' --output window --iris=0,0,6 -o calibrated.toml\n\nThe command and its fifteen lines of Python: docs/calibrate.md. Ends with 3 where the bench or ctrl-C ended it."
     )]
     Calibrate(Box<crate::calibrate::Calibrate>),
     /// List eye trackers, explain a report descriptor, or show and record what a tracker says

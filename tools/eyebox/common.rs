@@ -84,6 +84,7 @@ pub fn request<'a>(
         near: args.near,
         depth: args.depth_before(display),
         order: args.order,
+        photographs: args.photographs.unwrap_or_default(),
         ..default
     }
 }

@@ -6,8 +6,8 @@ use crate::groups::DisplayArgs;
 use crate::signals;
 use crate::values::positive;
 use clap::Args;
-use eyebox::scene::{self, LightField, Request};
-use eyebox_live_input::{Application, Content, FrameInfo, Kind, LiveError, Offer, Sample, Transfer};
+use eyebox::scene::{self, Request, Stage, ViewGrid};
+use eyebox_live_input::{Application, Content, FrameInfo, Kind, LiveError, Offer, Sample, Transfer, Wanted};
 use serde::Serialize;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -25,12 +25,15 @@ pub struct Feed {
     #[arg(long, value_name = "HZ", value_parser = positive, default_value = "30")]
     pub rate: f64,
     /// A parameter of the one built-in scene that goes from one value to the other and back: camera=-2..2 moves the camera,
-    /// depth=-1..1 moves builtin:plane
+    /// shift=-0.3..0.3 the fruit of the still lifes or the pattern of builtin:plane sideways, depth=-1..1 builtin:plane in depth
     #[arg(long, value_name = "KEY=A..B", value_parser = path, allow_hyphen_values = true)]
     pub path: Option<Way>,
     /// Frames from one end of the path to the other
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(2..=1000))]
     pub steps: u32,
+    /// Give the views that the display asks for, around the pupil: of built-in scenes
+    #[arg(long)]
+    pub per_pupil: bool,
     /// Frames to give; left out, until the display ends
     #[arg(long, value_name = "N")]
     pub frames: Option<u64>,
@@ -111,10 +114,12 @@ fn sources(args: &Feed) -> Result<Vec<String>, Failure> {
     }
 }
 
-/// A frame, ready to be given.
-struct Ready {
-    info: FrameInfo,
-    samples: Vec<u8>,
+/// A frame.
+enum Ready {
+    /// Its views are those of the scene, the same for every pupil.
+    Made { info: Box<FrameInfo>, samples: Vec<u8> },
+    /// A built-in scene, whose views are made where they are asked for.
+    Stage(Vec<Stage>),
 }
 
 fn load(args: &Feed, sources: &[String], offer: &Offer) -> Result<Vec<Ready>, Failure> {
@@ -133,6 +138,22 @@ fn load(args: &Feed, sources: &[String], offer: &Offer) -> Result<Vec<Ready>, Fa
     if bytes > MOST {
         return Err(asked(format!("{} frames take {} MiB, of 4096: fewer --steps", sources.len(), bytes >> 20)));
     }
+    if args.per_pupil {
+        let [rows, columns] = size;
+        if rows != columns {
+            return Err(asked(format!(
+                "--per-pupil renders square pictures, and the display takes {rows} x {columns}"
+            )));
+        }
+        let stage = |source: &String| {
+            let Some(name) = source.strip_prefix("builtin:") else {
+                return Err(asked(format!("--per-pupil is for built-in scenes, and {source} is none")));
+            };
+            let stages = colors.iter().map(|color| Stage::new(name, &display, *color, rows));
+            Ok(Ready::Stage(stages.collect::<Result<_, _>>()?))
+        };
+        return sources.iter().map(stage).collect();
+    }
     let request = Request { views, ..Request::new(&display, &colors) };
     let ready = |source: &String| {
         let field = scene::load(source, &request)?;
@@ -145,17 +166,31 @@ fn load(args: &Feed, sources: &[String], offer: &Offer) -> Result<Vec<Ready>, Fa
         }
         let grid = field.grid.map(|n| n as u32);
         let content = Content::Views { grid, pitch_mm: field.cell(&display) * 1e3 };
-        Ok(Ready { info: FrameInfo::new(content, Sample::F32, Transfer::Linear), samples: interleaved(&field) })
+        let info = Box::new(FrameInfo::new(content, Sample::F32, Transfer::Linear));
+        Ok(Ready::Made { info, samples: interleaved(&field.planes) })
     };
     sources.iter().map(ready).collect()
 }
 
-/// (view, row, column, colour), float32.
-fn interleaved(field: &LightField) -> Vec<u8> {
-    let views = field.planes.first().map_or(0, Vec::len);
-    let pixels = field.height * field.width;
+/// (view, row, column, colour), float32, of views colour by colour.
+fn interleaved(planes: &[Vec<Vec<f32>>]) -> Vec<u8> {
+    let views = planes.first().map_or(0, Vec::len);
+    let pixels = planes.first().and_then(|views| views.first()).map_or(0, Vec::len);
     let places = (0..views).flat_map(|view| (0..pixels).map(move |pixel| (view, pixel)));
-    places.flat_map(|(view, pixel)| field.planes.iter().flat_map(move |c| c[view][pixel].to_le_bytes())).collect()
+    places.flat_map(|(view, pixel)| planes.iter().flat_map(move |c| c[view][pixel].to_le_bytes())).collect()
+}
+
+/// The views that are asked for.
+fn around(stages: &[Stage], wanted: &Wanted) -> (FrameInfo, Vec<u8>) {
+    let [rows, columns] = wanted.views;
+    let grid = ViewGrid { rows: rows as usize, columns: columns as usize, cell: wanted.pitch_mm * 1e-3 };
+    let [x, y] = wanted.center_mm.map(|mm| mm * 1e-3);
+    let beside = |(dx, dy): (f64, f64)| (x + dx, y + dy);
+    let places: Vec<(f64, f64)> = (0..grid.rows * grid.columns).map(|view| beside(grid.position(view))).collect();
+    let planes: Vec<Vec<Vec<f32>>> = stages.iter().map(|stage| stage.views(&places)).collect();
+    let content = Content::Views { grid: wanted.views, pitch_mm: wanted.pitch_mm };
+    let info = FrameInfo { center_mm: wanted.center_mm, ..FrameInfo::new(content, Sample::F32, Transfer::Linear) };
+    (info, interleaved(&planes))
 }
 
 fn give(args: &Feed, application: &mut Application, frames: &[Ready]) -> Result<Account, Failure> {
@@ -180,12 +215,27 @@ fn give(args: &Feed, application: &mut Application, frames: &[Ready]) -> Result<
             continue;
         }
         account.late += u64::from((start.elapsed() - due).as_secs_f64() > 1.0 / args.rate);
-        let frame = &frames[(account.given % frames.len() as u64) as usize];
-        let mut info = frame.info;
-        if let Some(request) = application.request() {
+        let request = application.request();
+        let (mut info, made);
+        let samples = match (&frames[(account.given % frames.len() as u64) as usize], &request) {
+            (Ready::Made { info: its, samples }, _) => {
+                info = **its;
+                samples
+            }
+            // Nobody has asked for anything yet.
+            (Ready::Stage(_), None) => {
+                std::thread::sleep(Duration::from_millis(1));
+                continue;
+            }
+            (Ready::Stage(stages), Some(request)) => {
+                (info, made) = around(stages, &request.wanted);
+                &made
+            }
+        };
+        if let Some(request) = request {
             (info.request, info.content_time_ns) = (request.number, request.lit_ns);
         }
-        application.send(&info, &frame.samples, &[])?;
+        application.send(&info, samples, &[])?;
         account.given += 1;
         account.seconds = start.elapsed().as_secs_f64();
     }

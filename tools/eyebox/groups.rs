@@ -5,7 +5,7 @@ use crate::values::{Names, depths, one_of, positive, prescription, size};
 use clap::{Args, ValueEnum};
 use eyebox::hologram::Hologram;
 use eyebox::optics::{Depth, Display, Prescription};
-use eyebox::scene::{Near, Order};
+use eyebox::scene::{Near, Order, Photographs};
 use std::path::{Path, PathBuf};
 
 /// Which engine computes.
@@ -130,6 +130,18 @@ const NEAR: Names<Near, 4> = [
     ("small", "The small ones, as of distances", Near::Small),
 ];
 
+/// Of which views photographs are made.
+const PHOTOGRAPHS: Names<Photographs, 4> = [
+    (
+        "auto",
+        "Its own where they are close; else of layers, or interpolated, as the views themselves tell",
+        Photographs::Auto,
+    ),
+    ("cells", "Its own, however far apart", Photographs::Cells),
+    ("layers", "As many as are needed, of Fourier disparity layers", Photographs::Layers),
+    ("between", "As many as are needed, interpolated with what is hidden", Photographs::Between),
+];
+
 /// The scene, in every command that takes one.
 #[derive(Args, Clone)]
 pub struct SceneArgs {
@@ -164,6 +176,9 @@ pub struct SceneOptions {
     /// what its lightfield.toml says; else as named, refused where the pictures clearly show another]
     #[arg(long, value_name = "ORDER")]
     pub order: Option<Order>,
+    /// Of which views of a folder photographs are made [default: auto; in score, what the hologram was solved for]
+    #[arg(long, value_parser = one_of(&PHOTOGRAPHS), value_name = "WHICH")]
+    pub photographs: Option<Photographs>,
 }
 
 /// A hologram beside a scene.
@@ -200,8 +215,7 @@ impl SceneOptions {
         if scene.is_some() || *self == Self::default() {
             return Ok(());
         }
-        let line =
-            "--depth-map, --near, --view-pitch, --views, --depth and --order say how a scene is read: give --scene";
+        let line = "--depth-map, --near, --view-pitch, --views, --depth, --order and --photographs say how a scene is read: give --scene";
         Err(Failure::Asked(line.into()))
     }
 }

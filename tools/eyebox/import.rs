@@ -53,8 +53,10 @@ pub fn run(args: &Import) -> Result<(), Failure> {
         let depth = args.options.depth_before(&display).filter(|_| !args.options.depth_map.is_empty());
         hologram.metadata.depth_map_mm = depth.map(|both| both.map(|metres| metres * 1e3));
         hologram.metadata.order = args.options.order;
-        hologram.metadata.views = Some(field.grid);
-        hologram.metadata.view_pitch_mm = Some(field.cell(&display) * 1e3);
+        hologram.metadata.photographs = args.options.photographs;
+        let (views, cell) = field.own_views(&display);
+        hologram.metadata.views = Some(views);
+        hologram.metadata.view_pitch_mm = Some(cell * 1e3);
         "fitted to the scene"
     } else if let Some(exposure) = args.exposure {
         hologram.colors.iter_mut().for_each(|c| c.exposure = exposure);

@@ -1,5 +1,5 @@
 //! The `eyebox` command: `demo`, `solve`, `plan`, `inspect`, `view`, `photograph`, `refine`, `study`, `live`, `score`, `tradeoff`,
-//! `evaluate`, `export`, `import`, `encode`, `play`, `preview`, `monitors`, `bench`, `devices`, `displays`, `trackers`,
+//! `evaluate`, `export`, `import`, `encode`, `play`, `show`, `feed`, `preview`, `monitors`, `bench`, `devices`, `displays`, `trackers`,
 //! `completions`, `man`.
 //!
 //! This room reads arguments, calls the runtime, and shows what came of it. Anything that a program would want to call
@@ -42,6 +42,7 @@ mod quality;
 mod score;
 mod session;
 mod settings;
+mod show;
 mod signals;
 mod solve;
 mod tracker_calibration;
@@ -81,6 +82,7 @@ fn main() -> ExitCode {
         Command::Import(args) => import::run(args),
         Command::Encode(args) => encode::run(args),
         Command::Play(args) => play::run(args),
+        Command::Show(args) => show::run(args),
         Command::Feed(args) => feed::run(args),
         Command::Preview(args) => preview::run(args),
         Command::Monitors(args) => play::monitors(args),

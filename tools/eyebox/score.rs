@@ -105,6 +105,7 @@ pub fn as_solved(args: &SceneArgs, hologram: &Hologram) -> SceneArgs {
     let args = &mut asked.options;
     args.view_pitch = args.view_pitch.or(known.view_pitch_mm);
     args.order = args.order.or(known.order);
+    args.photographs = args.photographs.or(known.photographs);
     args.views = args.views.or(known.views.map(|v| v[0]));
     args.near = args.near.or(known.near);
     // What a depth map's values mean has an order; other scenes have a range.

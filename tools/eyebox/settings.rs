@@ -80,6 +80,7 @@ pub fn job_of<'a>(
         near: args.scene.options.near,
         depth: args.scene.options.depth_before(display),
         order: args.scene.options.order,
+        photographs: args.scene.options.photographs.unwrap_or_default(),
         diameter: args.pupil_diameter,
         force: args.display.force,
         settings: Settings { seconds: args.seconds, ..settings },

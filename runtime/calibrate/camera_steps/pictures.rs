@@ -70,8 +70,10 @@ impl<'a> CameraBench<'a> {
             return Err(CalibrateError::Bench { display: display.name.clone(), reason });
         }
         let (link, hello) = Link::start(steps.command, steps.limit, say)?;
-        let named =
-            colors.iter().map(|c| Ok((*c, check(display, *c, &hello)?))).collect::<Result<Vec<_>, CalibrateError>>()?;
+        let named = colors
+            .iter()
+            .map(|c| Ok((*c, check(display, *c, &hello, true)?)))
+            .collect::<Result<Vec<_>, CalibrateError>>()?;
         let first = named.first().map(|(_, named)| named.clone()).unwrap_or_default();
         let session = Session::new(link, hello, steps.keep, first, usize::MAX)?;
         let mut camera = Camera { session, slm: [display.height, display.width] };

@@ -2,7 +2,7 @@
 
 use crate::calibrate::map::CameraMap;
 use crate::calibrate::pattern::transposed;
-use crate::calibrate::seen::GAUSS;
+use crate::calibrate::seen::points_of_pixel;
 use crate::calibrate::sorted::CAMERA_PIXEL;
 use eyebox_kernels::{Complex64, fft, modulate};
 use rayon::prelude::*;
@@ -88,8 +88,7 @@ impl Sensor {
     /// Means over the pixels, of samples `up` times as fine as the grid's.
     fn looks(&self, fine: &[f32], grid: &Grid, up: usize) -> Vec<f32> {
         let [rows, columns] = [grid.rows * up, grid.columns * up];
-        let off = GAUSS * CAMERA_PIXEL / self.zoom;
-        let points = [[-off, -off], [off, -off], [-off, off], [off, off]];
+        let points = points_of_pixel(CAMERA_PIXEL).map(|at| at.map(|v| v / self.zoom));
         let value = |[x, y]: [f64; 2]| {
             let [x, y] = grid.of([x, y]).map(|v| v * up as f64);
             let (first_x, first_y) = (x.floor(), y.floor());

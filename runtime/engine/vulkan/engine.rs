@@ -372,6 +372,13 @@ impl Engine for VulkanEngine {
         self.gpu.recorder.submit("clearing").map(drop)
     }
 
+    fn take_views(&mut self, views: Arc<Pyramid>) -> Result<(), EngineError> {
+        self.gpu.recorder.idle()?;
+        self.views = None; // Both may not fit.
+        self.views = Some(Views::new(&mut self.gpu, &views)?);
+        Ok(())
+    }
+
     fn write(&mut self, buffer: Buffer, data: &[f32]) -> Result<(), EngineError> {
         if pupil_pass_buffer(buffer).is_some() {
             self.written.insert(buffer, data.to_vec());

@@ -4,8 +4,8 @@ use super::engine::VulkanEngine;
 use crate::engine::{Buffer, Engine, Purpose, Step, Storage};
 use crate::gpu::guards::{Guards, flags};
 use crate::gpu::{Commands, DeviceKind, Gpu, Options};
-use crate::optics::{Optics, Padding, Pupil, WindowFactor};
-use crate::plan::{Comparison, Planner, ViewLayout};
+use crate::optics::{DisplayModel, Optics, Padding, Pupil, WindowFactor};
+use crate::plan::{Comparison, ModelTables, Planner, ViewLayout};
 use crate::scene::{Pyramid, ViewGrid};
 use eyebox_kernels::compare::{INTENSITY, PROJECTION};
 use eyebox_kernels::{half, modulate};
@@ -33,6 +33,7 @@ fn case(
     levels: usize,
     purpose: Purpose,
     storage: Storage,
+    model: DisplayModel,
 ) -> Case {
     let slm = Optics::new(height, width, 8e-6, 520e-9, 0.4).unwrap();
     let mut planner = Planner { storage, levels, ..Planner::new(slm, frames, WindowFactor::Two) };
@@ -40,6 +41,7 @@ fn case(
         planner = planner.with_padding(Padding { rows: padding, columns: padding });
     }
     let (rows, columns) = (planner.grid.height, planner.grid.width);
+    planner.model = ModelTables::new(model, 11e-3, 256, slm, planner.grid);
     let grid = ViewGrid { rows: 3, columns: 3, cell: slm.eyebox() / 3.0 };
     let view = |v: usize| (0..rows * columns).map(|i| ((i * 37 + v * 101) % 211) as f32 / 211.0).collect();
     let views: Vec<Vec<f32>> = (0..9).map(view).collect();
@@ -88,10 +90,17 @@ fn every_kernel_keeps_to_its_ranges() {
         guarded.guard();
         for storage in [Storage::F32, Storage::F16] {
             // An even and an odd number of columns.
-            let mut cases = vec![case([44, 64, 0], 3, 0, Project, storage), case([30, 31, 2], 1, 0, Adam, storage)];
+            let ideal = DisplayModel::default;
+            let mut cases = vec![
+                case([44, 64, 0], 3, 0, Project, storage, ideal()),
+                case([30, 31, 2], 1, 0, Adam, storage, ideal()),
+            ];
             if plan_as == DeviceKind::Discrete {
                 // Sizes that are convolutions.
-                cases.push(case([31, 38, 0], 2, 11, Project, storage));
+                cases.push(case([31, 38, 0], 2, 11, Project, storage, ideal()));
+                cases.push(case([40, 36, 4], 2, 0, Adam, storage, ideal()));
+                let model = DisplayModel { lag: 0.1, undiffracted: [0.2; 5], ..ideal() };
+                cases.push(case([40, 36, 4], 2, 0, Project, storage, model));
             }
             for case in cases {
                 let what = format!("as {plan_as}, {storage:?}, {:?}", case.planner.grid);
@@ -110,7 +119,7 @@ fn every_kernel_keeps_to_its_ranges() {
     }
     // Of what lay in the same memory, something was written: the modules know.
     let met: BTreeSet<&str> = aliased.iter().map(|(module, ..)| *module).collect();
-    for module in ["project", "adam", "project_rows", "fft_pass", "fft_chirp", "compare_rows"] {
+    for module in ["project", "adam", "project_rows", "adam_rows", "fft_pass", "fft_chirp", "compare_rows"] {
         assert!(met.contains(module), "nothing of {module} met: {met:?}");
     }
     for (name, a, b) in aliased {
@@ -124,7 +133,7 @@ fn every_kernel_keeps_to_its_ranges() {
 /// A list in as many submissions as it has dispatches is the list: results, and times of all of it.
 #[test]
 fn a_list_in_parts_is_the_list() {
-    let case = case([44, 64, 0], 3, 0, Purpose::Project, Storage::F16);
+    let case = case([44, 64, 0], 3, 0, Purpose::Project, Storage::F16, DisplayModel::default());
     let mut whole = VulkanEngine::new(&open(DeviceKind::Discrete)).unwrap();
     let want = run(&mut whole, &case);
     let mut cut = VulkanEngine::new(&open(DeviceKind::Discrete)).unwrap();

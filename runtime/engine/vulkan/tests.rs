@@ -170,6 +170,9 @@ fn a_lost_device_is_an_error_everywhere() {
         fn load(&mut self, shape: &Shape, views: Option<Arc<Pyramid>>) -> Result<(), EngineError> {
             self.engine.load(shape, views)
         }
+        fn take_views(&mut self, views: Arc<Pyramid>) -> Result<(), EngineError> {
+            self.engine.take_views(views)
+        }
         fn write(&mut self, buffer: Buffer, data: &[f32]) -> Result<(), EngineError> {
             self.engine.write(buffer, data)
         }

@@ -97,6 +97,7 @@ fn plane(side: usize, color: Color, views: [usize; 2]) -> LightField {
         view_pitch: None,
         disparity: None,
         depth: None,
+        made: None,
     }
 }
 

@@ -9,6 +9,8 @@
 //! - `span`: half the depth span in millimetres, instead of the above;
 //! - `camera`: the scene as a camera sees it that stands so many millimetres to the right, in the pupil plane: several of
 //!   them are a moving scene (0);
+//! - `shift`: of the still lifes and `plane`: so many halves of the display's shorter side to the right from where it usually is
+//!   stands the fruit, or the plane's pattern: several of them are a scene in which something moves (0);
 //! - `depth`: of `plane` only: its depth in millimetres (0).
 
 mod grass;
@@ -62,6 +64,8 @@ struct Parameters {
     span: Option<f64>,
     /// Metres.
     camera: f64,
+    /// Scene units.
+    shift: f32,
     depth: f64,
 }
 
@@ -73,7 +77,7 @@ fn unknown(name: &str, reason: impl Into<String>) -> SceneError {
 fn parse(source: &str) -> Result<(&'static str, Parameters), SceneError> {
     let (name, query) = source.split_once('?').unwrap_or((source, ""));
     let found = BUILTINS.iter().find(|b| b.name == name).ok_or_else(|| unknown(source, "there is no such scene"))?;
-    let mut read = Parameters { brightness: 1.0, span: None, camera: 0.0, depth: 0.0 };
+    let mut read = Parameters { brightness: 1.0, span: None, camera: 0.0, shift: 0.0, depth: 0.0 };
     for pair in query.split('&').filter(|p| !p.is_empty()) {
         let wrong = |must: &str| unknown(source, format!("'{pair}': {must}"));
         let (key, value) = pair.split_once('=').ok_or_else(|| wrong("parameters are written key=value"))?;
@@ -85,8 +89,14 @@ fn parse(source: &str) -> Result<(&'static str, Parameters), SceneError> {
             "span" => return Err(wrong("it must be 0 to 1000 mm")),
             "camera" if number.abs() <= 1e4 => read.camera = number * 1e-3,
             "camera" => return Err(wrong("it must be -10000 to 10000 mm")),
+            "shift" if (-2.0..=2.0).contains(&number) && (name == "plane" || name.starts_with("still-life")) => {
+                read.shift = number as f32;
+            }
+            "shift" => {
+                return Err(wrong("it must be -2 to 2, of still-life, still-life-dark, still-life-bright or plane"));
+            }
             "depth" if name == "plane" => read.depth = number * 1e-3,
-            _ => return Err(wrong("the parameters are brightness, span, camera and, for plane, depth")),
+            _ => return Err(wrong("the parameters are brightness, span, camera, shift and, for plane, depth")),
         }
     }
     Ok((found.name, read))
@@ -109,12 +119,12 @@ pub(super) fn same(a: &str, b: &str) -> bool {
 fn items_of(name: &str, parameters: &Parameters, canvas: Canvas, unit: f64) -> Vec<Item> {
     let aspect = canvas.half();
     let mut items: Vec<Item> = match name {
-        "still-life" => still_life::items(aspect, still_life::Mood::Day),
-        "still-life-dark" => still_life::items(aspect, still_life::Mood::Lamp),
-        "still-life-bright" => still_life::items(aspect, still_life::Mood::Studio),
+        "still-life" => still_life::items(aspect, still_life::Mood::Day, parameters.shift),
+        "still-life-dark" => still_life::items(aspect, still_life::Mood::Lamp, parameters.shift),
+        "still-life-bright" => still_life::items(aspect, still_life::Mood::Studio, parameters.shift),
         "dense-grass" => grass::items(aspect),
         "points" => targets::points(aspect, canvas.pixel()),
-        "plane" => targets::plane((parameters.depth / unit) as f32),
+        "plane" => targets::plane((parameters.depth / unit) as f32, parameters.shift),
         _ => targets::chart(aspect, canvas.pixel()),
     };
     items.iter_mut().for_each(|item| item.brighten(parameters.brightness));
@@ -174,5 +184,6 @@ pub(super) fn load(source: &str, request: &Request) -> Result<LightField, SceneE
         view_pitch: Some(cell),
         disparity: range(disparity),
         depth: range(unit),
+        made: None,
     })
 }

@@ -58,11 +58,13 @@ impl Mood {
     }
 }
 
-/// The scene on a picture whose half sides are `half`; things spread out on a wide one.
-pub(super) fn items(half: [f32; 2], mood: Mood) -> Vec<Item> {
+/// The scene on a picture whose half sides are `half`; things spread out on a wide one. The fruit stands `shift` to the right of
+/// its place.
+pub(super) fn items(half: [f32; 2], mood: Mood, shift: f32) -> Vec<Item> {
     let spread = 1.0 + 0.55 * (half[0] - 1.0).clamp(0.0, 1.5);
     let mut items = vec![wall(half, mood)];
-    let fruits = fruits(spread);
+    let mut fruits = fruits(spread);
+    fruits.iter_mut().for_each(|fruit| fruit.center[0] += shift);
     let vase_x = -0.44 * spread;
     items.push(cloth(half, mood, &fruits, vase_x, spread));
     items.push(card(0.5 * spread, mood));

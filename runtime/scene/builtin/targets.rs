@@ -25,9 +25,10 @@ pub(super) fn points(half: [f32; 2], pixel: f32) -> Vec<Item> {
     items
 }
 
-/// One plane at depth `z`, textured down to the pixel.
-pub(super) fn plane(z: f32) -> Vec<Item> {
-    let texture = |x: f32, y: f32| {
+/// One plane at depth `z`, textured down to the pixel, its pattern `shift` to the right.
+pub(super) fn plane(z: f32, shift: f32) -> Vec<Item> {
+    let texture = move |x: f32, y: f32| {
+        let x = x - shift;
         let stone = fbm(x * 7.0, y * 7.0, 6, 71);
         let speck = noise(x * 110.0, y * 110.0, 72);
         let tile = (x * 4.0).floor() as i32 + (y * 4.0).floor() as i32;

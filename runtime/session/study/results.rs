@@ -2,23 +2,9 @@
 
 use crate::gaze;
 use crate::session::set_timing::SetTiming;
+use crate::session::work_time::Cost;
 use crate::trackers::simulated;
 use serde::Serialize;
-use std::time::Duration;
-
-/// What work costs in a study's time.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Cost {
-    /// What it takes on this machine.
-    Measured,
-    /// The same on every machine, so that one study gives one result.
-    Fixed {
-        /// A step of one colour.
-        step: Duration,
-        /// Encoding a set.
-        encode: Duration,
-    },
-}
 
 /// What is studied.
 #[derive(Debug, Clone)]

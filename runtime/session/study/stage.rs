@@ -1,58 +1,17 @@
 //! A study's simulated world: the eye, its tracker, and time.
 
-use super::results::{Cost, StudySettings};
+use super::results::StudySettings;
 use crate::gaze::{Estimator, GazeError};
+use crate::optics::PupilDistribution;
 use crate::session::error::SessionError;
-use crate::session::set_timing::{SetTiming, as_ns};
+use crate::session::set_timing::SetTiming;
+use crate::session::watch::Samples;
 use crate::trackers::simulated::{Doing, Eye, SimulatedSource, Truth};
-use crate::trackers::{Event, Sample, Source};
-use std::time::{Duration, Instant};
-
-/// Time that passes by what work costs, nanoseconds.
-pub(super) struct WorkTime {
-    cost: Cost,
-    began_ns: i64,
-    begun: Instant,
-    spent: Duration,
-}
-
-impl WorkTime {
-    pub(super) fn begin(cost: Cost, now_ns: i64) -> Self {
-        Self { cost, began_ns: now_ns, begun: Instant::now(), spent: Duration::ZERO }
-    }
-
-    pub(super) fn now_ns(&self) -> i64 {
-        let spent = if self.cost == Cost::Measured { self.begun.elapsed() } else { self.spent };
-        self.began_ns.saturating_add(as_ns(spent))
-    }
-
-    /// Whether a step, which is `expected` to take so long where it is measured, ends in time; if so, it is taken.
-    pub(super) fn step_before(&mut self, deadline_ns: i64, expected: Duration) -> bool {
-        let cost = match self.cost {
-            Cost::Measured => expected,
-            Cost::Fixed { step, .. } => step,
-        };
-        let in_time = self.now_ns().saturating_add(as_ns(cost)) <= deadline_ns;
-        if in_time {
-            self.spent += cost;
-        }
-        in_time
-    }
-
-    /// A set was encoded.
-    pub(super) fn encoded(&mut self) {
-        if let Cost::Fixed { encode, .. } = self.cost {
-            self.spent += encode;
-        }
-    }
-}
 
 pub(super) struct Stage {
     settings: StudySettings,
     eye: Eye,
-    source: SimulatedSource,
-    waiting: Option<Sample>,
-    pub(super) estimator: Estimator,
+    samples: Samples,
     /// Time that has passed.
     pub(super) now_ns: i64,
     /// Looked at until here for jumps.
@@ -66,9 +25,10 @@ impl Stage {
         let wrong = |e: GazeError| SessionError::Setting(e.to_string());
         Ok(Self {
             eye: Eye::new(settings.eye.clone(), 0),
-            source: SimulatedSource::starting(settings.eye.clone(), false, 0)?,
-            waiting: None,
-            estimator: Estimator::new(settings.gaze.clone(), None).map_err(wrong)?,
+            samples: Samples::new(
+                Box::new(SimulatedSource::starting(settings.eye.clone(), false, 0)?),
+                Estimator::new(settings.gaze.clone(), None).map_err(wrong)?,
+            ),
             now_ns: 0,
             watched_ns: 0,
             landed_ns: None,
@@ -79,21 +39,12 @@ impl Stage {
 
     /// Samples that have arrived by now.
     pub(super) fn arrive(&mut self) -> Result<(), SessionError> {
-        let now = u64::try_from(self.now_ns).unwrap_or(0);
-        loop {
-            let sample = match self.waiting.take() {
-                Some(sample) => sample,
-                None => match self.source.next(Duration::ZERO)? {
-                    Event::Sample(sample, _) => sample,
-                    _ => return Ok(()),
-                },
-            };
-            if sample.received_ns > now {
-                self.waiting = Some(sample);
-                return Ok(());
-            }
-            self.estimator.update(&sample);
-        }
+        self.samples.arrive(u64::try_from(self.now_ns).unwrap_or(0))
+    }
+
+    /// Where the pupil will be then.
+    pub(super) fn predict(&self, light_ns: u64) -> PupilDistribution {
+        self.samples.estimator.predict(light_ns)
     }
 
     /// The eye at a time, and what it did until then.

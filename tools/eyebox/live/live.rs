@@ -1,7 +1,7 @@
 //! `eyebox live`: a hologram on a display, refined for where the eye is while it is shown.
 
 use super::args::PolicyArgs;
-use super::subject::{self, Steered, SubjectArgs};
+use super::subject::{self, Steered, SubjectArgs, SubjectOptions};
 use super::tracking::{TrackerArgs, tracking};
 use super::viewing::Viewing;
 use crate::common::Engines;
@@ -12,9 +12,9 @@ use crate::{Failure, common, progress};
 use clap::Args;
 use eyebox::encode;
 use eyebox::gaze::Eyepiece;
-use eyebox::gpu::Options as VulkanOptions;
+use eyebox::gpu::{Gpu, Options as VulkanOptions};
 use eyebox::optics::{depth_in_words, depths_in_words, dioptres};
-use eyebox::session::{self, Histogram, Session, Stage, Statistics, Status};
+use eyebox::session::{self, Cost, Histogram, Session, SinkFile, Stage as Part, Statistics, Status, Supply, Tracking};
 use serde_json::json;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -25,6 +25,14 @@ pub struct Live {
     /// What is shown
     #[command(flatten)]
     pub subject: SubjectArgs,
+    /// How
+    #[command(flatten)]
+    pub how: LiveOptions,
+}
+
+/// How a hologram is shown that follows the eye.
+#[derive(Args)]
+pub struct LiveOptions {
     /// Who looks
     #[command(flatten)]
     pub tracker: TrackerArgs,
@@ -34,7 +42,7 @@ pub struct Live {
     /// From a video frame's beginning to its light, ms
     #[arg(long, value_name = "MS", default_value_t = 0.0, value_parser = not_negative)]
     pub display_latency: f64,
-    /// Seconds to go on for [default: until ctrl-C]
+    /// Seconds to go on for [default: until ctrl-C; in show, until the end of what ends]
     #[arg(long, value_name = "S", value_parser = positive)]
     pub duration: Option<f64>,
     /// Show the hologram for the whole eyebox: what there is without steering
@@ -49,7 +57,8 @@ pub struct Live {
     /// What was shown, and how late, as JSON
     #[arg(long, value_name = "FILE.json")]
     pub stats: Option<PathBuf>,
-    /// Keep the pictures of new sets as PNG, as many as the disk takes, and when they were shown, in a new folder
+    /// Keep the pictures of new sets as PNG, as many as the disk takes, and when they were shown, in a new folder; on a simulated
+    /// clock, all of them
     #[arg(long, value_name = "DIR")]
     pub record: Option<PathBuf>,
     /// What each thread did when, for chrome://tracing
@@ -57,21 +66,76 @@ pub struct Live {
     pub trace: Option<PathBuf>,
 }
 
+/// Where a session is kept, or one that was.
+#[derive(Default)]
+pub struct KeptSession {
+    /// A new folder.
+    pub journal: Option<PathBuf>,
+    /// One that was kept.
+    pub replay: Option<PathBuf>,
+}
+
+/// How what is refined is shown, beside the options that all have.
+#[derive(Default)]
+pub struct Showing<'a> {
+    /// Whose eye is followed, if anybody's is.
+    pub tracker: Option<&'a str>,
+    /// What work takes on a simulated clock; none on the system's.
+    pub simulated: Option<Cost>,
+    /// Where video frames go besides.
+    pub sink: Option<SinkFile>,
+    /// Depths that eyes may focus at where nobody is tracked, metres [default: those that it was solved for].
+    pub depths: Option<[f64; 2]>,
+    /// What is kept of it.
+    pub kept: KeptSession,
+}
+
 /// Shows, follows, and says how it went.
 pub fn run(args: &Live) -> Result<(), Failure> {
-    let shows = args.view || args.shown.output != OutputName::Offscreen;
-    let vulkan = VulkanOptions { present: shows, validation: args.shown.validation, ..VulkanOptions::default() };
-    let engines = Engines::new(&args.subject.engine, &vulkan)?;
-    let gpu = match engines.gpu()? {
-        None if shows => Some(common::display_gpu(&args.subject.engine.device, args.shown.validation)?),
-        gpu => gpu,
+    let stage = Stage::open(&args.subject.how, &args.how)?;
+    let steered = subject::load(&args.subject.what, &args.subject.how, true, &stage.engines)?;
+    let tracker = args.how.tracker.tracker.as_deref().unwrap_or("simulated");
+    show(steered, &args.how, Showing { tracker: Some(tracker), ..Showing::default() }, stage)
+}
+
+/// The devices that a show takes.
+pub struct Stage {
+    /// What computes.
+    pub engines: Engines,
+    gpu: Option<Gpu>,
+}
+
+impl Stage {
+    /// Opens them.
+    pub fn open(how: &SubjectOptions, live: &LiveOptions) -> Result<Self, Failure> {
+        let shows = live.view || live.shown.output != OutputName::Offscreen;
+        let vulkan = VulkanOptions { present: shows, validation: live.shown.validation, ..VulkanOptions::default() };
+        let engines = Engines::new(&how.engine, &vulkan)?;
+        let gpu = match engines.gpu()? {
+            None if shows => Some(common::display_gpu(&how.engine.device, live.shown.validation)?),
+            gpu => gpu,
+        };
+        Ok(Self { engines, gpu })
+    }
+}
+
+/// Shows what is refined, and says how it went.
+pub fn show(steered: Steered, args: &LiveOptions, showing: Showing<'_>, stage: Stage) -> Result<(), Failure> {
+    let Stage { engines, gpu } = stage;
+    let Showing { tracker, simulated, sink, depths, kept } = showing;
+    let eyepiece = eyepiece(&steered);
+    let (mouse, tracking) = match tracker {
+        None => (None, None),
+        Some(tracker) => {
+            let real = simulated.is_none();
+            let (mouse, tracking) = tracking(tracker, &args.tracker, args.view, real, eyepiece)?;
+            (mouse, Some(tracking))
+        }
     };
-    let steered = subject::load(&args.subject, &engines)?;
-    let (mouse, tracking) = tracking(&args.tracker, args.view, eyepiece(&steered))?;
-    let about = tracking.describe();
+    let about = tracking.as_ref().map_or("no eye tracker".into(), Tracking::describe);
     eprintln!(
         "{}: {} sub-frames of {} colours, {}x{}; {}",
-        steered.hologram.scene,
+        steered.scenes.as_ref().map_or_else(|| steered.hologram.scene.clone(), |scenes| scenes.describe()),
         steered.hologram.frames,
         steered.colors.len(),
         steered.hologram.height,
@@ -79,25 +143,39 @@ pub fn run(args: &Live) -> Result<(), Failure> {
         steered.engine
     );
     let companion = match gpu.clone().filter(|_| args.view) {
+        Some(_) if steered.scenes.is_some() => {
+            return Err(Failure::Asked(
+                "--view shows what is seen of one hologram: scenes that change have none".into(),
+            ));
+        }
         Some(gpu) => Some(Viewing::new(&steered, engines.opener(), mouse)?.opener(gpu)),
         None => None,
     };
-    let display = steered.encoder.display().clone();
-    let mut live = session::Live::new(steered.parts, steered.encoder, engines.source(), tracking);
+    let Steered { hologram, colors, parts, scenes, encoder, engine, unfinished } = steered;
+    let display = encoder.display().clone();
+    let mut live = session::Live::new(parts, encoder, engines.source(), tracking);
     (live.policy, live.steered, live.companion) = (args.policy.policy(), !args.unsteered, companion);
     live.display_latency = Duration::from_secs_f64((args.display_latency * 1e-3).min(10.0));
+    (live.journal, live.replay) = (kept.journal, kept.replay);
+    if live.replay.is_some() {
+        // As of all whose first scene has still to come.
+        live.policy.restart = f64::INFINITY;
+    }
+    (live.scenes, live.cost) = (scenes, simulated.unwrap_or(Cost::Measured));
+    let depths = depths.or(hologram.metadata.solve.as_ref().map(|solve| solve.depth));
+    live.whole.focus = depths.unwrap_or(live.whole.focus);
     let mut options = args.shown.options();
     options.gpu = gpu;
     options.duration = args.duration.map(|s| Duration::from_secs_f64(s.min(1e9)));
     (options.record, options.trace) = (args.record.clone(), args.trace.clone());
     args.stats.iter().try_for_each(|file| eyebox::files::check_place(file))?;
     progress::catch_interrupt();
-    let session = Session::start(live, args.shown.output(false, None), options)?;
+    let session = Session::start(live, args.shown.output(simulated.is_some(), sink), options)?;
     let shown = session.about();
     eprintln!("{about}; {}: {:.2} sets a second", shown.presenter, shown.sets_per_second());
-    let slow = encode::flicker(&display, &steered.colors, steered.hologram.frames, shown.display_rate.hz());
+    let slow = encode::flicker(&display, &colors, hologram.frames, shown.display_rate.hz());
     slow.inspect(|slow| tracing::warn!("{slow}"));
-    let focal_length = steered.hologram.focal_length;
+    let focal_length = hologram.focal_length;
     let ended = attend(session, args.stats.as_deref(), |now, before, seconds| line(now, before, seconds, focal_length));
     summary(&ended.statistics, focal_length);
     let focus = ended.statistics.live.as_ref().and_then(|live| live.focus);
@@ -106,9 +184,7 @@ pub fn run(args: &Live) -> Result<(), Failure> {
     conclude(
         ended,
         args.stats.as_deref(),
-        &json!({
-            "engine": steered.engine, "memory_mib": memory, "focus_dioptres": focus, "unfinished": steered.unfinished,
-        }),
+        &json!({ "engine": engine, "memory_mib": memory, "focus_dioptres": focus, "unfinished": unfinished }),
     )
 }
 
@@ -133,7 +209,7 @@ fn summary(statistics: &Statistics, focal_length: f64) {
         report.timing.jitter_ms()
     );
     let at = |h: &Histogram, share| h.percentile(share).map_or("-".into(), |v| format!("{v:.2}"));
-    let light = live.latency.of(Stage::SampleToLight);
+    let light = live.latency.of(Part::SampleToLight);
     eprintln!(
         "{} steps, {} restarts; sample to light p50 {} ms, p99 {} ms; the newest sample {} ms old at its light; pupil error p50 {} mm, p90 {} mm{}",
         live.steps,
@@ -144,6 +220,18 @@ fn summary(statistics: &Statistics, focal_length: f64) {
         at(live.latency.error_mm(), 0.5),
         at(live.latency.error_mm(), 0.9),
         live.focus.map_or(String::new(), |z| format!("; focused at {}", depths_in_words(z, focal_length)))
+    );
+    let Some(content) = &live.showing else { return };
+    let sets: Vec<String> = Supply::ALL.iter().zip(content.sets).map(|(s, n)| format!("{n} {}", s.name())).collect();
+    eprintln!(
+        "{}: {} scenes taken and {} shown, {} refused; arrival to light p50 {} ms, p99 {} ms; content of the sets: {}",
+        content.source,
+        content.scenes,
+        content.shown,
+        content.refused,
+        at(&content.arrival_to_light, 0.5),
+        at(&content.arrival_to_light, 0.99),
+        sets.join(", ")
     );
 }
 

@@ -9,9 +9,10 @@ mod subject;
 mod tracking;
 mod viewing;
 
-pub use live::Live;
+pub use live::{KeptSession, Live, LiveOptions, Showing, Stage, show};
 pub use refine::Refine;
 pub use study::Study;
+pub use subject::{Steered, SubjectOptions, is_hologram, load, solved};
 
 pub use live::run as live;
 pub use refine::run as refine;

@@ -103,8 +103,12 @@ impl Study {
 /// Studies, and shows what came of it.
 pub fn run(args: &Study) -> Result<(), Failure> {
     let mut own = OwnFolder::open(&args.out, &report::STUDY, args.overwrite.overwrite)?;
-    let engines = Engines::new(&args.subject.engine, &VulkanOptions::default())?;
-    let subject = subject::load(&args.subject, &engines)?;
+    let engines = Engines::new(&args.subject.how.engine, &VulkanOptions::default())?;
+    let subject = subject::load(&args.subject.what, &args.subject.how, true, &engines)?;
+    if subject.scenes.is_some() {
+        let what = &args.subject.what;
+        return Err(Failure::Asked(format!("{what} is a sequence: study takes one hologram, or a scene")));
+    }
     let focal_length = subject.hologram.focal_length;
     let settings = args.settings(focal_length);
     let focus = settings.gaze.focus[0];

@@ -8,20 +8,29 @@ use crate::solve::Watch;
 use crate::{Failure, progress, score};
 use clap::Args;
 use eyebox::encode::Encoder;
-use eyebox::hologram::{ColorHologram, Hologram, Opening, Phases, Unfinished};
-use eyebox::optics::{Color, Display, Padding};
+use eyebox::hologram::{Hologram, Opening, Phases, Sequence, Unfinished};
+use eyebox::optics::{Color, Display};
 use eyebox::produce::solve_colors;
 use eyebox::quality::Subject;
 use eyebox::scene::LightField;
-use eyebox::session::SteeredColor;
-use eyebox::solve::{Levels, PaddingRule, Problem, Settings};
+use eyebox::session::{MovingSequence, Scenes, SteeredColor};
+use eyebox::solve::{Levels, Settings};
 use std::path::Path;
 
 /// What is steered, in every command that does.
 #[derive(Args)]
 pub struct SubjectArgs {
-    /// NAME.zarr, solved for the whole eyebox; NAME.npy, phases with --scene; or a scene, which is solved first
+    /// NAME.zarr, a hologram for the whole eyebox or a sequence of them; NAME.npy, phases with --scene; or a scene, which is solved
+    /// first
     pub what: String,
+    /// How
+    #[command(flatten)]
+    pub how: SubjectOptions,
+}
+
+/// How what is steered is read, or solved.
+#[derive(Args)]
+pub struct SubjectOptions {
     /// With a hologram: its scene [default: the one it was solved from]
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<String>,
@@ -56,6 +65,8 @@ pub struct Steered {
     pub colors: Vec<Color>,
     /// What is refined.
     pub parts: Vec<SteeredColor>,
+    /// What follows it, where scenes change.
+    pub scenes: Option<Box<dyn Scenes>>,
     /// To what the SLM receives.
     pub encoder: Encoder,
     /// What computes.
@@ -64,75 +75,120 @@ pub struct Steered {
     pub unfinished: Option<Unfinished>,
 }
 
-/// Loads or solves it.
-pub fn load(args: &SubjectArgs, engines: &Engines) -> Result<Steered, Failure> {
-    let path = Path::new(&args.what);
-    let scene = |scene: &str| SceneArgs::new(scene, &args.options);
-    let phases = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy"));
-    let (hologram, optics, field, unfinished) = if phases || (!Phases::are_at(path) && !path.join("views").exists()) {
+/// Loads or solves it; a sequence that is `looped` begins again at its end.
+pub fn load(what: &str, args: &SubjectOptions, looped: bool, engines: &Engines) -> Result<Steered, Failure> {
+    let path = Path::new(what);
+    if Sequence::is_at(path) {
+        return moving(path, args, looped, engines);
+    }
+    let (hologram, parts, unfinished) = if is_hologram(path) {
+        let scene = |scene: &str| SceneArgs::new(scene, &args.options);
         let unfinished = tell_unfinished(path)?;
         let mut hologram = Opening { unfinished: true, ..args.unit.chosen(&args.display)? }.hologram(path)?;
         args.eye.replace(&mut hologram.metadata.prescription)?;
         let optics = score::display_of(path, &hologram)?;
         let name = args.scene.as_deref().unwrap_or(&hologram.scene);
         if name.is_empty() {
-            return Err(Failure::Asked(format!("{}: it does not say of which scene it is: give --scene", args.what)));
+            return Err(Failure::Asked(format!("{what}: it does not say of which scene it is: give --scene")));
         }
         args.other.check(path, &hologram, name)?;
         let colors: Vec<Color> = hologram.colors.iter().filter_map(|c| c.color).collect();
         let field = common::scene(&score::as_solved(&scene(name), &hologram), &optics, &colors)?;
         hologram.fit_exposure(&field, engines.open()?.as_mut())?;
-        (hologram, optics, field, unfinished)
+        let parts = SteeredColor::all_of(&hologram, &field, &optics)?;
+        (hologram, parts, unfinished)
     } else {
-        if args.scene.is_some() {
-            return Err(Failure::Asked(format!("{} is a scene already: leave out --scene", args.what)));
-        }
-        let mut display = common::display(&args.display)?;
-        args.eye.replace(&mut display.prescription)?;
-        let colors = common::colors(&args.display, &display)?;
-        let mut engine = engines.open()?;
-        let field = common::scene(&scene(&args.what), &display, &colors)?;
-        let depth = common::depths(&scene(&args.what), &field, &display)?;
-        let base = Settings { depth, diameter: common::diameters(None, &display, false)?, ..Settings::default() };
-        let chosen =
-            args.quality.choose(engine.as_ref(), [display.height, display.width], base.frames, colors.len())?;
-        let settings = chosen.map_or_else(Settings::default, |c| c.settings);
-        let levels = Levels::of(&display);
-        let subject = Subject { field: &field, color: colors[0], display: &display, base, levels };
-        eprintln!("solving {} for the whole eyebox: {settings}", args.what);
-        progress::catch_interrupt();
-        let mut watch = Watch::new(false);
-        let solved = solve_colors(&subject, &colors, &settings, engine.as_mut(), &mut |event| watch.see(event))?;
-        let padding =
-            if settings.padding != PaddingRule::Never { subject.required_padding()? } else { Padding::default() };
-        let hologram = Hologram::from_solutions(&field, &display, &subject.settings(&settings), padding, &solved)?;
-        (hologram, display, field, None)
+        let (hologram, field, display) = solved(what, args, engines)?;
+        let parts = SteeredColor::all_of(&hologram, &field, &display)?;
+        (hologram, parts, None)
     };
-    let mut shown = common::display(&args.display)?;
-    if args.display.size.is_none() {
-        (shown.height, shown.width) = (hologram.height, hologram.width);
-    }
-    let colors: Vec<Color> = hologram.colors.iter().filter_map(|c| c.color).collect();
-    let encoder = Encoder::new(&shown, &colors, hologram.frames)?;
-    let ([eh, ew], [h, w]) = (encoder.hologram_size(), [hologram.height, hologram.width]);
-    if [eh, ew] != [h, w] {
-        let name = &shown.name;
-        return Err(Failure::Asked(format!(
-            "{}: it is {h}x{w} pixels, and the display '{name}' takes {eh}x{ew}: give --size, or another --display",
-            args.what
-        )));
-    }
-    let parts = parts(&hologram, &field, &optics)?;
-    let engine = engines.open()?.describe();
-    Ok(Steered { colors, parts, encoder, engine, hologram, unfinished })
+    Steered::new(what, args, hologram, parts, engines, unfinished)
 }
 
-/// What is refined of a hologram of `field`, made for `display`.
-pub fn parts(hologram: &Hologram, field: &LightField, display: &Display) -> Result<Vec<SteeredColor>, Failure> {
-    let padding = hologram.metadata.padding();
-    let part = |c: &ColorHologram| -> Result<SteeredColor, Failure> {
-        let problem = Problem::new(field, c.color.unwrap_or(Color::Green), display, padding)?;
-        Ok(SteeredColor { problem, phases: c.phases.clone(), exposure: c.exposure })
+/// Whether a hologram or bare phases stand there, and no scene.
+pub fn is_hologram(path: &Path) -> bool {
+    let phases = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy"));
+    phases || (!Phases::are_at(path) && !path.join("views").exists())
+}
+
+/// A scene's hologram for the whole eyebox, solved by `--quality`; the scene, and the display.
+pub fn solved(
+    what: &str,
+    args: &SubjectOptions,
+    engines: &Engines,
+) -> Result<(Hologram, LightField, Display), Failure> {
+    if args.scene.is_some() {
+        return Err(Failure::Asked(format!("{what} is a scene already: leave out --scene")));
+    }
+    let scene = SceneArgs::new(what, &args.options);
+    let mut display = common::display(&args.display)?;
+    args.eye.replace(&mut display.prescription)?;
+    let colors = common::colors(&args.display, &display)?;
+    let mut engine = engines.open()?;
+    let field = common::scene(&scene, &display, &colors)?;
+    let depth = common::depths(&scene, &field, &display)?;
+    let base = Settings { depth, diameter: common::diameters(None, &display, false)?, ..Settings::default() };
+    let chosen = args.quality.choose(engine.as_ref(), [display.height, display.width], base.frames, colors.len())?;
+    let settings = chosen.map_or_else(Settings::default, |c| c.settings);
+    let levels = Levels::of(&display);
+    let subject = Subject { field: &field, color: colors[0], display: &display, base, levels };
+    eprintln!("solving {what} for the whole eyebox: {settings}");
+    progress::catch_interrupt();
+    let mut watch = Watch::new(false);
+    let solved = solve_colors(&subject, &colors, &settings, engine.as_mut(), &mut |event| watch.see(event))?;
+    let padding = subject.padding(&settings)?;
+    let hologram = Hologram::from_solutions(&field, &display, &subject.settings(&settings), padding, &solved)?;
+    Ok((hologram, field, display))
+}
+
+/// A sequence, each of whose holograms is refined for the scene that it names.
+fn moving(path: &Path, args: &SubjectOptions, looped: bool, engines: &Engines) -> Result<Steered, Failure> {
+    let what = path.display().to_string();
+    if args.scene.is_some() {
+        return Err(Failure::Asked(format!(
+            "{what} is a sequence, whose holograms name their scenes: leave out --scene"
+        )));
+    }
+    let unfinished = tell_unfinished(path)?;
+    let opening = Opening { unfinished: true, ..args.unit.chosen(&args.display)? };
+    let mut sequence = opening.sequence(path)?;
+    let mut first = sequence.load(0)?;
+    args.eye.replace(&mut first.metadata.prescription)?;
+    let (options, eye) = (args.options.clone(), first.metadata.prescription.clone());
+    let load = move |hologram: &Hologram| -> Result<(LightField, Display), String> {
+        let display = Display { prescription: eye.clone(), ..hologram.made_for().map_err(|e| e.to_string())? };
+        let scene = score::as_solved(&SceneArgs::new(&hologram.scene, &options), hologram);
+        let field = common::scene(&scene, &display, &hologram.named_colors()).map_err(|e| e.to_string())?;
+        Ok((field, display))
     };
-    hologram.colors.iter().map(part).collect()
+    let (scenes, parts) = MovingSequence::start(sequence, looped, Box::new(load))?;
+    let steered = Steered::new(&what, args, first, parts, engines, unfinished)?;
+    Ok(Steered { scenes: Some(Box::new(scenes)), ..steered })
+}
+
+impl Steered {
+    fn new(
+        what: &str,
+        args: &SubjectOptions,
+        hologram: Hologram,
+        parts: Vec<SteeredColor>,
+        engines: &Engines,
+        unfinished: Option<Unfinished>,
+    ) -> Result<Self, Failure> {
+        let mut shown = common::display(&args.display)?;
+        if args.display.size.is_none() {
+            (shown.height, shown.width) = (hologram.height, hologram.width);
+        }
+        let colors: Vec<Color> = hologram.colors.iter().filter_map(|c| c.color).collect();
+        let encoder = Encoder::new(&shown, &colors, hologram.frames)?;
+        let ([eh, ew], [h, w]) = (encoder.hologram_size(), [hologram.height, hologram.width]);
+        if [eh, ew] != [h, w] {
+            let name = &shown.name;
+            return Err(Failure::Asked(format!(
+                "{what}: it is {h}x{w} pixels, and the display '{name}' takes {eh}x{ew}: give --size, or another --display"
+            )));
+        }
+        let engine = engines.open()?.describe();
+        Ok(Self { colors, parts, encoder, engine, hologram, scenes: None, unfinished })
+    }
 }

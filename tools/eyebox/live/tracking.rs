@@ -15,9 +15,10 @@ use std::time::Duration;
 /// The tracker, in every command that follows one.
 #[derive(Args)]
 pub struct TrackerArgs {
-    /// hid, FILE.hid, FILE.jsonl, pupil://HOST, udp://:PORT, mouse (with --view), simulated or simulated:SEED
-    #[arg(long, value_name = "SOURCE", default_value = "simulated")]
-    pub tracker: String,
+    /// hid, FILE.hid, FILE.jsonl, pupil://HOST, udp://:PORT, mouse (with --view), simulated or simulated:SEED [default: simulated;
+    /// in show, none]
+    #[arg(long, value_name = "SOURCE")]
+    pub tracker: Option<String>,
     /// A HID device with a layout of its own, described in a TOML file
     #[arg(long, value_name = "FILE.toml")]
     pub device_file: Option<PathBuf>,
@@ -39,13 +40,15 @@ pub struct TrackerArgs {
 }
 
 /// Opens it, and says where a mouse is told, if that is the tracker; `view` says whether there is a window for one, `eyepiece`
-/// what dioptres of focus are before the display.
+/// what dioptres of focus are before the display. Whose time is `real` has a simulated eye live in it; else that has its own.
 pub fn tracking(
+    tracker: &str,
     args: &TrackerArgs,
     view: bool,
+    real: bool,
     eyepiece: Eyepiece,
 ) -> Result<(Option<MouseHandle>, Tracking), Failure> {
-    let spec: Spec = args.tracker.parse()?;
+    let spec: Spec = tracker.parse()?;
     let calibration = args.calibration.as_deref().map(Calibration::load).transpose()?;
     let focus = [args.focus.metres(eyepiece.focal_length); 2];
     let settings = Settings { eye: args.eye.into(), focus, eyepiece: Some(eyepiece), ..Settings::default() };
@@ -53,7 +56,7 @@ pub fn tracking(
     let options = Options {
         latency: Duration::from_secs_f64((args.tracker_latency * 1e-3).min(1e6)),
         device_file: args.device_file.clone(),
-        real_time: true,
+        real_time: real,
         rate_hz: args.tracker_rate,
     };
     match spec {

@@ -19,6 +19,17 @@ pub enum OutputName {
     Offscreen,
 }
 
+impl OutputName {
+    /// It, on this monitor, or memory with this clock and sink.
+    pub fn output(self, monitor: Option<String>, simulated: bool, sink: Option<SinkFile>) -> Output {
+        match self {
+            Self::Window => Output::Window { monitor },
+            Self::Direct => Output::Direct { display: monitor },
+            Self::Offscreen => Output::Memory { simulated, sink },
+        }
+    }
+}
+
 /// Whose time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum ClockName {
@@ -49,12 +60,7 @@ pub struct OutputArgs {
 impl OutputArgs {
     /// Where a session shows; memory with this clock and sink.
     pub fn output(&self, simulated: bool, sink: Option<SinkFile>) -> Output {
-        let monitor = self.monitor.clone();
-        match self.output {
-            OutputName::Window => Output::Window { monitor },
-            OutputName::Direct => Output::Direct { display: monitor },
-            OutputName::Offscreen => Output::Memory { simulated, sink },
-        }
+        self.output.output(self.monitor.clone(), simulated, sink)
     }
 
     /// What a session takes of it besides.
@@ -88,6 +94,35 @@ pub struct Play {
     /// Where
     #[command(flatten)]
     pub shown: OutputArgs,
+    /// When, and to which file
+    #[command(flatten)]
+    pub stream: StreamArgs,
+    /// What is not finished
+    #[command(flatten)]
+    pub unfinished: UnfinishedArgs,
+    /// Seconds of content to play
+    #[arg(long, value_name = "S", value_parser = positive)]
+    pub duration: Option<f64>,
+    /// Which engine encodes
+    #[arg(long, value_enum, default_value = "auto")]
+    pub engine: EngineName,
+    /// Device
+    #[command(flatten)]
+    pub device: DeviceArgs,
+    /// What was shown, as JSON
+    #[arg(long, value_name = "FILE.json")]
+    pub stats: Option<PathBuf>,
+    /// Keep every picture as PNG, and when it was shown, in a new folder
+    #[arg(long, value_name = "DIR")]
+    pub record: Option<PathBuf>,
+    /// What each thread did when, for chrome://tracing
+    #[arg(long, value_name = "FILE.json")]
+    pub trace: Option<PathBuf>,
+}
+
+/// When holograms are shown, and to which file video frames go besides.
+#[derive(Args)]
+pub struct StreamArgs {
     /// Holograms a second [default: what the sequence says]
     #[arg(long, value_name = "HZ", value_parser = rate)]
     pub rate: Option<Rate>,
@@ -100,15 +135,9 @@ pub struct Play {
     /// Wait for a sequence that is still being written
     #[arg(long)]
     pub follow: bool,
-    /// What is not finished
-    #[command(flatten)]
-    pub unfinished: UnfinishedArgs,
     /// Number of the hologram to begin with, from 0
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub first: u64,
-    /// Seconds of content to play
-    #[arg(long, value_name = "S", value_parser = positive)]
-    pub duration: Option<f64>,
     /// Begin at this time, ready or not: seconds since 1970, for displays that begin together
     #[arg(long, value_name = "UNIX", value_parser = positive)]
     pub start_at: Option<f64>,
@@ -124,30 +153,23 @@ pub struct Play {
     /// Sets that are encoded ahead
     #[arg(long, value_name = "N", default_value_t = 4)]
     pub ahead: usize,
-    /// Which engine encodes
-    #[arg(long, value_enum, default_value = "auto")]
-    pub engine: EngineName,
-    /// Device
-    #[command(flatten)]
-    pub device: DeviceArgs,
     /// Whose time [default: real; simulated with --record]
     #[arg(long, value_enum)]
     pub clock: Option<ClockName>,
-    /// What was shown, as JSON
-    #[arg(long, value_name = "FILE.json")]
-    pub stats: Option<PathBuf>,
-    /// Keep every picture as PNG, and when it was shown, in a new folder
-    #[arg(long, value_name = "DIR")]
-    pub record: Option<PathBuf>,
     /// Append every video frame to a file or a pipe: 8 bits, (row, column, channel)
     #[arg(long, value_name = "FILE", conflicts_with = "shared")]
     pub raw: Option<PathBuf>,
     /// Keep the newest video frame where another program maps it, as /dev/shm/NAME (docs/playback.md)
     #[arg(long, value_name = "FILE")]
     pub shared: Option<PathBuf>,
-    /// What each thread did when, for chrome://tracing
-    #[arg(long, value_name = "FILE.json")]
-    pub trace: Option<PathBuf>,
+}
+
+impl StreamArgs {
+    /// The file that video frames go to.
+    pub fn sink(&self) -> Option<SinkFile> {
+        let raw = self.raw.clone().map(SinkFile::Raw);
+        raw.or_else(|| self.shared.clone().map(SinkFile::Shared))
+    }
 }
 
 /// `eyebox monitors`

@@ -3,49 +3,80 @@
 mod args;
 mod monitors;
 
-pub use args::{Monitors, OutputArgs, OutputName, Play};
+pub use args::{ClockName, Monitors, OutputArgs, OutputName, Play, StreamArgs};
 pub use monitors::monitors;
 
-use crate::args::EngineName;
+use crate::args::{DeviceArgs, EngineName};
 use crate::session::{attend, conclude, ended_by};
 use crate::{Failure, common, progress};
-use args::ClockName;
 use eyebox::encode;
-use eyebox::hologram::Opening;
-use eyebox::session::{self, Output, Session, SessionOptions, SinkFile, Statistics, Status};
+use eyebox::hologram::{Opening, Sequence};
+use eyebox::optics::Display;
+use eyebox::session::{self, Output, Session, SessionOptions, Statistics, Status};
 use serde_json::json;
+use std::path::Path;
 use std::time::{Duration, UNIX_EPOCH};
 
 /// Plays a hologram or a sequence, and says what was shown.
 pub fn run(args: &Play) -> Result<(), Failure> {
     let display = common::display_of_size(&args.display, args.size, args.force)?;
     // Who waits for the rest takes what there is.
-    let unfinished = args.unfinished.unfinished || args.follow;
+    let unfinished = args.unfinished.unfinished || args.stream.follow;
     let opening = Opening { unfinished, ..args.unit.opening(Some(&display), args.color.one()) };
     let sequence = opening.sequence(&args.file).map_err(|e| args.unfinished.failure(e))?;
+    let mut options = args.shown.options();
+    options.duration = args.duration.map(|s| Duration::from_secs_f64(s.min(1e9)));
+    (options.record, options.trace) = (args.record.clone(), args.trace.clone());
+    let engine = args.device.engine(args.engine)?;
+    let (shown, stream, device) = (&args.shown, &args.stream, &args.device);
+    play(Playing { sequence, display, shown, stream, engine, device, options, stats: args.stats.as_deref() })
+}
+
+/// What is played, and how.
+pub struct Playing<'a> {
+    /// The holograms.
+    pub sequence: Sequence,
+    /// The display that they are encoded for.
+    pub display: Display,
+    /// Where.
+    pub shown: &'a OutputArgs,
+    /// When.
+    pub stream: &'a StreamArgs,
+    /// What encodes,
+    pub engine: EngineName,
+    /// and where.
+    pub device: &'a DeviceArgs,
+    /// Everything else about the session.
+    pub options: SessionOptions,
+    /// What was shown, as JSON.
+    pub stats: Option<&'a Path>,
+}
+
+/// Plays it, and says what was shown.
+pub fn play(playing: Playing<'_>) -> Result<(), Failure> {
+    let Playing { sequence, display, shown, stream, engine, device, mut options, stats } = playing;
     let mut play = session::Play::new(sequence, &display)?;
-    let output = output(args, args.looped || play.looped)?;
-    play.rate = args.rate.unwrap_or(play.rate);
-    play.speed = args.speed;
-    play.looped |= args.looped;
-    (play.follow, play.first, play.ahead) = (args.follow, args.first, args.ahead);
-    play.start_at = args.start_at.map(|unix| UNIX_EPOCH + Duration::from_secs_f64(unix.min(1e12)));
-    (play.sync_s, play.mark, play.keep_phase) = (args.sync, args.mark, args.keep_phase);
-    let encodes = args.device.engine(args.engine)? == EngineName::Vulkan;
-    let shows = args.shown.output != OutputName::Offscreen;
-    let gpu = if encodes || shows { Some(common::display_gpu(&args.device, args.shown.validation)?) } else { None };
+    let what = play.sequence.path().display().to_string();
+    let output = output(shown, stream, &options, stream.looped || play.looped)?;
+    play.rate = stream.rate.unwrap_or(play.rate);
+    play.speed = stream.speed;
+    play.looped |= stream.looped;
+    (play.follow, play.first, play.ahead) = (stream.follow, stream.first, stream.ahead);
+    play.start_at = stream.start_at.map(|unix| UNIX_EPOCH + Duration::from_secs_f64(unix.min(1e12)));
+    (play.sync_s, play.mark, play.keep_phase) = (stream.sync, stream.mark, stream.keep_phase);
+    let encodes = engine == EngineName::Vulkan;
+    let shows = shown.output != OutputName::Offscreen;
+    let gpu = if encodes || shows { Some(common::display_gpu(device, shown.validation)?) } else { None };
     play.device = gpu.clone().filter(|_| encodes);
     let [_, frames, height, width] = play.sequence.shape();
     let colors = play.sequence.about().named_colors();
     let (count, rate) = (play.sequence.count(), play.rate);
-    args.stats.iter().try_for_each(|file| eyebox::files::check_place(file))?;
+    stats.iter().try_for_each(|file| eyebox::files::check_place(file))?;
     progress::catch_interrupt();
-    let mut options = args.options();
     options.gpu = gpu;
     let session = Session::start(play, output, options)?;
     let about = session.about();
     let (sub_frames, sets, set_frames) = (about.sub_frames, about.sets_per_second(), about.set_frames);
-    let what = args.file.display();
     eprintln!("{what}: {count} holograms of {height}x{width} at {rate} a second, {sub_frames} sub-frames a set");
     eprintln!(
         "{} on {}: a set takes {set_frames} video frame{}, {sets:.2} sets and {:.0} sub-frames a second",
@@ -55,42 +86,33 @@ pub fn run(args: &Play) -> Result<(), Failure> {
         sets * sub_frames as f64
     );
     encode::flicker(&display, &colors, frames, about.display_rate.hz()).inspect(|slow| tracing::warn!("{slow}"));
-    let ended = attend(session, args.stats.as_deref(), |now, before, seconds| line(now, before, seconds, sub_frames));
+    let ended = attend(session, stats, |now, before, seconds| line(now, before, seconds, sub_frames));
     summary(&ended.statistics);
-    conclude(ended, args.stats.as_deref(), &json!({}))
+    conclude(ended, stats, &json!({}))
 }
 
 /// Where it is shown; refuses what does not go together.
-fn output(args: &Play, endless: bool) -> Result<Output, Failure> {
-    let simulated = match args.clock {
+fn output(shown: &OutputArgs, stream: &StreamArgs, options: &SessionOptions, endless: bool) -> Result<Output, Failure> {
+    let records = options.record.is_some();
+    let simulated = match stream.clock {
         Some(clock) => clock == ClockName::Simulated,
-        None => args.record.is_some(),
+        None => records,
     };
     let refuse = |reason: &str| Err(Failure::Asked(reason.into()));
-    if args.record.is_some() && !simulated {
+    if records && !simulated {
         return refuse("--record takes longer than a video frame: leave out --clock real");
     }
-    if args.start_at.is_some() && simulated {
+    if stream.start_at.is_some() && simulated {
         return refuse("--start-at is a time of day, and a simulated clock has none");
     }
-    if endless && args.duration.is_none() && simulated {
+    if endless && options.duration.is_none() && simulated {
         return refuse("a simulated clock would go on for ever: give --duration");
     }
-    let raw = args.raw.clone().map(SinkFile::Raw);
-    let sink = raw.or_else(|| args.shared.clone().map(SinkFile::Shared));
-    if args.shown.output != OutputName::Offscreen && (simulated || sink.is_some()) {
+    let sink = stream.sink();
+    if shown.output != OutputName::Offscreen && (simulated || sink.is_some()) {
         return refuse("--record, --raw, --shared and a simulated clock go with --output offscreen");
     }
-    Ok(args.shown.output(simulated, sink))
-}
-
-impl Play {
-    fn options(&self) -> SessionOptions {
-        let mut options = self.shown.options();
-        options.duration = self.duration.map(|s| Duration::from_secs_f64(s.min(1e9)));
-        (options.record, options.trace) = (self.record.clone(), self.trace.clone());
-        options
-    }
+    Ok(shown.output(simulated, sink))
 }
 
 fn summary(statistics: &Statistics) {

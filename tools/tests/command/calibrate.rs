@@ -84,7 +84,6 @@ fn a_bench_that_is_not_the_displays_is_refused_with_both() {
             "\"resolution\": [64, 64], \"pitch_um\": 6.4",
             "6.4 um wide, and the display file says 8",
         ),
-        ("\"iris\"", "\"no iris\"", "no iris that moves"),
     ] {
         let here = bench(&HELLO.replacen(from, to, 1), "exit");
         let (code, said) = failed(here.path(), &[]);

@@ -2,6 +2,7 @@
 
 use crate::common::{self, text};
 use crate::simulated;
+use eyebox::optics::{Color, Display, Picture, Seen};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
@@ -157,4 +158,86 @@ fn pictures_that_are_black_or_stay_saturated_end_it_with_a_line() {
         assert!(last.contains(what) || light == "0" && last.contains("of the dots"), "{said}");
         assert!(!at.join("out.toml").exists() && at.join("kept/captures.json").exists(), "{said}");
     }
+}
+
+/// An iris that stands still where the command does not say: the user has to; then what it passes tells the model.
+#[test]
+fn a_bench_whose_iris_stands_still_is_calibrated_as_far_as_it_tells() {
+    let here = common::folder();
+    let at = here.path();
+    let bench = [("BENCH_STILL", "0.6,-0.4,9")];
+    let asks = [&KEEP[..], &["--captures-max", "20", "-o", "out.toml"]].concat();
+    let answer = calibrate(at, &asks, &bench).output().expect("it starts");
+    let said = text(&answer.stderr);
+    assert!(answer.status.code() == Some(2) && said.contains("give --iris X,Y,DIAMETER"), "{said}");
+    assert!(!at.join("out.toml").exists());
+    let args = [&KEEP[..], &["--iris=0.6,-0.4,9", "--captures-max", "20", "-o", "out.toml"]].concat();
+    let (report, said) = report(&mut calibrate(at, &args, &bench));
+    let number = |key: &str| report[key].as_f64().expect("a number");
+    assert!(number("before") > 0.1, "{}", number("before"));
+    assert!(number("unexplained") < 2.0 * number("noise"), "{} of {}", number("unexplained"), number("noise"));
+    assert!(said.contains("the iris stands still: the pictures tell of the light that it passes alone"), "{said}");
+    assert!(report["untold"].is_array(), "{report}");
+    let gain = |key: &str| report["gain"][key][0].as_f64().expect("decibels");
+    assert!(gain("after_db") > gain("before_db") + 1.0, "{}", report["gain"]);
+}
+
+/// A lens that bends and magnifies each colour otherwise, seen by a camera that stands askew: its map comes back, and with it the
+/// places of both colours.
+#[test]
+fn a_picture_is_registered_colour_by_colour() {
+    let here = common::folder();
+    let at = here.path();
+    let lenses = [("green", [1.0, 0.02, 0.012]), ("red", [0.985, 0.03, 0.008])];
+    fs::write(at.join("rgb.toml"), DISPLAY.replace("green = 520", "green = 520, red = 638")).expect("a display");
+    let mut from = "rgb.toml".to_string();
+    for (color, lens) in lenses {
+        let out = format!("{color}.toml");
+        let args = ["--display", &from, "--color", color, "--register", "--captures-max", "20", "-o", &out];
+        let lens = lens.map(|v| v.to_string()).join(",");
+        let (_, said) = report(&mut calibrate(at, &args, &[("BENCH_IDEAL", "1"), ("BENCH_LENS", &lens)]));
+        assert!(said.contains("pixels off its place"), "{said}");
+        from = out;
+    }
+    let display = Display::load(&at.join(from).display().to_string()).expect("a display");
+    for ((name, lens), color) in lenses.iter().zip([Color::Green, Color::Red]) {
+        let [zoom, k1, k2] = *lens;
+        let homography = [-0.9, 0.02, 0.01, 0.02, 0.9, -0.008].map(|v| v * zoom);
+        let [a, b, c, d, e, f] = homography;
+        let truth = Seen { homography: [a, b, c, d, e, f, 0.01, -0.006], distortion: [k1, k2] };
+        let map = |seen| {
+            let mut picture = Picture::default();
+            picture.straight = true;
+            picture.set(Color::Green, seen);
+            picture.map(Color::Green, [64, 64]).expect("a map")
+        };
+        let [found, truth] = [display.picture.seen(color).expect("it was seen"), truth].map(map);
+        for i in 0..81 {
+            let place = [i % 9, i / 9].map(|v| f64::from(v) / 4.0 - 1.0);
+            let (got, want) = (found.forth(place), truth.forth(place));
+            let off = 32.0 * (got[0] - want[0]).hypot(got[1] - want[1]);
+            assert!(off < 0.05, "{name}: {off:.3} pixels off at {place:?}");
+        }
+    }
+}
+
+/// A display of eyebox's own shows the patterns, and the camera's command sees what it received.
+#[test]
+fn patterns_are_shown_on_an_output_of_eyebox_s_own() {
+    let here = common::folder();
+    let at = here.path();
+    let shows = ["--output", "offscreen", "--shared", "video", "--settle", "0"];
+    let args = [&KEEP[..], &shows, &["--captures-max", "20", "-o", "out.toml"]].concat();
+    let (first, _) = report(&mut calibrate(at, &args, &[("BENCH_IDEAL", "1"), ("BENCH_SHARED", "video")]));
+    assert_eq!(first["calibrated"], true);
+    assert!(first["unexplained"].as_f64() < first["noise"].as_f64(), "{first}");
+    let kept: Value = serde_json::from_slice(&fs::read(at.join("kept/captures.json")).expect("kept")).expect("JSON");
+    let captures = kept["captures"].as_array().expect("a list");
+    assert!(captures.iter().all(|c| c["request"]["show"].is_null()), "{captures:?}");
+    assert!(captures.iter().any(|c| c["shown"]["file"] == "random-0.npy"), "{captures:?}");
+    let (second, _) = report(&mut calibrate(at, &["--captures", "kept", "-o", "again.toml"], &[]));
+    assert_eq!(first["unexplained"], second["unexplained"]);
+    let wrong = ["--output", "window", "--shared", "video", "-o", "no.toml"];
+    let answer = calibrate(at, &wrong, &[]).output().expect("it starts");
+    assert!(text(&answer.stderr).contains("--shared goes with --output offscreen"), "{}", text(&answer.stderr));
 }

@@ -89,6 +89,29 @@ fn a_plan_and_a_comparison_have_an_eye() {
     assert!(evaluate("out", &["--prescription", "none"]) != own);
 }
 
+/// The simulated eye of a study is the hologram's own, or another: which is what it sees, and is refined for.
+#[test]
+fn a_study_follows_an_eye_with_its_prescription() {
+    let dir = folder();
+    let at = dir.path();
+    let solve =
+        ["solve", "builtin:still-life", "--size", "64x72", "--color", "green", "--steps", "8", "--engine", "cpu"];
+    done(at, &[&solve[..], &["--prescription", "-0.1", "--pupil-diameter", "2..5", "-o", "h.zarr"]].concat());
+    let study = |out: &str, more: &[&str]| {
+        let study =
+            ["study", "h.zarr", "--display", "planes8", "--duration", "0.5", "--step-time", "4", "--engine", "cpu"];
+        done(at, &[&study[..], &["-o", out], more].concat());
+        let all = std::fs::read(at.join(out).join("study.json")).unwrap();
+        let all: serde_json::Value = serde_json::from_slice(&all).unwrap();
+        let moments = all["study"]["moments"].as_array().unwrap();
+        let mean = |key: &str| moments.iter().map(|m| m[key].as_f64().unwrap()).sum::<f64>() / moments.len() as f64;
+        [mean("whole_db"), mean("steered_db")]
+    };
+    let ([own, own_steered], [other, other_steered]) = (study("own", &[]), study("other", &["--prescription", "none"]));
+    assert!(own > other + 1.0, "{own} dB and {other}");
+    assert!(own_steered > own && other_steered > other + 0.5, "{own_steered} dB and {other_steered}");
+}
+
 #[test]
 fn eyes_that_cannot_be_are_refused() {
     let dir = folder();

@@ -42,6 +42,16 @@ fn a_scene_is_inspected_and_a_reversed_axis_is_refused_until_it_is_stated() {
     // Stated in the folder, it needs no flag.
     std::fs::write(at.join("views/lightfield.toml"), "flip_rows = true\n").unwrap();
     assert_eq!(read(&inspect(&["--json"]))["order"], "flip-rows");
+    // Of which views photographs are made is planned, solved, remembered, and asked the same when it is scored.
+    let plan = |how: &str| done(at, &[&["plan", "views", "--photographs", how, "--engine", "cpu"][..], &SIZE].concat());
+    let [layers, cells] = ["layers", "cells"].map(plan);
+    assert!(layers.contains("Fourier disparity layers") && layers.contains("between the scene's 3 x 3"), "{layers}");
+    assert!(!cells.contains("Fourier disparity layers"), "{cells}");
+    done(at, &[&solve[..], &["--photographs", "layers"]].concat());
+    let settings = std::fs::read_to_string(at.join("x.zarr/zarr.json")).unwrap();
+    let settings = &read(&settings)["attributes"]["eyebox"]["settings"];
+    assert_eq!((&settings["photographs"], &settings["views"]), (&"layers".into(), &Value::from(vec![3, 3])));
+    done(at, &["score", "x.zarr", "views", "--pupils", "random:1", "--engine", "cpu"]);
     for command in ["solve", "evaluate", "study", "live", "preview", "photograph"] {
         refused(at, &[command, "views", "--order", "backwards"], "none", "as-named");
     }

@@ -129,4 +129,41 @@ fn a_side_that_would_transform_slowly_is_padded() {
     assert!(padded["plan"].to_string().contains("262 columns, with the prime factor 131"), "{padded}");
     done(at, &["view", "p.zarr", "--pupil=0,0,5,0", "-o", "v.png"]);
     assert_eq!(solved("n.zarr", &["--size", "12x264"])["padding"], serde_json::json!([0, 0]));
+    // Unless exactly the SLM's size is asked for.
+    let exact = solved("e.zarr", &["--size", "12x262", "--padding=exact"]);
+    assert_eq!(
+        (&exact["padding"], &exact["settings"]["padding"]),
+        (&serde_json::json!([0, 0]), &serde_json::json!("exact"))
+    );
+    assert!(exact["plan"].to_string().contains("as asked, though 262 columns, with the prime factor 131"), "{exact}");
+    done(at, &["view", "e.zarr", "--pupil=0,0,5,0", "-o", "e.png"]);
+}
+
+/// Steps recorded and not run: what they ask of a device, and what devices would make of it.
+#[test]
+fn a_bench_records_steps_and_runs_none() {
+    let temp = folder();
+    let at = temp.path();
+    let run = |more: &str| {
+        let args = format!("bench builtin:plane --size 64x64 --color green --pupils 2 --steps 4 --dry {more}");
+        done(at, &args.split(' ').collect::<Vec<_>>())
+    };
+    for pupil in ["", " --pupil=1,0,4,0"] {
+        let dry = serde_json::from_str::<Value>(&run(&format!("--json{pupil}"))).unwrap();
+        let step = |name: &str| dry["step"][name]["later"].as_f64().unwrap_or_else(|| panic!("{name}: {dry}"));
+        assert!(step("dispatches") > step("stages") && step("stages") >= 6.0 && step("bytes_read") > 0.0, "{dry}");
+        assert_eq!(["submissions", "waits_before_recording", "bytes_down"].map(step), [1.0, 0.0, 0.0], "{dry}");
+        assert_eq!(["blocks_made", "pipelines_made", "bytes_up"].map(step), [0.0; 3], "{dry}");
+        for device in ["H200", "RTX 4090", "Radeon 780M"] {
+            assert!(dry["modelled"][device]["with_host_ms"].as_f64().is_some_and(|ms| ms > 0.0), "{dry}");
+        }
+        assert!(
+            dry["kernels"]["project"]["dispatches"] == 1 && dry["longest_submission_ms"].as_f64().is_some(),
+            "{dry}"
+        );
+    }
+    let said = run("--storage fp16");
+    for what in ["4 steps recorded, none run", "dispatches", "bytes up", "waits before recording", "Radeon 780M"] {
+        assert!(said.contains(what), "no {what}: {said}");
+    }
 }

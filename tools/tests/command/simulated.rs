@@ -8,8 +8,10 @@ use std::io::{BufRead, Write};
 pub const N: usize = 64;
 const P: usize = 5;
 const CAMERA: usize = 88;
-/// Millimetres of the pupil plane: 520 nm, 400 mm, 8 um.
-const EYEBOX: f64 = 26.0;
+/// Millimetres of the pupil plane per nm: 400 mm, 8 um.
+const EYEBOX_PER_NM: f64 = 0.05;
+/// Of the shortest colour.
+const EYEBOX: f64 = 520.0 * EYEBOX_PER_NM;
 
 type Complex = [f64; 2];
 
@@ -40,6 +42,14 @@ pub struct Bench {
     pub iris: [f64; 3],
     /// Share of a second picture, some pixels aside, that no term describes.
     pub ghost: f64,
+    /// The camera's lens: how large the picture is, in shares of the usual, k1, k2.
+    pub lens: [f64; 3],
+    /// Where the iris stands that does not move; none where it does.
+    pub still: Option<[f64; 3]>,
+    /// Memory shared with a display that shows the patterns; else they come in files.
+    pub shared: Option<std::path::PathBuf>,
+    /// Of the light that is on.
+    pub nm: f64,
     /// Electrons at full scale come after so many ms of light of 1; 0 is darkness.
     pub light: f64,
 }
@@ -58,6 +68,10 @@ impl Bench {
             zernike_8: 0.0,
             iris: [0.0, 0.0, 1.0],
             ghost: 0.0,
+            lens: [1.0, -0.006, 0.0],
+            still: None,
+            shared: None,
+            nm: 520.0,
             light: 1.0,
         }
     }
@@ -86,6 +100,13 @@ impl Bench {
         bench.ghost = number("BENCH_GHOST").unwrap_or(bench.ghost);
         bench.light = number("BENCH_LIGHT").unwrap_or(bench.light);
         bench.iris[0] = number("BENCH_IRIS_X").unwrap_or(bench.iris[0]);
+        let three = |name: &str| {
+            let values: Vec<f64> = named(name)?.split(',').map(|v| v.parse().expect("a number")).collect();
+            Some([values[0], values[1], values[2]])
+        };
+        bench.lens = three("BENCH_LENS").unwrap_or(bench.lens);
+        bench.still = three("BENCH_STILL");
+        bench.shared = named("BENCH_SHARED").map(Into::into);
         bench
     }
 
@@ -145,7 +166,7 @@ impl Bench {
 
     /// The bins around the iris, row by row; 0 where it passes nothing.
     fn passed(&self, phases: &[f64], blurs: &[Vec<Vec<f64>>; 2], iris: [f64; 3]) -> Vec<Vec<Complex>> {
-        let bin = EYEBOX / N as f64;
+        let bin = self.nm * EYEBOX_PER_NM / N as f64;
         let scale = self.iris[2];
         let [x, y, d] = [iris[0] * scale + self.iris[0], iris[1] * scale + self.iris[1], iris[2] * scale];
         let place = |i: usize| (2 * i + 1) as f64 / N as f64 - 1.0;
@@ -252,7 +273,7 @@ impl Bench {
         let pixel = |i: usize| {
             let mut sum = 0.0;
             for (dy, dx) in [(-0.25, -0.25), (-0.25, 0.25), (0.25, -0.25), (0.25, 0.25)] {
-                let at = looks_at((i % CAMERA) as f64 + dx, (i / CAMERA) as f64 + dy);
+                let at = self.looks_at((i % CAMERA) as f64 + dx, (i / CAMERA) as f64 + dy);
                 if at.iter().all(|v| (-0.5..N as f64 - 0.5).contains(v)) {
                     sum += light(at) / 4.0;
                     if self.ghost > 0.0 {
@@ -264,30 +285,32 @@ impl Bench {
         };
         (0..CAMERA * CAMERA).map(pixel).collect()
     }
-}
 
-/// The camera's map, taken back: from a camera pixel to a place on the SLM, pixels.
-fn looks_at(x: f64, y: f64) -> [f64; 2] {
-    let side = CAMERA as f64;
-    let [u, v] = [x, y].map(|p| (2.0 * p + 1.0 - side) / side);
-    // Mirrored, turned, in perspective, bent: found by Newton's way of small steps.
-    let forth = |[x, y]: [f64; 2]| {
-        let w = 0.01 * x - 0.006 * y + 1.0;
-        let (u, v) = ((-0.9 * x + 0.02 * y + 0.01) / w, (0.02 * x + 0.9 * y - 0.008) / w);
-        let bent = 1.0 - 0.006 * (u * u + v * v);
-        [u * bent, v * bent]
-    };
-    let mut at = [-u / 0.9, v / 0.9];
-    for _ in 0..12 {
-        let [a, b] = forth(at);
-        at = [at[0] + (a - u) / 0.9, at[1] - (b - v) / 0.9];
+    /// The camera's map, taken back: from a camera pixel to a place on the SLM, pixels.
+    fn looks_at(&self, x: f64, y: f64) -> [f64; 2] {
+        let side = CAMERA as f64;
+        let [u, v] = [x, y].map(|p| (2.0 * p + 1.0 - side) / side);
+        // Mirrored, turned, in perspective, bent: found by Newton's way of small steps.
+        let forth = |[x, y]: [f64; 2]| {
+            let [zoom, k1, k2] = self.lens;
+            let w = 0.01 * x - 0.006 * y + 1.0;
+            let (u, v) = (zoom * (-0.9 * x + 0.02 * y + 0.01) / w, zoom * (0.02 * x + 0.9 * y - 0.008) / w);
+            let r2 = u * u + v * v;
+            let bent = 1.0 + k1 * r2 + k2 * r2 * r2;
+            [u * bent, v * bent]
+        };
+        let mut at = [-u / 0.9, v / 0.9];
+        for _ in 0..20 {
+            let [a, b] = forth(at);
+            at = [at[0] + (a - u) / 0.9, at[1] - (b - v) / 0.9];
+        }
+        at.map(|p| (p * N as f64 + N as f64 - 1.0) / 2.0)
     }
-    at.map(|p| (p * N as f64 + N as f64 - 1.0) / 2.0)
 }
 
 /// Serves a bench on standard input and output, and writes what it was asked for to `asked.txt`.
 pub fn serve() {
-    let bench = Bench::of_environment();
+    let mut bench = Bench::of_environment();
     let wrong = std::env::var("BENCH_WRONG_PUPIL").ok();
     let mut random = fastrand::Rng::with_seed(7);
     let mut out = std::io::stdout();
@@ -298,12 +321,18 @@ pub fn serve() {
         let id = ask["id"].clone();
         let answer = match ask["do"].as_str() {
             Some("hello") => {
-                json!({"id": id, "protocol": 1, "name": "simulated", "colors": {"green": 520.0}, "focus_mm": [-5, 5],
+                let mut hello = json!({"id": id, "protocol": 1, "name": "simulated", "colors": {"green": 520.0, "red": 638.0}, "focus_mm": [-5, 5],
                 "slm": {"resolution": [N, N], "pitch_um": 8.0, "levels": 256, "sub_frames": 3},
-                "iris": {"x_mm": [-13, 13], "y_mm": [-13, 13], "diameter_mm": [0.5, 40]},
-                "camera": {"resolution": [CAMERA, CAMERA], "bits": 12, "auto_exposure": true, "dark": true}})
+                "camera": {"resolution": [CAMERA, CAMERA], "bits": 12, "auto_exposure": true, "dark": true}});
+                if bench.still.is_none() {
+                    hello["iris"] = json!({"x_mm": [-13, 13], "y_mm": [-13, 13], "diameter_mm": [0.5, 40]});
+                }
+                hello
             }
-            Some("capture") => capture(&bench, &ask, wrong.as_deref(), &mut random),
+            Some("capture") => {
+                bench.nm = ask["wavelength_nm"].as_f64().unwrap_or(bench.nm);
+                capture(&bench, &ask, wrong.as_deref(), &mut random)
+            }
             _ => json!({"id": id}),
         };
         writeln!(out, "{answer}").and_then(|()| out.flush()).expect("written");
@@ -317,12 +346,17 @@ fn capture(bench: &Bench, ask: &Value, wrong: Option<&str>, random: &mut fastran
     let asked = ask["out"].as_str().expect("a place");
     let log = std::fs::OpenOptions::new().create(true).append(true).open("asked.txt");
     writeln!(log.expect("a file"), "{asked}").expect("written");
-    let mut iris = [0, 1, 2].map(|i| ask["iris_mm"][i].as_f64().unwrap_or(0.0));
+    let mut iris = bench.still.unwrap_or([0, 1, 2].map(|i| ask["iris_mm"][i].as_f64().unwrap_or(0.0)));
     if wrong.is_some_and(|w| asked.ends_with(w)) {
         iris[0] += 2.5;
     }
-    let intensity = match ask["show"]["file"].as_str() {
-        Some(file) if !ask["color"].is_null() => {
+    let intensity = match (ask["show"]["file"].as_str(), &bench.shared) {
+        (None, Some(shared)) if !ask["color"].is_null() => {
+            let bytes = std::fs::read(shared).expect("shared memory");
+            let levels: Vec<f32> = bytes[64..].iter().map(|level| f32::from(*level)).collect();
+            bench.seen(&levels, 1, iris)
+        }
+        (Some(file), None) if !ask["color"].is_null() => {
             let npy = eyebox::files::read_npy(std::path::Path::new(file)).expect("a pattern");
             bench.seen(&npy.values, npy.shape[0], iris)
         }

@@ -4,9 +4,8 @@ use super::super::fft::{Along, Frames, Planned, plan_limits};
 use super::call::{Call, Work, frames_of};
 use crate::engine::{Dispatch, EngineError, Kernel, PupilPass, Resource};
 use crate::gpu::Range;
-use crate::plan::fusion::{Fusable, Way, ways};
+use crate::plan::fusion::{Behind, Fusable, Way, ways};
 use crate::plan::{Access, Move};
-use bytemuck::Pod;
 use eyebox_kernels::fft::Direction;
 use eyebox_kernels::fft_plan::{Axis, Shared, Together};
 use eyebox_spirv::Module;
@@ -52,10 +51,13 @@ impl Work<'_> {
                     .is_some_and(|(_, along)| self.together(&along, pass.window.columns).is_some())
         };
         let arenas = [Resource::Window, Resource::Transfer].map(|r| self.arenas.block(r).map_or(0, |block| block.size));
+        let grid = shared([place.grid_height as usize, place.grid_width as usize]).is_some();
+        let wave = self.stacks.find(Resource::Wave).filter(|_| grid && self.shape.subpixels() == 1);
         Fusable {
-            grid: shared([place.grid_height as usize, place.grid_width as usize]).is_some(),
+            grid,
             windows: passes.all(fits),
             gather: arenas.into_iter().all(|size| size <= limit),
+            sets: wave.is_some_and(|wave| self.at_once(&wave.layout) >= wave.layout.frames),
         }
     }
 
@@ -87,6 +89,14 @@ impl<'a> Call<'_, 'a> {
                 self.work.before(&[(Update, Resource::Field)]);
                 self.grid_lines(Resource::Field, Direction::Forward, Along::Columns)
             }
+            Way::DriveAndLag => self.drive_lag(),
+            Way::ProjectFromWave => self.project_wave(),
+            Way::FieldFromWave => {
+                self.work.before(&[(Read, Resource::Wave), (Read, Resource::Pixels), (Write, Resource::Field)]);
+                self.modulate_wave_rows()?;
+                self.work.before(&[(Update, Resource::Field)]);
+                self.grid_lines(Resource::Field, Direction::Forward, Along::Columns)
+            }
             Way::See => self.windows(false),
             Way::ThroughWindows => self.windows(true),
             Way::Gather { adds, last } => {
@@ -104,12 +114,24 @@ impl<'a> Call<'_, 'a> {
                 self.work.before(&[(Update, Resource::Change)]);
                 self.grid_lines(Resource::Change, Direction::Inverse, Along::Rows)
             }
-            Way::ChangeRowsAndProject => {
-                let changes = [(Update, Resource::Phases), (Update, Resource::Momentum)];
-                let judged = (Read, Resource::Losses);
-                self.work.before(&[(Read, Resource::Change), (Read, Resource::Shown), changes[0], changes[1], judged]);
-                self.project_rows()
+            Way::ChangeRowsAnd(behind) => self.change_rows_and(behind),
+            Way::ChangeAnd(behind) => {
+                self.work.before(&[(Update, Resource::Change)]);
+                self.grid_lines(Resource::Change, Direction::Inverse, Along::Columns)?;
+                self.change_rows_and(behind)
             }
+        }
+    }
+
+    fn change_rows_and(&mut self, behind: Behind) -> Result<(), EngineError> {
+        let mut binds = self.kernel.binds().to_vec();
+        binds.extend((behind != Behind::Turn).then_some((Access::Read, Resource::Losses)));
+        self.work.before(&binds);
+        let (step, place) = (self.step, self.shape.place);
+        match behind {
+            Behind::Project => self.rows_behind(&eyebox_spirv::PROJECT_ROWS, &step.project),
+            Behind::Adam => self.rows_behind(&eyebox_spirv::ADAM_ROWS, &step.adam),
+            Behind::Turn => self.rows_behind(&eyebox_spirv::TURN_ROWS, &place),
         }
     }
 
@@ -139,14 +161,14 @@ impl<'a> Call<'_, 'a> {
         &mut self,
         lines: &Lines<'_>,
         buffers: &[Range<'_>],
-        args: &impl Pod,
+        args: &[u8],
         moves: impl FnOnce() -> Vec<Move>,
     ) -> Result<(), EngineError> {
         let module = lines.module.stored(self.shape.halves());
         let groups = self.work.guarded(lines.groups, lines.changes_phases)?;
         let gpu = &mut *self.work.gpu;
         let pipeline = gpu.pipeline(module, buffers.len() as u32, lines.constants)?;
-        gpu.recorder.dispatch(pipeline, buffers, bytemuck::bytes_of(args), groups)?;
+        gpu.recorder.dispatch(pipeline, buffers, args, groups)?;
         gpu.recorder.moved(moves);
         Ok(())
     }

@@ -3,33 +3,35 @@
 use super::super::fft::{in_use, shared_constants};
 use super::call::Call;
 use super::fused::Lines;
-use crate::engine::{EngineError, Resource};
+use crate::engine::{EngineError, Kernel, Resource};
+use crate::gpu::Range;
 use crate::plan::fusion::divides;
-use bytemuck::{Pod, Zeroable};
+use crate::plan::{Access, Access::Read, Move};
+use bytemuck::{Pod, Zeroable, bytes_of};
 use eyebox_kernels::fft_plan::{Axis, Shared};
-use eyebox_kernels::{modulate, project};
+use eyebox_kernels::modulate;
+use eyebox_spirv::Module;
 
-/// Push constants of `modulate_rows`.
+/// Push constants of `modulate_rows` and `modulate_wave_rows`.
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
-struct ModulateArguments {
+struct FieldArguments {
     place: modulate::Args,
     columns: [u32; 2],
     all: u32,
     scale: f32,
-    phases_stride: u32,
+    lit_stride: u32,
     field_stride: u32,
 }
 
-/// Those of `project_rows`.
+/// Those of what is behind the rows of the change, after its own.
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
-struct ProjectArguments {
-    project: project::Args,
+struct BehindArguments {
     columns: [u32; 2],
     all: u32,
     change_stride: u32,
-    phases_stride: u32,
+    moved_stride: u32,
 }
 
 /// Those of `gather_columns`.
@@ -47,7 +49,7 @@ struct GatherArguments {
     frame: u32,
 }
 
-impl Call<'_, '_> {
+impl<'a> Call<'_, 'a> {
     /// Constants of kernels that read or write phases beside their rows.
     fn constants(&self, shared: &Shared) -> [u32; 21] {
         let mut constants = shared_constants(shared, Axis::Rows);
@@ -56,65 +58,104 @@ impl Call<'_, '_> {
     }
 
     pub(super) fn modulate_rows(&mut self) -> Result<(), EngineError> {
+        self.field_rows(&eyebox_spirv::MODULATE_ROWS, &[(Read, Resource::Shown)])
+    }
+
+    pub(super) fn modulate_wave_rows(&mut self) -> Result<(), EngineError> {
+        self.field_rows(&eyebox_spirv::MODULATE_WAVE_ROWS, &[(Read, Resource::Wave), (Read, Resource::Pixels)])
+    }
+
+    /// The rows of the field that these make, the first of which has a value for each pixel of each sub-frame.
+    fn field_rows(&mut self, module: &'static Module, lit: &[(Access, Resource)]) -> Result<(), EngineError> {
         let [height, width] = self.grid_size();
         let planned = self.planned(width, Axis::Rows)?;
         let Some(shared) = planned.shared() else { return Ok(()) };
         let columns = in_use(self.step.columns, width);
-        let [phases_stride, field_stride] =
-            [self.layout(Resource::Shown)?, self.layout(Resource::Field)?].map(|layout| layout.stride() as u32);
+        let [lit_stride, field_stride] =
+            [self.layout(lit[0].1)?, self.layout(Resource::Field)?].map(|layout| layout.stride() as u32);
         let (place, scale) = (self.shape.place, self.shape.field_scale());
-        let (size, pixels) = (self.shape.storage.bytes() as u64, self.shape.pixels() as u64);
-        let phase = self.shape.real_bytes(Resource::Phases);
-        for (first, count) in self.frames_at_once(&[Resource::Shown, Resource::Field], 0)? {
+        let size = self.shape.storage.bytes() as u64;
+        for (first, count) in self.frames_at_once(&[lit[0].1, Resource::Field], 0)? {
             let all = (count * height) as u32;
-            let args = ModulateArguments { place, columns, all, scale, phases_stride, field_stride };
-            let phases = self.bound(Resource::Shown, first, count)?;
+            let args = FieldArguments { place, columns, all, scale, lit_stride, field_stride };
             let field = self.bound(Resource::Field, first, count)?;
             let lines = Lines {
-                module: &eyebox_spirv::MODULATE_ROWS,
+                module,
                 constants: &self.constants(shared),
                 changes_phases: false,
                 groups: self.work.row_groups(shared, all),
             };
-            self.dispatch(&lines, &[phases, planned.twiddles.all(), field], &args, || {
-                let written = size * u64::from(columns[1]) * u64::from(all);
-                vec![phases.reads(phase * pixels * count as u64), field.writes(written)]
-            })?;
+            let mut buffers = vec![self.plane(lit[0].1, first, count)?, planned.twiddles.all(), field];
+            for (_, resource) in &lit[1..] {
+                buffers.push(self.plane(*resource, first, count)?);
+            }
+            let mut moves = self.moves_of_pixels(lit, first, count)?;
+            moves.push(field.writes(size * u64::from(columns[1]) * u64::from(all)));
+            self.dispatch(&lines, &buffers, bytes_of(&args), || moves)?;
         }
         Ok(())
     }
 
-    pub(super) fn project_rows(&mut self) -> Result<(), EngineError> {
-        let planned = self.planned(self.grid_size()[1], Axis::Rows)?;
+    /// The rows of the change, and a kernel that is bound to it and, for each pixel, to others of its resources.
+    pub(super) fn rows_behind(&mut self, module: &'static Module, own: &impl Pod) -> Result<(), EngineError> {
+        let [_, width] = self.grid_size();
+        let planned = self.planned(width, Axis::Rows)?;
         let Some(shared) = planned.shared() else { return Ok(()) };
-        let columns = in_use(self.step.columns, self.grid_size()[1]);
-        let bound = [Resource::Change, Resource::Shown, Resource::Phases, Resource::Momentum];
-        let change_stride = self.layout(Resource::Change)?.stride() as u32;
-        let phases_stride = self.layout(Resource::Phases)?.stride() as u32;
-        let (size, pixels) = (self.shape.storage.bytes() as u64, self.shape.pixels() as u64);
-        let phase = self.shape.real_bytes(Resource::Phases);
-        let quantised = self.shape.quantised;
-        for (first, count) in self.frames_at_once(&bound, 0)? {
+        let columns = in_use(self.step.columns, width);
+        let others: Vec<_> = self.kernel.binds().iter().copied().filter(|(_, r)| *r != Resource::Change).collect();
+        let moved: Vec<Resource> = others.iter().map(|(_, r)| *r).filter(|r| *r != Resource::Pixels).collect();
+        let [change_stride, moved_stride] =
+            [self.layout(Resource::Change)?, self.layout(moved[0])?].map(|layout| layout.stride() as u32);
+        let size = self.shape.storage.bytes() as u64;
+        for (first, count) in self.frames_at_once(&[&[Resource::Change][..], &moved].concat(), 0)? {
             let all = count as u32 * self.shape.place.height;
-            let args = ProjectArguments { project: self.step.project, columns, all, change_stride, phases_stride };
-            let [change, shown, phases, velocity] = bound.map(|resource| self.bound(resource, first, count));
-            let (change, shown, phases, velocity) = (change?, shown?, phases?, velocity?);
+            let change = self.bound(Resource::Change, first, count)?;
             let lines = Lines {
-                module: &eyebox_spirv::PROJECT_ROWS,
+                module,
                 constants: &self.constants(shared),
-                changes_phases: true,
+                changes_phases: moved.contains(&Resource::Phases),
                 groups: self.work.row_groups(shared, all),
             };
-            let buffers = [change, planned.twiddles.all(), shown, phases, velocity];
-            self.dispatch(&lines, &buffers, &args, || {
-                let real = phase * pixels * count as u64;
-                let mut moves = vec![change.reads(size * u64::from(columns[1]) * u64::from(all))];
-                moves.extend(quantised.then(|| shown.reads(real)));
-                moves.extend([phases.reads(real), phases.writes(real), velocity.reads(real), velocity.writes(real)]);
-                moves
-            })?;
+            let mut buffers = vec![change, planned.twiddles.all()];
+            for (_, resource) in &others {
+                buffers.push(self.plane(*resource, first, count)?);
+            }
+            let mut args = bytes_of(own).to_vec();
+            args.extend(bytes_of(&BehindArguments { columns, all, change_stride, moved_stride }));
+            let mut moves = self.moves_of_pixels(&others, first, count)?;
+            moves.push(change.reads(size * u64::from(columns[1]) * u64::from(all)));
+            self.dispatch(&lines, &buffers, &args, || moves)?;
         }
         Ok(())
+    }
+
+    /// As bound; of the phases that a display's model makes, too, those of these sub-frames.
+    pub(super) fn plane(&self, resource: Resource, first: usize, count: usize) -> Result<Range<'a>, EngineError> {
+        let range = self.bound(resource, first, count)?;
+        Ok(if resource == Resource::Wave { self.layout(resource)?.range(range.block, first, count) } else { range })
+    }
+
+    /// What a kernel moves that looks at each pixel once; phases that are shown as they are, once.
+    pub(super) fn moves_of_pixels(
+        &self,
+        binds: &[(Access, Resource)],
+        first: usize,
+        count: usize,
+    ) -> Result<Vec<Move>, EngineError> {
+        let pixels = self.shape.pixels() as u64;
+        let moves_phases = binds.iter().any(|(_, resource)| *resource == Resource::Phases);
+        let mut moves = Vec::new();
+        for (access, resource) in binds {
+            let range = self.plane(*resource, first, count)?;
+            let bytes = match resource {
+                Resource::Shown if moves_phases && !self.shape.quantised => continue,
+                Resource::Pixels => 4 * pixels * if self.kernel == Kernel::ModulateWave { 3 } else { 1 },
+                resource => self.shape.real_bytes(*resource) * pixels * count as u64,
+            };
+            moves.extend((*access != Access::Write).then(|| range.reads(bytes)));
+            moves.extend((*access != Read).then(|| range.writes(bytes)));
+        }
+        Ok(moves)
     }
 
     /// What the pupils of the dispatch return, behind those of the groups before.
@@ -157,7 +198,7 @@ impl Call<'_, '_> {
             if self.shape.halves() {
                 buffers.push(self.bound(Resource::NotFinite, 0, 1)?);
             }
-            self.dispatch(&lines, &buffers, &args, || {
+            self.dispatch(&lines, &buffers, bytes_of(&args), || {
                 let whole = size * u64::from(columns[1]) * (height * count) as u64;
                 let mut moves = vec![windows.reads(size * passing * count as u64), transfers.reads(8 * passing)];
                 moves.extend(adds.then(|| change.reads(whole)));

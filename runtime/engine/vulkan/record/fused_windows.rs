@@ -9,7 +9,7 @@ use crate::engine::{EngineError, PupilPass, Resource};
 use crate::gpu::Range;
 use crate::plan::Access::{Read, Update, Write};
 use crate::plan::Move;
-use bytemuck::{Pod, Zeroable};
+use bytemuck::{Pod, Zeroable, bytes_of};
 use eyebox_kernels::BATCH;
 use eyebox_kernels::fft_plan::{Axis, Shared};
 
@@ -159,7 +159,7 @@ impl<'a> Call<'_, 'a> {
                 groups: [self.column_pairs(&batch).div_ceil(shared.lines), count as u32, batch.len() as u32],
             };
             let buffers = [field, planned.twiddles.all(), transfer, tables, window, pupils];
-            self.dispatch(&lines, &buffers, &args, Vec::new)?;
+            self.dispatch(&lines, &buffers, bytes_of(&args), Vec::new)?;
             self.say_lines_moved(&batch, |pass, used| {
                 let (passing, frames) = (pass.passing(), count as u64);
                 vec![
@@ -187,7 +187,7 @@ impl<'a> Call<'_, 'a> {
                 groups: [self.column_pairs(&batch).div_ceil(shared.lines), frames, batch.len() as u32],
             };
             let buffers = [window, planned.twiddles.all(), self.work.tables.pupils()?];
-            self.dispatch(&lines, &buffers, &args, Vec::new)?;
+            self.dispatch(&lines, &buffers, bytes_of(&args), Vec::new)?;
             let value = self.shape.storage.bytes() as u64 * u64::from(frames);
             self.say_lines_moved(&batch, |_, used| vec![window.reads(value * used), window.writes(value * used)]);
         }
@@ -254,7 +254,7 @@ impl<'a> Call<'_, 'a> {
                 groups: [count as u32, rounds, batch.len() as u32],
             };
             let buffers = [window, planned.twiddles.all(), image, target, losses, pupils];
-            self.dispatch(&dispatch, &buffers, &args, Vec::new)?;
+            self.dispatch(&dispatch, &buffers, bytes_of(&args), Vec::new)?;
             self.say_lines_moved(batch, |pass, used| {
                 let part =
                     |bytes: u64| if batch.len() == 1 { bytes * count as u64 / rows.max(1) as u64 } else { bytes };

@@ -2,9 +2,13 @@
 
 use super::super::fft::{Along, Frames};
 use super::call::{Call, frames_of};
+use super::fused::Lines;
 use crate::engine::{EngineError, Resource};
-use bytemuck::Pod;
+use crate::plan::Access::{self, Read, Update, Write};
+use crate::plan::Move;
+use bytemuck::{Pod, bytes_of};
 use eyebox_kernels::fft::Direction;
+use eyebox_spirv::Module;
 
 impl Call<'_, '_> {
     pub(super) fn drive(&mut self) -> Result<(), EngineError> {
@@ -45,6 +49,49 @@ impl Call<'_, '_> {
         let place = self.shape.place;
         self.module = Some(&eyebox_spirv::TURN);
         self.planes([place.height, place.width], self.shape.subpixels().pow(2), &place, &[])
+    }
+
+    /// `drive` and `lag`.
+    pub(super) fn drive_lag(&mut self) -> Result<(), EngineError> {
+        let place = self.shape.place;
+        let binds = [(Read, Resource::Shown), (Read, Resource::Pixels), (Write, Resource::Wave)];
+        self.sets(&eyebox_spirv::DRIVE_LAG, bytes_of(&place), &binds)
+    }
+
+    /// `lag_back`, `drive_back` and `project`.
+    pub(super) fn project_wave(&mut self) -> Result<(), EngineError> {
+        let project = self.step.project;
+        let read = [Resource::Pixels, Resource::Shown, Resource::Wave, Resource::Losses].map(|r| (Read, r));
+        let binds = [&read[..3], &[(Update, Resource::Phases), (Update, Resource::Momentum)], &read[3..]].concat();
+        self.sets(&eyebox_spirv::PROJECT_WAVE, bytes_of(&project), &binds)
+    }
+
+    /// Over the pixels of all sub-frames at once, as many of them as take their time; losses are judged, and bound to nothing.
+    fn sets(&mut self, module: &'static Module, own: &[u8], binds: &[(Access, Resource)]) -> Result<(), EngineError> {
+        self.work.before(binds);
+        let binds: Vec<_> = binds.iter().copied().filter(|(_, resource)| *resource != Resource::Losses).collect();
+        let (pixels, frames, drive) = (self.shape.pixels(), self.shape.frames, self.step.drive);
+        let [stride, wave_stride] =
+            [self.layout(Resource::Shown)?, self.layout(Resource::Wave)?].map(|layout| layout.stride() as u32);
+        let buffers = binds.iter().map(|(_, r)| self.plane(*r, 0, frames)).collect::<Result<Vec<_>, _>>()?;
+        let moves = self.moves_of_pixels(&binds, 0, frames)?;
+        let most = self.work.in_time(moves.iter().map(|m| m.bytes).sum::<u64>().div_ceil(pixels as u64));
+        for first in (0..pixels).step_by(most) {
+            let count = most.min(pixels - first);
+            let (frames, first) = (frames as u32, first as u32);
+            let bends = [drive.bend_sin, drive.bend_cos, drive.lag, drive.settled(frames as usize)].map(f32::to_bits);
+            let rest = [frames, stride, wave_stride, first, count as u32];
+            let args = [own, bytes_of(&bends), bytes_of(&rest)].concat();
+            let lines = Lines {
+                module,
+                constants: &[],
+                groups: self.work.along(count, 1),
+                changes_phases: binds.contains(&(Update, Resource::Phases)),
+            };
+            let share = |m: &Move| Move { bytes: m.bytes * count as u64 / pixels as u64, ..*m };
+            self.dispatch(&lines, &buffers, &args, || moves.iter().map(share).collect())?;
+        }
+        Ok(())
     }
 
     pub(super) fn drive_back(&mut self) -> Result<(), EngineError> {

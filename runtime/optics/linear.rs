@@ -1,7 +1,7 @@
 //! Small dense systems of equations.
 
 /// Cholesky's factor of a positive definite matrix, lower; None where it is none.
-pub(super) fn cholesky(matrix: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
+pub(crate) fn cholesky(matrix: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
     let n = matrix.len();
     let mut lower = vec![vec![0.0; n]; n];
     for i in 0..n {
@@ -16,7 +16,7 @@ pub(super) fn cholesky(matrix: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
 }
 
 /// Solves for one right side, by the factor.
-pub(super) fn substitute(lower: &[Vec<f64>], right: &[f64]) -> Vec<f64> {
+fn substitute(lower: &[Vec<f64>], right: &[f64]) -> Vec<f64> {
     let n = lower.len();
     let mut x = right.to_vec();
     for i in 0..n {
@@ -39,7 +39,7 @@ pub(crate) fn solve(matrix: &[Vec<f64>], right: &[f64]) -> Option<Vec<f64>> {
 }
 
 /// The inverse of a positive definite matrix.
-pub(super) fn inverse(matrix: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
+pub(crate) fn inverse(matrix: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
     let (scaled, unit) = scaled(matrix);
     let lower = cholesky(&scaled)?;
     let column = |i: usize| {
@@ -48,6 +48,21 @@ pub(super) fn inverse(matrix: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
         substitute(&lower, &right).iter().zip(&unit).map(|(x, u)| x * u).collect()
     };
     Some((0..unit.len()).map(column).collect())
+}
+
+/// Least squares by the normal equations; None where the rows leave an unknown open.
+pub(super) fn least_squares<const N: usize>(rows: impl Iterator<Item = ([f64; N], f64)>) -> Option<[f64; N]> {
+    let (mut matrix, mut right) = (vec![vec![0.0; N]; N], [0.0; N]);
+    for (row, value) in rows {
+        for i in 0..N {
+            matrix[i].iter_mut().zip(row).for_each(|(sum, v)| *sum += row[i] * v);
+            right[i] += row[i] * value;
+        }
+    }
+    let lower = cholesky(&scaled(&matrix).0)?;
+    // Of ones on the diagonal: the share of an unknown that the others before it do not tell.
+    (0..N).all(|i| lower[i][i].powi(2) > 1e-12).then_some(())?;
+    solve(&matrix, &right)?.try_into().ok()
 }
 
 /// The matrix with ones on its diagonal, and what its rows and columns were multiplied by.

@@ -1,0 +1,45 @@
+// What lights the SLM, by `value_at`, and the rows of the field's transform: of the rows' spectra the columns in use out. Bound to a
+// shader's arguments.
+
+MAY_ALIAS layout(std430, binding = 2) writeonly buffer Field2 { COMPLEX field2[]; };
+MAY_ALIAS layout(std430, binding = 2) writeonly buffer Field4 { COMPLEX2 field4[]; };
+layout(push_constant) uniform Args {
+    uint height, width, grid_height, grid_width, top, left;
+    // Columns in use, and rows in all.
+    uint first, used, all;
+    float scale;
+    // Values from one frame to the next: of what lights the SLM, and of the field.
+    uint lit_stride, field_stride;
+};
+
+// The field of a pixel of the sub-frame that starts at `base`.
+vec2 value_at(uint base, uint pixel);
+
+// Where the row's sub-frame starts, its first pixel there, and its first value; whether it is one of the SLM's.
+uint base, from, origin;
+bool lit;
+
+vec2 fetch2(uint way, uint i) {
+    // Unsigned: what lies left of the SLM wraps to something large.
+    return lit && i - left < width ? value_at(base, from + (i - left)) : vec2(0.0);
+}
+vec4 fetch4(uint way, uint i) { return vec4(fetch2(way, i), fetch2(way, i + 1u)); }
+void put4(uint way, uint i, vec4 z) {
+    if (in_use(i, first, used)) field4[(origin + i) / 2u] = STORE2(z);
+}
+void put2(uint way, uint i, vec2 z) {
+    if (in_use(i, first, used)) field2[origin + i] = STORE(z);
+}
+
+void main() {
+    n = grid_width;
+    area = gl_LocalInvocationID.y;
+    uint line = (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * LINES + area;
+    present = line < all;
+    uint frame = line / grid_height, y = line - frame * grid_height;
+    lit = y - top < height;
+    base = frame * lit_stride;
+    from = (y - top) * width;
+    origin = frame * field_stride + y * grid_width;
+    transform(0u, false);
+}

@@ -1,0 +1,23 @@
+#version 450
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
+
+// `modulate_wave`, of one sub-pixel, and the rows of the field's transform.
+
+#define COLUMNS 0u
+#include "alias.glsl"
+#include "constants.glsl"
+#include "half.glsl"
+#include "trig.glsl"
+#include "fft_lines.glsl"
+#include "field_rows.glsl"
+
+layout(std430, binding = 0) readonly buffer Wave { float wave[]; };
+// Level, amplitude, real and imaginary part of the rest.
+layout(std430, binding = 3) readonly buffer Tables { float tables[]; };
+
+vec2 value_at(uint base, uint pixel) {
+    uint pixels = height * width;
+    vec2 rest = vec2(tables[2u * pixels + pixel], tables[3u * pixels + pixel]);
+    return scale * (tables[pixels + pixel] * cos_sin(wave[base + pixel]) + rest);
+}

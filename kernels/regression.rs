@@ -1,0 +1,162 @@
+//! Fourier disparity layers (OPTICS 14), solved: ridge regression at one frequency, in float64. It stands here because a build
+//! for debugging leaves this crate fast.
+
+use num_complex::Complex64;
+use std::f64::consts::{PI, TAU};
+
+/// Views on a grid around the axis, and the layers that shall explain them.
+#[derive(Debug, Clone)]
+pub struct Regression {
+    /// Rows and columns of views.
+    pub grid: [usize; 2],
+    /// Pixels by which content of each layer moves from view to view.
+    pub disparities: Vec<f64>,
+    /// Pixels by which it moves across the eyebox.
+    pub movement: Vec<f64>,
+    /// Noise that is expected, and how much layers are quietened that views cannot tell apart.
+    pub ridge: f64,
+    /// See `ridge`.
+    pub smooth: f64,
+}
+
+/// What is found at a frequency.
+#[derive(Debug, Clone, Default)]
+pub struct Found {
+    /// The layers.
+    pub layers: Vec<Complex64>,
+    /// Of each view what it is beyond what the other views predict.
+    pub left_out: Vec<Complex64>,
+    matrix: Vec<f64>,
+    seen: Vec<Complex64>,
+    solved: Vec<Complex64>,
+}
+
+impl Regression {
+    /// At frequency `omega` (y, x), cycles per pixel, from the views' spectra there. The views stand symmetrically, so the
+    /// normal equations are real: `(A^H A + Gamma) L = A^H V`.
+    pub fn solve(&self, omega: [f64; 2], views: &[Complex64], found: &mut Found) {
+        let (k, n) = (self.disparities.len(), views.len());
+        let Found { layers, left_out, matrix, seen, solved } = found;
+        let axis = |i: usize, d: f64| dirichlet(self.grid[i], PI * omega[i] * d);
+        let frequency = omega[0].hypot(omega[1]);
+        matrix.resize(k * k, 0.0);
+        for i in 0..k {
+            for j in 0..=i {
+                let d = self.disparities[j] - self.disparities[i];
+                matrix[i * k + j] = axis(0, d) * axis(1, d);
+            }
+            let moved = (frequency * self.movement[i]).powi(4);
+            matrix[i * k + i] += n as f64 * (self.ridge + self.smooth * moved);
+        }
+        cholesky(matrix, k);
+        // A, view by view: content of disparity d stands displaced by -d views.
+        seen.clear();
+        let [rows, columns] = self.grid;
+        let middle = self.grid.map(|n| (n as f64 - 1.0) / 2.0);
+        for (r, c) in (0..rows).flat_map(|r| (0..columns).map(move |c| (r, c))) {
+            let turns = omega[0] * (r as f64 - middle[0]) + omega[1] * (c as f64 - middle[1]);
+            seen.extend(self.disparities.iter().map(|d| Complex64::cis(TAU * turns * d)));
+        }
+        layers.clear();
+        layers.resize(k, Complex64::ZERO);
+        for (row, view) in seen.chunks_exact(k).zip(views) {
+            layers.iter_mut().zip(row).for_each(|(l, a)| *l += a.conj() * view);
+        }
+        forward(matrix, layers);
+        backward(matrix, layers);
+        left_out.clear();
+        for (row, view) in seen.chunks_exact(k).zip(views) {
+            let shown: Complex64 = row.iter().zip(layers.iter()).map(|(a, l)| a * l).sum();
+            solved.clear();
+            solved.extend_from_slice(row);
+            forward(matrix, solved);
+            let own = 1.0 - solved.iter().map(Complex64::norm_sqr).sum::<f64>();
+            left_out.push((view - shown) / own);
+        }
+    }
+}
+
+/// The sum of `exp(2 i t m)` over `n` whole or half steps `m` around 0.
+fn dirichlet(n: usize, t: f64) -> f64 {
+    let middle = (n as f64 - 1.0) / 2.0;
+    (0..n).map(|i| (2.0 * t * (i as f64 - middle)).cos()).sum()
+}
+
+/// The lower triangle becomes its factor.
+fn cholesky(matrix: &mut [f64], n: usize) {
+    for i in 0..n {
+        for j in 0..=i {
+            let (above, below) = matrix.split_at_mut(i * n);
+            let own = &mut below[..n];
+            let dot = if i == j {
+                own[..j].iter().map(|a| a * a).sum::<f64>()
+            } else {
+                own[..j].iter().zip(&above[j * n..][..j]).map(|(a, b)| a * b).sum()
+            };
+            let rest = own[j] - dot;
+            own[j] = if i == j { rest.max(f64::MIN_POSITIVE).sqrt() } else { rest / above[j * n + j] };
+        }
+    }
+}
+
+fn forward(factor: &[f64], values: &mut [Complex64]) {
+    let n = values.len();
+    for i in 0..n {
+        let row = &factor[i * n..][..=i];
+        let dot: Complex64 = row[..i].iter().zip(values.iter()).map(|(a, b)| b * a).sum();
+        values[i] = (values[i] - dot) / row[i];
+    }
+}
+
+fn backward(factor: &[f64], values: &mut [Complex64]) {
+    let n = values.len();
+    for i in (0..n).rev() {
+        values[i] /= factor[i * n + i];
+        let own = values[i];
+        values[..i].iter_mut().zip(&factor[i * n..]).for_each(|(v, a)| *v -= own * a);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Against the equations themselves: the residual of the normal equations, and each view left out in earnest.
+    #[test]
+    fn layers_solve_their_equations_and_leaving_out_is_leaving_out() {
+        let disparities = vec![-1.5, -0.5, 0.5, 1.4];
+        let movement: Vec<f64> = disparities.iter().map(|d| 5.0 * d).collect();
+        let problem = Regression { grid: [2, 3], disparities, movement, ridge: 0.05, smooth: 0.0005 };
+        let omega = [0.13, -0.21];
+        let views: Vec<Complex64> = (0..6).map(|i| Complex64::new((i as f64).sin(), (2.0 * i as f64).cos())).collect();
+        let mut found = Found::default();
+        problem.solve(omega, &views, &mut found);
+        let a = |v: usize, d: f64| {
+            Complex64::cis(TAU * d * (omega[0] * ((v / 3) as f64 - 0.5) + omega[1] * ((v % 3) as f64 - 1.0)))
+        };
+        let shown = |v: usize, layers: &[Complex64]| -> Complex64 {
+            problem.disparities.iter().zip(layers).map(|(d, l)| a(v, *d) * l).sum()
+        };
+        let gamma = |m: f64| 6.0 * (0.05 + 0.0005 * (omega[0].hypot(omega[1]) * m).powi(4));
+        for (k, d) in problem.disparities.iter().enumerate() {
+            let back: Complex64 = (0..6).map(|v| a(v, *d).conj() * (views[v] - shown(v, &found.layers))).sum();
+            assert!((back - found.layers[k] * gamma(problem.movement[k])).norm() < 1e-12, "layer {k}");
+        }
+        // Without a view: steepest descent on the other five, the same ridge.
+        for left in 0..6 {
+            let mut layers = found.layers.clone();
+            for _ in 0..20_000 {
+                let slope: Vec<Complex64> = (problem.disparities.iter().enumerate())
+                    .map(|(k, d)| {
+                        let others = (0..6).filter(|v| *v != left);
+                        let back: Complex64 = others.map(|v| a(v, *d).conj() * (views[v] - shown(v, &layers))).sum();
+                        back - layers[k] * gamma(problem.movement[k])
+                    })
+                    .collect();
+                layers.iter_mut().zip(slope).for_each(|(l, s)| *l += 0.05 * s);
+            }
+            let want = views[left] - shown(left, &layers);
+            assert!((found.left_out[left] - want).norm() < 1e-9, "view {left}: {} {want}", found.left_out[left]);
+        }
+    }
+}

@@ -1,0 +1,99 @@
+//! Patterns for a camera, on a display of this machine's own.
+
+use super::error::SessionError;
+use super::output::{OpenDisplay, Output};
+use crate::calibrate::ShowsPatterns;
+use crate::encode::{EncodeError, Encoder, PhaseSet};
+use crate::optics::{Color, Display};
+use crate::present::Event;
+use std::time::{Duration, Instant};
+
+/// Sub-frames that a video frame may hold.
+const MOST: usize = 24;
+/// A pattern that is not known to have lit up after so long is taken to have.
+const LIT: Duration = Duration::from_secs(1);
+
+/// Shows one pattern after the other, each in one video frame, which stands until the next.
+pub struct PatternOutput {
+    display: OpenDisplay,
+    encoder: Encoder,
+    settle: Duration,
+    shown: u64,
+}
+
+impl PatternOutput {
+    /// Opens it for one colour of a display. `settle`: what the modulator takes until a pattern stands, after it lit up.
+    ///
+    /// # Errors
+    /// [`SessionError`]; [`SessionError::Setting`] for a display that shows no set of one colour in one video frame.
+    pub fn open(output: &Output, display: &Display, color: Color, settle: Duration) -> Result<Self, SessionError> {
+        let mut first: Option<EncodeError> = None;
+        let mut found = None;
+        for sub_frames in 1..=MOST {
+            match Encoder::new(display, &[color], sub_frames) {
+                Ok(encoder) if encoder.packed().video_frames == 1 => {
+                    found = Some(encoder);
+                    break;
+                }
+                Ok(_) => {}
+                Err(error) => drop(first.get_or_insert(error)),
+            }
+        }
+        let encoder = match (found, first) {
+            (Some(encoder), _) => encoder,
+            (None, Some(error)) => return Err(error.into()),
+            (None, None) => {
+                let name = &display.name;
+                let reason = format!("the display '{name}' shows no set of {color} alone in one video frame");
+                return Err(SessionError::Setting(reason));
+            }
+        };
+        let frames = encoder.frames();
+        let display = output.open([frames.height, frames.width, frames.channels], None, None)?;
+        Ok(Self { display, encoder, settle, shown: 0 })
+    }
+
+    /// Shows a video frame, and waits until it stands.
+    fn put(&mut self, frame: &[u8]) -> Result<(), SessionError> {
+        let clock = std::rc::Rc::clone(&self.display.clock);
+        let presenter = self.display.presenter();
+        // The second of two is what says that the first is on, and the last one stays.
+        let first = self.shown + 1;
+        for id in [first, first + 1] {
+            presenter.upload(frame)?;
+            presenter.present(id, clock.now_ns())?;
+        }
+        self.shown = first + 1;
+        let begun = Instant::now();
+        let mut lit = false;
+        while !lit && begun.elapsed() < LIT {
+            self.display.pump()?;
+            let presenter = self.display.presenter();
+            while let Some(event) = presenter.event() {
+                if event == Event::Close {
+                    return Err(SessionError::Setting("its window was closed".into()));
+                }
+            }
+            while let Some(feedback) = presenter.feedback() {
+                lit |= feedback.id >= first;
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        std::thread::sleep(self.settle);
+        Ok(())
+    }
+}
+
+impl ShowsPatterns for PatternOutput {
+    fn sub_frames(&self) -> usize {
+        self.encoder.plan().sub_frames
+    }
+
+    fn show(&mut self, phases: &[f32]) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
+        let [height, width] = self.encoder.hologram_size();
+        // A set of fewer is shown so often.
+        let all = phases.repeat(self.sub_frames() * height * width / phases.len().max(1));
+        let frames = self.encoder.encode(&PhaseSet::new(&[&all], [height, width])?)?;
+        Ok(self.put(frames.frame(0))?)
+    }
+}

@@ -1,0 +1,104 @@
+//! Doing again what a session that was kept has done: the same sets, lit in the same order, on a simulated clock.
+
+use super::error::SessionError;
+use super::journal::{Decision, Kept};
+use super::latency::Timestamps;
+use super::scenes::Supply;
+use super::sets::{FinishedSet, LiveSource, SetSender, set_channel};
+use super::steerer::{SteeredColor, Steerer};
+use crate::encode::{Encoder, PhaseSet};
+
+/// A session that is done again.
+pub(super) struct Replay {
+    kept: Kept,
+    colors: Vec<SteeredColor>,
+    steerer: Steerer,
+    encoder: Encoder,
+    sender: SetSender,
+    /// The set that was handed over last, and the scene of those to come.
+    newest: Option<u64>,
+    content: Option<u64>,
+    steps: u32,
+}
+
+impl Replay {
+    /// From what it began with; sets are made when they are asked for.
+    ///
+    /// # Errors
+    /// Those of the channel's buffers.
+    pub(super) fn start(
+        kept: Kept,
+        colors: Vec<SteeredColor>,
+        steerer: Steerer,
+        encoder: Encoder,
+    ) -> Result<LiveSource, SessionError> {
+        let (sender, mut source) = set_channel(&encoder.frames(), || Ok::<_, SessionError>(None))?;
+        let mut replay = Self { kept, colors, steerer, encoder, sender, newest: None, content: None, steps: 0 };
+        source.made_by(Box::new(move |_| replay.light_next()));
+        Ok(source)
+    }
+
+    /// The set that was lit next then.
+    fn light_next(&mut self) -> Result<(), SessionError> {
+        let Some(wanted) = self.kept.lit.next() else {
+            self.sender.end();
+            return Ok(());
+        };
+        while self.newest.is_none_or(|newest| newest < wanted) {
+            let Some(decision) = self.kept.decisions.next() else {
+                return Err(SessionError::Setting(format!(
+                    "set {wanted} was lit, and it was not kept how it was made"
+                )));
+            };
+            match decision {
+                Decision::Scene { number, anew, colors } => {
+                    if anew {
+                        self.steerer.forget_aim();
+                    }
+                    let scene = self.kept.scene(number, &colors, &self.colors)?;
+                    self.steerer.follow(&scene)?;
+                    self.content = Some(number);
+                }
+                Decision::Steps { pupil, steps } => {
+                    self.steerer.aim(Kept::pupil(pupil))?;
+                    let mut left = steps;
+                    self.steerer.round_while(|_| {
+                        let more = left > 0;
+                        left = left.saturating_sub(1);
+                        more
+                    })?;
+                    self.steps += steps;
+                }
+                Decision::Whole {} => self.steerer.restart()?,
+                Decision::Set { number } => {
+                    self.newest = Some(number);
+                    if number >= wanted {
+                        self.hand_over(number)?;
+                    }
+                }
+                Decision::Lit { .. } => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn hand_over(&mut self, number: u64) -> Result<(), SessionError> {
+        let Some(mut buffer) = self.sender.buffer() else { return Ok(()) };
+        self.steerer.settle()?;
+        self.encoder.encode_into(&PhaseSet::trusted(&self.steerer.phases()?), &mut buffer.frames)?;
+        self.sender.send(FinishedSet {
+            number,
+            buffer,
+            timestamps: Timestamps::default(),
+            pupil: [0.0; 2],
+            focus: None,
+            steps: std::mem::take(&mut self.steps),
+            content: self.content,
+            arrived_ns: None,
+            supply: Supply::Same,
+            estimated_db: None,
+            phases: None,
+        });
+        Ok(())
+    }
+}

@@ -1,0 +1,79 @@
+//! Who is asked where the pupil will be.
+
+use super::error::SessionError;
+use super::pupil_tracker::{PupilEstimate, PupilTracker};
+use crate::gaze::Estimator;
+use crate::optics::PupilDistribution;
+use crate::trackers::{Event, Sample, Source};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Who is asked where the pupil will be.
+pub(super) enum Watch {
+    /// A tracker, on its thread.
+    Tracker(Arc<PupilTracker>),
+    /// A tracker that is asked for what has arrived, in simulated time.
+    Samples(Box<Samples>),
+    /// Nobody: pupils are drawn over the whole eyebox.
+    Nobody(PupilDistribution),
+}
+
+impl Watch {
+    /// What is expected at `light_ns`, by what has arrived by `now_ns`: times on the trackers' clock.
+    ///
+    /// # Errors
+    /// Those of a tracker in simulated time.
+    pub(super) fn expect(&mut self, now_ns: u64, light_ns: u64) -> Result<PupilEstimate, SessionError> {
+        match self {
+            Self::Tracker(tracker) => Ok(tracker.expect(light_ns)),
+            Self::Samples(samples) => {
+                samples.arrive(now_ns)?;
+                Ok(PupilEstimate { pupil: samples.estimator.predict(light_ns), sample_ns: samples.newest })
+            }
+            Self::Nobody(pupil) => Ok(PupilEstimate { pupil: *pupil, sample_ns: None }),
+        }
+    }
+
+    /// Whether there is a tracker at all.
+    pub(super) fn is_tracked(&self) -> bool {
+        !matches!(self, Self::Nobody(_))
+    }
+}
+
+/// A tracker's samples, taken as they arrive in simulated time.
+pub(super) struct Samples {
+    source: Box<dyn Source>,
+    pub(super) estimator: Estimator,
+    waiting: Option<Sample>,
+    /// When the newest was taken, had arrived and had gone through the filter.
+    newest: Option<[u64; 3]>,
+}
+
+impl Samples {
+    /// From a source that does not wait for real time.
+    pub(super) fn new(source: Box<dyn Source>, estimator: Estimator) -> Self {
+        Self { source, estimator, waiting: None, newest: None }
+    }
+
+    /// Takes what has arrived by now.
+    ///
+    /// # Errors
+    /// [`SessionError::Tracker`].
+    pub(super) fn arrive(&mut self, now_ns: u64) -> Result<(), SessionError> {
+        loop {
+            let sample = match self.waiting.take() {
+                Some(sample) => sample,
+                None => match self.source.next(Duration::ZERO)? {
+                    Event::Sample(sample, _) => sample,
+                    _ => return Ok(()),
+                },
+            };
+            if sample.received_ns > now_ns {
+                self.waiting = Some(sample);
+                return Ok(());
+            }
+            self.estimator.update(&sample);
+            self.newest = Some([sample.time_ns, sample.received_ns, sample.received_ns]);
+        }
+    }
+}

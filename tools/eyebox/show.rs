@@ -1,0 +1,316 @@
+//! `eyebox show`: whatever there is, on a display.
+
+use crate::Failure;
+use crate::args::SceneOptions;
+use crate::common;
+use crate::live::{self, LiveOptions, Stage, Steered, SubjectOptions};
+use crate::phases::UnfinishedArgs;
+use crate::play::{self, ClockName, OutputName, Playing, StreamArgs};
+use crate::progress;
+use crate::solve::Watch;
+use crate::values::positive;
+use clap::Args;
+use eyebox::hologram::{Opening, Sequence};
+use eyebox::optics::Display;
+use eyebox::produce::{SceneJob, SceneSolution, solve_scene};
+use eyebox::scene;
+use eyebox::session::Cost;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// `eyebox show`
+#[derive(Args)]
+pub struct Show {
+    /// NAME.zarr, a hologram, a sequence or a far field in tiles; bare phases; scenes, which are solved first: several, or a folder of
+    /// light-field folders, follow each other; or live:NAME, an application that gives frames
+    #[arg(required = true, value_name = "WHAT")]
+    pub what: Vec<String>,
+    /// How it is read, or solved
+    #[command(flatten)]
+    pub subject: SubjectOptions,
+    /// How it follows
+    #[command(flatten)]
+    pub live: LiveOptions,
+    /// When
+    #[command(flatten)]
+    pub stream: StreamArgs,
+    /// What is not finished
+    #[command(flatten)]
+    pub unfinished: UnfinishedArgs,
+    /// On a simulated clock, of what is refined: what a step of one colour takes, ms
+    #[arg(long, value_name = "MS", value_parser = positive)]
+    pub step_time: Option<f64>,
+    /// With --step-time: what encoding a set takes, ms
+    #[arg(long, default_value_t = 1.0, value_name = "MS", value_parser = positive, requires = "step_time")]
+    pub encode_time: f64,
+    /// Sub-frames of what an application shows, or of scenes that follow each other
+    #[arg(long, default_value_t = 8, value_name = "N", value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=64))]
+    pub frames: usize,
+    /// What an application is asked for
+    #[arg(long, value_enum, default_value = "views")]
+    pub ask: Ask,
+    /// Of live:NAME: keep in a new folder what came and what was decided, so that it can be shown again
+    #[arg(long, value_name = "DIR", conflicts_with = "replay")]
+    pub journal: Option<PathBuf>,
+    /// Of live:NAME, with the other options as they were: show again what was kept, byte for byte, on a simulated clock
+    #[arg(long, value_name = "DIR")]
+    pub replay: Option<PathBuf>,
+}
+
+/// What an application is asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Ask {
+    /// Views around the pupil; --views says how many along an axis at most [default: 5]
+    Views,
+    /// A picture with the depth of every pixel
+    Depth,
+    /// Layers with opacity
+    Layers,
+}
+
+/// What is to be shown.
+enum What {
+    /// Phases that were solved before.
+    Phases(PathBuf),
+    Scene(String),
+    /// Scenes that follow each other.
+    Scenes(Vec<String>),
+    /// An application's.
+    Application(String),
+}
+
+/// Shows it, and says what was shown.
+pub fn run(args: &Show) -> Result<(), Failure> {
+    let tracked = args.live.tracker.tracker.is_some();
+    match what(args)? {
+        What::Application(name) => application(args, &name),
+        What::Phases(path) if tracked => follow(args, &path.display().to_string()),
+        What::Phases(path) => {
+            let display = display(args, Some(&path))?;
+            let unfinished = args.unfinished.unfinished || args.stream.follow;
+            let color = args.subject.display.color.one();
+            let opening = Opening { unfinished, ..args.subject.unit.opening(Some(&display), color) };
+            let sequence = opening.sequence(&path).map_err(|e| args.unfinished.failure(e))?;
+            play(args, sequence, display)
+        }
+        What::Scene(scene) if tracked => follow(args, &scene),
+        What::Scene(scene) => {
+            let stage = Stage::open(&args.subject, &args.live)?;
+            let (hologram, _, display) = live::solved(&scene, &args.subject, &stage.engines)?;
+            play(args, Sequence::single(Path::new(&scene), hologram), display)
+        }
+        What::Scenes(scenes) => {
+            let folder = tempfile::tempdir().map_err(|e| Failure::Asked(format!("a folder for its holograms: {e}")))?;
+            let file = folder.path().join("scenes.zarr");
+            let display = solve(args, scenes, &file)?;
+            if tracked {
+                return follow(args, &file.display().to_string());
+            }
+            play(args, Sequence::open(&file)?, display)
+        }
+    }
+}
+
+/// What there is, by its name.
+fn what(args: &Show) -> Result<What, Failure> {
+    let one = args.what.first().filter(|_| args.what.len() == 1);
+    let Some(one) = one else {
+        return match args.what.iter().find(|what| what.starts_with("live:") || is_phases(what)) {
+            Some(what) => Err(Failure::Asked(format!("{what} is shown alone: only scenes follow each other"))),
+            None => Ok(What::Scenes(args.what.clone())),
+        };
+    };
+    let path = Path::new(one);
+    if let Some(name) = one.strip_prefix("live:") {
+        return Ok(What::Application(name.into()));
+    }
+    if is_phases(one) {
+        return Ok(What::Phases(path.into()));
+    }
+    let frames = if path.is_dir() { scene::frames(path)? } else { None };
+    Ok(frames.map_or_else(|| What::Scene(one.clone()), What::Scenes))
+}
+
+fn is_phases(what: &str) -> bool {
+    !what.starts_with("builtin:") && live::is_hologram(Path::new(what))
+}
+
+/// The display; of a file whose size nobody gave, with the size of its holograms.
+fn display(args: &Show, file: Option<&Path>) -> Result<Display, Failure> {
+    let mut display = common::display(&args.subject.display)?;
+    args.subject.eye.replace(&mut display.prescription)?;
+    if let (Some(file), None) = (file, args.subject.display.size)
+        && let Ok(sequence) = Sequence::open(file)
+    {
+        let [_, _, height, width] = sequence.shape();
+        (display.height, display.width) = (height, width);
+    }
+    Ok(display)
+}
+
+/// Solves scenes that follow each other into a file, each from the one before.
+fn solve(args: &Show, scenes: Vec<String>, file: &Path) -> Result<Display, Failure> {
+    let display = display(args, None)?;
+    let colors = common::colors(&args.subject.display, &display)?;
+    let mut engine = common::engine(&args.subject.engine)?;
+    let size = [display.height, display.width];
+    let chosen = args.subject.quality.choose(engine.as_ref(), size, args.frames, colors.len())?;
+    let mut settings = chosen.map(|chosen| chosen.settings).unwrap_or_default();
+    settings.frames = args.frames;
+    let options: &SceneOptions = &args.subject.options;
+    let rate = args.stream.rate.map_or([30, 1], eyebox::present::Rate::fraction);
+    let mut job = SceneJob::new(&scenes[0], &display);
+    job.scenes = scenes;
+    job.colors = colors;
+    (job.view_pitch_mm, job.views, job.order, job.near) =
+        (options.view_pitch, options.views, options.order, options.near);
+    (job.depth_maps, job.depth, job.force) =
+        (options.depth_map.clone(), options.depth_before(&display), args.subject.display.force);
+    job.settings = settings;
+    job.sequence.rate = rate;
+    progress::catch_interrupt();
+    let mut watch = Watch::of_job(&job, engine.describe(), None, false);
+    let solved = solve_scene(&job, Some(file), engine.as_mut(), &mut |event| watch.see(event))?;
+    if let SceneSolution::Sequence(solved) = &solved
+        && solved.done < solved.count
+    {
+        return Err(Failure::Asked(format!("interrupted: {} of {} scenes were solved", solved.done, solved.count)));
+    }
+    Ok(display)
+}
+
+/// Without a tracker: as it was solved.
+fn play(args: &Show, sequence: Sequence, display: Display) -> Result<(), Failure> {
+    kept_of_applications(args)?;
+    let refused = [
+        (args.step_time.is_some(), "--step-time"),
+        (args.live.view, "--view"),
+        (args.live.unsteered, "--unsteered"),
+        (args.live.display_latency > 0.0, "--display-latency"),
+    ];
+    if let Some((_, option)) = refused.iter().find(|(given, _)| *given) {
+        return Err(Failure::Asked(format!("{option} is for what is refined while it is shown: give --tracker")));
+    }
+    let mut options = args.live.shown.options();
+    options.duration = args.live.duration.map(|s| Duration::from_secs_f64(s.min(1e9)));
+    (options.record, options.trace) = (args.live.record.clone(), args.live.trace.clone());
+    let device = &args.subject.engine.device;
+    let engine = device.engine(args.subject.engine.engine)?;
+    let (shown, stream) = (&args.live.shown, &args.stream);
+    play::play(Playing { sequence, display, shown, stream, engine, device, options, stats: args.live.stats.as_deref() })
+}
+
+/// With a tracker: refined for the eye.
+fn follow(args: &Show, what: &str) -> Result<(), Failure> {
+    kept_of_applications(args)?;
+    let cost = refined(args)?;
+    if args.stream.rate.is_some() && live::is_hologram(Path::new(what)) {
+        // What a sequence says of its time holds.
+        return Err(Failure::Asked("--rate is for what is played: with --tracker a sequence keeps its own".into()));
+    }
+    let endless = !Sequence::is_at(Path::new(what)) || args.stream.looped;
+    endless_needs_duration(args, cost, endless)?;
+    let stage = Stage::open(&args.subject, &args.live)?;
+    let steered = live::load(what, &args.subject, args.stream.looped, &stage.engines)?;
+    show(args, steered, cost, stage)
+}
+
+fn show(args: &Show, steered: Steered, cost: Option<Cost>, stage: Stage) -> Result<(), Failure> {
+    let tracker = args.live.tracker.tracker.as_deref();
+    let kept = live::KeptSession { journal: args.journal.clone(), replay: args.replay.clone() };
+    let (sink, depths) = (args.stream.sink(), args.subject.options.depth_before(steered.encoder.display()));
+    live::show(steered, &args.live, live::Showing { tracker, simulated: cost, sink, depths, kept }, stage)
+}
+
+/// What is refined while it is shown: what work takes on a simulated clock, and a line for what it does not take.
+fn refined(args: &Show) -> Result<Option<Cost>, Failure> {
+    let stream = &args.stream;
+    let given = [
+        ((stream.speed - 1.0).abs() > 0.0, "--speed"),
+        (stream.follow, "--follow"),
+        (stream.first > 0, "--first"),
+        (stream.start_at.is_some(), "--start-at"),
+        (stream.sync > 0.0, "--sync"),
+        (stream.mark > 0, "--mark"),
+        (stream.keep_phase, "--keep-phase"),
+    ];
+    let refuse = |reason: String| Err(Failure::Asked(reason));
+    if let Some((_, option)) = given.iter().find(|(given, _)| *given) {
+        return refuse(format!("{option} is for what is played: leave it out, or --tracker"));
+    }
+    let simulated = stream.clock == Some(ClockName::Simulated);
+    if (simulated || stream.sink().is_some()) && args.live.shown.output != OutputName::Offscreen {
+        return refuse("--raw, --shared and a simulated clock go with --output offscreen".into());
+    }
+    let time = |ms: f64| Duration::from_secs_f64((ms * 1e-3).min(1e3));
+    match (simulated, args.step_time) {
+        (true, Some(step)) => Ok(Some(Cost::Fixed { step: time(step), encode: time(args.encode_time) })),
+        (true, None) => refuse("a simulated clock has to be told what a step takes: --step-time".into()),
+        (false, Some(_)) => refuse("--step-time is for a simulated clock: add --clock simulated".into()),
+        (false, None) => Ok(None),
+    }
+}
+
+fn kept_of_applications(args: &Show) -> Result<(), Failure> {
+    match args.journal.is_some() || args.replay.is_some() {
+        true => Err(Failure::Asked(
+            "--journal and --replay are for live:NAME; other content is the same again by itself".into(),
+        )),
+        false => Ok(()),
+    }
+}
+
+fn endless_needs_duration(args: &Show, cost: Option<Cost>, endless: bool) -> Result<(), Failure> {
+    match endless && cost.is_some() && args.live.duration.is_none() {
+        true => Err(Failure::Asked("a simulated clock would go on for ever: give --duration".into())),
+        false => Ok(()),
+    }
+}
+
+/// Frames of an application in another process.
+#[cfg(target_os = "linux")]
+fn application(args: &Show, name: &str) -> Result<(), Failure> {
+    use eyebox::encode::Encoder;
+    use eyebox::hologram::Hologram;
+    use eyebox::session::{LiveInput, LiveKind, darkness};
+
+    let cost = match &args.replay {
+        // Nothing is timed that was decided before.
+        Some(_) if args.live.tracker.tracker.is_none() => Some(Cost::Measured),
+        Some(_) => return Err(Failure::Asked("--replay has its samples in it: leave out --tracker".into())),
+        None => refined(args)?,
+    };
+    if cost.is_some() && args.replay.is_none() {
+        let line = "an application lives in real time: leave out --clock simulated";
+        return Err(Failure::Asked(format!("live:{name}: {line}")));
+    }
+    let stage = Stage::open(&args.subject, &args.live)?;
+    let display = display(args, None)?;
+    let colors = common::colors(&args.subject.display, &display)?;
+    let views = args.subject.options.views.unwrap_or(5).clamp(1, 64) as u32;
+    let kind = match args.ask {
+        Ask::Views => LiveKind::Views,
+        Ask::Depth => LiveKind::ColorAndDepth,
+        Ask::Layers => LiveKind::Layers,
+    };
+    let encoder = Encoder::new(&display, &colors, args.frames)?;
+    let parts = darkness(&display, &colors, args.frames, args.live.policy.steering.seed)?;
+    let mut hologram = Hologram::on(&display, args.frames, Vec::new());
+    hologram.scene = format!("live:{name}");
+    let engine = stage.engines.open()?.describe();
+    let mut steered = Steered { hologram, colors, parts, scenes: None, encoder, engine, unfinished: None };
+    if args.replay.is_none() {
+        let input = LiveInput::open(name, &display, &steered.colors, views, kind)?;
+        steered.scenes = Some(Box::new(input));
+        if args.live.tracker.tracker.is_none() && args.subject.options.depth.is_none() {
+            eprintln!("note: without a tracker eyes are taken to focus at 0 mm: --depth says where else content lies");
+        }
+        eprintln!("live:{name} waits for an application");
+    }
+    show(args, steered, cost, stage)
+}
+
+#[cfg(not(target_os = "linux"))]
+fn application(_args: &Show, name: &str) -> Result<(), Failure> {
+    Err(Failure::Asked(format!("live:{name}: live content exists on Linux alone")))
+}

@@ -1,0 +1,198 @@
+//! `eyebox show`, whatever it is given.
+
+use super::common::{self, done, refused, text};
+use serde_json::Value;
+use std::path::Path;
+use std::process::{Child, Stdio};
+use std::time::{Duration, Instant};
+
+const SIZE: [&str; 6] = ["--size", "32x32", "--color", "green", "--engine", "cpu"];
+const SIMULATED: [&str; 6] = ["--tracker", "simulated", "--clock", "simulated", "--step-time", "3"];
+
+fn json(file: &Path) -> Value {
+    serde_json::from_slice(&std::fs::read(file).expect("a file")).expect("JSON")
+}
+
+fn run(at: &Path, all: &[&[&str]]) -> String {
+    let answer = common::eyebox(at, &all.concat());
+    let said = text(&answer.stderr);
+    assert!(answer.status.success(), "{all:?}: {said}");
+    said
+}
+
+/// Every picture of a recording, and when it was shown.
+fn recorded(folder: &Path) -> Vec<(String, Vec<u8>)> {
+    let file = |e: std::io::Result<std::fs::DirEntry>| {
+        let e = e.expect("an entry");
+        (e.file_name().to_string_lossy().into_owned(), std::fs::read(e.path()).expect("bytes"))
+    };
+    let mut all: Vec<_> = std::fs::read_dir(folder).expect("a recording").map(file).collect();
+    all.sort();
+    assert!(all.len() > 2, "{} files", all.len());
+    all
+}
+
+fn sequence(at: &Path) {
+    let scenes = ["builtin:still-life?shift=0", "builtin:still-life?shift=0.1", "builtin:still-life?shift=0.2"];
+    let solve = ["--steps", "3", "--frames", "8", "--views", "3", "--rate", "20", "-o", "s.zarr"];
+    done(at, &[&["solve"], &scenes[..], &solve, &SIZE].concat());
+}
+
+/// What was solved before is played, byte for byte as `play` does; a scene and scenes are solved first.
+#[test]
+fn holograms_sequences_and_scenes_are_shown() {
+    let temp = common::folder();
+    let at = temp.path();
+    sequence(at);
+    let display = ["--display", "planes8"];
+    run(at, &[&["play", "s.zarr", "--record", "played", "--size", "32x32", "--engine", "cpu"], &display]);
+    run(at, &[&["show", "s.zarr", "--record", "shown", "--engine", "cpu"], &display]);
+    assert!(recorded(&at.join("played")) == recorded(&at.join("shown")));
+    let brief = ["--clock", "simulated", "--duration", "0.2", "--quality", "fast", "--views", "3"];
+    let said = run(at, &[&["show", "builtin:plane", "--record", "one"], &brief, &display, &SIZE]);
+    assert!(said.contains("1 holograms of 32x32"), "{said}");
+    assert!(recorded(&at.join("one")).iter().any(|f| f.0.starts_with("set-000000")));
+    let two = ["show", "builtin:plane", "builtin:plane?shift=0.1", "--rate", "10", "--record", "two"];
+    let said = run(at, &[&two, &brief, &display, &SIZE]);
+    assert!(said.contains("2 holograms of 32x32 at 10 a second"), "{said}");
+}
+
+/// A far field in tiles is shown whole.
+#[test]
+fn a_far_field_in_tiles_is_shown() {
+    let temp = common::folder();
+    let at = temp.path();
+    let far = "name = \"far\"\nresolution = [96, 96]\npitch_um = 8.0\nfocal_length_mm = 400.0\n\
+               wavelengths_nm = { green = 520 }\ngeometry = \"far-field\"\n";
+    std::fs::write(at.join("far.toml"), far).unwrap();
+    let solve = ["solve", "builtin:still-life", "--display", "far.toml", "--memory", "600MiB", "--picture", "64"];
+    done(
+        at,
+        &[&solve[..], &["--passes", "1", "--steps", "1", "--frames", "1", "--engine", "cpu", "-o", "f.zarr"]].concat(),
+    );
+    let show = ["show", "f.zarr", "--display", "far.toml", "--color", "green", "--duration", "0.1", "--record", "r"];
+    run(at, &[&show, &["--engine", "cpu"]]);
+    assert!(recorded(&at.join("r")).iter().any(|f| f.0.starts_with("set-000000")));
+}
+
+/// Every hologram of a sequence is refined for its own scene before it is lit; on a simulated clock twice the same.
+#[test]
+fn a_sequence_is_steered() {
+    let temp = common::folder();
+    let at = temp.path();
+    sequence(at);
+    let show = ["show", "s.zarr", "--display", "planes8", "--engine", "cpu", "--loop", "--duration", "0.5"];
+    let said = run(at, &[&show, &SIMULATED, &["--stats", "s.json", "--trace", "t.json", "--record", "one"]]);
+    assert!(said.contains("0 late content"), "{said}");
+    run(at, &[&show, &SIMULATED, &["--record", "two"]]);
+    assert!(recorded(&at.join("one")) == recorded(&at.join("two")));
+    let stats = json(&at.join("s.json"));
+    let content = &stats["content"];
+    let count = |of: &Value, name: &str| of[name].as_u64().unwrap_or_else(|| panic!("{name} in {of}"));
+    // 0.5 s at 20 a second, begun by the first.
+    assert!((9..=11).contains(&count(content, "shown")), "{content}");
+    assert_eq!((count(content, "scenes") - count(content, "shown") <= 1, count(content, "refused")), (true, 0));
+    assert!(count(content, "began_with_own_phases") + count(content, "went_on_with_phases_before") >= 8, "{content}");
+    assert!(count(&stats, "steps") > 30 && count(&content["sets"], "late_content") == 0, "{stats}");
+    let trace = json(&at.join("t.json"));
+    let sets: Vec<&Value> = trace.as_array().unwrap().iter().filter(|e| e["name"] == "set").collect();
+    assert_eq!(sets.len() as u64, count(&stats, "sets_new"));
+    let frames: std::collections::BTreeSet<u64> =
+        sets.iter().filter_map(|s| s["args"]["content_frame"].as_u64()).collect();
+    assert_eq!(frames.len() as u64, count(content, "shown"), "{frames:?}");
+    // Live takes sequences too; once they are over without --loop, a show is.
+    let end = ["show", "s.zarr", "--display", "planes8", "--engine", "cpu", "--stats", "e.json"];
+    run(at, &[&end, &SIMULATED]);
+    assert_eq!(json(&at.join("e.json"))["ended_by"], "the end");
+    let live = ["live", "s.zarr", "--display", "planes8", "--engine", "cpu", "--duration", "0.3", "--stats", "l.json"];
+    run(at, &[&live]);
+    assert_eq!(json(&at.join("l.json"))["content"]["refused"], 0);
+}
+
+fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
+    let since = Instant::now();
+    while !done() {
+        assert!(since.elapsed() < Duration::from_secs(120), "{what}");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+fn start(at: &Path, all: &[&[&str]]) -> Child {
+    let mut command = common::command(at, &all.concat());
+    command.env("XDG_RUNTIME_DIR", at).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it starts")
+}
+
+/// An application that gives what is asked for, is killed and comes again: the picture stays, and the account says why.
+#[test]
+#[cfg(target_os = "linux")]
+fn an_application_is_shown_killed_and_shown_again() {
+    let temp = common::folder();
+    let at = temp.path();
+    let show =
+        ["show", "live:demo", "--display", "planes8", "--views", "3", "--tracker", "simulated", "--stats", "s.json"];
+    let kept = ["--journal", "kept", "--raw", "live.raw"];
+    let mut display = start(at, &[&show, &SIZE, &kept, &["--trace", "t.json"]]);
+    wait_for("its socket", || at.join("eyebox/demo.sock").exists());
+    let feed =
+        ["feed", "builtin:still-life", "--name", "demo", "--rate", "20", "--path=shift=-0.1..0.1", "--steps", "3"];
+    let gives = [&feed[..], &["--per-pupil", "--json", "--display", "planes8"]].concat();
+    let shown = |least: u64| {
+        let trace = std::fs::read_to_string(at.join("t.json")).unwrap_or_default();
+        trace.lines().filter(|l| l.contains("\"content\":\"new\"")).count() as u64 >= least
+    };
+    let mut first = start(at, &[&gives]);
+    wait_for("the first application's frames", || shown(3));
+    first.kill().unwrap();
+    first.wait().unwrap();
+    let gone = || std::fs::read_to_string(at.join("t.json")).unwrap_or_default().contains("application gone");
+    wait_for("the account of its end", gone);
+    let before = {
+        let trace = std::fs::read_to_string(at.join("t.json")).unwrap_or_default();
+        trace.lines().filter(|l| l.contains("\"content\":\"new\"")).count() as u64
+    };
+    let second = start(at, &[&gives, &["--frames", "1000"]]);
+    wait_for("the second application's frames", || shown(before + 3));
+    assert!(std::process::Command::new("kill").args(["-INT", &display.id().to_string()]).status().unwrap().success());
+    let ended = display.wait().unwrap();
+    let said = second.wait_with_output().unwrap();
+    assert!(ended.success() && said.status.success(), "{}", text(&said.stderr));
+    assert!(text(&said.stdout).contains("the display is gone"), "{}", text(&said.stdout));
+    let stats = json(&at.join("s.json"));
+    let content = &stats["content"];
+    assert_eq!(content["source"], "live:demo");
+    let sets = content["sets"].as_object().unwrap();
+    assert!(sets["new"].as_u64().unwrap() >= 6 && sets["application_gone"].as_u64().unwrap() >= 1, "{content}");
+    assert_eq!(content["shown"], sets["new"]);
+    assert!(content["arrival_to_light_ms"]["count"].as_u64().unwrap() >= 6, "{content}");
+    // What was kept is shown again without the application, without the eye and without the time that it took: the same bytes.
+    let again = ["show", "live:demo", "--display", "planes8", "--views", "3", "--replay", "kept", "--raw", "again.raw"];
+    run(at, &[&again, &SIZE]);
+    let shown = |file: &str| {
+        let bytes = std::fs::read(at.join(file)).unwrap();
+        let frames: Vec<Vec<u8>> = bytes.chunks(32 * 32).map(<[u8]>::to_vec).collect();
+        let content = |frame: &&Vec<u8>| frame.iter().any(|b| *b != frames[0][0]);
+        frames.iter().filter(content).cloned().collect::<Vec<_>>()
+    };
+    let (live, again) = (shown("live.raw"), shown("again.raw"));
+    assert!(live.len() > 6 && live == again, "{} video frames, {} again", live.len(), again.len());
+}
+
+#[test]
+fn what_does_not_go_together_is_one_line() {
+    let temp = common::folder();
+    let at = temp.path();
+    sequence(at);
+    let show = |what: &'static str, more: &[&'static str]| [&["show", what, "--display", "planes8"][..], more].concat();
+    refused(at, &show("missing.zarr", &[]), "x", "missing.zarr");
+    refused(at, &show("s.zarr", &["--step-time", "3"]), "x", "--tracker");
+    refused(at, &show("s.zarr", &["--tracker", "simulated", "--clock", "simulated"]), "x", "--step-time");
+    refused(at, &show("s.zarr", &["--tracker", "simulated", "--step-time", "3"]), "x", "--clock simulated");
+    refused(at, &show("s.zarr", &["--tracker", "simulated", "--speed", "2"]), "x", "--speed");
+    refused(at, &show("s.zarr", &["builtin:plane"]), "x", "alone");
+    refused(at, &show("live:../x", &SIZE), "x", "name");
+    refused(at, &show("live:x", &["--clock", "simulated", "--step-time", "3"]), "x", "real time");
+    refused(at, &show("s.zarr", &["--journal", "x"]), "x", "live:NAME");
+    let none = common::eyebox(at, &[&show("live:x", &["--replay", "s.zarr"])[..], &SIZE].concat());
+    assert!(none.status.code() == Some(2) && text(&none.stderr).contains("decisions"), "{}", text(&none.stderr));
+    refused(at, &["study", "s.zarr", "--display", "planes8", "-o", "x"], "x", "sequence");
+}
