@@ -94,11 +94,7 @@ impl Report {
             }
         };
         let parameters = fit.free.iter().map(fitted).collect();
-        let confused: Vec<Confused> = fit
-            .confused()
-            .into_iter()
-            .map(|(a, b, correlation)| Confused { names: [a.name().0, b.name().0], correlation })
-            .collect();
+        let confused = named(fit.confused());
         let (mut before, mut unexplained, mut noise, mut calibrated) = (None, None, None, true);
         let (pictures, map) = left(sorted, fit, fitted_views, subpixels);
         if !sorted.pairs.is_empty() {
@@ -154,4 +150,17 @@ impl Report {
             warnings,
         }
     }
+
+    /// Adds pairs of a fit from which no term had been left out yet.
+    pub(super) fn add_confused(&mut self, pairs: Vec<(Parameter, Parameter, f64)>) {
+        for pair in named(pairs) {
+            if self.confused.iter().all(|known| known.names != pair.names) {
+                self.confused.push(pair);
+            }
+        }
+    }
+}
+
+fn named(pairs: Vec<(Parameter, Parameter, f64)>) -> Vec<Confused> {
+    pairs.into_iter().map(|(a, b, correlation)| Confused { names: [a.name().0, b.name().0], correlation }).collect()
 }

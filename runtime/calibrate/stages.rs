@@ -28,6 +28,8 @@ const NO_BETTER: f64 = 1.05;
 const STRANGE: (f64, f64) = (0.3, 8.0);
 /// A number whose standard error is this share of how far off it is expected is not told.
 const UNTOLD: f64 = 0.3;
+/// The second term of the camera's distortion.
+const K2: Parameter = Parameter::Map(9);
 /// Crosstalk of a real device, where a fit begins (Schroff et al. 2024).
 const CROSSTALK: Spread = Spread { q: 1.2, sigma: 2.03 };
 
@@ -67,12 +69,14 @@ pub(super) fn run(
     }
     let mut at = start.clone();
     if !quick && !sorted.smooth.is_empty() {
-        at = smooth(&sorted, &at, &map, &mut |part| {
+        at = smooth(&sorted, &at, &map[..9], &mut |part| {
             tell(Event::At("fitting smooth patterns", share(0.05, 0.25, part)))
         })?;
     }
     let has_sets = sorted.fitted.iter().any(|v| pictures.sets[pictures.views[*v].set].pattern.frames > 1);
     let mut free = Parameter::all();
+    // Near the end k2 is told; before, it leads astray.
+    free.retain(|p| *p != K2);
     if quick {
         free.retain(|p| p.drifts());
     }
@@ -98,18 +102,14 @@ pub(super) fn run(
     if fit.at.model.crosstalk.is_none() {
         free = plain;
     }
+    free.push(K2);
     let fitted = believed(pictures, &sorted.fitted, &fit, &mut warnings);
     let mut fitting = |part| tell(Event::At("fitting all pictures finely", share(0.6, 0.9, part)));
     fit = fine(pictures, &fitted, &fit.at, &free, &mut fitting)?;
     let untold = untold(&fit);
-    let still = taken.hello.iris.is_none();
-    if still {
-        let also =
-            if untold.is_empty() { String::new() } else { format!(", and they say nothing of {}", untold.join(", ")) };
-        warnings.push(format!(
-            "the iris stands still: the pictures tell of the light that it passes alone{also}; what is not told stays as the \
-             display's file has it"
-        ));
+    let pairs = if taken.hello.iris.is_none() { fit.confused() } else { Vec::new() };
+    if taken.hello.iris.is_none() {
+        warnings.push(through_one_iris(&untold, &pairs));
     }
     tell(Event::At("leaving out what does not show", share(0.0, 1.0, 0.9)));
     let fit = terms::settle(pictures, &fitted, &start, fit, END)?;
@@ -117,6 +117,7 @@ pub(super) fn run(
     tell(Event::At("looking at pictures that were not fitted", share(0.0, 1.0, 0.95)));
     let mut report = Report::new(&sorted, &start, &fit, &fitted, captures, warnings, FINE);
     report.untold = untold;
+    report.add_confused(pairs);
     let display = terms::written(display, color, &start, &fit, &report);
     Ok((display, report, shown(&sorted, &fit, FINE)?))
 }
@@ -141,6 +142,24 @@ fn fine(
     let rim = rim(&fit.at);
     let fit = if rim.at == fit.at { fit } else { pictures.fit(&rim.at, &others, which, END, observe)? };
     Ok(fit.with_iris(rim.errors))
+}
+
+/// What should be known of a fit through an iris that stands still.
+fn through_one_iris(untold: &[String], pairs: &[(Parameter, Parameter, f64)]) -> String {
+    let mut said = "the iris stands still: the pictures tell of the light that it passes alone".to_string();
+    if !untold.is_empty() {
+        said += &format!(", and they say nothing of {}", untold.join(", "));
+    }
+    let waves = |p: &Parameter| matches!(p, Parameter::Wavefront(_));
+    let pairs: Vec<String> = pairs
+        .iter()
+        .filter(|(a, b, _)| waves(a) && waves(b))
+        .map(|(a, b, _)| format!("{} from {}", a.name().0, b.name().0))
+        .collect();
+    if !pairs.is_empty() {
+        said += &format!("; they do not tell {}, which hold within the iris alone", pairs.join(", "));
+    }
+    said + "; what is not told stays as the display's file has it"
 }
 
 /// Numbers of a fit that are hardly surer than what is expected of any display.
@@ -269,5 +288,13 @@ mod tests {
         let covariance = (0..free.len()).map(row).collect();
         let fit = Fit { at, free: free.clone(), exposure: Exposure { gain: 1.0, dark: 0.0 }, squares: 1.0, covariance };
         assert_eq!(untold(&fit), ["wavefront 12"]);
+        let pairs =
+            [(Parameter::Wavefront(3), Parameter::Wavefront(11), 0.998), (Parameter::Map(8), Parameter::Map(9), -0.96)];
+        let said = through_one_iris(&untold(&fit), &pairs);
+        assert!(
+            said.contains("nothing of wavefront 12; they do not tell wavefront 3 from wavefront 11, which"),
+            "{said}"
+        );
+        assert!(!said.contains("camera"), "{said}");
     }
 }

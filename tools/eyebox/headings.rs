@@ -18,6 +18,10 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "reference",
             "hologram",
             "methods",
+            "photographs",
+            "unfinished",
+            "path",
+            "per_pupil",
         ],
     ),
     (
@@ -33,6 +37,9 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "display_latency",
             "validation",
             "ask",
+            "ideal",
+            "model_terms",
+            "name",
         ],
     ),
     (
@@ -105,6 +112,9 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "step_time",
             "encode_time",
             "study.rate",
+            "prescription",
+            "vertex_distance",
+            "eye_file",
         ],
     ),
     (
@@ -139,14 +149,43 @@ const HEADINGS: &[(&str, &[&str])] = &[
     ),
     (
         "Camera",
-        &["camera", "camera_steps", "camera_keep", "captures", "captures_max", "keep", "camera_timeout", "quick"],
+        &[
+            "camera",
+            "camera_steps",
+            "camera_keep",
+            "captures",
+            "captures_max",
+            "keep",
+            "camera_timeout",
+            "quick",
+            "iris",
+            "settle",
+            "register",
+        ],
     ),
     ("Calibration", &["calibrate", "targets", "trackers.calibration", "trackers.eye"]),
     ("Window", &["preview.window", "zoom", "save_to", "live.view", "show.view"]),
     ("Bare phases", &["phase_unit", "pitch", "wavelength", "focal_length", "geometry", "exposure"]),
     ("Video frames", &["encoded", "as_shown"]),
     ("Engine", &["engine", "device", "vulkan_from", "rounds", "beside", "dry", "time_again"]),
-    ("Output", &["out", "json", "timings", "stats", "record", "trace", "raw", "shared", "at", "journal", "replay"]),
+    (
+        "Output",
+        &[
+            "out",
+            "json",
+            "timings",
+            "stats",
+            "record",
+            "trace",
+            "raw",
+            "shared",
+            "at",
+            "journal",
+            "replay",
+            "report",
+            "overwrite",
+        ],
+    ),
 ];
 
 /// Above options that are in no row.
@@ -198,6 +237,8 @@ mod tests {
                     option.get_id(),
                     sub.get_name()
                 );
+                let missing = option.get_help_heading() == Some(OTHERS);
+                assert!(!missing, "--{} of {} is in no row of HEADINGS", option.get_id(), sub.get_name());
             }
         }
         for option in HEADINGS.iter().flat_map(|h| h.1) {
