@@ -227,9 +227,10 @@ impl Refining {
     fn make_for(&mut self, start_ns: i64) -> Result<(), SessionError> {
         let SetTiming { period_ns, lead_ns, .. } = self.options.timing.load();
         let target = Target { start_ns, hand_over_ns: start_ns.saturating_sub(lead_ns) };
-        // It begins when the set before was decided on, or when that was done with.
-        let now_ns = self.made_ns.max(target.hand_over_ns.saturating_sub(period_ns));
-        if now_ns.saturating_add(self.round_ns() + self.ends_ns()) > target.hand_over_ns {
+        let need_ns = self.round_ns().saturating_add(self.ends_ns());
+        // It begins when the set before was decided on, or earlier where that is too short a time; or when that was done with.
+        let now_ns = self.made_ns.max(target.hand_over_ns.saturating_sub(period_ns.max(need_ns)));
+        if now_ns.saturating_add(need_ns) > target.hand_over_ns {
             return Ok(());
         }
         let steered = self.refines();
