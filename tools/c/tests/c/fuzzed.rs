@@ -45,9 +45,9 @@ const TEXTS: [&CStr; 23] = [
 ];
 
 struct Given {
-    displays: Vec<Box<EyeboxDisplay>>,
+    displays: [Box<EyeboxDisplay>; 2],
     engine: Box<EyeboxEngine>,
-    scenes: Vec<Box<EyeboxScene>>,
+    scenes: [Box<EyeboxScene>; 2],
     hologram: Box<EyeboxHologram>,
     refiner: Box<EyeboxRefiner>,
     encoder: Box<EyeboxEncoder>,
@@ -58,12 +58,12 @@ fn given() -> Given {
     unsafe {
         let preset = handle(|out| eyebox_display_load(c"planes8".as_ptr(), Some(out))).unwrap();
         let sized = |side| handle(|out| eyebox_display_resized(Some(&preset), side, side, Some(out))).unwrap();
-        let displays = vec![sized(SIDE), sized(2 * SIDE)];
+        let displays = [sized(SIDE), sized(2 * SIDE)];
         let engine = handle(|out| eyebox_engine_open(c"cpu".as_ptr(), Some(out))).unwrap();
         let plane = c"builtin:plane".as_ptr();
         let scene =
             |display, color| handle(|out| eyebox_scene_load(plane, Some(display), color, 2, Some(out))).unwrap();
-        let scenes = vec![scene(&*displays[0], EYEBOX_GREEN), scene(&*displays[1], EYEBOX_RED)];
+        let scenes = [scene(&*displays[0], EYEBOX_GREEN), scene(&*displays[1], EYEBOX_RED)];
         let settings = c"steps = 1\nframes = 8\npupils = 1".as_ptr();
         let hologram = handle(|out| {
             let (scene, display, engine) = (Some(&*scenes[0]), Some(&*displays[0]), Some(&*engine));
