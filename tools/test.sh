@@ -18,6 +18,10 @@ done
 
 stage "formatting"
 cargo fmt --all --check
+if grep -rnE '^(<<<<<<<|>>>>>>>)' --include='*.md' --include='*.toml' --include='*.sh' . --exclude-dir=target; then
+    echo "what a merge has left (above) has to go" >&2
+    exit 1
+fi
 
 stage "lints"
 cargo clippy --workspace --all-targets --quiet -- -D warnings
