@@ -53,7 +53,7 @@ mod depth;
 mod error;
 mod folder;
 mod frames;
-#[cfg(feature = "window")]
+#[cfg(all(feature = "window", target_os = "linux"))]
 mod given;
 mod inspect;
 mod interpolate;
@@ -103,7 +103,7 @@ pub use depth::central_depth;
 pub(crate) use depth::central_view;
 pub use error::SceneError;
 pub use frames::frames;
-#[cfg(feature = "window")]
+#[cfg(all(feature = "window", target_os = "linux"))]
 pub(crate) use given::{Layer, Places, views_of_depths, views_of_layers};
 pub use inspect::{Exposure, Inspection, contact_sheet, inspect};
 pub use interpolate::Interpolator;
