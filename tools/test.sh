@@ -52,7 +52,7 @@ cargo test --workspace --no-run
 generated=whatever_comes_the_command_ends_well
 attack=$(mktemp)
 EYEBOX_ATTACK_SECONDS=${EYEBOX_ATTACK_SECONDS:-120} cargo test --workspace --test attack -- "$generated" >"$attack" 2>&1 &
-cargo test --workspace -- --skip "$generated" || failed=$?
+cargo test --workspace --no-fail-fast -- --skip "$generated" || failed=$?
 wait $! || failed=$?
 cat "$attack"
 rm "$attack"

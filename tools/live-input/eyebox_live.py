@@ -135,6 +135,8 @@ class Live:
                     raise Gone("the display is gone")
             except BlockingIOError:
                 pass
+            except ConnectionError: # It ended with news of ours unread.
+                raise Gone("the display is gone") from None
             except OSError as error:
                 raise Gone(f"the display is gone: {error}") from None
             request = self.request()

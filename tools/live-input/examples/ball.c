@@ -16,12 +16,14 @@ int main(int count, char **words) {
         if (!samples) return fprintf(stderr, "ball: %s\n", live.error), 2;
         eyebox_live_bytes(&live, &frame, &depth);
         float *dioptres = (float *)(void *)(samples + depth), radius = live.rows / 4.0f;
+        /* It moves by 4 pixels before what is far, seen from one side of the eyebox and from the other. */
+        float near = (float)(4 * live.pixel_angle / (live.eyebox_width_mm * 1e-3));
         float x = (float)(asked.lit_ns / 1000000 % 2000) / 2000 * live.columns, y = live.rows / 2.0f;
         for (uint32_t i = 0; i < live.rows * live.columns; i++) {
             float dx = i % live.columns - x, dy = i / live.columns - y;
             int ball = dx * dx + dy * dy < radius * radius;
             memset(samples + i * live.channels, ball ? 255 : 32, live.channels);
-            dioptres[i] = ball ? 2.0f : 0.5f;
+            dioptres[i] = ball ? near : 0.0f;
         }
         eyebox_live_publish(&live);
         left--;

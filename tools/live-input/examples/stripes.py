@@ -17,9 +17,11 @@ def picture(live, seconds):
 def main():
     left = int(sys.argv[2]) if len(sys.argv) > 2 else -1
     with eyebox_live.Live(sys.argv[1]) as live:
+        # The near one moves by 4 pixels before the far one, seen from one side of the eyebox and from the other.
+        near = 4 * live.pixel_angle / (live.eyebox_mm[0] * 1e-3)
         while left:
             if request := live.wait(1.0):
-                live.send(live.layers([0.5, 2.0]), picture(live, request.lit_ns / 1e9), request=request)
+                live.send(live.layers([0.0, near]), picture(live, request.lit_ns / 1e9), request=request)
                 left -= 1
 
 

@@ -363,11 +363,13 @@ fn an_interrupted_solve_leaves_a_whole_hologram() {
     // All colours: those that are left when ctrl-C comes must not take long.
     let args =
         ["solve", "builtin:still-life", "-o", "h.zarr", "--size", "40x48", "--steps", "1000000", "--engine", "cpu"];
-    let mut child = command(at, &args).spawn().unwrap();
-    std::thread::sleep(std::time::Duration::from_secs(3));
+    let mut child = command(at, &args).stderr(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
+    assert!(lines.by_ref().any(|line| line.unwrap().starts_with("engine:")), "it ended");
+    std::thread::sleep(std::time::Duration::from_secs(2));
     let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
     assert!(killed.success());
-    assert!(child.wait().unwrap().success());
+    assert!(child.wait().unwrap().success(), "{:?}", lines.map(Result::unwrap).collect::<Vec<_>>());
     done(at, &["view", "h.zarr", "--pupil=0,0,5,0", "-o", "v.png"]);
 }
 
