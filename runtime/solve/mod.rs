@@ -34,6 +34,7 @@ mod statistics_tests;
 mod steer;
 #[cfg(test)]
 mod steer_tests;
+mod steering_text;
 mod step;
 mod validation;
 mod viewpoints;

@@ -105,19 +105,6 @@ pub struct Steering {
 }
 
 impl Steering {
-    /// The defaults with what a TOML text says by the names of the fields.
-    ///
-    /// # Errors
-    /// [`SolveError::Text`] with the key that is not known or has no such value; [`SolveError::Setting`].
-    pub fn from_toml(text: &str) -> Result<Self, SolveError> {
-        // Its storage is there, so that the key is.
-        let shown = Self { storage: Some(Storage::F32), ..Self::default() };
-        let (mut read, given) = crate::files::overlay(&shown, &[], text).map_err(SolveError::Text)?;
-        read.storage = read.storage.filter(|_| given.contains_key("storage"));
-        read.check()?;
-        Ok(read)
-    }
-
     /// Refuses what cannot be.
     pub(crate) fn check(&self) -> Result<(), SolveError> {
         let wrong = |what, value: String, right| Err(SolveError::Setting { what, value, right });

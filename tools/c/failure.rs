@@ -61,7 +61,7 @@ pub(crate) enum Failure {
     Encode(#[from] EncodeError),
     #[error(transparent)]
     Engine(#[from] EngineError),
-    #[error("{color}: a loss was no finite number at step {step}: take smaller gains or rates, or storage = \"f32\"")]
+    #[error("{color}: a loss was no finite number at step {step}: take smaller gains or rates, or storage = \"fp32\"")]
     NotFinite { color: String, step: usize },
     #[error("a fault of eyebox itself: {0}")]
     Panic(String),
