@@ -95,13 +95,13 @@ impl Views {
         let field = load(&small, first)?;
         let (depth, cell) = (field.depth_range(&small), field.cell(&small));
         let apart = depth.is_some_and(|depth| field.aliasing(&small, depth) > APART);
-        let layers = match asked {
-            Photographs::Layers => Some(Layers::new(&field, &small, field.depths(&small, request.depth)?)?),
-            Photographs::Auto if apart => Some(Layers::new(&field, &small, field.depths(&small, request.depth)?)?)
-                .filter(|layers| layers.residual_between() >= scene::ENOUGH),
-            _ => None,
+        let forced = asked == Photographs::Layers;
+        let layers = if forced || asked == Photographs::Auto && apart {
+            Some(Layers::new(&field, &small, field.depths(&small, request.depth)?)?)
+        } else {
+            None
         };
-        if let Some(mut layers) = layers {
+        if let Some(mut layers) = layers.filter(|layers| forced || layers.residual_between() >= scene::ENOUGH) {
             for &color in others {
                 layers = layers.with(&load(&small, color)?, &small);
             }

@@ -43,9 +43,7 @@ impl SequenceWriter {
         let draft = draft_in_place_of(path, |_| false)?;
         draft.write(GROUP, |out| out.write_all(&document::group_of(&about, Some(attributes))))?;
         draft.write(ARRAY, |out| out.write_all(&document::sequence_array(0, shape, false)))?;
-        // Whoever began at the same time was quicker.
-        let busy = || HologramError::Busy { path: path.display().to_string() };
-        draft.put().map_err(|e| if Sequence::is_at(path) { busy() } else { e.into() })?;
+        draft.put()?;
         let folder = open_folder(path)?;
         Ok(Self { about, attributes, count: 0, _lock: lock(&folder)?, folder })
     }

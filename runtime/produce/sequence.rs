@@ -3,7 +3,7 @@
 use super::job::warn_of_aliasing;
 use super::{ProduceError, SceneEvent, SceneJob};
 use crate::engine::Engine;
-use crate::hologram::{ColorHologram, Hologram, Sequence, SequenceWriter, Start};
+use crate::hologram::{ColorHologram, Hologram, HologramError, Sequence, SequenceWriter, Start};
 use crate::optics::{Color, Padding};
 use crate::scene::LightField;
 use crate::solve::{Flow, Levels, Problem, Progress, Settings, Solution, Warm, solve_from};
@@ -66,7 +66,10 @@ pub(super) fn solve(
             Some(writer) => writer,
             None => {
                 like.colors.clone_from(&hologram.colors);
-                writer.insert(SequenceWriter::create(out, &like, rate, planned)?)
+                // Nothing stood there when this began: who began at the same time was quicker.
+                let busy = || HologramError::Busy { path: out.display().to_string() };
+                let begun = SequenceWriter::create(out, &like, rate, planned);
+                writer.insert(begun.map_err(|e| if Sequence::is_at(out) { busy() } else { e })?)
             }
         };
         to.append(&hologram)?;
@@ -149,5 +152,49 @@ impl<'a> Common<'a> {
             solutions.push((color, solution));
         }
         Ok(Some(solutions))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::engine::{self, Choice};
+    use crate::files::FileError;
+    use crate::hologram::{HologramError, Sequence};
+    use crate::optics::Display;
+    use crate::produce::{ProduceError, SceneEvent, SceneJob, solve_scene};
+    use crate::solve::{Flow, Settings};
+    use std::path::Path;
+
+    fn solved(out: &Path, observe: &mut dyn FnMut(&SceneEvent) -> Flow) -> Result<(), ProduceError> {
+        let display = Display { height: 24, width: 24, ..Display::load("paper").unwrap() };
+        let mut job = SceneJob::new("builtin:plane?depth=0", &display);
+        job.scenes.push("builtin:plane?depth=1".into());
+        job.colors.truncate(1);
+        job.settings = Settings { frames: 1, steps: 1, efficiency: Some(0.3), ..Settings::default() };
+        solve_scene(&job, Some(out), engine::open(Choice::Cpu).unwrap().as_mut(), observe).map(drop)
+    }
+
+    /// One program has written the whole sequence by the time that another is done with the first hologram of it.
+    #[test]
+    fn who_was_slower_is_told_of_the_other() {
+        let here = tempfile::tempdir().unwrap();
+        let out = here.path().join("s.zarr");
+        let slower = solved(&out, &mut |event| {
+            if matches!(event, SceneEvent::Step { .. }) && !out.exists() {
+                solved(&out, &mut |_| Flow::Continue).unwrap();
+            }
+            Flow::Continue
+        });
+        assert!(matches!(slower, Err(ProduceError::Hologram(HologramError::Busy { .. }))), "{slower:?}");
+        assert!(Sequence::open(&out).unwrap().is_complete());
+        let other = here.path().join("t.zarr");
+        let taken = solved(&other, &mut |_| {
+            std::fs::write(&other, "mine").unwrap();
+            Flow::Continue
+        });
+        assert!(
+            matches!(taken, Err(ProduceError::Hologram(HologramError::File(FileError::Taken { .. })))),
+            "{taken:?}"
+        );
     }
 }

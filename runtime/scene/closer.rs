@@ -1,5 +1,6 @@
 //! Closer views than a scene has, where photographs need them.
 
+use super::layers::decibels;
 use super::{DepthSource, Interpolator, Layers, LightField, MadeViews, Photographs, SceneError, ViewGrid};
 use crate::memory;
 use crate::optics::Display;
@@ -108,11 +109,11 @@ impl LightField {
         let made =
             [Layers::new(&few, display, depth)?.views(0, &places), Interpolator::new(few, display).views(0, &places)];
         let brightest = own.planes[0].iter().flatten().copied().fold(f32::MIN_POSITIVE, f32::max);
-        let pixels = (inner.len() * self.height * self.width) as f64;
+        let pixels = inner.len() * self.height * self.width;
         let db = |made: Vec<Vec<f32>>| {
             let truth = inner.iter().flat_map(|v| &own.planes[0][*v]);
             let error: f64 = truth.zip(made.iter().flatten()).map(|(a, b)| f64::from(a - b).powi(2)).sum();
-            -10.0 * (error / pixels / f64::from(brightest).powi(2)).max(1e-12).log10()
+            decibels(error, pixels, f64::from(brightest))
         };
         Ok(Some(made.map(db)))
     }

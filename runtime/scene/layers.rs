@@ -4,7 +4,7 @@
 
 use super::{LightField, SceneError, ViewGrid};
 use crate::memory;
-use crate::optics::Display;
+use crate::optics::{Display, fast_size};
 use eyebox_kernels::fft::{Columns, Direction, Plans};
 use eyebox_kernels::layers::seen;
 use eyebox_kernels::regression::{Found, Regression};
@@ -65,7 +65,7 @@ impl Layers {
         let slopes: Vec<f64> = (0..=count as usize).map(slope).collect();
         let move_most = (0.5 * low.abs().max(high.abs())).ceil().min(most) as usize;
         let size = [field.height, field.width];
-        let padded = size.map(|n| smooth_size(n + (2 * move_most).max(FADE).min(n)));
+        let padded = size.map(|n| fast_size(n + (2 * move_most).max(FADE).min(n)));
         let counts = [padded[0], padded[1] / 2 + 1, (slopes.len() + 2 * field.grid[0] * field.grid[1]) * 2];
         let what = || format!("{} layers of {} x {} pixels", slopes.len(), padded[0], padded[1]);
         memory::promise(what, memory::bytes_of(&counts, 8), "take a smaller --size, or --photographs cells")?;
@@ -97,8 +97,7 @@ impl Layers {
     }
 
     fn db(&self, error: f64) -> f64 {
-        let pixels = (self.size[0] * self.size[1] * self.colors.max(1)) as f64;
-        -10.0 * (error / pixels / self.brightest.powi(2)).max(1e-12).log10()
+        decibels(error, self.size[0] * self.size[1] * self.colors.max(1), self.brightest)
     }
 
     /// One or two views that do not fit the others, and the likely cause.
@@ -254,18 +253,9 @@ impl Layers {
     }
 }
 
-/// The next size that a transform is fast at.
-fn smooth_size(n: usize) -> usize {
-    let smooth = |n: &usize| {
-        let rest = [2, 3, 5].iter().fold(*n, |mut rest, p| {
-            while rest % p == 0 {
-                rest /= p;
-            }
-            rest
-        });
-        rest == 1
-    };
-    (n.max(1)..).find(smooth).unwrap_or(n)
+/// Squared errors over so many pixels, in dB of the brightest light.
+pub(super) fn decibels(error: f64, pixels: usize, brightest: f64) -> f64 {
+    -10.0 * (error / pixels as f64 / brightest.powi(2)).max(1e-12).log10()
 }
 
 /// A picture in the corner of a larger one that is periodic: beyond its edges it goes on as in a mirror, and one side fades

@@ -4,14 +4,13 @@
 use super::error::SessionError;
 use super::scenes::SceneFrame;
 use super::steerer::SteeredColor;
-use crate::files::{FileError, GrowingFile, read_npy, write_npy};
+use crate::files::{FileError, GrowingFile, read, read_npy, write_npy};
 use crate::mailbox::Mailbox;
 use crate::optics::PupilDistribution;
 use crate::scene::{Pyramid, ViewGrid};
 use crate::solve::Problem;
 use serde::{Deserialize, Serialize};
 use std::fs;
-use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -245,11 +244,10 @@ impl Kept {
     /// [`SessionError::File`]; [`SessionError::Setting`] for a line that is none of it.
     pub(super) fn open(folder: &Path) -> Result<Self, SessionError> {
         let file = folder.join(DECISIONS);
-        let lines = BufReader::new(fs::File::open(&file).map_err(|e| FileError::read(&file, e))?).lines();
+        let text = read::text(&file, read::RESULTS).map_err(|e| FileError::read(&file, e))?;
         let (mut decisions, mut lit) = (Vec::new(), Vec::new());
-        for (i, line) in lines.enumerate() {
-            let line = line.map_err(|e| FileError::read(&file, e))?;
-            match serde_json::from_str(&line) {
+        for (i, line) in text.lines().enumerate() {
+            match serde_json::from_str(line) {
                 Ok(Decision::Lit { number }) => lit.push(number),
                 Ok(decision) => decisions.push(decision),
                 Err(error) => {

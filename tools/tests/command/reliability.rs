@@ -50,6 +50,15 @@ fn files_that_are_no_files_are_refused_at_once() {
         refused(at, &["score", "h.zarr", "builtin:plane", "--pupils", file], "x", "only regular files");
         refused(at, &solve(&["builtin:plane"], "x.zarr", &["--levels", file]), "x.zarr", "only regular files");
     }
+    #[cfg(target_os = "linux")]
+    {
+        std::fs::create_dir(at.join("session")).unwrap();
+        mkfifo(&at.join("session/decisions.jsonl"));
+        let show = ["show", "live:x", "--display", "planes8", "--size", "32x32", "--color", "green", "--engine", "cpu"];
+        let answer = eyebox(at, &[&show[..], &["--replay", "session"]].concat());
+        assert_eq!(answer.status.code(), Some(2));
+        assert!(text(&answer.stderr).contains("session/decisions.jsonl: cannot be read: it is a pipe"));
+    }
     for inside in ["zarr.json", "phases/zarr.json", "phases/c/0/0/0/0"] {
         let (file, kept) = (at.join("h.zarr").join(inside), at.join("kept"));
         std::fs::rename(&file, &kept).unwrap();
