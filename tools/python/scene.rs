@@ -61,8 +61,9 @@ impl Scene {
         source: String,
         display: &Display,
         color_names: Vec<String>,
-        (views, view_pitch, depth_map, depth): Options,
+        options: Options,
     ) -> PyResult<Self> {
+        let (views, view_pitch, depth_map, depth) = options;
         let asked = Asked { view_pitch, views, depth_map, depth };
         let load = || -> Answer<Self> {
             let field = job(&source, &display.0, colors(&display.0, &color_names)?, &asked).load(0)?;
