@@ -15,6 +15,18 @@ pub(super) const THROUGH_A_WINDOW: [Kernel; 6] = [
     Kernel::WindowForward,
 ];
 
+/// The same for an eye that moves.
+const THROUGH_A_MOVING_WINDOW: [Kernel; 8] = [
+    Kernel::PassPupil,
+    Kernel::Motion,
+    Kernel::WindowInverse,
+    Kernel::Intensity,
+    Kernel::Compare,
+    Kernel::ApplyFactor,
+    Kernel::WindowForward,
+    Kernel::MotionBack,
+];
+
 impl Planner {
     /// One step of the projection (OPTICS 6b), `in_flight` values of window at a time.
     pub fn project_step(
@@ -67,6 +79,7 @@ impl Planner {
                 Kernel::Eye,
                 Kernel::Taper,
                 Kernel::PassPupil,
+                Kernel::Motion,
                 Kernel::WindowInverse,
                 Kernel::Intensity,
             ],
@@ -258,7 +271,7 @@ impl Planner {
             let target =
                 [Kernel::Transfer, Kernel::Relay, Kernel::Eye, Kernel::Taper, Kernel::Photograph, Kernel::Resample];
             step.over_pupil_passes(pupil_passes.clone(), &target);
-            step.over_pupil_passes(pupil_passes.clone(), &THROUGH_A_WINDOW);
+            step.over_pupil_passes(pupil_passes.clone(), &THROUGH_A_MOVING_WINDOW);
             step.over_pupil_passes(pupil_passes, &[Kernel::ReturnPupil]);
         }
         if balanced {
@@ -276,12 +289,14 @@ impl Planner {
 }
 
 impl Step {
-    /// Adds these kernels over these pupil passes; `Taper`, `Relay` and `Eye` only where they do something.
+    /// Adds these kernels over these pupil passes; `Taper`, `Relay`, `Eye` and `Motion` only where they do something.
     fn over_pupil_passes(&mut self, pupil_passes: Range<usize>, kernels: &[Kernel]) {
         let tapered = self.is_tapered();
         let relays = self.model.as_ref().is_some_and(|model| model.parts().relay);
         let sees = self.pupil_passes.iter().any(|pupil_pass| pupil_pass.eye.is_some());
+        let moves = self.pupil_passes.iter().any(|pupil_pass| pupil_pass.moments.is_some());
         let left_out = |kernel: Kernel| match kernel {
+            Kernel::Motion | Kernel::MotionBack => !moves,
             Kernel::Taper => !tapered,
             Kernel::Relay => !relays,
             Kernel::Eye => !sees,
