@@ -150,7 +150,7 @@ mod tests {
         #[test]
         fn is_a_shift_with_its_adjoint(rows in 1usize..9, columns in 1usize..150, seed in 0u64..1000) {
             let (table, exact) = table(rows, columns, 3, seed);
-            let field = |salt: f32| (0..rows * columns).map(|i| Complex32::new((i as f32 * 0.7 + salt).sin(), (i as f32 * 1.3 - salt).cos()));
+            let field = |salt: f32| (0..rows * columns).map(move |i| Complex32::new((i as f32 * 0.7 + salt).sin(), (i as f32 * 1.3 - salt).cos()));
             for (frame, (shift, spans)) in exact.iter().enumerate() {
                 let args = Args { rows: rows as u32, columns: columns as u32, frames: 3, first: frame as u32, back: 0 };
                 let (mut down, mut up): (Vec<_>, Vec<_>) = (field(0.1).collect(), field(2.0).collect());
