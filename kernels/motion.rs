@@ -34,6 +34,9 @@ pub struct Shift {
     pub weight: f64,
 }
 
+/// One sub-frame: its shift, and per row of the window the columns that pass.
+pub type SubFrame = (Shift, Vec<[u32; 2]>);
+
 /// The shifts of all sub-frames, and per sub-frame and row the columns that its own pupil passes: as the shader takes them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
@@ -45,7 +48,7 @@ pub struct Table {
 
 impl Table {
     /// Of these sub-frames, each with the spans of all rows of the window.
-    pub fn new(sub_frames: &[(Shift, Vec<[u32; 2]>)]) -> Self {
+    pub fn new(sub_frames: &[SubFrame]) -> Self {
         let rows = sub_frames.first().map_or(0, |(_, spans)| spans.len());
         let bits = |x: f64| (x as f32).to_bits();
         let shift = |s: &Shift| {
@@ -128,7 +131,7 @@ mod tests {
     use crate::Complex64;
     use proptest::prelude::*;
 
-    fn table(rows: usize, columns: usize, frames: usize, seed: u64) -> (Table, Vec<(Shift, Vec<[u32; 2]>)>) {
+    fn table(rows: usize, columns: usize, frames: usize, seed: u64) -> (Table, Vec<SubFrame>) {
         let number = |i: u64| {
             let x = seed.wrapping_add(i.wrapping_mul(0x9e37_79b9_7f4a_7c15)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
             (x >> 40) as f64 / (1u64 << 24) as f64
