@@ -5,18 +5,8 @@ use crate::optics::Geometry;
 use eyebox_kernels::{adam, divide_by_overlap, drive, energy, equalise_eyebox, fft::Columns, project, quantise};
 use std::ops::Range;
 
-/// What a step does in a pupil's window, from the spectrum to the image and back.
-pub(super) const THROUGH_A_WINDOW: [Kernel; 6] = [
-    Kernel::PassPupil,
-    Kernel::WindowInverse,
-    Kernel::Intensity,
-    Kernel::Compare,
-    Kernel::ApplyFactor,
-    Kernel::WindowForward,
-];
-
-/// The same for an eye that moves.
-const THROUGH_A_MOVING_WINDOW: [Kernel; 8] = [
+/// What a step does in a pupil's window, from the spectrum to the image and back; `Motion` and its adjoint where an eye moves.
+const THROUGH_A_WINDOW: [Kernel; 8] = [
     Kernel::PassPupil,
     Kernel::Motion,
     Kernel::WindowInverse,
@@ -271,7 +261,7 @@ impl Planner {
             let target =
                 [Kernel::Transfer, Kernel::Relay, Kernel::Eye, Kernel::Taper, Kernel::Photograph, Kernel::Resample];
             step.over_pupil_passes(pupil_passes.clone(), &target);
-            step.over_pupil_passes(pupil_passes.clone(), &THROUGH_A_MOVING_WINDOW);
+            step.over_pupil_passes(pupil_passes.clone(), &THROUGH_A_WINDOW);
             step.over_pupil_passes(pupil_passes, &[Kernel::ReturnPupil]);
         }
         if balanced {
