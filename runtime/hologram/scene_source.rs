@@ -95,7 +95,8 @@ impl SceneSource {
                 let (views, whole) = (&views[color], views[color].optics());
                 let one = |pupil| {
                     let (at, size) = whole.under(pupil);
-                    let image = views.photograph(&whole.piece(at, size), pupil, sampling.factor(), engine)?;
+                    let image =
+                        views.photograph(&whole.piece(at.map(|i| i as i64), size), pupil, sampling.factor(), engine)?;
                     Ok(sampling.picture(image, views.share()))
                 };
                 pupils.iter().map(one).collect()

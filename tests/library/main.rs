@@ -13,3 +13,4 @@ mod photographs;
 mod picture;
 mod reference;
 mod steering;
+mod tiled_model;
