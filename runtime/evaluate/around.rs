@@ -22,8 +22,8 @@ pub struct Views {
     kind: Kind,
     optics: Optics,
     share: f64,
-    /// Of what the display does to the light, what decides which window a pupil needs.
-    iris: Option<Arc<ModelTables>>,
+    /// What the display does to the light, and of it the iris alone: they decide which piece and which window a pupil needs.
+    model: Option<[Arc<ModelTables>; 2]>,
     size: usize,
     depth: Option<[f64; 2]>,
     held: u64,
@@ -63,16 +63,15 @@ impl Views {
         let display = request.display;
         let of = |color| {
             let optics = display.optics(color)?;
-            let iris = display.model(color).only("iris");
-            let iris = ModelTables::new(iris, display.eyebox_min() / 2.0, display.levels, optics, optics);
-            Ok::<_, SceneError>((optics, display.picture_share(optics.wavelength), iris))
+            let model = ModelTables::of(display, color, optics, optics).map(|model| [model.for_pieces(), model.iris()]);
+            Ok::<_, SceneError>((optics, display.picture_share(optics.wavelength), model))
         };
         if let Some(name) = source.strip_prefix("builtin:") {
             let one = |&color: &Color| {
                 let stage = Stage::new(name, display, color, size)?;
                 let depth = Some(stage.depth());
-                let (optics, share, iris) = of(color)?;
-                Ok(Self { kind: Kind::Stage(Box::new(stage)), optics, share, iris, size, depth, held: 0 })
+                let (optics, share, model) = of(color)?;
+                Ok(Self { kind: Kind::Stage(Box::new(stage)), optics, share, model, size, depth, held: 0 })
             };
             return request.colors.iter().map(one).collect();
         }
@@ -87,8 +86,8 @@ impl Views {
             let one = |(i, &color): (usize, &Color)| {
                 let held = if i == 0 { picture.bytes() } else { 0 };
                 let kind = Kind::Picture(Arc::clone(&picture), color);
-                let (optics, share, iris) = of(color)?;
-                Ok(Self { kind, optics, share, iris, size: work, depth, held })
+                let (optics, share, model) = of(color)?;
+                Ok(Self { kind, optics, share, model, size: work, depth, held })
             };
             return request.colors.iter().enumerate().map(one).collect();
         }
@@ -112,8 +111,8 @@ impl Views {
             let layers = Arc::new(layers);
             let one = |(i, &color): (usize, &Color)| {
                 let held = if i == 0 { layers.bytes() } else { 0 };
-                let (optics, share, iris) = of(color)?;
-                Ok(Self { kind: Kind::Layers(Arc::clone(&layers), i), optics, share, iris, size: work, depth, held })
+                let (optics, share, model) = of(color)?;
+                Ok(Self { kind: Kind::Layers(Arc::clone(&layers), i), optics, share, model, size: work, depth, held })
             };
             return request.colors.iter().enumerate().map(one).collect();
         }
@@ -126,8 +125,8 @@ impl Views {
             let one = |(i, &color): (usize, &Color)| {
                 let held = if i == 0 { between.bytes() } else { 0 };
                 let kind = Kind::Between(Arc::clone(&between), i);
-                let (optics, share, iris) = of(color)?;
-                Ok(Self { kind, optics, share, iris, size: work, depth, held })
+                let (optics, share, model) = of(color)?;
+                Ok(Self { kind, optics, share, model, size: work, depth, held })
             };
             return request.colors.iter().enumerate().map(one).collect();
         }
@@ -136,9 +135,9 @@ impl Views {
         let one = |&color: &Color| {
             let field = load(&small, color)?;
             let grid = ViewGrid { rows: field.grid[0], columns: field.grid[1], cell };
-            let (optics, share, iris) = of(color)?;
+            let (optics, share, model) = of(color)?;
             let pyramid = Arc::new(pyramid(&first_color(field), size, share));
-            Ok(Self { kind: Kind::Field(pyramid, grid), optics, share, iris, size, depth, held: 0 })
+            Ok(Self { kind: Kind::Field(pyramid, grid), optics, share, model, size, depth, held: 0 })
         };
         request.colors.iter().map(one).collect()
     }
@@ -201,6 +200,12 @@ impl Views {
 }
 
 impl Views {
+    /// The piece of the SLM that a pupil sees.
+    pub(crate) fn piece(&self, pupil: &Pupil) -> Optics {
+        let (at, size) = ModelTables::under(self.model.as_ref().map(|[model, _]| &**model), &self.optics, pupil);
+        self.optics.piece(at, size)
+    }
+
     /// The photograph in the samples of a pupil's window on `grid`, the far-field SLM or a piece of it; the axis comes first.
     ///
     /// # Errors
@@ -213,7 +218,8 @@ impl Views {
         engine: &mut dyn Engine,
     ) -> Result<Vec<f32>, EngineError> {
         let (pyramid, seen) = self.around([pupil.x, pupil.y], pupil.diameter);
-        let planner = Planner { views: Some(seen), model: self.iris.clone(), ..Planner::new(*grid, 1, factor) };
+        let model = self.model.as_ref().map(|[_, iris]| Arc::clone(iris));
+        let planner = Planner { views: Some(seen), model, ..Planner::new(*grid, 1, factor) };
         let step = planner.photograph_step(vec![planner.pupil_pass(pupil, &Comparison::default())]);
         engine.load(&planner.shape(Purpose::View), Some(Arc::clone(&pyramid)))?;
         engine.run(&step)?;

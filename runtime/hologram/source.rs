@@ -254,10 +254,7 @@ fn tiled(
     let about = tiles.about();
     let whole = about.optics(color)?;
     let model = tiles.model(color)?;
-    let iris = model.map_or(*pupil, |model| model.model().true_pupil(pupil));
-    let (at, size) = whole.under(&iris);
-    // With what crosstalk brings in from around.
-    let (at, size) = model.map_or((at.map(|i| i as i64), size), |model| model.around(at, size));
+    let (at, size) = ModelTables::under(model.map(|model| &**model), &whole, pupil);
     let plain = Planner::new(whole.piece(at, size), 1, sampling.factor());
     let planner = Planner { model: model.map(|model| model.piece(at, size)), ..plain };
     let phases = tiles.read_around(color, at, size)?;

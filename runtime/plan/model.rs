@@ -1,7 +1,7 @@
 //! The display as it is, as the tables that kernels read (OPTICS 10).
 
 use super::{Buffer, ModelParts};
-use crate::optics::{Color, Display, DisplayModel, Geometry, Optics};
+use crate::optics::{Color, Display, DisplayModel, Geometry, Optics, Pupil};
 use eyebox_kernels::Complex32;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -64,6 +64,12 @@ impl ModelTables {
         self.cut_at(PIECES)
     }
 
+    /// The iris alone.
+    pub(crate) fn iris(&self) -> Arc<Self> {
+        let Self { model, radius, highest_drive, error, slm, grid, .. } = self;
+        Arc::new(Self::cut(model.only("iris"), *radius, *highest_drive, *error, *slm, *grid))
+    }
+
     fn cut_at(&self, error: f64) -> Arc<Self> {
         let Self { model, radius, highest_drive, slm, grid, .. } = self;
         Arc::new(Self::cut(model.clone(), *radius, *highest_drive, error, *slm, *grid))
@@ -95,6 +101,17 @@ impl ModelTables {
         let first = |k: usize| if fills(k) { 0 } else { at[k] as i64 - reach[k] as i64 };
         let count = |k: usize| if fills(k) { self.whole[k] } else { size[k] + 2 * reach[k] };
         ([0, 1].map(first), [0, 1].map(count))
+    }
+
+    /// The piece of a far field's SLM that a pupil sees on this display, the ideal one without a model: what lies under the iris as
+    /// it is, and [around](Self::around) it.
+    pub(crate) fn under(model: Option<&Self>, whole: &Optics, pupil: &Pupil) -> ([i64; 2], [usize; 2]) {
+        let Some(model) = model else {
+            let (at, size) = whole.under(pupil);
+            return (at.map(|i| i as i64), size);
+        };
+        let (at, size) = whole.under(&model.model.true_pupil(pupil));
+        model.around(at, size)
     }
 
     /// Pixels that crosstalk reaches along y and along x; 0 without.

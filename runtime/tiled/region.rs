@@ -1,7 +1,6 @@
 //! How large a region may be: as large as memory allows, and no larger than the largest pupil makes sensible.
 
 use super::TiledError;
-use super::solve::lags;
 use crate::optics::Optics;
 use crate::plan::ModelTables;
 use std::sync::Arc;
@@ -70,6 +69,11 @@ impl RegionSize {
             given_mib: memory.0 >> 20,
         })
     }
+}
+
+/// Whether sub-frames are seen in each other, so that an engine has to hold all of them.
+pub(super) fn lags(model: Option<&ModelTables>) -> bool {
+    model.is_some_and(|model| model.model().lag > 0.0)
 }
 
 /// Bytes of a visit to a region of so many pixels.

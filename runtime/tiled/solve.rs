@@ -1,5 +1,6 @@
 //! A visit: a region's phases are read, a few steps are taken over pupils inside of it, and the phases are put back.
 
+use super::region::lags;
 use super::{RegionSize, Schedule, TiledError, Views};
 use crate::engine::{Buffer, Engine, Purpose};
 use crate::hologram::Tiles;
@@ -273,11 +274,6 @@ impl<'a> Region<'a> {
         }
         frame_by_frame(&whole, phases, engine)
     }
-}
-
-/// Whether sub-frames are seen in each other, so that an engine has to hold all of them.
-pub(super) fn lags(model: Option<&ModelTables>) -> bool {
-    model.is_some_and(|model| model.model().lag > 0.0)
 }
 
 /// Takes a step over all sub-frames on an engine that holds one of them; its loss.
