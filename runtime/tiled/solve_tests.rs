@@ -34,15 +34,17 @@ const SIZE: [usize; 2] = [160, 192];
 
 /// A far field with every term that it can have, with this lag.
 fn display(lag: f64) -> Display {
-    let mut terms = ModelTerms::default();
-    terms.level = Some(Level::Nodes([[0.95, 1.0, 1.05], [1.0, 1.04, 0.98], [1.1, 1.0, 0.9]]));
-    terms.bend = Some([0.12, -0.06]);
-    terms.lag = Some(lag);
-    terms.crosstalk = Some([[1.2, 2.03], [1.4, 1.6], [1.1, 2.2], [1.3, 1.9]].map(Into::into));
-    terms.source = Some([0.1, -0.05, -0.3, 0.08, -0.2]);
-    terms.undiffracted = Some([0.15, 0.1, 0.4, -0.3, 0.2]);
-    terms.wavefront = [(4, 0.15), (7, 0.05)].into();
-    terms.iris = Some([0.05, -0.03, 1.02]);
+    let terms = ModelTerms {
+        level: Some(Level::Nodes([[0.95, 1.0, 1.05], [1.0, 1.04, 0.98], [1.1, 1.0, 0.9]])),
+        bend: Some([0.12, -0.06]),
+        lag: Some(lag),
+        crosstalk: Some([[1.2, 2.03], [1.4, 1.6], [1.1, 2.2], [1.3, 1.9]].map(Into::into)),
+        source: Some([0.1, -0.05, -0.3, 0.08, -0.2]),
+        undiffracted: Some([0.15, 0.1, 0.4, -0.3, 0.2]),
+        wavefront: [(4, 0.15), (7, 0.05)].into(),
+        iris: Some([0.05, -0.03, 1.02]),
+        ..ModelTerms::default()
+    };
     let far = Display::preset("far-field").unwrap();
     Display { height: SIZE[0], width: SIZE[1], model: [(ModelOf::Green, terms)].into(), ..far }
 }

@@ -4,9 +4,9 @@ pub use crate::groups::{
     Colors, DeviceArgs, DisplayArgs, EngineArgs, EngineName, EyeArgs, OtherSceneArgs, OverwriteArgs, SceneArgs,
     SceneOptions,
 };
+use crate::patterns::{PatternArgs, iris};
 use crate::phases::{EncodedArgs, PhaseArgs, PhaseUnitArgs, UnfinishedArgs};
 use crate::quality::QualityArgs;
-use crate::patterns::{PatternArgs, iris};
 use crate::values::{
     GivenPupil, Names, TermsOfModel, contrast, decibels, diameters, full, memory, method, model_terms, one_of,
     positive, pupil, rate, share, storage, window,
