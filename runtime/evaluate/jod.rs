@@ -159,9 +159,9 @@ fn judged(found: colorvideovdp::Result<Prediction>, pixels: usize) -> Result<Opt
 }
 
 /// A picture of where it is lost, as red, green and blue to be written as they are: the picture `wanted` in pale grey, and
-/// over it, from nothing over yellow to dark red at 4 JOD, what is lost there.
+/// over it, from nothing over yellow to dark red at 8 JOD, what is lost there.
 pub fn lost_picture(wanted: &Rgb, lost: &[f32]) -> [Vec<f32>; 3] {
-    const MOST: f32 = 4.0;
+    const MOST: f32 = 8.0;
     /// From nothing to [`MOST`], encoded.
     const RAMP: [[f32; 3]; 4] = [[1.0, 0.95, 0.35], [1.0, 0.62, 0.1], [0.86, 0.15, 0.1], [0.4, 0.0, 0.13]];
     let mut out = [const { Vec::new() }; 3];
@@ -171,11 +171,11 @@ pub fn lost_picture(wanted: &Rgb, lost: &[f32]) -> [Vec<f32>; 3] {
         let share = (lost / MOST).clamp(0.0, 1.0);
         let at = share * (RAMP.len() - 1) as f32;
         let (low, part) = ((at as usize).min(RAMP.len() - 2), at - (at as usize).min(RAMP.len() - 2) as f32);
-        let cover = (share * 6.0).min(0.9);
+        let cover = (share * 6.0).min(1.0);
         for (c, out) in out.iter_mut().enumerate() {
             let heat = RAMP[low][c] * (1.0 - part) + RAMP[low + 1][c] * part;
             // Encoded values: writing encodes linear light once more.
-            out.push((grey * (1.0 - cover) + heat * cover).powf(2.2));
+            out.push((grey * (1.0 - cover) + (0.35 + 0.75 * grey) * heat * cover).powf(2.2));
         }
     }
     out
