@@ -77,7 +77,7 @@ mod tests {
         let flat = vec![vec![0.5f32; 256]; 2];
         let spotted: Vec<f32> = (0..256).map(|i| if i % 3 == 0 { 0.9 } else { 0.3 }).collect();
         let whole = |color, pictures, exposure| Whole { color, pictures, exposure };
-        let bad = vec![flat[0].clone(), spotted];
+        let bad = [flat[0].clone(), spotted];
         let seen = [whole(Color::Red, &flat[..], 1.0), whole(Color::Green, &bad[..], 1.0)];
         let wanted = [whole(Color::Red, &flat[..], 1.0), whole(Color::Green, &flat[..], 1.0)];
         let row = |color, index| Row {
