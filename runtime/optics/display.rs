@@ -277,6 +277,12 @@ impl Display {
         }
     }
 
+    /// Pixels a degree of visual angle in the middle of its picture: as `[viewing]` says, else those of the optics, of which
+    /// one takes `picture_pixel / focal_length` radians (OPTICS 2 and 9).
+    pub fn pixels_per_degree(&self) -> f64 {
+        self.viewing.pixels_per_degree.unwrap_or((self.focal_length / self.picture_pixel()).to_radians())
+    }
+
     /// Share of one colour's field of view that the picture takes along each axis: in the far field all colours show what
     /// the shortest wavelength can.
     pub fn picture_share(&self, wavelength: f64) -> f64 {

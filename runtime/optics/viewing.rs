@@ -1,6 +1,6 @@
 //! How a display's picture meets the eye: how bright it is, and how fine. What visual difference metrics ask beside the picture.
 
-use super::{Display, OpticsError};
+use super::OpticsError;
 use serde::{Deserialize, Serialize};
 
 /// `[viewing]` of a display file. It changes no hologram, only how what is seen of one is judged.
@@ -68,17 +68,10 @@ impl Viewing {
     }
 }
 
-impl Display {
-    /// Pixels a degree of visual angle in the middle of its picture: as `[viewing]` says, else those of the optics, of which
-    /// one takes `picture_pixel / focal_length` radians (OPTICS 2 and 9).
-    pub fn pixels_per_degree(&self) -> f64 {
-        self.viewing.pixels_per_degree.unwrap_or((self.focal_length / self.picture_pixel()).to_radians())
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::optics::Display;
 
     const BENCH: &str =
         "resolution = [8, 8]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
