@@ -33,6 +33,7 @@ mod jod;
 mod live;
 mod log;
 mod model_terms;
+mod patterns;
 mod phases;
 mod photograph;
 mod plan;
