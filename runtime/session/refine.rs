@@ -245,7 +245,12 @@ impl Refining {
         // an application, is lit with this set and not with the next.
         let spare_ns = |from_ns: i64| (target.hand_over_ns - ends_ns - from_ns).max(0) % round_ns.max(1);
         let comes = self.options.scenes.as_ref().is_some_and(|scenes| !scenes.begins_with_one());
-        let now_ns = if comes { free_ns + spare_ns(free_ns) } else { free_ns };
+        let now_ns = match comes {
+            // Nothing is refined yet: the last moment is the best.
+            true if self.waits() => target.hand_over_ns - need_ns,
+            true => free_ns + spare_ns(free_ns),
+            false => free_ns,
+        };
         let steered = self.refines();
         let Some(changed) = self.look_for_scene(&target, now_ns, steered)? else { return Ok(()) };
         let ready_ns = now_ns + self.looked_ns;
