@@ -9,6 +9,7 @@ mod fuzz;
 mod header;
 mod methods;
 mod model;
+mod motion;
 mod photographs;
 mod picture;
 mod reference;
