@@ -86,7 +86,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "adam_rate",
             "restart",
             "unsteered",
-            "whole-sets",
+            "whole_sets",
             "passes",
             "memory",
             "picture",
