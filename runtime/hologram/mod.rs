@@ -37,6 +37,7 @@ mod phase;
 mod refine;
 mod scene_source;
 mod score;
+mod seen;
 mod sequence;
 mod sequence_writer;
 mod solved;
@@ -188,6 +189,17 @@ pub enum HologramError {
         /// The one that was given.
         given: String,
     },
+    /// A scene of another size.
+    #[error("the scene has {} x {} pixels, and {} x {} are seen of the hologram: load it for the hologram's display", given.0, given.1, shows.0, shows.1)]
+    OtherSize {
+        /// Rows and columns of the scene.
+        given: (usize, usize),
+        /// Those of what is seen.
+        shows: (usize, usize),
+    },
+    /// How bright it is meant to be is not known: bare phases do not say.
+    #[error("how bright it is meant to be is not known: `eyebox import --scene` fits it to its scene")]
+    NoExposure,
     /// Its file's optics cannot be.
     #[error("{file}: {source}")]
     FileOptics {

@@ -92,6 +92,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "adam_rate",
             "restart",
             "unsteered",
+            "whole_sets",
             "passes",
             "memory",
             "picture",
