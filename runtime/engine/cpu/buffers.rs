@@ -141,6 +141,7 @@ impl Buffers {
                 match resource {
                     Resource::Phases if shape.binary_angles => binary_angle::round(to),
                     Resource::Momentum if shape.binary_angles => to.iter_mut().for_each(|v| *v = half::rounded(*v)),
+                    _ if shape.stores_drives_short(resource) => half::round_drives(to),
                     _ => {}
                 }
             }
@@ -218,6 +219,14 @@ pub(super) fn storing(storage: Storage) -> Store {
     match storage {
         Storage::F32 => |_| {},
         Storage::F16 => half::round,
+    }
+}
+
+/// And to drives.
+pub(super) fn storing_drives(storage: Storage) -> fn(&mut [f32]) {
+    match storage {
+        Storage::F32 => |_| {},
+        Storage::F16 => half::round_drives,
     }
 }
 
