@@ -144,16 +144,17 @@ fn other_lists_fused_are_those_of_the_list() {
 fn tiles_of_models_are_those_of_the_list() {
     let mut engine = fusing();
     let every = every_fault();
-    let lag = DisplayModel { lag: every.lag, ..DisplayModel::default() };
-    let level = DisplayModel { level: every.level, bend: every.bend, ..DisplayModel::default() };
-    let crosstalk = DisplayModel { crosstalk: every.crosstalk, ..DisplayModel::default() };
+    let [mut lag, mut level, mut crosstalk] = [(); 3].map(|()| DisplayModel::default());
+    lag.lag = every.lag;
+    (level.level, level.bend) = (every.level, every.bend);
+    crosstalk.crosstalk = every.crosstalk;
     for (model, (height, width), padding, frames, fits) in [
         (&lag, (45, 64), 0, 3, true),
         (&level, (33, 40), 0, 2, true),
-        (&crosstalk, (45, 37), 4, 1, true),
+        (&crosstalk, (45, 38), 4, 1, true),
         (&every, (70, 66), 0, 2, true),
-        (&every, (9, 12), 1, 2, true),
-        (&every, (90, 92), 0, 1, false),
+        (&every, (8, 12), 2, 2, true),
+        (&every, (96, 96), 0, 1, false),
     ] {
         for storage in [Storage::F32, Storage::F16] {
             let mut case = Case::new(height, width, padding, 4e-3, frames);
