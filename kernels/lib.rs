@@ -30,6 +30,7 @@ pub mod lag;
 pub mod layers;
 pub mod modulate;
 pub mod modulate_wave;
+pub mod motion;
 pub mod overlap;
 pub mod pass_pupil;
 pub mod photograph;
@@ -41,11 +42,14 @@ pub mod relay;
 pub mod resample;
 pub mod return_pupil;
 pub mod shared;
+mod simd;
 pub mod subpixels;
 pub mod taper;
 pub mod transfer;
 pub mod trig;
 pub mod turn;
+
+pub use simd::{simd, simd_name};
 
 /// The table of kernels, in the order of a step: calls the macro `$then` with all rows. Everything that knows kernels one
 /// by one follows from it: `Kernel` and `Step` in the runtime's plan, costs, checks, barriers, hand-over, and the dispatch
@@ -241,6 +245,14 @@ macro_rules! kernels {
                 },
                 shader: Each |c, p| c.rows(p.pass.rows, p.pass.columns, &p.pass),
             }
+            /// Shifts each sub-frame as the eye moves while it is shown, where it moves.
+            Motion = "motion" {
+                over: Windows, group: Window,
+                binds: [Read Moments, Update Window],
+                work: |u| u.moving(),
+                twin: |c| c.motion(false),
+                shader: Each |c, p| c.motion(p, false),
+            }
             /// The windows' spectra to retinal fields, in the pupil pass's columns.
             WindowInverse = "window_inverse" {
                 over: Windows, group: Window,
@@ -285,6 +297,14 @@ macro_rules! kernels {
                 work: |u| u.frames() * u.window_transform(),
                 twin: |c| c.fft($crate::fft::Direction::Forward),
                 shader: Each |c, p| c.window_transform(p, $crate::fft::Direction::Forward),
+            }
+            /// The adjoint of `motion`.
+            MotionBack = "motion_back" {
+                over: Windows, group: Window,
+                binds: [Read Moments, Update Window],
+                work: |u| u.moving(),
+                twin: |c| c.motion(true),
+                shader: Each |c, p| c.motion(p, true),
             }
             /// Adds what the pupils of the dispatch ask for to the change, in their order.
             ReturnPupil = "return_pupil" {
@@ -466,20 +486,3 @@ pub type Complex64 = num_complex::Complex64;
 
 /// Complex zero.
 pub const ZERO: Complex32 = Complex32::new(0.0, 0.0);
-
-/// Runs `work` compiled for the widest SIMD that this processor has. Inner functions must be `#[inline(always)]`.
-///
-/// Nothing is fused or reordered by this: results are the same bits on every processor.
-#[inline]
-pub fn simd<R>(work: impl FnOnce() -> R) -> R {
-    pulp::Arch::new().dispatch(work)
-}
-
-/// Name of the instruction set that [`simd`] chose.
-pub fn simd_name() -> &'static str {
-    #[cfg(target_arch = "x86_64")]
-    if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
-        return "AVX2";
-    }
-    "baseline SIMD"
-}

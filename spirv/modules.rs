@@ -28,6 +28,7 @@ modules! {
     MODULATE_ROWS = "modulate_rows", MODULATE_ROWS_HALF = "modulate_rows_half";
     MODULATE_WAVE = "modulate_wave", MODULATE_WAVE_HALF = "modulate_wave_half";
     MODULATE_WAVE_ROWS = "modulate_wave_rows", MODULATE_WAVE_ROWS_HALF = "modulate_wave_rows_half";
+    MOTION = "motion", MOTION_HALF = "motion_half";
     OVERLAP = "overlap";
     PASS_COLUMNS = "pass_columns", PASS_COLUMNS_HALF = "pass_columns_half";
     PASS_PUPIL = "pass_pupil", PASS_PUPIL_HALF = "pass_pupil_half";

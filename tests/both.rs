@@ -4,7 +4,7 @@ use eyebox::engine::vulkan::VulkanEngine;
 use eyebox::engine::{Buffer, Dispatch, Engine, Kernel, Purpose, Resource, Shape, Step};
 use eyebox::gpu::{Gpu, Messages, Options};
 use eyebox::optics::{DisplayModel, Iris, Optics, Padding, Pupil, Spread, WindowFactor};
-use eyebox::plan::{Comparison, Planner, ViewLayout, Viewpoint};
+use eyebox::plan::{Comparison, Moving, Planner, ViewLayout, Viewpoint};
 use eyebox::scene::{Pyramid, ViewGrid};
 use std::sync::{Arc, PoisonError};
 
@@ -109,11 +109,34 @@ impl Case {
         }
     }
 
+    /// The same of eyes that move: with a pupil that drifts, past content that moves, and over some of the sub-frames.
+    pub fn moving_step(&self, purpose: Purpose, mode: u32, in_flight: usize) -> Step {
+        let comparison = Comparison { mode, exposure: 0.8, batch: self.pupils.len(), ..Comparison::default() };
+        let frames = self.planner.frames;
+        let moving = |(i, pupil): (usize, &Pupil)| {
+            let rest = Moving::resting(*pupil, frames);
+            let drift = [0.02 * pupil.diameter, -0.05 * pupil.diameter];
+            Viewpoint::Moving(match i {
+                0 => Moving { eye: [3.3, -1.7], content: [0.5, 2.0], at: 0.25, drift, ..rest },
+                1 => Moving { first: frames - 1, count: frames.div_ceil(2), ..rest },
+                _ => rest,
+            })
+        };
+        let looks = self.pupils.iter().enumerate().map(moving);
+        let pupil_passes = looks.map(|look| self.planner.viewpoint(&look, &comparison)).collect();
+        match purpose {
+            Purpose::Adam => self.planner.adam_step(pupil_passes, in_flight, 3, 0.1),
+            _ => self.planner.project_step(pupil_passes, in_flight, 0.5, 2.0, 0.5),
+        }
+    }
+
     /// A step with this one kernel, over all pupil passes if it looks at pupil passes.
     pub fn single(&self, purpose: Purpose, mode: u32, power: f64, kernel: Kernel) -> Step {
         let mut step = self.step(purpose, mode, power, usize::MAX);
         if kernel == Kernel::Taper {
             step = self.stft_step(purpose, mode);
+        } else if matches!(kernel, Kernel::Motion | Kernel::MotionBack) {
+            step = self.moving_step(purpose, mode, usize::MAX);
         } else if matches!(kernel, Kernel::Energy | Kernel::EqualiseEyebox) {
             step = self.planner.with_equalised_eyebox(step, 0.8 * self.planner.slm.eyebox(), 5, 0.4);
         }

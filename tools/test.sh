@@ -75,4 +75,7 @@ cargo run --quiet --manifest-path tests/embed/Cargo.toml --target-dir "$target"
 stage "the README's commands"
 # With the program that the tests have built.
 EYEBOX=$target/debug/eyebox tools/readme.sh
+stage "the documents as a site"
+tools/setup.sh site || echo "continuing without: its pages are not opened" >&2
+EYEBOX=$target/debug/eyebox tools/site.sh
 stage "done"

@@ -163,7 +163,7 @@ impl CpuEngine {
                 let Slot { transfer, window, image, .. } = &mut *slot;
                 let work = |f: usize, window: &mut [Complex32]| {
                     let field = &field[f * points..][..points];
-                    let mut frame = WindowFrame { pass, field, transfer, image, window, plans, store };
+                    let mut frame = WindowFrame { index: f, pass, field, transfer, image, window, plans, store };
                     for dispatch in now {
                         if let Twin::Windows(twin) = twin(dispatch.kernel) {
                             clock.time(dispatch.kernel, || twin(&mut frame));

@@ -73,26 +73,39 @@ pub struct Display {
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
+    /// What it is called; without, as the file is.
     #[serde(default)]
     name: Option<String>,
+    /// Rows and columns of the SLM.
     resolution: [usize; 2],
+    /// Pixel pitch, micrometres.
     pitch_um: f64,
+    /// Focal length of the relay, millimetres; in the far field, what angles and dioptres are measured with.
     focal_length_mm: f64,
+    /// Wavelengths, nanometres: one to three of red, green, blue.
     wavelengths_nm: BTreeMap<Color, f64>,
+    /// Phase levels of the SLM, 2 to 65536 [default: 256].
     #[serde(default = "levels_default")]
     levels: u32,
+    /// Video frames that it takes a second, where that is known, 1 to 100000.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     rate_hz: Option<f64>,
+    /// Where the SLM stands: behind a relay, or in the plane of the pupil [default: relay].
     #[serde(default, skip_serializing_if = "Geometry::is_relay")]
     geometry: Geometry,
+    /// Whether it is meant to be higher than wide.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     portrait: bool,
+    /// How it takes its phases: the table below.
     #[serde(default)]
     encoding: Encoding,
+    /// What is known of it beyond the ideal display: `[model.red]`, `[model.green]`, `[model.blue]`, `[model.all]`, below.
     #[serde(default, skip_serializing_if = "ModelSections::is_empty")]
     model: ModelSections,
+    /// Where its picture is seen, as `eyebox calibrate --register` found: below.
     #[serde(default, skip_serializing_if = "Picture::is_empty")]
     picture: Picture,
+    /// The eye that looks at it; a perfect one without: below.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     prescription: Option<Prescription>,
 }

@@ -4,8 +4,17 @@
 //! either side of a transform whose lines go through shared memory: what is before it is done where its values are fetched,
 //! what is behind it where they are put. The CPU engine has no twins of these: it runs neighbours of the list depth first.
 
-use super::lists::THROUGH_A_WINDOW;
 use super::{Dispatch, Kernel, Step};
+
+/// What a step does in a pupil's window, from the spectrum to the image and back, where no eye moves.
+const THROUGH_A_WINDOW: [Kernel; 6] = [
+    Kernel::PassPupil,
+    Kernel::WindowInverse,
+    Kernel::Intensity,
+    Kernel::Compare,
+    Kernel::ApplyFactor,
+    Kernel::WindowForward,
+];
 
 /// Pupils whose changes one kernel can gather.
 const MOST_GATHERED: usize = 64;

@@ -234,6 +234,12 @@ impl Unit<'_> {
         self.pass.map_or(0.0, |pass| pass.passing() as f64)
     }
 
+    /// Work of shifting all sub-frames, where the eye moves.
+    fn moving(&self) -> f64 {
+        let moves = self.pass.is_some_and(|pass| pass.moments.is_some());
+        if moves { self.frames() * self.passing() } else { 0.0 }
+    }
+
     /// Pixels of the photograph before it is resampled.
     fn level(&self) -> f64 {
         let shot = self.pass.and_then(|pass| pass.shot.as_ref());

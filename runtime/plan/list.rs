@@ -139,6 +139,8 @@ pub enum Resource {
     EyeTerms,
     /// Its weights of `taper`.
     TaperWeights,
+    /// What each of its sub-frames is shifted by.
+    Moments,
     /// The light field's views.
     Views,
     /// Those that the pupil covers.

@@ -5,14 +5,16 @@ use crate::optics::Geometry;
 use eyebox_kernels::{adam, divide_by_overlap, drive, energy, equalise_eyebox, fft::Columns, project, quantise};
 use std::ops::Range;
 
-/// What a step does in a pupil's window, from the spectrum to the image and back.
-pub(super) const THROUGH_A_WINDOW: [Kernel; 6] = [
+/// What a step does in a pupil's window, from the spectrum to the image and back; `Motion` and its adjoint where an eye moves.
+const THROUGH_A_WINDOW: [Kernel; 8] = [
     Kernel::PassPupil,
+    Kernel::Motion,
     Kernel::WindowInverse,
     Kernel::Intensity,
     Kernel::Compare,
     Kernel::ApplyFactor,
     Kernel::WindowForward,
+    Kernel::MotionBack,
 ];
 
 impl Planner {
@@ -67,6 +69,7 @@ impl Planner {
                 Kernel::Eye,
                 Kernel::Taper,
                 Kernel::PassPupil,
+                Kernel::Motion,
                 Kernel::WindowInverse,
                 Kernel::Intensity,
             ],
@@ -276,12 +279,14 @@ impl Planner {
 }
 
 impl Step {
-    /// Adds these kernels over these pupil passes; `Taper`, `Relay` and `Eye` only where they do something.
+    /// Adds these kernels over these pupil passes; `Taper`, `Relay`, `Eye` and `Motion` only where they do something.
     fn over_pupil_passes(&mut self, pupil_passes: Range<usize>, kernels: &[Kernel]) {
         let tapered = self.is_tapered();
         let relays = self.model.as_ref().is_some_and(|model| model.parts().relay);
         let sees = self.pupil_passes.iter().any(|pupil_pass| pupil_pass.eye.is_some());
+        let moves = self.pupil_passes.iter().any(|pupil_pass| pupil_pass.moments.is_some());
         let left_out = |kernel: Kernel| match kernel {
+            Kernel::Motion | Kernel::MotionBack => !moves,
             Kernel::Taper => !tapered,
             Kernel::Relay => !relays,
             Kernel::Eye => !sees,

@@ -3,7 +3,7 @@
 use super::list::{Extent, Resource, Shape};
 use crate::optics::Window;
 use eyebox_kernels::{
-    compare, exposure, eye, fft::Columns, intensity, modulate, pass_pupil, photograph, resample, transfer,
+    compare, exposure, eye, fft::Columns, intensity, modulate, motion, pass_pupil, photograph, resample, transfer,
 };
 use std::sync::Arc;
 
@@ -37,6 +37,8 @@ pub struct PupilPass {
     pub eye: Option<eye::Terms>,
     /// Weights of `taper`: those of all rows, then those of all columns. None for an aperture with a sharp edge.
     pub taper: Option<Vec<f32>>,
+    /// What `motion` does to each sub-frame, where the eye moves, or does not see all of them.
+    pub moments: Option<motion::Table>,
     /// Arguments of `pass_pupil` and `overlap`.
     pub pass: pass_pupil::Args,
     /// Arguments of `return_pupil`: the same place, another scale.
@@ -61,6 +63,13 @@ impl PupilPass {
     pub(crate) fn eye_args(&self) -> Option<eye::Args> {
         let transfer::Args { rows, columns, .. } = self.transfer;
         self.eye.as_ref().map(|terms| eye::Args { rows, columns, degree: terms.degree })
+    }
+
+    /// Arguments of `motion`, from a sub-frame on.
+    pub(crate) fn motion_args(&self, first: usize, back: bool) -> Option<motion::Args> {
+        let transfer::Args { rows, columns, .. } = self.transfer;
+        let frames = self.moments.as_ref()?.frames() as u32;
+        Some(motion::Args { rows, columns, frames, first: first as u32, back: u32::from(back) })
     }
 
     /// Bins that it passes.

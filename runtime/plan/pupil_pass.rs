@@ -137,7 +137,7 @@ impl Planner {
     pub fn pupil_pass(&self, pupil: &Pupil, comparison: &Comparison) -> PupilPass {
         // Light passes the iris as it really is; what it should show is the picture of the one that was asked for.
         let iris = self.model.as_ref().map_or(*pupil, |model| model.model().true_pupil(pupil));
-        let mut pupil_pass = self.pupil_pass_of(&iris, self.grid.share(iris.diameter), comparison);
+        let mut pupil_pass = self.pupil_pass_of(&iris, self.grid.share(iris.diameter), self.frames, comparison);
         if let Some(eye) = &self.eye {
             pupil_pass.eye = Some(eye.terms(&self.grid, &iris, &pupil_pass.window));
         }
@@ -145,13 +145,14 @@ impl Planner {
         pupil_pass
     }
 
-    /// The same without a photograph, where `share` of an even field's light passes, of a perfect eye.
-    pub(super) fn pupil_pass_of(&self, pupil: &Pupil, share: f64, comparison: &Comparison) -> PupilPass {
+    /// The same without a photograph, where `share` of an even field's light passes, of a perfect eye that averages so many
+    /// sub-frames.
+    pub(super) fn pupil_pass_of(&self, pupil: &Pupil, share: f64, seen: usize, comparison: &Comparison) -> PupilPass {
         let grid = &self.grid;
         let window = Window::new(grid, pupil, self.factor);
         let spans = window.spans(grid, pupil);
         let (points, count) = ((grid.height * grid.width) as f64, (window.rows * window.columns) as f64);
-        let gain = 1.0 / (self.frames as f64 * share);
+        let gain = 1.0 / (seen as f64 * share);
         // What the buffers hold is their value times these.
         let in_field = self.storage.field_scale(grid.height * grid.width);
         let in_window = self.storage.between(window.rows * window.columns);
@@ -196,6 +197,7 @@ impl Planner {
             },
             eye: None,
             taper: None,
+            moments: None,
             columns: span_columns(&spans),
             intensity: intensity::Args {
                 count: count as u32,
@@ -220,16 +222,30 @@ impl Planner {
     }
 
     /// Where the eye sees the picture displaced to, metres (x, y): where its error is centred (OPTICS 11).
-    fn displacement(&self, iris: &Pupil) -> [f64; 2] {
+    pub(super) fn displacement(&self, iris: &Pupil) -> [f64; 2] {
         self.eye.as_ref().map_or([0.0; 2], |e| e.prescription().displacement([iris.x, iris.y], self.grid.focal_length))
     }
 
     pub(super) fn shot(&self, pupil: &Pupil, displaced: [f64; 2], window: Window) -> Option<Shot> {
+        self.shot_over(&[(*pupil, displaced)], window)
+    }
+
+    /// The mean of the photographs through these pupils, each displaced (x, y), metres.
+    pub(super) fn shot_over(&self, looks: &[(Pupil, [f64; 2])], window: Window) -> Option<Shot> {
         let ViewLayout { grid: views, center, levels, unit, tables } = self.views.as_ref()?;
         let fits = |l: &(usize, usize)| l.0 >= window.rows && l.1 >= window.columns;
         let level = levels.iter().rposition(fits).unwrap_or(0);
         let (height, width) = levels[level];
-        let taps = views.taps_around(*center, displaced, &self.grid, pupil, height, width);
+        let taps = |(pupil, displaced): &(Pupil, [f64; 2])| {
+            views.taps_around(*center, *displaced, &self.grid, pupil, height, width)
+        };
+        let mut taps: Vec<photograph::Tap> = looks.iter().flat_map(taps).collect();
+        if looks.len() > 1 {
+            let share = 1.0 / looks.len() as f32;
+            taps.iter_mut().for_each(|tap| tap.weight *= share);
+            // Taps of one move down are added up together.
+            taps.sort_by_key(|tap| (tap.dy, tap.fy.to_bits()));
+        }
         let (rows, columns) = (tables.get(height, window.rows), tables.get(width, window.columns));
         Some(Shot {
             level,

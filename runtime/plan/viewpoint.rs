@@ -1,6 +1,6 @@
 //! What one comparison looks through: an eye's pupil, or a window of the short-time Fourier transform.
 
-use super::{Comparison, Planner, PupilPass, Shot};
+use super::{Comparison, Moving, Planner, PupilPass, Shot};
 use crate::optics::{Pupil, WindowFactor};
 use std::f64::consts::PI;
 
@@ -10,6 +10,8 @@ use std::f64::consts::PI;
 pub enum Viewpoint {
     /// An eye's pupil: the exact disc on the wave, and the photograph that the light field gives through the same disc.
     Pupil(Pupil),
+    /// The same of an eye that moves while the sub-frames are shown, or sees some of them (OPTICS 15).
+    Moving(Moving),
     /// One coefficient of the short-time Fourier transform of the SLM's field, at every pixel (Choi et al. 2022): a
     /// window of `samples` x `samples` pixels (Hann), at the frequency of one view, against that view as it is.
     Stft {
@@ -27,6 +29,8 @@ impl Planner {
     pub fn viewpoint(&self, viewpoint: &Viewpoint, comparison: &Comparison) -> PupilPass {
         match *viewpoint {
             Viewpoint::Pupil(pupil) => self.pupil_pass(&pupil, comparison),
+            Viewpoint::Moving(moving) if moving.is_resting(self.frames) => self.pupil_pass(&moving.pupil, comparison),
+            Viewpoint::Moving(moving) => self.moving_pass(&moving.moments(self.frames), comparison),
             Viewpoint::Stft { view, samples, filter } => self.stft(view, samples, filter, comparison),
         }
     }
@@ -39,7 +43,7 @@ impl Planner {
         let window = hann(samples);
         // The window's spectrum is 1 at its middle; its power, by Parseval, is what an even field sends through.
         let axis = window.iter().map(|w| w * w).sum::<f64>() / window.iter().sum::<f64>().powi(2);
-        let mut pupil_pass = full.pupil_pass_of(&pupil, axis * axis, comparison);
+        let mut pupil_pass = full.pupil_pass_of(&pupil, axis * axis, self.frames, comparison);
         let (x, y) = self.views.as_ref().map_or((0.0, 0.0), |v| v.grid.position(view));
         let (bin_y, bin_x) = self.grid.bin_size();
         let weights = |first: i64, count: usize, n: usize, s: f64, bin: f64| {

@@ -17,16 +17,16 @@ use std::f64::consts::TAU;
 use std::time::Duration;
 
 /// Radius of the wavefront's disc, metres.
-const RADIUS: f64 = 11e-3;
+pub(crate) const RADIUS: f64 = 11e-3;
 
-fn optics(h: usize, w: usize) -> Optics {
+pub(crate) fn optics(h: usize, w: usize) -> Optics {
     Optics::new(h, w, 8e-6, 520e-9, 0.4).unwrap()
 }
 
 /// The equations in float64.
-struct Bench {
-    model: DisplayModel,
-    oracle: Oracle,
+pub(crate) struct Bench {
+    pub(crate) model: DisplayModel,
+    pub(crate) oracle: Oracle,
 }
 
 impl Bench {
@@ -35,7 +35,7 @@ impl Bench {
     }
 
     /// Spectrum of each sub-frame, with the pixels' aperture and the relay.
-    fn spectra(&self, phases: &[f64]) -> Vec<Vec<Complex64>> {
+    pub(crate) fn spectra(&self, phases: &[f64]) -> Vec<Vec<Complex64>> {
         let ((h, w), model, frames) = (self.size(), &self.model, self.oracle.frames);
         let (level, source) = (model.level_map(h, w), model.source_amplitude(h, w));
         let rest = model.undiffracted_share(h, w);

@@ -69,6 +69,8 @@ kernels! {
     photograph: Photograph, View, PROJECTION, 1.0;
     resample: Resample, View, PROJECTION, 1.0;
     pass_pupil: PassPupil, View, PROJECTION, 1.0;
+    motion: Motion, Project, PROJECTION, 1.0;
+    motion_back: MotionBack, Project, PROJECTION, 1.0;
     window_inverse: WindowInverse, View, PROJECTION, 1.0;
     intensity: Intensity, View, PROJECTION, 1.0;
     compare_projection: Compare, Project, PROJECTION, 1.0;

@@ -51,6 +51,22 @@ fn both_engines_take_the_same_steps() {
     assert_silent(engine);
 }
 
+/// Eyes that move, and windows of a stream, beside one at rest.
+#[test]
+fn both_engines_take_the_same_steps_for_eyes_that_move() {
+    let mut engine = vulkan();
+    for (height, width, padding, frames) in [(45, 64, 0, 4), (40, 36, 5, 3)] {
+        let case = Case::new(height, width, padding, 4e-3, frames);
+        for (purpose, mode) in [(Purpose::Project, PROJECTION), (Purpose::Adam, INTENSITY)] {
+            let steps = [usize::MAX, 1, 3000].map(|in_flight| case.moving_step(purpose, mode, in_flight));
+            let got = solve(&mut engine, &case, purpose, &steps);
+            let want = solve(&mut CpuEngine::new(), &case, purpose, &steps);
+            assert_close(&got, &want, &format!("{height} x {width}, {purpose:?}, mode {mode}"));
+        }
+    }
+    assert_silent(engine);
+}
+
 #[test]
 fn both_engines_show_the_same_views_and_photographs() {
     let mut engine = vulkan();

@@ -86,6 +86,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "adam_rate",
             "restart",
             "unsteered",
+            "whole_sets",
             "passes",
             "memory",
             "picture",

@@ -7,6 +7,7 @@ use eyebox_kernels::{
     Complex32,
     fft::{Direction, Plans, Store},
     intensity::intensity,
+    motion::motion,
     photograph::photograph,
     resample::resample,
 };
@@ -62,6 +63,7 @@ impl Pass<'_> {
 
 /// One sub-frame of one pupil.
 pub(super) struct WindowFrame<'a> {
+    pub(super) index: usize,
     pub(super) pass: &'a PupilPass,
     pub(super) field: &'a [Complex32],
     pub(super) transfer: &'a [Complex32],
@@ -72,6 +74,14 @@ pub(super) struct WindowFrame<'a> {
 }
 
 impl WindowFrame<'_> {
+    pub(super) fn motion(&mut self, back: bool) {
+        let Some((table, args)) = self.pass.moments.as_ref().zip(self.pass.motion_args(self.index, back)) else {
+            return;
+        };
+        motion(&args, table, self.window);
+        (self.store)(self.window);
+    }
+
     pub(super) fn fft(&mut self, direction: Direction) {
         let (window, columns) = (&self.pass.window, self.pass.columns);
         self.plans.fft(self.window, window.rows, window.columns, direction, columns, self.store);

@@ -2,7 +2,7 @@
 
 use super::call::{Call, Grid};
 use crate::engine::{EngineError, PupilPass, Resource};
-use eyebox_kernels::{SUM_WIDTH, intensity};
+use eyebox_kernels::{SUM_WIDTH, intensity, motion};
 
 /// Values, over all sub-frames, that a workgroup of `energy` adds up at once: 4096 to an invocation.
 const ENERGY_SHARE: u32 = 4096 * SUM_WIDTH;
@@ -59,5 +59,13 @@ impl Call<'_, '_> {
             intensity::Args { frames: count as u32, accumulate, ..pass.intensity }
         };
         self.over(Grid::Summed(pass.count()), args, &[])
+    }
+
+    /// Both ways are one module, told where in the table its sub-frames begin.
+    pub(super) fn motion(&mut self, pass: &PupilPass, back: bool) -> Result<(), EngineError> {
+        let Some(args) = pass.motion_args(0, back) else { return Ok(()) };
+        self.module = Some(&eyebox_spirv::MOTION);
+        let from = |first: usize, _| motion::Args { first: first as u32, ..args };
+        self.over(Grid::Rows(args.rows, args.columns), from, &[])
     }
 }

@@ -1,0 +1,194 @@
+//! Eyes and content that move while the sub-frames are shown, against float64 (OPTICS 15).
+
+use crate::model::{Bench, RADIUS, optics};
+use eyebox::engine::{Buffer, Engine, Kernel, cpu::CpuEngine};
+use eyebox::evaluate;
+use eyebox::optics::{DisplayModel, Pupil, WindowFactor};
+use eyebox::plan::{Comparison, ModelTables, Moment, Moving, Planner, PupilPass, Purpose, ViewLayout, Viewpoint};
+use eyebox::scene::{Pyramid, ViewGrid};
+use eyebox_kernels::compare;
+use eyebox_tests::both::every_fault;
+use eyebox_tests::{Oracle, error_power, fft2, loaded, noise, phases, step_with_targets};
+use rustfft::num_complex::Complex64;
+use std::f64::consts::TAU;
+use std::sync::Arc;
+
+/// What an eye sees of the sub-frames of `moments` that it averages, in its own frame, in float64.
+fn seen(bench: &Bench, phases: &[f64], moments: &[Moment]) -> Vec<f64> {
+    let o = bench.oracle.optics;
+    let (h, w) = (o.height, o.width);
+    let bin = |k: usize, n: usize| if k < n - n / 2 { k as f64 } else { k as f64 - n as f64 };
+    let count = moments.iter().filter(|m| m.seen).count() as f64;
+    let mut sum = vec![0.0; h * w];
+    for (mut spectrum, moment) in bench.spectra(phases).into_iter().zip(moments).filter(|(_, m)| m.seen) {
+        let pupil = bench.model.true_pupil(&moment.pupil);
+        let kernel = bench.oracle.kernel(&pupil);
+        for (i, (u, k)) in spectrum.iter_mut().zip(&kernel).enumerate() {
+            let (ky, kx) = (bin(i / w, h) / h as f64, bin(i % w, w) / w as f64);
+            *u *= k * Complex64::cis(TAU * (ky * moment.eye[1] + kx * moment.eye[0]));
+        }
+        fft2(&mut spectrum, h, w, true);
+        let share = o.share(pupil.diameter) * count;
+        sum.iter_mut().zip(spectrum).for_each(|(s, v)| *s += v.norm_sqr() / share);
+    }
+    sum
+}
+
+/// A stream of six sub-frames, a pupil to each, seen four at a time from the `a`-th on by an eye of fractional velocity.
+fn window_of_four(a: usize) -> Vec<Moment> {
+    let one = |f: usize| {
+        let (i, t) = (f as f64, (f as f64 - 2.5) / 4.0);
+        let pupil = Pupil { x: 2e-3 + 2e-4 * i, y: -1e-3, diameter: 7e-3 - 1e-4 * i, depth: 2e-3 };
+        Moment { pupil, eye: [3.3 * t, -1.7 * t], content: [0.0; 2], seen: (a..a + 4).contains(&f) }
+    };
+    (0..6).map(one).collect()
+}
+
+fn planner(model: DisplayModel, h: usize, w: usize, frames: usize) -> Planner {
+    let plain = Planner::new(optics(h, w), frames, WindowFactor::Full);
+    Planner { model: ModelTables::new(model, RADIUS, 256, plain.slm, plain.grid), ..plain }
+}
+
+#[test]
+fn what_a_moving_eye_sees_agrees_with_float64() {
+    let (h, w) = (40, 48);
+    let (exact, rounded) = phases(6 * h * w, 1);
+    for model in [DisplayModel::default(), every_fault()] {
+        let bench = Bench { model: model.clone(), oracle: Oracle { optics: optics(h, w), frames: 6 } };
+        let planner = planner(model, h, w, 6);
+        let mut engine = loaded(&planner, Purpose::View, &rounded);
+        for a in 0..3 {
+            let moments = window_of_four(a);
+            engine.run(&planner.view_step(vec![planner.moving_pass(&moments, &Comparison::default())])).unwrap();
+            let error = error_power(&engine.read(Buffer::Image(0)).unwrap(), &seen(&bench, &exact, &moments));
+            assert!(error < 1e-12, "from {a}: error power {error:.1e} of signal");
+        }
+    }
+}
+
+/// An eye at rest before sub-frames at rest is no moving eye at all: the list, and so its bits, are as without.
+#[test]
+fn at_rest_it_is_the_view() {
+    let planner = planner(DisplayModel::default(), 30, 41, 3);
+    let (_, rounded) = phases(3 * 30 * 41, 2);
+    let pupil = Pupil::from_mm([1.0, -2.0, 6.0, 3.0]);
+    let resting = Moving::resting(pupil, 3);
+    let comparison = Comparison::default();
+    assert_eq!(planner.viewpoint(&Viewpoint::Moving(resting), &comparison), planner.pupil_pass(&pupil, &comparison));
+    // And through the kernel, to rounding.
+    let mut engine = loaded(&planner, Purpose::View, &rounded);
+    let still: Vec<f64> =
+        evaluate::views(&mut engine, &planner, &[pupil]).unwrap()[0].iter().map(|x| f64::from(*x)).collect();
+    engine.run(&planner.view_step(vec![planner.moving_pass(&resting.moments(3), &comparison)])).unwrap();
+    assert!(error_power(&engine.read(Buffer::Image(0)).unwrap(), &still) < 1e-12);
+}
+
+/// Sub-frames that show the one before moved by whole pixels: who moves with them sees one of them, sharp; who rests a blur.
+#[test]
+fn who_follows_what_moves_sees_it_sharp() {
+    let (h, w) = (40, 48);
+    let (_, first) = phases(h * w, 3);
+    let roll = |i: usize| (0..h * w).map(move |at| ((at / w + h - 2 * i % h) % h, (at % w + i) % w));
+    let stream: Vec<f32> = (0..6).flat_map(|i| roll(i).map(|(y, x)| first[y * w + x]).collect::<Vec<_>>()).collect();
+    let planner = planner(DisplayModel::default(), h, w, 6);
+    let mut engine = loaded(&planner, Purpose::View, &stream);
+    let pupil = Pupil::from_mm([2.0, -1.0, 7.0, 2.0]);
+    let mut image = |moving: Moving| {
+        engine
+            .run(&planner.view_step(vec![planner.viewpoint(&Viewpoint::Moving(moving), &Comparison::default())]))
+            .unwrap();
+        engine.read(Buffer::Image(0)).unwrap()
+    };
+    let rest = Moving::resting(pupil, 6);
+    // Twelve pixels down and six to the left a set.
+    let follows = image(Moving { eye: [-6.0, 12.0], ..rest });
+    let one = image(Moving { eye: [-6.0, 12.0], first: 2, count: 1, ..rest });
+    let stays = image(rest);
+    // One sub-frame by itself, its times counted in sets of one, is displaced from where the set has it.
+    let deviation = |x: &[f32]| {
+        let mean = x.iter().sum::<f32>() / x.len() as f32;
+        (x.iter().map(|v| (v - mean).powi(2)).sum::<f32>() / x.len() as f32).sqrt()
+    };
+    assert!((deviation(&follows) / deviation(&one) - 1.0).abs() < 1e-4, "{} {}", deviation(&follows), deviation(&one));
+    assert!(deviation(&follows) > 1.5 * deviation(&stays), "{} {}", deviation(&follows), deviation(&stays));
+}
+
+/// The gradient of the loss over every window of 4 in 6, with a fractional velocity and a pupil per sub-frame.
+#[test]
+fn the_gradient_over_the_windows_of_a_stream_is_the_derivative() {
+    let (h, w, frames) = (20, 24, 6);
+    // Away from where the drive wraps: there the loss jumps.
+    let exact: Vec<f64> = noise(frames * h * w, 4).iter().map(|x| 0.02 + (x + 1.0) * 0.498 * TAU).collect();
+    let exact: Vec<f64> = exact.iter().map(|p| f64::from(*p as f32)).collect();
+    let rounded: Vec<f32> = exact.iter().map(|p| *p as f32).collect();
+    let targets: Vec<Vec<f32>> =
+        (0..3).map(|i| noise(h * w, 10 + i).iter().map(|x| (0.5 + 0.5 * x) as f32).collect()).collect();
+    for model in [DisplayModel::default(), every_fault()] {
+        let bench = Bench { model: model.clone(), oracle: Oracle { optics: optics(h, w), frames } };
+        let planner = planner(model, h, w, frames);
+        let comparison = Comparison { mode: compare::INTENSITY, exposure: 0.8, batch: 3, ..Comparison::default() };
+        let passes: Vec<PupilPass> = (0..3).map(|a| planner.moving_pass(&window_of_four(a), &comparison)).collect();
+        let mut engine = loaded(&planner, Purpose::Adam, &rounded);
+        step_with_targets(&planner, &mut engine, passes, &targets, true);
+        let gradient: Vec<f64> = engine.read(Buffer::Momentum).unwrap().iter().map(|m| f64::from(*m) * 10.0).collect();
+        let loss = |phases: &[f64]| {
+            let one = |a: usize| {
+                let image = seen(&bench, phases, &window_of_four(a));
+                let squares = image.iter().zip(&targets[a]).map(|(i, t)| (0.8 * i - f64::from(*t)).powi(2));
+                squares.sum::<f64>() / (h * w) as f64
+            };
+            (0..3).map(one).sum::<f64>() / 3.0
+        };
+        for seed in 0..2 {
+            let (direction, step) = (noise(frames * h * w, 100 + seed), 1e-5);
+            let moved = |s: f64| exact.iter().zip(&direction).map(|(p, d)| p + s * step * d).collect::<Vec<_>>();
+            let numeric = (loss(&moved(1.0)) - loss(&moved(-1.0))) / (2.0 * step);
+            let closed: f64 = gradient.iter().zip(&direction).map(|(g, d)| g * d).sum();
+            // As without motion: what float32 leaves of the gradient. (In float64 it is 1e-6.)
+            assert!((numeric - closed).abs() < 2e-5 * numeric.abs(), "{numeric} {closed}");
+        }
+    }
+}
+
+/// What should be seen: the mean of the moments' photographs, each where the eye has it then; for who follows, the still one.
+#[test]
+fn the_photograph_is_integrated_over_the_motion() {
+    let (h, w) = (48, 64);
+    let plain = Planner::new(optics(h, w), 2, WindowFactor::Full);
+    let grid = ViewGrid { rows: 3, columns: 3, cell: plain.slm.eyebox() / 3.0 };
+    let views: Vec<Vec<f32>> =
+        (0..9).map(|v| noise(h * w, v).iter().map(|x| (0.5 + 0.5 * x) as f32).collect()).collect();
+    let pyramid = Arc::new(Pyramid::new(&views, h, w));
+    let planner = Planner { views: Some(ViewLayout::new(grid, &pyramid)), ..plain };
+    let mut engine = CpuEngine::new();
+    engine.load(&planner.shape(Purpose::View), Some(pyramid)).unwrap();
+    let mut photograph = |moving: Moving| {
+        let pass = planner.viewpoint(&Viewpoint::Moving(moving), &Comparison::default());
+        engine.run(&planner.photograph_step(vec![pass])).unwrap();
+        engine.read(Buffer::Target(0)).unwrap()
+    };
+    let rest = Moving::resting(Pupil::from_mm([2.0, -1.0, 7.0, 2.0]), 2);
+    let still = photograph(rest);
+    assert_eq!(photograph(Moving { eye: [5.3, -1.2], content: [5.3, -1.2], ..rest }), still, "who follows");
+    // Two moments, a quarter of a set before and after the middle: T(r) = mean of T(r + (g - v) t).
+    let blurred = photograph(Moving { eye: [8.0, 0.0], content: [0.0, 4.0], ..rest });
+    let at = |y: i64, x: i64| f64::from(still[(y.rem_euclid(h as i64) * w as i64 + x.rem_euclid(w as i64)) as usize]);
+    let places = (0..h as i64).flat_map(|y| (0..w as i64).map(move |x| (y, x)));
+    let want: Vec<f64> = places.map(|(y, x)| 0.5 * (at(y + 1, x - 2) + at(y - 1, x + 2))).collect();
+    assert!(error_power(&blurred, &want) < 1e-10, "{:e}", error_power(&blurred, &want));
+}
+
+/// An eye at rest costs nothing: only where one moves the list has kernels for it.
+#[test]
+fn kernels_for_motion_are_there_where_an_eye_moves() {
+    let planner = planner(DisplayModel::default(), 30, 40, 4);
+    let rest = Moving::resting(Pupil::from_mm([1.0, 0.0, 5.0, 0.0]), 4);
+    let kernels = |moving: Moving| {
+        let pass = planner.viewpoint(&Viewpoint::Moving(moving), &Comparison::default());
+        let step = planner.project_step(vec![pass], usize::MAX, 1.0, 1.0, 0.0);
+        step.list.iter().filter(|d| matches!(d.kernel, Kernel::Motion | Kernel::MotionBack)).count()
+    };
+    assert_eq!(kernels(rest), 0);
+    assert_eq!(kernels(Moving { eye: [1.0, 0.0], ..rest }), 2);
+    assert_eq!(kernels(Moving { first: 1, count: 2, ..rest }), 2);
+}
