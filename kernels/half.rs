@@ -62,7 +62,7 @@ fn value(bits: u16) -> f32 {
     f32::from_bits(sign | size)
 }
 
-/// The same of drives and what is asked of them: what is beyond the range is the largest half.
+/// The same of drives, what is asked of them, and velocities: what is beyond the range is the largest half.
 pub fn round_drives(drives: &mut [f32]) {
     simd(
         #[inline(always)]

@@ -140,8 +140,7 @@ impl Buffers {
                 to.extend_from_slice(data);
                 match resource {
                     Resource::Phases if shape.binary_angles => binary_angle::round(to),
-                    Resource::Momentum if shape.binary_angles => to.iter_mut().for_each(|v| *v = half::rounded(*v)),
-                    _ if shape.stores_drives_short(resource) => half::round_drives(to),
+                    _ if shape.stores_half(resource) => half::round_drives(to),
                     _ => {}
                 }
             }
