@@ -30,6 +30,7 @@ mod chunks;
 mod document;
 mod exchange;
 mod exposure;
+mod jod;
 mod metadata;
 mod open;
 mod phase;
@@ -55,6 +56,7 @@ mod replaced_tests;
 mod sequence_tests;
 
 pub use exchange::{PhaseUnit, Phases, load_phases, save_phases};
+pub use jod::JodSettings;
 pub use metadata::{Metadata, Refined, Start, TakenWithCamera};
 pub use open::{BareOptics, Opening};
 pub use phase::{level_of_phase, phase_of_level, wrap_phase};
@@ -282,6 +284,7 @@ impl Hologram {
                 model: display.model.clone(),
                 picture: display.picture,
                 prescription: display.prescription.clone(),
+                viewing: display.viewing,
                 ..Metadata::default()
             },
         }
@@ -312,6 +315,7 @@ impl Hologram {
             model: self.metadata.model.clone(),
             picture: self.metadata.picture,
             prescription: self.metadata.prescription.clone(),
+            viewing: self.metadata.viewing,
         })
     }
 

@@ -264,7 +264,7 @@ mod tests {
         let here = tempfile::tempdir().unwrap();
         let display = Display { height: 24, width: 24, ..Display::load("paper").unwrap() };
         let mut job = SceneJob::new("builtin:plane?depth=0", &display);
-        job.scenes.extend(["builtin:plane?depth=1".into(), "builtin:point".into()]);
+        job.scenes.extend(["builtin:plane?depth=1".into(), "builtin:plane?depth=2".into()]);
         job.colors.truncate(1);
         job.settings = Settings { frames: 1, steps: 2, seed: 3, ..Settings::default() };
         job.sequence.start = Start::Cold;
