@@ -182,61 +182,43 @@ fn a_bench_whose_iris_stands_still_is_calibrated_as_far_as_it_tells() {
     assert!(gain("after_db") > gain("before_db") + 1.0, "{}", report["gain"]);
 }
 
-/// A lens that bends and magnifies each colour otherwise, k2 and all, seen by a camera that stands askew: its map comes back, lines
-/// that it bows are straight, and colours that it parts coincide.
+/// A lens that bends and magnifies each colour otherwise, seen by a camera that stands askew: its map comes back, and with it the
+/// places of both colours.
 #[test]
 fn a_picture_is_registered_colour_by_colour() {
     let here = common::folder();
     let at = here.path();
-    let lenses =
-        [(Color::Green, [1.0, 0.02, 0.012]), (Color::Red, [0.985, 0.03, 0.008]), (Color::Blue, [1.012, 0.016, 0.010])];
-    fs::write(at.join("rgb.toml"), DISPLAY.replace("green = 520", "green = 520, red = 638, blue = 450"))
-        .expect("a display");
+    let lenses = [("green", [1.0, 0.02, 0.012]), ("red", [0.985, 0.03, 0.008])];
+    fs::write(at.join("rgb.toml"), DISPLAY.replace("green = 520", "green = 520, red = 638")).expect("a display");
     let mut from = "rgb.toml".to_string();
     for (color, lens) in lenses {
-        let (color, out) = (color.to_string(), format!("{color}.toml"));
-        let args = ["--display", &from, "--color", &color, "--register", "--captures-max", "20", "-o", &out];
+        let out = format!("{color}.toml");
+        let args = ["--display", &from, "--color", color, "--register", "--captures-max", "20", "-o", &out];
         let lens = lens.map(|v| v.to_string()).join(",");
         let (_, said) = report(&mut calibrate(at, &args, &[("BENCH_IDEAL", "1"), ("BENCH_LENS", &lens)]));
         assert!(said.contains("pixels off its place"), "{said}");
         from = out;
     }
     let display = Display::load(&at.join(from).display().to_string()).expect("a display");
-    let (mut found, mut truth) = (Picture::default(), Picture::default());
-    (found.straight, truth.straight) = (true, true);
-    for (color, [zoom, k1, k2]) in lenses {
-        let [a, b, c, d, e, f] = [-0.9, 0.02, 0.01, 0.02, 0.9, -0.008].map(|v| v * zoom);
-        truth.set(color, Seen { homography: [a, b, c, d, e, f, 0.01, -0.006], distortion: [k1, k2] });
-        found.set(color, display.picture.seen(color).expect("it was seen"));
-    }
-    // A grid of 9 x 9 places of the viewer's picture, in its pixels: where a colour is seen that was shown there, or where it has to
-    // be shown by what was found.
-    let grid = |color: Color, corrected: bool| -> Vec<[f64; 2]> {
-        let [found, truth] = [&found, &truth].map(|picture| picture.map(color, [64, 64]).expect("a map"));
-        let place = |i: usize| [i % 9, i / 9].map(|v| f64::from(v as u8) / 4.5 - 8.0 / 9.0);
-        let shown = |at| if corrected { found.back(at) } else { at };
-        (0..81).map(|i| truth.forth(shown(place(i))).map(|v| 32.0 * v)).collect()
-    };
-    let apart = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
-    // Most that rows of the grid part from the line through their ends, and colours from each other.
-    let bow = |seen: &[[f64; 2]]| {
-        let off = |row: &[[f64; 2]]| {
-            let ([x0, y0], [x1, y1]) = (row[0], row[8]);
-            let along = [x1 - x0, y1 - y0].map(|v| v / apart(row[0], row[8]));
-            row.iter().map(|[x, y]| ((x - x0) * along[1] - (y - y0) * along[0]).abs()).fold(0.0, f64::max)
+    for ((name, lens), color) in lenses.iter().zip([Color::Green, Color::Red]) {
+        let [zoom, k1, k2] = *lens;
+        let homography = [-0.9, 0.02, 0.01, 0.02, 0.9, -0.008].map(|v| v * zoom);
+        let [a, b, c, d, e, f] = homography;
+        let truth = Seen { homography: [a, b, c, d, e, f, 0.01, -0.006], distortion: [k1, k2] };
+        let map = |seen| {
+            let mut picture = Picture::default();
+            picture.straight = true;
+            picture.set(Color::Green, seen);
+            picture.map(Color::Green, [64, 64]).expect("a map")
         };
-        seen.chunks_exact(9).map(off).fold(0.0, f64::max)
-    };
-    let measured = [false, true].map(|corrected| {
-        let seen = lenses.map(|(color, _)| grid(color, corrected));
-        let fringe = |a: usize, b: usize| seen[a].iter().zip(&seen[b]).map(|(a, b)| apart(*a, *b)).fold(0.0, f64::max);
-        let fringes = [fringe(0, 1), fringe(0, 2), fringe(1, 2)].into_iter().fold(0.0, f64::max);
-        [seen.iter().map(|seen| bow(seen)).fold(0.0, f64::max), fringes]
-    });
-    println!("pixels of the picture, bow and fringes, before and after: {measured:.4?}");
-    let [before, after] = measured;
-    assert!(before[0] > 0.5 && before[1] > 0.8, "{before:?} before: there is nothing to correct");
-    assert!(after[0] < 0.05 && after[1] < 0.1, "{after:?} of {before:?} pixels");
+        let [found, truth] = [display.picture.seen(color).expect("it was seen"), truth].map(map);
+        for i in 0..81 {
+            let place = [i % 9, i / 9].map(|v| f64::from(v) / 4.0 - 1.0);
+            let (got, want) = (found.forth(place), truth.forth(place));
+            let off = 32.0 * (got[0] - want[0]).hypot(got[1] - want[1]);
+            assert!(off < 0.05, "{name}: {off:.3} pixels off at {place:?}");
+        }
+    }
 }
 
 /// A display of eyebox's own shows the patterns, and the camera's command sees what it received.

@@ -321,7 +321,7 @@ pub fn serve() {
         let id = ask["id"].clone();
         let answer = match ask["do"].as_str() {
             Some("hello") => {
-                let mut hello = json!({"id": id, "protocol": 1, "name": "simulated", "colors": {"green": 520.0, "red": 638.0, "blue": 450.0}, "focus_mm": [-5, 5],
+                let mut hello = json!({"id": id, "protocol": 1, "name": "simulated", "colors": {"green": 520.0, "red": 638.0}, "focus_mm": [-5, 5],
                 "slm": {"resolution": [N, N], "pitch_um": 8.0, "levels": 256, "sub_frames": 3},
                 "camera": {"resolution": [CAMERA, CAMERA], "bits": 12, "auto_exposure": true, "dark": true}});
                 if bench.still.is_none() {
