@@ -4,6 +4,7 @@
 # Debian, Ubuntu and their kin: by apt-get. Elsewhere: says what is missing and exits 1, or 0 if nothing is.
 # Rust itself (cargo) is assumed.
 # tools/setup.sh windows does the same for what builds for Windows and runs it: MinGW's linker and Wine, 1 GB on the disk.
+# tools/setup.sh site for what tools/site.sh opens its pages with: Chromium.
 set -euo pipefail
 
 say() { printf 'setup: %s\n' "$*" >&2; }
@@ -14,6 +15,8 @@ if ! command -v cargo >/dev/null; then
 fi
 
 windows=$([[ ${1:-} != windows ]] || echo yes)
+site=$([[ ${1:-} != site ]] || echo yes)
+chromium() { command -v chromium >/dev/null || command -v chromium-browser >/dev/null || command -v google-chrome >/dev/null; }
 mingw() { command -v x86_64-w64-mingw32-gcc >/dev/null; }
 wine() { (PATH=$PATH:/usr/lib/wine && command -v wine64 >/dev/null); } # Where Debian has it.
 
@@ -22,6 +25,9 @@ if command -v apt-get >/dev/null && command -v dpkg-query >/dev/null; then
     if [[ $windows ]]; then
         mingw || missing+=(gcc-mingw-w64-x86-64-win32)
         wine || missing+=(wine64)
+    elif [[ $site ]]; then
+        chromium || missing+=(chromium)
+        python3 -c 'import ensurepip' 2>/dev/null || missing+=(python3-venv)
     else
         # What windows load at run time comes last.
         for package in libvulkan1 mesa-vulkan-drivers vulkan-validationlayers xvfb \
@@ -65,6 +71,8 @@ missing=()
 if [[ $windows ]]; then
     mingw || missing+=("MinGW's linker, x86_64-w64-mingw32-gcc")
     wine || missing+=("Wine for 64 bits, wine64")
+elif [[ $site ]]; then
+    chromium || missing+=("Chromium")
 else
     libraries=$({ ldconfig -p || /sbin/ldconfig -p; } 2>/dev/null || true)
     [[ $libraries == *libvulkan.so.1* ]] || missing+=("the Vulkan loader (libvulkan.so.1)")

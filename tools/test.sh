@@ -66,6 +66,9 @@ for width in 128 512; do
     LP_NATIVE_VECTOR_WIDTH=$width cargo test --workspace --test vulkan -- fft::
 done
 
+stage "the Python package"
+tools/python.sh
+
 stage "a program outside of the workspace"
 # Of the workspace's versions, in its folder: what it has built is built no second time.
 cp Cargo.lock tests/embed/Cargo.lock
@@ -75,4 +78,7 @@ cargo run --quiet --manifest-path tests/embed/Cargo.toml --target-dir "$target"
 stage "the README's commands"
 # With the program that the tests have built.
 EYEBOX=$target/debug/eyebox tools/readme.sh
+stage "the documents as a site"
+tools/setup.sh site || echo "continuing without: its pages are not opened" >&2
+EYEBOX=$target/debug/eyebox tools/site.sh
 stage "done"

@@ -147,19 +147,28 @@ pub struct Calibration {
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
+    /// Whose eyes.
     user: String,
+    /// Of the left eye: below.
     left: Option<FitText>,
+    /// Of the right one.
     right: Option<FitText>,
+    /// Of both.
     combined: Option<FitText>,
 }
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct FitText {
+    /// Unit of the tracker's readings.
     unit: UnitText,
+    /// The pupil's x in millimetres: constant, times the reading's x, times its y.
     x_mm: [f64; 3],
+    /// Its y likewise.
     y_mm: [f64; 3],
+    /// What is left of the targets, millimetres RMS.
     residual_mm: f64,
+    /// Targets that were used, and shown.
     #[serde(default)]
     used: [usize; 2],
 }

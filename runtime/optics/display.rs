@@ -4,7 +4,7 @@ use super::color::Color;
 use super::encoding::Encoding;
 use super::model::{self, DisplayModel, ModelSections, ModelTerms};
 use super::wavefront_map;
-use super::{Geometry, Optics, OpticsError, Picture, PictureMap, Prescription};
+use super::{Geometry, Optics, OpticsError, Picture, PictureMap, Prescription, Viewing};
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, path::Path};
 
@@ -37,6 +37,9 @@ pub struct Wavelength {
 /// [model.green]                  # the display as it is: docs/displays.md
 /// fill = 0.96
 /// lag = 0.05
+///
+/// [viewing]                      # how bright and how fine it is seen: docs/displays.md
+/// luminance_cd_m2 = 200
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Display {
@@ -68,33 +71,50 @@ pub struct Display {
     pub picture: Picture,
     /// The eye that looks at it; none for a perfect one.
     pub prescription: Option<Prescription>,
+    /// How bright and how fine its picture is seen.
+    pub viewing: Viewing,
 }
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
+    /// What it is called; without, as the file is.
     #[serde(default)]
     name: Option<String>,
+    /// Rows and columns of the SLM.
     resolution: [usize; 2],
+    /// Pixel pitch, micrometres.
     pitch_um: f64,
+    /// Focal length of the relay, millimetres; in the far field, what angles and dioptres are measured with.
     focal_length_mm: f64,
+    /// Wavelengths, nanometres: one to three of red, green, blue.
     wavelengths_nm: BTreeMap<Color, f64>,
+    /// Phase levels of the SLM, 2 to 65536 [default: 256].
     #[serde(default = "levels_default")]
     levels: u32,
+    /// Video frames that it takes a second, where that is known, 1 to 100000.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     rate_hz: Option<f64>,
+    /// Where the SLM stands: behind a relay, or in the plane of the pupil [default: relay].
     #[serde(default, skip_serializing_if = "Geometry::is_relay")]
     geometry: Geometry,
+    /// Whether it is meant to be higher than wide.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     portrait: bool,
+    /// How it takes its phases: the table below.
     #[serde(default)]
     encoding: Encoding,
+    /// What is known of it beyond the ideal display: `[model.red]`, `[model.green]`, `[model.blue]`, `[model.all]`, below.
     #[serde(default, skip_serializing_if = "ModelSections::is_empty")]
     model: ModelSections,
+    /// Where its picture is seen, as `eyebox calibrate --register` found: below.
     #[serde(default, skip_serializing_if = "Picture::is_empty")]
     picture: Picture,
+    /// The eye that looks at it; a perfect one without: below.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     prescription: Option<Prescription>,
+    #[serde(default, skip_serializing_if = "Viewing::is_default")]
+    viewing: Viewing,
 }
 
 /// The shortest number that, in so many metres, is this length as nearly as any.
@@ -156,6 +176,7 @@ impl Display {
             model,
             picture: read.picture,
             prescription: read.prescription,
+            viewing: read.viewing,
         };
         let colors: Vec<Color> = display.wavelengths.iter().map(|w| w.color).collect();
         model::check(&display.model, &colors).map_err(&wrong)?;
@@ -163,6 +184,7 @@ impl Display {
         if let Some(Err(reason)) = display.prescription.as_ref().map(Prescription::check) {
             return Err(wrong(format!("[prescription]: {reason}")));
         }
+        display.viewing.check().map_err(|reason| wrong(format!("[viewing]: {reason}")))?;
         if display.geometry == Geometry::FarField && colors.iter().any(|c| display.model(*c).fill > 0.0) {
             let reason = "[model] has a fill, which in the far field dims the picture's edges and not the eyebox: \
                           leave it out";
@@ -194,6 +216,7 @@ impl Display {
             model: self.model.clone(),
             picture: self.picture,
             prescription: self.prescription.clone(),
+            viewing: self.viewing,
         };
         toml::to_string(&file).expect("a display has nothing that TOML cannot say")
     }
@@ -252,6 +275,12 @@ impl Display {
             Geometry::Relay => self.pitch,
             Geometry::FarField => self.shortest() * self.focal_length / (self.pitch * self.picture_size().0 as f64),
         }
+    }
+
+    /// Pixels a degree of visual angle in the middle of its picture: as `[viewing]` says, else those of the optics, of which
+    /// one takes `picture_pixel / focal_length` radians (OPTICS 2 and 9).
+    pub fn pixels_per_degree(&self) -> f64 {
+        self.viewing.pixels_per_degree.unwrap_or((self.focal_length / self.picture_pixel()).to_radians())
     }
 
     /// Share of one colour's field of view that the picture takes along each axis: in the far field all colours show what

@@ -26,15 +26,25 @@ pub(super) struct Settings {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Toml {
+    /// Rows and columns of views.
     grid: Option<[usize; 2]>,
+    /// Which pictures are the views; `*` is anything; with a `/`, in the folders of the folder.
     files: Option<String>,
+    /// Whether every second row of running numbers runs backwards.
     serpentine: Option<bool>,
+    /// Whether rows and columns of views change places.
     transpose: Option<bool>,
+    /// Whether the first row of views is the lowest.
     flip_rows: Option<bool>,
+    /// Whether the first column of views is the one farthest right.
     flip_columns: Option<bool>,
+    /// Distance of neighbouring views in the plane of the pupil, millimetres.
     view_pitch_mm: Option<f64>,
+    /// Least and largest disparity between neighbouring views, pixels; positive is nearer.
     disparity: Option<[f64; 2]>,
+    /// Least and largest depth, millimetres; positive is nearer.
     depth_mm: Option<[f64; 2]>,
+    /// How pixels stand for light: linear, or as pictures have it.
     transfer: Option<Transfer>,
 }
 

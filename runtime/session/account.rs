@@ -81,3 +81,40 @@ impl Account {
         Cause::ALL.iter().filter_map(one).collect::<Vec<_>>().join(", ")
     }
 }
+
+/// Why a set of what is refined is shown again: what was the matter when the next was decided on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub enum Repeat {
+    /// Nothing has changed, and nothing is refined.
+    #[default]
+    Unchanged,
+    /// Steps were under way: they take longer than there is from one set to the next.
+    StepTooLong,
+    /// Another scene was being made ready.
+    SceneTooLong,
+    /// It was being encoded.
+    EncodingTooLong,
+    /// The engine was lost, and another was being made.
+    EngineLost,
+    /// Refinement has ended.
+    RefinementEnded,
+}
+
+impl Repeat {
+    /// All of them, in the order of accounts.
+    pub const ALL: [Self; 6] = [
+        Self::Unchanged,
+        Self::StepTooLong,
+        Self::SceneTooLong,
+        Self::EncodingTooLong,
+        Self::EngineLost,
+        Self::RefinementEnded,
+    ];
+
+    /// For people and statistics.
+    pub fn name(self) -> &'static str {
+        ["unchanged", "step too long", "scene too long", "encoding too long", "engine lost", "refinement ended"]
+            [self as usize]
+    }
+}

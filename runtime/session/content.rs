@@ -73,6 +73,8 @@ pub struct About {
     pub set_frames: u64,
     /// Sub-frames of a set, over all colours.
     pub sub_frames: u64,
+    /// Whether sets roll: any video frame may be of a newer set.
+    pub rolls: bool,
 }
 
 impl About {
@@ -100,7 +102,8 @@ impl Status {
     /// What came of it so far, on what it shows on; what is pending is not known before the end.
     pub fn report(&self, about: &About) -> Report {
         let Self { seconds, account, timing, .. } = *self;
-        Report { account, pending: 0, seconds, planes: about.sub_frames, timing }
+        let planes = if about.rolls { about.sub_frames / about.set_frames.max(1) } else { about.sub_frames };
+        Report { account, pending: 0, seconds, planes, timing }
     }
 }
 

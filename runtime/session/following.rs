@@ -10,12 +10,13 @@ use super::player::SetSource;
 use super::pupil_tracker::{Heard, PupilTracker};
 use super::refine::Refinement;
 use super::set_timing::SetTiming;
-use super::sets::LiveSource;
+use super::sets::{FinishedSet, LiveSource};
 use super::showing::Showing;
 use super::statistics::LiveStatistics;
 use super::steerer::Policy;
-use super::trace::{Lit, Track};
+use super::trace::{Light, Lit, Track};
 use super::work_time::Times;
+use crate::encode::Packed;
 use crate::optics::{Pupil, PupilDistribution};
 use crate::present::SECOND_NS;
 use crate::trackers::simulated;
@@ -46,6 +47,17 @@ pub struct LiveStatus {
     pub focus: Option<f64>,
 }
 
+/// A video frame that was handed over.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct HandedOver {
+    /// When it begins to be lit.
+    pub start_ns: i64,
+    /// Which of its set.
+    pub video_frame: u64,
+    /// Whether it was decided with it what is shown.
+    pub decided: bool,
+}
+
 /// Lights that wait for the tracker at most.
 pub(super) const OPEN: usize = 256;
 
@@ -72,7 +84,15 @@ pub(super) struct Following {
     pub(super) times: Times,
     /// Where pupils are where nobody is tracked.
     pub(super) whole: PupilDistribution,
+    /// From the beginning to the middle of the light of what is decided at once, and of one video frame.
     pub(super) light_after_ns: i64,
+    pub(super) frame_light_after_ns: i64,
+    /// Whether sets roll, and which sub-frames a video frame holds.
+    pub(super) rolls: bool,
+    pub(super) packed: Arc<Packed>,
+    /// Of the set on the screen, how many video frames were lit; sub-frames lit first, and again.
+    pub(super) lit_of_set: (u64, usize),
+    pub(super) sub_frames: [u64; 2],
     pub(super) sets_per_second: f64,
     pub(super) notes: Notes,
     pub(super) latency: Latency,
@@ -89,10 +109,13 @@ pub(super) struct Following {
 }
 
 impl Following {
-    /// After a video frame, which may have begun a set; false once a user closed the window beside the display.
-    pub(super) fn after(&mut self, set_start_ns: Option<i64>, display: &mut OpenDisplay) -> bool {
-        if let Some(start_ns) = set_start_ns {
-            self.set_began(start_ns, display.clock.now_ns());
+    /// After a video frame; false once a user closed the window beside the display.
+    pub(super) fn after(&mut self, frame: Option<HandedOver>, display: &mut OpenDisplay) -> bool {
+        if let Some(frame) = frame {
+            if frame.decided {
+                self.set_began(frame.start_ns, display.clock.now_ns());
+            }
+            self.lights(frame);
         }
         let now_ns = display.clock.now_ns();
         self.look_back(now_ns);
@@ -143,15 +166,7 @@ impl Following {
             if let Some(showing) = &mut self.showing {
                 showing.lit(Some(set), start_ns);
             }
-            self.track.lit(Lit {
-                set: set.number,
-                content: set.content,
-                supply: set.supply.name(),
-                sample_ns: set.timestamps.sample_ns,
-                light_ns,
-                steps: set.steps,
-                estimated_db: set.estimated_db,
-            });
+            self.track.lit(lit_by(set, light_ns));
             self.latency.shown(&set.timestamps, now_ns, light_ns);
             self.pupil = set.timestamps.sample_ns.map(|_| set.pupil);
             self.focus = set.focus;
@@ -171,6 +186,24 @@ impl Following {
             }
             self.open.push_back((self.times.monotonic_ns(light_ns), pupil));
         }
+    }
+
+    /// A video frame is lit, with what it holds.
+    fn lights(&mut self, HandedOver { start_ns, video_frame, .. }: HandedOver) {
+        let Some(set) = self.source.lit() else { return };
+        let (number, lit) = self.lit_of_set;
+        let lit = if number == set.number { lit } else { 0 };
+        self.lit_of_set = (set.number, lit + 1);
+        let again = lit >= self.packed.video_frames;
+        let held = self.packed.slots.iter().filter(|slot| slot.video_frame as u64 == video_frame).count();
+        self.sub_frames[usize::from(again)] += held as u64;
+        let why = self.source.repeated().unwrap_or_default();
+        self.track.light(Light {
+            lit: lit_by(set, start_ns.saturating_add(self.frame_light_after_ns)),
+            video_frame,
+            again: again.then(|| why.name()),
+            packed: Arc::clone(&self.packed),
+        });
     }
 
     /// Where the pupil was at lights that have passed: truly, for a simulated eye, else as it was measured.
@@ -196,7 +229,8 @@ impl Following {
     }
 
     pub(super) fn status(&self) -> LiveStatus {
-        let ([sets_new, sets_repeated], [restarts, steps]) = (self.source.counts(), self.refinement.counts());
+        let ((sets_new, repeats), [restarts, steps]) = (self.source.counts(), self.refinement.counts());
+        let sets_repeated = repeats.iter().sum();
         let [sample_to_light_ms, pupil_error_mm] = self.medians;
         let sample_age_ms = self.latency.sample_age_ms();
         let focus = self.focus;
@@ -230,6 +264,7 @@ impl Following {
     /// Ends the threads: what came of it, and what they did.
     pub(super) fn stop(mut self) -> (LiveStatistics, Vec<Track>, Result<(), SessionError>) {
         let LiveStatus { sets_new, sets_repeated, steps, restarts, .. } = self.status();
+        let (repeats, rolls, sub_frames) = (self.source.counts().1, self.rolls, self.sub_frames);
         let mut tracks: Vec<Track> = self.refinement.stop().into_iter().collect();
         // A refinement in simulated time holds nothing of it.
         if let Some(mut tracker) = self.tracker.and_then(Arc::into_inner) {
@@ -237,8 +272,33 @@ impl Following {
         }
         let showing = self.showing.map(|showing| showing.with(self.refinement.taken()));
         let (tracker, latency, policy, focus) = (self.name, self.latency, self.policy, self.focused);
-        let live =
-            LiveStatistics { tracker, policy, sets_new, sets_repeated, steps, restarts, focus, latency, showing };
+        let live = LiveStatistics {
+            tracker,
+            policy,
+            sets_new,
+            sets_repeated,
+            repeats,
+            rolls,
+            sub_frames,
+            steps,
+            restarts,
+            focus,
+            latency,
+            showing,
+        };
         (live, tracks, self.keeping.map_or(Ok(()), Keeping::finish))
+    }
+}
+
+/// What a trace says of a set that is lit then.
+fn lit_by(set: &FinishedSet, light_ns: i64) -> Lit {
+    Lit {
+        set: set.number,
+        content: set.content,
+        supply: set.supply.name(),
+        sample_ns: set.timestamps.sample_ns,
+        light_ns,
+        steps: set.steps,
+        estimated_db: set.estimated_db,
     }
 }

@@ -48,11 +48,13 @@ pub enum Stage {
     SampleAge,
     /// All refinement for the set: it looks again at the eye meanwhile.
     AllRefinement,
+    /// From the sample's arrival to the light, of sets that are the first to follow it: what eyebox adds to the tracker's own.
+    ArrivalToLight,
 }
 
 impl Stage {
     /// All of them.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Tracker,
         Self::Filter,
         Self::Waiting,
@@ -63,6 +65,7 @@ impl Stage {
         Self::SampleToLight,
         Self::SampleAge,
         Self::AllRefinement,
+        Self::ArrivalToLight,
     ];
 
     /// For programs.
@@ -78,6 +81,7 @@ impl Stage {
             Self::SampleToLight => "sample_to_light",
             Self::SampleAge => "sample_age",
             Self::AllRefinement => "all_refinement",
+            Self::ArrivalToLight => "arrival_to_light",
         }
     }
 }
@@ -180,6 +184,7 @@ impl Latency {
             (Stage::SampleToLight, since(fresh.sample_ns, Some(light_ns))),
             (Stage::SampleAge, self.age_ms),
             (Stage::AllRefinement, since(Some(timestamps.refine_start_ns), Some(timestamps.refine_end_ns))),
+            (Stage::ArrivalToLight, since(fresh.decoded_ns, Some(light_ns))),
         ];
         for (stage, value) in values {
             if let Some(value) = value {
@@ -274,6 +279,7 @@ mod tests {
         let sum: f64 = Stage::ALL[..7].iter().map(|s| median(*s)).sum();
         assert!((sum - 39.0).abs() < 0.2 && (median(Stage::SampleToLight) - 39.0).abs() < 0.05, "{sum}");
         assert!((median(Stage::AllRefinement) - 15.0).abs() < 0.05);
+        assert!((median(Stage::ArrivalToLight) - 31.0).abs() < 0.05);
         assert!((latency.error_mm().percentile(0.5).unwrap() - 0.2).abs() < 0.01);
         // Before the first sample there is no way to account for, and nothing is made up.
         latency.shown(&Timestamps { sample_ns: None, decoded_ns: None, filtered_ns: None, ..timestamps }, 0, 0);

@@ -25,7 +25,6 @@ use crate::engine::{Backend, Engine, EngineError};
 use crate::gaze::Estimator;
 use crate::gpu::Gpu;
 use crate::optics::PupilDistribution;
-use crate::present::Rate;
 use crate::solve::PupilRange;
 use crate::trackers::mouse::{self, MouseHandle};
 use crate::trackers::simulated::{self, SimulatedSource};
@@ -187,6 +186,9 @@ pub struct Live {
     pub tracking: Option<Tracking>,
     /// Where nobody is tracked: where the pupil may be.
     pub whole: PupilDistribution,
+    /// Sets are handed over and shown whole, though the display takes several video frames for one; else they roll there: every
+    /// video frame is the newest set's whose turn it is.
+    pub whole_sets: bool,
     /// What work takes on a simulated clock.
     pub cost: Cost,
     /// A new folder that keeps what was decided, with all scenes that followed each other, so that it can be done again.
@@ -220,6 +222,7 @@ impl Live {
             scenes: None,
             tracking: tracking.into(),
             whole,
+            whole_sets: false,
             cost: Cost::Measured,
             journal: None,
             replay: None,
@@ -270,20 +273,23 @@ impl Live {
     ) -> Result<Setup, SessionError> {
         let clock = display.real_clock;
         self.check_clock(clock.is_some())?;
-        let Self { colors, encoder, mut engines, tracking, mut policy, scenes, whole, cost, .. } = self;
+        let Self { colors, encoder, mut engines, tracking, mut policy, scenes, whole, whole_sets, cost, .. } = self;
         // What no scene brings cannot be begun again with.
         let whole_of_none = scenes.as_ref().filter(|scenes| !scenes.begins_with_one()).map(|_| whole);
         if whole_of_none.is_some() {
             policy.restart = f64::INFINITY;
         }
         let set_frames = encoder.packed().video_frames as u64;
-        let period_ns = display.rate.time_of_ns(i64::try_from(set_frames).unwrap_or(i64::MAX));
+        let rolls = set_frames > 1 && !whole_sets;
+        let every = if rolls { 1 } else { set_frames };
+        let period_ns = display.rate.time_of_ns(i64::try_from(every).unwrap_or(i64::MAX));
         let schedule = Schedule {
             display_rate: display.rate,
-            content_rate: Rate::new(1_000_000_000, u32::try_from(period_ns).unwrap_or(u32::MAX))?,
+            content_rate: display.rate.over(u32::try_from(every).unwrap_or(u32::MAX))?,
             speed: Speed::ONE,
             set_frames,
-            start: Start::WhenReady { idle_sets: 4_u64.div_ceil(set_frames) },
+            rolls,
+            start: Start::WhenReady { idle_sets: 4_u64.div_ceil(every) },
             keep_phase: false,
         };
         let sub_frames = colors.iter().map(SteeredColor::frames).sum::<usize>() as u64;
@@ -291,6 +297,9 @@ impl Live {
         let showing = scenes.as_ref().map(|scenes| Showing::new(scenes.describe()));
         let timing = Arc::new(AtomicCell::new(SetTiming::new(period_ns)));
         let light_after = Duration::from_nanos(period_ns.unsigned_abs() / 2) + self.display_latency;
+        let frame_light_after =
+            Duration::from_nanos(display.rate.period_ns().unsigned_abs() / 2) + self.display_latency;
+        let packed = Arc::new(encoder.packed().clone());
         let with_phases = self.companion.is_some();
         let companion = match self.companion {
             Some(open) => Some(open(display.desktop()?).map_err(SessionError::Companion)?),
@@ -347,6 +356,11 @@ impl Live {
             times: Times(clock),
             whole,
             light_after_ns: as_ns(light_after),
+            frame_light_after_ns: as_ns(frame_light_after),
+            rolls,
+            packed,
+            lit_of_set: (u64::MAX, 0),
+            sub_frames: [0; 2],
             sets_per_second: display.rate.hz() / set_frames as f64,
             notes: notes.clone(),
             latency: Latency::default(),

@@ -62,11 +62,17 @@ mod watch;
 mod work_time;
 
 #[cfg(test)]
+mod rolling_tests;
+#[cfg(test)]
 mod scenes_tests;
 #[cfg(test)]
 mod scheduler_tests;
 #[cfg(test)]
+mod scripted;
+#[cfg(test)]
 mod simulation;
+#[cfg(test)]
+mod soak_tests;
 #[cfg(test)]
 mod stream_tests;
 #[cfg(test)]
@@ -74,7 +80,7 @@ mod tests;
 #[cfg(test)]
 mod thread_tests;
 
-pub use account::{Account, Cause};
+pub use account::{Account, Cause, Repeat};
 #[cfg(target_os = "linux")]
 pub use application::{LiveInput, LiveKind, darkness};
 pub use companion::{Asked, Companion, CompanionOpener, Now};

@@ -156,6 +156,7 @@ impl Play {
         let speed = Speed::new(self.speed)
             .ok_or_else(|| SessionError::Setting(format!("--speed {}: it must be 0.001 to 1000", self.speed)))?;
         let schedule = Schedule {
+            rolls: false,
             display_rate: display.rate,
             content_rate: self.rate,
             speed,

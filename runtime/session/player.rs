@@ -13,6 +13,15 @@ use crate::present::{Clock, Event, PresentError, Presenter, Rate};
 use std::rc::Rc;
 use std::time::Instant;
 
+/// A video frame that a set may begin with, on a simulated clock, nanoseconds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) struct Begins {
+    /// When it is to light up.
+    pub display_time_ns: i64,
+    /// When it is decided what it shows: now.
+    pub decided_ns: i64,
+}
+
 /// Content that can be shown: what the present thread sees of a [`Stream`](super::Stream). None of it blocks but
 /// [`settle`](Self::settle).
 pub(super) trait SetSource: Content {
@@ -22,11 +31,11 @@ pub(super) trait SetSource: Content {
     /// What ended the threads behind it.
     fn poll(&mut self, useful_from: u64) -> Result<(), SessionError>;
 
-    /// Waits until it is known what comes of a position, which is to light up then: with simulated clocks, for which it takes no time.
+    /// Waits until it is known what comes of a position: with simulated clocks, for which it takes no time.
     ///
     /// # Errors
     /// Those of [`poll`](Self::poll).
-    fn settle(&mut self, position: u64, display_time_ns: i64) -> Result<(), SessionError>;
+    fn settle(&mut self, position: u64, begins: Begins) -> Result<(), SessionError>;
 
     /// Puts a position that is ready on the screen.
     fn show(&mut self, position: u64);
@@ -172,7 +181,7 @@ impl Player {
         source.poll(useful)?;
         let wanted = self.scheduler.wanted(next.predicted_display_time_ns);
         if let Some(wanted) = wanted.filter(|_| self.clock.is_simulated()) {
-            source.settle(wanted, next.predicted_display_time_ns)?;
+            source.settle(wanted, Begins { display_time_ns: next.predicted_display_time_ns, decided_ns: woken_ns })?;
         }
         let Slot { what, video_frame, late } = self.scheduler.next(next.vblank, next.predicted_display_time_ns, source);
         match what {

@@ -2,8 +2,9 @@
 
 use super::content::{About, Content, Ended, FrameObserver, SessionOptions, Shared, Status};
 use super::error::SessionError;
+use super::following::HandedOver;
 use super::output::{OpenDisplay, Output};
-use super::player::{Flow, Player};
+use super::player::{Flow, Player, PresentedFrame};
 use super::record::Recording;
 use super::report::Report;
 use super::running::{Running, Setup};
@@ -93,6 +94,7 @@ impl PresentThread {
             display_rate: schedule.display_rate,
             set_frames: schedule.set_frames,
             sub_frames: self.sub_frames,
+            rolls: schedule.rolls,
         }
     }
 
@@ -121,11 +123,10 @@ impl PresentThread {
             self.player.command(command, self.running.source());
         }
         let Self { player, display, running, recording, observer, .. } = self;
-        let mut set_start_ns = None;
+        let (mut handed_over, rolls) = (None, player.scheduler().schedule().rolls);
         let flow = player.tick(display.presenter(), running.source(), &mut |frame| {
-            if frame.video_frame == 0 {
-                set_start_ns = Some(frame.predicted_display_time_ns);
-            }
+            let PresentedFrame { predicted_display_time_ns: start_ns, video_frame, .. } = *frame;
+            handed_over = Some(HandedOver { start_ns, video_frame, decided: rolls || video_frame == 0 });
             if let Some(observer) = observer {
                 observer(frame);
             }
@@ -137,7 +138,7 @@ impl PresentThread {
             Flow::Closed => return Ok(Some(Ending::Closed)),
         }
         if let Running::Live(following) = running
-            && !following.after(set_start_ns, display)
+            && !following.after(handed_over, display)
         {
             return Ok(Some(Ending::Closed));
         }
@@ -169,8 +170,9 @@ impl PresentThread {
         let seconds = self.seconds();
         let presenter = self.display.presenter();
         let schedule = *self.player.scheduler().schedule();
+        let planes = self.sub_frames * schedule.decided_every() / schedule.set_frames.max(1);
         let mut statistics = Statistics {
-            report: Report::new(self.player.scheduler(), self.player.timing(), seconds, self.sub_frames),
+            report: Report::new(self.player.scheduler(), self.player.timing(), seconds, planes),
             ended_by,
             presenter: presenter.describe(),
             timed_by: presenter.timed_by(),

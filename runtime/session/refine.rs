@@ -1,24 +1,26 @@
 //! Refining for every set that can still be reached: what is to be seen then, where the pupil will be, steps until it has to be
 //! handed over, and the set. On a thread, or, where time is simulated, when a set is asked for.
 
+mod handing_over;
 mod options;
 
 pub(super) use options::RefinementOptions;
 
+use super::account::Repeat;
 use super::error::SessionError;
 use super::journal::{Decision, Journal};
 use super::latency::Timestamps;
+use super::player::Begins;
 use super::scenes::{Due, Newest, SceneFrame, Supply};
-use super::set_timing::{SetTiming, Target, as_ns};
-use super::sets::{FinishedSet, LiveSource, SetBuffer, SetSender, set_channel};
+use super::set_timing::{Target, as_ns};
+use super::sets::{LiveSource, SetSender, set_channel};
 use super::showing::Taken;
 use super::steerer::Steerer;
 use super::trace::Track;
 use super::work_time::{Cost, Times, WorkTime};
-use crate::encode::{Encoder, PhaseSet};
+use crate::encode::Encoder;
 use crate::engine::vulkan::VulkanEncoder;
 use crate::gpu::Gpu;
-use crate::optics::PupilDistribution;
 use crate::present::Clock;
 use crossbeam_utils::atomic::AtomicCell;
 use std::sync::Arc;
@@ -94,7 +96,7 @@ impl Refinement {
                 reason: format!("could not be started ({e})"),
             })?);
         } else {
-            source.made_by(Box::new(move |start_ns| refining.make_for(start_ns)));
+            source.made_by(Box::new(move |begins| refining.make_for(begins)));
         }
         Ok((Self { shared, thread }, source))
     }
@@ -171,6 +173,7 @@ impl Refining {
         let _note = notes.on_panic("refinement has ended by a fault of its own; the picture stays");
         for _ in 0..ATTEMPTS {
             let Err(error) = self.run() else { return self.options.track };
+            self.sender.does(Repeat::EngineLost);
             let again = (self.options.again)().and_then(|(mut steerer, gpu)| {
                 if let Some(scene) = &self.scene {
                     steerer.follow(&scene.colors)?;
@@ -218,28 +221,47 @@ impl Refining {
                 whole = true;
             }
             // Nothing to do but to look again in a while.
+            self.sender.does(Repeat::Unchanged);
             std::thread::sleep(Duration::from_millis(5));
         }
         Ok(())
     }
 
-    /// In simulated time: makes the set that begins at `start_ns`, if it can be made by then.
-    fn make_for(&mut self, start_ns: i64) -> Result<(), SessionError> {
-        let SetTiming { period_ns, lead_ns, .. } = self.options.timing.load();
-        let target = Target { start_ns, hand_over_ns: start_ns.saturating_sub(lead_ns) };
-        let need_ns = self.round_ns().saturating_add(self.ends_ns());
-        // It begins when the set before was decided on, or earlier where that is too short a time; or when that was done with.
-        let now_ns = self.made_ns.max(target.hand_over_ns.saturating_sub(period_ns.max(need_ns)));
-        if now_ns.saturating_add(need_ns) > target.hand_over_ns {
+    /// In simulated time: makes the set that begins there, if it can be made by then.
+    fn make_for(&mut self, begins: Begins) -> Result<(), SessionError> {
+        let period_ns = self.options.timing.load().period_ns;
+        let target = Target { start_ns: begins.display_time_ns, hand_over_ns: begins.decided_ns };
+        let (round_ns, ends_ns) = (self.round_ns(), self.ends_ns());
+        let need_ns = round_ns.saturating_add(ends_ns);
+        // It begins when the set before was decided on, or one before that where that is too short a time; or when that was done
+        // with.
+        let ahead_ns = (need_ns.saturating_add(period_ns - 1) / period_ns.max(1)).max(1).saturating_mul(period_ns);
+        let free_ns = self.made_ns.max(target.hand_over_ns.saturating_sub(ahead_ns));
+        self.sender.does(Repeat::StepTooLong);
+        if free_ns.saturating_add(need_ns) > target.hand_over_ns {
             return Ok(());
         }
+        // Time that holds no whole round is let pass before the rounds, not behind them: what comes meanwhile, of the eye or of
+        // an application, is lit with this set and not with the next.
+        let spare_ns = |from_ns: i64| (target.hand_over_ns - ends_ns - from_ns).max(0) % round_ns.max(1);
+        let comes = self.options.scenes.as_ref().is_some_and(|scenes| !scenes.begins_with_one());
+        let now_ns = match comes {
+            // Nothing is refined yet: the last moment is the best.
+            true if self.waits() => target.hand_over_ns - need_ns,
+            true => free_ns + spare_ns(free_ns),
+            false => free_ns,
+        };
         let steered = self.refines();
         let Some(changed) = self.look_for_scene(&target, now_ns, steered)? else { return Ok(()) };
+        let ready_ns = now_ns + self.looked_ns;
         match steered {
             _ if self.waits() => Ok(()),
-            true => self.refine_for(target, now_ns + self.looked_ns),
+            true => self.refine_for(target, ready_ns + spare_ns(ready_ns)),
             false if changed => self.show_whole(&target, now_ns),
-            false => Ok(()),
+            false => {
+                self.sender.does(Repeat::Unchanged);
+                Ok(())
+            }
         }
     }
 
@@ -264,11 +286,11 @@ impl Refining {
 
     /// What comes behind the steps.
     fn ends_ns(&self) -> i64 {
-        let encoding = match self.options.cost {
-            Cost::Measured => self.encoding,
-            Cost::Fixed { encode, .. } => encode,
-        };
-        as_ns(encoding + SLACK)
+        match self.options.cost {
+            Cost::Measured => as_ns(self.encoding + SLACK),
+            // Nobody wakes late where time is simulated.
+            Cost::Fixed { encode, .. } => as_ns(encode),
+        }
     }
 
     fn reachable(&self, now_ns: i64) -> Target {
@@ -284,6 +306,7 @@ impl Refining {
     fn look_for_scene(&mut self, target: &Target, now_ns: i64, steered: bool) -> Result<Option<bool>, SessionError> {
         let light_ns = self.light_ns(target);
         let times = Times(self.options.clock);
+        self.sender.does(Repeat::SceneTooLong);
         if self.options.scenes.is_none() {
             return Ok(Some(false));
         }
@@ -364,6 +387,7 @@ impl Refining {
         let before = self.steerer.counts();
         let deadline_ns = target.hand_over_ns.saturating_sub(self.ends_ns());
         let mut steps = 0;
+        self.sender.does(Repeat::StepTooLong);
         // Every round looks again where the pupil will be, and what is to be seen: samples and scenes come while it refines.
         let (expected, aimed_ns) = loop {
             let at_ns = time.now_ns();
@@ -378,8 +402,11 @@ impl Refining {
             }
             // What making a scene ready takes is said of no other machine.
             let building = self.options.clock.map_or(Duration::ZERO, |_| self.building);
-            if left_ns > as_ns(building) && self.look_for_scene(&target, time.now_ns(), true)?.is_none() {
-                break (expected, at_ns);
+            if left_ns > as_ns(building) {
+                if self.look_for_scene(&target, time.now_ns(), true)?.is_none() {
+                    break (expected, at_ns);
+                }
+                self.sender.does(Repeat::StepTooLong);
             }
         };
         self.steerer.settle()?;
@@ -392,7 +419,7 @@ impl Refining {
             if self.options.clock.is_some() {
                 std::thread::sleep(SLACK);
             }
-            self.made_ns = time.now_ns().saturating_add(as_ns(SLACK));
+            self.made_ns = time.now_ns();
             return Ok(());
         }
         let [sample_ns, decoded_ns, filtered_ns] =
@@ -410,72 +437,6 @@ impl Refining {
         let aim = self.options.is_tracked().then_some(expected.pupil);
         self.hand_over(timestamps, aim, steps, &mut time)?;
         self.made_ns = time.now_ns();
-        Ok(())
-    }
-
-    /// Encodes what there is, and shows it to nobody.
-    fn rehearse(&mut self) -> Result<(), SessionError> {
-        let Some(mut buffer) = self.sender.buffer() else { return Ok(()) };
-        let begun = Instant::now();
-        let encoded = self.encode(&mut buffer);
-        self.encoding = begun.elapsed();
-        self.sender.give_back(buffer);
-        encoded
-    }
-
-    fn encode(&mut self, buffer: &mut SetBuffer) -> Result<(), SessionError> {
-        match (&mut self.device, self.steerer.phases_on_device()) {
-            (Some(device), Some(phases)) => {
-                device.encode_on_device(&phases)?;
-                match &mut buffer.pictures {
-                    Some(pictures) => device.draw(pictures)?,
-                    None => device.download(buffer.frames.bytes_mut())?,
-                }
-            }
-            _ => self.encoder.encode_into(&PhaseSet::trusted(&self.steerer.phases()?), &mut buffer.frames)?,
-        }
-        Ok(())
-    }
-
-    /// Encodes what there is, refined for `aim`, and hands it over.
-    fn hand_over(
-        &mut self,
-        timestamps: Timestamps,
-        aim: Option<PupilDistribution>,
-        steps: u32,
-        time: &mut WorkTime,
-    ) -> Result<(), SessionError> {
-        let begun = Instant::now();
-        let Some(mut buffer) = self.sender.buffer() else { return Ok(()) };
-        self.encode(&mut buffer)?;
-        time.encoded();
-        self.options.journal.iter().for_each(|journal| journal.keep(Decision::Set { number: self.number }));
-        let handed_over_ns = self.options.clock.map_or_else(|| time.now_ns(), |clock| clock.now_ns());
-        let timestamps = Timestamps { handed_over_ns, ..timestamps };
-        let pupil = aim.map_or([0.0; 2], |aim| aim.centre);
-        let focus = aim.map(|PupilDistribution { focus: [low, high], .. }| 0.5 * (low + high));
-        let phases = match self.options.with_phases {
-            true => Some(self.steerer.phases()?.iter().map(|p| Arc::new(p.to_vec())).collect()),
-            false => None,
-        };
-        let scene = self.scene.as_ref();
-        self.sender.send(FinishedSet {
-            number: self.number,
-            buffer,
-            timestamps,
-            pupil,
-            focus,
-            steps,
-            content: scene.map(|scene| scene.number).or(self.first_of_scenes()),
-            arrived_ns: scene.and_then(|scene| scene.arrived_ns),
-            supply: self.supply,
-            estimated_db: self.steerer.estimated_db().filter(|_| steps > 0),
-            phases,
-        });
-        self.options.track.span("encode", self.number, begun);
-        self.number += 1;
-        let took = begun.elapsed();
-        self.encoding = if took > self.encoding { took } else { self.encoding.mul_f64(0.9) + took.mul_f64(0.1) };
         Ok(())
     }
 }

@@ -58,11 +58,21 @@ pub struct Schedule {
     pub speed: Speed,
     /// Video frames of a multiplex set.
     pub set_frames: u64,
+    /// Sets roll: every video frame is decided on, and shows the one of the newest set whose turn it is, so that the newest
+    /// sub-frames replace the oldest. What is counted as a set is one such decision.
+    pub rolls: bool,
     /// When content begins.
     pub start: Start,
     /// Sets start only a multiple of `set_frames` after the first, however many presents are missed: for lasers that
     /// count video frames by themselves.
     pub keep_phase: bool,
+}
+
+impl Schedule {
+    /// Video frames from one decision to the next.
+    pub(super) fn decided_every(&self) -> u64 {
+        if self.rolls { 1 } else { self.set_frames }
+    }
 }
 
 /// What a video frame shows.
@@ -115,6 +125,8 @@ pub struct Scheduler {
     last_vblank: Option<u64>,
     first_start: Option<u64>,
     next_video_frame: u64,
+    /// Of sets that roll, the video frame whose turn is next.
+    turn: u64,
     stretched: bool,
     idle_sets: u64,
 }
@@ -136,6 +148,7 @@ impl Scheduler {
             last_vblank: None,
             first_start: None,
             next_video_frame: 0,
+            turn: 0,
             stretched: false,
             idle_sets: 0,
         }
@@ -165,7 +178,7 @@ impl Scheduler {
 
     /// The position that a video frame lighting up then would show new, were it ready; none where nothing new is due.
     pub fn wanted(&self, predicted_display_time_ns: i64) -> Option<u64> {
-        if self.next_video_frame > 0 && self.next_video_frame < self.schedule.set_frames {
+        if self.next_video_frame > 0 && self.next_video_frame < self.schedule.decided_every() {
             return None;
         }
         if self.timeline.is_none() {
@@ -221,7 +234,7 @@ impl Scheduler {
         self.last_vblank = Some(vblank);
         self.account.video_frames += 1 + missed;
         self.account.missed_presents += missed;
-        let inside = self.next_video_frame > 0 && self.next_video_frame < self.schedule.set_frames;
+        let inside = self.next_video_frame > 0 && self.next_video_frame < self.schedule.decided_every();
         if missed > 0 && inside && !self.stretched {
             self.stretched = true;
             self.account.stretched_sets += 1;
@@ -231,12 +244,22 @@ impl Scheduler {
             self.next_video_frame += 1;
             return Slot { what: What::Keep, video_frame, late: None };
         }
-        let phase = self.first_start.map_or(0, |first| (vblank - first) % self.schedule.set_frames);
+        let phase = self.first_start.map_or(0, |first| (vblank - first) % self.schedule.decided_every());
         if self.schedule.keep_phase && phase != 0 {
             self.account.held_video_frames += 1;
             return Slot { what: What::Keep, video_frame: self.schedule.set_frames - 1, late: None };
         }
-        self.set_start(vblank, predicted_display_time_ns, content)
+        let slot = self.set_start(vblank, predicted_display_time_ns, content);
+        if self.schedule.rolls { self.in_turn(slot) } else { slot }
+    }
+
+    /// Of sets that roll: one video frame after the other, beginning with the first when content does, and never skipping one:
+    /// what the eye adds up is always as many of each as of the others.
+    fn in_turn(&mut self, slot: Slot) -> Slot {
+        let begins = self.account.shown == 1 && matches!(slot.what, What::Set(_));
+        let video_frame = if begins { 0 } else { self.turn };
+        self.turn = (video_frame + 1) % self.schedule.set_frames;
+        Slot { video_frame, ..slot }
     }
 
     fn set_start(&mut self, vblank: u64, time_ns: i64, content: &dyn Content) -> Slot {
@@ -328,7 +351,7 @@ impl Scheduler {
     /// Positions that were due at starts of sets that did not happen.
     fn pass_missed_starts(&mut self, vblank: u64) {
         let Some((last, time_ns)) = self.last_start else { return };
-        let step = self.schedule.set_frames;
+        let step = self.schedule.decided_every();
         let missed = (vblank - last).saturating_sub(1) / step;
         for i in 1..=missed.min(LONGEST_MISS) {
             let later = self.schedule.display_rate.time_of_ns((i * step) as i64);

@@ -17,6 +17,7 @@ fn rate(text: &str) -> Rate {
 
 fn schedule(display: &str, content: &str, set_frames: u64) -> Schedule {
     Schedule {
+        rolls: false,
         display_rate: rate(display),
         content_rate: rate(content),
         speed: Speed::ONE,

@@ -1,13 +1,15 @@
 //! Refined sets handed over whole: the newest wins, nobody waits, and the buffers go round.
 
+use super::account::Repeat;
 use super::error::SessionError;
 use super::latency::Timestamps;
-use super::player::SetSource;
+use super::player::{Begins, SetSource};
 use super::scenes::Supply;
 use super::scheduler::{Content, Readiness};
 use crate::encode::VideoFrames;
 use crate::gpu::Pictures;
 use crate::mailbox::Mailbox;
+use crossbeam_utils::atomic::AtomicCell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -53,6 +55,8 @@ pub(super) struct SetSender {
     newest: Mailbox<FinishedSet>,
     free: Mailbox<SetBuffer>,
     over: Arc<AtomicBool>,
+    /// What it is doing: why there would be no new set now.
+    doing: Arc<AtomicCell<Repeat>>,
 }
 
 /// The side that shows them. What is due is always the newest set there is, so nothing is ever late; a set for which
@@ -64,16 +68,19 @@ pub(super) struct LiveSource {
     on_screen: Option<FinishedSet>,
     changed: bool,
     asked: Option<Instant>,
-    repeats: u64,
+    /// By their cause, in the order of [`Repeat::ALL`], and the last decision's.
+    repeats: [u64; 6],
+    repeated: Option<Repeat>,
     news: u64,
     /// There will be no more.
     over: Arc<AtomicBool>,
+    doing: Arc<AtomicCell<Repeat>>,
     /// Makes the set that begins at a time, where time is simulated.
     make: Option<SetMaker>,
 }
 
-/// Makes the set that begins at a time of the player's clock, ns, if it can be made by then.
-pub(super) type SetMaker = Box<dyn FnMut(i64) -> Result<(), SessionError>>;
+/// Makes the set that such a video frame begins with, if it can be made by then.
+pub(super) type SetMaker = Box<dyn FnMut(Begins) -> Result<(), SessionError>>;
 
 /// Both sides, with buffers like `frames`, and pictures on a device where `pictures` makes them.
 ///
@@ -88,9 +95,13 @@ pub(super) fn set_channel<E>(
         let _ = free.put(SetBuffer { frames: frames.clone(), pictures: pictures()? });
     }
     let over = Arc::new(AtomicBool::new(false));
-    let sender = SetSender { newest: newest.clone(), free: free.clone(), over: Arc::clone(&over) };
+    let doing = Arc::new(AtomicCell::new(Repeat::default()));
+    let sender =
+        SetSender { newest: newest.clone(), free: free.clone(), over: Arc::clone(&over), doing: Arc::clone(&doing) };
     let (fresh, on_screen, asked, make) = (None, None, None, None);
-    let source = LiveSource { newest, free, fresh, on_screen, changed: false, asked, repeats: 0, news: 0, over, make };
+    let (changed, repeats, repeated, news) = (false, [0; 6], None, 0);
+    let source =
+        LiveSource { newest, free, fresh, on_screen, changed, asked, repeats, repeated, news, over, doing, make };
     Ok((sender, source))
 }
 
@@ -119,6 +130,11 @@ impl SetSender {
         let _ = self.free.put(buffer);
     }
 
+    /// What it does from now on.
+    pub(super) fn does(&self, doing: Repeat) {
+        self.doing.store(doing);
+    }
+
     /// There will be no more sets than are handed over.
     pub(super) fn end(&self) {
         self.over.store(true, Ordering::Release);
@@ -130,7 +146,23 @@ impl SetSender {
     }
 }
 
+impl Drop for SetSender {
+    fn drop(&mut self) {
+        self.does(Repeat::RefinementEnded);
+    }
+}
+
 impl LiveSource {
+    /// The set on the screen.
+    pub(super) fn lit(&self) -> Option<&FinishedSet> {
+        self.on_screen.as_ref()
+    }
+
+    /// Why the last decision showed the same again, if it did.
+    pub(super) fn repeated(&self) -> Option<Repeat> {
+        self.repeated
+    }
+
     /// The set on the screen, if it was not there when this was last asked.
     pub(super) fn newly_shown(&mut self) -> Option<&FinishedSet> {
         std::mem::take(&mut self.changed).then_some(self.on_screen.as_ref()).flatten()
@@ -146,9 +178,9 @@ impl LiveSource {
         self.asked
     }
 
-    /// Sets that were new when they were decided on, and sets that were shown again.
-    pub(super) fn counts(&self) -> [u64; 2] {
-        [self.news, self.repeats]
+    /// Sets that were new when they were decided on, and sets that were shown again, by cause.
+    pub(super) fn counts(&self) -> (u64, [u64; 6]) {
+        (self.news, self.repeats)
     }
 }
 
@@ -171,18 +203,21 @@ impl SetSource for LiveSource {
         Ok(())
     }
 
-    fn settle(&mut self, _position: u64, display_time_ns: i64) -> Result<(), SessionError> {
+    fn settle(&mut self, _position: u64, begins: Begins) -> Result<(), SessionError> {
         if let Some(make) = &mut self.make {
-            make(display_time_ns)?;
+            make(begins)?;
         }
         self.poll(0)
     }
 
     fn show(&mut self, _position: u64) {
         let Some(fresh) = self.fresh.take() else {
-            self.repeats += 1;
+            let why = self.doing.load();
+            self.repeats[why as usize] += 1;
+            self.repeated = Some(why);
             return;
         };
+        self.repeated = None;
         self.news += 1;
         self.changed = true;
         give_back(&self.free, self.on_screen.replace(fresh));

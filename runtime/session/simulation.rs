@@ -2,7 +2,7 @@
 //! was really on the panel, which is what tests judge by.
 
 use super::SessionError;
-use super::player::{Flow, Player, SetSource};
+use super::player::{Begins, Flow, Player, SetSource};
 use super::scheduler::{Content, Readiness, Schedule, Scheduler};
 use super::trace::Trace;
 use crate::encode::{Encoder, VideoFrames};
@@ -126,7 +126,7 @@ impl SetSource for Producer {
     }
 
     // Here late content is late, though the clock is simulated.
-    fn settle(&mut self, _position: u64, _display_time_ns: i64) -> Result<(), SessionError> {
+    fn settle(&mut self, _position: u64, _begins: Begins) -> Result<(), SessionError> {
         Ok(())
     }
 

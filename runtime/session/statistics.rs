@@ -1,5 +1,6 @@
 //! What came of a session, in numbers.
 
+use super::account::Repeat;
 use super::latency::Latency;
 use super::report::Report;
 use super::showing::Showing;
@@ -91,8 +92,14 @@ pub struct LiveStatistics {
     pub policy: Policy,
     /// Sets that were new when they were decided on.
     pub sets_new: u64,
-    /// Sets that were shown again.
+    /// Sets that were shown again,
     pub sets_repeated: u64,
+    /// by their cause, in the order of [`Repeat::ALL`].
+    pub repeats: [u64; 6],
+    /// Whether sets roll: every video frame is one that may be new.
+    pub rolls: bool,
+    /// Sub-frames lit, of all colours: in a set's first light of them, and again.
+    pub sub_frames: [u64; 2],
     /// Steps over all colours.
     pub steps: u64,
     /// How often it began again with the hologram for the whole eyebox.
@@ -111,9 +118,13 @@ impl Statistics {
     pub fn to_json(&self) -> Value {
         let mut all = self.report.to_json();
         if let Some(live) = &self.live {
+            let name = |repeat: &Repeat| repeat.name().replace(' ', "_");
+            let repeats: Value = Repeat::ALL.iter().zip(live.repeats).map(|(r, n)| (name(r), json!(n))).collect();
+            let [first, again] = live.sub_frames;
             all = json!({
                 "playback": all, "tracker": live.tracker, "sets_new": live.sets_new,
-                "sets_repeated": live.sets_repeated, "steps": live.steps, "restarts": live.restarts,
+                "sets_repeated": live.sets_repeated, "repeated_because": repeats, "sets_roll": live.rolls,
+                "sub_frames": { "first_light": first, "again": again }, "steps": live.steps, "restarts": live.restarts,
                 "focus_mm": live.focus.map(|depths| depths.map(|z| z * 1e3)),
                 "latency": live.latency.to_json(), "policy": live.policy,
             });

@@ -12,7 +12,7 @@ mod shared;
 pub(super) use shared::StreamOptions;
 
 use super::error::SessionError;
-use super::player::SetSource;
+use super::player::{Begins, SetSource};
 use super::scheduler::{Content, Readiness};
 use super::trace::Track;
 use crate::encode::{Encoder, PhaseSet, VideoFrames};
@@ -214,7 +214,7 @@ impl SetSource for Stream {
         self.failure()
     }
 
-    fn settle(&mut self, position: u64, _display_time_ns: i64) -> Result<(), SessionError> {
+    fn settle(&mut self, position: u64, _begins: Begins) -> Result<(), SessionError> {
         loop {
             self.poll(position)?;
             let known = matches!(self.readiness(position), Readiness::Ready | Readiness::Damaged);

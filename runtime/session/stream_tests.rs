@@ -1,7 +1,7 @@
 //! The stream: what it hands over is what the encoder makes of the file, in order; damage, ends, loops and growth.
 
 use super::notes::Notes;
-use super::player::{Command, Flow, Player, PresentedFrame, SetSource};
+use super::player::{Begins, Command, Flow, Player, PresentedFrame, SetSource};
 use super::scheduler::{Content, Readiness, Schedule, Scheduler, Start};
 use super::stream::{Stream, StreamEncoder, StreamOptions};
 use super::trace::Trace;
@@ -109,6 +109,7 @@ fn play_stream(
     let clock: Rc<dyn Clock> = Rc::new(SimulatedClock::default());
     let display_rate = Rate::parse("60").unwrap();
     let schedule = Schedule {
+        rolls: false,
         display_rate,
         content_rate: Rate::parse(content).unwrap(),
         speed: Speed::ONE,
@@ -253,7 +254,8 @@ fn a_thread_that_fails_leaves_the_idle_picture_and_one_line() {
         let rate = Rate::parse("60").unwrap();
         let start = Start::WhenReady { idle_sets: 2 };
         let (speed, keep_phase) = (Speed::ONE, false);
-        let schedule = Schedule { display_rate: rate, content_rate: rate, speed, set_frames: 1, start, keep_phase };
+        let schedule =
+            Schedule { display_rate: rate, content_rate: rate, speed, set_frames: 1, rolls: false, start, keep_phase };
         let mut offscreen = Offscreen::new(Rc::clone(&clock), rate, idle.frame_bytes());
         let mut player = Player::new(clock, Scheduler::new(schedule), idle.clone(), Trace::none().track(""));
         let ended = loop {
@@ -314,7 +316,7 @@ fn a_growing_sequence_is_followed_to_its_end() {
         if position >= 2 {
             fixture.writer.append(&hologram(position, &fixture.display)).unwrap();
         }
-        stream.settle(position, 0).unwrap();
+        stream.settle(position, Begins::default()).unwrap();
         assert_eq!(stream.readiness(position), Readiness::Ready);
         stream.show(position);
         let (frames, index) = stream.on_screen().unwrap();
@@ -324,7 +326,7 @@ fn a_growing_sequence_is_followed_to_its_end() {
     }
     assert_eq!((seen, stream.end()), (5, None));
     fixture.writer.finish().unwrap();
-    stream.settle(5, 0).unwrap();
+    stream.settle(5, Begins::default()).unwrap();
     assert_eq!(stream.end(), Some(5));
 }
 

@@ -1,6 +1,6 @@
 //! Tests of the room: what is handed over, when it begins again, and ten minutes of a refinement that is often late.
 
-use super::player::{Player, SetSource};
+use super::player::{Begins, Player, SetSource};
 use super::scheduler::{Content, Readiness, Schedule, Scheduler, Start};
 use super::sets::{LiveSource, SetSender, set_channel};
 use super::trace::Trace;
@@ -32,7 +32,11 @@ pub(super) fn cpu() -> Result<Box<dyn Engine>, EngineError> {
 }
 
 pub(super) fn encoder() -> Encoder {
-    let display = Display { height: 96, width: 112, ..Display::preset("planes8").unwrap() };
+    encoder_of("planes8")
+}
+
+pub(super) fn encoder_of(preset: &str) -> Encoder {
+    let display = Display { height: 96, width: 112, ..Display::preset(preset).unwrap() };
     Encoder::new(&display, &[Color::Green], 8).unwrap()
 }
 
@@ -119,7 +123,7 @@ fn channel(frames: &VideoFrames) -> (SetSender, LiveSource) {
     set_channel(frames, || Ok::<_, SessionError>(None)).unwrap()
 }
 
-fn made(sender: &SetSender, number: u64) -> FinishedSet {
+pub(super) fn made(sender: &SetSender, number: u64) -> FinishedSet {
     let mut buffer = sender.buffer().expect("there is always a buffer");
     // Every byte says which set it is of.
     buffer.frames.bytes_mut().fill((number % 251) as u8);
@@ -157,11 +161,17 @@ fn the_newest_set_wins_and_buffers_go_round() {
     }
     // Nothing new: the last one stays, and is counted.
     source.show(1000);
-    assert_eq!((source.on_screen().map(|s| s.1), source.counts()), (Some(99), [10, 1]));
+    assert_eq!((source.on_screen().map(|s| s.1), source.counts()), (Some(99), (10, [1, 0, 0, 0, 0, 0])));
+    for (i, doing) in Repeat::ALL.into_iter().enumerate() {
+        sender.does(doing);
+        source.show(1001);
+        assert_eq!((source.counts().1[i], source.repeated()), (1 + u64::from(i == 0), Some(doing)));
+    }
     // Who made it is gone: the picture stays.
     drop(sender);
     source.poll(0).unwrap();
-    assert_eq!(source.readiness(7), Readiness::Ready);
+    source.show(1002);
+    assert_eq!((source.readiness(7), source.repeated()), (Readiness::Ready, Some(Repeat::RefinementEnded)));
 }
 
 /// A refinement in simulated time: it aims for the next set that it expects to reach, and takes as long as it likes.
@@ -210,8 +220,8 @@ impl SetSource for Follows<'_> {
         self.0.poll(useful_from)
     }
 
-    fn settle(&mut self, position: u64, display_time_ns: i64) -> Result<(), SessionError> {
-        self.0.settle(position, display_time_ns)
+    fn settle(&mut self, position: u64, begins: Begins) -> Result<(), SessionError> {
+        self.0.settle(position, begins)
     }
 
     fn show(&mut self, position: u64) {
@@ -244,6 +254,7 @@ fn in_ten_minutes_no_set_is_late_because_of_refinement() {
         noise: SplitMix(9),
     });
     let schedule = Schedule {
+        rolls: false,
         display_rate: rate,
         content_rate: rate,
         speed: Speed::new(1.0).unwrap(),

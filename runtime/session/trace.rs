@@ -2,6 +2,7 @@
 //! which those read without its end, too. A thread of its own writes it while it grows.
 
 use super::error::SessionError;
+use crate::encode::Packed;
 use crate::files::{FileError, GrowingFile};
 use crate::mailbox::Mailbox;
 use serde_json::{Value, json};
@@ -16,11 +17,12 @@ const WAITING: usize = 1 << 14;
 /// How often the file is tended where nothing comes.
 const PATIENCE: Duration = Duration::from_millis(200);
 
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 enum Entry {
     Track { thread: u64, name: &'static str },
     Span { thread: u64, name: &'static str, position: u64, start_ns: u64, duration_ns: u64 },
     Lit { thread: u64, at_ns: u64, lit: Lit },
+    Light { thread: u64, at_ns: u64, light: Light },
     End,
 }
 
@@ -39,6 +41,19 @@ pub(super) struct Lit {
     /// Steps over all colours, and what the last of them saw.
     pub steps: u32,
     pub estimated_db: Option<f64>,
+}
+
+/// The light of one video frame of a refined hologram: of all of its sub-frames.
+#[derive(Debug, Clone)]
+pub(super) struct Light {
+    /// Of its set; the light is this video frame's.
+    pub lit: Lit,
+    /// Which of the set.
+    pub video_frame: u64,
+    /// Why it is not the first light of these sub-frames, where it is not.
+    pub again: Option<&'static str>,
+    /// Which sub-frames a video frame holds.
+    pub packed: Arc<Packed>,
 }
 
 /// Hands out tracks of one beginning.
@@ -133,18 +148,32 @@ fn event(entry: Entry) -> Value {
             "name": name, "cat": "playback", "ph": "X", "pid": 1, "tid": thread,
             "ts": micros(start_ns), "dur": micros(duration_ns), "args": { "frame": position },
         }),
-        Entry::Lit { thread, at_ns, lit } => {
-            let ms = |ns: i64| ns as f64 * 1e-6;
+        Entry::Lit { thread, at_ns, lit } => json!({
+            "name": "set", "cat": "playback", "ph": "i", "s": "t", "pid": 1, "tid": thread, "ts": micros(at_ns),
+            "args": arguments(&lit),
+        }),
+        Entry::Light { thread, at_ns, light } => {
+            let Light { lit, video_frame, again, packed } = light;
+            let mut args = arguments(&lit);
+            let held = packed.slots.iter().filter(|slot| slot.video_frame as u64 == video_frame);
+            args["video_frame"] = json!(video_frame);
+            args["sub_frames"] = held.map(|slot| json!([slot.color, slot.sub_frame])).collect();
+            args["again"] = json!(again);
             json!({
-                "name": "set", "cat": "playback", "ph": "i", "s": "t", "pid": 1, "tid": thread, "ts": micros(at_ns),
-                "args": {
-                    "set": lit.set, "content_frame": lit.content, "content": lit.supply, "sample_ms": lit.sample_ns.map(ms),
-                    "light_ms": ms(lit.light_ns), "steps": lit.steps, "estimated_psnr_db": lit.estimated_db,
-                },
+                "name": "light", "cat": "playback", "ph": "i", "s": "t", "pid": 1, "tid": thread, "ts": micros(at_ns),
+                "args": args,
             })
         }
         Entry::End => Value::Null,
     }
+}
+
+fn arguments(lit: &Lit) -> Value {
+    let ms = |ns: i64| ns as f64 * 1e-6;
+    json!({
+        "set": lit.set, "content_frame": lit.content, "content": lit.supply, "sample_ms": lit.sample_ns.map(ms),
+        "light_ms": ms(lit.light_ns), "steps": lit.steps, "estimated_psnr_db": lit.estimated_db,
+    })
 }
 
 /// The spans of one thread. They wait in a buffer that is made once: where it is full, further ones are only counted.
@@ -170,9 +199,17 @@ impl Track {
 
     /// A new set is on its way to the light.
     pub(super) fn lit(&mut self, lit: Lit) {
+        self.put(Entry::Lit { thread: self.thread, at_ns: self.now_ns(), lit });
+    }
+
+    /// A video frame is.
+    pub(super) fn light(&mut self, light: Light) {
+        self.put(Entry::Light { thread: self.thread, at_ns: self.now_ns(), light });
+    }
+
+    fn now_ns(&self) -> u64 {
         let now = Instant::now().saturating_duration_since(self.trace.origin);
-        let at_ns = u64::try_from(now.as_nanos()).unwrap_or(u64::MAX);
-        self.put(Entry::Lit { thread: self.thread, at_ns, lit });
+        u64::try_from(now.as_nanos()).unwrap_or(u64::MAX)
     }
 
     fn put(&self, entry: Entry) {

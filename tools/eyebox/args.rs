@@ -4,6 +4,8 @@ pub use crate::groups::{
     Colors, DeviceArgs, DisplayArgs, EngineArgs, EngineName, EyeArgs, OtherSceneArgs, OverwriteArgs, SceneArgs,
     SceneOptions,
 };
+use crate::jod::JodArgs;
+use crate::patterns::{PatternArgs, iris};
 use crate::phases::{EncodedArgs, PhaseArgs, PhaseUnitArgs, UnfinishedArgs};
 use crate::quality::QualityArgs;
 use crate::values::{
@@ -187,6 +189,12 @@ pub struct Solve {
     /// Steps with the camera's pictures in the place of what the model has
     #[arg(long, value_name = "N", requires = "camera", value_parser = clap::value_parser!(u16).range(1..).map(usize::from))]
     pub camera_steps: Option<usize>,
+    /// Where an iris stands that does not move, mm, where the command does not say so
+    #[arg(long, value_name = "X,Y,DIAMETER", value_parser = iris, allow_hyphen_values = true, requires = "camera")]
+    pub iris: Option<[f64; 3]>,
+    /// What shows the patterns
+    #[command(flatten)]
+    pub patterns: PatternArgs,
     /// Keep the camera's pictures here; in the folder of eyebox calibrate --keep they are added, and its dots say where the camera
     /// looks
     #[arg(long, value_name = "DIR", requires = "camera")]
@@ -352,6 +360,16 @@ pub struct Score {
     /// Seed of random pupils
     #[arg(long, default_value_t = 1000, value_name = "S")]
     pub seed: u64,
+    /// What people see
+    #[command(flatten)]
+    pub seen: JodArgs,
+    /// Judge the sub-frames as the video that they are, so many a second [default: their mean, as of an eye that is too slow for
+    /// all flicker]
+    #[arg(long, value_name = "HZ", value_parser = positive, conflicts_with = "no_jod")]
+    pub sub_frame_rate: Option<f64>,
+    /// Where JOD are lost: a picture for each pupil that is judged, in this folder
+    #[arg(long, value_name = "FOLDER", conflicts_with = "no_jod")]
+    pub jod_maps: Option<PathBuf>,
     /// Bare phases
     #[command(flatten)]
     pub phases: PhaseArgs,

@@ -186,6 +186,7 @@ fn play(args: &Show, sequence: Sequence, display: Display) -> Result<(), Failure
         (args.step_time.is_some(), "--step-time"),
         (args.live.view, "--view"),
         (args.live.unsteered, "--unsteered"),
+        (args.live.whole_sets, "--whole-sets"),
         (args.live.display_latency > 0.0, "--display-latency"),
     ];
     if let Some((_, option)) = refused.iter().find(|(given, _)| *given) {

@@ -43,30 +43,48 @@ pub struct DeviceFile {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
+    /// What the device is called.
     name: Option<String>,
+    /// USB vendor.
     vendor: u16,
+    /// USB product.
     product: u16,
+    /// ID of the report that is read; 0 for devices without.
     #[serde(default)]
     report_id: u8,
+    /// Bytes of the report, with its ID; shorter ones are refused.
     bytes: usize,
+    /// Bytes that are sent to the device to start it.
     start: Option<Vec<u8>>,
+    /// Its time, seconds.
     time: Option<SlotText>,
+    /// Of the left eye: below.
     left: Option<PlaceText>,
+    /// Of the right one.
     right: Option<PlaceText>,
+    /// Of both.
     combined: Option<PlaceText>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct PlaceText {
+    /// Of x, y and z.
     unit: UnitText,
+    /// Where the pupil is, or where the eye looks.
     #[serde(default)]
     what: WhatText,
+    /// To the right.
     x: SlotText,
+    /// Down.
     y: SlotText,
+    /// Away from the tracker.
     z: Option<SlotText>,
+    /// Diameter of the pupil, millimetres.
     diameter: Option<SlotText>,
+    /// 0 to 1.
     confidence: Option<SlotText>,
+    /// Not 0: the eye was seen.
     valid: Option<SlotText>,
 }
 
@@ -90,12 +108,17 @@ enum WhatText {
 #[derive(Deserialize, Clone)]
 #[serde(deny_unknown_fields)]
 struct SlotText {
+    /// First byte of the number in the report.
     offset: usize,
+    /// Its bytes, 1 to 8, the lowest first.
     size: u32,
+    /// Whether it has a sign.
     #[serde(default)]
     signed: bool,
+    /// Units a count [default: 1].
     #[serde(default = "one")]
     scale: f64,
+    /// Counts that mean something; all without.
     range: Option<[i64; 2]>,
 }
 

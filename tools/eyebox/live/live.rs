@@ -14,7 +14,10 @@ use eyebox::encode;
 use eyebox::gaze::Eyepiece;
 use eyebox::gpu::{Gpu, Options as VulkanOptions};
 use eyebox::optics::{depth_in_words, depths_in_words, dioptres};
-use eyebox::session::{self, Cost, Histogram, Session, SinkFile, Stage as Part, Statistics, Status, Supply, Tracking};
+use eyebox::session::{
+    self, Cost, Histogram, LiveStatistics, Repeat, Session, SinkFile, Stage as Part, Statistics, Status, Supply,
+    Tracking,
+};
 use serde_json::json;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -48,6 +51,9 @@ pub struct LiveOptions {
     /// Show the hologram for the whole eyebox: what there is without steering
     #[arg(long)]
     pub unsteered: bool,
+    /// Show sets whole, though one takes several video frames; else each video frame is the newest set's whose turn it is
+    #[arg(long)]
+    pub whole_sets: bool,
     /// Show in a window what the tracked eye sees; there the key s switches steering off and on
     #[arg(long)]
     pub view: bool,
@@ -156,7 +162,7 @@ pub fn show(steered: Steered, args: &LiveOptions, showing: Showing<'_>, stage: S
     let mut live = session::Live::new(parts, encoder, engines.source(), tracking);
     (live.policy, live.steered, live.companion) = (args.policy.policy(), !args.unsteered, companion);
     live.display_latency = Duration::from_secs_f64((args.display_latency * 1e-3).min(10.0));
-    (live.journal, live.replay) = (kept.journal, kept.replay);
+    (live.journal, live.replay, live.whole_sets) = (kept.journal, kept.replay, args.whole_sets);
     if live.replay.is_some() {
         // As of all whose first scene has still to come.
         live.policy.restart = f64::INFINITY;
@@ -172,7 +178,8 @@ pub fn show(steered: Steered, args: &LiveOptions, showing: Showing<'_>, stage: S
     progress::catch_interrupt();
     let session = Session::start(live, args.shown.output(simulated.is_some(), sink), options)?;
     let shown = session.about();
-    eprintln!("{about}; {}: {:.2} sets a second", shown.presenter, shown.sets_per_second());
+    let roll = if shown.rolls { ", which roll" } else { "" };
+    eprintln!("{about}; {}: {:.2} sets a second{roll}", shown.presenter, shown.sets_per_second());
     let slow = encode::flicker(&display, &colors, hologram.frames, shown.display_rate.hz());
     slow.inspect(|slow| tracing::warn!("{slow}"));
     let focal_length = hologram.focal_length;
@@ -199,12 +206,14 @@ fn summary(statistics: &Statistics, focal_length: f64) {
     let Some(live) = &statistics.live else { return };
     let (report, a) = (&statistics.report, &statistics.report.account);
     eprintln!(
-        "ended by {} after {:.2} s: {} sets, {} of them new and {} shown again; {} missed presents; jitter {:.3} ms",
+        "ended by {} after {:.2} s: {} {}, {} of them new and {} shown again{}; {} missed presents; jitter {:.3} ms",
         ended_by(statistics),
         report.seconds,
         a.sets - a.idle_sets,
+        if live.rolls { "video frames of sets that roll" } else { "sets" },
         live.sets_new,
         live.sets_repeated,
+        because(live),
         a.missed_presents,
         report.timing.jitter_ms()
     );
@@ -233,6 +242,13 @@ fn summary(statistics: &Statistics, focal_length: f64) {
         at(&content.arrival_to_light, 0.99),
         sets.join(", ")
     );
+}
+
+/// Why sets were shown again.
+fn because(live: &LiveStatistics) -> String {
+    let causes = Repeat::ALL.iter().zip(live.repeats).filter(|(_, n)| *n > 0);
+    let causes: Vec<String> = causes.map(|(cause, n)| format!("{n} {}", cause.name())).collect();
+    if causes.is_empty() { String::new() } else { format!(" ({})", causes.join(", ")) }
 }
 
 /// The line that is written over while it is shown.

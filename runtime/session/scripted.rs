@@ -1,0 +1,194 @@
+//! An application, an eye and whole sessions that exist in simulated time, for tests.
+
+use super::refine::{Refinement, RefinementOptions};
+use super::sets::LiveSource;
+use super::tests::cpu;
+use super::trace::Trace;
+use super::watch::{Samples, Watch};
+use super::*;
+use crate::encode::Encoder;
+use crate::gaze::{Estimator, Settings as GazeSettings};
+use crate::optics::{Color, Display, Padding};
+use crate::present::{Rate, SECOND_NS};
+use crate::scene::{self, Request};
+use crate::solve::{Problem, random_phases};
+use crate::trackers::simulated::{Settings as EyeSettings, SimulatedSource};
+use crossbeam_utils::atomic::AtomicCell;
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+pub(super) const EXPOSURE: f64 = 0.35;
+
+/// A square display of one colour, and what a fruit at different places is before it.
+pub(super) struct Scripted {
+    pub display: Display,
+    pub scenes: Vec<SteeredColor>,
+}
+
+impl Scripted {
+    /// With this preset's packing.
+    pub(super) fn new(preset: &str, side: usize, scenes: usize) -> Self {
+        let display = Display { height: side, width: side, ..Display::preset(preset).unwrap() };
+        let scene = |i: usize| {
+            let request = Request { views: 5, ..Request::new(&display, &[Color::Green]) };
+            let name = format!("builtin:still-life?shift={}", i as f64 * 0.05);
+            let field = scene::load(&name, &request).unwrap();
+            let problem = Problem::new(&field, Color::Green, &display, Padding::default()).unwrap();
+            SteeredColor { problem, phases: Vec::new(), exposure: EXPOSURE }
+        };
+        let scenes = (0..scenes).map(scene).collect();
+        Self { display, scenes }
+    }
+
+    /// What content frame `number` shows: to and fro.
+    pub(super) fn scene(&self, number: u64) -> &SteeredColor {
+        let last = self.scenes.len() - 1;
+        let at = number as usize % (2 * last).max(1);
+        &self.scenes[if at > last { 2 * last - at } else { at }]
+    }
+
+    /// Random phases of eight sub-frames.
+    pub(super) fn begun(&self) -> Vec<SteeredColor> {
+        let pixels = self.display.height * self.display.width;
+        vec![SteeredColor { phases: random_phases(8 * pixels, 1), ..self.scenes[0].clone() }]
+    }
+
+    pub(super) fn encoder(&self) -> Encoder {
+        Encoder::new(&self.display, &[Color::Green], 8).unwrap()
+    }
+
+    /// Sets of this application, made when they are asked for, for sets that begin every `period_ns`.
+    pub(super) fn sets(&self, app: Application, watch: Watch, cost: Cost, period_ns: i64) -> (Refinement, LiveSource) {
+        let policy = Policy { restart: f64::INFINITY, ..Policy::default() };
+        let parts = self.begun();
+        let options = RefinementOptions {
+            clock: None,
+            cost,
+            watch,
+            scenes: Some(Box::new(app)),
+            journal: None,
+            timing: Arc::new(AtomicCell::new(SetTiming::new(period_ns))),
+            light_after: Duration::from_nanos(period_ns as u64 / 2),
+            steered: Arc::new(AtomicBool::new(true)),
+            whole: Some(whole_eyebox(self.display.eyebox_min(), [0.0; 2])),
+            direct: None,
+            with_phases: true,
+            again: Box::new(move || Ok((Steerer::new(parts.clone(), policy, cpu)?, None))),
+            notes: notes::Notes::default(),
+            track: Trace::none().track("refine"),
+        };
+        Refinement::start(self.encoder(), options).unwrap()
+    }
+
+    /// What is shown of this application to an eye that is `simulated:SEED`.
+    pub(super) fn live(&self, app: Application, cost: Cost, seed: u64) -> Live {
+        let options = crate::trackers::Options { real_time: false, ..Default::default() };
+        let estimator = Estimator::new(GazeSettings::default(), None).unwrap();
+        let spec = format!("simulated:{seed}").parse().unwrap();
+        let tracking = Tracking::open(&spec, &options, estimator).unwrap();
+        let engines: EngineOpener = Box::new(cpu);
+        let mut live = Live::new(self.begun(), self.encoder(), engines, tracking);
+        live.scenes = Some(Box::new(app));
+        live.cost = cost;
+        live
+    }
+}
+
+/// The samples of an eye, as they arrive.
+pub(super) fn samples(eye: EyeSettings) -> Watch {
+    let source = SimulatedSource::starting(eye, false, 0).unwrap();
+    let estimator = Estimator::new(GazeSettings::default(), None).unwrap();
+    Watch::Samples(Box::new(Samples::new(Box::new(source), estimator)))
+}
+
+/// An application that gives so many frames a second while it is alive, but for stalls: times in nanoseconds.
+pub(super) struct Application {
+    pub scenes: Vec<SteeredColor>,
+    pub per_second: i64,
+    pub alive: Vec<[i64; 2]>,
+    pub stalls: Vec<[i64; 2]>,
+    /// The last that was given.
+    pub given: Option<u64>,
+}
+
+/// Frames of one life are numbered from a multiple of this.
+const LIFE: u64 = 1 << 32;
+
+impl Application {
+    pub(super) fn new(stage: &Scripted, per_second: i64, alive: [i64; 2]) -> Self {
+        // One after the other, to and fro.
+        let scenes = (0..2 * stage.scenes.len().max(2) as u64 - 2).map(|i| stage.scene(i).clone()).collect();
+        Self { scenes, per_second, alive: vec![alive], stalls: Vec::new(), given: None }
+    }
+
+    /// The newest frame that has come by now: its number, and when it came. None before the first; an error where there is
+    /// no application.
+    pub(super) fn newest(&self, now_ns: i64) -> Result<Option<(u64, i64)>, ()> {
+        let within = |span: &&[i64; 2], at: i64| (span[0]..span[1]).contains(&at);
+        let life = self.alive.iter().position(|life| within(&life, now_ns)).ok_or(())?;
+        let begun_ns = self.alive[life][0];
+        let comes = |frame: i64| begun_ns + frame * SECOND_NS / self.per_second;
+        let newest = (now_ns - begun_ns) * self.per_second / SECOND_NS;
+        let came = (0..=newest).rev().find(|i| !self.stalls.iter().any(|stall| within(&stall, comes(*i))));
+        Ok(came.map(|frame| (life as u64 * LIFE + frame as u64, comes(frame))))
+    }
+}
+
+impl Scenes for Application {
+    fn describe(&self) -> String {
+        format!("{} frames a second", self.per_second)
+    }
+
+    fn next(&mut self, due: &Due) -> Result<Newest, SessionError> {
+        let (number, arrived_ns) = match self.newest(due.now_ns) {
+            Err(()) => return Ok(Newest::Late(Supply::ApplicationGone)),
+            Ok(None) => return Ok(Newest::Same),
+            Ok(Some(newest)) => newest,
+        };
+        if self.given.is_some_and(|given| given >= number) {
+            let late = due.now_ns - arrived_ns > 3 * SECOND_NS / (2 * self.per_second);
+            return Ok(if late { Newest::Late(Supply::ApplicationLate) } else { Newest::Same });
+        }
+        self.given = Some(number);
+        let color = self.scenes[(number % LIFE) as usize % self.scenes.len()].clone();
+        Ok(Newest::New(SceneFrame { number, colors: vec![color], arrived_ns: Some(arrived_ns) }))
+    }
+
+    fn begins_with_one(&self) -> bool {
+        false
+    }
+}
+
+/// A video frame that was shown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct ShownFrame {
+    pub set: Option<u64>,
+    pub video_frame: u64,
+    pub checksum: u32,
+}
+
+/// A whole session on a display of this rate: what came of it, and every video frame.
+pub(super) fn shown(live: Live, rate: u32, seconds: f64) -> (Statistics, Vec<ShownFrame>) {
+    let frames = Arc::new(Mutex::new(Vec::new()));
+    let theirs = Arc::clone(&frames);
+    let seen = move |frame: &PresentedFrame<'_>| {
+        let checksum = crc32c::crc32c(frame.picture);
+        let one = ShownFrame { set: frame.index, video_frame: frame.video_frame, checksum };
+        theirs.lock().unwrap().push(one);
+    };
+    let options = SessionOptions {
+        display_rate: Some(Rate::new(rate, 1).unwrap()),
+        duration: Some(Duration::from_secs_f64(seconds)),
+        observer: Some(Box::new(seen)),
+        ..SessionOptions::default()
+    };
+    let session = Session::start(live, Output::Memory { simulated: true, sink: None }, options).unwrap();
+    while session.is_running() {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    let ended = session.stop();
+    ended.result.unwrap();
+    let frames = frames.lock().unwrap().clone();
+    (ended.statistics, frames)
+}

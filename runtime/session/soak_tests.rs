@@ -1,0 +1,104 @@
+//! Content at many rates on displays of many, with stalls, saccades, blinks, and applications that die and come again: nothing is
+//! torn, and all accounts add up. `EYEBOX_SOAK=full` makes it ten minutes of simulated time for each.
+
+use super::scripted::{Application, Scripted, ShownFrame, shown};
+use super::*;
+use crate::present::SECOND_NS;
+use crate::solve::SplitMix;
+use std::collections::HashMap;
+use std::time::Duration;
+
+/// A packing, the display's rate, and the video frames of a set.
+const DISPLAYS: [(&str, u32, u64); 3] = [("planes8", 60, 1), ("planes8", 120, 1), ("grey8", 480, 8)];
+const CONTENT: [i64; 6] = [10, 24, 30, 50, 60, 90];
+
+/// Lives and stalls of an application, at random.
+fn application(stage: &Scripted, per_second: i64, seconds: f64, noise: &mut SplitMix) -> Application {
+    let mut span = |from_ns: i64, least: f64, most: f64| {
+        let until = from_ns + ((least + (most - least) * noise.unit()) * 1e9) as i64;
+        [from_ns, until]
+    };
+    let (mut alive, mut stalls) = (Vec::new(), Vec::new());
+    let mut now_ns = 30_000_000;
+    while (now_ns as f64) < seconds * 1e9 {
+        let life = span(now_ns, 0.2, 0.8);
+        // The first frame always comes; some of those behind it do not.
+        let stall = span(life[0] + SECOND_NS / 8, 0.0, 0.3);
+        now_ns = span(life[1], 0.0, 0.15)[1];
+        alive.push(life);
+        stalls.push(stall);
+    }
+    Application { alive, stalls, ..Application::new(stage, per_second, [0, 0]) }
+}
+
+/// What every session has to add up to: (sub-frames of all video frames) x (video frames of a set) is that of a set.
+fn adds_up(statistics: &Statistics, frames: &[ShownFrame], set_frames: u64, what: &str) {
+    let live = statistics.live.as_ref().unwrap();
+    let (a, showing) = (&statistics.report.account, live.showing.as_ref().unwrap());
+    let every = if live.rolls { 1 } else { set_frames };
+    assert_eq!(a.due, a.shown + a.drops() + statistics.report.pending, "{what}");
+    assert_eq!((a.drops(), a.missed_presents, a.late_sets), (0, 0, [0; 5]), "{what}");
+    assert!(a.video_frames.abs_diff(a.sets * every) < every, "{what}: {a:?}");
+    assert_eq!(a.video_frames, frames.len() as u64, "{what}");
+    let content_sets = a.sets - a.idle_sets;
+    assert_eq!(live.sets_new + live.sets_repeated, content_sets, "{what}");
+    assert_eq!(live.repeats.iter().sum::<u64>(), live.sets_repeated, "{what}");
+    // All that can be the matter where time is simulated.
+    assert_eq!(live.repeats[Repeat::StepTooLong as usize], live.sets_repeated, "{what}: {:?}", live.repeats);
+    assert_eq!(showing.sets.iter().sum::<u64>(), content_sets, "{what}: {showing:?}");
+    assert_eq!((showing.sets[Supply::New as usize], showing.refused), (showing.shown, 0), "{what}");
+    assert!(showing.scenes.abs_diff(showing.shown) <= showing.scenes / 2 + 2, "{what}: {showing:?}");
+    let lit = frames.iter().filter(|frame| frame.set.is_some()).count() as u64;
+    assert_eq!(live.sub_frames.iter().sum::<u64>(), lit * 8 / set_frames, "{what}");
+    assert!(live.sets_repeated > 0 || live.sub_frames[1] == 0, "{what}: {:?}", live.sub_frames);
+    assert_eq!(live.latency.of(Stage::AllRefinement).count(), live.sets_new, "{what}");
+}
+
+/// The picture that is lit is the same as long as it is of the same set, and nothing older comes again.
+fn nothing_is_torn(frames: &[ShownFrame], what: &str) {
+    let mut seen = HashMap::new();
+    for (i, frame) in frames.iter().enumerate() {
+        let first = seen.entry((frame.set, frame.video_frame)).or_insert(frame.checksum);
+        assert_eq!(*first, frame.checksum, "{what}: video frame {i}, {frame:?}");
+    }
+    assert!(frames.windows(2).all(|two| two[0].set <= two[1].set), "{what}");
+}
+
+/// As many of each of a set's video frames as of the others, in their order, wherever one looks.
+fn in_turn(frames: &[ShownFrame], set_frames: u64, what: &str) {
+    let lit = frames.iter().filter(|frame| frame.set.is_some());
+    for (i, frame) in lit.enumerate() {
+        assert_eq!(frame.video_frame, i as u64 % set_frames, "{what}: video frame {i}");
+    }
+}
+
+fn soak(seconds: f64, displays: &[(&str, u32, u64)], content: &[i64], seed: u64) {
+    let mut noise = SplitMix(seed);
+    for &(preset, rate, set_frames) in displays {
+        let stage = Scripted::new(preset, 16, 3);
+        for &per_second in content {
+            let app = application(&stage, per_second, seconds, &mut noise);
+            // From well within a set to several of them.
+            let step = Duration::from_secs_f64((0.2 + 2.0 * noise.unit()) / f64::from(rate));
+            let cost = Cost::Fixed { step, encode: step / 8 };
+            let mut live = stage.live(app, cost, noise.0 % 1000);
+            live.whole_sets = noise.unit() < 0.3;
+            let what = format!("{per_second} a second on {preset} at {rate}, steps of {step:?}, {}", live.whole_sets);
+            let (statistics, frames) = shown(live, rate, seconds);
+            adds_up(&statistics, &frames, set_frames, &what);
+            nothing_is_torn(&frames, &what);
+            in_turn(&frames, set_frames, &what);
+            let showing = statistics.live.unwrap().showing.unwrap();
+            assert!(showing.shown > 2, "{what}: {showing:?}");
+        }
+    }
+}
+
+#[test]
+fn whatever_an_application_does_the_accounts_add_up() {
+    let full = std::env::var("EYEBOX_SOAK").is_ok_and(|soak| soak == "full");
+    let rounds = if full { 10 } else { 1 };
+    for round in 0..rounds {
+        soak(if full { 60.0 } else { 1.2 }, &DISPLAYS, &CONTENT, 7 + round);
+    }
+}

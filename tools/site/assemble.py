@@ -1,0 +1,88 @@
+"""Puts the pages of the site into a folder that mdBook reads: the documents, the front pages of the repository, and what is made from the
+source. `assemble.py ROOT EYEBOX OUT`; EYEBOX is the command, which is asked for its help."""
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import files
+from latex2mathml.converter import convert
+
+# Pages that lie outside of docs/, and where they go.
+OUTSIDE = {"README.md": "introduction.md", "ARCHITECTURE.md": "architecture.md", "CHANGELOG.md": "changelog.md"}
+RUST = """# Rust
+
+The crate `eyebox` is the library, with everything that the command can do: [its documentation](../rust/eyebox/index.html). Frames from another process
+are given by a crate that needs none of the rest: [eyebox-live-input](../rust/eyebox_live_input/index.html). Programs to begin with are in the
+repository's `runtime/examples`.
+"""
+REPOSITORY = "https://github.com/eyebox/eyebox/blob/main/"
+
+
+def mathematics(text):
+    """Equations as MathML, which browsers show without a script or a font."""
+
+    def block(found):
+        return "\n" + convert(found.group(1).strip(), display="block") + "\n"
+
+    return re.sub(r"^```math\n(.*?)^```$", block, text, flags=re.M | re.S)
+
+
+def links(text, root, page):
+    """Links as they are inside of the site; what is not in it leads to the repository."""
+
+    def link(found):
+        target, hash_mark, anchor = found.group(2).partition("#")
+        if not target or re.match(r"[a-z]+:", target):
+            return found.group(0)
+        path = Path(root, page).parent.joinpath(target).resolve().relative_to(Path(root).resolve()).as_posix()
+        depth = "../" * (len(Path(page).relative_to("docs").parts) - 1) if page.startswith("docs/") else ""
+        if path in OUTSIDE:
+            new = depth + OUTSIDE[path]
+        elif path.startswith("docs/"):
+            new = depth + path.removeprefix("docs/")
+        else:
+            new = REPOSITORY + path
+        return f"{found.group(1)}({new}{hash_mark}{anchor})"
+
+    return re.sub(r"(\[[^\[\]]*(?:\[[^\]]*\])?[^\[\]]*\])\(([^)\s]+)\)", link, text)
+
+
+def commands(eyebox):
+    """The help of every command, as the terminal has it."""
+
+    def ask(*arguments):
+        result = subprocess.run([eyebox, *arguments, "--help"], capture_output=True, text=True, check=True, env={"COLUMNS": "110"})
+        return result.stdout.rstrip()
+
+    front = ask()
+    names = re.findall(r"^  ([a-z]+) ", front.split("Commands:")[1].split("Options:")[0], re.M)
+    out = ["# Commands\n", "What `eyebox COMMAND --help` says. `eyebox man` makes manual pages of the same, `eyebox completions` what shells read.\n"]
+    out.append(f"```text\n{front}\n```\n")
+    for name in names:
+        if name != "help":
+            out.append(f"\n## {name}\n\n```text\n{ask(name)}\n```\n")
+    return "\n".join(out)
+
+
+def main(root, eyebox, out):
+    root, out = Path(root), Path(out)
+    if out.exists():
+        shutil.rmtree(out)
+    shutil.copytree(root / "docs", out)
+    pages = [p.relative_to(root).as_posix() for p in (root / "docs").rglob("*.md")]
+    for page in [*pages, *OUTSIDE]:
+        text = mathematics(links((root / page).read_text(), root, page))
+        (out / OUTSIDE.get(page, page.removeprefix("docs/"))).write_text(text)
+    # The table of contents names pages that are made here, and so has links of its own kind.
+    shutil.copy(root / "docs/SUMMARY.md", out)
+    (out / "reference").mkdir()
+    (out / "reference/commands.md").write_text(commands(eyebox))
+    (out / "reference/files.md").write_text(files.page(root))
+    (out / "reference/rust.md").write_text(RUST)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
