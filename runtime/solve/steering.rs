@@ -80,7 +80,7 @@ pub struct Steering {
     pub window: WindowFactor,
     /// Steps over the same pupils before others are drawn: their photographs are made once. At least 1.
     pub repeats: usize,
-    /// How complex fields are stored; none for what the engine [prefers](Engine::preferred_storage): a refined hologram is 20
+    /// How complex fields are stored; none for what the engine [prefers](crate::engine::Engine::preferred_storage): a refined hologram is 20
     /// to 40 dB from its target, which hides what halves cost.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub storage: Option<Storage>,
