@@ -46,6 +46,10 @@ fn stored_bound(kernel: Kernel) -> f64 {
         | Kernel::ChangeInverse
         | Kernel::SubpixelsForward
         | Kernel::SubpixelsInverse => half_roundings(9),
+        // A sum over neighbours is rounded to float32 at each of them.
+        Kernel::CrosstalkRows | Kernel::CrosstalkColumns | Kernel::CrosstalkColumnsBack | Kernel::CrosstalkRowsBack => {
+            6e-3 * half_roundings(1)
+        }
         _ => 2e-3 * half_roundings(1),
     }
 }
