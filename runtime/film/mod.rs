@@ -5,45 +5,24 @@
 //! a Y4M video, or a folder of numbered PNGs. Nothing of it depends on the machine's time: the same path gives the same pictures.
 //! Where neither the eye nor the content changes, the pictures are those of the frame before.
 
+mod error;
 mod path;
 mod picture;
 mod y4m;
 
+pub use error::FilmError;
 pub use path::{EyePath, Key, Moment};
 
 use crate::engine::Engine;
 use crate::evaluate::Plane;
 use crate::files::{FileError, FolderDraft, encode_rgb8, write_file};
-use crate::hologram::{HologramError, PhaseSource, Sampling, SceneSource};
+use crate::hologram::{PhaseSource, Sampling, SceneSource};
 use crate::optics::{Color, Pupil};
 use crate::solve::Flow;
 use picture::Canvas;
 use std::fs;
 use std::io;
 use std::path::Path;
-
-/// What can be wrong with a film.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum FilmError {
-    /// The file could not be written.
-    #[error(transparent)]
-    File(#[from] FileError),
-    /// The path of the eye.
-    #[error("{file}: {reason}; such as {}", path::EXAMPLE)]
-    Path {
-        /// The file.
-        file: String,
-        /// What is wrong, and where.
-        reason: String,
-    },
-    /// What is looked at.
-    #[error(transparent)]
-    Hologram(#[from] HologramError),
-    /// Something that does not fit together.
-    #[error("{0}")]
-    Setting(String),
-}
 
 /// How a film is made.
 #[derive(Debug, Clone, Copy)]

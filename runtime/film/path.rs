@@ -1,13 +1,10 @@
 //! Where an eye is, what it focuses on, and when it blinks.
 
-use super::FilmError;
+use super::error::FilmError;
 use crate::files::read;
 use crate::optics::{Depth, Pupil};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
-
-/// What a path looks like, in one line.
-pub(super) const EXAMPLE: &str = r#"{"rate_hz": 30, "keys": [{"t_s": 0, "x_mm": -4, "diameter_mm": 4, "focus": 0}, {"t_s": 2, "x_mm": 4, "focus": "0.01D"}], "blinks_s": [1]}"#;
 
 /// Frames of a film at most.
 const MOST_FRAMES: f64 = 100_000.0;
@@ -192,6 +189,7 @@ fn open(since: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::error::EXAMPLE;
     use super::*;
 
     #[test]
