@@ -2,6 +2,7 @@
 
 use super::companion::CompanionOpener;
 use super::error::SessionError;
+use super::far_field::Field;
 use super::following::{Following, OPEN};
 use super::journal::{Journal, Keeping, Kept};
 use super::latency::Latency;
@@ -32,8 +33,8 @@ use crate::trackers::{self, Options, Source, Spec, Stream, now_ns};
 use crossbeam_utils::atomic::AtomicCell;
 use std::collections::VecDeque;
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 /// Whose eye is followed.
@@ -182,6 +183,8 @@ pub struct Live {
     pub engines: EngineSource,
     /// What there is to be seen, where that changes while it is shown; none for the one hologram.
     pub scenes: Option<Box<dyn Scenes>>,
+    /// Of a far field in tiles, all of it: what is refined is a piece, and `scenes` its [`FarField`](super::FarField).
+    pub field: Option<Field>,
     /// Whose eye; none where nobody is tracked: pupils are then drawn over the whole eyebox.
     pub tracking: Option<Tracking>,
     /// Where nobody is tracked: where the pupil may be.
@@ -220,6 +223,7 @@ impl Live {
             encoder,
             engines,
             scenes: None,
+            field: None,
             tracking: tracking.into(),
             whole,
             whole_sets: false,
@@ -273,7 +277,7 @@ impl Live {
     ) -> Result<Setup, SessionError> {
         let clock = display.real_clock;
         self.check_clock(clock.is_some())?;
-        let Self { colors, encoder, mut engines, tracking, mut policy, scenes, whole, whole_sets, cost, .. } = self;
+        let Self { colors, encoder, engines, field, tracking, mut policy, scenes, whole, whole_sets, cost, .. } = self;
         // What no scene brings cannot be begun again with.
         let whole_of_none = scenes.as_ref().filter(|scenes| !scenes.begins_with_one()).map(|_| whole);
         if whole_of_none.is_some() {
@@ -312,8 +316,14 @@ impl Live {
         };
         let keeping = self.journal.as_deref().map(Journal::start).transpose()?;
         let again_with = colors.clone();
-        let mut again = move || -> Result<(Steerer, Option<Gpu>), SessionError> {
-            Ok((Steerer::new(again_with.clone(), policy, || engines.open())?, engines.gpu()?))
+        let engines = Arc::new(Mutex::new(engines));
+        let again = move || -> Result<(Steerer, Option<Gpu>), SessionError> {
+            let open = |engines: &Mutex<EngineSource>| engines.lock().unwrap_or_else(PoisonError::into_inner).open();
+            let steerer = Steerer::new(again_with.clone(), policy, || open(&engines))?;
+            let gpu = engines.lock().unwrap_or_else(PoisonError::into_inner).gpu()?;
+            let Some(field) = field.clone() else { return Ok((steerer, gpu)) };
+            let more = Arc::clone(&engines);
+            Ok((steerer.in_field(&again_with, field, Box::new(move || open(&more))), gpu))
         };
         let idle = encoder.frames();
         let (refinement, source) = if let Some(folder) = &self.replay {

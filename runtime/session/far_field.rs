@@ -1,0 +1,245 @@
+//! A far field in tiles that follows the eye: a pupil sees its own piece of the SLM alone, and only that piece is refined. Pieces
+//! are read, with their views of the scene, on a thread of their own, ahead of where the eye goes; the rest of the SLM stays lit
+//! as it is.
+
+use super::error::SessionError;
+use super::scenes::{Due, Newest, SceneFrame, Scenes, Supply};
+use super::steerer::SteeredColor;
+use crate::evaluate::Views;
+use crate::hologram::Tiles;
+use crate::mailbox::Mailbox;
+use crate::optics::PupilDistribution;
+use crate::present::SECOND_NS;
+use crate::tiled::{Extent, Piece};
+use std::sync::Arc;
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// How often the thread that reads looks whether it is to end, and how long who waits for it does at once.
+const PATIENCE: Duration = Duration::from_millis(20);
+/// Pieces are asked for where the eye will be in so many seconds, if it goes on.
+const AHEAD: f64 = 0.05;
+/// A pupil that comes so near the end of a piece, in shares of its diameter, has the next one read.
+const MARGIN: f64 = 0.25;
+
+/// All phases of a far field, of which one piece is refined.
+#[derive(Debug, Clone)]
+pub struct Field {
+    /// Colour by colour: (frames, height, width), radians.
+    pub phases: Vec<Vec<f32>>,
+    /// Rows and columns.
+    pub size: [usize; 2],
+    /// Where the piece lies.
+    pub piece: Extent,
+}
+
+impl Field {
+    /// A piece as it is here: (frames, rows, columns).
+    pub(super) fn cut(&self, color: usize, piece: Extent) -> Vec<f32> {
+        let mut out = Vec::with_capacity(piece.size[0] * piece.size[1]);
+        self.rows_of(color, piece).for_each(|row| out.extend_from_slice(&self.phases[color][row]));
+        out
+    }
+
+    /// Puts what was refined of the piece where it belongs.
+    pub(super) fn put(&mut self, color: usize, phases: &[f32]) {
+        let rows = self.rows_of(color, self.piece);
+        let whole = &mut self.phases[color];
+        for (row, new) in rows.zip(phases.chunks_exact(self.piece.size[1].max(1))) {
+            whole[row].copy_from_slice(new);
+        }
+    }
+
+    /// Where the rows of a piece lie, sub-frame by sub-frame.
+    fn rows_of(
+        &self,
+        color: usize,
+        Extent { at, size }: Extent,
+    ) -> impl Iterator<Item = std::ops::Range<usize>> + use<> {
+        let [height, width] = self.size;
+        let frames = self.phases[color].len() / (height * width).max(1);
+        (0..frames).flat_map(move |frame| {
+            (0..size[0]).map(move |row| {
+                let begin = (frame * height + at[0] + row) * width + at[1];
+                begin..begin + size[1]
+            })
+        })
+    }
+}
+
+/// Where a piece is wanted.
+#[derive(Debug, Clone, Copy)]
+struct Wanted(PupilDistribution);
+
+/// A piece that was read: its place, and its colours.
+type Read = Result<(Extent, Vec<SteeredColor>), String>;
+
+/// The pieces of a far field around an eye, one after the other.
+pub struct FarField {
+    name: String,
+    tiles: Arc<Tiles>,
+    piece: Extent,
+    number: u64,
+    /// Where the pupil was, and for which light.
+    before: Option<(i64, [f64; 2])>,
+    wanted: Mailbox<Wanted>,
+    arriving: Mailbox<Read>,
+    ahead: Option<(Extent, Vec<SteeredColor>)>,
+    /// What was asked for last, and has not come.
+    asked: Option<Extent>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl FarField {
+    /// Begins with the piece around `first`; `views` are the scene's, colour by colour of the hologram. What is refined first,
+    /// and all of the phases, which have to fit memory once to be shown.
+    ///
+    /// # Errors
+    /// [`SessionError::Hologram`]; [`SessionError::Setting`] for an aim that is nowhere on the SLM; [`SessionError::Thread`].
+    pub fn start(
+        name: &str,
+        tiles: Tiles,
+        views: Vec<Views>,
+        first: &PupilDistribution,
+    ) -> Result<(Self, Vec<SteeredColor>, Field), SessionError> {
+        let wrong = |reason: String| SessionError::Setting(format!("{name}: {reason}"));
+        let tiles = Arc::new(tiles);
+        let reader = Reader { tiles: Arc::clone(&tiles), views };
+        let (piece, colors) = reader.read(&widened(first)).map_err(wrong)?;
+        let about = tiles.about();
+        let size = [about.height, about.width];
+        let phases = (0..about.colors.len()).map(|color| tiles.read(color, [0, 0], size)).collect::<Result<_, _>>()?;
+        let (wanted, arriving) = (Mailbox::<Wanted>::new(1), Mailbox::new(1));
+        let (asks, reads) = (wanted.clone(), arriving.clone());
+        let thread = std::thread::Builder::new()
+            .name("eyebox reads tiles".into())
+            .spawn(move || {
+                // Alone, nobody waits any more.
+                while !asks.is_alone() {
+                    let Some(Wanted(aim)) = asks.take_within(PATIENCE) else { continue };
+                    drop(reads.push(reader.read(&aim)));
+                }
+            })
+            .map_err(|e| SessionError::Thread { what: "reads tiles", reason: format!("could not be started ({e})") })?;
+        let field = Field { phases, size, piece };
+        let (before, ahead, asked) = (None, None, None);
+        let name = name.to_string();
+        let far = Self { name, tiles, piece, number: 0, before, wanted, arriving, ahead, asked, thread: Some(thread) };
+        Ok((far, colors, field))
+    }
+
+    /// Where the eye will be a little later, if it goes on as it does.
+    fn later(&mut self, due: &Due) -> PupilDistribution {
+        let before = self.before.replace((due.light_ns, due.pupil.centre));
+        let Some((light_ns, from)) = before.filter(|before| before.0 < due.light_ns) else { return due.pupil };
+        let seconds = (due.light_ns - light_ns) as f64 / SECOND_NS as f64;
+        let half = self.tiles.about().pitch * 0.5;
+        let about = self.tiles.about();
+        let reach = [about.width, about.height].map(|n| n as f64 * half);
+        let centre = [0, 1].map(|axis| {
+            let velocity = (due.pupil.centre[axis] - from[axis]) / seconds;
+            (due.pupil.centre[axis] + AHEAD * velocity).clamp(-reach[axis], reach[axis])
+        });
+        PupilDistribution { centre, ..due.pupil }
+    }
+
+    /// Asks for the piece around an aim, once.
+    fn ask(&mut self, aim: &PupilDistribution) {
+        let Ok(extent) = Extent::around(&self.tiles, 0, &widened(aim)) else { return };
+        if self.asked != Some(extent) && self.ahead.as_ref().is_none_or(|ahead| ahead.0 != extent) {
+            self.asked = Some(extent);
+            self.wanted.update(|_| Wanted(widened(aim)));
+        }
+    }
+
+    /// Takes what was read, waiting for it where time waits.
+    fn take(&mut self, patient: bool) -> Result<(), String> {
+        while self.asked.is_some() {
+            let read = if patient { self.arriving.take_within(PATIENCE) } else { self.arriving.take() };
+            match read {
+                Some(Ok(read)) => {
+                    if self.asked == Some(read.0) {
+                        self.asked = None;
+                    }
+                    self.ahead = Some(read);
+                }
+                Some(Err(reason)) => {
+                    self.asked = None;
+                    return Err(reason);
+                }
+                None if patient && !self.thread.as_ref().is_none_or(JoinHandle::is_finished) => {}
+                None => break,
+            }
+        }
+        Ok(())
+    }
+}
+
+/// With room around it, so that a pupil does not come to its end at once.
+fn widened(aim: &PupilDistribution) -> PupilDistribution {
+    PupilDistribution { diameter: aim.diameter.map(|d| d * (1.0 + 2.0 * MARGIN)), ..*aim }
+}
+
+impl Scenes for FarField {
+    fn describe(&self) -> String {
+        let about = self.tiles.about();
+        format!("{}: {}x{} pixels in tiles of {}", self.name, about.height, about.width, self.tiles.side())
+    }
+
+    fn next(&mut self, due: &Due) -> Result<Newest, SessionError> {
+        // Beyond the SLM there is nothing to be refined, and nothing is wrong: eyes look away.
+        let Ok(needed) = Extent::around(&self.tiles, 0, &due.pupil) else { return Ok(Newest::Same) };
+        let later = self.later(due);
+        let covered = self.piece.covers(&needed);
+        if !covered && self.ahead.as_ref().is_none_or(|ahead| !ahead.0.covers(&needed)) {
+            self.ask(&due.pupil);
+        } else if Extent::around(&self.tiles, 0, &later).is_ok_and(|extent| !self.piece.covers(&extent)) {
+            self.ask(&later);
+        }
+        if let Err(reason) = self.take(due.patient) {
+            return Ok(Newest::Refused(reason));
+        }
+        if covered {
+            return Ok(Newest::Same);
+        }
+        let Some((extent, colors)) = self.ahead.take_if(|ahead| ahead.0.covers(&needed)) else {
+            return Ok(Newest::Late(Supply::LateContent));
+        };
+        self.number += 1;
+        self.piece = extent;
+        Ok(Newest::New(SceneFrame { number: self.number, colors, arrived_ns: None, piece: Some(extent) }))
+    }
+
+    fn begins_with_one(&self) -> bool {
+        true
+    }
+}
+
+impl Drop for FarField {
+    fn drop(&mut self) {
+        // The thread ends when it holds the only end.
+        self.wanted = Mailbox::new(1);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// The thread that reads.
+struct Reader {
+    tiles: Arc<Tiles>,
+    views: Vec<Views>,
+}
+
+impl Reader {
+    fn read(&self, aim: &PupilDistribution) -> Read {
+        let about = self.tiles.about();
+        let extent = Extent::around(&self.tiles, 0, aim).map_err(|e| e.to_string())?;
+        let one = |(i, views): (usize, &Views)| -> Result<SteeredColor, String> {
+            let Piece { at, size, problem } = Piece::around(&self.tiles, i, views, aim).map_err(|e| e.to_string())?;
+            let phases = self.tiles.read(i, at, size).map_err(|e| e.to_string())?;
+            Ok(SteeredColor { problem, phases, exposure: about.colors[i].exposure })
+        };
+        Ok((extent, self.views.iter().enumerate().map(one).collect::<Result<_, _>>()?))
+    }
+}
