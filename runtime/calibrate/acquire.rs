@@ -38,14 +38,14 @@ pub(super) fn two_pi_level(display: &Display, color: Color) -> f64 {
     }
 }
 
-/// Refuses a bench that is not the display's; the bench's name of the colour, and nm. `shows`: whether the command is asked to
+/// Refuses a bench that is not the display's; the colour, and the bench's nm. `shows`: whether the command is asked to
 /// show patterns.
 pub(super) fn check(
     display: &Display,
     color: Color,
     hello: &Hello,
     shows: bool,
-) -> Result<(String, f64), CalibrateError> {
+) -> Result<(Color, f64), CalibrateError> {
     let wrong = |reason: String| Err(CalibrateError::Bench { display: display.name.clone(), reason });
     let optics = display.optics(color)?;
     if !display.geometry.is_relay() {
@@ -86,7 +86,7 @@ pub(super) fn check(
                 .into(),
         );
     }
-    Ok((color.to_string(), *theirs))
+    Ok((color, *theirs))
 }
 
 /// Asks the command for all pictures.

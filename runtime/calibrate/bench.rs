@@ -1,5 +1,6 @@
 //! Where pictures come from, what shows the patterns, and what is told meanwhile.
 
+use crate::optics::Color;
 use std::path::Path;
 use std::time::Duration;
 
@@ -39,11 +40,11 @@ pub trait ShowsPatterns {
     /// Sub-frames that it shows in turn, over and over: patterns have as many, or a whole part of them.
     fn sub_frames(&self) -> usize;
 
-    /// Shows phases (sub-frame, row, column), radians, and returns once they stand.
+    /// Shows phases (sub-frame, row, column), radians, in the light of a colour, and returns once they stand.
     ///
     /// # Errors
-    /// It is lost, in one line.
-    fn show(&mut self, phases: &[f32]) -> Result<(), Box<dyn std::error::Error + Send + Sync>>;
+    /// It is lost, or shows no such colour, in one line.
+    fn show(&mut self, color: Color, phases: &[f32]) -> Result<(), Box<dyn std::error::Error + Send + Sync>>;
 }
 
 /// What happens while a display is calibrated.

@@ -8,6 +8,7 @@ use super::message::{Answer, Hello, Request, Show};
 use super::pattern::Pattern;
 use super::picture::{self, Picture};
 use crate::files::{self, FileError, read, write_file};
+use crate::optics::Color;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
@@ -91,7 +92,7 @@ pub(super) struct Session<'a> {
     taken: Vec<Capture>,
     /// Of an earlier run, in its order.
     before: VecDeque<Capture>,
-    pub(super) color: (String, f64),
+    pub(super) color: (Color, f64),
     most: usize,
     /// What is asked for, where the bench does not choose.
     pub(super) exposure_ms: Option<f64>,
@@ -115,12 +116,12 @@ pub(super) fn load(folder: &Path) -> Result<(Hello, Vec<Capture>), CalibrateErro
 
 impl<'a> Session<'a> {
     /// A session with a camera's command; pictures go to `keep`, and what lies there already is not asked for again.
-    /// `color`: the bench's name of it, and nm.
+    /// `color`: it, and the bench's nm.
     pub(super) fn new(
         link: Link<'a>,
         hello: Hello,
         keep: Option<&Path>,
-        color: (String, f64),
+        color: (Color, f64),
         most: usize,
     ) -> Result<Self, CalibrateError> {
         let temporary = match keep {
@@ -148,7 +149,8 @@ impl<'a> Session<'a> {
     /// New pictures are added to those that lie there already, which are not asked for again: them.
     pub(super) fn adds(&mut self) -> Vec<Shot> {
         self.taken.extend(self.before.drain(..));
-        let of_color = self.taken.iter().filter(|c| c.request.color.as_ref().is_none_or(|c| *c == self.color.0));
+        let of_color =
+            self.taken.iter().filter(|c| c.request.color.as_ref().is_none_or(|c| *c == self.color.0.to_string()));
         of_color.filter_map(|c| c.shot(&self.folder)?.ok()).collect()
     }
 
@@ -193,7 +195,7 @@ impl<'a> Session<'a> {
             id: self.taken.len() as u64,
             r#do: "capture".into(),
             show,
-            color: (!dark).then(|| self.color.0.clone()),
+            color: (!dark).then(|| self.color.0.to_string()),
             wavelength_nm: (!dark).then_some(self.color.1),
             iris_mm: ask.iris_mm,
             focus_mm: self.hello.focus_mm.is_some().then_some(ask.focus_mm),
@@ -225,7 +227,7 @@ impl<'a> Session<'a> {
     fn ask(&mut self, ask: &Ask, request: Request, shown: Option<Show>) -> Result<Option<(Shot, f64)>, CalibrateError> {
         let Some(link) = &mut self.link else { return Ok(None) };
         if let (Some(shows), Some((_, pattern))) = (&mut self.shows, ask.show) {
-            shows.show(&pattern.drive).map_err(CalibrateError::Shows)?;
+            shows.show(self.color.0, &pattern.drive).map_err(CalibrateError::Shows)?;
         }
         let frames = ask.show.map_or(1, |(_, pattern)| pattern.frames);
         let seconds = request.exposure_ms.unwrap_or(1000.0) * 1e-3 * (3 * ask.average * frames) as f64;

@@ -213,9 +213,23 @@ impl Pictures {
         (sum, robust, exposure)
     }
 
-    /// Fits the free parameters to these views. Slopes are kept for as long as the steps that they give do what they promise.
+    /// Fits the free parameters to these views, from where they are expected.
     pub(super) fn fit(
         &self,
+        start: &Parameters,
+        free: &[Parameter],
+        which: &[usize],
+        effort: Effort,
+        observe: &mut dyn FnMut(f64),
+    ) -> Result<Fit, CalibrateError> {
+        self.fit_near(start, start, free, which, effort, observe)
+    }
+
+    /// The same from elsewhere: `known` holds those in place that the pictures hardly tell. Slopes are kept for as long as the steps
+    /// that they give do what they promise.
+    pub(super) fn fit_near(
+        &self,
+        known: &Parameters,
         start: &Parameters,
         free: &[Parameter],
         which: &[usize],
@@ -238,7 +252,7 @@ impl Pictures {
             let scale = (squares / count as f64).max(1.0);
             let before = self.squares(which, &seen, scale).1;
             let (normal, right) = self.normal(which, &seen, &slopes, free, exposure, scale);
-            let (normal, right) = with_expectations(normal, right, start, &at, free, scale);
+            let (normal, right) = with_expectations(normal, right, known, &at, free, scale);
             let tries = if fresh { TRIES } else { 2 };
             let mut step_taken = None;
             for _ in 0..tries {
@@ -251,7 +265,7 @@ impl Pictures {
                 let trial = at.stepped(free, &step);
                 let seen = self.see(&trial, effort.subpixels, which, &[]);
                 let after = self.squares(which, &seen, scale).1;
-                let expected = expectation(start, &trial, free, scale) - expectation(start, &at, free, scale);
+                let expected = expectation(known, &trial, free, scale) - expectation(known, &at, free, scale);
                 if after + expected < before {
                     damping = (damping * 0.1).max(1e-12);
                     let gained = before - after - expected;
@@ -280,16 +294,54 @@ impl Pictures {
         }
         let (squares, _, exposure) = self.squares(which, &seen, f64::INFINITY);
         let scale = (squares / count as f64).max(1.0);
-        let (normal, _) = self.normal(which, &seen, &slopes, free, exposure, scale);
-        let (normal, _) = with_expectations(normal, vec![0.0; free.len()], start, &at, free, scale);
-        let covariance = inverse(&normal).ok_or_else(|| {
+        let covariance = self.covariance(which, [&seen, &slopes], &at, free, exposure, scale).ok_or_else(|| {
             CalibrateError::Pictures(
                 "the pictures do not tell the model's numbers apart: more of them are needed".into(),
             )
         })?;
+        Ok(Fit { at, free: free.to_vec(), exposure, squares: squares / count as f64, covariance })
+    }
 
-        let (squares, covariance) = (squares / count as f64, scaled(covariance, scale));
-        Ok(Fit { at, free: free.to_vec(), exposure, squares, covariance })
+    /// Covariance of the free parameters, by what is seen at `at` and its slopes there.
+    fn covariance(
+        &self,
+        which: &[usize],
+        [seen, slopes]: [&[Seen]; 2],
+        at: &Parameters,
+        free: &[Parameter],
+        exposure: Exposure,
+        scale: f64,
+    ) -> Option<Vec<Vec<f64>>> {
+        let (normal, _) = self.normal(which, seen, slopes, free, exposure, scale);
+        let (normal, _) = with_expectations(normal, vec![0.0; free.len()], at, at, free, scale);
+        Some(scaled(inverse(&normal)?, scale))
+    }
+
+    /// The same fit, the errors of which know of `omitted` too: numbers that stayed where the display's file has them because they
+    /// do not show may be off by what the pictures leave open, and what was fitted then with them.
+    pub(super) fn with_omitted(&self, fit: Fit, omitted: &[Parameter], which: &[usize], effort: Effort) -> Fit {
+        let apart = |p: &&Parameter| !matches!(p, Parameter::Iris(_));
+        let fitted: Vec<Parameter> = fit.free.iter().filter(apart).copied().collect();
+        let all: Vec<Parameter> = fitted.iter().chain(omitted.iter().filter(apart)).copied().collect();
+        if all.len() == fitted.len() {
+            return fit;
+        }
+        let seen = self.see(&fit.at, effort.subpixels, which, &[]);
+        let slopes = self.see(&fit.at, effort.slopes, which, &all);
+        let scale = fit.squares.max(1.0);
+        let Some(covariance) = self.covariance(which, [&seen, &slopes], &fit.at, &all, fit.exposure, scale) else {
+            return fit;
+        };
+        let mut fit = fit;
+        for (i, a) in fitted.iter().enumerate() {
+            for (j, b) in fitted.iter().enumerate() {
+                let at = [a, b].map(|p| fit.free.iter().position(|q| q == p));
+                if let [Some(row), Some(column)] = at {
+                    fit.covariance[row][column] = covariance[i][j];
+                }
+            }
+        }
+        fit
     }
 
     /// The normal equations, gain and dark level eliminated.

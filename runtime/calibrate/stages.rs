@@ -32,6 +32,8 @@ const UNTOLD: f64 = 0.3;
 const K2: Parameter = Parameter::Map(9);
 /// Crosstalk of a real device, where a fit begins (Schroff et al. 2024).
 const CROSSTALK: Spread = Spread { q: 1.2, sigma: 2.03 };
+/// And a fill of its pixels.
+const FILL: f64 = 0.9;
 
 /// Fits, and says what came of it.
 pub(super) fn run(
@@ -92,7 +94,7 @@ pub(super) fn run(
     } else {
         // Where there is none, crosstalk is slow to go.
         if at.model.fill == 0.0 {
-            at.model.fill = 0.9;
+            at.model.fill = FILL;
         }
         let without = pictures.fit(&at, &plain, some, Effort { subpixels: 1, ..SEARCH }, &mut fitting)?;
         at.model.crosstalk = Some([CROSSTALK; 4]);
@@ -105,14 +107,15 @@ pub(super) fn run(
     free.push(K2);
     let fitted = believed(pictures, &sorted.fitted, &fit, &mut warnings);
     let mut fitting = |part| tell(Event::At("fitting all pictures finely", share(0.6, 0.9, part)));
-    fit = fine(pictures, &fitted, &fit.at, &free, &mut fitting)?;
+    let known = known(&start);
+    fit = fine(pictures, &fitted, [&known, &fit.at], &free, &mut fitting)?;
     let untold = untold(&fit);
     let pairs = if taken.hello.iris.is_none() { fit.confused() } else { Vec::new() };
     if taken.hello.iris.is_none() {
         warnings.push(through_one_iris(&untold, &pairs));
     }
     tell(Event::At("leaving out what does not show", share(0.0, 1.0, 0.9)));
-    let fit = terms::settle(pictures, &fitted, &start, fit, END)?;
+    let fit = terms::settle(pictures, &fitted, [&start, &known], fit, END)?;
     let fit = if own.squares < NO_BETTER * fit.squares { own } else { fit };
     tell(Event::At("looking at pictures that were not fitted", share(0.0, 1.0, 0.95)));
     let mut report = Report::new(&sorted, &start, &fit, &fitted, captures, warnings, FINE);
@@ -122,11 +125,22 @@ pub(super) fn run(
     Ok((display, report, shown(&sorted, &fit, FINE)?))
 }
 
-/// The fit's end: the iris by its edge and the other numbers by slopes, by turns.
+/// Where the numbers are that no picture tells: where the display's file has them, and crosstalk and pixels of which it says
+/// nothing are a real device's.
+fn known(start: &Parameters) -> Parameters {
+    let mut known = start.clone();
+    known.model.crosstalk = known.model.crosstalk.or(Some([CROSSTALK; 4]));
+    if known.model.fill == 0.0 {
+        known.model.fill = FILL;
+    }
+    known
+}
+
+/// The fit's end: the iris by its edge and the other numbers by slopes, by turns, held near what is `known`.
 fn fine(
     pictures: &Pictures,
     which: &[usize],
-    start: &Parameters,
+    [known, start]: [&Parameters; 2],
     free: &[Parameter],
     observe: &mut dyn FnMut(f64),
 ) -> Result<Fit, CalibrateError> {
@@ -134,13 +148,14 @@ fn fine(
     let others: Vec<Parameter> = free.iter().copied().filter(|p| !matches!(p, Parameter::Iris(_))).collect();
     let rim = |at: &Parameters| pictures.rim(at, FINE, which);
     let first = if moves { rim(start).at } else { start.clone() };
-    let fit = pictures.fit(&first, &others, which, Effort { rounds: 6, enough: 0.01, ..END }, observe)?;
+    let mut fit = |at: &Parameters, effort| pictures.fit_near(known, at, &others, which, effort, observe);
+    let near = fit(&first, Effort { rounds: 6, enough: 0.01, ..END })?;
     if !moves {
-        return pictures.fit(&fit.at, &others, which, END, observe);
+        return fit(&near.at, END);
     }
-    let fit = pictures.fit(&rim(&fit.at).at, &others, which, END, observe)?;
-    let rim = rim(&fit.at);
-    let fit = if rim.at == fit.at { fit } else { pictures.fit(&rim.at, &others, which, END, observe)? };
+    let end = fit(&rim(&near.at).at, END)?;
+    let rim = rim(&end.at);
+    let fit = if rim.at == end.at { end } else { fit(&rim.at, END)? };
     Ok(fit.with_iris(rim.errors))
 }
 
@@ -159,7 +174,7 @@ fn through_one_iris(untold: &[String], pairs: &[(Parameter, Parameter, f64)]) ->
     if !pairs.is_empty() {
         said += &format!("; they do not tell {}, which hold within the iris alone", pairs.join(", "));
     }
-    said + "; what is not told stays as the display's file has it"
+    said + "; what is not told stays as the display's file has it, and the errors of the rest count it"
 }
 
 /// Numbers of a fit that are hardly surer than what is expected of any display.

@@ -69,21 +69,48 @@ fn crosstalk_shows(fit: &Fit) -> bool {
     })
 }
 
-/// Puts terms that do not show where they were, and fits the others once more.
+/// The terms that do not show. Orders of the wavefront are asked from the highest down, each once those above it that do not show
+/// are gone: through one iris high orders look much like low ones, and it is the low ones that stay.
+fn hidden(fit: &Fit, start: &Parameters) -> Vec<Parameter> {
+    let (mut fit, mut hidden) = (fit.clone(), Vec::new());
+    for term in terms().into_iter().rev() {
+        if !fit.free.contains(&term[0]) || shows(&fit, start, &term) {
+            continue;
+        }
+        if let [order @ Parameter::Wavefront(_)] = term[..] {
+            fit = without(&fit, start, order);
+        }
+        hidden.extend(term);
+    }
+    hidden.retain(|p| fit.free.contains(p));
+    hidden
+}
+
+/// What a fit comes to, by its slopes, where a number stays where it began.
+fn without(fit: &Fit, start: &Parameters, number: Parameter) -> Fit {
+    let Some(at) = fit.free.iter().position(|p| *p == number) else { return fit.clone() };
+    let mut fit = fit.clone();
+    let (row, off) = (fit.covariance[at].clone(), start.get(number) - fit.at.get(number));
+    let moves: Vec<f64> = row.iter().map(|c| c / row[at] * off).collect();
+    fit.at = fit.at.stepped(&fit.free, &moves);
+    for (i, of) in fit.covariance.iter_mut().enumerate() {
+        of.iter_mut().zip(&row).for_each(|(c, r)| *c -= row[i] * r / row[at]);
+    }
+    fit
+}
+
+/// Puts terms that do not show where they were, and fits the others once more, near what is `known` of the display; their errors
+/// count what was left out.
 pub(super) fn settle(
     pictures: &Pictures,
     which: &[usize],
-    start: &Parameters,
+    [start, known]: [&Parameters; 2],
     mut fit: Fit,
     effort: Effort,
 ) -> Result<Fit, CalibrateError> {
+    let mut omitted = Vec::new();
     for _ in 0..2 {
-        let hidden: Vec<Parameter> = terms()
-            .into_iter()
-            .filter(|term| !shows(&fit, start, term))
-            .flatten()
-            .filter(|p| fit.free.contains(p))
-            .collect();
+        let hidden = hidden(&fit, start);
         if hidden.is_empty() {
             break;
         }
@@ -93,12 +120,13 @@ pub(super) fn settle(
         let free: Vec<Parameter> = fit.free.iter().copied().filter(shown).collect();
         let iris = [0, 1, 2].map(|i| fit.error(Parameter::Iris(i)));
         let iris = if hidden.contains(&Parameter::Iris(0)) { [None; 3] } else { iris };
-        fit = pictures.fit(&at, &free, which, effort, &mut |_| ())?;
+        fit = pictures.fit_near(known, &at, &free, which, effort, &mut |_| ())?;
         if let [Some(x), Some(y), Some(scale)] = iris {
             fit = fit.with_iris([x, y, scale]);
         }
+        omitted.extend(hidden);
     }
-    Ok(fit)
+    Ok(pictures.with_omitted(fit, &omitted, which, effort))
 }
 
 /// A model with some of another's terms.

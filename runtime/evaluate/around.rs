@@ -3,7 +3,7 @@
 
 use crate::engine::{Buffer, Engine, EngineError};
 use crate::optics::{Color, Display, Optics, Pupil, WindowFactor};
-use crate::plan::{self, Comparison, Planner, Purpose};
+use crate::plan::{self, Comparison, ModelTables, Planner, Purpose};
 use crate::scene::{
     self, Interpolator, Layers, LightField, Photographs, Pyramid, Reprojection, Request, SceneError, Stage, ViewGrid,
     shrink_to_share,
@@ -22,6 +22,8 @@ pub struct Views {
     kind: Kind,
     optics: Optics,
     share: f64,
+    /// What the display does to the light, and of it the iris alone: they decide which piece and which window a pupil needs.
+    model: Option<[Arc<ModelTables>; 2]>,
     size: usize,
     depth: Option<[f64; 2]>,
     held: u64,
@@ -61,14 +63,15 @@ impl Views {
         let display = request.display;
         let of = |color| {
             let optics = display.optics(color)?;
-            Ok::<_, SceneError>((optics, display.picture_share(optics.wavelength)))
+            let model = ModelTables::of(display, color, optics, optics).map(|model| [model.for_pieces(), model.iris()]);
+            Ok::<_, SceneError>((optics, display.picture_share(optics.wavelength), model))
         };
         if let Some(name) = source.strip_prefix("builtin:") {
             let one = |&color: &Color| {
                 let stage = Stage::new(name, display, color, size)?;
                 let depth = Some(stage.depth());
-                let (optics, share) = of(color)?;
-                Ok(Self { kind: Kind::Stage(Box::new(stage)), optics, share, size, depth, held: 0 })
+                let (optics, share, model) = of(color)?;
+                Ok(Self { kind: Kind::Stage(Box::new(stage)), optics, share, model, size, depth, held: 0 })
             };
             return request.colors.iter().map(one).collect();
         }
@@ -83,8 +86,8 @@ impl Views {
             let one = |(i, &color): (usize, &Color)| {
                 let held = if i == 0 { picture.bytes() } else { 0 };
                 let kind = Kind::Picture(Arc::clone(&picture), color);
-                let (optics, share) = of(color)?;
-                Ok(Self { kind, optics, share, size: work, depth, held })
+                let (optics, share, model) = of(color)?;
+                Ok(Self { kind, optics, share, model, size: work, depth, held })
             };
             return request.colors.iter().enumerate().map(one).collect();
         }
@@ -108,8 +111,8 @@ impl Views {
             let layers = Arc::new(layers);
             let one = |(i, &color): (usize, &Color)| {
                 let held = if i == 0 { layers.bytes() } else { 0 };
-                let (optics, share) = of(color)?;
-                Ok(Self { kind: Kind::Layers(Arc::clone(&layers), i), optics, share, size: work, depth, held })
+                let (optics, share, model) = of(color)?;
+                Ok(Self { kind: Kind::Layers(Arc::clone(&layers), i), optics, share, model, size: work, depth, held })
             };
             return request.colors.iter().enumerate().map(one).collect();
         }
@@ -122,8 +125,8 @@ impl Views {
             let one = |(i, &color): (usize, &Color)| {
                 let held = if i == 0 { between.bytes() } else { 0 };
                 let kind = Kind::Between(Arc::clone(&between), i);
-                let (optics, share) = of(color)?;
-                Ok(Self { kind, optics, share, size: work, depth, held })
+                let (optics, share, model) = of(color)?;
+                Ok(Self { kind, optics, share, model, size: work, depth, held })
             };
             return request.colors.iter().enumerate().map(one).collect();
         }
@@ -132,9 +135,9 @@ impl Views {
         let one = |&color: &Color| {
             let field = load(&small, color)?;
             let grid = ViewGrid { rows: field.grid[0], columns: field.grid[1], cell };
-            let (optics, share) = of(color)?;
+            let (optics, share, model) = of(color)?;
             let pyramid = Arc::new(pyramid(&first_color(field), size, share));
-            Ok(Self { kind: Kind::Field(pyramid, grid), optics, share, size, depth, held: 0 })
+            Ok(Self { kind: Kind::Field(pyramid, grid), optics, share, model, size, depth, held: 0 })
         };
         request.colors.iter().map(one).collect()
     }
@@ -197,6 +200,12 @@ impl Views {
 }
 
 impl Views {
+    /// The piece of the SLM that a pupil sees.
+    pub(crate) fn piece(&self, pupil: &Pupil) -> Optics {
+        let (at, size) = ModelTables::under(self.model.as_ref().map(|[model, _]| &**model), &self.optics, pupil);
+        self.optics.piece(at, size)
+    }
+
     /// The photograph in the samples of a pupil's window on `grid`, the far-field SLM or a piece of it; the axis comes first.
     ///
     /// # Errors
@@ -209,7 +218,8 @@ impl Views {
         engine: &mut dyn Engine,
     ) -> Result<Vec<f32>, EngineError> {
         let (pyramid, seen) = self.around([pupil.x, pupil.y], pupil.diameter);
-        let planner = Planner { views: Some(seen), ..Planner::new(*grid, 1, factor) };
+        let model = self.model.as_ref().map(|[_, iris]| Arc::clone(iris));
+        let planner = Planner { views: Some(seen), model, ..Planner::new(*grid, 1, factor) };
         let step = planner.photograph_step(vec![planner.pupil_pass(pupil, &Comparison::default())]);
         engine.load(&planner.shape(Purpose::View), Some(Arc::clone(&pyramid)))?;
         engine.run(&step)?;
@@ -294,7 +304,7 @@ mod tests {
         for (x, y, z) in [(0.0, 0.0, 0.0), (0.6, -0.5, 0.8), (-0.8, 0.7, -0.9)] {
             let pupil = Pupil { x: x * reach, y: y * reach, diameter: 0.4 * reach, depth: z * far[1] };
             let (at, size) = optics.under(&pupil);
-            let piece = optics.piece(at, size);
+            let piece = optics.piece(at.map(|i| i as i64), size);
             let mut shot = |views: &Views| views.photograph(&piece, &pupil, WindowFactor::One, &mut engine).unwrap();
             let want = shot(&exact);
             let [between, layers] = [&sparse, &layered].map(|views| psnr(&want, &shot(views)));

@@ -92,10 +92,9 @@ impl SceneSource {
                 Ok(taken.into_iter().map(|values| Plane { rows, columns, values }).collect())
             }
             Self::Around(views) => {
-                let (views, whole) = (&views[color], views[color].optics());
+                let views = &views[color];
                 let one = |pupil| {
-                    let (at, size) = whole.under(pupil);
-                    let image = views.photograph(&whole.piece(at, size), pupil, sampling.factor(), engine)?;
+                    let image = views.photograph(&views.piece(pupil), pupil, sampling.factor(), engine)?;
                     Ok(sampling.picture(image, views.share()))
                 };
                 pupils.iter().map(one).collect()

@@ -4,7 +4,7 @@ use super::tiles::Tiles;
 use super::{Hologram, HologramError, Sequence};
 use crate::engine::{Buffer, Engine, Purpose};
 use crate::evaluate::{self, Plane, centered};
-use crate::optics::{OpticsError, Prescription, Pupil, WindowFactor};
+use crate::optics::{Optics, OpticsError, Prescription, Pupil, WindowFactor};
 use crate::plan::{Comparison, EyeTables, Kernel, ModelTables, Planner};
 use crate::scene::crop_share;
 use std::borrow::Cow;
@@ -31,7 +31,7 @@ impl PhaseSource<'_> {
                 hologram.metadata.picture = Default::default();
                 hologram.into()
             }
-            tiled @ Self::Tiled(_) => tiled,
+            Self::Tiled(tiles) => Self::Tiled(Arc::new(tiles.on_ideal_display())),
         }
     }
 
@@ -185,15 +185,26 @@ impl Hologram {
     pub fn planner(&self, color: usize) -> Result<Planner, HologramError> {
         let plain = Planner::new(self.optics(color)?, self.frames, WindowFactor::Full);
         let plain = plain.with_padding(self.metadata.padding());
-        // Only colours that have a name have a model.
-        let model = match self.colors[color].color {
-            Some(name) if !self.metadata.model.is_empty() => {
-                ModelTables::of(&self.made_for()?, name, plain.slm, plain.grid)
-            }
-            _ => None,
-        };
+        let model = self.model(color, plain.slm, plain.grid)?;
         let eye = EyeTables::new(self.metadata.prescription.as_ref());
         Ok(Planner { share: self.picture_share(color), model, eye, ..plain })
+    }
+
+    /// What the display that it was solved for does to one of its colours, on its SLM inside a grid; none for the ideal one.
+    ///
+    /// # Errors
+    /// [`HologramError::NoDisplay`].
+    pub(crate) fn model(
+        &self,
+        color: usize,
+        slm: Optics,
+        grid: Optics,
+    ) -> Result<Option<Arc<ModelTables>>, HologramError> {
+        // Only colours that have a name have a model.
+        match self.colors[color].color {
+            Some(name) if !self.metadata.model.is_empty() => Ok(ModelTables::of(&self.made_for()?, name, slm, grid)),
+            _ => Ok(None),
+        }
     }
 }
 
@@ -242,19 +253,30 @@ fn tiled(
 ) -> Result<Plane, HologramError> {
     let about = tiles.about();
     let whole = about.optics(color)?;
-    let (at, size) = whole.under(pupil);
-    let planner = Planner::new(whole.piece(at, size), 1, sampling.factor());
+    let model = tiles.model(color)?;
+    let (at, size) = ModelTables::under(model.map(|model| &**model), &whole, pupil);
+    let plain = Planner::new(whole.piece(at, size), 1, sampling.factor());
+    let planner = Planner { model: model.map(|model| model.piece(at, size)), ..plain };
+    let phases = tiles.read_around(color, at, size)?;
+    let pixels = size[0] * size[1];
+    // Seen in each other, all sub-frames of a set go through the engine at once; a single one was seen alone.
+    if frames.len() > 1 && model.is_some_and(|model| model.model().lag > 0.0) {
+        let planner = Planner { frames: frames.len(), ..planner };
+        engine.load(&planner.shape(Purpose::View), None)?;
+        engine.write(Buffer::Phases, &phases)?;
+        engine.run(&planner.view_step(vec![planner.pupil_pass(pupil, &Comparison::default())]))?;
+        return Ok(sampling.picture(engine.read(Buffer::Image(0))?, about.picture_share(color)));
+    }
     let all = Planner { frames: frames.len(), ..planner.clone() };
     let mut pupil_pass = all.pupil_pass(pupil, &Comparison::default());
     pupil_pass.intensity.frames = 1;
     let mut step = planner.view_step(vec![pupil_pass]);
-    let phases = tiles.read(color, at, size)?;
     engine.load(&planner.shape(Purpose::View), None)?;
-    for (f, frame) in phases.chunks_exact(size[0] * size[1]).skip(frames.start).take(frames.len()).enumerate() {
+    for (f, frame) in phases.chunks_exact(pixels).skip(frames.start).take(frames.len()).enumerate() {
         engine.write(Buffer::Phases, frame)?;
         engine.run(&step)?;
         if f == 0 {
-            step.list.retain(|d| d.kernel != Kernel::Transfer);
+            step.list.retain(|d| ![Kernel::Transfer, Kernel::Relay].contains(&d.kernel));
             step.pupil_passes[0].intensity.accumulate = 1;
         }
     }

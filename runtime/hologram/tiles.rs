@@ -8,6 +8,8 @@
 //! stands, after it the new one: [`resume`](Tiles::resume) moves what was left, and removes what does not count. One program
 //! at a time makes a hologram, and holds a lock; others may look at it meanwhile ([`open`](Tiles::open)) and change nothing.
 
+mod around;
+
 use super::chunks::{
     ARRAY, GROUP, LOCK, check_is_one, check_length, chunk_file, damaged, draft, is_staged, lock, open_folder, promise,
     read_document, read_tile, read_whole, unreadable, unwritable, write_chunk,
@@ -15,12 +17,14 @@ use super::chunks::{
 use super::{Hologram, HologramError, Metadata, document};
 use crate::files::{Folder, Kind};
 use crate::optics::Geometry;
+use crate::plan::ModelTables;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::fs::File;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, OnceLock};
 
 const PROGRESS: &str = "progress.json";
 const STAGED: &str = "staged";
@@ -54,6 +58,8 @@ pub struct Tiles {
     lock: Option<File>,
     read: AtomicU64,
     written: AtomicU64,
+    /// Of each colour, what its display does to the light: made when it is first asked for.
+    models: OnceLock<Vec<Option<Arc<ModelTables>>>>,
 }
 
 /// A rectangle of whole tiles with other phases.
@@ -174,7 +180,7 @@ impl Tiles {
             None
         };
         let (read, written) = (AtomicU64::new(0), AtomicU64::new(0));
-        Ok(Self { folder: folder.clone(), about, side, made, lock: None, read, written })
+        Ok(Self { folder: folder.clone(), about, side, made, lock: None, read, written, models: OnceLock::new() })
     }
 
     fn unlock(&self) {

@@ -177,10 +177,11 @@ impl Optics {
         ((ky - first.0).rem_euclid(self.height as i64) as usize, (kx - first.1).rem_euclid(self.width as i64) as usize)
     }
 
-    /// The piece of a far-field SLM that begins at this pixel: a far-field problem of its own, on the same axis.
-    pub fn piece(self, [top, left]: [usize; 2], [height, width]: [usize; 2]) -> Self {
+    /// The piece of a far-field SLM that begins at this pixel, or before its first: a far-field problem of its own, on the same
+    /// axis.
+    pub fn piece(self, [top, left]: [i64; 2], [height, width]: [usize; 2]) -> Self {
         let (y, x) = self.first_bin();
-        let offset = [y + (top + height / 2) as i64, x + (left + width / 2) as i64];
+        let offset = [y + top + (height / 2) as i64, x + left + (width / 2) as i64];
         Self { height, width, offset, ..self }
     }
 

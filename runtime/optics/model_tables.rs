@@ -1,6 +1,6 @@
 //! The terms of a [`DisplayModel`] as numbers per pixel, sub-frame and frequency, in float64 (OPTICS 10).
 
-use super::model::{DisplayModel, Spread};
+use super::model::{DisplayModel, Iris, Spread};
 use super::{Pupil, zernike};
 use eyebox_kernels::{Complex64, fft};
 use std::f64::consts::{PI, TAU};
@@ -15,6 +15,9 @@ fn per_pixel<T>(height: usize, width: usize, value: impl Fn(f64, f64) -> T) -> V
     (0..height * width).map(|i| value(place(i % width, width), place(i / width, height))).collect()
 }
 
+/// Most places along an axis at which the source's light is summed: between as many it is straight to a float32.
+const PLACES: usize = 2048;
+
 /// `sin(pi x) / (pi x)`.
 fn sinc(x: f64) -> f64 {
     if x == 0.0 { 1.0 } else { (PI * x).sin() / (PI * x) }
@@ -23,12 +26,31 @@ fn sinc(x: f64) -> f64 {
 impl DisplayModel {
     /// Phase at full drive in units of 2 pi, of each pixel: (height, width).
     pub fn level_map(&self, height: usize, width: usize) -> Vec<f64> {
+        per_pixel(height, width, |x, y| self.level_at(x, y))
+    }
+
+    /// The same at (x, y), from -1 to 1 over the SLM.
+    fn level_at(&self, x: f64, y: f64) -> f64 {
         let hat = |at: f64| [-1.0, 0.0, 1.0].map(|node: f64| (1.0 - (at - node).abs()).max(0.0));
-        per_pixel(height, width, |x, y| {
-            let (along_y, along_x) = (hat(y), hat(x));
-            let row = |nodes: &[f64; 3]| nodes.iter().zip(along_x).map(|(node, share)| node * share).sum::<f64>();
-            self.level.iter().zip(along_y).map(|(nodes, share)| row(nodes) * share).sum()
-        })
+        let (along_y, along_x) = (hat(y), hat(x));
+        let row = |nodes: &[f64; 3]| nodes.iter().zip(along_x).map(|(node, share)| node * share).sum::<f64>();
+        self.level.iter().zip(along_y).map(|(nodes, share)| row(nodes) * share).sum()
+    }
+
+    /// What a pixel of an SLM of `height` x `width` has of its own: its look-up table's level, the source's amplitude that it
+    /// modulates, real and imaginary part of the light that it does not. `root`: [`source_root`](Self::source_root) of that SLM.
+    /// Rows and columns beyond its edges are those that come in on the other side, and dark: crosstalk sees them, a pupil does not.
+    pub(crate) fn pixel(&self, [row, column]: [i64; 2], [height, width]: [usize; 2], root: f64) -> [f64; 4] {
+        let inside = |i: i64, n: usize| (0..n as i64).contains(&i);
+        let at = |i: i64, n: usize| place(i.rem_euclid(n as i64) as usize, n);
+        let (x, y) = (at(column, width), at(row, height));
+        let level = self.level_at(x, y);
+        if !inside(row, height) || !inside(column, width) {
+            return [level, 0.0, 0.0, 0.0];
+        }
+        let amplitude = self.source_at(x, y) / root;
+        let rest = self.undiffracted_at(x, y);
+        [level, amplitude * self.modulated_share(), rest.re * amplitude, rest.im * amplitude]
     }
 
     /// Phase w' in radians that a drive of `w` radians in 0 .. 2 pi gives where the level is `level`, and its slope dw'/dw.
@@ -97,12 +119,24 @@ impl DisplayModel {
 
     /// Amplitude of the source at each pixel, (height, width): its mean square is 1.
     pub fn source_amplitude(&self, height: usize, width: usize) -> Vec<f64> {
+        let root = self.source_root([height, width]);
+        per_pixel(height, width, |x, y| self.source_at(x, y) / root)
+    }
+
+    /// The source's amplitude before its mean square is made 1.
+    fn source_at(&self, x: f64, y: f64) -> f64 {
         let [cx, cy, cxx, cxy, cyy] = self.source;
-        let amplitude = |x: f64, y: f64| (cx * x + cy * y + cxx * x * x + cxy * x * y + cyy * y * y).exp();
-        let mut all = per_pixel(height, width, amplitude);
-        let root = (all.iter().map(|a| a * a).sum::<f64>() / all.len() as f64).sqrt();
-        all.iter_mut().for_each(|a| *a /= root);
-        all
+        (cx * x + cy * y + cxx * x * x + cxy * x * y + cyy * y * y).exp()
+    }
+
+    /// The root of its mean square over the pixels of an SLM of `height` x `width`, or over places as even and fewer where there
+    /// are very many.
+    pub(crate) fn source_root(&self, [height, width]: [usize; 2]) -> f64 {
+        if self.source == [0.0; 5] {
+            return 1.0;
+        }
+        let all = per_pixel(height.min(PLACES), width.min(PLACES), |x, y| self.source_at(x, y).powi(2));
+        (all.iter().sum::<f64>() / all.len() as f64).sqrt()
     }
 
     /// `sqrt(1 - |eta|^2)`: the part of the source's amplitude that the pixels modulate.
@@ -113,8 +147,12 @@ impl DisplayModel {
 
     /// `eta exp(i psi)` at each pixel, (height, width): the part of the source's amplitude that they do not modulate.
     pub fn undiffracted_share(&self, height: usize, width: usize) -> Vec<Complex64> {
+        per_pixel(height, width, |x, y| self.undiffracted_at(x, y))
+    }
+
+    fn undiffracted_at(&self, x: f64, y: f64) -> Complex64 {
         let [re, im, px, py, pr] = self.undiffracted;
-        per_pixel(height, width, |x, y| Complex64::new(re, im) * Complex64::cis(px * x + py * y + pr * (x * x + y * y)))
+        Complex64::new(re, im) * Complex64::cis(px * x + py * y + pr * (x * x + y * y))
     }
 
     /// Factor of a pixel's aperture along one axis, at `k` cycles per pixel (-0.5 to 0.5), on a field of `subpixels` values
@@ -147,6 +185,12 @@ impl DisplayModel {
             diameter: pupil.diameter * iris.scale,
             depth: pupil.depth,
         }
+    }
+
+    /// What has to be asked for so that the iris really is as `iris`: the inverse of [`true_pupil`](Self::true_pupil).
+    pub fn asked_pupil(&self, iris: &Pupil) -> Pupil {
+        let Iris { x, y, scale } = self.iris;
+        Pupil { x: (iris.x - x) / scale, y: (iris.y - y) / scale, diameter: iris.diameter / scale, depth: iris.depth }
     }
 }
 
@@ -231,7 +275,6 @@ fn kernel(pixels: usize, subpixels: usize, below: Spread, above: Spread) -> Vec<
 
 #[cfg(test)]
 mod tests {
-    use super::super::model::Iris;
     use super::*;
 
     fn near(got: &[f64], want: &[f64]) {
@@ -323,5 +366,6 @@ mod tests {
         assert!((turns - 0.5 * 0.2771281292110202 + 0.25 * 0.5147737367038071).abs() < 1e-12);
         let mm = model.true_pupil(&Pupil::from_mm([2.0, 3.0, 4.0, 5.0])).to_mm();
         near(&mm, &[3.2, 1.3, 4.4, 5.0]);
+        near(&model.asked_pupil(&Pupil::from_mm(mm)).to_mm(), &[2.0, 3.0, 4.0, 5.0]);
     }
 }

@@ -1,8 +1,8 @@
 //! The display as it is, as the tables that kernels read (OPTICS 10).
 
 use super::{Buffer, ModelParts};
-use crate::optics::{Color, Display, DisplayModel, Geometry, Optics};
-use eyebox_kernels::{Complex32, Complex64};
+use crate::optics::{Color, Display, DisplayModel, Geometry, Optics, Pupil};
+use eyebox_kernels::Complex32;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 use std::sync::{Arc, OnceLock};
@@ -17,6 +17,11 @@ pub struct ModelTables {
     highest_drive: f64,
     slm: Optics,
     grid: Optics,
+    /// Rows and columns of the whole SLM, and where in it this one's first pixel lies: not the same for a piece of a far field.
+    whole: [usize; 2],
+    at: [i64; 2],
+    /// The source's root mean square over the whole SLM, for all pieces of it.
+    root: Arc<OnceLock<f64>>,
     /// Power of the error of the field, over the field's, at which crosstalk is cut.
     error: f64,
     reach: Option<[usize; 2]>,
@@ -30,11 +35,13 @@ pub struct ModelTables {
 const EXACT: f64 = 1e-11;
 /// Of the steps of a solve. One value a pixel stands for crosstalk to a hundredth, three to a thousandth; no picture tells this.
 const SOLVING: f64 = 3e-5;
+/// Of what is looked at a piece at a time, where a reach of hundreds of pixels would be more than the piece: 80 dB below the field.
+const PIECES: f64 = 1e-8;
 
 impl PartialEq for ModelTables {
     /// By what they are made of.
     fn eq(&self, other: &Self) -> bool {
-        let of = |t: &Self| (t.radius, t.error, t.slm, t.grid);
+        let of = |t: &Self| (t.radius, t.error, t.slm, t.grid, t.whole, t.at);
         self.model == other.model && of(self) == of(other)
     }
 }
@@ -49,16 +56,91 @@ impl ModelTables {
 
     /// The same for the steps of a solve, with crosstalk cut where what is left of it shows in no picture.
     pub fn for_steps(&self) -> Arc<Self> {
+        self.cut_at(SOLVING)
+    }
+
+    /// The same for what is seen of a far field a piece at a time.
+    pub(crate) fn for_pieces(&self) -> Arc<Self> {
+        self.cut_at(PIECES)
+    }
+
+    /// The iris alone.
+    pub(crate) fn iris(&self) -> Arc<Self> {
+        let Self { model, radius, highest_drive, error, slm, grid, .. } = self;
+        Arc::new(Self::cut(model.only("iris"), *radius, *highest_drive, *error, *slm, *grid))
+    }
+
+    fn cut_at(&self, error: f64) -> Arc<Self> {
         let Self { model, radius, highest_drive, slm, grid, .. } = self;
-        Arc::new(Self::cut(model.clone(), *radius, *highest_drive, SOLVING, *slm, *grid))
+        Arc::new(Self::cut(model.clone(), *radius, *highest_drive, error, *slm, *grid))
+    }
+
+    /// Of a piece of a far field's SLM, of all of which this is: `size` pixels whose first is `at`. It may hang over the edges by
+    /// what crosstalk [reaches](Self::reach); pixels there are the other side's, and dark.
+    pub(crate) fn piece(&self, at: [i64; 2], size: [usize; 2]) -> Arc<Self> {
+        let piece = self.slm.piece(at, size);
+        Arc::new(Self {
+            model: self.model.clone(),
+            crosstalk: self.crosstalk.clone(),
+            root: Arc::clone(&self.root),
+            slm: piece,
+            grid: piece,
+            at,
+            pixels: OnceLock::new(),
+            offsets: OnceLock::new(),
+            relay: OnceLock::new(),
+            ..*self
+        })
+    }
+
+    /// The piece that holds these pixels of the whole SLM with all that crosstalk brings into them: where it begins, and its
+    /// size. Along an axis that it would fill it is the whole SLM.
+    pub(crate) fn around(&self, at: [usize; 2], size: [usize; 2]) -> ([i64; 2], [usize; 2]) {
+        let reach = self.reach();
+        let fills = |k: usize| size[k] + 2 * reach[k] >= self.whole[k];
+        let first = |k: usize| if fills(k) { 0 } else { at[k] as i64 - reach[k] as i64 };
+        let count = |k: usize| if fills(k) { self.whole[k] } else { size[k] + 2 * reach[k] };
+        ([0, 1].map(first), [0, 1].map(count))
+    }
+
+    /// The piece of a far field's SLM that a pupil sees on this display, the ideal one without a model: what lies under the iris as
+    /// it is, and [around](Self::around) it.
+    pub(crate) fn under(model: Option<&Self>, whole: &Optics, pupil: &Pupil) -> ([i64; 2], [usize; 2]) {
+        let Some(model) = model else {
+            let (at, size) = whole.under(pupil);
+            return (at.map(|i| i as i64), size);
+        };
+        let (at, size) = whole.under(&model.model.true_pupil(pupil));
+        model.around(at, size)
+    }
+
+    /// Pixels that crosstalk reaches along y and along x; 0 without.
+    pub(crate) fn reach(&self) -> [usize; 2] {
+        self.reach.unwrap_or_default()
     }
 
     fn cut(model: DisplayModel, radius: f64, highest_drive: f64, error: f64, slm: Optics, grid: Optics) -> Self {
         let weights = model.crosstalk_weights(grid.height, grid.width, model.subpixels, error);
         let reach = weights.as_ref().map(|axes| [axes[0].reach, axes[1].reach]);
         let crosstalk = weights.iter().flatten().flat_map(|axis| &axis.values).map(|v| *v as f32).collect();
-        let (pixels, offsets, relay) = Default::default();
-        Self { model, radius, highest_drive, slm, grid, error, reach, pixels, crosstalk, offsets, relay }
+        let (pixels, offsets, relay, root) = Default::default();
+        let (whole, at) = ([slm.height, slm.width], [0, 0]);
+        Self {
+            model,
+            radius,
+            highest_drive,
+            slm,
+            grid,
+            whole,
+            at,
+            root,
+            error,
+            reach,
+            pixels,
+            crosstalk,
+            offsets,
+            relay,
+        }
     }
 
     /// Of a display in one of its colours, on its SLM inside a grid.
@@ -109,20 +191,20 @@ impl ModelTables {
 
     fn pixels(&self) -> &[f32] {
         self.pixels.get_or_init(|| {
-            let (height, width) = (self.slm.height, self.slm.width);
-            let (level, source) = (self.model.level_map(height, width), self.model.source_amplitude(height, width));
-            let rest = self.model.undiffracted_share(height, width);
-            let share = self.model.modulated_share();
-            let rest = |part: fn(&Complex64) -> f64| rest.iter().zip(&source).map(move |(z, a)| part(z) * a);
-            let modulated = source.iter().map(|a| a * share);
-            level
-                .iter()
-                .copied()
-                .chain(modulated)
-                .chain(rest(|z| z.re))
-                .chain(rest(|z| z.im))
-                .map(|v| v as f32)
-                .collect()
+            let root = *self.root.get_or_init(|| self.model.source_root(self.whole));
+            let (count, width) = (self.slm.height * self.slm.width, self.slm.width);
+            let mut tables = vec![0.0f32; 4 * count];
+            let [level, modulated, re, im] = split(&mut tables, count);
+            let rows = level.par_chunks_mut(width).zip(modulated.par_chunks_mut(width));
+            let rows = rows.zip(re.par_chunks_mut(width).zip(im.par_chunks_mut(width))).enumerate();
+            rows.for_each(|(y, ((level, modulated), (re, im)))| {
+                for x in 0..width {
+                    let place = [self.at[0] + y as i64, self.at[1] + x as i64];
+                    let own = self.model.pixel(place, self.whole, root).map(|v| v as f32);
+                    [level[x], modulated[x], re[x], im[x]] = own;
+                }
+            });
+            tables
         })
     }
 
@@ -162,4 +244,12 @@ impl ModelTables {
             bytemuck::cast_slice(&relay).to_vec()
         })
     }
+}
+
+/// Four tables of `count` values each.
+fn split(tables: &mut [f32], count: usize) -> [&mut [f32]; 4] {
+    let (a, rest) = tables.split_at_mut(count);
+    let (b, rest) = rest.split_at_mut(count);
+    let (c, d) = rest.split_at_mut(count);
+    [a, b, c, d]
 }

@@ -5,7 +5,8 @@ use super::job::{SceneEvent, SceneJob, TilesPlan, TilesRequest};
 use crate::engine::Engine;
 use crate::evaluate::Views;
 use crate::hologram::{ColorHologram, Hologram, HologramScores, Metadata, PhaseSource, SceneSource, Tiles};
-use crate::optics::{Display, Geometry, Pupil};
+use crate::optics::{Color, Display, Geometry, Pupil};
+use crate::plan::ModelTables;
 use crate::scene::{self, Photographs, Request};
 use crate::solve::{Flow, Settings};
 use crate::tiled::{self, Job, MemoryLimit, RegionSize, Schedule, TiledError};
@@ -66,13 +67,14 @@ pub(super) fn solve(
         let maps = scene::depth_maps(&job.scenes[..1], &job.depth_maps)?;
         Views::of_colors(&job.scenes[0], &job.request(maps.first().map(PathBuf::as_path)), picture)?
     };
-    let (mut plan, schedule) = plan(job, request, &views)?;
+    let models = models(display, colors)?;
+    let (mut plan, schedule) = plan(job, request, &views, &models)?;
     let settings = plan.settings.clone();
     let work = work(job, request, &plan, picture, engine);
     let mut tiles = match unfinished(out, &work)? {
         Some(tiles) => tiles,
         None => {
-            let about = about(job, request, &views, &settings, engine)?;
+            let about = about(job, request, &views, &models, &settings, engine)?;
             Tiles::create(out, &about, tile_side(display), work, (colors.len() * plan.visits) as u64)?
         }
     };
@@ -81,8 +83,8 @@ pub(super) fn solve(
     let mut pupils = 0;
     for (i, &color) in colors.iter().enumerate() {
         let before = (i * plan.visits) as u64;
-        let part =
-            Job { color: i, views: &views[i], settings: &settings, schedule: &schedule, size: plan.region, before };
+        let (schedule, model) = (&schedule, models[i].as_deref());
+        let part = Job { color: i, views: &views[i], model, settings: &settings, schedule, size: plan.region, before };
         let flow = tiled::solve(&part, &mut tiles, engine, &mut |visit| {
             pupils += visit.pupils;
             observe(&SceneEvent::Visit { color, visit })
@@ -101,17 +103,17 @@ pub(super) fn solve(
 }
 
 /// Regions that the memory allows, and the settings of a visit.
-fn plan(job: &SceneJob, request: &TilesRequest, views: &[Views]) -> Result<(TilesPlan, Schedule), ProduceError> {
+fn plan(
+    job: &SceneJob,
+    request: &TilesRequest,
+    views: &[Views],
+    models: &[Option<Arc<ModelTables>>],
+) -> Result<(TilesPlan, Schedule), ProduceError> {
     let display = job.display;
     if display.geometry != Geometry::FarField {
         return Err(ProduceError::Job(
             "tiles are for far-field displays: in a relay every pupil sees all of the SLM".into(),
         ));
-    }
-    if !display.model.is_empty() {
-        let reason =
-            "a display's [model] is not for holograms that are solved in tiles: take it out of the display file";
-        return Err(ProduceError::Job(reason.into()));
     }
     if !display.picture.is_empty() {
         let reason =
@@ -127,7 +129,7 @@ fn plan(job: &SceneJob, request: &TilesRequest, views: &[Views]) -> Result<(Tile
     let held: u64 = views.iter().map(Views::held).sum();
     let left = MemoryLimit(request.memory.0.saturating_sub(held));
     // Views that are smaller than the picture take less.
-    let size = RegionSize::new(&optics, job.settings.frames, side, diameter[1], views[0].size(), left);
+    let size = RegionSize::new(&optics, models, job.settings.frames, side, diameter[1], views[0].size(), left);
     let region = size.map_err(|error| match error {
         TiledError::Memory { diameter_mm, frames, needed_mib, .. } => {
             let (needed_mib, given_mib) = (needed_mib + (held >> 20), request.memory.0 >> 20);
@@ -169,6 +171,15 @@ fn work(job: &SceneJob, request: &TilesRequest, plan: &TilesPlan, picture: usize
     work
 }
 
+/// What the display does to the light of each colour, over the whole SLM, for the steps of a solve.
+fn models(display: &Display, colors: &[Color]) -> Result<Vec<Option<Arc<ModelTables>>>, ProduceError> {
+    let one = |&color: &Color| {
+        let whole = display.optics(color)?;
+        Ok(ModelTables::of(display, color, whole, whole).map(|model| model.for_steps()))
+    };
+    colors.iter().map(one).collect()
+}
+
 /// Tiles: a fraction of a pupil, and files that are neither tiny nor huge.
 fn tile_side(display: &Display) -> usize {
     let pixels = display.height.max(display.width);
@@ -196,14 +207,15 @@ fn about(
     job: &SceneJob,
     request: &TilesRequest,
     views: &[Views],
+    models: &[Option<Arc<ModelTables>>],
     settings: &Settings,
     engine: &mut dyn Engine,
 ) -> Result<Hologram, ProduceError> {
     let display = job.display;
     let mut solved = Vec::new();
-    for (&color, views) in job.colors.iter().zip(views) {
+    for ((&color, views), model) in job.colors.iter().zip(views).zip(models) {
         let optics = display.optics(color)?;
-        let (exposure, mean) = tiled::exposure(&optics, views, settings, engine)?;
+        let (exposure, mean) = tiled::exposure(&optics, views, model.as_deref(), settings, engine)?;
         let (wavelength, efficiency) = (optics.wavelength, mean / exposure);
         solved.push(ColorHologram { color: Some(color), wavelength, exposure, efficiency, phases: Vec::new() });
     }
@@ -218,6 +230,7 @@ fn about(
         order: job.order,
         photographs: Some(job.photographs).filter(|how| *how != Photographs::Auto),
         near: job.near,
+        model: display.model.clone(),
         depth_map_mm: job.depth.filter(|_| !job.depth_maps.is_empty()).map(|d| d.map(|metres| metres * 1e3)),
         ..Metadata::default()
     };

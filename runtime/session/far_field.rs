@@ -6,11 +6,12 @@ use super::error::SessionError;
 use super::scenes::{Due, Newest, SceneFrame, Scenes, Supply};
 use super::steerer::SteeredColor;
 use crate::evaluate::Views;
-use crate::hologram::Tiles;
+use crate::hologram::{HologramError, Tiles};
 use crate::mailbox::Mailbox;
 use crate::optics::PupilDistribution;
+use crate::plan::ModelTables;
 use crate::present::SECOND_NS;
-use crate::tiled::{Extent, Piece};
+use crate::tiled::{Extent, Piece, TiledError};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -67,9 +68,8 @@ impl Field {
     }
 }
 
-/// Where a piece is wanted.
-#[derive(Debug, Clone, Copy)]
-struct Wanted(PupilDistribution);
+/// What each colour is seen through, beside what a display does ideally.
+type Models = Vec<Option<Arc<ModelTables>>>;
 
 /// A piece that was read: its place, and its colours.
 type Read = Result<(Extent, Vec<SteeredColor>), String>;
@@ -78,11 +78,12 @@ type Read = Result<(Extent, Vec<SteeredColor>), String>;
 pub struct FarField {
     name: String,
     tiles: Arc<Tiles>,
+    models: Arc<Models>,
     piece: Extent,
     number: u64,
     /// Where the pupil was, and for which light.
     before: Option<(i64, [f64; 2])>,
-    wanted: Mailbox<Wanted>,
+    wanted: Mailbox<Extent>,
     arriving: Mailbox<Read>,
     ahead: Option<(Extent, Vec<SteeredColor>)>,
     /// What was asked for last, and has not come.
@@ -104,27 +105,42 @@ impl FarField {
     ) -> Result<(Self, Vec<SteeredColor>, Field), SessionError> {
         let wrong = |reason: String| SessionError::Setting(format!("{name}: {reason}"));
         let tiles = Arc::new(tiles);
-        let reader = Reader { tiles: Arc::clone(&tiles), views };
-        let (piece, colors) = reader.read(&widened(first)).map_err(wrong)?;
+        let models = (0..views.len()).map(|color| Ok(tiles.model(color)?.map(|model| model.for_steps())));
+        let models: Arc<Models> = Arc::new(models.collect::<Result<_, HologramError>>()?);
+        let piece = extent(&tiles, &models, &widened(first)).map_err(|e| wrong(e.to_string()))?;
+        let reader = Reader { tiles: Arc::clone(&tiles), models: Arc::clone(&models), views };
+        let (piece, colors) = reader.read(piece).map_err(wrong)?;
         let about = tiles.about();
         let size = [about.height, about.width];
         let phases = (0..about.colors.len()).map(|color| tiles.read(color, [0, 0], size)).collect::<Result<_, _>>()?;
-        let (wanted, arriving) = (Mailbox::<Wanted>::new(1), Mailbox::new(1));
+        let (wanted, arriving) = (Mailbox::<Extent>::new(1), Mailbox::new(1));
         let (asks, reads) = (wanted.clone(), arriving.clone());
         let thread = std::thread::Builder::new()
             .name("eyebox reads tiles".into())
             .spawn(move || {
                 // Alone, nobody waits any more.
                 while !asks.is_alone() {
-                    let Some(Wanted(aim)) = asks.take_within(PATIENCE) else { continue };
-                    drop(reads.push(reader.read(&aim)));
+                    let Some(wanted) = asks.take_within(PATIENCE) else { continue };
+                    drop(reads.push(reader.read(wanted)));
                 }
             })
             .map_err(|e| SessionError::Thread { what: "reads tiles", reason: format!("could not be started ({e})") })?;
         let field = Field { phases, size, piece };
         let (before, ahead, asked) = (None, None, None);
         let name = name.to_string();
-        let far = Self { name, tiles, piece, number: 0, before, wanted, arriving, ahead, asked, thread: Some(thread) };
+        let far = Self {
+            name,
+            tiles,
+            models,
+            piece,
+            number: 0,
+            before,
+            wanted,
+            arriving,
+            ahead,
+            asked,
+            thread: Some(thread),
+        };
         Ok((far, colors, field))
     }
 
@@ -143,12 +159,16 @@ impl FarField {
         PupilDistribution { centre, ..due.pupil }
     }
 
+    fn extent(&self, aim: &PupilDistribution) -> Result<Extent, TiledError> {
+        extent(&self.tiles, &self.models, aim)
+    }
+
     /// Asks for the piece around an aim, once.
     fn ask(&mut self, aim: &PupilDistribution) {
-        let Ok(extent) = Extent::around(&self.tiles, 0, &widened(aim)) else { return };
+        let Ok(extent) = self.extent(&widened(aim)) else { return };
         if self.asked != Some(extent) && self.ahead.as_ref().is_none_or(|ahead| ahead.0 != extent) {
             self.asked = Some(extent);
-            self.wanted.update(|_| Wanted(widened(aim)));
+            self.wanted.update(|_| extent);
         }
     }
 
@@ -175,6 +195,16 @@ impl FarField {
     }
 }
 
+/// The tiles that hold every pupil of an aim, in every colour.
+fn extent(tiles: &Tiles, models: &Models, aim: &PupilDistribution) -> Result<Extent, TiledError> {
+    let mut all: Option<Extent> = None;
+    for (color, model) in models.iter().enumerate() {
+        let one = Extent::around(tiles, color, model.as_deref(), aim)?;
+        all = Some(all.map_or(one, |all| all.with(&one)));
+    }
+    all.ok_or_else(|| TiledError::Unsuitable("it has no colours".into()))
+}
+
 /// With room around it, so that a pupil does not come to its end at once.
 fn widened(aim: &PupilDistribution) -> PupilDistribution {
     PupilDistribution { diameter: aim.diameter.map(|d| d * (1.0 + 2.0 * MARGIN)), ..*aim }
@@ -188,12 +218,12 @@ impl Scenes for FarField {
 
     fn next(&mut self, due: &Due) -> Result<Newest, SessionError> {
         // Beyond the SLM there is nothing to be refined, and nothing is wrong: eyes look away.
-        let Ok(needed) = Extent::around(&self.tiles, 0, &due.pupil) else { return Ok(Newest::Same) };
+        let Ok(needed) = self.extent(&due.pupil) else { return Ok(Newest::Same) };
         let later = self.later(due);
         let covered = self.piece.covers(&needed);
         if !covered && self.ahead.as_ref().is_none_or(|ahead| !ahead.0.covers(&needed)) {
             self.ask(&due.pupil);
-        } else if Extent::around(&self.tiles, 0, &later).is_ok_and(|extent| !self.piece.covers(&extent)) {
+        } else if self.extent(&later).is_ok_and(|extent| !self.piece.covers(&extent)) {
             self.ask(&later);
         }
         if let Err(reason) = self.take(due.patient) {
@@ -228,18 +258,19 @@ impl Drop for FarField {
 /// The thread that reads.
 struct Reader {
     tiles: Arc<Tiles>,
+    models: Arc<Models>,
     views: Vec<Views>,
 }
 
 impl Reader {
-    fn read(&self, aim: &PupilDistribution) -> Read {
+    fn read(&self, extent: Extent) -> Read {
         let about = self.tiles.about();
-        let extent = Extent::around(&self.tiles, 0, aim).map_err(|e| e.to_string())?;
-        let one = |(i, views): (usize, &Views)| -> Result<SteeredColor, String> {
-            let Piece { at, size, problem } = Piece::around(&self.tiles, i, views, aim).map_err(|e| e.to_string())?;
-            let phases = self.tiles.read(i, at, size).map_err(|e| e.to_string())?;
-            Ok(SteeredColor { problem, phases, exposure: about.colors[i].exposure })
+        let one = |((i, views), model): ((usize, &Views), &Option<Arc<ModelTables>>)| -> Result<_, String> {
+            let piece = Piece::on(&self.tiles, i, views, model.as_deref(), extent).map_err(|e| e.to_string())?;
+            let phases = self.tiles.read(i, extent.at, extent.size).map_err(|e| e.to_string())?;
+            Ok(SteeredColor { problem: piece.problem, phases, exposure: about.colors[i].exposure })
         };
-        Ok((extent, self.views.iter().enumerate().map(one).collect::<Result<_, _>>()?))
+        let colors = self.views.iter().enumerate().zip(self.models.iter()).map(one);
+        Ok((extent, colors.collect::<Result<_, _>>()?))
     }
 }

@@ -16,41 +16,26 @@ const LIT: Duration = Duration::from_secs(1);
 /// Shows one pattern after the other, each in one video frame, which stands until the next.
 pub struct PatternOutput {
     display: OpenDisplay,
-    encoder: Encoder,
+    encoders: Vec<(Color, Encoder)>,
     settle: Duration,
     shown: u64,
 }
 
 impl PatternOutput {
-    /// Opens it for one colour of a display. `settle`: what the modulator takes until a pattern stands, after it lit up.
+    /// Opens it for some colours of a display, one at a time. `settle`: what the modulator takes until a pattern stands, after it
+    /// lit up.
     ///
     /// # Errors
     /// [`SessionError`]; [`SessionError::Setting`] for a display that shows no set of one colour in one video frame.
-    pub fn open(output: &Output, display: &Display, color: Color, settle: Duration) -> Result<Self, SessionError> {
-        let mut first: Option<EncodeError> = None;
-        let mut found = None;
-        for sub_frames in 1..=MOST {
-            match Encoder::new(display, &[color], sub_frames) {
-                Ok(encoder) if encoder.packed().video_frames == 1 => {
-                    found = Some(encoder);
-                    break;
-                }
-                Ok(_) => {}
-                Err(error) => drop(first.get_or_insert(error)),
-            }
-        }
-        let encoder = match (found, first) {
-            (Some(encoder), _) => encoder,
-            (None, Some(error)) => return Err(error.into()),
-            (None, None) => {
-                let name = &display.name;
-                let reason = format!("the display '{name}' shows no set of {color} alone in one video frame");
-                return Err(SessionError::Setting(reason));
-            }
+    pub fn open(output: &Output, display: &Display, colors: &[Color], settle: Duration) -> Result<Self, SessionError> {
+        let encoders = colors.iter().map(|color| Ok((*color, alone(display, *color)?)));
+        let encoders = encoders.collect::<Result<Vec<_>, SessionError>>()?;
+        let Some((_, first)) = encoders.first() else {
+            return Err(SessionError::Setting("patterns are of one colour at least".into()));
         };
-        let frames = encoder.frames();
+        let frames = first.frames();
         let display = output.open([frames.height, frames.width, frames.channels], None, None)?;
-        Ok(Self { display, encoder, settle, shown: 0 })
+        Ok(Self { display, encoders, settle, shown: 0 })
     }
 
     /// Shows a video frame, and waits until it stands.
@@ -86,14 +71,36 @@ impl PatternOutput {
 
 impl ShowsPatterns for PatternOutput {
     fn sub_frames(&self) -> usize {
-        self.encoder.plan().sub_frames
+        self.encoders.iter().map(|(_, encoder)| encoder.plan().sub_frames).min().unwrap_or(1)
     }
 
-    fn show(&mut self, phases: &[f32]) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
-        let [height, width] = self.encoder.hologram_size();
+    fn show(&mut self, color: Color, phases: &[f32]) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
+        let Some((_, encoder)) = self.encoders.iter_mut().find(|(c, _)| *c == color) else {
+            return Err(format!("it was opened for other colours than {color}").into());
+        };
+        let [height, width] = encoder.hologram_size();
         // A set of fewer is shown so often.
-        let all = phases.repeat(self.sub_frames() * height * width / phases.len().max(1));
-        let frames = self.encoder.encode(&PhaseSet::new(&[&all], [height, width])?)?;
-        Ok(self.put(frames.frame(0))?)
+        let all = phases.repeat(encoder.plan().sub_frames * height * width / phases.len().max(1));
+        let frame = encoder.encode(&PhaseSet::new(&[&all], [height, width])?)?.frame(0).to_vec();
+        Ok(self.put(&frame)?)
     }
+}
+
+/// What makes video frames of one colour alone, each a whole set.
+fn alone(display: &Display, color: Color) -> Result<Encoder, SessionError> {
+    let mut first: Option<EncodeError> = None;
+    for sub_frames in 1..=MOST {
+        match Encoder::new(display, &[color], sub_frames) {
+            Ok(encoder) if encoder.packed().video_frames == 1 => return Ok(encoder),
+            Ok(_) => {}
+            Err(error) => drop(first.get_or_insert(error)),
+        }
+    }
+    Err(match first {
+        Some(error) => error.into(),
+        None => {
+            let name = &display.name;
+            SessionError::Setting(format!("the display '{name}' shows no set of {color} alone in one video frame"))
+        }
+    })
 }

@@ -51,10 +51,11 @@ pub use problem::Problem;
 pub use rates::Rates;
 #[cfg(feature = "vulkan")]
 pub use rehearsal::{Rehearsal, RehearsedStep};
+pub(crate) use run::exposure_under;
 pub use sampling::{Diameters, PupilRange, Sampler, Sequence, SplitMix, pupils_of, random_phases};
 pub use scene_plan::{Decision, Full, PlanRequest, ScenePlan};
 pub use settings::{PaddingRule, Settings};
 pub use solver::{solve, solve_from};
 pub use steer::{Refiner, Steering, Strategy};
-pub(crate) use step::{Update, take, take_seen};
+pub(crate) use step::{Update, strides, take, take_seen};
 pub use validation::{ValidationScore, Validator};

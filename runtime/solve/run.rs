@@ -13,7 +13,7 @@ use super::step::Steps;
 use super::validation::{ValidationScore, Validator};
 use crate::engine::{Begun, Buffer, Engine, EngineError, Step};
 use crate::optics::WindowFactor;
-use crate::plan::Planner;
+use crate::plan::{ModelTables, Planner};
 use std::collections::VecDeque;
 use std::slice;
 use std::time::Instant;
@@ -80,6 +80,14 @@ const ADAM_EXPOSURE: f64 = 0.85;
 /// Crosstalk that leaves less of the drives' variance wants less light, in proportion (docs/displays.md).
 const CROSSTALK_LEAVES: f64 = 0.6;
 
+/// This share of what a scene's bright end asks for, or less on a display with crosstalk: light that it keeps from being steered
+/// away falls everywhere, and less to spare is better.
+pub(crate) fn exposure_under(model: Option<&ModelTables>, share: f64, end: &BrightEnd) -> f64 {
+    let left = model.map_or(1.0, |model| model.variance_left());
+    let share = (left / CROSSTALK_LEAVES).min(1.0) * share;
+    if share < 1.0 { (share * end.guess()).max(end.mean) } else { end.guess() }
+}
+
 impl Run<'_> {
     /// From the scene's bright end, by pilot solves where its two measures part.
     pub(super) fn choose_exposure(
@@ -89,10 +97,8 @@ impl Run<'_> {
     ) -> Result<f64, SolveError> {
         let adam = matches!(self.settings.optimizer, Optimizer::Adam { .. });
         let Some(candidates) = end.candidates() else {
-            // Light that crosstalk keeps from being steered away falls everywhere: less to spare is better.
-            let left = self.problem.model.as_ref().map_or(1.0, |model| model.variance_left());
-            let share = (left / CROSSTALK_LEAVES).min(1.0) * if adam { ADAM_EXPOSURE } else { 1.0 };
-            return Ok(if share < 1.0 { (share * end.guess()).max(end.mean) } else { end.guess() });
+            let share = if adam { ADAM_EXPOSURE } else { 1.0 };
+            return Ok(exposure_under(self.problem.model.as_deref(), share, &end));
         };
         self.pilot = true;
         let (start, steps, all) = (self.start, self.settings.steps, PILOT_STEPS * candidates.len());

@@ -127,12 +127,7 @@ impl<'a> Steps<'a> {
                 // Overlap to a power below one grows with the batch: what ten pupils ask for is the unit (OPTICS 6e).
                 let share = (batch as f64 / 10.0).powf(1.0 - overlap_power);
                 let overlap = self.viewpoints.overlap(batch).map_or(1.0, |n| n.powf(overlap_power));
-                // Phases that are kept from wrapping come nowhere by jumping, and take longer strides.
-                let (gain, momentum) = if self.planner.bounds_phases() {
-                    ([1.6 * gain[0], gain[1]], momentum.max(0.7))
-                } else {
-                    (gain, momentum)
-                };
+                let (gain, momentum) = strides(self.planner, gain, momentum);
                 let gain = cosine(gain, progress) / (share * overlap);
                 Update::Projection { gain, momentum, overlap_power }
             }
@@ -141,6 +136,12 @@ impl<'a> Steps<'a> {
             }
         }
     }
+}
+
+/// Gain, first and last, and momentum of the projection on this display: phases that are kept from wrapping come nowhere by
+/// jumping, and take longer strides.
+pub(crate) fn strides(planner: &Planner, gain: [f64; 2], momentum: f64) -> ([f64; 2], f64) {
+    if planner.bounds_phases() { ([1.6 * gain[0], gain[1]], momentum.max(0.7)) } else { (gain, momentum) }
 }
 
 /// Takes a step, or these parts of its list, in order; its [loss](Step::mean_loss). All losses are known before phases may

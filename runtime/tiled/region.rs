@@ -2,6 +2,8 @@
 
 use super::TiledError;
 use crate::optics::Optics;
+use crate::plan::ModelTables;
+use std::sync::Arc;
 
 /// Bytes that a solve or a look may take in all.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -23,23 +25,30 @@ pub struct RegionSize {
 
 impl RegionSize {
     /// For pupils of up to `diameter` metres on the SLM of `optics`, whose tiles are `side` wide, with views of `picture` x
-    /// `picture` pixels.
+    /// `picture` pixels; `models` are what the display does to the light of each colour, on the whole SLM.
     ///
     /// # Errors
     /// [`TiledError::Memory`] where the largest pupil has no room.
     pub fn new(
         optics: &Optics,
+        models: &[Option<Arc<ModelTables>>],
         frames: usize,
         side: usize,
         diameter: f64,
         picture: usize,
         memory: MemoryLimit,
     ) -> Result<Self, TiledError> {
+        let scales = models.iter().map(|model| model.as_ref().map_or(1.0, |model| model.model().iris.scale));
+        let diameter = diameter * scales.reduce(f64::max).unwrap_or(1.0);
         let pupil = (diameter / optics.pitch).ceil() as usize + 2;
         let whole = |pixels: usize| pixels.div_ceil(side) * side;
         let of = |pixels: usize| {
             let (rows, columns) = (whole(pixels).min(optics.height), whole(pixels).min(optics.width));
-            Self { rows, columns, bytes: bytes(rows * columns, frames, picture) }
+            let of_color = |model: &Option<Arc<ModelTables>>| {
+                let held = model.as_ref().map_or([rows, columns], |model| model.around([0, 0], [rows, columns]).1);
+                bytes(held[0] * held[1], frames, picture, model.as_deref())
+            };
+            Self { rows, columns, bytes: models.iter().map(of_color).max().unwrap_or(0) }
         };
         // Room for the largest pupil to move in, where there is any to spare.
         let wanted = of(pupil + pupil / 4);
@@ -62,14 +71,28 @@ impl RegionSize {
     }
 }
 
+/// Whether sub-frames are seen in each other, so that an engine has to hold all of them.
+pub(super) fn lags(model: Option<&ModelTables>) -> bool {
+    model.is_some_and(|model| model.model().lag > 0.0)
+}
+
 /// Bytes of a visit to a region of so many pixels.
-fn bytes(pixels: usize, frames: usize, picture: usize) -> u64 {
-    // The region's phases, and again as tiles while they are read or written a row at a time; one sub-frame's phases,
+fn bytes(pixels: usize, frames: usize, picture: usize, model: Option<&ModelTables>) -> u64 {
+    // Sub-frames that an engine holds at once.
+    let at_once = if lags(model) { frames as u64 } else { 1 };
+    // The region's phases, and again as tiles while they are read or written a row at a time; of a sub-frame phases,
     // velocity, field, change, hits and the copy that is handed over; then what the pupils' windows hold, which cover the
     // region about once and a half: field, transfer function, image and target; and their shares of a transform's scratch.
-    let region = 4 * frames as u64 + frames as u64 + (4 + 4 + 8 + 8 + 4 + 4) + 3 * (8 + 8 + 4 + 4) / 2 + 8;
+    let frames = frames as u64;
+    let windows = 3 * (8 * at_once + 8 + 4 + 4) / 2 + 8;
+    let mut region = 4 * frames + frames + (4 + 4 + 8 + 8 + 4) * at_once + 4 + windows;
+    if let Some(model) = model {
+        // Of a sub-frame what lies between drive and field; then the model's tables, in the plan and in the engine.
+        let [driven, relay] = [model.parts().drives, model.parts().relay].map(u64::from);
+        region += (4 + 4) * at_once * driven + 2 * 16 * driven + 3 * 8 * relay + 4 * frames;
+    }
     // Views: as they are kept, and the textures that they are made of. While they are made, as float32, there are no fields.
     let (views, making) = (crate::evaluate::MOST_VIEWS as u64 * 3 + 300, crate::evaluate::MOST_VIEWS as u64 * 4);
     let (pixels, picture) = (pixels as u64, (picture * picture) as u64);
-    PROGRAM + picture * views + (pixels * region).max(5 * frames as u64 * pixels + picture * making)
+    PROGRAM + picture * views + (pixels * region).max(5 * frames * pixels + picture * making)
 }

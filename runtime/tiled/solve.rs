@@ -1,12 +1,15 @@
 //! A visit: a region's phases are read, a few steps are taken over pupils inside of it, and the phases are put back.
 
+use super::region::lags;
 use super::{RegionSize, Schedule, TiledError, Views};
 use crate::engine::{Buffer, Engine, Purpose};
 use crate::hologram::Tiles;
 use crate::optics::{Optics, Pupil, WindowFactor};
-use crate::plan::{Kernel, Planner, Viewpoint};
+use crate::plan::{Kernel, ModelTables, Planner, Step, Viewpoint};
 use crate::scene::Pyramid;
-use crate::solve::{BrightEnd, Flow, Optimizer, PupilRange, Sampler, Settings, Update, cosine, take};
+use crate::solve::{
+    BrightEnd, Flow, Optimizer, PupilRange, Sampler, Settings, Update, cosine, exposure_under, strides, take,
+};
 use std::slice;
 use std::sync::Arc;
 use std::time::Instant;
@@ -17,6 +20,8 @@ pub struct Job<'a> {
     pub color: usize,
     /// The scene in it.
     pub views: &'a Views,
+    /// What the display does to it, on the whole SLM, for steps; none for the ideal one.
+    pub model: Option<&'a ModelTables>,
     /// Diameters, depths, seed, optimiser, window: those of any solve. Its `steps` are those of one visit.
     pub settings: &'a Settings,
     /// The regions.
@@ -46,13 +51,14 @@ pub struct Visit {
 const COVERED: f64 = 0.75;
 
 /// The exposure of a scene and its mean light, from photographs through pupils all over the eyebox (OPTICS 6c): chosen from
-/// the bright end, or what the settings' efficiency makes of the mean.
+/// the bright end and for what the display does to the light, or what the settings' efficiency makes of the mean.
 ///
 /// # Errors
 /// Those of the engine.
 pub fn exposure(
     optics: &Optics,
     views: &Views,
+    model: Option<&ModelTables>,
     settings: &Settings,
     engine: &mut dyn Engine,
 ) -> Result<(f64, f64), TiledError> {
@@ -73,7 +79,7 @@ pub fn exposure(
     let end = BrightEnd::of(photographs.iter().map(|p| &p[..]));
     let exposure = match settings.efficiency {
         Some(efficiency) if end.mean > 0.0 => end.mean / efficiency,
-        _ => end.guess(),
+        _ => exposure_under(model, 1.0, &end),
     };
     Ok((exposure, end.mean))
 }
@@ -96,18 +102,22 @@ pub fn solve(
         let about = tiles.about();
         let size = [job.size.rows.min(about.height - at[0]), job.size.columns.min(about.width - at[1])];
         let optics = about.optics(job.color)?;
-        let mut phases = tiles.read(job.color, at, size)?;
         let exposure = about.colors[job.color].exposure;
         let frames = about.frames;
         let outer = [
             [at[1] == 0, at[1] + size[1] == about.width], //
             [at[0] == 0, at[0] + size[0] == about.height],
         ];
-        let region = Region::new(job, optics.piece(at, size), outer, frames, exposure);
+        let region = Region::new(job, &optics, [at, size], outer, frames, exposure);
+        let (first, held) = region.held;
+        let mut phases = tiles.read_around(job.color, first, held)?;
         let (pupils, loss) = region.visit(k, &mut phases, engine)?;
+        if held != size {
+            phases = inside(&phases, held, [0, 1].map(|i| (at[i] as i64 - first[i]) as usize), size);
+        }
         // The next region's views are rendered where this one's fields were.
         drop(region);
-        engine.load(&Planner::new(optics.piece([0, 0], [1, 1]), 1, WindowFactor::One).shape(Purpose::View), None)?;
+        engine.load(&Planner::new(optics.piece([0; 2], [1, 1]), 1, WindowFactor::One).shape(Purpose::View), None)?;
         tiles.commit(job.before + k as u64 + 1, job.color, at, size, &phases)?;
         let seconds = start.elapsed().as_secs_f64();
         if observe(&Visit { visit: k + 1, visits, pupils, loss, seconds }) == Flow::Stop {
@@ -117,11 +127,21 @@ pub fn solve(
     Ok(Flow::Continue)
 }
 
+/// A rectangle of `size` that begins at `first` of sub-frames of `held` pixels.
+fn inside(phases: &[f32], held: [usize; 2], first: [usize; 2], size: [usize; 2]) -> Vec<f32> {
+    let frames = phases.chunks_exact(held[0] * held[1]);
+    let rows = frames.flat_map(|frame| frame.chunks_exact(held[1]).skip(first[0]).take(size[0]));
+    rows.flat_map(|row| &row[first[1]..first[1] + size[1]]).copied().collect()
+}
+
 /// A region, and what should be seen from it.
 struct Region<'a> {
     job: &'a Job<'a>,
+    /// What is solved: where pupils stand.
     optics: Optics,
-    /// Of one sub-frame: what the engine holds.
+    /// First pixel and size of what the engine holds: the region, and around it what crosstalk brings into it.
+    held: ([i64; 2], [usize; 2]),
+    /// Of what the engine holds: one sub-frame, or all of them where each is seen in the next.
     one: Planner,
     /// Of all of them: what decides gains.
     all: Planner,
@@ -144,25 +164,45 @@ fn place(even: f64, side: f64, diameter: f64, outer: [bool; 2]) -> f64 {
 }
 
 impl<'a> Region<'a> {
-    fn new(job: &'a Job, optics: Optics, outer: [[bool; 2]; 2], frames: usize, exposure: f64) -> Self {
-        let center = [optics.offset[1], optics.offset[0]].map(|bins| bins as f64 * optics.pitch);
+    fn new(
+        job: &'a Job,
+        whole: &Optics,
+        [at, size]: [[usize; 2]; 2],
+        outer: [[bool; 2]; 2],
+        frames: usize,
+        exposure: f64,
+    ) -> Self {
+        let optics = whole.piece(at.map(|i| i as i64), size);
+        let held = job.model.map_or((at.map(|i| i as i64), size), |model| model.around(at, size));
+        let model = job.model.map(|model| model.piece(held.0, held.1));
+        // Views are of what is asked for, from around where the iris then is.
         let extent = optics.height.max(optics.width) as f64 * optics.pitch;
-        let (pyramid, views) = job.views.around(center, extent);
+        let iris = Pupil { x: optics.center()[0], y: optics.center()[1], diameter: extent, depth: 0.0 };
+        let seen = model.as_ref().map_or(iris, |model| model.model().asked_pupil(&iris));
+        let (pyramid, views) = job.views.around([seen.x, seen.y], seen.diameter);
         let all = Planner {
             views: Some(views),
             share: job.views.share(),
-            ..Planner::new(optics, frames, job.settings.window)
+            model,
+            ..Planner::new(whole.piece(held.0, held.1), frames, job.settings.window)
         };
-        Self { job, optics, one: Planner { frames: 1, ..all.clone() }, all, pyramid, center, outer, exposure }
+        let one = if lags(job.model) { all.clone() } else { Planner { frames: 1, ..all.clone() } };
+        Self { job, optics, held, one, all, pyramid, center: optics.center(), outer, exposure }
+    }
+
+    /// The iris as it is when this is asked for, and the other way round.
+    fn asked(&self, iris: Pupil) -> Pupil {
+        self.job.model.map_or(iris, |model| model.model().asked_pupil(&iris))
     }
 
     /// Takes the steps of visit `k`; also the pupils that it took, and the last loss.
     fn visit(&self, k: usize, phases: &mut [f32], engine: &mut dyn Engine) -> Result<(usize, f64), TiledError> {
         let settings = self.job.settings;
         engine.load(&self.one.shape(Purpose::Project), Some(Arc::clone(&self.pyramid)))?;
+        let scale = self.job.model.map_or(1.0, |model| model.model().iris.scale);
         let range = PupilRange {
             eyebox: self.optics.eyebox(),
-            diameter: settings.diameter,
+            diameter: settings.diameter.map(|d| d * scale),
             depth: settings.depth,
             diameters: settings.diameters,
         };
@@ -191,16 +231,15 @@ impl<'a> Region<'a> {
                 let even = if reach > 0.0 { at / reach } else { 0.0 };
                 place(even, side[i], drawn.diameter, self.outer[i]) + self.center[i]
             });
-            let pupil = Pupil { x, y, ..drawn };
-            covered += (pupil.diameter / self.optics.pitch).powi(2);
-            pupils.push(pupil);
+            covered += (drawn.diameter / self.optics.pitch).powi(2);
+            pupils.push(self.asked(Pupil { x, y, ..drawn }));
         }
         pupils
     }
 
-    /// One step of the projection (OPTICS 6b). A single sub-frame takes the ordinary list. Several go through the same
-    /// kernels one after the other, twice, for what they lack is known when all of them have been seen: memory is one
-    /// sub-frame's.
+    /// One step of the projection (OPTICS 6b). A single sub-frame takes the ordinary list, and so do several that the liquid
+    /// crystal mixes. Others go through the same kernels one after the other, twice, for what they lack is known when all of
+    /// them have been seen: memory is one sub-frame's.
     fn step(
         &self,
         pupils: &[Pupil],
@@ -211,24 +250,21 @@ impl<'a> Region<'a> {
         let Optimizer::Projection { gain, momentum, overlap_power } = self.job.settings.optimizer else {
             return Err(TiledError::Unsuitable("a hologram in tiles is solved by the projection alone".into()));
         };
-        let frames = self.all.frames;
-        let pixels = self.optics.height * self.optics.width;
+        let together = self.one.frames == self.all.frames;
+        let (gain, momentum) = strides(&self.all, gain, momentum);
         // Velocities would be as large as the phases again; a larger gain makes up for a part of them.
-        let (gain, momentum) = match frames {
-            1 => (cosine(gain, progress), momentum),
-            _ => (cosine(gain, progress) / (1.0 - 0.5 * momentum), 0.0),
+        let (gain, momentum) = match together {
+            true => (cosine(gain, progress), momentum),
+            false => (cosine(gain, progress) / (1.0 - 0.5 * momentum), 0.0),
         };
         let update = Update::Projection { gain, momentum, overlap_power };
         let viewpoints: Vec<Viewpoint> = pupils.iter().map(|p| Viewpoint::Pupil(*p)).collect();
         let mut pupil_passes = update.pupil_passes(&self.all, &viewpoints, self.exposure);
-        pupil_passes.iter_mut().for_each(|pupil_pass| pupil_pass.intensity.frames = 1);
+        if !together {
+            pupil_passes.iter_mut().for_each(|pupil_pass| pupil_pass.intensity.frames = 1);
+        }
         let whole = update.step(&self.one, pupil_passes, usize::MAX);
-        let only = |kernels: &[Kernel]| {
-            let mut step = whole.clone();
-            step.list.retain(|d| kernels.contains(&d.kernel));
-            step
-        };
-        if frames == 1 {
+        if together {
             engine.write(Buffer::Phases, phases)?;
             let found = take(engine, &whole, slice::from_ref(&(0..whole.list.len())))?;
             if found.is_finite() {
@@ -236,58 +272,47 @@ impl<'a> Region<'a> {
             }
             return Ok(found);
         }
-        let down = [Kernel::Modulate, Kernel::PassPupil, Kernel::WindowInverse];
-        let mut see = only(&[&down[..], &[Kernel::Transfer, Kernel::Intensity]].concat());
-        for (f, frame) in phases.chunks_exact(pixels).enumerate() {
-            engine.write(Buffer::Phases, frame)?;
-            engine.run(&see)?;
-            if f == 0 {
-                see.list.retain(|d| d.kernel != Kernel::Transfer);
-                see.pupil_passes.iter_mut().for_each(|pupil_pass| pupil_pass.intensity.accumulate = 1);
-            }
-        }
-        let losses = engine.run(&only(&[Kernel::Photograph, Kernel::Resample, Kernel::Compare]))?;
-        let found = whole.mean_loss(&losses);
-        if !found.is_finite() {
-            return Ok(found);
-        }
-        let up =
-            [Kernel::ApplyFactor, Kernel::WindowForward, Kernel::ReturnPupil, Kernel::DivideByOverlap, Kernel::Project];
-        let turn = only(&[&[Kernel::Clear, Kernel::Overlap][..], &down[..], &up[..]].concat());
-        for frame in phases.chunks_exact_mut(pixels) {
-            engine.write(Buffer::Phases, frame)?;
-            engine.run(&turn)?;
-            engine.read_into(Buffer::Phases, frame)?;
-        }
-        Ok(found)
+        frame_by_frame(&whole, phases, engine)
     }
+}
+
+/// Takes a step over all sub-frames on an engine that holds one of them; its loss.
+fn frame_by_frame(whole: &Step, phases: &mut [f32], engine: &mut dyn Engine) -> Result<f64, TiledError> {
+    use Kernel::{ApplyFactor, Clear, Compare, Eye, Intensity, Overlap, Photograph, Relay, Resample, Taper, Transfer};
+    let only = |keeps: &dyn Fn(usize, Kernel) -> bool| {
+        let mut step = whole.clone();
+        let mut place = 0..whole.list.len();
+        step.list.retain(|d| place.next().is_some_and(|i| keeps(i, d.kernel)));
+        step
+    };
+    let target = [Photograph, Resample, Compare];
+    // What the pupils pass is the same for every sub-frame.
+    let passing = [Transfer, Relay, Eye, Taper];
+    let back = whole.list.iter().position(|d| d.kernel == ApplyFactor).unwrap_or(whole.list.len());
+    let mut see = only(&|i, kernel| i < back && !target.contains(&kernel) && ![Clear, Overlap].contains(&kernel));
+    let pixels = whole.project.place.height as usize * whole.project.place.width as usize;
+    for (f, frame) in phases.chunks_exact(pixels).enumerate() {
+        engine.write(Buffer::Phases, frame)?;
+        engine.run(&see)?;
+        if f == 0 {
+            see.list.retain(|d| !passing.contains(&d.kernel));
+            see.pupil_passes.iter_mut().for_each(|pupil_pass| pupil_pass.intensity.accumulate = 1);
+        }
+    }
+    let losses = engine.run(&only(&|_, kernel| target.contains(&kernel)))?;
+    let found = whole.mean_loss(&losses);
+    if !found.is_finite() {
+        return Ok(found);
+    }
+    let turn = only(&|_, kernel| !target.contains(&kernel) && !passing.contains(&kernel) && kernel != Intensity);
+    for frame in phases.chunks_exact_mut(pixels) {
+        engine.write(Buffer::Phases, frame)?;
+        engine.run(&turn)?;
+        engine.read_into(Buffer::Phases, frame)?;
+    }
+    Ok(found)
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    proptest! {
-        /// Every pupil lies inside its region. Within half a diameter of one that touches an edge there are as many as in
-        /// the middle, and half as many again where the SLM ends.
-        #[test]
-        fn edges_are_touched_as_often_as_the_middle_is_met(share in 0.05f64..0.4, low: bool, high: bool) {
-            let (side, diameter, n) = (3e-3, share * 3e-3, 20_001);
-            let places: Vec<f64> =
-                (0..n).map(|i| place(2.0 * i as f64 / (n - 1) as f64 - 1.0, side, diameter, [low, high])).collect();
-            let reach = (side - diameter) / 2.0;
-            prop_assert!(places.iter().all(|x| x.abs() <= reach));
-            let met = |at: f64| places.iter().filter(|x| (*x - at).abs() <= diameter / 2.0).count() as f64;
-            for (outer, edge) in [(low, -reach), (high, reach)] {
-                let expected = if outer { 1.5 } else { 1.0 };
-                prop_assert!((met(edge) / met(0.0) - expected).abs() < 0.01, "{} of {}", met(edge), met(0.0));
-            }
-        }
-    }
-
-    #[test]
-    fn a_pupil_as_wide_as_its_region_stands_in_its_middle() {
-        assert_eq!(place(0.7, 1e-3, 1e-3, [true, false]), 0.0);
-    }
-}
+#[path = "solve_tests.rs"]
+mod tests;

@@ -259,12 +259,12 @@ fn window_and_piece_agree() {
     let (corner, size) = ([22usize, 121usize], [90, 100]);
     let cut: Vec<f32> =
         (0..size[0]).flat_map(|y| rounded[(y + corner[0]) * 240 + corner[1]..][..size[1]].to_vec()).collect();
-    let (piece, _) = image(o.piece(corner, size), &cut, WindowFactor::Two);
+    let (piece, _) = image(o.piece(corner.map(|i| i as i64), size), &cut, WindowFactor::Two);
     let same: Vec<f64> = small.iter().map(|v| f64::from(*v)).collect();
     let error = if piece.len() == same.len() { error_power(&piece, &same) } else { f64::NAN };
     assert!(error < VIEW, "error power {error:.1e} of signal");
     let (one, _) = image(o, &rounded, WindowFactor::One);
-    let (piece, _) = image(o.piece(corner, size), &cut, WindowFactor::One);
+    let (piece, _) = image(o.piece(corner.map(|i| i as i64), size), &cut, WindowFactor::One);
     let error = error_power(&piece, &one.iter().map(|v| f64::from(*v)).collect::<Vec<_>>());
     assert!(error < VIEW, "error power {error:.1e} of signal");
 }

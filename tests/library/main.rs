@@ -14,3 +14,4 @@ mod photographs;
 mod picture;
 mod reference;
 mod steering;
+mod tiled_model;

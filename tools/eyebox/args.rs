@@ -4,6 +4,7 @@ pub use crate::groups::{
     Colors, DeviceArgs, DisplayArgs, EngineArgs, EngineName, EyeArgs, OtherSceneArgs, OverwriteArgs, SceneArgs,
     SceneOptions,
 };
+use crate::patterns::{PatternArgs, iris};
 use crate::phases::{EncodedArgs, PhaseArgs, PhaseUnitArgs, UnfinishedArgs};
 use crate::quality::QualityArgs;
 use crate::values::{
@@ -187,6 +188,12 @@ pub struct Solve {
     /// Steps with the camera's pictures in the place of what the model has
     #[arg(long, value_name = "N", requires = "camera", value_parser = clap::value_parser!(u16).range(1..).map(usize::from))]
     pub camera_steps: Option<usize>,
+    /// Where an iris stands that does not move, mm, where the command does not say so
+    #[arg(long, value_name = "X,Y,DIAMETER", value_parser = iris, allow_hyphen_values = true, requires = "camera")]
+    pub iris: Option<[f64; 3]>,
+    /// What shows the patterns
+    #[command(flatten)]
+    pub patterns: PatternArgs,
     /// Keep the camera's pictures here; in the folder of eyebox calibrate --keep they are added, and its dots say where the camera
     /// looks
     #[arg(long, value_name = "DIR", requires = "camera")]

@@ -1,15 +1,14 @@
 //! `eyebox calibrate`: a model of the display as it is, fitted from pictures of it.
 
 use crate::Failure;
-use crate::play::OutputName;
+use crate::patterns::{self, PatternArgs, iris};
 use crate::progress::{self, JobBar};
-use crate::values::{not_negative, positive};
+use crate::values::positive;
 use clap::Args;
-use eyebox::calibrate::{Bench, Event, FEWEST, Report, ShowsPatterns, calibrate};
+use eyebox::calibrate::{Bench, Event, FEWEST, Report, calibrate};
 use eyebox::engine;
 use eyebox::files;
 use eyebox::optics::{Color, Display, Seen};
-use eyebox::session::{PatternOutput, SinkFile};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -34,18 +33,9 @@ pub struct Calibrate {
     /// Where an iris stands that does not move, mm, where the command does not say so
     #[arg(long, value_name = "X,Y,DIAMETER", value_parser = iris, allow_hyphen_values = true)]
     pub iris: Option<[f64; 3]>,
-    /// A display of this machine shows the patterns, and the command takes pictures alone
-    #[arg(long, value_enum, conflicts_with = "captures")]
-    pub output: Option<OutputName>,
-    /// The monitor of --output window or direct, as of play
-    #[arg(long, value_name = "MONITOR", requires = "output")]
-    pub monitor: Option<String>,
-    /// With --output offscreen, the newest video frame to a file that others map, as of play
-    #[arg(long, value_name = "FILE", requires = "output")]
-    pub shared: Option<PathBuf>,
-    /// Seconds from when a pattern lit up until it stands [default: 0.2]
-    #[arg(long, value_name = "SECONDS", value_parser = not_negative, requires = "output")]
-    pub settle: Option<f64>,
+    /// What shows the patterns
+    #[command(flatten)]
+    pub patterns: PatternArgs,
     /// Keep the pictures here; what a calibration that was broken off left here is not taken again
     #[arg(long, value_name = "DIR", conflicts_with = "captures")]
     pub keep: Option<PathBuf>,
@@ -74,27 +64,6 @@ pub struct Calibrate {
 fn color(name: &str) -> Result<Color, String> {
     let found = [Color::Red, Color::Green, Color::Blue].into_iter().find(|c| c.to_string() == name);
     found.ok_or_else(|| "red, green or blue".into())
-}
-
-/// Three numbers, the last one positive.
-fn iris(text: &str) -> Result<[f64; 3], String> {
-    let numbers: Vec<f64> =
-        text.split(',').filter_map(|v| v.trim().parse().ok()).filter(|v: &f64| v.is_finite()).collect();
-    match numbers[..] {
-        [x, y, diameter] if diameter > 0.0 && text.matches(',').count() == 2 => Ok([x, y, diameter]),
-        _ => Err("x, y and a positive diameter in mm, such as 0,0,6".into()),
-    }
-}
-
-/// What shows the patterns, where the command does not.
-fn shows(args: &Calibrate, display: &Display, color: Color) -> Result<Option<PatternOutput>, Failure> {
-    let Some(name) = args.output else { return Ok(None) };
-    if args.shared.is_some() && name != OutputName::Offscreen {
-        return Err(Failure::Asked("--shared goes with --output offscreen".into()));
-    }
-    let output = name.output(args.monitor.clone(), false, args.shared.clone().map(SinkFile::Shared));
-    let settle = Duration::from_secs_f64(args.settle.unwrap_or(0.2).min(1e6));
-    Ok(Some(PatternOutput::open(&output, display, color, settle)?))
 }
 
 /// Calibrates, writes the display's file, says how sure it is.
@@ -128,8 +97,8 @@ pub fn run(args: &Calibrate) -> Result<(), Failure> {
         return Err(Failure::Asked(format!("--captures-max {} is too few: give {FEWEST} or more", args.captures_max)));
     }
     progress::catch_interrupt();
-    let mut output = shows(args, &display, color)?;
-    let shows = output.as_mut().map(|output| output as &mut dyn ShowsPatterns);
+    let mut output = args.patterns.open(&display, &[color])?;
+    let shows = patterns::shows(&mut output);
     let bar = JobBar::new(args.json);
     let calibrated = calibrate(&display, color, &bench, shows, &mut |event| match event {
         Event::At(what, share) => drop(bar.show(what, share)),

@@ -32,6 +32,7 @@ mod inspect;
 mod live;
 mod log;
 mod model_terms;
+mod patterns;
 mod phases;
 mod photograph;
 mod plan;

@@ -39,7 +39,8 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     let colors = common::colors(&args.display, &display)?;
     // The camera before all that takes long.
     let mut say = |line: &str| eprintln!("{line}");
-    let camera = camera::open(args, &display, &colors, single, &mut say)?;
+    let mut output = None;
+    let camera = camera::open(args, &display, &colors, single, &mut output, &mut say)?;
     // The engine first: where there is none, nothing needs to be loaded.
     let mut engine = common::engine(&args.engine)?;
     let display = model_terms::chosen(args, display, &colors, engine.as_mut())?;

@@ -27,4 +27,6 @@ pub struct CameraSteps<'a> {
     pub keep: Option<&'a Path>,
     /// Limit for every question, in the place of the protocol's own.
     pub limit: Option<Duration>,
+    /// Where an iris stands that does not move: x, y, diameter, mm; where the command does not say so itself.
+    pub iris_mm: Option<[f64; 3]>,
 }

@@ -2,13 +2,13 @@
 
 use super::CameraSteps;
 use super::sensor::Sensor;
-use crate::calibrate::CalibrateError;
 use crate::calibrate::acquire::{AVERAGE, check, two_pi_level};
 use crate::calibrate::captures::{Ask, Session, Shot, shown};
 use crate::calibrate::dots;
 use crate::calibrate::link::Link;
 use crate::calibrate::pattern::{self, Pattern};
 use crate::calibrate::picture::Picture;
+use crate::calibrate::{CalibrateError, ShowsPatterns};
 use crate::optics::{Color, Display, Pupil};
 use std::path::PathBuf;
 
@@ -32,13 +32,15 @@ pub struct CameraBench<'a> {
 pub(super) struct Camera<'a> {
     pub(super) session: Session<'a>,
     slm: [usize; 2],
+    /// Where an iris stands that does not move, where the command does not say so.
+    iris_mm: Option<[f64; 3]>,
 }
 
 /// What is known of the bench in a colour.
 pub(super) struct OfColor {
     pub(super) color: Color,
-    /// The bench's name of it, and nm.
-    named: (String, f64),
+    /// The bench's nm.
+    nm: f64,
     two_pi_level: f64,
     pub(super) sensor: Sensor,
     /// Dark level, a share of full scale; none where there is no picture of it.
@@ -55,7 +57,7 @@ pub(super) struct Seen {
 
 impl<'a> CameraBench<'a> {
     /// Starts the camera's command, sees that the bench is the display's, and looks where the camera looks, in each of these
-    /// colours. `say` is told lines that are not for this program.
+    /// colours. `shows`: what shows the patterns, where the command does not. `say` is told lines that are not for this program.
     ///
     /// # Errors
     /// [`CalibrateError`].
@@ -63,6 +65,7 @@ impl<'a> CameraBench<'a> {
         display: &Display,
         colors: &[Color],
         steps: &CameraSteps<'a>,
+        shows: Option<&'a mut dyn ShowsPatterns>,
         say: &'a mut dyn FnMut(&str),
     ) -> Result<Self, CalibrateError> {
         if display.prescription.as_ref().is_some_and(|eye| !eye.is_perfect()) {
@@ -70,16 +73,15 @@ impl<'a> CameraBench<'a> {
             return Err(CalibrateError::Bench { display: display.name.clone(), reason });
         }
         let (link, hello) = Link::start(steps.command, steps.limit, say)?;
-        let named = colors
-            .iter()
-            .map(|c| Ok((*c, check(display, *c, &hello, true)?)))
-            .collect::<Result<Vec<_>, CalibrateError>>()?;
-        let first = named.first().map(|(_, named)| named.clone()).unwrap_or_default();
-        let session = Session::new(link, hello, steps.keep, first, usize::MAX)?;
-        let mut camera = Camera { session, slm: [display.height, display.width] };
+        let named = colors.iter().map(|c| check(display, *c, &hello, shows.is_none()));
+        let named = named.collect::<Result<Vec<_>, CalibrateError>>()?;
+        let first = named.first().copied().unwrap_or((Color::Green, 0.0));
+        let mut session = Session::new(link, hello, steps.keep, first, usize::MAX)?;
+        session.shows = shows;
+        let mut camera = Camera { session, slm: [display.height, display.width], iris_mm: steps.iris_mm };
         let mut of_colors = Vec::with_capacity(colors.len());
-        for (color, named) in named {
-            of_colors.push(camera.look_about(display, color, named)?);
+        for of_color in named {
+            of_colors.push(camera.look_about(display, of_color)?);
         }
         Ok(Self { camera, colors: of_colors, steps: steps.steps })
     }
@@ -92,10 +94,10 @@ impl<'a> CameraBench<'a> {
 
 impl Camera<'_> {
     /// Where the camera looks, by the dots, and its dark level: of pictures that lie there already, or taken now.
-    fn look_about(&mut self, display: &Display, color: Color, named: (String, f64)) -> Result<OfColor, CalibrateError> {
+    fn look_about(&mut self, display: &Display, (color, nm): (Color, f64)) -> Result<OfColor, CalibrateError> {
         let (optics, two_pi_level) = (display.optics(color)?, two_pi_level(display, color));
         let camera = self.session.hello.camera.resolution;
-        self.session.color = named.clone();
+        self.session.color = (color, nm);
         let had = self.session.adds();
         let pattern = pattern::dots_pattern(self.slm, two_pi_level);
         let is_dots = |shot: &&Shot| {
@@ -132,7 +134,7 @@ impl Camera<'_> {
             }
             None => None,
         };
-        Ok(OfColor { color, named, two_pi_level, sensor: Sensor::new(map), dark })
+        Ok(OfColor { color, nm, two_pi_level, sensor: Sensor::new(map), dark })
     }
 
     /// What the bench said last of what it could not do.
@@ -166,14 +168,25 @@ impl Camera<'_> {
         (iris, hello.focus_mm.map_or(0.0, |range| within(z, range)))
     }
 
+    /// How many of a set's sub-frames are shown in turn at a time: as many as the bench can, or as this machine's display has places
+    /// for, in whole shares.
+    fn at_once(&self, frames: usize) -> usize {
+        match &self.session.shows {
+            None => self.session.hello.slm.sub_frames.min(frames),
+            Some(shows) => {
+                let places = shows.sub_frames();
+                (1..=places).rev().find(|n| places.is_multiple_of(*n) && frames.is_multiple_of(*n)).unwrap_or(1)
+            }
+        }
+    }
+
     /// What the camera sees of a set of sub-frames (phases, sub-frame by sub-frame) through a pupil, or the nearest that the bench
     /// has; none where the bench could not.
     pub(super) fn see(&mut self, of: &OfColor, phases: &[f32], pupil: Pupil) -> Result<Option<Seen>, CalibrateError> {
-        self.session.color.clone_from(&of.named);
+        self.session.color = (of.color, of.nm);
         let (iris_mm, focus_mm) = self.within_reach(pupil);
         let pixels = self.slm[0] * self.slm[1];
-        // As many sub-frames at a time as the bench shows in turn.
-        let at_once = self.session.hello.slm.sub_frames.min(phases.len() / pixels);
+        let at_once = self.at_once(phases.len() / pixels);
         let mut seen: Option<Seen> = None;
         for part in phases.chunks(at_once * pixels) {
             let drive: Vec<f64> = part.iter().map(|p| f64::from(*p)).collect();
@@ -183,8 +196,9 @@ impl Camera<'_> {
             let Some((shot, picture)) = self.shot(&ask)? else { return Ok(None) };
             let share = part.len() as f64 / phases.len() as f64;
             let light = of.light(&shot, &picture)?;
-            let Some([x, y, d]) = shot.iris_mm else {
-                let reason = "its answer has no iris_mm: of a fixed iris the camera's command has to say where it is";
+            let Some([x, y, d]) = shot.iris_mm.or(self.iris_mm) else {
+                let reason = "its answer has no iris_mm: of a fixed iris the camera's command has to say where it is, or \
+                              --iris X,Y,DIAMETER in mm";
                 return Err(CalibrateError::Captures { file: shot.file.display().to_string(), reason: reason.into() });
             };
             let pupil = Pupil::from_mm([x, y, d, shot.focus_mm]).check()?;

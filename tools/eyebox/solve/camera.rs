@@ -2,12 +2,14 @@
 
 use crate::Failure;
 use crate::args::Solve;
+use crate::patterns;
 use crate::progress::{self, JobBar};
 use eyebox::calibrate::{CalibrateError, CameraBench, CameraGain, CameraSteps, CameraSubject, Event};
 use eyebox::engine::Engine;
 use eyebox::hologram::TakenWithCamera;
 use eyebox::optics::{Color, Display};
 use eyebox::produce::SolvedHologram;
+use eyebox::session::PatternOutput;
 use serde_json::{Value, json};
 use std::time::Duration;
 
@@ -17,6 +19,7 @@ pub fn open<'a>(
     display: &Display,
     colors: &[Color],
     single: bool,
+    output: &'a mut Option<PatternOutput>,
     say: &'a mut dyn FnMut(&str),
 ) -> Result<Option<CameraBench<'a>>, Failure> {
     let (Some(command), Some(steps)) = (&args.camera, args.camera_steps) else { return Ok(None) };
@@ -28,8 +31,9 @@ pub fn open<'a>(
     }
     progress::catch_interrupt();
     let limit = args.camera_timeout.map(Duration::from_secs_f64);
-    let steps = CameraSteps { command, steps, keep: args.camera_keep.as_deref(), limit };
-    Ok(Some(CameraBench::open(display, colors, &steps, say)?))
+    let steps = CameraSteps { command, steps, keep: args.camera_keep.as_deref(), limit, iris_mm: args.iris };
+    *output = args.patterns.open(display, colors)?;
+    Ok(Some(CameraBench::open(display, colors, &steps, patterns::shows(output), say)?))
 }
 
 /// Takes the camera's steps of every colour; what became better is written in the place of what was solved.

@@ -129,6 +129,55 @@ fn a_view_reads_the_tiles_under_its_pupil() {
     assert!(scored["psnr_db"]["mean"].as_f64().unwrap() > 15.0, "{scored}");
 }
 
+/// What the display does to the light is in the solve, in what is seen and in what is refined: solved for it a hologram regains
+/// most of what one that knows nothing of it loses. `--ideal` looks past it.
+#[test]
+fn a_display_as_it_is_is_solved_for_in_tiles() {
+    let temp = folder();
+    let at = temp.path();
+    let terms = "level = [[1.0, 1.1, 1.0], [0.9, 1.05, 1.1], [1.0, 0.95, 1.0]]\nbend = [0.1, -0.05]\n\
+                 crosstalk = [[1.2, 2.03], [1.2, 1.6], [1.3, 2.2], [1.2, 1.9]]\nsource = [0.1, 0, -0.3, 0, -0.4]\n\
+                 undiffracted = [0.15, 0.1, 0.4, -0.3, 0.2]\nwavefront = { 4 = 0.2, 7 = 0.1 }\niris = [0.03, -0.02, 1.02]\n";
+    for (model, lag) in [("far", ""), ("bench", "lag = 0.0\n"), ("lags", "lag = 0.1\n")] {
+        let section = if model == "far" { String::new() } else { format!("[model.green]\n{terms}{lag}") };
+        std::fs::write(at.join(format!("{model}.toml")), format!("{DISPLAY}{section}")).unwrap();
+    }
+    let solved = |display: &str, out: &str| -> Value {
+        let display = format!("{display}.toml");
+        let mut words = solve(out, "2");
+        words[3] = &display;
+        serde_json::from_str(&done(at, &words)).unwrap()
+    };
+    let score = |file: &str, more: &[&str]| -> f64 {
+        let words = ["score", file, "builtin:still-life", "--pupils", "random:6", "--engine", "cpu", "--json"];
+        let said: Value = serde_json::from_str(&done(at, &[&words, more].concat())).unwrap();
+        said["psnr_db"]["mean"].as_f64().unwrap()
+    };
+    solved("far", "plain.zarr");
+    let ideal = score("plain.zarr", &[]);
+    done(at, &["export", "plain.zarr", "-o", "plain.npy"]);
+    for display in ["bench", "lags"] {
+        let (out, file) = (format!("{display}.zarr"), format!("{display}.toml"));
+        let said = solved(display, &out);
+        assert!(said["peak_memory_mib"].as_f64().unwrap() < 600.0, "{said}");
+        done(at, &["import", "plain.npy", "--display", &file, "-o", "unaware.zarr"]);
+        let (aware, unaware) = (score(&out, &[]), score("unaware.zarr", &[]));
+        println!(
+            "{display}: ideal {ideal:.2}, unaware {unaware:.2}, aware {aware:.2}, past the model {:.2}",
+            score(&out, &["--ideal"])
+        );
+        assert!(aware > unaware + 3.0 && aware > ideal - 3.5, "{display}: {unaware}, {aware} of {ideal} dB");
+        assert!(score(&out, &["--ideal"]) < aware - 1.0, "{display}");
+        let refine = ["refine", &out, "builtin:still-life", "--pupil=-0.3,0.25,0.3,0", "--steps", "4", "--json"];
+        let said: Value = serde_json::from_str(&done(at, &refine)).unwrap();
+        let eye = |i: usize| said["rows"][i]["eye_db"].as_f64().unwrap();
+        assert!(eye(3) > eye(0) + 0.5, "{said}");
+    }
+    let wrong = format!("{DISPLAY}[model.green]\nfill = 0.9\n");
+    std::fs::write(at.join("far.toml"), wrong).unwrap();
+    refused(at, &solve("x.zarr", "1"), "x.zarr", "fill");
+}
+
 /// Three by three views of a built-in scene, 160 pixels wide, in a folder: content moves by two pixels from one to the next.
 fn light_field(at: &Path) {
     let display = Display { height: 160, width: 160, ..Display::preset("far-field").unwrap() };
