@@ -9,7 +9,7 @@ use super::latency::Latency;
 use super::notes::Notes;
 use super::output::OpenDisplay;
 use super::pupil_tracker::PupilTracker;
-use super::refine::{Refinement, RefinementOptions};
+use super::refine::{Begin, Refinement, RefinementOptions};
 use super::replay::Replay;
 use super::running::{Running, Setup};
 use super::scenes::Scenes;
@@ -34,7 +34,7 @@ use crossbeam_utils::atomic::AtomicCell;
 use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 /// Whose eye is followed.
@@ -315,16 +315,7 @@ impl Live {
             _ => None,
         };
         let keeping = self.journal.as_deref().map(Journal::start).transpose()?;
-        let again_with = colors.clone();
-        let engines = Arc::new(Mutex::new(engines));
-        let again = move || -> Result<(Steerer, Option<Gpu>), SessionError> {
-            let open = |engines: &Mutex<EngineSource>| engines.lock().unwrap_or_else(PoisonError::into_inner).open();
-            let steerer = Steerer::new(again_with.clone(), policy, || open(&engines))?;
-            let gpu = engines.lock().unwrap_or_else(PoisonError::into_inner).gpu()?;
-            let Some(field) = field.clone() else { return Ok((steerer, gpu)) };
-            let more = Arc::clone(&engines);
-            Ok((steerer.in_field(&again_with, field, Box::new(move || open(&more))), gpu))
-        };
+        let mut again = begin(colors.clone(), policy, engines, field);
         let idle = encoder.frames();
         let (refinement, source) = if let Some(folder) = &self.replay {
             let (steerer, _) = again()?;
@@ -342,7 +333,7 @@ impl Live {
                 whole: whole_of_none,
                 direct,
                 with_phases,
-                again: Box::new(again),
+                again,
                 notes: notes.clone(),
                 track: trace.track("refine"),
             };
@@ -383,4 +374,19 @@ impl Live {
         };
         Ok(Setup { running: Running::Live(Box::new(following)), schedule, idle, sub_frames })
     }
+}
+
+/// What makes engines with all that is on them, as often as it is called.
+fn begin(colors: Vec<SteeredColor>, policy: Policy, engines: EngineSource, field: Option<Field>) -> Begin {
+    fn lock(engines: &Mutex<EngineSource>) -> MutexGuard<'_, EngineSource> {
+        engines.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+    let engines = Arc::new(Mutex::new(engines));
+    Box::new(move || {
+        let steerer = Steerer::new(colors.clone(), policy, || lock(&engines).open())?;
+        let gpu = lock(&engines).gpu()?;
+        let Some(field) = field.clone() else { return Ok((steerer, gpu)) };
+        let more = Arc::clone(&engines);
+        Ok((steerer.in_field(&colors, field, Box::new(move || lock(&more).open())), gpu))
+    })
 }

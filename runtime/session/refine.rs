@@ -4,7 +4,7 @@
 mod handing_over;
 mod options;
 
-pub(super) use options::RefinementOptions;
+pub(super) use options::{Begin, RefinementOptions};
 
 use super::account::Repeat;
 use super::error::SessionError;
