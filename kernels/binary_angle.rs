@@ -52,10 +52,16 @@ pub(crate) fn threshold(pixel: u32, step: u32) -> u32 {
     (x ^ (x >> 16)).wrapping_add(step.wrapping_mul(0x9e37_79b9))
 }
 
-/// The phase of an angle that is turned by so many radians; `phase` is that of one.
+/// The phase of an angle that is turned by so many radians; `phase` is that of one. By whole turns, or where `bound` is not 0 held
+/// within 0 .. `bound` radians of the drive.
 #[inline(always)]
-pub(crate) fn turned(phase: f32, by: f32, threshold: u32) -> f32 {
+pub(crate) fn turned(phase: f32, by: f32, bound: f32, threshold: u32) -> f32 {
     let turns = by * PER_TURN;
+    if bound > 0.0 {
+        let most = (bound * PER_TURN * UNITS).round_ties_even();
+        let to = f32::from(bits(phase)) + (turns * UNITS + (threshold >> 8) as f32 * PART).floor();
+        return value(to.max(0.0).min(most) as u16);
+    }
     let turns = turns - turns.round_ties_even();
     let units = (turns * UNITS + (threshold >> 8) as f32 * PART).floor();
     value(bits(phase).wrapping_add(units as i32 as u16))
@@ -76,6 +82,8 @@ pub(crate) fn velocity(x: f32, threshold: u32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    const TURN: f32 = std::f32::consts::TAU;
 
     #[test]
     fn angles_come_back() {
@@ -98,7 +106,7 @@ mod tests {
                 for step in 0..200 {
                     let (by, threshold) = (part * UNIT, threshold(pixel, step));
                     exact += f64::from(part);
-                    phase = turned(phase, by, threshold);
+                    phase = turned(phase, by, 0.0, threshold);
                     velocity_ = velocity(0.9 * velocity_ + by, threshold);
                 }
                 let moved = f64::from(bits(phase).wrapping_sub(bits(3.1)) as i16);
@@ -109,6 +117,32 @@ mod tests {
             }
             assert!(mean.abs() < 0.05, "{part}: {mean}");
         }
+    }
+
+    /// Held within a range of the drive, they reach its ends, pass neither, and lose no small step.
+    #[test]
+    fn bounded_angles_cross_no_wrap() {
+        let bound = TURN * 255.0 / 256.0;
+        let drive = |phase: f32| if phase < 0.0 { phase + TURN } else { phase };
+        for (start, by, want) in [
+            (0.1f32, -0.2f32, 0.0),
+            (6.1, 0.4, bound),
+            (3.0, 0.5, 3.5),
+            (-0.5, 0.2, TURN - 0.3),
+            (1.0, 100.0, bound),
+            (1.0, -100.0, 0.0),
+        ] {
+            for step in 0..20 {
+                let got = drive(turned(value(bits(start)), by, bound, threshold(7, step)));
+                assert!(
+                    (got - want).abs() < 2.5 * UNIT && got <= bound + 0.1 * UNIT,
+                    "{start} by {by}: {got}, not {want}"
+                );
+            }
+        }
+        let mut phase = value(bits(3.0));
+        (0..1000).for_each(|step| phase = turned(phase, 0.3 * UNIT, bound, threshold(5, step)));
+        assert!((drive(phase) - 3.0 - 300.0 * UNIT).abs() < 3.0 * UNIT, "{phase}");
     }
 
     #[test]

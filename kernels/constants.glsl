@@ -2,6 +2,8 @@
 #define WIDTH 64
 #define SUM_WIDTH 128
 #define BATCH 16
+#define TILE 32
+#define TILE_THREADS 128
 #define COMPARE_PROJECTION 0
 #define COMPARE_INTENSITY 1
 #define COMPARE_SHARE 2048

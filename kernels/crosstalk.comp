@@ -1,6 +1,8 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "constants.glsl"
+#include "half.glsl"
+#include "drives.glsl"
 
 // Crosstalk between pixels along one axis, or transposed: from a plane of each sub-frame to those of its sub-pixels, or back.
 // x: column, y: row (strided), z: sub-frame.
@@ -8,8 +10,8 @@
 layout(local_size_x = WIDTH) in;
 // Along y, then along x: of each sub-pixel from the pixel `reach` before it to that behind it.
 layout(std430, binding = 0) readonly buffer Crosstalk { float weights[]; };
-layout(std430, binding = 1) readonly buffer From { float from[]; };
-layout(std430, binding = 2) writeonly buffer To { float to[]; };
+layout(std430, binding = 1) readonly buffer From { DRIVES from[]; };
+layout(std430, binding = 2) DRIVES_OUT buffer To { DRIVES to[]; };
 layout(push_constant) uniform Args {
     uint height, width, grid_height, grid_width, top, left;
     uint subpixels, reach_y, reach_x;
@@ -33,7 +35,7 @@ float summed(uint plane, uint subpixel, uint y, uint x) {
         uint g = at + j;
         g -= g >= 2 * whole ? 2 * whole : g >= whole ? whole : 0;
         uint place = g - first;
-        if (place < count) sum += weights[start + (back != 0 ? 2 * reach - j : j)] * from[origin + place * stride];
+        if (place < count) sum += weights[start + (back != 0 ? 2 * reach - j : j)] * DRIVE_AT(from, origin + place * stride);
     }
     return sum;
 }
@@ -46,20 +48,22 @@ void main() {
         if (columns == 0 && back != 0) {
             float sum = 0.0;
             for (uint b = 0; b < p; b++) sum += summed(frame * p + b, b, y, x);
-            to[frame * p * p * to_stride + at] = sum;
+            PUT_DRIVE(to, frame * p * p * to_stride + at, sum);
             continue;
         }
         for (uint b = 0; b < p; b++) {
             if (columns == 0) {
-                to[(frame * p + b) * to_stride + at] = summed(frame * p * p, b, y, x);
+                float sum = summed(frame * p * p, b, y, x);
+                PUT_DRIVE(to, (frame * p + b) * to_stride + at, sum);
             } else if (back == 0) {
                 for (uint a = 0; a < p; a++) {
-                    to[((frame * p + a) * p + b) * to_stride + at] = summed(frame * p + b, a, y, x);
+                    float sum = summed(frame * p + b, a, y, x);
+                    PUT_DRIVE(to, ((frame * p + a) * p + b) * to_stride + at, sum);
                 }
             } else {
                 float sum = 0.0;
                 for (uint a = 0; a < p; a++) sum += summed((frame * p + a) * p + b, a, y, x);
-                to[(frame * p + b) * to_stride + at] = sum;
+                PUT_DRIVE(to, (frame * p + b) * to_stride + at, sum);
             }
         }
     }

@@ -1,14 +1,18 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "constants.glsl"
+#include "half.glsl"
 #include "trig.glsl"
+#define ANGLES_ID 0
+#include "binary_angle.glsl"
+#include "drives.glsl"
 
 // From phases to the phases that their drive gives. x: column, y: row (strided), z: sub-frame.
 
 layout(local_size_x = WIDTH) in;
-layout(std430, binding = 0) readonly buffer Shown { float shown[]; };
+layout(std430, binding = 0) readonly buffer Shown { uint shown[]; };
 layout(std430, binding = 1) readonly buffer Tables { float level[]; };
-layout(std430, binding = 2) writeonly buffer Wave { float wave[]; };
+layout(std430, binding = 2) DRIVES_OUT buffer Wave { DRIVES wave[]; };
 layout(push_constant) uniform Args {
     uint height, width, grid_height, grid_width, top, left;
     float bend_sin, bend_cos, lag;
@@ -23,6 +27,7 @@ void main() {
     if (x >= width) return;
     for (uint y = gl_WorkGroupID.y; y < height; y += gl_NumWorkGroups.y) {
         uint at = y * width + x;
-        wave[frame * subpixels * subpixels * wave_stride + at] = driven(shown[frame * shown_stride + at], level[at]);
+        float phase = PHASE_AT(shown, frame * shown_stride + at);
+        PUT_DRIVE(wave, frame * subpixels * subpixels * wave_stride + at, driven(phase, level[at]));
     }
 }

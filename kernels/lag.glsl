@@ -1,9 +1,7 @@
-#include "constants.glsl"
-
 // First-order lag over the sub-frames of a set that repeats; with BACK transposed. x: pixel (strided).
 
 layout(local_size_x = WIDTH) in;
-layout(std430, binding = 0) buffer Wave { float wave[]; };
+layout(std430, binding = 0) buffer Wave { DRIVES wave[]; };
 layout(push_constant) uniform Args {
     uint count, frames;
     // (1 - h) / (1 - h^frames), and h.
@@ -21,12 +19,12 @@ uint ordered(uint i) { return i; }
 void main() {
     for (uint k = gl_GlobalInvocationID.x; k < count; k += gl_NumWorkGroups.x * gl_WorkGroupSize.x) {
         precise float state = 0.0;
-        for (uint i = 0; i < frames; i++) state = state * lag + wave[ordered(i) * stride + k];
+        for (uint i = 0; i < frames; i++) state = state * lag + DRIVE_AT(wave, ordered(i) * stride + k);
         state *= settled;
         for (uint i = 0; i < frames; i++) {
             uint at = ordered(i) * stride + k;
-            state = (1.0 - lag) * wave[at] + lag * state;
-            wave[at] = state;
+            state = (1.0 - lag) * DRIVE_AT(wave, at) + lag * state;
+            PUT_DRIVE(wave, at, state);
         }
     }
 }

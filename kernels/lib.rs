@@ -117,7 +117,7 @@ macro_rules! kernels {
                 over: Frames, group: Field,
                 binds: [Read Crosstalk, Read Wave, Write Blurred],
                 work: |u| u.crosstalk(),
-                twin: |c| $crate::crosstalk::rows(&c.crosstalk, c.tables.weights[1], c.wave, c.blurred),
+                twin: |c| c.crosstalk(false),
                 shader: Once |c| c.crosstalk([false, false]),
             }
             /// And along columns.
@@ -125,7 +125,7 @@ macro_rules! kernels {
                 over: Frames, group: Field,
                 binds: [Read Crosstalk, Read Blurred, Write Wave],
                 work: |u| u.subpixels() * u.crosstalk(),
-                twin: |c| $crate::crosstalk::columns(&c.crosstalk, c.tables.weights[0], c.blurred, c.wave),
+                twin: |c| c.crosstalk(true),
                 shader: Once |c| c.crosstalk([true, false]),
             }
             /// Their field, with the source's profile and undiffracted light.
@@ -393,7 +393,7 @@ macro_rules! kernels {
                 over: Frames, group: Update,
                 binds: [Read Crosstalk, Read Wave, Write Blurred],
                 work: |u| u.subpixels() * u.crosstalk(),
-                twin: |c| $crate::crosstalk::columns_back(&c.crosstalk, c.tables.weights[0], c.wave, c.blurred),
+                twin: |c| c.crosstalk_back(true),
                 shader: Once |c| c.crosstalk([true, true]),
             }
             /// and along rows.
@@ -401,7 +401,7 @@ macro_rules! kernels {
                 over: Frames, group: Update,
                 binds: [Read Crosstalk, Read Blurred, Write Wave],
                 work: |u| u.crosstalk(),
-                twin: |c| $crate::crosstalk::rows_back(&c.crosstalk, c.tables.weights[1], c.blurred, c.wave),
+                twin: |c| c.crosstalk_back(false),
                 shader: Once |c| c.crosstalk([false, true]),
             }
             /// The lag, transposed.
@@ -471,6 +471,10 @@ macro_rules! kernels {
 pub const WIDTH: u32 = 64;
 /// Pupils of a dispatch at most, of shaders that take several.
 pub const BATCH: usize = 16;
+/// Rows and columns of pixels that a workgroup of shaders over tiles takes,
+pub const TILE: u32 = 32;
+/// and its invocations.
+pub const TILE_THREADS: u32 = 128;
 /// Invocations of a workgroup of shaders that sum.
 pub const SUM_WIDTH: u32 = 128;
 

@@ -3,12 +3,13 @@
 #include "constants.glsl"
 #include "half.glsl"
 #include "trig.glsl"
+#include "drives.glsl"
 
 // field = scale (amplitude exp(i W) + rest) on the SLM, zero around it. x: column, y: row (strided), z: sub-frame, or one of
 // its sub-pixels.
 
 layout(local_size_x = WIDTH) in;
-layout(std430, binding = 0) readonly buffer Wave { float wave[]; };
+layout(std430, binding = 0) readonly buffer Wave { DRIVES wave[]; };
 // Level, amplitude, real and imaginary part of the rest.
 layout(std430, binding = 1) readonly buffer Tables { float tables[]; };
 layout(std430, binding = 2) writeonly buffer Field { COMPLEX field[]; };
@@ -28,7 +29,7 @@ void main() {
         if (y - top < height && x - left < width) {
             uint pixel = (y - top) * width + (x - left);
             vec2 rest = vec2(tables[2 * pixels + pixel], tables[3 * pixels + pixel]);
-            value = scale * (tables[pixels + pixel] * cos_sin(wave[plane * wave_stride + pixel]) + rest);
+            value = scale * (tables[pixels + pixel] * cos_sin(DRIVE_AT(wave, plane * wave_stride + pixel)) + rest);
         }
         field[plane * field_stride + y * grid_width + x] = STORE(value);
     }

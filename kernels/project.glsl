@@ -11,9 +11,14 @@ uint threshold(uint pixel) {
     return (x ^ (x >> 16)) + step_count * 0x9e3779b9u;
 }
 
-// The angle, turned by so many radians.
+// The angle, turned by so many radians: by whole turns, or held within 0 .. `bound` of the drive.
 uint angle_turned(uint angle, float by, uint threshold) {
     precise float turns = by * PER_TURN;
+    if (bound > 0.0) {
+        precise float most = roundEven(bound * PER_TURN * 65536.0);
+        precise float to = float(angle) + floor(turns * 65536.0 + float(threshold >> 8) * ANGLE_PART);
+        return uint(min(max(to, 0.0), most));
+    }
     precise float rest = turns - roundEven(turns);
     precise float units = floor(rest * 65536.0 + float(threshold >> 8) * ANGLE_PART);
     return (angle + uint(int(units))) & 0xffffu;

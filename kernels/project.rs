@@ -59,16 +59,16 @@ pub fn project(args: &Args, change: &[Complex32], shown: Option<&[f32]>, phases:
     );
 }
 
-/// The same of phases that are [binary angles](binary_angle), which wrap, and of velocities that are halves.
+/// The same of phases that are [binary angles](binary_angle), and of velocities that are halves.
 pub fn project_angles(args: &Args, change: &[Complex32], phases: &mut [f32], velocity: &mut [f32]) {
-    let Args { place, gain, momentum, step, .. } = *args;
+    let Args { place, gain, momentum, bound, step } = *args;
     let (w, gw) = (place.width as usize, place.grid_width as usize);
     let one = |threshold: u32, phase: &mut f32, velocity: &mut f32, du: &Complex32| {
         let (c, s) = trig::cos_sin(*phase);
         let turn = gain * (c * du.im - s * du.re);
         let v = momentum * *velocity + turn;
         *velocity = binary_angle::velocity(v, threshold);
-        *phase = binary_angle::turned(*phase, momentum * v + turn, threshold);
+        *phase = binary_angle::turned(*phase, momentum * v + turn, bound, threshold);
     };
     simd(
         #[inline(always)]

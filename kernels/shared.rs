@@ -2,8 +2,8 @@
 //! `cargo run -p eyebox-spirv-tool -- build` writes.
 
 use crate::{
-    BATCH, SUM_WIDTH, WIDTH, binary_angle, compare, encode, energy, equalise_eyebox, exposure, fft_plan, photograph,
-    trig,
+    BATCH, SUM_WIDTH, TILE, TILE_THREADS, WIDTH, binary_angle, compare, encode, energy, equalise_eyebox, exposure,
+    fft_plan, photograph, trig,
 };
 use std::fmt::Write;
 
@@ -13,6 +13,8 @@ pub fn glsl() -> String {
         ("WIDTH", WIDTH),
         ("SUM_WIDTH", SUM_WIDTH),
         ("BATCH", BATCH as u32),
+        ("TILE", TILE),
+        ("TILE_THREADS", TILE_THREADS),
         ("COMPARE_PROJECTION", compare::PROJECTION),
         ("COMPARE_INTENSITY", compare::INTENSITY),
         ("COMPARE_SHARE", compare::SHARE as u32),

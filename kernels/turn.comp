@@ -3,6 +3,7 @@
 #include "constants.glsl"
 #include "half.glsl"
 #include "trig.glsl"
+#include "drives.glsl"
 
 // wave = Im(change conj(amplitude exp(i wave))) on the SLM. x: column, y: row (strided), z: sub-frame, or one of its
 // sub-pixels.
@@ -11,7 +12,7 @@ layout(local_size_x = WIDTH) in;
 // Level, amplitude, real and imaginary part of the rest.
 layout(std430, binding = 0) readonly buffer Tables { float tables[]; };
 layout(std430, binding = 1) readonly buffer Change { COMPLEX change[]; };
-layout(std430, binding = 2) buffer Wave { float wave[]; };
+layout(std430, binding = 2) buffer Wave { DRIVES wave[]; };
 layout(push_constant) uniform Args {
     uint height, width, grid_height, grid_width, top, left;
     // Values from one to the next.
@@ -23,7 +24,8 @@ void main() {
     if (x >= width) return;
     for (uint y = gl_WorkGroupID.y; y < height; y += gl_NumWorkGroups.y) {
         uint pixel = y * width + x, at = plane * wave_stride + pixel;
-        vec2 t = cos_sin(wave[at]), g = LOAD(change[plane * change_stride + (y + top) * grid_width + x + left]);
-        wave[at] = tables[height * width + pixel] * (t.x * g.y - t.y * g.x);
+        vec2 t = cos_sin(DRIVE_AT(wave, at)), g = LOAD(change[plane * change_stride + (y + top) * grid_width + x + left]);
+        float tau = tables[height * width + pixel] * (t.x * g.y - t.y * g.x);
+        PUT_DRIVE(wave, at, tau);
     }
 }

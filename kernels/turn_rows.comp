@@ -9,19 +9,29 @@
 #include "constants.glsl"
 #include "half.glsl"
 #include "trig.glsl"
+#include "drives.glsl"
 #include "fft_lines.glsl"
 #define MORE
 #include "change_rows.glsl"
 
 // Level, amplitude, real and imaginary part of the rest.
 layout(std430, binding = 2) readonly buffer Tables { float tables[]; };
-layout(std430, binding = 3) buffer Wave { float wave[]; };
+layout(std430, binding = 3) buffer Wave { DRIVES wave[]; };
 
+float tau(uint base, uint at, vec2 du) {
+    vec2 t = cos_sin(DRIVE_AT(wave, base + at));
+    return tables[height * width + at] * (t.x * du.y - t.y * du.x);
+}
 void move(uint base, uint at, vec2 du) {
-    vec2 t = cos_sin(wave[base + at]);
-    wave[base + at] = tables[height * width + at] * (t.x * du.y - t.y * du.x);
+    float asked = tau(base, at, du);
+    PUT_DRIVE(wave, base + at, asked);
 }
 void move_both(uint base, uint at, vec4 du) {
-    move(base, at, du.xy);
-    move(base, at + 1u, du.zw);
+    if (((base + at) & 1u) == 1u) {
+        move(base, at, du.xy);
+        move(base, at + 1u, du.zw);
+        return;
+    }
+    vec2 asked = vec2(tau(base, at, du.xy), tau(base, at + 1u, du.zw));
+    PUT_DRIVES(wave, base + at, asked.x, asked.y);
 }

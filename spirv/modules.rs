@@ -6,11 +6,11 @@ modules! {
     CHECK_FINITE = "check_finite";
     COMPARE = "compare";
     COMPARE_ROWS = "compare_rows", COMPARE_ROWS_HALF = "compare_rows_half";
-    CROSSTALK = "crosstalk";
+    CROSSTALK = "crosstalk", CROSSTALK_HALF = "crosstalk_half";
     DIVIDE_BY_OVERLAP = "divide_by_overlap", DIVIDE_BY_OVERLAP_HALF = "divide_by_overlap_half";
-    DRIVE = "drive";
+    DRIVE = "drive", DRIVE_HALF = "drive_half";
     DRIVE_BACK = "drive_back", DRIVE_BACK_HALF = "drive_back_half";
-    DRIVE_LAG = "drive_lag";
+    DRIVE_TILES = "drive_tiles", DRIVE_TILES_HALF = "drive_tiles_half";
     ENCODE = "encode";
     ENERGY = "energy", ENERGY_HALF = "energy_half";
     EQUALISE_EYEBOX = "equalise_eyebox", EQUALISE_EYEBOX_HALF = "equalise_eyebox_half";
@@ -22,8 +22,8 @@ modules! {
     GATHER_COLUMNS = "gather_columns", GATHER_COLUMNS_HALF = "gather_columns_half";
     INTENSITY = "intensity", INTENSITY_HALF = "intensity_half";
     JUDGE = "judge";
-    LAG = "lag";
-    LAG_BACK = "lag_back";
+    LAG = "lag", LAG_HALF = "lag_half";
+    LAG_BACK = "lag_back", LAG_BACK_HALF = "lag_back_half";
     MODULATE = "modulate", MODULATE_HALF = "modulate_half";
     MODULATE_ROWS = "modulate_rows", MODULATE_ROWS_HALF = "modulate_rows_half";
     MODULATE_WAVE = "modulate_wave", MODULATE_WAVE_HALF = "modulate_wave_half";
@@ -36,7 +36,7 @@ modules! {
     PIXELS = "pixels";
     PROJECT = "project", PROJECT_HALF = "project_half";
     PROJECT_ROWS = "project_rows", PROJECT_ROWS_HALF = "project_rows_half";
-    PROJECT_WAVE = "project_wave";
+    PROJECT_TILES = "project_tiles", PROJECT_TILES_HALF = "project_tiles_half";
     QUANTISE = "quantise";
     RELAY = "relay";
     RESAMPLE = "resample";

@@ -66,6 +66,9 @@ for width in 128 512; do
     LP_NATIVE_VECTOR_WIDTH=$width cargo test --workspace --test vulkan -- fft::
 done
 
+stage "the Python package"
+tools/python.sh
+
 stage "a program outside of the workspace"
 # Of the workspace's versions, in its folder: what it has built is built no second time.
 cp Cargo.lock tests/embed/Cargo.lock

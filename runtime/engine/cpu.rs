@@ -16,7 +16,7 @@ mod waves;
 
 use super::{Buffer, Dispatch, Engine, EngineError, Kernel, ModelTables, Resource, Scope, Shape, Step, Timing, misfit};
 use crate::scene::Pyramid;
-use buffers::{Buffers, ModelView, SPLIT, Slot, storing};
+use buffers::{Buffers, ModelView, SPLIT, Slot, storing, storing_drives};
 use eyebox_kernels::{Complex32, fft::Plans};
 use frames::{Frame, FrameFft, Whole};
 use pupil_pass::{Pass, WindowFrame};
@@ -110,6 +110,7 @@ impl CpuEngine {
             energy,
             fft: FrameFft { plans, size, columns: step.columns, wide, scratch: Vec::new(), store },
             store,
+            store_drives: storing_drives(shape.storage),
         };
         let mut frames: Vec<Frame<'_>> = (0..shape.frames).map(frame).collect();
         let run = |frame: &mut Frame<'_>| {

@@ -13,6 +13,9 @@
 //!
 //! What a hologram scores stands beside the most that any could: the [`Ceiling`] that diffraction at the pupil sets.
 //!
+//! What people see of it all is said in just-objectionable differences ([`JodMetric`]), at the display's luminance and pixels a
+//! degree.
+//!
 //! What else an eye would notice: parallax that breaks ([`sweep`]), light that is not everywhere in the eyebox
 //! ([`energy`], [`passed`]), grain ([`contrast`]) and colours that come apart at edges ([`color_difference`]).
 
@@ -22,6 +25,7 @@ mod color;
 mod energy;
 mod epipolar;
 mod groups;
+mod jod;
 mod look;
 mod plane;
 mod score;
@@ -37,6 +41,7 @@ pub use color::{color_difference, edges, pool_mask};
 pub use energy::{energy, passed, variation};
 pub use epipolar::{RowFinder, sweep};
 pub use groups::{Group, Member, members, places};
+pub use jod::{JodMetric, Judged, Rgb, lost_picture, rgb};
 #[cfg(feature = "preview")]
 pub(crate) use look::crop;
 pub use look::{centered, images, photographs, targets, views};
@@ -68,6 +73,12 @@ pub enum EvaluateError {
         width: usize,
         /// Least number of either.
         least: usize,
+    },
+    /// What people see of a difference cannot be told.
+    #[error("JOD: {reason}")]
+    Jod {
+        /// Why not.
+        reason: String,
     },
     /// No exposure makes anything of images without light.
     #[error("the images are black: no exposure brings them to their targets")]

@@ -1,7 +1,7 @@
 //! How a hologram was made: what its file keeps beside the optics, typed.
 
 use super::HologramError;
-use crate::optics::{Color, ModelSections, Padding, Picture, Prescription, PupilDistribution};
+use crate::optics::{Color, ModelSections, Padding, Picture, Prescription, PupilDistribution, Viewing};
 use crate::scene::{Near, Order, Photographs};
 use crate::solve::{Settings, Steering};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
@@ -62,6 +62,9 @@ pub struct Metadata {
     /// What is wrong with the eye that it was solved for, and is looked at with.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub prescription: Option<Prescription>,
+    /// How bright and how fine its display's picture is seen.
+    #[serde(skip_serializing_if = "Viewing::is_default")]
+    pub viewing: Viewing,
     /// Where it was refined for afterwards.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub refined: Option<Refined>,

@@ -30,12 +30,14 @@ mod chunks;
 mod document;
 mod exchange;
 mod exposure;
+mod jod;
 mod metadata;
 mod open;
 mod phase;
 mod refine;
 mod scene_source;
 mod score;
+mod seen;
 mod sequence;
 mod sequence_writer;
 mod solved;
@@ -54,6 +56,7 @@ mod replaced_tests;
 mod sequence_tests;
 
 pub use exchange::{PhaseUnit, Phases, load_phases, save_phases};
+pub use jod::JodSettings;
 pub use metadata::{Metadata, Refined, Start, TakenWithCamera};
 pub use open::{BareOptics, Opening};
 pub use phase::{level_of_phase, phase_of_level, wrap_phase};
@@ -186,6 +189,17 @@ pub enum HologramError {
         /// The one that was given.
         given: String,
     },
+    /// A scene of another size.
+    #[error("the scene has {} x {} pixels, and {} x {} are seen of the hologram: load it for the hologram's display", given.0, given.1, shows.0, shows.1)]
+    OtherSize {
+        /// Rows and columns of the scene.
+        given: (usize, usize),
+        /// Those of what is seen.
+        shows: (usize, usize),
+    },
+    /// How bright it is meant to be is not known: bare phases do not say.
+    #[error("how bright it is meant to be is not known: `eyebox import --scene` fits it to its scene")]
+    NoExposure,
     /// Its file's optics cannot be.
     #[error("{file}: {source}")]
     FileOptics {
@@ -270,6 +284,7 @@ impl Hologram {
                 model: display.model.clone(),
                 picture: display.picture,
                 prescription: display.prescription.clone(),
+                viewing: display.viewing,
                 ..Metadata::default()
             },
         }
@@ -300,6 +315,7 @@ impl Hologram {
             model: self.metadata.model.clone(),
             picture: self.metadata.picture,
             prescription: self.metadata.prescription.clone(),
+            viewing: self.metadata.viewing,
         })
     }
 

@@ -22,6 +22,8 @@ pub struct PupilScore {
     pub finest_cycles_per_degree: f64,
     /// Mean SSIM over the colours; none where the picture is smaller than SSIM's window.
     pub ssim: Option<f64>,
+    /// Just-objectionable differences from 10 over all colours; none where it was not [judged](PhaseSource::judge).
+    pub jod: Option<f64>,
 }
 
 /// Scores of a hologram.
@@ -37,6 +39,11 @@ impl HologramScores {
     /// What the PSNRs come to; none without pupils.
     pub fn summary(&self) -> Option<Summary> {
         Summary::of(&self.pupils.iter().map(|p| p.psnr).collect::<Vec<_>>())
+    }
+
+    /// What the JOD come to, over the pupils that were judged; none where none was.
+    pub fn jod_summary(&self) -> Option<Summary> {
+        Summary::of(&self.pupils.iter().filter_map(|p| p.jod).collect::<Vec<_>>())
     }
 }
 
@@ -100,6 +107,7 @@ impl PhaseSource<'_> {
             ceiling: (ceilings[i].len() == has).then(|| Ceiling::decibels(&ceilings[i])),
             finest_cycles_per_degree: finest(pupil.diameter),
             ssim: ssims[i].map(|sum| sum / has as f64),
+            jod: None,
         };
         Ok(HologramScores { pupils: pupils.iter().enumerate().map(score).collect(), exposures })
     }

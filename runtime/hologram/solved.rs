@@ -37,6 +37,7 @@ impl Hologram {
                 model: display.model.clone(),
                 picture: display.picture,
                 prescription: display.prescription.clone(),
+                viewing: display.viewing,
                 ..Metadata::default()
             },
             ..Self::on(display, settings.frames, colors)

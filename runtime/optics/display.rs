@@ -4,7 +4,7 @@ use super::color::Color;
 use super::encoding::Encoding;
 use super::model::{self, DisplayModel, ModelSections, ModelTerms};
 use super::wavefront_map;
-use super::{Geometry, Optics, OpticsError, Picture, PictureMap, Prescription};
+use super::{Geometry, Optics, OpticsError, Picture, PictureMap, Prescription, Viewing};
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, path::Path};
 
@@ -37,6 +37,9 @@ pub struct Wavelength {
 /// [model.green]                  # the display as it is: docs/displays.md
 /// fill = 0.96
 /// lag = 0.05
+///
+/// [viewing]                      # how bright and how fine it is seen: docs/displays.md
+/// luminance_cd_m2 = 200
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Display {
@@ -68,6 +71,8 @@ pub struct Display {
     pub picture: Picture,
     /// The eye that looks at it; none for a perfect one.
     pub prescription: Option<Prescription>,
+    /// How bright and how fine its picture is seen.
+    pub viewing: Viewing,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -108,6 +113,8 @@ struct File {
     /// The eye that looks at it; a perfect one without: below.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     prescription: Option<Prescription>,
+    #[serde(default, skip_serializing_if = "Viewing::is_default")]
+    viewing: Viewing,
 }
 
 /// The shortest number that, in so many metres, is this length as nearly as any.
@@ -169,6 +176,7 @@ impl Display {
             model,
             picture: read.picture,
             prescription: read.prescription,
+            viewing: read.viewing,
         };
         let colors: Vec<Color> = display.wavelengths.iter().map(|w| w.color).collect();
         model::check(&display.model, &colors).map_err(&wrong)?;
@@ -176,6 +184,7 @@ impl Display {
         if let Some(Err(reason)) = display.prescription.as_ref().map(Prescription::check) {
             return Err(wrong(format!("[prescription]: {reason}")));
         }
+        display.viewing.check().map_err(|reason| wrong(format!("[viewing]: {reason}")))?;
         if display.geometry == Geometry::FarField && colors.iter().any(|c| display.model(*c).fill > 0.0) {
             let reason = "[model] has a fill, which in the far field dims the picture's edges and not the eyebox: \
                           leave it out";
@@ -207,6 +216,7 @@ impl Display {
             model: self.model.clone(),
             picture: self.picture,
             prescription: self.prescription.clone(),
+            viewing: self.viewing,
         };
         toml::to_string(&file).expect("a display has nothing that TOML cannot say")
     }
@@ -265,6 +275,12 @@ impl Display {
             Geometry::Relay => self.pitch,
             Geometry::FarField => self.shortest() * self.focal_length / (self.pitch * self.picture_size().0 as f64),
         }
+    }
+
+    /// Pixels a degree of visual angle in the middle of its picture: as `[viewing]` says, else those of the optics, of which
+    /// one takes `picture_pixel / focal_length` radians (OPTICS 2 and 9).
+    pub fn pixels_per_degree(&self) -> f64 {
+        self.viewing.pixels_per_degree.unwrap_or((self.focal_length / self.picture_pixel()).to_radians())
     }
 
     /// Share of one colour's field of view that the picture takes along each axis: in the far field all colours show what

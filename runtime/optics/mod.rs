@@ -23,6 +23,7 @@ mod pupil;
 mod pupil_distribution;
 mod reach;
 mod units;
+mod viewing;
 mod wavefront_map;
 mod window;
 mod zernike;
@@ -45,6 +46,7 @@ pub use propagation::transfer;
 pub use pupil::Pupil;
 pub use pupil_distribution::PupilDistribution;
 pub use reach::Reach;
+pub use viewing::Viewing;
 pub use window::{Window, WindowFactor, fast_size};
 pub use zernike::zernike;
 
@@ -141,6 +143,12 @@ pub enum OpticsError {
     #[error("the prescription: {reason}")]
     Prescription {
         /// What is wrong with it, and where.
+        reason: String,
+    },
+    /// A way of viewing that cannot be.
+    #[error("the viewing: {reason}")]
+    Viewing {
+        /// What is wrong with it.
         reason: String,
     },
     /// An eye that blurs too much for the picture.

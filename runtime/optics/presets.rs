@@ -150,6 +150,7 @@ impl Display {
             model: Default::default(),
             picture: Default::default(),
             prescription: None,
+            viewing: Default::default(),
         })
     }
 }

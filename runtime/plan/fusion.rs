@@ -28,8 +28,8 @@ pub(crate) enum Way {
     Elsewhere,
     /// `modulate` and `field_forward`.
     FieldFromPhases,
-    /// `drive` and `lag`.
-    DriveAndLag,
+    /// `drive`, `lag` and crosstalk, those of them that the model has.
+    DriveTiles,
     /// `modulate_wave` and `field_forward`.
     FieldFromWave,
     /// From `pass_pupil` to `intensity`.
@@ -49,8 +49,8 @@ pub(crate) enum Way {
     ChangeRowsAnd(Behind),
     /// With the columns before.
     ChangeAnd(Behind),
-    /// `lag_back`, where there is lag, `drive_back` and `project`, at its entry.
-    ProjectFromWave,
+    /// Crosstalk and lag back, those of them that the model has, `drive_back` and `project`, at its entry.
+    ProjectTiles,
 }
 
 /// What is done where rows of the change are put.
@@ -84,13 +84,14 @@ pub(crate) struct Fusable {
     pub windows: bool,
     /// The windows of a group in one range, and their propagation kernels.
     pub gather: bool,
-    /// What is done to a pixel in all sub-frames of the phases that a display's model makes.
-    pub sets: bool,
+    /// What a display's model does to phases and on their way back, in all sub-frames of a tile of pixels and what is around it.
+    pub tiles: bool,
 }
 
 /// One for each of these entries of the step's list.
 pub(crate) fn ways(step: &Step, list: &[&Dispatch], fusable: Fusable) -> Vec<Way> {
     let mut ways = vec![Way::Alone; list.len()];
+    let (driven, back) = of_tiles(step);
     // Who stops at the intensity leaves no retinal field.
     let ends_there = step.list.iter().all(|d| d.kernel != Kernel::ApplyFactor);
     for at in 0..list.len() {
@@ -99,8 +100,8 @@ pub(crate) fn ways(step: &Step, list: &[&Dispatch], fusable: Fusable) -> Vec<Way
             continue;
         } else if fusable.grid && here(&[Kernel::Modulate, Kernel::FieldForward]) {
             (Way::FieldFromPhases, 2)
-        } else if fusable.sets && here(&[Kernel::Drive, Kernel::Lag]) {
-            (Way::DriveAndLag, 2)
+        } else if fusable.tiles && here(&driven) {
+            (Way::DriveTiles, driven.len())
         } else if fusable.grid && here(&[Kernel::ModulateWave, Kernel::FieldForward]) {
             (Way::FieldFromWave, 2)
         } else if fusable.windows && here(&THROUGH_A_WINDOW) {
@@ -113,8 +114,8 @@ pub(crate) fn ways(step: &Step, list: &[&Dispatch], fusable: Fusable) -> Vec<Way
         ways[at..at + count].fill(Way::Elsewhere);
         ways[at] = way;
     }
-    if fusable.sets {
-        project_from_wave(step, list, &mut ways);
+    if fusable.tiles {
+        project_tiles(&back, list, &mut ways);
     }
     let Some(inverse) = list.iter().position(|d| d.kernel == Kernel::ChangeInverse).filter(|_| fusable.grid) else {
         return ways;
@@ -140,16 +141,27 @@ fn runs(list: &[&Dispatch], kernels: &[Kernel]) -> bool {
         && list.iter().zip(kernels).all(|(d, kernel)| d.kernel == *kernel && d.pupil_passes == list[0].pupil_passes)
 }
 
+/// What a step's model does to phases, and what it hands back to them up to `project`.
+fn of_tiles(step: &Step) -> (Vec<Kernel>, Vec<Kernel>) {
+    use Kernel::{CrosstalkColumns, CrosstalkColumnsBack, CrosstalkRows, CrosstalkRowsBack};
+    let lags = step.drive.lag > 0.0;
+    let blurs = step.model.as_ref().is_some_and(|model| model.parts().crosstalk.is_some());
+    let mut driven = vec![Kernel::Drive];
+    driven.extend(lags.then_some(Kernel::Lag));
+    driven.extend(blurs.then_some([CrosstalkRows, CrosstalkColumns]).into_iter().flatten());
+    let mut back: Vec<_> = blurs.then_some([CrosstalkColumnsBack, CrosstalkRowsBack]).into_iter().flatten().collect();
+    back.extend(lags.then_some(Kernel::LagBack));
+    back.extend([Kernel::DriveBack, Kernel::Project]);
+    (driven, back)
+}
+
 /// What a display's model hands back to the phases, where all of it is in this part.
-fn project_from_wave(step: &Step, list: &[&Dispatch], ways: &mut [Way]) {
+fn project_tiles(back: &[Kernel], list: &[&Dispatch], ways: &mut [Way]) {
     let Some(project) = list.iter().position(|d| d.kernel == Kernel::Project) else { return };
-    let count = 1 + usize::from(step.drive.lag > 0.0);
-    let before = [Kernel::LagBack, Kernel::DriveBack];
-    if project >= count
-        && list[project - count..project].iter().map(|d| d.kernel).eq(before[2 - count..].iter().copied())
-    {
-        ways[project - count..project].fill(Way::Elsewhere);
-        ways[project] = Way::ProjectFromWave;
+    let Some(first) = (project + 1).checked_sub(back.len()) else { return };
+    if runs(&list[first..], back) {
+        ways[first..project].fill(Way::Elsewhere);
+        ways[project] = Way::ProjectTiles;
     }
 }
 
@@ -182,10 +194,10 @@ pub(crate) fn divides(step: &Step) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::optics::{Optics, Pupil, WindowFactor};
-    use crate::plan::{Comparison, Planner};
+    use crate::optics::{DisplayModel, Optics, Pupil, Spread, WindowFactor};
+    use crate::plan::{Comparison, ModelTables, Planner};
 
-    const ALL: Fusable = Fusable { grid: true, windows: true, gather: true, sets: true };
+    const ALL: Fusable = Fusable { grid: true, windows: true, gather: true, tiles: true };
 
     fn planner() -> Planner {
         let optics = Optics::new(40, 64, 8e-6, 520e-9, 0.4).unwrap();
@@ -235,6 +247,31 @@ mod tests {
         assert_eq!(last(&even), (Kernel::Project, Way::ChangeAnd(Behind::Project)));
         let carried = carried(&even, 0..even.list.len(), ALL);
         assert!(carried.contains(&(Kernel::ReturnPupil, Way::Alone)), "{carried:?}");
+    }
+
+    /// Of a display's model, what is done to pixels is an entry on the way there and one on the way back.
+    #[test]
+    fn a_model_is_two_entries_and_two_in_their_transforms() {
+        let mut planner = planner();
+        let terms =
+            DisplayModel { lag: 0.1, crosstalk: Some([Spread { q: 1.2, sigma: 2.0 }; 4]), ..Default::default() };
+        planner.model = ModelTables::new(terms, 11e-3, 256, planner.slm, planner.grid);
+        let pass = planner.pupil_pass(&Pupil { x: 0.0, y: 0.0, diameter: 4e-3, depth: 1e-3 }, &Comparison::default());
+        let step = planner.project_step(vec![pass], 1, 0.5, 1.0, 0.0);
+        let ways: Vec<_> = carried(&step, 0..step.list.len(), ALL).into_iter().map(|(_, way)| way).collect();
+        let ways: Vec<_> = ways.into_iter().filter(|way| *way != Way::Alone).collect();
+        let gather = Way::Gather { adds: false, last: true };
+        let back = Way::ChangeRowsAnd(Behind::Turn);
+        let want = [Way::DriveTiles, Way::FieldFromWave, Way::ThroughWindows, gather, back, Way::ProjectTiles];
+        assert_eq!(ways, want);
+        // Without tiles its entries are as they are.
+        let singly = carried(&step, 0..step.list.len(), Fusable { tiles: false, ..ALL });
+        assert!(
+            [Kernel::Lag, Kernel::CrosstalkRowsBack, Kernel::Project]
+                .map(|k| singly.contains(&(k, Way::Alone)))
+                .iter()
+                .all(|x| *x)
+        );
     }
 
     #[test]

@@ -361,11 +361,21 @@ impl Shape {
         self.storage == Storage::F16
     }
 
+    /// Whether what this holds, which is not complex, are halves: where fields are, drives and what is asked of them; velocities beside
+    /// binary angles.
+    pub(crate) fn stores_half(&self, resource: Resource) -> bool {
+        match resource {
+            Resource::Wave | Resource::Blurred => self.halves(),
+            Resource::Momentum => self.binary_angles,
+            _ => false,
+        }
+    }
+
     /// Bytes of a number on a device, of buffers that are not complex.
     #[cfg(feature = "vulkan")]
     pub(crate) fn real_bytes(&self, resource: Resource) -> u64 {
         let short = self.binary_angles && resource.per_frame() == Some(PerFrame::Pixels);
-        if short { 2 } else { 4 }
+        if short || self.stores_half(resource) { 2 } else { 4 }
     }
 
     /// How large a buffer of the shape is; no frames where the purpose does not need it.

@@ -126,7 +126,7 @@ impl Planner {
         let model = self.model.as_ref().map(|model| model.parts()).unwrap_or_default();
         let quantised = self.levels > 0;
         // What moves these phases alone knows of angles.
-        let fits = storage == Storage::F16 && purpose == Purpose::Project && !quantised && !model.drives;
+        let fits = storage == Storage::F16 && purpose == Purpose::Project && !quantised;
         let binary_angles = self.binary_angles && fits;
         Shape { frames, place, purpose, quantised, storage, binary_angles, model }
     }

@@ -156,7 +156,7 @@ pub(crate) fn moved(
 ) -> Option<[u64; 2]> {
     let pass = pass.map(|i| &step.pupil_passes[i]);
     let passing = || pass.map_or(0, PupilPass::passing);
-    let by_bin = matches!(kernel, Kernel::PassPupil | Kernel::ReturnPupil | Kernel::Overlap);
+    let by_bin = matches!(kernel, Kernel::PassPupil | Kernel::ReturnPupil | Kernel::Overlap | Kernel::Relay);
     let extent = match (resource.is_shared(), pass) {
         (true, _) => {
             shape.extent(if resource == Resource::Shown && !shape.quantised { Resource::Phases } else { resource })

@@ -11,7 +11,7 @@ use crate::memory;
 use crate::optics::Color;
 use crate::quality::Subject;
 use crate::scene::{LightField, Photographs, SceneError};
-use crate::solve::{Flow, Levels, ScenePlan, Settings, Solution};
+use crate::solve::{Flow, Levels, ScenePlan, Settings, Solution, Stop};
 use std::path::Path;
 
 /// What came of a job.
@@ -37,6 +37,21 @@ pub struct SolvedHologram {
     pub settings: Settings,
     /// The scene as it was solved.
     pub field: LightField,
+}
+
+impl SolvedHologram {
+    /// The hologram, unless a colour's solve ended at a loss that is no finite number.
+    ///
+    /// # Errors
+    /// [`ProduceError::NotFinite`].
+    pub fn into_finite(self) -> Result<Hologram, ProduceError> {
+        for (color, solution) in &self.solutions {
+            if let Stop::NotFinite { step, .. } = solution.stop {
+                return Err(ProduceError::NotFinite { color: *color, step });
+            }
+        }
+        Ok(self.hologram)
+    }
 }
 
 impl SceneSolution {

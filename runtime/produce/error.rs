@@ -3,7 +3,7 @@
 use crate::engine::EngineError;
 use crate::evaluate::EvaluateError;
 use crate::hologram::HologramError;
-use crate::optics::OpticsError;
+use crate::optics::{Color, OpticsError};
 use crate::quality::QualityError;
 use crate::scene::SceneError;
 use crate::solve::SolveError;
@@ -37,6 +37,14 @@ pub enum ProduceError {
     /// The solve in tiles.
     #[error(transparent)]
     Tiled(#[from] TiledError),
+    /// The solve ended where its numbers did.
+    #[error("{color}: a loss was no finite number at step {step}: take smaller gains or rates, or storage = \"fp32\"")]
+    NotFinite {
+        /// The colour.
+        color: Color,
+        /// The step, from 1.
+        step: usize,
+    },
     /// A job that contradicts itself.
     #[error("{0}")]
     Job(String),

@@ -135,6 +135,9 @@ fn over_pupils(results: &Results) -> Markup {
             div.plots {
                 (figure(&plots::aperture(results), "Aperture", "centred, focused at the middle of the scene"))
                 (figure(&plots::focus(results), "Depth", "centred, as wide as the eyebox"))
+                @if let Some(plot) = plots::jod(results) {
+                    (figure(&plot, "What people see", "JOD of random pupils: mean, and the worst"))
+                }
                 @if let Some(plot) = plots::frames(results) {
                     (figure(&plot, "Sub-frames", "mean over random pupils"))
                 }
@@ -251,6 +254,15 @@ fn tables(results: &Results) -> Markup {
                 }
             }
         }
+        @if let (Some(judged), Some([white, black, pixels])) = (results.judged(), results.about.viewing) {
+            p.note {
+                (format!(
+                    "JOD: just-objectionable differences by ColorVideoVDP, 10 where nothing is seen and 1 less where three of four \
+                     people prefer the photograph; of whole pictures in all colours at once, of {judged} pupils of each group, \
+                     seen at {pixels:.0} pixels a degree with white of {white:.0} and black of {black:.2} cd/m²."
+                ))
+            }
+        }
         p.note {
             "Every score of every pupil is in scores.csv, these tables in summary.csv, and all numbers in report.json, beside \
              this page."
@@ -281,6 +293,8 @@ fn of_group(results: &Results, scene: Option<&str>, group: Group, caption: &str)
     let measured = rows.iter().map(|(series, s)| {
         let ssim = results.ssim(series, scene, group);
         let of_ssim = |of: fn(Summary) -> f64| ssim.map_or("–".into(), |s| format!("{:.3}", of(s)));
+        let jod = results.jod(series, scene, group);
+        let of_jod = |of: fn(Summary) -> f64| jod.map_or("–".into(), |s| format!("{:.2}", of(s)));
         let cells = vec![
             (results.rows(series, scene, group).count().to_string(), false),
             cell(s, |s| s.mean),
@@ -291,6 +305,8 @@ fn of_group(results: &Results, scene: Option<&str>, group: Group, caption: &str)
             (format!("{:.2}", s.sd), cell(s, |s| -s.sd).1),
             (of_ssim(|s| s.mean), false),
             (of_ssim(|s| s.worst), false),
+            (of_jod(|s| s.mean), false),
+            (of_jod(|s| s.worst), false),
         ];
         of_method(results, series, cells)
     });
@@ -298,10 +314,23 @@ fn of_group(results: &Results, scene: Option<&str>, group: Group, caption: &str)
         let quartiles = format!("{:.1}–{:.1}", p.q25, p.q75);
         let [mean, median, min, max, std] = [p.mean, p.median, p.min, p.max, p.std].map(|v| format!("{v:.2}"));
         let none = || "–".to_string();
-        let cells = [p.n.to_string(), mean, median, quartiles, min, max, std, none(), none()];
+        let cells = [p.n.to_string(), mean, median, quartiles, min, max, std, none(), none(), none(), none()];
         row(&format!("{}, published", p.method), cells)
     });
-    let columns = ["Method", "n", "mean dB", "median", "quartiles", "worst", "best", "spread", "SSIM", "worst SSIM"];
+    let columns = [
+        "Method",
+        "n",
+        "mean dB",
+        "median",
+        "quartiles",
+        "worst",
+        "best",
+        "spread",
+        "SSIM",
+        "worst SSIM",
+        "JOD",
+        "worst JOD",
+    ];
     table(caption, &columns, measured.chain(published))
 }
 

@@ -219,6 +219,7 @@ mod tests {
             pupils: 1,
             seed: 0,
             engine: String::new(),
+            viewing: None,
         };
         let named = |m: &&str| MethodAbout {
             name: m.to_string(),
@@ -250,7 +251,7 @@ mod tests {
                 let psnr = psnr(method, member.group, &member.pupil);
                 let (color, group, pupil_mm) = (Color::Blue, member.group, member.pupil.to_mm());
                 let (focus_dioptres, ceiling) = (pupil_mm[3] / 160.0, Some(psnr + 10.0));
-                rows.push(Row { color, group, index, pupil_mm, focus_dioptres, psnr, ceiling, ssim: None });
+                rows.push(Row { color, group, index, pupil_mm, focus_dioptres, psnr, ceiling, ssim: None, jod: None });
             }
             report.runs.push(Run {
                 scene: "a".into(),

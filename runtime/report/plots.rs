@@ -30,6 +30,7 @@ pub fn figures(results: &Results) -> Vec<(String, Plot)> {
     all.push(("psnr every random pupil".into(), scatter(results)));
     all.push(("psnr against aperture".into(), aperture(results).with_legend(series())));
     all.push(("psnr against focus".into(), focus(results).with_legend(series())));
+    all.extend(jod(results).map(|plot| ("jod of random pupils".into(), plot)));
     all.extend(frames(results).map(|plot| ("psnr against sub-frames".into(), plot.with_legend(series()))));
     all.push(("light over the eyebox".into(), variation(results)));
     let speckles = results.speckle.iter().map(|s| {
@@ -237,6 +238,28 @@ pub fn colors(results: &Results) -> Option<Plot> {
             let hover = format!("{}, {what}: {value:.2}", results.title(&series.method));
             let across = [i as f64 + top, i as f64 + top + 0.3];
             plot.bar(&format!("{color} {class}"), across, [0.0, value], &hover, &format!("{value:.1}"));
+        }
+    }
+    Some(plot)
+}
+
+/// What people see through random pupils: a bar to the mean, and a paler one to the worst. Nothing where none was judged.
+pub fn jod(results: &Results) -> Option<Plot> {
+    let judged = |s: Series| results.jod(&s, None, Group::Random).map(|jod| (s, jod));
+    let all: Vec<(Series, Summary)> = results.leading().into_iter().filter_map(judged).collect();
+    let series: Vec<Series> = all.iter().map(|a| a.0.clone()).collect();
+    let least = all.iter().map(|(_, jod)| jod.worst).reduce(f64::min)?;
+    // The bars begin at a whole number below the worst.
+    let from = (least - 0.5).floor();
+    let x = Axis::linear("JOD").covering([from, 10.0]);
+    let mut plot = Plot::new("JOD over random pupils, by method", x, names(results, &series)).sized(370.0, 34.0);
+    for (i, (series, jod)) in all.iter().enumerate() {
+        let color = color(results, &series.method);
+        let bars = [("bar", "mean", jod.mean, 0.09), ("bar pale", "worst", jod.worst, 0.45)];
+        for (class, what, value, top) in bars {
+            let hover = format!("{}, {what}: {value:.2} JOD", results.title(&series.method));
+            let across = [i as f64 + top, i as f64 + top + 0.3];
+            plot.bar(&format!("{color} {class}"), across, [from, value], &hover, &format!("{value:.1}"));
         }
     }
     Some(plot)

@@ -15,8 +15,7 @@ pub fn csv(head: &[&str], lines: impl IntoIterator<Item = Vec<String>>) -> Vec<u
 
 /// Every score: one line per method, scene, colour and pupil.
 pub fn scores(results: &Results) -> Vec<u8> {
-    let head =
-        "method,frames,scene,color,group,pupil,x_mm,y_mm,diameter_mm,focus_mm,psnr_db,ssim,focus_dioptres,ceiling_db";
+    let head = "method,frames,scene,color,group,pupil,x_mm,y_mm,diameter_mm,focus_mm,psnr_db,ssim,focus_dioptres,ceiling_db,jod";
     let rows = results.runs.iter().flat_map(|run| run.rows.iter().map(move |row| (run, row)));
     let lines = rows.map(|(run, row)| {
         let mut line = vec![
@@ -32,6 +31,7 @@ pub fn scores(results: &Results) -> Vec<u8> {
         line.push(row.ssim.map_or(String::new(), |s| format!("{s:.6}")));
         line.push(format!("{:.6}", row.focus_dioptres));
         line.push(row.ceiling.map_or(String::new(), |db| format!("{db:.4}")));
+        line.push(row.jod.map_or(String::new(), |jod| format!("{jod:.4}")));
         line
     });
     csv(&head.split(',').collect::<Vec<_>>(), lines)
@@ -41,7 +41,7 @@ pub fn scores(results: &Results) -> Vec<u8> {
 pub fn summary(results: &Results) -> Vec<u8> {
     let statistics = ["mean", "median", "q25", "q75", "worst", "best", "sd"];
     let mut head: Vec<String> = ["method", "frames", "scene", "group", "n"].map(String::from).to_vec();
-    head.extend(["psnr", "ssim"].iter().flat_map(|what| statistics.map(|s| format!("{what}_{s}"))));
+    head.extend(["psnr", "ssim", "jod"].iter().flat_map(|what| statistics.map(|s| format!("{what}_{s}"))));
     let of = |s: Option<Summary>, digits: usize| {
         let all = s.map(|s| [s.mean, s.median, s.q25, s.q75, s.worst, s.best, s.sd]);
         (0..7).map(move |i| all.map_or(String::new(), |a| format!("{:.digits$}", a[i])))
@@ -63,6 +63,7 @@ pub fn summary(results: &Results) -> Vec<u8> {
             ];
             line.extend(of(results.psnr(&series, scene, group), 4));
             line.extend(of(results.ssim(&series, scene, group), 6));
+            line.extend(of(results.jod(&series, scene, group), 4));
             lines.push(line);
         }
     }
@@ -75,7 +76,8 @@ pub fn json(results: &Results) -> Value {
         let series = Series { method: method.into(), frames };
         let of = |&g: &Group| {
             let psnr = results.psnr(&series, scene, g)?;
-            Some((g.name().to_string(), json!({ "psnr_db": psnr, "ssim": results.ssim(&series, scene, g) })))
+            let [ssim, jod] = [results.ssim(&series, scene, g), results.jod(&series, scene, g)];
+            Some((g.name().to_string(), json!({ "psnr_db": psnr, "ssim": ssim, "jod": jod })))
         };
         Group::ALL.iter().filter_map(of).collect::<Map<_, _>>().into()
     };

@@ -35,7 +35,8 @@ const ROOMS: [&str; 23] = [
 const LINES: usize = 500;
 
 /// The folders of crates: each is looked at by itself.
-const CRATES: [&str; 7] = ["runtime", "kernels", "spirv", "tools/c", "tools/eyebox", "tools/live-input", "tools/spirv"];
+const CRATES: [&str; 8] =
+    ["runtime", "kernels", "spirv", "tools/c", "tools/eyebox", "tools/live-input", "tools/python", "tools/spirv"];
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace")
@@ -402,12 +403,12 @@ fn no_file_is_too_long() {
 }
 
 /// Where there is `unsafe`: at Vulkan's edge, where a window's handle is handed over, where memory is shared with an
-/// application, and where C calls.
+/// application, where C calls, and where phases are lent to NumPy.
 /// Each block says why it holds, which clippy sees to. Nothing else is mapped into memory.
 #[test]
 fn unsafe_is_where_the_page_of_promises_says() {
     const SHARED: &str = "tools/live-input/region.rs";
-    const AT: [&str; 8] = [
+    const AT: [&str; 9] = [
         "runtime/gpu/",
         "runtime/engine/vulkan/",
         "runtime/present/",
@@ -415,6 +416,7 @@ fn unsafe_is_where_the_page_of_promises_says() {
         "runtime/examples/own_vulkan_device.rs",
         SHARED,
         "tools/c/",
+        "tools/python/hologram.rs",
         "tests/",
     ];
     let page = std::fs::read_to_string(root().join("docs/reliability.md")).expect("the page");

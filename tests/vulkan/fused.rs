@@ -3,6 +3,7 @@
 use eyebox::engine::vulkan::VulkanEngine;
 use eyebox::engine::{Buffer, Engine, Kernel, Purpose, Step, Storage};
 use eyebox::gpu::{DeviceKind, Gpu, Options};
+use eyebox::optics::DisplayModel;
 use eyebox::plan::ModelTables;
 use eyebox_kernels::compare::{AMPLITUDE, INTENSITY, PROJECTION};
 use eyebox_tests::both::{Case, Noise, assert_silent, distance, every_fault, watched};
@@ -113,9 +114,9 @@ fn other_lists_fused_are_those_of_the_list() {
     let mut engine = fusing();
     for storage in [Storage::F32, Storage::F16] {
         let mut case = Case::new(44, 64, 0, 4e-3, 3);
-        case.planner.storage = storage;
+        (case.planner.storage, case.planner.binary_angles) = (storage, true);
         let (slm, grid) = (case.planner.slm, case.planner.grid);
-        case.planner.model = ModelTables::new(every_fault(), 11e-3, 256, slm, grid);
+        case.planner.model = ModelTables::new(every_fault(), 11e-3, 256, slm, grid).map(|model| model.for_steps());
         // A gradient's sign is all that Adam's first steps keep: halves turn some.
         let modes = [(Purpose::Project, PROJECTION), (Purpose::Adam, INTENSITY)];
         for (purpose, mode) in &modes[..if storage == Storage::F16 { 1 } else { 2 }] {
@@ -133,6 +134,41 @@ fn other_lists_fused_are_those_of_the_list() {
         compare(&mut engine, &case, purpose, &case.stft_step(purpose, mode), &[], &format!("tapered, {purpose:?}"));
         let step = case.planner.with_equalised_eyebox(case.step(purpose, mode, 0.5, 3000), eyebox, 5, 0.4);
         compare(&mut engine, &case, purpose, &step, &[step.list.len() - 1], &format!("even, {purpose:?}"));
+    }
+    assert_silent(engine);
+}
+
+/// What a display's model does to pixels, by tiles that hang over the SLM, wrap around it and do not fit it, with the terms that it
+/// has; where crosstalk reaches too far for shared memory, entry by entry.
+#[test]
+fn tiles_of_models_are_those_of_the_list() {
+    let mut engine = fusing();
+    let every = every_fault();
+    let [mut lag, mut level, mut crosstalk] = [(); 3].map(|()| DisplayModel::default());
+    lag.lag = every.lag;
+    (level.level, level.bend) = (every.level, every.bend);
+    crosstalk.crosstalk = every.crosstalk;
+    for (model, (height, width), padding, frames, fits) in [
+        (&lag, (45, 64), 0, 3, true),
+        (&level, (33, 40), 0, 2, true),
+        (&crosstalk, (45, 38), 4, 1, true),
+        (&every, (70, 66), 0, 2, true),
+        (&every, (8, 12), 2, 2, true),
+        (&every, (96, 96), 0, 1, false),
+    ] {
+        for storage in [Storage::F32, Storage::F16] {
+            let mut case = Case::new(height, width, padding, 4e-3, frames);
+            (case.planner.storage, case.planner.binary_angles) = (storage, true);
+            let (slm, grid) = (case.planner.slm, case.planner.grid);
+            let exact = ModelTables::new(model.clone(), 11e-3, 256, slm, grid);
+            case.planner.model = if fits { exact.map(|model| model.for_steps()) } else { exact };
+            let step = case.step(Purpose::Project, PROJECTION, 0.5, usize::MAX);
+            let what = format!("{height} x {width} (+{padding}), {storage:?}, {model:?}");
+            compare(&mut engine, &case, Purpose::Project, &step, &[], &what);
+            run(&mut engine, &case, Purpose::Project, &step, &[]);
+            let ran = |kernel| engine.timings().iter().any(|t| t.kernel == kernel);
+            assert_eq!([Kernel::CrosstalkRows, Kernel::DriveBack].map(ran), [!fits; 2], "{what}");
+        }
     }
     assert_silent(engine);
 }

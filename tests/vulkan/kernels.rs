@@ -120,6 +120,7 @@ fn display_models() {
             let mut case = Case::new(height, width, padding, 15e-3, frames);
             let (slm, grid) = (case.planner.slm, case.planner.grid);
             (case.planner.levels, case.planner.storage) = (levels, storage);
+            case.planner.binary_angles = true;
             let mut model = every_fault();
             model.subpixels = subpixels;
             case.planner.model = ModelTables::new(model, 11e-3, 256, slm, grid);
@@ -136,6 +137,7 @@ fn display_models() {
                 Kernel::CrosstalkRowsBack,
                 Kernel::LagBack,
                 Kernel::DriveBack,
+                Kernel::Project,
             ];
             for kernel in others.into_iter().chain(if subpixels == 1 { of_pixels } else { of_subpixels }) {
                 let step = case.single(Purpose::Project, PROJECTION, 1.0, kernel);

@@ -43,20 +43,6 @@ pub struct EyeboxSize {
     pub picture_columns: usize,
 }
 
-impl EyeboxHologram {
-    /// Refuses a scene of another name or size than it shows.
-    pub(crate) fn check_shows(&self, scene: &EyeboxScene) -> Result<(), Failure> {
-        self.hologram.check_scene(&scene.name)?;
-        let ([rows, columns], (h, w)) = ([scene.field.height, scene.field.width], self.hologram.picture_size());
-        if (rows, columns) != (h, w) {
-            let right =
-                format!("{h} x {w} pixels, as what is seen of the hologram: load it for the hologram's display");
-            return Err(Failure::argument("the scene's size", format!("{rows} x {columns}"), right));
-        }
-        Ok(())
-    }
-}
-
 /// Opens a hologram: a folder that the command or `eyebox_hologram_save` made.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eyebox_hologram_open(
@@ -149,19 +135,15 @@ pub unsafe extern "C" fn eyebox_view(
     answer(|| {
         let hologram = &given(hologram, "hologram")?.hologram;
         let pupil = given(pupil, "pupil")?.before(hologram)?;
-        if hologram.metadata.exposure_assumed {
-            let right = "kept with its phases: `eyebox import --scene` fits one";
-            return Err(Failure::argument("the hologram's exposure", "not known", right));
-        }
         let (rows, columns) = hologram.picture_size();
         let pixels = rows * columns;
         // SAFETY: the header asks callers for as much memory as they say.
         let light = unsafe { room(light, count, hologram.colors.len() * pixels, "light") }?;
         let mut engine = lock(&given(engine, "engine")?.engine)?;
-        let planes = hologram.as_seen(hologram.look(&pupil, engine.as_mut())?);
-        for ((out, plane), color) in light.chunks_exact_mut(pixels).zip(&planes).zip(&hologram.colors) {
+        let planes = hologram.seen(&pupil, engine.as_mut())?;
+        for (out, plane) in light.chunks_exact_mut(pixels).zip(&planes) {
             for (out, value) in out.iter_mut().zip(&plane.values) {
-                out.write(value * color.exposure as f32);
+                out.write(*value);
             }
         }
         Ok(())
@@ -189,7 +171,7 @@ pub unsafe extern "C" fn eyebox_score(
             unsafe { (array(pupils, count, None, "pupils")?, room(scores, count, count, "scores")?) };
         let pupils = pupils.iter().map(|p| p.before(&hologram.hologram)).collect::<Result<Vec<_>, _>>()?;
         let mut engine = lock(&given(engine, "engine")?.engine)?;
-        hologram.check_shows(scene)?;
+        hologram.hologram.check_shows(&scene.name, &scene.field)?;
         let scene = SceneSource::from(hologram.hologram.problems(&scene.field)?);
         let scored = hologram.hologram.score(&scene, &pupils, engine.as_mut())?;
         for (out, score) in scores.iter_mut().zip(&scored.pupils) {

@@ -22,14 +22,7 @@ impl EyeboxPupil {
     /// A pupil that the hologram's light reaches, such as eyes have.
     pub(crate) fn before(self, hologram: &Hologram) -> Result<Pupil, Failure> {
         let Self { x_m: x, y_m: y, diameter_m: diameter, depth_m: depth } = self;
-        let pupil = Pupil { x, y, diameter, depth };
-        for color in 0..hologram.colors.len() {
-            pupil.check_usual(&hologram.optics(color)?)?;
-        }
-        if depth.abs() > 1e3 {
-            return Err(Failure::argument("depth_m", depth, "within 1e3 m"));
-        }
-        Ok(pupil)
+        Ok(hologram.check_pupil(Pupil { x, y, diameter, depth })?)
     }
 }
 

@@ -36,7 +36,7 @@ pub unsafe extern "C" fn eyebox_refiner_new(
             let settings = if settings.is_null() { "" } else { unsafe { text(settings, "settings") }? };
             let steering = Steering::from_toml(settings)?;
             let backend = given(engine, "engine")?.backend.clone();
-            hologram.check_shows(scene)?;
+            hologram.hologram.check_shows(&scene.name, &scene.field)?;
             let whole = hologram.hologram.clone();
             let refinement = Mutex::new(whole.refine(&scene.field, steering, || backend.engine())?);
             let colors = hologram.hologram.colors.iter();

@@ -5,7 +5,8 @@ use crate::display::colors;
 use crate::failure::{Failure, answer, free};
 use crate::{EyeboxDisplay, EyeboxStatus};
 use eyebox::optics::Color;
-use eyebox::scene::{Fit, LightField, Request, load};
+use eyebox::produce::SceneJob;
+use eyebox::scene::{Fit, LightField};
 use std::ffi::c_char;
 use std::mem::MaybeUninit;
 
@@ -60,9 +61,9 @@ pub unsafe extern "C" fn eyebox_scene_load(
             let name = unsafe { text(source, "source") }?.to_owned();
             let display = &given(display, "display")?.0;
             let colors = self::colors(display, colors)?;
-            let default = Request::new(display, &colors);
-            let asked = if views == 0 { default.views } else { views };
-            let field = load(&name, &Request { views: asked, more_views: views == 0, ..default })?;
+            let views = Some(views).filter(|views| *views != 0);
+            // As the command loads it.
+            let field = SceneJob { colors, views, ..SceneJob::new(&name, display) }.load(0)?;
             Ok(EyeboxScene { field, name })
         })
     })

@@ -2,10 +2,10 @@
 
 use crate::arrays::{given, hand_over, text};
 use crate::display::bit;
-use crate::failure::{Failure, answer, lock};
+use crate::failure::{answer, lock};
 use crate::{EyeboxDisplay, EyeboxEngine, EyeboxHologram, EyeboxScene, EyeboxStatus};
 use eyebox::produce::{SceneEvent, SceneJob, solve_light_field};
-use eyebox::solve::{Flow, Progress, Stop};
+use eyebox::solve::{Flow, Progress};
 use std::ffi::{c_char, c_void};
 use std::mem::MaybeUninit;
 
@@ -78,12 +78,7 @@ pub unsafe extern "C" fn eyebox_solve(
                 _ => Flow::Continue,
             };
             let solved = solve_light_field(&job, scene.field.clone(), engine.as_mut(), &mut observe)?;
-            for (color, solution) in &solved.solutions {
-                if let Stop::NotFinite { step, .. } = solution.stop {
-                    return Err(Failure::NotFinite { color: color.to_string(), step });
-                }
-            }
-            Ok(EyeboxHologram::from(solved.hologram))
+            Ok(EyeboxHologram::from(solved.into_finite()?))
         })
     })
 }

@@ -4,6 +4,7 @@ pub use crate::groups::{
     Colors, DeviceArgs, DisplayArgs, EngineArgs, EngineName, EyeArgs, OtherSceneArgs, OverwriteArgs, SceneArgs,
     SceneOptions,
 };
+use crate::jod::JodArgs;
 use crate::patterns::{PatternArgs, iris};
 use crate::phases::{EncodedArgs, PhaseArgs, PhaseUnitArgs, UnfinishedArgs};
 use crate::quality::QualityArgs;
@@ -359,6 +360,16 @@ pub struct Score {
     /// Seed of random pupils
     #[arg(long, default_value_t = 1000, value_name = "S")]
     pub seed: u64,
+    /// What people see
+    #[command(flatten)]
+    pub seen: JodArgs,
+    /// Judge the sub-frames as the video that they are, so many a second [default: their mean, as of an eye that is too slow for
+    /// all flicker]
+    #[arg(long, value_name = "HZ", value_parser = positive, conflicts_with = "no_jod")]
+    pub sub_frame_rate: Option<f64>,
+    /// Where JOD are lost: a picture for each pupil that is judged, in this folder
+    #[arg(long, value_name = "FOLDER", conflicts_with = "no_jod")]
+    pub jod_maps: Option<PathBuf>,
     /// Bare phases
     #[command(flatten)]
     pub phases: PhaseArgs,

@@ -13,7 +13,7 @@ use eyebox::hologram::{Hologram, SceneSource};
 use eyebox::optics::{Color, Display, Pupil, dioptres_in_words};
 use eyebox::produce::solve_colors;
 use eyebox::quality::Subject;
-use eyebox::quality::comparison::{Comparison, candidates};
+use eyebox::quality::comparison::{Comparison, JUDGED, candidates};
 use eyebox::report;
 use eyebox::scene;
 use eyebox::solve::{Levels, Method, Settings};
@@ -164,6 +164,7 @@ fn comparison(
         colors: colors.to_vec(),
         settings: settings.clone(),
         speckle: false,
+        judged: JUDGED,
     };
     let results = evaluate::compare(&job, &folder, &mut load, engine, false)?;
     if results.runs.is_empty() {

@@ -64,6 +64,12 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "check",
             "no_store",
             "no_speckle",
+            "jod",
+            "no_jod",
+            "luminance",
+            "black",
+            "pixels_per_degree",
+            "sub_frame_rate",
         ],
     ),
     (
@@ -185,6 +191,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "replay",
             "report",
             "overwrite",
+            "jod_maps",
         ],
     ),
 ];

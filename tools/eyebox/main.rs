@@ -29,6 +29,7 @@ mod groups;
 mod headings;
 mod import;
 mod inspect;
+mod jod;
 mod live;
 mod log;
 mod model_terms;

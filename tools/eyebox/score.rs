@@ -4,7 +4,8 @@ use crate::Failure;
 use crate::args::{SceneArgs, Score};
 use crate::common;
 use crate::progress::JobBar;
-use eyebox::hologram::{Hologram, HologramScores, PhaseSource, PupilScore, SceneSource};
+use eyebox::files::MadeFolder;
+use eyebox::hologram::{Hologram, HologramScores, JodSettings, PhaseSource, PupilScore, SceneSource};
 use eyebox::optics::{Depth, Display, Pupil, dioptres, dioptres_in_words};
 use eyebox::solve::{Diameters, PupilRange, Sampler, Sequence};
 use serde_json::{Value, json};
@@ -41,7 +42,20 @@ pub fn run(args: &Score) -> Result<(), Failure> {
     let pupils = pupils(args, &display, diameter, depth)?;
     let bar = JobBar::new(true);
     bar.show(&format!("looking through {} pupils", pupils.len()), 0.0);
-    let scores = source.score(&scene, &pupils, engine.as_mut())?;
+    let mut scores = source.score(&scene, &pupils, engine.as_mut())?;
+    let shown = Display { viewing: args.seen.viewing.over(display.viewing)?, ..display.clone() };
+    let judging = JodSettings {
+        viewing: shown.viewing,
+        pixels_per_degree: shown.pixels_per_degree(),
+        most: args.seen.pupils(JUDGED),
+        sub_frame_rate_hz: args.sub_frame_rate,
+        maps: args.jod_maps.as_deref(),
+    };
+    let _made = args.jod_maps.as_deref().map(MadeFolder::new).transpose()?;
+    let judged = judging.places(pupils.len()).len();
+    source.judge(&scene, &mut scores, &judging, engine.as_mut(), &mut |done| {
+        bar.show(&format!("judging {judged} pupils"), done as f64 / judged.max(1) as f64);
+    })?;
     bar.finish();
     let psnr = scores.summary().ok_or_else(|| Failure::Asked("there is no pupil to score".into()))?;
     if args.json {
@@ -52,7 +66,10 @@ pub fn run(args: &Score) -> Result<(), Failure> {
         let rows: Vec<Value> = scores.pupils.iter().map(|score| row(score, &display)).collect();
         println!(
             "{}",
-            json!({ "psnr_db": summary, "exposure": exposures, "pupils": rows, "unfinished": source.unfinished() })
+            json!({
+                "psnr_db": summary, "jod": scores.jod_summary(), "viewing": viewing(&judging), "exposure": exposures,
+                "pupils": rows, "unfinished": source.unfinished(),
+            })
         );
         return Ok(());
     }
@@ -65,21 +82,55 @@ pub fn run(args: &Score) -> Result<(), Failure> {
         psnr.worst,
         psnr.sd
     );
+    if let Some(jod) = scores.jod_summary() {
+        println!(
+            "JOD over {judged} of them: mean {:.2}, median {:.2}, worst {:.2}; {}",
+            jod.mean,
+            jod.median,
+            jod.worst,
+            viewing_in_words(&judging)
+        );
+    }
     let fitted: Vec<String> = colors.iter().zip(&scores.exposures).map(|(c, e)| format!("{c} {e:.3}")).collect();
     println!("one exposure per colour for all pupils: {}; after 2 x 2 averaging", fitted.join(", "));
     Ok(())
 }
 
+/// Pupils that are judged where nothing else is asked for.
+const JUDGED: usize = 16;
+
+/// How the picture was seen that was judged, for programs.
+fn viewing(judging: &JodSettings) -> Value {
+    json!({
+        "luminance_cd_m2": judging.viewing.luminance_cd_m2, "black_cd_m2": judging.viewing.black_cd_m2,
+        "pixels_per_degree": judging.pixels_per_degree, "sub_frame_rate_hz": judging.sub_frame_rate_hz,
+    })
+}
+
+/// The same for people.
+fn viewing_in_words(judging: &JodSettings) -> String {
+    let flicker = match judging.sub_frame_rate_hz {
+        Some(rate) => format!("sub-frames seen at {rate} Hz"),
+        None => "the mean of the sub-frames".into(),
+    };
+    format!(
+        "{flicker}, {:.0} pixels a degree, white {} and black {} cd/m2",
+        judging.pixels_per_degree, judging.viewing.luminance_cd_m2, judging.viewing.black_cd_m2
+    )
+}
+
 /// One line per pupil.
 fn print_table(scores: &HologramScores, display: &Display) {
-    println!("      x       y       d   focus mm           D   PSNR dB  ceiling dB    SSIM   finest cycles/degree");
+    println!(
+        "      x       y       d   focus mm           D   PSNR dB  ceiling dB    SSIM    JOD   finest cycles/degree"
+    );
     for score in &scores.pupils {
         let ([x, y, d, z], focus) = (score.pupil.to_mm(), dioptres_in_words(score.pupil.depth, display.focal_length));
         let ceiling =
             score.ceiling.map_or("-".into(), |db| if db.is_finite() { format!("{db:.2}") } else { "none".into() });
-        let similarity = similarity(score);
+        let (similarity, jod) = (similarity(score), score.jod.map_or("     -".into(), |jod| format!("{jod:6.2}")));
         println!(
-            "{x:7.2} {y:7.2} {d:7.2}   {z:8.2} {focus:>11} {:9.2}  {ceiling:>10}  {similarity}   {:20.0}",
+            "{x:7.2} {y:7.2} {d:7.2}   {z:8.2} {focus:>11} {:9.2}  {ceiling:>10}  {similarity} {jod}   {:20.0}",
             score.psnr, score.finest_cycles_per_degree
         );
     }
@@ -94,7 +145,7 @@ pub fn similarity(score: &PupilScore) -> String {
 fn row(score: &PupilScore, display: &Display) -> Value {
     json!({
         "pupil_mm": score.pupil.to_mm(), "focus_dioptres": dioptres(score.pupil.depth, display.focal_length),
-        "psnr_db": score.psnr, "ceiling_db": score.ceiling, "ssim": score.ssim,
+        "psnr_db": score.psnr, "ceiling_db": score.ceiling, "ssim": score.ssim, "jod": score.jod,
         "finest_cycles_per_degree": score.finest_cycles_per_degree,
     })
 }

@@ -140,7 +140,7 @@ impl Buffers {
                 to.extend_from_slice(data);
                 match resource {
                     Resource::Phases if shape.binary_angles => binary_angle::round(to),
-                    Resource::Momentum if shape.binary_angles => to.iter_mut().for_each(|v| *v = half::rounded(*v)),
+                    _ if shape.stores_half(resource) => half::round_drives(to),
                     _ => {}
                 }
             }
@@ -218,6 +218,14 @@ pub(super) fn storing(storage: Storage) -> Store {
     match storage {
         Storage::F32 => |_| {},
         Storage::F16 => half::round,
+    }
+}
+
+/// And to drives.
+pub(super) fn storing_drives(storage: Storage) -> fn(&mut [f32]) {
+    match storage {
+        Storage::F32 => |_| {},
+        Storage::F16 => half::round_drives,
     }
 }
 

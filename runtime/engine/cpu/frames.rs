@@ -38,6 +38,8 @@ pub(super) struct Frame<'a> {
     pub(super) energy: &'a [f32],
     pub(super) fft: FrameFft<'a>,
     pub(super) store: Store,
+    /// What happens to drives when they are stored.
+    pub(super) store_drives: fn(&mut [f32]),
 }
 
 impl Frame<'_> {

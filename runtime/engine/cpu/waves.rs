@@ -1,7 +1,9 @@
 //! What stands between phases and field where the display is more than its phases.
 
+use super::buffers::storing_drives;
 use super::frames::{Frame, Whole};
 use eyebox_kernels::{
+    crosstalk,
     drive::drive,
     drive_back::drive_back,
     fft::Direction,
@@ -24,7 +26,9 @@ impl Frame<'_> {
     pub(super) fn drive(&mut self) {
         let shown = if self.shape.quantised { &*self.shown } else { &*self.phases };
         let pixels = self.shape.pixels();
-        drive(&self.step.drive, self.tables.pixels, shown, &mut self.wave[..pixels]);
+        let drives = &mut self.wave[..pixels];
+        drive(&self.step.drive, self.tables.pixels, shown, drives);
+        (self.store_drives)(drives);
     }
 
     pub(super) fn modulate_wave(&mut self) {
@@ -41,9 +45,36 @@ impl Frame<'_> {
     pub(super) fn turn(&mut self) {
         let (points, pixels) = (self.shape.points(), self.shape.pixels());
         let changes = if self.is_whole() { &*self.change } else { &*self.subpixels };
-        let (shape, tables) = (self.shape, self.tables.pixels);
+        let (shape, tables, store) = (self.shape, self.tables.pixels, self.store_drives);
         let each = changes.par_chunks_exact(points).zip(self.wave.par_chunks_exact_mut(pixels));
-        each.for_each(|(change, wave)| turn(&shape.place, tables, change, wave));
+        each.for_each(|(change, wave)| {
+            turn(&shape.place, tables, change, wave);
+            store(wave);
+        });
+    }
+
+    /// Along columns, or rows.
+    pub(super) fn crosstalk(&mut self, columns: bool) {
+        let (args, [down, along]) = (&self.crosstalk, self.tables.weights);
+        if columns {
+            crosstalk::columns(args, down, self.blurred, self.wave);
+            (self.store_drives)(self.wave);
+        } else {
+            crosstalk::rows(args, along, self.wave, self.blurred);
+            (self.store_drives)(self.blurred);
+        }
+    }
+
+    /// The same transposed.
+    pub(super) fn crosstalk_back(&mut self, columns: bool) {
+        let (args, [down, along]) = (&self.crosstalk, self.tables.weights);
+        if columns {
+            crosstalk::columns_back(args, down, self.wave, self.blurred);
+            (self.store_drives)(self.blurred);
+        } else {
+            crosstalk::rows_back(args, along, self.blurred, self.wave);
+            (self.store_drives)(&mut self.wave[..self.shape.pixels()]);
+        }
     }
 
     pub(super) fn drive_back(&mut self) {
@@ -99,6 +130,10 @@ impl Whole<'_> {
         let mut parts: Vec<_> = frames.map(|frame| frame.chunks_mut(PART)).collect();
         let mut together: Vec<Vec<&mut [f32]>> =
             (0..pixels.div_ceil(PART)).map(|_| parts.iter_mut().filter_map(Iterator::next).collect()).collect();
-        together.par_iter_mut().for_each(|frames| lag(&self.step.drive, back, frames));
+        let store = storing_drives(self.shape.storage);
+        together.par_iter_mut().for_each(|frames| {
+            lag(&self.step.drive, back, frames);
+            frames.iter_mut().for_each(|part| store(part));
+        });
     }
 }

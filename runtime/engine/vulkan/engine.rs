@@ -356,7 +356,7 @@ impl Engine for VulkanEngine {
             let value = match resource {
                 _ if complex => Value::Complex(resource.stored(shape.storage)),
                 Resource::Phases if shape.binary_angles => Value::Angle,
-                Resource::Momentum if shape.binary_angles => Value::Half,
+                _ if shape.stores_half(resource) => Value::Half,
                 _ => Value::Real,
             };
             self.stacks.0[at] = self.stack(Layout { offset: 0, frames, values, value }, &resource.name())?;

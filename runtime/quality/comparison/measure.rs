@@ -1,5 +1,6 @@
 //! Looking through every pupil, at the scene and at a hologram, and what the two come to.
 
+use super::judged::{Whole, judge};
 use super::picture;
 use super::pupils::{Pupils, SHOWN};
 use super::results::{ColorError, ColorFigures, EnergyMap, Picture, Pictures, Row, Run, SceneFigures};
@@ -33,6 +34,8 @@ struct Looks {
     pooled: Vec<Vec<f32>>,
     /// Through the chosen pupils, at full size.
     chosen: Vec<Vec<f32>>,
+    /// Through the pupils that are judged, at full size.
+    judged: Vec<Vec<f32>>,
     /// The focal strip, at full size.
     strip: Vec<Vec<f32>>,
     /// The row of each sweep, after 2 x 2 averaging: (places, half the width).
@@ -63,14 +66,16 @@ impl Looks {
         let [height, width] = size;
         let places: Vec<usize> = SHOWN.iter().map(|c| pupils.place(c)).collect();
         let mut shown = vec![Vec::new(); SHOWN.len()];
-        let mut pooled = Vec::new();
+        let (mut pooled, mut judged) = (Vec::new(), Vec::new());
         let members: Vec<Pupil> = pupils.members.iter().map(|m| m.pupil).collect();
         for some in members.chunks(TOGETHER) {
             for image in take(some)? {
                 for (_, shown) in places.iter().zip(&mut shown).filter(|(at, _)| **at == pooled.len()) {
                     shown.clone_from(&image);
                 }
+                let is_judged = pupils.judged.contains(&pooled.len());
                 pooled.push(evaluate::pool2(&image, height, width));
+                judged.extend(is_judged.then_some(image));
             }
         }
         let strip = take(&pupils.strip)?;
@@ -83,7 +88,7 @@ impl Looks {
                 }
             }
         }
-        Ok(Self { color, pooled, chosen: shown, strip, slices, ceilings: Vec::new() })
+        Ok(Self { color, pooled, chosen: shown, judged, strip, slices, ceilings: Vec::new() })
     }
 }
 
@@ -261,6 +266,9 @@ pub fn measure(
         colors.push(ColorFigures { color: look.color, exposure, variation: energy.variation, epipolar });
     }
     let exposures: Vec<f64> = colors.iter().map(|c| c.exposure).collect();
+    let seen = wholes(&looks, &exposures);
+    let photographs = wholes(&wanted.looks, &vec![1.0; looks.len()]);
+    judge([&seen, &photographs], &pupils.judged, &pupils.members, display, wanted.size, &mut rows)?;
     Ok(Run {
         scene: String::new(),
         method: String::new(),
@@ -271,6 +279,12 @@ pub fn measure(
         colors,
         rows,
     })
+}
+
+/// The pictures that are judged.
+fn wholes<'a>(looks: &'a [Looks], exposures: &[f64]) -> Vec<Whole<'a>> {
+    let whole = |(look, &exposure): (&'a Looks, &f64)| Whole { color: look.color, pictures: &look.judged, exposure };
+    looks.iter().zip(exposures).map(whole).collect()
 }
 
 /// Scores every pupil of one colour; says the exposure.
@@ -294,7 +308,7 @@ fn score(
         let focus_dioptres = dioptres(member.pupil.depth, display.focal_length);
         let ceiling = wanted.ceilings.get(i).map(|c| Ceiling::decibels([c])).filter(|db| *db < HIGHEST_DB);
         let (psnr, ssim) = (finite(score.psnr)?, score.ssim);
-        rows.push(Row { color, group, index, pupil_mm, focus_dioptres, psnr, ceiling, ssim });
+        rows.push(Row { color, group, index, pupil_mm, focus_dioptres, psnr, ceiling, ssim, jod: None });
     }
     Ok(exposure)
 }

@@ -5,6 +5,7 @@
 //! is there, so that a run that was stopped resumes where it was. What was measured is plain data ([`Results`]).
 
 mod candidate;
+mod judged;
 mod measure;
 mod picture;
 mod pupils;
@@ -34,7 +35,7 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 
 /// The form of the results: a new one when a measure changes its meaning.
-const FORMAT: u32 = 3;
+const FORMAT: u32 = 4;
 /// About how long the parts take, one to the other.
 const PHOTOGRAPHS: f64 = 3.0;
 const SOLVE: f64 = 1.0;
@@ -57,7 +58,13 @@ pub struct Comparison {
     pub settings: Settings,
     /// Whether the speckle of an even plane is measured.
     pub speckle: bool,
+    /// Pupils of each group that are judged in JOD, spread evenly over it; 0 for none. A judgement takes about as long as
+    /// looking through some pupils.
+    pub judged: usize,
 }
+
+/// Pupils of each group that are judged in JOD where nothing else is asked for.
+pub const JUDGED: usize = 4;
 
 /// What is told while a comparison runs: what is being done, and how much of all is done, 0 to 1. [`Flow::Stop`] ends it
 /// with the results that are there.
@@ -114,6 +121,7 @@ impl Comparison {
                 pupils: settings.pupils,
                 seed: settings.seed,
                 engine: engine.describe(),
+                viewing: (self.judged > 0).then(|| self.viewing()),
             },
             methods: self.candidates.iter().map(Candidate::about).collect(),
             scenes: Vec::new(),
@@ -122,6 +130,12 @@ impl Comparison {
             published: Vec::new(),
             missing: 0,
         }
+    }
+
+    /// How its pictures are seen: white and black, cd/m2, and pixels a degree.
+    fn viewing(&self) -> [f64; 3] {
+        let viewing = self.display.viewing;
+        [viewing.luminance_cd_m2, viewing.black_cd_m2, self.display.pixels_per_degree()]
     }
 
     /// Every hologram of a scene: whose it is, and its number of sub-frames.
@@ -284,7 +298,7 @@ impl<'a> OfScene<'a> {
             Task { candidate, frames, name, made_by }
         };
         let tasks = job.runs(index).map(task).collect();
-        let pupils = Pupils::new(display.eyebox_min(), job.settings.diameter, depth);
+        let pupils = Pupils::new(display.eyebox_min(), job.settings.diameter, depth, job.judged);
         let (name, made_by) = (format!("{scene}-scene"), shared.to_string());
         Self { job, index, field, depth, pupils, name, made_by, tasks }
     }
@@ -293,9 +307,11 @@ impl<'a> OfScene<'a> {
         &self.job.scenes[self.index]
     }
 
-    /// What decides a result: what decides the hologram, and the size of the pictures.
+    /// What decides a result: what decides the hologram, the size of the pictures, and how they are judged.
     fn shown(&self, made_by: &str) -> String {
-        format!("{made_by}, pictures of {}", self.job.longest())
+        let (judged, viewing) = (self.job.judged, self.job.viewing());
+        let judged = if judged > 0 { format!(", {judged} judged at {viewing:?}") } else { String::new() };
+        format!("{made_by}, pictures of {}{judged}", self.job.longest())
     }
 
     /// Everything that is not there yet.

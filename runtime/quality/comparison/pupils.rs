@@ -35,6 +35,8 @@ pub const SHOWN: [Shown; 4] = [
 pub struct Pupils {
     /// The five groups.
     pub members: Vec<Member>,
+    /// Places of those that are judged in JOD.
+    pub judged: Vec<usize>,
     /// 80 % of the eyebox, focused through the scene, farthest first.
     pub strip: Vec<Pupil>,
     /// The sweeps at near and at far focus.
@@ -44,8 +46,9 @@ pub struct Pupils {
 }
 
 impl Pupils {
-    /// For an eyebox of this side, random pupils of these diameters, and a scene of this farthest and nearest depth.
-    pub fn new(eyebox: f64, diameter: [f64; 2], depth: [f64; 2]) -> Self {
+    /// For an eyebox of this side, random pupils of these diameters, and a scene of this farthest and nearest depth, at most
+    /// `judged` of each group judged in JOD.
+    pub fn new(eyebox: f64, diameter: [f64; 2], depth: [f64; 2], judged: usize) -> Self {
         let range = PupilRange { eyebox, diameter, depth, diameters: Diameters::Uniform };
         let mut sampler = Sampler::new(range, Sequence::Random, SEED);
         let random: Vec<Pupil> = (0..RANDOM).map(|_| sampler.draw()).collect();
@@ -56,8 +59,10 @@ impl Pupils {
             diameter: 0.8 * eyebox,
             depth: far + (near - far) * i as f64 / (STRIP - 1) as f64,
         });
+        let members = evaluate::members(eyebox, depth, &random);
         Self {
-            members: evaluate::members(eyebox, depth, &random),
+            judged: super::judged::judged(&members, judged),
+            members,
             strip: strip.collect(),
             sweeps: [near, far].map(|z| evaluate::sweep(eyebox, z)),
             grid: evaluate::places(eyebox, eyebox / 8.0, 9, 0.0),
@@ -77,7 +82,7 @@ mod tests {
 
     #[test]
     fn shown_pupils_are_what_their_titles_say() {
-        let pupils = Pupils::new(22e-3, [2e-3, 20e-3], [-2e-3, 3e-3]);
+        let pupils = Pupils::new(22e-3, [2e-3, 20e-3], [-2e-3, 3e-3], 4);
         assert_eq!(pupils.members.len(), 9 + 9 + 25 + 25 + 24);
         let of = |i: usize| pupils.members[pupils.place(&SHOWN[i])];
         assert!((of(0).pupil.diameter - 22e-3).abs() < 1e-12 && of(0).pupil.x == 0.0);

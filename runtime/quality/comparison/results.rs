@@ -65,6 +65,9 @@ pub struct Row {
     pub ceiling: Option<f64>,
     /// None for pictures smaller than its window.
     pub ssim: Option<f64>,
+    /// Just-objectionable differences from 10, of all colours together and so the same in the rows of each; none for pupils
+    /// that were not judged.
+    pub jod: Option<f64>,
 }
 
 /// Figures of one colour.
@@ -110,6 +113,14 @@ pub struct Run {
     pub color_error: Option<ColorError>,
     /// For the page alone.
     pub pictures: Pictures,
+}
+
+impl Run {
+    /// JOD of a group's pupils, each once: all colours of a pupil have the same.
+    fn jod(&self, group: Group) -> impl Iterator<Item = f64> {
+        let color = self.colors.first().map(|c| c.color);
+        self.rows.iter().filter(move |r| r.group == group && Some(r.color) == color).filter_map(|r| r.jod)
+    }
 }
 
 /// A scene and its photographs.
@@ -181,6 +192,8 @@ pub struct About {
     pub seed: u64,
     /// What computed it.
     pub engine: String,
+    /// How the picture is seen, where it was judged in JOD: luminance of white and of black, cd/m2, and pixels a degree.
+    pub viewing: Option<[f64; 3]>,
 }
 
 /// A method, for people.
@@ -339,6 +352,18 @@ impl Results {
     /// SSIM of a series, where there is one.
     pub fn ssim(&self, series: &Series, scene: Option<&str>, group: Group) -> Option<Summary> {
         Summary::of(&self.rows(series, scene, group).filter_map(|r| r.ssim).collect::<Vec<_>>())
+    }
+
+    /// JOD of a series, over the pupils that were judged.
+    pub fn jod(&self, series: &Series, scene: Option<&str>, group: Group) -> Option<Summary> {
+        Summary::of(&self.runs_of(series, scene).flat_map(|run| run.jod(group)).collect::<Vec<_>>())
+    }
+
+    /// Pupils of each group that were judged, where any was.
+    pub(crate) fn judged(&self) -> Option<usize> {
+        let series = self.series().into_iter().next()?;
+        let run = self.runs_of(&series, None).next()?;
+        Some(run.jod(Group::Random).count()).filter(|n| *n > 0)
     }
 
     /// Mean PSNR of the pupil at one place of a group, over colours and scenes, dB.

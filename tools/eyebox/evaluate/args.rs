@@ -1,6 +1,7 @@
 //! The arguments of `eyebox evaluate`.
 
 use crate::args::{DisplayArgs, EngineArgs, EyeArgs, OtherSceneArgs, OverwriteArgs, SceneArgs, SceneOptions};
+use crate::jod::JodArgs;
 use crate::phases::PhaseUnitArgs;
 use crate::quality::QualityArgs;
 use crate::values::diameters;
@@ -65,6 +66,9 @@ pub struct Evaluate {
     /// Seed of first phases and of the pupils drawn
     #[arg(long, default_value_t = 0, value_name = "S")]
     pub seed: u64,
+    /// What people see
+    #[command(flatten)]
+    pub seen: JodArgs,
     /// Leave out the speckle of an even plane
     #[arg(long)]
     pub no_speckle: bool,

@@ -12,7 +12,7 @@ use eyebox::engine::Engine;
 use eyebox::evaluate::Group;
 use eyebox::files::OwnFolder;
 use eyebox::optics::{Color, Display};
-use eyebox::quality::comparison::{Comparison, Given, Published, Results, candidates};
+use eyebox::quality::comparison::{Comparison, Given, JUDGED, Published, Results, candidates};
 use eyebox::quality::writable;
 use eyebox::report;
 use eyebox::scene;
@@ -107,11 +107,13 @@ fn with_quality(job: &mut Comparison, args: &Evaluate, engine: &dyn Engine) -> R
 }
 
 fn print_table(results: &Results) {
-    println!("PSNR over random pupils, dB:      mean  median   worst  spread");
+    println!("PSNR over random pupils, dB:      mean  median   worst  spread     JOD   worst");
     for series in results.series() {
         if let Some(s) = results.psnr(&series, None, Group::Random) {
             let name = results.label(&series);
-            println!("  {name:28} {:8.2}{:8.2}{:8.2}{:8.2}", s.mean, s.median, s.worst, s.sd);
+            let jod = results.jod(&series, None, Group::Random);
+            let jod = jod.map_or("       -       -".into(), |jod| format!("{:8.2}{:8.2}", jod.mean, jod.worst));
+            println!("  {name:28} {:8.2}{:8.2}{:8.2}{:8.2}{jod}", s.mean, s.median, s.worst, s.sd);
         }
     }
 }
@@ -140,6 +142,7 @@ fn job(args: &Evaluate) -> Result<Comparison, Failure> {
     let given: Vec<Given> = args.hologram.iter().map(read).collect::<Result<_, _>>()?;
     let (mut display, colors) = optics(args, methods.is_empty().then_some(()).and(given.first()))?;
     args.eye.replace(&mut display.prescription)?;
+    display.viewing = args.seen.viewing.over(display.viewing)?;
     if args.ideal {
         display.model.clear();
         display.picture = Default::default();
@@ -165,8 +168,8 @@ fn job(args: &Evaluate) -> Result<Comparison, Failure> {
         ..defaults
     };
     settings.check()?;
-    let speckle = !args.no_speckle;
-    Ok(Comparison { scenes: labels(&args.scenes), candidates, frames, display, colors, settings, speckle })
+    let (speckle, judged) = (!args.no_speckle, args.seen.pupils(JUDGED));
+    Ok(Comparison { scenes: labels(&args.scenes), candidates, frames, display, colors, settings, speckle, judged })
 }
 
 /// The methods of these names, each once.

@@ -63,6 +63,10 @@ fn a_report_is_one_page_and_the_same_numbers_as_csv_and_json() {
     let mean: f64 = line.split(',').nth(5).unwrap().parse().unwrap();
     assert!((mean - random.iter().sum::<f64>() / 72.0).abs() < 1e-3, "{line}");
     assert!(summary.lines().any(|l| l.starts_with("dpac,1,all scenes,Focal stack,54,")));
+    // Four pupils of each group are judged, in all colours at once.
+    let judged = scores.lines().filter(|l| l.starts_with("slfh,2,still-life,red,") && !l.ends_with(',')).count();
+    assert_eq!(judged, 20);
+    assert!(report["runs"][0]["groups"]["Random pupils"]["jod"]["mean"].as_f64().is_some_and(|jod| jod < 10.0));
 
     common::figures_of(&at.join("out"), "report.html");
     let page = read(at, "report.html");

@@ -31,6 +31,7 @@ mod play;
 mod preview;
 mod refine;
 mod reliability;
+mod seen;
 mod show;
 #[cfg(target_os = "linux")]
 mod simulated;

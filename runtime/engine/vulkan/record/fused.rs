@@ -57,7 +57,7 @@ impl Work<'_> {
             grid,
             windows: passes.all(fits),
             gather: arenas.into_iter().all(|size| size <= limit),
-            sets: wave.is_some_and(|wave| self.at_once(&wave.layout) >= wave.layout.frames),
+            tiles: wave.is_some_and(|wave| self.at_once(&wave.layout) >= wave.layout.frames) && self.tiles_fit(),
         }
     }
 
@@ -89,8 +89,8 @@ impl<'a> Call<'_, 'a> {
                 self.work.before(&[(Update, Resource::Field)]);
                 self.grid_lines(Resource::Field, Direction::Forward, Along::Columns)
             }
-            Way::DriveAndLag => self.drive_lag(),
-            Way::ProjectFromWave => self.project_wave(),
+            Way::DriveTiles => self.drive_tiles(),
+            Way::ProjectTiles => self.project_tiles(),
             Way::FieldFromWave => {
                 self.work.before(&[(Read, Resource::Wave), (Read, Resource::Pixels), (Write, Resource::Field)]);
                 self.modulate_wave_rows()?;

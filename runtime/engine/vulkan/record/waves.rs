@@ -1,14 +1,31 @@
 //! What stands between phases and field where the display is more than its phases: over sub-frames and their sub-pixels.
 
 use super::super::fft::{Along, Frames};
-use super::call::{Call, frames_of};
+use super::call::{Call, Work, frames_of};
 use super::fused::Lines;
-use crate::engine::{EngineError, Resource};
+use crate::engine::{EngineError, Resource, Shape};
 use crate::plan::Access::{self, Read, Update, Write};
 use crate::plan::Move;
-use bytemuck::{Pod, bytes_of};
+use bytemuck::{Pod, bytes_of, cast_slice};
 use eyebox_kernels::fft::Direction;
+use eyebox_kernels::{TILE, TILE_THREADS};
 use eyebox_spirv::Module;
+
+/// Pixels that crosstalk reaches along y and along x.
+fn reach(shape: &Shape) -> [u32; 2] {
+    shape.model.crosstalk.unwrap_or_default().map(|pixels| pixels as u32)
+}
+
+impl Work<'_> {
+    /// Whether a tile, with as much around it as crosstalk reaches, fits shared memory.
+    pub(super) fn tiles_fit(&self) -> bool {
+        let [tall, wide] = reach(self.shape).map(|pixels| u64::from(TILE) + 2 * u64::from(pixels));
+        let states = if self.step.drive.lag > 0.0 { tall * wide } else { 1 };
+        let floats = tall * wide + states + tall * u64::from(TILE);
+        let limits = self.gpu.limits();
+        4 * floats <= u64::from(limits.shared_memory) && TILE_THREADS <= limits.invocations
+    }
+}
 
 impl Call<'_, '_> {
     pub(super) fn drive(&mut self) -> Result<(), EngineError> {
@@ -51,44 +68,57 @@ impl Call<'_, '_> {
         self.planes([place.height, place.width], self.shape.subpixels().pow(2), &place, &[])
     }
 
-    /// `drive` and `lag`.
-    pub(super) fn drive_lag(&mut self) -> Result<(), EngineError> {
-        let place = self.shape.place;
+    /// `drive`, `lag` and crosstalk.
+    pub(super) fn drive_tiles(&mut self) -> Result<(), EngineError> {
         let binds = [(Read, Resource::Shown), (Read, Resource::Pixels), (Write, Resource::Wave)];
-        self.sets(&eyebox_spirv::DRIVE_LAG, bytes_of(&place), &binds)
+        self.tiles(&eyebox_spirv::DRIVE_TILES, &[], &binds)
     }
 
-    /// `lag_back`, `drive_back` and `project`.
-    pub(super) fn project_wave(&mut self) -> Result<(), EngineError> {
+    /// Crosstalk and lag back, `drive_back` and `project`.
+    pub(super) fn project_tiles(&mut self) -> Result<(), EngineError> {
         let project = self.step.project;
         let read = [Resource::Pixels, Resource::Shown, Resource::Wave, Resource::Losses].map(|r| (Read, r));
         let binds = [&read[..3], &[(Update, Resource::Phases), (Update, Resource::Momentum)], &read[3..]].concat();
-        self.sets(&eyebox_spirv::PROJECT_WAVE, bytes_of(&project), &binds)
+        let own = [project.gain.to_bits(), project.momentum.to_bits(), project.bound.to_bits(), project.step];
+        self.tiles(&eyebox_spirv::PROJECT_TILES, &own, &binds)
     }
 
-    /// Over the pixels of all sub-frames at once, as many of them as take their time; losses are judged, and bound to nothing.
-    fn sets(&mut self, module: &'static Module, own: &[u8], binds: &[(Access, Resource)]) -> Result<(), EngineError> {
-        self.work.before(binds);
+    /// Over tiles of pixels in all sub-frames, as many rows of tiles at once as take their time; losses are judged, and bound to
+    /// nothing.
+    fn tiles(&mut self, module: &'static Module, own: &[u32], binds: &[(Access, Resource)]) -> Result<(), EngineError> {
+        let blurs = self.shape.model.crosstalk.is_some();
+        let mut all = binds.to_vec();
+        all.extend(blurs.then_some((Read, Resource::Crosstalk)));
+        self.work.before(&all);
         let binds: Vec<_> = binds.iter().copied().filter(|(_, resource)| *resource != Resource::Losses).collect();
-        let (pixels, frames, drive) = (self.shape.pixels(), self.shape.frames, self.step.drive);
-        let [stride, wave_stride] =
+        let (shape, drive) = (self.shape, self.step.drive);
+        let frames = shape.frames;
+        let strides =
             [self.layout(Resource::Shown)?, self.layout(Resource::Wave)?].map(|layout| layout.stride() as u32);
-        let buffers = binds.iter().map(|(_, r)| self.plane(*r, 0, frames)).collect::<Result<Vec<_>, _>>()?;
+        let weights = self.bound(if blurs { Resource::Crosstalk } else { Resource::Pixels }, 0, 1)?;
+        let mut buffers = vec![weights];
+        for (_, resource) in &binds {
+            buffers.push(self.plane(*resource, 0, frames)?);
+        }
         let moves = self.moves_of_pixels(&binds, 0, frames)?;
-        let most = self.work.in_time(moves.iter().map(|m| m.bytes).sum::<u64>().div_ceil(pixels as u64));
-        for first in (0..pixels).step_by(most) {
-            let count = most.min(pixels - first);
-            let (frames, first) = (frames as u32, first as u32);
-            let bends = [drive.bend_sin, drive.bend_cos, drive.lag, drive.settled(frames as usize)].map(f32::to_bits);
-            let rest = [frames, stride, wave_stride, first, count as u32];
-            let args = [own, bytes_of(&bends), bytes_of(&rest)].concat();
+        let [reach_y, reach_x] = reach(shape);
+        let lags = u32::from(drive.lag > 0.0);
+        let constants = [u32::from(shape.binary_angles), reach_y, reach_x, u32::from(blurs), lags];
+        let [rows, columns] = [shape.place.height, shape.place.width].map(|side| side.div_ceil(TILE));
+        let bytes = moves.iter().map(|m| m.bytes).sum::<u64>().div_ceil(u64::from(rows));
+        let most = u32::try_from(self.work.in_time(bytes)).unwrap_or(u32::MAX).min(self.work.gpu.limits().groups[1]);
+        for first in (0..rows).step_by(most as usize) {
+            let count = most.min(rows - first);
+            let bends = [drive.bend_sin, drive.bend_cos, drive.lag, drive.settled(frames)].map(f32::to_bits);
+            let rest = [frames as u32, strides[0], strides[1], first];
+            let args = [bytes_of(&shape.place), bytes_of(&bends), bytes_of(&rest), cast_slice(own)].concat();
             let lines = Lines {
                 module,
-                constants: &[],
-                groups: self.work.along(count, 1),
+                constants: &constants,
+                groups: [columns, count, 1],
                 changes_phases: binds.contains(&(Update, Resource::Phases)),
             };
-            let share = |m: &Move| Move { bytes: m.bytes * count as u64 / pixels as u64, ..*m };
+            let share = |m: &Move| Move { bytes: m.bytes * u64::from(count) / u64::from(rows), ..*m };
             self.dispatch(&lines, &buffers, &args, || moves.iter().map(share).collect())?;
         }
         Ok(())

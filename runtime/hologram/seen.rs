@@ -1,0 +1,98 @@
+//! What is asked of a hologram in memory by who has a scene and a pupil of its own: whether they fit it, and what the eye sees.
+
+use super::{Hologram, HologramError};
+use crate::engine::Engine;
+use crate::evaluate::Plane;
+use crate::optics::{OpticsError, Pupil};
+use crate::scene::LightField;
+
+/// No eye focuses farther away, metres.
+const FARTHEST: f64 = 1e3;
+
+impl Hologram {
+    /// Refuses a scene, by its name and its light field, that is not the one that it shows or has not the size of what is seen of it.
+    ///
+    /// # Errors
+    /// [`HologramError::OtherScene`], [`HologramError::OtherSize`].
+    pub fn check_shows(&self, source: &str, field: &LightField) -> Result<(), HologramError> {
+        self.check_scene(source)?;
+        let (given, shows) = ((field.height, field.width), self.picture_size());
+        if given != shows {
+            return Err(HologramError::OtherSize { given, shows });
+        }
+        Ok(())
+    }
+
+    /// Refuses a pupil that no eye has or that its light does not reach, in any of its colours.
+    ///
+    /// # Errors
+    /// Those of [`Pupil::check_usual`]; [`OpticsError::Unusual`] for a focus that no eye has.
+    pub fn check_pupil(&self, pupil: Pupil) -> Result<Pupil, OpticsError> {
+        for color in 0..self.colors.len() {
+            pupil.check_usual(&self.optics(color)?)?;
+        }
+        if pupil.depth.abs() > FARTHEST {
+            let given = format!("the focus is at {} m", pupil.depth);
+            return Err(OpticsError::Unusual { given, probably: format!("it must be within {FARTHEST} m") });
+        }
+        Ok(pupil)
+    }
+
+    /// What an eye sees through a pupil: one plane of linear light per colour, with 1 as the scene's full scale, behind what bends
+    /// its display's picture.
+    ///
+    /// # Errors
+    /// [`HologramError::NoExposure`]; those of [`look`](Self::look).
+    pub fn seen(&self, pupil: &Pupil, engine: &mut dyn Engine) -> Result<Vec<Plane>, HologramError> {
+        if self.metadata.exposure_assumed {
+            return Err(HologramError::NoExposure);
+        }
+        let mut planes = self.as_seen(self.look(pupil, engine)?);
+        for (plane, color) in planes.iter_mut().zip(&self.colors) {
+            let exposure = color.exposure as f32;
+            plane.values.iter_mut().for_each(|value| *value *= exposure);
+        }
+        Ok(planes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::cpu::CpuEngine;
+    use crate::hologram::ColorHologram;
+    use crate::optics::{Color, Display};
+    use crate::scene::{self, Request};
+
+    #[test]
+    fn who_asks_is_told_what_does_not_fit() {
+        let display = Display { height: 16, width: 24, ..Display::preset("small").unwrap() };
+        let color = ColorHologram {
+            color: Some(Color::Green),
+            wavelength: 520e-9,
+            exposure: 0.5,
+            efficiency: 0.5,
+            phases: vec![0.5; 16 * 24],
+        };
+        let mut hologram = Hologram { scene: "builtin:plane".into(), ..Hologram::on(&display, 1, vec![color]) };
+        let field = |side| {
+            let display = Display { height: side, ..display.clone() };
+            scene::load("builtin:plane", &Request { views: 1, ..Request::new(&display, &[Color::Green]) }).unwrap()
+        };
+        hologram.check_shows("builtin:plane", &field(16)).unwrap();
+        let refused = |source, side| hologram.check_shows(source, &field(side)).unwrap_err().to_string();
+        assert!(refused("builtin:plane", 20).contains("20 x 24 pixels, and 16 x 24 are seen"));
+        assert!(refused("builtin:point", 16).contains("another scene"));
+
+        let pupil = Pupil { x: 1e-3, y: 0.0, diameter: 4e-3, depth: 0.0 };
+        assert_eq!(hologram.check_pupil(pupil), Ok(pupil));
+        assert!(hologram.check_pupil(Pupil { x: 1.0, ..pupil }).is_err());
+        assert!(hologram.check_pupil(Pupil { depth: 2e3, ..pupil }).unwrap_err().to_string().contains("1000 m"));
+
+        let looked = hologram.look(&pupil, &mut CpuEngine::new()).unwrap();
+        let seen = hologram.seen(&pupil, &mut CpuEngine::new()).unwrap();
+        assert!(looked[0].values.iter().zip(&seen[0].values).all(|(raw, seen)| *seen == raw * 0.5));
+        hologram.metadata.exposure_assumed = true;
+        assert!(matches!(hologram.seen(&pupil, &mut CpuEngine::new()), Err(HologramError::NoExposure)));
+    }
+}

@@ -1,0 +1,107 @@
+//! How a display's picture meets the eye: how bright it is, and how fine. What visual difference metrics ask beside the picture.
+
+use super::OpticsError;
+use serde::{Deserialize, Serialize};
+
+/// `[viewing]` of a display file. It changes no hologram, only how what is seen of one is judged.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
+pub struct Viewing {
+    /// Luminance of white, cd/m2.
+    pub luminance_cd_m2: f64,
+    /// Luminance where the picture is black, cd/m2: it adds to every pixel.
+    pub black_cd_m2: f64,
+    /// Pixels a degree of visual angle in the middle of the picture, where they are not those of the optics: behind an
+    /// eyepiece that the file says nothing of, or for a picture that is judged as if it were coarser.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pixels_per_degree: Option<f64>,
+}
+
+impl Default for Viewing {
+    /// As ColorVideoVDP's `standard_4k`: 200 cd/m2 and a contrast of 1000:1.
+    fn default() -> Self {
+        Self { luminance_cd_m2: 200.0, black_cd_m2: 0.2, pixels_per_degree: None }
+    }
+}
+
+impl Viewing {
+    /// The same with what is given in the place of its own.
+    ///
+    /// # Errors
+    /// [`OpticsError::Viewing`].
+    pub fn with(
+        self,
+        luminance_cd_m2: Option<f64>,
+        black_cd_m2: Option<f64>,
+        pixels_per_degree: Option<f64>,
+    ) -> Result<Self, OpticsError> {
+        let new = Self {
+            luminance_cd_m2: luminance_cd_m2.unwrap_or(self.luminance_cd_m2),
+            black_cd_m2: black_cd_m2.unwrap_or(self.black_cd_m2),
+            pixels_per_degree: pixels_per_degree.or(self.pixels_per_degree),
+        };
+        new.check().map_err(|reason| OpticsError::Viewing { reason })?;
+        Ok(new)
+    }
+
+    /// Whether nothing is said of it.
+    pub fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// What is wrong with it, in words.
+    ///
+    /// # Errors
+    /// The reason.
+    pub fn check(&self) -> Result<(), String> {
+        let within = |name: &str, value: f64, low: f64, high: f64| {
+            if (low..=high).contains(&value) {
+                Ok(())
+            } else {
+                Err(format!("{name} is {value}: it must be {low} to {high}"))
+            }
+        };
+        within("the luminance of white in cd/m2", self.luminance_cd_m2, 0.1, 10_000.0)?;
+        within("the luminance of black in cd/m2", self.black_cd_m2, 0.0, self.luminance_cd_m2)?;
+        self.pixels_per_degree.map_or(Ok(()), |n| within("the number of pixels a degree", n, 1.0, 10_000.0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::optics::Display;
+
+    const BENCH: &str =
+        "resolution = [8, 8]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
+
+    #[test]
+    fn a_display_says_how_it_is_seen_or_its_optics_do() {
+        let plain = Display::from_toml(BENCH, "b").unwrap();
+        // 8 um at 400 mm are 20 microradians.
+        assert!((plain.pixels_per_degree() - 1.0 / 20e-6f64.to_degrees()).abs() < 1e-9);
+        assert!(plain.viewing.is_default() && !plain.to_toml().contains("viewing"));
+        let text = format!("{BENCH}[viewing]\nluminance_cd_m2 = 80\npixels_per_degree = 60\n");
+        let display = Display::from_toml(&text, "b").unwrap();
+        assert_eq!((display.viewing.luminance_cd_m2, display.pixels_per_degree()), (80.0, 60.0));
+        assert_eq!(Display::from_toml(&display.to_toml(), "b").unwrap(), display);
+        let given = display.viewing.with(None, Some(0.0), Some(30.0)).unwrap();
+        assert_eq!((given.luminance_cd_m2, given.black_cd_m2, given.pixels_per_degree), (80.0, 0.0, Some(30.0)));
+    }
+
+    #[test]
+    fn what_no_eye_sees_is_refused() {
+        for (line, says) in [
+            ("luminance_cd_m2 = 0", "luminance of white"),
+            ("luminance_cd_m2 = nan", "luminance of white"),
+            ("black_cd_m2 = 300", "luminance of black"),
+            ("pixels_per_degree = -1", "pixels a degree"),
+            ("brightness = 3", "brightness"),
+        ] {
+            let said = Display::from_toml(&format!("{BENCH}[viewing]\n{line}\n"), "b.toml").unwrap_err().to_string();
+            assert!(said.contains("b.toml") && said.contains(says), "{said}");
+        }
+        assert!(Viewing::default().with(Some(-1.0), None, None).is_err());
+    }
+}

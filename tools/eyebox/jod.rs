@@ -1,0 +1,52 @@
+//! What every command that judges in JOD asks.
+
+use crate::Failure;
+use crate::values::{not_negative, positive};
+use clap::Args;
+use eyebox::optics::Viewing;
+
+/// Whether and how pictures are judged by what people see of their differences.
+#[derive(Args, Clone, Copy, Default, PartialEq)]
+pub struct JodArgs {
+    /// Judge every pupil in just-objectionable differences (ColorVideoVDP) [default: some, spread evenly over the others]
+    #[arg(long, conflicts_with = "no_jod")]
+    pub jod: bool,
+    /// Judge none: PSNR and SSIM alone, which is faster
+    #[arg(long)]
+    pub no_jod: bool,
+    /// How bright the display is seen
+    #[command(flatten)]
+    pub viewing: ViewingArgs,
+}
+
+/// How a display is seen, in the place of what its file says.
+#[derive(Args, Clone, Copy, Default, PartialEq)]
+pub struct ViewingArgs {
+    /// Luminance of white for JOD, cd/m2 [default: the display file's, else 200]
+    #[arg(long, value_name = "CD/M2", value_parser = positive)]
+    pub luminance: Option<f64>,
+    /// Luminance of black for JOD, cd/m2 [default: the display file's, else 0.2]
+    #[arg(long, value_name = "CD/M2", value_parser = not_negative)]
+    pub black: Option<f64>,
+    /// Pixels a degree for JOD, as if the picture were seen that large [default: the display file's, else its optics']
+    #[arg(long, value_name = "N", value_parser = positive)]
+    pub pixels_per_degree: Option<f64>,
+}
+
+impl JodArgs {
+    /// How many pupils are judged, where `some` are by default.
+    pub fn pupils(&self, some: usize) -> usize {
+        match (self.jod, self.no_jod) {
+            (_, true) => 0,
+            (true, _) => usize::MAX,
+            _ => some,
+        }
+    }
+}
+
+impl ViewingArgs {
+    /// What is given in the place of what is known.
+    pub fn over(&self, known: Viewing) -> Result<Viewing, Failure> {
+        Ok(known.with(self.luminance, self.black, self.pixels_per_degree)?)
+    }
+}

@@ -1,0 +1,39 @@
+//! Arrays, there and back.
+
+use crate::failure::{Answer, Failure};
+use eyebox::evaluate::Plane;
+use eyebox::scene::srgb_to_linear;
+use numpy::{IntoPyArray, PyArray1, PyArray3, PyArrayMethods, PyReadonlyArrayDyn};
+use pyo3::prelude::*;
+
+/// Linear light of each level of an sRGB picture with so many levels (IEC 61966-2-1): float32, 0 to 1.
+#[pyfunction]
+pub(crate) fn linear_light(py: Python<'_>, levels: usize) -> PyResult<Bound<'_, PyArray1<f32>>> {
+    if !(2..=65536).contains(&levels) {
+        return Err(Failure::Argument(format!("levels is {levels}: it must be 2 to 65536")).into());
+    }
+    let top = (levels - 1) as f64;
+    let table: Vec<f32> = (0..levels).map(|level| srgb_to_linear(level as f64 / top) as f32).collect();
+    Ok(table.into_pyarray(py))
+}
+
+/// The values of an array of so many axes, and its shape. Python's side has made it contiguous and float32.
+pub(crate) fn values<'a, const AXES: usize>(
+    array: &'a PyReadonlyArrayDyn<'_, f32>,
+    what: &str,
+) -> Answer<([usize; AXES], &'a [f32])> {
+    let shape = array.as_array().shape().to_vec();
+    let axes = <[usize; AXES]>::try_from(&shape[..]);
+    let axes =
+        axes.map_err(|_| Failure::Argument(format!("{what} has the shape {shape:?}: it must have {AXES} axes")))?;
+    let values = array.as_slice().map_err(|_| Failure::Argument(format!("{what} has gaps: it must be contiguous")))?;
+    Ok((axes, values))
+}
+
+/// What an eye sees as (row, column, colour).
+pub(crate) fn picture<'py>(py: Python<'py>, planes: &[Plane]) -> PyResult<Bound<'py, PyArray3<f32>>> {
+    let (rows, columns) = planes.first().map_or((0, 0), |plane| (plane.rows, plane.columns));
+    let at = |pixel: usize| planes.iter().map(move |plane| plane.values[pixel]);
+    let values: Vec<f32> = (0..rows * columns).flat_map(at).collect();
+    values.into_pyarray(py).reshape([rows, columns, planes.len()])
+}

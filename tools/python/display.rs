@@ -1,0 +1,123 @@
+//! Displays.
+
+use crate::failure::{Answer, Failure};
+use eyebox::optics::{Color, Geometry, PRESETS};
+use pyo3::prelude::*;
+use toml::{Table, Value};
+
+/// A display: the SLM, its optics and how it takes its phases. It never changes.
+#[pyclass(frozen, module = "eyebox._eyebox")]
+pub(crate) struct Display(pub(crate) eyebox::optics::Display);
+
+/// The names of the built-in displays.
+#[pyfunction]
+pub(crate) fn presets() -> Vec<&'static str> {
+    PRESETS.to_vec()
+}
+
+/// Colours of a display by their names.
+pub(crate) fn colors(display: &eyebox::optics::Display, names: &[String]) -> Answer<Vec<Color>> {
+    let one = |name: &String| {
+        let known = [Color::Red, Color::Green, Color::Blue].into_iter().find(|color| color.to_string() == *name);
+        let color =
+            known.ok_or_else(|| Failure::Argument(format!("color is {name:?}: it must be red, green or blue")))?;
+        display.optics(color)?;
+        Ok(color)
+    };
+    names.iter().map(one).collect()
+}
+
+/// Puts the keys of one table over those of another, table by table.
+fn lay_over(base: &mut Table, over: Table) {
+    for (key, value) in over {
+        match (base.get_mut(&key), value) {
+            (Some(Value::Table(below)), Value::Table(above)) => lay_over(below, above),
+            (_, value) => {
+                base.insert(key, value);
+            }
+        }
+    }
+}
+
+#[pymethods]
+impl Display {
+    /// The display `name`, a preset or a file, with what the TOML `fields` say over it; without a name, of the fields alone.
+    #[new]
+    fn new(py: Python<'_>, name: Option<&str>, fields: &str) -> PyResult<Self> {
+        let make = || -> Answer<Self> {
+            let base = name.map(eyebox::optics::Display::load).transpose()?;
+            let over: Table = fields.parse().map_err(|e: toml::de::Error| Failure::Argument(e.message().into()))?;
+            let base = match base {
+                Some(base) if over.is_empty() => return Ok(Self(base)),
+                Some(base) => base.to_toml(),
+                None => String::new(),
+            };
+            let mut table: Table = base.parse().map_err(|e: toml::de::Error| Failure::Argument(e.message().into()))?;
+            lay_over(&mut table, over);
+            Ok(Self(eyebox::optics::Display::from_toml(&table.to_string(), "Display")?))
+        };
+        Ok(py.detach(make)?)
+    }
+
+    /// Of the text of a display file.
+    #[staticmethod]
+    fn of_toml(text: &str) -> PyResult<Self> {
+        Ok(Self(eyebox::optics::Display::from_toml(text, "Display").map_err(Failure::from)?))
+    }
+
+    /// The text of its display file.
+    fn to_toml(&self) -> String {
+        self.0.to_toml()
+    }
+
+    #[getter]
+    fn name(&self) -> &str {
+        &self.0.name
+    }
+
+    /// Rows and columns of the SLM.
+    #[getter]
+    fn resolution(&self) -> (usize, usize) {
+        (self.0.height, self.0.width)
+    }
+
+    /// Rows and columns of its pictures.
+    #[getter]
+    fn picture_size(&self) -> (usize, usize) {
+        self.0.picture_size()
+    }
+
+    /// Metres.
+    #[getter]
+    fn pitch(&self) -> f64 {
+        self.0.pitch
+    }
+
+    /// Metres.
+    #[getter]
+    fn focal_length(&self) -> f64 {
+        self.0.focal_length
+    }
+
+    /// Side of the eyebox that all its colours serve, metres.
+    #[getter]
+    fn eyebox(&self) -> f64 {
+        self.0.eyebox_min()
+    }
+
+    #[getter]
+    fn geometry(&self) -> &'static str {
+        if self.0.geometry == Geometry::Relay { "relay" } else { "far-field" }
+    }
+
+    /// Colours and their wavelengths, metres.
+    #[getter]
+    fn wavelengths(&self) -> Vec<(String, f64)> {
+        self.0.wavelengths.iter().map(|w| (w.color.to_string(), w.wavelength)).collect()
+    }
+
+    #[getter]
+    fn levels(&self) -> u32 {
+        self.0.levels
+    }
+}

@@ -1,0 +1,53 @@
+"""Phase holograms for near-eye displays that look right from anywhere in the eyebox.
+
+A light field becomes the phases of a spatial light modulator (SLM) by Stochastic Light Field Holography (Schiffers et al.
+2023, https://arxiv.org/abs/2307.06277). Lengths are metres, phases radians, images linear light with 1 as full scale;
+arrays are (row, column), rows going down, with colours (red, green, blue) last; depths are positive towards the eye.
+
+>>> import eyebox
+>>> display = eyebox.Display("small", size=(64, 64))
+>>> hologram = eyebox.solve("builtin:still-life", display, color="green", frames=2, steps=4)
+>>> hologram.phases["green"].shape
+(2, 64, 64)
+>>> hologram.view(x=2e-3, diameter=4e-3, depth=1e-3).shape
+(64, 64, 1)
+"""
+
+from ._arguments import Pupil
+from ._display import Display, Engine, presets
+from ._eyebox import (
+    DisplayError,
+    EncodeError,
+    EngineError,
+    EyeboxError,
+    HologramError,
+    SceneError,
+    SolveError,
+    __version__,
+)
+from ._hologram import Hologram, Score
+from ._refiner import Refiner
+from ._scene import Scene, photograph
+from ._solve import Step, solve
+
+__all__ = [
+    "Display",
+    "DisplayError",
+    "EncodeError",
+    "Engine",
+    "EngineError",
+    "EyeboxError",
+    "Hologram",
+    "HologramError",
+    "Pupil",
+    "Refiner",
+    "Scene",
+    "SceneError",
+    "Score",
+    "SolveError",
+    "Step",
+    "__version__",
+    "photograph",
+    "presets",
+    "solve",
+]

@@ -1,0 +1,195 @@
+"""What people give, made plain: arrays of any order and kind, settings, numbers. Each refusal names the argument."""
+
+from __future__ import annotations
+
+import json
+import operator
+import os
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from . import _eyebox
+
+
+class Pupil(NamedTuple):
+    """An eye's pupil in the eyebox, metres.
+
+    Attributes
+    ----------
+    x, y : float
+        Its centre: to the right, and down.
+    diameter : float
+        An eye's is 2e-3 to 8e-3.
+    depth : float
+        Where it focuses, from the SLM's image; positive is nearer.
+    """
+
+    x: float = 0.0
+    y: float = 0.0
+    diameter: float = 4e-3
+    depth: float = 0.0
+
+
+def number(value: Any, what: str) -> float:
+    """A real number."""
+    try:
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
+        raise TypeError(f"{what} is {_short(value)}: it must be a number") from None
+
+
+def count(value: Any, what: str, most: int = 1_000_000) -> int:
+    """A whole number from 1 to ``most``."""
+    try:
+        whole = operator.index(value)
+    except TypeError:
+        raise TypeError(f"{what} is {_short(value)}: it must be a whole number") from None
+    if not 1 <= whole <= most:
+        raise ValueError(f"{what} is {whole}: it must be 1 to {most}")
+    return whole
+
+
+def pupil(x: Any, y: Any, diameter: Any, depth: Any) -> tuple[float, float, float, float]:
+    """A pupil's four numbers."""
+    return number(x, "x"), number(y, "y"), number(diameter, "diameter"), number(depth, "depth")
+
+
+def pupils(value: Any) -> list[tuple[float, float, float, float]]:
+    """Several pupils, each four numbers: x, y, diameter, depth."""
+    try:
+        each = [tuple(one) for one in value]
+    except TypeError:
+        raise TypeError(f"pupils is {_short(value)}: it must be a sequence of (x, y, diameter, depth)") from None
+    if not each or any(len(one) != 4 for one in each):
+        raise ValueError(f"pupils is {_short(value)}: it must be one or more of (x, y, diameter, depth)")
+    return [pupil(*one) for one in each]
+
+
+def path(value: Any, what: str) -> str:
+    """A path as text."""
+    try:
+        return os.fsdecode(value)
+    except TypeError:
+        raise TypeError(f"{what} is {_short(value)}: it must be a path") from None
+
+
+def is_path(value: Any) -> bool:
+    """Whether it names something rather than being it."""
+    return isinstance(value, (str, os.PathLike))
+
+
+def is_array(value: Any) -> bool:
+    """Whether it may hold numbers."""
+    return isinstance(value, (np.ndarray, list, tuple)) or hasattr(value, "__dlpack__") or hasattr(value, "__array__")
+
+
+def colors(value: Any, has: list[str]) -> list[str]:
+    """Colours by their names; none for all of ``has``."""
+    if value is None:
+        return list(has)
+    names = [value] if isinstance(value, str) else value
+    try:
+        names = list(names)
+    except TypeError:
+        names = [names]
+    if not names or not all(isinstance(name, str) for name in names):
+        raise TypeError(f"color is {_short(value)}: it must be one or more of {', '.join(has)}")
+    return names
+
+
+def array(value: Any, what: str, right: str) -> np.ndarray:
+    """An array on the host, not copied where it is there already: NumPy's, what NumPy makes of lists, or, by DLPack, PyTorch's
+    and JAX's. ``right`` says what it should be."""
+    try:
+        if isinstance(value, np.ndarray):
+            plain = value
+        elif hasattr(value, "__dlpack__"):
+            plain = np.from_dlpack(value)
+        else:
+            plain = np.asarray(value)
+    except Exception as error:  # Whatever a foreign library raises.
+        raise TypeError(f"{what} is {_short(value)}, of which NumPy makes no array ({error}): it must be {right}") from error
+    if plain.size == 0 or plain.ndim == 0:
+        raise ValueError(f"{what} has the shape {plain.shape}: it must be {right}")
+    return plain
+
+
+def _float32(plain: np.ndarray) -> np.ndarray:
+    # A number that float32 does not hold becomes infinite, and is refused with its place.
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.ascontiguousarray(plain, dtype=np.float32)
+
+
+def radians(value: Any, what: str) -> np.ndarray:
+    """Phases: floating point, (row, column) or (sub-frame, row, column); as the latter."""
+    right = "(sub-frame, row, column) or (row, column) of floating-point radians"
+    plain = array(value, what, right)
+    if plain.dtype.kind != "f":
+        raise TypeError(f"{what} has the dtype {plain.dtype}: it must be {right}")
+    if plain.ndim not in (2, 3):
+        raise ValueError(f"{what} has the shape {plain.shape}: it must be {right}")
+    return _float32(plain if plain.ndim == 3 else plain[None])
+
+
+def light_field(value: Any, what: str) -> tuple[list[np.ndarray], int]:
+    """Views as one array (view row, view column, row, column) of linear light a colour, and how many colours there are.
+
+    Floating point is linear light; 8 and 16 bits are what pictures hold, sRGB.
+    """
+    right = (
+        "(view row, view column, row, column[, 3]), or (row, column[, 3]) of one view, "
+        "of linear light in floating point or of sRGB in uint8 or uint16"
+    )
+    plain = array(value, what, right)
+    if plain.dtype.kind not in "fb" and plain.dtype not in (np.uint8, np.uint16):
+        raise TypeError(f"{what} has the dtype {plain.dtype}: it must be {right}")
+    if plain.ndim in (3, 5) and plain.shape[-1] in (1, 3):
+        planes = [plain[..., color] for color in range(plain.shape[-1])]
+    elif plain.ndim in (2, 4):
+        planes = [plain]
+    else:
+        raise ValueError(f"{what} has the shape {plain.shape}: it must be {right}")
+    if plain.dtype.kind == "u":
+        table = _eyebox.linear_light(int(np.iinfo(plain.dtype).max) + 1)
+        planes = [table[plane] for plane in planes]
+    planes = [_float32(plane if plane.ndim == 4 else plane[None, None]) for plane in planes]
+    return planes, len(planes)
+
+
+def toml(settings: dict[str, Any]) -> str:
+    """Settings as TOML; None is as by default."""
+    lines = (f"{_key(key)} = {_value(key, value)}" for key, value in settings.items() if value is not None)
+    return "\n".join(lines)
+
+
+def _key(key: Any) -> str:
+    return _text(str(key))
+
+
+def _text(text: str) -> str:
+    # JSON's strings are TOML's, but for one character.
+    return json.dumps(text).replace("\x7f", "\\u007f")
+
+
+def _value(name: str, value: Any) -> str:
+    if isinstance(value, (np.generic, np.ndarray)):
+        value = value.tolist()
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, (int, float)):
+        return repr(value)
+    if is_path(value):
+        return _text(os.fsdecode(value))
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(_value(name, one) for one in value) + "]"
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{_key(key)} = {_value(f'{name}.{key}', one)}" for key, one in value.items()) + " }"
+    raise TypeError(f"{name} is {_short(value)}: it must be a number, a text, a bool, or a list or dict of them")
+
+
+def _short(value: Any) -> str:
+    """A value in a sentence."""
+    text = repr(value)
+    text = " ".join(text.split())
+    return text if len(text) <= 60 else f"{text[:40]}... ({type(value).__name__})"

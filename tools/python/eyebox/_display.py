@@ -1,0 +1,186 @@
+"""Displays and engines."""
+
+from __future__ import annotations
+
+import functools
+import threading
+from typing import Any
+
+from . import _arguments, _eyebox
+
+
+def presets() -> list[str]:
+    """The names of the built-in displays."""
+    return _eyebox.presets()
+
+
+class Display:
+    """A display: an SLM, its optics and how it takes its phases. It never changes.
+
+    Parameters
+    ----------
+    name : str or path, optional
+        A preset (:func:`presets`) or a display file (TOML, docs/displays.md). Without one, the fields say all.
+    size : (int, int), optional
+        Rows and columns of the SLM.
+    **fields
+        Keys of a display file, over those of ``name``: ``pitch_um``, ``focal_length_mm``, ``wavelengths_nm`` (a dict of
+        colours), ``levels``, ``rate_hz``, ``geometry`` ("relay" or "far-field"), ``portrait``, and ``encoding``,
+        ``model``, ``picture`` and ``prescription`` as dicts.
+
+    Raises
+    ------
+    DisplayError
+        What cannot be, with the key.
+
+    Examples
+    --------
+    >>> import eyebox
+    >>> eyebox.Display("planes8", size=(512, 512)).resolution
+    (512, 512)
+    >>> bench = eyebox.Display(
+    ...     size=(1080, 1920), pitch_um=8.0, focal_length_mm=400.0, wavelengths_nm={"green": 520.0}, levels=256
+    ... )
+    >>> round(bench.eyebox * 1e3, 1)
+    26.0
+    """
+
+    __slots__ = ("_native",)
+
+    def __init__(self, name: Any = None, *, size: tuple[int, int] | None = None, **fields: Any) -> None:
+        if name is None and size is None and not fields:
+            raise TypeError("Display() needs a name, or the fields of a display file")
+        name = None if name is None else _arguments.path(name, "name")
+        if size is not None:
+            try:
+                rows, columns = size
+            except (TypeError, ValueError):
+                raise TypeError(f"size is {size!r}: it must be (rows, columns)") from None
+            most = 65536
+            fields["resolution"] = [_arguments.count(rows, "size[0]", most), _arguments.count(columns, "size[1]", most)]
+        self._native = _eyebox.Display(name, _arguments.toml(fields))
+
+    @classmethod
+    def _of(cls, native: _eyebox.Display) -> Display:
+        made = object.__new__(cls)
+        made._native = native
+        return made
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        return self._native.name
+
+    @property
+    def resolution(self) -> tuple[int, int]:
+        """Rows and columns of the SLM."""
+        return self._native.resolution
+
+    @property
+    def picture_size(self) -> tuple[int, int]:
+        """Rows and columns of the pictures that it shows."""
+        return self._native.picture_size
+
+    @property
+    def pitch(self) -> float:
+        """Pixel pitch, metres."""
+        return self._native.pitch
+
+    @property
+    def focal_length(self) -> float:
+        """Focal length of the relay, metres."""
+        return self._native.focal_length
+
+    @property
+    def eyebox(self) -> float:
+        """Side of the eyebox that all its colours serve, metres."""
+        return self._native.eyebox
+
+    @property
+    def geometry(self) -> str:
+        """Where the SLM stands: "relay" or "far-field"."""
+        return self._native.geometry
+
+    @property
+    def wavelengths(self) -> dict[str, float]:
+        """Its colours and their wavelengths, metres."""
+        return dict(self._native.wavelengths)
+
+    @property
+    def levels(self) -> int:
+        """Phase levels of the SLM."""
+        return self._native.levels
+
+    def to_toml(self) -> str:
+        """The text of its display file."""
+        return self._native.to_toml()
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Display) and self.to_toml() == other.to_toml()
+
+    def __hash__(self) -> int:
+        return hash(self.to_toml())
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _display_of_toml, (self.to_toml(),)
+
+    def __repr__(self) -> str:
+        (rows, columns), colors = self.resolution, ", ".join(self.wavelengths)
+        return f"<eyebox.Display {self.name}: {rows} x {columns}, {colors}, eyebox {self.eyebox * 1e3:.1f} mm>"
+
+
+def _display_of_toml(text: str) -> Display:
+    return Display._of(_eyebox.Display.of_toml(text))
+
+
+def display_of(value: Any) -> Display:
+    """A display by itself, by name or by file."""
+    if isinstance(value, Display):
+        return value
+    if _arguments.is_path(value):
+        return Display(value)
+    raise TypeError(f"display is {value!r}: it must be an eyebox.Display, the name of a preset or a display file")
+
+
+class Engine:
+    """Where is computed. Threads may share one: they compute side by side.
+
+    Parameters
+    ----------
+    choice : {"auto", "cpu", "vulkan"}
+        "auto" is a real GPU where there is one that computes as it should, else the CPU; "vulkan" takes a device in software,
+        too.
+    """
+
+    __slots__ = ("_native",)
+
+    def __init__(self, choice: str = "auto") -> None:
+        if not isinstance(choice, str):
+            raise TypeError(f"choice is {choice!r}: it must be auto, cpu or vulkan")
+        self._native = _eyebox.Engine(choice)
+
+    @property
+    def reason(self) -> str:
+        """What computes, and why that and nothing else, in a sentence."""
+        return self._native.reason
+
+    def __repr__(self) -> str:
+        return f"<eyebox.Engine {self.reason}>"
+
+
+_opening = threading.Lock()
+
+
+@functools.lru_cache(maxsize=None)
+def _shared(choice: str) -> _eyebox.Engine:
+    return _eyebox.Engine(choice)
+
+
+def engine_of(value: Any) -> _eyebox.Engine:
+    """An engine by itself, or the process's own by name."""
+    if isinstance(value, Engine):
+        return value._native
+    if isinstance(value, str):
+        with _opening:
+            return _shared(value)
+    raise TypeError(f"engine is {value!r}: it must be an eyebox.Engine, auto, cpu or vulkan")

@@ -1,0 +1,259 @@
+"""Holograms: their files, their phases, and what is seen of them."""
+
+from __future__ import annotations
+
+import json
+import os
+from typing import Any, Callable, NamedTuple
+
+import numpy as np
+
+from . import _arguments, _eyebox
+from ._display import Display, display_of, engine_of
+from ._scene import Scene, scene_of
+
+
+class Score(NamedTuple):
+    """What a pupil sees, against what it should see.
+
+    Attributes
+    ----------
+    psnr : float
+        PSNR over all colours, dB.
+    ceiling : float or None
+        The most that any hologram could have there, dB; None where it is not known.
+    ssim : float or None
+        Mean SSIM over the colours; None where the picture is smaller than SSIM's window.
+    """
+
+    psnr: float
+    ceiling: float | None
+    ssim: float | None
+
+
+class Hologram:
+    """Phases, and what they were made for and by. It never changes.
+
+    Made by :func:`eyebox.solve`, :meth:`load`, :meth:`from_phases` or :meth:`refine`. In a notebook it shows itself as an eye
+    in the middle of the eyebox sees it.
+    """
+
+    __slots__ = ("_native", "_png", "_scene", "_stopped")
+
+    def __init__(self) -> None:
+        raise TypeError("a Hologram is made by eyebox.solve, Hologram.load or Hologram.from_phases")
+
+    @classmethod
+    def _of(cls, native: _eyebox.Hologram, scene: Scene | None, stopped: str | None) -> Hologram:
+        made = object.__new__(cls)
+        made._native, made._scene, made._stopped, made._png = native, scene, stopped, None
+        return made
+
+    @classmethod
+    def load(cls, path: Any, at: int | None = None) -> Hologram:
+        """Opens a hologram that :meth:`save` or the command made: a .zarr folder, or hologram ``at`` of a sequence.
+
+        Raises
+        ------
+        HologramError
+            Nothing that is one, or a damaged one, with its file.
+        """
+        if at is not None:
+            at = _arguments.count(at + 1 if isinstance(at, int) else at, "at", 1 << 40) - 1
+        return cls._of(_eyebox.Hologram.load(_arguments.path(path, "path"), at), None, None)
+
+    @classmethod
+    def from_phases(
+        cls, phases: Any, display: Any, color: Any = None, *, scene: Any = None, engine: Any = "auto"
+    ) -> Hologram:
+        """The hologram that phases of one's own are on a display: to be looked at, scored, refined, encoded and saved.
+
+        Parameters
+        ----------
+        phases : array, or dict of arrays
+            (sub-frame, row, column) or (row, column), radians in floating point, of the display's size; for several colours, a
+            dict by their names. Whatever speaks DLPack (PyTorch, JAX) will do.
+        display : Display, str or path
+            The display that they are for.
+        color : str, optional
+            The colour of an array; may be left out where the display has one only.
+        scene : Scene, str, path or array, optional
+            The scene that they show: it decides the exposures, without which nothing can be seen.
+        engine : Engine or str
+            Where exposures are fitted.
+        """
+        display = display_of(display)
+        if isinstance(phases, dict):
+            if color is not None or not phases:
+                raise TypeError("color says which colour one array is for: a dict of phases has its own, one or more")
+            names = _arguments.colors(list(phases), list(display.wavelengths))
+            arrays = [_arguments.radians(value, f"phases[{name!r}]") for name, value in phases.items()]
+        else:
+            arrays = [_arguments.radians(phases, "phases")]
+            names = _arguments.colors(color, list(display.wavelengths))
+            if len(names) != 1:
+                raise ValueError(f"phases are of one colour: color must say which of {', '.join(names)}")
+        scene = None if scene is None else scene_of(scene, display, names)
+        shown = None if scene is None else scene._native
+        native = _eyebox.Hologram.of_phases(display._native, names, arrays, shown, engine_of(engine))
+        return cls._of(native, scene, None)
+
+    def save(self, path: Any) -> None:
+        """Saves it by the ending of its name: .zarr is all of it, .npy its phases alone. A hologram that is there is replaced,
+        anything else left alone, and nothing is left half written."""
+        self._native.save(_arguments.path(path, "path"))
+
+    @property
+    def phases(self) -> dict[str, np.ndarray]:
+        """The phases of each colour, (sub-frame, row, column), radians in [-pi, pi): not copied, and read-only."""
+        return {color: self._native.phases(index) for index, color in enumerate(self.colors)}
+
+    @property
+    def colors(self) -> list[str]:
+        """Its colours; a number where one has no name."""
+        return self._native.colors
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Sub-frames, rows and columns."""
+        return tuple(self._native.shape)
+
+    @property
+    def frames(self) -> int:
+        """Sub-frames."""
+        return self.shape[0]
+
+    @property
+    def exposures(self) -> dict[str, float] | None:
+        """By what the light of each colour is multiplied, once for the whole eyebox; None where that is not known."""
+        known = self._native.exposures
+        return None if known is None else dict(zip(self.colors, known))
+
+    @property
+    def scene(self) -> str:
+        """The name of the scene that it shows."""
+        return self._native.scene
+
+    @property
+    def display(self) -> Display:
+        """The display that it was made for: its optics, without its encoding."""
+        return Display._of(self._native.display)
+
+    @property
+    def metadata(self) -> dict[str, Any]:
+        """How it was made, as its file has it (docs/hologram-format.md)."""
+        return json.loads(self._native.metadata)
+
+    @property
+    def stopped(self) -> str | None:
+        """Why its solve ended: "steps", "seconds", "quality", "callback" or "interrupt"; None where it was not solved here."""
+        return self._stopped
+
+    def view(
+        self, x: float = 0.0, y: float = 0.0, diameter: float = 4e-3, depth: float = 0.0, *, engine: Any = "auto"
+    ) -> np.ndarray:
+        """What an eye sees through a pupil.
+
+        Parameters
+        ----------
+        x, y : float
+            Its centre, metres: to the right, and down.
+        diameter : float
+            Its diameter, metres.
+        depth : float
+            Where it focuses, metres from the SLM's image; positive is nearer.
+        engine : Engine or str
+            Where it is computed.
+
+        Returns
+        -------
+        numpy.ndarray
+            (row, column, colour), float32, linear light with 1 as the scene's full scale.
+        """
+        return self._native.view(_arguments.pupil(x, y, diameter, depth), engine_of(engine))
+
+    def score(self, scene: Any = None, pupils: Any = None, *, engine: Any = "auto") -> list[Score]:
+        """Compares what pupils see with what they should see, with one exposure per colour for all of them.
+
+        Parameters
+        ----------
+        scene : Scene, str, path or array, optional
+            Its scene; what it was solved from where none is given.
+        pupils : sequence of (x, y, diameter, depth), optional
+            Metres. Where none are given, five of 4 mm, in the middle of the eyebox and around it.
+        engine : Engine or str
+            Where it is computed.
+        """
+        scene = self._scene_of(scene)
+        if pupils is None:
+            side, wide = self.display.eyebox / 4, self._usual()
+            pupils = [(x * side, y * side, wide, 0.0) for x, y in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1))]
+        scores = self._native.score(scene._native, _arguments.pupils(pupils), engine_of(engine))
+        return [Score(*score) for score in scores]
+
+    def refine(
+        self,
+        pupil: Any,
+        steps: int = 16,
+        *,
+        scene: Any = None,
+        spread: float = 0.0,
+        engine: Any = "auto",
+        callback: Callable[[int, float], Any] | None = None,
+        **steering: Any,
+    ) -> Hologram:
+        """The same hologram, refined for where the pupil is.
+
+        Parameters
+        ----------
+        pupil : (x, y, diameter, depth)
+            Where it is, metres; its centre is known to within ``spread``.
+        steps : int
+            Steps that are taken.
+        scene, engine, callback, **steering
+            As of :class:`eyebox.Refiner` and its ``step``.
+        """
+        from ._refiner import Refiner
+
+        refiner = Refiner(self, scene, engine=engine, **steering)
+        [where] = _arguments.pupils([pupil])
+        refiner.aim(*where, spread=spread)
+        refiner.step(steps, callback)
+        return refiner.hologram
+
+    def encode(self, display: Any) -> np.ndarray:
+        """The video frames that a display receives.
+
+        Returns
+        -------
+        numpy.ndarray
+            (frame, row, column, channel), uint8, in the order in which they are shown; 1 channel (grey) or 3.
+        """
+        return self._native.encode(display_of(display)._native)
+
+    def _usual(self) -> float:
+        return min(4e-3, self.display.eyebox)
+
+    def _scene_of(self, scene: Any) -> Scene:
+        if scene is None:
+            scene = self._scene
+        if scene is None:
+            known = self.scene.startswith("builtin:") or (self.scene != "" and os.path.exists(self.scene))
+            if not known:
+                raise ValueError(f"scene is None, and the hologram's own, {self.scene!r}, is not here: give it")
+            scene = self.scene
+        return scene if isinstance(scene, Scene) else Scene(scene, self.display, self.colors)
+
+    def _repr_png_(self) -> bytes | None:
+        if self._png is None and self.exposures is not None:
+            try:
+                pupil = (0.0, 0.0, self._usual(), 0.0)
+            except _eyebox.EyeboxError:
+                return None
+            self._png = self._native.picture(pupil, engine_of("auto"))
+        return self._png
+
+    def __repr__(self) -> str:
+        frames, rows, columns = self.shape
+        of = f" of {self.scene}" if self.scene else ""
+        return f"<eyebox.Hologram{of}: {frames} sub-frames of {rows} x {columns}, {', '.join(self.colors)}>"

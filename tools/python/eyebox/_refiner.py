@@ -1,0 +1,66 @@
+"""Holograms that are refined for where the eye is."""
+
+from __future__ import annotations
+
+from typing import Any, Callable
+
+from . import _arguments, _eyebox
+from ._display import engine_of
+from ._hologram import Hologram
+
+
+class Refiner:
+    """A hologram under refinement, step by step, for loops of one's own. The hologram that it begins with stays as it is.
+
+    Parameters
+    ----------
+    hologram : Hologram
+        What is refined.
+    scene : Scene, str, path or array, optional
+        Its scene; what it was solved from where none is given.
+    engine : Engine or str
+        Where is computed, on engines of the refiner's own.
+    **steering
+        Fields of the library's ``solve::Steering``: ``pupils``, ``elsewhere``, ``strategy`` (a dict), ``seed``, ...
+
+    Examples
+    --------
+    >>> import eyebox
+    >>> small = eyebox.Display("small", size=(32, 32))
+    >>> hologram = eyebox.solve("builtin:plane", small, color="green", frames=1, steps=2)
+    >>> refiner = eyebox.Refiner(hologram)
+    >>> refiner.aim(x=2e-3, diameter=4e-3, depth=1e-3)
+    >>> refiner.step() < 1
+    True
+    >>> steered = refiner.hologram
+    """
+
+    __slots__ = ("_native", "_scene")
+
+    def __init__(self, hologram: Hologram, scene: Any = None, *, engine: Any = "auto", **steering: Any) -> None:
+        if not isinstance(hologram, Hologram):
+            raise TypeError(f"hologram is {hologram!r}: it must be an eyebox.Hologram")
+        self._scene = hologram._scene_of(scene)
+        text = _arguments.toml(steering)
+        self._native = _eyebox.Refiner(hologram._native, self._scene._native, text, engine_of(engine))
+
+    def aim(
+        self, x: float = 0.0, y: float = 0.0, diameter: float = 4e-3, depth: float = 0.0, *, spread: float = 0.0
+    ) -> None:
+        """The pupil is there from now on, its centre known to within ``spread`` (a standard deviation along each axis); metres."""
+        self._native.aim(_arguments.pupil(x, y, diameter, depth), _arguments.number(spread, "spread"))
+
+    def step(self, steps: int = 1, callback: Callable[[int, float], Any] | None = None) -> float:
+        """Takes steps of every colour; ctrl-C and a callback (steps taken, loss) that answers ``False`` end it early.
+
+        Returns
+        -------
+        float
+            The loss of the last: mean squared difference over its pupils, in linear light.
+        """
+        return self._native.step(_arguments.count(steps, "steps"), callback)[0]
+
+    @property
+    def hologram(self) -> Hologram:
+        """The hologram as it is now, a copy: the refiner goes on."""
+        return Hologram._of(self._native.hologram(), self._scene, None)

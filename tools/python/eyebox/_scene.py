@@ -1,0 +1,190 @@
+"""Scenes, and photographs of them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from . import _arguments, _eyebox
+from ._display import Display, display_of, engine_of
+
+
+class Scene:
+    """A scene as a light field: views from a grid of places in the pupil plane, of the size of a display's pictures.
+
+    Parameters
+    ----------
+    source : str, path or array
+        "builtin:NAME", a folder of views or a picture (docs/scenes.md); or a light field of one's own:
+        (view row, view column, row, column) or (view row, view column, row, column, colour) with 3 colours; a single view may
+        leave out its first two axes. Floating point is linear light, finite and not negative, with 1 as full scale; uint8 and
+        uint16 are sRGB. NumPy arrays in any order, lists, and whatever speaks DLPack (PyTorch, JAX) on the CPU. View (r, c)
+        looks from x = (c - (columns - 1) / 2) view_pitch, y = (r - (rows - 1) / 2) view_pitch. Views of another size than the
+        display's pictures are scaled to fit whole.
+    display : Display, str or path
+        The display that is to show it.
+    color : str or sequence of str, optional
+        "red", "green", "blue"; all of the display's where none is given. A grey light field is shown in each of them.
+    views : int, optional
+        Views per axis of scenes that are rendered, 1 to 64.
+    view_pitch : float, optional
+        Metres between neighbouring views; arrays are spread over the eyebox where none is given.
+    depth_map : path, optional
+        The depth map of a picture.
+    depth : (float, float), optional
+        What its ends mean, metres.
+    name : str, optional
+        What holograms of an array remember as their scene.
+
+    Raises
+    ------
+    SceneError
+        A scene that cannot be read or shown, with its file, or the place in the array.
+    """
+
+    __slots__ = ("_display", "_native")
+
+    def __init__(
+        self,
+        source: Any,
+        display: Any = "paper",
+        color: Any = None,
+        *,
+        views: int | None = None,
+        view_pitch: float | None = None,
+        depth_map: Any = None,
+        depth: tuple[float, float] | None = None,
+        name: str = "",
+    ) -> None:
+        self._display = display_of(display)
+        native = self._display._native
+        names = _arguments.colors(color, list(self._display.wavelengths))
+        pitch = None if view_pitch is None else _arguments.number(view_pitch, "view_pitch")
+        if _arguments.is_path(source):
+            views = None if views is None else _arguments.count(views, "views", 64)
+            depth_map = None if depth_map is None else _arguments.path(depth_map, "depth_map")
+            if depth is not None:
+                depth = _pair(depth, "depth")
+            source = _arguments.path(source, "scene")
+            self._native = _eyebox.Scene.load(source, native, names, (views, pitch, depth_map, depth))
+            return
+        if not _arguments.is_array(source):
+            raise TypeError(f"scene is {source!r}: it must be an eyebox.Scene, a name, a path or an array of views")
+        for what, given in (("views", views), ("depth_map", depth_map), ("depth", depth)):
+            if given is not None:
+                raise TypeError(f"{what} belongs to scenes that are loaded: an array of views has its own")
+        planes, has = _arguments.light_field(source, "scene")
+        if has == 3:
+            known = dict(zip(("red", "green", "blue"), planes))
+            planes = [known[name] for name in names if name in known]
+        elif has == 1:
+            planes = planes * len(names)
+        self._native = _eyebox.Scene.of_views(str(name), native, names, planes, pitch)
+
+    @property
+    def display(self) -> Display:
+        """The display that is to show it."""
+        return self._display
+
+    @property
+    def source(self) -> str:
+        """Where it came from."""
+        return self._native.source
+
+    @property
+    def colors(self) -> list[str]:
+        """Its colours."""
+        return self._native.colors
+
+    @property
+    def shape(self) -> tuple[int, int, int, int, int]:
+        """View rows, view columns, rows, columns, colours."""
+        rows, columns, height, width = self._native.shape
+        return rows, columns, height, width, len(self.colors)
+
+    @property
+    def views(self) -> np.ndarray:
+        """All views, (view row, view column, row, column, colour), linear light: a copy."""
+        planes = [self._native.views(color).reshape(self.shape[:4]) for color in range(len(self.colors))]
+        return np.stack(planes, axis=-1)
+
+    @property
+    def view_pitch(self) -> float:
+        """Metres between neighbouring views in the pupil plane."""
+        return self._native.view_pitch(self._display._native)
+
+    @property
+    def depth_range(self) -> tuple[float, float] | None:
+        """Farthest and nearest depth, metres; None where it is not known."""
+        known = self._native.depth_range(self._display._native)
+        return None if known is None else tuple(known)
+
+    def photograph(
+        self, x: float = 0.0, y: float = 0.0, diameter: float = 4e-3, depth: float = 0.0, *, engine: Any = "auto"
+    ) -> np.ndarray:
+        """What an eye should see of it: :func:`photograph`."""
+        pupil = _arguments.pupil(x, y, diameter, depth)
+        return self._native.photograph(self._display._native, pupil, engine_of(engine))
+
+    def __repr__(self) -> str:
+        rows, columns, height, width, _ = self.shape
+        what = self.source or "of an array"
+        return f"<eyebox.Scene {what}: {rows} x {columns} views of {height} x {width}, {', '.join(self.colors)}>"
+
+
+def _pair(value: Any, what: str) -> tuple[float, float]:
+    try:
+        first, second = value
+    except (TypeError, ValueError):
+        raise TypeError(f"{what} is {value!r}: it must be two numbers") from None
+    return _arguments.number(first, what), _arguments.number(second, what)
+
+
+def scene_of(value: Any, display: Display, color: Any = None, **options: Any) -> Scene:
+    """A scene by itself, or of a name, a path or an array."""
+    if not isinstance(value, Scene):
+        return Scene(value, display, color, **options)
+    if color is not None and _arguments.colors(color, value.colors) != value.colors:
+        raise ValueError(f"color is {color!r}: the scene has {', '.join(value.colors)}; give it when the scene is made")
+    if any(option is not None for option in options.values()):
+        raise TypeError(f"{', '.join(options)} belong to a scene that is loaded here: give them when the scene is made")
+    return value
+
+
+def photograph(
+    scene: Any,
+    x: float = 0.0,
+    y: float = 0.0,
+    diameter: float = 4e-3,
+    depth: float = 0.0,
+    *,
+    display: Any = "paper",
+    color: Any = None,
+    engine: Any = "auto",
+) -> np.ndarray:
+    """What an eye should see of a scene through a pupil.
+
+    Parameters
+    ----------
+    scene : Scene, str, path or array
+        The scene; all but a :class:`Scene` is made one for ``display`` and ``color``.
+    x, y : float
+        Centre of the pupil, metres: to the right, and down.
+    diameter : float
+        Its diameter, metres.
+    depth : float
+        Where it focuses, metres from the SLM's image; positive is nearer.
+    display, color
+        As of :class:`Scene`.
+    engine : Engine or str
+        Where it is computed.
+
+    Returns
+    -------
+    numpy.ndarray
+        (row, column, colour), float32, linear light with 1 as full scale.
+    """
+    if not isinstance(scene, Scene):
+        scene = Scene(scene, display, color)
+    return scene.photograph(x, y, diameter, depth, engine=engine)

@@ -1,0 +1,75 @@
+//! The library's errors as Python's exceptions: its sentences, by the room that said them.
+
+use eyebox::optics::OpticsError;
+use eyebox::produce::ProduceError;
+use pyo3::exceptions::PyValueError;
+use pyo3::{PyErr, create_exception};
+
+create_exception!(
+    eyebox,
+    EyeboxError,
+    PyValueError,
+    "What eyebox refuses, or could not do. All of its own exceptions are this one."
+);
+create_exception!(eyebox, DisplayError, EyeboxError, "The display, or a pupil before it.");
+create_exception!(eyebox, SceneError, EyeboxError, "The scene, its file or its views.");
+create_exception!(eyebox, SolveError, EyeboxError, "The settings, or the solve or refinement that they ask for.");
+create_exception!(eyebox, HologramError, EyeboxError, "The hologram, or its file.");
+create_exception!(eyebox, EncodeError, EyeboxError, "The encoding, or what is to be encoded.");
+create_exception!(eyebox, EngineError, EyeboxError, "The engine or its device.");
+
+/// What went wrong, on its way to Python.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum Failure {
+    #[error("{0}")]
+    Argument(String),
+    #[error(transparent)]
+    Optics(#[from] OpticsError),
+    #[error(transparent)]
+    Scene(#[from] eyebox::scene::SceneError),
+    #[error(transparent)]
+    Produce(#[from] ProduceError),
+    #[error(transparent)]
+    Solve(#[from] eyebox::solve::SolveError),
+    #[error(transparent)]
+    Hologram(#[from] eyebox::hologram::HologramError),
+    #[error(transparent)]
+    Encode(#[from] eyebox::encode::EncodeError),
+    #[error(transparent)]
+    Engine(#[from] eyebox::engine::EngineError),
+    #[error(
+        "at step {0} the loss is no finite number, and the step was not taken: take smaller gains or rates, or storage = \"fp32\""
+    )]
+    NotFinite(usize),
+    /// What Python said, in a callback or by a signal.
+    #[error(transparent)]
+    Python(#[from] PyErr),
+}
+
+impl From<Failure> for PyErr {
+    fn from(failure: Failure) -> Self {
+        use eyebox::hologram::HologramError as OfHologram;
+        let said = failure.to_string();
+        match failure {
+            Failure::Python(error) => error,
+            Failure::Argument(_) => PyValueError::new_err(said),
+            Failure::Optics(_)
+            | Failure::Produce(ProduceError::Optics(_))
+            | Failure::Hologram(OfHologram::Optics(_) | OfHologram::NoDisplay) => DisplayError::new_err(said),
+            Failure::Scene(_)
+            | Failure::Produce(ProduceError::Scene(_))
+            | Failure::Hologram(OfHologram::Scene(_) | OfHologram::OtherScene { .. } | OfHologram::OtherSize { .. }) => {
+                SceneError::new_err(said)
+            }
+            Failure::Engine(_)
+            | Failure::Produce(ProduceError::Engine(_))
+            | Failure::Hologram(OfHologram::Engine(_)) => EngineError::new_err(said),
+            Failure::Produce(_) | Failure::Solve(_) | Failure::NotFinite(_) => SolveError::new_err(said),
+            Failure::Hologram(_) => HologramError::new_err(said),
+            Failure::Encode(_) => EncodeError::new_err(said),
+        }
+    }
+}
+
+/// What the library answers.
+pub(crate) type Answer<T> = Result<T, Failure>;

@@ -1,0 +1,49 @@
+//! The extension module under the Python package `eyebox`: docs/python.md is how it is used, `eyebox/__init__.py` what people
+//! call.
+//!
+//! Arguments are made plain in Python (`eyebox/_arguments.py`: arrays of any order and kind, names, settings), results are made
+//! comfortable there; this crate converts and passes on, what it can do is the crate `eyebox`'s. The interpreter's lock is
+//! released while anything is computed, and taken back for callbacks and signals alone.
+
+// Phases are lent to NumPy where they lie: hologram.rs.
+#![deny(unsafe_op_in_unsafe_fn)]
+
+mod arrays;
+mod display;
+mod engine;
+mod failure;
+mod hologram;
+mod pupil;
+mod refiner;
+mod scene;
+mod solve;
+mod told;
+
+use pyo3::prelude::*;
+
+/// The extension module.
+#[pymodule]
+mod _eyebox {
+    #[pymodule_export]
+    use crate::arrays::linear_light;
+    #[pymodule_export]
+    use crate::display::{Display, presets};
+    #[pymodule_export]
+    use crate::engine::Engine;
+    #[pymodule_export]
+    use crate::failure::{DisplayError, EncodeError, EngineError, EyeboxError, HologramError, SceneError, SolveError};
+    #[pymodule_export]
+    use crate::hologram::Hologram;
+    #[pymodule_export]
+    use crate::refiner::Refiner;
+    #[pymodule_export]
+    use crate::scene::Scene;
+    #[pymodule_export]
+    use crate::solve::solve;
+    use pyo3::prelude::*;
+
+    #[pymodule_init]
+    fn about(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))
+    }
+}

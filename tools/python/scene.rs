@@ -1,0 +1,172 @@
+//! Scenes: light fields of files, built in, or of arrays.
+
+use crate::arrays::{picture, values};
+use crate::display::{Display, colors};
+use crate::engine::Engine;
+use crate::failure::{Answer, Failure};
+use crate::pupil::{Numbers, pupil};
+use eyebox::hologram::SceneSource;
+use eyebox::optics::Color;
+use eyebox::produce::SceneJob;
+use eyebox::scene::{Fit, LightField};
+use numpy::{IntoPyArray, PyArray1, PyArray3, PyReadonlyArrayDyn};
+use pyo3::prelude::*;
+use std::path::PathBuf;
+
+/// A scene as a light field that has the size of a display's pictures. It never changes.
+#[pyclass(frozen, module = "eyebox._eyebox")]
+pub(crate) struct Scene {
+    pub(crate) field: LightField,
+    /// By which name holograms know it.
+    pub(crate) source: String,
+    /// How it was asked for, which holograms of it remember.
+    asked: Asked,
+}
+
+/// Views per axis, metres between them, a depth map, metres that its ends mean.
+type Options = (Option<usize>, Option<f64>, Option<PathBuf>, Option<[f64; 2]>);
+
+#[derive(Default)]
+struct Asked {
+    view_pitch: Option<f64>,
+    views: Option<usize>,
+    depth_map: Option<PathBuf>,
+    depth: Option<[f64; 2]>,
+}
+
+impl Scene {
+    /// A job of its colours that remembers how it was loaded.
+    pub(crate) fn job<'a>(&self, display: &'a eyebox::optics::Display) -> SceneJob<'a> {
+        job(&self.source, display, self.field.colors.clone(), &self.asked)
+    }
+}
+
+fn job<'a>(source: &str, display: &'a eyebox::optics::Display, colors: Vec<Color>, asked: &Asked) -> SceneJob<'a> {
+    SceneJob {
+        colors,
+        view_pitch_mm: asked.view_pitch.map(|metres| metres * 1e3),
+        views: asked.views,
+        depth_maps: asked.depth_map.iter().cloned().collect(),
+        depth: asked.depth,
+        ..SceneJob::new(source, display)
+    }
+}
+
+#[pymethods]
+impl Scene {
+    /// Loads a scene as the command does.
+    #[staticmethod]
+    fn load(
+        py: Python<'_>,
+        source: String,
+        display: &Display,
+        color_names: Vec<String>,
+        options: Options,
+    ) -> PyResult<Self> {
+        let (views, view_pitch, depth_map, depth) = options;
+        let asked = Asked { view_pitch, views, depth_map, depth };
+        let load = || -> Answer<Self> {
+            let field = job(&source, &display.0, colors(&display.0, &color_names)?, &asked).load(0)?;
+            Ok(Self { field, source, asked })
+        };
+        Ok(py.detach(load)?)
+    }
+
+    /// Of arrays (view row, view column, row, column) of linear light, one for each colour.
+    #[staticmethod]
+    fn of_views(
+        py: Python<'_>,
+        source: String,
+        display: &Display,
+        color_names: Vec<String>,
+        arrays: Vec<PyReadonlyArrayDyn<'_, f32>>,
+        view_pitch: Option<f64>,
+    ) -> PyResult<Self> {
+        let colors = colors(&display.0, &color_names)?;
+        let mut shape = [0; 4];
+        let mut planes = Vec::with_capacity(arrays.len());
+        for array in &arrays {
+            let (own, light) = values::<4>(array, "views")?;
+            if own.contains(&0) || (!planes.is_empty() && own != shape) {
+                let right = "four sizes that are not 0, the same for each colour";
+                return Err(Failure::Argument(format!("views has the shape {own:?}: it must have {right}")).into());
+            }
+            shape = own;
+            planes.push(light.chunks_exact(own[2] * own[3]).map(<[f32]>::to_vec).collect());
+        }
+        let [view_rows, view_columns, height, width] = shape;
+        let field = LightField {
+            name: source.clone(),
+            grid: [view_rows, view_columns],
+            height,
+            width,
+            colors,
+            planes,
+            view_pitch,
+            disparity: None,
+            depth: None,
+            made: None,
+        };
+        let (rows, columns) = display.0.picture_size();
+        let fit = || -> Answer<Self> {
+            field.check()?;
+            let fits = (field.height, field.width) == (rows, columns);
+            let field = if fits { field } else { field.fit(rows, columns, Fit::Contain) };
+            Ok(Self { field, source, asked: Asked { view_pitch, ..Asked::default() } })
+        };
+        Ok(py.detach(fit)?)
+    }
+
+    #[getter]
+    fn source(&self) -> &str {
+        &self.source
+    }
+
+    /// Rows and columns of views, and of their pixels.
+    #[getter]
+    fn shape(&self) -> [usize; 4] {
+        let LightField { grid: [rows, columns], height, width, .. } = self.field;
+        [rows, columns, height, width]
+    }
+
+    #[getter]
+    fn colors(&self) -> Vec<String> {
+        self.field.colors.iter().map(Color::to_string).collect()
+    }
+
+    /// Farthest and nearest depth before a display, metres; none where it is not known.
+    fn depth_range(&self, display: &Display) -> Option<[f64; 2]> {
+        self.field.depth_range(&display.0)
+    }
+
+    /// Metres between neighbouring views in the pupil plane before a display.
+    fn view_pitch(&self, display: &Display) -> f64 {
+        self.field.cell(&display.0)
+    }
+
+    /// One colour's views, one after the other: a copy.
+    fn views<'py>(&self, py: Python<'py>, color: usize) -> PyResult<Bound<'py, PyArray1<f32>>> {
+        let views = self.field.planes.get(color);
+        let views = views.ok_or_else(|| Failure::Argument(format!("color is {color}: there are fewer")))?;
+        Ok(views.concat().into_pyarray(py))
+    }
+
+    /// The photograph through a pupil: (row, column, colour).
+    fn photograph<'py>(
+        &self,
+        py: Python<'py>,
+        display: &Display,
+        at: Numbers,
+        engine: &Engine,
+    ) -> PyResult<Bound<'py, PyArray3<f32>>> {
+        let take = || -> Answer<_> {
+            let pupil = pupil(at);
+            for color in &self.field.colors {
+                pupil.check_usual(&display.0.optics(*color)?)?;
+            }
+            let scene = SceneSource::new(self.field.clone(), &display.0)?;
+            engine.lend(|engine| Ok(scene.photograph(&pupil, engine)?))
+        };
+        picture(py, &py.detach(take)?)
+    }
+}

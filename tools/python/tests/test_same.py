@@ -1,0 +1,90 @@
+"""What comes out is what the command and the library give, and nothing is copied on the way that need not be."""
+
+import os
+import pathlib
+import subprocess
+
+import eyebox
+import numpy as np
+import pytest
+
+
+def command(*arguments):
+    program = os.environ.get("EYEBOX")
+    if not program or not pathlib.Path(program).exists():
+        pytest.skip("EYEBOX names no program")
+    subprocess.run([program, *map(str, arguments)], check=True, capture_output=True)
+
+
+@pytest.mark.parametrize("color", ["green", None])
+def test_the_same_seed_gives_the_commands_bytes(tmp_path, color):
+    small = eyebox.Display("small", size=(40, 48))
+    own = eyebox.solve("builtin:still-life", small, color=color, frames=2, steps=3, pupils=4, seed=7, engine="cpu")
+    own.save(tmp_path / "own.zarr")
+    settings = "--display small --size 40x48 --frames 2 --steps 3 --pupils 4 --seed 7 --engine cpu".split()
+    colors = ["--color", color] if color else []
+    command("solve", "builtin:still-life", *settings, *colors, "-o", tmp_path / "theirs.zarr")
+    theirs = eyebox.Hologram.load(tmp_path / "theirs.zarr")
+    assert list(own.phases) == list(theirs.phases) and own.exposures == theirs.exposures
+    for name, phases in own.phases.items():
+        assert phases.tobytes() == theirs.phases[name].tobytes()
+    assert eyebox.Hologram.load(tmp_path / "own.zarr").metadata["solve"] == theirs.metadata["solve"]
+    for chunk in sorted((tmp_path / "theirs.zarr/phases/c").rglob("*")):
+        if chunk.is_file():
+            same = tmp_path / "own.zarr" / chunk.relative_to(tmp_path / "theirs.zarr")
+            assert same.read_bytes() == chunk.read_bytes()
+
+
+def test_views_and_photographs_are_the_commands(tmp_path, hologram, display):
+    hologram.save(tmp_path / "x.zarr")
+    command("view", tmp_path / "x.zarr", "--pupil=2,0,4,1.5", "--engine", "cpu", "-o", tmp_path / "seen.npy")
+    seen = hologram.view(x=2e-3, diameter=4e-3, depth=1.5e-3)
+    raw = np.load(tmp_path / "seen.npy").reshape(40, 48)
+    np.testing.assert_array_equal(raw * np.float32(hologram.exposures["green"]), seen[..., 0])
+    wanted = eyebox.photograph("builtin:still-life", 2e-3, 0, 4e-3, 1.5e-3, display=display, color="green")
+    psnr = 10 * np.log10(1 / np.mean((wanted - seen) ** 2))
+    assert seen.dtype == np.float32 and wanted.shape == (40, 48, 1) and psnr > 10
+
+
+def test_phases_are_lent_and_not_copied(hologram):
+    first, again = hologram.phases["green"], hologram.phases["green"]
+    at = first.__array_interface__["data"]
+    assert at == again.__array_interface__["data"] and at[1], "read-only"
+    assert first.shape == hologram.shape == (8, 40, 48) and first.dtype == np.float32 and first.flags.c_contiguous
+    with pytest.raises(ValueError, match="read-only"):
+        first[0, 0, 0] = 1
+    with pytest.raises(ValueError):
+        first.setflags(write=True)
+    assert np.from_dlpack(first.copy()).shape == first.shape
+    # The memory outlives the hologram's name.
+    made = eyebox.Hologram.from_phases(np.full((40, 48), 0.25, np.float32), hologram.display, "green")
+    kept = made.phases["green"]
+    del made
+    assert (kept == 0.25).all()
+
+
+def test_a_file_keeps_all_of_it(tmp_path, hologram):
+    hologram.save(tmp_path / "x.zarr")
+    opened = eyebox.Hologram.load(tmp_path / "x.zarr")
+    assert opened.phases["green"].tobytes() == hologram.phases["green"].tobytes()
+    assert opened.metadata.keys() == hologram.metadata.keys() and opened.metadata["solve"]["seed"] == 7
+    assert opened.scene == "builtin:still-life" and opened.stopped is None and opened.exposures == hologram.exposures
+    # Without its scene in memory it finds the one that its file names.
+    np.testing.assert_allclose(opened.score(), hologram.score(), rtol=1e-6)
+    hologram.save(str(tmp_path / "x.npy"))
+    assert np.load(tmp_path / "x.npy").tobytes() == hologram.phases["green"].tobytes()
+
+
+def test_the_slm_receives_what_the_command_writes(tmp_path, hologram, display):
+    frames = hologram.encode(display)
+    assert frames.dtype == np.uint8 and frames.shape[1:3] == (40, 48) and frames.flags.c_contiguous
+    # Eight sub-frames are the eight bits of one video frame.
+    assert frames.shape[0] == 1 and len(np.unique(frames)) > 2
+
+
+def test_it_shows_itself(hologram):
+    png = hologram._repr_png_()
+    assert png[:8] == b"\x89PNG\r\n\x1a\n" and png is hologram._repr_png_()
+    bare = eyebox.Hologram.from_phases(np.zeros((40, 48)), hologram.display, "green")
+    assert bare._repr_png_() is None and bare.exposures is None
+    assert "8 sub-frames of 40 x 48" in repr(hologram)
