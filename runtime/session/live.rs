@@ -2,7 +2,7 @@
 
 use super::companion::CompanionOpener;
 use super::error::SessionError;
-use super::far_field::Field;
+use super::field::Field;
 use super::following::{Following, OPEN};
 use super::journal::{Journal, Keeping, Kept};
 use super::latency::Latency;
@@ -16,7 +16,7 @@ use super::scenes::Scenes;
 use super::scheduler::{Schedule, Start};
 use super::set_timing::{SetTiming, as_ns};
 use super::showing::Showing;
-use super::steerer::{Policy, SteeredColor, Steerer};
+use super::steerer::{EngineOpener, Policy, SteeredColor, Steerer};
 use super::timeline::Speed;
 use super::trace::Trace;
 use super::watch::{Samples, Watch};
@@ -96,9 +96,6 @@ pub fn whole_eyebox(eyebox: f64, focus: [f64; 2]) -> PupilDistribution {
 
 /// As wide as an eye's pupil becomes, metres.
 const WIDEST_PUPIL: f64 = 8e-3;
-
-/// Opens an engine, as often as it is called.
-pub type EngineOpener = Box<dyn FnMut() -> Result<Box<dyn Engine>, EngineError> + Send>;
 
 /// Where engines come from.
 #[non_exhaustive]

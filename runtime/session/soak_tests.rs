@@ -6,7 +6,6 @@ use super::*;
 use crate::present::SECOND_NS;
 use crate::solve::SplitMix;
 use std::collections::HashMap;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 /// A packing, the display's rate, and the video frames of a set.
@@ -97,43 +96,6 @@ fn soak(seconds: f64, displays: &[(&str, u32, u64)], content: &[i64], seed: u64)
             let showing = statistics.live.unwrap().showing.unwrap();
             assert!(showing.shown > 2, "{what}: {showing:?}");
         }
-    }
-}
-
-/// The same in real time, while every core is kept busy by others: as little as comes, it adds up. A minute with `EYEBOX_SOAK=full`.
-#[test]
-fn under_full_load_the_accounts_add_up() {
-    let seconds = if std::env::var("EYEBOX_SOAK").is_ok_and(|soak| soak == "full") { 20.0 } else { 1.0 };
-    let over = AtomicBool::new(false);
-    std::thread::scope(|scope| {
-        let cores = std::thread::available_parallelism().map_or(2, usize::from);
-        for _ in 0..cores {
-            scope.spawn(|| {
-                while !over.load(Ordering::Relaxed) {
-                    std::hint::spin_loop();
-                }
-            });
-        }
-        let _over = Over(&over);
-        let mut noise = SplitMix(11);
-        for (preset, rate, set_frames) in DISPLAYS {
-            let stage = Scripted::new(preset, 32, 3);
-            let app = application(&stage, 30, seconds, &mut noise);
-            let (statistics, frames) = shown(stage.live(app, Cost::Measured, 3), rate, seconds);
-            let what = format!("{preset} at {rate}");
-            adds_up(&statistics, &frames, set_frames, &what);
-            nothing_is_torn(&frames, &what);
-            in_turn(&frames, set_frames, &what);
-        }
-    });
-}
-
-/// Lets those go that keep cores busy, also where a test fails.
-struct Over<'a>(&'a AtomicBool);
-
-impl Drop for Over<'_> {
-    fn drop(&mut self) {
-        self.0.store(true, Ordering::Relaxed);
     }
 }
 

@@ -1,8 +1,7 @@
 //! All colours of a hologram under refinement, without threads: where to aim, when to begin again, what to do next.
 
 use super::error::SessionError;
-use super::far_field::Field;
-use super::live::EngineOpener;
+use super::field::Field;
 use crate::engine::{Engine, EngineError, PhasesOnDevice};
 use crate::optics::PupilDistribution;
 use crate::solve::{Problem, Refiner, Steering};
@@ -12,6 +11,9 @@ use std::time::Duration;
 
 /// No eye is known better than this, metres: its spread as a solver takes it.
 const SHARPEST: f64 = 0.1e-3;
+
+/// Opens an engine, as often as it is called.
+pub type EngineOpener = Box<dyn FnMut() -> Result<Box<dyn Engine>, EngineError> + Send>;
 
 /// One colour: what is solved for, and the hologram for the whole eyebox.
 #[derive(Clone)]
