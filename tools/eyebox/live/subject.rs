@@ -171,6 +171,9 @@ fn moving(path: &Path, args: &SubjectOptions, looped: bool, engines: &Engines) -
     Ok(Steered { scenes: Some(Box::new(scenes)), ..steered })
 }
 
+/// As wide as a pupil usually is, metres: the first piece is for one in the middle.
+const USUAL_PUPIL: f64 = 4e-3;
+
 /// A far field in tiles, whose piece around the eye is refined.
 fn far_field(path: &Path, args: &SubjectOptions, engines: &Engines) -> Result<Steered, Failure> {
     let what = path.display().to_string();
@@ -193,7 +196,9 @@ fn far_field(path: &Path, args: &SubjectOptions, engines: &Engines) -> Result<St
         unreachable!("made around pupils")
     };
     // Until it is known where the eye is: the middle.
-    let first = PupilDistribution { spread: 0.0, ..whole_eyebox(optics.eyebox_min(), [0.0; 2]) };
+    let middle = whole_eyebox(optics.eyebox_min(), [0.0; 2]);
+    let usual = middle.diameter.map(|d| d.min(USUAL_PUPIL));
+    let first = PupilDistribution { spread: 0.0, diameter: usual, ..middle };
     let (pieces, parts, field) = FarField::start(&what, tiles, views, &first)?;
     let steered = Steered::new(&what, args, hologram, parts, engines, unfinished)?;
     Ok(Steered { scenes: Some(Box::new(pieces)), field: Some(field), ..steered })
