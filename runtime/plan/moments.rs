@@ -32,6 +32,8 @@ pub struct Moving {
     pub content: [f64; 2],
     /// When the content is where the scene shows it.
     pub at: f64,
+    /// When all sub-frames are lit: the middle of that time, and its length, sets; `[0, 1]` where they are evenly in the set.
+    pub lit: [f64; 2],
     /// The first sub-frame that the eye averages,
     pub first: usize,
     /// and how many: those behind the last are the first again.
@@ -42,12 +44,12 @@ impl Moving {
     /// An eye at rest that averages all of `frames` sub-frames of a scene that stands still.
     pub fn resting(pupil: Pupil, frames: usize) -> Self {
         let still = [0.0; 2];
-        Self { pupil, drift: still, eye: still, content: still, at: 0.0, first: 0, count: frames }
+        Self { pupil, drift: still, eye: still, content: still, at: 0.0, lit: [0.0, 1.0], first: 0, count: frames }
     }
 
     /// Whether it is no more than [`resting`](Self::resting).
     pub fn is_resting(&self, frames: usize) -> bool {
-        *self == Self { at: self.at, ..Self::resting(self.pupil, frames) }
+        *self == Self { at: self.at, lit: self.lit, ..Self::resting(self.pupil, frames) }
     }
 
     /// The moments of `frames` sub-frames.
@@ -57,6 +59,7 @@ impl Moving {
             // Behind the last of a stream its first come again, later.
             let along = (frame + frames - self.first % frames) % frames;
             let t = ((self.first + along) as f64 - (frames as f64 - 1.0) / 2.0) / count as f64;
+            let t = self.lit[0] + self.lit[1] * t;
             let [dx, dy] = self.drift.map(|v| v * t);
             Moment {
                 pupil: Pupil { x: self.pupil.x + dx, y: self.pupil.y + dy, ..self.pupil },

@@ -18,5 +18,5 @@ pub use colors::solve_colors;
 pub use driver::{SceneSolution, SolvedHologram, solve_light_field, solve_scene};
 pub use error::ProduceError;
 pub use job::{SceneEvent, SceneJob, SequenceRequest, TilesPlan, TilesRequest};
-pub use sequence::SolvedSequence;
+pub use sequence::{SolvedSequence, join_pieces, solve_piece};
 pub use tiles::{SolvedTiles, is_larger_than_memory, load_around};

@@ -34,6 +34,76 @@ pub(super) fn solve(
     engine: &mut dyn Engine,
     observe: &mut dyn FnMut(&SceneEvent) -> Flow,
 ) -> Result<SolvedSequence, ProduceError> {
+    write(job, out, observe, &mut |common, index, field, before, observe| {
+        common.hologram(index, field, before, engine, observe)
+    })
+}
+
+/// One hologram of a sequence by itself, which another machine may solve: its holograms begin cold, and the others need nothing of
+/// each other but the exposures of the `first`, hologram 0, which is solved without. [`join_pieces`] makes the sequence of them: the
+/// bytes that [`solve_scene`](super::solve_scene) writes. None where `observe` asked to stop.
+///
+/// # Errors
+/// [`ProduceError::Job`] for a sequence whose holograms begin where the one before ended, an index that it has not and a `first` that
+/// is missing; those of [`solve_scene`](super::solve_scene).
+pub fn solve_piece(
+    job: &SceneJob,
+    index: usize,
+    first: Option<&Hologram>,
+    engine: &mut dyn Engine,
+    observe: &mut dyn FnMut(&SceneEvent) -> Flow,
+) -> Result<Option<Hologram>, ProduceError> {
+    check_pieces(job)?;
+    if index >= job.scenes.len() || (index > 0 && first.is_none()) {
+        let reason = format!("piece {index} of {}: pieces but 0 are solved after it, and with it", job.scenes.len());
+        return Err(ProduceError::Job(reason));
+    }
+    let common = Common::new(job, &job.load(0)?)?;
+    Ok(common.hologram(index, job.load(index)?, first.filter(|_| index > 0), engine, observe)?.map(|made| made.0))
+}
+
+/// Writes a sequence of [pieces](solve_piece), which `piece` gives by their index, in their order; goes on where it was cut off.
+///
+/// # Errors
+/// Those of [`solve_scene`](super::solve_scene) and of `piece`.
+pub fn join_pieces(
+    job: &SceneJob,
+    out: &Path,
+    piece: &mut dyn FnMut(usize) -> Result<Hologram, ProduceError>,
+) -> Result<SolvedSequence, ProduceError> {
+    check_pieces(job)?;
+    write(job, out, &mut |_| Flow::Continue, &mut |_, index, _, _, _| Ok(Some((piece(index)?, Vec::new()))))
+}
+
+fn check_pieces(job: &SceneJob) -> Result<(), ProduceError> {
+    job.check_usual()?;
+    if job.sequence.start != Start::Cold || job.scenes.is_empty() {
+        let reason =
+            "pieces are of a sequence of one scene or more whose holograms begin cold, none where another ended";
+        return Err(ProduceError::Job(reason.into()));
+    }
+    Ok(())
+}
+
+/// What comes of a hologram: it, and its solutions.
+type Made = Option<(Hologram, Vec<(Color, Solution)>)>;
+
+/// Makes one hologram, of its index, its scene, the hologram before it, and who is told.
+type Make<'a> = dyn FnMut(
+        &Common,
+        usize,
+        LightField,
+        Option<&Hologram>,
+        &mut dyn FnMut(&SceneEvent) -> Flow,
+    ) -> Result<Made, ProduceError>
+    + 'a;
+
+fn write(
+    job: &SceneJob,
+    out: &Path,
+    observe: &mut dyn FnMut(&SceneEvent) -> Flow,
+    make: &mut Make,
+) -> Result<SolvedSequence, ProduceError> {
     let count = job.scenes.len();
     let (planned, rate) = (Some(count as u64), job.sequence.rate);
     let first = job.load(0)?;
@@ -55,13 +125,9 @@ pub(super) fn solve(
     let mut first = Some(first).filter(|_| done == 0);
     for index in done..count {
         let field = first.take().map_or_else(|| job.load(index), Ok)?;
-        let Some(solutions) = common.frame(index, &field, before.as_ref(), engine, observe)? else {
+        let Some((hologram, solutions)) = make(&common, index, field, before.as_ref(), observe)? else {
             return Ok(SolvedSequence { done: index, count, solved: index - done });
         };
-        let mut hologram = Hologram::from_solutions(&field, job.display, &common.settings, common.padding, &solutions)?;
-        for (c, b) in hologram.colors.iter_mut().zip(before.iter().flat_map(|b| &b.colors)) {
-            (c.exposure, c.efficiency) = (b.exposure, b.efficiency);
-        }
         let to = match &mut writer {
             Some(writer) => writer,
             None => {
@@ -112,6 +178,24 @@ impl<'a> Common<'a> {
         Ok(like)
     }
 
+    /// One hologram; none where it was asked to stop.
+    fn hologram(
+        &self,
+        index: usize,
+        field: LightField,
+        before: Option<&Hologram>,
+        engine: &mut dyn Engine,
+        observe: &mut dyn FnMut(&SceneEvent) -> Flow,
+    ) -> Result<Made, ProduceError> {
+        let Some(solutions) = self.frame(index, &field, before, engine, observe)? else { return Ok(None) };
+        let mut hologram =
+            Hologram::from_solutions(&field, self.job.display, &self.settings, self.padding, &solutions)?;
+        for (c, b) in hologram.colors.iter_mut().zip(before.iter().flat_map(|b| &b.colors)) {
+            (c.exposure, c.efficiency) = (b.exposure, b.efficiency);
+        }
+        Ok(Some((hologram, solutions)))
+    }
+
     /// All colours of one frame; none where it was asked to stop.
     fn frame(
         &self,
@@ -159,9 +243,9 @@ impl<'a> Common<'a> {
 mod tests {
     use crate::engine::{self, Choice};
     use crate::files::FileError;
-    use crate::hologram::{HologramError, Sequence};
+    use crate::hologram::{HologramError, Sequence, Start};
     use crate::optics::Display;
-    use crate::produce::{ProduceError, SceneEvent, SceneJob, solve_scene};
+    use crate::produce::{ProduceError, SceneEvent, SceneJob, join_pieces, solve_piece, solve_scene};
     use crate::solve::{Flow, Settings};
     use std::path::Path;
 
@@ -172,6 +256,40 @@ mod tests {
         job.colors.truncate(1);
         job.settings = Settings { frames: 1, steps: 1, efficiency: Some(0.3), ..Settings::default() };
         solve_scene(&job, Some(out), engine::open(Choice::Cpu).unwrap().as_mut(), observe).map(drop)
+    }
+
+    /// The bytes of one process, whatever order they are solved in, and of a join that was cut off.
+    #[test]
+    fn pieces_are_the_sequence() {
+        let here = tempfile::tempdir().unwrap();
+        let display = Display { height: 24, width: 24, ..Display::load("paper").unwrap() };
+        let mut job = SceneJob::new("builtin:plane?depth=0", &display);
+        job.scenes.extend(["builtin:plane?depth=1".into(), "builtin:plane?depth=2".into()]);
+        job.colors.truncate(1);
+        job.settings = Settings { frames: 1, steps: 2, seed: 3, ..Settings::default() };
+        job.sequence.start = Start::Cold;
+        let mut engine = engine::open(Choice::Cpu).unwrap();
+        let whole = here.path().join("whole.zarr");
+        solve_scene(&job, Some(&whole), engine.as_mut(), &mut |_| Flow::Continue).unwrap();
+        let mut piece = |index, first: Option<&_>| {
+            solve_piece(&job, index, first, engine.as_mut(), &mut |_| Flow::Continue).map(Option::unwrap)
+        };
+        let first = piece(0, None).unwrap();
+        let last = piece(2, Some(&first)).unwrap();
+        let pieces = [first.clone(), piece(1, Some(&first)).unwrap(), last];
+        assert!(piece(1, None).unwrap_err().to_string().contains("piece 1 of 3"));
+        let joined = here.path().join("joined.zarr");
+        let lost = |_| ProduceError::Job("lost".into());
+        let cut = join_pieces(&job, &joined, &mut |i| pieces.get(i).filter(|_| i < 2).cloned().ok_or(()).map_err(lost));
+        assert!(cut.unwrap_err().to_string() == "lost");
+        let done = join_pieces(&job, &joined, &mut |i| Ok(pieces[i].clone())).unwrap();
+        assert_eq!((done.done, done.solved), (3, 1));
+        for file in ["zarr.json", "phases/zarr.json", "phases/c/0/0/0/0/0", "phases/c/2/0/0/0/0"] {
+            let [one, other] = [&whole, &joined].map(|folder| std::fs::read(folder.join(file)));
+            assert_eq!(one.unwrap(), other.unwrap(), "{file}");
+        }
+        job.sequence.start = Start::Warm(0.0);
+        assert!(join_pieces(&job, &joined, &mut |_| unreachable!()).is_err());
     }
 
     /// One program has written the whole sequence by the time that another is done with the first hologram of it.

@@ -231,6 +231,7 @@ fn about(
         photographs: Some(job.photographs).filter(|how| *how != Photographs::Auto),
         near: job.near,
         model: display.model.clone(),
+        viewing: display.viewing,
         depth_map_mm: job.depth.filter(|_| !job.depth_maps.is_empty()).map(|d| d.map(|metres| metres * 1e3)),
         ..Metadata::default()
     };

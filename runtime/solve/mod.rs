@@ -15,6 +15,9 @@ mod eye;
 mod fault;
 mod levels;
 mod method;
+mod motion;
+#[cfg(test)]
+mod motion_tests;
 mod optimizer;
 mod outcome;
 pub(crate) mod pace;
@@ -34,7 +37,7 @@ mod statistics_tests;
 mod steer;
 #[cfg(test)]
 mod steer_tests;
-mod steering_text;
+mod steering;
 mod step;
 mod validation;
 mod viewpoints;
@@ -44,6 +47,7 @@ pub use error::SolveError;
 pub(crate) use exposure::BrightEnd;
 pub use levels::{Levels, even_levels};
 pub use method::Method;
+pub use motion::Motion;
 pub use optimizer::Optimizer;
 pub(crate) use optimizer::cosine;
 pub use outcome::{Flow, Progress, Solution, Stop, Warm};
@@ -56,6 +60,7 @@ pub use sampling::{Diameters, PupilRange, Sampler, Sequence, SplitMix, pupils_of
 pub use scene_plan::{Decision, Full, PlanRequest, ScenePlan};
 pub use settings::{PaddingRule, Settings};
 pub use solver::{solve, solve_from};
-pub use steer::{Refiner, Steering, Strategy};
+pub use steer::Refiner;
+pub use steering::{Steering, Strategy};
 pub(crate) use step::{Update, strides, take, take_seen};
 pub use validation::{ValidationScore, Validator};

@@ -3,7 +3,8 @@
 use super::error::SolveError;
 use super::problem::Problem;
 use super::settings::Settings;
-use super::steer::{Refiner, Steering};
+use super::steer::Refiner;
+use super::steering::Steering;
 use super::step::Steps;
 use crate::engine::vulkan::VulkanEngine;
 use crate::engine::{Engine, Memory};

@@ -3,6 +3,7 @@
 use super::error::SolveError;
 use super::levels::Levels;
 use super::method::Method;
+use super::motion::Motion;
 use super::optimizer::Optimizer;
 use super::sampling::{Diameters, Sequence};
 use crate::engine::Memory;
@@ -89,6 +90,9 @@ pub struct Settings {
     /// display of half the resolution and twice the pitch, and each of its pixels is shown on 2 x 2.
     #[serde(skip_serializing_if = "is_one")]
     pub pixel: usize,
+    /// What moves while the sub-frames are lit: pupils are drawn so ([`Method::Slfh`] and the methods of focal stacks).
+    #[serde(skip_serializing_if = "Motion::is_still")]
+    pub motion: Motion,
     /// Bytes that the windows of pupils in flight may take: as float32, so that halves take half of it; in a device's own
     /// memory twice as many, as they are stored there.
     pub window_bytes: usize,
@@ -122,6 +126,7 @@ impl Default for Settings {
             padding: PaddingRule::Never,
             views: 1,
             pixel: 1,
+            motion: Motion::default(),
             window_bytes: 256 << 20,
             storage: Storage::F32,
         }
@@ -231,6 +236,7 @@ impl Settings {
                 return wrong("a phase level (rad)", level.to_string(), "a finite number of ordinary size");
             }
         }
+        self.motion.check(self.solved_frames())?;
         match self.efficiency {
             Some(e) if !(e > 0.0 && e <= 1.0) => wrong("the efficiency", e.to_string(), "above 0, at most 1"),
             _ => Ok(()),

@@ -2,16 +2,19 @@
 //! that a sudden look elsewhere never meets the dark.
 
 use super::error::SolveError;
+use super::motion::Motion;
 use super::pace::Pace;
 use super::problem::Problem;
 use super::sampling::{Points, Sequence};
+use super::steering::{Steering, Strategy};
 use super::step::Update;
 use crate::engine::{Begun, Buffer, Engine, EngineError, Memory, PhasesOnDevice};
 use crate::evaluate::{self, Sums};
-use crate::optics::{Pupil, PupilDistribution, Window, WindowFactor};
-use crate::plan::{Kernel, Planner, PupilPass, Purpose, Step, Storage, Viewpoint};
-use serde::{Deserialize, Serialize};
+use crate::optics::{Geometry, Optics, Pupil, PupilDistribution, Window};
+use crate::plan::{Kernel, Planner, PupilPass, Purpose, Step, Viewpoint};
+use eyebox_kernels::trig;
 use std::collections::HashSet;
+use std::f64::consts::TAU;
 use std::ops::Range;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -22,121 +25,6 @@ use std::time::{Duration, Instant};
 const USUAL_EYE: f64 = 4e-3;
 const EYES: [f64; 2] = [1.5e-3, 8.5e-3];
 const DIAMETERS: u32 = 6000;
-
-/// How the phases follow.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase", tag = "kind")]
-#[non_exhaustive]
-pub enum Strategy {
-    /// Pupil-wise projection (OPTICS 6b).
-    Projection {
-        /// Gain of the first step after a jump,
-        gain: f64,
-        /// and of steps long after it:
-        settled: f64,
-        /// the difference falls to 1/e in so many steps.
-        settling: f64,
-        /// Share of the velocity that is kept.
-        momentum: f64,
-        /// The change is divided by the overlap to this power.
-        overlap_power: f64,
-    },
-    /// Adam on the closed-form gradient (OPTICS 4).
-    Adam {
-        /// Learning rate, radians.
-        rate: f64,
-    },
-}
-
-impl Strategy {
-    /// Refuses what only makes phases that are no numbers.
-    fn check(self) -> Result<(), SolveError> {
-        let wrong = |what, value: f64, right| Err(SolveError::Setting { what, value: value.to_string(), right });
-        let gain = |gain: &f64| (0.0..=1e6).contains(gain);
-        match self {
-            Self::Projection { gain: g, settled: s, .. } if !(gain(&g) && gain(&s)) => {
-                wrong("a gain", if gain(&g) { s } else { g }, "0 to 1e6")
-            }
-            Self::Projection { momentum, .. } if !(0.0..=1.0).contains(&momentum) => {
-                wrong("the momentum", momentum, "0 to 1, the share of the velocity that is kept")
-            }
-            Self::Projection { overlap_power, .. } if !(0.0..=16.0).contains(&overlap_power) => {
-                wrong("the power of the overlap", overlap_power, "0 to 16")
-            }
-            Self::Projection { settling, .. } if settling.is_nan() => {
-                wrong("the steps to settle in", settling, "a number")
-            }
-            Self::Adam { rate } if !gain(&rate) => wrong("Adam's rate (rad)", rate, "0 to 1e6"),
-            _ => Ok(()),
-        }
-    }
-
-    /// The `step`-th step since phases or aim were set anew, from 1.
-    fn update(self, step: usize) -> Update {
-        match self {
-            Self::Projection { gain, settled, settling, momentum, overlap_power } => {
-                let fresh = (-((step - 1) as f64) / settling.max(1e-3)).exp();
-                Update::Projection { gain: settled + (gain - settled) * fresh, momentum, overlap_power }
-            }
-            Self::Adam { rate } => Update::Adam { rate, amplitude: false, step },
-        }
-    }
-}
-
-/// Everything that decides a refinement, besides the scene and the aim.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Steering {
-    /// How the phases follow.
-    pub strategy: Strategy,
-    /// Pupils around the eye a step.
-    pub pupils: usize,
-    /// Pupils over the whole eyebox a step, on average.
-    pub elsewhere: f64,
-    /// Window per pupil.
-    pub window: WindowFactor,
-    /// Steps over the same pupils before others are drawn: their photographs are made once. At least 1.
-    pub repeats: usize,
-    /// How complex fields are stored; none for what the engine [prefers](Engine::preferred_storage): a refined hologram is 20
-    /// to 40 dB from its target, which hides what halves cost.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub storage: Option<Storage>,
-    /// Decides the pupils.
-    pub seed: u64,
-}
-
-impl Steering {
-    /// Refuses what cannot be.
-    pub(crate) fn check(&self) -> Result<(), SolveError> {
-        let wrong = |what, value: String, right| Err(SolveError::Setting { what, value, right });
-        if !(1..=4096).contains(&self.pupils) {
-            return wrong("the number of pupils a step", self.pupils.to_string(), "1 to 4096");
-        }
-        if !(0.0..=64.0).contains(&self.elsewhere) {
-            return wrong("the pupils elsewhere a step", self.elsewhere.to_string(), "0 to 64");
-        }
-        self.strategy.check()
-    }
-}
-
-impl Default for Steering {
-    fn default() -> Self {
-        Self {
-            strategy: Strategy::Projection {
-                gain: 3.0,
-                settled: 1.0,
-                settling: 8.0,
-                momentum: 0.5,
-                overlap_power: 1.0,
-            },
-            pupils: 2,
-            elsewhere: 0.5,
-            window: WindowFactor::Two,
-            repeats: 1,
-            storage: None,
-            seed: 0,
-        }
-    }
-}
 
 /// A hologram under refinement: one colour on one engine.
 pub struct Refiner {
@@ -149,6 +37,10 @@ pub struct Refiner {
     /// What the pupils of the last step were drawn for.
     drawn_for: PupilDistribution,
     points: Points,
+    /// How eye and content move, what the pupils of the last step were drawn for, and where from.
+    motion: Motion,
+    moved_for: Motion,
+    moves: Points,
     /// Pupils over the whole eyebox that are due.
     due: f64,
     /// The pupil passes of the last step, and how often they have been used.
@@ -214,6 +106,9 @@ impl Refiner {
             aim,
             drawn_for: aim,
             points,
+            motion: Motion::default(),
+            moved_for: Motion::default(),
+            moves: Points::new(Sequence::Sobol, steering.seed ^ 0x6d6f_7469_6f6e),
             due: 0.0,
             pupil_passes,
             used: 0,
@@ -310,6 +205,33 @@ impl Refiner {
         Ok(step.mean_loss(&losses))
     }
 
+    /// What it is refined for.
+    pub fn problem(&self) -> &Problem {
+        &self.problem
+    }
+
+    /// Side of a pixel of the picture, radians.
+    pub fn pixel(&self) -> f64 {
+        let grid = &self.planner.grid;
+        grid.field_of_view().1 / grid.width as f64 / grid.focal_length
+    }
+
+    /// Goes on with the phases moved by whole pixels (x, y), as the picture has, where these lose less than the phases as they are;
+    /// whether they do. In the far field the picture is moved by a phase, which is laid over them.
+    ///
+    /// # Errors
+    /// Those of the engine.
+    pub fn move_phases(&mut self, shift: [f64; 2]) -> Result<bool, EngineError> {
+        let before = self.loss()?;
+        let phases = self.phases()?;
+        self.restart(&moved(&phases, &self.planner.slm, &self.planner.grid, shift))?;
+        if self.loss()? < before {
+            return Ok(true);
+        }
+        self.restart(&phases)?;
+        Ok(false)
+    }
+
     /// The eye has moved. Velocities go where it is elsewhere altogether: they would carry on for where it was.
     ///
     /// # Errors
@@ -321,6 +243,19 @@ impl Refiner {
         }
         self.aim = aim;
         if jumped { self.forget() } else { Ok(()) }
+    }
+
+    /// What moves while the sub-frames are lit, from now on.
+    ///
+    /// # Errors
+    /// [`SolveError::Setting`] for what cannot be.
+    pub fn moves(&mut self, motion: Motion) -> Result<(), SolveError> {
+        motion.check(self.planner.frames)?;
+        if !motion.is_served_by(&self.moved_for) {
+            self.used = self.steering.repeats.max(1);
+        }
+        self.motion = motion;
+        Ok(())
     }
 
     fn forget(&mut self) -> Result<(), EngineError> {
@@ -350,7 +285,13 @@ impl Refiner {
     }
 
     fn draw_passes(&mut self, update: Update) {
-        let viewpoints: Vec<Viewpoint> = self.draw().into_iter().map(Viewpoint::Pupil).collect();
+        self.moved_for = self.motion;
+        let (pupils, frames, motion) = (self.draw(), self.planner.frames, self.motion);
+        let looks = pupils.into_iter().map(|pupil| match motion.is_still() {
+            true => Viewpoint::Pupil(pupil),
+            false => motion.viewpoint(pupil, frames, self.moves.draw()),
+        });
+        let viewpoints: Vec<Viewpoint> = looks.collect();
         self.pupil_passes = update.pupil_passes(&self.planner, &viewpoints, self.exposure);
         self.used = 0;
     }
@@ -491,9 +432,37 @@ impl Refiner {
     /// # Errors
     /// Those of the engine.
     pub fn look(&mut self, pupils: &[Pupil]) -> Result<Vec<Sums>, EngineError> {
-        let viewpoints: Vec<Viewpoint> = pupils.iter().map(|p| Viewpoint::Pupil(*p)).collect();
+        self.look_through(&pupils.iter().map(|p| Viewpoint::Pupil(*p)).collect::<Vec<_>>())
+    }
+
+    /// The same through any viewpoints, such as eyes that move.
+    ///
+    /// # Errors
+    /// Those of the engine.
+    pub fn look_through(&mut self, viewpoints: &[Viewpoint]) -> Result<Vec<Sums>, EngineError> {
         // The first slot will hold other pupil passes than a step's.
         self.pupil_passes.clear();
-        evaluate::sums(self.engine.as_mut(), &self.planner, &viewpoints)
+        evaluate::sums(self.engine.as_mut(), &self.planner, viewpoints)
+    }
+}
+
+/// Phases whose picture stands `shift` pixels (x, y) farther: before a relay the pattern itself is moved, round its edges; in the far
+/// field it is turned by a ramp.
+fn moved(phases: &[f32], slm: &Optics, grid: &Optics, [x, y]: [f64; 2]) -> Vec<f32> {
+    let (h, w) = (slm.height, slm.width);
+    let whole = |v: f64, n: usize| (v.round() as i64).rem_euclid(n as i64) as usize;
+    let (dy, dx) = (whole(y, h), whole(x, w));
+    let frames = phases.chunks_exact(h * w);
+    match slm.geometry {
+        Geometry::Relay => frames
+            .flat_map(|frame| (0..h * w).map(move |i| frame[(i / w + h - dy) % h * w + (i % w + w - dx) % w]))
+            .collect(),
+        Geometry::FarField => {
+            let (per_row, per_column) = (-y / grid.height as f64, -x / grid.width as f64);
+            let ramp = move |i: usize| TAU * ((i / w) as f64 * per_row + (i % w) as f64 * per_column).fract();
+            frames
+                .flat_map(|frame| frame.iter().enumerate().map(move |(i, p)| trig::wrap(p + ramp(i) as f32)))
+                .collect()
+        }
     }
 }

@@ -1,8 +1,9 @@
 //! What each method looks through, one viewpoint after the other.
 
 use super::method::Method;
+use super::motion::Motion;
 use super::problem::Problem;
-use super::sampling::{PupilRange, Sampler};
+use super::sampling::{Points, PupilRange, Sampler};
 use super::settings::Settings;
 use crate::optics::Pupil;
 use crate::plan::Viewpoint;
@@ -11,6 +12,10 @@ use crate::plan::Viewpoint;
 pub(super) struct Viewpoints {
     sampler: Sampler,
     kind: Kind,
+    /// How eyes and content move, and where that is drawn from.
+    motion: Motion,
+    moves: Points,
+    frames: usize,
 }
 
 enum Kind {
@@ -56,12 +61,21 @@ impl Viewpoints {
             }
             _ => Kind::Pupils,
         };
-        Self { sampler, kind }
+        // Numbers of their own: what does not move is drawn as ever.
+        let moves = Points::new(settings.sequence, seed ^ 0x6d6f_7469_6f6e);
+        Self { sampler, kind, motion: settings.motion, moves, frames: settings.solved_frames() }
     }
 
     /// The next one.
     pub(super) fn draw(&mut self) -> Viewpoint {
-        let Kind::Views { views, stft } = &self.kind else { return Viewpoint::Pupil(self.sampler.draw()) };
+        let Kind::Views { views, stft } = &self.kind else {
+            let pupil = self.sampler.draw();
+            return if self.motion.is_still() {
+                Viewpoint::Pupil(pupil)
+            } else {
+                self.motion.viewpoint(pupil, self.frames, self.moves.draw())
+            };
+        };
         let at = self.sampler.point()[0];
         let (view, pupil) = views[((at * views.len() as f64) as usize).min(views.len() - 1)];
         match *stft {

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// A room imports only rooms before it.
-const ROOMS: [&str; 23] = [
+const ROOMS: [&str; 24] = [
     "mailbox",
     "memory",
     "steady",
@@ -21,6 +21,7 @@ const ROOMS: [&str; 23] = [
     "tiled",
     "quality",
     "produce",
+    "film",
     "encode",
     "calibrate",
     "trackers",

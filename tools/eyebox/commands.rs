@@ -117,6 +117,11 @@ pub enum Command {
                       eyebox feed builtin:plane --name demo --path=depth=-1..1 --frames 300 --json\n  \
                       eyebox feed frames/ --name demo --rate 24\n\nThe display takes them as live:NAME: docs/live-input.md. --display says its optics. Ends when the display does.")]
     Feed(Box<crate::feed::Feed>),
+    /// Film what an eye sees while it moves, focuses and blinks, beside what it should see
+    #[command(
+        after_help = "Examples:\n  eyebox film still-life.zarr --path path.json -o still-life.y4m\n  eyebox film moving.zarr --path path.json --binning 2 -o frames\n  eyebox film builtin:still-life --size 512x512 --path path.json --alone -o alone.y4m\n\npath.json, at its least {\"keys\": [{\"t_s\": 0, \"x_mm\": -4}, {\"t_s\": 2, \"x_mm\": 4}]}: keys by rising t_s (s) with x_mm, y_mm, diameter_mm, focus (mm, or\n\"0.01D\") and jump (true: at once), beside them rate_hz (30) and blinks_s. The same path gives the same film."
+    )]
+    Film(Box<crate::film::Film>),
     /// Show what an eye sees in a window, live: the mouse moves the pupil, the wheel changes focus
     #[command(after_help = "Examples:\n  eyebox preview still-life.zarr --scene builtin:still-life\n  \
                       eyebox preview moving.zarr --pupil=2,0,6,1 --zoom 2\n  \

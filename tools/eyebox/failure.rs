@@ -5,6 +5,7 @@ use eyebox::encode::EncodeError;
 use eyebox::engine::EngineError;
 use eyebox::evaluate::EvaluateError;
 use eyebox::files::FileError;
+use eyebox::film::FilmError;
 use eyebox::gaze::GazeError;
 use eyebox::hologram::HologramError;
 use eyebox::optics::OpticsError;
@@ -52,6 +53,9 @@ pub enum Failure {
     /// A file.
     #[error(transparent)]
     File(#[from] FileError),
+    /// A film.
+    #[error(transparent)]
+    Film(#[from] FilmError),
     /// A hologram larger than memory.
     #[error(transparent)]
     Tiled(#[from] TiledError),

@@ -192,6 +192,8 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "report",
             "overwrite",
             "jod_maps",
+            "alone",
+            "binning",
         ],
     ),
 ];

@@ -24,6 +24,7 @@ mod evaluate;
 mod export;
 mod failure;
 mod feed;
+mod film;
 mod generate;
 mod groups;
 mod headings;
@@ -86,6 +87,7 @@ fn main() -> ExitCode {
         Command::Play(args) => play::run(args),
         Command::Show(args) => show::run(args),
         Command::Feed(args) => feed::run(args),
+        Command::Film(args) => film::run(args),
         Command::Preview(args) => preview::run(args),
         Command::Monitors(args) => play::monitors(args),
         Command::Bench(args) => bench::run(args),

@@ -16,6 +16,7 @@ create_exception!(eyebox, SceneError, EyeboxError, "The scene, its file or its v
 create_exception!(eyebox, SolveError, EyeboxError, "The settings, or the solve or refinement that they ask for.");
 create_exception!(eyebox, HologramError, EyeboxError, "The hologram, or its file.");
 create_exception!(eyebox, EncodeError, EyeboxError, "The encoding, or what is to be encoded.");
+create_exception!(eyebox, CalibrateError, EyeboxError, "The bench, its pictures, or what they do not tell.");
 create_exception!(eyebox, EngineError, EyeboxError, "The engine or its device.");
 
 /// What went wrong, on its way to Python.
@@ -33,6 +34,8 @@ pub(crate) enum Failure {
     Solve(#[from] eyebox::solve::SolveError),
     #[error(transparent)]
     Hologram(#[from] eyebox::hologram::HologramError),
+    #[error(transparent)]
+    Calibrate(#[from] eyebox::calibrate::CalibrateError),
     #[error(transparent)]
     Encode(#[from] eyebox::encode::EncodeError),
     #[error(transparent)]
@@ -66,6 +69,7 @@ impl From<Failure> for PyErr {
             | Failure::Hologram(OfHologram::Engine(_)) => EngineError::new_err(said),
             Failure::Produce(_) | Failure::Solve(_) | Failure::NotFinite(_) => SolveError::new_err(said),
             Failure::Hologram(_) => HologramError::new_err(said),
+            Failure::Calibrate(_) => CalibrateError::new_err(said),
             Failure::Encode(_) => EncodeError::new_err(said),
         }
     }

@@ -36,7 +36,7 @@ impl Hologram {
     }
 
     /// Of arrays (sub-frame, row, column) of radians, one for each colour, made by somebody else for a display of their size;
-    /// its exposures are those that fit the scene best, where one is given.
+    /// its exposures are what is given, or those that fit the scene best, where one is given.
     #[staticmethod]
     fn of_phases(
         py: Python<'_>,
@@ -44,6 +44,7 @@ impl Hologram {
         color_names: Vec<String>,
         arrays: Vec<PyReadonlyArrayDyn<'_, f32>>,
         scene: Option<&Scene>,
+        exposure: Option<f64>,
         engine: &Engine,
     ) -> PyResult<Self> {
         let display = &display.0;
@@ -67,7 +68,7 @@ impl Hologram {
             made.push(ColorHologram {
                 color: Some(color),
                 wavelength: display.optics(color).map_err(Failure::from)?.wavelength,
-                exposure: 1.0,
+                exposure: exposure.unwrap_or(1.0),
                 efficiency: 1.0,
                 phases: phases.iter().map(|phase| wrap_phase(*phase)).collect(),
             });
@@ -75,7 +76,7 @@ impl Hologram {
         let fit = || -> Answer<Self> {
             let mut hologram = eyebox::hologram::Hologram::on(display, frames, made);
             hologram.version = env!("CARGO_PKG_VERSION").into();
-            hologram.metadata.exposure_assumed = true;
+            hologram.metadata.exposure_assumed = exposure.is_none();
             hologram.check()?;
             if let Some(scene) = scene {
                 hologram.check_shows(&scene.source, &scene.field)?;

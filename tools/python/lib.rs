@@ -9,6 +9,7 @@
 #![deny(unsafe_op_in_unsafe_fn)]
 
 mod arrays;
+mod calibrate;
 mod display;
 mod engine;
 mod failure;
@@ -16,6 +17,7 @@ mod hologram;
 mod pupil;
 mod refiner;
 mod scene;
+mod sequence;
 mod solve;
 mod told;
 
@@ -27,17 +29,23 @@ mod _eyebox {
     #[pymodule_export]
     use crate::arrays::linear_light;
     #[pymodule_export]
+    use crate::calibrate::calibrate;
+    #[pymodule_export]
     use crate::display::{Display, presets};
     #[pymodule_export]
     use crate::engine::Engine;
     #[pymodule_export]
-    use crate::failure::{DisplayError, EncodeError, EngineError, EyeboxError, HologramError, SceneError, SolveError};
+    use crate::failure::{
+        CalibrateError, DisplayError, EncodeError, EngineError, EyeboxError, HologramError, SceneError, SolveError,
+    };
     #[pymodule_export]
     use crate::hologram::Hologram;
     #[pymodule_export]
     use crate::refiner::Refiner;
     #[pymodule_export]
     use crate::scene::Scene;
+    #[pymodule_export]
+    use crate::sequence::Sequence;
     #[pymodule_export]
     use crate::solve::solve;
     use pyo3::prelude::*;

@@ -14,8 +14,10 @@ arrays are (row, column), rows going down, with colours (red, green, blue) last;
 """
 
 from ._arguments import Pupil
+from ._calibrate import Calibration, Shot, calibrate
 from ._display import Display, Engine, presets
 from ._eyebox import (
+    CalibrateError,
     DisplayError,
     EncodeError,
     EngineError,
@@ -31,6 +33,8 @@ from ._scene import Scene, photograph
 from ._solve import Step, solve
 
 __all__ = [
+    "CalibrateError",
+    "Calibration",
     "Display",
     "DisplayError",
     "EncodeError",
@@ -44,9 +48,11 @@ __all__ = [
     "Scene",
     "SceneError",
     "Score",
+    "Shot",
     "SolveError",
     "Step",
     "__version__",
+    "calibrate",
     "photograph",
     "presets",
     "solve",

@@ -64,7 +64,14 @@ class Hologram:
 
     @classmethod
     def from_phases(
-        cls, phases: Any, display: Any, color: Any = None, *, scene: Any = None, engine: Any = "auto"
+        cls,
+        phases: Any,
+        display: Any,
+        color: Any = None,
+        *,
+        scene: Any = None,
+        exposure: float | None = None,
+        engine: Any = "auto",
     ) -> Hologram:
         """The hologram that phases of one's own are on a display: to be looked at, scored, refined, encoded and saved.
 
@@ -79,6 +86,8 @@ class Hologram:
             The colour of an array; may be left out where the display has one only.
         scene : Scene, str, path or array, optional
             The scene that they show: it decides the exposures, without which nothing can be seen.
+        exposure : float, optional
+            The exposure of every colour, instead: by what the light is multiplied.
         engine : Engine or str
             Where exposures are fitted.
         """
@@ -93,9 +102,12 @@ class Hologram:
             names = _arguments.colors(color, list(display.wavelengths))
             if len(names) != 1:
                 raise ValueError(f"phases are of one colour: color must say which of {', '.join(names)}")
+        if scene is not None and exposure is not None:
+            raise TypeError("exposure is what the scene decides: give one or the other")
         scene = None if scene is None else scene_of(scene, display, names)
+        exposure = None if exposure is None else _arguments.number(exposure, "exposure")
         shown = None if scene is None else scene._native
-        native = _eyebox.Hologram.of_phases(display._native, names, arrays, shown, engine_of(engine))
+        native = _eyebox.Hologram.of_phases(display._native, names, arrays, shown, exposure, engine_of(engine))
         return cls._of(native, scene, None)
 
     def save(self, path: Any) -> None:

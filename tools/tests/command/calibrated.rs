@@ -241,3 +241,35 @@ fn patterns_are_shown_on_an_output_of_eyebox_s_own() {
     let answer = calibrate(at, &wrong, &[]).output().expect("it starts");
     assert!(text(&answer.stderr).contains("--shared goes with --output offscreen"), "{}", text(&answer.stderr));
 }
+
+/// The same output shows the hologram of a solve with a camera, whose iris stands where the command does not say.
+#[test]
+fn a_solve_s_camera_sees_an_output_through_an_iris_that_stands_still() {
+    let here = common::folder();
+    let at = here.path();
+    fs::write(at.join("bench.toml"), DISPLAY).expect("a display");
+    let exe = std::env::current_exe().expect("this program");
+    let camera = format!("'{}' --exact calibrated::camera --ignored", exe.display());
+    let run = |more: &[&str]| {
+        let solve = ["solve", "builtin:still-life", "--display", "bench.toml", "--frames", "2", "--steps", "6"];
+        let with = ["--camera", &camera, "--camera-steps", "1", "--engine", "cpu", "--json", "-o", "h.zarr"];
+        let shows = ["--output", "offscreen", "--shared", "video", "--settle", "0"];
+        let mut command = common::command(at, &[&solve[..], &with, &shows, more].concat());
+        command.envs([("BENCH_IDEAL", "1"), ("BENCH_STILL", "0.6,-0.4,9"), ("BENCH_SHARED", "video")]);
+        command.output().expect("it starts")
+    };
+    let answer = run(&[]);
+    let said = text(&answer.stderr);
+    assert!(answer.status.code() == Some(2) && said.contains("--iris X,Y,DIAMETER in mm"), "{said}");
+    let answer = run(&["--iris=0.6,-0.4,9", "--camera-keep", "kept"]);
+    assert!(answer.status.success(), "{}", text(&answer.stderr));
+    let said: Value = serde_json::from_slice(&answer.stdout).expect("JSON");
+    let camera = &said["camera"][0];
+    // Two pictures for two sub-frames of a display that shows one at a time; six pupils a step, six of them twice.
+    assert!(camera["steps"] == 1 && camera["pictures"].as_u64() >= Some(36), "{camera}");
+    assert!(camera["psnr_before_db"][0].as_f64().expect("decibels") > 5.0, "{camera}");
+    let kept: Value = serde_json::from_slice(&fs::read(at.join("kept/captures.json")).expect("kept")).expect("JSON");
+    let captures = kept["captures"].as_array().expect("a list");
+    assert!(captures.iter().all(|c| c["request"]["show"].is_null() && c["request"]["iris_mm"].is_null()));
+    assert!(captures.iter().any(|c| c["shown"]["kind"] == "phases"), "{captures:?}");
+}

@@ -1,4 +1,4 @@
-//! What people see: `score` in just-objectionable differences, as a user runs it.
+//! What people see: `score` in just-objectionable differences and `film`, as a user runs them.
 
 use crate::common::{done, folder, refused};
 use serde_json::Value;
@@ -34,4 +34,46 @@ fn a_score_says_what_people_see_and_where() {
     let score = ["score", "h.zarr", "builtin:still-life"];
     refused(at, &[&score[..], &["--black", "300"]].concat(), "x", "black in cd/m2 is 300: it must be 0 to 200");
     refused(at, &[&score[..], &["--no-jod", "--jod-maps", "x"]].concat(), "x", "cannot be used with");
+}
+
+/// The number behind a word of a Y4M's first line.
+fn word(head: &str, letter: char) -> usize {
+    head.split(' ').find_map(|w| w.strip_prefix(letter)?.parse().ok()).expect("a number")
+}
+
+#[test]
+fn a_film_follows_the_eye() {
+    let temp = folder();
+    let at = temp.path();
+    let solve = ["solve", "builtin:still-life", "-o", "h.zarr", "--size", "40x48", "--steps", "3", "--engine", "cpu"];
+    done(at, &solve);
+    let path = r#"{"rate_hz": 10, "keys": [{"t_s": 0, "x_mm": -4}, {"t_s": 0.5, "x_mm": 4, "focus": 0.3}, {"t_s": 1}], "blinks_s": [0.6]}"#;
+    std::fs::write(at.join("path.json"), path).unwrap();
+    let film = |what: &str, out: &str, more: &[&str]| {
+        let args = [&["film", what, "--path", "path.json", "-o", out, "--engine", "cpu", "--json"][..], more].concat();
+        serde_json::from_str::<Value>(&done(at, &args)).expect("one JSON object")
+    };
+    let made = film("h.zarr", "a.y4m", &[]);
+    // Beside each other with one column between; five of the eleven frames are as the one before.
+    assert_eq!(
+        (&made["size"], &made["frames"], &made["looked"]),
+        (&serde_json::json!([40, 97]), &11.into(), &6.into())
+    );
+    let bytes = std::fs::read(at.join("a.y4m")).unwrap();
+    let head = std::str::from_utf8(&bytes[..bytes.iter().position(|b| *b == b'\n').unwrap()]).unwrap();
+    assert_eq!((word(head, 'W'), word(head, 'H')), (97, 40));
+    assert_eq!(bytes.len(), head.len() + 1 + 11 * (6 + 3 * 97 * 40));
+    film("h.zarr", "b.y4m", &[]);
+    assert_eq!(bytes, std::fs::read(at.join("b.y4m")).unwrap());
+    assert_eq!(film("h.zarr", "alone", &["--alone", "--binning", "2"])["size"], serde_json::json!([20, 24]));
+    assert_eq!(std::fs::read_dir(at.join("alone")).unwrap().count(), 11);
+    // A scene is solved first.
+    film("builtin:plane", "plane.y4m", &["--size", "40x48", "--color", "green", "--quality", "fast"]);
+    // What cannot be is said before anything is written.
+    std::fs::write(at.join("bad.json"), r#"{"keys": [{"t_s": 0, "x": 1}]}"#).unwrap();
+    let bad = |path: &'static str, out: &'static str| ["film", "h.zarr", "--path", path, "-o", out];
+    refused(at, &bad("bad.json", "c.y4m"), "c.y4m", "unknown field `x`");
+    refused(at, &bad("none.json", "c.y4m"), "c.y4m", "none.json");
+    refused(at, &bad("path.json", "c.mp4"), "c.mp4", "NAME.y4m, or a folder");
+    refused(at, &["film", "none.zarr", "--path", "path.json", "-o", "c.y4m"], "c.y4m", "none.zarr");
 }

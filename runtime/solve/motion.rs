@@ -1,0 +1,150 @@
+//! What moves while the sub-frames of a set are lit, as a solver draws it (OPTICS 15).
+
+use super::error::SolveError;
+use crate::optics::Pupil;
+use crate::plan::{Moving, Viewpoint};
+use serde::{Deserialize, Serialize};
+use std::f64::consts::TAU;
+
+/// No picture moves faster, pixels a set: what is computed of it stays a number.
+const FASTEST: f64 = 1e4;
+
+/// What moves while the sub-frames of a set are lit; by default nothing. A set is as long as the sub-frames that an eye
+/// averages.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Motion {
+    /// How the content moves, pixels a set (x, y).
+    pub content: [f64; 2],
+    /// When the content is where the scene shows it: sets from the middle of the light.
+    pub at: f64,
+    /// How the eye turns, pixels a set (x, y). None: that is not known; it rests in half of the draws, and follows the content in
+    /// the others.
+    pub eye: Option<[f64; 2]>,
+    /// Eyes that turn are drawn evenly from a disc of this radius around it, pixels a set.
+    pub spread: f64,
+    /// How the pupil moves as the eye turns, metres a set (x, y).
+    pub drift: [f64; 2],
+    /// When the sub-frames are lit: the middle of that time from the middle of the set, and its length, sets.
+    pub lit: [f64; 2],
+    /// How many sub-frames that follow each other an eye averages, the first following the last again; none for all. Each
+    /// pupil is drawn with a window of its own, so that any window is a good set.
+    pub window: Option<usize>,
+}
+
+impl Default for Motion {
+    fn default() -> Self {
+        let still = [0.0; 2];
+        Self { content: still, at: 0.0, eye: None, spread: 0.0, drift: still, lit: [0.0, 1.0], window: None }
+    }
+}
+
+impl Motion {
+    /// Whether nothing moves: sub-frames might as well be lit at once.
+    pub fn is_still(&self) -> bool {
+        let rests = |v: [f64; 2]| v == [0.0; 2];
+        let Self { content, eye, spread, drift, window, .. } = *self;
+        rests(content) && eye.is_none_or(rests) && spread == 0.0 && rests(drift) && window.is_none()
+    }
+
+    /// Refuses what cannot be.
+    pub(super) fn check(&self, frames: usize) -> Result<(), SolveError> {
+        let wrong = |what, value: String, right| Err(SolveError::Setting { what, value, right });
+        let fits = |v: [f64; 2]| v.iter().all(|v| v.abs() <= FASTEST);
+        let Self { content, eye, spread, drift, at, lit: [middle, length], window } = *self;
+        if !fits(content) || !eye.is_none_or(fits) || !(0.0..=FASTEST).contains(&spread) {
+            return wrong("a velocity (pixels a set)", format!("{content:?}, {eye:?}, {spread}"), "numbers within 1e4");
+        }
+        if !drift.iter().all(|v| v.abs() <= 1.0) || at.is_nan() || at.abs() > FASTEST {
+            return wrong(
+                "the motion of the pupil (m a set)",
+                format!("{drift:?} at {at}"),
+                "numbers within 1, within 1e4 sets",
+            );
+        }
+        if !(middle.abs() <= 1.0 && length > 0.0 && length <= 1.0) {
+            return wrong("when sub-frames are lit (sets)", format!("{middle}, {length}"), "within the set");
+        }
+        match window {
+            Some(n) if !(1..=frames).contains(&n) => {
+                wrong("the sub-frames that an eye averages", n.to_string(), "1 to the number of sub-frames")
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Whether pupils that were drawn for another serve this one as well: within a quarter of a pixel over a set.
+    pub(super) fn is_served_by(&self, other: &Self) -> bool {
+        let close = |a: [f64; 2], b: [f64; 2], slack: f64| (0..2).all(|i| (a[i] - b[i]).abs() <= slack);
+        let speed = self.content[0].hypot(self.content[1]);
+        close(self.content, other.content, 0.25)
+            && (self.at - other.at).abs() * speed <= 0.25
+            && self.eye.is_some() == other.eye.is_some()
+            && close(self.eye.unwrap_or_default(), other.eye.unwrap_or_default(), 0.25)
+            && close(self.drift, other.drift, 2e-5)
+            && (self.spread - other.spread).abs() <= 0.25
+            && (self.lit, self.window) == (other.lit, other.window)
+    }
+
+    /// What a pupil becomes that looks at so many sub-frames, at a point of the unit cube: whether it turns, how far from the
+    /// expected velocity and in which direction, and its window.
+    pub(super) fn viewpoint(&self, pupil: Pupil, frames: usize, [turns, radius, angle, first]: [f64; 4]) -> Viewpoint {
+        if self.is_still() {
+            return Viewpoint::Pupil(pupil);
+        }
+        let (off, angle) = (self.spread * radius.sqrt(), TAU * angle);
+        let around = |v: [f64; 2]| [v[0] + off * angle.cos(), v[1] + off * angle.sin()];
+        let eye = match self.eye {
+            Some(eye) => around(eye),
+            None if turns < 0.5 => [0.0; 2],
+            None => around(self.content),
+        };
+        let count = self.window.unwrap_or(frames);
+        let first = if count < frames { ((first * frames as f64) as usize).min(frames - 1) } else { 0 };
+        let Self { drift, content, at, lit, .. } = *self;
+        Viewpoint::Moving(Moving { pupil, drift, eye, content, at, lit, first, count })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn drawn(motion: Motion, point: [f64; 4]) -> Moving {
+        match motion.viewpoint(Pupil::from_mm([0.0, 0.0, 4.0, 0.0]), 16, point) {
+            Viewpoint::Moving(moving) => moving,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn eyes_rest_or_follow_and_windows_go_round() {
+        let motion = Motion { content: [10.0, 0.0], spread: 2.0, window: Some(8), ..Motion::default() };
+        assert_eq!(drawn(motion, [0.2, 1.0, 0.0, 0.0]).eye, [0.0, 0.0]);
+        assert_eq!(drawn(motion, [0.7, 1.0, 0.0, 0.0]).eye, [12.0, 0.0]);
+        assert_eq!([0.0, 0.5, 0.999].map(|u| drawn(motion, [0.0, 0.0, 0.0, u]).first), [0, 8, 15]);
+        // Who is known to turn is drawn so.
+        let known = Motion { eye: Some([3.0, -1.0]), ..motion };
+        assert_eq!(drawn(known, [0.2, 0.0, 0.0, 0.0]).eye, [3.0, -1.0]);
+        let pupil = Pupil::from_mm([1.0, 2.0, 3.0, 0.0]);
+        assert_eq!(Motion::default().viewpoint(pupil, 8, [0.7; 4]), Viewpoint::Pupil(pupil));
+    }
+
+    #[test]
+    fn what_cannot_be_is_refused() {
+        let still = Motion::default();
+        assert!(still.check(8).is_ok());
+        for wrong in [
+            Motion { content: [f64::NAN, 0.0], ..still },
+            Motion { spread: -1.0, ..still },
+            Motion { eye: Some([0.0, f64::INFINITY]), ..still },
+            Motion { drift: [2.0, 0.0], ..still },
+            Motion { at: f64::NAN, ..still },
+            Motion { lit: [0.0, 0.0], ..still },
+            Motion { window: Some(0), ..still },
+            Motion { window: Some(9), ..still },
+        ] {
+            assert!(wrong.check(8).is_err(), "{wrong:?}");
+        }
+    }
+}

@@ -1,0 +1,153 @@
+//! `eyebox film`.
+
+use crate::args::SceneArgs;
+use crate::common::{self, Engines};
+use crate::live::{SubjectOptions, is_hologram, solved};
+use crate::phases::tell_unfinished;
+use crate::progress::{self, JobBar};
+use crate::{Failure, score};
+use clap::Args;
+use eyebox::film::{self, Content, EyePath, FilmSettings};
+use eyebox::gpu::Options as VulkanOptions;
+use eyebox::hologram::{Hologram, Opening, SceneSource, Sequence};
+use eyebox::optics::Display;
+use std::path::{Path, PathBuf};
+
+/// `eyebox film`
+#[derive(Args)]
+pub struct Film {
+    /// NAME.zarr, a hologram or a sequence of them; NAME.npy, phases with --scene; or a scene, which is solved first
+    pub what: String,
+    /// Where the eye goes: a JSON file with keys, such as {"keys": [{"t_s": 0, "x_mm": -4}, {"t_s": 2, "x_mm": 4}], "blinks_s": [1]}
+    #[arg(long, value_name = "FILE.json")]
+    pub path: PathBuf,
+    /// NAME.y4m, or a folder for one PNG a frame
+    #[arg(short, long, value_name = "FILE.y4m|FOLDER")]
+    pub out: PathBuf,
+    /// Only what the eye sees, without what it should see beside it
+    #[arg(long)]
+    pub alone: bool,
+    /// Pixels along each axis that become one, their mean
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    pub binning: usize,
+    /// How it is read
+    #[command(flatten)]
+    pub how: SubjectOptions,
+    /// One JSON object on standard output, no progress bar
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Films it.
+pub fn run(args: &Film) -> Result<(), Failure> {
+    let path = EyePath::read(&args.path)?;
+    if args.out.extension().is_some() && !args.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("y4m")) {
+        let reason = "a film is NAME.y4m, or a folder of PNGs, whose name has no ending";
+        return Err(Failure::Asked(format!("{}: {reason}", args.out.display())));
+    }
+    let engines = Engines::new(&args.how.engine, &VulkanOptions::default())?;
+    let mut reel = Reel::open(args, &engines)?;
+    let mut engine = engines.open()?;
+    let settings = FilmSettings { alone: args.alone, binning: args.binning };
+    progress::catch_interrupt();
+    let bar = JobBar::new(args.json);
+    let mut observe =
+        |frame: usize, frames: usize| bar.show(&format!("frame {frame} of {frames}"), frame as f64 / frames as f64);
+    let made = film::film(&path, &settings, &mut |t| reel.at(t), &args.out, engine.as_mut(), &mut observe)?;
+    bar.finish();
+    let made = made.ok_or_else(|| Failure::Asked(format!("{}: stopped: nothing is written", args.out.display())))?;
+    let [rows, columns] = made.size;
+    if args.json {
+        let report = serde_json::json!({
+            "out": args.out.display().to_string(), "frames": made.frames, "looked": made.looked,
+            "size": made.size, "rate_hz": path.rate_hz,
+        });
+        println!("{report}");
+        return Ok(());
+    }
+    let seconds = made.frames as f64 / path.rate_hz;
+    println!(
+        "wrote {}: {} frames of {rows} x {columns} pixels, {seconds:.1} s; {}",
+        args.out.display(),
+        made.frames,
+        if args.alone { "what the eye sees" } else { "left what the eye sees, right what it should" }
+    );
+    Ok(())
+}
+
+/// What is filmed, by time.
+struct Reel<'a> {
+    args: &'a Film,
+    engines: &'a Engines,
+    frames: Frames,
+    /// Which is shown.
+    shown: Option<u64>,
+}
+
+enum Frames {
+    /// One hologram, given out once.
+    One(Option<Content>),
+    /// Holograms that follow each other, and begin again.
+    Sequence(Box<Sequence>),
+}
+
+impl<'a> Reel<'a> {
+    fn open(args: &'a Film, engines: &'a Engines) -> Result<Self, Failure> {
+        let path = Path::new(&args.what);
+        let opening = Opening { unfinished: true, ..args.how.unit.chosen(&args.how.display)? };
+        let mut reel = Self { args, engines, frames: Frames::One(None), shown: None };
+        reel.frames = if Sequence::is_at(path) {
+            tell_unfinished(path)?;
+            Frames::Sequence(Box::new(opening.sequence(path)?))
+        } else if is_hologram(path) {
+            tell_unfinished(path)?;
+            Frames::One(Some(reel.content(opening.hologram(path)?, path)?))
+        } else {
+            let (hologram, field, mut display) = solved(&args.what, &args.how, engines)?;
+            display.picture = Default::default();
+            let exposures = hologram.colors.iter().map(|c| c.exposure).collect();
+            let scene = SceneSource::new(field, &display)?;
+            Frames::One(Some(Content { source: hologram.into(), scene: Some(scene), exposures }))
+        };
+        Ok(reel)
+    }
+
+    /// What is to be seen at a time, where it is not what was seen before.
+    fn at(&mut self, time: f64) -> Result<Option<Content>, Failure> {
+        let hologram = match &mut self.frames {
+            Frames::One(content) => return Ok(content.take()),
+            Frames::Sequence(sequence) => {
+                let [holograms, seconds] = sequence.rate().map(f64::from);
+                let due = (time * holograms / seconds + 1e-6) as u64 % sequence.count().max(1);
+                if self.shown.replace(due) == Some(due) {
+                    return Ok(None);
+                }
+                sequence.load(due)?
+            }
+        };
+        self.content(hologram, Path::new(&self.args.what)).map(Some)
+    }
+
+    /// A hologram with its scene.
+    fn content(&self, mut hologram: Hologram, file: &Path) -> Result<Content, Failure> {
+        let how = &self.args.how;
+        how.eye.replace(&mut hologram.metadata.prescription)?;
+        let name = how.scene.as_deref().unwrap_or(&hologram.scene);
+        if self.args.alone && (name.is_empty() || !hologram.metadata.exposure_assumed) {
+            let exposures = hologram.colors.iter().map(|c| c.exposure).collect();
+            return Ok(Content { source: hologram.into(), scene: None, exposures });
+        }
+        if name.is_empty() {
+            let reason = "it does not say of which scene it is: give --scene, or --alone for the hologram by itself";
+            return Err(Failure::Asked(format!("{}: {reason}", file.display())));
+        }
+        how.other.check(file, &hologram, name)?;
+        // What should be seen, wherever the display has to show it.
+        let display = Display { picture: Default::default(), ..score::display_of(file, &hologram)? };
+        let scene = SceneArgs::new(name, &how.options);
+        let field = common::scene(&score::as_solved(&scene, &hologram), &display, &hologram.named_colors())?;
+        hologram.fit_exposure(&field, self.engines.open()?.as_mut())?;
+        let exposures = hologram.colors.iter().map(|c| c.exposure).collect();
+        Ok(Content { source: hologram.into(), scene: Some(SceneSource::new(field, &display)?), exposures })
+    }
+}
