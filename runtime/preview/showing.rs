@@ -5,6 +5,7 @@ use crate::evaluate::Plane;
 use crate::hologram::{ColorHologram, Hologram, HologramError, Tiles};
 use crate::optics::{Color, Optics, Padding, PictureMap};
 use crate::plan::{EyeTables, ModelTables, Planner};
+use crate::solve::Problem;
 use std::sync::Arc;
 
 /// One colour of what is shown.
@@ -42,6 +43,8 @@ pub struct Showing {
     pub eyebox: f64,
     /// The phases of a far field that stay on the disk: those under the pupil are read for each picture.
     pub tiles: Option<Arc<Tiles>>,
+    /// What it should be, colour by colour, where that changes with what is shown; else the scene that the viewer was given.
+    pub scene: Option<Arc<Vec<Problem>>>,
 }
 
 impl Showing {
@@ -72,7 +75,7 @@ impl Showing {
             phases: Arc::new(color.phases),
         };
         let colors = hologram.colors.into_iter().zip(optics).zip(shares).zip(planners).map(shown).collect();
-        Ok(Self { frames: hologram.frames, padding, colors, eyebox, tiles: None })
+        Ok(Self { frames: hologram.frames, padding, colors, eyebox, tiles: None, scene: None })
     }
 
     /// Planes of its colours, as the display shows them, as they are seen.

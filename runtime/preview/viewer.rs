@@ -8,6 +8,7 @@ use crate::evaluate::{self, Plane};
 use crate::hologram::SceneSource;
 use crate::mailbox::Mailbox;
 use crate::optics::{Color, Pupil, WindowFactor};
+use crate::scene::Pyramid;
 use crate::solve::Problem;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
@@ -123,7 +124,7 @@ impl Viewer {
                     let failed = coarse.is_err();
                     publish(coarse);
                     // The mouse moves on: the next coarse picture counts more than this one's whole, but for one now and then.
-                    if failed || (!looker.is_due() && take.comes(REST)) {
+                    if failed || (!looker.is_due(showing) && take.comes(REST)) {
                         continue;
                     }
                 }
@@ -179,7 +180,8 @@ impl Drop for Viewer {
 struct Looker {
     eye: Eye,
     scene: SceneSource,
-    cameras: Vec<Box<dyn Engine>>,
+    /// What takes photographs of each colour, and the views that it holds.
+    cameras: Vec<(Box<dyn Engine>, Arc<Pyramid>)>,
     /// What a whole picture took.
     expected: Option<Duration>,
     /// When it was there.
@@ -188,9 +190,14 @@ struct Looker {
 
 impl Looker {
     /// Whether a whole picture is made though something newer waits: only it is compared with the photograph.
-    fn is_due(&self) -> bool {
+    fn is_due(&self, showing: &Showing) -> bool {
         let (Some(took), Some(ended)) = (self.expected, self.whole_ended) else { return false };
-        !self.scene.is_empty() && ended.elapsed() >= (WHOLE_SHARE - 1) * took
+        self.is_known(showing) && ended.elapsed() >= (WHOLE_SHARE - 1) * took
+    }
+
+    /// Whether it is known what is shown should be.
+    fn is_known(&self, showing: &Showing) -> bool {
+        showing.scene.is_some() || !self.scene.is_empty()
     }
 
     fn look(&mut self, content: u64, showing: &Showing, look: &Look, detail: Detail) -> Answer {
@@ -198,7 +205,7 @@ impl Looker {
         let whole = detail == Detail::Whole;
         let colors: Vec<Option<Color>> = showing.colors.iter().map(|c| c.color).collect();
         let exposures: Vec<f64> = showing.colors.iter().map(|c| c.exposure).collect();
-        let wanted = !self.scene.is_empty() && whole;
+        let wanted = self.is_known(showing) && whole;
         let photograph = if wanted { self.photograph(showing, &look.pupil)? } else { Vec::new() };
         let planes = match look.side {
             Side::Photograph => Vec::new(),
@@ -240,7 +247,8 @@ impl Looker {
     /// The scene's photograph in each colour.
     fn photograph(&mut self, showing: &Showing, pupil: &Pupil) -> Result<Vec<Plane>, PreviewError> {
         let other = || PreviewError::Showing { reason: "its colours or its optics are not the scene's".into() };
-        let scene = match (&self.scene, &showing.tiles) {
+        let scene: &[Problem] = match (&self.scene, &showing.tiles) {
+            _ if showing.scene.is_some() => showing.scene.as_deref().map_or(&[], Vec::as_slice),
             (scene @ SceneSource::Around(views), Some(_)) if views.len() == showing.colors.len() => {
                 return Ok(scene.photograph(pupil, self.eye.single()?)?);
             }
@@ -257,9 +265,14 @@ impl Looker {
             if self.cameras.len() == i {
                 let mut camera = (self.eye.opener())()?;
                 camera.load(&planner.shape(Purpose::View), Some(Arc::clone(&problem.pyramid)))?;
-                self.cameras.push(camera);
+                self.cameras.push((camera, Arc::clone(&problem.pyramid)));
             }
-            let mut taken = evaluate::photographs(self.cameras[i].as_mut(), &planner, &[*pupil])?;
+            let (camera, views) = &mut self.cameras[i];
+            if !Arc::ptr_eq(views, &problem.pyramid) {
+                camera.take_views(Arc::clone(&problem.pyramid))?;
+                *views = Arc::clone(&problem.pyramid);
+            }
+            let mut taken = evaluate::photographs(camera.as_mut(), &planner, &[*pupil])?;
             let [rows, columns] = showing.size();
             planes.push(Plane { rows, columns, values: taken.pop().unwrap_or_default() });
         }

@@ -321,3 +321,34 @@ fn a_reader_reads_what_is_wanted_last() {
     };
     assert!(index == 0 && read.unwrap() == Hologram::load(&file).unwrap());
 }
+
+/// Of content that changes, each picture is compared with what it should be itself, and not with what another should.
+#[test]
+fn what_changes_is_compared_with_its_own_scene() {
+    let display = display();
+    let problems = |name: &str| -> Vec<Problem> {
+        let request = scene::Request { views: 3, ..scene::Request::new(&display, &COLORS) };
+        let field = scene::load(name, &request).unwrap();
+        COLORS.iter().map(|c| Problem::new(&field, *c, &display, Padding::default()).unwrap()).collect()
+    };
+    let (one, other) = (problems("builtin:still-life"), problems("builtin:plane"));
+    let shown = Showing::new(hologram(1), Padding::default()).unwrap();
+    let both = Look { side: Side::Both, ..look(Pupil::from_mm([2.0, 1.0, 5.0, 0.5])) };
+    let judged = |viewer: &Viewer, content| {
+        let seen = wait(viewer, &both, content).unwrap();
+        (seen.psnr_db, values(&seen.wanted))
+    };
+    let alone = |scene: &Vec<Problem>| {
+        let mut viewer = Viewer::start(cpu(), scene.clone()).unwrap();
+        viewer.show(Arc::new(shown.clone()));
+        viewer.look(both);
+        judged(&viewer, 1)
+    };
+    assert_ne!(alone(&one), alone(&other));
+    let mut viewer = Viewer::start(cpu(), one.clone()).unwrap();
+    viewer.look(both);
+    for (content, scene) in [&one, &other, &one, &other].into_iter().enumerate() {
+        viewer.show(Arc::new(Showing { scene: Some(Arc::new(scene.clone())), ..shown.clone() }));
+        assert_eq!(judged(&viewer, content as u64 + 1), alone(scene), "{content}");
+    }
+}

@@ -209,7 +209,7 @@ impl LiveInput {
             colors.push(SteeredColor { problem, phases: Vec::new(), exposure });
         }
         self.frames += 1;
-        Ok(Ok(SceneFrame { number: self.frames, colors, arrived_ns: Some(due.now_ns) }))
+        Ok(Ok(SceneFrame { number: self.frames, colors, arrived_ns: Some(due.now_ns), piece: None }))
     }
 
     /// One exposure for each colour, by the first frame; it only ever rises, where there would not be enough light.

@@ -2,20 +2,21 @@
 
 use super::companion::CompanionOpener;
 use super::error::SessionError;
+use super::field::Field;
 use super::following::{Following, OPEN};
 use super::journal::{Journal, Keeping, Kept};
 use super::latency::Latency;
 use super::notes::Notes;
 use super::output::OpenDisplay;
 use super::pupil_tracker::PupilTracker;
-use super::refine::{Refinement, RefinementOptions};
+use super::refine::{Begin, Refinement, RefinementOptions};
 use super::replay::Replay;
 use super::running::{Running, Setup};
 use super::scenes::Scenes;
 use super::scheduler::{Schedule, Start};
 use super::set_timing::{SetTiming, as_ns};
 use super::showing::Showing;
-use super::steerer::{Policy, SteeredColor, Steerer};
+use super::steerer::{EngineOpener, Policy, SteeredColor, Steerer};
 use super::timeline::Speed;
 use super::trace::Trace;
 use super::watch::{Samples, Watch};
@@ -32,8 +33,8 @@ use crate::trackers::{self, Options, Source, Spec, Stream, now_ns};
 use crossbeam_utils::atomic::AtomicCell;
 use std::collections::VecDeque;
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 /// Whose eye is followed.
@@ -95,9 +96,6 @@ pub fn whole_eyebox(eyebox: f64, focus: [f64; 2]) -> PupilDistribution {
 
 /// As wide as an eye's pupil becomes, metres.
 const WIDEST_PUPIL: f64 = 8e-3;
-
-/// Opens an engine, as often as it is called.
-pub type EngineOpener = Box<dyn FnMut() -> Result<Box<dyn Engine>, EngineError> + Send>;
 
 /// Where engines come from.
 #[non_exhaustive]
@@ -182,6 +180,8 @@ pub struct Live {
     pub engines: EngineSource,
     /// What there is to be seen, where that changes while it is shown; none for the one hologram.
     pub scenes: Option<Box<dyn Scenes>>,
+    /// Of a far field in tiles, all of it: what is refined is a piece, and `scenes` its [`FarField`](super::FarField).
+    pub field: Option<Field>,
     /// Whose eye; none where nobody is tracked: pupils are then drawn over the whole eyebox.
     pub tracking: Option<Tracking>,
     /// Where nobody is tracked: where the pupil may be.
@@ -220,6 +220,7 @@ impl Live {
             encoder,
             engines,
             scenes: None,
+            field: None,
             tracking: tracking.into(),
             whole,
             whole_sets: false,
@@ -273,7 +274,7 @@ impl Live {
     ) -> Result<Setup, SessionError> {
         let clock = display.real_clock;
         self.check_clock(clock.is_some())?;
-        let Self { colors, encoder, mut engines, tracking, mut policy, scenes, whole, whole_sets, cost, .. } = self;
+        let Self { colors, encoder, engines, field, tracking, mut policy, scenes, whole, whole_sets, cost, .. } = self;
         // What no scene brings cannot be begun again with.
         let whole_of_none = scenes.as_ref().filter(|scenes| !scenes.begins_with_one()).map(|_| whole);
         if whole_of_none.is_some() {
@@ -311,10 +312,7 @@ impl Live {
             _ => None,
         };
         let keeping = self.journal.as_deref().map(Journal::start).transpose()?;
-        let again_with = colors.clone();
-        let mut again = move || -> Result<(Steerer, Option<Gpu>), SessionError> {
-            Ok((Steerer::new(again_with.clone(), policy, || engines.open())?, engines.gpu()?))
-        };
+        let mut again = begin(colors.clone(), policy, engines, field);
         let idle = encoder.frames();
         let (refinement, source) = if let Some(folder) = &self.replay {
             let (steerer, _) = again()?;
@@ -332,7 +330,7 @@ impl Live {
                 whole: whole_of_none,
                 direct,
                 with_phases,
-                again: Box::new(again),
+                again,
                 notes: notes.clone(),
                 track: trace.track("refine"),
             };
@@ -373,4 +371,19 @@ impl Live {
         };
         Ok(Setup { running: Running::Live(Box::new(following)), schedule, idle, sub_frames })
     }
+}
+
+/// What makes engines with all that is on them, as often as it is called.
+fn begin(colors: Vec<SteeredColor>, policy: Policy, engines: EngineSource, field: Option<Field>) -> Begin {
+    fn lock(engines: &Mutex<EngineSource>) -> MutexGuard<'_, EngineSource> {
+        engines.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+    let engines = Arc::new(Mutex::new(engines));
+    Box::new(move || {
+        let steerer = Steerer::new(colors.clone(), policy, || lock(&engines).open())?;
+        let gpu = lock(&engines).gpu()?;
+        let Some(field) = field.clone() else { return Ok((steerer, gpu)) };
+        let more = Arc::clone(&engines);
+        Ok((steerer.in_field(&colors, field, Box::new(move || lock(&more).open())), gpu))
+    })
 }

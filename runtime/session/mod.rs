@@ -12,7 +12,7 @@
 //! `player`, the present thread's tick, and `present_thread`, its loop; `stream` (reading, checking and encoding ahead on
 //! threads of their own); `refine` (the thread that owns the engines: [`Steerer`] without threads) and `pupil_tracker` (the
 //! one that takes a tracker's samples), whose sets pass through `sets`; on a simulated clock sets are made when they are asked for,
-//! and `work_time` passes by what steps are said to take. [`MovingSequence`] reads ahead what follows; `application` takes
+//! and `work_time` passes by what steps are said to take. [`MovingSequence`] reads ahead what follows, [`FarField`] the tiles around where the eye goes; `application` takes
 //! frames from other processes; `showing` accounts for both. Each can end without taking the picture away.
 //! `latency` accounts for every set that was shown, from the sample to the light; [`study()`] measures what steering gains
 //! with a simulated eye in simulated time. `marks`: the sync picture and the corner mark; `record`, `trace`, `notes`.
@@ -27,6 +27,8 @@ mod application;
 mod companion;
 mod content;
 mod error;
+mod far_field;
+mod field;
 mod following;
 mod handle;
 mod journal;
@@ -86,10 +88,12 @@ pub use application::{LiveInput, LiveKind, darkness};
 pub use companion::{Asked, Companion, CompanionOpener, Now};
 pub use content::{About, Content, Ended, FrameObserver, SessionEvent, SessionOptions, Status};
 pub use error::SessionError;
+pub use far_field::FarField;
+pub use field::Field;
 pub use following::LiveStatus;
 pub use handle::Session;
 pub use latency::{Histogram, Latency, Stage, Timestamps};
-pub use live::{EngineOpener, EngineSource, Live, Tracking, whole_eyebox};
+pub use live::{EngineSource, Live, Tracking, whole_eyebox};
 pub use moving::{MovingSequence, SceneLoader};
 pub use output::{Output, SinkFile};
 pub use pattern_output::PatternOutput;
@@ -101,7 +105,7 @@ pub use set_timing::{SetTiming, Target};
 pub use sets::FinishedSet;
 pub use showing::Showing;
 pub use statistics::{Ending, LiveStatistics, Statistics};
-pub use steerer::{Followed, Policy, SteeredColor, Steerer};
+pub use steerer::{EngineOpener, Followed, Policy, SteeredColor, Steerer};
 pub use study::{Observer, Study, StudySample, StudySettings, study};
 pub use timeline::Speed;
 pub use work_time::Cost;

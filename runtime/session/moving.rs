@@ -209,7 +209,7 @@ impl Reader {
                     kept.insert(index, colors.clone());
                 }
             }
-            let mut item = read.map(|colors| SceneFrame { number: position, colors, arrived_ns: None });
+            let mut item = read.map(|colors| SceneFrame { number: position, colors, arrived_ns: None, piece: None });
             while let Err(back) = self.out.put_within(item, PATIENCE) {
                 if self.shared.stop.load(Ordering::Acquire) {
                     return;

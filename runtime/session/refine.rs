@@ -4,7 +4,7 @@
 mod handing_over;
 mod options;
 
-pub(super) use options::RefinementOptions;
+pub(super) use options::{Begin, RefinementOptions};
 
 use super::account::Repeat;
 use super::error::SessionError;
@@ -175,8 +175,10 @@ impl Refining {
             let Err(error) = self.run() else { return self.options.track };
             self.sender.does(Repeat::EngineLost);
             let again = (self.options.again)().and_then(|(mut steerer, gpu)| {
-                if let Some(scene) = &self.scene {
-                    steerer.follow(&scene.colors)?;
+                match &self.scene {
+                    Some(SceneFrame { piece: Some(piece), colors, .. }) => drop(steerer.move_to(*piece, colors)?),
+                    Some(scene) => drop(steerer.follow(&scene.colors)?),
+                    None => {}
                 }
                 let device = device_encoder(&steerer, gpu, &self.encoder)?;
                 Ok((steerer, device))
@@ -350,7 +352,10 @@ impl Refining {
         if let Some(journal) = &self.options.journal {
             journal.scene(&scene, !steered);
         }
-        let followed = self.steerer.follow(&scene.colors)?;
+        let followed = match scene.piece {
+            Some(piece) => self.steerer.move_to(piece, &scene.colors)?,
+            None => self.steerer.follow(&scene.colors)?,
+        };
         taken.scenes += 1;
         taken.own_starts += u64::from(followed.own);
         taken.kept_starts += u64::from(followed.kept);

@@ -98,6 +98,7 @@ impl Replay {
             supply: Supply::Same,
             estimated_db: None,
             phases: None,
+            scene: None,
         });
         Ok(())
     }

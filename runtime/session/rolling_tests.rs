@@ -38,9 +38,11 @@ fn what_a_sample_says_is_lit_with_the_next_sub_frame() {
     };
     let ((rolling, frames), (whole, _)) = (once(false), once(true));
     let (rolled, held) = (arrival_to_light(&rolling), arrival_to_light(&whole));
+    println!("{rolled:.2} ms rolling, {held:.2} ms in whole sets");
     assert!(rolled <= 6.0 && held > 2.0 * rolled, "{rolled} ms rolling, {held} ms in whole sets");
     let content =
         |s: &Statistics| s.live.as_ref().unwrap().showing.as_ref().unwrap().arrival_to_light.percentile(1.0).unwrap();
+    println!("content after {:.2} ms at most, {:.2} ms in whole sets", content(&rolling), content(&whole));
     // A video frame until it is looked at, another while a step of 2 ms goes on, that step, encoding, the decision.
     assert!(content(&rolling) <= 2.0 * 2.09 + 2.0 + 0.3 + 0.3, "{} ms", content(&rolling));
     assert!(content(&whole) <= 16.7 + 2.0 + 0.3 + 0.3, "{} ms", content(&whole));

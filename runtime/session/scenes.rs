@@ -3,6 +3,7 @@
 use super::error::SessionError;
 use super::steerer::SteeredColor;
 use crate::optics::PupilDistribution;
+use crate::tiled::Extent;
 
 /// A scene that is to be seen from some time on.
 #[derive(Clone)]
@@ -14,6 +15,8 @@ pub struct SceneFrame {
     pub colors: Vec<SteeredColor>,
     /// When it came, nanoseconds on the player's clock; none where it was there all along.
     pub arrived_ns: Option<i64>,
+    /// Of a far field, the piece of it that this is; its phases are those of the piece as they were solved.
+    pub piece: Option<Extent>,
 }
 
 /// The set that a scene is wanted for.

@@ -81,9 +81,9 @@ impl Scripted {
         Refinement::start(self.encoder(), options).unwrap()
     }
 
-    /// What is shown of this application to an eye that is `simulated:SEED`.
+    /// What is shown of this application to an eye that is `simulated:SEED`; work takes what it is said to take, or what it does.
     pub(super) fn live(&self, app: Application, cost: Cost, seed: u64) -> Live {
-        let options = crate::trackers::Options { real_time: false, ..Default::default() };
+        let options = crate::trackers::Options { real_time: cost == Cost::Measured, ..Default::default() };
         let estimator = Estimator::new(GazeSettings::default(), None).unwrap();
         let spec = format!("simulated:{seed}").parse().unwrap();
         let tracking = Tracking::open(&spec, &options, estimator).unwrap();
@@ -152,7 +152,7 @@ impl Scenes for Application {
         }
         self.given = Some(number);
         let color = self.scenes[(number % LIFE) as usize % self.scenes.len()].clone();
-        Ok(Newest::New(SceneFrame { number, colors: vec![color], arrived_ns: Some(arrived_ns) }))
+        Ok(Newest::New(SceneFrame { number, colors: vec![color], arrived_ns: Some(arrived_ns), piece: None }))
     }
 
     fn begins_with_one(&self) -> bool {
@@ -168,8 +168,10 @@ pub(super) struct ShownFrame {
     pub checksum: u32,
 }
 
-/// A whole session on a display of this rate: what came of it, and every video frame.
+/// A whole session on a display of this rate, in simulated time where work takes what it is said to take: what came of it, and
+/// every video frame.
 pub(super) fn shown(live: Live, rate: u32, seconds: f64) -> (Statistics, Vec<ShownFrame>) {
+    let simulated = live.cost != Cost::Measured || live.replay.is_some();
     let frames = Arc::new(Mutex::new(Vec::new()));
     let theirs = Arc::clone(&frames);
     let seen = move |frame: &PresentedFrame<'_>| {
@@ -183,7 +185,7 @@ pub(super) fn shown(live: Live, rate: u32, seconds: f64) -> (Statistics, Vec<Sho
         observer: Some(Box::new(seen)),
         ..SessionOptions::default()
     };
-    let session = Session::start(live, Output::Memory { simulated: true, sink: None }, options).unwrap();
+    let session = Session::start(live, Output::Memory { simulated, sink: None }, options).unwrap();
     while session.is_running() {
         std::thread::sleep(Duration::from_millis(2));
     }

@@ -9,6 +9,7 @@ use super::scheduler::{Content, Readiness};
 use crate::encode::VideoFrames;
 use crate::gpu::Pictures;
 use crate::mailbox::Mailbox;
+use crate::solve::Problem;
 use crossbeam_utils::atomic::AtomicCell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -37,8 +38,10 @@ pub struct FinishedSet {
     pub supply: Supply,
     /// What the pupils of its last steps saw, dB, by their losses: an estimate.
     pub estimated_db: Option<f64>,
-    /// Its phases, colour by colour, where somebody looks at them too.
+    /// Its phases, colour by colour, where somebody looks at them too;
     pub phases: Option<Vec<Arc<Vec<f32>>>>,
+    /// then, too, what they should show, with its exposures, where that changes.
+    pub scene: Option<(Arc<Vec<Problem>>, Vec<f64>)>,
 }
 
 /// Room for the video frames of a set: on the host, and, where they go straight to a swapchain, on its device.

@@ -31,27 +31,31 @@ fn application(stage: &Scripted, per_second: i64, seconds: f64, noise: &mut Spli
     Application { alive, stalls, ..Application::new(stage, per_second, [0, 0]) }
 }
 
-/// What every session has to add up to: (sub-frames of all video frames) x (video frames of a set) is that of a set.
+/// What every session has to add up to, whatever the clock.
 fn adds_up(statistics: &Statistics, frames: &[ShownFrame], set_frames: u64, what: &str) {
     let live = statistics.live.as_ref().unwrap();
     let (a, showing) = (&statistics.report.account, live.showing.as_ref().unwrap());
     let every = if live.rolls { 1 } else { set_frames };
     assert_eq!(a.due, a.shown + a.drops() + statistics.report.pending, "{what}");
-    assert_eq!((a.drops(), a.missed_presents, a.late_sets), (0, 0, [0; 5]), "{what}");
-    assert!(a.video_frames.abs_diff(a.sets * every) < every, "{what}: {a:?}");
-    assert_eq!(a.video_frames, frames.len() as u64, "{what}");
+    assert!((a.sets * every + a.missed_presents).abs_diff(a.video_frames) < every, "{what}: {a:?}");
+    assert_eq!(a.video_frames - a.missed_presents, frames.len() as u64, "{what}");
     let content_sets = a.sets - a.idle_sets;
     assert_eq!(live.sets_new + live.sets_repeated, content_sets, "{what}");
     assert_eq!(live.repeats.iter().sum::<u64>(), live.sets_repeated, "{what}");
-    // All that can be the matter where time is simulated.
-    assert_eq!(live.repeats[Repeat::StepTooLong as usize], live.sets_repeated, "{what}: {:?}", live.repeats);
     assert_eq!(showing.sets.iter().sum::<u64>(), content_sets, "{what}: {showing:?}");
     assert_eq!((showing.sets[Supply::New as usize], showing.refused), (showing.shown, 0), "{what}");
-    assert!(showing.scenes.abs_diff(showing.shown) <= showing.scenes / 2 + 2, "{what}: {showing:?}");
+    assert!(showing.scenes >= showing.shown, "{what}: {showing:?}");
     let lit = frames.iter().filter(|frame| frame.set.is_some()).count() as u64;
     assert_eq!(live.sub_frames.iter().sum::<u64>(), lit * 8 / set_frames, "{what}");
     assert!(live.sets_repeated > 0 || live.sub_frames[1] == 0, "{what}: {:?}", live.sub_frames);
     assert_eq!(live.latency.of(Stage::AllRefinement).count(), live.sets_new, "{what}");
+}
+
+/// All that can be the matter where time is simulated.
+fn only_steps_are_too_long(statistics: &Statistics, what: &str) {
+    let (live, a) = (statistics.live.as_ref().unwrap(), &statistics.report.account);
+    assert_eq!(live.repeats[Repeat::StepTooLong as usize], live.sets_repeated, "{what}: {:?}", live.repeats);
+    assert_eq!((a.drops(), a.missed_presents, a.late_sets), (0, 0, [0; 5]), "{what}");
 }
 
 /// The picture that is lit is the same as long as it is of the same set, and nothing older comes again.
@@ -86,6 +90,7 @@ fn soak(seconds: f64, displays: &[(&str, u32, u64)], content: &[i64], seed: u64)
             let what = format!("{per_second} a second on {preset} at {rate}, steps of {step:?}, {}", live.whole_sets);
             let (statistics, frames) = shown(live, rate, seconds);
             adds_up(&statistics, &frames, set_frames, &what);
+            only_steps_are_too_long(&statistics, &what);
             nothing_is_torn(&frames, &what);
             in_turn(&frames, set_frames, &what);
             let showing = statistics.live.unwrap().showing.unwrap();

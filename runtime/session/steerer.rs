@@ -1,14 +1,19 @@
 //! All colours of a hologram under refinement, without threads: where to aim, when to begin again, what to do next.
 
 use super::error::SessionError;
+use super::field::Field;
 use crate::engine::{Engine, EngineError, PhasesOnDevice};
 use crate::optics::PupilDistribution;
 use crate::solve::{Problem, Refiner, Steering};
+use crate::tiled::Extent;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
 /// No eye is known better than this, metres: its spread as a solver takes it.
 const SHARPEST: f64 = 0.1e-3;
+
+/// Opens an engine, as often as it is called.
+pub type EngineOpener = Box<dyn FnMut() -> Result<Box<dyn Engine>, EngineError> + Send>;
 
 /// One colour: what is solved for, and the hologram for the whole eyebox.
 #[derive(Clone)]
@@ -50,6 +55,8 @@ struct OneColor {
     phases: Vec<f32>,
     /// The last step's.
     loss: Option<f64>,
+    /// Of a piece of a far field: its middle, and how far it goes from there, metres.
+    piece: Option<([f64; 2], [f64; 2])>,
 }
 
 /// What another scene was begun with.
@@ -87,6 +94,8 @@ pub struct Steerer {
     aimed: Option<PupilDistribution>,
     restarts: u64,
     steps: u64,
+    /// Of a far field, all of it, and what makes an engine for another piece.
+    field: Option<(Field, EngineOpener)>,
 }
 
 impl Steerer {
@@ -108,10 +117,57 @@ impl Steerer {
         }
         let one = |color: SteeredColor| -> Result<OneColor, SessionError> {
             let refiner = Refiner::new(color.problem, &color.phases, color.exposure, policy.steering, engine()?)?;
-            Ok(OneColor { refiner, phases: Vec::new(), loss: None })
+            Ok(OneColor { refiner, phases: Vec::new(), loss: None, piece: None })
         };
         let colors = colors.into_iter().map(one).collect::<Result<_, _>>()?;
-        Ok(Self { colors, policy, next: 0, aimed: None, restarts: 0, steps: 0 })
+        Ok(Self { colors, policy, next: 0, aimed: None, restarts: 0, steps: 0, field: None })
+    }
+
+    /// What it refines, `colors`, is a piece of this far field; `engine` makes an engine for every further piece of each colour.
+    #[must_use]
+    pub fn in_field(mut self, colors: &[SteeredColor], field: Field, engine: EngineOpener) -> Self {
+        for (color, begun) in self.colors.iter_mut().zip(colors) {
+            color.piece = Some(reach_of(&begun.problem));
+        }
+        Self { field: Some((field, engine)), ..self }
+    }
+
+    /// Another piece of the far field is refined from now on. What was refined before stays where it is; the piece begins with
+    /// its phases as they are there, or as they were solved, whichever loses less through the pupils of the next step.
+    ///
+    /// # Errors
+    /// [`SessionError::Setting`] for pieces of no far field; those of the engines.
+    pub fn move_to(&mut self, piece: Extent, colors: &[SteeredColor]) -> Result<Followed, SessionError> {
+        self.settle()?;
+        self.phases()?;
+        let Some((field, engine)) = self.field.as_mut().filter(|_| colors.len() == self.colors.len()) else {
+            return Err(SessionError::Setting("a piece of another hologram than the one that is refined".into()));
+        };
+        field.piece = piece;
+        let mut followed = Followed::default();
+        for (i, (color, new)) in self.colors.iter_mut().zip(colors).enumerate() {
+            let SteeredColor { problem, phases, exposure } = new;
+            let mut refiner = Refiner::new(problem.clone(), phases, *exposure, self.policy.steering, engine()?)?;
+            let refined = field.cut(i, piece);
+            if refined == *phases {
+                followed.own += 1;
+            } else {
+                if let Some(aim) = self.aimed {
+                    refiner.aim(within(aim, reach_of(problem)))?;
+                }
+                let solved = refiner.loss()?;
+                refiner.restart(&refined)?;
+                followed.looks += 2;
+                if refiner.loss()? < solved {
+                    followed.kept += 1;
+                } else {
+                    refiner.begin_again()?;
+                    followed.own += 1;
+                }
+            }
+            *color = OneColor { refiner, phases: Vec::new(), loss: None, piece: Some(reach_of(problem)) };
+        }
+        Ok(followed)
     }
 
     /// The eye will be there. After a jump the hologram begins again as it was for the whole eyebox: what it gained was
@@ -129,7 +185,7 @@ impl Steerer {
         }
         self.aimed = Some(aim);
         for color in &mut self.colors {
-            color.refiner.aim(aim)?;
+            color.refiner.aim(color.piece.map_or(aim, |piece| within(aim, piece)))?;
         }
         Ok(jumped)
     }
@@ -242,16 +298,37 @@ impl Steerer {
         for color in &mut self.colors {
             color.phases = color.refiner.phases()?;
         }
-        Ok(self.colors.iter().map(|c| c.phases.as_slice()).collect())
+        let Some((field, _)) = &mut self.field else {
+            return Ok(self.colors.iter().map(|c| c.phases.as_slice()).collect());
+        };
+        self.colors.iter().enumerate().for_each(|(i, color)| field.put(i, &color.phases));
+        Ok(field.phases.iter().map(Vec::as_slice).collect())
     }
 
     /// The phases where they are, colour by colour, if all of them are in a device's memory: for an encoder on that device.
     pub fn phases_on_device(&self) -> Option<Vec<PhasesOnDevice<'_>>> {
-        self.colors.iter().map(|color| color.refiner.phases_on_device()).collect()
+        // The rest of a far field is on the host.
+        let alone = self.field.is_none();
+        self.colors.iter().map(|color| color.refiner.phases_on_device().filter(|_| alone)).collect()
     }
 
     /// How often it began again, and how many steps it took.
     pub fn counts(&self) -> [u64; 2] {
         [self.restarts, self.steps]
     }
+}
+
+/// The middle of a piece of a far field, and how far it goes from there, metres.
+fn reach_of(problem: &Problem) -> ([f64; 2], [f64; 2]) {
+    let optics = &problem.optics;
+    (optics.center(), [optics.width, optics.height].map(|n| n as f64 * optics.pitch / 2.0))
+}
+
+/// An aim as near as its pupils are within a piece: until the piece around the eye is there, the one before goes on.
+fn within(aim: PupilDistribution, ([x, y], [right, below]): ([f64; 2], [f64; 2])) -> PupilDistribution {
+    let near = |at: f64, middle: f64, reach: f64| {
+        let room = (reach - aim.reach()).max(0.0);
+        at.clamp(middle - room, middle + room)
+    };
+    PupilDistribution { centre: [near(aim.centre[0], x, right), near(aim.centre[1], y, below)], ..aim }
 }

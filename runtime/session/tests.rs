@@ -139,6 +139,7 @@ pub(super) fn made(sender: &SetSender, number: u64) -> FinishedSet {
         supply: Supply::Same,
         estimated_db: None,
         phases: None,
+        scene: None,
     }
 }
 

@@ -15,7 +15,7 @@ mod region;
 mod solve;
 mod visits;
 
-pub use refine::Piece;
+pub use refine::{Extent, Piece};
 pub use region::{MemoryLimit, RegionSize};
 pub use solve::{Job, Visit, exposure, solve};
 pub use visits::Schedule;

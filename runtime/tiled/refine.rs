@@ -3,7 +3,65 @@
 use super::{TiledError, Views};
 use crate::hologram::Tiles;
 use crate::optics::{Padding, Pupil, PupilDistribution};
+use crate::plan::ModelTables;
 use crate::solve::Problem;
+
+/// Where whole tiles lie in a far field.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Extent {
+    /// Row and column of the first pixel.
+    pub at: [usize; 2],
+    /// Rows and columns.
+    pub size: [usize; 2],
+}
+
+impl Extent {
+    /// The tiles that hold every pupil of `aim` at colour `color` of a hologram, which is seen through `model`.
+    ///
+    /// # Errors
+    /// [`TiledError::Optics`]; [`TiledError::Unsuitable`] for an aim that is nowhere on the SLM.
+    pub fn around(
+        tiles: &Tiles,
+        color: usize,
+        model: Option<&ModelTables>,
+        aim: &PupilDistribution,
+    ) -> Result<Self, TiledError> {
+        let whole = tiles.about().optics(color)?;
+        let (first, side) = (whole.first_bin(), tiles.side() as f64);
+        // Where the iris really is, with what crosstalk brings in from around it.
+        let spread = Pupil { x: aim.centre[0], y: aim.centre[1], diameter: 2.0 * aim.reach(), depth: 0.0 };
+        let iris = model.map_or(spread, |model| model.model().true_pupil(&spread));
+        let around = model.map_or([0; 2], |model| model.reach()).map(|pixels| pixels as f64 * whole.pitch);
+        let axis = |s: f64, around: f64, first: i64, n: usize| {
+            let tile = |metres: f64| (metres / whole.pitch - first as f64) / side;
+            let last = n.div_ceil(tiles.side()) as f64;
+            let reach = iris.diameter / 2.0 + around;
+            // Beyond the last pixel there is nothing, and nobody's number is too large to be clamped.
+            let (from, to) = (tile(s - reach).floor().max(0.0), (tile(s + reach).ceil()).min(last));
+            (from < to).then(|| {
+                let (from, to) = (from as usize * tiles.side(), (to as usize * tiles.side()).min(n));
+                (from, to - from)
+            })
+        };
+        let nowhere = || TiledError::Unsuitable("the eye looks past the SLM: no pixel of it is under the pupil".into());
+        let (top, rows) = axis(iris.y, around[0], first.0, whole.height).ok_or_else(nowhere)?;
+        let (left, columns) = axis(iris.x, around[1], first.1, whole.width).ok_or_else(nowhere)?;
+        Ok(Self { at: [top, left], size: [rows, columns] })
+    }
+
+    /// Whether it holds all of another.
+    pub fn covers(&self, other: &Self) -> bool {
+        (0..2).all(|i| self.at[i] <= other.at[i] && other.at[i] + other.size[i] <= self.at[i] + self.size[i])
+    }
+
+    /// The smallest that holds both.
+    #[must_use]
+    pub fn with(&self, other: &Self) -> Self {
+        let at = [0, 1].map(|i| self.at[i].min(other.at[i]));
+        let end = |one: &Self, i: usize| one.at[i] + one.size[i];
+        Self { at, size: [0, 1].map(|i| end(self, i).max(end(other, i)) - at[i]) }
+    }
+}
 
 /// The tiles that hold every pupil of an aim, and the problem on them.
 pub struct Piece {
@@ -21,27 +79,23 @@ impl Piece {
     /// # Errors
     /// [`TiledError::Optics`]; [`TiledError::Unsuitable`] for an aim that is nowhere on the SLM.
     pub fn around(tiles: &Tiles, color: usize, views: &Views, aim: &PupilDistribution) -> Result<Self, TiledError> {
-        let whole = tiles.about().optics(color)?;
-        let (first, side) = (whole.first_bin(), tiles.side() as f64);
         let model = tiles.model(color)?.map(|model| model.for_steps());
-        // Where the iris really is, with what crosstalk brings in from around it.
-        let spread = Pupil { x: aim.centre[0], y: aim.centre[1], diameter: 2.0 * aim.reach(), depth: 0.0 };
-        let iris = model.as_ref().map_or(spread, |model| model.model().true_pupil(&spread));
-        let around = model.as_ref().map_or([0; 2], |model| model.reach()).map(|pixels| pixels as f64 * whole.pitch);
-        let axis = |s: f64, around: f64, first: i64, n: usize| {
-            let tile = |metres: f64| (metres / whole.pitch - first as f64) / side;
-            let last = n.div_ceil(tiles.side()) as f64;
-            let reach = iris.diameter / 2.0 + around;
-            // Beyond the last pixel there is nothing, and nobody's number is too large to be clamped.
-            let (from, to) = (tile(s - reach).floor().max(0.0), (tile(s + reach).ceil()).min(last));
-            (from < to).then(|| {
-                let (from, to) = (from as usize * tiles.side(), (to as usize * tiles.side()).min(n));
-                (from, to - from)
-            })
-        };
-        let nowhere = || TiledError::Unsuitable("the eye looks past the SLM: no pixel of it is under the pupil".into());
-        let (top, rows) = axis(iris.y, around[0], first.0, whole.height).ok_or_else(nowhere)?;
-        let (left, columns) = axis(iris.x, around[1], first.1, whole.width).ok_or_else(nowhere)?;
+        let extent = Extent::around(tiles, color, model.as_deref(), aim)?;
+        Self::on(tiles, color, views, model.as_deref(), extent)
+    }
+
+    /// These tiles of it, seen through `model`.
+    ///
+    /// # Errors
+    /// [`TiledError::Optics`].
+    pub fn on(
+        tiles: &Tiles,
+        color: usize,
+        views: &Views,
+        model: Option<&ModelTables>,
+        Extent { at: [top, left], size: [rows, columns] }: Extent,
+    ) -> Result<Self, TiledError> {
+        let whole = tiles.about().optics(color)?;
         let at = [top as i64, left as i64];
         let optics = whole.piece(at, [rows, columns]);
         let model = model.map(|model| model.piece(at, [rows, columns]));

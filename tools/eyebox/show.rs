@@ -272,8 +272,9 @@ fn endless_needs_duration(args: &Show, cost: Option<Cost>, endless: bool) -> Res
 #[cfg(target_os = "linux")]
 fn application(args: &Show, name: &str) -> Result<(), Failure> {
     use eyebox::encode::Encoder;
-    use eyebox::hologram::Hologram;
-    use eyebox::session::{LiveInput, LiveKind, darkness};
+    use eyebox::hologram::{ColorHologram, Hologram};
+    use eyebox::optics::Color;
+    use eyebox::session::{LiveInput, LiveKind, SteeredColor, darkness};
 
     let cost = match &args.replay {
         // Nothing is timed that was decided before.
@@ -296,10 +297,17 @@ fn application(args: &Show, name: &str) -> Result<(), Failure> {
     };
     let encoder = Encoder::new(&display, &colors, args.frames)?;
     let parts = darkness(&display, &colors, args.frames, args.live.policy.steering.seed)?;
-    let mut hologram = Hologram::on(&display, args.frames, Vec::new());
+    let of = |(color, part): (&Color, &SteeredColor)| ColorHologram {
+        color: Some(*color),
+        wavelength: part.problem.optics.wavelength,
+        exposure: part.exposure,
+        efficiency: part.exposure,
+        phases: part.phases.clone(),
+    };
+    let mut hologram = Hologram::on(&display, args.frames, colors.iter().zip(&parts).map(of).collect());
     hologram.scene = format!("live:{name}");
     let engine = stage.engines.open()?.describe();
-    let mut steered = Steered { hologram, colors, parts, scenes: None, encoder, engine, unfinished: None };
+    let mut steered = Steered { hologram, colors, parts, scenes: None, field: None, encoder, engine, unfinished: None };
     if args.replay.is_none() {
         let input = LiveInput::open(name, &display, &steered.colors, views, kind)?;
         steered.scenes = Some(Box::new(input));

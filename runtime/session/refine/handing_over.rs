@@ -61,6 +61,10 @@ impl Refining {
             false => None,
         };
         let scene = self.scene.as_ref();
+        let seen = scene.filter(|_| self.options.with_phases).map(|scene| {
+            let problems = scene.colors.iter().map(|color| color.problem.clone()).collect();
+            (Arc::new(problems), scene.colors.iter().map(|color| color.exposure).collect())
+        });
         self.sender.send(FinishedSet {
             number: self.number,
             buffer,
@@ -73,6 +77,7 @@ impl Refining {
             supply: self.supply,
             estimated_db: self.steerer.estimated_db().filter(|_| steps > 0),
             phases,
+            scene: seen,
         });
         self.options.track.span("encode", self.number, begun);
         self.number += 1;

@@ -149,15 +149,15 @@ pub fn show(steered: Steered, args: &LiveOptions, showing: Showing<'_>, stage: S
         steered.engine
     );
     let companion = match gpu.clone().filter(|_| args.view) {
-        Some(_) if steered.scenes.is_some() => {
+        Some(_) if steered.field.is_some() => {
             return Err(Failure::Asked(
-                "--view shows what is seen of one hologram: scenes that change have none".into(),
+                "--view shows what is seen of whole holograms: a far field in tiles has none".into(),
             ));
         }
         Some(gpu) => Some(Viewing::new(&steered, engines.opener(), mouse)?.opener(gpu)),
         None => None,
     };
-    let Steered { hologram, colors, parts, scenes, encoder, engine, unfinished } = steered;
+    let Steered { hologram, colors, parts, scenes, field, encoder, engine, unfinished } = steered;
     let display = encoder.display().clone();
     let mut live = session::Live::new(parts, encoder, engines.source(), tracking);
     (live.policy, live.steered, live.companion) = (args.policy.policy(), !args.unsteered, companion);
@@ -167,7 +167,7 @@ pub fn show(steered: Steered, args: &LiveOptions, showing: Showing<'_>, stage: S
         // As of all whose first scene has still to come.
         live.policy.restart = f64::INFINITY;
     }
-    (live.scenes, live.cost) = (scenes, simulated.unwrap_or(Cost::Measured));
+    (live.scenes, live.field, live.cost) = (scenes, field, simulated.unwrap_or(Cost::Measured));
     let depths = depths.or(hologram.metadata.solve.as_ref().map(|solve| solve.depth));
     live.whole.focus = depths.unwrap_or(live.whole.focus);
     let mut options = args.shown.options();

@@ -8,12 +8,12 @@ use crate::solve::Watch;
 use crate::{Failure, progress, score};
 use clap::Args;
 use eyebox::encode::Encoder;
-use eyebox::hologram::{Hologram, Opening, Phases, Sequence, Unfinished};
-use eyebox::optics::{Color, Display};
+use eyebox::hologram::{Hologram, Opening, Phases, SceneSource, Sequence, Tiles, Unfinished};
+use eyebox::optics::{Color, Display, PupilDistribution};
 use eyebox::produce::solve_colors;
 use eyebox::quality::Subject;
 use eyebox::scene::LightField;
-use eyebox::session::{MovingSequence, Scenes, SteeredColor};
+use eyebox::session::{FarField, Field, MovingSequence, Scenes, SteeredColor, whole_eyebox};
 use eyebox::solve::{Levels, Settings};
 use std::path::Path;
 
@@ -67,6 +67,8 @@ pub struct Steered {
     pub parts: Vec<SteeredColor>,
     /// What follows it, where scenes change.
     pub scenes: Option<Box<dyn Scenes>>,
+    /// Of a far field in tiles, all of it.
+    pub field: Option<Field>,
     /// To what the SLM receives.
     pub encoder: Encoder,
     /// What computes.
@@ -80,6 +82,9 @@ pub fn load(what: &str, args: &SubjectOptions, looped: bool, engines: &Engines) 
     let path = Path::new(what);
     if Sequence::is_at(path) {
         return moving(path, args, looped, engines);
+    }
+    if Tiles::is_tiled(path) {
+        return far_field(path, args, engines);
     }
     let (hologram, parts, unfinished) = if is_hologram(path) {
         let scene = |scene: &str| SceneArgs::new(scene, &args.options);
@@ -166,6 +171,39 @@ fn moving(path: &Path, args: &SubjectOptions, looped: bool, engines: &Engines) -
     Ok(Steered { scenes: Some(Box::new(scenes)), ..steered })
 }
 
+/// As wide as a pupil usually is, metres: the first piece is for one in the middle.
+const USUAL_PUPIL: f64 = 4e-3;
+
+/// A far field in tiles, whose piece around the eye is refined.
+fn far_field(path: &Path, args: &SubjectOptions, engines: &Engines) -> Result<Steered, Failure> {
+    let what = path.display().to_string();
+    // It holds its own optics.
+    args.unit.chosen(&args.display)?;
+    if args.eye.given()?.is_some_and(|eye| !eye.is_perfect()) {
+        return Err(Failure::Asked(format!("{what}: a hologram in tiles is refined for a perfect eye only")));
+    }
+    let unfinished = tell_unfinished(path)?;
+    let tiles = Tiles::open(path)?;
+    let hologram = tiles.about().clone();
+    let optics = score::display_of(path, &hologram)?;
+    let name = args.scene.as_deref().unwrap_or(&hologram.scene);
+    if name.is_empty() {
+        return Err(Failure::Asked(format!("{what}: it does not say of which scene it is: give --scene")));
+    }
+    args.other.check(path, &hologram, name)?;
+    let scene = score::as_solved(&SceneArgs::new(name, &args.options), &hologram);
+    let SceneSource::Around(views) = common::scene_around(&scene, &optics, &hologram.named_colors())? else {
+        unreachable!("made around pupils")
+    };
+    // Until it is known where the eye is: the middle.
+    let middle = whole_eyebox(optics.eyebox_min(), [0.0; 2]);
+    let usual = middle.diameter.map(|d| d.min(USUAL_PUPIL));
+    let first = PupilDistribution { spread: 0.0, diameter: usual, ..middle };
+    let (pieces, parts, field) = FarField::start(&what, tiles, views, &first)?;
+    let steered = Steered::new(&what, args, hologram, parts, engines, unfinished)?;
+    Ok(Steered { scenes: Some(Box::new(pieces)), field: Some(field), ..steered })
+}
+
 impl Steered {
     fn new(
         what: &str,
@@ -189,6 +227,6 @@ impl Steered {
             )));
         }
         let engine = engines.open()?.describe();
-        Ok(Self { colors, parts, encoder, engine, hologram, scenes: None, unfinished })
+        Ok(Self { colors, parts, encoder, engine, hologram, scenes: None, field: None, unfinished })
     }
 }

@@ -136,9 +136,13 @@ impl Companion for View {
         for (color, phases) in self.colors.iter_mut().zip(phases) {
             color.phases = Arc::clone(phases);
         }
+        if let Some((_, exposures)) = &set.scene {
+            self.colors.iter_mut().zip(exposures).for_each(|(color, exposure)| color.exposure = *exposure);
+        }
+        let scene = set.scene.as_ref().map(|(problems, _)| Arc::clone(problems));
         let Self { frames, padding, eyebox, .. } = *self;
         let colors = self.colors.clone();
-        self.viewer.show(Arc::new(Showing { frames, padding, colors, eyebox, tiles: None }));
+        self.viewer.show(Arc::new(Showing { frames, padding, colors, eyebox, tiles: None, scene }));
     }
 
     fn serve(&mut self, now: &Now) -> Result<Asked, String> {

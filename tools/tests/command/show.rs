@@ -75,6 +75,41 @@ fn a_far_field_in_tiles_is_shown() {
     assert!(recorded(&at.join("r")).iter().any(|f| f.0.starts_with("set-000000")));
 }
 
+/// A far field in tiles is refined where the eye is, piece after piece; what it is elsewhere stays lit. Twice the same.
+#[test]
+fn a_far_field_in_tiles_is_shown_and_steered() {
+    let temp = common::folder();
+    let at = temp.path();
+    let far = "name = \"far\"\nresolution = [1024, 1024]\npitch_um = 16.0\nfocal_length_mm = 400.0\n\
+               wavelengths_nm = { green = 520 }\ngeometry = \"far-field\"\n";
+    std::fs::write(at.join("far.toml"), far).unwrap();
+    let solve = ["solve", "builtin:still-life", "--display", "far.toml", "--memory", "1GiB", "--picture", "64"];
+    let quick = ["--passes", "1", "--steps", "1", "--frames", "1", "--pupil-diameter", "2..4", "--engine", "cpu"];
+    done(at, &[&solve[..], &quick, &["-o", "f.zarr"]].concat());
+    let show =
+        ["show", "f.zarr", "--display", "far.toml", "--color", "green", "--engine", "cpu", "--tracker", "simulated:3"];
+    let time = ["--clock", "simulated", "--step-time", "5", "--duration", "0.8"];
+    let said = run(at, &[&show, &time, &["--stats", "s.json", "--raw", "one.raw"]]);
+    assert!(said.contains("1024x1024 pixels in tiles of"), "{said}");
+    let stats = json(&at.join("s.json"));
+    let content = &stats["content"];
+    let count = |of: &Value, name: &str| of[name].as_u64().unwrap_or_else(|| panic!("{name} in {of}"));
+    assert!(count(content, "scenes") >= 2, "the eye goes from piece to piece: {content}");
+    assert_eq!((count(content, "refused"), count(&content["sets"], "late_content")), (0, 0), "{content}");
+    assert!(count(&stats, "steps") > 50, "{stats}");
+    run(at, &[&show, &time, &["--raw", "two.raw"]]);
+    let read = |file: &str| std::fs::read(at.join(file)).unwrap();
+    let one = read("one.raw");
+    assert!(one == read("two.raw"));
+    // From the first set to the last: much of it as it was solved, and much not.
+    let frames: Vec<&[u8]> = one.chunks(1024 * 1024).collect();
+    let mut content = frames.into_iter().filter(|frame| frame.iter().any(|b| *b != frame[0]));
+    let (first, last) = (content.next().expect("content"), content.next_back().expect("more of it"));
+    let changed = first.iter().zip(last).filter(|(a, b)| a != b).count();
+    let share = changed as f64 / first.len() as f64;
+    assert!((0.02..0.9).contains(&share), "{share} of the pixels changed");
+}
+
 /// Every hologram of a sequence is refined for its own scene before it is lit; on a simulated clock twice the same.
 #[test]
 fn a_sequence_is_steered() {
