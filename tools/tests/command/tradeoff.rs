@@ -44,7 +44,7 @@ fn read(at: &Path, name: &str) -> String {
 fn a_sweep_is_a_page_and_the_same_numbers_and_goes_on() {
     let temp = folder();
     let at = temp.path();
-    let (said, _) = done(at, &tradeoff(&["--budget", "3", "--json", "--no-store"]));
+    let (said, _) = done(at, &tradeoff(&["--budget", "6", "--json", "--no-store"]));
     let found: Value = serde_json::from_str(&said).expect("one JSON object");
     assert_eq!(found, serde_json::from_str::<Value>(&read(at, "tradeoff.json")).unwrap());
     let trials = found["trials"].as_array().unwrap();
@@ -80,7 +80,7 @@ fn a_sweep_is_a_page_and_the_same_numbers_and_goes_on() {
     assert!(page.matches("<title>").count() > 3 * trials.len());
 
     // The same command goes on: its time is spent, so nothing is added, and with more time it is.
-    let (said, _) = done(at, &tradeoff(&["--budget", "3", "--json", "--no-store"]));
+    let (said, _) = done(at, &tradeoff(&["--budget", "6", "--json", "--no-store"]));
     let again: Value = serde_json::from_str(&said).unwrap();
     let kept = |found: &Value| -> Vec<Value> {
         found["trials"].as_array().unwrap().iter().map(|t| t["recipe"].clone()).collect()
