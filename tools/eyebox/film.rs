@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 pub struct Film {
     /// NAME.zarr, a hologram or a sequence of them; NAME.npy, phases with --scene; or a scene, which is solved first
     pub what: String,
-    /// Where the eye goes: a JSON file with keys, such as {"keys": [{"t_s": 0, "x_mm": -4}, {"t_s": 2, "x_mm": 4}], "blinks_s": [1]}
+    /// Where the eye goes: a JSON file with keys, such as `{"keys": [{"t_s": 0, "x_mm": -4}, {"t_s": 2, "x_mm": 4}], "blinks_s": [1]}`
     #[arg(long, value_name = "FILE.json")]
     pub path: PathBuf,
     /// NAME.y4m, or a folder for one PNG a frame
