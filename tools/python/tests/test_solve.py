@@ -51,6 +51,8 @@ def test_progress_is_tqdms_protocol(display):
 
 CTRL_C = """
 import eyebox, os, signal, threading, time
+# Shells start what runs beside them deaf to ctrl-C, and Python stays as it was started.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 display = eyebox.Display("small", size=(64, 64))
 begun = threading.Event()
 def press():
