@@ -113,6 +113,7 @@ struct File {
     /// The eye that looks at it; a perfect one without: below.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     prescription: Option<Prescription>,
+    /// How bright and how fine it is seen, which JOD are judged by: below.
     #[serde(default, skip_serializing_if = "Viewing::is_default")]
     viewing: Viewing,
 }

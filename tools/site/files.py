@@ -20,6 +20,7 @@ FILES = [
             ("[picture]", "optics/picture.rs", "Picture"),
             ("[picture.COLOR]", "optics/picture.rs", "Seen"),
             ("[prescription]", "optics/prescription.rs", "Prescription"),
+            ("[viewing]", "optics/viewing.rs", "Viewing"),
         ],
     ),
     (
@@ -35,7 +36,7 @@ FILES = [
     (
         "Settings of a refinement",
         "The same for steering.",
-        [("", "solve/steer.rs", "Steering")],
+        [("", "solve/steering.rs", "Steering")],
     ),
     (
         "A HID tracker's description",
