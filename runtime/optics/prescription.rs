@@ -1,5 +1,6 @@
 //! What is wrong with the eye that looks, as a prescription or an aberrometer says (OPTICS 11).
 
+use super::units::within;
 use super::{Optics, OpticsError, Pupil};
 use crate::files::read;
 use serde::{Deserialize, Serialize};
@@ -65,13 +66,6 @@ impl Prescription {
     /// # Errors
     /// The reason.
     pub fn check(&self) -> Result<(), String> {
-        let within = |name: &str, value: f64, low: f64, high: f64| {
-            if (low..=high).contains(&value) {
-                Ok(())
-            } else {
-                Err(format!("{name} is {value}: it must be {low} to {high}"))
-            }
-        };
         within("the sphere in dioptres", self.sphere, -40.0, 40.0)?;
         within("the cylinder in dioptres", self.cylinder, -20.0, 20.0)?;
         within("the axis in degrees", self.axis_deg, 0.0, 180.0)?;

@@ -53,3 +53,8 @@ pub(super) fn guess(what: &str, value: f64) -> String {
         .and_then(|u| meant(value, u.common))
         .map_or_else(String::new, |v| format!("; probably {} is meant", in_words(v)))
 }
+
+/// Refuses a number of a file that is out of its range; `name` says what it is, with its unit.
+pub(super) fn within(name: &str, value: f64, low: f64, high: f64) -> Result<(), String> {
+    if (low..=high).contains(&value) { Ok(()) } else { Err(format!("{name} is {value}: it must be {low} to {high}")) }
+}

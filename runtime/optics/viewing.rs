@@ -1,6 +1,7 @@
 //! How a display's picture meets the eye: how bright it is, and how fine. What visual difference metrics ask beside the picture.
 
 use super::OpticsError;
+use super::units::within;
 use serde::{Deserialize, Serialize};
 
 /// `[viewing]` of a display file. It changes no hologram, only how what is seen of one is judged.
@@ -55,13 +56,6 @@ impl Viewing {
     /// # Errors
     /// The reason.
     pub fn check(&self) -> Result<(), String> {
-        let within = |name: &str, value: f64, low: f64, high: f64| {
-            if (low..=high).contains(&value) {
-                Ok(())
-            } else {
-                Err(format!("{name} is {value}: it must be {low} to {high}"))
-            }
-        };
         within("the luminance of white in cd/m2", self.luminance_cd_m2, 0.1, 10_000.0)?;
         within("the luminance of black in cd/m2", self.black_cd_m2, 0.0, self.luminance_cd_m2)?;
         self.pixels_per_degree.map_or(Ok(()), |n| within("the number of pixels a degree", n, 1.0, 10_000.0))
