@@ -140,8 +140,7 @@ mod tests {
 
     #[test]
     fn it_ends_with_its_content_and_stops_without_a_tick() {
-        let mut options = SessionOptions::default();
-        options.duration = Some(Duration::from_millis(100));
+        let options = SessionOptions { duration: Some(Duration::from_millis(100)), ..SessionOptions::default() };
         let mut session = TickedSession::start(live(None), options).unwrap();
         let mut taken = 0;
         while session.tick(None).unwrap().is_some() {
