@@ -119,7 +119,7 @@ fn an_eye_is_followed_while_another_thread_tells_of_it() {
     let sample = EyeboxSample { x_m: 0.0, y_m: 0.0, diameter_m: 0.0, age_s: 11.0 };
     assert_eq!(eyebox_session_look(Some(&session), Some(&sample)), EyeboxStatus::Argument);
     let account = made(|out| eyebox_session_account(Some(&session), Some(out))).unwrap();
-    assert!(account.sets_new >= 3 && account.steps >= 3 && account.sample_to_light_ms > 5.0, "{account:?}");
+    assert!(account.sets_new >= 3 && account.steps >= 3 && account.sample_age_ms > 5.0, "{account:?}");
     eyebox_session_free(Some(session));
 }
 
