@@ -131,11 +131,14 @@ fn parse(from: &mut dyn Read, length: u64) -> Result<Npy, Wrong> {
     Ok(Npy { shape: header.shape, values, integers })
 }
 
+/// What makes a value of an element, whose bytes are little-endian.
+type Value = fn(&[u8]) -> f32;
+
 /// An array that is read a part at a time, in the order of its file.
 pub(super) struct NpyReader<R> {
     pub header: Header,
     /// Bytes of an element, and its value.
-    element: (usize, fn(&[u8]) -> f32),
+    element: (usize, Value),
     big: bool,
     /// Elements that are still to be read.
     left: usize,
@@ -203,7 +206,7 @@ impl<R: Read> NpyReader<R> {
 }
 
 /// Bytes of an element of this type, and its value.
-fn element(descr: &str) -> Result<(usize, fn(&[u8]) -> f32), String> {
+fn element(descr: &str) -> Result<(usize, Value), String> {
     Ok(match descr.get(1..) {
         Some("f2") => (2, |b| half::f16::from_le_bytes(first(b)).to_f32()),
         Some("f4") => (4, |b| f32::from_le_bytes(first(b))),

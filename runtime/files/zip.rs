@@ -214,7 +214,7 @@ pub(super) mod tests {
 
     #[test]
     fn stored_and_deflated_files_are_read() {
-        let long: Vec<u8> = (0..20000u32).map(|i| (i * i >> 7) as u8).collect();
+        let long: Vec<u8> = (0..20000u32).map(|i| ((i * i) >> 7) as u8).collect();
         let files: [(&str, &[u8]); 3] = [("a.npy", b"hello"), ("b.npy", &long), ("c", b"")];
         for wide in [false, true] {
             let read = all(&archive(&files, wide)).unwrap();
@@ -225,7 +225,7 @@ pub(super) mod tests {
 
     #[test]
     fn damage_is_an_error_and_never_a_panic() {
-        let long: Vec<u8> = (0..300u32).map(|i| (i * i >> 3) as u8).collect();
+        let long: Vec<u8> = (0..300u32).map(|i| ((i * i) >> 3) as u8).collect();
         for wide in [false, true] {
             let whole = archive(&[("a", &long), ("b", &long)], wide);
             let sound = all(&whole).unwrap();
