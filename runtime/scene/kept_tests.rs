@@ -180,7 +180,7 @@ fn pictures_of_many_views_are_read_with_their_grid_stated_or_found() {
 /// one line with what is likely.
 #[test]
 fn wrong_light_fields_are_found_however_they_are_kept() {
-    let (here, truth) = (tempfile::tempdir().unwrap(), render(5, 72));
+    let (here, truth) = (tempfile::tempdir().unwrap(), render(5, 96));
     let spoiled = |spoil: &dyn Fn(&mut Vec<Vec<f32>>)| {
         let mut field = truth.clone();
         field.planes.iter_mut().for_each(spoil);
@@ -202,10 +202,10 @@ fn wrong_light_fields_are_found_however_they_are_kept() {
     ];
     for (what, field, wanted) in cases {
         let array = here.path().join("views.npy");
-        write(&array, "|u1", &[5, 5, 72, 72, 3], &interleaved(&field));
+        write(&array, "|u1", &[5, 5, 96, 96, 3], &interleaved(&field));
         let picture = format!("{}?grid=5x5", mosaic(here.path(), &field, false).display());
         let array = array.to_str().unwrap();
-        let display = display(72);
+        let display = display(96);
         let request = Request { photographs: Photographs::Auto, ..Request::new(&display, &[Color::Green]) };
         let line = load(array, &request).map(|_| ()).unwrap_err().to_string();
         assert!(line.contains(wanted) && !line.contains('\n'), "{what}: {line}");
