@@ -1,4 +1,4 @@
-"""What a sequence costs on a cluster: `EYEBOX=.../eyebox python3 tools/python/cluster_cost.py [COUNT] [SIDE] [STEPS]` solves the same sequence by one
+"""What a sequence costs on a cluster: `EYEBOX=.../eyebox python3 tools/python/measure/cluster_cost.py [COUNT] [SIDE] [STEPS]` solves the same sequence by one
 process of the command with all of this machine's threads, and over two local workers with half of them each; compares the files; measures what a
 piece takes and carries; and says what that makes of 1 to 1,000 workers, by the model below."""
 
