@@ -110,6 +110,42 @@ fn the_pupil_is_known_in_fixation_and_pursuit() {
     }
 }
 
+/// How fast the eye turns, as far as it says so: a fixating eye rests within two spreads, one that has followed something for half a
+/// second turns as fast as it is said to.
+#[test]
+fn the_velocity_is_known_as_well_as_it_says() {
+    for noise in [0.02e-3, 0.1e-3] {
+        let mut run = Run::new(simulated::Settings { noise, seed: 4, ..simulated::Settings::default() });
+        run.looks(0.5);
+        let (mut rests, mut wrong, mut follows, mut off_by, mut spreads) = (0.0, 0.0, 0.0, Vec::new(), Vec::new());
+        for _ in 0..6000 {
+            let look = run.next();
+            let Some((turning, spread)) = run.estimator.velocity().turning else { continue };
+            let now = look.sample.time_ns;
+            let mut at = |before_ms: u64| run.source.truth(now - before_ms * 1_000_000);
+            // Tremor is no motion: over the time that the estimate is over.
+            let (then, middle, truth) = (at(500), at(250), at(0));
+            let velocity = [0, 1].map(|i| (truth.position[i] - then.position[i]) / 0.5 / 11e-3);
+            match [then.doing, middle.doing, truth.doing] {
+                [Doing::Fixation, Doing::Fixation, Doing::Fixation] if look.calm => {
+                    rests += 1.0;
+                    wrong += f64::from(turning[0].hypot(turning[1]) > 2.0 * spread);
+                    spreads.push(spread);
+                }
+                [Doing::Pursuit, Doing::Pursuit, Doing::Pursuit] if look.calm => {
+                    follows += 1.0;
+                    off_by.push(off(turning, velocity));
+                }
+                _ => {}
+            }
+        }
+        let (wrong, off_by, spread) = (wrong / rests, rms(&off_by).to_degrees(), rms(&spreads).to_degrees());
+        println!("noise {noise}: {wrong:.3} of rests turn; {off_by:.2} deg/s off in pursuit; spread {spread:.2} deg/s");
+        assert!(rests > 200.0 && follows > 200.0, "{rests} {follows}");
+        assert!(wrong <= 0.16 && off_by < spread, "noise {noise}: {wrong:.3} of rests turn; {off_by:.2} deg/s off");
+    }
+}
+
 #[test]
 fn the_spread_keeps_its_promise() {
     for settings in trackers() {

@@ -6,6 +6,7 @@ use super::field::Field;
 use super::following::{Following, OPEN};
 use super::journal::{Journal, Keeping, Kept};
 use super::latency::Latency;
+use super::moments::{Moments, lit_times};
 use super::notes::Notes;
 use super::output::OpenDisplay;
 use super::pupil_tracker::PupilTracker;
@@ -189,6 +190,9 @@ pub struct Live {
     /// Sets are handed over and shown whole, though the display takes several video frames for one; else they roll there: every
     /// video frame is the newest set's whose turn it is.
     pub whole_sets: bool,
+    /// Whether each sub-frame is refined for its own moment, where the eye or the content moves (OPTICS 15). Sets that roll are
+    /// not: there the eye begins to see a set with any of its sub-frames.
+    pub moments: bool,
     /// What work takes on a simulated clock.
     pub cost: Cost,
     /// A new folder that keeps what was decided, with all scenes that followed each other, so that it can be done again.
@@ -224,6 +228,7 @@ impl Live {
             tracking: tracking.into(),
             whole,
             whole_sets: false,
+            moments: true,
             cost: Cost::Measured,
             journal: None,
             replay: None,
@@ -314,6 +319,8 @@ impl Live {
         let keeping = self.journal.as_deref().map(Journal::start).transpose()?;
         let mut again = begin(colors.clone(), policy, engines, field);
         let idle = encoder.frames();
+        let pixel = colors.first().map_or(0.0, |color| color.problem.pixel());
+        let moments = self.moments.then(|| Moments::of(lit_times(&packed), period_ns, pixel));
         let (refinement, source) = if let Some(folder) = &self.replay {
             let (steerer, _) = again()?;
             (Refinement::none(), Replay::start(Kept::open(folder)?, colors, steerer, encoder)?)
@@ -326,6 +333,7 @@ impl Live {
                 journal: keeping.as_ref().map(Keeping::journal),
                 timing: Arc::clone(&timing),
                 light_after,
+                moments: moments.filter(|_| !rolls).unwrap_or_default(),
                 steered: Arc::clone(&steered),
                 whole: whole_of_none,
                 direct,

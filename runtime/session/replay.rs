@@ -3,6 +3,7 @@
 use super::error::SessionError;
 use super::journal::{Decision, Kept};
 use super::latency::Timestamps;
+use super::moments::lit_times;
 use super::scenes::Supply;
 use super::sets::{FinishedSet, LiveSource, SetSender, set_channel};
 use super::steerer::{SteeredColor, Steerer};
@@ -14,6 +15,8 @@ pub(super) struct Replay {
     colors: Vec<SteeredColor>,
     steerer: Steerer,
     encoder: Encoder,
+    /// When the sub-frames of each colour are lit.
+    lit: Vec<[f64; 2]>,
     sender: SetSender,
     /// The set that was handed over last, and the scene of those to come.
     newest: Option<u64>,
@@ -33,7 +36,9 @@ impl Replay {
         encoder: Encoder,
     ) -> Result<LiveSource, SessionError> {
         let (sender, mut source) = set_channel(&encoder.frames(), || Ok::<_, SessionError>(None))?;
-        let mut replay = Self { kept, colors, steerer, encoder, sender, newest: None, content: None, steps: 0 };
+        let lit = lit_times(encoder.packed());
+        let (newest, content, steps) = (None, None, 0);
+        let mut replay = Self { kept, colors, steerer, encoder, lit, sender, newest, content, steps };
         source.made_by(Box::new(move |_| replay.light_next()));
         Ok(source)
     }
@@ -59,8 +64,9 @@ impl Replay {
                     self.steerer.follow(&scene)?;
                     self.content = Some(number);
                 }
-                Decision::Steps { pupil, steps } => {
+                Decision::Steps { pupil, motion, steps } => {
                     self.steerer.aim(Kept::pupil(pupil))?;
+                    self.steerer.moves(&Kept::motion(motion), &self.lit)?;
                     let mut left = steps;
                     self.steerer.round_while(|_| {
                         let more = left > 0;
@@ -69,6 +75,7 @@ impl Replay {
                     })?;
                     self.steps += steps;
                 }
+                Decision::Carry { pixels, look } => drop(self.steerer.carry(pixels, look)?),
                 Decision::Whole {} => self.steerer.restart()?,
                 Decision::Set { number } => {
                     self.newest = Some(number);
