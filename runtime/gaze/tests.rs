@@ -119,7 +119,8 @@ fn the_velocity_is_known_as_well_as_it_says() {
         for _ in 0..6000 {
             let look = run.next();
             let Some((turning, spread)) = run.estimator.velocity().turning.filter(|_| look.calm) else { continue };
-            let [then, middle, now] = [500, 250, 0].map(|ms| run.source.truth(look.sample.time_ns - ms * 1_000_000_u64));
+            let [then, middle, now] =
+                [500, 250, 0].map(|ms| run.source.truth(look.sample.time_ns - ms * 1_000_000_u64));
             // Tremor is no motion: over the time that the estimate is over.
             let velocity = [0, 1].map(|i| (now.position[i] - then.position[i]) / 0.5 / 11e-3);
             if [then, middle, now].iter().all(|t| t.doing == Doing::Fixation) {
@@ -131,7 +132,6 @@ fn the_velocity_is_known_as_well_as_it_says() {
         }
         let wrong = rests.iter().sum::<f64>() / rests.len() as f64;
         let [error, spread] = [rms(&errors), rms(&spreads)].map(f64::to_degrees);
-        println!("noise {noise}: {wrong:.3} of rests turn; {error:.2} deg/s off in pursuit, spread {spread:.2}");
         assert!(rests.len() > 200 && errors.len() > 200, "{} {}", rests.len(), errors.len());
         assert!(wrong <= 0.16 && error < spread, "noise {noise}: {wrong:.3}, {error:.2}, {spread:.2} deg/s");
     }
