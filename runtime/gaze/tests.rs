@@ -119,14 +119,13 @@ fn the_velocity_is_known_as_well_as_it_says() {
         for _ in 0..6000 {
             let look = run.next();
             let Some((turning, spread)) = run.estimator.velocity().turning.filter(|_| look.calm) else { continue };
-            let [then, middle, now] =
-                [500, 250, 0].map(|ms| run.source.truth(look.sample.time_ns - ms * 1_000_000_u64));
+            let all = [500, 250, 0].map(|ms| run.source.truth(look.sample.time_ns - ms * 1_000_000_u64));
             // Tremor is no motion: over the time that the estimate is over.
-            let velocity = [0, 1].map(|i| (now.position[i] - then.position[i]) / 0.5 / 11e-3);
-            if [then, middle, now].iter().all(|t| t.doing == Doing::Fixation) {
+            let velocity = [0, 1].map(|i| (all[2].position[i] - all[0].position[i]) / 0.5 / 11e-3);
+            if all.iter().all(|t| t.doing == Doing::Fixation) {
                 rests.push(f64::from(turning[0].hypot(turning[1]) > 2.0 * spread));
                 spreads.push(spread);
-            } else if [then, middle, now].iter().all(|t| t.doing == Doing::Pursuit) {
+            } else if all.iter().all(|t| t.doing == Doing::Pursuit) {
                 errors.push(off(turning, velocity));
             }
         }
