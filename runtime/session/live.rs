@@ -6,7 +6,7 @@ use super::field::Field;
 use super::following::{Following, OPEN};
 use super::journal::{Journal, Keeping, Kept};
 use super::latency::Latency;
-use super::moments::{Moments, lit_times};
+use super::moments::Moments;
 use super::notes::Notes;
 use super::output::OpenDisplay;
 use super::play::encoder_of;
@@ -351,8 +351,6 @@ impl Live {
         let keeping = self.journal.as_deref().map(Journal::start).transpose()?;
         let mut again = begin(colors.clone(), policy, engines, field);
         let idle = encoder.frames();
-        let pixel = colors.first().map_or(0.0, |color| color.problem.pixel());
-        let moments = self.moments.then(|| Moments::of(lit_times(&packed), period_ns, pixel));
         let (refinement, source) = if let Some(folder) = &self.replay {
             let (steerer, _) = again()?;
             (Refinement::none(), Replay::start(Kept::open(folder)?, colors, steerer, encoder)?)
@@ -365,7 +363,7 @@ impl Live {
                 journal: keeping.as_ref().map(Keeping::journal),
                 timing: Arc::clone(&timing),
                 light_after,
-                moments: moments.filter(|_| !rolls).unwrap_or_default(),
+                moments: Moments::when(self.moments && !rolls, &packed, period_ns, &colors),
                 steered: Arc::clone(&steered),
                 whole: whole_of_none,
                 direct,

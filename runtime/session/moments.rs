@@ -78,6 +78,12 @@ impl Moments {
         Self { lit: Some((lit, set_ns)), pixel, ..Self::default() }
     }
 
+    /// Of these colours before a display of this packing, where it `counts`.
+    pub(super) fn when(counts: bool, packed: &Packed, set_ns: i64, colors: &[SteeredColor]) -> Self {
+        let first = colors.first().filter(|_| counts);
+        first.map_or_else(Self::default, |first| Self::of(lit_times(packed), set_ns, first.problem.pixel()))
+    }
+
     /// When the sub-frames of each colour are lit.
     pub(super) fn lit(&self) -> &[[f64; 2]] {
         self.lit.as_ref().map_or(&[], |(lit, _)| lit)
