@@ -100,7 +100,6 @@ pub use following::LiveStatus;
 pub use handle::Session;
 pub use latency::{Histogram, Latency, Stage, Timestamps};
 pub use live::{EngineSource, Live, Tracking, whole_eyebox};
-pub use moments::lit_times;
 pub use moving::{MovingSequence, SceneLoader};
 pub use output::{Output, SinkFile};
 pub use pattern_output::PatternOutput;

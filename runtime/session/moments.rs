@@ -24,25 +24,6 @@ const SURE: f64 = 2.0;
 /// A pupil that moves by less in a set rests, metres.
 const RESTS: f64 = 2e-5;
 
-/// When the sub-frames of each colour are lit: the middle of that time from the middle of the set, and its length, sets, in the
-/// order of a packing whose slots follow each other evenly; colours of one slot that are lit at once are all there from its
-/// beginning to its end.
-pub fn lit_times(packed: &Packed) -> Vec<[f64; 2]> {
-    let colors = packed.slots.iter().map(|slot| slot.color + 1).max().unwrap_or(0);
-    let count = packed.slots.len().max(1) as f64;
-    let of = |color: usize| {
-        let times = packed.slots.iter().enumerate().filter(|(_, slot)| slot.color == color);
-        let times: Vec<f64> = times.map(|(i, _)| (i as f64 + 0.5) / count - 0.5).collect();
-        let n = times.len().max(1) as f64;
-        let middle = times.iter().sum::<f64>() / n;
-        // As evenly as they come: n of them from the first to the last, and half a step before and behind.
-        let span = times.last().unwrap_or(&0.0) - times.first().unwrap_or(&0.0);
-        let length = if n > 1.0 { span * n / (n - 1.0) } else { 1.0 };
-        [middle, length.clamp(1.0 / count, 1.0)]
-    };
-    (0..colors).map(of).collect()
-}
-
 /// The view that motion is told by.
 struct Seen {
     picture: Vec<f32>,
@@ -81,7 +62,7 @@ impl Moments {
     /// Of these colours before a display of this packing, where it `counts`.
     pub(super) fn when(counts: bool, packed: &Packed, set_ns: i64, colors: &[SteeredColor]) -> Self {
         let first = colors.first().filter(|_| counts);
-        first.map_or_else(Self::default, |first| Self::of(lit_times(packed), set_ns, first.problem.pixel()))
+        first.map_or_else(Self::default, |first| Self::of(packed.lit_times(), set_ns, first.problem.pixel()))
     }
 
     /// When the sub-frames of each colour are lit.
@@ -309,24 +290,5 @@ mod tests {
         }
         // Nothing moves: there is nothing to compute.
         assert_eq!(turns([0.0; 2], Some(([1.0, 0.0], 1.0))), (Some([0.0; 2]), 0.0));
-    }
-
-    #[test]
-    fn colours_are_lit_one_after_the_other_where_the_packing_says_so() {
-        let packed = |preset: &str, colors: &[Color], frames| {
-            let display = Display::preset(preset).unwrap();
-            lit_times(crate::encode::Encoder::new(&display, colors, frames).unwrap().packed())
-        };
-        let all = [Color::Red, Color::Green, Color::Blue];
-        let [red, green, blue]: [[f64; 2]; 3] = packed("planes24", &all, 8).try_into().unwrap();
-        for (lit, middle) in [(red, -1.0 / 3.0), (green, 0.0), (blue, 1.0 / 3.0)] {
-            assert!((lit[0] - middle).abs() < 1e-12 && (lit[1] - 1.0 / 3.0).abs() < 1e-12, "{lit:?}");
-        }
-        let [one]: [[f64; 2]; 1] = packed("planes8", &[Color::Green], 8).try_into().unwrap();
-        assert!(one[0].abs() < 1e-12 && (one[1] - 1.0).abs() < 1e-12, "{one:?}");
-        // Fields of colours in turn: all the set, a third of a sub-frame apart.
-        let fields = packed("fields", &all, 8);
-        assert!((fields[1][0]).abs() < 1e-12 && (fields[0][0] + 1.0 / 24.0).abs() < 1e-12, "{fields:?}");
-        assert!(fields.iter().all(|lit| (lit[1] - 1.0).abs() < 1e-12), "{fields:?}");
     }
 }

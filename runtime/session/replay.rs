@@ -3,7 +3,6 @@
 use super::error::SessionError;
 use super::journal::{Decision, Kept};
 use super::latency::Timestamps;
-use super::moments::lit_times;
 use super::scenes::Supply;
 use super::sets::{FinishedSet, LiveSource, SetSender, set_channel};
 use super::steerer::{SteeredColor, Steerer};
@@ -36,7 +35,7 @@ impl Replay {
         encoder: Encoder,
     ) -> Result<LiveSource, SessionError> {
         let (sender, mut source) = set_channel(&encoder.frames(), || Ok::<_, SessionError>(None))?;
-        let lit = lit_times(encoder.packed());
+        let lit = encoder.lit_times();
         let (newest, content, steps) = (None, None, 0);
         let mut replay = Self { kept, colors, steerer, encoder, lit, sender, newest, content, steps };
         source.made_by(Box::new(move |_| replay.light_next()));

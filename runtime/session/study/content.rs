@@ -58,7 +58,7 @@ pub struct ContentSettings {
     pub speed: u32,
     /// Content that jumps does so every so many sets.
     pub jumps_every: u32,
-    /// When the sub-frames of each colour are lit, as [`lit_times`](crate::session::lit_times) has it.
+    /// When the sub-frames of each colour are lit, as [`Encoder::lit_times`](crate::encode::Encoder::lit_times) has it.
     pub lit: Vec<[f64; 2]>,
 }
 

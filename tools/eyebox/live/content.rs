@@ -8,8 +8,7 @@ use crate::progress::{self, JobBar};
 use clap::{Args, ValueEnum};
 use eyebox::files::OwnFolder;
 use eyebox::report;
-use eyebox::session::{self, ContentRun, ContentSettings, StudiedContent, StudiedEye, StudySettings, lit_times};
-use eyebox::solve::Flow;
+use eyebox::session::{self, ContentRun, ContentSettings, StudiedContent, StudiedEye, StudySettings};
 use serde_json::{Value, json};
 
 /// What content does, in the command that studies it.
@@ -64,7 +63,7 @@ impl ContentArgs {
             steps: self.steps_per_set,
             speed: self.moves,
             jumps_every: self.jumps_every,
-            lit: lit_times(subject.encoder.packed()),
+            lit: subject.encoder.lit_times(),
         }
     }
 }
