@@ -105,6 +105,7 @@ impl Replay {
             estimated_db: None,
             phases: None,
             scene: None,
+            motion: Vec::new(),
         });
         Ok(())
     }

@@ -207,6 +207,11 @@ impl Steerer {
         Ok(())
     }
 
+    /// What moves, for each colour.
+    pub fn motions(&self) -> Vec<Motion> {
+        self.colors.iter().map(|color| color.refiner.motion()).collect()
+    }
+
     /// Goes on with the phases moved by whole pixels (x, y) of the first colour, as the picture is; where it has to `look`, only
     /// where that loses less through the pupils of the next step. Returns whether they are moved, and how many losses were
     /// looked at.

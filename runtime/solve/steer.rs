@@ -273,6 +273,11 @@ impl Refiner {
         Ok(())
     }
 
+    /// What moves.
+    pub fn motion(&self) -> Motion {
+        self.motion
+    }
+
     fn forget(&mut self) -> Result<(), EngineError> {
         self.since = 0;
         self.engine.clear_moments()
