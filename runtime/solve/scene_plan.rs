@@ -11,7 +11,9 @@ use super::viewpoints::Viewpoints;
 use crate::engine::Engine;
 use crate::engine::cpu::CpuEngine;
 use crate::evaluate;
-use crate::optics::{Color, Display, Padding, Pupil, Window, WindowFactor, depths_in_words, slow_sides, walk_off};
+use crate::optics::{
+    Color, Display, Padding, Pupil, SourceSections, Window, WindowFactor, depths_in_words, slow_sides, walk_off,
+};
 use crate::plan::{Planner, Purpose, Storage, Viewpoint};
 use crate::scene::{DARK, DepthSource, LightField, SceneError, ViewGrid};
 use serde::{Deserialize, Serialize};
@@ -91,6 +93,8 @@ pub struct ScenePlan {
     pub merge_depth: f64,
     /// Zeros around the SLM.
     pub padding: Padding,
+    /// The display's source, with how many modes stand for it: [`lit`](Self::lit).
+    pub source: SourceSections,
     /// The settings with what was decided.
     pub settings: Settings,
     /// All decisions, in order.
@@ -122,6 +126,7 @@ impl ScenePlan {
             merge: 1,
             merge_depth: 0.0,
             padding: Padding::default(),
+            source: SourceSections::new(),
             settings: request.settings.clone(),
             choices: Vec::new(),
         };
@@ -129,6 +134,7 @@ impl ScenePlan {
         plan.choose_depth(field, display, request)?;
         plan.choose_views(field, display, request)?;
         plan.check_eye(field, display)?;
+        plan.choose_source(display)?;
         let made = field.made.as_ref().map(|made| made.in_words(field.grid));
         made.into_iter().for_each(|[value, why]| plan.say("photographs", value, why));
         let ([pixels, why], _) = field.aliasing_in_words(display, plan.settings.depth, plan.settings.diameter[1]);
