@@ -76,7 +76,8 @@ pub(super) struct Following {
     pub(super) first_is_to_come: bool,
     pub(super) track: Track,
     pub(super) name: String,
-    pub(super) is_mouse: bool,
+    /// Whether nothing need ever come of the tracker.
+    pub(super) may_be_silent: bool,
     pub(super) policy: Policy,
     pub(super) truth: Option<simulated::Eye>,
     pub(super) timing: Arc<AtomicCell<SetTiming>>,
@@ -246,12 +247,12 @@ impl Following {
         }
     }
 
-    /// Why there was nothing to follow, where there was not. A mouse need not have come over its window.
+    /// Why there was nothing to follow, where there was not, and should have been.
     pub(super) fn followed(&self) -> Result<(), SessionError> {
         let Some(tracker) = &self.tracker else { return Ok(()) };
         let reason = match tracker.heard() {
             Heard { believed: 1.., .. } => return Ok(()),
-            _ if self.is_mouse => return Ok(()),
+            _ if self.may_be_silent => return Ok(()),
             Heard { samples: 0, .. } => "no sample came".to_string(),
             Heard { samples, refusal, .. } => {
                 let why = refusal.map_or(String::new(), |refusal| format!(" ({refusal})"));

@@ -15,7 +15,8 @@
 //! and `work_time` passes by what steps are said to take. [`MovingSequence`] reads ahead what follows, [`FarField`] the tiles around where the eye goes; `application` takes
 //! frames from other processes; `showing` accounts for both. Each can end without taking the picture away.
 //! `latency` accounts for every set that was shown, from the sample to the light; [`study()`] measures what steering gains
-//! with a simulated eye in simulated time. `marks`: the sync picture and the corner mark; `record`, `trace`, `notes`.
+//! with a simulated eye in simulated time. A program with a display and a loop of its own takes
+//! video frames from a [`TickedSession`] (`ticks`). `marks`: the sync picture and the corner mark; `record`, `trace`, `notes`.
 //!
 //! Every time carries its unit and its meaning in its name. This room imports [`solve`](crate::solve),
 //! [`evaluate`](crate::evaluate), [`hologram`](crate::hologram), [`encode`](crate::encode), [`engine`](crate::engine),
@@ -58,6 +59,8 @@ mod statistics;
 mod steerer;
 mod stream;
 mod study;
+mod ticked;
+mod ticks;
 mod timeline;
 mod trace;
 mod watch;
@@ -107,5 +110,7 @@ pub use showing::Showing;
 pub use statistics::{Ending, LiveStatistics, Statistics};
 pub use steerer::{EngineOpener, Followed, Policy, SteeredColor, Steerer};
 pub use study::{Observer, Study, StudySample, StudySettings, study};
+pub use ticked::TickedSession;
+pub use ticks::{TickedFrame, TickedOutput};
 pub use timeline::Speed;
 pub use work_time::Cost;
