@@ -146,7 +146,6 @@ impl SourceTerms {
         // A kind of its own stands for what it presets.
         let (others, has_kind) = (others.clone(), self.kind.is_some());
         let size = |value: Option<f64>| value.filter(|_| !sized && !has_kind);
-        let plain = self.clone();
         let describes = sized || has_kind || self.shape.is_some() || self.linewidth_nm.is_some();
         Self {
             kind: self.kind.or(others.kind),
@@ -156,7 +155,7 @@ impl SourceTerms {
             linewidth_nm: self.linewidth_nm.or(others.linewidth_nm.filter(|_| !has_kind)),
             samples: self.samples.or(others.samples),
             lines: self.lines.or(others.lines),
-            modes: if describes { plain.modes } else { others.modes },
+            modes: if describes { Vec::new() } else { others.modes },
         }
     }
 

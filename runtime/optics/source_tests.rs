@@ -87,7 +87,7 @@ fn sources_that_cannot_be_are_refused_in_a_line() {
         ("[source.blue]\nkind = \"led\"\n".into(), "[source.blue]: wavelengths_nm has no such colour"),
         ("[source.all]\nkind = \"sun\"\n".into(), "sun"),
         ("[source.all]\nimage_mm = -1\n".into(), "image_mm is -1"),
-        ("[source.all]\nimage_mm = 30\n".into(), "beyond what the SLM diffracts to"),
+        ("[source.all]\nimage_mm = 40\n".into(), "beyond what the SLM diffracts to"),
         ("[source.all]\nimage_mm = 1\nangle_mrad = 1\n".into(), "give one of them"),
         ("[source.all]\nlinewidth_nm = 60\n".into(), "more than 2 %"),
         ("[source.all]\nkind = \"led\"\nsamples = 9\n".into(), "samples is 9"),
