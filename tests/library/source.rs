@@ -224,9 +224,9 @@ fn solving_with_a_source_averages_speckle() {
         };
         let mut engine = eyebox::engine::cpu::CpuEngine::new();
         let solution = solve::solve(&problem, &settings, &mut engine, &mut |_| Flow::Continue).unwrap();
-        solution.validation.mean
+        solution.validation.mean()
     };
-    for optimizer in [Optimizer::default(), Optimizer::Adam { rate: [0.1, 0.0], amplitude: false }] {
+    for optimizer in [Optimizer::projection(), Optimizer::adam()] {
         let (point, source) = (solved(&plain, optimizer), solved(&wide, optimizer));
         assert!(source > point + 0.5, "{optimizer:?}: {point:.2} dB with a point, {source:.2} dB with a source");
     }

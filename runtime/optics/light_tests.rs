@@ -1,3 +1,5 @@
+use super::super::Pupil;
+use super::super::source::WIDTHS;
 use super::*;
 
 const BENCH: &str =
