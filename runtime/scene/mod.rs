@@ -59,6 +59,7 @@ mod array;
 mod builtin;
 mod closer;
 mod depth;
+mod displacement;
 mod error;
 mod folder;
 mod frames;
@@ -116,6 +117,7 @@ pub use builtin::{BUILTINS, Builtin, Stage};
 pub(crate) use closer::ENOUGH;
 pub use depth::central_depth;
 pub(crate) use depth::central_view;
+pub use displacement::displacement;
 pub use error::SceneError;
 pub use frames::frames;
 #[cfg(all(feature = "window", target_os = "linux"))]

@@ -230,7 +230,7 @@ impl Following {
     }
 
     pub(super) fn status(&self) -> LiveStatus {
-        let ((sets_new, repeats), [restarts, steps]) = (self.source.counts(), self.refinement.counts());
+        let ((sets_new, repeats), [restarts, steps, ..]) = (self.source.counts(), self.refinement.counts());
         let sets_repeated = repeats.iter().sum();
         let [sample_to_light_ms, pupil_error_mm] = self.medians;
         let sample_age_ms = self.latency.sample_age_ms();
@@ -265,6 +265,7 @@ impl Following {
     /// Ends the threads: what came of it, and what they did.
     pub(super) fn stop(mut self) -> (LiveStatistics, Vec<Track>, Result<(), SessionError>) {
         let LiveStatus { sets_new, sets_repeated, steps, restarts, .. } = self.status();
+        let [.., sets_moving, phases_moved] = self.refinement.counts();
         let (repeats, rolls, sub_frames) = (self.source.counts().1, self.rolls, self.sub_frames);
         let mut tracks: Vec<Track> = self.refinement.stop().into_iter().collect();
         // A refinement in simulated time holds nothing of it.
@@ -283,6 +284,8 @@ impl Following {
             sub_frames,
             steps,
             restarts,
+            sets_moving,
+            phases_moved,
             focus,
             latency,
             showing,

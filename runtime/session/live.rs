@@ -6,6 +6,7 @@ use super::field::Field;
 use super::following::{Following, OPEN};
 use super::journal::{Journal, Keeping, Kept};
 use super::latency::Latency;
+use super::moments::Moments;
 use super::notes::Notes;
 use super::output::OpenDisplay;
 use super::play::encoder_of;
@@ -201,6 +202,9 @@ pub struct Live {
     /// Sets are handed over and shown whole, though the display takes several video frames for one; else they roll there: every
     /// video frame is the newest set's whose turn it is.
     pub whole_sets: bool,
+    /// Whether each sub-frame is refined for its own moment, where the eye or the content moves (OPTICS 15). Sets that roll are
+    /// not: there the eye begins to see a set with any of its sub-frames.
+    pub moments: bool,
     /// What work takes on a simulated clock.
     pub cost: Cost,
     /// A new folder that keeps what was decided, with all scenes that followed each other, so that it can be done again.
@@ -236,6 +240,7 @@ impl Live {
             tracking: tracking.into(),
             whole,
             whole_sets: false,
+            moments: true,
             cost: Cost::Measured,
             journal: None,
             replay: None,
@@ -358,6 +363,7 @@ impl Live {
                 journal: keeping.as_ref().map(Keeping::journal),
                 timing: Arc::clone(&timing),
                 light_after,
+                moments: Moments::when(self.moments && !rolls, &packed, period_ns, &colors),
                 steered: Arc::clone(&steered),
                 whole: whole_of_none,
                 direct,

@@ -48,6 +48,20 @@ pub enum SinkFile {
     Shared(PathBuf),
 }
 
+impl SinkFile {
+    /// Refuses a place that is somebody's, before anything is computed for it.
+    ///
+    /// # Errors
+    /// [`SessionError::Present`], [`FileError::Taken`](crate::files::FileError::Taken) in it.
+    pub fn check(&self) -> Result<(), SessionError> {
+        match self {
+            Self::Raw(file) => Ok(Sink::check_raw(file)?),
+            // One of ours may be there: it is looked at when it is opened.
+            Self::Shared(_) => Ok(()),
+        }
+    }
+}
+
 /// A display that is open.
 pub(super) struct OpenDisplay {
     kind: Kind,
