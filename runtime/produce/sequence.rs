@@ -248,9 +248,9 @@ impl<'a> Common<'a> {
 mod tests {
     use crate::engine::{self, Choice};
     use crate::files::FileError;
-    use crate::hologram::{HologramError, Sequence, Start};
-    use crate::optics::Display;
-    use crate::produce::{ProduceError, SceneEvent, SceneJob, join_pieces, solve_piece, solve_scene};
+    use crate::hologram::{Hologram, HologramError, Sequence, Start};
+    use crate::optics::{Color, Display};
+    use crate::produce::{ProduceError, SceneEvent, SceneJob, SolvedSequence, join_pieces, solve_piece, solve_scene};
     use crate::solve::{Flow, Settings};
     use std::path::Path;
 
@@ -320,13 +320,6 @@ mod tests {
             "{taken:?}"
         );
     }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::engine::cpu::CpuEngine;
-    use crate::optics::Display;
 
     #[test]
     fn pieces_are_joined_without_their_scenes() {
@@ -335,9 +328,9 @@ mod tests {
         let mut job = SceneJob { colors: vec![Color::Green], settings, ..SceneJob::new("builtin:plane", &display) };
         job.scenes.push("builtin:plane?depth=0.5".into());
         job.sequence.start = Start::Cold;
-        let mut engine = CpuEngine::new();
+        let mut engine = engine::open(Choice::Cpu).unwrap();
         let mut piece = |index: usize, first: Option<&Hologram>| {
-            solve_piece(&job, index, first, &mut engine, &mut |_| Flow::Continue).unwrap().unwrap()
+            solve_piece(&job, index, first, engine.as_mut(), &mut |_| Flow::Continue).unwrap().unwrap()
         };
         let first = piece(0, None);
         let pieces = [first.clone(), piece(1, Some(&first))];
