@@ -4,7 +4,7 @@ use super::job::warn_of_aliasing;
 use super::{ProduceError, SceneEvent, SceneJob};
 use crate::engine::Engine;
 use crate::hologram::{ColorHologram, Hologram, HologramError, Sequence, SequenceWriter, Start};
-use crate::optics::{Color, Padding};
+use crate::optics::{Color, Display, Padding};
 use crate::scene::LightField;
 use crate::solve::{Flow, Levels, Problem, Progress, Settings, Solution, Warm, solve_from};
 use std::path::Path;
@@ -25,6 +25,8 @@ struct Common<'a> {
     job: &'a SceneJob<'a>,
     settings: Settings,
     padding: Padding,
+    /// With as many modes of its source as were decided.
+    display: Display,
 }
 
 /// Solves one scene after the other into a sequence; resumes one of the same job.
@@ -155,12 +157,13 @@ impl<'a> Common<'a> {
         let whole =
             SceneJob { settings: Settings { repeats: 1, views: 1, pixel: 1, ..job.settings.clone() }, ..job.clone() };
         let plan = whole.plan(first)?;
+        let display = plan.lit(job.display);
         let mut settings = plan.settings;
         settings.seconds = job.settings.seconds.map(|s| s / job.colors.len() as f64);
         if settings.levels == Levels::Display {
             settings.levels = Levels::of(job.display);
         }
-        Ok(Self { job, settings, padding: plan.padding })
+        Ok(Self { job, settings, padding: plan.padding, display })
     }
 
     /// What is true of every hologram; its exposures are found in the first.
@@ -170,7 +173,7 @@ impl<'a> Common<'a> {
             let wavelength = job.display.optics(color)?.wavelength;
             Ok(ColorHologram { color: Some(color), wavelength, exposure: 1.0, efficiency: 1.0, phases: Vec::new() })
         };
-        let mut like = Hologram::from_solutions(first, job.display, &self.settings, self.padding, &[])?;
+        let mut like = Hologram::from_solutions(first, &self.display, &self.settings, self.padding, &[])?;
         like.colors = job.colors.iter().map(color).collect::<Result<_, ProduceError>>()?;
         like.scene = job.scenes.join(", ");
         like.metadata.near = job.near;
@@ -188,8 +191,7 @@ impl<'a> Common<'a> {
         observe: &mut dyn FnMut(&SceneEvent) -> Flow,
     ) -> Result<Made, ProduceError> {
         let Some(solutions) = self.frame(index, &field, before, engine, observe)? else { return Ok(None) };
-        let mut hologram =
-            Hologram::from_solutions(&field, self.job.display, &self.settings, self.padding, &solutions)?;
+        let mut hologram = Hologram::from_solutions(&field, &self.display, &self.settings, self.padding, &solutions)?;
         for (c, b) in hologram.colors.iter_mut().zip(before.iter().flat_map(|b| &b.colors)) {
             (c.exposure, c.efficiency) = (b.exposure, b.efficiency);
         }
@@ -212,7 +214,7 @@ impl<'a> Common<'a> {
             warn_of_aliasing(field, job.display, &Settings { depth, ..self.settings.clone() });
         }
         for (i, &color) in job.colors.iter().enumerate() {
-            let problem = Problem::new(field, color, job.display, self.padding)?;
+            let problem = Problem::new(field, color, &self.display, self.padding)?;
             let of_before = before.map(|b| &b.colors[i]);
             // One exposure for all frames, that of the first: lasers do not change from frame to frame.
             let efficiency = of_before.map(|b| (problem.mean / b.exposure).min(1.0)).filter(|e| *e > 0.0);
