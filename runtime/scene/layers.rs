@@ -82,11 +82,13 @@ impl Layers {
         let mut layers = Self::over(field, grid, display, depth)?;
         let per_pixel = display.focal_length * display.picture_pixel();
         let slopes = &layers.slopes;
-        let blurs = |z: &f64| slopes.iter().map(move |s| (s - z / per_pixel).abs() * stack.aperture);
-        let movement = slopes.iter().map(|s| s * stack.aperture).collect();
+        let blurs = stack.focus.iter().flat_map(|z| {
+            let sharp = z / per_pixel;
+            slopes.iter().map(move |slope| (slope - sharp).abs() * stack.aperture)
+        });
         let defocus = Defocus {
-            blur: stack.focus.iter().flat_map(blurs).collect(),
-            movement,
+            blur: blurs.collect(),
+            movement: slopes.iter().map(|slope| slope * stack.aperture).collect(),
             ridge: STACK_RIDGE,
             smooth: SMOOTH,
         };
