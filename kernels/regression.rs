@@ -198,7 +198,7 @@ mod tests {
         let blur: Vec<f64> = focus.iter().flat_map(|f| movement.iter().map(move |m: &f64| (m - f).abs())).collect();
         let problem = Defocus { blur, movement, ridge: 1e-9, smooth: 0.0 };
         let layers: Vec<Complex64> = (0..k).map(|i| Complex64::new((i as f64 + 1.0).sin(), i as f64 - 0.4)).collect();
-        let omega = [0.11, 0.07];
+        let omega = [0.11f64, 0.07];
         let through = |row: &[f64]| -> Complex64 {
             row.iter().zip(&layers).map(|(blur, layer)| layer * disc(PI * omega[0].hypot(omega[1]) * blur)).sum()
         };
