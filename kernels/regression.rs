@@ -36,7 +36,7 @@ impl Regression {
     /// normal equations are real: `(A^H A + Gamma) L = A^H V`.
     pub fn solve(&self, omega: [f64; 2], views: &[Complex64], found: &mut Found) {
         let (k, n) = (self.disparities.len(), views.len());
-        let Found { layers, left_out, matrix, seen, solved } = found;
+        let Found { matrix, seen, .. } = found;
         let axis = |i: usize, d: f64| dirichlet(self.grid[i], PI * omega[i] * d);
         let frequency = omega[0].hypot(omega[1]);
         matrix.resize(k * k, 0.0);
@@ -57,6 +57,50 @@ impl Regression {
             let turns = omega[0] * (r as f64 - middle[0]) + omega[1] * (c as f64 - middle[1]);
             seen.extend(self.disparities.iter().map(|d| Complex64::cis(TAU * turns * d)));
         }
+        found.finish(k, views);
+    }
+}
+
+/// Pictures through one round aperture, each focused at a depth of its own, and the layers that shall explain them: a focal stack
+/// (Le Pendu, Guillemot and Smolic, IEEE Transactions on Image Processing 28, 2019).
+#[derive(Debug, Clone)]
+pub struct Defocus {
+    /// Diameter of each layer's blur in each picture, pixels: picture by picture.
+    pub blur: Vec<f64>,
+    /// As of [`Regression`].
+    pub movement: Vec<f64>,
+    /// As of [`Regression`].
+    pub ridge: f64,
+    /// As of [`Regression`].
+    pub smooth: f64,
+}
+
+impl Defocus {
+    /// At frequency `omega` (y, x), cycles per pixel, from the pictures' spectra there: each layer is seen through the spectrum of a
+    /// disc, `2 J1(t) / t` with `t = pi |omega| blur`, which is real.
+    pub fn solve(&self, omega: [f64; 2], pictures: &[Complex64], found: &mut Found) {
+        let k = self.movement.len();
+        let frequency = omega[0].hypot(omega[1]);
+        let Found { matrix, seen, .. } = found;
+        seen.clear();
+        seen.extend(self.blur.iter().map(|blur| Complex64::new(disc(PI * frequency * blur), 0.0)));
+        matrix.resize(k * k, 0.0);
+        for i in 0..k {
+            for j in 0..=i {
+                matrix[i * k + j] = seen.chunks_exact(k).map(|row| row[i].re * row[j].re).sum();
+            }
+            let moved = (frequency * self.movement[i]).powi(4);
+            matrix[i * k + i] += pictures.len() as f64 * (self.ridge + self.smooth * moved);
+        }
+        cholesky(matrix, k);
+        found.finish(k, pictures);
+    }
+}
+
+impl Found {
+    /// From the factor of the normal equations and the rows of `A`: the layers, and what each picture is beyond the others' word.
+    fn finish(&mut self, k: usize, views: &[Complex64]) {
+        let Self { layers, left_out, matrix, seen, solved } = self;
         layers.clear();
         layers.resize(k, Complex64::ZERO);
         for (row, view) in seen.chunks_exact(k).zip(views) {
@@ -74,6 +118,21 @@ impl Regression {
             left_out.push((view - shown) / own);
         }
     }
+}
+
+/// `2 J1(t) / t` of `t >= 0`, by its integral over the disc's chords where that has few nodes, and by Hankel's expansion beyond: off by less
+/// than 1e-5.
+pub fn disc(t: f64) -> f64 {
+    if t < 16.0 {
+        // The trapezoidal rule over a period is exact to rounding with so many nodes.
+        const NODES: usize = 24;
+        let node = |i: usize| (2.0 * i as f64 - 1.0) * PI / (4.0 * NODES as f64);
+        let chord = |i: usize| 2.0 * node(i).sin().powi(2) * (t * node(i).cos()).cos();
+        return (1..=NODES).map(chord).sum::<f64>() / NODES as f64;
+    }
+    let (turn, u) = (t - 0.75 * PI, 1.0 / (8.0 * t));
+    let (even, odd) = (1.0 + 7.5 * u * u, 3.0 * u * (1.0 - 17.5 * u * u));
+    2.0 / t * (2.0 / (PI * t)).sqrt() * (even * turn.cos() - odd * turn.sin())
 }
 
 /// The sum of `exp(2 i t m)` over `n` whole or half steps `m` around 0.
@@ -120,6 +179,35 @@ fn backward(factor: &[f64], values: &mut [Complex64]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_spectrum_of_a_disc_is_that_of_tables() {
+        // Abramowitz and Stegun, table 9.1: J1 at 1, 5, 10, 17.5; and its first zero.
+        for (t, j) in [(1.0, 0.4400505857), (5.0, -0.3275791376), (10.0, 0.0434727462), (17.5, -0.1634199694)] {
+            assert!((disc(t) - 2.0 * j / t).abs() < 1e-5, "{t}: {}, not {}", disc(t), 2.0 * j / t);
+        }
+        assert!((disc(0.0) - 1.0).abs() < 1e-12 && disc(3.8317059702).abs() < 1e-9);
+        assert!((disc(15.999999) - disc(16.000001)).abs() < 1e-5);
+    }
+
+    /// Pictures that layers blurred by discs make are these layers' again, where the pictures tell them apart.
+    #[test]
+    fn layers_of_a_focal_stack_are_found() {
+        let (k, focus) = (3, [-6.0, -2.0, 2.0, 6.0]);
+        let movement = vec![-5.0, 0.0, 5.0];
+        let blur: Vec<f64> = focus.iter().flat_map(|f| movement.iter().map(move |m: &f64| (m - f).abs())).collect();
+        let problem = Defocus { blur, movement, ridge: 1e-9, smooth: 0.0 };
+        let layers: Vec<Complex64> = (0..k).map(|i| Complex64::new((i as f64 + 1.0).sin(), i as f64 - 0.4)).collect();
+        let omega = [0.11f64, 0.07];
+        let through = |row: &[f64]| -> Complex64 {
+            row.iter().zip(&layers).map(|(blur, layer)| layer * disc(PI * omega[0].hypot(omega[1]) * blur)).sum()
+        };
+        let pictures: Vec<Complex64> = problem.blur.chunks_exact(k).map(through).collect();
+        let mut found = Found::default();
+        problem.solve(omega, &pictures, &mut found);
+        assert!(found.layers.iter().zip(&layers).all(|(a, b)| (a - b).norm() < 1e-4), "{:?}", found.layers);
+        assert!(found.left_out.iter().all(|e| e.norm() < 1e-3), "{:?}", found.left_out);
+    }
 
     /// Against the equations themselves: the residual of the normal equations, and each view left out in earnest.
     #[test]

@@ -1,7 +1,8 @@
 //! A folder of light fields: the frames of a sequence.
 
 use super::names::{is_auxiliary, is_picture, square};
-use super::{SceneError, folder, video};
+use super::natural::{files, natural};
+use super::{SceneError, folder, stack, video};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -13,6 +14,10 @@ use std::path::{Path, PathBuf};
 pub fn sequence(source: &str, maps: &[PathBuf]) -> Result<Option<Vec<String>>, SceneError> {
     let path = Path::new(source);
     if path.is_dir() {
+        // A folder with a focal stack is one scene.
+        if stack::find(path)?.is_some() {
+            return Ok(None);
+        }
         return if maps.is_empty() { frames(path) } else { pictures(path).map(Some) };
     }
     match video::named(path) {
@@ -35,21 +40,6 @@ fn pictures(folder: &Path) -> Result<Vec<String>, SceneError> {
         return Err(SceneError::Empty { folder: folder.display().to_string() });
     }
     Ok(found.into_iter().filter_map(|name| folder.join(name).to_str().map(str::to_owned)).collect())
-}
-
-/// The names of a folder's files, in the order of their numbers.
-pub(super) fn files(folder: &Path) -> Result<Vec<String>, SceneError> {
-    let unreadable = |e: std::io::Error| SceneError::unreadable(folder, &e);
-    let mut found = Vec::new();
-    for entry in fs::read_dir(folder).map_err(unreadable)? {
-        let entry = entry.map_err(unreadable)?;
-        let Ok(name) = entry.file_name().into_string() else { continue };
-        if !name.starts_with('.') && entry.path().is_file() {
-            found.push(name);
-        }
-    }
-    found.sort_by_cached_key(|name| natural(name));
-    Ok(found)
 }
 
 /// The folders in a folder that has no views of its own, in the order of the numbers in their names; none where there are none, or
@@ -105,37 +95,5 @@ pub(super) fn explain(folder: &Path, error: SceneError) -> SceneError {
             SceneError::Rows { folder: name, rows: found.len(), columns: *first, first: found[0].clone() }
         }
         _ => error,
-    }
-}
-
-/// A name as pieces of text and numbers: frame-9 comes before frame-10.
-fn natural(name: &str) -> Vec<(String, u64)> {
-    let mut pieces = vec![(String::new(), 0u64)];
-    let mut in_number = false;
-    for c in name.chars() {
-        match (c.to_digit(10), pieces.last_mut()) {
-            (Some(digit), Some(last)) => {
-                last.1 = last.1.saturating_mul(10).saturating_add(u64::from(digit));
-                in_number = true;
-            }
-            (None, Some(last)) if !in_number => last.0.push(c),
-            _ => {
-                pieces.push((c.to_string(), 0));
-                in_number = false;
-            }
-        }
-    }
-    pieces
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_are_in_the_order_of_their_numbers() {
-        let mut names = ["f10", "f9", "a/2/f1", "f9b2", "f9b10", "f", "f99999999999999999999999"];
-        names.sort_by_cached_key(|n| natural(n));
-        assert_eq!(names, ["a/2/f1", "f", "f9", "f9b2", "f9b10", "f10", "f99999999999999999999999"]);
     }
 }

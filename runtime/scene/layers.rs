@@ -7,7 +7,7 @@ use crate::memory;
 use crate::optics::{Display, fast_size};
 use eyebox_kernels::fft::{Columns, Direction, Plans};
 use eyebox_kernels::layers::seen;
-use eyebox_kernels::regression::{Found, Regression};
+use eyebox_kernels::regression::{Defocus, Found, Regression};
 use eyebox_kernels::{Complex32, Complex64, ZERO};
 use rayon::prelude::*;
 
@@ -21,6 +21,8 @@ const BEYOND: [f64; 2] = [1.0, 0.05];
 /// Noise that is expected, and how much layers are quietened that views cannot tell apart.
 const RIDGE: f64 = 0.05;
 const SMOOTH: f64 = 0.0005;
+/// The same noise of a focal stack, whose pictures are means over an aperture.
+const STACK_RIDGE: f64 = 0.003;
 /// A view is odd that the others predict by so many dB less than the middle one of its like, alone where the next is better by as many,
 /// and of another exposure where that explains as many.
 const ODD: f64 = 6.0;
@@ -46,16 +48,59 @@ pub struct Layers {
     colors: usize,
 }
 
+/// A focal stack before a display.
+pub(super) struct Stack {
+    /// The depth at which each picture is sharp, metres.
+    pub focus: Vec<f64>,
+    /// The diameter of the aperture that saw them, metres.
+    pub aperture: f64,
+}
+
 impl Layers {
     /// Of the colours of a light field before a display, over these depths (farthest, nearest), metres.
     ///
     /// # Errors
     /// [`SceneError`] where they do not fit the memory.
     pub fn new(field: &LightField, display: &Display, depth: [f64; 2]) -> Result<Self, SceneError> {
-        let cell = field.cell(display);
-        let (grid, eyebox) = (ViewGrid { rows: field.grid[0], columns: field.grid[1], cell }, display.eyebox_min());
-        let most = field.height.max(field.width) as f64;
+        let grid = ViewGrid { rows: field.grid[0], columns: field.grid[1], cell: field.cell(display) };
+        let mut layers = Self::over(field, grid, display, depth)?;
+        layers.add(field, display.eyebox_min());
+        Ok(layers)
+    }
+
+    /// Of the pictures of a focal stack, which `field` has as a row of views; over these depths, metres.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub(super) fn of_stack(
+        field: &LightField,
+        stack: &Stack,
+        display: &Display,
+        depth: [f64; 2],
+    ) -> Result<Self, SceneError> {
+        let grid = ViewGrid { rows: field.grid[0], columns: field.grid[1], cell: stack.aperture };
+        let mut layers = Self::over(field, grid, display, depth)?;
         let per_pixel = display.focal_length * display.picture_pixel();
+        let slopes = &layers.slopes;
+        let blurs = stack.focus.iter().flat_map(|z| {
+            let sharp = z / per_pixel;
+            slopes.iter().map(move |slope| (slope - sharp).abs() * stack.aperture)
+        });
+        let defocus = Defocus {
+            blur: blurs.collect(),
+            movement: slopes.iter().map(|slope| slope * stack.aperture).collect(),
+            ridge: STACK_RIDGE,
+            smooth: SMOOTH,
+        };
+        layers.add_colors(field, |omega, pictures, found| defocus.solve(omega, pictures, found));
+        Ok(layers)
+    }
+
+    /// None yet, of pictures like those of the field.
+    fn over(field: &LightField, grid: ViewGrid, display: &Display, depth: [f64; 2]) -> Result<Self, SceneError> {
+        let eyebox = display.eyebox_min();
+        let most = field.height.max(field.width) as f64;
+        let (per_pixel, cell) = (display.focal_length * display.picture_pixel(), grid.cell);
         let [low, high] = depth.map(|z| (z / per_pixel * cell).clamp(-most, most) / cell * eyebox);
         let beyond = (BEYOND[1] * (high - low)).max(BEYOND[0]);
         let (low, high) = (low - beyond, high + beyond);
@@ -66,13 +111,12 @@ impl Layers {
         let move_most = (0.5 * low.abs().max(high.abs())).ceil().min(most) as usize;
         let size = [field.height, field.width];
         let padded = size.map(|n| fast_size(n + (2 * move_most).max(FADE).min(n)));
-        let counts = [padded[0], padded[1] / 2 + 1, (slopes.len() + 2 * field.grid[0] * field.grid[1]) * 2];
+        let views = grid.rows * grid.columns;
+        let counts = [padded[0], padded[1] / 2 + 1, (slopes.len() + 2 * views) * 2];
         let what = || format!("{} layers of {} x {} pixels", slopes.len(), padded[0], padded[1]);
         memory::promise(what, memory::bytes_of(&counts, 8), "take a smaller --size, or --photographs cells")?;
-        let products = vec![[0.0; 3]; grid.rows * grid.columns];
-        let mut layers = Self { size, padded, grid, slopes, planes: Vec::new(), products, brightest: 0.0, colors: 0 };
-        layers.add(field, eyebox);
-        Ok(layers)
+        let products = vec![[0.0; 3]; views];
+        Ok(Self { size, padded, grid, slopes, planes: Vec::new(), products, brightest: 0.0, colors: 0 })
     }
 
     /// Adds the colours of the same light field that were loaded after the others.
@@ -180,17 +224,26 @@ impl Layers {
             ridge: RIDGE,
             smooth: SMOOTH,
         };
+        self.add_colors(field, |omega, views, found| regression.solve(omega, views, found));
+    }
+
+    /// Adds a field's colours, of which `at` finds the layers at a frequency.
+    fn add_colors(&mut self, field: &LightField, at: impl Fn([f64; 2], &[Complex64], &mut Found) + Sync) {
         for views in &field.planes {
             let brightest = views.par_iter().flatten().copied().reduce(|| 0.0, f32::max);
             self.brightest = self.brightest.max(f64::from(brightest));
-            let layers = self.solve(&regression, views);
+            let layers = self.solve(&at, views);
             self.planes.push(layers);
             self.colors += 1;
         }
     }
 
     /// The layers of one colour; adds to the views' products.
-    fn solve(&mut self, regression: &Regression, views: &[Vec<f32>]) -> Vec<Complex32> {
+    fn solve(
+        &mut self,
+        at: &(impl Fn([f64; 2], &[Complex64], &mut Found) + Sync),
+        views: &[Vec<f32>],
+    ) -> Vec<Complex32> {
         let plans = Plans::default();
         let ([height, width], half) = (self.padded, self.half());
         let spectrum = |view: &Vec<f32>| {
@@ -212,7 +265,7 @@ impl Layers {
                     let v = view[y * half + x];
                     *seen = Complex64::new(f64::from(v.re), f64::from(v.im));
                 }
-                regression.solve([signed(y, height) / height as f64, x as f64 / width as f64], &seen, &mut found);
+                at([signed(y, height) / height as f64, x as f64 / width as f64], &seen, &mut found);
                 found.layers.iter().enumerate().for_each(|(k, v)| layers[k * half + x] = narrow(v));
                 found.left_out.iter().enumerate().for_each(|(v, e)| errors[v * half + x] = narrow(e));
             }

@@ -1,6 +1,6 @@
 //! Which depth map belongs to which picture.
 
-use super::{SceneError, frames, video};
+use super::{SceneError, natural, video};
 use std::path::{Path, PathBuf};
 
 /// The map of each picture: `given` once per picture, or one folder with a map of each picture's name or running number, or one video
@@ -32,7 +32,7 @@ pub fn depth_maps(pictures: &[String], given: &[PathBuf]) -> Result<Vec<PathBuf>
 
 /// The maps in a folder, in the order of their numbers: of one that holds the pictures, too, those that are called so.
 fn maps_in(folder: &Path, pictures: &[String]) -> Result<Vec<PathBuf>, SceneError> {
-    let names = frames::files(folder)?;
+    let names = natural::files(folder)?;
     let holds_pictures = pictures.iter().any(|picture| Path::new(picture).parent() == Some(folder));
     let is_map =
         |name: &&String| !holds_pictures || ["depth", "disp"].iter().any(|word| name.to_lowercase().contains(word));

@@ -30,6 +30,8 @@
 //! depth_mm = [-3.0, 3.5]    # farthest, nearest
 //! transfer = "srgb"         # or "linear": how stored values become light
 //! keep = [9, 9]             # only so many rows and columns of views, in the middle
+//! focus_mm = [-3, 0, 3]     # the pictures are a focal stack: at which depth each is sharp,
+//! aperture_mm = 12          # and how wide the pupil was that saw them
 //! ```
 //!
 //! Disparities and depths are those at the views' own resolution. Without that file, `parameters.cfg` of the 4D Light
@@ -79,6 +81,7 @@ mod maps;
 mod merge;
 mod mosaic;
 mod names;
+mod natural;
 mod near;
 mod numbers;
 mod options;
@@ -99,6 +102,7 @@ mod settings;
 mod shape;
 mod single;
 mod source;
+mod stack;
 mod still;
 mod subpixel;
 mod survey;

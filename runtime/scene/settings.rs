@@ -23,6 +23,10 @@ pub(super) struct Settings {
     pub transfer: Option<Transfer>,
     /// Rows and columns of views in the middle that are kept.
     pub keep: Option<[usize; 2]>,
+    /// Of a focal stack, the depth at which each picture is sharp,
+    pub focus: Option<Vec<f64>>,
+    /// and the diameter of the aperture.
+    pub aperture: Option<f64>,
 }
 
 /// `lightfield.toml`.
@@ -51,6 +55,10 @@ struct Toml {
     transfer: Option<Transfer>,
     /// Rows and columns of views in the middle that are kept.
     keep: Option<[usize; 2]>,
+    /// Of a focal stack, the depth at which each picture is sharp, millimetres.
+    focus_mm: Option<Vec<f64>>,
+    /// Of a focal stack, the diameter of the aperture, millimetres.
+    aperture_mm: Option<f64>,
 }
 
 /// Reads `lightfield.toml` if there is one, else `parameters.cfg`, else nothing. `names` are the folder's files.
@@ -102,6 +110,29 @@ pub(super) fn ground_truth(folder: &Path, names: &[String], size: [usize; 2]) ->
     Ok(None)
 }
 
+/// The most pictures of a focal stack.
+const MOST_FOCUSED: usize = 64;
+
+fn focus(depths: Option<Vec<f64>>) -> Result<Option<Vec<f64>>, String> {
+    let Some(depths) = depths else { return Ok(None) };
+    if !(2..=MOST_FOCUSED).contains(&depths.len()) || depths.iter().any(|z| !z.is_finite() || z.abs() > 1e6) {
+        return Err(format!("focus_mm is {depths:?}: it must be 2 to {MOST_FOCUSED} depths, one for each picture"));
+    }
+    if depths.iter().enumerate().any(|(i, z)| depths[..i].contains(z)) {
+        return Err(format!("focus_mm is {depths:?}: every picture must have another depth"));
+    }
+    Ok(Some(depths.into_iter().map(|z| z * 1e-3).collect()))
+}
+
+fn aperture(diameter: Option<f64>) -> Result<Option<f64>, String> {
+    match diameter {
+        Some(mm) if !(mm.is_finite() && mm > 0.0 && mm <= 1e4) => {
+            Err(format!("aperture_mm is {mm}: it must be above 0 and at most 10000"))
+        }
+        _ => Ok(diameter.map(|mm| mm * 1e-3)),
+    }
+}
+
 fn range(key: &str, value: Option<[f64; 2]>, unit: f64) -> Result<Option<[f64; 2]>, String> {
     match value {
         Some([a, b]) if !(a.is_finite() && b.is_finite() && a <= b) => {
@@ -139,6 +170,8 @@ fn from_toml(text: &str) -> Result<Settings, String> {
         depth: range("depth_mm", read.depth_mm, 1e-3)?,
         transfer: read.transfer,
         keep: read.keep,
+        focus: focus(read.focus_mm)?,
+        aperture: aperture(read.aperture_mm)?,
     })
 }
 

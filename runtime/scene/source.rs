@@ -2,7 +2,7 @@
 
 use super::options::{Options, PICTURES, Tiling};
 use super::views::Read;
-use super::{Request, SceneError, array, folder, frames, mosaic, video};
+use super::{Request, SceneError, array, folder, frames, mosaic, stack, video};
 use std::path::Path;
 
 /// What a source names. What is a file or folder is there.
@@ -32,7 +32,10 @@ impl Kept<'_> {
     /// Any [`SceneError`] that they can cause.
     pub fn size(&self) -> Result<[usize; 2], SceneError> {
         match self {
-            Self::Folder(path) => folder::list(path).map(|l| l.size).map_err(|error| frames::explain(path, error)),
+            Self::Folder(path) => match stack::find(path)? {
+                Some(stack) => stack.size(),
+                None => folder::list(path).map(|l| l.size).map_err(|error| frames::explain(path, error)),
+            },
             Self::Array(path, options) => array::size(path, options),
             Self::Mosaic(path, tiling, options) => mosaic::size(path, *tiling, options),
         }
@@ -44,7 +47,10 @@ impl Kept<'_> {
     /// Any [`SceneError`]; it names the file.
     pub fn read(&self, request: &Request) -> Result<Read, SceneError> {
         match self {
-            Self::Folder(path) => folder::read(path, request).map_err(|error| frames::explain(path, error)),
+            Self::Folder(path) => match stack::find(path)? {
+                Some(stack) => stack.read(path, request),
+                None => folder::read(path, request).map_err(|error| frames::explain(path, error)),
+            },
             Self::Array(path, options) => array::read(path, options, request),
             Self::Mosaic(path, tiling, options) => mosaic::read(path, *tiling, options, request),
         }

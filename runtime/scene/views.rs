@@ -56,6 +56,11 @@ impl Frame {
         }
     }
 
+    /// What is measured in pixels of the pictures as they are, or follows from it, on the display.
+    pub fn scale(&self, range: [f64; 2]) -> [f64; 2] {
+        self.resize.as_ref().map_or(range, |resize| resize.scale_range(range))
+    }
+
     /// All views; `views` has the planes of each, `disparity` is one of the pictures as they are.
     pub fn field(
         &self,
@@ -70,8 +75,7 @@ impl Frame {
         for view in views {
             planes.iter_mut().zip(view).for_each(|(planes, plane)| planes.push(plane));
         }
-        let scale =
-            |range: Option<[f64; 2]>| range.map(|r| self.resize.as_ref().map_or(r, |resize| resize.scale_range(r)));
+        let scale = |range: Option<[f64; 2]>| range.map(|range| self.scale(range));
         let name = place.canonicalize().unwrap_or(place.into());
         LightField {
             name: name.file_name().map_or("light field".into(), |n| n.to_string_lossy().into_owned()),

@@ -158,6 +158,48 @@ fn what_layers_do_not_show_is_left_to_cells() {
     }
 }
 
+/// A focal stack shows other pupils by layers as it never could by pictures between its own.
+#[test]
+fn a_focal_stack_is_photographed_through_other_pupils() {
+    let (ends, display, temp) = ([-3.0, 4.0], display(), tempfile::tempdir().unwrap());
+    let (waves, per_pixel) = (waves(ends), display.focal_length * display.pitch / display.eyebox_min());
+    let focus: Vec<f64> = (0..6).map(|i| -3.4 + 1.56 * f64::from(i)).collect();
+    let stack: Vec<Vec<f32>> = focus.iter().map(|f| seen(&waves, [0.0; 2], 0.8, *f)).collect();
+    for (i, picture) in stack.iter().enumerate() {
+        let pixel = |x: u32, y: u32| image::Rgb([picture[y as usize * SIZE + x as usize]; 3]);
+        let file = temp.path().join(format!("focus-{}.exr", 9 + i));
+        image::Rgb32FImage::from_fn(SIZE as u32, SIZE as u32, pixel).save(file).unwrap();
+    }
+    let state = |text: String| std::fs::write(temp.path().join("lightfield.toml"), text).unwrap();
+    let mm: Vec<f64> = focus.iter().map(|f| f * per_pixel * 1e3).collect();
+    let (source, colors) = (temp.path().to_str().unwrap(), [Color::Green]);
+    let load = || scene::load(source, &Request::new(&display, &colors)).map_err(|e| e.to_string());
+    let aperture = 0.8e3 * display.eyebox_min();
+    for (text, says) in [
+        (format!("focus_mm = {mm:?}"), "needs aperture_mm"),
+        (format!("aperture_mm = {aperture}"), "needs focus_mm"),
+        (format!("aperture_mm = {aperture}\nfocus_mm = [0, 1]"), "has 2 depths, and the folder 6 pictures"),
+        (format!("aperture_mm = {aperture}\nfocus_mm = [0, 0]"), "every picture must have another depth"),
+        ("aperture_mm = -1".into(), "must be above 0"),
+    ] {
+        state(text);
+        let line = load().map(|_| ()).unwrap_err();
+        assert!(line.contains(says), "{line}");
+    }
+    state(format!("focus_mm = {mm:?}\naperture_mm = {aperture}"));
+    let pupils = &PUPILS[1..];
+    let made = worst(load().unwrap(), ends, pupils);
+    // Between the pictures that are focused next to it.
+    let between = |&[x, y, d, f]: &[f64; 4]| {
+        let i = focus.iter().rposition(|g| *g <= f).unwrap().min(4);
+        let t = ((f - focus[i]) / 1.56) as f32;
+        let mixed: Vec<f32> = stack[i].iter().zip(&stack[i + 1]).map(|(a, b)| a + t * (b - a)).collect();
+        psnr(&mixed, &seen(&waves, [x, y], d, f), 8)
+    };
+    let interpolated = pupils.iter().map(between).fold(f64::INFINITY, f64::min);
+    assert!(made > 33.0 && made > interpolated + 8.0, "layers {made:.1} dB, between pictures {interpolated:.1} dB");
+}
+
 /// Where things hide each other layers blur: the views tell so, and are interpolated.
 #[test]
 fn what_hides_other_things_is_interpolated() {

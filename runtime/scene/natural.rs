@@ -1,0 +1,51 @@
+//! The files of a folder in the order of the numbers in their names.
+
+use super::SceneError;
+use std::{fs, path::Path};
+
+/// The names of a folder's files, in the order of their numbers.
+pub(super) fn files(folder: &Path) -> Result<Vec<String>, SceneError> {
+    let unreadable = |e: std::io::Error| SceneError::unreadable(folder, &e);
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).map_err(unreadable)? {
+        let entry = entry.map_err(unreadable)?;
+        let Ok(name) = entry.file_name().into_string() else { continue };
+        if !name.starts_with('.') && entry.path().is_file() {
+            found.push(name);
+        }
+    }
+    found.sort_by_cached_key(|name| natural(name));
+    Ok(found)
+}
+
+/// A name as pieces of text and numbers: frame-9 comes before frame-10.
+pub(super) fn natural(name: &str) -> Vec<(String, u64)> {
+    let mut pieces = vec![(String::new(), 0u64)];
+    let mut in_number = false;
+    for c in name.chars() {
+        match (c.to_digit(10), pieces.last_mut()) {
+            (Some(digit), Some(last)) => {
+                last.1 = last.1.saturating_mul(10).saturating_add(u64::from(digit));
+                in_number = true;
+            }
+            (None, Some(last)) if !in_number => last.0.push(c),
+            _ => {
+                pieces.push((c.to_string(), 0));
+                in_number = false;
+            }
+        }
+    }
+    pieces
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_in_the_order_of_their_numbers() {
+        let mut names = ["f10", "f9", "a/2/f1", "f9b2", "f9b10", "f", "f99999999999999999999999"];
+        names.sort_by_cached_key(|n| natural(n));
+        assert_eq!(names, ["a/2/f1", "f", "f9", "f9b2", "f9b10", "f10", "f99999999999999999999999"]);
+    }
+}
