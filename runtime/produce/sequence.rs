@@ -36,8 +36,8 @@ pub(super) fn solve(
     engine: &mut dyn Engine,
     observe: &mut dyn FnMut(&SceneEvent) -> Flow,
 ) -> Result<SolvedSequence, ProduceError> {
-    write(job, out, observe, &mut |common, index, field, before, observe| {
-        common.hologram(index, field, before, engine, observe)
+    write(job, out, observe, &mut |common, index, load, before, observe| {
+        common.hologram(index, load()?, before, engine, observe)
     })
 }
 
@@ -90,11 +90,14 @@ fn check_pieces(job: &SceneJob) -> Result<(), ProduceError> {
 /// What comes of a hologram: it, and its solutions.
 type Made = Option<(Hologram, Vec<(Color, Solution)>)>;
 
+/// Loads its scene, where that is needed: what is only joined needs none.
+type Load<'a> = dyn FnMut() -> Result<LightField, ProduceError> + 'a;
+
 /// Makes one hologram, of its index, its scene, the hologram before it, and who is told.
 type Make<'a> = dyn FnMut(
         &Common,
         usize,
-        LightField,
+        &mut Load<'_>,
         Option<&Hologram>,
         &mut dyn FnMut(&SceneEvent) -> Flow,
     ) -> Result<Made, ProduceError>
@@ -126,8 +129,8 @@ fn write(
     };
     let mut first = Some(first).filter(|_| done == 0);
     for index in done..count {
-        let field = first.take().map_or_else(|| job.load(index), Ok)?;
-        let Some((hologram, solutions)) = make(&common, index, field, before.as_ref(), observe)? else {
+        let mut load = || first.take().map_or_else(|| job.load(index), Ok);
+        let Some((hologram, solutions)) = make(&common, index, &mut load, before.as_ref(), observe)? else {
             return Ok(SolvedSequence { done: index, count, solved: index - done });
         };
         let to = match &mut writer {
@@ -245,9 +248,9 @@ impl<'a> Common<'a> {
 mod tests {
     use crate::engine::{self, Choice};
     use crate::files::FileError;
-    use crate::hologram::{HologramError, Sequence, Start};
-    use crate::optics::Display;
-    use crate::produce::{ProduceError, SceneEvent, SceneJob, join_pieces, solve_piece, solve_scene};
+    use crate::hologram::{Hologram, HologramError, Sequence, Start};
+    use crate::optics::{Color, Display};
+    use crate::produce::{ProduceError, SceneEvent, SceneJob, SolvedSequence, join_pieces, solve_piece, solve_scene};
     use crate::solve::{Flow, Settings};
     use std::path::Path;
 
@@ -316,5 +319,27 @@ mod tests {
             matches!(taken, Err(ProduceError::Hologram(HologramError::File(FileError::Taken { .. })))),
             "{taken:?}"
         );
+    }
+
+    #[test]
+    fn pieces_are_joined_without_their_scenes() {
+        let display = Display { height: 24, width: 32, ..Display::load("small").unwrap() };
+        let settings = Settings { steps: 1, frames: 1, pupils: 1, ..Settings::default() };
+        let mut job = SceneJob { colors: vec![Color::Green], settings, ..SceneJob::new("builtin:plane", &display) };
+        job.scenes.push("builtin:plane?depth=0.5".into());
+        job.sequence.start = Start::Cold;
+        let mut engine = engine::open(Choice::Cpu).unwrap();
+        let mut piece = |index: usize, first: Option<&Hologram>| {
+            solve_piece(&job, index, first, engine.as_mut(), &mut |_| Flow::Continue).unwrap().unwrap()
+        };
+        let first = piece(0, None);
+        let pieces = [first.clone(), piece(1, Some(&first))];
+        // Only the first is looked at: it decides what is computed of all.
+        let job = SceneJob { scenes: vec![job.scenes[0].clone(), "nowhere".into()], ..job.clone() };
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("joined.zarr");
+        let joined = join_pieces(&job, &out, &mut |index| Ok(pieces[index].clone())).unwrap();
+        assert_eq!(joined, SolvedSequence { done: 2, count: 2, solved: 2 });
+        assert_eq!(Sequence::open(&out).unwrap().load(1).unwrap().colors[0].phases, pieces[1].colors[0].phases);
     }
 }
