@@ -34,7 +34,7 @@ module)
     environment tests numpy pytest tqdm matplotlib "dask[distributed]"
     rm -rf "$place/site"
     mkdir -p "$place/site"
-    cp -r tools/python/eyebox "$place/site/eyebox"
+    cp -rL tools/python/eyebox "$place/site/eyebox"
     rm -f "$place/site/eyebox/"*.so
     cp "$target/debug/lib_eyebox.so" "$place/site/eyebox/_eyebox.abi3.so"
     python=$place/tests/bin/python

@@ -106,6 +106,12 @@ impl Encoder {
         &self.colors
     }
 
+    /// When the sub-frames of each colour are lit, as the packing has them follow each other: the middle of that time from the
+    /// middle of the set, and its length, sets.
+    pub fn lit_times(&self) -> Vec<[f64; 2]> {
+        self.packed.lit_times()
+    }
+
     /// Where every sub-frame goes.
     pub(crate) fn packed(&self) -> &Packed {
         &self.packed

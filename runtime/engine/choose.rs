@@ -38,7 +38,8 @@ pub fn reason(found: &Result<Vec<DeviceReport>, EngineError>) -> (Choice, String
 #[derive(Clone)]
 pub struct Backend {
     gpu: Option<Arc<Mutex<Gpu>>>,
-    options: Options,
+    /// How a device that was lost is opened anew; none for one that the program brought.
+    options: Option<Options>,
     reason: String,
 }
 
@@ -69,7 +70,18 @@ impl Backend {
             },
         };
         tracing::debug!("engines run on {reason}");
-        Ok(Self { gpu: gpu.map(|gpu| Arc::new(Mutex::new(gpu))), options, reason })
+        Ok(Self { gpu: gpu.map(|gpu| Arc::new(Mutex::new(gpu))), options: Some(options), reason })
+    }
+
+    /// On a device that the program opened and keeps ([`Gpu::from_raw`]).
+    ///
+    /// # Errors
+    /// [`EngineError::WrongResults`] where it computes something else than it should, and what else a device answers.
+    pub fn on_device(gpu: Gpu) -> Result<Self, EngineError> {
+        #[cfg(feature = "vulkan")]
+        vulkan::self_test(&gpu)?;
+        let reason = format!("{}: the program's own device", gpu.report().name);
+        Ok(Self { gpu: Some(Arc::new(Mutex::new(gpu))), options: None, reason })
     }
 
     /// What runs, and why that and nothing else, in a sentence.
@@ -78,15 +90,18 @@ impl Backend {
     }
 
     /// The device, if it is one: what else is to run there, or to present from there, is made from this. One that was lost
-    /// is opened anew.
+    /// is opened anew, unless the program brought it.
     ///
     /// # Errors
-    /// Those of [`Gpu::open`].
+    /// Those of [`Gpu::open`]; [`EngineError::DeviceLost`] for the program's own.
     pub fn gpu(&self) -> Result<Option<Gpu>, EngineError> {
         let Some(gpu) = &self.gpu else { return Ok(None) };
         let mut gpu = gpu.lock().unwrap_or_else(PoisonError::into_inner);
         if gpu.is_lost() {
-            *gpu = Gpu::open(&self.options)?;
+            let during = "what came before".into();
+            let lost = || EngineError::DeviceLost { device: gpu.report().name.clone(), during };
+            let options = self.options.as_ref().ok_or_else(lost)?;
+            *gpu = Gpu::open(options)?;
         }
         Ok(Some(gpu.clone()))
     }

@@ -80,7 +80,7 @@ impl Views {
         let work = native.clamp(1, size);
         let small = small(display, work);
         let request = Request { display: &small, ..*request };
-        if !Path::new(source).is_dir() {
+        if scene::is_single(source)? {
             let picture = Arc::new(Reprojection::new(Path::new(source), &request)?);
             let depth = Some(picture.depth());
             let one = |(i, &color): (usize, &Color)| {

@@ -5,6 +5,7 @@
 //! a crash or Ctrl-C leaves what was there before. This room knows bytes and shapes, nothing of optics; it imports
 //! nothing from the rest of the runtime.
 
+mod array;
 mod cache;
 #[cfg_attr(not(feature = "image-formats"), path = "no_codec.rs")]
 mod codec;
@@ -16,6 +17,7 @@ mod growing;
 mod held;
 mod made;
 mod npy;
+mod npy_header;
 mod os;
 mod overlay;
 mod own;
@@ -23,7 +25,9 @@ mod patient;
 mod picture;
 pub mod read;
 mod whole;
+mod zip;
 
+pub(crate) use array::NpyArray;
 pub use cache::cache_folder;
 pub use codec::encode_jpeg8;
 pub(crate) use codec::{read_grey, read_grey8, read_png8};

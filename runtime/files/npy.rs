@@ -1,9 +1,10 @@
-//! NumPy's `.npy`, as far as images, maps and phases need it: floats and small unsigned integers of any shape.
+//! NumPy's `.npy`, as far as images, maps and phases need it: floats and integers of any shape.
 //!
 //! Format: <https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html>. It is read here rather than by a
 //! crate because the crates that read it build a C toolchain's objects on the way (through their literal parser), and
 //! a build of this project needs cargo alone.
 
+use super::npy_header::Header;
 use super::{FileError, read, write_file};
 use crate::memory;
 use std::{
@@ -22,13 +23,11 @@ pub struct Npy {
     pub integers: bool,
 }
 
-/// Axes that an array may have; more than any picture needs, and a bound on the work that a header can ask for.
-const MOST_AXES: usize = 8;
 /// Length that a header may have. NumPy writes 118 bytes.
 const LONGEST_HEADER: usize = 65536;
-const MAGIC: &[u8] = b"\x93NUMPY";
+pub(super) const MAGIC: &[u8] = b"\x93NUMPY";
 
-/// Reads an `.npy` of float32, float64 or integers of up to 64 bits (rounded to float32), little- or big-endian, C or
+/// Reads an `.npy` of float16, float32, float64 or integers of up to 64 bits (rounded to float32), little- or big-endian, C or
 /// Fortran order.
 ///
 /// # Errors
@@ -48,10 +47,7 @@ pub(crate) fn read_npy_with_gaps(file: &Path) -> Result<Npy, FileError> {
         Ok((BufReader::new(opened), length))
     };
     let (mut from, length) = open().map_err(|e| FileError::read(file, e))?;
-    parse(&mut from, length).map_err(|e| match e {
-        Wrong::Io(e) => FileError::read(file, e),
-        Wrong::Content(reason) => FileError::content(file, reason),
-    })
+    parse(&mut from, length).map_err(|wrong| wrong.of(file))
 }
 
 /// Writes float32 in C order. `values` has as many elements as `shape` says.
@@ -90,9 +86,19 @@ pub(crate) fn write_le(out: &mut dyn Write, values: &[f32]) -> io::Result<()> {
     Ok(())
 }
 
-enum Wrong {
+pub(super) enum Wrong {
     Io(io::Error),
     Content(String),
+}
+
+impl Wrong {
+    /// As what is wrong with this file.
+    pub fn of(self, file: &Path) -> FileError {
+        match self {
+            Self::Io(e) => FileError::read(file, e),
+            Self::Content(reason) => FileError::content(file, reason),
+        }
+    }
 }
 
 impl From<String> for Wrong {
@@ -112,28 +118,97 @@ impl Npy {
 
 /// `length`: of the whole file; what it cannot hold is refused before any memory is taken for it.
 fn parse(from: &mut dyn Read, length: u64) -> Result<Npy, Wrong> {
-    let mut start = [0; 8];
-    fill(from, &mut start)?;
-    if &start[..6] != MAGIC {
-        return Err(Wrong::Content("is no .npy file: it does not start with \\x93NUMPY".into()));
+    let mut reader = NpyReader::new(from, length)?;
+    let (count, copies) = (reader.left, 1 + usize::from(reader.header.fortran_order));
+    let what = || format!("its shape {:?}", reader.header.shape);
+    memory::promise(what, memory::bytes_of(&[count, copies], 4), "read a part of it").map_err(|e| e.to_string())?;
+    let mut values = reader.take(count)?;
+    let NpyReader { header, .. } = reader;
+    if header.fortran_order {
+        values = from_fortran(&header.shape, &values);
     }
-    let mut size = [0; 4];
-    let size = match start[6] {
-        1 => fill(from, &mut size[..2]).map(|()| u32::from_le_bytes(size) as usize)?,
-        2 | 3 => fill(from, &mut size).map(|()| u32::from_le_bytes(size) as usize)?,
-        other => return Err(format!("has .npy version {other}: 1, 2 and 3 are known").into()),
-    };
-    let before = if start[6] == 1 { 10 } else { 12 } + size as u64;
-    if size > LONGEST_HEADER {
-        return Err(format!("has a header of {size} bytes: at most {LONGEST_HEADER} are read").into());
+    let integers = !header.descr[1..].starts_with('f');
+    Ok(Npy { shape: header.shape, values, integers })
+}
+
+/// What makes a value of an element, whose bytes are little-endian.
+type Value = fn(&[u8]) -> f32;
+
+/// An array that is read a part at a time, in the order of its file.
+pub(super) struct NpyReader<R> {
+    pub header: Header,
+    /// Bytes of an element, and its value.
+    element: (usize, Value),
+    big: bool,
+    /// Elements that are still to be read.
+    left: usize,
+    from: R,
+}
+
+impl<R: Read> NpyReader<R> {
+    /// Reads what stands before the values; `length` is that of the whole file.
+    pub fn new(mut from: R, length: u64) -> Result<Self, Wrong> {
+        let mut start = [0; 8];
+        fill(&mut from, &mut start)?;
+        if &start[..6] != MAGIC {
+            return Err(Wrong::Content("is no .npy file: it does not start with \\x93NUMPY".into()));
+        }
+        let mut size = [0; 4];
+        let size = match start[6] {
+            1 => fill(&mut from, &mut size[..2]).map(|()| u32::from_le_bytes(size) as usize)?,
+            2 | 3 => fill(&mut from, &mut size).map(|()| u32::from_le_bytes(size) as usize)?,
+            other => return Err(format!("has .npy version {other}: 1, 2 and 3 are known").into()),
+        };
+        let before = if start[6] == 1 { 10 } else { 12 } + size as u64;
+        if size > LONGEST_HEADER {
+            return Err(format!("has a header of {size} bytes: at most {LONGEST_HEADER} are read").into());
+        }
+        let mut header = vec![0; size];
+        fill(&mut from, &mut header)?;
+        let header = Header::parse(&header).ok_or_else(|| {
+            let text = String::from_utf8_lossy(&header[..header.len().min(100)]).escape_debug().to_string();
+            format!("has a header that cannot be understood: {text}")
+        })?;
+        let element = element(&header.descr)?;
+        let big = match header.descr.as_bytes()[0] {
+            b'<' => false,
+            b'>' => true,
+            b'=' | b'|' => cfg!(target_endian = "big"),
+            _ => return Err(format!("holds '{}': '<f4' or '<f8' is wanted", header.descr).into()),
+        };
+        let count = header.shape.iter().try_fold(1u64, |n, &axis| n.checked_mul(axis as u64));
+        let bytes = count.and_then(|n| n.checked_mul(element.0 as u64)).and_then(|n| n.checked_add(before));
+        if bytes != Some(length) {
+            let wanted = bytes.map_or("more than any file holds".into(), |n| format!("{n} bytes"));
+            return Err(format!("is {length} bytes long, but its shape {:?} needs {wanted}", header.shape).into());
+        }
+        Ok(Self { element, big, left: (length - before) as usize / element.0, header, from })
     }
-    let mut header = vec![0; size];
-    fill(from, &mut header)?;
-    let header = Header::parse(&header).ok_or_else(|| {
-        let text = String::from_utf8_lossy(&header[..header.len().min(100)]).escape_debug().to_string();
-        format!("has a header that cannot be understood: {text}")
-    })?;
-    let element: (usize, fn(&[u8]) -> f32) = match header.descr.get(1..) {
+
+    /// The next `count` values, or as many as there still are.
+    pub fn take(&mut self, count: usize) -> Result<Vec<f32>, Wrong> {
+        let ((width, value), count) = (self.element, count.min(self.left));
+        let mut values = Vec::with_capacity(count);
+        let mut block = vec![0; 65536.min(count * width)];
+        while values.len() < count {
+            let part = &mut block[..(65536 / width).min(count - values.len()) * width];
+            fill(&mut self.from, part)?;
+            values.extend(part.chunks_exact_mut(width).map(|b| {
+                if self.big {
+                    b.reverse();
+                }
+                value(b)
+            }));
+        }
+        self.left -= count;
+        Ok(values)
+    }
+}
+
+/// Bytes of an element of this type, and its value.
+fn element(descr: &str) -> Result<(usize, Value), String> {
+    Ok(match descr.get(1..) {
+        Some("f2") => (2, |b| half::f16::from_le_bytes(first(b)).to_f32()),
         Some("f4") => (4, |b| f32::from_le_bytes(first(b))),
         Some("f8") => (8, |b| f64::from_le_bytes(first(b)) as f32),
         Some("u1" | "b1") => (1, |b| f32::from(b[0])),
@@ -145,49 +220,15 @@ fn parse(from: &mut dyn Read, length: u64) -> Result<Npy, Wrong> {
         Some("u8") => (8, |b| u64::from_le_bytes(first(b)) as f32),
         Some("i8") => (8, |b| i64::from_le_bytes(first(b)) as f32),
         kind => {
-            let known = "float32 ('<f4'), float64 ('<f8') or integers ('|u1', '<u2', '<i8' and the like)";
+            let known = "floats ('<f2', '<f4', '<f8') or integers ('|u1', '<u2', '<i8' and the like)";
             let complex = kind.is_some_and(|k| k.starts_with('c'));
             let hint = if complex { "; of complex numbers save numpy.angle(...)" } else { "" };
-            return Err(format!("holds '{}': {known} are read{hint}", header.descr).into());
+            return Err(format!("holds '{descr}': {known} are read{hint}"));
         }
-    };
-    let big = match header.descr.as_bytes()[0] {
-        b'<' => false,
-        b'>' => true,
-        b'=' | b'|' => cfg!(target_endian = "big"),
-        _ => return Err(format!("holds '{}': '<f4' or '<f8' is wanted", header.descr).into()),
-    };
-    let (width, value) = element;
-    let count = header.shape.iter().try_fold(1u64, |n, &axis| n.checked_mul(axis as u64));
-    let bytes = count.and_then(|n| n.checked_mul(width as u64)).and_then(|n| n.checked_add(before));
-    if bytes != Some(length) {
-        let wanted = bytes.map_or("more than any file holds".into(), |n| format!("{n} bytes"));
-        return Err(format!("is {length} bytes long, but its shape {:?} needs {wanted}", header.shape).into());
-    }
-    let count = (length - before) as usize / width;
-    let copies = 1 + usize::from(header.fortran_order);
-    let what = || format!("its shape {:?}", header.shape);
-    memory::promise(what, memory::bytes_of(&[count, copies], 4), "read a part of it").map_err(|e| e.to_string())?;
-    let mut values = Vec::with_capacity(count);
-    let mut block = vec![0; 65536];
-    while values.len() < count {
-        let part = &mut block[..(65536 / width).min(count - values.len()) * width];
-        fill(from, part)?;
-        values.extend(part.chunks_exact_mut(width).map(|b| {
-            if big {
-                b.reverse();
-            }
-            value(b)
-        }));
-    }
-    if header.fortran_order {
-        values = from_fortran(&header.shape, &values);
-    }
-    let integers = !header.descr[1..].starts_with('f');
-    Ok(Npy { shape: header.shape, values, integers })
+    })
 }
 
-fn fill(from: &mut dyn Read, to: &mut [u8]) -> Result<(), Wrong> {
+fn fill(from: &mut impl Read, to: &mut [u8]) -> Result<(), Wrong> {
     from.read_exact(to).map_err(|e| match e.kind() {
         io::ErrorKind::UnexpectedEof => Wrong::Content("is cut short".into()),
         _ => Wrong::Io(e),
@@ -207,7 +248,7 @@ fn index_of(shape: &[usize], mut at: usize) -> Vec<usize> {
     index
 }
 
-fn from_fortran(shape: &[usize], values: &[f32]) -> Vec<f32> {
+pub(super) fn from_fortran(shape: &[usize], values: &[f32]) -> Vec<f32> {
     let mut strides = vec![1; shape.len()];
     for axis in 1..shape.len() {
         strides[axis] = strides[axis - 1] * shape[axis - 1];
@@ -230,85 +271,6 @@ fn from_fortran(shape: &[usize], values: &[f32]) -> Vec<f32> {
             value
         })
         .collect()
-}
-
-struct Header {
-    descr: String,
-    fortran_order: bool,
-    shape: Vec<usize>,
-}
-
-impl Header {
-    /// The header is a Python dictionary of three literals.
-    fn parse(text: &[u8]) -> Option<Self> {
-        let mut text = Text(str::from_utf8(text).ok()?);
-        let (mut descr, mut fortran_order, mut shape) = (None, None, None);
-        text.sign('{')?;
-        while text.sign('}').is_none() {
-            let key = text.quoted()?;
-            text.sign(':')?;
-            match key {
-                "descr" => descr = Some(text.quoted()?.to_string()),
-                "fortran_order" => fortran_order = Some(text.boolean()?),
-                "shape" => shape = Some(text.tuple()?),
-                _ => return None,
-            }
-            if text.sign(',').is_none() {
-                text.sign('}')?;
-                break;
-            }
-        }
-        text.0.trim().is_empty().then_some(())?;
-        let descr = descr.filter(|d| d.is_ascii() && !d.is_empty())?;
-        Some(Self { descr, fortran_order: fortran_order?, shape: shape? })
-    }
-}
-
-struct Text<'a>(&'a str);
-
-impl<'a> Text<'a> {
-    fn sign(&mut self, sign: char) -> Option<()> {
-        self.0 = self.0.trim_start().strip_prefix(sign)?;
-        Some(())
-    }
-
-    fn quoted(&mut self) -> Option<&'a str> {
-        let text = self.0.trim_start();
-        let quote = text.chars().next().filter(|c| matches!(c, '\'' | '"'))?;
-        let (inside, rest) = text[1..].split_once(quote)?;
-        self.0 = rest;
-        Some(inside)
-    }
-
-    fn boolean(&mut self) -> Option<bool> {
-        let text = self.0.trim_start();
-        let (value, rest) = match text.strip_prefix("True") {
-            Some(rest) => (true, rest),
-            None => (false, text.strip_prefix("False")?),
-        };
-        self.0 = rest;
-        Some(value)
-    }
-
-    fn tuple(&mut self) -> Option<Vec<usize>> {
-        self.sign('(')?;
-        let mut axes = Vec::new();
-        while self.sign(')').is_none() {
-            let text = self.0.trim_start();
-            let digits = text.len() - text.trim_start_matches(|c: char| c.is_ascii_digit()).len();
-            axes.push(text[..digits].parse().ok()?);
-            // Python 2 wrote long integers so.
-            self.0 = text[digits..].strip_prefix('L').unwrap_or(&text[digits..]);
-            if axes.len() > MOST_AXES {
-                return None;
-            }
-            if self.sign(',').is_none() {
-                self.sign(')')?;
-                break;
-            }
-        }
-        Some(axes)
-    }
 }
 
 #[cfg(test)]

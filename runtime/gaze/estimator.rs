@@ -49,6 +49,16 @@ enum State {
     Returning { held: [f64; 2], spread: f64, since_ns: u64, seen_ns: u64, points: Vec<Point> },
 }
 
+/// How fast an eye moves, as far as a tracker tells.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct EyeVelocity {
+    /// Its pupil, in the pupil plane, metres a second (x, y): by which [`Estimator::predict`] moves it.
+    pub pupil: [f64; 2],
+    /// The eye about its centre, radians a second (x, y), and the standard deviation of each; none where it jumps, or has been
+    /// seen for too short a time.
+    pub turning: Option<([f64; 2], f64)>,
+}
+
 /// Follows one pupil. Deterministic; all times come with the samples.
 #[derive(Debug, Clone)]
 pub struct Estimator {
@@ -59,6 +69,8 @@ pub struct Estimator {
     recent: VecDeque<Point>,
     /// The filter after each of these.
     filters: VecDeque<OneEuro>,
+    /// Measurements since the eye came to rest or began to follow, half a second of them: how fast it turns.
+    course: VecDeque<Point>,
     /// Variance of each measured coordinate.
     noise: f64,
     /// Measurements that it comes from; the first assumption counts as ten.
@@ -73,6 +85,12 @@ pub struct Estimator {
 
 const REMEMBERED_NS: u64 = 100_000_000;
 const REMEMBERED: usize = 256;
+/// A slope of the eye's course is over so long, at most so many measurements, and at least so many.
+const COURSE_NS: u64 = 500_000_000;
+const LONGEST_COURSE: usize = 512;
+const FEWEST: usize = 4;
+/// Drift of an eye that fixates, radians a second: a quarter of a degree (Martinez-Conde et al. 2004).
+const DRIFT: f64 = 4.4e-3;
 /// The residuals' window.
 const WINDOW_NS: u64 = 8_000_000;
 /// A saccade is noticed this far into it: until then the steady prediction is wrong.
@@ -105,6 +123,7 @@ impl Estimator {
             state: State::Unseen,
             recent: VecDeque::new(),
             filters: VecDeque::new(),
+            course: VecDeque::new(),
             noise: FIRST_NOISE * FIRST_NOISE,
             noise_count: 10,
             bias: 0.0,
@@ -210,8 +229,17 @@ impl Estimator {
                 {
                     self.filters.pop_front();
                 }
+                self.course.push_back((time, position));
+                while self.course.len() > LONGEST_COURSE
+                    || self.course.front().is_some_and(|p| p.0.saturating_add(COURSE_NS) < time)
+                {
+                    self.course.pop_front();
+                }
             }
-            _ => self.filters.clear(),
+            _ => {
+                self.filters.clear();
+                self.course.clear();
+            }
         }
     }
 
@@ -316,7 +344,22 @@ impl Estimator {
         if matches!(self.state, State::Lost { .. }) {
             self.filters.clear();
             self.recent.clear();
+            self.course.clear();
         }
+    }
+
+    /// How fast the eye turns, as far as that can be told: while it rests or follows something.
+    pub fn velocity(&self) -> EyeVelocity {
+        let State::Steady(filter) = &self.state else { return EyeVelocity::default() };
+        let radius = self.settings.radius;
+        let turning = match slope(self.course.iter()) {
+            Some((speed, variance)) if self.course.len() >= FEWEST => {
+                let spread = (self.noise * variance).sqrt() / radius;
+                Some((speed.map(|v| v / radius), spread.hypot(DRIFT)))
+            }
+            _ => None,
+        };
+        EyeVelocity { pupil: filter.calm_velocity(self.noise), turning }
     }
 
     fn steady_spread(&self, filter: &OneEuro, horizon: f64) -> f64 {

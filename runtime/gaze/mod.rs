@@ -23,7 +23,7 @@ mod settings;
 mod tests;
 
 pub use calibration::{Affine, Calibration, Fit, Pair};
-pub use estimator::{Estimator, Phase, Stages};
+pub use estimator::{Estimator, EyeVelocity, Phase, Stages};
 pub use settings::{Eye, Eyepiece, Settings};
 
 /// What can be wrong with a calibration or a setting.

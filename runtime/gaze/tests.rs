@@ -110,6 +110,32 @@ fn the_pupil_is_known_in_fixation_and_pursuit() {
     }
 }
 
+/// A fixating eye turns by less than two spreads; one that has followed something for half a second as fast as it is said to.
+#[test]
+fn the_velocity_is_known_as_well_as_it_says() {
+    for noise in [0.02e-3, 0.1e-3] {
+        let mut run = Run::new(simulated::Settings { noise, seed: 4, ..simulated::Settings::default() });
+        let (mut rests, mut errors, mut spreads) = (Vec::new(), Vec::new(), Vec::new());
+        for _ in 0..6000 {
+            let look = run.next();
+            let Some((turning, spread)) = run.estimator.velocity().turning.filter(|_| look.calm) else { continue };
+            let all = [500, 250, 0].map(|ms| run.source.truth(look.sample.time_ns - ms * 1_000_000_u64));
+            // Tremor is no motion: over the time that the estimate is over.
+            let velocity = [0, 1].map(|i| (all[2].position[i] - all[0].position[i]) / 0.5 / 11e-3);
+            if all.iter().all(|t| t.doing == Doing::Fixation) {
+                rests.push(f64::from(turning[0].hypot(turning[1]) > 2.0 * spread));
+                spreads.push(spread);
+            } else if all.iter().all(|t| t.doing == Doing::Pursuit) {
+                errors.push(off(turning, velocity));
+            }
+        }
+        let wrong = rests.iter().sum::<f64>() / rests.len() as f64;
+        let [error, spread] = [rms(&errors), rms(&spreads)].map(f64::to_degrees);
+        assert!(rests.len() > 200 && errors.len() > 200, "{} {}", rests.len(), errors.len());
+        assert!(wrong <= 0.16 && error < spread, "noise {noise}: {wrong:.3}, {error:.2}, {spread:.2} deg/s");
+    }
+}
+
 #[test]
 fn the_spread_keeps_its_promise() {
     for settings in trackers() {
@@ -222,7 +248,7 @@ fn a_blink_costs_no_visible_step() {
 fn a_tracker_that_falls_silent_is_held_then_doubted() {
     let mut run = Run::new(simulated::Settings { blinks: 0.0, ..simulated::Settings::default() });
     let last = run.looks(1.0).pop().unwrap();
-    let later = |ms: u64| run.estimator.predict(last.sample.time_ns + ms * 1_000_000);
+    let later = |ms: u64| run.estimator.predict(last.sample.time_ns + ms * 1_000_000_u64);
     assert!(later(1000).spread > 2.0 * later(100).spread && later(1000).elsewhere > 0.9);
     assert!(later(100_000).spread <= Settings::default().widest.max(last.predicted.spread));
     assert_eq!(later(10_000).centre, later(1000).centre, "nothing is extrapolated for long");

@@ -79,8 +79,13 @@ impl Gpu {
             raw;
         // SAFETY: the caller vouches for the handles.
         let instance = unsafe { Instance::from_raw(entry, instance, instance_extensions) };
-        let Candidate { report, .. } = inspect(&instance, 0, physical, Some(family));
-        if let Err(reason) = report.usable {
+        let Candidate { report, family: computes, .. } = inspect(&instance, 0, physical, Some(family));
+        let reason = match &report.usable {
+            Err(reason) => Some(reason.clone()),
+            Ok(()) if computes != family => Some(format!("its queue family {family} does not compute")),
+            Ok(()) => None,
+        };
+        if let Some(reason) = reason {
             return Err(EngineError::Unsuitable { device: report.name, reason });
         }
         // SAFETY: as above.

@@ -10,6 +10,8 @@ pub trait Clock {
     fn now_ns(&self) -> i64;
     /// Returns once it is `time_ns` or later.
     fn wait_until_ns(&self, time_ns: i64);
+    /// Waits until the program asks for the next video frame, where it is the program that says when.
+    fn wait_for_tick(&self) {}
     /// Whether it stands still unless waited for, so that others can be waited for without loss.
     fn is_simulated(&self) -> bool;
 }

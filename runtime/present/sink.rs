@@ -54,14 +54,22 @@ fn carefully() -> OpenOptions {
     options
 }
 
-/// A new file; or a pipe or device that is there. What else is there is somebody's, and stays.
-fn raw_file(file: &Path) -> Result<Patient, FileError> {
-    let failed = |e| FileError::write(file, e);
-    match std::fs::metadata(file) {
-        Ok(there) if there.is_file() => Err(FileError::Taken {
+/// What is there is somebody's, and stays: a file, but no pipe or device.
+fn is_free(file: &Path) -> Result<(), FileError> {
+    match std::fs::metadata(file).is_ok_and(|there| there.is_file()) {
+        true => Err(FileError::Taken {
             path: file.display().to_string(),
             reason: "is there already, and is left alone: remove it or give another name".into(),
         }),
+        false => Ok(()),
+    }
+}
+
+/// A new file; or a pipe or device that is there.
+fn raw_file(file: &Path) -> Result<Patient, FileError> {
+    let failed = |e| FileError::write(file, e);
+    is_free(file)?;
+    match std::fs::metadata(file) {
         Ok(_) => Patient::open(file).map_err(failed),
         Err(_) => carefully().create_new(true).open(file).map(Patient::new).map_err(failed),
     }
@@ -92,6 +100,14 @@ fn shared_file(file: &Path, length: u64) -> Result<File, FileError> {
 }
 
 impl Sink {
+    /// Refuses a file that [`raw`](Self::raw) would refuse, before anything is computed for it.
+    ///
+    /// # Errors
+    /// [`PresentError::File`], [`FileError::Taken`] in it.
+    pub fn check_raw(file: &Path) -> Result<(), PresentError> {
+        Ok(is_free(file)?)
+    }
+
     /// Into a new file, or into a pipe that is there: one that takes nothing for 5 s, or has no reader for so long, is given
     /// up.
     ///

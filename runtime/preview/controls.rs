@@ -206,7 +206,8 @@ mod tests {
         let phases = Arc::new(vec![0.0; 8 * 36 * 64]);
         let color = Shown { color: None, optics, exposure: 1.0, share: 1.0, model: None, eye: None, map: None, phases };
         let (eyebox, padding) = (optics.eyebox(), Padding::default());
-        let showing = Showing { frames: 8, padding, colors: vec![color], eyebox, tiles: None, scene: None };
+        let showing =
+            Showing { frames: 8, padding, colors: vec![color], eyebox, tiles: None, scene: None, motion: Vec::new() };
         Controls::new(&showing, Pupil::from_mm([0.0, 0.0, 4.0, 0.0]), scene, sequence)
     }
 

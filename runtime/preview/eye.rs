@@ -5,7 +5,7 @@ use super::{PreviewError, Showing, Shown, tiled};
 use crate::engine::{Buffer, Engine, EngineError, Purpose};
 use crate::evaluate::{self, Plane};
 use crate::optics::{Geometry, Padding, Pupil, WindowFactor};
-use crate::plan::{Comparison, Planner};
+use crate::plan::{Comparison, Planner, Viewpoint};
 use eyebox_kernels::fft::Columns;
 use std::sync::Arc;
 
@@ -72,8 +72,13 @@ impl Eye {
         while self.holds.len() < showing.colors.len() {
             self.holds.push(Hold { engine: (self.open)()?, spectrum: None });
         }
-        let look = |(hold, shown): (&mut Hold, &Shown)| hold.look(showing, shown, frame, pupil, detail);
-        Ok(self.holds.iter_mut().zip(&showing.colors).map(look).collect::<Result<_, _>>()?)
+        let look = |(i, (hold, shown)): (usize, (&mut Hold, &Shown))| {
+            // One sub-frame alone is lit for a moment.
+            let motion = showing.moving(i).filter(|_| frame.is_none());
+            let through = motion.map_or(Viewpoint::Pupil(*pupil), |m| m.seen_through(*pupil, showing.frames));
+            hold.look(showing, shown, frame, &through, detail)
+        };
+        Ok(self.holds.iter_mut().zip(&showing.colors).enumerate().map(look).collect::<Result<_, _>>()?)
     }
 }
 
@@ -83,7 +88,7 @@ impl Hold {
         showing: &Showing,
         shown: &Shown,
         frame: Option<usize>,
-        pupil: &Pupil,
+        through: &Viewpoint,
         detail: Detail,
     ) -> Result<Plane, EngineError> {
         let frames = if frame.is_some() { 1 } else { showing.frames };
@@ -93,7 +98,7 @@ impl Hold {
         let relay = shown.optics.geometry == Geometry::Relay;
         let fine = detail == Detail::Whole || showing.padding != Padding::default() || !relay;
         let looking = if fine { planner.clone() } else { Planner { factor: WindowFactor::Two, ..planner.clone() } };
-        let pupil_pass = looking.pupil_pass(pupil, &Comparison::default());
+        let pupil_pass = looking.viewpoint(through, &Comparison::default());
         let (rows, columns) = (pupil_pass.window.rows, pupil_pass.window.columns);
         let mut step = looking.view_step(vec![pupil_pass]);
         // Any other pupil may come next.

@@ -5,7 +5,7 @@ use crate::evaluate::Plane;
 use crate::hologram::{ColorHologram, Hologram, HologramError, Tiles};
 use crate::optics::{Color, Optics, Padding, PictureMap};
 use crate::plan::{EyeTables, ModelTables, Planner};
-use crate::solve::Problem;
+use crate::solve::{Motion, Problem};
 use std::sync::Arc;
 
 /// One colour of what is shown.
@@ -45,6 +45,8 @@ pub struct Showing {
     pub tiles: Option<Arc<Tiles>>,
     /// What it should be, colour by colour, where that changes with what is shown; else the scene that the viewer was given.
     pub scene: Option<Arc<Vec<Problem>>>,
+    /// What moves while its sub-frames are lit, colour by colour: what is seen is integrated over it. Empty where nothing does.
+    pub motion: Vec<Motion>,
 }
 
 impl Showing {
@@ -75,7 +77,12 @@ impl Showing {
             phases: Arc::new(color.phases),
         };
         let colors = hologram.colors.into_iter().zip(optics).zip(shares).zip(planners).map(shown).collect();
-        Ok(Self { frames: hologram.frames, padding, colors, eyebox, tiles: None, scene: None })
+        Ok(Self { frames: hologram.frames, padding, colors, eyebox, tiles: None, scene: None, motion: Vec::new() })
+    }
+
+    /// What moves while a colour's sub-frames are lit, where something does.
+    pub(super) fn moving(&self, color: usize) -> Option<&Motion> {
+        self.motion.get(color).filter(|motion| !motion.is_still())
     }
 
     /// Planes of its colours, as the display shows them, as they are seen.

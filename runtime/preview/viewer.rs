@@ -8,6 +8,7 @@ use crate::evaluate::{self, Plane};
 use crate::hologram::SceneSource;
 use crate::mailbox::Mailbox;
 use crate::optics::{Color, Pupil, WindowFactor};
+use crate::plan::{Planner, Viewpoint};
 use crate::scene::Pyramid;
 use crate::solve::Problem;
 use std::sync::Arc;
@@ -272,7 +273,11 @@ impl Looker {
                 camera.take_views(Arc::clone(&problem.pyramid))?;
                 *views = Arc::clone(&problem.pyramid);
             }
-            let mut taken = evaluate::photographs(camera.as_mut(), &planner, &[*pupil])?;
+            let motion = showing.moving(i).map(|motion| motion.seen_through(*pupil, showing.frames));
+            // A photograph is of all moments at once.
+            let planner = Planner { frames: motion.map_or(1, |_| showing.frames), ..planner };
+            let through = motion.unwrap_or(Viewpoint::Pupil(*pupil));
+            let mut taken = evaluate::targets(camera.as_mut(), &planner, &[through])?;
             let [rows, columns] = showing.size();
             planes.push(Plane { rows, columns, values: taken.pop().unwrap_or_default() });
         }

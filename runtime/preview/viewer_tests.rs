@@ -10,7 +10,7 @@ use crate::optics::{Color, Display, Geometry, Padding, Pupil, WindowFactor};
 use crate::plan::Planner;
 use crate::preview::picture::develop;
 use crate::scene;
-use crate::solve::Problem;
+use crate::solve::{Motion, Problem};
 use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
 
@@ -351,4 +351,42 @@ fn what_changes_is_compared_with_its_own_scene() {
         viewer.show(Arc::new(Showing { scene: Some(Arc::new(scene.clone())), ..shown.clone() }));
         assert_eq!(judged(&viewer, content as u64 + 1), alone(scene), "{content}");
     }
+}
+
+/// Of content that moves, what is seen and what should be is integrated over the motion: for an eye that follows, the still photograph.
+#[test]
+fn what_moves_is_integrated_over_the_motion() {
+    let display = display();
+    let request = scene::Request { views: 3, ..scene::Request::new(&display, &COLORS) };
+    let field = scene::load("builtin:still-life", &request).unwrap();
+    let problem = |c: &Color| Problem::new(&field, *c, &display, Padding::default()).unwrap();
+    let problems: Vec<Problem> = COLORS.iter().map(problem).collect();
+    let pupil = Pupil::from_mm([2.0, 1.0, 5.0, 0.5]);
+    let both = Look { side: Side::Both, ..look(pupil) };
+    let content = [6.0, 0.0];
+    let seen = |eye: [f64; 2]| {
+        let motion = Motion { content, eye: Some(eye), ..Motion::default() };
+        let shown = Showing::new(hologram(1), Padding::default()).unwrap();
+        let mut viewer = Viewer::start(cpu(), problems.clone()).unwrap();
+        viewer.show(Arc::new(Showing { motion: vec![motion; 2], ..shown.clone() }));
+        viewer.look(both);
+        let seen = wait(&viewer, &both, 1).unwrap();
+        // As `evaluate` has it.
+        let planner = Planner::new(shown.colors[0].optics, 3, WindowFactor::Full);
+        let mut engine = CpuEngine::new();
+        engine.load(&planner.shape(Purpose::View), None).unwrap();
+        engine.write(Buffer::Phases, &shown.colors[0].phases).unwrap();
+        let pass = planner.viewpoint(&motion.seen_through(pupil, 3), &Default::default());
+        engine.run(&planner.view_step(vec![pass])).unwrap();
+        assert_eq!(seen.planes[0].values, engine.read(Buffer::Image(0)).unwrap(), "{eye:?}");
+        values(&seen.wanted)
+    };
+    let still = {
+        let mut viewer = Viewer::start(cpu(), problems.clone()).unwrap();
+        viewer.show(Arc::new(Showing::new(hologram(1), Padding::default()).unwrap()));
+        viewer.look(both);
+        values(&wait(&viewer, &both, 1).unwrap().wanted)
+    };
+    assert_eq!(seen(content), still, "who follows");
+    assert_ne!(seen([0.0; 2]), still, "who rests");
 }

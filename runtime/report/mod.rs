@@ -6,6 +6,8 @@
 
 mod calibration;
 mod comparison;
+#[cfg(feature = "window")]
+mod content_study;
 mod drawing;
 mod findings;
 mod page;
@@ -26,7 +28,7 @@ use crate::optics::Color;
 use crate::quality::Tuned;
 use crate::quality::comparison::Results;
 #[cfg(feature = "window")]
-use crate::session::Study;
+use crate::session::{ContentRun, Study};
 use serde_json::Value;
 
 /// What [`write_comparison`] writes, as [`OwnFolder::open`] takes it.
@@ -103,6 +105,23 @@ pub fn write_study(
     let numbers = format!("{numbers:#}\n").into_bytes();
     let page = study::page(title, engine, study).into_bytes();
     write(folder, study::figures(study), [("study.json", numbers), ("study.html", page)])
+}
+
+/// The same of a study of content that stands still, moves or jumps: its runs, and how many sets after a change summaries leave out.
+///
+/// # Errors
+/// [`FileError`].
+#[cfg(feature = "window")]
+pub fn write_content_study(
+    title: &str,
+    engine: &str,
+    (runs, settles): (&[ContentRun], u32),
+    numbers: &Value,
+    folder: &mut OwnFolder,
+) -> Result<(), FileError> {
+    let numbers = format!("{numbers:#}\n").into_bytes();
+    let page = content_study::page(title, engine, runs, settles).into_bytes();
+    write(folder, content_study::figures(runs), [("study.json", numbers), ("study.html", page)])
 }
 
 /// The files, after each plot by itself, under its name with dashes.

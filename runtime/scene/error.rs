@@ -182,6 +182,14 @@ pub enum SceneError {
     /// A colour that the display does not have.
     #[error(transparent)]
     Optics(#[from] OpticsError),
+    /// What stands behind the question mark of a source is not understood.
+    #[error("{scene}: {reason}")]
+    Options {
+        /// The source.
+        scene: String,
+        /// Which option, and what would be right.
+        reason: String,
+    },
     /// A request that no scene can meet.
     #[error("{what} is {value}: it must be {must}")]
     Request {

@@ -1,11 +1,8 @@
 //! A folder of views.
 
-use super::light::Transfer;
-use super::range::Measured;
-use super::resize::{Fit, Resize};
 use super::shape::{is_serpentine, shape};
-use super::{LightField, Order, OrderFound, Parallax, Request, SceneError, names, order, picture, settings};
-use crate::memory;
+use super::views::{self, Frame, Read};
+use super::{LightField, Request, SceneError, names, picture, settings};
 use rayon::prelude::*;
 use std::{
     fs,
@@ -15,86 +12,24 @@ use std::{
 /// Pixels of a picture that is read together with others; larger ones are read one at a time.
 const MANY_PIXELS: usize = 1 << 22;
 
-/// A folder's views, and how they were read.
-pub(super) struct Read {
-    pub field: LightField,
-    /// How their places were found.
-    pub how: String,
-    /// The order that is stated, or that of the names.
-    pub order: Order,
-    /// Whether it is stated.
-    pub order_stated: bool,
-    /// What the pictures say of it.
-    pub order_found: OrderFound,
-    pub parallax: Option<Parallax>,
-    /// Rows and columns of the pictures as they are.
-    pub size: [usize; 2],
-    /// How their values become light.
-    pub transfer: String,
-}
-
-/// Loads the views; those whose pictures contradict the order of their names, where nothing else is stated, are refused.
-///
-/// # Errors
-/// Every [`SceneError`] that a file can cause; it names the file.
-pub(super) fn load(folder: &Path, request: &Request) -> Result<LightField, SceneError> {
-    let read = read(folder, request)?;
-    let name = folder.display().to_string();
-    order::check(&name, &read.order_found)?;
-    if !read.order_stated && read.field.grid != [1, 1] {
-        order::say(&name, &read.order_found);
-    }
-    Ok(read.field)
-}
-
 /// Loads the views in whatever order, decoding in parallel, each scaled to the display as soon as it is read: no more than a
 /// few are ever held at their own resolution.
 ///
 /// # Errors
-/// As [`load`].
+/// Every [`SceneError`] that a file can cause; it names the file.
 pub(super) fn read(folder: &Path, request: &Request) -> Result<Read, SceneError> {
-    let colors = request.colors;
     let Listed { found: Found { all, stated, mut views }, paths, size: own } = list(folder)?;
-    let (height, width) = request.display.picture_size();
-    let counts = [paths.len(), colors.len(), height, width];
-    let what = || format!("{} views of {height} x {width} pixels", paths.len());
-    memory::promise(what, memory::bytes_of(&counts, 4), "take a smaller --size, or fewer views")?;
-    let size = Some([height, width]);
-    let resize = size.filter(|size| *size != own).map(|size| Resize::new(own, size, Fit::default()));
-    let read = |path: &PathBuf| -> Result<Vec<Vec<f32>>, SceneError> {
-        let planes = picture::read(path, colors, stated.transfer)?.planes;
-        Ok(match &resize {
-            Some(resize) => planes.iter().map(|plane| resize.apply(plane)).collect(),
-            None => planes,
-        })
-    };
+    let frame = Frame::new(own, paths.len(), request)?;
+    let read = |path: &PathBuf| Ok(frame.fit(picture::read(path, request.colors, stated.transfer)?.planes));
     // One picture per task: their order in time does not matter, the first error in order is reported.
     let one_by_one = own[0] * own[1] > MANY_PIXELS;
     let read: Vec<_> = if one_by_one { paths.iter().map(read).collect() } else { paths.par_iter().map(read).collect() };
-    let mut planes: Vec<Vec<Vec<f32>>> = colors.iter().map(|_| Vec::with_capacity(paths.len())).collect();
-    for picture in read {
-        for (plane, views) in picture?.into_iter().zip(&mut planes) {
-            views.push(plane);
-        }
-    }
+    let read = read.into_iter().collect::<Result<Vec<_>, SceneError>>()?;
     let disparity = match stated.disparity {
         Some(range) => Some(range),
         None => settings::ground_truth(folder, &all, own)?,
     };
-    let scaled = |range: Option<[f64; 2]>| range.map(|r| resize.as_ref().map_or(r, |resize| resize.scale_range(r)));
-    let name = folder.canonicalize().unwrap_or(folder.into());
-    let mut field = LightField {
-        name: name.file_name().map_or("light field".into(), |n| n.to_string_lossy().into_owned()),
-        grid: views.grid,
-        height,
-        width,
-        colors: colors.to_vec(),
-        planes,
-        view_pitch: stated.view_pitch,
-        disparity: scaled(disparity),
-        depth: scaled(stated.depth),
-        made: None,
-    };
+    let mut field = frame.field(folder, views.grid, read, request, &stated, disparity);
     if views.running {
         if stated.serpentine.is_none() && is_serpentine(&field, views.grid) {
             let reason = "every second row runs backwards: `serpentine = true` in lightfield.toml reads them so".into();
@@ -111,38 +46,8 @@ pub(super) fn read(folder: &Path, request: &Request) -> Result<Read, SceneError>
             folder.display()
         );
     }
-    let asked = request.order.or(stated.order);
-    let field = asked.unwrap_or_default().apply(field);
-    let parallax = Parallax::of(&field);
-    let mut order_found = parallax.as_ref().map_or(OrderFound::Unknown, order::judge);
-    if asked.is_some()
-        && let OrderFound::Other { reason, .. } = &order_found
-    {
-        tracing::warn!("{}: the order of the views is as stated, though in it {reason}", folder.display());
-        order_found = OrderFound::Unknown;
-    }
-    if let (OrderFound::AsNamedOrReversed, None) = (&order_found, asked)
-        && let Some(stated) = stated_disparity(&field, request)
-        && let Measured { range: Some(measured), doubt: None } = field.measured()
-    {
-        order_found = order::by_depths(stated, measured);
-    }
-    let transfer = match stated.transfer {
-        Some(Transfer::Linear) => "linear, as stated",
-        Some(Transfer::Srgb) => "sRGB, as stated",
-        None if views.files[0].to_lowercase().ends_with("exr") => "linear (EXR)",
-        None => "sRGB",
-    };
-    let (order, order_stated) = (asked.unwrap_or_default(), asked.is_some());
-    Ok(Read { field, how: views.how, order, order_stated, order_found, parallax, size: own, transfer: transfer.into() })
-}
-
-/// The range of disparities that is stated, as such or as depths, pixels of the light field.
-fn stated_disparity(field: &LightField, request: &Request) -> Option<[f64; 2]> {
-    let cell = request.view_pitch.unwrap_or_else(|| field.cell(request.display));
-    let per_pixel = request.display.focal_length * request.display.picture_pixel() / cell;
-    let depths = request.depth.or(field.depth).map(|[a, b]| [a.min(b) / per_pixel, a.max(b) / per_pixel]);
-    depths.or(field.disparity)
+    let linear = views.files[0].to_lowercase().ends_with("exr").then_some("EXR");
+    views::ordered(folder, field, request, &stated, views.how, own, linear)
 }
 
 /// The grid of views that have one running number: a square, unless the pictures show another.
@@ -180,7 +85,7 @@ pub(super) struct Found {
 /// Finds the views by their names.
 ///
 /// # Errors
-/// As [`load`].
+/// As [`read`].
 pub(super) fn find(folder: &Path) -> Result<Found, SceneError> {
     let mut files = files(folder, "")?;
     let all: Vec<String> = files.iter().map(|(name, _)| name.clone()).collect();
@@ -234,7 +139,7 @@ pub(super) struct Listed {
 /// Finds the views without decoding any.
 ///
 /// # Errors
-/// As [`load`].
+/// As [`read`].
 pub(super) fn list(folder: &Path) -> Result<Listed, SceneError> {
     let found = find(folder)?;
     // Headers first: a view of another size is found before anything is decoded.

@@ -2,10 +2,10 @@
 
 use super::order::{self, Order, OrderFound};
 use super::resize::{Fit, Resize};
-use super::{DepthSource, Layers, LightField, Parallax, Request, SceneError, folder, frames};
+use super::source::Source;
+use super::{DepthSource, Layers, LightField, Parallax, Request, SceneError};
 use crate::optics::{Color, Display, dioptres};
 use serde::Serialize;
-use std::path::Path;
 
 /// A scene, as it is read. Lengths in metres unless the name says otherwise.
 #[derive(Debug, Clone, Serialize)]
@@ -72,11 +72,12 @@ pub struct Exposure {
 /// # Errors
 /// Those of [`super::load`], but for an order that the pictures contradict.
 pub fn inspect(source: &str, request: &Request) -> Result<(Inspection, LightField), SceneError> {
-    let path = Path::new(source);
-    let is_folder = !source.starts_with("builtin:") && path.is_dir() && request.depth_map.is_none();
-    let (field, found_by, own_size, transfer, order, says) = if is_folder {
-        request.check()?;
-        let read = folder::read(path, request).map_err(|error| frames::explain(path, error))?;
+    request.check()?;
+    super::check_map(source, request)?;
+    let named = Source::of(source)?;
+    let has_views = matches!(named, Source::Views(_));
+    let (field, found_by, own_size, transfer, order, says) = if let Source::Views(kept) = &named {
+        let read = kept.read(request)?;
         let doubt = order::check(source, &read.order_found).err().map(|e| e.to_string());
         let confirmed = match read.order_found {
             OrderFound::AsNamed => Some(true),
@@ -88,8 +89,11 @@ pub fn inspect(source: &str, request: &Request) -> Result<(Inspection, LightFiel
     } else {
         let field = super::load(source, request)?;
         let parallax = Parallax::of(&field);
-        let (how, transfer) =
-            if path.is_file() { ("a picture with a depth map", "sRGB") } else { ("built in", "linear") };
+        let (how, transfer) = if matches!(named, Source::Picture(_)) {
+            ("a picture with a depth map", "sRGB")
+        } else {
+            ("built in", "linear")
+        };
         (
             field,
             how.into(),
@@ -111,7 +115,7 @@ pub fn inspect(source: &str, request: &Request) -> Result<(Inspection, LightFiel
         DepthSource::Stated | DepthSource::Measured => None,
     });
     let doubt = match doubt {
-        None if is_folder => odd_views(&field, display, depth)?,
+        None if has_views => odd_views(&field, display, depth)?,
         doubt => doubt,
     };
     let inspection = Inspection {

@@ -3,6 +3,7 @@
 use super::SceneError;
 use serde::Deserialize;
 use std::path::Path;
+use std::sync::OnceLock;
 
 /// How stored values become light.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
@@ -24,6 +25,14 @@ pub(super) struct Picture {
 /// The exact sRGB curve: stored value in 0..=1 to linear light.
 pub fn srgb_to_linear(v: f64) -> f64 {
     if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+}
+
+/// The light of each stored value up to `full`, which is 255 or 65535.
+pub(super) fn table(full: u16, transfer: Transfer) -> &'static [f32] {
+    static TABLES: [[OnceLock<Vec<f32>>; 2]; 2] = [const { [const { OnceLock::new() }; 2] }; 2];
+    let light = |v: f64| if transfer == Transfer::Srgb { srgb_to_linear(v) } else { v };
+    let build = || (0..=full).map(|i| light(f64::from(i) / f64::from(full)) as f32).collect();
+    TABLES[usize::from(full > 255)][transfer as usize].get_or_init(build)
 }
 
 /// The first pixel that is not as it must be is an error.

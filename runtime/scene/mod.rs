@@ -8,6 +8,8 @@
 //! | source | what it is |
 //! |---|---|
 //! | a folder | views in PNG, JPEG or EXR files, named by a running number or by row and column |
+//! | an array | `.npy` or `.npz`, (rows of views, columns, rows of pixels, columns, colours) |
+//! | a picture of many views | `FILE?grid=9x9`, `FILE?mosaic`, `FILE?lenslets` |
 //! | a picture | with a depth or disparity map ([`Request::depth_map`]): views by reprojection |
 //! | `builtin:NAME` | a scene rendered at any resolution and number of views: see [`BUILTINS`] |
 //!
@@ -27,11 +29,17 @@
 //! disparity = [-1.8, 2.1]   # pixels between neighbouring views, positive towards the camera
 //! depth_mm = [-3.0, 3.5]    # farthest, nearest
 //! transfer = "srgb"         # or "linear": how stored values become light
+//! keep = [9, 9]             # only so many rows and columns of views, in the middle
 //! ```
 //!
 //! Disparities and depths are those at the views' own resolution. Without that file, `parameters.cfg` of the 4D Light
 //! Field Benchmark gives the number of views and the disparities, or a `gt_disp*.pfm` the disparities. PNG and JPEG
 //! are decoded by the sRGB curve, EXR is linear light already.
+//!
+//! **Arrays and pictures of many views** ask the same file beside them. Behind a question mark, `grid=9x9` (rows, columns), `srgb` and
+//! `linear` win; `array=NAME` is one of an `.npz`. Integers of 8 and 16 bits are decoded by the sRGB curve, floats are light of which 1
+//! is full scale. `lenslets` says that under each lens of a picture lies a pixel of each view; `mosaic` that views lie beside each other.
+//! Without `grid` it is found where neighbouring lines differ.
 //!
 //! **Pictures with a map.** The smallest and the largest value of a map mean the ends of [`Request::depth`], and
 //! [`Request::near`] says which of them is near. Left out, an 8- or 16-bit picture is bright where it is near; a `.pfm`, `.npy`
@@ -47,9 +55,11 @@
 //!
 //! Signs (OPTICS 3): columns of views follow +x of the pupil, rows +y; content of positive disparity is near.
 
+mod array;
 mod builtin;
 mod closer;
 mod depth;
+mod displacement;
 mod error;
 mod folder;
 mod frames;
@@ -67,9 +77,11 @@ mod map;
 mod map_tests;
 mod maps;
 mod merge;
+mod mosaic;
 mod names;
 mod near;
 mod numbers;
+mod options;
 mod order;
 mod parallax;
 mod pfm;
@@ -86,12 +98,16 @@ mod resize;
 mod settings;
 mod shape;
 mod single;
+mod source;
 mod subpixel;
 mod survey;
 mod sweep;
+mod views;
 
 #[cfg(test)]
 mod generated_tests;
+#[cfg(all(test, feature = "image-formats"))]
+mod kept_tests;
 #[cfg(test)]
 mod reading_tests;
 #[cfg(test)]
@@ -101,6 +117,7 @@ pub use builtin::{BUILTINS, Builtin, Stage};
 pub(crate) use closer::ENOUGH;
 pub use depth::central_depth;
 pub(crate) use depth::central_view;
+pub use displacement::displacement;
 pub use error::SceneError;
 pub use frames::frames;
 #[cfg(all(feature = "window", target_os = "linux"))]
@@ -122,9 +139,12 @@ pub use request::Request;
 pub use resize::Fit;
 pub(crate) use resize::{crop_share, shrink_to_share};
 pub use single::Reprojection;
+
 pub(crate) use survey::DARK;
 pub use survey::{Black, DepthSource, Light};
 
+use crate::files::NpyArray;
+use source::Source;
 use std::path::Path;
 
 /// Rows and columns of a source's own pictures, from their names and headers alone; none for built-in scenes, which
@@ -133,17 +153,11 @@ use std::path::Path;
 /// # Errors
 /// Any [`SceneError`] that names and headers can cause.
 pub fn native_size(source: &str) -> Result<Option<[usize; 2]>, SceneError> {
-    let path = Path::new(source);
-    if let Some(name) = source.strip_prefix("builtin:") {
-        return builtin::check(name).map(|()| None);
+    match Source::of(source)? {
+        Source::BuiltIn(name) => builtin::check(name).map(|()| None),
+        Source::Views(kept) => kept.size().map(Some),
+        Source::Picture(path) => picture::size(path).map(Some),
     }
-    if !path.exists() {
-        return Err(SceneError::NotFound { path: source.into(), what: "folder, picture or built-in scene" });
-    }
-    if !path.is_dir() {
-        return picture::size(path).map(Some);
-    }
-    folder::list(path).map(|l| Some(l.size)).map_err(|error| frames::explain(path, error))
 }
 
 /// Whether `source` is, by its name alone, the scene that `known` names: a source, or the name of a light field.
@@ -152,16 +166,29 @@ pub(crate) fn is_named(source: &str, known: &str) -> bool {
         return builtin::same(source, known);
     }
     let last = |path: &Path| path.file_name().map(|n| n.to_string_lossy().into_owned());
-    let [own, other] = [source, known].map(Path::new);
+    let [own, other] = [source, known].map(|source| source::parts(source).0);
     let whole = own.canonicalize().ok();
     let names = [last(own), whole.as_deref().and_then(last), own.file_stem().map(|n| n.to_string_lossy().into_owned())];
     source == known || names.iter().flatten().any(|name| name == known || Some(name) == last(other).as_ref())
 }
 
+/// Whether a file is an array that can be nothing but views in colour, by its five axes: no phases have so many.
+pub fn is_array_of_views(file: &Path) -> bool {
+    NpyArray::open(file, None, |_| true).is_ok_and(|array| array.shape.len() == 5)
+}
+
+/// Whether a source is a picture of one view, which needs a depth map.
+///
+/// # Errors
+/// [`SceneError::NotFound`]; [`SceneError::Options`].
+pub(crate) fn is_single(source: &str) -> Result<bool, SceneError> {
+    Ok(matches!(Source::of(source)?, Source::Picture(_)))
+}
+
 /// Refuses a depth map for what is no single picture.
 pub(crate) fn check_map(source: &str, request: &Request) -> Result<(), SceneError> {
     match request.depth_map {
-        Some(map) if source.starts_with("builtin:") || Path::new(source).is_dir() => Err(SceneError::Request {
+        Some(map) if !is_single(source)? => Err(SceneError::Request {
             what: "the depth map",
             value: map.display().to_string(),
             must: "left out: this scene has views of its own; a map belongs to a single picture",
@@ -177,19 +204,14 @@ pub(crate) fn check_map(source: &str, request: &Request) -> Result<(), SceneErro
 pub fn load(source: &str, request: &Request) -> Result<LightField, SceneError> {
     request.check()?;
     tracing::debug!("loading {source}");
-    let built_in = source.strip_prefix("builtin:");
-    let path = Path::new(source);
     check_map(source, request)?;
-    if let Some(name) = built_in {
-        return builtin::load(name, request);
+    match Source::of(source)? {
+        Source::BuiltIn(name) => builtin::load(name, request),
+        Source::Picture(path) => single::load(path, request),
+        Source::Views(kept) => {
+            let field = views::checked(source, kept.read(request)?)?;
+            LightField { view_pitch: request.view_pitch.or(field.view_pitch), ..field }
+                .with_views_for(request.display, request.photographs)
+        }
     }
-    if !path.exists() {
-        return Err(SceneError::NotFound { path: source.into(), what: "folder, picture or built-in scene" });
-    }
-    if !path.is_dir() {
-        return single::load(path, request);
-    }
-    let field = folder::load(path, request).map_err(|error| frames::explain(path, error))?;
-    LightField { view_pitch: request.view_pitch.or(field.view_pitch), ..field }
-        .with_views_for(request.display, request.photographs)
 }

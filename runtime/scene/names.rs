@@ -38,7 +38,7 @@ fn is_auxiliary(name: &str) -> bool {
 }
 
 /// Whether `name` is what `pattern` means, in which `*` stands for anything.
-fn matches(pattern: &str, name: &str) -> bool {
+pub(super) fn matches(pattern: &str, name: &str) -> bool {
     match pattern.split_once('*') {
         None => pattern == name,
         Some((start, rest)) => {

@@ -16,6 +16,21 @@ pub(super) fn size(path: &Path) -> Result<[usize; 2], SceneError> {
     absent(path)
 }
 
+/// The same of a picture that holds many views.
+pub(super) fn size_of_many(path: &Path) -> Result<[usize; 2], SceneError> {
+    absent(path)
+}
+
+/// The same of a picture that holds many views.
+pub(super) fn read_of_many(path: &Path, _: &[Color], _: Option<Transfer>) -> Result<Picture, SceneError> {
+    absent(path)
+}
+
+/// Whether its values are light where nothing else is stated.
+pub(super) fn is_linear(_: &Path) -> bool {
+    false
+}
+
 /// Reads the planes of `colors`.
 pub(super) fn read(path: &Path, _: &[Color], _: Option<Transfer>) -> Result<Picture, SceneError> {
     absent(path)

@@ -1,12 +1,12 @@
 //! Pictures from files, as planes of linear light, by the crate `image`.
 
 use super::SceneError;
-use super::light::{Picture, Transfer, check, srgb_to_linear};
+use super::light::{Picture, Transfer, check, srgb_to_linear, table};
 use super::near::Kind;
 use crate::files::read;
 use crate::optics::Color;
 use image::{DynamicImage, ImageFormat, ImageReader, Limits};
-use std::{fs::File, io::BufReader, path::Path, sync::OnceLock};
+use std::{fs::File, io::BufReader, path::Path};
 
 fn open(path: &Path) -> Result<ImageReader<BufReader<File>>, SceneError> {
     let unreadable = |e: std::io::Error| SceneError::unreadable(path, &e);
@@ -26,13 +26,24 @@ fn corrupt(path: &Path, e: impl ToString) -> SceneError {
 
 /// Pixels of the largest picture that is read: 8K, and 24 megapixels of a camera. It is in memory as a whole, and as light.
 const MOST_PIXELS: u64 = 1 << 25;
+/// The same of one that holds many views.
+const MOST_OF_MANY: u64 = 1 << 27;
 
 /// Rows and columns, from the header alone.
 pub(super) fn size(path: &Path) -> Result<[usize; 2], SceneError> {
+    size_within(path, MOST_PIXELS)
+}
+
+/// The same of a picture that holds many views.
+pub(super) fn size_of_many(path: &Path) -> Result<[usize; 2], SceneError> {
+    size_within(path, MOST_OF_MANY)
+}
+
+fn size_within(path: &Path, most: u64) -> Result<[usize; 2], SceneError> {
     let (width, height) = open(path)?.into_dimensions().map_err(|e| corrupt(path, e))?;
     let pixels = u64::from(height) * u64::from(width);
-    if pixels > MOST_PIXELS {
-        let most = MOST_PIXELS >> 20;
+    if pixels > most {
+        let most = most >> 20;
         return Err(corrupt(
             path,
             format!(
@@ -44,8 +55,8 @@ pub(super) fn size(path: &Path) -> Result<[usize; 2], SceneError> {
 }
 
 /// Decodes a file; nothing is converted yet.
-fn decode(path: &Path) -> Result<DynamicImage, SceneError> {
-    size(path)?;
+fn decode(path: &Path, most: u64) -> Result<DynamicImage, SceneError> {
+    size_within(path, most)?;
     let reader = open(path)?;
     if reader.format() == Some(ImageFormat::Jpeg) && !jpeg_ends(path)? {
         return Err(corrupt(path, "the file is cut short: a JPEG must reach its end marker"));
@@ -64,7 +75,25 @@ fn jpeg_ends(path: &Path) -> Result<bool, SceneError> {
 /// Reads the planes of `colors` from a PNG, JPEG or EXR file. A grey picture gives the same plane for each colour;
 /// transparency is laid over black. `transfer` overrides what the format implies.
 pub(super) fn read(path: &Path, colors: &[Color], transfer: Option<Transfer>) -> Result<Picture, SceneError> {
-    let image = decode(path)?;
+    planes(path, decode(path, MOST_PIXELS)?, colors, transfer)
+}
+
+/// The same of a picture that holds many views.
+pub(super) fn read_of_many(path: &Path, colors: &[Color], transfer: Option<Transfer>) -> Result<Picture, SceneError> {
+    planes(path, decode(path, MOST_OF_MANY)?, colors, transfer)
+}
+
+/// Whether its values are light where nothing else is stated.
+pub(super) fn is_linear(path: &Path) -> bool {
+    open(path).is_ok_and(|reader| reader.format() == Some(ImageFormat::OpenExr))
+}
+
+fn planes(
+    path: &Path,
+    image: DynamicImage,
+    colors: &[Color],
+    transfer: Option<Transfer>,
+) -> Result<Picture, SceneError> {
     let (height, width) = (image.height() as usize, image.width() as usize);
     let channels = usize::from(image.color().channel_count());
     let (has_color, has_alpha) = (image.color().has_color(), image.color().has_alpha());
@@ -81,10 +110,10 @@ pub(super) fn read(path: &Path, colors: &[Color], transfer: Option<Transfer>) ->
         colors.iter().map(plane).collect()
     };
     let planes = if let Some(v) = samples8(&image) {
-        let table = table8(integer);
+        let table = table(u8::MAX.into(), integer);
         planes(&|i| table[usize::from(v[i])], &|i| f32::from(v[i]) / 255.0)
     } else if let Some(v) = samples16(&image) {
-        let table = table16(integer);
+        let table = table(u16::MAX, integer);
         planes(&|i| table[usize::from(v[i])], &|i| f32::from(v[i]) / 65535.0)
     } else {
         let float = match &image {
@@ -110,7 +139,7 @@ pub(super) fn read(path: &Path, colors: &[Color], transfer: Option<Transfer>) ->
 
 /// Reads the stored values of a grey picture, row by row; its rows and columns. In floats, one channel in three may hold them.
 pub(super) fn stored(path: &Path) -> Result<(usize, usize, Kind, Vec<f32>), SceneError> {
-    let image = decode(path)?;
+    let image = decode(path, MOST_PIXELS)?;
     let channels = usize::from(image.color().channel_count());
     let has_color = image.color().has_color();
     let (kind, values): (_, Vec<f32>) = if let Some(v) = samples8(&image) {
@@ -163,19 +192,4 @@ fn samples16(image: &DynamicImage) -> Option<&[u16]> {
         DynamicImage::ImageRgba16(p) => p.as_raw(),
         _ => return None,
     })
-}
-
-fn build(steps: usize, transfer: Transfer) -> Vec<f32> {
-    let light = |v: f64| if transfer == Transfer::Srgb { srgb_to_linear(v) } else { v };
-    (0..=steps).map(|i| light(i as f64 / steps as f64) as f32).collect()
-}
-
-fn table8(transfer: Transfer) -> &'static [f32] {
-    static TABLES: [OnceLock<Vec<f32>>; 2] = [const { OnceLock::new() }; 2];
-    TABLES[transfer as usize].get_or_init(|| build(255, transfer))
-}
-
-fn table16(transfer: Transfer) -> &'static [f32] {
-    static TABLES: [OnceLock<Vec<f32>>; 2] = [const { OnceLock::new() }; 2];
-    TABLES[transfer as usize].get_or_init(|| build(65535, transfer))
 }

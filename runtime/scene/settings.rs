@@ -1,7 +1,8 @@
 //! What a folder says about its views: `lightfield.toml`, or the `parameters.cfg` of the 4D Light Field Benchmark, or
 //! a ground-truth disparity map.
 
-use super::{Order, SceneError, light::Transfer, pfm};
+use super::options::Options;
+use super::{Order, SceneError, light::Transfer, names, pfm};
 use crate::files::read;
 use serde::Deserialize;
 use std::path::Path;
@@ -20,6 +21,8 @@ pub(super) struct Settings {
     pub disparity: Option<[f64; 2]>,
     pub depth: Option<[f64; 2]>,
     pub transfer: Option<Transfer>,
+    /// Rows and columns of views in the middle that are kept.
+    pub keep: Option<[usize; 2]>,
 }
 
 /// `lightfield.toml`.
@@ -46,6 +49,8 @@ struct Toml {
     depth_mm: Option<[f64; 2]>,
     /// How pixels stand for light: linear, or as pictures have it.
     transfer: Option<Transfer>,
+    /// Rows and columns of views in the middle that are kept.
+    keep: Option<[usize; 2]>,
 }
 
 /// Reads `lightfield.toml` if there is one, else `parameters.cfg`, else nothing. `names` are the folder's files.
@@ -61,6 +66,19 @@ pub(super) fn read(folder: &Path, names: &[String]) -> Result<Settings, SceneErr
         }
     }
     Ok(Settings::default())
+}
+
+/// What `lightfield.toml` beside a file of many views says of it, and what stands behind its name, which wins. One that names
+/// other `files` is of these.
+pub(super) fn beside(file: &Path, options: &Options) -> Result<Settings, SceneError> {
+    const NAME: &str = "lightfield.toml";
+    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let stated = if folder.join(NAME).exists() { read(folder, &[NAME.into()])? } else { Settings::default() };
+    let its = file.file_name().map(|name| name.to_string_lossy());
+    let others = stated.files.as_ref().is_some_and(|files| its.is_none_or(|name| !names::matches(files, &name)));
+    let stated = if others { Settings::default() } else { stated };
+    let (grid, transfer) = (options.grid.or(stated.grid), options.transfer.or(stated.transfer));
+    Ok(Settings { grid, transfer, ..stated })
 }
 
 /// The disparity range of a `gt_disp*.pfm` beside views of `size`, the `lowres` one first. A map of another size tells
@@ -120,6 +138,7 @@ fn from_toml(text: &str) -> Result<Settings, String> {
         disparity: range("disparity", read.disparity, 1.0)?,
         depth: range("depth_mm", read.depth_mm, 1e-3)?,
         transfer: read.transfer,
+        keep: read.keep,
     })
 }
 

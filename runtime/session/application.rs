@@ -18,6 +18,8 @@ const TRACKED_VIEWS: u32 = 3;
 /// Exposure before anything was seen, and the least (OPTICS 6c).
 const USUAL_EXPOSURE: f64 = 0.35;
 const LEAST_EXPOSURE: f64 = 0.05;
+/// A frame shows a moment so near the light, nanoseconds; an application that says otherwise has a clock of its own.
+const BELIEVED_NS: u64 = 1_000_000_000;
 /// An application is late where it gave nothing for so many times its usual interval, and for so many nanoseconds where it has
 /// none yet.
 const LATE: f64 = 1.5;
@@ -209,7 +211,9 @@ impl LiveInput {
             colors.push(SteeredColor { problem, phases: Vec::new(), exposure });
         }
         self.frames += 1;
-        Ok(Ok(SceneFrame { number: self.frames, colors, arrived_ns: Some(due.now_ns), piece: None }))
+        let arrived_ns = Some(due.now_ns);
+        let shows_ns = Some(shown_at(info.content_time_ns, due));
+        Ok(Ok(SceneFrame { number: self.frames, colors, arrived_ns, shows_ns, piece: None }))
     }
 
     /// One exposure for each colour, by the first frame; it only ever rises, where there would not be enough light.
@@ -221,6 +225,15 @@ impl LiveInput {
             .get_or_insert_with(|| ends.iter().map(|end| end.contrast.max(end.mean).max(LEAST_EXPOSURE)).collect());
         exposures.iter_mut().zip(&ends).for_each(|(exposure, end)| *exposure = exposure.max(end.mean));
         exposures.clone()
+    }
+}
+
+/// The moment that a frame shows, on the player's clock: as the application says, where that can be, else when it came.
+fn shown_at(content_time_ns: i64, due: &Due) -> i64 {
+    let behind_ns = i64::try_from(due.light_monotonic_ns).unwrap_or(i64::MAX).saturating_sub(content_time_ns);
+    match behind_ns.unsigned_abs() <= BELIEVED_NS {
+        true => due.light_ns - behind_ns,
+        false => due.now_ns,
     }
 }
 

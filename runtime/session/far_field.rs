@@ -193,7 +193,13 @@ impl Scenes for FarField {
         };
         self.number += 1;
         self.piece = extent;
-        Ok(Newest::New(SceneFrame { number: self.number, colors, arrived_ns: None, piece: Some(extent) }))
+        Ok(Newest::New(SceneFrame {
+            number: self.number,
+            colors,
+            arrived_ns: None,
+            shows_ns: None,
+            piece: Some(extent),
+        }))
     }
 
     fn begins_with_one(&self) -> bool {

@@ -76,7 +76,8 @@ pub(super) struct Following {
     pub(super) first_is_to_come: bool,
     pub(super) track: Track,
     pub(super) name: String,
-    pub(super) is_mouse: bool,
+    /// Whether nothing need ever come of the tracker.
+    pub(super) may_be_silent: bool,
     pub(super) policy: Policy,
     pub(super) truth: Option<simulated::Eye>,
     pub(super) timing: Arc<AtomicCell<SetTiming>>,
@@ -229,7 +230,7 @@ impl Following {
     }
 
     pub(super) fn status(&self) -> LiveStatus {
-        let ((sets_new, repeats), [restarts, steps]) = (self.source.counts(), self.refinement.counts());
+        let ((sets_new, repeats), [restarts, steps, ..]) = (self.source.counts(), self.refinement.counts());
         let sets_repeated = repeats.iter().sum();
         let [sample_to_light_ms, pupil_error_mm] = self.medians;
         let sample_age_ms = self.latency.sample_age_ms();
@@ -246,12 +247,12 @@ impl Following {
         }
     }
 
-    /// Why there was nothing to follow, where there was not. A mouse need not have come over its window.
+    /// Why there was nothing to follow, where there was not, and should have been.
     pub(super) fn followed(&self) -> Result<(), SessionError> {
         let Some(tracker) = &self.tracker else { return Ok(()) };
         let reason = match tracker.heard() {
             Heard { believed: 1.., .. } => return Ok(()),
-            _ if self.is_mouse => return Ok(()),
+            _ if self.may_be_silent => return Ok(()),
             Heard { samples: 0, .. } => "no sample came".to_string(),
             Heard { samples, refusal, .. } => {
                 let why = refusal.map_or(String::new(), |refusal| format!(" ({refusal})"));
@@ -264,6 +265,7 @@ impl Following {
     /// Ends the threads: what came of it, and what they did.
     pub(super) fn stop(mut self) -> (LiveStatistics, Vec<Track>, Result<(), SessionError>) {
         let LiveStatus { sets_new, sets_repeated, steps, restarts, .. } = self.status();
+        let [.., sets_moving, phases_moved] = self.refinement.counts();
         let (repeats, rolls, sub_frames) = (self.source.counts().1, self.rolls, self.sub_frames);
         let mut tracks: Vec<Track> = self.refinement.stop().into_iter().collect();
         // A refinement in simulated time holds nothing of it.
@@ -282,6 +284,8 @@ impl Following {
             sub_frames,
             steps,
             restarts,
+            sets_moving,
+            phases_moved,
             focus,
             latency,
             showing,

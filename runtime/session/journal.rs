@@ -8,7 +8,7 @@ use crate::files::{FileError, GrowingFile, read, read_npy, write_npy};
 use crate::mailbox::Mailbox;
 use crate::optics::PupilDistribution;
 use crate::scene::{Pyramid, ViewGrid};
-use crate::solve::Problem;
+use crate::solve::{Motion, Problem};
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -34,8 +34,15 @@ pub(super) enum Decision {
         anew: bool,
         colors: Vec<Views>,
     },
-    /// So many steps for a pupil expected there.
-    Steps { pupil: [u64; 8], steps: u32 },
+    /// So many steps for a pupil expected there, while this moves.
+    Steps {
+        pupil: [u64; 8],
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        motion: Option<[u64; 9]>,
+        steps: u32,
+    },
+    /// Phases were moved by so many pixels, or looked at whether to.
+    Carry { pixels: [i64; 2], look: bool },
     /// It began again with the hologram for the whole eyebox.
     Whole {},
     /// A set was handed over.
@@ -64,6 +71,19 @@ fn bits_of(pupil: &PupilDistribution) -> [u64; 8] {
 fn pupil_of(bits: [u64; 8]) -> PupilDistribution {
     let [x, y, spread, low, high, near, far, elsewhere] = bits.map(f64::from_bits);
     PupilDistribution { centre: [x, y], spread, diameter: [low, high], focus: [near, far], elsewhere }
+}
+
+/// A session's motion has no more than this: when sub-frames are lit, the display says.
+fn bits_of_motion(motion: &Motion) -> [u64; 9] {
+    let Motion { content: [x, y], at, eye, spread, drift: [dx, dy], .. } = *motion;
+    let [ex, ey] = eye.unwrap_or_default();
+    [x, y, at, f64::from(u8::from(eye.is_some())), ex, ey, spread, dx, dy].map(f64::to_bits)
+}
+
+fn motion_of(bits: [u64; 9]) -> Motion {
+    let [x, y, at, known, ex, ey, spread, dx, dy] = bits.map(f64::from_bits);
+    let eye = (known > 0.0).then_some([ex, ey]);
+    Motion { content: [x, y], at, eye, spread, drift: [dx, dy], ..Motion::default() }
 }
 
 impl Views {
@@ -152,9 +172,10 @@ impl Journal {
         self.put(Entry::Decision(decision));
     }
 
-    /// Steps were taken for a pupil.
-    pub(super) fn steps(&self, pupil: &PupilDistribution, steps: u32) {
-        self.keep(Decision::Steps { pupil: bits_of(pupil), steps });
+    /// Steps were taken for a pupil, while this moves.
+    pub(super) fn steps(&self, pupil: &PupilDistribution, motion: &Motion, steps: u32) {
+        let motion = Some(bits_of_motion(motion)).filter(|_| *motion != Motion::default());
+        self.keep(Decision::Steps { pupil: bits_of(pupil), motion, steps });
     }
 
     /// A scene is followed; `anew`: what was refined before is of no use for it.
@@ -279,5 +300,10 @@ impl Kept {
     /// Where the eye was expected.
     pub(super) fn pupil(bits: [u64; 8]) -> PupilDistribution {
         pupil_of(bits)
+    }
+
+    /// What moved.
+    pub(super) fn motion(bits: Option<[u64; 9]>) -> Motion {
+        bits.map_or_else(Motion::default, motion_of)
     }
 }

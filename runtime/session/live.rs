@@ -6,8 +6,10 @@ use super::field::Field;
 use super::following::{Following, OPEN};
 use super::journal::{Journal, Keeping, Kept};
 use super::latency::Latency;
+use super::moments::Moments;
 use super::notes::Notes;
 use super::output::OpenDisplay;
+use super::play::encoder_of;
 use super::pupil_tracker::PupilTracker;
 use super::refine::{Begin, Refinement, RefinementOptions};
 use super::replay::Replay;
@@ -25,9 +27,12 @@ use crate::encode::Encoder;
 use crate::engine::{Backend, Engine, EngineError};
 use crate::gaze::Estimator;
 use crate::gpu::Gpu;
-use crate::optics::PupilDistribution;
+use crate::hologram::Hologram;
+use crate::optics::{Display, PupilDistribution};
+use crate::scene::LightField;
 use crate::solve::PupilRange;
 use crate::trackers::mouse::{self, MouseHandle};
+use crate::trackers::pushed::{self, SampleSender};
 use crate::trackers::simulated::{self, SimulatedSource};
 use crate::trackers::{self, Options, Source, Spec, Stream, now_ns};
 use crossbeam_utils::atomic::AtomicCell;
@@ -77,6 +82,12 @@ impl Tracking {
     pub fn mouse(estimator: Estimator) -> (MouseHandle, Self) {
         let (handle, source) = mouse::channel();
         (handle, Self::new(Box::new(source), estimator))
+    }
+
+    /// By the program's own tracker, whose samples it pushes, in real time.
+    pub fn pushed(estimator: Estimator) -> (SampleSender, Self) {
+        let (sender, source) = pushed::channel();
+        (sender, Self::new(Box::new(source), estimator))
     }
 
     /// The tracker, for people.
@@ -142,7 +153,8 @@ struct FollowedEye {
     tracker: Option<Arc<PupilTracker>>,
     truth: Option<simulated::Eye>,
     name: String,
-    is_mouse: bool,
+    /// Whether nothing need ever come of it: a mouse need not come over its window, nor a program push anything.
+    may_be_silent: bool,
 }
 
 impl FollowedEye {
@@ -154,17 +166,18 @@ impl FollowedEye {
     ) -> Result<Self, SessionError> {
         let Some(tracking) = tracking else {
             let name = "no eye tracker: pupils over the whole eyebox".into();
-            return Ok(Self { watch: Watch::Nobody(whole), tracker: None, truth: None, name, is_mouse: false });
+            return Ok(Self { watch: Watch::Nobody(whole), tracker: None, truth: None, name, may_be_silent: false });
         };
-        let (name, is_mouse) = (tracking.describe(), tracking.source.about().kind == "mouse");
+        let kind = tracking.source.about().kind;
+        let (name, may_be_silent) = (tracking.describe(), matches!(kind, "mouse" | "program"));
         let Tracking { source, estimator, truth, real_time } = tracking;
         if !real_time {
             let watch = Watch::Samples(Box::new(Samples::new(source, estimator)));
-            return Ok(Self { watch, tracker: None, truth, name, is_mouse });
+            return Ok(Self { watch, tracker: None, truth, name, may_be_silent });
         }
         let tracker = PupilTracker::start(Stream::start(source)?, estimator, notes.clone(), trace.track("gaze"))?;
         let tracker = Arc::new(tracker);
-        Ok(Self { watch: Watch::Tracker(Arc::clone(&tracker)), tracker: Some(tracker), truth, name, is_mouse })
+        Ok(Self { watch: Watch::Tracker(Arc::clone(&tracker)), tracker: Some(tracker), truth, name, may_be_silent })
     }
 }
 
@@ -189,6 +202,9 @@ pub struct Live {
     /// Sets are handed over and shown whole, though the display takes several video frames for one; else they roll there: every
     /// video frame is the newest set's whose turn it is.
     pub whole_sets: bool,
+    /// Whether each sub-frame is refined for its own moment, where the eye or the content moves (OPTICS 15). Sets that roll are
+    /// not: there the eye begins to see a set with any of its sub-frames.
+    pub moments: bool,
     /// What work takes on a simulated clock.
     pub cost: Cost,
     /// A new folder that keeps what was decided, with all scenes that followed each other, so that it can be done again.
@@ -224,6 +240,7 @@ impl Live {
             tracking: tracking.into(),
             whole,
             whole_sets: false,
+            moments: true,
             cost: Cost::Measured,
             journal: None,
             replay: None,
@@ -232,6 +249,25 @@ impl Live {
             display_latency,
             companion: None,
         }
+    }
+
+    /// A hologram for the whole eyebox, refined for the scene `field` that it shows, on a display; everything else at its default.
+    ///
+    /// # Errors
+    /// [`SessionError::Hologram`] where it does not say which optics it was made for; [`SessionError::Encode`];
+    /// [`SessionError::Setting`] for one that does not have the display's size, or has a colour that the scene lacks.
+    pub fn of_hologram(
+        hologram: &Hologram,
+        field: &LightField,
+        display: &Display,
+        engines: impl Into<EngineSource>,
+        tracking: impl Into<Option<Tracking>>,
+    ) -> Result<Self, SessionError> {
+        let encoder = encoder_of("the hologram", hologram, display)?;
+        let colors = SteeredColor::all_of(hologram, field, &hologram.made_for()?)?;
+        let mut live = Self::new(colors, encoder, engines, tracking);
+        live.whole.focus = hologram.metadata.solve.as_ref().map_or(live.whole.focus, |solve| solve.depth);
+        Ok(live)
     }
 
     /// Refuses what does not go together, before anything is opened for it.
@@ -294,7 +330,8 @@ impl Live {
             keep_phase: false,
         };
         let sub_frames = colors.iter().map(SteeredColor::frames).sum::<usize>() as u64;
-        let FollowedEye { watch, tracker, truth, name, is_mouse } = FollowedEye::start(tracking, whole, notes, &trace)?;
+        let FollowedEye { watch, tracker, truth, name, may_be_silent } =
+            FollowedEye::start(tracking, whole, notes, &trace)?;
         let showing = scenes.as_ref().map(|scenes| Showing::new(scenes.describe()));
         let timing = Arc::new(AtomicCell::new(SetTiming::new(period_ns)));
         let light_after = Duration::from_nanos(period_ns.unsigned_abs() / 2) + self.display_latency;
@@ -326,6 +363,7 @@ impl Live {
                 journal: keeping.as_ref().map(Keeping::journal),
                 timing: Arc::clone(&timing),
                 light_after,
+                moments: Moments::when(self.moments && !rolls, &packed, period_ns, &colors),
                 steered: Arc::clone(&steered),
                 whole: whole_of_none,
                 direct,
@@ -346,7 +384,7 @@ impl Live {
             first_is_to_come: whole_of_none.is_some(),
             track: trace.track("sets"),
             name,
-            is_mouse,
+            may_be_silent,
             policy,
             truth,
             timing,

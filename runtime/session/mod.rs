@@ -13,9 +13,10 @@
 //! threads of their own); `refine` (the thread that owns the engines: [`Steerer`] without threads) and `pupil_tracker` (the
 //! one that takes a tracker's samples), whose sets pass through `sets`; on a simulated clock sets are made when they are asked for,
 //! and `work_time` passes by what steps are said to take. [`MovingSequence`] reads ahead what follows, [`FarField`] the tiles around where the eye goes; `application` takes
-//! frames from other processes; `showing` accounts for both. Each can end without taking the picture away.
+//! frames from other processes; `showing` accounts for both. `moments` tells from frames and samples what moves while a set is lit. Each can end without taking the picture away.
 //! `latency` accounts for every set that was shown, from the sample to the light; [`study()`] measures what steering gains
-//! with a simulated eye in simulated time. `marks`: the sync picture and the corner mark; `record`, `trace`, `notes`.
+//! with a simulated eye in simulated time. A program with a display and a loop of its own takes
+//! video frames from a [`TickedSession`] (`ticks`). `marks`: the sync picture and the corner mark; `record`, `trace`, `notes`.
 //!
 //! Every time carries its unit and its meaning in its name. This room imports [`solve`](crate::solve),
 //! [`evaluate`](crate::evaluate), [`hologram`](crate::hologram), [`encode`](crate::encode), [`engine`](crate::engine),
@@ -35,6 +36,7 @@ mod journal;
 mod latency;
 mod live;
 mod marks;
+mod moments;
 mod moving;
 mod notes;
 mod output;
@@ -58,11 +60,15 @@ mod statistics;
 mod steerer;
 mod stream;
 mod study;
+mod ticked;
+mod ticks;
 mod timeline;
 mod trace;
 mod watch;
 mod work_time;
 
+#[cfg(test)]
+mod moments_tests;
 #[cfg(test)]
 mod rolling_tests;
 #[cfg(test)]
@@ -106,6 +112,9 @@ pub use sets::FinishedSet;
 pub use showing::Showing;
 pub use statistics::{Ending, LiveStatistics, Statistics};
 pub use steerer::{EngineOpener, Followed, Policy, SteeredColor, Steerer};
+pub use study::{ContentRun, ContentSample, ContentSettings, StudiedContent, StudiedEye, study_content};
 pub use study::{Observer, Study, StudySample, StudySettings, study};
+pub use ticked::TickedSession;
+pub use ticks::{TickedFrame, TickedOutput};
 pub use timeline::Speed;
 pub use work_time::Cost;

@@ -34,6 +34,7 @@ pub struct MovingSequence {
     looped: bool,
     /// Which hologram is due, since the first was asked for.
     timeline: Option<Timeline>,
+    first_light_ns: i64,
     /// The newest that was given.
     shown: u64,
     arriving: Mailbox<Result<SceneFrame, String>>,
@@ -84,7 +85,9 @@ impl MovingSequence {
                 reason: format!("could not be started ({e})"),
             })?;
         let (timeline, ahead, thread) = (None, None, Some(thread));
-        Ok((Self { name, rate, count, looped, timeline, shown: 0, arriving, ahead, shared, thread }, first))
+        let (first_light_ns, shown) = (0, 0);
+        let all = Self { name, rate, count, looped, timeline, first_light_ns, shown, arriving, ahead, shared, thread };
+        Ok((all, first))
     }
 
     /// The next that is read, waiting for it where time waits.
@@ -108,6 +111,9 @@ impl Scenes for MovingSequence {
 
     fn next(&mut self, due: &Due) -> Result<Newest, SessionError> {
         let rate = self.rate;
+        if self.timeline.is_none() {
+            self.first_light_ns = due.light_ns;
+        }
         let timeline = self.timeline.get_or_insert_with(|| Timeline::new(rate, Speed::ONE, due.light_ns));
         let position = timeline.due(due.light_ns).unwrap_or(0);
         if !self.looped && position >= self.count {
@@ -132,7 +138,8 @@ impl Scenes for MovingSequence {
         Ok(match (newest, refused) {
             (Some(scene), _) => {
                 self.shown = scene.number;
-                Newest::New(scene)
+                let shows_ns = Some(self.first_light_ns.saturating_add(rate.time_of_ns(scene.number as i64)));
+                Newest::New(SceneFrame { shows_ns, ..scene })
             }
             (None, Some(reason)) => Newest::Refused(reason),
             (None, None) if self.shown < position => Newest::Late(Supply::LateContent),
@@ -209,7 +216,13 @@ impl Reader {
                     kept.insert(index, colors.clone());
                 }
             }
-            let mut item = read.map(|colors| SceneFrame { number: position, colors, arrived_ns: None, piece: None });
+            let mut item = read.map(|colors| SceneFrame {
+                number: position,
+                colors,
+                arrived_ns: None,
+                shows_ns: None,
+                piece: None,
+            });
             while let Err(back) = self.out.put_within(item, PATIENCE) {
                 if self.shared.stop.load(Ordering::Acquire) {
                     return;

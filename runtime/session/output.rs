@@ -1,6 +1,7 @@
 //! Where a session's video frames go.
 
 use super::error::SessionError;
+use super::ticks::TickedOutput;
 use crate::gpu::{Gpu, Options as GpuOptions};
 use crate::present::{
     Clock, Desktop, DisplayPresenter, Offscreen, PresentError, Presenter, Rate, RealClock, SimulatedClock, Sink,
@@ -33,6 +34,8 @@ pub enum Output {
         /// Where every video frame goes besides.
         sink: Option<SinkFile>,
     },
+    /// The program itself, which takes each when it wants it: [`TickedSession`](super::TickedSession) makes it.
+    Ticked(TickedOutput),
 }
 
 /// A file that takes video frames ([`Sink`]).
@@ -43,6 +46,20 @@ pub enum SinkFile {
     Raw(PathBuf),
     /// The newest.
     Shared(PathBuf),
+}
+
+impl SinkFile {
+    /// Refuses a place that is somebody's, before anything is computed for it.
+    ///
+    /// # Errors
+    /// [`SessionError::Present`], [`FileError::Taken`](crate::files::FileError::Taken) in it.
+    pub fn check(&self) -> Result<(), SessionError> {
+        match self {
+            Self::Raw(file) => Ok(Sink::check_raw(file)?),
+            // One of ours may be there: it is looked at when it is opened.
+            Self::Shared(_) => Ok(()),
+        }
+    }
 }
 
 /// A display that is open.
@@ -100,6 +117,11 @@ impl Output {
                 let memory = Offscreen::new(Rc::clone(&clock), rate, rows * columns * channels).with_sink(sink);
                 let (kind, real_clock) = (Kind::Other(Box::new(memory), None), (!*simulated).then_some(real));
                 return Ok(OpenDisplay { kind, clock, real_clock, rate });
+            }
+            Self::Ticked(ticked) => {
+                let rate = rate.map_or_else(|| Rate::new(60, 1), Ok)?;
+                let (clock, presenter) = ticked.open(real, rate);
+                return Ok(OpenDisplay { kind: Kind::Other(presenter, None), clock, real_clock: Some(real), rate });
             }
         };
         let rate = known.map_or_else(|| Rate::new(60, 1), Ok)?;

@@ -11,7 +11,7 @@ use super::timeline::Speed;
 use super::trace::Trace;
 use crate::encode::{Encoder, PhaseSet};
 use crate::gpu::Gpu;
-use crate::hologram::{ColorHologram, Sequence};
+use crate::hologram::{ColorHologram, Hologram, Sequence};
 use crate::optics::{Color, Display};
 use crate::present::{Rate, SECOND_NS};
 use std::path::Path;
@@ -61,6 +61,23 @@ pub struct Play {
     pub ahead: usize,
 }
 
+/// What makes video frames of a hologram's phases on a display; `what` is the hologram, for people.
+pub(super) fn encoder_of(what: &str, about: &Hologram, display: &Display) -> Result<Encoder, SessionError> {
+    let named =
+        |c: &ColorHologram| c.color.ok_or_else(|| SessionError::Setting(format!("{what}: its colours are not named")));
+    let colors: Vec<Color> = about.colors.iter().map(named).collect::<Result<_, _>>()?;
+    let encoder = Encoder::new(display, &colors, about.frames)?;
+    let ([eh, ew], [h, w]) = (encoder.hologram_size(), [about.height, about.width]);
+    if [eh, ew] != [h, w] {
+        let name = &display.name;
+        return Err(SessionError::Setting(format!(
+            "{what}: it is {h}x{w} pixels, and the display '{name}' takes {eh}x{ew}: give --size, or the display that it \
+             was made for"
+        )));
+    }
+    Ok(encoder)
+}
+
 impl Play {
     /// Opens a file for a display, to be played from its beginning as it was made.
     ///
@@ -82,20 +99,7 @@ impl Play {
             let mut phases = vec![0.0; sequence.values()];
             sequence.read_into(0, &mut phases)?;
         }
-        let (what, about) = (sequence.path().display(), sequence.about());
-        let named = |c: &ColorHologram| {
-            c.color.ok_or_else(|| SessionError::Setting(format!("{what}: its colours are not named")))
-        };
-        let colors: Vec<Color> = about.colors.iter().map(named).collect::<Result<_, _>>()?;
-        let encoder = Encoder::new(display, &colors, about.frames)?;
-        let ([eh, ew], [h, w]) = (encoder.hologram_size(), [about.height, about.width]);
-        if [eh, ew] != [h, w] {
-            let name = &display.name;
-            return Err(SessionError::Setting(format!(
-                "{what}: it is {h}x{w} pixels, and the display '{name}' takes {eh}x{ew}: give --size, or the display that it \
-                 was made for"
-            )));
-        }
+        let encoder = encoder_of(&sequence.path().display().to_string(), sequence.about(), display)?;
         let [numerator, denominator] = sequence.rate();
         let (rate, looped) = (Rate::new(numerator, denominator)?, sequence.is_single());
         Ok(Self {

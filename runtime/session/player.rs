@@ -174,6 +174,7 @@ impl Player {
             }
             self.command(self.meaning(event), source);
         }
+        self.clock.wait_for_tick();
         let next = self.pacer.predict(self.clock.now_ns());
         self.clock.wait_until_ns(next.wake_time_ns);
         let (woken_ns, woken) = (self.clock.now_ns(), Instant::now());

@@ -3,8 +3,8 @@
 use super::error::SessionError;
 use super::notes::Notes;
 use super::trace::Track;
-use crate::gaze::Estimator;
 use crate::gaze::place::Refusal;
+use crate::gaze::{Estimator, EyeVelocity};
 use crate::optics::PupilDistribution;
 use crate::trackers::{Sample, Stream, now_ns};
 use std::collections::VecDeque;
@@ -18,8 +18,17 @@ use std::time::{Duration, Instant};
 pub struct PupilEstimate {
     /// The pupil.
     pub pupil: PupilDistribution,
+    /// How fast it moves, and the eye turns.
+    pub velocity: EyeVelocity,
     /// When the newest sample was taken, had arrived, and had gone through the filter; none before the first.
     pub sample_ns: Option<[u64; 3]>,
+}
+
+impl PupilEstimate {
+    /// Of an eye that nobody tracks.
+    pub(super) fn of(pupil: PupilDistribution) -> Self {
+        Self { pupil, velocity: EyeVelocity::default(), sample_ns: None }
+    }
 }
 
 /// What a tracker has said so far.
@@ -109,7 +118,8 @@ impl PupilTracker {
     /// What is expected at a time to come.
     pub fn expect(&self, light_ns: u64) -> PupilEstimate {
         let state = locked(&self.state);
-        PupilEstimate { pupil: state.estimator.predict(light_ns), sample_ns: state.newest }
+        let State { estimator, newest, .. } = &*state;
+        PupilEstimate { pupil: estimator.predict(light_ns), velocity: estimator.velocity(), sample_ns: *newest }
     }
 
     /// Where the pupil was at a time that has passed, between the two measurements around it; none where it was not

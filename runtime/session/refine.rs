@@ -21,7 +21,9 @@ use super::work_time::{Cost, Times, WorkTime};
 use crate::encode::Encoder;
 use crate::engine::vulkan::VulkanEncoder;
 use crate::gpu::Gpu;
+use crate::optics::PupilDistribution;
 use crate::present::Clock;
+use crate::solve::Motion;
 use crossbeam_utils::atomic::AtomicCell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -38,6 +40,8 @@ struct Shared {
     stop: AtomicBool,
     restarts: AtomicU64,
     steps: AtomicU64,
+    moving: AtomicU64,
+    carried: AtomicU64,
     taken: AtomicCell<Taken>,
 }
 
@@ -111,9 +115,11 @@ impl Refinement {
         self.shared.taken.load()
     }
 
-    /// How often it began again with the hologram for the whole eyebox, and how many steps it took.
-    pub(super) fn counts(&self) -> [u64; 2] {
-        [self.shared.restarts.load(Ordering::Relaxed), self.shared.steps.load(Ordering::Relaxed)]
+    /// How often it began again with the hologram for the whole eyebox, how many steps it took, how many sets it refined for what
+    /// moves in them, and how often the phases were moved.
+    pub(super) fn counts(&self) -> [u64; 4] {
+        let Shared { restarts, steps, moving, carried, .. } = &*self.shared;
+        [restarts, steps, moving, carried].map(|count| count.load(Ordering::Relaxed))
     }
 
     /// Whether the thread is still there.
@@ -188,6 +194,7 @@ impl Refining {
                     self.options.journal.iter().for_each(Journal::break_off);
                     notes.tell(format!("refinement begins anew: {error}"));
                     (self.steerer, self.device) = (steerer, device);
+                    self.options.moments.begun_again();
                 }
                 Err(_) => {
                     notes.tell(format!("refinement has ended: {error}; the picture stays"));
@@ -352,10 +359,14 @@ impl Refining {
         if let Some(journal) = &self.options.journal {
             journal.scene(&scene, !steered);
         }
+        self.options.moments.follow(&scene.colors, scene.shows_ns.or(scene.arrived_ns).unwrap_or(light_ns));
         let followed = match scene.piece {
             Some(piece) => self.steerer.move_to(piece, &scene.colors)?,
             None => self.steerer.follow(&scene.colors)?,
         };
+        if followed.own > 0 {
+            self.options.moments.begun_again();
+        }
         taken.scenes += 1;
         taken.own_starts += u64::from(followed.own);
         taken.kept_starts += u64::from(followed.kept);
@@ -384,6 +395,20 @@ impl Refining {
         Ok(())
     }
 
+    /// Moves the phases with the content, to where it is at `light_ns`: how many losses were looked at.
+    fn carry(&mut self, light_ns: i64, pupil: &PupilDistribution, motion: &Motion) -> Result<u32, SessionError> {
+        let Some((pixels, look)) = self.options.moments.carry(light_ns) else { return Ok(0) };
+        if let Some(journal) = &self.options.journal {
+            // What losses are looked at through.
+            journal.steps(pupil, motion, 0);
+            journal.keep(Decision::Carry { pixels, look });
+        }
+        let (moved, looks) = self.steerer.carry(pixels, look)?;
+        self.options.moments.carried(pixels, moved);
+        self.shared.carried.fetch_add(u64::from(moved), Ordering::Relaxed);
+        Ok(looks)
+    }
+
     /// Steps until the set has to be handed over, and the set.
     fn refine_for(&mut self, target: Target, now_ns: i64) -> Result<(), SessionError> {
         let (light_ns, times) = (self.light_ns(&target), Times(self.options.clock));
@@ -394,22 +419,28 @@ impl Refining {
         let mut steps = 0;
         self.sender.does(Repeat::StepTooLong);
         // Every round looks again where the pupil will be, and what is to be seen: samples and scenes come while it refines.
-        let (expected, aimed_ns) = loop {
+        let (expected, aimed_ns, moves) = loop {
             let at_ns = time.now_ns();
             let expected = self.options.expect(times.monotonic_ns(at_ns), times.monotonic_ns(light_ns))?;
-            self.steerer.aim(expected.pupil)?;
+            if self.steerer.aim(expected.pupil)? {
+                self.options.moments.begun_again();
+            }
+            let motion = self.options.moments.motion(light_ns, &expected);
+            self.steerer.moves(&motion, self.options.moments.lit())?;
+            time.looked(self.carry(light_ns, &expected.pupil, &motion)?);
             let taken = self.steerer.round_while(|expected| time.step_before(deadline_ns, expected))?;
             steps += taken;
-            self.options.journal.iter().for_each(|journal| journal.steps(&expected.pupil, taken));
+            self.options.journal.iter().for_each(|journal| journal.steps(&expected.pupil, &motion, taken));
             let left_ns = deadline_ns.saturating_sub(time.now_ns()).saturating_sub(self.round_ns());
+            let moves = !motion.is_still();
             if taken == 0 || left_ns < 0 {
-                break (expected, at_ns);
+                break (expected, at_ns, moves);
             }
             // What making a scene ready takes is said of no other machine.
             let building = self.options.clock.map_or(Duration::ZERO, |_| self.building);
             if left_ns > as_ns(building) {
                 if self.look_for_scene(&target, time.now_ns(), true)?.is_none() {
-                    break (expected, at_ns);
+                    break (expected, at_ns, moves);
                 }
                 self.sender.does(Repeat::StepTooLong);
             }
@@ -427,6 +458,7 @@ impl Refining {
             self.made_ns = time.now_ns();
             return Ok(());
         }
+        self.shared.moving.fetch_add(u64::from(moves), Ordering::Relaxed);
         let [sample_ns, decoded_ns, filtered_ns] =
             [0, 1, 2].map(|i| expected.sample_ns.map(|s| times.at_monotonic_ns(s[i])));
         let timestamps = Timestamps {

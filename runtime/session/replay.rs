@@ -14,6 +14,8 @@ pub(super) struct Replay {
     colors: Vec<SteeredColor>,
     steerer: Steerer,
     encoder: Encoder,
+    /// When the sub-frames of each colour are lit.
+    lit: Vec<[f64; 2]>,
     sender: SetSender,
     /// The set that was handed over last, and the scene of those to come.
     newest: Option<u64>,
@@ -33,7 +35,9 @@ impl Replay {
         encoder: Encoder,
     ) -> Result<LiveSource, SessionError> {
         let (sender, mut source) = set_channel(&encoder.frames(), || Ok::<_, SessionError>(None))?;
-        let mut replay = Self { kept, colors, steerer, encoder, sender, newest: None, content: None, steps: 0 };
+        let lit = encoder.lit_times();
+        let (newest, content, steps) = (None, None, 0);
+        let mut replay = Self { kept, colors, steerer, encoder, lit, sender, newest, content, steps };
         source.made_by(Box::new(move |_| replay.light_next()));
         Ok(source)
     }
@@ -59,8 +63,9 @@ impl Replay {
                     self.steerer.follow(&scene)?;
                     self.content = Some(number);
                 }
-                Decision::Steps { pupil, steps } => {
+                Decision::Steps { pupil, motion, steps } => {
                     self.steerer.aim(Kept::pupil(pupil))?;
+                    self.steerer.moves(&Kept::motion(motion), &self.lit)?;
                     let mut left = steps;
                     self.steerer.round_while(|_| {
                         let more = left > 0;
@@ -69,6 +74,7 @@ impl Replay {
                     })?;
                     self.steps += steps;
                 }
+                Decision::Carry { pixels, look } => drop(self.steerer.carry(pixels, look)?),
                 Decision::Whole {} => self.steerer.restart()?,
                 Decision::Set { number } => {
                     self.newest = Some(number);
@@ -99,6 +105,7 @@ impl Replay {
             estimated_db: None,
             phases: None,
             scene: None,
+            motion: Vec::new(),
         });
         Ok(())
     }

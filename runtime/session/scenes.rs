@@ -15,6 +15,8 @@ pub struct SceneFrame {
     pub colors: Vec<SteeredColor>,
     /// When it came, nanoseconds on the player's clock; none where it was there all along.
     pub arrived_ns: Option<i64>,
+    /// The moment of the content that it shows, on the same clock; none where it stands still, or nobody says.
+    pub shows_ns: Option<i64>,
     /// Of a far field, the piece of it that this is; its phases are those of the piece as they were solved.
     pub piece: Option<Extent>,
 }

@@ -70,6 +70,7 @@ impl Scripted {
             journal: None,
             timing: Arc::new(AtomicCell::new(SetTiming::new(period_ns))),
             light_after: Duration::from_nanos(period_ns as u64 / 2),
+            moments: moments::Moments::default(),
             steered: Arc::new(AtomicBool::new(true)),
             whole: Some(whole_eyebox(self.display.eyebox_min(), [0.0; 2])),
             direct: None,
@@ -152,7 +153,8 @@ impl Scenes for Application {
         }
         self.given = Some(number);
         let color = self.scenes[(number % LIFE) as usize % self.scenes.len()].clone();
-        Ok(Newest::New(SceneFrame { number, colors: vec![color], arrived_ns: Some(arrived_ns), piece: None }))
+        let (arrived_ns, shows_ns) = (Some(arrived_ns), Some(arrived_ns));
+        Ok(Newest::New(SceneFrame { number, colors: vec![color], arrived_ns, shows_ns, piece: None }))
     }
 
     fn begins_with_one(&self) -> bool {

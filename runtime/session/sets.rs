@@ -9,7 +9,7 @@ use super::scheduler::{Content, Readiness};
 use crate::encode::VideoFrames;
 use crate::gpu::Pictures;
 use crate::mailbox::Mailbox;
-use crate::solve::Problem;
+use crate::solve::{Motion, Problem};
 use crossbeam_utils::atomic::AtomicCell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -42,6 +42,8 @@ pub struct FinishedSet {
     pub phases: Option<Vec<Arc<Vec<f32>>>>,
     /// then, too, what they should show, with its exposures, where that changes.
     pub scene: Option<(Arc<Vec<Problem>>, Vec<f64>)>,
+    /// and what moves while it is lit, colour by colour.
+    pub motion: Vec<Motion>,
 }
 
 /// Room for the video frames of a set: on the host, and, where they go straight to a swapchain, on its device.

@@ -104,6 +104,10 @@ pub struct LiveStatistics {
     pub steps: u64,
     /// How often it began again with the hologram for the whole eyebox.
     pub restarts: u64,
+    /// Sets that were refined for what moves in them.
+    pub sets_moving: u64,
+    /// How often the phases were moved with the content.
+    pub phases_moved: u64,
     /// The smallest and the largest depth that sets on the screen were made for, metres; none where all were for the whole
     /// eyebox.
     pub focus: Option<[f64; 2]>,
@@ -125,6 +129,7 @@ impl Statistics {
                 "playback": all, "tracker": live.tracker, "sets_new": live.sets_new,
                 "sets_repeated": live.sets_repeated, "repeated_because": repeats, "sets_roll": live.rolls,
                 "sub_frames": { "first_light": first, "again": again }, "steps": live.steps, "restarts": live.restarts,
+                "sets_moving": live.sets_moving, "phases_moved": live.phases_moved,
                 "focus_mm": live.focus.map(|depths| depths.map(|z| z * 1e3)),
                 "latency": live.latency.to_json(), "policy": live.policy,
             });

@@ -4,7 +4,7 @@ use super::error::SessionError;
 use super::field::Field;
 use crate::engine::{Engine, EngineError, PhasesOnDevice};
 use crate::optics::PupilDistribution;
-use crate::solve::{Problem, Refiner, Steering};
+use crate::solve::{Motion, Problem, Refiner, Steering};
 use crate::tiled::Extent;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
@@ -188,6 +188,50 @@ impl Steerer {
             color.refiner.aim(color.piece.map_or(aim, |piece| within(aim, piece)))?;
         }
         Ok(jumped)
+    }
+
+    /// What moves while the sub-frames of a set are lit, in pixels of the first colour; `lit`: when those of each colour are.
+    ///
+    /// # Errors
+    /// [`SessionError::Solve`](SessionError) for what cannot be.
+    pub fn moves(&mut self, motion: &Motion, lit: &[[f64; 2]]) -> Result<(), SessionError> {
+        let pixel = self.colors.first().map_or(1.0, |c| c.refiner.pixel());
+        for (i, color) in self.colors.iter_mut().enumerate() {
+            let ratio = pixel / color.refiner.pixel();
+            let scaled = |v: [f64; 2]| v.map(|v| v * ratio);
+            let Motion { content, eye, spread, .. } = *motion;
+            let (content, eye, spread) = (scaled(content), eye.map(scaled), spread * ratio);
+            let lit = lit.get(i).copied().unwrap_or(motion.lit);
+            color.refiner.moves(Motion { content, eye, spread, lit, ..*motion })?;
+        }
+        Ok(())
+    }
+
+    /// What moves, for each colour.
+    pub fn motions(&self) -> Vec<Motion> {
+        self.colors.iter().map(|color| color.refiner.motion()).collect()
+    }
+
+    /// Goes on with the phases moved by whole pixels (x, y) of the first colour, as the picture is; where it has to `look`, only
+    /// where that loses less through the pupils of the next step. Returns whether they are moved, and how many losses were
+    /// looked at.
+    ///
+    /// # Errors
+    /// Those of the engines.
+    pub fn carry(&mut self, pixels: [i64; 2], look: bool) -> Result<(bool, u32), EngineError> {
+        self.settle()?;
+        let pixel = self.colors.first().map_or(1.0, |c| c.refiner.pixel());
+        let mut moved = true;
+        for color in &mut self.colors {
+            let ratio = pixel / color.refiner.pixel();
+            let shift = pixels.map(|p| (p as f64 * ratio).round());
+            if look {
+                moved &= color.refiner.move_phases(shift)?;
+            } else {
+                color.refiner.carry_phases(shift)?;
+            }
+        }
+        Ok((moved, if look { 2 * self.colors.len() as u32 } else { 0 }))
     }
 
     /// Begins again with the hologram for the whole eyebox.

@@ -4,9 +4,13 @@
 //! Everything else is as in a live session: samples come late and with noise, the pupil is predicted, sets are handed over
 //! whole, and those that come too late are shown a set later.
 
+mod content;
 mod results;
 mod stage;
 
+#[cfg(test)]
+pub(super) use content::moved_color;
+pub use content::{ContentRun, ContentSample, ContentSettings, StudiedContent, StudiedEye, study_content};
 pub use results::{Study, StudySample, StudySettings};
 
 use super::error::SessionError;

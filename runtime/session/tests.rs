@@ -140,6 +140,7 @@ pub(super) fn made(sender: &SetSender, number: u64) -> FinishedSet {
         estimated_db: None,
         phases: None,
         scene: None,
+        motion: Vec::new(),
     }
 }
 

@@ -172,6 +172,7 @@ fn options(
         whole: None,
         timing: Arc::clone(timing),
         light_after: Duration::from_millis(8),
+        moments: moments::Moments::default(),
         steered: Arc::new(AtomicBool::new(true)),
         direct: None,
         with_phases: true,

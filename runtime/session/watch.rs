@@ -28,9 +28,11 @@ impl Watch {
             Self::Tracker(tracker) => Ok(tracker.expect(light_ns)),
             Self::Samples(samples) => {
                 samples.arrive(now_ns)?;
-                Ok(PupilEstimate { pupil: samples.estimator.predict(light_ns), sample_ns: samples.newest })
+                let Samples { estimator, newest, .. } = &**samples;
+                let (pupil, velocity) = (estimator.predict(light_ns), estimator.velocity());
+                Ok(PupilEstimate { pupil, velocity, sample_ns: *newest })
             }
-            Self::Nobody(pupil) => Ok(PupilEstimate { pupil: *pupil, sample_ns: None }),
+            Self::Nobody(pupil) => Ok(PupilEstimate::of(*pupil)),
         }
     }
 

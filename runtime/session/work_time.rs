@@ -59,6 +59,13 @@ impl WorkTime {
         in_time
     }
 
+    /// So many losses were looked at: no more than as many steps.
+    pub(super) fn looked(&mut self, looks: u32) {
+        if let Cost::Fixed { step, .. } = self.cost {
+            self.spent += step * looks;
+        }
+    }
+
     /// A set was encoded.
     pub(super) fn encoded(&mut self) {
         if let Cost::Fixed { encode, .. } = self.cost {

@@ -86,6 +86,13 @@ impl Motion {
             && (self.lit, self.window) == (other.lit, other.window)
     }
 
+    /// What a pupil sees of so many sub-frames that were refined for this: one whose eye turns as it was expected to, and rests where
+    /// that was not known.
+    pub fn seen_through(&self, pupil: Pupil, frames: usize) -> Viewpoint {
+        let known = Self { eye: Some(self.eye.unwrap_or_default()), spread: 0.0, window: None, ..*self };
+        known.viewpoint(pupil, frames, [0.0; 4])
+    }
+
     /// What a pupil becomes that looks at so many sub-frames, at a point of the unit cube: whether it turns, how far from the
     /// expected velocity and in which direction, and its window.
     pub(super) fn viewpoint(&self, pupil: Pupil, frames: usize, [turns, radius, angle, first]: [f64; 4]) -> Viewpoint {

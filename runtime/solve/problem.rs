@@ -90,6 +90,12 @@ impl Problem {
         Ok(Self { optics, padding, eyebox, views, center, pyramid, mean: f64::NAN, share, model, eye })
     }
 
+    /// Side of a pixel of the picture, as its views have it, radians.
+    pub fn pixel(&self) -> f64 {
+        let grid = self.padding.grid(self.optics);
+        grid.field_of_view().1 / grid.width as f64 / grid.focal_length
+    }
+
     /// A power of two near the scene's brightest value, or 1 where that is of ordinary size: dividing by it keeps
     /// float32 in range, and changes no digit.
     pub fn unit(&self) -> f64 {

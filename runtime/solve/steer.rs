@@ -212,8 +212,7 @@ impl Refiner {
 
     /// Side of a pixel of the picture, radians.
     pub fn pixel(&self) -> f64 {
-        let grid = &self.planner.grid;
-        grid.field_of_view().1 / grid.width as f64 / grid.focal_length
+        self.problem.pixel()
     }
 
     /// Goes on with the phases moved by whole pixels (x, y), as the picture has, where these lose less than the phases as they are;
@@ -224,12 +223,28 @@ impl Refiner {
     pub fn move_phases(&mut self, shift: [f64; 2]) -> Result<bool, EngineError> {
         let before = self.loss()?;
         let phases = self.phases()?;
-        self.restart(&moved(&phases, &self.planner.slm, &self.planner.grid, shift))?;
+        self.put(&moved(&phases, &self.planner.slm, &self.planner.grid, shift))?;
         if self.loss()? < before {
             return Ok(true);
         }
-        self.restart(&phases)?;
+        self.put(&phases)?;
         Ok(false)
+    }
+
+    /// Goes on with the phases moved by whole pixels (x, y), whatever they lose.
+    ///
+    /// # Errors
+    /// Those of the engine.
+    pub fn carry_phases(&mut self, shift: [f64; 2]) -> Result<(), EngineError> {
+        self.settle()?;
+        let phases = self.phases()?;
+        self.put(&moved(&phases, &self.planner.slm, &self.planner.grid, shift))
+    }
+
+    /// Other phases for the same eye: the steps since it came there still count, the velocities were those of other pixels.
+    fn put(&mut self, phases: &[f32]) -> Result<(), EngineError> {
+        self.engine.write(Buffer::Phases, phases)?;
+        self.engine.clear_moments()
     }
 
     /// The eye has moved. Velocities go where it is elsewhere altogether: they would carry on for where it was.
@@ -256,6 +271,11 @@ impl Refiner {
         }
         self.motion = motion;
         Ok(())
+    }
+
+    /// What moves.
+    pub fn motion(&self) -> Motion {
+        self.motion
     }
 
     fn forget(&mut self) -> Result<(), EngineError> {

@@ -14,6 +14,7 @@
 //! | `pupil://HOST[:PORT]` | Pupil Core's network interface ([`pupil_labs`]) |
 //! | `udp://[HOST]:PORT` | lines of JSON in datagrams ([`udp`]) |
 //! | `mouse` | positions that a window pushes ([`mouse`]) |
+//! | a program | samples of a tracker of its own ([`pushed`]) |
 //! | `simulated[:SEED]` | a simulated eye before a simulated tracker ([`simulated`]) |
 
 pub mod hid;
@@ -21,6 +22,7 @@ pub mod line;
 pub mod mouse;
 #[cfg(feature = "trackers")]
 pub mod pupil_labs;
+pub mod pushed;
 pub mod recording;
 pub mod simulated;
 pub mod udp;

@@ -22,7 +22,7 @@ pub struct Head {
 pub struct About {
     /// Its name.
     pub name: String,
-    /// How it is reached: `hid`, `recording`, `network`, `mouse`, `simulated`.
+    /// How it is reached: `hid`, `recording`, `network`, `mouse`, `program`, `simulated`.
     pub kind: &'static str,
     /// Samples a second, where it says so.
     pub rate_hz: Option<f64>,

@@ -172,6 +172,65 @@ fn folders_of_views() {
     });
 }
 
+/// A ZIP archive of one stored file.
+fn archive(name: &str, bytes: &[u8]) -> Vec<u8> {
+    let mut sum = flate2::Crc::new();
+    sum.update(bytes);
+    let size = (bytes.len() as u32).to_le_bytes();
+    let common = [&[20, 0, 0, 0, 0, 0, 0, 0, 0, 0][..], &sum.sum().to_le_bytes(), &size, &size].concat();
+    let lengths = [name.len() as u8, 0, 0, 0];
+    let local = [b"PK\x03\x04", &common[..], &lengths, name.as_bytes(), bytes].concat();
+    let table = [b"PK\x01\x02\x14\x00", &common[..], &lengths, &[0; 14], name.as_bytes()].concat();
+    let place = [(table.len() as u32).to_le_bytes(), (local.len() as u32).to_le_bytes()].concat();
+    [local, table, b"PK\x05\x06\0\0\0\0\x01\0\x01\0".to_vec(), place, vec![0; 2]].concat()
+}
+
+#[test]
+fn files_of_many_views() {
+    let temp = tempfile::tempdir().expect("a folder");
+    let values: Vec<f32> = (0..2 * 3 * 12 * 10 * 3).map(|i| (i * 7 % 23) as f32 / 23.0).collect();
+    let npy = temp.path().join("views.npy");
+    eyebox::files::write_npy(&npy, &[2, 3, 12, 10, 3], &values).expect("an array");
+    let array = fs::read(&npy).expect("there");
+    let tiles = image::RgbImage::from_fn(30, 24, |x, y| image::Rgb([(x * 8) as u8, (y * 9) as u8, 90]));
+    tiles.save(temp.path().join("tiles.png")).expect("a picture");
+    let tiles = fs::read(temp.path().join("tiles.png")).expect("there");
+    let kinds = [
+        ("views.npz", "", archive("views.npy", &array)),
+        ("views.npy", "?grid=2x3&srgb", array),
+        ("tiles.png", "?grid=2x3", tiles.clone()),
+        ("tiles.png", "?lenslets&grid=2x3", tiles.clone()),
+        ("tiles.png", "?mosaic", tiles),
+    ];
+    let display = display();
+    let request = Request::new(&display, &[Color::Green]);
+    for (name, query, whole) in &kinds[..4] {
+        fs::write(temp.path().join(name), whole).expect("written");
+        let field = scene::load(&format!("{}{query}", temp.path().join(name).display()), &request).expect("sound");
+        assert_eq!(field.grid, [2, 3], "{name}{query}");
+    }
+    let cases = (0..kinds.len(), any::<bool>(), prop::collection::vec(edit(), 1..6));
+    fuzz("files of many views", cases, |(which, options, edits)| {
+        let (name, query, whole) = &kinds[which];
+        let file = temp.path().join(name);
+        let (bytes, query) = if options {
+            (whole.clone(), damage(query.as_bytes().to_vec(), &edits))
+        } else {
+            (damage(whole.clone(), &edits), query.as_bytes().to_vec())
+        };
+        fs::write(&file, bytes).expect("written");
+        let source = format!("{}{}", file.display(), String::from_utf8_lossy(&query));
+        match scene::load(&source, &request) {
+            Ok(field) => sound(&field),
+            Err(error) => {
+                let text = error.to_string();
+                prop_assert!(!text.is_empty(), "{}", text);
+                Ok(())
+            }
+        }
+    });
+}
+
 #[test]
 fn pictures_with_maps() {
     let temp = tempfile::tempdir().expect("a folder");

@@ -145,7 +145,7 @@ const PHOTOGRAPHS: Names<Photographs, 4> = [
 /// The scene, in every command that takes one.
 #[derive(Args, Clone)]
 pub struct SceneArgs {
-    /// A folder of views, a picture (with --depth-map), or builtin:NAME
+    /// A folder of views, an array (.npy, .npz) or picture of all of them (FILE?grid=9x9), a picture with --depth-map, or builtin:NAME
     pub scene: String,
     /// How it is read
     #[command(flatten)]

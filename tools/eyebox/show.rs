@@ -82,6 +82,9 @@ enum What {
 /// Shows it, and says what was shown.
 pub fn run(args: &Show) -> Result<(), Failure> {
     let tracked = args.live.tracker.tracker.is_some();
+    if let Some(sink) = args.stream.sink() {
+        sink.check()?;
+    }
     match what(args)? {
         What::Application(name) => application(args, &name),
         What::Phases(path) if tracked => follow(args, &path.display().to_string()),

@@ -30,6 +30,11 @@ pub(crate) fn values<'a, const AXES: usize>(
     Ok((axes, values))
 }
 
+/// Bytes as an array (row, column, channel), which takes their memory.
+pub(crate) fn bytes(py: Python<'_>, bytes: Vec<u8>, shape: [usize; 3]) -> PyResult<Bound<'_, PyArray3<u8>>> {
+    bytes.into_pyarray(py).reshape(shape)
+}
+
 /// What an eye sees as (row, column, colour).
 pub(crate) fn picture<'py>(py: Python<'py>, planes: &[Plane]) -> PyResult<Bound<'py, PyArray3<f32>>> {
     let (rows, columns) = planes.first().map_or((0, 0), |plane| (plane.rows, plane.columns));

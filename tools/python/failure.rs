@@ -17,6 +17,12 @@ create_exception!(eyebox, SolveError, EyeboxError, "The settings, or the solve o
 create_exception!(eyebox, HologramError, EyeboxError, "The hologram, or its file.");
 create_exception!(eyebox, EncodeError, EyeboxError, "The encoding, or what is to be encoded.");
 create_exception!(eyebox, CalibrateError, EyeboxError, "The bench, its pictures, or what they do not tell.");
+create_exception!(
+    eyebox,
+    SessionError,
+    EyeboxError,
+    "What is shown, the display that it is shown on, or the eye tracker."
+);
 create_exception!(eyebox, EngineError, EyeboxError, "The engine or its device.");
 
 /// What went wrong, on its way to Python.
@@ -40,6 +46,8 @@ pub(crate) enum Failure {
     Encode(#[from] eyebox::encode::EncodeError),
     #[error(transparent)]
     Engine(#[from] eyebox::engine::EngineError),
+    #[error(transparent)]
+    Session(eyebox::session::SessionError),
     #[error(
         "at step {0} the loss is no finite number, and the step was not taken: take smaller gains or rates, or storage = \"fp32\""
     )]
@@ -47,6 +55,19 @@ pub(crate) enum Failure {
     /// What Python said, in a callback or by a signal.
     #[error(transparent)]
     Python(#[from] PyErr),
+}
+
+impl From<eyebox::session::SessionError> for Failure {
+    fn from(error: eyebox::session::SessionError) -> Self {
+        use eyebox::session::SessionError as OfSession;
+        match error {
+            OfSession::Hologram(error) => Self::Hologram(error),
+            OfSession::Encode(error) => Self::Encode(error),
+            OfSession::Engine(error) => Self::Engine(error),
+            OfSession::Solve(error) => Self::Solve(error),
+            error => Self::Session(error),
+        }
+    }
 }
 
 impl From<Failure> for PyErr {
@@ -70,6 +91,7 @@ impl From<Failure> for PyErr {
             Failure::Produce(_) | Failure::Solve(_) | Failure::NotFinite(_) => SolveError::new_err(said),
             Failure::Hologram(_) => HologramError::new_err(said),
             Failure::Calibrate(_) => CalibrateError::new_err(said),
+            Failure::Session(_) => SessionError::new_err(said),
             Failure::Encode(_) => EncodeError::new_err(said),
         }
     }

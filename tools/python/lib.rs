@@ -13,11 +13,13 @@ mod calibrate;
 mod display;
 mod engine;
 mod failure;
+mod frames;
 mod hologram;
 mod pupil;
 mod refiner;
 mod scene;
 mod sequence;
+mod session;
 mod solve;
 mod told;
 
@@ -36,7 +38,8 @@ mod _eyebox {
     use crate::engine::Engine;
     #[pymodule_export]
     use crate::failure::{
-        CalibrateError, DisplayError, EncodeError, EngineError, EyeboxError, HologramError, SceneError, SolveError,
+        CalibrateError, DisplayError, EncodeError, EngineError, EyeboxError, HologramError, SceneError, SessionError,
+        SolveError,
     };
     #[pymodule_export]
     use crate::hologram::Hologram;
@@ -46,6 +49,8 @@ mod _eyebox {
     use crate::scene::Scene;
     #[pymodule_export]
     use crate::sequence::Sequence;
+    #[pymodule_export]
+    use crate::session::Session;
     #[pymodule_export]
     use crate::solve::solve;
     use pyo3::prelude::*;

@@ -78,6 +78,7 @@ impl Refining {
             estimated_db: self.steerer.estimated_db().filter(|_| steps > 0),
             phases,
             scene: seen,
+            motion: if self.options.with_phases { self.steerer.motions() } else { Vec::new() },
         });
         self.options.track.span("encode", self.number, begun);
         self.number += 1;

@@ -5,6 +5,7 @@ use crate::optics::PupilDistribution;
 use crate::present::RealClock;
 use crate::session::error::SessionError;
 use crate::session::journal::Journal;
+use crate::session::moments::Moments;
 use crate::session::notes::Notes;
 use crate::session::pupil_tracker::PupilEstimate;
 use crate::session::scenes::Scenes;
@@ -37,6 +38,8 @@ pub(in crate::session) struct RefinementOptions {
     pub timing: Arc<AtomicCell<SetTiming>>,
     /// From the beginning of a set to the middle of its light.
     pub light_after: Duration,
+    /// What moves while a set is lit.
+    pub moments: Moments,
     /// Whether the hologram follows the eye; if not, the one for the whole eyebox is shown.
     pub steered: Arc<AtomicBool>,
     /// Where no scene brings one: the pupils that are refined for in its place.
@@ -57,7 +60,7 @@ impl RefinementOptions {
     /// What is refined for: where the pupil is expected, or all of the eyebox.
     pub(super) fn expect(&mut self, now_ns: u64, light_ns: u64) -> Result<PupilEstimate, SessionError> {
         match self.whole {
-            Some(pupil) if !self.steered.load(Ordering::Acquire) => Ok(PupilEstimate { pupil, sample_ns: None }),
+            Some(pupil) if !self.steered.load(Ordering::Acquire) => Ok(PupilEstimate::of(pupil)),
             _ => self.watch.expect(now_ns, light_ns),
         }
     }

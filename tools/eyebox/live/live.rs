@@ -9,7 +9,7 @@ use crate::play::{OutputArgs, OutputName};
 use crate::session::{attend, conclude, ended_by};
 use crate::values::{not_negative, positive};
 use crate::{Failure, common, progress};
-use clap::Args;
+use clap::{Args, ValueEnum};
 use eyebox::encode;
 use eyebox::gaze::Eyepiece;
 use eyebox::gpu::{Gpu, Options as VulkanOptions};
@@ -33,6 +33,15 @@ pub struct Live {
     pub how: LiveOptions,
 }
 
+/// Whether sub-frames are refined for their moments.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Moments {
+    /// Where something moves
+    On,
+    /// As if all were seen at once
+    Off,
+}
+
 /// How a hologram is shown that follows the eye.
 #[derive(Args)]
 pub struct LiveOptions {
@@ -54,6 +63,10 @@ pub struct LiveOptions {
     /// Show sets whole, though one takes several video frames; else each video frame is the newest set's whose turn it is
     #[arg(long)]
     pub whole_sets: bool,
+    /// on: each sub-frame is refined for its own moment where the eye turns or the content moves, and phases move with the content;
+    /// where both rest it is as off: for sets that are seen at once. Sets that roll are always off
+    #[arg(long, value_enum, default_value = "on", value_name = "on|off")]
+    pub moments: Moments,
     /// Show in a window what the tracked eye sees; there the key s switches steering off and on
     #[arg(long)]
     pub view: bool,
@@ -163,6 +176,7 @@ pub fn show(steered: Steered, args: &LiveOptions, showing: Showing<'_>, stage: S
     (live.policy, live.steered, live.companion) = (args.policy.policy(), !args.unsteered, companion);
     live.display_latency = Duration::from_secs_f64((args.display_latency * 1e-3).min(10.0));
     (live.journal, live.replay, live.whole_sets) = (kept.journal, kept.replay, args.whole_sets);
+    live.moments = args.moments == Moments::On;
     if live.replay.is_some() {
         // As of all whose first scene has still to come.
         live.policy.restart = f64::INFINITY;

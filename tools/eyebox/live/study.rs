@@ -1,6 +1,7 @@
 //! `eyebox study`: what steering gains for a simulated eye.
 
 use super::args::PolicyArgs;
+use super::content::{self, ContentArgs};
 use super::subject::{self, Steered, SubjectArgs};
 use crate::Failure;
 use crate::args::OverwriteArgs;
@@ -61,6 +62,9 @@ pub struct Study {
     /// Where the eye focuses, mm, or dioptres as in 0.5D
     #[arg(long, default_value = "0", value_name = "MM|D", value_parser = depth, allow_hyphen_values = true)]
     pub focus: Depth,
+    /// Content that changes
+    #[command(flatten)]
+    pub content: ContentArgs,
     /// What a step of one colour takes, ms, for one result on every machine [default: what it takes on this one]
     #[arg(long, value_name = "MS", value_parser = positive)]
     pub step_time: Option<f64>,
@@ -124,29 +128,41 @@ pub fn run(args: &Study) -> Result<(), Failure> {
             subject.engine
         );
     }
-    let study = study(args, &subject, &engines, &settings, args.json)?;
-    let summary = summary(&study);
-    let _made = files::MadeFolder::new(&args.out)?;
-    let policy = args.policy.policy();
-    let all = json!({
+    let mut all = json!({
         "what": args.subject.what, "scene": subject.hologram.scene, "engine": subject.engine,
         "colors": subject.colors, "size": [subject.hologram.height, subject.hologram.width],
-        "frames": subject.hologram.frames, "policy": policy, "summary": summary, "study": study,
-        "unfinished": subject.unfinished,
+        "frames": subject.hologram.frames, "policy": args.policy.policy(), "unfinished": subject.unfinished, "out": args.out.display().to_string(),
         "eye": { "seed": args.eye_seed, "rate_hz": args.tracker_rate, "delay_ms": args.tracker_delay,
                  "noise_mm": args.tracker_noise, "fixation_ms": args.fixation, "sets_per_second": args.rate,
                  "focus_mm": focus * 1e3, "focus_dioptres": dioptres(focus, focal_length) },
     });
     let file = args.out.join("study.json");
     let page = args.out.join("study.html");
-    let title = format!("Steering {}, focused at {}", subject.hologram.scene, depth_in_words(focus, focal_length));
+    let wrote = format!("wrote {} and {}", page.display(), file.display());
+    let focused = depth_in_words(focus, focal_length);
+    if args.content.given() {
+        let title = format!("Content that changes: {}, focused at {focused}", subject.hologram.scene);
+        let about = (title.as_str(), all, &mut own);
+        let _made = files::MadeFolder::new(&args.out)?;
+        let how = (&settings, args.json);
+        content::run(&args.content, &args.policy, &subject, &engines, how, about)?;
+        if !args.json {
+            println!("{wrote}");
+        }
+        return Ok(());
+    }
+    let study = study(args, &subject, &engines, &settings, args.json)?;
+    let summary = summary(&study);
+    let _made = files::MadeFolder::new(&args.out)?;
+    (all["summary"], all["study"]) = (summary.clone(), json!(study));
+    let title = format!("Steering {}, focused at {focused}", subject.hologram.scene);
     report::write_study(&title, &subject.engine, &study, &all, &mut own)?;
     if args.json {
         println!("{}", json!({ "summary": summary, "out": args.out.display().to_string() }));
         return Ok(());
     }
     print(&study);
-    println!("wrote {} and {}", page.display(), file.display());
+    println!("{wrote}");
     Ok(())
 }
 

@@ -12,7 +12,7 @@ use eyebox::hologram::{Hologram, Opening, Phases, SceneSource, Sequence, Tiles, 
 use eyebox::optics::{Color, Display, PupilDistribution};
 use eyebox::produce::solve_colors;
 use eyebox::quality::Subject;
-use eyebox::scene::LightField;
+use eyebox::scene::{self, LightField};
 use eyebox::session::{FarField, Field, MovingSequence, Scenes, SteeredColor, whole_eyebox};
 use eyebox::solve::{Levels, Settings};
 use std::path::Path;
@@ -112,7 +112,7 @@ pub fn load(what: &str, args: &SubjectOptions, looped: bool, engines: &Engines) 
 
 /// Whether a hologram or bare phases stand there, and no scene.
 pub fn is_hologram(path: &Path) -> bool {
-    let phases = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy"));
+    let phases = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy")) && !scene::is_array_of_views(path);
     phases || (!Phases::are_at(path) && !path.join("views").exists())
 }
 

@@ -142,7 +142,15 @@ impl Companion for View {
         let scene = set.scene.as_ref().map(|(problems, _)| Arc::clone(problems));
         let Self { frames, padding, eyebox, .. } = *self;
         let colors = self.colors.clone();
-        self.viewer.show(Arc::new(Showing { frames, padding, colors, eyebox, tiles: None, scene }));
+        self.viewer.show(Arc::new(Showing {
+            frames,
+            padding,
+            colors,
+            eyebox,
+            tiles: None,
+            scene,
+            motion: set.motion.clone(),
+        }));
     }
 
     fn serve(&mut self, now: &Now) -> Result<Asked, String> {

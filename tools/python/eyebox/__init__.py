@@ -24,12 +24,14 @@ from ._eyebox import (
     EyeboxError,
     HologramError,
     SceneError,
+    SessionError,
     SolveError,
     __version__,
 )
 from ._hologram import Hologram, Score
 from ._refiner import Refiner
 from ._scene import Scene, photograph
+from ._show import Frame, Session, Shows, show
 from ._solve import Step, solve
 
 __all__ = [
@@ -41,6 +43,7 @@ __all__ = [
     "Engine",
     "EngineError",
     "EyeboxError",
+    "Frame",
     "Hologram",
     "HologramError",
     "Pupil",
@@ -48,12 +51,16 @@ __all__ = [
     "Scene",
     "SceneError",
     "Score",
+    "Session",
+    "SessionError",
     "Shot",
+    "Shows",
     "SolveError",
     "Step",
     "__version__",
     "calibrate",
     "photograph",
     "presets",
+    "show",
     "solve",
 ]

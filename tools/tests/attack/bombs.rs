@@ -28,6 +28,8 @@ pub fn case(ground: &Ground, rng: &mut fastrand::Rng) -> Case {
             "solve base/photo.png --depth-map {file} --near large --views 2 --size 16x16 --steps 1 --frames 1 --engine cpu -o out/x.zarr"
         ),
         "inspect in --size 16x16 -o out/views.png".into(),
+        format!("inspect {file}?lenslets --size 16x16 -o out/views.png"),
+        format!("inspect {file}?grid=2x3 --size 16x16 -o out/views.png"),
         format!("view {file} --display small --size 16x16 --color green --pupil=0,0,1,0 --engine cpu -o out/seen.png"),
         format!(
             "view --encoded {file} --display grey8 --size 16x16 --color green --pupil=0,0,1,0 --engine cpu -o out/seen.png"

@@ -1,0 +1,101 @@
+//! What a source is, by its text: a built-in scene, a folder, or a file, with options behind a question mark.
+
+use super::options::{Options, PICTURES, Tiling};
+use super::views::Read;
+use super::{Request, SceneError, array, folder, frames, mosaic};
+use std::path::Path;
+
+/// What a source names. What is a file or folder is there.
+pub(super) enum Source<'a> {
+    /// The name of a built-in scene, with its settings.
+    BuiltIn(&'a str),
+    /// Views that are kept.
+    Views(Kept<'a>),
+    /// A picture of one view.
+    Picture(&'a Path),
+}
+
+/// Where views are kept.
+pub(super) enum Kept<'a> {
+    /// In a folder, a file each.
+    Folder(&'a Path),
+    /// In one array.
+    Array(&'a Path, Options),
+    /// In one picture.
+    Mosaic(&'a Path, Tiling, Options),
+}
+
+impl Kept<'_> {
+    /// Rows and columns of a view's own pixels, from names and headers alone where these say enough.
+    ///
+    /// # Errors
+    /// Any [`SceneError`] that they can cause.
+    pub fn size(&self) -> Result<[usize; 2], SceneError> {
+        match self {
+            Self::Folder(path) => folder::list(path).map(|l| l.size).map_err(|error| frames::explain(path, error)),
+            Self::Array(path, options) => array::size(path, options),
+            Self::Mosaic(path, tiling, options) => mosaic::size(path, *tiling, options),
+        }
+    }
+
+    /// Reads them in whatever order.
+    ///
+    /// # Errors
+    /// Any [`SceneError`]; it names the file.
+    pub fn read(&self, request: &Request) -> Result<Read, SceneError> {
+        match self {
+            Self::Folder(path) => folder::read(path, request).map_err(|error| frames::explain(path, error)),
+            Self::Array(path, options) => array::read(path, options, request),
+            Self::Mosaic(path, tiling, options) => mosaic::read(path, *tiling, options, request),
+        }
+    }
+}
+
+impl<'a> Source<'a> {
+    /// Of this text.
+    ///
+    /// # Errors
+    /// [`SceneError::NotFound`]; [`SceneError::Options`].
+    pub fn of(source: &'a str) -> Result<Self, SceneError> {
+        if let Some(name) = source.strip_prefix("builtin:") {
+            return Ok(Self::BuiltIn(name));
+        }
+        let (path, query) = parts(source);
+        if !path.exists() {
+            return Err(SceneError::NotFound { path: source.into(), what: "folder, picture, array or built-in scene" });
+        }
+        let wrong = |reason: String| SceneError::Options { scene: source.into(), reason };
+        if path.is_dir() {
+            let says = "a folder takes none: its lightfield.toml says how it is read";
+            return if query.is_empty() {
+                Ok(Self::Views(Kept::Folder(path)))
+            } else {
+                Err(wrong(format!("'{query}': {says}")))
+            };
+        }
+        let is_array = is_array(path);
+        let options = Options::parse(query, is_array).map_err(wrong)?;
+        Ok(match options.tiling {
+            _ if is_array => Self::Views(Kept::Array(path, options)),
+            None if query.is_empty() => Self::Picture(path),
+            // A grid alone is one of views beside each other.
+            None if options.grid.is_some() => Self::Views(Kept::Mosaic(path, Tiling::Views, options)),
+            None => return Err(wrong(format!("'{query}': {PICTURES}; one of the first three it needs"))),
+            Some(tiling) => Self::Views(Kept::Mosaic(path, tiling, options)),
+        })
+    }
+}
+
+/// Whether a file is one of arrays, by its name.
+fn is_array(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy") || e.eq_ignore_ascii_case("npz"))
+}
+
+/// The path of a source that is no built-in scene, and its options; a file may have a question mark in its name.
+pub(super) fn parts(source: &str) -> (&Path, &str) {
+    let whole = Path::new(source);
+    match source.rsplit_once('?') {
+        Some((path, query)) if !whole.exists() => (Path::new(path), query),
+        _ => (whole, ""),
+    }
+}

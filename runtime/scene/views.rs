@@ -1,0 +1,176 @@
+//! What is common to all ways in which views are kept: they are fitted to the display, and their order is asked of them.
+
+use super::light::Transfer;
+use super::range::Measured;
+use super::resize::{Fit, Resize};
+use super::settings::Settings;
+use super::{LightField, Order, OrderFound, Parallax, Request, SceneError, order};
+use crate::memory;
+use std::path::Path;
+
+/// A light field as it was read, and how.
+pub(super) struct Read {
+    pub field: LightField,
+    /// How the views' places were found.
+    pub how: String,
+    /// The order that is stated, or that of the names.
+    pub order: Order,
+    /// Whether it is stated.
+    pub order_stated: bool,
+    /// What the pictures say of it.
+    pub order_found: OrderFound,
+    pub parallax: Option<Parallax>,
+    /// Rows and columns of the pictures as they are.
+    pub size: [usize; 2],
+    /// How their values become light.
+    pub transfer: String,
+}
+
+/// How pictures of one size come to that of the display.
+pub(super) struct Frame {
+    /// Rows and columns on the display.
+    size: [usize; 2],
+    resize: Option<Resize>,
+}
+
+impl Frame {
+    /// Of so many pictures of these rows and columns.
+    ///
+    /// # Errors
+    /// [`SceneError::Memory`] where memory does not hold them.
+    pub fn new(own: [usize; 2], count: usize, request: &Request) -> Result<Self, SceneError> {
+        let (height, width) = request.display.picture_size();
+        let counts = [count, request.colors.len(), height, width];
+        let what = || format!("{count} views of {height} x {width} pixels");
+        memory::promise(what, memory::bytes_of(&counts, 4), "take a smaller --size, or fewer views")?;
+        let size = [height, width];
+        let resize = (size != own).then(|| Resize::new(own, size, Fit::default()));
+        Ok(Self { size, resize })
+    }
+
+    /// The planes of one picture.
+    pub fn fit(&self, planes: Vec<Vec<f32>>) -> Vec<Vec<f32>> {
+        match &self.resize {
+            Some(resize) => planes.iter().map(|plane| resize.apply(plane)).collect(),
+            None => planes,
+        }
+    }
+
+    /// All views; `views` has the planes of each, `disparity` is one of the pictures as they are.
+    pub fn field(
+        &self,
+        place: &Path,
+        grid: [usize; 2],
+        views: impl IntoIterator<Item = Vec<Vec<f32>>>,
+        request: &Request,
+        stated: &Settings,
+        disparity: Option<[f64; 2]>,
+    ) -> LightField {
+        let mut planes: Vec<Vec<Vec<f32>>> = request.colors.iter().map(|_| Vec::new()).collect();
+        for view in views {
+            planes.iter_mut().zip(view).for_each(|(planes, plane)| planes.push(plane));
+        }
+        let scale =
+            |range: Option<[f64; 2]>| range.map(|r| self.resize.as_ref().map_or(r, |resize| resize.scale_range(r)));
+        let name = place.canonicalize().unwrap_or(place.into());
+        LightField {
+            name: name.file_name().map_or("light field".into(), |n| n.to_string_lossy().into_owned()),
+            grid,
+            height: self.size[0],
+            width: self.size[1],
+            colors: request.colors.to_vec(),
+            planes,
+            view_pitch: stated.view_pitch,
+            disparity: scale(disparity),
+            depth: scale(stated.depth),
+            made: None,
+        }
+    }
+}
+
+/// Views in the order that is asked for or stated, or that in which they come; and what they say of it. `how` they were found,
+/// `own` their size as they are, `linear` what is linear where nothing is stated.
+///
+/// # Errors
+/// [`SceneError::Settings`] where as many as are to be kept are not in the middle.
+pub(super) fn ordered(
+    place: &Path,
+    field: LightField,
+    request: &Request,
+    stated: &Settings,
+    how: String,
+    own: [usize; 2],
+    linear: Option<&str>,
+) -> Result<Read, SceneError> {
+    let field = match stated.keep {
+        Some(keep) => kept(place, field, keep)?,
+        None => field,
+    };
+    let asked = request.order.or(stated.order);
+    let field = asked.unwrap_or_default().apply(field);
+    let parallax = Parallax::of(&field);
+    let mut order_found = parallax.as_ref().map_or(OrderFound::Unknown, order::judge);
+    if asked.is_some()
+        && let OrderFound::Other { reason, .. } = &order_found
+    {
+        tracing::warn!("{}: the order of the views is as stated, though in it {reason}", place.display());
+        order_found = OrderFound::Unknown;
+    }
+    if let (OrderFound::AsNamedOrReversed, None) = (&order_found, asked)
+        && let Some(stated) = stated_disparity(&field, request)
+        && let Measured { range: Some(measured), doubt: None } = field.measured()
+    {
+        order_found = order::by_depths(stated, measured);
+    }
+    let transfer = match (stated.transfer, linear) {
+        (Some(Transfer::Linear), _) => "linear, as stated".into(),
+        (Some(Transfer::Srgb), _) => "sRGB, as stated".into(),
+        (None, Some(kind)) => format!("linear ({kind})"),
+        (None, None) => "sRGB".into(),
+    };
+    let (order, order_stated) = (asked.unwrap_or_default(), asked.is_some());
+    Ok(Read { field, how, order, order_stated, order_found, parallax, size: own, transfer })
+}
+
+/// The light field; where the pictures contradict the order in which the views come, and nothing else is stated, it is refused.
+///
+/// # Errors
+/// [`SceneError::Order`].
+pub(super) fn checked(name: &str, read: Read) -> Result<LightField, SceneError> {
+    order::check(name, &read.order_found)?;
+    if !read.order_stated && read.field.grid != [1, 1] {
+        order::say(name, &read.order_found);
+    }
+    Ok(read.field)
+}
+
+/// The rows and columns of views in the middle.
+fn kept(place: &Path, mut field: LightField, keep: [usize; 2]) -> Result<LightField, SceneError> {
+    let [rows, columns] = field.grid;
+    let fits = |i: usize| (1..=field.grid[i]).contains(&keep[i]) && (field.grid[i] - keep[i]).is_multiple_of(2);
+    if !(fits(0) && fits(1)) {
+        let reason = format!(
+            "keep is [{}, {}] of {rows} x {columns} views: it must leave out as many on both sides",
+            keep[0], keep[1]
+        );
+        return Err(SceneError::Settings { file: place.display().to_string(), reason });
+    }
+    let first = [0, 1].map(|i| (field.grid[i] - keep[i]) / 2);
+    let stays = |v: &usize| {
+        let at = [v / columns, v % columns];
+        [0, 1].iter().all(|&i| (first[i]..first[i] + keep[i]).contains(&at[i]))
+    };
+    for views in &mut field.planes {
+        let all = std::mem::take(views);
+        *views = all.into_iter().enumerate().filter(|(v, _)| stays(v)).map(|(_, view)| view).collect();
+    }
+    Ok(LightField { grid: keep, ..field })
+}
+
+/// The range of disparities that is stated, as such or as depths, pixels of the light field.
+fn stated_disparity(field: &LightField, request: &Request) -> Option<[f64; 2]> {
+    let cell = request.view_pitch.unwrap_or_else(|| field.cell(request.display));
+    let per_pixel = request.display.focal_length * request.display.picture_pixel() / cell;
+    let depths = request.depth.or(field.depth).map(|[a, b]| [a.min(b) / per_pixel, a.max(b) / per_pixel]);
+    depths.or(field.disparity)
+}

@@ -1,0 +1,355 @@
+//! What moments gain: content that stands still, moves or jumps, set by set, for an eye that rests or follows it.
+//!
+//! Every set has its own content frame and as many steps; the eye is the study's, before its tracker. What is seen is judged by
+//! what an eye sees that turns as it should (OPTICS 15), against the scene's photograph integrated over the motion.
+
+use super::SeenColor;
+use super::results::StudySettings;
+use crate::engine::{Engine, EngineError};
+use crate::gaze::Estimator;
+use crate::optics::Pupil;
+use crate::plan::{Moving, Viewpoint};
+use crate::scene::Pyramid;
+use crate::session::error::SessionError;
+use crate::session::live::whole_eyebox;
+use crate::session::moments::Moments;
+use crate::session::pupil_tracker::PupilEstimate;
+use crate::session::steerer::{Policy, SteeredColor, Steerer};
+use crate::session::watch::{Samples, Watch};
+use crate::solve::{Flow, Problem};
+use crate::trackers::simulated::{Doing, Eye, SimulatedSource};
+use crate::trackers::{About, Event, Source, TrackerError};
+use serde::Serialize;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// What the content of a study does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum StudiedContent {
+    /// It stands still.
+    Still,
+    /// It moves to the right, round the edges of the picture.
+    Moving,
+    /// Every so many sets it is another: the scene's mirror image, somewhere else.
+    Jumping,
+}
+
+/// What an eye does with content that moves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum StudiedEye {
+    /// It looks where it looked.
+    Rests,
+    /// It follows the content.
+    Follows,
+}
+
+/// What is studied, beside the eye.
+#[derive(Debug, Clone)]
+pub struct ContentSettings {
+    /// What content does, one after the other.
+    pub contents: Vec<StudiedContent>,
+    /// So many sets.
+    pub sets: u32,
+    /// So many steps of every colour for each.
+    pub steps: u32,
+    /// Content that moves does so by so many pixels a set.
+    pub speed: u32,
+    /// Content that jumps does so every so many sets.
+    pub jumps_every: u32,
+    /// When the sub-frames of each colour are lit, as [`Encoder::lit_times`](crate::encode::Encoder::lit_times) has it.
+    pub lit: Vec<[f64; 2]>,
+}
+
+/// One way to show one content to one eye, and what it sees.
+#[derive(Debug, Clone, Serialize)]
+pub struct ContentRun {
+    /// What the content does.
+    pub content: StudiedContent,
+    /// What the eye does.
+    pub eye: StudiedEye,
+    /// Whether the hologram is refined for where the pupil is; else for all of the eyebox, with as many steps.
+    pub steered: bool,
+    /// Whether its sub-frames are refined for their moments.
+    pub moments: bool,
+    /// Set by set.
+    pub samples: Vec<ContentSample>,
+}
+
+/// One set, at its light.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct ContentSample {
+    /// The middle of its light, seconds from the beginning.
+    pub time_s: f64,
+    /// PSNR of what the eye sees, mean over the colours, dB.
+    pub db: f64,
+    /// Sets since the content changed as a whole.
+    pub since_jump: u32,
+    /// Whether the eye is in a saccade.
+    pub saccade: bool,
+}
+
+impl ContentRun {
+    /// Mean, worst and best of the sets outside saccades, from `from` sets after the beginning and after every jump, dB; none where
+    /// there is no such set.
+    pub fn summary(&self, from: u32) -> Option<[f64; 3]> {
+        let of = |s: &&ContentSample| !s.saccade && s.since_jump >= from;
+        let all: Vec<f64> = self.samples.iter().filter(of).map(|s| s.db).collect();
+        let worst = all.iter().copied().reduce(f64::min)?;
+        let best = all.iter().copied().reduce(f64::max)?;
+        Some([all.iter().sum::<f64>() / all.len() as f64, worst, best])
+    }
+}
+
+/// Shows `colors`, a scene that stands still with its hologram for the whole eyebox, as each content of `settings`, to each eye,
+/// with and without steering and moments. `study` has the eye and when sets are lit; `observe` is told after every set which share is
+/// done, and may end the study.
+///
+/// # Errors
+/// [`SessionError::Setting`] for what cannot be; those of the engines.
+pub fn study_content(
+    colors: &[SteeredColor],
+    policy: &Policy,
+    settings: &ContentSettings,
+    study: &StudySettings,
+    engine: &mut dyn FnMut() -> Result<Box<dyn Engine>, EngineError>,
+    observe: &mut dyn FnMut(f64) -> Flow,
+) -> Result<Vec<ContentRun>, SessionError> {
+    let ContentSettings { sets, steps, jumps_every, .. } = *settings;
+    if sets == 0 || steps == 0 || jumps_every == 0 || study.period_ns <= 0 || study.lead_ns < 0 {
+        return Err(SessionError::Setting("a study of content has a set, a step and a period at least".into()));
+    }
+    let eyes = |content: &StudiedContent| match content {
+        StudiedContent::Moving => vec![StudiedEye::Rests, StudiedEye::Follows],
+        _ => vec![StudiedEye::Rests],
+    };
+    let both = [false, true];
+    let ways = |steered| both.map(|moments| (steered, moments));
+    let runs: Vec<_> = settings
+        .contents
+        .iter()
+        .flat_map(|content| eyes(content).into_iter().map(|eye| (*content, eye)))
+        .flat_map(|(content, eye)| both.into_iter().flat_map(ways).map(move |way| (content, eye, way)))
+        .collect();
+    // What had been refined is of no other scene's hologram: it goes on.
+    let policy = Policy { restart: f64::INFINITY, ..*policy };
+    let depth = 0.5 * (study.gaze.focus[0] + study.gaze.focus[1]);
+    let seen = colors.iter().map(|color| SeenColor::new(color, &policy, depth, engine()?));
+    let mut seen: Vec<SeenColor> = seen.collect::<Result<_, _>>()?;
+    let frames = Frames { colors, settings };
+    let mut all: Vec<ContentRun> = Vec::with_capacity(runs.len());
+    for (i, (content, eye, (steered, moments))) in runs.iter().copied().enumerate() {
+        let steerer = Steerer::new(colors.to_vec(), policy, &mut *engine)?;
+        let mut run = ContentRun { content, eye, steered, moments, samples: Vec::new() };
+        let mut showing = Showing::new(&frames, &run, steerer, study, depth)?;
+        for set in 0..sets {
+            run.samples.push(showing.set(set, &mut seen)?);
+            let share = (i as f64 + f64::from(set + 1) / f64::from(sets)) / runs.len() as f64;
+            if observe(share) == Flow::Stop {
+                all.push(run);
+                return Ok(all);
+            }
+        }
+        all.push(run);
+    }
+    Ok(all)
+}
+
+/// The frames of content that is made of one scene.
+struct Frames<'a> {
+    colors: &'a [SteeredColor],
+    settings: &'a ContentSettings,
+}
+
+impl Frames<'_> {
+    /// Which frame a set shows: how far it stands to the right, pixels, and whether it is the mirror image.
+    fn of(&self, content: StudiedContent, set: u32) -> (usize, bool) {
+        let ContentSettings { speed, jumps_every, .. } = *self.settings;
+        match content {
+            StudiedContent::Still => (0, false),
+            StudiedContent::Moving => (speed as usize * set as usize, false),
+            StudiedContent::Jumping => {
+                let jumps = set / jumps_every;
+                (self.colors.first().map_or(0, |c| c.problem.optics.width) / 5 * jumps as usize, jumps % 2 == 1)
+            }
+        }
+    }
+
+    fn scene(&self, (shift, mirrored): (usize, bool)) -> Vec<SteeredColor> {
+        let frame = |color: &SteeredColor| SteeredColor {
+            problem: moved(&color.problem, shift, mirrored),
+            phases: Vec::new(),
+            exposure: color.exposure,
+        };
+        self.colors.iter().map(frame).collect()
+    }
+}
+
+/// All views moved to the right by so many pixels, round their edges; before that, the whole light field as in a mirror.
+fn moved(problem: &Problem, shift: usize, mirrored: bool) -> Problem {
+    let Some(level) = problem.pyramid.levels.first() else { return problem.clone() };
+    let (width, pixels) = (level.width, level.height * level.width);
+    let columns = problem.views.columns;
+    let view = |index: usize| {
+        let from = if mirrored { index / columns * columns + columns - 1 - index % columns } else { index };
+        let from = &level.views[from * pixels..(from + 1) * pixels];
+        let value = |at: usize| {
+            let column = (at % width + width - shift % width) % width;
+            let column = if mirrored { width - 1 - column } else { column };
+            f32::from(from[at / width * width + column]) / 65535.0 * problem.pyramid.scale
+        };
+        (0..pixels).map(value).collect::<Vec<f32>>()
+    };
+    let views: Vec<Vec<f32>> = (0..problem.pyramid.count).map(view).collect();
+    Problem { pyramid: Arc::new(Pyramid::new(&views, level.height, width)), ..problem.clone() }
+}
+
+/// One colour of it, moved to the right.
+#[cfg(test)]
+pub(in crate::session) fn moved_color(color: &SteeredColor, shift: usize) -> SteeredColor {
+    SteeredColor { problem: moved(&color.problem, shift, false), ..color.clone() }
+}
+
+/// One way to show one content.
+struct Showing<'a> {
+    frames: &'a Frames<'a>,
+    run: (StudiedContent, StudiedEye),
+    steerer: Steerer,
+    study: &'a StudySettings,
+    depth: f64,
+    eye: Eye,
+    watch: Watch,
+    moments: Moments,
+    scene: Vec<SteeredColor>,
+    shown: (usize, bool),
+    jumped: u32,
+    /// How the eye turns that follows the content, radians a second.
+    pursuit: f64,
+}
+
+impl<'a> Showing<'a> {
+    fn new(
+        frames: &'a Frames<'a>,
+        run: &ContentRun,
+        steerer: Steerer,
+        study: &'a StudySettings,
+        depth: f64,
+    ) -> Result<Self, SessionError> {
+        let ContentSettings { speed, lit, .. } = frames.settings;
+        let first = frames.colors.first().ok_or_else(|| SessionError::Setting("there is no colour".into()))?;
+        let pixel = first.problem.pixel();
+        let pursuit = match run.eye {
+            StudiedEye::Follows => f64::from(*speed) * pixel / (study.period_ns as f64 * 1e-9),
+            StudiedEye::Rests => 0.0,
+        };
+        let source = SimulatedSource::starting(study.eye.clone(), false, 0)?;
+        let source = Pursuing { source, speed: pursuit * study.eye.radius };
+        let estimator = Estimator::new(study.gaze.clone(), None)?;
+        let watch = match run.steered {
+            true => Watch::Samples(Box::new(Samples::new(Box::new(source), estimator))),
+            false => Watch::Nobody(whole_eyebox(first.problem.eyebox, [depth; 2])),
+        };
+        let moments = match run.moments {
+            true => Moments::of(lit.clone(), study.period_ns, pixel),
+            false => Moments::default(),
+        };
+        Ok(Self {
+            frames,
+            run: (run.content, run.eye),
+            steerer,
+            study,
+            depth,
+            eye: Eye::new(study.eye.clone(), 0),
+            watch,
+            moments,
+            scene: frames.scene((0, false)),
+            shown: (0, false),
+            jumped: 0,
+            pursuit,
+        })
+    }
+
+    /// Refines for a set, and sees it.
+    fn set(&mut self, set: u32, seen: &mut [SeenColor]) -> Result<ContentSample, SessionError> {
+        let StudySettings { period_ns, lead_ns, light_after_ns, .. } = *self.study;
+        let start_ns = i64::from(set + 1) * period_ns;
+        let light_ns = start_ns + light_after_ns;
+        // Steps begin a period before it is handed over.
+        let now_ns = start_ns - lead_ns - period_ns;
+        let wanted = self.frames.of(self.run.0, set);
+        if set == 0 || wanted != self.shown {
+            let jumps = set > 0 && self.run.0 == StudiedContent::Jumping;
+            self.jumped = if jumps { set } else { self.jumped };
+            (self.scene, self.shown) = (self.frames.scene(wanted), wanted);
+            self.moments.follow(&self.scene, light_ns);
+            self.steerer.follow(&self.scene)?;
+        }
+        let at = |time_ns: i64| u64::try_from(time_ns).unwrap_or(0);
+        let expected: PupilEstimate = self.watch.expect(at(now_ns), at(light_ns))?;
+        self.steerer.aim(expected.pupil)?;
+        self.steerer.moves(&self.moments.motion(light_ns, &expected), self.moments.lit())?;
+        if let Some((pixels, look)) = self.moments.carry(light_ns) {
+            let (moved, _) = self.steerer.carry(pixels, look)?;
+            self.moments.carried(pixels, moved);
+        }
+        for _ in 0..self.frames.settings.steps {
+            self.steerer.round_while(|_| true)?;
+        }
+        self.steerer.settle()?;
+        let truth = self.eye.at(at(light_ns));
+        let [x, y] = truth.position;
+        let x = x + self.pursuit * self.study.eye.radius * light_ns as f64 * 1e-9;
+        let pupil = Pupil { x, y, diameter: truth.diameter, depth: self.depth };
+        let db = self.seen(pupil, seen)?;
+        let saccade = matches!(truth.doing, Doing::Saccade { .. });
+        Ok(ContentSample { time_s: light_ns as f64 * 1e-9, db, since_jump: set - self.jumped, saccade })
+    }
+
+    fn seen(&mut self, pupil: Pupil, seen: &mut [SeenColor]) -> Result<f64, SessionError> {
+        let phases = self.steerer.phases()?;
+        let speed = f64::from(self.frames.settings.speed);
+        let first = self.frames.colors.first().map_or(1.0, |c| c.problem.pixel());
+        let mut sum = 0.0;
+        for (i, (color, phases)) in seen.iter_mut().zip(phases).enumerate() {
+            let SteeredColor { problem, exposure, .. } = &self.scene[i];
+            let velocity = [speed * first / problem.pixel(), 0.0];
+            let is = |does| if does { velocity } else { [0.0; 2] };
+            let moving = Moving {
+                content: is(self.run.0 == StudiedContent::Moving),
+                eye: is(self.run.1 == StudiedEye::Follows),
+                lit: self.frames.settings.lit.get(i).copied().unwrap_or([0.0, 1.0]),
+                ..Moving::resting(pupil, self.frames.colors[i].frames())
+            };
+            color.seen.restart(phases)?;
+            color.seen.follow(problem.clone(), *exposure)?;
+            let sums = color.seen.look_through(&[Viewpoint::Moving(moving)])?;
+            sum += sums.iter().map(|s| s.psnr(color.exposure)).sum::<f64>();
+        }
+        Ok(sum / seen.len().max(1) as f64)
+    }
+}
+
+/// An eye before its tracker that turns to the right besides.
+struct Pursuing {
+    source: SimulatedSource,
+    /// Of its pupil, metres a second.
+    speed: f64,
+}
+
+impl Source for Pursuing {
+    fn about(&self) -> About {
+        self.source.about()
+    }
+
+    fn next(&mut self, timeout: Duration) -> Result<Event, TrackerError> {
+        let mut event = self.source.next(timeout)?;
+        if let Event::Sample(sample, _) = &mut event {
+            let moved = self.speed * sample.time_ns as f64 * 1e-9;
+            for reading in [&mut sample.left, &mut sample.right].into_iter().flatten() {
+                reading.position[0] += moved;
+            }
+        }
+        Ok(event)
+    }
+}

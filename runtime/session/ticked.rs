@@ -1,0 +1,159 @@
+//! Content whose video frames are taken by the program that holds it, one at each of its ticks: for programs that have a display, a
+//! loop and a clock of their own.
+
+use super::content::{About, Content, Ended, SessionOptions, Status};
+use super::error::SessionError;
+use super::handle::Session;
+use super::output::Output;
+use super::ticks::{Given, LastTick, TickedFrame, TickedOutput, Ticks};
+use crate::steady;
+use std::time::Duration;
+
+/// How far from now a tick's light may be.
+const REACH: Duration = Duration::from_secs(1);
+/// How often a tick looks whether the session has ended.
+const OFTEN: Duration = Duration::from_millis(100);
+
+/// A session whose video frames go to the program that holds it. Reading, tracking, refining and encoding go on on threads of
+/// their own; a tick waits for the decision which video frame is next, and for none of them.
+pub struct TickedSession {
+    // Before the session, which waits for its thread when it is dropped, and that for a tick.
+    last: LastTick,
+    session: Session,
+    ticks: Ticks,
+    period: Duration,
+    frame: TickedFrame,
+}
+
+impl TickedSession {
+    /// Begins, for a display of so many video frames a second (`options.display_rate`, or 60).
+    ///
+    /// # Errors
+    /// Those of [`Session::start`]; [`SessionError::Setting`] for options with an observer, whose place the ticks take.
+    pub fn start(content: impl Into<Content>, mut options: SessionOptions) -> Result<Self, SessionError> {
+        if options.observer.is_some() {
+            return Err(SessionError::Setting("a session that is ticked has no other observer than its caller".into()));
+        }
+        let ticks = Ticks::new();
+        let given = Given::new(&ticks);
+        options.observer = Some(Box::new(move |frame| given.put(frame)));
+        let session = Session::start(content, Output::Ticked(TickedOutput::new(&ticks)), options)?;
+        let period = Duration::from_nanos(session.about().display_rate.period_ns().unsigned_abs());
+        Ok(Self { last: LastTick::new(&ticks), session, ticks, period, frame: TickedFrame::default() })
+    }
+
+    /// The next video frame, which lights up at `lit_ns` of the steady clock ([`trackers::now_ns`](crate::trackers::now_ns)), or
+    /// a period from now; none once content has ended.
+    ///
+    /// # Errors
+    /// [`SessionError::Setting`] for a time that is more than a second from now.
+    pub fn tick(&mut self, lit_ns: Option<u64>) -> Result<Option<&TickedFrame>, SessionError> {
+        let now = steady::now_ns();
+        let lit_ns = lit_ns.unwrap_or_else(|| now.saturating_add(self.period.as_nanos() as u64));
+        if u128::from(lit_ns.abs_diff(now)) > REACH.as_nanos() {
+            let off = (i128::from(lit_ns) - i128::from(now)) as f64 * 1e-9;
+            return Err(SessionError::Setting(format!(
+                "a video frame that lights up {off:.3} s from now: it must be within a second, on the steady clock"
+            )));
+        }
+        self.ticks.asks.push(Some(lit_ns));
+        let given = loop {
+            match self.ticks.frames.take_within(OFTEN) {
+                Some(given) => break given,
+                None if !self.session.is_running() => break None,
+                None => {}
+            }
+        };
+        let Some(frame) = given else {
+            // So does the next tick.
+            self.ticks.frames.push(None);
+            return Ok(None);
+        };
+        let before = std::mem::replace(&mut self.frame, frame);
+        self.ticks.spare.push(before.picture);
+        Ok(Some(&self.frame))
+    }
+
+    /// What it shows, and how often.
+    pub fn about(&self) -> &About {
+        self.session.about()
+    }
+
+    /// How it is doing, as of the last tick.
+    pub fn status(&self) -> Status {
+        self.session.status()
+    }
+
+    /// Whether a live hologram follows the eye.
+    pub fn steer(&self, steered: bool) {
+        self.session.steer(steered);
+    }
+
+    /// Ends it, and says what came of it.
+    pub fn stop(self) -> Ended {
+        let Self { last, session, .. } = self;
+        drop(last);
+        session.stop()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::{Backend, Choice};
+    use crate::gpu::Options;
+    use crate::session::tests::{encoder, part};
+    use crate::session::{Ending, Live, Tracking};
+    use std::collections::{BTreeMap, BTreeSet};
+    use std::time::Instant;
+
+    fn live(tracking: Option<Tracking>) -> Live {
+        let backend = Backend::open(Choice::Cpu, &Options::default()).unwrap();
+        Live::new(vec![part()], encoder(), backend, tracking)
+    }
+
+    #[test]
+    fn a_program_takes_what_is_refined_for_its_samples() {
+        let estimator = crate::gaze::Estimator::new(crate::gaze::Settings::default(), None).unwrap();
+        let (eye, tracking) = Tracking::pushed(estimator);
+        let mut session = TickedSession::start(live(Some(tracking)), SessionOptions::default()).unwrap();
+        let (mut sets, mut numbers, begun) = (BTreeMap::new(), Vec::new(), Instant::now());
+        while sets.len() < 4 && begun.elapsed() < Duration::from_secs(60) {
+            eye.pupil([2e-3, 0.0], Some(4e-3), Duration::ZERO);
+            let frame = session.tick(None).unwrap().unwrap();
+            assert_eq!(frame.picture.len(), 96 * 112);
+            numbers.push(frame.number);
+            frame.content.map(|set| sets.insert(set, frame.picture.clone()));
+            std::thread::sleep(Duration::from_millis(16));
+        }
+        let pictures: BTreeSet<_> = sets.values().collect();
+        assert_eq!((sets.len(), pictures.len()), (4, 4), "each set is another picture");
+        assert!(numbers.windows(2).all(|pair| pair[0] < pair[1]), "{numbers:?}");
+        assert!(session.tick(Some(0)).unwrap_err().to_string().contains("within a second"));
+        let status = session.status();
+        assert!(status.live.is_some_and(|live| live.sets_new >= 4 && live.steps >= 4), "{status:?}");
+        let ended = session.stop();
+        ended.result.unwrap();
+        assert_eq!((ended.statistics.ended_by, ended.statistics.timed_by), (Ending::Stopped, "the program"));
+        assert!(ended.statistics.report.account.video_frames >= numbers.len() as u64);
+    }
+
+    #[test]
+    fn it_ends_with_its_content_and_stops_without_a_tick() {
+        let options = SessionOptions { duration: Some(Duration::from_millis(100)), ..SessionOptions::default() };
+        let mut session = TickedSession::start(live(None), options).unwrap();
+        let mut taken = 0;
+        while session.tick(None).unwrap().is_some() {
+            taken += 1;
+            assert!(taken < 10_000, "it does not end");
+        }
+        assert!(taken > 0 && session.tick(None).unwrap().is_none(), "and stays ended");
+        assert_eq!(session.stop().statistics.ended_by, Ending::Duration);
+        let never = TickedSession::start(live(None), SessionOptions::default()).unwrap();
+        let begun = Instant::now();
+        assert_eq!(never.stop().statistics.ended_by, Ending::Stopped);
+        assert!(begun.elapsed() < Duration::from_secs(5));
+        // Nor does one that is dropped.
+        drop(TickedSession::start(live(None), SessionOptions::default()).unwrap());
+    }
+}

@@ -1,0 +1,91 @@
+//! Samples that a program pushes: one that has a tracker of its own, or a window with a mouse ([`mouse`](super::mouse)).
+
+use super::{About, Event, Quantity, Reading, Sample, Source, TrackerError, Unit, now_ns};
+use crate::mailbox::Mailbox;
+use std::time::Duration;
+
+/// Samples that wait; of more the newest are kept.
+const KEPT: usize = 64;
+/// The longest that a sample may have been under way, as [`SampleSender::pupil`] is told.
+const OLDEST: Duration = Duration::from_secs(10);
+
+/// Where samples are pushed.
+#[derive(Debug, Clone)]
+pub struct SampleSender(Mailbox<Sample>);
+
+impl SampleSender {
+    /// Gives a sample, whose time is of the [steady clock](now_ns).
+    pub fn push(&self, sample: Sample) {
+        self.0.push(sample);
+    }
+
+    /// The pupil was at a position in the pupil plane, metres (right, down), so long ago: 10 s at most. Where it is known, its
+    /// diameter, metres; a position that is not finite is a closed eye.
+    pub fn pupil(&self, position: [f64; 2], diameter: Option<f64>, age: Duration) {
+        let now = now_ns();
+        let age_ns = u64::try_from(age.min(OLDEST).as_nanos()).unwrap_or(0);
+        let reading = Reading { diameter, ..Reading::new(Quantity::Pupil, Unit::Metres, position) };
+        let sample = Sample { time_ns: now.saturating_sub(age_ns), ..Sample::empty(now) };
+        self.push(Sample { combined: Some(reading.checked()), ..sample });
+    }
+}
+
+/// The other end: a tracker.
+#[derive(Debug)]
+pub struct PushedSource {
+    samples: Mailbox<Sample>,
+    name: &'static str,
+    kind: &'static str,
+}
+
+/// Both ends of a program's own tracker.
+pub fn channel() -> (SampleSender, PushedSource) {
+    named("the program's own tracker", "program")
+}
+
+pub(super) fn named(name: &'static str, kind: &'static str) -> (SampleSender, PushedSource) {
+    let samples = Mailbox::new(KEPT);
+    (SampleSender(samples.clone()), PushedSource { samples, name, kind })
+}
+
+impl Source for PushedSource {
+    fn about(&self) -> About {
+        About { name: self.name.into(), kind: self.kind, rate_hz: None, notes: Vec::new() }
+    }
+
+    fn next(&mut self, timeout: Duration) -> Result<Event, TrackerError> {
+        // Asked before: what was pushed last is not missed.
+        let closed = self.samples.is_alone();
+        match self.samples.take_within(if closed { Duration::ZERO } else { timeout }) {
+            Some(sample) => Ok(Event::Sample(sample, None)),
+            // Whoever pushed is gone.
+            None if closed => Ok(Event::End),
+            None => Ok(Event::Nothing),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sample_is_as_old_as_it_is_said_to_be_and_what_is_no_number_is_no_pupil() {
+        let (sender, mut source) = channel();
+        sender.pupil([1e-3, -2e-3], Some(3e-3), Duration::from_millis(20));
+        sender.pupil([f64::NAN, 0.0], None, Duration::ZERO);
+        sender.pupil([0.0; 2], Some(-1.0), Duration::MAX);
+        let mut samples = Vec::new();
+        while let Event::Sample(sample, _) = source.next(Duration::ZERO).unwrap() {
+            samples.push(sample);
+        }
+        let reading = samples[0].combined.unwrap();
+        assert_eq!((reading.position, reading.diameter, reading.valid), ([1e-3, -2e-3], Some(3e-3), true));
+        let ages: Vec<u64> = samples.iter().map(|s| s.received_ns - s.time_ns).collect();
+        assert_eq!(ages, [20_000_000, 0, 10_000_000_000.min(samples[2].received_ns)]);
+        assert!(!samples[1].valid() && samples[2].valid() && samples[2].combined.unwrap().diameter.is_none());
+        assert_eq!(source.about().kind, "program");
+        drop(sender);
+        assert_eq!(source.next(Duration::ZERO).unwrap(), Event::End);
+    }
+}

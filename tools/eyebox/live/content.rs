@@ -1,0 +1,129 @@
+//! `eyebox study --content`: what moments and steering gain for content that stands still, moves or jumps.
+
+use super::args::PolicyArgs;
+use super::subject::Steered;
+use crate::Failure;
+use crate::common::Engines;
+use crate::progress::{self, JobBar};
+use clap::{Args, ValueEnum};
+use eyebox::files::OwnFolder;
+use eyebox::report;
+use eyebox::session::{self, ContentRun, ContentSettings, StudiedContent, StudiedEye, StudySettings};
+use serde_json::{Value, json};
+
+/// What content does, in the command that studies it.
+#[derive(Args)]
+pub struct ContentArgs {
+    /// Study content that does this, one scene after the other, set by set: with and without steering, with moments on and off
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "still|moving|jumping,...")]
+    content: Vec<ContentName>,
+    /// With --content: sets
+    #[arg(long, default_value_t = 60, value_name = "N", requires = "content", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    sets: u32,
+    /// With --content: steps of every colour for each set
+    #[arg(long, default_value_t = 3, value_name = "N", requires = "content", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    steps_per_set: u32,
+    /// With --content: pixels that content moves by in a set
+    #[arg(long, default_value_t = 10, value_name = "PX", requires = "content", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    moves: u32,
+    /// With --content: sets between jumps
+    #[arg(long, default_value_t = 15, value_name = "N", requires = "content", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    jumps_every: u32,
+}
+
+/// What content does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum ContentName {
+    /// It stands still
+    Still,
+    /// It moves to the right
+    Moving,
+    /// It is another every so often
+    Jumping,
+}
+
+/// Sets after a jump, and after the beginning, that summaries leave out: while it settles.
+const SETTLES: u32 = 8;
+
+impl ContentArgs {
+    /// Whether content is studied.
+    pub fn given(&self) -> bool {
+        !self.content.is_empty()
+    }
+
+    fn settings(&self, subject: &Steered) -> ContentSettings {
+        let of = |name: &ContentName| match name {
+            ContentName::Still => StudiedContent::Still,
+            ContentName::Moving => StudiedContent::Moving,
+            ContentName::Jumping => StudiedContent::Jumping,
+        };
+        ContentSettings {
+            contents: self.content.iter().map(of).collect(),
+            sets: self.sets,
+            steps: self.steps_per_set,
+            speed: self.moves,
+            jumps_every: self.jumps_every,
+            lit: subject.encoder.lit_times(),
+        }
+    }
+}
+
+/// Studies content, and shows what came of it; `about` is what the page and the numbers say of it.
+pub fn run(
+    args: &ContentArgs,
+    policy: &PolicyArgs,
+    subject: &Steered,
+    engines: &Engines,
+    (study, quiet): (&StudySettings, bool),
+    (title, mut about, own): (&str, Value, &mut OwnFolder),
+) -> Result<(), Failure> {
+    progress::catch_interrupt();
+    let settings = args.settings(subject);
+    let bar = JobBar::new(quiet);
+    let mut open = || engines.open();
+    let mut observe = |share| bar.show("content", share);
+    let runs = session::study_content(&subject.parts, &policy.policy(), &settings, study, &mut open, &mut observe)?;
+    bar.finish();
+    let row = |run: &ContentRun| {
+        let [mean, worst, best] = run.summary(SETTLES).map_or([None; 3], |all| all.map(Some));
+        json!({ "content": run.content, "eye": run.eye, "steered": run.steered, "moments": run.moments,
+                "mean_db": mean, "worst_db": worst, "best_db": best })
+    };
+    let summary: Vec<Value> = runs.iter().map(row).collect();
+    about["summary"] = json!(summary);
+    about["settles_in_sets"] = json!(SETTLES);
+    about["sets"] = json!(settings.sets);
+    about["steps_per_set"] = json!(settings.steps);
+    about["pixels_a_set"] = json!(settings.speed);
+    about["sets_between_jumps"] = json!(settings.jumps_every);
+    about["runs"] = json!(runs);
+    report::write_content_study(title, &subject.engine, (&runs, SETTLES), &about, own)?;
+    if quiet {
+        println!("{}", json!({ "summary": summary, "out": about["out"] }));
+        return Ok(());
+    }
+    println!("what the eye sees, dB: mean (worst) of the sets outside saccades, {SETTLES} sets after every change");
+    println!("  {:24} {:>26} {:>26}", "", "for the whole eyebox", "for the pupil");
+    println!("  {:24} {:>12}  {:>12} {:>12}  {:>12}", "content, eye", "moments off", "on", "off", "on");
+    for four in runs.chunks(4) {
+        let cell = |run: &ContentRun| {
+            run.summary(SETTLES).map_or("-".into(), |[mean, worst, _]| format!("{mean:.1} ({worst:.1})"))
+        };
+        let cells: Vec<String> = four.iter().map(|run| format!("{:>12}", cell(run))).collect();
+        println!("  {:24} {}", name(&four[0]), cells.join("  "));
+    }
+    Ok(())
+}
+
+fn name(run: &ContentRun) -> String {
+    let content = match run.content {
+        StudiedContent::Still => "still",
+        StudiedContent::Moving => "moving",
+        StudiedContent::Jumping => "jumping",
+    };
+    let eye = match run.eye {
+        StudiedEye::Rests => "rests",
+        StudiedEye::Follows => "follows",
+    };
+    format!("{content}, {eye}")
+}

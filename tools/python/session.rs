@@ -1,0 +1,360 @@
+//! Sessions: holograms on a display, and the video frames that it is given.
+
+use crate::display::{Display, colors};
+use crate::engine::Engine;
+use crate::failure::{Answer, Failure};
+use crate::frames::{Frames, Shown};
+use crate::hologram::Hologram;
+use crate::scene::Scene;
+use eyebox::encode::Encoder;
+use eyebox::gaze::{self, Estimator, Eyepiece};
+use eyebox::hologram::{Opening, Sequence};
+use eyebox::present::Rate;
+use eyebox::session::{Command, Content, Cost, Live, Output, Play, Policy, SessionEvent, SessionOptions, Tracking};
+use eyebox::solve::Steering;
+use eyebox::trackers::{self, pushed::SampleSender};
+use numpy::PyArray3;
+use pyo3::exceptions::PyBaseException;
+use pyo3::prelude::*;
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+/// Signals are looked for so often while Python waits for a video frame.
+const OFTEN: Duration = Duration::from_millis(50);
+
+/// Where and how long is shown; its fields are those of `eyebox.show`.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct Where {
+    rate: Option<f64>,
+    seconds: Option<f64>,
+    window: bool,
+    monitor: Option<String>,
+    simulated: bool,
+    queue: usize,
+}
+
+/// Who is followed, and how; metres, seconds.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct Following {
+    /// "own" for samples that the program gives, another tracker by its name, or nobody.
+    eye: Option<String>,
+    focus: f64,
+    /// What a step and encoding take on a simulated clock.
+    step_time: Option<f64>,
+    encode_time: f64,
+    display_latency: f64,
+    whole_sets: bool,
+    restart: f64,
+    /// Fields of `solve::Steering`, TOML.
+    steering: String,
+}
+
+/// Content on a display, on threads of its own.
+#[pyclass(frozen, module = "eyebox._eyebox")]
+pub(crate) struct Session {
+    session: Mutex<Option<eyebox::session::Session>>,
+    eye: Option<SampleSender>,
+    frames: Frames,
+    /// Rows, columns and channels of a video frame.
+    shape: [usize; 3],
+    about: About,
+}
+
+/// What it shows on, video frames a second, video frames and sub-frames of a set, whether sets roll.
+type About = (String, f64, u64, u64, bool);
+/// Pixels, number of the video frame, seconds, hologram, its place in the set, whether the set is new, why it is late.
+type Frame<'py> = (Bound<'py, PyArray3<u8>>, u64, f64, Option<u64>, u64, bool, Option<&'static str>);
+
+/// Seconds of the caller's.
+fn time(seconds: f64, what: &str) -> Answer<Duration> {
+    let wrong = |_| Failure::Argument(format!("{what} is {seconds}: it must be 0 to 1e9 seconds"));
+    Duration::try_from_secs_f64(seconds.min(2e9)).map_err(wrong)
+}
+
+impl Where {
+    /// Starts to show; `endless`: content that does not end by itself.
+    fn start(self, content: Content, eye: Option<SampleSender>, shape: [usize; 3], endless: bool) -> Answer<Session> {
+        let mut options = SessionOptions::default();
+        options.display_rate = self.rate.map(Rate::from_hz).transpose().map_err(eyebox::session::SessionError::from)?;
+        options.duration = self.seconds.map(|seconds| time(seconds, "seconds")).transpose()?;
+        if self.simulated && self.queue == 0 && endless && options.duration.is_none() {
+            let right = "give seconds, or take its video frames (queue)";
+            return Err(Failure::Argument(format!("a simulated clock that nobody reads goes on for ever: {right}")));
+        }
+        let frames = Frames::new(self.queue, self.simulated);
+        if self.queue > 0 {
+            let mut sender = frames.sender();
+            options.observer = Some(Box::new(move |frame| sender.put(frame)));
+        }
+        let output = match self.window {
+            true => Output::Window { monitor: self.monitor },
+            false => Output::Memory { simulated: self.simulated, sink: None },
+        };
+        let session = eyebox::session::Session::start(content, output, options)?;
+        let about = session.about();
+        let rate = about.display_rate.hz();
+        let about = (about.presenter.clone(), rate, about.set_frames, about.sub_frames, about.rolls);
+        Ok(Session { session: Mutex::new(Some(session)), eye, frames, shape, about })
+    }
+}
+
+impl Following {
+    /// Whose eye is followed, and where the program's samples go.
+    fn tracking(&self, simulated: bool, eyepiece: Eyepiece) -> Answer<(Option<SampleSender>, Option<Tracking>)> {
+        let Some(name) = &self.eye else { return Ok((None, None)) };
+        let failed = |error: eyebox::gaze::GazeError| Failure::from(eyebox::session::SessionError::from(error));
+        let focus = [self.focus; 2];
+        let settings = gaze::Settings { focus, eyepiece: Some(eyepiece), ..gaze::Settings::default() };
+        let estimator = Estimator::new(settings, None).map_err(failed)?;
+        if name == "own" {
+            let (eye, tracking) = Tracking::pushed(estimator);
+            return Ok((Some(eye), Some(tracking)));
+        }
+        let spec: trackers::Spec = name.parse().map_err(eyebox::session::SessionError::from)?;
+        let options = trackers::Options { real_time: !simulated, ..trackers::Options::default() };
+        Ok((None, Some(Tracking::open(&spec, &options, estimator)?)))
+    }
+
+    /// What work takes on a simulated clock.
+    fn cost(&self, simulated: bool) -> Answer<Cost> {
+        match (simulated, self.step_time) {
+            (true, Some(step)) => {
+                let (step, encode) = (time(step, "step_time")?, time(self.encode_time, "encode_time")?);
+                Ok(Cost::Fixed { step, encode })
+            }
+            (true, None) => {
+                Err(Failure::Argument("a simulated clock has to be told what a step takes: step_time".into()))
+            }
+            (false, Some(_)) => Err(Failure::Argument("step_time is for clock=\"simulated\" alone".into())),
+            (false, None) => Ok(Cost::Measured),
+        }
+    }
+
+    fn set(&self, live: &mut Live, simulated: bool) -> Answer<()> {
+        live.policy = Policy { restart: self.restart, steering: Steering::from_toml(&self.steering)? };
+        (live.cost, live.whole_sets) = (self.cost(simulated)?, self.whole_sets);
+        live.display_latency = time(self.display_latency, "latency")?.min(Duration::from_secs(10));
+        Ok(())
+    }
+}
+
+/// Rows, columns and channels of its video frames.
+fn shape(encoder: &Encoder) -> [usize; 3] {
+    let [_, rows, columns, channels] = encoder.video_shape();
+    [rows, columns, channels]
+}
+
+impl Session {
+    fn lock(&self) -> MutexGuard<'_, Option<eyebox::session::Session>> {
+        self.session.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn played(sequence: Sequence, display: &Display, speed: f64, looped: bool, at: Where) -> Answer<Self> {
+        let mut play = Play::new(sequence, &display.0)?;
+        (play.speed, play.looped) = (speed, play.looped || looped);
+        let (shape, endless) = (shape(&play.encoder), play.looped);
+        at.start(play.into(), None, shape, endless)
+    }
+}
+
+#[pymethods]
+impl Session {
+    /// Shows a hologram as it was solved.
+    #[staticmethod]
+    fn play(py: Python<'_>, hologram: &Hologram, display: &Display, shown: Where) -> PyResult<Self> {
+        let begin = || {
+            let hologram = hologram.0.clone();
+            let sequence = Sequence::single(Path::new(&hologram.scene.clone()), hologram);
+            Self::played(sequence, display, 1.0, true, shown)
+        };
+        Ok(py.detach(begin)?)
+    }
+
+    /// Shows a file of a hologram or a sequence, so many times as fast.
+    #[staticmethod]
+    fn play_file(
+        py: Python<'_>,
+        file: PathBuf,
+        display: &Display,
+        speed: f64,
+        looped: bool,
+        shown: Where,
+    ) -> PyResult<Self> {
+        let begin = || Self::played(Opening::default().sequence(&file)?, display, speed, looped, shown);
+        Ok(py.detach(begin)?)
+    }
+
+    /// Shows a hologram of a scene, refined for where the eye is.
+    #[staticmethod]
+    fn follow(
+        py: Python<'_>,
+        hologram: &Hologram,
+        scene: &Scene,
+        display: &Display,
+        engine: &Engine,
+        following: Following,
+        shown: Where,
+    ) -> PyResult<Self> {
+        let begin = || -> Answer<Self> {
+            hologram.0.check_shows(&scene.source, &scene.field)?;
+            let mut whole = hologram.0.clone();
+            if whole.metadata.exposure_assumed {
+                engine.lend(|engine| Ok(whole.fit_exposure(&scene.field, engine)?))?;
+            }
+            let depths = whole.metadata.solve.as_ref().map_or([f64::NEG_INFINITY, f64::INFINITY], |s| s.depth);
+            let eyepiece = Eyepiece { focal_length: whole.focal_length, depths };
+            let (eye, tracking) = following.tracking(shown.simulated, eyepiece)?;
+            let mut live = Live::of_hologram(&whole, &scene.field, &display.0, engine.backend.clone(), tracking)?;
+            following.set(&mut live, shown.simulated)?;
+            let shape = shape(&live.encoder);
+            shown.start(live.into(), eye, shape, true)
+        };
+        Ok(py.detach(begin)?)
+    }
+
+    /// Shows what another process gives as live:NAME, in these colours of a display, in so many sub-frames; `ask` says what it is
+    /// asked for, `views` how many along an axis at most.
+    #[cfg(target_os = "linux")]
+    #[staticmethod]
+    fn live(
+        py: Python<'_>,
+        name: String,
+        display: &Display,
+        content: (Vec<String>, usize, String, u32),
+        engine: &Engine,
+        following: Following,
+        shown: Where,
+    ) -> PyResult<Self> {
+        use eyebox::session::{LiveInput, LiveKind, darkness};
+        let begin = || -> Answer<Self> {
+            let (display, (names, frames, ask, views)) = (&display.0, content);
+            let colors = colors(display, &names)?;
+            let kind = match &ask[..] {
+                "views" => LiveKind::Views,
+                "depth" => LiveKind::ColorAndDepth,
+                "layers" => LiveKind::Layers,
+                _ => return Err(Failure::Argument(format!("ask is {ask:?}: it must be views, depth or layers"))),
+            };
+            let eyepiece = Eyepiece { focal_length: display.focal_length, depths: [f64::NEG_INFINITY, f64::INFINITY] };
+            let (eye, tracking) = following.tracking(shown.simulated, eyepiece)?;
+            let encoder = Encoder::new(display, &colors, frames)?;
+            let shape = shape(&encoder);
+            let seed = Steering::from_toml(&following.steering)?.seed;
+            let parts = darkness(display, &colors, frames, seed)?;
+            let mut live = Live::new(parts, encoder, engine.backend.clone(), tracking);
+            following.set(&mut live, shown.simulated)?;
+            live.whole.focus = [following.focus; 2];
+            live.scenes = Some(Box::new(LiveInput::open(&name, display, &colors, views, kind)?));
+            shown.start(live.into(), eye, shape, true)
+        };
+        Ok(py.detach(begin)?)
+    }
+
+    /// The next video frame that was shown, waiting so many seconds for it, or as long as something is shown.
+    fn frame<'py>(&self, py: Python<'py>, within: Option<f64>) -> PyResult<Option<Frame<'py>>> {
+        let mut left = within.map(|within| time(within, "timeout")).transpose()?.unwrap_or(Duration::MAX);
+        let shown = loop {
+            let patience = left.min(OFTEN);
+            match py.detach(|| self.frames.take(patience)) {
+                Ok(shown) => break shown,
+                Err(()) => left = left.saturating_sub(patience),
+            }
+            py.check_signals()?;
+            if left.is_zero() {
+                break None;
+            }
+        };
+        let Some(Shown { pixels, number, lit_ns, hologram, part, new, late }) = shown else { return Ok(None) };
+        let pixels = crate::arrays::bytes(py, pixels, self.shape)?;
+        Ok(Some((pixels, number, lit_ns as f64 * 1e-9, hologram, part, new, late)))
+    }
+
+    /// The pupil was there so many seconds ago; a place that is no number is a closed eye.
+    fn look(&self, x: f64, y: f64, diameter: Option<f64>, age: f64) -> PyResult<()> {
+        let eye = self
+            .eye
+            .as_ref()
+            .ok_or_else(|| Failure::Argument("nobody's samples are waited for: give eye=\"own\" to show".into()))?;
+        eye.pupil([x, y], diameter, time(age, "age")?);
+        Ok(())
+    }
+
+    /// Whether the hologram follows the eye.
+    fn steer(&self, steered: bool) {
+        self.lock().iter().for_each(|session| session.steer(steered));
+    }
+
+    /// Stands still, or goes on.
+    fn pause(&self, paused: bool) {
+        self.lock().iter().for_each(|session| session.command(Command::Pause(paused)));
+    }
+
+    /// Goes so many holograms further.
+    fn seek(&self, holograms: i64) {
+        self.lock().iter().for_each(|session| session.command(Command::Seek(holograms)));
+    }
+
+    /// Whether something is still shown.
+    fn is_running(&self) -> bool {
+        self.lock().as_ref().is_some_and(eyebox::session::Session::is_running)
+    }
+
+    #[getter]
+    fn about(&self) -> About {
+        self.about.clone()
+    }
+
+    /// Video frames that were not taken in time, and given up.
+    #[getter]
+    fn left_out(&self) -> u64 {
+        self.frames.left_out()
+    }
+
+    /// How it is doing, JSON; none after it was stopped.
+    fn status(&self) -> Option<String> {
+        let session = self.lock();
+        let session = session.as_ref()?;
+        let now = session.status();
+        let mut all = now.report(session.about()).to_json();
+        if let Some(live) = now.live {
+            all["sets_new"] = json!(live.sets_new);
+            all["sets_repeated"] = json!(live.sets_repeated);
+            all["steps"] = json!(live.steps);
+            all["restarts"] = json!(live.restarts);
+            all["sample_to_light_ms"] = json!(live.sample_to_light_ms);
+            all["sample_age_ms"] = json!(live.sample_age_ms);
+            all["pupil_error_mm"] = json!(live.pupil_error_mm);
+        }
+        Some(all.to_string())
+    }
+
+    /// What happened since this was asked, in lines.
+    fn notes(&self) -> Vec<String> {
+        let session = self.lock();
+        let next = || match session.as_ref()?.event(Duration::ZERO)? {
+            SessionEvent::Note(note) => Some(note),
+            _ => None,
+        };
+        std::iter::from_fn(next).collect()
+    }
+
+    /// Stops it: what was shown, JSON, and what went wrong; none if it was stopped before.
+    fn stop(&self, py: Python<'_>) -> Option<(String, Option<Py<PyBaseException>>)> {
+        let session = self.lock().take()?;
+        self.frames.give_up();
+        let ended = py.detach(|| session.stop());
+        let error = ended.result.err().map(|error| PyErr::from(Failure::from(error)).into_value(py));
+        Some((ended.statistics.to_json().to_string(), error))
+    }
+}
+
+impl Drop for Session {
+    fn drop(&mut self) {
+        // A simulated display that waits for Python would never end.
+        self.frames.give_up();
+    }
+}

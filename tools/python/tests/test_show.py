@@ -1,0 +1,144 @@
+"""What is shown from Python is what the command shows; what another process gives comes to light; nothing hangs at the end."""
+
+import contextlib
+import threading
+import time
+
+import eyebox
+import numpy as np
+import pytest
+from test_same import command
+
+
+def raw(tmp_path, *arguments):
+    """Video frames that `eyebox show` gives."""
+    out = tmp_path / "command.raw"
+    command("show", *arguments, "--display", "planes8", "--size", "40x48", "--clock", "simulated", "--raw", out)
+    return np.fromfile(out, np.uint8).reshape(-1, 40, 48, 1)
+
+
+def test_a_hologram_is_played_as_by_the_command(tmp_path, hologram, display):
+    hologram.save(tmp_path / "x.zarr")
+    theirs = raw(tmp_path, tmp_path / "x.zarr", "--duration", "0.2")
+    with eyebox.show(hologram, display, clock="simulated", seconds=0.2) as session:
+        frames = list(session)
+    own = np.stack([frame.pixels for frame in frames])
+    assert session.about.rate == 60 and session.about.sub_frames == 8 and session.about.set_frames == 1
+    # The command's file has the picture that is left behind, too.
+    assert len(theirs) - len(own) in (0, 1) and np.array_equal(own, theirs[: len(own)])
+    assert np.array_equal(own[-1], hologram.encode(display)[0])
+    assert [frame.number for frame in frames] == list(range(len(frames)))
+    assert frames[0].hologram is None and frames[-1].hologram == 0 and {frame.part for frame in frames} == {0}
+    assert session.statistics["ended_by"] == "the duration" and not session.running and session.left_out == 0
+    # A file of it, by its path.
+    with eyebox.show(tmp_path / "x.zarr", display, clock="simulated", seconds=0.2) as session:
+        assert np.array_equal(np.stack([frame.pixels for frame in session]), own)
+
+
+def test_an_eye_is_followed_as_by_the_command(tmp_path, hologram, display):
+    hologram.save(tmp_path / "x.zarr")
+    follow = "--tracker simulated:3 --step-time 5 --encode-time 1 --duration 0.15 --engine cpu".split()
+    theirs = raw(tmp_path, tmp_path / "x.zarr", *follow)
+    how = dict(eye="simulated:3", clock="simulated", step_time=5e-3, seconds=0.15, engine="cpu")
+    with eyebox.show(hologram, display, **how) as session:
+        frames = list(session)
+        assert session.status["steps"] > 10
+    own = np.stack([frame.pixels for frame in frames])
+    assert len(theirs) - len(own) in (0, 1) and np.array_equal(own, theirs[: len(own)])
+    assert len({frame.pixels.tobytes() for frame in frames}) > 5, "it moves"
+    assert session.statistics["sets_new"] == len({frame.hologram for frame in frames} - {None})
+
+
+def test_samples_of_ones_own_are_followed(hologram, display):
+    with eyebox.show(hologram, display, eye="own", rate=60, engine="cpu") as session:
+        until, seen = time.monotonic() + 20, []
+        while time.monotonic() < until and session.status.get("steps", 0) < 4:
+            session.look(2e-3, -1e-3, 4e-3)
+            if (frame := session.frame(timeout=0.05)) is not None:
+                seen.append(frame)
+        session.look(float("nan"))
+        session.steer(False)
+        assert session.running
+    assert session.statistics["steps"] >= 4 and session.statistics["tracker"] == "the program's own tracker"
+    assert seen and all(frame.pixels.shape == (40, 48, 1) and frame.pixels.flags.owndata is False for frame in seen)
+    with pytest.raises(ValueError, match="eye=\"own\""):
+        with eyebox.show(hologram, display) as session:
+            session.look(0.0)
+
+
+def test_what_nobody_takes_is_given_up_and_the_display_goes_on(hologram, display):
+    with eyebox.show(hologram, display, rate=200, queue=2) as session:
+        while session.left_out < 5:
+            time.sleep(0.01)
+        assert session.frame(timeout=1.0) is not None
+    with eyebox.show(hologram, display, rate=200, queue=0) as session:
+        assert session.frame(timeout=0.02) is None and session.running
+        session.pause()
+    # A simulated display waits for whoever takes its video frames, and does not hang where nobody does any more.
+    session = eyebox.show(hologram, display, clock="simulated")
+    first = session.frame()
+    time.sleep(0.05)
+    assert session.left_out == 0 and session.frame().number == first.number + 1
+    del session
+
+
+def test_an_application_in_python_comes_to_light(tmp_path, monkeypatch, display):
+    live = pytest.importorskip("eyebox.live")
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    with pytest.raises(live.LiveError, match="no display"):
+        live.Live("demo")
+    asked = []
+
+    def application():
+        with live.Live("demo") as there:
+            picture = np.zeros((there.rows, there.columns, there.channels), np.float32)
+            picture[10:30, 10:30] = 1
+            depth = np.zeros((there.rows, there.columns), np.float32)
+            kind = there.color_and_depth(live.F32, live.LINEAR)
+            with contextlib.suppress(live.Gone):
+                while True:
+                    if request := there.wait(1.0):
+                        asked.append(request)
+                        there.send(kind, picture, depth, request=request)
+
+    with eyebox.show("live:demo", display, color="green", ask="depth", rate=30, engine="cpu") as session:
+        thread = threading.Thread(target=application)
+        thread.start()
+        until, shown = time.monotonic() + 60, {}
+        while time.monotonic() < until and len(shown) < 3:
+            frame = session.frame(timeout=1.0)
+            if frame is not None and frame.hologram is not None:
+                shown[frame.hologram] = frame.pixels.tobytes()
+    thread.join(20)
+    assert not thread.is_alive() and asked and len(set(shown.values())) == 3, "it is refined"
+    content = session.statistics["content"]
+    assert content["shown"] >= 1 and content["refused"] == 0, content
+
+
+def test_what_makes_no_sense(tmp_path, hologram, display):
+    refused = [
+        (dict(eye="nobody"), eyebox.SessionError, "nobody"),
+        (dict(eye=3), TypeError, "eye is 3"),
+        (dict(output="paper"), ValueError, "output is 'paper'"),
+        (dict(clock="simulated", output="window"), ValueError, "clock"),
+        (dict(clock="simulated", queue=0), ValueError, "goes on for ever"),
+        (dict(clock="simulated", eye="simulated"), ValueError, "step_time"),
+        (dict(clock="simulated", eye="own", step_time=1e-3), eyebox.SessionError, "real time"),
+        (dict(eye="own", step_time=1e-3), ValueError, "step_time"),
+        (dict(eye="own", pupils=0), eyebox.SolveError, "pupils"),
+        (dict(eye="own", restart=float("nan")), eyebox.SessionError, "restart"),
+        (dict(eye="own", scene="builtin:plane"), eyebox.SceneError, "still-life"),
+        (dict(rate=1e9), eyebox.SessionError, "100000"),
+        (dict(seconds=-1.0), ValueError, "seconds is -1"),
+        (dict(queue=-1), ValueError, "queue is -1"),
+        (dict(steps=3), TypeError, "give eye"),
+    ]
+    for given, kind, match in refused:
+        with pytest.raises(kind, match=match):
+            eyebox.show(hologram, display, **given)
+    with pytest.raises(eyebox.SessionError, match="40x48 pixels"):
+        eyebox.show(hologram, eyebox.Display("planes8", size=(32, 32)))
+    with pytest.raises(eyebox.HologramError):
+        eyebox.show(tmp_path / "nothing.zarr", display)
+    with pytest.raises(TypeError, match="eyebox.show"):
+        eyebox.Session()
